@@ -1,0 +1,3 @@
+"""meshreel compresses animated triangle meshes of fixed connectivity."""
+
+__version__ = "0.1.0"

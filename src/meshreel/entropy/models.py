@@ -1,0 +1,75 @@
+"""Probability tables made of integers, and their compact description.
+
+A frequency is one of the levels 0, 4, 5, 6, 7, 8, 10, 12, 14, 16, 20, ... (two bits of mantissa),
+so that a table is a row of small level numbers. Rounding a frequency to a level costs less than
+0.01 bit a symbol. No float takes part in making a table.
+"""
+
+import zlib
+
+import numpy as np
+import numpy.typing as npt
+
+from meshreel.entropy.tokens import N_TOKENS
+from meshreel.errors import CorruptStreamError
+
+Integers = npt.NDArray[np.int64]
+
+N_LEVELS = 68  # level 0 is "never"; the largest frequency is 7 << 16
+
+
+def _level_frequencies() -> Integers:
+    index = np.arange(N_LEVELS - 1)
+    return np.concatenate([[0], (4 + (index & 3)) << (index >> 2)]).astype(np.int64)
+
+
+LEVEL_FREQUENCIES = _level_frequencies()
+
+
+def table_levels(counts: Integers) -> Integers:
+    """Level of each token's frequency, from how often it occurs.
+
+    Parameters
+    ----------
+    counts : integer array of shape (n_tables, N_TOKENS)
+
+    Returns
+    -------
+    Integer array of the same shape, in 0..N_LEVELS-1; 0 just where the count is 0.
+    """
+    top = np.maximum(counts.max(axis=1, keepdims=True), 1)
+    scaled = (counts * LEVEL_FREQUENCIES[-1]) // top
+    # The nearest level: boundaries halfway between two levels.
+    bounds = (LEVEL_FREQUENCIES[1:-1] + LEVEL_FREQUENCIES[2:] + 1) // 2
+    levels = 1 + np.searchsorted(bounds, scaled, side="right")
+    return np.where(counts > 0, levels, 0)
+
+
+def write_tables(levels: Integers) -> bytes:
+    """Bytes of all tables: differences to the table before, deflated."""
+    differences = np.diff(levels, axis=0, prepend=0)
+    return zlib.compress(differences.astype(np.int8).tobytes(), level=9, wbits=-15)
+
+
+def read_tables(data: bytes, n_tables: int) -> Integers:
+    """Undo `write_tables`.
+
+    Raises
+    ------
+    CorruptStreamError
+        If the bytes are not those of `n_tables` tables.
+    """
+    size = n_tables * N_TOKENS
+    inflater = zlib.decompressobj(wbits=-15)
+    try:
+        raw = inflater.decompress(data, size + 1)
+    except zlib.error as error:
+        raise CorruptStreamError(f"the probability tables do not inflate: {error}") from error
+    if len(raw) != size or not inflater.eof or inflater.unused_data:
+        raise CorruptStreamError(
+            f"the probability tables hold {len(raw)} bytes; {n_tables} tables need {size}"
+        )
+    levels = np.cumsum(np.frombuffer(raw, np.int8).reshape(n_tables, N_TOKENS).astype(int), axis=0)
+    if levels.size and (levels.min() < 0 or levels.max() >= N_LEVELS):
+        raise CorruptStreamError(f"a frequency level lies outside 0..{N_LEVELS - 1}")
+    return levels

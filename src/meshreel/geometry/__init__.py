@@ -1,0 +1,1 @@
+"""What the connectivity and the positions of one mesh say: Laplacians, components, anchors."""

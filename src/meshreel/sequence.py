@@ -1,0 +1,139 @@
+"""MeshSequence: an animated triangle mesh of fixed connectivity."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from meshreel.errors import InvalidInputError
+
+Vertices = npt.NDArray[np.float32] | npt.NDArray[np.float64]
+Faces = npt.NDArray[np.int32]
+
+
+@dataclass(frozen=True, eq=False)
+class MeshSequence:
+    """An animated triangle mesh whose connectivity is the same in every frame.
+
+    Parameters
+    ----------
+    vertices : float32 or float64 array of shape (T, V, 3)
+        Positions in model units; every value finite. T and V are at least 1.
+    faces : integer array of shape (M, 3)
+        Vertex indices of each triangle, in 0..V-1. M is at least 1.
+    fps : float, default 0
+        Frames per second; 0 means unknown.
+    name : str, default ""
+        A name to show; nothing depends on it.
+
+    The arrays are validated once and kept as read-only views (faces as int32).
+
+    Raises
+    ------
+    InvalidInputError
+        If an array has another shape or type, a value is not finite, a face names a vertex
+        that is not there, or the frame rate is negative or not finite.
+    """
+
+    vertices: Vertices
+    faces: Faces
+    fps: float = 0.0
+    name: str = ""
+
+    def __post_init__(self) -> None:
+        vertices = validate_vertices(self.vertices)
+        object.__setattr__(self, "vertices", _read_only(vertices))
+        object.__setattr__(self, "faces", _read_only(validate_faces(self.faces, len(vertices[0]))))
+        fps = float(self.fps)
+        if not (np.isfinite(fps) and fps >= 0):
+            raise InvalidInputError(f"fps must be finite and at least 0 (0 = unknown); got {fps}")
+        object.__setattr__(self, "fps", fps)
+
+    @property
+    def n_frames(self) -> int:
+        """Number of frames, T."""
+        return int(self.vertices.shape[0])
+
+    @property
+    def n_verts(self) -> int:
+        """Number of vertices, V."""
+        return int(self.vertices.shape[1])
+
+    @property
+    def n_faces(self) -> int:
+        """Number of triangles, M."""
+        return int(self.faces.shape[0])
+
+    @property
+    def raw_size_bytes(self) -> int:
+        """Bytes of the plain arrays: every position of every frame, and the faces once."""
+        return int(self.vertices.nbytes + self.faces.nbytes)
+
+    def __repr__(self) -> str:
+        name = f" {self.name!r}" if self.name else ""
+        return (
+            f"<MeshSequence{name}: {self.n_frames} frames, {self.n_verts} vertices, "
+            f"{self.n_faces} faces, {self.fps:g} fps, {self.vertices.dtype}>"
+        )
+
+
+def validate_vertices(vertices: Any) -> Vertices:
+    """The array itself if it holds finite positions of shape (T, V, 3), T and V at least 1.
+
+    Raises
+    ------
+    InvalidInputError
+        Naming the shape, the type, or the first frame and vertex that is not finite.
+    """
+    array = np.asarray(vertices)
+    if array.ndim != 3 or array.shape[2] != 3:
+        raise InvalidInputError(f"vertices must have shape (T, V, 3); got {array.shape}")
+    if array.dtype not in (np.float32, np.float64):
+        raise InvalidInputError(
+            f"vertices must be float32 or float64; got {array.dtype}; convert with astype"
+        )
+    if array.shape[0] == 0:
+        raise InvalidInputError("a sequence needs at least one frame; got none")
+    if array.shape[1] == 0:
+        raise InvalidInputError("a mesh needs at least one vertex; got none")
+    if not np.isfinite(array).all():
+        frame, vertex, axis = np.argwhere(~np.isfinite(array))[0]
+        raise InvalidInputError(
+            f"every position must be finite; vertex {vertex} of frame {frame} has "
+            f"{'xyz'[axis]} = {array[frame, vertex, axis]}"
+        )
+    return array
+
+
+def validate_faces(faces: Any, n_verts: int) -> Faces:
+    """The faces as int32 of shape (M, 3) if every index is in 0..V-1 and M is at least 1.
+
+    Raises
+    ------
+    InvalidInputError
+        Naming the shape, the type, or the first face that is out of range.
+    """
+    array = np.asarray(faces)
+    if array.size == 0:
+        raise InvalidInputError(
+            f"a mesh needs at least one face; got {n_verts} vertices and no faces "
+            "(point clouds are not supported)"
+        )
+    if array.ndim != 2 or array.shape[1] != 3:
+        raise InvalidInputError(f"faces must have shape (M, 3); got {array.shape}")
+    if not np.issubdtype(array.dtype, np.integer):
+        raise InvalidInputError(f"faces must be integers; got {array.dtype}")
+    outside = (array < 0) | (array >= n_verts)
+    if outside.any():
+        row = int(np.argmax(outside.any(axis=1)))
+        raise InvalidInputError(
+            f"face {row} is {array[row].tolist()}; indices must be in 0..{n_verts - 1}"
+        )
+    return np.ascontiguousarray(array, dtype=np.int32)
+
+
+def _read_only(array: Any) -> Any:
+    view = array.view()
+    view.flags.writeable = False
+    return view
