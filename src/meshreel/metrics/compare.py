@@ -1,0 +1,158 @@
+"""Compare: every quality figure of a decoded sequence against its original."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from meshreel.errors import InvalidInputError
+from meshreel.metrics.displacement import displacement_errors_percent
+from meshreel.metrics.kg import kg_error_percent
+from meshreel.metrics.nmsve import nmsve_per_frame
+from meshreel.metrics.normals import normal_angles
+from meshreel.metrics.reference import bounding_box_reference
+from meshreel.metrics.sted import sted
+from meshreel.progress import Progress, silent
+from meshreel.sequence import Faces, MeshSequence
+
+Floats = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Quality:
+    """How far a decoded sequence is from its original; every error is 0 if they are equal.
+
+    Attributes
+    ----------
+    kg_error_percent : float
+    sted, sted_spatial, sted_temporal : float, without unit
+    nmsve : float64 array of shape (T,), without unit
+    max_error_percent, rms_error_percent : float
+        Vertex displacement in percent of `diagonal`.
+    normal_angle_mean_deg, normal_angle_p95_deg : float
+    n_degenerate_face_frames : int
+        Faces without a normal, counted in each frame; the angles leave them out.
+    n_frames, n_verts : int
+    diagonal : float
+        Diagonal of the bounding box of the whole original sequence, in model units.
+    """
+
+    kg_error_percent: float
+    sted: float
+    sted_spatial: float
+    sted_temporal: float
+    nmsve: Floats
+    max_error_percent: float
+    rms_error_percent: float
+    normal_angle_mean_deg: float
+    normal_angle_p95_deg: float
+    n_degenerate_face_frames: int
+    n_frames: int
+    n_verts: int
+    diagonal: float
+
+    @property
+    def nmsve_mean(self) -> float:
+        """Mean of the NMSVE over the frames."""
+        return float(self.nmsve.mean())
+
+    def as_dict(self) -> dict[str, Any]:
+        """Every figure by name in plain Python types; `nmsve` as a list, `nmsve_mean` added."""
+        return {**vars(self), "nmsve": self.nmsve.tolist(), "nmsve_mean": self.nmsve_mean}
+
+
+def compare(
+    original: MeshSequence, decoded: MeshSequence, *, progress: Progress = silent
+) -> Quality:
+    """Every quality figure of a decoded sequence, computed in float64.
+
+    Parameters
+    ----------
+    original, decoded : MeshSequence
+        Of equal frame and vertex counts, with the same oriented triangles; their order, and the
+        vertex at which each begins, may differ.
+    progress : callable, optional
+        Called as ``progress("compare", fraction)``.
+
+    Raises
+    ------
+    InvalidInputError
+        If frame counts, vertex counts or triangles differ, naming both or the first face.
+    """
+    require_comparable(original, decoded)
+    vertices, vertices_hat, faces = original.vertices, decoded.vertices, original.faces
+    progress("compare", 0.0)
+    kg = kg_error_percent(vertices, vertices_hat)
+    displacement = displacement_errors_percent(vertices, vertices_hat)
+    progress("compare", 0.1)
+    perceived = sted(vertices, vertices_hat, faces)
+    progress("compare", 0.5)
+    nmsve = nmsve_per_frame(vertices, vertices_hat, faces)
+    progress("compare", 0.7)
+    angles = normal_angles(vertices, vertices_hat, faces)
+    progress("compare", 1.0)
+    return Quality(
+        kg_error_percent=kg,
+        sted=perceived.sted,
+        sted_spatial=perceived.spatial,
+        sted_temporal=perceived.temporal,
+        nmsve=nmsve,
+        max_error_percent=displacement.max_percent,
+        rms_error_percent=displacement.rms_percent,
+        normal_angle_mean_deg=angles.mean_deg,
+        normal_angle_p95_deg=angles.p95_deg,
+        n_degenerate_face_frames=angles.n_degenerate_face_frames,
+        n_frames=original.n_frames,
+        n_verts=original.n_verts,
+        diagonal=bounding_box_reference(vertices).diagonal,
+    )
+
+
+def require_comparable(original: MeshSequence, decoded: MeshSequence) -> None:
+    """Nothing if the sequences agree in frame count, vertex count and oriented triangles.
+
+    Raises
+    ------
+    InvalidInputError
+        Naming both counts, or the first face of the original that the decoded lacks.
+    """
+    for noun, count, count_hat in (
+        ("vertices", original.n_verts, decoded.n_verts),
+        ("frames", original.n_frames, decoded.n_frames),
+        ("faces", original.n_faces, decoded.n_faces),
+    ):
+        if count != count_hat:
+            raise InvalidInputError(
+                f"the original has {count} {noun} and the decoded {count_hat}; "
+                "only sequences of the same mesh can be compared"
+            )
+    if not np.array_equal(original.faces, decoded.faces):
+        _require_same_triangles(original.faces, decoded.faces, original.n_verts)
+
+
+def _require_same_triangles(faces: Faces, faces_hat: Faces, n_verts: int) -> None:
+    """Nothing if both lists hold the same oriented triangles equally often."""
+    turned = np.concatenate(
+        [_lowest_rotation(faces, n_verts), _lowest_rotation(faces_hat, n_verts)]
+    )
+    _, names = np.unique(turned, axis=0, return_inverse=True)
+    names, names_hat = np.split(names.ravel(), 2)
+    surplus = np.bincount(names, minlength=len(turned)) - np.bincount(
+        names_hat, minlength=len(turned)
+    )
+    lacking = surplus[names] > 0
+    if lacking.any():
+        row = int(np.argmax(lacking))
+        raise InvalidInputError(
+            f"face {row} of the original, {faces[row].tolist()}, is not among the decoded faces "
+            "in that orientation (as often); only sequences of the same mesh can be compared"
+        )
+
+
+def _lowest_rotation(faces: Faces, n_verts: int) -> npt.NDArray[np.int64]:
+    """Each triangle turned to begin with its lowest pair of corners, shape (M, 3)."""
+    corners = faces.astype(np.int64)
+    pairs = corners * n_verts + np.roll(corners, -1, axis=1)  # equal pairs: all corners equal
+    order = (pairs.argmin(axis=1)[:, None] + np.arange(3)) % 3
+    return np.take_along_axis(corners, order, axis=1)

@@ -1,0 +1,113 @@
+"""Angles between the normals of original and decoded faces."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from meshreel.geometry.normals import face_normals
+from meshreel.metrics.reference import paired_frames, shared_reference
+from meshreel.sequence import Faces, Vertices
+
+Floats = npt.NDArray[np.float64]
+
+DEGENERATE_AREA = 1e-14
+"""Faces of at most this area have no normal; in squared diagonals of the original."""
+
+
+@dataclass(frozen=True)
+class NormalAngles:
+    """Angles between face normals over all frames.
+
+    Attributes
+    ----------
+    mean_deg, p95_deg : float
+        Mean and 95th percentile in degrees, every face of every frame alike; 0 if none is left.
+    n_degenerate_face_frames : int
+        Faces left out, counted in each frame in which the original or the decoded has no area.
+    """
+
+    mean_deg: float
+    p95_deg: float
+    n_degenerate_face_frames: int
+
+
+@np.errstate(over="ignore", invalid="ignore")
+def normal_angles(original: Vertices, decoded: Vertices, faces: Faces) -> NormalAngles:
+    """Mean and 95th percentile of the angle between original and decoded face normals.
+
+    Parameters
+    ----------
+    original, decoded : float arrays of shape (T, V, 3), in model units, all finite
+    faces : integer array of shape (M, 3)
+
+    Raises
+    ------
+    InvalidInputError
+        If the shapes differ.
+    """
+    reference = shared_reference(original, decoded)
+    smallest_area = DEGENERATE_AREA * reference.diagonal_scaled**2
+    angles, n_angles = np.empty(len(original) * len(faces)), 0
+    for frame, displacement in paired_frames(original, decoded, reference):
+        found, valid = _face_angles_deg(frame, frame + displacement, faces, smallest_area)
+        found = found[valid]
+        angles[n_angles : n_angles + len(found)] = found
+        n_angles += len(found)
+    n_degenerate = len(angles) - n_angles
+    if n_angles == 0:
+        return NormalAngles(0.0, 0.0, n_degenerate)
+    angles = angles[:n_angles]
+    mean_deg = float(angles.mean())  # before the percentile, which reorders in place
+    p95_deg = float(np.percentile(angles, 95, overwrite_input=True))
+    return NormalAngles(mean_deg, p95_deg, n_degenerate)
+
+
+@np.errstate(over="ignore", invalid="ignore")
+def normal_angles_per_vertex(
+    original: npt.NDArray[np.floating], decoded: npt.NDArray[np.floating], faces: Faces
+) -> Floats:
+    """Angle between the normals about each vertex of one frame, in degrees, for heat maps.
+
+    Parameters
+    ----------
+    original, decoded : float arrays of shape (V, 3), in model units, all finite
+    faces : integer array of shape (M, 3)
+
+    Returns
+    -------
+    float64 array of shape (V,): mean over the incident faces that are not degenerate in either
+    mesh; 0 where there is none
+
+    Raises
+    ------
+    InvalidInputError
+        If the shapes differ.
+    """
+    reference = shared_reference(original[np.newaxis], decoded[np.newaxis])
+    smallest_area = DEGENERATE_AREA * reference.diagonal_scaled**2
+    pair = reference.apply(original), reference.apply(decoded)
+    angles, valid = _face_angles_deg(*pair, faces, smallest_area)
+    corners, n_verts = faces[valid].ravel(), len(original)
+    sums = np.bincount(corners, np.repeat(angles[valid], 3), n_verts)
+    counts = np.bincount(corners, minlength=n_verts)
+    return np.divide(sums, counts, out=np.zeros(n_verts), where=counts > 0)
+
+
+def _face_angles_deg(
+    frame: Floats, frame_hat: Floats, faces: Faces, smallest_area: float
+) -> tuple[Floats, npt.NDArray[np.bool_]]:
+    """Angles of shape (M,), and where both faces have an area (elsewhere they mean nothing)."""
+    normals, normals_hat = face_normals(frame, faces), face_normals(frame_hat, faces)
+    lengths = _lengths(normals)
+    lengths_hat = _lengths(normals_hat)
+    valid = np.minimum(lengths, lengths_hat) > 2 * smallest_area
+    # atan2 keeps small angles, which an arc cosine would round away.
+    sines = _lengths(np.cross(normals, normals_hat))
+    cosines = np.einsum("ma,ma->m", normals, normals_hat)
+    angles = np.degrees(np.arctan2(sines, cosines))
+    return angles, valid & np.isfinite(angles)
+
+
+def _lengths(vectors: Floats) -> Floats:
+    return np.asarray(np.sqrt(np.einsum("ma,ma->m", vectors, vectors)))

@@ -1,0 +1,48 @@
+"""Cross-check against an independent implementation of the same definitions.
+
+Decoded = round(v / q) q with q = 1e-3 of the diagonal of the whole sequence. The figures have
+six decimals, so half of the last one is allowed beside the relative tolerance.
+"""
+
+import os
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from meshreel.metrics.compare import compare
+from meshreel.sequence import MeshSequence
+
+pytestmark = pytest.mark.real
+
+FIGURES = ("diagonal", "kg_error_percent", "sted_spatial", "sted_temporal", "sted",
+           "max_error_percent")  # fmt: skip
+EXPECTED = {
+    "cow": (6.301508, 0.396417, 0.078474, 0.026654, 0.078474, 0.086061),
+    "samba": (2.873780, 0.294317, 0.076309, 0.303553, 0.076309, 0.086444),
+    "chicken": (19.068631, 1.438135, 0.284383, 0.470420, 0.284383, 0.086402),
+}
+CASES = [
+    pytest.param(name, figure, value, id=f"{name}-{figure}")
+    for name, row in EXPECTED.items()
+    for figure, value in zip(FIGURES, row, strict=True)
+]
+
+
+@cache
+def rounded_quality(name):
+    folder = os.environ.get("MESHREEL_DATA")
+    if not folder or not Path(folder, f"{name}.npz").exists():
+        pytest.skip(f"MESHREEL_DATA names no folder with {name}.npz")
+    with np.load(Path(folder, f"{name}.npz")) as arrays:
+        vertices, faces = arrays["vertices"].astype(np.float64), arrays["faces"]
+    step = 1e-3 * np.linalg.norm(np.ptp(vertices, axis=(0, 1)))
+    decoded = np.round(vertices / step) * step
+    return compare(MeshSequence(vertices, faces), MeshSequence(decoded, faces))
+
+
+@pytest.mark.parametrize(("name", "figure", "expected"), CASES)
+def test_compare_agrees_with_the_cross_check_when_rounded(name, figure, expected):
+    found = getattr(rounded_quality(name), figure)
+    assert found == pytest.approx(expected, rel=1e-5, abs=5.1e-7)

@@ -1,0 +1,102 @@
+import math
+
+import numpy as np
+import pytest
+
+from meshreel.errors import InvalidInputError
+from meshreel.metrics.normals import normal_angles, normal_angles_per_vertex
+
+FLAT = np.array([[[0.0, 0, 0], [1, 0, 0], [0, 1, 0]]])  # normal +z
+TRIANGLE = np.array([[0, 1, 2]], np.int32)
+
+
+def hinge(y, z):
+    """FLAT with the third corner at (0, y, z); its normal is (0, -z, y)."""
+    decoded = FLAT.copy()
+    decoded[0, 2] = [0, y, z]
+    return decoded
+
+
+@pytest.mark.parametrize(
+    ("y", "z", "angle_deg"), [(0, 1, 90), (1, 1, 45), (-1, 0, 180), (1, -1, 45), (-1, 1, 135)]
+)
+def test_normal_angle_is_that_of_the_hinge_when_a_face_tilts(y, z, angle_deg):
+    assert normal_angles(FLAT, hinge(y, z), TRIANGLE).mean_deg == pytest.approx(angle_deg)
+
+
+def test_normal_angle_keeps_its_digits_when_it_is_tiny():
+    found = normal_angles(FLAT, hinge(1, 1e-12), TRIANGLE).mean_deg
+    assert found == pytest.approx(math.degrees(1e-12), rel=1e-9)
+
+
+def test_normal_angle_mean_and_percentile_count_frames_alike_when_one_of_two_tilts():
+    # Angles 0 and 90: mean 45; the 95th percentile lies 0.95 of the way from 0 to 90.
+    original, decoded = np.repeat(FLAT, 2, axis=0), np.concatenate([FLAT, hinge(0, 1)])
+    found = normal_angles(original, decoded, TRIANGLE)
+    assert (found.mean_deg, found.p95_deg) == pytest.approx((45, 85.5))
+
+
+def test_normal_angle_is_exactly_zero_when_decoded_equals_original(soup):
+    found = normal_angles(soup[0], soup[0].copy(), soup[2])
+    assert (found.mean_deg, found.p95_deg) == (0, 0)
+
+
+def test_normal_angles_leave_out_and_count_faces_when_one_side_is_degenerate():
+    # Frame 0 sound in both; frame 1 flat to a line in the original, frame 2 in the decoded.
+    original = np.concatenate([FLAT, hinge(0, 0), FLAT])
+    decoded = np.concatenate([hinge(1, 1), FLAT, hinge(0, 0)])
+    found = normal_angles(original, decoded, TRIANGLE)
+    assert found.n_degenerate_face_frames == 2
+    assert found.mean_deg == pytest.approx(45)
+
+
+def test_normal_angles_are_zero_and_all_counted_when_every_face_is_degenerate():
+    found = normal_angles(hinge(0, 0), hinge(0, 0), np.array([[0, 1, 2], [0, 0, 1]], np.int32))
+    assert (found.mean_deg, found.p95_deg, found.n_degenerate_face_frames) == (0, 0, 2)
+
+
+@pytest.mark.parametrize("scale", [1e-6, 1e6, 2.0**-900, 2.0**900])
+def test_normal_angles_are_unchanged_when_both_are_scaled(tube, scale):
+    original, decoded, faces = tube
+    found, expected = normal_angles(original * scale, decoded * scale, faces), normal_angles(*tube)
+    assert found.n_degenerate_face_frames == expected.n_degenerate_face_frames == 0
+    assert found.mean_deg == pytest.approx(expected.mean_deg, rel=1e-9)
+    assert found.p95_deg == pytest.approx(expected.p95_deg, rel=1e-9)
+
+
+@pytest.mark.parametrize(("height", "n_degenerate"), [(1e-15, 1), (1e-12, 0)])
+def test_normal_angles_decide_degeneracy_against_the_diagonal_when_a_face_is_thin(
+    height, n_degenerate
+):
+    # Area height / 2 against 1e-14 of diag^2 = 1: 5e-16 is degenerate, 5e-13 is not.
+    thin = hinge(height, 0)
+    assert normal_angles(thin, thin, TRIANGLE).n_degenerate_face_frames == n_degenerate
+
+
+def test_normal_angles_count_the_face_when_decoded_is_out_of_range_of_float64():
+    assert normal_angles(FLAT, 1e300 * FLAT, TRIANGLE).n_degenerate_face_frames == 1
+
+
+def test_normal_angles_per_vertex_average_incident_faces_when_one_of_two_tilts():
+    # A square of two faces that share the edge 0-1; vertex 2 belongs to the face that tilts by
+    # 90 degrees, vertex 3 to the other, vertex 4 to none.
+    original = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, -1, 0], [5, 5, 5]])
+    decoded = original.copy()
+    decoded[2] = [0, 0, 1]
+    faces = np.array([[0, 1, 2], [1, 0, 3]], np.int32)
+    found = normal_angles_per_vertex(original, decoded, faces)
+    assert found == pytest.approx([45, 45, 90, 0, 0])
+
+
+def test_normal_angles_per_vertex_leave_out_faces_when_they_are_degenerate():
+    original = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [2, 0, 0]])
+    decoded = original.copy()
+    decoded[2] = [0, 0, 1]
+    faces = np.array([[0, 1, 2], [0, 1, 3]], np.int32)  # the second is a line
+    found = normal_angles_per_vertex(original, decoded, faces)
+    assert found == pytest.approx([90, 90, 90, 0])
+
+
+def test_normal_angles_per_vertex_name_both_shapes_when_they_differ():
+    with pytest.raises(InvalidInputError, match=r"\(1, 3, 3\) and \(1, 4, 3\)"):
+        normal_angles_per_vertex(np.zeros((3, 3)), np.zeros((4, 3)), TRIANGLE)

@@ -1,0 +1,148 @@
+import json
+
+import numpy as np
+import pytest
+
+from meshreel.errors import InvalidInputError
+from meshreel.metrics.compare import compare
+from meshreel.metrics.displacement import displacement_errors_percent
+from meshreel.metrics.kg import kg_error_percent
+from meshreel.metrics.nmsve import nmsve_per_frame
+from meshreel.metrics.normals import normal_angles
+from meshreel.metrics.sted import sted
+from meshreel.sequence import MeshSequence
+
+
+@pytest.fixture
+def pair(tube):
+    original, decoded, faces = tube
+    return MeshSequence(original, faces), MeshSequence(decoded, faces)
+
+
+def with_faces(sequence, faces):
+    return MeshSequence(sequence.vertices, np.asarray(faces, np.int32))
+
+
+def test_compare_gathers_every_metric_when_sequences_match(pair, tube):
+    quality, perceived, angles = compare(*pair), sted(*tube), normal_angles(*tube)
+    displacement = displacement_errors_percent(*tube[:2])
+    expected = {
+        "kg_error_percent": kg_error_percent(*tube[:2]),
+        "sted": perceived.sted,
+        "sted_spatial": perceived.spatial,
+        "sted_temporal": perceived.temporal,
+        "nmsve": nmsve_per_frame(*tube).tolist(),
+        "nmsve_mean": nmsve_per_frame(*tube).mean(),
+        "max_error_percent": displacement.max_percent,
+        "rms_error_percent": displacement.rms_percent,
+        "normal_angle_mean_deg": angles.mean_deg,
+        "normal_angle_p95_deg": angles.p95_deg,
+        "n_degenerate_face_frames": 0,
+        "n_frames": 9,
+        "n_verts": 40,
+        "diagonal": pytest.approx(np.linalg.norm(np.ptp(tube[0], axis=(0, 1))), rel=1e-14),
+    }
+    assert quality.as_dict() == expected
+
+
+def test_quality_survives_json_when_taken_as_a_dict(pair):
+    plain = compare(*pair).as_dict()
+    assert json.loads(json.dumps(plain, allow_nan=False)) == plain
+
+
+def test_compare_gives_zero_errors_when_decoded_equals_original(pair):
+    plain = compare(pair[0], pair[0]).as_dict()
+    errors = {key: plain[key] for key in plain if "error" in key or "sted" in key or "deg" in key}
+    assert not any(errors.values())
+    assert not any(plain["nmsve"])
+
+
+def test_compare_gives_the_same_figures_when_faces_are_shuffled_and_turned(pair, rng):
+    original, decoded = pair
+    faces = original.faces[rng.permutation(original.n_faces)]
+    turns = rng.integers(0, 3, len(faces))
+    turned = np.array([np.roll(face, turn) for face, turn in zip(faces, turns, strict=True)])
+    found = compare(original, with_faces(decoded, turned)).as_dict()
+    assert found == compare(original, decoded).as_dict()
+
+
+def test_compare_accepts_degenerate_faces_when_they_are_turned(pair):
+    faces = [[4, 4, 1], [2, 3, 3], [5, 5, 5], [0, 1, 2]]
+    turned = [[5, 5, 5], [1, 4, 4], [3, 3, 2], [2, 0, 1]]
+    original, decoded = pair
+    assert compare(with_faces(original, faces), with_faces(decoded, turned)).n_verts == 40
+
+
+def test_compare_names_the_face_when_one_is_flipped(pair):
+    original, decoded = pair
+    faces = original.faces.copy()
+    faces[17] = faces[17][::-1]
+    named = rf"face 17 of the original, \[{', '.join(map(str, original.faces[17]))}\]"
+    with pytest.raises(InvalidInputError, match=named):
+        compare(original, with_faces(decoded, faces))
+
+
+def test_compare_names_the_first_face_when_several_are_missing(pair):
+    original, decoded = pair
+    faces = original.faces.copy()
+    faces[[5, 50]] = faces[0]
+    with pytest.raises(InvalidInputError, match="face 5 of the original"):
+        compare(original, with_faces(decoded, faces))
+
+
+def test_compare_counts_repeats_when_a_face_occurs_twice(pair):
+    first, second = [[0, 1, 2], [0, 1, 2], [3, 4, 5]], [[0, 1, 2], [3, 4, 5], [3, 4, 5]]
+    with pytest.raises(InvalidInputError, match="face 0 of the original"):
+        compare(with_faces(pair[0], first), with_faces(pair[1], second))
+
+
+def test_compare_names_both_counts_when_vertices_differ(pair):
+    more = np.concatenate([pair[1].vertices, pair[1].vertices[:, :2]], axis=1)
+    with pytest.raises(InvalidInputError, match="original has 40 vertices and the decoded 42"):
+        compare(pair[0], MeshSequence(more, pair[1].faces))
+
+
+def test_compare_names_both_counts_when_frames_differ(pair):
+    fewer = MeshSequence(pair[1].vertices[:7], pair[1].faces)
+    with pytest.raises(InvalidInputError, match="original has 9 frames and the decoded 7"):
+        compare(pair[0], fewer)
+
+
+def test_compare_names_both_counts_when_faces_differ(pair):
+    with pytest.raises(InvalidInputError, match="original has 80 faces and the decoded 79"):
+        compare(pair[0], with_faces(pair[1], pair[1].faces[:-1]))
+
+
+def test_compare_measures_float32_in_float64_when_it_is_given(pair):
+    single = [MeshSequence(part.vertices.astype(np.float32), part.faces) for part in pair]
+    double = [MeshSequence(part.vertices.astype(np.float64), part.faces) for part in single]
+    found, expected = (compare(*both).as_dict() for both in (single, double))
+    assert found.pop("nmsve") == pytest.approx(expected.pop("nmsve"), rel=1e-12)
+    assert found == pytest.approx(expected, rel=1e-12)
+
+
+def test_compare_reports_growing_fractions_up_to_one_when_listened_to(pair):
+    heard = []
+    compare(*pair, progress=lambda stage, fraction: heard.append((stage, fraction)))
+    fractions = [fraction for _, fraction in heard]
+    assert {stage for stage, _ in heard} == {"compare"}
+    assert fractions == sorted(fractions)
+    assert (fractions[0], fractions[-1]) == (0, 1)
+
+
+@pytest.mark.parametrize("kind", ["point", "line", "plane", "duplicates", "isolated"])
+def test_compare_gives_finite_figures_when_a_mesh_is(kind, pair, rng):
+    vertices, faces = pair[0].vertices.copy(), pair[0].faces.copy()
+    if kind == "point":
+        faces = np.zeros_like(faces)
+    elif kind == "line":
+        vertices[..., 1:] = 0
+    elif kind == "plane":
+        vertices[..., 2] = 0
+    elif kind == "duplicates":
+        vertices[:, 20:] = vertices[:, :20]
+    else:
+        faces = faces[:10]
+    decoded = vertices + 1e-3 * rng.normal(size=vertices.shape)
+    quality = compare(MeshSequence(vertices, faces), MeshSequence(decoded, faces))
+    assert np.isfinite([*quality.nmsve, quality.sted, quality.kg_error_percent]).all()
