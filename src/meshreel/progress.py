@@ -3,7 +3,7 @@
 from collections.abc import Callable
 
 Progress = Callable[[str, float], None]
-"""Called as ``progress(stage, fraction)``: a short name of the stage, and its share done in 0..1."""
+"""Called as ``progress(stage, fraction)``: a short name, and the share of it done in 0..1."""
 
 
 def silent(stage: str, fraction: float) -> None:

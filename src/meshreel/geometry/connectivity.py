@@ -50,4 +50,4 @@ def boundary_edges(faces: Faces) -> Integers:
     pairs = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2).astype(np.int64)
     pairs.sort(axis=1)
     edges, counts = np.unique(pairs[pairs[:, 0] != pairs[:, 1]], axis=0, return_counts=True)
-    return edges[counts == 1]
+    return np.asarray(edges[counts == 1], np.int64)

@@ -45,4 +45,4 @@ def vertex_normals(vertices: npt.NDArray[np.floating], faces: Faces) -> Floats:
         axis=1,
     )
     lengths = np.linalg.norm(sums, axis=1, keepdims=True)
-    return np.divide(sums, lengths, out=np.zeros_like(sums), where=lengths > 0)
+    return np.asarray(np.divide(sums, lengths, out=np.zeros_like(sums), where=lengths > 0))

@@ -1,0 +1,1 @@
+"""Numbers to integers and back: here floats stop."""

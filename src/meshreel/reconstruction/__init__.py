@@ -1,0 +1,1 @@
+"""Vertices from deltas: the sparse systems of the decoder and their solver."""

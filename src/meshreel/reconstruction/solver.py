@@ -1,0 +1,79 @@
+"""Sparse symmetric positive definite systems: factor once, solve many."""
+
+from collections.abc import Callable
+
+import numpy as np
+import numpy.typing as npt
+from scipy.sparse import csc_array
+
+from meshreel.errors import SolverError
+
+Floats = npt.NDArray[np.float64]
+Solve = Callable[[Floats], Floats]
+
+
+class CholeskySolver:
+    """Factor of a sparse symmetric positive definite matrix, ready for right-hand sides.
+
+    Uses cholespy where it is installed, else SciPy's sparse LU: the same result, slower.
+
+    Parameters
+    ----------
+    matrix : csc_array of shape (N, N)
+        Both triangles filled, float64.
+
+    Raises
+    ------
+    SolverError
+        If the factorisation fails.
+    """
+
+    def __init__(self, matrix: csc_array) -> None:
+        self._solve = _cholespy_solve(matrix) or _splu_solve(matrix)
+
+    def solve(self, right: Floats) -> Floats:
+        """Solution of shape (N, K) for right-hand sides of shape (N, K).
+
+        Raises
+        ------
+        SolverError
+            If it is not finite: the matrix is singular to working precision.
+        """
+        solution = self._solve(np.ascontiguousarray(right, np.float64))
+        if not np.isfinite(solution).all():
+            raise SolverError(
+                "the reconstruction system is singular to working precision: its solution is not "
+                "finite; more anchors make it better conditioned"
+            )
+        return solution
+
+
+def _cholespy_solve(matrix: csc_array) -> Solve | None:
+    try:
+        from cholespy import CholeskySolverD, MatrixType
+    except ImportError:
+        return None
+    size = matrix.shape[0]
+    factor = CholeskySolverD(
+        size,
+        matrix.indptr.astype(np.int32),
+        matrix.indices.astype(np.int32),
+        matrix.data.astype(np.float64),
+        MatrixType.CSC,
+    )
+
+    def solve(right: Floats) -> Floats:
+        solution = np.zeros_like(right)
+        factor.solve(right, solution)
+        return solution
+
+    return solve
+
+
+def _splu_solve(matrix: csc_array) -> Solve:
+    from scipy.sparse.linalg import splu
+
+    try:
+        return splu(matrix).solve
+    except RuntimeError as error:
+        raise SolverError(f"the reconstruction system cannot be factored: {error}") from error

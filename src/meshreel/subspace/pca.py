@@ -1,0 +1,62 @@
+"""Eigen-trajectories: eigenvectors of the trajectory autocorrelation."""
+
+import numpy as np
+import numpy.typing as npt
+
+Floats = npt.NDArray[np.float64]
+
+
+def autocorrelation(frames: Floats) -> Floats:
+    """Trajectory autocorrelation ``R = A A^T`` (paper Eq. 7).
+
+    Parameters
+    ----------
+    frames : float64 array of shape (..., T, V)
+        A row for each frame: one coordinate of every vertex.
+
+    Returns
+    -------
+    float64 array of shape (..., T, T), in squared units of the frames.
+    """
+    return frames @ np.swapaxes(frames, -1, -2)
+
+
+def eigen_trajectories(correlation: Floats, n_modes: int) -> tuple[Floats, Floats]:
+    """Leading eigenvalues and orthonormal eigenvectors, ``R = U Lambda U^T`` (paper Eq. 5).
+
+    # Deviation from Eq. 5: the paper writes a singular value decomposition; R is symmetric and
+    # positive semi-definite, so its eigen-decomposition is the same thing and cheaper.
+
+    Parameters
+    ----------
+    correlation : float64 array of shape (..., T, T)
+        Symmetric; from `autocorrelation`.
+    n_modes : int
+        How many, K, in 1..T.
+
+    Returns
+    -------
+    eigenvalues : float64 array of shape (..., K), descending, not negative
+    basis : float64 array of shape (..., T, K)
+        A column for each; signs by `fix_signs`.
+    """
+    values, vectors = np.linalg.eigh(correlation)
+    values = np.maximum(values[..., ::-1][..., :n_modes], 0.0)
+    return values, fix_signs(vectors[..., ::-1][..., :n_modes])
+
+
+def fix_signs(basis: Floats) -> Floats:
+    """The columns, each with the sign that makes its first large entry positive.
+
+    Large means at least half of the column's largest magnitude, so that two entries of nearly
+    equal size do not let rounding decide: streams do not depend on the LAPACK build.
+
+    Parameters
+    ----------
+    basis : float64 array of shape (..., T, K)
+    """
+    magnitude = np.abs(basis)
+    large = magnitude >= 0.5 * magnitude.max(axis=-2, keepdims=True)
+    first = np.argmax(large, axis=-2, keepdims=True)
+    leading = np.take_along_axis(basis, first, axis=-2)
+    return np.where(leading < 0, -basis, basis)

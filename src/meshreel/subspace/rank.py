@@ -1,0 +1,33 @@
+"""How many modes to keep."""
+
+import numpy as np
+import numpy.typing as npt
+
+
+def modes_for_energy(
+    eigenvalues: npt.NDArray[np.float64], total: float, shape_energy: float, share: float
+) -> int:
+    """Smallest number of leading modes that leave out at most a share of the shape's energy.
+
+    The energy of R contains that of the path of the whole model, which can be hundreds of times
+    that of its shape; it must not decide how well the shape is kept. Measured against the energy
+    about each frame's centroid, leaving out 1 - share makes a KG error of sqrt(1 - share).
+
+    Parameters
+    ----------
+    eigenvalues : float64 array of shape (..., K)
+        Of R, descending along the last axis; leading axes (x, y, z) are summed.
+    total : float
+        Energy of all modes: the sum of the traces of R.
+    shape_energy : float
+        Squared distances of all vertices from their frame's centroid, in the same units.
+    share : float
+        Share of the shape's energy to keep, in 0..1.
+
+    Returns
+    -------
+    int in 1..K
+    """
+    held = np.cumsum(eigenvalues.reshape(-1, eigenvalues.shape[-1]).sum(axis=0))
+    enough = total - held <= (1 - share) * shape_energy
+    return int(np.argmax(enough)) + 1 if enough.any() else int(eigenvalues.shape[-1])

@@ -1,0 +1,40 @@
+"""Eq. 1, Eq. 2, Eq. 3 and Eq. 4 of the paper."""
+
+import numpy as np
+import pytest
+
+from meshreel.errors import InvalidInputError
+from meshreel.geometry.laplacian import delta_coordinates, uniform_laplacian
+from sample_meshes import grid_faces, irregular_sequence
+
+
+@pytest.mark.parametrize("normalized", [False, True])
+def test_rows_sum_to_zero_when_the_mesh_is_irregular(normalized):
+    sequence = irregular_sequence()
+    laplacian = uniform_laplacian(sequence.faces, sequence.n_verts, normalized=normalized)
+    assert np.abs(laplacian.sum(axis=1)).max() < 1e-15
+
+
+def test_laplacian_is_degree_minus_adjacency_when_the_mesh_is_a_triangle():
+    laplacian = uniform_laplacian(np.array([[0, 1, 2]], np.int32), 4)
+    expected = [[2, -1, -1, 0], [-1, 2, -1, 0], [-1, -1, 2, 0], [0, 0, 0, 0]]
+    np.testing.assert_array_equal(laplacian.toarray(), expected)
+
+
+def test_normalized_deltas_are_distances_to_the_neighbours_mean_when_computed_by_hand():
+    # Vertex 0 at 6, its neighbours at 0 and 3: 6 - 1.5 (Eq. 3).
+    laplacian = uniform_laplacian(np.array([[0, 1, 2]], np.int32), 3, normalized=True)
+    deltas = delta_coordinates(laplacian, np.array([[6.0], [0.0], [3.0]]))
+    np.testing.assert_allclose(deltas.ravel(), [4.5, -4.5, 0.0])
+
+
+def test_deltas_do_not_change_when_the_mesh_is_moved():
+    positions = np.random.default_rng(0).normal(size=(20, 3))
+    laplacian = uniform_laplacian(grid_faces(4, 5), 20)
+    moved = delta_coordinates(laplacian, positions + np.array([5.0, -3.0, 8.0]))
+    np.testing.assert_allclose(moved, delta_coordinates(laplacian, positions), atol=1e-13)
+
+
+def test_deltas_refuse_when_vertex_counts_differ():
+    with pytest.raises(InvalidInputError, match="20 vertices; got 19 rows"):
+        delta_coordinates(uniform_laplacian(grid_faces(4, 5), 20), np.zeros((19, 3)))

@@ -1,0 +1,44 @@
+"""docs/equations.md says where each equation of the paper lives; the code must agree."""
+
+import ast
+import re
+from pathlib import Path
+
+import pytest
+
+import meshreel
+
+SOURCE = Path(meshreel.__file__).parent
+TESTS = Path(__file__).parents[1]
+LEDGER = (TESTS.parent / "docs" / "equations.md").read_text()
+ROWS = re.findall(r"^\| (Eq\. \d+) \|[^|]*\| `([^`]+)` \| `([^`]+)` \|", LEDGER, re.MULTILINE)
+
+
+def docstrings(path):
+    documented = ast.Module | ast.ClassDef | ast.FunctionDef
+    nodes = [node for node in ast.walk(ast.parse(path.read_text())) if isinstance(node, documented)]
+    return "\n".join(ast.get_docstring(node) or "" for node in nodes)
+
+
+def homes(equation):
+    """Files with a docstring that names the equation as the paper's."""
+    pattern = re.compile(rf"paper {re.escape(equation)}\b")
+    return {
+        str(path.relative_to(SOURCE))
+        for path in SOURCE.rglob("*.py")
+        if pattern.search(docstrings(path))
+    }
+
+
+def test_ledger_lists_every_equation_of_the_paper():
+    assert [equation for equation, _, _ in ROWS] == [f"Eq. {number}" for number in range(1, 14)]
+
+
+@pytest.mark.parametrize(("equation", "home", "test"), ROWS)
+def test_equation_has_the_home_that_the_ledger_names(equation, home, test):
+    assert homes(equation) == {home}
+
+
+@pytest.mark.parametrize(("equation", "home", "test"), ROWS)
+def test_equation_is_named_in_the_test_that_the_ledger_names(equation, home, test):
+    assert re.search(rf"{re.escape(equation)}\b", (TESTS / test).read_text())
