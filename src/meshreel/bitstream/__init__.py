@@ -1,0 +1,1 @@
+"""The container: header, sections and their checksums. It knows no mathematics."""

@@ -14,6 +14,9 @@ from meshreel.errors import CorruptStreamError
 
 Integers = npt.NDArray[np.int64]
 
+MAX_INTEGERS_PER_BYTE = 256
+"""A reader refuses more integers a byte before it allocates; a writer pads with zero bytes."""
+
 
 def encode_integers(
     rows: Sequence[npt.NDArray[np.integer]], tables: Sequence[int] | None = None
@@ -53,7 +56,7 @@ def encode_integers(
             coder.encode_reverse(piece.astype(np.int32), models[table])
     words = coder.get_compressed().astype("<u4").tobytes()
     described = write_tables(levels)
-    return b"".join(
+    coded = b"".join(
         [
             write_varint(len(described)),
             described,
@@ -62,6 +65,7 @@ def encode_integers(
             pack_bits(raw, TOKEN_WIDTHS[tokens]),
         ]
     )
+    return coded.ljust(_least_size_bytes(lengths), b"\0")
 
 
 def decode_integers(
@@ -69,13 +73,16 @@ def decode_integers(
 ) -> list[Integers]:
     """Rows that `encode_integers` wrote; the same lengths and tables must be given.
 
-    The caller bounds the lengths before it allocates.
-
     Raises
     ------
     CorruptStreamError
         If the bytes are not those of rows of these lengths.
     """
+    if len(data) < _least_size_bytes(lengths):
+        raise CorruptStreamError(
+            f"{len(data)} bytes cannot hold {sum(lengths)} integers; "
+            f"at most {MAX_INTEGERS_PER_BYTE} a byte are allowed"
+        )
     table_of_row = _tables_of_rows(len(lengths), tables)
     size, position = read_varint(data, 0)
     described, position = _take(data, position, size)
@@ -84,11 +91,12 @@ def decode_integers(
     words, position = _take(data, position, 4 * n_words)
     tokens = _decode_tokens(words, levels, lengths, table_of_row)
     widths = TOKEN_WIDTHS[tokens]
-    if packed_size_bytes(widths) != len(data) - position:
+    end = position + packed_size_bytes(widths)
+    if len(data) != max(end, _least_size_bytes(lengths)) or any(data[end:]):
         raise CorruptStreamError(
-            f"{packed_size_bytes(widths)} bytes of raw bits are needed; {len(data) - position} came"
+            f"the integers should end at byte {end} of their section; it has {len(data)} bytes"
         )
-    values = join_integers(tokens, unpack_bits(data[position:], widths))
+    values = join_integers(tokens, unpack_bits(data[position:end], widths))
     return np.split(values, np.cumsum(lengths)[:-1]) if lengths else []
 
 
@@ -131,6 +139,10 @@ def _models(levels: Integers) -> list[object | None]:
 
 def _tables_of_rows(n_rows: int, tables: Sequence[int] | None) -> list[int]:
     return list(range(n_rows)) if tables is None else list(tables)
+
+
+def _least_size_bytes(lengths: Sequence[int]) -> int:
+    return -(-sum(lengths) // MAX_INTEGERS_PER_BYTE)
 
 
 def _take(data: bytes, position: int, size: int) -> tuple[bytes, int]:

@@ -1,0 +1,43 @@
+"""Every constant of the container; `docs/format.md` says what each means."""
+
+from enum import IntEnum
+
+MAGIC = b"\x89REEL\r\n\x1a"
+"""The high bit catches 7-bit transfers, CR LF catches newline conversion, 1A stops `type`."""
+
+FORMAT_VERSION = 1
+
+OPTIONAL = 0x80
+"""Bit of a section id: readers that do not know the section skip it."""
+
+
+class Section(IntEnum):
+    """Ids of the sections."""
+
+    END = 0
+    CONNECTIVITY = 1
+    ORDER = 2
+    ANCHOR_VERTICES = 3
+    BLOCK = 16
+    BASIS = 17
+    ANCHORS = 18
+    COEFFICIENTS = 19
+    EXACT = 20
+    PADDING = OPTIONAL | 0
+
+
+class VertexType(IntEnum):
+    """Number type of the positions, by its bytes."""
+
+    FLOAT32 = 4
+    FLOAT64 = 8
+
+
+MAX_POSITIONS_PER_BYTE = 256
+"""A stream holds at most this many positions (vertex times frame) and faces a byte.
+
+Readers refuse what claims more before they allocate; writers pad what would be smaller.
+"""
+
+MAX_NAME_BYTES = 4096
+"""Longest name, in UTF-8."""

@@ -1,0 +1,54 @@
+"""Floats to bytes and back without loss: differences of their bit patterns in time, deflated."""
+
+import zlib
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from meshreel.errors import CorruptStreamError
+
+
+def encode_floats(values: npt.NDArray[np.floating]) -> bytes:
+    """Bytes that hold float32 or float64 values of shape (T, ...), exactly.
+
+    The bit patterns are differenced along the first axis and split into byte planes, so that
+    what stands still in time costs next to nothing.
+    """
+    patterns = np.ascontiguousarray(values).view(_pattern_type(values.dtype))
+    steps = patterns.copy()
+    steps[1:] -= patterns[:-1]
+    planes = steps.astype(steps.dtype.newbyteorder("<")).view(np.uint8)
+    planes = planes.reshape(-1, values.dtype.itemsize)
+    return zlib.compress(np.ascontiguousarray(planes.T).tobytes(), level=9, wbits=-15)
+
+
+def decode_floats(
+    data: bytes, shape: tuple[int, ...], dtype: npt.DTypeLike
+) -> npt.NDArray[np.floating]:
+    """Values that `encode_floats` wrote; the caller bounds the shape.
+
+    Raises
+    ------
+    CorruptStreamError
+        If the bytes are not those of an array of this shape and type.
+    """
+    dtype = np.dtype(dtype)
+    pattern = _pattern_type(dtype)
+    size = int(np.prod(shape)) * dtype.itemsize
+    inflater = zlib.decompressobj(wbits=-15)
+    try:
+        raw = inflater.decompress(data, size + 1)
+    except zlib.error as error:
+        raise CorruptStreamError(f"the exact positions do not inflate: {error}") from error
+    if len(raw) != size or not inflater.eof or inflater.unused_data:
+        raise CorruptStreamError(
+            f"the exact positions hold {len(raw)} bytes; {shape} {dtype} needs {size}"
+        )
+    planes = np.frombuffer(raw, np.uint8).reshape(dtype.itemsize, -1)
+    steps = np.ascontiguousarray(planes.T).view(pattern.newbyteorder("<")).reshape(shape)
+    return np.cumsum(steps.astype(pattern), axis=0, dtype=pattern).view(dtype)
+
+
+def _pattern_type(dtype: np.dtype[Any]) -> np.dtype[Any]:
+    return np.dtype(np.uint32 if dtype.itemsize == 4 else np.uint64)

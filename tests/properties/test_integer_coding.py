@@ -1,0 +1,40 @@
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from meshreel.entropy.bits import pack_bits, unpack_bits
+from meshreel.entropy.coder import decode_integers, encode_integers
+from meshreel.entropy.tokens import MAX_MAGNITUDE
+from meshreel.errors import MeshReelError
+
+integers = st.one_of(
+    st.integers(-3, 3), st.integers(-300, 300), st.integers(-MAX_MAGNITUDE, MAX_MAGNITUDE)
+)
+rows = st.lists(st.lists(integers, max_size=60), max_size=6)
+
+
+@settings(max_examples=200, deadline=None)
+@given(rows, st.data())
+def test_rows_come_back_exactly_whatever_they_hold(values, data):
+    tables = data.draw(st.lists(st.integers(0, 3), min_size=len(values), max_size=len(values)))
+    arrays = [np.array(row, np.int64) for row in values]
+    decoded = decode_integers(encode_integers(arrays, tables), [len(row) for row in values], tables)
+    assert [row.tolist() for row in decoded] == values
+
+
+@settings(max_examples=300, deadline=None)
+@given(st.binary(max_size=200), st.lists(st.integers(0, 500), max_size=4))
+def test_any_bytes_give_rows_or_our_error(data, lengths):
+    try:
+        decoded = decode_integers(data, lengths)
+    except MeshReelError:
+        return
+    assert [len(row) for row in decoded] == lengths
+
+
+@settings(max_examples=200, deadline=None)
+@given(st.lists(st.tuples(st.integers(0, 32), st.integers(0, 2**32 - 1)), max_size=80))
+def test_fields_come_back_exactly_whatever_their_widths(fields):
+    widths = np.array([width for width, _ in fields], np.int64)
+    values = np.array([value & ((1 << width) - 1) for width, value in fields], np.int64)
+    np.testing.assert_array_equal(unpack_bits(pack_bits(values, widths), widths), values)
