@@ -1,0 +1,165 @@
+"""A pinhole camera, and the one that frames a whole sequence."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from meshreel.errors import InvalidInputError
+
+Floats = npt.NDArray[np.float64]
+
+FIELD_OF_VIEW_DEG = 28.0
+"""Across the shorter side of the picture; long enough a lens not to distort a body."""
+
+_UP_AND_RIGHT = {
+    "x": ((1, 0, 0), (0, 1, 0)),
+    "y": ((0, 1, 0), (1, 0, 0)),
+    "z": ((0, 0, 1), (1, 0, 0)),
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Camera:
+    """A pinhole camera with square pixels that looks along the third row of ``axes``.
+
+    Parameters
+    ----------
+    eye : float array of shape (3,)
+        Centre of projection, in model units.
+    axes : float array of shape (3, 3)
+        Unit rows: to the right of the picture, down the picture, into the scene.
+    focal_px : float
+        Distance of the image plane, in pixels.
+    width, height : int
+        Size of the picture, in pixels.
+
+    Raises
+    ------
+    InvalidInputError
+        If the picture has no pixels, or the axes are not orthonormal.
+    """
+
+    eye: Floats
+    axes: Floats
+    focal_px: float
+    width: int
+    height: int
+
+    def __post_init__(self) -> None:
+        _check_size(self.width, self.height)
+        if not np.allclose(self.axes @ self.axes.T, np.eye(3), atol=1e-6):
+            raise InvalidInputError(f"camera axes must be orthonormal rows; got {self.axes}")
+
+    def project(self, vertices: npt.NDArray[np.floating]) -> tuple[Floats, Floats]:
+        """Where points fall in the picture, and how deep they lie.
+
+        Parameters
+        ----------
+        vertices : float array of shape (..., 3), in model units
+
+        Returns
+        -------
+        points : float64 array of shape (..., 2)
+            In pixels from the upper left corner, x to the right and y down; zero for points
+            that are not in front of the camera.
+        depths : float64 array of shape (...)
+            Distance along the viewing direction, in model units; positive in front.
+        """
+        local = (vertices - self.eye) @ self.axes.T
+        depths = local[..., 2]
+        in_front = depths > 0
+        scale = np.divide(self.focal_px, depths, out=np.zeros_like(depths), where=in_front)
+        centre = np.array([self.width, self.height]) / 2
+        points = np.where(in_front[..., None], local[..., :2] * scale[..., None] + centre, 0.0)
+        return points, depths
+
+
+def fit_camera(
+    vertices: npt.NDArray[np.floating],
+    *,
+    azimuth_deg: float = 30.0,
+    elevation_deg: float = 12.0,
+    width: int = 800,
+    height: int = 800,
+    margin: float = 0.06,
+    up: str = "y",
+) -> Camera:
+    """The nearest camera of a given direction that sees every vertex of every frame.
+
+    Parameters
+    ----------
+    vertices : float array of shape (T, V, 3) or (V, 3)
+        Everything that must be in the picture, in model units.
+    azimuth_deg : float
+        0 looks at the front (from +z when y is up, from -y when z is up); the camera moves to
+        its own right as the angle grows.
+    elevation_deg : float
+        How far the camera is raised, in -90..90; it looks down from above when positive.
+    width, height : int
+        Size of the picture, in pixels.
+    margin : float
+        Free border on every side, as a share of the shorter side; in 0..0.45.
+    up : {"y", "z", "x"}
+        The axis that points up in the picture.
+
+    Raises
+    ------
+    InvalidInputError
+        If a position is not finite, or an argument is out of its range.
+    """
+    points = np.asarray(vertices)
+    if points.ndim not in (2, 3) or points.shape[-1] != 3 or points.size == 0:
+        raise InvalidInputError(f"vertices must have shape (T, V, 3) or (V, 3); got {points.shape}")
+    if up not in _UP_AND_RIGHT:
+        raise InvalidInputError(f"up must be 'x', 'y' or 'z'; got {up!r}")
+    if not 0 <= margin <= 0.45:
+        raise InvalidInputError(f"margin must be in 0..0.45; got {margin}")
+    if not (np.isfinite(azimuth_deg) and -90 <= elevation_deg <= 90):
+        raise InvalidInputError(
+            f"azimuth must be finite and elevation in -90..90 degrees; "
+            f"got {azimuth_deg} and {elevation_deg}"
+        )
+    _check_size(width, height)
+    axes = _viewing_axes(np.radians(azimuth_deg), np.radians(elevation_deg), up)
+    shorter_px = min(width, height)
+    focal_px = 0.5 * shorter_px / np.tan(np.radians(FIELD_OF_VIEW_DEG / 2))
+    slopes = (np.array([width, height]) / 2 - margin * shorter_px) / focal_px
+    frames = points[None] if points.ndim == 2 else points
+    return Camera(_nearest_eye(frames, axes, slopes) @ axes, axes, float(focal_px), width, height)
+
+
+def _check_size(width: int, height: int) -> None:
+    if width < 1 or height < 1:
+        raise InvalidInputError(f"a picture needs at least 1 x 1 pixels; got {width} x {height}")
+
+
+def _viewing_axes(azimuth_rad: float, elevation_rad: float, up: str) -> Floats:
+    above, side = (np.array(axis, np.float64) for axis in _UP_AND_RIGHT[up])
+    front = np.cross(side, above)
+    right = np.cos(azimuth_rad) * side - np.sin(azimuth_rad) * front
+    towards_eye = np.cos(azimuth_rad) * front + np.sin(azimuth_rad) * side
+    towards_eye = np.cos(elevation_rad) * towards_eye + np.sin(elevation_rad) * above
+    return np.stack([right, np.cross(right, towards_eye), -towards_eye])
+
+
+def _nearest_eye(frames: npt.NDArray[np.floating], axes: Floats, slopes: Floats) -> Floats:
+    """The eye in camera axes, as near as the four side planes of the view allow.
+
+    A point p is inside when ``|p_k - e_k| <= slope_k (p_z - e_z)`` for k = x, y: each side is
+    bounded by one maximum over all points, and those maxima place the eye.
+    """
+    reach = np.full((2, 2), -np.inf)
+    nearest, farthest = np.inf, -np.inf
+    for frame in frames:
+        if not np.isfinite(frame).all():
+            raise InvalidInputError("every position must be finite to be framed by a camera")
+        local = frame @ axes.T
+        across, depth = local[:, :2], local[:, 2:]
+        upper, lower = across - slopes * depth, -across - slopes * depth
+        reach = np.maximum(reach, np.stack([upper.max(axis=0), lower.max(axis=0)]))
+        nearest, farthest = min(nearest, depth.min()), max(farthest, depth.max())
+    # No point may lie in the eye itself, not even when the whole model is one point.
+    clearance = 0.05 * (farthest - nearest) or 1.0
+    depth = min(float((-reach.sum(axis=0) / (2 * slopes)).min()), nearest - clearance)
+    return np.array([*(reach[0] - reach[1]) / 2, depth])

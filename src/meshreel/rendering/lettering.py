@@ -1,0 +1,87 @@
+"""Text in pictures: one font, broken into lines that fit."""
+
+import unicodedata
+
+from PIL import ImageDraw, ImageFont
+
+from meshreel.errors import InvalidInputError
+
+Font = ImageFont.ImageFont | ImageFont.FreeTypeFont
+Ink = tuple[int, int, int]
+
+INK: Ink = (34, 38, 46)
+FAINT_INK: Ink = (92, 99, 112)
+
+_LINE_SPACING = 1.3
+_SPELLINGS = {
+    "\N{MULTIPLICATION SIGN}": "x",
+    "\N{MICRO SIGN}": "u",
+    "\N{GREEK SMALL LETTER MU}": "u",
+    "\N{EN DASH}": "-",
+    "\N{EM DASH}": "-",
+    "\N{MINUS SIGN}": "-",
+    "≤": "<=",
+    "≥": ">=",
+}
+_KNOWN_SIGNS = "°±"
+
+
+def font_of_size(height_px: float) -> Font:
+    """The font of all labels, its letters some `height_px` pixels high with their descenders."""
+    return ImageFont.load_default(size=height_px)
+
+
+def spell_out(text: str) -> str:
+    """The text in letters that the font has: signs spelled, accents left off, others as '?'."""
+    spelled = "".join(_SPELLINGS.get(letter, letter) for letter in text)
+    letters = unicodedata.normalize("NFKD", spelled)
+    return "".join(
+        letter if letter.isascii() or letter in _KNOWN_SIGNS else "?"
+        for letter in letters
+        if not unicodedata.combining(letter)
+    )
+
+
+def wrap_text(text: str, font: Font, width_px: float) -> list[str]:
+    """Lines of whole words, spelled out, at most `width_px` wide unless one word is wider."""
+    lines: list[str] = []
+    for paragraph in spell_out(text).splitlines():
+        line = ""
+        for word in paragraph.split():
+            longer = f"{line} {word}" if line else word
+            if line and font.getlength(longer) > width_px:
+                lines.append(line)
+                longer = word
+            line = longer
+        lines.append(line)
+    return lines
+
+
+def line_height_px(font: Font) -> int:
+    """Distance from one line to the next."""
+    _, top, _, bottom = font.getbbox("Agjpqy|")
+    return round((bottom - top) * _LINE_SPACING)
+
+
+def draw_lines(
+    canvas: ImageDraw.ImageDraw,
+    place: tuple[float, float],
+    lines: list[str],
+    font: Font,
+    *,
+    ink: Ink = INK,
+    align: str = "left",
+) -> None:
+    """Draw lines of text below `place`, which is the upper left, upper middle or upper right.
+
+    Raises
+    ------
+    InvalidInputError
+        If `align` is not "left", "center" or "right".
+    """
+    anchors = {"left": "la", "center": "ma", "right": "ra"}
+    if align not in anchors:
+        raise InvalidInputError(f"align must be one of {list(anchors)}; got {align!r}")
+    for number, line in enumerate(lines):
+        y = place[1] + number * line_height_px(font)
+        canvas.text((place[0], y), line, font=font, fill=ink, anchor=anchors[align])

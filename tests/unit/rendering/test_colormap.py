@@ -1,0 +1,68 @@
+import numpy as np
+import pytest
+
+from meshreel.errors import InvalidInputError
+from meshreel.rendering.colormap import HEAT, NOT_A_NUMBER, colorize, draw_color_bar
+
+
+def cie_lightness(colors):
+    """CIE 1976 L* of sRGB colours, 0..100."""
+    share = colors / 255
+    linear = np.where(share <= 0.04045, share / 12.92, ((share + 0.055) / 1.055) ** 2.4)
+    luminance = linear @ [0.2126, 0.7152, 0.0722]
+    return 116 * np.cbrt(luminance) - 16
+
+
+def test_colorize_runs_from_the_first_to_the_last_color_when_values_span_the_range():
+    np.testing.assert_array_equal(colorize([2.0, 6.0], 2, 6), HEAT[[0, -1]])
+
+
+def test_colorize_grows_lighter_evenly_when_values_grow():
+    """Within a third of the mean step everywhere, so that no step looks larger than another."""
+    steps = np.diff(cie_lightness(colorize(np.linspace(0, 1, 17), 0, 1)))
+    assert (np.abs(steps / steps.mean() - 1) < 1 / 3).all()
+
+
+def test_colorize_keeps_the_end_colors_when_values_leave_the_range():
+    np.testing.assert_array_equal(colorize([-np.inf, 9.0], 0, 1), HEAT[[0, -1]])
+
+
+def test_colorize_is_grey_when_a_value_is_not_a_number():
+    assert tuple(colorize([np.nan], 0, 1)[0]) == NOT_A_NUMBER
+
+
+def test_colorize_is_all_low_when_the_range_is_empty():
+    np.testing.assert_array_equal(colorize([0.0, 0.0], 0, 0), HEAT[[0, 0]])
+
+
+@pytest.mark.parametrize(
+    ("values", "low", "high"), [([[1.0]], 0, 1), ([1.0], 1, 0), ([1.0], 0, np.inf)]
+)
+def test_colorize_refuses_arguments_when_they_make_no_scale(values, low, high):
+    with pytest.raises(InvalidInputError):
+        colorize(values, low, high)
+
+
+def test_draw_color_bar_has_high_above_low_when_drawn():
+    bar = draw_color_bar(0, 1, unit="mm", height=300)
+    rows = [np.flatnonzero((bar == color).all(axis=2).any(axis=1)) for color in HEAT[[0, -1]]]
+    assert rows[1].max() < rows[0].min()
+
+
+def test_draw_color_bar_writes_labels_beside_the_bar_when_drawn():
+    bar = draw_color_bar(0, 1, height=300)
+    assert (bar[:, -bar.shape[1] // 3 :] < 100).any()
+
+
+def test_draw_color_bar_writes_the_unit_when_given():
+    assert (draw_color_bar(0, 1, unit="mm") != draw_color_bar(0, 1)).any()
+
+
+@pytest.mark.parametrize(("low", "high"), [(0, 0), (0, 1e-9), (-3e7, 8e7), (0.7, 0.70001)])
+def test_draw_color_bar_keeps_its_height_when_the_range_is_odd(low, high):
+    assert draw_color_bar(low, high, unit="m", height=200).shape[0] == 200
+
+
+def test_draw_color_bar_refuses_a_height_when_labels_cannot_fit():
+    with pytest.raises(InvalidInputError, match="80"):
+        draw_color_bar(0, 1, height=20)

@@ -1,0 +1,45 @@
+import pytest
+from PIL import Image, ImageDraw
+
+from meshreel.errors import InvalidInputError
+from meshreel.rendering.lettering import draw_lines, font_of_size, spell_out, wrap_text
+
+FONT = font_of_size(16)
+
+
+@pytest.mark.parametrize(
+    ("text", "spelled"),
+    [
+        ("10 \N{MICRO SIGN}m \N{MULTIPLICATION SIGN} 3°", "10 um x 3°"),
+        ("±5 \N{EN DASH} 6 %", "±5 - 6 %"),
+        ("é≤ü", "e<=u"),
+        ("\u821e.ply", "?.ply"),
+        ("plain", "plain"),
+    ],
+)
+def test_spell_out_uses_letters_of_the_font_when_others_come(text, spelled):
+    assert spell_out(text) == spelled
+
+
+def test_wrap_text_keeps_every_word_when_it_breaks_lines():
+    text = "one two three four five six seven eight nine ten"
+    assert " ".join(wrap_text(text, FONT, 90)) == text
+
+
+def test_wrap_text_keeps_lines_within_the_width_when_words_are_narrower():
+    lines = wrap_text("one two three four five six seven eight nine ten", FONT, 90)
+    assert max(FONT.getlength(line) for line in lines) <= 90
+
+
+def test_wrap_text_gives_a_word_its_own_line_when_it_is_too_wide():
+    assert wrap_text("a incomprehensibilities b", FONT, 30) == ["a", "incomprehensibilities", "b"]
+
+
+def test_wrap_text_has_no_lines_when_there_is_no_text():
+    assert wrap_text("", FONT, 90) == []
+
+
+def test_draw_lines_refuses_an_alignment_when_it_is_unknown():
+    canvas = ImageDraw.Draw(Image.new("RGB", (9, 9)))
+    with pytest.raises(InvalidInputError, match="align"):
+        draw_lines(canvas, (0, 0), ["a"], FONT, align="justify")

@@ -1,0 +1,106 @@
+import numpy as np
+import pytest
+from PIL import Image
+
+from meshreel.errors import InvalidInputError
+from meshreel.rendering.picture import contact_sheet, save_png, side_by_side
+
+RED, BLUE = (200, 10, 10), (10, 10, 200)
+
+
+def panel(color=RED, width=160, height=120):
+    return np.full((height, width, 3), color, np.uint8)
+
+
+def count(sheet, color):
+    return int((np.asarray(sheet) == np.array(color, np.uint8)).all(axis=2).sum())
+
+
+def ink_rows(sheet):
+    return np.flatnonzero((np.asarray(sheet).max(axis=2) < 140).any(axis=1))
+
+
+def test_side_by_side_shows_every_pixel_when_panels_differ_in_size():
+    sheet = side_by_side([panel(), panel(BLUE, 40, 200)], ["a", "b"])
+    assert (count(sheet, RED), count(sheet, BLUE)) == (160 * 120, 40 * 200)
+
+
+def test_side_by_side_writes_titles_above_the_panels_when_given():
+    sheet = side_by_side([panel((250, 250, 250))], ["original"])
+    assert ink_rows(sheet).max() < sheet.height - 120
+
+
+def test_side_by_side_writes_the_caption_below_the_panels_when_given():
+    bare = side_by_side([panel((250, 250, 250))], [""])
+    sheet = side_by_side([panel((250, 250, 250))], [""], caption="flag")
+    assert sheet.height > bare.height
+    assert ink_rows(sheet).min() > 120
+
+
+def test_side_by_side_breaks_the_caption_when_it_is_wider_than_the_sheet():
+    short, long = (side_by_side([panel()], [""], caption="word " * n_words) for n_words in (2, 40))
+    assert long.width == short.width
+    assert long.height > short.height
+
+
+def test_side_by_side_has_a_white_border_when_drawn():
+    sheet = np.asarray(side_by_side([panel()], ["title"], caption="caption"))
+    border = np.concatenate([sheet[0], sheet[-1], sheet[:, 0], sheet[:, -1]])
+    assert (border == 255).all()
+
+
+def test_contact_sheet_shows_every_panel_when_the_last_row_is_short():
+    sheet = contact_sheet([[panel(), panel()], [panel(BLUE)]], row_titles=["a", "b"])
+    assert (count(sheet, RED), count(sheet, BLUE)) == (2 * 160 * 120, 160 * 120)
+
+
+def test_contact_sheet_lines_panels_up_when_they_share_a_column():
+    sheet = np.asarray(contact_sheet([[panel()], [panel(BLUE)]], row_titles=["a", "longer"]))
+    left = [
+        np.flatnonzero((sheet == np.array(color)).all(axis=2).any(axis=0))[0]
+        for color in (RED, BLUE)
+    ]
+    assert left[0] == left[1]
+
+
+def test_contact_sheet_writes_row_titles_left_of_the_panels_when_given():
+    sheet = np.asarray(contact_sheet([[panel((250, 250, 250))]], row_titles=["flag"]))
+    first_column = np.flatnonzero((sheet == 250).all(axis=2).any(axis=0))[0]
+    assert (sheet[:, :first_column] < 110).any()
+
+
+@pytest.mark.parametrize(
+    ("rows", "titles"),
+    [
+        ([], {}),
+        ([[]], {}),
+        ([[panel()], []], {}),
+        ([[panel()]], {"column_titles": ["a", "b"]}),
+        ([[panel()]], {"row_titles": ["a", "b"]}),
+        ([[panel().astype(float)]], {}),
+        ([[panel()[:, :, 0]]], {}),
+    ],
+)
+def test_contact_sheet_refuses_panels_when_they_make_no_sheet(rows, titles):
+    with pytest.raises(InvalidInputError):
+        contact_sheet(rows, **titles)
+
+
+def test_save_png_gives_the_same_pixels_back_when_read(tmp_path):
+    pixels = np.random.default_rng(1).integers(0, 256, (9, 7, 3), np.uint8)
+    save_png(pixels, tmp_path / "noise.png")
+    with Image.open(tmp_path / "noise.png") as image:
+        np.testing.assert_array_equal(np.asarray(image), pixels)
+
+
+def test_save_png_keeps_a_file_when_not_told_to_overwrite(tmp_path):
+    (tmp_path / "kept.png").write_bytes(b"kept")
+    with pytest.raises(InvalidInputError, match="exists"):
+        save_png(panel(), tmp_path / "kept.png")
+    assert (tmp_path / "kept.png").read_bytes() == b"kept"
+
+
+def test_save_png_replaces_a_file_when_told_to_overwrite(tmp_path):
+    (tmp_path / "old.png").write_bytes(b"old")
+    save_png(panel(), tmp_path / "old.png", overwrite=True)
+    assert (tmp_path / "old.png").read_bytes().startswith(b"\x89PNG")

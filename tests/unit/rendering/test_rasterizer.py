@@ -1,0 +1,158 @@
+import numpy as np
+import pytest
+
+from meshreel.errors import InvalidInputError
+from meshreel.flag import simulate_flag
+from meshreel.rendering.camera import fit_camera
+from meshreel.rendering.rasterizer import PAPER, render
+
+TRIANGLE = np.array([[-1.0, -1, 0], [1, -1, 0], [-1, 1, 0]])
+FACE = np.array([[0, 1, 2]])
+SIZE = {"width": 120, "height": 90}
+
+
+def front(vertices, **arguments):
+    return fit_camera(vertices, **{"azimuth_deg": 0, "elevation_deg": 0, **SIZE, **arguments})
+
+
+def covered(picture, background=PAPER):
+    return (picture != np.array(background, np.uint8)).any(axis=2)
+
+
+def sphere():
+    """A closed latitude-longitude sphere whose poles are degenerate faces."""
+    theta, phi = np.meshgrid(np.linspace(0, np.pi, 25), np.linspace(0, 2 * np.pi, 49)[:-1])
+    x, y, z = np.sin(theta) * np.sin(phi), np.cos(theta), np.sin(theta) * np.cos(phi)
+    vertex = np.arange(48 * 25).reshape(48, 25)
+    a, b = vertex[:, :-1], vertex[:, 1:]
+    c, d = np.roll(b, -1, axis=0), np.roll(a, -1, axis=0)
+    faces = np.concatenate([np.stack([a, b, c], -1), np.stack([a, c, d], -1)]).reshape(-1, 3)
+    return np.stack([x, y, z], axis=-1).reshape(-1, 3), faces
+
+
+def test_render_covers_the_projected_area_when_a_triangle_faces_the_camera():
+    camera = front(TRIANGLE)
+    points, _ = camera.project(TRIANGLE)
+    area = 0.5 * np.ptp(points[:, 0]) * np.ptp(points[:, 1])
+    picture = render(TRIANGLE, FACE, camera, supersample=1)
+    assert covered(picture).sum() == pytest.approx(area, rel=0.02)
+
+
+@pytest.mark.parametrize("order", [[0, 1], [1, 0]])
+def test_render_shows_the_nearer_triangle_when_it_hides_another(order):
+    vertices = np.concatenate([TRIANGLE, TRIANGLE - [0, 0, 0.5]])
+    colors = np.repeat([[250, 0, 0], [0, 0, 250]], 3, axis=0)
+    faces = np.array([[0, 1, 2], [3, 4, 5]])[order]
+    picture = render(vertices, faces, front(TRIANGLE), colors=colors, supersample=1)
+    red = picture[covered(picture)]
+    assert (red[:, 0] > red[:, 2]).all()
+
+
+def test_render_shades_both_sides_alike_when_a_face_is_turned_over():
+    camera = front(TRIANGLE)
+    np.testing.assert_array_equal(
+        render(TRIANGLE, FACE, camera), render(TRIANGLE, FACE[:, ::-1], camera)
+    )
+
+
+def test_render_shades_a_back_face_bright_when_it_faces_the_camera():
+    picture = render(TRIANGLE, FACE[:, ::-1], front(TRIANGLE))
+    assert picture[60, 40].min() > 100
+
+
+def test_render_lights_the_upper_left_most_when_a_sphere_is_seen():
+    vertices, faces = sphere()
+    picture = render(vertices, faces, front(vertices, width=100, height=100)).mean(axis=2)
+    assert picture[35, 35] > picture[35, 65] > picture[70, 65]
+
+
+def test_render_keeps_its_light_when_mesh_and_camera_turn_together():
+    vertices, faces = sphere()
+    vertices = vertices * [1.0, 0.6, 0.8]
+    turned = vertices[:, [2, 1, 0]] * [1, 1, -1]
+    one = render(vertices, faces, front(vertices))
+    other = render(turned, faces, front(turned, azimuth_deg=90))
+    assert np.abs(one.astype(int) - other).max() <= 1
+
+
+def test_render_blends_colors_by_perspective_when_a_strip_recedes():
+    """Half way along the strip in space lies far above its middle in the picture."""
+    strip = np.array([[-1.0, 0, 0], [1, 0, 0], [1, 0, -40], [-1, 0, -40]])
+    colors = [[250, 0, 0], [250, 0, 0], [0, 0, 250], [0, 0, 250]]
+    camera = front(strip, elevation_deg=15, width=200, height=200)
+    picture = render(strip, [[0, 1, 2], [0, 2, 3]], camera, colors=colors, supersample=1)
+    (x, y), _ = camera.project(np.array([0.0, 0, -20]))
+    red, _, blue = picture[int(y), int(x)].astype(int)
+    assert abs(red - blue) < 12
+
+
+def test_render_has_one_tone_per_face_when_not_smooth():
+    roof = np.array([[0.0, -1, 1], [0, 1, 1], [-1, 0, 0], [1, 0, 0]])
+    camera = front(roof)
+    picture = render(roof, [[0, 1, 2], [0, 3, 1]], camera, smooth=False, supersample=1)
+    assert len(np.unique(picture.reshape(-1, 3), axis=0)) == 2 + 1
+
+
+def test_render_grades_its_tones_when_smooth():
+    roof = np.array([[0.0, -1, 1], [0, 1, 1], [-1, 0, 0], [1, 0, 0]])
+    picture = render(roof, [[0, 1, 2], [0, 3, 1]], front(roof), supersample=1)
+    assert len(np.unique(picture.reshape(-1, 3), axis=0)) > 20
+
+
+def test_render_softens_outlines_when_supersampled():
+    tones = [
+        len(np.unique(render(TRIANGLE, FACE, front(TRIANGLE), supersample=factor)[:, :, 0]))
+        for factor in (1, 4)
+    ]
+    assert tones[0] == 2 < tones[1]
+
+
+@pytest.mark.parametrize(
+    "vertices",
+    [TRIANGLE - [0, 0, -100], TRIANGLE - [-50, 0, 0], TRIANGLE * [1, 0, 0], TRIANGLE * 0],
+    ids=["behind", "beside", "line", "point"],
+)
+def test_render_is_all_background_when_nothing_can_be_seen(vertices):
+    picture = render(vertices, FACE, front(TRIANGLE), background=(1, 2, 3))
+    assert not covered(picture, (1, 2, 3)).any()
+
+
+def test_render_is_not_black_when_opposite_faces_cancel_their_normals():
+    faces = np.concatenate([FACE, FACE[:, ::-1]])
+    assert render(TRIANGLE, faces, front(TRIANGLE))[60, 40].min() > 100
+
+
+def test_render_covers_a_plausible_share_when_it_shows_the_flag():
+    flag = simulate_flag(6, n_rows=20, n_columns=30)
+    camera = fit_camera(flag.vertices, azimuth_deg=20, width=150, height=120)
+    share = covered(render(flag.vertices[-1], flag.faces, camera)).mean()
+    assert 0.3 < share < 0.8
+
+
+def test_render_leaves_its_arguments_alone_when_called():
+    vertices, colors = TRIANGLE.copy(), np.full((3, 3), 90.0)
+    render(vertices, FACE, front(TRIANGLE), colors=colors)
+    np.testing.assert_array_equal(vertices, TRIANGLE)
+    np.testing.assert_array_equal(colors, 90.0)
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        {"vertices": TRIANGLE[:, :2]},
+        {"vertices": TRIANGLE * np.nan},
+        {"faces": FACE + 1},
+        {"faces": FACE[:0]},
+        {"colors": np.zeros((2, 3))},
+        {"colors": (0, 0, 300)},
+        {"colors": (0, 0, np.nan)},
+        {"supersample": 0},
+        {"supersample": 9},
+        {"supersample": 1.5},
+    ],
+    ids=str,
+)
+def test_render_refuses_arguments_when_they_make_no_picture(arguments):
+    given = {"vertices": TRIANGLE, "faces": FACE, "camera": front(TRIANGLE), **arguments}
+    with pytest.raises(InvalidInputError):
+        render(**given)

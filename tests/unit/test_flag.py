@@ -1,0 +1,137 @@
+import numpy as np
+import pytest
+
+from meshreel.errors import InvalidInputError
+from meshreel.flag import simulate_flag
+from meshreel.geometry.connectivity import boundary_edges, component_labels, undirected_edges
+from meshreel.geometry.normals import face_normals
+
+SMALL = {"n_rows": 14, "n_columns": 20}
+
+
+@pytest.fixture(scope="module")
+def flag():
+    return simulate_flag(100)
+
+
+@pytest.fixture(scope="module")
+def small_flag():
+    return simulate_flag(40, **SMALL)
+
+
+def edge_lengths(flag, positions):
+    edges = undirected_edges(flag.faces)
+    return np.linalg.norm(positions[..., edges[:, 0], :] - positions[..., edges[:, 1], :], axis=-1)
+
+
+def rest_positions(n_rows, n_columns):
+    y, x = np.meshgrid(np.linspace(1, 0, n_rows), np.linspace(0, 1.5, n_columns), indexing="ij")
+    return np.stack([x, y, 0 * x], axis=-1).reshape(-1, 3)
+
+
+def test_simulate_flag_is_bit_equal_when_run_twice(small_flag):
+    again = simulate_flag(40, **SMALL)
+    assert again.vertices.tobytes() == small_flag.vertices.tobytes()
+
+
+def test_simulate_flag_begins_with_the_shorter_flag_when_longer(small_flag):
+    shorter = simulate_flag(15, **SMALL)
+    np.testing.assert_array_equal(shorter.vertices, small_flag.vertices[:15])
+
+
+def test_simulate_flag_keeps_the_pole_still_when_the_wind_blows(flag):
+    pole = flag.vertices[:, ::52]
+    np.testing.assert_array_equal(pole, np.broadcast_to(pole[0], pole.shape))
+
+
+def test_simulate_flag_stretches_no_edge_by_a_tenth_when_it_flutters(flag):
+    stretch = edge_lengths(flag, flag.vertices) / edge_lengths(flag, rest_positions(52, 52))
+    assert stretch.max() < 1.1
+
+
+def test_simulate_flag_crushes_no_edge_when_it_flutters(flag):
+    stretch = edge_lengths(flag, flag.vertices) / edge_lengths(flag, rest_positions(52, 52))
+    assert stretch.min() > 0.8
+
+
+def test_simulate_flag_swings_its_whole_free_edge_when_it_flutters(flag):
+    free_edge = flag.vertices[:, 51::52]
+    reach = np.linalg.norm(np.ptp(free_edge, axis=0), axis=1)
+    assert reach.min() > 0.2
+
+
+def test_simulate_flag_still_moves_when_long_unfurled(flag):
+    late = np.linalg.norm(np.ptp(flag.vertices[60:, 51::52], axis=0), axis=1)
+    assert late.min() > 0.2
+
+
+def test_simulate_flag_moves_without_jitter_when_seen_frame_by_frame(flag):
+    velocity = np.diff(flag.vertices.astype(float), axis=0)
+    turn = np.diff(velocity, axis=0)
+    assert np.square(turn).mean() < np.square(velocity).mean()
+
+
+def test_simulate_flag_stays_within_its_reach_when_it_flutters(flag):
+    to_corner = np.linalg.norm(flag.vertices - flag.vertices[0, 0], axis=2)
+    assert to_corner.max() < 1.02 * np.hypot(1.5, 1.0)
+
+
+def test_simulate_flag_has_several_folds_when_crossed_from_corner_to_corner(flag):
+    """From the lower pole corner to the upper free one the line crosses ridges and valleys."""
+    grid = flag.vertices[30:, :, 2].reshape(-1, 52, 52)
+    slope = np.diff(grid[:, np.arange(51, -1, -1), np.arange(52)], axis=1)
+    ridges_and_valleys = (np.diff(np.sign(slope), axis=1) != 0).sum(axis=1)
+    assert np.median(ridges_and_valleys) >= 4
+
+
+def test_simulate_flag_is_one_sheet_when_its_faces_are_followed(flag):
+    assert component_labels(flag.faces, flag.n_verts)[0] == 1
+    assert len(boundary_edges(flag.faces)) == 4 * 51
+
+
+def test_simulate_flag_faces_one_way_when_at_rest():
+    flat = simulate_flag(1, **SMALL)
+    assert (face_normals(flat.vertices[0], flat.faces)[:, 2] > 0).all()
+
+
+def test_simulate_flag_is_in_single_precision_metres_at_30_fps_when_default(flag):
+    assert (flag.vertices.dtype, flag.n_verts, flag.n_faces) == (np.float32, 2704, 5202)
+    assert (flag.fps, flag.name) == (30.0, "flag")
+
+
+@pytest.mark.parametrize("shape", [(3, 3), (3, 40), (31, 4), (120, 5)])
+def test_simulate_flag_stays_bounded_when_the_grid_is_unusual(shape):
+    odd = simulate_flag(20, n_rows=shape[0], n_columns=shape[1])
+    stretch = edge_lengths(odd, odd.vertices) / edge_lengths(odd, rest_positions(*shape))
+    assert stretch.max() < 1.1
+
+
+@pytest.mark.parametrize("fps", [1.0, 24, 1000])
+def test_simulate_flag_stays_bounded_when_the_frame_rate_is_unusual(fps):
+    odd = simulate_flag(4, n_rows=8, n_columns=12, fps=fps)
+    stretch = edge_lengths(odd, odd.vertices) / edge_lengths(odd, rest_positions(8, 12))
+    assert stretch.max() < 1.1
+
+
+def test_simulate_flag_tells_its_progress_when_listened_to():
+    heard = []
+    simulate_flag(4, **SMALL, progress=lambda stage, share: heard.append((stage, share)))
+    assert heard == [("simulate", share) for share in (0.25, 0.5, 0.75, 1.0)]
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        {"n_frames": 0},
+        {"n_frames": 2.5},
+        {"n_rows": 2},
+        {"n_columns": 2},
+        {"fps": 0.5},
+        {"fps": float("nan")},
+        {"fps": float("inf")},
+    ],
+    ids=str,
+)
+def test_simulate_flag_names_the_argument_when_it_is_out_of_range(arguments):
+    with pytest.raises(InvalidInputError, match=next(iter(arguments))):
+        simulate_flag(**arguments)
