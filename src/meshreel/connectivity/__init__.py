@@ -1,0 +1,1 @@
+"""The face list to bytes and back, exactly, with the vertex order or without it."""

@@ -1,0 +1,69 @@
+"""Triangles up to rotation: one representative of each, sorted lists of them, shared edges."""
+
+import numpy as np
+import numpy.typing as npt
+
+Integers = npt.NDArray[np.int64]
+AnyFaces = npt.NDArray[np.int32] | npt.NDArray[np.int64]
+
+CORNERS = np.arange(3)
+
+
+def rotate_corners(faces: AnyFaces, first: Integers) -> Integers:
+    """Every face with its corner number `first` (0..2) moved to the front, as int64."""
+    turned = (first[:, None] + CORNERS) % 3
+    return np.take_along_axis(np.asarray(faces, np.int64), turned, axis=1)
+
+
+def lowest_rotation(faces: AnyFaces, n_verts: int) -> tuple[Integers, Integers]:
+    """Every face turned to its lexicographically lowest rotation, and the corner now in front.
+
+    Two faces are the same oriented triangle just where these representatives are equal.
+    """
+    wide = np.asarray(faces, np.int64)
+    first = np.argmin(wide * n_verts + np.roll(wide, -1, axis=1), axis=1).astype(np.int64)
+    return rotate_corners(wide, first), first
+
+
+def sorted_order(lowest: Integers, n_verts: int) -> Integers:
+    """Indices that sort representatives lexicographically; equal ones stay in their order."""
+    return np.lexsort((lowest[:, 2], lowest[:, 0] * n_verts + lowest[:, 1])).astype(np.int64)
+
+
+def repeats_before(faces: AnyFaces, n_verts: int) -> npt.NDArray[np.bool_]:
+    """True for a face that is the same oriented triangle as one before it."""
+    lowest, _ = lowest_rotation(faces, n_verts)
+    order = sorted_order(lowest, n_verts)
+    in_order = lowest[order]
+    repeated = np.zeros(len(faces), bool)
+    repeated[order[1:]] = (in_order[1:] == in_order[:-1]).all(axis=1)
+    return repeated
+
+
+def twin_sides(faces: AnyFaces, n_verts: int) -> Integers:
+    """The side across which each side of each face has its neighbour; itself where there is none.
+
+    Parameters
+    ----------
+    faces : integer array of shape (M, 3)
+        Side ``3 i + k`` goes from corner k of face i to corner ``(k + 1) % 3``.
+    n_verts : int
+
+    Returns
+    -------
+    int64 array of shape (3 M,), an involution. Where more than two sides lie on one edge, they
+    are paired in their order, whichever way they run.
+    """
+    wide = np.asarray(faces, np.int64)
+    ends = np.roll(wide, -1, axis=1)
+    edge = (np.minimum(wide, ends) * n_verts + np.maximum(wide, ends)).ravel()
+    order = np.argsort(edge, kind="stable")
+    edge = edge[order]
+    starts = np.flatnonzero(np.concatenate([[True], edge[1:] != edge[:-1]]))
+    sizes = np.diff(np.append(starts, len(edge)))
+    place = np.arange(len(edge)) - np.repeat(starts, sizes)
+    opens = np.flatnonzero((place % 2 == 0) & (place + 1 < np.repeat(sizes, sizes)))
+    twins = np.arange(len(edge))
+    twins[order[opens]] = order[opens + 1]
+    twins[order[opens + 1]] = order[opens]
+    return twins.astype(np.int64)

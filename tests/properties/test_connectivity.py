@@ -1,0 +1,133 @@
+import contextlib
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from meshreel.connectivity.coder import decode_connectivity, decode_order, encode_connectivity
+from meshreel.connectivity.order import decode_given_order, encode_order
+from meshreel.connectivity.traversal import decode_traversal, encode_traversal
+from meshreel.connectivity.triangles import lowest_rotation, sorted_order
+from meshreel.connectivity.vertex_order import inverse_permutation
+from meshreel.errors import MeshReelError
+from sample_meshes import grid_faces
+
+orders = st.sampled_from(["keep", "vertices", "drop"])
+
+
+@st.composite
+def random_meshes(draw):
+    """Any faces over a few vertices: isolated, degenerate, duplicate, non-manifold, scattered."""
+    n_verts = draw(st.integers(1, 14))
+    corner = st.integers(0, n_verts - 1)
+    faces = draw(st.lists(st.tuples(corner, corner, corner), min_size=1, max_size=40))
+    return np.array(faces, np.int32), n_verts
+
+
+@st.composite
+def torn_grids(draw):
+    """A sheet with faces gone, turned, doubled, merged corners and any order; large for Draco."""
+    rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
+    rows, columns = draw(st.integers(2, 40)), draw(st.integers(2, 30))
+    faces = grid_faces(rows, columns)
+    faces = faces[rng.random(len(faces)) >= draw(st.sampled_from([0, 0.02, 0.3]))]
+    faces = np.concatenate([faces, [[0, 1, 1]]])
+    again = rng.integers(0, len(faces), draw(st.integers(0, 5)))
+    faces = np.concatenate([faces, faces[again][:, :: draw(st.sampled_from([1, -1]))]])
+    names = np.arange(rows * columns)
+    merged = rng.integers(0, len(names), (2, draw(st.integers(0, 6))))
+    names[merged[0]] = merged[1]
+    if draw(st.booleans()):
+        names = rng.permutation(len(names))[names]
+        faces = rng.permutation(faces)
+    return names[faces].astype(np.int32), len(names)
+
+
+meshes = st.one_of(random_meshes(), torn_grids())
+
+
+def sorted_triangles(faces, n_verts):
+    lowest, _ = lowest_rotation(faces, n_verts)
+    return lowest[sorted_order(lowest, n_verts)]
+
+
+@settings(max_examples=250, deadline=None)
+@given(meshes, orders)
+def test_mesh_comes_back_exactly_whatever_its_faces(mesh, order):
+    faces, n_verts = mesh
+    coded = encode_connectivity(faces, n_verts, order=order)
+    internal = decode_connectivity(coded.payload, n_verts, len(faces))
+    np.testing.assert_array_equal(internal, coded.internal_faces)
+    found, given_faces = decode_order(coded.order_payload, internal, n_verts)
+    if order == "keep":
+        np.testing.assert_array_equal(given_faces, faces)
+    if order != "drop":
+        np.testing.assert_array_equal(found, coded.internal_to_given)
+    np.testing.assert_array_equal(
+        sorted_triangles(coded.internal_to_given[internal], n_verts),
+        sorted_triangles(faces, n_verts),
+    )
+
+
+@settings(max_examples=150, deadline=None)
+@given(meshes)
+def test_traversal_comes_back_exactly_even_where_the_list_is_shorter(mesh):
+    faces, n_verts = mesh
+    traversal = encode_traversal(faces, n_verts)
+    if traversal is None:
+        return
+    decoded = decode_traversal(traversal.body, traversal.coding, n_verts, len(faces))
+    np.testing.assert_array_equal(decoded, traversal.internal_faces)
+    payload = encode_order(faces, decoded, traversal.internal_to_given, keep_faces=True)
+    np.testing.assert_array_equal(decode_given_order(payload, decoded, n_verts)[1], faces)
+
+
+@settings(max_examples=150, deadline=None)
+@given(meshes, st.integers(0, 2**32 - 1), st.booleans())
+def test_order_comes_back_exactly_whatever_the_internal_order(mesh, seed, keep_faces):
+    faces, n_verts = mesh
+    rng = np.random.default_rng(seed)
+    internal_to_given = rng.permutation(n_verts)
+    internal = inverse_permutation(internal_to_given)[rng.permutation(faces)]
+    payload = encode_order(faces, internal, internal_to_given, keep_faces)
+    found, listed = decode_given_order(payload, internal, n_verts)
+    np.testing.assert_array_equal(found, internal_to_given)
+    if keep_faces:
+        np.testing.assert_array_equal(listed, faces)
+
+
+@settings(max_examples=300, deadline=None)
+@given(st.binary(max_size=120), st.integers(1, 200), st.integers(1, 200))
+def test_any_bytes_give_a_mesh_or_our_error(data, n_verts, n_faces):
+    for kind in (b"", b"\x00", b"\x01", b"\x02"):
+        try:
+            faces = decode_connectivity(kind + data, n_verts, n_faces)
+        except MeshReelError:
+            continue
+        assert faces.shape == (n_faces, 3)
+        assert 0 <= faces.min() <= faces.max() < n_verts
+
+
+@settings(max_examples=300, deadline=None)
+@given(meshes, st.data())
+def test_changed_bytes_give_a_mesh_or_our_error(mesh, data):
+    faces, n_verts = mesh
+    coded = encode_connectivity(faces, n_verts, order=data.draw(orders))
+    changed = []
+    for part in (coded.payload, coded.order_payload):
+        start = data.draw(st.integers(0, len(part)))
+        end = data.draw(st.integers(start, min(start + 6, len(part))))
+        changed.append(part[:start] + data.draw(st.binary(max_size=6)) + part[end:])
+    internal = coded.internal_faces
+    with contextlib.suppress(MeshReelError):
+        internal = decode_connectivity(changed[0], n_verts, len(faces))
+    assert internal.shape == faces.shape
+    assert 0 <= internal.min() <= internal.max() < n_verts
+    try:
+        found, listed = decode_order(changed[1], internal, n_verts)
+    except MeshReelError:
+        return
+    np.testing.assert_array_equal(np.sort(found), np.arange(n_verts))
+    np.testing.assert_array_equal(
+        sorted_triangles(listed, n_verts), sorted_triangles(found[internal], n_verts)
+    )
