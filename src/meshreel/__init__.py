@@ -1,3 +1,74 @@
-"""meshreel compresses animated triangle meshes of fixed connectivity."""
+"""meshreel compresses animated triangle meshes of fixed connectivity.
+
+import meshreel
+
+sequence = meshreel.load("samba.npz")
+data = meshreel.encode(sequence)
+decoded = meshreel.decode(data)
+quality = meshreel.compare(sequence, decoded)
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from meshreel.codec.decoder import decode
+    from meshreel.codec.encoder import encode
+    from meshreel.codec.inspect import StreamInfo, info
+    from meshreel.errors import (
+        CorruptStreamError,
+        FormatError,
+        InvalidInputError,
+        MeshReelError,
+        SolverError,
+        TruncatedStreamError,
+        UnsupportedVersionError,
+    )
+    from meshreel.flag import simulate_flag
+    from meshreel.formats.load import load
+    from meshreel.formats.save import save
+    from meshreel.metrics.compare import Quality, compare
+    from meshreel.sequence import MeshSequence
 
 __version__ = "0.1.0"
+
+__all__ = [
+    "CorruptStreamError",
+    "FormatError",
+    "InvalidInputError",
+    "MeshReelError",
+    "MeshSequence",
+    "Quality",
+    "SolverError",
+    "StreamInfo",
+    "TruncatedStreamError",
+    "UnsupportedVersionError",
+    "compare",
+    "decode",
+    "encode",
+    "info",
+    "load",
+    "save",
+    "simulate_flag",
+]
+
+_HOMES = {
+    "compare": "metrics.compare",
+    "decode": "codec.decoder",
+    "encode": "codec.encoder",
+    "info": "codec.inspect",
+    "load": "formats.load",
+    "MeshSequence": "sequence",
+    "Quality": "metrics.compare",
+    "save": "formats.save",
+    "simulate_flag": "flag",
+    "StreamInfo": "codec.inspect",
+}
+
+
+def __getattr__(name: str) -> Any:
+    """A public name, imported when it is first asked for: the command line starts fast."""
+    if name not in __all__:
+        raise AttributeError(f"module 'meshreel' has no attribute {name!r}")
+    home = import_module(f"meshreel.{_HOMES.get(name, 'errors')}")
+    return globals().setdefault(name, getattr(home, name))

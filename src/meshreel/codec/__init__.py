@@ -1,0 +1,1 @@
+"""The method: sequences to streams and back."""

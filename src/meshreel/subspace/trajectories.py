@@ -30,8 +30,9 @@ class BoundingFrame:
 
 def bounding_frame(vertices: npt.NDArray[np.floating]) -> BoundingFrame:
     """The frame of positions of shape (T, V, 3)."""
-    low = vertices.min(axis=(0, 1)).astype(np.float64)
-    high = vertices.max(axis=(0, 1)).astype(np.float64)
+    # Whole frames first: reducing both axes at once is several times slower.
+    low = vertices.min(axis=0).min(axis=0).astype(np.float64)
+    high = vertices.max(axis=0).max(axis=0).astype(np.float64)
     x, y, z = (low + (high - low) / 2).tolist()
     return BoundingFrame((x, y, z), float(np.linalg.norm(high - low)) or 1.0)
 

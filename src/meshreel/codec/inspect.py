@@ -1,0 +1,105 @@
+"""What a stream says about itself, without decoding a frame."""
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from meshreel.bitstream.layout import Section
+from meshreel.bitstream.reader import Stream, read_stream
+from meshreel.codec.methods import Laplacian, Order, choice_of_code, method_of_code
+from meshreel.codec.payloads import read_block
+
+
+@dataclass(frozen=True)
+class StreamInfo:
+    """Header, modes and byte budget of a stream.
+
+    Attributes
+    ----------
+    n_frames, n_verts, n_faces : int
+    fps : float
+        0 = unknown.
+    name, method, laplacian, order : str
+    vertex_type : str
+        "float32" or "float64".
+    n_modes : tuple of int
+        Modes of each axis, one number for each block of frames.
+    block_frames : tuple of int
+        Frames of each block.
+    size_bytes : int
+        Of the whole stream.
+    raw_size_bytes : int
+        Of the arrays it decodes to.
+    budget_bytes : dict of str to int
+        Bytes of the header and of each kind of section; they sum to `size_bytes`.
+    """
+
+    n_frames: int
+    n_verts: int
+    n_faces: int
+    fps: float
+    name: str
+    method: str
+    laplacian: str
+    order: str
+    vertex_type: str
+    n_modes: tuple[int, ...]
+    block_frames: tuple[int, ...]
+    size_bytes: int
+    raw_size_bytes: int
+    budget_bytes: dict[str, int]
+
+    @property
+    def ratio(self) -> float:
+        """Raw size by stream size."""
+        return self.raw_size_bytes / self.size_bytes
+
+    @property
+    def rate_bpvf(self) -> float:
+        """Bits of the whole stream for each vertex and frame."""
+        return 8 * self.size_bytes / (self.n_verts * self.n_frames)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Everything in plain types, for JSON."""
+        return {**asdict(self), "ratio": self.ratio, "rate_bpvf": self.rate_bpvf}
+
+
+def info(data: bytes) -> StreamInfo:
+    """What a `.reel` stream holds, and where its bytes go.
+
+    Raises
+    ------
+    CorruptStreamError, TruncatedStreamError, UnsupportedVersionError
+        If the bytes are not a whole stream that this build reads.
+    """
+    stream = read_stream(bytes(data))
+    header = stream.header
+    blocks = [read_block(sections[Section.BLOCK]) for sections in stream.blocks()]
+    positions = header.n_frames * header.n_verts * 3
+    return StreamInfo(
+        n_frames=header.n_frames,
+        n_verts=header.n_verts,
+        n_faces=header.n_faces,
+        fps=header.fps,
+        name=header.name,
+        method=method_of_code(header.method).name,
+        laplacian=choice_of_code(Laplacian, header.laplacian).name.lower(),
+        order=choice_of_code(Order, header.order).name.lower(),
+        vertex_type=header.vertex_type.name.lower(),
+        n_modes=tuple(n_modes for _, n_modes in blocks),
+        block_frames=tuple(n_frames for n_frames, _ in blocks),
+        size_bytes=stream.size_bytes,
+        raw_size_bytes=positions * header.vertex_type + header.n_faces * 12,
+        budget_bytes=_budget(stream),
+    )
+
+
+def _budget(stream: Stream) -> dict[str, int]:
+    """Bytes by kind of section; framing and padding together."""
+    budget = {"header": stream.header_size_bytes}
+    framing = (Section.BLOCK, Section.PADDING, Section.END)
+    for stored in stream.sections:
+        if stored.id not in framing:
+            name = stored.id.name.lower().replace("_", " ")
+            budget[name] = budget.get(name, 0) + stored.size_bytes
+    budget["framing"] = stream.size_bytes - sum(budget.values())
+    return budget

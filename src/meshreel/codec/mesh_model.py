@@ -1,0 +1,82 @@
+"""What both sides derive from connectivity, so that it is written once."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+from scipy.sparse import csr_array
+
+from meshreel.codec.methods import Laplacian
+from meshreel.geometry.anchors import farthest_points
+from meshreel.geometry.connectivity import adjacency_matrix, component_labels, isolated_vertices
+from meshreel.geometry.laplacian import uniform_laplacian
+from meshreel.reconstruction.system import ReconstructionSystem
+from meshreel.sequence import Faces
+
+Floats = npt.NDArray[np.float64]
+Integers = npt.NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class MeshModel:
+    """Connectivity with its anchors, and what follows from the two.
+
+    Attributes
+    ----------
+    faces : integer array of shape (M, 3)
+        In internal order, as everything here.
+    n_verts : int
+    anchors : integer array of shape (A,)
+        Ascending; at least one in each component that has an edge.
+    laplacian_choice : Laplacian
+    """
+
+    faces: Faces
+    n_verts: int
+    anchors: Integers
+    laplacian_choice: Laplacian
+
+    @cached_property
+    def isolated(self) -> Integers:
+        """Vertices without an edge: no delta tells where they are, so they are carried exactly."""
+        return isolated_vertices(self.faces, self.n_verts)
+
+    @cached_property
+    def laplacian(self) -> csr_array:
+        """L of shape (V, V)."""
+        return uniform_laplacian(
+            self.faces,
+            self.n_verts,
+            normalized=self.laplacian_choice is Laplacian.NORMALIZED,
+        )
+
+    @cached_property
+    def _system(self) -> ReconstructionSystem:
+        return ReconstructionSystem(self.laplacian, np.concatenate([self.anchors, self.isolated]))
+
+    def reconstruct(self, deltas: Floats, anchor_values: Floats) -> Floats:
+        """Values at all vertices, of shape (V, K), by Eq. 12; 0 at isolated vertices.
+
+        The system is factored at the first call and kept.
+
+        Parameters
+        ----------
+        deltas : float64 array of shape (V, K)
+        anchor_values : float64 array of shape (A, K)
+        """
+        nothing = np.zeros((len(self.isolated), anchor_values.shape[1]))
+        return self._system.solve(deltas, np.concatenate([anchor_values, nothing]))
+
+
+def choose_anchors(faces: Faces, n_verts: int, share: float) -> Integers:
+    """Anchors spread uniformly over the mesh, ascending: a share of the vertices that have edges.
+
+    Every component with an edge gets at least one, whatever the share.
+    """
+    n_components, _ = component_labels(faces, n_verts)
+    isolated = isolated_vertices(faces, n_verts)
+    connected = np.setdiff1d(np.arange(n_verts), isolated, assume_unique=True)
+    n_anchors = max(n_components - len(isolated), int(np.ceil(share * len(connected))))
+    adjacency = adjacency_matrix(faces, n_verts)[connected][:, connected]
+    return np.sort(connected[farthest_points(csr_array(adjacency), n_anchors)])

@@ -1,0 +1,110 @@
+"""Bytes that were cut or changed give an error of meshreel: never another, never a hang."""
+
+import struct
+import zlib
+
+import numpy as np
+import pytest
+
+from meshreel.bitstream.header import write_header
+from meshreel.bitstream.reader import read_stream
+from meshreel.bitstream.sections import write_section
+from meshreel.codec.decoder import decode
+from meshreel.codec.encoder import encode
+from meshreel.codec.inspect import info
+from meshreel.errors import CorruptStreamError, MeshReelError, TruncatedStreamError
+from sample_meshes import irregular_sequence, waving_grid
+
+STREAMS = {
+    "grid": encode(waving_grid(4, 4, 5)),
+    "irregular": encode(irregular_sequence(3), n_modes=2),
+}
+
+
+@pytest.mark.parametrize("name", STREAMS)
+def test_every_truncation_is_told_when_a_stream_is_cut(name):
+    data = STREAMS[name]
+    for size in range(len(data)):
+        with pytest.raises(TruncatedStreamError):
+            decode(data[:size])
+
+
+@pytest.mark.parametrize("name", STREAMS)
+def test_byte_flips_are_told_when_they_hit_anywhere(name):
+    rng = np.random.default_rng(2026)
+    for _ in range(2000):
+        data = bytearray(STREAMS[name])
+        data[rng.integers(len(data))] ^= rng.integers(1, 256)
+        with pytest.raises(MeshReelError):
+            decode(bytes(data))
+
+
+@pytest.mark.parametrize("name", STREAMS)
+def test_info_tells_too_when_bytes_are_flipped(name):
+    for position in range(len(STREAMS[name])):
+        data = bytearray(STREAMS[name])
+        data[position] ^= 0x40
+        with pytest.raises(MeshReelError):
+            info(bytes(data))
+
+
+@pytest.mark.parametrize("name", STREAMS)
+def test_hostile_payloads_give_our_error_or_a_mesh_when_checksums_are_made_to_fit(name):
+    """An attacker can compute checksums: the layers behind them must stand by themselves."""
+    stream = read_stream(STREAMS[name])
+    rng = np.random.default_rng(99)
+    for _ in range(1000):
+        payloads = [bytearray(stored.payload) for stored in stream.sections]
+        target = payloads[rng.integers(len(payloads) - 1)]
+        _mutate(target, rng)
+        data = write_header(stream.header) + b"".join(
+            write_section(stored.id, bytes(payload))
+            for stored, payload in zip(stream.sections, payloads, strict=True)
+        )
+        try:
+            decoded = decode(data)
+        except MeshReelError:
+            continue
+        assert decoded.n_verts == stream.header.n_verts
+
+
+@pytest.mark.parametrize("name", STREAMS)
+def test_hostile_headers_give_our_error_or_a_mesh_when_checksums_are_made_to_fit(name):
+    size = read_stream(STREAMS[name]).header_size_bytes
+    rng = np.random.default_rng(5)
+    for _ in range(1000):
+        header = bytearray(STREAMS[name][: size - 4])
+        _mutate(header, rng, keep_length=True)
+        data = bytes(header) + struct.pack("<I", zlib.crc32(header)) + STREAMS[name][size:]
+        try:
+            decode(data)
+        except MeshReelError:
+            continue
+
+
+def _mutate(payload, rng, *, keep_length=False):
+    kind = 0 if keep_length else rng.integers(3)
+    if kind == 0 and payload:
+        for _ in range(rng.integers(1, 5)):
+            payload[rng.integers(len(payload))] = rng.integers(256)
+    elif kind == 1:
+        del payload[rng.integers(len(payload) + 1) :]
+    else:
+        payload += rng.bytes(rng.integers(1, 20))
+
+
+def test_empty_file_is_told_when_it_is_decoded():
+    with pytest.raises(TruncatedStreamError, match="0 bytes"):
+        decode(b"")
+
+
+def test_a_section_left_out_is_told_when_the_rest_is_whole():
+    stream = read_stream(STREAMS["irregular"])
+    for missing in stream.sections[:-1]:
+        data = write_header(stream.header) + b"".join(
+            write_section(stored.id, stored.payload)
+            for stored in stream.sections
+            if stored is not missing
+        )
+        with pytest.raises(CorruptStreamError):
+            decode(data)

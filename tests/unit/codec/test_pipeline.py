@@ -1,0 +1,73 @@
+import numpy as np
+import pytest
+
+from meshreel.codec.config import EncoderConfig
+from meshreel.codec.mesh_model import MeshModel, choose_anchors
+from meshreel.codec.methods import Laplacian
+from meshreel.codec.pipeline import analyse, synthesise
+from meshreel.geometry.connectivity import component_labels
+from meshreel.subspace.basis import expand
+from meshreel.subspace.trajectories import bounding_frame, to_matrices
+from sample_meshes import irregular_sequence, waving_grid
+
+
+def round_trip(sequence, config):
+    faces = sequence.faces
+    anchors = choose_anchors(faces, sequence.n_verts, config.anchors)
+    mesh = MeshModel(faces, sequence.n_verts, anchors, config.laplacian_choice)
+    matrices = to_matrices(sequence.vertices, bounding_frame(sequence.vertices))
+    return matrices, expand(*synthesise(analyse(matrices, mesh, config), mesh)), mesh
+
+
+@pytest.mark.parametrize("laplacian", ["normalized", "combinatorial"])
+@pytest.mark.parametrize("anchors", [0.0, 0.01, 1.0])
+def test_frames_come_back_when_all_modes_are_kept_with_fine_steps(laplacian, anchors):
+    config = EncoderConfig(n_modes=12, bits=24, anchors=anchors, laplacian=laplacian)
+    matrices, matrices_hat, _ = round_trip(waving_grid(12), config)
+    # What is left is the rounding of the dictionary and the anchors to 16 bits.
+    assert np.abs(matrices_hat - matrices).max() < 2e-4
+
+
+def test_error_falls_when_bits_are_added():
+    errors = []
+    for bits in (5, 7, 9, 11):
+        matrices, matrices_hat, _ = round_trip(
+            waving_grid(12), EncoderConfig(n_modes=12, bits=bits)
+        )
+        errors.append(np.linalg.norm(matrices_hat - matrices))
+    assert errors == sorted(errors, reverse=True)
+
+
+def test_solving_for_modes_equals_solving_for_frames_when_done_both_ways():
+    sequence, config = waving_grid(12), EncoderConfig(n_modes=5)
+    anchors = choose_anchors(sequence.faces, sequence.n_verts, 0.05)
+    mesh = MeshModel(sequence.faces, sequence.n_verts, anchors, Laplacian.NORMALIZED)
+    matrices = to_matrices(sequence.vertices, bounding_frame(sequence.vertices))
+    block = analyse(matrices, mesh, config)
+    basis, coefficients = synthesise(block, mesh)
+    deltas = expand(basis, block.coefficients.values)
+    anchored = expand(basis, block.anchors.values)
+    for frame in (0, 7):
+        solved = mesh.reconstruct(deltas[:, frame].T, anchored[:, frame].T)
+        np.testing.assert_allclose(solved.T, expand(basis, coefficients)[:, frame], atol=1e-9)
+
+
+def test_connected_vertices_come_back_when_others_are_isolated():
+    sequence = irregular_sequence()
+    config = EncoderConfig(n_modes=8, bits=24)
+    matrices, matrices_hat, mesh = round_trip(sequence, config)
+    connected = np.setdiff1d(np.arange(sequence.n_verts), mesh.isolated)
+    assert np.abs(matrices_hat - matrices)[:, :, connected].max() < 5e-4
+
+
+@pytest.mark.parametrize("share", [0.0, 0.3, 1.0])
+def test_anchors_reach_every_component_when_vertices_are_isolated(share):
+    sequence = irregular_sequence()
+    anchors = choose_anchors(sequence.faces, sequence.n_verts, share)
+    _, labels = component_labels(sequence.faces, sequence.n_verts)
+    assert set(labels[anchors]) == {1, 2}
+
+
+def test_anchors_are_the_share_of_the_vertices_when_it_is_given():
+    sequence = waving_grid(2, 20, 20)
+    assert len(choose_anchors(sequence.faces, 400, 0.01)) == 4

@@ -1,0 +1,158 @@
+"""Encoding and decoding together: whole streams of small meshes."""
+
+import numpy as np
+import pytest
+from scipy.spatial import cKDTree
+
+from meshreel.codec.decoder import decode
+from meshreel.codec.encoder import encode
+from meshreel.codec.inspect import info
+from meshreel.errors import InvalidInputError
+from meshreel.sequence import MeshSequence
+from sample_meshes import irregular_sequence, kg_error_percent, waving_grid
+
+
+def test_sequence_comes_back_when_it_is_encoded_and_decoded():
+    sequence = waving_grid()
+    decoded = decode(encode(sequence))
+    assert kg_error_percent(sequence.vertices, decoded.vertices) < 2
+    np.testing.assert_array_equal(decoded.faces, sequence.faces)
+    assert (decoded.fps, decoded.name) == (25.0, "grid")
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+def test_number_type_comes_back_when_decoded(dtype):
+    assert decode(encode(waving_grid(dtype=dtype))).vertices.dtype == dtype
+
+
+def test_bytes_are_the_same_when_encoded_twice():
+    assert encode(irregular_sequence()) == encode(irregular_sequence())
+
+
+def test_isolated_vertices_come_back_exactly_when_the_mesh_is_irregular():
+    sequence = irregular_sequence()
+    decoded = decode(encode(sequence, n_modes=2, bits=4))
+    for vertex in (0, sequence.n_verts - 1):
+        np.testing.assert_array_equal(decoded.vertices[:, vertex], sequence.vertices[:, vertex])
+
+
+@pytest.mark.parametrize("order", ["keep", "vertices"])
+def test_vertices_come_back_in_order_when_it_is_kept(order):
+    sequence = irregular_sequence()
+    decoded = decode(encode(sequence, n_modes=8, bits=16, order=order))
+    assert kg_error_percent(sequence.vertices, decoded.vertices) < 0.2
+
+
+def test_faces_come_back_exactly_when_the_order_is_kept():
+    sequence = irregular_sequence()
+    np.testing.assert_array_equal(decode(encode(sequence)).faces, sequence.faces)
+
+
+def test_mesh_is_the_same_up_to_order_when_the_order_is_dropped():
+    sequence = waving_grid(4, dtype=np.float64)
+    decoded = decode(encode(sequence, n_modes=4, bits=20, order="drop"))
+    centres, centres_hat = (
+        mesh.vertices[2][mesh.faces].mean(axis=1) for mesh in (sequence, decoded)
+    )
+    distance, partner = cKDTree(centres_hat).query(centres)
+    assert distance.max() < 1e-3
+    assert sorted(partner) == list(range(sequence.n_faces))
+
+
+def test_dropping_the_order_saves_bytes_when_it_has_no_structure():
+    grid = waving_grid(3, 30, 30)
+    shuffle = np.random.default_rng(0).permutation(900)
+    shuffled = MeshSequence(grid.vertices[:, np.argsort(shuffle)], shuffle[grid.faces])
+    sizes = [len(encode(shuffled, order=order)) for order in ("keep", "vertices", "drop")]
+    assert sizes == sorted(sizes, reverse=True)
+    assert sizes[2] < sizes[1] - 900
+
+
+def test_one_frame_comes_back_when_there_is_only_one():
+    sequence = waving_grid(1)
+    assert kg_error_percent(sequence.vertices, decode(encode(sequence)).vertices) < 2
+
+
+def test_still_sequence_comes_back_when_nothing_moves():
+    still = np.repeat(waving_grid(1).vertices, 50, axis=0)
+    sequence = MeshSequence(still, waving_grid(1).faces)
+    decoded = decode(encode(sequence))
+    assert kg_error_percent(still, decoded.vertices) < 2
+    assert info(encode(sequence)).n_modes == (1,)
+
+
+def test_all_vertices_come_back_when_they_coincide():
+    sequence = MeshSequence(np.full((3, 3, 3), 5.0), np.array([[0, 1, 2]]))
+    np.testing.assert_allclose(decode(encode(sequence)).vertices, 5.0, atol=1e-12)
+
+
+@pytest.mark.parametrize(("offset", "size"), [(1e6, 1.0), (0.0, 1e-6), (-3e7, 10.0)])
+def test_error_is_the_same_when_the_model_is_moved_or_scaled(offset, size):
+    here = waving_grid(dtype=np.float64)
+    there = MeshSequence(here.vertices * size + offset * size, here.faces)
+    expected = kg_error_percent(here.vertices, decode(encode(here)).vertices)
+    moved = kg_error_percent(there.vertices, decode(encode(there)).vertices)
+    assert moved == pytest.approx(expected, rel=0.01)
+
+
+@pytest.mark.parametrize("block_frames", [1, 5, 12, 100])
+def test_blocks_join_when_frames_are_coded_apart(block_frames):
+    sequence = waving_grid(12)
+    data = encode(sequence, block_frames=block_frames)
+    assert sum(info(data).block_frames) == 12
+    assert len(info(data).block_frames) == -(-12 // block_frames)
+    assert kg_error_percent(sequence.vertices, decode(data).vertices) < 2
+
+
+@pytest.mark.parametrize("frames", [slice(0, 1), slice(3, 9), slice(-2, None), slice(None)])
+def test_part_equals_that_of_the_whole_when_frames_are_chosen(frames):
+    data = encode(waving_grid(12), block_frames=5)
+    np.testing.assert_allclose(
+        decode(data, frames=frames).vertices, decode(data).vertices[frames], atol=1e-6
+    )
+
+
+@pytest.mark.parametrize("frames", [slice(5, 5), slice(12, 20), slice(0, 12, 2)])
+def test_decoding_refuses_when_no_frame_or_a_step_is_named(frames):
+    with pytest.raises(InvalidInputError, match="frames"):
+        decode(encode(waving_grid(12)), frames=frames)
+
+
+def test_modes_are_those_asked_for_when_the_frames_allow():
+    sequence = waving_grid(12)
+    assert info(encode(sequence, n_modes=3)).n_modes == (3,)
+    assert info(encode(sequence, n_modes=40)).n_modes == (12,)
+
+
+def test_more_modes_are_kept_when_more_energy_is_asked_for():
+    sequence = waving_grid(12)
+    counts = [info(encode(sequence, energy=share)).n_modes[0] for share in (0.9, 0.999, 0.999999)]
+    assert counts == sorted(counts)
+    assert counts[0] < counts[-1]
+
+
+def test_laplacian_alone_decodes_when_no_anchors_are_asked_for():
+    """Eq. 11: one vertex for each component fixes its translation."""
+    sequence = irregular_sequence()
+    data = encode(sequence, n_modes=8, bits=20, anchors=0)
+    assert kg_error_percent(sequence.vertices, decode(data).vertices) < 0.2
+
+
+def test_budget_sums_to_the_file_when_every_part_is_counted():
+    stream = info(encode(irregular_sequence()))
+    assert sum(stream.budget_bytes.values()) == stream.size_bytes
+    assert stream.rate_bpvf == 8 * stream.size_bytes / (stream.n_verts * stream.n_frames)
+
+
+def test_input_is_unchanged_when_it_is_encoded():
+    vertices = waving_grid().vertices.copy()
+    encode(MeshSequence(vertices, waving_grid().faces))
+    np.testing.assert_array_equal(vertices, waving_grid().vertices)
+
+
+def test_progress_ends_at_one_when_done():
+    reported = []
+    data = encode(waving_grid(), progress=lambda stage, share: reported.append((stage, share)))
+    decode(data, progress=lambda stage, share: reported.append((stage, share)))
+    assert reported[-1] == ("frames", 1.0)
+    assert all(0 <= share <= 1 for _, share in reported)
