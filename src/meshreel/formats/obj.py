@@ -1,0 +1,65 @@
+"""Wavefront OBJ: the vertices and faces of one frame.
+
+Our own reader: the one of trimesh splits vertices at texture seams and leaves out those that no
+face uses, so that frames could differ; a sequence needs them all, in file order. Read: ``v``
+(columns after z ignored), ``f`` (only the vertex of ``v/vt/vn``; negative indices count back from
+the last vertex above), comments, and a backslash that continues a line. Everything else (normals,
+texture coordinates, groups, materials, lines, curves) is passed over.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+import numpy.typing as npt
+
+from meshreel.errors import FormatError
+from meshreel.formats.decimal_text import face_rows, vertex_rows
+from meshreel.formats.polygons import PolygonMesh, polygon_mesh
+from meshreel.formats.ragged import ragged_indices
+from meshreel.formats.token_lines import TokenLines, split_lines
+from meshreel.sequence import Faces, Vertices
+
+
+def parse_obj(data: bytes) -> PolygonMesh:
+    """The mesh of the bytes of an OBJ file; positions in float64.
+
+    Raises
+    ------
+    FormatError
+        Naming the line that is wrong, or if there are no vertices or no faces.
+    """
+    lines = split_lines(data, continuation=True)
+    is_vertex = lines.begins_with(b"v")
+    face_lines = np.flatnonzero(lines.begins_with(b"f"))
+    counts = lines.counts[face_lines] - 1
+    tokens = ragged_indices(lines.first[face_lines] + 1, counts)
+    written = lines.integers(tokens, stop_at_slash=True)
+    n_above = np.repeat(np.cumsum(is_vertex)[face_lines], counts)
+    vertices = _vertices(lines, np.flatnonzero(is_vertex))
+    return polygon_mesh(
+        vertices,
+        counts,
+        np.where(written < 0, n_above + written, written - 1),
+        place=lambda face: lines.place(face_lines[face]),
+        given=lambda corner: written[corner],
+        allowed=f"1..{len(vertices)}, or count back with -1..-{len(vertices)}",
+    )
+
+
+def obj_encoder(faces: Faces) -> Callable[[Vertices], bytes]:
+    """A function from the positions of a frame, of shape (V, 3), to the bytes of its OBJ file.
+
+    Float32 and float64 positions read back exactly. The faces are written out once.
+    """
+    face_text = face_rows(faces + 1, prefix="f ")
+    return lambda vertices: vertex_rows(vertices, prefix="v ") + face_text
+
+
+def _vertices(lines: TokenLines, vertex_lines: npt.NDArray[np.int64]) -> npt.NDArray[np.float64]:
+    short = lines.counts[vertex_lines] < 4
+    if short.any():
+        line = vertex_lines[np.argmax(short)]
+        raise FormatError(
+            f"{lines.place(line)}: a vertex needs x, y and z; got {lines.counts[line] - 1} numbers"
+        )
+    return lines.floats(lines.first[vertex_lines][:, None] + np.arange(1, 4))

@@ -1,0 +1,140 @@
+"""The header of a PLY file: which numbers follow, in which encoding."""
+
+from dataclasses import dataclass
+
+from meshreel.errors import FormatError
+
+ENCODINGS = ("ascii", "binary_little_endian", "binary_big_endian")
+HEADER_END = b"end_header"
+
+# Both the names of the PLY description and those of later exporters, as numpy type codes.
+TYPE_CODES = {
+    "char": "i1",
+    "uchar": "u1",
+    "short": "i2",
+    "ushort": "u2",
+    "int": "i4",
+    "uint": "u4",
+    "float": "f4",
+    "double": "f8",
+    "int8": "i1",
+    "uint8": "u1",
+    "int16": "i2",
+    "uint16": "u2",
+    "int32": "i4",
+    "uint32": "u4",
+    "int64": "i8",
+    "uint64": "u8",
+    "float32": "f4",
+    "float64": "f8",
+}
+
+
+@dataclass(frozen=True)
+class PlyProperty:
+    """A column of an element: one number a row, or a list of them after its length.
+
+    Parameters
+    ----------
+    name : str
+        As in the file.
+    code : str
+        Numpy type code of the numbers, without byte order.
+    count_code : str, default ""
+        Numpy type code of the length of a list; empty for one number a row.
+    """
+
+    name: str
+    code: str
+    count_code: str = ""
+
+
+@dataclass(frozen=True)
+class PlyElement:
+    """A table of the file: its name, number of rows and columns."""
+
+    name: str
+    n_rows: int
+    properties: tuple[PlyProperty, ...] = ()
+
+    def property_named(self, *names: str) -> PlyProperty:
+        """The first property that has one of those names.
+
+        Raises
+        ------
+        FormatError
+            If there is none.
+        """
+        for candidate in self.properties:
+            if candidate.name in names:
+                return candidate
+        raise FormatError(
+            f"element {self.name!r} needs a property {' or '.join(names)}; it has "
+            f"{', '.join(p.name for p in self.properties) or 'none'}"
+        )
+
+
+@dataclass(frozen=True)
+class PlyHeader:
+    """Encoding, elements in file order, and the byte at which their numbers begin."""
+
+    encoding: str
+    elements: tuple[PlyElement, ...]
+    body_start: int
+
+
+def read_ply_header(data: bytes) -> PlyHeader:
+    """The header at the start of the bytes of a PLY file.
+
+    Raises
+    ------
+    FormatError
+        If it is another kind of file, or naming the line of the header that is wrong.
+    """
+    if data[:3] != b"ply" or data[3:4] not in (b"\n", b"\r"):
+        raise FormatError("does not begin with a line 'ply'; it is not a PLY file")
+    line_end = b"\r\n" if data[3:5] == b"\r\n" else data[3:4]
+    end = data.find(line_end + HEADER_END)
+    after = end + len(line_end + HEADER_END)
+    if end < 0 or data[after : after + len(line_end)] != line_end:
+        raise FormatError("the header has no line 'end_header'; the file is truncated or damaged")
+    encoding, elements = "", list[PlyElement]()
+    for number, line in enumerate(data[:end].decode("latin-1").split(line_end.decode()), start=1):
+        match line.split():
+            case ["format", str(name), _] if name in ENCODINGS:
+                encoding = name
+            case ["element", str(name), str(count)] if count.isdecimal() and len(count) < 19:
+                elements.append(PlyElement(name, int(count)))
+            case ["property", *words] if elements:
+                elements[-1] = _with_property(elements[-1], words, number)
+            case [] | ["ply" | "comment" | "obj_info", *_]:
+                pass
+            case _:
+                raise FormatError(f"line {number}: {line[:60]!r} is not a line of a PLY header")
+    if not encoding:
+        raise FormatError(f"the header has no format line; expected one of {', '.join(ENCODINGS)}")
+    return PlyHeader(encoding, tuple(elements), after + len(line_end))
+
+
+def _with_property(element: PlyElement, words: list[str], number: int) -> PlyElement:
+    match words:
+        case ["list", count_type, value_type, name]:
+            found = PlyProperty(name, _code(value_type, number), _code(count_type, number))
+        case [value_type, name]:
+            found = PlyProperty(name, _code(value_type, number))
+        case _:
+            raise FormatError(f"line {number}: a property needs a type and a name; got {words}")
+    if found.count_code.startswith("f"):
+        raise FormatError(f"line {number}: the length of a list must be an integer; got {words}")
+    if any(found.name == before.name for before in element.properties):
+        raise FormatError(f"line {number}: property {found.name!r} is there twice")
+    return PlyElement(element.name, element.n_rows, (*element.properties, found))
+
+
+def _code(type_name: str, number: int) -> str:
+    if type_name not in TYPE_CODES:
+        raise FormatError(
+            f"line {number}: {type_name[:40]!r} is not a PLY type; "
+            f"expected one of {', '.join(TYPE_CODES)}"
+        )
+    return TYPE_CODES[type_name]

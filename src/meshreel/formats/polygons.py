@@ -1,0 +1,110 @@
+"""Faces of any number of corners: checked, and cut into triangles."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from meshreel.errors import FormatError
+from meshreel.formats.ragged import Integers, ragged_indices
+from meshreel.sequence import Vertices
+
+
+@dataclass(frozen=True, eq=False)
+class PolygonMesh:
+    """One frame as its file gives it: vertices in file order, faces of any size.
+
+    Parameters
+    ----------
+    vertices : float32 or float64 array of shape (V, 3)
+        Positions in model units; not checked to be finite.
+    counts : int64 array of shape (N,)
+        Number of corners of each face, at least 3.
+    corners : int32 array of shape (sum of counts,)
+        Vertex indices of each face, face after face, in 0..V-1.
+    """
+
+    vertices: Vertices
+    counts: npt.NDArray[np.int64]
+    corners: npt.NDArray[np.int32]
+
+
+def polygon_mesh(
+    vertices: Vertices,
+    counts: Integers,
+    corners: Integers,
+    *,
+    place: Callable[[int], str] = "face {}".format,
+    given: Callable[[int], Any] | None = None,
+    allowed: str = "",
+) -> PolygonMesh:
+    """A `PolygonMesh` whose faces have three corners or more, each naming a vertex that is there.
+
+    Parameters
+    ----------
+    vertices, counts, corners : arrays
+        As in `PolygonMesh`, but of any integer type and unchecked.
+    place : function of a face number
+        Where that face stands in its file, in words.
+    given : function of a corner number, optional
+        The index as the file writes it, where that is another number.
+    allowed : str, optional
+        The indices the file may use, in words; default "0..V-1".
+
+    Raises
+    ------
+    FormatError
+        If there are no vertices or no faces, a face has fewer than three corners, or names a
+        vertex that is not there.
+    """
+    if len(vertices) == 0 or len(counts) == 0:
+        raise FormatError(
+            f"holds {len(vertices)} vertices and {len(counts)} faces; a triangle mesh needs both"
+        )
+    small = counts < 3
+    if small.any():
+        face = int(np.argmax(small))
+        raise FormatError(
+            f"{place(face)}: a face needs at least three corners; got {counts[face]}; remove it"
+        )
+    outside = (corners < 0) | (corners >= len(vertices))
+    if outside.any():
+        corner = int(np.argmax(outside))
+        face = int(np.searchsorted(np.cumsum(counts), corner, side="right"))
+        raise FormatError(
+            f"{place(face)}: names vertex {given(corner) if given else corners[corner]}; "
+            f"indices must be in {allowed or f'0..{len(vertices) - 1}'}"
+        )
+    return PolygonMesh(vertices, counts.astype(np.int64), corners.astype(np.int32))
+
+
+def triangulate_fans(counts: Integers, corners: Integers) -> npt.NDArray[np.int32]:
+    """The triangles of every face, cut as a fan from its first corner.
+
+    The order of the faces is kept, and the triangles of one face follow each other.
+
+    Parameters
+    ----------
+    counts, corners : integer arrays
+        As in `PolygonMesh`.
+
+    Returns
+    -------
+    int32 array of shape (sum of counts - 2, 3).
+    """
+    n_triangles = counts - 2
+    first = np.cumsum(counts) - counts
+    second = ragged_indices(first + 1, n_triangles)
+    fans = [corners[np.repeat(first, n_triangles)], corners[second], corners[second + 1]]
+    return np.stack(fans, axis=1).astype(np.int32)
+
+
+def describe_fans(counts: Integers) -> str:
+    """One sentence on the faces that `triangulate_fans` cuts; empty if all are triangles."""
+    n_cut = int((counts > 3).sum())
+    if n_cut == 0:
+        return ""
+    kind = "quads" if counts.max() == 4 else "polygons with more than three corners"
+    return f"triangulated {n_cut} {kind} as fans, the same way in every frame"

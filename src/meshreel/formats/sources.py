@@ -1,0 +1,136 @@
+"""Which files a source means: a file, a folder, a pattern or a list."""
+
+import glob
+import os
+import re
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from meshreel.errors import FormatError, InvalidInputError
+from meshreel.formats.registry import (
+    FORMATS,
+    FRAME_FORMATS,
+    FrameFormat,
+    SequenceFormat,
+    format_of,
+)
+
+AnyPath = str | os.PathLike[str]
+Source = AnyPath | Sequence[AnyPath]
+
+
+@dataclass(frozen=True)
+class SourceFiles:
+    """The files of a source, all of one format, in the order of the frames.
+
+    Parameters
+    ----------
+    paths : tuple of Path
+        At least one; exactly one for a format that holds whole sequences.
+    format : FrameFormat or SequenceFormat
+        The format of every file.
+    name : str
+        A name for the sequence: of the file if it is one, of its folder otherwise.
+    """
+
+    paths: tuple[Path, ...]
+    format: FrameFormat | SequenceFormat
+    name: str
+
+
+def find_files(source: Source) -> SourceFiles:
+    """The files that `source` means.
+
+    Parameters
+    ----------
+    source : str, Path, or list or tuple of them
+        A file; a folder, which means all its frames; a pattern such as ``dir/*.obj``; or the
+        frames one by one. Folders and patterns are put into natural order, and what is no mesh
+        in them is passed over; a list keeps its order. A list of one is taken as what it holds.
+
+    Raises
+    ------
+    InvalidInputError
+        If there is no such file or folder, the pattern matches nothing, or the list is empty.
+    FormatError
+        If the files are of no known format or of several.
+    """
+    if not isinstance(source, str | os.PathLike):
+        return _from_list([Path(path) for path in source])
+    path = Path(source)
+    if path.is_dir():
+        return _from_folder(path)
+    if path.exists():
+        return SourceFiles((path,), format_of(path), path.stem)
+    if glob.has_magic(str(source)):
+        return _from_pattern(str(source))
+    hint = "; to read numbered frames use a pattern such as dir/*.obj" if "%" in path.name else ""
+    raise InvalidInputError(f"there is no file or folder {str(source)!r}{hint or '; check it'}")
+
+
+def natural_order(paths: Iterable[Path]) -> list[Path]:
+    """The paths sorted so that ``frame_2`` comes before ``frame_10``, ignoring case."""
+
+    def key(path: Path) -> list[tuple[int, str]]:
+        parts = re.split(r"(\d+)", str(path).lower())
+        # Odd parts are the numbers; the path itself decides between frame_1 and frame_01.
+        return [(int(p) if i % 2 else -1, p) for i, p in enumerate(parts)] + [(-1, str(path))]
+
+    return sorted(paths, key=key)
+
+
+def _from_list(paths: list[Path]) -> SourceFiles:
+    if len(paths) == 0:
+        raise InvalidInputError("the list of frame files is empty; name at least one")
+    if len(paths) == 1:
+        return find_files(paths[0])
+    for path in paths:
+        if not path.is_file():
+            raise InvalidInputError(f"there is no file {str(path)!r}; a list must name files")
+        format_of(path)
+    return _of_one_format(paths, "the list")
+
+
+def _from_folder(folder: Path) -> SourceFiles:
+    files = [path for path in folder.iterdir() if path.is_file() and path.name[0] != "."]
+    frames = [path for path in files if path.suffix.lower() in FRAME_FORMATS]
+    if not frames:
+        others = [path.name for path in files if path.suffix.lower() in FORMATS]
+        found = (
+            f"; it holds {natural_order(map(Path, others))[0]}: name that file" if others else ""
+        )
+        raise FormatError(
+            f"the folder {folder} holds no frames ({', '.join(FRAME_FORMATS)}){found}"
+        )
+    return _of_one_format(natural_order(frames), f"the folder {folder}")
+
+
+def _from_pattern(pattern: str) -> SourceFiles:
+    files = [Path(found) for found in glob.glob(pattern, recursive=True)]
+    files = natural_order(path for path in files if path.is_file())
+    if not files:
+        raise InvalidInputError(f"the pattern {pattern!r} matches no file; check it")
+    known = [path for path in files if path.suffix.lower() in FORMATS]
+    if not known:
+        format_of(files[0])
+    return _of_one_format(known, f"the pattern {pattern!r}")
+
+
+def _of_one_format(paths: list[Path], origin: str) -> SourceFiles:
+    counts = Counter(path.suffix.lower() for path in paths)
+    if len(counts) > 1:
+        kinds = " and ".join(f"{count} {ending}" for ending, count in counts.items())
+        raise FormatError(
+            f"{origin} holds files of several formats ({kinds}); "
+            f"choose one with a pattern such as {paths[0].parent / f'*{paths[0].suffix}'}"
+        )
+    found = format_of(paths[0])
+    if isinstance(found, SequenceFormat) and len(paths) > 1:
+        raise FormatError(
+            f"{origin} holds {len(paths)} {found.ending} files, each a whole sequence; name one"
+        )
+    whole = isinstance(found, SequenceFormat)
+    name = paths[0].stem if whole else paths[0].resolve().parent.name
+    return SourceFiles(tuple(paths), found, name)

@@ -1,0 +1,67 @@
+"""Shared vertices for triangles that have none: corners that coincide in every frame."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from meshreel.sequence import Faces, Vertices
+
+
+@dataclass(frozen=True, eq=False)
+class Weld:
+    """Which corners are one vertex.
+
+    Parameters
+    ----------
+    representatives : int64 array of shape (V,)
+        The first corner of each vertex, ascending.
+    faces : int32 array of shape (M, 3)
+        The vertex of each corner.
+    """
+
+    representatives: npt.NDArray[np.int64]
+    faces: Faces
+
+    @property
+    def description(self) -> str:
+        """One sentence on what was joined."""
+        n_corners = self.faces.size
+        return f"welded {n_corners} STL corners to {len(self.representatives)} vertices"
+
+
+def weld_corners(frames: Iterable[Vertices]) -> Weld:
+    """The weld that joins corners whose positions have the same bits in all the frames.
+
+    Parameters
+    ----------
+    frames : iterable of float arrays of shape (3 M, 3)
+        Corner positions in model units, one array a frame, with no negative zeros; read once,
+        so that they need not be in memory together.
+    """
+    labels, representatives = np.empty(0, np.int64), np.empty(0, np.int64)
+    for index, corners in enumerate(frames):
+        bits = np.ascontiguousarray(corners).view(f"u{corners.itemsize}")
+        if index == 0:
+            labels = np.zeros(len(bits), np.int64)
+            labels, representatives = _split(labels, bits)
+        elif (bits[representatives[labels]] != bits).any():
+            labels, representatives = _split(labels, bits)
+    return Weld(representatives, labels.reshape(-1, 3).astype(np.int32))
+
+
+def _split(
+    labels: npt.NDArray[np.int64], bits: npt.NDArray[np.unsignedinteger]
+) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+    """Labels that differ where `labels` or `bits` do, numbered by their first corner."""
+    order = np.lexsort((bits[:, 2], bits[:, 1], bits[:, 0], labels))
+    labels, bits = labels[order], bits[order]
+    differs = (labels[1:] != labels[:-1]) | (bits[1:] != bits[:-1]).any(axis=1)
+    new = np.concatenate([[True], differs])
+    firsts = order[new]  # lexsort is stable: the lowest corner of each group comes first
+    ranks = np.empty(len(firsts), np.int64)
+    ranks[np.argsort(firsts)] = np.arange(len(firsts))
+    split = np.empty(len(labels), np.int64)
+    split[order] = ranks[np.cumsum(new) - 1]
+    return split, np.sort(firsts)

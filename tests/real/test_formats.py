@@ -1,0 +1,38 @@
+"""A real sequence through every frame format and back."""
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from meshreel.formats.load import load
+from meshreel.formats.save import save
+from meshreel.sequence import MeshSequence
+
+pytestmark = pytest.mark.real
+
+
+@pytest.fixture(scope="module")
+def samba():
+    folder = os.environ.get("MESHREEL_DATA")
+    if not folder:
+        pytest.skip("MESHREEL_DATA names no folder of real sequences")
+    whole = load(Path(folder) / "samba.npz")
+    return MeshSequence(whole.vertices[:5], whole.faces, whole.fps, whole.name)
+
+
+@pytest.mark.parametrize("ending", ["obj", "ply", "off"])
+def test_load_gives_back_samba_exactly_when_save_wrote_frames(tmp_path, samba, ending):
+    save(samba, tmp_path / f"samba_%04d.{ending}")
+    found = load(tmp_path)
+    assert found.vertices.dtype == samba.vertices.dtype
+    np.testing.assert_array_equal(found.vertices, samba.vertices)
+    np.testing.assert_array_equal(found.faces, samba.faces)
+
+
+def test_load_gives_back_the_geometry_of_samba_when_save_wrote_stl(tmp_path, samba):
+    save(samba, tmp_path / "samba_%04d.stl")
+    found = load(tmp_path)
+    assert found.n_verts <= samba.n_verts
+    np.testing.assert_array_equal(found.vertices[:, found.faces], samba.vertices[:, samba.faces])

@@ -1,0 +1,57 @@
+"""Files by, and for, an independent reader and writer."""
+
+import io
+
+import numpy as np
+import pytest
+
+from meshreel.formats.load import load
+from meshreel.formats.save import save
+
+trimesh = pytest.importorskip("trimesh")
+
+
+def exported(sequence, **options):
+    mesh = trimesh.Trimesh(sequence.vertices[0], sequence.faces, process=False)
+    data = mesh.export(**options)
+    return data if isinstance(data, bytes) else data.encode()
+
+
+@pytest.mark.parametrize(
+    ("ending", "options", "tolerance"),
+    [
+        ("obj", {"digits": 9}, 1e-8),
+        ("off", {"digits": 9}, 1e-8),
+        ("ply", {"encoding": "ascii"}, 1e-6),
+        ("ply", {"encoding": "binary"}, 0),
+    ],
+)
+def test_load_reads_the_mesh_when_trimesh_wrote_it(
+    tmp_path, make_sequence, ending, options, tolerance
+):
+    sequence = make_sequence(1)
+    path = tmp_path / f"a.{ending}"
+    path.write_bytes(exported(sequence, file_type=ending, **options))
+    found = load(path)
+    np.testing.assert_allclose(found.vertices, sequence.vertices, rtol=0, atol=tolerance)
+    np.testing.assert_array_equal(found.faces, sequence.faces)
+
+
+@pytest.mark.parametrize(("kind", "tolerance"), [("stl", 0), ("stl_ascii", 1e-6)])
+def test_load_reads_the_triangles_when_trimesh_wrote_stl(tmp_path, make_sequence, kind, tolerance):
+    sequence = make_sequence(1)
+    (tmp_path / "a.stl").write_bytes(exported(sequence, file_type=kind))
+    found = load(tmp_path / "a.stl")
+    triangles, expected = found.vertices[0][found.faces], sequence.vertices[0][sequence.faces]
+    np.testing.assert_allclose(triangles, expected, rtol=0, atol=tolerance)
+
+
+@pytest.mark.parametrize("ending", ["obj", "off", "ply", "stl"])
+def test_save_writes_what_trimesh_reads_when_the_mesh_has_one_frame(
+    tmp_path, make_sequence, ending
+):
+    sequence = make_sequence(1)
+    [path] = save(sequence, tmp_path / f"a.{ending}")
+    mesh = trimesh.load(io.BytesIO(path.read_bytes()), file_type=ending, process=False)
+    expected = sequence.vertices[0][sequence.faces]
+    np.testing.assert_array_equal(np.asarray(mesh.triangles, np.float32), expected)

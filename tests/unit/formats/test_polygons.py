@@ -1,0 +1,50 @@
+import numpy as np
+import pytest
+
+from meshreel.errors import FormatError
+from meshreel.formats.polygons import describe_fans, polygon_mesh, triangulate_fans
+
+
+def test_triangulate_fans_keeps_faces_when_all_are_triangles():
+    corners = np.array([0, 1, 2, 2, 1, 3])
+    assert triangulate_fans(np.array([3, 3]), corners).tolist() == [[0, 1, 2], [2, 1, 3]]
+
+
+def test_triangulate_fans_keeps_face_order_when_sizes_are_mixed():
+    counts = np.array([3, 5, 4])
+    corners = np.array([9, 8, 7, 0, 1, 2, 3, 4, 5, 6, 7, 8])
+    expected = [[9, 8, 7], [0, 1, 2], [0, 2, 3], [0, 3, 4], [5, 6, 7], [5, 7, 8]]
+    assert triangulate_fans(counts, corners).tolist() == expected
+
+
+@pytest.mark.parametrize(
+    ("counts", "expected"),
+    [
+        ([3, 3], ""),
+        ([3, 4, 4], "triangulated 2 quads as fans, the same way in every frame"),
+        (
+            [5, 4],
+            "triangulated 2 polygons with more than three corners as fans, "
+            "the same way in every frame",
+        ),
+    ],
+)
+def test_describe_fans_counts_cut_faces_when_there_are_any(counts, expected):
+    assert describe_fans(np.array(counts)) == expected
+
+
+def test_polygon_mesh_names_the_face_when_it_has_two_corners():
+    with pytest.raises(FormatError, match=r"face 1: a face needs at least three corners; got 2"):
+        polygon_mesh(np.zeros((4, 3)), np.array([3, 2]), np.array([0, 1, 2, 0, 1]))
+
+
+@pytest.mark.parametrize("index", [4, -1, 1 << 40])
+def test_polygon_mesh_names_face_and_index_when_it_is_out_of_range(index):
+    with pytest.raises(FormatError, match=rf"face 1: names vertex {index}; .* 0\.\.3"):
+        polygon_mesh(np.zeros((4, 3)), np.array([3, 3]), np.array([0, 1, 2, 0, 1, index]))
+
+
+@pytest.mark.parametrize(("n_verts", "n_faces"), [(0, 0), (3, 0), (0, 1)])
+def test_polygon_mesh_is_refused_when_vertices_or_faces_are_missing(n_verts, n_faces):
+    with pytest.raises(FormatError, match=f"holds {n_verts} vertices and {n_faces} faces"):
+        polygon_mesh(np.zeros((n_verts, 3)), np.full(n_faces, 3), np.arange(3 * n_faces))

@@ -1,0 +1,118 @@
+import numpy as np
+import pytest
+
+from meshreel.errors import FormatError, InvalidInputError
+from meshreel.formats.save import save
+from meshreel.formats.targets import check_save_target
+from meshreel.sequence import MeshSequence
+
+
+def names(paths):
+    return [path.name for path in paths]
+
+
+def listing(folder):
+    return sorted(path.name for path in folder.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("pattern", "expected"),
+    [
+        ("f_%04d.obj", ["f_0000.obj", "f_0001.obj"]),
+        ("%d.ply", ["0.ply", "1.ply"]),
+        ("a%2dz.OFF", ["a 0z.OFF", "a 1z.OFF"]),
+        ("50%_%03d.stl", ["50%_000.stl", "50%_001.stl"]),
+    ],
+)
+def test_save_numbers_files_from_zero_when_the_target_is_a_pattern(
+    tmp_path, make_sequence, pattern, expected
+):
+    paths = save(make_sequence(2), tmp_path / pattern)
+    assert (names(paths), listing(tmp_path)) == (expected, sorted(expected))
+
+
+def test_save_writes_one_file_when_the_target_is_npz(tmp_path, make_sequence):
+    assert names(save(make_sequence(5), str(tmp_path / "a.npz"))) == ["a.npz"]
+
+
+def test_save_writes_the_file_when_the_sequence_has_one_frame(tmp_path, make_sequence):
+    assert names(save(make_sequence(1), tmp_path / "a.obj")) == ["a.obj"]
+
+
+def test_save_reports_every_frame_when_asked_for_progress(tmp_path, make_sequence):
+    seen = []
+    save(make_sequence(2), tmp_path / "%d.obj", progress=lambda *step: seen.append(step))
+    assert seen == [("writing", 0.5), ("writing", 1.0)]
+
+
+def test_save_replaces_files_when_overwriting_is_allowed(tmp_path, make_sequence):
+    (tmp_path / "f_1.obj").write_text("old")
+    save(make_sequence(2), tmp_path / "f_%d.obj", overwrite=True)
+    assert (tmp_path / "f_1.obj").read_text().startswith("v ")
+
+
+def test_save_writes_nothing_when_one_of_the_files_is_there(tmp_path, make_sequence):
+    (tmp_path / "f_1.obj").write_text("old")
+    with pytest.raises(InvalidInputError, match=r"f_1\.obj exists and is kept"):
+        save(make_sequence(3), tmp_path / "f_%d.obj")
+    assert (listing(tmp_path), (tmp_path / "f_1.obj").read_text()) == (["f_1.obj"], "old")
+
+
+def test_save_leaves_the_folder_as_it_was_when_a_later_frame_fails(tmp_path, make_sequence):
+    (tmp_path / "f_0.stl").write_text("old")
+    vertices = make_sequence(3, np.float64).vertices.copy()
+    vertices[2, 0, 0] = 1e39
+    sequence = MeshSequence(vertices, make_sequence().faces)
+    with pytest.raises(InvalidInputError, match="an STL file holds float32"):
+        save(sequence, tmp_path / "f_%d.stl", overwrite=True)
+    assert (listing(tmp_path), (tmp_path / "f_0.stl").read_text()) == (["f_0.stl"], "old")
+
+
+@pytest.mark.parametrize("n_frames", [None, 1, 3])
+@pytest.mark.parametrize("target", ["", "folder/", "new/"])
+def test_check_save_target_advises_a_pattern_when_the_target_is_a_folder(
+    tmp_path, target, n_frames
+):
+    (tmp_path / "folder").mkdir()
+    with pytest.raises(FormatError, match=r"is a folder.* pattern such as .*frame_%04d\.obj"):
+        check_save_target(f"{tmp_path}/{target}", n_frames, overwrite=True)
+
+
+def test_check_save_target_advises_a_pattern_when_frames_exceed_one_file(tmp_path):
+    with pytest.raises(
+        InvalidInputError, match=r"there are 2; give a pattern such as .*a_%04d\.obj"
+    ):
+        check_save_target(tmp_path / "a.obj", 2, overwrite=False)
+
+
+def test_check_save_target_is_refused_when_a_pattern_has_two_fields(tmp_path):
+    with pytest.raises(InvalidInputError, match="has 2 number fields"):
+        check_save_target(tmp_path / "%d_%d.obj", 2, overwrite=False)
+
+
+def test_check_save_target_is_refused_when_an_npz_has_a_number_field(tmp_path):
+    with pytest.raises(InvalidInputError, match=r"a \.npz file holds all frames"):
+        check_save_target(tmp_path / "f_%d.npz", overwrite=False)
+
+
+def test_check_save_target_lists_the_endings_when_it_is_unknown(tmp_path):
+    with pytest.raises(FormatError, match=r"\.fbx is not known; known are \.obj, \.ply"):
+        check_save_target(tmp_path / "a.fbx", overwrite=False)
+
+
+@pytest.mark.parametrize("name", ["a.npz", "f_%d.obj"])
+def test_check_save_target_names_the_folder_when_it_does_not_exist(tmp_path, name):
+    with pytest.raises(InvalidInputError, match=r"the output folder .*none does not exist"):
+        check_save_target(tmp_path / "none" / name, overwrite=False)
+
+
+@pytest.mark.parametrize(("name", "first"), [("a.npz", "a.npz"), ("f_%d.obj", "f_0.obj")])
+def test_check_save_target_is_refused_when_the_first_file_is_there(tmp_path, name, first):
+    (tmp_path / first).touch()
+    with pytest.raises(InvalidInputError, match="exists and is kept"):
+        check_save_target(tmp_path / name, overwrite=False)
+
+
+def test_check_save_target_gives_the_files_when_all_is_well(tmp_path):
+    found = check_save_target(tmp_path / "f_%02d.obj", 3, overwrite=False)
+    assert names(found) == ["f_00.obj", "f_01.obj", "f_02.obj"]

@@ -1,0 +1,99 @@
+from pathlib import Path
+
+import pytest
+
+from meshreel.errors import FormatError, InvalidInputError
+from meshreel.formats.sources import find_files, natural_order
+
+
+def touch(folder, *names):
+    for name in names:
+        (folder / name).parent.mkdir(exist_ok=True)
+        (folder / name).touch()
+    return folder
+
+
+def names(found):
+    return [path.name for path in found.paths]
+
+
+def test_natural_order_sorts_by_number_when_digits_are_unpadded():
+    mixed = ["f10.obj", "F2.obj", "f1.obj", "f02.obj", "g.obj", "10.obj", "9.obj"]
+    expected = ["9.obj", "10.obj", "f1.obj", "f02.obj", "F2.obj", "f10.obj", "g.obj"]
+    assert [str(path) for path in natural_order(map(Path, mixed))] == expected
+
+
+def test_find_files_sorts_and_filters_when_the_source_is_a_folder(tmp_path):
+    touch(tmp_path, "f_10.obj", "f_2.OBJ", ".f_1.obj", "f.mtl", "notes.txt", "._x.ply")
+    found = find_files(tmp_path)
+    assert (names(found), found.name) == (["f_2.OBJ", "f_10.obj"], tmp_path.name)
+
+
+def test_find_files_takes_matches_when_the_source_is_a_pattern(tmp_path):
+    touch(tmp_path, "f_10.obj", "f_2.obj", "f_2.mtl", "g_1.obj", "f_3.ply")
+    found = find_files(f"{tmp_path}/f_*.[om]*")
+    assert (names(found), found.name) == (["f_2.obj", "f_10.obj"], tmp_path.name)
+
+
+def test_find_files_takes_the_file_when_its_name_looks_like_a_pattern(tmp_path):
+    touch(tmp_path, "a[1].obj", "a1.obj")
+    found = find_files(str(tmp_path / "a[1].obj"))
+    assert (names(found), found.name) == (["a[1].obj"], "a[1]")
+
+
+def test_find_files_keeps_the_order_when_the_source_is_a_list(tmp_path):
+    touch(tmp_path, "b.obj", "a.obj")
+    found = find_files([tmp_path / "b.obj", str(tmp_path / "a.obj")])
+    assert (names(found), found.name) == (["b.obj", "a.obj"], tmp_path.name)
+
+
+def test_find_files_opens_the_folder_when_a_list_holds_only_it(tmp_path):
+    assert names(find_files((touch(tmp_path, "b.obj", "a.obj"),))) == ["a.obj", "b.obj"]
+
+
+@pytest.mark.parametrize("ending", [".npz", ".OBJ", ".ply", ".off", ".stl"])
+def test_find_files_takes_the_stem_as_name_when_the_source_is_one_file(tmp_path, ending):
+    assert find_files(touch(tmp_path, f"walk{ending}") / f"walk{ending}").name == "walk"
+
+
+@pytest.mark.parametrize(
+    ("source", "message"),
+    [
+        ("none.obj", "there is no file or folder '.*none.obj'"),
+        ("frame_%04d.obj", r"to read numbered frames use a pattern such as dir/\*\.obj"),
+        ("none_*.obj", "the pattern '.*' matches no file"),
+    ],
+)
+def test_find_files_repeats_the_source_when_nothing_is_there(tmp_path, source, message):
+    with pytest.raises(InvalidInputError, match=message):
+        find_files(f"{tmp_path}/{source}")
+
+
+def test_find_files_is_refused_when_the_list_is_empty():
+    with pytest.raises(InvalidInputError, match="the list of frame files is empty"):
+        find_files([])
+
+
+def test_find_files_names_the_file_when_one_of_a_list_is_missing(tmp_path):
+    touch(tmp_path, "a.obj")
+    with pytest.raises(InvalidInputError, match=r"there is no file '.*b\.obj'"):
+        find_files([tmp_path / "a.obj", tmp_path / "b.obj"])
+
+
+@pytest.mark.parametrize(
+    ("files", "source", "message"),
+    [
+        (["a.fbx"], "a.fbx", r"\.fbx is not known; known are \.obj, \.ply, \.off, \.stl, \.npz"),
+        (["a.fbx"], "*.fbx", r"\.fbx is not known"),
+        (["README"], "README", r"the ending \(none\) is not known"),
+        (["a.obj", "b.obj", "a.ply"], ".", r"\(2 \.obj and 1 \.ply\); choose one with a pattern"),
+        (["a.obj", "a.ply"], "*", r"\(1 \.obj and 1 \.ply\)"),
+        (["a.npz", "b.npz"], "*.npz", r"2 \.npz files, each a whole sequence; name one"),
+        (["a.txt"], ".", r"holds no frames \(\.obj, \.ply, \.off, \.stl\)$"),
+        (["a.npz"], ".", r"holds no frames .*; it holds a\.npz: name that file"),
+    ],
+)
+def test_find_files_says_what_there_is_when_formats_do_not_fit(tmp_path, files, source, message):
+    touch(tmp_path, *files)
+    with pytest.raises(FormatError, match=message):
+        find_files(f"{tmp_path}/{source}")
