@@ -1,0 +1,81 @@
+"""Rate and error of streams made with every combination of some options, as a Markdown table.
+
+    python bench/variations.py samba.npz cow.npz --set bits=8,9,10 --set anchors=0.01,0.03
+
+Two rates of the whole file are given, with the order kept and dropped; errors and seconds are those
+with the order kept.
+"""
+
+import argparse
+import itertools
+import time
+from collections.abc import Iterator
+from typing import Any
+
+import meshreel
+
+
+def parsed(text: str) -> tuple[str, list[Any]]:
+    """The name of an option and the values it takes, from 'bits=8,9'."""
+    name, _, values = text.partition("=")
+    return name, [number(value) for value in values.split(",")]
+
+
+def number(text: str) -> Any:
+    """An int or a float where the text is one, else the text."""
+    for kind in (int, float):
+        try:
+            return kind(text)
+        except ValueError:
+            continue
+    return text
+
+
+def combinations(options: list[tuple[str, list[Any]]]) -> Iterator[dict[str, Any]]:
+    """Every choice of one value for each option."""
+    names = [name for name, _ in options]
+    for values in itertools.product(*(values for _, values in options)):
+        yield dict(zip(names, values, strict=True))
+
+
+def row(sequence: meshreel.MeshSequence, options: dict[str, Any]) -> list[str]:
+    """The cells of one line of the table."""
+    start = time.perf_counter()
+    data = meshreel.encode(sequence, **options)
+    middle = time.perf_counter()
+    decoded = meshreel.decode(data)
+    end = time.perf_counter()
+    quality = meshreel.compare(sequence, decoded)
+    smallest = meshreel.info(meshreel.encode(sequence, **options, order="drop"))
+    return [
+        sequence.name,
+        *map(str, options.values()),
+        str(max(smallest.n_modes)),
+        f"{meshreel.info(data).rate_bpvf:.3f}",
+        f"{smallest.rate_bpvf:.3f}",
+        f"{quality.kg_error_percent:.3f}",
+        f"{quality.sted:.4f}",
+        f"{quality.max_error_percent:.3f}",
+        f"{middle - start:.2f}",
+        f"{end - middle:.2f}",
+    ]
+
+
+def main() -> None:
+    """Parse the command line and print the table, a line as soon as it is measured."""
+    parser = argparse.ArgumentParser(description="Rate and error for combinations of options.")
+    parser.add_argument("inputs", nargs="+", help="sequences")
+    parser.add_argument("--set", dest="options", action="append", type=parsed, default=[])
+    arguments = parser.parse_args()
+    header = ["sequence", *(name for name, _ in arguments.options), "modes", "bpvf", "bpvf, drop",
+              "KG %", "STED", "max %", "encode s", "decode s"]  # fmt: skip
+    print("| " + " | ".join(header) + " |")
+    print("|" + "---|" * len(header))
+    for source in arguments.inputs:
+        sequence = meshreel.load(source)
+        for options in combinations(arguments.options):
+            print("| " + " | ".join(row(sequence, options)) + " |", flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,79 @@
+"""The `meshreel` program: its commands, and how errors leave it."""
+
+import sys
+from typing import Any
+
+import typer
+
+from meshreel import __version__
+from meshreel.cli.compare import compare_command
+from meshreel.cli.decode import decode_command
+from meshreel.cli.demo import demo_command
+from meshreel.cli.encode import encode_command
+from meshreel.cli.info import info_command
+from meshreel.errors import MeshReelError
+
+# The base of all that is wrong with a command line: typer has it from click, or its own copy.
+CommandLineError: type[Exception] = typer.BadParameter.mro()[2]
+
+app = typer.Typer(
+    name="meshreel",
+    help="Compress animated triangle meshes of fixed connectivity, and get them back.",
+    invoke_without_command=True,
+    add_completion=False,
+    rich_markup_mode="markdown",
+    pretty_exceptions_enable=False,
+)
+app.command("encode")(encode_command)
+app.command("decode")(decode_command)
+app.command("info")(info_command)
+app.command("compare")(compare_command)
+app.command("demo")(demo_command)
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"meshreel {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _common(
+    context: typer.Context,
+    version: bool = typer.Option(
+        False, "--version", callback=_print_version, is_eager=True, help="Print the version."
+    ),
+) -> None:
+    """Compress animated triangle meshes of fixed connectivity, and get them back."""
+    if context.invoked_subcommand is None:
+        typer.echo(context.get_help())
+
+
+def main() -> None:
+    """Run the program: exit code 0, or 1 with one line on stderr that says what is wrong."""
+    try:
+        status = app(standalone_mode=False)
+    except CommandLineError as error:
+        _fail(_described(error))
+    except MeshReelError as error:
+        _fail(str(error))
+    except MemoryError:
+        _fail("not enough memory; a shorter --block-frames needs less")
+    except OSError as error:
+        _fail(f"{error.strerror or error}: {error.filename}" if error.filename else str(error))
+    except (KeyboardInterrupt, typer.Abort):
+        _fail("stopped")
+    sys.exit(status if isinstance(status, int) else 0)
+
+
+def _described(error: Any) -> str:
+    context = getattr(error, "ctx", None)
+    command = f"{context.info_name} " if context and context.parent else ""
+    return f"{error.format_message()} (meshreel {command}--help shows what is allowed)"
+
+
+def _fail(message: str) -> None:
+    """End with code 1 and one line on stderr."""
+    line = " ".join(message.split())
+    typer.echo(f"meshreel: {line}", err=True)
+    sys.exit(1)

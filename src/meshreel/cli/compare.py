@@ -1,0 +1,54 @@
+"""`meshreel compare`: how far a decoded animation is from its original."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def compare_command(
+    original: Annotated[
+        str, typer.Argument(help="An .npz, a .reel, a frame file, a folder or a quoted glob.")
+    ],
+    decoded: Annotated[str, typer.Argument(help="The same kinds.")],
+    plot: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE.png", help="Draw the NMSVE of each frame (needs [plot])."),
+    ] = None,
+    force: Annotated[
+        bool, typer.Option("--force", "-f", help="Replace the plot if it exists.")
+    ] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the figures as JSON.")] = False,
+) -> None:
+    """Measure the error of a decoded animation against its original.
+
+    Examples:
+
+    - `meshreel compare walk.npz walk.reel`
+
+    - `meshreel compare frames/ decoded.npz --plot nmsve.png --json`
+    """
+    from meshreel.atomic_write import check_output_path
+    from meshreel.cli.console import print_json, print_notes, print_table, progress_bar
+    from meshreel.cli.figures import quality_rows
+    from meshreel.formats.load import load
+    from meshreel.metrics.compare import compare
+
+    if plot is not None:
+        check_output_path(plot, overwrite=force)
+    notes: list[str] = []
+    with progress_bar() as progress:
+        first = load(original, progress=progress, notes=notes)
+        second = load(decoded, progress=progress, notes=notes)
+        quality = compare(first, second, progress=progress)
+        if plot is not None:
+            from meshreel.rendering.plots import plot_error_per_frame
+
+            plot_error_per_frame(
+                plot, {Path(decoded).name: quality.nmsve}, fps=first.fps, overwrite=force
+            )
+    print_notes(notes)
+    if as_json:
+        print_json({"original": original, "decoded": decoded, **quality.as_dict()})
+        return
+    print_table(f"{decoded} against {original}", quality_rows(quality))

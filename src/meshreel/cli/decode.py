@@ -1,0 +1,79 @@
+"""`meshreel decode`: a .reel in, frames out."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def decode_command(
+    source: Annotated[Path, typer.Argument(metavar="FILE.reel", help="The stream to decode.")],
+    output: Annotated[
+        str,
+        typer.Option(
+            "--output", "-o", help="An .npz file, or a pattern such as out/frame_%04d.obj."
+        ),
+    ],
+    frames: Annotated[
+        str | None, typer.Option(metavar="A:B", help="Only frames A to B - 1. Default: all.")
+    ] = None,
+    force: Annotated[
+        bool, typer.Option("--force", "-f", help="Replace outputs that exist.")
+    ] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print what was done as JSON.")] = False,
+) -> None:
+    """Give back the animation that a .reel file holds.
+
+    Examples:
+
+    - `meshreel decode walk.reel -o walk.npz`
+
+    - `meshreel decode walk.reel -o out/frame_%04d.obj --frames 10:20`
+    """
+    from meshreel.cli.console import print_json, print_table, progress_bar
+    from meshreel.codec.decoder import decode
+    from meshreel.formats.save import save
+    from meshreel.formats.targets import check_save_target
+
+    chosen = _frame_slice(frames)
+    check_save_target(output, overwrite=force)
+    with progress_bar() as progress:
+        sequence = decode(source.read_bytes(), frames=chosen, progress=progress)
+        written = save(sequence, output, overwrite=force, progress=progress)
+    if as_json:
+        print_json(
+            {
+                "outputs": [str(path) for path in written],
+                "n_frames": sequence.n_frames,
+                "n_verts": sequence.n_verts,
+                "n_faces": sequence.n_faces,
+                "fps": sequence.fps,
+            }
+        )
+        return
+    where = str(written[0]) if len(written) == 1 else f"{written[0]} to {written[-1].name}"
+    print_table(
+        where,
+        {
+            "sequence": f"{sequence.n_frames} frames, {sequence.n_verts} vertices, "
+            f"{sequence.n_faces} faces",
+            "files": str(len(written)),
+        },
+    )
+
+
+def _frame_slice(text: str | None) -> slice | None:
+    """The slice that 'A:B', 'A:', ':B' or 'A' names."""
+    if text is None:
+        return None
+    first, colon, last = text.partition(":")
+    try:
+        start = int(first) if first else None
+        stop = int(last) if last else None
+    except ValueError:
+        raise typer.BadParameter(f"--frames takes A:B with whole numbers; got {text!r}") from None
+    if not colon:
+        if start is None:
+            raise typer.BadParameter("--frames takes A:B; got nothing")
+        return slice(start, start + 1 or None)
+    return slice(start, stop)

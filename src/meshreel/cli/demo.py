@@ -1,0 +1,66 @@
+"""`meshreel demo`: the main job on the embedded flag."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+POSES = 3  # frames shown in the picture
+
+
+def demo_command(
+    out: Annotated[Path, typer.Option(help="Folder for the results; made if missing.")] = Path(
+        "meshreel-demo"
+    ),
+    frames: Annotated[int, typer.Option(help="Frames to simulate, 1 or more.")] = 300,
+    force: Annotated[
+        bool, typer.Option("--force", "-f", help="Replace results of an earlier run.")
+    ] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the figures as JSON.")] = False,
+) -> None:
+    """Simulate a flag, compress it, get it back, and show what was lost.
+
+    Writes flag.npz (the original), flag.reel and flag.png (original and decoded side by side).
+
+    Example:
+
+    - `meshreel demo --frames 100 --out /tmp/flag`
+    """
+    from meshreel.atomic_write import check_output_path, replace_when_done
+    from meshreel.cli.console import print_json, print_table, progress_bar
+    from meshreel.cli.figures import quality_rows, size_figures, size_rows
+    from meshreel.codec.decoder import decode
+    from meshreel.codec.encoder import encode
+    from meshreel.codec.inspect import info
+    from meshreel.flag import simulate_flag
+    from meshreel.formats.save import save
+    from meshreel.metrics.compare import compare
+    from meshreel.rendering.comparison import comparison_picture
+    from meshreel.rendering.picture import save_png
+
+    out.mkdir(parents=True, exist_ok=True)
+    raw, reel, picture = (out / f"flag.{ending}" for ending in ("npz", "reel", "png"))
+    for path in (raw, reel, picture):
+        check_output_path(path, overwrite=force)
+    with progress_bar() as progress:
+        sequence = simulate_flag(frames, progress=progress)
+        save(sequence, raw, overwrite=force, progress=progress)
+        data = encode(sequence, progress=progress)
+        with replace_when_done(reel, overwrite=force) as temporary:
+            temporary.write_bytes(data)
+        decoded = decode(data, progress=progress)
+        quality = compare(sequence, decoded, progress=progress)
+        stream = info(data)
+        progress("picture", 0.0)
+        caption = (
+            f"{stream.ratio:.0f} x smaller, {stream.rate_bpvf:.2f} bits per vertex and frame, "
+            f"KG error {quality.kg_error_percent:.2f} %"
+        )
+        image = comparison_picture(sequence, decoded, caption=caption, n_poses=min(POSES, frames))
+        save_png(image, picture, overwrite=force)
+    if as_json:
+        paths = {"original": str(raw), "stream": str(reel), "picture": str(picture)}
+        print_json({**paths, **size_figures(stream), **quality.as_dict()})
+        return
+    print_table("The flag, compressed", {**size_rows(stream), **quality_rows(quality)})
+    print_table("Written", {"original": str(raw), "stream": str(reel), "picture": str(picture)})

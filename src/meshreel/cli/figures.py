@@ -1,0 +1,77 @@
+"""Figures of streams and of quality, in words for tables."""
+
+from typing import Any
+
+from meshreel.cli.console import size_text
+from meshreel.codec.inspect import StreamInfo
+from meshreel.metrics.compare import Quality
+
+
+def size_figures(stream: StreamInfo) -> dict[str, Any]:
+    """What `encode` prints as JSON."""
+    everything = stream.as_dict()
+    return {
+        key: everything[key]
+        for key in ("n_frames", "n_verts", "n_faces", "method", "n_modes",
+                    "raw_size_bytes", "size_bytes", "ratio", "rate_bpvf")
+    }  # fmt: skip
+
+
+def size_rows(stream: StreamInfo) -> dict[str, str]:
+    """Raw size, file size, ratio and rate."""
+    return {
+        "sequence": mesh_text(stream),
+        "method": f"{stream.method}, {modes_text(stream)}",
+        "raw": size_text(stream.raw_size_bytes),
+        "file": size_text(stream.size_bytes),
+        "ratio": f"{stream.ratio:.1f} x smaller",
+        "rate": f"{stream.rate_bpvf:.3f} bits per vertex and frame",
+    }
+
+
+def info_rows(stream: StreamInfo) -> dict[str, str]:
+    """Everything the header says."""
+    rows = {
+        "name": stream.name or "-",
+        **size_rows(stream),
+        "frame rate": f"{stream.fps:g} fps" if stream.fps else "unknown",
+        "positions": stream.vertex_type,
+        "Laplacian": stream.laplacian,
+        "order": stream.order,
+    }
+    if len(stream.block_frames) > 1:
+        rows["blocks"] = f"{len(stream.block_frames)} of up to {max(stream.block_frames)} frames"
+    return rows
+
+
+def budget_rows(stream: StreamInfo) -> dict[str, str]:
+    """Where the bytes go."""
+    return {
+        name: f"{size} B  {100 * size / stream.size_bytes:5.1f} %"
+        for name, size in stream.budget_bytes.items()
+    }
+
+
+def quality_rows(quality: Quality) -> dict[str, str]:
+    """Errors with their units."""
+    return {
+        "KG error": f"{quality.kg_error_percent:.4f} %",
+        "STED": f"{quality.sted:.5f}  (spatial {quality.sted_spatial:.5f}, "
+        f"temporal {quality.sted_temporal:.5f})",
+        "NMSVE, mean": f"{quality.nmsve_mean:.3e}",
+        "largest error": f"{quality.max_error_percent:.4f} % of the diagonal",
+        "RMS error": f"{quality.rms_error_percent:.4f} % of the diagonal",
+        "normals off by": f"{quality.normal_angle_mean_deg:.2f} degrees in the mean, "
+        f"{quality.normal_angle_p95_deg:.2f} at the 95th percentile",
+    }
+
+
+def mesh_text(stream: StreamInfo) -> str:
+    """Frames, vertices and faces."""
+    return f"{stream.n_frames} frames, {stream.n_verts} vertices, {stream.n_faces} faces"
+
+
+def modes_text(stream: StreamInfo) -> str:
+    """How many modes there are, for all blocks."""
+    low, high = min(stream.n_modes), max(stream.n_modes)
+    return f"{low} modes" if low == high else f"{low} to {high} modes"

@@ -1,0 +1,28 @@
+"""`meshreel info`: what a .reel holds and where its bytes go."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def info_command(
+    source: Annotated[Path, typer.Argument(metavar="FILE.reel", help="The stream to look at.")],
+    as_json: Annotated[bool, typer.Option("--json", help="Print the figures as JSON.")] = False,
+) -> None:
+    """Show the header of a .reel file and its byte budget by section.
+
+    Example:
+
+    - `meshreel info walk.reel`
+    """
+    from meshreel.cli.console import print_json, print_table
+    from meshreel.cli.figures import budget_rows, info_rows
+    from meshreel.codec.inspect import info
+
+    stream = info(source.read_bytes())
+    if as_json:
+        print_json(stream.as_dict())
+        return
+    print_table(str(source), info_rows(stream))
+    print_table("bytes", budget_rows(stream))

@@ -1,0 +1,238 @@
+"""The program as a user runs it: a process of its own."""
+
+import json
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+import meshreel
+from sample_meshes import waving_grid
+
+
+def run(*arguments, cwd=None):
+    """The finished process of `meshreel ARGUMENTS`."""
+    return subprocess.run(
+        [sys.executable, "-c", "from meshreel.cli import main; main()", *map(str, arguments)],
+        capture_output=True,
+        text=True,
+        cwd=cwd,
+        timeout=120,
+    )
+
+
+def run_json(*arguments, cwd=None):
+    done = run(*arguments, "--json", cwd=cwd)
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout)
+
+
+def assert_fails(done, *words):
+    """One line on stderr that holds the words, exit code 1, no traceback."""
+    assert done.returncode == 1
+    assert len(done.stderr.strip().splitlines()) == 1
+    assert done.stderr.startswith("meshreel: ")
+    for word in words:
+        assert word in done.stderr
+
+
+@pytest.fixture
+def grid(tmp_path):
+    path = tmp_path / "grid.npz"
+    meshreel.save(waving_grid(), path)
+    return path
+
+
+@pytest.fixture
+def reel(tmp_path):
+    path = tmp_path / "made.reel"
+    path.write_bytes(meshreel.encode(waving_grid()))
+    return path
+
+
+def test_encode_prints_sizes_that_match_the_file_when_asked_for_json(grid, tmp_path):
+    figures = run_json("encode", grid, "-o", tmp_path / "a.reel")
+    size = (tmp_path / "a.reel").stat().st_size
+    assert figures["size_bytes"] == size
+    assert figures["rate_bpvf"] == pytest.approx(8 * size / (12 * 99))
+    assert figures["raw_size_bytes"] == waving_grid().raw_size_bytes
+    assert figures["ratio"] == pytest.approx(figures["raw_size_bytes"] / size)
+
+
+def test_encode_prints_a_table_when_not_asked_for_json(grid, tmp_path):
+    done = run("encode", grid, "-o", tmp_path / "a.reel")
+    assert done.returncode == 0
+    for word in ("raw", "file", "ratio", "bits per vertex and frame", "12 frames, 99 vertices"):
+        assert word in done.stdout
+
+
+def test_encode_names_the_output_after_the_input_when_none_is_given(grid, tmp_path):
+    (tmp_path / "elsewhere").mkdir()
+    assert run("encode", grid, cwd=tmp_path / "elsewhere").returncode == 0
+    assert (tmp_path / "elsewhere" / "grid.reel").exists()
+
+
+def test_encode_passes_its_options_on_when_they_are_given(grid, tmp_path):
+    options = ["--modes", 3, "--bits", 6, "--anchors", 0.1, "--laplacian", "combinatorial",
+               "--order", "drop", "--block-frames", 6, "--fps", 12]  # fmt: skip
+    run_json("encode", grid, "-o", tmp_path / "a.reel", *options)
+    expected = meshreel.encode(
+        meshreel.load(grid, fps=12), n_modes=3, bits=6, anchors=0.1, laplacian="combinatorial",
+        order="drop", block_frames=6,
+    )  # fmt: skip
+    assert (tmp_path / "a.reel").read_bytes() == expected
+
+
+@pytest.mark.parametrize("ending", ["obj", "ply", "off"])
+def test_frames_come_back_through_files_when_encoded_from_a_folder(tmp_path, ending):
+    frames = tmp_path / "frames"
+    frames.mkdir()
+    meshreel.save(waving_grid(), frames / f"f_%d.{ending}")
+    run_json("encode", frames, "-o", tmp_path / "a.reel", "--fps", 30)
+    (tmp_path / "out").mkdir()
+    run_json("decode", tmp_path / "a.reel", "-o", tmp_path / "out" / f"f_%03d.{ending}")
+    quality = run_json("compare", frames, tmp_path / "out")
+    assert quality["kg_error_percent"] < 2
+    assert run_json("info", tmp_path / "a.reel")["fps"] == 30
+
+
+def test_globs_and_lists_give_the_same_stream_as_the_folder(tmp_path):
+    frames = tmp_path / "frames"
+    frames.mkdir()
+    paths = meshreel.save(waving_grid(), frames / "f_%d.obj")
+    run_json("encode", frames, "-o", tmp_path / "folder.reel")
+    run_json("encode", frames / "*.obj", "-o", tmp_path / "glob.reel")
+    run_json("encode", *paths, "-o", tmp_path / "list.reel")
+    decoded = [
+        meshreel.decode((tmp_path / name).read_bytes()).vertices
+        for name in ("folder.reel", "glob.reel", "list.reel")
+    ]
+    np.testing.assert_array_equal(decoded[0], decoded[1])
+    np.testing.assert_array_equal(decoded[0], decoded[2])
+
+
+@pytest.mark.parametrize(("text", "frames"), [("2:5", slice(2, 5)), ("9:", slice(9, None)),
+                                              (":1", slice(0, 1)), ("4", slice(4, 5))])  # fmt: skip
+def test_decode_writes_a_part_when_frames_are_chosen(reel, tmp_path, text, frames):
+    run_json("decode", reel, "-o", tmp_path / "part.npz", "--frames", text)
+    expected = meshreel.decode(reel.read_bytes(), frames=frames)
+    np.testing.assert_array_equal(meshreel.load(tmp_path / "part.npz").vertices, expected.vertices)
+
+
+def test_info_gives_the_budget_of_the_file_when_asked_for_json(reel):
+    figures = run_json("info", reel)
+    assert sum(figures["budget_bytes"].values()) == reel.stat().st_size
+    assert figures["method"] == "pca-qp"
+
+
+def test_info_shows_every_section_when_not_asked_for_json(reel):
+    done = run("info", reel)
+    assert done.returncode == 0
+    for word in ("connectivity", "basis", "anchors", "coefficients", "25 fps", "%"):
+        assert word in done.stdout
+
+
+def test_compare_takes_a_reel_on_either_side(grid, reel):
+    there = run_json("compare", grid, reel)
+    assert 0 < there["kg_error_percent"] < 2
+    assert run_json("compare", reel, reel)["kg_error_percent"] == 0
+
+
+def test_compare_draws_a_plot_when_asked_for(grid, reel, tmp_path):
+    from PIL import Image
+
+    assert run("compare", grid, reel, "--plot", tmp_path / "a.png").returncode == 0
+    with Image.open(tmp_path / "a.png") as image:
+        assert image.size == (960, 540)
+        assert len(image.convert("RGB").getcolors(1 << 20)) > 10
+
+
+def test_demo_writes_stream_and_picture_when_run(tmp_path):
+    figures = run_json("demo", "--out", tmp_path / "demo", "--frames", 8)
+    assert {path.name for path in (tmp_path / "demo").iterdir()} == {
+        "flag.npz", "flag.png", "flag.reel",
+    }  # fmt: skip
+    assert figures["kg_error_percent"] < 2
+    assert figures["size_bytes"] == (tmp_path / "demo" / "flag.reel").stat().st_size
+
+
+def test_demo_keeps_earlier_results_when_not_forced(tmp_path):
+    (tmp_path / "flag.reel").write_bytes(b"mine")
+    assert_fails(run("demo", "--out", tmp_path, "--frames", 2), "flag.reel", "--force")
+    assert (tmp_path / "flag.reel").read_bytes() == b"mine"
+
+
+def test_existing_output_is_kept_when_not_forced(grid, tmp_path):
+    out = tmp_path / "a.reel"
+    out.write_bytes(b"mine")
+    assert_fails(run("encode", grid, "-o", out), "a.reel exists and is kept", "--force")
+    assert out.read_bytes() == b"mine"
+
+
+def test_existing_output_is_replaced_when_forced(grid, tmp_path):
+    out = tmp_path / "a.reel"
+    out.write_bytes(b"mine")
+    assert run("encode", grid, "-o", out, "--force").returncode == 0
+    assert meshreel.info(out.read_bytes()).n_frames == 12
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["encode", "missing.npz", "-o", "a.reel"], ["missing.npz"]),
+        (["encode", "{grid}", "-o", "no/such/a.reel"], ["no/such", "does not exist"]),
+        (["encode", "{grid}", "-o", "a.reel", "--bits", "99"], ["bits must be 2..24", "99"]),
+        (["encode", "{grid}", "-o", "a.reel", "--bits", "x"], ["--bits", "integer"]),
+        (["encode", "{grid}", "-o", "a.reel", "--modes", "0"], ["n_modes", "0"]),
+        (["encode", "{grid}", "-o", "a.reel", "--fps", "-3"], ["fps", "-3"]),
+        (["demo", "--frames", "0"], ["n_frames", "0"]),
+        (["encode", "{grid}", "-o", "a.reel", "--modes", "3", "--energy", "0.9"], ["exclude"]),
+        (["encode", "{grid}", "-o", "a.reel", "--method", "zip"], ["zip", "pca-qp"]),
+        (["encode"], ["INPUT"]),
+        (["decode", "missing.reel", "-o", "a.npz"], ["missing.reel"]),
+        (["decode", "{grid}", "-o", "a.npz"], ["not a .reel stream"]),
+        (["decode", "{reel}", "-o", "no/such/a.npz"], ["no/such"]),
+        (["decode", "{reel}", "-o", "a.xyz"], [".xyz", ".npz"]),
+        (["decode", "{reel}", "-o", "a.npz", "--frames", "90:99"], ["frames 0:12"]),
+        (["decode", "{reel}", "-o", "a.npz", "--frames", "x"], ["A:B"]),
+        (["info", "{grid}"], ["not a .reel stream"]),
+        (["compare", "{grid}", "missing.npz"], ["missing.npz"]),
+        (["unknown"], ["unknown"]),
+    ],
+)
+def test_program_fails_with_one_line_when_the_input_is_bad(grid, reel, tmp_path, arguments, words):
+    filled = [text.format(grid=grid, reel=reel) for text in arguments]
+    assert_fails(run(*filled, cwd=tmp_path), *words)
+
+
+def test_nothing_is_left_behind_when_encoding_fails(tmp_path):
+    (tmp_path / "bad.npz").write_bytes(b"PK\x03\x04 not really")
+    assert_fails(run("encode", "bad.npz", "-o", "a.reel", cwd=tmp_path), "bad.npz")
+    assert [path.name for path in tmp_path.iterdir()] == ["bad.npz"]
+
+
+def test_polygons_are_told_of_when_they_are_triangulated(tmp_path):
+    quad = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 {}\nf 1 2 3 4\n"
+    for frame in range(3):
+        (tmp_path / f"q{frame}.obj").write_text(quad.format(frame))
+    done = run("encode", tmp_path / "q*.obj", "-o", tmp_path / "q.reel")
+    assert done.returncode == 0
+    assert "triangulated" in done.stderr
+
+
+@pytest.mark.parametrize("command", ["encode", "decode", "info", "compare", "demo"])
+def test_help_shows_examples_when_asked_for(command):
+    done = run(command, "--help")
+    assert done.returncode == 0
+    assert "meshreel " + command in done.stdout
+
+
+def test_version_is_that_of_the_package_when_asked_for():
+    assert run("--version").stdout.strip() == f"meshreel {meshreel.__version__}"
+
+
+def test_help_is_shown_when_no_command_is_given():
+    done = run()
+    assert done.returncode == 0
+    assert "encode" in done.stdout
