@@ -51,6 +51,7 @@ def row(sequence: meshreel.MeshSequence, options: dict[str, Any]) -> list[str]:
         sequence.name,
         *map(str, options.values()),
         str(max(smallest.n_modes)),
+        f"{meshreel.info(data).ratio:.0f}",
         f"{meshreel.info(data).rate_bpvf:.3f}",
         f"{smallest.rate_bpvf:.3f}",
         f"{quality.kg_error_percent:.3f}",
@@ -67,8 +68,8 @@ def main() -> None:
     parser.add_argument("inputs", nargs="+", help="sequences")
     parser.add_argument("--set", dest="options", action="append", type=parsed, default=[])
     arguments = parser.parse_args()
-    header = ["sequence", *(name for name, _ in arguments.options), "modes", "bpvf", "bpvf, drop",
-              "KG %", "STED", "max %", "encode s", "decode s"]  # fmt: skip
+    header = ["sequence", *(name for name, _ in arguments.options), "modes", "ratio",
+              "bpvf", "bpvf, drop", "KG %", "STED", "max %", "encode s", "decode s"]  # fmt: skip
     print("| " + " | ".join(header) + " |")
     print("|" + "---|" * len(header))
     for source in arguments.inputs:

@@ -221,6 +221,13 @@ def test_polygons_are_told_of_when_they_are_triangulated(tmp_path):
     assert "triangulated" in done.stderr
 
 
+@pytest.mark.parametrize("command", [["info"], ["decode", "-o", "a.npz"], ["compare", "cut.reel"]])
+def test_truncated_stream_is_named_when_it_is_read(reel, tmp_path, command):
+    cut = tmp_path / "cut.reel"
+    cut.write_bytes(reel.read_bytes()[:-20])
+    assert_fails(run(*command, cut, cwd=tmp_path), "cut.reel: the stream ends at byte")
+
+
 @pytest.mark.parametrize("command", ["encode", "decode", "info", "compare", "demo"])
 def test_help_shows_examples_when_asked_for(command):
     done = run(command, "--help")

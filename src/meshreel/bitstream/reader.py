@@ -73,14 +73,8 @@ def read_stream(data: bytes) -> Stream:
     UnsupportedVersionError
         If a newer build is needed.
     """
-    header, position = read_header(data)
-    header_size = position
-    if least_size_bytes(header) > len(data):
-        raise CorruptStreamError(
-            f"the header announces {header.n_frames} frames of {header.n_verts} vertices and "
-            f"{header.n_faces} faces; a stream of {len(data)} bytes holds at most "
-            f"{MAX_POSITIONS_PER_BYTE} positions or faces a byte"
-        )
+    header, header_size = read_header(data)
+    position = header_size
     sections: list[StoredSection] = []
     while not sections or sections[-1].id is not Section.END:
         stored, position = read_section(data, position)
@@ -88,4 +82,10 @@ def read_stream(data: bytes) -> Stream:
             sections.append(stored)
     if position != len(data):
         raise CorruptStreamError(f"{len(data) - position} bytes follow the end marker")
+    if least_size_bytes(header) > len(data):
+        raise CorruptStreamError(
+            f"the header announces {header.n_frames} frames of {header.n_verts} vertices and "
+            f"{header.n_faces} faces; a stream of {len(data)} bytes holds at most "
+            f"{MAX_POSITIONS_PER_BYTE} positions or faces a byte"
+        )
     return Stream(header, header_size, tuple(sections), len(data))

@@ -32,13 +32,15 @@ def decode_command(
     """
     from meshreel.cli.console import print_json, print_table, progress_bar
     from meshreel.codec.decoder import decode
+    from meshreel.formats.reel import errors_naming
     from meshreel.formats.save import save
     from meshreel.formats.targets import check_save_target
 
     chosen = _frame_slice(frames)
     check_save_target(output, overwrite=force)
     with progress_bar() as progress:
-        sequence = decode(source.read_bytes(), frames=chosen, progress=progress)
+        with errors_naming(source):
+            sequence = decode(source.read_bytes(), frames=chosen, progress=progress)
         written = save(sequence, output, overwrite=force, progress=progress)
     if as_json:
         print_json(

@@ -19,8 +19,10 @@ def info_command(
     from meshreel.cli.console import print_json, print_table
     from meshreel.cli.figures import budget_rows, info_rows
     from meshreel.codec.inspect import info
+    from meshreel.formats.reel import errors_naming
 
-    stream = info(source.read_bytes())
+    with errors_naming(source):
+        stream = info(source.read_bytes())
     if as_json:
         print_json(stream.as_dict())
         return

@@ -1,0 +1,54 @@
+"""Streams that earlier builds wrote stay readable, to the same integers and nearly the same floats.
+
+A name says what is inside: v<format version>_<method>_<what>.reel, with what this build must decode
+it to beside it as .npz. `PYTHONPATH=tests python tests/compatibility/test_stored_streams.py` writes
+those of this build; it never replaces what is there.
+"""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import meshreel
+from meshreel.bitstream.layout import FORMAT_VERSION
+from sample_meshes import irregular_sequence, waving_grid
+
+HERE = Path(__file__).parent
+STREAMS = sorted(HERE.glob("*.reel"))
+
+
+@pytest.mark.parametrize("path", STREAMS, ids=lambda path: path.stem)
+def test_stored_stream_decodes_to_what_it_always_did(path):
+    decoded = meshreel.decode(path.read_bytes())
+    expected = meshreel.load(path.with_suffix(".npz"))
+    np.testing.assert_array_equal(decoded.faces, expected.faces)
+    assert decoded.vertices.dtype == expected.vertices.dtype
+    assert decoded.fps == expected.fps
+    diagonal = np.linalg.norm(np.ptp(expected.vertices, axis=(0, 1)))
+    assert np.abs(decoded.vertices - expected.vertices).max() < 1e-6 * diagonal
+
+
+def test_every_version_has_a_stream_when_the_folder_is_listed():
+    versions = {int(path.name[1:].split("_")[0]) for path in STREAMS}
+    assert versions == set(range(1, FORMAT_VERSION + 1))
+
+
+def new_streams():
+    """Streams of this build, by name."""
+    shuffled = np.random.default_rng(1).permutation(99)
+    grid = waving_grid()
+    mixed = meshreel.MeshSequence(grid.vertices[:, np.argsort(shuffled)], shuffled[grid.faces], 24)
+    return {
+        "pca-qp_grid": meshreel.encode(waving_grid()),
+        "pca-qp_irregular": meshreel.encode(irregular_sequence(), laplacian="combinatorial"),
+        "pca-qp_shuffled-vertices": meshreel.encode(mixed, order="vertices", block_frames=5),
+        "pca-qp_shuffled-drop": meshreel.encode(mixed, order="drop", n_modes=3, anchors=0),
+    }
+
+
+if __name__ == "__main__":
+    for name, data in new_streams().items():
+        target = HERE / f"v{FORMAT_VERSION}_{name}.reel"
+        meshreel.save(meshreel.decode(data), target.with_suffix(".npz"))
+        target.write_bytes(data)
