@@ -74,12 +74,13 @@ def test_encode_names_the_output_after_the_input_when_none_is_given(grid, tmp_pa
 
 
 def test_encode_passes_its_options_on_when_they_are_given(grid, tmp_path):
-    options = ["--modes", 3, "--bits", 6, "--anchors", 0.1, "--laplacian", "combinatorial",
-               "--order", "drop", "--block-frames", 6, "--fps", 12]  # fmt: skip
+    options = ["--modes", 3, "--bits", "6,5,0", "--anchors", 0.1, "--laplacian", "combinatorial",
+               "--order", "drop", "--block-frames", 6, "--fps", 12, "--method", "blocks",
+               "--iterations", 3]  # fmt: skip
     run_json("encode", grid, "-o", tmp_path / "a.reel", *options)
     expected = meshreel.encode(
-        meshreel.load(grid, fps=12), n_modes=3, bits=6, anchors=0.1, laplacian="combinatorial",
-        order="drop", block_frames=6,
+        meshreel.load(grid, fps=12), "blocks", n_modes=3, bits=[6, 5, 0], anchors=0.1,
+        laplacian="combinatorial", order="drop", block_frames=6, n_iterations=3,
     )  # fmt: skip
     assert (tmp_path / "a.reel").read_bytes() == expected
 
@@ -183,7 +184,9 @@ def test_existing_output_is_replaced_when_forced(grid, tmp_path):
         (["encode", "missing.npz", "-o", "a.reel"], ["missing.npz"]),
         (["encode", "{grid}", "-o", "no/such/a.reel"], ["no/such", "does not exist"]),
         (["encode", "{grid}", "-o", "a.reel", "--bits", "99"], ["bits must be 2..24", "99"]),
-        (["encode", "{grid}", "-o", "a.reel", "--bits", "x"], ["--bits", "integer"]),
+        (["encode", "{grid}", "-o", "a.reel", "--bits", "x"], ["--bits", "8,8,6", "x"]),
+        (["encode", "{grid}", "-o", "a.reel", "--modes", "x"], ["--modes", "integer"]),
+        (["encode", "{grid}", "-o", "a.reel", "--bits", "8,1"], ["row 1", "2..24"]),
         (["encode", "{grid}", "-o", "a.reel", "--modes", "0"], ["n_modes", "0"]),
         (["encode", "{grid}", "-o", "a.reel", "--fps", "-3"], ["fps", "-3"]),
         (["demo", "--frames", "0"], ["n_frames", "0"]),

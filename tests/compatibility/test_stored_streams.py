@@ -12,6 +12,7 @@ import pytest
 
 import meshreel
 from meshreel.bitstream.layout import FORMAT_VERSION
+from meshreel.codec.methods import METHODS
 from sample_meshes import irregular_sequence, waving_grid
 
 HERE = Path(__file__).parent
@@ -43,6 +44,14 @@ def new_streams():
         "pca-qp_grid": meshreel.encode(waving_grid()),
         "pca-qp_irregular": meshreel.encode(irregular_sequence(), laplacian="combinatorial"),
         "pca-qp_shuffled-vertices": meshreel.encode(mixed, order="vertices", block_frames=5),
+        **{
+            f"{method.name}_irregular": meshreel.encode(
+                irregular_sequence(7), method.name, n_modes=3, block_frames=3
+            )
+            for method in METHODS
+            if method.name != "pca-qp"
+        },
+        "pca-qp_rows": meshreel.encode(waving_grid(), n_modes=3, bits=[8, 7, 4]),
         "pca-qp_shuffled-drop": meshreel.encode(mixed, order="drop", n_modes=3, anchors=0),
     }
 

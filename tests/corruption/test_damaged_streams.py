@@ -18,6 +18,10 @@ from sample_meshes import irregular_sequence, waving_grid
 STREAMS = {
     "grid": encode(waving_grid(4, 4, 5)),
     "irregular": encode(irregular_sequence(3), n_modes=2),
+    "blocks": encode(waving_grid(7, 4, 5), "blocks", n_modes=2, block_frames=3),
+    "rows": encode(waving_grid(3, 4, 5), "v2v", n_modes=3, bits=[6, 0, 4]),
+    "gft": encode(irregular_sequence(3), "gft", n_modes=9),
+    "serial": encode(waving_grid(3, 4, 5), "pca-qs", n_modes=2),
 }
 
 

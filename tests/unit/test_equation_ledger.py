@@ -11,7 +11,7 @@ import meshreel
 SOURCE = Path(meshreel.__file__).parent
 TESTS = Path(__file__).parents[1]
 LEDGER = (TESTS.parent / "docs" / "equations.md").read_text()
-ROWS = re.findall(r"^\| (Eq\. \d+) \|[^|]*\| `([^`]+)` \| `([^`]+)` \|", LEDGER, re.MULTILINE)
+ROWS = re.findall(r"^\| (Eq\. \d+|Alg\. 1) \|[^|]*\| `([^`]+)` \| `([^`]+)` \|", LEDGER, re.MULTILINE)
 
 
 def docstrings(path):
@@ -31,7 +31,10 @@ def homes(equation):
 
 
 def test_ledger_lists_every_equation_of_the_paper():
-    assert [equation for equation, _, _ in ROWS] == [f"Eq. {number}" for number in range(1, 14)]
+    assert [equation for equation, _, _ in ROWS] == [
+        *(f"Eq. {number}" for number in range(1, 14)),
+        "Alg. 1",
+    ]
 
 
 @pytest.mark.parametrize(("equation", "home", "test"), ROWS)

@@ -6,18 +6,20 @@ from typing import Annotated
 import typer
 
 from meshreel.codec.config import (
+    DEFAULT_ALLOCATION,
     DEFAULT_ANCHORS,
-    DEFAULT_BITS,
     DEFAULT_ENERGY,
+    DEFAULT_ITERATIONS,
     DEFAULT_LAPLACIAN,
     DEFAULT_METHOD,
     DEFAULT_ORDER,
     EncoderConfig,
 )
-from meshreel.codec.methods import METHODS, Laplacian, Order
+from meshreel.codec.methods import METHODS, Allocation, Laplacian, Order
 
 METHOD_NAMES = ", ".join(row.name for row in METHODS)
 LAPLACIAN_NAMES = ", ".join(row.name.lower() for row in Laplacian)
+ALLOCATION_NAMES = ", ".join(row.value for row in Allocation)
 ORDER_NAMES = ", ".join(row.name.lower() for row in Order)
 
 
@@ -49,11 +51,26 @@ def encode_command(
         ),
     ] = None,
     bits: Annotated[
-        int, typer.Option(help="Bits of the largest delta coefficient, 2 to 24.")
-    ] = DEFAULT_BITS,
+        str | None,
+        typer.Option(
+            metavar="N[,N...]",
+            help="Bits of the largest coefficient, 2 to 24; or of each row, 0 to leave it out. "
+            "[default: 9; pca: 16]",
+            show_default=False,
+        ),
+    ] = None,
+    allocation: Annotated[
+        str,
+        typer.Option(help=f"How one number of bits is spread over the rows: {ALLOCATION_NAMES}."),
+    ] = DEFAULT_ALLOCATION,
     anchors: Annotated[
-        float, typer.Option(help="Share of the vertices sent as anchors, 0 to 1.")
-    ] = DEFAULT_ANCHORS,
+        float | None,
+        typer.Option(
+            help="Share of the vertices sent as anchors, 0 to 1, where the method has them. "
+            f"[default: {DEFAULT_ANCHORS}]",
+            show_default=False,
+        ),
+    ] = None,
     laplacian: Annotated[
         str, typer.Option(help=f"The matrix that makes deltas: {LAPLACIAN_NAMES}.")
     ] = DEFAULT_LAPLACIAN,
@@ -66,8 +83,13 @@ def encode_command(
     ] = DEFAULT_ORDER,
     block_frames: Annotated[
         int | None,
-        typer.Option(help="Frames coded together. Default: all; fewer take less memory."),
+        typer.Option(
+            help="Frames coded together; fewer take less memory. Default: all (blocks: 25)"
+        ),
     ] = None,
+    iterations: Annotated[
+        int, typer.Option(help="Orthogonal iterations from block to block (blocks).")
+    ] = DEFAULT_ITERATIONS,
     fps: Annotated[
         float | None, typer.Option(help="Frames per second. Default: what the input says.")
     ] = None,
@@ -100,11 +122,13 @@ def encode_command(
         method=method,
         n_modes=modes,
         energy=energy,
-        bits=bits,
+        bits=_bits(bits),
+        allocation=allocation,
         anchors=anchors,
         laplacian=laplacian,
         order=order,
         block_frames=block_frames,
+        n_iterations=iterations,
     )
     notes: list[str] = []
     with progress_bar() as progress:
@@ -120,6 +144,19 @@ def encode_command(
         print_json({"output": str(target), "notes": notes, **size_figures(stream)})
     else:
         print_table(str(target), size_rows(stream))
+
+
+def _bits(text: str | None) -> int | list[int] | None:
+    """One number, or one for each row, from '8' or '8,8,6'."""
+    if text is None:
+        return None
+    try:
+        numbers = [int(number) for number in text.split(",")]
+    except ValueError:
+        raise typer.BadParameter(
+            f"--bits takes a whole number, or several as in 8,8,6; got {text!r}"
+        ) from None
+    return numbers if len(numbers) > 1 else numbers[0]
 
 
 def _stem(source: str) -> str:

@@ -1,17 +1,30 @@
 """What the user sets, checked."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
-from meshreel.codec.methods import Laplacian, Method, Order, choice_named, method_named
+from meshreel.codec.methods import (
+    Allocation,
+    Basis,
+    Decoding,
+    Laplacian,
+    Method,
+    Order,
+    choice_named,
+    method_named,
+)
 from meshreel.errors import InvalidInputError
 from meshreel.quantization.uniform import MAX_BITS, MIN_BITS
 
 DEFAULT_METHOD = "pca-qp"
 DEFAULT_ENERGY = 0.99995
-DEFAULT_BITS = 9
 DEFAULT_ANCHORS = 0.01
 DEFAULT_LAPLACIAN = "normalized"
 DEFAULT_ORDER = "keep"
+DEFAULT_ALLOCATION = "energy"
+DEFAULT_ITERATIONS = 2
+DEFAULT_FREQUENCIES = 0.05
+"""Share of the graph frequencies that `gft` keeps."""
 
 
 @dataclass(frozen=True)
@@ -27,29 +40,46 @@ class EncoderConfig:
     method: str = DEFAULT_METHOD
     n_modes: int | None = None
     energy: float | None = None
-    bits: int = DEFAULT_BITS
-    anchors: float = DEFAULT_ANCHORS
+    bits: int | Sequence[int] | None = None
+    allocation: str = DEFAULT_ALLOCATION
+    anchors: float | None = None
     laplacian: str = DEFAULT_LAPLACIAN
     order: str = DEFAULT_ORDER
     block_frames: int | None = None
+    n_iterations: int = DEFAULT_ITERATIONS
 
     def __post_init__(self) -> None:
+        # Names that do not exist are refused now, before any work.
+        row, _, _, allocation = (
+            self.method_row,
+            self.laplacian_choice,
+            self.order_choice,
+            self.allocation_choice,
+        )
         if self.n_modes is not None and self.energy is not None:
             raise InvalidInputError("n_modes and energy exclude each other; give one")
         if self.n_modes is not None:
             _check_count("n_modes", self.n_modes)
         if self.energy is not None and not 0 < self.energy <= 1:
             raise InvalidInputError(f"energy must be in 0..1, above 0; got {self.energy}")
-        if not MIN_BITS <= self.bits <= MAX_BITS or int(self.bits) != self.bits:
-            raise InvalidInputError(f"bits must be {MIN_BITS}..{MAX_BITS}; got {self.bits}")
-        if not 0 <= self.anchors <= 1:
+        if self.energy is not None and row.basis is Basis.GRAPH:
+            raise InvalidInputError(
+                f"method {row.name} keeps a number of low frequencies, not a share of the energy; "
+                "give n_modes"
+            )
+        _check_bits(self.bits_or_default, row, allocation)
+        if not 0 <= self.anchor_share <= 1:
             raise InvalidInputError(
                 f"anchors is a share of the vertices, 0..1 (0.01 = 1 %); got {self.anchors}"
             )
+        if self.anchors and row.decoding is not Decoding.ANCHORED:
+            raise InvalidInputError(
+                f"method {row.name} decodes with {row.decoding.value}, without anchors; leave "
+                "anchors out, or choose pca-qp"
+            )
         if self.block_frames is not None:
             _check_count("block_frames", self.block_frames)
-        # Names that do not exist are refused now, before any work.
-        _ = self.method_row, self.laplacian_choice, self.order_choice
+        _check_count("n_iterations", self.n_iterations)
 
     @property
     def method_row(self) -> Method:
@@ -67,9 +97,52 @@ class EncoderConfig:
         return choice_named(Order, self.order)
 
     @property
+    def allocation_choice(self) -> Allocation:
+        """How a single number of bits is spread over rows."""
+        return choice_named(Allocation, self.allocation)
+
+    @property
     def energy_share(self) -> float:
         """Energy to keep where the number of modes is left open."""
         return DEFAULT_ENERGY if self.energy is None else self.energy
+
+    @property
+    def bits_or_default(self) -> int | Sequence[int]:
+        """Bits, the method's own where none are given."""
+        return self.method_row.bits if self.bits is None else self.bits
+
+    @property
+    def anchor_share(self) -> float:
+        """Share of the vertices that are anchors; 0 is one for each component."""
+        if self.method_row.decoding is not Decoding.ANCHORED:
+            return 0.0
+        return DEFAULT_ANCHORS if self.anchors is None else self.anchors
+
+    def frames_in_block(self, n_frames: int) -> int:
+        """Frames coded together, of a sequence of `n_frames`."""
+        return min(self.block_frames or self.method_row.block_frames or n_frames, n_frames)
+
+
+def _check_bits(bits: int | Sequence[int], method: Method, allocation: Allocation) -> None:
+    if isinstance(bits, Sequence):
+        if method.basis is Basis.GRAPH or not bits:
+            raise InvalidInputError(
+                f"method {method.name} takes one number of bits"
+                if bits
+                else "bits is an empty list; give a number, or one for each row"
+            )
+        for row, number in enumerate(bits):
+            if number != 0:
+                _check_bit_count(number, f"bits of row {row} must be 0 or")
+        return
+    if method.basis is Basis.GRAPH and allocation is Allocation.CONSTANT:
+        raise InvalidInputError(f"method {method.name} has one step; leave allocation at energy")
+    _check_bit_count(bits, "bits must be")
+
+
+def _check_bit_count(bits: int, what: str) -> None:
+    if not MIN_BITS <= bits <= MAX_BITS or int(bits) != bits:
+        raise InvalidInputError(f"{what} {MIN_BITS}..{MAX_BITS}; got {bits}")
 
 
 def _check_count(name: str, value: int) -> None:

@@ -1,7 +1,6 @@
 """The bytes of a stream to a mesh sequence."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -10,15 +9,15 @@ from meshreel.bitstream.header import Header
 from meshreel.bitstream.layout import Section
 from meshreel.bitstream.reader import Stream, read_stream
 from meshreel.codec import payloads
+from meshreel.codec.blocks import StoredBlock, read_coded_blocks
 from meshreel.codec.mesh_model import MeshModel
-from meshreel.codec.methods import Laplacian, Order, choice_of_code, method_of_code
-from meshreel.codec.pipeline import CodedBlock, synthesise
+from meshreel.codec.methods import Laplacian, Method, Order, choice_of_code, method_of_code
+from meshreel.codec.pipeline import FramesOf, synthesise
 from meshreel.connectivity.coder import decode_connectivity, decode_order
 from meshreel.entropy.floats import decode_floats
 from meshreel.errors import CorruptStreamError, InvalidInputError
 from meshreel.progress import Progress, silent
 from meshreel.sequence import Faces, MeshSequence
-from meshreel.subspace.basis import expand
 from meshreel.subspace.trajectories import BoundingFrame, from_matrices
 
 Vertices = npt.NDArray[np.floating]
@@ -26,24 +25,6 @@ Integers = npt.NDArray[np.int64]
 
 CHUNK_BYTES = 1 << 22
 """Size of the float64 frames that are expanded at a time: they should stay in the cache."""
-
-
-@dataclass(frozen=True)
-class _Block:
-    """A block as it lies in the stream, and where its frames belong."""
-
-    start: int
-    n_frames: int
-    n_modes: int
-    sections: dict[Section, bytes]
-
-    def payload(self, section: Section) -> bytes:
-        if section not in self.sections:
-            raise CorruptStreamError(
-                f"the block of frames {self.start}..{self.start + self.n_frames - 1} has no "
-                f"section {section.name}"
-            )
-        return self.sections[section]
 
 
 def decode(
@@ -70,31 +51,38 @@ def decode(
     """
     progress("connectivity", 0.0)
     stream = read_stream(bytes(data))
-    header = stream.header
-    method_of_code(header.method)
-    first, last = _frame_range(frames, header.n_frames)
-    mesh, order, faces = _mesh(stream)
-    vertices = np.empty((last - first, header.n_verts, 3), _number_type(header))
+    header, method = stream.header, method_of_code(stream.header.method)
+    wanted = _frame_range(frames, header.n_frames)
+    mesh = read_mesh(stream, method)
+    order, faces = _given_order(stream, mesh)
+    vertices = np.empty((len(wanted), header.n_verts, 3), _number_type(header))
     # Damaged values may overflow; MeshSequence tells what is not finite.
     with np.errstate(over="ignore", invalid="ignore"):
-        for block in _blocks(stream):
-            start, stop = max(block.start, first), min(block.start + block.n_frames, last)
-            if start < stop:
-                progress("frames", (start - first) / (last - first))
-                target = vertices[start - first : stop - first]
-                _decode_block(
-                    block,
-                    slice(start - block.start, stop - block.start),
-                    mesh,
-                    order,
-                    header,
-                    target,
-                )
+        for stored, block in read_coded_blocks(stream, mesh, method, wanted):
+            start = max(stored.start, wanted.start)
+            stop = min(stored.start + stored.n_frames, wanted.stop)
+            target = vertices[start - wanted.start : stop - wanted.start]
+            frames_of = synthesise(block, mesh, method, order)
+            for done in _filled(target, start - stored.start, frames_of, header):
+                progress("frames", (start - wanted.start + done) / len(wanted))
+            _fill_exact(target, start - stored.start, stored, mesh, order)
     progress("frames", 1.0)
     return _sequence(vertices, faces, header)
 
 
-def _frame_range(frames: slice | None, n_frames: int) -> tuple[int, int]:
+def read_mesh(stream: Stream, method: Method) -> MeshModel:
+    """Connectivity, anchors and what follows from them, in internal order."""
+    header = stream.header
+    faces = decode_connectivity(stream.only(Section.CONNECTIVITY), header.n_verts, header.n_faces)
+    anchors = np.zeros(0, np.int64)
+    if method.has_anchors:
+        anchors = payloads.read_anchor_vertices(
+            stream.only(Section.ANCHOR_VERTICES), header.n_verts
+        )
+    return MeshModel(faces, header.n_verts, anchors, choice_of_code(Laplacian, header.laplacian))
+
+
+def _frame_range(frames: slice | None, n_frames: int) -> range:
     start, stop, step = (frames or slice(None)).indices(n_frames)
     if step != 1:
         raise InvalidInputError(f"frames must have no step; got {frames}")
@@ -103,73 +91,36 @@ def _frame_range(frames: slice | None, n_frames: int) -> tuple[int, int]:
             f"frames {frames and frames.start}:{frames and frames.stop} name no frame; "
             f"the stream has frames 0:{n_frames}"
         )
-    return start, stop
+    return range(start, stop)
 
 
-def _mesh(stream: Stream) -> tuple[MeshModel, Integers, Faces]:
-    """What follows from connectivity; the internal number of each vertex that goes out; faces."""
-    header = stream.header
-    internal = decode_connectivity(
-        stream.only(Section.CONNECTIVITY), header.n_verts, header.n_faces
-    )
-    anchors = payloads.read_anchor_vertices(stream.only(Section.ANCHOR_VERTICES), header.n_verts)
-    mesh = MeshModel(internal, header.n_verts, anchors, choice_of_code(Laplacian, header.laplacian))
-    if choice_of_code(Order, header.order) is Order.DROP:
-        return mesh, np.arange(header.n_verts), internal
-    internal_to_given, faces = decode_order(stream.only(Section.ORDER), internal, header.n_verts)
-    return mesh, np.argsort(internal_to_given), faces
+def _given_order(stream: Stream, mesh: MeshModel) -> tuple[Integers, Faces]:
+    """The internal number of each vertex that goes out, and the faces that go out."""
+    if choice_of_code(Order, stream.header.order) is Order.DROP:
+        return np.arange(mesh.n_verts), mesh.faces
+    internal_to_given, faces = decode_order(stream.only(Section.ORDER), mesh.faces, mesh.n_verts)
+    return np.argsort(internal_to_given), faces
 
 
-def _blocks(stream: Stream) -> Iterator[_Block]:
-    """The blocks of a stream, checked to hold all its frames.
-
-    Raises
-    ------
-    CorruptStreamError
-        If their frames are not as many as the header announces.
-    """
-    blocks, start = [], 0
-    for sections in stream.blocks():
-        n_frames, n_modes = payloads.read_block(sections[Section.BLOCK])
-        blocks.append(_Block(start, n_frames, n_modes, sections))
-        start += n_frames
-    if start != stream.header.n_frames:
-        raise CorruptStreamError(
-            f"the blocks hold {start} frames; the header announces {stream.header.n_frames}"
-        )
-    yield from blocks
-
-
-def _decode_block(
-    block: _Block,
-    frames: slice,
-    mesh: MeshModel,
-    order: Integers,
-    header: Header,
-    target: Vertices,
-) -> None:
-    """Fill `target` with frames of a block, vertices in the order that goes out."""
-    n_modes = block.n_modes
-    basis, coefficients = synthesise(
-        CodedBlock(
-            payloads.read_basis(block.payload(Section.BASIS), n_modes, block.n_frames),
-            payloads.read_anchors(block.payload(Section.ANCHORS), n_modes, len(mesh.anchors)),
-            payloads.read_coefficients(
-                block.payload(Section.COEFFICIENTS), n_modes, header.n_verts
-            ),
-        ),
-        mesh,
-    )
-    basis, coefficients = basis[:, frames], coefficients[:, :, order]
+def _filled(target: Vertices, first: int, frames_of: FramesOf, header: Header) -> Iterator[int]:
+    """Fill `target` with frames of a block, from its frame `first` on; yields how many are."""
     frame = BoundingFrame(header.origin, header.scale)
     chunk = max(1, CHUNK_BYTES // (24 * header.n_verts))
     for start in range(0, len(target), chunk):
-        part = slice(start, start + chunk)
-        target[part] = from_matrices(expand(basis[:, part], coefficients), frame, target.dtype)
+        stop = min(start + chunk, len(target))
+        matrices = frames_of(slice(first + start, first + stop))
+        target[start:stop] = from_matrices(matrices, frame, target.dtype)
+        yield stop
+
+
+def _fill_exact(
+    target: Vertices, first: int, stored: StoredBlock, mesh: MeshModel, order: Integers
+) -> None:
+    """Put isolated vertices where they were."""
     if len(mesh.isolated):
-        shape = (block.n_frames, len(mesh.isolated), 3)
-        exact = decode_floats(block.payload(Section.EXACT), shape, target.dtype)
-        target[:, np.argsort(order)[mesh.isolated]] = exact[frames]
+        shape = (stored.n_frames, len(mesh.isolated), 3)
+        exact = decode_floats(stored.payload(Section.EXACT), shape, target.dtype)
+        target[:, np.argsort(order)[mesh.isolated]] = exact[first : first + len(target)]
 
 
 def _sequence(vertices: Vertices, faces: Faces, header: Header) -> MeshSequence:

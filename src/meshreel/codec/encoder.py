@@ -1,6 +1,7 @@
 """A mesh sequence to the bytes of a stream."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -9,21 +10,22 @@ from meshreel.bitstream.header import Header
 from meshreel.bitstream.layout import Section, VertexType
 from meshreel.bitstream.writer import write_stream
 from meshreel.codec import payloads
+from meshreel.codec.blocks import tracked_from, write_coded_block
 from meshreel.codec.config import (
-    DEFAULT_ANCHORS,
-    DEFAULT_BITS,
+    DEFAULT_ALLOCATION,
+    DEFAULT_ITERATIONS,
     DEFAULT_LAPLACIAN,
     DEFAULT_METHOD,
     DEFAULT_ORDER,
     EncoderConfig,
 )
 from meshreel.codec.mesh_model import MeshModel, choose_anchors
-from meshreel.codec.methods import Order
-from meshreel.codec.pipeline import analyse
+from meshreel.codec.methods import Basis, Order
+from meshreel.codec.pipeline import Quantized, analyse, modes_needed
 from meshreel.connectivity.coder import CodedConnectivity, encode_connectivity
 from meshreel.entropy.floats import encode_floats
 from meshreel.progress import Progress, silent
-from meshreel.sequence import MeshSequence
+from meshreel.sequence import Faces, MeshSequence
 from meshreel.subspace.trajectories import BoundingFrame, bounding_frame, to_matrices
 
 
@@ -33,11 +35,13 @@ def encode(
     *,
     n_modes: int | None = None,
     energy: float | None = None,
-    bits: int = DEFAULT_BITS,
-    anchors: float = DEFAULT_ANCHORS,
+    bits: int | Sequence[int] | None = None,
+    allocation: str = DEFAULT_ALLOCATION,
+    anchors: float | None = None,
     laplacian: str = DEFAULT_LAPLACIAN,
     order: str = DEFAULT_ORDER,
     block_frames: int | None = None,
+    n_iterations: int = DEFAULT_ITERATIONS,
     progress: Progress = silent,
 ) -> bytes:
     """The bytes of a `.reel` stream that holds the sequence.
@@ -45,49 +49,61 @@ def encode(
     Parameters
     ----------
     sequence : MeshSequence
-    method : str, default "pca-qp"
-        Delta coordinates projected on the eigen-trajectories of each axis, quantised, decoded by
-        least squares with anchors.
+    method : {"pca-qp", "pca", "pca-q", "v2v", "pca-qs", "blocks", "gft"}
+        Variant of the paper (`codec.methods.METHODS`). `pca-qp`, the default: deltas on the
+        eigen-trajectories of each axis, least squares with anchors. `pca`, `pca-q`: without
+        anchors, the first at 16 bits. `v2v`: vertices instead of deltas. `pca-qs`: as `pca-qp`,
+        decoded one frame after another. `blocks`: eigen-trajectories of short blocks, tracked.
+        `gft`: each frame's deltas on the low frequencies of the graph.
     n_modes : int, optional
         Eigen-trajectories to keep of each axis (the paper's k_l); at most as many as a block has
-        frames are used. Excludes `energy`.
+        frames are used. Excludes `energy`. With `gft`, graph frequencies; default 5 % of the
+        vertices.
     energy : float, optional
         Share of the shape's energy to keep, 0..1; it chooses the number of modes. What is left
         out makes a KG error of sqrt(1 - energy). Default 0.99995, that is 0.7 %.
-    bits : int, default 9
-        Bits of the largest delta coefficient, 2..24; all others share its step.
-    anchors : float, default 0.01
-        Share of the vertices sent as anchors, 0..1. Every connected component gets at least one:
-        with 0 this is decoding by L alone (Eq. 11).
+    bits : int, or sequence of int, optional
+        Bits of the largest coefficient, 2..24; or bits of each row, where 0 leaves the row out.
+        Default 9 (`pca`: 16).
+    allocation : {"energy", "constant"}
+        How a single number of bits is spread over the rows: all share the step of the largest,
+        so that bits follow a row's energy; or each takes that many bits of its own range.
+    anchors : float, optional
+        Share of the vertices sent as anchors, 0..1, where the method has them; default 0.01.
+        Every connected component gets at least one: with 0 this is decoding by L alone (Eq. 11).
     laplacian : {"normalized", "combinatorial"}
         I - D^-1 C (Eq. 3), which measured better, or D - C (Eq. 1).
     order : {"keep", "vertices", "drop"}
         Keep vertices and faces in the order they came; or the vertices only; or neither, which
         gives the smallest stream.
     block_frames : int, optional
-        Frames that are coded together. Default: all of them.
+        Frames that are coded together. Default: all of them (`blocks`: 25).
+    n_iterations : int, default 2
+        Orthogonal iterations from one block to the next (`blocks`).
     progress : callable, optional
         Called with the stage and the share done, 0..1.
 
     Raises
     ------
     InvalidInputError
-        If an option is out of range.
+        If an option is out of range, or the mesh is too large for the method.
 
     References
     ----------
     G. Arvanitis, A. S. Lalos, K. Moustakas, "Fast Spatio-temporal Compression of Dynamic 3D
-    Meshes": the method `pca-qp` is its PCA+qp.
+    Meshes".
     """
     config = EncoderConfig(
         method=method,
         n_modes=n_modes,
         energy=energy,
         bits=bits,
+        allocation=allocation,
         anchors=anchors,
         laplacian=laplacian,
         order=order,
         block_frames=block_frames,
+        n_iterations=n_iterations,
     )
     progress("connectivity", 0.0)
     connectivity = encode_connectivity(sequence.faces, sequence.n_verts, order=config.order)
@@ -121,32 +137,53 @@ def _sections(
     config: EncoderConfig,
     progress: Progress,
 ) -> Iterator[tuple[Section, bytes]]:
-    faces = connectivity.internal_faces
-    mesh = MeshModel(
-        faces,
-        sequence.n_verts,
-        choose_anchors(faces, sequence.n_verts, config.anchors),
-        config.laplacian_choice,
-    )
+    mesh = _mesh_model(connectivity.internal_faces, sequence.n_verts, config)
     yield Section.CONNECTIVITY, connectivity.payload
     if config.order_choice is not Order.DROP:
         yield Section.ORDER, connectivity.order_payload
-    yield Section.ANCHOR_VERTICES, payloads.write_anchor_vertices(mesh.anchors)
-    size = config.block_frames or sequence.n_frames
-    for start in range(0, sequence.n_frames, size):
+    if config.method_row.has_anchors:
+        yield Section.ANCHOR_VERTICES, payloads.write_anchor_vertices(mesh.anchors)
+    blocks = _Blocks(sequence, connectivity.internal_to_given, config)
+    config = _with_modes_for_all(config, blocks, frame)
+    before: Quantized | None = None
+    for start, vertices in blocks:
         progress("frames", start / sequence.n_frames)
-        vertices = sequence.vertices[start : start + size, connectivity.internal_to_given]
-        yield from _block_sections(vertices, mesh, frame, config)
+        before = tracked_from(config.method_row, before, len(vertices))
+        block = analyse(to_matrices(vertices, frame), mesh, config, before)
+        yield from write_coded_block(block, len(vertices), config.method_row, before)
+        if len(mesh.isolated):
+            yield Section.EXACT, encode_floats(vertices[:, mesh.isolated])
+        before = block.basis
     progress("frames", 1.0)
 
 
-def _block_sections(
-    vertices: npt.NDArray[np.floating], mesh: MeshModel, frame: BoundingFrame, config: EncoderConfig
-) -> Iterator[tuple[Section, bytes]]:
-    block = analyse(to_matrices(vertices, frame), mesh, config)
-    yield Section.BLOCK, payloads.write_block(len(vertices), block.n_modes)
-    yield Section.BASIS, payloads.write_basis(block.basis)
-    yield Section.ANCHORS, payloads.write_anchors(block.anchors)
-    yield Section.COEFFICIENTS, payloads.write_coefficients(block.coefficients)
-    if len(mesh.isolated):
-        yield Section.EXACT, encode_floats(vertices[:, mesh.isolated])
+def _mesh_model(faces: Faces, n_verts: int, config: EncoderConfig) -> MeshModel:
+    anchors = np.zeros(0, np.int64)
+    if config.method_row.has_anchors:
+        anchors = choose_anchors(faces, n_verts, config.anchor_share)
+    return MeshModel(faces, n_verts, anchors, config.laplacian_choice)
+
+
+@dataclass(frozen=True)
+class _Blocks:
+    """The blocks of a sequence in internal vertex order, made when asked for."""
+
+    sequence: MeshSequence
+    internal_to_given: npt.NDArray[np.int64]
+    config: EncoderConfig
+
+    def __iter__(self) -> Iterator[tuple[int, npt.NDArray[np.floating]]]:
+        """First frame and positions of each block."""
+        size = self.config.frames_in_block(self.sequence.n_frames)
+        for start in range(0, self.sequence.n_frames, size):
+            yield start, self.sequence.vertices[start : start + size, self.internal_to_given]
+
+
+def _with_modes_for_all(
+    config: EncoderConfig, blocks: _Blocks, frame: BoundingFrame
+) -> EncoderConfig:
+    """The configuration, with the number of modes that a tracked basis has in all its blocks."""
+    if config.method_row.basis is not Basis.TRACKED or config.n_modes is not None:
+        return config
+    needed = max(modes_needed(to_matrices(vertices, frame), config) for _, vertices in blocks)
+    return replace(config, n_modes=needed, energy=None)

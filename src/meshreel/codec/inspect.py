@@ -3,10 +3,16 @@
 from dataclasses import asdict, dataclass
 from typing import Any
 
+import numpy as np
+import numpy.typing as npt
+
 from meshreel.bitstream.layout import Section
 from meshreel.bitstream.reader import Stream, read_stream
+from meshreel.codec.blocks import read_coded_blocks, stored_blocks
+from meshreel.codec.decoder import read_mesh
 from meshreel.codec.methods import Laplacian, Order, choice_of_code, method_of_code
-from meshreel.codec.payloads import read_block
+from meshreel.codec.pipeline import CodedBlock
+from meshreel.entropy.coder import encode_integers
 
 
 @dataclass(frozen=True)
@@ -73,7 +79,8 @@ def info(data: bytes) -> StreamInfo:
     """
     stream = read_stream(bytes(data))
     header = stream.header
-    blocks = [read_block(sections[Section.BLOCK]) for sections in stream.blocks()]
+    method = method_of_code(header.method)
+    blocks = stored_blocks(stream, method)
     positions = header.n_frames * header.n_verts * 3
     return StreamInfo(
         n_frames=header.n_frames,
@@ -81,16 +88,48 @@ def info(data: bytes) -> StreamInfo:
         n_faces=header.n_faces,
         fps=header.fps,
         name=header.name,
-        method=method_of_code(header.method).name,
+        method=method.name,
         laplacian=choice_of_code(Laplacian, header.laplacian).name.lower(),
         order=choice_of_code(Order, header.order).name.lower(),
         vertex_type=header.vertex_type.name.lower(),
-        n_modes=tuple(n_modes for _, n_modes in blocks),
-        block_frames=tuple(n_frames for n_frames, _ in blocks),
+        n_modes=tuple(block.n_modes for block in blocks),
+        block_frames=tuple(block.n_frames for block in blocks),
         size_bytes=stream.size_bytes,
         raw_size_bytes=positions * header.vertex_type + header.n_faces * 12,
         budget_bytes=_budget(stream),
     )
+
+
+def coded_blocks(data: bytes) -> list[CodedBlock]:
+    """The integers of every block of a stream, dictionaries added up.
+
+    Raises
+    ------
+    CorruptStreamError, TruncatedStreamError, UnsupportedVersionError
+        If the bytes are not a whole stream that this build reads.
+    """
+    stream = read_stream(bytes(data))
+    method = method_of_code(stream.header.method)
+    frames = range(stream.header.n_frames)
+    blocks = read_coded_blocks(stream, read_mesh(stream, method), method, frames)
+    return [block for _, block in blocks]
+
+
+def bits_per_row(data: bytes) -> list[npt.NDArray[np.float64]]:
+    """Bits that each row of coefficients takes by itself, of shape (3, K) for each block.
+
+    Each row is coded alone, table included; where a stream's rows have tables of their own, the
+    sum is that of the section but for the framing of some 10 bytes a row.
+    """
+    return [
+        np.array(
+            [
+                [8.0 * len(encode_integers([row])) for row in axis]
+                for axis in block.coefficients.integers
+            ]
+        )
+        for block in coded_blocks(data)
+    ]
 
 
 def _budget(stream: Stream) -> dict[str, int]:

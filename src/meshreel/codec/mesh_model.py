@@ -13,6 +13,7 @@ from meshreel.geometry.connectivity import adjacency_matrix, component_labels, i
 from meshreel.geometry.laplacian import uniform_laplacian
 from meshreel.reconstruction.system import ReconstructionSystem
 from meshreel.sequence import Faces
+from meshreel.subspace.graph_fourier import graph_fourier_basis
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
@@ -51,9 +52,9 @@ class MeshModel:
             normalized=self.laplacian_choice is Laplacian.NORMALIZED,
         )
 
-    @cached_property
-    def _system(self) -> ReconstructionSystem:
-        return ReconstructionSystem(self.laplacian, np.concatenate([self.anchors, self.isolated]))
+    def graph_fourier_basis(self, n_modes: int) -> Floats:
+        """Low frequencies of D - C, whichever Laplacian makes the deltas: of shape (V, K)."""
+        return graph_fourier_basis(uniform_laplacian(self.faces, self.n_verts), n_modes)
 
     def reconstruct(self, deltas: Floats, anchor_values: Floats) -> Floats:
         """Values at all vertices, of shape (V, K), by Eq. 12; 0 at isolated vertices.
@@ -65,8 +66,22 @@ class MeshModel:
         deltas : float64 array of shape (V, K)
         anchor_values : float64 array of shape (A, K)
         """
+        return self._solve(self._system, deltas, anchor_values)
+
+    def reconstruct_anew(self, deltas: Floats, anchor_values: Floats) -> Floats:
+        """The same as `reconstruct`, with a system that is built, factored and forgotten."""
+        return self._solve(self._new_system(), deltas, anchor_values)
+
+    @cached_property
+    def _system(self) -> ReconstructionSystem:
+        return self._new_system()
+
+    def _new_system(self) -> ReconstructionSystem:
+        return ReconstructionSystem(self.laplacian, np.concatenate([self.anchors, self.isolated]))
+
+    def _solve(self, system: ReconstructionSystem, deltas: Floats, anchor_values: Floats) -> Floats:
         nothing = np.zeros((len(self.isolated), anchor_values.shape[1]))
-        return self._system.solve(deltas, np.concatenate([anchor_values, nothing]))
+        return system.solve(deltas, np.concatenate([anchor_values, nothing]))
 
 
 def choose_anchors(faces: Faces, n_verts: int, share: float) -> Integers:

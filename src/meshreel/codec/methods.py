@@ -1,15 +1,46 @@
-"""The choices a stream can be made with, and their codes in it."""
+"""The choices a stream can be made with, and their codes in it.
+
+Each variant of the paper is a row of choices: what is transformed, on which basis, and how it is
+decoded. The pipeline reads the choices, never the names.
+"""
 
 from dataclasses import dataclass
-from enum import IntEnum
+from enum import Enum, IntEnum
 from typing import TypeVar
 
 from meshreel.errors import InvalidInputError, UnsupportedVersionError
 
+DEFAULT_BITS = 9
+FINE_BITS = 16
+TRACKED_BLOCK_FRAMES = 25
+
+
+class Signal(Enum):
+    """What is projected and quantised."""
+
+    DELTAS = "delta coordinates"
+    VERTICES = "vertex coordinates"
+
+
+class Basis(Enum):
+    """What it is projected on."""
+
+    TRAJECTORIES = "eigen-trajectories of each block"
+    TRACKED = "eigen-trajectories, tracked from block to block by orthogonal iterations"
+    GRAPH = "eigenvectors of the Laplacian, frame by frame"
+
+
+class Decoding(Enum):
+    """How vertices come back."""
+
+    ANCHORED = "least squares with anchors (Eq. 12)"
+    LAPLACIAN = "L alone (Eq. 11)"
+    PRODUCT = "the product of basis and coefficients"
+
 
 @dataclass(frozen=True)
 class Method:
-    """A method: a row of the paper's table of variants.
+    """A method: a row of the table of variants.
 
     Attributes
     ----------
@@ -17,21 +48,49 @@ class Method:
         What the user calls it.
     code : int
         What the stream calls it.
-    summary : str
-        One line for `--help` and `info`.
+    signal : Signal
+    basis : Basis
+    decoding : Decoding
+    is_serial : bool
+        Whether the decoder builds and solves a system for each frame, as the paper's serial
+        variants do, instead of one for all.
+    bits : int
+        Bits of the largest coefficient where the user gives none.
+    block_frames : int or None
+        Frames coded together where the user gives none; None is all.
     """
 
     name: str
     code: int
-    summary: str
+    signal: Signal
+    basis: Basis
+    decoding: Decoding
+    is_serial: bool = False
+    bits: int = DEFAULT_BITS
+    block_frames: int | None = None
 
+    @property
+    def has_anchors(self) -> bool:
+        """Whether anchors are sent: where a system is solved, each component needs one."""
+        return self.decoding is not Decoding.PRODUCT
+
+    @property
+    def summary(self) -> str:
+        """The choices in one line."""
+        how = ", a system for each frame" if self.is_serial else ""
+        return f"{self.signal.value} on {self.basis.value}; {self.decoding.value}{how}"
+
+
+_D, _T, _A = Signal.DELTAS, Basis.TRAJECTORIES, Decoding.ANCHORED
 
 METHODS = (
-    Method(
-        "pca-qp",
-        0,
-        "delta coordinates on the eigen-trajectories, quantised; least squares with anchors",
-    ),
+    Method("pca-qp", 0, _D, _T, _A),
+    Method("pca", 1, _D, _T, Decoding.LAPLACIAN, bits=FINE_BITS),
+    Method("pca-q", 2, _D, _T, Decoding.LAPLACIAN),
+    Method("v2v", 3, Signal.VERTICES, _T, Decoding.PRODUCT),
+    Method("pca-qs", 4, _D, _T, _A, is_serial=True),
+    Method("blocks", 5, _D, Basis.TRACKED, _A, block_frames=TRACKED_BLOCK_FRAMES),
+    Method("gft", 6, _D, Basis.GRAPH, _A, is_serial=True),
 )
 
 
@@ -48,6 +107,13 @@ class Order(IntEnum):
     KEEP = 0
     VERTICES = 1
     DROP = 2
+
+
+class Allocation(Enum):
+    """How a single number of bits is spread over the rows of coefficients."""
+
+    ENERGY = "energy"
+    CONSTANT = "constant"
 
 
 def method_named(name: str) -> Method:
@@ -80,7 +146,8 @@ def method_of_code(code: int) -> Method:
     raise UnsupportedVersionError(f"method {code} is unknown to this build; upgrade meshreel")
 
 
-Choice = TypeVar("Choice", bound=IntEnum)
+Choice = TypeVar("Choice", bound=Enum)
+CodedChoice = TypeVar("CodedChoice", bound=IntEnum)
 
 
 def choice_named(choices: type[Choice], name: str) -> Choice:
@@ -98,7 +165,7 @@ def choice_named(choices: type[Choice], name: str) -> Choice:
     raise InvalidInputError(f"{choices.__name__.lower()} {name!r} is unknown; choose {allowed}")
 
 
-def choice_of_code(choices: type[Choice], code: int) -> Choice:
+def choice_of_code(choices: type[CodedChoice], code: int) -> CodedChoice:
     """The member of an enumeration by its code in a stream.
 
     Raises

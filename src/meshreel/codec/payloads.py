@@ -1,7 +1,5 @@
 """Integers to the payloads of sections and back: the layouts of `docs/format.md`."""
 
-import struct
-
 import numpy as np
 import numpy.typing as npt
 
@@ -9,10 +7,10 @@ from meshreel.codec.pipeline import Quantized
 from meshreel.entropy.coder import decode_integers, encode_integers
 from meshreel.entropy.varint import read_varint, write_varint
 from meshreel.errors import CorruptStreamError, TruncatedStreamError
+from meshreel.quantization.uniform import Steps
 
 Integers = npt.NDArray[np.int64]
 
-_STEP = struct.Struct("<f")
 MAX_DIFFERENCE = 2
 
 
@@ -50,63 +48,53 @@ def read_block(payload: bytes) -> tuple[int, int]:
     Raises
     ------
     CorruptStreamError
-        If a number is 0, there are more modes than frames, or bytes are left over.
+        If a number is 0, or bytes are left over.
     """
     n_frames, position = read_varint(payload, 0)
     n_modes, position = read_varint(payload, position)
-    if not 1 <= n_modes <= n_frames or position != len(payload):
+    if not (n_modes and n_frames) or position != len(payload):
         raise CorruptStreamError(
-            f"a block announces {n_modes} modes for {n_frames} frames; 1 to as many as frames "
-            "are allowed"
+            f"a block announces {n_frames} frames and {n_modes} modes; each must be at least 1"
         )
     return n_frames, n_modes
 
 
-def write_basis(basis: Quantized) -> bytes:
-    """The dictionary: for each row the difference in time that makes it smallest, then it."""
-    n_modes, n_frames = basis.integers.shape[1:]
-    differenced = [_best_difference(row) for row in basis.integers.reshape(-1, n_frames)]
-    orders = np.array([order for order, _ in differenced])
+def write_curves(curves: Quantized) -> bytes:
+    """Rows over time: for each the difference that makes it smallest, and which one that is."""
+    n_rows, n_frames = curves.integers.shape[1:]
+    differenced = [_best_difference(row) for row in curves.integers.reshape(-1, n_frames)]
+    orders = np.array([order for order, _ in differenced], np.int64)
     rows = [orders, *(row for _, row in differenced)]
-    return _write_step(basis.step) + encode_integers(rows, [0, *_shared_tables(n_modes, 1)])
+    return _write_steps(curves.steps) + encode_integers(rows, [0, *_shared_tables(n_rows, 1)])
 
 
-def read_basis(payload: bytes, n_modes: int, n_frames: int) -> Quantized:
-    """Undo `write_basis`: integers of shape (3, K, T)."""
-    step, coded = _read_step(payload)
-    lengths = [3 * n_modes, *[n_frames] * (3 * n_modes)]
-    orders, *rows = decode_integers(coded, lengths, [0, *_shared_tables(n_modes, 1)])
+def read_curves(payload: bytes, n_rows: int, n_frames: int) -> Quantized:
+    """Undo `write_curves`: integers of shape (3, rows, T)."""
+    steps, coded = _read_steps(payload, n_rows)
+    lengths = [3 * n_rows, *[n_frames] * (3 * n_rows)]
+    orders, *rows = decode_integers(coded, lengths, [0, *_shared_tables(n_rows, 1)])
     if np.any((orders < 0) | (orders > MAX_DIFFERENCE)):
-        raise CorruptStreamError(f"a dictionary row is differenced more than {MAX_DIFFERENCE} x")
-    summed = [_sum_up(row, int(order)) for order, row in zip(orders, rows, strict=True)]
-    return Quantized(np.stack(summed).reshape(3, n_modes, n_frames), step)
+        raise CorruptStreamError(f"a row over time is differenced more than {MAX_DIFFERENCE} x")
+    summed = np.empty((3 * n_rows, n_frames), np.int64)
+    for target, order, row in zip(summed, orders, rows, strict=True):
+        target[:] = _sum_up(row, int(order))
+    return Quantized(summed.reshape(3, n_rows, n_frames), steps)
 
 
-def write_anchors(anchors: Quantized) -> bytes:
-    """Coefficients of the anchors; modes of similar number share a table."""
-    n_modes, n_anchors = anchors.integers.shape[1:]
-    rows = list(anchors.integers.reshape(3 * n_modes, n_anchors))
-    return _write_step(anchors.step) + encode_integers(rows, _shared_tables(n_modes, 0))
+def write_rows(rows: Quantized, *, shared: bool) -> bytes:
+    """Rows of coefficients, each with a table of its own or shared by modes of similar number."""
+    n_rows, length = rows.integers.shape[1:]
+    tables = _shared_tables(n_rows, 0) if shared else None
+    flat = list(rows.integers.reshape(3 * n_rows, length))
+    return _write_steps(rows.steps) + encode_integers(flat, tables)
 
 
-def read_anchors(payload: bytes, n_modes: int, n_anchors: int) -> Quantized:
-    """Undo `write_anchors`: integers of shape (3, K, A)."""
-    step, coded = _read_step(payload)
-    rows = decode_integers(coded, [n_anchors] * (3 * n_modes), _shared_tables(n_modes, 0))
-    return Quantized(np.stack(rows).reshape(3, n_modes, n_anchors), step)
-
-
-def write_coefficients(coefficients: Quantized) -> bytes:
-    """Coefficients of the deltas; each row has a table of its own."""
-    rows = list(coefficients.integers.reshape(-1, coefficients.integers.shape[2]))
-    return _write_step(coefficients.step) + encode_integers(rows)
-
-
-def read_coefficients(payload: bytes, n_modes: int, n_verts: int) -> Quantized:
-    """Undo `write_coefficients`: integers of shape (3, K, V)."""
-    step, coded = _read_step(payload)
-    rows = decode_integers(coded, [n_verts] * (3 * n_modes))
-    return Quantized(np.stack(rows).reshape(3, n_modes, n_verts), step)
+def read_rows(payload: bytes, n_rows: int, length: int, *, shared: bool) -> Quantized:
+    """Undo `write_rows`: integers of shape (3, rows, length)."""
+    steps, coded = _read_steps(payload, n_rows)
+    tables = _shared_tables(n_rows, 0) if shared else None
+    rows = decode_integers(coded, [length] * (3 * n_rows), tables)
+    return Quantized(np.stack(rows).reshape(3, n_rows, length), steps)
 
 
 def _best_difference(row: Integers) -> tuple[int, Integers]:
@@ -130,14 +118,18 @@ def _shared_tables(n_modes: int, first: int) -> list[int]:
     return [first + (mode + 1).bit_length() - 1 for mode in range(n_modes)] * 3
 
 
-def _write_step(step: np.float32) -> bytes:
-    return _STEP.pack(step)
+def _write_steps(steps: Steps) -> bytes:
+    return write_varint(len(steps)) + steps.astype("<f4").tobytes()
 
 
-def _read_step(payload: bytes) -> tuple[np.float32, bytes]:
-    if len(payload) < _STEP.size:
-        raise TruncatedStreamError("a section ends inside its quantisation step")
-    (step,) = _STEP.unpack_from(payload)
-    if not 0 <= step < float("inf"):
-        raise CorruptStreamError(f"the quantisation step {step} is not a positive number")
-    return np.float32(step), payload[_STEP.size :]
+def _read_steps(payload: bytes, n_rows: int) -> tuple[Steps, bytes]:
+    n_steps, start = read_varint(payload, 0)
+    if n_steps not in (1, n_rows):
+        raise CorruptStreamError(f"{n_steps} steps are announced for {n_rows} rows; 1 or as many")
+    end = start + 4 * n_steps
+    if end > len(payload):
+        raise TruncatedStreamError("a section ends inside its quantisation steps")
+    steps = np.frombuffer(payload[start:end], "<f4").astype(np.float32)
+    if not (np.isfinite(steps) & (steps >= 0)).all():
+        raise CorruptStreamError("a quantisation step is not a positive number")
+    return steps, payload[end:]

@@ -1,20 +1,27 @@
 """The method itself: frames to integers and back, one call a line."""
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.codec.config import EncoderConfig
+from meshreel.codec.config import DEFAULT_FREQUENCIES, EncoderConfig
 from meshreel.codec.mesh_model import MeshModel
+from meshreel.codec.methods import Allocation, Basis, Method, Signal
 from meshreel.geometry.laplacian import delta_coordinates
-from meshreel.quantization.uniform import dequantize, quantize, uniform_step
-from meshreel.subspace.basis import project
+from meshreel.quantization.allocation import step_for_all_rows, steps_for_each_row
+from meshreel.quantization.uniform import Steps, dequantize, quantize
+from meshreel.subspace.basis import expand, project
+from meshreel.subspace.orthogonal_iteration import advance_basis, align_basis
 from meshreel.subspace.pca import autocorrelation, eigen_trajectories
 from meshreel.subspace.rank import modes_for_energy
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
+
+FramesOf = Callable[[slice], Floats]
+"""Gives the coordinate matrices, of shape (3, frames, V), of a range of frames of a block."""
 
 BASIS_BITS = 16
 ANCHOR_BITS = 16
@@ -22,48 +29,57 @@ ANCHOR_BITS = 16
 
 @dataclass(frozen=True)
 class Quantized:
-    """Integers and the step that makes them values again."""
+    """Integers of shape (3, rows, columns), and the steps that make them values again.
+
+    Attributes
+    ----------
+    integers : int64 array of shape (3, rows, columns)
+    steps : float32 array of shape (1,) or (rows,)
+    """
 
     integers: Integers
-    step: np.float32
+    steps: Steps
 
     @classmethod
-    def from_values(cls, values: Floats, bits: int) -> "Quantized":
-        """The values, with a step that gives the largest of them `bits` bits."""
-        step = uniform_step(values, bits)
-        return cls(quantize(values, step), step)
+    def of(cls, values: Floats, steps: Steps) -> "Quantized":
+        """The values, rounded to multiples of the steps."""
+        return cls(quantize(values, steps), steps)
 
     @property
     def values(self) -> Floats:
         """What the decoder sees of the values."""
-        return dequantize(self.integers, self.step)
+        return dequantize(self.integers, self.steps)
 
 
 @dataclass(frozen=True)
 class CodedBlock:
     """A block of frames as integers: all that is stored of it, apart from isolated vertices.
 
+    On eigen-trajectories a row belongs to a mode. On graph frequencies (`gft`) a row of
+    coefficients is a frequency over time, and a row of anchors is an anchor over time.
+
     Attributes
     ----------
-    basis : Quantized, shape (3, K, T)
-        The dictionary: a row for each eigen-trajectory of each axis.
-    anchors : Quantized, shape (3, K, A)
-        Coefficients of the anchors' trajectories.
-    coefficients : Quantized, shape (3, K, V)
-        Coefficients of the delta coordinates.
+    basis : Quantized of shape (3, K, T), or None
+        The dictionary: a row for each eigen-trajectory of each axis. None on graph frequencies.
+    anchors : Quantized of shape (3, K, A), or (3, A, T) on graph frequencies, or None
+        Coefficients of the anchors' trajectories; their positions; or there are none.
+    coefficients : Quantized of shape (3, K, V), or (3, K, T) on graph frequencies
     """
 
-    basis: Quantized
-    anchors: Quantized
+    basis: Quantized | None
+    anchors: Quantized | None
     coefficients: Quantized
 
     @property
     def n_modes(self) -> int:
-        """Modes of each axis, K."""
-        return int(self.basis.integers.shape[1])
+        """Modes of each axis, or graph frequencies, K."""
+        return int(self.coefficients.integers.shape[1])
 
 
-def analyse(matrices: Floats, mesh: MeshModel, config: EncoderConfig) -> CodedBlock:
+def analyse(
+    matrices: Floats, mesh: MeshModel, config: EncoderConfig, before: Quantized | None = None
+) -> CodedBlock:
     """A block of frames as integers.
 
     Parameters
@@ -72,45 +88,144 @@ def analyse(matrices: Floats, mesh: MeshModel, config: EncoderConfig) -> CodedBl
         Coordinate matrices A, in internal vertex order (`subspace.trajectories`).
     mesh : MeshModel
     config : EncoderConfig
+    before : Quantized, optional
+        Dictionary of the block before, which a tracked one starts from.
     """
-    trajectories = _leading_trajectories(matrices, config)
-    basis = Quantized.from_values(np.swapaxes(trajectories, 1, 2), BASIS_BITS)
+    method = config.method_row
+    if method.basis is Basis.GRAPH:
+        return _analyse_on_graph(matrices, mesh, config)
+    basis = _dictionary(matrices, config, before)
     # Onto the dictionary as the decoder will have it, rounding included.
     projected = project(np.swapaxes(basis.values, 1, 2), matrices)
-    deltas = np.stack([delta_coordinates(mesh.laplacian, axis.T).T for axis in projected])
+    signal = _deltas(projected, mesh) if method.signal is Signal.DELTAS else projected
     return CodedBlock(
         basis=basis,
         # Deviation from Eq. 12: the anchors' K coefficients are sent, not their T positions:
         # what lies outside the span of the K modes has no effect on the solution.
-        anchors=Quantized.from_values(projected[:, :, mesh.anchors], ANCHOR_BITS),
-        coefficients=Quantized.from_values(deltas, config.bits),
+        anchors=_fine(projected[:, :, mesh.anchors], ANCHOR_BITS) if method.has_anchors else None,
+        coefficients=Quantized.of(signal, _coefficient_steps(signal, config)),
     )
 
 
-def synthesise(block: CodedBlock, mesh: MeshModel) -> tuple[Floats, Floats]:
-    """Basis of shape (3, T, K) and vertex coefficients of shape (3, K, V).
+def synthesise(block: CodedBlock, mesh: MeshModel, method: Method, order: Integers) -> FramesOf:
+    """A function that gives the frames of a block, vertices in the order that goes out.
 
-    Their product (`subspace.basis.expand`) is the coordinate matrices. The system is solved for
-    the K columns of each axis and never for frames: the Laplacian acts on vertices and the basis
-    on frames, so that the order of the two does not matter.
+    On eigen-trajectories the system is solved once for the K columns of each axis, not for
+    frames: the Laplacian acts on vertices and the basis on frames, so that the order of the two
+    does not matter. The serial methods of the paper solve for each frame nevertheless.
+
+    Parameters
+    ----------
+    block : CodedBlock
+    mesh : MeshModel
+    method : Method
+    order : integer array of shape (V,)
+        Internal number of each vertex that goes out.
     """
-    deltas, anchors = block.coefficients.values, block.anchors.values
-    n_modes, n_verts = deltas.shape[1:]
-    columns = mesh.reconstruct(
-        deltas.reshape(-1, n_verts).T, anchors.reshape(3 * n_modes, len(mesh.anchors)).T
-    )
-    coefficients = columns.T.reshape(3, n_modes, n_verts)
-    return np.swapaxes(block.basis.values, 1, 2), coefficients
+    if method.is_serial:
+        deltas_of, anchors_of = _signals_of_frames(block, mesh)
+        return _frame_by_frame(mesh, deltas_of, anchors_of, order)
+    assert block.basis is not None  # only serial methods are without one
+    basis = np.swapaxes(block.basis.values, 1, 2)
+    coefficients = block.coefficients.values
+    if block.anchors is not None:
+        coefficients = _solved(mesh, coefficients, block.anchors.values)
+    coefficients = coefficients[:, :, order]
+    return lambda frames: expand(basis[:, frames], coefficients)
 
 
-def _leading_trajectories(matrices: Floats, config: EncoderConfig) -> Floats:
-    """Eigen-trajectories of shape (3, T, K), as many as the configuration asks for."""
-    n_frames = matrices.shape[1]
+def modes_needed(matrices: Floats, config: EncoderConfig) -> int:
+    """Fewest modes that leave out at most the configured share of the energy of a block."""
+    return _modes_needed(autocorrelation(matrices), matrices, config)
+
+
+def _dictionary(matrices: Floats, config: EncoderConfig, before: Quantized | None) -> Quantized:
+    """Eigen-trajectories as integers of shape (3, K, T)."""
     correlation = autocorrelation(matrices)
-    eigenvalues, basis = eigen_trajectories(correlation, n_frames)
-    if config.n_modes is not None:
-        return basis[:, :, : config.n_modes]
+    if before is not None:
+        start = np.swapaxes(before.values, 1, 2)
+        tracked = advance_basis(correlation, start, config.n_iterations)
+        return Quantized.of(np.swapaxes(align_basis(tracked, start), 1, 2), before.steps)
+    n_modes = config.n_modes or _modes_needed(correlation, matrices, config)
+    _, basis = eigen_trajectories(correlation, min(n_modes, matrices.shape[1]))
+    return _fine(np.swapaxes(basis, 1, 2), BASIS_BITS)
+
+
+def _modes_needed(correlation: Floats, matrices: Floats, config: EncoderConfig) -> int:
+    eigenvalues, _ = eigen_trajectories(correlation, matrices.shape[1])
     total = float(np.trace(correlation, axis1=1, axis2=2).sum())
     centred = matrices - matrices.mean(axis=2, keepdims=True)
     shape_energy = float(np.vdot(centred, centred))
-    return basis[:, :, : modes_for_energy(eigenvalues, total, shape_energy, config.energy_share)]
+    return modes_for_energy(eigenvalues, total, shape_energy, config.energy_share)
+
+
+def _deltas(rows: Floats, mesh: MeshModel) -> Floats:
+    """Delta coordinates of every row of shape (V,), of an array of shape (3, rows, V)."""
+    return np.stack([delta_coordinates(mesh.laplacian, axis.T).T for axis in rows])
+
+
+def _fine(values: Floats, bits: int) -> Quantized:
+    return Quantized.of(values, step_for_all_rows(values, bits))
+
+
+def _coefficient_steps(values: Floats, config: EncoderConfig) -> Steps:
+    bits = config.bits_or_default
+    if isinstance(bits, Sequence) or config.allocation_choice is Allocation.CONSTANT:
+        return steps_for_each_row(values, bits)
+    return step_for_all_rows(values, bits)
+
+
+def _solved(mesh: MeshModel, deltas: Floats, anchors: Floats) -> Floats:
+    """Coefficients of the vertices, of shape (3, K, V): Eq. 12 for all columns at once."""
+    n_modes, n_verts = deltas.shape[1:]
+    columns = mesh.reconstruct(
+        deltas.reshape(3 * n_modes, n_verts).T,
+        anchors.reshape(3 * n_modes, len(mesh.anchors)).T,
+    )
+    return columns.T.reshape(3, n_modes, n_verts)
+
+
+def _analyse_on_graph(matrices: Floats, mesh: MeshModel, config: EncoderConfig) -> CodedBlock:
+    """Each frame's deltas on the low frequencies of the graph (the paper's "per mesh" variant)."""
+    n_modes = config.n_modes or int(np.ceil(DEFAULT_FREQUENCIES * mesh.n_verts))
+    frequencies = mesh.graph_fourier_basis(min(n_modes, mesh.n_verts))
+    spectra = np.swapaxes(_deltas(matrices, mesh) @ frequencies, 1, 2)
+    positions = np.swapaxes(matrices[:, :, mesh.anchors], 1, 2)
+    return CodedBlock(
+        basis=None,
+        anchors=_fine(positions, ANCHOR_BITS),
+        coefficients=Quantized.of(spectra, _coefficient_steps(spectra, config)),
+    )
+
+
+def _signals_of_frames(block: CodedBlock, mesh: MeshModel) -> tuple[FramesOf, FramesOf]:
+    """Deltas of shape (3, frames, V), and anchors of shape (3, frames, A), of ranges of frames."""
+    assert block.anchors is not None  # serial methods solve a system
+    coefficients, anchors = block.coefficients.values, block.anchors.values
+    if block.basis is None:
+        frequencies = mesh.graph_fourier_basis(block.n_modes)
+        return (
+            lambda frames: np.swapaxes(coefficients[:, :, frames], 1, 2) @ frequencies.T,
+            lambda frames: np.swapaxes(anchors[:, :, frames], 1, 2),
+        )
+    basis = np.swapaxes(block.basis.values, 1, 2)
+    return (
+        lambda frames: expand(basis[:, frames], coefficients),
+        lambda frames: expand(basis[:, frames], anchors),
+    )
+
+
+def _frame_by_frame(
+    mesh: MeshModel, deltas_of: FramesOf, anchors_of: FramesOf, order: Integers
+) -> FramesOf:
+    """Eq. 12 for one frame after another, the system built and factored anew for each."""
+
+    def frames_of(frames: slice) -> Floats:
+        deltas, anchors = deltas_of(frames), anchors_of(frames)
+        solved = [
+            mesh.reconstruct_anew(deltas[:, frame].T, anchors[:, frame].T).T
+            for frame in range(deltas.shape[1])
+        ]
+        return np.stack(solved, axis=1)[:, :, order]
+
+    return frames_of

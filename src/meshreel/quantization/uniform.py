@@ -5,43 +5,48 @@ import numpy.typing as npt
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
+Steps = npt.NDArray[np.float32]
 
 MIN_BITS = 2
 MAX_BITS = 24
 
 
-def uniform_step(values: Floats, bits: int) -> np.float32:
-    """Step with which the largest magnitude takes the largest signed integer of `bits` bits.
-
-    # Deviation from Eq. 10: the paper leaves the range of Q open. One step serves all rows that
-    # are kept, because the basis is orthonormal: equal steps give the least error for the bits
-    # spent, and weak rows cost few bits by themselves.
+def uniform_step(largest: float, bits: int) -> float:
+    """Step with which a largest magnitude takes the largest signed integer of `bits` bits.
 
     Parameters
     ----------
-    values : float64 array
+    largest : float
     bits : int
-        2..24.
-
-    Returns
-    -------
-    float32, in the units of the values; 0 if all of them are 0. float32 because that is what the
-    stream holds: both sides compute with the same value.
+        2..24, or 0: nothing is kept, and the step is 0.
     """
-    largest = float(np.abs(values).max(initial=0.0))
-    return np.float32(largest / (2 ** (bits - 1) - 1))
+    return 0.0 if bits == 0 else largest / (2 ** (bits - 1) - 1)
 
 
-def quantize(values: Floats, step: np.float32) -> Integers:
+def row_magnitudes(values: Floats) -> Floats:
+    """Largest magnitude of each row over all axes, for values of shape (3, rows, columns)."""
+    return np.asarray(np.abs(values).max(axis=(0, 2), initial=0.0))
+
+
+def quantize(values: Floats, steps: Steps) -> Integers:
     """Integers nearest to values / step (paper Eq. 10, for the rows that are kept).
 
-    A step of 0 gives zeros.
+    Parameters
+    ----------
+    values : float64 array of shape (3, rows, columns)
+    steps : float32 array of shape (1,) or (rows,)
+        One for all rows, or one for each. Rows of step 0 become zeros. float32 because that is
+        what the stream holds: both sides compute with the same value.
     """
-    if step == 0:
-        return np.zeros(values.shape, np.int64)
-    return np.rint(values / float(step)).astype(np.int64)
+    wide = _broadcast(steps)
+    scaled = np.divide(values, wide, out=np.zeros_like(values), where=wide > 0)
+    return np.rint(scaled).astype(np.int64)
 
 
-def dequantize(integers: Integers, step: np.float32) -> Floats:
+def dequantize(integers: Integers, steps: Steps) -> Floats:
     """Values of the integers: within half a step of what was quantised."""
-    return integers.astype(np.float64) * float(step)
+    return np.asarray(integers * _broadcast(steps))
+
+
+def _broadcast(steps: Steps) -> Floats:
+    return steps.astype(np.float64)[None, :, None]

@@ -9,7 +9,7 @@ from meshreel.errors import CorruptStreamError, TruncatedStreamError
 
 def quantized(*shape):
     integers = np.random.default_rng(8).integers(-900, 900, shape)
-    return Quantized(integers, np.float32(0.125))
+    return Quantized(integers, np.array([0.125], np.float32))
 
 
 def test_anchor_vertices_come_back_when_written():
@@ -24,17 +24,17 @@ def test_anchor_vertices_are_refused_when_they_do_not_ascend_in_range(anchors):
         payloads.read_anchor_vertices(payloads.write_anchor_vertices(np.array(anchors)), 100)
 
 
-@pytest.mark.parametrize(("n_frames", "n_modes"), [(3, 4), (3, 0), (0, 0)])
-def test_block_is_refused_when_its_modes_do_not_fit_its_frames(n_frames, n_modes):
+@pytest.mark.parametrize(("n_frames", "n_modes"), [(0, 4), (3, 0), (0, 0)])
+def test_block_is_refused_when_a_number_is_zero(n_frames, n_modes):
     with pytest.raises(CorruptStreamError):
         payloads.read_block(write_varint(n_frames) + write_varint(n_modes))
 
 
 def test_basis_comes_back_when_written():
     basis = quantized(3, 4, 20)
-    back = payloads.read_basis(payloads.write_basis(basis), 4, 20)
+    back = payloads.read_curves(payloads.write_curves(basis), 4, 20)
     np.testing.assert_array_equal(back.integers, basis.integers)
-    assert back.step == basis.step
+    np.testing.assert_array_equal(back.steps, basis.steps)
 
 
 def test_basis_is_smaller_when_its_rows_are_smooth():
@@ -42,27 +42,35 @@ def test_basis_is_smaller_when_its_rows_are_smooth():
     smooth = np.rint(3000 * np.sin(phase + np.arange(12)[:, None])).astype(int)
     shuffled = np.random.default_rng(0).permuted(smooth, axis=1)
     sizes = [
-        len(payloads.write_basis(Quantized(rows.reshape(3, 4, 300), np.float32(1))))
+        len(payloads.write_curves(Quantized(rows.reshape(3, 4, 300), np.ones(1, np.float32))))
         for rows in (smooth, shuffled)
     ]
     assert sizes[0] < 0.5 * sizes[1]
 
 
-def test_anchors_and_coefficients_come_back_when_written():
-    values = quantized(3, 5, 17)
-    anchors = payloads.read_anchors(payloads.write_anchors(values), 5, 17)
-    coefficients = payloads.read_coefficients(payloads.write_coefficients(values), 5, 17)
-    np.testing.assert_array_equal(anchors.integers, values.integers)
-    np.testing.assert_array_equal(coefficients.integers, values.integers)
+@pytest.mark.parametrize("shared", [False, True])
+@pytest.mark.parametrize("n_steps", [1, 5])
+def test_rows_come_back_when_written(shared, n_steps):
+    steps = np.arange(1, n_steps + 1).astype(np.float32)
+    rows = Quantized(quantized(3, 5, 17).integers, steps)
+    back = payloads.read_rows(payloads.write_rows(rows, shared=shared), 5, 17, shared=shared)
+    np.testing.assert_array_equal(back.integers, rows.integers)
+    np.testing.assert_array_equal(back.steps, steps)
 
 
 @pytest.mark.parametrize("step", [np.nan, np.inf, -1.0])
 def test_step_is_refused_when_it_is_not_a_positive_number(step):
-    payload = payloads.write_anchors(Quantized(np.zeros((3, 1, 1), int), np.float32(step)))
+    rows = Quantized(np.zeros((3, 1, 1), int), np.array([step], np.float32))
     with pytest.raises(CorruptStreamError, match="step"):
-        payloads.read_anchors(payload, 1, 1)
+        payloads.read_rows(payloads.write_rows(rows, shared=True), 1, 1, shared=True)
 
 
-def test_step_is_refused_when_the_payload_ends_inside():
+def test_steps_are_refused_when_their_number_fits_no_row():
+    rows = Quantized(np.zeros((3, 4, 1), int), np.ones(3, np.float32))
+    with pytest.raises(CorruptStreamError, match="3 steps are announced for 4 rows"):
+        payloads.read_rows(payloads.write_rows(rows, shared=True), 4, 1, shared=True)
+
+
+def test_steps_are_refused_when_the_payload_ends_inside():
     with pytest.raises(TruncatedStreamError):
-        payloads.read_anchors(b"\0\0", 1, 1)
+        payloads.read_rows(b"\1\0\0", 1, 1, shared=True)

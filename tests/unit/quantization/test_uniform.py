@@ -3,24 +3,36 @@
 import numpy as np
 import pytest
 
+from meshreel.quantization.allocation import step_for_all_rows
 from meshreel.quantization.uniform import dequantize, quantize, uniform_step
 
 
 @pytest.mark.parametrize("bits", [2, 8, 16, 24])
 def test_largest_value_takes_the_largest_integer_when_bits_are_given(bits):
-    values = np.array([0.3, -5.0, 4.0])
-    assert np.abs(quantize(values, uniform_step(values, bits))).max() == 2 ** (bits - 1) - 1
+    values = np.array([0.3, -5.0, 4.0]).reshape(3, 1, 1)
+    integers = quantize(values, step_for_all_rows(values, bits))
+    assert np.abs(integers).max() == 2 ** (bits - 1) - 1
 
 
 def test_error_stays_within_half_a_step_when_dequantized():
-    values = np.random.default_rng(0).normal(size=(3, 1000))
-    step = uniform_step(values, 9)
-    error = np.abs(dequantize(quantize(values, step), step) - values).max()
-    assert error <= 0.5 * float(step) * (1 + 1e-6)
+    values = np.random.default_rng(0).normal(size=(3, 4, 1000))
+    steps = step_for_all_rows(values, 9)
+    error = np.abs(dequantize(quantize(values, steps), steps) - values).max()
+    assert error <= 0.5 * float(steps[0]) * (1 + 1e-6)
 
 
 def test_all_is_zero_when_the_values_are():
-    values = np.zeros((2, 5))
-    step = uniform_step(values, 8)
-    assert step == 0
-    assert not dequantize(quantize(values, step), step).any()
+    values = np.zeros((3, 2, 5))
+    steps = step_for_all_rows(values, 8)
+    assert steps.tolist() == [0.0]
+    assert not dequantize(quantize(values, steps), steps).any()
+
+
+def test_rows_keep_their_own_steps_when_there_is_one_for_each():
+    values = np.ones((3, 2, 4)) * [[1.0], [0.3]]
+    steps = np.array([0.5, 0.1], np.float32)
+    assert quantize(values, steps)[0, :, 0].tolist() == [2, 3]
+
+
+def test_step_is_zero_when_no_bits_are_given():
+    assert uniform_step(7.0, 0) == 0.0

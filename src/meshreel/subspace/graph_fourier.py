@@ -1,0 +1,82 @@
+"""Graph Fourier basis: the low frequencies of a Laplacian."""
+
+import numpy as np
+import numpy.typing as npt
+from scipy.sparse import csc_array, csr_array, diags_array
+from scipy.sparse.linalg import eigsh
+
+from meshreel.errors import InvalidInputError
+from meshreel.subspace.pca import fix_signs
+
+Floats = npt.NDArray[np.float64]
+
+MAX_BASIS_BYTES = 1 << 31
+"""Memory of the search space, 2 K + 1 vectors of V numbers."""
+
+MAX_WORK = 1 << 36
+"""V K^2, to which time is proportional: some minutes."""
+
+DIAGONAL_SPREAD = 1e-3
+"""Largest number that is added to the diagonal of L."""
+
+GOLDEN_RATIO = (5**0.5 - 1) / 2
+
+
+def graph_fourier_basis(laplacian: csr_array, n_modes: int) -> Floats:
+    """Eigenvectors of the K smallest eigenvalues of L, in a column each: the basis of Eq. 6.
+
+    Symmetric meshes, and meshes of several components, have equal eigenvalues, whose eigenvectors
+    are any rotation of each other: two machines would not find the same. Numbers in 0..0.001 that
+    follow the golden ratio are therefore added to the diagonal, which parts the eigenvalues and
+    moves the others by as little.
+
+    Parameters
+    ----------
+    laplacian : csr_array of shape (V, V)
+        Symmetric, positive semi-definite.
+    n_modes : int
+        K, in 1..V.
+
+    Returns
+    -------
+    float64 array of shape (V, K), columns orthonormal, by ascending frequency
+
+    Raises
+    ------
+    InvalidInputError
+        If memory or time would not do; names the vertices and the modes that would.
+    """
+    n_verts = laplacian.shape[0]
+    check_basis_size(n_verts, n_modes)
+    spread = DIAGONAL_SPREAD * ((np.arange(n_verts) * GOLDEN_RATIO) % 1)
+    matrix = csc_array(laplacian + diags_array(spread))
+    if n_modes > n_verts // 3:
+        vectors = np.linalg.eigh(matrix.toarray())[1][:, :n_modes]
+    else:
+        # Around a point below all eigenvalues, where the matrix to factor is definite.
+        values, vectors = eigsh(matrix, k=n_modes, sigma=-0.01, v0=np.ones(n_verts))
+        vectors = vectors[:, np.argsort(values)]
+    return fix_signs(vectors)
+
+
+def check_basis_size(n_verts: int, n_modes: int) -> None:
+    """Nothing if a basis of this size can be found with the memory and time allowed.
+
+    Raises
+    ------
+    InvalidInputError
+        Otherwise.
+    """
+    if not 1 <= n_modes <= n_verts:
+        raise InvalidInputError(f"n_modes must be in 1..{n_verts}, the vertices; got {n_modes}")
+    dense = n_modes > n_verts // 3
+    n_bytes = 8 * n_verts * (3 * n_verts if dense else 2 * n_modes + 1)
+    work = n_verts**3 if dense else n_verts * n_modes**2
+    if n_bytes <= MAX_BASIS_BYTES and work <= MAX_WORK:
+        return
+    possible = min(int((MAX_WORK / n_verts) ** 0.5), MAX_BASIS_BYTES // (16 * n_verts))
+    raise InvalidInputError(
+        f"{n_modes} graph frequencies of {n_verts} vertices need {n_bytes / 1e9:.1f} GB and too "
+        f"much time; at most {min(possible, n_verts // 3)} of this mesh can be had (n_modes), or "
+        "another method"
+    )

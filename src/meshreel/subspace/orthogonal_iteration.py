@@ -1,0 +1,66 @@
+"""Tracking of eigen-trajectories from block to block."""
+
+import numpy as np
+import numpy.typing as npt
+from scipy.optimize import linear_sum_assignment
+
+from meshreel.errors import InvalidInputError
+
+Floats = npt.NDArray[np.float64]
+
+
+def advance_basis(correlation: Floats, basis: Floats, n_iterations: int) -> Floats:
+    """Orthonormal basis moved towards the leading eigenvectors of R (paper Alg. 1).
+
+    Each iteration is ``U <- QR(R U)``. From the basis of the block before, which is close, few
+    are enough; from any other they converge to the same subspace, the slower the closer the
+    eigenvalues K and K + 1 are.
+
+    Parameters
+    ----------
+    correlation : float64 array of shape (..., T, T)
+        Symmetric, positive semi-definite.
+    basis : float64 array of shape (..., T, K)
+        Where to start.
+    n_iterations : int
+        The paper's t_max - 1.
+
+    Returns
+    -------
+    float64 array of shape (..., T, K), columns orthonormal, in the order of the eigenvalues once
+    it has converged
+
+    Raises
+    ------
+    InvalidInputError
+        If T differs between the two arguments.
+    """
+    if correlation.shape[-1] != basis.shape[-2]:
+        raise InvalidInputError(
+            f"R is of {correlation.shape[-1]} frames and the basis of {basis.shape[-2]}; "
+            "a basis can be tracked between blocks of equal length"
+        )
+    for _ in range(n_iterations):
+        basis = np.linalg.qr(correlation @ basis).Q
+    return basis
+
+
+def align_basis(basis: Floats, reference: Floats) -> Floats:
+    """The columns in the order and with the signs that are closest to a reference.
+
+    An eigenvector is one up to its sign, and two of nearly equal eigenvalue may change places
+    between blocks: the difference of two dictionaries is small only after this.
+
+    Parameters
+    ----------
+    basis, reference : float64 arrays of shape (A, T, K)
+        Orthonormal columns.
+    """
+    return np.stack([_aligned(*pair) for pair in zip(basis, reference, strict=True)])
+
+
+def _aligned(basis: Floats, reference: Floats) -> Floats:
+    products = reference.T @ basis
+    places, columns = linear_sum_assignment(-np.abs(products))
+    signs = np.where(products[places, columns] < 0, -1.0, 1.0)
+    return np.asarray(basis[:, columns] * signs)

@@ -1,0 +1,147 @@
+"""The variants of the paper: what each rests on."""
+
+import numpy as np
+import pytest
+
+from meshreel.codec.decoder import decode
+from meshreel.codec.encoder import encode
+from meshreel.codec.inspect import bits_per_row, coded_blocks, info
+from meshreel.codec.methods import METHODS
+from meshreel.errors import InvalidInputError
+from meshreel.sequence import MeshSequence
+from meshreel.subspace.pca import autocorrelation, eigen_trajectories
+from meshreel.subspace.trajectories import bounding_frame, to_matrices
+from sample_meshes import irregular_sequence, kg_error_percent, waving_grid
+
+NAMES = [method.name for method in METHODS]
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_sequence_comes_back_when_all_rows_are_kept_with_fine_steps(name):
+    sequence = waving_grid(10, dtype=np.float64)
+    n_modes = sequence.n_verts if name == "gft" else 10
+    decoded = decode(encode(sequence, name, n_modes=n_modes, bits=24))
+    # What is left is the rounding of dictionary and anchors to 16 bits.
+    assert kg_error_percent(sequence.vertices, decoded.vertices) < 0.05
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_stream_names_its_method_when_it_is_read(name):
+    assert info(encode(waving_grid(6), name)).method == name
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("n_frames", [1, 7])
+def test_irregular_mesh_comes_back_whatever_the_method(name, n_frames):
+    sequence = irregular_sequence(n_frames)
+    n_modes = sequence.n_verts if name == "gft" else n_frames
+    decoded = decode(encode(sequence, name, n_modes=n_modes, bits=24, block_frames=3))
+    np.testing.assert_array_equal(decoded.faces, sequence.faces)
+    np.testing.assert_array_equal(decoded.vertices[:, 0], sequence.vertices[:, 0])
+    assert kg_error_percent(sequence.vertices, decoded.vertices) < 0.5
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_part_equals_that_of_the_whole_whatever_the_method(name):
+    data = encode(waving_grid(12), name, block_frames=5)
+    part = decode(data, frames=slice(6, 9)).vertices
+    np.testing.assert_allclose(part, decode(data).vertices[6:9], atol=1e-6)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_order_comes_back_whatever_the_method(name):
+    grid = waving_grid(6)
+    shuffle = np.random.default_rng(3).permutation(grid.n_verts)
+    sequence = MeshSequence(grid.vertices[:, np.argsort(shuffle)], shuffle[grid.faces])
+    n_modes = grid.n_verts if name == "gft" else 6
+    decoded = decode(encode(sequence, name, n_modes=n_modes, bits=16))
+    assert kg_error_percent(sequence.vertices, decoded.vertices) < 0.2
+
+
+def test_serial_and_parallel_agree_when_the_stream_is_the_same():
+    """PCA+qs and PCA+qp solve the same Eq. 12."""
+    sequence = waving_grid(dtype=np.float64)
+    serial, parallel = (decode(encode(sequence, name, n_modes=6)) for name in ("pca-qs", "pca-qp"))
+    np.testing.assert_allclose(serial.vertices, parallel.vertices, atol=1e-6)
+
+
+def test_laplacian_alone_equals_no_anchors_when_bits_are_equal():
+    """Eq. 11 is Eq. 12 with one anchor for each component."""
+    alone = decode(encode(waving_grid(), "pca-q", n_modes=6))
+    without = decode(encode(waving_grid(), "pca-qp", n_modes=6, anchors=0))
+    np.testing.assert_array_equal(alone.vertices, without.vertices)
+
+
+def test_blocks_equals_the_whole_when_there_is_one_block():
+    sequence = waving_grid(12)
+    blocks = decode(encode(sequence, "blocks", n_modes=6, block_frames=12))
+    whole = decode(encode(sequence, "pca-qp", n_modes=6))
+    np.testing.assert_array_equal(blocks.vertices, whole.vertices)
+
+
+def test_tracked_dictionary_spans_the_leading_eigenvectors_when_blocks_are_coherent():
+    sequence = waving_grid(40, dtype=np.float64)
+    blocks = coded_blocks(encode(sequence, "blocks", n_modes=3, block_frames=10, n_iterations=30))
+    matrices = to_matrices(sequence.vertices, bounding_frame(sequence.vertices))
+    _, direct = eigen_trajectories(autocorrelation(matrices[:, 30:]), 3)
+    # Along z: along x and y the grid has no third mode.
+    products = np.linalg.svd(blocks[3].basis.values[2] @ direct[2])[1]
+    assert products.min() > 0.999
+
+
+def test_dictionaries_stay_orthonormal_when_they_are_tracked():
+    for block in coded_blocks(encode(waving_grid(40), "blocks", n_modes=3, block_frames=10)):
+        gram = block.basis.values @ np.swapaxes(block.basis.values, 1, 2)
+        assert np.abs(gram - np.eye(3)).max() < 1e-3  # 16 bits
+
+
+def test_differences_are_smaller_than_dictionaries_when_blocks_are_coherent():
+    still = np.repeat(waving_grid(10).vertices, 4, axis=0).reshape(10, 4, -1, 3)
+    sequence = MeshSequence(still.swapaxes(0, 1).reshape(40, -1, 3), waving_grid(10).faces)
+    options = {"n_modes": 5, "block_frames": 10, "bits": 6}
+    tracked = info(encode(sequence, "blocks", **options)).budget_bytes["basis"]
+    fresh = info(encode(sequence, "pca-qp", **options)).budget_bytes["basis"]
+    assert tracked < 0.6 * fresh
+
+
+def test_a_shorter_last_block_starts_anew_when_the_frames_do_not_divide():
+    sequence = waving_grid(23)
+    data = encode(sequence, "blocks", n_modes=8, block_frames=10)
+    assert info(data).block_frames == (10, 10, 3)
+    assert info(data).n_modes == (8, 8, 3)
+    assert kg_error_percent(sequence.vertices, decode(data).vertices) < 2
+
+
+def test_v2v_has_no_anchors_when_it_is_stored():
+    budget = info(encode(waving_grid(), "v2v")).budget_bytes
+    assert "anchors" not in budget
+    assert "anchor vertices" not in budget
+
+
+def test_pca_takes_sixteen_bits_when_none_are_given():
+    assert encode(waving_grid(), "pca") == encode(waving_grid(), "pca", bits=16)
+
+
+def test_rows_left_out_are_zero_when_bits_are_given_row_by_row():
+    (block,) = coded_blocks(encode(waving_grid(), n_modes=4, bits=[8, 0, 6, 2]))
+    largest = np.abs(block.coefficients.integers).max(axis=(0, 2))
+    assert largest.tolist() == [127, 0, 31, 1]
+
+
+def test_every_row_takes_its_bits_when_allocation_is_constant():
+    (block,) = coded_blocks(encode(waving_grid(), n_modes=4, bits=6, allocation="constant"))
+    assert np.abs(block.coefficients.integers).max(axis=(0, 2)).tolist() == [31] * 4
+
+
+def test_bits_per_row_sum_to_the_section_when_rows_have_their_own_tables():
+    data = encode(waving_grid(12, 40, 40), n_modes=5)
+    (rows,) = bits_per_row(data)
+    assert rows.shape == (3, 5)
+    section = 8 * info(data).budget_bytes["coefficients"]
+    assert rows.sum() == pytest.approx(section, rel=0.15)
+
+
+def test_graph_method_refuses_when_the_mesh_is_too_large():
+    big = waving_grid(1, 400, 400)
+    with pytest.raises(InvalidInputError, match="8000 graph frequencies of 160000 vertices"):
+        encode(big, "gft")

@@ -1,0 +1,65 @@
+"""Alg. 1 of the paper."""
+
+import numpy as np
+import pytest
+
+from meshreel.errors import InvalidInputError
+from meshreel.subspace.orthogonal_iteration import advance_basis, align_basis
+from meshreel.subspace.pca import autocorrelation, eigen_trajectories, fix_signs
+
+
+def coherent_frames(phase=0.0):
+    """A block of 20 frames: a few slow waves of falling size, which turn with the phase."""
+    rng = np.random.default_rng(6)
+    time = np.arange(20) / 20 + phase
+    waves = np.stack([np.cos(2 * np.pi * k * time + k) for k in range(8)], axis=1)
+    fields = rng.normal(size=(8, 60)) * 0.5 ** np.arange(8)[:, None]
+    return (waves @ fields)[None]
+
+
+def random_basis(n_modes=4):
+    return np.linalg.qr(np.random.default_rng(9).normal(size=(1, 20, n_modes))).Q
+
+
+def subspace_angle(basis, reference):
+    """Sine of the largest angle between two subspaces."""
+    return np.sqrt(max(0.0, 1 - np.linalg.svd(basis[0].T @ reference[0])[1].min() ** 2))
+
+
+def iterations_to_reach(start, correlation, target, tolerance=1e-3):
+    for count in range(1, 200):
+        if subspace_angle(advance_basis(correlation, start, count), target) < tolerance:
+            return count
+    raise AssertionError("it does not converge")
+
+
+def test_basis_converges_to_the_eigenvectors_when_the_matrix_is_fixed():
+    correlation = autocorrelation(coherent_frames())
+    _, expected = eigen_trajectories(correlation, 4)
+    basis = advance_basis(correlation, random_basis(), 300)
+    np.testing.assert_allclose(fix_signs(basis), expected, atol=1e-8)
+
+
+@pytest.mark.parametrize("n_iterations", [1, 3, 20])
+def test_basis_stays_orthonormal_when_it_is_advanced(n_iterations):
+    basis = advance_basis(autocorrelation(coherent_frames()), random_basis(), n_iterations)
+    assert np.abs(np.swapaxes(basis, 1, 2) @ basis - np.eye(4)).max() < 1e-12
+
+
+def test_warm_start_needs_fewer_steps_than_cold_when_blocks_are_coherent():
+    _, before = eigen_trajectories(autocorrelation(coherent_frames(0.0)), 4)
+    correlation = autocorrelation(coherent_frames(0.02))
+    _, target = eigen_trajectories(correlation, 4)
+    warm = iterations_to_reach(before, correlation, target)
+    assert warm < iterations_to_reach(random_basis(), correlation, target)
+
+
+def test_advance_refuses_when_blocks_have_unequal_lengths():
+    with pytest.raises(InvalidInputError, match="R is of 19 frames and the basis of 20"):
+        advance_basis(np.eye(19)[None], random_basis(), 1)
+
+
+def test_columns_find_their_places_when_they_are_shuffled_and_flipped():
+    basis = random_basis(6)
+    shuffled = basis[:, :, [3, 0, 5, 1, 4, 2]] * [-1, 1, 1, -1, 1, -1]
+    np.testing.assert_array_equal(align_basis(shuffled, basis), basis)
