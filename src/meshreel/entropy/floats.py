@@ -1,12 +1,11 @@
 """Floats to bytes and back without loss: differences of their bit patterns in time, deflated."""
 
-import zlib
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.errors import CorruptStreamError
+from meshreel.entropy.deflate import deflate, inflate
 
 
 def encode_floats(values: npt.NDArray[np.floating]) -> bytes:
@@ -20,7 +19,7 @@ def encode_floats(values: npt.NDArray[np.floating]) -> bytes:
     steps[1:] -= patterns[:-1]
     planes = steps.astype(steps.dtype.newbyteorder("<")).view(np.uint8)
     planes = planes.reshape(-1, values.dtype.itemsize)
-    return zlib.compress(np.ascontiguousarray(planes.T).tobytes(), level=9, wbits=-15)
+    return deflate(np.ascontiguousarray(planes.T).tobytes())
 
 
 def decode_floats(
@@ -35,16 +34,8 @@ def decode_floats(
     """
     dtype = np.dtype(dtype)
     pattern = _pattern_type(dtype)
-    size = int(np.prod(shape)) * dtype.itemsize
-    inflater = zlib.decompressobj(wbits=-15)
-    try:
-        raw = inflater.decompress(data, size + 1)
-    except zlib.error as error:
-        raise CorruptStreamError(f"the exact positions do not inflate: {error}") from error
-    if len(raw) != size or not inflater.eof or inflater.unused_data:
-        raise CorruptStreamError(
-            f"the exact positions hold {len(raw)} bytes; {shape} {dtype} needs {size}"
-        )
+    size_bytes = int(np.prod(shape)) * dtype.itemsize
+    raw = inflate(data, size_bytes, "exact positions")
     planes = np.frombuffer(raw, np.uint8).reshape(dtype.itemsize, -1)
     steps = np.ascontiguousarray(planes.T).view(pattern.newbyteorder("<")).reshape(shape)
     return np.cumsum(steps.astype(pattern), axis=0, dtype=pattern).view(dtype)

@@ -5,11 +5,10 @@ so that a table is a row of small level numbers. Rounding a frequency to a level
 0.01 bit a symbol. No float takes part in making a table.
 """
 
-import zlib
-
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.entropy.deflate import deflate, inflate
 from meshreel.entropy.tokens import N_TOKENS
 from meshreel.errors import CorruptStreamError
 
@@ -48,7 +47,7 @@ def table_levels(counts: Integers) -> Integers:
 def write_tables(levels: Integers) -> bytes:
     """Bytes of all tables: differences to the table before, deflated."""
     differences = np.diff(levels, axis=0, prepend=0)
-    return zlib.compress(differences.astype(np.int8).tobytes(), level=9, wbits=-15)
+    return deflate(differences.astype(np.int8).tobytes())
 
 
 def read_tables(data: bytes, n_tables: int) -> Integers:
@@ -59,16 +58,7 @@ def read_tables(data: bytes, n_tables: int) -> Integers:
     CorruptStreamError
         If the bytes are not those of `n_tables` tables.
     """
-    size = n_tables * N_TOKENS
-    inflater = zlib.decompressobj(wbits=-15)
-    try:
-        raw = inflater.decompress(data, size + 1)
-    except zlib.error as error:
-        raise CorruptStreamError(f"the probability tables do not inflate: {error}") from error
-    if len(raw) != size or not inflater.eof or inflater.unused_data:
-        raise CorruptStreamError(
-            f"the probability tables hold {len(raw)} bytes; {n_tables} tables need {size}"
-        )
+    raw = inflate(data, n_tables * N_TOKENS, "probability tables")
     levels = np.cumsum(np.frombuffer(raw, np.int8).reshape(n_tables, N_TOKENS).astype(int), axis=0)
     if levels.size and (levels.min() < 0 or levels.max() >= N_LEVELS):
         raise CorruptStreamError(f"a frequency level lies outside 0..{N_LEVELS - 1}")
