@@ -11,7 +11,9 @@ import meshreel
 SOURCE = Path(meshreel.__file__).parent
 TESTS = Path(__file__).parents[1]
 LEDGER = (TESTS.parent / "docs" / "equations.md").read_text()
-ROWS = re.findall(r"^\| (Eq\. \d+|Alg\. 1) \|[^|]*\| `([^`]+)` \| `([^`]+)` \|", LEDGER, re.MULTILINE)
+ROWS = re.findall(
+    r"^\| (Eq\. \d+|Alg\. 1) \|[^|]*\| `([^`]+)` \| `([^`]+)` \|", LEDGER, re.MULTILINE
+)
 
 
 def docstrings(path):

@@ -11,6 +11,7 @@ import meshreel
 ROOT = Path(meshreel.__file__).parent
 FLOORS = [  # from the top
     {"cli"},
+    {"evaluation"},
     {"formats"},
     {"codec", "metrics", "rendering", "flag"},
     {"bitstream", "connectivity", "reconstruction", "subspace", "quantization"},

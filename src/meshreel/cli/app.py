@@ -11,6 +11,7 @@ from meshreel.cli.decode import decode_command
 from meshreel.cli.demo import demo_command
 from meshreel.cli.encode import encode_command
 from meshreel.cli.info import info_command
+from meshreel.cli.paper import paper_command
 from meshreel.errors import MeshReelError
 
 # The base of all that is wrong with a command line: typer has it from click, or its own copy.
@@ -29,6 +30,7 @@ app.command("decode")(decode_command)
 app.command("info")(info_command)
 app.command("compare")(compare_command)
 app.command("demo")(demo_command)
+app.command("paper")(paper_command)
 
 
 def _print_version(wanted: bool) -> None:

@@ -33,17 +33,17 @@ def compare_command(
     from meshreel.cli.figures import quality_rows
     from meshreel.formats.load import load
     from meshreel.metrics.compare import compare
+    from meshreel.rendering.plots import plot_error_per_frame, require_matplotlib
 
     if plot is not None:
         check_output_path(plot, overwrite=force)
+        require_matplotlib()
     notes: list[str] = []
     with progress_bar() as progress:
         first = load(original, progress=progress, notes=notes)
         second = load(decoded, progress=progress, notes=notes)
         quality = compare(first, second, progress=progress)
         if plot is not None:
-            from meshreel.rendering.plots import plot_error_per_frame
-
             plot_error_per_frame(
                 plot, {Path(decoded).name: quality.nmsve}, fps=first.fps, overwrite=force
             )

@@ -1,0 +1,1 @@
+"""The paper's evaluation: variants run, results stored, tables, figures and report built."""

@@ -1,0 +1,84 @@
+"""`meshreel paper` as a user runs it."""
+
+import json
+import subprocess
+import sys
+
+import pytest
+
+import meshreel
+from meshreel.evaluation.store import MARKER
+from sample_meshes import waving_grid
+
+
+def run(*arguments, cwd=None):
+    """The finished process of `meshreel paper ARGUMENTS`."""
+    return subprocess.run(
+        [sys.executable, "-c", "from meshreel.cli import main; main()", "paper",
+         *map(str, arguments)],
+        capture_output=True, text=True, cwd=cwd, timeout=120,
+    )  # fmt: skip
+
+
+@pytest.fixture
+def grid(tmp_path):
+    meshreel.save(waving_grid(5, 4, 5), tmp_path / "grid.npz")
+    return tmp_path / "grid.npz"
+
+
+def test_paper_writes_a_report_when_it_is_given_a_sequence(grid, tmp_path):
+    done = run("grid.npz", "--methods", "v2v", "--quick", "--json", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    made = json.loads(done.stdout)
+    (sequence,) = made["sequences"]
+    assert (sequence["name"], sequence["n_frames"]) == ("grid", 5)
+    assert [variant["method"] for variant in sequence["variants"]] == ["v2v"]
+    text = (tmp_path / "report" / "report.md").read_text()
+    assert "meshreel paper grid.npz --out report --methods v2v --quick" in text
+    assert all((tmp_path / name).stat().st_size > 5000 for name in sequence["figures"])
+    assert (tmp_path / made["report"]["html"]).is_file()
+
+
+def test_paper_takes_the_flag_and_its_own_folder_again_when_run_twice(tmp_path):
+    options = ("--frames", 2, "--methods", "v2v", "--quick", "--out", tmp_path / "r")
+    texts = []
+    for _ in range(2):
+        done = run(*options)
+        assert done.returncode == 0, done.stderr
+        texts.append((tmp_path / "r" / "report.html").read_text())
+    assert texts[0] == texts[1]
+    assert "Table I, flag" in texts[0]
+
+
+def test_paper_keeps_a_foreign_folder_and_names_it_when_it_is_given(tmp_path, grid):
+    done = run(grid, "--out", tmp_path, "--methods", "v2v")
+    assert done.returncode == 1
+    assert done.stderr.startswith(f"meshreel: the folder {tmp_path} holds files and no {MARKER}")
+    assert len(done.stderr.splitlines()) == 1
+    assert [path.name for path in tmp_path.iterdir()] == ["grid.npz"]
+
+
+def test_paper_names_the_methods_when_one_is_unknown(tmp_path):
+    done = run("--methods", "pca-x", "--out", tmp_path / "r")
+    assert done.returncode == 1
+    assert "method 'pca-x' is unknown; choose from pca, pca-q, v2v" in done.stderr
+    assert not (tmp_path / "r").exists()
+
+
+def test_paper_names_the_extra_before_work_when_matplotlib_is_missing(tmp_path):
+    program = (
+        "import sys; sys.modules['matplotlib.figure'] = None; sys.argv = ['meshreel', 'paper', "
+        f"'--out', {str(tmp_path / 'r')!r}]; from meshreel.cli import main; main()"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, timeout=20
+    )
+    assert done.returncode == 1
+    assert "pip install 'meshreel[plot]'" in done.stderr
+    assert not (tmp_path / "r").exists()
+
+
+def test_help_shows_examples_when_asked_for():
+    done = run("--help")
+    assert done.returncode == 0
+    assert "meshreel paper samba.npz jumping.npz --out report" in " ".join(done.stdout.split())
