@@ -21,6 +21,8 @@ STREAMS = {
     "blocks": encode(waving_grid(7, 4, 5), "blocks", n_modes=2, block_frames=3),
     "rows": encode(waving_grid(3, 4, 5), "v2v", n_modes=3, bits=[6, 0, 4]),
     "gft": encode(irregular_sequence(3), "gft", n_modes=9),
+    "reel": encode(waving_grid(5, 4, 5), "reel", step=0.003, block_frames=3),
+    "reel irregular": encode(irregular_sequence(3), "reel", step=0.01),
     "serial": encode(waving_grid(3, 4, 5), "pca-qs", n_modes=2),
 }
 

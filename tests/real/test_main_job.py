@@ -52,3 +52,24 @@ def test_samba_comes_back_when_it_goes_in_as_a_folder_of_obj_files(tmp_path):
     quality = meshreel.compare(sequence, meshreel.decode(data))
     assert quality.kg_error_percent < 2
     assert meshreel.info(data).rate_bpvf < 2
+
+
+# Bits per vertex and frame (order dropped), KG error in percent and STED of `reel` at one step.
+REEL_LIMITS = {
+    "samba": (0.21, 0.65, 0.046),
+    "jumping": (0.30, 0.92, 0.060),
+    "cow": (0.36, 1.15, 0.078),
+    "dance": (0.16, 0.60, 0.063),
+    "horse_gallop": (0.70, 0.36, 0.052),
+}
+
+
+@pytest.mark.parametrize("name", REEL_LIMITS)
+def test_reel_stays_within_its_limits_when_coded_with_the_default_step(name):
+    sequence = load(name)
+    rate_limit, kg_limit, sted_limit = REEL_LIMITS[name]
+    quality = meshreel.compare(sequence, meshreel.decode(meshreel.encode(sequence, "reel")))
+    smallest = meshreel.info(meshreel.encode(sequence, "reel", order="drop"))
+    assert smallest.rate_bpvf < rate_limit
+    assert quality.kg_error_percent < kg_limit
+    assert quality.sted < sted_limit

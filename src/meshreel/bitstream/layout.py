@@ -23,6 +23,7 @@ class Section(IntEnum):
     ANCHORS = 18
     COEFFICIENTS = 19
     EXACT = 20
+    FIELDS = 21
     PADDING = OPTIONAL | 0
 
 

@@ -13,6 +13,7 @@ from meshreel.codec.config import (
     DEFAULT_LAPLACIAN,
     DEFAULT_METHOD,
     DEFAULT_ORDER,
+    DEFAULT_STEP,
     EncoderConfig,
 )
 from meshreel.codec.methods import METHODS, Allocation, Laplacian, Order
@@ -90,6 +91,13 @@ def encode_command(
     iterations: Annotated[
         int, typer.Option(help="Orthogonal iterations from block to block (blocks).")
     ] = DEFAULT_ITERATIONS,
+    step: Annotated[
+        float | None,
+        typer.Option(
+            help=f"Step of reel as it acts on a position, in diagonals. [default: {DEFAULT_STEP}]",
+            show_default=False,
+        ),
+    ] = None,
     fps: Annotated[
         float | None, typer.Option(help="Frames per second. Default: what the input says.")
     ] = None,
@@ -129,6 +137,7 @@ def encode_command(
         order=order,
         block_frames=block_frames,
         n_iterations=iterations,
+        step=step,
     )
     notes: list[str] = []
     with progress_bar() as progress:

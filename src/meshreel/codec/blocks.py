@@ -3,13 +3,26 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+import numpy as np
+import numpy.typing as npt
+
 from meshreel.bitstream.layout import Section
 from meshreel.bitstream.reader import Stream
 from meshreel.codec import payloads
 from meshreel.codec.mesh_model import MeshModel
 from meshreel.codec.methods import Basis, Method
-from meshreel.codec.pipeline import CodedBlock, Quantized
+from meshreel.codec.pipeline import (
+    CodedBlock,
+    FramesOf,
+    Quantized,
+    product_frames,
+    synthesise,
+)
+from meshreel.codec.reel import FieldBlock, FieldMesh, synthesise_fields
+from meshreel.entropy.coder import decode_integers, encode_integers
 from meshreel.errors import CorruptStreamError
+
+Integers = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -56,7 +69,7 @@ def stored_blocks(stream: Stream, method: Method) -> list[StoredBlock]:
     start = 0
     for sections in stream.blocks():
         n_frames, n_modes = payloads.read_block(sections[Section.BLOCK])
-        limit = stream.header.n_verts if method.basis is Basis.GRAPH else n_frames
+        limit = _most_modes(method, n_frames, stream.header.n_verts)
         if n_modes > limit:
             raise CorruptStreamError(
                 f"a block of {n_frames} frames has {n_modes} modes; {limit} are possible"
@@ -98,6 +111,61 @@ def write_coded_block(
             else payloads.write_rows(block.anchors, shared=True),
         )
     yield Section.COEFFICIENTS, payloads.write_rows(block.coefficients, shared=on_graph)
+
+
+def write_field_block(block: FieldBlock) -> Iterator[tuple[Section, bytes]]:
+    """The sections of a block of `reel`."""
+    yield Section.BLOCK, payloads.write_block(block.basis.shape[2], block.n_modes)
+    yield Section.FIELDS, payloads.write_layout(block.layout)
+    yield Section.BASIS, payloads.write_curves(Quantized(block.basis, np.ones(1, np.float32)))
+    yield Section.ANCHORS, payloads.write_stages(block.residuals)
+    yield Section.COEFFICIENTS, encode_integers(list(block.deltas))
+
+
+def frame_sources(
+    stream: Stream, mesh: MeshModel, method: Method, wanted: range, order: Integers
+) -> Iterator[tuple[StoredBlock, FramesOf]]:
+    """For each block that holds any of the wanted frames, what gives its frames.
+
+    Parameters
+    ----------
+    stream : Stream
+    mesh : MeshModel
+    method : Method
+    wanted : range
+    order : integer array of shape (V,)
+        Internal number of each vertex that goes out.
+    """
+    if method.basis is not Basis.JOINT:
+        for stored, block in read_coded_blocks(stream, mesh, method, wanted):
+            yield stored, synthesise(block, mesh, method, order)
+        return
+    for stored in stored_blocks(stream, method):
+        if stored.start < wanted.stop and stored.start + stored.n_frames > wanted.start:
+            basis, fields = synthesise_fields(_read_field_block(stored, mesh), mesh)
+            yield stored, product_frames(basis, fields[:, :, order])
+
+
+def _read_field_block(stored: StoredBlock, mesh: MeshModel) -> FieldBlock:
+    n_modes = stored.n_modes
+    layout = payloads.read_layout(stored.payload(Section.FIELDS), n_modes)
+    stages = FieldMesh(mesh, layout).stages
+    coded = stored.payload(Section.COEFFICIENTS)
+    return FieldBlock(
+        layout,
+        payloads.read_curves(stored.payload(Section.BASIS), n_modes, stored.n_frames).integers,
+        np.stack(decode_integers(coded, [mesh.n_verts] * n_modes)),
+        payloads.read_stages(
+            stored.payload(Section.ANCHORS), n_modes, [len(members) for members in stages]
+        ),
+    )
+
+
+def _most_modes(method: Method, n_frames: int, n_verts: int) -> int:
+    """Modes that a block of this many frames can have."""
+    if method.basis is Basis.GRAPH:
+        return n_verts
+    return 3 * n_frames if method.basis is Basis.JOINT else n_frames
 
 
 def read_coded_blocks(

@@ -23,6 +23,9 @@ DEFAULT_LAPLACIAN = "normalized"
 DEFAULT_ORDER = "keep"
 DEFAULT_ALLOCATION = "energy"
 DEFAULT_ITERATIONS = 2
+DEFAULT_STEP = 3e-4
+"""Step of `reel` as it acts on a position, in diagonals of the bounding box."""
+
 DEFAULT_FREQUENCIES = 0.05
 """Share of the graph frequencies that `gft` keeps."""
 
@@ -47,6 +50,7 @@ class EncoderConfig:
     order: str = DEFAULT_ORDER
     block_frames: int | None = None
     n_iterations: int = DEFAULT_ITERATIONS
+    step: float | None = None
 
     def __post_init__(self) -> None:
         # Names that do not exist are refused now, before any work.
@@ -67,6 +71,7 @@ class EncoderConfig:
                 f"method {row.name} keeps a number of low frequencies, not a share of the energy; "
                 "give n_modes"
             )
+        self._check_step()
         _check_bits(self.bits_or_default, row, allocation)
         if not 0 <= self.anchor_share <= 1:
             raise InvalidInputError(
@@ -80,6 +85,26 @@ class EncoderConfig:
         if self.block_frames is not None:
             _check_count("block_frames", self.block_frames)
         _check_count("n_iterations", self.n_iterations)
+
+    def _check_step(self) -> None:
+        """`reel` takes a step, the paper's methods take bits."""
+        row = self.method_row
+        if row.basis is not Basis.JOINT:
+            if self.step is not None:
+                raise InvalidInputError(f"method {row.name} takes bits, not step")
+            return
+        for name in ("energy", "bits", "anchors"):
+            if getattr(self, name) is not None:
+                raise InvalidInputError(f"method {row.name} takes step, not {name}")
+        if not 0 < self.step_or_default <= 1:
+            raise InvalidInputError(
+                f"step is in diagonals of the bounding box, above 0 and up to 1; got {self.step}"
+            )
+
+    @property
+    def step_or_default(self) -> float:
+        """Step as it acts on a position, in diagonals."""
+        return DEFAULT_STEP if self.step is None else self.step
 
     @property
     def method_row(self) -> Method:

@@ -9,10 +9,10 @@ from meshreel.bitstream.header import Header
 from meshreel.bitstream.layout import Section
 from meshreel.bitstream.reader import Stream, read_stream
 from meshreel.codec import payloads
-from meshreel.codec.blocks import StoredBlock, read_coded_blocks
+from meshreel.codec.blocks import StoredBlock, frame_sources
 from meshreel.codec.mesh_model import MeshModel
 from meshreel.codec.methods import Laplacian, Method, Order, choice_of_code, method_of_code
-from meshreel.codec.pipeline import FramesOf, synthesise
+from meshreel.codec.pipeline import FramesOf
 from meshreel.connectivity.coder import decode_connectivity, decode_order
 from meshreel.entropy.floats import decode_floats
 from meshreel.errors import CorruptStreamError, InvalidInputError
@@ -58,11 +58,10 @@ def decode(
     vertices = np.empty((len(wanted), header.n_verts, 3), _number_type(header))
     # Damaged values may overflow; MeshSequence tells what is not finite.
     with np.errstate(over="ignore", invalid="ignore"):
-        for stored, block in read_coded_blocks(stream, mesh, method, wanted):
+        for stored, frames_of in frame_sources(stream, mesh, method, wanted, order):
             start = max(stored.start, wanted.start)
             stop = min(stored.start + stored.n_frames, wanted.stop)
             target = vertices[start - wanted.start : stop - wanted.start]
-            frames_of = synthesise(block, mesh, method, order)
             for done in _filled(target, start - stored.start, frames_of, header):
                 progress("frames", (start - wanted.start + done) / len(wanted))
             _fill_exact(target, start - stored.start, stored, mesh, order)

@@ -10,7 +10,7 @@ from meshreel.bitstream.header import Header
 from meshreel.bitstream.layout import Section, VertexType
 from meshreel.bitstream.writer import write_stream
 from meshreel.codec import payloads
-from meshreel.codec.blocks import tracked_from, write_coded_block
+from meshreel.codec.blocks import tracked_from, write_coded_block, write_field_block
 from meshreel.codec.config import (
     DEFAULT_ALLOCATION,
     DEFAULT_ITERATIONS,
@@ -22,6 +22,7 @@ from meshreel.codec.config import (
 from meshreel.codec.mesh_model import MeshModel, choose_anchors
 from meshreel.codec.methods import Basis, Order
 from meshreel.codec.pipeline import Quantized, analyse, modes_needed
+from meshreel.codec.reel import analyse_fields
 from meshreel.connectivity.coder import CodedConnectivity, encode_connectivity
 from meshreel.entropy.floats import encode_floats
 from meshreel.progress import Progress, silent
@@ -42,6 +43,7 @@ def encode(
     order: str = DEFAULT_ORDER,
     block_frames: int | None = None,
     n_iterations: int = DEFAULT_ITERATIONS,
+    step: float | None = None,
     progress: Progress = silent,
 ) -> bytes:
     """The bytes of a `.reel` stream that holds the sequence.
@@ -49,12 +51,14 @@ def encode(
     Parameters
     ----------
     sequence : MeshSequence
-    method : {"pca-qp", "pca", "pca-q", "v2v", "pca-qs", "blocks", "gft"}
+    method : {"pca-qp", "pca", "pca-q", "v2v", "pca-qs", "blocks", "gft", "reel"}
         Variant of the paper (`codec.methods.METHODS`). `pca-qp`, the default: deltas on the
         eigen-trajectories of each axis, least squares with anchors. `pca`, `pca-q`: without
         anchors, the first at 16 bits. `v2v`: vertices instead of deltas. `pca-qs`: as `pca-qp`,
         decoded one frame after another. `blocks`: eigen-trajectories of short blocks, tracked.
-        `gft`: each frame's deltas on the low frequencies of the graph.
+        `gft`: each frame's deltas on the low frequencies of the graph. `reel`: our own, several
+        times smaller, with a `step` instead of bits; it is in the making, and later builds may
+        refuse its streams.
     n_modes : int, optional
         Eigen-trajectories to keep of each axis (the paper's k_l); at most as many as a block has
         frames are used. Excludes `energy`. With `gft`, graph frequencies; default 5 % of the
@@ -80,6 +84,9 @@ def encode(
         Frames that are coded together. Default: all of them (`blocks`: 25).
     n_iterations : int, default 2
         Orthogonal iterations from one block to the next (`blocks`).
+    step : float, optional
+        Step of `reel` as it acts on a position, in diagonals of the bounding box; it sets rate and
+        quality. Default 0.0003.
     progress : callable, optional
         Called with the stage and the share done, 0..1.
 
@@ -104,6 +111,7 @@ def encode(
         order=order,
         block_frames=block_frames,
         n_iterations=n_iterations,
+        step=step,
     )
     progress("connectivity", 0.0)
     connectivity = encode_connectivity(sequence.faces, sequence.n_verts, order=config.order)
@@ -149,11 +157,16 @@ def _sections(
     for start, vertices in blocks:
         progress("frames", start / sequence.n_frames)
         before = tracked_from(config.method_row, before, len(vertices))
-        block = analyse(to_matrices(vertices, frame), mesh, config, before)
-        yield from write_coded_block(block, len(vertices), config.method_row, before)
+        matrices = to_matrices(vertices, frame)
+        if config.method_row.basis is Basis.JOINT:
+            fields = analyse_fields(matrices, mesh, config.step_or_default, config.n_modes)
+            yield from write_field_block(fields)
+        else:
+            block = analyse(matrices, mesh, config, before)
+            yield from write_coded_block(block, len(vertices), config.method_row, before)
+            before = block.basis
         if len(mesh.isolated):
             yield Section.EXACT, encode_floats(vertices[:, mesh.isolated])
-        before = block.basis
     progress("frames", 1.0)
 
 

@@ -10,9 +10,10 @@ from meshreel.bitstream.layout import Section
 from meshreel.bitstream.reader import Stream, read_stream
 from meshreel.codec.blocks import read_coded_blocks, stored_blocks
 from meshreel.codec.decoder import read_mesh
-from meshreel.codec.methods import Laplacian, Order, choice_of_code, method_of_code
+from meshreel.codec.methods import Basis, Laplacian, Order, choice_of_code, method_of_code
 from meshreel.codec.pipeline import CodedBlock
 from meshreel.entropy.coder import encode_integers
+from meshreel.errors import InvalidInputError
 
 
 @dataclass(frozen=True)
@@ -105,11 +106,15 @@ def coded_blocks(data: bytes) -> list[CodedBlock]:
 
     Raises
     ------
+    InvalidInputError
+        If the stream is of `reel`, whose blocks are others.
     CorruptStreamError, TruncatedStreamError, UnsupportedVersionError
         If the bytes are not a whole stream that this build reads.
     """
     stream = read_stream(bytes(data))
     method = method_of_code(stream.header.method)
+    if method.basis is Basis.JOINT:
+        raise InvalidInputError(f"method {method.name} has no blocks of the paper's kind")
     frames = range(stream.header.n_frames)
     blocks = read_coded_blocks(stream, read_mesh(stream, method), method, frames)
     return [block for _, block in blocks]

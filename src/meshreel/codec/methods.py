@@ -1,7 +1,7 @@
 """The choices a stream can be made with, and their codes in it.
 
 Each variant of the paper is a row of choices: what is transformed, on which basis, and how it is
-decoded. The pipeline reads the choices, never the names.
+decoded; so is our own `reel`. The pipeline reads the choices, never the names.
 """
 
 from dataclasses import dataclass
@@ -28,6 +28,7 @@ class Basis(Enum):
     TRAJECTORIES = "eigen-trajectories of each block"
     TRACKED = "eigen-trajectories, tracked from block to block by orthogonal iterations"
     GRAPH = "eigenvectors of the Laplacian, frame by frame"
+    JOINT = "modes of all three coordinates together"
 
 
 class Decoding(Enum):
@@ -36,6 +37,7 @@ class Decoding(Enum):
     ANCHORED = "least squares with anchors (Eq. 12)"
     LAPLACIAN = "L alone (Eq. 11)"
     PRODUCT = "the product of basis and coefficients"
+    STAGED = "least squares with anchors in stages, learned Laplacians"
 
 
 @dataclass(frozen=True)
@@ -71,8 +73,8 @@ class Method:
 
     @property
     def has_anchors(self) -> bool:
-        """Whether anchors are sent: where a system is solved, each component needs one."""
-        return self.decoding is not Decoding.PRODUCT
+        """Whether anchors are chosen and sent once, for all blocks: each component needs one."""
+        return self.decoding not in (Decoding.PRODUCT, Decoding.STAGED)
 
     @property
     def summary(self) -> str:
@@ -91,6 +93,7 @@ METHODS = (
     Method("pca-qs", 4, _D, _T, _A, is_serial=True),
     Method("blocks", 5, _D, Basis.TRACKED, _A, block_frames=TRACKED_BLOCK_FRAMES),
     Method("gft", 6, _D, Basis.GRAPH, _A, is_serial=True),
+    Method("reel", 7, _D, Basis.JOINT, Decoding.STAGED),
 )
 
 

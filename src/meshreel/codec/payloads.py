@@ -1,17 +1,31 @@
 """Integers to the payloads of sections and back: the layouts of `docs/format.md`."""
 
+import struct
+from collections.abc import Sequence
+from itertools import pairwise
+
 import numpy as np
 import numpy.typing as npt
 
 from meshreel.codec.pipeline import Quantized
+from meshreel.codec.reel import Layout
 from meshreel.entropy.coder import decode_integers, encode_integers
 from meshreel.entropy.varint import read_varint, write_varint
-from meshreel.errors import CorruptStreamError, TruncatedStreamError
+from meshreel.errors import CorruptStreamError, TruncatedStreamError, UnsupportedVersionError
 from meshreel.quantization.uniform import Steps
 
 Integers = npt.NDArray[np.int64]
 
 MAX_DIFFERENCE = 2
+
+FIELDS_LAYOUT = 1
+"""Layout of the sections of `reel`; to be raised with every change until the method is settled."""
+
+MAX_COUNTS = 32
+"""Most groups of modes and most stages of anchors: each costs a factorisation."""
+
+MAX_SPACING = 64
+"""Largest spacing of anchors, in edges."""
 
 
 def write_anchor_vertices(anchors: Integers) -> bytes:
@@ -95,6 +109,89 @@ def read_rows(payload: bytes, n_rows: int, length: int, *, shared: bool) -> Quan
     tables = _shared_tables(n_rows, 0) if shared else None
     rows = decode_integers(coded, [length] * (3 * n_rows), tables)
     return Quantized(np.stack(rows).reshape(3, n_rows, length), steps)
+
+
+def write_layout(layout: Layout) -> bytes:
+    """How the fields of `reel` are cut; begins with the number of this very layout."""
+    return b"".join(
+        [
+            bytes([FIELDS_LAYOUT]),
+            struct.pack("<f", layout.step),
+            _write_counts(layout.group_ends),
+            _write_counts(layout.spacings),
+            write_varint(layout.least_anchors),
+        ]
+    )
+
+
+def read_layout(payload: bytes, n_modes: int) -> Layout:
+    """Undo `write_layout`.
+
+    Raises
+    ------
+    UnsupportedVersionError
+        If it is of another build: the method is in the making.
+    CorruptStreamError
+        If it contradicts itself.
+    """
+    if payload[:1] != bytes([FIELDS_LAYOUT]):
+        raise UnsupportedVersionError(
+            f"the method reel is in the making: the stream has its layout {payload[:1].hex()}, "
+            f"this build reads {FIELDS_LAYOUT:02x}; encode it again"
+        )
+    if len(payload) < 5:
+        raise TruncatedStreamError("the layout of the fields is cut off")
+    (step,) = struct.unpack_from("<f", payload, 1)
+    ends, position = _read_counts(payload, 5)
+    spacings, position = _read_counts(payload, position)
+    least, position = read_varint(payload, position)
+    falls = all(a > b for a, b in pairwise(spacings)) and 1 <= spacings[-1] <= spacings[0]
+    rises = all(a < b for a, b in pairwise((0, *ends))) and ends[-1] == n_modes
+    if not (falls and rises and spacings[0] <= MAX_SPACING and 0 < step < float("inf")):
+        raise CorruptStreamError(
+            f"fields of {n_modes} modes with groups to {ends}, spacings {spacings} and step {step}"
+        )
+    if position != len(payload):
+        raise CorruptStreamError("bytes are left over behind the layout of the fields")
+    return Layout(np.float32(step), ends, spacings, least)
+
+
+def write_stages(stages: Sequence[Integers]) -> bytes:
+    """Residuals of the anchors, stage after stage; modes of similar number share a table."""
+    tables = _stage_tables(len(stages[0]), len(stages))
+    return encode_integers([row for stage in stages for row in stage], tables)
+
+
+def read_stages(payload: bytes, n_modes: int, lengths: Sequence[int]) -> tuple[Integers, ...]:
+    """Undo `write_stages`: arrays of shape (K, A_i)."""
+    row_lengths = [length for length in lengths for _ in range(n_modes)]
+    rows = decode_integers(payload, row_lengths, _stage_tables(n_modes, len(lengths)))
+    starts = range(0, len(rows), n_modes)
+    return tuple(np.stack(rows[start : start + n_modes]) for start in starts)
+
+
+def _stage_tables(n_modes: int, n_stages: int) -> list[int]:
+    per_stage = n_modes.bit_length()
+    return [
+        stage * per_stage + (mode + 1).bit_length() - 1
+        for stage in range(n_stages)
+        for mode in range(n_modes)
+    ]
+
+
+def _write_counts(counts: Sequence[int]) -> bytes:
+    return write_varint(len(counts)) + b"".join(map(write_varint, counts))
+
+
+def _read_counts(payload: bytes, position: int) -> tuple[tuple[int, ...], int]:
+    n_counts, position = read_varint(payload, position)
+    if not 1 <= n_counts <= MAX_COUNTS:
+        raise CorruptStreamError(f"{n_counts} groups or stages; 1 to {MAX_COUNTS} are allowed")
+    counts = []
+    for _ in range(n_counts):
+        count, position = read_varint(payload, position)
+        counts.append(count)
+    return tuple(counts), position
 
 
 def _best_difference(row: Integers) -> tuple[int, Integers]:

@@ -130,7 +130,17 @@ def synthesise(block: CodedBlock, mesh: MeshModel, method: Method, order: Intege
     coefficients = block.coefficients.values
     if block.anchors is not None:
         coefficients = _solved(mesh, coefficients, block.anchors.values)
-    coefficients = coefficients[:, :, order]
+    return product_frames(basis, coefficients[:, :, order])
+
+
+def product_frames(basis: Floats, coefficients: Floats) -> FramesOf:
+    """What gives frames as the product of a basis and coefficients.
+
+    Parameters
+    ----------
+    basis : float64 array of shape (3, T, K)
+    coefficients : float64 array of shape (3, K, V), or (1, K, V) for all axes
+    """
     return lambda frames: expand(basis[:, frames], coefficients)
 
 

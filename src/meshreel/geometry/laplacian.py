@@ -10,6 +10,9 @@ from meshreel.sequence import Faces
 
 Floats = npt.NDArray[np.float64]
 
+RELATIVE_RIDGE = 1e-3
+"""Ridge of reproducing weights, as a share of the neighbours' mean squared distance."""
+
 
 def uniform_laplacian(faces: Faces, n_verts: int, *, normalized: bool = False) -> csr_array:
     """Uniform Laplacian, ``L = D - C`` with binary adjacency C (paper Eq. 1).
@@ -62,3 +65,55 @@ def delta_coordinates(laplacian: csr_array, columns: npt.NDArray[np.floating]) -
             f"the Laplacian is of {laplacian.shape[1]} vertices; got {columns.shape[0]} rows"
         )
     return np.asarray(laplacian @ np.asarray(columns, np.float64))
+
+
+def reproducing_laplacian(adjacency: csr_array, fields: Floats, noise: float) -> csr_array:
+    """Laplacian ``I - W`` whose weights reproduce known fields on the mesh, row by row.
+
+    The weights of a vertex sum to 1 and make its value of every field, as nearly as they can, the
+    weighted mean of its neighbours' values. Whatever varies over the mesh like the known fields do
+    then has small deltas, whichever way the mesh is sampled: uniform weights leave the sampling in
+    the deltas, and cotangent weights, which know one frame, leave in what bends.
+
+    Weights that fit noise in the fields would pass it on; a ridge keeps them near equal where the
+    fields do not tell.
+
+    Parameters
+    ----------
+    adjacency : csr_array of shape (V, V)
+        Binary, symmetric, with an empty diagonal.
+    fields : float64 array of shape (V, K)
+        Without a column, all weights of a vertex are equal: the normalised uniform Laplacian.
+    noise : float
+        Variance of the noise in each field, times the strength of the ridge.
+
+    Returns
+    -------
+    csr_array of shape (V, V); rows sum to zero, and are empty for isolated vertices.
+
+    References
+    ----------
+    S. T. Roweis, L. K. Saul, "Nonlinear dimensionality reduction by locally linear embedding",
+    Science 290, 2000: the weights of its first step.
+    """
+    degrees = np.diff(adjacency.indptr)
+    weights = np.zeros(len(adjacency.indices))
+    for degree in np.unique(degrees[degrees > 0]):
+        vertices = np.flatnonzero(degrees == degree)
+        places = adjacency.indptr[vertices][:, None] + np.arange(degree)
+        offsets = fields[adjacency.indices[places]] - fields[vertices][:, None, :]
+        weights[places] = _reproducing_weights(offsets, noise)
+    mean = csr_array((weights, adjacency.indices, adjacency.indptr), shape=adjacency.shape)
+    return csr_array(diags_array((degrees > 0).astype(np.float64)) - mean)
+
+
+def _reproducing_weights(offsets: Floats, noise: float) -> Floats:
+    """Weights of shape (N, d) for offsets of d neighbours, of shape (N, d, K)."""
+    gram = offsets @ np.swapaxes(offsets, 1, 2)
+    n_neighbours, n_fields = offsets.shape[1:]
+    spread = np.trace(gram, axis1=1, axis2=2) / n_neighbours
+    ridge = RELATIVE_RIDGE * spread + noise * n_fields
+    ridge = np.where(ridge > 0, ridge, 1.0)
+    gram += ridge[:, None, None] * np.eye(n_neighbours)
+    weights = np.linalg.solve(gram, np.ones((len(gram), n_neighbours, 1)))[:, :, 0]
+    return np.asarray(weights / weights.sum(axis=1, keepdims=True))

@@ -5,6 +5,9 @@ import numpy.typing as npt
 
 Floats = npt.NDArray[np.float64]
 
+RANK_TOLERANCE = 1e-13
+"""Eigenvalues of a Gram matrix below this share of the largest are rounding."""
+
 
 def autocorrelation(frames: Floats) -> Floats:
     """Trajectory autocorrelation ``R = A A^T`` (paper Eq. 7).
@@ -43,6 +46,38 @@ def eigen_trajectories(correlation: Floats, n_modes: int) -> tuple[Floats, Float
     values, vectors = np.linalg.eigh(correlation)
     values = np.maximum(values[..., ::-1][..., :n_modes], 0.0)
     return values, fix_signs(vectors[..., ::-1][..., :n_modes])
+
+
+def joint_trajectories(frames: Floats, n_modes: int) -> tuple[Floats, Floats]:
+    """Leading singular values and time vectors of all three coordinates together.
+
+    A mode is one field on the mesh with a time vector for each axis, instead of a field and a
+    time vector for each axis: the singular vectors of the matrix of shape (3 T, V). The smaller
+    of its two Gram matrices is decomposed.
+
+    Parameters
+    ----------
+    frames : float64 array of shape (3, T, V)
+    n_modes : int
+        At most this many; fewer if the matrix has a lower rank.
+
+    Returns
+    -------
+    singular_values : float64 array of shape (K,), descending, positive
+    time_vectors : float64 array of shape (3 T, K), orthonormal, signs by `fix_signs`
+    """
+    stacked = frames.reshape(-1, frames.shape[2])
+    is_wide = stacked.shape[0] <= stacked.shape[1]
+    gram = stacked @ stacked.T if is_wide else stacked.T @ stacked
+    eigenvalues, vectors = np.linalg.eigh(gram)
+    eigenvalues, vectors = eigenvalues[::-1], vectors[:, ::-1]
+    rank = int(np.sum(eigenvalues > RANK_TOLERANCE * max(eigenvalues[0], 0.0)))
+    kept = max(1, min(n_modes, rank))
+    singular_values = np.sqrt(np.maximum(eigenvalues[:kept], 0.0))
+    if is_wide:
+        return singular_values, fix_signs(vectors[:, :kept])
+    scale = np.where(singular_values > 0, singular_values, 1.0)
+    return singular_values, fix_signs(stacked @ vectors[:, :kept] / scale)
 
 
 def fix_signs(basis: Floats) -> Floats:

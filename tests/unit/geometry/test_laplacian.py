@@ -4,7 +4,12 @@ import numpy as np
 import pytest
 
 from meshreel.errors import InvalidInputError
-from meshreel.geometry.laplacian import delta_coordinates, uniform_laplacian
+from meshreel.geometry.connectivity import adjacency_matrix
+from meshreel.geometry.laplacian import (
+    delta_coordinates,
+    reproducing_laplacian,
+    uniform_laplacian,
+)
 from sample_meshes import grid_faces, irregular_sequence
 
 
@@ -38,3 +43,39 @@ def test_deltas_do_not_change_when_the_mesh_is_moved():
 def test_deltas_refuse_when_vertex_counts_differ():
     with pytest.raises(InvalidInputError, match="20 vertices; got 19 rows"):
         delta_coordinates(uniform_laplacian(grid_faces(4, 5), 20), np.zeros((19, 3)))
+
+
+def rippled_fields(n_verts, n_fields):
+    return np.random.default_rng(4).normal(size=(n_verts, n_fields)).cumsum(axis=0)
+
+
+def test_reproducing_weights_annihilate_the_fields_when_neighbours_are_enough():
+    """In the inside of a grid, six neighbours can reproduce three fields and a constant."""
+    adjacency = adjacency_matrix(grid_faces(8, 9), 72)
+    fields = rippled_fields(72, 3)
+    deltas = reproducing_laplacian(adjacency, fields, 0.0) @ fields
+    inside = np.diff(adjacency.indptr) == 6
+    uniform = uniform_laplacian(grid_faces(8, 9), 72, normalized=True) @ fields
+    assert np.abs(deltas[inside]).max() < 0.05 * np.abs(uniform[inside]).max()
+
+
+def test_reproducing_rows_sum_to_zero_when_the_mesh_is_irregular():
+    sequence = irregular_sequence()
+    adjacency = adjacency_matrix(sequence.faces, sequence.n_verts)
+    laplacian = reproducing_laplacian(adjacency, sequence.vertices[0], 1e-6)
+    assert np.abs(laplacian.sum(axis=1)).max() < 1e-12
+
+
+@pytest.mark.parametrize("fields", [np.zeros((72, 0)), np.ones((72, 2))])
+def test_reproducing_weights_are_equal_when_the_fields_tell_nothing(fields):
+    adjacency = adjacency_matrix(grid_faces(8, 9), 72)
+    expected = uniform_laplacian(grid_faces(8, 9), 72, normalized=True)
+    laplacian = reproducing_laplacian(adjacency, fields, 0.0)
+    np.testing.assert_allclose(laplacian.toarray(), expected.toarray(), atol=1e-12)
+
+
+def test_weights_grow_equal_when_noise_hides_the_fields():
+    adjacency = adjacency_matrix(grid_faces(8, 9), 72)
+    laplacian = reproducing_laplacian(adjacency, rippled_fields(72, 3), 1e9)
+    expected = uniform_laplacian(grid_faces(8, 9), 72, normalized=True)
+    np.testing.assert_allclose(laplacian.toarray(), expected.toarray(), atol=1e-5)

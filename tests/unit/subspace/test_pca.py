@@ -1,8 +1,9 @@
 """Eq. 5 and Eq. 7 of the paper."""
 
 import numpy as np
+import pytest
 
-from meshreel.subspace.pca import autocorrelation, eigen_trajectories, fix_signs
+from meshreel.subspace.pca import autocorrelation, eigen_trajectories, fix_signs, joint_trajectories
 
 
 def frames(n_frames=9, n_verts=40):
@@ -46,3 +47,19 @@ def test_sign_rule_ignores_rounding_when_two_entries_tie():
     column = np.array([[-1.0], [0.1], [1.0]])
     nudge = np.array([[0.0], [0.0], [1e-12]])
     np.testing.assert_allclose(fix_signs(column + nudge), fix_signs(column - nudge), atol=1e-11)
+
+
+@pytest.mark.parametrize(("n_frames", "n_verts"), [(5, 40), (30, 20)])
+def test_joint_modes_rebuild_the_frames_when_all_are_kept(n_frames, n_verts):
+    matrices = frames(n_frames, n_verts)
+    values, vectors = joint_trajectories(matrices, 1000)
+    assert np.abs(vectors.T @ vectors - np.eye(len(values))).max() < 1e-9
+    stacked = matrices.reshape(-1, n_verts)
+    np.testing.assert_allclose(vectors @ (vectors.T @ stacked), stacked, atol=1e-9)
+    assert (np.diff(values) <= 0).all()
+
+
+def test_joint_modes_are_as_many_as_the_rank_when_nothing_moves():
+    still = np.repeat(np.random.default_rng(0).normal(size=(3, 1, 30)), 9, axis=1)
+    values, _ = joint_trajectories(still, 9)
+    assert len(values) == 3
