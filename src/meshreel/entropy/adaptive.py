@@ -1,0 +1,133 @@
+"""Bits whose probabilities both sides learn as they go, through one asymmetric-numeral coder.
+
+Writer and reader are driven by the same code: `code` takes the bits to write, or None, and gives
+the bits either way. So the model of a stream is written once and cannot differ between the two.
+"""
+
+from typing import Protocol
+
+import constriction
+import numpy as np
+import numpy.typing as npt
+
+from meshreel.errors import CorruptStreamError
+
+Integers = npt.NDArray[np.int64]
+Bits = npt.NDArray[np.bool_]
+
+PROBABILITY_BITS = 16
+CERTAIN = 1 << PROBABILITY_BITS
+"""A probability is an integer, of CERTAIN."""
+
+LEAST_PROBABILITY = 16  # what never happened so far may still happen
+START_WEIGHT = 12  # how many observations a first guess stands for
+INCREMENT = 1024  # of a count: first guesses are fractions of an observation
+FULL_COUNT = 128 * INCREMENT  # counts above it are halved, so that old observations fade
+
+_BERNOULLI = constriction.stream.model.Bernoulli(perfect=False)
+
+
+class BitPort(Protocol):
+    """Where bits go to or come from."""
+
+    def code(self, truth: Bits | None, probabilities: Integers) -> Bits:
+        """The bits, each 1 with its probability; `truth` holds them when they are written."""
+        ...
+
+
+class BitWriter:
+    """Collects bits and codes them all at the end, for the coder is a stack."""
+
+    def __init__(self) -> None:
+        self._bits: list[Bits] = []
+        self._probabilities: list[Integers] = []
+
+    def code(self, truth: Bits | None, probabilities: Integers) -> Bits:
+        """The bits given, noted to be written."""
+        assert truth is not None  # only a reader is asked for what nobody knows yet
+        self._bits.append(truth)
+        self._probabilities.append(probabilities)
+        return truth
+
+    def words(self) -> bytes:
+        """All bits, coded in 32-bit words."""
+        coder = constriction.stream.stack.AnsCoder()
+        if self._bits:
+            bits = np.concatenate(self._bits).astype(np.int32)
+            coder.encode_reverse(bits, _BERNOULLI, _shares(np.concatenate(self._probabilities)))
+        return bytes(coder.get_compressed().astype("<u4").tobytes())
+
+
+class BitReader:
+    """Gives back the bits that a `BitWriter` coded.
+
+    Raises
+    ------
+    CorruptStreamError
+        If no coder ends with these words.
+    """
+
+    def __init__(self, words: bytes) -> None:
+        try:
+            self._coder = constriction.stream.stack.AnsCoder(
+                np.frombuffer(words, "<u4").astype(np.uint32)
+            )
+        except ValueError as error:
+            raise CorruptStreamError(f"the coded bits are damaged: {error}") from error
+
+    def code(self, truth: Bits | None, probabilities: Integers) -> Bits:
+        """The next bits; `truth` is not looked at."""
+        if not len(probabilities):
+            return np.zeros(0, np.bool_)
+        return np.asarray(self._coder.decode(_BERNOULLI, _shares(probabilities)) != 0)
+
+    def finish(self) -> None:
+        """Check that nothing is left.
+
+        Raises
+        ------
+        CorruptStreamError
+            If words are left over.
+        """
+        if not self._coder.is_empty():
+            raise CorruptStreamError("coded bits are left over")
+
+
+class AdaptiveBits:
+    """Probabilities of a bit in many contexts, learnt from the bits already coded.
+
+    Parameters
+    ----------
+    first_guess : integer array of shape (n_contexts,)
+        Probability of a 1 at the beginning, of CERTAIN.
+    """
+
+    def __init__(self, first_guess: Integers) -> None:
+        guess = np.clip(first_guess, LEAST_PROBABILITY, CERTAIN - LEAST_PROBABILITY)
+        self._total = np.full(len(guess), START_WEIGHT * INCREMENT, np.int64)
+        self._ones = (guess * self._total) >> PROBABILITY_BITS
+
+    def code(self, port: BitPort, truth: Bits | None, contexts: Integers) -> Bits:
+        """The bit of each of the contexts, all coded with what was known before; then learn."""
+        if not len(contexts):
+            return np.zeros(0, np.bool_)
+        shares = (self._ones << PROBABILITY_BITS) // self._total
+        probabilities = np.clip(shares, LEAST_PROBABILITY, CERTAIN - LEAST_PROBABILITY)
+        bits = port.code(truth, probabilities[contexts])
+        n_contexts = len(self._total)
+        self._total += INCREMENT * np.bincount(contexts, minlength=n_contexts)
+        self._ones += INCREMENT * np.bincount(contexts[bits], minlength=n_contexts)
+        full = (self._total > FULL_COUNT).astype(np.int64)
+        self._total >>= full
+        self._ones >>= full
+        return bits
+
+
+def code_evenly(port: BitPort, truth: Bits | None, n_bits: int) -> Bits:
+    """Bits of which nothing is known."""
+    return port.code(truth, np.full(n_bits, CERTAIN // 2, np.int64))
+
+
+def _shares(probabilities: Integers) -> npt.NDArray[np.float64]:
+    """Probabilities as float64; exact, for the denominator is a power of two."""
+    return probabilities.astype(np.float64) / CERTAIN

@@ -1,0 +1,112 @@
+"""What both sides know of an integer before it is coded, as classes made of integers only.
+
+The magnitude expected at a column is the mean magnitude of the row, times how much the column
+stood out so far: in the rows before, and at its neighbours already coded in this row.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+Integers = npt.NDArray[np.int64]
+
+UNIT = 1 << 20
+"""One, in the fixed-point numbers of this file."""
+
+MAX_SCALE = 70  # a mean magnitude of 2^15
+MAX_EVIDENCE = (1 << 16) - 1  # larger magnitudes count as this
+MEMORY_SHIFT = 3  # with each row, the rows before it lose an eighth of their weight
+PRIOR = UNIT // 3  # what speaks for "like the mean of the row" before anything is known
+LOG_STEPS = 8  # steps of an octave
+N_EXPECTED = 72  # half octaves of the expected magnitude, from 2^-20 on
+N_PAST = 6
+N_NEAR = 3
+PAST_BOUNDS = np.array([2, 5, 9, 15, 24], np.int64) * (UNIT // 5)
+
+
+@dataclass(frozen=True)
+class Contexts:
+    """What is known of each of n integers; all are integer arrays of shape (n,).
+
+    Attributes
+    ----------
+    expected : class of the expected magnitude, in 0..N_EXPECTED-1
+    past : class of the magnitudes of the rows before, in 0..N_PAST-1
+    near : class of the magnitudes of coded neighbours, in 0..N_NEAR-1
+    prediction : of the sign; 0 is none, and a large magnitude is a sure one
+    """
+
+    expected: Integers
+    past: Integers
+    near: Integers
+    prediction: Integers
+
+
+class Past:
+    """Magnitudes of every column in the rows before, in UNIT, older rows weighing less."""
+
+    def __init__(self, n_columns: int) -> None:
+        self.columns = np.zeros(n_columns, np.int64)
+        self.mean = 0
+
+    def add(self, magnitudes: Integers, mean: int) -> None:
+        """Take in a row and its mean."""
+        self.columns += UNIT * magnitudes - (self.columns >> MEMORY_SHIFT)
+        self.mean += mean - (self.mean >> MEMORY_SHIFT)
+
+
+def scale_of_row(magnitudes: Integers) -> int:
+    """Class of the mean magnitude, in half octaves: 0 if all are 0, else 1..MAX_SCALE."""
+    total = int(magnitudes.sum())
+    if total == 0:
+        return 0
+    mean = max(total * UNIT // len(magnitudes), 1)
+    octave = mean.bit_length() - 1
+    return min(max(2 * octave + ((2 * mean) >> octave & 1), 1), MAX_SCALE)
+
+
+def mean_of_scale(scale: Integers) -> Integers:
+    """Mean magnitude that a class stands for, in UNIT: 5/4 or 7/4 of a power of two."""
+    return ((5 + 2 * (scale & 1)) << (scale >> 1)) >> 2
+
+
+def expected_classes(
+    past: Integers, past_mean: int, near: Integers, n_near: Integers, mean: int
+) -> Integers:
+    """Class of the expected magnitude of each of n columns, in 0..N_EXPECTED-1.
+
+    Parameters
+    ----------
+    past : integer array of shape (n,)
+        Magnitudes of the rows before, in UNIT (`Past.columns`).
+    past_mean : int
+        The same of a column of mean magnitude.
+    near, n_near : integer arrays of shape (n,)
+        Sum of the magnitudes of the coded neighbours, and their number.
+    mean : int
+        Mean magnitude of this row, in UNIT.
+    """
+    seen = PRIOR + (past >> 1) + UNIT * near
+    usual = PRIOR + (past_mean >> 1) + mean * n_near
+    logs = _logarithms(np.array([mean])) + _logarithms(seen) - _logarithms(usual)
+    classes: Integers = np.clip(logs // (LOG_STEPS // 2), 0, N_EXPECTED - 1)
+    return classes
+
+
+def past_classes(past: Integers) -> Integers:
+    """Class of the magnitudes of the rows before, in 0..N_PAST-1."""
+    return np.searchsorted(PAST_BOUNDS, past, side="right")
+
+
+def near_classes(near: Integers) -> Integers:
+    """Class of the magnitudes of coded neighbours, in 0..N_NEAR-1."""
+    return np.minimum(near, N_NEAR - 1)
+
+
+def _logarithms(values: Integers) -> Integers:
+    """Octave of positive integers, in LOG_STEPS, plus the step of the octave they lie in."""
+    # The conversion to float64 rounds alike on every machine, and frexp is exact.
+    mantissas, exponents = np.frexp(values.astype(np.float64))
+    steps = (2 * LOG_STEPS * mantissas).astype(np.int64) - LOG_STEPS
+    return LOG_STEPS * (exponents.astype(np.int64) - 1) + steps

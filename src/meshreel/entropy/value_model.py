@@ -1,0 +1,125 @@
+"""Integers as adaptive bits: is it longer than k bits, its second highest bit, its sign.
+
+Lower bits of a magnitude are noise that no context foretells. They are left out here (`coarse`)
+and stored raw.
+"""
+
+import numpy as np
+import numpy.typing as npt
+
+from meshreel.entropy.adaptive import (
+    CERTAIN,
+    PROBABILITY_BITS,
+    AdaptiveBits,
+    BitPort,
+    Bits,
+    code_evenly,
+)
+from meshreel.entropy.contexts import N_EXPECTED, N_NEAR, N_PAST, UNIT, Contexts, mean_of_scale
+from meshreel.entropy.tokens import MAX_MAGNITUDE
+
+Integers = npt.NDArray[np.int64]
+
+MAX_LENGTH = MAX_MAGNITUDE.bit_length()
+SIGN_BOUNDS = np.array([1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64])
+
+
+class ValueModel:
+    """Codes coarse integers, each in its contexts, and learns from them."""
+
+    def __init__(self) -> None:
+        powers = _powers_of_decay()
+        any_at_all = np.repeat(powers[0], N_PAST * N_NEAR)
+        self._longer = [AdaptiveBits(guess) for guess in [any_at_all, *powers[: MAX_LENGTH - 1]]]
+        self._upper = [AdaptiveBits(CERTAIN * power // (CERTAIN + power)) for power in powers]
+        self._wrong_sign = AdaptiveBits(np.full(len(SIGN_BOUNDS) + 1, CERTAIN // 2))
+
+    def code(self, port: BitPort, truth: Integers | None, contexts: Contexts) -> Integers:
+        """Coarse integers of shape (n,), written or read.
+
+        Parameters
+        ----------
+        port : BitPort
+        truth : integer array of shape (n,), or None
+            The integers, coarse, if they are to be written.
+        contexts : Contexts of n integers
+        """
+        magnitudes = None if truth is None else np.abs(truth)
+        lengths = self._code_lengths(port, magnitudes, contexts)
+        values = self._code_upper_halves(port, magnitudes, lengths, contexts.expected)
+        used = np.flatnonzero(lengths)
+        negative = None if truth is None else truth[used] < 0
+        signs = self._code_signs(port, negative, contexts.prediction[used])
+        values[used] = np.where(signs, -values[used], values[used])
+        return values
+
+    def _code_lengths(
+        self, port: BitPort, magnitudes: Integers | None, contexts: Contexts
+    ) -> Integers:
+        true_lengths = None if magnitudes is None else bit_lengths(magnitudes)
+        lengths = np.zeros(len(contexts.expected), np.int64)
+        open_ones = np.arange(len(lengths))
+        classes = (contexts.expected * N_PAST + contexts.past) * N_NEAR + contexts.near
+        for length, bits in enumerate(self._longer):
+            truth = None if true_lengths is None else true_lengths[open_ones] > length
+            open_ones = open_ones[bits.code(port, truth, classes[open_ones])]
+            if not len(open_ones):
+                break
+            lengths[open_ones] = length + 1
+            classes = contexts.expected
+        return lengths
+
+    def _code_upper_halves(
+        self, port: BitPort, magnitudes: Integers | None, lengths: Integers, classes: Integers
+    ) -> Integers:
+        values = np.minimum(lengths, 1)
+        for length in range(2, int(lengths.max(initial=0)) + 1):
+            here = np.flatnonzero(lengths == length)
+            shift = length - 2
+            truth = None if magnitudes is None else (magnitudes[here] >> shift & 1) == 1
+            upper = self._upper[shift].code(port, truth, classes[here])
+            values[here] = (2 + upper.astype(np.int64)) << shift
+        return values
+
+    def _code_signs(self, port: BitPort, negative: Bits | None, prediction: Integers) -> Bits:
+        expected = prediction < 0
+        classes = np.searchsorted(SIGN_BOUNDS, np.abs(prediction), side="right")
+        known = classes > 0
+        wrong = np.empty(len(prediction), np.bool_)
+        truth = None if negative is None else negative ^ expected
+        wrong[~known] = code_evenly(
+            port, None if truth is None else truth[~known], int(np.sum(~known))
+        )
+        wrong[known] = self._wrong_sign.code(
+            port, None if truth is None else truth[known], classes[known]
+        )
+        return wrong ^ expected
+
+
+def bit_lengths(magnitudes: Integers) -> Integers:
+    """Bits of each magnitude below 2^53: 0 of 0, 1 of 1, 2 of 2 and 3, ..."""
+    return np.frexp(magnitudes.astype(np.float64))[1].astype(np.int64)
+
+
+def detail_widths(values: Integers) -> Integers:
+    """Bits of each magnitude below its two highest: what `coarse` leaves out."""
+    return np.maximum(bit_lengths(np.abs(values)) - 2, 0)
+
+
+def coarse(values: Integers) -> Integers:
+    """The values with only the two highest bits of their magnitudes left."""
+    widths = detail_widths(values)
+    kept: Integers = np.sign(values) * (np.abs(values) >> widths << widths)
+    return kept
+
+
+def _powers_of_decay() -> list[Integers]:
+    """First guesses of shape (N_EXPECTED,): the 1st, 2nd, 4th, 8th, ... power of the decay.
+
+    Magnitudes of mean m that decay geometrically do so by m / (m + 1) from each to the next.
+    """
+    mean = mean_of_scale(np.arange(N_EXPECTED, dtype=np.int64))
+    powers = [mean * CERTAIN // (mean + UNIT)]
+    for _ in range(MAX_LENGTH - 2):
+        powers.append(powers[-1] * powers[-1] >> PROBABILITY_BITS)
+    return powers

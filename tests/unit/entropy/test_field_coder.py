@@ -1,0 +1,144 @@
+import zlib
+
+import numpy as np
+import pytest
+
+from meshreel.entropy.coder import encode_integers
+from meshreel.entropy.field_coder import decode_fields, encode_fields
+from meshreel.entropy.tokens import MAX_MAGNITUDE
+from meshreel.errors import CorruptStreamError, InvalidInputError
+
+
+def ring(n_columns):
+    index = np.arange(n_columns)
+    pairs = np.stack([(index - 1) % n_columns, (index + 1) % n_columns], axis=1)
+    return np.arange(0, 2 * n_columns + 1, 2), pairs.ravel()
+
+
+def active_places(n_rows=20, n_columns=3000):
+    """Rows of falling energy; in each the same smooth third of the columns is active."""
+    rng = np.random.default_rng(5)
+    activity = np.exp(3 * np.sin(np.arange(n_columns) / 40) - 2)
+    scale = activity * 0.85 ** np.arange(n_rows)[:, None]
+    return np.rint(rng.laplace(scale=scale)).astype(int)
+
+
+SMALL = np.array(
+    [
+        [0, 1, -1, 0, 2, 40, -3, 0],
+        [0] * 8,
+        [1, -1, 0, 0, 1, 1000, 0, -7],
+        [0, 0, -1, 0, 0, 300, 0, 0],
+    ]
+)
+
+
+def test_size_is_far_below_that_of_tables_when_activity_has_a_place():
+    fields = active_places()
+    alone = len(encode_fields(fields, None))
+    assert (
+        len(encode_fields(fields, ring(3000))) < alone < 0.85 * len(encode_integers(list(fields)))
+    )
+
+
+def test_signs_cost_little_when_neighbours_always_agree():
+    rng = np.random.default_rng(6)
+    signs = np.repeat(rng.choice([-1, 1], (40, 50)), 20, axis=1)
+    bits = 8 * len(encode_fields(signs, ring(1000)))
+    assert bits < 0.7 * signs.size
+
+
+def test_signs_cost_little_when_neighbours_always_disagree():
+    rng = np.random.default_rng(6)
+    signs = np.repeat(rng.choice([-1, 1], (40, 50)), 20, axis=1)
+    signs[:, ::2] *= -1
+    bits = 8 * len(encode_fields(signs, ring(1000)))
+    assert bits < 0.7 * signs.size
+
+
+def test_bytes_are_the_same_when_coded_twice():
+    fields = active_places()
+    assert encode_fields(fields, ring(3000)) == encode_fields(fields, ring(3000))
+
+
+@pytest.mark.parametrize("neighbours", [None, ring(500)])
+@pytest.mark.parametrize(
+    "fields",
+    [
+        np.zeros((0, 500), int),
+        np.zeros((3, 500), int),
+        np.full((3, 500), MAX_MAGNITUDE),
+        np.full((2, 500), -MAX_MAGNITUDE),
+        np.resize([0, 2**16, -(2**30), 1], (5, 500)),
+        active_places(6, 500),
+        active_places(6, 500)[::-1],
+    ],
+)
+def test_fields_come_back_when_they_are_unusual(fields, neighbours):
+    data = encode_fields(fields, neighbours)
+    np.testing.assert_array_equal(decode_fields(data, *fields.shape, neighbours), fields)
+
+
+@pytest.mark.parametrize("shape", [(0, 0), (0, 4), (4, 0), (1, 1)])
+def test_fields_come_back_when_there_is_little_in_them(shape):
+    data = encode_fields(np.zeros(shape, np.int8), None)
+    assert decode_fields(data, *shape, None).shape == shape
+
+
+def test_scale_of_a_row_is_kept_above_zero_when_rows_alternate_with_empty_ones():
+    fields = np.zeros((60, 40), int)
+    fields[::2] = np.arange(30)[:, None] ** 4
+    np.testing.assert_array_equal(decode_fields(encode_fields(fields, None), 60, 40, None), fields)
+
+
+def test_writer_pads_when_nearly_nothing_is_coded():
+    assert len(encode_fields(np.zeros((10, 100_000), int), None)) == -(-10 * 100_000 // 256)
+    assert len(encode_fields(np.zeros((1000, 2), int), None)) == 1000
+
+
+@pytest.mark.parametrize("shape", [(10**9, 1), (1, 10**12), (10**9, 0)])
+def test_more_integers_are_refused_when_the_bytes_cannot_hold_them(shape):
+    with pytest.raises(CorruptStreamError, match="cannot hold"):
+        decode_fields(encode_fields(SMALL, None), *shape, None)
+
+
+def test_encoding_refuses_when_an_integer_is_too_large():
+    with pytest.raises(InvalidInputError, match="magnitudes up to 2147483647"):
+        encode_fields(np.array([[MAX_MAGNITUDE + 1]]), None)
+
+
+def test_encoding_refuses_when_there_are_not_two_axes():
+    with pytest.raises(InvalidInputError, match=r"got shape \(8,\)"):
+        encode_fields(SMALL[0], None)
+
+
+def test_decoding_raises_when_bytes_are_left_over():
+    with pytest.raises(CorruptStreamError, match="should end at byte"):
+        decode_fields(encode_fields(SMALL, None) + b"\0", *SMALL.shape, None)
+
+
+def test_decoding_raises_when_the_data_end_early():
+    data = encode_fields(active_places(), None)
+    for size in (0, 300, len(data) // 2, len(data) - 1):
+        with pytest.raises(CorruptStreamError):
+            decode_fields(data[:size], 20, 3000, None)
+
+
+@pytest.mark.parametrize(
+    ("stored", "neighbours"),
+    [
+        ("07f0f57db7f9f3ff8007cd645be3ee365a22660a421171da4c9b9f4100889e05", ring(8)),
+        ("0693e753091a2dfe4f25cfde38075e5acd3ad7bb197f6eef2d889e05", None),
+    ],
+)
+def test_stored_bytes_still_decode_when_libraries_change(stored, neighbours):
+    """The parse hangs on every rule of the contexts, and on how constriction rounds."""
+    np.testing.assert_array_equal(decode_fields(bytes.fromhex(stored), 4, 8, neighbours), SMALL)
+
+
+def test_a_long_stream_still_is_the_same_when_libraries_change():
+    """Rules that only show after many integers: halved counts, rare classes."""
+    index = np.arange(20_000)
+    fields = np.stack([(index * factor % 1009 < 90) * (index % 7 - 3) for factor in range(1, 13)])
+    stored = encode_fields(fields, ring(20_000))
+    assert (len(stored), zlib.crc32(stored)) == (12514, 84733045)
