@@ -19,7 +19,7 @@ from meshreel.codec.pipeline import (
     synthesise,
 )
 from meshreel.codec.reel import FieldBlock, FieldMesh, synthesise_fields
-from meshreel.entropy.coder import decode_integers, encode_integers
+from meshreel.entropy.field_coder import decode_fields, encode_fields
 from meshreel.errors import CorruptStreamError
 
 Integers = npt.NDArray[np.int64]
@@ -113,13 +113,14 @@ def write_coded_block(
     yield Section.COEFFICIENTS, payloads.write_rows(block.coefficients, shared=on_graph)
 
 
-def write_field_block(block: FieldBlock) -> Iterator[tuple[Section, bytes]]:
+def write_field_block(block: FieldBlock, mesh: MeshModel) -> Iterator[tuple[Section, bytes]]:
     """The sections of a block of `reel`."""
     yield Section.BLOCK, payloads.write_block(block.basis.shape[2], block.n_modes)
     yield Section.FIELDS, payloads.write_layout(block.layout)
-    yield Section.BASIS, payloads.write_curves(Quantized(block.basis, np.ones(1, np.float32)))
+    yield Section.BASIS, payloads.write_time_vectors(block.basis)
     yield Section.ANCHORS, payloads.write_stages(block.residuals)
-    yield Section.COEFFICIENTS, encode_integers(list(block.deltas))
+    neighbours = FieldMesh(mesh, block.layout).neighbours
+    yield Section.COEFFICIENTS, encode_fields(block.deltas, neighbours)
 
 
 def frame_sources(
@@ -149,14 +150,16 @@ def frame_sources(
 def _read_field_block(stored: StoredBlock, mesh: MeshModel) -> FieldBlock:
     n_modes = stored.n_modes
     layout = payloads.read_layout(stored.payload(Section.FIELDS), n_modes)
-    stages = FieldMesh(mesh, layout).stages
+    fields_mesh = FieldMesh(mesh, layout)
     coded = stored.payload(Section.COEFFICIENTS)
     return FieldBlock(
         layout,
-        payloads.read_curves(stored.payload(Section.BASIS), n_modes, stored.n_frames).integers,
-        np.stack(decode_integers(coded, [mesh.n_verts] * n_modes)),
+        payloads.read_time_vectors(stored.payload(Section.BASIS), n_modes, stored.n_frames),
+        decode_fields(coded, n_modes, mesh.n_verts, fields_mesh.neighbours),
         payloads.read_stages(
-            stored.payload(Section.ANCHORS), n_modes, [len(members) for members in stages]
+            stored.payload(Section.ANCHORS),
+            n_modes,
+            [len(members) for members in fields_mesh.stages],
         ),
     )
 

@@ -160,7 +160,7 @@ def _sections(
         matrices = to_matrices(vertices, frame)
         if config.method_row.basis is Basis.JOINT:
             fields = analyse_fields(matrices, mesh, config.step_or_default, config.n_modes)
-            yield from write_field_block(fields)
+            yield from write_field_block(fields, mesh)
         else:
             block = analyse(matrices, mesh, config, before)
             yield from write_coded_block(block, len(vertices), config.method_row, before)

@@ -10,6 +10,7 @@ import numpy.typing as npt
 from meshreel.codec.pipeline import Quantized
 from meshreel.codec.reel import Layout
 from meshreel.entropy.coder import decode_integers, encode_integers
+from meshreel.entropy.field_coder import decode_fields, encode_fields
 from meshreel.entropy.varint import read_varint, write_varint
 from meshreel.errors import CorruptStreamError, TruncatedStreamError, UnsupportedVersionError
 from meshreel.quantization.uniform import Steps
@@ -18,7 +19,7 @@ Integers = npt.NDArray[np.int64]
 
 MAX_DIFFERENCE = 2
 
-FIELDS_LAYOUT = 1
+FIELDS_LAYOUT = 2
 """Layout of the sections of `reel`; to be raised with every change until the method is settled."""
 
 MAX_COUNTS = 32
@@ -87,8 +88,7 @@ def read_curves(payload: bytes, n_rows: int, n_frames: int) -> Quantized:
     steps, coded = _read_steps(payload, n_rows)
     lengths = [3 * n_rows, *[n_frames] * (3 * n_rows)]
     orders, *rows = decode_integers(coded, lengths, [0, *_shared_tables(n_rows, 1)])
-    if np.any((orders < 0) | (orders > MAX_DIFFERENCE)):
-        raise CorruptStreamError(f"a row over time is differenced more than {MAX_DIFFERENCE} x")
+    _check_orders(orders)
     summed = np.empty((3 * n_rows, n_frames), np.int64)
     for target, order, row in zip(summed, orders, rows, strict=True):
         target[:] = _sum_up(row, int(order))
@@ -157,26 +157,68 @@ def read_layout(payload: bytes, n_modes: int) -> Layout:
 
 
 def write_stages(stages: Sequence[Integers]) -> bytes:
-    """Residuals of the anchors, stage after stage; modes of similar number share a table."""
-    tables = _stage_tables(len(stages[0]), len(stages))
-    return encode_integers([row for stage in stages for row in stage], tables)
+    """Residuals of the anchors, stage after stage, each behind its length."""
+    return b"".join(_with_length(encode_fields(stage, None)) for stage in stages)
 
 
 def read_stages(payload: bytes, n_modes: int, lengths: Sequence[int]) -> tuple[Integers, ...]:
     """Undo `write_stages`: arrays of shape (K, A_i)."""
-    row_lengths = [length for length in lengths for _ in range(n_modes)]
-    rows = decode_integers(payload, row_lengths, _stage_tables(n_modes, len(lengths)))
-    starts = range(0, len(rows), n_modes)
-    return tuple(np.stack(rows[start : start + n_modes]) for start in starts)
+    stages, position = [], 0
+    for length in lengths:
+        coded, position = _read_with_length(payload, position)
+        stages.append(decode_fields(coded, n_modes, length, None))
+    if position != len(payload):
+        raise CorruptStreamError("bytes are left over behind the anchors of the last stage")
+    return tuple(stages)
 
 
-def _stage_tables(n_modes: int, n_stages: int) -> list[int]:
-    per_stage = n_modes.bit_length()
-    return [
-        stage * per_stage + (mode + 1).bit_length() - 1
-        for stage in range(n_stages)
-        for mode in range(n_modes)
-    ]
+def write_time_vectors(basis: Integers) -> bytes:
+    """Time vectors, integers of shape (3, K, T): differenced curves, coded with their neighbours.
+
+    Rows go mode by mode, x, y and z of each together; a time is the neighbour of the next.
+    """
+    n_modes, n_frames = basis.shape[1:]
+    by_mode = np.swapaxes(basis, 0, 1).reshape(3 * n_modes, n_frames)
+    differenced = [_best_difference(row) for row in by_mode]
+    orders = encode_integers([np.array([order for order, _ in differenced], np.int64)])
+    curves = np.stack([row for _, row in differenced])
+    return _with_length(orders) + encode_fields(curves, _chain(n_frames))
+
+
+def read_time_vectors(payload: bytes, n_modes: int, n_frames: int) -> Integers:
+    """Undo `write_time_vectors`."""
+    coded_orders, position = _read_with_length(payload, 0)
+    (orders,) = decode_integers(coded_orders, [3 * n_modes])
+    _check_orders(orders)
+    curves = decode_fields(payload[position:], 3 * n_modes, n_frames, _chain(n_frames))
+    for row, order in zip(curves, orders, strict=True):
+        row[:] = _sum_up(row, int(order))
+    return np.swapaxes(curves.reshape(n_modes, 3, n_frames), 0, 1)
+
+
+def _chain(length: int) -> tuple[Integers, Integers]:
+    """Neighbours of a line of columns: the one before and the one after."""
+    columns = np.repeat(np.arange(length), 2)
+    around = columns + np.tile([-1, 1], length)
+    is_inside = (around >= 0) & (around < length)
+    counts = np.bincount(columns[is_inside], minlength=length)
+    return np.concatenate([[0], np.cumsum(counts)]), around[is_inside]
+
+
+def _with_length(data: bytes) -> bytes:
+    return write_varint(len(data)) + data
+
+
+def _read_with_length(payload: bytes, position: int) -> tuple[bytes, int]:
+    size, start = read_varint(payload, position)
+    if size > len(payload) - start:
+        raise TruncatedStreamError(f"{size} bytes are announced; {len(payload) - start} are left")
+    return payload[start : start + size], start + size
+
+
+def _check_orders(orders: Integers) -> None:
+    if np.any((orders < 0) | (orders > MAX_DIFFERENCE)):
+        raise CorruptStreamError(f"a row over time is differenced more than {MAX_DIFFERENCE} x")
 
 
 def _write_counts(counts: Sequence[int]) -> bytes:

@@ -103,6 +103,11 @@ class FieldMesh:
         """Binary, of shape (V, V)."""
         return adjacency_matrix(self.mesh.faces, self.mesh.n_verts)
 
+    @property
+    def neighbours(self) -> tuple[Integers, Integers]:
+        """The adjacency as index arrays: starts of shape (V + 1,), and neighbours."""
+        return self.adjacency.indptr.astype(np.int64), self.adjacency.indices.astype(np.int64)
+
     @cached_property
     def stages(self) -> list[Integers]:
         """Anchors of each stage, without isolated vertices."""
@@ -170,8 +175,7 @@ def analyse_fields(
     step = np.float32(position_step * np.sqrt(n_frames))
     basis = _quantized_basis(matrices, float(step), n_modes)
     time_vectors = unit_time_vectors(basis)
-    stacked = matrices.reshape(3 * n_frames, -1)
-    fields = np.asarray(np.linalg.lstsq(time_vectors, stacked, rcond=None)[0].T, np.float64)
+    fields = _projected(time_vectors, matrices.reshape(3 * n_frames, -1))
     layout = Layout(step, group_ends(fields.shape[1], GROUP_ENDS))
     recorder = _Recorder(fields, float(step), FieldMesh(mesh, layout))
     reconstruct_fields(recorder.mesh, recorder.deltas_of, recorder.residuals_of)
@@ -211,6 +215,13 @@ def group_ends(n_modes: int, ends: Sequence[int]) -> tuple[int, ...]:
     return (*(end for end in ends if end < n_modes), n_modes)
 
 
+def _projected(time_vectors: Floats, stacked: Floats) -> Floats:
+    """Fields of shape (V, K) whose product with the time vectors is nearest to the frames."""
+    gram = time_vectors.T @ time_vectors  # rounding leaves the vectors not quite orthonormal
+    inverse = np.linalg.pinv(gram, hermitian=True)
+    return np.asarray(stacked.T @ (time_vectors @ inverse), np.float64)
+
+
 def _quantized_basis(matrices: Floats, step: float, n_modes: int | None) -> Integers:
     """Time vectors as integers of shape (3, K, T), without modes that the steps make vanish."""
     n_frames, n_verts = matrices.shape[1:]
@@ -219,7 +230,10 @@ def _quantized_basis(matrices: Floats, step: float, n_modes: int | None) -> Inte
     is_kept = strengths > LEAST_RMS * step * np.sqrt(n_verts)
     n_kept = max(1, int(is_kept.sum()))
     integers = np.rint(vectors * (strengths / (BASIS_STEP * step)))[:, :n_kept].astype(np.int64)
-    return np.ascontiguousarray(np.swapaxes(integers.reshape(3, n_frames, n_kept), 1, 2))
+    does_something = np.abs(integers).sum(axis=0) > 0
+    does_something[0] = True
+    kept = integers[:, does_something].reshape(3, n_frames, -1)
+    return np.ascontiguousarray(np.swapaxes(kept, 1, 2))
 
 
 @dataclass

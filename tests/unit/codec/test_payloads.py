@@ -3,6 +3,7 @@ import pytest
 
 from meshreel.codec import payloads
 from meshreel.codec.pipeline import Quantized
+from meshreel.codec.reel import Layout
 from meshreel.entropy.varint import write_varint
 from meshreel.errors import CorruptStreamError, TruncatedStreamError
 
@@ -74,3 +75,36 @@ def test_steps_are_refused_when_their_number_fits_no_row():
 def test_steps_are_refused_when_the_payload_ends_inside():
     with pytest.raises(TruncatedStreamError):
         payloads.read_rows(b"\1\0\0", 1, 1, shared=True)
+
+
+def test_stages_come_back_when_written():
+    rng = np.random.default_rng(3)
+    stages = [rng.integers(-4, 5, (6, length)) for length in (9, 0, 40)]
+    back = payloads.read_stages(payloads.write_stages(stages), 6, [9, 0, 40])
+    for stage, again in zip(stages, back, strict=True):
+        np.testing.assert_array_equal(again, stage)
+
+
+@pytest.mark.parametrize("n_frames", [1, 2, 50])
+def test_time_vectors_come_back_when_written(n_frames):
+    basis = np.random.default_rng(4).integers(-300, 300, (3, 5, n_frames)).cumsum(axis=2)
+    back = payloads.read_time_vectors(payloads.write_time_vectors(basis), 5, n_frames)
+    np.testing.assert_array_equal(back, basis)
+
+
+@pytest.mark.parametrize("cut", [0, 1, 7])
+def test_stages_are_refused_when_bytes_are_missing(cut):
+    payload = payloads.write_stages([np.ones((2, 5), int)] * 2)
+    with pytest.raises(CorruptStreamError):
+        payloads.read_stages(payload[:cut], 2, [5, 5])
+
+
+@pytest.mark.parametrize(
+    ("ends", "spacings", "step"),
+    [((3, 2), (5, 3), 1.0), ((4,), (3, 5), 1.0), ((4,), (5, 0), 1.0), ((4,), (5, 3), 0.0),
+     ((5,), (5, 3), 1.0), ((0, 4), (5, 3), 1.0), ((4,), (99, 3), 1.0)],
+)  # fmt: skip
+def test_layout_is_refused_when_it_contradicts_itself(ends, spacings, step):
+    payload = payloads.write_layout(Layout(np.float32(step), ends, spacings, 4))
+    with pytest.raises(CorruptStreamError):
+        payloads.read_layout(payload, 4)
