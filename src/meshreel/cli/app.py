@@ -10,6 +10,7 @@ from meshreel.cli.compare import compare_command
 from meshreel.cli.decode import decode_command
 from meshreel.cli.demo import demo_command
 from meshreel.cli.encode import encode_command
+from meshreel.cli.evaluate import evaluate_command
 from meshreel.cli.info import info_command
 from meshreel.cli.paper import paper_command
 from meshreel.errors import MeshReelError
@@ -31,6 +32,7 @@ app.command("info")(info_command)
 app.command("compare")(compare_command)
 app.command("demo")(demo_command)
 app.command("paper")(paper_command)
+app.command("evaluate")(evaluate_command)
 
 
 def _print_version(wanted: bool) -> None:

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from meshreel.evaluation.axes import draw_envelopes, plain_ticks, tidy
 from meshreel.evaluation.document import Picture
-from meshreel.evaluation.envelopes import lower_envelope
 from meshreel.evaluation.labels import LineEnd, label_ends
 from meshreel.evaluation.palette import line_style
 from meshreel.evaluation.results import (
@@ -21,7 +21,6 @@ from meshreel.rendering.plots import blank_figure, save_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.axis import Axis
 
 LOG_FROM_RATIO = 8.0
 """Values whose largest is this many times the smallest are drawn on a log axis."""
@@ -56,7 +55,7 @@ def draw_error_per_frame(results: SequenceResults, folder: Path) -> Picture:
     _scale_axis(axes, np.concatenate(values))
     axes.set(xlabel="frame", ylabel="NMSVE (positions in diagonals)")
     axes.margins(x=0.01)
-    _tidy(axes)
+    tidy(axes)
     label_ends(axes, ends)
     path = folder / f"{results.slug}-fig4-nmsve.png"
     save_figure(figure, path, overwrite=True)
@@ -84,7 +83,7 @@ def draw_bits_per_row(results: SequenceResults, folder: Path) -> Picture:
         _scale_axis(axes, np.concatenate([line.get_ydata() for line in axes.lines]))
         axes.set(xlabel=ROW_AXES[name], ylabel="bits per vertex, one coordinate")
         axes.xaxis.set_major_locator(MaxNLocator(integer=True))
-        _tidy(axes)
+        tidy(axes)
         label_ends(axes, ends)
     path = folder / f"{results.slug}-fig5-bits-per-row.png"
     save_figure(figure, path, overwrite=True)
@@ -103,19 +102,7 @@ def draw_rate_distortion(results: SequenceResults, folder: Path) -> Picture:
     figure = blank_figure(13, 4.6)
     for number, (key, name) in enumerate(ERRORS, 1):
         axes = figure.add_subplot(1, len(ERRORS), number)
-        ends: list[LineEnd] = []
-        for method, points in results.points(key).items():
-            style = line_style(method)
-            envelope = lower_envelope(points)
-            axes.plot(*np.array(points).T, "o", color=style["color"], markersize=3, alpha=0.4)
-            if envelope:
-                axes.plot(*np.array(envelope).T, marker="o", markersize=4, **style)
-                ends.append((method, *envelope[-1]))
-        axes.set(xscale="log", yscale="log", xlabel="bits per vertex and frame", ylabel=name)
-        _plain_ticks(axes.xaxis)
-        _plain_ticks(axes.yaxis)
-        _tidy(axes)
-        label_ends(axes, ends)
+        draw_envelopes(axes, results.points(key), name)
     path = folder / f"{results.slug}-rate-distortion.png"
     save_figure(figure, path, overwrite=True)
     caption = (
@@ -167,21 +154,7 @@ def _scale_axis(axes: "Axes", values: "np.typing.ArrayLike") -> None:
     positive = positive[positive > 0]
     if positive.size and positive.max() > LOG_FROM_RATIO * positive.min():
         axes.set_yscale("log")
-        _plain_ticks(axes.yaxis)
+        plain_ticks(axes.yaxis)
         axes.set_ylim(positive.min() / 1.2, positive.max() * 1.2)
     else:
         axes.set_ylim(bottom=0)
-
-
-def _plain_ticks(axis: "Axis") -> None:
-    """Numbers such as 0.5 and 2e-05 along a log axis, in steps of 1, 2, 5."""
-    from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
-
-    axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
-    axis.set_major_formatter(StrMethodFormatter("{x:g}"))
-    axis.set_minor_formatter(NullFormatter())
-
-
-def _tidy(axes: "Axes") -> None:
-    axes.grid(alpha=0.3)
-    axes.spines[["top", "right"]].set_visible(False)

@@ -2,7 +2,9 @@
 
 import os
 import platform
+from collections.abc import Iterable, Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import scipy
@@ -21,6 +23,20 @@ def machine_facts() -> dict[str, str | int]:
         "scipy": scipy.__version__,
         "meshreel": __version__,
     }
+
+
+def machine_line(facts: Mapping[str, Any]) -> str:
+    """The facts in one line."""
+    return (
+        f"{facts['cpu']}, {facts['cores']} cores, {facts['platform']}, Python {facts['python']}, "
+        f"NumPy {facts['numpy']}, SciPy {facts['scipy']}, meshreel {facts['meshreel']}"
+    )
+
+
+def machines_text(results: Iterable[Mapping[str, Any]]) -> str:
+    """The machines that results were measured on, each once; of stored ones it may be another."""
+    lines = dict.fromkeys(machine_line(result["machine"]) for result in results)
+    return "Measured on: " + "; ".join(lines) + "." if lines else ""
 
 
 def cpu_model() -> str:

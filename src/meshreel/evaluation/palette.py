@@ -1,4 +1,4 @@
-"""One colour and one line style for each method, the same in every figure."""
+"""One colour and one line style for each method and codec, the same in every figure."""
 
 from typing import Any
 
@@ -11,20 +11,38 @@ METHOD_COLORS = {
     "pca-qp": "#D55E00",
     "blocks": "#009E73",
     "gft": "#000000",
+    "reel": "#4B0092",
+}
+
+# Muted, so that our methods stand out; recorded ones are dashed as well.
+CODEC_COLORS = {
+    "draco": "#7A4A2B",
+    "sz3": "#7F7F1F",
+    "zfp": "#8C8C8C",
+    "meshopt": "#B0518A",
+    "pco": "#3B7D80",
+    "famc": "#1F1F5F",
+    "vdmc_tm4_motion": "#6B8E23",
+    "gltfpack_cc": "#A0785A",
+    "o3dgc_dv": "#8899AA",
+    "o3dgc_sc3dmc": "#5F7F9F",
 }
 
 
 def line_style(label: str) -> dict[str, Any]:
-    """How matplotlib draws the line of a variant.
+    """How matplotlib draws the line of a variant or of another codec.
 
     `pca-qs` is wide, so that it shows below `pca-qp`, with which it coincides; a variant with
-    other than the usual anchors is dashed.
+    other than the usual anchors is dashed, as is a recorded codec.
     """
     method, _, remark = label.partition(" ")
     wide = method == "pca-qs"
+    color, width = CODEC_COLORS.get(method, "#666666"), 1.1
+    if method in METHOD_COLORS:
+        color, width = METHOD_COLORS[method], 5.0 if wide else 1.5
     return {
-        "color": METHOD_COLORS.get(method, "#666666"),
-        "linewidth": 5.0 if wide else 1.5,
+        "color": color,
+        "linewidth": width,
         "alpha": 0.45 if wide else 1.0,
         "linestyle": "--" if remark else "-",
     }

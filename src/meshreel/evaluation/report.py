@@ -1,8 +1,7 @@
 """The report: parts in their order, written as Markdown and as HTML."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 from meshreel.evaluation.decompositions import N_DECOMPOSITIONS
 from meshreel.evaluation.document import (
@@ -12,14 +11,13 @@ from meshreel.evaluation.document import (
     Paragraph,
     Part,
     Picture,
-    to_markdown,
 )
 from meshreel.evaluation.findings import findings
-from meshreel.evaluation.html import to_html
+from meshreel.evaluation.machine import machines_text
 from meshreel.evaluation.paper_figures import SAME_CAPTURES, printed_rates
+from meshreel.evaluation.publish import write_documents
 from meshreel.evaluation.remarks import CHOICES
 from meshreel.evaluation.results import SequenceResults, done, setting_of_result
-from meshreel.evaluation.store import write_text
 from meshreel.evaluation.tables import (
     quality_table,
     rate_table,
@@ -44,11 +42,7 @@ def write_report(
     command : str
         The command line that made it.
     """
-    parts = report_parts(measured, command)
-    markdown, html = out / "report.md", out / "report.html"
-    write_text(markdown, to_markdown(parts, out))
-    write_text(html, to_html(parts, TITLE))
-    return markdown, html
+    return write_documents(report_parts(measured, command), out, TITLE)
 
 
 def report_parts(
@@ -72,21 +66,9 @@ def report_parts(
 
 
 def _machine(measured: Sequence[tuple[SequenceResults, Sequence[Picture]]]) -> list[Part]:
-    """The machines that the seconds come from: of stored results it may be another."""
-    lines = []
-    for results, _ in measured:
-        for result in done(results.variants):
-            line = _machine_line(result["machine"])
-            if line not in lines:
-                lines.append(line)
-    return [Paragraph("Measured on: " + "; ".join(lines) + ".")] if lines else []
-
-
-def _machine_line(facts: Mapping[str, Any]) -> str:
-    return (
-        f"{facts['cpu']}, {facts['cores']} cores, {facts['platform']}, Python {facts['python']}, "
-        f"NumPy {facts['numpy']}, SciPy {facts['scipy']}, meshreel {facts['meshreel']}"
-    )
+    """The machines that the seconds come from."""
+    text = machines_text(result for results, _ in measured for result in done(results.variants))
+    return [Paragraph(text)] if text else []
 
 
 def _variants(

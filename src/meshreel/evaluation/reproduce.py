@@ -19,7 +19,7 @@ from meshreel.evaluation.results import (
 )
 from meshreel.evaluation.runner import run
 from meshreel.evaluation.settings import METHOD_NAMES, Setting, row_settings, sweep, variants
-from meshreel.evaluation.store import Result, Store, claim_folder, file_name
+from meshreel.evaluation.store import Result, Store, claim_folder, unique_names
 from meshreel.progress import Progress, silent
 from meshreel.rendering.plots import require_matplotlib
 from meshreel.sequence import MeshSequence
@@ -89,7 +89,7 @@ def reproduce(
     drawn = out / "figures"
     drawn.mkdir(exist_ok=True)
     measured = []
-    for sequence, slug in zip(sequences, _slugs(sequences), strict=True):
+    for sequence, slug in zip(sequences, unique_names(sequences), strict=True):
         store = Store.for_sequence(out / "results", sequence)
         results = measure(sequence, slug, store, methods=methods, quick=quick, progress=progress)
         measured.append((results, draw(sequence, results, store, drawn, progress=progress)))
@@ -183,16 +183,3 @@ def _listener(
         progress(f"{what} ({n_done + 1} of {n_runs}), {stage}", n_done / n_runs)
 
     return report
-
-
-def _slugs(sequences: Sequence[MeshSequence]) -> list[str]:
-    """Names for files, each once."""
-    slugs: list[str] = []
-    for sequence in sequences:
-        name, number = file_name(sequence.name), 1
-        slug = name
-        while slug in slugs:
-            number += 1
-            slug = f"{name}-{number}"
-        slugs.append(slug)
-    return slugs

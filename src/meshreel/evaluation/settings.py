@@ -98,12 +98,23 @@ def checked_methods(names: Iterable[str]) -> tuple[str, ...]:
     InvalidInputError
         If a name is unknown, or there is none.
     """
+    return checked_names(names, METHOD_NAMES, "method")
+
+
+def checked_names(names: Iterable[str], known: Sequence[str], noun: str) -> tuple[str, ...]:
+    """The names in the order of the known ones, each once.
+
+    Raises
+    ------
+    InvalidInputError
+        If a name is unknown, or there is none.
+    """
     wanted = set(names)
-    unknown = sorted(wanted - set(METHOD_NAMES))
+    unknown = sorted(wanted - set(known))
     if unknown or not wanted:
-        what = f"method {unknown[0]!r} is unknown" if unknown else "no method is named"
-        raise InvalidInputError(f"{what}; choose from {', '.join(METHOD_NAMES)}")
-    return tuple(name for name in METHOD_NAMES if name in wanted)
+        what = f"{noun} {unknown[0]!r} is unknown" if unknown else f"no {noun} is named"
+        raise InvalidInputError(f"{what}; choose from {', '.join(known)}")
+    return tuple(name for name in known if name in wanted)
 
 
 def equal_blocks(n_frames: int) -> int:

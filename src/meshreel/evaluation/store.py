@@ -3,6 +3,7 @@
 import hashlib
 import json
 import re
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,8 @@ LAYOUT = 1
 """Of the JSON; results of another layout are computed again."""
 
 MARKER = "meshreel-paper.json"
+"""In the folders that `meshreel paper` makes; other commands put their name in its place."""
+
 Result = dict[str, Any]
 
 
@@ -100,30 +103,50 @@ def file_name(name: str) -> str:
     return re.sub(r"[^A-Za-z0-9.]+", "-", name).strip("-.") or "sequence"
 
 
-def claim_folder(folder: Path, command: str) -> None:
+def unique_names(sequences: Sequence[MeshSequence]) -> list[str]:
+    """Names for files, each once."""
+    names: list[str] = []
+    for sequence in sequences:
+        name, number = file_name(sequence.name), 1
+        while name in names:
+            number += 1
+            name = f"{file_name(sequence.name)}-{number}"
+        names.append(name)
+    return names
+
+
+def claim_folder(folder: Path, command: str, *, program: str = "meshreel paper") -> None:
     """Make the folder of a report, or take one that an earlier run made.
+
+    Parameters
+    ----------
+    folder : Path
+    command : str
+        The command line, for who finds the folder.
+    program : str
+        The command that the folder belongs to.
 
     Raises
     ------
     InvalidInputError
-        If it holds files and none of them says that this command made it.
+        If it holds files and none of them says that this program made it.
     """
     if folder.exists() and not folder.is_dir():
         raise InvalidInputError(f"{folder} is a file; name a folder")
-    marker = folder / MARKER
-    if folder.is_dir() and any(folder.iterdir()) and not _is_marker(marker):
+    marker = folder / f"{program.replace(' ', '-')}.json"
+    if folder.is_dir() and any(folder.iterdir()) and not _is_marker(marker, program):
         raise InvalidInputError(
-            f"the folder {folder} holds files and no {MARKER} of an earlier run; "
+            f"the folder {folder} holds files and no {marker.name} of an earlier run; "
             "name an empty or a new folder"
         )
     folder.mkdir(parents=True, exist_ok=True)
-    facts = {"made_by": "meshreel paper", "version": __version__, "command": command}
+    facts = {"made_by": program, "version": __version__, "command": command}
     write_text(marker, json.dumps(facts, indent=1))
 
 
-def _is_marker(path: Path) -> bool:
+def _is_marker(path: Path, program: str) -> bool:
     try:
         facts = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return False
-    return isinstance(facts, dict) and facts.get("made_by") == "meshreel paper"
+    return isinstance(facts, dict) and facts.get("made_by") == program

@@ -1,0 +1,1 @@
+"""Other codecs, each behind the same protocol."""

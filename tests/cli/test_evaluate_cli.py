@@ -1,0 +1,92 @@
+"""`meshreel evaluate` as a user runs it."""
+
+import json
+import subprocess
+import sys
+
+import pytest
+
+import meshreel
+from meshreel.evaluation.recorded import COLUMNS
+from meshreel.flag import simulate_flag
+
+
+def run(*arguments, cwd=None, before="pass"):
+    """The finished process of `meshreel evaluate ARGUMENTS`."""
+    program = f"import sys; {before}; from meshreel.cli import main; main()"
+    return subprocess.run(
+        [sys.executable, "-c", program, "evaluate", *map(str, arguments)],
+        capture_output=True, text=True, cwd=cwd, timeout=120,
+    )  # fmt: skip
+
+
+@pytest.fixture
+def grid(tmp_path):
+    meshreel.save(simulate_flag(5, n_rows=6, n_columns=7), tmp_path / "grid.npz")
+    return tmp_path / "grid.npz"
+
+
+def test_evaluate_writes_a_report_when_it_is_given_a_sequence(grid, tmp_path):
+    rows = [",".join(COLUMNS), "flag,42,5,60,famc,q=1,60,10,2.3,0.5,0.01,1,1,0.005"]
+    (tmp_path / "rd.csv").write_text("\n".join(rows))
+    options = ("--methods", "v2v", "--peers", "draco,npz", "--quick", "--reference", "rd.csv")
+    done = run("grid.npz", *options, "--out", "codecs", "--json", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    (sequence,) = json.loads(done.stdout)["sequences"]
+    assert {result["codec"] for result in sequence["measured"]} == {"v2v", "draco", "npz"}
+    assert [point["codec"] for point in sequence["recorded"]] == ["famc"]
+    command = (
+        "meshreel evaluate grid.npz --out codecs --methods v2v --peers draco,npz "
+        "--reference rd.csv --quick"
+    )
+    assert command in (tmp_path / "codecs" / "report.md").read_text()
+    assert all((tmp_path / name).stat().st_size > 5000 for name in sequence["figures"])
+
+
+def test_evaluate_takes_stored_runs_when_it_is_run_again(grid, tmp_path):
+    options = (grid, "--methods", "v2v", "--peers", "none", "--quick", "--out", tmp_path / "r")
+    texts = []
+    for _ in range(2):
+        done = run(*options)
+        assert done.returncode == 0, done.stderr
+        texts.append((tmp_path / "r" / "report.html").read_text())
+    assert texts[0] == texts[1]
+
+
+def test_evaluate_names_the_extra_when_a_package_is_missing(grid, tmp_path):
+    options = ("--methods", "v2v", "--peers", "zfp", "--quick", "--out", tmp_path / "r")
+    done = run(grid, *options, before="sys.modules['zfpy'] = None")
+    assert done.returncode == 0, done.stderr
+    assert "pip install 'meshreel[peers]'" in " ".join(done.stderr.split())
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (("--methods", "pca-x"), "method 'pca-x' is unknown; choose from pca-qp"),
+        (("--peers", "zip"), "peer 'zip' is unknown; choose from draco"),
+        (("--methods", ","), "no method is named"),
+        (("--reference", "missing.csv"), "missing.csv"),
+    ],
+)
+def test_evaluate_says_what_is_wrong_in_a_line_when_an_option_is(grid, tmp_path, options, message):
+    done = run(grid, *options, "--out", tmp_path / "r")
+    assert done.returncode == 1
+    assert message in done.stderr
+    assert len(done.stderr.splitlines()) == 1
+    assert not (tmp_path / "r").exists()
+
+
+def test_evaluate_keeps_the_report_of_another_command_when_it_is_given_its_folder(grid, tmp_path):
+    (tmp_path / "r").mkdir()
+    (tmp_path / "r" / "meshreel-paper.json").write_text('{"made_by": "meshreel paper"}')
+    done = run(grid, "--out", tmp_path / "r")
+    assert done.returncode == 1
+    assert "no meshreel-evaluate.json of an earlier run" in done.stderr
+
+
+def test_help_shows_examples_when_asked_for():
+    done = run("--help")
+    assert done.returncode == 0
+    text = " ".join(done.stdout.split())
+    assert "meshreel evaluate walk.npz --methods pca-qp --peers draco,sz3" in text
