@@ -28,7 +28,7 @@ from meshreel.subspace.pca import joint_trajectories
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
 
-GROUP_ENDS = (3, 6)
+GROUP_ENDS = (2, 4, 8)
 SPACINGS = (11, 6, 3)
 LEAST_ANCHORS = 4
 BASIS_STEP = 3.0

@@ -82,10 +82,11 @@ def test_later_groups_have_smaller_deltas_when_weights_are_learned():
 
 
 @pytest.mark.parametrize(
-    ("n_modes", "expected"), [(1, (1,)), (3, (3,)), (4, (3, 4)), (6, (3, 6)), (50, (3, 6, 50))]
+    ("n_modes", "expected"),
+    [(1, (1,)), (2, (2,)), (3, (2, 3)), (8, (2, 4, 8)), (50, (2, 4, 8, 50))],
 )
 def test_groups_end_with_the_last_mode_whatever_their_number(n_modes, expected):
-    assert group_ends(n_modes, (3, 6)) == expected
+    assert group_ends(n_modes, (2, 4, 8)) == expected
 
 
 def test_modes_are_no_more_than_asked_for():
