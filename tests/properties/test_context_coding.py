@@ -1,3 +1,5 @@
+from itertools import pairwise
+
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -5,6 +7,7 @@ from hypothesis import strategies as st
 from meshreel.entropy.field_coder import decode_fields, encode_fields
 from meshreel.entropy.tokens import MAX_MAGNITUDE
 from meshreel.errors import CorruptStreamError
+from sample_passes import as_pass
 
 integers = st.one_of(
     st.just(0),
@@ -15,52 +18,55 @@ integers = st.one_of(
 
 
 @st.composite
-def fields_and_neighbours(draw):
+def fields_and_passes(draw):
     n_rows, n_columns = draw(st.integers(0, 6)), draw(st.integers(0, 12))
     values = draw(st.lists(integers, min_size=n_rows * n_columns, max_size=n_rows * n_columns))
-    return np.array(values, np.int64).reshape(n_rows, n_columns), draw(neighbours_of(n_columns))
+    return np.array(values, np.int64).reshape(n_rows, n_columns), draw(passes_of(n_columns))
 
 
-def neighbours_of(n_columns):
-    """Any lists at all: a graph need be neither symmetric nor free of loops and repetitions."""
-    column = st.integers(0, max(n_columns - 1, 0))
-    lists = st.lists(st.lists(column, max_size=4), min_size=n_columns, max_size=n_columns)
-    return st.one_of(st.none(), lists.map(as_arrays))
-
-
-def as_arrays(lists):
-    indptr = np.cumsum([0] + [len(one) for one in lists])
-    return indptr, np.array([index for one in lists for index in one], np.int64)
+@st.composite
+def passes_of(draw, n_columns):
+    """Every column once, in any passes; passes any columns of earlier passes, repeated too."""
+    if draw(st.booleans()):
+        return None
+    order = draw(st.permutations(range(n_columns)))
+    cuts = sorted(draw(st.lists(st.integers(0, n_columns), max_size=4)))
+    passes = []
+    for start, end in pairwise([0, *cuts, n_columns]):
+        one = st.lists(st.sampled_from(order[:start]), max_size=4) if start else st.just([])
+        near = draw(st.lists(one, min_size=end - start, max_size=end - start))
+        passes.append(as_pass(order[start:end], near))
+    return passes
 
 
 @settings(max_examples=300, deadline=None)
-@given(fields_and_neighbours())
+@given(fields_and_passes())
 def test_fields_come_back_exactly_whatever_they_hold(case):
-    fields, neighbours = case
-    data = encode_fields(fields, neighbours)
-    np.testing.assert_array_equal(decode_fields(data, *fields.shape, neighbours), fields)
+    fields, passes = case
+    data = encode_fields(fields, passes)
+    np.testing.assert_array_equal(decode_fields(data, *fields.shape, passes), fields)
 
 
 @settings(max_examples=300, deadline=None)
 @given(st.binary(max_size=200), st.integers(0, 8), st.data())
 def test_any_bytes_give_fields_or_our_error(data, n_rows, drawn):
     n_columns = drawn.draw(st.integers(0, 40))
-    neighbours = drawn.draw(neighbours_of(n_columns))
+    passes = drawn.draw(passes_of(n_columns))
     try:
-        decoded = decode_fields(data, n_rows, n_columns, neighbours)
+        decoded = decode_fields(data, n_rows, n_columns, passes)
     except CorruptStreamError:
         return
     assert decoded.shape == (n_rows, n_columns)
 
 
 @settings(max_examples=200, deadline=None)
-@given(fields_and_neighbours(), st.data())
+@given(fields_and_passes(), st.data())
 def test_a_flipped_bit_gives_fields_or_our_error(case, drawn):
-    fields, neighbours = case
-    data = bytearray(encode_fields(fields, neighbours))
+    fields, passes = case
+    data = bytearray(encode_fields(fields, passes))
     data[drawn.draw(st.integers(0, len(data) - 1))] ^= 1 << drawn.draw(st.integers(0, 7))
     try:
-        decoded = decode_fields(bytes(data), *fields.shape, neighbours)
+        decoded = decode_fields(bytes(data), *fields.shape, passes)
     except CorruptStreamError:
         return
     assert decoded.shape == fields.shape

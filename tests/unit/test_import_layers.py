@@ -17,7 +17,7 @@ FLOORS = [  # from the top
     {"bitstream", "connectivity", "reconstruction", "subspace", "quantization"},
     {"geometry", "entropy"},
     {"sequence"},
-    {"atomic_write", "progress"},
+    {"atomic_write", "progress", "threads"},
     {"errors"},
 ]
 FLOOR_OF = {room: floor for floor, rooms in enumerate(FLOORS) for room in rooms}

@@ -24,6 +24,8 @@ class Section(IntEnum):
     COEFFICIENTS = 19
     EXACT = 20
     FIELDS = 21
+    CORRECTIONS = 22
+    PROMISE = OPTIONAL | 1
     PADDING = OPTIONAL | 0
 
 

@@ -113,14 +113,12 @@ def write_coded_block(
     yield Section.COEFFICIENTS, payloads.write_rows(block.coefficients, shared=on_graph)
 
 
-def write_field_block(block: FieldBlock, mesh: MeshModel) -> Iterator[tuple[Section, bytes]]:
+def write_field_block(block: FieldBlock, mesh: FieldMesh) -> Iterator[tuple[Section, bytes]]:
     """The sections of a block of `reel`."""
-    yield Section.BLOCK, payloads.write_block(block.basis.shape[2], block.n_modes)
-    yield Section.FIELDS, payloads.write_layout(block.layout)
-    yield Section.BASIS, payloads.write_time_vectors(block.basis)
-    yield Section.ANCHORS, payloads.write_stages(block.residuals)
-    neighbours = FieldMesh(mesh, block.layout).neighbours
-    yield Section.COEFFICIENTS, encode_fields(block.deltas, neighbours)
+    yield Section.BLOCK, payloads.write_block(len(block.times), block.n_modes)
+    yield Section.FIELDS, payloads.write_layout(block.layout, block.taps)
+    yield Section.BASIS, payloads.write_times(block.times)
+    yield Section.COEFFICIENTS, encode_fields(block.fields, mesh.passes)
 
 
 def frame_sources(
@@ -141,27 +139,26 @@ def frame_sources(
         for stored, block in read_coded_blocks(stream, mesh, method, wanted):
             yield stored, synthesise(block, mesh, method, order)
         return
+    field_mesh: FieldMesh | None = None
     for stored in stored_blocks(stream, method):
         if stored.start < wanted.stop and stored.start + stored.n_frames > wanted.start:
-            basis, fields = synthesise_fields(_read_field_block(stored, mesh), mesh)
+            field_block, field_mesh = _read_field_block(stored, mesh, field_mesh)
+            basis, fields = synthesise_fields(field_block, field_mesh)
             yield stored, product_frames(basis, fields[:, :, order])
 
 
-def _read_field_block(stored: StoredBlock, mesh: MeshModel) -> FieldBlock:
-    n_modes = stored.n_modes
-    layout = payloads.read_layout(stored.payload(Section.FIELDS), n_modes)
-    fields_mesh = FieldMesh(mesh, layout)
+def _read_field_block(
+    stored: StoredBlock, mesh: MeshModel, before: FieldMesh | None
+) -> tuple[FieldBlock, FieldMesh]:
+    """The block, and the mesh of its layout: that of the block before where it serves."""
+    n_modes, n_frames = stored.n_modes, stored.n_frames
+    layout, taps = payloads.read_layout(stored.payload(Section.FIELDS), n_modes)
+    field_mesh = FieldMesh(mesh, layout.stencil_size)
+    field_mesh = before if before == field_mesh else field_mesh
+    times = payloads.read_times(stored.payload(Section.BASIS), n_modes, n_frames)
     coded = stored.payload(Section.COEFFICIENTS)
-    return FieldBlock(
-        layout,
-        payloads.read_time_vectors(stored.payload(Section.BASIS), n_modes, stored.n_frames),
-        decode_fields(coded, n_modes, mesh.n_verts, fields_mesh.neighbours),
-        payloads.read_stages(
-            stored.payload(Section.ANCHORS),
-            n_modes,
-            [len(members) for members in fields_mesh.stages],
-        ),
-    )
+    fields = decode_fields(coded, n_modes, mesh.n_verts, field_mesh.passes)
+    return FieldBlock(layout, times, fields, taps), field_mesh
 
 
 def _most_modes(method: Method, n_frames: int, n_verts: int) -> int:

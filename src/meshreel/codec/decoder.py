@@ -1,6 +1,6 @@
 """The bytes of a stream to a mesh sequence."""
 
-from collections.abc import Iterator
+from collections.abc import Callable
 
 import numpy as np
 import numpy.typing as npt
@@ -19,6 +19,7 @@ from meshreel.errors import CorruptStreamError, InvalidInputError
 from meshreel.progress import Progress, silent
 from meshreel.sequence import Faces, MeshSequence
 from meshreel.subspace.trajectories import BoundingFrame, from_matrices
+from meshreel.threads import chunks, in_threads
 
 Vertices = npt.NDArray[np.floating]
 Integers = npt.NDArray[np.int64]
@@ -62,8 +63,12 @@ def decode(
             start = max(stored.start, wanted.start)
             stop = min(stored.start + stored.n_frames, wanted.stop)
             target = vertices[start - wanted.start : stop - wanted.start]
-            for done in _filled(target, start - stored.start, frames_of, header):
-                progress("frames", (start - wanted.start + done) / len(wanted))
+            before = start - wanted.start
+
+            def report(done: int, before: int = before) -> None:
+                progress("frames", (before + done) / len(wanted))
+
+            _fill(target, start - stored.start, frames_of, header, report)
             _fill_exact(target, start - stored.start, stored, mesh, order)
     progress("frames", 1.0)
     return _sequence(vertices, faces, header)
@@ -101,15 +106,22 @@ def _given_order(stream: Stream, mesh: MeshModel) -> tuple[Integers, Faces]:
     return np.argsort(internal_to_given), faces
 
 
-def _filled(target: Vertices, first: int, frames_of: FramesOf, header: Header) -> Iterator[int]:
-    """Fill `target` with frames of a block, from its frame `first` on; yields how many are."""
+def _fill(
+    target: Vertices,
+    first: int,
+    frames_of: FramesOf,
+    header: Header,
+    report: Callable[[int], None],
+) -> None:
+    """Fill `target` with frames of a block, from its frame `first` on; reports how many are."""
     frame = BoundingFrame(header.origin, header.scale)
-    chunk = max(1, CHUNK_BYTES // (24 * header.n_verts))
-    for start in range(0, len(target), chunk):
-        stop = min(start + chunk, len(target))
-        matrices = frames_of(slice(first + start, first + stop))
-        target[start:stop] = from_matrices(matrices, frame, target.dtype)
-        yield stop
+
+    def fill(piece: slice) -> None:
+        matrices = frames_of(slice(first + piece.start, first + piece.stop))
+        target[piece] = from_matrices(matrices, frame, target.dtype)
+
+    pieces = chunks(len(target), max(1, CHUNK_BYTES // (24 * header.n_verts)))
+    in_threads(fill, pieces, lambda done: report(pieces[done - 1].stop))
 
 
 def _fill_exact(

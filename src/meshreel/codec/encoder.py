@@ -22,7 +22,7 @@ from meshreel.codec.config import (
 from meshreel.codec.mesh_model import MeshModel, choose_anchors
 from meshreel.codec.methods import Basis, Order
 from meshreel.codec.pipeline import Quantized, analyse, modes_needed
-from meshreel.codec.reel import analyse_fields
+from meshreel.codec.reel import FieldChoices, FieldMesh, analyse_fields
 from meshreel.connectivity.coder import CodedConnectivity, encode_connectivity
 from meshreel.entropy.floats import encode_floats
 from meshreel.progress import Progress, silent
@@ -154,13 +154,15 @@ def _sections(
     blocks = _Blocks(sequence, connectivity.internal_to_given, config)
     config = _with_modes_for_all(config, blocks, frame)
     before: Quantized | None = None
+    choices = FieldChoices(config.step_or_default, config.n_modes)
+    field_mesh = FieldMesh(mesh, choices.stencil_size)
     for start, vertices in blocks:
         progress("frames", start / sequence.n_frames)
         before = tracked_from(config.method_row, before, len(vertices))
         matrices = to_matrices(vertices, frame)
         if config.method_row.basis is Basis.JOINT:
-            fields = analyse_fields(matrices, mesh, config.step_or_default, config.n_modes)
-            yield from write_field_block(fields, mesh)
+            fields = analyse_fields(matrices, field_mesh, choices)
+            yield from write_field_block(fields, field_mesh)
         else:
             block = analyse(matrices, mesh, config, before)
             yield from write_coded_block(block, len(vertices), config.method_row, before)

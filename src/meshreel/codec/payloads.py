@@ -7,8 +7,10 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.codec.corrections import Corrections
 from meshreel.codec.pipeline import Quantized
-from meshreel.codec.reel import Layout
+from meshreel.codec.reel import MAX_TAP, N_TAPS, Layout
+from meshreel.codec.timeline import COARSEST, time_passes
 from meshreel.entropy.coder import decode_integers, encode_integers
 from meshreel.entropy.field_coder import decode_fields, encode_fields
 from meshreel.entropy.varint import read_varint, write_varint
@@ -19,14 +21,17 @@ Integers = npt.NDArray[np.int64]
 
 MAX_DIFFERENCE = 2
 
-FIELDS_LAYOUT = 2
+FIELDS_LAYOUT = 3
 """Layout of the sections of `reel`; to be raised with every change until the method is settled."""
 
 MAX_COUNTS = 32
-"""Most groups of modes and most stages of anchors: each costs a factorisation."""
+"""Most groups of modes."""
 
-MAX_SPACING = 64
-"""Largest spacing of anchors, in edges."""
+MAX_STENCIL = 16
+"""Most vertices that foretell one."""
+
+MAX_STEP = 1e6
+"""Steps are below this: a million diagonals times the square root of the frames."""
 
 
 def write_anchor_vertices(anchors: Integers) -> bytes:
@@ -111,21 +116,21 @@ def read_rows(payload: bytes, n_rows: int, length: int, *, shared: bool) -> Quan
     return Quantized(np.stack(rows).reshape(3, n_rows, length), steps)
 
 
-def write_layout(layout: Layout) -> bytes:
-    """How the fields of `reel` are cut; begins with the number of this very layout."""
+def write_layout(layout: Layout, taps: Integers) -> bytes:
+    """How the fields of `reel` are cut and filtered; begins with the number of this layout."""
     return b"".join(
         [
             bytes([FIELDS_LAYOUT]),
             struct.pack("<f", layout.step),
             _write_counts(layout.group_ends),
-            _write_counts(layout.spacings),
-            write_varint(layout.least_anchors),
+            write_varint(layout.stencil_size),
+            encode_integers(list(taps.T)),
         ]
     )
 
 
-def read_layout(payload: bytes, n_modes: int) -> Layout:
-    """Undo `write_layout`.
+def read_layout(payload: bytes, n_modes: int) -> tuple[Layout, Integers]:
+    """Undo `write_layout`: the layout, and taps of shape (K, N_TAPS).
 
     Raises
     ------
@@ -143,66 +148,113 @@ def read_layout(payload: bytes, n_modes: int) -> Layout:
         raise TruncatedStreamError("the layout of the fields is cut off")
     (step,) = struct.unpack_from("<f", payload, 1)
     ends, position = _read_counts(payload, 5)
-    spacings, position = _read_counts(payload, position)
-    least, position = read_varint(payload, position)
-    falls = all(a > b for a, b in pairwise(spacings)) and 1 <= spacings[-1] <= spacings[0]
+    stencil_size, position = read_varint(payload, position)
     rises = all(a < b for a, b in pairwise((0, *ends))) and ends[-1] == n_modes
-    if not (falls and rises and spacings[0] <= MAX_SPACING and 0 < step < float("inf")):
+    if not (rises and 1 <= stencil_size <= MAX_STENCIL and 0 < step < MAX_STEP):
         raise CorruptStreamError(
-            f"fields of {n_modes} modes with groups to {ends}, spacings {spacings} and step {step}"
+            f"fields of {n_modes} modes with groups to {ends}, stencils of {stencil_size} and step "
+            f"{step}"
         )
-    if position != len(payload):
-        raise CorruptStreamError("bytes are left over behind the layout of the fields")
-    return Layout(np.float32(step), ends, spacings, least)
+    taps = np.stack(decode_integers(payload[position:], [n_modes] * N_TAPS), axis=1)
+    if np.abs(taps).max() > MAX_TAP:
+        raise CorruptStreamError(f"a filter has a tap beyond {MAX_TAP}")
+    return Layout(np.float32(step), ends, stencil_size), taps
 
 
-def write_stages(stages: Sequence[Integers]) -> bytes:
-    """Residuals of the anchors, stage after stage, each behind its length."""
-    return b"".join(_with_length(encode_fields(stage, None)) for stage in stages)
+def write_times(times: Integers) -> bytes:
+    """Steps of time vectors, of shape (T, 3 K); those of the coarsest times are differenced."""
+    n_frames = len(times)
+    rows = times.T.copy()
+    rows[:, ::COARSEST] = np.diff(rows[:, ::COARSEST], axis=1, prepend=0)
+    return encode_fields(rows.reshape(-1, 3 * n_frames), time_passes(n_frames))
 
 
-def read_stages(payload: bytes, n_modes: int, lengths: Sequence[int]) -> tuple[Integers, ...]:
-    """Undo `write_stages`: arrays of shape (K, A_i)."""
-    stages, position = [], 0
-    for length in lengths:
-        coded, position = _read_with_length(payload, position)
-        stages.append(decode_fields(coded, n_modes, length, None))
-    if position != len(payload):
-        raise CorruptStreamError("bytes are left over behind the anchors of the last stage")
-    return tuple(stages)
+def read_times(payload: bytes, n_modes: int, n_frames: int) -> Integers:
+    """Undo `write_times`."""
+    coded = decode_fields(payload, n_modes, 3 * n_frames, time_passes(n_frames))
+    rows = coded.reshape(3 * n_modes, n_frames)
+    rows[:, ::COARSEST] = np.cumsum(rows[:, ::COARSEST], axis=1)
+    return rows.T
 
 
-def write_time_vectors(basis: Integers) -> bytes:
-    """Time vectors, integers of shape (3, K, T): differenced curves, coded with their neighbours.
+def write_corrections(corrections: Corrections) -> bytes:
+    """Corrections of a block: vertices with their number of frames, frames, offsets."""
+    vertices, counts = np.unique(corrections.vertices, return_counts=True)
+    firsts = np.cumsum(counts) - counts
+    frame_steps = _first_or_difference(corrections.frames, firsts)
+    follows = _follows(frame_steps, firsts)
+    # In a run of frames an offset resembles the one before.
+    offsets = corrections.offsets.copy()
+    offsets[follows] -= corrections.offsets[np.flatnonzero(follows) - 1]
+    columns = [np.diff(vertices, prepend=0), counts - 1, frame_steps, *offsets.T]
+    return b"".join(
+        [
+            struct.pack("<f", corrections.step),
+            write_varint(len(vertices)),
+            write_varint(len(corrections.vertices)),
+            encode_integers(
+                [np.asarray(column, np.int64) for column in columns], [0, 1, 2, 3, 3, 3]
+            ),
+        ]
+    )
 
-    Rows go mode by mode, x, y and z of each together; a time is the neighbour of the next.
+
+def read_corrections(payload: bytes, n_frames: int, n_verts: int) -> Corrections:
+    """Undo `write_corrections`.
+
+    Raises
+    ------
+    CorruptStreamError
+        If a vertex or frame is out of range, or the numbers do not fit each other.
     """
-    n_modes, n_frames = basis.shape[1:]
-    by_mode = np.swapaxes(basis, 0, 1).reshape(3 * n_modes, n_frames)
-    differenced = [_best_difference(row) for row in by_mode]
-    orders = encode_integers([np.array([order for order, _ in differenced], np.int64)])
-    curves = np.stack([row for _, row in differenced])
-    return _with_length(orders) + encode_fields(curves, _chain(n_frames))
+    if len(payload) < 4:
+        raise TruncatedStreamError("the corrections are cut off")
+    (step,) = struct.unpack_from("<f", payload, 0)
+    n_corrected, position = read_varint(payload, 4)
+    n_offsets, position = read_varint(payload, position)
+    if not (n_corrected <= n_verts and n_corrected <= n_offsets <= n_frames * n_verts):
+        raise CorruptStreamError(
+            f"{n_offsets} corrections of {n_corrected} vertices are announced, for {n_frames} "
+            f"frames of {n_verts}"
+        )
+    lengths = [n_corrected, n_corrected, *[n_offsets] * 4]
+    columns = decode_integers(payload[position:], lengths, [0, 1, 2, 3, 3, 3])
+    vertices, counts = np.cumsum(columns[0]), columns[1] + 1
+    if np.any(counts < 1) or int(counts.sum()) != n_offsets:
+        raise CorruptStreamError("the corrections of the vertices are not as many as announced")
+    firsts = np.cumsum(counts) - counts
+    frames = _sum_up_from(columns[2], firsts)
+    follows = _follows(columns[2], firsts)
+    offsets = _sum_up_from(np.stack(columns[3:], axis=1), np.flatnonzero(~follows))
+    is_vertex = np.all(np.diff(vertices, prepend=-1) > 0) and np.all(vertices < n_verts)
+    if not is_vertex or np.any((frames < 0) | (frames >= n_frames)) or not 0 < step < MAX_STEP:
+        raise CorruptStreamError("a correction is of a vertex or frame that does not exist")
+    return Corrections(np.float32(step), np.repeat(vertices, counts), frames, offsets)
 
 
-def read_time_vectors(payload: bytes, n_modes: int, n_frames: int) -> Integers:
-    """Undo `write_time_vectors`."""
-    coded_orders, position = _read_with_length(payload, 0)
-    (orders,) = decode_integers(coded_orders, [3 * n_modes])
-    _check_orders(orders)
-    curves = decode_fields(payload[position:], 3 * n_modes, n_frames, _chain(n_frames))
-    for row, order in zip(curves, orders, strict=True):
-        row[:] = _sum_up(row, int(order))
-    return np.swapaxes(curves.reshape(n_modes, 3, n_frames), 0, 1)
+def _first_or_difference(values: Integers, firsts: Integers) -> Integers:
+    """Differences to the value before; of the first of each stretch the value."""
+    steps = np.diff(values, prepend=0)
+    steps[firsts] = values[firsts]
+    return steps
 
 
-def _chain(length: int) -> tuple[Integers, Integers]:
-    """Neighbours of a line of columns: the one before and the one after."""
-    columns = np.repeat(np.arange(length), 2)
-    around = columns + np.tile([-1, 1], length)
-    is_inside = (around >= 0) & (around < length)
-    counts = np.bincount(columns[is_inside], minlength=length)
-    return np.concatenate([[0], np.cumsum(counts)]), around[is_inside]
+def _follows(frame_steps: Integers, firsts: Integers) -> npt.NDArray[np.bool_]:
+    """Whether a correction is of the frame after the one before it, of the same vertex."""
+    follows = np.asarray(frame_steps == 1)
+    follows[firsts] = False
+    return follows
+
+
+def _sum_up_from(steps: Integers, firsts: Integers) -> Integers:
+    """Running sums of rows that begin anew at the first of each stretch."""
+    if not len(steps):
+        return steps
+    summed = np.cumsum(steps, axis=0)
+    stretch = np.zeros(len(steps), np.int64)
+    stretch[firsts] = 1
+    before = (summed - steps)[firsts]
+    return np.asarray(summed - before[np.cumsum(stretch) - 1])
 
 
 def _with_length(data: bytes) -> bytes:
@@ -228,7 +280,7 @@ def _write_counts(counts: Sequence[int]) -> bytes:
 def _read_counts(payload: bytes, position: int) -> tuple[tuple[int, ...], int]:
     n_counts, position = read_varint(payload, position)
     if not 1 <= n_counts <= MAX_COUNTS:
-        raise CorruptStreamError(f"{n_counts} groups or stages; 1 to {MAX_COUNTS} are allowed")
+        raise CorruptStreamError(f"{n_counts} groups of modes; 1 to {MAX_COUNTS} are allowed")
     counts = []
     for _ in range(n_counts):
         count, position = read_varint(payload, position)

@@ -1,69 +1,106 @@
-"""The method `reel`: mode fields in groups, each with a Laplacian learned from those before.
+"""The method `reel`: mode fields, predicted over the mesh by weights learned from earlier ones.
 
-A mode is one field on the mesh with a time vector for each axis. Fields are coded in groups; the
-deltas of a group are taken with weights that reproduce the fields decoded before, and its anchors
-are coded in stages in closed loop: what is sent at a stage is the difference to what the stages
-before predict. Encoder and decoder run the same `reconstruct_fields`; they differ only in where
-the integers come from.
+A mode is one field on the mesh with a time vector for each axis. Fields are coded in groups, and
+each group over the levels of a hierarchy of the vertices, in closed loop. What foretells a vertex
+from its stencil is learned from the groups decoded before; what foretells the first group, from
+connectivity. A decoded group is smoothed by filters whose taps are sent.
+
+Encoder and decoder run the same `reconstruct_fields` and `reconstruct_times`; they differ only in
+where the integers come from.
 """
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
 from scipy.sparse import csr_array
 
+from meshreel.codec.closed_loop import Predictor, StepsOf, reconstruct_levels
 from meshreel.codec.mesh_model import MeshModel
-from meshreel.geometry.anchors import nested_anchors
-from meshreel.geometry.connectivity import adjacency_matrix, component_labels
-from meshreel.geometry.laplacian import (
-    delta_coordinates,
-    reproducing_laplacian,
-)
-from meshreel.reconstruction.system import ReconstructionSystem
+from meshreel.codec.timeline import time_predictors
+from meshreel.entropy.passes import Pass
+from meshreel.geometry.connectivity import adjacency_matrix
+from meshreel.geometry.hierarchy import Scale, build_hierarchy
+from meshreel.geometry.laplacian import reproducing_laplacian
+from meshreel.geometry.prediction import Stencils, smooth_stencils
+from meshreel.quantization.rate_distortion import FAIR_PRICE, quantize_by_rate
 from meshreel.subspace.pca import joint_trajectories
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
 
-GROUP_ENDS = (2, 4, 8)
-SPACINGS = (11, 6, 3)
-LEAST_ANCHORS = 4
-BASIS_STEP = 3.0
-"""Step of the basis by that of the coefficients, both as they act on positions."""
+NOISE_OF_WEIGHTS = 1.0 / 12.0
+NOISE_OF_FILTERS = 8.0 / 12.0
+"""Ridges of learned weights in squared steps; rounding has a variance of 1/12."""
 
-DEAD_ZONE = 0.6
-"""Magnitudes below this share of a step become 0; half is plain rounding."""
+N_FILTER_FIELDS = 6
+"""Fields, the first ones, that the weights of filters are learned from: more change little."""
 
-LEAST_RMS = 0.6
-"""A mode is kept if its field's root mean square exceeds this share of a step."""
+N_TAPS = 2
+TAP_STEP = 1.0 / 16.0
+MAX_TAP = 127
+SMALL_SCALE = 25
+"""Scales with fewer than a 25th of the vertices are coded in one pass."""
 
-RIDGE = 32.0 / 12.0
-"""Strength of the ridge of reproducing weights, in squared steps: 32 x the variance of rounding."""
+N_TELLING = 6
+"""Vertices of a stencil, the nearest ones, that tell how large an integer is likely to be."""
 
 
 @dataclass(frozen=True)
 class Layout:
-    """How a block's fields are cut into groups and its anchors into stages.
+    """What the decoder has to know of how a block was made.
 
     Attributes
     ----------
     step : float32
-        Of deltas and anchors.
+        Of the fields.
     group_ends : tuple of int
         Number of the mode behind each group; ascending, the last is K.
-    spacings : tuple of int
-        Of the anchors of each stage, in edges.
-    least_anchors : int
-        Of each component in the first stage.
+    stencil_size : int
+        Vertices that foretell one.
     """
 
     step: np.float32
     group_ends: tuple[int, ...]
-    spacings: tuple[int, ...] = SPACINGS
-    least_anchors: int = LEAST_ANCHORS
+    stencil_size: int
+
+    @property
+    def groups(self) -> list[slice]:
+        """The modes of each group."""
+        return [slice(start, end) for start, end in pairwise((0, *self.group_ends))]
+
+
+@dataclass(frozen=True)
+class FieldChoices:
+    """What the encoder chooses.
+
+    Attributes
+    ----------
+    position_step : float
+        Step as it acts on a position, in diagonals; coefficients of T frames have sqrt(T) times
+        this step.
+    n_modes : int or None
+        At most this many; None for all that the step does not make vanish.
+    basis_step : float
+        Step of the time vectors by that of the fields, both as they act on positions.
+    least_rms : float
+        A mode is kept if its field's root mean square exceeds this share of a step.
+    price : float
+        Squared steps that a bit is worth.
+    group_ends, stencil_size
+        As in `Layout`; the last group takes what is left.
+    """
+
+    position_step: float
+    n_modes: int | None = None
+    basis_step: float = 3.0
+    least_rms: float = 0.6
+    price: float = FAIR_PRICE
+    group_ends: tuple[int, ...] = (1, 2, 3, 4, 6, 10)
+    stencil_size: int = 10
 
 
 @dataclass(frozen=True)
@@ -73,141 +110,159 @@ class FieldBlock:
     Attributes
     ----------
     layout : Layout
-    basis : int64 array of shape (3, K, T)
-        Time vectors; each is divided by its length.
-    deltas : int64 array of shape (K, V)
-    residuals : tuple of int64 arrays of shape (K, A_i)
-        For each stage, what the anchors' values are beyond their prediction.
+    times : int64 array of shape (T, 3 K)
+        Steps of the time vectors; x, y and z of mode 1, of mode 2, ...
+    fields : int64 array of shape (K, V)
+        Steps of the fields.
+    taps : int64 array of shape (K, N_TAPS)
+        Of the filter of each field, in TAP_STEP.
     """
 
     layout: Layout
-    basis: Integers
-    deltas: Integers
-    residuals: tuple[Integers, ...]
+    times: Integers
+    fields: Integers
+    taps: Integers
 
     @property
     def n_modes(self) -> int:
         """K."""
-        return int(self.deltas.shape[0])
+        return int(self.fields.shape[0])
+
+    def first_modes(self, n_modes: int) -> "FieldBlock":
+        """The block with at most this many modes: a coarser animation."""
+        kept = min(n_modes, self.n_modes)
+        ends = (*(end for end in self.layout.group_ends if end < kept), kept)
+        layout = Layout(self.layout.step, ends, self.layout.stencil_size)
+        return FieldBlock(layout, self.times[:, : 3 * kept], self.fields[:kept], self.taps[:kept])
 
 
 @dataclass(frozen=True)
 class FieldMesh:
-    """What both sides derive from connectivity for a layout."""
+    """What both sides derive from connectivity, whatever the step."""
 
     mesh: MeshModel
-    layout: Layout
+    stencil_size: int
 
     @cached_property
     def adjacency(self) -> csr_array:
         """Binary, of shape (V, V)."""
         return adjacency_matrix(self.mesh.faces, self.mesh.n_verts)
 
-    @property
-    def neighbours(self) -> tuple[Integers, Integers]:
-        """The adjacency as index arrays: starts of shape (V + 1,), and neighbours."""
-        return self.adjacency.indptr.astype(np.int64), self.adjacency.indices.astype(np.int64)
+    @cached_property
+    def scales(self) -> list[Scale]:
+        """The hierarchy of the vertices, from coarse to fine."""
+        return build_hierarchy(self.adjacency, self.stencil_size)
 
     @cached_property
-    def stages(self) -> list[Integers]:
-        """Anchors of each stage, without isolated vertices."""
-        _, labels = component_labels(self.mesh.faces, self.mesh.n_verts)
-        sets = nested_anchors(
-            self.adjacency, labels, self.layout.spacings, self.layout.least_anchors
-        )
-        return [np.setdiff1d(members, self.mesh.isolated) for members in sets]
+    def levels(self) -> list[Integers]:
+        """Vertices of each level, all scales in a row."""
+        return self.levels_of(slice(None))
 
-    def laplacian(self, known: Floats) -> csr_array:
-        """Laplacian for the group after the known fields, of shape (V, k)."""
-        return reproducing_laplacian(self.adjacency, known, RIDGE * float(self.layout.step) ** 2)
+    def levels_of(self, scales: slice) -> list[Integers]:
+        """Vertices of each level of some scales."""
+        return [level for scale in self.scales[scales] for level in scale.levels]
 
+    @cached_property
+    def stencils(self) -> list[Stencils]:
+        """Stencils of each scale, before anything is known."""
+        return [smooth_stencils(scale) for scale in self.scales]
 
-DeltasOf = Callable[[slice, csr_array], Floats]
-"""Gives decoded deltas of shape (V, k) of a group of modes, for its Laplacian."""
+    @cached_property
+    def passes(self) -> list[Pass]:
+        """In which order the integers of a field are coded, and what tells of each."""
+        sizes = np.array([len(scale.members) for scale in self.scales[:-1]])
+        n_small = int(np.sum(SMALL_SCALE * sizes < self.mesh.n_verts))
+        small = np.sort(np.concatenate([np.zeros(0, np.int64), *self.levels_of(slice(n_small))]))
+        return [
+            _pass(small, np.zeros((len(small), 0), np.int64)),
+            *(_telling(scale) for scale in self.scales[n_small:-1]),
+            *_telling_of_levels(self.scales[-1]),
+        ]
 
-ResidualsOf = Callable[[slice, int, Floats], Integers]
-"""Gives integers of shape (A_i, k) for a group, a stage and the prediction of the same shape."""
+    def predictors(self, known: Floats, noise: float) -> list[Predictor]:
+        """Predictors of all levels, for the group after known fields of shape (V, K)."""
+        return [
+            predictor
+            for scale, stencils in zip(self.scales, self.stencils, strict=True)
+            for predictor in _predictors(scale, stencils, known, noise)
+        ]
 
 
 def reconstruct_fields(
-    fields_mesh: FieldMesh, deltas_of: DeltasOf, residuals_of: ResidualsOf
+    mesh: FieldMesh,
+    layout: Layout,
+    steps_of: Callable[[slice], StepsOf],
+    taps_of: Callable[[slice, Floats, Floats], Integers],
 ) -> Floats:
-    """Decoded fields of shape (V, K)."""
-    n_verts, isolated = fields_mesh.mesh.n_verts, fields_mesh.mesh.isolated
+    """Decoded fields of shape (V, K).
+
+    Parameters
+    ----------
+    mesh : FieldMesh
+    layout : Layout
+    steps_of : callable
+        Gives what reads or chooses the integers of a group of modes.
+    taps_of : callable
+        Gives the taps of a group, of shape (k, N_TAPS), for its fields of shape (V, k) and their
+        differences of shape (N_TAPS, V, k).
+    """
+    n_verts, step = mesh.mesh.n_verts, float(layout.step)
     known = np.zeros((n_verts, 0))
-    start = 0
-    for end in fields_mesh.layout.group_ends:
-        rows = slice(start, end)
-        laplacian = fields_mesh.laplacian(known)
-        deltas = deltas_of(rows, laplacian)
-        solution, values = np.zeros((n_verts, end - start)), np.zeros((n_verts, end - start))
-        anchors = isolated
-        for stage, members in enumerate(fields_mesh.stages):
-            if stage and not len(members):
-                continue
-            prediction = solution[members]
-            residual = residuals_of(rows, stage, prediction)
-            values[members] = prediction + float(fields_mesh.layout.step) * residual
-            anchors = np.concatenate([anchors, members])
-            solution = ReconstructionSystem(laplacian, anchors).solve(deltas, values[anchors])
-        known = np.concatenate([known, solution], axis=1)
-        start = end
+    for modes in layout.groups:
+        predictors = mesh.predictors(known, NOISE_OF_WEIGHTS * step**2)
+        n_columns = modes.stop - modes.start
+        values = reconstruct_levels(predictors, n_verts, n_columns, step, steps_of(modes))
+        if known.shape[1] < N_FILTER_FIELDS:
+            telling = np.hstack([known, values])[:, :N_FILTER_FIELDS]
+            laplacian = reproducing_laplacian(mesh.adjacency, telling, NOISE_OF_FILTERS * step**2)
+        differences = _repeated(laplacian, values)
+        taps = TAP_STEP * taps_of(modes, values, differences)
+        known = np.hstack([known, values + np.einsum("kt,tvk->vk", taps, differences)])
     return known
 
 
-def analyse_fields(
-    matrices: Floats, mesh: MeshModel, position_step: float, n_modes: int | None
-) -> FieldBlock:
+def reconstruct_times(n_frames: int, n_modes: int, steps_of: StepsOf) -> Floats:
+    """Decoded time vectors of shape (3 T, K), each of length 1 (or 0)."""
+    decoded = reconstruct_levels(time_predictors(n_frames), n_frames, 3 * n_modes, 1.0, steps_of)
+    vectors = decoded.reshape(n_frames, n_modes, 3).transpose(2, 0, 1).reshape(-1, n_modes)
+    lengths = np.linalg.norm(vectors, axis=0)
+    return np.asarray(vectors / np.where(lengths > 0, lengths, 1.0))
+
+
+def analyse_fields(matrices: Floats, mesh: FieldMesh, choices: FieldChoices) -> FieldBlock:
     """A block of frames as integers.
 
     Parameters
     ----------
     matrices : float64 array of shape (3, T, V)
         Coordinate matrices, in internal vertex order.
-    mesh : MeshModel
-    position_step : float
-        Step as it acts on a position, in diagonals; coefficients of T frames have sqrt(T) times
-        this step.
-    n_modes : int or None
-        At most this many modes; None for all that the step does not make vanish.
+    mesh : FieldMesh
+    choices : FieldChoices
     """
     n_frames = matrices.shape[1]
-    step = np.float32(position_step * np.sqrt(n_frames))
-    basis = _quantized_basis(matrices, float(step), n_modes)
-    time_vectors = unit_time_vectors(basis)
-    fields = _projected(time_vectors, matrices.reshape(3 * n_frames, -1))
-    layout = Layout(step, group_ends(fields.shape[1], GROUP_ENDS))
-    recorder = _Recorder(fields, float(step), FieldMesh(mesh, layout))
-    reconstruct_fields(recorder.mesh, recorder.deltas_of, recorder.residuals_of)
-    return FieldBlock(
-        layout=layout,
-        basis=basis,
-        deltas=recorder.deltas,
-        residuals=tuple(recorder.residuals),
+    step = np.float32(choices.position_step * np.sqrt(n_frames))
+    times = _quantized_times(matrices, float(step), choices)
+    n_modes = times.shape[1] // 3
+    vectors = reconstruct_times(n_frames, n_modes, _reading(time_predictors(n_frames), times))
+    ends = group_ends(n_modes, choices.group_ends)
+    layout = Layout(step, ends, choices.stencil_size)
+    recorder = _Recorder(_projected(vectors, matrices), float(step), choices.price, mesh)
+    reconstruct_fields(mesh, layout, recorder.steps_of, recorder.taps_of)
+    return FieldBlock(layout, times, recorder.integers.T, recorder.taps)
+
+
+def synthesise_fields(block: FieldBlock, mesh: FieldMesh) -> tuple[Floats, Floats]:
+    """Basis of shape (3, T, K) and fields of shape (1, K, V): frames are their product."""
+    n_frames = len(block.times)
+    vectors = reconstruct_times(
+        n_frames, block.n_modes, _reading(time_predictors(n_frames), block.times)
     )
 
+    def steps_of(modes: slice) -> StepsOf:
+        return lambda level, _: block.fields[modes, mesh.levels[level]].T
 
-def synthesise_fields(block: FieldBlock, mesh: MeshModel) -> tuple[Floats, Floats]:
-    """Basis of shape (3, T, K) and fields of shape (1, K, V): frames are their product."""
-    step = float(block.layout.step)
-
-    def deltas_of(rows: slice, laplacian: csr_array) -> Floats:
-        return np.asarray(block.deltas[rows].T * step, np.float64)
-
-    def residuals_of(rows: slice, stage: int, prediction: Floats) -> Integers:
-        return block.residuals[stage][rows].T
-
-    fields = reconstruct_fields(FieldMesh(mesh, block.layout), deltas_of, residuals_of)
-    n_modes, n_frames = block.basis.shape[1:]
-    vectors = unit_time_vectors(block.basis).reshape(3, n_frames, n_modes)
-    return vectors, fields.T[None]
-
-
-def unit_time_vectors(basis: Integers) -> Floats:
-    """Time vectors of shape (3 T, K), each of length 1 (or 0), from integers of shape (3, K, T)."""
-    columns = np.swapaxes(basis, 1, 2).reshape(-1, basis.shape[1]).astype(np.float64)
-    lengths = np.linalg.norm(columns, axis=0)
-    return np.asarray(columns / np.where(lengths > 0, lengths, 1.0))
+    fields = reconstruct_fields(mesh, block.layout, steps_of, lambda modes, *_: block.taps[modes])
+    return vectors.reshape(3, n_frames, block.n_modes), fields.T[None]
 
 
 def group_ends(n_modes: int, ends: Sequence[int]) -> tuple[int, ...]:
@@ -215,52 +270,119 @@ def group_ends(n_modes: int, ends: Sequence[int]) -> tuple[int, ...]:
     return (*(end for end in ends if end < n_modes), n_modes)
 
 
-def _projected(time_vectors: Floats, stacked: Floats) -> Floats:
+def _telling(scale: Scale) -> Pass:
+    """The levels of a scale in one pass; what tells of them are vertices of coarser scales."""
+    order = np.argsort(scale.targets)
+    targets, near = scale.targets[order], scale.stencil[order]
+    return _pass(targets, np.where(np.isin(near, targets), -1, near))
+
+
+def _telling_of_levels(scale: Scale) -> list[Pass]:
+    """A pass for each level of a scale."""
+    ends = np.cumsum([len(level) for level in scale.levels])
+    near = np.split(scale.stencil, ends[:-1])
+    return [_pass(level, one) for level, one in zip(scale.levels, near, strict=True)]
+
+
+def _pass(targets: Integers, near: Integers) -> Pass:
+    """A pass whose columns have the first few of those near them that are vertices, not -1."""
+    is_there = near >= 0
+    used = is_there & (np.cumsum(is_there, axis=1) <= N_TELLING)
+    starts = np.concatenate([[0], np.cumsum(used.sum(axis=1))])
+    return Pass(targets, starts, near[used])
+
+
+def _predictors(scale: Scale, stencils: Stencils, known: Floats, noise: float) -> list[Predictor]:
+    weights = stencils.learn(known, noise)
+    predictors, start = [], 0
+    for level in scale.levels:
+        rows = slice(start, start + len(level))
+        is_there = scale.stencil[rows] >= 0
+        starts = np.concatenate([[0], np.cumsum(is_there.sum(axis=1))])
+        matrix = csr_array(
+            (weights[rows][is_there], scale.stencil[rows][is_there], starts),
+            shape=(len(level), len(known)),
+        )
+        predictors.append(Predictor(level, matrix))
+        start = rows.stop
+    return predictors
+
+
+def _repeated(laplacian: csr_array, values: Floats) -> Floats:
+    """The Laplacian applied once, twice, ...: of shape (N_TAPS, V, k)."""
+    differences = [values]
+    for _ in range(N_TAPS):
+        differences.append(np.asarray(laplacian @ differences[-1]))
+    return np.stack(differences[1:])
+
+
+def _reading(predictors: Sequence[Predictor], integers: Integers) -> StepsOf:
+    return lambda level, _: integers[predictors[level].rows]
+
+
+def _projected(vectors: Floats, matrices: Floats) -> Floats:
     """Fields of shape (V, K) whose product with the time vectors is nearest to the frames."""
-    gram = time_vectors.T @ time_vectors  # rounding leaves the vectors not quite orthonormal
+    gram = vectors.T @ vectors  # rounding leaves the vectors not quite orthonormal
     inverse = np.linalg.pinv(gram, hermitian=True)
-    return np.asarray(stacked.T @ (time_vectors @ inverse), np.float64)
+    return np.asarray(matrices.reshape(len(vectors), -1).T @ (vectors @ inverse))
 
 
-def _quantized_basis(matrices: Floats, step: float, n_modes: int | None) -> Integers:
-    """Time vectors as integers of shape (3, K, T), without modes that the steps make vanish."""
+def _quantized_times(matrices: Floats, step: float, choices: FieldChoices) -> Integers:
+    """Steps of the time vectors, of shape (T, 3 K), without modes that the steps make vanish."""
     n_frames, n_verts = matrices.shape[1:]
-    limit = min(3 * n_frames, n_verts) if n_modes is None else n_modes
-    strengths, vectors = joint_trajectories(matrices, limit)
-    is_kept = strengths > LEAST_RMS * step * np.sqrt(n_verts)
-    n_kept = max(1, int(is_kept.sum()))
-    integers = np.rint(vectors * (strengths / (BASIS_STEP * step)))[:, :n_kept].astype(np.int64)
-    does_something = np.abs(integers).sum(axis=0) > 0
+    limit = min(3 * n_frames, n_verts) if choices.n_modes is None else choices.n_modes
+    least = choices.least_rms * step * np.sqrt(n_verts)
+    strengths, vectors = joint_trajectories(matrices, limit, least)
+    n_kept = len(strengths)
+    scaled = vectors * (strengths / (choices.basis_step * step))
+    wanted = scaled.reshape(3, n_frames, n_kept).transpose(1, 2, 0).reshape(n_frames, -1)
+    predictors = time_predictors(n_frames)
+    integers = np.zeros(wanted.shape, np.int64)
+
+    def steps_of(level: int, prediction: Floats) -> Integers:
+        rows = predictors[level].rows
+        price = choices.price if level else 0.0
+        integers[rows] = quantize_by_rate(wanted[rows] - prediction, price)
+        return integers[rows]
+
+    reconstruct_times(n_frames, n_kept, steps_of)
+    by_mode = integers.reshape(n_frames, n_kept, 3)
+    does_something = np.asarray(by_mode.any(axis=(0, 2)))
     does_something[0] = True
-    kept = integers[:, does_something].reshape(3, n_frames, -1)
-    return np.ascontiguousarray(np.swapaxes(kept, 1, 2))
+    return by_mode[:, does_something].reshape(n_frames, -1)
 
 
 @dataclass
 class _Recorder:
-    """The encoder's side of `reconstruct_fields`: quantises what it is asked for, and keeps it."""
+    """The encoder's side of `reconstruct_fields`: chooses what it is asked for, and keeps it."""
 
     fields: Floats
     step: float
+    price: float
     mesh: FieldMesh
 
     def __post_init__(self) -> None:
-        n_verts, n_modes = self.fields.shape
-        self.deltas = np.zeros((n_modes, n_verts), np.int64)
-        self.residuals = [
-            np.zeros((n_modes, len(members)), np.int64) for members in self.mesh.stages
-        ]
+        n_modes = self.fields.shape[1]
+        self.integers = np.zeros(self.fields.shape, np.int64)
+        self.taps = np.zeros((n_modes, N_TAPS), np.int64)
 
-    def deltas_of(self, rows: slice, laplacian: csr_array) -> Floats:
-        """Decoded deltas of a group."""
-        scaled = delta_coordinates(laplacian, self.fields[:, rows]) / self.step
-        integers = np.sign(scaled) * np.floor(np.abs(scaled) + 1.0 - DEAD_ZONE)
-        self.deltas[rows] = integers.astype(np.int64).T
-        return np.asarray(integers * self.step, np.float64)
+    def steps_of(self, modes: slice) -> StepsOf:
+        """What chooses the integers of a group."""
 
-    def residuals_of(self, rows: slice, stage: int, prediction: Floats) -> Integers:
-        """What is sent of the anchors of a stage."""
-        wanted = self.fields[self.mesh.stages[stage], rows]
-        residual = np.rint((wanted - prediction) / self.step).astype(np.int64)
-        self.residuals[stage][rows] = residual.T
-        return residual
+        def chosen(level: int, prediction: Floats) -> Integers:
+            rows = self.mesh.levels[level]
+            scaled = (self.fields[rows, modes] - prediction) / self.step
+            self.integers[rows, modes] = quantize_by_rate(scaled, self.price if level else 0.0)
+            return self.integers[rows, modes]
+
+        return chosen
+
+    def taps_of(self, modes: slice, values: Floats, differences: Floats) -> Integers:
+        """Taps that bring each field nearest to the truth."""
+        error = self.fields[:, modes] - values
+        gram = np.einsum("avk,bvk->kab", differences, differences)
+        moments = np.einsum("avk,vk->ka", differences, error)
+        solved = np.linalg.pinv(gram, hermitian=True) @ moments[:, :, None]
+        taps = np.clip(np.rint(solved[:, :, 0] / TAP_STEP), -MAX_TAP, MAX_TAP)
+        self.taps[modes] = taps.astype(np.int64)
+        return self.taps[modes]

@@ -106,21 +106,33 @@ class AdaptiveBits:
         guess = np.clip(first_guess, LEAST_PROBABILITY, CERTAIN - LEAST_PROBABILITY)
         self._total = np.full(len(guess), START_WEIGHT * INCREMENT, np.int64)
         self._ones = (guess * self._total) >> PROBABILITY_BITS
+        self._probabilities = _probabilities(self._ones, self._total)
 
     def code(self, port: BitPort, truth: Bits | None, contexts: Integers) -> Bits:
         """The bit of each of the contexts, all coded with what was known before; then learn."""
         if not len(contexts):
             return np.zeros(0, np.bool_)
-        shares = (self._ones << PROBABILITY_BITS) // self._total
-        probabilities = np.clip(shares, LEAST_PROBABILITY, CERTAIN - LEAST_PROBABILITY)
-        bits = port.code(truth, probabilities[contexts])
-        n_contexts = len(self._total)
-        self._total += INCREMENT * np.bincount(contexts, minlength=n_contexts)
-        self._ones += INCREMENT * np.bincount(contexts[bits], minlength=n_contexts)
-        full = (self._total > FULL_COUNT).astype(np.int64)
-        self._total >>= full
-        self._ones >>= full
+        bits = port.code(truth, self._probabilities[contexts])
+        counts = np.bincount(contexts, minlength=len(self._total))
+        ones = np.bincount(contexts[bits], minlength=len(self._total))
+        used = np.flatnonzero(counts)
+        self._learn(used, INCREMENT * counts[used], INCREMENT * ones[used])
         return bits
+
+    def _learn(self, used: Integers, counts: Integers, ones: Integers) -> None:
+        total = self._total[used] + counts
+        ones = self._ones[used] + ones
+        full = (total > FULL_COUNT).astype(np.int64)
+        self._total[used], self._ones[used] = total >> full, ones >> full
+        self._probabilities[used] = _probabilities(self._ones[used], self._total[used])
+
+
+def _probabilities(ones: Integers, total: Integers) -> Integers:
+    """Of CERTAIN, and never 0 or 1."""
+    shares = (ones << PROBABILITY_BITS) // total
+    return np.asarray(
+        np.minimum(np.maximum(shares, LEAST_PROBABILITY), CERTAIN - LEAST_PROBABILITY)
+    )
 
 
 def code_evenly(port: BitPort, truth: Bits | None, n_bits: int) -> Bits:

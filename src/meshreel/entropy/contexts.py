@@ -1,7 +1,7 @@
 """What both sides know of an integer before it is coded, as classes made of integers only.
 
-The magnitude expected at a column is the mean magnitude of the row, times how much the column
-stood out so far: in the rows before, and at its neighbours already coded in this row.
+The magnitude expected at a column is the mean magnitude of its pass of the row, times how much the
+column stood out so far: in the rows before, and at its neighbours already coded in this row.
 """
 
 from dataclasses import dataclass
@@ -44,19 +44,27 @@ class Contexts:
 
 
 class Past:
-    """Magnitudes of every column in the rows before, in UNIT, older rows weighing less."""
+    """The rows before, older ones weighing less, in UNIT.
+
+    Attributes
+    ----------
+    magnitudes : integer array of shape (n_columns,)
+        Of every column.
+    means : integer array of shape (n_columns,)
+        Mean magnitudes of the passes that the column was in: what was usual there.
+    """
 
     def __init__(self, n_columns: int) -> None:
-        self.columns = np.zeros(n_columns, np.int64)
-        self.mean = 0
+        self.magnitudes = np.zeros(n_columns, np.int64)
+        self.means = np.zeros(n_columns, np.int64)
 
-    def add(self, magnitudes: Integers, mean: int) -> None:
-        """Take in a row and its mean."""
-        self.columns += UNIT * magnitudes - (self.columns >> MEMORY_SHIFT)
-        self.mean += mean - (self.mean >> MEMORY_SHIFT)
+    def add(self, magnitudes: Integers, means: Integers) -> None:
+        """Take in a row: magnitudes, and for each column the mean of its pass in UNIT."""
+        self.magnitudes += UNIT * magnitudes - (self.magnitudes >> MEMORY_SHIFT)
+        self.means += means - (self.means >> MEMORY_SHIFT)
 
 
-def scale_of_row(magnitudes: Integers) -> int:
+def scale_of_mean(magnitudes: Integers) -> int:
     """Class of the mean magnitude, in half octaves: 0 if all are 0, else 1..MAX_SCALE."""
     total = int(magnitudes.sum())
     if total == 0:
@@ -72,23 +80,22 @@ def mean_of_scale(scale: Integers) -> Integers:
 
 
 def expected_classes(
-    past: Integers, past_mean: int, near: Integers, n_near: Integers, mean: int
+    past: Integers, past_mean: Integers, near: Integers, near_mean: Integers, mean: int
 ) -> Integers:
     """Class of the expected magnitude of each of n columns, in 0..N_EXPECTED-1.
 
     Parameters
     ----------
-    past : integer array of shape (n,)
-        Magnitudes of the rows before, in UNIT (`Past.columns`).
-    past_mean : int
-        The same of a column of mean magnitude.
-    near, n_near : integer arrays of shape (n,)
-        Sum of the magnitudes of the coded neighbours, and their number.
+    past, past_mean : integer arrays of shape (n,)
+        Magnitudes of the rows before, and what was usual, in UNIT (`Past`).
+    near, near_mean : integer arrays of shape (n,)
+        Sum of the magnitudes of the neighbours, and of the means of their passes, the latter in
+        UNIT.
     mean : int
-        Mean magnitude of this row, in UNIT.
+        Mean magnitude of this pass, in UNIT.
     """
     seen = PRIOR + (past >> 1) + UNIT * near
-    usual = PRIOR + (past_mean >> 1) + mean * n_near
+    usual = PRIOR + (past_mean >> 1) + near_mean
     logs = _logarithms(np.array([mean])) + _logarithms(seen) - _logarithms(usual)
     classes: Integers = np.clip(logs // (LOG_STEPS // 2), 0, N_EXPECTED - 1)
     return classes

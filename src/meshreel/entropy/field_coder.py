@@ -5,6 +5,8 @@ mesh, in modes of falling energy. Both sides learn the statistics from what is a
 that no tables are sent.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 import numpy.typing as npt
 
@@ -21,9 +23,15 @@ from meshreel.entropy.contexts import (
     mean_of_scale,
     near_classes,
     past_classes,
-    scale_of_row,
+    scale_of_mean,
 )
-from meshreel.entropy.passes import Neighbours, Pass, plan_passes, signed_votes
+from meshreel.entropy.passes import (
+    Neighbourhood,
+    Pass,
+    neighbourhoods,
+    signed_votes,
+    single_pass,
+)
 from meshreel.entropy.tokens import MAX_MAGNITUDE
 from meshreel.entropy.value_model import ValueModel, coarse, detail_widths
 from meshreel.entropy.varint import read_varint, write_varint
@@ -31,21 +39,20 @@ from meshreel.errors import CorruptStreamError, InvalidInputError
 
 Integers = npt.NDArray[np.int64]
 
-FIRST_SCALE = 2 * (UNIT.bit_length() - 1)  # the first row is expected to have a mean of 1
-_ZERO = np.zeros(1, np.int64)
-_SCALE_CHANGE = Contexts(np.array([FIRST_SCALE + 1]), _ZERO, _ZERO, _ZERO)
+FIRST_SCALE = 2 * (UNIT.bit_length() - 1)  # first rows are expected to have a mean of 1
 
 
-def encode_fields(fields: npt.NDArray[np.integer], neighbours: Neighbours | None) -> bytes:
+def encode_fields(fields: npt.NDArray[np.integer], passes: Sequence[Pass] | None = None) -> bytes:
     """Bytes that hold rows of integers over the same columns.
 
     Parameters
     ----------
     fields : integer array of shape (rows, columns)
         Magnitudes up to 2^31 - 1. Rows that resemble those before cost least.
-    neighbours : pair of integer arrays (indptr, indices), or None
-        Neighbours of column i are indices[indptr[i] : indptr[i + 1]], all in 0..columns-1;
-        integers of neighbours have similar magnitudes. The reader has to know them too.
+    passes : sequence of Pass, optional
+        In which order each row is coded, and which columns have similar magnitudes. Columns of a
+        pass should have a mean magnitude of their own. The reader has to know them too. Default:
+        all columns at once.
 
     Raises
     ------
@@ -61,7 +68,7 @@ def encode_fields(fields: npt.NDArray[np.integer], neighbours: Neighbours | None
     n_rows, n_columns = values.shape
     kept = coarse(values)
     port = BitWriter()
-    _code_rows(port, kept, n_rows, n_columns, neighbours)
+    _code_rows(port, kept, n_rows, n_columns, passes)
     words = port.words()
     widths = detail_widths(values)
     wide = widths > 0
@@ -71,9 +78,9 @@ def encode_fields(fields: npt.NDArray[np.integer], neighbours: Neighbours | None
 
 
 def decode_fields(
-    data: bytes, n_rows: int, n_columns: int, neighbours: Neighbours | None
+    data: bytes, n_rows: int, n_columns: int, passes: Sequence[Pass] | None = None
 ) -> Integers:
-    """Integers of shape (rows, columns) that `encode_fields` wrote; neighbours as given there.
+    """Integers of shape (rows, columns) that `encode_fields` wrote; passes as given there.
 
     Raises
     ------
@@ -91,7 +98,7 @@ def decode_fields(
         raise CorruptStreamError(f"{n_words} words are announced; {len(data) - start} bytes follow")
     position = start + 4 * n_words
     port = BitReader(data[start:position])
-    kept = _code_rows(port, None, n_rows, n_columns, neighbours)
+    kept = _code_rows(port, None, n_rows, n_columns, passes)
     port.finish()
     widths = detail_widths(kept)
     wide = widths > 0
@@ -110,63 +117,73 @@ def _code_rows(
     truth: Integers | None,
     n_rows: int,
     n_columns: int,
-    neighbours: Neighbours | None,
+    passes: Sequence[Pass] | None,
 ) -> Integers:
     """Coarse integers of shape (rows, columns), written (those of `truth`) or read."""
     rows = np.zeros((n_rows, n_columns), np.int64)
     if not rows.size:
         return rows
-    passes = plan_passes(n_columns, neighbours)
+    plan = neighbourhoods(single_pass(n_columns) if passes is None else passes, n_columns)
     model, scale_model = ValueModel(), ValueModel()
     past = Past(n_columns)
-    scale = FIRST_SCALE
-    for number in range(n_rows):
-        row = None if truth is None else truth[number]
-        scale = _code_scale(port, row, scale, scale_model)
-        if scale:
-            mean = int(mean_of_scale(np.array(scale, np.int64)))
-            rows[number] = _code_row(port, row, mean, past, passes, model)
+    scales = np.full(len(plan), FIRST_SCALE)
+    for number, row in enumerate(rows):
+        wanted = None if truth is None else [truth[number, step.columns] for step in plan]
+        scales = _code_scales(port, wanted, scales, scale_model)
+        magnitudes, means = np.zeros((2, n_columns), np.int64)
+        for place in np.flatnonzero(scales):
+            step = plan[place]
+            means[step.columns] = mean_of_scale(scales[place])
+            values = None if wanted is None else wanted[place]
+            _code_pass(port, values, step, past, row, magnitudes, means, model)
+        past.add(magnitudes, means)
+        for step in plan:
+            step.learn(signed_votes(row))
     return rows
 
 
-def _code_scale(port: BitPort, row: Integers | None, before: int, model: ValueModel) -> int:
-    """Class of the mean magnitude of a row, or of one between it and the class before.
+def _code_scales(
+    port: BitPort, truth: list[Integers] | None, before: Integers, model: ValueModel
+) -> Integers:
+    """Class of the mean magnitude of each pass of a row, or of one between it and the class before.
 
     The change is coarse, as all that the model codes: a leap of 5 arrives as 4. It never turns
-    a class above 0 into 0, which says that the row is empty.
+    a class above 0 into 0, which says that the pass is empty.
     """
-    change = None if row is None else coarse(np.array([scale_of_row(np.abs(row)) - before]))
-    scale = before + int(model.code(port, change, _SCALE_CHANGE)[0])
-    if not 0 <= scale <= MAX_SCALE:
-        raise CorruptStreamError(f"a row has a scale of {scale}; 0..{MAX_SCALE} are allowed")
-    return scale
+    changes = None
+    if truth is not None:
+        changes = coarse(np.array([scale_of_mean(np.abs(one)) for one in truth]) - before)
+    nothing = np.zeros(len(before), np.int64)
+    contexts = Contexts(np.full(len(before), FIRST_SCALE + 1), nothing, nothing, nothing)
+    scales = before + model.code(port, changes, contexts)
+    if scales.min() < 0 or scales.max() > MAX_SCALE:
+        raise CorruptStreamError(f"a row has scales {scales.tolist()}; 0..{MAX_SCALE} are allowed")
+    return scales
 
 
-def _code_row(
+def _code_pass(
     port: BitPort,
     truth: Integers | None,
-    mean: int,
+    step: Neighbourhood,
     past: Past,
-    passes: list[Pass],
+    row: Integers,
+    magnitudes: Integers,
+    means: Integers,
     model: ValueModel,
-) -> Integers:
-    row = np.zeros_like(past.columns)
-    magnitudes = np.zeros_like(row)
-    for step in passes:
-        columns = step.columns
-        near, before = step.magnitudes_near(magnitudes), past.columns[columns]
-        contexts = Contexts(
-            expected_classes(before, past.mean, near, step.n_near, mean),
-            past_classes(before),
-            near_classes(near),
-            step.predict_signs(signed_votes(row)),
-        )
-        row[columns] = model.code(port, None if truth is None else truth[columns], contexts)
-        magnitudes[columns] = np.minimum(np.abs(row[columns]), MAX_EVIDENCE)
-    past.add(magnitudes, mean)
-    for step in passes:
-        step.learn(signed_votes(row))
-    return row
+) -> None:
+    """Fill in the columns of a pass: their integers in `row` and what `magnitudes` has of them."""
+    columns = step.columns
+    near, before = step.sum_near(magnitudes), past.magnitudes[columns]
+    contexts = Contexts(
+        expected_classes(
+            before, past.means[columns], near, step.sum_near(means), int(means[columns[0]])
+        ),
+        past_classes(before),
+        near_classes(near),
+        step.predict_signs(signed_votes(row)),
+    )
+    row[columns] = model.code(port, truth, contexts)
+    magnitudes[columns] = np.minimum(np.abs(row[columns]), MAX_EVIDENCE)
 
 
 def _least_size_bytes(n_rows: int, n_columns: int) -> int:

@@ -1,25 +1,47 @@
 """In which order the columns of a row are coded, and what coded neighbours tell of the next.
 
-A row is coded in a few passes, so that all columns of a pass can be worked on at once. Two
-columns of one pass are no neighbours, if the pass is not the last.
+A row is coded in passes, so that all columns of a pass can be worked on at once. What is coded
+near a column, in an earlier pass, tells its likely magnitude and sign.
 """
+
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 from scipy.sparse import csr_array
 
 Integers = npt.NDArray[np.int64]
-Neighbours = tuple[Integers, Integers]
-"""Neighbours of column i are indices[indptr[i] : indptr[i + 1]], as in a sparse matrix."""
 
-N_PASSES = 4
-MAX_ROUNDS = 12
-PRIORITY_FACTOR = 2654435761  # scatters column numbers; being odd, it gives no two the same
 MAX_SIGNED = 2  # larger magnitudes vote like this one
 
 
+@dataclass(frozen=True)
 class Pass:
-    """Columns coded at once, and their neighbours coded in earlier passes.
+    """Columns that are coded at once, and for each the neighbours that tell of it.
+
+    Attributes
+    ----------
+    columns : int64 array of shape (n,)
+        Of all passes together: every column once.
+    indptr : int64 array of shape (n + 1,)
+    indices : int64 array
+        Neighbours of columns[i] are indices[indptr[i] : indptr[i + 1]], all in earlier passes.
+    """
+
+    columns: Integers
+    indptr: Integers
+    indices: Integers
+
+
+def single_pass(n_columns: int) -> list[Pass]:
+    """All columns at once, without neighbours."""
+    nothing = np.zeros(0, np.int64)
+    return [Pass(np.arange(n_columns), np.zeros(n_columns + 1, np.int64), nothing)]
+
+
+class Neighbourhood:
+    """Sums over the neighbours of a pass, and how far they agreed in sign so far.
 
     Neighbours agree where they had the same sign in the rows before. How much they agreed weighs
     the vote of the one for the sign of the other; where they disagreed it counts the other way.
@@ -27,65 +49,34 @@ class Pass:
     Attributes
     ----------
     columns : integer array of shape (n,)
-    n_near : integer array of shape (n,)
-        How many coded neighbours each has.
     """
 
-    def __init__(self, columns: Integers, adjacency: csr_array) -> None:
-        self.columns = columns
-        self._adjacency = csr_array(adjacency[columns])
-        self.n_near = np.diff(self._adjacency.indptr).astype(np.int64)
-        self._agreement = self._adjacency.copy()  # 1 to begin with: neighbours mostly agree
-        self._targets = np.repeat(columns, self.n_near)
+    def __init__(self, step: Pass, n_columns: int) -> None:
+        self.columns = step.columns
+        ones = np.ones(len(step.indices), np.int64)
+        shape = (len(step.columns), n_columns)
+        self._near: csr_array = csr_array((ones, step.indices, step.indptr), shape=shape)
+        self._agreement = self._near.copy()  # 1 to begin with: neighbours mostly agree
+        self._targets = np.repeat(step.columns, np.diff(step.indptr))
 
-    def magnitudes_near(self, magnitudes: Integers) -> Integers:
-        """Sum over the coded neighbours, of shape (n,), of magnitudes of all columns."""
-        return np.asarray(self._adjacency @ magnitudes)
+    def sum_near(self, values: Integers) -> Integers:
+        """Sum over the neighbours, of shape (n,), of values of all columns."""
+        return np.asarray(self._near @ values)
 
     def predict_signs(self, signed: Integers) -> Integers:
-        """What the coded neighbours vote for, of shape (n,); see `signed_votes`."""
+        """What the neighbours vote for, of shape (n,); see `signed_votes`."""
         return np.asarray(self._agreement @ signed)
 
     def learn(self, signed: Integers) -> None:
         """Take in a row that is coded."""
-        self._agreement.data += signed[self._targets] * signed[self._adjacency.indices]
+        self._agreement.data += signed[self._targets] * signed[self._agreement.indices]
+
+
+def neighbourhoods(passes: Sequence[Pass], n_columns: int) -> list[Neighbourhood]:
+    """One for each pass that has columns."""
+    return [Neighbourhood(step, n_columns) for step in passes if len(step.columns)]
 
 
 def signed_votes(values: Integers) -> Integers:
     """Values as votes for a sign."""
     return np.clip(values, -MAX_SIGNED, MAX_SIGNED)
-
-
-def plan_passes(n_columns: int, neighbours: Neighbours | None) -> list[Pass]:
-    """Passes that take every column once; one pass if there are no neighbours."""
-    if neighbours is None:
-        neighbours = (np.zeros(n_columns + 1, np.int64), np.zeros(0, np.int64))
-    indptr, sources = neighbours
-    targets = np.repeat(np.arange(n_columns), np.diff(indptr))
-    number = _pass_numbers(n_columns, targets, sources)
-    coded = number[sources] < number[targets]
-    ones = np.ones(int(coded.sum()), np.int64)
-    adjacency: csr_array = csr_array(
-        (ones, (targets[coded], sources[coded])), shape=(n_columns, n_columns)
-    )
-    plan = [np.flatnonzero(number == k) for k in range(N_PASSES)]
-    return [Pass(columns, adjacency) for columns in plan if len(columns)]
-
-
-def _pass_numbers(n_columns: int, targets: Integers, sources: Integers) -> Integers:
-    """Pass of each column: sets without neighbours among them (M. Luby, 1986), then the rest."""
-    priority = 1 + (np.arange(n_columns, dtype=np.int64) * PRIORITY_FACTOR & 0xFFFFFFFF)
-    number = np.full(n_columns, N_PASSES - 1)
-    for k in range(N_PASSES - 1):
-        free = number == N_PASSES - 1
-        for _ in range(MAX_ROUNDS):
-            bids = np.where(free, priority, 0)
-            highest = np.zeros(n_columns, np.int64)
-            np.maximum.at(highest, targets, bids[sources])
-            chosen = bids > highest
-            number[chosen] = k
-            free[chosen] = False
-            free[targets[chosen[sources]]] = False
-            if not free.any():
-                break
-    return number

@@ -7,11 +7,15 @@ from scipy.sparse import csr_array, diags_array
 from meshreel.errors import InvalidInputError
 from meshreel.geometry.connectivity import adjacency_matrix
 from meshreel.sequence import Faces
+from meshreel.threads import chunks, in_threads
 
 Floats = npt.NDArray[np.float64]
 
 RELATIVE_RIDGE = 1e-3
 """Ridge of reproducing weights, as a share of the neighbours' mean squared distance."""
+
+CHUNK_VERTICES = 1024
+"""Vertices whose weights are found at once."""
 
 
 def uniform_laplacian(faces: Faces, n_verts: int, *, normalized: bool = False) -> csr_array:
@@ -98,13 +102,24 @@ def reproducing_laplacian(adjacency: csr_array, fields: Floats, noise: float) ->
     """
     degrees = np.diff(adjacency.indptr)
     weights = np.zeros(len(adjacency.indices))
-    for degree in np.unique(degrees[degrees > 0]):
-        vertices = np.flatnonzero(degrees == degree)
-        places = adjacency.indptr[vertices][:, None] + np.arange(degree)
+
+    def fill(vertices: npt.NDArray[np.int64]) -> None:
+        places = adjacency.indptr[vertices][:, None] + np.arange(degrees[vertices[0]])
         offsets = fields[adjacency.indices[places]] - fields[vertices][:, None, :]
         weights[places] = _reproducing_weights(offsets, noise)
+
+    in_threads(fill, _of_one_degree(degrees))
     mean = csr_array((weights, adjacency.indices, adjacency.indptr), shape=adjacency.shape)
     return csr_array(diags_array((degrees > 0).astype(np.float64)) - mean)
+
+
+def _of_one_degree(degrees: npt.NDArray[np.integer]) -> list[npt.NDArray[np.int64]]:
+    """Vertices that have neighbours, in pieces of equal degree."""
+    pieces = []
+    for degree in np.unique(degrees[degrees > 0]):
+        vertices = np.flatnonzero(degrees == degree)
+        pieces += [vertices[piece] for piece in chunks(len(vertices), CHUNK_VERTICES)]
+    return pieces
 
 
 def _reproducing_weights(offsets: Floats, noise: float) -> Floats:

@@ -2,11 +2,17 @@
 
 import numpy as np
 import numpy.typing as npt
+from scipy.linalg import eigh
+
+from meshreel.threads import chunks, in_threads, n_cores, one_blas_thread
 
 Floats = npt.NDArray[np.float64]
 
 RANK_TOLERANCE = 1e-13
 """Eigenvalues of a Gram matrix below this share of the largest are rounding."""
+
+SMALL_GRAM = 1000
+"""Up to this size all eigenvectors are found, in one BLAS thread; beyond, only those wanted."""
 
 
 def autocorrelation(frames: Floats) -> Floats:
@@ -48,7 +54,7 @@ def eigen_trajectories(correlation: Floats, n_modes: int) -> tuple[Floats, Float
     return values, fix_signs(vectors[..., ::-1][..., :n_modes])
 
 
-def joint_trajectories(frames: Floats, n_modes: int) -> tuple[Floats, Floats]:
+def joint_trajectories(frames: Floats, n_modes: int, least: float = 0.0) -> tuple[Floats, Floats]:
     """Leading singular values and time vectors of all three coordinates together.
 
     A mode is one field on the mesh with a time vector for each axis, instead of a field and a
@@ -60,6 +66,8 @@ def joint_trajectories(frames: Floats, n_modes: int) -> tuple[Floats, Floats]:
     frames : float64 array of shape (3, T, V)
     n_modes : int
         At most this many; fewer if the matrix has a lower rank.
+    least : float, default 0
+        Only modes whose singular value exceeds this, but one at least.
 
     Returns
     -------
@@ -68,16 +76,39 @@ def joint_trajectories(frames: Floats, n_modes: int) -> tuple[Floats, Floats]:
     """
     stacked = frames.reshape(-1, frames.shape[2])
     is_wide = stacked.shape[0] <= stacked.shape[1]
-    gram = stacked @ stacked.T if is_wide else stacked.T @ stacked
-    eigenvalues, vectors = np.linalg.eigh(gram)
-    eigenvalues, vectors = eigenvalues[::-1], vectors[:, ::-1]
-    rank = int(np.sum(eigenvalues > RANK_TOLERANCE * max(eigenvalues[0], 0.0)))
-    kept = max(1, min(n_modes, rank))
-    singular_values = np.sqrt(np.maximum(eigenvalues[:kept], 0.0))
+    eigenvalues, vectors = _leading(_gram(stacked if is_wide else stacked.T), n_modes, least)
+    singular_values = np.sqrt(np.maximum(eigenvalues, 0.0))
     if is_wide:
-        return singular_values, fix_signs(vectors[:, :kept])
+        return singular_values, fix_signs(vectors)
     scale = np.where(singular_values > 0, singular_values, 1.0)
-    return singular_values, fix_signs(stacked @ vectors[:, :kept] / scale)
+    return singular_values, fix_signs(stacked @ vectors / scale)
+
+
+def _gram(wide: Floats) -> Floats:
+    """``A A^T`` of a wide matrix."""
+    pieces = chunks(wide.shape[1], max(256, -(-wide.shape[1] // (2 * n_cores()))))
+    parts: dict[int, Floats] = {}
+
+    def multiply(piece: slice) -> None:
+        part = wide[:, piece]
+        parts[piece.start] = part @ part.T
+
+    in_threads(multiply, pieces)
+    return np.asarray(sum(parts[piece.start] for piece in pieces))
+
+
+def _leading(gram: Floats, n_modes: int, least: float) -> tuple[Floats, Floats]:
+    """Eigenvalues, descending, and eigenvectors of a Gram matrix whose root exceeds `least`."""
+    if len(gram) <= SMALL_GRAM:
+        with one_blas_thread():
+            eigenvalues, vectors = np.linalg.eigh(gram)
+    else:
+        lowest = min(least**2, 0.5 * float(np.trace(gram)) / len(gram))
+        eigenvalues, vectors = eigh(gram, subset_by_value=(lowest, np.inf))
+    eigenvalues, vectors = eigenvalues[::-1], vectors[:, ::-1]
+    floor = max(least**2, RANK_TOLERANCE * max(eigenvalues[0], 0.0))
+    kept = max(1, min(n_modes, int(np.sum(eigenvalues > floor))))
+    return eigenvalues[:kept], vectors[:, :kept]
 
 
 def fix_signs(basis: Floats) -> Floats:

@@ -3,9 +3,9 @@ import pytest
 
 from meshreel.codec import payloads
 from meshreel.codec.pipeline import Quantized
-from meshreel.codec.reel import Layout
+from meshreel.codec.reel import MAX_TAP, N_TAPS, Layout
 from meshreel.entropy.varint import write_varint
-from meshreel.errors import CorruptStreamError, TruncatedStreamError
+from meshreel.errors import CorruptStreamError, TruncatedStreamError, UnsupportedVersionError
 
 
 def quantized(*shape):
@@ -77,34 +77,86 @@ def test_steps_are_refused_when_the_payload_ends_inside():
         payloads.read_rows(b"\1\0\0", 1, 1, shared=True)
 
 
-def test_stages_come_back_when_written():
-    rng = np.random.default_rng(3)
-    stages = [rng.integers(-4, 5, (6, length)) for length in (9, 0, 40)]
-    back = payloads.read_stages(payloads.write_stages(stages), 6, [9, 0, 40])
-    for stage, again in zip(stages, back, strict=True):
-        np.testing.assert_array_equal(again, stage)
+@pytest.mark.parametrize("n_frames", [1, 2, 8, 9, 50])
+def test_times_come_back_when_written(n_frames):
+    times = np.random.default_rng(4).integers(-300, 300, (n_frames, 15)).cumsum(axis=0)
+    back = payloads.read_times(payloads.write_times(times), 5, n_frames)
+    np.testing.assert_array_equal(back, times)
 
 
-@pytest.mark.parametrize("n_frames", [1, 2, 50])
-def test_time_vectors_come_back_when_written(n_frames):
-    basis = np.random.default_rng(4).integers(-300, 300, (3, 5, n_frames)).cumsum(axis=2)
-    back = payloads.read_time_vectors(payloads.write_time_vectors(basis), 5, n_frames)
-    np.testing.assert_array_equal(back, basis)
+@pytest.mark.parametrize("order", ["C", "F"])
+def test_times_given_stay_as_they_are_when_written(order):
+    times = np.array(np.arange(90).reshape(30, 3) ** 2, order=order)
+    before = times.copy()
+    payloads.write_times(times)
+    np.testing.assert_array_equal(times, before)
 
 
-@pytest.mark.parametrize("cut", [0, 1, 7])
-def test_stages_are_refused_when_bytes_are_missing(cut):
-    payload = payloads.write_stages([np.ones((2, 5), int)] * 2)
-    with pytest.raises(CorruptStreamError):
-        payloads.read_stages(payload[:cut], 2, [5, 5])
+def test_times_are_refused_when_bytes_are_missing():
+    payload = payloads.write_times(np.ones((40, 6), int))
+    for size in (0, 1, len(payload) - 1):
+        with pytest.raises(CorruptStreamError):
+            payloads.read_times(payload[:size], 2, 40)
+
+
+def layout(ends=(1, 4), step=0.25, size=10):
+    return Layout(np.float32(step), ends, size)
+
+
+def some_taps(n_modes=4):
+    return np.arange(n_modes * N_TAPS).reshape(n_modes, N_TAPS) - 3
+
+
+@pytest.mark.parametrize("ends", [(4,), (1, 4), (1, 2, 3, 4)])
+def test_layout_comes_back_when_written(ends):
+    back, taps = payloads.read_layout(payloads.write_layout(layout(ends), some_taps()), 4)
+    assert back == layout(ends)
+    assert back.step.dtype == np.float32
+    np.testing.assert_array_equal(taps, some_taps())
 
 
 @pytest.mark.parametrize(
-    ("ends", "spacings", "step"),
-    [((3, 2), (5, 3), 1.0), ((4,), (3, 5), 1.0), ((4,), (5, 0), 1.0), ((4,), (5, 3), 0.0),
-     ((5,), (5, 3), 1.0), ((0, 4), (5, 3), 1.0), ((4,), (99, 3), 1.0)],
+    ("ends", "step", "size"),
+    [((3, 2), 1.0, 4), ((4, 4), 1.0, 4), ((5,), 1.0, 4), ((0, 4), 1.0, 4), ((3,), 1.0, 4),
+     ((4,), 0.0, 4), ((4,), -1.0, 4), ((4,), np.nan, 4), ((4,), np.inf, 4),
+     ((4,), payloads.MAX_STEP, 4), ((4,), 1.0, 0), ((4,), 1.0, payloads.MAX_STENCIL + 1)],
 )  # fmt: skip
-def test_layout_is_refused_when_it_contradicts_itself(ends, spacings, step):
-    payload = payloads.write_layout(Layout(np.float32(step), ends, spacings, 4))
-    with pytest.raises(CorruptStreamError):
+def test_layout_is_refused_when_it_contradicts_itself(ends, step, size):
+    payload = payloads.write_layout(layout(ends, step, size), some_taps())
+    with pytest.raises(CorruptStreamError, match="fields of 4 modes"):
         payloads.read_layout(payload, 4)
+
+
+@pytest.mark.parametrize("n_groups", [0, payloads.MAX_COUNTS + 1])
+def test_layout_is_refused_when_it_has_no_groups_or_too_many(n_groups):
+    payload = payloads.write_layout(layout(tuple(range(1, n_groups + 1))), some_taps())
+    with pytest.raises(CorruptStreamError, match=f"{n_groups} groups"):
+        payloads.read_layout(payload, 4)
+
+
+@pytest.mark.parametrize("tap", [-MAX_TAP - 1, MAX_TAP + 1])
+def test_layout_is_refused_when_a_tap_is_beyond_its_range(tap):
+    taps = some_taps()
+    taps[2, 1] = np.sign(tap) * MAX_TAP
+    payloads.read_layout(payloads.write_layout(layout(), taps), 4)
+    taps[2, 1] = tap
+    with pytest.raises(CorruptStreamError, match="tap"):
+        payloads.read_layout(payloads.write_layout(layout(), taps), 4)
+
+
+def test_layout_is_refused_when_bytes_are_missing_or_left_over():
+    payload = payloads.write_layout(layout(), some_taps())
+    for size in range(1, len(payload)):
+        with pytest.raises(CorruptStreamError):
+            payloads.read_layout(payload[:size], 4)
+    with pytest.raises(CorruptStreamError):
+        payloads.read_layout(payload + b"\0", 4)
+
+
+def test_layout_is_refused_as_that_of_another_build_when_its_number_differs():
+    payload = payloads.write_layout(layout(), some_taps())
+    for number in (0, payload[0] - 1, payload[0] + 1, 255):
+        with pytest.raises(UnsupportedVersionError, match=f"{number:02x}"):
+            payloads.read_layout(bytes([number]) + payload[1:], 4)
+    with pytest.raises(UnsupportedVersionError):
+        payloads.read_layout(b"", 4)

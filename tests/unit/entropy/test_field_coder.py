@@ -3,16 +3,15 @@ import zlib
 import numpy as np
 import pytest
 
+from meshreel.entropy.adaptive import BitWriter
 from meshreel.entropy.coder import encode_integers
-from meshreel.entropy.field_coder import decode_fields, encode_fields
+from meshreel.entropy.contexts import Contexts
+from meshreel.entropy.field_coder import FIRST_SCALE, decode_fields, encode_fields
 from meshreel.entropy.tokens import MAX_MAGNITUDE
+from meshreel.entropy.value_model import ValueModel
+from meshreel.entropy.varint import write_varint
 from meshreel.errors import CorruptStreamError, InvalidInputError
-
-
-def ring(n_columns):
-    index = np.arange(n_columns)
-    pairs = np.stack([(index - 1) % n_columns, (index + 1) % n_columns], axis=1)
-    return np.arange(0, 2 * n_columns + 1, 2), pairs.ravel()
+from sample_passes import as_pass, line_passes
 
 
 def active_places(n_rows=20, n_columns=3000):
@@ -37,31 +36,33 @@ def test_size_is_far_below_that_of_tables_when_activity_has_a_place():
     fields = active_places()
     alone = len(encode_fields(fields, None))
     assert (
-        len(encode_fields(fields, ring(3000))) < alone < 0.85 * len(encode_integers(list(fields)))
+        len(encode_fields(fields, line_passes(3000)))
+        < alone
+        < 0.85 * len(encode_integers(list(fields)))
     )
 
 
 def test_signs_cost_little_when_neighbours_always_agree():
     rng = np.random.default_rng(6)
     signs = np.repeat(rng.choice([-1, 1], (40, 50)), 20, axis=1)
-    bits = 8 * len(encode_fields(signs, ring(1000)))
-    assert bits < 0.7 * signs.size
+    bits = 8 * len(encode_fields(signs, line_passes(1000)))
+    assert bits < 0.3 * signs.size
 
 
 def test_signs_cost_little_when_neighbours_always_disagree():
     rng = np.random.default_rng(6)
     signs = np.repeat(rng.choice([-1, 1], (40, 50)), 20, axis=1)
     signs[:, ::2] *= -1
-    bits = 8 * len(encode_fields(signs, ring(1000)))
-    assert bits < 0.7 * signs.size
+    bits = 8 * len(encode_fields(signs, line_passes(1000)))
+    assert bits < 0.4 * signs.size
 
 
 def test_bytes_are_the_same_when_coded_twice():
     fields = active_places()
-    assert encode_fields(fields, ring(3000)) == encode_fields(fields, ring(3000))
+    assert encode_fields(fields, line_passes(3000)) == encode_fields(fields, line_passes(3000))
 
 
-@pytest.mark.parametrize("neighbours", [None, ring(500)])
+@pytest.mark.parametrize("passes", [None, line_passes(500)])
 @pytest.mark.parametrize(
     "fields",
     [
@@ -74,9 +75,9 @@ def test_bytes_are_the_same_when_coded_twice():
         active_places(6, 500)[::-1],
     ],
 )
-def test_fields_come_back_when_they_are_unusual(fields, neighbours):
-    data = encode_fields(fields, neighbours)
-    np.testing.assert_array_equal(decode_fields(data, *fields.shape, neighbours), fields)
+def test_fields_come_back_when_they_are_unusual(fields, passes):
+    data = encode_fields(fields, passes)
+    np.testing.assert_array_equal(decode_fields(data, *fields.shape, passes), fields)
 
 
 @pytest.mark.parametrize("shape", [(0, 0), (0, 4), (4, 0), (1, 1)])
@@ -85,10 +86,50 @@ def test_fields_come_back_when_there_is_little_in_them(shape):
     assert decode_fields(data, *shape, None).shape == shape
 
 
-def test_scale_of_a_row_is_kept_above_zero_when_rows_alternate_with_empty_ones():
+@pytest.mark.parametrize("passes", [None, line_passes(40)])
+def test_scales_are_kept_above_zero_when_rows_alternate_with_empty_ones(passes):
     fields = np.zeros((60, 40), int)
     fields[::2] = np.arange(30)[:, None] ** 4
-    np.testing.assert_array_equal(decode_fields(encode_fields(fields, None), 60, 40, None), fields)
+    data = encode_fields(fields, passes)
+    np.testing.assert_array_equal(decode_fields(data, 60, 40, passes), fields)
+
+
+def test_fields_come_back_when_some_passes_are_empty_and_others_are_not():
+    """An empty pass costs its scale only, and tells its neighbours nothing."""
+    fields = active_places(8, 500)
+    fields[::3, ::2] = 0
+    fields[1::3, 1::2] = 0
+    data = encode_fields(fields, line_passes(500))
+    np.testing.assert_array_equal(decode_fields(data, 8, 500, line_passes(500)), fields)
+
+
+def test_bytes_are_fewer_when_columns_of_different_magnitude_are_passes_of_their_own():
+    """A single row: nothing but the pass tells what is to be expected."""
+    rng = np.random.default_rng(12)
+    large = rng.permutation(3000) < 300
+    fields = np.rint(rng.laplace(scale=np.where(large, 60.0, 0.2))).astype(int)[None]
+    apart = [
+        as_pass(columns, [[]] * len(columns))
+        for columns in (np.flatnonzero(large), np.flatnonzero(~large))
+    ]
+    assert len(encode_fields(fields, apart)) < 0.5 * len(encode_fields(fields))
+
+
+def test_bytes_are_fewer_when_neighbours_tell_where_a_row_is_active():
+    """A single row, active on a third of a line, in passes that do not know where."""
+    place = np.arange(3000)
+    rng = np.random.default_rng(13)
+    scale = np.where((place > 1000) & (place < 2000), 3.0, 0.01)
+    fields = np.rint(rng.laplace(scale=scale)).astype(int)[None]
+    alone = [as_pass(step.columns, [[]] * len(step.columns)) for step in line_passes(3000)]
+    assert len(encode_fields(fields, line_passes(3000))) < 0.85 * len(encode_fields(fields, alone))
+
+
+def test_bytes_stay_the_same_when_passes_without_columns_are_named():
+    fields = active_places(6, 500)
+    passes = line_passes(500)
+    nothing = as_pass([], [])
+    assert encode_fields(fields, [nothing, *passes, nothing]) == encode_fields(fields, passes)
 
 
 def test_writer_pads_when_nearly_nothing_is_coded():
@@ -117,6 +158,16 @@ def test_decoding_raises_when_bytes_are_left_over():
         decode_fields(encode_fields(SMALL, None) + b"\0", *SMALL.shape, None)
 
 
+@pytest.mark.parametrize("change", [-48, 32])
+def test_decoding_raises_when_a_scale_leaves_its_range(change):
+    port, nothing = BitWriter(), np.zeros(1, np.int64)
+    contexts = Contexts(np.array([FIRST_SCALE + 1]), nothing, nothing, nothing)
+    ValueModel().code(port, np.array([change]), contexts)
+    words = port.words()
+    with pytest.raises(CorruptStreamError, match=f"scales .{FIRST_SCALE + change}."):
+        decode_fields(write_varint(len(words) // 4) + words, 1, 8)
+
+
 def test_decoding_raises_when_the_data_end_early():
     data = encode_fields(active_places(), None)
     for size in (0, 300, len(data) // 2, len(data) - 1):
@@ -125,20 +176,23 @@ def test_decoding_raises_when_the_data_end_early():
 
 
 @pytest.mark.parametrize(
-    ("stored", "neighbours"),
+    ("stored", "passes"),
     [
-        ("07f0f57db7f9f3ff8007cd645be3ee365a22660a421171da4c9b9f4100889e05", ring(8)),
+        (
+            "089e3b697afc1ba54923e52984a601faa3d7e34711956d30bd2166e386be2a4614889e05",
+            line_passes(8),
+        ),
         ("0693e753091a2dfe4f25cfde38075e5acd3ad7bb197f6eef2d889e05", None),
     ],
 )
-def test_stored_bytes_still_decode_when_libraries_change(stored, neighbours):
+def test_stored_bytes_still_decode_when_libraries_change(stored, passes):
     """The parse hangs on every rule of the contexts, and on how constriction rounds."""
-    np.testing.assert_array_equal(decode_fields(bytes.fromhex(stored), 4, 8, neighbours), SMALL)
+    np.testing.assert_array_equal(decode_fields(bytes.fromhex(stored), 4, 8, passes), SMALL)
 
 
 def test_a_long_stream_still_is_the_same_when_libraries_change():
     """Rules that only show after many integers: halved counts, rare classes."""
     index = np.arange(20_000)
     fields = np.stack([(index * factor % 1009 < 90) * (index % 7 - 3) for factor in range(1, 13)])
-    stored = encode_fields(fields, ring(20_000))
-    assert (len(stored), zlib.crc32(stored)) == (12514, 84733045)
+    stored = encode_fields(fields, line_passes(20_000))
+    assert (len(stored), zlib.crc32(stored)) == (11234, 3256127300)

@@ -6,6 +6,7 @@ import pytest
 
 from meshreel.entropy.field_coder import encode_fields
 from meshreel.entropy.varint import read_varint
+from sample_passes import as_pass
 
 BERNOULLI = constriction.stream.model.Bernoulli(perfect=False)
 ONE = 2**20
@@ -39,8 +40,8 @@ class Table:
         for context, bit in zip(contexts, bits, strict=True):
             self.total[context] += 1024
             self.ones[context] += 1024 * bit
-        for context, total in enumerate(self.total):
-            if total > 128 * 1024:
+        for context in set(contexts):
+            if self.total[context] > 128 * 1024:
                 self.total[context] //= 2
                 self.ones[context] //= 2
         return bits
@@ -94,60 +95,44 @@ class Tables:
                 values[i] = -values[i]
 
 
-def pass_numbers(near):
-    priority = [1 + i * 2654435761 % 2**32 for i in range(len(near))]
-    numbers = [3] * len(near)
-    for k in range(3):
-        candidates = {i for i, number in enumerate(numbers) if number == 3}
-        for _ in range(12):
-            chosen = {
-                i
-                for i in candidates
-                if all(priority[i] > priority[j] for j in candidates & near[i])
-            }
-            for i in chosen:
-                numbers[i] = k
-            candidates = {i for i in candidates - chosen if not near[i] & chosen}
-    return numbers
-
-
-def decode_slowly(data, n_rows, n_columns, near):
-    """Coarse integers of a payload; `near` has the set of neighbours of each column."""
+def decode_slowly(data, n_rows, n_columns, passes):
+    """Coarse integers of a payload; of each pass, the neighbours of each of its columns."""
     n_words, start = read_varint(data, 0)
     words = np.frombuffer(data, "<u4", n_words, start).astype(np.uint32)
     coder = constriction.stream.stack.AnsCoder(words)
-    numbers = pass_numbers(near)
-    coded = [{j for j in near[i] if numbers[j] < numbers[i]} for i in range(n_columns)]
-    agreement = {(i, j): 1 for i in range(n_columns) for j in coded[i]}
-    past, past_mean, scale = [0] * n_columns, 0, 40
+    passes = [near for near in passes if near]
+    agreement = {(i, j): 1 for near in passes for i in near for j in near[i]}
+    past, past_mean = [0] * n_columns, [0] * n_columns
+    scales = [40] * len(passes)
     tables, tables_of_scales = Tables(), Tables()
     rows = np.zeros((n_rows, n_columns), np.int64)
     for values in rows:
-        scale += tables_of_scales.read(coder, [(41, 0, 0, 0)])[0]
-        if scale == 0:
-            continue
-        row, mean = [0] * n_columns, mean_of(scale)
+        changes = tables_of_scales.read(coder, [(41, 0, 0, 0)] * len(passes))
+        scales = [scale + change for scale, change in zip(scales, changes, strict=True)]
+        assert all(0 <= scale <= 70 for scale in scales)
+        row, means = [0] * n_columns, [0] * n_columns
 
-        def known_of(i, row=row, mean=mean, past_mean=past_mean):
-            near_sum = sum(min(abs(row[j]), 65535) for j in coded[i])
+        def known_of(i, near, row=row, means=means):
+            near_sum = sum(min(abs(row[j]), 65535) for j in near)
             seen = ONE // 3 + past[i] // 2 + ONE * near_sum
-            usual = ONE // 3 + past_mean // 2 + mean * len(coded[i])
+            usual = ONE // 3 + past_mean[i] // 2 + sum(means[j] for j in near)
             return (
-                clamp((log(mean) + log(seen) - log(usual)) // 4, 0, 71),
+                clamp((log(means[i]) + log(seen) - log(usual)) // 4, 0, 71),
                 sum(bound <= past[i] for bound in PAST_BOUNDS),
                 min(near_sum, 2),
-                sum(agreement[i, j] * clamp(row[j], -2, 2) for j in coded[i]),
+                sum(agreement[i, j] * clamp(row[j], -2, 2) for j in near),
             )
 
-        for k in range(4):
-            columns = [i for i, number in enumerate(numbers) if number == k]
-            if columns:
-                read = tables.read(coder, [known_of(i) for i in columns])
-                for i, value in zip(columns, read, strict=True):
+        for near, scale in zip(passes, scales, strict=True):
+            if scale:
+                for i in near:
+                    means[i] = mean_of(scale)
+                read = tables.read(coder, [known_of(i, near[i]) for i in near])
+                for i, value in zip(near, read, strict=True):
                     row[i] = value
         for i, value in enumerate(row):
             past[i] += ONE * min(abs(value), 65535) - past[i] // 8
-        past_mean += mean - past_mean // 8
+            past_mean[i] += means[i] - past_mean[i] // 8
         for i, j in agreement:
             agreement[i, j] += clamp(row[i], -2, 2) * clamp(row[j], -2, 2)
         values[:] = row
@@ -155,31 +140,61 @@ def decode_slowly(data, n_rows, n_columns, near):
     return rows
 
 
-def grid_neighbours(side):
-    return [
-        {
-            (y + b) * side + x + a
-            for a, b in [(1, 0), (0, 1), (1, 1), (-1, 0), (0, -1), (-1, -1)]
-            if 0 <= x + a < side and 0 <= y + b < side
-        }
-        for y in range(side)
-        for x in range(side)
-    ]
+def grid_passes(side):
+    """Columns of a square grid: every fourth, every second, the rest; near are earlier ones."""
+    place = {(x, y): y * side + x for y in range(side) for x in range(side)}
+    passes = []
+    for is_here in (
+        lambda x, y: x % 4 == y % 4 == 0,
+        lambda x, y: x % 2 == y % 2 == 0,
+        lambda x, y: False,
+        lambda x, y: True,
+    ):
+        known = {i for near in passes for i in near}
+        passes.append({})
+        for (x, y), i in place.items():
+            if is_here(x, y) and i not in known:
+                around = [place.get((x + a, y + b)) for a in (-2, -1, 0, 1, 2) for b in (-1, 0, 2)]
+                passes[-1][i] = [j for j in around if j in known]
+    return passes
 
 
-@pytest.mark.parametrize("has_neighbours", [True, False])
-@pytest.mark.parametrize("scale", [0.2, 3.0])
-def test_payload_is_read_alike_when_a_second_decoder_follows_the_format(has_neighbours, scale):
-    near = grid_neighbours(13) if has_neighbours else [set() for _ in range(169)]
+def as_arrays(passes):
+    return [as_pass(list(near), list(near.values())) for near in passes]
+
+
+def lively_fields(scale, n_rows, n_columns):
     rng = np.random.default_rng(8)
-    smooth = np.exp(np.sin(np.arange(169) / 9)) * scale * 0.8 ** np.arange(10)[:, None]
+    smooth = np.exp(np.sin(np.arange(n_columns) / 9)) * scale * 0.8 ** np.arange(n_rows)[:, None]
     fields = np.rint(rng.laplace(scale=smooth) + smooth).astype(int)
     fields[4] = 0
+    fields[5, ::2] = 0
     fields[6, :3] = (100, -5000, 2**31 - 1)
-    counts = np.cumsum([0] + [len(one) for one in near])
-    arrays = (counts, np.array([j for one in near for j in sorted(one)], np.int64))
-    data = encode_fields(fields, arrays if has_neighbours else None)
-    decoded = decode_slowly(data, *fields.shape, near)
+    return fields
+
+
+def assert_read_alike(fields, passes, arrays):
+    decoded = decode_slowly(encode_fields(fields, arrays), *fields.shape, passes)
     size = np.maximum(np.frexp(np.abs(fields))[1] - 2, 0)
     np.testing.assert_array_equal(np.abs(decoded), np.abs(fields) >> size << size)
     np.testing.assert_array_equal(np.sign(decoded), np.sign(fields))
+
+
+@pytest.mark.parametrize("scale", [0.2, 3.0])
+def test_payload_is_read_alike_when_a_second_decoder_follows_the_format(scale):
+    passes = grid_passes(13)
+    assert [len(near) for near in passes] == [16, 33, 0, 120]
+    assert_read_alike(lively_fields(scale, 12, 169), passes, as_arrays(passes))
+
+
+@pytest.mark.parametrize("scale", [0.2, 3.0])
+def test_payload_is_read_alike_when_there_is_a_single_pass(scale):
+    assert_read_alike(lively_fields(scale, 12, 169), [{i: [] for i in range(169)}], None)
+
+
+def test_payload_is_read_alike_when_counts_are_halved():
+    """Sets so large that a context is halved, and then stands above the limit still."""
+    fields = np.zeros((9, 700), int)
+    for number, row in enumerate(fields):
+        row[number :: 5 + 40 * (number % 2)] = 1 - 2 * (number % 3 == 0)
+    assert_read_alike(fields, [{i: [] for i in range(700)}], None)

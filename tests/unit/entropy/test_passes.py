@@ -1,66 +1,68 @@
 import numpy as np
 
-from meshreel.entropy.passes import N_PASSES, plan_passes, signed_votes
+from meshreel.entropy.passes import (
+    MAX_SIGNED,
+    Neighbourhood,
+    neighbourhoods,
+    signed_votes,
+    single_pass,
+)
+from sample_passes import as_pass, line_passes
 
 
-def grid(side):
-    """Neighbours on a triangulated square."""
-    number = np.arange(side * side).reshape(side, side)
-    pairs = [
-        (number[1:], number[:-1]),
-        (number[:, 1:], number[:, :-1]),
-        (number[1:, 1:], number[:-1, :-1]),
-    ]
-    a, b = (np.concatenate([pair[k].ravel() for pair in pairs]) for k in (0, 1))
-    targets, sources = np.concatenate([a, b]), np.concatenate([b, a])
-    order = np.argsort(targets, kind="stable")
-    counts = np.bincount(targets, minlength=side * side)
-    return np.concatenate([[0], np.cumsum(counts)]), sources[order]
-
-
-def test_passes_take_every_column_once_when_there_are_neighbours():
-    plan = plan_passes(400, grid(20))
-    columns = np.concatenate([step.columns for step in plan])
-    assert sorted(columns) == list(range(400))
-    assert 1 < len(plan) <= N_PASSES
-
-
-def test_one_pass_takes_all_when_there_are_no_neighbours():
-    (step,) = plan_passes(5, None)
+def test_one_pass_takes_every_column_when_there_are_no_neighbours():
+    (step,) = single_pass(5)
     assert step.columns.tolist() == [0, 1, 2, 3, 4]
-    assert step.n_near.tolist() == [0] * 5
+    near = Neighbourhood(step, 5)
+    assert near.sum_near(np.full(5, 7)).tolist() == [0] * 5
+    assert near.predict_signs(np.full(5, 2)).tolist() == [0] * 5
 
 
-def test_columns_of_a_pass_are_no_neighbours_when_it_is_not_the_last():
-    indptr, indices = grid(20)
-    for step in plan_passes(400, (indptr, indices))[: N_PASSES - 1]:
-        near = np.concatenate([indices[indptr[i] : indptr[i + 1]] for i in step.columns])
-        assert not np.isin(near, step.columns).any()
+def test_passes_without_columns_are_left_out_when_the_rest_is_prepared():
+    first, second = line_passes(6, 2)
+    nothing = as_pass([], [])
+    plan = neighbourhoods([nothing, first, nothing, second], 6)
+    assert [step.columns.tolist() for step in plan] == [[0, 2, 4], [1, 3, 5]]
 
 
-def test_most_neighbours_are_coded_before_when_the_mesh_is_regular():
-    indptr, indices = grid(20)
-    n_near = sum(int(step.n_near.sum()) for step in plan_passes(400, (indptr, indices)))
-    assert n_near > 0.42 * len(indices)  # of a pair only one can come first: at most a half
+def test_values_near_are_those_of_the_neighbours_listed_when_summed():
+    step = Neighbourhood(as_pass([3, 0], [[1, 2], [4]]), 5)
+    assert step.sum_near(np.array([1, 10, 100, 1000, 10_000])).tolist() == [110, 10_000]
 
 
-def chain_of_two():
-    first, second = plan_passes(2, (np.array([0, 1, 2]), np.array([1, 0])))
-    return int(first.columns[0]), second
+def test_a_neighbour_counts_twice_when_it_is_listed_twice():
+    step = Neighbourhood(as_pass([0], [[1, 1]]), 2)
+    assert step.sum_near(np.array([0, 7])).tolist() == [14]
+    assert step.predict_signs(np.array([0, -1])).tolist() == [-2]
 
 
-def test_magnitudes_near_are_those_of_coded_neighbours_when_summed():
-    source, step = chain_of_two()
-    magnitudes = np.zeros(2, np.int64)
-    magnitudes[source] = 7
-    assert step.magnitudes_near(magnitudes).tolist() == [7]
+def test_neighbours_vote_for_their_own_sign_when_nothing_is_learned_yet():
+    step = Neighbourhood(as_pass([2], [[0, 1]]), 3)
+    assert step.predict_signs(np.array([2, -1, 0])).tolist() == [1]
 
 
 def test_votes_turn_round_when_neighbours_keep_disagreeing():
-    source, step = chain_of_two()
-    row = signed_votes(np.array([5, -5]))
-    vote = np.zeros(2, np.int64)
-    vote[source] = 1
-    assert step.predict_signs(vote).tolist() == [1]
-    step.learn(row)
-    assert step.predict_signs(vote).tolist() == [1 - 4]
+    step = Neighbourhood(as_pass([1], [[0]]), 2)
+    step.learn(signed_votes(np.array([5, -5])))
+    assert step.predict_signs(np.array([1, 0])).tolist() == [1 - 4]
+
+
+def test_each_neighbour_is_learned_by_itself_when_they_differ():
+    step = Neighbourhood(as_pass([2], [[0, 1]]), 3)
+    step.learn(np.array([2, -1, 2]))
+    assert step.predict_signs(np.array([1, 0, 0])).tolist() == [1 + 4]
+    assert step.predict_signs(np.array([0, 1, 0])).tolist() == [1 - 2]
+
+
+def test_sums_and_the_pass_stay_the_same_when_signs_are_learned():
+    given = as_pass([1, 2], [[0], [0]])
+    step = Neighbourhood(given, 3)
+    step.learn(np.array([2, 2, -2]))
+    assert step.sum_near(np.array([3, 0, 0])).tolist() == [3, 3]
+    assert given.indices.tolist() == [0, 0]
+    assert given.indptr.tolist() == [0, 1, 2]
+
+
+def test_votes_have_an_end_when_values_are_large():
+    values = np.array([-(2**31) + 1, -1, 0, 1, 2**31 - 1])
+    assert signed_votes(values).tolist() == [-MAX_SIGNED, -1, 0, 1, MAX_SIGNED]

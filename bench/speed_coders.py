@@ -1,0 +1,98 @@
+"""What speeds are compared of: our methods, and Draco on every frame for itself."""
+
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+import meshreel
+from meshreel.evaluation.peers.draco import LEVEL, Draco
+from meshreel.evaluation.peers.integer_deltas import pack_frames, unpack_frames
+from meshreel.evaluation.peers.protocol import Shape
+from meshreel.sequence import Vertices
+
+DRACO_BITS = 10
+DRACO = "Draco"
+
+
+class Coder(Protocol):
+    """A sequence to bytes and back."""
+
+    @property
+    def name(self) -> str:
+        """What the table calls it."""
+
+    def prepare(self, sequence: meshreel.MeshSequence) -> meshreel.MeshSequence:
+        """What is encoded in place of the sequence; not timed."""
+
+    def encode(self, sequence: meshreel.MeshSequence) -> bytes:
+        """The prepared sequence as bytes."""
+
+    def decode(self, data: bytes, shape: Shape) -> Vertices:
+        """The positions of every frame."""
+
+    def decode_first(self, data: bytes, shape: Shape) -> Vertices:
+        """The positions of the first frame."""
+
+
+@dataclass(frozen=True)
+class OwnMethod:
+    """A method of ours with some options."""
+
+    name: str
+    method: str
+    options: dict[str, Any]
+
+    def prepare(self, sequence: meshreel.MeshSequence) -> meshreel.MeshSequence:
+        """The sequence itself."""
+        return sequence
+
+    def encode(self, sequence: meshreel.MeshSequence) -> bytes:
+        """A stream that keeps the order of vertices and faces."""
+        return meshreel.encode(sequence, self.method, **self.options)
+
+    def decode(self, data: bytes, shape: Shape) -> Vertices:
+        """The positions of every frame."""
+        return meshreel.decode(data).vertices
+
+    def decode_first(self, data: bytes, shape: Shape) -> Vertices:
+        """The positions of the first frame."""
+        return meshreel.decode(data, frames=slice(0, 1)).vertices
+
+
+@dataclass(frozen=True)
+class DracoFrames:
+    """Draco through DracoPy; each frame carries its connectivity."""
+
+    name: str = DRACO
+    level: int = LEVEL
+    bits: int = DRACO_BITS
+    codec: Draco = field(default_factory=Draco, repr=False)
+
+    def prepare(self, sequence: meshreel.MeshSequence) -> meshreel.MeshSequence:
+        """The sequence in float32, equal positions set apart: every frame keeps its vertices."""
+        return self.codec.prepare(sequence)
+
+    def encode(self, sequence: meshreel.MeshSequence) -> bytes:
+        """The streams of all frames."""
+        return self.codec.encode(sequence, self.bits)
+
+    def decode(self, data: bytes, shape: Shape) -> Vertices:
+        """The positions of every frame, in Draco's order."""
+        return self.codec.decode(data, shape, "float32")
+
+    def decode_first(self, data: bytes, shape: Shape) -> Vertices:
+        """The positions of the first frame, in Draco's order."""
+        return self.decode(pack_frames(unpack_frames(data)[:1]), (1, *shape[1:]))
+
+
+def reel_name(effort: int) -> str:
+    """What the table calls `reel` at this effort."""
+    return f"reel, effort {effort}"
+
+
+def coders_of(efforts: list[int], n_modes: int, *, with_paper: bool) -> list[Coder]:
+    """Every coder of a run, Draco first."""
+    coders: list[Coder] = [DracoFrames()]
+    coders += [OwnMethod(reel_name(effort), "reel", {"effort": effort}) for effort in efforts]
+    if with_paper:
+        coders.append(OwnMethod(f"pca-qp, {n_modes} modes", "pca-qp", {"n_modes": n_modes}))
+    return coders

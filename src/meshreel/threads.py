@@ -1,0 +1,74 @@
+"""Independent pieces of array work on all cores.
+
+NumPy lets other threads run while it works, so that threads share arrays and cost little. Each
+piece is computed as it would be alone: results do not depend on how many cores there are.
+
+BLAS brings threads of its own, which wait for each other by spinning: where other programs keep
+the cores busy, products become many times slower. Pieces in our threads with one BLAS thread each
+are as fast where cores are free, and keep their speed where they are not.
+"""
+
+import os
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from contextvars import copy_context
+from functools import lru_cache
+from typing import TypeVar
+
+from threadpoolctl import ThreadpoolController
+
+Piece = TypeVar("Piece")
+
+
+def in_threads(
+    work: Callable[[Piece], None],
+    pieces: Sequence[Piece],
+    done: Callable[[int], None] | None = None,
+) -> None:
+    """Do the work for every piece, with one BLAS thread each; the first error is raised.
+
+    Parameters
+    ----------
+    work : callable
+        Called in any thread, with what the caller has set for NumPy's errors.
+    pieces : sequence
+    done : callable, optional
+        Called in the caller's thread with the number of pieces done from the first on.
+    """
+    with one_blas_thread():
+        contexts = [copy_context() for _ in pieces]
+        in_order = _pool().map if len(pieces) > 1 else map
+        results = in_order(lambda context, piece: context.run(work, piece), contexts, pieces)
+        for number, _ in enumerate(results, start=1):
+            if done:
+                done(number)
+
+
+def chunks(length: int, size: int) -> list[slice]:
+    """Slices of at most `size` that cover 0..length."""
+    return [slice(start, min(start + size, length)) for start in range(0, length, size)]
+
+
+@contextmanager
+def one_blas_thread() -> Iterator[None]:
+    """What is done here and in our threads uses one BLAS thread each."""
+    with _controller().limit(limits=1, user_api="blas"):
+        yield
+
+
+@lru_cache(maxsize=1)
+def _pool() -> ThreadPoolExecutor:
+    return ThreadPoolExecutor(n_cores(), "meshreel")
+
+
+def n_cores() -> int:
+    """Cores that this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+@lru_cache(maxsize=1)
+def _controller() -> ThreadpoolController:
+    return ThreadpoolController()

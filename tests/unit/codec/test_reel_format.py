@@ -1,0 +1,157 @@
+"""A second decoder of the fields of `reel`, slow and written from the words of `docs/format.md`.
+
+Levels and stencils are taken from the library; `test_hierarchy.py` finds them a second way, and
+`test_prediction.py` the smooth weights.
+"""
+
+import numpy as np
+import pytest
+
+from meshreel.codec.mesh_model import MeshModel
+from meshreel.codec.methods import Laplacian
+from meshreel.codec.reel import (
+    N_TELLING,
+    NOISE_OF_FILTERS,
+    NOISE_OF_WEIGHTS,
+    SMALL_SCALE,
+    TAP_STEP,
+    FieldBlock,
+    FieldMesh,
+    Layout,
+    synthesise_fields,
+)
+from meshreel.codec.timeline import COARSEST
+from meshreel.geometry.laplacian import RELATIVE_RIDGE
+from meshreel.geometry.prediction import KNOWN_RIDGE
+from sample_meshes import irregular_sequence, waving_grid
+
+N_FRAMES, N_MODES, STEP = 21, 5, 0.125
+
+
+def sample_block(sequence, stencil_size=7):
+    none = np.zeros(0, np.int64)
+    model = MeshModel(sequence.faces, sequence.n_verts, none, Laplacian.NORMALIZED)
+    rng = np.random.default_rng(9)
+    layout = Layout(np.float32(STEP), (1, 3, N_MODES), stencil_size)
+    block = FieldBlock(
+        layout,
+        rng.integers(-20, 21, (N_FRAMES, 3 * N_MODES)),
+        np.rint(rng.laplace(scale=2, size=(N_MODES, sequence.n_verts))).astype(np.int64),
+        rng.integers(-8, 9, (N_MODES, 2)),
+    )
+    return block, FieldMesh(model, stencil_size)
+
+
+def constrained(offsets, ridges, suggested):
+    """Weights of sum 1 by their normal equations, with a multiplier for the sum."""
+    size = len(offsets)
+    system = np.ones((size + 1, size + 1))
+    system[:size, :size] = offsets @ offsets.T + np.diag(ridges)
+    system[size, size] = 0
+    return np.linalg.solve(system, [*(ridges * suggested), 1.0])[:size]
+
+
+def values_of_a_group(known, integers, mesh):
+    """Before the filters: of shape (V, k)."""
+    values = np.zeros((len(known), len(integers)))
+    for scale, stencils in zip(mesh.scales, mesh.stencils, strict=True):
+        for row, vertex in enumerate(scale.targets):
+            size = int((scale.stencil[row] >= 0).sum())
+            near = scale.stencil[row, :size]
+            weights = stencils.weights[row, :size]
+            if known.shape[1] and size:
+                offsets = known[near] - known[vertex]
+                penalty = (scale.hops[row, :size] / scale.hops[row, 0]) ** 2
+                ridge = (
+                    KNOWN_RIDGE * (offsets**2).sum() / size
+                    + NOISE_OF_WEIGHTS * STEP**2 * known.shape[1]
+                )
+                weights = constrained(offsets, ridge * penalty, weights)
+            values[vertex] = weights @ values[near] + STEP * integers[:, vertex]
+    return values
+
+
+def filtered(known, values, taps, mesh):
+    everything = np.hstack([known, values])
+    laplacian = np.zeros((len(known), len(known)))
+    for vertex in range(len(known)):
+        near = mesh.adjacency[[vertex]].indices
+        if len(near):
+            offsets = everything[near] - everything[vertex]
+            ridge = RELATIVE_RIDGE * (offsets**2).sum() / len(near)
+            ridge += NOISE_OF_FILTERS * STEP**2 * everything.shape[1]
+            laplacian[vertex, near] = -constrained(
+                offsets, np.full(len(near), ridge), np.zeros(len(near))
+            )
+            laplacian[vertex, vertex] = 1
+    once = laplacian @ values
+    return values + TAP_STEP * (taps[:, 0] * once + taps[:, 1] * (laplacian @ once))
+
+
+def decode_fields_slowly(block, mesh):
+    known = np.zeros((mesh.mesh.n_verts, 0))
+    for start, end in [(0, 1), (1, 3), (3, N_MODES)]:
+        values = values_of_a_group(known, block.fields[start:end], mesh)
+        known = np.hstack([known, filtered(known, values, block.taps[start:end], mesh)])
+    return known.T
+
+
+def decode_times_slowly(integers):
+    """Time vectors of shape (3, T, K): polynomials through known times, by their coefficients."""
+    values = np.zeros(integers.shape)
+    values[::COARSEST] = integers[::COARSEST]
+    distance = COARSEST // 2
+    while distance:
+        for time in range(distance, N_FRAMES, 2 * distance):
+            around = [time + far * distance for far in (-3, -1, 1, 3)]
+            if around[2] >= N_FRAMES:
+                around = around[1:2]
+            around = [one for one in around if 0 <= one < N_FRAMES]
+            centred = np.array(around) - time
+            powers = np.vander(centred, increasing=True)
+            values[time] = np.linalg.solve(powers, values[around])[0] + integers[time]
+        distance //= 2
+    vectors = values.reshape(N_FRAMES, N_MODES, 3)
+    return np.moveaxis(vectors / np.sqrt((vectors**2).sum(axis=(0, 2)))[:, None], 2, 0)
+
+
+@pytest.mark.parametrize("sequence", [waving_grid(1, 9, 13), irregular_sequence(1)])
+def test_fields_and_times_are_alike_when_a_second_decoder_follows_the_format(sequence):
+    block, mesh = sample_block(sequence)
+    basis, fields = synthesise_fields(block, mesh)
+    np.testing.assert_allclose(fields[0], decode_fields_slowly(block, mesh), atol=1e-7)
+    np.testing.assert_allclose(basis, decode_times_slowly(block.times), atol=1e-10)
+
+
+@pytest.mark.parametrize("sequence", [waving_grid(1, 20, 13), irregular_sequence(1)])
+def test_passes_are_those_of_the_format_when_found_a_second_way(sequence):
+    _, mesh = sample_block(sequence)
+    *coarse, finest = mesh.scales
+    small = [scale for scale in coarse if len(scale.members) < sequence.n_verts / SMALL_SCALE]
+    wanted = [{int(vertex): set() for scale in small for vertex in scale.targets}]
+    known = set(wanted[0])
+    for scale in coarse[len(small) :]:
+        near = zip(scale.targets.tolist(), scale.stencil.tolist(), strict=True)
+        wanted.append({vertex: first_of(one, known) for vertex, one in near})
+        known |= set(wanted[-1])
+    row = 0
+    for level in finest.levels:
+        near = zip(level.tolist(), finest.stencil[row : row + len(level)].tolist(), strict=True)
+        wanted.append({vertex: first_of(one, known) for vertex, one in near})
+        known |= set(wanted[-1])
+        row += len(level)
+    found = [
+        {
+            int(column): set(step.indices[start:end].tolist())
+            for column, start, end in zip(
+                step.columns, step.indptr[:-1], step.indptr[1:], strict=True
+            )
+        }
+        for step in mesh.passes
+    ]
+    assert [list(one) for one in found if one] == [sorted(one) for one in wanted if one]
+    assert [one for one in found if one] == [one for one in wanted if one]
+
+
+def first_of(stencil, known):
+    return set([one for one in stencil if one in known][:N_TELLING])
