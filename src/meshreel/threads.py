@@ -9,16 +9,18 @@ are as fast where cores are free, and keep their speed where they are not.
 """
 
 import os
+import threading
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from contextvars import copy_context
 from functools import lru_cache
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from threadpoolctl import ThreadpoolController
 
 Piece = TypeVar("Piece")
+Result = TypeVar("Result")
 
 
 def in_threads(
@@ -45,21 +47,59 @@ def in_threads(
                 done(number)
 
 
+def in_background(work: Callable[[], Result]) -> "Future[Result]":
+    """Begin the work in a thread of its own; ask for its result before it is needed."""
+    return _background().submit(copy_context().run, work)
+
+
 def chunks(length: int, size: int) -> list[slice]:
     """Slices of at most `size` that cover 0..length."""
     return [slice(start, min(start + size, length)) for start in range(0, length, size)]
 
 
+class _Limit:
+    """The limit of BLAS threads, shared by all who ask for it: the last to leave takes it away."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._n_holders = 0
+        self._limiter: Any = None
+
+    def enter(self) -> None:
+        with self._lock:
+            if not self._n_holders:
+                self._limiter = _controller().limit(limits=1, user_api="blas")
+            self._n_holders += 1
+
+    def leave(self) -> None:
+        with self._lock:
+            self._n_holders -= 1
+            if not self._n_holders:
+                self._limiter.restore_original_limits()
+
+
+_LIMIT = _Limit()
+
+
 @contextmanager
 def one_blas_thread() -> Iterator[None]:
     """What is done here and in our threads uses one BLAS thread each."""
-    with _controller().limit(limits=1, user_api="blas"):
+    _LIMIT.enter()
+    try:
         yield
+    finally:
+        _LIMIT.leave()
 
 
 @lru_cache(maxsize=1)
 def _pool() -> ThreadPoolExecutor:
     return ThreadPoolExecutor(n_cores(), "meshreel")
+
+
+@lru_cache(maxsize=1)
+def _background() -> ThreadPoolExecutor:
+    # Apart from the pool: work in the background may use that.
+    return ThreadPoolExecutor(1, "meshreel-background")
 
 
 def n_cores() -> int:

@@ -67,6 +67,35 @@ def test_encode_prints_a_table_when_not_asked_for_json(grid, tmp_path):
         assert word in done.stdout
 
 
+@pytest.mark.parametrize(("aim", "limit"), [("kg", 0.3), ("sted", 0.02), ("max-error", 0.05),
+                                            ("size", 800), ("bpvf", 5.5)])  # fmt: skip
+def test_encode_meets_its_target_when_one_is_given(grid, tmp_path, aim, limit):
+    printed = run_json("encode", grid, "-o", tmp_path / "a.reel", f"--{aim}", limit)
+    quality = run_json("compare", grid, tmp_path / "a.reel")
+    found = {
+        "kg": quality["kg_error_percent"],
+        "sted": quality["sted"],
+        "max-error": quality["max_error_percent"],
+        "size": (tmp_path / "a.reel").stat().st_size,
+        "bpvf": printed["rate_bpvf"],
+    }
+    assert found[aim] <= limit
+
+
+@pytest.mark.parametrize(
+    ("options", "keywords"),
+    [
+        (["--quality", 60], {"quality": 60}),
+        (["--step", 0.003, "--modes", 4], {"step": 0.003, "n_modes": 4}),
+        (["--kg", 1, "--tune", "visual", "--effort", 2], {"kg": 1, "tune": "visual", "effort": 2}),
+    ],
+)
+def test_encode_passes_targets_on_when_they_are_given(grid, tmp_path, options, keywords):
+    run_json("encode", grid, "-o", tmp_path / "a.reel", *options)
+    expected = meshreel.encode(meshreel.load(grid), **keywords)
+    assert (tmp_path / "a.reel").read_bytes() == expected
+
+
 def test_encode_names_the_output_after_the_input_when_none_is_given(grid, tmp_path):
     (tmp_path / "elsewhere").mkdir()
     assert run("encode", grid, cwd=tmp_path / "elsewhere").returncode == 0
@@ -124,13 +153,13 @@ def test_decode_writes_a_part_when_frames_are_chosen(reel, tmp_path, text, frame
 def test_info_gives_the_budget_of_the_file_when_asked_for_json(reel):
     figures = run_json("info", reel)
     assert sum(figures["budget_bytes"].values()) == reel.stat().st_size
-    assert figures["method"] == "pca-qp"
+    assert figures["method"] == "reel"
 
 
 def test_info_shows_every_section_when_not_asked_for_json(reel):
     done = run("info", reel)
     assert done.returncode == 0
-    for word in ("connectivity", "basis", "anchors", "coefficients", "25 fps", "%"):
+    for word in ("connectivity", "fields", "basis", "coefficients", "25 fps", "%"):
         assert word in done.stdout
 
 
@@ -183,14 +212,23 @@ def test_existing_output_is_replaced_when_forced(grid, tmp_path):
     [
         (["encode", "missing.npz", "-o", "a.reel"], ["missing.npz"]),
         (["encode", "{grid}", "-o", "no/such/a.reel"], ["no/such", "does not exist"]),
-        (["encode", "{grid}", "-o", "a.reel", "--bits", "99"], ["bits must be 2..24", "99"]),
+        (["encode", "{grid}", "-o", "a.reel", "--bits", "9"], ["reel", "bits", "pca-qp"]),
+        (["encode", "{grid}", "--method", "pca", "--bits", "99"], ["bits must be 2..24", "99"]),
         (["encode", "{grid}", "-o", "a.reel", "--bits", "x"], ["--bits", "8,8,6", "x"]),
         (["encode", "{grid}", "-o", "a.reel", "--modes", "x"], ["--modes", "integer"]),
-        (["encode", "{grid}", "-o", "a.reel", "--bits", "8,1"], ["row 1", "2..24"]),
+        (["encode", "{grid}", "--method", "pca", "--bits", "8,1"], ["row 1", "2..24"]),
         (["encode", "{grid}", "-o", "a.reel", "--modes", "0"], ["n_modes", "0"]),
         (["encode", "{grid}", "-o", "a.reel", "--fps", "-3"], ["fps", "-3"]),
         (["demo", "--frames", "0"], ["n_frames", "0"]),
-        (["encode", "{grid}", "-o", "a.reel", "--modes", "3", "--energy", "0.9"], ["exclude"]),
+        (
+            ["encode", "{grid}", "--method", "pca", "--modes", "3", "--energy", "0.9"],
+            ["n_modes", "energy", "exclude"],
+        ),
+        (["encode", "{grid}", "--kg", "1", "--size", "900"], ["kg", "size", "exclude"]),
+        (["encode", "{grid}", "--size", "9"], ["size 9 cannot be met", "order drop"]),
+        (["encode", "{grid}", "--method", "pca-qp", "--kg", "1"], ["pca-qp", "kg", "reel"]),
+        (["encode", "{grid}", "--effort", "11"], ["effort must be 1..9", "11"]),
+        (["encode", "{grid}", "--tune", "loud"], ["loud", "visual, geometry"]),
         (["encode", "{grid}", "-o", "a.reel", "--method", "zip"], ["zip", "pca-qp"]),
         (["encode"], ["INPUT"]),
         (["decode", "missing.reel", "-o", "a.npz"], ["missing.reel"]),

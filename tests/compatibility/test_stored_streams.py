@@ -41,18 +41,29 @@ def new_streams():
     grid = waving_grid()
     mixed = meshreel.MeshSequence(grid.vertices[:, np.argsort(shuffled)], shuffled[grid.faces], 24)
     return {
-        "pca-qp_grid": meshreel.encode(waving_grid()),
-        "pca-qp_irregular": meshreel.encode(irregular_sequence(), laplacian="combinatorial"),
-        "pca-qp_shuffled-vertices": meshreel.encode(mixed, order="vertices", block_frames=5),
+        "pca-qp_grid": meshreel.encode(waving_grid(), "pca-qp"),
+        "pca-qp_irregular": meshreel.encode(
+            irregular_sequence(), "pca-qp", laplacian="combinatorial"
+        ),
+        "pca-qp_shuffled-vertices": meshreel.encode(
+            mixed, "pca-qp", order="vertices", block_frames=5
+        ),
         **{
             f"{method.name}_irregular": meshreel.encode(
                 irregular_sequence(7), method.name, n_modes=3, block_frames=3
             )
             for method in METHODS
-            if method.name not in ("pca-qp", "reel")  # reel is in the making
+            if method.name not in ("pca-qp", "reel")
         },
-        "pca-qp_rows": meshreel.encode(waving_grid(), n_modes=3, bits=[8, 7, 4]),
-        "pca-qp_shuffled-drop": meshreel.encode(mixed, order="drop", n_modes=3, anchors=0),
+        "reel_grid": meshreel.encode(waving_grid(40, 14, 15)),
+        "reel_irregular": meshreel.encode(irregular_sequence(7), max_error=0.5, effort=9),
+        "reel_shuffled-drop": meshreel.encode(
+            mixed, quality=60, effort=1, order="drop", block_frames=5
+        ),
+        "pca-qp_rows": meshreel.encode(waving_grid(), "pca-qp", n_modes=3, bits=[8, 7, 4]),
+        "pca-qp_shuffled-drop": meshreel.encode(
+            mixed, "pca-qp", order="drop", n_modes=3, anchors=0
+        ),
     }
 
 

@@ -7,22 +7,25 @@ import numpy as np
 import pytest
 
 from meshreel.bitstream.header import write_header
+from meshreel.bitstream.layout import Section
 from meshreel.bitstream.reader import read_stream
 from meshreel.bitstream.sections import write_section
 from meshreel.codec.decoder import decode
 from meshreel.codec.encoder import encode
 from meshreel.codec.inspect import info
+from meshreel.entropy.varint import write_varint
 from meshreel.errors import CorruptStreamError, MeshReelError, TruncatedStreamError
 from sample_meshes import irregular_sequence, waving_grid
 
 STREAMS = {
-    "grid": encode(waving_grid(4, 4, 5)),
-    "irregular": encode(irregular_sequence(3), n_modes=2),
+    "grid": encode(waving_grid(4, 4, 5), "pca-qp"),
+    "irregular": encode(irregular_sequence(3), "pca-qp", n_modes=2),
     "blocks": encode(waving_grid(7, 4, 5), "blocks", n_modes=2, block_frames=3),
     "rows": encode(waving_grid(3, 4, 5), "v2v", n_modes=3, bits=[6, 0, 4]),
     "gft": encode(irregular_sequence(3), "gft", n_modes=9),
     "reel": encode(waving_grid(5, 4, 5), "reel", step=0.003, block_frames=3),
     "reel irregular": encode(irregular_sequence(3), "reel", step=0.01),
+    "reel corrected": encode(irregular_sequence(4), max_error=8.0, n_modes=2, block_frames=2),
     "serial": encode(waving_grid(3, 4, 5), "pca-qs", n_modes=2),
 }
 
@@ -104,13 +107,90 @@ def test_empty_file_is_told_when_it_is_decoded():
         decode(b"")
 
 
+def without(stream, missing):
+    """The bytes of a stream without one of its sections."""
+    return write_header(stream.header) + b"".join(
+        write_section(stored.id, stored.payload)
+        for stored in stream.sections
+        if stored is not missing
+    )
+
+
 def test_a_section_left_out_is_told_when_the_rest_is_whole():
-    stream = read_stream(STREAMS["irregular"])
-    for missing in stream.sections[:-1]:
+    for name in ("irregular", "reel irregular"):
+        stream = read_stream(STREAMS[name])
+        for missing in stream.sections[:-1]:
+            with pytest.raises(CorruptStreamError):
+                decode(without(stream, missing))
+
+
+def test_corrections_are_there_when_a_stream_is_damaged_that_has_some():
+    """The tests above are about nothing else."""
+    stream = read_stream(STREAMS["reel corrected"])
+    found = [stored for stored in stream.sections if stored.id is Section.CORRECTIONS]
+    assert len(found) == 2
+    assert all(len(stored.payload) > 30 for stored in found)
+
+
+def test_a_mesh_comes_out_when_corrections_or_promise_are_left_out():
+    """They are no part of the frames: an attacker may take them away, but breaks nothing."""
+    stream = read_stream(STREAMS["reel corrected"])
+    for missing in stream.sections:
+        if missing.id in (Section.CORRECTIONS, Section.PROMISE):
+            decoded = decode(without(stream, missing))
+            np.testing.assert_array_equal(decoded.faces, irregular_sequence(4).faces)
+
+
+def test_corrections_are_refused_when_they_come_before_any_block():
+    stream = read_stream(STREAMS["reel corrected"])
+    (first, *_) = [stored for stored in stream.sections if stored.id is Section.CORRECTIONS]
+    data = write_header(stream.header) + b"".join(
+        write_section(stored.id, stored.payload) for stored in (first, *stream.sections)
+    )
+    with pytest.raises(CorruptStreamError, match="CORRECTIONS is out of place"):
+        decode(data)
+
+
+def test_damaged_corrections_give_our_error_or_a_mesh_when_checksums_are_made_to_fit():
+    """Aimed at this section alone: of the others there are many more bytes."""
+    stream = read_stream(STREAMS["reel corrected"])
+    (first, *_) = [stored for stored in stream.sections if stored.id is Section.CORRECTIONS]
+    rng = np.random.default_rng(4)
+    n_refused = 0
+    for _ in range(1500):
+        payload = bytearray(first.payload)
+        _mutate(payload, rng)
         data = write_header(stream.header) + b"".join(
-            write_section(stored.id, stored.payload)
+            write_section(stored.id, bytes(payload) if stored is first else stored.payload)
             for stored in stream.sections
-            if stored is not missing
         )
-        with pytest.raises(CorruptStreamError):
-            decode(data)
+        try:
+            decoded = decode(data)
+        except MeshReelError:
+            n_refused += 1
+            continue
+        assert np.isfinite(decoded.vertices).all()
+    assert 100 < n_refused < 1500
+
+
+@pytest.mark.parametrize("payload", [b"", b"\0" * 8, b"\xff" * 8, b"\0" * 9])
+def test_info_refuses_a_promise_when_it_is_none(payload):
+    stream = read_stream(STREAMS["reel corrected"])
+    data = write_header(stream.header) + b"".join(
+        write_section(stored.id, payload if stored.id is Section.PROMISE else stored.payload)
+        for stored in stream.sections
+    )
+    with pytest.raises(CorruptStreamError, match="promise"):
+        info(data)
+
+
+def test_corrections_take_no_memory_when_their_number_is_a_lie():
+    """Announced numbers are checked against the block before anything is allocated."""
+    stream = read_stream(STREAMS["reel corrected"])
+    lie = struct.pack("<f", 0.5) + write_varint(3) + write_varint(2**50)
+    data = write_header(stream.header) + b"".join(
+        write_section(stored.id, lie if stored.id is Section.CORRECTIONS else stored.payload)
+        for stored in stream.sections
+    )
+    with pytest.raises(CorruptStreamError, match="are announced"):
+        decode(data)

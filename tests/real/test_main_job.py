@@ -13,17 +13,18 @@ pytestmark = [
     pytest.mark.skipif("MESHREEL_DATA" not in os.environ, reason="MESHREEL_DATA is not set"),
 ]
 
-# KG error in percent and bits per vertex and frame that the defaults must stay below.
+# Bits per vertex and frame (order dropped), KG error in percent and STED of quality 75: measured,
+# and 4 % more.
 LIMITS = {
-    "samba": (2.0, 2.0),
-    "jumping": (2.0, 3.0),
-    "cow": (2.0, 2.5),
-    "dance": (2.0, 1.5),
-    "horse_gallop": (2.0, 2.5),
-    "chicken": (4.0, 1.0),
-    "bone": (2.0, 1.2),
-    "balloons": (2.0, 3.0),
-    "cesium_man": (2.0, 4.0),
+    "samba": (0.154, 0.706, 0.0402),
+    "jumping": (0.234, 0.867, 0.0464),
+    "cow": (0.383, 0.818, 0.0526),
+    "dance": (0.131, 0.518, 0.0468),
+    "horse_gallop": (0.520, 0.441, 0.0520),
+    "chicken": (0.200, 1.001, 0.0482),
+    "bone": (0.134, 0.772, 0.0130),
+    "balloons": (0.703, 0.872, 0.0271),
+    "cesium_man": (0.653, 0.326, 0.0202),
 }
 
 
@@ -37,9 +38,12 @@ def test_sequence_comes_back_within_its_limits_when_coded_by_default(name):
     data = meshreel.encode(sequence)
     decoded = meshreel.decode(data)
     np.testing.assert_array_equal(decoded.faces, sequence.faces)
-    kg_limit, rate_limit = LIMITS[name]
-    assert meshreel.compare(sequence, decoded).kg_error_percent < kg_limit
-    assert meshreel.info(data).rate_bpvf < rate_limit
+    rate_limit, kg_limit, sted_limit = LIMITS[name]
+    smallest = meshreel.info(meshreel.encode(sequence, order="drop"))
+    quality = meshreel.compare(sequence, decoded)
+    assert smallest.rate_bpvf < rate_limit
+    assert quality.kg_error_percent < kg_limit
+    assert quality.sted < sted_limit
 
 
 def test_samba_comes_back_when_it_goes_in_as_a_folder_of_obj_files(tmp_path):
@@ -48,28 +52,26 @@ def test_samba_comes_back_when_it_goes_in_as_a_folder_of_obj_files(tmp_path):
     meshreel.save(sequence, tmp_path / "frames" / "samba_%d.obj")
     from_files = meshreel.load(tmp_path / "frames", fps=sequence.fps)
     np.testing.assert_array_equal(from_files.vertices, sequence.vertices)
-    data = meshreel.encode(from_files, n_modes=20, bits=8, anchors=0.01)
+    data = meshreel.encode(from_files, "pca-qp", n_modes=20, bits=8, anchors=0.01)
     quality = meshreel.compare(sequence, meshreel.decode(data))
     assert quality.kg_error_percent < 2
     assert meshreel.info(data).rate_bpvf < 2
 
 
-# Bits per vertex and frame (order dropped), KG error in percent and STED of `reel` at one step.
-REEL_LIMITS = {
-    "samba": (0.21, 0.65, 0.046),
-    "jumping": (0.30, 0.92, 0.060),
-    "cow": (0.36, 1.15, 0.078),
-    "dance": (0.16, 0.60, 0.063),
-    "horse_gallop": (0.70, 0.36, 0.052),
-}
+# Targets, and how far from them the figure of the stream may be at most.
+TARGETS = [("kg", 0.5, 0.97), ("sted", 0.03, 0.97), ("bpvf", 0.6, 0.97), ("max_error", 0.1, 0.9)]
 
 
-@pytest.mark.parametrize("name", REEL_LIMITS)
-def test_reel_stays_within_its_limits_when_coded_with_the_default_step(name):
+@pytest.mark.parametrize("name", ["cow", "bone"])
+@pytest.mark.parametrize(("aim", "limit", "least_share"), TARGETS)
+def test_target_is_met_and_used_up_when_sequence_is_real(name, aim, limit, least_share):
     sequence = load(name)
-    rate_limit, kg_limit, sted_limit = REEL_LIMITS[name]
-    quality = meshreel.compare(sequence, meshreel.decode(meshreel.encode(sequence, "reel")))
-    smallest = meshreel.info(meshreel.encode(sequence, "reel", order="drop"))
-    assert smallest.rate_bpvf < rate_limit
-    assert quality.kg_error_percent < kg_limit
-    assert quality.sted < sted_limit
+    data = meshreel.encode(sequence, **{aim: limit})
+    quality = meshreel.compare(sequence, meshreel.decode(data))
+    found = {
+        "kg": quality.kg_error_percent,
+        "sted": quality.sted,
+        "max_error": quality.max_error_percent,
+        "bpvf": meshreel.info(data).rate_bpvf,
+    }
+    assert least_share * limit < found[aim] <= limit

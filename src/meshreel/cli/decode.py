@@ -17,6 +17,10 @@ def decode_command(
     frames: Annotated[
         str | None, typer.Option(metavar="A:B", help="Only frames A to B - 1. Default: all.")
     ] = None,
+    modes: Annotated[
+        int | None,
+        typer.Option(help="Stop after so many modes: a coarser animation. Default: all."),
+    ] = None,
     force: Annotated[
         bool, typer.Option("--force", "-f", help="Replace outputs that exist.")
     ] = False,
@@ -29,6 +33,8 @@ def decode_command(
     - `meshreel decode walk.reel -o walk.npz`
 
     - `meshreel decode walk.reel -o out/frame_%04d.obj --frames 10:20`
+
+    - `meshreel decode walk.reel -o preview.npz --modes 8`
     """
     from meshreel.cli.console import print_json, print_table, progress_bar
     from meshreel.codec.decoder import decode
@@ -40,7 +46,7 @@ def decode_command(
     check_save_target(output, overwrite=force)
     with progress_bar() as progress:
         with errors_naming(source):
-            sequence = decode(source.read_bytes(), frames=chosen, progress=progress)
+            sequence = decode(source.read_bytes(), frames=chosen, n_modes=modes, progress=progress)
         written = save(sequence, output, overwrite=force, progress=progress)
     if as_json:
         print_json(

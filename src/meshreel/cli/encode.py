@@ -13,14 +13,17 @@ from meshreel.codec.config import (
     DEFAULT_LAPLACIAN,
     DEFAULT_METHOD,
     DEFAULT_ORDER,
-    DEFAULT_STEP,
     EncoderConfig,
 )
 from meshreel.codec.methods import METHODS, Allocation, Laplacian, Order
+from meshreel.codec.targets import DEFAULT_EFFORT, DEFAULT_QUALITY, Tune
 
 METHOD_NAMES = ", ".join(row.name for row in METHODS)
 LAPLACIAN_NAMES = ", ".join(row.name.lower() for row in Laplacian)
 ALLOCATION_NAMES = ", ".join(row.value for row in Allocation)
+TUNE_NAMES = ", ".join(tune.value for tune in Tune)
+TARGETS = "What to meet (give one)"
+PAPER = "The paper's methods"
 ORDER_NAMES = ", ".join(row.name.lower() for row in Order)
 
 
@@ -39,13 +42,81 @@ def encode_command(
             "--output", "-o", help="The .reel to write. Default: the input's name, in this folder."
         ),
     ] = None,
+    quality: Annotated[
+        float | None,
+        typer.Option(
+            help="1 to 100; every 12 points halve the error. "
+            f"[default: {DEFAULT_QUALITY:g}, if nothing else is asked for]",
+            show_default=False,
+            rich_help_panel=TARGETS,
+        ),
+    ] = None,
+    max_error: Annotated[
+        float | None,
+        typer.Option(
+            metavar="PERCENT",
+            help="No vertex of any frame farther from the original than this share of the "
+            "bounding box's diagonal. Promised.",
+            rich_help_panel=TARGETS,
+        ),
+    ] = None,
+    kg: Annotated[
+        float | None,
+        typer.Option(
+            metavar="PERCENT",
+            help="Smallest file of at most this KG error.",
+            rich_help_panel=TARGETS,
+        ),
+    ] = None,
+    sted: Annotated[
+        float | None,
+        typer.Option(help="Smallest file of at most this STED.", rich_help_panel=TARGETS),
+    ] = None,
+    bpvf: Annotated[
+        float | None,
+        typer.Option(
+            help="Best quality within so many bits for each vertex and frame.",
+            rich_help_panel=TARGETS,
+        ),
+    ] = None,
+    size: Annotated[
+        float | None,
+        typer.Option(
+            metavar="BYTES", help="Best quality within so many bytes.", rich_help_panel=TARGETS
+        ),
+    ] = None,
+    step: Annotated[
+        float | None,
+        typer.Option(
+            help="Step of rounding as it acts on a position, in diagonals of the bounding box.",
+            rich_help_panel=TARGETS,
+        ),
+    ] = None,
+    tune: Annotated[
+        str | None,
+        typer.Option(
+            help=f"What bits are spent on: {TUNE_NAMES}. visual: how the surface looks; geometry: "
+            "where vertices are. [default: what the target needs, else visual]",
+            show_default=False,
+        ),
+    ] = None,
+    effort: Annotated[
+        int | None,
+        typer.Option(
+            help=f"1 to 9: time against size. [default: {DEFAULT_EFFORT}]", show_default=False
+        ),
+    ] = None,
     method: Annotated[str, typer.Option(help=f"How to code: {METHOD_NAMES}.")] = DEFAULT_METHOD,
     modes: Annotated[
-        int | None, typer.Option(help="Eigen-trajectories to keep of each axis, 1 or more.")
+        int | None,
+        typer.Option(
+            help="Modes to keep, 1 or more: of reel at most so many, else of each axis.",
+        ),
     ] = None,
     energy: Annotated[
         float | None,
         typer.Option(
+            rich_help_panel=PAPER,
             help="Share of the shape's energy to keep, up to 1; chooses the number of modes. "
             f"[default: {DEFAULT_ENERGY}]",
             show_default=False,
@@ -54,6 +125,7 @@ def encode_command(
     bits: Annotated[
         str | None,
         typer.Option(
+            rich_help_panel=PAPER,
             metavar="N[,N...]",
             help="Bits of the largest coefficient, 2 to 24; or of each row, 0 to leave it out. "
             "[default: 9; pca: 16]",
@@ -62,18 +134,25 @@ def encode_command(
     ] = None,
     allocation: Annotated[
         str,
-        typer.Option(help=f"How one number of bits is spread over the rows: {ALLOCATION_NAMES}."),
+        typer.Option(
+            rich_help_panel=PAPER,
+            help=f"How one number of bits is spread over the rows: {ALLOCATION_NAMES}.",
+        ),
     ] = DEFAULT_ALLOCATION,
     anchors: Annotated[
         float | None,
         typer.Option(
+            rich_help_panel=PAPER,
             help="Share of the vertices sent as anchors, 0 to 1, where the method has them. "
             f"[default: {DEFAULT_ANCHORS}]",
             show_default=False,
         ),
     ] = None,
     laplacian: Annotated[
-        str, typer.Option(help=f"The matrix that makes deltas: {LAPLACIAN_NAMES}.")
+        str,
+        typer.Option(
+            rich_help_panel=PAPER, help=f"The matrix that makes deltas: {LAPLACIAN_NAMES}."
+        ),
     ] = DEFAULT_LAPLACIAN,
     order: Annotated[
         str,
@@ -85,19 +164,16 @@ def encode_command(
     block_frames: Annotated[
         int | None,
         typer.Option(
-            help="Frames coded together; fewer take less memory. Default: all (blocks: 25)"
+            help="Frames coded together; fewer take less memory and more bytes. Default: all, as "
+            "far as memory allows (blocks: 25)."
         ),
     ] = None,
     iterations: Annotated[
-        int, typer.Option(help="Orthogonal iterations from block to block (blocks).")
-    ] = DEFAULT_ITERATIONS,
-    step: Annotated[
-        float | None,
+        int,
         typer.Option(
-            help=f"Step of reel as it acts on a position, in diagonals. [default: {DEFAULT_STEP}]",
-            show_default=False,
+            rich_help_panel=PAPER, help="Orthogonal iterations from block to block (blocks)."
         ),
-    ] = None,
+    ] = DEFAULT_ITERATIONS,
     fps: Annotated[
         float | None, typer.Option(help="Frames per second. Default: what the input says.")
     ] = None,
@@ -114,11 +190,16 @@ def encode_command(
 
     - `meshreel encode frames/ -o walk.reel --fps 25`
 
-    - `meshreel encode 'sim/*.obj' -o sim.reel --modes 30 --bits 10 --order drop`
+    - `meshreel encode 'sim/*.obj' -o sim.reel --max-error 0.1`
+
+    - `meshreel encode walk.npz --size 100000 --order drop --effort 9`
+
+    - `meshreel encode walk.npz --method pca-qp --modes 30 --bits 10`
     """
     from meshreel.atomic_write import check_output_path, replace_when_done
     from meshreel.cli.console import print_json, print_notes, print_table, progress_bar
-    from meshreel.cli.figures import size_figures, size_rows
+    from meshreel.cli.figures import achieved_rows, size_figures, size_rows
+    from meshreel.codec.achieved import measure_stream
     from meshreel.codec.encoder import encode
     from meshreel.codec.inspect import info
     from meshreel.formats.load import load
@@ -137,7 +218,15 @@ def encode_command(
         order=order,
         block_frames=block_frames,
         n_iterations=iterations,
+        quality=quality,
+        max_error=max_error,
+        kg=kg,
+        sted=sted,
+        bpvf=bpvf,
+        size=size,
         step=step,
+        tune=tune,
+        effort=effort,
     )
     notes: list[str] = []
     with progress_bar() as progress:
@@ -147,12 +236,16 @@ def encode_command(
         data = encode(sequence, **vars(config), progress=progress)
         with replace_when_done(target, overwrite=force) as temporary:
             temporary.write_bytes(data)
+        achieved = measure_stream(
+            sequence, data, order=order, with_sted=sted is not None, progress=progress
+        )
     print_notes(notes)
     stream = info(data)
     if as_json:
-        print_json({"output": str(target), "notes": notes, **size_figures(stream)})
+        figures = {**size_figures(stream), **vars(achieved)}
+        print_json({"output": str(target), "notes": notes, **figures})
     else:
-        print_table(str(target), size_rows(stream))
+        print_table(str(target), {**size_rows(stream), **achieved_rows(achieved, stream)})
 
 
 def _bits(text: str | None) -> int | list[int] | None:

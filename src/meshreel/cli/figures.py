@@ -3,6 +3,7 @@
 from typing import Any
 
 from meshreel.cli.console import size_text
+from meshreel.codec.achieved import Achieved
 from meshreel.codec.inspect import StreamInfo
 from meshreel.metrics.compare import Quality
 
@@ -29,6 +30,19 @@ def size_rows(stream: StreamInfo) -> dict[str, str]:
     }
 
 
+def achieved_rows(achieved: Achieved, stream: StreamInfo) -> dict[str, str]:
+    """Errors of a stream that was just made, and its promise."""
+    promised = stream.max_error_percent
+    rows = {
+        "KG error": f"{achieved.kg_error_percent:.4f} %",
+        "largest error": f"{achieved.max_error_percent:.4f} % of the diagonal"
+        + (f", promised {promised:g} %" if promised else ""),
+    }
+    if achieved.sted is not None:
+        rows["STED"] = f"{achieved.sted:.5f}"
+    return rows
+
+
 def info_rows(stream: StreamInfo) -> dict[str, str]:
     """Everything the header says."""
     rows = {
@@ -41,6 +55,14 @@ def info_rows(stream: StreamInfo) -> dict[str, str]:
     }
     if len(stream.block_frames) > 1:
         rows["blocks"] = f"{len(stream.block_frames)} of up to {max(stream.block_frames)} frames"
+        later = sum(stream.block_bytes[1:])
+        rows["cuts"] = (
+            f"the later blocks take {size_text(later)}, {100 * later / stream.size_bytes:.0f} %; "
+            "in one piece much of it would be saved"
+        )
+    if stream.max_error_percent:
+        promised = f"{stream.max_error_percent:g} % of the diagonal"
+        rows["promised"] = f"no vertex is off by more than {promised}"
     return rows
 
 

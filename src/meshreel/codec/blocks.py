@@ -9,6 +9,7 @@ import numpy.typing as npt
 from meshreel.bitstream.layout import Section
 from meshreel.bitstream.reader import Stream
 from meshreel.codec import payloads
+from meshreel.codec.corrections import Corrections, corrected
 from meshreel.codec.mesh_model import MeshModel
 from meshreel.codec.methods import Basis, Method
 from meshreel.codec.pipeline import (
@@ -21,6 +22,7 @@ from meshreel.codec.pipeline import (
 from meshreel.codec.reel import FieldBlock, FieldMesh, synthesise_fields
 from meshreel.entropy.field_coder import decode_fields, encode_fields
 from meshreel.errors import CorruptStreamError
+from meshreel.threads import in_background
 
 Integers = npt.NDArray[np.int64]
 
@@ -122,7 +124,12 @@ def write_field_block(block: FieldBlock, mesh: FieldMesh) -> Iterator[tuple[Sect
 
 
 def frame_sources(
-    stream: Stream, mesh: MeshModel, method: Method, wanted: range, order: Integers
+    stream: Stream,
+    mesh: MeshModel,
+    method: Method,
+    wanted: range,
+    order: Integers,
+    n_modes: int | None = None,
 ) -> Iterator[tuple[StoredBlock, FramesOf]]:
     """For each block that holds any of the wanted frames, what gives its frames.
 
@@ -134,6 +141,8 @@ def frame_sources(
     wanted : range
     order : integer array of shape (V,)
         Internal number of each vertex that goes out.
+    n_modes : int, optional
+        Of `reel`, the first so many modes only, without corrections.
     """
     if method.basis is not Basis.JOINT:
         for stored, block in read_coded_blocks(stream, mesh, method, wanted):
@@ -143,8 +152,18 @@ def frame_sources(
     for stored in stored_blocks(stream, method):
         if stored.start < wanted.stop and stored.start + stored.n_frames > wanted.start:
             field_block, field_mesh = _read_field_block(stored, mesh, field_mesh)
+            if n_modes is not None:
+                field_block = field_block.first_modes(n_modes)
             basis, fields = synthesise_fields(field_block, field_mesh)
-            yield stored, product_frames(basis, fields[:, :, order])
+            frames_of = product_frames(basis, fields[:, :, order])
+            if n_modes is None and Section.CORRECTIONS in stored.sections:
+                frames_of = corrected(frames_of, _read_corrections(stored, mesh), order)
+            yield stored, frames_of
+
+
+def _read_corrections(stored: StoredBlock, mesh: MeshModel) -> Corrections:
+    payload = stored.payload(Section.CORRECTIONS)
+    return payloads.read_corrections(payload, stored.n_frames, mesh.n_verts)
 
 
 def _read_field_block(
@@ -154,10 +173,14 @@ def _read_field_block(
     n_modes, n_frames = stored.n_modes, stored.n_frames
     layout, taps = payloads.read_layout(stored.payload(Section.FIELDS), n_modes)
     field_mesh = FieldMesh(mesh, layout.stencil_size)
-    field_mesh = before if before == field_mesh else field_mesh
+    field_mesh = before if before is not None and before == field_mesh else field_mesh
+    scales = in_background(lambda: field_mesh.scales)
     times = payloads.read_times(stored.payload(Section.BASIS), n_modes, n_frames)
+    scales.result()
+    stencils = in_background(lambda: field_mesh.stencils)
     coded = stored.payload(Section.COEFFICIENTS)
     fields = decode_fields(coded, n_modes, mesh.n_verts, field_mesh.passes)
+    stencils.result()
     return FieldBlock(layout, times, fields, taps), field_mesh
 
 

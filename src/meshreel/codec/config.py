@@ -13,18 +13,27 @@ from meshreel.codec.methods import (
     choice_named,
     method_named,
 )
+from meshreel.codec.targets import (
+    DEFAULT_EFFORT,
+    Aim,
+    Target,
+    Tune,
+    choices_for,
+    target_of,
+    tune_named,
+)
 from meshreel.errors import InvalidInputError
 from meshreel.quantization.uniform import MAX_BITS, MIN_BITS
 
-DEFAULT_METHOD = "pca-qp"
+DEFAULT_METHOD = "reel"
 DEFAULT_ENERGY = 0.99995
 DEFAULT_ANCHORS = 0.01
 DEFAULT_LAPLACIAN = "normalized"
 DEFAULT_ORDER = "keep"
 DEFAULT_ALLOCATION = "energy"
 DEFAULT_ITERATIONS = 2
-DEFAULT_STEP = 3e-4
-"""Step of `reel` as it acts on a position, in diagonals of the bounding box."""
+MAX_BLOCK_POSITIONS = 1 << 26
+"""Positions that `reel` codes together at most: their coordinates take 1.5 GiB of memory."""
 
 DEFAULT_FREQUENCIES = 0.05
 """Share of the graph frequencies that `gft` keeps."""
@@ -50,7 +59,15 @@ class EncoderConfig:
     order: str = DEFAULT_ORDER
     block_frames: int | None = None
     n_iterations: int = DEFAULT_ITERATIONS
+    quality: float | None = None
+    max_error: float | None = None
+    kg: float | None = None
+    sted: float | None = None
+    bpvf: float | None = None
+    size: float | None = None
     step: float | None = None
+    tune: str | None = None
+    effort: int | None = None
 
     def __post_init__(self) -> None:
         # Names that do not exist are refused now, before any work.
@@ -71,7 +88,7 @@ class EncoderConfig:
                 f"method {row.name} keeps a number of low frequencies, not a share of the energy; "
                 "give n_modes"
             )
-        self._check_step()
+        self._check_target()
         _check_bits(self.bits_or_default, row, allocation)
         if not 0 <= self.anchor_share <= 1:
             raise InvalidInputError(
@@ -86,25 +103,36 @@ class EncoderConfig:
             _check_count("block_frames", self.block_frames)
         _check_count("n_iterations", self.n_iterations)
 
-    def _check_step(self) -> None:
-        """`reel` takes a step, the paper's methods take bits."""
+    def _check_target(self) -> None:
+        """`reel` takes a target, the paper's methods take bits."""
         row = self.method_row
-        if row.basis is not Basis.JOINT:
-            if self.step is not None:
-                raise InvalidInputError(f"method {row.name} takes bits, not step")
-            return
-        for name in ("energy", "bits", "anchors"):
+        is_reel = row.basis is Basis.JOINT
+        foreign = ("energy", "bits", "anchors") if is_reel else (*_TARGETS, "tune", "effort")
+        for name in foreign:
             if getattr(self, name) is not None:
-                raise InvalidInputError(f"method {row.name} takes step, not {name}")
-        if not 0 < self.step_or_default <= 1:
-            raise InvalidInputError(
-                f"step is in diagonals of the bounding box, above 0 and up to 1; got {self.step}"
-            )
+                raise InvalidInputError(
+                    f"method {row.name} does not take {name}; leave it out, or choose a method of "
+                    "the paper such as pca-qp"
+                    if is_reel
+                    else f"method {row.name} does not take {name}; leave it out, or choose reel"
+                )
+        if is_reel:
+            choices_for(self.effort_or_default, self.tune_choice, self.n_modes)
 
     @property
-    def step_or_default(self) -> float:
-        """Step as it acts on a position, in diagonals."""
-        return DEFAULT_STEP if self.step is None else self.step
+    def target(self) -> Target:
+        """What `reel` is to meet."""
+        return target_of(**{name: getattr(self, name) for name in _TARGETS})
+
+    @property
+    def tune_choice(self) -> Tune:
+        """What `reel` spends its bits on."""
+        return tune_named(self.tune, self.target)
+
+    @property
+    def effort_or_default(self) -> int:
+        """Effort of `reel`, 1..9."""
+        return DEFAULT_EFFORT if self.effort is None else self.effort
 
     @property
     def method_row(self) -> Method:
@@ -143,9 +171,19 @@ class EncoderConfig:
             return 0.0
         return DEFAULT_ANCHORS if self.anchors is None else self.anchors
 
-    def frames_in_block(self, n_frames: int) -> int:
-        """Frames coded together, of a sequence of `n_frames`."""
-        return min(self.block_frames or self.method_row.block_frames or n_frames, n_frames)
+    def frames_in_block(self, n_frames: int, n_verts: int) -> int:
+        """Frames coded together, of a sequence of so many frames and vertices.
+
+        `reel` cuts as little as memory allows: every cut sends all fields again.
+        """
+        chosen = self.block_frames or self.method_row.block_frames
+        if chosen is None and self.method_row.basis is Basis.JOINT:
+            n_blocks = -(-n_frames * n_verts // MAX_BLOCK_POSITIONS)
+            chosen = -(-n_frames // n_blocks)
+        return min(chosen or n_frames, n_frames)
+
+
+_TARGETS = tuple(aim.value for aim in Aim)
 
 
 def _check_bits(bits: int | Sequence[int], method: Method, allocation: Allocation) -> None:
@@ -171,5 +209,5 @@ def _check_bit_count(bits: int, what: str) -> None:
 
 
 def _check_count(name: str, value: int) -> None:
-    if value < 1 or int(value) != value:
+    if not 1 <= value < float("inf") or int(value) != value:
         raise InvalidInputError(f"{name} must be a whole number of at least 1; got {value}")

@@ -11,7 +11,14 @@ from meshreel.bitstream.reader import Stream, read_stream
 from meshreel.codec import payloads
 from meshreel.codec.blocks import StoredBlock, frame_sources
 from meshreel.codec.mesh_model import MeshModel
-from meshreel.codec.methods import Laplacian, Method, Order, choice_of_code, method_of_code
+from meshreel.codec.methods import (
+    Basis,
+    Laplacian,
+    Method,
+    Order,
+    choice_of_code,
+    method_of_code,
+)
 from meshreel.codec.pipeline import FramesOf
 from meshreel.connectivity.coder import decode_connectivity, decode_order
 from meshreel.entropy.floats import decode_floats
@@ -29,7 +36,11 @@ CHUNK_BYTES = 1 << 22
 
 
 def decode(
-    data: bytes, *, frames: slice | None = None, progress: Progress = silent
+    data: bytes,
+    *,
+    frames: slice | None = None,
+    n_modes: int | None = None,
+    progress: Progress = silent,
 ) -> MeshSequence:
     """The sequence that a `.reel` stream holds.
 
@@ -40,13 +51,16 @@ def decode(
     frames : slice, optional
         Frames to give back, as Python slices count them, without a step; only the blocks that
         hold some of them are decoded. Default: all.
+    n_modes : int, optional
+        Stop after so many modes of each block: a coarser animation, sooner. Default: all. Streams
+        of `reel` only; corrections are left out then.
     progress : callable, optional
         Called with the stage and the share done, 0..1.
 
     Raises
     ------
     InvalidInputError
-        If `frames` names no frame or has a step.
+        If `frames` names no frame or has a step, or `n_modes` is below 1 or not for this stream.
     CorruptStreamError, TruncatedStreamError, UnsupportedVersionError
         If the bytes are not a whole stream that this build reads.
     """
@@ -54,12 +68,13 @@ def decode(
     stream = read_stream(bytes(data))
     header, method = stream.header, method_of_code(stream.header.method)
     wanted = _frame_range(frames, header.n_frames)
+    _check_modes(n_modes, method)
     mesh = read_mesh(stream, method)
     order, faces = _given_order(stream, mesh)
     vertices = np.empty((len(wanted), header.n_verts, 3), _number_type(header))
     # Damaged values may overflow; MeshSequence tells what is not finite.
     with np.errstate(over="ignore", invalid="ignore"):
-        for stored, frames_of in frame_sources(stream, mesh, method, wanted, order):
+        for stored, frames_of in frame_sources(stream, mesh, method, wanted, order, n_modes):
             start = max(stored.start, wanted.start)
             stop = min(stored.start + stored.n_frames, wanted.stop)
             target = vertices[start - wanted.start : stop - wanted.start]
@@ -69,7 +84,8 @@ def decode(
                 progress("frames", (before + done) / len(wanted))
 
             _fill(target, start - stored.start, frames_of, header, report)
-            _fill_exact(target, start - stored.start, stored, mesh, order)
+            if method.basis is not Basis.JOINT:
+                _fill_exact(target, start - stored.start, stored, mesh, order)
     progress("frames", 1.0)
     return _sequence(vertices, faces, header)
 
@@ -84,6 +100,17 @@ def read_mesh(stream: Stream, method: Method) -> MeshModel:
             stream.only(Section.ANCHOR_VERTICES), header.n_verts
         )
     return MeshModel(faces, header.n_verts, anchors, choice_of_code(Laplacian, header.laplacian))
+
+
+def _check_modes(n_modes: int | None, method: Method) -> None:
+    if n_modes is None:
+        return
+    if method.basis is not Basis.JOINT:
+        raise InvalidInputError(
+            f"a stream of method {method.name} is decoded with all its modes; leave n_modes out"
+        )
+    if not 1 <= n_modes < float("inf") or int(n_modes) != n_modes:
+        raise InvalidInputError(f"n_modes must be a whole number of at least 1; got {n_modes}")
 
 
 def _frame_range(frames: slice | None, n_frames: int) -> range:

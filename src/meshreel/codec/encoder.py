@@ -1,16 +1,8 @@
 """A mesh sequence to the bytes of a stream."""
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
 
-import numpy as np
-import numpy.typing as npt
-
-from meshreel.bitstream.header import Header
-from meshreel.bitstream.layout import Section, VertexType
 from meshreel.bitstream.writer import write_stream
-from meshreel.codec import payloads
-from meshreel.codec.blocks import tracked_from, write_coded_block, write_field_block
 from meshreel.codec.config import (
     DEFAULT_ALLOCATION,
     DEFAULT_ITERATIONS,
@@ -19,15 +11,12 @@ from meshreel.codec.config import (
     DEFAULT_ORDER,
     EncoderConfig,
 )
-from meshreel.codec.mesh_model import MeshModel, choose_anchors
-from meshreel.codec.methods import Basis, Order
-from meshreel.codec.pipeline import Quantized, analyse, modes_needed
-from meshreel.codec.reel import FieldChoices, FieldMesh, analyse_fields
-from meshreel.connectivity.coder import CodedConnectivity, encode_connectivity
-from meshreel.entropy.floats import encode_floats
+from meshreel.codec.methods import Basis
+from meshreel.codec.paper_encoder import paper_sections
+from meshreel.codec.reel_encoder import ReelEncoder
+from meshreel.codec.source import Source
 from meshreel.progress import Progress, silent
-from meshreel.sequence import Faces, MeshSequence
-from meshreel.subspace.trajectories import BoundingFrame, bounding_frame, to_matrices
+from meshreel.sequence import MeshSequence
 
 
 def encode(
@@ -43,26 +32,36 @@ def encode(
     order: str = DEFAULT_ORDER,
     block_frames: int | None = None,
     n_iterations: int = DEFAULT_ITERATIONS,
+    quality: float | None = None,
+    max_error: float | None = None,
+    kg: float | None = None,
+    sted: float | None = None,
+    bpvf: float | None = None,
+    size: float | None = None,
     step: float | None = None,
+    tune: str | None = None,
+    effort: int | None = None,
     progress: Progress = silent,
 ) -> bytes:
     """The bytes of a `.reel` stream that holds the sequence.
 
+    What `reel` is to meet is one of `quality`, `max_error`, `kg`, `sted`, `bpvf`, `size` and
+    `step`; without any it is quality 75. The paper's methods take numbers of modes and bits.
+
     Parameters
     ----------
     sequence : MeshSequence
-    method : {"pca-qp", "pca", "pca-q", "v2v", "pca-qs", "blocks", "gft", "reel"}
-        Variant of the paper (`codec.methods.METHODS`). `pca-qp`, the default: deltas on the
-        eigen-trajectories of each axis, least squares with anchors. `pca`, `pca-q`: without
-        anchors, the first at 16 bits. `v2v`: vertices instead of deltas. `pca-qs`: as `pca-qp`,
-        decoded one frame after another. `blocks`: eigen-trajectories of short blocks, tracked.
-        `gft`: each frame's deltas on the low frequencies of the graph. `reel`: our own, several
-        times smaller, with a `step` instead of bits; it is in the making, and later builds may
-        refuse its streams.
+    method : {"reel", "pca-qp", "pca", "pca-q", "v2v", "pca-qs", "blocks", "gft"}
+        `reel`: our own, several times smaller than the others. The rest are variants of the paper
+        (`codec.methods.METHODS`). `pca-qp`: deltas on the eigen-trajectories of each axis, least
+        squares with anchors. `pca`, `pca-q`: without anchors, the first at 16 bits. `v2v`:
+        vertices instead of deltas. `pca-qs`: as `pca-qp`, decoded one frame after another.
+        `blocks`: eigen-trajectories of short blocks, tracked. `gft`: each frame's deltas on the
+        low frequencies of the graph.
     n_modes : int, optional
-        Eigen-trajectories to keep of each axis (the paper's k_l); at most as many as a block has
-        frames are used. Excludes `energy`. With `gft`, graph frequencies; default 5 % of the
-        vertices.
+        With `reel`, at most this many modes. Else eigen-trajectories to keep of each axis (the
+        paper's k_l); at most as many as a block has frames are used. Excludes `energy`. With
+        `gft`, graph frequencies; default 5 % of the vertices.
     energy : float, optional
         Share of the shape's energy to keep, 0..1; it chooses the number of modes. What is left
         out makes a KG error of sqrt(1 - energy). Default 0.99995, that is 0.7 %.
@@ -84,16 +83,31 @@ def encode(
         Frames that are coded together. Default: all of them (`blocks`: 25).
     n_iterations : int, default 2
         Orthogonal iterations from one block to the next (`blocks`).
+    quality : float, optional
+        1..100; every 12 points halve the error. It sets a step relative to the size of the model
+        itself, so that models of different sizes and travels look equally good.
+    max_error : float, optional
+        Percent of the diagonal of the bounding box of the whole sequence. No vertex of any frame
+        comes back farther from where it was.
+    kg, sted : float, optional
+        The smallest stream found whose KG error in percent, or whose STED, is at most this.
+    bpvf, size : float, optional
+        The best stream found of at most so many bits for each vertex and frame, or bytes; the
+        whole stream counts.
     step : float, optional
-        Step of `reel` as it acts on a position, in diagonals of the bounding box; it sets rate and
-        quality. Default 0.0003.
+        Step of the fields as it acts on a position, in diagonals of the bounding box.
+    tune : {"visual", "geometry"}, optional
+        Serve STED, or KG and maximum error. Default: what the target asks for; else visual.
+    effort : int, optional
+        1..9, time against size; default 5.
     progress : callable, optional
         Called with the stage and the share done, 0..1.
 
     Raises
     ------
     InvalidInputError
-        If an option is out of range, or the mesh is too large for the method.
+        If an option is out of range, the mesh is too large for the method, or no stream meets the
+        target.
 
     References
     ----------
@@ -111,94 +125,18 @@ def encode(
         order=order,
         block_frames=block_frames,
         n_iterations=n_iterations,
+        quality=quality,
+        max_error=max_error,
+        kg=kg,
+        sted=sted,
+        bpvf=bpvf,
+        size=size,
         step=step,
+        tune=tune,
+        effort=effort,
     )
     progress("connectivity", 0.0)
-    connectivity = encode_connectivity(sequence.faces, sequence.n_verts, order=config.order)
-    frame = bounding_frame(sequence.vertices)
-    return write_stream(
-        _header(sequence, config, frame),
-        _sections(sequence, connectivity, frame, config, progress),
-    )
-
-
-def _header(sequence: MeshSequence, config: EncoderConfig, frame: BoundingFrame) -> Header:
-    return Header(
-        n_frames=sequence.n_frames,
-        n_verts=sequence.n_verts,
-        n_faces=sequence.n_faces,
-        fps=sequence.fps,
-        vertex_type=VertexType(sequence.vertices.dtype.itemsize),
-        method=config.method_row.code,
-        laplacian=config.laplacian_choice,
-        order=config.order_choice,
-        origin=frame.origin,
-        scale=frame.scale,
-        name=sequence.name,
-    )
-
-
-def _sections(
-    sequence: MeshSequence,
-    connectivity: CodedConnectivity,
-    frame: BoundingFrame,
-    config: EncoderConfig,
-    progress: Progress,
-) -> Iterator[tuple[Section, bytes]]:
-    mesh = _mesh_model(connectivity.internal_faces, sequence.n_verts, config)
-    yield Section.CONNECTIVITY, connectivity.payload
-    if config.order_choice is not Order.DROP:
-        yield Section.ORDER, connectivity.order_payload
-    if config.method_row.has_anchors:
-        yield Section.ANCHOR_VERTICES, payloads.write_anchor_vertices(mesh.anchors)
-    blocks = _Blocks(sequence, connectivity.internal_to_given, config)
-    config = _with_modes_for_all(config, blocks, frame)
-    before: Quantized | None = None
-    choices = FieldChoices(config.step_or_default, config.n_modes)
-    field_mesh = FieldMesh(mesh, choices.stencil_size)
-    for start, vertices in blocks:
-        progress("frames", start / sequence.n_frames)
-        before = tracked_from(config.method_row, before, len(vertices))
-        matrices = to_matrices(vertices, frame)
-        if config.method_row.basis is Basis.JOINT:
-            fields = analyse_fields(matrices, field_mesh, choices)
-            yield from write_field_block(fields, field_mesh)
-        else:
-            block = analyse(matrices, mesh, config, before)
-            yield from write_coded_block(block, len(vertices), config.method_row, before)
-            before = block.basis
-        if len(mesh.isolated):
-            yield Section.EXACT, encode_floats(vertices[:, mesh.isolated])
-    progress("frames", 1.0)
-
-
-def _mesh_model(faces: Faces, n_verts: int, config: EncoderConfig) -> MeshModel:
-    anchors = np.zeros(0, np.int64)
-    if config.method_row.has_anchors:
-        anchors = choose_anchors(faces, n_verts, config.anchor_share)
-    return MeshModel(faces, n_verts, anchors, config.laplacian_choice)
-
-
-@dataclass(frozen=True)
-class _Blocks:
-    """The blocks of a sequence in internal vertex order, made when asked for."""
-
-    sequence: MeshSequence
-    internal_to_given: npt.NDArray[np.int64]
-    config: EncoderConfig
-
-    def __iter__(self) -> Iterator[tuple[int, npt.NDArray[np.floating]]]:
-        """First frame and positions of each block."""
-        size = self.config.frames_in_block(self.sequence.n_frames)
-        for start in range(0, self.sequence.n_frames, size):
-            yield start, self.sequence.vertices[start : start + size, self.internal_to_given]
-
-
-def _with_modes_for_all(
-    config: EncoderConfig, blocks: _Blocks, frame: BoundingFrame
-) -> EncoderConfig:
-    """The configuration, with the number of modes that a tracked basis has in all its blocks."""
-    if config.method_row.basis is not Basis.TRACKED or config.n_modes is not None:
-        return config
-    needed = max(modes_needed(to_matrices(vertices, frame), config) for _, vertices in blocks)
-    return replace(config, n_modes=needed, energy=None)
+    source = Source(sequence, config)
+    if config.method_row.basis is Basis.JOINT:
+        return ReelEncoder(source, progress).encode()
+    return write_stream(source.header(), paper_sections(source, progress))

@@ -11,6 +11,7 @@ from meshreel.bitstream.reader import Stream, read_stream
 from meshreel.codec.blocks import read_coded_blocks, stored_blocks
 from meshreel.codec.decoder import read_mesh
 from meshreel.codec.methods import Basis, Laplacian, Order, choice_of_code, method_of_code
+from meshreel.codec.payloads import read_promise
 from meshreel.codec.pipeline import CodedBlock
 from meshreel.entropy.coder import encode_integers
 from meshreel.errors import InvalidInputError
@@ -38,6 +39,11 @@ class StreamInfo:
         Of the arrays it decodes to.
     budget_bytes : dict of str to int
         Bytes of the header and of each kind of section; they sum to `size_bytes`.
+    block_bytes : tuple of int
+        Bytes of the sections of each block. Each sends its fields anew: what a stream in one
+        piece would save is most of those of the later blocks.
+    max_error_percent : float or None
+        Promised: no vertex is farther from where it was, in percent of the diagonal.
     """
 
     n_frames: int
@@ -54,6 +60,8 @@ class StreamInfo:
     size_bytes: int
     raw_size_bytes: int
     budget_bytes: dict[str, int]
+    block_bytes: tuple[int, ...]
+    max_error_percent: float | None
 
     @property
     def ratio(self) -> float:
@@ -98,6 +106,10 @@ def info(data: bytes) -> StreamInfo:
         size_bytes=stream.size_bytes,
         raw_size_bytes=positions * header.vertex_type + header.n_faces * 12,
         budget_bytes=_budget(stream),
+        block_bytes=tuple(
+            sum(len(payload) for payload in block.sections.values()) for block in blocks
+        ),
+        max_error_percent=_promised(stream),
     )
 
 
@@ -135,6 +147,13 @@ def bits_per_row(data: bytes) -> list[npt.NDArray[np.float64]]:
         )
         for block in coded_blocks(data)
     ]
+
+
+def _promised(stream: Stream) -> float | None:
+    for stored in stream.sections:
+        if stored.id is Section.PROMISE:
+            return read_promise(stored.payload)
+    return None
 
 
 def _budget(stream: Stream) -> dict[str, int]:

@@ -21,8 +21,8 @@ Integers = npt.NDArray[np.int64]
 
 MAX_DIFFERENCE = 2
 
-FIELDS_LAYOUT = 3
-"""Layout of the sections of `reel`; to be raised with every change until the method is settled."""
+FIELDS_LAYOUT = 4
+"""Layout of the sections of `reel`; 1 to 3 were of the method in the making."""
 
 MAX_COUNTS = 32
 """Most groups of modes."""
@@ -135,14 +135,17 @@ def read_layout(payload: bytes, n_modes: int) -> tuple[Layout, Integers]:
     Raises
     ------
     UnsupportedVersionError
-        If it is of another build: the method is in the making.
+        If it is of a newer build, or of one from before the method was settled.
     CorruptStreamError
         If it contradicts itself.
     """
-    if payload[:1] != bytes([FIELDS_LAYOUT]):
+    if not payload:
+        raise TruncatedStreamError("the layout of the fields is cut off")
+    if payload[0] != FIELDS_LAYOUT:
+        remedy = "upgrade meshreel" if payload[0] > FIELDS_LAYOUT else "encode the original again"
         raise UnsupportedVersionError(
-            f"the method reel is in the making: the stream has its layout {payload[:1].hex()}, "
-            f"this build reads {FIELDS_LAYOUT:02x}; encode it again"
+            f"the fields of the stream have layout {payload[0]}; this build reads {FIELDS_LAYOUT}; "
+            + remedy
         )
     if len(payload) < 5:
         raise TruncatedStreamError("the layout of the fields is cut off")
@@ -230,6 +233,27 @@ def read_corrections(payload: bytes, n_frames: int, n_verts: int) -> Corrections
     if not is_vertex or np.any((frames < 0) | (frames >= n_frames)) or not 0 < step < MAX_STEP:
         raise CorruptStreamError("a correction is of a vertex or frame that does not exist")
     return Corrections(np.float32(step), np.repeat(vertices, counts), frames, offsets)
+
+
+def write_promise(max_error_percent: float) -> bytes:
+    """What the encoder made sure of: the largest displacement of a vertex."""
+    return struct.pack("<d", max_error_percent)
+
+
+def read_promise(payload: bytes) -> float:
+    """Undo `write_promise`.
+
+    Raises
+    ------
+    CorruptStreamError
+        If it is no positive number.
+    """
+    if len(payload) != 8:
+        raise CorruptStreamError(f"a promise has 8 bytes; this one has {len(payload)}")
+    (max_error_percent,) = struct.unpack("<d", payload)
+    if not 0 < max_error_percent < float("inf"):
+        raise CorruptStreamError(f"a maximum error of {max_error_percent} is promised")
+    return float(max_error_percent)
 
 
 def _first_or_difference(values: Integers, firsts: Integers) -> Integers:

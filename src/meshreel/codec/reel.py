@@ -25,7 +25,12 @@ from meshreel.entropy.passes import Pass
 from meshreel.geometry.connectivity import adjacency_matrix
 from meshreel.geometry.hierarchy import Scale, build_hierarchy
 from meshreel.geometry.laplacian import reproducing_laplacian
-from meshreel.geometry.prediction import Stencils, smooth_stencils
+from meshreel.geometry.prediction import (
+    Stencils,
+    WeightLearner,
+    joined_stencils,
+    smooth_stencils,
+)
 from meshreel.quantization.rate_distortion import FAIR_PRICE, quantize_by_rate
 from meshreel.subspace.pca import joint_trajectories
 
@@ -90,6 +95,13 @@ class FieldChoices:
         A mode is kept if its field's root mean square exceeds this share of a step.
     price : float
         Squared steps that a bit is worth.
+    carried_share : float
+        Share of the error of a prediction that the predicted value takes on instead of undoing
+        it. Errors then vary smoothly over the mesh, and fewer steps are sent.
+    n_carrying_scales : int
+        Scales, the finest ones, where errors are carried: from coarser ones they would spread far.
+    has_filters : bool
+        Smooth decoded fields.
     group_ends, stencil_size
         As in `Layout`; the last group takes what is left.
     """
@@ -99,6 +111,9 @@ class FieldChoices:
     basis_step: float = 3.0
     least_rms: float = 0.6
     price: float = FAIR_PRICE
+    carried_share: float = 0.6
+    n_carrying_scales: int = 2
+    has_filters: bool = True
     group_ends: tuple[int, ...] = (1, 2, 3, 4, 6, 10)
     stencil_size: int = 10
 
@@ -163,9 +178,9 @@ class FieldMesh:
         return [level for scale in self.scales[scales] for level in scale.levels]
 
     @cached_property
-    def stencils(self) -> list[Stencils]:
-        """Stencils of each scale, before anything is known."""
-        return [smooth_stencils(scale) for scale in self.scales]
+    def stencils(self) -> Stencils:
+        """Stencils of all levels, before anything is known."""
+        return joined_stencils([smooth_stencils(scale) for scale in self.scales], self.stencil_size)
 
     @cached_property
     def passes(self) -> list[Pass]:
@@ -179,20 +194,28 @@ class FieldMesh:
             *_telling_of_levels(self.scales[-1]),
         ]
 
-    def predictors(self, known: Floats, noise: float) -> list[Predictor]:
-        """Predictors of all levels, for the group after known fields of shape (V, K)."""
-        return [
-            predictor
-            for scale, stencils in zip(self.scales, self.stencils, strict=True)
-            for predictor in _predictors(scale, stencils, known, noise)
-        ]
+    def predictors(self, weights: Floats) -> list[Predictor]:
+        """Predictors of all levels, for weights of the stencils."""
+        predictors, start = [], 0
+        for level in self.levels:
+            rows = slice(start, start + len(level))
+            stencil = self.stencils.stencil[rows]
+            is_there = stencil >= 0
+            starts = np.concatenate([[0], np.cumsum(is_there.sum(axis=1))])
+            matrix = csr_array(
+                (weights[rows][is_there], stencil[is_there], starts),
+                shape=(len(level), self.mesh.n_verts),
+            )
+            predictors.append(Predictor(level, matrix))
+            start = rows.stop
+        return predictors
 
 
 def reconstruct_fields(
     mesh: FieldMesh,
     layout: Layout,
-    steps_of: Callable[[slice], StepsOf],
-    taps_of: Callable[[slice, Floats, Floats], Integers],
+    steps_of: Callable[[slice, Sequence[Predictor]], StepsOf],
+    taps_of: Callable[[slice, Floats, Floats], Integers] | None,
 ) -> Floats:
     """Decoded fields of shape (V, K).
 
@@ -201,23 +224,30 @@ def reconstruct_fields(
     mesh : FieldMesh
     layout : Layout
     steps_of : callable
-        Gives what reads or chooses the integers of a group of modes.
-    taps_of : callable
+        Gives what reads or chooses the integers of a group of modes with these predictors.
+    taps_of : callable or None
         Gives the taps of a group, of shape (k, N_TAPS), for its fields of shape (V, k) and their
-        differences of shape (N_TAPS, V, k).
+        differences of shape (N_TAPS, V, k). None: nothing is filtered.
     """
     n_verts, step = mesh.mesh.n_verts, float(layout.step)
-    known = np.zeros((n_verts, 0))
+    known = latest = np.zeros((n_verts, 0))
+    learner = WeightLearner(mesh.stencils)
     for modes in layout.groups:
-        predictors = mesh.predictors(known, NOISE_OF_WEIGHTS * step**2)
+        predictors = mesh.predictors(learner.learn(latest, NOISE_OF_WEIGHTS * step**2))
         n_columns = modes.stop - modes.start
-        values = reconstruct_levels(predictors, n_verts, n_columns, step, steps_of(modes))
-        if known.shape[1] < N_FILTER_FIELDS:
-            telling = np.hstack([known, values])[:, :N_FILTER_FIELDS]
-            laplacian = reproducing_laplacian(mesh.adjacency, telling, NOISE_OF_FILTERS * step**2)
-        differences = _repeated(laplacian, values)
-        taps = TAP_STEP * taps_of(modes, values, differences)
-        known = np.hstack([known, values + np.einsum("kt,tvk->vk", taps, differences)])
+        values = reconstruct_levels(
+            predictors, n_verts, n_columns, step, steps_of(modes, predictors)
+        )
+        latest = values
+        if taps_of is not None:
+            if known.shape[1] < N_FILTER_FIELDS:
+                telling = np.hstack([known, values])[:, :N_FILTER_FIELDS]
+                noise = NOISE_OF_FILTERS * step**2
+                laplacian = reproducing_laplacian(mesh.adjacency, telling, noise)
+            differences = _repeated(laplacian, values)
+            taps = TAP_STEP * taps_of(modes, values, differences)
+            latest = values + np.einsum("kt,tvk->vk", taps, differences)
+        known = np.hstack([known, latest])
     return known
 
 
@@ -229,26 +259,60 @@ def reconstruct_times(n_frames: int, n_modes: int, steps_of: StepsOf) -> Floats:
     return np.asarray(vectors / np.where(lengths > 0, lengths, 1.0))
 
 
-def analyse_fields(matrices: Floats, mesh: FieldMesh, choices: FieldChoices) -> FieldBlock:
-    """A block of frames as integers.
+@dataclass
+class BlockFrames:
+    """A block of frames with its trajectories, which do not change with the step.
 
-    Parameters
+    Attributes
     ----------
     matrices : float64 array of shape (3, T, V)
         Coordinate matrices, in internal vertex order.
+    """
+
+    matrices: Floats
+    _found: tuple[float, Floats, Floats] | None = None
+
+    def trajectories(self, least: float) -> tuple[Floats, Floats]:
+        """Singular values above `least`, one at least, and time vectors of shape (3 T, K)."""
+        if self._found is None or self._found[0] > least:
+            n_frames, n_verts = self.matrices.shape[1:]
+            limit = min(3 * n_frames, n_verts)
+            self._found = (least, *joint_trajectories(self.matrices, limit, least))
+        _, strengths, vectors = self._found
+        n_kept = max(1, int(np.sum(strengths > least)))
+        return strengths[:n_kept], vectors[:, :n_kept]
+
+
+def analyse_fields(
+    frames: BlockFrames, mesh: FieldMesh, choices: FieldChoices
+) -> tuple[FieldBlock, Floats, Floats]:
+    """A block of frames as integers, and what `synthesise_fields` makes of them.
+
+    Parameters
+    ----------
+    frames : BlockFrames
     mesh : FieldMesh
     choices : FieldChoices
+
+    Returns
+    -------
+    block : FieldBlock
+    basis : float64 array of shape (3, T, K)
+    fields : float64 array of shape (1, K, V)
     """
+    matrices = frames.matrices
     n_frames = matrices.shape[1]
     step = np.float32(choices.position_step * np.sqrt(n_frames))
-    times = _quantized_times(matrices, float(step), choices)
+    times = _quantized_times(frames, float(step), choices)
     n_modes = times.shape[1] // 3
     vectors = reconstruct_times(n_frames, n_modes, _reading(time_predictors(n_frames), times))
     ends = group_ends(n_modes, choices.group_ends)
     layout = Layout(step, ends, choices.stencil_size)
-    recorder = _Recorder(_projected(vectors, matrices), float(step), choices.price, mesh)
-    reconstruct_fields(mesh, layout, recorder.steps_of, recorder.taps_of)
-    return FieldBlock(layout, times, recorder.integers.T, recorder.taps)
+    recorder = _Recorder(_projected(vectors, matrices), float(step), choices, mesh)
+    taps_of = recorder.taps_of if choices.has_filters else None
+    fields = reconstruct_fields(mesh, layout, recorder.steps_of, taps_of)
+    block = FieldBlock(layout, times, recorder.integers.T, recorder.taps)
+    return block, vectors.reshape(3, n_frames, n_modes), fields.T[None]
 
 
 def synthesise_fields(block: FieldBlock, mesh: FieldMesh) -> tuple[Floats, Floats]:
@@ -258,10 +322,15 @@ def synthesise_fields(block: FieldBlock, mesh: FieldMesh) -> tuple[Floats, Float
         n_frames, block.n_modes, _reading(time_predictors(n_frames), block.times)
     )
 
-    def steps_of(modes: slice) -> StepsOf:
+    def steps_of(modes: slice, _: Sequence[Predictor]) -> StepsOf:
         return lambda level, _: block.fields[modes, mesh.levels[level]].T
 
-    fields = reconstruct_fields(mesh, block.layout, steps_of, lambda modes, *_: block.taps[modes])
+    def taps_of(modes: slice, *_: Floats) -> Integers:
+        return block.taps[modes]
+
+    # Taps of 0 change nothing, so that their differences are not worth their time.
+    taken = taps_of if block.taps.any() else None
+    fields = reconstruct_fields(mesh, block.layout, steps_of, taken)
     return vectors.reshape(3, n_frames, block.n_modes), fields.T[None]
 
 
@@ -292,22 +361,6 @@ def _pass(targets: Integers, near: Integers) -> Pass:
     return Pass(targets, starts, near[used])
 
 
-def _predictors(scale: Scale, stencils: Stencils, known: Floats, noise: float) -> list[Predictor]:
-    weights = stencils.learn(known, noise)
-    predictors, start = [], 0
-    for level in scale.levels:
-        rows = slice(start, start + len(level))
-        is_there = scale.stencil[rows] >= 0
-        starts = np.concatenate([[0], np.cumsum(is_there.sum(axis=1))])
-        matrix = csr_array(
-            (weights[rows][is_there], scale.stencil[rows][is_there], starts),
-            shape=(len(level), len(known)),
-        )
-        predictors.append(Predictor(level, matrix))
-        start = rows.stop
-    return predictors
-
-
 def _repeated(laplacian: csr_array, values: Floats) -> Floats:
     """The Laplacian applied once, twice, ...: of shape (N_TAPS, V, k)."""
     differences = [values]
@@ -327,12 +380,11 @@ def _projected(vectors: Floats, matrices: Floats) -> Floats:
     return np.asarray(matrices.reshape(len(vectors), -1).T @ (vectors @ inverse))
 
 
-def _quantized_times(matrices: Floats, step: float, choices: FieldChoices) -> Integers:
+def _quantized_times(frames: BlockFrames, step: float, choices: FieldChoices) -> Integers:
     """Steps of the time vectors, of shape (T, 3 K), without modes that the steps make vanish."""
-    n_frames, n_verts = matrices.shape[1:]
-    limit = min(3 * n_frames, n_verts) if choices.n_modes is None else choices.n_modes
-    least = choices.least_rms * step * np.sqrt(n_verts)
-    strengths, vectors = joint_trajectories(matrices, limit, least)
+    n_frames, n_verts = frames.matrices.shape[1:]
+    strengths, vectors = frames.trajectories(choices.least_rms * step * float(np.sqrt(n_verts)))
+    strengths, vectors = strengths[: choices.n_modes], vectors[:, : choices.n_modes]
     n_kept = len(strengths)
     scaled = vectors * (strengths / (choices.basis_step * step))
     wanted = scaled.reshape(3, n_frames, n_kept).transpose(1, 2, 0).reshape(n_frames, -1)
@@ -358,7 +410,7 @@ class _Recorder:
 
     fields: Floats
     step: float
-    price: float
+    choices: FieldChoices
     mesh: FieldMesh
 
     def __post_init__(self) -> None:
@@ -366,14 +418,23 @@ class _Recorder:
         self.integers = np.zeros(self.fields.shape, np.int64)
         self.taps = np.zeros((n_modes, N_TAPS), np.int64)
 
-    def steps_of(self, modes: slice) -> StepsOf:
+    def steps_of(self, modes: slice, predictors: Sequence[Predictor]) -> StepsOf:
         """What chooses the integers of a group."""
+        carrying = self.mesh.scales[
+            max(0, len(self.mesh.scales) - self.choices.n_carrying_scales) :
+        ]
+        first_carrying = len(predictors) - sum(len(scale.levels) for scale in carrying)
 
         def chosen(level: int, prediction: Floats) -> Integers:
             rows = self.mesh.levels[level]
-            scaled = (self.fields[rows, modes] - prediction) / self.step
-            self.integers[rows, modes] = quantize_by_rate(scaled, self.price if level else 0.0)
-            return self.integers[rows, modes]
+            wanted = self.fields[rows, modes]
+            if level >= max(first_carrying, 1):
+                true_prediction = predictors[level].weights @ self.fields[:, modes]
+                wanted = wanted + self.choices.carried_share * (prediction - true_prediction)
+            price = self.choices.price if level else 0.0
+            steps = quantize_by_rate((wanted - prediction) / self.step, price)
+            self.integers[rows, modes] = steps
+            return steps
 
         return chosen
 

@@ -135,11 +135,6 @@ def _probabilities(ones: Integers, total: Integers) -> Integers:
     )
 
 
-def code_evenly(port: BitPort, truth: Bits | None, n_bits: int) -> Bits:
-    """Bits of which nothing is known."""
-    return port.code(truth, np.full(n_bits, CERTAIN // 2, np.int64))
-
-
 def _shares(probabilities: Integers) -> npt.NDArray[np.float64]:
     """Probabilities as float64; exact, for the denominator is a power of two."""
     return probabilities.astype(np.float64) / CERTAIN

@@ -80,7 +80,7 @@ def mean_of_scale(scale: Integers) -> Integers:
 
 
 def expected_classes(
-    past: Integers, past_mean: Integers, near: Integers, near_mean: Integers, mean: int
+    past: Integers, past_mean: Integers, near: Integers, near_mean: Integers, mean: Integers
 ) -> Integers:
     """Class of the expected magnitude of each of n columns, in 0..N_EXPECTED-1.
 
@@ -91,12 +91,12 @@ def expected_classes(
     near, near_mean : integer arrays of shape (n,)
         Sum of the magnitudes of the neighbours, and of the means of their passes, the latter in
         UNIT.
-    mean : int
-        Mean magnitude of this pass, in UNIT.
+    mean : integer array of shape (n,)
+        Mean magnitude of the pass of each, in UNIT.
     """
     seen = PRIOR + (past >> 1) + UNIT * near
     usual = PRIOR + (past_mean >> 1) + near_mean
-    logs = _logarithms(np.array([mean])) + _logarithms(seen) - _logarithms(usual)
+    logs = _logarithms(mean) + _logarithms(seen) - _logarithms(usual)
     classes: Integers = np.clip(logs // (LOG_STEPS // 2), 0, N_EXPECTED - 1)
     return classes
 

@@ -39,6 +39,8 @@ from meshreel.errors import CorruptStreamError, InvalidInputError
 
 Integers = npt.NDArray[np.int64]
 
+N_ROWS_ALONE = 6
+BATCH_ROWS = 6
 FIRST_SCALE = 2 * (UNIT.bit_length() - 1)  # first rows are expected to have a mean of 1
 
 
@@ -127,63 +129,86 @@ def _code_rows(
     model, scale_model = ValueModel(), ValueModel()
     past = Past(n_columns)
     scales = np.full(len(plan), FIRST_SCALE)
-    for number, row in enumerate(rows):
-        wanted = None if truth is None else [truth[number, step.columns] for step in plan]
-        scales = _code_scales(port, wanted, scales, scale_model)
-        magnitudes, means = np.zeros((2, n_columns), np.int64)
-        for place in np.flatnonzero(scales):
-            step = plan[place]
-            means[step.columns] = mean_of_scale(scales[place])
-            values = None if wanted is None else wanted[place]
-            _code_pass(port, values, step, past, row, magnitudes, means, model)
-        past.add(magnitudes, means)
-        for step in plan:
-            step.learn(signed_votes(row))
+    for batch in _batches(n_rows):
+        wanted = None
+        if truth is not None:
+            wanted = [truth[batch, step.columns].T for step in plan]
+        batch_scales = _code_scales(port, wanted, scales, batch.stop - batch.start, scale_model)
+        _code_batch(port, wanted, plan, past, batch_scales, rows[batch].T, model)
+        scales = batch_scales[:, -1]
     return rows
 
 
-def _code_scales(
-    port: BitPort, truth: list[Integers] | None, before: Integers, model: ValueModel
-) -> Integers:
-    """Class of the mean magnitude of each pass of a row, or of one between it and the class before.
+def _batches(n_rows: int) -> list[slice]:
+    """Rows that are coded together; the first ones alone, for they tell most of the others."""
+    alone = [slice(row, row + 1) for row in range(min(n_rows, N_ROWS_ALONE))]
+    starts = range(N_ROWS_ALONE, n_rows, BATCH_ROWS)
+    return alone + [slice(start, min(start + BATCH_ROWS, n_rows)) for start in starts]
 
-    The change is coarse, as all that the model codes: a leap of 5 arrives as 4. It never turns
-    a class above 0 into 0, which says that the pass is empty.
+
+def _code_scales(
+    port: BitPort, truth: list[Integers] | None, before: Integers, n_rows: int, model: ValueModel
+) -> Integers:
+    """Classes of the mean magnitudes, or near them, of passes and rows: of that shape.
+
+    The change to the row before the batch is coarse, as all that the model codes: a leap of 5
+    arrives as 4. It never turns a class above 0 into 0, which says that the pass is empty.
     """
+    befores = np.repeat(before[:, None], n_rows, axis=1)
     changes = None
     if truth is not None:
-        changes = coarse(np.array([scale_of_mean(np.abs(one)) for one in truth]) - before)
-    nothing = np.zeros(len(before), np.int64)
-    contexts = Contexts(np.full(len(before), FIRST_SCALE + 1), nothing, nothing, nothing)
-    scales = before + model.code(port, changes, contexts)
+        found = [[scale_of_mean(np.abs(row)) for row in one.T] for one in truth]
+        changes = coarse(np.array(found) - befores).ravel()
+    nothing = np.zeros(befores.size, np.int64)
+    contexts = Contexts(np.full(befores.size, FIRST_SCALE + 1), nothing, nothing, nothing)
+    scales = befores + model.code(port, changes, contexts).reshape(befores.shape)
     if scales.min() < 0 or scales.max() > MAX_SCALE:
-        raise CorruptStreamError(f"a row has scales {scales.tolist()}; 0..{MAX_SCALE} are allowed")
-    return scales
+        raise CorruptStreamError(f"rows have scales {scales.tolist()}; 0..{MAX_SCALE} are allowed")
+    return np.asarray(scales)
 
 
-def _code_pass(
+def _code_batch(
     port: BitPort,
-    truth: Integers | None,
-    step: Neighbourhood,
+    truth: list[Integers] | None,
+    plan: list[Neighbourhood],
     past: Past,
-    row: Integers,
-    magnitudes: Integers,
-    means: Integers,
+    scales: Integers,
+    rows: Integers,
     model: ValueModel,
 ) -> None:
-    """Fill in the columns of a pass: their integers in `row` and what `magnitudes` has of them."""
-    columns = step.columns
-    near, before = step.sum_near(magnitudes), past.magnitudes[columns]
-    contexts = Contexts(
-        expected_classes(
-            before, past.means[columns], near, step.sum_near(means), int(means[columns[0]])
-        ),
+    """Fill in `rows`, of shape (columns, rows), pass by pass; then learn from them."""
+    magnitudes, means = np.zeros((2, *rows.shape), np.int64)
+    for place in np.flatnonzero(scales.any(axis=1)):
+        step, columns = plan[place], plan[place].columns
+        means[columns] = mean_of_scale(scales[place]) * (scales[place] > 0)
+        coded = np.flatnonzero(scales[place])
+        values = None if truth is None else truth[place][:, coded].ravel()
+        contexts = _contexts(step, past, rows[:, coded], magnitudes[:, coded], means[:, coded])
+        shape = (len(columns), len(coded))
+        rows[np.ix_(columns, coded)] = model.code(port, values, contexts).reshape(shape)
+        magnitudes[columns] = np.minimum(np.abs(rows[columns]), MAX_EVIDENCE)
+    for row in range(rows.shape[1]):
+        past.add(magnitudes[:, row], means[:, row])
+    signed = signed_votes(rows)
+    for step in plan:
+        step.learn(signed)
+
+
+def _contexts(
+    step: Neighbourhood, past: Past, rows: Integers, magnitudes: Integers, means: Integers
+) -> Contexts:
+    """What is known of the integers of a pass in some rows, column by column."""
+    n_rows = rows.shape[1]
+    near = step.sum_near(magnitudes).ravel()
+    before = np.repeat(past.magnitudes[step.columns], n_rows)
+    usual = np.repeat(past.means[step.columns], n_rows)
+    mean = np.tile(means[step.columns[0]], len(step.columns))
+    return Contexts(
+        expected_classes(before, usual, near, step.sum_near(means).ravel(), mean),
         past_classes(before),
         near_classes(near),
-        step.predict_signs(signed_votes(row)),
+        step.predict_signs(signed_votes(rows)).ravel(),
     )
-    row[columns] = model.code(port, truth, contexts)
-    magnitudes[columns] = np.minimum(np.abs(row[columns]), MAX_EVIDENCE)
 
 
 def _least_size_bytes(n_rows: int, n_columns: int) -> int:

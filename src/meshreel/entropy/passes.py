@@ -60,16 +60,17 @@ class Neighbourhood:
         self._targets = np.repeat(step.columns, np.diff(step.indptr))
 
     def sum_near(self, values: Integers) -> Integers:
-        """Sum over the neighbours, of shape (n,), of values of all columns."""
+        """Sum over the neighbours, of shape (n, rows), of values of shape (columns, rows)."""
         return np.asarray(self._near @ values)
 
     def predict_signs(self, signed: Integers) -> Integers:
-        """What the neighbours vote for, of shape (n,); see `signed_votes`."""
+        """What the neighbours vote for, of shape (n, rows); see `signed_votes`."""
         return np.asarray(self._agreement @ signed)
 
     def learn(self, signed: Integers) -> None:
-        """Take in a row that is coded."""
-        self._agreement.data += signed[self._targets] * signed[self._agreement.indices]
+        """Take in rows that are coded, as votes of shape (columns, rows)."""
+        agreed = signed[self._targets] * signed[self._agreement.indices]
+        self._agreement.data += agreed.sum(axis=1)
 
 
 def neighbourhoods(passes: Sequence[Pass], n_columns: int) -> list[Neighbourhood]:

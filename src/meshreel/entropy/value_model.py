@@ -13,7 +13,6 @@ from meshreel.entropy.adaptive import (
     AdaptiveBits,
     BitPort,
     Bits,
-    code_evenly,
 )
 from meshreel.entropy.contexts import N_EXPECTED, N_NEAR, N_PAST, UNIT, Contexts, mean_of_scale
 from meshreel.entropy.tokens import MAX_MAGNITUDE
@@ -31,7 +30,9 @@ class ValueModel:
         powers = _powers_of_decay()
         any_at_all = np.repeat(powers[0], N_PAST * N_NEAR)
         self._longer = [AdaptiveBits(guess) for guess in [any_at_all, *powers[: MAX_LENGTH - 1]]]
-        self._upper = [AdaptiveBits(CERTAIN * power // (CERTAIN + power)) for power in powers]
+        self._upper = AdaptiveBits(
+            np.concatenate([CERTAIN * power // (CERTAIN + power) for power in powers])
+        )
         self._wrong_sign = AdaptiveBits(np.full(len(SIGN_BOUNDS) + 1, CERTAIN // 2))
 
     def code(self, port: BitPort, truth: Integers | None, contexts: Contexts) -> Integers:
@@ -49,8 +50,7 @@ class ValueModel:
         values = self._code_upper_halves(port, magnitudes, lengths, contexts.expected)
         used = np.flatnonzero(lengths)
         negative = None if truth is None else truth[used] < 0
-        signs = self._code_signs(port, negative, contexts.prediction[used])
-        values[used] = np.where(signs, -values[used], values[used])
+        values[used] *= self._code_signs(port, negative, contexts.prediction[used])
         return values
 
     def _code_lengths(
@@ -70,30 +70,22 @@ class ValueModel:
         return lengths
 
     def _code_upper_halves(
-        self, port: BitPort, magnitudes: Integers | None, lengths: Integers, classes: Integers
+        self, port: BitPort, magnitudes: Integers | None, lengths: Integers, expected: Integers
     ) -> Integers:
         values = np.minimum(lengths, 1)
-        for length in range(2, int(lengths.max(initial=0)) + 1):
-            here = np.flatnonzero(lengths == length)
-            shift = length - 2
-            truth = None if magnitudes is None else (magnitudes[here] >> shift & 1) == 1
-            upper = self._upper[shift].code(port, truth, classes[here])
-            values[here] = (2 + upper.astype(np.int64)) << shift
+        here = np.flatnonzero(lengths > 1)
+        shifts = lengths[here] - 2
+        truth = None if magnitudes is None else (magnitudes[here] >> shifts & 1) == 1
+        upper = self._upper.code(port, truth, shifts * N_EXPECTED + expected[here])
+        values[here] = (2 + upper.astype(np.int64)) << shifts
         return values
 
-    def _code_signs(self, port: BitPort, negative: Bits | None, prediction: Integers) -> Bits:
+    def _code_signs(self, port: BitPort, negative: Bits | None, prediction: Integers) -> Integers:
         expected = prediction < 0
         classes = np.searchsorted(SIGN_BOUNDS, np.abs(prediction), side="right")
-        known = classes > 0
-        wrong = np.empty(len(prediction), np.bool_)
         truth = None if negative is None else negative ^ expected
-        wrong[~known] = code_evenly(
-            port, None if truth is None else truth[~known], int(np.sum(~known))
-        )
-        wrong[known] = self._wrong_sign.code(
-            port, None if truth is None else truth[known], classes[known]
-        )
-        return wrong ^ expected
+        wrong = self._wrong_sign.code(port, truth, classes)
+        return 1 - 2 * (wrong ^ expected).astype(np.int64)
 
 
 def bit_lengths(magnitudes: Integers) -> Integers:

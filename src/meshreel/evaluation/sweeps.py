@@ -10,11 +10,10 @@ from meshreel.evaluation.settings import Setting, checked_names, sweep, variants
 CODED_METHODS = tuple(method.name for method in METHODS)
 DEFAULT_METHODS = ("reel", "pca-qp", "v2v")
 
-# Options of methods that the paper's sweep has no row for; without one, their defaults are run.
-_STEPS = (1.6e-3, 8e-4, 4e-4, 2e-4, 1e-4, 5e-5, 2.5e-5)
-_MORE_SWEEPS: dict[str, tuple[dict[str, Any], ...]] = {
-    "reel": tuple({"step": step} for step in _STEPS)
-}
+# Options of `reel`, which the paper's sweep has no row for.
+_STEPS: tuple[float, ...] = (1.6e-3, 8e-4, 4e-4, 2e-4, 1e-4, 5e-5, 2.5e-5, 1.25e-5)
+TUNE = "visual"
+_EFFORTS: tuple[int, ...] = (5, 9)
 _SHORT = {"n_modes": "modes", "block_frames": "frames"}
 
 
@@ -50,11 +49,20 @@ def checked_coded_methods(names: Iterable[str]) -> tuple[str, ...]:
 
 def method_sweep(method: str, n_frames: int, n_verts: int, *, quick: bool) -> list[MethodSetting]:
     """The settings of a method, for a sequence of so many frames and vertices."""
-    if method in _MORE_SWEEPS:
-        return [MethodSetting(method, tuple(row.items())) for row in _MORE_SWEEPS[method]]
+    if method == "reel":
+        return _reel_sweep(quick=quick)
     usual = variants(n_frames, (method,))
     found = sweep(n_frames, n_verts, (method,), quick=quick) or usual
     return [_of_paper(setting) for setting in found] or [MethodSetting(method)]
+
+
+def _reel_sweep(*, quick: bool) -> list[MethodSetting]:
+    steps, efforts = (_STEPS[1:6:2], _EFFORTS[:1]) if quick else (_STEPS, _EFFORTS)
+    return [
+        MethodSetting("reel", (("step", step), ("tune", TUNE), ("effort", effort)))
+        for effort in efforts
+        for step in steps
+    ]
 
 
 def _of_paper(setting: Setting) -> MethodSetting:

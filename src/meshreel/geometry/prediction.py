@@ -5,7 +5,9 @@ whatever is smooth on this mesh varies from a stencil to its vertex. *Known fiel
 tell how this animation does.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -71,19 +73,57 @@ class Stencils:
         S. T. Roweis, L. K. Saul, "Nonlinear dimensionality reduction by locally linear
         embedding", Science 290, 2000: the weights of its first step.
         """
-        if not (fields.shape[1] and self.stencil.shape[1]):
-            return self.weights
-        learned = np.empty_like(self.weights)
+        return WeightLearner(self).learn(fields, noise)
+
+
+class WeightLearner:
+    """Learns weights of stencils from fields that become known one group after another.
+
+    Parameters
+    ----------
+    stencils : Stencils
+    """
+
+    def __init__(self, stencils: Stencils) -> None:
+        n_targets, size = stencils.stencil.shape
+        self._stencils = stencils
+        self._is_there = stencils.stencil >= 0
+        self._gram = np.zeros((n_targets, size, size))
+        self._n_fields = 0
+
+    def learn(self, fields: Floats, noise: float) -> Floats:
+        """Weights after some more fields of shape (V, K) are known; see `Stencils.learn`."""
+        known = self._stencils
+        self._n_fields += fields.shape[1]
+        if not (self._n_fields and known.stencil.shape[1]):
+            return known.weights
+        learned = np.empty_like(known.weights)
 
         def fill(rows: slice) -> None:
-            is_there = self.stencil[rows] >= 0
-            offsets = _offsets(fields, self.targets[rows], self.stencil[rows])
-            ridge = KNOWN_RIDGE * _spread(offsets, is_there) + noise * fields.shape[1]
-            penalty = ridge[:, None] * self.penalty[rows]
-            learned[rows] = _nearest_weights(offsets, penalty, self.weights[rows], is_there)
+            offsets = _offsets(fields, known.targets[rows], known.stencil[rows])
+            gram, is_there = self._gram[rows], self._is_there[rows]
+            gram += offsets @ np.swapaxes(offsets, 1, 2)
+            ridge = KNOWN_RIDGE * _spread(gram, is_there) + noise * self._n_fields
+            penalty = ridge[:, None] * known.penalty[rows]
+            learned[rows] = _nearest_weights(gram, penalty, known.weights[rows], is_there)
 
         in_threads(fill, chunks(len(learned), CHUNK_VERTICES))
         return learned
+
+
+def joined_stencils(parts: Sequence[Stencils], size: int) -> Stencils:
+    """The stencils of several scales as one, all of a size: smaller ones are filled up."""
+
+    def filled(values: npt.NDArray[Any], filling: float) -> npt.NDArray[Any]:
+        missing = size - values.shape[1]
+        return np.pad(values, ((0, 0), (0, missing)), constant_values=filling)
+
+    return Stencils(
+        np.concatenate([part.targets for part in parts]),
+        np.concatenate([filled(part.stencil, -1) for part in parts]),
+        np.concatenate([filled(part.penalty, 1.0) for part in parts]),
+        np.concatenate([filled(part.weights, 0.0) for part in parts]),
+    )
 
 
 def smooth_stencils(scale: Scale) -> Stencils:
@@ -103,9 +143,10 @@ def smooth_stencils(scale: Scale) -> Stencils:
 
         def fill(rows: slice) -> None:
             offsets = _offsets(fields, targets[rows], stencil[rows])
-            ridge = SMOOTH_RIDGE * _spread(offsets, is_there[rows])
+            gram = offsets @ np.swapaxes(offsets, 1, 2)
+            ridge = SMOOTH_RIDGE * _spread(gram, is_there[rows])
             weights[rows] = _nearest_weights(
-                offsets, ridge[:, None] * penalty[rows], weights[rows], is_there[rows]
+                gram, ridge[:, None] * penalty[rows], weights[rows], is_there[rows]
             )
 
         in_threads(fill, chunks(len(weights), CHUNK_VERTICES))
@@ -135,22 +176,22 @@ def _offsets(fields: Floats, targets: Integers, stencil: Integers) -> Floats:
     return np.asarray(offsets * (stencil >= 0)[:, :, None])
 
 
-def _spread(offsets: Floats, is_there: npt.NDArray[np.bool_]) -> Floats:
+def _spread(gram: Floats, is_there: npt.NDArray[np.bool_]) -> Floats:
     """Mean squared offset of each stencil, of shape (n,)."""
     n_there = np.maximum(is_there.sum(axis=1), 1)
-    return np.asarray(np.einsum("ijk,ijk->i", offsets, offsets) / n_there)
+    return np.asarray(np.trace(gram, axis1=1, axis2=2) / n_there)
 
 
 def _nearest_weights(
-    offsets: Floats, ridge: Floats, suggested: Floats, is_there: npt.NDArray[np.bool_]
+    gram: Floats, ridge: Floats, suggested: Floats, is_there: npt.NDArray[np.bool_]
 ) -> Floats:
-    """Weights of sum 1 that minimise |w offsets|^2 + ridge (w - suggested)^2, row by row.
+    """Weights of sum 1 that minimise w gram w + ridge (w - suggested)^2, row by row.
 
     Those of places that are not there are 0; rows without any place are 0 throughout.
     """
     # Where nothing varies, every choice reproduces it; any ridge then keeps what is suggested.
     ridge = np.where(ridge > 0, ridge, 1.0)
-    gram = offsets @ np.swapaxes(offsets, 1, 2)
+    gram = gram.copy()
     places = np.arange(gram.shape[1])
     gram[:, places, places] += ridge
     solved = np.linalg.solve(gram, np.stack([ridge * suggested, is_there], axis=2))

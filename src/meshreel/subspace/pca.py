@@ -4,12 +4,15 @@ import numpy as np
 import numpy.typing as npt
 from scipy.linalg import eigh
 
-from meshreel.threads import chunks, in_threads, n_cores, one_blas_thread
+from meshreel.threads import chunks, in_threads, one_blas_thread
 
 Floats = npt.NDArray[np.float64]
 
 RANK_TOLERANCE = 1e-13
 """Eigenvalues of a Gram matrix below this share of the largest are rounding."""
+
+GRAM_COLUMNS = 2048
+"""Columns whose share of a Gram matrix is computed at once."""
 
 SMALL_GRAM = 1000
 """Up to this size all eigenvectors are found, in one BLAS thread; beyond, only those wanted."""
@@ -85,16 +88,20 @@ def joint_trajectories(frames: Floats, n_modes: int, least: float = 0.0) -> tupl
 
 
 def _gram(wide: Floats) -> Floats:
-    """``A A^T`` of a wide matrix."""
-    pieces = chunks(wide.shape[1], max(256, -(-wide.shape[1] // (2 * n_cores()))))
+    """``A A^T`` of a wide matrix; summed in one order, however many cores there are."""
+    pieces = chunks(wide.shape[1], GRAM_COLUMNS)
+    total = np.zeros((len(wide), len(wide)))
     parts: dict[int, Floats] = {}
 
     def multiply(piece: slice) -> None:
         part = wide[:, piece]
         parts[piece.start] = part @ part.T
 
-    in_threads(multiply, pieces)
-    return np.asarray(sum(parts[piece.start] for piece in pieces))
+    def add(n_done: int) -> None:
+        np.add(total, parts.pop(pieces[n_done - 1].start), out=total)
+
+    in_threads(multiply, pieces, add)
+    return total
 
 
 def _leading(gram: Floats, n_modes: int, least: float) -> tuple[Floats, Floats]:

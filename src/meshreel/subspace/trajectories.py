@@ -34,7 +34,9 @@ def bounding_frame(vertices: npt.NDArray[np.floating]) -> BoundingFrame:
     low = vertices.min(axis=0).min(axis=0).astype(np.float64)
     high = vertices.max(axis=0).max(axis=0).astype(np.float64)
     x, y, z = (low + (high - low) / 2).tolist()
-    return BoundingFrame((x, y, z), float(np.linalg.norm(high - low)) or 1.0)
+    extent = high - low
+    largest = float(extent.max()) or 1.0  # taken out, for squares of tiny extents are 0
+    return BoundingFrame((x, y, z), largest * float(np.linalg.norm(extent / largest)) or 1.0)
 
 
 def to_matrices(vertices: npt.NDArray[np.floating], frame: BoundingFrame) -> Floats:

@@ -1,7 +1,19 @@
+from itertools import combinations
+
 import pytest
 
-from meshreel.codec.config import EncoderConfig
+from meshreel.codec.config import MAX_BLOCK_POSITIONS, EncoderConfig
 from meshreel.errors import InvalidInputError
+
+TARGETS = {
+    "quality": 80,
+    "step": 0.001,
+    "max_error": 0.1,
+    "kg": 0.5,
+    "sted": 0.05,
+    "bpvf": 1.5,
+    "size": 900,
+}
 
 
 @pytest.mark.parametrize(
@@ -11,28 +23,52 @@ from meshreel.errors import InvalidInputError
             {"method": "zip"},
             "method 'zip' is unknown; choose pca-qp, pca, pca-q, v2v, pca-qs,",
         ),
-        ({"n_modes": 5, "energy": 0.9}, "exclude each other"),
+        ({"method": "pca-qp", "n_modes": 5, "energy": 0.9}, "exclude each other"),
         ({"n_modes": 0}, "n_modes must be a whole number of at least 1; got 0"),
         ({"n_modes": 2.5}, "n_modes must be a whole number"),
-        ({"energy": 0.0}, "energy must be"),
-        ({"energy": 1.5}, "energy must be"),
-        ({"bits": 1}, "bits must be 2..24; got 1"),
-        ({"bits": 40}, "bits must be 2..24; got 40"),
-        ({"anchors": 1.5}, "anchors is a share"),
-        ({"anchors": float("nan")}, "anchors is a share"),
+        ({"method": "pca-qp", "energy": 0.0}, "energy must be"),
+        ({"method": "pca-qp", "energy": 1.5}, "energy must be"),
+        ({"method": "pca-qp", "bits": 1}, "bits must be 2..24; got 1"),
+        ({"method": "pca-qp", "bits": 40}, "bits must be 2..24; got 40"),
+        ({"method": "pca-qp", "anchors": 1.5}, "anchors is a share"),
+        ({"method": "pca-qp", "anchors": float("nan")}, "anchors is a share"),
         ({"laplacian": "fancy"}, "laplacian 'fancy' is unknown; choose normalized, combinatorial"),
         ({"order": "some"}, "order 'some' is unknown; choose keep, vertices, drop"),
         ({"block_frames": 0}, "block_frames must be"),
         ({"n_iterations": 0}, "n_iterations must be"),
         ({"allocation": "even"}, "allocation 'even' is unknown; choose energy, constant"),
-        ({"bits": []}, "bits is an empty list"),
-        ({"bits": [8, 1]}, "bits of row 1 must be 0 or 2..24; got 1"),
+        ({"method": "pca-qp", "bits": []}, "bits is an empty list"),
+        ({"method": "pca-qp", "bits": [8, 1]}, "bits of row 1 must be 0 or 2..24; got 1"),
         ({"method": "pca-q", "anchors": 0.01}, "pca-q decodes with L alone"),
         ({"method": "v2v", "anchors": 0.01}, "v2v decodes with the product"),
-        ({"method": "pca-qp", "step": 0.001}, "pca-qp takes bits, not step"),
-        ({"method": "reel", "bits": 8}, "reel takes step, not bits"),
-        ({"method": "reel", "anchors": 0.1}, "reel takes step, not anchors"),
-        ({"method": "reel", "step": 0.0}, "step is in diagonals of the bounding box"),
+        *(
+            ({"method": "pca-qp", name: value}, f"pca-qp does not take {name};.* choose reel")
+            for name, value in {**TARGETS, "tune": "visual", "effort": 5}.items()
+        ),
+        *(
+            ({name: value}, f"reel does not take {name};.* such as pca-qp")
+            for name, value in {"bits": 8, "anchors": 0.1, "energy": 0.9}.items()
+        ),
+        *(
+            ({name: value}, f"{name} must be above 0; got {value}")
+            for name in TARGETS
+            if name not in ("quality", "step")
+            for value in (0, -1.5, float("inf"), float("nan"))
+        ),
+        *(
+            ({"quality": value}, rf"quality must be in 1\.\.100; got {value}")
+            for value in (0.9, 100.5, float("nan"))
+        ),
+        *(
+            ({"step": value}, "step is in diagonals of the bounding box")
+            for value in (0.0, -1.0, 1.1, float("nan"))
+        ),
+        *(({"effort": value}, f"effort must be 1..9; got {value}") for value in (0, 10, 2.5)),
+        ({"tune": "loud"}, "tune 'loud' is unknown; choose visual, geometry"),
+        *(
+            ({one: TARGETS[one], other: TARGETS[other]}, f"{one} and {other} exclude each other")
+            for one, other in combinations(TARGETS, 2)
+        ),
         ({"method": "gft", "energy": 0.9}, "gft keeps a number of low frequencies"),
         ({"method": "gft", "bits": [8, 8]}, "gft takes one number of bits"),
         ({"method": "gft", "allocation": "constant"}, "gft has one step"),
@@ -41,3 +77,17 @@ from meshreel.errors import InvalidInputError
 def test_config_says_what_is_allowed_when_an_option_is_wrong(options, message):
     with pytest.raises(InvalidInputError, match=message):
         EncoderConfig(**options)
+
+
+@pytest.mark.parametrize("n_frames", [1, 2, 1000, 1001])
+def test_reel_cuts_into_equal_blocks_within_memory_when_none_is_asked_for(n_frames):
+    n_verts = MAX_BLOCK_POSITIONS // 300
+    size = EncoderConfig().frames_in_block(n_frames, n_verts)
+    assert size * n_verts <= MAX_BLOCK_POSITIONS
+    n_blocks = -(-n_frames // size)
+    assert n_blocks == -(-n_frames * n_verts // MAX_BLOCK_POSITIONS)
+
+
+def test_reel_does_not_cut_when_memory_allows():
+    assert EncoderConfig().frames_in_block(5000, 100) == 5000
+    assert EncoderConfig(block_frames=30).frames_in_block(5000, 100) == 30

@@ -1,9 +1,13 @@
+import struct
+
 import numpy as np
 import pytest
 
 from meshreel.codec import payloads
+from meshreel.codec.corrections import Corrections
 from meshreel.codec.pipeline import Quantized
 from meshreel.codec.reel import MAX_TAP, N_TAPS, Layout
+from meshreel.entropy.coder import encode_integers
 from meshreel.entropy.varint import write_varint
 from meshreel.errors import CorruptStreamError, TruncatedStreamError, UnsupportedVersionError
 
@@ -155,8 +159,124 @@ def test_layout_is_refused_when_bytes_are_missing_or_left_over():
 
 def test_layout_is_refused_as_that_of_another_build_when_its_number_differs():
     payload = payloads.write_layout(layout(), some_taps())
-    for number in (0, payload[0] - 1, payload[0] + 1, 255):
-        with pytest.raises(UnsupportedVersionError, match=f"{number:02x}"):
+    remedies = {0: "encode the original again", 3: "encode the original again"}
+    for number in (0, 3, 5, 255):
+        remedy = remedies.get(number, "upgrade meshreel")
+        with pytest.raises(
+            UnsupportedVersionError, match=f"layout {number}; this build reads 4; {remedy}$"
+        ):
             payloads.read_layout(bytes([number]) + payload[1:], 4)
-    with pytest.raises(UnsupportedVersionError):
-        payloads.read_layout(b"", 4)
+
+
+def test_layout_is_refused_as_that_of_another_build_when_only_its_number_is_known():
+    for number in (3, 5):
+        with pytest.raises(UnsupportedVersionError):
+            payloads.read_layout(bytes([number]), 4)
+
+
+@pytest.mark.parametrize("size", [0, 1, 4])
+def test_layout_is_refused_as_cut_off_when_it_ends_in_its_first_fields(size):
+    payload = payloads.write_layout(layout(), some_taps())
+    with pytest.raises(TruncatedStreamError, match="cut off"):
+        payloads.read_layout(payload[:size], 4)
+
+
+def corrections(step=0.5):
+    """Of a block of 9 frames of 20 vertices."""
+    vertices = np.array([3, 3, 3, 7, 19, 19])
+    frames = np.array([0, 1, 5, 8, 2, 3])
+    offsets = np.arange(18).reshape(6, 3) - 9
+    return Corrections(np.float32(step), vertices, frames, offsets)
+
+
+def written_raw(step, n_corrected, columns):
+    """A payload of corrections as it should never be written."""
+    return b"".join(
+        [
+            struct.pack("<f", step),
+            write_varint(n_corrected),
+            write_varint(len(columns[2])),
+            encode_integers([np.array(one) for one in columns], [0, 1, 2, 3, 3, 3]),
+        ]
+    )
+
+
+def test_corrections_come_back_when_written():
+    back = payloads.read_corrections(payloads.write_corrections(corrections()), 9, 20)
+    assert back.step == np.float32(0.5)
+    np.testing.assert_array_equal(back.vertices, corrections().vertices)
+    np.testing.assert_array_equal(back.frames, corrections().frames)
+    np.testing.assert_array_equal(back.offsets, corrections().offsets)
+
+
+@pytest.mark.parametrize(("n_frames", "n_verts"), [(8, 20), (9, 19), (1, 3), (1, 1)])
+def test_corrections_are_refused_when_the_block_is_smaller(n_frames, n_verts):
+    with pytest.raises(CorruptStreamError):
+        payloads.read_corrections(payloads.write_corrections(corrections()), n_frames, n_verts)
+
+
+@pytest.mark.parametrize("step", [0.0, -1.0, np.nan, np.inf, payloads.MAX_STEP])
+def test_corrections_are_refused_when_their_step_is_none(step):
+    with pytest.raises(CorruptStreamError):
+        payloads.read_corrections(payloads.write_corrections(corrections(step)), 9, 20)
+
+
+NONE = [0, 0, 0]
+
+
+@pytest.mark.parametrize(
+    ("n_corrected", "columns"),
+    [
+        (2, [[3, 0], [0, 0], [0, 0], [1, 1], [0, 0], [0, 0]]),  # a vertex twice
+        (2, [[3, -1], [0, 0], [0, 0], [1, 1], [0, 0], [0, 0]]),  # descending
+        (1, [[-1], [0], [0], [1], [0], [0]]),
+        (1, [[20], [0], [0], [1], [0], [0]]),
+        (1, [[3], [-1], [0], [1], [0], [0]]),  # a vertex without corrections
+        (2, [[3, 1], [1, -1], [0, 0], [1, 1], [0, 0], [0, 0]]),
+        (1, [[3], [2], [0, 1], [1, 1], [0, 0], [0, 0]]),  # more than are announced
+        (1, [[3], [0], [-1], [1], [0], [0]]),
+        (1, [[3], [0], [9], [1], [0], [0]]),
+        (1, [[3], [1], [4, -5], [1, 1], [0, 0], [0, 0]]),
+        (3, [[3, 1, 1], NONE, [0, 0], [1, 1], [0, 0], [0, 0]]),  # fewer than vertices
+    ],
+)
+def test_corrections_are_refused_when_they_contradict_themselves(n_corrected, columns):
+    with pytest.raises(CorruptStreamError):
+        payloads.read_corrections(written_raw(0.5, n_corrected, columns), 9, 20)
+
+
+def test_corrections_are_refused_before_they_take_memory_when_too_many_are_announced():
+    payload = struct.pack("<f", 0.5) + write_varint(1) + write_varint(2**60)
+    with pytest.raises(CorruptStreamError, match="are announced, for 9 frames of 20"):
+        payloads.read_corrections(payload, 9, 20)
+
+
+def test_runs_of_equal_offsets_take_few_bytes_when_written():
+    frames = np.arange(500)
+    nothing = np.zeros(500, np.int64)
+    run, scattered = (
+        Corrections(np.float32(1), nothing, frames, offsets)
+        for offsets in (
+            np.tile([700, -90, 33], (500, 1)),
+            np.random.default_rng(0).integers(-700, 701, (500, 3)),
+        )
+    )
+    sizes = [len(payloads.write_corrections(one)) for one in (run, scattered)]
+    assert sizes[0] < 60 < 1000 < sizes[1]
+
+
+@pytest.mark.parametrize("percent", [1e-300, 0.1, 1 / 3, 5e9])
+def test_promise_comes_back_exactly_when_written(percent):
+    assert payloads.read_promise(payloads.write_promise(percent)) == percent
+
+
+@pytest.mark.parametrize("percent", [0.0, -0.1, np.nan, np.inf])
+def test_promise_is_refused_when_it_is_no_positive_number(percent):
+    with pytest.raises(CorruptStreamError, match="promised"):
+        payloads.read_promise(payloads.write_promise(percent))
+
+
+@pytest.mark.parametrize("size", [0, 7, 9])
+def test_promise_is_refused_when_its_length_is_wrong(size):
+    with pytest.raises(CorruptStreamError, match=f"this one has {size}"):
+        payloads.read_promise(bytes(size))

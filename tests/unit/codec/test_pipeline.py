@@ -23,7 +23,7 @@ def round_trip(sequence, config):
 @pytest.mark.parametrize("laplacian", ["normalized", "combinatorial"])
 @pytest.mark.parametrize("anchors", [0.0, 0.01, 1.0])
 def test_frames_come_back_when_all_modes_are_kept_with_fine_steps(laplacian, anchors):
-    config = EncoderConfig(n_modes=12, bits=24, anchors=anchors, laplacian=laplacian)
+    config = EncoderConfig("pca-qp", n_modes=12, bits=24, anchors=anchors, laplacian=laplacian)
     matrices, matrices_hat, _ = round_trip(waving_grid(12), config)
     # What is left is the rounding of the dictionary and the anchors to 16 bits.
     assert np.abs(matrices_hat - matrices).max() < 2e-4
@@ -33,7 +33,7 @@ def test_error_falls_when_bits_are_added():
     errors = []
     for bits in (5, 7, 9, 11):
         matrices, matrices_hat, _ = round_trip(
-            waving_grid(12), EncoderConfig(n_modes=12, bits=bits)
+            waving_grid(12), EncoderConfig("pca-qp", n_modes=12, bits=bits)
         )
         errors.append(np.linalg.norm(matrices_hat - matrices))
     assert errors == sorted(errors, reverse=True)
@@ -48,7 +48,7 @@ def test_solving_for_modes_equals_solving_for_frames_when_done_both_ways():
 
 def test_connected_vertices_come_back_when_others_are_isolated():
     sequence = irregular_sequence()
-    config = EncoderConfig(n_modes=8, bits=24)
+    config = EncoderConfig("pca-qp", n_modes=8, bits=24)
     matrices, matrices_hat, mesh = round_trip(sequence, config)
     connected = np.setdiff1d(np.arange(sequence.n_verts), mesh.isolated)
     assert np.abs(matrices_hat - matrices)[:, :, connected].max() < 5e-4

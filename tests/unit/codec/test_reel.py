@@ -17,6 +17,7 @@ from meshreel.codec.reel import (
     MAX_TAP,
     N_TAPS,
     N_TELLING,
+    BlockFrames,
     FieldChoices,
     FieldMesh,
     analyse_fields,
@@ -28,6 +29,7 @@ from meshreel.codec.reel import (
 from meshreel.codec.timeline import time_predictors
 from meshreel.entropy.field_coder import decode_fields
 from meshreel.errors import InvalidInputError, UnsupportedVersionError
+from meshreel.geometry.prediction import WeightLearner
 from meshreel.sequence import MeshSequence
 from meshreel.subspace.trajectories import bounding_frame, to_matrices
 from sample_meshes import irregular_sequence, kg_error_percent, waving_grid
@@ -48,7 +50,8 @@ def matrices_of(sequence):
 def analysed(step=0.002, n_frames=12, sequence=None, **choices):
     sequence = waving_grid(n_frames, 12, 13, np.float64) if sequence is None else sequence
     mesh, matrices = field_mesh(sequence), matrices_of(sequence)
-    return matrices, mesh, analyse_fields(matrices, mesh, FieldChoices(step, **choices))
+    block, _, _ = analyse_fields(BlockFrames(matrices), mesh, FieldChoices(step, **choices))
+    return matrices, mesh, block
 
 
 def noisy_grid(noise, n_frames=12):
@@ -73,7 +76,7 @@ def wanted_fields(block, matrices):
 
 
 def reading(block, mesh):
-    def steps_of(modes):
+    def steps_of(modes, *_):
         return lambda level, _: block.fields[modes, mesh.levels[level]].T
 
     return steps_of
@@ -104,13 +107,13 @@ def test_error_falls_with_the_step_when_it_is_made_finer():
 @pytest.mark.parametrize("step", [0.02, 0.002, 0.0001])
 def test_fields_lie_within_half_a_step_of_the_truth_when_bits_are_free(step):
     """Closed loop: what earlier levels and groups got wrong is in what later ones send."""
-    matrices, mesh, block = analysed(step, 30, price=0.0)
+    matrices, mesh, block = analysed(step, 30, price=0.0, carried_share=0.0)
     error = np.abs(values_before_filters(block, mesh) - wanted_fields(block, matrices))
     assert error.max() <= 0.5 * float(block.layout.step) * (1 + 1e-6)
 
 
 def test_fields_lie_within_a_step_of_the_truth_when_bits_have_a_price():
-    matrices, mesh, block = analysed(0.002, 30)
+    matrices, mesh, block = analysed(0.002, 30, carried_share=0.0)
     error = np.abs(values_before_filters(block, mesh) - wanted_fields(block, matrices))
     assert error.max() <= float(block.layout.step) * (1 + 1e-6)
 
@@ -268,7 +271,7 @@ def test_predictors_only_use_earlier_levels_when_fields_are_known():
     mesh = field_mesh(irregular_sequence())
     fields = np.random.default_rng(1).normal(size=(mesh.mesh.n_verts, 3))
     known = np.zeros(mesh.mesh.n_verts, bool)
-    predictors = mesh.predictors(fields, 0.01)
+    predictors = mesh.predictors(WeightLearner(mesh.stencils).learn(fields, 0.01))
     assert len(predictors) == len(mesh.levels)
     for predictor, level in zip(predictors, mesh.levels, strict=True):
         np.testing.assert_array_equal(predictor.rows, level)
@@ -320,13 +323,17 @@ def test_bytes_are_the_same_when_encoded_twice():
     assert encode(irregular_sequence(), "reel") == encode(irregular_sequence(), "reel")
 
 
-def test_other_layouts_are_refused_when_the_method_is_in_the_making():
+@pytest.mark.parametrize(
+    ("number", "remedy"), [(127, "upgrade meshreel"), (3, "encode the original again")]
+)
+def test_other_layouts_are_refused_when_another_build_wrote_them(number, remedy):
+    first = bytes([number])
     stream = read_stream(encode(waving_grid(), "reel"))
     sections = [
-        (stored.id, b"\x7f" + stored.payload[1:] if stored.id is Section.FIELDS else stored.payload)
+        (stored.id, first + stored.payload[1:] if stored.id is Section.FIELDS else stored.payload)
         for stored in stream.sections[:-1]
     ]
-    with pytest.raises(UnsupportedVersionError, match="in the making"):
+    with pytest.raises(UnsupportedVersionError, match=f"layout {number}; .*; {remedy}"):
         decode(write_stream(stream.header, sections))
 
 

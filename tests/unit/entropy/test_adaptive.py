@@ -7,7 +7,6 @@ from meshreel.entropy.adaptive import (
     AdaptiveBits,
     BitReader,
     BitWriter,
-    code_evenly,
 )
 from meshreel.errors import CorruptStreamError
 
@@ -54,12 +53,12 @@ def test_counts_stay_bounded_when_very_many_bits_are_coded():
     assert 0 < model._ones[0] <= model._total[0]
 
 
-def test_bits_come_back_when_nothing_is_known_of_them():
+def test_bits_cost_one_each_when_nothing_is_known_of_them():
     bits = np.random.default_rng(3).random(100) < 0.5
-    writer = BitWriter()
-    code_evenly(writer, bits, 100)
+    writer, even = BitWriter(), np.full(100, CERTAIN // 2)
+    writer.code(bits, even)
     assert len(writer.words()) <= 20
-    np.testing.assert_array_equal(code_evenly(BitReader(writer.words()), None, 100), bits)
+    np.testing.assert_array_equal(BitReader(writer.words()).code(None, even), bits)
 
 
 def test_finishing_raises_when_words_are_left_over():

@@ -52,8 +52,8 @@ def test_past_forgets_too_when_a_row_is_empty():
 
 
 def expected(past=UNIT, past_mean=UNIT, near=0, near_mean=0, mean=UNIT):
-    columns = [np.array([one]) for one in (past, past_mean, near, near_mean)]
-    return int(expected_classes(*columns, mean)[0])
+    columns = [np.array([one]) for one in (past, past_mean, near, near_mean, mean)]
+    return int(expected_classes(*columns)[0])
 
 
 def test_expected_class_follows_the_mean_when_nothing_stands_out():
@@ -75,15 +75,14 @@ def test_expected_class_falls_when_the_same_evidence_was_to_be_expected():
 
 
 def test_expected_classes_are_those_of_each_column_when_there_are_many():
-    past = np.array([0, UNIT, 30 * UNIT])
-    usual, near = np.array([UNIT, 5 * UNIT, 0]), np.array([3, 0, 1])
-    near_mean = np.array([0, 2 * UNIT, UNIT])
-    together = expected_classes(past, usual, near, near_mean, UNIT // 2)
-    alone = [
-        expected(*case, mean=UNIT // 2) for case in zip(past, usual, near, near_mean, strict=True)
-    ]
+    past = np.array([0, UNIT, 30 * UNIT, 30 * UNIT])
+    usual, near = np.array([UNIT, 5 * UNIT, 0, 0]), np.array([3, 0, 1, 1])
+    near_mean = np.array([0, 2 * UNIT, UNIT, UNIT])
+    mean = np.array([UNIT // 2, UNIT // 2, UNIT // 2, UNIT // 8])
+    together = expected_classes(past, usual, near, near_mean, mean)
+    alone = [expected(*case) for case in zip(past, usual, near, near_mean, mean, strict=True)]
     assert together.tolist() == alone
-    assert len(set(alone)) == 3
+    assert len(set(alone)) == 4
 
 
 def test_expected_class_stays_in_its_range_when_evidence_is_extreme():

@@ -1,5 +1,7 @@
 """A second decoder of fields, slow, scalar and written from the words of `docs/format.md`."""
 
+from itertools import pairwise
+
 import constriction
 import numpy as np
 import pytest
@@ -57,7 +59,7 @@ class Tables:
         for _ in range(29):
             powers.append([power * power // 65536 for power in powers[-1]])
         self.longer = [Table(np.repeat(powers[0], 18).tolist()), *map(Table, powers)]
-        self.upper = [Table([65536 * p // (65536 + p) for p in power]) for power in powers]
+        self.upper = Table([65536 * p // (65536 + p) for power in powers for p in power])
         self.sign = Table([32768] * 13)
 
     def read(self, coder, known):
@@ -75,69 +77,80 @@ class Tables:
             if not left:
                 break
         values = [min(length, 1) for length in lengths]
-        for length in range(2, max(lengths) + 1):
-            here = [i for i, other in enumerate(lengths) if other == length]
-            bits = self.upper[length - 2].read(coder, [known[i][0] for i in here])
-            for i, bit in zip(here, bits, strict=True):
-                values[i] = (2 + bit) << (length - 2)
+        here = [i for i, length in enumerate(lengths) if length >= 2]
+        bits = self.upper.read(coder, [72 * (lengths[i] - 2) + known[i][0] for i in here])
+        for i, bit in zip(here, bits, strict=True):
+            values[i] = (2 + bit) << (lengths[i] - 2)
         self.read_signs(coder, values, [vote for *_, vote in known])
         return values
 
     def read_signs(self, coder, values, votes):
         used = [i for i, value in enumerate(values) if value]
-        for i in used:
-            if votes[i] == 0 and read_bit(coder, 32768):
-                values[i] = -values[i]
-        used = [i for i in used if votes[i]]
         contexts = [sum(bound <= abs(votes[i]) for bound in SIGN_BOUNDS) for i in used]
         for i, bit in zip(used, self.sign.read(coder, contexts), strict=True):
             if bit != (votes[i] < 0):
                 values[i] = -values[i]
 
 
+def batches(n_rows):
+    """First row of each batch, and the row behind it."""
+    return pairwise([*range(min(n_rows, 6)), *range(6, n_rows, 6), n_rows])
+
+
 def decode_slowly(data, n_rows, n_columns, passes):
-    """Coarse integers of a payload; of each pass, the neighbours of each of its columns."""
+    """Coarse integers of a payload, and the scales of each batch, pass and row.
+
+    Of each pass, `passes` has the neighbours of each of its columns.
+    """
     n_words, start = read_varint(data, 0)
     words = np.frombuffer(data, "<u4", n_words, start).astype(np.uint32)
     coder = constriction.stream.stack.AnsCoder(words)
     passes = [near for near in passes if near]
     agreement = {(i, j): 1 for near in passes for i in near for j in near[i]}
     past, past_mean = [0] * n_columns, [0] * n_columns
-    scales = [40] * len(passes)
+    before = [40] * len(passes)
     tables, tables_of_scales = Tables(), Tables()
-    rows = np.zeros((n_rows, n_columns), np.int64)
-    for values in rows:
-        changes = tables_of_scales.read(coder, [(41, 0, 0, 0)] * len(passes))
-        scales = [scale + change for scale, change in zip(scales, changes, strict=True)]
-        assert all(0 <= scale <= 70 for scale in scales)
-        row, means = [0] * n_columns, [0] * n_columns
+    rows = [[0] * n_columns for _ in range(n_rows)]
+    all_scales = []
+    for first, end in batches(n_rows):
+        length = end - first
+        changes = tables_of_scales.read(coder, [(41, 0, 0, 0)] * (len(passes) * length))
+        scales = [
+            [before[place] + changes[place * length + r] for r in range(length)]
+            for place in range(len(passes))
+        ]
+        assert all(0 <= scale <= 70 for one in scales for scale in one)
+        batch, means = rows[first:end], [[0] * n_columns for _ in range(length)]
 
-        def known_of(i, near, row=row, means=means):
+        def known_of(i, near, row, mean):
             near_sum = sum(min(abs(row[j]), 65535) for j in near)
             seen = ONE // 3 + past[i] // 2 + ONE * near_sum
-            usual = ONE // 3 + past_mean[i] // 2 + sum(means[j] for j in near)
+            usual = ONE // 3 + past_mean[i] // 2 + sum(mean[j] for j in near)
             return (
-                clamp((log(means[i]) + log(seen) - log(usual)) // 4, 0, 71),
+                clamp((log(mean[i]) + log(seen) - log(usual)) // 4, 0, 71),
                 sum(bound <= past[i] for bound in PAST_BOUNDS),
                 min(near_sum, 2),
                 sum(agreement[i, j] * clamp(row[j], -2, 2) for j in near),
             )
 
-        for near, scale in zip(passes, scales, strict=True):
-            if scale:
-                for i in near:
-                    means[i] = mean_of(scale)
-                read = tables.read(coder, [known_of(i, near[i]) for i in near])
-                for i, value in zip(near, read, strict=True):
-                    row[i] = value
-        for i, value in enumerate(row):
-            past[i] += ONE * min(abs(value), 65535) - past[i] // 8
-            past_mean[i] += means[i] - past_mean[i] // 8
-        for i, j in agreement:
-            agreement[i, j] += clamp(row[i], -2, 2) * clamp(row[j], -2, 2)
-        values[:] = row
+        for near, scales_here in zip(passes, scales, strict=True):
+            places = [(i, r) for i in near for r, scale in enumerate(scales_here) if scale]
+            for i, r in places:
+                means[r][i] = mean_of(scales_here[r])
+            known = [known_of(i, near[i], batch[r], means[r]) for i, r in places]
+            read = tables.read(coder, known) if known else []
+            for (i, r), value in zip(places, read, strict=True):
+                batch[r][i] = value
+        for row, mean in zip(batch, means, strict=True):
+            for i, value in enumerate(row):
+                past[i] += ONE * min(abs(value), 65535) - past[i] // 8
+                past_mean[i] += mean[i] - past_mean[i] // 8
+            for i, j in agreement:
+                agreement[i, j] += clamp(row[i], -2, 2) * clamp(row[j], -2, 2)
+        before = [one[-1] for one in scales]
+        all_scales.append(scales)
     assert coder.is_empty()
-    return rows
+    return np.array(rows), all_scales
 
 
 def grid_passes(side):
@@ -163,38 +176,70 @@ def as_arrays(passes):
     return [as_pass(list(near), list(near.values())) for near in passes]
 
 
-def lively_fields(scale, n_rows, n_columns):
+def lively_fields(scale, n_rows, n_columns=169):
+    """Of 16 rows in falling energy, some of them empty, the first ones."""
     rng = np.random.default_rng(8)
-    smooth = np.exp(np.sin(np.arange(n_columns) / 9)) * scale * 0.8 ** np.arange(n_rows)[:, None]
+    smooth = np.exp(np.sin(np.arange(n_columns) / 9)) * scale * 0.8 ** np.arange(16)[:, None]
     fields = np.rint(rng.laplace(scale=smooth) + smooth).astype(int)
-    fields[4] = 0
-    fields[5, ::2] = 0
+    fields[[4, 9, 14]] = 0
+    fields[[5, 10], ::2] = 0
     fields[6, :3] = (100, -5000, 2**31 - 1)
+    return fields[:n_rows]
+
+
+def fields_with_empty_passes(passes):
+    """Four empty rows turn scales to 0, so that those of the batch after may be 0 as well."""
+    n_columns = sum(map(len, passes))
+    fields = np.rint(np.random.default_rng(9).laplace(scale=2.0, size=(21, n_columns))).astype(int)
+    fields[[2, 3, 4, 5, 7, 10, 11, 14, 19]] = 0
+    fields[12:18, list(passes[1])] = 0
+    fields[9, list(passes[0])] = 0
     return fields
 
 
 def assert_read_alike(fields, passes, arrays):
-    decoded = decode_slowly(encode_fields(fields, arrays), *fields.shape, passes)
+    """The scales that the second decoder saw."""
+    decoded, scales = decode_slowly(encode_fields(fields, arrays), *fields.shape, passes)
     size = np.maximum(np.frexp(np.abs(fields))[1] - 2, 0)
     np.testing.assert_array_equal(np.abs(decoded), np.abs(fields) >> size << size)
     np.testing.assert_array_equal(np.sign(decoded), np.sign(fields))
+    return scales
 
 
+LENGTHS = [1, 5, 6, 7, 11, 12, 13, 16]
+
+
+@pytest.mark.parametrize("n_rows", LENGTHS)
 @pytest.mark.parametrize("scale", [0.2, 3.0])
-def test_payload_is_read_alike_when_a_second_decoder_follows_the_format(scale):
+def test_payload_is_read_alike_when_a_second_decoder_follows_the_format(scale, n_rows):
     passes = grid_passes(13)
     assert [len(near) for near in passes] == [16, 33, 0, 120]
-    assert_read_alike(lively_fields(scale, 12, 169), passes, as_arrays(passes))
+    assert_read_alike(lively_fields(scale, n_rows), passes, as_arrays(passes))
 
 
+@pytest.mark.parametrize("n_rows", LENGTHS)
 @pytest.mark.parametrize("scale", [0.2, 3.0])
-def test_payload_is_read_alike_when_there_is_a_single_pass(scale):
-    assert_read_alike(lively_fields(scale, 12, 169), [{i: [] for i in range(169)}], None)
+def test_payload_is_read_alike_when_there_is_a_single_pass(scale, n_rows):
+    assert_read_alike(lively_fields(scale, n_rows), [{i: [] for i in range(169)}], None)
+
+
+def test_payload_is_read_alike_when_passes_are_empty_in_some_rows_of_a_batch_or_in_all():
+    passes = grid_passes(13)
+    scales = assert_read_alike(fields_with_empty_passes(passes), passes, as_arrays(passes))
+    assert [len(batch[0]) for batch in scales] == [1, 1, 1, 1, 1, 1, 6, 6, 3]
+    is_empty = [[[scale == 0 for scale in one] for one in batch] for batch in scales]
+    assert is_empty[6] == [
+        [False, True, False, True, True, True],
+        [False, True, False, False, True, True],
+        [False, True, False, False, True, True],
+    ]
+    assert is_empty[7][0] == is_empty[7][2] == [False, False, True, False, False, False]
+    assert all(is_empty[7][1])
 
 
 def test_payload_is_read_alike_when_counts_are_halved():
     """Sets so large that a context is halved, and then stands above the limit still."""
-    fields = np.zeros((9, 700), int)
+    fields = np.zeros((15, 700), int)
     for number, row in enumerate(fields):
         row[number :: 5 + 40 * (number % 2)] = 1 - 2 * (number % 3 == 0)
     assert_read_alike(fields, [{i: [] for i in range(700)}], None)

@@ -11,6 +11,8 @@ from meshreel.geometry.prediction import (
     KNOWN_RIDGE,
     N_SMOOTH_FIELDS,
     SMOOTH_RIDGE,
+    WeightLearner,
+    joined_stencils,
     smooth_stencils,
 )
 from sample_meshes import grid_faces, octahedron_faces
@@ -186,6 +188,74 @@ def test_weights_are_the_same_when_vertices_are_taken_in_smaller_chunks(monkeypa
     for one, other in zip(GRID, stencils_of(faces, ROWS * COLUMNS), strict=True):
         np.testing.assert_allclose(other.weights, one.weights, atol=1e-9)
         np.testing.assert_allclose(other.learn(fields, 1e-3), one.learn(fields, 1e-3), atol=1e-9)
+
+
+@pytest.mark.parametrize("noise", [0.0, 1e-3])
+@pytest.mark.parametrize("cuts", [[2], [0, 2, 2, 7], [12]])
+@pytest.mark.parametrize("all_stencils", [GRID, SMALL_ONES])
+def test_learned_weights_are_the_same_when_fields_become_known_in_portions(
+    all_stencils, cuts, noise
+):
+    n_verts = max(stencils.targets.max() for stencils in all_stencils) + 1
+    fields = rough_fields(12, n_verts)
+    for stencils in all_stencils:
+        learner = WeightLearner(stencils)
+        for end, portion in zip([*cuts, 12], np.split(fields, cuts, axis=1), strict=True):
+            learned = learner.learn(portion, noise)
+            at_once = stencils.learn(fields[:, :end], noise)
+            np.testing.assert_allclose(learned, at_once, rtol=0, atol=1e-9)
+
+
+def test_weights_learned_before_stay_the_same_when_more_fields_become_known():
+    stencils, fields = GRID[-1], smooth_fields()
+    suggested = stencils.weights.copy()
+    learner = WeightLearner(stencils)
+    first = learner.learn(fields[:, :1], 1e-3)
+    kept = first.copy()
+    second = learner.learn(fields[:, 1:], 1e-3)
+    np.testing.assert_array_equal(first, kept)
+    np.testing.assert_array_equal(stencils.weights, suggested)
+    assert np.abs(second - first).max() > 0.01
+
+
+def test_noise_is_that_of_the_last_call_when_it_differs_between_portions():
+    """The ridge is no sum over portions, as what is known of the fields is."""
+    stencils, fields = GRID[-1], smooth_fields()
+    learner = WeightLearner(stencils)
+    learner.learn(fields[:, :2], 1e3)
+    learned = learner.learn(fields[:, 2:], 1e-3)
+    np.testing.assert_allclose(learned, stencils.learn(fields, 1e-3), rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize("size", [SIZE, SIZE + 3])
+@pytest.mark.parametrize("parts", [GRID, SMALL_ONES, SMALL_ONES[:1], GRID[-1:]])
+def test_joined_stencils_are_those_of_the_parts_when_filled_up(parts, size):
+    joined = joined_stencils(parts, size)
+    ends = np.cumsum([len(part.targets) for part in parts])[:-1]
+    columns = (joined.targets, joined.stencil, joined.penalty, joined.weights)
+    for part, *found in zip(parts, *(np.split(column, ends) for column in columns), strict=True):
+        width = part.stencil.shape[1]
+        wanted = (part.stencil, part.penalty, part.weights)
+        np.testing.assert_array_equal(found[0], part.targets)
+        for one, values, filling in zip(found[1:], wanted, (-1, 1.0, 0.0), strict=True):
+            np.testing.assert_array_equal(one[:, :width], values)
+            np.testing.assert_array_equal(
+                one[:, width:], np.full((len(one), size - width), filling)
+            )
+
+
+@pytest.mark.parametrize("noise", [0.0, 1e-3])
+@pytest.mark.parametrize("n_fields", [0, 3])
+@pytest.mark.parametrize("parts", [GRID, SMALL_ONES])
+def test_joined_stencils_learn_the_weights_of_the_parts_when_filled_up(parts, n_fields, noise):
+    n_verts = max(part.targets.max() for part in parts) + 1
+    fields = rough_fields(n_fields, n_verts)
+    joined = joined_stencils(parts, SIZE + 2)
+    learned = joined.learn(fields, noise)
+    assert_sums(joined, learned)
+    wanted = [part.learn(fields, noise) for part in parts]
+    wanted = [np.pad(one, ((0, 0), (0, SIZE + 2 - one.shape[1]))) for one in wanted]
+    np.testing.assert_allclose(learned, np.concatenate(wanted), rtol=0, atol=1e-9)
 
 
 def smooth_fields_from_the_format(scale):

@@ -1,0 +1,144 @@
+"""What each part of `reel` is worth: Bjontegaard rates of the method with one part changed.
+
+    python bench/ablations.py samba.npz cow.npz --out ablations.json
+
+Every stream is encoded, decoded and compared; rates are those of whole files without the order.
+A positive number is the rate that the change costs at equal KG error / at equal STED.
+"""
+
+import argparse
+import dataclasses
+import json
+from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import ExitStack, contextmanager
+from functools import partial
+from pathlib import Path
+from typing import Any
+from unittest.mock import patch
+
+import numpy as np
+
+import meshreel
+import meshreel.codec.reel as reel
+import meshreel.codec.reel_encoder as reel_encoder
+import meshreel.codec.targets as targets
+import meshreel.geometry.prediction as prediction
+from meshreel.entropy.passes import single_pass
+from meshreel.evaluation.bjontegaard import bd_rate
+
+QUALITIES = (45, 60, 75, 90, 100)
+
+
+def choices(**changed: Any) -> Any:
+    """A patch of what the encoder chooses."""
+    usual = targets.choices_for
+    return lambda: patch.object(
+        reel_encoder, "choices_for", lambda *a: dataclasses.replace(usual(*a), **changed)
+    )
+
+
+def constant(module: Any, name: str, value: Any) -> Any:
+    """A patch of a constant or a function, at both sides."""
+    return lambda: patch.object(module, name, value)
+
+
+def no_smooth_fields(graph: Any) -> Any:
+    """Fields that do not vary: weights then follow distance alone."""
+    return np.zeros((graph.shape[0], 1))
+
+
+VARIANTS: dict[str, list[Any]] = {
+    "as it is": [],
+    "no learned weights": [choices(group_ends=())],
+    "weights learned twice (modes 3 and on, 9 and on)": [choices(group_ends=(2, 8))],
+    "no smooth fields: first weights by distance": [
+        constant(prediction, "_smooth_fields", no_smooth_fields)
+    ],
+    "no filters": [constant(reel, "MAX_TAP", 0)],
+    "rounding to the nearest": [choices(price=0.0)],
+    "errors not carried": [choices(carried_share=0.0)],
+    "errors carried on all scales": [choices(n_carrying_scales=99)],
+    "one pass without neighbours": [
+        constant(reel.FieldMesh, "passes", property(lambda mesh: single_pass(mesh.mesh.n_verts)))
+    ],
+    "stencils of 6": [choices(stencil_size=6)],
+    "stencils of 14": [choices(stencil_size=14)],
+    "time vectors rounded to 2 steps": [choices(basis_step=2.0)],
+    "time vectors rounded to 5 steps": [choices(basis_step=5.0)],
+    "modes above 0.4 of a step kept": [choices(least_rms=0.4)],
+    "modes above 1 step kept": [choices(least_rms=1.0)],
+    "effort 1": [choices(group_ends=(4,), stencil_size=6)],
+    "effort 9": [choices(group_ends=(1, 2, 3, 4, 6, 10, 20), stencil_size=14)],
+    "tune geometry": [
+        choices(basis_step=2.5, least_rms=0.5, carried_share=0.5, n_carrying_scales=1)
+    ],
+    "blocks of 50 frames": [],
+}
+
+
+@contextmanager
+def changed(name: str) -> Iterator[None]:
+    """The method with a variant's changes."""
+    with ExitStack() as stack:
+        for change in VARIANTS[name]:
+            stack.enter_context(change())
+        yield
+
+
+def curve(source: str, variant: str) -> list[tuple[float, float, float]]:
+    """Rate, KG error and STED of a variant at each quality."""
+    sequence = meshreel.load(source)
+    options: dict[str, Any] = {"block_frames": 50} if variant.startswith("blocks") else {}
+    points = []
+    with changed(variant):
+        for quality in QUALITIES:
+            data = meshreel.encode(sequence, quality=quality, order="vertices", **options)
+            found = meshreel.compare(sequence, meshreel.decode(data))
+            size = len(data) - meshreel.info(data).budget_bytes["order"]
+            rate = 8.0 * size / (sequence.n_verts * sequence.n_frames)
+            points.append((rate, found.kg_error_percent, found.sted))
+    return points
+
+
+def difference(usual: list[Any], other: list[Any], column: int) -> float:
+    """BD-rate in percent at equal error."""
+    reference, changed_curve = (
+        [(point[0], point[column]) for point in one] for one in (usual, other)
+    )
+    return float(bd_rate(changed_curve, reference).percent or 0.0)
+
+
+def main() -> None:
+    """Measure and print a Markdown table."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("sources", nargs="+")
+    parser.add_argument("--out", type=Path, help="JSON with every point")
+    parser.add_argument("--only", help="variants whose names hold this text")
+    arguments = parser.parse_args()
+    names = [
+        name
+        for name in VARIANTS
+        if name == "as it is" or not arguments.only or arguments.only in name
+    ]
+    jobs = [(source, name) for name in names for source in arguments.sources]
+    with ProcessPoolExecutor() as pool:
+        curves = dict(zip(jobs, pool.map(curve, *zip(*jobs, strict=True)), strict=True))
+    titles = [Path(source).stem for source in arguments.sources]
+    print("| KG, STED | " + " | ".join(titles) + " |\n|---|" + "---|" * len(titles))
+    for name in names[1:]:
+        cells = []
+        for source in arguments.sources:
+            change = partial(difference, curves[source, "as it is"], curves[source, name])
+            cells.append(f"{change(1):+.1f}, {change(2):+.1f}")
+        print(f"| {name} | " + " | ".join(cells) + " |")
+    if arguments.out:
+        points = [
+            {"source": Path(source).stem, "variant": variant, "points": found}
+            for (source, variant), found in curves.items()
+        ]
+        arguments.out.write_text(json.dumps(points, indent=1))
+
+
+if __name__ == "__main__":
+    main()

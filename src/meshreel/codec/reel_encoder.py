@@ -1,0 +1,256 @@
+"""The method `reel`: a source to the sections of a stream that meets its target."""
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from meshreel.bitstream.layout import Section
+from meshreel.bitstream.writer import write_stream
+from meshreel.codec import payloads
+from meshreel.codec.blocks import write_field_block
+from meshreel.codec.corrections import allowed_error, corrected, find_corrections
+from meshreel.codec.mesh_model import MeshModel
+from meshreel.codec.pipeline import product_frames
+from meshreel.codec.rate_control import least_cost, meet_limit
+from meshreel.codec.reel import BlockFrames, FieldMesh, analyse_fields
+from meshreel.codec.source import Source
+from meshreel.codec.targets import Aim, choices_for, quality_step
+from meshreel.errors import InvalidInputError
+from meshreel.metrics.kg import kg_error_percent
+from meshreel.metrics.rate import rate_bpvf
+from meshreel.metrics.sted import sted
+from meshreel.progress import Progress
+from meshreel.subspace.trajectories import from_matrices, to_matrices
+
+Vertices = npt.NDArray[np.floating]
+
+FIRST_QUALITY = 75.0
+"""Where the search for an error or a size begins."""
+
+STEPS_OF_BOUND = 14.0
+"""Where the search for a largest error begins: rarer errors than this are cheaply corrected."""
+
+LARGEST_ERROR_STEP = 0.1
+"""Coarsest step that is tried to meet an error, in sizes of the model."""
+
+LARGEST_INTEGER = 2.0**29
+"""Values in steps stay below this, with room for what is beyond a prediction."""
+
+
+@dataclass
+class Trial:
+    """A stream made with a step.
+
+    Attributes
+    ----------
+    data : bytes
+    decoded : list of arrays of shape (T_b, V, 3)
+        What it decodes to, block by block, in internal order; only where errors are asked for.
+    """
+
+    data: bytes
+    decoded: list[Vertices]
+
+
+class ReelEncoder:
+    """Makes streams of a source until one meets the target.
+
+    Parameters
+    ----------
+    source : Source
+    progress : callable
+    """
+
+    def __init__(self, source: Source, progress: Progress) -> None:
+        self._source = source
+        self._config = source.config
+        self._progress = progress
+        self._trials: dict[float, Trial] = {}
+        self._choices = choices_for(
+            self._config.effort_or_default, self._config.tune_choice, self._config.n_modes
+        )
+
+    def encode(self) -> bytes:
+        """The bytes of the stream.
+
+        Raises
+        ------
+        InvalidInputError
+            If no stream meets the target.
+        """
+        target = self._config.target
+        if target.aim is Aim.STEP:
+            return self._trial(self._checked(target.value)).data
+        if target.aim is Aim.QUALITY:
+            return self._trial(self._step_of(target.value)).data
+        if target.aim is Aim.MAX_ERROR:
+            return self._within_error(target.value)
+        measures: dict[Aim, Callable[[Trial], float]] = {
+            Aim.KG: self._kg_error_percent,
+            Aim.STED: self._sted,
+            Aim.BPVF: self._rate_bpvf,
+            Aim.SIZE: lambda trial: float(len(trial.data)),
+        }
+        return self._within_limit(measures[target.aim])
+
+    @cached_property
+    def _mesh(self) -> FieldMesh:
+        nothing = np.zeros(0, np.int64)
+        model = MeshModel(
+            self._source.faces, self._source.n_verts, nothing, self._config.laplacian_choice
+        )
+        return FieldMesh(model, self._choices.stencil_size)
+
+    def _blocks(self) -> Iterable[tuple[Vertices, BlockFrames]]:
+        """Positions of each block in internal order, and their coordinate matrices.
+
+        They are kept for further trials; a long sequence that needs only one is read block by
+        block instead.
+        """
+        if self._config.target.aim in (Aim.QUALITY, Aim.STEP) and self._n_blocks > 1:
+            return self._new_blocks()
+        return self._kept_blocks
+
+    @cached_property
+    def _kept_blocks(self) -> list[tuple[Vertices, BlockFrames]]:
+        return list(self._new_blocks())
+
+    def _new_blocks(self) -> Iterator[tuple[Vertices, BlockFrames]]:
+        for _, vertices in self._source.blocks():
+            yield vertices, BlockFrames(to_matrices(vertices, self._source.frame))
+
+    @property
+    def _n_blocks(self) -> int:
+        n_frames = self._source.sequence.n_frames
+        return -(-n_frames // self._config.frames_in_block(n_frames, self._source.n_verts))
+
+    def _step_of(self, quality: float) -> float:
+        """Step of a quality in diagonals of the whole bounding box, as a trial takes it."""
+        return self._step_of_size(quality_step(quality))
+
+    def _step_of_size(self, share: float) -> float:
+        """A share of the model's own size in diagonals of the whole bounding box."""
+        return share * self._own_diagonal
+
+    @cached_property
+    def _own_diagonal(self) -> float:
+        vertices = self._source.sequence.vertices
+        extents = (vertices.max(axis=1) - vertices.min(axis=1)) / self._source.frame.scale
+        return float(np.linalg.norm(extents.astype(np.float64), axis=1).mean()) or 1.0
+
+    @cached_property
+    def _finest_step(self) -> float:
+        """Steps below this would make integers too large for the stream."""
+        # No singular value exceeds the norm, and no coordinate half a diagonal.
+        return 0.5 * float(np.sqrt(3.0 * self._source.n_verts)) / LARGEST_INTEGER
+
+    def _checked(self, step: float) -> float:
+        if step < self._finest_step:
+            raise InvalidInputError(
+                f"step {step:g} is finer than this sequence can be coded with; "
+                f"at least {self._finest_step:.2g} is allowed"
+            )
+        return step
+
+    def _trial(self, step: float, bound: float | None = None) -> Trial:
+        """The stream of a step; with a bound in diagonals, corrected to keep it.
+
+        Errors are no longer those of a moving surface where the step is as large as the model:
+        coarser ones are only tried to keep a budget.
+        """
+        if not self._config.target.aim.is_budget:
+            step = min(step, self._step_of_size(LARGEST_ERROR_STEP))
+        step = max(step, self._finest_step)
+        if step not in self._trials:
+            n_done = len(self._trials)
+            self._progress("encode", n_done / (n_done + 2))
+            self._trials = {**self._kept(), step: self._made(step, bound)}
+        return self._trials[step]
+
+    def _kept(self) -> dict[float, Trial]:
+        """Trials so far; their frames are not needed again."""
+        return {step: Trial(trial.data, []) for step, trial in self._trials.items()}
+
+    def _made(self, step: float, bound: float | None) -> Trial:
+        choices = replace(self._choices, position_step=step)
+        sections = list(self._source.leading_sections())
+        if bound is not None:
+            sections.append((Section.PROMISE, payloads.write_promise(100.0 * bound)))
+        decoded: list[Vertices] = []
+        for vertices, frames in self._blocks():
+            block, basis, fields = analyse_fields(frames, self._mesh, choices)
+            sections.extend(write_field_block(block, self._mesh))
+            frames_of = product_frames(basis, fields)
+            if bound is not None:
+                errors = frames.matrices - frames_of(slice(None))
+                corrections = find_corrections(errors, bound, self._rounding)
+                sections.append((Section.CORRECTIONS, payloads.write_corrections(corrections)))
+                frames_of = corrected(frames_of, corrections, None)
+            if self._needs_frames:
+                matrices = frames_of(slice(None))
+                decoded.append(from_matrices(matrices, self._source.frame, vertices.dtype))
+        return Trial(write_stream(self._source.header(), sections), decoded)
+
+    @property
+    def _needs_frames(self) -> bool:
+        return self._config.target.aim in (Aim.KG, Aim.STED)
+
+    @property
+    def _rounding(self) -> float:
+        """Largest error of a position in diagonals that its number type alone makes."""
+        vertices = self._source.sequence.vertices
+        spacing = float(np.spacing(max(abs(vertices.min()), abs(vertices.max()))))
+        return float(np.sqrt(3.0) * spacing / self._source.frame.scale)
+
+    def _within_limit(self, measure: Callable[[Trial], float]) -> bytes:
+        """The stream that comes nearest to the target's number from below."""
+        target, found = self._config.target, dict[float, float]()
+
+        def measured(step: float) -> float:
+            if step not in found:
+                found[step] = measure(self._trial(step))
+            return found[step]
+
+        start = self._step_of(FIRST_QUALITY)
+        step = meet_limit(measured, target.value, start, rises=not target.aim.is_budget)
+        if step is None:
+            raise InvalidInputError(
+                f"{target.aim.value} {target.value:g} cannot be met: the best stream has "
+                f"{min(found.values()):g}; " + _remedy(target.aim)
+            )
+        return self._trial(step).data
+
+    def _within_error(self, percent: float) -> bytes:
+        """The smallest stream found that keeps every vertex within a share of the diagonal."""
+        bound = percent / 100.0
+        if allowed_error(bound, self._rounding) <= 0:
+            dtype = self._source.sequence.vertices.dtype
+            remedy = "" if dtype == np.float64 else ", or give positions as float64"
+            raise InvalidInputError(
+                f"max_error {percent:g} cannot be promised: positions of type {dtype} at these "
+                f"coordinates are rounded by up to {100 * self._rounding:.2g} percent of the "
+                f"diagonal; ask for more{remedy}"
+            )
+        step = least_cost(lambda step: len(self._trial(step, bound).data), bound / STEPS_OF_BOUND)
+        return self._trial(step, bound).data
+
+    def _kg_error_percent(self, trial: Trial) -> float:
+        return kg_error_percent(self._originals(), np.concatenate(trial.decoded))
+
+    def _sted(self, trial: Trial) -> float:
+        return sted(self._originals(), np.concatenate(trial.decoded), self._source.faces).sted
+
+    def _originals(self) -> Vertices:
+        return np.concatenate([vertices for vertices, _ in self._blocks()])
+
+    def _rate_bpvf(self, trial: Trial) -> float:
+        return rate_bpvf(len(trial.data), self._source.n_verts, self._source.sequence.n_frames)
+
+
+def _remedy(aim: Aim) -> str:
+    if aim.is_budget:
+        return "allow more, or leave the order out (order drop)"
+    return "positions come back no nearer than their number type; allow more"

@@ -1,0 +1,112 @@
+"""Corrections to bytes and back, and what bytes that were never written give."""
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from meshreel.codec.corrections import Corrections, corrected
+from meshreel.codec.payloads import read_corrections, write_corrections
+from meshreel.errors import CorruptStreamError
+
+
+@st.composite
+def corrections_of_blocks(draw):
+    """Corrections, and frames and vertices of their block: none, some, in runs, or all."""
+    n_frames, n_verts = draw(st.integers(1, 12)), draw(st.integers(1, 9))
+    is_dense = draw(st.booleans())
+    rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
+    chosen = rng.random((n_verts, n_frames)) < draw(st.sampled_from([0.0, 0.1, 0.5, 0.9, 1.0]))
+    if is_dense:
+        chosen[:, draw(st.integers(0, n_frames - 1)) :] = True
+    vertices, frames = np.nonzero(chosen)
+    size = draw(st.sampled_from([1, 3, 300, 2**29]))
+    offsets = rng.integers(-size, size + 1, (len(vertices), 3))
+    step = np.float32(draw(st.sampled_from([1e-30, 1e-7, 0.1, 1.0, 9e5])))
+    return Corrections(step, vertices, frames, offsets), n_frames, n_verts
+
+
+def assert_equal(found, expected):
+    assert found.step == expected.step
+    assert found.step.dtype == np.float32
+    np.testing.assert_array_equal(found.vertices, expected.vertices)
+    np.testing.assert_array_equal(found.frames, expected.frames)
+    np.testing.assert_array_equal(found.offsets, expected.offsets)
+
+
+def assert_usable(found, n_frames, n_verts):
+    """What no bytes may break: whatever is read moves positions that exist."""
+    assert found.vertices.shape == found.frames.shape == found.offsets.shape[:1]
+    assert np.all((found.vertices >= 0) & (found.vertices < n_verts))
+    assert np.all((found.frames >= 0) & (found.frames < n_frames))
+    frames_of = corrected(lambda frames: np.zeros((3, n_frames, n_verts))[:, frames], found, None)
+    assert frames_of(slice(None)).shape == (3, n_frames, n_verts)
+
+
+@settings(max_examples=300, deadline=None)
+@given(corrections_of_blocks())
+def test_corrections_come_back_exactly_whatever_they_are(case):
+    corrections, n_frames, n_verts = case
+    payload = write_corrections(corrections)
+    assert_equal(read_corrections(payload, n_frames, n_verts), corrections)
+
+
+@settings(max_examples=200, deadline=None)
+@given(corrections_of_blocks())
+def test_corrections_given_stay_as_they_are_when_written(case):
+    corrections, _, _ = case
+    before = [corrections.vertices.copy(), corrections.frames.copy(), corrections.offsets.copy()]
+    write_corrections(corrections)
+    after = [corrections.vertices, corrections.frames, corrections.offsets]
+    for array, copy in zip(after, before, strict=True):
+        np.testing.assert_array_equal(array, copy)
+
+
+@settings(max_examples=500, deadline=None)
+@given(st.binary(max_size=200), st.integers(1, 30), st.integers(1, 30))
+def test_any_bytes_give_corrections_or_our_error(data, n_frames, n_verts):
+    try:
+        found = read_corrections(data, n_frames, n_verts)
+    except CorruptStreamError:
+        return
+    assert_usable(found, n_frames, n_verts)
+
+
+@settings(max_examples=500, deadline=None)
+@given(corrections_of_blocks(), st.lists(st.tuples(st.integers(0), st.integers(0, 7)), min_size=1))
+def test_flipped_bits_give_corrections_or_our_error(case, flips):
+    corrections, n_frames, n_verts = case
+    data = bytearray(write_corrections(corrections))
+    for place, bit in flips:
+        data[place % len(data)] ^= 1 << bit
+    try:
+        found = read_corrections(bytes(data), n_frames, n_verts)
+    except CorruptStreamError:
+        return
+    assert_usable(found, n_frames, n_verts)
+
+
+@settings(max_examples=100, deadline=None)
+@given(corrections_of_blocks())
+def test_every_truncation_is_told_when_corrections_are_cut(case):
+    corrections, n_frames, n_verts = case
+    payload = write_corrections(corrections)
+    for size in range(len(payload)):
+        try:
+            read_corrections(payload[:size], n_frames, n_verts)
+        except CorruptStreamError:
+            continue
+        raise AssertionError(f"{size} of {len(payload)} bytes were taken for all")
+
+
+@settings(max_examples=300, deadline=None)
+@given(corrections_of_blocks(), st.integers(1, 12), st.integers(1, 9))
+def test_corrections_of_a_larger_block_are_refused_when_they_do_not_fit(case, n_frames, n_verts):
+    corrections, _, _ = case
+    fits = np.all(corrections.vertices < n_verts) and np.all(corrections.frames < n_frames)
+    try:
+        found = read_corrections(write_corrections(corrections), n_frames, n_verts)
+    except CorruptStreamError:
+        assert not fits
+        return
+    assert fits
+    assert_equal(found, corrections)

@@ -1,0 +1,122 @@
+"""Decoding that stops after some modes."""
+
+import numpy as np
+import pytest
+
+from meshreel.codec.decoder import decode
+from meshreel.codec.encoder import encode
+from meshreel.codec.inspect import info
+from meshreel.codec.methods import METHODS
+from meshreel.errors import InvalidInputError
+from meshreel.sequence import MeshSequence
+from sample_meshes import irregular_sequence, kg_error_percent, waving_grid
+
+SEQUENCES = {"grid": waving_grid(20, dtype=np.float64), "irregular": irregular_sequence(20)}
+
+
+@pytest.fixture(params=SEQUENCES)
+def sequence(request):
+    return SEQUENCES[request.param]
+
+
+@pytest.mark.parametrize("more", [0, 1, 10**9])
+def test_all_modes_give_the_whole_stream_when_they_are_asked_for(sequence, more):
+    data = encode(sequence, step=3e-4)
+    (n_modes,) = info(data).n_modes
+    assert n_modes > 4
+    whole, found = decode(data), decode(data, n_modes=n_modes + more)
+    np.testing.assert_array_equal(found.vertices, whole.vertices)
+    np.testing.assert_array_equal(found.faces, whole.faces)
+    assert (found.fps, found.name) == (whole.fps, whole.name)
+
+
+def test_error_falls_with_every_mode_when_the_step_is_fine(sequence):
+    data = encode(sequence, step=1e-6)
+    (n_modes,) = info(data).n_modes
+    errors = [
+        kg_error_percent(sequence.vertices, decode(data, n_modes=count).vertices)
+        for count in range(1, n_modes + 1)
+    ]
+    assert errors == sorted(errors, reverse=True)
+    assert errors[0] > 100 * errors[-1]
+
+
+@pytest.mark.parametrize("n_modes", [1, 2, 3, 5])
+def test_error_is_nearly_the_least_possible_when_modes_are_left_out(sequence, n_modes):
+    """What the leading singular vectors leave out, and hardly more."""
+    data = encode(sequence, step=1e-6)
+    decoded = decode(data, n_modes=n_modes).vertices
+    low, high = (pick(sequence.vertices, axis=(0, 1)) for pick in (np.min, np.max))
+    stacked = np.moveaxis(sequence.vertices - (low + high) / 2, 2, 0).reshape(-1, sequence.n_verts)
+    left_out = np.linalg.svd(stacked, compute_uv=False)[n_modes:]
+    least = np.linalg.norm(left_out)
+    assert np.linalg.norm(decoded - sequence.vertices) == pytest.approx(least, rel=1e-2)
+
+
+def test_modes_are_those_of_a_stream_of_so_few_when_others_are_left_out(sequence):
+    """The first modes do not know of later ones."""
+    whole, shorter = encode(sequence, step=1e-4), encode(sequence, step=1e-4, n_modes=4)
+    found, expected = decode(whole, n_modes=4).vertices, decode(shorter).vertices
+    assert kg_error_percent(expected, found) < 0.2  # rounding falls elsewhere
+
+
+def test_every_block_stops_after_so_many_modes_when_there_are_several():
+    sequence = waving_grid(20, dtype=np.float64)
+    data = encode(sequence, step=1e-4, block_frames=7)
+    assert len(info(data).n_modes) == 3
+    apart = [
+        decode(data, frames=slice(start, start + 7), n_modes=3).vertices for start in (0, 7, 14)
+    ]
+    together = decode(data, n_modes=3).vertices
+    np.testing.assert_allclose(np.concatenate(apart), together, atol=1e-9)
+
+
+@pytest.mark.parametrize("frames", [slice(0, 1), slice(3, 12), slice(-2, None)])
+def test_part_equals_that_of_the_whole_when_modes_are_left_out(sequence, frames):
+    data = encode(sequence, step=1e-4, block_frames=8)
+    np.testing.assert_allclose(
+        decode(data, frames=frames, n_modes=2).vertices,
+        decode(data, n_modes=2).vertices[frames],
+        atol=1e-9,
+    )
+
+
+@pytest.mark.parametrize("order", ["keep", "vertices", "drop"])
+def test_vertices_come_out_as_of_the_whole_stream_whatever_the_order(order):
+    grid = waving_grid(10, dtype=np.float64)
+    shuffled = np.random.default_rng(1).permutation(grid.n_verts)
+    sequence = MeshSequence(grid.vertices[:, np.argsort(shuffled)], shuffled[grid.faces])
+    data = encode(sequence, step=1e-5, order=order)
+    whole, coarse = decode(data), decode(data, n_modes=3)
+    np.testing.assert_array_equal(coarse.faces, whole.faces)
+    assert kg_error_percent(whole.vertices, coarse.vertices) < 15  # another order: above 100
+
+
+def test_corrections_are_left_out_when_modes_are_counted():
+    sequence = irregular_sequence(20)
+    data = encode(sequence, max_error=1.0)
+    assert info(data).budget_bytes["corrections"] > 60
+    (n_modes,) = info(data).n_modes
+    whole, uncorrected = decode(data).vertices, decode(data, n_modes=n_modes).vertices
+    diagonal = np.linalg.norm(np.ptp(sequence.vertices, axis=(0, 1)))
+    errors, uncorrected_errors = (
+        np.linalg.norm(found - sequence.vertices, axis=2) / diagonal
+        for found in (whole, uncorrected)
+    )
+    is_moved = np.abs(whole - uncorrected).max(axis=2) > 1e-6 * diagonal
+    assert errors.max() <= 0.01
+    assert uncorrected_errors[is_moved].min() > 0.0099
+    assert uncorrected_errors[~is_moved].max() <= 0.01
+
+
+@pytest.mark.parametrize("n_modes", [0, -1, 2.5])
+def test_decoding_refuses_when_the_number_of_modes_is_none(n_modes):
+    with pytest.raises(InvalidInputError, match="n_modes must be a whole number of at least 1"):
+        decode(encode(waving_grid(3)), n_modes=n_modes)
+
+
+@pytest.mark.parametrize("name", [method.name for method in METHODS if method.name != "reel"])
+def test_decoding_refuses_when_modes_of_a_method_of_the_paper_are_counted(name):
+    data = encode(waving_grid(3), name)
+    with pytest.raises(InvalidInputError, match=f"method {name} .* leave n_modes out"):
+        decode(data, n_modes=2)

@@ -1,0 +1,332 @@
+"""What the user asks of `reel`, and whether streams meet it."""
+
+from functools import cache
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+import meshreel
+from meshreel.codec.payloads import MAX_COUNTS, MAX_STENCIL
+from meshreel.codec.targets import (
+    DEFAULT_QUALITY,
+    EFFORTS,
+    FINEST_STEP,
+    Aim,
+    Target,
+    Tune,
+    choices_for,
+    quality_step,
+    target_of,
+    tune_named,
+)
+from meshreel.connectivity.coder import encode_connectivity
+from meshreel.errors import InvalidInputError
+from sample_meshes import irregular_sequence, waving_grid
+
+SEQUENCES = {
+    "grid": waving_grid(),
+    "irregular": irregular_sequence(),
+    "one frame": waving_grid(1),
+    "still": meshreel.MeshSequence(
+        np.repeat(waving_grid(1).vertices, 9, axis=0), waving_grid(1).faces
+    ),
+}
+
+ERRORS = {
+    "kg": [0.01, 0.3, 5.0, 90.0],
+    "sted": [0.0005, 0.02, 0.1],
+    "max_error": [0.002, 0.05, 1.0, 20.0],
+}
+SHARES = [0.5, 1.0, 1.7]
+"""Of the size of a stream of quality 75."""
+
+
+@cache
+def encoded(name, **options):
+    return meshreel.encode(SEQUENCES[name], **options)
+
+
+def measured(name, data):
+    """What a stream is by each measure, from outside."""
+    sequence = SEQUENCES[name]
+    quality = meshreel.compare(sequence, meshreel.decode(data))
+    return {
+        "kg": quality.kg_error_percent,
+        "sted": quality.sted,
+        "max_error": quality.max_error_percent,
+        "size": len(data),
+        "bpvf": 8 * len(data) / (sequence.n_frames * sequence.n_verts),
+    }
+
+
+@pytest.mark.parametrize("name", SEQUENCES)
+@pytest.mark.parametrize(
+    ("aim", "limit"), [(aim, limit) for aim, limits in ERRORS.items() for limit in limits]
+)
+def test_error_is_met_when_it_is_asked_for(name, aim, limit):
+    assert measured(name, encoded(name, **{aim: limit}))[aim] <= limit
+
+
+@pytest.mark.parametrize("name", SEQUENCES)
+@pytest.mark.parametrize(("aim", "limit"), [("kg", 0.01), ("kg", 0.3), ("sted", 0.02)])
+def test_error_is_nearly_used_up_when_it_is_asked_for(name, aim, limit):
+    """What is given away costs bytes."""
+    assert measured(name, encoded(name, **{aim: limit}))[aim] > 0.85 * limit
+
+
+@pytest.mark.parametrize("name", SEQUENCES)
+@pytest.mark.parametrize("aim", ["size", "bpvf"])
+@pytest.mark.parametrize("share", SHARES)
+def test_budget_is_met_when_it_is_asked_for(name, aim, share):
+    limit = share * measured(name, encoded(name))[aim]
+    try:
+        data = encoded(name, **{aim: limit})
+    except InvalidInputError as error:  # connectivity alone takes more
+        message = str(error)
+        assert share < 1
+        assert f"{aim} {limit:g} cannot be met" in message
+        return
+    assert measured(name, data)[aim] <= limit
+
+
+@pytest.mark.parametrize("share", SHARES)
+def test_budget_is_nearly_used_up_when_there_is_something_to_gain(share):
+    limit = share * len(encoded("grid"))
+    assert len(encoded("grid", size=limit)) > 0.95 * limit
+
+
+def test_size_is_that_of_a_rate_when_both_name_the_same_bytes():
+    limit = 8 * 800 / (12 * 99)
+    assert encoded("grid", bpvf=limit) == encoded("grid", size=800)
+
+
+@pytest.mark.parametrize("aim", ["size", "bpvf"])
+def test_error_falls_when_the_budget_grows(aim):
+    unit = measured("grid", encoded("grid"))[aim]
+    errors = [
+        measured("grid", encoded("grid", **{aim: share * unit}))["kg"] for share in (0.5, 1, 2)
+    ]
+    assert errors[0] > 2 * errors[1] > 4 * errors[2]
+
+
+@pytest.mark.parametrize("aim", ERRORS)
+def test_stream_grows_when_less_error_is_allowed(aim):
+    sizes = [len(encoded("grid", **{aim: limit})) for limit in ERRORS[aim]]
+    assert sizes == sorted(sizes, reverse=True)
+    assert sizes[0] > 1.5 * sizes[-1]
+
+
+def test_error_falls_by_half_when_quality_rises_by_twelve():
+    errors = [measured("grid", encoded("grid", quality=one))["kg"] for one in (52, 64, 76, 88)]
+    for coarse, fine in pairwise(errors):
+        assert 1.4 < coarse / fine < 2.8
+
+
+def test_stream_is_that_of_the_default_quality_when_nothing_is_asked_for():
+    assert encoded("grid") == encoded("grid", quality=DEFAULT_QUALITY)
+
+
+def test_quality_does_not_depend_on_the_travel_when_the_model_moves_away():
+    """A step is relative to the model's own size, and not to the box of all frames."""
+    grid = waving_grid(12, dtype=np.float64)
+    path = np.linspace(0, 50, 12)[:, None, None] * [1.0, 0.2, 0.0]
+    travelling = meshreel.MeshSequence(grid.vertices + path, grid.faces)
+    still, moved = (
+        meshreel.compare(one, meshreel.decode(meshreel.encode(one))).kg_error_percent
+        for one in (grid, travelling)
+    )
+    assert moved == pytest.approx(still, rel=0.3)
+
+
+@pytest.mark.parametrize(
+    "options",
+    [{}, {"kg": 0.3}, {"sted": 0.02}, {"max_error": 0.05}, {"size": 700}, {"bpvf": 5.0}],
+    ids=str,
+)
+def test_bytes_are_the_same_when_a_target_is_pursued_twice(options):
+    first = meshreel.encode(waving_grid(), **options)
+    assert meshreel.encode(waving_grid(), **options) == first
+
+
+@pytest.mark.parametrize(("aim", "limit"), [("size", 50), ("bpvf", 0.01)])
+def test_budget_is_refused_with_what_was_reached_when_it_is_too_small(aim, limit):
+    with pytest.raises(InvalidInputError, match=f"{aim} {limit} cannot be met") as refused:
+        encoded("grid", **{aim: limit})
+    assert "order drop" in str(refused.value)
+    reached = float(str(refused.value).split("the best stream has ")[1].split(";")[0])
+    assert measured("grid", encoded("grid", **{aim: 1.001 * reached}))[aim] <= 1.001 * reached
+
+
+@pytest.mark.parametrize(("aim", "limit"), [("kg", 1e-12), ("sted", 1e-12)])
+def test_error_is_refused_with_what_was_reached_when_it_is_too_small(aim, limit):
+    with pytest.raises(InvalidInputError, match=f"{aim} {limit} cannot be met") as refused:
+        encoded("grid", **{aim: limit})
+    reached = float(str(refused.value).split("the best stream has ")[1].split(";")[0])
+    assert limit < reached < 1e-4
+
+
+def test_maximum_error_is_refused_when_the_number_type_is_too_coarse():
+    far = meshreel.MeshSequence(waving_grid().vertices + np.float32(1e5), waving_grid().faces)
+    spacing = 100 * np.spacing(np.float32(1e5)) / np.linalg.norm(np.ptp(far.vertices, axis=(0, 1)))
+    with pytest.raises(InvalidInputError, match=r"cannot be promised.* float32 .*as float64"):
+        meshreel.encode(far, max_error=0.5 * spacing)
+    for percent in (4 * spacing, 40 * spacing):
+        decoded = meshreel.decode(meshreel.encode(far, max_error=percent))
+        assert meshreel.compare(far, decoded).max_error_percent <= percent
+
+
+@pytest.mark.parametrize("options", [{"order": "drop"}, {"order": "vertices"}, {"block_frames": 5}])
+@pytest.mark.parametrize(("aim", "limit"), [("kg", 0.2), ("sted", 0.01), ("max_error", 0.05)])
+def test_error_is_met_when_vertices_are_reordered_or_frames_cut(options, aim, limit):
+    grid = waving_grid()
+    shuffled = np.random.default_rng(1).permutation(grid.n_verts)
+    sequence = meshreel.MeshSequence(grid.vertices[:, np.argsort(shuffled)], shuffled[grid.faces])
+    data = meshreel.encode(sequence, **{aim: limit}, **options)
+    decoded = meshreel.decode(data)
+    if options.get("order") == "drop":
+        connectivity = encode_connectivity(sequence.faces, sequence.n_verts, order="drop")
+        vertices = np.empty_like(decoded.vertices)
+        vertices[:, connectivity.internal_to_given] = decoded.vertices
+        decoded = meshreel.MeshSequence(vertices, sequence.faces)
+    quality = meshreel.compare(sequence, decoded)
+    found = {
+        "kg": quality.kg_error_percent,
+        "sted": quality.sted,
+        "max_error": quality.max_error_percent,
+    }
+    assert found[aim] <= limit
+
+
+def test_promise_is_told_when_a_largest_error_was_asked_for():
+    assert meshreel.info(encoded("grid", max_error=0.05)).max_error_percent == 0.05
+    assert meshreel.info(encoded("grid", kg=0.3)).max_error_percent is None
+
+
+def test_more_effort_takes_fewer_bytes_when_the_mesh_is_large_enough():
+    sequence = waving_grid(40, 40, 40)
+    low, high = (len(meshreel.encode(sequence, kg=0.3, effort=effort)) for effort in (1, 9))
+    assert high < low
+
+
+@pytest.mark.parametrize("effort", EFFORTS)
+def test_error_is_met_whatever_the_effort(effort):
+    assert measured("grid", encoded("grid", kg=0.3, effort=effort))["kg"] <= 0.3
+
+
+@pytest.mark.parametrize("tune", [tune.value for tune in Tune])
+def test_error_is_met_whatever_the_tune(tune):
+    for aim, limits in ERRORS.items():
+        data = encoded("grid", **{aim: limits[1]}, tune=tune)
+        assert measured("grid", data)[aim] <= limits[1]
+
+
+@pytest.mark.parametrize("aim", Aim)
+def test_tune_serves_the_target_when_none_is_named(aim):
+    serves_geometry = aim in (Aim.KG, Aim.MAX_ERROR)
+    expected = Tune.GEOMETRY if serves_geometry else Tune.VISUAL
+    target = Target(aim, 1.0)
+    assert tune_named(None, target) is expected
+    assert [tune_named(tune.value, target) for tune in Tune] == list(Tune)
+
+
+def test_target_is_quality_when_none_has_a_number():
+    assert target_of(kg=None, size=None) == Target(Aim.QUALITY, DEFAULT_QUALITY)
+
+
+@pytest.mark.parametrize("aim", Aim)
+def test_target_is_the_one_that_has_a_number(aim):
+    assert target_of(**{one.value: 1.0 if one is aim else None for one in Aim}) == Target(aim, 1.0)
+
+
+def test_targets_are_all_named_when_several_have_a_number():
+    with pytest.raises(InvalidInputError, match="kg and size and step exclude each other"):
+        target_of(kg=1.0, sted=None, size=900, step=0.1)
+
+
+@pytest.mark.parametrize(
+    ("one", "other"), [("kg", "size"), ("quality", "max_error"), ("step", "bpvf")]
+)
+def test_encoding_refuses_when_several_targets_are_given(one, other):
+    with pytest.raises(InvalidInputError, match=f"{one} and {other} exclude each other"):
+        meshreel.encode(waving_grid(2), **{one: 1.0, other: 1.0})
+
+
+def test_steps_of_quality_halve_with_twelve_points_and_end_at_the_finest():
+    assert quality_step(100) == FINEST_STEP
+    for quality in (88, 50, 13):
+        assert quality_step(quality) == pytest.approx(2 * quality_step(quality + 12))
+
+
+@pytest.mark.parametrize("effort", EFFORTS)
+def test_choices_fit_into_the_format_whatever_the_effort(effort):
+    for tune in Tune:
+        choices = choices_for(effort, tune, None)
+        assert list(choices.group_ends) == sorted(set(choices.group_ends))
+        assert len(choices.group_ends) < MAX_COUNTS
+        assert choices.stencil_size <= MAX_STENCIL
+
+
+def test_modes_are_no_more_than_asked_for_when_a_target_is_pursued():
+    data = encoded("grid", size=2000, n_modes=3)
+    assert meshreel.info(data).n_modes == (3,)
+
+
+def scaled_grid(scale, dtype):
+    grid = waving_grid(4, dtype=np.float64)
+    return meshreel.MeshSequence((grid.vertices * scale).astype(dtype), grid.faces)
+
+
+def test_budget_is_met_when_it_is_larger_than_any_stream():
+    for limit in (30, 60, 90):
+        assert measured("grid", encoded("grid", bpvf=limit))["bpvf"] <= limit
+
+
+@pytest.mark.parametrize("limit", [0.4, 0.5, 1.0])
+def test_model_does_not_collapse_when_much_sted_is_allowed(limit):
+    found = measured("grid", encoded("grid", sted=limit))
+    assert found["kg"] < 60
+
+
+def test_stream_is_read_when_a_huge_error_is_allowed():
+    meshreel.decode(encoded("grid", max_error=3e8))
+
+
+def test_maximum_error_is_met_or_refused_in_its_own_words_when_it_is_tiny():
+    try:
+        data = meshreel.encode(waving_grid(dtype=np.float64), max_error=1e-8)
+    except InvalidInputError as error:
+        message = str(error)
+        assert "max_error 1e-08" in message
+        return
+    found = meshreel.compare(waving_grid(dtype=np.float64), meshreel.decode(data))
+    assert found.max_error_percent <= 1e-8
+
+
+@pytest.mark.parametrize(("scale", "percent"), [(1e-42, 0.1), (1e-43, 1.0)])
+def test_maximum_error_is_met_or_refused_when_positions_are_denormal(scale, percent):
+    sequence = scaled_grid(scale, np.float32)
+    try:
+        data = meshreel.encode(sequence, max_error=percent)
+    except InvalidInputError:
+        return
+    found = meshreel.compare(sequence, meshreel.decode(data))
+    assert found.max_error_percent <= percent
+
+
+def test_maximum_error_is_met_when_the_model_is_smaller_than_its_square():
+    sequence = scaled_grid(1e-300, np.float64)
+    found = meshreel.compare(sequence, meshreel.decode(meshreel.encode(sequence, max_error=0.1)))
+    assert found.max_error_percent <= 0.1
+
+
+def test_error_is_met_or_refused_when_vertices_coincide_in_every_frame():
+    path = np.array([[0.125, -0.13, 0.64], [-0.118, -0.1416, 0.502]], np.float32)
+    sequence = meshreel.MeshSequence(np.repeat(path[:, None], 3, axis=1), np.array([[0, 1, 2]]))
+    try:
+        data = meshreel.encode(sequence, kg=0.01)
+    except InvalidInputError as error:
+        message = str(error)
+        assert "cannot be met" in message
+        return
+    np.testing.assert_array_equal(meshreel.decode(data).vertices, sequence.vertices)
