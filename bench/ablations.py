@@ -27,7 +27,7 @@ import meshreel.geometry.prediction as prediction
 from meshreel.entropy.passes import single_pass
 from meshreel.evaluation.bjontegaard import bd_rate
 
-QUALITIES = (45, 60, 75, 90, 100)
+QUALITIES = (50, 65, 80, 95)
 
 
 def choices(**changed: Any) -> Any:
@@ -51,25 +51,25 @@ def no_smooth_fields(graph: Any) -> Any:
 VARIANTS: dict[str, list[Any]] = {
     "as it is": [],
     "no learned weights": [choices(group_ends=())],
-    "weights learned twice (modes 3 and on, 9 and on)": [choices(group_ends=(2, 8))],
     "no smooth fields: first weights by distance": [
         constant(prediction, "_smooth_fields", no_smooth_fields)
     ],
-    "no filters": [constant(reel, "MAX_TAP", 0)],
+    "with filters": [choices(has_filters=True)],
     "rounding to the nearest": [choices(price=0.0)],
     "errors not carried": [choices(carried_share=0.0)],
     "errors carried on all scales": [choices(n_carrying_scales=99)],
     "one pass without neighbours": [
         constant(reel.FieldMesh, "passes", property(lambda mesh: single_pass(mesh.mesh.n_verts)))
     ],
-    "stencils of 6": [choices(stencil_size=6)],
-    "stencils of 14": [choices(stencil_size=14)],
     "time vectors rounded to 2 steps": [choices(basis_step=2.0)],
     "time vectors rounded to 5 steps": [choices(basis_step=5.0)],
     "modes above 0.4 of a step kept": [choices(least_rms=0.4)],
     "modes above 1 step kept": [choices(least_rms=1.0)],
-    "effort 1": [choices(group_ends=(4,), stencil_size=6)],
-    "effort 9": [choices(group_ends=(1, 2, 3, 4, 6, 10, 20), stencil_size=14)],
+    **{
+        f"effort {effort}": [choices(**vars(spent))]
+        for effort, spent in targets.EFFORTS.items()
+        if effort in (1, 3, 7, 9)
+    },
     "tune geometry": [
         choices(basis_step=2.5, least_rms=0.5, carried_share=0.5, n_carrying_scales=1)
     ],

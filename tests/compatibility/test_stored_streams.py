@@ -70,5 +70,6 @@ def new_streams():
 if __name__ == "__main__":
     for name, data in new_streams().items():
         target = HERE / f"v{FORMAT_VERSION}_{name}.reel"
-        meshreel.save(meshreel.decode(data), target.with_suffix(".npz"))
-        target.write_bytes(data)
+        if not target.exists():
+            meshreel.save(meshreel.decode(data), target.with_suffix(".npz"))
+            target.write_bytes(data)

@@ -19,7 +19,7 @@ integers = st.one_of(
 
 @st.composite
 def fields_and_passes(draw):
-    n_rows, n_columns = draw(st.integers(0, 6)), draw(st.integers(0, 12))
+    n_rows, n_columns = draw(st.integers(0, 15)), draw(st.integers(0, 12))
     values = draw(st.lists(integers, min_size=n_rows * n_columns, max_size=n_rows * n_columns))
     return np.array(values, np.int64).reshape(n_rows, n_columns), draw(passes_of(n_columns))
 
@@ -48,7 +48,7 @@ def test_fields_come_back_exactly_whatever_they_hold(case):
 
 
 @settings(max_examples=300, deadline=None)
-@given(st.binary(max_size=200), st.integers(0, 8), st.data())
+@given(st.binary(max_size=200), st.integers(0, 16), st.data())
 def test_any_bytes_give_fields_or_our_error(data, n_rows, drawn):
     n_columns = drawn.draw(st.integers(0, 40))
     passes = drawn.draw(passes_of(n_columns))

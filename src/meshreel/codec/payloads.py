@@ -229,9 +229,14 @@ def read_corrections(payload: bytes, n_frames: int, n_verts: int) -> Corrections
     frames = _sum_up_from(columns[2], firsts)
     follows = _follows(columns[2], firsts)
     offsets = _sum_up_from(np.stack(columns[3:], axis=1), np.flatnonzero(~follows))
-    is_vertex = np.all(np.diff(vertices, prepend=-1) > 0) and np.all(vertices < n_verts)
-    if not is_vertex or np.any((frames < 0) | (frames >= n_frames)) or not 0 < step < MAX_STEP:
-        raise CorruptStreamError("a correction is of a vertex or frame that does not exist")
+    is_later = columns[2] > 0
+    is_later[firsts] = True
+    ascends = np.all(np.diff(vertices, prepend=-1) > 0) and bool(is_later.all())
+    exists = np.all(vertices < n_verts) and not np.any((frames < 0) | (frames >= n_frames))
+    if not (ascends and exists and 0 < step < MAX_STEP):
+        raise CorruptStreamError(
+            "a correction is of a vertex or frame that does not exist, or out of order"
+        )
     return Corrections(np.float32(step), np.repeat(vertices, counts), frames, offsets)
 
 

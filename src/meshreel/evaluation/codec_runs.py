@@ -45,7 +45,7 @@ def run_method(subject: Subject, setting: MethodSetting, store: Store) -> Result
             "quality": errors_of(sequence, kept.vertices),
         }
 
-    return _run(setting.method, setting.params, identity, store, measure)
+    return _run(setting.label, setting.params, identity, store, measure)
 
 
 def run_peer(subject: Subject, peer: Peer, value: float, store: Store) -> Result:

@@ -12,6 +12,7 @@ METHOD_COLORS = {
     "blocks": "#009E73",
     "gft": "#000000",
     "reel": "#4B0092",
+    "reel-geometry": "#A679D2",
 }
 
 # Muted, so that our methods stand out; recorded ones are dashed as well.

@@ -12,8 +12,7 @@ DEFAULT_METHODS = ("reel", "pca-qp", "v2v")
 
 # Options of `reel`, which the paper's sweep has no row for.
 _STEPS: tuple[float, ...] = (1.6e-3, 8e-4, 4e-4, 2e-4, 1e-4, 5e-5, 2.5e-5, 1.25e-5)
-TUNE = "visual"
-_EFFORTS: tuple[int, ...] = (5, 9)
+_WAYS: tuple[tuple[str, int], ...] = (("visual", 5), ("visual", 9), ("geometry", 9))
 _SHORT = {"n_modes": "modes", "block_frames": "frames"}
 
 
@@ -29,6 +28,12 @@ class MethodSetting:
 
     method: str
     options: tuple[tuple[str, Any], ...] = ()
+
+    @property
+    def label(self) -> str:
+        """The method in reports: a curve for each tune."""
+        tune = dict(self.options).get("tune", "visual")
+        return self.method if tune == "visual" else f"{self.method}-{tune}"
 
     @property
     def params(self) -> str:
@@ -57,10 +62,10 @@ def method_sweep(method: str, n_frames: int, n_verts: int, *, quick: bool) -> li
 
 
 def _reel_sweep(*, quick: bool) -> list[MethodSetting]:
-    steps, efforts = (_STEPS[1:6:2], _EFFORTS[:1]) if quick else (_STEPS, _EFFORTS)
+    steps, ways = (_STEPS[1:6:2], _WAYS[:1]) if quick else (_STEPS, _WAYS)
     return [
-        MethodSetting("reel", (("step", step), ("tune", TUNE), ("effort", effort)))
-        for effort in efforts
+        MethodSetting("reel", (("step", step), ("tune", tune), ("effort", effort)))
+        for tune, effort in ways
         for step in steps
     ]
 

@@ -172,8 +172,8 @@ def _smooth_fields(graph: csr_array) -> Floats:
 
 def _offsets(fields: Floats, targets: Integers, stencil: Integers) -> Floats:
     """What a stencil's values differ by from the vertex's: of shape (n, S, K); 0 where it ends."""
-    offsets = fields[stencil] - fields[targets][:, None, :]
-    return np.asarray(offsets * (stencil >= 0)[:, :, None])
+    own = targets[:, None]
+    return np.asarray(fields[np.where(stencil >= 0, stencil, own)] - fields[own])
 
 
 def _spread(gram: Floats, is_there: npt.NDArray[np.bool_]) -> Floats:
