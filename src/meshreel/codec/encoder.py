@@ -46,7 +46,7 @@ def encode(
     """The bytes of a `.reel` stream that holds the sequence.
 
     What `reel` is to meet is one of `quality`, `max_error`, `kg`, `sted`, `bpvf`, `size` and
-    `step`; without any it is quality 75. The paper's methods take numbers of modes and bits.
+    `step`; without any it is quality 80. The paper's methods take numbers of modes and bits.
 
     Parameters
     ----------

@@ -6,7 +6,7 @@ from enum import Enum
 from meshreel.codec.reel import FieldChoices
 from meshreel.errors import InvalidInputError
 
-DEFAULT_QUALITY = 75.0
+DEFAULT_QUALITY = 80.0
 DEFAULT_EFFORT = 5
 
 FINEST_STEP = 1e-4
@@ -57,7 +57,7 @@ class Target:
 
 
 def target_of(**numbers: float | None) -> Target:
-    """The one aim that has a number; quality 75 where none has.
+    """The one aim that has a number; the default quality where none has.
 
     Raises
     ------

@@ -177,28 +177,32 @@ def _code_batch(
     model: ValueModel,
 ) -> None:
     """Fill in `rows`, of shape (columns, rows), pass by pass; then learn from them."""
-    magnitudes, means = np.zeros((2, *rows.shape), np.int64)
+    magnitudes, means, signed = np.zeros((3, *rows.shape), np.int64)
     for place in np.flatnonzero(scales.any(axis=1)):
         step, columns = plan[place], plan[place].columns
         means[columns] = mean_of_scale(scales[place]) * (scales[place] > 0)
         coded = np.flatnonzero(scales[place])
-        values = None if truth is None else truth[place][:, coded].ravel()
-        contexts = _contexts(step, past, rows[:, coded], magnitudes[:, coded], means[:, coded])
-        shape = (len(columns), len(coded))
-        rows[np.ix_(columns, coded)] = model.code(port, values, contexts).reshape(shape)
-        magnitudes[columns] = np.minimum(np.abs(rows[columns]), MAX_EVIDENCE)
+        # All rows, as a rule: then nothing is copied.
+        among = slice(None) if len(coded) == rows.shape[1] else coded
+        values = None if truth is None else truth[place][:, among].ravel()
+        contexts = _contexts(step, past, magnitudes[:, among], means[:, among], signed[:, among])
+        found = np.zeros((len(columns), rows.shape[1]), np.int64)
+        found[:, among] = model.code(port, values, contexts).reshape(len(columns), -1)
+        rows[columns] = found
+        magnitudes[columns] = np.minimum(np.abs(found), MAX_EVIDENCE)
+        signed[columns] = signed_votes(found)
     for row in range(rows.shape[1]):
         past.add(magnitudes[:, row], means[:, row])
-    signed = signed_votes(rows)
+    votes = signed.astype(np.int8)  # small, for they are looked up often
     for step in plan:
-        step.learn(signed)
+        step.learn(votes)
 
 
 def _contexts(
-    step: Neighbourhood, past: Past, rows: Integers, magnitudes: Integers, means: Integers
+    step: Neighbourhood, past: Past, magnitudes: Integers, means: Integers, signed: Integers
 ) -> Contexts:
     """What is known of the integers of a pass in some rows, column by column."""
-    n_rows = rows.shape[1]
+    n_rows = magnitudes.shape[1]
     near = step.sum_near(magnitudes).ravel()
     before = np.repeat(past.magnitudes[step.columns], n_rows)
     usual = np.repeat(past.means[step.columns], n_rows)
@@ -207,7 +211,7 @@ def _contexts(
         expected_classes(before, usual, near, step.sum_near(means).ravel(), mean),
         past_classes(before),
         near_classes(near),
-        step.predict_signs(signed_votes(rows)).ravel(),
+        step.predict_signs(signed).ravel(),
     )
 
 

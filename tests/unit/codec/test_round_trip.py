@@ -12,7 +12,7 @@ from meshreel.sequence import MeshSequence
 from sample_meshes import irregular_sequence, kg_error_percent, waving_grid
 
 DEFAULT_KG = 0.5
-"""Percent that quality 75 stays below here."""
+"""Percent that the default quality stays below here."""
 
 
 def test_sequence_comes_back_when_it_is_encoded_and_decoded():

@@ -39,7 +39,7 @@ ERRORS = {
     "max_error": [0.002, 0.05, 1.0, 20.0],
 }
 SHARES = [0.5, 1.0, 1.7]
-"""Of the size of a stream of quality 75."""
+"""Of the size of a stream of the default quality."""
 
 
 @cache
