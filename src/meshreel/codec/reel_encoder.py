@@ -10,6 +10,7 @@ import numpy.typing as npt
 from meshreel.bitstream.layout import Section
 from meshreel.bitstream.writer import write_stream
 from meshreel.codec import payloads
+from meshreel.codec.achieved import measure_stream
 from meshreel.codec.blocks import write_field_block
 from meshreel.codec.corrections import allowed_error, corrected, find_corrections
 from meshreel.codec.mesh_model import MeshModel
@@ -18,7 +19,7 @@ from meshreel.codec.rate_control import least_cost, meet_limit
 from meshreel.codec.reel import BlockFrames, FieldMesh, analyse_fields
 from meshreel.codec.source import Source
 from meshreel.codec.targets import Aim, choices_for, quality_step
-from meshreel.errors import InvalidInputError
+from meshreel.errors import InvalidInputError, SolverError
 from meshreel.metrics.kg import kg_error_percent
 from meshreel.metrics.rate import rate_bpvf
 from meshreel.metrics.sted import sted
@@ -235,7 +236,14 @@ class ReelEncoder:
                 f"diagonal; ask for more{remedy}"
             )
         step = least_cost(lambda step: len(self._trial(step, bound).data), bound / STEPS_OF_BOUND)
-        return self._trial(step, bound).data
+        data = self._trial(step, bound).data
+        achieved = measure_stream(self._source.sequence, data, order=self._config.order)
+        if achieved.max_error_percent > percent:
+            raise SolverError(
+                f"max_error {percent:g} was not kept: the stream decodes to "
+                f"{achieved.max_error_percent:g}; nothing is written; please report this sequence"
+            )
+        return data
 
     def _kg_error_percent(self, trial: Trial) -> float:
         return kg_error_percent(self._originals(), np.concatenate(trial.decoded))
