@@ -123,12 +123,16 @@ def _of_one_degree(degrees: npt.NDArray[np.integer]) -> list[npt.NDArray[np.int6
 
 
 def _reproducing_weights(offsets: Floats, noise: float) -> Floats:
-    """Weights of shape (N, d) for offsets of d neighbours, of shape (N, d, K)."""
-    gram = offsets @ np.swapaxes(offsets, 1, 2)
+    """Weights of shape (N, d) for offsets of d neighbours, of shape (N, d, K).
+
+    They are (Z Z^T + r I)^-1 1 up to a factor, found by a system of the size of the K fields
+    (Woodbury): a hub can have any number of neighbours.
+    """
     n_neighbours, n_fields = offsets.shape[1:]
-    spread = np.trace(gram, axis1=1, axis2=2) / n_neighbours
+    spread = np.einsum("ijk,ijk->i", offsets, offsets) / n_neighbours
     ridge = RELATIVE_RIDGE * spread + noise * n_fields
     ridge = np.where(ridge > 0, ridge, 1.0)
-    gram += ridge[:, None, None] * np.eye(n_neighbours)
-    weights = np.linalg.solve(gram, np.ones((len(gram), n_neighbours, 1)))[:, :, 0]
+    inner = np.swapaxes(offsets, 1, 2) @ offsets + ridge[:, None, None] * np.eye(n_fields)
+    solved = np.linalg.solve(inner, offsets.sum(axis=1)[:, :, None])
+    weights = 1.0 - (offsets @ solved)[:, :, 0]
     return np.asarray(weights / weights.sum(axis=1, keepdims=True))

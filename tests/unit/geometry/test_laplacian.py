@@ -79,3 +79,15 @@ def test_weights_grow_equal_when_noise_hides_the_fields():
     laplacian = reproducing_laplacian(adjacency, rippled_fields(72, 3), 1e9)
     expected = uniform_laplacian(grid_faces(8, 9), 72, normalized=True)
     np.testing.assert_allclose(laplacian.toarray(), expected.toarray(), atol=1e-5)
+
+
+def test_reproducing_weights_are_found_when_a_hub_has_twenty_thousand_neighbours():
+    """A system as large as its neighbourhood would take gigabytes and hours."""
+    rim = np.arange(20_000)
+    faces = np.stack([np.full_like(rim, 20_000), rim, (rim + 1) % 20_000], axis=1)
+    angle = 2 * np.pi * np.arange(20_001) / 20_000
+    fields = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    fields[-1] = 0  # the hub, in the middle of its rim
+    laplacian = reproducing_laplacian(adjacency_matrix(faces, 20_001), fields, 1e-6)
+    assert np.abs(laplacian.sum(axis=1)).max() < 1e-9
+    assert np.abs(laplacian[[20_000]] @ fields).max() < 1e-6
