@@ -58,7 +58,8 @@ def evaluate_command(
 
     - `meshreel evaluate walk.npz --peers none --json`
     """
-    from meshreel.cli.console import print_json, print_notes, print_table, progress_bar
+    from meshreel.cli.console import print_notes, progress_bar
+    from meshreel.cli.reports import print_report
     from meshreel.evaluation.evaluate import evaluate
     from meshreel.evaluation.peers.registry import checked_peers
     from meshreel.evaluation.recorded import read_recorded
@@ -80,12 +81,7 @@ def evaluate_command(
             progress=progress,
         )  # fmt: skip
     print_notes([*notes, *made.notes])
-    if as_json:
-        print_json(made.as_dict())
-        return
-    n_figures = sum(len(pictures) for _, pictures in made.measured)
-    written = {"report": str(made.html), "the same, as Markdown": str(made.markdown)}
-    print_table("Written", {**written, "figures": f"{n_figures} in {out / 'figures'}"})
+    print_report(made, out, as_json=as_json)
 
 
 def _names(text: str) -> list[str]:
@@ -96,6 +92,8 @@ def _command_line(
     inputs: list[str], out: Path, methods: str, peers: str, reference: Path | None, quick: bool
 ) -> str:
     """The command that makes the report again."""
+    from meshreel.cli.reports import within
+
     words = ["meshreel", "evaluate", *map(within, inputs), "--out", within(str(out))]
     if methods != ",".join(DEFAULT_METHODS):
         words += ["--methods", methods]
@@ -106,9 +104,3 @@ def _command_line(
     if quick:
         words.append("--quick")
     return shlex.join(words)
-
-
-def within(path: str) -> str:
-    """A path as given, but without folders outside the current one: a report travels."""
-    inside = not Path(path).is_absolute() and ".." not in Path(path).parts
-    return path if inside else Path(path).name

@@ -44,7 +44,8 @@ def paper_command(
 
     - `meshreel paper walk.npz --methods v2v,pca-qp --out walk-report`
     """
-    from meshreel.cli.console import print_json, print_notes, print_table, progress_bar
+    from meshreel.cli.console import print_notes, progress_bar
+    from meshreel.cli.reports import print_report
     from meshreel.evaluation.reproduce import reproduce
     from meshreel.evaluation.settings import checked_methods
     from meshreel.flag import simulate_flag
@@ -64,19 +65,16 @@ def paper_command(
             sequences, out, methods=chosen, quick=quick, command=command, progress=progress
         )
     print_notes(notes)
-    if as_json:
-        print_json(made.as_dict())
-        return
-    n_figures = sum(len(pictures) for _, pictures in made.measured)
-    written = {"report": str(made.html), "the same, as Markdown": str(made.markdown)}
-    print_table("Written", {**written, "figures": f"{n_figures} in {out / 'figures'}"})
+    print_report(made, out, as_json=as_json)
 
 
 def _command_line(
     inputs: list[str], out: Path, frames: int, methods: tuple[str, ...], quick: bool
 ) -> str:
     """The command that makes the report again."""
-    words = ["meshreel", "paper", *map(_within, inputs), "--out", _within(str(out))]
+    from meshreel.cli.reports import within
+
+    words = ["meshreel", "paper", *map(within, inputs), "--out", within(str(out))]
     if not inputs:
         words += ["--frames", str(frames)]
     if methods != METHOD_NAMES:
@@ -84,9 +82,3 @@ def _command_line(
     if quick:
         words.append("--quick")
     return shlex.join(words)
-
-
-def _within(path: str) -> str:
-    """A path as given, but without folders outside the current one: a report travels."""
-    inside = not Path(path).is_absolute() and ".." not in Path(path).parts
-    return path if inside else Path(path).name

@@ -172,8 +172,8 @@ def _read_field_block(
     """The block, and the mesh of its layout: that of the block before where it serves."""
     n_modes, n_frames = stored.n_modes, stored.n_frames
     layout, taps = payloads.read_layout(stored.payload(Section.FIELDS), n_modes)
-    field_mesh = FieldMesh(mesh, layout.stencil_size)
-    field_mesh = before if before is not None and before == field_mesh else field_mesh
+    serves = before is not None and before.stencil_size == layout.stencil_size
+    field_mesh = before if before is not None and serves else FieldMesh(mesh, layout.stencil_size)
     scales = in_background(lambda: field_mesh.scales)
     times = payloads.read_times(stored.payload(Section.BASIS), n_modes, n_frames)
     scales.result()

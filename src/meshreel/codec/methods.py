@@ -20,6 +20,7 @@ class Signal(Enum):
 
     DELTAS = "delta coordinates"
     VERTICES = "vertex coordinates"
+    FIELDS = "fields of modes"
 
 
 class Basis(Enum):
@@ -37,7 +38,7 @@ class Decoding(Enum):
     ANCHORED = "least squares with anchors (Eq. 12)"
     LAPLACIAN = "L alone (Eq. 11)"
     PRODUCT = "the product of basis and coefficients"
-    STAGED = "least squares with anchors in stages, learned Laplacians"
+    PREDICTED = "prediction over a hierarchy of the mesh, with learned weights"
 
 
 @dataclass(frozen=True)
@@ -74,7 +75,7 @@ class Method:
     @property
     def has_anchors(self) -> bool:
         """Whether anchors are chosen and sent once, for all blocks: each component needs one."""
-        return self.decoding not in (Decoding.PRODUCT, Decoding.STAGED)
+        return self.decoding not in (Decoding.PRODUCT, Decoding.PREDICTED)
 
     @property
     def summary(self) -> str:
@@ -93,7 +94,7 @@ METHODS = (
     Method("pca-qs", 4, _D, _T, _A, is_serial=True),
     Method("blocks", 5, _D, Basis.TRACKED, _A, block_frames=TRACKED_BLOCK_FRAMES),
     Method("gft", 6, _D, Basis.GRAPH, _A, is_serial=True),
-    Method("reel", 7, _D, Basis.JOINT, Decoding.STAGED),
+    Method("reel", 7, Signal.FIELDS, Basis.JOINT, Decoding.PREDICTED),
 )
 
 

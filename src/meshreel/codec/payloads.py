@@ -286,17 +286,6 @@ def _sum_up_from(steps: Integers, firsts: Integers) -> Integers:
     return np.asarray(summed - before[np.cumsum(stretch) - 1])
 
 
-def _with_length(data: bytes) -> bytes:
-    return write_varint(len(data)) + data
-
-
-def _read_with_length(payload: bytes, position: int) -> tuple[bytes, int]:
-    size, start = read_varint(payload, position)
-    if size > len(payload) - start:
-        raise TruncatedStreamError(f"{size} bytes are announced; {len(payload) - start} are left")
-    return payload[start : start + size], start + size
-
-
 def _check_orders(orders: Integers) -> None:
     if np.any((orders < 0) | (orders > MAX_DIFFERENCE)):
         raise CorruptStreamError(f"a row over time is differenced more than {MAX_DIFFERENCE} x")

@@ -10,7 +10,7 @@ where the integers come from.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
 
@@ -146,8 +146,7 @@ class FieldBlock:
     def first_modes(self, n_modes: int) -> "FieldBlock":
         """The block with at most this many modes: a coarser animation."""
         kept = min(n_modes, self.n_modes)
-        ends = (*(end for end in self.layout.group_ends if end < kept), kept)
-        layout = Layout(self.layout.step, ends, self.layout.stencil_size)
+        layout = replace(self.layout, group_ends=group_ends(kept, self.layout.group_ends))
         return FieldBlock(layout, self.times[:, : 3 * kept], self.fields[:kept], self.taps[:kept])
 
 

@@ -111,7 +111,8 @@ class ReelEncoder:
         They are kept for further trials; a long sequence that needs only one is read block by
         block instead.
         """
-        if self._config.target.aim in (Aim.QUALITY, Aim.STEP) and self._n_blocks > 1:
+        is_cut = self._source.block_frames < self._source.sequence.n_frames
+        if is_cut and self._config.target.aim in (Aim.QUALITY, Aim.STEP):
             return self._new_blocks()
         return self._kept_blocks
 
@@ -122,11 +123,6 @@ class ReelEncoder:
     def _new_blocks(self) -> Iterator[tuple[Vertices, BlockFrames]]:
         for _, vertices in self._source.blocks():
             yield vertices, BlockFrames(to_matrices(vertices, self._source.frame))
-
-    @property
-    def _n_blocks(self) -> int:
-        n_frames = self._source.sequence.n_frames
-        return -(-n_frames // self._config.frames_in_block(n_frames, self._source.n_verts))
 
     def _step_of(self, quality: float) -> float:
         """Step of a quality in diagonals of the whole bounding box, as a trial takes it."""
@@ -199,7 +195,7 @@ class ReelEncoder:
     def _needs_frames(self) -> bool:
         return self._config.target.aim in (Aim.KG, Aim.STED)
 
-    @property
+    @cached_property
     def _rounding(self) -> float:
         """Largest error of a position in diagonals that its number type alone makes."""
         vertices = self._source.sequence.vertices

@@ -51,10 +51,14 @@ class Source:
         """V."""
         return self.sequence.n_verts
 
+    @property
+    def block_frames(self) -> int:
+        """Frames coded together; the last block may have fewer."""
+        return self.config.frames_in_block(self.sequence.n_frames, self.n_verts)
+
     def blocks(self) -> Iterator[tuple[int, npt.NDArray[np.floating]]]:
         """First frame and positions, of shape (T_b, V, 3) in internal order, of each block."""
-        n_frames = self.sequence.n_frames
-        size = self.config.frames_in_block(n_frames, self.n_verts)
+        n_frames, size = self.sequence.n_frames, self.block_frames
         order = self.connectivity.internal_to_given
         for start in range(0, n_frames, size):
             yield start, self.sequence.vertices[start : start + size, order]

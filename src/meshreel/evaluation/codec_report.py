@@ -16,7 +16,7 @@ from meshreel.evaluation.codec_tables import (
 from meshreel.evaluation.document import Bullets, Code, Heading, Paragraph, Part, Picture
 from meshreel.evaluation.machine import machines_text
 from meshreel.evaluation.peers.protocol import Peer
-from meshreel.evaluation.publish import write_documents
+from meshreel.evaluation.publish import sequence_opening, write_documents
 from meshreel.evaluation.results import done
 
 TITLE = "meshreel beside other codecs: rate, distortion, seconds"
@@ -83,14 +83,8 @@ def _parts(
 
 
 def _sequence_parts(results: CodecResults, pictures: Sequence[Picture]) -> list[Part]:
-    sequence = results.sequence
     parts: list[Part] = [
-        Heading(2, results.name),
-        Paragraph(
-            f"{sequence['n_frames']} frames, {sequence['n_verts']} vertices, "
-            f"{sequence['n_faces']} faces (SHA-256 of the content begins with "
-            f"`{sequence['sha256'][:12]}`)."
-        ),
+        *sequence_opening(results.name, results.sequence),
         *pictures,
         rate_table(results),
         Paragraph("'-': the codec has no points at either side of this error."),

@@ -1,11 +1,24 @@
-"""A report written as Markdown and as HTML."""
+"""What reports have in common: how a sequence is introduced, and the files they become."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
-from meshreel.evaluation.document import Part, to_markdown
+from meshreel.evaluation.document import Heading, Paragraph, Part, to_markdown
 from meshreel.evaluation.html import to_html
 from meshreel.evaluation.store import write_text
+
+
+def sequence_opening(name: str, sequence: Mapping[str, Any]) -> list[Part]:
+    """The heading of a sequence and what it consists of, from its identity in the results."""
+    return [
+        Heading(2, name),
+        Paragraph(
+            f"{sequence['n_frames']} frames, {sequence['n_verts']} vertices, "
+            f"{sequence['n_faces']} faces (SHA-256 of the content begins with "
+            f"`{sequence['sha256'][:12]}`)."
+        ),
+    ]
 
 
 def write_documents(parts: Sequence[Part], out: Path, title: str) -> tuple[Path, Path]:

@@ -15,7 +15,7 @@ from meshreel.evaluation.document import (
 from meshreel.evaluation.findings import findings
 from meshreel.evaluation.machine import machines_text
 from meshreel.evaluation.paper_figures import SAME_CAPTURES, printed_rates
-from meshreel.evaluation.publish import write_documents
+from meshreel.evaluation.publish import sequence_opening, write_documents
 from meshreel.evaluation.remarks import CHOICES
 from meshreel.evaluation.results import SequenceResults, done, setting_of_result
 from meshreel.evaluation.tables import (
@@ -85,15 +85,7 @@ def _variants(
 
 
 def _sequence_parts(results: SequenceResults, pictures: Sequence[Picture]) -> list[Part]:
-    sequence = results.sequence
-    parts: list[Part] = [
-        Heading(2, results.name),
-        Paragraph(
-            f"{sequence['n_frames']} frames, {sequence['n_verts']} vertices, "
-            f"{sequence['n_faces']} faces (SHA-256 of the content begins with "
-            f"`{sequence['sha256'][:12]}`)."
-        ),
-    ]
+    parts = sequence_opening(results.name, results.sequence)
     remark = SAME_CAPTURES.get(results.name.lower())
     if remark:
         parts.append(Paragraph(remark))

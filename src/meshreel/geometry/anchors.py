@@ -4,6 +4,8 @@ import numpy as np
 import numpy.typing as npt
 from scipy.sparse import csr_array
 
+from meshreel.geometry.connectivity import neighbours_of
+
 Integers = npt.NDArray[np.int64]
 
 
@@ -45,14 +47,6 @@ def _relax(adjacency: csr_array, source: int, distance: Integers) -> None:
     step = 0
     while frontier.size:
         step += 1
-        reached = _neighbours(adjacency, frontier)
+        _, reached = neighbours_of(adjacency, frontier)
         frontier = np.unique(reached[distance[reached] > step])
         distance[frontier] = step
-
-
-def _neighbours(adjacency: csr_array, vertices: Integers) -> Integers:
-    starts, ends = adjacency.indptr[vertices], adjacency.indptr[vertices + 1]
-    counts = ends - starts
-    before = np.cumsum(counts) - counts
-    positions = np.arange(counts.sum()) + np.repeat(starts - before, counts)
-    return np.asarray(adjacency.indices[positions], np.int64)

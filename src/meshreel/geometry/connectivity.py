@@ -27,6 +27,25 @@ def adjacency_matrix(faces: Faces, n_verts: int) -> csr_array:
     return csr_array((np.ones(len(rows)), (rows, columns)), shape=(n_verts, n_verts))
 
 
+def neighbours_of(
+    adjacency: csr_array, vertices: npt.NDArray[np.integer]
+) -> tuple[npt.NDArray[np.integer], npt.NDArray[np.integer]]:
+    """How many neighbours each of some vertices has, and all of them, one after another.
+
+    Parameters
+    ----------
+    adjacency : csr_array of shape (V, V)
+        Its values do not matter.
+    vertices : integer array
+        A vertex may come more than once.
+    """
+    starts, ends = adjacency.indptr[vertices], adjacency.indptr[vertices + 1]
+    counts = ends - starts
+    before = np.cumsum(counts) - counts
+    places = np.arange(counts.sum()) + np.repeat(starts - before, counts)
+    return counts, adjacency.indices[places]
+
+
 def component_labels(faces: Faces, n_verts: int) -> tuple[int, Integers]:
     """Number of connected components, and the component of each vertex.
 

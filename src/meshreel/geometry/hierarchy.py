@@ -10,6 +10,8 @@ import numpy as np
 import numpy.typing as npt
 from scipy.sparse import coo_array, csr_array
 
+from meshreel.geometry.connectivity import neighbours_of
+
 Integers = npt.NDArray[np.int64]
 Keys = npt.NDArray[np.int32]
 
@@ -159,10 +161,8 @@ def _find_nearest(
     before = ring[:0]
     for distance in range(1, REACH + 1):
         first, last = np.divmod(growing, np.int32(n_verts))
-        counts = degrees[last]
-        ends = np.cumsum(counts)
-        places = np.arange(counts.sum()) + np.repeat(graph.indptr[last] - (ends - counts), counts)
-        around = np.repeat(first * np.int32(n_verts), counts) + graph.indices[places]
+        counts, near = neighbours_of(graph, last)
+        around = np.repeat(first * np.int32(n_verts), counts) + near
         before, ring = ring, _without(_without(_distinct(around), ring), before)
         first, last = np.divmod(ring, np.int32(n_verts))
         is_earlier = level_of[last] < level_of[targets[first]]
