@@ -20,10 +20,10 @@ from unittest.mock import patch
 import numpy as np
 
 import meshreel
-import meshreel.codec.reel as reel
 import meshreel.codec.reel_encoder as reel_encoder
 import meshreel.codec.targets as targets
 import meshreel.geometry.prediction as prediction
+from meshreel.codec.field_mesh import FieldMesh
 from meshreel.entropy.passes import single_pass
 from meshreel.evaluation.bjontegaard import bd_rate
 
@@ -59,7 +59,7 @@ VARIANTS: dict[str, list[Any]] = {
     "errors not carried": [choices(carried_share=0.0)],
     "errors carried on all scales": [choices(n_carrying_scales=99)],
     "one pass without neighbours": [
-        constant(reel.FieldMesh, "passes", property(lambda mesh: single_pass(mesh.mesh.n_verts)))
+        constant(FieldMesh, "passes", property(lambda mesh: single_pass(mesh.mesh.n_verts)))
     ],
     "time vectors rounded to 2 steps": [choices(basis_step=2.0)],
     "time vectors rounded to 5 steps": [choices(basis_step=5.0)],

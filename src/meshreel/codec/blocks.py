@@ -10,6 +10,7 @@ from meshreel.bitstream.layout import Section
 from meshreel.bitstream.reader import Stream
 from meshreel.codec import payloads
 from meshreel.codec.corrections import Corrections, corrected
+from meshreel.codec.field_mesh import FieldMesh
 from meshreel.codec.mesh_model import MeshModel
 from meshreel.codec.methods import Basis, Method
 from meshreel.codec.pipeline import (
@@ -19,7 +20,7 @@ from meshreel.codec.pipeline import (
     product_frames,
     synthesise,
 )
-from meshreel.codec.reel import FieldBlock, FieldMesh, synthesise_fields
+from meshreel.codec.reel import FieldBlock, synthesise_fields
 from meshreel.entropy.field_coder import decode_fields, encode_fields
 from meshreel.errors import CorruptStreamError
 from meshreel.threads import in_background

@@ -11,7 +11,6 @@ where the integers come from.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -19,20 +18,10 @@ import numpy.typing as npt
 from scipy.sparse import csr_array
 
 from meshreel.codec.closed_loop import Predictor, StepsOf, reconstruct_levels
-from meshreel.codec.mesh_model import MeshModel
+from meshreel.codec.field_mesh import FieldMesh
 from meshreel.codec.timeline import time_predictors
-from meshreel.entropy.passes import Pass
-from meshreel.geometry.connectivity import adjacency_matrix
-from meshreel.geometry.hierarchy import Scale, build_hierarchy
 from meshreel.geometry.laplacian import reproducing_laplacian
-from meshreel.geometry.prediction import (
-    Stencils,
-    WeightLearner,
-    joined_stencils,
-    smooth_stencils,
-)
-from meshreel.quantization.rate_distortion import FAIR_PRICE, quantize_by_rate
-from meshreel.subspace.pca import joint_trajectories
+from meshreel.geometry.prediction import WeightLearner
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
@@ -47,11 +36,6 @@ N_FILTER_FIELDS = 6
 N_TAPS = 2
 TAP_STEP = 1.0 / 16.0
 MAX_TAP = 127
-SMALL_SCALE = 25
-"""Scales with fewer than a 25th of the vertices are coded in one pass."""
-
-N_TELLING = 6
-"""Vertices of a stencil, the nearest ones, that tell how large an integer is likely to be."""
 
 
 @dataclass(frozen=True)
@@ -76,46 +60,6 @@ class Layout:
     def groups(self) -> list[slice]:
         """The modes of each group."""
         return [slice(start, end) for start, end in pairwise((0, *self.group_ends))]
-
-
-@dataclass(frozen=True)
-class FieldChoices:
-    """What the encoder chooses.
-
-    Attributes
-    ----------
-    position_step : float
-        Step as it acts on a position, in diagonals; coefficients of T frames have sqrt(T) times
-        this step.
-    n_modes : int or None
-        At most this many; None for all that the step does not make vanish.
-    basis_step : float
-        Step of the time vectors by that of the fields, both as they act on positions.
-    least_rms : float
-        A mode is kept if its field's root mean square exceeds this share of a step.
-    price : float
-        Squared steps that a bit is worth.
-    carried_share : float
-        Share of the error of a prediction that the predicted value takes on instead of undoing
-        it. Errors then vary smoothly over the mesh, and fewer steps are sent.
-    n_carrying_scales : int
-        Scales, the finest ones, where errors are carried: from coarser ones they would spread far.
-    has_filters : bool
-        Smooth decoded fields.
-    group_ends, stencil_size
-        As in `Layout`; the last group takes what is left.
-    """
-
-    position_step: float
-    n_modes: int | None = None
-    basis_step: float = 3.0
-    least_rms: float = 0.6
-    price: float = FAIR_PRICE
-    carried_share: float = 0.6
-    n_carrying_scales: int = 2
-    has_filters: bool = True
-    group_ends: tuple[int, ...] = (1, 2, 3, 4, 6, 10)
-    stencil_size: int = 10
 
 
 @dataclass(frozen=True)
@@ -148,66 +92,6 @@ class FieldBlock:
         kept = min(n_modes, self.n_modes)
         layout = replace(self.layout, group_ends=group_ends(kept, self.layout.group_ends))
         return FieldBlock(layout, self.times[:, : 3 * kept], self.fields[:kept], self.taps[:kept])
-
-
-@dataclass(frozen=True)
-class FieldMesh:
-    """What both sides derive from connectivity, whatever the step."""
-
-    mesh: MeshModel
-    stencil_size: int
-
-    @cached_property
-    def adjacency(self) -> csr_array:
-        """Binary, of shape (V, V)."""
-        return adjacency_matrix(self.mesh.faces, self.mesh.n_verts)
-
-    @cached_property
-    def scales(self) -> list[Scale]:
-        """The hierarchy of the vertices, from coarse to fine."""
-        return build_hierarchy(self.adjacency, self.stencil_size)
-
-    @cached_property
-    def levels(self) -> list[Integers]:
-        """Vertices of each level, all scales in a row."""
-        return self.levels_of(slice(None))
-
-    def levels_of(self, scales: slice) -> list[Integers]:
-        """Vertices of each level of some scales."""
-        return [level for scale in self.scales[scales] for level in scale.levels]
-
-    @cached_property
-    def stencils(self) -> Stencils:
-        """Stencils of all levels, before anything is known."""
-        return joined_stencils([smooth_stencils(scale) for scale in self.scales], self.stencil_size)
-
-    @cached_property
-    def passes(self) -> list[Pass]:
-        """In which order the integers of a field are coded, and what tells of each."""
-        sizes = np.array([len(scale.members) for scale in self.scales[:-1]])
-        n_small = int(np.sum(SMALL_SCALE * sizes < self.mesh.n_verts))
-        small = np.sort(np.concatenate([np.zeros(0, np.int64), *self.levels_of(slice(n_small))]))
-        return [
-            _pass(small, np.zeros((len(small), 0), np.int64)),
-            *(_telling(scale) for scale in self.scales[n_small:-1]),
-            *_telling_of_levels(self.scales[-1]),
-        ]
-
-    def predictors(self, weights: Floats) -> list[Predictor]:
-        """Predictors of all levels, for weights of the stencils."""
-        predictors, start = [], 0
-        for level in self.levels:
-            rows = slice(start, start + len(level))
-            stencil = self.stencils.stencil[rows]
-            is_there = stencil >= 0
-            starts = np.concatenate([[0], np.cumsum(is_there.sum(axis=1))])
-            matrix = csr_array(
-                (weights[rows][is_there], stencil[is_there], starts),
-                shape=(len(level), self.mesh.n_verts),
-            )
-            predictors.append(Predictor(level, matrix))
-            start = rows.stop
-        return predictors
 
 
 def reconstruct_fields(
@@ -258,67 +142,11 @@ def reconstruct_times(n_frames: int, n_modes: int, steps_of: StepsOf) -> Floats:
     return np.asarray(vectors / np.where(lengths > 0, lengths, 1.0))
 
 
-@dataclass
-class BlockFrames:
-    """A block of frames with its trajectories, which do not change with the step.
-
-    Attributes
-    ----------
-    matrices : float64 array of shape (3, T, V)
-        Coordinate matrices, in internal vertex order.
-    """
-
-    matrices: Floats
-    _found: tuple[float, Floats, Floats] | None = None
-
-    def trajectories(self, least: float) -> tuple[Floats, Floats]:
-        """Singular values above `least`, one at least, and time vectors of shape (3 T, K)."""
-        if self._found is None or self._found[0] > least:
-            n_frames, n_verts = self.matrices.shape[1:]
-            limit = min(3 * n_frames, n_verts)
-            self._found = (least, *joint_trajectories(self.matrices, limit, least))
-        _, strengths, vectors = self._found
-        n_kept = max(1, int(np.sum(strengths > least)))
-        return strengths[:n_kept], vectors[:, :n_kept]
-
-
-def analyse_fields(
-    frames: BlockFrames, mesh: FieldMesh, choices: FieldChoices
-) -> tuple[FieldBlock, Floats, Floats]:
-    """A block of frames as integers, and what `synthesise_fields` makes of them.
-
-    Parameters
-    ----------
-    frames : BlockFrames
-    mesh : FieldMesh
-    choices : FieldChoices
-
-    Returns
-    -------
-    block : FieldBlock
-    basis : float64 array of shape (3, T, K)
-    fields : float64 array of shape (1, K, V)
-    """
-    matrices = frames.matrices
-    n_frames = matrices.shape[1]
-    step = np.float32(choices.position_step * np.sqrt(n_frames))
-    times = _quantized_times(frames, float(step), choices)
-    n_modes = times.shape[1] // 3
-    vectors = reconstruct_times(n_frames, n_modes, _reading(time_predictors(n_frames), times))
-    ends = group_ends(n_modes, choices.group_ends)
-    layout = Layout(step, ends, choices.stencil_size)
-    recorder = _Recorder(_projected(vectors, matrices), float(step), choices, mesh)
-    taps_of = recorder.taps_of if choices.has_filters else None
-    fields = reconstruct_fields(mesh, layout, recorder.steps_of, taps_of)
-    block = FieldBlock(layout, times, recorder.integers.T, recorder.taps)
-    return block, vectors.reshape(3, n_frames, n_modes), fields.T[None]
-
-
 def synthesise_fields(block: FieldBlock, mesh: FieldMesh) -> tuple[Floats, Floats]:
     """Basis of shape (3, T, K) and fields of shape (1, K, V): frames are their product."""
     n_frames = len(block.times)
     vectors = reconstruct_times(
-        n_frames, block.n_modes, _reading(time_predictors(n_frames), block.times)
+        n_frames, block.n_modes, reading(time_predictors(n_frames), block.times)
     )
 
     def steps_of(modes: slice, _: Sequence[Predictor]) -> StepsOf:
@@ -338,26 +166,9 @@ def group_ends(n_modes: int, ends: Sequence[int]) -> tuple[int, ...]:
     return (*(end for end in ends if end < n_modes), n_modes)
 
 
-def _telling(scale: Scale) -> Pass:
-    """The levels of a scale in one pass; what tells of them are vertices of coarser scales."""
-    order = np.argsort(scale.targets)
-    targets, near = scale.targets[order], scale.stencil[order]
-    return _pass(targets, np.where(np.isin(near, targets), -1, near))
-
-
-def _telling_of_levels(scale: Scale) -> list[Pass]:
-    """A pass for each level of a scale."""
-    ends = np.cumsum([len(level) for level in scale.levels])
-    near = np.split(scale.stencil, ends[:-1])
-    return [_pass(level, one) for level, one in zip(scale.levels, near, strict=True)]
-
-
-def _pass(targets: Integers, near: Integers) -> Pass:
-    """A pass whose columns have the first few of those near them that are vertices, not -1."""
-    is_there = near >= 0
-    used = is_there & (np.cumsum(is_there, axis=1) <= N_TELLING)
-    starts = np.concatenate([[0], np.cumsum(used.sum(axis=1))])
-    return Pass(targets, starts, near[used])
+def reading(predictors: Sequence[Predictor], integers: Integers) -> StepsOf:
+    """What gives the integers of an array, row by row."""
+    return lambda level, _: integers[predictors[level].rows]
 
 
 def _repeated(laplacian: csr_array, values: Floats) -> Floats:
@@ -366,83 +177,3 @@ def _repeated(laplacian: csr_array, values: Floats) -> Floats:
     for _ in range(N_TAPS):
         differences.append(np.asarray(laplacian @ differences[-1]))
     return np.stack(differences[1:])
-
-
-def _reading(predictors: Sequence[Predictor], integers: Integers) -> StepsOf:
-    return lambda level, _: integers[predictors[level].rows]
-
-
-def _projected(vectors: Floats, matrices: Floats) -> Floats:
-    """Fields of shape (V, K) whose product with the time vectors is nearest to the frames."""
-    gram = vectors.T @ vectors  # rounding leaves the vectors not quite orthonormal
-    inverse = np.linalg.pinv(gram, hermitian=True)
-    return np.asarray(matrices.reshape(len(vectors), -1).T @ (vectors @ inverse))
-
-
-def _quantized_times(frames: BlockFrames, step: float, choices: FieldChoices) -> Integers:
-    """Steps of the time vectors, of shape (T, 3 K), without modes that the steps make vanish."""
-    n_frames, n_verts = frames.matrices.shape[1:]
-    strengths, vectors = frames.trajectories(choices.least_rms * step * float(np.sqrt(n_verts)))
-    strengths, vectors = strengths[: choices.n_modes], vectors[:, : choices.n_modes]
-    n_kept = len(strengths)
-    scaled = vectors * (strengths / (choices.basis_step * step))
-    wanted = scaled.reshape(3, n_frames, n_kept).transpose(1, 2, 0).reshape(n_frames, -1)
-    predictors = time_predictors(n_frames)
-    integers = np.zeros(wanted.shape, np.int64)
-
-    def steps_of(level: int, prediction: Floats) -> Integers:
-        rows = predictors[level].rows
-        price = choices.price if level else 0.0
-        integers[rows] = quantize_by_rate(wanted[rows] - prediction, price)
-        return integers[rows]
-
-    reconstruct_times(n_frames, n_kept, steps_of)
-    by_mode = integers.reshape(n_frames, n_kept, 3)
-    does_something = np.asarray(by_mode.any(axis=(0, 2)))
-    does_something[0] = True
-    return by_mode[:, does_something].reshape(n_frames, -1)
-
-
-@dataclass
-class _Recorder:
-    """The encoder's side of `reconstruct_fields`: chooses what it is asked for, and keeps it."""
-
-    fields: Floats
-    step: float
-    choices: FieldChoices
-    mesh: FieldMesh
-
-    def __post_init__(self) -> None:
-        n_modes = self.fields.shape[1]
-        self.integers = np.zeros(self.fields.shape, np.int64)
-        self.taps = np.zeros((n_modes, N_TAPS), np.int64)
-
-    def steps_of(self, modes: slice, predictors: Sequence[Predictor]) -> StepsOf:
-        """What chooses the integers of a group."""
-        carrying = self.mesh.scales[
-            max(0, len(self.mesh.scales) - self.choices.n_carrying_scales) :
-        ]
-        first_carrying = len(predictors) - sum(len(scale.levels) for scale in carrying)
-
-        def chosen(level: int, prediction: Floats) -> Integers:
-            rows = self.mesh.levels[level]
-            wanted = self.fields[rows, modes]
-            if level >= max(first_carrying, 1):
-                true_prediction = predictors[level].weights @ self.fields[:, modes]
-                wanted = wanted + self.choices.carried_share * (prediction - true_prediction)
-            price = self.choices.price if level else 0.0
-            steps = quantize_by_rate((wanted - prediction) / self.step, price)
-            self.integers[rows, modes] = steps
-            return steps
-
-        return chosen
-
-    def taps_of(self, modes: slice, values: Floats, differences: Floats) -> Integers:
-        """Taps that bring each field nearest to the truth."""
-        error = self.fields[:, modes] - values
-        gram = np.einsum("avk,bvk->kab", differences, differences)
-        moments = np.einsum("avk,vk->ka", differences, error)
-        solved = np.linalg.pinv(gram, hermitian=True) @ moments[:, :, None]
-        taps = np.clip(np.rint(solved[:, :, 0] / TAP_STEP), -MAX_TAP, MAX_TAP)
-        self.taps[modes] = taps.astype(np.int64)
-        return self.taps[modes]

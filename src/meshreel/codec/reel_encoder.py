@@ -13,10 +13,11 @@ from meshreel.codec import payloads
 from meshreel.codec.achieved import measure_stream
 from meshreel.codec.blocks import write_field_block
 from meshreel.codec.corrections import allowed_error, corrected, find_corrections
+from meshreel.codec.field_analysis import BlockFrames, analyse_fields
+from meshreel.codec.field_mesh import FieldMesh
 from meshreel.codec.mesh_model import MeshModel
 from meshreel.codec.pipeline import product_frames
 from meshreel.codec.rate_control import least_cost, meet_limit
-from meshreel.codec.reel import BlockFrames, FieldMesh, analyse_fields
 from meshreel.codec.source import Source
 from meshreel.codec.targets import Aim, choices_for, quality_step
 from meshreel.errors import InvalidInputError, SolverError

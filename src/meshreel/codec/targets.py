@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from enum import Enum
 
-from meshreel.codec.reel import FieldChoices
+from meshreel.codec.field_analysis import FieldChoices
 from meshreel.errors import InvalidInputError
 
 DEFAULT_QUALITY = 80.0

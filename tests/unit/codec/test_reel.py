@@ -9,6 +9,8 @@ from meshreel.bitstream.writer import write_stream
 from meshreel.codec.blocks import write_field_block
 from meshreel.codec.decoder import decode
 from meshreel.codec.encoder import encode
+from meshreel.codec.field_analysis import BlockFrames, FieldChoices, analyse_fields
+from meshreel.codec.field_mesh import N_TELLING, FieldMesh
 from meshreel.codec.inspect import coded_blocks, info
 from meshreel.codec.mesh_model import MeshModel
 from meshreel.codec.methods import Laplacian
@@ -16,11 +18,6 @@ from meshreel.codec.payloads import read_layout, read_times
 from meshreel.codec.reel import (
     MAX_TAP,
     N_TAPS,
-    N_TELLING,
-    BlockFrames,
-    FieldChoices,
-    FieldMesh,
-    analyse_fields,
     group_ends,
     reconstruct_fields,
     reconstruct_times,

@@ -10,16 +10,14 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from meshreel.codec.field_mesh import N_TELLING, SMALL_SCALE, FieldMesh
 from meshreel.codec.mesh_model import MeshModel
 from meshreel.codec.methods import Laplacian
 from meshreel.codec.reel import (
-    N_TELLING,
     NOISE_OF_FILTERS,
     NOISE_OF_WEIGHTS,
-    SMALL_SCALE,
     TAP_STEP,
     FieldBlock,
-    FieldMesh,
     Layout,
     synthesise_fields,
 )

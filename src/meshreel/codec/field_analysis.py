@@ -1,0 +1,199 @@
+"""The encoder's side of `reel`: a block of frames to the integers of its modes."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from meshreel.codec.closed_loop import Predictor, StepsOf
+from meshreel.codec.field_mesh import FieldMesh
+from meshreel.codec.reel import (
+    MAX_TAP,
+    N_TAPS,
+    TAP_STEP,
+    FieldBlock,
+    Layout,
+    group_ends,
+    reading,
+    reconstruct_fields,
+    reconstruct_times,
+)
+from meshreel.codec.timeline import time_predictors
+from meshreel.quantization.rate_distortion import FAIR_PRICE, quantize_by_rate
+from meshreel.subspace.pca import joint_trajectories
+
+Floats = npt.NDArray[np.float64]
+Integers = npt.NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class FieldChoices:
+    """What the encoder chooses.
+
+    Attributes
+    ----------
+    position_step : float
+        Step as it acts on a position, in diagonals; coefficients of T frames have sqrt(T) times
+        this step.
+    n_modes : int or None
+        At most this many; None for all that the step does not make vanish.
+    basis_step : float
+        Step of the time vectors by that of the fields, both as they act on positions.
+    least_rms : float
+        A mode is kept if its field's root mean square exceeds this share of a step.
+    price : float
+        Squared steps that a bit is worth.
+    carried_share : float
+        Share of the error of a prediction that the predicted value takes on instead of undoing
+        it. Errors then vary smoothly over the mesh, and fewer steps are sent.
+    n_carrying_scales : int
+        Scales, the finest ones, where errors are carried: from coarser ones they would spread far.
+    has_filters : bool
+        Smooth decoded fields.
+    group_ends, stencil_size
+        As in `Layout`; the last group takes what is left.
+    """
+
+    position_step: float
+    n_modes: int | None = None
+    basis_step: float = 3.0
+    least_rms: float = 0.6
+    price: float = FAIR_PRICE
+    carried_share: float = 0.6
+    n_carrying_scales: int = 2
+    has_filters: bool = True
+    group_ends: tuple[int, ...] = (1, 2, 3, 4, 6, 10)
+    stencil_size: int = 10
+
+
+@dataclass
+class BlockFrames:
+    """A block of frames with its trajectories, which do not change with the step.
+
+    Attributes
+    ----------
+    matrices : float64 array of shape (3, T, V)
+        Coordinate matrices, in internal vertex order.
+    """
+
+    matrices: Floats
+    _found: tuple[float, Floats, Floats] | None = None
+
+    def trajectories(self, least: float) -> tuple[Floats, Floats]:
+        """Singular values above `least`, one at least, and time vectors of shape (3 T, K)."""
+        if self._found is None or self._found[0] > least:
+            n_frames, n_verts = self.matrices.shape[1:]
+            limit = min(3 * n_frames, n_verts)
+            self._found = (least, *joint_trajectories(self.matrices, limit, least))
+        _, strengths, vectors = self._found
+        n_kept = max(1, int(np.sum(strengths > least)))
+        return strengths[:n_kept], vectors[:, :n_kept]
+
+
+def analyse_fields(
+    frames: BlockFrames, mesh: FieldMesh, choices: FieldChoices
+) -> tuple[FieldBlock, Floats, Floats]:
+    """A block of frames as integers, and what `synthesise_fields` makes of them.
+
+    Parameters
+    ----------
+    frames : BlockFrames
+    mesh : FieldMesh
+    choices : FieldChoices
+
+    Returns
+    -------
+    block : FieldBlock
+    basis : float64 array of shape (3, T, K)
+    fields : float64 array of shape (1, K, V)
+    """
+    matrices = frames.matrices
+    n_frames = matrices.shape[1]
+    step = np.float32(choices.position_step * np.sqrt(n_frames))
+    times = _quantized_times(frames, float(step), choices)
+    n_modes = times.shape[1] // 3
+    vectors = reconstruct_times(n_frames, n_modes, reading(time_predictors(n_frames), times))
+    ends = group_ends(n_modes, choices.group_ends)
+    layout = Layout(step, ends, choices.stencil_size)
+    recorder = _Recorder(_projected(vectors, matrices), float(step), choices, mesh)
+    taps_of = recorder.taps_of if choices.has_filters else None
+    fields = reconstruct_fields(mesh, layout, recorder.steps_of, taps_of)
+    block = FieldBlock(layout, times, recorder.integers.T, recorder.taps)
+    return block, vectors.reshape(3, n_frames, n_modes), fields.T[None]
+
+
+def _projected(vectors: Floats, matrices: Floats) -> Floats:
+    """Fields of shape (V, K) whose product with the time vectors is nearest to the frames."""
+    gram = vectors.T @ vectors  # rounding leaves the vectors not quite orthonormal
+    inverse = np.linalg.pinv(gram, hermitian=True)
+    return np.asarray(matrices.reshape(len(vectors), -1).T @ (vectors @ inverse))
+
+
+def _quantized_times(frames: BlockFrames, step: float, choices: FieldChoices) -> Integers:
+    """Steps of the time vectors, of shape (T, 3 K), without modes that the steps make vanish."""
+    n_frames, n_verts = frames.matrices.shape[1:]
+    strengths, vectors = frames.trajectories(choices.least_rms * step * float(np.sqrt(n_verts)))
+    strengths, vectors = strengths[: choices.n_modes], vectors[:, : choices.n_modes]
+    n_kept = len(strengths)
+    scaled = vectors * (strengths / (choices.basis_step * step))
+    wanted = scaled.reshape(3, n_frames, n_kept).transpose(1, 2, 0).reshape(n_frames, -1)
+    predictors = time_predictors(n_frames)
+    integers = np.zeros(wanted.shape, np.int64)
+
+    def steps_of(level: int, prediction: Floats) -> Integers:
+        rows = predictors[level].rows
+        price = choices.price if level else 0.0
+        integers[rows] = quantize_by_rate(wanted[rows] - prediction, price)
+        return integers[rows]
+
+    reconstruct_times(n_frames, n_kept, steps_of)
+    by_mode = integers.reshape(n_frames, n_kept, 3)
+    does_something = np.asarray(by_mode.any(axis=(0, 2)))
+    does_something[0] = True
+    return by_mode[:, does_something].reshape(n_frames, -1)
+
+
+@dataclass
+class _Recorder:
+    """The encoder's side of `reconstruct_fields`: chooses what it is asked for, and keeps it."""
+
+    fields: Floats
+    step: float
+    choices: FieldChoices
+    mesh: FieldMesh
+
+    def __post_init__(self) -> None:
+        n_modes = self.fields.shape[1]
+        self.integers = np.zeros(self.fields.shape, np.int64)
+        self.taps = np.zeros((n_modes, N_TAPS), np.int64)
+
+    def steps_of(self, modes: slice, predictors: Sequence[Predictor]) -> StepsOf:
+        """What chooses the integers of a group."""
+        carrying = self.mesh.scales[
+            max(0, len(self.mesh.scales) - self.choices.n_carrying_scales) :
+        ]
+        first_carrying = len(predictors) - sum(len(scale.levels) for scale in carrying)
+
+        def chosen(level: int, prediction: Floats) -> Integers:
+            rows = self.mesh.levels[level]
+            wanted = self.fields[rows, modes]
+            if level >= max(first_carrying, 1):
+                true_prediction = predictors[level].weights @ self.fields[:, modes]
+                wanted = wanted + self.choices.carried_share * (prediction - true_prediction)
+            price = self.choices.price if level else 0.0
+            steps = quantize_by_rate((wanted - prediction) / self.step, price)
+            self.integers[rows, modes] = steps
+            return steps
+
+        return chosen
+
+    def taps_of(self, modes: slice, values: Floats, differences: Floats) -> Integers:
+        """Taps that bring each field nearest to the truth."""
+        error = self.fields[:, modes] - values
+        gram = np.einsum("avk,bvk->kab", differences, differences)
+        moments = np.einsum("avk,vk->ka", differences, error)
+        solved = np.linalg.pinv(gram, hermitian=True) @ moments[:, :, None]
+        taps = np.clip(np.rint(solved[:, :, 0] / TAP_STEP), -MAX_TAP, MAX_TAP)
+        self.taps[modes] = taps.astype(np.int64)
+        return self.taps[modes]

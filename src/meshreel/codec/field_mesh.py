@@ -1,0 +1,106 @@
+"""The mesh as `reel` sees it: a hierarchy of its vertices, their stencils and coding passes."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+from scipy.sparse import csr_array
+
+from meshreel.codec.closed_loop import Predictor
+from meshreel.codec.mesh_model import MeshModel
+from meshreel.entropy.passes import Pass
+from meshreel.geometry.connectivity import adjacency_matrix
+from meshreel.geometry.hierarchy import Scale, build_hierarchy
+from meshreel.geometry.prediction import Stencils, joined_stencils, smooth_stencils
+
+Floats = npt.NDArray[np.float64]
+Integers = npt.NDArray[np.int64]
+
+SMALL_SCALE = 25
+"""Scales with fewer than a 25th of the vertices are coded in one pass."""
+
+N_TELLING = 6
+"""Vertices of a stencil, the nearest ones, that tell how large an integer is likely to be."""
+
+
+@dataclass(frozen=True)
+class FieldMesh:
+    """What both sides derive from connectivity, whatever the step."""
+
+    mesh: MeshModel
+    stencil_size: int
+
+    @cached_property
+    def adjacency(self) -> csr_array:
+        """Binary, of shape (V, V)."""
+        return adjacency_matrix(self.mesh.faces, self.mesh.n_verts)
+
+    @cached_property
+    def scales(self) -> list[Scale]:
+        """The hierarchy of the vertices, from coarse to fine."""
+        return build_hierarchy(self.adjacency, self.stencil_size)
+
+    @cached_property
+    def levels(self) -> list[Integers]:
+        """Vertices of each level, all scales in a row."""
+        return self.levels_of(slice(None))
+
+    def levels_of(self, scales: slice) -> list[Integers]:
+        """Vertices of each level of some scales."""
+        return [level for scale in self.scales[scales] for level in scale.levels]
+
+    @cached_property
+    def stencils(self) -> Stencils:
+        """Stencils of all levels, before anything is known."""
+        return joined_stencils([smooth_stencils(scale) for scale in self.scales], self.stencil_size)
+
+    @cached_property
+    def passes(self) -> list[Pass]:
+        """In which order the integers of a field are coded, and what tells of each."""
+        sizes = np.array([len(scale.members) for scale in self.scales[:-1]])
+        n_small = int(np.sum(SMALL_SCALE * sizes < self.mesh.n_verts))
+        small = np.sort(np.concatenate([np.zeros(0, np.int64), *self.levels_of(slice(n_small))]))
+        return [
+            _pass(small, np.zeros((len(small), 0), np.int64)),
+            *(_telling(scale) for scale in self.scales[n_small:-1]),
+            *_telling_of_levels(self.scales[-1]),
+        ]
+
+    def predictors(self, weights: Floats) -> list[Predictor]:
+        """Predictors of all levels, for weights of the stencils."""
+        predictors, start = [], 0
+        for level in self.levels:
+            rows = slice(start, start + len(level))
+            stencil = self.stencils.stencil[rows]
+            is_there = stencil >= 0
+            starts = np.concatenate([[0], np.cumsum(is_there.sum(axis=1))])
+            matrix = csr_array(
+                (weights[rows][is_there], stencil[is_there], starts),
+                shape=(len(level), self.mesh.n_verts),
+            )
+            predictors.append(Predictor(level, matrix))
+            start = rows.stop
+        return predictors
+
+
+def _telling(scale: Scale) -> Pass:
+    """The levels of a scale in one pass; what tells of them are vertices of coarser scales."""
+    order = np.argsort(scale.targets)
+    targets, near = scale.targets[order], scale.stencil[order]
+    return _pass(targets, np.where(np.isin(near, targets), -1, near))
+
+
+def _telling_of_levels(scale: Scale) -> list[Pass]:
+    """A pass for each level of a scale."""
+    ends = np.cumsum([len(level) for level in scale.levels])
+    near = np.split(scale.stencil, ends[:-1])
+    return [_pass(level, one) for level, one in zip(scale.levels, near, strict=True)]
+
+
+def _pass(targets: Integers, near: Integers) -> Pass:
+    """A pass whose columns have the first few of those near them that are vertices, not -1."""
+    is_there = near >= 0
+    used = is_there & (np.cumsum(is_there, axis=1) <= N_TELLING)
+    starts = np.concatenate([[0], np.cumsum(used.sum(axis=1))])
+    return Pass(targets, starts, near[used])
