@@ -1,7 +1,8 @@
 """MeshSequence: an animated triangle mesh of fixed connectivity."""
 
 from dataclasses import dataclass
-from typing import Any
+from functools import cached_property
+from typing import Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -10,6 +11,63 @@ from meshreel.errors import InvalidInputError
 
 Vertices = npt.NDArray[np.float32] | npt.NDArray[np.float64]
 Faces = npt.NDArray[np.int32]
+
+ROW_VERTICES = 128
+
+
+@dataclass(frozen=True, eq=False)
+class Extent:
+    """How far positions reach, in model units.
+
+    Attributes
+    ----------
+    low, high : float64 arrays of shape (3,)
+        Corners of the bounding box of all frames.
+    mean_diagonal : float
+        Diagonal of the bounding box of a frame, the mean of all frames.
+    """
+
+    low: npt.NDArray[np.float64]
+    high: npt.NDArray[np.float64]
+    mean_diagonal: float
+
+
+class FrameSource(Protocol):
+    """An animated mesh whose frames are read when they are asked for.
+
+    A `MeshSequence` is one; so are frame files that need not fit into memory together.
+    """
+
+    @property
+    def n_frames(self) -> int:
+        """Number of frames, T."""
+
+    @property
+    def n_verts(self) -> int:
+        """Number of vertices, V."""
+
+    @property
+    def faces(self) -> Faces:
+        """Vertex indices of each triangle, of shape (M, 3)."""
+
+    @property
+    def fps(self) -> float:
+        """Frames per second; 0 = unknown."""
+
+    @property
+    def name(self) -> str:
+        """A name to show."""
+
+    @property
+    def dtype(self) -> np.dtype[np.floating]:
+        """Number type of the positions: float32 or float64."""
+
+    @property
+    def extent(self) -> Extent:
+        """How far the positions of all frames reach."""
+
+    def read(self, start: int, stop: int) -> Vertices:
+        """Positions of frames start..stop - 1, of shape (stop - start, V, 3), all finite."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,12 +128,52 @@ class MeshSequence:
         """Bytes of the plain arrays: every position of every frame, and the faces once."""
         return int(self.vertices.nbytes + self.faces.nbytes)
 
+    @property
+    def dtype(self) -> np.dtype[np.floating]:
+        """Number type of the positions."""
+        return self.vertices.dtype
+
+    @cached_property
+    def extent(self) -> Extent:
+        """How far the positions of all frames reach."""
+        return extent_of(self.vertices)
+
+    def read(self, start: int, stop: int) -> Vertices:
+        """Positions of frames start..stop - 1, of shape (stop - start, V, 3)."""
+        return self.vertices[start:stop]
+
     def __repr__(self) -> str:
         name = f" {self.name!r}" if self.name else ""
         return (
             f"<MeshSequence{name}: {self.n_frames} frames, {self.n_verts} vertices, "
             f"{self.n_faces} faces, {self.fps:g} fps, {self.vertices.dtype}>"
         )
+
+
+def extent_of(vertices: Vertices) -> Extent:
+    """The extent of positions of shape (T, V, 3)."""
+    low, high = (
+        _over_vertices(reduce, vertices).astype(np.float64) for reduce in (np.minimum, np.maximum)
+    )
+    return Extent(low.min(axis=0), high.max(axis=0), mean_length(high - low))
+
+
+def _over_vertices(reduce: np.ufunc, vertices: Vertices) -> Vertices:
+    """The minimum or maximum of each frame, of shape (T, 3)."""
+    # Many vertices in a row at a time: rows of three numbers are reduced ten times slower.
+    n_frames, n_verts, _ = vertices.shape
+    width = min(n_verts, ROW_VERTICES)
+    whole = n_verts - n_verts % width
+    rows = vertices[:, :whole].reshape(n_frames, -1, width * 3)
+    reduced = reduce.reduce(rows, axis=1).reshape(n_frames, width, 3)
+    found: Vertices = reduce.reduce(np.concatenate([reduced, vertices[:, whole:]], axis=1), axis=1)
+    return found
+
+
+def mean_length(vectors: npt.NDArray[np.float64]) -> float:
+    """Mean length of vectors of shape (N, 3), however tiny they are."""
+    largest = float(np.abs(vectors).max()) or 1.0  # taken out, for squares of tiny numbers are 0
+    return largest * float(np.linalg.norm(vectors / largest, axis=1).mean())
 
 
 def validate_vertices(vertices: Any) -> Vertices:

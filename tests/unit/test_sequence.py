@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from meshreel.errors import InvalidInputError
-from meshreel.sequence import MeshSequence
+from meshreel.sequence import MeshSequence, extent_of
 
 FACES = np.array([[0, 1, 2]])
 VERTICES = np.zeros((2, 3, 3))
@@ -58,3 +58,19 @@ def test_sequence_names_frame_and_vertex_when_a_value_is_not_finite(bad):
     vertices[2, 1, 1] = bad
     with pytest.raises(InvalidInputError, match=f"vertex 1 of frame 2 has y = {bad}"):
         MeshSequence(vertices, FACES)
+
+
+@pytest.mark.parametrize("n_verts", [1, 127, 128, 1000])
+def test_extent_is_that_of_each_frame_alone_when_all_are_measured_at_once(n_verts):
+    rng = np.random.default_rng(n_verts)
+    vertices = rng.normal(size=(3, n_verts, 3)) * 10.0 ** rng.integers(-3, 3, (3, 1, 1))
+    extent = extent_of(vertices)
+    diagonals = [np.linalg.norm(frame.max(axis=0) - frame.min(axis=0)) for frame in vertices]
+    np.testing.assert_array_equal(extent.low, vertices.min(axis=(0, 1)))
+    np.testing.assert_array_equal(extent.high, vertices.max(axis=(0, 1)))
+    assert extent.mean_diagonal == pytest.approx(np.mean(diagonals), rel=1e-12)
+
+
+def test_extent_has_a_length_when_coordinates_are_tiny():
+    vertices = np.array([[[0.0, 0.0, 0.0], [3e-200, 4e-200, 0.0]]])
+    assert extent_of(vertices).mean_diagonal == pytest.approx(5e-200, rel=1e-12)

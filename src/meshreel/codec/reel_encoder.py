@@ -135,9 +135,7 @@ class ReelEncoder:
 
     @cached_property
     def _own_diagonal(self) -> float:
-        vertices = self._source.sequence.vertices
-        extents = (vertices.max(axis=1) - vertices.min(axis=1)) / self._source.frame.scale
-        return float(np.linalg.norm(extents.astype(np.float64), axis=1).mean()) or 1.0
+        return self._source.sequence.extent.mean_diagonal / self._source.frame.scale or 1.0
 
     @cached_property
     def _finest_step(self) -> float:
