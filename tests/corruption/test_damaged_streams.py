@@ -6,16 +6,15 @@ import zlib
 import numpy as np
 import pytest
 
-from meshreel.bitstream.header import write_header
 from meshreel.bitstream.layout import Section
 from meshreel.bitstream.reader import read_stream
-from meshreel.bitstream.sections import write_section
 from meshreel.codec.decoder import decode
 from meshreel.codec.encoder import encode
 from meshreel.codec.inspect import info
 from meshreel.entropy.varint import write_varint
 from meshreel.errors import CorruptStreamError, MeshReelError, TruncatedStreamError
 from sample_meshes import irregular_sequence, waving_grid
+from sample_streams import parts_of, raw_stream
 
 STREAMS = {
     "grid": encode(waving_grid(4, 4, 5), "pca-qp"),
@@ -63,13 +62,9 @@ def test_hostile_payloads_give_our_error_or_a_mesh_when_checksums_are_made_to_fi
     stream = read_stream(STREAMS[name])
     rng = np.random.default_rng(99)
     for _ in range(1000):
-        payloads = [bytearray(stored.payload) for stored in stream.sections]
-        target = payloads[rng.integers(len(payloads) - 1)]
-        _mutate(target, rng)
-        data = write_header(stream.header) + b"".join(
-            write_section(stored.id, bytes(payload))
-            for stored, payload in zip(stream.sections, payloads, strict=True)
-        )
+        parts = [(section, bytearray(payload)) for section, payload in parts_of(stream)]
+        _mutate(parts[rng.integers(len(parts))][1], rng)
+        data = raw_stream(stream.header, [(section, bytes(part)) for section, part in parts])
         try:
             decoded = decode(data)
         except MeshReelError:
@@ -107,46 +102,47 @@ def test_empty_file_is_told_when_it_is_decoded():
         decode(b"")
 
 
-def without(stream, missing):
-    """The bytes of a stream without one of its sections."""
-    return write_header(stream.header) + b"".join(
-        write_section(stored.id, stored.payload)
-        for stored in stream.sections
-        if stored is not missing
-    )
+def without(stream, number):
+    """The bytes of a stream without its section of this number."""
+    parts = parts_of(stream)
+    return raw_stream(stream.header, parts[:number] + parts[number + 1 :])
+
+
+def replaced(stream, changed, other):
+    """The parts of a stream with another payload in all sections of an id."""
+    return [(section, other if section is changed else own) for section, own in parts_of(stream)]
 
 
 def test_a_section_left_out_is_told_when_the_rest_is_whole():
     for name in ("irregular", "reel irregular"):
         stream = read_stream(STREAMS[name])
-        for missing in stream.sections[:-1]:
+        for number in range(len(parts_of(stream))):
             with pytest.raises(CorruptStreamError):
-                decode(without(stream, missing))
+                decode(without(stream, number))
 
 
 def test_corrections_are_there_when_a_stream_is_damaged_that_has_some():
     """The tests above are about nothing else."""
     stream = read_stream(STREAMS["reel corrected"])
-    found = [stored for stored in stream.sections if stored.id is Section.CORRECTIONS]
+    found = [payload for section, payload in parts_of(stream) if section is Section.CORRECTIONS]
     assert len(found) == 2
-    assert all(len(stored.payload) > 30 for stored in found)
+    assert all(len(payload) > 30 for payload in found)
 
 
 def test_a_mesh_comes_out_when_corrections_or_promise_are_left_out():
     """They are no part of the frames: an attacker may take them away, but breaks nothing."""
     stream = read_stream(STREAMS["reel corrected"])
-    for missing in stream.sections:
-        if missing.id in (Section.CORRECTIONS, Section.PROMISE):
-            decoded = decode(without(stream, missing))
+    for number, (section, _) in enumerate(parts_of(stream)):
+        if section in (Section.CORRECTIONS, Section.PROMISE):
+            decoded = decode(without(stream, number))
             np.testing.assert_array_equal(decoded.faces, irregular_sequence(4).faces)
 
 
 def test_corrections_are_refused_when_they_come_before_any_block():
     stream = read_stream(STREAMS["reel corrected"])
-    (first, *_) = [stored for stored in stream.sections if stored.id is Section.CORRECTIONS]
-    data = write_header(stream.header) + b"".join(
-        write_section(stored.id, stored.payload) for stored in (first, *stream.sections)
-    )
+    parts = parts_of(stream)
+    (first, *_) = [part for part in parts if part[0] is Section.CORRECTIONS]
+    data = raw_stream(stream.header, [first, *parts])
     with pytest.raises(CorruptStreamError, match="CORRECTIONS is out of place"):
         decode(data)
 
@@ -154,16 +150,15 @@ def test_corrections_are_refused_when_they_come_before_any_block():
 def test_damaged_corrections_give_our_error_or_a_mesh_when_checksums_are_made_to_fit():
     """Aimed at this section alone: of the others there are many more bytes."""
     stream = read_stream(STREAMS["reel corrected"])
-    (first, *_) = [stored for stored in stream.sections if stored.id is Section.CORRECTIONS]
+    parts = parts_of(stream)
+    (first, *_) = [part for part in parts if part[0] is Section.CORRECTIONS]
     rng = np.random.default_rng(4)
     n_refused = 0
     for _ in range(1500):
-        payload = bytearray(first.payload)
+        payload = bytearray(first[1])
         _mutate(payload, rng)
-        data = write_header(stream.header) + b"".join(
-            write_section(stored.id, bytes(payload) if stored is first else stored.payload)
-            for stored in stream.sections
-        )
+        changed = (Section.CORRECTIONS, bytes(payload))
+        data = raw_stream(stream.header, [changed if part is first else part for part in parts])
         try:
             decoded = decode(data)
         except MeshReelError:
@@ -176,10 +171,7 @@ def test_damaged_corrections_give_our_error_or_a_mesh_when_checksums_are_made_to
 @pytest.mark.parametrize("payload", [b"", b"\0" * 8, b"\xff" * 8, b"\0" * 9])
 def test_info_refuses_a_promise_when_it_is_none(payload):
     stream = read_stream(STREAMS["reel corrected"])
-    data = write_header(stream.header) + b"".join(
-        write_section(stored.id, payload if stored.id is Section.PROMISE else stored.payload)
-        for stored in stream.sections
-    )
+    data = raw_stream(stream.header, replaced(stream, Section.PROMISE, payload))
     with pytest.raises(CorruptStreamError, match="promise"):
         info(data)
 
@@ -188,9 +180,6 @@ def test_corrections_take_no_memory_when_their_number_is_a_lie():
     """Announced numbers are checked against the block before anything is allocated."""
     stream = read_stream(STREAMS["reel corrected"])
     lie = struct.pack("<f", 0.5) + write_varint(3) + write_varint(2**50)
-    data = write_header(stream.header) + b"".join(
-        write_section(stored.id, lie if stored.id is Section.CORRECTIONS else stored.payload)
-        for stored in stream.sections
-    )
+    data = raw_stream(stream.header, replaced(stream, Section.CORRECTIONS, lie))
     with pytest.raises(CorruptStreamError, match="are announced"):
         decode(data)

@@ -4,11 +4,19 @@ import struct
 import zlib
 from dataclasses import dataclass
 
-from meshreel.bitstream.layout import FORMAT_VERSION, MAGIC, MAX_NAME_BYTES, VertexType
+from meshreel.bitstream.layout import (
+    FORMAT_VERSION,
+    MAGIC,
+    MAX_NAME_BYTES,
+    OLDEST_VERSION,
+    VertexType,
+)
 from meshreel.errors import CorruptStreamError, TruncatedStreamError, UnsupportedVersionError
 
 _FIXED = struct.Struct("<8sHIIIdBBBB4dH")
 _CHECKSUM = struct.Struct("<I")
+
+LONGEST_HEADER = _FIXED.size + MAX_NAME_BYTES + _CHECKSUM.size
 
 
 @dataclass(frozen=True)
@@ -17,7 +25,9 @@ class Header:
 
     Attributes
     ----------
-    n_frames, n_verts, n_faces : int
+    n_frames : int
+        0: not known when the header was written; as many as the blocks hold.
+    n_verts, n_faces : int
         At least 1 each.
     fps : float
         Frames per second; 0 = unknown.
@@ -106,20 +116,19 @@ def _check_magic_and_version(data: bytes) -> None:
     if len(data) < len(MAGIC) + 2:
         raise _cut_off(data, _FIXED.size)
     (version,) = struct.unpack_from("<H", data, len(MAGIC))
-    if version != FORMAT_VERSION:
+    if not OLDEST_VERSION <= version <= FORMAT_VERSION:
         raise UnsupportedVersionError(
-            f"the stream is format {version}; this build reads format {FORMAT_VERSION}; "
-            "upgrade meshreel (or the file is damaged)"
+            f"the stream is format {version}; this build reads formats {OLDEST_VERSION} to "
+            f"{FORMAT_VERSION}; upgrade meshreel (or the file is damaged)"
         )
 
 
 def _checked_header(fields: tuple, name: bytes) -> Header:  # type: ignore[type-arg]
     _, _, n_frames, n_verts, n_faces, fps, vertex_type, method, laplacian, order = fields[:10]
     origin, scale = fields[10:13], fields[13]
-    if min(n_frames, n_verts, n_faces) < 1:
+    if min(n_verts, n_faces) < 1:
         raise CorruptStreamError(
-            f"the header announces {n_frames} frames, {n_verts} vertices and {n_faces} faces; "
-            "each must be at least 1"
+            f"the header announces {n_verts} vertices and {n_faces} faces; each must be at least 1"
         )
     if vertex_type not in list(VertexType):
         raise CorruptStreamError(f"vertex type {vertex_type} is unknown; 4 and 8 are allowed")

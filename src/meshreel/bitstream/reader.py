@@ -1,68 +1,121 @@
 """The parts of a stream, each checked before anything of it is believed."""
 
+import os
+from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
+from io import BytesIO
+from itertools import accumulate
+from typing import BinaryIO
 
-from meshreel.bitstream.header import Header, read_header
-from meshreel.bitstream.layout import MAX_POSITIONS_PER_BYTE, Section
-from meshreel.bitstream.sections import StoredSection, read_section
-from meshreel.bitstream.writer import least_size_bytes
-from meshreel.errors import CorruptStreamError
+from meshreel.bitstream.header import LONGEST_HEADER, Header, read_header
+from meshreel.bitstream.index import BlockPlace, read_index
+from meshreel.bitstream.layout import (
+    INDEX_POSITION,
+    MAX_POSITIONS_PER_BYTE,
+    Section,
+    least_size_bytes,
+)
+from meshreel.bitstream.sections import END_SIZE_BYTES, StoredSection, read_section
+from meshreel.entropy.varint import read_varint
+from meshreel.errors import CorruptStreamError, MeshReelError, TruncatedStreamError
+
+BLOCK_SECTIONS = range(Section.BLOCK, Section.PADDING)
+"""Ids of sections that belong to a block."""
 
 
 @dataclass(frozen=True)
 class Stream:
-    """A stream taken apart.
+    """A stream taken apart; its blocks are read when they are asked for.
 
     Attributes
     ----------
+    file : binary file that can seek
+    size_bytes : int
     header : Header
     header_size_bytes : int
-    sections : tuple of StoredSection
-        In the order of the stream, without unknown optional ones; the end marker is the last.
-    size_bytes : int
+    leading : tuple of StoredSection
+        Sections before the first block, without unknown optional ones.
+    places : tuple of BlockPlace
+        Of all blocks that are whole.
+    is_whole : bool
+        Whether it has its end marker; else its writer was stopped, or the end was lost.
     """
 
+    file: BinaryIO
+    size_bytes: int
     header: Header
     header_size_bytes: int
-    sections: tuple[StoredSection, ...]
-    size_bytes: int
+    leading: tuple[StoredSection, ...]
+    places: tuple[BlockPlace, ...]
+    is_whole: bool
+
+    def __post_init__(self) -> None:
+        announced, header = self.header.n_frames, self.header
+        if announced and self.is_whole and self.n_frames != announced:
+            raise CorruptStreamError(
+                f"the blocks hold {self.n_frames} frames; the header announces {announced}"
+            )
+        if least_size_bytes(max(self.n_frames * header.n_verts, header.n_faces)) > self.size_bytes:
+            raise CorruptStreamError(
+                f"{self.n_frames} frames of {header.n_verts} vertices and {header.n_faces} faces "
+                f"are announced; a stream of {self.size_bytes} bytes holds at most "
+                f"{MAX_POSITIONS_PER_BYTE} positions or faces a byte"
+            )
+
+    @cached_property
+    def starts(self) -> list[int]:
+        """First frame of each block that is whole, and the number of all frames."""
+        return list(accumulate((place.n_frames for place in self.places), initial=0))
+
+    @property
+    def n_frames(self) -> int:
+        """Frames of all blocks that are whole."""
+        return self.starts[-1]
 
     def only(self, section: Section) -> bytes:
-        """Payload of the one section of this id.
+        """Payload of the one section of this id before the first block.
 
         Raises
         ------
         CorruptStreamError
             If there is none, or more than one.
         """
-        found = [stored.payload for stored in self.sections if stored.id is section]
+        found = [stored.payload for stored in self.leading if stored.id is section]
         if len(found) != 1:
             raise CorruptStreamError(
                 f"the stream has {len(found)} sections {section.name}; exactly 1 is allowed"
             )
         return found[0]
 
-    def blocks(self) -> list[dict[Section, bytes]]:
-        """Sections of each block of frames, by id.
+    def block(self, number: int) -> dict[Section, bytes]:
+        """Sections of a block, by id; checksums are verified.
 
         Raises
         ------
         CorruptStreamError
-            If a block has the same section twice, or a block's section comes before any block.
+            If its bytes are damaged, it has the same section twice, or others than a block has.
         """
-        blocks: list[dict[Section, bytes]] = []
-        for stored in self.sections:
-            if stored.id is Section.BLOCK:
-                blocks.append({})
-            if Section.BLOCK <= stored.id < Section.PADDING:
-                if not blocks or stored.id in blocks[-1]:
+        place = self.places[number]
+        sections: dict[Section, bytes] = {}
+        for stored, _ in _sections(self.file, place.position, place.end):
+            if (stored.id is Section.BLOCK) != (not sections):
+                raise CorruptStreamError(f"block {number} does not begin with a section BLOCK")
+            if stored.id in BLOCK_SECTIONS:
+                if stored.id in sections:
                     raise CorruptStreamError(f"section {stored.id.name} is out of place")
-                blocks[-1][stored.id] = stored.payload
-        return blocks
+                sections[stored.id] = stored.payload
+        return sections
+
+    def sections(self) -> Iterator[StoredSection]:
+        """All sections in order, the end marker included, without unknown optional ones."""
+        end = self.size_bytes if self.is_whole else self.places[-1].end
+        for stored, _ in _sections(self.file, self.header_size_bytes, end):
+            yield stored
 
 
 def read_stream(data: bytes) -> Stream:
-    """The header and all sections of a stream, their checksums verified.
+    """A whole stream, every byte of it checked.
 
     Raises
     ------
@@ -73,19 +126,160 @@ def read_stream(data: bytes) -> Stream:
     UnsupportedVersionError
         If a newer build is needed.
     """
-    header, header_size = read_header(data)
-    position = header_size
-    sections: list[StoredSection] = []
-    while not sections or sections[-1].id is not Section.END:
-        stored, position = read_section(data, position)
+    header, header_size_bytes = read_header(data)
+    file = BytesIO(data)
+    scan = _scan(file, header_size_bytes, len(data))
+    if scan.damage:
+        raise scan.damage
+    if scan.end != len(data):
+        raise CorruptStreamError(f"{len(data) - scan.end} bytes follow the end marker")
+    stream = scan.stream(file, len(data), header, header_size_bytes)
+    _check_index(stream)
+    return stream
+
+
+def open_stream(file: BinaryIO) -> Stream:
+    """A stream in a file, of which only what comes before the blocks, and the index, is read.
+
+    Where the index is missing or damaged, blocks are found by reading the file once; what follows
+    the last whole block is left out then.
+
+    Raises
+    ------
+    CorruptStreamError, TruncatedStreamError
+        If the header is damaged, or no block is whole.
+    UnsupportedVersionError
+        If a newer build is needed.
+    """
+    size_bytes = file.seek(0, os.SEEK_END)
+    file.seek(0)
+    header, header_size_bytes = read_header(file.read(LONGEST_HEADER))
+    try:
+        places = _indexed_places(file, header_size_bytes, size_bytes)
+        opening = _sections(file, header_size_bytes, places[0].position)
+        leading = tuple(stored for stored, _ in opening)
+        return Stream(file, size_bytes, header, header_size_bytes, leading, places, True)
+    except (CorruptStreamError, TruncatedStreamError):
+        scan = _scan(file, header_size_bytes, size_bytes)
+    if scan.damage and not scan.places:
+        raise scan.damage
+    return scan.stream(file, size_bytes, header, header_size_bytes)
+
+
+def _check_index(stream: Stream) -> None:
+    """Refuse an index that contradicts the blocks; there may be none.
+
+    Raises
+    ------
+    CorruptStreamError
+        If it does.
+    """
+    said: list[BlockPlace] | None = None
+    position = said_position = -1
+    for stored, position in _sections(stream.file, stream.header_size_bytes, stream.size_bytes):
+        if stored.id is Section.INDEX:
+            said, said_position = read_index(stored.payload, position), position
+        if stored.id is Section.END:
+            expected = INDEX_POSITION.pack(said_position) if said is not None else b""
+            if stored.payload != expected:
+                raise CorruptStreamError("the end marker does not say where the index is")
+    if said is not None and tuple(said) != stream.places:
+        raise CorruptStreamError("the index contradicts the blocks")
+
+
+def _indexed_places(file: BinaryIO, start: int, size_bytes: int) -> tuple[BlockPlace, ...]:
+    """What the index says, which the end marker leads to.
+
+    Raises
+    ------
+    CorruptStreamError, TruncatedStreamError
+        If there is none, or it is damaged.
+    """
+    end, _ = read_section(file, max(start, size_bytes - END_SIZE_BYTES), size_bytes)
+    if end is None or end.id is not Section.END or len(end.payload) != INDEX_POSITION.size:
+        raise CorruptStreamError("the stream does not end with an end marker that has an index")
+    (position,) = INDEX_POSITION.unpack(end.payload)
+    index, _ = read_section(file, position, size_bytes)
+    if index is None or index.id is not Section.INDEX:
+        raise CorruptStreamError(f"there is no index at byte {position}")
+    places = read_index(index.payload, position)
+    if not places or places[0].position < start:
+        raise CorruptStreamError("the index lists no blocks, or blocks inside the header")
+    return tuple(places)
+
+
+def _sections(file: BinaryIO, start: int, end: int) -> Iterator[tuple[StoredSection, int]]:
+    """Sections from one byte to another, each with its position, without unknown ones."""
+    position = start
+    while position < end:
+        stored, behind = read_section(file, position, end)
         if stored is not None:
-            sections.append(stored)
-    if position != len(data):
-        raise CorruptStreamError(f"{len(data) - position} bytes follow the end marker")
-    if least_size_bytes(header) > len(data):
-        raise CorruptStreamError(
-            f"the header announces {header.n_frames} frames of {header.n_verts} vertices and "
-            f"{header.n_faces} faces; a stream of {len(data)} bytes holds at most "
-            f"{MAX_POSITIONS_PER_BYTE} positions or faces a byte"
-        )
-    return Stream(header, header_size, tuple(sections), len(data))
+            yield stored, position
+        position = behind
+
+
+@dataclass(frozen=True)
+class _Scan:
+    """What reading a stream from its first section on brought.
+
+    Attributes
+    ----------
+    leading : list of StoredSection
+    places : list of BlockPlace
+        Of the blocks that are whole.
+    end : int
+        Byte behind the last section that is whole.
+    damage : MeshReelError or None
+        What stopped it before the end marker.
+    """
+
+    leading: list[StoredSection]
+    places: list[BlockPlace]
+    end: int
+    damage: MeshReelError | None
+
+    def stream(self, file: BinaryIO, size_bytes: int, header: Header, start: int) -> Stream:
+        """The stream as far as it is whole."""
+        is_whole = self.damage is None
+        leading, places = tuple(self.leading), tuple(self.places)
+        return Stream(file, size_bytes, header, start, leading, places, is_whole)
+
+
+def _scan(file: BinaryIO, start: int, size_bytes: int) -> _Scan:
+    """Read up to the end marker, or to what is damaged."""
+    leading: list[StoredSection] = []
+    places: list[BlockPlace] = []
+    block: tuple[int, int] | None = None  # frames and position of the block that is read
+    last, position, damage = None, start, None
+
+    def close(end: int) -> None:
+        if block is not None:
+            places.append(BlockPlace(block[0], block[1], end - block[1]))
+
+    try:
+        while last is not Section.END:
+            stored, behind = read_section(file, position, size_bytes)
+            if stored is not None:
+                last = stored.id
+                if last in BLOCK_SECTIONS and last is not Section.BLOCK and block is None:
+                    raise CorruptStreamError(f"section {last.name} is out of place")
+                if last in (Section.BLOCK, Section.INDEX, Section.END):
+                    close(position)
+                    is_block = last is Section.BLOCK
+                    block = (_n_frames(stored.payload), position) if is_block else None
+                elif block is None:
+                    leading.append(stored)
+            position = behind
+    except (CorruptStreamError, TruncatedStreamError) as error:
+        damage = error
+        if last is Section.COEFFICIENTS:  # the last one of a block
+            close(position)
+    return _Scan(leading, places, position, damage)
+
+
+def _n_frames(payload: bytes) -> int:
+    """Frames of a block, which its first section begins with."""
+    n_frames, _ = read_varint(payload, 0)
+    if not n_frames:
+        raise CorruptStreamError("a block announces 0 frames; it must have at least 1")
+    return n_frames

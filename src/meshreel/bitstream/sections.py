@@ -3,12 +3,16 @@
 import struct
 import zlib
 from dataclasses import dataclass
+from typing import BinaryIO
 
-from meshreel.bitstream.layout import OPTIONAL, Section
-from meshreel.entropy.varint import read_varint, write_varint
+from meshreel.bitstream.layout import INDEX_POSITION, OPTIONAL, Section
+from meshreel.entropy.varint import MAX_BYTES, read_varint, write_varint
 from meshreel.errors import CorruptStreamError, TruncatedStreamError, UnsupportedVersionError
 
 _CHECKSUM = struct.Struct("<I")
+
+END_SIZE_BYTES = 2 + INDEX_POSITION.size + _CHECKSUM.size
+"""Size of an end marker that says where the index is."""
 
 
 @dataclass(frozen=True)
@@ -34,39 +38,44 @@ def write_section(section: Section, payload: bytes) -> bytes:
     return body + _CHECKSUM.pack(zlib.crc32(body))
 
 
-def read_section(data: bytes, position: int) -> tuple[StoredSection | None, int]:
-    """The section at `position` and the position behind it.
+def read_section(
+    file: BinaryIO, position: int, size_bytes: int
+) -> tuple[StoredSection | None, int]:
+    """The section at `position` of a stream of so many bytes, and the position behind it.
 
     Returns None in place of an optional section that this build does not know.
 
     Raises
     ------
     TruncatedStreamError
-        If the data end inside the section.
+        If the stream ends inside the section.
     CorruptStreamError
         If its checksum does not match.
     UnsupportedVersionError
         If it is required and unknown.
     """
-    if position >= len(data):
-        raise TruncatedStreamError(f"the stream ends at byte {len(data)}, before its end marker")
-    number = data[position]
-    length, start = read_varint(data, position + 1)
-    end = start + length
-    if end + _CHECKSUM.size > len(data):
-        missing = end + _CHECKSUM.size - len(data)
+    if position >= size_bytes:
+        raise TruncatedStreamError(f"the stream ends at byte {size_bytes}, before its end marker")
+    file.seek(position)
+    head = file.read(1 + MAX_BYTES)
+    number = head[0]
+    length, start = read_varint(head, 1)
+    behind = position + start + length + _CHECKSUM.size
+    if behind > size_bytes:
         raise TruncatedStreamError(
-            f"the stream ends at byte {len(data)}; section {_name(number)} at byte {position} "
-            f"needs {missing} more bytes"
+            f"the stream ends at byte {size_bytes}; section {_name(number)} at byte {position} "
+            f"needs {behind - size_bytes} more bytes"
         )
-    if zlib.crc32(data[position:end]) != _CHECKSUM.unpack_from(data, end)[0]:
+    file.seek(position)
+    data = file.read(behind - position)
+    body, checksum = data[: -_CHECKSUM.size], data[-_CHECKSUM.size :]
+    if _CHECKSUM.pack(zlib.crc32(body)) != checksum:
         raise CorruptStreamError(
             f"the checksum of section {_name(number)} at byte {position} does not match; "
             "the file is damaged"
         )
-    behind = end + _CHECKSUM.size
     if number in list(Section):
-        return StoredSection(Section(number), data[start:end], behind - position), behind
+        return StoredSection(Section(number), body[start:], len(data)), behind
     if number & OPTIONAL:
         return None, behind
     raise UnsupportedVersionError(

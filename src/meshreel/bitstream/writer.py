@@ -1,25 +1,94 @@
-"""A whole stream from its parts."""
+"""A stream, written part by part: what is written is never touched again."""
 
 from collections.abc import Iterable
+from io import BytesIO
+from typing import BinaryIO
 
 from meshreel.bitstream.header import Header, write_header
-from meshreel.bitstream.layout import MAX_POSITIONS_PER_BYTE, Section
+from meshreel.bitstream.index import BlockPlace, write_index
+from meshreel.bitstream.layout import INDEX_POSITION, Section, least_size_bytes
 from meshreel.bitstream.sections import write_section
 
-
-def write_stream(header: Header, sections: Iterable[tuple[Section, bytes]]) -> bytes:
-    """The bytes of a stream: header, sections, padding where needed, end marker."""
-    body = write_header(header) + b"".join(write_section(*section) for section in sections)
-    return body + _padding(header, len(body)) + write_section(Section.END, b"")
+Sections = Iterable[tuple[Section, bytes]]
 
 
-def _padding(header: Header, size_bytes: int) -> bytes:
-    """What brings a stream up to the least size that its counts need."""
-    missing = least_size_bytes(header) - size_bytes
+class StreamWriter:
+    """Writes a stream to a file: header and leading sections at once, then blocks as they come.
+
+    After every block the file can be read up to there, whatever happens to the writer.
+
+    Parameters
+    ----------
+    file : binary file, open for writing
+        Written from its beginning on; it need not be able to seek.
+    header : Header
+        Its number of frames is 0 if it is not known yet.
+    leading : iterable of (Section, bytes)
+        What comes before the first block.
+    """
+
+    def __init__(self, file: BinaryIO, header: Header, leading: Sections) -> None:
+        self._file = file
+        self._header = header
+        self._places: list[BlockPlace] = []
+        self._position = 0
+        opening = write_header(header) + b"".join(write_section(*one) for one in leading)
+        self._write(opening + _padding(least_size_bytes(header.n_faces) - len(opening)))
+
+    @property
+    def size_bytes(self) -> int:
+        """Bytes written so far."""
+        return self._position
+
+    def write_block(self, n_frames: int, sections: Sections) -> None:
+        """Write a block; the file is flushed.
+
+        Parameters
+        ----------
+        n_frames : int
+        sections : iterable of (Section, bytes)
+            BLOCK first and COEFFICIENTS last: a block whose last section is whole is whole.
+        """
+        (first, *others), start = list(sections), self._position
+        head = write_section(*first)
+        body = b"".join(write_section(*one) for one in others)
+        least = least_size_bytes(n_frames * self._header.n_verts)
+        self._write(head + _padding(least - len(head) - len(body)) + body)
+        self._file.flush()
+        self._places.append(BlockPlace(n_frames, start, self._position - start))
+
+    def finish(self) -> None:
+        """Write the index and the end marker; nothing may follow."""
+        index_position = self._position
+        self._write(write_section(Section.INDEX, write_index(self._places)))
+        self._write(write_section(Section.END, INDEX_POSITION.pack(index_position)))
+        self._file.flush()
+
+    def _write(self, data: bytes) -> None:
+        self._file.write(data)
+        self._position += len(data)
+
+
+def whole_stream(
+    header: Header, leading: Sections, blocks: Iterable[tuple[int, Sections]]
+) -> bytes:
+    """The bytes of a stream.
+
+    Parameters
+    ----------
+    header : Header
+    leading : iterable of (Section, bytes)
+    blocks : iterable of (int, iterable of (Section, bytes))
+        Number of frames and sections of each.
+    """
+    file = BytesIO()
+    writer = StreamWriter(file, header, leading)
+    for block in blocks:
+        writer.write_block(*block)
+    writer.finish()
+    return file.getvalue()
+
+
+def _padding(missing: int) -> bytes:
+    """What brings a part of a stream up to the least size that its counts need."""
     return write_section(Section.PADDING, bytes(missing)) if missing > 0 else b""
-
-
-def least_size_bytes(header: Header) -> int:
-    """Bytes below which a reader refuses the counts of this header."""
-    largest = max(header.n_frames * header.n_verts, header.n_faces)
-    return -(-largest // MAX_POSITIONS_PER_BYTE)

@@ -1,31 +1,20 @@
 """Blocks of frames to sections and back."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-
-import numpy as np
-import numpy.typing as npt
 
 from meshreel.bitstream.layout import Section
 from meshreel.bitstream.reader import Stream
 from meshreel.codec import payloads
-from meshreel.codec.corrections import Corrections, corrected
+from meshreel.codec.corrections import Corrections
 from meshreel.codec.field_mesh import FieldMesh
 from meshreel.codec.mesh_model import MeshModel
 from meshreel.codec.methods import Basis, Method
-from meshreel.codec.pipeline import (
-    CodedBlock,
-    FramesOf,
-    Quantized,
-    product_frames,
-    synthesise,
-)
-from meshreel.codec.reel import FieldBlock, synthesise_fields
+from meshreel.codec.pipeline import CodedBlock, Quantized
+from meshreel.codec.reel import FieldBlock
 from meshreel.entropy.field_coder import decode_fields, encode_fields
 from meshreel.errors import CorruptStreamError
 from meshreel.threads import in_background
-
-Integers = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -60,34 +49,45 @@ class StoredBlock:
 
 
 def stored_blocks(stream: Stream, method: Method) -> list[StoredBlock]:
-    """The blocks of a stream, checked to hold all its frames.
+    """All blocks of a stream; raises as `stored_block`."""
+    return [stored_block(stream, method, number) for number in range(len(stream.places))]
+
+
+def stored_block(stream: Stream, method: Method, number: int) -> StoredBlock:
+    """A block of a stream.
+
+    Parameters
+    ----------
+    stream : Stream
+    method : Method
+    number : int
 
     Raises
     ------
     CorruptStreamError
-        If their frames are not as many as the header announces, or a block has more modes than
-        its method can have.
+        If it is damaged, has more modes than its method can have, or other frames than the index
+        says.
     """
-    blocks: list[StoredBlock] = []
-    start = 0
-    for sections in stream.blocks():
-        n_frames, n_modes = payloads.read_block(sections[Section.BLOCK])
-        limit = _most_modes(method, n_frames, stream.header.n_verts)
-        if n_modes > limit:
-            raise CorruptStreamError(
-                f"a block of {n_frames} frames has {n_modes} modes; {limit} are possible"
-            )
-        blocks.append(StoredBlock(start, n_frames, n_modes, sections))
-        start += n_frames
-    if start != stream.header.n_frames:
+    sections = stream.block(number)
+    n_frames, n_modes = payloads.read_block(sections[Section.BLOCK])
+    if n_frames != stream.places[number].n_frames:
         raise CorruptStreamError(
-            f"the blocks hold {start} frames; the header announces {stream.header.n_frames}"
+            f"block {number} has {n_frames} frames; the index says {stream.places[number].n_frames}"
         )
-    return blocks
+    limit = _most_modes(method, n_frames, stream.header.n_verts)
+    if n_modes > limit:
+        raise CorruptStreamError(
+            f"a block of {n_frames} frames has {n_modes} modes; {limit} are possible"
+        )
+    return StoredBlock(stream.starts[number], n_frames, n_modes, sections)
 
 
 def write_coded_block(
-    block: CodedBlock, n_frames: int, method: Method, before: Quantized | None
+    block: CodedBlock,
+    n_frames: int,
+    method: Method,
+    before: Quantized | None,
+    exact: bytes = b"",
 ) -> Iterator[tuple[Section, bytes]]:
     """The sections of a block.
 
@@ -98,6 +98,8 @@ def write_coded_block(
     method : Method
     before : Quantized or None
         Dictionary of the block before, if this one's is stored as the difference to it.
+    exact : bytes, optional
+        Positions of isolated vertices.
     """
     yield Section.BLOCK, payloads.write_block(n_frames, block.n_modes)
     if block.basis is not None:
@@ -113,61 +115,32 @@ def write_coded_block(
             if on_graph
             else payloads.write_rows(block.anchors, shared=True),
         )
+    if exact:
+        yield Section.EXACT, exact
     yield Section.COEFFICIENTS, payloads.write_rows(block.coefficients, shared=on_graph)
 
 
-def write_field_block(block: FieldBlock, mesh: FieldMesh) -> Iterator[tuple[Section, bytes]]:
+def write_field_block(
+    block: FieldBlock, mesh: FieldMesh, corrections: Corrections | None = None
+) -> Iterator[tuple[Section, bytes]]:
     """The sections of a block of `reel`."""
     yield Section.BLOCK, payloads.write_block(len(block.times), block.n_modes)
     yield Section.FIELDS, payloads.write_layout(block.layout, block.taps)
     yield Section.BASIS, payloads.write_times(block.times)
+    if corrections is not None:
+        yield Section.CORRECTIONS, payloads.write_corrections(corrections)
     yield Section.COEFFICIENTS, encode_fields(block.fields, mesh.passes)
 
 
-def frame_sources(
-    stream: Stream,
-    mesh: MeshModel,
-    method: Method,
-    wanted: range,
-    order: Integers,
-    n_modes: int | None = None,
-) -> Iterator[tuple[StoredBlock, FramesOf]]:
-    """For each block that holds any of the wanted frames, what gives its frames.
-
-    Parameters
-    ----------
-    stream : Stream
-    mesh : MeshModel
-    method : Method
-    wanted : range
-    order : integer array of shape (V,)
-        Internal number of each vertex that goes out.
-    n_modes : int, optional
-        Of `reel`, the first so many modes only, without corrections.
-    """
-    if method.basis is not Basis.JOINT:
-        for stored, block in read_coded_blocks(stream, mesh, method, wanted):
-            yield stored, synthesise(block, mesh, method, order)
-        return
-    field_mesh: FieldMesh | None = None
-    for stored in stored_blocks(stream, method):
-        if stored.start < wanted.stop and stored.start + stored.n_frames > wanted.start:
-            field_block, field_mesh = _read_field_block(stored, mesh, field_mesh)
-            if n_modes is not None:
-                field_block = field_block.first_modes(n_modes)
-            basis, fields = synthesise_fields(field_block, field_mesh)
-            frames_of = product_frames(basis, fields[:, :, order])
-            if n_modes is None and Section.CORRECTIONS in stored.sections:
-                frames_of = corrected(frames_of, _read_corrections(stored, mesh), order)
-            yield stored, frames_of
-
-
-def _read_corrections(stored: StoredBlock, mesh: MeshModel) -> Corrections:
+def read_corrections(stored: StoredBlock, n_verts: int) -> Corrections | None:
+    """The corrections of a block of `reel`, if it has some."""
+    if Section.CORRECTIONS not in stored.sections:
+        return None
     payload = stored.payload(Section.CORRECTIONS)
-    return payloads.read_corrections(payload, stored.n_frames, mesh.n_verts)
+    return payloads.read_corrections(payload, stored.n_frames, n_verts)
 
 
-def _read_field_block(
+def read_field_block(
     stored: StoredBlock, mesh: MeshModel, before: FieldMesh | None
 ) -> tuple[FieldBlock, FieldMesh]:
     """The block, and the mesh of its layout: that of the block before where it serves."""
@@ -192,23 +165,43 @@ def _most_modes(method: Method, n_frames: int, n_verts: int) -> int:
     return 3 * n_frames if method.basis is Basis.JOINT else n_frames
 
 
-def read_coded_blocks(
-    stream: Stream, mesh: MeshModel, method: Method, wanted: range
-) -> Iterator[tuple[StoredBlock, CodedBlock]]:
-    """The blocks that hold any of the wanted frames, in order.
+class Dictionaries:
+    """Dictionaries of the paper's blocks; of tracked ones the differences are added up.
 
-    Of a tracked dictionary the differences of all blocks before are added up; nothing else of
-    them is decoded.
+    Nothing but dictionaries is read of the blocks before the one that is asked for.
+
+    Parameters
+    ----------
+    blocks : callable
+        Gives the stored block of a number.
+    method : Method
     """
-    before: Quantized | None = None
-    for stored in stored_blocks(stream, method):
-        if stored.start >= wanted.stop:
-            return
-        is_wanted = stored.start + stored.n_frames > wanted.start
-        if method.basis is Basis.TRACKED or (is_wanted and method.basis is Basis.TRAJECTORIES):
-            before = _read_dictionary(stored, tracked_from(method, before, stored.n_frames))
-        if is_wanted:
-            yield stored, _read_coded_block(stored, mesh, method, before)
+
+    def __init__(self, blocks: Callable[[int], StoredBlock], method: Method) -> None:
+        self._blocks = blocks
+        self._method = method
+        self._found: tuple[int, Quantized] | None = None
+
+    def of(self, number: int) -> Quantized | None:
+        """The dictionary of a block; None if its method has none.
+
+        Raises
+        ------
+        CorruptStreamError
+            If it is damaged, or does not follow those before.
+        """
+        if self._method.basis is Basis.GRAPH:
+            return None
+        if self._method.basis is not Basis.TRACKED:
+            return _read_dictionary(self._blocks(number), None)
+        first, before = -1, None
+        if self._found is not None and self._found[0] <= number:
+            first, before = self._found
+        for one in range(first + 1, number + 1):
+            stored = self._blocks(one)
+            before = _read_dictionary(stored, tracked_from(self._method, before, stored.n_frames))
+            self._found = one, before
+        return before
 
 
 def _read_dictionary(stored: StoredBlock, before: Quantized | None) -> Quantized:
@@ -232,9 +225,10 @@ def tracked_from(method: Method, before: Quantized | None, n_frames: int) -> Qua
     return before if before.integers.shape[2] == n_frames else None
 
 
-def _read_coded_block(
+def read_coded_block(
     stored: StoredBlock, mesh: MeshModel, method: Method, basis: Quantized | None
 ) -> CodedBlock:
+    """The integers of a block of the paper's methods, given its dictionary."""
     n_frames, n_modes, n_anchors = stored.n_frames, stored.n_modes, len(mesh.anchors)
     coefficients = stored.payload(Section.COEFFICIENTS)
     if method.basis is Basis.GRAPH:

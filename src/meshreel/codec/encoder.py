@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from meshreel.bitstream.writer import write_stream
+from meshreel.bitstream.writer import whole_stream
 from meshreel.codec.config import (
     DEFAULT_ALLOCATION,
     DEFAULT_ITERATIONS,
@@ -12,7 +12,7 @@ from meshreel.codec.config import (
     EncoderConfig,
 )
 from meshreel.codec.methods import Basis
-from meshreel.codec.paper_encoder import paper_sections
+from meshreel.codec.paper_encoder import PaperEncoder
 from meshreel.codec.reel_encoder import ReelEncoder
 from meshreel.codec.source import Source
 from meshreel.progress import Progress, silent
@@ -139,4 +139,5 @@ def encode(
     source = Source(sequence, config)
     if config.method_row.basis is Basis.JOINT:
         return ReelEncoder(source, progress).encode()
-    return write_stream(source.header(), paper_sections(source, progress))
+    encoder = PaperEncoder(source, progress)
+    return whole_stream(source.header(), encoder.leading_sections(), encoder.blocks())

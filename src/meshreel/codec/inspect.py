@@ -8,8 +8,8 @@ import numpy.typing as npt
 
 from meshreel.bitstream.layout import Section
 from meshreel.bitstream.reader import Stream, read_stream
-from meshreel.codec.blocks import read_coded_blocks, stored_blocks
-from meshreel.codec.decoder import read_mesh
+from meshreel.codec.block_decoder import read_mesh
+from meshreel.codec.blocks import Dictionaries, read_coded_block, stored_blocks
 from meshreel.codec.methods import Basis, Laplacian, Order, choice_of_code, method_of_code
 from meshreel.codec.payloads import read_promise
 from meshreel.codec.pipeline import CodedBlock
@@ -86,13 +86,23 @@ def info(data: bytes) -> StreamInfo:
     CorruptStreamError, TruncatedStreamError, UnsupportedVersionError
         If the bytes are not a whole stream that this build reads.
     """
-    stream = read_stream(bytes(data))
+    return stream_info(read_stream(bytes(data)))
+
+
+def stream_info(stream: Stream) -> StreamInfo:
+    """What a stream holds, and where its bytes go; all of it is read once.
+
+    Raises
+    ------
+    CorruptStreamError
+        If a block is damaged.
+    """
     header = stream.header
     method = method_of_code(header.method)
     blocks = stored_blocks(stream, method)
-    positions = header.n_frames * header.n_verts * 3
+    positions = stream.n_frames * header.n_verts * 3
     return StreamInfo(
-        n_frames=header.n_frames,
+        n_frames=stream.n_frames,
         n_verts=header.n_verts,
         n_faces=header.n_faces,
         fps=header.fps,
@@ -127,9 +137,12 @@ def coded_blocks(data: bytes) -> list[CodedBlock]:
     method = method_of_code(stream.header.method)
     if method.basis is Basis.JOINT:
         raise InvalidInputError(f"method {method.name} has no blocks of the paper's kind")
-    frames = range(stream.header.n_frames)
-    blocks = read_coded_blocks(stream, read_mesh(stream, method), method, frames)
-    return [block for _, block in blocks]
+    mesh, stored = read_mesh(stream, method), stored_blocks(stream, method)
+    dictionaries = Dictionaries(lambda number: stored[number], method)
+    return [
+        read_coded_block(block, mesh, method, dictionaries.of(number))
+        for number, block in enumerate(stored)
+    ]
 
 
 def bits_per_row(data: bytes) -> list[npt.NDArray[np.float64]]:
@@ -150,7 +163,7 @@ def bits_per_row(data: bytes) -> list[npt.NDArray[np.float64]]:
 
 
 def _promised(stream: Stream) -> float | None:
-    for stored in stream.sections:
+    for stored in stream.leading:
         if stored.id is Section.PROMISE:
             return read_promise(stored.payload)
     return None
@@ -159,8 +172,8 @@ def _promised(stream: Stream) -> float | None:
 def _budget(stream: Stream) -> dict[str, int]:
     """Bytes by kind of section; framing and padding together."""
     budget = {"header": stream.header_size_bytes}
-    framing = (Section.BLOCK, Section.PADDING, Section.END)
-    for stored in stream.sections:
+    framing = (Section.BLOCK, Section.PADDING, Section.INDEX, Section.END)
+    for stored in stream.sections():
         if stored.id not in framing:
             name = stored.id.name.lower().replace("_", " ")
             budget[name] = budget.get(name, 0) + stored.size_bytes

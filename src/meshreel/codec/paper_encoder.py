@@ -1,4 +1,4 @@
-"""The paper's methods: a source to the sections of a stream."""
+"""The paper's methods: a source to the parts of a stream."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from meshreel.bitstream.layout import Section
+from meshreel.bitstream.writer import Sections
 from meshreel.codec import payloads
 from meshreel.codec.blocks import tracked_from, write_coded_block
 from meshreel.codec.config import EncoderConfig
@@ -18,23 +19,40 @@ from meshreel.progress import Progress
 from meshreel.subspace.trajectories import to_matrices
 
 
-def paper_sections(source: Source, progress: Progress) -> Iterator[tuple[Section, bytes]]:
-    """All sections of the stream but the end."""
-    config = _with_modes_for_all(source)
-    mesh = _mesh_model(source, config)
-    yield from source.leading_sections()
-    if config.method_row.has_anchors:
-        yield Section.ANCHOR_VERTICES, payloads.write_anchor_vertices(mesh.anchors)
-    before: Quantized | None = None
-    for start, vertices in source.blocks():
-        progress("frames", start / source.sequence.n_frames)
-        before = tracked_from(config.method_row, before, len(vertices))
-        block = analyse(to_matrices(vertices, source.frame), mesh, config, before)
-        yield from write_coded_block(block, len(vertices), config.method_row, before)
-        before = block.basis
-        if len(mesh.isolated):
-            yield Section.EXACT, encode_floats(vertices[:, mesh.isolated])
-    progress("frames", 1.0)
+class PaperEncoder:
+    """Makes the parts of a stream, block after block.
+
+    Parameters
+    ----------
+    source : Source
+    progress : callable
+    """
+
+    def __init__(self, source: Source, progress: Progress) -> None:
+        self._source = source
+        self._progress = progress
+        self._config = _with_modes_for_all(source)
+        self._mesh = _mesh_model(source, self._config)
+
+    def leading_sections(self) -> Iterator[tuple[Section, bytes]]:
+        """What comes before the first block."""
+        yield from self._source.leading_sections()
+        if self._config.method_row.has_anchors:
+            yield Section.ANCHOR_VERTICES, payloads.write_anchor_vertices(self._mesh.anchors)
+
+    def blocks(self) -> Iterator[tuple[int, Sections]]:
+        """Frames and sections of each block."""
+        method, mesh = self._config.method_row, self._mesh
+        before: Quantized | None = None
+        for start, vertices in self._source.blocks():
+            self._progress("frames", start / self._source.sequence.n_frames)
+            before = tracked_from(method, before, len(vertices))
+            matrices = to_matrices(vertices, self._source.frame)
+            block = analyse(matrices, mesh, self._config, before)
+            exact = encode_floats(vertices[:, mesh.isolated]) if len(mesh.isolated) else b""
+            yield len(vertices), write_coded_block(block, len(vertices), method, before, exact)
+            before = block.basis
+        self._progress("frames", 1.0)
 
 
 def _mesh_model(source: Source, config: EncoderConfig) -> MeshModel:

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.bitstream.layout import Section
-from meshreel.bitstream.writer import write_stream
+from meshreel.bitstream.writer import Sections, whole_stream
 from meshreel.codec import payloads
 from meshreel.codec.achieved import measure_stream
 from meshreel.codec.blocks import write_field_block
@@ -172,23 +172,23 @@ class ReelEncoder:
 
     def _made(self, step: float, bound: float | None) -> Trial:
         choices = replace(self._choices, position_step=step)
-        sections = list(self._source.leading_sections())
+        leading = list(self._source.leading_sections())
         if bound is not None:
-            sections.append((Section.PROMISE, payloads.write_promise(100.0 * bound)))
+            leading.append((Section.PROMISE, payloads.write_promise(100.0 * bound)))
+        blocks: list[tuple[int, Sections]] = []
         decoded: list[Vertices] = []
         for vertices, frames in self._blocks():
             block, basis, fields = analyse_fields(frames, self._mesh, choices)
-            sections.extend(write_field_block(block, self._mesh))
-            frames_of = product_frames(basis, fields)
+            frames_of, corrections = product_frames(basis, fields), None
             if bound is not None:
                 errors = frames.matrices - frames_of(slice(None))
                 corrections = find_corrections(errors, bound, self._rounding)
-                sections.append((Section.CORRECTIONS, payloads.write_corrections(corrections)))
                 frames_of = corrected(frames_of, corrections, None)
+            blocks.append((len(vertices), list(write_field_block(block, self._mesh, corrections))))
             if self._needs_frames:
                 matrices = frames_of(slice(None))
                 decoded.append(from_matrices(matrices, self._source.frame, vertices.dtype))
-        return Trial(write_stream(self._source.header(), sections), decoded)
+        return Trial(whole_stream(self._source.header(), leading, blocks), decoded)
 
     @property
     def _needs_frames(self) -> bool:

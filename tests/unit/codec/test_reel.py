@@ -5,7 +5,6 @@ import pytest
 
 from meshreel.bitstream.layout import Section
 from meshreel.bitstream.reader import read_stream
-from meshreel.bitstream.writer import write_stream
 from meshreel.codec.blocks import write_field_block
 from meshreel.codec.decoder import decode
 from meshreel.codec.encoder import encode
@@ -30,6 +29,7 @@ from meshreel.geometry.prediction import WeightLearner
 from meshreel.sequence import MeshSequence
 from meshreel.subspace.trajectories import bounding_frame, to_matrices
 from sample_meshes import irregular_sequence, kg_error_percent, waving_grid
+from sample_streams import parts_of, raw_stream
 
 STENCIL = FieldChoices(1.0).stencil_size
 
@@ -327,11 +327,11 @@ def test_other_layouts_are_refused_when_another_build_wrote_them(number, remedy)
     first = bytes([number])
     stream = read_stream(encode(waving_grid(), "reel"))
     sections = [
-        (stored.id, first + stored.payload[1:] if stored.id is Section.FIELDS else stored.payload)
-        for stored in stream.sections[:-1]
+        (section, first + payload[1:] if section is Section.FIELDS else payload)
+        for section, payload in parts_of(stream)
     ]
     with pytest.raises(UnsupportedVersionError, match=f"layout {number}; .*; {remedy}"):
-        decode(write_stream(stream.header, sections))
+        decode(raw_stream(stream.header, sections))
 
 
 def test_blocks_of_the_papers_kind_are_refused_when_there_are_none():

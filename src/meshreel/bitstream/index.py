@@ -1,0 +1,70 @@
+"""Where the blocks of a stream lie, so that one can be read without those before it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from meshreel.entropy.varint import read_varint, write_varint
+from meshreel.errors import CorruptStreamError
+
+
+@dataclass(frozen=True)
+class BlockPlace:
+    """A block of frames in a stream.
+
+    Attributes
+    ----------
+    n_frames : int
+        At least 1.
+    position : int
+        Byte of the stream at which its first section begins.
+    size_bytes : int
+        Of all its sections.
+    """
+
+    n_frames: int
+    position: int
+    size_bytes: int
+
+    @property
+    def end(self) -> int:
+        """Byte behind its last section."""
+        return self.position + self.size_bytes
+
+
+def write_index(places: Sequence[BlockPlace]) -> bytes:
+    """Payload of the section INDEX: blocks lie one behind another, and it lies behind the last."""
+    first = places[0].position if places else 0
+    numbers = [first, len(places)]
+    for place in places:
+        numbers += [place.n_frames, place.size_bytes]
+    return b"".join(map(write_varint, numbers))
+
+
+def read_index(payload: bytes, end: int) -> list[BlockPlace]:
+    """Undo `write_index`.
+
+    Parameters
+    ----------
+    payload : bytes
+    end : int
+        Byte of the stream at which the section INDEX begins.
+
+    Raises
+    ------
+    CorruptStreamError
+        If blocks are empty, or do not end where the index begins.
+    """
+    start, position = read_varint(payload, 0)
+    n_blocks, position = read_varint(payload, position)
+    places = []
+    for _ in range(min(n_blocks, len(payload))):
+        n_frames, position = read_varint(payload, position)
+        size_bytes, position = read_varint(payload, position)
+        places.append(BlockPlace(n_frames, start, size_bytes))
+        start += size_bytes
+    is_whole = len(places) == n_blocks and position == len(payload)
+    if not is_whole or start != end or not all(one.n_frames and one.size_bytes for one in places):
+        raise CorruptStreamError(
+            f"the index lists {n_blocks} blocks up to byte {start}; they should end at byte {end}"
+        )
+    return places

@@ -1,0 +1,220 @@
+"""The blocks of a stream to frames, one block after another or any of them."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from meshreel.bitstream.layout import Section
+from meshreel.bitstream.reader import Stream
+from meshreel.codec import payloads
+from meshreel.codec.blocks import (
+    Dictionaries,
+    StoredBlock,
+    read_coded_block,
+    read_corrections,
+    read_field_block,
+    stored_block,
+)
+from meshreel.codec.corrections import corrected
+from meshreel.codec.field_mesh import FieldMesh
+from meshreel.codec.mesh_model import MeshModel
+from meshreel.codec.methods import (
+    Basis,
+    Laplacian,
+    Method,
+    Order,
+    choice_of_code,
+    method_of_code,
+)
+from meshreel.codec.pipeline import FramesOf, product_frames, synthesise
+from meshreel.codec.reel import synthesise_fields
+from meshreel.connectivity.coder import decode_connectivity, decode_order
+from meshreel.entropy.floats import decode_floats
+from meshreel.errors import InvalidInputError
+from meshreel.sequence import Faces
+from meshreel.subspace.trajectories import BoundingFrame, from_matrices
+from meshreel.threads import chunks, in_threads
+
+Vertices = npt.NDArray[np.floating]
+Integers = npt.NDArray[np.int64]
+
+CHUNK_BYTES = 1 << 22
+"""Size of the float64 frames that are expanded at a time: they should stay in the cache."""
+
+
+@dataclass(frozen=True)
+class DecodedBlock:
+    """A block whose frames are one product away.
+
+    Attributes
+    ----------
+    start, n_frames : int
+        Where its frames belong.
+    frames_of : FramesOf
+        Coordinate matrices of a slice of its frames, in the order in which vertices go out.
+    frame : BoundingFrame
+    exact : float array of shape (T_b, N, 3), or None
+        Positions of some vertices, in place of those that are computed.
+    exact_places : integer array of shape (N,)
+        Which vertices these are, as they go out.
+    """
+
+    start: int
+    n_frames: int
+    frames_of: FramesOf
+    frame: BoundingFrame
+    exact: Vertices | None
+    exact_places: Integers
+
+    @property
+    def stop(self) -> int:
+        """Frame behind its last one."""
+        return self.start + self.n_frames
+
+    def fill(
+        self, target: Vertices, first: int, report: Callable[[int], None] | None = None
+    ) -> None:
+        """Fill an array of shape (T, V, 3) with frames of this block, on all cores.
+
+        Parameters
+        ----------
+        target : float array of shape (T, V, 3)
+        first : int
+            Number of the first of them within the block.
+        report : callable, optional
+            Told how many frames are done.
+        """
+
+        def fill(piece: slice) -> None:
+            matrices = self.frames_of(slice(first + piece.start, first + piece.stop))
+            target[piece] = from_matrices(matrices, self.frame, target.dtype)
+
+        pieces = chunks(len(target), max(1, CHUNK_BYTES // (24 * target.shape[1])))
+        done = None if report is None else (lambda number: report(pieces[number - 1].stop))
+        # Damaged values may overflow; whoever takes the frames looks for what is not finite.
+        with np.errstate(over="ignore", invalid="ignore"):
+            in_threads(fill, pieces, done)
+        if self.exact is not None:
+            target[:, self.exact_places] = self.exact[first : first + len(target)]
+
+
+class BlockDecoder:
+    """Decodes the blocks of a stream, and keeps what they share.
+
+    Parameters
+    ----------
+    stream : Stream
+    n_modes : int, optional
+        Of `reel`, the first so many modes of each block only, without corrections.
+
+    Raises
+    ------
+    InvalidInputError
+        If `n_modes` is below 1, or not for this stream.
+    CorruptStreamError
+        If connectivity or order are damaged.
+    """
+
+    def __init__(self, stream: Stream, n_modes: int | None = None) -> None:
+        self.stream = stream
+        self.method = method_of_code(stream.header.method)
+        _check_modes(n_modes, self.method)
+        self._n_modes = n_modes
+        self._mesh = read_mesh(stream, self.method)
+        self._field_mesh: FieldMesh | None = None
+        self._dictionaries = Dictionaries(self.stored, self.method)
+
+    @cached_property
+    def _given_order(self) -> tuple[Integers, Faces]:
+        """The internal number of each vertex that goes out, and the faces that go out."""
+        mesh = self._mesh
+        if choice_of_code(Order, self.stream.header.order) is Order.DROP:
+            return np.arange(mesh.n_verts), mesh.faces
+        payload = self.stream.only(Section.ORDER)
+        internal_to_given, faces = decode_order(payload, mesh.faces, mesh.n_verts)
+        return np.argsort(internal_to_given), faces
+
+    @property
+    def faces(self) -> Faces:
+        """Of shape (M, 3), as they go out."""
+        return self._given_order[1]
+
+    @property
+    def dtype(self) -> np.dtype[np.floating]:
+        """Number type of the positions that go out."""
+        return np.dtype(np.float32 if self.stream.header.vertex_type == 4 else np.float64)
+
+    def stored(self, number: int) -> StoredBlock:
+        """A block as it lies in the stream; raises as `stored_block`."""
+        return stored_block(self.stream, self.method, number)
+
+    def block(self, number: int) -> DecodedBlock:
+        """A block of the stream, decoded.
+
+        Raises
+        ------
+        CorruptStreamError
+            If it is damaged.
+        """
+        stored, header = self.stored(number), self.stream.header
+        order, mesh = self._given_order[0], self._mesh
+        with np.errstate(over="ignore", invalid="ignore"):
+            if self.method.basis is Basis.JOINT:
+                frames_of, exact = self._field_frames(stored, order), None
+            else:
+                basis = self._dictionaries.of(number)
+                block = read_coded_block(stored, mesh, self.method, basis)
+                frames_of = synthesise(block, mesh, self.method, order)
+                exact = self._exact(stored)
+        return DecodedBlock(
+            start=stored.start,
+            n_frames=stored.n_frames,
+            frames_of=frames_of,
+            frame=BoundingFrame(header.origin, header.scale),
+            exact=exact,
+            exact_places=np.argsort(order)[mesh.isolated],
+        )
+
+    def _field_frames(self, stored: StoredBlock, order: Integers) -> FramesOf:
+        block, self._field_mesh = read_field_block(stored, self._mesh, self._field_mesh)
+        if self._n_modes is not None:
+            block = block.first_modes(self._n_modes)
+        basis, fields = synthesise_fields(block, self._field_mesh)
+        frames_of = product_frames(basis, fields[:, :, order])
+        corrections = read_corrections(stored, self._mesh.n_verts)
+        if self._n_modes is None and corrections is not None:
+            frames_of = corrected(frames_of, corrections, order)
+        return frames_of
+
+    def _exact(self, stored: StoredBlock) -> Vertices | None:
+        """Positions of isolated vertices."""
+        if not len(self._mesh.isolated):
+            return None
+        shape = (stored.n_frames, len(self._mesh.isolated), 3)
+        return decode_floats(stored.payload(Section.EXACT), shape, self.dtype)
+
+
+def read_mesh(stream: Stream, method: Method) -> MeshModel:
+    """Connectivity, anchors and what follows from them, in internal order."""
+    header = stream.header
+    faces = decode_connectivity(stream.only(Section.CONNECTIVITY), header.n_verts, header.n_faces)
+    anchors = np.zeros(0, np.int64)
+    if method.has_anchors:
+        anchors = payloads.read_anchor_vertices(
+            stream.only(Section.ANCHOR_VERTICES), header.n_verts
+        )
+    return MeshModel(faces, header.n_verts, anchors, choice_of_code(Laplacian, header.laplacian))
+
+
+def _check_modes(n_modes: int | None, method: Method) -> None:
+    if n_modes is None:
+        return
+    if method.basis is not Basis.JOINT:
+        raise InvalidInputError(
+            f"a stream of method {method.name} is decoded with all its modes; leave n_modes out"
+        )
+    if not 1 <= n_modes < float("inf") or int(n_modes) != n_modes:
+        raise InvalidInputError(f"n_modes must be a whole number of at least 1; got {n_modes}")
