@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from meshreel.codec.decoder import decode
     from meshreel.codec.encoder import encode
     from meshreel.codec.inspect import StreamInfo, info
+    from meshreel.codec.reel_file import ReelFile
     from meshreel.errors import (
         CorruptStreamError,
         FormatError,
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
     )
     from meshreel.flag import simulate_flag
     from meshreel.formats.load import load
+    from meshreel.formats.reel import open
     from meshreel.formats.save import save
     from meshreel.metrics.compare import Quality, compare
     from meshreel.sequence import MeshSequence
@@ -39,6 +41,7 @@ __all__ = [
     "MeshReelError",
     "MeshSequence",
     "Quality",
+    "ReelFile",
     "SolverError",
     "StreamInfo",
     "TruncatedStreamError",
@@ -48,6 +51,7 @@ __all__ = [
     "encode",
     "info",
     "load",
+    "open",
     "save",
     "simulate_flag",
 ]
@@ -59,7 +63,9 @@ _HOMES = {
     "info": "codec.inspect",
     "load": "formats.load",
     "MeshSequence": "sequence",
+    "open": "formats.reel",
     "Quality": "metrics.compare",
+    "ReelFile": "codec.reel_file",
     "save": "formats.save",
     "simulate_flag": "flag",
     "StreamInfo": "codec.inspect",

@@ -114,8 +114,6 @@ class BlockDecoder:
     ------
     InvalidInputError
         If `n_modes` is below 1, or not for this stream.
-    CorruptStreamError
-        If connectivity or order are damaged.
     """
 
     def __init__(self, stream: Stream, n_modes: int | None = None) -> None:
@@ -123,9 +121,12 @@ class BlockDecoder:
         self.method = method_of_code(stream.header.method)
         _check_modes(n_modes, self.method)
         self._n_modes = n_modes
-        self._mesh = read_mesh(stream, self.method)
         self._field_mesh: FieldMesh | None = None
         self._dictionaries = Dictionaries(self.stored, self.method)
+
+    @cached_property
+    def _mesh(self) -> MeshModel:
+        return read_mesh(self.stream, self.method)
 
     @cached_property
     def _given_order(self) -> tuple[Integers, Faces]:
@@ -139,7 +140,13 @@ class BlockDecoder:
 
     @property
     def faces(self) -> Faces:
-        """Of shape (M, 3), as they go out."""
+        """Of shape (M, 3), as they go out.
+
+        Raises
+        ------
+        CorruptStreamError
+            If connectivity or order are damaged.
+        """
         return self._given_order[1]
 
     @property

@@ -1,0 +1,183 @@
+"""A `.reel` file whose frames are decoded when they are asked for."""
+
+import threading
+from collections import OrderedDict
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from types import TracebackType
+from typing import BinaryIO, overload
+
+import numpy as np
+import numpy.typing as npt
+
+from meshreel.bitstream.reader import open_stream
+from meshreel.codec.block_decoder import BlockDecoder, DecodedBlock
+from meshreel.codec.inspect import StreamInfo, stream_info
+from meshreel.errors import CorruptStreamError, InvalidInputError
+from meshreel.sequence import Faces
+from meshreel.threads import chunks
+
+Vertices = npt.NDArray[np.floating]
+
+N_KEPT_BLOCKS = 3
+"""Decoded blocks that are kept: forwards and back across a border costs nothing then."""
+
+READ_AHEAD_BYTES = 1 << 23
+"""Size of the frames that an iteration expands at a time."""
+
+
+class ReelFile:
+    """The frames of a `.reel` file, decoded when they are asked for; `meshreel.open` makes one.
+
+    Its length is the number of frames; it gives them by number and slice, and iterates over all of
+    them in constant memory, decoding the next block ahead. Several threads may share one.
+
+    Parameters
+    ----------
+    file : binary file that can seek
+        Closed when this is.
+    n_modes : int, optional
+        As in `meshreel.open`.
+
+    Attributes
+    ----------
+    n_frames, n_verts, n_faces : int
+    fps : float
+        0 = unknown.
+    name : str
+    dtype : numpy dtype
+        Of the positions: float32 or float64.
+    is_whole : bool
+        False if the end of the file is missing: its encoder was stopped, or is still at work. The
+        frames of all blocks before are there.
+    """
+
+    def __init__(self, file: BinaryIO, n_modes: int | None = None) -> None:
+        self._file = file
+        stream = open_stream(file)
+        self._decoder = BlockDecoder(stream, n_modes)
+        self._kept: OrderedDict[int, DecodedBlock] = OrderedDict()
+        self._lock = threading.Lock()
+        header = stream.header
+        self.n_frames, self.n_verts, self.n_faces = stream.n_frames, header.n_verts, header.n_faces
+        self.fps, self.name, self.is_whole = header.fps, header.name, stream.is_whole
+        self.dtype = self._decoder.dtype
+
+    @property
+    def faces(self) -> Faces:
+        """Vertex indices of each triangle, of shape (M, 3)."""
+        with self._lock:
+            return self._decoder.faces
+
+    def info(self) -> StreamInfo:
+        """What the file holds, and where its bytes go; no frame is decoded."""
+        with self._lock:
+            return stream_info(self._decoder.stream)
+
+    def read(self, start: int, stop: int) -> Vertices:
+        """Positions of frames start..stop - 1, of shape (stop - start, V, 3).
+
+        Raises
+        ------
+        InvalidInputError
+            If there are no such frames.
+        CorruptStreamError
+            If a block is damaged.
+        """
+        if not 0 <= start <= stop <= self.n_frames:
+            raise InvalidInputError(
+                f"frames {start}:{stop} are not in the file; it has frames 0:{self.n_frames}"
+            )
+        frames = np.empty((stop - start, self.n_verts, 3), self.dtype)
+        position = start
+        while position < stop:
+            block = self._block(self._number_of(position))
+            end = min(stop, block.stop)
+            block.fill(frames[position - start : end - start], position - block.start)
+            position = end
+        if not np.isfinite(frames).all():
+            raise CorruptStreamError(
+                f"frames {start}:{stop} decode to positions beyond all numbers"
+            )
+        return frames
+
+    def __len__(self) -> int:
+        return self.n_frames
+
+    @overload
+    def __getitem__(self, chosen: int) -> Vertices: ...
+    @overload
+    def __getitem__(self, chosen: slice) -> Vertices: ...
+
+    def __getitem__(self, chosen: int | slice) -> Vertices:
+        """A frame of shape (V, 3), or frames of shape (T, V, 3)."""
+        if isinstance(chosen, slice):
+            numbers = range(self.n_frames)[chosen]
+            if numbers.step == 1:
+                return self.read(numbers.start, max(numbers.start, numbers.stop))
+            shape = (len(numbers), self.n_verts, 3)
+            frames = [self[number] for number in numbers]
+            return np.stack(frames) if frames else np.empty(shape, self.dtype)
+        try:
+            number = range(self.n_frames)[chosen]
+        except IndexError:
+            raise IndexError(f"frame {chosen} is not in the file; it has {self.n_frames}") from None
+        return np.asarray(self.read(number, number + 1)[0])
+
+    def __iter__(self) -> Iterator[Vertices]:
+        for _, frames in self.pieces():
+            yield from frames
+
+    def pieces(self) -> Iterator[tuple[int, Vertices]]:
+        """All frames in runs: number of the first, and positions of shape (T_run, V, 3).
+
+        The next block is decoded while the frames of one are used.
+        """
+        starts = self._decoder.stream.starts
+        n_together = max(1, READ_AHEAD_BYTES // (self.n_verts * 3 * self.dtype.itemsize))
+        with ThreadPoolExecutor(1, "meshreel-ahead") as ahead:
+            following = ahead.submit(self._block, 0)
+            for number, start in enumerate(starts[:-1]):
+                n_frames = following.result().n_frames
+                if number + 2 < len(starts):
+                    following = ahead.submit(self._block, number + 1)
+                for run in chunks(n_frames, n_together):
+                    yield start + run.start, self.read(start + run.start, start + run.stop)
+
+    def close(self) -> None:
+        """Close the file and forget what was decoded."""
+        self._kept.clear()
+        self._file.close()
+
+    def __enter__(self) -> "ReelFile":
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def __repr__(self) -> str:
+        name = f" {self.name!r}" if self.name else ""
+        cut = "" if self.is_whole else ", cut off"
+        return (
+            f"<ReelFile{name}: {self.n_frames} frames, {self.n_verts} vertices, "
+            f"{self.n_faces} faces, {self.fps:g} fps, {self.dtype}{cut}>"
+        )
+
+    def _number_of(self, frame: int) -> int:
+        """The block that holds a frame."""
+        return int(np.searchsorted(self._decoder.stream.starts, frame, side="right")) - 1
+
+    def _block(self, number: int) -> DecodedBlock:
+        """A block, decoded now or kept from before."""
+        with self._lock:
+            if number not in self._kept:
+                self._kept[number] = self._decoder.block(number)
+            self._kept.move_to_end(number)
+            while len(self._kept) > N_KEPT_BLOCKS:
+                self._kept.popitem(last=False)
+            return self._kept[number]

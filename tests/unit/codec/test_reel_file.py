@@ -1,0 +1,126 @@
+"""Frames of a file, one by one, in parts and in turn."""
+
+from io import BytesIO
+
+import numpy as np
+import pytest
+
+import meshreel
+from meshreel.bitstream.reader import read_stream
+from meshreel.codec.block_decoder import BlockDecoder
+from meshreel.codec.decoder import decode
+from meshreel.codec.encoder import encode
+from meshreel.codec.inspect import info
+from meshreel.codec.reel_file import N_KEPT_BLOCKS, ReelFile
+from meshreel.errors import CorruptStreamError, InvalidInputError, TruncatedStreamError
+from sample_meshes import irregular_sequence, waving_grid
+
+METHODS = ["reel", "blocks", "pca-qp", "gft"]
+OPTIONS = {"reel": {}, "blocks": {"n_modes": 2}, "pca-qp": {"n_modes": 3}, "gft": {"n_modes": 9}}
+STREAMS = {
+    method: encode(irregular_sequence(23), method, block_frames=4, **OPTIONS[method])
+    for method in METHODS
+}
+WHOLE = {method: decode(data) for method, data in STREAMS.items()}
+
+
+def assert_nearly_equal(found, expected):
+    """A product of other frames with it may round a frame otherwise in its last bits."""
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-6 * np.abs(expected).max(initial=0))
+
+
+@pytest.fixture(params=METHODS)
+def method(request):
+    return request.param
+
+
+@pytest.fixture
+def reel(method):
+    with ReelFile(BytesIO(STREAMS[method])) as opened:
+        yield opened
+
+
+def test_any_frame_is_that_of_the_whole_when_frames_are_asked_for_in_any_order(reel, method):
+    for number in (22, 0, 13, 13, 4, -1, 7):
+        assert_nearly_equal(reel[number], WHOLE[method].vertices[number])
+
+
+@pytest.mark.parametrize(
+    "part",
+    [slice(3, 14), slice(None), slice(20, None), slice(5, 5), slice(2, 20, 5), slice(9, 2, -3)],
+)
+def test_parts_are_those_of_the_whole_when_they_span_blocks(reel, method, part):
+    assert_nearly_equal(reel[part], WHOLE[method].vertices[part])
+    assert reel[part].dtype == WHOLE[method].vertices.dtype
+
+
+def test_all_frames_come_in_order_when_it_is_iterated(reel, method):
+    assert_nearly_equal(np.stack(list(reel)), WHOLE[method].vertices)
+
+
+def test_facts_are_known_when_nothing_is_decoded(reel, method, monkeypatch):
+    monkeypatch.setattr(BlockDecoder, "block", None)
+    assert (len(reel), reel.n_frames) == (23, 23)
+    assert (reel.fps, reel.name) == (WHOLE[method].fps, WHOLE[method].name)
+    np.testing.assert_array_equal(reel.faces, WHOLE[method].faces)
+    assert reel.info() == info(STREAMS[method])
+
+
+def test_only_blocks_that_are_needed_are_decoded_when_frames_are_asked_for(reel, monkeypatch):
+    decoded = []
+    block = BlockDecoder.block
+    monkeypatch.setattr(
+        BlockDecoder, "block", lambda self, number: decoded.append(number) or block(self, number)
+    )
+    _ = reel[9], reel[8], reel[10:14], reel[11]
+    assert decoded == [2, 3]
+    _ = reel[0], reel[4], reel[8], reel[12]
+    assert decoded == [2, 3, 0, 1, 3]
+    assert len(reel._kept) == N_KEPT_BLOCKS
+
+
+def test_frames_up_to_the_cut_are_there_when_the_file_is_cut(method):
+    places = read_stream(STREAMS[method]).places
+    for number in range(1, len(places)):
+        with ReelFile(BytesIO(STREAMS[method][: places[number].end - 1])) as reel:
+            assert not reel.is_whole
+            assert len(reel) == 4 * number
+            assert_nearly_equal(reel[:], WHOLE[method].vertices[: 4 * number])
+
+
+def test_frames_are_refused_when_they_are_not_there(reel):
+    with pytest.raises(IndexError, match="frame 23 is not in the file; it has 23"):
+        reel[23]
+    with pytest.raises(InvalidInputError, match="frames 3:24 are not in the file"):
+        reel.read(3, 24)
+
+
+def test_a_coarser_animation_comes_when_modes_are_limited():
+    data = encode(waving_grid(), step=0.001)
+    with ReelFile(BytesIO(data), n_modes=1) as reel:
+        np.testing.assert_array_equal(reel[:], decode(data, n_modes=1).vertices)
+
+
+def test_damage_is_told_when_a_damaged_block_is_asked_for(method):
+    data = bytearray(STREAMS[method])
+    data[read_stream(STREAMS[method]).places[2].end - 1] ^= 1
+    with ReelFile(BytesIO(bytes(data))) as reel:
+        assert len(reel[:8]) == 8
+        with pytest.raises(CorruptStreamError):
+            reel[8]
+
+
+def test_opening_names_the_file_when_it_is_no_stream(tmp_path):
+    path = tmp_path / "short.reel"
+    path.write_bytes(STREAMS["reel"][:100])
+    with pytest.raises(TruncatedStreamError, match=r"short\.reel: "):
+        meshreel.open(path)
+
+
+def test_a_file_is_closed_when_it_was_used_in_a_with_statement(tmp_path):
+    path = tmp_path / "walk.reel"
+    path.write_bytes(STREAMS["reel"])
+    with meshreel.open(path) as reel:
+        assert reel[0].shape == (reel.n_verts, 3)
+    with pytest.raises(ValueError, match="closed"):
+        reel[22]
