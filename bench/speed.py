@@ -65,7 +65,7 @@ class Trial:
 
 def floor_tasks(sequence: meshreel.MeshSequence, n_modes: int) -> Tasks:
     """The least work of encoding and of decoding."""
-    frame = bounding_frame(sequence.vertices)
+    frame = bounding_frame(sequence.extent)
     matrices = to_matrices(sequence.vertices, frame)
     _, basis = eigen_trajectories(autocorrelation(matrices), min(n_modes, sequence.n_frames))
     coefficients = project(basis, matrices)

@@ -10,7 +10,7 @@ from meshreel.metrics.displacement import displacement_errors_percent
 from meshreel.metrics.kg import kg_error_percent
 from meshreel.metrics.sted import sted
 from meshreel.progress import Progress, silent
-from meshreel.sequence import MeshSequence
+from meshreel.sequence import FrameSource
 
 
 @dataclass(frozen=True)
@@ -30,7 +30,7 @@ class Achieved:
 
 
 def measure_stream(
-    sequence: MeshSequence,
+    sequence: FrameSource,
     data: bytes,
     *,
     order: str,
@@ -41,7 +41,7 @@ def measure_stream(
 
     Parameters
     ----------
-    sequence : MeshSequence
+    sequence : FrameSource
     data : bytes
     order : {"keep", "vertices", "drop"}
         As it was encoded: vertices whose order was dropped are matched by connectivity.
@@ -56,8 +56,9 @@ def measure_stream(
         in_given_order[:, connectivity.internal_to_given] = decoded
         decoded = in_given_order
     progress("measure", 0.5)
+    vertices = sequence.read(0, sequence.n_frames)
     return Achieved(
-        kg_error_percent(sequence.vertices, decoded),
-        displacement_errors_percent(sequence.vertices, decoded).max_percent,
-        sted(sequence.vertices, decoded, sequence.faces).sted if with_sted else None,
+        kg_error_percent(vertices, decoded),
+        displacement_errors_percent(vertices, decoded).max_percent,
+        sted(vertices, decoded, sequence.faces).sted if with_sted else None,
     )

@@ -1,8 +1,9 @@
 """A mesh sequence to the bytes of a stream."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from itertools import chain
 
-from meshreel.bitstream.writer import whole_stream
+from meshreel.bitstream.writer import Sections, whole_stream
 from meshreel.codec.config import (
     DEFAULT_ALLOCATION,
     DEFAULT_ITERATIONS,
@@ -12,7 +13,7 @@ from meshreel.codec.config import (
     EncoderConfig,
 )
 from meshreel.codec.methods import Basis
-from meshreel.codec.paper_encoder import PaperEncoder
+from meshreel.codec.paper_encoder import PaperBlockCoder
 from meshreel.codec.reel_encoder import ReelEncoder
 from meshreel.codec.source import Source
 from meshreel.progress import Progress, silent
@@ -139,5 +140,18 @@ def encode(
     source = Source(sequence, config)
     if config.method_row.basis is Basis.JOINT:
         return ReelEncoder(source, progress).encode()
-    encoder = PaperEncoder(source, progress)
-    return whole_stream(source.header(), encoder.leading_sections(), encoder.blocks())
+    coder = PaperBlockCoder(source.mesh, source.frame, source.blocks())
+    leading = chain(source.mesh.leading_sections(), coder.leading_sections())
+    return whole_stream(source.header(), leading, _coded(source, coder, progress))
+
+
+def _coded(
+    source: Source, coder: PaperBlockCoder, progress: Progress
+) -> Iterator[tuple[int, Sections]]:
+    """Frames and sections of each block."""
+    done = 0
+    for vertices in source.blocks():
+        progress("frames", done / source.sequence.n_frames)
+        yield len(vertices), coder.code(vertices)
+        done += len(vertices)
+    progress("frames", 1.0)

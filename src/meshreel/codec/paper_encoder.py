@@ -1,9 +1,10 @@
-"""The paper's methods: a source to the parts of a stream."""
+"""The paper's methods: blocks of frames to the sections of a stream."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 
 import numpy as np
+import numpy.typing as npt
 
 from meshreel.bitstream.layout import Section
 from meshreel.bitstream.writer import Sections
@@ -13,61 +14,64 @@ from meshreel.codec.config import EncoderConfig
 from meshreel.codec.mesh_model import MeshModel, choose_anchors
 from meshreel.codec.methods import Basis
 from meshreel.codec.pipeline import Quantized, analyse, modes_needed
-from meshreel.codec.source import Source
+from meshreel.codec.source import CodedMesh
 from meshreel.entropy.floats import encode_floats
-from meshreel.progress import Progress
-from meshreel.subspace.trajectories import to_matrices
+from meshreel.subspace.trajectories import BoundingFrame, to_matrices
+
+Vertices = npt.NDArray[np.floating]
 
 
-class PaperEncoder:
-    """Makes the parts of a stream, block after block.
+class PaperBlockCoder:
+    """Codes one block of frames after another; a tracked basis goes from each to the next.
 
     Parameters
     ----------
-    source : Source
-    progress : callable
+    mesh : CodedMesh
+    frame : BoundingFrame
+    foreseen : iterable of float arrays of shape (T_b, V, 3)
+        Blocks from which a tracked basis takes its number of modes, which is the same in all
+        blocks: all of them, or the first where the others are not there yet.
     """
 
-    def __init__(self, source: Source, progress: Progress) -> None:
-        self._source = source
-        self._progress = progress
-        self._config = _with_modes_for_all(source)
-        self._mesh = _mesh_model(source, self._config)
+    def __init__(self, mesh: CodedMesh, frame: BoundingFrame, foreseen: Iterable[Vertices]) -> None:
+        self._frame = frame
+        self._config = _with_modes_for_all(mesh.config, frame, foreseen)
+        self._mesh = _mesh_model(mesh, self._config)
+        self._before: Quantized | None = None
 
     def leading_sections(self) -> Iterator[tuple[Section, bytes]]:
-        """What comes before the first block."""
-        yield from self._source.leading_sections()
+        """What comes before the first block, behind the connectivity."""
         if self._config.method_row.has_anchors:
             yield Section.ANCHOR_VERTICES, payloads.write_anchor_vertices(self._mesh.anchors)
 
-    def blocks(self) -> Iterator[tuple[int, Sections]]:
-        """Frames and sections of each block."""
-        method, mesh = self._config.method_row, self._mesh
-        before: Quantized | None = None
-        for start, vertices in self._source.blocks():
-            self._progress("frames", start / self._source.sequence.n_frames)
-            before = tracked_from(method, before, len(vertices))
-            matrices = to_matrices(vertices, self._source.frame)
-            block = analyse(matrices, mesh, self._config, before)
-            exact = encode_floats(vertices[:, mesh.isolated]) if len(mesh.isolated) else b""
-            yield len(vertices), write_coded_block(block, len(vertices), method, before, exact)
-            before = block.basis
-        self._progress("frames", 1.0)
+    def code(self, vertices: Vertices) -> Sections:
+        """The sections of the next block.
+
+        Parameters
+        ----------
+        vertices : float array of shape (T_b, V, 3)
+            In internal order.
+        """
+        method, mesh, n_frames = self._config.method_row, self._mesh, len(vertices)
+        before = tracked_from(method, self._before, n_frames)
+        block = analyse(to_matrices(vertices, self._frame), mesh, self._config, before)
+        self._before = block.basis
+        exact = encode_floats(vertices[:, mesh.isolated]) if len(mesh.isolated) else b""
+        return write_coded_block(block, n_frames, method, before, exact)
 
 
-def _mesh_model(source: Source, config: EncoderConfig) -> MeshModel:
+def _mesh_model(mesh: CodedMesh, config: EncoderConfig) -> MeshModel:
     anchors = np.zeros(0, np.int64)
     if config.method_row.has_anchors:
-        anchors = choose_anchors(source.faces, source.n_verts, config.anchor_share)
-    return MeshModel(source.faces, source.n_verts, anchors, config.laplacian_choice)
+        anchors = choose_anchors(mesh.faces, mesh.n_verts, config.anchor_share)
+    return MeshModel(mesh.faces, mesh.n_verts, anchors, config.laplacian_choice)
 
 
-def _with_modes_for_all(source: Source) -> EncoderConfig:
+def _with_modes_for_all(
+    config: EncoderConfig, frame: BoundingFrame, blocks: Iterable[Vertices]
+) -> EncoderConfig:
     """The configuration, with the number of modes that a tracked basis has in all its blocks."""
-    config = source.config
     if config.method_row.basis is not Basis.TRACKED or config.n_modes is not None:
         return config
-    needed = max(
-        modes_needed(to_matrices(vertices, source.frame), config) for _, vertices in source.blocks()
-    )
+    needed = max(modes_needed(to_matrices(vertices, frame), config) for vertices in blocks)
     return replace(config, n_modes=needed, energy=None)

@@ -1,22 +1,24 @@
 """The method `reel`: a source to the sections of a stream that meets its target."""
 
-from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
 from functools import cached_property
+from itertools import chain
 
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.bitstream.layout import Section
 from meshreel.bitstream.writer import Sections, whole_stream
-from meshreel.codec import payloads
 from meshreel.codec.achieved import measure_stream
-from meshreel.codec.blocks import write_field_block
-from meshreel.codec.corrections import allowed_error, corrected, find_corrections
-from meshreel.codec.field_analysis import BlockFrames, analyse_fields
-from meshreel.codec.field_mesh import FieldMesh
-from meshreel.codec.mesh_model import MeshModel
-from meshreel.codec.pipeline import product_frames
+from meshreel.codec.config import EncoderConfig
+from meshreel.codec.corrections import allowed_error
+from meshreel.codec.field_analysis import FieldChoices
+from meshreel.codec.field_block_coder import (
+    FieldBlockCoder,
+    FieldFrames,
+    field_mesh_of,
+    largest_rounding,
+)
 from meshreel.codec.rate_control import least_cost, meet_limit
 from meshreel.codec.source import Source
 from meshreel.codec.targets import Aim, choices_for, quality_step
@@ -25,7 +27,7 @@ from meshreel.metrics.kg import kg_error_percent
 from meshreel.metrics.rate import rate_bpvf
 from meshreel.metrics.sted import sted
 from meshreel.progress import Progress
-from meshreel.subspace.trajectories import from_matrices, to_matrices
+from meshreel.subspace.trajectories import from_matrices
 
 Vertices = npt.NDArray[np.floating]
 
@@ -71,8 +73,9 @@ class ReelEncoder:
         self._config = source.config
         self._progress = progress
         self._trials: dict[float, Trial] = {}
-        self._choices = choices_for(
-            self._config.effort_or_default, self._config.tune_choice, self._config.n_modes
+        choices = choices_of(self._config)
+        self._coder = FieldBlockCoder(
+            field_mesh_of(source.mesh, choices.stencil_size), source.frame, choices
         )
 
     def encode(self) -> bytes:
@@ -85,7 +88,7 @@ class ReelEncoder:
         """
         target = self._config.target
         if target.aim is Aim.STEP:
-            return self._trial(self._checked(target.value)).data
+            return self._trial(checked_step(target.value, self._finest_step)).data
         if target.aim is Aim.QUALITY:
             return self._trial(self._step_of(target.value)).data
         if target.aim is Aim.MAX_ERROR:
@@ -98,32 +101,20 @@ class ReelEncoder:
         }
         return self._within_limit(measures[target.aim])
 
-    @cached_property
-    def _mesh(self) -> FieldMesh:
-        nothing = np.zeros(0, np.int64)
-        model = MeshModel(
-            self._source.faces, self._source.n_verts, nothing, self._config.laplacian_choice
-        )
-        return FieldMesh(model, self._choices.stencil_size)
-
-    def _blocks(self) -> Iterable[tuple[Vertices, BlockFrames]]:
-        """Positions of each block in internal order, and their coordinate matrices.
+    def _blocks(self) -> Iterable[FieldFrames]:
+        """The blocks, ready to be coded.
 
         They are kept for further trials; a long sequence that needs only one is read block by
         block instead.
         """
         is_cut = self._source.block_frames < self._source.sequence.n_frames
         if is_cut and self._config.target.aim in (Aim.QUALITY, Aim.STEP):
-            return self._new_blocks()
+            return map(self._coder.frames, self._source.blocks())
         return self._kept_blocks
 
     @cached_property
-    def _kept_blocks(self) -> list[tuple[Vertices, BlockFrames]]:
-        return list(self._new_blocks())
-
-    def _new_blocks(self) -> Iterator[tuple[Vertices, BlockFrames]]:
-        for _, vertices in self._source.blocks():
-            yield vertices, BlockFrames(to_matrices(vertices, self._source.frame))
+    def _kept_blocks(self) -> list[FieldFrames]:
+        return [self._coder.frames(vertices) for vertices in self._source.blocks()]
 
     def _step_of(self, quality: float) -> float:
         """Step of a quality in diagonals of the whole bounding box, as a trial takes it."""
@@ -139,17 +130,7 @@ class ReelEncoder:
 
     @cached_property
     def _finest_step(self) -> float:
-        """Steps below this would make integers too large for the stream."""
-        # No singular value exceeds the norm, and no coordinate half a diagonal.
-        return 0.5 * float(np.sqrt(3.0 * self._source.n_verts)) / LARGEST_INTEGER
-
-    def _checked(self, step: float) -> float:
-        if step < self._finest_step:
-            raise InvalidInputError(
-                f"step {step:g} is finer than this sequence can be coded with; "
-                f"at least {self._finest_step:.2g} is allowed"
-            )
-        return step
+        return finest_step(self._source.mesh.n_verts)
 
     def _trial(self, step: float, bound: float | None = None) -> Trial:
         """The stream of a step; with a bound in diagonals, corrected to keep it.
@@ -171,23 +152,16 @@ class ReelEncoder:
         return {step: Trial(trial.data, []) for step, trial in self._trials.items()}
 
     def _made(self, step: float, bound: float | None) -> Trial:
-        choices = replace(self._choices, position_step=step)
-        leading = list(self._source.leading_sections())
-        if bound is not None:
-            leading.append((Section.PROMISE, payloads.write_promise(100.0 * bound)))
+        coder = self._coder.with_step(step, bound)
         blocks: list[tuple[int, Sections]] = []
         decoded: list[Vertices] = []
-        for vertices, frames in self._blocks():
-            block, basis, fields = analyse_fields(frames, self._mesh, choices)
-            frames_of, corrections = product_frames(basis, fields), None
-            if bound is not None:
-                errors = frames.matrices - frames_of(slice(None))
-                corrections = find_corrections(errors, bound, self._rounding)
-                frames_of = corrected(frames_of, corrections, None)
-            blocks.append((len(vertices), list(write_field_block(block, self._mesh, corrections))))
+        for frames in self._blocks():
+            sections, frames_of = coder.code(frames)
+            blocks.append((len(frames.vertices), sections))
             if self._needs_frames:
                 matrices = frames_of(slice(None))
-                decoded.append(from_matrices(matrices, self._source.frame, vertices.dtype))
+                decoded.append(from_matrices(matrices, coder.frame, frames.vertices.dtype))
+        leading = chain(self._source.mesh.leading_sections(), coder.leading_sections())
         return Trial(whole_stream(self._source.header(), leading, blocks), decoded)
 
     @property
@@ -197,9 +171,9 @@ class ReelEncoder:
     @cached_property
     def _rounding(self) -> float:
         """Largest error of a position in diagonals that its number type alone makes."""
-        vertices = self._source.sequence.vertices
-        spacing = float(np.spacing(max(abs(vertices.min()), abs(vertices.max()))))
-        return float(np.sqrt(3.0) * spacing / self._source.frame.scale)
+        extent = self._source.sequence.extent
+        low, high = float(extent.low.min()), float(extent.high.max())
+        return largest_rounding(low, high, self._source.sequence.dtype, self._source.frame)
 
     def _within_limit(self, measure: Callable[[Trial], float]) -> bytes:
         """The stream that comes nearest to the target's number from below."""
@@ -223,7 +197,7 @@ class ReelEncoder:
         """The smallest stream found that keeps every vertex within a share of the diagonal."""
         bound = percent / 100.0
         if allowed_error(bound, self._rounding) <= 0:
-            dtype = self._source.sequence.vertices.dtype
+            dtype = self._source.sequence.dtype
             remedy = "" if dtype == np.float64 else ", or give positions as float64"
             raise InvalidInputError(
                 f"max_error {percent:g} cannot be promised: positions of type {dtype} at these "
@@ -244,13 +218,42 @@ class ReelEncoder:
         return kg_error_percent(self._originals(), np.concatenate(trial.decoded))
 
     def _sted(self, trial: Trial) -> float:
-        return sted(self._originals(), np.concatenate(trial.decoded), self._source.faces).sted
+        return sted(self._originals(), np.concatenate(trial.decoded), self._source.mesh.faces).sted
 
     def _originals(self) -> Vertices:
-        return np.concatenate([vertices for vertices, _ in self._blocks()])
+        return np.concatenate([frames.vertices for frames in self._blocks()])
 
     def _rate_bpvf(self, trial: Trial) -> float:
-        return rate_bpvf(len(trial.data), self._source.n_verts, self._source.sequence.n_frames)
+        return rate_bpvf(
+            len(trial.data), self._source.sequence.n_verts, self._source.sequence.n_frames
+        )
+
+
+def choices_of(config: EncoderConfig) -> FieldChoices:
+    """What the encoder chooses, but for the step."""
+    return choices_for(config.effort_or_default, config.tune_choice, config.n_modes)
+
+
+def finest_step(n_verts: int) -> float:
+    """Steps below this would make integers too large for the stream."""
+    # No singular value exceeds the norm, and no coordinate half a diagonal.
+    return 0.5 * float(np.sqrt(3.0 * n_verts)) / LARGEST_INTEGER
+
+
+def checked_step(step: float, finest: float) -> float:
+    """The step itself.
+
+    Raises
+    ------
+    InvalidInputError
+        If it is too fine.
+    """
+    if step < finest:
+        raise InvalidInputError(
+            f"step {step:g} is finer than this sequence can be coded with; "
+            f"at least {finest:.2g} is allowed"
+        )
+    return step
 
 
 def _remedy(aim: Aim) -> str:

@@ -1,4 +1,4 @@
-"""What an encoder works on: a sequence in internal order, cut into blocks of frames."""
+"""What an encoder works on: a mesh in internal order, and frames cut into blocks."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -12,8 +12,71 @@ from meshreel.bitstream.layout import Section, VertexType
 from meshreel.codec.config import EncoderConfig
 from meshreel.codec.methods import Order
 from meshreel.connectivity.coder import CodedConnectivity, encode_connectivity
-from meshreel.sequence import Faces, MeshSequence
+from meshreel.sequence import Faces, FrameSource
 from meshreel.subspace.trajectories import BoundingFrame, bounding_frame
+
+Vertices = npt.NDArray[np.floating]
+Integers = npt.NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class CodedMesh:
+    """Connectivity as it is coded, and the internal order of vertices that follows.
+
+    Attributes
+    ----------
+    given_faces : int32 array of shape (M, 3)
+    n_verts : int
+    config : EncoderConfig
+    """
+
+    given_faces: Faces
+    n_verts: int
+    config: EncoderConfig
+
+    @cached_property
+    def _connectivity(self) -> CodedConnectivity:
+        return encode_connectivity(self.given_faces, self.n_verts, order=self.config.order)
+
+    @property
+    def faces(self) -> Faces:
+        """In internal order."""
+        return self._connectivity.internal_faces
+
+    @property
+    def order(self) -> Integers:
+        """Given number of each internal vertex."""
+        return self._connectivity.internal_to_given
+
+    def leading_sections(self) -> Iterator[tuple[Section, bytes]]:
+        """The sections of connectivity and order."""
+        yield Section.CONNECTIVITY, self._connectivity.payload
+        if self.config.order_choice is not Order.DROP:
+            yield Section.ORDER, self._connectivity.order_payload
+
+    def header(
+        self,
+        frame: BoundingFrame,
+        dtype: np.dtype[np.floating],
+        *,
+        n_frames: int,
+        fps: float,
+        name: str,
+    ) -> Header:
+        """What the stream begins with; `n_frames` is 0 where it is not known yet."""
+        return Header(
+            n_frames=n_frames,
+            n_verts=self.n_verts,
+            n_faces=len(self.given_faces),
+            fps=fps,
+            vertex_type=VertexType(dtype.itemsize),
+            method=self.config.method_row.code,
+            laplacian=self.config.laplacian_choice,
+            order=self.config.order_choice,
+            origin=frame.origin,
+            scale=frame.scale,
+            name=name,
+        )
 
 
 @dataclass(frozen=True)
@@ -22,66 +85,41 @@ class Source:
 
     Attributes
     ----------
-    sequence : MeshSequence
+    sequence : FrameSource
     config : EncoderConfig
     """
 
-    sequence: MeshSequence
+    sequence: FrameSource
     config: EncoderConfig
 
     @cached_property
-    def connectivity(self) -> CodedConnectivity:
-        """The faces, coded, and the internal order of vertices that follows."""
-        return encode_connectivity(
-            self.sequence.faces, self.sequence.n_verts, order=self.config.order
-        )
+    def mesh(self) -> CodedMesh:
+        """The mesh of all frames."""
+        return CodedMesh(self.sequence.faces, self.sequence.n_verts, self.config)
 
     @cached_property
     def frame(self) -> BoundingFrame:
         """Where the model lies and how large it is."""
-        return bounding_frame(self.sequence.vertices)
-
-    @property
-    def faces(self) -> Faces:
-        """In internal order."""
-        return self.connectivity.internal_faces
-
-    @property
-    def n_verts(self) -> int:
-        """V."""
-        return self.sequence.n_verts
+        return bounding_frame(self.sequence.extent)
 
     @property
     def block_frames(self) -> int:
         """Frames coded together; the last block may have fewer."""
-        return self.config.frames_in_block(self.sequence.n_frames, self.n_verts)
+        return self.config.frames_in_block(self.sequence.n_frames, self.sequence.n_verts)
 
-    def blocks(self) -> Iterator[tuple[int, npt.NDArray[np.floating]]]:
-        """First frame and positions, of shape (T_b, V, 3) in internal order, of each block."""
+    def blocks(self) -> Iterator[Vertices]:
+        """Positions of each block, of shape (T_b, V, 3) in internal order."""
         n_frames, size = self.sequence.n_frames, self.block_frames
-        order = self.connectivity.internal_to_given
         for start in range(0, n_frames, size):
-            yield start, self.sequence.vertices[start : start + size, order]
+            yield self.sequence.read(start, min(start + size, n_frames))[:, self.mesh.order]
 
     def header(self) -> Header:
         """What the stream begins with."""
-        sequence, config = self.sequence, self.config
-        return Header(
+        sequence = self.sequence
+        return self.mesh.header(
+            self.frame,
+            sequence.dtype,
             n_frames=sequence.n_frames,
-            n_verts=sequence.n_verts,
-            n_faces=sequence.n_faces,
             fps=sequence.fps,
-            vertex_type=VertexType(sequence.vertices.dtype.itemsize),
-            method=config.method_row.code,
-            laplacian=config.laplacian_choice,
-            order=config.order_choice,
-            origin=self.frame.origin,
-            scale=self.frame.scale,
             name=sequence.name,
         )
-
-    def leading_sections(self) -> Iterator[tuple[Section, bytes]]:
-        """The sections of connectivity and order."""
-        yield Section.CONNECTIVITY, self.connectivity.payload
-        if self.config.order_choice is not Order.DROP:
-            yield Section.ORDER, self.connectivity.order_payload

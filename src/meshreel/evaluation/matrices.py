@@ -25,7 +25,7 @@ AXIS = 0  # x
 
 def projected_deltas(sequence: MeshSequence) -> Floats:
     """Magnitudes of U^T delta^T of the x coordinate, shape (T, V), in diagonals."""
-    frame = bounding_frame(sequence.vertices)
+    frame = bounding_frame(sequence.extent)
     matrix = to_matrices(sequence.vertices, frame)[AXIS]
     _, basis = eigen_trajectories(autocorrelation(matrix), sequence.n_frames)
     laplacian = uniform_laplacian(sequence.faces, sequence.n_verts, normalized=True)

@@ -9,6 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.sequence import Extent
+
 Floats = npt.NDArray[np.float64]
 
 
@@ -28,15 +30,12 @@ class BoundingFrame:
     scale: float
 
 
-def bounding_frame(vertices: npt.NDArray[np.floating]) -> BoundingFrame:
-    """The frame of positions of shape (T, V, 3)."""
-    # Whole frames first: reducing both axes at once is several times slower.
-    low = vertices.min(axis=0).min(axis=0).astype(np.float64)
-    high = vertices.max(axis=0).max(axis=0).astype(np.float64)
-    x, y, z = (low + (high - low) / 2).tolist()
-    extent = high - low
-    largest = float(extent.max()) or 1.0  # taken out, for squares of tiny extents are 0
-    return BoundingFrame((x, y, z), largest * float(np.linalg.norm(extent / largest)) or 1.0)
+def bounding_frame(extent: Extent) -> BoundingFrame:
+    """The frame of positions that reach so far."""
+    x, y, z = (extent.low + (extent.high - extent.low) / 2).tolist()
+    sides = extent.high - extent.low
+    largest = float(sides.max()) or 1.0  # taken out, for squares of tiny sides are 0
+    return BoundingFrame((x, y, z), largest * float(np.linalg.norm(sides / largest)) or 1.0)
 
 
 def to_matrices(vertices: npt.NDArray[np.floating], frame: BoundingFrame) -> Floats:

@@ -13,7 +13,7 @@ def round_trip(sequence, config):
     faces = sequence.faces
     anchors = choose_anchors(faces, sequence.n_verts, config.anchor_share)
     mesh = MeshModel(faces, sequence.n_verts, anchors, config.laplacian_choice)
-    matrices = to_matrices(sequence.vertices, bounding_frame(sequence.vertices))
+    matrices = to_matrices(sequence.vertices, bounding_frame(sequence.extent))
     frames_of = synthesise(
         analyse(matrices, mesh, config), mesh, config.method_row, np.arange(sequence.n_verts)
     )

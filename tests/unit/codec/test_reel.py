@@ -41,7 +41,7 @@ def field_mesh(sequence):
 
 
 def matrices_of(sequence):
-    return to_matrices(sequence.vertices, bounding_frame(sequence.vertices))
+    return to_matrices(sequence.vertices, bounding_frame(sequence.extent))
 
 
 def analysed(step=0.002, n_frames=12, sequence=None, **choices):

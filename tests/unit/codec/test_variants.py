@@ -103,7 +103,7 @@ def test_blocks_equals_the_whole_when_there_is_one_block():
 def test_tracked_dictionary_spans_the_leading_eigenvectors_when_blocks_are_coherent():
     sequence = waving_grid(40, dtype=np.float64)
     blocks = coded_blocks(encode(sequence, "blocks", n_modes=3, block_frames=10, n_iterations=30))
-    matrices = to_matrices(sequence.vertices, bounding_frame(sequence.vertices))
+    matrices = to_matrices(sequence.vertices, bounding_frame(sequence.extent))
     _, direct = eigen_trajectories(autocorrelation(matrices[:, 30:]), 3)
     # Along z: along x and y the grid has no third mode.
     products = np.linalg.svd(blocks[3].basis.values[2] @ direct[2])[1]

@@ -11,7 +11,7 @@ from sample_meshes import waving_grid
 
 def test_projection_returns_the_deltas_when_all_rows_are_kept():
     sequence = waving_grid()
-    matrices = to_matrices(sequence.vertices, bounding_frame(sequence.vertices))
+    matrices = to_matrices(sequence.vertices, bounding_frame(sequence.extent))
     _, basis = eigen_trajectories(autocorrelation(matrices), sequence.n_frames)
     laplacian = uniform_laplacian(sequence.faces, sequence.n_verts)
     for axis in range(3):
@@ -22,7 +22,7 @@ def test_projection_returns_the_deltas_when_all_rows_are_kept():
 
 def test_laplacian_and_projection_commute_when_few_rows_are_kept():
     sequence = waving_grid()
-    matrices = to_matrices(sequence.vertices, bounding_frame(sequence.vertices))
+    matrices = to_matrices(sequence.vertices, bounding_frame(sequence.extent))
     _, basis = eigen_trajectories(autocorrelation(matrices), 4)
     laplacian = uniform_laplacian(sequence.faces, sequence.n_verts, normalized=True)
     deltas_first = project(basis[0], delta_coordinates(laplacian, matrices[0].T).T)

@@ -1,0 +1,97 @@
+"""The method `reel`: a block of frames to the sections of a stream, each block for itself."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from meshreel.bitstream.layout import Section
+from meshreel.codec import payloads
+from meshreel.codec.blocks import write_field_block
+from meshreel.codec.corrections import corrected, find_corrections
+from meshreel.codec.field_analysis import BlockFrames, FieldChoices, analyse_fields
+from meshreel.codec.field_mesh import FieldMesh
+from meshreel.codec.mesh_model import MeshModel
+from meshreel.codec.pipeline import FramesOf, product_frames
+from meshreel.codec.source import CodedMesh
+from meshreel.subspace.trajectories import BoundingFrame, to_matrices
+
+Vertices = npt.NDArray[np.floating]
+
+
+@dataclass(frozen=True)
+class FieldBlockCoder:
+    """Codes blocks of frames, which do not depend on each other.
+
+    Attributes
+    ----------
+    mesh : FieldMesh
+    frame : BoundingFrame
+    choices : FieldChoices
+    bound : float or None
+        Largest error of a position, in diagonals of the frame; None promises nothing.
+    """
+
+    mesh: FieldMesh
+    frame: BoundingFrame
+    choices: FieldChoices
+    bound: float | None = None
+
+    def with_step(self, position_step: float, bound: float | None) -> "FieldBlockCoder":
+        """The same with another step, as `FieldChoices` has it, and bound."""
+        choices = replace(self.choices, position_step=position_step)
+        return replace(self, choices=choices, bound=bound)
+
+    def leading_sections(self) -> Iterator[tuple[Section, bytes]]:
+        """What comes before the first block, behind the connectivity."""
+        if self.bound is not None:
+            yield Section.PROMISE, payloads.write_promise(100.0 * self.bound)
+
+    def frames(self, vertices: Vertices) -> "FieldFrames":
+        """A block of positions of shape (T_b, V, 3) in internal order, ready to be coded."""
+        rounding = largest_rounding(vertices.min(), vertices.max(), vertices.dtype, self.frame)
+        return FieldFrames(vertices, BlockFrames(to_matrices(vertices, self.frame)), rounding)
+
+    def code(self, frames: "FieldFrames") -> tuple[list[tuple[Section, bytes]], FramesOf]:
+        """The sections of a block, and what they decode to."""
+        block, basis, fields = analyse_fields(frames.block, self.mesh, self.choices)
+        frames_of, corrections = product_frames(basis, fields), None
+        if self.bound is not None:
+            errors = frames.block.matrices - frames_of(slice(None))
+            corrections = find_corrections(errors, self.bound, frames.rounding)
+            frames_of = corrected(frames_of, corrections, None)
+        return list(write_field_block(block, self.mesh, corrections)), frames_of
+
+
+@dataclass(frozen=True)
+class FieldFrames:
+    """A block of frames as `reel` takes it.
+
+    Attributes
+    ----------
+    vertices : float array of shape (T_b, V, 3)
+        In internal order.
+    block : BlockFrames
+    rounding : float
+        Largest error, in diagonals, that the number type of the positions alone makes.
+    """
+
+    vertices: Vertices
+    block: BlockFrames
+    rounding: float
+
+
+def field_mesh_of(mesh: CodedMesh, stencil_size: int) -> FieldMesh:
+    """The mesh as `reel` sees it."""
+    nothing = np.zeros(0, np.int64)
+    model = MeshModel(mesh.faces, mesh.n_verts, nothing, mesh.config.laplacian_choice)
+    return FieldMesh(model, stencil_size)
+
+
+def largest_rounding(
+    low: float, high: float, dtype: np.dtype[np.floating], frame: BoundingFrame
+) -> float:
+    """Largest error of a position between two coordinates, in diagonals, by its type alone."""
+    spacing = float(np.spacing(np.maximum(abs(low), abs(high)).astype(dtype)))
+    return float(np.sqrt(3.0) * spacing / frame.scale)
