@@ -11,6 +11,7 @@ from meshreel.errors import InvalidInputError
 
 Vertices = npt.NDArray[np.float32] | npt.NDArray[np.float64]
 Faces = npt.NDArray[np.int32]
+Corners = npt.NDArray[np.float64]
 
 ROW_VERTICES = 128
 
@@ -101,12 +102,9 @@ class MeshSequence:
 
     def __post_init__(self) -> None:
         vertices = validate_vertices(self.vertices)
-        object.__setattr__(self, "vertices", _read_only(vertices))
-        object.__setattr__(self, "faces", _read_only(validate_faces(self.faces, len(vertices[0]))))
-        fps = float(self.fps)
-        if not (np.isfinite(fps) and fps >= 0):
-            raise InvalidInputError(f"fps must be finite and at least 0 (0 = unknown); got {fps}")
-        object.__setattr__(self, "fps", fps)
+        object.__setattr__(self, "vertices", read_only(vertices))
+        object.__setattr__(self, "faces", read_only(validate_faces(self.faces, len(vertices[0]))))
+        object.__setattr__(self, "fps", validate_fps(self.fps))
 
     @property
     def n_frames(self) -> int:
@@ -150,12 +148,26 @@ class MeshSequence:
         )
 
 
+def positions_size_bytes(source: FrameSource) -> int:
+    """Bytes that the positions of all frames take in memory."""
+    return source.n_frames * source.n_verts * 3 * source.dtype.itemsize
+
+
 def extent_of(vertices: Vertices) -> Extent:
     """The extent of positions of shape (T, V, 3)."""
-    low, high = (
-        _over_vertices(reduce, vertices).astype(np.float64) for reduce in (np.minimum, np.maximum)
-    )
-    return Extent(low.min(axis=0), high.max(axis=0), mean_length(high - low))
+    return extent_of_boxes(*bounding_boxes(vertices))
+
+
+def extent_of_boxes(low: Corners, high: Corners) -> Extent:
+    """The extent of frames whose bounding boxes have these corners, of shape (T, 3)."""
+    # Halved, for the difference of two very large numbers has none.
+    return Extent(low.min(axis=0), high.max(axis=0), 2 * mean_length(high / 2 - low / 2))
+
+
+def bounding_boxes(vertices: Vertices) -> tuple[Corners, Corners]:
+    """Lowest and highest corner of the bounding box of each frame, float64 of shape (T, 3)."""
+    low, high = (_over_vertices(reduce, vertices) for reduce in (np.minimum, np.maximum))
+    return low.astype(np.float64), high.astype(np.float64)
 
 
 def _over_vertices(reduce: np.ufunc, vertices: Vertices) -> Vertices:
@@ -195,13 +207,32 @@ def validate_vertices(vertices: Any) -> Vertices:
         raise InvalidInputError("a sequence needs at least one frame; got none")
     if array.shape[1] == 0:
         raise InvalidInputError("a mesh needs at least one vertex; got none")
-    if not np.isfinite(array).all():
-        frame, vertex, axis = np.argwhere(~np.isfinite(array))[0]
-        raise InvalidInputError(
-            f"every position must be finite; vertex {vertex} of frame {frame} has "
-            f"{'xyz'[axis]} = {array[frame, vertex, axis]}"
-        )
+    validate_finite(array)
     return array
+
+
+def validate_finite(vertices: Vertices, *, first_frame: int = 0) -> None:
+    """Nothing if all positions, of shape (T, V, 3), are finite.
+
+    Parameters
+    ----------
+    vertices : float array of shape (T, V, 3)
+    first_frame : int, default 0
+        Number of the first of these frames in its sequence.
+
+    Raises
+    ------
+    InvalidInputError
+        Naming the first frame and vertex that is not.
+    """
+    for index, frame in enumerate(vertices):
+        is_finite = np.isfinite(frame)
+        if not is_finite.all():
+            vertex, axis = np.argwhere(~is_finite)[0]
+            raise InvalidInputError(
+                f"every position must be finite; vertex {vertex} of frame {first_frame + index} "
+                f"has {'xyz'[axis]} = {frame[vertex, axis]}"
+            )
 
 
 def validate_faces(faces: Any, n_verts: int) -> Faces:
@@ -231,7 +262,22 @@ def validate_faces(faces: Any, n_verts: int) -> Faces:
     return np.ascontiguousarray(array, dtype=np.int32)
 
 
-def _read_only(array: Any) -> Any:
+def validate_fps(fps: float) -> float:
+    """The frame rate itself if it is finite and not negative.
+
+    Raises
+    ------
+    InvalidInputError
+        Naming what it is.
+    """
+    fps = float(fps)
+    if not (np.isfinite(fps) and fps >= 0):
+        raise InvalidInputError(f"fps must be finite and at least 0 (0 = unknown); got {fps}")
+    return fps
+
+
+def read_only(array: Any) -> Any:
+    """A view of an array that cannot be written to."""
     view = array.view()
     view.flags.writeable = False
     return view

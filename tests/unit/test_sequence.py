@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from meshreel.errors import InvalidInputError
-from meshreel.sequence import MeshSequence, extent_of
+from meshreel.sequence import MeshSequence, extent_of, positions_size_bytes
 
 FACES = np.array([[0, 1, 2]])
 VERTICES = np.zeros((2, 3, 3))
@@ -69,6 +69,17 @@ def test_extent_is_that_of_each_frame_alone_when_all_are_measured_at_once(n_vert
     np.testing.assert_array_equal(extent.low, vertices.min(axis=(0, 1)))
     np.testing.assert_array_equal(extent.high, vertices.max(axis=(0, 1)))
     assert extent.mean_diagonal == pytest.approx(np.mean(diagonals), rel=1e-12)
+
+
+def test_extent_has_a_length_when_coordinates_are_huge():
+    vertices = np.array([[[-1.5e308, 0.0, 0.0], [0.0, 0.0, 0.0]], [[-1e308, 0, 0], [1e308, 0, 0]]])
+    assert extent_of(vertices[:1]).mean_diagonal == 1.5e308
+    assert extent_of(vertices).mean_diagonal == 1.75e308
+
+
+def test_positions_size_is_that_of_the_array_when_in_memory():
+    sequence = MeshSequence(VERTICES, FACES)
+    assert positions_size_bytes(sequence) == sequence.vertices.nbytes
 
 
 def test_extent_has_a_length_when_coordinates_are_tiny():
