@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from meshreel.formats.ragged import Integers
-from meshreel.sequence import Vertices
+from meshreel.sequence import Vertices, bounding_boxes
 
 FLOAT32_TOLERANCE = 1e-6  # of the model's size; float32 itself keeps 6e-8 of the coordinate
 # Nine digits are off by up to 5e-9 of the coordinate: half the tolerance at this distance.
@@ -17,7 +17,7 @@ def vertex_rows(vertices: Vertices, *, prefix: str = "") -> bytes:
     """One line ``x y z`` for each vertex, with as many digits as it takes to read it back exactly.
 
     Nine digits tell all float32 apart. Float64 gets the shortest text that is exact, and so does
-    float32 far from the origin, where `narrow_if_harmless` must see that it is float32.
+    float32 far from the origin, where `Narrowing` must see that it is float32.
 
     Parameters
     ----------
@@ -32,30 +32,31 @@ def vertex_rows(vertices: Vertices, *, prefix: str = "") -> bytes:
     return _rows(f"{prefix}{number} {number} {number}\n", vertices)
 
 
-def narrow_if_harmless(vertices: Vertices) -> Vertices:
-    """The positions as float32, unless that would move one by more than a millionth of the model.
+class Narrowing:
+    """Whether float32 is enough for positions that came as decimal text, gathered frame by frame.
 
     Decimal text does not say its precision. Float32 is what nearly all files were made from;
     only a model far from the origin, in relation to its size, needs float64.
-
-    Parameters
-    ----------
-    vertices : float32 or float64 array of shape (T, V, 3)
-        Positions in model units.
-
-    Returns
-    -------
-    float32 array, or `vertices` itself if a coordinate would change by more than 1e-6 of the
-    model's size, which is the largest diagonal of the bounding box of a frame.
     """
-    if vertices.dtype == np.float32:
-        return vertices
-    with np.errstate(over="ignore", invalid="ignore"):
-        narrow = vertices.astype(np.float32)
-        size = max(_diagonal(frame) for frame in vertices)
-        pairs = zip(vertices, narrow, strict=True)
-        change = max(float(np.abs(wide - near).max()) for wide, near in pairs)
-    return vertices if change > FLOAT32_TOLERANCE * size else narrow
+
+    def __init__(self) -> None:
+        self._size = self._change = 0.0
+
+    def add(self, frame: Vertices) -> None:
+        """Take in one more frame: finite positions of shape (V, 3), in model units."""
+        with np.errstate(over="ignore"):
+            self._size = max(self._size, _diagonal(frame))
+            if frame.dtype != np.float32:
+                change = np.abs(frame - frame.astype(np.float32)).max()
+                self._change = max(self._change, float(change))
+
+    @property
+    def is_harmless(self) -> bool:
+        """Whether float32 moves no coordinate by more than 1e-6 of the model's size.
+
+        The size is the largest diagonal of the bounding box of a frame.
+        """
+        return math.isfinite(self._change) and self._change <= FLOAT32_TOLERANCE * self._size
 
 
 def face_rows(faces: Integers, *, prefix: str = "") -> bytes:
@@ -70,5 +71,5 @@ def _rows(line: str, rows: Vertices | Integers) -> bytes:
 
 def _diagonal(frame: Vertices) -> float:
     """Diagonal of the bounding box of positions of shape (V, 3)."""
-    sides = np.subtract(frame.max(axis=0), frame.min(axis=0), dtype=np.float64)
-    return math.hypot(*sides.tolist())
+    (low,), (high,) = bounding_boxes(frame[np.newaxis])
+    return math.hypot(*(high - low).tolist())

@@ -1,11 +1,11 @@
-"""Files of other programs to a `MeshSequence`."""
+"""Files of other programs to a `MeshSequence`, or to frames that are read when asked for."""
 
-from meshreel.errors import InvalidInputError
-from meshreel.formats.frames import read_frames
+from meshreel.formats.frames import open_frames, read_frames
+from meshreel.formats.mesh_files import MeshFiles
 from meshreel.formats.registry import SequenceFormat
 from meshreel.formats.sources import Source, find_files
 from meshreel.progress import Progress, silent
-from meshreel.sequence import MeshSequence
+from meshreel.sequence import FrameSource, MeshSequence, validate_fps
 
 
 def load(
@@ -46,15 +46,64 @@ def load(
     FormatError
         If a file is of an unknown kind, or is not what its ending says.
     """
-    files = find_files(source)
-    if isinstance(files.format, SequenceFormat):
-        sequence = files.format.read(files.paths[0], fps=fps)
+    found = find_files(source)
+    if isinstance(found.format, SequenceFormat):
+        sequence = found.format.read(found.paths[0], fps=fps)
         progress("reading", 1.0)
         return sequence
+    rate = validate_fps(fps or 0.0)
     changes = notes if notes is not None else []
-    vertices, faces = read_frames(files.paths, files.format, progress=progress, notes=changes)
-    try:
-        return MeshSequence(vertices, faces, fps or 0.0, files.name)
-    except InvalidInputError as error:
-        origin = files.paths[0] if len(files.paths) == 1 else files.paths[0].parent
-        raise InvalidInputError(f"{origin}: {error}") from None
+    files = MeshFiles(found.paths, found.format)
+    vertices, faces = read_frames(files, progress=progress, notes=changes)
+    return MeshSequence(vertices, faces, rate, found.name)
+
+
+def open_source(
+    source: Source,
+    *,
+    fps: float | None = None,
+    max_loaded_bytes: int = 0,
+    progress: Progress = silent,
+    notes: list[str] | None = None,
+) -> FrameSource:
+    """The sequence that `load` gives, but of frames that may stay in their files.
+
+    Frame files and an ``.npz`` that is not compressed are read once now, a frame at a time, for
+    what must be known of all frames; then frames are read whenever they are asked for. They must
+    not change meanwhile. A compressed ``.npz``, a ``.reel`` and a single static mesh are loaded.
+
+    Parameters
+    ----------
+    source, fps, progress, notes
+        As in `load`.
+    max_loaded_bytes : int, default 0
+        What can be left in files is loaded all the same if its positions, in the type of the
+        files, take at most so many bytes: that reads each file only once.
+
+    Returns
+    -------
+    FrameSource
+        `meshreel.sequence.positions_size_bytes` says what all its positions take in memory.
+
+    Raises
+    ------
+    InvalidInputError, FormatError
+        As `load`; reading frames later, InvalidInputError if a file has changed.
+    """
+    found = find_files(source)
+    if isinstance(found.format, SequenceFormat):
+        if found.format.open is None:
+            return load(source, fps=fps, progress=progress)
+        return found.format.open(
+            found.paths[0], fps=fps, max_loaded_bytes=max_loaded_bytes, progress=progress
+        )
+    files = MeshFiles(found.paths, found.format)
+    if len(files) == 1 or len(files) * files.mesh(0).vertices.nbytes <= max_loaded_bytes:
+        return load(source, fps=fps, progress=progress, notes=notes)
+    return open_frames(
+        files,
+        fps=validate_fps(fps or 0.0),
+        name=found.name,
+        progress=progress,
+        notes=notes if notes is not None else [],
+    )

@@ -2,13 +2,17 @@
 
 import math
 import zipfile
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.errors import FormatError, MeshReelError
+from meshreel.errors import FormatError
+from meshreel.formats.reel import errors_naming
 from meshreel.sequence import MeshSequence
 
 NAMES = ("vertices", "faces", "fps", "name")
@@ -33,22 +37,12 @@ def read_npz(path: Path, *, fps: float | None = None) -> MeshSequence:
     InvalidInputError
         If the arrays are no mesh sequence.
     """
-    arrays, names = _read_arrays(path)
-    missing = [name for name in ("vertices", "faces") if name not in arrays]
-    if missing:
-        raise FormatError(
-            f"{path}: has no array {' and no array '.join(map(repr, missing))}; it holds "
-            f"{', '.join(names) or 'nothing'}; save it with np.savez(..., vertices=, faces=, fps=)"
-        )
+    arrays = read_arrays(path, NAMES)
     vertices = arrays["vertices"]
     vertices = np.ascontiguousarray(vertices, dtype=vertices.dtype.newbyteorder("="))
-    try:
-        name = _sequence_name(arrays["name"]) if "name" in arrays else ""
-        if fps is None:
-            fps = _frame_rate(arrays["fps"]) if "fps" in arrays else 0.0
-        return MeshSequence(vertices, arrays["faces"], fps, name or path.stem)
-    except MeshReelError as error:
-        raise type(error)(f"{path}: {error}") from None
+    with errors_naming(path):
+        rate, name = describe_npz(path, arrays, fps)
+        return MeshSequence(vertices, arrays["faces"], rate, name)
 
 
 def write_npz(path: Path, sequence: MeshSequence) -> None:
@@ -63,16 +57,51 @@ def write_npz(path: Path, sequence: MeshSequence) -> None:
         )
 
 
-def _read_arrays(path: Path) -> tuple[dict[str, npt.NDArray[Any]], list[str]]:
-    """The arrays that matter, and the names of all arrays of the archive."""
-    try:
-        with zipfile.ZipFile(path) as archive:
-            names = [info.filename.removesuffix(".npy") for info in archive.infolist()]
-            wanted = [name for name in NAMES if name in names]
-            for name in wanted:
-                _check_member(archive, archive.getinfo(f"{name}.npy"))
+def read_arrays(path: Path, wanted: Sequence[str]) -> dict[str, npt.NDArray[Any]]:
+    """The arrays of an ``.npz`` file that are wanted and there.
+
+    Raises
+    ------
+    FormatError
+        If the file is not a numpy archive, is damaged, or lacks vertices or faces.
+    """
+    with archive_errors(path), zipfile.ZipFile(path) as archive:
+        names = [info.filename.removesuffix(".npy") for info in archive.infolist()]
+        missing = [name for name in ("vertices", "faces") if name not in names]
+        if missing:
+            raise FormatError(
+                f"has no array {' and no array '.join(map(repr, missing))}; it holds "
+                f"{', '.join(names) or 'nothing'}; "
+                "save it with np.savez(..., vertices=, faces=, fps=)"
+            )
+        wanted = [name for name in wanted if name in names]
+        for name in wanted:
+            read_array_header(archive, archive.getinfo(f"{name}.npy"))
         with np.load(path, allow_pickle=False) as members:
-            return {name: members[name] for name in wanted}, names
+            return {name: members[name] for name in wanted}
+
+
+def describe_npz(
+    path: Path, arrays: dict[str, npt.NDArray[Any]], fps: float | None
+) -> tuple[float, str]:
+    """Frame rate and name of the sequence in an ``.npz`` file.
+
+    Raises
+    ------
+    FormatError
+        If the frame rate is asked of the file, and is not one number.
+    """
+    name = _sequence_name(arrays["name"]) if "name" in arrays else ""
+    if fps is None:
+        fps = _frame_rate(arrays["fps"]) if "fps" in arrays else 0.0
+    return fps, name or path.stem
+
+
+@contextmanager
+def archive_errors(path: Path) -> Iterator[None]:
+    """Within it, whatever goes wrong with an archive is a `FormatError` that names it."""
+    try:
+        yield
     except FormatError as error:
         raise FormatError(f"{path}: {error}") from None
     # On damaged bytes zipfile, zlib and numpy raise nearly every type of exception there is.
@@ -82,26 +111,52 @@ def _read_arrays(path: Path) -> tuple[dict[str, npt.NDArray[Any]], list[str]]:
         ) from error
 
 
-def _check_member(archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> None:
-    """Refuse an array whose declared shape does not agree with its size, before allocating it."""
+@dataclass(frozen=True)
+class ArrayHeader:
+    """How an array lies in its member of an archive.
+
+    Attributes
+    ----------
+    shape : tuple of int
+    is_fortran_ordered : bool
+    dtype : dtype
+    size_bytes : int
+        Of the header, after which the data begin.
+    """
+
+    shape: tuple[int, ...]
+    is_fortran_ordered: bool
+    dtype: np.dtype[Any]
+    size_bytes: int
+
+
+def read_array_header(archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> ArrayHeader:
+    """The header of an array, whose size is known to agree with the declared shape.
+
+    Raises
+    ------
+    FormatError
+        If it does not, so before anything is allocated.
+    """
     with archive.open(info) as stream:
         version = np.lib.format.read_magic(stream)
         if version == (1, 0):
-            shape, _, dtype = np.lib.format.read_array_header_1_0(stream)
+            shape, is_fortran_ordered, dtype = np.lib.format.read_array_header_1_0(stream)
         elif version == (2, 0):
-            shape, _, dtype = np.lib.format.read_array_header_2_0(stream)
+            shape, is_fortran_ordered, dtype = np.lib.format.read_array_header_2_0(stream)
         else:
             raise FormatError(f"{info.filename} has npy version {version}; 1.0 and 2.0 are read")
-        header_bytes = stream.tell()
+        header = ArrayHeader(shape, is_fortran_ordered, dtype, stream.tell())
     if dtype.hasobject:
         raise FormatError(f"{info.filename} holds Python objects; save it as numbers")
-    if math.prod(shape) * dtype.itemsize + header_bytes != info.file_size:
+    if math.prod(shape) * dtype.itemsize + header.size_bytes != info.file_size:
         raise FormatError(
             f"{info.filename} declares shape {shape} of {dtype}, which is not its size of "
-            f"{info.file_size - header_bytes} bytes; the file is damaged"
+            f"{info.file_size - header.size_bytes} bytes; the file is damaged"
         )
     if info.file_size > MAX_DEFLATE_RATIO * info.compress_size:
         raise FormatError(f"{info.filename} declares more than its packed bytes can hold")
+    return header
 
 
 def _sequence_name(array: npt.NDArray[Any]) -> str:

@@ -6,13 +6,14 @@ from pathlib import Path
 
 from meshreel.errors import FormatError
 from meshreel.formats.npz import read_npz, write_npz
+from meshreel.formats.npz_frames import open_npz
 from meshreel.formats.obj import obj_encoder, parse_obj
 from meshreel.formats.off import off_encoder, parse_off
 from meshreel.formats.ply import parse_ply, ply_encoder
 from meshreel.formats.polygons import PolygonMesh
 from meshreel.formats.reel import read_reel, write_reel
 from meshreel.formats.stl import parse_stl, stl_encoder
-from meshreel.sequence import Faces, MeshSequence, Vertices
+from meshreel.sequence import Faces, FrameSource, MeshSequence, Vertices
 
 
 @dataclass(frozen=True)
@@ -52,11 +53,14 @@ class SequenceFormat:
         Gives the sequence; its errors name the file.
     write : function of a path and a sequence
         Writes the file.
+    open : function of a path, ``fps=``, ``max_loaded_bytes=`` and ``progress=``, optional
+        Gives the sequence with its positions left in the file, where they can be.
     """
 
     ending: str
     read: Callable[..., MeshSequence]
     write: Callable[[Path, MeshSequence], None]
+    open: Callable[..., FrameSource] | None = None
 
 
 FRAME_FORMATS = {
@@ -71,7 +75,7 @@ FRAME_FORMATS = {
 SEQUENCE_FORMATS = {
     found.ending: found
     for found in (
-        SequenceFormat(".npz", read_npz, write_npz),
+        SequenceFormat(".npz", read_npz, write_npz, open_npz),
         SequenceFormat(".reel", read_reel, write_reel),
     )
 }

@@ -4,7 +4,6 @@ import pytest
 from meshreel.codec.decoder import decode
 from meshreel.codec.encoder import encode
 from meshreel.errors import FormatError, InvalidInputError
-from meshreel.formats.decimal_text import narrow_if_harmless
 from meshreel.formats.load import load
 from meshreel.formats.save import save
 from sample_meshes import waving_grid
@@ -163,27 +162,6 @@ def test_load_names_the_file_when_it_is_empty(tmp_path, ending):
     (tmp_path / f"a.{ending}").touch()
     with pytest.raises(FormatError, match=rf"a\.{ending}: is empty"):
         load(tmp_path)
-
-
-def test_narrow_if_harmless_gives_float32_when_it_moves_little():
-    vertices = np.random.default_rng(0).standard_normal((3, 50, 3))
-    np.testing.assert_array_equal(narrow_if_harmless(vertices), vertices.astype(np.float32))
-
-
-def test_narrow_if_harmless_keeps_float64_when_one_frame_is_far_away():
-    vertices = np.random.default_rng(0).standard_normal((3, 50, 3))
-    vertices[2] += 1e4
-    assert narrow_if_harmless(vertices) is vertices
-
-
-def test_narrow_if_harmless_gives_float32_when_one_frame_is_collapsed():
-    vertices = np.random.default_rng(0).standard_normal((3, 50, 3))
-    vertices[1] = 0.1
-    assert narrow_if_harmless(vertices).dtype == np.float32
-
-
-def test_narrow_if_harmless_keeps_float64_when_values_exceed_float32():
-    assert narrow_if_harmless(np.array([[[0, 0, 0], [1e39, 0, 0]]])).dtype == np.float64
 
 
 def test_load_reads_a_stream_when_its_ending_is_reel(tmp_path):

@@ -1,0 +1,96 @@
+"""Files that hold a frame each, known to agree in their faces and to stay as they are."""
+
+import zlib
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from meshreel.errors import FormatError, InvalidInputError
+from meshreel.formats.polygons import PolygonMesh
+from meshreel.formats.reel import errors_naming
+from meshreel.formats.registry import FrameFormat
+from meshreel.formats.stored_frames import changed_error, os_errors_naming
+from meshreel.progress import Progress
+from meshreel.sequence import validate_finite
+
+
+class MeshFiles:
+    """The meshes of frame files, read one at a time and as often as needed.
+
+    Parameters
+    ----------
+    paths : sequence of Path
+        One file a frame, in order.
+    found : FrameFormat
+        The format of all of them.
+    """
+
+    def __init__(self, paths: Sequence[Path], found: FrameFormat) -> None:
+        self.paths = tuple(paths)
+        self.format = found
+        self._checksums: dict[int, int] = {}
+
+    def __len__(self) -> int:
+        return len(self.paths)
+
+    def meshes(self, progress: Progress, stage: str) -> Iterator[PolygonMesh]:
+        """Each frame, known to be finite and to have the vertex count and faces of the first.
+
+        Raises
+        ------
+        FormatError
+            Naming the file that cannot be read.
+        InvalidInputError
+            Naming the file and the frame that differs, is not finite, or has changed.
+        """
+        first = self.mesh(0)
+        for index, path in enumerate(self.paths):
+            mesh = self.mesh(index) if index else first
+            if difference := _difference(mesh, first):
+                raise InvalidInputError(
+                    f"{path} (frame {index}) has {difference} in frame 0 "
+                    f"({self.paths[0].name}); all frames of a sequence must have the same "
+                    "vertices and faces"
+                )
+            with errors_naming(path):
+                validate_finite(mesh.vertices[np.newaxis], first_frame=index)
+            yield mesh
+            progress(stage, (index + 1) / len(self))
+
+    def mesh(self, index: int) -> PolygonMesh:
+        """One frame, as it was when it was first read.
+
+        Raises
+        ------
+        FormatError
+            Naming the file that cannot be read.
+        InvalidInputError
+            Naming the file that is not there, or has changed.
+        """
+        path = self.paths[index]
+        with os_errors_naming(path):
+            data = path.read_bytes()
+        if self._checksums.setdefault(index, checksum := zlib.crc32(data)) != checksum:
+            raise changed_error(f"{path} (frame {index})")
+        with errors_naming(path):
+            if not data:
+                raise FormatError(f"is empty; expected a mesh in {self.format.ending} format")
+            return self.format.parse(data)
+
+
+def _difference(mesh: PolygonMesh, first: PolygonMesh) -> str:
+    """How a frame differs from the first, as in "8 vertices; expected 12 as"; empty if not."""
+    if len(mesh.vertices) != len(first.vertices):
+        return f"{len(mesh.vertices)} vertices; expected {len(first.vertices)} as"
+    if len(mesh.counts) != len(first.counts):
+        return f"{len(mesh.counts)} faces; expected {len(first.counts)} as"
+    if (mesh.counts != first.counts).any():
+        face = int(np.argmax(mesh.counts != first.counts))
+        return f"{mesh.counts[face]} corners in face {face}; expected {first.counts[face]} as"
+    if (mesh.corners != first.corners).any():
+        corner = int(np.argmax(mesh.corners != first.corners))
+        face = int(np.searchsorted(np.cumsum(mesh.counts), corner, side="right"))
+        came, expected = mesh.corners[corner], first.corners[corner]
+        return f"vertex {came} in face {face}; expected vertex {expected} as"
+    return ""

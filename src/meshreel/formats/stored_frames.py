@@ -1,0 +1,69 @@
+"""Frames that stay in their files until they are asked for."""
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from meshreel.errors import InvalidInputError
+from meshreel.sequence import Extent, Faces, Vertices, read_only, validate_faces, validate_fps
+
+
+@dataclass(frozen=True, eq=False)
+class StoredFrames:
+    """A `FrameSource` whose positions are in files.
+
+    Parameters
+    ----------
+    n_frames, n_verts : int
+    faces : integer array of shape (M, 3)
+    fps : float
+    name : str
+    dtype : float32 or float64
+    extent : Extent
+        Of all frames, in `dtype`.
+    read_range : function of a start and a stop
+        Gives the positions of frames start..stop - 1, of shape (stop - start, V, 3).
+
+    Raises
+    ------
+    InvalidInputError
+        If a face names a vertex that is not there, or the frame rate is negative or not finite.
+    """
+
+    n_frames: int
+    n_verts: int
+    faces: Faces
+    fps: float
+    name: str
+    dtype: np.dtype[np.floating]
+    extent: Extent
+    read_range: Callable[[int, int], Vertices]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "faces", read_only(validate_faces(self.faces, self.n_verts)))
+        object.__setattr__(self, "fps", validate_fps(self.fps))
+
+    def read(self, start: int, stop: int) -> Vertices:
+        """Positions of frames start..stop - 1, counted as in a slice of all frames."""
+        start, stop, _ = slice(start, stop).indices(self.n_frames)
+        return self.read_range(start, max(start, stop))
+
+
+def changed_error(place: str) -> InvalidInputError:
+    """The error to raise where a file does not hold the bytes that it held at first."""
+    return InvalidInputError(
+        f"{place} changed after it was first read; leave the files as they are until all is "
+        "done, and start again"
+    )
+
+
+@contextmanager
+def os_errors_naming(path: Path) -> Iterator[None]:
+    """Within it, a file that cannot be read is an `InvalidInputError` that names it."""
+    try:
+        yield
+    except OSError as error:
+        raise InvalidInputError(f"{path} cannot be read: {error.strerror}") from error

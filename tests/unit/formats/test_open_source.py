@@ -1,0 +1,313 @@
+import os
+import tracemalloc
+import zipfile
+
+import numpy as np
+import pytest
+
+from meshreel.errors import FormatError, InvalidInputError
+from meshreel.formats.load import load, open_source
+from meshreel.formats.save import save
+from meshreel.formats.stored_frames import StoredFrames
+from meshreel.sequence import MeshSequence, positions_size_bytes
+from sample_meshes import waving_grid
+
+TRIANGLE = "v 0 0 0\nv 1 0 0\nv 1 1 0\nf 1 2 3\n"
+ENDINGS = ["obj", "ply", "off", "stl"]
+CASES = [
+    (np.float32, 0.0),
+    (np.float32, 300.0),
+    (np.float64, 0.0),
+    (np.float64, 1e5),
+    (np.float64, 2.0**40),
+    (np.float32, 1e30),
+]
+
+
+@pytest.fixture
+def save_as(tmp_path, make_sequence):
+    """Save a sequence in a format; gives the source to read it from."""
+
+    def write(ending, *args, **kwargs):
+        name = "a.npz" if ending == "npz" else f"f_%d.{ending}"
+        save(make_sequence(*args, **kwargs), tmp_path / name)
+        return tmp_path / name if ending == "npz" else tmp_path
+
+    return write
+
+
+def write_frames(folder, *texts):
+    for index, text in enumerate(texts):
+        (folder / f"frame_{index}.obj").write_text(text)
+    return folder
+
+
+@pytest.mark.parametrize("ending", [*ENDINGS, "npz"])
+@pytest.mark.parametrize(("dtype", "offset"), CASES)
+def test_open_source_reads_the_bits_of_load_when_asked_for_any_frames(
+    save_as, ending, dtype, offset
+):
+    source = save_as(ending, 11, dtype, offset)
+    opened, loaded = open_source(source), load(source)
+    for start, stop in [(0, 11), (3, 4), (4, 9), (9, 20), (5, 5), (7, 2), (-2, 11)]:
+        expected = loaded.vertices[start:stop]
+        found = opened.read(start, stop)
+        assert (found.dtype, found.shape) == (expected.dtype, expected.shape)
+        assert found.tobytes() == expected.tobytes()
+
+
+@pytest.mark.parametrize("ending", [*ENDINGS, "npz"])
+@pytest.mark.parametrize(("dtype", "offset"), CASES)
+def test_open_source_knows_what_load_does_when_nothing_is_loaded(save_as, ending, dtype, offset):
+    source = save_as(ending, 5, dtype, offset)
+    opened, loaded = open_source(source, fps=24), load(source, fps=24)
+    assert isinstance(opened, StoredFrames)
+    for name in ("n_frames", "n_verts", "fps", "name", "dtype"):
+        assert getattr(opened, name) == getattr(loaded, name)
+    assert opened.faces.tobytes() == loaded.faces.tobytes()
+    assert opened.extent.low.tobytes() == loaded.extent.low.tobytes()
+    assert opened.extent.high.tobytes() == loaded.extent.high.tobytes()
+    assert opened.extent.mean_diagonal == loaded.extent.mean_diagonal
+    assert positions_size_bytes(opened) == loaded.vertices.nbytes
+
+
+@pytest.mark.parametrize("first", [np.float32, np.float64])
+def test_open_source_reads_the_bits_of_load_when_declared_types_are_mixed(
+    tmp_path, make_sequence, first
+):
+    types = [first, np.float64, np.float32]
+    for index, dtype in enumerate(types):
+        save(make_sequence(1, dtype, offset=index), tmp_path / f"f_{index}.ply")
+    opened = open_source(tmp_path)
+    assert opened.dtype == np.float64
+    assert opened.read(0, 3).tobytes() == load(tmp_path).vertices.tobytes()
+
+
+def test_open_source_reads_the_bits_of_load_when_binary_and_text_stl_are_mixed(tmp_path):
+    corners = np.array([[[0.1, 0, 1e4], [1, 0, 1e4], [0, 1, 1e4]]], np.float32)
+    save(MeshSequence(corners, np.array([[0, 1, 2]])), tmp_path / "f_0.stl")
+    lines = "".join(f"vertex {x!r} {y!r} {z!r}\n" for x, y, z in (corners[0] / 3 + 0.7).tolist())
+    facet = f"solid\nfacet normal 0 0 1\nouter loop\n{lines}endloop\nendfacet\nendsolid\n"
+    (tmp_path / "f_1.stl").write_text(facet)
+    opened, loaded = open_source(tmp_path), load(tmp_path)
+    assert opened.read(0, 2).tobytes() == loaded.vertices.tobytes()
+
+
+@pytest.mark.parametrize("ending", ["stl", "obj"])
+def test_open_source_notes_what_load_notes_when_something_is_changed(tmp_path, save_as, ending):
+    if ending == "stl":
+        source = save_as("stl", 3)
+    else:
+        source = write_frames(tmp_path, *[TRIANGLE.replace("f", "v 0 1 0\nf 4")] * 2)
+    notes, expected = [], []
+    open_source(source, notes=notes)
+    load(source, notes=expected)
+    assert notes == expected != []
+
+
+@pytest.mark.parametrize(("ending", "stage"), [("obj", "reading"), ("stl", "welding")])
+def test_open_source_tells_of_every_frame_when_files_are_read(save_as, ending, stage):
+    seen = []
+    open_source(save_as(ending, 4), progress=lambda *step: seen.append(step))
+    assert seen == [(stage, 0.25), (stage, 0.5), (stage, 0.75), (stage, 1.0)]
+
+
+@pytest.mark.parametrize("ending", ["obj", "npz"])
+@pytest.mark.parametrize(("surplus", "expected"), [(0, MeshSequence), (-1, StoredFrames)])
+def test_open_source_loads_when_positions_are_as_small_as_allowed(
+    save_as, ending, surplus, expected
+):
+    size = 4 * 6 * 3 * (8 if ending == "obj" else 4)  # text is read as float64
+    opened = open_source(save_as(ending, 4), max_loaded_bytes=size + surplus)
+    assert isinstance(opened, expected)
+
+
+def test_open_source_loads_when_there_is_one_static_mesh(save_as):
+    assert isinstance(open_source(save_as("obj", 1)), MeshSequence)
+
+
+def test_open_source_loads_when_the_source_is_a_stream(tmp_path):
+    save(waving_grid(), tmp_path / "a.reel")
+    opened, loaded = open_source(tmp_path / "a.reel", fps=50), load(tmp_path / "a.reel")
+    assert opened.read(0, opened.n_frames).tobytes() == loaded.vertices.tobytes()
+    assert opened.fps == 50
+
+
+@pytest.mark.parametrize("shape", [{"fortran": True}, {"packed": True}])
+def test_open_source_loads_when_an_npz_cannot_be_read_in_parts(tmp_path, make_sequence, shape):
+    sequence = make_sequence(3)
+    order = np.asfortranarray if "fortran" in shape else np.asarray
+    store = np.savez_compressed if "packed" in shape else np.savez
+    store(tmp_path / "a.npz", vertices=order(sequence.vertices), faces=sequence.faces)
+    opened = open_source(tmp_path / "a.npz")
+    assert isinstance(opened, MeshSequence)
+    np.testing.assert_array_equal(opened.vertices, sequence.vertices)
+
+
+def test_open_source_reads_native_numbers_when_an_npz_is_big_endian(tmp_path, make_sequence):
+    sequence = make_sequence(3)
+    vertices = sequence.vertices.astype(">f4")
+    np.savez(tmp_path / "a.npz", faces=sequence.faces, vertices=vertices, fps=30, name="b")
+    opened = open_source(tmp_path / "a.npz")
+    assert (opened.dtype, opened.fps, opened.name) == (np.dtype(np.float32), 30, "b")
+    assert opened.read(1, 3).tobytes() == sequence.vertices[1:].tobytes()
+
+
+@pytest.mark.parametrize(
+    ("arrays", "message"),
+    [
+        ({"verts": np.zeros((2, 3, 3))}, "has no array 'vertices'"),
+        ({"vertices": np.zeros((3, 3))}, r"vertices must have shape \(T, V, 3\); got \(3, 3\)"),
+        ({"vertices": np.zeros((2, 3, 3), np.int32)}, "must be float32 or float64; got int32"),
+        ({"vertices": np.zeros((0, 3, 3))}, "needs at least one frame"),
+        ({"vertices": np.zeros((2, 2, 3))}, r"face 0 is \[0, 1, 2\]; indices must be in 0..1"),
+        ({"vertices": np.zeros((2, 3, 3)), "fps": "fast"}, "fps must be one number"),
+    ],
+)
+def test_open_source_says_what_load_says_when_an_npz_is_no_sequence(tmp_path, arrays, message):
+    np.savez(tmp_path / "a.npz", faces=np.array([[0, 1, 2]]), **arrays)
+    with pytest.raises((FormatError, InvalidInputError), match=rf"a\.npz: .*{message}") as found:
+        open_source(tmp_path / "a.npz")
+    with pytest.raises(found.type) as expected:
+        load(tmp_path / "a.npz")
+    assert str(found.value) == str(expected.value)
+
+
+@pytest.mark.parametrize("bad", ["nan", "inf", "-inf"])
+@pytest.mark.parametrize("read", [load, open_source])
+def test_reading_names_the_file_when_a_position_is_not_finite(tmp_path, read, bad):
+    write_frames(tmp_path, *[TRIANGLE] * 3, TRIANGLE.replace("v 1 1 0", f"v 1 {bad} 0"), TRIANGLE)
+    message = rf"frame_3\.obj: every position must be finite; vertex 2 of frame 3 has y = {bad}"
+    with pytest.raises(InvalidInputError, match=message):
+        read(tmp_path)
+
+
+def test_open_source_names_the_frame_when_a_position_of_an_npz_is_not_finite(tmp_path):
+    vertices = np.zeros((5, 3, 3))
+    vertices[3, 2, 1] = np.nan
+    np.savez(tmp_path / "a.npz", vertices=vertices, faces=np.array([[0, 1, 2]]))
+    with pytest.raises(InvalidInputError, match=r"a\.npz: .*vertex 2 of frame 3 has y = nan"):
+        open_source(tmp_path / "a.npz")
+
+
+def test_open_source_names_file_and_frame_when_faces_differ(tmp_path):
+    write_frames(tmp_path, TRIANGLE, TRIANGLE, TRIANGLE.replace("f 1 2 3", "f 1 3 2"))
+    message = r"frame_2\.obj \(frame 2\) has vertex 2 in face 0; expected vertex 1 as in frame 0"
+    with pytest.raises(InvalidInputError, match=message):
+        open_source(tmp_path)
+
+
+def test_open_source_is_refused_when_the_list_is_empty():
+    with pytest.raises(InvalidInputError, match="the list of frame files is empty"):
+        open_source([])
+
+
+@pytest.mark.parametrize("fps", [-1, float("nan")])
+@pytest.mark.parametrize("ending", ["obj", "npz"])
+def test_open_source_is_refused_when_fps_is_no_rate(save_as, ending, fps):
+    with pytest.raises(InvalidInputError, match="fps must be finite and at least 0"):
+        open_source(save_as(ending, 2), fps=fps)
+
+
+def test_open_source_names_the_file_when_a_later_one_is_truncated(tmp_path, save_as):
+    source = save_as("ply", 4)
+    os.truncate(tmp_path / "f_2.ply", 150)
+    with pytest.raises(FormatError, match=r"f_2\.ply: "):
+        open_source(source)
+
+
+@pytest.mark.parametrize("ending", ENDINGS)
+def test_reading_frames_is_refused_when_a_file_changed_after_opening(tmp_path, save_as, ending):
+    opened = open_source(save_as(ending, 4))
+    path = tmp_path / f"f_2.{ending}"
+    path.write_bytes(path.read_bytes() + b" ")
+    assert len(opened.read(0, 2)) == 2
+    with pytest.raises(InvalidInputError, match=rf"f_2\.{ending} \(frame 2\) changed after"):
+        opened.read(0, 4)
+
+
+def test_reading_frames_is_refused_when_a_file_vanished_after_opening(tmp_path, save_as):
+    opened = open_source(save_as("obj", 4))
+    (tmp_path / "f_1.obj").unlink()
+    with pytest.raises(InvalidInputError, match=r"f_1\.obj cannot be read: No such file"):
+        opened.read(1, 2)
+
+
+@pytest.mark.parametrize("ending", ENDINGS)
+def test_load_is_refused_when_a_file_changed_between_two_readings(tmp_path, save_as, ending):
+    source = save_as("stl", 3)
+    other = (tmp_path / "f_0.stl").read_bytes()
+
+    def change(stage, fraction):
+        if (stage, fraction) == ("welding", 1.0):
+            (tmp_path / "f_2.stl").write_bytes(other)
+
+    with pytest.raises(InvalidInputError, match=r"f_2\.stl \(frame 2\) changed after"):
+        load(source, progress=change)
+
+
+def vertex_bytes(path, frame):
+    """Where the positions of a frame of six float32 vertices begin in an npz."""
+    with zipfile.ZipFile(path) as archive, archive.open("vertices.npy") as member:
+        header = member.read(128)
+    return path.read_bytes().index(header) + 128 + frame * 72
+
+
+def test_reading_frames_is_refused_when_an_npz_changed_after_opening(save_as):
+    path = save_as("npz", 4)
+    opened = open_source(path)
+    data = bytearray(path.read_bytes())
+    data[vertex_bytes(path, 2) + 5] ^= 1
+    path.write_bytes(data)
+    assert len(opened.read(0, 2)) == len(opened.read(3, 4)) + 1 == 2
+    with pytest.raises(InvalidInputError, match=r"a\.npz \(frame 2\) changed after"):
+        opened.read(1, 4)
+
+
+def test_reading_frames_is_refused_when_an_npz_was_cut_short_after_opening(save_as):
+    path = save_as("npz", 4)
+    opened = open_source(path)
+    os.truncate(path, vertex_bytes(path, 3) + 10)
+    with pytest.raises(InvalidInputError, match=r"a\.npz \(frame 3\) changed after"):
+        opened.read(2, 4)
+
+
+def test_reading_frames_is_refused_when_an_npz_vanished_after_opening(save_as):
+    path = save_as("npz", 4)
+    opened = open_source(path)
+    path.unlink()
+    with pytest.raises(InvalidInputError, match=r"a\.npz cannot be read: No such file"):
+        opened.read(0, 1)
+
+
+def test_open_source_is_refused_when_positions_of_an_npz_lack_their_checksum(save_as):
+    path = save_as("npz", 200)
+    data = bytearray(path.read_bytes())
+    data[vertex_bytes(path, 150)] ^= 1  # so far behind that reading the header does not see it
+    path.write_bytes(data)
+    with pytest.raises(FormatError, match=r"a\.npz: is damaged: vertices\.npy"):
+        open_source(path)
+
+
+def peak_bytes(work):
+    tracemalloc.start()
+    try:
+        work()
+        return tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+
+
+@pytest.mark.parametrize("name", ["f_%03d.ply", "a.npz"])
+def test_opened_frames_take_a_tenth_of_the_whole_when_read_one_by_one(tmp_path, name, monkeypatch):
+    monkeypatch.setattr("meshreel.formats.npz_frames.SURVEY_BYTES", 1 << 16)
+    vertices = np.random.default_rng(0).standard_normal((400, 3000, 3)).astype(np.float32)
+    save(MeshSequence(vertices, np.arange(3000).reshape(-1, 3)), tmp_path / name)
+
+    def read_all():
+        opened = open_source(tmp_path / name if name == "a.npz" else tmp_path)
+        for index in range(400):
+            opened.read(index, index + 1)
+
+    read_all()  # what is imported and cached on first use does not count
+    assert peak_bytes(read_all) < vertices.nbytes / 10
