@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.errors import FormatError
+from meshreel.formats.frame_stream import FrameStream
 from meshreel.formats.reel import errors_naming
 from meshreel.sequence import MeshSequence
 
@@ -45,16 +46,27 @@ def read_npz(path: Path, *, fps: float | None = None) -> MeshSequence:
         return MeshSequence(vertices, arrays["faces"], rate, name)
 
 
-def write_npz(path: Path, sequence: MeshSequence) -> None:
-    """Write an ``.npz`` file that reads back as exactly `sequence`."""
-    with path.open("wb") as stream:  # np.savez would add an ending to a path of its choice
-        np.savez(
-            stream,
-            vertices=sequence.vertices,
-            faces=sequence.faces,
-            fps=np.float64(sequence.fps),
-            name=np.str_(sequence.name),
-        )
+def write_npz(path: Path, stream: FrameStream) -> None:
+    """Write an ``.npz`` file, frame by frame, that reads back as exactly the frames of `stream`.
+
+    Its bytes are those of `numpy.savez`, which would need all frames together.
+    """
+    shape = (stream.n_frames, stream.n_verts, 3)
+    descr = np.lib.format.dtype_to_descr(stream.dtype)
+    header = {"descr": descr, "fortran_order": False, "shape": shape}
+    rest: dict[str, npt.NDArray[Any]] = {
+        "faces": stream.faces,
+        "fps": np.asarray(np.float64(stream.fps)),
+        "name": np.asarray(np.str_(stream.name)),
+    }
+    with zipfile.ZipFile(path, "w") as archive:
+        with archive.open("vertices.npy", "w", force_zip64=True) as member:
+            np.lib.format.write_array_header_1_0(member, header)
+            for frame in stream.frames():
+                member.write(frame.tobytes())
+        for name, array in rest.items():
+            with archive.open(f"{name}.npy", "w", force_zip64=True) as member:
+                np.lib.format.write_array(member, array, allow_pickle=False)
 
 
 def read_arrays(path: Path, wanted: Sequence[str]) -> dict[str, npt.NDArray[Any]]:

@@ -161,6 +161,8 @@ def _find_vertices(path: Path, max_loaded_bytes: int) -> _StoredVertices | None:
         lengths = LOCAL_HEADER.unpack(stream.read(LOCAL_HEADER.size))
         start_byte = stream.seek(sum(lengths), 1)
         checksum = zlib.crc32(stream.read(header.size_bytes))
+    if start_byte + info.file_size > path.stat().st_size:
+        raise FormatError(f"{MEMBER} ends behind the end of the file")
     return _StoredVertices(
         path,
         start_byte + header.size_bytes,

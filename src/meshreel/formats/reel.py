@@ -9,6 +9,7 @@ from meshreel.codec.decoder import decode
 from meshreel.codec.encoder import encode
 from meshreel.codec.reel_file import ReelFile
 from meshreel.errors import MeshReelError
+from meshreel.formats.frame_stream import FrameStream
 from meshreel.sequence import MeshSequence
 
 
@@ -73,6 +74,6 @@ def errors_naming(path: Path) -> Iterator[None]:
         raise type(error)(f"{path}: {error}") from None
 
 
-def write_reel(path: Path, sequence: MeshSequence) -> None:
-    """Write the sequence as a stream, coded by default options."""
-    path.write_bytes(encode(sequence))
+def write_reel(path: Path, stream: FrameStream) -> None:
+    """Write the frames as a `.reel` file, coded by default options; all are gathered for it."""
+    path.write_bytes(encode(stream.gather()))

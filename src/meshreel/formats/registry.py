@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from meshreel.errors import FormatError
+from meshreel.formats.frame_stream import FrameStream
 from meshreel.formats.npz import read_npz, write_npz
 from meshreel.formats.npz_frames import open_npz
 from meshreel.formats.obj import obj_encoder, parse_obj
@@ -51,7 +52,7 @@ class SequenceFormat:
         Lower case, with the dot.
     read : function of a path and ``fps=``
         Gives the sequence; its errors name the file.
-    write : function of a path and a sequence
+    write : function of a path and a `FrameStream`
         Writes the file.
     open : function of a path, ``fps=``, ``max_loaded_bytes=`` and ``progress=``, optional
         Gives the sequence with its positions left in the file, where they can be.
@@ -59,7 +60,7 @@ class SequenceFormat:
 
     ending: str
     read: Callable[..., MeshSequence]
-    write: Callable[[Path, MeshSequence], None]
+    write: Callable[[Path, FrameStream], None]
     open: Callable[..., FrameSource] | None = None
 
 

@@ -1,18 +1,24 @@
-"""A `MeshSequence` to files of other programs."""
+"""A `MeshSequence`, or frames as they come, to files of other programs."""
 
+from collections.abc import Iterable
 from contextlib import ExitStack
 from pathlib import Path
 
+import numpy as np
+import numpy.typing as npt
+
 from meshreel.atomic_write import replace_when_done
+from meshreel.errors import InvalidInputError
+from meshreel.formats.frame_stream import FrameStream
 from meshreel.formats.registry import SequenceFormat, format_of
 from meshreel.formats.sources import AnyPath
 from meshreel.formats.targets import check_save_target
 from meshreel.progress import Progress, silent
-from meshreel.sequence import MeshSequence
+from meshreel.sequence import FrameSource, Vertices
 
 
 def save(
-    sequence: MeshSequence,
+    sequence: FrameSource,
     target: AnyPath,
     *,
     overwrite: bool = False,
@@ -24,8 +30,8 @@ def save(
 
     Parameters
     ----------
-    sequence : MeshSequence
-        What to write.
+    sequence : MeshSequence or FrameSource
+        What to write; read a frame at a time.
     target : str or Path
         ``name.npz`` or ``name.reel`` for all frames in one file; a pattern with a number field
         such as ``dir/frame_%04d.obj`` for a file a frame, numbered from 0; or ``name.obj`` for
@@ -46,18 +52,67 @@ def save(
     FormatError, InvalidInputError
         As `meshreel.formats.targets.check_save_target`, before anything is written.
     """
-    paths = check_save_target(target, sequence.n_frames, overwrite=overwrite)
+    return save_frames(
+        (sequence.read(index, index + 1) for index in range(sequence.n_frames)),
+        sequence.faces,
+        target,
+        n_frames=sequence.n_frames,
+        fps=sequence.fps,
+        name=sequence.name,
+        overwrite=overwrite,
+        progress=progress,
+    )
+
+
+def save_frames(
+    blocks: Iterable[Vertices],
+    faces: npt.NDArray[np.integer],
+    target: AnyPath,
+    *,
+    n_frames: int,
+    fps: float = 0.0,
+    name: str = "",
+    overwrite: bool = False,
+    progress: Progress = silent,
+) -> list[Path]:
+    """The files written, in the order of the frames, which are written as they come.
+
+    Memory holds one block and one frame; only ``.reel`` needs all frames together. All files
+    appear together when the last one is complete; on an error none does.
+
+    Parameters
+    ----------
+    blocks : iterable of float32 or float64 arrays of shape (T, V, 3)
+        The positions in model units, in order, all of one type. Blocks may differ in T.
+    faces : integer array of shape (M, 3)
+        Vertex indices of each triangle, in 0..V-1.
+    target, overwrite, progress
+        As in `save`.
+    n_frames : int
+        Of all blocks together.
+    fps, name
+        As in `MeshSequence`.
+
+    Raises
+    ------
+    FormatError, InvalidInputError
+        As `meshreel.formats.targets.check_save_target`, before the first block is asked for; as
+        `FrameStream`.
+    """
+    if n_frames < 1:
+        raise InvalidInputError(f"a sequence needs at least one frame; got n_frames {n_frames}")
+    paths = check_save_target(target, n_frames, overwrite=overwrite)
     found = format_of(paths[0])
+    stream = FrameStream(blocks, faces, n_frames=n_frames, fps=fps, name=name, progress=progress)
     with ExitStack() as renames:  # the files get their names when the stack unwinds
         temporaries = [
             renames.enter_context(replace_when_done(path, overwrite=overwrite)) for path in paths
         ]
         if isinstance(found, SequenceFormat):
-            found.write(temporaries[0], sequence)
+            found.write(temporaries[0], stream)
             progress("writing", 1.0)
             return paths
-        encode = found.encoder(sequence.faces)
-        for index, temporary in enumerate(temporaries):
-            temporary.write_bytes(encode(sequence.vertices[index]))
-            progress("writing", (index + 1) / sequence.n_frames)
+        encode = found.encoder(stream.faces)
+        for frame, temporary in zip(stream.frames(), temporaries, strict=True):
+            temporary.write_bytes(encode(frame))
     return paths

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from meshreel.errors import MeshReelError
-from meshreel.formats.load import load
+from meshreel.formats.load import load, open_source
 from meshreel.formats.save import save
 
 N_DAMAGED = 300
@@ -60,6 +60,9 @@ def only_our_errors_come(path, data):
         path.write_bytes(damaged)
         with contextlib.suppress(MeshReelError):
             load(path)
+        with contextlib.suppress(MeshReelError):
+            opened = open_source(path)
+            opened.read(0, opened.n_frames)
     return True
 
 

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from meshreel.errors import FormatError, InvalidInputError
-from meshreel.formats.npz import read_npz, write_npz
+from meshreel.formats.npz import read_npz
+from meshreel.formats.save import save
 
 FACES = np.array([[0, 1, 2]])
 VERTICES = np.eye(3, dtype=np.float32)[None].repeat(2, axis=0)
@@ -16,13 +17,22 @@ def store(path, **arrays):
 
 
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
-def test_read_npz_gives_back_the_sequence_when_write_npz_wrote_it(tmp_path, make_sequence, dtype):
+def test_read_npz_gives_back_the_sequence_when_save_wrote_it(tmp_path, make_sequence, dtype):
     sequence = make_sequence(3, dtype, fps=23.976, name="Ödipus")
-    write_npz(tmp_path / "a.npz", sequence)
+    save(sequence, tmp_path / "a.npz")
     found = read_npz(tmp_path / "a.npz")
     assert found.vertices.tobytes() == sequence.vertices.tobytes()
     np.testing.assert_array_equal(found.faces, sequence.faces)
     assert (found.vertices.dtype, found.fps, found.name) == (dtype, 23.976, "Ödipus")
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+def test_save_writes_the_bytes_of_savez_when_the_target_is_npz(tmp_path, make_sequence, dtype):
+    sequence = make_sequence(3, dtype, fps=23.976, name="Ödipus")
+    save(sequence, tmp_path / "a.npz")
+    arrays = {"vertices": sequence.vertices, "faces": sequence.faces}
+    store(tmp_path / "b.npz", **arrays, fps=np.float64(23.976), name=np.str_("Ödipus"))
+    assert (tmp_path / "a.npz").read_bytes() == (tmp_path / "b.npz").read_bytes()
 
 
 def test_read_npz_takes_the_file_stem_when_there_is_no_name(tmp_path):

@@ -1,0 +1,102 @@
+"""Frames that come one after the other, to be written as they come."""
+
+from collections.abc import Iterable, Iterator
+from itertools import chain
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from meshreel.errors import InvalidInputError
+from meshreel.progress import Progress, silent
+from meshreel.sequence import (
+    MeshSequence,
+    Vertices,
+    validate_faces,
+    validate_finite,
+    validate_fps,
+    validate_vertices,
+)
+
+
+class FrameStream:
+    """A sequence whose positions pass by once, some frames at a time.
+
+    Parameters
+    ----------
+    blocks : iterable of float arrays of shape (T, V, 3)
+        The positions in model units, in order; the first block that has frames is read at once.
+        Blocks may differ in T, which may be 0.
+    faces : integer array of shape (M, 3)
+    n_frames : int
+        Of all blocks together.
+    fps, name
+        As in `MeshSequence`.
+    progress : Progress, default silent
+        Told of every frame that was done with.
+
+    Attributes
+    ----------
+    n_verts : int
+    dtype : dtype
+        Of every block.
+
+    Raises
+    ------
+    InvalidInputError
+        As `MeshSequence`; while frames pass too, if blocks differ in their vertex count or type,
+        a position is not finite, or there are not as many frames as were announced.
+    """
+
+    def __init__(
+        self,
+        blocks: Iterable[Vertices],
+        faces: npt.NDArray[np.integer],
+        *,
+        n_frames: int,
+        fps: float = 0.0,
+        name: str = "",
+        progress: Progress = silent,
+    ) -> None:
+        arrays: Iterator[Any] = (np.asarray(block) for block in blocks)
+        filled = (block for block in arrays if block.size > 0)
+        if (first := next(filled, None)) is None:
+            raise InvalidInputError("a sequence needs at least one frame; got none")
+        self.n_frames = n_frames
+        self.n_verts, self.dtype = validate_vertices(first).shape[1], first.dtype
+        self.faces = validate_faces(faces, self.n_verts)
+        self.fps, self.name = validate_fps(fps), name
+        self._blocks: Iterator[Vertices] = chain([first], filled)
+        self._progress = progress
+
+    def frames(self) -> Iterator[Vertices]:
+        """Positions of each frame, of shape (V, 3); they can be had only once."""
+        index = 0
+        for block in self._checked_blocks():
+            for frame in block:
+                yield frame
+                index += 1
+                self._progress("writing", index / self.n_frames)
+
+    def gather(self) -> MeshSequence:
+        """All frames in memory; they can be had only once."""
+        vertices = np.concatenate(list(self._checked_blocks()))
+        return MeshSequence(vertices, self.faces, self.fps, self.name)
+
+    def _checked_blocks(self) -> Iterator[Vertices]:
+        n_seen = 0
+        for block in self._blocks:
+            expected = (len(block), self.n_verts, 3)
+            if block.shape != expected or block.dtype != self.dtype:
+                raise InvalidInputError(
+                    f"frames {n_seen} and after have shape {block.shape} and type {block.dtype}; "
+                    f"those before have {expected} and {self.dtype}"
+                )
+            validate_finite(block, first_frame=n_seen)
+            n_seen += len(block)
+            if n_seen > self.n_frames:
+                break
+            yield block
+        if n_seen != self.n_frames:
+            come = f"{n_seen} or more" if n_seen > self.n_frames else str(n_seen)
+            raise InvalidInputError(f"{self.n_frames} frames were announced; {come} came")
