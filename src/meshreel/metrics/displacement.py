@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from meshreel.metrics.reference import paired_frames, relative, shared_reference
+from meshreel.metrics.reference import Floats, paired_frames, relative, shared_reference
 from meshreel.sequence import Vertices
 
 
@@ -25,6 +25,38 @@ class DisplacementErrors:
     max_percent: float
 
 
+class DisplacementSums:
+    """Squared displacements of frames that come one after the other.
+
+    Parameters
+    ----------
+    diagonal_scaled : float
+        Diagonal of the bounding box of the whole original, in the units of the displacements.
+    """
+
+    def __init__(self, diagonal_scaled: float) -> None:
+        self._diagonal = diagonal_scaled
+        self._total = self._largest = 0.0
+        self._n_positions = 0
+
+    @np.errstate(over="ignore", invalid="ignore")
+    def add(self, displacement: Floats) -> None:
+        """Take in one more frame: displacements of shape (V, 3)."""
+        squares = np.einsum("va,va->v", displacement, displacement)
+        self._total += float(squares.sum())
+        self._largest = max(self._largest, float(squares.max()))
+        self._n_positions += len(squares)
+
+    @property
+    def errors(self) -> DisplacementErrors:
+        """The errors of the frames so far, of which there must be one."""
+        mean = self._total / self._n_positions
+        return DisplacementErrors(
+            rms_percent=100 * relative(math.sqrt(mean), self._diagonal),
+            max_percent=100 * relative(math.sqrt(self._largest), self._diagonal),
+        )
+
+
 @np.errstate(over="ignore", invalid="ignore")
 def displacement_errors_percent(original: Vertices, decoded: Vertices) -> DisplacementErrors:
     """RMS and largest vertex displacement, in percent of the bounding-box diagonal.
@@ -42,14 +74,7 @@ def displacement_errors_percent(original: Vertices, decoded: Vertices) -> Displa
         If the shapes differ.
     """
     reference = shared_reference(original, decoded)
-    total = largest = 0.0
+    sums = DisplacementSums(reference.diagonal_scaled)
     for _, displacement in paired_frames(original, decoded, reference):
-        squares = np.einsum("va,va->v", displacement, displacement)
-        total += float(squares.sum())
-        largest = max(largest, float(squares.max()))
-    n_positions = original.shape[0] * original.shape[1]
-    diagonal = reference.diagonal_scaled
-    return DisplacementErrors(
-        rms_percent=100 * relative(math.sqrt(total / n_positions), diagonal),
-        max_percent=100 * relative(math.sqrt(largest), diagonal),
-    )
+        sums.add(displacement)
+    return sums.errors

@@ -4,8 +4,34 @@ import math
 
 import numpy as np
 
-from meshreel.metrics.reference import paired_frames, relative, shared_reference, sum_of_squares
+from meshreel.metrics.reference import (
+    Floats,
+    paired_frames,
+    relative,
+    shared_reference,
+    sum_of_squares,
+)
 from meshreel.sequence import Vertices
+
+
+class KgSums:
+    """Squared error and spread of frames that come one after the other, for their KG error."""
+
+    def __init__(self) -> None:
+        self._error = self._spread = 0.0
+
+    @np.errstate(over="ignore", invalid="ignore")
+    def add(self, frame: Floats, displacement: Floats) -> None:
+        """Take in one more frame of `paired_frames`, all of the same reference."""
+        about_centre = frame - frame[0]  # first vertex first: coincident vertices give exact zeros
+        about_centre -= about_centre.mean(axis=0)
+        self._error += sum_of_squares(displacement)
+        self._spread += sum_of_squares(about_centre)
+
+    @property
+    def percent(self) -> float:
+        """The KG error of the frames so far, as `kg_error_percent` defines it."""
+        return 100 * relative(math.sqrt(self._error), math.sqrt(self._spread))
 
 
 @np.errstate(over="ignore", invalid="ignore")
@@ -32,12 +58,7 @@ def kg_error_percent(original: Vertices, decoded: Vertices) -> float:
     Source: Karni and Gotsman, "Spectral compression of mesh geometry", SIGGRAPH 2000, and the
     form for sequences in their "Compression of soft-body animation sequences", 2004.
     """
-    error = spread = 0.0
-    for frame, displacement in paired_frames(
-        original, decoded, shared_reference(original, decoded)
-    ):
-        about_centre = frame - frame[0]  # first vertex first: coincident vertices give exact zeros
-        about_centre -= about_centre.mean(axis=0)
-        error += sum_of_squares(displacement)
-        spread += sum_of_squares(about_centre)
-    return 100 * relative(math.sqrt(error), math.sqrt(spread))
+    sums = KgSums()
+    for pair in paired_frames(original, decoded, shared_reference(original, decoded)):
+        sums.add(*pair)
+    return sums.percent

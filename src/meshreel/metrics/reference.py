@@ -50,8 +50,14 @@ class Reference:
 def bounding_box_reference(vertices: npt.NDArray[np.floating]) -> Reference:
     """The frame of reference of positions of shape (..., V, 3), in model units."""
     frames = vertices.reshape(-1, *vertices.shape[-2:])  # reducing whole frames first is faster
-    low = frames.min(axis=0).min(axis=0).astype(np.float64) / 2
-    high = frames.max(axis=0).max(axis=0).astype(np.float64) / 2
+    low = frames.min(axis=0).min(axis=0).astype(np.float64)
+    high = frames.max(axis=0).max(axis=0).astype(np.float64)
+    return reference_of_box(low, high)
+
+
+def reference_of_box(low: Floats, high: Floats) -> Reference:
+    """The frame of reference of positions whose bounding box has these corners."""
+    low, high = low / 2, high / 2
     half = high - low
     exponent = int(np.frexp(half.max())[1])
     scale = 2.0 ** -int(np.clip(exponent, -_LARGEST_EXPONENT, _LARGEST_EXPONENT))
@@ -66,16 +72,27 @@ def shared_reference(original: Vertices, decoded: Vertices) -> Reference:
     InvalidInputError
         If the two arrays do not have the same shape (T, V, 3), or T or V is 0.
     """
-    if original.ndim != 3 or original.shape != decoded.shape or original.shape[2] != 3:
-        raise InvalidInputError(
-            "original and decoded must have the same shape (T, V, 3); "
-            f"got {original.shape} and {decoded.shape}"
-        )
+    require_same_shape(original, decoded)
     if original.size == 0:
         raise InvalidInputError(
             f"a comparison needs at least one frame and one vertex; got shape {original.shape}"
         )
     return bounding_box_reference(original)
+
+
+def require_same_shape(original: Vertices, decoded: Vertices) -> None:
+    """Nothing if the two arrays have the same shape (T, V, 3).
+
+    Raises
+    ------
+    InvalidInputError
+        Naming both shapes.
+    """
+    if original.ndim != 3 or original.shape != decoded.shape or original.shape[2] != 3:
+        raise InvalidInputError(
+            "original and decoded must have the same shape (T, V, 3); "
+            f"got {original.shape} and {decoded.shape}"
+        )
 
 
 def paired_frames(
