@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from meshreel.codec.encoder import encode
     from meshreel.codec.inspect import StreamInfo, info
     from meshreel.codec.reel_file import ReelFile
+    from meshreel.codec.streaming import Encoder
     from meshreel.errors import (
         CorruptStreamError,
         FormatError,
@@ -36,6 +37,7 @@ __version__ = "0.1.0"
 
 __all__ = [
     "CorruptStreamError",
+    "Encoder",
     "FormatError",
     "InvalidInputError",
     "MeshReelError",
@@ -59,6 +61,7 @@ __all__ = [
 _HOMES = {
     "compare": "metrics.compare",
     "decode": "codec.decoder",
+    "Encoder": "codec.streaming",
     "encode": "codec.encoder",
     "info": "codec.inspect",
     "load": "formats.load",

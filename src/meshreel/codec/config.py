@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from meshreel.codec.field_analysis import FieldChoices
 from meshreel.codec.methods import (
     Allocation,
     Basis,
@@ -163,6 +164,11 @@ class EncoderConfig:
     def bits_or_default(self) -> int | Sequence[int]:
         """Bits, the method's own where none are given."""
         return self.method_row.bits if self.bits is None else self.bits
+
+    @property
+    def field_choices(self) -> FieldChoices:
+        """What the encoder of `reel` chooses, but for the step."""
+        return choices_for(self.effort_or_default, self.tune_choice, self.n_modes)
 
     @property
     def anchor_share(self) -> float:

@@ -9,12 +9,13 @@ import numpy.typing as npt
 from meshreel.bitstream.layout import Section
 from meshreel.codec import payloads
 from meshreel.codec.blocks import write_field_block
-from meshreel.codec.corrections import corrected, find_corrections
+from meshreel.codec.corrections import allowed_error, corrected, find_corrections
 from meshreel.codec.field_analysis import BlockFrames, FieldChoices, analyse_fields
 from meshreel.codec.field_mesh import FieldMesh
 from meshreel.codec.mesh_model import MeshModel
 from meshreel.codec.pipeline import FramesOf, product_frames
 from meshreel.codec.source import CodedMesh
+from meshreel.errors import InvalidInputError
 from meshreel.subspace.trajectories import BoundingFrame, to_matrices
 
 Vertices = npt.NDArray[np.floating]
@@ -95,3 +96,35 @@ def largest_rounding(
     """Largest error of a position between two coordinates, in diagonals, by its type alone."""
     spacing = float(np.spacing(np.maximum(abs(low), abs(high)).astype(dtype)))
     return float(np.sqrt(3.0) * spacing / frame.scale)
+
+
+def checked_frames(coder: FieldBlockCoder, vertices: Vertices) -> FieldFrames:
+    """A block that is ready to be coded, and whose number type allows what is promised.
+
+    Raises
+    ------
+    InvalidInputError
+        If it does not.
+    """
+    frames = coder.frames(vertices)
+    if coder.bound is not None:
+        check_promise(coder.bound, frames.rounding, vertices.dtype)
+    return frames
+
+
+def check_promise(bound: float, rounding: float, dtype: np.dtype[np.floating]) -> None:
+    """Nothing if a largest error can be promised in spite of the rounding of positions.
+
+    Raises
+    ------
+    InvalidInputError
+        If it cannot.
+    """
+    if allowed_error(bound, rounding) > 0:
+        return
+    remedy = "" if dtype == np.float64 else ", or give positions as float64"
+    raise InvalidInputError(
+        f"max_error {100 * bound:g} cannot be promised: positions of type {dtype} at these "
+        f"coordinates are rounded by up to {100 * rounding:.2g} percent of the diagonal; "
+        f"ask for more{remedy}"
+    )

@@ -10,18 +10,16 @@ import numpy.typing as npt
 
 from meshreel.bitstream.writer import Sections, whole_stream
 from meshreel.codec.achieved import measure_stream
-from meshreel.codec.config import EncoderConfig
-from meshreel.codec.corrections import allowed_error
-from meshreel.codec.field_analysis import FieldChoices
 from meshreel.codec.field_block_coder import (
     FieldBlockCoder,
     FieldFrames,
+    check_promise,
     field_mesh_of,
     largest_rounding,
 )
 from meshreel.codec.rate_control import least_cost, meet_limit
 from meshreel.codec.source import Source
-from meshreel.codec.targets import Aim, choices_for, quality_step
+from meshreel.codec.targets import STEPS_OF_BOUND, Aim, checked_step, finest_step, quality_step
 from meshreel.errors import InvalidInputError, SolverError
 from meshreel.metrics.kg import kg_error_percent
 from meshreel.metrics.rate import rate_bpvf
@@ -34,14 +32,8 @@ Vertices = npt.NDArray[np.floating]
 FIRST_QUALITY = 75.0
 """Where the search for an error or a size begins."""
 
-STEPS_OF_BOUND = 14.0
-"""Where the search for a largest error begins: rarer errors than this are cheaply corrected."""
-
 LARGEST_ERROR_STEP = 0.1
 """Coarsest step that is tried to meet an error, in sizes of the model."""
-
-LARGEST_INTEGER = 2.0**29
-"""Values in steps stay below this, with room for what is beyond a prediction."""
 
 
 @dataclass
@@ -73,7 +65,7 @@ class ReelEncoder:
         self._config = source.config
         self._progress = progress
         self._trials: dict[float, Trial] = {}
-        choices = choices_of(self._config)
+        choices = self._config.field_choices
         self._coder = FieldBlockCoder(
             field_mesh_of(source.mesh, choices.stencil_size), source.frame, choices
         )
@@ -196,14 +188,7 @@ class ReelEncoder:
     def _within_error(self, percent: float) -> bytes:
         """The smallest stream found that keeps every vertex within a share of the diagonal."""
         bound = percent / 100.0
-        if allowed_error(bound, self._rounding) <= 0:
-            dtype = self._source.sequence.dtype
-            remedy = "" if dtype == np.float64 else ", or give positions as float64"
-            raise InvalidInputError(
-                f"max_error {percent:g} cannot be promised: positions of type {dtype} at these "
-                f"coordinates are rounded by up to {100 * self._rounding:.2g} percent of the "
-                f"diagonal; ask for more{remedy}"
-            )
+        check_promise(bound, self._rounding, self._source.sequence.dtype)
         step = least_cost(lambda step: len(self._trial(step, bound).data), bound / STEPS_OF_BOUND)
         data = self._trial(step, bound).data
         achieved = measure_stream(self._source.sequence, data, order=self._config.order)
@@ -227,33 +212,6 @@ class ReelEncoder:
         return rate_bpvf(
             len(trial.data), self._source.sequence.n_verts, self._source.sequence.n_frames
         )
-
-
-def choices_of(config: EncoderConfig) -> FieldChoices:
-    """What the encoder chooses, but for the step."""
-    return choices_for(config.effort_or_default, config.tune_choice, config.n_modes)
-
-
-def finest_step(n_verts: int) -> float:
-    """Steps below this would make integers too large for the stream."""
-    # No singular value exceeds the norm, and no coordinate half a diagonal.
-    return 0.5 * float(np.sqrt(3.0 * n_verts)) / LARGEST_INTEGER
-
-
-def checked_step(step: float, finest: float) -> float:
-    """The step itself.
-
-    Raises
-    ------
-    InvalidInputError
-        If it is too fine.
-    """
-    if step < finest:
-        raise InvalidInputError(
-            f"step {step:g} is finer than this sequence can be coded with; "
-            f"at least {finest:.2g} is allowed"
-        )
-    return step
 
 
 def _remedy(aim: Aim) -> str:

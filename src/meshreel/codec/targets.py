@@ -1,5 +1,6 @@
 """What the user asks of `reel`: one aim, and how it is pursued."""
 
+import math
 from dataclasses import dataclass
 from enum import Enum
 
@@ -13,6 +14,12 @@ FINEST_STEP = 1e-4
 """Step of quality 100, in diagonals of the model's own bounding box, the mean of all frames."""
 
 POINTS_PER_HALVING = 12.0
+
+STEPS_OF_BOUND = 14.0
+"""Where the search for a largest error begins: rarer errors than this are cheaply corrected."""
+
+LARGEST_INTEGER = 2.0**29
+"""Values in steps stay below this, with room for what is beyond a prediction."""
 
 
 class Aim(Enum):
@@ -158,3 +165,25 @@ def choices_for(effort: int, tune: Tune, n_modes: int | None) -> FieldChoices:
         group_ends=spent.group_ends,
         stencil_size=spent.stencil_size,
     )
+
+
+def finest_step(n_verts: int) -> float:
+    """Steps below this would make integers too large for the stream."""
+    # No singular value exceeds the norm, and no coordinate half a diagonal.
+    return 0.5 * math.sqrt(3.0 * n_verts) / LARGEST_INTEGER
+
+
+def checked_step(step: float, finest: float) -> float:
+    """The step itself.
+
+    Raises
+    ------
+    InvalidInputError
+        If it is too fine.
+    """
+    if step < finest:
+        raise InvalidInputError(
+            f"step {step:g} is finer than this sequence can be coded with; "
+            f"at least {finest:.2g} is allowed"
+        )
+    return step

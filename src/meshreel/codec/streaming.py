@@ -1,0 +1,324 @@
+"""Frames that come one by one, coded in blocks and written as soon as a block is complete."""
+
+import os
+import time
+from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
+from itertools import chain
+from pathlib import Path
+from types import TracebackType
+from typing import Any, BinaryIO
+
+import numpy as np
+import numpy.typing as npt
+
+from meshreel.atomic_write import check_output_path
+from meshreel.bitstream.writer import Sections, StreamWriter
+from meshreel.codec.config import MAX_BLOCK_POSITIONS, EncoderConfig
+from meshreel.codec.field_block_coder import FieldBlockCoder, checked_frames, field_mesh_of
+from meshreel.codec.methods import Basis
+from meshreel.codec.paper_encoder import PaperBlockCoder
+from meshreel.codec.rate_control import least_cost
+from meshreel.codec.source import CodedMesh
+from meshreel.codec.targets import STEPS_OF_BOUND, Aim, checked_step, finest_step, quality_step
+from meshreel.errors import InvalidInputError
+from meshreel.sequence import extent_of, validate_faces, validate_fps, validate_vertices
+from meshreel.subspace.trajectories import BoundingFrame, bounding_frame
+
+Vertices = npt.NDArray[np.floating]
+
+SHARE_FOR_CODING = 1 / 8
+"""Share of the latency that is left for coding a block once its last frame is there."""
+
+FPS_IF_UNKNOWN = 25.0
+"""What a latency is turned into frames with where no frame rate is given."""
+
+AIMS = (Aim.QUALITY, Aim.STEP, Aim.MAX_ERROR)
+"""What can be met without knowing the frames to come."""
+
+
+class Encoder:
+    """Codes frames as they come: `push` each, and `close`, or use it in a `with` statement.
+
+    The bytes of a block are written, and never touched again, as soon as it is complete. Whatever
+    happens to this process, the file then opens up to there (`meshreel.open`). Blocks are coded in
+    a thread of their own while the next frames come.
+
+    Scale, step and number of modes follow from the first block: `quality` is that of a model of
+    the size it has there, and `step` and `max_error` are shares of the diagonal of the bounding
+    box of that block. A box of all frames is no smaller, so that the promise holds for it too.
+
+    Parameters
+    ----------
+    faces : integer array of shape (M, 3)
+    target : path, or binary file that is open for writing
+        A file is not closed.
+    fps : float, default 0
+        Frames per second; 0 = unknown.
+    name : str, default ""
+    block_frames : int or "auto", default "auto"
+        Frames that are coded together. "auto": as many as `max_latency_s` allows, or the method's
+        own number where it has one (`blocks`: 25). More frames take fewer bytes each.
+    max_latency_s : float, default 2
+        Seconds from the push of a frame to its bytes in the file, if frames come at `fps` (25 if
+        that is unknown) and a block is coded in an eighth of the time that its frames take.
+    overwrite : bool, default False
+        Whether a file that is there already may be replaced.
+    **options
+        As `meshreel.encode` takes them; of targets `quality`, `step` and `max_error`, for the
+        others need the whole sequence.
+
+    Attributes
+    ----------
+    n_frames : int
+        Pushed so far.
+
+    Raises
+    ------
+    InvalidInputError
+        If an option is out of range or needs the whole sequence, the faces are none, or a file
+        is there already.
+
+    References
+    ----------
+    Section III-A of the paper: blocks of k_f frames, and (`blocks`) a basis that is tracked from
+    each to the next.
+    """
+
+    def __init__(
+        self,
+        faces: npt.ArrayLike,
+        target: str | os.PathLike[str] | BinaryIO,
+        *,
+        fps: float = 0.0,
+        name: str = "",
+        block_frames: int | str = "auto",
+        max_latency_s: float = 2.0,
+        overwrite: bool = False,
+        **options: Any,
+    ) -> None:
+        if not max_latency_s > 0:
+            raise InvalidInputError(f"max_latency_s must be above 0; got {max_latency_s}")
+        self.n_frames = 0
+        self._fps, self._name = validate_fps(fps), name
+        self._max_latency_s = max_latency_s
+        self._config = _checked_config(block_frames, options)
+        self._faces = np.asarray(faces)
+        self._frames: list[Vertices] = []
+        self._first: tuple[int, np.dtype[np.floating]] | None = None
+        self._since = 0.0
+        self._latencies_s: list[float] = []
+        self._writer: _BlockWriter | None = None
+        self._is_closed = False
+        self._path = Path(target) if isinstance(target, str | os.PathLike) else None
+        if self._path is not None:
+            check_output_path(self._path, overwrite=overwrite)
+        self._file: BinaryIO = self._path.open("wb") if self._path else target  # type: ignore[assignment]
+        self._worker = ThreadPoolExecutor(1, "meshreel-encoder")
+        self._coding: Future[None] | None = None
+
+    def push(self, frame: npt.ArrayLike) -> None:
+        """Take in the next frame; waits only if a block is complete and the one before not coded.
+
+        Parameters
+        ----------
+        frame : float32 or float64 array of shape (V, 3)
+            Copied. V and type are those of the first frame.
+
+        Raises
+        ------
+        InvalidInputError
+            If it has another shape or type than the first, or is not finite; nothing is lost then,
+            and other frames can follow. If a block cannot be coded as asked.
+        """
+        if self._is_closed:
+            raise InvalidInputError("the encoder is closed; it takes no more frames")
+        array = np.asarray(frame)
+        self._check(array)
+        if not self._frames:
+            self._since = time.perf_counter()
+        self._frames.append(np.array(array))
+        self.n_frames += 1
+        if len(self._frames) == self._block_frames(array.shape[0]):
+            self._code()
+
+    @property
+    def size_bytes(self) -> int:
+        """Bytes written so far."""
+        return self._writer.size_bytes if self._writer else 0
+
+    @property
+    def latency_s(self) -> float:
+        """Seconds from the push of a block's first frame to its bytes: the longest so far."""
+        return max(self._latencies_s, default=0.0)
+
+    def close(self) -> None:
+        """Code the frames that are left, and finish the file.
+
+        Raises
+        ------
+        InvalidInputError
+            If no frame was pushed (there is no file then), or a block cannot be coded.
+        """
+        if self._is_closed:
+            return
+        self._is_closed = True
+        try:
+            if self._frames:
+                self._code()
+            self._wait()
+            if self._writer is not None:
+                self._writer.finish()
+        finally:
+            self._worker.shutdown()
+            self._release()
+        if self._writer is None:
+            raise InvalidInputError("no frame was pushed; there is nothing to write")
+
+    def __enter__(self) -> "Encoder":
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        # What stops a recording is often an error, or ctrl-C: what came before is kept.
+        try:
+            self.close()
+        except InvalidInputError:
+            if error is None:
+                raise
+
+    def _release(self) -> None:
+        if self._path is not None:
+            self._file.close()
+            if self._writer is None:
+                self._path.unlink(missing_ok=True)
+
+    def _check(self, array: Vertices) -> None:
+        if array.ndim != 2:
+            raise InvalidInputError(f"a frame must have shape (V, 3); got {array.shape}")
+        validate_vertices(array[None])
+        if self._first is None:
+            self._faces = validate_faces(self._faces, len(array))
+            self._first = len(array), array.dtype
+        elif self._first != (len(array), array.dtype):
+            raise InvalidInputError(
+                f"frame {self.n_frames} has {len(array)} vertices of type {array.dtype}; "
+                f"the first has {self._first[0]} of type {self._first[1]}"
+            )
+
+    def _block_frames(self, n_verts: int) -> int:
+        if self._config.block_frames is not None:
+            return self._config.block_frames
+        if self._config.method_row.block_frames is not None:
+            return self._config.method_row.block_frames
+        seconds = self._max_latency_s * (1 - SHARE_FOR_CODING)
+        return max(
+            1, min(int(seconds * (self._fps or FPS_IF_UNKNOWN)), MAX_BLOCK_POSITIONS // n_verts)
+        )
+
+    def _code(self) -> None:
+        """Hand the frames over to be coded; an error of the block before is raised here."""
+        self._wait()
+        vertices, since, self._frames = np.stack(self._frames), self._since, []
+
+        def code() -> None:
+            if self._writer is None:
+                mesh = CodedMesh(self._faces, vertices.shape[1], self._config)
+                self._writer = _BlockWriter(self._file, mesh, vertices, self._fps, self._name)
+            self._writer.write(vertices)
+            self._latencies_s.append(time.perf_counter() - since)
+
+        self._coding = self._worker.submit(code)
+
+    def _wait(self) -> None:
+        if self._coding is not None:
+            self._coding.result()  # an error stays, so that no block is written behind a gap
+
+
+class _BlockWriter:
+    """Codes blocks of positions in the given order, and writes them.
+
+    Parameters
+    ----------
+    file : binary file, open for writing
+    mesh : CodedMesh
+    first : float array of shape (T_b, V, 3)
+        The first block, which is not written yet: what scale and step follow from.
+    fps : float
+    name : str
+    """
+
+    def __init__(
+        self, file: BinaryIO, mesh: CodedMesh, first: Vertices, fps: float, name: str
+    ) -> None:
+        self._mesh = mesh
+        extent = extent_of(first)
+        frame = bounding_frame(extent)
+        internal = first[:, mesh.order]
+        if mesh.config.method_row.basis is Basis.JOINT:
+            own_diagonal = extent.mean_diagonal / frame.scale or 1.0
+            fields = _field_coder(mesh, frame, internal, own_diagonal)
+            self._code: Callable[[Vertices], Sections] = lambda one: fields.code(
+                checked_frames(fields, one)
+            )[0]
+            leading = fields.leading_sections()
+        else:
+            paper = PaperBlockCoder(mesh, frame, [internal])
+            self._code, leading = paper.code, paper.leading_sections()
+        header = mesh.header(frame, first.dtype, n_frames=0, fps=fps, name=name)
+        self._writer = StreamWriter(file, header, chain(mesh.leading_sections(), leading))
+
+    @property
+    def size_bytes(self) -> int:
+        """Bytes written so far."""
+        return self._writer.size_bytes
+
+    def write(self, vertices: Vertices) -> None:
+        """Code a block of shape (T_b, V, 3), in the given order of vertices, and write it."""
+        self._writer.write_block(len(vertices), self._code(vertices[:, self._mesh.order]))
+
+    def finish(self) -> None:
+        """Write what ends a stream."""
+        self._writer.finish()
+
+
+def _checked_config(block_frames: int | str, options: dict[str, Any]) -> EncoderConfig:
+    if isinstance(block_frames, str) and block_frames != "auto":
+        raise InvalidInputError(f"block_frames must be a number or 'auto'; got {block_frames!r}")
+    chosen = None if block_frames == "auto" else block_frames
+    try:
+        config = EncoderConfig(**options, block_frames=chosen)  # type: ignore[arg-type]
+    except TypeError as error:
+        raise InvalidInputError(f"an option is unknown: {error}") from None
+    if config.method_row.basis is Basis.JOINT and config.target.aim not in AIMS:
+        raise InvalidInputError(
+            f"{config.target.aim.value} needs the whole sequence; for frames that come one by one "
+            f"give {', '.join(aim.value for aim in AIMS)}"
+        )
+    return config
+
+
+def _field_coder(
+    mesh: CodedMesh, frame: BoundingFrame, first: Vertices, own_diagonal: float
+) -> FieldBlockCoder:
+    """The coder of `reel` that meets the target, as far as the first block tells."""
+    target, finest = mesh.config.target, finest_step(mesh.n_verts)
+    choices = mesh.config.field_choices
+    coder = FieldBlockCoder(field_mesh_of(mesh, choices.stencil_size), frame, choices)
+    if target.aim is Aim.STEP:
+        return coder.with_step(checked_step(target.value, finest), None)
+    if target.aim is Aim.QUALITY:
+        return coder.with_step(max(finest, quality_step(target.value) * own_diagonal), None)
+    bound = target.value / 100.0
+    frames = checked_frames(coder.with_step(finest, bound), first)
+
+    def size_bytes(step: float) -> float:
+        sections, _ = coder.with_step(max(finest, step), bound).code(frames)
+        return float(sum(len(payload) for _, payload in sections))
+
+    step = least_cost(size_bytes, bound / STEPS_OF_BOUND)
+    return coder.with_step(max(finest, step), bound)

@@ -1,0 +1,211 @@
+"""Frames that are pushed one by one."""
+
+import os
+import signal
+import subprocess
+import sys
+import textwrap
+import time
+from io import BytesIO
+
+import numpy as np
+import pytest
+
+import meshreel
+from meshreel.codec.decoder import decode
+from meshreel.codec.encoder import encode
+from meshreel.codec.inspect import info
+from meshreel.codec.streaming import Encoder
+from meshreel.errors import InvalidInputError
+from meshreel.metrics.displacement import displacement_errors_percent
+from sample_meshes import irregular_sequence, kg_error_percent, waving_grid
+
+SEQUENCE = waving_grid(43)
+
+
+def pushed(sequence, **options):
+    """The bytes of a stream whose frames were pushed."""
+    file = BytesIO()
+    with Encoder(sequence.faces, file, fps=sequence.fps, **options) as encoder:
+        for frame in sequence.vertices:
+            encoder.push(frame)
+    return file.getvalue()
+
+
+@pytest.mark.parametrize(
+    ("method", "options"),
+    [("reel", {}), ("reel", {"max_error": 0.4}), ("blocks", {"n_modes": 4}), ("pca-qp", {})],
+)
+def test_frames_are_those_of_the_whole_when_one_block_holds_all(method, options):
+    sequence = irregular_sequence(9)
+    online = decode(pushed(sequence, method=method, block_frames=9, **options))
+    at_once = decode(encode(sequence, method, block_frames=9, **options))
+    np.testing.assert_array_equal(online.vertices, at_once.vertices)
+    np.testing.assert_array_equal(online.faces, at_once.faces)
+
+
+@pytest.mark.parametrize("method", ["reel", "blocks", "pca-qp", "v2v"])
+def test_error_is_small_when_frames_are_pushed_in_many_blocks(method):
+    data = pushed(SEQUENCE, method=method, block_frames=10)
+    assert info(data).block_frames == (10, 10, 10, 10, 3)
+    assert kg_error_percent(SEQUENCE.vertices, decode(data).vertices) < 2.5
+
+
+def test_latency_sets_the_block_when_it_is_left_open():
+    data = pushed(SEQUENCE, max_latency_s=0.5)
+    expected = int(0.5 * 7 / 8 * (SEQUENCE.fps or 25))
+    assert info(data).block_frames[0] == expected
+
+
+def test_promise_holds_when_later_frames_leave_the_first_box():
+    growing = meshreel.MeshSequence(
+        SEQUENCE.vertices * np.linspace(1, 30, 43, dtype=np.float32)[:, None, None], SEQUENCE.faces
+    )
+    data = pushed(growing, block_frames=8, max_error=0.5)
+    found = displacement_errors_percent(growing.vertices, decode(data).vertices).max_percent
+    assert info(data).max_error_percent == 0.5
+    assert found <= 0.5
+
+
+def test_file_opens_up_to_the_last_block_when_the_encoder_is_at_work(tmp_path):
+    path = tmp_path / "live.reel"
+    encoder = Encoder(SEQUENCE.faces, path, block_frames=10)
+    for frame in SEQUENCE.vertices[:25]:
+        encoder.push(frame)
+    encoder._wait()
+    with meshreel.open(path) as reel:
+        assert (len(reel), reel.is_whole) == (20, False)
+    encoder.close()
+    with meshreel.open(path) as reel:
+        assert (len(reel), reel.is_whole) == (25, True)
+
+
+RECORDING = """
+    import itertools, sys, time
+    import meshreel
+    sequence = meshreel.simulate_flag(40)
+    encoder = meshreel.Encoder(sequence.faces, sys.argv[1], block_frames=5)
+    for number in itertools.count():
+        encoder.push(sequence.vertices[number % 40])
+        print(number, flush=True)
+        time.sleep(0.002)
+"""
+
+
+@pytest.mark.slow
+def test_file_plays_up_to_the_last_block_when_the_encoder_is_killed(tmp_path):
+    path = tmp_path / "killed.reel"
+    command = [sys.executable, "-c", textwrap.dedent(RECORDING), str(path)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        while int(process.stdout.readline()) < 33:
+            pass
+        process.send_signal(signal.SIGKILL)
+    n_written = os.path.getsize(path)
+    flag = meshreel.simulate_flag(40)
+    with meshreel.open(path) as reel:
+        assert not reel.is_whole
+        assert len(reel) % 5 == 0
+        assert len(reel) >= 20
+        shown = np.stack(list(reel))[:40]
+        assert kg_error_percent(flag.vertices[: len(shown)], shown) < 3
+    assert os.path.getsize(path) == n_written
+
+
+def test_what_was_pushed_is_kept_when_the_source_fails(tmp_path):
+    path = tmp_path / "stopped.reel"
+
+    def record():
+        with Encoder(SEQUENCE.faces, path, block_frames=10) as encoder:
+            for number, frame in enumerate(SEQUENCE.vertices):
+                if number == 17:
+                    raise KeyboardInterrupt
+                encoder.push(frame)
+
+    with pytest.raises(KeyboardInterrupt):
+        record()
+    with meshreel.open(path) as reel:
+        assert (len(reel), reel.is_whole) == (17, True)
+
+
+def test_no_file_is_left_when_no_frame_was_pushed(tmp_path):
+    path = tmp_path / "empty.reel"
+    with pytest.raises(InvalidInputError, match="no frame was pushed"):
+        Encoder(SEQUENCE.faces, path).close()
+    assert not path.exists()
+
+
+def test_a_file_is_kept_when_it_is_there_already(tmp_path):
+    path = tmp_path / "there.reel"
+    path.write_bytes(b"mine")
+    with pytest.raises(InvalidInputError, match="exists"):
+        Encoder(SEQUENCE.faces, path)
+    assert path.read_bytes() == b"mine"
+
+
+@pytest.mark.parametrize("target", [{"kg": 1.0}, {"sted": 0.1}, {"bpvf": 1.0}, {"size": 1e6}])
+def test_targets_are_refused_when_they_need_the_whole_sequence(target):
+    with pytest.raises(InvalidInputError, match="needs the whole sequence"):
+        Encoder(SEQUENCE.faces, BytesIO(), **target)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"block_frames": "all"}, "'auto'; got 'all'"),
+        ({"max_latency_s": 0}, "above 0; got 0"),
+        ({"speed": 3}, "an option is unknown"),
+        ({"fps": -1}, "fps"),
+    ],
+)
+def test_options_are_refused_when_they_are_none(options, message):
+    with pytest.raises(InvalidInputError, match=message):
+        Encoder(SEQUENCE.faces, BytesIO(), **options)
+
+
+@pytest.mark.parametrize(
+    ("frame", "message"),
+    [
+        (np.zeros((5, 3), np.float32), "frame 1 has 5 vertices of type float32; the first has"),
+        (SEQUENCE.vertices[0].astype(np.float64), "of type float64"),
+        (np.full_like(SEQUENCE.vertices[0], np.nan), "must be finite"),
+        (SEQUENCE.vertices, r"shape \(V, 3\)"),
+    ],
+)
+def test_recording_goes_on_when_a_frame_is_refused(frame, message):
+    file = BytesIO()
+    with Encoder(SEQUENCE.faces, file, block_frames=2) as encoder:
+        encoder.push(SEQUENCE.vertices[0])
+        with pytest.raises(InvalidInputError, match=message):
+            encoder.push(frame)
+        encoder.push(SEQUENCE.vertices[1])
+    assert info(file.getvalue()).n_frames == 2
+
+
+def test_pushed_frames_are_copied_when_the_caller_reuses_its_array():
+    frame, file = np.empty_like(SEQUENCE.vertices[0]), BytesIO()
+    with Encoder(SEQUENCE.faces, file, block_frames=43) as encoder:
+        for one in SEQUENCE.vertices:
+            frame[:] = one
+            encoder.push(frame)
+    expected = decode(pushed(SEQUENCE, block_frames=43)).vertices
+    np.testing.assert_array_equal(decode(file.getvalue()).vertices, expected)
+
+
+def test_latency_is_measured_when_blocks_are_written():
+    start = time.perf_counter()
+    with Encoder(SEQUENCE.faces, BytesIO(), block_frames=10) as encoder:
+        for frame in SEQUENCE.vertices:
+            encoder.push(frame)
+    assert 0 < encoder.latency_s <= time.perf_counter() - start
+
+
+def test_an_error_of_a_block_is_told_when_the_next_one_is_complete():
+    far = SEQUENCE.vertices * np.float32(1e12)
+    encoder = Encoder(SEQUENCE.faces, BytesIO(), block_frames=5, max_error=1e-3)
+    for frame in SEQUENCE.vertices[:5]:
+        encoder.push(frame)
+    for frame in far[:4]:
+        encoder.push(frame)
+    encoder.push(far[4])
+    with pytest.raises(InvalidInputError, match="cannot be promised"):
+        encoder.close()
