@@ -1,16 +1,21 @@
 """What a stream is worth: it is decoded and set against its original."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from io import BytesIO
 
 import numpy as np
+import numpy.typing as npt
 
-from meshreel.codec.decoder import decode
+from meshreel.codec.reel_file import ReelFile
 from meshreel.connectivity.coder import encode_connectivity
-from meshreel.metrics.displacement import displacement_errors_percent
-from meshreel.metrics.kg import kg_error_percent
 from meshreel.metrics.sted import sted
+from meshreel.metrics.streamed import streamed_errors
 from meshreel.progress import Progress, silent
 from meshreel.sequence import FrameSource
+
+Vertices = npt.NDArray[np.floating]
+Integers = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -37,7 +42,7 @@ def measure_stream(
     with_sted: bool = False,
     progress: Progress = silent,
 ) -> Achieved:
-    """Errors of a stream against the sequence that it was made of.
+    """Errors of a stream against the sequence that it was made of, block by block.
 
     Parameters
     ----------
@@ -46,19 +51,27 @@ def measure_stream(
     order : {"keep", "vertices", "drop"}
         As it was encoded: vertices whose order was dropped are matched by connectivity.
     with_sted : bool, default False
-        Measure STED too, which takes longer.
+        Measure STED too, for which all frames are held in memory.
     progress : callable, optional
     """
-    decoded = decode(data, progress=progress).vertices
+    internal: Integers | None = None
     if order == "drop":
         connectivity = encode_connectivity(sequence.faces, sequence.n_verts, order="drop")
-        in_given_order = np.empty_like(decoded)
-        in_given_order[:, connectivity.internal_to_given] = decoded
-        decoded = in_given_order
-    progress("measure", 0.5)
-    vertices = sequence.read(0, sequence.n_frames)
-    return Achieved(
-        kg_error_percent(vertices, decoded),
-        displacement_errors_percent(vertices, decoded).max_percent,
-        sted(vertices, decoded, sequence.faces).sted if with_sted else None,
-    )
+        internal = np.argsort(connectivity.internal_to_given)
+    runs: list[Vertices] = []
+
+    def pieces(reel: ReelFile) -> Iterator[tuple[int, Vertices]]:
+        for start, frames in reel.pieces():
+            given = frames if internal is None else frames[:, internal]
+            if with_sted:
+                runs.append(given)
+            yield start, given
+            progress("measuring", (start + len(frames)) / sequence.n_frames)
+
+    with ReelFile(BytesIO(data)) as reel:
+        errors = streamed_errors(sequence, pieces(reel))
+    measured_sted = None
+    if with_sted:
+        vertices = sequence.read(0, sequence.n_frames)
+        measured_sted = sted(vertices, np.concatenate(runs), sequence.faces).sted
+    return Achieved(errors.kg_error_percent, errors.max_error_percent, measured_sted)

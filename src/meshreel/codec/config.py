@@ -34,7 +34,12 @@ DEFAULT_ORDER = "keep"
 DEFAULT_ALLOCATION = "energy"
 DEFAULT_ITERATIONS = 2
 MAX_BLOCK_POSITIONS = 1 << 26
-"""Positions that `reel` codes together at most: their coordinates take 1.5 GiB of memory."""
+"""Positions that `reel` codes together at most, where nothing is said of memory."""
+
+PROCESS_BYTES = 100e6
+BYTES_OF_VERTEX = 3000.0
+BYTES_OF_POSITION = 130.0
+"""Memory of the program itself, of what is known of a vertex, and of a position of a block."""
 
 DEFAULT_FREQUENCIES = 0.05
 """Share of the graph frequencies that `gft` keeps."""
@@ -59,6 +64,7 @@ class EncoderConfig:
     laplacian: str = DEFAULT_LAPLACIAN
     order: str = DEFAULT_ORDER
     block_frames: int | None = None
+    memory: float | None = None
     n_iterations: int = DEFAULT_ITERATIONS
     quality: float | None = None
     max_error: float | None = None
@@ -102,6 +108,8 @@ class EncoderConfig:
             )
         if self.block_frames is not None:
             _check_count("block_frames", self.block_frames)
+        if self.memory is not None and not 0 < self.memory < float("inf"):
+            raise InvalidInputError(f"memory is in bytes, above 0; got {self.memory}")
         _check_count("n_iterations", self.n_iterations)
 
     def _check_target(self) -> None:
@@ -181,12 +189,28 @@ class EncoderConfig:
         """Frames coded together, of a sequence of so many frames and vertices.
 
         `reel` cuts as little as memory allows: every cut sends all fields again.
+
+        Raises
+        ------
+        InvalidInputError
+            If memory does not allow one.
         """
-        chosen = self.block_frames or self.method_row.block_frames
-        if chosen is None and self.method_row.basis is Basis.JOINT:
+        chosen = self.block_frames or self.method_row.block_frames or n_frames
+        if self.memory is not None:
+            chosen = min(chosen, self._frames_in_memory(n_verts, self.memory))
+        elif self.block_frames is None and self.method_row.basis is Basis.JOINT:
             n_blocks = -(-n_frames * n_verts // MAX_BLOCK_POSITIONS)
             chosen = -(-n_frames // n_blocks)
-        return min(chosen or n_frames, n_frames)
+        return min(chosen, n_frames)
+
+    def _frames_in_memory(self, n_verts: int, memory: float) -> int:
+        needed = PROCESS_BYTES + n_verts * (BYTES_OF_VERTEX + BYTES_OF_POSITION)
+        if memory < needed:
+            raise InvalidInputError(
+                f"memory of {memory / 1e6:.0f} MB is too little for {n_verts} vertices; "
+                f"at least {needed / 1e6:.0f} MB is needed"
+            )
+        return 1 + int((memory - needed) / (BYTES_OF_POSITION * n_verts))
 
 
 _TARGETS = tuple(aim.value for aim in Aim)

@@ -17,11 +17,11 @@ from meshreel.codec.paper_encoder import PaperBlockCoder
 from meshreel.codec.reel_encoder import ReelEncoder
 from meshreel.codec.source import Source
 from meshreel.progress import Progress, silent
-from meshreel.sequence import MeshSequence
+from meshreel.sequence import FrameSource
 
 
 def encode(
-    sequence: MeshSequence,
+    sequence: FrameSource,
     method: str = DEFAULT_METHOD,
     *,
     n_modes: int | None = None,
@@ -32,6 +32,7 @@ def encode(
     laplacian: str = DEFAULT_LAPLACIAN,
     order: str = DEFAULT_ORDER,
     block_frames: int | None = None,
+    memory: float | None = None,
     n_iterations: int = DEFAULT_ITERATIONS,
     quality: float | None = None,
     max_error: float | None = None,
@@ -51,7 +52,8 @@ def encode(
 
     Parameters
     ----------
-    sequence : MeshSequence
+    sequence : MeshSequence, or FrameSource
+        Frames that are not in memory are read block by block.
     method : {"reel", "pca-qp", "pca", "pca-q", "v2v", "pca-qs", "blocks", "gft"}
         `reel`: our own, several times smaller than the others. The rest are variants of the paper
         (`codec.methods.METHODS`). `pca-qp`: deltas on the eigen-trajectories of each axis, least
@@ -81,7 +83,11 @@ def encode(
         Keep vertices and faces in the order they came; or the vertices only; or neither, which
         gives the smallest stream.
     block_frames : int, optional
-        Frames that are coded together. Default: all of them (`blocks`: 25).
+        Frames that are coded together. Default: all of them, as far as memory allows (`blocks`:
+        25).
+    memory : float, optional
+        Bytes that encoding may take, this program included: blocks are cut to fit. Default:
+        blocks of up to 67 million positions, which take some 8 GB.
     n_iterations : int, default 2
         Orthogonal iterations from one block to the next (`blocks`).
     quality : float, optional
@@ -125,6 +131,7 @@ def encode(
         laplacian=laplacian,
         order=order,
         block_frames=block_frames,
+        memory=memory,
         n_iterations=n_iterations,
         quality=quality,
         max_error=max_error,

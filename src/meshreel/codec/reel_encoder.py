@@ -1,12 +1,9 @@
 """The method `reel`: a source to the sections of a stream that meets its target."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import chain
-
-import numpy as np
-import numpy.typing as npt
 
 from meshreel.bitstream.writer import Sections, whole_stream
 from meshreel.codec.achieved import measure_stream
@@ -17,17 +14,21 @@ from meshreel.codec.field_block_coder import (
     field_mesh_of,
     largest_rounding,
 )
+from meshreel.codec.meters import KgMeter, Meter, StedMeter
 from meshreel.codec.rate_control import least_cost, meet_limit
 from meshreel.codec.source import Source
-from meshreel.codec.targets import STEPS_OF_BOUND, Aim, checked_step, finest_step, quality_step
+from meshreel.codec.targets import (
+    STEPS_OF_BOUND,
+    Aim,
+    Target,
+    checked_step,
+    finest_step,
+    quality_step,
+)
 from meshreel.errors import InvalidInputError, SolverError
-from meshreel.metrics.kg import kg_error_percent
 from meshreel.metrics.rate import rate_bpvf
-from meshreel.metrics.sted import sted
 from meshreel.progress import Progress
 from meshreel.subspace.trajectories import from_matrices
-
-Vertices = npt.NDArray[np.floating]
 
 FIRST_QUALITY = 75.0
 """Where the search for an error or a size begins."""
@@ -36,19 +37,23 @@ LARGEST_ERROR_STEP = 0.1
 """Coarsest step that is tried to meet an error, in sizes of the model."""
 
 
-@dataclass
+KEPT_BYTES = 36
+"""Memory of a position of a block that is kept: as it came, and as coordinate matrices."""
+
+
+@dataclass(frozen=True)
 class Trial:
     """A stream made with a step.
 
     Attributes
     ----------
     data : bytes
-    decoded : list of arrays of shape (T_b, V, 3)
-        What it decodes to, block by block, in internal order; only where errors are asked for.
+    error : float or None
+        What is to be met, where it is an error.
     """
 
     data: bytes
-    decoded: list[Vertices]
+    error: float | None
 
 
 class ReelEncoder:
@@ -85,28 +90,41 @@ class ReelEncoder:
             return self._trial(self._step_of(target.value)).data
         if target.aim is Aim.MAX_ERROR:
             return self._within_error(target.value)
-        measures: dict[Aim, Callable[[Trial], float]] = {
-            Aim.KG: self._kg_error_percent,
-            Aim.STED: self._sted,
-            Aim.BPVF: self._rate_bpvf,
-            Aim.SIZE: lambda trial: float(len(trial.data)),
-        }
-        return self._within_limit(measures[target.aim])
+        return self._within_limit(target)
 
     def _blocks(self) -> Iterable[FieldFrames]:
-        """The blocks, ready to be coded.
+        """The blocks, ready to be coded: kept for further trials, or read anew for each."""
+        if self._keeps_blocks:
+            return self._kept_blocks
+        return map(self._coder.frames, self._source.blocks())
 
-        They are kept for further trials; a long sequence that needs only one is read block by
-        block instead.
-        """
-        is_cut = self._source.block_frames < self._source.sequence.n_frames
-        if is_cut and self._config.target.aim in (Aim.QUALITY, Aim.STEP):
-            return map(self._coder.frames, self._source.blocks())
-        return self._kept_blocks
+    @cached_property
+    def _keeps_blocks(self) -> bool:
+        sequence = self._source.sequence
+        if self._source.block_frames >= sequence.n_frames:
+            return True
+        if self._config.target.aim in (Aim.QUALITY, Aim.STEP):
+            return False  # one trial is enough
+        kept_bytes = KEPT_BYTES * sequence.n_frames * sequence.n_verts
+        return self._config.memory is None or kept_bytes <= self._config.memory / 2
 
     @cached_property
     def _kept_blocks(self) -> list[FieldFrames]:
         return [self._coder.frames(vertices) for vertices in self._source.blocks()]
+
+    def _new_meter(self) -> Meter | None:
+        """What measures the error that is to be met, if one is."""
+        aim = self._config.target.aim
+        if aim is Aim.KG:
+            return KgMeter(self._source.sequence.extent)
+        if aim is not Aim.STED:
+            return None
+        if not self._keeps_blocks:
+            raise InvalidInputError(
+                "sted compares frames of the whole sequence, which do not fit into the memory "
+                "allowed; allow more, or ask for kg or quality"
+            )
+        return StedMeter(self._source.mesh.faces)
 
     def _step_of(self, quality: float) -> float:
         """Step of a quality in diagonals of the whole bounding box, as a trial takes it."""
@@ -136,29 +154,23 @@ class ReelEncoder:
         if step not in self._trials:
             n_done = len(self._trials)
             self._progress("encode", n_done / (n_done + 2))
-            self._trials = {**self._kept(), step: self._made(step, bound)}
+            self._trials[step] = self._made(step, bound)
         return self._trials[step]
 
-    def _kept(self) -> dict[float, Trial]:
-        """Trials so far; their frames are not needed again."""
-        return {step: Trial(trial.data, []) for step, trial in self._trials.items()}
-
     def _made(self, step: float, bound: float | None) -> Trial:
-        coder = self._coder.with_step(step, bound)
-        blocks: list[tuple[int, Sections]] = []
-        decoded: list[Vertices] = []
-        for frames in self._blocks():
-            sections, frames_of = coder.code(frames)
-            blocks.append((len(frames.vertices), sections))
-            if self._needs_frames:
-                matrices = frames_of(slice(None))
-                decoded.append(from_matrices(matrices, coder.frame, frames.vertices.dtype))
-        leading = chain(self._source.mesh.leading_sections(), coder.leading_sections())
-        return Trial(whole_stream(self._source.header(), leading, blocks), decoded)
+        coder, meter = self._coder.with_step(step, bound), self._new_meter()
 
-    @property
-    def _needs_frames(self) -> bool:
-        return self._config.target.aim in (Aim.KG, Aim.STED)
+        def coded(frames: FieldFrames) -> tuple[int, Sections]:
+            sections, frames_of = coder.code(frames)
+            if meter is not None:
+                matrices = frames_of(slice(None))
+                decoded = from_matrices(matrices, coder.frame, frames.vertices.dtype)
+                meter.add(frames.vertices, decoded)
+            return len(frames.vertices), sections
+
+        leading = chain(self._source.mesh.leading_sections(), coder.leading_sections())
+        data = whole_stream(self._source.header(), leading, map(coded, self._blocks()))
+        return Trial(data, None if meter is None else meter.value)
 
     @cached_property
     def _rounding(self) -> float:
@@ -167,13 +179,13 @@ class ReelEncoder:
         low, high = float(extent.low.min()), float(extent.high.max())
         return largest_rounding(low, high, self._source.sequence.dtype, self._source.frame)
 
-    def _within_limit(self, measure: Callable[[Trial], float]) -> bytes:
+    def _within_limit(self, target: Target) -> bytes:
         """The stream that comes nearest to the target's number from below."""
-        target, found = self._config.target, dict[float, float]()
+        found: dict[float, float] = {}
 
         def measured(step: float) -> float:
             if step not in found:
-                found[step] = measure(self._trial(step))
+                found[step] = self._measure(self._trial(step))
             return found[step]
 
         start = self._step_of(FIRST_QUALITY)
@@ -184,6 +196,15 @@ class ReelEncoder:
                 f"{min(found.values()):g}; " + _remedy(target.aim)
             )
         return self._trial(step).data
+
+    def _measure(self, trial: Trial) -> float:
+        """The error, the bytes or the rate of a trial: what its target limits."""
+        if trial.error is not None:
+            return trial.error
+        if self._config.target.aim is Aim.SIZE:
+            return float(len(trial.data))
+        sequence = self._source.sequence
+        return rate_bpvf(len(trial.data), sequence.n_verts, sequence.n_frames)
 
     def _within_error(self, percent: float) -> bytes:
         """The smallest stream found that keeps every vertex within a share of the diagonal."""
@@ -198,20 +219,6 @@ class ReelEncoder:
                 f"{achieved.max_error_percent:g}; nothing is written; please report this sequence"
             )
         return data
-
-    def _kg_error_percent(self, trial: Trial) -> float:
-        return kg_error_percent(self._originals(), np.concatenate(trial.decoded))
-
-    def _sted(self, trial: Trial) -> float:
-        return sted(self._originals(), np.concatenate(trial.decoded), self._source.mesh.faces).sted
-
-    def _originals(self) -> Vertices:
-        return np.concatenate([frames.vertices for frames in self._blocks()])
-
-    def _rate_bpvf(self, trial: Trial) -> float:
-        return rate_bpvf(
-            len(trial.data), self._source.sequence.n_verts, self._source.sequence.n_frames
-        )
 
 
 def _remedy(aim: Aim) -> str:
