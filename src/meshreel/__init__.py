@@ -25,6 +25,7 @@ if TYPE_CHECKING:
         SolverError,
         TruncatedStreamError,
         UnsupportedVersionError,
+        WorkerDiedError,
     )
     from meshreel.flag import simulate_flag
     from meshreel.formats.load import load
@@ -48,6 +49,7 @@ __all__ = [
     "StreamInfo",
     "TruncatedStreamError",
     "UnsupportedVersionError",
+    "WorkerDiedError",
     "compare",
     "decode",
     "encode",

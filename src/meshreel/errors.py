@@ -27,3 +27,7 @@ class UnsupportedVersionError(MeshReelError):
 
 class SolverError(MeshReelError):
     """A reconstruction system that has no unique solution, and why."""
+
+
+class WorkerDiedError(MeshReelError):
+    """Work that was given up because the processes that did it died."""

@@ -79,6 +79,7 @@ class _Limit:
 
 
 _LIMIT = _Limit()
+_core_limit: int | None = None
 
 
 @contextmanager
@@ -89,6 +90,14 @@ def one_blas_thread() -> Iterator[None]:
         yield
     finally:
         _LIMIT.leave()
+
+
+def limit_cores(limit: int) -> None:
+    """Let this process's threads take at most so many cores from now on; it is one of several."""
+    global _core_limit
+    if limit != _core_limit:
+        _core_limit = limit
+        _pool.cache_clear()
 
 
 @lru_cache(maxsize=1)
@@ -105,8 +114,10 @@ def _background() -> ThreadPoolExecutor:
 def n_cores() -> int:
     """Cores that this process may use."""
     if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
+        there = len(os.sched_getaffinity(0))
+    else:
+        there = os.cpu_count() or 1
+    return min(there, _core_limit or there)
 
 
 @lru_cache(maxsize=1)

@@ -16,7 +16,7 @@ FLOORS = [  # from the top
     {"codec", "rendering", "flag"},
     {"bitstream", "connectivity", "reconstruction", "subspace", "quantization", "metrics"},
     {"geometry", "entropy"},
-    {"sequence"},
+    {"sequence", "engine"},
     {"atomic_write", "progress", "threads"},
     {"errors"},
 ]

@@ -1,0 +1,187 @@
+"""Independent calls on many workers, whatever the workers are."""
+
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import FIRST_COMPLETED, Future, wait
+from contextlib import AbstractContextManager
+from itertools import islice
+from typing import Any, Protocol, TypeVar
+
+from meshreel.errors import InvalidInputError
+from meshreel.threads import n_cores
+
+Result = TypeVar("Result")
+Arguments = TypeVar("Arguments", bound=tuple[Any, ...])
+
+IN_FLIGHT_PER_WORKER = 2
+"""Calls handed out for each worker: one that runs, and one that is there when it ends."""
+
+POLL_S = 0.5
+
+
+class Workers(Protocol):
+    """Who does the calls."""
+
+    @property
+    def n_workers(self) -> int:
+        """Calls that run at the same time; it may change, and may be 0 for a while."""
+
+    def submit(self, function: Callable[..., Result], /, *args: Any) -> "Future[Result]":
+        """The outcome to come of one call.
+
+        Function, arguments and result are pickled. Its exception is the call's own, or
+        `WorkerDiedError` where the call, done again each time, outlived its workers.
+        """
+
+    def close(self, *, at_once: bool) -> None:
+        """Let the workers go; `at_once`, without waiting for calls that still run."""
+
+
+class Engine(AbstractContextManager["Engine"]):
+    """Calls on many workers, with a bounded number of them under way.
+
+    As a context manager: left by an exception, ctrl-C included, it stops what still runs.
+
+    Parameters
+    ----------
+    workers : Workers
+        `ProcessWorkers` or `DaskWorkers`; `open_engine` makes them.
+    """
+
+    def __init__(self, workers: Workers) -> None:
+        self._workers = workers
+
+    @property
+    def n_workers(self) -> int:
+        """Calls that run at the same time; it may change while a cluster grows or shrinks."""
+        return self._workers.n_workers
+
+    def submit(self, function: Callable[..., Result], /, *args: Any) -> "Future[Result]":
+        """The outcome to come of one call, as `concurrent.futures` has it.
+
+        Parameters
+        ----------
+        function : callable
+            Of a module that workers can import (or a `functools.partial` of one). It may be called
+            again where a worker died, so that it must not matter how often it is.
+        *args
+            Pickled, as the result is: large ones are better named by a path.
+        """
+        return self._workers.submit(function, *args)
+
+    def map_in_order(
+        self,
+        function: Callable[..., Result],
+        items: Iterable[tuple[Any, ...]],
+        *,
+        in_flight: int | None = None,
+    ) -> Iterator[Result]:
+        """Results of ``function(*item)``, in the order of the items.
+
+        Parameters
+        ----------
+        function : callable
+            As for `submit`.
+        items : iterable of tuples
+            The arguments of each call. Taken when there is room, so that it may be without end.
+        in_flight : int, optional
+            Calls, from the first whose result was not yet taken, that are handed out at most;
+            results that wait for an earlier one count. Default: twice the number of workers.
+
+        Raises
+        ------
+        WorkerDiedError
+            If a call outlived its workers too often.
+        Exception
+            That of the first call, by order, that fails; calls not yet begun are cancelled.
+        """
+        remaining, pending = iter(items), deque[Future[Result]]()
+        try:
+            while True:
+                for item in islice(remaining, self._room(in_flight, len(pending))):
+                    pending.append(self.submit(function, *item))
+                if not pending:
+                    return
+                _wait_for_any([pending[0]])
+                yield pending.popleft().result()
+        finally:
+            _cancel(pending)
+
+    def as_completed(
+        self,
+        function: Callable[..., Result],
+        items: Iterable[Arguments],
+        *,
+        in_flight: int | None = None,
+    ) -> "Iterator[tuple[Arguments, Future[Result]]]":
+        """Each item with the outcome of ``function(*item)``, as they come to an end.
+
+        A call that fails does not end the others: ask the outcome for its `result` or its
+        `exception`. Parameters as for `map_in_order`.
+        """
+        remaining = iter(items)
+        pending: dict[Future[Result], Arguments] = {}
+        try:
+            while True:
+                for item in islice(remaining, self._room(in_flight, len(pending))):
+                    pending[self.submit(function, *item)] = item
+                if not pending:
+                    return
+                for outcome in _wait_for_any(pending):
+                    yield pending.pop(outcome), outcome
+        finally:
+            _cancel(pending)
+
+    def close(self, *, at_once: bool = False) -> None:
+        """Let the workers go; `at_once`, without waiting for calls that still run."""
+        self._workers.close(at_once=at_once)
+
+    def __exit__(self, kind: type[BaseException] | None, *details: object) -> None:
+        self.close(at_once=kind is not None)
+
+    def _room(self, in_flight: int | None, n_pending: int) -> int:
+        """Calls that may be handed out beside those pending."""
+        if in_flight is not None and in_flight < 1:
+            raise InvalidInputError(f"in_flight must be 1 or more; got {in_flight}")
+        limit = in_flight or max(1, IN_FLIGHT_PER_WORKER * self.n_workers)
+        return max(0, limit - n_pending)
+
+
+def open_engine(n_workers: int | None = None, *, scheduler: str | None = None) -> Engine:
+    """An engine of processes on this machine, or of the workers of a Dask cluster.
+
+    Parameters
+    ----------
+    n_workers : int, optional
+        Processes; default one for each core. They share the cores among them.
+    scheduler : str, optional
+        Address of a Dask scheduler, such as ``tcp://10.0.0.5:8786``; its workers do the calls.
+
+    Raises
+    ------
+    InvalidInputError
+        If both are given, Dask is not installed, or no scheduler answers.
+    """
+    if scheduler is None:
+        from meshreel.engine.processes import ProcessWorkers
+
+        return Engine(ProcessWorkers(n_cores() if n_workers is None else n_workers))
+    if n_workers is not None:
+        raise InvalidInputError("workers are the scheduler's to count; give one of the two")
+    from meshreel.engine.dask_cluster import DaskWorkers
+
+    return Engine(DaskWorkers(scheduler))
+
+
+def _wait_for_any(pending: "Iterable[Future[Result]]") -> "set[Future[Result]]":
+    """Those that are done, once one is."""
+    while True:
+        # In pieces, because on Windows ctrl-C is heard only between them.
+        done = wait(pending, timeout=POLL_S, return_when=FIRST_COMPLETED).done
+        if done:
+            return done
+
+
+def _cancel(pending: "Iterable[Future[Any]]") -> None:
+    for outcome in pending:
+        outcome.cancel()

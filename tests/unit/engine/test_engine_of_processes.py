@@ -1,0 +1,242 @@
+"""Calls on processes: order, bounds, errors, and processes that die."""
+
+import itertools
+import multiprocessing
+import os
+import time
+from functools import partial
+
+import pytest
+
+from meshreel.engine.engine import Engine, open_engine
+from meshreel.engine.processes import ProcessWorkers
+from meshreel.errors import InvalidInputError, WorkerDiedError
+from meshreel.threads import n_cores
+from sample_tasks import (
+    cores_and_blas_threads,
+    die_always,
+    die_once,
+    die_once_if,
+    die_or_square,
+    die_within_a_long_reply,
+    fail,
+    fail_unpicklably,
+    ignores_ctrl_c,
+    process_id,
+    slow_square,
+    square,
+)
+
+
+@pytest.fixture(scope="module")
+def engine():
+    with open_engine(2) as opened:
+        yield opened
+
+
+def ended(process):
+    """Whether the process is gone, within five seconds."""
+    for _ in range(100):
+        try:
+            os.kill(process, 0)
+        except ProcessLookupError:
+            return True
+        time.sleep(0.05)
+    return False
+
+
+def test_submit_gives_the_result_of_the_call(engine):
+    assert engine.submit(square, 7).result(60) == 49
+
+
+def test_submit_calls_in_other_processes_of_the_number_asked_for(engine):
+    found = {outcome.result(60) for outcome in [engine.submit(process_id) for _ in range(20)]}
+    assert 1 <= len(found) <= 2
+    assert os.getpid() not in found
+
+
+def test_submit_raises_the_error_of_the_call_with_where_it_was_raised(engine):
+    with pytest.raises(ValueError, match="no such thing") as caught:
+        engine.submit(fail, "no such thing").result(60)
+    assert "sample_tasks.py" in caught.value.__notes__[0]
+
+
+def test_submit_raises_the_text_of_an_error_that_cannot_be_pickled(engine):
+    with pytest.raises(RuntimeError, match="UnpicklableError: one and two"):
+        engine.submit(fail_unpicklably).result(60)
+
+
+def test_submit_raises_when_the_call_cannot_be_pickled(engine):
+    with pytest.raises((AttributeError, TypeError), match="pickle"):
+        engine.submit(lambda: 1).result(60)
+    assert engine.submit(square, 3).result(60) == 9
+
+
+def test_map_in_order_keeps_the_order_when_later_calls_end_first(engine):
+    items = [(number, 0.2 if number == 0 else 0.0) for number in range(12)]
+    assert list(engine.map_in_order(slow_square, items)) == [n * n for n in range(12)]
+
+
+def test_map_in_order_takes_arguments_bound_to_the_function(engine):
+    assert list(engine.map_in_order(partial(pow, 2), [(3,), (4,)])) == [8, 16]
+
+
+@pytest.mark.parametrize("in_flight", [1, 3])
+def test_map_in_order_takes_no_more_items_than_may_be_in_flight(engine, in_flight):
+    taken = []
+    items = ((number,) for number in itertools.count() if not taken.append(number))
+    results = engine.map_in_order(square, items, in_flight=in_flight)
+    for n_done in range(1, 10):
+        next(results)
+        assert len(taken) <= n_done - 1 + in_flight
+    results.close()
+
+
+def test_map_in_order_takes_two_items_for_each_worker_when_nothing_is_said(engine):
+    taken = []
+    items = ((number,) for number in itertools.count() if not taken.append(number))
+    results = engine.map_in_order(square, items)
+    assert next(results) == 0
+    assert len(taken) == 4
+    results.close()
+
+
+def test_map_in_order_gives_nothing_when_there_is_nothing_to_do(engine):
+    assert list(engine.map_in_order(square, [])) == []
+
+
+def test_map_in_order_raises_in_the_place_of_the_call_that_fails(engine):
+    results = engine.map_in_order(divmod, [(7, 2), (7, 0), (7, 3)])
+    assert next(results) == (3, 1)
+    with pytest.raises(ZeroDivisionError):
+        next(results)
+    assert list(results) == []
+
+
+@pytest.mark.parametrize("in_flight", [0, -1])
+def test_map_in_order_refuses_when_nothing_may_be_in_flight(engine, in_flight):
+    with pytest.raises(InvalidInputError, match="in_flight must be 1 or more"):
+        next(engine.map_in_order(square, [(1,)], in_flight=in_flight))
+
+
+def test_map_in_order_recovers_when_workers_are_killed_in_the_middle(engine, tmp_path):
+    call = partial(die_once_if, folder=str(tmp_path), deadly={3, 4, 8})
+    results = engine.map_in_order(call, [(number,) for number in range(12)])
+    assert list(results) == [n * n for n in range(12)]
+    assert len(list(tmp_path.iterdir())) == 3
+
+
+def test_as_completed_gives_each_item_its_own_outcome(engine):
+    found = {
+        item: outcome.exception() or outcome.result()
+        for item, outcome in engine.as_completed(divmod, [(7, 2), (7, 0), (9, 4)])
+    }
+    assert found[7, 2] == (3, 1)
+    assert found[9, 4] == (2, 1)
+    assert isinstance(found[7, 0], ZeroDivisionError)
+
+
+def test_as_completed_gives_the_first_that_ends_first(engine):
+    items = [(1, 0.5), (2, 0.0)]
+    order = [item[0] for item, _ in engine.as_completed(slow_square, items)]
+    assert order == [2, 1]
+
+
+def test_call_is_given_up_when_it_killed_two_workers(engine):
+    with pytest.raises(WorkerDiedError, match=r"2 worker processes died of it.*SIGKILL"):
+        engine.submit(die_always).result(60)
+    assert engine.submit(square, 5).result(60) == 25
+
+
+def test_others_are_not_blamed_when_a_call_kills_its_workers(engine):
+    items = [(number, 4) for number in range(30)]
+    outcomes = dict(engine.as_completed(die_or_square, items))
+    failed = [item for item, outcome in outcomes.items() if outcome.exception()]
+    assert failed == [(4, 4)]
+    assert isinstance(outcomes[4, 4].exception(), WorkerDiedError)
+
+
+def test_call_is_given_up_when_the_worker_dies_in_its_reply(engine):
+    with pytest.raises(WorkerDiedError):
+        engine.submit(die_within_a_long_reply).result(60)
+
+
+def test_worker_that_died_idle_is_replaced_without_blame(tmp_path):
+    with open_engine(1) as engine:
+        process = engine.submit(process_id).result(60)
+        [child] = [child for child in multiprocessing.active_children() if child.pid == process]
+        child.kill()
+        child.join(10)
+        assert engine.submit(die_once, 6, str(tmp_path)).result(60) == 36
+
+
+def test_workers_share_the_cores_and_have_one_blas_thread_each():
+    with open_engine(n_cores()) as engine:
+        cores, blas = engine.submit(cores_and_blas_threads).result(60)
+    assert cores == 1
+    assert set(blas) == {1}
+
+
+def test_worker_has_all_cores_when_it_is_the_only_one():
+    with open_engine(1) as engine:
+        assert engine.submit(cores_and_blas_threads).result(60)[0] == n_cores()
+
+
+def test_ctrl_c_does_not_end_a_worker(engine):
+    children = {child.pid for child in multiprocessing.active_children()}
+    assert engine.submit(ignores_ctrl_c, 0.1).result(60) in children
+
+
+def test_processes_end_when_the_engine_is_closed():
+    with open_engine(1) as engine:
+        process = engine.submit(process_id).result(60)
+    assert ended(process)
+
+
+def test_calls_under_way_are_finished_when_the_engine_is_closed():
+    with open_engine(1) as engine:
+        outcomes = [engine.submit(slow_square, number, 0.1) for number in range(3)]
+    assert [outcome.result(0) for outcome in outcomes] == [0, 1, 4]
+
+
+def interrupted_engine():
+    with open_engine(1) as engine:
+        process = engine.submit(process_id).result(60)
+        outcomes = [engine.submit(slow_square, 1, 600) for _ in range(3)]
+        time.sleep(0.1)
+        try:
+            raise KeyboardInterrupt
+        finally:
+            interrupted_engine.left = process, outcomes
+
+
+def test_calls_under_way_are_stopped_when_the_engine_is_left_by_an_exception():
+    with pytest.raises(KeyboardInterrupt):
+        interrupted_engine()
+    process, outcomes = interrupted_engine.left
+    assert ended(process)
+    assert all(outcome.done() for outcome in outcomes)
+    assert isinstance(outcomes[0].exception(), WorkerDiedError)
+    assert all(outcome.cancelled() for outcome in outcomes[1:])
+
+
+@pytest.mark.parametrize("n_workers", [0, -1])
+def test_engine_is_refused_when_it_has_no_workers(n_workers):
+    with pytest.raises(InvalidInputError, match="workers must be 1 or more"):
+        open_engine(n_workers)
+
+
+def test_engine_is_refused_when_workers_and_a_scheduler_are_named():
+    with pytest.raises(InvalidInputError, match="give one"):
+        open_engine(2, scheduler="tcp://127.0.0.1:8786")
+
+
+def test_engine_has_a_worker_for_each_core_when_none_are_named():
+    with open_engine() as engine:
+        assert engine.n_workers == n_cores()
+
+
+def test_engine_takes_workers_of_any_kind():
+    engine = Engine(ProcessWorkers(1))
+    assert list(engine.map_in_order(square, [(2,)])) == [4]
+    engine.close()
