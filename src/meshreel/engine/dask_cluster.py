@@ -1,11 +1,17 @@
 """Workers of a Dask cluster that do calls; the extra [dask] brings them.
 
 Dask itself gives the calls of a worker that died to another, as often as its scheduler's
-``allowed-failures`` says. A cluster without workers is waited for: it may be about to grow.
+``allowed-failures`` says. It suspects all calls that the worker had, those that waited too: here
+they get another chance, one after the other, when no other call is under way.
+
+A cluster without workers is waited for: it may be about to grow.
 """
 
+import threading
+from collections import deque
 from collections.abc import Callable
 from concurrent.futures import CancelledError, Future
+from dataclasses import dataclass, field
 from functools import partial
 from typing import Any, TypeVar
 
@@ -34,6 +40,9 @@ class DaskWorkers:
 
     def __init__(self, address: str) -> None:
         client = _client_class()
+        self._lock = threading.Lock()
+        self._n_under_way = 0
+        self._suspects: deque[_Call] = deque()
         try:
             self._client = client(address, timeout=CONNECT_S, set_as_default=False)
         except (OSError, ValueError, TypeError) as error:
@@ -49,16 +58,89 @@ class DaskWorkers:
 
     def submit(self, function: Callable[..., Result], /, *args: Any) -> "Future[Result]":
         """The outcome to come of one call on the cluster."""
-        outcome: Future[Result] = Future()
-        task = self._client.submit(_in_share, function, args, pure=False)
-        # Holding the task in the outcome keeps Dask from forgetting it.
-        outcome.add_done_callback(partial(_cancel_too, task))
-        task.add_done_callback(partial(_pass_on, outcome))
-        return outcome
+        call = _Call(function, args)
+        call.outcome.add_done_callback(call.cancel)  # this also keeps Dask from forgetting it
+        self._begin(call)
+        return call.outcome
 
     def close(self, *, at_once: bool) -> None:
         """Leave the cluster; calls that still run there end without an effect."""
         self._client.close()
+
+    def _begin(self, call: "_Call") -> None:
+        with self._lock:
+            self._n_under_way += 1
+        if call.outcome.cancelled():
+            self._leave()
+            return
+        try:
+            call.task = self._client.submit(_in_share, call.function, call.args, pure=False)
+            call.task.add_done_callback(partial(self._end, call))
+        except Exception as error:
+            call.fail(error)
+            self._leave()
+
+    def _end(self, call: "_Call", task: Any) -> None:
+        """Pass on what a task came to; a suspect is set aside, to be called again alone."""
+        from distributed import KilledWorker
+
+        try:
+            call.succeed(task.result())
+        except KilledWorker as error:
+            if call.is_suspect:
+                call.fail(WorkerDiedError(_deaths(error.allowed_failures + 1)))
+            else:
+                call.is_suspect = True
+                with self._lock:
+                    self._suspects.append(call)
+        except CancelledError:
+            call.fail(WorkerDiedError("the Dask scheduler lost it; is it still there?"))
+        except BaseException as error:
+            call.fail(error)
+        self._leave()
+
+    def _leave(self) -> None:
+        """One call less under way; after the last, a suspect has the cluster for itself."""
+        with self._lock:
+            self._n_under_way -= 1
+            alone = not self._n_under_way and self._suspects
+            suspect = self._suspects.popleft() if alone else None
+        if suspect is not None:
+            self._begin(suspect)
+
+
+@dataclass
+class _Call:
+    """A call, its outcome to come, and the task that it is on the cluster.
+
+    `is_suspect` where workers died that had it: it may have been another that they died of.
+    """
+
+    function: Callable[..., Any]
+    args: tuple[Any, ...]
+    outcome: "Future[Any]" = field(default_factory=Future)
+    task: Any = None
+    is_suspect: bool = False
+
+    def succeed(self, result: Any) -> None:
+        if self.outcome.set_running_or_notify_cancel():
+            self.outcome.set_result(result)
+
+    def fail(self, error: BaseException) -> None:
+        if self.outcome.set_running_or_notify_cancel():
+            self.outcome.set_exception(error)
+
+    def cancel(self, outcome: "Future[Any]") -> None:
+        """Take the task back if it is the outcome that was cancelled."""
+        if outcome.cancelled() and self.task is not None:
+            self.task.cancel()
+
+
+def _deaths(n_workers: int) -> str:
+    return (
+        f"{n_workers} Dask workers died of it; their logs say why, and where memory is short, "
+        "fewer threads in each or a smaller block_frames need less"
+    )
 
 
 def _client_class() -> Any:
@@ -80,30 +162,3 @@ def _in_share(function: Callable[..., Result], args: tuple[Any, ...]) -> Result:
         limit_cores(n_threads)
     with one_blas_thread():
         return function(*args)
-
-
-def _pass_on(outcome: "Future[Any]", task: Any) -> None:
-    """Give the outcome what the task came to."""
-    from distributed import KilledWorker
-
-    if not outcome.set_running_or_notify_cancel():
-        return
-    try:
-        outcome.set_result(task.result())
-    except KilledWorker as error:
-        n_deaths = error.allowed_failures + 1
-        outcome.set_exception(
-            WorkerDiedError(
-                f"{n_deaths} Dask workers died of it; their logs say why, and where memory is "
-                "short, fewer threads in each or a smaller block_frames need less"
-            )
-        )
-    except CancelledError:
-        outcome.set_exception(WorkerDiedError("the Dask scheduler lost it; is it still there?"))
-    except BaseException as error:
-        outcome.set_exception(error)
-
-
-def _cancel_too(task: Any, outcome: "Future[Any]") -> None:
-    if outcome.cancelled():
-        task.cancel()

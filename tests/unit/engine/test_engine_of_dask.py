@@ -14,6 +14,7 @@ from sample_tasks import (
     cores_and_blas_threads,
     die_always,
     die_once_if,
+    die_or_square,
     fail,
     process_id,
     slow_square,
@@ -102,6 +103,13 @@ def test_call_is_given_up_when_it_kills_its_workers(engine):
     with pytest.raises(WorkerDiedError, match="2 Dask workers died of it"):
         engine.submit(die_always).result(120)
     assert engine.submit(square, 5).result(60) == 25
+
+
+def test_others_are_not_blamed_when_a_call_kills_its_workers(engine):
+    outcomes = dict(engine.as_completed(die_or_square, [(number, 4) for number in range(12)]))
+    failed = [item for item, outcome in outcomes.items() if outcome.exception()]
+    assert failed == [(4, 4)]
+    assert isinstance(outcomes[4, 4].exception(), WorkerDiedError)
 
 
 def test_call_not_yet_begun_is_cancelled_when_the_engine_is_left_by_an_exception(cluster):

@@ -1,0 +1,1 @@
+"""Many sequences encoded by an engine, and the manifest that says what was done."""

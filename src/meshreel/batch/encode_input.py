@@ -1,0 +1,89 @@
+"""One input to the bytes of its stream, as a worker does it."""
+
+import math
+import time
+from dataclasses import asdict, dataclass, fields
+from typing import Any
+
+from meshreel import __version__
+from meshreel.codec.achieved import measure_stream
+from meshreel.codec.config import EncoderConfig
+from meshreel.codec.encoder import encode
+from meshreel.codec.inspect import info
+from meshreel.errors import InvalidInputError
+from meshreel.formats.load import load
+
+
+@dataclass(frozen=True)
+class EncodeOptions:
+    """How every input of a batch is encoded.
+
+    Attributes
+    ----------
+    config : EncoderConfig
+    fps : float, optional
+        In place of what the input says.
+    """
+
+    config: EncoderConfig
+    fps: float | None = None
+
+    def as_dict(self) -> dict[str, Any]:
+        """Those that are not the default, in plain types."""
+        chosen = {option.name: getattr(self.config, option.name) for option in fields(self.config)
+                  if getattr(self.config, option.name) != option.default}  # fmt: skip
+        return chosen if self.fps is None else {**chosen, "fps": self.fps}
+
+
+@dataclass(frozen=True)
+class Encoded:
+    """A stream, and what it is worth.
+
+    Attributes
+    ----------
+    data : bytes
+    figures : dict
+        The fields of a `Record` that are known once the input is done.
+    """
+
+    data: bytes
+    figures: dict[str, Any]
+
+
+def encode_input(source: str, options: EncodeOptions, version: str) -> Encoded:
+    """The stream of the sequence at a path, measured.
+
+    It writes nothing: a worker that is stopped leaves nothing behind, and one on another machine
+    needs to see the inputs only.
+
+    Raises
+    ------
+    InvalidInputError
+        If this is another version of meshreel than that of the caller.
+    """
+    if version != __version__:
+        raise InvalidInputError(
+            f"the worker has meshreel {__version__} and the caller {version}; install the same"
+        )
+    began = time.perf_counter()
+    notes: list[str] = []
+    sequence = load(source, fps=options.fps, notes=notes)
+    data = encode(sequence, **vars(options.config))
+    achieved = measure_stream(
+        sequence, data, order=options.config.order, with_sted=options.config.sted is not None
+    )
+    stream = info(data)
+    figures = {
+        "seconds": round(time.perf_counter() - began, 3),
+        "raw_size_bytes": stream.raw_size_bytes,
+        "size_bytes": stream.size_bytes,
+        "ratio": stream.ratio,
+        **{name: _finite(error) for name, error in asdict(achieved).items()},
+        "notes": notes,
+    }
+    return Encoded(data, figures)
+
+
+def _finite(error: float | None) -> float | None:
+    """None for what JSON has no number for."""
+    return float(error) if error is not None and math.isfinite(error) else None

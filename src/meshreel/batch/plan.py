@@ -1,0 +1,123 @@
+"""What a run of a batch has to do."""
+
+from collections import defaultdict
+from dataclasses import dataclass
+from pathlib import Path
+
+from meshreel.batch.discovery import BatchInput, find_inputs
+from meshreel.batch.encode_input import EncodeOptions
+from meshreel.batch.manifest import DONE, FAILED, PENDING, Manifest, Record, read_manifest
+from meshreel.errors import InvalidInputError
+
+
+@dataclass(frozen=True)
+class Plan:
+    """The inputs of a run, by what is to be done with them.
+
+    Attributes
+    ----------
+    input_dir, out_dir : Path
+    options : EncodeOptions
+    manifest : Manifest
+        Of earlier runs.
+    up_to_date : list of str
+        Names of inputs whose streams are there.
+    refused : dict of str to Record
+        Inputs that cannot be encoded, with the reason.
+    to_encode : dict of BatchInput to Record
+        The others, as "pending".
+    replaced : set of BatchInput
+        Those of them whose outputs are there already.
+    """
+
+    input_dir: Path
+    out_dir: Path
+    options: EncodeOptions
+    manifest: Manifest
+    up_to_date: list[str]
+    refused: dict[str, Record]
+    to_encode: dict[BatchInput, Record]
+    replaced: set[BatchInput]
+
+
+def plan_batch(
+    input_dir: Path, out_dir: Path, options: EncodeOptions, *, force: bool = False
+) -> Plan:
+    """What is missing, changed or failed before, of all inputs.
+
+    An input is up to date if its stream is there with the size it was written with, and neither
+    the files of the input nor the options have changed since.
+
+    Parameters
+    ----------
+    input_dir, out_dir : Path
+        The second need not exist; nothing is written yet.
+    options : EncodeOptions
+    force : bool, default False
+        Encode everything, and replace outputs that are not this batch's.
+
+    Raises
+    ------
+    InvalidInputError
+        If there is nothing to encode, or the folder of outputs belongs to something else.
+    """
+    if out_dir.exists() and not out_dir.is_dir():
+        raise InvalidInputError(f"{out_dir} is a file; name a folder for the outputs")
+    inputs = find_inputs(input_dir, but_not=out_dir)
+    manifest = read_manifest(input_dir, out_dir, force=force)
+    plan = Plan(input_dir, out_dir, options, manifest, [], {}, {}, set())
+    rivals = _rivals(inputs)
+    for one in inputs:
+        earlier = manifest.records.get(one.name)
+        record = Record(PENDING, one.output, True, one.fingerprint(), options.as_dict())
+        is_there = (out_dir / one.output).exists()
+        if one in rivals:
+            plan.refused[one.name] = _refused(record, earlier, rivals[one])
+        elif not force and _is_up_to_date(record, earlier, out_dir):
+            plan.up_to_date.append(one.name)
+        elif is_there and not force and not _owns(earlier):
+            plan.refused[one.name] = _refused(record, earlier, _exists(out_dir / one.output))
+        else:
+            plan.to_encode[one] = record
+            plan.replaced.update([one] if is_there else [])
+    return plan
+
+
+def _refused(record: Record, earlier: Record | None, reason: str) -> Record:
+    return Record(
+        FAILED, record.output, _owns(earlier), record.fingerprint, record.options, error=reason
+    )
+
+
+def _owns(earlier: Record | None) -> bool:
+    return earlier is not None and earlier.owns_output
+
+
+def _is_up_to_date(record: Record, earlier: Record | None, out_dir: Path) -> bool:
+    if earlier is None or earlier.state != DONE:
+        return False
+    output = out_dir / record.output
+    unchanged = (earlier.output, earlier.fingerprint, earlier.options) == (
+        record.output,
+        record.fingerprint,
+        record.options,
+    )
+    return unchanged and output.is_file() and output.stat().st_size == earlier.size_bytes
+
+
+def _exists(output: Path) -> str:
+    return f"{output} exists and was not made of this input; it is kept unless --force is given"
+
+
+def _rivals(inputs: list[BatchInput]) -> dict[BatchInput, str]:
+    """Inputs that share an output, and what to say of it."""
+    of_output = defaultdict(list)
+    for one in inputs:
+        of_output[one.output].append(one)
+    return {
+        one: f"{' and '.join(other.name for other in group)} would both become {output}; "
+        "rename one of them"
+        for output, group in of_output.items()
+        if len(group) > 1
+        for one in group
+    }

@@ -1,0 +1,133 @@
+"""A planned batch, done by an engine."""
+
+from concurrent.futures import Future
+from dataclasses import asdict, dataclass, replace
+from functools import partial
+from typing import Any
+
+from meshreel import __version__
+from meshreel.atomic_write import replace_when_done
+from meshreel.batch.discovery import BatchInput
+from meshreel.batch.encode_input import Encoded, encode_input
+from meshreel.batch.failures import reason_of
+from meshreel.batch.manifest import DONE, FAILED, Record
+from meshreel.batch.plan import Plan
+from meshreel.engine.engine import Engine
+from meshreel.progress import Progress, silent
+from meshreel.threads import in_background
+
+
+@dataclass(frozen=True)
+class BatchReport:
+    """What a run did.
+
+    Attributes
+    ----------
+    up_to_date, encoded, failed : dict of str to Record
+        By the names of the inputs.
+    """
+
+    up_to_date: dict[str, Record]
+    encoded: dict[str, Record]
+    failed: dict[str, Record]
+
+    @property
+    def summary(self) -> str:
+        """How many of each, in words."""
+        return (
+            f"{len(self.up_to_date)} up to date, {len(self.encoded)} encoded, "
+            f"{len(self.failed)} failed"
+        )
+
+    def as_dict(self) -> dict[str, Any]:
+        """Everything in plain types, for JSON."""
+        groups = asdict(self)
+        return {
+            **{group: len(records) for group, records in groups.items()},
+            "inputs": {
+                name: {"outcome": group, **record}
+                for group, records in groups.items()
+                for name, record in records.items()
+            },
+        }
+
+
+def run_batch(plan: Plan, engine: Engine | None, *, progress: Progress = silent) -> BatchReport:
+    """Encode what a plan says; a failure of one input does not keep the others from it.
+
+    Streams and manifest are written here, each whole or not at all, after each input: what was
+    finished stays when the run is stopped.
+
+    Parameters
+    ----------
+    plan : Plan
+    engine : Engine or None
+        None only where there is nothing to encode.
+    progress : callable, optional
+        Told the share of inputs done.
+    """
+    run = _Run(plan)
+    run.begin()
+    if engine is not None:
+        by_source = {str(one.source): one for one in plan.to_encode}
+        items = [(source, plan.options, __version__) for source in by_source]
+        progress(_stage(engine), 0.0)
+        outcomes = engine.as_completed(encode_input, items)
+        for n_done, (item, outcome) in enumerate(outcomes, start=1):
+            # In a thread, which ctrl-C does not reach: a stream is not written without its record.
+            in_background(partial(run.finish, by_source[item[0]], outcome)).result()
+            progress(_stage(engine), n_done / len(items))
+    return run.report()
+
+
+def _stage(engine: Engine) -> str:
+    return f"encoding, {engine.n_workers} at a time"
+
+
+class _Run:
+    """The records while they change."""
+
+    def __init__(self, plan: Plan) -> None:
+        self._plan = plan
+
+    def begin(self) -> None:
+        """Claim the outputs to come, so that a run stopped at any point knows its own."""
+        self._plan.out_dir.mkdir(parents=True, exist_ok=True)
+        records = self._plan.manifest.records
+        records.update(self._plan.refused)
+        records.update({one.name: record for one, record in self._plan.to_encode.items()})
+        self._plan.manifest.write()
+
+    def finish(self, one: BatchInput, outcome: "Future[Encoded]") -> None:
+        """Write the stream, if there is one, and the record."""
+        manifest, pending = self._plan.manifest, self._plan.to_encode[one]
+        try:
+            encoded = outcome.result()
+            self._write_stream(one, encoded.data)
+            record = replace(pending, state=DONE, **encoded.figures)
+        except Exception as error:
+            record = replace(
+                pending,
+                state=FAILED,
+                owns_output=one in self._plan.replaced,
+                error=reason_of(error, one.name, self._plan.input_dir),
+            )
+        manifest.records[one.name] = record
+        manifest.write()
+
+    def report(self) -> BatchReport:
+        """The inputs of this run by what became of them."""
+        plan, records = self._plan, self._plan.manifest.records
+        tried = {one.name: records[one.name] for one in plan.to_encode}
+        return BatchReport(
+            {name: records[name] for name in plan.up_to_date},
+            {name: record for name, record in tried.items() if record.state == DONE},
+            {**plan.refused, **{name: record for name, record in tried.items()
+                                if record.state == FAILED}},
+        )  # fmt: skip
+
+    def _write_stream(self, one: BatchInput, data: bytes) -> None:
+        path = self._plan.out_dir / one.output
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with replace_when_done(path, overwrite=one in self._plan.replaced) as temporary:
+            temporary.write_bytes(data)

@@ -1,0 +1,305 @@
+"""What a run of a batch does, leaves alone, does again and refuses."""
+
+import json
+import os
+
+import pytest
+
+import meshreel
+from meshreel.batch.encode_input import EncodeOptions, encode_input
+from meshreel.batch.manifest import MANIFEST_NAME
+from meshreel.batch.plan import plan_batch
+from meshreel.batch.run import run_batch
+from meshreel.codec.config import EncoderConfig
+from meshreel.engine.engine import Engine, open_engine
+from meshreel.errors import InvalidInputError
+from sample_engines import InlineWorkers
+from sample_meshes import waving_grid
+from sample_tasks import encode_or_die
+
+OPTIONS = EncodeOptions(EncoderConfig(quality=60))
+
+
+@pytest.fixture
+def inputs(tmp_path):
+    """A folder of two sequences: walk.npz, and frames in a/cloth."""
+    folder = tmp_path / "in"
+    (folder / "a" / "cloth").mkdir(parents=True)
+    meshreel.save(waving_grid(), folder / "walk.npz")
+    meshreel.save(waving_grid(4), f"{folder}/a/cloth/f_%03d.obj")
+    return folder
+
+
+@pytest.fixture
+def out(tmp_path):
+    return tmp_path / "out"
+
+
+def run(inputs, out, options=OPTIONS, **arguments):
+    return run_batch(plan_batch(inputs, out, options, **arguments), Engine(InlineWorkers()))
+
+
+def facts(out):
+    return json.loads((out / MANIFEST_NAME).read_text())["inputs"]
+
+
+def files(out):
+    return {path.relative_to(out).as_posix() for path in out.rglob("*") if path.is_file()}
+
+
+def test_run_writes_the_streams_that_encode_gives_in_the_same_sub_folders(inputs, out):
+    report = run(inputs, out)
+    assert report.summary == "0 up to date, 2 encoded, 0 failed"
+    assert files(out) == {MANIFEST_NAME, "walk.reel", "a/cloth.reel"}
+    for name, stream in (("walk.npz", "walk.reel"), ("a/cloth", "a/cloth.reel")):
+        expected = meshreel.encode(meshreel.load(inputs / name), quality=60)
+        assert (out / stream).read_bytes() == expected
+
+
+def test_manifest_holds_what_compare_and_info_measure(inputs, out):
+    run(inputs, out)
+    found = facts(out)["walk.npz"]
+    quality = meshreel.compare(meshreel.load(inputs / "walk.npz"), meshreel.load(out / "walk.reel"))
+    stream = meshreel.info((out / "walk.reel").read_bytes())
+    assert found["state"] == "done"
+    assert found["kg_error_percent"] == pytest.approx(quality.kg_error_percent)
+    assert found["max_error_percent"] == pytest.approx(quality.max_error_percent)
+    assert found["size_bytes"] == stream.size_bytes == (out / "walk.reel").stat().st_size
+    assert found["raw_size_bytes"] == stream.raw_size_bytes
+    assert found["ratio"] == pytest.approx(stream.ratio)
+    assert found["seconds"] > 0
+    assert found["options"] == {"quality": 60}
+    assert found["version"] == meshreel.__version__
+
+
+def test_options_of_the_manifest_are_those_that_are_not_the_default(inputs, out):
+    run(inputs, out, EncodeOptions(EncoderConfig(sted=0.05, order="drop"), fps=12.0))
+    assert facts(out)["walk.npz"]["options"] == {"sted": 0.05, "order": "drop", "fps": 12.0}
+    assert facts(out)["walk.npz"]["sted"] <= 0.05
+    assert meshreel.info((out / "walk.reel").read_bytes()).fps == 12
+
+
+def test_second_run_does_nothing_when_nothing_changed(inputs, out):
+    run(inputs, out)
+    before = (out / MANIFEST_NAME).read_text()
+    plan = plan_batch(inputs, out, OPTIONS)
+    assert plan.to_encode == {}
+    assert run_batch(plan, None).summary == "2 up to date, 0 encoded, 0 failed"
+    assert (out / MANIFEST_NAME).read_text() == before
+
+
+def change_input(inputs, out):
+    meshreel.save(waving_grid(13), inputs / "walk.npz", overwrite=True)
+
+
+def touch_input(inputs, out):
+    os.utime(inputs / "walk.npz", ns=(0, 10**18))
+
+
+def remove_output(inputs, out):
+    (out / "walk.reel").unlink()
+
+
+def cut_output(inputs, out):
+    (out / "walk.reel").write_bytes((out / "walk.reel").read_bytes()[:-1])
+
+
+def mark_failed(inputs, out):
+    text = (out / MANIFEST_NAME).read_text()
+    head, _, tail = text.partition('"walk.npz"')
+    (out / MANIFEST_NAME).write_text(head + '"walk.npz"' + tail.replace("done", "failed", 1))
+
+
+def mark_pending(inputs, out):
+    text = (out / MANIFEST_NAME).read_text()
+    head, _, tail = text.partition('"walk.npz"')
+    (out / MANIFEST_NAME).write_text(head + '"walk.npz"' + tail.replace("done", "pending", 1))
+
+
+@pytest.mark.parametrize(
+    "change", [change_input, touch_input, remove_output, cut_output, mark_failed, mark_pending]
+)
+def test_second_run_does_what_changed(inputs, out, change):
+    run(inputs, out)
+    change(inputs, out)
+    report = run(inputs, out)
+    assert set(report.encoded) == {"walk.npz"}
+    assert set(report.up_to_date) == {"a/cloth"}
+    expected = meshreel.encode(meshreel.load(inputs / "walk.npz"), quality=60)
+    assert (out / "walk.reel").read_bytes() == expected
+
+
+def test_second_run_does_everything_when_options_changed(inputs, out):
+    run(inputs, out)
+    report = run(inputs, out, EncodeOptions(EncoderConfig(quality=70)))
+    assert set(report.encoded) == {"walk.npz", "a/cloth"}
+    expected = meshreel.encode(meshreel.load(inputs / "walk.npz"), quality=70)
+    assert (out / "walk.reel").read_bytes() == expected
+
+
+def test_second_run_does_everything_when_it_is_forced(inputs, out):
+    run(inputs, out)
+    assert run(inputs, out, force=True).summary == "0 up to date, 2 encoded, 0 failed"
+
+
+def test_failing_input_is_reported_and_the_others_go_on(inputs, out):
+    (inputs / "bad.npz").write_bytes(b"no archive")
+    report = run(inputs, out)
+    assert report.summary == "0 up to date, 2 encoded, 1 failed"
+    assert facts(out)["bad.npz"]["state"] == "failed"
+    assert facts(out)["bad.npz"]["error"].startswith("is not a numpy archive")
+    assert facts(out)["bad.npz"]["size_bytes"] is None
+    assert files(out) == {MANIFEST_NAME, "walk.reel", "a/cloth.reel"}
+
+
+def test_failed_input_is_tried_again(inputs, out):
+    (inputs / "bad.npz").write_bytes(b"no archive")
+    run(inputs, out)
+    meshreel.save(waving_grid(), inputs / "bad.npz", overwrite=True)
+    report = run(inputs, out)
+    assert report.summary == "2 up to date, 1 encoded, 0 failed"
+
+
+def test_stream_of_earlier_stays_when_the_input_fails_later(inputs, out):
+    run(inputs, out)
+    before = (out / "walk.reel").read_bytes()
+    (inputs / "walk.npz").write_bytes(b"no archive")
+    assert set(run(inputs, out).failed) == {"walk.npz"}
+    assert (out / "walk.reel").read_bytes() == before
+    meshreel.save(waving_grid(), inputs / "walk.npz", overwrite=True)
+    assert set(run(inputs, out).encoded) == {"walk.npz"}
+
+
+def test_error_names_frames_within_the_folder_of_inputs(inputs, out):
+    (inputs / "a" / "cloth" / "f_002.obj").write_text("v 1 2 no\n")
+    [record] = run(inputs, out).failed.values()
+    assert record.error.startswith("a/cloth/f_002.obj")
+    assert "\n" not in record.error
+
+
+def test_inputs_of_one_output_fail_both(inputs, out):
+    meshreel.save(waving_grid(), inputs / "a" / "cloth.npz")
+    report = run(inputs, out, force=True)
+    assert set(report.encoded) == {"walk.npz"}
+    assert set(report.failed) == {"a/cloth", "a/cloth.npz"}
+    for record in report.failed.values():
+        assert "a/cloth.npz and a/cloth would both become a/cloth.reel" in record.error
+    assert not (out / "a").exists()
+
+
+def test_output_that_is_not_the_batchs_is_kept_unless_forced(inputs, out):
+    out.mkdir()
+    (out / "walk.reel").write_bytes(b"mine")
+    for _ in range(2):
+        report = run(inputs, out)
+        assert set(report.failed) == {"walk.npz"}
+        assert "--force" in report.failed["walk.npz"].error
+        assert (out / "walk.reel").read_bytes() == b"mine"
+    assert set(run(inputs, out, force=True).failed) == set()
+    assert (out / "walk.reel").read_bytes() != b"mine"
+
+
+def test_output_put_there_after_a_failure_is_kept(inputs, out):
+    (inputs / "bad.npz").write_bytes(b"no archive")
+    run(inputs, out)
+    (out / "bad.reel").write_bytes(b"mine")
+    meshreel.save(waving_grid(), inputs / "bad.npz", overwrite=True)
+    assert set(run(inputs, out).failed) == {"bad.npz"}
+    assert (out / "bad.reel").read_bytes() == b"mine"
+
+
+def test_output_put_there_during_the_run_is_kept(inputs, out):
+    plan = plan_batch(inputs, out, OPTIONS)
+    out.mkdir()
+    (out / "walk.reel").write_bytes(b"mine")
+    for _ in range(2):
+        assert set(run_batch(plan, Engine(InlineWorkers())).failed) == {"walk.npz"}
+        assert (out / "walk.reel").read_bytes() == b"mine"
+        plan = plan_batch(inputs, out, OPTIONS)
+
+
+def test_output_that_is_a_folder_fails_its_input_only(inputs, out):
+    (out / "walk.reel").mkdir(parents=True)
+    report = run(inputs, out, force=True)
+    assert set(report.failed) == {"walk.npz"}
+    assert set(report.encoded) == {"a/cloth"}
+
+
+def test_record_stays_when_its_input_is_gone(inputs, out):
+    run(inputs, out)
+    (inputs / "walk.npz").unlink()
+    assert run(inputs, out).summary == "1 up to date, 0 encoded, 0 failed"
+    assert facts(out)["walk.npz"]["state"] == "done"
+
+
+def test_manifest_is_whole_after_each_input(inputs, out):
+    seen = []
+
+    def look(stage, fraction):
+        seen.append(sorted(record["state"] for record in facts(out).values()))
+
+    plan = plan_batch(inputs, out, OPTIONS)
+    run_batch(plan, Engine(InlineWorkers()), progress=look)
+    assert seen == [["pending", "pending"], ["done", "pending"], ["done", "done"]]
+
+
+def test_finished_inputs_are_kept_when_the_run_is_stopped(inputs, out):
+    def stop(stage, fraction):
+        if fraction:
+            raise KeyboardInterrupt
+
+    plan = plan_batch(inputs, out, OPTIONS)
+    with pytest.raises(KeyboardInterrupt):
+        run_batch(plan, Engine(InlineWorkers()), progress=stop)
+    assert sorted(record["state"] for record in facts(out).values()) == ["done", "pending"]
+    assert run(inputs, out).summary == "1 up to date, 1 encoded, 0 failed"
+
+
+def test_worker_of_another_version_is_refused():
+    with pytest.raises(InvalidInputError, match=r"the worker has meshreel .* install the same"):
+        encode_input("walk.npz", OPTIONS, "0.0.0")
+
+
+def test_folder_of_outputs_must_not_be_a_file(inputs, out):
+    out.write_bytes(b"")
+    with pytest.raises(InvalidInputError, match="is a file"):
+        plan_batch(inputs, out, OPTIONS)
+
+
+def test_folder_of_outputs_may_be_that_of_inputs(inputs):
+    assert run(inputs, inputs).summary == "0 up to date, 2 encoded, 0 failed"
+    assert (inputs / "a" / "cloth.reel").is_file()
+    assert run(inputs, inputs).summary == "2 up to date, 0 encoded, 0 failed"
+
+
+def check_deaths(inputs, out, engine, monkeypatch):
+    """One input kills its worker once and is encoded; one always, and fails alone."""
+    monkeypatch.setattr("meshreel.batch.run.encode_input", encode_or_die)
+    for name in ("deadly", "dies_once"):
+        meshreel.save(waving_grid(), inputs / f"{name}.npz")
+    report = run_batch(plan_batch(inputs, out, OPTIONS), engine)
+    assert set(report.encoded) == {"walk.npz", "a/cloth", "dies_once.npz"}
+    assert set(report.failed) == {"deadly.npz"}
+    assert "died of it" in report.failed["deadly.npz"].error
+    assert files(out) == {MANIFEST_NAME, "walk.reel", "a/cloth.reel", "dies_once.reel"}
+
+
+def test_input_that_kills_its_workers_fails_alone(inputs, out, monkeypatch):
+    with open_engine(2) as engine:
+        check_deaths(inputs, out, engine, monkeypatch)
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore::ResourceWarning")
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
+def test_input_that_kills_its_workers_fails_alone_on_a_cluster(inputs, out, monkeypatch):
+    distributed = pytest.importorskip("distributed", reason="the extra [dask] is not installed")
+    dask = pytest.importorskip("dask")
+    with (
+        dask.config.set({"distributed.scheduler.allowed-failures": 1}),
+        distributed.LocalCluster(
+            n_workers=2, threads_per_worker=1, dashboard_address="127.0.0.1:0", silence_logs=100
+        ) as cluster,
+        open_engine(scheduler=cluster.scheduler_address) as engine,
+    ):
+        check_deaths(inputs, out, engine, monkeypatch)
