@@ -6,6 +6,7 @@ from typing import Any
 import typer
 
 from meshreel import __version__
+from meshreel.cli.batch import batch_command
 from meshreel.cli.compare import compare_command
 from meshreel.cli.decode import decode_command
 from meshreel.cli.demo import demo_command
@@ -27,6 +28,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
 )
 app.command("encode")(encode_command)
+app.command("batch")(batch_command)
 app.command("decode")(decode_command)
 app.command("info")(info_command)
 app.command("compare")(compare_command)

@@ -1,0 +1,173 @@
+"""`meshreel batch`: a folder of sequences in, a folder of streams out."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from meshreel.cli.encode_options import (
+    BlockFramesOption,
+    BpvfOption,
+    EffortOption,
+    FpsOption,
+    KgOption,
+    MaxErrorOption,
+    MethodOption,
+    OrderOption,
+    QualityOption,
+    SizeOption,
+    StedOption,
+    TuneOption,
+)
+from meshreel.codec.config import DEFAULT_METHOD, DEFAULT_ORDER, EncoderConfig
+
+if TYPE_CHECKING:
+    from meshreel.batch.manifest import Record
+    from meshreel.batch.plan import Plan
+    from meshreel.batch.run import BatchReport
+
+WORKERS = "Where it runs (give one)"
+
+
+def batch_command(
+    input_dir: Annotated[
+        Path,
+        typer.Argument(
+            metavar="INPUT_DIR",
+            help="Every .npz under it is a sequence, and every folder that holds frames.",
+        ),
+    ],
+    out_dir: Annotated[
+        Path,
+        typer.Argument(
+            metavar="OUT_DIR",
+            help="Gets a .reel for each, in the same sub-folders; made if missing.",
+        ),
+    ],
+    workers: Annotated[
+        int | None,
+        typer.Option(
+            min=1,
+            help="Processes on this machine; fewer take less memory. Default: one for each core.",
+            rich_help_panel=WORKERS,
+        ),
+    ] = None,
+    scheduler: Annotated[
+        str | None,
+        typer.Option(
+            metavar="ADDRESS",
+            help="A Dask scheduler, whose workers see INPUT_DIR at the same path (needs [dask]).",
+            rich_help_panel=WORKERS,
+        ),
+    ] = None,
+    quality: QualityOption = None,
+    max_error: MaxErrorOption = None,
+    kg: KgOption = None,
+    sted: StedOption = None,
+    bpvf: BpvfOption = None,
+    size: SizeOption = None,
+    tune: TuneOption = None,
+    effort: EffortOption = None,
+    method: MethodOption = DEFAULT_METHOD,
+    order: OrderOption = DEFAULT_ORDER,
+    block_frames: BlockFramesOption = None,
+    fps: FpsOption = None,
+    force: Annotated[
+        bool,
+        typer.Option(
+            "--force", "-f", help="Encode everything, and replace outputs that are in the way."
+        ),
+    ] = False,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print what was done with each input as JSON.")
+    ] = False,
+) -> None:
+    """Compress every animated mesh under a folder, on all cores or on a Dask cluster.
+
+    OUT_DIR/manifest.json says what was done with each input, and at what size and error. A second
+    run encodes only what is new, changed or failed. An input that fails does not stop the others;
+    the exit code is then 1.
+
+    Examples:
+
+    - `meshreel batch captures/ streams/`
+
+    - `meshreel batch captures/ streams/ --max-error 0.1 --workers 4`
+
+    - `meshreel batch captures/ streams/ --scheduler tcp://10.0.0.5:8786`
+    """
+    from meshreel.batch.encode_input import EncodeOptions
+    from meshreel.batch.plan import plan_batch
+    from meshreel.cli.console import print_json
+
+    if workers is not None and scheduler is not None:
+        raise typer.BadParameter("--workers and --scheduler exclude each other; give one")
+    config = EncoderConfig(
+        method=method,
+        order=order,
+        block_frames=block_frames,
+        quality=quality,
+        max_error=max_error,
+        kg=kg,
+        sted=sted,
+        bpvf=bpvf,
+        size=size,
+        tune=tune,
+        effort=effort,
+    )
+    plan = plan_batch(input_dir, out_dir, EncodeOptions(config, fps), force=force)
+    report = _run(plan, workers, scheduler)
+    for name, record in report.failed.items():
+        typer.echo(f"meshreel: {name}: {record.error}", err=True)
+    if as_json:
+        print_json({"manifest": str(plan.manifest.path), **report.as_dict()})
+    else:
+        _print_report(report, out_dir)
+    if report.failed:
+        raise typer.Exit(1)
+
+
+def _run(plan: "Plan", workers: int | None, scheduler: str | None) -> "BatchReport":
+    from meshreel.batch.run import run_batch
+    from meshreel.cli.console import progress_bar
+    from meshreel.engine.engine import open_engine
+    from meshreel.threads import n_cores
+
+    if not plan.to_encode:
+        return run_batch(plan, None)
+    # No more than there are inputs: workers share the cores.
+    n_workers = None if scheduler else min(workers or n_cores(), len(plan.to_encode))
+    try:
+        with progress_bar() as progress, open_engine(n_workers, scheduler=scheduler) as engine:
+            return run_batch(plan, engine, progress=progress)
+    except KeyboardInterrupt:
+        typer.echo("meshreel: stopped; what was finished is kept, a rerun does the rest", err=True)
+        raise
+
+
+def _print_report(report: "BatchReport", out_dir: Path) -> None:
+    from meshreel.cli.console import print_columns
+
+    if report.encoded:
+        headings = ("encoded", "raw", "file", "smaller", "KG error %", "largest error %", "s")
+        rows = [_row(name, record) for name, record in report.encoded.items()]
+        print_columns(str(out_dir), headings, rows)
+    typer.echo(report.summary)
+
+
+def _row(name: str, record: "Record") -> tuple[str, ...]:
+    from meshreel.cli.console import size_text
+
+    return (
+        name,
+        size_text(record.raw_size_bytes or 0),
+        size_text(record.size_bytes or 0),
+        _text(record.ratio, ".1f", " x"),
+        _text(record.kg_error_percent, ".4f"),
+        _text(record.max_error_percent, ".4f"),
+        _text(record.seconds, ".1f"),
+    )
+
+
+def _text(figure: float | None, form: str, unit: str = "") -> str:
+    return "-" if figure is None else f"{figure:{form}}{unit}"

@@ -1,0 +1,164 @@
+"""`meshreel batch` as a user runs it: a process of its own, with worker processes."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+import meshreel
+from sample_meshes import waving_grid
+
+PROGRAM = [sys.executable, "-c", "from meshreel.cli import main; main()", "batch"]
+
+
+def run(*arguments, **options):
+    """The finished process of `meshreel batch ARGUMENTS`."""
+    return subprocess.run(
+        [*PROGRAM, *map(str, arguments)], capture_output=True, text=True, timeout=120, **options
+    )
+
+
+@pytest.fixture
+def inputs(tmp_path):
+    folder = tmp_path / "in"
+    (folder / "a").mkdir(parents=True)
+    meshreel.save(waving_grid(), folder / "walk.npz")
+    meshreel.save(waving_grid(4), f"{folder}/a/f_%03d.obj")
+    return folder
+
+
+@pytest.fixture
+def out(tmp_path):
+    return tmp_path / "out"
+
+
+def states(out):
+    records = json.loads((out / "manifest.json").read_text())["inputs"]
+    return {name: record["state"] for name, record in records.items()}
+
+
+def test_batch_writes_streams_and_says_what_it_did(inputs, out):
+    done = run(inputs, out, "--quality", 60, "--order", "drop", "--workers", 2)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.splitlines()[-1] == "0 up to date, 2 encoded, 0 failed"
+    assert "walk.npz" in done.stdout
+    expected = meshreel.encode(meshreel.load(inputs / "walk.npz"), quality=60, order="drop")
+    assert (out / "walk.reel").read_bytes() == expected
+    assert sorted(path.name for path in out.iterdir()) == ["a.reel", "manifest.json", "walk.reel"]
+
+
+def test_batch_says_only_how_many_when_all_is_up_to_date(inputs, out):
+    assert run(inputs, out).returncode == 0
+    done = run(inputs, out)
+    assert (done.returncode, done.stdout) == (0, "2 up to date, 0 encoded, 0 failed\n")
+
+
+def test_batch_takes_relative_folders(inputs, out):
+    done = run("in", "out", cwd=inputs.parent)
+    assert done.returncode == 0, done.stderr
+    assert states(out) == {"walk.npz": "done", "a": "done"}
+
+
+def test_batch_ends_with_1_and_a_line_for_each_failure(inputs, out):
+    (inputs / "bad.npz").write_bytes(b"no archive")
+    done = run(inputs, out)
+    assert done.returncode == 1
+    assert done.stderr.startswith("meshreel: bad.npz: is not a numpy archive")
+    assert len(done.stderr.splitlines()) == 1
+    assert done.stdout.splitlines()[-1] == "0 up to date, 2 encoded, 1 failed"
+    assert states(out) == {"bad.npz": "failed", "walk.npz": "done", "a": "done"}
+
+
+def test_batch_prints_all_inputs_when_asked_for_json(inputs, out):
+    assert run(inputs, out).returncode == 0
+    (inputs / "bad.npz").write_bytes(b"no archive")
+    done = run(inputs, out, "--json")
+    printed = json.loads(done.stdout)
+    assert (printed["up_to_date"], printed["encoded"], printed["failed"]) == (2, 0, 1)
+    assert printed["manifest"] == str(out / "manifest.json")
+    assert printed["inputs"]["bad.npz"]["outcome"] == "failed"
+    size = (out / "walk.reel").stat().st_size
+    assert printed["inputs"]["walk.npz"]["size_bytes"] == size
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--workers", 0], "'--workers'"),
+        (["--workers", 2, "--scheduler", "tcp://127.0.0.1:9"], "exclude each other"),
+        (["--quality", 50, "--kg", 1], "give one"),
+        (["--quality", 500], "quality"),
+    ],
+)
+def test_batch_refuses_options_before_it_writes(inputs, out, options, words):
+    done = run(inputs, out, *options)
+    assert done.returncode == 1
+    assert words in done.stderr
+    assert len(done.stderr.strip().splitlines()) == 1
+    assert not out.exists()
+
+
+def test_batch_names_the_extra_when_dask_is_missing(inputs, out, tmp_path):
+    (tmp_path / "without").mkdir()
+    (tmp_path / "without" / "distributed.py").write_text("raise ImportError\n")
+    places = [str(tmp_path / "without"), *filter(None, [os.environ.get("PYTHONPATH")])]
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(places)}
+    done = run(inputs, out, "--scheduler", "tcp://127.0.0.1:9", env=environment)
+    assert done.returncode == 1
+    assert "pip install 'meshreel[dask]'" in done.stderr
+    assert len(done.stderr.strip().splitlines()) == 1
+
+
+def wait_for(condition):
+    """The first true value of the condition, within a minute."""
+    for _ in range(6000):
+        found = condition()
+        if found:
+            return found
+        time.sleep(0.01)
+    raise AssertionError("it did not happen within a minute")
+
+
+def a_stream_is_done(out):
+    return (out / "manifest.json").exists() and "done" in states(out).values()
+
+
+@pytest.mark.skipif(not hasattr(os, "killpg"), reason="ctrl-C goes to a group of processes")
+def test_ctrl_c_leaves_whole_files_and_no_process(inputs, out):
+    flag = meshreel.simulate_flag(100)
+    for number in range(4):  # each takes seconds, after two that take none
+        meshreel.save(flag, inputs / f"z{number}.npz")
+    process = subprocess.Popen(
+        [*PROGRAM, inputs, out, "--workers", "2", "--sted", "0.02", "--effort", "9"],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+    wait_for(lambda: a_stream_is_done(out))
+    os.killpg(process.pid, signal.SIGINT)
+    _, errors = process.communicate(timeout=60)
+    assert process.returncode not in (0, None)
+    assert "stopped" in errors
+    assert "Traceback" not in errors
+    wait_for(lambda: group_is_gone(process.pid))
+
+    found = states(out)
+    assert set(found.values()) == {"done", "pending"}
+    done = {name for name, state in found.items() if state == "done"}
+    files = {path.name for path in out.iterdir()}
+    assert files == {"manifest.json"} | {f"{name.split('.')[0]}.reel" for name in done}
+    for name in done:
+        meshreel.load(out / f"{name.split('.')[0]}.reel")
+
+
+def group_is_gone(group):
+    try:
+        os.killpg(group, 0)
+    except ProcessLookupError:
+        return True
+    return False
