@@ -265,8 +265,38 @@ def test_polygons_are_told_of_when_they_are_triangulated(tmp_path):
 @pytest.mark.parametrize("command", [["info"], ["decode", "-o", "a.npz"], ["compare", "cut.reel"]])
 def test_truncated_stream_is_named_when_it_is_read(reel, tmp_path, command):
     cut = tmp_path / "cut.reel"
-    cut.write_bytes(reel.read_bytes()[:-20])
+    cut.write_bytes(reel.read_bytes()[:-40])
     assert_fails(run(*command, cut, cwd=tmp_path), "cut.reel: the stream ends at byte")
+
+
+def test_whole_blocks_come_back_when_the_end_of_a_stream_is_missing(reel, tmp_path):
+    cut = tmp_path / "cut.reel"
+    cut.write_bytes(reel.read_bytes()[:-20])
+    done = run("decode", cut, "-o", tmp_path / "a.npz")
+    assert done.returncode == 0
+    assert "cut off: these are the frames" in done.stderr
+    np.testing.assert_array_equal(
+        meshreel.load(tmp_path / "a.npz").vertices, meshreel.load(reel).vertices
+    )
+    assert "cut off" in run("info", cut).stdout
+
+
+def test_frames_stay_in_their_files_when_memory_is_small(tmp_path):
+    sequence = meshreel.simulate_flag(12)
+    meshreel.save(sequence, tmp_path / "flag_%03d.obj")
+    done = run("encode", tmp_path / "flag_*.obj", "-o", tmp_path / "f.reel", "--memory", "110MB")
+    assert done.returncode == 0, done.stderr
+    with meshreel.open(tmp_path / "f.reel") as found:
+        assert max(found.info().block_frames) < 12
+        expected = meshreel.encode(meshreel.load(str(tmp_path / "flag_*.obj")), memory=110e6)
+        np.testing.assert_array_equal(found[:], meshreel.decode(expected).vertices)
+
+
+@pytest.mark.parametrize(
+    ("memory", "words"), [("20MB", "is too little for"), ("lots", "such as 500MB or 1GiB")]
+)
+def test_memory_is_refused_when_it_does_not_do(grid, tmp_path, memory, words):
+    assert_fails(run("encode", grid, "-o", tmp_path / "a.reel", "--memory", memory), words)
 
 
 @pytest.mark.parametrize("command", ["encode", "decode", "info", "compare", "demo"])

@@ -11,7 +11,7 @@ from meshreel.codec.config import EncoderConfig
 from meshreel.codec.encoder import encode
 from meshreel.codec.inspect import info
 from meshreel.errors import InvalidInputError
-from meshreel.formats.load import load
+from meshreel.formats.load import open_for_encoding
 
 
 @dataclass(frozen=True)
@@ -67,7 +67,7 @@ def encode_input(source: str, options: EncodeOptions, version: str) -> Encoded:
         )
     began = time.perf_counter()
     notes: list[str] = []
-    sequence = load(source, fps=options.fps, notes=notes)
+    sequence = open_for_encoding(source, options.config.memory, fps=options.fps, notes=notes)
     data = encode(sequence, **vars(options.config))
     achieved = measure_stream(
         sequence, data, order=options.config.order, with_sted=options.config.sted is not None

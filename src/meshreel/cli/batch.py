@@ -12,12 +12,14 @@ from meshreel.cli.encode_options import (
     FpsOption,
     KgOption,
     MaxErrorOption,
+    MemoryOption,
     MethodOption,
     OrderOption,
     QualityOption,
     SizeOption,
     StedOption,
     TuneOption,
+    size_bytes_of,
 )
 from meshreel.codec.config import DEFAULT_METHOD, DEFAULT_ORDER, EncoderConfig
 
@@ -71,6 +73,7 @@ def batch_command(
     method: MethodOption = DEFAULT_METHOD,
     order: OrderOption = DEFAULT_ORDER,
     block_frames: BlockFramesOption = None,
+    memory: MemoryOption = None,
     fps: FpsOption = None,
     force: Annotated[
         bool,
@@ -106,6 +109,7 @@ def batch_command(
         method=method,
         order=order,
         block_frames=block_frames,
+        memory=size_bytes_of(memory),
         quality=quality,
         max_error=max_error,
         kg=kg,

@@ -36,26 +36,36 @@ def decode_command(
 
     - `meshreel decode walk.reel -o preview.npz --modes 8`
     """
-    from meshreel.cli.console import print_json, print_table, progress_bar
-    from meshreel.codec.decoder import decode
-    from meshreel.formats.reel import errors_naming
-    from meshreel.formats.save import save
+    from meshreel.cli.console import print_json, print_notes, print_table, progress_bar
+    from meshreel.formats.reel import errors_naming, open
+    from meshreel.formats.save import save_frames
     from meshreel.formats.targets import check_save_target
 
     chosen = _frame_slice(frames)
     check_save_target(output, overwrite=force)
-    with progress_bar() as progress:
-        with errors_naming(source):
-            sequence = decode(source.read_bytes(), frames=chosen, n_modes=modes, progress=progress)
-        written = save(sequence, output, overwrite=force, progress=progress)
+    with progress_bar() as progress, open(source, n_modes=modes) as reel, errors_naming(source):
+        wanted = reel.frame_range(chosen)
+        written = save_frames(
+            (run for _, run in reel.pieces(wanted)),
+            reel.faces,
+            output,
+            n_frames=len(wanted),
+            fps=reel.fps,
+            name=reel.name,
+            overwrite=force,
+            progress=progress,
+        )
+    if not reel.is_whole:
+        print_notes([f"{source} is cut off: these are the frames of its whole blocks"])
     if as_json:
         print_json(
             {
                 "outputs": [str(path) for path in written],
-                "n_frames": sequence.n_frames,
-                "n_verts": sequence.n_verts,
-                "n_faces": sequence.n_faces,
-                "fps": sequence.fps,
+                "n_frames": len(wanted),
+                "n_verts": reel.n_verts,
+                "n_faces": reel.n_faces,
+                "fps": reel.fps,
+                "is_whole": reel.is_whole,
             }
         )
         return
@@ -63,8 +73,7 @@ def decode_command(
     print_table(
         where,
         {
-            "sequence": f"{sequence.n_frames} frames, {sequence.n_verts} vertices, "
-            f"{sequence.n_faces} faces",
+            "sequence": f"{len(wanted)} frames, {reel.n_verts} vertices, {reel.n_faces} faces",
             "files": str(len(written)),
         },
     )

@@ -18,6 +18,7 @@ from meshreel.cli.encode_options import (
     KgOption,
     LaplacianOption,
     MaxErrorOption,
+    MemoryOption,
     MethodOption,
     ModesOption,
     OrderOption,
@@ -26,6 +27,7 @@ from meshreel.cli.encode_options import (
     StedOption,
     StepOption,
     TuneOption,
+    size_bytes_of,
 )
 from meshreel.codec.config import (
     DEFAULT_ALLOCATION,
@@ -70,6 +72,7 @@ def encode_command(
     laplacian: LaplacianOption = DEFAULT_LAPLACIAN,
     order: OrderOption = DEFAULT_ORDER,
     block_frames: BlockFramesOption = None,
+    memory: MemoryOption = None,
     iterations: IterationsOption = DEFAULT_ITERATIONS,
     fps: FpsOption = None,
     force: Annotated[
@@ -89,6 +92,8 @@ def encode_command(
 
     - `meshreel encode walk.npz --size 100000 --order drop --effort 9`
 
+    - `meshreel encode huge_frames/ --memory 1GiB`
+
     - `meshreel encode walk.npz --method pca-qp --modes 30 --bits 10`
     """
     from meshreel.atomic_write import check_output_path, replace_when_done
@@ -97,7 +102,7 @@ def encode_command(
     from meshreel.codec.achieved import measure_stream
     from meshreel.codec.encoder import encode
     from meshreel.codec.inspect import info
-    from meshreel.formats.load import load
+    from meshreel.formats.load import open_for_encoding
     from meshreel.formats.sources import natural_order
 
     target = output or Path(f"{_stem(inputs[0])}.reel")
@@ -112,6 +117,7 @@ def encode_command(
         laplacian=laplacian,
         order=order,
         block_frames=block_frames,
+        memory=size_bytes_of(memory),
         n_iterations=iterations,
         quality=quality,
         max_error=max_error,
@@ -127,7 +133,7 @@ def encode_command(
     with progress_bar() as progress:
         frames = natural_order(Path(path) for path in inputs)
         source = inputs[0] if len(inputs) == 1 else frames
-        sequence = load(source, fps=fps, progress=progress, notes=notes)
+        sequence = open_for_encoding(source, config.memory, fps=fps, progress=progress, notes=notes)
         data = encode(sequence, **vars(config), progress=progress)
         with replace_when_done(target, overwrite=force) as temporary:
             temporary.write_bytes(data)

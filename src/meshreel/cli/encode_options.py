@@ -1,5 +1,6 @@
 """Options that say how to encode, for every command that does."""
 
+import re
 from typing import Annotated
 
 import typer
@@ -140,6 +141,14 @@ BlockFramesOption = Annotated[
         "far as memory allows (blocks: 25)."
     ),
 ]
+MemoryOption = Annotated[
+    str | None,
+    typer.Option(
+        metavar="SIZE",
+        help="Memory that encoding may take, as in 500MB or 1GiB; blocks of frames are cut to fit, "
+        "and frames stay in their files. Default: blocks of up to 67 million positions.",
+    ),
+]
 IterationsOption = Annotated[
     int,
     typer.Option(rich_help_panel=PAPER, help="Orthogonal iterations from block to block (blocks)."),
@@ -147,3 +156,18 @@ IterationsOption = Annotated[
 FpsOption = Annotated[
     float | None, typer.Option(help="Frames per second. Default: what the input says.")
 ]
+
+UNITS = {"": 1, "B": 1}
+UNITS |= {f"{prefix}B": 1000**power for power, prefix in enumerate("kMGT", start=1)}
+UNITS |= {f"{prefix}iB": 1024**power for power, prefix in enumerate("KMGT", start=1)}
+
+
+def size_bytes_of(text: str | None) -> float | None:
+    """Bytes that a size such as 500MB or 1GiB means; the case of letters does not matter."""
+    if text is None:
+        return None
+    found = re.fullmatch(r"(\d+(?:\.\d*)?)\s*([a-zA-Z]*)", text.strip())
+    factors = {unit.lower(): factor for unit, factor in UNITS.items()}
+    if not found or found[2].lower() not in factors:
+        raise typer.BadParameter(f"--memory takes a size such as 500MB or 1GiB; got {text!r}")
+    return float(found[1]) * factors[found[2].lower()]

@@ -18,11 +18,10 @@ def info_command(
     """
     from meshreel.cli.console import print_json, print_table
     from meshreel.cli.figures import budget_rows, info_rows
-    from meshreel.codec.inspect import info
-    from meshreel.formats.reel import errors_naming
+    from meshreel.formats.reel import errors_naming, open
 
-    with errors_naming(source):
-        stream = info(source.read_bytes())
+    with open(source) as reel, errors_naming(source):
+        stream = reel.info()
     if as_json:
         print_json(stream.as_dict())
         return

@@ -43,7 +43,7 @@ def decode(
     progress("connectivity", 0.0)
     stream = read_stream(bytes(data))
     header = stream.header
-    wanted = _frame_range(frames, stream.n_frames)
+    wanted = frame_range(frames, stream.n_frames)
     decoder = BlockDecoder(stream, n_modes)
     faces = decoder.faces
     vertices = np.empty((len(wanted), header.n_verts, 3), decoder.dtype)
@@ -64,7 +64,14 @@ def decode(
         raise CorruptStreamError(f"the stream decodes to an invalid mesh: {error}") from error
 
 
-def _frame_range(frames: slice | None, n_frames: int) -> range:
+def frame_range(frames: slice | None, n_frames: int) -> range:
+    """The frames of so many that a slice names; None names all.
+
+    Raises
+    ------
+    InvalidInputError
+        If it names no frame, or has a step.
+    """
     start, stop, step = (frames or slice(None)).indices(n_frames)
     if step != 1:
         raise InvalidInputError(f"frames must have no step; got {frames}")

@@ -44,6 +44,8 @@ class StreamInfo:
         piece would save is most of those of the later blocks.
     max_error_percent : float or None
         Promised: no vertex is farther from where it was, in percent of the diagonal.
+    is_whole : bool
+        False if the end is missing: the rest is of the blocks that are whole.
     """
 
     n_frames: int
@@ -62,6 +64,7 @@ class StreamInfo:
     budget_bytes: dict[str, int]
     block_bytes: tuple[int, ...]
     max_error_percent: float | None
+    is_whole: bool
 
     @property
     def ratio(self) -> float:
@@ -120,6 +123,7 @@ def stream_info(stream: Stream) -> StreamInfo:
             sum(len(payload) for payload in block.sections.values()) for block in blocks
         ),
         max_error_percent=_promised(stream),
+        is_whole=stream.is_whole,
     )
 
 

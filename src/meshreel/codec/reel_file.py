@@ -12,10 +12,10 @@ import numpy.typing as npt
 
 from meshreel.bitstream.reader import open_stream
 from meshreel.codec.block_decoder import BlockDecoder, DecodedBlock
+from meshreel.codec.decoder import frame_range
 from meshreel.codec.inspect import StreamInfo, stream_info
 from meshreel.errors import CorruptStreamError, InvalidInputError
 from meshreel.sequence import Faces
-from meshreel.threads import chunks
 
 Vertices = npt.NDArray[np.floating]
 
@@ -128,21 +128,42 @@ class ReelFile:
         for _, frames in self.pieces():
             yield from frames
 
-    def pieces(self) -> Iterator[tuple[int, Vertices]]:
-        """All frames in runs: number of the first, and positions of shape (T_run, V, 3).
+    def pieces(self, wanted: range | None = None) -> Iterator[tuple[int, Vertices]]:
+        """Frames in runs: number of the first, and positions of shape (T_run, V, 3).
 
         The next block is decoded while the frames of one are used.
+
+        Parameters
+        ----------
+        wanted : range, optional
+            Of frames that follow each other; default all.
         """
+        frames = range(self.n_frames) if wanted is None else wanted
         starts = self._decoder.stream.starts
         n_together = max(1, READ_AHEAD_BYTES // (self.n_verts * 3 * self.dtype.itemsize))
+        first, last = self._number_of(frames.start), self._number_of(frames.stop - 1)
         with ThreadPoolExecutor(1, "meshreel-ahead") as ahead:
-            following = ahead.submit(self._block, 0)
-            for number, start in enumerate(starts[:-1]):
-                n_frames = following.result().n_frames
-                if number + 2 < len(starts):
+            following = ahead.submit(self._block, first)
+            for number in range(first, last + 1):
+                following.result()
+                if number < last:
                     following = ahead.submit(self._block, number + 1)
-                for run in chunks(n_frames, n_together):
-                    yield start + run.start, self.read(start + run.start, start + run.stop)
+                start, stop = (
+                    max(frames.start, starts[number]),
+                    min(frames.stop, starts[number + 1]),
+                )
+                for run in range(start, stop, n_together):
+                    yield run, self.read(run, min(run + n_together, stop))
+
+    def frame_range(self, chosen: slice | None) -> range:
+        """The frames that a slice without a step names; None names all.
+
+        Raises
+        ------
+        InvalidInputError
+            If it names no frame, or has a step.
+        """
+        return frame_range(chosen, self.n_frames)
 
     def close(self) -> None:
         """Close the file and forget what was decoded."""

@@ -7,6 +7,10 @@ from meshreel.formats.sources import Source, find_files
 from meshreel.progress import Progress, silent
 from meshreel.sequence import FrameSource, MeshSequence, validate_fps
 
+MAX_LOADED_BYTES = 1 << 30
+LOADED_SHARE = 1 / 10
+"""Positions that are loaded to be encoded: up to so many bytes, or this share of the memory."""
+
 
 def load(
     source: Source,
@@ -106,4 +110,27 @@ def open_source(
         name=found.name,
         progress=progress,
         notes=notes if notes is not None else [],
+    )
+
+
+def open_for_encoding(
+    source: Source,
+    memory: float | None,
+    *,
+    fps: float | None = None,
+    progress: Progress = silent,
+    notes: list[str] | None = None,
+) -> FrameSource:
+    """`open_source`, loading what takes a small part of the memory that encoding may take.
+
+    Parameters
+    ----------
+    source, fps, progress, notes
+        As in `load`.
+    memory : float or None
+        Bytes that encoding may take; None is what `meshreel.encode` takes by default.
+    """
+    max_loaded_bytes = MAX_LOADED_BYTES if memory is None else int(LOADED_SHARE * memory)
+    return open_source(
+        source, fps=fps, max_loaded_bytes=max_loaded_bytes, progress=progress, notes=notes
     )
