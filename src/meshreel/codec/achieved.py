@@ -11,6 +11,7 @@ from meshreel.codec.reel_file import ReelFile
 from meshreel.connectivity.coder import encode_connectivity
 from meshreel.metrics.sted import sted
 from meshreel.metrics.streamed import streamed_errors
+from meshreel.profiling import staged
 from meshreel.progress import Progress, silent
 from meshreel.sequence import FrameSource
 
@@ -34,6 +35,7 @@ class Achieved:
     sted: float | None
 
 
+@staged("measuring")
 def measure_stream(
     sequence: FrameSource,
     data: bytes,

@@ -34,6 +34,7 @@ from meshreel.codec.reel import synthesise_fields
 from meshreel.connectivity.coder import decode_connectivity, decode_order
 from meshreel.entropy.floats import decode_floats
 from meshreel.errors import InvalidInputError
+from meshreel.profiling import staged
 from meshreel.sequence import Faces
 from meshreel.subspace.trajectories import BoundingFrame, from_matrices
 from meshreel.threads import chunks, in_threads
@@ -74,6 +75,7 @@ class DecodedBlock:
         """Frame behind its last one."""
         return self.start + self.n_frames
 
+    @staged("frames")
     def fill(
         self, target: Vertices, first: int, report: Callable[[int], None] | None = None
     ) -> None:

@@ -14,6 +14,7 @@ from meshreel.codec.pipeline import CodedBlock, Quantized
 from meshreel.codec.reel import FieldBlock
 from meshreel.entropy.field_coder import decode_fields, encode_fields
 from meshreel.errors import CorruptStreamError
+from meshreel.profiling import stage
 from meshreel.threads import in_background
 
 
@@ -150,11 +151,13 @@ def read_field_block(
     field_mesh = before if before is not None and serves else FieldMesh(mesh, layout.stencil_size)
     scales = in_background(lambda: field_mesh.scales)
     times = payloads.read_times(stored.payload(Section.BASIS), n_modes, n_frames)
-    scales.result()
+    with stage("waiting"):
+        scales.result()
     stencils = in_background(lambda: field_mesh.stencils)
     coded = stored.payload(Section.COEFFICIENTS)
     fields = decode_fields(coded, n_modes, mesh.n_verts, field_mesh.passes)
-    stencils.result()
+    with stage("waiting"):
+        stencils.result()
     return FieldBlock(layout, times, fields, taps), field_mesh
 
 

@@ -12,6 +12,8 @@ import numpy as np
 import numpy.typing as npt
 from scipy.sparse import csr_array
 
+from meshreel.profiling import staged
+
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
 
@@ -36,6 +38,7 @@ StepsOf = Callable[[int, Floats], Integers]
 """Whole steps of shape (n, K) between a level (by its number) and its prediction of that shape."""
 
 
+@staged("levels")
 def reconstruct_levels(
     predictors: Sequence[Predictor], n_values: int, n_columns: int, step: float, steps_of: StepsOf
 ) -> Floats:

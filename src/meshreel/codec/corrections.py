@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.codec.pipeline import FramesOf
+from meshreel.profiling import staged
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
@@ -53,6 +54,7 @@ def allowed_error(bound: float, rounding: float) -> float:
     return bound * (1.0 - MARGIN) - rounding
 
 
+@staged("corrections")
 def find_corrections(errors: Floats, bound: float, rounding: float) -> Corrections:
     """What brings all positions of a block within a bound.
 
@@ -73,6 +75,7 @@ def find_corrections(errors: Floats, bound: float, rounding: float) -> Correctio
     return Corrections(step, vertices.astype(np.int64), frames.astype(np.int64), offsets)
 
 
+@staged("corrections")
 def corrected(frames_of: FramesOf, corrections: Corrections, order: Integers | None) -> FramesOf:
     """What gives frames with their corrections.
 

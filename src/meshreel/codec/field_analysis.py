@@ -20,6 +20,7 @@ from meshreel.codec.reel import (
     reconstruct_times,
 )
 from meshreel.codec.timeline import time_predictors
+from meshreel.profiling import staged
 from meshreel.quantization.rate_distortion import FAIR_PRICE, quantize_by_rate
 from meshreel.subspace.pca import joint_trajectories
 
@@ -80,6 +81,7 @@ class BlockFrames:
     matrices: Floats
     _found: tuple[float, Floats, Floats] | None = None
 
+    @staged("trajectories")
     def trajectories(self, least: float) -> tuple[Floats, Floats]:
         """Singular values above `least`, one at least, and time vectors of shape (3 T, K)."""
         if self._found is None or self._found[0] > least:
@@ -123,6 +125,7 @@ def analyse_fields(
     return block, vectors.reshape(3, n_frames, n_modes), fields.T[None]
 
 
+@staged("projection")
 def _projected(vectors: Floats, matrices: Floats) -> Floats:
     """Fields of shape (V, K) whose product with the time vectors is nearest to the frames."""
     gram = vectors.T @ vectors  # rounding leaves the vectors not quite orthonormal
@@ -130,6 +133,7 @@ def _projected(vectors: Floats, matrices: Floats) -> Floats:
     return np.asarray(matrices.reshape(len(vectors), -1).T @ (vectors @ inverse))
 
 
+@staged("time vectors")
 def _quantized_times(frames: BlockFrames, step: float, choices: FieldChoices) -> Integers:
     """Steps of the time vectors, of shape (T, 3 K), without modes that the steps make vanish."""
     n_frames, n_verts = frames.matrices.shape[1:]

@@ -13,6 +13,7 @@ from meshreel.entropy.passes import Pass
 from meshreel.geometry.connectivity import adjacency_matrix
 from meshreel.geometry.hierarchy import Scale, build_hierarchy
 from meshreel.geometry.prediction import Stencils, joined_stencils, smooth_stencils
+from meshreel.profiling import staged
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
@@ -37,6 +38,7 @@ class FieldMesh:
         return adjacency_matrix(self.mesh.faces, self.mesh.n_verts)
 
     @cached_property
+    @staged("hierarchy")
     def scales(self) -> list[Scale]:
         """The hierarchy of the vertices, from coarse to fine."""
         return build_hierarchy(self.adjacency, self.stencil_size)
@@ -51,11 +53,13 @@ class FieldMesh:
         return [level for scale in self.scales[scales] for level in scale.levels]
 
     @cached_property
+    @staged("stencils")
     def stencils(self) -> Stencils:
         """Stencils of all levels, before anything is known."""
         return joined_stencils([smooth_stencils(scale) for scale in self.scales], self.stencil_size)
 
     @cached_property
+    @staged("coding passes")
     def passes(self) -> list[Pass]:
         """In which order the integers of a field are coded, and what tells of each."""
         sizes = np.array([len(scale.members) for scale in self.scales[:-1]])

@@ -11,6 +11,7 @@ from meshreel.codec.methods import Laplacian
 from meshreel.geometry.anchors import farthest_points
 from meshreel.geometry.connectivity import adjacency_matrix, component_labels, isolated_vertices
 from meshreel.geometry.laplacian import uniform_laplacian
+from meshreel.profiling import staged
 from meshreel.reconstruction.system import ReconstructionSystem
 from meshreel.sequence import Faces
 from meshreel.subspace.graph_fourier import graph_fourier_basis
@@ -76,14 +77,17 @@ class MeshModel:
     def _system(self) -> ReconstructionSystem:
         return self._new_system()
 
+    @staged("factoring")
     def _new_system(self) -> ReconstructionSystem:
         return ReconstructionSystem(self.laplacian, np.concatenate([self.anchors, self.isolated]))
 
+    @staged("solving")
     def _solve(self, system: ReconstructionSystem, deltas: Floats, anchor_values: Floats) -> Floats:
         nothing = np.zeros((len(self.isolated), anchor_values.shape[1]))
         return system.solve(deltas, np.concatenate([anchor_values, nothing]))
 
 
+@staged("anchors")
 def choose_anchors(faces: Faces, n_verts: int, share: float) -> Integers:
     """Anchors spread uniformly over the mesh, ascending: a share of the vertices that have edges.
 

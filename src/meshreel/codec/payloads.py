@@ -15,6 +15,7 @@ from meshreel.entropy.coder import decode_integers, encode_integers
 from meshreel.entropy.field_coder import decode_fields, encode_fields
 from meshreel.entropy.varint import read_varint, write_varint
 from meshreel.errors import CorruptStreamError, TruncatedStreamError, UnsupportedVersionError
+from meshreel.profiling import staged
 from meshreel.quantization.uniform import Steps
 
 Integers = npt.NDArray[np.int64]
@@ -164,6 +165,7 @@ def read_layout(payload: bytes, n_modes: int) -> tuple[Layout, Integers]:
     return Layout(np.float32(step), ends, stencil_size), taps
 
 
+@staged("time vectors")
 def write_times(times: Integers) -> bytes:
     """Steps of time vectors, of shape (T, 3 K); those of the coarsest times are differenced."""
     n_frames = len(times)
@@ -172,6 +174,7 @@ def write_times(times: Integers) -> bytes:
     return encode_fields(rows.reshape(-1, 3 * n_frames), time_passes(n_frames))
 
 
+@staged("time vectors")
 def read_times(payload: bytes, n_modes: int, n_frames: int) -> Integers:
     """Undo `write_times`."""
     coded = decode_fields(payload, n_modes, 3 * n_frames, time_passes(n_frames))
@@ -180,6 +183,7 @@ def read_times(payload: bytes, n_modes: int, n_frames: int) -> Integers:
     return rows.T
 
 
+@staged("corrections")
 def write_corrections(corrections: Corrections) -> bytes:
     """Corrections of a block: vertices with their number of frames, frames, offsets."""
     vertices, counts = np.unique(corrections.vertices, return_counts=True)
@@ -202,6 +206,7 @@ def write_corrections(corrections: Corrections) -> bytes:
     )
 
 
+@staged("corrections")
 def read_corrections(payload: bytes, n_frames: int, n_verts: int) -> Corrections:
     """Undo `write_corrections`.
 

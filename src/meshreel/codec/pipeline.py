@@ -10,6 +10,7 @@ from meshreel.codec.config import DEFAULT_FREQUENCIES, EncoderConfig
 from meshreel.codec.mesh_model import MeshModel
 from meshreel.codec.methods import Allocation, Basis, Method, Signal
 from meshreel.geometry.laplacian import delta_coordinates
+from meshreel.profiling import staged
 from meshreel.quantization.allocation import step_for_all_rows, steps_for_each_row
 from meshreel.quantization.uniform import Steps, dequantize, quantize
 from meshreel.subspace.basis import expand, project
@@ -77,6 +78,7 @@ class CodedBlock:
         return int(self.coefficients.integers.shape[1])
 
 
+@staged("analysis")
 def analyse(
     matrices: Floats, mesh: MeshModel, config: EncoderConfig, before: Quantized | None = None
 ) -> CodedBlock:

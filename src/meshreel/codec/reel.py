@@ -22,6 +22,7 @@ from meshreel.codec.field_mesh import FieldMesh
 from meshreel.codec.timeline import time_predictors
 from meshreel.geometry.laplacian import reproducing_laplacian
 from meshreel.geometry.prediction import WeightLearner
+from meshreel.profiling import staged
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
@@ -94,6 +95,7 @@ class FieldBlock:
         return FieldBlock(layout, self.times[:, : 3 * kept], self.fields[:kept], self.taps[:kept])
 
 
+@staged("fields")
 def reconstruct_fields(
     mesh: FieldMesh,
     layout: Layout,
@@ -134,6 +136,7 @@ def reconstruct_fields(
     return known
 
 
+@staged("time vectors")
 def reconstruct_times(n_frames: int, n_modes: int, steps_of: StepsOf) -> Floats:
     """Decoded time vectors of shape (3 T, K), each of length 1 (or 0)."""
     decoded = reconstruct_levels(time_predictors(n_frames), n_frames, 3 * n_modes, 1.0, steps_of)

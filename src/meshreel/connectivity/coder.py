@@ -15,6 +15,7 @@ from meshreel.connectivity.general import decode_face_list, encode_face_list
 from meshreel.connectivity.order import decode_given_order, encode_order
 from meshreel.connectivity.traversal import decode_traversal, encode_traversal
 from meshreel.errors import CorruptStreamError, InvalidInputError
+from meshreel.profiling import staged
 from meshreel.sequence import Faces
 
 Integers = npt.NDArray[np.int64]
@@ -50,6 +51,7 @@ class CodedConnectivity:
     internal_faces: Faces
 
 
+@staged("connectivity")
 def encode_connectivity(faces: Faces, n_verts: int, *, order: str = "keep") -> CodedConnectivity:
     """The face list in as few bytes as this package knows.
 
@@ -77,6 +79,7 @@ def encode_connectivity(faces: Faces, n_verts: int, *, order: str = "keep") -> C
     return min(listed, traversed, key=lambda coded: len(coded.payload) + len(coded.order_payload))
 
 
+@staged("connectivity")
 def decode_connectivity(payload: bytes, n_verts: int, n_faces: int) -> Faces:
     """The internal faces, int32 of shape (M, 3).
 
@@ -101,6 +104,7 @@ def decode_connectivity(payload: bytes, n_verts: int, n_faces: int) -> Faces:
     return decode_traversal(payload[1:], CODING_OF_KIND[payload[0]], n_verts, n_faces)
 
 
+@staged("order")
 def decode_order(
     order_payload: bytes, internal_faces: Faces, n_verts: int
 ) -> tuple[Integers, Faces]:

@@ -11,6 +11,7 @@ from meshreel.entropy.models import LEVEL_FREQUENCIES, read_tables, table_levels
 from meshreel.entropy.tokens import N_TOKENS, TOKEN_WIDTHS, join_integers, split_integers
 from meshreel.entropy.varint import read_varint, write_varint
 from meshreel.errors import CorruptStreamError
+from meshreel.profiling import staged
 
 Integers = npt.NDArray[np.int64]
 
@@ -18,6 +19,7 @@ MAX_INTEGERS_PER_BYTE = 256
 """A reader refuses more integers a byte before it allocates; a writer pads with zero bytes."""
 
 
+@staged("entropy coding")
 def encode_integers(
     rows: Sequence[npt.NDArray[np.integer]], tables: Sequence[int] | None = None
 ) -> bytes:
@@ -68,6 +70,7 @@ def encode_integers(
     return coded.ljust(_least_size_bytes(lengths), b"\0")
 
 
+@staged("entropy coding")
 def decode_integers(
     data: bytes, lengths: Sequence[int], tables: Sequence[int] | None = None
 ) -> list[Integers]:

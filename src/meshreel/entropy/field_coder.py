@@ -36,6 +36,7 @@ from meshreel.entropy.tokens import MAX_MAGNITUDE
 from meshreel.entropy.value_model import ValueModel, coarse, detail_widths
 from meshreel.entropy.varint import read_varint, write_varint
 from meshreel.errors import CorruptStreamError, InvalidInputError
+from meshreel.profiling import staged
 
 Integers = npt.NDArray[np.int64]
 
@@ -44,6 +45,7 @@ BATCH_ROWS = 6
 FIRST_SCALE = 2 * (UNIT.bit_length() - 1)  # first rows are expected to have a mean of 1
 
 
+@staged("entropy coding")
 def encode_fields(fields: npt.NDArray[np.integer], passes: Sequence[Pass] | None = None) -> bytes:
     """Bytes that hold rows of integers over the same columns.
 
@@ -79,6 +81,7 @@ def encode_fields(fields: npt.NDArray[np.integer], passes: Sequence[Pass] | None
     return coded.ljust(_least_size_bytes(n_rows, n_columns), b"\0")
 
 
+@staged("entropy coding")
 def decode_fields(
     data: bytes, n_rows: int, n_columns: int, passes: Sequence[Pass] | None = None
 ) -> Integers:

@@ -4,6 +4,7 @@ from meshreel.formats.frames import open_frames, read_frames
 from meshreel.formats.mesh_files import MeshFiles
 from meshreel.formats.registry import SequenceFormat
 from meshreel.formats.sources import Source, find_files
+from meshreel.profiling import staged
 from meshreel.progress import Progress, silent
 from meshreel.sequence import FrameSource, MeshSequence, validate_fps
 
@@ -12,6 +13,7 @@ LOADED_SHARE = 1 / 10
 """Positions that are loaded to be encoded: up to so many bytes, or this share of the memory."""
 
 
+@staged("reading")
 def load(
     source: Source,
     *,

@@ -13,10 +13,12 @@ from meshreel.formats.frame_stream import FrameStream
 from meshreel.formats.registry import SequenceFormat, format_of
 from meshreel.formats.sources import AnyPath
 from meshreel.formats.targets import check_save_target
+from meshreel.profiling import staged
 from meshreel.progress import Progress, silent
 from meshreel.sequence import FrameSource, Vertices
 
 
+@staged("writing")
 def save(
     sequence: FrameSource,
     target: AnyPath,

@@ -6,6 +6,7 @@ from scipy.sparse import csr_array, diags_array
 
 from meshreel.errors import InvalidInputError
 from meshreel.geometry.connectivity import adjacency_matrix
+from meshreel.profiling import staged
 from meshreel.sequence import Faces
 from meshreel.threads import chunks, in_threads
 
@@ -71,6 +72,7 @@ def delta_coordinates(laplacian: csr_array, columns: npt.NDArray[np.floating]) -
     return np.asarray(laplacian @ np.asarray(columns, np.float64))
 
 
+@staged("filters")
 def reproducing_laplacian(adjacency: csr_array, fields: Floats, noise: float) -> csr_array:
     """Laplacian ``I - W`` whose weights reproduce known fields on the mesh, row by row.
 

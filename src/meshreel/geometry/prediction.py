@@ -15,6 +15,7 @@ from scipy.sparse import csr_array
 from scipy.special import ive
 
 from meshreel.geometry.hierarchy import Scale, scattered
+from meshreel.profiling import staged
 from meshreel.threads import chunks, in_threads
 
 Floats = npt.NDArray[np.float64]
@@ -91,6 +92,7 @@ class WeightLearner:
         self._gram = np.zeros((n_targets, size, size))
         self._n_fields = 0
 
+    @staged("weights")
     def learn(self, fields: Floats, noise: float) -> Floats:
         """Weights after some more fields of shape (V, K) are known; see `Stencils.learn`."""
         known = self._stencils

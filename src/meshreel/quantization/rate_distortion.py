@@ -3,6 +3,8 @@
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.profiling import staged
+
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
 
@@ -15,6 +17,7 @@ LATER_ZONE = 0.04
 """By how much more than half a step magnitudes above 1 are rounded down."""
 
 
+@staged("rounding")
 def quantize_by_rate(scaled: Floats, price: float) -> Integers:
     """Integers near to values in steps; those that cost more bits than they are worth are 0.
 

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.profiling import staged
 from meshreel.sequence import Extent
 
 Floats = npt.NDArray[np.float64]
@@ -38,6 +39,7 @@ def bounding_frame(extent: Extent) -> BoundingFrame:
     return BoundingFrame((x, y, z), largest * float(np.linalg.norm(sides / largest)) or 1.0)
 
 
+@staged("coordinates")
 def to_matrices(vertices: npt.NDArray[np.floating], frame: BoundingFrame) -> Floats:
     """Coordinate matrices A of shape (3, T, V), in diagonals from the centre."""
     # A copy even where nothing needs converting: it is changed in place below.
