@@ -25,6 +25,7 @@ def decode_command(
         bool, typer.Option("--force", "-f", help="Replace outputs that exist.")
     ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print what was done as JSON.")] = False,
+    profile: Annotated[bool, typer.Option("--profile", help="Print seconds by stage.")] = False,
 ) -> None:
     """Give back the animation that a .reel file holds.
 
@@ -37,13 +38,20 @@ def decode_command(
     - `meshreel decode walk.reel -o preview.npz --modes 8`
     """
     from meshreel.cli.console import print_json, print_notes, print_table, progress_bar
+    from meshreel.cli.profile import print_profile, profile_figures
     from meshreel.formats.reel import errors_naming, open
     from meshreel.formats.save import save_frames
     from meshreel.formats.targets import check_save_target
+    from meshreel.profiling import profiled
 
     chosen = _frame_slice(frames)
     check_save_target(output, overwrite=force)
-    with progress_bar() as progress, open(source, n_modes=modes) as reel, errors_naming(source):
+    with (
+        progress_bar() as progress,
+        profiled() as times,
+        open(source, n_modes=modes) as reel,
+        errors_naming(source),
+    ):
         wanted = reel.frame_range(chosen)
         written = save_frames(
             (run for _, run in reel.pieces(wanted)),
@@ -66,6 +74,7 @@ def decode_command(
                 "n_faces": reel.n_faces,
                 "fps": reel.fps,
                 "is_whole": reel.is_whole,
+                **({"profile": profile_figures(times)} if profile else {}),
             }
         )
         return
@@ -77,6 +86,8 @@ def decode_command(
             "files": str(len(written)),
         },
     )
+    if profile:
+        print_profile(times)
 
 
 def _frame_slice(text: str | None) -> slice | None:

@@ -79,6 +79,7 @@ def encode_command(
         bool, typer.Option("--force", "-f", help="Replace the output if it exists.")
     ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print the figures as JSON.")] = False,
+    profile: Annotated[bool, typer.Option("--profile", help="Print seconds by stage.")] = False,
 ) -> None:
     """Compress an animated mesh into one .reel file.
 
@@ -99,11 +100,13 @@ def encode_command(
     from meshreel.atomic_write import check_output_path, replace_when_done
     from meshreel.cli.console import print_json, print_notes, print_table, progress_bar
     from meshreel.cli.figures import achieved_rows, size_figures, size_rows
+    from meshreel.cli.profile import print_profile, profile_figures
     from meshreel.codec.achieved import measure_stream
     from meshreel.codec.encoder import encode
     from meshreel.codec.inspect import info
     from meshreel.formats.load import open_for_encoding
     from meshreel.formats.sources import natural_order
+    from meshreel.profiling import profiled, stage
 
     target = output or Path(f"{_stem(inputs[0])}.reel")
     check_output_path(target, overwrite=force)
@@ -130,12 +133,12 @@ def encode_command(
         effort=effort,
     )
     notes: list[str] = []
-    with progress_bar() as progress:
+    with progress_bar() as progress, profiled() as times:
         frames = natural_order(Path(path) for path in inputs)
         source = inputs[0] if len(inputs) == 1 else frames
         sequence = open_for_encoding(source, config.memory, fps=fps, progress=progress, notes=notes)
         data = encode(sequence, **vars(config), progress=progress)
-        with replace_when_done(target, overwrite=force) as temporary:
+        with stage("writing"), replace_when_done(target, overwrite=force) as temporary:
             temporary.write_bytes(data)
         achieved = measure_stream(
             sequence, data, order=order, with_sted=sted is not None, progress=progress
@@ -144,9 +147,13 @@ def encode_command(
     stream = info(data)
     if as_json:
         figures = {**size_figures(stream), **vars(achieved)}
+        if profile:
+            figures["profile"] = profile_figures(times)
         print_json({"output": str(target), "notes": notes, **figures})
     else:
         print_table(str(target), {**size_rows(stream), **achieved_rows(achieved, stream)})
+        if profile:
+            print_profile(times)
 
 
 def _bits(text: str | None) -> int | list[int] | None:

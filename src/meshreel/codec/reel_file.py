@@ -4,6 +4,7 @@ import threading
 from collections import OrderedDict
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
+from contextvars import copy_context
 from types import TracebackType
 from typing import BinaryIO, overload
 
@@ -143,11 +144,11 @@ class ReelFile:
         n_together = max(1, READ_AHEAD_BYTES // (self.n_verts * 3 * self.dtype.itemsize))
         first, last = self._number_of(frames.start), self._number_of(frames.stop - 1)
         with ThreadPoolExecutor(1, "meshreel-ahead") as ahead:
-            following = ahead.submit(self._block, first)
+            following = ahead.submit(copy_context().run, self._block, first)
             for number in range(first, last + 1):
                 following.result()
                 if number < last:
-                    following = ahead.submit(self._block, number + 1)
+                    following = ahead.submit(copy_context().run, self._block, number + 1)
                 start, stop = (
                     max(frames.start, starts[number]),
                     min(frames.stop, starts[number + 1]),

@@ -1,0 +1,56 @@
+"""Seconds by stage, as a table and as figures."""
+
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+
+from meshreel.profiling import Profile, StageTime
+
+BESIDE_NOTE = (
+    "Indented stages are parts of the one above. Seconds beside are those of other threads: they "
+    "overlap with the rest."
+)
+
+
+def print_profile(profile: Profile) -> None:
+    """The table on stdout."""
+    table = Table(title="seconds by stage", title_justify="left", title_style="bold")
+    table.add_column("stage", no_wrap=True)
+    for name in ("seconds", "share", "beside", "calls"):
+        table.add_column(name, justify="right")
+    for time in profile.stages:
+        table.add_row(*_cells(time, profile.wall_s))
+    table.add_row("(everything else)", *_seconds_and_share(profile.unnamed_s, profile.wall_s))
+    table.add_section()
+    table.add_row("total", *_seconds_and_share(profile.wall_s, profile.wall_s))
+    console = Console()
+    console.print(table)
+    console.print(BESIDE_NOTE, highlight=False)
+
+
+def profile_figures(profile: Profile) -> dict[str, Any]:
+    """The same for JSON; `beside` marks what other threads did."""
+    return {
+        "wall_s": profile.wall_s,
+        "stages": [
+            {
+                "stage": list(time.path),
+                "beside": time.is_beside,
+                "seconds": time.seconds,
+                "calls": time.n_calls,
+            }
+            for time in profile.stages
+        ],
+    }
+
+
+def _cells(time: StageTime, wall_s: float) -> list[str]:
+    name = "  " * (len(time.path) - 1) + time.path[-1]
+    if time.is_beside:
+        return [name, "", "", f"{time.seconds:.3f}", str(time.n_calls)]
+    return [name, *_seconds_and_share(time.seconds, wall_s), "", str(time.n_calls)]
+
+
+def _seconds_and_share(seconds: float, wall_s: float) -> list[str]:
+    return [f"{seconds:.3f}", f"{seconds / wall_s:.0%}"]
