@@ -1,12 +1,12 @@
 """The sequences that speeds are measured on: files, the embedded flag, and a waving sphere.
 
-Each is a function that makes the sequence, so that a run holds one at a time and a child process
-can make its own.
+Each is a function that makes the sequence, so that a run holds one at a time.
 """
 
 import argparse
 from collections.abc import Callable
-from functools import partial
+from functools import lru_cache, partial
+from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
@@ -15,6 +15,7 @@ import meshreel
 
 Source = Callable[[], meshreel.MeshSequence]
 Floats = npt.NDArray[np.float64]
+Integers = npt.NDArray[np.int64]
 
 # Each travels along its vector, which is its angular wavenumber in a unit sphere.
 WAVE_VECTORS = np.array([[3.0, 1.0, 0.0], [0.0, 4.0, 2.0], [-2.0, 0.0, 6.0], [5.0, -5.0, 3.0]])
@@ -22,10 +23,16 @@ WAVE_HEIGHTS = np.array([0.08, 0.05, 0.03, 0.015])
 WAVES_PER_S = np.array([0.5, 0.8, 1.1, 1.7])
 FPS = 30.0
 
+LONGEST_FLAG = 5000
+LARGE_SPHERE = (7, 100)
+"""Subdivisions, which make 163,842 vertices, and frames."""
+
 
 def add_inputs(parser: argparse.ArgumentParser) -> None:
     """Give a command line the arguments that `sources` reads."""
     parser.add_argument("inputs", nargs="*", help="files or frames; default: the embedded flag")
+    parser.add_argument("--subdivided", action="append", default=[], metavar="FILE",
+                        help="a file, every face cut in four")  # fmt: skip
     parser.add_argument("--flag", type=int, action="append", default=[], metavar="FRAMES")
     parser.add_argument("--sphere", type=int, nargs=2, action="append", default=[],
                         metavar=("SUBDIVISIONS", "FRAMES"))  # fmt: skip
@@ -34,9 +41,46 @@ def add_inputs(parser: argparse.ArgumentParser) -> None:
 def sources(options: argparse.Namespace) -> list[Source]:
     """What was asked for: files first, then flags, then spheres."""
     found: list[Source] = [partial(meshreel.load, path) for path in options.inputs]
+    found += [partial(subdivided_once, path) for path in options.subdivided]
     found += [partial(meshreel.simulate_flag, n_frames) for n_frames in options.flag]
     found += [partial(waving_sphere, *counts) for counts in options.sphere]
     return found or [meshreel.simulate_flag]
+
+
+def standard_sources(data: Path) -> list[Source]:
+    """Captured, subdivided, large and long: what `--all` measures."""
+    return [
+        partial(meshreel.load, data / "samba.npz"),
+        partial(subdivided_once, data / "horse_gallop.npz"),
+        partial(waving_sphere, *LARGE_SPHERE),
+        partial(long_flag, LONGEST_FLAG),
+    ]
+
+
+def first_frames(sequence: meshreel.MeshSequence, n_frames: int) -> meshreel.MeshSequence:
+    """At most so many frames, from the first on."""
+    vertices = sequence.vertices[:n_frames]
+    return meshreel.MeshSequence(vertices, sequence.faces, sequence.fps, sequence.name)
+
+
+def long_flag(n_frames: int) -> meshreel.MeshSequence:
+    """The embedded flag with up to `LONGEST_FLAG` frames, which are simulated once."""
+    return first_frames(_longest_flag(), n_frames)
+
+
+@lru_cache(maxsize=1)
+def _longest_flag() -> meshreel.MeshSequence:
+    return meshreel.simulate_flag(LONGEST_FLAG)
+
+
+def subdivided_once(path: str | Path) -> meshreel.MeshSequence:
+    """A sequence whose faces are cut in four at the middles of their edges."""
+    coarse = meshreel.load(path)
+    ends, faces = quartered(coarse.faces.astype(np.int64), coarse.n_verts)
+    middles = coarse.vertices[:, ends].mean(axis=2)
+    vertices = np.concatenate([coarse.vertices, middles], axis=1)
+    name = f"{coarse.name}, subdivided"
+    return meshreel.MeshSequence(vertices, faces.astype(np.int32), coarse.fps, name)
 
 
 def waving_sphere(n_subdivisions: int, n_frames: int) -> meshreel.MeshSequence:
@@ -63,21 +107,19 @@ def icosphere(n_subdivisions: int) -> tuple[Floats, npt.NDArray[np.int32]]:
         triangles += [(0, a, b), (b, a, c), (b, c, d), (3, d, c)]
     faces = np.array(triangles)
     for _ in range(n_subdivisions):
-        vertices, faces = subdivided(vertices, faces)
+        ends, faces = quartered(faces, len(vertices))
+        vertices = np.concatenate([vertices, unit(vertices[ends].sum(axis=1))])
     return vertices, faces.astype(np.int32)
 
 
-def subdivided(
-    vertices: Floats, faces: npt.NDArray[np.int64]
-) -> tuple[Floats, npt.NDArray[np.int64]]:
-    """Every face cut in four at the middles of its edges, which are moved onto the sphere."""
-    ends = np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]], axis=-1)
-    edges, edge_of_side = np.unique(ends @ [len(vertices), 1], return_inverse=True)
-    first, second = np.divmod(edges, len(vertices))
-    middles = len(vertices) + edge_of_side.reshape(-1, 3)
-    (a, b, c), (ab, bc, ca) = faces.T, middles.T
-    quarters = np.stack([a, ab, ca, ab, b, bc, ca, bc, c, ab, bc, ca], axis=1).reshape(-1, 3)
-    return np.concatenate([vertices, unit(vertices[first] + vertices[second])]), quarters
+def quartered(faces: Integers, n_verts: int) -> tuple[Integers, Integers]:
+    """Ends of every edge, of shape (E, 2), and four faces for each: edge e has vertex V + e."""
+    sides = np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]], axis=-1)
+    edges, edge_of_side = np.unique(sides @ [n_verts, 1], return_inverse=True)
+    ends = np.stack(np.divmod(edges, n_verts), axis=1)
+    (a, b, c), (ab, bc, ca) = faces.T, n_verts + edge_of_side.reshape(-1, 3).T
+    quarters = [a, ab, ca, ab, b, bc, ca, bc, c, ab, bc, ca]
+    return ends, np.stack(quarters, axis=1).reshape(-1, 3)
 
 
 def unit(vectors: Floats) -> Floats:
