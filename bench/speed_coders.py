@@ -1,6 +1,8 @@
 """What speeds are compared of: our methods, and Draco on every frame for itself."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any, Protocol
 
 import meshreel
@@ -11,6 +13,10 @@ from meshreel.sequence import Vertices
 
 DRACO_BITS = 10
 DRACO = "Draco"
+DEFAULT_EFFORT, FAST_EFFORT = 5, 1
+
+FrameAt = Callable[[int], Vertices]
+"""Gives the positions of a frame, by its number, from a stream that was opened."""
 
 
 class Coder(Protocol):
@@ -29,8 +35,8 @@ class Coder(Protocol):
     def decode(self, data: bytes, shape: Shape) -> Vertices:
         """The positions of every frame."""
 
-    def decode_first(self, data: bytes, shape: Shape) -> Vertices:
-        """The positions of the first frame."""
+    def open(self, path: Path, shape: Shape) -> FrameAt:
+        """What gives single frames of the stored bytes."""
 
 
 @dataclass(frozen=True)
@@ -53,9 +59,10 @@ class OwnMethod:
         """The positions of every frame."""
         return meshreel.decode(data).vertices
 
-    def decode_first(self, data: bytes, shape: Shape) -> Vertices:
-        """The positions of the first frame."""
-        return meshreel.decode(data, frames=slice(0, 1)).vertices
+    def open(self, path: Path, shape: Shape) -> FrameAt:
+        """What gives single frames of the stored bytes."""
+        # With a reader: return meshreel.open(path).__getitem__
+        return lambda i: meshreel.decode(path.read_bytes(), frames=slice(i, i + 1)).vertices[0]
 
 
 @dataclass(frozen=True)
@@ -79,9 +86,10 @@ class DracoFrames:
         """The positions of every frame, in Draco's order."""
         return self.codec.decode(data, shape, "float32")
 
-    def decode_first(self, data: bytes, shape: Shape) -> Vertices:
-        """The positions of the first frame, in Draco's order."""
-        return self.decode(pack_frames(unpack_frames(data)[:1]), (1, *shape[1:]))
+    def open(self, path: Path, shape: Shape) -> FrameAt:
+        """What gives single frames of the stored bytes, in Draco's order."""
+        frames = unpack_frames(path.read_bytes())
+        return lambda i: self.decode(pack_frames([frames[i]]), (1, *shape[1:]))[0]
 
 
 def reel_name(effort: int) -> str:
@@ -89,10 +97,15 @@ def reel_name(effort: int) -> str:
     return f"reel, effort {effort}"
 
 
+def reel_coder(effort: int) -> OwnMethod:
+    """`reel` at this effort, its quality the default: nothing is searched for."""
+    return OwnMethod(reel_name(effort), "reel", {"effort": effort})
+
+
 def coders_of(efforts: list[int], n_modes: int, *, with_paper: bool) -> list[Coder]:
     """Every coder of a run, Draco first."""
     coders: list[Coder] = [DracoFrames()]
-    coders += [OwnMethod(reel_name(effort), "reel", {"effort": effort}) for effort in efforts]
+    coders += [reel_coder(effort) for effort in efforts]
     if with_paper:
         coders.append(OwnMethod(f"pca-qp, {n_modes} modes", "pca-qp", {"n_modes": n_modes}))
     return coders

@@ -13,19 +13,19 @@ import numpy as np
 
 import meshreel
 from speed_coders import Coder
-from speed_inputs import Source
 
 # Not "spawn": Linux counts for a started program what the process that started it once held.
 PROCESSES = multiprocessing.get_context("forkserver")
 
 
-def peaks_mib(source: Source, coder: Coder) -> dict[str, dict[str, float]]:
+def peaks_mib(coder: Coder, sequence: meshreel.MeshSequence) -> dict[str, dict[str, float]]:
     """Largest resident set of encoding and of decoding, and that before the work, in MiB.
 
-    Both are of the whole process, Python, NumPy and the input included.
+    Both are of the whole process, Python, NumPy and the prepared input included.
     """
     with TemporaryDirectory() as folder:
-        in_child(store_input, source, coder, Path(folder))
+        np.save(Path(folder) / "vertices.npy", sequence.vertices)
+        np.save(Path(folder) / "faces.npy", sequence.faces)
         return {
             "encode": in_child(encode_peak_mib, coder, Path(folder)),
             "decode": in_child(decode_peak_mib, coder, Path(folder)),
@@ -36,13 +36,6 @@ def in_child(work: Callable[..., Any], *arguments: Any) -> Any:
     """What the work returns in a new process."""
     with ProcessPoolExecutor(1, mp_context=PROCESSES) as pool:
         return pool.submit(work, *arguments).result()
-
-
-def store_input(source: Source, coder: Coder, folder: Path) -> None:
-    """Write the arrays to encode, so that making them does not count."""
-    sequence = coder.prepare(source())
-    np.save(folder / "vertices.npy", sequence.vertices)
-    np.save(folder / "faces.npy", sequence.faces)
 
 
 def encode_peak_mib(coder: Coder, folder: Path) -> dict[str, float]:

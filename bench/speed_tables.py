@@ -1,87 +1,157 @@
 """Figures of a speed run as Markdown."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from meshreel.evaluation.machine import machine_line
+from speed_bounds import RATIO_NAMES, Verdict
 
-TASKS = ("encode", "decode", "decode_one_frame")
-BOUNDED = ("encode", "decode")
+CODING = ("encode", "decode")
+SINGLE_FRAMES = ("first_frame", "random_frame", "next_frame")
 UNSTEADY = 1.5
 """Slowest by fastest run, above which a table says so."""
-HEADER = ["", "bytes", "encode s", "decode s", "one frame s", "encode / Draco", "decode / Draco",
-          "encode / floor", "decode / floor", "within bounds"]  # fmt: skip
+
+RATIOS = [("by_draco", "encode"), ("by_draco", "decode"), ("by_floor", "encode"),
+          ("by_floor", "decode"), ("by_serial", "decode")]  # fmt: skip
+RATIO_HEADER = [RATIO_NAMES[by].format(task=task) for by, task in RATIOS]
+SECONDS_HEADER = ["seconds", "bytes", "encode", "decode", "first frame", "random frame",
+                  "next frame"]  # fmt: skip
 MEMORY_HEADER = ["MiB", "before encoding", "peak", "before decoding", "peak"]
+SUMMARY_HEADER = ["case", "encode s", "decode s", "first frame s", "random frame s",
+                  *RATIO_HEADER, "peak MiB, encode", "peak MiB, decode"]  # fmt: skip
 
 
-def report(result: dict[str, Any], about: dict[str, Any]) -> str:
-    """The tables of one sequence, behind a line on what was measured and where."""
-    parts = [heading(result, about), table(HEADER, (row(result, n) for n in result["seconds"]))]
-    bounds = about["bounds_by_draco"]
-    parts += [bound_line(name, result, bounds) for name in result["within_bounds"]]
-    parts += unsteady_lines(result["runs_s"])
-    if "memory_mib" in result:
-        peaks = result["memory_mib"]
-        parts.append(table(MEMORY_HEADER, (memory_row(name, peaks[name]) for name in peaks)))
-    return "\n\n".join(parts) + "\n"
-
-
-def heading(result: dict[str, Any], about: dict[str, Any]) -> str:
-    """Sequence, runs, machine and threads."""
-    machine = about["machine"]
+def machine_text(about: Mapping[str, Any]) -> str:
+    """Where all was measured, and what the columns mean."""
     return (
-        f"**{result['sequence']}**: {result['n_frames']} frames, {result['n_verts']} vertices, "
-        f"{result['n_faces']} faces. Medians of {about['repeats']} runs in turn; floors of "
-        f"{about['n_modes_of_floor']} modes. {machine_line(machine)}; threads of BLAS: "
-        f"{machine['blas_threads']}."
+        f"{machine_line(about['machine'])}. Threads: {about['threads']}. Floors of "
+        f"{about['n_modes_of_floor']} modes for each axis. First frame: from the stored stream to "
+        "its first frame; random frame: the one in the middle, of a stream that was just opened; "
+        "next frame: the one after it."
     )
 
 
-def table(header: list[str], rows: Iterable[list[str]]) -> str:
+def case_report(result: Mapping[str, Any]) -> str:
+    """The tables of one sequence."""
+    names = list(result["seconds"])
+    serial = result.get("serial")
+    rows = [seconds_row(result, name) for name in names]
+    parts = [case_heading(result), table(SECONDS_HEADER, rows + serial_rows(serial))]
+    coders = [name for name in names if name in result["size_bytes"]]
+    parts.append(table(["times", *RATIO_HEADER], ([n, *ratio_cells(result, n)] for n in coders)))
+    if "memory_mib" in result:
+        peaks = result["memory_mib"]
+        parts.append(table(MEMORY_HEADER, (memory_row(name, peaks[name]) for name in peaks)))
+    parts += serial_lines(serial) + unsteady_lines(result["runs_s"])
+    return "\n\n".join(parts) + "\n"
+
+
+def case_heading(result: Mapping[str, Any]) -> str:
+    """Sequence and rounds."""
+    return (
+        f"## {result['sequence']}\n\n{result['n_frames']} frames, {result['n_verts']} vertices, "
+        f"{result['n_faces']} faces. Medians of {result['n_rounds']} rounds, all in turn."
+    )
+
+
+def table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     """Markdown, the first column to the left and the others to the right."""
     lines = [header, ["---"] + ["---:"] * (len(header) - 1), *rows]
     return "\n".join("| " + " | ".join(cells) + " |" for cells in lines)
 
 
-def row(result: dict[str, Any], name: str) -> list[str]:
+def seconds_row(result: Mapping[str, Any], name: str) -> list[str]:
     """The cells of one coder, or of the floors."""
-    within = result["within_bounds"].get(name, {})
-    ratios = [result[by].get(name, {}) for by in ("by_draco", "by_floor")]
-    return [
-        name,
-        str(result["size_bytes"].get(name, "-")),
-        *(cell(result["seconds"][name], task, ".4f") for task in TASKS),
-        *(cell(ratio, task, ".2f") for ratio in ratios for task in BOUNDED),
-        ", ".join("yes" if within[task] else f"no ({task})" for task in within) or "-",
-    ]
+    seconds = result["seconds"][name]
+    size = str(result["size_bytes"].get(name, "-"))
+    return [name, size, *(cell(seconds, task, ".4f") for task in CODING + SINGLE_FRAMES)]
 
 
-def cell(figures: dict[str, float], key: str, how: str) -> str:
+def ratio_cells(result: Mapping[str, Any], name: str) -> list[str]:
+    """Times slower than Draco and the floors, times faster than the serial method."""
+    return [cell(result.get(by, {}).get(name, {}), task, ".2f") for by, task in RATIOS]
+
+
+def cell(figures: Mapping[str, float], key: str, how: str) -> str:
     """A figure, or a dash where there is none."""
     return format(figures[key], how) if key in figures else "-"
 
 
-def bound_line(name: str, result: dict[str, Any], bounds: dict[str, dict[str, float]]) -> str:
-    """Bounds, ratios and a yes or no for each."""
-    said = [
-        f"{task} {result['by_draco'][name][task]:.2f} of at most {most:g}: "
-        f"{'yes' if result['within_bounds'][name][task] else 'no'}"
-        for task, most in bounds[name].items()
-    ]
-    return f"{name}, in times of Draco: " + "; ".join(said) + "."
+def serial_rows(serial: Mapping[str, Any] | None) -> list[list[str]]:
+    """The row of the paper's serial decoding, if it was timed."""
+    if serial is None:
+        return []
+    mark = "" if serial["n_timed"] == serial["n_frames"] else "~"
+    decode = f"{mark}{serial['decode_s']:.1f}"
+    return [[f"paper, serial ({serial['method']})", "-", "-", decode, "-", "-", "-"]]
 
 
-def unsteady_lines(runs_s: dict[str, dict[str, list[float]]]) -> list[str]:
+def serial_lines(serial: Mapping[str, Any] | None) -> list[str]:
+    """How the paper's serial decoding was timed."""
+    if serial is None:
+        return []
+    n_timed, n_frames = serial["n_timed"], serial["n_frames"]
+    how = f"extrapolated from {n_timed} of {n_frames}" if n_timed < n_frames else "all"
+    return [f"The paper's serial decoding solves for each frame; timed once: {how} frames."]
+
+
+def unsteady_lines(runs_s: Mapping[str, Mapping[str, list[float]]]) -> list[str]:
     """A sentence on the runs that differ so much that something else disturbed them, if any do."""
     said = [
         f"{name}, {task}: {min(own[task]):.4f} to {max(own[task]):.4f} s"
         for name, own in runs_s.items()
-        for task in BOUNDED
+        for task in CODING
         if max(own[task]) > UNSTEADY * min(own[task])
     ]
     return [f"Unsteady, not to be relied on: {'; '.join(said)}."] if said else []
 
 
-def memory_row(name: str, peaks: dict[str, dict[str, float]]) -> list[str]:
+def memory_row(name: str, peaks: Mapping[str, Mapping[str, float]]) -> list[str]:
     """The cells of one coder."""
-    return [name, *(f"{peaks[task][when]:.0f}" for task in BOUNDED for when in ("before", "peak"))]
+    return [name, *(f"{peaks[task][when]:.0f}" for task in CODING for when in ("before", "peak"))]
+
+
+def growth_report(growth: Mapping[str, Any]) -> str:
+    """Seconds by size."""
+    rows = [
+        [f"{n_verts} x {n_frames}", *(f"{growth['seconds'][task][i]:.4f}" for task in CODING)]
+        for i, (n_verts, n_frames) in enumerate(
+            zip(growth["n_verts"], growth["n_frames"], strict=True)
+        )
+    ]
+    rows.append(["exponent", *(f"{growth['exponents'][task]:.3f}" for task in CODING)])
+    parts = [
+        f"## Growth with {growth['of']}: {growth['coder']}\n\nVertices x frames of "
+        f"{growth['sequence']}. Medians of {growth['n_rounds']} rounds, all sizes in turn. "
+        f"Seconds are proportional to {growth['of']} to the power of the exponent (least squares "
+        "on logarithms).",
+        table(["vertices x frames", "encode s", "decode s"], rows),
+        *unsteady_lines(growth["runs_s"]),
+    ]
+    return "\n\n".join(parts) + "\n"
+
+
+def summary(results: Sequence[Mapping[str, Any]], verdicts: Sequence[Verdict], coder: str) -> str:
+    """All cases of one coder in a table, and every bound with its verdict."""
+    rows = [summary_row(result, coder) for result in results if coder in result["seconds"]]
+    parts = [f"## Summary: {coder}", table(SUMMARY_HEADER, rows)] if rows else ["## Summary"]
+    if verdicts:
+        parts.append(table(["bound", "found", "allowed", "holds"], map(verdict_row, verdicts)))
+    return "\n\n".join(parts) + "\n"
+
+
+def summary_row(result: Mapping[str, Any], coder: str) -> list[str]:
+    """The cells of one case."""
+    seconds, peaks = result["seconds"][coder], result.get("memory_mib", {}).get(coder)
+    return [
+        f"{result['sequence']} ({result['n_verts']} x {result['n_frames']})",
+        *(cell(seconds, task, ".3f") for task in (*CODING, *SINGLE_FRAMES[:2])),
+        *ratio_cells(result, coder),
+        *(f"{peaks[task]['peak']:.0f}" if peaks else "-" for task in CODING),
+    ]
+
+
+def verdict_row(verdict: Verdict) -> list[str]:
+    """The cells of one bound."""
+    allowed = f"<= {verdict.most:g}" if verdict.most is not None else f">= {verdict.least:g}"
+    return [verdict.what, f"{verdict.found:.3f}", allowed, "yes" if verdict.holds else "NO"]

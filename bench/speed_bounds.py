@@ -1,0 +1,85 @@
+"""What speeds are to keep, and whether they do."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from speed_coders import DEFAULT_EFFORT, FAST_EFFORT, reel_name
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """A number and what it may be."""
+
+    what: str
+    found: float
+    most: float | None = None
+    least: float | None = None
+
+    @property
+    def holds(self) -> bool:
+        """Whether it is within its bound."""
+        return (self.most is None or self.found <= self.most) and (
+            self.least is None or self.found >= self.least
+        )
+
+    def as_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        return {**vars(self), "holds": self.holds}
+
+
+@dataclass(frozen=True)
+class Bound:
+    """A bound of a coder on a sequence.
+
+    `ratio` names the ratios of a result; `by_serial` says how many times faster than the paper's
+    serial decoding, the others how many times slower than another.
+    """
+
+    sequence: str
+    coder: str
+    ratio: str
+    task: str
+    most: float | None = None
+    least: float | None = None
+
+
+RATIO_NAMES = {
+    "by_draco": "{task} / Draco",
+    "by_floor": "{task} / floor",
+    "by_serial": "paper's serial {task} / {task}",
+}
+BOUNDS = [
+    Bound("samba", reel_name(DEFAULT_EFFORT), "by_draco", "encode", most=1.0),
+    Bound("samba", reel_name(DEFAULT_EFFORT), "by_draco", "decode", most=1.0),
+    Bound("samba", reel_name(DEFAULT_EFFORT), "by_floor", "encode", most=15.0),
+    Bound("samba", reel_name(DEFAULT_EFFORT), "by_floor", "decode", most=12.0),
+    Bound("samba", reel_name(DEFAULT_EFFORT), "by_serial", "decode", least=50.0),
+    Bound("samba", reel_name(FAST_EFFORT), "by_draco", "encode", most=1.0),
+    Bound("samba", reel_name(FAST_EFFORT), "by_draco", "decode", most=1.0),
+]
+MOST_EXPONENT = {"vertices": 1.25, "frames": 1.2}
+
+
+def verdicts_on(result: Mapping[str, Any]) -> list[Verdict]:
+    """What is to be said of a sequence and the coders that were timed."""
+    return [
+        Verdict(
+            f"{bound.sequence}, {bound.coder}: {RATIO_NAMES[bound.ratio].format(task=bound.task)}",
+            result[bound.ratio][bound.coder][bound.task],
+            bound.most,
+            bound.least,
+        )
+        for bound in BOUNDS
+        if bound.sequence == result["sequence"]
+        and bound.task in result.get(bound.ratio, {}).get(bound.coder, {})
+    ]
+
+
+def verdicts_on_growth(growth: Mapping[str, Any]) -> list[Verdict]:
+    """What is to be said of the exponents of a series."""
+    most = MOST_EXPONENT[growth["of"]]
+    return [
+        Verdict(f"{growth['coder']}: {task} grows with {growth['of']} to the power", exponent, most)
+        for task, exponent in growth["exponents"].items()
+    ]

@@ -1,0 +1,85 @@
+"""All that is measured of one sequence."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import meshreel
+from speed_coders import DRACO, Coder
+from speed_timing import Patience, medians, ratios, timed_in_turn
+from speed_trials import FLOOR, Trial, floor_tasks, serial_seconds
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What to measure of a sequence.
+
+    Attributes
+    ----------
+    coders : list of Coder
+    n_modes : int
+        Of the floors and of the paper's serial method.
+    patience : Patience
+    has_serial, has_memory : bool
+        Time the serial method; measure peaks of memory.
+    """
+
+    coders: list[Coder]
+    n_modes: int
+    patience: Patience
+    has_serial: bool
+    has_memory: bool
+
+
+def measure(sequence: meshreel.MeshSequence, plan: Plan) -> dict[str, Any]:
+    """Medians in seconds and their ratios, by coder; memory and the serial method if planned."""
+    with TemporaryDirectory() as folder:
+        trials = [Trial(coder, sequence, Path(folder)) for coder in plan.coders]
+        result = {**facts(sequence), **timed(sequence, trials, plan)}
+    if plan.has_serial:
+        result |= beside_serial(serial_seconds(sequence, plan.n_modes), result["seconds"])
+    if plan.has_memory:
+        from speed_memory import peaks_mib  # not on Windows
+
+        peaks = {trial.coder.name: peaks_mib(trial.coder, trial.sequence) for trial in trials}
+        result["memory_mib"] = peaks
+    return result
+
+
+def facts(sequence: meshreel.MeshSequence) -> dict[str, Any]:
+    """What was measured."""
+    return {
+        "sequence": sequence.name,
+        "n_frames": sequence.n_frames,
+        "n_verts": sequence.n_verts,
+        "n_faces": sequence.n_faces,
+    }
+
+
+def timed(sequence: meshreel.MeshSequence, trials: list[Trial], plan: Plan) -> dict[str, Any]:
+    """Medians of coders and floors, and ratios between them."""
+    tasks = {FLOOR: floor_tasks(sequence, plan.n_modes)}
+    tasks |= {trial.coder.name: trial.tasks() for trial in trials}
+    runs = timed_in_turn(tasks, plan.patience)
+    found = medians(runs)
+    return {
+        "n_rounds": len(runs[FLOOR]["encode"]),
+        "size_bytes": {trial.coder.name: len(trial.data) for trial in trials},
+        "seconds": found,
+        "by_draco": ratios(found, DRACO),
+        "by_floor": ratios(found, FLOOR),
+        "runs_s": runs,
+    }
+
+
+def beside_serial(
+    serial: dict[str, Any], seconds_of: dict[str, dict[str, float]]
+) -> dict[str, Any]:
+    """The serial method, and how many times faster every coder decodes."""
+    faster = {
+        name: {"decode": serial["decode_s"] / own["decode"]}
+        for name, own in seconds_of.items()
+        if name != FLOOR
+    }
+    return {"serial": serial, "by_serial": faster}

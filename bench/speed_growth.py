@@ -1,0 +1,57 @@
+"""How seconds grow with vertices and with frames."""
+
+from collections.abc import Sequence
+from functools import partial
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+
+import meshreel
+from speed_coders import Coder
+from speed_inputs import Source, long_flag, waving_sphere
+from speed_timing import Patience, medians, timed_in_turn
+from speed_trials import Trial
+
+SUBDIVISIONS = (5, 6, 7)
+FRAMES_OF_SPHERES = 48
+FRAMES_OF_FLAGS = (250, 1000, 5000)
+SERIES: dict[str, list[Source]] = {
+    "vertices": [partial(waving_sphere, n, FRAMES_OF_SPHERES) for n in SUBDIVISIONS],
+    "frames": [partial(long_flag, n) for n in FRAMES_OF_FLAGS],
+}
+
+
+def growth(of: str, coder: Coder, patience: Patience) -> dict[str, Any]:
+    """Medians of encoding and decoding by size, and the exponents that fit them best."""
+    sequences = [source() for source in SERIES[of]]
+    with TemporaryDirectory() as folder:
+        trials = [Trial(coder, sequence, Path(folder)) for sequence in sequences]
+        tasks = {str(i): trial.coding_tasks() for i, trial in enumerate(trials)}
+        runs = timed_in_turn(tasks, patience)
+    found = list(medians(runs).values())
+    sizes = [size_of(sequence, of) for sequence in sequences]
+    by_task = {task: [own[task] for own in found] for task in found[0]}
+    return {
+        "of": of,
+        "coder": coder.name,
+        "sequence": sequences[0].name,
+        "sizes": sizes,
+        "n_verts": [sequence.n_verts for sequence in sequences],
+        "n_frames": [sequence.n_frames for sequence in sequences],
+        "n_rounds": len(runs["0"]["encode"]),
+        "seconds": by_task,
+        "exponents": {task: exponent(sizes, by_task[task]) for task in by_task},
+        "runs_s": runs,
+    }
+
+
+def size_of(sequence: meshreel.MeshSequence, of: str) -> int:
+    """Its vertices or its frames."""
+    return sequence.n_verts if of == "vertices" else sequence.n_frames
+
+
+def exponent(sizes: Sequence[float], seconds: Sequence[float]) -> float:
+    """Slope of the line through logarithms, by least squares."""
+    return float(np.polyfit(np.log(sizes), np.log(seconds), 1)[0])

@@ -1,0 +1,74 @@
+"""Seconds of tasks that take turns, and what is made of them."""
+
+import os
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from statistics import median
+from typing import Any
+
+from meshreel.threads import n_cores
+
+Tasks = dict[str, Callable[[], Any]]
+Seconds = dict[str, dict[str, float]]
+Runs = dict[str, dict[str, list[float]]]
+
+LEAST_ROUNDS = 3
+THREAD_VARIABLES = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
+
+
+@dataclass(frozen=True)
+class Patience:
+    """How long to go on measuring: so many rounds, fewer (but three) if they take too long."""
+
+    most_rounds: int
+    budget_s: float
+
+
+def seconds(work: Callable[[], Any]) -> float:
+    """Wall time of one call."""
+    start = time.perf_counter()
+    work()
+    return time.perf_counter() - start
+
+
+def timed_in_turn(tasks: dict[str, Tasks], patience: Patience) -> Runs:
+    """Seconds of every run of every task; a round that is not counted comes first."""
+    rounds: list[Seconds] = []
+    start = time.perf_counter()
+    while len(rounds) <= LEAST_ROUNDS or (
+        len(rounds) <= patience.most_rounds and time.perf_counter() - start < patience.budget_s
+    ):
+        rounds.append(
+            {
+                name: {task: seconds(work) for task, work in own.items()}
+                for name, own in tasks.items()
+            }
+        )
+    return {
+        name: {task: [turn[name][task] for turn in rounds[1:]] for task in own}
+        for name, own in tasks.items()
+    }
+
+
+def medians(runs: Runs) -> Seconds:
+    """The median of every task."""
+    return {name: {task: median(own[task]) for task in own} for name, own in runs.items()}
+
+
+def ratios(seconds_of: Seconds, other: str) -> Seconds:
+    """Seconds of every coder by those of another, task by task where both have it."""
+    return {
+        name: {
+            task: own[task] / seconds_of[other][task] for task in own if task in seconds_of[other]
+        }
+        for name, own in seconds_of.items()
+        if name != other
+    }
+
+
+def threads_text() -> str:
+    """The threads of all that is timed."""
+    said = [f"{name}={os.environ[name]}" for name in THREAD_VARIABLES if name in os.environ]
+    blas = ", ".join(said) or f"as many as usable cores ({n_cores()})"
+    return f"meshreel up to {n_cores()}; matrix products of the floors {blas}; Draco 1"

@@ -1,0 +1,111 @@
+"""What is timed of a sequence: every coder, the floors, and decoding as the paper states it."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import meshreel
+from meshreel.subspace.basis import expand, project
+from meshreel.subspace.pca import autocorrelation
+from meshreel.subspace.trajectories import bounding_frame, from_matrices, to_matrices
+from meshreel.threads import n_cores
+from speed_coders import Coder
+from speed_inputs import first_frames
+from speed_timing import Tasks, seconds
+
+FLOOR = "floor"
+SERIAL_METHOD = "pca-qs"
+SERIAL_BUDGET_S = 30.0
+SERIAL_FRAMES = 250
+"""Frames that the serial method encodes at most: its modes of many more take minutes."""
+
+
+class Trial:
+    """A coder on a sequence; what it encoded last is what it decodes.
+
+    The frame in the middle is asked of a stream that was just opened, the next one after it.
+    """
+
+    def __init__(self, coder: Coder, sequence: meshreel.MeshSequence, folder: Path) -> None:
+        self.coder = coder
+        self.sequence = coder.prepare(sequence)
+        self.shape = (sequence.n_frames, sequence.n_verts, 3)
+        self.path = folder / f"{coder.name}.reel"
+        self.data = b""
+
+    def encode(self) -> None:
+        """The timed part of it."""
+        self.data = self.coder.encode(self.sequence)
+
+    def open(self) -> None:
+        """Ready to give frames."""
+        self.frame_at = self.coder.open(self.path, self.shape)
+
+    def coding_tasks(self) -> Tasks:
+        """Encoding, then decoding, of all frames."""
+        return {"encode": self.encode, "decode": lambda: self.coder.decode(self.data, self.shape)}
+
+    def tasks(self) -> Tasks:
+        """What is timed, by name, in this order."""
+        middle = self.shape[0] // 2
+        return {
+            **self.coding_tasks(),
+            "store": lambda: self.path.write_bytes(self.data),
+            "first_frame": lambda: self.coder.open(self.path, self.shape)(0),
+            "open": self.open,
+            "random_frame": lambda: self.frame_at(middle),
+            "next_frame": lambda: self.frame_at(min(middle + 1, self.shape[0] - 1)),
+        }
+
+
+def floor_tasks(sequence: meshreel.MeshSequence, n_modes: int) -> Tasks:
+    """What no encoder or decoder by modes can avoid, the least of it.
+
+    To encode, the smaller Gram matrix and one projection for each axis; to decode, the product of
+    basis and coefficients for each axis, and writing the frames.
+    """
+    frame = bounding_frame(sequence.vertices)
+    matrices = to_matrices(sequence.vertices, frame)
+    n_frames, n_verts = matrices.shape[1:]
+    # Any orthonormal basis: what its numbers are does not change the seconds.
+    columns = np.random.default_rng(0).normal(size=(3, n_frames, min(n_modes, n_frames)))
+    basis = np.linalg.qr(columns).Q
+    coefficients = project(basis, matrices)
+    slim = matrices if n_frames <= n_verts else np.swapaxes(matrices, 1, 2)
+
+    def encode_floor() -> None:
+        autocorrelation(slim)
+        project(basis, matrices)
+
+    def decode_floor() -> None:
+        from_matrices(expand(basis, coefficients), frame, sequence.vertices.dtype)
+
+    return {"encode": encode_floor, "decode": decode_floor}
+
+
+def serial_seconds(sequence: meshreel.MeshSequence, n_modes: int) -> dict[str, Any]:
+    """Seconds of decoding with a solve for each frame, timed once.
+
+    Where that takes too long, seconds of one frame, and those of some more for each that is
+    missing; `n_timed` says how many frames were decoded.
+    """
+    head = first_frames(sequence, SERIAL_FRAMES)
+    data = meshreel.encode(head, SERIAL_METHOD, n_modes=min(n_modes, head.n_frames))
+
+    def decoding(n_frames: int) -> Callable[[], Any]:
+        return lambda: meshreel.decode(data, frames=slice(0, n_frames))
+
+    one_s = seconds(decoding(1))
+    n_more = max(n_cores(), int(SERIAL_BUDGET_S / one_s))
+    n_timed = min(1 + n_more, head.n_frames)
+    timed_s = seconds(decoding(n_timed))
+    n_left = sequence.n_frames - n_timed
+    each_s = (timed_s - one_s) / max(n_timed - 1, 1)
+    return {
+        "method": f"{SERIAL_METHOD}, {n_modes} modes",
+        "decode_s": timed_s + n_left * each_s,
+        "n_timed": n_timed,
+        "n_frames": sequence.n_frames,
+    }
