@@ -4,15 +4,18 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from speed_coders import DEFAULT_EFFORT, FAST_EFFORT, reel_name
+from speed_coders import DEFAULT_EFFORT, DRACO, FAST_EFFORT, reel_name
+from speed_timing import is_unsteady
+from speed_trials import FLOORS
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """A number and what it may be."""
+    """A number, what it may be, and whether the seconds it comes from can be relied on."""
 
     what: str
     found: float
+    is_steady: bool
     most: float | None = None
     least: float | None = None
 
@@ -49,6 +52,8 @@ RATIO_NAMES = {
     "by_floor": "{task} / floor",
     "by_serial": "paper's serial {task} / {task}",
 }
+OTHERS: dict[str, tuple[str, ...]] = {"by_draco": (DRACO,), "by_floor": FLOORS, "by_serial": ()}
+
 BOUNDS = [
     Bound("samba", reel_name(DEFAULT_EFFORT), "by_draco", "encode", most=1.0),
     Bound("samba", reel_name(DEFAULT_EFFORT), "by_draco", "decode", most=1.0),
@@ -67,6 +72,7 @@ def verdicts_on(result: Mapping[str, Any]) -> list[Verdict]:
         Verdict(
             f"{bound.sequence}, {bound.coder}: {RATIO_NAMES[bound.ratio].format(task=bound.task)}",
             result[bound.ratio][bound.coder][bound.task],
+            is_steady(result, bound),
             bound.most,
             bound.least,
         )
@@ -76,10 +82,23 @@ def verdicts_on(result: Mapping[str, Any]) -> list[Verdict]:
     ]
 
 
+def is_steady(result: Mapping[str, Any], bound: Bound) -> bool:
+    """Whether the seconds of the coder, and one of those it is set against, can be relied on."""
+    runs_s, others = result["runs_s"], OTHERS[bound.ratio]
+    return not is_unsteady(runs_s[bound.coder][bound.task]) and (
+        not others or not all(is_unsteady(runs_s[name][bound.task]) for name in others)
+    )
+
+
 def verdicts_on_growth(growth: Mapping[str, Any]) -> list[Verdict]:
     """What is to be said of the exponents of a series."""
     most = MOST_EXPONENT[growth["of"]]
     return [
-        Verdict(f"{growth['coder']}: {task} grows with {growth['of']} to the power", exponent, most)
+        Verdict(
+            f"{growth['coder']}: {task} grows with {growth['of']} to the power",
+            exponent,
+            not any(is_unsteady(own[task]) for own in growth["runs_s"].values()),
+            most,
+        )
         for task, exponent in growth["exponents"].items()
     ]

@@ -8,7 +8,7 @@ from typing import Any
 import meshreel
 from speed_coders import DRACO, Coder
 from speed_timing import Patience, medians, ratios, timed_in_turn
-from speed_trials import FLOOR, Trial, floor_tasks, serial_seconds
+from speed_trials import FLOORS, Trial, floor_tasks, serial_seconds
 
 
 @dataclass(frozen=True)
@@ -59,16 +59,18 @@ def facts(sequence: meshreel.MeshSequence) -> dict[str, Any]:
 
 def timed(sequence: meshreel.MeshSequence, trials: list[Trial], plan: Plan) -> dict[str, Any]:
     """Medians of coders and floors, and ratios between them."""
-    tasks = {FLOOR: floor_tasks(sequence, plan.n_modes)}
+    tasks = floor_tasks(sequence, plan.n_modes)
     tasks |= {trial.coder.name: trial.tasks() for trial in trials}
     runs = timed_in_turn(tasks, plan.patience)
     found = medians(runs)
+    of_coders = {trial.coder.name: found[trial.coder.name] for trial in trials}
+    least = {task: min(found[name][task] for name in FLOORS) for task in found[FLOORS[0]]}
     return {
-        "n_rounds": len(runs[FLOOR]["encode"]),
+        "n_rounds": len(runs[FLOORS[0]]["encode"]),
         "size_bytes": {trial.coder.name: len(trial.data) for trial in trials},
         "seconds": found,
-        "by_draco": ratios(found, DRACO),
-        "by_floor": ratios(found, FLOOR),
+        "by_draco": ratios(of_coders, found[DRACO]),
+        "by_floor": ratios(of_coders, least),
         "runs_s": runs,
     }
 
@@ -80,6 +82,6 @@ def beside_serial(
     faster = {
         name: {"decode": serial["decode_s"] / own["decode"]}
         for name, own in seconds_of.items()
-        if name != FLOOR
+        if name not in FLOORS
     }
     return {"serial": serial, "by_serial": faster}

@@ -28,7 +28,8 @@ def growth(of: str, coder: Coder, patience: Patience) -> dict[str, Any]:
     sequences = [source() for source in SERIES[of]]
     with TemporaryDirectory() as folder:
         trials = [Trial(coder, sequence, Path(folder)) for sequence in sequences]
-        tasks = {str(i): trial.coding_tasks() for i, trial in enumerate(trials)}
+        labels = [f"{sequence.n_verts} x {sequence.n_frames}" for sequence in sequences]
+        tasks = {label: trial.coding_tasks() for label, trial in zip(labels, trials, strict=True)}
         runs = timed_in_turn(tasks, patience)
     found = list(medians(runs).values())
     sizes = [size_of(sequence, of) for sequence in sequences]
@@ -36,13 +37,12 @@ def growth(of: str, coder: Coder, patience: Patience) -> dict[str, Any]:
     return {
         "of": of,
         "coder": coder.name,
-        "sequence": sequences[0].name,
+        "sequences": sorted({sequence.name for sequence in sequences}),
         "sizes": sizes,
-        "n_verts": [sequence.n_verts for sequence in sequences],
-        "n_frames": [sequence.n_frames for sequence in sequences],
-        "n_rounds": len(runs["0"]["encode"]),
+        "n_rounds": len(runs[labels[0]]["encode"]),
         "seconds": by_task,
         "exponents": {task: exponent(sizes, by_task[task]) for task in by_task},
+        "steepest_exponents": {task: steepest(sizes, by_task[task]) for task in by_task},
         "runs_s": runs,
     }
 
@@ -55,3 +55,8 @@ def size_of(sequence: meshreel.MeshSequence, of: str) -> int:
 def exponent(sizes: Sequence[float], seconds: Sequence[float]) -> float:
     """Slope of the line through logarithms, by least squares."""
     return float(np.polyfit(np.log(sizes), np.log(seconds), 1)[0])
+
+
+def steepest(sizes: Sequence[float], seconds: Sequence[float]) -> float:
+    """The largest slope from one size to the next: a fit over all may hide a step."""
+    return float(np.max(np.diff(np.log(seconds)) / np.diff(np.log(sizes))))

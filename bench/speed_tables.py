@@ -5,11 +5,10 @@ from typing import Any
 
 from meshreel.evaluation.machine import machine_line
 from speed_bounds import RATIO_NAMES, Verdict
+from speed_timing import is_unsteady
 
 CODING = ("encode", "decode")
 SINGLE_FRAMES = ("first_frame", "random_frame", "next_frame")
-UNSTEADY = 1.5
-"""Slowest by fastest run, above which a table says so."""
 
 RATIOS = [("by_draco", "encode"), ("by_draco", "decode"), ("by_floor", "encode"),
           ("by_floor", "decode"), ("by_serial", "decode")]  # fmt: skip
@@ -25,9 +24,9 @@ def machine_text(about: Mapping[str, Any]) -> str:
     """Where all was measured, and what the columns mean."""
     return (
         f"{machine_line(about['machine'])}. Threads: {about['threads']}. Floors of "
-        f"{about['n_modes_of_floor']} modes for each axis. First frame: from the stored stream to "
-        "its first frame; random frame: the one in the middle, of a stream that was just opened; "
-        "next frame: the one after it."
+        f"{about['n_modes_of_floor']} modes for each axis; ratios are to the faster of the two. "
+        "First frame: from the stored stream to its first frame; random frame: the one in the "
+        "middle, of a stream that was just opened; next frame: the one after it."
     )
 
 
@@ -101,7 +100,7 @@ def unsteady_lines(runs_s: Mapping[str, Mapping[str, list[float]]]) -> list[str]
         f"{name}, {task}: {min(own[task]):.4f} to {max(own[task]):.4f} s"
         for name, own in runs_s.items()
         for task in CODING
-        if max(own[task]) > UNSTEADY * min(own[task])
+        if is_unsteady(own[task])
     ]
     return [f"Unsteady, not to be relied on: {'; '.join(said)}."] if said else []
 
@@ -114,17 +113,17 @@ def memory_row(name: str, peaks: Mapping[str, Mapping[str, float]]) -> list[str]
 def growth_report(growth: Mapping[str, Any]) -> str:
     """Seconds by size."""
     rows = [
-        [f"{n_verts} x {n_frames}", *(f"{growth['seconds'][task][i]:.4f}" for task in CODING)]
-        for i, (n_verts, n_frames) in enumerate(
-            zip(growth["n_verts"], growth["n_frames"], strict=True)
-        )
+        [label, *(f"{growth['seconds'][task][i]:.4f}" for task in CODING)]
+        for i, label in enumerate(growth["runs_s"])
     ]
-    rows.append(["exponent", *(f"{growth['exponents'][task]:.3f}" for task in CODING)])
+    for what in ("exponents", "steepest_exponents"):
+        name = what.replace("_", " ").removesuffix("s")
+        rows.append([name, *(f"{growth[what][task]:.3f}" for task in CODING)])
     parts = [
-        f"## Growth with {growth['of']}: {growth['coder']}\n\nVertices x frames of "
-        f"{growth['sequence']}. Medians of {growth['n_rounds']} rounds, all sizes in turn. "
-        f"Seconds are proportional to {growth['of']} to the power of the exponent (least squares "
-        "on logarithms).",
+        f"## Growth with {growth['of']}: {growth['coder']}\n\n"
+        f"{', '.join(growth['sequences'])}. Medians of {growth['n_rounds']} rounds, all sizes in "
+        f"turn. Seconds are proportional to {growth['of']} to the power of the exponent (least "
+        "squares on logarithms); the steepest is that from one size to the next.",
         table(["vertices x frames", "encode s", "decode s"], rows),
         *unsteady_lines(growth["runs_s"]),
     ]
@@ -154,4 +153,5 @@ def summary_row(result: Mapping[str, Any], coder: str) -> list[str]:
 def verdict_row(verdict: Verdict) -> list[str]:
     """The cells of one bound."""
     allowed = f"<= {verdict.most:g}" if verdict.most is not None else f">= {verdict.least:g}"
-    return [verdict.what, f"{verdict.found:.3f}", allowed, "yes" if verdict.holds else "NO"]
+    holds = ("yes" if verdict.holds else "NO") + ("" if verdict.is_steady else ", unsteady")
+    return [verdict.what, f"{verdict.found:.3f}", allowed, holds]

@@ -14,6 +14,9 @@ Seconds = dict[str, dict[str, float]]
 Runs = dict[str, dict[str, list[float]]]
 
 LEAST_ROUNDS = 3
+UNSTEADY = 1.5
+"""Slowest by fastest run, above which something else disturbed them."""
+
 THREAD_VARIABLES = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 
 
@@ -56,15 +59,17 @@ def medians(runs: Runs) -> Seconds:
     return {name: {task: median(own[task]) for task in own} for name, own in runs.items()}
 
 
-def ratios(seconds_of: Seconds, other: str) -> Seconds:
-    """Seconds of every coder by those of another, task by task where both have it."""
+def ratios(seconds_of: Seconds, base: dict[str, float]) -> Seconds:
+    """Seconds of everyone by others, task by task where both have it."""
     return {
-        name: {
-            task: own[task] / seconds_of[other][task] for task in own if task in seconds_of[other]
-        }
+        name: {task: own[task] / base[task] for task in own if task in base}
         for name, own in seconds_of.items()
-        if name != other
     }
+
+
+def is_unsteady(runs: list[float]) -> bool:
+    """Whether the runs of a task differ too much to be relied on."""
+    return max(runs) > UNSTEADY * min(runs)
 
 
 def threads_text() -> str:

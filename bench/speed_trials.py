@@ -10,12 +10,12 @@ import meshreel
 from meshreel.subspace.basis import expand, project
 from meshreel.subspace.pca import autocorrelation
 from meshreel.subspace.trajectories import bounding_frame, from_matrices, to_matrices
-from meshreel.threads import n_cores
+from meshreel.threads import n_cores, one_blas_thread
 from speed_coders import Coder
 from speed_inputs import first_frames
 from speed_timing import Tasks, seconds
 
-FLOOR = "floor"
+FLOORS = ("floor, all BLAS threads", "floor, one BLAS thread")
 SERIAL_METHOD = "pca-qs"
 SERIAL_BUDGET_S = 30.0
 SERIAL_FRAMES = 250
@@ -60,11 +60,12 @@ class Trial:
         }
 
 
-def floor_tasks(sequence: meshreel.MeshSequence, n_modes: int) -> Tasks:
+def floor_tasks(sequence: meshreel.MeshSequence, n_modes: int) -> dict[str, Tasks]:
     """What no encoder or decoder by modes can avoid, the least of it.
 
     To encode, the smaller Gram matrix and one projection for each axis; to decode, the product of
-    basis and coefficients for each axis, and writing the frames.
+    basis and coefficients for each axis, and writing the frames. Both with the threads of BLAS and
+    without: the threads wait by spinning, which takes far longer where other programs run.
     """
     frame = bounding_frame(sequence.vertices)
     matrices = to_matrices(sequence.vertices, frame)
@@ -82,7 +83,15 @@ def floor_tasks(sequence: meshreel.MeshSequence, n_modes: int) -> Tasks:
     def decode_floor() -> None:
         from_matrices(expand(basis, coefficients), frame, sequence.vertices.dtype)
 
-    return {"encode": encode_floor, "decode": decode_floor}
+    def alone(work: Callable[[], None]) -> Callable[[], None]:
+        def work_alone() -> None:
+            with one_blas_thread():
+                work()
+
+        return work_alone
+
+    tasks: Tasks = {"encode": encode_floor, "decode": decode_floor}
+    return dict(zip(FLOORS, (tasks, {name: alone(tasks[name]) for name in tasks}), strict=True))
 
 
 def serial_seconds(sequence: meshreel.MeshSequence, n_modes: int) -> dict[str, Any]:
