@@ -67,7 +67,7 @@ def floor_tasks(sequence: meshreel.MeshSequence, n_modes: int) -> dict[str, Task
     basis and coefficients for each axis, and writing the frames. Both with the threads of BLAS and
     without: the threads wait by spinning, which takes far longer where other programs run.
     """
-    frame = bounding_frame(sequence.vertices)
+    frame = bounding_frame(sequence.extent)
     matrices = to_matrices(sequence.vertices, frame)
     n_frames, n_verts = matrices.shape[1:]
     # Any orthonormal basis: what its numbers are does not change the seconds.

@@ -64,6 +64,7 @@ def load(
     return MeshSequence(vertices, faces, rate, found.name)
 
 
+@staged("reading")
 def open_source(
     source: Source,
     *,
