@@ -10,6 +10,8 @@ from meshreel.codec.achieved import measure_stream
 from meshreel.codec.config import EncoderConfig
 from meshreel.codec.encoder import encode
 from meshreel.codec.inspect import info
+from meshreel.codec.methods import Basis
+from meshreel.engine.engine import Engine
 from meshreel.errors import InvalidInputError
 from meshreel.formats.load import open_for_encoding
 
@@ -27,6 +29,12 @@ class EncodeOptions:
 
     config: EncoderConfig
     fps: float | None = None
+
+    @property
+    def are_cut(self) -> bool:
+        """Whether sequences are coded in blocks that do not depend on each other."""
+        is_cut = self.config.block_frames is not None or self.config.memory is not None
+        return is_cut and self.config.method_row.basis is Basis.JOINT
 
     def as_dict(self) -> dict[str, Any]:
         """Those that are not the default, in plain types."""
@@ -50,11 +58,14 @@ class Encoded:
     figures: dict[str, Any]
 
 
-def encode_input(source: str, options: EncodeOptions, version: str) -> Encoded:
+def encode_input(
+    source: str, options: EncodeOptions, version: str, engine: Engine | None = None
+) -> Encoded:
     """The stream of the sequence at a path, measured.
 
     It writes nothing: a worker that is stopped leaves nothing behind, and one on another machine
-    needs to see the inputs only.
+    needs to see the inputs only. With an engine it is called where that is, and its workers code
+    blocks of frames.
 
     Raises
     ------
@@ -68,7 +79,7 @@ def encode_input(source: str, options: EncodeOptions, version: str) -> Encoded:
     began = time.perf_counter()
     notes: list[str] = []
     sequence = open_for_encoding(source, options.config.memory, fps=options.fps, notes=notes)
-    data = encode(sequence, **vars(options.config))
+    data = encode(sequence, **vars(options.config), engine=engine)
     achieved = measure_stream(
         sequence, data, order=options.config.order, with_sted=options.config.sted is not None
     )

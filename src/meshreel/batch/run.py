@@ -1,5 +1,6 @@
 """A planned batch, done by an engine."""
 
+from collections.abc import Iterator
 from concurrent.futures import Future
 from dataclasses import asdict, dataclass, replace
 from functools import partial
@@ -69,15 +70,37 @@ def run_batch(plan: Plan, engine: Engine | None, *, progress: Progress = silent)
     run = _Run(plan)
     run.begin()
     if engine is not None:
-        by_source = {str(one.source): one for one in plan.to_encode}
-        items = [(source, plan.options, __version__) for source in by_source]
+        outcomes = _spread(plan, engine) if _is_spread(plan, engine) else _one_each(plan, engine)
         progress(_stage(engine), 0.0)
-        outcomes = engine.as_completed(encode_input, items)
-        for n_done, (item, outcome) in enumerate(outcomes, start=1):
+        for n_done, (one, outcome) in enumerate(outcomes, start=1):
             # In a thread, which ctrl-C does not reach: a stream is not written without its record.
-            in_background(partial(run.finish, by_source[item[0]], outcome)).result()
-            progress(_stage(engine), n_done / len(items))
+            in_background(partial(run.finish, one, outcome)).result()
+            progress(_stage(engine), n_done / len(plan.to_encode))
     return run.report()
+
+
+def _is_spread(plan: Plan, engine: Engine) -> bool:
+    """Whether workers share each input by its blocks, for there are more workers than inputs."""
+    return plan.options.are_cut and len(plan.to_encode) < engine.n_workers
+
+
+def _one_each(plan: Plan, engine: Engine) -> Iterator[tuple[BatchInput, "Future[Encoded]"]]:
+    """The inputs as they come to an end; each is a worker's."""
+    by_source = {str(one.source): one for one in plan.to_encode}
+    items = [(source, plan.options, __version__) for source in by_source]
+    for item, outcome in engine.as_completed(encode_input, items):
+        yield by_source[item[0]], outcome
+
+
+def _spread(plan: Plan, engine: Engine) -> Iterator[tuple[BatchInput, "Future[Encoded]"]]:
+    """One input after another; all workers code its blocks."""
+    for one in plan.to_encode:
+        outcome: Future[Encoded] = Future()
+        try:
+            outcome.set_result(encode_input(str(one.source), plan.options, __version__, engine))
+        except Exception as error:
+            outcome.set_exception(error)
+        yield one, outcome
 
 
 def _stage(engine: Engine) -> str:

@@ -89,7 +89,8 @@ def batch_command(
 
     OUT_DIR/manifest.json says what was done with each input, and at what size and error. A second
     run encodes only what is new, changed or failed. An input that fails does not stop the others;
-    the exit code is then 1.
+    the exit code is then 1. With --block-frames or --memory, workers share long sequences by their
+    blocks where there are more workers than sequences (method reel); the bytes are the same.
 
     Examples:
 
@@ -139,8 +140,10 @@ def _run(plan: "Plan", workers: int | None, scheduler: str | None) -> "BatchRepo
 
     if not plan.to_encode:
         return run_batch(plan, None)
-    # No more than there are inputs: workers share the cores.
-    n_workers = None if scheduler else min(workers or n_cores(), len(plan.to_encode))
+    # No more than there are inputs, unless they work on one together: they share the cores.
+    n_workers = None if scheduler else workers or n_cores()
+    if n_workers and not plan.options.are_cut:
+        n_workers = min(n_workers, len(plan.to_encode))
     try:
         with progress_bar() as progress, open_engine(n_workers, scheduler=scheduler) as engine:
             return run_batch(plan, engine, progress=progress)

@@ -16,6 +16,7 @@ from meshreel.codec.methods import Basis
 from meshreel.codec.paper_encoder import PaperBlockCoder
 from meshreel.codec.reel_encoder import ReelEncoder
 from meshreel.codec.source import Source
+from meshreel.engine.engine import Engine
 from meshreel.progress import Progress, silent
 from meshreel.sequence import FrameSource
 
@@ -44,6 +45,7 @@ def encode(
     tune: str | None = None,
     effort: int | None = None,
     progress: Progress = silent,
+    engine: Engine | None = None,
 ) -> bytes:
     """The bytes of a `.reel` stream that holds the sequence.
 
@@ -109,6 +111,9 @@ def encode(
         1..9, time against size; default 5.
     progress : callable, optional
         Called with the stage and the share done, 0..1.
+    engine : Engine, optional
+        Workers that code the blocks of `reel`, which do not depend on each other; the bytes are
+        the same. Not while an error is searched for (`kg`, `sted`), and of no use to other methods.
 
     Raises
     ------
@@ -146,7 +151,7 @@ def encode(
     progress("connectivity", 0.0)
     source = Source(sequence, config)
     if config.method_row.basis is Basis.JOINT:
-        return ReelEncoder(source, progress).encode()
+        return ReelEncoder(source, progress, engine).encode()
     coder = PaperBlockCoder(source.mesh, source.frame, source.blocks())
     leading = chain(source.mesh.leading_sections(), coder.leading_sections())
     return whole_stream(source.header(), leading, _coded(source, coder, progress))

@@ -14,9 +14,10 @@ from meshreel.codec.field_analysis import BlockFrames, FieldChoices, analyse_fie
 from meshreel.codec.field_mesh import FieldMesh
 from meshreel.codec.mesh_model import MeshModel
 from meshreel.codec.pipeline import FramesOf, product_frames
-from meshreel.codec.source import CodedMesh
+from meshreel.codec.source import CodedMesh, Piece
 from meshreel.errors import InvalidInputError
 from meshreel.subspace.trajectories import BoundingFrame, to_matrices
+from meshreel.threads import one_blas_thread
 
 Vertices = npt.NDArray[np.floating]
 
@@ -55,7 +56,19 @@ class FieldBlockCoder:
         return FieldFrames(vertices, BlockFrames(to_matrices(vertices, self.frame)), rounding)
 
     def code(self, frames: "FieldFrames") -> tuple[list[tuple[Section, bytes]], FramesOf]:
-        """The sections of a block, and what they decode to."""
+        """The sections of a block, and what they decode to.
+
+        Sums do not depend on the number of cores, so that the bytes do not either.
+        """
+        with one_blas_thread():
+            return self._code(frames)
+
+    def code_piece(self, piece: Piece) -> tuple[int, list[tuple[Section, bytes]]]:
+        """Number of frames and sections of a block that is still to be read."""
+        frames = self.frames(piece.read())
+        return len(frames.vertices), self.code(frames)[0]
+
+    def _code(self, frames: "FieldFrames") -> tuple[list[tuple[Section, bytes]], FramesOf]:
         block, basis, fields = analyse_fields(frames.block, self.mesh, self.choices)
         frames_of, corrections = product_frames(basis, fields), None
         if self.bound is not None:

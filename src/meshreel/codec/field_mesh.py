@@ -1,7 +1,8 @@
 """The mesh as `reel` sees it: a hierarchy of its vertices, their stencils and coding passes."""
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -9,6 +10,7 @@ from scipy.sparse import csr_array
 
 from meshreel.codec.closed_loop import Predictor
 from meshreel.codec.mesh_model import MeshModel
+from meshreel.codec.methods import Laplacian
 from meshreel.entropy.passes import Pass
 from meshreel.geometry.connectivity import adjacency_matrix
 from meshreel.geometry.hierarchy import Scale, build_hierarchy
@@ -27,10 +29,19 @@ N_TELLING = 6
 
 @dataclass(frozen=True)
 class FieldMesh:
-    """What both sides derive from connectivity, whatever the step."""
+    """What both sides derive from connectivity, whatever the step.
+
+    Only connectivity is pickled. A process that is given the same one again finds what it derived
+    before.
+    """
 
     mesh: MeshModel
     stencil_size: int
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        model = self.mesh
+        laplacian = int(model.laplacian_choice)
+        return _shared, (model.faces.tobytes(), model.n_verts, laplacian, self.stencil_size)
 
     @cached_property
     def adjacency(self) -> csr_array:
@@ -86,6 +97,13 @@ class FieldMesh:
             predictors.append(Predictor(level, matrix))
             start = rows.stop
         return predictors
+
+
+@lru_cache(maxsize=2)
+def _shared(faces: bytes, n_verts: int, laplacian: int, stencil_size: int) -> FieldMesh:
+    triangles = np.frombuffer(faces, np.int32).reshape(-1, 3)
+    nothing = np.zeros(0, np.int64)
+    return FieldMesh(MeshModel(triangles, n_verts, nothing, Laplacian(laplacian)), stencil_size)
 
 
 def _telling(scale: Scale) -> Pass:

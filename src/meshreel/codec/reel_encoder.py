@@ -25,6 +25,7 @@ from meshreel.codec.targets import (
     finest_step,
     quality_step,
 )
+from meshreel.engine.engine import Engine
 from meshreel.errors import InvalidInputError, SolverError
 from meshreel.metrics.rate import rate_bpvf
 from meshreel.progress import Progress
@@ -63,9 +64,12 @@ class ReelEncoder:
     ----------
     source : Source
     progress : callable
+    engine : Engine or None
+        Whose workers code the blocks; None codes them here.
     """
 
-    def __init__(self, source: Source, progress: Progress) -> None:
+    def __init__(self, source: Source, progress: Progress, engine: Engine | None) -> None:
+        self._engine = engine
         self._source = source
         self._config = source.config
         self._progress = progress
@@ -168,8 +172,14 @@ class ReelEncoder:
                 meter.add(frames.vertices, decoded)
             return len(frames.vertices), sections
 
+        blocks: Iterable[tuple[int, Sections]]
+        if self._engine is None or meter is not None:
+            blocks = map(coded, self._blocks())
+        else:
+            pieces = ((piece,) for piece in self._source.pieces())
+            blocks = self._engine.map_in_order(coder.code_piece, pieces)
         leading = chain(self._source.mesh.leading_sections(), coder.leading_sections())
-        data = whole_stream(self._source.header(), leading, map(coded, self._blocks()))
+        data = whole_stream(self._source.header(), leading, blocks)
         return Trial(data, None if meter is None else meter.value)
 
     @cached_property

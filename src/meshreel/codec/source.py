@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -12,7 +13,7 @@ from meshreel.bitstream.layout import Section, VertexType
 from meshreel.codec.config import EncoderConfig
 from meshreel.codec.methods import Order
 from meshreel.connectivity.coder import CodedConnectivity, encode_connectivity
-from meshreel.sequence import Faces, FrameSource
+from meshreel.sequence import Faces, FrameSource, MeshSequence
 from meshreel.subspace.trajectories import BoundingFrame, bounding_frame
 
 Vertices = npt.NDArray[np.floating]
@@ -80,6 +81,39 @@ class CodedMesh:
 
 
 @dataclass(frozen=True)
+class Piece:
+    """Frames of a sequence, for whoever is to read them, be it another process.
+
+    Attributes
+    ----------
+    sequence : FrameSource
+    start, stop : int
+    order : int64 array of shape (V,)
+        Given number of each internal vertex.
+    """
+
+    sequence: FrameSource
+    start: int
+    stop: int
+    order: Integers
+
+    def read(self) -> Vertices:
+        """Positions of shape (stop - start, V, 3) in internal order."""
+        return self.sequence.read(self.start, self.stop)[:, self.order]
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # What is in memory is not in the other process: of that, only these frames are sent.
+        if not isinstance(self.sequence, MeshSequence):
+            return Piece, (self.sequence, self.start, self.stop, self.order)
+        vertices = self.sequence.vertices[self.start : self.stop]
+        return _piece_of, (vertices, self.sequence.faces, self.order)
+
+
+def _piece_of(vertices: Any, faces: Faces, order: Integers) -> Piece:
+    return Piece(MeshSequence(vertices, faces), 0, len(vertices), order)
+
+
+@dataclass(frozen=True)
 class Source:
     """A sequence, and how it is to be coded.
 
@@ -107,11 +141,15 @@ class Source:
         """Frames coded together; the last block may have fewer."""
         return self.config.frames_in_block(self.sequence.n_frames, self.sequence.n_verts)
 
-    def blocks(self) -> Iterator[Vertices]:
-        """Positions of each block, of shape (T_b, V, 3) in internal order."""
+    def pieces(self) -> Iterator[Piece]:
+        """The frames of each block, to be read."""
         n_frames, size = self.sequence.n_frames, self.block_frames
         for start in range(0, n_frames, size):
-            yield self.sequence.read(start, min(start + size, n_frames))[:, self.mesh.order]
+            yield Piece(self.sequence, start, min(start + size, n_frames), self.mesh.order)
+
+    def blocks(self) -> Iterator[Vertices]:
+        """Positions of each block, of shape (T_b, V, 3) in internal order."""
+        return (piece.read() for piece in self.pieces())
 
     def header(self) -> Header:
         """What the stream begins with."""

@@ -2,6 +2,7 @@
 
 import json
 import os
+import signal
 
 import pytest
 
@@ -15,7 +16,7 @@ from meshreel.engine.engine import Engine, open_engine
 from meshreel.errors import InvalidInputError
 from sample_engines import InlineWorkers
 from sample_meshes import waving_grid
-from sample_tasks import encode_or_die
+from sample_tasks import encode_or_die, process_id
 
 OPTIONS = EncodeOptions(EncoderConfig(quality=60))
 
@@ -289,10 +290,53 @@ def test_input_that_kills_its_workers_fails_alone(inputs, out, monkeypatch):
         check_deaths(inputs, out, engine, monkeypatch)
 
 
+LONG = EncodeOptions(EncoderConfig(quality=60, block_frames=4))
+
+
+def check_spread(folder, engine):
+    """One sequence is shared by two workers, one of which is killed; the bytes are the same."""
+    sequence = waving_grid(120)
+    (folder / "in").mkdir()
+    meshreel.save(sequence, folder / "in" / "long.npz")
+    victim, mapped = engine.submit(process_id).result(60), engine.map_in_order
+
+    def killing_one(*arguments):
+        for number, result in enumerate(mapped(*arguments)):
+            if number == 5:
+                os.kill(victim, signal.SIGKILL)
+            yield result
+
+    engine.map_in_order = killing_one
+    report = run_batch(plan_batch(folder / "in", folder / "out", LONG), engine)
+    assert report.summary == "0 up to date, 1 encoded, 0 failed"
+    expected = meshreel.encode(meshreel.load(folder / "in" / "long.npz"), **vars(LONG.config))
+    assert (folder / "out" / "long.reel").read_bytes() == expected
+
+
+@pytest.mark.slow
+def test_long_sequence_is_spread_when_there_are_more_workers_than_inputs(tmp_path):
+    with open_engine(2) as engine:
+        check_spread(tmp_path, engine)
+
+
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::ResourceWarning")
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
-def test_input_that_kills_its_workers_fails_alone_on_a_cluster(inputs, out, monkeypatch):
+def test_long_sequence_is_spread_on_a_cluster_when_a_worker_is_killed(tmp_path, cluster_engine):
+    check_spread(tmp_path, cluster_engine)
+
+
+def test_inputs_are_not_spread_when_there_are_as_many_as_workers(inputs, out, monkeypatch):
+    called = []
+    monkeypatch.setattr(
+        "meshreel.batch.run.encode_input", lambda *a: called.append(a) or encode_input(*a)
+    )
+    run(inputs, out, LONG)
+    assert [len(arguments) for arguments in called] == [3, 3]
+
+
+@pytest.fixture
+def cluster_engine():
     distributed = pytest.importorskip("distributed", reason="the extra [dask] is not installed")
     dask = pytest.importorskip("dask")
     with (
@@ -302,4 +346,13 @@ def test_input_that_kills_its_workers_fails_alone_on_a_cluster(inputs, out, monk
         ) as cluster,
         open_engine(scheduler=cluster.scheduler_address) as engine,
     ):
-        check_deaths(inputs, out, engine, monkeypatch)
+        yield engine
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore::ResourceWarning")
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
+def test_input_that_kills_its_workers_fails_alone_on_a_cluster(
+    inputs, out, monkeypatch, cluster_engine
+):
+    check_deaths(inputs, out, cluster_engine, monkeypatch)

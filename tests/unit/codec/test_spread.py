@@ -1,0 +1,77 @@
+"""Blocks that other processes code."""
+
+import pickle
+
+import pytest
+
+from meshreel.codec.config import EncoderConfig
+from meshreel.codec.encoder import encode
+from meshreel.codec.field_block_coder import FieldBlockCoder, field_mesh_of
+from meshreel.codec.source import Source
+from meshreel.engine.engine import Engine, open_engine
+from meshreel.formats.load import open_source
+from meshreel.formats.save import save
+from sample_engines import InlineWorkers
+from sample_meshes import irregular_sequence, waving_grid
+
+
+class PicklingWorkers(InlineWorkers):
+    """Does every call with what another process would get, and gives back what it would send."""
+
+    def submit(self, function, /, *args):
+        sent = pickle.loads(pickle.dumps((function, args)))
+        outcome = super().submit(sent[0], *sent[1])
+        outcome.result()
+        return pickle.loads(pickle.dumps(outcome.result())) and outcome
+
+
+@pytest.mark.parametrize("target", [{}, {"max_error": 0.4}, {"size": 3000}, {"step": 0.01}])
+def test_bytes_are_the_same_when_workers_code_the_blocks(target):
+    sequence = irregular_sequence(23)
+    workers = PicklingWorkers()
+    spread = encode(sequence, block_frames=5, engine=Engine(workers), **target)
+    assert spread == encode(sequence, block_frames=5, **target)
+    assert len(workers.calls) >= 5
+
+
+def test_an_error_is_measured_here_when_there_are_workers():
+    sequence = waving_grid(12)
+    workers = PicklingWorkers()
+    spread = encode(sequence, block_frames=5, engine=Engine(workers), kg=1.0)
+    assert spread == encode(sequence, block_frames=5, kg=1.0)
+    assert workers.calls == []
+
+
+def test_only_frames_of_a_block_are_sent_when_the_sequence_is_in_memory():
+    sequence = waving_grid(200)
+    pieces = list(Source(sequence, EncoderConfig(block_frames=10)).pieces())
+    assert len(pickle.dumps(pieces[3])) < sequence.vertices.nbytes / 10
+    restored = pickle.loads(pickle.dumps(pieces[3]))
+    assert (restored.read() == pieces[3].read()).all()
+
+
+def test_frames_are_read_by_the_worker_when_they_are_in_files(tmp_path):
+    sequence = waving_grid(200)
+    save(sequence, tmp_path / "grid.npz")
+    source = Source(open_source(tmp_path / "grid.npz"), EncoderConfig(block_frames=10))
+    piece = list(source.pieces())[3]
+    sent = pickle.dumps(piece)
+    assert len(sent) < sequence.vertices.nbytes / 10
+    assert (pickle.loads(sent).read() == piece.read()).all()
+
+
+def test_mesh_is_the_same_object_when_a_process_gets_it_twice():
+    sequence = waving_grid(5)
+    source = Source(sequence, EncoderConfig())
+    choices = source.config.field_choices
+    mesh = field_mesh_of(source.mesh, choices.stencil_size)
+    sent = pickle.dumps(FieldBlockCoder(mesh, source.frame, choices))
+    assert pickle.loads(sent).mesh is pickle.loads(sent).mesh
+
+
+@pytest.mark.slow
+def test_bytes_are_the_same_when_processes_code_the_blocks():
+    sequence = waving_grid(40)
+    with open_engine(2) as engine:
+        spread = encode(sequence, block_frames=5, engine=engine)
+    assert spread == encode(sequence, block_frames=5)
