@@ -193,24 +193,29 @@ def _code_batch(
         signed[columns] = signed_votes(found)
     for row in range(rows.shape[1]):
         past.add(magnitudes[:, row], means[:, row])
-    votes = signed.astype(np.int8)  # small, for they are looked up often
+    signed = signed.astype(np.int8)  # small, for they are looked up often
+    votes = signed.any(axis=1)
     for step in plan:
-        step.learn(votes)
+        step.learn(signed, votes)
 
 
 def _contexts(
     step: Neighbourhood, past: Past, magnitudes: Integers, means: Integers, signed: Integers
 ) -> Contexts:
     """What is known of the integers of a pass in some rows, column by column."""
-    n_rows = magnitudes.shape[1]
-    near = step.sum_near(magnitudes).ravel()
-    before = np.repeat(past.magnitudes[step.columns], n_rows)
-    usual = np.repeat(past.means[step.columns], n_rows)
-    mean = np.tile(means[step.columns[0]], len(step.columns))
+    past_magnitudes = past.magnitudes[step.columns][:, None]
+    near, near_mean = step.sum_near(magnitudes), step.sum_near(means)
+    expected = expected_classes(
+        past_magnitudes,
+        past.means[step.columns][:, None],
+        near,
+        near_mean,
+        means[step.columns[0]],
+    )
     return Contexts(
-        expected_classes(before, usual, near, step.sum_near(means).ravel(), mean),
-        past_classes(before),
-        near_classes(near),
+        expected.ravel(),
+        np.broadcast_to(past_classes(past_magnitudes), near.shape).ravel(),
+        near_classes(near).ravel(),
         step.predict_signs(signed).ravel(),
     )
 

@@ -67,10 +67,20 @@ class Neighbourhood:
         """What the neighbours vote for, of shape (n, rows); see `signed_votes`."""
         return np.asarray(self._agreement @ signed)
 
-    def learn(self, signed: npt.NDArray[np.integer]) -> None:
-        """Take in rows that are coded, as votes of shape (columns, rows); at most 31 rows."""
-        near = signed[self._agreement.indices]
-        self._agreement.data += np.einsum("ij,ij->i", signed[self._targets], near)
+    def learn(self, signed: npt.NDArray[np.integer], votes: npt.NDArray[np.bool_]) -> None:
+        """Take in rows that are coded.
+
+        Parameters
+        ----------
+        signed : integer array of shape (columns, rows)
+            Votes; at most 31 rows.
+        votes : bool array of shape (columns,)
+            Whether a column has any vote: most have none.
+        """
+        near = self._agreement.indices
+        both = np.flatnonzero(votes[self._targets] & votes[near])
+        targets = signed[self._targets[both]]
+        self._agreement.data[both] += np.einsum("ij,ij->i", targets, signed[near[both]])
 
 
 def neighbourhoods(passes: Sequence[Pass], n_columns: int) -> list[Neighbourhood]:
@@ -80,4 +90,4 @@ def neighbourhoods(passes: Sequence[Pass], n_columns: int) -> list[Neighbourhood
 
 def signed_votes(values: Integers) -> Integers:
     """Values as votes for a sign."""
-    return np.clip(values, -MAX_SIGNED, MAX_SIGNED)
+    return np.minimum(np.maximum(values, -MAX_SIGNED), MAX_SIGNED)

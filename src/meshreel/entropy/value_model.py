@@ -21,6 +21,8 @@ Integers = npt.NDArray[np.int64]
 
 MAX_LENGTH = MAX_MAGNITUDE.bit_length()
 SIGN_BOUNDS = np.array([1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64])
+SIGN_CLASSES = np.searchsorted(SIGN_BOUNDS, np.arange(SIGN_BOUNDS[-1] + 1), side="right")
+"""Class of every magnitude of a vote up to the last bound."""
 
 
 class ValueModel:
@@ -82,7 +84,7 @@ class ValueModel:
 
     def _code_signs(self, port: BitPort, negative: Bits | None, prediction: Integers) -> Integers:
         expected = prediction < 0
-        classes = np.searchsorted(SIGN_BOUNDS, np.abs(prediction), side="right")
+        classes = SIGN_CLASSES[np.minimum(np.abs(prediction), SIGN_BOUNDS[-1])]
         truth = None if negative is None else negative ^ expected
         wrong = self._wrong_sign.code(port, truth, classes)
         return 1 - 2 * (wrong ^ expected).astype(np.int64)
@@ -95,13 +97,19 @@ def bit_lengths(magnitudes: Integers) -> Integers:
 
 def detail_widths(values: Integers) -> Integers:
     """Bits of each magnitude below its two highest: what `coarse` leaves out."""
-    return np.maximum(bit_lengths(np.abs(values)) - 2, 0)
+    magnitudes = np.abs(values)
+    widths = np.zeros_like(magnitudes)
+    large = magnitudes > 3  # few, as a rule
+    widths[large] = bit_lengths(magnitudes[large]) - 2
+    return widths
 
 
 def coarse(values: Integers) -> Integers:
     """The values with only the two highest bits of their magnitudes left."""
-    widths = detail_widths(values)
-    kept: Integers = np.sign(values) * (np.abs(values) >> widths << widths)
+    kept = values.copy()
+    large = np.abs(values) > 3
+    widths = detail_widths(values[large])
+    kept[large] = np.sign(values[large]) * (np.abs(values[large]) >> widths << widths)
     return kept
 
 
