@@ -174,12 +174,13 @@ class _Recorder:
             max(0, len(self.mesh.scales) - self.choices.n_carrying_scales) :
         ]
         first_carrying = len(predictors) - sum(len(scale.levels) for scale in carrying)
+        fields = np.ascontiguousarray(self.fields[:, modes])
 
         def chosen(level: int, prediction: Floats) -> Integers:
             rows = self.mesh.levels[level]
-            wanted = self.fields[rows, modes]
+            wanted = fields[rows]
             if level >= max(first_carrying, 1):
-                true_prediction = predictors[level].weights @ self.fields[:, modes]
+                true_prediction = predictors[level].weights @ fields
                 wanted = wanted + self.choices.carried_share * (prediction - true_prediction)
             price = self.choices.price if level else 0.0
             steps = quantize_by_rate((wanted - prediction) / self.step, price)

@@ -55,6 +55,12 @@ class Stencils:
     penalty: Floats
     weights: Floats
 
+    def __getitem__(self, rows: slice) -> "Stencils":
+        """Those of some of the vertices."""
+        return Stencils(
+            self.targets[rows], self.stencil[rows], self.penalty[rows], self.weights[rows]
+        )
+
     def learn(self, fields: Floats, noise: float) -> Floats:
         """Weights of shape (n, S) that reproduce known fields, and else are as smooth fields say.
 
@@ -87,9 +93,7 @@ class WeightLearner:
     def __init__(self, stencils: Stencils) -> None:
         self._stencils = stencils
         self._rows = chunks(len(stencils.targets), CHUNK_VERTICES)
-        self._parts = [
-            _Neighbours(stencils.targets[rows], stencils.stencil[rows]) for rows in self._rows
-        ]
+        self._parts = [_Neighbours(stencils[rows]) for rows in self._rows]
         self._n_fields = 0
 
     def learn(self, fields: Floats, noise: float) -> Floats:
@@ -105,25 +109,27 @@ class WeightLearner:
             rows, part = self._rows[number], self._parts[number]
             part.add(by_field)
             ridge = KNOWN_RIDGE * part.spread() + noise * self._n_fields
-            learned[rows] = part.weights(ridge, known.penalty[rows], known.weights[rows])
+            learned[rows] = part.weights(ridge)
 
         in_threads(fill, range(len(self._parts)))
         return learned
 
 
 class _Neighbours:
-    """Some vertices and the vertices of their stencils, and the weights that fit known fields.
+    """Some vertices and those of their stencils, and the weights that reproduce known fields.
 
     The last axis of the arrays goes over the vertices: what NumPy does at once, it then does for
     a row of them, and there is no call for each small matrix.
     """
 
-    def __init__(self, targets: Integers, stencil: Integers) -> None:
-        size = stencil.shape[1]
-        self._targets = targets
-        self._is_there = stencil.T >= 0
-        self._places = np.where(self._is_there, stencil.T, targets)  # where it ends: offset 0
-        self._gram = np.zeros((size, size, len(targets)))  # nothing below the diagonal
+    def __init__(self, stencils: Stencils) -> None:
+        stencil = np.ascontiguousarray(stencils.stencil.T)
+        self._targets = stencils.targets
+        self._is_there = stencil >= 0
+        self._places = np.where(self._is_there, stencil, self._targets)  # where it ends: offset 0
+        self._penalty = np.ascontiguousarray(stencils.penalty.T)
+        self._suggested = np.ascontiguousarray(stencils.weights.T)
+        self._gram = np.zeros((len(stencil), *stencil.shape))  # nothing below the diagonal
 
     def add(self, fields: Floats) -> None:
         """Take in some more fields, of shape (K, V)."""
@@ -137,29 +143,22 @@ class _Neighbours:
         n_there = np.maximum(self._is_there.sum(axis=0), 1)
         return np.asarray(np.einsum("iin->n", self._gram) / n_there)
 
-    def weights(self, ridge: Floats, penalty: Floats, suggested: Floats) -> Floats:
+    def weights(self, ridge: Floats) -> Floats:
         """Weights w of sum 1 that minimise w gram w + ridge penalty (w - suggested)^2.
 
-        Those of places that are not there are 0; rows without any place are 0 throughout.
-
-        Parameters
-        ----------
-        ridge : float64 array of shape (n,)
-        penalty, suggested : float64 arrays of shape (n, S)
-
-        Returns
-        -------
-        float64 array of shape (n, S)
+        Those of places that are not there are 0; rows without any place are 0 throughout. The ridge
+        is of shape (n,), the weights are of shape (n, S).
         """
         size, _, n_targets = self._gram.shape
         # Where nothing varies, every choice reproduces it; any ridge then keeps what is suggested.
-        own = ridge * penalty.T
+        own = ridge * self._penalty
         own = np.where(own > 0, own, 1.0)
         # The matrix, with two right sides: what draws to the suggested weights, and the sum.
         system = np.empty((size, size + 2, n_targets))
-        system[:, :size] = self._gram
-        system[np.arange(size), np.arange(size)] += own
-        system[:, size] = own * suggested.T
+        for place, row in enumerate(system):
+            row[place:size] = self._gram[place, place:]
+            row[place] += own[place]
+        system[:, size] = own * self._suggested
         system[:, size + 1] = self._is_there
         pivots = _eliminate(system)
         drawn, summed = system[:, size], system[:, size + 1]
@@ -219,20 +218,22 @@ def smooth_stencils(scale: Scale) -> Stencils:
     The smooth fields are noise that diffused over the graph of the scale: exp(-t L) of random
     signs, with L = I - D^-1 C.
     """
-    targets = np.searchsorted(scale.members, scale.targets)
+    place_of = np.zeros(scale.members[-1] + 1, np.int64)
+    place_of[scale.members] = np.arange(len(scale.members))
     is_there = scale.stencil >= 0
-    stencil = np.where(is_there, np.searchsorted(scale.members, scale.stencil), -1)
+    targets, stencil = place_of[scale.targets], np.where(is_there, place_of[scale.stencil], -1)
     penalty = np.where(is_there, np.maximum(scale.hops, 1) ** 2, 1e6).astype(np.float64)
     weights = np.zeros(stencil.shape)
     if stencil.shape[1]:
         fields = np.ascontiguousarray(_smooth_fields(scale.adjacency).T)
         penalty /= penalty.min(axis=1, keepdims=True)
 
+        local = Stencils(targets, stencil, penalty, weights)
+
         def fill(rows: slice) -> None:
-            part = _Neighbours(targets[rows], stencil[rows])
+            part = _Neighbours(local[rows])
             part.add(fields)
-            ridge = SMOOTH_RIDGE * part.spread()
-            weights[rows] = part.weights(ridge, penalty[rows], weights[rows])
+            weights[rows] = part.weights(SMOOTH_RIDGE * part.spread())
 
         in_threads(fill, chunks(len(weights), CHUNK_VERTICES))
     return Stencils(scale.targets, scale.stencil, penalty, weights)
