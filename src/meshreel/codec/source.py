@@ -61,7 +61,7 @@ class Source:
         n_frames, size = self.sequence.n_frames, self.block_frames
         order = self.connectivity.internal_to_given
         for start in range(0, n_frames, size):
-            yield start, self.sequence.vertices[start : start + size, order]
+            yield start, self.sequence.vertices[start : start + size].take(order, axis=1)
 
     def header(self) -> Header:
         """What the stream begins with."""
