@@ -116,7 +116,7 @@ class AdaptiveBits:
         bits = port.code(truth, self._probabilities[contexts])
         counts = np.bincount(contexts, minlength=len(self._total))
         ones = np.bincount(contexts[bits], minlength=len(self._total))
-        used = np.flatnonzero(counts)
+        (used,) = counts.nonzero()
         self._learn(used, INCREMENT * counts[used], INCREMENT * ones[used])
         return bits
 

@@ -28,6 +28,7 @@ from meshreel.entropy.contexts import (
 from meshreel.entropy.passes import (
     Neighbourhood,
     Pass,
+    in_coded_order,
     neighbourhoods,
     signed_votes,
     single_pass,
@@ -122,20 +123,19 @@ def _code_rows(
     passes: Sequence[Pass] | None,
 ) -> Integers:
     """Coarse integers of shape (rows, columns), written (those of `truth`) or read."""
-    rows = np.zeros((n_rows, n_columns), np.int64)
-    if not rows.size:
-        return rows
-    plan = neighbourhoods(single_pass(n_columns) if passes is None else passes, n_columns)
+    if not n_rows * n_columns:
+        return np.zeros((n_rows, n_columns), np.int64)
+    order, steps = in_coded_order(single_pass(n_columns) if passes is None else passes)
+    plan = neighbourhoods(steps, n_columns)
     model, scale_model = ValueModel(), ValueModel()
     past = Past(n_columns)
     scales = np.full(len(plan), FIRST_SCALE)
+    rows = np.empty((n_rows, n_columns), np.int64)
     for batch in _batches(n_rows):
-        wanted = None
-        if truth is not None:
-            wanted = [truth[batch, step.columns].T for step in plan]
-        batch_scales = _code_scales(port, wanted, scales, batch.stop - batch.start, scale_model)
-        _code_batch(port, wanted, plan, past, batch_scales, rows[batch].T, model)
-        scales = batch_scales[:, -1]
+        wanted = None if truth is None else truth[batch].take(order, axis=1).T
+        scales = _code_scales(port, wanted, plan, scales, batch.stop - batch.start, scale_model)
+        rows[batch, order] = _code_batch(port, wanted, plan, past, scales, model).T
+        scales = scales[:, -1]
     return rows
 
 
@@ -147,7 +147,12 @@ def _batches(n_rows: int) -> list[slice]:
 
 
 def _code_scales(
-    port: BitPort, truth: list[Integers] | None, before: Integers, n_rows: int, model: ValueModel
+    port: BitPort,
+    truth: Integers | None,
+    plan: list[Neighbourhood],
+    before: Integers,
+    n_rows: int,
+    model: ValueModel,
 ) -> Integers:
     """Classes of the mean magnitudes, or near them, of passes and rows: of that shape.
 
@@ -157,7 +162,7 @@ def _code_scales(
     befores = np.repeat(before[:, None], n_rows, axis=1)
     changes = None
     if truth is not None:
-        found = [[scale_of_mean(np.abs(row)) for row in one.T] for one in truth]
+        found = [[scale_of_mean(row) for row in np.abs(truth[step.span].T)] for step in plan]
         changes = coarse(np.array(found) - befores).ravel()
     nothing = np.zeros(befores.size, np.int64)
     contexts = Contexts(np.full(befores.size, FIRST_SCALE + 1), nothing, nothing, nothing)
@@ -169,48 +174,47 @@ def _code_scales(
 
 def _code_batch(
     port: BitPort,
-    truth: list[Integers] | None,
+    truth: Integers | None,
     plan: list[Neighbourhood],
     past: Past,
     scales: Integers,
-    rows: Integers,
     model: ValueModel,
-) -> None:
-    """Fill in `rows`, of shape (columns, rows), pass by pass; then learn from them."""
-    magnitudes, means, signed = np.zeros((3, *rows.shape), np.int64)
+) -> Integers:
+    """Rows, of shape (columns, rows), pass by pass; then it learns from them."""
+    n_columns, n_rows = len(past.means), scales.shape[1]
+    found, magnitudes, means, signed = np.zeros((4, n_columns, n_rows), np.int64)
     for place in np.flatnonzero(scales.any(axis=1)):
-        step, columns = plan[place], plan[place].columns
-        means[columns] = mean_of_scale(scales[place]) * (scales[place] > 0)
+        step, here = plan[place], plan[place].span
+        means[here] = mean_of_scale(scales[place]) * (scales[place] > 0)
         coded = np.flatnonzero(scales[place])
         # All rows, as a rule: then nothing is copied.
-        among = slice(None) if len(coded) == rows.shape[1] else coded
-        values = None if truth is None else truth[place][:, among].ravel()
+        among = slice(None) if len(coded) == n_rows else coded
+        values = None if truth is None else truth[here, among].ravel()
         contexts = _contexts(step, past, magnitudes[:, among], means[:, among], signed[:, among])
-        found = np.zeros((len(columns), rows.shape[1]), np.int64)
-        found[:, among] = model.code(port, values, contexts).reshape(len(columns), -1)
-        rows[columns] = found
-        magnitudes[columns] = np.minimum(np.abs(found), MAX_EVIDENCE)
-        signed[columns] = signed_votes(found)
-    for row in range(rows.shape[1]):
+        found[here, among] = model.code(port, values, contexts).reshape(len(step.columns), -1)
+        magnitudes[here] = np.minimum(np.abs(found[here]), MAX_EVIDENCE)
+        signed[here] = signed_votes(found[here])
+    for row in range(n_rows):
         past.add(magnitudes[:, row], means[:, row])
     signed = signed.astype(np.int8)  # small, for they are looked up often
-    votes = signed.any(axis=1)
+    votes = np.asarray(signed.any(axis=1))
     for step in plan:
         step.learn(signed, votes)
+    return found
 
 
 def _contexts(
     step: Neighbourhood, past: Past, magnitudes: Integers, means: Integers, signed: Integers
 ) -> Contexts:
     """What is known of the integers of a pass in some rows, column by column."""
-    past_magnitudes = past.magnitudes[step.columns][:, None]
+    past_magnitudes = past.magnitudes[step.span, None]
     near, near_mean = step.sum_near(magnitudes), step.sum_near(means)
     expected = expected_classes(
         past_magnitudes,
-        past.means[step.columns][:, None],
+        past.means[step.span, None],
         near,
         near_mean,
-        means[step.columns[0]],
+        means[step.span.start],
     )
     return Contexts(
         expected.ravel(),

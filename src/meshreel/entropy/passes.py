@@ -40,6 +40,17 @@ def single_pass(n_columns: int) -> list[Pass]:
     return [Pass(np.arange(n_columns), np.zeros(n_columns + 1, np.int64), nothing)]
 
 
+def in_coded_order(passes: Sequence[Pass]) -> tuple[Integers, list[Pass]]:
+    """All columns in the order they are coded in, and passes that number them so.
+
+    Columns of a pass then follow each other: they are a slice of what is kept for all.
+    """
+    order = np.concatenate([step.columns for step in passes])
+    number = np.empty(len(order), np.int64)
+    number[order] = np.arange(len(order))
+    return order, [Pass(number[step.columns], step.indptr, number[step.indices]) for step in passes]
+
+
 class Neighbourhood:
     """Sums over the neighbours of a pass, and how far they agreed in sign so far.
 
@@ -49,10 +60,13 @@ class Neighbourhood:
     Attributes
     ----------
     columns : integer array of shape (n,)
+    span : slice
+        The columns too, if they are in coded order.
     """
 
     def __init__(self, step: Pass, n_columns: int) -> None:
         self.columns = step.columns
+        self.span = slice(int(step.columns[0]), int(step.columns[-1]) + 1)
         ones = np.ones(len(step.indices), np.int64)
         shape = (len(step.columns), n_columns)
         self._near: csr_array = csr_array((ones, step.indices, step.indptr), shape=shape)

@@ -4,6 +4,8 @@ Lower bits of a magnitude are noise that no context foretells. They are left out
 and stored raw.
 """
 
+from functools import lru_cache
+
 import numpy as np
 import numpy.typing as npt
 
@@ -50,7 +52,7 @@ class ValueModel:
         magnitudes = None if truth is None else np.abs(truth)
         lengths = self._code_lengths(port, magnitudes, contexts)
         values = self._code_upper_halves(port, magnitudes, lengths, contexts.expected)
-        used = np.flatnonzero(lengths)
+        (used,) = lengths.nonzero()
         negative = None if truth is None else truth[used] < 0
         values[used] *= self._code_signs(port, negative, contexts.prediction[used])
         return values
@@ -75,7 +77,7 @@ class ValueModel:
         self, port: BitPort, magnitudes: Integers | None, lengths: Integers, expected: Integers
     ) -> Integers:
         values = np.minimum(lengths, 1)
-        here = np.flatnonzero(lengths > 1)
+        (here,) = (lengths > 1).nonzero()
         shifts = lengths[here] - 2
         truth = None if magnitudes is None else (magnitudes[here] >> shifts & 1) == 1
         upper = self._upper.code(port, truth, shifts * N_EXPECTED + expected[here])
@@ -113,6 +115,7 @@ def coarse(values: Integers) -> Integers:
     return kept
 
 
+@lru_cache(maxsize=1)
 def _powers_of_decay() -> list[Integers]:
     """First guesses of shape (N_EXPECTED,): the 1st, 2nd, 4th, 8th, ... power of the decay.
 
