@@ -21,7 +21,7 @@ from meshreel.codec.pipeline import (
     synthesise,
 )
 from meshreel.codec.reel import FieldBlock, synthesise_fields
-from meshreel.entropy.field_coder import decode_fields, encode_fields
+from meshreel.entropy.field_coder import IncomingFields, encode_fields
 from meshreel.errors import CorruptStreamError
 from meshreel.threads import in_background
 
@@ -121,7 +121,7 @@ def write_field_block(block: FieldBlock, mesh: FieldMesh) -> Iterator[tuple[Sect
     yield Section.BLOCK, payloads.write_block(len(block.times), block.n_modes)
     yield Section.FIELDS, payloads.write_layout(block.layout, block.taps)
     yield Section.BASIS, payloads.write_times(block.times)
-    yield Section.COEFFICIENTS, encode_fields(block.fields, mesh.passes)
+    yield Section.COEFFICIENTS, encode_fields(block.fields[:], mesh.passes)
 
 
 def frame_sources(
@@ -178,10 +178,8 @@ def _read_field_block(
     scales = in_background(lambda: field_mesh.scales)
     times = payloads.read_times(stored.payload(Section.BASIS), n_modes, n_frames)
     scales.result()
-    stencils = in_background(lambda: field_mesh.stencils)
     coded = stored.payload(Section.COEFFICIENTS)
-    fields = decode_fields(coded, n_modes, mesh.n_verts, field_mesh.passes)
-    stencils.result()
+    fields = IncomingFields(coded, n_modes, mesh.n_verts, field_mesh.passes)
     return FieldBlock(layout, times, fields, taps), field_mesh
 
 
