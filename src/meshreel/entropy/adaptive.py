@@ -115,7 +115,7 @@ class AdaptiveBits:
             return np.zeros(0, np.bool_)
         bits = port.code(truth, self._probabilities[contexts])
         counts = np.bincount(contexts, minlength=len(self._total))
-        ones = np.bincount(contexts[bits], minlength=len(self._total))
+        ones = np.bincount(contexts[bits.nonzero()], minlength=len(self._total))
         (used,) = counts.nonzero()
         self._learn(used, INCREMENT * counts[used], INCREMENT * ones[used])
         return bits

@@ -13,10 +13,11 @@ def pack_bits(fields: Integers, widths: Integers) -> bytes:
 
     Every field is below 2^width and not negative.
     """
-    if not np.any(widths):
-        return b""
     ends = np.cumsum(widths)
-    starts = ends - widths
+    is_wide = widths > 0  # few, as a rule
+    starts, fields = (ends - widths)[is_wide], fields[is_wide]
+    if not len(fields):
+        return b""
     n_bytes = int((ends[-1] + 7) >> 3)
     shifted = fields << (starts & 7)
     first_byte = starts >> 3

@@ -65,12 +65,15 @@ class ValueModel:
         open_ones = np.arange(len(lengths))
         classes = (contexts.expected * N_PAST + contexts.past) * N_NEAR + contexts.near
         for length, bits in enumerate(self._longer):
-            truth = None if true_lengths is None else true_lengths[open_ones] > length
-            open_ones = open_ones[bits.code(port, truth, classes[open_ones])]
-            if not len(open_ones):
+            truth = None if true_lengths is None else true_lengths > length
+            (longer,) = bits.code(port, truth, classes).nonzero()
+            if not len(longer):
                 break
+            open_ones = open_ones[longer]
             lengths[open_ones] = length + 1
-            classes = contexts.expected
+            classes = contexts.expected[open_ones]
+            if true_lengths is not None:
+                true_lengths = true_lengths[longer]
         return lengths
 
     def _code_upper_halves(
@@ -94,7 +97,9 @@ class ValueModel:
 
 def bit_lengths(magnitudes: Integers) -> Integers:
     """Bits of each magnitude below 2^53: 0 of 0, 1 of 1, 2 of 2 and 3, ..."""
-    return np.frexp(magnitudes.astype(np.float64))[1].astype(np.int64)
+    # The highest bits of a float64 are its exponent, 1022 above the bits of a whole number.
+    exponents = magnitudes.astype(np.float64).view(np.int64) >> 52
+    return np.asarray(np.maximum(exponents - 1022, 0))
 
 
 def detail_widths(values: Integers) -> Integers:
