@@ -65,7 +65,8 @@ def encode_fields(fields: npt.NDArray[np.integer], passes: Sequence[Pass] | None
         If an integer is too large, or the array has not two axes.
     """
     values = np.asarray(fields, np.int64)
-    if values.ndim != 2 or np.any((values > MAX_MAGNITUDE) | (values < -MAX_MAGNITUDE)):
+    largest = max(values.max(initial=0), -values.min(initial=0))
+    if values.ndim != 2 or largest > MAX_MAGNITUDE:
         raise InvalidInputError(
             f"fields must have shape (rows, columns) and magnitudes up to {MAX_MAGNITUDE}; "
             f"got shape {values.shape}; use fewer bits or a larger step"
@@ -78,7 +79,7 @@ def encode_fields(fields: npt.NDArray[np.integer], passes: Sequence[Pass] | None
     words = port.words()
     widths = detail_widths(values)
     wide = widths > 0
-    details = pack_bits(np.abs(values - kept)[wide], widths[wide])
+    details = pack_bits(np.abs(values[wide] - kept[wide]), widths[wide])
     coded = write_varint(len(words) // 4) + words + details
     return coded.ljust(_least_size_bytes(n_rows, n_columns), b"\0")
 

@@ -31,8 +31,8 @@ SMOOTH_RIDGE = 1e-2
 KNOWN_RIDGE = 1e-4
 """Ridges, in mean squared offsets of a stencil."""
 
-CHUNK_VERTICES = 1024
-"""Vertices whose weights are found at once: their matrices should stay in the cache."""
+CHUNK_VERTICES = 4096
+"""Vertices whose weights are found at once: many for each call, but few enough for the cache."""
 
 
 @dataclass(frozen=True)
