@@ -22,6 +22,9 @@ from threadpoolctl import ThreadpoolController
 Piece = TypeVar("Piece")
 Result = TypeVar("Result")
 
+BACKGROUND = "meshreel-background"
+"""How the name of the thread in the background begins."""
+
 
 def in_threads(
     work: Callable[[Piece], None],
@@ -48,8 +51,19 @@ def in_threads(
 
 
 def in_background(work: Callable[[], Result]) -> "Future[Result]":
-    """Begin the work in a thread of its own; ask for its result before it is needed."""
-    return _background().submit(copy_context().run, work)
+    """Begin the work in a thread of its own; ask for its result before it is needed.
+
+    There is one such thread: what is asked for from there is done at once, for it would wait for
+    itself.
+    """
+    if not threading.current_thread().name.startswith(BACKGROUND):
+        return _background().submit(copy_context().run, work)
+    done: Future[Result] = Future()
+    try:
+        done.set_result(work())
+    except Exception as error:
+        done.set_exception(error)
+    return done
 
 
 def chunks(length: int, size: int) -> list[slice]:
@@ -108,7 +122,7 @@ def _pool() -> ThreadPoolExecutor:
 @lru_cache(maxsize=1)
 def _background() -> ThreadPoolExecutor:
     # Apart from the pool: work in the background may use that.
-    return ThreadPoolExecutor(1, "meshreel-background")
+    return ThreadPoolExecutor(1, BACKGROUND)
 
 
 def n_cores() -> int:

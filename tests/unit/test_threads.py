@@ -155,6 +155,19 @@ def test_error_comes_out_with_the_result_when_work_in_the_background_fails():
     assert in_background(lambda: 7).result(10) == 7  # the thread is there for what comes after
 
 
+def test_background_does_its_own_work_at_once_when_it_asks_for_more_itself():
+    assert in_background(lambda: in_background(lambda: 7).result(10)).result(10) == 7
+
+
+def test_error_comes_out_with_the_result_when_the_background_asks_for_more():
+    def fail():
+        raise LookupError("inner")
+
+    future = in_background(lambda: in_background(fail))
+    with pytest.raises(LookupError, match="inner"):
+        future.result(10).result(10)
+
+
 def test_pieces_of_the_background_and_of_the_caller_are_all_done_when_both_use_threads():
     """More pieces than there are threads: neither waits for a thread that the other holds."""
     behind, before = [], []

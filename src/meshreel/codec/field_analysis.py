@@ -23,9 +23,13 @@ from meshreel.codec.timeline import time_predictors
 from meshreel.profiling import staged
 from meshreel.quantization.rate_distortion import FAIR_PRICE, quantize_by_rate
 from meshreel.subspace.pca import joint_trajectories
+from meshreel.threads import chunks, in_background, in_threads
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
+
+CHUNK_VERTICES = 2048
+"""Vertices whose fields are found at once."""
 
 
 @dataclass(frozen=True)
@@ -113,11 +117,13 @@ def analyse_fields(
     matrices = frames.matrices
     n_frames = matrices.shape[1]
     step = np.float32(choices.position_step * np.sqrt(n_frames))
+    stencils = in_background(lambda: mesh.stencils)  # where they are not known yet
     times = _quantized_times(frames, float(step), choices)
     n_modes = times.shape[1] // 3
     vectors = reconstruct_times(n_frames, n_modes, reading(time_predictors(n_frames), times))
     ends = group_ends(n_modes, choices.group_ends)
     layout = Layout(step, ends, choices.stencil_size)
+    stencils.result()
     recorder = _Recorder(_projected(vectors, matrices), float(step), choices, mesh)
     taps_of = recorder.taps_of if choices.has_filters else None
     fields = reconstruct_fields(mesh, layout, recorder.steps_of, taps_of)
@@ -129,8 +135,15 @@ def analyse_fields(
 def _projected(vectors: Floats, matrices: Floats) -> Floats:
     """Fields of shape (V, K) whose product with the time vectors is nearest to the frames."""
     gram = vectors.T @ vectors  # rounding leaves the vectors not quite orthonormal
-    inverse = np.linalg.pinv(gram, hermitian=True)
-    return np.asarray(matrices.reshape(len(vectors), -1).T @ (vectors @ inverse))
+    inverse = np.linalg.pinv(gram, hermitian=True) @ vectors.T
+    stacked = matrices.reshape(len(vectors), -1)
+    fields = np.empty((stacked.shape[1], vectors.shape[1]))
+
+    def fill(piece: slice) -> None:
+        fields[piece] = (inverse @ stacked[:, piece]).T
+
+    in_threads(fill, chunks(len(fields), CHUNK_VERTICES))
+    return fields
 
 
 @staged("time vectors")
@@ -178,12 +191,13 @@ class _Recorder:
             max(0, len(self.mesh.scales) - self.choices.n_carrying_scales) :
         ]
         first_carrying = len(predictors) - sum(len(scale.levels) for scale in carrying)
+        fields = np.ascontiguousarray(self.fields[:, modes])
 
         def chosen(level: int, prediction: Floats) -> Integers:
             rows = self.mesh.levels[level]
-            wanted = self.fields[rows, modes]
+            wanted = fields[rows]
             if level >= max(first_carrying, 1):
-                true_prediction = predictors[level].weights @ self.fields[:, modes]
+                true_prediction = predictors[level].weights @ fields
                 wanted = wanted + self.choices.carried_share * (prediction - true_prediction)
             price = self.choices.price if level else 0.0
             steps = quantize_by_rate((wanted - prediction) / self.step, price)

@@ -85,18 +85,27 @@ class FieldMesh:
     def predictors(self, weights: Floats) -> list[Predictor]:
         """Predictors of all levels, for weights of the stencils."""
         predictors, start = [], 0
-        for level in self.levels:
-            rows = slice(start, start + len(level))
-            stencil = self.stencils.stencil[rows]
-            is_there = stencil >= 0
-            starts = np.concatenate([[0], np.cumsum(is_there.sum(axis=1))])
+        for level, places in zip(self.levels, self._places, strict=True):
+            stop = start + len(level)
+            starts = np.arange(0, places.size + 1, self.stencil_size, dtype=np.int32)
             matrix = csr_array(
-                (weights[rows][is_there], stencil[is_there], starts),
+                (weights[start:stop].ravel(), places, starts),
                 shape=(len(level), self.mesh.n_verts),
             )
             predictors.append(Predictor(level, matrix))
-            start = rows.stop
+            start = stop
         return predictors
+
+    @cached_property
+    def _places(self) -> list[npt.NDArray[np.int32]]:
+        """For each level the vertices of its stencils, one after another.
+
+        Where a stencil ends it is the vertex itself, whose weight is 0: all have the same length.
+        """
+        known = self.stencils
+        places = np.where(known.stencil >= 0, known.stencil, known.targets[:, None])
+        ends = np.cumsum([len(level) for level in self.levels])
+        return [part.ravel() for part in np.split(places.astype(np.int32), ends[:-1])]
 
 
 @lru_cache(maxsize=2)

@@ -143,7 +143,17 @@ def product_frames(basis: Floats, coefficients: Floats) -> FramesOf:
     basis : float64 array of shape (3, T, K)
     coefficients : float64 array of shape (3, K, V), or (1, K, V) for all axes
     """
-    return lambda frames: expand(basis[:, frames], coefficients)
+    if len(coefficients) > 1:
+        return lambda frames: expand(basis[:, frames], coefficients)
+    n_modes, n_verts = coefficients.shape[1:]
+    fields = np.ascontiguousarray(coefficients[0])
+
+    def frames_of(frames: slice) -> Floats:
+        # One product for all axes: it reads the fields once.
+        rows = basis[:, frames].reshape(-1, n_modes)
+        return expand(rows, fields).reshape(3, -1, n_verts)
+
+    return frames_of
 
 
 def modes_needed(matrices: Floats, config: EncoderConfig) -> int:

@@ -99,7 +99,7 @@ class Piece:
 
     def read(self) -> Vertices:
         """Positions of shape (stop - start, V, 3) in internal order."""
-        return self.sequence.read(self.start, self.stop)[:, self.order]
+        return self.sequence.read(self.start, self.stop).take(self.order, axis=1)
 
     def __reduce__(self) -> tuple[Any, ...]:
         # What is in memory is not in the other process: of that, only these frames are sent.

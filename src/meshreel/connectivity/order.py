@@ -19,6 +19,7 @@ from meshreel.connectivity.vertex_order import (
 from meshreel.entropy.varint import read_varint, write_varint
 from meshreel.errors import CorruptStreamError
 from meshreel.sequence import Faces
+from meshreel.threads import in_threads
 
 Integers = npt.NDArray[np.int64]
 
@@ -44,20 +45,26 @@ def encode_order(
     if not keep_faces:
         return _join(VERTICES_ONLY, prediction, numbering, b"")
     n_verts = len(internal_to_given)
-    sorted_faces, corners = _sorted_corners(faces, n_verts)
-    vertices_first = _join(
-        VERTICES_FIRST, prediction, numbering, encode_face_order(corners, sorted_faces, n_verts)
-    )
-    named = inverse_permutation(internal_to_given)[faces]
-    naming = naming_order(named, n_verts)
-    faces_first = _join(
-        FACES_FIRST,
-        *encode_numbering(internal_to_given[naming], inverse_permutation(naming)[named]),
-        encode_face_order(
-            _matching_corners(named, internal_faces, n_verts), internal_faces, n_verts
-        ),
-    )
-    return min(vertices_first, faces_first, key=len)
+    coded: dict[int, bytes] = {}
+
+    def vertices_first() -> bytes:
+        sorted_faces, corners = _sorted_corners(faces, n_verts)
+        listing = encode_face_order(corners, sorted_faces, n_verts)
+        return _join(VERTICES_FIRST, prediction, numbering, listing)
+
+    def faces_first() -> bytes:
+        named = inverse_permutation(internal_to_given)[faces]
+        naming = naming_order(named, n_verts)
+        corners = _matching_corners(named, internal_faces, n_verts)
+        return _join(
+            FACES_FIRST,
+            *encode_numbering(internal_to_given[naming], inverse_permutation(naming)[named]),
+            encode_face_order(corners, internal_faces, n_verts),
+        )
+
+    ways = (vertices_first, faces_first)
+    in_threads(lambda way: coded.update({way: ways[way]()}), range(len(ways)))
+    return min((coded[way] for way in range(len(ways))), key=len)
 
 
 def decode_given_order(

@@ -13,11 +13,12 @@ import numpy.typing as npt
 from meshreel.errors import CorruptStreamError
 
 Integers = npt.NDArray[np.int64]
+Floats = npt.NDArray[np.float64]
 Bits = npt.NDArray[np.bool_]
 
 PROBABILITY_BITS = 16
 CERTAIN = 1 << PROBABILITY_BITS
-"""A probability is an integer, of CERTAIN."""
+"""A probability is a whole number by CERTAIN, which float64 holds exactly."""
 
 LEAST_PROBABILITY = 16  # what never happened so far may still happen
 START_WEIGHT = 12  # how many observations a first guess stands for
@@ -30,7 +31,7 @@ _BERNOULLI = constriction.stream.model.Bernoulli(perfect=False)
 class BitPort(Protocol):
     """Where bits go to or come from."""
 
-    def code(self, truth: Bits | None, probabilities: Integers) -> Bits:
+    def code(self, truth: Bits | None, probabilities: Floats) -> Bits:
         """The bits, each 1 with its probability; `truth` holds them when they are written."""
         ...
 
@@ -40,9 +41,9 @@ class BitWriter:
 
     def __init__(self) -> None:
         self._bits: list[Bits] = []
-        self._probabilities: list[Integers] = []
+        self._probabilities: list[Floats] = []
 
-    def code(self, truth: Bits | None, probabilities: Integers) -> Bits:
+    def code(self, truth: Bits | None, probabilities: Floats) -> Bits:
         """The bits given, noted to be written."""
         assert truth is not None  # only a reader is asked for what nobody knows yet
         self._bits.append(truth)
@@ -54,7 +55,7 @@ class BitWriter:
         coder = constriction.stream.stack.AnsCoder()
         if self._bits:
             bits = np.concatenate(self._bits).astype(np.int32)
-            coder.encode_reverse(bits, _BERNOULLI, _shares(np.concatenate(self._probabilities)))
+            coder.encode_reverse(bits, _BERNOULLI, np.concatenate(self._probabilities))
         return bytes(coder.get_compressed().astype("<u4").tobytes())
 
 
@@ -75,11 +76,11 @@ class BitReader:
         except ValueError as error:
             raise CorruptStreamError(f"the coded bits are damaged: {error}") from error
 
-    def code(self, truth: Bits | None, probabilities: Integers) -> Bits:
+    def code(self, truth: Bits | None, probabilities: Floats) -> Bits:
         """The next bits; `truth` is not looked at."""
         if not len(probabilities):
             return np.zeros(0, np.bool_)
-        return np.asarray(self._coder.decode(_BERNOULLI, _shares(probabilities)) != 0)
+        return np.asarray(self._coder.decode(_BERNOULLI, probabilities) != 0)
 
     def finish(self) -> None:
         """Check that nothing is left.
@@ -114,27 +115,23 @@ class AdaptiveBits:
             return np.zeros(0, np.bool_)
         bits = port.code(truth, self._probabilities[contexts])
         counts = np.bincount(contexts, minlength=len(self._total))
-        ones = np.bincount(contexts[bits], minlength=len(self._total))
-        used = np.flatnonzero(counts)
+        ones = np.bincount(contexts[bits.nonzero()], minlength=len(self._total))
+        (used,) = counts.nonzero()
         self._learn(used, INCREMENT * counts[used], INCREMENT * ones[used])
         return bits
 
     def _learn(self, used: Integers, counts: Integers, ones: Integers) -> None:
-        total = self._total[used] + counts
-        ones = self._ones[used] + ones
-        full = (total > FULL_COUNT).astype(np.int64)
-        self._total[used], self._ones[used] = total >> full, ones >> full
-        self._probabilities[used] = _probabilities(self._ones[used], self._total[used])
+        counts += self._total[used]
+        ones += self._ones[used]
+        is_full = counts > FULL_COUNT
+        counts >>= is_full
+        ones >>= is_full
+        self._total[used], self._ones[used] = counts, ones
+        self._probabilities[used] = _probabilities(ones, counts)
 
 
-def _probabilities(ones: Integers, total: Integers) -> Integers:
-    """Of CERTAIN, and never 0 or 1."""
+def _probabilities(ones: Integers, total: Integers) -> Floats:
+    """Shares of ones, rounded down, but never 0 or 1."""
     shares = (ones << PROBABILITY_BITS) // total
-    return np.asarray(
-        np.minimum(np.maximum(shares, LEAST_PROBABILITY), CERTAIN - LEAST_PROBABILITY)
-    )
-
-
-def _shares(probabilities: Integers) -> npt.NDArray[np.float64]:
-    """Probabilities as float64; exact, for the denominator is a power of two."""
-    return probabilities.astype(np.float64) / CERTAIN
+    limited = np.minimum(np.maximum(shares, LEAST_PROBABILITY), CERTAIN - LEAST_PROBABILITY)
+    return np.asarray(limited / CERTAIN)

@@ -13,10 +13,11 @@ def pack_bits(fields: Integers, widths: Integers) -> bytes:
 
     Every field is below 2^width and not negative.
     """
-    if not np.any(widths):
-        return b""
     ends = np.cumsum(widths)
-    starts = ends - widths
+    is_wide = widths > 0  # few, as a rule
+    starts, fields = (ends - widths)[is_wide], fields[is_wide]
+    if not len(fields):
+        return b""
     n_bytes = int((ends[-1] + 7) >> 3)
     shifted = fields << (starts & 7)
     first_byte = starts >> 3
@@ -27,11 +28,11 @@ def pack_bits(fields: Integers, widths: Integers) -> bytes:
     return packed[:n_bytes].astype(np.uint8).tobytes()
 
 
-def unpack_bits(data: bytes, widths: Integers) -> Integers:
-    """Fields that `pack_bits` wrote; `data` must hold at least their sum of widths."""
+def unpack_bits(data: bytes, widths: Integers, first_bit: int = 0) -> Integers:
+    """Fields that `pack_bits` wrote, from a bit on; `data` must hold all their bits."""
     if not np.any(widths):
         return np.zeros(len(widths), np.int64)
-    ends = np.cumsum(widths)
+    ends = first_bit + np.cumsum(widths)
     starts = ends - widths
     padded = np.zeros(len(data) + 5, np.int64)
     padded[: len(data)] = np.frombuffer(data, np.uint8)

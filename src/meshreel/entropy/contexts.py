@@ -19,6 +19,8 @@ MAX_EVIDENCE = (1 << 16) - 1  # larger magnitudes count as this
 MEMORY_SHIFT = 3  # with each row, the rows before it lose an eighth of their weight
 PRIOR = UNIT // 3  # what speaks for "like the mean of the row" before anything is known
 LOG_STEPS = 8  # steps of an octave
+FLOAT_SHIFT = 52 - (LOG_STEPS.bit_length() - 1)  # leaves of a float64 its octave and steps
+FLOAT_BIAS = 1023 * LOG_STEPS
 N_EXPECTED = 72  # half octaves of the expected magnitude, from 2^-20 on
 N_PAST = 6
 N_NEAR = 3
@@ -82,23 +84,27 @@ def mean_of_scale(scale: Integers) -> Integers:
 def expected_classes(
     past: Integers, past_mean: Integers, near: Integers, near_mean: Integers, mean: Integers
 ) -> Integers:
-    """Class of the expected magnitude of each of n columns, in 0..N_EXPECTED-1.
+    """Class of the expected magnitude of each of n columns in some rows, in 0..N_EXPECTED-1.
 
     Parameters
     ----------
-    past, past_mean : integer arrays of shape (n,)
+    past, past_mean : integer arrays of shape (n, 1)
         Magnitudes of the rows before, and what was usual, in UNIT (`Past`).
-    near, near_mean : integer arrays of shape (n,)
+    near, near_mean : integer arrays of shape (n, rows)
         Sum of the magnitudes of the neighbours, and of the means of their passes, the latter in
         UNIT.
-    mean : integer array of shape (n,)
-        Mean magnitude of the pass of each, in UNIT.
+    mean : integer array of shape (rows,)
+        Mean magnitude of the pass in each row, in UNIT.
+
+    Returns
+    -------
+    integer array of shape (n, rows)
     """
     seen = PRIOR + (past >> 1) + UNIT * near
     usual = PRIOR + (past_mean >> 1) + near_mean
-    logs = _logarithms(mean) + _logarithms(seen) - _logarithms(usual)
-    classes: Integers = np.clip(logs // (LOG_STEPS // 2), 0, N_EXPECTED - 1)
-    return classes
+    logs = _logarithms(mean) + (_logarithms(seen) - _logarithms(usual))
+    classes = logs // (LOG_STEPS // 2)
+    return np.asarray(np.minimum(np.maximum(classes, 0), N_EXPECTED - 1))
 
 
 def past_classes(past: Integers) -> Integers:
@@ -113,7 +119,7 @@ def near_classes(near: Integers) -> Integers:
 
 def _logarithms(values: Integers) -> Integers:
     """Octave of positive integers, in LOG_STEPS, plus the step of the octave they lie in."""
-    # The conversion to float64 rounds alike on every machine, and frexp is exact.
-    mantissas, exponents = np.frexp(values.astype(np.float64))
-    steps = (2 * LOG_STEPS * mantissas).astype(np.int64) - LOG_STEPS
-    return LOG_STEPS * (exponents.astype(np.int64) - 1) + steps
+    # The conversion to float64 rounds alike on every machine. Its highest bits are the octave and,
+    # below it, the fraction of the octave; a positive number has no sign.
+    bits: Integers = values.astype(np.float64).view(np.int64)
+    return (bits >> FLOAT_SHIFT) - FLOAT_BIAS

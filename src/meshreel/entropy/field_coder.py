@@ -5,13 +5,14 @@ mesh, in modes of falling energy. Both sides learn the statistics from what is a
 that no tables are sent.
 """
 
-from collections.abc import Sequence
+import threading
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 import numpy.typing as npt
 
 from meshreel.entropy.adaptive import BitPort, BitReader, BitWriter
-from meshreel.entropy.bits import pack_bits, packed_size_bytes, unpack_bits
+from meshreel.entropy.bits import pack_bits, unpack_bits
 from meshreel.entropy.coder import MAX_INTEGERS_PER_BYTE
 from meshreel.entropy.contexts import (
     MAX_EVIDENCE,
@@ -28,6 +29,7 @@ from meshreel.entropy.contexts import (
 from meshreel.entropy.passes import (
     Neighbourhood,
     Pass,
+    in_coded_order,
     neighbourhoods,
     signed_votes,
     single_pass,
@@ -37,6 +39,7 @@ from meshreel.entropy.value_model import ValueModel, coarse, detail_widths
 from meshreel.entropy.varint import read_varint, write_varint
 from meshreel.errors import CorruptStreamError, InvalidInputError
 from meshreel.profiling import staged
+from meshreel.threads import in_background
 
 Integers = npt.NDArray[np.int64]
 
@@ -64,7 +67,8 @@ def encode_fields(fields: npt.NDArray[np.integer], passes: Sequence[Pass] | None
         If an integer is too large, or the array has not two axes.
     """
     values = np.asarray(fields, np.int64)
-    if values.ndim != 2 or np.any((values > MAX_MAGNITUDE) | (values < -MAX_MAGNITUDE)):
+    largest = max(values.max(initial=0), -values.min(initial=0))
+    if values.ndim != 2 or largest > MAX_MAGNITUDE:
         raise InvalidInputError(
             f"fields must have shape (rows, columns) and magnitudes up to {MAX_MAGNITUDE}; "
             f"got shape {values.shape}; use fewer bits or a larger step"
@@ -72,11 +76,12 @@ def encode_fields(fields: npt.NDArray[np.integer], passes: Sequence[Pass] | None
     n_rows, n_columns = values.shape
     kept = coarse(values)
     port = BitWriter()
-    _code_rows(port, kept, n_rows, n_columns, passes)
+    for _ in _code_rows(port, kept, n_rows, n_columns, passes):
+        pass  # the port has all that is coded
     words = port.words()
     widths = detail_widths(values)
     wide = widths > 0
-    details = pack_bits(np.abs(values - kept)[wide], widths[wide])
+    details = pack_bits(np.abs(values[wide] - kept[wide]), widths[wide])
     coded = write_varint(len(words) // 4) + words + details
     return coded.ljust(_least_size_bytes(n_rows, n_columns), b"\0")
 
@@ -92,29 +97,94 @@ def decode_fields(
     CorruptStreamError
         If the bytes are not those of such an array.
     """
-    least = _least_size_bytes(n_rows, n_columns)
-    if len(data) < least:
+    rows = _room_for(data, n_rows, n_columns)
+    for batch, values in _decoded_rows(data, n_rows, n_columns, passes):
+        rows[batch] = values
+    return rows
+
+
+class IncomingFields:
+    """What `decode_fields` gives, decoded in the background: rows can be had while others come.
+
+    Whoever takes the last rows, or any after an error, gets the error that `decode_fields` raises.
+    """
+
+    def __init__(
+        self, data: bytes, n_rows: int, n_columns: int, passes: Sequence[Pass] | None = None
+    ) -> None:
+        self._rows = _room_for(data, n_rows, n_columns)
+        self._n_there = 0
+        self._arrival = threading.Condition()
+        self._end = in_background(lambda: self._take_in(_decoded_rows(data, *self.shape, passes)))
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """How many rows and columns there will be."""
+        return self._rows.shape
+
+    def __getitem__(self, rows: slice) -> Integers:
+        """Some rows; it waits for them."""
+        _, stop, _ = rows.indices(len(self._rows))
+        with self._arrival:
+            self._arrival.wait_for(lambda: self._n_there >= stop)
+        if self._n_there == len(self._rows):
+            self._end.result()
+        return self._rows[rows]
+
+    def _take_in(self, batches: Iterator[tuple[slice, Integers]]) -> None:
+        try:
+            for batch, values in batches:
+                self._rows[batch] = values
+                self._announce(batch.stop)
+        finally:
+            self._announce(len(self._rows))  # nothing more will come, as after an error
+
+    def _announce(self, n_there: int) -> None:
+        with self._arrival:
+            self._n_there = n_there
+            self._arrival.notify_all()
+
+
+def _room_for(data: bytes, n_rows: int, n_columns: int) -> Integers:
+    """An array for the integers, if the bytes can hold so many."""
+    if len(data) < _least_size_bytes(n_rows, n_columns):
         raise CorruptStreamError(
             f"{len(data)} bytes cannot hold {n_rows} x {n_columns} integers; "
             f"at most a row and {MAX_INTEGERS_PER_BYTE} integers a byte are allowed"
         )
+    return np.empty((n_rows, n_columns), np.int64)
+
+
+def _decoded_rows(
+    data: bytes, n_rows: int, n_columns: int, passes: Sequence[Pass] | None
+) -> Iterator[tuple[slice, Integers]]:
+    """Batches of rows, and their integers; all bytes are checked when it comes to its end."""
     n_words, start = read_varint(data, 0)
     if n_words > (len(data) - start) // 4:
         raise CorruptStreamError(f"{n_words} words are announced; {len(data) - start} bytes follow")
     position = start + 4 * n_words
-    port = BitReader(data[start:position])
-    kept = _code_rows(port, None, n_rows, n_columns, passes)
+    port, details, n_bits = BitReader(data[start:position]), data[position:], 0
+    for batch, values in _code_rows(port, None, n_rows, n_columns, passes):
+        n_bits += _add_details(values, details, n_bits)
+        yield batch, values
     port.finish()
-    widths = detail_widths(kept)
-    wide = widths > 0
-    end = position + packed_size_bytes(widths[wide])
-    if len(data) != max(end, least) or any(data[end:]):
+    end = position + (n_bits + 7) // 8
+    if len(data) != max(end, _least_size_bytes(n_rows, n_columns)) or any(data[end:]):
         raise CorruptStreamError(
             f"the fields should end at byte {end} of their section; it has {len(data)} bytes"
         )
-    details = unpack_bits(data[position:end], widths[wide])
-    kept[wide] += np.where(kept[wide] < 0, -details, details)
-    return kept
+
+
+def _add_details(values: Integers, details: bytes, first_bit: int) -> int:
+    """Make coarse values exact, in place; how many bits that took."""
+    widths = detail_widths(values)
+    wide = widths > 0
+    n_bits = int(widths.sum())
+    if first_bit + n_bits > 8 * len(details):
+        raise CorruptStreamError(f"{len(details)} bytes cannot hold the details of the fields")
+    raw = unpack_bits(details, widths[wide], first_bit)
+    values[wide] += np.where(values[wide] < 0, -raw, raw)
+    return n_bits
 
 
 def _code_rows(
@@ -123,23 +193,22 @@ def _code_rows(
     n_rows: int,
     n_columns: int,
     passes: Sequence[Pass] | None,
-) -> Integers:
-    """Coarse integers of shape (rows, columns), written (those of `truth`) or read."""
-    rows = np.zeros((n_rows, n_columns), np.int64)
-    if not rows.size:
-        return rows
-    plan = neighbourhoods(single_pass(n_columns) if passes is None else passes, n_columns)
+) -> Iterator[tuple[slice, Integers]]:
+    """Batches of rows with their coarse integers, written (those of `truth`) or read."""
+    if not n_columns:
+        return
+    order, steps = in_coded_order(single_pass(n_columns) if passes is None else passes)
+    plan = neighbourhoods(steps, n_columns)
     model, scale_model = ValueModel(), ValueModel()
     past = Past(n_columns)
     scales = np.full(len(plan), FIRST_SCALE)
     for batch in _batches(n_rows):
-        wanted = None
-        if truth is not None:
-            wanted = [truth[batch, step.columns].T for step in plan]
-        batch_scales = _code_scales(port, wanted, scales, batch.stop - batch.start, scale_model)
-        _code_batch(port, wanted, plan, past, batch_scales, rows[batch].T, model)
-        scales = batch_scales[:, -1]
-    return rows
+        wanted = None if truth is None else truth[batch].take(order, axis=1).T
+        scales = _code_scales(port, wanted, plan, scales, batch.stop - batch.start, scale_model)
+        rows = np.empty((batch.stop - batch.start, n_columns), np.int64)
+        rows[:, order] = _code_batch(port, wanted, plan, past, scales, model).T
+        scales = scales[:, -1]
+        yield batch, rows
 
 
 def _batches(n_rows: int) -> list[slice]:
@@ -150,7 +219,12 @@ def _batches(n_rows: int) -> list[slice]:
 
 
 def _code_scales(
-    port: BitPort, truth: list[Integers] | None, before: Integers, n_rows: int, model: ValueModel
+    port: BitPort,
+    truth: Integers | None,
+    plan: list[Neighbourhood],
+    before: Integers,
+    n_rows: int,
+    model: ValueModel,
 ) -> Integers:
     """Classes of the mean magnitudes, or near them, of passes and rows: of that shape.
 
@@ -160,7 +234,7 @@ def _code_scales(
     befores = np.repeat(before[:, None], n_rows, axis=1)
     changes = None
     if truth is not None:
-        found = [[scale_of_mean(np.abs(row)) for row in one.T] for one in truth]
+        found = [[scale_of_mean(row) for row in np.abs(truth[step.span].T)] for step in plan]
         changes = coarse(np.array(found) - befores).ravel()
     nothing = np.zeros(befores.size, np.int64)
     contexts = Contexts(np.full(befores.size, FIRST_SCALE + 1), nothing, nothing, nothing)
@@ -172,48 +246,52 @@ def _code_scales(
 
 def _code_batch(
     port: BitPort,
-    truth: list[Integers] | None,
+    truth: Integers | None,
     plan: list[Neighbourhood],
     past: Past,
     scales: Integers,
-    rows: Integers,
     model: ValueModel,
-) -> None:
-    """Fill in `rows`, of shape (columns, rows), pass by pass; then learn from them."""
-    magnitudes, means, signed = np.zeros((3, *rows.shape), np.int64)
+) -> Integers:
+    """Rows, of shape (columns, rows), pass by pass; then it learns from them."""
+    n_columns, n_rows = len(past.means), scales.shape[1]
+    found, magnitudes, means, signed = np.zeros((4, n_columns, n_rows), np.int64)
     for place in np.flatnonzero(scales.any(axis=1)):
-        step, columns = plan[place], plan[place].columns
-        means[columns] = mean_of_scale(scales[place]) * (scales[place] > 0)
+        step, here = plan[place], plan[place].span
+        means[here] = mean_of_scale(scales[place]) * (scales[place] > 0)
         coded = np.flatnonzero(scales[place])
         # All rows, as a rule: then nothing is copied.
-        among = slice(None) if len(coded) == rows.shape[1] else coded
-        values = None if truth is None else truth[place][:, among].ravel()
+        among = slice(None) if len(coded) == n_rows else coded
+        values = None if truth is None else truth[here, among].ravel()
         contexts = _contexts(step, past, magnitudes[:, among], means[:, among], signed[:, among])
-        found = np.zeros((len(columns), rows.shape[1]), np.int64)
-        found[:, among] = model.code(port, values, contexts).reshape(len(columns), -1)
-        rows[columns] = found
-        magnitudes[columns] = np.minimum(np.abs(found), MAX_EVIDENCE)
-        signed[columns] = signed_votes(found)
-    for row in range(rows.shape[1]):
+        found[here, among] = model.code(port, values, contexts).reshape(len(step.columns), -1)
+        magnitudes[here] = np.minimum(np.abs(found[here]), MAX_EVIDENCE)
+        signed[here] = signed_votes(found[here])
+    for row in range(n_rows):
         past.add(magnitudes[:, row], means[:, row])
-    votes = signed.astype(np.int8)  # small, for they are looked up often
+    signed = signed.astype(np.int8)  # small, for they are looked up often
+    votes = np.asarray(signed.any(axis=1))
     for step in plan:
-        step.learn(votes)
+        step.learn(signed, votes)
+    return found
 
 
 def _contexts(
     step: Neighbourhood, past: Past, magnitudes: Integers, means: Integers, signed: Integers
 ) -> Contexts:
     """What is known of the integers of a pass in some rows, column by column."""
-    n_rows = magnitudes.shape[1]
-    near = step.sum_near(magnitudes).ravel()
-    before = np.repeat(past.magnitudes[step.columns], n_rows)
-    usual = np.repeat(past.means[step.columns], n_rows)
-    mean = np.tile(means[step.columns[0]], len(step.columns))
+    past_magnitudes = past.magnitudes[step.span, None]
+    near, near_mean = step.sum_near(magnitudes), step.sum_near(means)
+    expected = expected_classes(
+        past_magnitudes,
+        past.means[step.span, None],
+        near,
+        near_mean,
+        means[step.span.start],
+    )
     return Contexts(
-        expected_classes(before, usual, near, step.sum_near(means).ravel(), mean),
-        past_classes(before),
-        near_classes(near),
+        expected.ravel(),
+        np.broadcast_to(past_classes(past_magnitudes), near.shape).ravel(),
+        near_classes(near).ravel(),
         step.predict_signs(signed).ravel(),
     )
 

@@ -40,6 +40,17 @@ def single_pass(n_columns: int) -> list[Pass]:
     return [Pass(np.arange(n_columns), np.zeros(n_columns + 1, np.int64), nothing)]
 
 
+def in_coded_order(passes: Sequence[Pass]) -> tuple[Integers, list[Pass]]:
+    """All columns in the order they are coded in, and passes that number them so.
+
+    Columns of a pass then follow each other: they are a slice of what is kept for all.
+    """
+    order = np.concatenate([step.columns for step in passes])
+    number = np.empty(len(order), np.int64)
+    number[order] = np.arange(len(order))
+    return order, [Pass(number[step.columns], step.indptr, number[step.indices]) for step in passes]
+
+
 class Neighbourhood:
     """Sums over the neighbours of a pass, and how far they agreed in sign so far.
 
@@ -49,10 +60,13 @@ class Neighbourhood:
     Attributes
     ----------
     columns : integer array of shape (n,)
+    span : slice
+        The columns too, if they are in coded order.
     """
 
     def __init__(self, step: Pass, n_columns: int) -> None:
         self.columns = step.columns
+        self.span = slice(int(step.columns[0]), int(step.columns[-1]) + 1)
         ones = np.ones(len(step.indices), np.int64)
         shape = (len(step.columns), n_columns)
         self._near: csr_array = csr_array((ones, step.indices, step.indptr), shape=shape)
@@ -67,10 +81,20 @@ class Neighbourhood:
         """What the neighbours vote for, of shape (n, rows); see `signed_votes`."""
         return np.asarray(self._agreement @ signed)
 
-    def learn(self, signed: npt.NDArray[np.integer]) -> None:
-        """Take in rows that are coded, as votes of shape (columns, rows); at most 31 rows."""
-        near = signed[self._agreement.indices]
-        self._agreement.data += np.einsum("ij,ij->i", signed[self._targets], near)
+    def learn(self, signed: npt.NDArray[np.integer], votes: npt.NDArray[np.bool_]) -> None:
+        """Take in rows that are coded.
+
+        Parameters
+        ----------
+        signed : integer array of shape (columns, rows)
+            Votes; at most 31 rows.
+        votes : bool array of shape (columns,)
+            Whether a column has any vote: most have none.
+        """
+        near = self._agreement.indices
+        both = np.flatnonzero(votes[self._targets] & votes[near])
+        targets = signed[self._targets[both]]
+        self._agreement.data[both] += np.einsum("ij,ij->i", targets, signed[near[both]])
 
 
 def neighbourhoods(passes: Sequence[Pass], n_columns: int) -> list[Neighbourhood]:
@@ -80,4 +104,4 @@ def neighbourhoods(passes: Sequence[Pass], n_columns: int) -> list[Neighbourhood
 
 def signed_votes(values: Integers) -> Integers:
     """Values as votes for a sign."""
-    return np.clip(values, -MAX_SIGNED, MAX_SIGNED)
+    return np.minimum(np.maximum(values, -MAX_SIGNED), MAX_SIGNED)

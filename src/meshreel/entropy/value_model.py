@@ -4,6 +4,8 @@ Lower bits of a magnitude are noise that no context foretells. They are left out
 and stored raw.
 """
 
+from functools import lru_cache
+
 import numpy as np
 import numpy.typing as npt
 
@@ -21,6 +23,8 @@ Integers = npt.NDArray[np.int64]
 
 MAX_LENGTH = MAX_MAGNITUDE.bit_length()
 SIGN_BOUNDS = np.array([1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64])
+SIGN_CLASSES = np.searchsorted(SIGN_BOUNDS, np.arange(SIGN_BOUNDS[-1] + 1), side="right")
+"""Class of every magnitude of a vote up to the last bound."""
 
 
 class ValueModel:
@@ -48,7 +52,7 @@ class ValueModel:
         magnitudes = None if truth is None else np.abs(truth)
         lengths = self._code_lengths(port, magnitudes, contexts)
         values = self._code_upper_halves(port, magnitudes, lengths, contexts.expected)
-        used = np.flatnonzero(lengths)
+        (used,) = lengths.nonzero()
         negative = None if truth is None else truth[used] < 0
         values[used] *= self._code_signs(port, negative, contexts.prediction[used])
         return values
@@ -61,19 +65,22 @@ class ValueModel:
         open_ones = np.arange(len(lengths))
         classes = (contexts.expected * N_PAST + contexts.past) * N_NEAR + contexts.near
         for length, bits in enumerate(self._longer):
-            truth = None if true_lengths is None else true_lengths[open_ones] > length
-            open_ones = open_ones[bits.code(port, truth, classes[open_ones])]
-            if not len(open_ones):
+            truth = None if true_lengths is None else true_lengths > length
+            (longer,) = bits.code(port, truth, classes).nonzero()
+            if not len(longer):
                 break
+            open_ones = open_ones[longer]
             lengths[open_ones] = length + 1
-            classes = contexts.expected
+            classes = contexts.expected[open_ones]
+            if true_lengths is not None:
+                true_lengths = true_lengths[longer]
         return lengths
 
     def _code_upper_halves(
         self, port: BitPort, magnitudes: Integers | None, lengths: Integers, expected: Integers
     ) -> Integers:
         values = np.minimum(lengths, 1)
-        here = np.flatnonzero(lengths > 1)
+        (here,) = (lengths > 1).nonzero()
         shifts = lengths[here] - 2
         truth = None if magnitudes is None else (magnitudes[here] >> shifts & 1) == 1
         upper = self._upper.code(port, truth, shifts * N_EXPECTED + expected[here])
@@ -82,7 +89,7 @@ class ValueModel:
 
     def _code_signs(self, port: BitPort, negative: Bits | None, prediction: Integers) -> Integers:
         expected = prediction < 0
-        classes = np.searchsorted(SIGN_BOUNDS, np.abs(prediction), side="right")
+        classes = SIGN_CLASSES[np.minimum(np.abs(prediction), SIGN_BOUNDS[-1])]
         truth = None if negative is None else negative ^ expected
         wrong = self._wrong_sign.code(port, truth, classes)
         return 1 - 2 * (wrong ^ expected).astype(np.int64)
@@ -90,21 +97,30 @@ class ValueModel:
 
 def bit_lengths(magnitudes: Integers) -> Integers:
     """Bits of each magnitude below 2^53: 0 of 0, 1 of 1, 2 of 2 and 3, ..."""
-    return np.frexp(magnitudes.astype(np.float64))[1].astype(np.int64)
+    # The highest bits of a float64 are its exponent, 1022 above the bits of a whole number.
+    exponents = magnitudes.astype(np.float64).view(np.int64) >> 52
+    return np.asarray(np.maximum(exponents - 1022, 0))
 
 
 def detail_widths(values: Integers) -> Integers:
     """Bits of each magnitude below its two highest: what `coarse` leaves out."""
-    return np.maximum(bit_lengths(np.abs(values)) - 2, 0)
+    magnitudes = np.abs(values)
+    widths = np.zeros_like(magnitudes)
+    large = magnitudes > 3  # few, as a rule
+    widths[large] = bit_lengths(magnitudes[large]) - 2
+    return widths
 
 
 def coarse(values: Integers) -> Integers:
     """The values with only the two highest bits of their magnitudes left."""
-    widths = detail_widths(values)
-    kept: Integers = np.sign(values) * (np.abs(values) >> widths << widths)
+    kept = values.copy()
+    large = np.abs(values) > 3
+    widths = detail_widths(values[large])
+    kept[large] = np.sign(values[large]) * (np.abs(values[large]) >> widths << widths)
     return kept
 
 
+@lru_cache(maxsize=1)
 def _powers_of_decay() -> list[Integers]:
     """First guesses of shape (N_EXPECTED,): the 1st, 2nd, 4th, 8th, ... power of the decay.
 

@@ -41,8 +41,8 @@ def neighbours_of(
     """
     starts, ends = adjacency.indptr[vertices], adjacency.indptr[vertices + 1]
     counts = ends - starts
-    before = np.cumsum(counts) - counts
-    places = np.arange(counts.sum()) + np.repeat(starts - before, counts)
+    last = np.cumsum(counts, dtype=counts.dtype)
+    places = np.arange(last[-1:].sum(), dtype=counts.dtype) + np.repeat(ends - last, counts)
     return counts, adjacency.indices[places]
 
 

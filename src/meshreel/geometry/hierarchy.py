@@ -11,9 +11,13 @@ import numpy.typing as npt
 from scipy.sparse import coo_array, csr_array
 
 from meshreel.geometry.connectivity import neighbours_of
+from meshreel.threads import chunks, in_threads
 
 Integers = npt.NDArray[np.int64]
+Levels = npt.NDArray[np.int8]
+Indices = npt.NDArray[np.integer]
 Keys = npt.NDArray[np.int32]
+Chosen = npt.NDArray[np.bool_]
 
 N_COLOURS = 3
 """Levels of a scale: the last takes what the others leave."""
@@ -25,9 +29,9 @@ LARGEST_PASSAGE = 24
 """Stencils do not reach through vertices with more neighbours: hubs are next to everything."""
 
 MAX_SCALES = 20
-MAX_KEY = 2**31 - 1
-CHUNK_TARGETS = 4096
-"""Vertices whose stencils are looked for at once."""
+KEY_BITS = 31
+CHUNK_TARGETS = 2048
+"""Vertices whose stencils are looked for at once: their keys should stay in the cache."""
 
 
 @dataclass(frozen=True)
@@ -84,31 +88,32 @@ def build_hierarchy(adjacency: csr_array, stencil_size: int) -> list[Scale]:
     M. Luby, "A simple parallel algorithm for the maximal independent set problem", 1986.
     """
     members, graph = np.arange(adjacency.shape[0]), adjacency
+    ranks = scattered_ranks(members)
     scales: list[Scale] = []
     while graph.nnz and len(scales) < MAX_SCALES:
-        ranks = scattered_ranks(members)
-        kept = _independent(graph, np.ones(len(members), np.bool_), ranks)
-        level_of = _colours(graph, kept, ranks)
+        rises = _rising_edges(graph, ranks)
+        kept = _independent(rises, np.ones(len(members), np.bool_))
+        level_of = _colours(rises, kept)
         scales.append(_scale(members, graph, level_of, stencil_size))
         graph = _coarser(graph, kept)
-        members = members[kept]
+        members, ranks = members[kept], ranks[kept]
     nothing = np.zeros((len(members), 0), np.int64)
     scales.append(Scale(members, graph, [members], nothing, nothing))
     return scales[::-1]
 
 
-def _colours(graph: csr_array, kept: npt.NDArray[np.bool_], ranks: Integers) -> Integers:
+def _colours(rises: tuple[Indices, Indices], kept: Chosen) -> Levels:
     """Level of each vertex in its scale: 0 of those that the coarser scale has, then 1, 2, ..."""
-    level_of = np.where(kept, 0, N_COLOURS)
+    level_of = np.where(kept, 0, N_COLOURS).astype(np.int8)
     left = ~kept
     for colour in range(1, N_COLOURS):
-        chosen = _independent(graph, left, ranks)
+        chosen = _independent(rises, left)
         level_of[chosen] = colour
         left &= ~chosen
     return level_of
 
 
-def _scale(members: Integers, graph: csr_array, level_of: Integers, stencil_size: int) -> Scale:
+def _scale(members: Integers, graph: csr_array, level_of: Levels, stencil_size: int) -> Scale:
     levels = [np.flatnonzero(level_of == level) for level in range(1, N_COLOURS + 1)]
     levels = [level for level in levels if len(level)]
     targets = np.concatenate(levels)
@@ -123,7 +128,7 @@ def _scale(members: Integers, graph: csr_array, level_of: Integers, stencil_size
 
 
 def nearest_earlier(
-    graph: csr_array, level_of: Integers, targets: Integers, n_nearest: int
+    graph: csr_array, level_of: Indices, targets: Integers, n_nearest: int
 ) -> tuple[Integers, Integers]:
     """For each target the vertices of lower levels nearest to it, and their distances in edges.
 
@@ -142,39 +147,57 @@ def nearest_earlier(
     """
     stencil = np.full((len(targets), n_nearest), -1, np.int64)
     hops = np.zeros((len(targets), n_nearest), np.int64)
-    size = max(1, min(CHUNK_TARGETS, MAX_KEY // graph.shape[0]))
-    for start in range(0, len(targets), size):
-        rows = slice(start, start + size)
+    size = min(CHUNK_TARGETS, 1 << max(0, KEY_BITS - _vertex_bits(graph)))
+
+    def find(rows: slice) -> None:
         _find_nearest(graph, level_of, targets[rows], stencil[rows], hops[rows])
+
+    in_threads(find, chunks(len(targets), size))
     return stencil, hops
 
 
+def _vertex_bits(graph: csr_array) -> int:
+    """Bits of a key that hold a vertex, and whether it is new."""
+    return int(graph.shape[0]).bit_length() + 1
+
+
 def _find_nearest(
-    graph: csr_array, level_of: Integers, targets: Integers, stencil: Integers, hops: Integers
+    graph: csr_array,
+    level_of: Indices,
+    targets: Integers,
+    stencil: Integers,
+    hops: Integers,
 ) -> None:
     """Fill in stencils: rings of vertices grow around each target until they hold enough."""
-    n_verts = graph.shape[0]
+    bits = _vertex_bits(graph)
     degrees = np.diff(graph.indptr)
+    own_level = level_of[targets]
     n_found = np.zeros(len(targets), np.int64)
-    # A pair of a target (its number) and a vertex is one key: they sort fast.
-    growing = ring = (np.arange(len(targets)) * n_verts + targets).astype(np.int32)
-    before = ring[:0]
+    # A target (its number), a vertex and whether it is new are one key: they sort fast.
+    row, last = np.arange(len(targets), dtype=np.int32), targets
+    seen = (row << bits) + 2 * last.astype(np.int32)
     for distance in range(1, REACH + 1):
-        first, last = np.divmod(growing, np.int32(n_verts))
         counts, near = neighbours_of(graph, last)
-        around = np.repeat(first * np.int32(n_verts), counts) + near
-        before, ring = ring, _without(_without(_distinct(around), ring), before)
-        first, last = np.divmod(ring, np.int32(n_verts))
-        is_earlier = level_of[last] < level_of[targets[first]]
-        _append(stencil, hops, n_found, first[is_earlier], last[is_earlier], distance)
-        grows = (n_found[first] < stencil.shape[1]) & (degrees[last] <= LARGEST_PASSAGE)
-        growing = ring[grows]
-        if not len(growing):
+        around = np.repeat(row << bits, counts) + 2 * near + 1
+        if distance == REACH:  # nothing grows from there
+            around = around[level_of[near] < np.repeat(own_level[row], counts)]
+        seen, ring = _parted(seen, around)
+        row, last = ring >> bits, (ring & ((1 << bits) - 1)) >> 1
+        is_earlier = level_of[last] < own_level[row]
+        _append(stencil, hops, n_found, row[is_earlier], last[is_earlier], distance)
+        grows = (n_found < stencil.shape[1])[row] & (degrees[last] <= LARGEST_PASSAGE)
+        row, last = row[grows], last[grows]
+        if not len(row):
             break
 
 
 def _append(
-    stencil: Integers, hops: Integers, n_found: Integers, rows: Keys, members: Keys, distance: int
+    stencil: Integers,
+    hops: Integers,
+    n_found: Integers,
+    rows: Indices,
+    members: Indices,
+    distance: int,
 ) -> None:
     """Put members, which come row by row and ascending, behind those found so far."""
     counts = np.bincount(rows, minlength=len(stencil))
@@ -185,60 +208,63 @@ def _append(
     n_found += counts
 
 
-def _distinct(values: Keys) -> Keys:
-    """Each value once, ascending (np.unique hashes, which is slower here)."""
-    ascending = np.sort(values, kind="stable")  # made for what is nearly in order
-    is_first = np.ones(len(ascending), np.bool_)
-    is_first[1:] = ascending[1:] != ascending[:-1]
-    return np.asarray(ascending[is_first])
+def _parted(seen: Keys, around: Keys) -> tuple[Keys, Keys]:
+    """All keys as seen ones, and those that are new, each once, ascending.
+
+    Keys that are seen are even; the same key, seen now, is higher by one.
+    """
+    keys = np.concatenate([seen, around])
+    keys.sort(kind="stable")  # made for what is nearly in order
+    is_first = np.ones(len(keys), np.bool_)
+    is_first[1:] = (keys[1:] ^ keys[:-1]) > 1
+    keys = keys[is_first]
+    return keys & ~1, keys[(keys & 1) > 0]
 
 
-def _without(values: Keys, removed: Keys) -> Keys:
-    """Ascending values that are not among others, ascending too."""
-    if not len(removed):
-        return values
-    place = np.minimum(np.searchsorted(removed, values), len(removed) - 1)
-    return np.asarray(values[removed[place] != values])
+def _rising_edges(graph: csr_array, ranks: Integers) -> tuple[Indices, Indices]:
+    """The lower end and the higher end, by rank, of every edge; ranks need not be 0, 1, ..."""
+    ends, others = _ends(graph)
+    rises = ranks[ends] < ranks[others]
+    return ends[rises], others[rises]
 
 
-def _independent(
-    graph: csr_array, among: npt.NDArray[np.bool_], ranks: Integers
-) -> npt.NDArray[np.bool_]:
-    """Some of the vertices, no two of them neighbours, as many as fit."""
-    chosen = np.zeros(len(among), np.bool_)
-    free = among.copy()
+def _ends(graph: csr_array) -> tuple[Indices, Indices]:
+    """Both ends of every edge, once from either end."""
+    return np.repeat(np.arange(graph.shape[0]), np.diff(graph.indptr)), graph.indices
+
+
+def _independent(rises: tuple[Indices, Indices], among: Chosen) -> Chosen:
+    """Some of the vertices, no two of them neighbours, as many as fit: the highest go first."""
+    low, high = rises
+    free, chosen = among.copy(), np.zeros(len(among), np.bool_)
     while free.any():
-        candidates = np.where(free, ranks, -1)
-        found = free & (candidates > _highest_near(graph, candidates))
+        is_left = free[low] & free[high]
+        low, high = low[is_left], high[is_left]
+        found = free.copy()
+        found[low] = False
         chosen |= found
-        free &= ~found & (_highest_near(graph, found.astype(np.int64)) < 1)
+        free &= ~found
+        free[low[found[high]]] = False
     return chosen
 
 
-def _coarser(graph: csr_array, kept: npt.NDArray[np.bool_]) -> csr_array:
+def _coarser(graph: csr_array, kept: Chosen) -> csr_array:
     """Graph of the kept vertices: cells of a vertex and its neighbours touch along an edge."""
-    number = np.cumsum(kept) - 1
-    # A vertex that is not kept has a kept neighbour: the set is maximal.
-    cell = np.where(kept, number, _highest_near(graph, np.where(kept, number, -1)))
-    rows = np.repeat(cell, np.diff(graph.indptr))
-    columns = cell[graph.indices]
-    apart = rows != columns
     n_kept = int(kept.sum())
+    ends, others = _ends(graph)
+    cell = np.cumsum(kept) - 1
+    # A vertex that is not kept has a kept neighbour: the set is maximal. The last is the highest.
+    is_link = kept[others] & ~kept[ends]
+    inner, middle = ends[is_link], others[is_link]
+    is_last = np.diff(inner, append=-1) != 0
+    cell[inner[is_last]] = cell[middle[is_last]]
+    rows, columns = cell[ends], cell[others]
+    apart = rows != columns
     ones = np.ones(int(apart.sum()), np.int8)
     touching = coo_array((ones, (rows[apart], columns[apart])), shape=(n_kept, n_kept)).tocsr()
     touching.data[:] = 1
     touching.sort_indices()
     return csr_array(touching)
-
-
-def _highest_near(graph: csr_array, values: Integers) -> Integers:
-    """The highest value of the neighbours of each vertex; -1 where there are none."""
-    connected = np.flatnonzero(np.diff(graph.indptr))
-    highest = np.full(graph.shape[0], -1, np.int64)
-    if len(connected):
-        around = values[graph.indices]
-        highest[connected] = np.maximum.reduceat(around, graph.indptr[connected])
-    return highest
 
 
 def scattered_ranks(numbers: Integers) -> Integers:

@@ -32,8 +32,8 @@ SMOOTH_RIDGE = 1e-2
 KNOWN_RIDGE = 1e-4
 """Ridges, in mean squared offsets of a stencil."""
 
-CHUNK_VERTICES = 1024
-"""Vertices whose weights are found at once: their matrices should stay in the cache."""
+CHUNK_VERTICES = 4096
+"""Vertices whose weights are found at once: many for each call, but few enough for the cache."""
 
 
 @dataclass(frozen=True)
@@ -55,6 +55,12 @@ class Stencils:
     stencil: Integers
     penalty: Floats
     weights: Floats
+
+    def __getitem__(self, rows: slice) -> "Stencils":
+        """Those of some of the vertices."""
+        return Stencils(
+            self.targets[rows], self.stencil[rows], self.penalty[rows], self.weights[rows]
+        )
 
     def learn(self, fields: Floats, noise: float) -> Floats:
         """Weights of shape (n, S) that reproduce known fields, and else are as smooth fields say.
@@ -86,10 +92,9 @@ class WeightLearner:
     """
 
     def __init__(self, stencils: Stencils) -> None:
-        n_targets, size = stencils.stencil.shape
         self._stencils = stencils
-        self._is_there = stencils.stencil >= 0
-        self._gram = np.zeros((n_targets, size, size))
+        self._rows = chunks(len(stencils.targets), CHUNK_VERTICES)
+        self._parts = [_Neighbours(stencils[rows]) for rows in self._rows]
         self._n_fields = 0
 
     @staged("weights")
@@ -100,17 +105,98 @@ class WeightLearner:
         if not (self._n_fields and known.stencil.shape[1]):
             return known.weights
         learned = np.empty_like(known.weights)
+        by_field = np.ascontiguousarray(fields.T)
 
-        def fill(rows: slice) -> None:
-            offsets = _offsets(fields, known.targets[rows], known.stencil[rows])
-            gram, is_there = self._gram[rows], self._is_there[rows]
-            gram += offsets @ np.swapaxes(offsets, 1, 2)
-            ridge = KNOWN_RIDGE * _spread(gram, is_there) + noise * self._n_fields
-            penalty = ridge[:, None] * known.penalty[rows]
-            learned[rows] = _nearest_weights(gram, penalty, known.weights[rows], is_there)
+        def fill(number: int) -> None:
+            rows, part = self._rows[number], self._parts[number]
+            part.add(by_field)
+            ridge = KNOWN_RIDGE * part.spread() + noise * self._n_fields
+            learned[rows] = part.weights(ridge)
 
-        in_threads(fill, chunks(len(learned), CHUNK_VERTICES))
+        in_threads(fill, range(len(self._parts)))
         return learned
+
+
+class _Neighbours:
+    """Some vertices and those of their stencils, and the weights that reproduce known fields.
+
+    The last axis of the arrays goes over the vertices: what NumPy does at once, it then does for
+    a row of them, and there is no call for each small matrix.
+    """
+
+    def __init__(self, stencils: Stencils) -> None:
+        stencil = np.ascontiguousarray(stencils.stencil.T)
+        self._targets = stencils.targets
+        self._is_there = stencil >= 0
+        self._places = np.where(self._is_there, stencil, self._targets)  # where it ends: offset 0
+        self._penalty = np.ascontiguousarray(stencils.penalty.T)
+        self._suggested = np.ascontiguousarray(stencils.weights.T)
+        self._gram = np.zeros((len(stencil), *stencil.shape))  # nothing below the diagonal
+
+    def add(self, fields: Floats) -> None:
+        """Take in some more fields, of shape (K, V)."""
+        offsets = np.take(fields, self._places, axis=1)
+        offsets -= np.take(fields, self._targets, axis=1)[:, None]
+        for place, gram in enumerate(self._gram):
+            gram[place:] += np.einsum("kn,kjn->jn", offsets[:, place], offsets[:, place:])
+
+    def spread(self) -> Floats:
+        """Mean squared offset of each stencil, of shape (n,)."""
+        n_there = np.maximum(self._is_there.sum(axis=0), 1)
+        return np.asarray(np.einsum("iin->n", self._gram) / n_there)
+
+    def weights(self, ridge: Floats) -> Floats:
+        """Weights w of sum 1 that minimise w gram w + ridge penalty (w - suggested)^2.
+
+        Those of places that are not there are 0; rows without any place are 0 throughout. The ridge
+        is of shape (n,), the weights are of shape (n, S).
+        """
+        size, _, n_targets = self._gram.shape
+        # Where nothing varies, every choice reproduces it; any ridge then keeps what is suggested.
+        own = ridge * self._penalty
+        own = np.where(own > 0, own, 1.0)
+        # The matrix, with two right sides: what draws to the suggested weights, and the sum.
+        system = np.empty((size, size + 2, n_targets))
+        for place, row in enumerate(system):
+            row[place:size] = self._gram[place, place:]
+            row[place] += own[place]
+        system[:, size] = own * self._suggested
+        system[:, size + 1] = self._is_there
+        pivots = _eliminate(system)
+        drawn, summed = system[:, size], system[:, size + 1]
+        weighted = pivots * summed
+        strength = np.einsum("sn,sn->n", weighted, summed)
+        missing = 1.0 - np.einsum("sn,sn->n", weighted, drawn)
+        drawn += missing / np.where(strength > 0, strength, 1.0) * summed
+        return np.ascontiguousarray(_substitute(system, pivots).T)
+
+
+def _eliminate(system: Floats) -> Floats:
+    """Bring symmetric systems to triangular form in place; reciprocals of pivots, (S, n).
+
+    Parameters
+    ----------
+    system : float64 array of shape (S, S + R, n)
+        n positive definite matrices, of which nothing below the diagonal is read, with R right
+        sides each.
+    """
+    pivots = np.empty((len(system), system.shape[2]))
+    for place, row in enumerate(system):
+        factors = system[:place, place] * pivots[:place]
+        row[place:] -= np.einsum("kn,kjn->jn", factors, system[:place, place:])
+        np.divide(1.0, row[place], out=pivots[place])
+    return pivots
+
+
+def _substitute(system: Floats, pivots: Floats) -> Floats:
+    """Solutions of shape (S, n) of triangular systems of `_eliminate`, for the first right side."""
+    size = len(system)
+    solved = np.empty((size, system.shape[2]))
+    for place in reversed(range(size)):
+        row = system[place]
+        later = np.einsum("kn,kn->n", row[place + 1 : size], solved[place + 1 :])
+        solved[place] = pivots[place] * (row[size] - later)
+    return solved
 
 
 def joined_stencils(parts: Sequence[Stencils], size: int) -> Stencils:
@@ -134,22 +220,22 @@ def smooth_stencils(scale: Scale) -> Stencils:
     The smooth fields are noise that diffused over the graph of the scale: exp(-t L) of random
     signs, with L = I - D^-1 C.
     """
-    targets = np.searchsorted(scale.members, scale.targets)
+    place_of = np.zeros(scale.members[-1] + 1, np.int64)
+    place_of[scale.members] = np.arange(len(scale.members))
     is_there = scale.stencil >= 0
-    stencil = np.where(is_there, np.searchsorted(scale.members, scale.stencil), -1)
+    targets, stencil = place_of[scale.targets], np.where(is_there, place_of[scale.stencil], -1)
     penalty = np.where(is_there, np.maximum(scale.hops, 1) ** 2, 1e6).astype(np.float64)
     weights = np.zeros(stencil.shape)
     if stencil.shape[1]:
-        fields = _smooth_fields(scale.adjacency)
+        fields = np.ascontiguousarray(_smooth_fields(scale.adjacency).T)
         penalty /= penalty.min(axis=1, keepdims=True)
 
+        local = Stencils(targets, stencil, penalty, weights)
+
         def fill(rows: slice) -> None:
-            offsets = _offsets(fields, targets[rows], stencil[rows])
-            gram = offsets @ np.swapaxes(offsets, 1, 2)
-            ridge = SMOOTH_RIDGE * _spread(gram, is_there[rows])
-            weights[rows] = _nearest_weights(
-                gram, ridge[:, None] * penalty[rows], weights[rows], is_there[rows]
-            )
+            part = _Neighbours(local[rows])
+            part.add(fields)
+            weights[rows] = part.weights(SMOOTH_RIDGE * part.spread())
 
         in_threads(fill, chunks(len(weights), CHUNK_VERTICES))
     return Stencils(scale.targets, scale.stencil, penalty, weights)
@@ -166,37 +252,10 @@ def _smooth_fields(graph: csr_array) -> Floats:
     # exp(-t (1 - w)) = sum_k c_k T_k(w), with c_k = (2 - [k = 0]) exp(-t) I_k(t).
     current = np.asarray(mean @ before)
     total = ive(0, DIFFUSION_TIME) * before
+    twice = 2.0 * mean
     for degree in range(1, CHEBYSHEV_DEGREE + 1):
         total += 2.0 * ive(degree, DIFFUSION_TIME) * current
-        before, current = current, 2.0 * (mean @ current) - before
+        following = twice @ current
+        following -= before
+        before, current = current, following
     return np.asarray(total)
-
-
-def _offsets(fields: Floats, targets: Integers, stencil: Integers) -> Floats:
-    """What a stencil's values differ by from the vertex's: of shape (n, S, K); 0 where it ends."""
-    own = targets[:, None]
-    return np.asarray(fields[np.where(stencil >= 0, stencil, own)] - fields[own])
-
-
-def _spread(gram: Floats, is_there: npt.NDArray[np.bool_]) -> Floats:
-    """Mean squared offset of each stencil, of shape (n,)."""
-    n_there = np.maximum(is_there.sum(axis=1), 1)
-    return np.asarray(np.trace(gram, axis1=1, axis2=2) / n_there)
-
-
-def _nearest_weights(
-    gram: Floats, ridge: Floats, suggested: Floats, is_there: npt.NDArray[np.bool_]
-) -> Floats:
-    """Weights of sum 1 that minimise w gram w + ridge (w - suggested)^2, row by row.
-
-    Those of places that are not there are 0; rows without any place are 0 throughout.
-    """
-    # Where nothing varies, every choice reproduces it; any ridge then keeps what is suggested.
-    ridge = np.where(ridge > 0, ridge, 1.0)
-    gram = gram.copy()
-    places = np.arange(gram.shape[1])
-    gram[:, places, places] += ridge
-    solved = np.linalg.solve(gram, np.stack([ridge * suggested, is_there], axis=2))
-    sums = solved.sum(axis=1)
-    missing = (1.0 - sums[:, 0]) / np.where(sums[:, 1] > 0, sums[:, 1], 1.0)
-    return np.asarray(solved[:, :, 0] + missing[:, None] * solved[:, :, 1])

@@ -41,15 +41,23 @@ def quantize_by_rate(scaled: Floats, price: float) -> Integers:
     G. J. Sullivan, T. Wiegand, "Rate-distortion optimization for video compression", IEEE Signal
     Processing Magazine, 1998.
     """
-    magnitudes = np.abs(scaled)
     if price == 0.0:
         return np.rint(scaled).astype(np.int64)
-    zone = np.full(scaled.shape[1], FIRST_DEAD_ZONE)
+    magnitudes = np.abs(scaled)
+    columns = np.ascontiguousarray(magnitudes.T)
+    n_small = _counts_below(columns, np.full(len(columns), 1.5))
+    zone = np.full(len(columns), FIRST_DEAD_ZONE)
     for _ in range(N_ROUNDS):
-        n_zeros = (magnitudes < zone).sum(axis=0)
-        n_ones = ((magnitudes >= zone) & (magnitudes < 1.5)).sum(axis=0)
+        n_zeros = _counts_below(columns, zone)
+        n_ones = n_small - n_zeros
         # Half an observation each, so that a column without any has a length too.
         extra_bits = np.log2((n_zeros + 0.5) / (0.5 * n_ones + 0.5))
         zone = np.clip(0.5 + 0.5 * price * extra_bits, 0.5, 1.0)
-    rounded = np.maximum(np.floor(magnitudes + 0.5 - LATER_ZONE), 1.0)
-    return (np.sign(scaled) * np.where(magnitudes < zone, 0.0, rounded)).astype(np.int64)
+    rounded = np.maximum(np.floor(magnitudes + (0.5 - LATER_ZONE)), 1.0)
+    rounded[magnitudes < zone] = 0.0
+    return np.copysign(rounded, scaled, out=rounded).astype(np.int64)
+
+
+def _counts_below(columns: Floats, limits: Floats) -> Integers:
+    """How many values of each row of an array of shape (K, n) are below its limit."""
+    return np.array([np.count_nonzero(row) for row in columns < limits[:, None]], np.int64)

@@ -55,7 +55,7 @@ def test_counts_stay_bounded_when_very_many_bits_are_coded():
 
 def test_bits_cost_one_each_when_nothing_is_known_of_them():
     bits = np.random.default_rng(3).random(100) < 0.5
-    writer, even = BitWriter(), np.full(100, CERTAIN // 2)
+    writer, even = BitWriter(), np.full(100, 0.5)
     writer.code(bits, even)
     assert len(writer.words()) <= 20
     np.testing.assert_array_equal(BitReader(writer.words()).code(None, even), bits)

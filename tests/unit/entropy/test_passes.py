@@ -10,6 +10,12 @@ from meshreel.entropy.passes import (
 from sample_passes import as_pass, line_passes
 
 
+def learn(step, *signed):
+    """Take in one row of votes."""
+    column = np.array(signed)[:, None]
+    step.learn(column, column.any(axis=1))
+
+
 def test_one_pass_takes_every_column_when_there_are_no_neighbours():
     (step,) = single_pass(5)
     assert step.columns.tolist() == [0, 1, 2, 3, 4]
@@ -43,13 +49,13 @@ def test_neighbours_vote_for_their_own_sign_when_nothing_is_learned_yet():
 
 def test_votes_turn_round_when_neighbours_keep_disagreeing():
     step = Neighbourhood(as_pass([1], [[0]]), 2)
-    step.learn(signed_votes(np.array([5, -5]))[:, None])
+    learn(step, *signed_votes(np.array([5, -5])))
     assert step.predict_signs(np.array([1, 0])).tolist() == [1 - 4]
 
 
 def test_each_neighbour_is_learned_by_itself_when_they_differ():
     step = Neighbourhood(as_pass([2], [[0, 1]]), 3)
-    step.learn(np.array([2, -1, 2])[:, None])
+    learn(step, 2, -1, 2)
     assert step.predict_signs(np.array([1, 0, 0])).tolist() == [1 + 4]
     assert step.predict_signs(np.array([0, 1, 0])).tolist() == [1 - 2]
 
@@ -57,7 +63,7 @@ def test_each_neighbour_is_learned_by_itself_when_they_differ():
 def test_sums_and_the_pass_stay_the_same_when_signs_are_learned():
     given = as_pass([1, 2], [[0], [0]])
     step = Neighbourhood(given, 3)
-    step.learn(np.array([2, 2, -2])[:, None])
+    learn(step, 2, 2, -2)
     assert step.sum_near(np.array([3, 0, 0])).tolist() == [3, 3]
     assert given.indices.tolist() == [0, 0]
     assert given.indptr.tolist() == [0, 1, 2]
