@@ -2,6 +2,7 @@
 
 import struct
 import zlib
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from meshreel.bitstream.reader import read_stream
 from meshreel.codec.decoder import decode
 from meshreel.codec.encoder import encode
 from meshreel.codec.inspect import info
+from meshreel.codec.payloads import read_block, read_layout, write_layout
 from meshreel.entropy.varint import write_varint
 from meshreel.errors import CorruptStreamError, MeshReelError, TruncatedStreamError
 from sample_meshes import irregular_sequence, waving_grid
@@ -119,6 +121,43 @@ def test_a_section_left_out_is_told_when_the_rest_is_whole():
         for number in range(len(parts_of(stream))):
             with pytest.raises(CorruptStreamError):
                 decode(without(stream, number))
+
+
+def referring_to(stream, number, reference, stencil_size=None):
+    """The bytes of a stream of `reel` whose block of this number refers so many blocks back."""
+    parts, n_blocks = [], -1
+    for section, payload in parts_of(stream):
+        n_blocks += section is Section.BLOCK
+        if section is Section.FIELDS and n_blocks == number:
+            _, n_modes = read_block(parts[-1][1])
+            layout, taps = read_layout(payload, n_modes)
+            layout = replace(
+                layout, reference=reference, stencil_size=stencil_size or layout.stencil_size
+            )
+            payload = write_layout(layout, taps)
+        parts.append((section, payload))
+    return raw_stream(stream.header, parts)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ((2, 1), "refers to block 1, which refers to another itself"),
+        ((2, 3), "refers to one before the first"),
+        ((2, 2**60), "refers to one before the first"),
+        ((0, 1), "refers to one before the first"),
+        ((1, 1, 3), "stencils of 3"),
+    ],
+)
+def test_a_reference_is_refused_when_it_leads_nowhere(changes, message):
+    stream = read_stream(encode(waving_grid(9, 4, 5), step=0.003, block_frames=3))
+    with pytest.raises(CorruptStreamError, match=message):
+        decode(referring_to(stream, *changes))
+
+
+def test_a_mesh_comes_out_when_a_block_no_longer_refers():
+    stream = read_stream(STREAMS["reel"])
+    assert decode(referring_to(stream, 1, 0)).n_frames == 5
 
 
 def test_corrections_are_there_when_a_stream_is_damaged_that_has_some():

@@ -30,10 +30,10 @@ from meshreel.codec.methods import (
     method_of_code,
 )
 from meshreel.codec.pipeline import FramesOf, product_frames, synthesise
-from meshreel.codec.reel import synthesise_fields
+from meshreel.codec.reel import FieldBlock, KeyFields, Layout, key_fields, synthesise_fields
 from meshreel.connectivity.coder import decode_connectivity, decode_order
 from meshreel.entropy.floats import decode_floats
-from meshreel.errors import InvalidInputError
+from meshreel.errors import CorruptStreamError, InvalidInputError
 from meshreel.profiling import staged
 from meshreel.sequence import Faces
 from meshreel.subspace.trajectories import BoundingFrame, from_matrices
@@ -124,6 +124,7 @@ class BlockDecoder:
         _check_modes(n_modes, self.method)
         self._n_modes = n_modes
         self._field_mesh: FieldMesh | None = None
+        self._key: tuple[int, Layout, KeyFields] | None = None
         self._dictionaries = Dictionaries(self.stored, self.method)
 
     @cached_property
@@ -172,7 +173,7 @@ class BlockDecoder:
         order, mesh = self._given_order[0], self._mesh
         with np.errstate(over="ignore", invalid="ignore"):
             if self.method.basis is Basis.JOINT:
-                frames_of, exact = self._field_frames(stored, order), None
+                frames_of, exact = self._field_frames(number, stored, order), None
             else:
                 basis = self._dictionaries.of(number)
                 block = read_coded_block(stored, mesh, self.method, basis)
@@ -187,16 +188,46 @@ class BlockDecoder:
             exact_places=np.argsort(order)[mesh.isolated],
         )
 
-    def _field_frames(self, stored: StoredBlock, order: Integers) -> FramesOf:
-        block, self._field_mesh = read_field_block(stored, self._mesh, self._field_mesh)
+    def _field_frames(self, number: int, stored: StoredBlock, order: Integers) -> FramesOf:
+        block, field_mesh = self._read_fields(stored)
+        key = self._key_of(number, block.layout)
         if self._n_modes is not None:
             block = block.first_modes(self._n_modes)
-        basis, fields = synthesise_fields(block, self._field_mesh)
+        basis, fields = synthesise_fields(block, field_mesh, key)
+        if key is None and self._n_modes is None:
+            self._key = number, block.layout, key_fields(block.layout, field_mesh, fields)
         frames_of = product_frames(basis, fields[:, :, order])
         corrections = read_corrections(stored, self._mesh.n_verts)
         if self._n_modes is None and corrections is not None:
             frames_of = corrected(frames_of, corrections, order)
         return frames_of
+
+    def _read_fields(self, stored: StoredBlock) -> tuple[FieldBlock, FieldMesh]:
+        block, self._field_mesh = read_field_block(stored, self._mesh, self._field_mesh)
+        return block, self._field_mesh
+
+    def _key_of(self, number: int, layout: Layout) -> KeyFields | None:
+        """The fields that a block refers to, decoded now or kept from before."""
+        if not layout.reference:
+            return None
+        wanted = number - layout.reference
+        if self._key is None or self._key[0] != wanted:
+            if wanted < 0:
+                raise CorruptStreamError(f"block {number} refers to one before the first")
+            block, field_mesh = self._read_fields(self.stored(wanted))
+            if block.layout.reference:
+                raise CorruptStreamError(
+                    f"block {number} refers to block {wanted}, which refers to another itself"
+                )
+            _, fields = synthesise_fields(block, field_mesh)
+            self._key = wanted, block.layout, key_fields(block.layout, field_mesh, fields)
+        _, key_layout, key = self._key
+        if key_layout.stencil_size != layout.stencil_size:
+            raise CorruptStreamError(
+                f"block {number} has stencils of {layout.stencil_size}; that which it refers to "
+                f"has {key_layout.stencil_size}"
+            )
+        return key
 
     def _exact(self, stored: StoredBlock) -> Vertices | None:
         """Positions of isolated vertices."""

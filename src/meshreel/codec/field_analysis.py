@@ -13,6 +13,7 @@ from meshreel.codec.reel import (
     N_TAPS,
     TAP_STEP,
     FieldBlock,
+    KeyFields,
     Layout,
     group_ends,
     reading,
@@ -58,6 +59,8 @@ class FieldChoices:
         Smooth decoded fields.
     group_ends, stencil_size
         As in `Layout`; the last group takes what is left.
+    later_group_ends : tuple of int
+        Those of blocks that refer to a key block, whose weights are good from the first mode on.
     """
 
     position_step: float
@@ -70,6 +73,7 @@ class FieldChoices:
     has_filters: bool = True
     group_ends: tuple[int, ...] = (1, 2, 3, 4, 6, 10)
     stencil_size: int = 10
+    later_group_ends: tuple[int, ...] = (4,)
 
 
 @dataclass
@@ -98,7 +102,11 @@ class BlockFrames:
 
 
 def analyse_fields(
-    frames: BlockFrames, mesh: FieldMesh, choices: FieldChoices
+    frames: BlockFrames,
+    mesh: FieldMesh,
+    choices: FieldChoices,
+    key: KeyFields | None = None,
+    reference: int = 0,
 ) -> tuple[FieldBlock, Floats, Floats]:
     """A block of frames as integers, and what `synthesise_fields` makes of them.
 
@@ -107,6 +115,10 @@ def analyse_fields(
     frames : BlockFrames
     mesh : FieldMesh
     choices : FieldChoices
+    key : KeyFields, optional
+        Of the block that this one is to refer to.
+    reference : int, default 0
+        How many blocks before this one that is.
 
     Returns
     -------
@@ -121,12 +133,12 @@ def analyse_fields(
     times = _quantized_times(frames, float(step), choices)
     n_modes = times.shape[1] // 3
     vectors = reconstruct_times(n_frames, n_modes, reading(time_predictors(n_frames), times))
-    ends = group_ends(n_modes, choices.group_ends)
-    layout = Layout(step, ends, choices.stencil_size)
+    ends = group_ends(n_modes, choices.later_group_ends if key else choices.group_ends)
+    layout = Layout(step, ends, choices.stencil_size, reference)
     stencils.result()
     recorder = _Recorder(_projected(vectors, matrices), float(step), choices, mesh)
     taps_of = recorder.taps_of if choices.has_filters else None
-    fields = reconstruct_fields(mesh, layout, recorder.steps_of, taps_of)
+    fields = reconstruct_fields(mesh, layout, recorder.steps_of, taps_of, key)
     block = FieldBlock(layout, times, recorder.integers.T, recorder.taps)
     return block, vectors.reshape(3, n_frames, n_modes), fields.T[None]
 

@@ -2,18 +2,21 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from meshreel.bitstream.layout import Section
 from meshreel.codec import payloads
-from meshreel.codec.blocks import write_field_block
+from meshreel.codec.blocks import StoredBlock, read_field_block, write_field_block
 from meshreel.codec.corrections import allowed_error, corrected, find_corrections
 from meshreel.codec.field_analysis import BlockFrames, FieldChoices, analyse_fields
-from meshreel.codec.field_mesh import FieldMesh
+from meshreel.codec.field_mesh import Connectivity, FieldMesh, shared_field_mesh
 from meshreel.codec.mesh_model import MeshModel
 from meshreel.codec.pipeline import FramesOf, product_frames
+from meshreel.codec.reel import KeyFields, key_fields, synthesise_fields
 from meshreel.codec.source import CodedMesh, Piece
 from meshreel.errors import InvalidInputError
 from meshreel.subspace.trajectories import BoundingFrame, to_matrices
@@ -24,7 +27,7 @@ Vertices = npt.NDArray[np.floating]
 
 @dataclass(frozen=True)
 class FieldBlockCoder:
-    """Codes blocks of frames, which do not depend on each other.
+    """Codes blocks of frames; those that refer to a key block do not depend on any other.
 
     Attributes
     ----------
@@ -55,27 +58,96 @@ class FieldBlockCoder:
         rounding = largest_rounding(vertices.min(), vertices.max(), vertices.dtype, self.frame)
         return FieldFrames(vertices, BlockFrames(to_matrices(vertices, self.frame)), rounding)
 
-    def code(self, frames: "FieldFrames") -> tuple[list[tuple[Section, bytes]], FramesOf]:
-        """The sections of a block, and what they decode to.
+    def code(
+        self, frames: "FieldFrames", key: "KeyBlock | None" = None, reference: int = 0
+    ) -> "CodedFrames":
+        """A block, coded.
 
         Sums do not depend on the number of cores, so that the bytes do not either.
+
+        Parameters
+        ----------
+        frames : FieldFrames
+        key : KeyBlock, optional
+            The block that this one is to refer to.
+        reference : int, default 0
+            How many blocks before this one that is.
         """
         with one_blas_thread():
-            return self._code(frames)
+            return self._code(frames, key, reference)
 
-    def code_piece(self, piece: Piece) -> tuple[int, list[tuple[Section, bytes]]]:
+    def code_piece(
+        self, piece: Piece, key: "KeyBlock", reference: int
+    ) -> tuple[int, list[tuple[Section, bytes]]]:
         """Number of frames and sections of a block that is still to be read."""
         frames = self.frames(piece.read())
-        return len(frames.vertices), self.code(frames)[0]
+        return len(frames.vertices), self.code(frames, key, reference).sections
 
-    def _code(self, frames: "FieldFrames") -> tuple[list[tuple[Section, bytes]], FramesOf]:
-        block, basis, fields = analyse_fields(frames.block, self.mesh, self.choices)
+    def _code(self, frames: "FieldFrames", key: "KeyBlock | None", reference: int) -> "CodedFrames":
+        block, basis, fields = analyse_fields(
+            frames.block, self.mesh, self.choices, None if key is None else key.fields, reference
+        )
         frames_of, corrections = product_frames(basis, fields), None
         if self.bound is not None:
             errors = frames.block.matrices - frames_of(slice(None))
             corrections = find_corrections(errors, self.bound, frames.rounding)
             frames_of = corrected(frames_of, corrections, None)
-        return list(write_field_block(block, self.mesh, corrections)), frames_of
+        sections = list(write_field_block(block, self.mesh, corrections))
+        own_key = KeyBlock(self.mesh, sections, key_fields(block.layout, self.mesh, fields))
+        return CodedFrames(sections, frames_of, own_key)
+
+
+@dataclass(frozen=True)
+class CodedFrames:
+    """A block that is coded.
+
+    Attributes
+    ----------
+    sections : list of (Section, bytes)
+    frames_of : FramesOf
+        What they decode to.
+    key : KeyBlock
+        The block, for others to refer to it.
+    """
+
+    sections: list[tuple[Section, bytes]]
+    frames_of: FramesOf
+    key: "KeyBlock"
+
+
+@dataclass(frozen=True)
+class KeyBlock:
+    """A block that others refer to.
+
+    Only its sections are pickled: another process decodes them, and finds what it decoded when it
+    is given the same again.
+
+    Attributes
+    ----------
+    mesh : FieldMesh
+    sections : list of (Section, bytes)
+    fields : KeyFields
+    """
+
+    mesh: FieldMesh
+    sections: list[tuple[Section, bytes]]
+    fields: KeyFields
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _decoded_key, (self.mesh.connectivity, tuple(self.sections))
+
+
+@lru_cache(maxsize=1)
+def _decoded_key(
+    connectivity: Connectivity, sections: tuple[tuple[Section, bytes], ...]
+) -> KeyBlock:
+    mesh, own = shared_field_mesh(*connectivity), dict(sections)
+    n_frames, n_modes = payloads.read_block(own[Section.BLOCK])
+    stored = StoredBlock(0, n_frames, n_modes, own)
+    with one_blas_thread():
+        block, _ = read_field_block(stored, mesh.mesh, mesh)
+        _, fields = synthesise_fields(block, mesh)
+    return KeyBlock(mesh, list(sections), key_fields(block.layout, mesh, fields))
 
 
 @dataclass(frozen=True)

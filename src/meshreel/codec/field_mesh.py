@@ -20,6 +20,9 @@ from meshreel.profiling import staged
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
 
+Connectivity = tuple[bytes, int, int, int]
+"""Faces as the bytes of int32, number of vertices, code of the Laplacian, stencil size."""
+
 SMALL_SCALE = 25
 """Scales with fewer than a 25th of the vertices are coded in one pass."""
 
@@ -38,10 +41,15 @@ class FieldMesh:
     mesh: MeshModel
     stencil_size: int
 
-    def __reduce__(self) -> tuple[Any, ...]:
+    @property
+    def connectivity(self) -> Connectivity:
+        """All that it follows from; see `shared_field_mesh`."""
         model = self.mesh
         laplacian = int(model.laplacian_choice)
-        return _shared, (model.faces.tobytes(), model.n_verts, laplacian, self.stencil_size)
+        return model.faces.tobytes(), model.n_verts, laplacian, self.stencil_size
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return shared_field_mesh, self.connectivity
 
     @cached_property
     def adjacency(self) -> csr_array:
@@ -109,7 +117,8 @@ class FieldMesh:
 
 
 @lru_cache(maxsize=2)
-def _shared(faces: bytes, n_verts: int, laplacian: int, stencil_size: int) -> FieldMesh:
+def shared_field_mesh(faces: bytes, n_verts: int, laplacian: int, stencil_size: int) -> FieldMesh:
+    """The mesh of this connectivity; the same object each time, so that work is done once."""
     triangles = np.frombuffer(faces, np.int32).reshape(-1, 3)
     nothing = np.zeros(0, np.int64)
     return FieldMesh(MeshModel(triangles, n_verts, nothing, Laplacian(laplacian)), stencil_size)

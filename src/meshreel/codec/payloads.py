@@ -22,8 +22,9 @@ Integers = npt.NDArray[np.int64]
 
 MAX_DIFFERENCE = 2
 
-FIELDS_LAYOUT = 4
-"""Layout of the sections of `reel`; 1 to 3 were of the method in the making."""
+ALONE, REFERRING = 4, 5
+"""Layouts of the sections of `reel`, without and with a key block; 1 to 3 were of the method in the
+making."""
 
 MAX_COUNTS = 32
 """Most groups of modes."""
@@ -121,7 +122,9 @@ def write_layout(layout: Layout, taps: Integers) -> bytes:
     """How the fields of `reel` are cut and filtered; begins with the number of this layout."""
     return b"".join(
         [
-            bytes([FIELDS_LAYOUT]),
+            bytes([REFERRING]) + write_varint(layout.reference)
+            if layout.reference
+            else bytes([ALONE]),
             struct.pack("<f", layout.step),
             _write_counts(layout.group_ends),
             write_varint(layout.stencil_size),
@@ -142,16 +145,19 @@ def read_layout(payload: bytes, n_modes: int) -> tuple[Layout, Integers]:
     """
     if not payload:
         raise TruncatedStreamError("the layout of the fields is cut off")
-    if payload[0] != FIELDS_LAYOUT:
-        remedy = "upgrade meshreel" if payload[0] > FIELDS_LAYOUT else "encode the original again"
+    if payload[0] not in (ALONE, REFERRING):
+        remedy = "upgrade meshreel" if payload[0] > REFERRING else "encode the original again"
         raise UnsupportedVersionError(
-            f"the fields of the stream have layout {payload[0]}; this build reads {FIELDS_LAYOUT}; "
-            + remedy
+            f"the fields of the stream have layout {payload[0]}; this build reads {ALONE} and "
+            f"{REFERRING}; {remedy}"
         )
-    if len(payload) < 5:
+    reference, position = read_varint(payload, 1) if payload[0] == REFERRING else (0, 1)
+    if payload[0] == REFERRING and not reference:
+        raise CorruptStreamError("a block refers to itself")
+    if len(payload) < position + 4:
         raise TruncatedStreamError("the layout of the fields is cut off")
-    (step,) = struct.unpack_from("<f", payload, 1)
-    ends, position = _read_counts(payload, 5)
+    (step,) = struct.unpack_from("<f", payload, position)
+    ends, position = _read_counts(payload, position + 4)
     stencil_size, position = read_varint(payload, position)
     rises = all(a < b for a, b in pairwise((0, *ends))) and ends[-1] == n_modes
     if not (rises and 1 <= stencil_size <= MAX_STENCIL and 0 < step < MAX_STEP):
@@ -162,7 +168,7 @@ def read_layout(payload: bytes, n_modes: int) -> tuple[Layout, Integers]:
     taps = np.stack(decode_integers(payload[position:], [n_modes] * N_TAPS), axis=1)
     if np.abs(taps).max() > MAX_TAP:
         raise CorruptStreamError(f"a filter has a tap beyond {MAX_TAP}")
-    return Layout(np.float32(step), ends, stencil_size), taps
+    return Layout(np.float32(step), ends, stencil_size, reference), taps
 
 
 @staged("time vectors")

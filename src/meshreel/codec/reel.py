@@ -11,6 +11,7 @@ where the integers come from.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -52,11 +53,15 @@ class Layout:
         Number of the mode behind each group; ascending, the last is K.
     stencil_size : int
         Vertices that foretell one.
+    reference : int
+        How many blocks before this one its key block is, from whose fields its first weights are
+        learned; 0: it has none, and can be a key block itself.
     """
 
     step: np.float32
     group_ends: tuple[int, ...]
     stencil_size: int
+    reference: int = 0
 
     @property
     def groups(self) -> list[slice]:
@@ -96,12 +101,47 @@ class FieldBlock:
         return FieldBlock(layout, self.times[:, : 3 * kept], self.fields[:kept], self.taps[:kept])
 
 
+class KeyFields:
+    """Fields of a key block, and what they tell the blocks that refer to it.
+
+    Parameters
+    ----------
+    mesh : FieldMesh
+    fields : float64 array of shape (V, K)
+        In steps of the block, which are comparable between blocks of any length.
+    """
+
+    def __init__(self, mesh: FieldMesh, fields: Floats) -> None:
+        self._mesh = mesh
+        self._fields = fields
+
+    @cached_property
+    def _learned(self) -> tuple[WeightLearner, list[Predictor]]:
+        learner = WeightLearner(self._mesh.stencils)
+        return learner, self._mesh.predictors(learner.learn(self._fields, NOISE_OF_WEIGHTS))
+
+    @property
+    def predictors(self) -> list[Predictor]:
+        """Of the first modes of a block that refers to this one."""
+        return self._learned[1]
+
+    def learner(self) -> WeightLearner:
+        """One that knows these fields."""
+        return self._learned[0].copy()
+
+
+def key_fields(layout: Layout, mesh: FieldMesh, fields: Floats) -> KeyFields:
+    """Decoded fields of a block, of shape (1, K, V), for those that refer to it."""
+    return KeyFields(mesh, fields[0].T / float(layout.step))
+
+
 @staged("fields")
 def reconstruct_fields(
     mesh: FieldMesh,
     layout: Layout,
     steps_of: Callable[[slice, Sequence[Predictor]], StepsOf],
     taps_of: Callable[[slice, Floats, Floats], Integers] | None,
+    key: KeyFields | None = None,
 ) -> Floats:
     """Decoded fields of shape (V, K).
 
@@ -114,12 +154,19 @@ def reconstruct_fields(
     taps_of : callable or None
         Gives the taps of a group, of shape (k, N_TAPS), for its fields of shape (V, k) and their
         differences of shape (N_TAPS, V, k). None: nothing is filtered.
+    key : KeyFields, optional
+        Of the block that this one refers to.
     """
     n_verts, step = mesh.mesh.n_verts, float(layout.step)
     known = latest = np.zeros((n_verts, 0))
-    learner = WeightLearner(mesh.stencils)
-    for modes in layout.groups:
-        predictors = mesh.predictors(learner.learn(latest, NOISE_OF_WEIGHTS * step**2))
+    learner: WeightLearner | None = None
+    for number, modes in enumerate(layout.groups):
+        if key is not None and number == 0:
+            predictors = key.predictors
+        else:
+            if learner is None:
+                learner = WeightLearner(mesh.stencils) if key is None else key.learner()
+            predictors = mesh.predictors(learner.learn(latest / step, NOISE_OF_WEIGHTS))
         n_columns = modes.stop - modes.start
         values = reconstruct_levels(
             predictors, n_verts, n_columns, step, steps_of(modes, predictors)
@@ -146,8 +193,13 @@ def reconstruct_times(n_frames: int, n_modes: int, steps_of: StepsOf) -> Floats:
     return np.asarray(vectors / np.where(lengths > 0, lengths, 1.0))
 
 
-def synthesise_fields(block: FieldBlock, mesh: FieldMesh) -> tuple[Floats, Floats]:
-    """Basis of shape (3, T, K) and fields of shape (1, K, V): frames are their product."""
+def synthesise_fields(
+    block: FieldBlock, mesh: FieldMesh, key: KeyFields | None = None
+) -> tuple[Floats, Floats]:
+    """Basis of shape (3, T, K) and fields of shape (1, K, V): frames are their product.
+
+    The key is of the block that this one refers to, if it does.
+    """
     n_frames = len(block.times)
     vectors = reconstruct_times(
         n_frames, block.n_modes, reading(time_predictors(n_frames), block.times)
@@ -162,7 +214,7 @@ def synthesise_fields(block: FieldBlock, mesh: FieldMesh) -> tuple[Floats, Float
 
     # Taps of 0 change nothing, so that their differences are not worth their time.
     taken = taps_of if block.taps.any() else None
-    fields = reconstruct_fields(mesh, block.layout, steps_of, taken)
+    fields = reconstruct_fields(mesh, block.layout, steps_of, taken, key)
     return vectors.reshape(3, n_frames, block.n_modes), fields.T[None]
 
 

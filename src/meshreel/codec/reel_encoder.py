@@ -1,6 +1,6 @@
 """The method `reel`: a source to the sections of a stream that meets its target."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import chain
@@ -10,6 +10,7 @@ from meshreel.codec.achieved import measure_stream
 from meshreel.codec.field_block_coder import (
     FieldBlockCoder,
     FieldFrames,
+    KeyBlock,
     check_promise,
     field_mesh_of,
     largest_rounding,
@@ -164,23 +165,33 @@ class ReelEncoder:
     def _made(self, step: float, bound: float | None) -> Trial:
         coder, meter = self._coder.with_step(step, bound), self._new_meter()
 
-        def coded(frames: FieldFrames) -> tuple[int, Sections]:
-            sections, frames_of = coder.code(frames)
-            if meter is not None:
-                matrices = frames_of(slice(None))
-                decoded = from_matrices(matrices, coder.frame, frames.vertices.dtype)
-                meter.add(frames.vertices, decoded)
-            return len(frames.vertices), sections
-
-        blocks: Iterable[tuple[int, Sections]]
-        if self._engine is None or meter is not None:
-            blocks = map(coded, self._blocks())
-        else:
-            pieces = ((piece,) for piece in self._source.pieces())
-            blocks = self._engine.map_in_order(coder.code_piece, pieces)
         leading = chain(self._source.mesh.leading_sections(), coder.leading_sections())
+        is_spread = self._engine is not None and meter is None
+        blocks = self._coded_elsewhere(coder) if is_spread else self._coded(coder, meter)
         data = whole_stream(self._source.header(), leading, blocks)
         return Trial(data, None if meter is None else meter.value)
+
+    def _coded(self, coder: FieldBlockCoder, meter: Meter | None) -> Iterator[tuple[int, Sections]]:
+        """Frames and sections of each block; all others refer to the first."""
+        key: KeyBlock | None = None
+        for number, frames in enumerate(self._blocks()):
+            coded = coder.code(frames, key, number)
+            key = key or coded.key
+            if meter is not None:
+                matrices = coded.frames_of(slice(None))
+                decoded = from_matrices(matrices, coder.frame, frames.vertices.dtype)
+                meter.add(frames.vertices, decoded)
+            yield len(frames.vertices), coded.sections
+
+    def _coded_elsewhere(self, coder: FieldBlockCoder) -> Iterator[tuple[int, Sections]]:
+        """The same, where workers code all blocks but the first."""
+        assert self._engine is not None
+        first, *others = self._source.pieces()
+        frames = coder.frames(first.read())
+        coded = coder.code(frames)
+        yield len(frames.vertices), coded.sections
+        items = ((piece, coded.key, number) for number, piece in enumerate(others, start=1))
+        yield from self._engine.map_in_order(coder.code_piece, items)
 
     @cached_property
     def _rounding(self) -> float:

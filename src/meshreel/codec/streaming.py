@@ -15,7 +15,12 @@ import numpy.typing as npt
 from meshreel.atomic_write import check_output_path
 from meshreel.bitstream.writer import Sections, StreamWriter
 from meshreel.codec.config import MAX_BLOCK_POSITIONS, EncoderConfig
-from meshreel.codec.field_block_coder import FieldBlockCoder, checked_frames, field_mesh_of
+from meshreel.codec.field_block_coder import (
+    FieldBlockCoder,
+    KeyBlock,
+    checked_frames,
+    field_mesh_of,
+)
 from meshreel.codec.methods import Basis
 from meshreel.codec.paper_encoder import PaperBlockCoder
 from meshreel.codec.rate_control import least_cost
@@ -262,9 +267,7 @@ class _BlockWriter:
         if mesh.config.method_row.basis is Basis.JOINT:
             own_diagonal = extent.mean_diagonal / frame.scale or 1.0
             fields = _field_coder(mesh, frame, internal, own_diagonal)
-            self._code: Callable[[Vertices], Sections] = lambda one: fields.code(
-                checked_frames(fields, one)
-            )[0]
+            self._code: Callable[[Vertices], Sections] = _FieldBlocks(fields).code
             leading = fields.leading_sections()
         else:
             paper = PaperBlockCoder(mesh, frame, [internal])
@@ -284,6 +287,22 @@ class _BlockWriter:
     def finish(self) -> None:
         """Write what ends a stream."""
         self._writer.finish()
+
+
+class _FieldBlocks:
+    """Blocks of `reel`, the first of which is the key block of all."""
+
+    def __init__(self, coder: FieldBlockCoder) -> None:
+        self._coder = coder
+        self._key: KeyBlock | None = None
+        self._n_coded = 0
+
+    def code(self, vertices: Vertices) -> Sections:
+        """The sections of the next block, given in internal order."""
+        coded = self._coder.code(checked_frames(self._coder, vertices), self._key, self._n_coded)
+        self._key = self._key or coded.key
+        self._n_coded += 1
+        return coded.sections
 
 
 def _checked_config(block_frames: int | str, options: dict[str, Any]) -> EncoderConfig:
@@ -317,8 +336,8 @@ def _field_coder(
     frames = checked_frames(coder.with_step(finest, bound), first)
 
     def size_bytes(step: float) -> float:
-        sections, _ = coder.with_step(max(finest, step), bound).code(frames)
-        return float(sum(len(payload) for _, payload in sections))
+        coded = coder.with_step(max(finest, step), bound).code(frames)
+        return float(sum(len(payload) for _, payload in coded.sections))
 
     step = least_cost(size_bytes, bound / STEPS_OF_BOUND)
     return coder.with_step(max(finest, step), bound)

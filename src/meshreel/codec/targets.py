@@ -94,12 +94,15 @@ class Effort:
         Modes after which weights are learned anew.
     stencil_size : int
         Vertices that foretell one.
+    later_group_ends : tuple of int
+        The same of blocks that refer to a key block.
     has_filters : bool
         Smooth decoded fields.
     """
 
     group_ends: tuple[int, ...]
     stencil_size: int
+    later_group_ends: tuple[int, ...]
     has_filters: bool = False
 
 
@@ -130,15 +133,20 @@ def tune_named(name: str | None, target: Target) -> Tune:
 
 
 EFFORTS = {
-    1: Effort((4,), 6),
-    2: Effort((2, 6), 6),
-    3: Effort((2, 6), 8),
-    4: Effort((1, 2, 4, 10), 8),
-    5: Effort((1, 2, 3, 4, 6, 10), 10),
-    6: Effort((1, 2, 3, 4, 6, 10), 10, has_filters=True),
-    7: Effort((1, 2, 3, 4, 6, 10, 16), 12, has_filters=True),
-    8: Effort((1, 2, 3, 4, 5, 6, 8, 10, 14, 20), 14, has_filters=True),
-    9: Effort((1, 2, 3, 4, 5, 6, 7, 8, 10, 12, 14, 17, 20, 25), 16, has_filters=True),
+    1: Effort((4,), 6, ()),
+    2: Effort((2, 6), 6, ()),
+    3: Effort((2, 6), 8, (4,)),
+    4: Effort((1, 2, 4, 10), 8, (4,)),
+    5: Effort((1, 2, 3, 4, 6, 10), 10, (4,)),
+    6: Effort((1, 2, 3, 4, 6, 10), 10, (1, 4, 10), has_filters=True),
+    7: Effort((1, 2, 3, 4, 6, 10, 16), 12, (1, 4, 10), has_filters=True),
+    8: Effort((1, 2, 3, 4, 5, 6, 8, 10, 14, 20), 14, (1, 2, 4, 6, 10, 16), has_filters=True),
+    9: Effort(
+        (1, 2, 3, 4, 5, 6, 7, 8, 10, 12, 14, 17, 20, 25),
+        16,
+        (1, 2, 3, 4, 6, 8, 10, 12, 14, 17, 20, 25),
+        has_filters=True,
+    ),
 }
 
 
@@ -164,6 +172,7 @@ def choices_for(effort: int, tune: Tune, n_modes: int | None) -> FieldChoices:
         has_filters=spent.has_filters,
         group_ends=spent.group_ends,
         stencil_size=spent.stencil_size,
+        later_group_ends=spent.later_group_ends,
     )
 
 

@@ -6,6 +6,7 @@ tell how this animation does.
 """
 
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass
 from typing import Any
 
@@ -97,6 +98,12 @@ class WeightLearner:
         self._parts = [_Neighbours(stencils[rows]) for rows in self._rows]
         self._n_fields = 0
 
+    def copy(self) -> "WeightLearner":
+        """One that knows the same fields and goes on by itself."""
+        other = copy(self)
+        other._parts = [part.copy() for part in self._parts]
+        return other
+
     @staged("weights")
     def learn(self, fields: Floats, noise: float) -> Floats:
         """Weights after some more fields of shape (V, K) are known; see `Stencils.learn`."""
@@ -132,6 +139,12 @@ class _Neighbours:
         self._penalty = np.ascontiguousarray(stencils.penalty.T)
         self._suggested = np.ascontiguousarray(stencils.weights.T)
         self._gram = np.zeros((len(stencil), *stencil.shape))  # nothing below the diagonal
+
+    def copy(self) -> "_Neighbours":
+        """One that knows the same fields and goes on by itself."""
+        other = copy(self)
+        other._gram = self._gram.copy()
+        return other
 
     def add(self, fields: Floats) -> None:
         """Take in some more fields, of shape (K, V)."""

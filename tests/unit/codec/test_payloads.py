@@ -1,4 +1,5 @@
 import struct
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -160,18 +161,37 @@ def test_layout_is_refused_when_bytes_are_missing_or_left_over():
 def test_layout_is_refused_as_that_of_another_build_when_its_number_differs():
     payload = payloads.write_layout(layout(), some_taps())
     remedies = {0: "encode the original again", 3: "encode the original again"}
-    for number in (0, 3, 5, 255):
+    for number in (0, 3, 6, 255):
         remedy = remedies.get(number, "upgrade meshreel")
         with pytest.raises(
-            UnsupportedVersionError, match=f"layout {number}; this build reads 4; {remedy}$"
+            UnsupportedVersionError, match=f"layout {number}; this build reads 4 and 5; {remedy}$"
         ):
             payloads.read_layout(bytes([number]) + payload[1:], 4)
 
 
 def test_layout_is_refused_as_that_of_another_build_when_only_its_number_is_known():
-    for number in (3, 5):
+    for number in (3, 6):
         with pytest.raises(UnsupportedVersionError):
             payloads.read_layout(bytes([number]), 4)
+
+
+def test_layout_comes_back_when_the_block_refers_to_another():
+    referring = replace(layout(), reference=300)
+    payload = payloads.write_layout(referring, some_taps())
+    assert payloads.read_layout(payload, 4)[0] == referring
+
+
+def test_layout_is_refused_when_a_block_refers_to_itself():
+    payload = payloads.write_layout(replace(layout(), reference=1), some_taps())
+    with pytest.raises(CorruptStreamError, match="refers to itself"):
+        payloads.read_layout(payload[:1] + b"\0" + payload[2:], 4)
+
+
+@pytest.mark.parametrize("size", [1, 2, 5])
+def test_layout_is_refused_as_cut_off_when_it_refers_and_ends_in_its_first_fields(size):
+    payload = payloads.write_layout(replace(layout(), reference=1), some_taps())
+    with pytest.raises(TruncatedStreamError, match="cut off"):
+        payloads.read_layout(payload[:size], 4)
 
 
 @pytest.mark.parametrize("size", [0, 1, 4])

@@ -19,6 +19,7 @@ from meshreel.codec.reel import (
     TAP_STEP,
     FieldBlock,
     Layout,
+    key_fields,
     synthesise_fields,
 )
 from meshreel.codec.timeline import COARSEST
@@ -89,10 +90,13 @@ def laplacian_of(fields, mesh):
     return laplacian
 
 
-def decode_fields_slowly(block, mesh):
+def decode_fields_slowly(block, mesh, key_steps=None):
+    """The fields of the block referred to are given in its steps, of shape (V, k)."""
     known = np.zeros((mesh.mesh.n_verts, 0))
+    key = known if key_steps is None else STEP * key_steps
     for start, end in pairwise([0, *block.layout.group_ends]):
-        values = values_of_a_group(known, block.fields[start:end], mesh)
+        telling = np.hstack([key, known])
+        values = values_of_a_group(telling, block.fields[start:end], mesh)
         if start < 6:
             laplacian = laplacian_of(np.hstack([known, values])[:, :6], mesh)
         once = laplacian @ values
@@ -128,6 +132,21 @@ def test_fields_are_alike_when_a_second_decoder_follows_the_format(sequence, gro
     block, mesh = sample_block(sequence, group_ends)
     _, fields = synthesise_fields(block, mesh)
     np.testing.assert_allclose(fields[0], decode_fields_slowly(block, mesh), atol=1e-7)
+
+
+@pytest.mark.parametrize("group_ends", [(1, 4, N_MODES), (N_MODES,)])
+@pytest.mark.parametrize("sequence", [waving_grid(1, 9, 13), irregular_sequence(1)])
+def test_fields_are_alike_when_a_block_refers_to_one_of_another_step(sequence, group_ends):
+    first, mesh = sample_block(sequence)
+    block, _ = sample_block(sequence, group_ends)
+    key_layout = replace(first.layout, step=np.float32(4 * STEP))
+    _, first_fields = synthesise_fields(replace(first, layout=key_layout), mesh)
+    key = key_fields(key_layout, mesh, first_fields)
+    _, fields = synthesise_fields(block, mesh, key)
+    expected = decode_fields_slowly(block, mesh, first_fields[0].T / (4 * STEP))
+    np.testing.assert_allclose(fields[0], expected, atol=1e-7)
+    _, alone = synthesise_fields(block, mesh)
+    assert np.abs(fields - alone).max() > STEP
 
 
 def test_fields_are_alike_when_no_tap_of_the_block_is_set():

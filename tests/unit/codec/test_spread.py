@@ -31,7 +31,7 @@ def test_bytes_are_the_same_when_workers_code_the_blocks(target):
     workers = PicklingWorkers()
     spread = encode(sequence, block_frames=5, engine=Engine(workers), **target)
     assert spread == encode(sequence, block_frames=5, **target)
-    assert len(workers.calls) >= 5
+    assert len(workers.calls) >= 4  # all blocks but the first
 
 
 def test_an_error_is_measured_here_when_there_are_workers():

@@ -51,6 +51,17 @@ def test_error_is_small_when_frames_are_pushed_in_many_blocks(method):
     assert kg_error_percent(SEQUENCE.vertices, decode(data).vertices) < 2.5
 
 
+def test_later_blocks_cost_less_when_they_refer_to_the_first():
+    sequence = waving_grid(60, 40, 41)
+    data = pushed(sequence, block_frames=20)
+    alone = [
+        len(encode(meshreel.MeshSequence(sequence.vertices[one : one + 20], sequence.faces)))
+        for one in (20, 40)
+    ]
+    connectivity = info(data).budget_bytes["connectivity"]
+    assert sum(info(data).block_bytes[1:]) < 0.8 * (sum(alone) - 2 * connectivity)
+
+
 def test_latency_sets_the_block_when_it_is_left_open():
     data = pushed(SEQUENCE, max_latency_s=0.5)
     expected = int(0.5 * 7 / 8 * (SEQUENCE.fps or 25))
