@@ -37,7 +37,7 @@ MAX_BLOCK_POSITIONS = 1 << 26
 """Positions that `reel` codes together at most, where nothing is said of memory."""
 
 PROCESS_BYTES = 100e6
-BYTES_OF_VERTEX = 3000.0
+BYTES_OF_VERTEX = 4000.0
 BYTES_OF_POSITION = 130.0
 """Memory of the program itself, of what is known of a vertex, and of a position of a block."""
 
