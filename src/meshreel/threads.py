@@ -15,6 +15,7 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from contextvars import copy_context
 from functools import lru_cache
+from itertools import islice
 from typing import Any, TypeVar
 
 from threadpoolctl import ThreadpoolController
@@ -66,15 +67,33 @@ def in_background(work: Callable[[], Result]) -> "Future[Result]":
     return done
 
 
+def one_ahead(items: Iterator[Result]) -> Iterator[Result]:
+    """The items, each next one made in a thread of its own while the one before is used."""
+
+    def following() -> list[Result]:
+        return list(islice(items, 1))
+
+    with ThreadPoolExecutor(1, "meshreel-ahead") as ahead:
+        coming = ahead.submit(copy_context().run, following)
+        while found := coming.result():
+            coming = ahead.submit(copy_context().run, following)
+            yield found[0]
+
+
 def chunks(length: int, size: int) -> list[slice]:
     """Slices of at most `size` that cover 0..length."""
     return [slice(start, min(start + size, length)) for start in range(0, length, size)]
 
 
 class _Limit:
-    """The limit of BLAS threads, shared by all who ask for it: the last to leave takes it away."""
+    """The limit of BLAS threads, shared by all who ask for it: the last to leave takes it away.
+
+    It is set and taken away in a thread of its own: OpenBLAS (0.3.30 and 0.3.31 were tried) heeds
+    only the thread that was the first to set one, and silently ignores all others.
+    """
 
     def __init__(self) -> None:
+        self._setter = ThreadPoolExecutor(1, "meshreel-limit")
         self._lock = threading.Lock()
         self._n_holders = 0
         self._limiter: Any = None
@@ -82,14 +101,18 @@ class _Limit:
     def enter(self) -> None:
         with self._lock:
             if not self._n_holders:
-                self._limiter = _controller().limit(limits=1, user_api="blas")
+                self._limiter = self._setter.submit(_limit_blas).result()
             self._n_holders += 1
 
     def leave(self) -> None:
         with self._lock:
             self._n_holders -= 1
             if not self._n_holders:
-                self._limiter.restore_original_limits()
+                self._setter.submit(self._limiter.restore_original_limits).result()
+
+
+def _limit_blas() -> Any:
+    return _controller().limit(limits=1, user_api="blas")
 
 
 _LIMIT = _Limit()
@@ -136,4 +159,6 @@ def n_cores() -> int:
 
 @lru_cache(maxsize=1)
 def _controller() -> ThreadpoolController:
+    import scipy.linalg  # noqa: F401  brings a BLAS of its own, which must be there to be found
+
     return ThreadpoolController()

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from threadpoolctl import threadpool_info
 
-from meshreel.threads import chunks, in_background, in_threads, n_cores, one_blas_thread
+from meshreel.threads import chunks, in_background, in_threads, n_cores, one_ahead, one_blas_thread
 
 COUNTS = [0, 1, 2, 3, 50]
 
@@ -115,6 +115,22 @@ def test_blas_has_one_thread_while_pieces_are_done_and_as_many_as_before_after(n
     assert blas_threads() == before
 
 
+def test_blas_has_one_thread_wherever_that_is_asked_for():
+    before, found = blas_threads(), []
+
+    def ask():
+        with one_blas_thread():
+            found.append(blas_threads())
+
+    for _ in range(2):
+        ask()
+        asking = threading.Thread(target=ask)
+        asking.start()
+        asking.join()
+    assert found == [[1] * len(before)] * 4
+    assert blas_threads() == before
+
+
 def test_blas_has_as_many_threads_as_before_when_something_fails():
     before, found = blas_threads(), []
 
@@ -203,3 +219,29 @@ def test_chunks_cover_the_length_one_after_another(length, size):
 
 def test_cores_are_at_least_one():
     assert n_cores() >= 1
+
+
+def test_items_come_in_order_when_they_are_made_ahead():
+    made, used = [], []
+
+    def items():
+        for number in range(5):
+            made.append(number)
+            yield number
+
+    for number in one_ahead(items()):
+        time.sleep(0.02)
+        assert made == list(range(min(number + 2, 5)))
+        used.append(number)
+    assert used == list(range(5))
+
+
+def test_an_error_is_raised_when_an_item_made_ahead_fails():
+    def items():
+        yield 1
+        raise ValueError("no second item")
+
+    found = one_ahead(items())
+    assert next(found) == 1
+    with pytest.raises(ValueError, match="no second item"):
+        next(found)

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
@@ -16,7 +16,7 @@ from meshreel.codec.field_analysis import BlockFrames, FieldChoices, analyse_fie
 from meshreel.codec.field_mesh import Connectivity, FieldMesh, shared_field_mesh
 from meshreel.codec.mesh_model import MeshModel
 from meshreel.codec.pipeline import FramesOf, product_frames
-from meshreel.codec.reel import KeyFields, key_fields, synthesise_fields
+from meshreel.codec.reel import FieldBlock, KeyFields, key_fields, synthesise_fields
 from meshreel.codec.source import CodedMesh, Piece
 from meshreel.errors import InvalidInputError
 from meshreel.subspace.trajectories import BoundingFrame, to_matrices
@@ -81,7 +81,7 @@ class FieldBlockCoder:
     ) -> tuple[int, list[tuple[Section, bytes]]]:
         """Number of frames and sections of a block that is still to be read."""
         frames = self.frames(piece.read())
-        return len(frames.vertices), self.code(frames, key, reference).sections
+        return len(frames.vertices), list(self.code(frames, key, reference).sections)
 
     def _code(self, frames: "FieldFrames", key: "KeyBlock | None", reference: int) -> "CodedFrames":
         block, basis, fields = analyse_fields(
@@ -92,25 +92,29 @@ class FieldBlockCoder:
             errors = frames.block.matrices - frames_of(slice(None))
             corrections = find_corrections(errors, self.bound, frames.rounding)
             frames_of = corrected(frames_of, corrections, None)
-        sections = list(write_field_block(block, self.mesh, corrections))
-        own_key = KeyBlock(self.mesh, sections, key_fields(block.layout, self.mesh, fields))
-        return CodedFrames(sections, frames_of, own_key)
+        key_block = KeyBlock(self.mesh, block, key_fields(block.layout, self.mesh, fields))
+        return CodedFrames(
+            sections=write_field_block(block, self.mesh, corrections),
+            frames_of=frames_of,
+            key=key_block,
+        )
 
 
 @dataclass(frozen=True)
 class CodedFrames:
-    """A block that is coded.
+    """A block of frames as integers.
 
     Attributes
     ----------
-    sections : list of (Section, bytes)
+    sections : iterator of (Section, bytes)
+        Their bytes are found when they are taken, which can be done once.
     frames_of : FramesOf
         What they decode to.
     key : KeyBlock
         The block, for others to refer to it.
     """
 
-    sections: list[tuple[Section, bytes]]
+    sections: Iterator[tuple[Section, bytes]]
     frames_of: FramesOf
     key: "KeyBlock"
 
@@ -125,16 +129,20 @@ class KeyBlock:
     Attributes
     ----------
     mesh : FieldMesh
-    sections : list of (Section, bytes)
+    block : FieldBlock
     fields : KeyFields
     """
 
     mesh: FieldMesh
-    sections: list[tuple[Section, bytes]]
+    block: FieldBlock
     fields: KeyFields
 
+    @cached_property
+    def _sections(self) -> tuple[tuple[Section, bytes], ...]:
+        return tuple(write_field_block(self.block, self.mesh))
+
     def __reduce__(self) -> tuple[Any, ...]:
-        return _decoded_key, (self.mesh.connectivity, tuple(self.sections))
+        return _decoded_key, (self.mesh.connectivity, self._sections)
 
 
 @lru_cache(maxsize=1)
@@ -147,7 +155,7 @@ def _decoded_key(
     with one_blas_thread():
         block, _ = read_field_block(stored, mesh.mesh, mesh)
         _, fields = synthesise_fields(block, mesh)
-    return KeyBlock(mesh, list(sections), key_fields(block.layout, mesh, fields))
+    return KeyBlock(mesh, block, key_fields(block.layout, mesh, fields))
 
 
 @dataclass(frozen=True)

@@ -31,6 +31,7 @@ from meshreel.errors import InvalidInputError, SolverError
 from meshreel.metrics.rate import rate_bpvf
 from meshreel.progress import Progress
 from meshreel.subspace.trajectories import from_matrices
+from meshreel.threads import one_ahead
 
 FIRST_QUALITY = 75.0
 """Where the search for an error or a size begins."""
@@ -167,7 +168,8 @@ class ReelEncoder:
 
         leading = chain(self._source.mesh.leading_sections(), coder.leading_sections())
         is_spread = self._engine is not None and meter is None
-        blocks = self._coded_elsewhere(coder) if is_spread else self._coded(coder, meter)
+        # Integers of a block are found while those of the one before become bytes.
+        blocks = self._coded_elsewhere(coder) if is_spread else one_ahead(self._coded(coder, meter))
         data = whole_stream(self._source.header(), leading, blocks)
         return Trial(data, None if meter is None else meter.value)
 

@@ -47,7 +47,7 @@ class Encoder:
 
     The bytes of a block are written, and never touched again, as soon as it is complete. Whatever
     happens to this process, the file then opens up to there (`meshreel.open`). Blocks are coded in
-    a thread of their own while the next frames come.
+    threads of their own while the next frames come.
 
     Scale, step and number of modes follow from the first block: `quality` is that of a model of
     the size it has there, and `step` and `max_error` are shares of the diagonal of the bounding
@@ -119,8 +119,11 @@ class Encoder:
         if self._path is not None:
             check_output_path(self._path, overwrite=overwrite)
         self._file: BinaryIO = self._path.open("wb") if self._path else target  # type: ignore[assignment]
+        # A block is analysed while the bytes of the one before are written.
         self._worker = ThreadPoolExecutor(1, "meshreel-encoder")
-        self._coding: Future[None] | None = None
+        self._pencil = ThreadPoolExecutor(1, "meshreel-writer")
+        self._analysing: Future[None] | None = None
+        self._writing: Future[None] | None = None
 
     def push(self, frame: npt.ArrayLike) -> None:
         """Take in the next frame; waits only if a block is complete and the one before not coded.
@@ -171,11 +174,12 @@ class Encoder:
         try:
             if self._frames:
                 self._code()
-            self._wait()
+            self._wait_for_all()
             if self._writer is not None:
                 self._writer.finish()
         finally:
             self._worker.shutdown()
+            self._pencil.shutdown()
             self._release()
         if self._writer is None:
             raise InvalidInputError("no frame was pushed; there is nothing to write")
@@ -230,18 +234,30 @@ class Encoder:
         self._wait()
         vertices, since, self._frames = np.stack(self._frames), self._since, []
 
-        def code() -> None:
+        def analyse() -> None:
             if self._writer is None:
                 mesh = CodedMesh(self._faces, vertices.shape[1], self._config)
                 self._writer = _BlockWriter(self._file, mesh, vertices, self._fps, self._name)
-            self._writer.write(vertices)
+            sections = self._writer.analyse(vertices)
+            if self._writing is not None:
+                self._writing.result()
+            self._writing = self._pencil.submit(write, self._writer, sections)
+
+        def write(writer: _BlockWriter, sections: Sections) -> None:
+            writer.write(len(vertices), sections)
             self._latencies_s.append(time.perf_counter() - since)
 
-        self._coding = self._worker.submit(code)
+        self._analysing = self._worker.submit(analyse)
 
     def _wait(self) -> None:
-        if self._coding is not None:
-            self._coding.result()  # an error stays, so that no block is written behind a gap
+        """Until the block before is analysed; an error stays, so that nothing follows a gap."""
+        if self._analysing is not None:
+            self._analysing.result()
+
+    def _wait_for_all(self) -> None:
+        self._wait()
+        if self._writing is not None:
+            self._writing.result()
 
 
 class _BlockWriter:
@@ -280,9 +296,16 @@ class _BlockWriter:
         """Bytes written so far."""
         return self._writer.size_bytes
 
-    def write(self, vertices: Vertices) -> None:
-        """Code a block of shape (T_b, V, 3), in the given order of vertices, and write it."""
-        self._writer.write_block(len(vertices), self._code(vertices[:, self._mesh.order]))
+    def analyse(self, vertices: Vertices) -> Sections:
+        """The sections of a block of shape (T_b, V, 3), in the given order of vertices.
+
+        Integers are found now, bytes when the sections are taken.
+        """
+        return self._code(vertices.take(self._mesh.order, axis=1))
+
+    def write(self, n_frames: int, sections: Sections) -> None:
+        """Write a block."""
+        self._writer.write_block(n_frames, sections)
 
     def finish(self) -> None:
         """Write what ends a stream."""

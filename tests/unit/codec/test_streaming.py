@@ -83,7 +83,7 @@ def test_file_opens_up_to_the_last_block_when_the_encoder_is_at_work(tmp_path):
     encoder = Encoder(SEQUENCE.faces, path, block_frames=10)
     for frame in SEQUENCE.vertices[:25]:
         encoder.push(frame)
-    encoder._wait()
+    encoder._wait_for_all()
     with meshreel.open(path) as reel:
         assert (len(reel), reel.is_whole) == (20, False)
     encoder.close()

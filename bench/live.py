@@ -1,0 +1,115 @@
+"""Frames pushed one by one: how many times faster than they come, and how late their bytes are.
+
+    python bench/live.py samba.npz --fps 25 --latencies 0.5,1,2,4 --out live.json
+
+Frames are pushed as fast as they are taken, the sequence over and over for a given number of
+frames. Real time is the duration of the frames by the time until the file is finished. Every
+latency is measured twice over: blocks of reel, and of the paper's tracked basis.
+"""
+
+import argparse
+import json
+import time
+from io import BytesIO
+from pathlib import Path
+from statistics import median
+from typing import Any
+
+import meshreel
+from meshreel.evaluation.machine import machine_facts, machine_line
+from speed_inputs import add_inputs, sources
+from speed_tables import table
+
+HEADER = ["latency asked for s", "method", "frames a block", "x real time",
+          "longest push s", "latency at real time s", "bits a vertex and frame",
+          "KG error %"]  # fmt: skip
+
+
+def record(
+    sequence: meshreel.MeshSequence, n_frames: int, fps: float, options: dict[str, Any]
+) -> tuple[bytes, dict[str, float]]:
+    """The stream of frames that are pushed one after another, and seconds."""
+    file, pushes = BytesIO(), []
+    start = time.perf_counter()
+    with meshreel.Encoder(sequence.faces, file, fps=fps, **options) as encoder:
+        for number in range(n_frames):
+            before = time.perf_counter()
+            encoder.push(sequence.vertices[number % sequence.n_frames])
+            pushes.append(time.perf_counter() - before)
+    seconds = time.perf_counter() - start
+    return file.getvalue(), {"seconds": seconds, "longest_push_s": max(pushes)}
+
+
+def measure(
+    sequence: meshreel.MeshSequence,
+    n_frames: int,
+    fps: float,
+    options: dict[str, Any],
+    repeats: int,
+) -> dict[str, Any]:
+    """Medians of several recordings; the first one is not counted."""
+    runs = [record(sequence, n_frames, fps, options) for _ in range(repeats + 1)]
+    data, times = runs[-1][0], [figures for _, figures in runs[1:]]
+    stream = meshreel.info(data)
+    seconds = median(one["seconds"] for one in times)
+    block_frames = max(stream.block_frames)
+    decoded = meshreel.decode(data, frames=slice(0, sequence.n_frames))
+    return {
+        "options": options,
+        "block_frames": block_frames,
+        "real_time": n_frames / fps / seconds,
+        "longest_push_s": median(one["longest_push_s"] for one in times),
+        # A block's first frame waits for the others, and for the block to be coded.
+        "latency_s": (block_frames - 1) / fps + seconds * block_frames / n_frames,
+        "rate_bpvf": stream.rate_bpvf,
+        "kg_error_percent": meshreel.compare(sequence, decoded).kg_error_percent,
+        "runs": times,
+    }
+
+
+def row(result: dict[str, Any]) -> list[str]:
+    """The cells of one setting."""
+    options = result["options"]
+    return [
+        format(options["max_latency_s"], "g"),
+        options["method"],
+        str(result["block_frames"]),
+        *(format(result[key], ".1f") for key in ("real_time",)),
+        *(format(result[key], ".2f") for key in ("longest_push_s", "latency_s")),
+        *(format(result[key], ".3f") for key in ("rate_bpvf", "kg_error_percent")),
+    ]
+
+
+def main() -> None:
+    """Measure what the command line asks for; print tables, and write JSON where asked."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    add_inputs(parser)
+    parser.add_argument("--fps", type=float, default=25.0)
+    parser.add_argument("--latencies", default="0.5,1,2,4", help="in seconds")
+    parser.add_argument("--frames", type=int, help="to push; default: each frame once")
+    parser.add_argument("--repeats", type=int, default=3)
+    parser.add_argument("--out", type=Path, help="write the figures here as JSON")
+    options, results = parser.parse_args(), []
+    for source in sources(options):
+        sequence = source()
+        n_frames = options.frames or sequence.n_frames
+        settings: list[dict[str, Any]] = [
+            {"max_latency_s": float(text), "method": "reel"}
+            for text in options.latencies.split(",")
+        ]
+        settings.append({"max_latency_s": 2.0, "method": "blocks"})
+        found = [
+            measure(sequence, n_frames, options.fps, chosen, options.repeats) for chosen in settings
+        ]
+        results.append({"sequence": sequence.name, "n_frames": n_frames, "settings": found})
+        print(f"**{sequence.name}**: {n_frames} frames of {sequence.n_verts} vertices pushed one "
+              f"by one, {options.fps:g} frames per second. Medians of {options.repeats} runs. "
+              f"{machine_line(machine_facts())}.\n")  # fmt: skip
+        print(table(HEADER, map(row, found)) + "\n", flush=True)
+    if options.out:
+        about = {"machine": machine_facts(), "fps": options.fps}
+        options.out.write_text(json.dumps({**about, "results": results}, indent=2) + "\n")
+
+
+if __name__ == "__main__":
+    main()
