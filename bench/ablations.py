@@ -23,11 +23,13 @@ import meshreel
 import meshreel.codec.reel_encoder as reel_encoder
 import meshreel.codec.targets as targets
 import meshreel.geometry.prediction as prediction
+from meshreel.codec.field_block_coder import FieldBlockCoder
 from meshreel.codec.field_mesh import FieldMesh
 from meshreel.entropy.passes import single_pass
 from meshreel.evaluation.bjontegaard import bd_rate
 
 QUALITIES = (50, 65, 80, 95)
+CODE = FieldBlockCoder.code
 
 
 def choices(**changed: Any) -> Any:
@@ -41,6 +43,11 @@ def choices(**changed: Any) -> Any:
 def constant(module: Any, name: str, value: Any) -> Any:
     """A patch of a constant or a function, at both sides."""
     return lambda: patch.object(module, name, value)
+
+
+def code_alone(coder: FieldBlockCoder, frames: Any, *_: Any) -> Any:
+    """A block that learns nothing from another."""
+    return CODE(coder, frames)
 
 
 def no_smooth_fields(graph: Any) -> Any:
@@ -74,6 +81,10 @@ VARIANTS: dict[str, list[Any]] = {
         choices(basis_step=2.5, least_rms=0.5, carried_share=0.5, n_carrying_scales=1)
     ],
     "blocks of 50 frames": [],
+    "blocks of 25 frames": [],
+    "blocks of 12 frames": [],
+    "blocks of 50 frames, each for itself": [constant(FieldBlockCoder, "code", code_alone)],
+    "blocks of 12 frames, each for itself": [constant(FieldBlockCoder, "code", code_alone)],
 }
 
 
@@ -89,7 +100,8 @@ def changed(name: str) -> Iterator[None]:
 def curve(source: str, variant: str) -> list[tuple[float, float, float]]:
     """Rate, KG error and STED of a variant at each quality."""
     sequence = meshreel.load(source)
-    options: dict[str, Any] = {"block_frames": 50} if variant.startswith("blocks") else {}
+    is_cut = variant.startswith("blocks")
+    options: dict[str, Any] = {"block_frames": int(variant.split()[2])} if is_cut else {}
     points = []
     with changed(variant):
         for quality in QUALITIES:
