@@ -2,9 +2,7 @@
 
 import os
 import time
-from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
-from itertools import chain
 from pathlib import Path
 from types import TracebackType
 from typing import Any, BinaryIO
@@ -13,22 +11,14 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.atomic_write import check_output_path
-from meshreel.bitstream.writer import Sections, StreamWriter
+from meshreel.bitstream.writer import Sections
+from meshreel.codec.block_writer import BlockWriter
 from meshreel.codec.config import MAX_BLOCK_POSITIONS, EncoderConfig
-from meshreel.codec.field_block_coder import (
-    FieldBlockCoder,
-    KeyBlock,
-    checked_frames,
-    field_mesh_of,
-)
 from meshreel.codec.methods import Basis
-from meshreel.codec.paper_encoder import PaperBlockCoder
-from meshreel.codec.rate_control import least_cost
 from meshreel.codec.source import CodedMesh
-from meshreel.codec.targets import STEPS_OF_BOUND, Aim, checked_step, finest_step, quality_step
+from meshreel.codec.targets import Aim
 from meshreel.errors import InvalidInputError
-from meshreel.sequence import extent_of, validate_faces, validate_fps, validate_vertices
-from meshreel.subspace.trajectories import BoundingFrame, bounding_frame
+from meshreel.sequence import validate_faces, validate_fps, validate_vertices
 
 Vertices = npt.NDArray[np.floating]
 
@@ -77,6 +67,8 @@ class Encoder:
     ----------
     n_frames : int
         Pushed so far.
+    latency_s : float
+        Seconds from the push of a block's first frame to its bytes in the file: the longest so far.
 
     Raises
     ------
@@ -105,6 +97,7 @@ class Encoder:
         if not max_latency_s > 0:
             raise InvalidInputError(f"max_latency_s must be above 0; got {max_latency_s}")
         self.n_frames = 0
+        self.latency_s = 0.0
         self._fps, self._name = validate_fps(fps), name
         self._max_latency_s = max_latency_s
         self._config = _checked_config(block_frames, options)
@@ -112,8 +105,7 @@ class Encoder:
         self._frames: list[Vertices] = []
         self._first: tuple[int, np.dtype[np.floating]] | None = None
         self._since = 0.0
-        self._latencies_s: list[float] = []
-        self._writer: _BlockWriter | None = None
+        self._writer: BlockWriter | None = None
         self._is_closed = False
         self._path = Path(target) if isinstance(target, str | os.PathLike) else None
         if self._path is not None:
@@ -154,11 +146,6 @@ class Encoder:
     def size_bytes(self) -> int:
         """Bytes written so far."""
         return self._writer.size_bytes if self._writer else 0
-
-    @property
-    def latency_s(self) -> float:
-        """Seconds from the push of a block's first frame to its bytes: the longest so far."""
-        return max(self._latencies_s, default=0.0)
 
     def close(self) -> None:
         """Code the frames that are left, and finish the file.
@@ -237,15 +224,15 @@ class Encoder:
         def analyse() -> None:
             if self._writer is None:
                 mesh = CodedMesh(self._faces, vertices.shape[1], self._config)
-                self._writer = _BlockWriter(self._file, mesh, vertices, self._fps, self._name)
+                self._writer = BlockWriter(self._file, mesh, vertices, self._fps, self._name)
             sections = self._writer.analyse(vertices)
             if self._writing is not None:
                 self._writing.result()
             self._writing = self._pencil.submit(write, self._writer, sections)
 
-        def write(writer: _BlockWriter, sections: Sections) -> None:
+        def write(writer: BlockWriter, sections: Sections) -> None:
             writer.write(len(vertices), sections)
-            self._latencies_s.append(time.perf_counter() - since)
+            self.latency_s = max(self.latency_s, time.perf_counter() - since)
 
         self._analysing = self._worker.submit(analyse)
 
@@ -258,74 +245,6 @@ class Encoder:
         self._wait()
         if self._writing is not None:
             self._writing.result()
-
-
-class _BlockWriter:
-    """Codes blocks of positions in the given order, and writes them.
-
-    Parameters
-    ----------
-    file : binary file, open for writing
-    mesh : CodedMesh
-    first : float array of shape (T_b, V, 3)
-        The first block, which is not written yet: what scale and step follow from.
-    fps : float
-    name : str
-    """
-
-    def __init__(
-        self, file: BinaryIO, mesh: CodedMesh, first: Vertices, fps: float, name: str
-    ) -> None:
-        self._mesh = mesh
-        extent = extent_of(first)
-        frame = bounding_frame(extent)
-        internal = first[:, mesh.order]
-        if mesh.config.method_row.basis is Basis.JOINT:
-            own_diagonal = extent.mean_diagonal / frame.scale or 1.0
-            fields = _field_coder(mesh, frame, internal, own_diagonal)
-            self._code: Callable[[Vertices], Sections] = _FieldBlocks(fields).code
-            leading = fields.leading_sections()
-        else:
-            paper = PaperBlockCoder(mesh, frame, [internal])
-            self._code, leading = paper.code, paper.leading_sections()
-        header = mesh.header(frame, first.dtype, n_frames=0, fps=fps, name=name)
-        self._writer = StreamWriter(file, header, chain(mesh.leading_sections(), leading))
-
-    @property
-    def size_bytes(self) -> int:
-        """Bytes written so far."""
-        return self._writer.size_bytes
-
-    def analyse(self, vertices: Vertices) -> Sections:
-        """The sections of a block of shape (T_b, V, 3), in the given order of vertices.
-
-        Integers are found now, bytes when the sections are taken.
-        """
-        return self._code(vertices.take(self._mesh.order, axis=1))
-
-    def write(self, n_frames: int, sections: Sections) -> None:
-        """Write a block."""
-        self._writer.write_block(n_frames, sections)
-
-    def finish(self) -> None:
-        """Write what ends a stream."""
-        self._writer.finish()
-
-
-class _FieldBlocks:
-    """Blocks of `reel`, the first of which is the key block of all."""
-
-    def __init__(self, coder: FieldBlockCoder) -> None:
-        self._coder = coder
-        self._key: KeyBlock | None = None
-        self._n_coded = 0
-
-    def code(self, vertices: Vertices) -> Sections:
-        """The sections of the next block, given in internal order."""
-        coded = self._coder.code(checked_frames(self._coder, vertices), self._key, self._n_coded)
-        self._key = self._key or coded.key
-        self._n_coded += 1
-        return coded.sections
 
 
 def _checked_config(block_frames: int | str, options: dict[str, Any]) -> EncoderConfig:
@@ -342,25 +261,3 @@ def _checked_config(block_frames: int | str, options: dict[str, Any]) -> Encoder
             f"give {', '.join(aim.value for aim in AIMS)}"
         )
     return config
-
-
-def _field_coder(
-    mesh: CodedMesh, frame: BoundingFrame, first: Vertices, own_diagonal: float
-) -> FieldBlockCoder:
-    """The coder of `reel` that meets the target, as far as the first block tells."""
-    target, finest = mesh.config.target, finest_step(mesh.n_verts)
-    choices = mesh.config.field_choices
-    coder = FieldBlockCoder(field_mesh_of(mesh, choices.stencil_size), frame, choices)
-    if target.aim is Aim.STEP:
-        return coder.with_step(checked_step(target.value, finest), None)
-    if target.aim is Aim.QUALITY:
-        return coder.with_step(max(finest, quality_step(target.value) * own_diagonal), None)
-    bound = target.value / 100.0
-    frames = checked_frames(coder.with_step(finest, bound), first)
-
-    def size_bytes(step: float) -> float:
-        coded = coder.with_step(max(finest, step), bound).code(frames)
-        return float(sum(len(payload) for _, payload in coded.sections))
-
-    step = least_cost(size_bytes, bound / STEPS_OF_BOUND)
-    return coder.with_step(max(finest, step), bound)
