@@ -104,10 +104,14 @@ class ReelEncoder:
             return self._kept_blocks
         return map(self._coder.frames, self._source.blocks())
 
+    @property
+    def _is_cut(self) -> bool:
+        return self._source.block_frames < self._source.sequence.n_frames
+
     @cached_property
     def _keeps_blocks(self) -> bool:
         sequence = self._source.sequence
-        if self._source.block_frames >= sequence.n_frames:
+        if not self._is_cut:
             return True
         if self._config.target.aim in (Aim.QUALITY, Aim.STEP):
             return False  # one trial is enough
@@ -167,9 +171,12 @@ class ReelEncoder:
         coder, meter = self._coder.with_step(step, bound), self._new_meter()
 
         leading = chain(self._source.mesh.leading_sections(), coder.leading_sections())
-        is_spread = self._engine is not None and meter is None
-        # Integers of a block are found while those of the one before become bytes.
-        blocks = self._coded_elsewhere(coder) if is_spread else one_ahead(self._coded(coder, meter))
+        if self._engine is not None and meter is None:
+            blocks = self._coded_elsewhere(coder)
+        else:
+            blocks = self._coded(coder, meter)
+            if self._is_cut:  # integers of a block are found while those before become bytes
+                blocks = one_ahead(blocks)
         data = whole_stream(self._source.header(), leading, blocks)
         return Trial(data, None if meter is None else meter.value)
 
