@@ -4,23 +4,32 @@ from collections.abc import Callable
 
 import numpy as np
 import numpy.typing as npt
-from scipy.sparse import csc_array
+from scipy.sparse import csc_array, csr_array
 
 from meshreel.errors import SolverError
+from meshreel.reconstruction.multifrontal import MultifrontalSolver
 
 Floats = npt.NDArray[np.float64]
 Solve = Callable[[Floats], Floats]
+
+MIN_MULTIFRONTAL = 8000
+"""Unknowns from which on our own factorisation is the faster one (docs/equations.md)."""
 
 
 class CholeskySolver:
     """Factor of a sparse symmetric positive definite matrix, ready for right-hand sides.
 
-    Uses cholespy where it is installed, else SciPy's sparse LU: the same result, slower.
+    From `MIN_MULTIFRONTAL` unknowns on it is our own (`MultifrontalSolver`). Smaller matrices,
+    those whose unknowns are coupled to too many others, and those at the edge of being singular
+    go to cholespy where it is installed, else to SciPy's sparse LU: the same result, slower.
 
     Parameters
     ----------
-    matrix : csc_array of shape (N, N)
+    matrix : csc_array of shape (V, V)
         Both triangles filled, float64.
+    graph : csr_array of shape (V, V), optional
+        Symmetric, with the same connected components and fewer entries: the mesh, where the
+        matrix couples neighbours of neighbours. By default the matrix.
 
     Raises
     ------
@@ -28,11 +37,15 @@ class CholeskySolver:
         If the factorisation fails.
     """
 
-    def __init__(self, matrix: csc_array) -> None:
-        self._solve = _cholespy_solve(matrix) or _splu_solve(matrix)
+    def __init__(self, matrix: csc_array, graph: csr_array | None = None) -> None:
+        self._solve = (
+            _multifrontal_solve(matrix, csr_array(matrix) if graph is None else graph)
+            or _cholespy_solve(matrix)
+            or _splu_solve(matrix)
+        )
 
     def solve(self, right: Floats) -> Floats:
-        """Solution of shape (N, K) for right-hand sides of shape (N, K).
+        """Solution of shape (V, K) for right-hand sides of shape (V, K).
 
         Raises
         ------
@@ -46,6 +59,15 @@ class CholeskySolver:
                 "finite; more anchors make it better conditioned"
             )
         return solution
+
+
+def _multifrontal_solve(matrix: csc_array, graph: csr_array) -> Solve | None:
+    if matrix.shape[0] < MIN_MULTIFRONTAL:
+        return None
+    try:
+        return MultifrontalSolver(matrix, graph).solve
+    except SolverError:
+        return None
 
 
 def _cholespy_solve(matrix: csc_array) -> Solve | None:

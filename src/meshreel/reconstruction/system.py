@@ -37,7 +37,8 @@ class ReconstructionSystem:
         self._anchors = anchors
         selected = np.zeros(laplacian.shape[0])
         selected[anchors] = 1.0
-        self._solver = CholeskySolver(csc_array(laplacian.T @ laplacian + diags_array(selected)))
+        matrix = csc_array(laplacian.T @ laplacian + diags_array(selected))
+        self._solver = CholeskySolver(matrix, graph=laplacian)
 
     def solve(self, deltas: Floats, anchor_values: Floats) -> Floats:
         """Values at all vertices, for every column at once.
