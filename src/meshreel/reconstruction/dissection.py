@@ -103,11 +103,11 @@ def _along(parts: Integers, graph: csr_array) -> Integers:
     Connected pieces stay together, so that a cut parts at most one of them.
     """
     _, pieces = connected_components(graph, directed=False)
-    members = np.unique(pieces, return_index=True)[1]
+    members = _last_of_pieces(np.arange(len(parts)), pieces)
     across = _smoothed(_across(graph, members, pieces), graph)
     ranks = np.empty(len(members), np.int64)
     ranks[np.argsort(parts[members], kind="stable")] = np.arange(len(members))
-    return np.argsort(ranks[pieces] * np.ptp(across) + across, kind="stable")
+    return np.argsort(ranks[pieces] * np.ptp(across) + across)
 
 
 def _edges_across(order: Integers, graph: csr_array) -> Integers:
@@ -149,20 +149,36 @@ def _across(graph: csr_array, members: Members, pieces: Members) -> Floats:
 
     The ends are found from any member of the piece.
     """
-    one_end = _farthest(_distances(graph, members), pieces)
-    from_one = _distances(graph, one_end)
-    from_other = _distances(graph, _farthest(from_one, pieces))
+    order, _ = _search(graph, members)
+    order, above = _search(graph, _last_of_pieces(order[1:], pieces))
+    from_one = _distances(order, above)
+    from_other = _distances(*_search(graph, _last_of_pieces(order[1:], pieces)))
     return from_one - SKEW * from_other
 
 
-def _distances(graph: csr_array, sources: Members) -> Integers:
-    """Edges between each unknown and the source of its piece, of which every piece has one."""
+def _search(graph: csr_array, sources: Members) -> Pairs:
+    """The nearest first, and where each is reached from; every piece has one source.
+
+    One more node, number V, leads to all sources and makes one search of many; it is the first.
+    """
     n = graph.shape[0]
-    # One more node, which leads to all sources, makes one search of many.
     indptr = np.append(graph.indptr, graph.indptr[-1] + len(sources)).astype(np.int32)
     indices = np.append(graph.indices, sources).astype(np.int32)
     joined = csr_array((np.ones(len(indices)), indices, indptr), shape=(n + 1, n + 1))
     order, above = breadth_first_order(joined, n)
+    return order, above
+
+
+def _last_of_pieces(order: Members, pieces: Members) -> Members:
+    """In each piece, the unknown that comes last; in a search none is farther from the source."""
+    last = np.empty(int(pieces.max()) + 1, np.int64)
+    last[pieces[order]] = order
+    return last
+
+
+def _distances(order: Members, above: Members) -> Integers:
+    """Edges between each unknown and the source of its piece, from `_search`."""
+    n = len(order) - 1
     place = np.empty(n + 1, np.int64)
     place[order] = np.arange(n + 1)
     # A layer ends behind the last node that is reached from the layer before.
@@ -173,12 +189,6 @@ def _distances(graph: csr_array, sources: Members) -> Integers:
     distances = np.empty(n + 1, np.int64)
     distances[order[1:]] = np.repeat(np.arange(len(ends) - 1), np.diff(ends))
     return distances[:n]
-
-
-def _farthest(distances: Integers, pieces: Members) -> Members:
-    """In each piece, an unknown at the largest distance."""
-    order = np.argsort(pieces * (distances.max() + 1) + distances, kind="stable")
-    return order[np.cumsum(np.bincount(pieces)) - 1]
 
 
 def _smoothed(values: Floats, graph: csr_array) -> Floats:
