@@ -13,7 +13,7 @@ Floats = npt.NDArray[np.float64]
 Solve = Callable[[Floats], Floats]
 
 MIN_MULTIFRONTAL = 8000
-"""Unknowns from which on our own factorisation is the faster one (docs/equations.md)."""
+"""Unknowns from which on our own factorisation is the faster one (docs/codec.md)."""
 
 
 class CholeskySolver:
