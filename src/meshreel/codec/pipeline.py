@@ -14,7 +14,7 @@ from meshreel.profiling import staged
 from meshreel.quantization.allocation import step_for_all_rows, steps_for_each_row
 from meshreel.quantization.uniform import Steps, dequantize, quantize
 from meshreel.subspace.basis import expand, project
-from meshreel.subspace.orthogonal_iteration import advance_basis, align_basis
+from meshreel.subspace.orthogonal_iteration import advance_basis, align_basis, ritz_vectors
 from meshreel.subspace.pca import autocorrelation, eigen_trajectories
 from meshreel.subspace.rank import modes_for_energy
 
@@ -166,7 +166,7 @@ def _dictionary(matrices: Floats, config: EncoderConfig, before: Quantized | Non
     correlation = autocorrelation(matrices)
     if before is not None:
         start = np.swapaxes(before.values, 1, 2)
-        tracked = advance_basis(correlation, start, config.n_iterations)
+        tracked = ritz_vectors(correlation, advance_basis(correlation, start, config.n_iterations))
         return Quantized.of(np.swapaxes(align_basis(tracked, start), 1, 2), before.steps)
     n_modes = config.n_modes or _modes_needed(correlation, matrices, config)
     _, basis = eigen_trajectories(correlation, min(n_modes, matrices.shape[1]))

@@ -5,6 +5,7 @@ import numpy.typing as npt
 from scipy.optimize import linear_sum_assignment
 
 from meshreel.errors import InvalidInputError
+from meshreel.subspace.pca import RANK_TOLERANCE
 
 Floats = npt.NDArray[np.float64]
 
@@ -43,6 +44,30 @@ def advance_basis(correlation: Floats, basis: Floats, n_iterations: int) -> Floa
     for _ in range(n_iterations):
         basis = np.linalg.qr(correlation @ basis).Q
     return basis
+
+
+def ritz_vectors(correlation: Floats, basis: Floats) -> Floats:
+    """Eigenvectors of R within the span of a basis: the same span, its energy in few columns.
+
+    # Deviation from Alg. 1: orthogonal iterations find a subspace soon and its eigenvectors late.
+    # Until then neighbouring columns share what an eigenvector would hold alone, which costs bits.
+
+    Parameters
+    ----------
+    correlation : float64 array of shape (..., T, T)
+        Symmetric, positive semi-definite.
+    basis : float64 array of shape (..., T, K)
+        Orthonormal columns.
+
+    Returns
+    -------
+    float64 array of shape (..., T, K), columns orthonormal, by descending ``u^T R u``
+    """
+    within = np.swapaxes(basis, -1, -2) @ correlation @ basis
+    largest = np.abs(within).max(axis=(-1, -2), keepdims=True)
+    # Columns beyond the rank stay as they are: rounding must not turn them at every block.
+    within[np.abs(within) <= RANK_TOLERANCE * largest] = 0.0
+    return np.asarray(basis @ np.linalg.eigh(within).eigenvectors[..., ::-1])
 
 
 def align_basis(basis: Floats, reference: Floats) -> Floats:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from meshreel.errors import InvalidInputError
-from meshreel.subspace.orthogonal_iteration import advance_basis, align_basis
+from meshreel.subspace.orthogonal_iteration import advance_basis, align_basis, ritz_vectors
 from meshreel.subspace.pca import autocorrelation, eigen_trajectories, fix_signs
 
 
@@ -57,6 +57,31 @@ def test_warm_start_needs_fewer_steps_than_cold_when_blocks_are_coherent():
 def test_advance_refuses_when_blocks_have_unequal_lengths():
     with pytest.raises(InvalidInputError, match="R is of 19 frames and the basis of 20"):
         advance_basis(np.eye(19)[None], random_basis(), 1)
+
+
+def test_ritz_vectors_diagonalise_the_matrix_when_the_basis_is_any():
+    correlation = autocorrelation(coherent_frames())
+    turned = ritz_vectors(correlation, random_basis())
+    within = (np.swapaxes(turned, 1, 2) @ correlation @ turned)[0]
+    np.testing.assert_allclose(within, np.diag(np.diag(within)), atol=1e-12 * within[0, 0])
+    assert np.all(np.diff(np.diag(within)) < 0)
+
+
+def test_ritz_vectors_keep_the_span_when_the_basis_is_any():
+    basis = random_basis()
+    turned = ritz_vectors(autocorrelation(coherent_frames()), basis)
+    projectors = (one @ np.swapaxes(one, 1, 2) for one in (basis, turned))
+    np.testing.assert_allclose(*projectors, atol=1e-12)
+
+
+def test_ritz_vectors_leave_columns_alone_when_they_are_beyond_the_rank():
+    frames = coherent_frames()
+    leading = eigen_trajectories(autocorrelation(frames), 2)[1]
+    flat = leading @ (np.swapaxes(leading, 1, 2) @ frames)
+    basis = eigen_trajectories(autocorrelation(frames), 5)[1]
+    turned = ritz_vectors(autocorrelation(flat), basis)
+    alike = np.abs(np.swapaxes(turned, 1, 2) @ basis)[0]
+    np.testing.assert_allclose(np.sort(alike, axis=1), np.sort(np.eye(5), axis=1), atol=1e-9)
 
 
 def test_columns_find_their_places_when_they_are_shuffled_and_flipped():
