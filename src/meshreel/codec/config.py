@@ -32,7 +32,7 @@ DEFAULT_ANCHORS = 0.01
 DEFAULT_LAPLACIAN = "normalized"
 DEFAULT_ORDER = "keep"
 DEFAULT_ALLOCATION = "energy"
-DEFAULT_ITERATIONS = 2
+DEFAULT_ITERATIONS = 4
 MAX_BLOCK_POSITIONS = 1 << 26
 """Positions that `reel` codes together at most, where nothing is said of memory."""
 

@@ -90,7 +90,7 @@ def encode(
     memory : float, optional
         Bytes that encoding may take, this program included: blocks are cut to fit. Default:
         blocks of up to 67 million positions, which take some 8 GB.
-    n_iterations : int, default 2
+    n_iterations : int, default 4
         Orthogonal iterations from one block to the next (`blocks`).
     quality : float, optional
         1..100; every 12 points halve the error. It sets a step relative to the size of the model
