@@ -1,0 +1,216 @@
+"""Bits of files whose bases are tracked, against those whose blocks are decomposed afresh."""
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from itertools import pairwise
+from typing import Any
+from unittest.mock import patch
+
+import numpy as np
+import numpy.typing as npt
+
+import meshreel
+from meshreel.bitstream.layout import Section
+from meshreel.bitstream.reader import read_stream
+from meshreel.codec import pipeline
+from meshreel.codec.blocks import stored_blocks
+from meshreel.codec.methods import method_named
+from meshreel.codec.payloads import read_times, write_times
+from meshreel.evaluation.bjontegaard import bd_rate
+from meshreel.metrics.kg import kg_error_percent
+from meshreel.subspace.pca import eigen_trajectories
+from speed_tables import table
+
+Integers = npt.NDArray[np.int64]
+Floats = npt.NDArray[np.float64]
+
+BITS = (8, 9, 10)
+SHOWN_BITS = 9
+
+VARIANTS: dict[str, dict[str, Any]] = {
+    "fresh": {"method": "pca-qp"},
+    "t = 1": {"method": "blocks", "n_iterations": 1},
+    "t = 2": {"method": "blocks", "n_iterations": 2},
+    "t = 4": {"method": "blocks", "n_iterations": 4},
+    "eigh, differences": {"method": "blocks"},
+}
+TRACKED = list(VARIANTS)[1:]
+SHOWN = "t = 4"
+
+
+@contextmanager
+def decomposed(variant: str) -> Iterator[None]:
+    """`blocks` finds each basis by a decomposition, for the variant that is named so."""
+    if not variant.startswith("eigh"):
+        yield
+        return
+    with patch.object(pipeline, "advance_basis", own_basis):
+        yield
+
+
+def own_basis(correlation: Floats, basis: Floats, n_iterations: int) -> Floats:
+    """The leading eigenvectors, wherever it was to start."""
+    return eigen_trajectories(correlation, basis.shape[-1])[1]
+
+
+def measured(sequence: meshreel.MeshSequence, length: int, all_modes: list[int]) -> dict[str, Any]:
+    """Bytes and KG error of every variant with every number of modes and bits."""
+    points = []
+    for variant, choices in VARIANTS.items():
+        with decomposed(variant):
+            for n_modes in all_modes:
+                for bits in BITS:
+                    options = {**choices, "block_frames": length, "n_modes": n_modes, "bits": bits}
+                    found = point(sequence, options)
+                    points.append({"variant": variant, "n_modes": n_modes, "bits": bits, **found})
+    return {"points": points}
+
+
+def point(sequence: meshreel.MeshSequence, options: dict[str, Any]) -> dict[str, Any]:
+    """Bytes of a file without the order, those of the basis of each block, and KG error."""
+    data = meshreel.encode(sequence, order="vertices", **options)
+    decoded = meshreel.decode(data)
+    return {
+        "size_bytes": len(data) - meshreel.info(data).budget_bytes["order"],
+        "basis_bytes": basis_bytes(data),
+        "kg_percent": kg_error_percent(sequence.vertices, decoded.vertices),
+    }
+
+
+def basis_bytes(data: bytes) -> list[int]:
+    """Bytes of the section of the basis of each block."""
+    method = method_named(meshreel.info(data).method)
+    blocks = stored_blocks(read_stream(data), method)
+    return [len(block.payload(Section.BASIS)) for block in blocks]
+
+
+def measured_reel(
+    sequence: meshreel.MeshSequence, length: int, all_modes: list[int]
+) -> dict[str, Any]:
+    """Bytes of the time vectors and of the file, at default quality, cut and whole."""
+    data = meshreel.encode(sequence, block_frames=length, order="drop")
+    whole = meshreel.encode(sequence, order="drop")
+    return {
+        "size_bytes": len(data),
+        "basis_bytes": basis_bytes(data),
+        "difference_bytes": [len(write_times(one)) for one in differences(time_vectors(data))],
+        "uncut_bytes": len(whole),
+    }
+
+
+def time_vectors(data: bytes) -> list[Integers]:
+    """Steps of the time vectors of every block of `reel`, of shape (T, 3 K), x, y, z by turns."""
+    blocks = stored_blocks(read_stream(data), method_named("reel"))
+    return [
+        read_times(block.payload(Section.BASIS), block.n_modes, block.n_frames) for block in blocks
+    ]
+
+
+def differences(blocks: list[Integers]) -> list[Integers]:
+    """Time vectors of later blocks, less the most alike of the block before where it is alike."""
+    return [less_alike(block, before) for before, block in pairwise(blocks)]
+
+
+def less_alike(block: Integers, before: Integers) -> Integers:
+    """Modes of a block, each less that mode before, of either sign, that leaves least of it."""
+    rows, known = (modes_as_rows(one) for one in (block, before))
+    candidates = np.concatenate([np.zeros_like(known[:1]), known, -known])
+    left = np.abs(rows[:, None] - candidates).sum(axis=2)
+    found = rows - candidates[left.argmin(axis=1)]
+    return np.asarray(found.reshape(-1, len(block)).T)
+
+
+def modes_as_rows(times: Integers) -> Integers:
+    """A row of 3 T for each mode."""
+    return times.T.reshape(-1, 3 * len(times))
+
+
+def tables(results: list[dict[str, Any]]) -> str:
+    """Files at equal modes and bits, and rates at equal error."""
+    at_equal = [
+        "sequence", "block", "modes", "bytes of a basis, fresh", "tracked", "%", "bases, % of file",
+        "file, %", "KG %, fresh", "tracked",
+    ]  # fmt: skip
+    pairs = [(result, n_modes) for result in results for n_modes in modes_of(result)]
+    return "\n\n".join(
+        [
+            f"Equal modes, {SHOWN_BITS} bits, {SHOWN}; bases of all blocks but the first:",
+            table(at_equal, (size_row(*pair) for pair in pairs)),
+            "BD-rate against `fresh` in % at equal KG error, best of all modes and bits:",
+            table(["sequence", "block", *TRACKED], map(rate_row, results)),
+        ]
+    )
+
+
+def modes_of(result: Mapping[str, Any]) -> list[int]:
+    """Numbers of modes that were tried."""
+    return sorted({one["n_modes"] for one in result["points"]})
+
+
+def size_row(result: Mapping[str, Any], n_modes: int) -> list[str]:
+    """A tracked file beside a fresh one."""
+    fresh, tracked = (
+        next(
+            one
+            for one in result["points"]
+            if (one["variant"], one["n_modes"], one["bits"]) == (variant, n_modes, SHOWN_BITS)
+        )
+        for variant in ("fresh", SHOWN)
+    )
+    later, later_tracked = (np.mean(one["basis_bytes"][1:]) for one in (fresh, tracked))
+    return [
+        *labels(result),
+        str(n_modes),
+        f"{later:.0f}",
+        f"{later_tracked:.0f}",
+        f"{change(later_tracked, later):+.1f}",
+        f"{100 * sum(fresh['basis_bytes']) / fresh['size_bytes']:.1f}",
+        f"{change(tracked['size_bytes'], fresh['size_bytes']):+.2f}",
+        f"{fresh['kg_percent']:.3f}",
+        f"{tracked['kg_percent']:.3f}",
+    ]
+
+
+def rate_row(result: Mapping[str, Any]) -> list[str]:
+    """BD-rates of every tracked variant."""
+    curves = {
+        variant: [
+            (one["size_bytes"], one["kg_percent"])
+            for one in result["points"]
+            if one["variant"] == variant
+        ]
+        for variant in VARIANTS
+    }
+    rates = (bd_rate(curves[variant], curves["fresh"]).percent for variant in TRACKED)
+    return [*labels(result), *("-" if rate is None else f"{rate:+.2f}" for rate in rates)]
+
+
+def reel_table(results: list[dict[str, Any]]) -> str:
+    """What the time vectors take, and what cutting costs."""
+    header = ["sequence", "block", "blocks", "file", "time vectors, %", "in later blocks, %",
+              "as differences, %", "file above uncut, %"]  # fmt: skip
+    return table(header, map(reel_row, results))
+
+
+def reel_row(result: Mapping[str, Any]) -> list[str]:
+    """Shares of a file of `reel` in blocks."""
+    size, basis = result["size_bytes"], result["basis_bytes"]
+    return [
+        *labels(result),
+        str(len(basis)),
+        str(size),
+        f"{100 * sum(basis) / size:.1f}",
+        f"{100 * sum(basis[1:]) / size:.1f}",
+        f"{100 * sum(result['difference_bytes']) / size:.1f}",
+        f"{change(size, result['uncut_bytes']):+.0f}",
+    ]
+
+
+def labels(result: Mapping[str, Any]) -> list[str]:
+    """What a row is about."""
+    return [result["sequence"], str(result["block_frames"])]
+
+
+def change(value: float, reference: float) -> float:
+    """Change in percent."""
+    return 100 * (value / reference - 1)
