@@ -12,7 +12,7 @@ from meshreel.codec.mesh_model import MeshModel
 from meshreel.codec.methods import Basis, Method
 from meshreel.codec.pipeline import CodedBlock, Quantized
 from meshreel.codec.reel import FieldBlock
-from meshreel.entropy.field_coder import IncomingFields, encode_fields
+from meshreel.entropy.field_coder import decode_fields, encode_fields
 from meshreel.errors import CorruptStreamError
 from meshreel.profiling import stage
 from meshreel.threads import in_background
@@ -130,7 +130,7 @@ def write_field_block(
     yield Section.BASIS, payloads.write_times(block.times)
     if corrections is not None:
         yield Section.CORRECTIONS, payloads.write_corrections(corrections)
-    yield Section.COEFFICIENTS, encode_fields(block.fields[:], mesh.passes)
+    yield Section.COEFFICIENTS, encode_fields(block.fields, mesh.passes)
 
 
 def read_corrections(stored: StoredBlock, n_verts: int) -> Corrections | None:
@@ -153,8 +153,10 @@ def read_field_block(
     times = payloads.read_times(stored.payload(Section.BASIS), n_modes, n_frames)
     with stage("waiting"):
         scales.result()
+    stencils = in_background(lambda: field_mesh.stencils)
     coded = stored.payload(Section.COEFFICIENTS)
-    fields = IncomingFields(coded, n_modes, mesh.n_verts, field_mesh.passes)
+    fields = decode_fields(coded, n_modes, mesh.n_verts, field_mesh.passes)
+    stencils.result()
     return FieldBlock(layout, times, fields, taps), field_mesh
 
 

@@ -21,7 +21,6 @@ from scipy.sparse import csr_array
 from meshreel.codec.closed_loop import Predictor, StepsOf, reconstruct_levels
 from meshreel.codec.field_mesh import FieldMesh
 from meshreel.codec.timeline import time_predictors
-from meshreel.entropy.field_coder import IncomingFields
 from meshreel.geometry.laplacian import reproducing_laplacian
 from meshreel.geometry.prediction import WeightLearner
 from meshreel.profiling import staged
@@ -78,7 +77,7 @@ class FieldBlock:
     layout : Layout
     times : int64 array of shape (T, 3 K)
         Steps of the time vectors; x, y and z of mode 1, of mode 2, ...
-    fields : int64 array of shape (K, V), or one whose rows are still coming
+    fields : int64 array of shape (K, V)
         Steps of the fields.
     taps : int64 array of shape (K, N_TAPS)
         Of the filter of each field, in TAP_STEP.
@@ -86,7 +85,7 @@ class FieldBlock:
 
     layout: Layout
     times: Integers
-    fields: Integers | IncomingFields
+    fields: Integers
     taps: Integers
 
     @property
@@ -206,8 +205,7 @@ def synthesise_fields(
     )
 
     def steps_of(modes: slice, _: Sequence[Predictor]) -> StepsOf:
-        rows = block.fields[modes]
-        return lambda level, _: rows[:, mesh.levels[level]].T
+        return lambda level, _: block.fields[modes, mesh.levels[level]].T
 
     def taps_of(modes: slice, *_: Floats) -> Integers:
         return block.taps[modes]

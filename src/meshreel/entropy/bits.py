@@ -28,11 +28,11 @@ def pack_bits(fields: Integers, widths: Integers) -> bytes:
     return packed[:n_bytes].astype(np.uint8).tobytes()
 
 
-def unpack_bits(data: bytes, widths: Integers, first_bit: int = 0) -> Integers:
-    """Fields that `pack_bits` wrote, from a bit on; `data` must hold all their bits."""
+def unpack_bits(data: bytes, widths: Integers) -> Integers:
+    """Fields that `pack_bits` wrote; `data` must hold at least their sum of widths."""
     if not np.any(widths):
         return np.zeros(len(widths), np.int64)
-    ends = first_bit + np.cumsum(widths)
+    ends = np.cumsum(widths)
     starts = ends - widths
     padded = np.zeros(len(data) + 5, np.int64)
     padded[: len(data)] = np.frombuffer(data, np.uint8)

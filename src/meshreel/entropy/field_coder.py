@@ -5,14 +5,13 @@ mesh, in modes of falling energy. Both sides learn the statistics from what is a
 that no tables are sent.
 """
 
-import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
 
 from meshreel.entropy.adaptive import BitPort, BitReader, BitWriter
-from meshreel.entropy.bits import pack_bits, unpack_bits
+from meshreel.entropy.bits import pack_bits, packed_size_bytes, unpack_bits
 from meshreel.entropy.coder import MAX_INTEGERS_PER_BYTE
 from meshreel.entropy.contexts import (
     MAX_EVIDENCE,
@@ -39,7 +38,6 @@ from meshreel.entropy.value_model import ValueModel, coarse, detail_widths
 from meshreel.entropy.varint import read_varint, write_varint
 from meshreel.errors import CorruptStreamError, InvalidInputError
 from meshreel.profiling import staged
-from meshreel.threads import in_background
 
 Integers = npt.NDArray[np.int64]
 
@@ -76,8 +74,7 @@ def encode_fields(fields: npt.NDArray[np.integer], passes: Sequence[Pass] | None
     n_rows, n_columns = values.shape
     kept = coarse(values)
     port = BitWriter()
-    for _ in _code_rows(port, kept, n_rows, n_columns, passes):
-        pass  # the port has all that is coded
+    _code_rows(port, kept, n_rows, n_columns, passes)
     words = port.words()
     widths = detail_widths(values)
     wide = widths > 0
@@ -97,94 +94,29 @@ def decode_fields(
     CorruptStreamError
         If the bytes are not those of such an array.
     """
-    rows = _room_for(data, n_rows, n_columns)
-    for batch, values in _decoded_rows(data, n_rows, n_columns, passes):
-        rows[batch] = values
-    return rows
-
-
-class IncomingFields:
-    """What `decode_fields` gives, decoded in the background: rows can be had while others come.
-
-    Whoever takes the last rows, or any after an error, gets the error that `decode_fields` raises.
-    """
-
-    def __init__(
-        self, data: bytes, n_rows: int, n_columns: int, passes: Sequence[Pass] | None = None
-    ) -> None:
-        self._rows = _room_for(data, n_rows, n_columns)
-        self._n_there = 0
-        self._arrival = threading.Condition()
-        self._end = in_background(lambda: self._take_in(_decoded_rows(data, *self.shape, passes)))
-
-    @property
-    def shape(self) -> tuple[int, int]:
-        """How many rows and columns there will be."""
-        return self._rows.shape
-
-    def __getitem__(self, rows: slice) -> Integers:
-        """Some rows; it waits for them."""
-        _, stop, _ = rows.indices(len(self._rows))
-        with self._arrival:
-            self._arrival.wait_for(lambda: self._n_there >= stop)
-        if self._n_there == len(self._rows):
-            self._end.result()
-        return self._rows[rows]
-
-    def _take_in(self, batches: Iterator[tuple[slice, Integers]]) -> None:
-        try:
-            for batch, values in batches:
-                self._rows[batch] = values
-                self._announce(batch.stop)
-        finally:
-            self._announce(len(self._rows))  # nothing more will come, as after an error
-
-    def _announce(self, n_there: int) -> None:
-        with self._arrival:
-            self._n_there = n_there
-            self._arrival.notify_all()
-
-
-def _room_for(data: bytes, n_rows: int, n_columns: int) -> Integers:
-    """An array for the integers, if the bytes can hold so many."""
-    if len(data) < _least_size_bytes(n_rows, n_columns):
+    least = _least_size_bytes(n_rows, n_columns)
+    if len(data) < least:
         raise CorruptStreamError(
             f"{len(data)} bytes cannot hold {n_rows} x {n_columns} integers; "
             f"at most a row and {MAX_INTEGERS_PER_BYTE} integers a byte are allowed"
         )
-    return np.empty((n_rows, n_columns), np.int64)
-
-
-def _decoded_rows(
-    data: bytes, n_rows: int, n_columns: int, passes: Sequence[Pass] | None
-) -> Iterator[tuple[slice, Integers]]:
-    """Batches of rows, and their integers; all bytes are checked when it comes to its end."""
     n_words, start = read_varint(data, 0)
     if n_words > (len(data) - start) // 4:
         raise CorruptStreamError(f"{n_words} words are announced; {len(data) - start} bytes follow")
     position = start + 4 * n_words
-    port, details, n_bits = BitReader(data[start:position]), data[position:], 0
-    for batch, values in _code_rows(port, None, n_rows, n_columns, passes):
-        n_bits += _add_details(values, details, n_bits)
-        yield batch, values
+    port = BitReader(data[start:position])
+    kept = _code_rows(port, None, n_rows, n_columns, passes)
     port.finish()
-    end = position + (n_bits + 7) // 8
-    if len(data) != max(end, _least_size_bytes(n_rows, n_columns)) or any(data[end:]):
+    widths = detail_widths(kept)
+    wide = widths > 0
+    end = position + packed_size_bytes(widths[wide])
+    if len(data) != max(end, least) or any(data[end:]):
         raise CorruptStreamError(
             f"the fields should end at byte {end} of their section; it has {len(data)} bytes"
         )
-
-
-def _add_details(values: Integers, details: bytes, first_bit: int) -> int:
-    """Make coarse values exact, in place; how many bits that took."""
-    widths = detail_widths(values)
-    wide = widths > 0
-    n_bits = int(widths.sum())
-    if first_bit + n_bits > 8 * len(details):
-        raise CorruptStreamError(f"{len(details)} bytes cannot hold the details of the fields")
-    raw = unpack_bits(details, widths[wide], first_bit)
-    values[wide] += np.where(values[wide] < 0, -raw, raw)
-    return n_bits
+    details = unpack_bits(data[position:end], widths[wide])
+    kept[wide] += np.where(kept[wide] < 0, -details, details)
+    return kept
 
 
 def _code_rows(
@@ -193,22 +125,22 @@ def _code_rows(
     n_rows: int,
     n_columns: int,
     passes: Sequence[Pass] | None,
-) -> Iterator[tuple[slice, Integers]]:
-    """Batches of rows with their coarse integers, written (those of `truth`) or read."""
-    if not n_columns:
-        return
+) -> Integers:
+    """Coarse integers of shape (rows, columns), written (those of `truth`) or read."""
+    if not n_rows * n_columns:
+        return np.zeros((n_rows, n_columns), np.int64)
     order, steps = in_coded_order(single_pass(n_columns) if passes is None else passes)
     plan = neighbourhoods(steps, n_columns)
     model, scale_model = ValueModel(), ValueModel()
     past = Past(n_columns)
     scales = np.full(len(plan), FIRST_SCALE)
+    rows = np.empty((n_rows, n_columns), np.int64)
     for batch in _batches(n_rows):
         wanted = None if truth is None else truth[batch].take(order, axis=1).T
         scales = _code_scales(port, wanted, plan, scales, batch.stop - batch.start, scale_model)
-        rows = np.empty((batch.stop - batch.start, n_columns), np.int64)
-        rows[:, order] = _code_batch(port, wanted, plan, past, scales, model).T
+        rows[batch, order] = _code_batch(port, wanted, plan, past, scales, model).T
         scales = scales[:, -1]
-        yield batch, rows
+    return rows
 
 
 def _batches(n_rows: int) -> list[slice]:

@@ -6,12 +6,7 @@ import pytest
 from meshreel.entropy.adaptive import BitWriter
 from meshreel.entropy.coder import encode_integers
 from meshreel.entropy.contexts import Contexts
-from meshreel.entropy.field_coder import (
-    FIRST_SCALE,
-    IncomingFields,
-    decode_fields,
-    encode_fields,
-)
+from meshreel.entropy.field_coder import FIRST_SCALE, decode_fields, encode_fields
 from meshreel.entropy.tokens import MAX_MAGNITUDE
 from meshreel.entropy.value_model import ValueModel
 from meshreel.entropy.varint import write_varint
@@ -171,27 +166,6 @@ def test_encoding_refuses_when_an_integer_is_too_large():
 def test_encoding_refuses_when_there_are_not_two_axes():
     with pytest.raises(InvalidInputError, match=r"got shape \(8,\)"):
         encode_fields(SMALL[0], None)
-
-
-@pytest.mark.parametrize("rows", [slice(0, 1), slice(3, 9), slice(11, None), slice(None)])
-def test_incoming_rows_are_those_of_the_whole_when_they_are_waited_for(rows):
-    passes = line_passes(8)
-    incoming = IncomingFields(encode_fields(LONG, passes), *LONG.shape, passes)
-    assert incoming.shape == LONG.shape
-    np.testing.assert_array_equal(incoming[rows], LONG[rows])
-
-
-@pytest.mark.parametrize("damage", [lambda data: data + b"\1", lambda data: data[:-4]])
-def test_taking_the_last_incoming_rows_raises_when_the_bytes_are_damaged(damage):
-    fields = active_places()
-    incoming = IncomingFields(damage(encode_fields(fields)), *fields.shape)
-    with pytest.raises(CorruptStreamError):
-        incoming[:]
-
-
-def test_incoming_rows_are_refused_when_the_bytes_cannot_hold_them():
-    with pytest.raises(CorruptStreamError, match="cannot hold"):
-        IncomingFields(b"\0" * 100, 1, 10**12)
 
 
 def test_decoding_raises_when_bytes_are_left_over():
