@@ -23,8 +23,8 @@ from threadpoolctl import ThreadpoolController
 Piece = TypeVar("Piece")
 Result = TypeVar("Result")
 
-BACKGROUND = "meshreel-background"
-"""How the name of the thread in the background begins."""
+POOL, BACKGROUND = "meshreel-pool", "meshreel-background"
+"""How the names of the threads of pieces, and of that in the background, begin."""
 
 
 def in_threads(
@@ -33,6 +33,8 @@ def in_threads(
     done: Callable[[int], None] | None = None,
 ) -> None:
     """Do the work for every piece, with one BLAS thread each; the first error is raised.
+
+    What one of these threads asks for it does itself: if all waited for each other, none would.
 
     Parameters
     ----------
@@ -44,7 +46,8 @@ def in_threads(
     """
     with one_blas_thread():
         contexts = [copy_context() for _ in pieces]
-        in_order = _pool().map if len(pieces) > 1 else map
+        is_alone = len(pieces) == 1 or threading.current_thread().name.startswith(POOL)
+        in_order = map if is_alone else _pool().map
         results = in_order(lambda context, piece: context.run(work, piece), contexts, pieces)
         for number, _ in enumerate(results, start=1):
             if done:
@@ -139,7 +142,7 @@ def limit_cores(limit: int) -> None:
 
 @lru_cache(maxsize=1)
 def _pool() -> ThreadPoolExecutor:
-    return ThreadPoolExecutor(n_cores(), "meshreel")
+    return ThreadPoolExecutor(n_cores(), POOL)
 
 
 @lru_cache(maxsize=1)

@@ -115,6 +115,16 @@ def test_blas_has_one_thread_while_pieces_are_done_and_as_many_as_before_after(n
     assert blas_threads() == before
 
 
+def test_pieces_of_pieces_are_done_when_all_threads_are_at_work():
+    n_pieces, done = 3 * n_cores(), []
+
+    def work(piece):
+        in_threads(lambda inner: done.append((piece, inner)), range(5))
+
+    in_threads(work, range(n_pieces))
+    assert sorted(done) == [(piece, inner) for piece in range(n_pieces) for inner in range(5)]
+
+
 def test_blas_has_one_thread_wherever_that_is_asked_for():
     before, found = blas_threads(), []
 

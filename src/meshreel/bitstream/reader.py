@@ -51,6 +51,8 @@ class Stream:
     is_whole: bool
 
     def __post_init__(self) -> None:
+        if not self.places:
+            raise CorruptStreamError("the stream holds no block of frames")
         announced, header = self.header.n_frames, self.header
         if announced and self.is_whole and self.n_frames != announced:
             raise CorruptStreamError(

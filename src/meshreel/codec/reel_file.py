@@ -89,6 +89,8 @@ class ReelFile:
             raise InvalidInputError(
                 f"frames {start}:{stop} are not in the file; it has frames 0:{self.n_frames}"
             )
+        if start < stop:
+            self._block(self._number_of(start))  # a damaged one is told before room is made
         frames = np.empty((stop - start, self.n_verts, 3), self.dtype)
         position = start
         while position < stop:

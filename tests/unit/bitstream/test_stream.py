@@ -145,7 +145,14 @@ def test_blocks_raise_when_a_section_is_out_of_place(sections):
 @pytest.mark.parametrize("sections", [[], [(Section.CONNECTIVITY, b"")] * 2])
 def test_only_raises_when_there_is_not_exactly_one(sections):
     with pytest.raises(CorruptStreamError, match="exactly 1"):
-        read_stream(raw_stream(UNCOUNTED, sections)).only(Section.CONNECTIVITY)
+        read_stream(raw_stream(UNCOUNTED, sections + BLOCKS[0][1])).only(Section.CONNECTIVITY)
+
+
+@pytest.mark.parametrize("read", [read_stream, opened])
+@pytest.mark.parametrize("header", [HEADER, UNCOUNTED])
+def test_a_stream_is_refused_when_it_has_no_block(read, header):
+    with pytest.raises(CorruptStreamError, match="no block of frames"):
+        read(raw_stream(header, LEADING))
 
 
 def unknown_section(number):
