@@ -146,7 +146,7 @@ def referring_to(stream, number, reference, stencil_size=None):
         ((2, 3), "refers to one before the first"),
         ((2, 2**60), "refers to one before the first"),
         ((0, 1), "refers to one before the first"),
-        ((1, 1, 3), "stencils of 3"),
+        ((1, 1, 3), "stencils of 3|coded bits are left over"),
     ],
 )
 def test_a_reference_is_refused_when_it_leads_nowhere(changes, message):
