@@ -22,7 +22,7 @@ from meshreel.sequence import validate_faces, validate_fps, validate_vertices
 
 Vertices = npt.NDArray[np.floating]
 
-SHARE_FOR_CODING = 1 / 8
+SHARE_FOR_CODING = 1 / 16
 """Share of the latency that is left for coding a block once its last frame is there."""
 
 FPS_IF_UNKNOWN = 25.0
@@ -56,7 +56,7 @@ class Encoder:
         own number where it has one (`blocks`: 25). More frames take fewer bytes each.
     max_latency_s : float, default 2
         Seconds from the push of a frame to its bytes in the file, if frames come at `fps` (25 if
-        that is unknown) and a block is coded in an eighth of the time that its frames take.
+        that is unknown) and a block is coded in a sixteenth of the time that its frames take.
     overwrite : bool, default False
         Whether a file that is there already may be replaced.
     **options

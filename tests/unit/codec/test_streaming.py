@@ -64,7 +64,7 @@ def test_later_blocks_cost_less_when_they_refer_to_the_first():
 
 def test_latency_sets_the_block_when_it_is_left_open():
     data = pushed(SEQUENCE, max_latency_s=0.5)
-    expected = int(0.5 * 7 / 8 * (SEQUENCE.fps or 25))
+    expected = int(0.5 * 15 / 16 * (SEQUENCE.fps or 25))
     assert info(data).block_frames[0] == expected
 
 
