@@ -100,7 +100,7 @@ class Stream:
         """
         place = self.places[number]
         sections: dict[Section, bytes] = {}
-        for stored, _ in _sections(self.file, place.position, place.end):
+        for stored in _sections(self.file, place.position, place.end):
             if (stored.id is Section.BLOCK) != (not sections):
                 raise CorruptStreamError(f"block {number} does not begin with a section BLOCK")
             if stored.id in BLOCK_SECTIONS:
@@ -112,8 +112,7 @@ class Stream:
     def sections(self) -> Iterator[StoredSection]:
         """All sections in order, the end marker included, without unknown optional ones."""
         end = self.size_bytes if self.is_whole else self.places[-1].end
-        for stored, _ in _sections(self.file, self.header_size_bytes, end):
-            yield stored
+        return _sections(self.file, self.header_size_bytes, end)
 
 
 def read_stream(data: bytes) -> Stream:
@@ -135,9 +134,8 @@ def read_stream(data: bytes) -> Stream:
         raise scan.damage
     if scan.end != len(data):
         raise CorruptStreamError(f"{len(data) - scan.end} bytes follow the end marker")
-    stream = scan.stream(file, len(data), header, header_size_bytes)
-    _check_index(stream)
-    return stream
+    _check_index(scan)
+    return scan.stream(file, len(data), header, header_size_bytes)
 
 
 def open_stream(file: BinaryIO) -> Stream:
@@ -159,7 +157,7 @@ def open_stream(file: BinaryIO) -> Stream:
     try:
         places = _indexed_places(file, header_size_bytes, size_bytes)
         opening = _sections(file, header_size_bytes, places[0].position)
-        leading = tuple(stored for stored, _ in opening)
+        leading = tuple(opening)
         return Stream(file, size_bytes, header, header_size_bytes, leading, places, True)
     except (CorruptStreamError, TruncatedStreamError):
         scan = _scan(file, header_size_bytes, size_bytes)
@@ -168,7 +166,7 @@ def open_stream(file: BinaryIO) -> Stream:
     return scan.stream(file, size_bytes, header, header_size_bytes)
 
 
-def _check_index(stream: Stream) -> None:
+def _check_index(scan: "_Scan") -> None:
     """Refuse an index that contradicts the blocks; there may be none.
 
     Raises
@@ -176,16 +174,10 @@ def _check_index(stream: Stream) -> None:
     CorruptStreamError
         If it does.
     """
-    said: list[BlockPlace] | None = None
-    position = said_position = -1
-    for stored, position in _sections(stream.file, stream.header_size_bytes, stream.size_bytes):
-        if stored.id is Section.INDEX:
-            said, said_position = read_index(stored.payload, position), position
-        if stored.id is Section.END:
-            expected = INDEX_POSITION.pack(said_position) if said is not None else b""
-            if stored.payload != expected:
-                raise CorruptStreamError("the end marker does not say where the index is")
-    if said is not None and tuple(said) != stream.places:
+    position, payload = scan.index or (0, b"")
+    if scan.end_payload != (INDEX_POSITION.pack(position) if scan.index else b""):
+        raise CorruptStreamError("the end marker does not say where the index is")
+    if scan.index and read_index(payload, position) != scan.places:
         raise CorruptStreamError("the index contradicts the blocks")
 
 
@@ -210,13 +202,13 @@ def _indexed_places(file: BinaryIO, start: int, size_bytes: int) -> tuple[BlockP
     return tuple(places)
 
 
-def _sections(file: BinaryIO, start: int, end: int) -> Iterator[tuple[StoredSection, int]]:
-    """Sections from one byte to another, each with its position, without unknown ones."""
+def _sections(file: BinaryIO, start: int, end: int) -> Iterator[StoredSection]:
+    """Sections from one byte to another, without unknown ones."""
     position = start
     while position < end:
         stored, behind = read_section(file, position, end)
         if stored is not None:
-            yield stored, position
+            yield stored
         position = behind
 
 
@@ -231,6 +223,10 @@ class _Scan:
         Of the blocks that are whole.
     end : int
         Byte behind the last section that is whole.
+    index : tuple of int and bytes, or None
+        Position and payload of the last section INDEX.
+    end_payload : bytes
+        Of the end marker.
     damage : MeshReelError or None
         What stopped it before the end marker.
     """
@@ -238,6 +234,8 @@ class _Scan:
     leading: list[StoredSection]
     places: list[BlockPlace]
     end: int
+    index: tuple[int, bytes] | None
+    end_payload: bytes
     damage: MeshReelError | None
 
     def stream(self, file: BinaryIO, size_bytes: int, header: Header, start: int) -> Stream:
@@ -252,7 +250,8 @@ def _scan(file: BinaryIO, start: int, size_bytes: int) -> _Scan:
     leading: list[StoredSection] = []
     places: list[BlockPlace] = []
     block: tuple[int, int] | None = None  # frames and position of the block that is read
-    last, position, damage = None, start, None
+    index: tuple[int, bytes] | None = None
+    last, position, end_payload, damage = None, start, b"", None
 
     def close(end: int) -> None:
         if block is not None:
@@ -269,6 +268,9 @@ def _scan(file: BinaryIO, start: int, size_bytes: int) -> _Scan:
                     close(position)
                     is_block = last is Section.BLOCK
                     block = (_n_frames(stored.payload), position) if is_block else None
+                    if last is Section.INDEX:
+                        index = position, stored.payload
+                    end_payload = stored.payload
                 elif block is None:
                     leading.append(stored)
             position = behind
@@ -276,7 +278,7 @@ def _scan(file: BinaryIO, start: int, size_bytes: int) -> _Scan:
         damage = error
         if last is Section.COEFFICIENTS:  # the last one of a block
             close(position)
-    return _Scan(leading, places, position, damage)
+    return _Scan(leading, places, position, index, end_payload, damage)
 
 
 def _n_frames(payload: bytes) -> int:

@@ -170,7 +170,7 @@ def _most_modes(method: Method, n_frames: int, n_verts: int) -> int:
 class Dictionaries:
     """Dictionaries of the paper's blocks; of tracked ones the differences are added up.
 
-    Nothing but dictionaries is read of the blocks before the one that is asked for.
+    Nothing but dictionaries is decoded of the blocks before the one that is asked for.
 
     Parameters
     ----------

@@ -112,8 +112,9 @@ def encode(
     progress : callable, optional
         Called with the stage and the share done, 0..1.
     engine : Engine, optional
-        Workers that code the blocks of `reel`, which do not depend on each other; the bytes are
-        the same. Not while an error is searched for (`kg`, `sted`), and of no use to other methods.
+        Workers that code the blocks of `reel`, each of which needs the first one only; the
+        bytes are the same. Not while an error is searched for (`kg`, `sted`), and of no use to
+        other methods.
 
     Raises
     ------

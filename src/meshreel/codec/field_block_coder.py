@@ -1,4 +1,4 @@
-"""The method `reel`: a block of frames to the sections of a stream, each block for itself."""
+"""The method `reel`: a block of frames to the sections of a stream."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -55,8 +55,7 @@ class FieldBlockCoder:
 
     def frames(self, vertices: Vertices) -> "FieldFrames":
         """A block of positions of shape (T_b, V, 3) in internal order, ready to be coded."""
-        rounding = largest_rounding(vertices.min(), vertices.max(), vertices.dtype, self.frame)
-        return FieldFrames(vertices, BlockFrames(to_matrices(vertices, self.frame)), rounding)
+        return FieldFrames(vertices, BlockFrames(to_matrices(vertices, self.frame)), self.frame)
 
     def code(
         self, frames: "FieldFrames", key: "KeyBlock | None" = None, reference: int = 0
@@ -167,13 +166,18 @@ class FieldFrames:
     vertices : float array of shape (T_b, V, 3)
         In internal order.
     block : BlockFrames
-    rounding : float
-        Largest error, in diagonals, that the number type of the positions alone makes.
+    frame : BoundingFrame
     """
 
     vertices: Vertices
     block: BlockFrames
-    rounding: float
+    frame: BoundingFrame
+
+    @cached_property
+    def rounding(self) -> float:
+        """Largest error, in diagonals, that the number type of the positions alone makes."""
+        low, high = self.vertices.min(), self.vertices.max()
+        return largest_rounding(low, high, self.vertices.dtype, self.frame)
 
 
 def field_mesh_of(mesh: CodedMesh, stencil_size: int) -> FieldMesh:

@@ -39,7 +39,6 @@ FIRST_QUALITY = 75.0
 LARGEST_ERROR_STEP = 0.1
 """Coarsest step that is tried to meet an error, in sizes of the model."""
 
-
 KEPT_BYTES = 36
 """Memory of a position of a block that is kept: as it came, and as coordinate matrices."""
 
@@ -169,7 +168,6 @@ class ReelEncoder:
 
     def _made(self, step: float, bound: float | None) -> Trial:
         coder, meter = self._coder.with_step(step, bound), self._new_meter()
-
         leading = chain(self._source.mesh.leading_sections(), coder.leading_sections())
         if self._engine is not None and meter is None:
             blocks = self._coded_elsewhere(coder)
