@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.errors import InvalidInputError
+from meshreel.surface import PLAIN, Surface
 
 Vertices = npt.NDArray[np.float32] | npt.NDArray[np.float64]
 Faces = npt.NDArray[np.int32]
@@ -56,8 +57,16 @@ class FrameSource(Protocol):
         """Frames per second; 0 = unknown."""
 
     @property
+    def start_s(self) -> float:
+        """Time of the first frame, in seconds."""
+
+    @property
     def name(self) -> str:
         """A name to show."""
+
+    @property
+    def surface(self) -> Surface:
+        """What the mesh carries beside positions and triangles."""
 
     @property
     def dtype(self) -> np.dtype[np.floating]:
@@ -85,6 +94,11 @@ class MeshSequence:
         Frames per second; 0 means unknown.
     name : str, default ""
         A name to show; nothing depends on it.
+    start_s : float, default 0
+        Time of the first frame, in seconds.
+    surface : Surface, optional
+        What the mesh carries beside positions and triangles: polygons, texture coordinates,
+        colours, materials, and the parts that were merged. Default: nothing.
 
     The arrays are validated once and kept as read-only views (faces as int32).
 
@@ -92,19 +106,24 @@ class MeshSequence:
     ------
     InvalidInputError
         If an array has another shape or type, a value is not finite, a face names a vertex
-        that is not there, or the frame rate is negative or not finite.
+        that is not there, the frame rate is negative or not finite, or the surface does not fit.
     """
 
     vertices: Vertices
     faces: Faces
     fps: float = 0.0
     name: str = ""
+    start_s: float = 0.0
+    surface: Surface = PLAIN
 
     def __post_init__(self) -> None:
         vertices = validate_vertices(self.vertices)
         object.__setattr__(self, "vertices", read_only(vertices))
         object.__setattr__(self, "faces", read_only(validate_faces(self.faces, len(vertices[0]))))
         object.__setattr__(self, "fps", validate_fps(self.fps))
+        object.__setattr__(self, "start_s", validate_start(self.start_s))
+        surface = self.surface.validated(len(vertices[0]), len(self.faces))
+        object.__setattr__(self, "surface", surface)
 
     @property
     def n_frames(self) -> int:
@@ -274,6 +293,20 @@ def validate_fps(fps: float) -> float:
     if not (np.isfinite(fps) and fps >= 0):
         raise InvalidInputError(f"fps must be finite and at least 0 (0 = unknown); got {fps}")
     return fps
+
+
+def validate_start(start_s: float) -> float:
+    """The time of the first frame itself if it is finite.
+
+    Raises
+    ------
+    InvalidInputError
+        Naming what it is.
+    """
+    start_s = float(start_s)
+    if not np.isfinite(start_s):
+        raise InvalidInputError(f"start_s must be finite; got {start_s}")
+    return start_s
 
 
 def read_only(array: Any) -> Any:

@@ -17,7 +17,7 @@ FLOORS = [  # from the top
     {"bitstream", "connectivity", "reconstruction", "subspace", "quantization", "metrics"},
     {"geometry", "entropy"},
     {"sequence", "engine"},
-    {"atomic_write", "progress", "threads", "profiling"},
+    {"surface", "atomic_write", "progress", "threads", "profiling"},
     {"errors"},
 ]
 FLOOR_OF = {room: floor for floor, rooms in enumerate(FLOORS) for room in rooms}

@@ -14,6 +14,7 @@ from meshreel.codec.methods import Basis
 from meshreel.engine.engine import Engine
 from meshreel.errors import InvalidInputError
 from meshreel.formats.load import open_for_encoding
+from meshreel.formats.options import ReadOptions
 
 
 @dataclass(frozen=True)
@@ -78,7 +79,9 @@ def encode_input(
         )
     began = time.perf_counter()
     notes: list[str] = []
-    sequence = open_for_encoding(source, options.config.memory, fps=options.fps, notes=notes)
+    sequence = open_for_encoding(
+        source, options.config.memory, ReadOptions(fps=options.fps, notes=notes)
+    )
     data = encode(sequence, **vars(options.config), engine=engine)
     achieved = measure_stream(
         sequence, data, order=options.config.order, with_sted=options.config.sted is not None

@@ -39,7 +39,8 @@ def decode_command(
     """
     from meshreel.cli.console import print_json, print_notes, print_table, progress_bar
     from meshreel.cli.profile import print_profile, profile_figures
-    from meshreel.formats.reel import errors_naming, open
+    from meshreel.formats.naming import errors_naming
+    from meshreel.formats.reel import open
     from meshreel.formats.save import save_frames
     from meshreel.formats.targets import check_save_target
     from meshreel.profiling import profiled

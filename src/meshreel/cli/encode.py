@@ -105,6 +105,7 @@ def encode_command(
     from meshreel.codec.encoder import encode
     from meshreel.codec.inspect import info
     from meshreel.formats.load import open_for_encoding
+    from meshreel.formats.options import ReadOptions
     from meshreel.formats.sources import natural_order
     from meshreel.profiling import profiled, stage
 
@@ -136,7 +137,8 @@ def encode_command(
     with progress_bar() as progress, profiled() as times:
         frames = natural_order(Path(path) for path in inputs)
         source = inputs[0] if len(inputs) == 1 else frames
-        sequence = open_for_encoding(source, config.memory, fps=fps, progress=progress, notes=notes)
+        reading = ReadOptions(fps=fps, progress=progress, notes=notes)
+        sequence = open_for_encoding(source, config.memory, reading)
         data = encode(sequence, **vars(config), progress=progress)
         with stage("writing"), replace_when_done(target, overwrite=force) as temporary:
             temporary.write_bytes(data)

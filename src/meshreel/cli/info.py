@@ -18,7 +18,8 @@ def info_command(
     """
     from meshreel.cli.console import print_json, print_table
     from meshreel.cli.figures import budget_rows, info_rows
-    from meshreel.formats.reel import errors_naming, open
+    from meshreel.formats.naming import errors_naming
+    from meshreel.formats.reel import open
 
     with open(source) as reel, errors_naming(source):
         stream = reel.info()

@@ -17,6 +17,7 @@ from meshreel.codec.decoder import frame_range
 from meshreel.codec.inspect import StreamInfo, stream_info
 from meshreel.errors import CorruptStreamError, InvalidInputError
 from meshreel.sequence import Faces
+from meshreel.surface import PLAIN
 
 Vertices = npt.NDArray[np.floating]
 
@@ -46,6 +47,10 @@ class ReelFile:
     fps : float
         0 = unknown.
     name : str
+    start_s : float
+        Time of the first frame, in seconds.
+    surface : Surface
+        What the mesh carries beside positions and triangles.
     dtype : numpy dtype
         Of the positions: float32 or float64.
     is_whole : bool
@@ -63,6 +68,7 @@ class ReelFile:
         self.n_frames, self.n_verts, self.n_faces = stream.n_frames, header.n_verts, header.n_faces
         self.fps, self.name, self.is_whole = header.fps, header.name, stream.is_whole
         self.dtype = self._decoder.dtype
+        self.start_s, self.surface = 0.0, PLAIN
 
     @property
     def faces(self) -> Faces:

@@ -15,8 +15,10 @@ from meshreel.sequence import (
     validate_faces,
     validate_finite,
     validate_fps,
+    validate_start,
     validate_vertices,
 )
+from meshreel.surface import PLAIN, Surface
 
 
 class FrameStream:
@@ -30,16 +32,20 @@ class FrameStream:
     faces : integer array of shape (M, 3)
     n_frames : int
         Of all blocks together.
-    fps, name
+    fps, name, start_s, surface
         As in `MeshSequence`.
     progress : Progress, default silent
         Told of every frame that was done with.
+    notes : list of str, optional
+        Gains one sentence for each thing that a format cannot hold as it is.
 
     Attributes
     ----------
     n_verts : int
     dtype : dtype
         Of every block.
+    first : float array of shape (V, 3)
+        Positions of the first frame, known before any frame has passed.
 
     Raises
     ------
@@ -56,7 +62,10 @@ class FrameStream:
         n_frames: int,
         fps: float = 0.0,
         name: str = "",
+        start_s: float = 0.0,
+        surface: Surface = PLAIN,
         progress: Progress = silent,
+        notes: list[str] | None = None,
     ) -> None:
         arrays: Iterator[Any] = (np.asarray(block) for block in blocks)
         filled = (block for block in arrays if block.size > 0)
@@ -65,7 +74,10 @@ class FrameStream:
         self.n_frames = n_frames
         self.n_verts, self.dtype = validate_vertices(first).shape[1], first.dtype
         self.faces = validate_faces(faces, self.n_verts)
-        self.fps, self.name = validate_fps(fps), name
+        self.fps, self.name, self.start_s = validate_fps(fps), name, validate_start(start_s)
+        self.surface = surface.validated(self.n_verts, len(self.faces))
+        self.first: Vertices = first[0]
+        self.notes = notes if notes is not None else []
         self._blocks: Iterator[Vertices] = chain([first], filled)
         self._progress = progress
 
@@ -81,7 +93,7 @@ class FrameStream:
     def gather(self) -> MeshSequence:
         """All frames in memory; they can be had only once."""
         vertices = np.concatenate(list(self._checked_blocks()))
-        return MeshSequence(vertices, self.faces, self.fps, self.name)
+        return MeshSequence(vertices, self.faces, self.fps, self.name, self.start_s, self.surface)
 
     def _checked_blocks(self) -> Iterator[Vertices]:
         n_seen = 0

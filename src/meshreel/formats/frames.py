@@ -2,6 +2,7 @@
 
 from collections import deque
 from collections.abc import Iterator
+from dataclasses import replace
 from itertools import chain
 
 import numpy as np
@@ -13,13 +14,14 @@ from meshreel.formats.stored_frames import StoredFrames
 from meshreel.formats.survey import FrameSurvey
 from meshreel.formats.welding import Weld, weld_corners
 from meshreel.progress import Progress
-from meshreel.sequence import Faces, Vertices
+from meshreel.sequence import Faces, MeshSequence, Vertices
+from meshreel.surface import PLAIN, Surface
 
 
 def read_frames(
-    files: MeshFiles, *, progress: Progress, notes: list[str]
-) -> tuple[Vertices, Faces]:
-    """Positions of shape (T, V, 3) and triangles of shape (M, 3) of frame files.
+    files: MeshFiles, *, fps: float, name: str, progress: Progress, notes: list[str]
+) -> MeshSequence:
+    """The frames of all files, in memory.
 
     Memory holds the result and one frame. Files without shared vertices are read twice: first to
     find the corners that coincide in every frame, then to keep one of each.
@@ -27,6 +29,8 @@ def read_frames(
     Parameters
     ----------
     files : MeshFiles
+    fps, name
+        As in `MeshSequence`.
     progress : Progress
         Told of every frame read.
     notes : list of str
@@ -42,11 +46,11 @@ def read_frames(
         weld = _weld(files, survey, progress, notes)
         meshes = files.meshes(progress, "reading")
         frames: Iterator[Vertices] = (mesh.vertices[weld.representatives] for mesh in meshes)
-        faces = weld.faces
+        faces, surface = weld.faces, PLAIN
     else:
-        faces, frames = _surveyed(files, survey, progress, notes)
-    vertices = _stack(frames, len(files))
-    return vertices.astype(survey.dtype, copy=False), faces
+        faces, surface, frames = _surveyed(files, survey, progress, notes)
+    vertices = _stack(frames, len(files)).astype(survey.dtype, copy=False)
+    return MeshSequence(vertices, faces, fps, name, surface=surface)
 
 
 def open_frames(
@@ -58,10 +62,8 @@ def open_frames(
 
     Parameters
     ----------
-    files, progress, notes
+    files, fps, name, progress, notes
         As in `read_frames`.
-    fps, name
-        As in `MeshSequence`.
 
     Raises
     ------
@@ -73,8 +75,9 @@ def open_frames(
     if files.format.has_corners_only:
         weld = _weld(files, survey, progress, notes)
         faces, kept, n_verts = weld.faces, weld.representatives, len(weld.representatives)
+        surface = PLAIN
     else:
-        faces, frames = _surveyed(files, survey, progress, notes)
+        faces, surface, frames = _surveyed(files, survey, progress, notes)
         n_verts = len(deque(frames, maxlen=1).pop())
     dtype = survey.dtype
 
@@ -84,7 +87,9 @@ def open_frames(
             vertices[row] = files.mesh(index).vertices[kept]
         return vertices
 
-    return StoredFrames(len(files), n_verts, faces, fps, name, dtype, survey.extent, read_range)
+    return StoredFrames(
+        len(files), n_verts, faces, fps, name, dtype, survey.extent, read_range, surface=surface
+    )
 
 
 def _weld(files: MeshFiles, survey: FrameSurvey, progress: Progress, notes: list[str]) -> Weld:
@@ -98,14 +103,15 @@ def _weld(files: MeshFiles, survey: FrameSurvey, progress: Progress, notes: list
 
 def _surveyed(
     files: MeshFiles, survey: FrameSurvey, progress: Progress, notes: list[str]
-) -> tuple[Faces, Iterator[Vertices]]:
-    """The triangles, and the positions of each frame, which the survey sees as they pass."""
+) -> tuple[Faces, Surface, Iterator[Vertices]]:
+    """Triangles, surface, and positions of each frame, which the survey sees as they pass."""
     meshes = files.meshes(progress, "reading")
     first = next(meshes)
     if note := describe_fans(first.counts):
         notes.append(note)
     faces = triangulate_fans(first.counts, first.corners)
-    return faces, survey.watch(mesh.vertices for mesh in chain([first], meshes))
+    surface = replace(files.surface(), face_sizes=first.counts.astype(np.int32))
+    return faces, surface, survey.watch(mesh.vertices for mesh in chain([first], meshes))
 
 
 def _stack(frames: Iterator[Vertices], n_frames: int) -> Vertices:

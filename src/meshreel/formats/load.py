@@ -1,9 +1,15 @@
 """Files of other programs to a `MeshSequence`, or to frames that are read when asked for."""
 
+import os
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
 from meshreel.formats.frames import open_frames, read_frames
 from meshreel.formats.mesh_files import MeshFiles
-from meshreel.formats.registry import SequenceFormat
-from meshreel.formats.sources import Source, find_files
+from meshreel.formats.options import ReadOptions
+from meshreel.formats.registry import SequenceFormat, check_read_options
+from meshreel.formats.sources import Source, SourceFiles, find_files
 from meshreel.profiling import staged
 from meshreel.progress import Progress, silent
 from meshreel.sequence import FrameSource, MeshSequence, validate_fps
@@ -18,6 +24,10 @@ def load(
     source: Source,
     *,
     fps: float | None = None,
+    object: str | None = None,
+    merge: bool = False,
+    topology: str | os.PathLike[str] | None = None,
+    dataset: str | None = None,
     progress: Progress = silent,
     notes: list[str] | None = None,
 ) -> MeshSequence:
@@ -26,11 +36,21 @@ def load(
     Parameters
     ----------
     source : str, Path, or list or tuple of them
-        An ``.npz`` or ``.reel`` file; one static mesh (``.obj .ply .off .stl``), which gives one
+        A file that holds a whole animation, such as ``.npz .reel .abc .usd .glb`` (`meshreel
+        formats` lists them all); one static mesh (``.obj .ply .off .stl``), which gives one
         frame; a folder of frames of one ending; a pattern such as ``dir/*.obj``; or frame files
         in their order. Folders and patterns are read in natural order (frame_2 before frame_10).
     fps : float, optional
         Frames per second, in place of what the file says; frame files say nothing, which is 0.
+        Of a glTF or skinned USD file, how often its motion is sampled.
+    object : str, optional
+        Of a file that holds several meshes, the path of one, or the last part of it.
+    merge : bool, default False
+        Take all meshes of a file as one, whose parts are told apart by ``surface.parts``.
+    topology : path, optional
+        A mesh file with the faces of a point cache (``.pc2 .mdd``), which has none.
+    dataset : str, optional
+        Of a file of named datasets, the one that holds the positions.
     progress : Progress, default silent
         Told the share of frames read.
     notes : list of str, optional
@@ -40,28 +60,28 @@ def load(
     Returns
     -------
     MeshSequence
-        Vertices in file order. PLY and npz keep the type of the file; decimal text (OBJ, OFF,
+        Vertices in file order. The type of the file is kept; decimal text (OBJ, OFF,
         ASCII STL) gives float32 unless the model is so far from the origin that this would move
-        a vertex by more than a millionth of the model's size. Its name is that of the file or,
-        for several files, of their folder.
+        a vertex by more than a millionth of the model's size. Its name is that of the mesh in
+        the file if it has one, of the file or, for several files, of their folder.
 
     Raises
     ------
     InvalidInputError
-        If nothing is there, frames differ in vertex count or faces, or a position is not finite.
+        If nothing is there, frames differ in vertex count or faces, a position is not finite, or
+        the file holds several meshes and none is chosen.
     FormatError
-        If a file is of an unknown kind, or is not what its ending says.
+        If a file is of an unknown kind, is not what its ending says, or needs a library that is
+        not installed.
     """
-    found = find_files(source)
-    if isinstance(found.format, SequenceFormat):
-        sequence = found.format.read(found.paths[0], fps=fps)
-        progress("reading", 1.0)
-        return sequence
-    rate = validate_fps(fps or 0.0)
-    changes = notes if notes is not None else []
-    files = MeshFiles(found.paths, found.format)
-    vertices, faces = read_frames(files, progress=progress, notes=changes)
-    return MeshSequence(vertices, faces, rate, found.name)
+    options = ReadOptions(
+        fps, object, merge, _path(topology), dataset, None, progress,
+        notes if notes is not None else [],
+    )  # fmt: skip
+    sequence = _opened(find_files(source), options)
+    if not isinstance(sequence, MeshSequence):
+        raise TypeError(f"a {type(sequence).__name__} was opened where all was to be loaded")
+    return sequence
 
 
 @staged("reading")
@@ -69,19 +89,24 @@ def open_source(
     source: Source,
     *,
     fps: float | None = None,
+    object: str | None = None,
+    merge: bool = False,
+    topology: str | os.PathLike[str] | None = None,
+    dataset: str | None = None,
     max_loaded_bytes: int = 0,
     progress: Progress = silent,
     notes: list[str] | None = None,
 ) -> FrameSource:
     """The sequence that `load` gives, but of frames that may stay in their files.
 
-    Frame files and an ``.npz`` that is not compressed are read once now, a frame at a time, for
-    what must be known of all frames; then frames are read whenever they are asked for. They must
-    not change meanwhile. A compressed ``.npz``, a ``.reel`` and a single static mesh are loaded.
+    Frame files, files of scenes and an ``.npz`` that is not compressed are read once now, a frame
+    at a time, for what must be known of all frames; then frames are read whenever they are asked
+    for. They must not change meanwhile. A compressed ``.npz``, a ``.reel`` and a single static
+    mesh are loaded.
 
     Parameters
     ----------
-    source, fps, progress, notes
+    source, fps, object, merge, topology, dataset, progress, notes
         As in `load`.
     max_loaded_bytes : int, default 0
         What can be left in files is loaded all the same if its positions, in the type of the
@@ -97,43 +122,49 @@ def open_source(
     InvalidInputError, FormatError
         As `load`; reading frames later, InvalidInputError if a file has changed.
     """
-    found = find_files(source)
-    if isinstance(found.format, SequenceFormat):
-        if found.format.open is None:
-            return load(source, fps=fps, progress=progress)
-        return found.format.open(
-            found.paths[0], fps=fps, max_loaded_bytes=max_loaded_bytes, progress=progress
-        )
-    files = MeshFiles(found.paths, found.format)
-    if len(files) == 1 or len(files) * files.mesh(0).vertices.nbytes <= max_loaded_bytes:
-        return load(source, fps=fps, progress=progress, notes=notes)
-    return open_frames(
-        files,
-        fps=validate_fps(fps or 0.0),
-        name=found.name,
-        progress=progress,
-        notes=notes if notes is not None else [],
-    )
+    options = ReadOptions(
+        fps, object, merge, _path(topology), dataset, max_loaded_bytes, progress,
+        notes if notes is not None else [],
+    )  # fmt: skip
+    return _opened(find_files(source), options)
 
 
-def open_for_encoding(
-    source: Source,
-    memory: float | None,
-    *,
-    fps: float | None = None,
-    progress: Progress = silent,
-    notes: list[str] | None = None,
-) -> FrameSource:
+def open_for_encoding(source: Source, memory: float | None, options: ReadOptions) -> FrameSource:
     """`open_source`, loading what takes a small part of the memory that encoding may take.
 
     Parameters
     ----------
-    source, fps, progress, notes
+    source : str, Path, or list or tuple of them
         As in `load`.
     memory : float or None
         Bytes that encoding may take; None is what `meshreel.encode` takes by default.
+    options : ReadOptions
+        But for how much is loaded.
     """
-    max_loaded_bytes = MAX_LOADED_BYTES if memory is None else int(LOADED_SHARE * memory)
-    return open_source(
-        source, fps=fps, max_loaded_bytes=max_loaded_bytes, progress=progress, notes=notes
-    )
+    return _opened(find_files(source), loading_for(memory, options))
+
+
+def loading_for(memory: float | None, options: ReadOptions) -> ReadOptions:
+    """The options, loading what takes a small part of the memory that encoding may take."""
+    most = MAX_LOADED_BYTES if memory is None else int(LOADED_SHARE * memory)
+    return replace(options, max_loaded_bytes=most)
+
+
+def _opened(found: SourceFiles, options: ReadOptions) -> FrameSource:
+    check_read_options(found.format, options)
+    if isinstance(found.format, SequenceFormat):
+        return found.format.open(found.paths[0], options)
+    return open_mesh_files(MeshFiles(found.paths, found.format), found.name, options)
+
+
+def open_mesh_files(files: MeshFiles, name: str, options: ReadOptions) -> FrameSource:
+    """The sequence whose frames are in files of their own, loaded if it is small enough."""
+    fps = validate_fps(options.fps or 0.0)
+    most = options.max_loaded_bytes
+    loads = most is None or len(files) == 1 or len(files) * files.mesh(0).vertices.nbytes <= most
+    read: Callable[..., FrameSource] = read_frames if loads else open_frames
+    return read(files, fps=fps, name=name, progress=options.progress, notes=options.notes)
+
+
+def _path(given: str | os.PathLike[str] | None) -> Path | None:
+    return None if given is None else Path(given)

@@ -2,17 +2,19 @@
 
 import zlib
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
 
 from meshreel.errors import FormatError, InvalidInputError
+from meshreel.formats.naming import errors_naming, os_errors_naming
 from meshreel.formats.polygons import PolygonMesh
-from meshreel.formats.reel import errors_naming
 from meshreel.formats.registry import FrameFormat
-from meshreel.formats.stored_frames import changed_error, os_errors_naming
+from meshreel.formats.stored_frames import changed_error
 from meshreel.progress import Progress
 from meshreel.sequence import validate_finite
+from meshreel.surface import PLAIN, Surface
 
 
 class MeshFiles:
@@ -47,7 +49,7 @@ class MeshFiles:
         first = self.mesh(0)
         for index, path in enumerate(self.paths):
             mesh = self.mesh(index) if index else first
-            if difference := _difference(mesh, first):
+            if difference := mesh.difference(first):
                 raise InvalidInputError(
                     f"{path} (frame {index}) has {difference} in frame 0 "
                     f"({self.paths[0].name}); all frames of a sequence must have the same "
@@ -68,6 +70,19 @@ class MeshFiles:
         InvalidInputError
             Naming the file that is not there, or has changed.
         """
+        with self._contents(index) as data:
+            return self.format.parse(data)
+
+    def surface(self) -> Surface:
+        """Attributes and groups of the first frame; raises as `mesh`."""
+        if self.format.parse_surface is None:
+            return PLAIN
+        with self._contents(0) as data:
+            return self.format.parse_surface(data)
+
+    @contextmanager
+    def _contents(self, index: int) -> Iterator[bytes]:
+        """The bytes of a frame's file; errors within name it."""
         path = self.paths[index]
         with os_errors_naming(path):
             data = path.read_bytes()
@@ -76,21 +91,4 @@ class MeshFiles:
         with errors_naming(path):
             if not data:
                 raise FormatError(f"is empty; expected a mesh in {self.format.ending} format")
-            return self.format.parse(data)
-
-
-def _difference(mesh: PolygonMesh, first: PolygonMesh) -> str:
-    """How a frame differs from the first, as in "8 vertices; expected 12 as"; empty if not."""
-    if len(mesh.vertices) != len(first.vertices):
-        return f"{len(mesh.vertices)} vertices; expected {len(first.vertices)} as"
-    if len(mesh.counts) != len(first.counts):
-        return f"{len(mesh.counts)} faces; expected {len(first.counts)} as"
-    if (mesh.counts != first.counts).any():
-        face = int(np.argmax(mesh.counts != first.counts))
-        return f"{mesh.counts[face]} corners in face {face}; expected {first.counts[face]} as"
-    if (mesh.corners != first.corners).any():
-        corner = int(np.argmax(mesh.corners != first.corners))
-        face = int(np.searchsorted(np.cumsum(mesh.counts), corner, side="right"))
-        came, expected = mesh.corners[corner], first.corners[corner]
-        return f"vertex {came} in face {face}; expected vertex {expected} as"
-    return ""
+            yield data

@@ -13,7 +13,8 @@ import numpy.typing as npt
 
 from meshreel.errors import FormatError
 from meshreel.formats.frame_stream import FrameStream
-from meshreel.formats.reel import errors_naming
+from meshreel.formats.naming import errors_naming
+from meshreel.formats.options import WriteOptions
 from meshreel.sequence import MeshSequence
 
 NAMES = ("vertices", "faces", "fps", "name")
@@ -46,7 +47,7 @@ def read_npz(path: Path, *, fps: float | None = None) -> MeshSequence:
         return MeshSequence(vertices, arrays["faces"], rate, name)
 
 
-def write_npz(path: Path, stream: FrameStream) -> None:
+def write_npz(path: Path, stream: FrameStream, options: WriteOptions) -> None:
     """Write an ``.npz`` file, frame by frame, that reads back as exactly the frames of `stream`.
 
     Its bytes are those of `numpy.savez`, which would need all frames together.

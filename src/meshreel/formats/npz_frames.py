@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.errors import FormatError
+from meshreel.formats.naming import errors_naming, os_errors_naming
 from meshreel.formats.npz import (
     archive_errors,
     describe_npz,
@@ -19,10 +20,9 @@ from meshreel.formats.npz import (
     read_arrays,
     read_npz,
 )
-from meshreel.formats.reel import errors_naming
-from meshreel.formats.stored_frames import StoredFrames, changed_error, os_errors_naming
+from meshreel.formats.options import ReadOptions
+from meshreel.formats.stored_frames import StoredFrames, changed_error
 from meshreel.formats.survey import FrameSurvey
-from meshreel.progress import Progress
 from meshreel.sequence import FrameSource, Vertices, validate_finite
 
 MEMBER = "vertices.npy"
@@ -30,9 +30,7 @@ LOCAL_HEADER = struct.Struct("<26xHH")  # of a member of a zip file; its name an
 SURVEY_BYTES = 1 << 24  # of positions that are looked at together
 
 
-def open_npz(
-    path: Path, *, fps: float | None, max_loaded_bytes: int, progress: Progress
-) -> FrameSource:
+def open_npz(path: Path, options: ReadOptions) -> FrameSource:
     """The sequence that `read_npz` gives, whose positions stay in the file if they can.
 
     They can if they lie there plainly: not compressed, frame after frame. Then all of them are
@@ -40,12 +38,9 @@ def open_npz(
 
     Parameters
     ----------
-    path, fps
+    path : Path
         As in `read_npz`.
-    max_loaded_bytes : int
-        Positions that take no more are loaded.
-    progress : Progress
-        Told the share of frames read.
+    options : ReadOptions
 
     Raises
     ------
@@ -53,10 +48,10 @@ def open_npz(
         As `read_npz`; when frames are read too, if the file has changed meanwhile.
     """
     with archive_errors(path):
-        stored = _find_vertices(path, max_loaded_bytes)
+        stored = _find_vertices(path, options.max_loaded_bytes)
     if stored is None:
-        sequence = read_npz(path, fps=fps)
-        progress("reading", 1.0)
+        sequence = read_npz(path, fps=options.fps)
+        options.progress("reading", 1.0)
         return sequence
     arrays = read_arrays(path, ["faces", "fps", "name"])
     survey = FrameSurvey()
@@ -64,9 +59,9 @@ def open_npz(
         with errors_naming(path):
             validate_finite(vertices, first_frame=start)
         survey.add(vertices)
-        progress("reading", (start + len(vertices)) / stored.n_frames)
+        options.progress("reading", (start + len(vertices)) / stored.n_frames)
     with errors_naming(path):
-        rate, name = describe_npz(path, arrays, fps)
+        rate, name = describe_npz(path, arrays, options.fps)
         return StoredFrames(
             n_frames=stored.n_frames,
             n_verts=stored.n_verts,
@@ -142,8 +137,10 @@ class _StoredVertices:
         return numbers.reshape(-1, self.n_verts, 3)
 
 
-def _find_vertices(path: Path, max_loaded_bytes: int) -> _StoredVertices | None:
+def _find_vertices(path: Path, max_loaded_bytes: int | None) -> _StoredVertices | None:
     """Where the vertices lie; None if they must be loaded, and are checked there."""
+    if max_loaded_bytes is None:
+        return None
     with zipfile.ZipFile(path) as archive:
         if MEMBER not in archive.namelist():
             return None

@@ -18,6 +18,7 @@ from meshreel.formats.polygons import PolygonMesh, polygon_mesh
 from meshreel.formats.ragged import ragged_indices
 from meshreel.formats.token_lines import TokenLines, split_lines
 from meshreel.sequence import Faces, Vertices
+from meshreel.surface import PLAIN, Surface
 
 
 def parse_obj(data: bytes) -> PolygonMesh:
@@ -46,7 +47,7 @@ def parse_obj(data: bytes) -> PolygonMesh:
     )
 
 
-def obj_encoder(faces: Faces) -> Callable[[Vertices], bytes]:
+def obj_encoder(faces: Faces, surface: Surface = PLAIN) -> Callable[[Vertices], bytes]:
     """A function from the positions of a frame, of shape (V, 3), to the bytes of its OBJ file.
 
     Float32 and float64 positions read back exactly. The faces are written out once.

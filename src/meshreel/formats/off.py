@@ -18,6 +18,7 @@ from meshreel.formats.polygons import PolygonMesh, polygon_mesh
 from meshreel.formats.ragged import ragged_indices
 from meshreel.formats.token_lines import TokenLines, split_lines
 from meshreel.sequence import Faces, Vertices
+from meshreel.surface import PLAIN, Surface
 
 
 def parse_off(data: bytes) -> PolygonMesh:
@@ -42,7 +43,7 @@ def parse_off(data: bytes) -> PolygonMesh:
     return polygon_mesh(vertices, counts, corners, place=lambda face: lines.place(face_lines[face]))
 
 
-def off_encoder(faces: Faces) -> Callable[[Vertices], bytes]:
+def off_encoder(faces: Faces, surface: Surface = PLAIN) -> Callable[[Vertices], bytes]:
     """A function from the positions of a frame, of shape (V, 3), to the bytes of its OFF file.
 
     Float32 and float64 positions read back exactly. The faces are written out once.

@@ -19,6 +19,7 @@ from meshreel.formats.polygons import PolygonMesh, polygon_mesh
 from meshreel.formats.ragged import Integers, ragged_indices
 from meshreel.formats.token_lines import split_lines
 from meshreel.sequence import Faces, Vertices
+from meshreel.surface import PLAIN, Surface
 
 INDEX_NAMES = ("vertex_indices", "vertex_index")
 FACE = np.dtype([("count", "u1"), ("corners", "<i4", (3,))])
@@ -50,7 +51,7 @@ def parse_ply(data: bytes) -> PolygonMesh:
     return polygon_mesh(_vertices(*layouts["vertex"], cells), counts, corners)
 
 
-def ply_encoder(faces: Faces) -> Callable[[Vertices], bytes]:
+def ply_encoder(faces: Faces, surface: Surface = PLAIN) -> Callable[[Vertices], bytes]:
     """A function from the positions of a frame, of shape (V, 3), to the bytes of its PLY file.
 
     The file is binary little endian; float32 and float64 positions read back exactly. The faces

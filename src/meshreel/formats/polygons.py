@@ -30,6 +30,25 @@ class PolygonMesh:
     counts: npt.NDArray[np.int64]
     corners: npt.NDArray[np.int32]
 
+    def difference(self, first: "PolygonMesh") -> str:
+        """How this frame differs from the first, as in "8 vertices; expected 12 as".
+
+        Empty if both have as many vertices, and the same faces.
+        """
+        if len(self.vertices) != len(first.vertices):
+            return f"{len(self.vertices)} vertices; expected {len(first.vertices)} as"
+        if len(self.counts) != len(first.counts):
+            return f"{len(self.counts)} faces; expected {len(first.counts)} as"
+        if (self.counts != first.counts).any():
+            face = int(np.argmax(self.counts != first.counts))
+            return f"{self.counts[face]} corners in face {face}; expected {first.counts[face]} as"
+        if (self.corners != first.corners).any():
+            corner = int(np.argmax(self.corners != first.corners))
+            face = int(np.searchsorted(np.cumsum(self.counts), corner, side="right"))
+            came, expected = self.corners[corner], first.corners[corner]
+            return f"vertex {came} in face {face}; expected vertex {expected} as"
+        return ""
+
 
 def polygon_mesh(
     vertices: Vertices,
@@ -99,6 +118,38 @@ def triangulate_fans(counts: Integers, corners: Integers) -> npt.NDArray[np.int3
     second = ragged_indices(first + 1, n_triangles)
     fans = [corners[np.repeat(first, n_triangles)], corners[second], corners[second + 1]]
     return np.stack(fans, axis=1).astype(np.int32)
+
+
+def join_fans(sizes: Integers, faces: npt.NDArray[np.integer]) -> npt.NDArray[np.int32]:
+    """The corners of faces that `triangulate_fans` cut, face after face.
+
+    Parameters
+    ----------
+    sizes : integer array of shape (P,)
+        Corners of each face, at least 3.
+    faces : integer array of shape (sum of sizes - 2, 3)
+        The triangles, those of one face after the other.
+
+    Returns
+    -------
+    int32 array of shape (sum of sizes,).
+    """
+    sizes = np.asarray(sizes, np.int64)
+    first = np.cumsum(sizes) - sizes
+    first_triangle = np.cumsum(sizes - 2) - (sizes - 2)
+    corners = np.empty(int(sizes.sum()), np.int32)
+    corners[first], corners[first + 1] = faces[first_triangle, 0], faces[first_triangle, 1]
+    corners[ragged_indices(first + 2, sizes - 2)] = faces[:, 2]
+    return corners
+
+
+def fan_corners(sizes: Integers) -> npt.NDArray[np.int32]:
+    """The corner of its face that each corner of a triangle is, of shape (M, 3).
+
+    Corners of faces are counted through, face after face.
+    """
+    sizes = np.asarray(sizes, np.int64)
+    return triangulate_fans(sizes, np.arange(int(sizes.sum()), dtype=np.int32))
 
 
 def describe_fans(counts: Integers) -> str:

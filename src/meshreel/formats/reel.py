@@ -1,15 +1,16 @@
 """Streams of our own, read and written like any other file."""
 
 import os
-from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
 
 from meshreel.codec.decoder import decode
 from meshreel.codec.encoder import encode
 from meshreel.codec.reel_file import ReelFile
-from meshreel.errors import MeshReelError
 from meshreel.formats.frame_stream import FrameStream
+from meshreel.formats.naming import errors_naming
+from meshreel.formats.options import ReadOptions, WriteOptions
 from meshreel.sequence import MeshSequence
 
 
@@ -47,7 +48,7 @@ def open(path: str | os.PathLike[str], *, n_modes: int | None = None) -> ReelFil
     return reel
 
 
-def read_reel(path: Path, *, fps: float | None = None) -> MeshSequence:
+def open_reel(path: Path, options: ReadOptions) -> MeshSequence:
     """The sequence that a `.reel` file holds; of the file's name if the stream has none.
 
     Raises
@@ -57,23 +58,11 @@ def read_reel(path: Path, *, fps: float | None = None) -> MeshSequence:
     """
     with errors_naming(path):
         sequence = decode(path.read_bytes())
-    return MeshSequence(
-        sequence.vertices,
-        sequence.faces,
-        sequence.fps if fps is None else fps,
-        sequence.name or path.stem,
-    )
+    options.progress("reading", 1.0)
+    fps = sequence.fps if options.fps is None else options.fps
+    return replace(sequence, fps=fps, name=sequence.name or path.stem)
 
 
-@contextmanager
-def errors_naming(path: Path) -> Iterator[None]:
-    """Within it, errors about the contents of a file begin with its path."""
-    try:
-        yield
-    except MeshReelError as error:
-        raise type(error)(f"{path}: {error}") from None
-
-
-def write_reel(path: Path, stream: FrameStream) -> None:
+def write_reel(path: Path, stream: FrameStream, options: WriteOptions) -> None:
     """Write the frames as a `.reel` file, coded by default options; all are gathered for it."""
     path.write_bytes(encode(stream.gather()))

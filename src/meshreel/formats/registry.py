@@ -3,18 +3,24 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal, get_args
 
-from meshreel.errors import FormatError
+from meshreel.errors import FormatError, InvalidInputError
+from meshreel.formats.extras import Extra
 from meshreel.formats.frame_stream import FrameStream
-from meshreel.formats.npz import read_npz, write_npz
+from meshreel.formats.npz import write_npz
 from meshreel.formats.npz_frames import open_npz
 from meshreel.formats.obj import obj_encoder, parse_obj
 from meshreel.formats.off import off_encoder, parse_off
+from meshreel.formats.options import ReadOptions, WriteOptions
 from meshreel.formats.ply import parse_ply, ply_encoder
 from meshreel.formats.polygons import PolygonMesh
-from meshreel.formats.reel import read_reel, write_reel
+from meshreel.formats.reel import open_reel, write_reel
 from meshreel.formats.stl import parse_stl, stl_encoder
-from meshreel.sequence import Faces, FrameSource, MeshSequence, Vertices
+from meshreel.sequence import Faces, FrameSource, Vertices
+from meshreel.surface import Surface
+
+ReadOption = Literal["object", "merge", "topology", "dataset"]
 
 
 @dataclass(frozen=True)
@@ -25,10 +31,14 @@ class FrameFormat:
     ----------
     ending : str
         Lower case, with the dot.
+    title : str
+        What people call it.
     parse : function of the bytes of a file
         Gives its `PolygonMesh`; its errors name the line but not the file.
-    encoder : function of the faces
+    encoder : function of the faces and the surface
         Gives a function from the positions of a frame to the bytes of its file.
+    parse_surface : function of the bytes of a file, optional
+        Gives attributes and groups of a file that `parse` reads, without face sizes.
     is_decimal : bool, default False
         Whether positions are decimal text without a declared type.
     has_corners_only : bool, default False
@@ -36,8 +46,10 @@ class FrameFormat:
     """
 
     ending: str
+    title: str
     parse: Callable[[bytes], PolygonMesh]
-    encoder: Callable[[Faces], Callable[[Vertices], bytes]]
+    encoder: Callable[[Faces, Surface], Callable[[Vertices], bytes]]
+    parse_surface: Callable[[bytes], Surface] | None = None
     is_decimal: bool = False
     has_corners_only: bool = False
 
@@ -50,34 +62,44 @@ class SequenceFormat:
     ----------
     ending : str
         Lower case, with the dot.
-    read : function of a path and ``fps=``
-        Gives the sequence; its errors name the file.
-    write : function of a path and a `FrameStream`
-        Writes the file.
-    open : function of a path, ``fps=``, ``max_loaded_bytes=`` and ``progress=``, optional
-        Gives the sequence with its positions left in the file, where they can be.
+    title : str
+        What people call it.
+    open : function of a path and `ReadOptions`
+        Gives the sequence; its errors name the file. Positions stay in the file where the options
+        ask for that and the format allows it.
+    write : function of a path, a `FrameStream` and `WriteOptions`, or None
+        Writes the file; None if files of this format are only read.
+    extra : Extra, optional
+        The library that reading and writing need.
+    reads : set of ReadOption
+        Which options choose something in such a file.
+    companion : str, default ""
+        Ending of a mesh file with the first frame that is written beside it.
     """
 
     ending: str
-    read: Callable[..., MeshSequence]
-    write: Callable[[Path, FrameStream], None]
-    open: Callable[..., FrameSource] | None = None
+    title: str
+    open: Callable[[Path, ReadOptions], FrameSource]
+    write: Callable[[Path, FrameStream, WriteOptions], None] | None
+    extra: Extra | None = None
+    reads: frozenset[ReadOption] = frozenset()
+    companion: str = ""
 
 
 FRAME_FORMATS = {
     found.ending: found
     for found in (
-        FrameFormat(".obj", parse_obj, obj_encoder, is_decimal=True),
-        FrameFormat(".ply", parse_ply, ply_encoder),
-        FrameFormat(".off", parse_off, off_encoder, is_decimal=True),
-        FrameFormat(".stl", parse_stl, stl_encoder, is_decimal=True, has_corners_only=True),
+        FrameFormat(".obj", "Wavefront OBJ", parse_obj, obj_encoder, is_decimal=True),
+        FrameFormat(".ply", "PLY", parse_ply, ply_encoder),
+        FrameFormat(".off", "OFF", parse_off, off_encoder, is_decimal=True),
+        FrameFormat(".stl", "STL", parse_stl, stl_encoder, is_decimal=True, has_corners_only=True),
     )
 }
 SEQUENCE_FORMATS = {
     found.ending: found
     for found in (
-        SequenceFormat(".npz", read_npz, write_npz, open_npz),
-        SequenceFormat(".reel", read_reel, write_reel),
+        SequenceFormat(".npz", "NumPy archive", open_npz, write_npz),
+        SequenceFormat(".reel", "meshreel", open_reel, write_reel),
     )
 }
 FORMATS: dict[str, FrameFormat | SequenceFormat] = {**FRAME_FORMATS, **SEQUENCE_FORMATS}
@@ -97,3 +119,21 @@ def format_of(path: Path) -> FrameFormat | SequenceFormat:
             f"{path}: the ending {ending or '(none)'} is not known; known are {', '.join(FORMATS)}"
         )
     return FORMATS[ending]
+
+
+def check_read_options(found: FrameFormat | SequenceFormat, options: ReadOptions) -> None:
+    """Refuse options that choose nothing in files of a format.
+
+    Raises
+    ------
+    InvalidInputError
+        Naming the option and the formats that have it.
+    """
+    heeded = found.reads if isinstance(found, SequenceFormat) else frozenset()
+    for option in get_args(ReadOption):
+        if getattr(options, option) and option not in heeded:
+            allowed = [one.ending for one in SEQUENCE_FORMATS.values() if option in one.reads]
+            raise InvalidInputError(
+                f"--{option} ({option}=) chooses nothing in a {found.ending} file; "
+                f"it is for {', '.join(allowed)}"
+            )

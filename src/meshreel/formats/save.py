@@ -8,14 +8,18 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.atomic_write import replace_when_done
-from meshreel.errors import InvalidInputError
+from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.frame_stream import FrameStream
-from meshreel.formats.registry import SequenceFormat, format_of
+from meshreel.formats.options import WriteOptions
+from meshreel.formats.registry import FRAME_FORMATS, SequenceFormat, format_of
 from meshreel.formats.sources import AnyPath
 from meshreel.formats.targets import check_save_target
 from meshreel.profiling import staged
 from meshreel.progress import Progress, silent
 from meshreel.sequence import FrameSource, Vertices
+from meshreel.surface import PLAIN, Surface
+
+DEFAULT_OPTIONS = WriteOptions()
 
 
 @staged("writing")
@@ -24,7 +28,9 @@ def save(
     target: AnyPath,
     *,
     overwrite: bool = False,
+    options: WriteOptions = DEFAULT_OPTIONS,
     progress: Progress = silent,
+    notes: list[str] | None = None,
 ) -> list[Path]:
     """The files written, in the order of the frames.
 
@@ -35,13 +41,19 @@ def save(
     sequence : MeshSequence or FrameSource
         What to write; read a frame at a time.
     target : str or Path
-        ``name.npz`` or ``name.reel`` for all frames in one file; a pattern with a number field
-        such as ``dir/frame_%04d.obj`` for a file a frame, numbered from 0; or ``name.obj`` for
-        a sequence of one frame. Endings: ``.npz .reel .obj .ply .off .stl``.
+        ``name.npz``, ``.reel``, ``.abc``, ``.usd``, ``.glb`` and others for all frames in one
+        file (`meshreel formats` lists them); a pattern with a number field such as
+        ``dir/frame_%04d.obj`` for a file a frame, numbered from 0; or ``name.obj`` for a
+        sequence of one frame.
     overwrite : bool, default False
         Whether files that are there already may be replaced.
+    options : WriteOptions, optional
+        Choices that a format has.
     progress : Progress, default silent
         Told the share of frames written.
+    notes : list of str, optional
+        Gains one sentence for each thing that the format cannot hold as it is, and what was
+        achieved where the format approximates.
 
     Notes
     -----
@@ -61,8 +73,12 @@ def save(
         n_frames=sequence.n_frames,
         fps=sequence.fps,
         name=sequence.name,
+        start_s=sequence.start_s,
+        surface=sequence.surface,
         overwrite=overwrite,
+        options=options,
         progress=progress,
+        notes=notes,
     )
 
 
@@ -74,13 +90,17 @@ def save_frames(
     n_frames: int,
     fps: float = 0.0,
     name: str = "",
+    start_s: float = 0.0,
+    surface: Surface = PLAIN,
     overwrite: bool = False,
+    options: WriteOptions = DEFAULT_OPTIONS,
     progress: Progress = silent,
+    notes: list[str] | None = None,
 ) -> list[Path]:
     """The files written, in the order of the frames, which are written as they come.
 
-    Memory holds one block and one frame; only ``.reel`` needs all frames together. All files
-    appear together when the last one is complete; on an error none does.
+    Memory holds one block and one frame; only ``.reel`` and glTF need all frames together. All
+    files appear together when the last one is complete; on an error none does.
 
     Parameters
     ----------
@@ -88,11 +108,11 @@ def save_frames(
         The positions in model units, in order, all of one type. Blocks may differ in T.
     faces : integer array of shape (M, 3)
         Vertex indices of each triangle, in 0..V-1.
-    target, overwrite, progress
+    target, overwrite, options, progress, notes
         As in `save`.
     n_frames : int
         Of all blocks together.
-    fps, name
+    fps, name, start_s, surface
         As in `MeshSequence`.
 
     Raises
@@ -105,16 +125,38 @@ def save_frames(
         raise InvalidInputError(f"a sequence needs at least one frame; got n_frames {n_frames}")
     paths = check_save_target(target, n_frames, overwrite=overwrite)
     found = format_of(paths[0])
-    stream = FrameStream(blocks, faces, n_frames=n_frames, fps=fps, name=name, progress=progress)
+    stream = FrameStream(
+        blocks,
+        faces,
+        n_frames=n_frames,
+        fps=fps,
+        name=name,
+        start_s=start_s,
+        surface=surface,
+        progress=progress,
+        notes=notes,
+    )
     with ExitStack() as renames:  # the files get their names when the stack unwinds
         temporaries = [
             renames.enter_context(replace_when_done(path, overwrite=overwrite)) for path in paths
         ]
         if isinstance(found, SequenceFormat):
-            found.write(temporaries[0], stream)
+            _write_sequence(found, temporaries, stream, options)
             progress("writing", 1.0)
             return paths
-        encode = found.encoder(stream.faces)
+        encode = found.encoder(stream.faces, stream.surface)
         for frame, temporary in zip(stream.frames(), temporaries, strict=True):
             temporary.write_bytes(encode(frame))
     return paths
+
+
+def _write_sequence(
+    found: SequenceFormat, paths: list[Path], stream: FrameStream, options: WriteOptions
+) -> None:
+    """Write all frames into the first path, and the first one into that of the companion."""
+    if found.write is None:  # the target was checked
+        raise FormatError(f"{found.ending} files are read, but not written")
+    if found.companion:
+        encode = FRAME_FORMATS[found.companion].encoder(stream.faces, stream.surface)
+        paths[1].write_bytes(encode(stream.first))
+    found.write(paths[0], stream, options)

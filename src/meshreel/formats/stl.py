@@ -15,6 +15,7 @@ from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.polygons import PolygonMesh, polygon_mesh
 from meshreel.formats.token_lines import TokenLines, split_lines
 from meshreel.sequence import Faces, Vertices
+from meshreel.surface import PLAIN, Surface
 
 HEADER_BYTES = 80
 TRIANGLE = np.dtype([("normal", "<f4", (3,)), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
@@ -45,7 +46,7 @@ def parse_stl(data: bytes) -> PolygonMesh:
     return polygon_mesh(corners, np.full(n_faces, 3), np.arange(3 * n_faces))
 
 
-def stl_encoder(faces: Faces) -> Callable[[Vertices], bytes]:
+def stl_encoder(faces: Faces, surface: Surface = PLAIN) -> Callable[[Vertices], bytes]:
     """A function from the positions of a frame, of shape (V, 3), to the bytes of its STL file.
 
     Raises

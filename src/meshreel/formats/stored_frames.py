@@ -1,14 +1,21 @@
 """Frames that stay in their files until they are asked for."""
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
 from meshreel.errors import InvalidInputError
-from meshreel.sequence import Extent, Faces, Vertices, read_only, validate_faces, validate_fps
+from meshreel.sequence import (
+    Extent,
+    Faces,
+    Vertices,
+    read_only,
+    validate_faces,
+    validate_fps,
+    validate_start,
+)
+from meshreel.surface import PLAIN, Surface
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,11 +33,14 @@ class StoredFrames:
         Of all frames, in `dtype`.
     read_range : function of a start and a stop
         Gives the positions of frames start..stop - 1, of shape (stop - start, V, 3).
+    start_s : float, default 0
+    surface : Surface, optional
 
     Raises
     ------
     InvalidInputError
-        If a face names a vertex that is not there, or the frame rate is negative or not finite.
+        If a face names a vertex that is not there, the frame rate is negative or not finite, or
+        the surface does not fit.
     """
 
     n_frames: int
@@ -41,10 +51,15 @@ class StoredFrames:
     dtype: np.dtype[np.floating]
     extent: Extent
     read_range: Callable[[int, int], Vertices]
+    start_s: float = 0.0
+    surface: Surface = PLAIN
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "faces", read_only(validate_faces(self.faces, self.n_verts)))
         object.__setattr__(self, "fps", validate_fps(self.fps))
+        object.__setattr__(self, "start_s", validate_start(self.start_s))
+        surface = self.surface.validated(self.n_verts, len(self.faces))
+        object.__setattr__(self, "surface", surface)
 
     def read(self, start: int, stop: int) -> Vertices:
         """Positions of frames start..stop - 1, counted as in a slice of all frames."""
@@ -58,12 +73,3 @@ def changed_error(place: str) -> InvalidInputError:
         f"{place} changed after it was first read; leave the files as they are until all is "
         "done, and start again"
     )
-
-
-@contextmanager
-def os_errors_naming(path: Path) -> Iterator[None]:
-    """Within it, a file that cannot be read is an `InvalidInputError` that names it."""
-    try:
-        yield
-    except OSError as error:
-        raise InvalidInputError(f"{path} cannot be read: {error.strerror}") from error

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from meshreel.atomic_write import check_output_path
 from meshreel.errors import FormatError, InvalidInputError
-from meshreel.formats.registry import SequenceFormat, format_of
+from meshreel.formats.registry import SEQUENCE_FORMATS, SequenceFormat, format_of
 from meshreel.formats.sources import AnyPath
 
 NUMBER_FIELD = re.compile(r"%(0?)(\d{0,2})d")
@@ -31,7 +31,8 @@ def check_save_target(
     Raises
     ------
     FormatError
-        If the target is a folder, or its ending is unknown.
+        If the target is a folder, its ending is unknown, files of that kind are not written, or
+        the library that writes them is not installed.
     InvalidInputError
         If the folder of the target does not exist, a file is there already and `overwrite` is
         false, or several frames are to go into one file that holds one.
@@ -56,7 +57,15 @@ def _files_of(path: Path, n_frames: int | None) -> list[Path]:
                 f"{path} has a number field, but a {found.ending} file holds all frames; "
                 f"give a name such as {path.with_name(f'frames{path.suffix}')}"
             )
-        return [path]
+        if found.write is None:
+            written = [one.ending for one in SEQUENCE_FORMATS.values() if one.write is not None]
+            raise FormatError(
+                f"{path}: {found.ending} files are read, but not written; "
+                f"written are {', '.join(written)}"
+            )
+        if found.extra is not None:
+            found.extra.load()
+        return [path, path.with_suffix(found.companion)] if found.companion else [path]
     if len(fields) > 1:
         raise InvalidInputError(f"{path} has {len(fields)} number fields; one is needed")
     if fields:

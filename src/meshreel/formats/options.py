@@ -1,0 +1,61 @@
+"""What a caller may ask of those who read and write files."""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from meshreel.progress import Progress, silent
+
+
+@dataclass(frozen=True)
+class ReadOptions:
+    """How a file is read.
+
+    Parameters
+    ----------
+    fps : float, optional
+        Frames per second in place of what the file says; of files that describe motion between
+        frames (glTF, skinned USD), how often it is sampled.
+    object : str, optional
+        Path, or last part of the path, of the one mesh to take of a file that holds several.
+    merge : bool, default False
+        Whether all meshes of a file are taken, as one mesh of several parts.
+    topology : Path, optional
+        A mesh file with the faces of a point cache, which has none.
+    dataset : str, optional
+        Which dataset holds the positions, in a file of named datasets.
+    max_loaded_bytes : int, optional
+        Positions that take no more are loaded, others stay in the file if they can. Default: all
+        are loaded.
+    progress : Progress, default silent
+        Told the share of frames read.
+    notes : list of str
+        Gains one sentence for each thing that was changed while reading, to be shown to a user.
+    """
+
+    fps: float | None = None
+    object: str | None = None
+    merge: bool = False
+    topology: Path | None = None
+    dataset: str | None = None
+    max_loaded_bytes: int | None = None
+    progress: Progress = silent
+    notes: list[str] = field(default_factory=list)
+
+
+@dataclass(frozen=True)
+class WriteOptions:
+    """How a file is written; only glTF has a choice.
+
+    Parameters
+    ----------
+    targets : int, optional
+        How many morph targets the animation is made of.
+    max_error : float, optional
+        Percent of the diagonal of the bounding box of all frames that no vertex may be off.
+    normals : bool, default False
+        Whether morph targets move normals too.
+    """
+
+    targets: int | None = None
+    max_error: float | None = None
+    normals: bool = False

@@ -1,0 +1,103 @@
+"""The parts of a mesh that was made of several, each by itself."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from meshreel.formats.polygons import join_fans
+from meshreel.sequence import Faces
+from meshreel.surface import Attribute, Domain, FaceGroups, Part, Surface
+
+
+@dataclass(frozen=True, eq=False)
+class PartMesh:
+    """A part of a mesh, by itself.
+
+    Attributes
+    ----------
+    name : str
+    verts : slice
+        Its vertices among those of the whole.
+    counts, corners : integer arrays
+        Its faces, as in `PolygonMesh`, in its own vertices.
+    surface : Surface
+        Its attributes and groups; without parts. Only group labels in use are kept.
+    """
+
+    name: str
+    verts: slice
+    counts: npt.NDArray[np.int32]
+    corners: npt.NDArray[np.int32]
+    surface: Surface
+
+
+def split_parts(faces: Faces, surface: Surface, n_verts: int, name: str) -> Iterator[PartMesh]:
+    """The parts of a mesh, in order; the whole, with this name, if it has none.
+
+    Faces that name a vertex of another part cannot be, for parts are checked when they are made
+    of meshes; of a damaged stream the whole is given out as one part then.
+    """
+    counts = surface.sizes(len(faces))
+    corners = join_fans(counts, faces)
+    parts = surface.parts or (Part(name, n_verts, len(counts)),)
+    pieces = list(_pieces(parts, counts))
+    owners = np.repeat(np.arange(len(parts)), [part.n_verts for part in parts])
+    wanted = np.repeat(np.arange(len(parts)), [int(counts[p.faces].sum()) for p in pieces])
+    if (owners[corners] != wanted).any():
+        parts = (Part(name, n_verts, len(counts)),)
+        pieces = list(_pieces(parts, counts))
+    for part, piece in zip(parts, pieces, strict=True):
+        own = corners[piece.corners] - np.int32(piece.verts.start)
+        yield PartMesh(part.name, piece.verts, counts[piece.faces], own, _cut(surface, piece))
+
+
+@dataclass(frozen=True)
+class _Piece:
+    """Where a part lies in the whole."""
+
+    verts: slice
+    faces: slice
+    corners: slice
+
+    def of(self, domain: Domain) -> slice:
+        """Where its values of a domain lie."""
+        return {Domain.VERTEX: self.verts, Domain.FACE: self.faces, Domain.CORNER: self.corners}[
+            domain
+        ]
+
+
+def _pieces(parts: Sequence[Part], counts: npt.NDArray[np.int32]) -> Iterator[_Piece]:
+    ends = np.concatenate([[0], np.cumsum(counts, dtype=np.int64)])
+    vertex = face = 0
+    for part in parts:
+        last_vertex, last_face = vertex + part.n_verts, face + part.n_faces
+        yield _Piece(
+            slice(vertex, last_vertex),
+            slice(face, last_face),
+            slice(int(ends[face]), int(ends[last_face])),
+        )
+        vertex, face = last_vertex, last_face
+
+
+def _cut(surface: Surface, piece: _Piece) -> Surface:
+    attributes = tuple(_cut_attribute(one, piece.of(one.domain)) for one in surface.attributes)
+    groups = tuple(_cut_groups(one, piece.faces) for one in surface.groups)
+    return Surface(None, attributes, tuple(one for one in groups if one.labels))
+
+
+def _cut_attribute(whole: Attribute, items: slice) -> Attribute:
+    if whole.indices is None:
+        return Attribute(whole.name, whole.kind, whole.domain, whole.values[items])
+    rows, indices = np.unique(whole.indices[items], return_inverse=True)
+    return Attribute(
+        whole.name, whole.kind, whole.domain, whole.values[rows], indices.astype(np.int32)
+    )
+
+
+def _cut_groups(whole: FaceGroups, faces: slice) -> FaceGroups:
+    used, numbers = np.unique(whole.numbers[faces], return_inverse=True)
+    first = int(len(used) > 0 and used[0] == -1)
+    labels = tuple(whole.labels[number] for number in used[first:])
+    return FaceGroups(whole.name, labels, (numbers - first).astype(np.int32))

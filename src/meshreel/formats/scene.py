@@ -1,0 +1,42 @@
+"""What is read of a file that holds one or several animated meshes."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from meshreel.formats.polygons import PolygonMesh
+from meshreel.surface import PLAIN, Surface
+
+
+def no_surface(frame: int) -> Surface:
+    """The surface of a mesh that has nothing but positions and faces, in any frame."""
+    return PLAIN
+
+
+@dataclass(frozen=True, eq=False)
+class SceneMesh:
+    """An animated mesh of a file, each frame of which is read when it is asked for.
+
+    Parameters
+    ----------
+    name : str
+        Its path in the file, such as "/root/body"; no other mesh of the file has it.
+    times_s : float64 array of shape (T,)
+        When its frames are, in seconds, ascending; one for a mesh that does not move. Frames are
+        where positions, or any transform above the mesh, are sampled.
+    frame : function of a frame number
+        The mesh in world space. Its faces may differ between frames: that is looked for.
+    surface : function of a frame number, optional
+        Attributes and groups of the mesh, by its faces as that frame has them; without face
+        sizes, which the frame says. Only the first frame of a sequence is asked for them.
+    fps : float, optional
+        Frames per second, if the file says so; else it follows from the times.
+    """
+
+    name: str
+    times_s: npt.NDArray[np.float64]
+    frame: Callable[[int], PolygonMesh]
+    surface: Callable[[int], Surface] = no_surface
+    fps: float | None = None

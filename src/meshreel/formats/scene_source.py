@@ -1,0 +1,167 @@
+"""The meshes of a file to one sequence: chosen or merged, checked, and cut where faces change."""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from meshreel.errors import InvalidInputError
+from meshreel.formats.merging import merged_mesh
+from meshreel.formats.naming import errors_naming
+from meshreel.formats.options import ReadOptions
+from meshreel.formats.polygons import PolygonMesh, describe_fans, triangulate_fans
+from meshreel.formats.scene import SceneMesh
+from meshreel.formats.stored_frames import StoredFrames
+from meshreel.formats.survey import FrameSurvey
+from meshreel.formats.timing import frame_times
+from meshreel.sequence import FrameSource, MeshSequence, Vertices, validate_finite
+
+ReadMeshes = Callable[[Path, ReadOptions], Sequence[SceneMesh]]
+"""Gives the meshes of a file, at least one; raises `FormatError` naming what is wrong with it."""
+
+
+def scene_opener(read_meshes: ReadMeshes) -> Callable[[Path, ReadOptions], FrameSource]:
+    """A function from a path and options to the sequence that they mean, for the registry."""
+
+    def open_scene(path: Path, options: ReadOptions) -> FrameSource:
+        return sequence_of(chosen_mesh(read_meshes, path, options), path, options)
+
+    return open_scene
+
+
+def chosen_mesh(read_meshes: ReadMeshes, path: Path, options: ReadOptions) -> SceneMesh:
+    """The mesh of a file that the options choose, or all of them as one.
+
+    Raises
+    ------
+    FormatError
+        As `read_meshes`.
+    InvalidInputError
+        If there are several and none is chosen, or no mesh has the name; all are listed.
+    """
+    with errors_naming(path):
+        meshes = read_meshes(path, options)
+        if options.object is not None:
+            return _named(meshes, options.object)
+        if options.merge and len(meshes) > 1:
+            return merged_mesh(meshes, path.stem, options.notes)
+        if len(meshes) > 1:
+            raise InvalidInputError(
+                f"holds {_listed(meshes)}; choose one with --object (object=), or take all as "
+                "one with --merge (merge=True)"
+            )
+        return meshes[0]
+
+
+def sequence_of(mesh: SceneMesh, path: Path, options: ReadOptions) -> FrameSource:
+    """The frames of a mesh, loaded if they are small enough; all are read once now.
+
+    Raises
+    ------
+    InvalidInputError
+        Naming the frame whose faces differ from those of the first, or that is not finite.
+    """
+    frames: list[Vertices] = []
+    survey = FrameSurvey()
+    n_frames = len(mesh.times_s)
+    with errors_naming(path):
+        first = mesh.frame(0)
+        is_loaded = (
+            options.max_loaded_bytes is None
+            or first.vertices.nbytes * n_frames <= options.max_loaded_bytes
+        )
+        for index in range(n_frames):
+            frame = mesh.frame(index) if index else first
+            _check_same_faces(frame, first, index, mesh.name)
+            validate_finite(frame.vertices[np.newaxis], first_frame=index)
+            survey.add(frame.vertices[np.newaxis])
+            if is_loaded:
+                frames.append(frame.vertices)
+            options.progress("reading", (index + 1) / n_frames)
+        timing = frame_times(mesh.times_s)
+        if not timing.is_even:
+            options.notes.append(
+                f"times of frames are not even; taken as {timing.fps:g} frames per second"
+            )
+        rate = options.fps or mesh.fps or timing.fps
+        if note := describe_fans(first.counts):
+            options.notes.append(note)
+        faces = triangulate_fans(first.counts, first.corners)
+        surface = replace(mesh.surface(0), face_sizes=first.counts.astype(np.int32))
+        name = mesh.name.rstrip("/").rpartition("/")[2]
+        if is_loaded:
+            vertices = np.stack(frames).astype(survey.dtype, copy=False)
+            return MeshSequence(vertices, faces, rate, name, timing.start_s, surface)
+        return StoredFrames(
+            n_frames=n_frames,
+            n_verts=len(first.vertices),
+            faces=faces,
+            fps=rate,
+            name=name,
+            dtype=survey.dtype,
+            extent=survey.extent,
+            read_range=_reader(mesh, survey.dtype, first.vertices.shape),
+            start_s=timing.start_s,
+            surface=surface,
+        )
+
+
+def stretches(mesh: SceneMesh) -> Iterator[SceneMesh]:
+    """The mesh cut where its faces or its number of vertices change."""
+    start, first = 0, mesh.frame(0)
+    for index in range(1, len(mesh.times_s)):
+        frame = mesh.frame(index)
+        if frame.difference(first):
+            yield _part(mesh, start, index)
+            start, first = index, frame
+    yield _part(mesh, start, len(mesh.times_s))
+
+
+def _part(mesh: SceneMesh, start: int, stop: int) -> SceneMesh:
+    return replace(
+        mesh,
+        times_s=mesh.times_s[start:stop],
+        frame=lambda index: mesh.frame(start + index),
+        surface=lambda index: mesh.surface(start + index),
+        fps=mesh.fps or frame_times(mesh.times_s).fps,
+    )
+
+
+def _named(meshes: Sequence[SceneMesh], wanted: str) -> SceneMesh:
+    found = [mesh for mesh in meshes if mesh.name == wanted]
+    found = found or [
+        mesh for mesh in meshes if f"/{mesh.name.strip('/')}".endswith(f"/{wanted.strip('/')}")
+    ]
+    if len(found) != 1:
+        which = "no mesh" if not found else f"{len(found)} meshes"
+        raise InvalidInputError(f"has {which} called {wanted!r}; it holds {_listed(meshes)}")
+    return found[0]
+
+
+def _listed(meshes: Sequence[SceneMesh], most: int = 20) -> str:
+    names = [mesh.name for mesh in meshes]
+    if len(names) == 1:
+        return f"the mesh {names[0]}"
+    more = f" and {len(names) - most} more" if len(names) > most else ""
+    return f"{len(names)} meshes: {', '.join(names[:most])}{more}"
+
+
+def _check_same_faces(frame: PolygonMesh, first: PolygonMesh, index: int, name: str) -> None:
+    if difference := frame.difference(first):
+        raise InvalidInputError(
+            f"frame {index} of {name} has {difference} in frame 0; all frames of a sequence must "
+            "have the same vertices and faces; --split writes a file for each stretch that has"
+        )
+
+
+def _reader(
+    mesh: SceneMesh, dtype: np.dtype[np.floating], shape: tuple[int, ...]
+) -> Callable[[int, int], Vertices]:
+    def read_range(start: int, stop: int) -> Vertices:
+        vertices: Vertices = np.empty((stop - start, *shape), dtype)
+        for row, index in enumerate(range(start, stop)):
+            vertices[row] = mesh.frame(index).vertices
+        return vertices
+
+    return read_range

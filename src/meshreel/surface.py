@@ -1,0 +1,241 @@
+"""Surface: what a mesh carries beside positions and triangles, the same in every frame."""
+
+from dataclasses import dataclass, replace
+from enum import StrEnum
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from meshreel.errors import InvalidInputError
+
+Int32s = npt.NDArray[np.int32]
+
+VALUE_TYPES = tuple(np.dtype(name) for name in ("u1", "i4", "f4", "f8"))
+"""Number types that values of an attribute can have."""
+
+MAX_NUMBERS = 16
+"""Most numbers that an attribute has for one vertex, face or corner."""
+
+
+class Domain(StrEnum):
+    """What an attribute has a value for; faces are polygons, and corners are theirs."""
+
+    VERTEX = "vertex"
+    FACE = "face"
+    CORNER = "corner"
+
+
+class Kind(StrEnum):
+    """What an attribute means."""
+
+    UV = "uv"
+    COLOR = "color"
+    OTHER = "other"
+
+
+@dataclass(frozen=True, eq=False)
+class Attribute:
+    """Values at every vertex, face or corner of a face.
+
+    Parameters
+    ----------
+    name : str
+        As the file calls it, or what the kind is called ("uv", "color").
+    kind : Kind
+        A texture coordinate has two numbers, v upwards; a colour three or four, of 0..1 if they
+        are floats, of 0..255 if they are bytes.
+    domain : Domain
+    values : uint8, int32, float32 or float64 array of shape (N, C)
+        C in 1..16.
+    indices : int32 array, optional
+        The row of `values` of each vertex, face or corner. Default: one row each, in order.
+    """
+
+    name: str
+    kind: Kind
+    domain: Domain
+    values: npt.NDArray[Any]
+    indices: Int32s | None = None
+
+    def per_item(self) -> npt.NDArray[Any]:
+        """The value of each vertex, face or corner, of shape (n_items, C)."""
+        return self.values if self.indices is None else self.values[self.indices]
+
+
+@dataclass(frozen=True, eq=False)
+class FaceGroups:
+    """Faces sorted into named groups, such as materials.
+
+    Parameters
+    ----------
+    name : str
+        What the groups are: "material", "group".
+    labels : tuple of str
+    numbers : int32 array of shape (P,)
+        The group of each face, an index of `labels`; -1 is none.
+    """
+
+    name: str
+    labels: tuple[str, ...]
+    numbers: Int32s
+
+
+@dataclass(frozen=True)
+class Part:
+    """One of several meshes that were merged; its vertices and faces follow one another.
+
+    Parameters
+    ----------
+    name : str
+        Its path in the file that it came from.
+    n_verts, n_faces : int
+        Vertices, and faces (polygons), at least 0; parts follow one another and are all there is.
+    """
+
+    name: str
+    n_verts: int
+    n_faces: int
+
+
+@dataclass(frozen=True, eq=False)
+class Surface:
+    """What a mesh carries beside positions and triangles, the same in every frame.
+
+    Parameters
+    ----------
+    face_sizes : int32 array of shape (P,), optional
+        Corners of each face, at least 3. A face of n corners is the next n - 2 triangles, a fan
+        from its first corner (`meshreel.formats.polygons`). Default: every triangle is a face.
+    attributes : tuple of Attribute
+    groups : tuple of FaceGroups
+    parts : tuple of Part
+        Empty for a mesh of one part.
+    """
+
+    face_sizes: Int32s | None = None
+    attributes: tuple[Attribute, ...] = ()
+    groups: tuple[FaceGroups, ...] = ()
+    parts: tuple[Part, ...] = ()
+
+    @property
+    def is_plain(self) -> bool:
+        """Whether there is nothing beside positions and triangles."""
+        return self.face_sizes is None and not (self.attributes or self.groups or self.parts)
+
+    def n_faces(self, n_triangles: int) -> int:
+        """Number of faces (polygons), P."""
+        return n_triangles if self.face_sizes is None else len(self.face_sizes)
+
+    def sizes(self, n_triangles: int) -> Int32s:
+        """Corners of each face, of shape (P,)."""
+        if self.face_sizes is None:
+            return np.full(n_triangles, 3, np.int32)
+        return self.face_sizes
+
+    def validated(self, n_verts: int, n_triangles: int) -> "Surface":
+        """The surface if it fits a mesh of so many vertices and triangles.
+
+        Its arrays have the types that are documented then, and cannot be written to; sizes that
+        are all 3 are left out.
+
+        Raises
+        ------
+        InvalidInputError
+            Naming what does not fit.
+        """
+        sizes = _validated_sizes(self.face_sizes, n_triangles)
+        n_faces = n_triangles if sizes is None else len(sizes)
+        n_corners = n_triangles + 2 * n_faces
+        n_items = {Domain.VERTEX: n_verts, Domain.FACE: n_faces, Domain.CORNER: n_corners}
+        attributes = tuple(_validated_attribute(one, n_items) for one in self.attributes)
+        groups = tuple(_validated_groups(one, n_faces) for one in self.groups)
+        _validate_parts(self.parts, n_verts, n_faces)
+        return Surface(sizes, attributes, groups, tuple(self.parts))
+
+    def of_kind(self, kind: Kind) -> tuple[Attribute, ...]:
+        """The attributes of a kind, in order."""
+        return tuple(one for one in self.attributes if one.kind is kind)
+
+
+PLAIN = Surface()
+"""The surface of a mesh of triangles and nothing else."""
+
+
+def _validated_sizes(sizes: Any, n_triangles: int) -> Int32s | None:
+    if sizes is None:
+        return None
+    found = _integers(sizes, "face_sizes")
+    if (found < 3).any():
+        face = int(np.argmax(found < 3))
+        raise InvalidInputError(f"face_sizes must be at least 3; face {face} has {found[face]}")
+    total = int(found.sum(dtype=np.int64)) - 2 * len(found)
+    if total != n_triangles:
+        raise InvalidInputError(
+            f"face_sizes make {total} triangles as fans; the mesh has {n_triangles}"
+        )
+    return None if (found == 3).all() else _frozen(found)
+
+
+def _validated_attribute(given: Attribute, n_items: dict[Domain, int]) -> Attribute:
+    name, domain = f"attribute {given.name!r}", Domain(given.domain)
+    values = np.asarray(given.values)
+    if values.ndim != 2 or not 1 <= values.shape[1] <= MAX_NUMBERS:
+        raise InvalidInputError(
+            f"{name} must have values of shape (N, 1..{MAX_NUMBERS}); got {values.shape}"
+        )
+    if values.dtype not in VALUE_TYPES:
+        allowed = ", ".join(str(one) for one in VALUE_TYPES)
+        raise InvalidInputError(f"{name} must be one of {allowed}; got {values.dtype}")
+    expected = n_items[domain]
+    if given.indices is None:
+        if len(values) != expected:
+            raise InvalidInputError(f"{name} has {len(values)} values; {domain} needs {expected}")
+        return replace(given, domain=domain, kind=Kind(given.kind), values=_frozen(values))
+    indices = _integers(given.indices, f"indices of {name}")
+    if len(indices) != expected:
+        raise InvalidInputError(f"{name} has {len(indices)} indices; {domain} needs {expected}")
+    if len(indices) and not 0 <= indices.min() <= indices.max() < len(values):
+        raise InvalidInputError(f"{name} has indices outside of 0..{len(values) - 1}")
+    return Attribute(given.name, Kind(given.kind), domain, _frozen(values), _frozen(indices))
+
+
+def _validated_groups(given: FaceGroups, n_faces: int) -> FaceGroups:
+    numbers = _integers(given.numbers, f"groups {given.name!r}")
+    if len(numbers) != n_faces:
+        raise InvalidInputError(
+            f"groups {given.name!r} have {len(numbers)} numbers; there are {n_faces} faces"
+        )
+    if n_faces and not -1 <= numbers.min() <= numbers.max() < len(given.labels):
+        raise InvalidInputError(
+            f"groups {given.name!r} have numbers outside of -1..{len(given.labels) - 1}"
+        )
+    return FaceGroups(given.name, tuple(given.labels), _frozen(numbers))
+
+
+def _validate_parts(parts: tuple[Part, ...], n_verts: int, n_faces: int) -> None:
+    if not parts:
+        return
+    if any(part.n_verts < 0 or part.n_faces < 0 for part in parts):
+        raise InvalidInputError("a part has a negative number of vertices or faces")
+    total = sum(part.n_verts for part in parts), sum(part.n_faces for part in parts)
+    if total != (n_verts, n_faces):
+        raise InvalidInputError(
+            f"parts have {total[0]} vertices and {total[1]} faces; "
+            f"the mesh has {n_verts} and {n_faces}"
+        )
+
+
+def _integers(values: Any, name: str) -> Int32s:
+    array = np.asarray(values)
+    if array.ndim != 1 or not np.issubdtype(array.dtype, np.integer):
+        raise InvalidInputError(
+            f"{name} must be whole numbers of shape (N,); got {array.dtype} of {array.shape}"
+        )
+    return np.ascontiguousarray(array, dtype=np.int32)
+
+
+def _frozen(array: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    view = array.view()
+    view.flags.writeable = False
+    return view
