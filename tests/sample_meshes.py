@@ -2,7 +2,9 @@
 
 import numpy as np
 
+from meshreel.geometry.fans import triangulate_fans
 from meshreel.sequence import MeshSequence
+from meshreel.surface import Attribute, Domain, FaceGroups, Kind, Part, Surface
 
 
 def grid_faces(rows, columns):
@@ -44,6 +46,80 @@ def irregular_sequence(n_frames=8):
     extra = [[3, 3, 4], [1, 2, 7], [1, 2, 7], [2, 3, 20], [5, 5, 5]]
     faces = np.concatenate([grid.faces + 1, octahedron_faces() + 31, extra])
     return MeshSequence(vertices, faces, 30.0, "irregular")
+
+
+def quad_sheet(n_frames=6, dtype=np.float32, name="sheet", shift=0.0):
+    """A waving sheet of 20 quads, a pentagon and a triangle, with attributes of every kind."""
+    grid = waving_grid(n_frames, 5, 6, dtype)
+    corner = (np.arange(4)[:, None] * 6 + np.arange(5)).ravel()
+    quads = np.stack([corner, corner + 6, corner + 7, corner + 1], axis=1)
+    polygons = [*quads[:-1].tolist(), [22, 28, 29, 23, 17], [0, 1, 6]]
+    sizes = np.array([len(one) for one in polygons], np.int32)
+    corners = np.concatenate(polygons).astype(np.int32)
+    rng = np.random.default_rng(3)
+    uv_rows = np.concatenate([np.arange(30), [30, 31, 30]])
+    uv = Attribute(
+        "st", Kind.UV, Domain.CORNER, rng.random((32, 2)).astype(np.float32),
+        np.where(np.arange(len(corners)) < 8, corners % 32, uv_rows[corners % 33]).astype(np.int32),
+    )  # fmt: skip
+    color = Attribute(
+        "color", Kind.COLOR, Domain.VERTEX, rng.integers(0, 256, (30, 4)).astype(np.uint8)
+    )
+    material = FaceGroups(
+        "material", ("red", "gr\u00fcn"), rng.integers(0, 2, len(sizes)).astype(np.int32)
+    )
+    return MeshSequence(
+        grid.vertices + np.asarray(shift, dtype),
+        triangulate_fans(sizes, corners),
+        24.0,
+        name,
+        1001 / 24,
+        Surface(sizes, (uv, color), (material,)),
+    )
+
+
+def two_sheets(n_frames=6, dtype=np.float32):
+    """Two of `quad_sheet` as parts of one mesh, with attributes of every kind."""
+    first, second = (quad_sheet(n_frames, dtype, name, at) for name, at in (("a", 0), ("b", 2)))
+    n_faces, surface = len(first.surface.face_sizes), first.surface
+    uv, color = surface.attributes
+    return MeshSequence(
+        np.concatenate([first.vertices, second.vertices], axis=1),
+        np.concatenate([first.faces, second.faces + first.n_verts]),
+        24.0,
+        "sheets",
+        1001 / 24,
+        Surface(
+            np.tile(surface.face_sizes, 2),
+            (
+                Attribute("st", uv.kind, uv.domain, uv.values, np.tile(uv.indices, 2)),
+                Attribute("color", color.kind, color.domain, np.tile(color.values, (2, 1))),
+            ),
+            (FaceGroups("material", ("red", "gr\u00fcn"), np.tile(surface.groups[0].numbers, 2)),),
+            (Part("/root/a", first.n_verts, n_faces), Part("/root/b", first.n_verts, n_faces)),
+        ),
+    )
+
+
+def assert_same_surface(found, expected):
+    """Every array, name and type of two surfaces is the same."""
+    assert (found.face_sizes is None) == (expected.face_sizes is None)
+    if expected.face_sizes is not None:
+        np.testing.assert_array_equal(found.face_sizes, expected.face_sizes)
+    assert len(found.attributes) == len(expected.attributes)
+    for one, other in zip(found.attributes, expected.attributes, strict=True):
+        assert (one.name, one.kind, one.domain) == (other.name, other.kind, other.domain)
+        assert one.values.dtype == other.values.dtype
+        assert one.values.tobytes() == other.values.tobytes()
+        assert (one.indices is None) == (other.indices is None)
+        if other.indices is not None:
+            np.testing.assert_array_equal(one.indices, other.indices)
+    assert [(one.name, one.labels) for one in found.groups] == [
+        (one.name, one.labels) for one in expected.groups
+    ]
+    for one, other in zip(found.groups, expected.groups, strict=True):
+        np.testing.assert_array_equal(one.numbers, other.numbers)
+    assert found.parts == expected.parts
 
 
 def kg_error_percent(original, decoded):

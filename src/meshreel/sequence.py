@@ -142,8 +142,8 @@ class MeshSequence:
 
     @property
     def raw_size_bytes(self) -> int:
-        """Bytes of the plain arrays: every position of every frame, and the faces once."""
-        return int(self.vertices.nbytes + self.faces.nbytes)
+        """Bytes of the plain arrays: positions of every frame; faces and surface once."""
+        return int(self.vertices.nbytes + self.faces.nbytes + self.surface.size_bytes)
 
     @property
     def dtype(self) -> np.dtype[np.floating]:

@@ -62,6 +62,13 @@ class Attribute:
         """The value of each vertex, face or corner, of shape (n_items, C)."""
         return self.values if self.indices is None else self.values[self.indices]
 
+    def __repr__(self) -> str:
+        n_rows, width = self.values.shape
+        return (
+            f"<{self.kind} {self.name!r} of each {self.domain}: "
+            f"{n_rows} x {width} {self.values.dtype}>"
+        )
+
 
 @dataclass(frozen=True, eq=False)
 class FaceGroups:
@@ -79,6 +86,9 @@ class FaceGroups:
     name: str
     labels: tuple[str, ...]
     numbers: Int32s
+
+    def __repr__(self) -> str:
+        return f"<{len(self.labels)} groups {self.name!r} of {len(self.numbers)} faces>"
 
 
 @dataclass(frozen=True)
@@ -106,7 +116,7 @@ class Surface:
     ----------
     face_sizes : int32 array of shape (P,), optional
         Corners of each face, at least 3. A face of n corners is the next n - 2 triangles, a fan
-        from its first corner (`meshreel.formats.polygons`). Default: every triangle is a face.
+        from its first corner (`meshreel.geometry.fans`). Default: every triangle is a face.
     attributes : tuple of Attribute
     groups : tuple of FaceGroups
     parts : tuple of Part
@@ -117,6 +127,14 @@ class Surface:
     attributes: tuple[Attribute, ...] = ()
     groups: tuple[FaceGroups, ...] = ()
     parts: tuple[Part, ...] = ()
+
+    def __repr__(self) -> str:
+        if self.is_plain:
+            return "<Surface: plain>"
+        sizes = [] if self.face_sizes is None else [f"{len(self.face_sizes)} polygons"]
+        parts = [f"{len(self.parts)} parts"] if self.parts else []
+        carried = [*sizes, *map(repr, self.attributes), *map(repr, self.groups), *parts]
+        return f"<Surface: {', '.join(carried)}>"
 
     @property
     def is_plain(self) -> bool:
@@ -152,6 +170,14 @@ class Surface:
         groups = tuple(_validated_groups(one, n_faces) for one in self.groups)
         _validate_parts(self.parts, n_verts, n_faces)
         return Surface(sizes, attributes, groups, tuple(self.parts))
+
+    @property
+    def size_bytes(self) -> int:
+        """Bytes of its arrays."""
+        arrays = [self.face_sizes, *(groups.numbers for groups in self.groups)]
+        for attribute in self.attributes:
+            arrays += [attribute.values, attribute.indices]
+        return sum(array.nbytes for array in arrays if array is not None)
 
     def of_kind(self, kind: Kind) -> tuple[Attribute, ...]:
         """The attributes of a kind, in order."""

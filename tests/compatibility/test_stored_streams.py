@@ -13,7 +13,7 @@ import pytest
 import meshreel
 from meshreel.bitstream.layout import FORMAT_VERSION
 from meshreel.codec.methods import METHODS
-from sample_meshes import irregular_sequence, waving_grid
+from sample_meshes import assert_same_surface, irregular_sequence, two_sheets, waving_grid
 
 HERE = Path(__file__).parent
 STREAMS = sorted(HERE.glob("*.reel"))
@@ -28,6 +28,13 @@ def test_stored_stream_decodes_to_what_it_always_did(path):
     assert decoded.fps == expected.fps
     diagonal = np.linalg.norm(np.ptp(expected.vertices, axis=(0, 1)))
     assert np.abs(decoded.vertices - expected.vertices).max() < 1e-6 * diagonal
+
+
+@pytest.mark.parametrize("version", range(2, FORMAT_VERSION + 1))
+def test_stored_surface_comes_back_exactly(version):
+    decoded = meshreel.decode((HERE / f"v{version}_reel_sheets.reel").read_bytes())
+    assert_same_surface(decoded.surface, two_sheets().surface)
+    assert decoded.start_s == two_sheets().start_s
 
 
 def test_every_version_has_a_stream_when_the_folder_is_listed():
@@ -56,6 +63,7 @@ def new_streams():
             if method.name not in ("pca-qp", "reel")
         },
         "reel_grid": meshreel.encode(waving_grid(40, 14, 15)),
+        "reel_sheets": meshreel.encode(two_sheets()),
         "reel_irregular": meshreel.encode(irregular_sequence(7), max_error=0.5, effort=9),
         "reel_shuffled-drop": meshreel.encode(
             mixed, quality=60, effort=1, order="drop", block_frames=5

@@ -15,7 +15,7 @@ from meshreel.codec.inspect import info
 from meshreel.codec.payloads import read_block, read_layout, write_layout
 from meshreel.entropy.varint import write_varint
 from meshreel.errors import CorruptStreamError, MeshReelError, TruncatedStreamError
-from sample_meshes import irregular_sequence, waving_grid
+from sample_meshes import irregular_sequence, two_sheets, waving_grid
 from sample_streams import parts_of, raw_stream
 
 STREAMS = {
@@ -27,6 +27,7 @@ STREAMS = {
     "reel": encode(waving_grid(5, 4, 5), "reel", step=0.003, block_frames=3),
     "reel irregular": encode(irregular_sequence(3), "reel", step=0.01),
     "reel corrected": encode(irregular_sequence(4), max_error=8.0, n_modes=2, block_frames=2),
+    "surface": encode(two_sheets(2), step=0.01),
     "serial": encode(waving_grid(3, 4, 5), "pca-qs", n_modes=2),
 }
 

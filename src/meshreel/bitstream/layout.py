@@ -31,6 +31,11 @@ class Section(IntEnum):
     PROMISE = OPTIONAL | 1
     PADDING = OPTIONAL | 0
     INDEX = OPTIONAL | 2
+    POLYGONS = OPTIONAL | 3
+    ATTRIBUTE = OPTIONAL | 4
+    GROUPS = OPTIONAL | 5
+    PARTS = OPTIONAL | 6
+    START = OPTIONAL | 7
 
 
 class VertexType(IntEnum):

@@ -31,12 +31,14 @@ from meshreel.codec.methods import (
 )
 from meshreel.codec.pipeline import FramesOf, product_frames, synthesise
 from meshreel.codec.reel import FieldBlock, KeyFields, Layout, key_fields, synthesise_fields
+from meshreel.codec.surface_payloads import read_start, read_surface
 from meshreel.connectivity.coder import decode_connectivity, decode_order
-from meshreel.entropy.floats import decode_floats
+from meshreel.entropy.exact import decode_exact
 from meshreel.errors import CorruptStreamError, InvalidInputError
 from meshreel.profiling import staged
 from meshreel.sequence import Faces
 from meshreel.subspace.trajectories import BoundingFrame, from_matrices
+from meshreel.surface import Surface
 from meshreel.threads import chunks, in_threads
 
 Vertices = npt.NDArray[np.floating]
@@ -152,6 +154,24 @@ class BlockDecoder:
         """
         return self._given_order[1]
 
+    @cached_property
+    def surface(self) -> Surface:
+        """What the mesh carries beside positions and triangles.
+
+        Raises
+        ------
+        CorruptStreamError, TruncatedStreamError
+            If it is damaged, or does not fit the faces.
+        """
+        sections = [(stored.id, stored.payload) for stored in self.stream.leading]
+        return read_surface(sections, self.faces, self.stream.header.n_verts)
+
+    @cached_property
+    def start_s(self) -> float:
+        """Time of the first frame, in seconds; raises as `surface`."""
+        starts = [one.payload for one in self.stream.leading if one.id is Section.START]
+        return read_start(starts[0]) if starts else 0.0
+
     @property
     def dtype(self) -> np.dtype[np.floating]:
         """Number type of the positions that go out."""
@@ -234,7 +254,7 @@ class BlockDecoder:
         if not len(self._mesh.isolated):
             return None
         shape = (stored.n_frames, len(self._mesh.isolated), 3)
-        return decode_floats(stored.payload(Section.EXACT), shape, self.dtype)
+        return decode_exact(stored.payload(Section.EXACT), shape, self.dtype)
 
 
 def read_mesh(stream: Stream, method: Method) -> MeshModel:

@@ -59,9 +59,21 @@ def decode(
             decoder.block(number).fill(target, first - start, report)
     progress("frames", 1.0)
     try:
-        return MeshSequence(vertices, faces, header.fps, header.name)
+        return MeshSequence(
+            vertices,
+            faces,
+            header.fps,
+            header.name,
+            start_of(wanted, decoder.start_s, header.fps),
+            decoder.surface,
+        )
     except InvalidInputError as error:
         raise CorruptStreamError(f"the stream decodes to an invalid mesh: {error}") from error
+
+
+def start_of(wanted: range, start_s: float, fps: float) -> float:
+    """Time of the first of the wanted frames, in seconds, if the frame rate is known."""
+    return start_s + (wanted.start / fps if fps else 0.0)
 
 
 def frame_range(frames: slice | None, n_frames: int) -> range:

@@ -8,13 +8,14 @@ import numpy.typing as npt
 
 from meshreel.bitstream.layout import Section
 from meshreel.bitstream.reader import Stream, read_stream
-from meshreel.codec.block_decoder import read_mesh
+from meshreel.codec.block_decoder import BlockDecoder, read_mesh
 from meshreel.codec.blocks import Dictionaries, read_coded_block, stored_blocks
 from meshreel.codec.methods import Basis, Laplacian, Order, choice_of_code, method_of_code
 from meshreel.codec.payloads import read_promise
 from meshreel.codec.pipeline import CodedBlock
 from meshreel.entropy.coder import encode_integers
 from meshreel.errors import InvalidInputError
+from meshreel.surface import Domain, Surface
 
 
 @dataclass(frozen=True)
@@ -46,6 +47,14 @@ class StreamInfo:
         Promised: no vertex is farther from where it was, in percent of the diagonal.
     is_whole : bool
         False if the end is missing: the rest is of the blocks that are whole.
+    start_s : float
+        Time of the first frame, in seconds.
+    n_polygons : int
+        Faces before they were cut into triangles.
+    attributes : tuple of str
+        What goes along with the mesh: "uv 'st' of corners".
+    parts : tuple of str
+        Names of the meshes that were merged.
     """
 
     n_frames: int
@@ -65,6 +74,10 @@ class StreamInfo:
     block_bytes: tuple[int, ...]
     max_error_percent: float | None
     is_whole: bool
+    start_s: float
+    n_polygons: int
+    attributes: tuple[str, ...]
+    parts: tuple[str, ...]
 
     @property
     def ratio(self) -> float:
@@ -103,6 +116,8 @@ def stream_info(stream: Stream) -> StreamInfo:
     header = stream.header
     method = method_of_code(header.method)
     blocks = stored_blocks(stream, method)
+    decoder = BlockDecoder(stream)
+    surface = decoder.surface
     positions = stream.n_frames * header.n_verts * 3
     return StreamInfo(
         n_frames=stream.n_frames,
@@ -117,13 +132,17 @@ def stream_info(stream: Stream) -> StreamInfo:
         n_modes=tuple(block.n_modes for block in blocks),
         block_frames=tuple(block.n_frames for block in blocks),
         size_bytes=stream.size_bytes,
-        raw_size_bytes=positions * header.vertex_type + header.n_faces * 12,
+        raw_size_bytes=positions * header.vertex_type + header.n_faces * 12 + surface.size_bytes,
         budget_bytes=_budget(stream),
         block_bytes=tuple(
             sum(len(payload) for payload in block.sections.values()) for block in blocks
         ),
         max_error_percent=_promised(stream),
         is_whole=stream.is_whole,
+        start_s=decoder.start_s,
+        n_polygons=surface.n_faces(header.n_faces),
+        attributes=_carried(surface),
+        parts=tuple(part.name for part in surface.parts),
     )
 
 
@@ -164,6 +183,15 @@ def bits_per_row(data: bytes) -> list[npt.NDArray[np.float64]]:
         )
         for block in coded_blocks(data)
     ]
+
+
+def _carried(surface: Surface) -> tuple[str, ...]:
+    attributes = [f"{one.kind} {one.name!r} of {_PLURAL[one.domain]}" for one in surface.attributes]
+    groups = [f"{len(one.labels)} groups {one.name!r} of faces" for one in surface.groups]
+    return (*attributes, *groups)
+
+
+_PLURAL = {Domain.VERTEX: "vertices", Domain.FACE: "faces", Domain.CORNER: "corners"}
 
 
 def _promised(stream: Stream) -> float | None:

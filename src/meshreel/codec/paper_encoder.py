@@ -15,7 +15,7 @@ from meshreel.codec.mesh_model import MeshModel, choose_anchors
 from meshreel.codec.methods import Basis
 from meshreel.codec.pipeline import Quantized, analyse, modes_needed
 from meshreel.codec.source import CodedMesh
-from meshreel.entropy.floats import encode_floats
+from meshreel.entropy.exact import encode_exact
 from meshreel.subspace.trajectories import BoundingFrame, to_matrices
 
 Vertices = npt.NDArray[np.floating]
@@ -56,7 +56,7 @@ class PaperBlockCoder:
         before = tracked_from(method, self._before, n_frames)
         block = analyse(to_matrices(vertices, self._frame), mesh, self._config, before)
         self._before = block.basis
-        exact = encode_floats(vertices[:, mesh.isolated]) if len(mesh.isolated) else b""
+        exact = encode_exact(vertices[:, mesh.isolated]) if len(mesh.isolated) else b""
         return write_coded_block(block, n_frames, method, before, exact)
 
 

@@ -17,7 +17,7 @@ from meshreel.codec.decoder import frame_range
 from meshreel.codec.inspect import StreamInfo, stream_info
 from meshreel.errors import CorruptStreamError, InvalidInputError
 from meshreel.sequence import Faces
-from meshreel.surface import PLAIN
+from meshreel.surface import Surface
 
 Vertices = npt.NDArray[np.floating]
 
@@ -49,8 +49,6 @@ class ReelFile:
     name : str
     start_s : float
         Time of the first frame, in seconds.
-    surface : Surface
-        What the mesh carries beside positions and triangles.
     dtype : numpy dtype
         Of the positions: float32 or float64.
     is_whole : bool
@@ -68,13 +66,19 @@ class ReelFile:
         self.n_frames, self.n_verts, self.n_faces = stream.n_frames, header.n_verts, header.n_faces
         self.fps, self.name, self.is_whole = header.fps, header.name, stream.is_whole
         self.dtype = self._decoder.dtype
-        self.start_s, self.surface = 0.0, PLAIN
+        self.start_s = self._decoder.start_s
 
     @property
     def faces(self) -> Faces:
         """Vertex indices of each triangle, of shape (M, 3)."""
         with self._lock:
             return self._decoder.faces
+
+    @property
+    def surface(self) -> Surface:
+        """What the mesh carries beside positions and triangles: polygons, attributes, parts."""
+        with self._lock:
+            return self._decoder.surface
 
     def info(self) -> StreamInfo:
         """What the file holds, and where its bytes go; no frame is decoded."""

@@ -12,9 +12,11 @@ from meshreel.bitstream.header import Header
 from meshreel.bitstream.layout import Section, VertexType
 from meshreel.codec.config import EncoderConfig
 from meshreel.codec.methods import Order
+from meshreel.codec.surface_payloads import surface_in_order, surface_sections, write_start
 from meshreel.connectivity.coder import CodedConnectivity, encode_connectivity
 from meshreel.sequence import Faces, FrameSource, MeshSequence
 from meshreel.subspace.trajectories import BoundingFrame, bounding_frame
+from meshreel.surface import PLAIN, Surface
 
 Vertices = npt.NDArray[np.floating]
 Integers = npt.NDArray[np.int64]
@@ -29,11 +31,17 @@ class CodedMesh:
     given_faces : int32 array of shape (M, 3)
     n_verts : int
     config : EncoderConfig
+    surface : Surface
+        Of the given faces.
+    start_s : float
+        Time of the first frame, in seconds.
     """
 
     given_faces: Faces
     n_verts: int
     config: EncoderConfig
+    surface: Surface = PLAIN
+    start_s: float = 0.0
 
     @cached_property
     def _connectivity(self) -> CodedConnectivity:
@@ -50,10 +58,18 @@ class CodedMesh:
         return self._connectivity.internal_to_given
 
     def leading_sections(self) -> Iterator[tuple[Section, bytes]]:
-        """The sections of connectivity and order."""
+        """The sections of connectivity, order, start and surface."""
         yield Section.CONNECTIVITY, self._connectivity.payload
         if self.config.order_choice is not Order.DROP:
             yield Section.ORDER, self._connectivity.order_payload
+        if self.start_s:
+            yield Section.START, write_start(self.start_s)
+        yield from self._surface_sections
+
+    @cached_property
+    def _surface_sections(self) -> list[tuple[Section, bytes]]:
+        kept = surface_in_order(self.surface, self.config.order_choice, self.order)
+        return list(surface_sections(kept, self.given_faces))
 
     def header(
         self,
@@ -129,7 +145,10 @@ class Source:
     @cached_property
     def mesh(self) -> CodedMesh:
         """The mesh of all frames."""
-        return CodedMesh(self.sequence.faces, self.sequence.n_verts, self.config)
+        sequence = self.sequence
+        return CodedMesh(
+            sequence.faces, sequence.n_verts, self.config, sequence.surface, sequence.start_s
+        )
 
     @cached_property
     def frame(self) -> BoundingFrame:

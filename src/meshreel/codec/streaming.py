@@ -18,7 +18,8 @@ from meshreel.codec.methods import Basis
 from meshreel.codec.source import CodedMesh
 from meshreel.codec.targets import Aim
 from meshreel.errors import InvalidInputError
-from meshreel.sequence import validate_faces, validate_fps, validate_vertices
+from meshreel.sequence import validate_faces, validate_fps, validate_start, validate_vertices
+from meshreel.surface import PLAIN, Surface
 
 Vertices = npt.NDArray[np.floating]
 
@@ -50,7 +51,8 @@ class Encoder:
         A file is not closed.
     fps : float, default 0
         Frames per second; 0 = unknown.
-    name : str, default ""
+    name, start_s, surface
+        As in `MeshSequence`.
     block_frames : int or "auto", default "auto"
         Frames that are coded together. "auto": as many as `max_latency_s` allows, or the method's
         own number where it has one (`blocks`: 25). More frames take fewer bytes each.
@@ -89,6 +91,8 @@ class Encoder:
         *,
         fps: float = 0.0,
         name: str = "",
+        start_s: float = 0.0,
+        surface: Surface = PLAIN,
         block_frames: int | str = "auto",
         max_latency_s: float = 2.0,
         overwrite: bool = False,
@@ -99,6 +103,7 @@ class Encoder:
         self.n_frames = 0
         self.latency_s = 0.0
         self._fps, self._name = validate_fps(fps), name
+        self._start_s, self._surface = validate_start(start_s), surface
         self._max_latency_s = max_latency_s
         self._config = _checked_config(block_frames, options)
         self._faces = np.asarray(faces)
@@ -199,6 +204,7 @@ class Encoder:
         validate_vertices(array[None])
         if self._first is None:
             self._faces = validate_faces(self._faces, len(array))
+            self._surface = self._surface.validated(len(array), len(self._faces))
             self._first = len(array), array.dtype
         elif self._first != (len(array), array.dtype):
             raise InvalidInputError(
@@ -223,7 +229,8 @@ class Encoder:
 
         def analyse() -> None:
             if self._writer is None:
-                mesh = CodedMesh(self._faces, vertices.shape[1], self._config)
+                n_verts = vertices.shape[1]
+                mesh = CodedMesh(self._faces, n_verts, self._config, self._surface, self._start_s)
                 self._writer = BlockWriter(self._file, mesh, vertices, self._fps, self._name)
             sections = self._writer.analyse(vertices)
             if self._writing is not None:

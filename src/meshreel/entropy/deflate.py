@@ -4,6 +4,9 @@ import zlib
 
 from meshreel.errors import CorruptStreamError
 
+MAX_RATIO = 1032
+"""No byte of deflate unpacks to more."""
+
 
 def deflate(data: bytes) -> bytes:
     """The data, packed (RFC 1951, without a header)."""

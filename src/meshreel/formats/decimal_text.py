@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from meshreel.formats.ragged import Integers
+from meshreel.geometry.ragged import Integers
 from meshreel.sequence import Vertices, bounding_boxes
 
 FLOAT32_TOLERANCE = 1e-6  # of the model's size; float32 itself keeps 6e-8 of the coordinate

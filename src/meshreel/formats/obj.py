@@ -15,8 +15,8 @@ import numpy.typing as npt
 from meshreel.errors import FormatError
 from meshreel.formats.decimal_text import face_rows, vertex_rows
 from meshreel.formats.polygons import PolygonMesh, polygon_mesh
-from meshreel.formats.ragged import ragged_indices
 from meshreel.formats.token_lines import TokenLines, split_lines
+from meshreel.geometry.ragged import ragged_indices
 from meshreel.sequence import Faces, Vertices
 from meshreel.surface import PLAIN, Surface
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.formats.polygons import join_fans
+from meshreel.geometry.fans import join_fans
 from meshreel.sequence import Faces
 from meshreel.surface import Attribute, Domain, FaceGroups, Part, Surface
 

@@ -16,8 +16,8 @@ from meshreel.formats.ply_cells import BinaryCells, PlyCells, WordCells
 from meshreel.formats.ply_header import PlyElement, PlyHeader, read_ply_header
 from meshreel.formats.ply_layout import ElementLayout, list_values, locate_element
 from meshreel.formats.polygons import PolygonMesh, polygon_mesh
-from meshreel.formats.ragged import Integers, ragged_indices
 from meshreel.formats.token_lines import split_lines
+from meshreel.geometry.ragged import Integers, ragged_indices
 from meshreel.sequence import Faces, Vertices
 from meshreel.surface import PLAIN, Surface
 

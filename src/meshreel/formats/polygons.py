@@ -1,4 +1,4 @@
-"""Faces of any number of corners: checked, and cut into triangles."""
+"""Faces of any number of corners, as files have them: checked and compared."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.errors import FormatError
-from meshreel.formats.ragged import Integers, ragged_indices
+from meshreel.geometry.ragged import Integers
 from meshreel.sequence import Vertices
 
 
@@ -99,61 +99,8 @@ def polygon_mesh(
     return PolygonMesh(vertices, counts.astype(np.int64), corners.astype(np.int32))
 
 
-def triangulate_fans(counts: Integers, corners: Integers) -> npt.NDArray[np.int32]:
-    """The triangles of every face, cut as a fan from its first corner.
-
-    The order of the faces is kept, and the triangles of one face follow each other.
-
-    Parameters
-    ----------
-    counts, corners : integer arrays
-        As in `PolygonMesh`.
-
-    Returns
-    -------
-    int32 array of shape (sum of counts - 2, 3).
-    """
-    n_triangles = counts - 2
-    first = np.cumsum(counts) - counts
-    second = ragged_indices(first + 1, n_triangles)
-    fans = [corners[np.repeat(first, n_triangles)], corners[second], corners[second + 1]]
-    return np.stack(fans, axis=1).astype(np.int32)
-
-
-def join_fans(sizes: Integers, faces: npt.NDArray[np.integer]) -> npt.NDArray[np.int32]:
-    """The corners of faces that `triangulate_fans` cut, face after face.
-
-    Parameters
-    ----------
-    sizes : integer array of shape (P,)
-        Corners of each face, at least 3.
-    faces : integer array of shape (sum of sizes - 2, 3)
-        The triangles, those of one face after the other.
-
-    Returns
-    -------
-    int32 array of shape (sum of sizes,).
-    """
-    sizes = np.asarray(sizes, np.int64)
-    first = np.cumsum(sizes) - sizes
-    first_triangle = np.cumsum(sizes - 2) - (sizes - 2)
-    corners = np.empty(int(sizes.sum()), np.int32)
-    corners[first], corners[first + 1] = faces[first_triangle, 0], faces[first_triangle, 1]
-    corners[ragged_indices(first + 2, sizes - 2)] = faces[:, 2]
-    return corners
-
-
-def fan_corners(sizes: Integers) -> npt.NDArray[np.int32]:
-    """The corner of its face that each corner of a triangle is, of shape (M, 3).
-
-    Corners of faces are counted through, face after face.
-    """
-    sizes = np.asarray(sizes, np.int64)
-    return triangulate_fans(sizes, np.arange(int(sizes.sum()), dtype=np.int32))
-
-
 def describe_fans(counts: Integers) -> str:
-    """One sentence on the faces that `triangulate_fans` cuts; empty if all are triangles."""
+    """One sentence on the faces that are cut into fans; empty if all are triangles."""
     n_cut = int((counts > 3).sum())
     if n_cut == 0:
         return ""

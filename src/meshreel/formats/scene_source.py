@@ -10,11 +10,12 @@ from meshreel.errors import InvalidInputError
 from meshreel.formats.merging import merged_mesh
 from meshreel.formats.naming import errors_naming
 from meshreel.formats.options import ReadOptions
-from meshreel.formats.polygons import PolygonMesh, describe_fans, triangulate_fans
+from meshreel.formats.polygons import PolygonMesh, describe_fans
 from meshreel.formats.scene import SceneMesh
 from meshreel.formats.stored_frames import StoredFrames
 from meshreel.formats.survey import FrameSurvey
 from meshreel.formats.timing import frame_times
+from meshreel.geometry.fans import triangulate_fans
 from meshreel.sequence import FrameSource, MeshSequence, Vertices, validate_finite
 
 ReadMeshes = Callable[[Path, ReadOptions], Sequence[SceneMesh]]

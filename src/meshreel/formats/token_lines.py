@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.errors import FormatError
-from meshreel.formats.ragged import Integers
+from meshreel.geometry.ragged import Integers
 
 MAX_DIGITS = 18  # any more could overflow int64; no mesh has 10^18 vertices
 BLOCK_WORDS = 1 << 16  # words read at a time: more would only take more memory

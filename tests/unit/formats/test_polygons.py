@@ -2,19 +2,7 @@ import numpy as np
 import pytest
 
 from meshreel.errors import FormatError
-from meshreel.formats.polygons import describe_fans, polygon_mesh, triangulate_fans
-
-
-def test_triangulate_fans_keeps_faces_when_all_are_triangles():
-    corners = np.array([0, 1, 2, 2, 1, 3])
-    assert triangulate_fans(np.array([3, 3]), corners).tolist() == [[0, 1, 2], [2, 1, 3]]
-
-
-def test_triangulate_fans_keeps_face_order_when_sizes_are_mixed():
-    counts = np.array([3, 5, 4])
-    corners = np.array([9, 8, 7, 0, 1, 2, 3, 4, 5, 6, 7, 8])
-    expected = [[9, 8, 7], [0, 1, 2], [0, 2, 3], [0, 3, 4], [5, 6, 7], [5, 7, 8]]
-    assert triangulate_fans(counts, corners).tolist() == expected
+from meshreel.formats.polygons import describe_fans, polygon_mesh
 
 
 @pytest.mark.parametrize(

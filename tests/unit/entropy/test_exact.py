@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from meshreel.entropy.floats import decode_floats, encode_floats
+from meshreel.entropy.exact import decode_exact, encode_exact
 from meshreel.errors import CorruptStreamError
 
 
@@ -9,16 +9,16 @@ from meshreel.errors import CorruptStreamError
 def test_values_come_back_bit_by_bit_when_coded(dtype):
     values = np.random.default_rng(0).normal(size=(5, 4, 3)).astype(dtype)
     values[1, 2] = [-0.0, np.finfo(dtype).tiny, np.finfo(dtype).max]
-    back = decode_floats(encode_floats(values), values.shape, dtype)
+    back = decode_exact(encode_exact(values), values.shape, dtype)
     assert back.tobytes() == values.tobytes()
 
 
 def test_size_is_small_when_nothing_moves():
     values = np.tile(np.random.default_rng(0).normal(size=(1, 10, 3)), (500, 1, 1))
-    assert len(encode_floats(values)) < 1000
+    assert len(encode_exact(values)) < 1000
 
 
-@pytest.mark.parametrize("data", [b"", b"\x00", encode_floats(np.zeros((2, 2, 3)))])
+@pytest.mark.parametrize("data", [b"", b"\x00", encode_exact(np.zeros((2, 2, 3)))])
 def test_decoding_raises_when_the_shape_does_not_fit(data):
     with pytest.raises(CorruptStreamError):
-        decode_floats(data, (3, 2, 3), np.float64)
+        decode_exact(data, (3, 2, 3), np.float64)

@@ -1,4 +1,4 @@
-"""Floats to bytes and back without loss: differences of their bit patterns in time, deflated."""
+"""Numbers to bytes and back without loss: differences of their bit patterns, deflated."""
 
 from typing import Any
 
@@ -8,8 +8,8 @@ import numpy.typing as npt
 from meshreel.entropy.deflate import deflate, inflate
 
 
-def encode_floats(values: npt.NDArray[np.floating]) -> bytes:
-    """Bytes that hold float32 or float64 values of shape (T, ...), exactly.
+def encode_exact(values: npt.NDArray[Any]) -> bytes:
+    """Bytes that hold values of shape (T, ...) of 1, 4 or 8 bytes each, exactly.
 
     The bit patterns are differenced along the first axis and split into byte planes, so that
     what stands still in time costs next to nothing.
@@ -22,10 +22,8 @@ def encode_floats(values: npt.NDArray[np.floating]) -> bytes:
     return deflate(np.ascontiguousarray(planes.T).tobytes())
 
 
-def decode_floats(
-    data: bytes, shape: tuple[int, ...], dtype: npt.DTypeLike
-) -> npt.NDArray[np.floating]:
-    """Values that `encode_floats` wrote; the caller bounds the shape.
+def decode_exact(data: bytes, shape: tuple[int, ...], dtype: npt.DTypeLike) -> npt.NDArray[Any]:
+    """Values that `encode_exact` wrote; the caller bounds the shape.
 
     Raises
     ------
@@ -35,11 +33,11 @@ def decode_floats(
     dtype = np.dtype(dtype)
     pattern = _pattern_type(dtype)
     size_bytes = int(np.prod(shape)) * dtype.itemsize
-    raw = inflate(data, size_bytes, "exact positions")
+    raw = inflate(data, size_bytes, "exact values")
     planes = np.frombuffer(raw, np.uint8).reshape(dtype.itemsize, -1)
     steps = np.ascontiguousarray(planes.T).view(pattern.newbyteorder("<")).reshape(shape)
     return np.cumsum(steps.astype(pattern), axis=0, dtype=pattern).view(dtype)
 
 
 def _pattern_type(dtype: np.dtype[Any]) -> np.dtype[Any]:
-    return np.dtype(np.uint32 if dtype.itemsize == 4 else np.uint64)
+    return np.dtype(f"u{dtype.itemsize}")

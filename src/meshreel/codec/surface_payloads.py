@@ -1,0 +1,263 @@
+"""What a mesh carries beside positions and triangles, to sections of a stream and back."""
+
+import struct
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+
+from meshreel.bitstream.layout import Section
+from meshreel.codec.methods import Order
+from meshreel.entropy.coder import decode_integers, encode_integers
+from meshreel.entropy.deflate import MAX_RATIO
+from meshreel.entropy.exact import decode_exact, encode_exact
+from meshreel.entropy.references import decode_references, encode_references
+from meshreel.entropy.varint import read_varint, write_varint
+from meshreel.errors import CorruptStreamError, InvalidInputError, TruncatedStreamError
+from meshreel.geometry.fans import join_fans
+from meshreel.surface import (
+    VALUE_TYPES,
+    Attribute,
+    Domain,
+    FaceGroups,
+    Kind,
+    Part,
+    Surface,
+)
+
+Integers = npt.NDArray[np.integer]
+Faces = npt.NDArray[np.int32]
+
+KINDS = (Kind.UV, Kind.COLOR, Kind.OTHER)
+DOMAINS = (Domain.VERTEX, Domain.FACE, Domain.CORNER)
+"""In the order of their codes, as the number types are."""
+
+START = struct.Struct("<d")
+
+
+def surface_sections(surface: Surface, faces: Faces) -> Iterator[tuple[Section, bytes]]:
+    """The sections of a surface of a mesh with these triangles; none if it is plain."""
+    if surface.face_sizes is not None:
+        sizes = surface.face_sizes
+        yield Section.POLYGONS, write_varint(len(sizes)) + encode_integers([sizes - 3])
+    for attribute in surface.attributes:
+        yield Section.ATTRIBUTE, _write_attribute(attribute, surface, faces)
+    for groups in surface.groups:
+        yield Section.GROUPS, _write_groups(groups)
+    if surface.parts:
+        yield Section.PARTS, _write_parts(surface.parts)
+
+
+def read_surface(sections: Iterable[tuple[Section, bytes]], faces: Faces, n_verts: int) -> Surface:
+    """The surface that `surface_sections` wrote; sections of other kinds are passed over.
+
+    Raises
+    ------
+    CorruptStreamError, TruncatedStreamError
+        If a section is damaged, or does not fit the mesh.
+    """
+    surface, parts = Surface(), list[Part]()
+    stored = list(sections)
+    for once in (Section.POLYGONS, Section.PARTS):
+        if sum(section is once for section, _ in stored) > 1:
+            raise CorruptStreamError(f"the stream has section {once.name} more than once")
+    try:
+        for section, payload in stored:
+            if section is Section.POLYGONS:
+                surface = replace(surface, face_sizes=_read_sizes(payload, len(faces)))
+        surface = surface.validated(n_verts, len(faces))
+        for section, payload in stored:
+            if section is Section.ATTRIBUTE:
+                attribute = _read_attribute(payload, surface, faces, n_verts)
+                surface = replace(surface, attributes=(*surface.attributes, attribute))
+            elif section is Section.GROUPS:
+                groups = _read_groups(payload, surface.n_faces(len(faces)))
+                surface = replace(surface, groups=(*surface.groups, groups))
+            elif section is Section.PARTS:
+                parts += _read_parts(payload)
+        return replace(surface, parts=tuple(parts)).validated(n_verts, len(faces))
+    except InvalidInputError as error:
+        raise CorruptStreamError(f"the surface does not fit the mesh: {error}") from error
+
+
+def surface_in_order(surface: Surface, order: Order, internal_to_given: Integers) -> Surface:
+    """What is left of a surface in a stream that keeps so much of the order.
+
+    What faces have needs their order; without that, only attributes of vertices are left.
+
+    Parameters
+    ----------
+    surface : Surface
+    order : Order
+    internal_to_given : integer array of shape (V,)
+        Given number of each internal vertex.
+    """
+    if order is Order.KEEP:
+        return surface
+    kept = [one for one in surface.attributes if one.domain is Domain.VERTEX]
+    if order is Order.DROP:
+        kept = [_of_vertices(one, internal_to_given) for one in kept]
+    return Surface(attributes=tuple(kept))
+
+
+def what_order_loses(surface: Surface, order: Order) -> str:
+    """One sentence on what a stream that keeps so much of the order leaves out; maybe empty."""
+    if order is Order.KEEP:
+        return ""
+    lost = ["polygons"] if surface.face_sizes is not None else []
+    lost += [f"{one.kind} {one.name!r}" for one in surface.attributes
+             if one.domain is not Domain.VERTEX]  # fmt: skip
+    lost += [f"groups {one.name!r}" for one in surface.groups]
+    lost += ["parts"] if surface.parts else []
+    return f"left out, for the order of faces is not kept: {', '.join(lost)}" if lost else ""
+
+
+def write_start(start_s: float) -> bytes:
+    """The time of the first frame."""
+    return START.pack(start_s)
+
+
+def read_start(payload: bytes) -> float:
+    """Undo `write_start`.
+
+    Raises
+    ------
+    CorruptStreamError
+        If it is not one finite number.
+    """
+    if len(payload) != START.size:
+        raise CorruptStreamError(f"the start has {len(payload)} bytes; {START.size} are needed")
+    (start_s,) = START.unpack(payload)
+    if not np.isfinite(start_s):
+        raise CorruptStreamError(f"the start must be finite; got {start_s}")
+    return float(start_s)
+
+
+def _of_vertices(given: Attribute, internal_to_given: Integers) -> Attribute:
+    if given.indices is not None:
+        return replace(given, indices=given.indices[internal_to_given])
+    return replace(given, values=given.values[internal_to_given])
+
+
+def _read_sizes(payload: bytes, n_triangles: int) -> npt.NDArray[np.int32]:
+    n_faces, position = read_varint(payload, 0)
+    if n_faces > n_triangles:
+        raise CorruptStreamError(f"{n_faces} polygons are announced for {n_triangles} triangles")
+    (above,) = decode_integers(payload[position:], [n_faces])
+    if n_faces and not 0 <= above.min() <= above.max() <= n_triangles:
+        raise CorruptStreamError("a polygon has fewer than 3 corners, or too many")
+    return (above + 3).astype(np.int32)
+
+
+def _write_attribute(attribute: Attribute, surface: Surface, faces: Faces) -> bytes:
+    kind, domain = KINDS.index(attribute.kind), DOMAINS.index(attribute.domain)
+    n_rows, width = attribute.values.shape
+    number_type = VALUE_TYPES.index(attribute.values.dtype)
+    head = bytes([kind, domain, number_type, width]) + _write_text(attribute.name)
+    references = b""
+    if attribute.indices is not None:
+        places = _places(attribute.domain, surface, faces, len(attribute.indices))
+        references = encode_references(attribute.indices, places)
+    framed = write_varint(n_rows) + write_varint(len(references)) + references
+    return head + framed + encode_exact(attribute.values)
+
+
+def _read_attribute(payload: bytes, surface: Surface, faces: Faces, n_verts: int) -> Attribute:
+    if len(payload) < 4:
+        raise TruncatedStreamError("an attribute ends inside its first four bytes")
+    kind, domain, number_type, width = payload[:4]
+    if kind >= len(KINDS) or domain >= len(DOMAINS) or number_type >= len(VALUE_TYPES):
+        raise CorruptStreamError(
+            f"an attribute is of kind {kind}, domain {domain} and number type {number_type}, "
+            "one of which is unknown"
+        )
+    name, position = _read_text(payload, 4)
+    n_rows, position = read_varint(payload, position)
+    size_bytes, position = read_varint(payload, position)
+    coded, packed = payload[position : position + size_bytes], payload[position + size_bytes :]
+    dtype = VALUE_TYPES[number_type]
+    if n_rows * width * dtype.itemsize > MAX_RATIO * len(packed):
+        raise CorruptStreamError(
+            f"attribute {name!r} announces {n_rows} x {width} values; "
+            f"{len(packed)} bytes cannot hold them"
+        )
+    n_items = {
+        Domain.VERTEX: n_verts,
+        Domain.FACE: surface.n_faces(len(faces)),
+        Domain.CORNER: len(faces) + 2 * surface.n_faces(len(faces)),
+    }[DOMAINS[domain]]
+    indices = None
+    if coded:
+        rows = decode_references(coded, _places(DOMAINS[domain], surface, faces, n_items))
+        if len(rows) and not 0 <= rows.min() <= rows.max() < n_rows:
+            raise CorruptStreamError(f"attribute {name!r} refers to a value that is not there")
+        indices = rows.astype(np.int32)
+    elif n_rows != n_items:
+        raise CorruptStreamError(f"attribute {name!r} has {n_rows} values for {n_items} places")
+    values = decode_exact(packed, (n_rows, width), dtype)
+    return Attribute(name, KINDS[kind], DOMAINS[domain], values, indices)
+
+
+def _places(domain: Domain, surface: Surface, faces: Faces, n_items: int) -> Integers:
+    """Where each item is: corners of faces at their vertices, all others at one place."""
+    if domain is not Domain.CORNER:
+        return np.zeros(n_items, np.int64)
+    return join_fans(surface.sizes(len(faces)), faces)
+
+
+def _write_groups(groups: FaceGroups) -> bytes:
+    labels = write_varint(len(groups.labels)) + b"".join(map(_write_text, groups.labels))
+    return _write_text(groups.name) + labels + encode_integers([np.diff(groups.numbers, prepend=0)])
+
+
+def _read_groups(payload: bytes, n_faces: int) -> FaceGroups:
+    name, position = _read_text(payload, 0)
+    n_labels, position = read_varint(payload, position)
+    if n_labels > len(payload):
+        raise CorruptStreamError(f"{n_labels} labels are announced in {len(payload)} bytes")
+    labels = []
+    for _ in range(n_labels):
+        label, position = _read_text(payload, position)
+        labels.append(label)
+    (steps,) = decode_integers(payload[position:], [n_faces])
+    numbers = np.cumsum(steps)
+    if n_faces and not -1 <= numbers.min() <= numbers.max() < n_labels:
+        raise CorruptStreamError(f"groups {name!r} name a group that is not there")
+    return FaceGroups(name, tuple(labels), numbers.astype(np.int32))
+
+
+def _write_parts(parts: tuple[Part, ...]) -> bytes:
+    return write_varint(len(parts)) + b"".join(
+        write_varint(part.n_verts) + write_varint(part.n_faces) + _write_text(part.name)
+        for part in parts
+    )
+
+
+def _read_parts(payload: bytes) -> list[Part]:
+    n_parts, position = read_varint(payload, 0)
+    if n_parts > len(payload):
+        raise CorruptStreamError(f"{n_parts} parts are announced in {len(payload)} bytes")
+    parts = []
+    for _ in range(n_parts):
+        n_verts, position = read_varint(payload, position)
+        n_faces, position = read_varint(payload, position)
+        name, position = _read_text(payload, position)
+        parts.append(Part(name, n_verts, n_faces))
+    return parts
+
+
+def _write_text(text: str) -> bytes:
+    data = text.encode("utf-8", errors="replace")
+    return write_varint(len(data)) + data
+
+
+def _read_text(payload: bytes, position: int) -> tuple[str, int]:
+    size_bytes, position = read_varint(payload, position)
+    end = position + size_bytes
+    if end > len(payload):
+        raise TruncatedStreamError("a section ends inside a name")
+    try:
+        return payload[position:end].decode(), end
+    except UnicodeDecodeError as error:
+        raise CorruptStreamError(f"a name is not UTF-8: {error}") from error

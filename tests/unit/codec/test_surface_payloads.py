@@ -1,0 +1,128 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import meshreel
+from meshreel.bitstream.layout import Section
+from meshreel.bitstream.reader import read_stream
+from meshreel.codec.methods import Order
+from meshreel.codec.surface_payloads import what_order_loses
+from meshreel.connectivity.coder import encode_connectivity
+from meshreel.errors import CorruptStreamError
+from meshreel.surface import Attribute, Domain, Kind, Surface
+from sample_meshes import assert_same_surface, quad_sheet, two_sheets, waving_grid
+from sample_streams import parts_of, raw_stream
+
+
+@pytest.mark.parametrize("method", ["reel", "pca-qp"])
+@pytest.mark.parametrize("make", [quad_sheet, two_sheets])
+def test_surface_comes_back_exactly_when_a_stream_is_decoded(make, method):
+    sequence = make()
+    decoded = meshreel.decode(meshreel.encode(sequence, method))
+    assert_same_surface(decoded.surface, sequence.surface)
+    np.testing.assert_array_equal(decoded.faces, sequence.faces)
+    assert (decoded.fps, decoded.start_s) == (24.0, 1001 / 24)
+
+
+@pytest.mark.parametrize("dtype", ["u1", "i4", "f4", "f8"])
+@pytest.mark.parametrize("domain", list(Domain))
+@pytest.mark.parametrize("is_indexed", [False, True])
+def test_values_come_back_bit_by_bit_when_of_any_type_and_domain(dtype, domain, is_indexed):
+    sequence, rng = quad_sheet(2), np.random.default_rng(5)
+    sizes = sequence.surface.face_sizes
+    n_items = {"vertex": 30, "face": len(sizes), "corner": int(sizes.sum())}[domain]
+    n_rows = 7 if is_indexed else n_items
+    values = rng.integers(0, 256, (n_rows, 16 * np.dtype(dtype).itemsize), np.uint8).view(dtype)
+    indices = rng.integers(0, 7, n_items) if is_indexed else None
+    surface = Surface(sizes, (Attribute("odd \u00e9", Kind.OTHER, domain, values, indices),))
+    given = replace(sequence, surface=surface)
+    assert_same_surface(meshreel.decode(meshreel.encode(given)).surface, given.surface)
+
+
+def test_stream_of_a_plain_mesh_has_no_further_sections():
+    sections = {section for section, _ in parts_of(read_stream(meshreel.encode(waving_grid())))}
+    extra = {Section.POLYGONS, Section.ATTRIBUTE, Section.GROUPS, Section.PARTS, Section.START}
+    assert not sections & extra
+
+
+def test_attributes_of_vertices_follow_them_when_the_order_is_dropped():
+    sequence = quad_sheet()
+    decoded = meshreel.decode(meshreel.encode(sequence, order="drop", max_error=0.01))
+    order = encode_connectivity(sequence.faces, 30, order="drop").internal_to_given
+    (color,) = decoded.surface.attributes
+    np.testing.assert_array_equal(color.values, sequence.surface.attributes[1].values[order])
+
+
+@pytest.mark.parametrize("order", [Order.VERTICES, Order.DROP])
+def test_what_is_lost_is_told_when_the_order_of_faces_is(order):
+    said = what_order_loses(two_sheets().surface, order)
+    assert said.endswith("polygons, uv 'st', groups 'material', parts")
+    decoded = meshreel.decode(meshreel.encode(two_sheets(), order=order.name.lower()))
+    assert what_order_loses(decoded.surface, order) == ""
+    assert [one.name for one in decoded.surface.attributes] == ["color"]
+
+
+def test_nothing_is_lost_when_the_order_is_kept():
+    assert what_order_loses(two_sheets().surface, Order.KEEP) == ""
+
+
+def test_start_follows_the_frames_when_only_some_are_decoded():
+    sequence = quad_sheet(8)
+    decoded = meshreel.decode(meshreel.encode(sequence, block_frames=4), frames=slice(5, 7))
+    assert decoded.start_s == pytest.approx((1001 + 5) / 24, abs=1e-12)
+
+
+def test_live_encoder_carries_surface_and_start_when_frames_come_one_by_one(tmp_path):
+    sequence = two_sheets()
+    with meshreel.Encoder(
+        sequence.faces, tmp_path / "a.reel", fps=24, start_s=2.5, surface=sequence.surface
+    ) as encoder:
+        for frame in sequence.vertices:
+            encoder.push(frame)
+    with meshreel.open(tmp_path / "a.reel") as reel:
+        assert_same_surface(reel.surface, sequence.surface)
+        assert reel.start_s == 2.5
+
+
+def test_info_says_what_is_carried_when_there_is_a_surface():
+    info = meshreel.info(meshreel.encode(two_sheets()))
+    assert info.parts == ("/root/a", "/root/b")
+    assert info.n_polygons == len(two_sheets().surface.face_sizes)
+    assert info.attributes[:2] == ("uv 'st' of corners", "color 'color' of vertices")
+    assert info.start_s == 1001 / 24
+
+
+def test_size_target_counts_the_surface_when_it_is_met():
+    data = meshreel.encode(two_sheets(), size=3000)
+    assert 1500 < len(data) <= 3000
+
+
+@pytest.mark.parametrize(
+    ("section", "payload"),
+    [
+        (Section.POLYGONS, b""),
+        (Section.POLYGONS, b"\xff\xff\xff\xff\x7f"),
+        (Section.ATTRIBUTE, b"\x00\x00"),
+        (Section.ATTRIBUTE, b"\x09\x00\x00\x02\x00\x01\x00"),
+        (Section.ATTRIBUTE, b"\x00\x00\x02\x02\x00\xff\xff\xff\xff\xff\xff\xff\x7f\x00"),
+        (Section.GROUPS, b"\x01"),
+        (Section.GROUPS, b"\x01a\xff\xff\xff\x7f"),
+        (Section.PARTS, b"\x02\x01\x01"),
+        (Section.PARTS, b"\x01\x05\x05\x01a"),
+        (Section.START, b"\x00" * 7),
+        (Section.START, np.float64(np.nan).tobytes()),
+    ],
+)
+def test_damaged_sections_are_told_when_their_checksums_fit(section, payload):
+    stream = read_stream(meshreel.encode(waving_grid()))
+    with pytest.raises(meshreel.MeshReelError):
+        meshreel.decode(raw_stream(stream.header, [(section, payload), *parts_of(stream)]))
+
+
+def test_stream_is_refused_when_face_sizes_come_twice():
+    stream = read_stream(meshreel.encode(quad_sheet()))
+    parts = parts_of(stream)
+    sizes = next(part for part in parts if part[0] is Section.POLYGONS)
+    with pytest.raises(CorruptStreamError, match="more than once"):
+        meshreel.decode(raw_stream(stream.header, [sizes, *parts]))
