@@ -26,10 +26,13 @@ class EncodeOptions:
     config : EncoderConfig
     fps : float, optional
         In place of what the input says.
+    merge : bool
+        Whether all meshes of an input are taken as one, where the format may hold several.
     """
 
     config: EncoderConfig
     fps: float | None = None
+    merge: bool = False
 
     @property
     def are_cut(self) -> bool:
@@ -41,7 +44,9 @@ class EncodeOptions:
         """Those that are not the default, in plain types."""
         chosen = {option.name: getattr(self.config, option.name) for option in fields(self.config)
                   if getattr(self.config, option.name) != option.default}  # fmt: skip
-        return chosen if self.fps is None else {**chosen, "fps": self.fps}
+        if self.fps is not None:
+            chosen["fps"] = self.fps
+        return {**chosen, "merge": True} if self.merge else chosen
 
 
 @dataclass(frozen=True)
@@ -79,9 +84,8 @@ def encode_input(
         )
     began = time.perf_counter()
     notes: list[str] = []
-    sequence = open_for_encoding(
-        source, options.config.memory, ReadOptions(fps=options.fps, notes=notes)
-    )
+    reading = ReadOptions(fps=options.fps, merge=options.merge, notes=notes)
+    sequence = open_for_encoding(source, options.config.memory, reading)
     data = encode(sequence, **vars(options.config), engine=engine)
     achieved = measure_stream(
         sequence, data, order=options.config.order, with_sted=options.config.sted is not None

@@ -8,10 +8,12 @@ import typer
 from meshreel import __version__
 from meshreel.cli.batch import batch_command
 from meshreel.cli.compare import compare_command
+from meshreel.cli.convert import convert_command
 from meshreel.cli.decode import decode_command
 from meshreel.cli.demo import demo_command
 from meshreel.cli.encode import encode_command
 from meshreel.cli.evaluate import evaluate_command
+from meshreel.cli.formats import formats_command
 from meshreel.cli.info import info_command
 from meshreel.cli.paper import paper_command
 from meshreel.errors import MeshReelError
@@ -30,6 +32,8 @@ app = typer.Typer(
 app.command("encode")(encode_command)
 app.command("batch")(batch_command)
 app.command("decode")(decode_command)
+app.command("convert")(convert_command)
+app.command("formats")(formats_command)
 app.command("info")(info_command)
 app.command("compare")(compare_command)
 app.command("demo")(demo_command)

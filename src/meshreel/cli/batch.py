@@ -9,7 +9,6 @@ from meshreel.cli.encode_options import (
     BlockFramesOption,
     BpvfOption,
     EffortOption,
-    FpsOption,
     KgOption,
     MaxErrorOption,
     MemoryOption,
@@ -21,6 +20,7 @@ from meshreel.cli.encode_options import (
     TuneOption,
     size_bytes_of,
 )
+from meshreel.cli.read_options import FpsOption, MergeOption
 from meshreel.codec.config import DEFAULT_METHOD, DEFAULT_ORDER, EncoderConfig
 
 if TYPE_CHECKING:
@@ -75,6 +75,7 @@ def batch_command(
     block_frames: BlockFramesOption = None,
     memory: MemoryOption = None,
     fps: FpsOption = None,
+    merge: MergeOption = False,
     force: Annotated[
         bool,
         typer.Option(
@@ -120,7 +121,7 @@ def batch_command(
         tune=tune,
         effort=effort,
     )
-    plan = plan_batch(input_dir, out_dir, EncodeOptions(config, fps), force=force)
+    plan = plan_batch(input_dir, out_dir, EncodeOptions(config, fps, merge), force=force)
     report = _run(plan, workers, scheduler)
     for name, record in report.failed.items():
         typer.echo(f"meshreel: {name}: {record.error}", err=True)

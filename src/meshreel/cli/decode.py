@@ -5,25 +5,28 @@ from typing import Annotated
 
 import typer
 
+from meshreel.cli.write_options import (
+    ForceOption,
+    FramesOption,
+    GltfErrorOption,
+    NormalsOption,
+    OutputOption,
+    TargetsOption,
+)
+
 
 def decode_command(
     source: Annotated[Path, typer.Argument(metavar="FILE.reel", help="The stream to decode.")],
-    output: Annotated[
-        str,
-        typer.Option(
-            "--output", "-o", help="An .npz file, or a pattern such as out/frame_%04d.obj."
-        ),
-    ],
-    frames: Annotated[
-        str | None, typer.Option(metavar="A:B", help="Only frames A to B - 1. Default: all.")
-    ] = None,
+    output: OutputOption,
+    frames: FramesOption = None,
     modes: Annotated[
         int | None,
         typer.Option(help="Stop after so many modes: a coarser animation. Default: all."),
     ] = None,
-    force: Annotated[
-        bool, typer.Option("--force", "-f", help="Replace outputs that exist.")
-    ] = False,
+    targets: TargetsOption = None,
+    max_error: GltfErrorOption = None,
+    normals: NormalsOption = False,
+    force: ForceOption = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print what was done as JSON.")] = False,
     profile: Annotated[bool, typer.Option("--profile", help="Print seconds by stage.")] = False,
 ) -> None:
@@ -33,20 +36,26 @@ def decode_command(
 
     - `meshreel decode walk.reel -o walk.npz`
 
+    - `meshreel decode walk.reel -o walk.glb --max-error 0.05`
+
     - `meshreel decode walk.reel -o out/frame_%04d.obj --frames 10:20`
 
     - `meshreel decode walk.reel -o preview.npz --modes 8`
     """
-    from meshreel.cli.console import print_json, print_notes, print_table, progress_bar
+    from meshreel.cli.console import print_json, print_notes, progress_bar
     from meshreel.cli.profile import print_profile, profile_figures
+    from meshreel.cli.write_options import frame_slice, print_written, written_figures
+    from meshreel.codec.decoder import start_of
     from meshreel.formats.naming import errors_naming
+    from meshreel.formats.options import WriteOptions
     from meshreel.formats.reel import open
     from meshreel.formats.save import save_frames
     from meshreel.formats.targets import check_save_target
     from meshreel.profiling import profiled
 
-    chosen = _frame_slice(frames)
+    chosen = frame_slice(frames)
     check_save_target(output, overwrite=force)
+    notes: list[str] = []
     with (
         progress_bar() as progress,
         profiled() as times,
@@ -61,48 +70,21 @@ def decode_command(
             n_frames=len(wanted),
             fps=reel.fps,
             name=reel.name,
+            start_s=start_of(wanted, reel.start_s, reel.fps),
+            surface=reel.surface,
             overwrite=force,
+            options=WriteOptions(targets, max_error, normals),
             progress=progress,
+            notes=notes,
         )
+        figures = written_figures(written, reel, len(wanted))
     if not reel.is_whole:
-        print_notes([f"{source} is cut off: these are the frames of its whole blocks"])
+        notes.append(f"{source} is cut off: these are the frames of its whole blocks")
+    print_notes(notes)
     if as_json:
-        print_json(
-            {
-                "outputs": [str(path) for path in written],
-                "n_frames": len(wanted),
-                "n_verts": reel.n_verts,
-                "n_faces": reel.n_faces,
-                "fps": reel.fps,
-                "is_whole": reel.is_whole,
-                **({"profile": profile_figures(times)} if profile else {}),
-            }
-        )
+        timing = {"profile": profile_figures(times)} if profile else {}
+        print_json({**figures, "is_whole": reel.is_whole, "notes": notes, **timing})
         return
-    where = str(written[0]) if len(written) == 1 else f"{written[0]} to {written[-1].name}"
-    print_table(
-        where,
-        {
-            "sequence": f"{len(wanted)} frames, {reel.n_verts} vertices, {reel.n_faces} faces",
-            "files": str(len(written)),
-        },
-    )
+    print_written(figures)
     if profile:
         print_profile(times)
-
-
-def _frame_slice(text: str | None) -> slice | None:
-    """The slice that 'A:B', 'A:', ':B' or 'A' names."""
-    if text is None:
-        return None
-    first, colon, last = text.partition(":")
-    try:
-        start = int(first) if first else None
-        stop = int(last) if last else None
-    except ValueError:
-        raise typer.BadParameter(f"--frames takes A:B with whole numbers; got {text!r}") from None
-    if not colon:
-        if start is None:
-            raise typer.BadParameter("--frames takes A:B; got nothing")
-        return slice(start, start + 1 or None)
-    return slice(start, stop)

@@ -1,7 +1,8 @@
 """`meshreel encode`: frames in, one .reel out."""
 
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -13,7 +14,6 @@ from meshreel.cli.encode_options import (
     BpvfOption,
     EffortOption,
     EnergyOption,
-    FpsOption,
     IterationsOption,
     KgOption,
     LaplacianOption,
@@ -29,6 +29,14 @@ from meshreel.cli.encode_options import (
     TuneOption,
     size_bytes_of,
 )
+from meshreel.cli.read_options import (
+    DatasetOption,
+    FpsOption,
+    MergeOption,
+    ObjectOption,
+    SplitOption,
+    TopologyOption,
+)
 from meshreel.codec.config import (
     DEFAULT_ALLOCATION,
     DEFAULT_ITERATIONS,
@@ -38,14 +46,21 @@ from meshreel.codec.config import (
     EncoderConfig,
 )
 
+if TYPE_CHECKING:
+    from meshreel.codec.achieved import Achieved
+    from meshreel.codec.inspect import StreamInfo
+    from meshreel.progress import Progress
+    from meshreel.sequence import FrameSource
+
 
 def encode_command(
     inputs: Annotated[
         list[str],
         typer.Argument(
             metavar="INPUT",
-            help="An .npz file, a folder or a quoted glob of frames, or the frame files "
-            "(.obj, .ply, .off, .stl); put in natural order.",
+            help="A file that holds an animation (.abc, .usd, .glb, .npz, ...: see `meshreel "
+            "formats`), a folder or a quoted glob of frames, or the frame files (.obj, .ply, "
+            ".off, .stl); put in natural order.",
         ),
     ],
     output: Annotated[
@@ -75,6 +90,11 @@ def encode_command(
     memory: MemoryOption = None,
     iterations: IterationsOption = DEFAULT_ITERATIONS,
     fps: FpsOption = None,
+    object: ObjectOption = None,
+    merge: MergeOption = False,
+    topology: TopologyOption = None,
+    dataset: DatasetOption = None,
+    split: SplitOption = False,
     force: Annotated[
         bool, typer.Option("--force", "-f", help="Replace the output if it exists.")
     ] = False,
@@ -91,23 +111,24 @@ def encode_command(
 
     - `meshreel encode 'sim/*.obj' -o sim.reel --max-error 0.1`
 
+    - `meshreel encode shot.abc --object /root/body -o body.reel`
+
+    - `meshreel encode shot.usdc --merge -o shot.reel`
+
     - `meshreel encode walk.npz --size 100000 --order drop --effort 9`
 
     - `meshreel encode huge_frames/ --memory 1GiB`
 
     - `meshreel encode walk.npz --method pca-qp --modes 30 --bits 10`
     """
-    from meshreel.atomic_write import check_output_path, replace_when_done
-    from meshreel.cli.console import print_json, print_notes, print_table, progress_bar
-    from meshreel.cli.figures import achieved_rows, size_figures, size_rows
+    from meshreel.atomic_write import check_output_path
+    from meshreel.cli.console import print_json, print_notes, progress_bar
     from meshreel.cli.profile import print_profile, profile_figures
-    from meshreel.codec.achieved import measure_stream
-    from meshreel.codec.encoder import encode
-    from meshreel.codec.inspect import info
-    from meshreel.formats.load import open_for_encoding
+    from meshreel.formats.load import loading_for, open_for_encoding
     from meshreel.formats.options import ReadOptions
     from meshreel.formats.sources import natural_order
-    from meshreel.profiling import profiled, stage
+    from meshreel.formats.stretches import find_stretches
+    from meshreel.profiling import profiled
 
     target = output or Path(f"{_stem(inputs[0])}.reel")
     check_output_path(target, overwrite=force)
@@ -133,29 +154,83 @@ def encode_command(
         tune=tune,
         effort=effort,
     )
-    notes: list[str] = []
+    frames = natural_order(Path(path) for path in inputs)
+    source = inputs[0] if len(inputs) == 1 else frames
     with progress_bar() as progress, profiled() as times:
-        frames = natural_order(Path(path) for path in inputs)
-        source = inputs[0] if len(inputs) == 1 else frames
-        reading = ReadOptions(fps=fps, progress=progress, notes=notes)
-        sequence = open_for_encoding(source, config.memory, reading)
-        data = encode(sequence, **vars(config), progress=progress)
-        with stage("writing"), replace_when_done(target, overwrite=force) as temporary:
-            temporary.write_bytes(data)
-        achieved = measure_stream(
-            sequence, data, order=order, with_sted=sted is not None, progress=progress
-        )
-    print_notes(notes)
-    stream = info(data)
+        reading = ReadOptions(fps, object, merge, topology, dataset, progress=progress)
+        if split:
+            stretches = find_stretches(source, loading_for(config.memory, reading))
+            results = [
+                _encode(one.open(), one.path(target) if len(stretches) > 1 else target, config,
+                        reading.notes, force=force, progress=progress)
+                for one in stretches
+            ]  # fmt: skip
+        else:
+            sequence = open_for_encoding(source, config.memory, reading)
+            results = [
+                _encode(sequence, target, config, reading.notes, force=force, progress=progress)
+            ]
+    print_notes(list(dict.fromkeys(reading.notes)))
     if as_json:
-        figures = {**size_figures(stream), **vars(achieved)}
-        if profile:
-            figures["profile"] = profile_figures(times)
-        print_json({"output": str(target), "notes": notes, **figures})
-    else:
-        print_table(str(target), {**size_rows(stream), **achieved_rows(achieved, stream)})
-        if profile:
-            print_profile(times)
+        outputs = [result.figures() for result in results]
+        figures = {"stretches": outputs} if split else outputs[0]
+        timing = {"profile": profile_figures(times)} if profile else {}
+        print_json({**figures, "notes": reading.notes, **timing})
+        return
+    for result in results:
+        result.show()
+    if profile:
+        print_profile(times)
+
+
+@dataclass(frozen=True)
+class _Result:
+    """A stream that was written, and what it is worth."""
+
+    target: Path
+    stream: "StreamInfo"
+    achieved: "Achieved"
+
+    def figures(self) -> dict[str, Any]:
+        from meshreel.cli.figures import size_figures
+
+        return {"output": str(self.target), **size_figures(self.stream), **vars(self.achieved)}
+
+    def show(self) -> None:
+        from meshreel.cli.console import print_table
+        from meshreel.cli.figures import achieved_rows, size_rows
+
+        rows = {**size_rows(self.stream), **achieved_rows(self.achieved, self.stream)}
+        print_table(str(self.target), rows)
+
+
+def _encode(
+    sequence: "FrameSource",
+    target: Path,
+    config: EncoderConfig,
+    notes: list[str],
+    *,
+    force: bool,
+    progress: "Progress",
+) -> _Result:
+    """Encode a sequence, write it and measure it."""
+    from meshreel.atomic_write import replace_when_done
+    from meshreel.codec.achieved import measure_stream
+    from meshreel.codec.encoder import encode
+    from meshreel.codec.inspect import info
+    from meshreel.codec.surface_payloads import what_order_loses
+    from meshreel.profiling import stage
+
+    if lost := what_order_loses(sequence.surface, config.order_choice):
+        notes.append(lost)
+    data = encode(sequence, **vars(config), progress=progress)
+    with stage("writing"), replace_when_done(target, overwrite=force) as temporary:
+        temporary.write_bytes(data)
+    with_sted = config.sted is not None
+    achieved = measure_stream(
+        sequence, data, order=config.order, with_sted=with_sted, progress=progress
+    )
+    return _Result(target, info(data), achieved)
 
 
 def _bits(text: str | None) -> int | list[int] | None:

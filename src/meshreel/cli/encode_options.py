@@ -153,10 +153,6 @@ IterationsOption = Annotated[
     int,
     typer.Option(rich_help_panel=PAPER, help="Orthogonal iterations from block to block (blocks)."),
 ]
-FpsOption = Annotated[
-    float | None, typer.Option(help="Frames per second. Default: what the input says.")
-]
-
 UNITS = {"": 1, "B": 1}
 UNITS |= {f"{prefix}B": 1000**power for power, prefix in enumerate("kMGT", start=1)}
 UNITS |= {f"{prefix}iB": 1024**power for power, prefix in enumerate("KMGT", start=1)}

@@ -20,7 +20,13 @@ from meshreel.surface import PLAIN, Surface
 
 
 def read_frames(
-    files: MeshFiles, *, fps: float, name: str, progress: Progress, notes: list[str]
+    files: MeshFiles,
+    *,
+    fps: float,
+    name: str,
+    start_s: float,
+    progress: Progress,
+    notes: list[str],
 ) -> MeshSequence:
     """The frames of all files, in memory.
 
@@ -30,7 +36,7 @@ def read_frames(
     Parameters
     ----------
     files : MeshFiles
-    fps, name
+    fps, name, start_s
         As in `MeshSequence`.
     progress : Progress
         Told of every frame read.
@@ -51,11 +57,17 @@ def read_frames(
     else:
         faces, surface, frames = _surveyed(files, survey, progress, notes)
     vertices = _stack(frames, len(files)).astype(survey.dtype, copy=False)
-    return MeshSequence(vertices, faces, fps, name, surface=surface)
+    return MeshSequence(vertices, faces, fps, name, start_s, surface)
 
 
 def open_frames(
-    files: MeshFiles, *, fps: float, name: str, progress: Progress, notes: list[str]
+    files: MeshFiles,
+    *,
+    fps: float,
+    name: str,
+    start_s: float,
+    progress: Progress,
+    notes: list[str],
 ) -> StoredFrames:
     """The frames that `read_frames` gives, each read when it is asked for.
 
@@ -63,7 +75,7 @@ def open_frames(
 
     Parameters
     ----------
-    files, fps, name, progress, notes
+    files, fps, name, start_s, progress, notes
         As in `read_frames`.
 
     Raises
@@ -89,7 +101,16 @@ def open_frames(
         return vertices
 
     return StoredFrames(
-        len(files), n_verts, faces, fps, name, dtype, survey.extent, read_range, surface=surface
+        n_frames=len(files),
+        n_verts=n_verts,
+        faces=faces,
+        fps=fps,
+        name=name,
+        dtype=dtype,
+        extent=survey.extent,
+        read_range=read_range,
+        start_s=start_s,
+        surface=surface,
     )
 
 

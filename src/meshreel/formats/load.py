@@ -157,13 +157,21 @@ def _opened(found: SourceFiles, options: ReadOptions) -> FrameSource:
     return open_mesh_files(MeshFiles(found.paths, found.format), found.name, options)
 
 
-def open_mesh_files(files: MeshFiles, name: str, options: ReadOptions) -> FrameSource:
+def open_mesh_files(
+    files: MeshFiles, name: str, options: ReadOptions, *, start_s: float = 0.0
+) -> FrameSource:
     """The sequence whose frames are in files of their own, loaded if it is small enough."""
-    fps = validate_fps(options.fps or 0.0)
     most = options.max_loaded_bytes
     loads = most is None or len(files) == 1 or len(files) * files.mesh(0).vertices.nbytes <= most
     read: Callable[..., FrameSource] = read_frames if loads else open_frames
-    return read(files, fps=fps, name=name, progress=options.progress, notes=options.notes)
+    return read(
+        files,
+        fps=validate_fps(options.fps or 0.0),
+        name=name,
+        start_s=start_s,
+        progress=options.progress,
+        notes=options.notes,
+    )
 
 
 def _path(given: str | os.PathLike[str] | None) -> Path | None:

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal, get_args
+from typing import Any, Literal, get_args
 
 from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.extras import Extra
@@ -16,6 +16,8 @@ from meshreel.formats.options import ReadOptions, WriteOptions
 from meshreel.formats.ply import parse_ply, ply_encoder
 from meshreel.formats.polygons import PolygonMesh
 from meshreel.formats.reel import open_reel, write_reel
+from meshreel.formats.scene import ReadMeshes
+from meshreel.formats.scene_source import scene_opener
 from meshreel.formats.stl import parse_stl, stl_encoder
 from meshreel.sequence import Faces, FrameSource, Vertices
 from meshreel.surface import Surface
@@ -75,6 +77,8 @@ class SequenceFormat:
         Which options choose something in such a file.
     companion : str, default ""
         Ending of a mesh file with the first frame that is written beside it.
+    read_meshes : ReadMeshes, optional
+        Gives the meshes of a file, where it may hold several, or one whose faces change.
     """
 
     ending: str
@@ -84,6 +88,21 @@ class SequenceFormat:
     extra: Extra | None = None
     reads: frozenset[ReadOption] = frozenset()
     companion: str = ""
+    read_meshes: ReadMeshes | None = None
+
+
+def scene_format(
+    ending: str,
+    title: str,
+    read_meshes: ReadMeshes,
+    write: Callable[[Path, FrameStream, WriteOptions], None] | None,
+    extra: Extra | None = None,
+) -> SequenceFormat:
+    """A format whose files hold one or several meshes, the faces of which may change."""
+    return SequenceFormat(
+        ending, title, scene_opener(read_meshes), write, extra,
+        reads=frozenset({"object", "merge"}), read_meshes=read_meshes,
+    )  # fmt: skip
 
 
 FRAME_FORMATS = {
@@ -131,9 +150,29 @@ def check_read_options(found: FrameFormat | SequenceFormat, options: ReadOptions
     """
     heeded = found.reads if isinstance(found, SequenceFormat) else frozenset()
     for option in get_args(ReadOption):
-        if getattr(options, option) and option not in heeded:
+        # A single static mesh is what merging gives, so that a whole folder can be merged.
+        is_asked = getattr(options, option) and option != "merge"
+        if is_asked and option not in heeded:
             allowed = [one.ending for one in SEQUENCE_FORMATS.values() if option in one.reads]
             raise InvalidInputError(
                 f"--{option} ({option}=) chooses nothing in a {found.ending} file; "
                 f"it is for {', '.join(allowed)}"
             )
+
+
+def described_formats() -> list[dict[str, Any]]:
+    """Every format, in plain types: what it is, what can be done with it, and what that needs."""
+    return [
+        {
+            "ending": one.ending,
+            "title": one.title,
+            "holds": "all frames" if isinstance(one, SequenceFormat) else "one frame",
+            "reads": True,
+            "writes": not isinstance(one, SequenceFormat) or one.write is not None,
+            "extra": extra.name if extra else None,
+            "library": extra.library if extra else None,
+            "is_installed": extra is None or extra.is_installed,
+        }
+        for one in FORMATS.values()
+        for extra in [one.extra if isinstance(one, SequenceFormat) else None]
+    ]

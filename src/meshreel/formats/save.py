@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.atomic_write import replace_when_done
+from meshreel.codec.decoder import start_of
 from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.frame_stream import FrameStream
 from meshreel.formats.options import WriteOptions
@@ -66,14 +67,49 @@ def save(
     FormatError, InvalidInputError
         As `meshreel.formats.targets.check_save_target`, before anything is written.
     """
+    return save_part(
+        sequence,
+        range(sequence.n_frames),
+        target,
+        overwrite=overwrite,
+        options=options,
+        progress=progress,
+        notes=notes,
+    )
+
+
+def save_part(
+    sequence: FrameSource,
+    wanted: range,
+    target: AnyPath,
+    *,
+    overwrite: bool = False,
+    options: WriteOptions = DEFAULT_OPTIONS,
+    progress: Progress = silent,
+    notes: list[str] | None = None,
+) -> list[Path]:
+    """The files written, as `save` does it, of only some frames.
+
+    Parameters
+    ----------
+    wanted : range
+        Numbers of the frames, of step 1; the start time follows them.
+    sequence, target, overwrite, options, progress, notes
+        As in `save`.
+
+    Raises
+    ------
+    FormatError, InvalidInputError
+        As `save`.
+    """
     return save_frames(
-        (sequence.read(index, index + 1) for index in range(sequence.n_frames)),
+        (sequence.read(index, index + 1) for index in wanted),
         sequence.faces,
         target,
-        n_frames=sequence.n_frames,
+        n_frames=len(wanted),
         fps=sequence.fps,
         name=sequence.name,
-        start_s=sequence.start_s,
+        start_s=start_of(wanted, sequence.start_s, sequence.fps),
         surface=sequence.surface,
         overwrite=overwrite,
         options=options,

@@ -1,11 +1,13 @@
 """What is read of a file that holds one or several animated meshes."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.formats.options import ReadOptions
 from meshreel.formats.polygons import PolygonMesh
 from meshreel.surface import PLAIN, Surface
 
@@ -40,3 +42,7 @@ class SceneMesh:
     frame: Callable[[int], PolygonMesh]
     surface: Callable[[int], Surface] = no_surface
     fps: float | None = None
+
+
+ReadMeshes = Callable[[Path, ReadOptions], Sequence[SceneMesh]]
+"""Gives the meshes of a file, at least one; raises `FormatError` naming what is wrong with it."""

@@ -1,6 +1,6 @@
-"""The meshes of a file to one sequence: chosen or merged, checked, and cut where faces change."""
+"""The meshes of a file to one sequence: chosen or merged, and checked."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,15 +11,12 @@ from meshreel.formats.merging import merged_mesh
 from meshreel.formats.naming import errors_naming
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.polygons import PolygonMesh, describe_fans
-from meshreel.formats.scene import SceneMesh
+from meshreel.formats.scene import ReadMeshes, SceneMesh
 from meshreel.formats.stored_frames import StoredFrames
 from meshreel.formats.survey import FrameSurvey
 from meshreel.formats.timing import frame_times
 from meshreel.geometry.fans import triangulate_fans
 from meshreel.sequence import FrameSource, MeshSequence, Vertices, validate_finite
-
-ReadMeshes = Callable[[Path, ReadOptions], Sequence[SceneMesh]]
-"""Gives the meshes of a file, at least one; raises `FormatError` naming what is wrong with it."""
 
 
 def scene_opener(read_meshes: ReadMeshes) -> Callable[[Path, ReadOptions], FrameSource]:
@@ -108,18 +105,8 @@ def sequence_of(mesh: SceneMesh, path: Path, options: ReadOptions) -> FrameSourc
         )
 
 
-def stretches(mesh: SceneMesh) -> Iterator[SceneMesh]:
-    """The mesh cut where its faces or its number of vertices change."""
-    start, first = 0, mesh.frame(0)
-    for index in range(1, len(mesh.times_s)):
-        frame = mesh.frame(index)
-        if frame.difference(first):
-            yield _part(mesh, start, index)
-            start, first = index, frame
-    yield _part(mesh, start, len(mesh.times_s))
-
-
-def _part(mesh: SceneMesh, start: int, stop: int) -> SceneMesh:
+def part_of(mesh: SceneMesh, start: int, stop: int) -> SceneMesh:
+    """Frames start..stop - 1 of a mesh."""
     return replace(
         mesh,
         times_s=mesh.times_s[start:stop],

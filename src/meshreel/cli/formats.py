@@ -1,0 +1,35 @@
+"""`meshreel formats`: what can be read and written here."""
+
+from typing import Annotated
+
+import typer
+
+
+def formats_command(
+    as_json: Annotated[bool, typer.Option("--json", help="Print the list as JSON.")] = False,
+) -> None:
+    """List the file formats, and which extra brings those that are not installed.
+
+    Example:
+
+    - `meshreel formats`
+    """
+    from meshreel.cli.console import print_columns, print_json
+    from meshreel.formats.registry import described_formats
+
+    found = described_formats()
+    if as_json:
+        print_json({"formats": found})
+        return
+    rows = [
+        (
+            one["ending"],
+            one["title"],
+            one["holds"],
+            "yes" if one["reads"] else "no",
+            "yes" if one["writes"] else "no",
+            "yes" if one["is_installed"] else f"pip install 'meshreel[{one['extra']}]'",
+        )
+        for one in found
+    ]
+    print_columns("formats", ("ending", "format", "a file holds", "read", "write", "here"), rows)

@@ -1,0 +1,97 @@
+"""Options of commands that write files of other programs, and what such a command says."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+if TYPE_CHECKING:
+    from meshreel.codec.reel_file import ReelFile
+    from meshreel.sequence import FrameSource
+
+    Written = FrameSource | ReelFile
+
+GLTF = "glTF output"
+
+OutputOption = Annotated[
+    str,
+    typer.Option(
+        "--output",
+        "-o",
+        help="A file for all frames (.abc, .usdc, .glb, .npz, ...: see `meshreel formats`), or a "
+        "pattern such as out/frame_%04d.obj for a file a frame.",
+    ),
+]
+FramesOption = Annotated[
+    str | None, typer.Option(metavar="A:B", help="Only frames A to B - 1. Default: all.")
+]
+TargetsOption = Annotated[
+    int | None,
+    typer.Option(
+        help="Morph targets to make the animation of. Default: as many as the error needs.",
+        rich_help_panel=GLTF,
+    ),
+]
+GltfErrorOption = Annotated[
+    float | None,
+    typer.Option(
+        "--max-error",
+        metavar="P",
+        help="The largest error that morph targets may add, in percent of the diagonal of the "
+        "bounding box.",
+        rich_help_panel=GLTF,
+    ),
+]
+NormalsOption = Annotated[
+    bool,
+    typer.Option(
+        "--normals",
+        help="Write normals, and targets for them. Without, viewers shade faces flat.",
+        rich_help_panel=GLTF,
+    ),
+]
+ForceOption = Annotated[bool, typer.Option("--force", "-f", help="Replace outputs that exist.")]
+
+
+def frame_slice(text: str | None) -> slice | None:
+    """The slice that 'A:B', 'A:', ':B' or 'A' names."""
+    if text is None:
+        return None
+    first, colon, last = text.partition(":")
+    try:
+        start = int(first) if first else None
+        stop = int(last) if last else None
+    except ValueError:
+        raise typer.BadParameter(f"--frames takes A:B with whole numbers; got {text!r}") from None
+    if not colon:
+        if start is None:
+            raise typer.BadParameter("--frames takes A:B; got nothing")
+        return slice(start, start + 1 or None)
+    return slice(start, stop)
+
+
+def written_figures(written: list[Path], source: "Written", n_frames: int) -> dict[str, Any]:
+    """What a command that wrote files prints as JSON."""
+    return {
+        "outputs": [str(path) for path in written],
+        "n_frames": n_frames,
+        "n_verts": source.n_verts,
+        "n_faces": len(source.faces),
+        "fps": source.fps,
+        "size_bytes": sum(path.stat().st_size for path in written),
+    }
+
+
+def print_written(figures: dict[str, Any]) -> None:
+    """What `written_figures` says, as a table."""
+    from meshreel.cli.console import print_table, size_text
+
+    first, last = Path(figures["outputs"][0]), Path(figures["outputs"][-1])
+    print_table(
+        str(first) if first == last else f"{first} to {last.name}",
+        {
+            "sequence": "{n_frames} frames, {n_verts} vertices, {n_faces} faces".format(**figures),
+            "files": str(len(figures["outputs"])),
+            "size": size_text(figures["size_bytes"]),
+        },
+    )

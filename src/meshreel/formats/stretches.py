@@ -1,0 +1,91 @@
+"""A sequence whose faces change, cut into stretches that keep theirs."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import partial
+from itertools import pairwise
+from pathlib import Path
+
+from meshreel.formats.load import open_mesh_files
+from meshreel.formats.mesh_files import MeshFiles
+from meshreel.formats.options import ReadOptions
+from meshreel.formats.polygons import PolygonMesh
+from meshreel.formats.registry import SequenceFormat, check_read_options
+from meshreel.formats.scene_source import chosen_mesh, part_of, sequence_of
+from meshreel.formats.sources import Source, SourceFiles, find_files
+from meshreel.sequence import FrameSource
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """Frames of a sequence that have the same vertices and faces.
+
+    Attributes
+    ----------
+    start, stop : int
+        Which frames of the whole.
+    open : function
+        Gives them as a sequence.
+    """
+
+    start: int
+    stop: int
+    open: Callable[[], FrameSource]
+
+    def path(self, whole: Path) -> Path:
+        """A path for this stretch beside that of the whole: ``walk.reel`` to ``walk_0-41.reel``."""
+        return whole.with_name(f"{whole.stem}_{self.start}-{self.stop - 1}{whole.suffix}")
+
+
+def find_stretches(source: Source, options: ReadOptions) -> list[Stretch]:
+    """The stretches of a sequence, in order; one if its faces never change.
+
+    All frames are read once now, and again when a stretch is opened.
+
+    Parameters
+    ----------
+    source : str, Path, or list or tuple of them
+        As in `meshreel.load`. Frame files and files of scenes can have faces that change.
+    options : ReadOptions
+
+    Raises
+    ------
+    InvalidInputError, FormatError
+        As `meshreel.load`.
+    """
+    found = find_files(source)
+    check_read_options(found.format, options)
+    if not isinstance(found.format, SequenceFormat):
+        return list(_of_files(MeshFiles(found.paths, found.format), found, options))
+    path, form = found.paths[0], found.format
+    if form.read_meshes is None:
+        sequence = form.open(path, options)
+        return [Stretch(0, sequence.n_frames, lambda: sequence)]
+    mesh = chosen_mesh(form.read_meshes, path, options)
+    return [
+        Stretch(start, stop, partial(sequence_of, part_of(mesh, start, stop), path, options))
+        for start, stop in _same_faces(mesh.frame, len(mesh.times_s), options)
+    ]
+
+
+def _of_files(files: MeshFiles, found: SourceFiles, options: ReadOptions) -> Iterator[Stretch]:
+    for start, stop in _same_faces(files.mesh, len(files), options):
+        part = MeshFiles(files.paths[start:stop], files.format)
+        start_s = start / options.fps if options.fps else 0.0
+        yield Stretch(
+            start, stop, partial(open_mesh_files, part, found.name, options, start_s=start_s)
+        )
+
+
+def _same_faces(
+    frame: Callable[[int], PolygonMesh], n_frames: int, options: ReadOptions
+) -> list[tuple[int, int]]:
+    """Start and stop of each run of frames that have the same vertices and faces."""
+    borders, first = [0], frame(0)
+    for index in range(1, n_frames):
+        mesh = frame(index)
+        if mesh.difference(first):
+            borders.append(index)
+            first = mesh
+        options.progress("comparing", (index + 1) / n_frames)
+    return list(pairwise([*borders, n_frames]))

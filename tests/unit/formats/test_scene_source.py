@@ -1,0 +1,174 @@
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from meshreel.errors import FormatError, InvalidInputError
+from meshreel.formats.options import ReadOptions
+from meshreel.formats.parts import split_parts
+from meshreel.formats.polygons import PolygonMesh
+from meshreel.formats.scene import SceneMesh
+from meshreel.formats.scene_source import scene_opener
+from meshreel.geometry.fans import join_fans
+from meshreel.sequence import MeshSequence
+from meshreel.surface import Part, Surface
+from sample_meshes import assert_same_surface, quad_sheet, two_sheets
+
+PATH = Path("scene.abc")
+
+
+def scene_mesh(sequence, name, times_s=None):
+    """A mesh of a scene with the frames of a sequence."""
+    sizes = sequence.surface.sizes(len(sequence.faces))
+    corners = join_fans(sizes, sequence.faces)
+    times = sequence.start_s + np.arange(sequence.n_frames) / 24 if times_s is None else times_s
+    return SceneMesh(
+        name,
+        times,
+        lambda frame: PolygonMesh(sequence.vertices[frame], sizes.astype(np.int64), corners),
+        lambda frame: replace(sequence.surface, face_sizes=None),
+    )
+
+
+def opened(meshes, **options):
+    return scene_opener(lambda path, options: meshes)(PATH, ReadOptions(**options))
+
+
+def test_scene_gives_the_sequence_when_it_holds_one_mesh():
+    sequence = quad_sheet()
+    found = opened([scene_mesh(sequence, "/root/sheet")])
+    assert isinstance(found, MeshSequence)
+    assert found.vertices.tobytes() == sequence.vertices.tobytes()
+    assert (found.name, found.fps) == ("sheet", 24.0)
+    assert found.start_s == sequence.start_s
+    np.testing.assert_array_equal(found.faces, sequence.faces)
+    assert_same_surface(found.surface, sequence.surface)
+
+
+def test_scene_leaves_frames_in_the_file_when_they_are_too_large():
+    sequence = quad_sheet()
+    found = opened([scene_mesh(sequence, "/sheet")], max_loaded_bytes=100)
+    assert not isinstance(found, MeshSequence)
+    assert found.read(2, 5).tobytes() == sequence.vertices[2:5].tobytes()
+    assert_same_surface(found.surface, sequence.surface)
+    np.testing.assert_array_equal(found.extent.low, sequence.extent.low)
+
+
+def test_scene_lists_its_meshes_when_none_is_chosen():
+    meshes = [scene_mesh(quad_sheet(), name) for name in ("/a", "/b")]
+    with pytest.raises(InvalidInputError, match=r"2 meshes: /a, /b; choose one with --object"):
+        opened(meshes)
+
+
+@pytest.mark.parametrize("wanted", ["/root/b", "b", "root/b"])
+def test_scene_gives_the_mesh_when_it_is_called_by_its_path(wanted):
+    meshes = [
+        scene_mesh(quad_sheet(shift=k), name) for k, name in enumerate(("/root/a", "/root/b"))
+    ]
+    found = opened(meshes, object=wanted)
+    assert found.vertices.tobytes() == quad_sheet(shift=1).vertices.tobytes()
+
+
+@pytest.mark.parametrize(("wanted", "message"), [("c", "no mesh called 'c'"), ("x", "2 meshes")])
+def test_scene_says_what_there_is_when_the_name_does_not_choose_one(wanted, message):
+    meshes = [scene_mesh(quad_sheet(), name) for name in ("/a/x", "/b/x")]
+    with pytest.raises(InvalidInputError, match=message):
+        opened(meshes, object=wanted)
+
+
+def test_scene_merges_meshes_when_asked_to():
+    meshes = [scene_mesh(quad_sheet(shift=k), n) for k, n in ((0, "/root/a"), (2, "/root/b"))]
+    found, expected = opened(meshes, merge=True), two_sheets()
+    assert found.vertices.tobytes() == expected.vertices.tobytes()
+    np.testing.assert_array_equal(found.faces, expected.faces)
+    assert found.surface.parts == expected.surface.parts
+    for one, other in zip(found.surface.attributes, expected.surface.attributes, strict=True):
+        np.testing.assert_array_equal(one.per_item(), other.per_item())
+    assert found.name == "scene"
+
+
+def test_merged_meshes_come_apart_again_when_parts_are_split():
+    sequence = two_sheets()
+    pieces = list(split_parts(sequence.faces, sequence.surface, sequence.n_verts, "whole"))
+    assert [piece.name for piece in pieces] == ["/root/a", "/root/b"]
+    for piece in pieces:
+        single = quad_sheet()
+        np.testing.assert_array_equal(piece.counts, single.surface.face_sizes)
+        np.testing.assert_array_equal(
+            piece.corners, join_fans(single.surface.face_sizes, single.faces)
+        )
+        for one, other in zip(piece.surface.attributes, single.surface.attributes, strict=True):
+            np.testing.assert_array_equal(one.per_item(), other.per_item())
+        (groups,) = piece.surface.groups
+        labels = np.array([*groups.labels])[groups.numbers]
+        whole = single.surface.groups[0]
+        assert labels.tolist() == np.array([*whole.labels])[whole.numbers].tolist()
+
+
+def test_parts_are_the_whole_when_faces_join_them():
+    sequence = two_sheets()
+    faces = sequence.faces.copy()
+    faces[0, 0] = 59
+    (piece,) = split_parts(faces, sequence.surface, 60, "whole")
+    assert (piece.name, piece.verts) == ("whole", slice(0, 60))
+
+
+def test_still_mesh_stays_when_merged_with_a_moving_one():
+    still, moving = quad_sheet(1), quad_sheet(4, shift=2)
+    meshes = [scene_mesh(still, "/still"), scene_mesh(moving, "/moving")]
+    found = opened(meshes, merge=True)
+    assert found.n_frames == 4
+    np.testing.assert_array_equal(found.vertices[:, :30], np.repeat(still.vertices, 4, axis=0))
+
+
+def test_mesh_is_between_its_frames_when_others_have_more():
+    slow = scene_mesh(quad_sheet(2), "/slow", np.array([0.0, 1.0]))
+    fast = scene_mesh(quad_sheet(5), "/fast", np.arange(5) / 4)
+    found = opened([slow, fast], merge=True)
+    vertices = quad_sheet(2).vertices.astype(np.float64)
+    expected = 0.75 * vertices[0] + 0.25 * vertices[1]
+    np.testing.assert_allclose(found.vertices[1, :30], expected, atol=1e-6)
+    assert found.fps == 4.0
+
+
+def test_merging_says_so_when_only_some_meshes_have_an_attribute():
+    bare = quad_sheet()
+    bare = replace(bare, surface=Surface(bare.surface.face_sizes))
+    notes = []
+    meshes = [scene_mesh(quad_sheet(), "/full"), scene_mesh(bare, "/bare")]
+    found = opened(meshes, merge=True, notes=notes)
+    assert any("uv 'st' is 0 where" in note for note in notes)
+    uv = found.surface.attributes[0].per_item()
+    assert not uv[len(uv) // 2 :].any()
+    assert found.surface.groups[0].numbers[-1] == -1
+    assert found.surface.parts == (Part("/full", 30, 21), Part("/bare", 30, 21))
+
+
+def test_scene_names_the_frame_when_faces_change():
+    mesh = scene_mesh(quad_sheet(4), "/a")
+    other = PolygonMesh(np.zeros((9, 3), np.float32), np.array([3]), np.array([0, 1, 2], np.int32))
+    changed = replace(mesh, frame=lambda index: mesh.frame(index) if index < 2 else other)
+    with pytest.raises(InvalidInputError, match=r"abc: frame 2 of /a has 9 vertices.*--split"):
+        opened([changed])
+
+
+def test_scene_names_the_frame_when_a_position_is_not_finite():
+    sequence = quad_sheet(4)
+    vertices = sequence.vertices.copy()
+    vertices[3, 5, 1] = np.nan
+    mesh = scene_mesh(sequence, "/a")
+    corners = mesh.frame(0)
+    broken = replace(
+        mesh, frame=lambda index: PolygonMesh(vertices[index], corners.counts, corners.corners)
+    )
+    with pytest.raises(InvalidInputError, match="vertex 5 of frame 3 has y = nan"):
+        opened([broken])
+
+
+def test_errors_name_the_file_when_it_cannot_be_read():
+    def read_meshes(path, options):
+        raise FormatError("is not an archive")
+
+    with pytest.raises(FormatError, match=r"scene\.abc: is not an archive"):
+        scene_opener(read_meshes)(PATH, ReadOptions())

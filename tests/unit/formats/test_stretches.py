@@ -1,0 +1,42 @@
+import numpy as np
+import pytest
+
+from meshreel.errors import InvalidInputError
+from meshreel.formats.options import ReadOptions
+from meshreel.formats.save import save
+from meshreel.formats.stretches import find_stretches
+from sample_meshes import quad_sheet, waving_grid
+
+
+@pytest.fixture
+def changing(tmp_path):
+    """Three frames of one mesh and two of another, in a folder."""
+    save(waving_grid(3), tmp_path / "a_%02d.ply")
+    save(quad_sheet(2), tmp_path / "b_%02d.ply")
+    return tmp_path
+
+
+def test_stretches_are_found_when_faces_change(changing):
+    first, second = find_stretches(changing, ReadOptions(fps=10))
+    assert (first.start, first.stop, second.start, second.stop) == (0, 3, 3, 5)
+    np.testing.assert_array_equal(first.open().vertices, waving_grid(3).vertices)
+    np.testing.assert_array_equal(second.open().vertices, quad_sheet(2).vertices)
+    assert (second.open().start_s, second.open().fps) == (0.3, 10)
+
+
+def test_stretches_have_names_of_their_own_when_there_are_several(changing, tmp_path):
+    first, second = find_stretches(changing, ReadOptions())
+    assert first.path(tmp_path / "walk.reel").name == "walk_0-2.reel"
+    assert second.path(tmp_path / "walk.reel").name == "walk_3-4.reel"
+
+
+def test_stretches_are_one_when_faces_never_change(tmp_path):
+    save(waving_grid(4), tmp_path / "a.npz")
+    (stretch,) = find_stretches(tmp_path / "a.npz", ReadOptions())
+    assert (stretch.start, stretch.stop) == (0, 4)
+    np.testing.assert_array_equal(stretch.open().vertices, waving_grid(4).vertices)
+
+
+def test_stretches_are_refused_when_nothing_is_there(tmp_path):
+    with pytest.raises(InvalidInputError, match="there is no file"):
+        find_stretches(tmp_path / "none.abc", ReadOptions())
