@@ -5,12 +5,20 @@ from typing import Annotated
 
 import typer
 
+from meshreel.cli.read_options import MergeOption, ObjectOption
+
 
 def compare_command(
     original: Annotated[
-        str, typer.Argument(help="An .npz, a .reel, a frame file, a folder or a quoted glob.")
+        str,
+        typer.Argument(
+            help="A file that holds an animation (see `meshreel formats`), a frame file, a folder "
+            "or a quoted glob."
+        ),
     ],
     decoded: Annotated[str, typer.Argument(help="The same kinds.")],
+    object: ObjectOption = None,
+    merge: MergeOption = False,
     plot: Annotated[
         Path | None,
         typer.Option(metavar="FILE.png", help="Draw the NMSVE of each frame (needs [plot])."),
@@ -26,12 +34,15 @@ def compare_command(
 
     - `meshreel compare walk.npz walk.reel`
 
+    - `meshreel compare shot.abc body.reel --object /root/body`
+
     - `meshreel compare frames/ decoded.npz --plot nmsve.png --json`
     """
     from meshreel.atomic_write import check_output_path
     from meshreel.cli.console import print_json, print_notes, print_table, progress_bar
     from meshreel.cli.figures import quality_rows
     from meshreel.formats.load import load
+    from meshreel.formats.registry import holds_meshes
     from meshreel.metrics.compare import compare
     from meshreel.rendering.plots import plot_error_per_frame, require_matplotlib
 
@@ -40,8 +51,16 @@ def compare_command(
         require_matplotlib()
     notes: list[str] = []
     with progress_bar() as progress:
-        first = load(original, progress=progress, notes=notes)
-        second = load(decoded, progress=progress, notes=notes)
+        first, second = (
+            load(
+                source,
+                object=object if holds_meshes(source) else None,
+                merge=merge,
+                progress=progress,
+                notes=notes,
+            )
+            for source in (original, decoded)
+        )
         quality = compare(first, second, progress=progress)
         if plot is not None:
             plot_error_per_frame(

@@ -77,7 +77,7 @@ def print_table(title: str, rows: Mapping[str, str]) -> None:
     table.add_column(no_wrap=True)
     table.add_column(justify="right")
     for name, value in rows.items():
-        table.add_row(name, value)
+        table.add_row(name, escape(value))
     Console().print(table)
 
 

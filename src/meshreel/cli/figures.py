@@ -53,6 +53,14 @@ def info_rows(stream: StreamInfo) -> dict[str, str]:
         "Laplacian": stream.laplacian,
         "order": stream.order,
     }
+    if stream.start_s:
+        rows["starts at"] = f"{stream.start_s:.6g} s"
+    if stream.n_polygons != stream.n_faces:
+        rows["polygons"] = f"{stream.n_polygons}, cut into triangles"
+    if stream.attributes:
+        rows["carries"] = "\n".join(stream.attributes)
+    if stream.parts:
+        rows["parts"] = "\n".join(stream.parts)
     if len(stream.block_frames) > 1:
         rows["blocks"] = f"{len(stream.block_frames)} of up to {max(stream.block_frames)} frames"
         later = sum(stream.block_bytes[1:])

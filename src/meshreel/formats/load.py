@@ -19,7 +19,6 @@ LOADED_SHARE = 1 / 10
 """Positions that are loaded to be encoded: up to so many bytes, or this share of the memory."""
 
 
-@staged("reading")
 def load(
     source: Source,
     *,
@@ -84,7 +83,6 @@ def load(
     return sequence
 
 
-@staged("reading")
 def open_source(
     source: Source,
     *,
@@ -150,6 +148,7 @@ def loading_for(memory: float | None, options: ReadOptions) -> ReadOptions:
     return replace(options, max_loaded_bytes=most)
 
 
+@staged("reading")
 def _opened(found: SourceFiles, options: ReadOptions) -> FrameSource:
     check_read_options(found.format, options)
     if isinstance(found.format, SequenceFormat):

@@ -53,7 +53,7 @@ class MeshFiles:
                 raise InvalidInputError(
                     f"{path} (frame {index}) has {difference} in frame 0 "
                     f"({self.paths[0].name}); all frames of a sequence must have the same "
-                    "vertices and faces"
+                    "vertices and faces; --split writes a file for each stretch that has"
                 )
             with errors_naming(path):
                 validate_finite(mesh.vertices[np.newaxis], first_frame=index)

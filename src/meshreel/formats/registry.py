@@ -1,5 +1,6 @@
 """Which file endings there are, and who reads and writes them."""
 
+import os
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -138,6 +139,12 @@ def format_of(path: Path) -> FrameFormat | SequenceFormat:
             f"{path}: the ending {ending or '(none)'} is not known; known are {', '.join(FORMATS)}"
         )
     return FORMATS[ending]
+
+
+def holds_meshes(path: str | os.PathLike[str]) -> bool:
+    """Whether a file of this ending may hold several meshes, one of which can be chosen."""
+    found = FORMATS.get(Path(path).suffix.lower())
+    return isinstance(found, SequenceFormat) and found.read_meshes is not None
 
 
 def check_read_options(found: FrameFormat | SequenceFormat, options: ReadOptions) -> None:

@@ -23,7 +23,6 @@ from meshreel.surface import PLAIN, Surface
 DEFAULT_OPTIONS = WriteOptions()
 
 
-@staged("writing")
 def save(
     sequence: FrameSource,
     target: AnyPath,
@@ -78,6 +77,7 @@ def save(
     )
 
 
+@staged("writing")
 def save_part(
     sequence: FrameSource,
     wanted: range,

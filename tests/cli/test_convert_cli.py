@@ -1,0 +1,90 @@
+"""`convert`, `formats` and the options that choose something in an input."""
+
+import numpy as np
+import pytest
+
+import meshreel
+from sample_commands import assert_fails, run, run_json
+from sample_meshes import assert_same_surface, quad_sheet, waving_grid
+
+
+@pytest.fixture
+def sheet(tmp_path):
+    path = tmp_path / "sheet.reel"
+    path.write_bytes(meshreel.encode(quad_sheet(), max_error=0.01))
+    return path
+
+
+@pytest.fixture
+def changing(tmp_path):
+    """A folder of three frames of one mesh and two of another."""
+    folder = tmp_path / "frames"
+    folder.mkdir()
+    meshreel.save(waving_grid(3), folder / "a_%02d.ply")
+    meshreel.save(quad_sheet(2), folder / "b_%02d.ply")
+    return folder
+
+
+def test_convert_writes_what_load_reads_when_formats_differ(sheet, tmp_path):
+    figures = run_json("convert", sheet, "-o", tmp_path / "sheet.npz")
+    found, expected = meshreel.load(tmp_path / "sheet.npz"), meshreel.load(sheet)
+    assert found.vertices.tobytes() == expected.vertices.tobytes()
+    assert figures["outputs"] == [str(tmp_path / "sheet.npz")]
+    assert figures["size_bytes"] == (tmp_path / "sheet.npz").stat().st_size
+
+
+def test_convert_takes_some_frames_when_asked_to(sheet, tmp_path):
+    run_json("convert", sheet, "-o", tmp_path / "f_%02d.ply", "--frames", "2:4")
+    found = meshreel.load(str(tmp_path / "f_*.ply"))
+    np.testing.assert_array_equal(found.vertices, meshreel.load(sheet).vertices[2:4])
+
+
+def test_convert_makes_a_stream_when_the_target_is_one(tmp_path):
+    meshreel.save(waving_grid(), tmp_path / "a.npz")
+    run_json("convert", tmp_path / "a.npz", "-o", tmp_path / "a.reel")
+    assert (tmp_path / "a.reel").read_bytes() == meshreel.encode(waving_grid())
+
+
+def test_convert_keeps_the_output_when_it_exists(sheet, tmp_path):
+    (tmp_path / "a.npz").write_bytes(b"mine")
+    assert_fails(run("convert", sheet, "-o", tmp_path / "a.npz"), "exists", "--force")
+    assert (tmp_path / "a.npz").read_bytes() == b"mine"
+
+
+def test_encode_names_the_frame_and_the_way_out_when_faces_change(changing, tmp_path):
+    done = run("encode", changing, "-o", tmp_path / "a.reel")
+    assert_fails(done, "b_00.ply (frame 3) has 30 vertices; expected 99", "--split")
+
+
+def test_encode_writes_a_stream_for_each_stretch_when_faces_change(changing, tmp_path):
+    figures = run_json("encode", changing, "-o", tmp_path / "a.reel", "--split", "--fps", 10)
+    assert [one["n_frames"] for one in figures["stretches"]] == [3, 2]
+    first, second = (meshreel.load(tmp_path / f"a_{name}.reel") for name in ("0-2", "3-4"))
+    assert (first.n_verts, second.n_verts, second.start_s) == (99, 30, 0.3)
+    assert_same_surface(second.surface, meshreel.load(str(changing / "b_*.ply")).surface)
+
+
+def test_encode_writes_one_stream_when_faces_stay(tmp_path):
+    meshreel.save(waving_grid(3), tmp_path / "a_%02d.ply")
+    run_json("encode", tmp_path / "a_*.ply", "-o", tmp_path / "a.reel", "--split")
+    assert meshreel.load(tmp_path / "a.reel").n_frames == 3
+
+
+def test_encode_says_what_goes_when_the_order_of_faces_does(tmp_path, sheet):
+    figures = run_json("encode", sheet, "-o", tmp_path / "b.reel", "--order", "drop")
+    assert any("left out, for the order of faces is not kept: polygons" in note
+               for note in figures["notes"])  # fmt: skip
+
+
+@pytest.mark.parametrize("option", ["--object", "--topology", "--dataset"])
+def test_encode_refuses_an_option_when_the_format_has_no_use_for_it(changing, option, tmp_path):
+    done = run("encode", changing, "-o", tmp_path / "a.reel", option, "x")
+    assert_fails(done, f"{option} ", "chooses nothing in a .ply file")
+
+
+def test_formats_lists_every_ending_when_asked_for_json():
+    listed = {one["ending"]: one for one in run_json("formats")["formats"]}
+    assert {".reel", ".npz", ".obj", ".ply"} <= set(listed)
+    assert all(one["is_installed"] == (one["extra"] is None) or one["extra"]
+               for one in listed.values())  # fmt: skip
+    assert run("formats").returncode == 0
