@@ -91,7 +91,10 @@ def _folders_under(folder: Path, above: tuple[Path, ...] = ()) -> Iterator[Path]
 
 def _inputs_in(folder: Path, top: Path) -> Iterator[BatchInput]:
     files = natural_order(path for path in _visible(folder) if path.is_file())
-    frames = tuple(path for path in files if path.suffix.lower() in FRAME_FORMATS)
+    beside = _companions(files)
+    frames = tuple(
+        path for path in files if path.suffix.lower() in FRAME_FORMATS and path not in beside
+    )
     place = folder.relative_to(top)
     if frames:
         # Of the folder of inputs itself the path is ".", which has no name.
@@ -100,7 +103,16 @@ def _inputs_in(folder: Path, top: Path) -> Iterator[BatchInput]:
     for path in files:
         if path.suffix.lower() in WHOLE_SEQUENCES:
             output = place / f"{path.stem}{OUTPUT_ENDING}"
-            yield BatchInput((place / path.name).as_posix(), path, (path,), output.as_posix())
+            parts = (path, *(one for one in _companions([path]) if one.exists()))
+            yield BatchInput((place / path.name).as_posix(), path, parts, output.as_posix())
+
+
+def _companions(files: list[Path]) -> set[Path]:
+    """Meshes that belong to a sequence of the same name beside them, as the faces of its frames."""
+    formats = [(path, SEQUENCE_FORMATS.get(path.suffix.lower())) for path in files]
+    return {
+        path.with_suffix(found.companion) for path, found in formats if found and found.companion
+    }
 
 
 def _visible(folder: Path) -> list[Path]:
