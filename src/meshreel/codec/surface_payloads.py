@@ -10,9 +10,8 @@ import numpy.typing as npt
 from meshreel.bitstream.layout import Section
 from meshreel.codec.methods import Order
 from meshreel.entropy.coder import decode_integers, encode_integers
-from meshreel.entropy.deflate import MAX_RATIO
-from meshreel.entropy.exact import decode_exact, encode_exact
 from meshreel.entropy.references import decode_references, encode_references
+from meshreel.entropy.tables import decode_table, encode_table
 from meshreel.entropy.varint import read_varint, write_varint
 from meshreel.errors import CorruptStreamError, InvalidInputError, TruncatedStreamError
 from meshreel.geometry.fans import join_fans
@@ -160,7 +159,7 @@ def _write_attribute(attribute: Attribute, surface: Surface, faces: Faces) -> by
         places = _places(attribute.domain, surface, faces, len(attribute.indices))
         references = encode_references(attribute.indices, places)
     framed = write_varint(n_rows) + write_varint(len(references)) + references
-    return head + framed + encode_exact(attribute.values)
+    return head + framed + encode_table(attribute.values)
 
 
 def _read_attribute(payload: bytes, surface: Surface, faces: Faces, n_verts: int) -> Attribute:
@@ -177,11 +176,6 @@ def _read_attribute(payload: bytes, surface: Surface, faces: Faces, n_verts: int
     size_bytes, position = read_varint(payload, position)
     coded, packed = payload[position : position + size_bytes], payload[position + size_bytes :]
     dtype = VALUE_TYPES[number_type]
-    if n_rows * width * dtype.itemsize > MAX_RATIO * len(packed):
-        raise CorruptStreamError(
-            f"attribute {name!r} announces {n_rows} x {width} values; "
-            f"{len(packed)} bytes cannot hold them"
-        )
     n_items = {
         Domain.VERTEX: n_verts,
         Domain.FACE: surface.n_faces(len(faces)),
@@ -195,7 +189,7 @@ def _read_attribute(payload: bytes, surface: Surface, faces: Faces, n_verts: int
         indices = rows.astype(np.int32)
     elif n_rows != n_items:
         raise CorruptStreamError(f"attribute {name!r} has {n_rows} values for {n_items} places")
-    values = decode_exact(packed, (n_rows, width), dtype)
+    values = decode_table(packed, (n_rows, width), dtype)
     return Attribute(name, KINDS[kind], DOMAINS[domain], values, indices)
 
 
