@@ -9,6 +9,7 @@ from typing import Any, Literal, get_args
 from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.extras import Extra
 from meshreel.formats.frame_stream import FrameStream
+from meshreel.formats.gltf.read import read_meshes as read_gltf
 from meshreel.formats.npz import write_npz
 from meshreel.formats.npz_frames import open_npz
 from meshreel.formats.obj import obj_encoder, parse_obj
@@ -120,6 +121,8 @@ SEQUENCE_FORMATS = {
     for found in (
         SequenceFormat(".npz", "NumPy archive", open_npz, write_npz),
         SequenceFormat(".reel", "meshreel", open_reel, write_reel),
+        scene_format(".glb", "glTF binary", read_gltf, None),
+        scene_format(".gltf", "glTF", read_gltf, None),
     )
 }
 FORMATS: dict[str, FrameFormat | SequenceFormat] = {**FRAME_FORMATS, **SEQUENCE_FORMATS}

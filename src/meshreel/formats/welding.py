@@ -2,11 +2,14 @@
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from meshreel.sequence import Faces, Vertices
+
+Numbers = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,26 +43,43 @@ def weld_corners(frames: Iterable[Vertices]) -> Weld:
         Corner positions in model units, one array a frame, with no negative zeros; read once,
         so that they need not be in memory together.
     """
+    labels, representatives = weld_rows(frames)
+    return Weld(representatives, labels.reshape(-1, 3).astype(np.int32))
+
+
+def weld_rows(blocks: Iterable[npt.NDArray[Any]]) -> tuple[Numbers, Numbers]:
+    """Which rows have the same bits in all of several arrays.
+
+    Parameters
+    ----------
+    blocks : iterable of arrays of shape (N, C)
+        With no negative zeros; C may differ between them. Read once.
+
+    Returns
+    -------
+    labels : int64 array of shape (N,)
+        The same for rows that are, numbered by their first.
+    representatives : int64 array
+        The first row of each label, ascending.
+    """
     labels, representatives = np.empty(0, np.int64), np.empty(0, np.int64)
-    for index, corners in enumerate(frames):
-        bits = np.ascontiguousarray(corners).view(f"u{corners.itemsize}")
+    for index, rows in enumerate(blocks):
+        bits = np.ascontiguousarray(rows).view(f"u{rows.itemsize}")
         if index == 0:
             labels = np.zeros(len(bits), np.int64)
             labels, representatives = _split(labels, bits)
         elif (bits[representatives[labels]] != bits).any():
             labels, representatives = _split(labels, bits)
-    return Weld(representatives, labels.reshape(-1, 3).astype(np.int32))
+    return labels, representatives
 
 
-def _split(
-    labels: npt.NDArray[np.int64], bits: npt.NDArray[np.unsignedinteger]
-) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
-    """Labels that differ where `labels` or `bits` do, numbered by their first corner."""
-    order = np.lexsort((bits[:, 2], bits[:, 1], bits[:, 0], labels))
+def _split(labels: Numbers, bits: npt.NDArray[np.unsignedinteger]) -> tuple[Numbers, Numbers]:
+    """Labels that differ where `labels` or `bits` do, numbered by their first row."""
+    order = np.lexsort((*bits.T[::-1], labels))
     labels, bits = labels[order], bits[order]
     differs = (labels[1:] != labels[:-1]) | (bits[1:] != bits[:-1]).any(axis=1)
     new = np.concatenate([[True], differs])
-    firsts = order[new]  # lexsort is stable: the lowest corner of each group comes first
+    firsts = order[new]  # lexsort is stable: the lowest row of each group comes first
     ranks = np.empty(len(firsts), np.int64)
     ranks[np.argsort(firsts)] = np.arange(len(firsts))
     split = np.empty(len(labels), np.int64)

@@ -1,0 +1,172 @@
+"""What an animation of a glTF file moves."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from meshreel.errors import FormatError
+from meshreel.formats.gltf.accessors import Accessors
+from meshreel.formats.gltf.document import Document
+from meshreel.formats.gltf.interpolation import Curve, Floats, Interpolation, unit
+from meshreel.formats.gltf.json_object import JsonObject
+from meshreel.formats.gltf.nodes import Nodes
+from meshreel.formats.gltf.primitives import count_targets
+
+PATHS = {
+    "translation": ("VEC3",),
+    "rotation": ("VEC4",),
+    "scale": ("VEC3",),
+    "weights": ("SCALAR",),
+}
+"""What a channel can move, and the kind of its values."""
+MAX_LISTED = 10
+"""Names of animations in a note."""
+
+
+@dataclass(frozen=True, eq=False)
+class Channel:
+    """One thing that an animation moves.
+
+    Attributes
+    ----------
+    node : int
+    path : str
+        One of `PATHS`.
+    sampler, given : JsonObject
+        Where its values are, and the channel itself.
+    """
+
+    node: int
+    path: str
+    sampler: JsonObject
+    given: JsonObject
+
+
+Curves = dict[tuple[int, str], Curve]
+"""How each node and path that is animated moves."""
+
+
+def choose_animation(
+    document: Document, moves_mesh: Callable[[Channel], bool], notes: list[str]
+) -> list[Channel]:
+    """The channels of the first animation that moves a mesh; none if no animation does.
+
+    Parameters
+    ----------
+    document : Document
+    moves_mesh : function of a channel
+    notes : list of str
+        Gains a sentence on the animations that are not taken.
+    """
+    animations = document.lists["animations"]
+    names = [one.text("name", "") or f"animation_{number}" for number, one in enumerate(animations)]
+    for number, animation in enumerate(animations):
+        channels = read_channels(animation, len(document.lists["nodes"]))
+        if any(moves_mesh(one) for one in channels):
+            others = names[:number] + names[number + 1 :]
+            if others:
+                notes.append(f"took the animation {names[number]}, not {_listed(others)}")
+            return channels
+    if animations:
+        notes.append(f"no mesh is moved by the animation {_listed(names)}; took one frame")
+    return []
+
+
+def read_channels(animation: JsonObject, n_nodes: int) -> list[Channel]:
+    """The channels of an animation that move a node; others belong to extensions.
+
+    Raises
+    ------
+    FormatError
+        If one names a node or a sampler that is not there.
+    """
+    samplers = animation.children("samplers", "sampler")
+    channels = []
+    for given in animation.children("channels", "channel"):
+        target = given.needed("target")
+        node, path = target.index("node", n_nodes), target.text("path")
+        number = given.index("sampler", len(samplers))
+        if number is None:
+            raise given.error("sampler", "the number of a sampler")
+        if node is not None and path in PATHS:
+            channels.append(Channel(node, path, samplers[number], given))
+    return channels
+
+
+def read_keys(channels: list[Channel], accessors: Accessors) -> Floats:
+    """Times of the keys of all channels, in seconds, each once, ascending.
+
+    Raises
+    ------
+    FormatError
+        If keys are not ascending, or a time is not finite.
+    """
+    samplers = {id(one.sampler): one.sampler for one in channels}
+    inputs = {repr(one.values.get("input")): one for one in samplers.values()}
+    return np.unique(np.concatenate([_keys(one, accessors) for one in inputs.values()]))
+
+
+def read_curves(channels: list[Channel], nodes: Nodes, accessors: Accessors) -> Curves:
+    """The curves of channels; of several that move the same thing, the last.
+
+    Raises
+    ------
+    FormatError
+        As `read_keys`, or if a value is not finite, or there are not as many as keys.
+    """
+    return {(one.node, one.path): _read_curve(one, nodes, accessors) for one in channels}
+
+
+def _read_curve(channel: Channel, nodes: Nodes, accessors: Accessors) -> Curve:
+    sampler, node = channel.sampler, nodes.objects[channel.node]
+    if "matrix" in node and channel.path != "weights":
+        raise FormatError(
+            f"{channel.given.place}: moves the {channel.path} of {node.place}, "
+            "which has a matrix in its place"
+        )
+    name = sampler.text("interpolation", "LINEAR")
+    if name not in list(Interpolation):
+        raise sampler.error("interpolation", f"one of {', '.join(Interpolation)}")
+    values = accessors.read(sampler, "output", *PATHS[channel.path]).floats().astype(np.float64)
+    if not np.isfinite(values).all():
+        raise FormatError(f"{sampler.place}: values of keys must be finite")
+    width = _width(channel, nodes, accessors)
+    return _curve(channel, _keys(sampler, accessors), values, Interpolation(name), width)
+
+
+def _keys(sampler: JsonObject, accessors: Accessors) -> Floats:
+    keys = accessors.read(sampler, "input", "SCALAR").floats()[:, 0].astype(np.float64)
+    if not np.isfinite(keys).all() or (np.diff(keys) < 0).any():
+        raise FormatError(f"{sampler.place}: times of keys must be finite and ascending")
+    return keys
+
+
+def _curve(
+    channel: Channel, keys: Floats, values: Floats, interpolation: Interpolation, width: int
+) -> Curve:
+    is_rotation = channel.path == "rotation"
+    n_each = 3 if interpolation is Interpolation.CUBICSPLINE else 1
+    if values.size != len(keys) * n_each * width:
+        raise FormatError(
+            f"{channel.sampler.place}: has {values.size} numbers for {len(keys)} keys; "
+            f"{len(keys) * n_each * width} are needed"
+        )
+    rows = values.reshape(len(keys), n_each, width)
+    if interpolation is Interpolation.CUBICSPLINE:
+        return Curve(keys, rows[:, 1], interpolation, (rows[:, 0], rows[:, 2]), is_rotation)
+    given = unit(rows[:, 0]) if is_rotation else rows[:, 0]
+    return Curve(keys, given, interpolation, None, is_rotation)
+
+
+def _width(channel: Channel, nodes: Nodes, accessors: Accessors) -> int:
+    """Numbers that each key has."""
+    if channel.path != "weights":
+        return 4 if channel.path == "rotation" else 3
+    document = accessors.document
+    return count_targets(document.item(nodes.objects[channel.node], "mesh", "meshes"))
+
+
+def _listed(names: list[str]) -> str:
+    more = f" and {len(names) - MAX_LISTED} more" if len(names) > MAX_LISTED else ""
+    return ", ".join(names[:MAX_LISTED]) + more

@@ -1,0 +1,115 @@
+"""A glTF file whose JSON is parsed, with its lists of things and its binary data."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from meshreel.errors import FormatError
+from meshreel.formats.gltf.container import split_container
+from meshreel.formats.gltf.json_object import JsonObject
+from meshreel.formats.naming import os_errors_naming
+
+LISTS = {
+    "accessors": "accessor",
+    "animations": "animation",
+    "buffers": "buffer",
+    "bufferViews": "buffer view",
+    "materials": "material",
+    "meshes": "mesh",
+    "nodes": "node",
+    "scenes": "scene",
+    "skins": "skin",
+}
+"""Lists of the file that are read, and what one of their items is called."""
+
+DRACO = "KHR_draco_mesh_compression"
+MESHOPT = ("EXT_meshopt_compression", "KHR_meshopt_compression")
+HEEDED = frozenset({DRACO, "KHR_mesh_quantization"})
+LOOKS = (
+    "KHR_materials_",
+    "KHR_texture_",
+    "EXT_texture_",
+    "MSFT_texture_",
+    "KHR_lights_",
+    "KHR_xmp",
+)
+"""Extensions that begin so say how a surface looks, and nothing about where it is."""
+
+
+@dataclass(frozen=True, eq=False)
+class Document:
+    """A glTF file whose JSON is parsed.
+
+    Attributes
+    ----------
+    folder : Path
+        Where the file lies; other files are named relative to it.
+    size_bytes : int
+        Of the file.
+    root : JsonObject
+    lists : dict of tuples of JsonObject
+        By their names in the file, as in `LISTS`.
+    binary : memoryview, optional
+        The binary chunk of a GLB file.
+    """
+
+    folder: Path
+    size_bytes: int
+    root: JsonObject
+    lists: dict[str, tuple[JsonObject, ...]]
+    binary: memoryview | None
+
+    def index(self, holder: JsonObject, key: str, kind: str) -> int | None:
+        """The number of an item of a list that an object names; None if it names none."""
+        return holder.index(key, len(self.lists[kind]))
+
+    def item(self, holder: JsonObject, key: str, kind: str) -> JsonObject:
+        """The item of a list that an object must name."""
+        index = self.index(holder, key, kind)
+        if index is None:
+            raise holder.error(key, f"the number of {LISTS[kind]}")
+        return self.lists[kind][index]
+
+    def uses(self, extension: str) -> bool:
+        """Whether the file says that it uses an extension."""
+        return extension in self.root.texts("extensionsUsed")
+
+
+def read_document(path: Path) -> Document:
+    """The glTF file at a path, `.gltf` or `.glb`; other files that it names are not read yet.
+
+    Raises
+    ------
+    FormatError
+        If it is damaged, no glTF 2.0, or requires an extension that is not read.
+    InvalidInputError
+        If it cannot be read.
+    """
+    with os_errors_naming(path):
+        data = path.read_bytes()
+    parsed, binary = split_container(data)
+    if not isinstance(parsed, dict):
+        raise FormatError("is no glTF file: its JSON is no object")
+    root = JsonObject(parsed, "the file")
+    _check_version(root)
+    _check_extensions(root)
+    nameless = JsonObject(parsed, "")
+    lists = {kind: nameless.children(kind, called) for kind, called in LISTS.items()}
+    return Document(path.parent, len(data), root, lists, binary)
+
+
+def _check_version(root: JsonObject) -> None:
+    asset = root.needed("asset")
+    version = asset.text("minVersion", asset.text("version"))
+    if version != "2.0":
+        raise FormatError(f"is glTF {version!r}; glTF 2.0 is read; convert it")
+
+
+def _check_extensions(root: JsonObject) -> None:
+    required = root.texts("extensionsRequired")
+    unknown = [name for name in required if name not in HEEDED and not name.startswith(LOOKS)]
+    if unknown:
+        compressed = any(name in MESHOPT for name in unknown)
+        remedy = "decompress it (gltf-transform cp)" if compressed else "export it without"
+        raise FormatError(
+            f"requires the extension {', '.join(unknown)}, which is not read; {remedy}"
+        )

@@ -1,0 +1,152 @@
+"""A glTF mesh at rest: what it is made of, with vertices that were split at seams welded."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from meshreel.formats.gltf.accessors import Accessors
+from meshreel.formats.gltf.attributes import SplitMesh, read_attributes
+from meshreel.formats.gltf.draco import decode_draco
+from meshreel.formats.gltf.json_object import JsonObject
+from meshreel.formats.gltf.primitives import (
+    Block,
+    block_key,
+    count_targets,
+    read_block,
+    read_triangles,
+    surfaces,
+)
+from meshreel.formats.gltf.skinning import Influences, read_influences
+from meshreel.formats.welding import weld_rows
+from meshreel.sequence import Faces
+from meshreel.surface import Attribute, Domain, FaceGroups, Surface
+
+
+@dataclass(frozen=True, eq=False)
+class Geometry:
+    """A mesh at rest.
+
+    Attributes
+    ----------
+    positions : float array of shape (V, 3)
+    displacements : tuple of float arrays of shape (V, 3)
+        By each morph target; None where it has none.
+    influences : Influences, optional
+        Of joints; None for a mesh that no skin can move.
+    faces : int32 array of shape (M, 3)
+    surface : Surface
+        Attributes and materials.
+    """
+
+    positions: npt.NDArray[Any]
+    displacements: tuple[npt.NDArray[Any] | None, ...]
+    influences: Influences | None
+    faces: Faces
+    surface: Surface
+
+    def morphed(self, weights: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+        """Positions moved by the morph targets, of shape (V, 3)."""
+        positions = self.positions.astype(np.float64)
+        for weight, displacement in zip(weights, self.displacements, strict=True):
+            if displacement is not None and weight != 0:
+                positions += np.multiply(displacement, weight, dtype=np.float64)
+        return positions
+
+    def mirrored(self) -> "Geometry":
+        """The mesh whose faces are turned, as a transform that mirrors asks for."""
+        attributes = tuple(_turned(one) for one in self.surface.attributes)
+        faces = np.ascontiguousarray(self.faces[:, [0, 2, 1]])
+        return replace(self, faces=faces, surface=replace(self.surface, attributes=attributes))
+
+
+def read_geometry(
+    mesh: JsonObject, accessors: Accessors, materials: Sequence[str], notes: list[str]
+) -> Geometry:
+    """A mesh of the file, of the primitives that are made of triangles.
+
+    Vertices that coincide however the mesh moves, as files have them at seams of texture
+    coordinates or normals, become one; vertices stay in the order of the file.
+
+    Parameters
+    ----------
+    mesh : JsonObject
+        With at least one such primitive.
+    accessors : Accessors
+    materials : sequence of str
+        Names of those of the file.
+    notes : list of str
+        Gains a sentence on what was welded, left out or made up.
+    """
+    count_targets(mesh)
+    blocks, triangles, numbers = _read_primitives(mesh, accessors, len(materials))
+    positions = np.concatenate([one.values["POSITION"].floats() for one in blocks])
+    displacements = tuple(_join(blocks, number) for number in range(len(blocks[0].displacements)))
+    influences = read_influences(blocks, mesh.place)
+    still = [] if influences is None else [influences.joints, influences.weights]
+    moving = [positions, *(one for one in displacements if one is not None)]
+    vertex_of, first = weld_rows([*(one + 0 for one in moving), *still])
+    if len(first) < len(vertex_of):
+        notes.append(
+            f"{mesh.place}: welded {len(vertex_of)} vertices, split at seams, to {len(first)}"
+        )
+    split = SplitMesh(vertex_of, first, triangles.ravel())
+    attributes = read_attributes(blocks, split, mesh.place, notes)
+    return Geometry(
+        positions[first],
+        tuple(None if one is None else one[first] for one in displacements),
+        None if influences is None else influences.of(first),
+        vertex_of[triangles].astype(np.int32),
+        Surface(None, attributes, _groups(numbers, materials)),
+    )
+
+
+def _read_primitives(
+    mesh: JsonObject, accessors: Accessors, n_materials: int
+) -> tuple[list[Block], npt.NDArray[np.int64], npt.NDArray[np.int32]]:
+    """Blocks, triangles in the vertices of all of them, and the material of each; -1 is none."""
+    blocks: dict[str, tuple[int, Block]] = {}
+    n_verts, triangles, numbers = 0, [], []
+    for primitive in surfaces(mesh):
+        packed = decode_draco(primitive, accessors)
+        key = block_key(primitive)
+        if key not in blocks:
+            blocks[key] = n_verts, read_block(primitive, accessors, packed)
+            n_verts += blocks[key][1].n_verts
+        start, block = blocks[key]
+        found = read_triangles(primitive, accessors, packed, block.n_verts)
+        material = primitive.index("material", n_materials)
+        triangles.append(start + found)
+        numbers.append(np.full(len(found), -1 if material is None else material, np.int32))
+    return [one for _, one in blocks.values()], np.concatenate(triangles), np.concatenate(numbers)
+
+
+def _join(blocks: Sequence[Block], target: int) -> npt.NDArray[Any] | None:
+    """Displacements of all blocks by a morph target, one after the other."""
+    own = [block.displacements[target] for block in blocks]
+    if all(one is None for one in own):
+        return None
+    filled = [
+        np.zeros((block.n_verts, 3), np.float32) if one is None else one
+        for one, block in zip(own, blocks, strict=True)
+    ]
+    return np.concatenate(filled)
+
+
+def _groups(numbers: npt.NDArray[np.int32], materials: Sequence[str]) -> tuple[FaceGroups, ...]:
+    """The materials in use, in the order of the file."""
+    used = np.unique(numbers[numbers >= 0])
+    if len(used) == 0:
+        return ()
+    renumbered = np.full(len(materials) + 1, -1, np.int32)  # the last is of those without any
+    renumbered[used] = np.arange(len(used))
+    return (FaceGroups("material", tuple(materials[one] for one in used), renumbered[numbers]),)
+
+
+def _turned(attribute: Attribute) -> Attribute:
+    if attribute.domain is not Domain.CORNER or attribute.indices is None:
+        return attribute
+    indices = attribute.indices.reshape(-1, 3)[:, [0, 2, 1]].ravel()
+    return replace(attribute, indices=indices)

@@ -1,0 +1,168 @@
+"""Reading glTF: every node that shows a mesh, as it moves in the world.
+
+The JSON is parsed by the standard library and checked here: libraries for glTF take indices and
+sizes on trust, which files from anywhere do not earn.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+from meshreel.errors import FormatError
+from meshreel.formats.gltf.accessors import Accessors
+from meshreel.formats.gltf.animation import Channel, choose_animation, read_curves, read_keys
+from meshreel.formats.gltf.baking import BakedMesh
+from meshreel.formats.gltf.document import Document, read_document
+from meshreel.formats.gltf.geometry import Geometry, read_geometry
+from meshreel.formats.gltf.motion import Motion
+from meshreel.formats.gltf.nodes import Nodes, read_nodes, shown_nodes, unique_names
+from meshreel.formats.gltf.primitives import count_targets, has_joints, surfaces
+from meshreel.formats.gltf.sampling import STILL, Sampling, sample_times
+from meshreel.formats.gltf.skinning import Skin, read_skin
+from meshreel.formats.options import ReadOptions
+from meshreel.formats.scene import SceneMesh
+from meshreel.sequence import validate_fps
+
+
+@dataclass(frozen=True, eq=False)
+class Placement:
+    """A mesh that a node shows.
+
+    Attributes
+    ----------
+    node, mesh : int
+    skin : Skin, optional
+        The joints that the mesh follows, in place of the node.
+    """
+
+    node: int
+    mesh: int
+    skin: Skin | None
+
+
+def read_meshes(path: Path, options: ReadOptions) -> list[SceneMesh]:
+    """The meshes of the scene that a glTF file shows, named by the paths of their nodes.
+
+    Of several animations the first that moves a mesh is taken; what it does not move has one
+    frame.
+
+    Raises
+    ------
+    FormatError
+        If the file is damaged, shows no mesh, or needs an extension that is not read.
+    """
+    document = read_document(path)
+    accessors, nodes = Accessors(document), read_nodes(document)
+    placements = _placements(document, shown_nodes(document, nodes), accessors)
+    if not placements:
+        raise FormatError("shows no mesh of triangles; points and lines are not read")
+    motion, sampling = _motion(placements, nodes, accessors, options)
+    _note_left_out(document, placements, options.notes)
+    read = _geometry_reader(accessors, options.notes)
+    names = unique_names([nodes.path(one.node) for one in placements])
+    moves = _mover(placements, motion)
+    return [
+        _scene_mesh(name, one, motion, sampling if moves(one) else sampling.first(), read, document)
+        for name, one in zip(names, placements, strict=True)
+    ]
+
+
+def _placements(document: Document, nodes: Sequence[int], accessors: Accessors) -> list[Placement]:
+    """The meshes of triangles that some nodes show, in their order."""
+    read = cache(lambda number: read_skin(document.lists["skins"][number], accessors))
+    found = []
+    for node in nodes:
+        given = document.lists["nodes"][node]
+        mesh = document.index(given, "mesh", "meshes")
+        skin = document.index(given, "skin", "skins")
+        if mesh is not None and surfaces(document.lists["meshes"][mesh]):
+            is_bound = skin is not None and has_joints(document.lists["meshes"][mesh])
+            found.append(Placement(node, mesh, read(skin) if is_bound else None))
+    return found
+
+
+def _motion(
+    placements: Sequence[Placement], nodes: Nodes, accessors: Accessors, options: ReadOptions
+) -> tuple[Motion, Sampling]:
+    """How nodes move that carry meshes, and when frames are."""
+    shown = {one.node for one in placements}
+    carriers = {one.node for one in placements if one.skin is None}
+    for skin in {one.skin for one in placements if one.skin is not None}:
+        carriers.update(skin.joints)
+    family = set(nodes.family(carriers))
+
+    def moves_mesh(channel: Channel) -> bool:
+        return channel.node in (shown if channel.path == "weights" else family)
+
+    channels = choose_animation(accessors.document, moves_mesh, options.notes)
+    if not channels:
+        return Motion(nodes, {}), STILL
+    curves = read_curves([one for one in channels if moves_mesh(one)], nodes, accessors)
+    is_curved = any(curve.is_curved for curve in curves.values())
+    fps, keys = validate_fps(options.fps or 0.0), read_keys(channels, accessors)
+    return Motion(nodes, curves), sample_times(keys, fps, is_curved=is_curved, notes=options.notes)
+
+
+def _mover(placements: Sequence[Placement], motion: Motion) -> Callable[[Placement], bool]:
+    """A function that tells whether a mesh moves."""
+    skins = {one.skin for one in placements if one.skin is not None}
+    moving = {skin for skin in skins if not motion.moving.isdisjoint(skin.joints)}
+
+    def moves(one: Placement) -> bool:
+        is_carried = one.node in motion.moving if one.skin is None else one.skin in moving
+        return is_carried or (one.node, "weights") in motion.curves
+
+    return moves
+
+
+def _geometry_reader(accessors: Accessors, notes: list[str]) -> Callable[[int], Geometry]:
+    """A function from the number of a mesh to what it is, which reads each mesh once."""
+    document = accessors.document
+    materials = unique_names(
+        [
+            given.text("name", "") or f"material_{number}"
+            for number, given in enumerate(document.lists["materials"])
+        ]
+    )
+    return cache(
+        lambda mesh: read_geometry(document.lists["meshes"][mesh], accessors, materials, notes)
+    )
+
+
+def _scene_mesh(
+    name: str,
+    placement: Placement,
+    motion: Motion,
+    sampling: Sampling,
+    read: Callable[[int], Geometry],
+    document: Document,
+) -> SceneMesh:
+    mesh, node = document.lists["meshes"][placement.mesh], document.lists["nodes"][placement.node]
+    n_targets = count_targets(mesh)
+    default = mesh.numbers("weights", n_targets, np.zeros(n_targets))
+    weights = node.numbers("weights", n_targets, default)
+    baked = BakedMesh(
+        placement.node,
+        placement.skin,
+        weights,
+        motion,
+        sampling.exact_s,
+        lambda: read(placement.mesh),
+    )
+    return SceneMesh(name, sampling.times_s, baked.frame, baked.surface, sampling.fps or None)
+
+
+def _note_left_out(document: Document, placements: Sequence[Placement], notes: list[str]) -> None:
+    for number in sorted({one.mesh for one in placements}):
+        mesh = document.lists["meshes"][number]
+        n_primitives = len(mesh.children("primitives", "primitive"))
+        if n_left := n_primitives - len(surfaces(mesh)):
+            notes.append(
+                f"{mesh.place}: left out {n_left} of {n_primitives} primitives, which have no "
+                "triangles"
+            )
+    if document.uses("KHR_texture_transform"):
+        notes.append("texture coordinates are as stored, without KHR_texture_transform")
