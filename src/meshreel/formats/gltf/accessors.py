@@ -91,29 +91,23 @@ class Accessors:
             self._overwrite(array, sparse)
         return Values(array, found.flag("normalized"))
 
-    def reserve(self, size_bytes: int, place: str) -> None:
-        """Nothing if so many bytes more may be taken; they are counted.
+    def _dense(
+        self, found: JsonObject, dtype: np.dtype[Any], count: int, width: int
+    ) -> npt.NDArray[Any]:
+        """The values without those that are sparse; an array of its own."""
+        is_stored = self.document.index(found, "bufferView", "bufferViews") is not None
+        stored = self._taken(found, dtype, count, width) if is_stored else None
+        self.reserve(count * width * dtype.itemsize, found.place)
+        return np.zeros((count, width), dtype) if stored is None else stored.copy()
 
-        Raises
-        ------
-        FormatError
-            If the file asks for far more than it has bytes.
-        """
+    def reserve(self, size_bytes: int, place: str) -> None:
+        """Count bytes that are about to be taken, and refuse far more than the file has."""
         self._reserved += size_bytes
         available = self.document.size_bytes + self.buffers.size_bytes
         if self._reserved > max(LEAST_DECODED_BYTES, EXPANSION * available):
             raise FormatError(
                 f"{place}: the arrays of the file would take more than {EXPANSION} times its size"
             )
-
-    def _dense(
-        self, found: JsonObject, dtype: np.dtype[Any], count: int, width: int
-    ) -> npt.NDArray[Any]:
-        """The values without those that are sparse; an array of its own."""
-        self.reserve(count * width * dtype.itemsize, found.place)
-        if self.document.index(found, "bufferView", "bufferViews") is None:
-            return np.zeros((count, width), dtype)
-        return self._taken(found, dtype, count, width).copy()
 
     def _taken(
         self, holder: JsonObject, dtype: np.dtype[Any], count: int, width: int

@@ -107,8 +107,9 @@ def _beside(folder: Path, uri: str, place: str) -> Path:
     path = folder.joinpath(*parts)
     with os_errors_naming(path):
         is_within = path.resolve().is_relative_to(folder.resolve())
+        is_there = path.is_file()
     if not is_within:
         raise FormatError(f"{place}: {name!r} is a link that leaves the folder of the glTF file")
-    if not path.is_file():
+    if not is_there:
         raise FormatError(f"{place}: there is no file {name!r} beside the glTF file; put it there")
     return path

@@ -40,12 +40,12 @@ class JsonObject:
         return FormatError(f"{self.place}: {key!r} must be {allowed}; got {shown}")
 
     def whole(self, key: str, default: int | None = None) -> int:
-        """A whole number of at least 0; without a default the key must be there."""
+        """A whole number from 0 on; without a default the key must be there."""
         value = self.values.get(key, default)
         if isinstance(value, float) and value.is_integer():
             value = int(value)
         if value is None or not _is_whole(value):
-            raise self.error(key, "a whole number of at least 0")
+            raise self.error(key, "a whole number from 0 to 2^53")
         return int(value)
 
     def index(self, key: str, n_items: int) -> int | None:
@@ -61,7 +61,7 @@ class JsonObject:
         """Numbers of some of so many items; none if the key is not there."""
         values = self.values.get(key, [])
         if not isinstance(values, list) or not all(_is_whole(value) for value in values):
-            raise self.error(key, "a list of whole numbers of at least 0")
+            raise self.error(key, "a list of whole numbers from 0 to 2^53")
         if any(value >= n_items for value in values):
             raise self.error(key, f"a list of numbers below {n_items}, which is how many there are")
         return values

@@ -72,11 +72,11 @@ def sample_times(keys_s: Floats, fps: float, *, is_curved: bool, notes: list[str
         return Sampling(keys_s[:1], keys_s[:1], 0.0)
     fps = fps or _suiting_rate(keys_s, is_curved, notes)
     n_frames = _count_frames(end - start, fps)
-    first = start * fps
-    if abs(first - round(first)) <= TOLERANCE:
+    first, tolerance = start * fps, min(max(TOLERANCE, _rounding(keys_s) * fps), 0.1)
+    if abs(first - round(first)) <= tolerance:
         first = round(first)
     times: Floats = (first + np.arange(n_frames, dtype=np.float64)) / fps
-    return Sampling(times, _on_keys(times, keys_s, TOLERANCE / fps), fps)
+    return Sampling(times, _on_keys(times, keys_s, tolerance / fps), fps)
 
 
 def common_rate(keys_s: Floats) -> float:
@@ -102,10 +102,13 @@ def common_rate(keys_s: Floats) -> float:
 
 
 def _is_on_grid(keys_s: Floats, fps: float) -> bool:
-    frames = (keys_s - keys_s[0]) * fps
-    # Times are float32 in the file.
-    rounding = 2 * float(np.spacing(np.float32(np.abs(keys_s).max()))) * fps
-    return bool(np.abs(frames - np.round(frames)).max() <= max(10 * TOLERANCE, rounding))
+    frames, tolerance = (keys_s - keys_s[0]) * fps, max(10 * TOLERANCE, 2 * _rounding(keys_s) * fps)
+    return bool(np.abs(frames - np.round(frames)).max() <= tolerance)
+
+
+def _rounding(keys_s: Floats) -> float:
+    """By how many seconds times are off, for they are float32 in the file."""
+    return float(np.spacing(np.float32(np.abs(keys_s).max())))
 
 
 def _suiting_rate(keys_s: Floats, is_curved: bool, notes: list[str]) -> float:

@@ -1,0 +1,150 @@
+"""Small glTF files for tests, put together piece by piece."""
+
+import base64
+import json
+import struct
+
+import numpy as np
+
+COMPONENTS = {"i1": 5120, "u1": 5121, "i2": 5122, "u2": 5123, "u4": 5125, "f4": 5126}
+KINDS = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4", 16: "MAT4"}
+
+TRIANGLE = [[0, 0, 0], [1, 0, 0], [0, 1, 0]]
+SQUARE = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]
+SQUARE_FACES = [0, 1, 2, 0, 2, 3]
+
+
+def shifted(points, by):
+    """Points, each moved by the same."""
+    return np.add(points, by)
+
+
+class Gltf:
+    """A glTF file that grows; `json` is open to every change."""
+
+    def __init__(self):
+        self.json = {"asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": []}]}
+        self.data = bytearray()
+
+    def add(self, kind, **values):
+        """The number of a new item of a list of the file."""
+        items = self.json.setdefault(kind, [])
+        items.append(values)
+        return len(items) - 1
+
+    def view(self, data, **values):
+        """The number of a new buffer view of these bytes."""
+        self.data += bytes(-len(self.data) % 4)
+        values = {"buffer": 0, "byteOffset": len(self.data), "byteLength": len(data), **values}
+        self.data += data
+        return self.add("bufferViews", **values)
+
+    def accessor(self, values, dtype="f4", **more):
+        """The number of a new accessor of these values, of shape (N,), (N, C) or (N, 4, 4)."""
+        array = np.asarray(values)
+        array = array.reshape(len(array), -1).astype(f"<{dtype}")
+        return self.add(
+            "accessors",
+            bufferView=self.view(array.tobytes()),
+            componentType=COMPONENTS[dtype],
+            count=len(array),
+            type=KINDS[array.shape[1]],
+            **more,
+        )
+
+    def mesh(self, positions=TRIANGLE, faces=None, targets=(), *, attributes=None, **more):
+        """The number of a new mesh of one primitive; attributes are numbers of accessors."""
+        primitive = {"attributes": {"POSITION": self.accessor(positions), **(attributes or {})}}
+        if faces is not None:
+            primitive["indices"] = self.accessor(np.ravel(faces), "u2")
+        if len(targets):
+            primitive["targets"] = [{"POSITION": self.accessor(one)} for one in targets]
+        return self.add("meshes", primitives=[primitive], **more)
+
+    def node(self, *, is_root=True, **values):
+        """The number of a new node, shown unless it is a child of another."""
+        number = self.add("nodes", **values)
+        if is_root:
+            self.json["scenes"][0]["nodes"].append(number)
+        return number
+
+    def animate(self, node, path, keys, values, interpolation=None, *, dtype="f4", animation=0):
+        """Let an animation move a node; it is made if it is not there."""
+        animations = self.json.setdefault("animations", [])
+        while len(animations) <= animation:
+            animations.append({"samplers": [], "channels": []})
+        found = animations[animation]
+        sampler = {
+            "input": self.accessor(keys),
+            "output": self.accessor(
+                values, dtype, **({} if dtype == "f4" else {"normalized": True})
+            ),
+        }
+        if interpolation:
+            sampler["interpolation"] = interpolation
+        found["samplers"].append(sampler)
+        target = {"node": node, "path": path}
+        found["channels"].append({"sampler": len(found["samplers"]) - 1, "target": target})
+
+    def save(self, path):
+        """The path, with the file written there: `.glb`, or `.gltf` that holds its data as text."""
+        whole = dict(self.json)
+        if path.suffix == ".glb":
+            path.write_bytes(glb({**whole, "buffers": [{"byteLength": len(self.data)}]}, self.data))
+        else:
+            uri = "data:application/octet-stream;base64," + base64.b64encode(self.data).decode()
+            whole.setdefault("buffers", [{"byteLength": len(self.data), "uri": uri}])
+            path.write_text(json.dumps(whole))
+        return path
+
+
+def glb(document, data):
+    """The bytes of a GLB file."""
+    text = json.dumps(document).encode()
+    text += b" " * (-len(text) % 4)
+    data = bytes(data) + bytes(-len(data) % 4)
+    chunks = struct.pack("<I4s", len(text), b"JSON") + text
+    chunks += struct.pack("<I4s", len(data), b"BIN\x00") + data
+    return struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks
+
+
+def moving_triangle():
+    """A triangle that goes from 0 to 2 along x within a second, at three keys."""
+    file = Gltf()
+    node = file.node(mesh=file.mesh(), name="tri")
+    file.animate(node, "translation", [0, 0.5, 1], [[0, 0, 0], [1, 0, 0], [2, 0, 0]])
+    return file
+
+
+def rich_gltf():
+    """A file that has a bit of everything: a skin, morph targets, materials, seams, an armature."""
+    file = Gltf()
+    joints = file.accessor(np.tile([0, 1, 0, 0], (4, 1)), "u1")
+    weights = file.accessor(np.tile([128, 127, 0, 0], (4, 1)), "u1", normalized=True)
+    uv = file.accessor(np.random.default_rng(0).random((4, 2)))
+    color = file.accessor([[255, 0, 0, 255]] * 4, "u1", normalized=True)
+    mesh = file.mesh(
+        [*SQUARE[:3], SQUARE[0]],
+        [0, 1, 2, 3, 2, 1],
+        [np.ones((4, 3)), -np.ones((4, 3))],
+        attributes={"JOINTS_0": joints, "WEIGHTS_0": weights, "TEXCOORD_0": uv, "COLOR_0": color},
+        weights=[0.25, 0],
+    )
+    file.json["meshes"][mesh]["primitives"][0]["material"] = file.add("materials", name="skin")
+    sparse = {
+        "count": 1,
+        "indices": {"bufferView": file.view(b"\x01"), "componentType": 5121},
+        "values": {"bufferView": file.view(np.array([0, 0, 3], "<f4").tobytes())},
+    }
+    target = file.add("accessors", componentType=5126, count=4, type="VEC3", sparse=sparse)
+    file.json["meshes"][mesh]["primitives"][0]["targets"][1]["POSITION"] = target
+    tip = file.node(is_root=False, name="tip", translation=[0, 1, 0], rotation=[0, 0, 0, 1])
+    root = file.node(name="root", children=[tip], scale=[1, 1, 2])
+    binds = file.accessor(np.tile(np.eye(4), (2, 1, 1)))
+    skin = file.add("skins", joints=[root, tip], inverseBindMatrices=binds)
+    body = file.node(name="body", mesh=mesh, skin=skin)
+    half = np.sqrt(0.5)
+    file.animate(tip, "rotation", [0, 0.5], [[0, 0, 0, 1], [0, 0, half, half]])
+    file.animate(root, "translation", [0, 0.5], np.ones((6, 3)), "CUBICSPLINE")
+    file.animate(body, "weights", [0, 0.5], [0, 1, 1, 0], "STEP")
+    return file

@@ -1,0 +1,156 @@
+import numpy as np
+import pytest
+
+from meshreel.errors import FormatError
+from meshreel.formats.gltf import accessors
+from meshreel.formats.gltf.accessors import Accessors
+from meshreel.formats.gltf.document import read_document
+from meshreel.formats.gltf.json_object import JsonObject
+from sample_gltf import Gltf
+
+HOLDER = JsonObject({"it": 0}, "holder")
+
+
+@pytest.fixture
+def read(tmp_path):
+    """Read the first accessor of a file."""
+
+    def values(file, *kinds, ending="glb", count=None):
+        path = file.save(tmp_path / f"a.{ending}")
+        return Accessors(read_document(path)).read(HOLDER, "it", *kinds, count=count)
+
+    return values
+
+
+@pytest.mark.parametrize("ending", ["glb", "gltf"])
+@pytest.mark.parametrize("dtype", ["i1", "u1", "i2", "u2", "u4", "f4"])
+def test_accessor_gives_the_numbers_of_the_file_when_of_any_type(read, dtype, ending):
+    info = np.finfo(dtype) if dtype == "f4" else np.iinfo(dtype)
+    numbers = np.array([[info.min, 0, 1], [info.max, 3, 2]], dtype)
+    file = Gltf()
+    file.accessor(numbers, dtype)
+    found = read(file, "VEC3", ending=ending)
+    assert found.array.dtype == np.dtype(f"<{dtype}")
+    np.testing.assert_array_equal(found.array, numbers)
+    np.testing.assert_array_equal(found.floats(), numbers.astype(np.float64))
+
+
+@pytest.mark.parametrize(
+    ("dtype", "given", "expected"),
+    [
+        ("i1", [-128, -127, 0, 127], [-1, -1, 0, 1]),
+        ("u1", [0, 51, 255], [0, 0.2, 1]),
+        ("i2", [-32768, -32767, 32767], [-1, -1, 1]),
+        ("u2", [0, 13107, 65535], [0, 0.2, 1]),
+    ],
+)
+def test_accessor_gives_fractions_when_integers_are_normalized(read, dtype, given, expected):
+    file = Gltf()
+    file.accessor(given, dtype, normalized=True)
+    np.testing.assert_array_equal(read(file, "SCALAR").floats()[:, 0], np.array(expected))
+
+
+def test_accessor_steps_over_other_bytes_when_elements_are_interleaved(read):
+    rows = np.arange(24, dtype="<f4").reshape(4, 6)
+    file = Gltf()
+    view = file.view(rows.tobytes(), byteStride=24)
+    file.add("accessors", bufferView=view, byteOffset=8, componentType=5126, count=4, type="VEC3")
+    np.testing.assert_array_equal(read(file, "VEC3").array, rows[:, 2:5])
+
+
+def sparse_file(base, places, values, dtype="u1", count=5):
+    file = Gltf()
+    indices = file.view(np.array(places, f"<{dtype}").tobytes())
+    numbers = file.view(np.array(values, "<f4").tobytes())
+    code = {"u1": 5121, "u2": 5123, "u4": 5125}[dtype]
+    sparse = {
+        "count": len(places),
+        "indices": {"bufferView": indices, "componentType": code},
+        "values": {"bufferView": numbers},
+    }
+    more = {} if base is None else {"bufferView": file.view(np.array(base, "<f4").tobytes())}
+    file.add("accessors", componentType=5126, count=count, type="VEC2", sparse=sparse, **more)
+    return file
+
+
+@pytest.mark.parametrize("dtype", ["u1", "u2", "u4"])
+@pytest.mark.parametrize("base", [None, np.arange(10).reshape(5, 2)])
+def test_accessor_has_other_values_in_places_when_sparse(read, base, dtype):
+    expected = np.zeros((5, 2)) if base is None else base.astype(float)
+    expected[[1, 4]] = [[7, 8], [9, 10]]
+    found = read(sparse_file(base, [1, 4], [[7, 8], [9, 10]], dtype), "VEC2")
+    np.testing.assert_array_equal(found.array, expected)
+
+
+def test_accessor_is_refused_when_a_sparse_place_is_not_there(read):
+    with pytest.raises(FormatError, match=r"indices: names element 5; there are 5"):
+        read(sparse_file(None, [1, 5], [[7, 8], [9, 10]]), "VEC2")
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"count": 4}, r"accessor 0: 4 elements of 12 bytes, 12 bytes apart from byte 0"),
+        ({"byteOffset": 4}, r"are not within the 36 bytes"),
+        ({"count": 0}, "'count' must be at least 1"),
+        ({"count": -1}, "'count' must be a whole number from 0 to 2.53; got -1"),
+        ({"count": 1 << 50}, r"are not within the 36 bytes"),
+        ({"count": 10**300}, "'count' must be a whole number"),
+        ({"type": "VEC2"}, "'type' must be VEC3 here; got 'VEC2'"),
+        ({"componentType": 5130}, "'componentType' must be one of 5120"),
+        ({"bufferView": 1}, "'bufferView' must be below 1"),
+        ({"bufferView": True}, "'bufferView' must be a whole number"),
+        ({"normalized": 1}, "'normalized' must be true or false"),
+    ],
+)
+def test_accessor_is_refused_when_it_contradicts_its_bytes(read, change, message):
+    file = Gltf()
+    file.accessor(np.zeros((3, 3)))
+    file.json["accessors"][0].update(change)
+    with pytest.raises(FormatError, match=message):
+        read(file, "VEC3")
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"byteLength": 40}, r"buffer view 0: bytes 0\.\.40 are not within buffer 0"),
+        ({"byteOffset": 1 << 52}, "are not within buffer 0"),
+        ({"buffer": 1}, "'buffer' must be below 1"),
+        ({"byteStride": 4}, "elements of 12 bytes are 4 bytes apart"),
+    ],
+)
+def test_accessor_is_refused_when_its_view_leaves_the_buffer(read, change, message):
+    file = Gltf()
+    file.accessor(np.zeros((3, 3)))
+    file.json["bufferViews"][0].update(change)
+    with pytest.raises(FormatError, match=message):
+        read(file, "VEC3")
+
+
+def test_accessor_is_refused_when_it_is_huge_and_has_no_bytes(read):
+    file = Gltf()
+    file.add("accessors", componentType=5126, count=1 << 40, type="VEC3")
+    with pytest.raises(FormatError, match="arrays of the file would take more than 32 times"):
+        read(file, "VEC3")
+
+
+def test_accessor_is_refused_when_another_count_is_needed(read):
+    file = Gltf()
+    file.accessor(np.zeros((3, 3)))
+    with pytest.raises(FormatError, match=r"'count' must be 4 as holder needs; got 3"):
+        read(file, "VEC3", count=4)
+
+
+def test_accessors_are_refused_when_they_share_bytes_too_often(tmp_path, monkeypatch):
+    monkeypatch.setattr(accessors, "LEAST_DECODED_BYTES", 1000)
+    file = Gltf()
+    file.accessor(np.zeros((1000, 3)))
+    found = Accessors(read_document(file.save(tmp_path / "a.glb")))
+
+    def read_often():
+        for _ in range(96):
+            found.read(HOLDER, "it", "VEC3")
+
+    with pytest.raises(FormatError, match="accessor 0: the arrays of the file would take more"):
+        read_often()

@@ -1,0 +1,273 @@
+import numpy as np
+import pytest
+
+from meshreel.errors import FormatError
+from meshreel.formats.gltf.primitives import FAN, STRIP, TRIANGLES, cut_triangles
+from meshreel.formats.load import load
+from meshreel.surface import Domain, Kind
+from sample_gltf import SQUARE, SQUARE_FACES, TRIANGLE, Gltf, shifted
+
+SPLIT = [*SQUARE, SQUARE[0], SQUARE[2]]
+SPLIT_FACES = [0, 1, 2, 4, 5, 3]
+
+
+@pytest.fixture
+def read(tmp_path):
+    """Load a file; gives the sequence and the notes."""
+
+    def loaded(file, **options):
+        notes = []
+        return load(file.save(tmp_path / "a.glb"), notes=notes, **options), notes
+
+    return loaded
+
+
+def split_square(**attributes):
+    """A square whose diagonal is a seam; attributes are values, or accessors already."""
+    file = Gltf()
+    numbers = {
+        name: file.accessor(one)
+        if not isinstance(one, tuple)
+        else file.accessor(*one[:2], **one[2])
+        for name, one in attributes.items()
+    }
+    file.node(mesh=file.mesh(SPLIT, SPLIT_FACES, attributes=numbers))
+    return file
+
+
+def test_vertices_are_one_when_they_coincide(read):
+    found, notes = read(split_square(NORMAL=np.random.default_rng(0).random((6, 3))))
+    np.testing.assert_array_equal(found.vertices[0], SQUARE)
+    np.testing.assert_array_equal(found.faces, [[0, 1, 2], [0, 2, 3]])
+    assert notes == ["mesh 0: welded 6 vertices, split at seams, to 4"]
+    assert found.surface.is_plain
+
+
+def test_vertices_are_one_when_zeros_differ_in_sign(read):
+    file = Gltf()
+    file.node(mesh=file.mesh([*SQUARE, [-0.0, 0, -0.0], SQUARE[2]], SPLIT_FACES))
+    assert read(file)[0].n_verts == 4
+
+
+def test_vertices_stay_apart_when_a_morph_target_parts_them(read):
+    file = Gltf()
+    target = np.zeros((6, 3))
+    target[4] = [0, 0, 1e-30]
+    file.node(mesh=file.mesh(SPLIT, SPLIT_FACES, [target]))
+    found, notes = read(file)
+    np.testing.assert_array_equal(found.faces, [[0, 1, 2], [4, 2, 3]])
+    assert notes == ["mesh 0: welded 6 vertices, split at seams, to 5"]
+
+
+def test_vertices_stay_apart_when_joints_part_them(read):
+    joints = np.zeros((6, 4))
+    joints[4, 0] = 1
+    weights = np.tile([1, 0, 0, 0], (6, 1))
+    file = split_square(JOINTS_0=(joints, "u1", {}), WEIGHTS_0=weights)
+    assert read(file)[0].n_verts == 5
+
+
+def test_a_degenerate_triangle_is_kept_when_it_is_welded(read):
+    file = Gltf()
+    file.node(mesh=file.mesh([*SQUARE, SQUARE[0]], [0, 1, 2, 0, 4, 2]))
+    np.testing.assert_array_equal(read(file)[0].faces, [[0, 1, 2], [0, 0, 2]])
+
+
+def test_texture_coordinates_are_of_corners_and_upwards_when_they_differ_at_a_seam(read):
+    uv = np.array([[0, 0], [0.5, 0], [0.5, 0.25], [0, 0.25], [1, 1], [0.5, 0.25]])
+    found, _ = read(split_square(TEXCOORD_0=uv))
+    [attribute] = found.surface.attributes
+    assert (attribute.name, attribute.kind, attribute.domain) == ("uv", Kind.UV, Domain.CORNER)
+    assert (attribute.values.dtype, len(attribute.values)) == (np.float32, 5)
+    expected = (uv * [1, -1] + [0, 1])[SPLIT_FACES]
+    np.testing.assert_array_equal(attribute.per_item(), expected)
+
+
+def test_texture_coordinates_are_of_vertices_when_they_are_the_same_at_a_seam(read):
+    uv = np.random.default_rng(0).random((6, 2)).astype(np.float32)
+    uv[4:] = uv[[0, 2]]
+    found, _ = read(split_square(TEXCOORD_0=uv))
+    [attribute] = found.surface.attributes
+    assert (attribute.domain, attribute.indices) == (Domain.VERTEX, None)
+    np.testing.assert_array_equal(attribute.values, np.stack([uv[:4, 0], 1 - uv[:4, 1]], axis=1))
+
+
+@pytest.mark.parametrize("dtype", ["u1", "u2"])
+def test_texture_coordinates_are_fractions_when_they_are_normalized(read, dtype):
+    most = np.iinfo(dtype).max
+    uv = np.zeros((6, 2))
+    uv[:] = [most, most // 5]
+    found, _ = read(split_square(TEXCOORD_0=(uv, dtype, {"normalized": True})))
+    np.testing.assert_array_equal(
+        found.surface.attributes[0].values, np.array([[1, 0.8]] * 4, np.float32)
+    )
+
+
+@pytest.mark.parametrize("width", [3, 4])
+def test_colors_are_bytes_when_they_are_so_in_the_file(read, width):
+    color = np.random.default_rng(0).integers(0, 256, (6, width))
+    found, _ = read(split_square(COLOR_0=(color, "u1", {"normalized": True})))
+    [attribute] = found.surface.attributes
+    assert (attribute.name, attribute.kind, attribute.domain) == (
+        "color", Kind.COLOR, Domain.CORNER,
+    )  # fmt: skip
+    assert attribute.values.dtype == np.uint8
+    np.testing.assert_array_equal(attribute.per_item(), color[SPLIT_FACES])
+
+
+def test_colors_are_fractions_when_they_are_shorts_or_floats(read):
+    shorts = (np.full((6, 3), 13107), "u2", {"normalized": True})
+    found, _ = read(split_square(COLOR_0=shorts, COLOR_1=np.full((6, 4), 0.2)))
+    first, second = found.surface.attributes
+    assert (first.name, second.name) == ("color", "color1")
+    np.testing.assert_array_equal(first.values, np.full((4, 3), 0.2, np.float32))
+    np.testing.assert_array_equal(second.values, np.full((4, 4), 0.2, np.float32))
+
+
+def test_attributes_come_in_order_when_the_file_has_them_in_another(read):
+    pair = np.zeros((6, 2))
+    file = split_square(_HEAT=np.arange(6), TEXCOORD_10=pair, COLOR_0=np.ones((6, 3)),
+                        TEXCOORD_2=pair, TANGENT=np.ones((6, 4)))  # fmt: skip
+    found, _ = read(file)
+    assert [one.name for one in found.surface.attributes] == ["uv2", "uv10", "color", "_HEAT"]
+    heat = found.surface.attributes[3]
+    assert (heat.kind, heat.domain) == (Kind.OTHER, Domain.CORNER)
+    np.testing.assert_array_equal(heat.per_item()[:, 0], SPLIT_FACES)
+
+
+@pytest.mark.parametrize(
+    ("dtype", "expected"), [("i1", "i4"), ("u1", "u1"), ("i2", "i4"), ("u2", "i4"), ("f4", "f4")]
+)
+def test_own_attributes_keep_their_numbers_when_of_any_type(read, dtype, expected):
+    info = np.finfo(dtype) if dtype == "f4" else np.iinfo(dtype)
+    numbers = np.array([info.max, info.min, 1, 2, info.max, 1], dtype)
+    found, _ = read(split_square(_OWN=(numbers, dtype, {})))
+    [attribute] = found.surface.attributes
+    assert attribute.values.dtype == np.dtype(expected)
+    np.testing.assert_array_equal(attribute.values[:, 0], numbers[:4])
+
+
+def two_primitives(first=None, second=None, **more):
+    file = Gltf()
+    mesh = file.mesh(TRIANGLE, attributes=first)
+    other = {"POSITION": file.accessor(shifted(TRIANGLE, [1, 0, 0])), **(second or {})}
+    file.json["meshes"][mesh]["primitives"].append({"attributes": other, **more})
+    file.node(mesh=mesh)
+    return file
+
+
+def test_a_mesh_is_one_when_it_has_several_primitives(read):
+    found, notes = read(two_primitives())
+    np.testing.assert_array_equal(found.faces, [[0, 1, 2], [1, 3, 4]])
+    np.testing.assert_array_equal(found.vertices[0], [*TRIANGLE, [2, 0, 0], [1, 1, 0]])
+    assert notes == ["mesh 0: welded 6 vertices, split at seams, to 5"]
+
+
+def test_materials_are_groups_when_primitives_have_them(read):
+    file = two_primitives(material=3)
+    for name in ("skin", None, "skin", None):
+        file.add("materials", **({"name": name} if name else {}))
+    found, _ = read(file)
+    [groups] = found.surface.groups
+    assert (groups.name, groups.labels, groups.numbers.tolist()) == (
+        "material", ("material_3",), [-1, 0],
+    )  # fmt: skip
+    file.json["meshes"][0]["primitives"][0]["material"] = 2
+    [groups] = read(file)[0].surface.groups
+    assert (groups.labels, groups.numbers.tolist()) == (("skin_1", "material_3"), [0, 1])
+
+
+def test_primitives_share_vertices_when_they_name_the_same(read):
+    file = Gltf()
+    mesh = file.mesh(SQUARE, SQUARE_FACES[:3])
+    [primitive] = file.json["meshes"][mesh]["primitives"]
+    second = {**primitive, "indices": file.accessor(SQUARE_FACES[3:], "u4")}
+    file.json["meshes"][mesh]["primitives"].append(second)
+    file.node(mesh=mesh)
+    found, notes = read(file)
+    np.testing.assert_array_equal(found.faces, [[0, 1, 2], [0, 2, 3]])
+    assert (found.n_verts, notes) == (4, [])
+
+
+def test_missing_values_are_made_up_and_noted_when_a_primitive_has_none(read):
+    file = two_primitives()
+    attributes = file.json["meshes"][0]["primitives"][1]["attributes"]
+    attributes["TEXCOORD_0"] = file.accessor([[0.5, 0.5]] * 3)
+    attributes["COLOR_0"] = file.accessor([[0, 0, 0, 9]] * 3, "u1", normalized=True)
+    attributes["_OWN"] = file.accessor([1, 2, 3])
+    found, notes = read(file)
+    uv, color = found.surface.attributes
+    np.testing.assert_array_equal(uv.per_item(), [[0, 1]] * 3 + [[0.5, 0.5]] * 3)
+    np.testing.assert_array_equal(color.per_item(), [[255] * 4] * 3 + [[0, 0, 0, 9]] * 3)
+    assert notes[1:] == [
+        "mesh 0: TEXCOORD_0 is 0 1 where a primitive has none",
+        "mesh 0: COLOR_0 is white where a primitive has none",
+        "mesh 0: _OWN is left out, for its primitives do not all have it alike",
+    ]
+
+
+def test_colors_are_fractions_when_primitives_have_them_in_different_types(read):
+    file = two_primitives()
+    first, second = (one["attributes"] for one in file.json["meshes"][0]["primitives"])
+    first["COLOR_0"] = file.accessor([[51, 0, 255]] * 3, "u1", normalized=True)
+    second["COLOR_0"] = file.accessor([[0, 1, 0, 0.5]] * 3)
+    [color] = read(file)[0].surface.attributes
+    expected = np.array([[0.2, 0, 1, 1]] * 3 + [[0, 1, 0, 0.5]] * 3, np.float32)
+    np.testing.assert_array_equal(color.per_item(), expected)
+
+
+@pytest.mark.parametrize(
+    ("mode", "expected"),
+    [
+        (TRIANGLES, [[5, 6, 7]]),
+        (STRIP, [[5, 6, 7], [6, 8, 7], [7, 8, 9]]),
+        (FAN, [[6, 7, 5], [7, 8, 5], [8, 9, 5]]),
+    ],
+)
+def test_triangles_are_those_of_the_standard_when_cut(mode, expected):
+    np.testing.assert_array_equal(cut_triangles(np.arange(5, 10), mode), expected)
+    assert cut_triangles(np.arange(2), mode).shape == (0, 3)
+
+
+def test_a_strip_faces_one_side_when_it_is_flat(read):
+    file = Gltf()
+    file.node(mesh=file.mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0], [0, 2, 0]]))
+    file.json["meshes"][0]["primitives"][0]["mode"] = STRIP
+    found, _ = read(file)
+    a, b, c = np.moveaxis(found.vertices[0][found.faces], 1, 0)
+    np.testing.assert_array_equal(np.cross(b - a, c - a), [[0, 0, 1]] * 3)
+
+
+@pytest.mark.parametrize("mode", [0, 1, 2, 3])
+def test_points_and_lines_are_left_out_and_noted_when_there_are_triangles_too(read, mode):
+    found, notes = read(two_primitives(mode=mode))
+    assert found.n_verts == 3
+    assert notes == ["mesh 0: left out 1 of 2 primitives, which have no triangles"]
+
+
+def test_load_is_refused_when_there_are_only_points(read):
+    file = Gltf()
+    file.node(mesh=file.mesh())
+    file.json["meshes"][0]["primitives"][0]["mode"] = 0
+    with pytest.raises(FormatError, match="shows no mesh of triangles"):
+        read(file)
+
+
+def test_positions_are_those_meant_when_they_are_quantized(read):
+    file = Gltf()
+    mesh = file.mesh(TRIANGLE)
+    grid = np.array([[-127, 0, 127], [127, 0, 0], [0, 127, 0]])
+    normalized = file.accessor(grid, "i1", normalized=True)
+    file.json["meshes"][mesh]["primitives"][0]["attributes"]["POSITION"] = normalized
+    file.node(mesh=mesh, scale=[2, 2, 2], translation=[1, 0, 0])
+    file.json["extensionsRequired"] = ["KHR_mesh_quantization"]
+    found, _ = read(file)
+    np.testing.assert_array_equal(found.vertices[0], grid / 127 * 2 + [1, 0, 0])
+    del file.json["accessors"][normalized]["normalized"]
+    np.testing.assert_array_equal(read(file)[0].vertices[0], grid * 2 + [1, 0, 0])
+
+
+def test_texture_transforms_are_noted_when_a_file_uses_them(read):
+    file = split_square(TEXCOORD_0=np.zeros((6, 2)))
+    file.json["extensionsUsed"] = file.json["extensionsRequired"] = ["KHR_texture_transform"]
+    assert read(file)[1][0] == ("texture coordinates are as stored, without KHR_texture_transform")

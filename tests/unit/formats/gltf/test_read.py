@@ -1,0 +1,308 @@
+import numpy as np
+import pytest
+
+from meshreel.errors import FormatError, InvalidInputError
+from meshreel.formats.load import load, open_source
+from meshreel.formats.stored_frames import StoredFrames
+from sample_gltf import SQUARE, SQUARE_FACES, TRIANGLE, Gltf, moving_triangle, rich_gltf, shifted
+
+HALF = np.sqrt(0.5)
+QUARTER_Z = [0, 0, HALF, HALF]
+
+
+@pytest.fixture
+def read(tmp_path):
+    """Load a file; gives the sequence and the notes."""
+
+    def loaded(file, **options):
+        notes = []
+        return load(file.save(tmp_path / "a.glb"), notes=notes, **options), notes
+
+    return loaded
+
+
+def test_load_gives_one_frame_when_nothing_moves(read):
+    file = Gltf()
+    file.node(mesh=file.mesh([[0.1, 1 / 3, -7], [1e-20, 2, 3], [4, 1e20, 6]]), name="a")
+    found, notes = read(file)
+    expected = np.array([[[0.1, 1 / 3, -7], [1e-20, 2, 3], [4, 1e20, 6]]], np.float32)
+    assert (found.vertices.tobytes(), found.dtype) == (expected.tobytes(), np.float32)
+    assert (found.fps, found.start_s, found.name, notes) == (0, 0, "a", [])
+    np.testing.assert_array_equal(found.faces, [[0, 1, 2]])
+
+
+@pytest.mark.parametrize("ending", ["glb", "gltf"])
+def test_load_samples_at_the_keys_when_they_are_even(tmp_path, ending):
+    found = load(moving_triangle().save(tmp_path / f"a.{ending}"))
+    expected = [shifted(TRIANGLE, [step, 0, 0]) for step in range(3)]
+    np.testing.assert_array_equal(found.vertices, expected)
+    assert (found.fps, found.start_s) == (2, 0)
+
+
+def test_load_samples_as_often_as_asked_when_fps_is_given(read):
+    found, _ = read(moving_triangle(), fps=24)
+    assert (found.n_frames, found.fps) == (25, 24)
+    expected = np.arange(25) / 12
+    np.testing.assert_array_equal(found.vertices[:, 0, 0], expected.astype(np.float32))
+
+
+@pytest.mark.parametrize("fps", [-1, float("nan")])
+def test_load_is_refused_when_fps_is_no_rate(read, fps):
+    with pytest.raises(InvalidInputError, match=r"a\.glb: fps must be finite and at least 0"):
+        read(moving_triangle(), fps=fps)
+
+
+@pytest.mark.parametrize("fps", [24, 25, 30000 / 1001, 60])
+@pytest.mark.parametrize("first", [0, 1, 101])
+def test_load_keeps_rate_and_start_when_keys_do_not_begin_at_zero(read, fps, first):
+    file = Gltf()
+    node = file.node(mesh=file.mesh())
+    rng = np.random.default_rng(1)
+    moves = rng.standard_normal((40, 3)).astype(np.float32)
+    file.animate(node, "translation", (first + np.arange(40)) / fps, moves)
+    found, _ = read(file)
+    assert found.fps == pytest.approx(fps, rel=1e-12)
+    assert found.start_s == first / found.fps
+    np.testing.assert_array_equal(found.vertices[:, 0], moves)
+
+
+def test_load_turns_scales_and_moves_in_this_order_when_a_node_has_all(read):
+    file = Gltf()
+    file.node(mesh=file.mesh(), translation=[1, 2, 3], rotation=QUARTER_Z, scale=[2, 3, 4])
+    found, _ = read(file)
+    np.testing.assert_allclose(found.vertices[0], [[1, 2, 3], [1, 4, 3], [-2, 2, 3]], atol=1e-7)
+
+
+def test_load_reads_columns_when_a_node_has_a_matrix(read):
+    file = Gltf()
+    columns = [0, 2, 0, 0, -3, 0, 0, 0, 0, 0, 4, 0, 1, 2, 3, 1]
+    file.node(mesh=file.mesh(), matrix=columns)
+    found, _ = read(file)
+    np.testing.assert_array_equal(found.vertices[0], [[1, 2, 3], [1, 4, 3], [-2, 2, 3]])
+
+
+def test_load_follows_all_nodes_above_when_they_move(read):
+    file = Gltf()
+    leaf = file.node(is_root=False, mesh=file.mesh(), translation=[1, 0, 0], name="leaf")
+    arm = file.node(is_root=False, children=[leaf], name="arm")
+    root = file.node(children=[arm], scale=[2, 2, 2], name="root")
+    file.animate(arm, "rotation", [0, 1], [[0, 0, 0, 1], QUARTER_Z], "STEP")
+    file.animate(root, "translation", [0, 1], [[0, 0, 0], [0, 0, 5]])
+    found, _ = read(file)
+    assert found.name == "leaf"
+    expected = [[[2, 0, 0], [4, 0, 0], [2, 2, 0]], [[0, 2, 5], [0, 4, 5], [-2, 2, 5]]]
+    np.testing.assert_allclose(found.vertices, expected, rtol=0, atol=1e-6)
+
+
+def test_load_turns_evenly_when_a_rotation_is_linear(read):
+    file = Gltf()
+    node = file.node(mesh=file.mesh())
+    file.animate(node, "rotation", [1, 2], [[0, 0, 0, 1], QUARTER_Z])
+    found, [note] = read(file)
+    angles = np.radians(90) * np.arange(31) / 30
+    assert "the way between is curved" in note
+    assert (found.n_frames, found.fps, found.start_s) == (31, 30, 1)
+    expected = np.stack([np.cos(angles), np.sin(angles), 0 * angles], axis=1)
+    np.testing.assert_allclose(found.vertices[:, 1], expected, rtol=0, atol=1e-7)
+
+
+@pytest.mark.parametrize("dtype", ["i1", "u1", "i2", "u2"])
+def test_load_reads_rotations_when_they_are_normalized_integers(read, dtype):
+    file = Gltf()
+    node = file.node(mesh=file.mesh())
+    most = np.iinfo(dtype).max
+    file.animate(node, "rotation", [0, 1], [[0, 0, 0, most], [0, 0, most, 0]], "STEP", dtype=dtype)
+    found, _ = read(file)
+    np.testing.assert_array_equal(found.vertices[1], [[0, 0, 0], [-1, 0, 0], [0, -1, 0]])
+
+
+def test_load_follows_a_cubic_when_a_translation_is_a_spline(read):
+    file = Gltf()
+    node = file.node(mesh=file.mesh())
+    keys = np.array([0, 0.5, 1.5])
+    flat = np.zeros_like(keys)
+    place = np.stack([keys**3, flat, flat], axis=1)
+    slope = np.stack([3 * keys**2, flat, flat], axis=1)
+    rows = np.stack([slope, place, slope], axis=1).reshape(-1, 3)
+    file.animate(node, "translation", keys, rows, "CUBICSPLINE")
+    found, _ = read(file, fps=20)
+    expected = (np.arange(31) / 20) ** 3
+    np.testing.assert_allclose(found.vertices[:, 0, 0], expected, rtol=0, atol=3e-7)
+
+
+def morphing(**mesh):
+    file = Gltf()
+    targets = [[[1, 0, 0], [0, 0, 0], [0, 0, 0]], [[0, 0, 0], [0, 0.1, 0], [0, 0, 2]]]
+    node = file.node(mesh=file.mesh(TRIANGLE, None, targets, **mesh))
+    return file, node
+
+
+@pytest.mark.parametrize(("of_mesh", "of_node"), [([0.5, 2], None), ([1, 1], [0.5, 2])])
+def test_load_takes_default_weights_when_nothing_moves_them(read, of_mesh, of_node):
+    file, node = morphing(weights=of_mesh)
+    if of_node:
+        file.json["nodes"][node]["weights"] = of_node
+    found, _ = read(file)
+    np.testing.assert_array_equal(
+        found.vertices[0], np.array([[0.5, 0, 0], [1, 0.2, 0], [0, 1, 4]], np.float32)
+    )
+
+
+def test_load_adds_no_displacement_when_weights_are_not_given(read):
+    found, _ = read(morphing()[0])
+    np.testing.assert_array_equal(found.vertices[0], TRIANGLE)
+
+
+def test_load_moves_by_morph_targets_when_weights_are_animated(read):
+    file, node = morphing(weights=[9, 9])
+    file.animate(node, "weights", [0, 0.5, 1], [0, 0, 1, 0, 0.5, 2])
+    found, _ = read(file, fps=4)
+    assert found.vertices[:, 0, 0].tolist() == [0, 0.5, 1, 0.75, 0.5]
+    assert found.vertices[:, 2, 2].tolist() == [0, 0, 0, 2, 4]
+
+
+def test_load_moves_by_morph_targets_when_weights_are_a_spline(read):
+    file, node = morphing()
+    rows = [[0, 0], [0, 0], [1, 0], [1, 0], [1, 0], [0, 0]]  # a straight line of the first
+    file.animate(node, "weights", [0, 1], np.ravel(rows), "CUBICSPLINE")
+    found, _ = read(file, fps=8)
+    np.testing.assert_allclose(found.vertices[:, 0, 0], np.arange(9) / 8, rtol=0, atol=1e-7)
+
+
+def test_load_gives_no_displacement_when_a_target_has_only_normals(read):
+    file, _ = morphing(weights=[1, 1])
+    file.json["meshes"][0]["primitives"][0]["targets"][0] = {"NORMAL": file.accessor(TRIANGLE)}
+    found, _ = read(file)
+    np.testing.assert_array_equal(found.vertices[0, 0], [0, 0, 0])
+    assert found.vertices[0, 2, 2] == 2
+
+
+def two_animations():
+    file = moving_triangle()
+    bystander = file.node(name="bystander")
+    file.animate(0, "translation", [0, 1], [[0, 0, 0], [0, 0, 7]], animation=1)
+    file.animate(bystander, "translation", [0, 1], [[0, 0, 0], [0, 0, 7]], animation=2)
+    for number, name in enumerate(["walk", "jump", None]):
+        if name:
+            file.json["animations"][number]["name"] = name
+    return file
+
+
+def test_load_takes_the_first_animation_and_names_the_others_when_there_are_several(read):
+    found, notes = read(two_animations())
+    assert found.vertices[-1, 0].tolist() == [2, 0, 0]
+    assert notes == ["took the animation walk, not jump, animation_2"]
+
+
+def test_load_takes_the_first_that_moves_a_mesh_when_others_come_before(read):
+    file = two_animations()
+    file.json["animations"].reverse()
+    found, notes = read(file)
+    assert found.vertices[-1, 0].tolist() == [0, 0, 7]
+    assert notes == ["took the animation jump, not animation_0, walk"]
+
+
+def test_load_gives_one_frame_and_notes_it_when_no_animation_moves_a_mesh(read):
+    file = two_animations()
+    del file.json["animations"][:2]
+    found, notes = read(file)
+    assert (found.n_frames, found.start_s) == (1, 0)
+    assert notes == ["no mesh is moved by the animation animation_0; took one frame"]
+
+
+def test_load_passes_over_channels_when_they_move_no_node(read):
+    file = moving_triangle()
+    file.json["animations"][0]["channels"] += [
+        {"sampler": 0, "target": {"path": "pointer"}},
+        {"sampler": 0, "target": {"path": "pointer", "node": 0}},
+    ]
+    assert read(file)[0].n_frames == 3
+
+
+def several_meshes():
+    file = moving_triangle()
+    file.json["nodes"][0]["name"] = "a/b"
+    square = file.mesh(SQUARE, SQUARE_FACES)
+    child = file.node(is_root=False, mesh=square, name="tri")
+    file.node(children=[child], name="root")
+    file.node(mesh=square, translation=[0, 0, 9])
+    file.node(mesh=square, name="a_b")
+    return file
+
+
+def test_load_lists_unique_paths_when_a_file_holds_several_meshes(read):
+    with pytest.raises(
+        InvalidInputError, match=r"4 meshes: /a_b, /root/tri, /node_3, /a_b_1; choose"
+    ):
+        read(several_meshes())
+
+
+def test_load_gives_one_frame_of_a_mesh_when_only_others_move(read):
+    found, _ = read(several_meshes(), object="/node_3")
+    np.testing.assert_array_equal(found.vertices, [shifted(SQUARE, [0, 0, 9])])
+
+
+def test_load_gives_all_meshes_when_they_are_merged(read):
+    found, _ = read(several_meshes(), merge=True)
+    assert [part.name for part in found.surface.parts] == ["/a_b", "/root/tri", "/node_3", "/a_b_1"]
+    assert (found.n_frames, found.n_verts, found.fps) == (3, 15, 2)
+    np.testing.assert_array_equal(found.vertices[2, :3], shifted(TRIANGLE, [2, 0, 0]))
+    np.testing.assert_array_equal(found.vertices[2, 7:11], shifted(SQUARE, [0, 0, 9]))
+
+
+def test_load_takes_the_scene_that_the_file_shows_when_there_are_several(read):
+    file = several_meshes()
+    file.json["scenes"] = [{"nodes": [0, 2]}, {"nodes": [3]}]
+    file.json["scene"] = 1
+    assert read(file)[0].vertices[0, 0].tolist() == [0, 0, 9]
+
+
+def test_load_takes_every_node_when_the_file_has_no_scene(read):
+    file = moving_triangle()
+    del file.json["scenes"], file.json["scene"]
+    assert read(file)[0].n_frames == 3
+
+
+def test_load_is_refused_when_the_scene_shows_no_mesh(read):
+    file = moving_triangle()
+    file.json["scenes"] = [{}]
+    with pytest.raises(FormatError, match=r"a\.glb: shows no mesh of triangles"):
+        read(file)
+
+
+@pytest.mark.parametrize("scale", [[-1, 1, 1], [1, -2, 1], [-1, -1, -1]])
+def test_faces_are_turned_when_a_node_mirrors(read, scale):
+    file = Gltf()
+    uv = file.accessor([[0, 0], [0.5, 0], [0, 0.25], [1, 1]])
+    mesh = file.mesh([*TRIANGLE, TRIANGLE[0]], [0, 1, 2, 3, 2, 1], attributes={"TEXCOORD_0": uv})
+    file.node(mesh=mesh, scale=scale)
+    found, _ = read(file)
+    np.testing.assert_array_equal(found.faces, [[0, 2, 1], [0, 1, 2]])
+    [attribute] = found.surface.attributes
+    expected = [[0, 1], [0, 0.75], [0.5, 1], [1, 0], [0.5, 1], [0, 0.75]]
+    np.testing.assert_array_equal(attribute.per_item(), np.array(expected, np.float32))
+
+
+def test_faces_stay_when_a_node_turns_by_a_half_circle(read):
+    file = Gltf()
+    file.node(mesh=file.mesh(), scale=[-1, -1, 1])
+    np.testing.assert_array_equal(read(file)[0].faces, [[0, 1, 2]])
+
+
+@pytest.mark.parametrize("make", [moving_triangle, rich_gltf])
+def test_open_source_reads_the_bits_of_load_when_nothing_is_loaded(tmp_path, make, monkeypatch):
+    monkeypatch.setattr("meshreel.formats.gltf.baking.POSE_BYTES", 3000)  # some frames at a time
+    path = make().save(tmp_path / "a.glb")
+    opened, loaded = open_source(path, fps=60, max_loaded_bytes=0), load(path, fps=60)
+    assert isinstance(opened, StoredFrames)
+    assert (opened.fps, opened.start_s, opened.name) == (60, loaded.start_s, loaded.name)
+    for start, stop in [(0, loaded.n_frames), (7, 8), (20, 25), (3, 9), (5, 5)]:
+        assert opened.read(start, stop).tobytes() == loaded.vertices[start:stop].tobytes()
+
+
+def test_load_names_the_frame_when_a_position_is_not_finite(read):
+    file = Gltf()
+    node = file.node(mesh=file.mesh(shifted(TRIANGLE, [3e38, 0, 0])))
+    file.animate(node, "scale", [0, 0.5], [[1, 1, 1], [2, 1, 1]], "STEP")
+    with pytest.raises(InvalidInputError, match=r"a\.glb: .*vertex 0 of frame 1 has x = inf"):
+        read(file)

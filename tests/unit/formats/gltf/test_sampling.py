@@ -1,0 +1,80 @@
+import numpy as np
+import pytest
+
+from meshreel.errors import FormatError
+from meshreel.formats.gltf.sampling import common_rate, sample_times
+
+
+def float32(times):
+    return np.unique(np.asarray(times, np.float32)).astype(np.float64)
+
+
+def sampled(keys, fps=0.0, *, is_curved=True):
+    notes = []
+    return sample_times(float32(keys), fps, is_curved=is_curved, notes=notes), notes
+
+
+@pytest.mark.parametrize("fps", [12, 24, 25, 30000 / 1001, 60, 240])
+@pytest.mark.parametrize("start", [0, 1, 100, 86_400])
+def test_rate_is_that_of_the_keys_when_they_are_even(fps, start):
+    found, notes = sampled((start + np.arange(50)) / fps)
+    assert (found.fps, notes) == (pytest.approx(fps, rel=1e-12), [])
+    np.testing.assert_array_equal(found.times_s, (start + np.arange(50)) / found.fps)
+
+
+@pytest.mark.parametrize(
+    ("frames", "fps"),
+    [([0, 5, 7, 30], 24), ([0, 2, 3, 4, 6], 24), ([0, 2, 5, 20], 24), ([10, 13, 17], 60)],
+)
+def test_rate_is_the_common_one_when_keys_are_missing(frames, fps):
+    found, notes = sampled(np.array(frames) / fps)
+    assert (found.fps, notes) == (fps, [])
+    assert len(found.times_s) == frames[-1] - frames[0] + 1
+
+
+@pytest.mark.parametrize("keys", [[0, 0.1, 0.31, 0.97], [0, 0.999, 1, 2], [0, 1e-4, 5]])
+def test_rate_is_thirty_and_noted_when_keys_have_none(keys):
+    found, [note] = sampled(keys)
+    assert found.fps == 30
+    assert "not evenly spaced; sampled at 30 frames per second" in note
+
+
+def test_rate_is_thirty_and_noted_when_few_keys_are_on_a_curved_way():
+    found, [note] = sampled([0, 0.25, 0.5])
+    assert (found.fps, len(found.times_s)) == (30, 16)
+    assert "4 per second and the way between is curved" in note
+
+
+def test_rate_is_that_of_the_keys_when_few_are_on_a_straight_way():
+    found, notes = sampled([0, 0.25, 0.5], is_curved=False)
+    assert (found.fps, len(found.times_s), notes) == (4, 3, [])
+
+
+@pytest.mark.parametrize(("fps", "n_frames"), [(24, 25), (10, 11), (7, 8), (0.5, 1), (24.5, 25)])
+def test_times_go_from_the_first_key_to_the_last_when_fps_is_given(fps, n_frames):
+    found, notes = sampled([2, 2.3, 3], fps)
+    assert (found.fps, notes) == (fps, [])
+    np.testing.assert_allclose(found.times_s, 2 + np.arange(n_frames) / fps, rtol=0, atol=1e-15)
+
+
+def test_times_are_on_the_keys_when_those_are_rounded():
+    keys = float32(np.arange(1, 49) / 24)
+    found, _ = sampled(keys)
+    np.testing.assert_array_equal(found.exact_s, keys)
+    np.testing.assert_array_equal(found.times_s, np.arange(1, 49) / 24)
+
+
+def test_there_is_one_frame_when_there_is_one_key():
+    found, notes = sampled([1.5])
+    assert (found.times_s.tolist(), found.fps, notes) == ([1.5], 0, [])
+
+
+@pytest.mark.parametrize(("end", "fps"), [(1e30, 0), (1e5, 0), (10, 1e9), (3.4e38, 24)])
+def test_sampling_is_refused_when_there_would_be_too_many_frames(end, fps):
+    with pytest.raises(FormatError, match=r"at most 100000 are read; give a lower rate"):
+        sampled([0, 0.1, end], fps)
+
+
+@pytest.mark.parametrize("keys", [[1.0], [1.0, 1.0 + 1e-7]])
+def test_rate_is_none_when_keys_are_at_one_time(keys):
+    assert common_rate(np.array(keys)) == 0

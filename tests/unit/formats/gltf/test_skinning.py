@@ -1,0 +1,178 @@
+import numpy as np
+import pytest
+
+from meshreel.errors import FormatError
+from meshreel.formats.load import load
+from sample_gltf import TRIANGLE, Gltf, shifted
+
+HALF = np.sqrt(0.5)
+
+
+def skinned(joints, weights, *, binds=None, dtype="u1", weight_dtype="f4", **node):
+    """A triangle bound to a root and, one unit up, a tip that turns by a right angle about z."""
+    file = Gltf()
+    normalized = {} if weight_dtype == "f4" else {"normalized": True}
+    attributes = {}
+    for number, (one, other) in enumerate(zip(joints, weights, strict=True)):
+        attributes[f"JOINTS_{number}"] = file.accessor(one, dtype)
+        attributes[f"WEIGHTS_{number}"] = file.accessor(other, weight_dtype, **normalized)
+    mesh = file.mesh(TRIANGLE, attributes=attributes)
+    tip = file.node(is_root=False, translation=[0, 1, 0])
+    root = file.node(children=[tip])
+    skin = file.add("skins", joints=[root, tip])
+    if binds is not None:
+        columns = np.transpose(binds, (0, 2, 1))
+        file.json["skins"][skin]["inverseBindMatrices"] = file.accessor(columns)
+    file.node(mesh=mesh, skin=skin, **node)
+    file.animate(tip, "rotation", [0, 0.5], [[0, 0, 0, 1], [0, 0, HALF, HALF]], "STEP")
+    file.animate(root, "translation", [0, 0.5], [[0, 0, 0], [0, 0, 5]])
+    return file
+
+
+def moved_down():
+    binds = np.tile(np.eye(4), (2, 1, 1))
+    binds[1, 1, 3] = -1
+    return binds
+
+
+ROOT_TIP_BOTH = [[0, 0, 0, 0], [1, 0, 0, 0], [0, 1, 0, 0]]
+ONE_ONE_HALVES = [[1, 0, 0, 0], [1, 0, 0, 0], [0.5, 0.5, 0, 0]]
+
+
+@pytest.fixture
+def read(tmp_path):
+    """Load a file."""
+
+    def loaded(file, **options):
+        return load(file.save(tmp_path / "a.glb"), **options)
+
+    return loaded
+
+
+def test_vertices_follow_their_joints_when_bound(read):
+    found = read(skinned([ROOT_TIP_BOTH], [ONE_ONE_HALVES], binds=moved_down()))
+    # The tip turns about (0, 1, 0): (1, 0, 0) goes to (1, 2, 0), and all go up by 5.
+    np.testing.assert_allclose(found.vertices[0], TRIANGLE, rtol=0, atol=1e-7)
+    expected = [[0, 0, 5], [1, 2, 5], [0, 1, 5]]
+    np.testing.assert_allclose(found.vertices[1], expected, rtol=0, atol=1e-6)
+
+
+def test_vertices_follow_their_joints_when_there_are_no_bind_matrices(read):
+    found = read(skinned([ROOT_TIP_BOTH], [ONE_ONE_HALVES]))
+    np.testing.assert_allclose(found.vertices[0], [[0, 0, 0], [1, 1, 0], [0, 1.5, 0]], atol=1e-7)
+    # Half of the root's (0, 1, 5), half of the tip's (-1, 1, 5).
+    expected = [[0, 0, 5], [0, 2, 5], [-0.5, 1, 5]]
+    np.testing.assert_allclose(found.vertices[1], expected, rtol=0, atol=1e-6)
+
+
+def test_the_transform_of_the_mesh_counts_nothing_when_it_is_bound(read):
+    plain = read(skinned([ROOT_TIP_BOTH], [ONE_ONE_HALVES]))
+    moved = skinned([ROOT_TIP_BOTH], [ONE_ONE_HALVES], translation=[9, 9, 9], scale=[-1, 1, 1])
+    found = read(moved)
+    assert found.vertices.tobytes() == plain.vertices.tobytes()
+    np.testing.assert_array_equal(found.faces, plain.faces)
+
+
+@pytest.mark.parametrize(("dtype", "weight_dtype"), [("u2", "f4"), ("u1", "u1"), ("u2", "u2")])
+def test_weights_and_joints_are_the_same_when_stored_as_any_type(read, dtype, weight_dtype):
+    most = 1 if weight_dtype == "f4" else np.iinfo(weight_dtype).max
+    weights = np.array(ONE_ONE_HALVES) * most  # halves are cut off alike, and then scaled
+    found = read(skinned([ROOT_TIP_BOTH], [weights], dtype=dtype, weight_dtype=weight_dtype))
+    expected = read(skinned([ROOT_TIP_BOTH], [ONE_ONE_HALVES]))
+    np.testing.assert_allclose(found.vertices, expected.vertices, rtol=0, atol=1e-6)
+
+
+def test_weights_are_scaled_when_their_sum_is_not_one(read):
+    scaled = np.array(ONE_ONE_HALVES) * [[3], [1e-30], [0.25]]
+    found = read(skinned([ROOT_TIP_BOTH], [scaled]))
+    expected = read(skinned([ROOT_TIP_BOTH], [ONE_ONE_HALVES]))
+    np.testing.assert_allclose(found.vertices, expected.vertices, rtol=0, atol=1e-6)
+
+
+def test_a_vertex_follows_its_first_joint_when_it_has_no_weights(read):
+    found = read(skinned([np.ones((3, 4))], [np.zeros((3, 4))]))
+    expected = read(skinned([np.ones((3, 4))], [np.tile([1, 0, 0, 0], (3, 1))]))
+    assert found.vertices.tobytes() == expected.vertices.tobytes()
+
+
+def test_vertices_follow_all_joints_when_there_are_several_sets(read):
+    none, tip = np.zeros((3, 4)), np.tile([0, 0, 0, 1], (3, 1))
+    weights = np.tile([0.5, 0, 0, 0], (3, 1)), np.tile([0, 0, 0, 0.5], (3, 1))
+    found = read(skinned([none, tip], weights))
+    both = read(skinned([np.tile([0, 1, 0, 0], (3, 1))], [np.tile([0.5, 0.5, 0, 0], (3, 1))]))
+    np.testing.assert_allclose(found.vertices, both.vertices, rtol=0, atol=1e-7)
+
+
+def test_morph_targets_come_before_joints_when_there_are_both(read):
+    file = skinned([ROOT_TIP_BOTH], [ONE_ONE_HALVES], binds=moved_down())
+    [primitive] = file.json["meshes"][0]["primitives"]
+    primitive["targets"] = [{"POSITION": file.accessor([[0, 0, 0], [1, 0, 0], [0, 0, 0]])}]
+    file.json["meshes"][0]["weights"] = [1]
+    np.testing.assert_allclose(read(file).vertices[1, 1], [1, 3, 5], rtol=0, atol=1e-6)
+
+
+def test_a_mesh_is_rigid_when_its_node_has_a_skin_but_it_has_no_joints(read):
+    file = skinned([], [], translation=[0, 0, 3])
+    np.testing.assert_array_equal(read(file).vertices, [shifted(TRIANGLE, [0, 0, 3])])
+
+
+def test_a_joint_moves_a_mesh_when_it_is_in_no_scene(read):
+    file = skinned([ROOT_TIP_BOTH], [ONE_ONE_HALVES])
+    expected = read(file)
+    file.json["scenes"][0]["nodes"] = [2]
+    assert read(file).vertices.tobytes() == expected.vertices.tobytes()
+
+
+def broken(change):
+    file = skinned([ROOT_TIP_BOTH], [ONE_ONE_HALVES], binds=moved_down())
+    change(file)
+    return file
+
+
+def one_joint(file):
+    file.json["skins"][0]["joints"] = [1]
+
+
+def few_matrices(file):
+    file.json["accessors"][file.json["skins"][0]["inverseBindMatrices"]]["count"] = 1
+
+
+def no_joints(file):
+    file.json["skins"][0]["joints"] = []
+
+
+def far_joint(file):
+    file.json["skins"][0]["joints"] = [0, 7]
+
+
+def float_joints(file):
+    [primitive] = file.json["meshes"][0]["primitives"]
+    primitive["attributes"]["JOINTS_0"] = primitive["attributes"]["WEIGHTS_0"]
+
+
+def some_joints(file):
+    [primitive] = file.json["meshes"][0]["primitives"]
+    attributes = {"POSITION": primitive["attributes"]["POSITION"]}
+    file.json["meshes"][0]["primitives"].append({"attributes": attributes})
+
+
+def negative_weights(file):
+    [primitive] = file.json["meshes"][0]["primitives"]
+    primitive["attributes"]["WEIGHTS_0"] = file.accessor(-np.ones((3, 4)))
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (one_joint, "node 2: its mesh names joint 1; its skin has 1"),
+        (few_matrices, "skin 0: has 1 inverse bind matrices for 2 joints"),
+        (no_joints, "skin 0: 'joints' must be a list of at least one node"),
+        (far_joint, "skin 0: 'joints' must be a list of numbers below 3"),
+        (float_joints, "JOINTS_0 must be unsigned whole numbers"),
+        (some_joints, "mesh 0: some of its primitives have joints, others have none"),
+        (negative_weights, "mesh 0: weights of joints must be finite and at least 0"),
+    ],
+)
+def test_load_is_refused_when_a_skin_does_not_fit(read, change, message):
+    with pytest.raises(FormatError, match=message):
+        read(broken(change))
