@@ -1,6 +1,6 @@
 import numpy as np
 
-from meshreel.formats.welding import weld_corners
+from meshreel.formats.welding import weld_corners, weld_rows
 
 
 def corner_frames(rng, n_frames=4, n_verts=9, n_faces=20, split=()):
@@ -49,3 +49,10 @@ def test_weld_corners_keeps_doubles_apart_when_they_differ_in_the_last_bit():
 def test_weld_description_counts_corners_and_vertices_when_some_are_joined():
     corners = np.array([[1, 0, 0], [2, 0, 0], [1, 0, 0]], np.float32)
     assert weld_corners([corners]).description == "welded 3 STL corners to 2 vertices"
+
+
+def test_weld_rows_numbers_rows_by_their_first_when_arrays_differ_in_width():
+    wide = np.array([[1, 2, 3, 4], [1, 2, 3, 5], [1, 2, 3, 4], [1, 2, 3, 4]], np.uint8)
+    narrow = np.array([[0.5], [0.5], [0.5], [0.25]])
+    labels, representatives = weld_rows([narrow, wide])
+    assert (labels.tolist(), representatives.tolist()) == ([0, 1, 0, 2], [0, 1, 3])

@@ -39,6 +39,8 @@ class Geometry:
     faces : int32 array of shape (M, 3)
     surface : Surface
         Attributes and materials.
+    n_split : int
+        Number of vertices in the file, where they are split at seams.
     """
 
     positions: npt.NDArray[Any]
@@ -46,6 +48,7 @@ class Geometry:
     influences: Influences | None
     faces: Faces
     surface: Surface
+    n_split: int
 
     def morphed(self, weights: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
         """Positions moved by the morph targets, of shape (V, 3)."""
@@ -78,7 +81,7 @@ def read_geometry(
     materials : sequence of str
         Names of those of the file.
     notes : list of str
-        Gains a sentence on what was welded, left out or made up.
+        Gains a sentence for each attribute that was left out or made up.
     """
     count_targets(mesh)
     blocks, triangles, numbers = _read_primitives(mesh, accessors, len(materials))
@@ -88,10 +91,6 @@ def read_geometry(
     still = [] if influences is None else [influences.joints, influences.weights]
     moving = [positions, *(one for one in displacements if one is not None)]
     vertex_of, first = weld_rows([*(one + 0 for one in moving), *still])
-    if len(first) < len(vertex_of):
-        notes.append(
-            f"{mesh.place}: welded {len(vertex_of)} vertices, split at seams, to {len(first)}"
-        )
     split = SplitMesh(vertex_of, first, triangles.ravel())
     attributes = read_attributes(blocks, split, mesh.place, notes)
     return Geometry(
@@ -100,6 +99,7 @@ def read_geometry(
         None if influences is None else influences.of(first),
         vertex_of[triangles].astype(np.int32),
         Surface(None, attributes, _groups(numbers, materials)),
+        len(vertex_of),
     )
 
 

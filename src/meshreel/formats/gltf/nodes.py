@@ -86,8 +86,14 @@ class Nodes:
             given.numbers("scale", 3, (1, 1, 1)),
         )
 
-    def path(self, node: int) -> str:
+    def path(self, node: int, nameless: str) -> str:
         """Names from the root down to a node, each after a slash.
+
+        Parameters
+        ----------
+        node : int
+        nameless : str
+            What the node is called if it has no name.
 
         Raises
         ------
@@ -97,7 +103,8 @@ class Nodes:
         names: list[str] = []
         n_characters = 0
         for one in self.line(node):
-            names.append(self.objects[one].text("name", "") or f"node_{one}")
+            given = self.objects[one].text("name", "") or (nameless if one == node else "")
+            names.append(given or f"node_{one}")
             n_characters += len(names[-1]) + 1
             if n_characters > MAX_PATH:
                 raise FormatError(

@@ -43,6 +43,30 @@ class Placement:
     skin: Skin | None
 
 
+class WeldNote:
+    """One sentence on all vertices that were welded, as meshes are read one after the other.
+
+    Parameters
+    ----------
+    notes : list of str
+        Gains the sentence, which changes later.
+    """
+
+    def __init__(self, notes: list[str]) -> None:
+        self._notes, self._sentence = notes, ""
+        self._n_split = self._n_verts = 0
+
+    def add(self, n_split: int, n_verts: int) -> None:
+        """Tell of a mesh that has so many vertices in the file, and here."""
+        if n_split == n_verts:
+            return
+        self._n_split, self._n_verts = self._n_split + n_split, self._n_verts + n_verts
+        if self._sentence in self._notes:
+            self._notes.remove(self._sentence)
+        self._sentence = f"welded {self._n_split} vertices, split at seams, to {self._n_verts}"
+        self._notes.append(self._sentence)
+
+
 def read_meshes(path: Path, options: ReadOptions) -> list[SceneMesh]:
     """The meshes of the scene that a glTF file shows, named by the paths of their nodes.
 
@@ -62,7 +86,7 @@ def read_meshes(path: Path, options: ReadOptions) -> list[SceneMesh]:
     motion, sampling = _motion(placements, nodes, accessors, options)
     _note_left_out(document, placements, options.notes)
     read = _geometry_reader(accessors, options.notes)
-    names = unique_names([nodes.path(one.node) for one in placements])
+    names = unique_names([nodes.path(one.node, _mesh_name(document, one)) for one in placements])
     moves = _mover(placements, motion)
     return [
         _scene_mesh(name, one, motion, sampling if moves(one) else sampling.first(), read, document)
@@ -121,15 +145,17 @@ def _mover(placements: Sequence[Placement], motion: Motion) -> Callable[[Placeme
 def _geometry_reader(accessors: Accessors, notes: list[str]) -> Callable[[int], Geometry]:
     """A function from the number of a mesh to what it is, which reads each mesh once."""
     document = accessors.document
-    materials = unique_names(
-        [
-            given.text("name", "") or f"material_{number}"
-            for number, given in enumerate(document.lists["materials"])
-        ]
-    )
-    return cache(
-        lambda mesh: read_geometry(document.lists["meshes"][mesh], accessors, materials, notes)
-    )
+    given = [one.text("name", "") for one in document.lists["materials"]]
+    materials = unique_names([name or f"material_{i}" for i, name in enumerate(given)])
+    welded = WeldNote(notes)
+
+    @cache
+    def read(mesh: int) -> Geometry:
+        found = read_geometry(document.lists["meshes"][mesh], accessors, materials, notes)
+        welded.add(found.n_split, len(found.positions))
+        return found
+
+    return read
 
 
 def _scene_mesh(
@@ -153,6 +179,10 @@ def _scene_mesh(
         lambda: read(placement.mesh),
     )
     return SceneMesh(name, sampling.times_s, baked.frame, baked.surface, sampling.fps or None)
+
+
+def _mesh_name(document: Document, placement: Placement) -> str:
+    return document.lists["meshes"][placement.mesh].text("name", "")
 
 
 def _note_left_out(document: Document, placements: Sequence[Placement], notes: list[str]) -> None:

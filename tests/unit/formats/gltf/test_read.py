@@ -225,6 +225,7 @@ def several_meshes():
     square = file.mesh(SQUARE, SQUARE_FACES)
     child = file.node(is_root=False, mesh=square, name="tri")
     file.node(children=[child], name="root")
+    file.json["meshes"][square]["name"] = "square"
     file.node(mesh=square, translation=[0, 0, 9])
     file.node(mesh=square, name="a_b")
     return file
@@ -232,22 +233,29 @@ def several_meshes():
 
 def test_load_lists_unique_paths_when_a_file_holds_several_meshes(read):
     with pytest.raises(
-        InvalidInputError, match=r"4 meshes: /a_b, /root/tri, /node_3, /a_b_1; choose"
+        InvalidInputError, match=r"4 meshes: /a_b, /root/tri, /square, /a_b_1; choose"
     ):
         read(several_meshes())
 
 
 def test_load_gives_one_frame_of_a_mesh_when_only_others_move(read):
-    found, _ = read(several_meshes(), object="/node_3")
+    found, _ = read(several_meshes(), object="/square")
     np.testing.assert_array_equal(found.vertices, [shifted(SQUARE, [0, 0, 9])])
 
 
 def test_load_gives_all_meshes_when_they_are_merged(read):
     found, _ = read(several_meshes(), merge=True)
-    assert [part.name for part in found.surface.parts] == ["/a_b", "/root/tri", "/node_3", "/a_b_1"]
+    assert [part.name for part in found.surface.parts] == ["/a_b", "/root/tri", "/square", "/a_b_1"]
     assert (found.n_frames, found.n_verts, found.fps) == (3, 15, 2)
     np.testing.assert_array_equal(found.vertices[2, :3], shifted(TRIANGLE, [2, 0, 0]))
     np.testing.assert_array_equal(found.vertices[2, 7:11], shifted(SQUARE, [0, 0, 9]))
+
+
+def test_load_notes_all_that_was_welded_in_one_sentence_when_meshes_are_merged(read):
+    file = several_meshes()
+    file.node(mesh=file.mesh([*TRIANGLE, TRIANGLE[0]], [0, 1, 2, 3, 1, 2]))
+    file.node(mesh=file.mesh([*TRIANGLE, *TRIANGLE], range(6)))
+    assert read(file, merge=True)[1] == ["welded 10 vertices, split at seams, to 6"]
 
 
 def test_load_takes_the_scene_that_the_file_shows_when_there_are_several(read):
