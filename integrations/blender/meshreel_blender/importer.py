@@ -1,0 +1,106 @@
+"""A `.reel` file into a scene: objects that play it."""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import bpy
+
+from .axes import rotation_from_file
+from .mesh_building import build_mesh, object_name
+from .open_reels import OpenReel, open_reel
+from .timeline import (
+    last_scene_frame,
+    rate_numbers,
+    scene_frames_per_reel_frame,
+    scene_rate,
+)
+
+
+@dataclass(frozen=True)
+class Imported:
+    """What came into the scene.
+
+    Attributes
+    ----------
+    objects : list of bpy.types.Object
+        One for each part of the reel.
+    notes : list of str
+        A sentence for whatever Blender cannot hold.
+    """
+
+    objects: list[Any] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+
+
+def import_reel(
+    path: Path,
+    scene: Any,
+    collection: Any,
+    *,
+    stored_path: str,
+    up: str,
+    scale: float,
+    set_rate: bool,
+    set_range: bool,
+) -> Imported:
+    """Objects that play a reel, linked to a collection.
+
+    Parameters
+    ----------
+    path : Path
+    scene : bpy.types.Scene
+    collection : bpy.types.Collection
+    stored_path : str
+        The path as objects keep it: absolute, or with // from the .blend file.
+    up : {"Y", "Z"}
+        The file's axis that points up.
+    scale : float
+        Of the objects.
+    set_rate, set_range : bool
+        Give the scene the frame rate of the reel, and its range of frames.
+
+    Raises
+    ------
+    UnplayableError
+        If the file cannot be read.
+    MeshReelError
+        If its first frame is damaged.
+    """
+    opened = open_reel(path)
+    first = opened.positions(0.0)
+    if set_rate and opened.reel.fps:
+        scene.render.fps, scene.render.fps_base = rate_numbers(opened.reel.fps)
+    start_frame = _start_frame(scene, opened)
+    if set_range:
+        _set_range(scene, opened, start_frame)
+    imported = Imported()
+    for number, part in enumerate(opened.parts):
+        mesh = build_mesh(part, first[part.verts], imported.notes)
+        obj = bpy.data.objects.new(object_name(part), mesh)
+        obj.rotation_euler = rotation_from_file(up)
+        obj.scale = (scale, scale, scale)
+        collection.objects.link(obj)
+        _attach(obj, opened, number, start_frame, stored_path)
+        imported.objects.append(obj)
+    return imported
+
+
+def _start_frame(scene: Any, opened: OpenReel) -> float:
+    """The scene frame of the reel's first, where second 0 is frame 0."""
+    rate = scene_rate(scene.render.fps, scene.render.fps_base)
+    return round(opened.reel.start_s * rate, 4)
+
+
+def _set_range(scene: Any, opened: OpenReel, start_frame: float) -> None:
+    rate = scene_rate(scene.render.fps, scene.render.fps_base)
+    duration = scene_frames_per_reel_frame(rate, opened.reel.fps)
+    scene.frame_start = round(start_frame)
+    scene.frame_end = last_scene_frame(start_frame, duration, opened.reel.n_frames)
+
+
+def _attach(obj: Any, opened: OpenReel, part: int, start_frame: float, stored_path: str) -> None:
+    settings = obj.meshreel
+    settings.part, settings.fingerprint = part, opened.fingerprint
+    settings.start_frame = start_frame
+    settings.filepath = stored_path  # last: from now on it plays

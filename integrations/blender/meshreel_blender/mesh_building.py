@@ -1,0 +1,112 @@
+"""Blender meshes of the parts of a reel."""
+
+from typing import Any
+
+import bpy
+import numpy as np
+import numpy.typing as npt
+
+from meshreel.formats.parts import PartMesh
+from meshreel.surface import Attribute, Domain, FaceGroups, Kind
+
+MAX_UV_MAPS = 8
+MATERIALS = "material"
+
+
+def build_mesh(part: PartMesh, positions: npt.NDArray[Any], notes: list[str]) -> Any:
+    """A new mesh of a part: polygons, UV maps, colour attributes and materials.
+
+    Parameters
+    ----------
+    part : PartMesh
+    positions : float array of shape (V, 3)
+        Of the part's vertices.
+    notes : list of str
+        Gains a sentence for whatever Blender cannot hold.
+    """
+    mesh = bpy.data.meshes.new(object_name(part))
+    mesh.vertices.add(len(positions))
+    mesh.loops.add(len(part.corners))
+    mesh.polygons.add(len(part.counts))
+    mesh.loops.foreach_set("vertex_index", part.corners)
+    starts = np.cumsum(part.counts, dtype=np.int64) - part.counts
+    mesh.polygons.foreach_set("loop_start", starts.astype(np.int32))
+    _add_uv_maps(mesh, part, notes)
+    _add_colors(mesh, part, notes)
+    for groups in part.surface.groups:
+        _add_groups(mesh, groups, notes)
+    mesh.update(calc_edges=True)
+    write_positions(mesh, positions)
+    if mesh.validate():
+        n_left_out = len(part.counts) - len(mesh.polygons)
+        notes.append(
+            f"{mesh.name}: left out {n_left_out} faces, which Blender does not hold: they name a "
+            "vertex twice, or another face has the same vertices"
+        )
+    return mesh
+
+
+def write_positions(mesh: Any, positions: npt.NDArray[Any]) -> None:
+    """Give a mesh other positions, of shape (V, 3)."""
+    # The attribute takes the array as a block of memory; `vertices` goes one by one.
+    flat = np.ascontiguousarray(positions, np.float32).ravel()
+    mesh.attributes["position"].data.foreach_set("vector", flat)
+    mesh.update()
+
+
+def object_name(part: PartMesh) -> str:
+    """The last name of a part's path: "body" of "/root/body"."""
+    return part.name.rstrip("/").rpartition("/")[2] or part.name
+
+
+def _add_uv_maps(mesh: Any, part: PartMesh, notes: list[str]) -> None:
+    for number, uv in enumerate(part.surface.of_kind(Kind.UV)):
+        values = _at_corners(uv, part)
+        if number >= MAX_UV_MAPS or values.shape[1] != 2:
+            notes.append(f"{mesh.name}: left out {uv.name!r}; Blender has 8 UV maps of 2 numbers")
+            continue
+        layer = mesh.uv_layers.new(name=uv.name, do_init=False)
+        layer.uv.foreach_set("vector", values.astype(np.float32).ravel())
+
+
+def _add_colors(mesh: Any, part: PartMesh, notes: list[str]) -> None:
+    for color in part.surface.of_kind(Kind.COLOR):
+        is_point = color.domain is Domain.VERTEX
+        values = color.per_item() if is_point else _at_corners(color, part)
+        if values.shape[1] not in (3, 4):
+            notes.append(f"{mesh.name}: left out {color.name!r}; a colour has 3 or 4 numbers")
+            continue
+        is_bytes = values.dtype == np.uint8
+        layer = mesh.color_attributes.new(
+            name=color.name,
+            type="BYTE_COLOR" if is_bytes else "FLOAT_COLOR",
+            domain="POINT" if is_point else "CORNER",
+        )
+        opaque = np.ones((len(values), 4), np.float32)
+        opaque[:, : values.shape[1]] = values / 255 if is_bytes else values
+        # Bytes are taken as they are, and not as linear light.
+        layer.data.foreach_set("color_srgb" if is_bytes else "color", opaque.ravel())
+
+
+def _at_corners(attribute: Attribute, part: PartMesh) -> npt.NDArray[Any]:
+    """The value of each corner of each face."""
+    values = attribute.per_item()
+    if attribute.domain is Domain.VERTEX:
+        return values[part.corners]
+    if attribute.domain is Domain.FACE:
+        return np.repeat(values, part.counts, axis=0)
+    return values
+
+
+def _add_groups(mesh: Any, groups: FaceGroups, notes: list[str]) -> None:
+    """Material slots by name; faces without a material have an empty slot, the last."""
+    if groups.name != MATERIALS:
+        notes.append(f"{mesh.name}: left out face groups {groups.name!r}; only materials are read")
+        return
+    for label in groups.labels:
+        mesh.materials.append(bpy.data.materials.get(label) or bpy.data.materials.new(label))
+    numbers = groups.numbers
+    if (numbers < 0).any():
+        mesh.materials.append(None)
+        numbers = np.where(numbers < 0, len(groups.labels), numbers).astype(np.int32)
+    mesh.polygons.foreach_set("material_index", numbers)

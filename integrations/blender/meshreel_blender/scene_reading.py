@@ -1,0 +1,98 @@
+"""Several objects as one mesh, whose parts they are."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from meshreel.formats.merging import merged_mesh
+from meshreel.formats.polygons import PolygonMesh
+from meshreel.formats.scene import SceneMesh
+from meshreel.geometry.fans import triangulate_fans
+from meshreel.surface import Surface
+
+from .mesh_reading import Matrix, mesh_reading
+
+
+class ExportError(Exception):
+    """A scene that cannot be exported, in one sentence for the user."""
+
+
+class SceneReading:
+    """Objects whose faces are those of the frame at which this is made.
+
+    Parameters
+    ----------
+    objects : sequence of bpy.types.Object
+        With a surface; at least one.
+    context : bpy.types.Context
+        At the first frame.
+    axes : float64 array of shape (3, 3)
+        From world space to the axes of the file.
+    notes : list of str
+        Gains a sentence for each attribute that only some of the objects have.
+
+    Attributes
+    ----------
+    faces : int32 array of shape (M, 3)
+    surface : Surface
+
+    Raises
+    ------
+    ExportError
+        If there are no faces.
+    """
+
+    def __init__(
+        self, objects: Sequence[Any], context: Any, axes: Matrix, notes: list[str]
+    ) -> None:
+        depsgraph = context.evaluated_depsgraph_get()
+        self._context = context
+        self._first_frame: int = context.scene.frame_current
+        self._readings = [mesh_reading(obj, depsgraph, axes) for obj in objects]
+        self._first = [reading.frame(depsgraph) for reading in self._readings]
+        surfaces = [reading.surface(depsgraph) for reading in self._readings]
+        names = [obj.name for obj in objects]
+        whole, surface = _merged(names, self._first, surfaces, notes)
+        if len(whole.counts) == 0:
+            raise ExportError(f"{', '.join(names)}: no faces; a .reel needs a surface")
+        self.faces = triangulate_fans(whole.counts, whole.corners)
+        self.surface = replace(surface, face_sizes=whole.counts.astype(np.int32))
+
+    def positions(self) -> npt.NDArray[np.float32]:
+        """Positions of all vertices at the scene's frame, (V, 3).
+
+        Raises
+        ------
+        ExportError
+            If the faces of an object are not those of the first frame; it names both.
+        """
+        depsgraph = self._context.evaluated_depsgraph_get()
+        found = [reading.frame(depsgraph) for reading in self._readings]
+        for reading, first, now in zip(self._readings, self._first, found, strict=True):
+            difference = now.difference(first)
+            if difference:
+                raise ExportError(
+                    f"{reading.obj.name} has {difference} at frame {self._first_frame}, at frame "
+                    f"{self._context.scene.frame_current}; a .reel has the same faces in every "
+                    "frame: export fewer frames, or take away the modifier that changes them"
+                )
+        return np.concatenate([mesh.vertices for mesh in found], dtype=np.float32)
+
+
+def _merged(
+    names: Sequence[str],
+    meshes: Sequence[PolygonMesh],
+    surfaces: Sequence[Surface],
+    notes: list[str],
+) -> tuple[PolygonMesh, Surface]:
+    if len(meshes) == 1:
+        return meshes[0], surfaces[0]
+
+    def part(name: str, mesh: PolygonMesh, surface: Surface) -> SceneMesh:
+        return SceneMesh(name, np.zeros(1), lambda _: mesh, lambda _: surface)
+
+    whole = merged_mesh([*map(part, names, meshes, surfaces)], "", notes)
+    return whole.frame(0), whole.surface(0)

@@ -1,0 +1,69 @@
+"""Scene frames to frames of a reel, and frame rates to Blender's two numbers."""
+
+import math
+from enum import StrEnum
+
+NTSC = 1000 / 1001
+RATE_TOLERANCE = 1e-6
+"""Relative; Blender stores the divisor of a frame rate as float32."""
+
+FRAME_TOLERANCE = 1e-4
+"""A reel frame as near as this is shown as it is, and not between two."""
+
+
+class End(StrEnum):
+    """What is shown before the first and after the last frame of a reel."""
+
+    HOLD = "HOLD"
+    LOOP = "LOOP"
+
+
+def scene_rate(fps: float, fps_base: float) -> float:
+    """Frames per second of a scene: the rate that people call it where one is near."""
+    rate = fps / fps_base
+    named = (round(rate), round(rate / NTSC) * NTSC, round(rate, 2), round(rate, 3))
+    near = (one for one in named if one > 0 and abs(one - rate) <= RATE_TOLERANCE * rate)
+    return float(next(near, rate))
+
+
+def rate_numbers(rate: float) -> tuple[int, float]:
+    """Blender's `fps` and `fps_base` of a frame rate: `fps / fps_base` is the rate."""
+    fps = max(1, math.ceil(rate - RATE_TOLERANCE))
+    return fps, fps / rate
+
+
+def scene_frames_per_reel_frame(scene_fps: float, reel_fps: float) -> float:
+    """Scene frames that a frame of a reel is shown for; 1 where the reel's rate is unknown (0)."""
+    return scene_fps / reel_fps if reel_fps else 1.0
+
+
+def reel_position(
+    scene_frame: float, start_frame: float, duration: float, n_frames: int, end: str
+) -> float:
+    """Where in a reel a scene frame is, in frames of the reel: 0 to n_frames - 1.
+
+    Parameters
+    ----------
+    scene_frame : float
+        With its subframe.
+    start_frame : float
+        Scene frame that shows the first frame of the reel.
+    duration : float
+        Scene frames for each frame of the reel.
+    n_frames : int
+        Of the reel.
+    end : str
+        One of `End`. Looped, the last frame stays for its whole duration before the first.
+    """
+    position = (scene_frame - start_frame) / duration
+    nearest = round(position)
+    if abs(position - nearest) < FRAME_TOLERANCE:
+        position = float(nearest)
+    if end == End.LOOP:
+        position %= n_frames
+    return min(max(position, 0.0), n_frames - 1.0)
+
+
+def last_scene_frame(start_frame: float, duration: float, n_frames: int) -> int:
+    """The last scene frame at which a reel moves."""
+    return math.floor(start_frame + (n_frames - 1) * duration + FRAME_TOLERANCE)

@@ -1,0 +1,350 @@
+"""What tests do inside Blender; each scenario gives arrays back."""
+
+import os
+from pathlib import Path
+
+import bpy
+import numpy as np
+from mathutils import Matrix
+from meshreel_blender import player
+from meshreel_blender.axes import matrix_to_file
+from meshreel_blender.exporter import ExportChoices, export_reel
+from meshreel_blender.panel import description
+
+
+def positions_of(mesh):
+    return np.array([vertex.co for vertex in mesh.vertices], np.float32)
+
+
+def import_file(path, **options):
+    bpy.ops.import_scene.meshreel(filepath=path, **options)
+    return list(bpy.context.selected_objects)
+
+
+def shapes(obj, frames):
+    """Own and evaluated positions at scene frames, each of shape (T, V, 3)."""
+    own, evaluated = [], []
+    for frame in frames:
+        bpy.context.scene.frame_set(int(frame), subframe=frame % 1)
+        own.append(positions_of(obj.data))
+        depsgraph = bpy.context.evaluated_depsgraph_get()
+        evaluated.append(positions_of(obj.evaluated_get(depsgraph).data))
+    return {"own": np.array(own), "evaluated": np.array(evaluated)}
+
+
+def set_rate(fps, fps_base=1.0):
+    bpy.context.scene.render.fps = fps
+    bpy.context.scene.render.fps_base = fps_base
+
+
+# Playing
+
+
+def play(path, frames, fps=24, settings=None, **options):
+    set_rate(fps)
+    (obj,) = import_file(path, **options)
+    for name, value in (settings or {}).items():
+        setattr(obj.meshreel, name, value)
+    return shapes(obj, frames)
+
+
+def describe_import(path, **options):
+    scene = bpy.context.scene
+    objects = import_file(path, **options)
+    return {
+        "names": [obj.name for obj in objects],
+        "rotations": [obj.rotation_euler[:] for obj in objects],
+        "scales": [obj.scale[:] for obj in objects],
+        "starts": [obj.meshreel.start_frame for obj in objects],
+        "range": [scene.frame_start, scene.frame_end],
+        "frame": scene.frame_current,
+        "rate": scene.render.fps / scene.render.fps_base,
+        "normals": [vertex.normal[:] for vertex in objects[0].data.vertices],
+    }
+
+
+def import_surface(path):
+    """Polygons, layers and materials of each object, keys beginning with its name."""
+    found = {}
+    for obj in import_file(path):
+        mesh = obj.data
+        values = {
+            "positions": positions_of(mesh),
+            "counts": [len(face.vertices) for face in mesh.polygons],
+            "corners": [corner for face in mesh.polygons for corner in face.vertices],
+            "materials": [slot.name for slot in obj.material_slots],
+            "material_indices": [face.material_index for face in mesh.polygons],
+        }
+        for layer in mesh.uv_layers:
+            values[f"uv {layer.name}"] = [item.vector[:] for item in layer.uv]
+        for layer in mesh.color_attributes:
+            name = f"{layer.data_type} {layer.domain} {layer.name}"
+            is_bytes = layer.data_type == "BYTE_COLOR"
+            values[name] = [(item.color_srgb if is_bytes else item.color)[:] for item in layer.data]
+        found |= {f"{obj.name} {key}": value for key, value in values.items()}
+    return found
+
+
+def notes_of_import(path):
+    """Faces that are left of a mesh some of whose faces Blender does not hold."""
+    (obj,) = import_file(path)
+    return {"n_faces": len(obj.data.polygons), **shapes(obj, [0, 1])}
+
+
+def import_error(path):
+    try:
+        import_file(path)
+    except RuntimeError as error:
+        return {"error": str(error), "n_objects": len(bpy.data.objects)}
+    return {"error": "", "n_objects": len(bpy.data.objects)}
+
+
+def lose_and_find(path, away):
+    """A file that is taken away while it plays, and brought back."""
+    (obj,) = import_file(path)
+    before = shapes(obj, [1])["own"]
+    os.rename(path, away)
+    lost = shapes(obj, [2])["own"]
+    is_error, text = description(obj)
+    os.rename(away, path)
+    found = shapes(obj, [2])["own"]
+    return {
+        "before": before, "lost": lost, "found": found, "is_error": is_error, "text": text,
+        "problem_after": player.problem(obj),
+    }  # fmt: skip
+
+
+def change(path, other):
+    """A file that is replaced by another while it plays."""
+    (obj,) = import_file(path)
+    before = shapes(obj, [1])["own"]
+    os.replace(other, path)
+    return {"before": before, **shapes(obj, [2]), "problem": player.problem(obj)}
+
+
+def edit_mesh(path):
+    """A mesh that gets one vertex more than its reel has."""
+    (obj,) = import_file(path)
+    obj.data.vertices.add(1)
+    bpy.context.scene.frame_set(2)
+    return {"problem": player.problem(obj)}
+
+
+def save_scene(path, blend, frame):
+    bpy.ops.wm.save_as_mainfile(filepath=blend)  # paths can be relative from now on
+    (obj,) = import_file(path)
+    bpy.context.scene.frame_set(frame)
+    bpy.ops.wm.save_mainfile()
+    return {"stored": obj.meshreel.filepath}
+
+
+def open_scene(blend, frames):
+    bpy.ops.wm.open_mainfile(filepath=blend)
+    (obj,) = (one for one in bpy.data.objects if one.type == "MESH")
+    return {"opened": positions_of(obj.data), "problem": player.problem(obj), **shapes(obj, frames)}
+
+
+def render(path, folder):
+    """The alpha of two rendered frames of a reel."""
+    import_file(path, up="Z")
+    scene = bpy.context.scene
+    camera = bpy.data.cameras.new("camera")
+    camera.type, camera.ortho_scale = "ORTHO", 4.0
+    scene.camera = bpy.data.objects.new("camera", camera)
+    scene.camera.location = (0, 0, 5)
+    scene.collection.objects.link(scene.camera)
+    scene.render.engine = "CYCLES"
+    scene.cycles.samples = 4
+    scene.render.resolution_x = scene.render.resolution_y = 16
+    scene.render.film_transparent = True
+    scene.render.image_settings.color_mode = "RGBA"
+    scene.render.filepath = str(Path(folder) / "frame_")
+    bpy.ops.render.render(animation=True)
+    alphas = []
+    for file in sorted(Path(folder).glob("frame_*.png")):
+        image = bpy.data.images.load(str(file))
+        alphas.append(np.array(image.pixels[:]).reshape(16, 16, 4)[..., 3])
+    return {"alphas": np.array(alphas)}
+
+
+# Exporting
+
+
+def grid_object(name, size=2, n_cells=3):
+    """A square of quads, n_cells on each side."""
+    steps = np.linspace(-size / 2, size / 2, n_cells + 1)
+    verts = [(x, y, 0.0) for y in steps for x in steps]
+    row = n_cells + 1
+    faces = [
+        (y * row + x, y * row + x + 1, (y + 1) * row + x + 1, (y + 1) * row + x)
+        for y in range(n_cells)
+        for x in range(n_cells)
+    ]
+    mesh = bpy.data.meshes.new(name)
+    mesh.from_pydata(verts, [], faces)
+    obj = bpy.data.objects.new(name, mesh)
+    bpy.context.collection.objects.link(obj)
+    obj.select_set(True)
+    return obj
+
+
+def bulge(obj, last_frame):
+    """A shape key that grows from frame 1 on, and a transform that moves with it."""
+    obj.shape_key_add(name="Basis")
+    key = obj.shape_key_add(name="Bulge")
+    for point in key.data:
+        point.co.z = 1.0 + point.co.x * point.co.y
+    for frame, value in ((1, 0.0), (last_frame, 1.0)):
+        key.value = value
+        key.keyframe_insert("value", frame=frame)
+        obj.location = (value, 0.3, -value)
+        obj.rotation_euler = (0.2, value, 0.0)
+        obj.keyframe_insert("location", frame=frame)
+        obj.keyframe_insert("rotation_euler", frame=frame)
+
+
+def world_shapes(obj, frames):
+    """Positions in the axes of a file with y up, of shape (T, V, 3)."""
+    found = []
+    for frame in frames:
+        bpy.context.scene.frame_set(frame)
+        evaluated = obj.evaluated_get(bpy.context.evaluated_depsgraph_get())
+        matrix = evaluated.matrix_world
+        points = np.array([matrix @ vertex.co for vertex in evaluated.data.vertices])
+        found.append(points @ matrix_to_file("Y").T)
+    return np.array(found)
+
+
+def export(path, **options):
+    try:
+        bpy.ops.export_scene.meshreel(filepath=path, **options)
+    except RuntimeError as error:
+        return str(error)
+    return ""
+
+
+def export_shape_key(path, last_frame, **options):
+    obj = grid_object("grid")
+    bulge(obj, last_frame)
+    obj.modifiers.new("Array", "ARRAY").count = 2
+    bpy.context.scene.frame_set(3)
+    error = export(path, frame_start=1, frame_end=last_frame, **options)
+    frame_after = bpy.context.scene.frame_current
+    return {
+        "world": world_shapes(obj, range(1, last_frame + 1)),
+        "error": error,
+        "frame_after": frame_after,
+    }
+
+
+def decorate(obj, seed):
+    """UV maps, colours and materials for an object."""
+    rng = np.random.default_rng(seed)
+    mesh = obj.data
+    uv = mesh.uv_layers.new(name="map")
+    uv.uv.foreach_set("vector", rng.random(2 * len(mesh.loops), np.float32))
+    tint = mesh.color_attributes.new("tint", "FLOAT_COLOR", "POINT")
+    tint.data.foreach_set("color", rng.random(4 * len(mesh.vertices), np.float32))
+    paint = mesh.color_attributes.new("paint", "BYTE_COLOR", "CORNER")
+    paint.data.foreach_set("color_srgb", rng.integers(0, 256, 4 * len(mesh.loops)) / 255)
+    for name in ("skin", f"cloth {seed}"):
+        mesh.materials.append(bpy.data.materials.get(name) or bpy.data.materials.new(name))
+    mesh.polygons.foreach_set("material_index", np.arange(len(mesh.polygons)) % 2)
+
+
+def export_parts(path):
+    """Two decorated objects, exported; what they are, and what comes back when imported."""
+    for number, name in enumerate(("body", "arm")):
+        decorate(grid_object(name, n_cells=2 + number), number)
+    error = export(path, frame_start=1, frame_end=2)
+    before = {f"before {key}": value for key, value in _surfaces(("body", "arm")).items()}
+    for obj in list(bpy.data.objects):
+        bpy.data.objects.remove(obj)
+    import_file(path)
+    after = {f"after {key}": value for key, value in _surfaces(("body", "arm")).items()}
+    return {"error": error, **before, **after}
+
+
+def _surfaces(names):
+    found = {}
+    for name in names:
+        obj = bpy.data.objects[name]
+        mesh = obj.data
+        found[f"{name} corners"] = [corner for face in mesh.polygons for corner in face.vertices]
+        found[f"{name} counts"] = [len(face.vertices) for face in mesh.polygons]
+        found[f"{name} uv"] = [item.vector[:] for item in mesh.uv_layers["map"].uv]
+        found[f"{name} tint"] = [item.color[:] for item in mesh.color_attributes["tint"].data]
+        found[f"{name} paint"] = [
+            item.color_srgb[:] for item in mesh.color_attributes["paint"].data
+        ]
+        found[f"{name} materials"] = [
+            mesh.materials[face.material_index].name for face in mesh.polygons
+        ]
+    return found
+
+
+def export_changing(path):
+    """A mesh that loses faces at frame 4."""
+    obj = grid_object("grid")
+    bpy.context.scene.frame_set(2)
+    build = obj.modifiers.new("Decimate", "DECIMATE")
+    build.decimate_type = "UNSUBDIV"
+    for frame, iterations in ((3, 0), (4, 2)):
+        build.iterations = iterations
+        build.keyframe_insert("iterations", frame=frame)
+    error = export(path, frame_start=1, frame_end=6)
+    return {"error": error, "frame_after": bpy.context.scene.frame_current}
+
+
+def export_mirrored(path):
+    """A mirrored object, and world position and UV of each corner of its faces."""
+    obj = grid_object("grid")
+    decorate(obj, 0)
+    obj.matrix_world = matrix = Matrix.Diagonal((-1, 1, 1, 1))
+    error = export(path, frame_start=1, frame_end=1, up="Z", target="MAX_ERROR", max_error=1e-4)
+    mesh, uv = obj.data, obj.data.uv_layers["map"].uv
+    corners = [
+        [
+            (*(matrix @ mesh.vertices[mesh.loops[loop].vertex_index].co), *uv[loop].vector)
+            for loop in face.loop_indices
+        ]
+        for face in mesh.polygons
+    ]
+    return {"error": error, "corners": corners}
+
+
+def export_timed(path, fps, fps_base, start, end, step):
+    grid_object("grid")
+    set_rate(fps, fps_base)
+    error = export(path, frame_start=start, frame_end=end, frame_step=step)
+    (obj,) = import_file(path)
+    return {"error": error, "start": obj.meshreel.start_frame}
+
+
+def stop_export(path, n_steps):
+    """An export that is given up after some steps."""
+    obj = grid_object("grid")
+    bpy.context.scene.frame_set(7)
+    choices = ExportChoices(range(1, 11), "Y", {"quality": 80})
+    steps = export_reel(bpy.context, [obj], Path(path), choices, [])
+    progress = [next(steps) for _ in range(n_steps)]
+    steps.close()
+    return {
+        "progress": progress,
+        "frame_after": bpy.context.scene.frame_current,
+        "files": sorted(os.listdir(Path(path).parent)),
+    }
+
+
+def export_without_frames(path, start, end):
+    grid_object("grid")
+    return {"error": export(path, frame_start=start, frame_end=end)}
+
+
+def export_without_faces(path):
+    mesh = bpy.data.meshes.new("points")
+    mesh.vertices.add(3)
+    obj = bpy.data.objects.new("points", mesh)
+    bpy.context.collection.objects.link(obj)
+    obj.select_set(True)
+    return {"error": export(path, frame_start=1, frame_end=2)}

@@ -1,0 +1,69 @@
+"""Blender in a process of its own, for tests: it cannot disturb them."""
+
+import json
+import os
+import subprocess
+import sys
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+ADD_ON_FOLDER = Path(__file__).parents[2] / "integrations" / "blender"
+ANSWER = "scenario answered: "
+
+PYTHON = os.environ.get("MESHREEL_BPY_PYTHON", sys.executable)
+"""A Python that has bpy and meshreel: this one, or another whose Blender is to be tested."""
+
+
+class BlenderError(Exception):
+    """A scenario that ended with a traceback, or a Blender that died; what it printed."""
+
+
+@cache
+def why_not():
+    """Why there is no Blender here; empty if there is."""
+    check = [PYTHON, "-c", "import bpy, meshreel"]
+    found = subprocess.run(check, capture_output=True, text=True, check=False)
+    return found.stderr.strip().rpartition("\n")[2] if found.returncode else ""
+
+
+class Blender:
+    """Runs scenarios of `blender_scenarios`, each on an empty scene with factory settings."""
+
+    def __init__(self):
+        paths = [str(ADD_ON_FOLDER), os.environ.get("PYTHONPATH", "")]
+        self._process = subprocess.Popen(
+            [PYTHON, "-X", "faulthandler", str(Path(__file__).with_name("blender_worker.py"))],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            env={**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, paths))},
+        )
+
+    def run(self, name, arguments, result):
+        """The arrays that a scenario returns, by way of a file."""
+        print(json.dumps([name, arguments, result], default=str), file=self._process.stdin)
+        self._process.stdin.flush()
+        printed = []
+        for line in self._process.stdout:
+            if line.startswith(ANSWER):
+                break
+            printed.append(line)
+        else:
+            raise BlenderError("".join(printed))
+        failure = json.loads(line.removeprefix(ANSWER))
+        if failure:
+            raise BlenderError("".join(printed) + failure)
+        with np.load(result) as found:
+            return {key: found[key] for key in found.files}
+
+    @property
+    def is_alive(self):
+        return self._process.poll() is None
+
+    def close(self):
+        self._process.stdin.close()
+        self._process.wait(timeout=60)
+        self._process.stdout.close()

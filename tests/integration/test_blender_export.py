@@ -1,0 +1,123 @@
+"""The add-on writes what Blender evaluates; skipped where there is none."""
+
+import numpy as np
+import pytest
+
+import meshreel
+from meshreel.geometry.fans import join_fans
+from meshreel.surface import Domain, Kind
+
+MAX_ERROR_PERCENT = 0.01
+
+
+def error_percent(found, expected):
+    """Largest distance of a vertex, in percent of the diagonal of the box of all frames."""
+    diagonal = np.linalg.norm(np.ptp(expected.reshape(-1, 3), axis=0))
+    return 100 * np.linalg.norm(found - expected, axis=-1).max() / diagonal
+
+
+def test_frames_are_as_evaluated_when_shape_keys_modifiers_and_transform_move(blender, tmp_path):
+    path = tmp_path / "grid.reel"
+    options = {"target": "MAX_ERROR", "max_error": MAX_ERROR_PERCENT}
+    found = blender("export_shape_key", path=path, last_frame=8, **options)
+    assert str(found["error"]) == ""
+    assert found["frame_after"] == 3
+    reel = meshreel.decode(path.read_bytes())
+    assert reel.vertices.shape == found["world"].shape == (8, 32, 3)
+    assert error_percent(reel.vertices, found["world"]) <= MAX_ERROR_PERCENT
+    assert (reel.fps, reel.start_s, reel.name) == (24.0, 1 / 24, "grid")
+    assert reel.surface.face_sizes.tolist() == [4] * 18
+
+
+def test_file_is_smaller_when_less_quality_is_asked_for(blender, tmp_path):
+    low, high = tmp_path / "low.reel", tmp_path / "high.reel"
+    blender("export_shape_key", path=low, last_frame=8, quality=30.0)
+    blender("export_shape_key", path=high, last_frame=8, quality=95.0)
+    assert low.stat().st_size < high.stat().st_size
+
+
+def test_parts_and_surfaces_come_back_exactly_when_exported_and_imported(blender, tmp_path):
+    found = blender("export_parts", path=tmp_path / "two.reel")
+    assert str(found["error"]) == ""
+    names = [key.removeprefix("before ") for key in found if key.startswith("before ")]
+    assert len(names) == 12
+    for name in names:
+        np.testing.assert_array_equal(found[f"after {name}"], found[f"before {name}"], name)
+
+
+def test_surface_is_in_the_file_when_objects_have_one(blender, tmp_path):
+    blender("export_parts", path=tmp_path / "two.reel")
+    surface = meshreel.decode((tmp_path / "two.reel").read_bytes()).surface
+    assert [(part.name, part.n_verts, part.n_faces) for part in surface.parts] == [
+        ("arm", 16, 9),
+        ("body", 9, 4),
+    ]
+    assert surface.groups[0].name == "material"
+    assert set(surface.groups[0].labels) == {"skin", "cloth 0", "cloth 1"}
+    assert {
+        (one.name, one.kind, one.domain, str(one.values.dtype)) for one in surface.attributes
+    } == {
+        ("map", Kind.UV, Domain.CORNER, "float32"),
+        ("tint", Kind.COLOR, Domain.VERTEX, "float32"),
+        ("paint", Kind.COLOR, Domain.CORNER, "uint8"),
+    }
+
+
+def test_export_names_the_frame_when_faces_change(blender, tmp_path):
+    path = tmp_path / "grid.reel"
+    path.write_bytes(b"what was there")
+    found = blender("export_changing", path=path)
+    assert "grid has" in str(found["error"])
+    assert "at frame 1, at frame 4" in str(found["error"])
+    assert found["frame_after"] == 2
+    assert path.read_bytes() == b"what was there"
+
+
+def test_faces_look_the_same_way_when_the_object_is_mirrored(blender, tmp_path):
+    path = tmp_path / "grid.reel"
+    found = blender("export_mirrored", path=path)
+    reel = meshreel.decode(path.read_bytes())
+    sides = reel.vertices[0][reel.faces]
+    normals = np.cross(sides[:, 1] - sides[:, 0], sides[:, 2] - sides[:, 0])
+    assert (normals[:, 2] > 0).all()
+    corners = join_fans(reel.surface.face_sizes, reel.faces)
+    uv = reel.surface.of_kind(Kind.UV)[0].per_item()
+    have = np.concatenate([reel.vertices[0][corners], uv], axis=1).reshape(-1, 4, 5)
+    # The same corners in the other direction, from the same first.
+    np.testing.assert_allclose(have, found["corners"][:, [0, 3, 2, 1]], atol=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("fps", "fps_base", "rate"),
+    [(24, 1.0, 24.0), (25, 1.0, 25.0), (30, 1.001, 30000 / 1001), (60, 1.0, 60.0)],
+)
+def test_rate_and_start_survive_when_exported(blender, tmp_path, fps, fps_base, rate):
+    path = tmp_path / "grid.reel"
+    found = blender("export_timed", path=path, fps=fps, fps_base=fps_base, start=11, end=20, step=3)
+    reel = meshreel.decode(path.read_bytes())
+    assert (reel.fps, reel.start_s, reel.n_frames) == (rate / 3, 11 / rate, 4)
+    assert found["start"] == 11.0
+
+
+def test_export_says_why_when_there_are_no_frames(blender, tmp_path):
+    path = tmp_path / "grid.reel"
+    found = blender("export_without_frames", path=path, start=5, end=4)
+    assert "no frames in 5 to 4" in str(found["error"])
+    assert not path.exists()
+
+
+def test_export_says_why_when_there_are_no_faces(blender, tmp_path):
+    path = tmp_path / "grid.reel"
+    found = blender("export_without_faces", path=path)
+    assert "points: no faces" in str(found["error"])
+    assert not path.exists()
+
+
+@pytest.mark.parametrize("n_steps", [3, 10, 11])
+def test_nothing_is_left_when_the_export_is_stopped(blender, tmp_path, n_steps):
+    (tmp_path / "out").mkdir()
+    found = blender("stop_export", path=tmp_path / "out" / "grid.reel", n_steps=n_steps)
+    assert found["files"].tolist() == []
+    assert found["frame_after"] == 7
+    assert (np.diff(found["progress"]) >= 0).all()
+    assert found["progress"].max() <= 1

@@ -1,0 +1,255 @@
+"""The add-on plays reels in Blender; skipped where there is none."""
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import meshreel
+from meshreel.surface import Attribute, Domain, FaceGroups, Kind, Part, Surface
+
+QUADS = np.array([[0, 1, 4, 3], [1, 2, 5, 4]])
+
+
+def strip(n_frames=5, fps=24.0, dtype=np.float32, **rest):
+    """Six vertices in two rows, which rise."""
+    flat = np.array([[x, y, 0.0] for y in (0, 1) for x in (0, 1, 2)])
+    frames = [flat + np.array([0.1 * t, 0, t * t]) for t in range(n_frames)]
+    faces = [[0, 1, 4], [0, 4, 3], [1, 2, 5], [1, 5, 4]]
+    return meshreel.MeshSequence(np.array(frames, dtype), faces, fps, "strip", **rest)
+
+
+def write(path, sequence):
+    path.write_bytes(meshreel.encode(sequence))
+    return meshreel.decode(path.read_bytes()).vertices
+
+
+@pytest.fixture
+def strip_file(tmp_path):
+    write(tmp_path / "strip.reel", strip())
+    return tmp_path / "strip.reel"
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+def test_shape_is_the_decoded_frame_when_the_scene_is_there(blender, tmp_path, dtype):
+    decoded = write(tmp_path / "strip.reel", strip(dtype=dtype)).astype(np.float32)
+    found = blender("play", path=tmp_path / "strip.reel", frames=[3, 0, 4])
+    np.testing.assert_array_equal(found["own"], decoded[[3, 0, 4]])
+    np.testing.assert_array_equal(found["evaluated"], decoded[[3, 0, 4]])
+
+
+@pytest.mark.real
+def test_shape_is_the_decoded_frame_when_the_reel_is_samba(blender, tmp_path):
+    if "MESHREEL_DATA" not in os.environ:
+        pytest.skip("MESHREEL_DATA is not set")
+    samba = meshreel.load(Path(os.environ["MESHREEL_DATA"]) / "samba.npz")
+    decoded = write(tmp_path / "samba.reel", samba)
+    found = blender("play", path=tmp_path / "samba.reel", frames=[0, 87, 174])
+    np.testing.assert_array_equal(found["own"], decoded[[0, 87, 174]])
+    np.testing.assert_array_equal(found["evaluated"], decoded[[0, 87, 174]])
+
+
+def test_shape_is_the_only_frame_when_the_reel_has_one(blender, tmp_path):
+    decoded = write(tmp_path / "still.reel", strip(1))
+    found = blender("play", path=tmp_path / "still.reel", frames=[-5, 0, 30])
+    np.testing.assert_array_equal(found["own"], decoded[[0, 0, 0]])
+
+
+def test_reel_is_held_when_the_scene_is_outside(blender, tmp_path, strip_file):
+    decoded = meshreel.decode(strip_file.read_bytes()).vertices
+    found = blender(
+        "play", path=strip_file, frames=[7, 9, 14, 15, 90], settings={"start_frame": 10}
+    )
+    np.testing.assert_array_equal(found["own"], decoded[[0, 0, 4, 4, 4]])
+
+
+def test_reel_begins_again_when_it_loops(blender, strip_file):
+    decoded = meshreel.decode(strip_file.read_bytes()).vertices
+    found = blender("play", path=strip_file, frames=[4, 5, 11, -1], settings={"end": "LOOP"})
+    np.testing.assert_array_equal(found["own"], decoded[[4, 0, 1, 4]])
+
+
+def test_reel_keeps_its_speed_when_the_scene_has_another_rate(blender, strip_file):
+    decoded = meshreel.decode(strip_file.read_bytes()).vertices
+    found = blender("play", path=strip_file, frames=[0, 2, 4, 8], fps=48)["own"]
+    np.testing.assert_array_equal(found, decoded[[0, 1, 2, 4]])
+
+
+def test_frames_are_blended_when_the_scene_is_between_two(blender, strip_file):
+    decoded = meshreel.decode(strip_file.read_bytes()).vertices
+    found = blender("play", path=strip_file, frames=[1, 1.5], fps=48)["own"]
+    expected = [(decoded[0] + decoded[1]) / 2, (decoded[0] + 3 * decoded[1]) / 4]
+    np.testing.assert_array_equal(found, np.array(expected))
+
+
+def test_frame_before_is_shown_when_blending_is_off(blender, strip_file):
+    decoded = meshreel.decode(strip_file.read_bytes()).vertices
+    off = {"interpolate": False}
+    found = blender("play", path=strip_file, frames=[1, 3, 4], fps=48, settings=off)
+    np.testing.assert_array_equal(found["own"], decoded[[0, 1, 2]])
+
+
+def test_each_scene_frame_shows_a_frame_when_the_rate_is_unknown(blender, tmp_path):
+    decoded = write(tmp_path / "strip.reel", strip(fps=0))
+    found = blender("play", path=tmp_path / "strip.reel", frames=[0, 1, 4], fps=60)
+    np.testing.assert_array_equal(found["own"], decoded[[0, 1, 4]])
+
+
+def test_scene_takes_rate_and_range_when_asked_for(blender, tmp_path):
+    rate = 30000 / 1001
+    write(tmp_path / "strip.reel", strip(fps=rate, start_s=10 / rate))
+    found = blender("describe_import", path=tmp_path / "strip.reel", set_rate=True, scale=2.0)
+    assert abs(found["rate"] / rate - 1) < 1e-7
+    assert found["range"].tolist() == [10, 14]
+    assert found["starts"].tolist() == [10.0]
+    assert found["scales"].tolist() == [[2.0, 2.0, 2.0]]
+
+
+@pytest.mark.parametrize(("up", "angle"), [("Y", np.pi / 2), ("Z", 0.0)])
+def test_object_is_turned_when_the_file_has_another_axis_up(blender, strip_file, up, angle):
+    found = blender("describe_import", path=strip_file, up=up)
+    np.testing.assert_allclose(found["rotations"], [[angle, 0, 0]], atol=1e-7)
+
+
+def test_normals_are_of_the_shape_when_the_frame_has_changed(blender, tmp_path):
+    tilted = np.array(strip(2).vertices)
+    tilted[1] = tilted[0] @ np.array([[0, 0, -1], [0, 1, 0], [1, 0, 0]], np.float32)
+    write(tmp_path / "strip.reel", meshreel.MeshSequence(tilted, strip().faces, 24))
+    found = blender("describe_import", path=tmp_path / "strip.reel")
+    assert found["frame"] == 1
+    np.testing.assert_allclose(found["normals"], [[1, 0, 0]] * 6, atol=1e-2)
+
+
+def test_surface_comes_in_exactly_when_the_reel_has_one(blender, tmp_path):
+    rng = np.random.default_rng(0)
+    uv, tint = rng.random((5, 2), np.float32), rng.random((6, 3), np.float32)
+    paint = rng.integers(0, 256, (8, 4), np.uint8)
+    indices = np.array([0, 1, 2, 3, 4, 2, 1, 0], np.int32)
+    surface = Surface(
+        [4, 4],
+        (
+            Attribute("map", Kind.UV, Domain.CORNER, uv, indices),
+            Attribute("tint", Kind.COLOR, Domain.VERTEX, tint),
+            Attribute("paint", Kind.COLOR, Domain.CORNER, paint),
+            Attribute("patch", Kind.COLOR, Domain.FACE, paint[:2]),
+        ),
+        (FaceGroups("material", ("cloth",), [0, -1]),),
+    )
+    write(tmp_path / "strip.reel", strip(surface=surface))
+    found = blender("import_surface", path=tmp_path / "strip.reel")
+    assert found["strip counts"].tolist() == [4, 4]
+    np.testing.assert_array_equal(found["strip corners"], QUADS.ravel())
+    np.testing.assert_array_equal(found["strip uv map"].astype(np.float32), uv[indices])
+    opaque = np.column_stack([tint, np.ones(6)]).astype(np.float32)
+    np.testing.assert_array_equal(found["strip FLOAT_COLOR POINT tint"].astype("f4"), opaque)
+    bytes_found = np.rint(255 * found["strip BYTE_COLOR CORNER paint"])
+    np.testing.assert_array_equal(bytes_found, paint)
+    patch = np.rint(255 * found["strip BYTE_COLOR CORNER patch"])
+    np.testing.assert_array_equal(patch, np.repeat(paint[:2], 4, axis=0))
+    assert found["strip materials"].tolist() == ["cloth", ""]
+    assert found["strip material_indices"].tolist() == [0, 1]
+
+
+def test_parts_are_objects_when_the_reel_has_several(blender, tmp_path):
+    one = strip(2)
+    vertices = np.concatenate([one.vertices, one.vertices + np.float32(5)], axis=1)
+    faces = np.concatenate([one.faces, one.faces + 6])
+    parts = (Part("/root/body", 6, 4), Part("/root/arm", 6, 4))
+    whole = meshreel.MeshSequence(vertices, faces, 24, surface=Surface(parts=parts))
+    decoded = write(tmp_path / "two.reel", whole)
+    found = blender("import_surface", path=tmp_path / "two.reel")
+    np.testing.assert_array_equal(found["body positions"], decoded[1, :6])
+    np.testing.assert_array_equal(found["arm positions"], decoded[1, 6:])
+    np.testing.assert_array_equal(found["arm corners"].reshape(-1, 3), one.faces)
+
+
+def test_mesh_plays_when_blender_does_not_hold_all_faces(blender, tmp_path):
+    bad = strip(2)
+    faces = np.concatenate([bad.faces, [[0, 0, 1]], bad.faces[:1]])
+    decoded = write(tmp_path / "bad.reel", meshreel.MeshSequence(bad.vertices, faces, 24))
+    found = blender("notes_of_import", path=tmp_path / "bad.reel")
+    assert found["n_faces"] == 4
+    np.testing.assert_array_equal(found["own"], decoded)
+
+
+def test_import_says_why_when_the_file_is_missing(blender, tmp_path):
+    found = blender("import_error", path=tmp_path / "none.reel")
+    assert f"{tmp_path / 'none.reel'} is missing" in str(found["error"])
+    assert found["n_objects"] == 0
+
+
+@pytest.mark.parametrize("kept", [0, 3, 200])
+def test_import_says_why_when_the_file_is_damaged(blender, strip_file, kept):
+    strip_file.write_bytes(strip_file.read_bytes()[:kept])
+    found = blender("import_error", path=strip_file)
+    assert str(strip_file) in str(found["error"])
+    assert found["n_objects"] == 0
+
+
+def test_shape_stays_and_panel_says_why_when_the_file_is_lost(blender, tmp_path, strip_file):
+    decoded = meshreel.decode(strip_file.read_bytes()).vertices
+    found = blender("lose_and_find", path=strip_file, away=tmp_path / "away.reel")
+    np.testing.assert_array_equal(found["lost"], found["before"])
+    assert found["is_error"]
+    assert "is missing" in str(found["text"])
+    np.testing.assert_array_equal(found["found"], decoded[[2]])
+    assert str(found["problem_after"]) == ""
+
+
+def test_new_frames_are_shown_when_the_file_is_written_anew(blender, tmp_path, strip_file):
+    shifted = meshreel.MeshSequence(strip().vertices + np.float32(7), strip().faces, 24)
+    decoded = write(tmp_path / "other.reel", shifted)
+    found = blender("change", path=strip_file, other=tmp_path / "other.reel")
+    np.testing.assert_array_equal(found["own"], decoded[[2]])
+    assert str(found["problem"]) == ""
+
+
+def test_shape_stays_when_the_file_has_other_faces(blender, tmp_path, strip_file):
+    turned = meshreel.MeshSequence(strip().vertices, strip().faces[:, ::-1], 24)
+    write(tmp_path / "other.reel", turned)
+    found = blender("change", path=strip_file, other=tmp_path / "other.reel")
+    np.testing.assert_array_equal(found["own"], found["before"])
+    assert "has other faces" in str(found["problem"])
+
+
+def test_problem_is_told_when_the_mesh_was_edited(blender, strip_file):
+    found = blender("edit_mesh", path=strip_file)
+    assert "has 7 vertices and its reel 6" in str(found["problem"])
+
+
+def test_reel_plays_again_when_the_scene_is_opened_elsewhere(blender, tmp_path, strip_file):
+    decoded = meshreel.decode(strip_file.read_bytes()).vertices
+    (tmp_path / "here").mkdir()
+    os.rename(strip_file, tmp_path / "here" / "strip.reel")
+    blend = tmp_path / "here" / "scene.blend"
+    stored = blender("save_scene", path=tmp_path / "here" / "strip.reel", blend=blend, frame=3)
+    assert str(stored["stored"]) == "//strip.reel"
+    os.rename(tmp_path / "here", tmp_path / "there")
+    found = blender("open_scene", blend=tmp_path / "there" / "scene.blend", frames=[1, 4])
+    np.testing.assert_array_equal(found["opened"], decoded[3])
+    np.testing.assert_array_equal(found["own"], decoded[[1, 4]])
+
+
+def test_scene_opens_and_says_why_when_the_reel_is_gone(blender, tmp_path, strip_file):
+    decoded = meshreel.decode(strip_file.read_bytes()).vertices
+    blend = tmp_path / "scene.blend"
+    blender("save_scene", path=strip_file, blend=blend, frame=3)
+    strip_file.unlink()
+    found = blender("open_scene", blend=blend, frames=[1])
+    np.testing.assert_array_equal(found["opened"], decoded[3])
+    assert "is missing" in str(found["problem"])
+
+
+def test_frames_differ_when_they_are_rendered(blender, tmp_path):
+    left = np.array([[-2, -2, 0], [0, -2, 0], [0, 2, 0], [-2, 2, 0]], np.float32)
+    sequence = meshreel.MeshSequence(
+        [left, left + np.float32([2, 0, 0])], [[0, 1, 2], [0, 2, 3]], 24
+    )
+    write(tmp_path / "wipe.reel", sequence)
+    (tmp_path / "out").mkdir()
+    alphas = blender("render", path=tmp_path / "wipe.reel", folder=tmp_path / "out")["alphas"]
+    assert alphas.shape == (2, 16, 16)
+    covered = alphas.mean(axis=1) > 0.5
+    assert covered[0].tolist() == [True] * 8 + [False] * 8
+    assert covered[1].tolist() == [False] * 8 + [True] * 8
