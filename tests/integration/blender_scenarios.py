@@ -336,6 +336,27 @@ def stop_export(path, n_steps):
     }
 
 
+def export_kinds(path):
+    """A mesh without vertices, a curve with a bevel and a text."""
+    for name in ("nothing", "tube", "words"):
+        data = {
+            "nothing": lambda: bpy.data.meshes.new("nothing"),
+            "tube": lambda: bpy.data.curves.new("tube", "CURVE"),
+            "words": lambda: bpy.data.curves.new("words", "FONT"),
+        }[name]()
+        obj = bpy.data.objects.new(name, data)
+        bpy.context.collection.objects.link(obj)
+        obj.select_set(True)
+    bpy.data.curves["tube"].splines.new("POLY").points.add(3)
+    for number, point in enumerate(bpy.data.curves["tube"].splines[0].points):
+        point.co = (number, number % 2, 0, 1)
+    bpy.data.curves["tube"].bevel_depth = 0.1
+    bpy.data.curves["words"].body = "reel"
+    error = export(path, frame_start=1, frame_end=2)
+    imported = import_file(path)
+    return {"error": error, "n_verts": [len(obj.data.vertices) for obj in imported]}
+
+
 def export_without_frames(path, start, end):
     grid_object("grid")
     return {"error": export(path, frame_start=start, frame_end=end)}

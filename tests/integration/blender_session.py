@@ -22,24 +22,41 @@ class BlenderError(Exception):
 
 @cache
 def why_not():
-    """Why there is no Blender here; empty if there is."""
+    """Why tests in Blender are skipped; empty if there is one."""
     check = [PYTHON, "-c", "import bpy, meshreel"]
     found = subprocess.run(check, capture_output=True, text=True, check=False)
-    return found.stderr.strip().rpartition("\n")[2] if found.returncode else ""
+    reason = found.stderr.strip().rpartition("\n")[2]
+    return f"no Blender in {PYTHON}: {reason}; pip install '.[verify]'" if found.returncode else ""
+
+
+def environment():
+    """Variables of a Python that finds the add-on."""
+    paths = [str(ADD_ON_FOLDER), os.environ.get("PYTHONPATH", "")]
+    return {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, paths))}
+
+
+def run_python(script, *arguments, **variables):
+    """What a script prints in Blender's Python."""
+    command = [PYTHON, str(script), *map(str, arguments)]
+    found = subprocess.run(
+        command, capture_output=True, text=True, check=False, env={**os.environ, **variables}
+    )
+    if found.returncode:
+        raise BlenderError(found.stdout + found.stderr)
+    return found.stdout
 
 
 class Blender:
     """Runs scenarios of `blender_scenarios`, each on an empty scene with factory settings."""
 
     def __init__(self):
-        paths = [str(ADD_ON_FOLDER), os.environ.get("PYTHONPATH", "")]
         self._process = subprocess.Popen(
             [PYTHON, "-X", "faulthandler", str(Path(__file__).with_name("blender_worker.py"))],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,
-            env={**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, paths))},
+            env=environment(),
         )
 
     def run(self, name, arguments, result):

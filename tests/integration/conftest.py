@@ -1,6 +1,6 @@
 import pytest
 
-from integration.blender_session import PYTHON, Blender, why_not
+from integration.blender_session import Blender
 
 
 @pytest.fixture(scope="session")
@@ -15,9 +15,6 @@ def blenders():
 @pytest.fixture
 def blender(blenders, tmp_path):
     """Runs a scenario by its name, and gives the arrays that it returns."""
-    if why_not():
-        pytest.skip(f"no Blender in {PYTHON}: {why_not()}; pip install '.[verify]'")
-
     def run(name, **arguments):
         if not (blenders and blenders[-1].is_alive):
             blenders.append(Blender())

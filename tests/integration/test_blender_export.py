@@ -2,10 +2,14 @@
 
 import numpy as np
 import pytest
+from integration.blender_session import why_not
 
 import meshreel
 from meshreel.geometry.fans import join_fans
 from meshreel.surface import Domain, Kind
+
+if why_not():
+    pytest.skip(why_not(), allow_module_level=True)
 
 MAX_ERROR_PERCENT = 0.01
 
@@ -61,6 +65,16 @@ def test_surface_is_in_the_file_when_objects_have_one(blender, tmp_path):
         ("tint", Kind.COLOR, Domain.VERTEX, "float32"),
         ("paint", Kind.COLOR, Domain.CORNER, "uint8"),
     }
+
+
+def test_all_kinds_of_objects_are_parts_when_they_have_a_surface(blender, tmp_path):
+    path = tmp_path / "kinds.reel"
+    found = blender("export_kinds", path=path)
+    assert str(found["error"]) == ""
+    parts = meshreel.decode(path.read_bytes()).surface.parts
+    assert [part.name for part in parts] == ["nothing", "tube", "words"]
+    assert sorted(part.n_verts for part in parts) == sorted(found["n_verts"].tolist())
+    assert [part.n_faces > 0 for part in parts] == [False, True, True]
 
 
 def test_export_names_the_frame_when_faces_change(blender, tmp_path):

@@ -22,6 +22,8 @@ class ImportReel(bpy.types.Operator, ImportHelper):
     bl_options = {"REGISTER", "UNDO", "PRESET"}  # noqa: RUF012
 
     filename_ext = ".reel"
+    # Not kept for the next time, where it would be taken for a file that was dropped.
+    filepath: bpy.props.StringProperty(subtype="FILE_PATH", options={"HIDDEN", "SKIP_SAVE"})
     filter_glob: bpy.props.StringProperty(default="*.reel", options={"HIDDEN"})
     up: bpy.props.EnumProperty(
         name="Up Axis", description="The axis that points up in the file", items=UP_ITEMS,
@@ -65,7 +67,11 @@ class ImportReel(bpy.types.Operator, ImportHelper):
 
     def invoke(self, context: Any, event: Any) -> Any:
         """Ask for the file, or, if one was dropped, for the options."""
-        return self.invoke_popup(context) if self.filepath else super().invoke(context, event)
+        if not self.filepath:
+            return super().invoke(context, event)
+        return context.window_manager.invoke_props_dialog(
+            self, title=Path(self.filepath).name, confirm_text="Import"
+        )
 
     def _stored(self, path: Path) -> str:
         if not (self.relative_path and bpy.data.is_saved):

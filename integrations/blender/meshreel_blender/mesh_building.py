@@ -48,6 +48,8 @@ def build_mesh(part: PartMesh, positions: npt.NDArray[Any], notes: list[str]) ->
 
 def write_positions(mesh: Any, positions: npt.NDArray[Any]) -> None:
     """Give a mesh other positions, of shape (V, 3)."""
+    if len(positions) == 0:
+        return  # an empty mesh does not even have the attribute
     # The attribute takes the array as a block of memory; `vertices` goes one by one.
     flat = np.ascontiguousarray(positions, np.float32).ravel()
     mesh.attributes["position"].data.foreach_set("vector", flat)

@@ -76,11 +76,15 @@ def mesh_reading(obj: Any, depsgraph: Any, axes: Matrix) -> MeshReading:
 @contextmanager
 def _evaluated(obj: Any, depsgraph: Any, *, with_all_layers: bool = False) -> Iterator[Any]:
     evaluated = obj.evaluated_get(depsgraph)
-    yield evaluated.to_mesh(preserve_all_data_layers=with_all_layers, depsgraph=depsgraph)
-    evaluated.to_mesh_clear()
+    try:
+        yield evaluated.to_mesh(preserve_all_data_layers=with_all_layers, depsgraph=depsgraph)
+    finally:
+        evaluated.to_mesh_clear()
 
 
 def _positions(mesh: Any, axes: Matrix, matrix_world: Any) -> npt.NDArray[np.float32]:
+    if not mesh.vertices:  # an empty mesh does not even have the attribute
+        return np.empty((0, 3), np.float32)
     matrix = _matrix(matrix_world)
     own = _floats(mesh.attributes["position"].data, "vector", 3).astype(np.float64)
     world = own @ matrix[:3, :3].T + matrix[:3, 3]

@@ -1,0 +1,119 @@
+"""Builds the add-on as an extension that Blender installs, with all Python packages it needs.
+
+    python integrations/blender/build.py -o meshreel_blender.zip
+    python integrations/blender/build.py -o meshreel_blender.zip --platform linux-x64
+
+Wheels of other packages come from pip's index; that of meshreel is built from this repository.
+"""
+
+import argparse
+import re
+import subprocess
+import sys
+import tempfile
+import tomllib
+import zipfile
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+ADD_ON = Path(__file__).parent / "meshreel_blender"
+REPOSITORY = Path(__file__).parents[2]
+MANIFEST = "blender_manifest.toml"
+
+PYTHON_VERSION = "3.11"
+"""Of Blender 4.2 to 5.0."""
+
+PLATFORMS = {
+    "linux-x64": [f"manylinux_2_{minor}_x86_64" for minor in (28, 27, 24, 17)]
+    + ["manylinux2014_x86_64"],
+    "windows-x64": ["win_amd64"],
+    "macos-arm64": [f"macosx_{major}_0_arm64" for major in (12, 11)],
+    "macos-x64": [f"macosx_{version}_x86_64" for version in ("11_0", "10_15", "10_14", "10_9")],
+}
+"""Blender's name of each platform, and the tags of wheels that run there."""
+
+NOT_NEEDED = frozenset({"numpy", "pillow", "rich", "typer"})
+"""Blender brings NumPy; the others serve the command line and pictures."""
+
+BOUNDS = {"scipy": "<1.16"}
+"""Newer ones do not run with NumPy 1.24, which Blender 4.2 and 4.3 have."""
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Build what the command line asks for, and print its size."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("-o", "--output", type=Path, required=True, help="the .zip to write")
+    parser.add_argument(
+        "--platform", action="append", choices=sorted(PLATFORMS), help="repeat for several [all]"
+    )
+    chosen = parser.parse_args(arguments)
+    platforms = chosen.platform or list(PLATFORMS)
+    with tempfile.TemporaryDirectory() as folder:
+        wheels = collect_wheels(platforms, Path(folder))
+        write_extension(chosen.output, platforms, wheels)
+    size = chosen.output.stat().st_size
+    print(f"{chosen.output}: {size / 1e6:.1f} MB, {len(wheels)} wheels for {', '.join(platforms)}")
+
+
+def collect_wheels(platforms: Iterable[str], folder: Path) -> list[Path]:
+    """The wheels that Blender needs on these platforms, downloaded or built into a folder."""
+    _pip("wheel", "--no-deps", "--wheel-dir", folder, REPOSITORY)
+    for platform in platforms:
+        tags = [part for tag in PLATFORMS[platform] for part in ("--platform", tag)]
+        _pip(
+            "download", "--no-deps", "--only-binary", ":all:", "--python-version", PYTHON_VERSION,
+            "--implementation", "cp", *tags, "--dest", folder, *requirements(),
+        )  # fmt: skip
+    return sorted(folder.glob("*.whl"))
+
+
+def requirements() -> list[str]:
+    """What meshreel needs and Blender does not bring, in pip's words."""
+    project = tomllib.loads((REPOSITORY / "pyproject.toml").read_text("utf-8"))["project"]
+    # Markers only leave out platforms that Blender does not run on.
+    stated = [requirement.partition(";")[0].strip() for requirement in project["dependencies"]]
+    names = [re.split(r"[<>=!~ \[]", one, maxsplit=1)[0] for one in stated]
+    return [
+        one + ("," + BOUNDS[name] if name in BOUNDS else "")
+        for name, one in zip(names, stated, strict=True)
+        if name not in NOT_NEEDED
+    ]
+
+
+def write_extension(output: Path, platforms: Iterable[str], wheels: Iterable[Path]) -> None:
+    """Write the zip: the add-on, wheels, and a manifest that lists them."""
+    wheels = list(wheels)
+    manifest = manifest_with((ADD_ON / MANIFEST).read_text("utf-8"), platforms, wheels)
+    with zipfile.ZipFile(output, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr(MANIFEST, manifest)
+        archive.write(REPOSITORY / "LICENSE", "LICENSE")
+        for module in sorted(ADD_ON.glob("*.py")):
+            archive.write(module, module.name)
+        for wheel in wheels:  # they are compressed already
+            archive.write(wheel, f"wheels/{wheel.name}", zipfile.ZIP_STORED)
+
+
+def manifest_with(manifest: str, platforms: Iterable[str], wheels: Iterable[Path]) -> str:
+    """A manifest that names platforms and wheels, before its first table."""
+    top, table, rest = manifest.partition("\n[")
+    return (
+        top
+        + _toml_list("platforms", platforms)
+        + _toml_list("wheels", (f"./wheels/{wheel.name}" for wheel in wheels))
+        + table
+        + rest
+    )
+
+
+def _toml_list(key: str, values: Iterable[str]) -> str:
+    lines = "".join(f'    "{value}",\n' for value in values)
+    return f"\n{key} = [\n{lines}]\n"
+
+
+def _pip(*arguments: object) -> None:
+    command = [sys.executable, "-m", "pip", "--quiet", "--disable-pip-version-check"]
+    subprocess.run([*command, *map(str, arguments)], check=True)
+
+
+if __name__ == "__main__":
+    main()
