@@ -2,12 +2,14 @@
 
 import os
 from pathlib import Path
+from types import SimpleNamespace
 
 import bpy
 import numpy as np
 from mathutils import Matrix
 from meshreel_blender import player
 from meshreel_blender.axes import matrix_to_file
+from meshreel_blender.export_operator import ExportReel
 from meshreel_blender.exporter import ExportChoices, export_reel
 from meshreel_blender.panel import description
 
@@ -319,6 +321,44 @@ def export_timed(path, fps, fps_base, start, end, step):
     error = export(path, frame_start=start, frame_end=end, frame_step=step)
     (obj,) = import_file(path)
     return {"error": error, "start": obj.meshreel.start_frame}
+
+
+class _Window:
+    """Stands in for the window manager and the workspace, which there are none of here."""
+
+    def __init__(self):
+        self.progress, self.calls = [], []
+
+    def progress_update(self, value):
+        self.progress.append(value)
+
+    def event_timer_add(self, step, window):
+        return "timer"
+
+    def __getattr__(self, name):
+        return lambda *_: self.calls.append(name)
+
+
+def export_from_window(path, stop_after):
+    """The operator as a window runs it: a tick of its timer for each step, Esc after some."""
+    grid_object("grid")
+    window = _Window()
+    context = SimpleNamespace(
+        scene=bpy.context.scene, selected_objects=bpy.context.selected_objects, window=None,
+        evaluated_depsgraph_get=bpy.context.evaluated_depsgraph_get, window_manager=window,
+        workspace=window,
+    )  # fmt: skip
+    methods = {name: value for name, value in vars(ExportReel).items() if callable(value)}
+    settings = {
+        "filepath": path, "target": "QUALITY", "quality": 80.0, "up": "Y", "frame_start": 1,
+        "frame_end": 10, "frame_step": 1, "_timer": None, "_is_from_window": True,
+    }  # fmt: skip
+    operator = type("Operator", (), {**methods, **settings, "report": lambda *_: None})()
+    status, n_ticks = operator.execute(context), 0
+    while status == {"RUNNING_MODAL"}:
+        event = SimpleNamespace(type="ESC" if n_ticks == stop_after else "TIMER")
+        status, n_ticks = operator.modal(context, event), n_ticks + 1
+    return {"status": list(status), "calls": window.calls, "progress": window.progress}
 
 
 def stop_export(path, n_steps):

@@ -15,6 +15,7 @@ def blenders():
 @pytest.fixture
 def blender(blenders, tmp_path):
     """Runs a scenario by its name, and gives the arrays that it returns."""
+
     def run(name, **arguments):
         if not (blenders and blenders[-1].is_alive):
             blenders.append(Blender())

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from integration.blender_session import why_not
 
 import meshreel
+from integration.blender_session import why_not
 from meshreel.geometry.fans import join_fans
 from meshreel.surface import Domain, Kind
 
@@ -135,3 +135,24 @@ def test_nothing_is_left_when_the_export_is_stopped(blender, tmp_path, n_steps):
     assert found["frame_after"] == 7
     assert (np.diff(found["progress"]) >= 0).all()
     assert found["progress"].max() <= 1
+
+
+def test_file_is_written_when_a_window_goes_step_by_step(blender, tmp_path):
+    path = tmp_path / "grid.reel"
+    found = blender("export_from_window", path=path, stop_after=-1)
+    assert found["status"].tolist() == ["FINISHED"]
+    assert meshreel.decode(path.read_bytes()).n_frames == 10
+    assert found["progress"][:10] == pytest.approx(np.arange(1, 11) * 8)
+    ended = ["progress_end", "event_timer_remove", "status_text_set"]
+    assert found["calls"].tolist() == [
+        "progress_begin", "modal_handler_add", "status_text_set", *ended
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize("stop_after", [0, 4, 10])
+def test_no_file_is_written_when_esc_is_pressed(blender, tmp_path, stop_after):
+    path = tmp_path / "grid.reel"
+    found = blender("export_from_window", path=path, stop_after=stop_after)
+    assert found["status"].tolist() == ["CANCELLED"]
+    assert not path.exists()
+    assert found["calls"].tolist()[-2:] == ["event_timer_remove", "status_text_set"]

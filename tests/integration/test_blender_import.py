@@ -5,15 +5,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from integration.blender_session import why_not
 
 import meshreel
+from integration.blender_session import why_not
 from meshreel.surface import Attribute, Domain, FaceGroups, Kind, Part, Surface
 
 QUADS = np.array([[0, 1, 4, 3], [1, 2, 5, 4]])
 if why_not():
     pytest.skip(why_not(), allow_module_level=True)
-
 
 
 def strip(n_frames=5, fps=24.0, dtype=np.float32, **rest):
