@@ -33,20 +33,27 @@ if TYPE_CHECKING:
     from meshreel.formats.save import save
     from meshreel.metrics.compare import Quality, compare
     from meshreel.sequence import MeshSequence
+    from meshreel.surface import Attribute, Domain, FaceGroups, Kind, Part, Surface
 
 __version__ = "0.1.0"
 
 __all__ = [
+    "Attribute",
     "CorruptStreamError",
+    "Domain",
     "Encoder",
+    "FaceGroups",
     "FormatError",
     "InvalidInputError",
+    "Kind",
     "MeshReelError",
     "MeshSequence",
+    "Part",
     "Quality",
     "ReelFile",
     "SolverError",
     "StreamInfo",
+    "Surface",
     "TruncatedStreamError",
     "UnsupportedVersionError",
     "WorkerDiedError",
@@ -61,6 +68,7 @@ __all__ = [
 ]
 
 _HOMES = {
+    **dict.fromkeys(("Attribute", "Domain", "FaceGroups", "Kind", "Part", "Surface"), "surface"),
     "compare": "metrics.compare",
     "decode": "codec.decoder",
     "Encoder": "codec.streaming",
