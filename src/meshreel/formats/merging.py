@@ -26,7 +26,7 @@ def merged_mesh(meshes: Sequence[SceneMesh], name: str, notes: list[str]) -> Sce
     notes : list of str
         Gains a sentence for each attribute that only some of the meshes have.
     """
-    times = _union([mesh.times_s for mesh in meshes])
+    times = united_times([mesh.times_s for mesh in meshes])
 
     def frame(index: int) -> PolygonMesh:
         return _joined([_at(mesh, times[index]) for mesh in meshes])
@@ -49,12 +49,16 @@ def merged_mesh(meshes: Sequence[SceneMesh], name: str, notes: list[str]) -> Sce
     return SceneMesh(name, times, frame, surface, rates.pop() if len(rates) == 1 else None)
 
 
-def _union(times: Sequence[npt.NDArray[np.float64]]) -> npt.NDArray[np.float64]:
+def united_times(times: Sequence[npt.NDArray[np.float64]]) -> npt.NDArray[np.float64]:
+    """All the times at which something changes, ascending; of what does not move, the first.
+
+    Each is those of one thing, ascending; times that differ by less than a thousandth of the
+    shortest step are one.
+    """
     moving = [one for one in times if len(one) > 1]
     if not moving:
         return np.asarray(times[0][:1], np.float64)
     every = np.sort(np.concatenate(moving))
-    # Times that differ by less than a thousandth of the shortest step are one.
     least = min(float(np.diff(one).min()) for one in moving) / 1000
     distinct: npt.NDArray[np.float64] = every[np.diff(every, prepend=-np.inf) > least]
     return distinct

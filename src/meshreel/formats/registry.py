@@ -7,7 +7,9 @@ from pathlib import Path
 from typing import Any, Literal, get_args
 
 from meshreel.errors import FormatError, InvalidInputError
-from meshreel.formats.extras import Extra
+from meshreel.formats.alembic.meshes import read_meshes as read_alembic
+from meshreel.formats.alembic.write import write_alembic
+from meshreel.formats.extras import ALEMBIC, Extra
 from meshreel.formats.frame_stream import FrameStream
 from meshreel.formats.gltf.read import read_meshes as read_gltf
 from meshreel.formats.npz import write_npz
@@ -123,6 +125,7 @@ SEQUENCE_FORMATS = {
         SequenceFormat(".reel", "meshreel", open_reel, write_reel),
         scene_format(".glb", "glTF binary", read_gltf, None),
         scene_format(".gltf", "glTF", read_gltf, None),
+        scene_format(".abc", "Alembic", read_alembic, write_alembic, ALEMBIC),
     )
 }
 FORMATS: dict[str, FrameFormat | SequenceFormat] = {**FRAME_FORMATS, **SEQUENCE_FORMATS}

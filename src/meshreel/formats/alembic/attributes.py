@@ -1,0 +1,131 @@
+"""Texture coordinates, colours, other attributes and groups of an Alembic mesh."""
+
+from collections.abc import Mapping
+
+import numpy as np
+import numpy.typing as npt
+
+from meshreel.formats.alembic.archive import Property
+from meshreel.formats.alembic.ogawa import damaged
+from meshreel.formats.alembic.params import GeometryParam
+from meshreel.formats.alembic.time_sampling import between
+from meshreel.formats.alembic.winding import turned_corners
+from meshreel.formats.polygons import PolygonMesh
+from meshreel.surface import MAX_NUMBERS, Attribute, Domain, FaceGroups, Kind, Surface
+
+NO_GROUP = ""
+"""Label of faces that are in no group."""
+
+Properties = Mapping[str, Property]
+
+
+def read_attributes(
+    geometry: Properties, mesh: PolygonMesh, time_s: float
+) -> tuple[Surface, list[str]]:
+    """What a mesh carries at a time, and the names of what it has but cannot be carried.
+
+    Numbers become attributes, and texts of faces become groups. What changes over time cannot be
+    carried, but for texture coordinates and colours, which are taken as they are at that time.
+
+    Parameters
+    ----------
+    geometry : dict of Property
+        Those of the mesh.
+    mesh : PolygonMesh
+        Its faces, in meshreel's order.
+    time_s : float
+    """
+    own = [geometry["uv"]] if "uv" in geometry else []
+    other = geometry[".arbGeomParams"].properties if ".arbGeomParams" in geometry else {}
+    attributes: list[Attribute] = []
+    groups: list[FaceGroups] = []
+    left_out = []
+    for found in [*own, *other.values()]:
+        param = GeometryParam(found, time_s)
+        if param.domain is None:
+            continue  # one value for the whole mesh
+        if (attribute := _attribute(param, mesh)) is not None:
+            attributes.append(attribute)
+        elif (sorted_faces := _groups(param, mesh)) is not None:
+            groups.append(sorted_faces)
+        else:
+            left_out.append(param.name)
+    return Surface(attributes=tuple(attributes), groups=tuple(groups)), left_out
+
+
+def read_face_sets(
+    face_sets: Mapping[str, Properties], n_faces: int, time_s: float
+) -> tuple[FaceGroups, ...]:
+    """Face sets as materials, which is what they are mostly used for.
+
+    One that has faces of another before it is a group of its own, with its own name.
+
+    Raises
+    ------
+    FormatError
+        If one names a face that is not there.
+    """
+    materials = np.full(n_faces, -1, np.int32)
+    labels: list[str] = []
+    own = []
+    for name, properties in face_sets.items():
+        faces = _faces_of(properties, name, n_faces, time_s)
+        if (materials[faces] >= 0).any():
+            numbers = np.full(n_faces, -1, np.int32)
+            numbers[faces] = 0
+            own.append(FaceGroups(name, (name,), numbers))
+        else:
+            materials[faces] = len(labels)
+            labels.append(name)
+    return (FaceGroups("material", tuple(labels), materials), *own) if labels else ()
+
+
+def _attribute(param: GeometryParam, mesh: PolygonMesh) -> Attribute | None:
+    if param.width > MAX_NUMBERS or (param.kind is Kind.OTHER and not param.is_constant):
+        return None
+    if (values := param.numbers()) is None:
+        return None
+    indices = param.indices(len(values))
+    domain = _domain(param, len(values) if indices is None else len(indices), mesh)
+    if domain is Domain.CORNER:
+        turned = turned_corners(mesh.counts)
+        values, indices = (values[turned], None) if indices is None else (values, indices[turned])
+    return None if domain is None else Attribute(param.name, param.kind, domain, values, indices)
+
+
+def _domain(param: GeometryParam, n_values: int, mesh: PolygonMesh) -> Domain | None:
+    """The domain that the file says, or another one that has as many items."""
+    n_items = {
+        Domain.VERTEX: len(mesh.vertices),
+        Domain.CORNER: len(mesh.corners),
+        Domain.FACE: len(mesh.counts),
+    }
+    said = [param.domain] if param.domain else []
+    return next((one for one in [*said, *n_items] if n_items[one] == n_values), None)
+
+
+def _groups(param: GeometryParam, mesh: PolygonMesh) -> FaceGroups | None:
+    if not (param.is_text and param.is_constant and param.domain is Domain.FACE):
+        return None
+    texts = param.texts()
+    indices = param.indices(len(texts))
+    rows = np.arange(len(texts)) if indices is None else indices
+    if len(rows) != len(mesh.counts):
+        return None
+    named = [text for text in dict.fromkeys(texts) if text != NO_GROUP]
+    labels = {text: number for number, text in enumerate(named)}
+    numbers = [labels.get(text, -1) for text in texts]
+    return FaceGroups(param.name, tuple(labels), np.array(numbers, np.int32)[rows])
+
+
+def _faces_of(
+    properties: Properties, name: str, n_faces: int, time_s: float
+) -> npt.NDArray[np.int64]:
+    if (found := properties.get(".faces")) is None:
+        raise damaged(f"the face set {name} has no faces")
+    if found.header.n_samples == 0:
+        return np.zeros(0, np.int64)
+    faces = found.numbers(between(found.times_s, time_s)[0]).ravel().astype(np.int64)
+    if len(faces) and not 0 <= faces.min() <= faces.max() < n_faces:
+        raise damaged(f"the face set {name} names faces outside of 0..{n_faces - 1}")
+    return faces

@@ -1,0 +1,63 @@
+"""Arrays of numpy to those that the Alembic library takes."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from meshreel.errors import FormatError
+from meshreel.formats.extras import IMATH
+
+
+def library_array(kind: str, values: npt.NDArray[Any]) -> Any:
+    """A copy of an array of shape (N,) or (N, C), as the library wants it.
+
+    Parameters
+    ----------
+    kind : str
+        As the library calls it: "V3f", "V2f", "C3f", "C4f", "Int32", "Uint32", "Float", "Double"
+        or "Uchar".
+    values : array
+        Of the type that the kind says.
+    """
+    imath = _imath()
+    if kind == "Uint32":  # has no buffer; doubles hold each of them exactly
+        return imath.UnsignedIntArray(library_array("Double", values.astype(np.float64)))
+    if kind in ("C3f", "C4f"):
+        return _colors(getattr(imath, f"{kind}Array")(len(values)), values)
+    if kind == "Uchar":
+        bytes_array = imath.UnsignedCharArray(len(values))
+        np.asarray(bytes_array)[:] = values
+        return bytes_array
+    name = {"Int32": "Int"}.get(kind, kind)
+    return getattr(imath, f"{name}ArrayFromBuffer")(np.ascontiguousarray(values))
+
+
+def text_array(texts: Sequence[str]) -> Any:
+    """Texts, as the library wants them."""
+    array = _imath().StringArray(len(texts))
+    for number, text in enumerate(texts):
+        array[number] = text
+    return array
+
+
+def library_vector(values: npt.NDArray[np.float64]) -> Any:
+    """Three numbers, as the library wants them."""
+    return _imath().V3d(*values.tolist())
+
+
+def _colors(array: Any, values: npt.NDArray[np.float32]) -> Any:
+    for channel, numbers in zip("rgba", values.T, strict=False):
+        np.asarray(getattr(array, channel))[:] = numbers  # a view into the array
+    return array
+
+
+def _imath() -> Any:
+    imath = IMATH.load()
+    if not hasattr(imath, "V3fArrayFromBuffer"):
+        raise FormatError(
+            "another package hides the module imath of alembic3d; remove it with: "
+            "pip uninstall imath; then: pip install --force-reinstall alembic3d"
+        )
+    return imath

@@ -1,0 +1,152 @@
+"""The meshes of an Alembic file."""
+
+from collections.abc import Hashable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from meshreel.errors import FormatError
+from meshreel.formats.alembic.archive import Archive, Property
+from meshreel.formats.alembic.attributes import read_attributes, read_face_sets
+from meshreel.formats.alembic.hierarchy import MESHES, Node, describe_contents, walk
+from meshreel.formats.alembic.ogawa import damaged
+from meshreel.formats.alembic.time_sampling import Times, between
+from meshreel.formats.alembic.transforms import placed, world_matrix
+from meshreel.formats.alembic.winding import turned_corners
+from meshreel.formats.merging import united_times
+from meshreel.formats.options import ReadOptions
+from meshreel.formats.polygons import PolygonMesh, polygon_mesh
+from meshreel.formats.scene import SceneMesh
+from meshreel.formats.timing import frame_times
+from meshreel.sequence import Vertices
+from meshreel.surface import Surface
+
+POINTS, CORNERS, COUNTS = "P", ".faceIndices", ".faceCounts"
+
+
+def read_meshes(path: Path, options: ReadOptions) -> list[SceneMesh]:
+    """The polygon meshes and subdivision surfaces of an Alembic file, in its order.
+
+    Raises
+    ------
+    FormatError
+        If it is damaged, or holds none; then what it holds is named.
+    """
+    nodes = list(walk(Archive(path)))
+    meshes = [_AnimatedMesh(node, options.notes) for node in nodes if node.schema in MESHES]
+    if not meshes:
+        raise FormatError(
+            f"holds no mesh, but {describe_contents(nodes)}; export polygon meshes into it"
+        )
+    return [mesh.scene_mesh() for mesh in meshes]
+
+
+class _AnimatedMesh:
+    """A mesh of a file, in its place in the hierarchy.
+
+    Parameters
+    ----------
+    node : Node
+    notes : list of str
+        Gains a sentence for what is not carried.
+    """
+
+    def __init__(self, node: Node, notes: list[str]) -> None:
+        self._node, self._notes = node, notes
+        geometry = node.object.properties.get(".geom")
+        self._properties = geometry.properties if geometry is not None else {}
+        missing = [one for one in (POINTS, CORNERS, COUNTS) if one not in self._properties]
+        if missing:
+            raise damaged(f"the mesh {node.path} has no {', '.join(missing)}")
+        self._points, self._corners, self._counts = (
+            self._properties[name] for name in (POINTS, CORNERS, COUNTS)
+        )
+        self._times_s = self._sample_times()
+        self._known: tuple[Hashable, PolygonMesh] | None = None
+
+    def scene_mesh(self) -> SceneMesh:
+        """The mesh as the rest of the package takes it."""
+        sampling, fps = self._points.sampling, None
+        if len(self._times_s) == 1 and sampling.is_uniform and self._points.header.sampling:
+            fps = frame_times(sampling.times(2)).fps  # a single frame says no rate otherwise
+        return SceneMesh(self._node.path, self._times_s, self._frame, self._surface, fps)
+
+    def _sample_times(self) -> Times:
+        """When points, faces or a transform above change."""
+        own = (self._points, self._corners, self._counts)
+        above = (one for transform in self._node.chain for one in transform.times_s)
+        return united_times([*(one.times_s for one in own), *above])
+
+    def _frame(self, index: int) -> PolygonMesh:
+        time_s = float(self._times_s[index])
+        points = self._points_at(time_s)
+        faces = self._faces_at(time_s, points)
+        world = world_matrix(self._node.chain, time_s)
+        return PolygonMesh(placed(points, world), faces.counts, faces.corners)
+
+    def _points_at(self, time_s: float) -> Vertices:
+        before, after, share = between(self._points.times_s, time_s)
+        first = _positions(self._points.numbers(before), self._node.path)
+        if share == 0:
+            return first
+        second = _positions(self._points.numbers(after), self._node.path)
+        if len(second) != len(first):
+            return first
+        with np.errstate(all="ignore"):  # what is not finite is reported when frames are checked
+            blend = (1 - share) * first.astype(np.float64) + share * second
+            found: Vertices = blend.astype(first.dtype)
+        return found
+
+    def _faces_at(self, time_s: float, points: Vertices) -> PolygonMesh:
+        """The faces, checked when they change; the vertices are not those of this time."""
+        corners, counts = (_sample(one, time_s) for one in (self._corners, self._counts))
+        key = self._corners.stored(corners), self._counts.stored(counts), len(points)
+        known = self._known
+        if known is None or known[0] != key:
+            found = _counter_clockwise(
+                points, self._counts.numbers(counts).ravel(), self._corners.numbers(corners).ravel()
+            )
+            known = self._known = key, found
+        return known[1]
+
+    def _surface(self, index: int) -> Surface:
+        time_s = float(self._times_s[index])
+        mesh = self._faces_at(time_s, self._points_at(time_s))
+        surface, left_out = read_attributes(self._properties, mesh, time_s)
+        if left_out:
+            self._notes.append(
+                f"{self._node.path}: left out {', '.join(left_out)}: what changes over time, or "
+                "is neither numbers nor a text for each face, is not carried"
+            )
+        sets = {
+            child.header.name: child.properties[".faceset"].properties
+            for child in self._node.object.children
+            if ".faceset" in child.properties
+        }
+        materials = read_face_sets(sets, len(mesh.counts), time_s)
+        return replace(surface, groups=(*materials, *surface.groups))
+
+
+def _sample(found: Property, time_s: float) -> int:
+    """The sample that holds at a time."""
+    return between(found.times_s, time_s)[0]
+
+
+def _positions(points: npt.NDArray[Any], path: str) -> Vertices:
+    if points.dtype.kind != "f" or points.shape[1] != 3:
+        raise damaged(f"the points of {path} are {points.shape[1]} numbers of {points.dtype}")
+    found: Vertices = points.astype(np.promote_types(points.dtype, np.float32), copy=False)
+    return found
+
+
+def _counter_clockwise(
+    points: Vertices, counts: npt.NDArray[Any], corners: npt.NDArray[Any]
+) -> PolygonMesh:
+    if "f" in (counts.dtype.kind, corners.dtype.kind) or (counts < 0).any():
+        raise damaged("corners of faces are no whole numbers from 0")
+    if (total := int(counts.sum(dtype=np.int64))) != len(corners):
+        raise damaged(f"its faces have {total} corners, of which {len(corners)} are there")
+    return polygon_mesh(points, counts, corners[turned_corners(counts)])

@@ -1,0 +1,123 @@
+"""The container of an Alembic file: groups of references and pieces of data, called Ogawa.
+
+Read here and not by the library, which ends the process when a damaged file misleads it.
+"""
+
+import struct
+import zlib
+from pathlib import Path
+from typing import BinaryIO
+
+import numpy as np
+import numpy.typing as npt
+
+from meshreel.errors import FormatError
+from meshreel.formats.naming import os_errors_naming
+from meshreel.formats.stored_frames import changed_error
+
+MAGIC, FINISHED = b"Ogawa", 0xFF
+HDF5_MAGIC = b"\x89HDF\r\n\x1a\n"
+HEADER = struct.Struct("<5sB2sQ")  # magic, whether finished, version, place of the root group
+LENGTH = struct.Struct("<Q")
+IS_DATA = 1 << 63
+"""Set in a reference to data; without it a reference is to a group. The rest is a place."""
+
+References = npt.NDArray[np.uint64]
+
+
+class OgawaFile:
+    """The groups and data of a file, each read when it is asked for, from within its bounds.
+
+    Parameters
+    ----------
+    path : Path
+
+    Attributes
+    ----------
+    path : Path
+    root : int
+        Reference to the first group.
+
+    Raises
+    ------
+    InvalidInputError
+        If the file cannot be read.
+    FormatError
+        If it is no Ogawa file, or was not finished.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._checksums: dict[int, int] = {}
+        with os_errors_naming(path), path.open("rb") as stream:
+            head = stream.read(HEADER.size)
+        if head.startswith(HDF5_MAGIC):
+            raise FormatError(
+                "is an Alembic file of the older kind, HDF5; convert it with "
+                "`abcconvert -toOgawa` or export it again"
+            )
+        if len(head) < HEADER.size or not head.startswith(MAGIC):
+            raise FormatError("is not an Alembic file; expected it to begin with 'Ogawa'")
+        _, finished, version, self.root = HEADER.unpack(head)
+        if finished != FINISHED:
+            raise FormatError("is an Alembic file whose writing was not finished; export it again")
+        if version != b"\x00\x01":
+            raise FormatError(f"is of Ogawa version {version.hex()}; 0001 is read")
+
+    def group(self, reference: int) -> References:
+        """The references that a group holds; none if it is empty.
+
+        Raises
+        ------
+        FormatError
+            If there is no group, or it ends behind the end of the file.
+        """
+        if reference & IS_DATA:
+            raise damaged("a group was expected where data are")
+        return np.frombuffer(self._counted(reference, 8), np.uint64)
+
+    def data(self, reference: int) -> bytes:
+        """The bytes of a piece of data, as they were when they were first read.
+
+        Raises
+        ------
+        FormatError
+            If there are no data, or they end behind the end of the file.
+        InvalidInputError
+            If they have changed.
+        """
+        if not reference & IS_DATA:
+            raise damaged("data were expected where a group is")
+        place = reference ^ IS_DATA
+        contents = self._counted(place, 1)
+        if self._checksums.setdefault(place, found := zlib.crc32(contents)) != found:
+            raise changed_error(str(self.path))
+        return contents
+
+    def _counted(self, place: int, width: int) -> bytes:
+        """Bytes that begin behind their number, which is counted in so many at a time."""
+        if place == 0:
+            return b""
+        # Opened each time, so that others may rename the file or write a new one in its place.
+        with os_errors_naming(self.path), self.path.open("rb", buffering=0) as stream:
+            length = _read(stream, place, LENGTH.size)
+            if len(length) == LENGTH.size:
+                wanted = LENGTH.unpack(length)[0] * width
+                # Compared first: a damaged length must not be allocated.
+                if wanted <= stream.seek(0, 2) - place - LENGTH.size:
+                    contents = _read(stream, place + LENGTH.size, wanted)
+                    if len(contents) == wanted:
+                        return contents
+        raise damaged(f"what begins at byte {place} ends behind the end of the file")
+
+
+def damaged(what: str) -> FormatError:
+    """The error to raise where a file contradicts itself."""
+    return FormatError(f"is damaged: {what}; export it again")
+
+
+def _read(stream: BinaryIO, place: int, size: int) -> bytes:
+    if place >= IS_DATA:
+        return b""
+    stream.seek(place)
+    return stream.read(size)

@@ -1,0 +1,149 @@
+"""A sequence into an Alembic file, frame by frame."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from meshreel.errors import FormatError
+from meshreel.formats.alembic.library_arrays import library_array, library_vector
+from meshreel.formats.alembic.object_paths import object_paths
+from meshreel.formats.alembic.ogawa import OgawaFile
+from meshreel.formats.alembic.rounding import Rounding
+from meshreel.formats.alembic.winding import turned_corners
+from meshreel.formats.alembic.write_attributes import (
+    is_texture,
+    texture_sample,
+    write_attributes,
+    write_groups,
+)
+from meshreel.formats.extras import ALEMBIC
+from meshreel.formats.frame_stream import FrameStream
+from meshreel.formats.options import WriteOptions
+from meshreel.formats.parts import PartMesh, split_parts
+
+ASSUMED_FPS = 24.0
+
+
+def write_alembic(path: Path, stream: FrameStream, options: WriteOptions) -> None:
+    """Write an Alembic file (Ogawa) of a polygon mesh for each part.
+
+    Float32 positions, polygons and attributes read back exactly as they are; what cannot is
+    noted. Memory holds one frame.
+
+    Raises
+    ------
+    FormatError
+        If the library is not installed, or cannot write the file.
+    InvalidInputError
+        If a position does not fit into float32.
+    """
+    rounding = Rounding(stream.first)
+    try:
+        _write_archive(path, stream, rounding)
+    except RuntimeError as error:  # of the library
+        raise FormatError(f"{path} cannot be written: {' '.join(str(error).split())}") from None
+    OgawaFile(path)  # it was closed by now, which a full disk prevents without a word
+    stream.notes.extend([note] if (note := rounding.describe()) else [])
+
+
+def _write_archive(path: Path, stream: FrameStream, rounding: Rounding) -> None:
+    """Write a file, which is complete once the library's objects are gone."""
+    archive = ALEMBIC.load("Abc").OArchive(str(path))
+    sampling = archive.addTimeSampling(_time_sampling(stream))
+    parts = list(split_parts(stream.faces, stream.surface, stream.n_verts, stream.name))
+    transforms = _Transforms(archive.getTop(), rounding.shift)
+    writers = [
+        _PartWriter(part, transforms.above(place), place[-1], sampling, stream.notes)
+        for part, place in zip(parts, object_paths([one.name for one in parts]), strict=True)
+    ]
+    for frame in stream.frames():
+        rounded = rounding.add(frame)
+        for writer in writers:
+            writer.add(rounded)
+
+
+def _time_sampling(stream: FrameStream) -> Any:
+    core = ALEMBIC.load("AbcCoreAbstract")
+    if stream.n_frames == 1 and not stream.fps:
+        times = core.TimeVector()
+        times.append(stream.start_s)
+        return core.TimeSampling(core.TimeSamplingType(core.AcyclicFlag.kAcyclic), times)
+    if not stream.fps:
+        stream.notes.append(
+            f"the frame rate is not known; written as {ASSUMED_FPS:g} frames per second"
+        )
+    return core.TimeSampling(1 / (stream.fps or ASSUMED_FPS), stream.start_s)
+
+
+class _Transforms:
+    """The transforms of a file, made when a part first lies below them.
+
+    Parameters
+    ----------
+    top : OObject
+    shift : float64 array of shape (3,)
+        Where those at the top put what is below them.
+    """
+
+    def __init__(self, top: Any, shift: npt.NDArray[np.float64]) -> None:
+        self._shift = shift
+        self._made: dict[tuple[str, ...], Any] = {(): top}
+
+    def above(self, place: tuple[str, ...]) -> Any:
+        """The transform that an object lies in, by the path of the object."""
+        path = place[:-1]
+        if path not in self._made:
+            geometry = ALEMBIC.load("AbcGeom")
+            transform, sample = geometry.OXform(self.above(path), path[-1]), geometry.XformSample()
+            if len(path) == 1 and self._shift.any():
+                sample.setTranslation(library_vector(self._shift))
+            transform.getSchema().set(sample)
+            self._made[path] = transform
+        return self._made[path]
+
+
+class _PartWriter:
+    """The mesh of a part.
+
+    Parameters
+    ----------
+    part : PartMesh
+    parent : OXform
+    name : str
+    sampling : int
+        Number of the time sampling of its positions.
+    notes : list of str
+        Gains a sentence for what the file cannot hold as it is.
+    """
+
+    def __init__(
+        self, part: PartMesh, parent: Any, name: str, sampling: int, notes: list[str]
+    ) -> None:
+        self._part, self._notes, self._has_faces = part, notes, False
+        self._schema = ALEMBIC.load("AbcGeom").OPolyMesh(parent, name, sampling).getSchema()
+
+    def add(self, frame: npt.NDArray[np.float32]) -> None:
+        """Write its positions of the next frame, given those of the whole, of shape (V, 3)."""
+        sample = ALEMBIC.load("AbcGeom").OPolyMeshSchemaSample()
+        sample.setPositions(library_array("V3f", frame[self._part.verts]))
+        if self._has_faces:  # which repeat by themselves
+            self._schema.set(sample)
+        else:
+            self._add_first(sample)
+
+    def _add_first(self, sample: Any) -> None:
+        counts, attributes = self._part.counts, self._part.surface.attributes
+        corners = self._part.corners[turned_corners(counts)]
+        sample.setFaceCounts(library_array("Int32", counts))
+        sample.setFaceIndices(library_array("Int32", corners))
+        texture = next((one for one in attributes if is_texture(one)), None)
+        if texture is not None:
+            self._schema.setUVSourceName(texture.name)
+            sample.setUVs(texture_sample(texture, counts, self._notes))
+        self._schema.set(sample)
+        others = [one for one in attributes if one is not texture]
+        write_attributes(self._schema, others, counts, self._notes)
+        write_groups(self._schema, self._part.surface.groups)
+        self._has_faces = True
