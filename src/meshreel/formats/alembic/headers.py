@@ -14,12 +14,11 @@ from meshreel.formats.alembic.time_sampling import TimeSampling
 Metadata = dict[str, str]
 
 NUMBER_TYPES: dict[int, np.dtype[Any]] = {
-    number: np.dtype(f"<{name}")
-    for number, name in enumerate(
-        ["u1", "u1", "i1", "u2", "i2", "u4", "i4", "u8", "i8", "f2", "f4", "f8"]
-    )
-}
-"""Number types by the file's numbers for them; booleans are bytes, and texts come behind."""
+    0: np.dtype("u1"), 1: np.dtype("u1"), 2: np.dtype("i1"), 3: np.dtype("<u2"),
+    4: np.dtype("<i2"), 5: np.dtype("<u4"), 6: np.dtype("<i4"), 7: np.dtype("<u8"),
+    8: np.dtype("<i8"), 9: np.dtype("<f2"), 10: np.dtype("<f4"), 11: np.dtype("<f8"),
+}  # fmt: skip
+"""Number types by the file's numbers for them; 0 is truth values, of a byte."""
 TEXT = 12
 
 OWN_METADATA = 0xFF

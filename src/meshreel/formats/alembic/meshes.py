@@ -97,8 +97,7 @@ class _AnimatedMesh:
             return first
         with np.errstate(all="ignore"):  # what is not finite is reported when frames are checked
             blend = (1 - share) * first.astype(np.float64) + share * second
-            found: Vertices = blend.astype(first.dtype)
-        return found
+            return blend.astype(np.float32) if first.dtype == np.float32 else blend
 
     def _faces_at(self, time_s: float, points: Vertices) -> PolygonMesh:
         """The faces, checked when they change; the vertices are not those of this time."""

@@ -5,13 +5,13 @@ Read here and not by the library, which ends the process when a damaged file mis
 
 import struct
 import zlib
+from io import SEEK_END
 from pathlib import Path
-from typing import BinaryIO
 
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.errors import FormatError
+from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.naming import os_errors_naming
 from meshreel.formats.stored_frames import changed_error
 
@@ -49,8 +49,11 @@ class OgawaFile:
     def __init__(self, path: Path) -> None:
         self.path = path
         self._checksums: dict[int, int] = {}
-        with os_errors_naming(path), path.open("rb") as stream:
-            head = stream.read(HEADER.size)
+        try:
+            with path.open("rb") as stream:
+                head = stream.read(HEADER.size)
+        except OSError as error:
+            raise InvalidInputError(f"cannot be read: {error.strerror}") from error
         if head.startswith(HDF5_MAGIC):
             raise FormatError(
                 "is an Alembic file of the older kind, HDF5; convert it with "
@@ -89,35 +92,32 @@ class OgawaFile:
         if not reference & IS_DATA:
             raise damaged("data were expected where a group is")
         place = reference ^ IS_DATA
-        contents = self._counted(place, 1)
+        try:
+            contents = self._counted(place, 1)
+        except FormatError:
+            if place in self._checksums:
+                raise changed_error(str(self.path)) from None
+            raise
         if self._checksums.setdefault(place, found := zlib.crc32(contents)) != found:
             raise changed_error(str(self.path))
         return contents
 
     def _counted(self, place: int, width: int) -> bytes:
-        """Bytes that begin behind their number, which is counted in so many at a time."""
+        """The bytes behind their number, which counts so many at a time."""
         if place == 0:
             return b""
         # Opened each time, so that others may rename the file or write a new one in its place.
-        with os_errors_naming(self.path), self.path.open("rb", buffering=0) as stream:
-            length = _read(stream, place, LENGTH.size)
-            if len(length) == LENGTH.size:
-                wanted = LENGTH.unpack(length)[0] * width
-                # Compared first: a damaged length must not be allocated.
-                if wanted <= stream.seek(0, 2) - place - LENGTH.size:
-                    contents = _read(stream, place + LENGTH.size, wanted)
-                    if len(contents) == wanted:
-                        return contents
+        with os_errors_naming(self.path), self.path.open("rb") as stream:
+            # What is there is known first: a damaged place or length is not to be sought or read.
+            left = stream.seek(0, SEEK_END) - place - LENGTH.size
+            if left >= 0:
+                stream.seek(place)
+                wanted = LENGTH.unpack(stream.read(LENGTH.size))[0] * width
+                if wanted <= left and len(contents := stream.read(wanted)) == wanted:
+                    return contents
         raise damaged(f"what begins at byte {place} ends behind the end of the file")
 
 
 def damaged(what: str) -> FormatError:
     """The error to raise where a file contradicts itself."""
     return FormatError(f"is damaged: {what}; export it again")
-
-
-def _read(stream: BinaryIO, place: int, size: int) -> bytes:
-    if place >= IS_DATA:
-        return b""
-    stream.seek(place)
-    return stream.read(size)

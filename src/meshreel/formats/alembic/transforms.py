@@ -98,8 +98,8 @@ def placed(points: Vertices, world: Matrix) -> Vertices:
         moved: Vertices = (wide if (linear == np.eye(3)).all() else wide @ linear) + shift
         narrowing = Narrowing()
         narrowing.add(moved)
-        found: Vertices = moved.astype(points.dtype) if narrowing.is_harmless else moved
-        return found
+        is_narrow = points.dtype == np.float32 and narrowing.is_harmless
+        return moved.astype(np.float32) if is_narrow else moved
 
 
 def _operation(operation: int, channels: npt.NDArray[np.float64]) -> Matrix:
