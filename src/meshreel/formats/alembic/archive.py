@@ -161,6 +161,13 @@ class Property:
             raise damaged(f"{self.header.name} has {len(contents)} bytes for values of {width}")
         return np.frombuffer(contents, dtype).reshape(-1, self.header.extent)
 
+    def whole_numbers(self, index: int = 0) -> npt.NDArray[np.int64]:
+        """A sample of whole numbers, of shape (N,); raises as `numbers`, and if they are none."""
+        numbers = self.numbers(index)
+        if numbers.dtype.kind not in "iu":
+            raise damaged(f"{self.header.name} holds {numbers.dtype}; expected whole numbers")
+        return numbers.ravel().astype(np.int64)
+
     def texts(self, index: int = 0) -> list[str]:
         """A sample of texts, of which each ends with a zero byte; raises as `numbers`."""
         if not self.header.is_text:

@@ -125,7 +125,7 @@ def _faces_of(
         raise damaged(f"the face set {name} has no faces")
     if found.header.n_samples == 0:
         return np.zeros(0, np.int64)
-    faces = found.numbers(between(found.times_s, time_s)[0]).ravel().astype(np.int64)
+    faces = found.whole_numbers(between(found.times_s, time_s)[0])
     if len(faces) and not 0 <= faces.min() <= faces.max() < n_faces:
         raise damaged(f"the face set {name} names faces outside of 0..{n_faces - 1}")
     return faces

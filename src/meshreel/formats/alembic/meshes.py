@@ -2,6 +2,7 @@
 
 from collections.abc import Hashable
 from dataclasses import replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,7 @@ from meshreel.formats.alembic.attributes import read_attributes, read_face_sets
 from meshreel.formats.alembic.hierarchy import MESHES, Node, describe_contents, walk
 from meshreel.formats.alembic.ogawa import damaged
 from meshreel.formats.alembic.time_sampling import Times, between
-from meshreel.formats.alembic.transforms import placed, world_matrix
+from meshreel.formats.alembic.transforms import Matrix, placed, world_matrix
 from meshreel.formats.alembic.winding import turned_corners
 from meshreel.formats.merging import united_times
 from meshreel.formats.options import ReadOptions
@@ -84,8 +85,14 @@ class _AnimatedMesh:
         time_s = float(self._times_s[index])
         points = self._points_at(time_s)
         faces = self._faces_at(time_s, points)
-        world = world_matrix(self._node.chain, time_s)
+        is_moved = any(transform.times_s for transform in self._node.chain)
+        world = world_matrix(self._node.chain, time_s) if is_moved else self._still_world
         return PolygonMesh(placed(points, world), faces.counts, faces.corners)
+
+    @cached_property
+    def _still_world(self) -> Matrix:
+        """The matrix at all times, if no transform moves."""
+        return world_matrix(self._node.chain, float(self._times_s[0]))
 
     def _points_at(self, time_s: float) -> Vertices:
         before, after, share = between(self._points.times_s, time_s)
@@ -106,7 +113,7 @@ class _AnimatedMesh:
         known = self._known
         if known is None or known[0] != key:
             found = _counter_clockwise(
-                points, self._counts.numbers(counts).ravel(), self._corners.numbers(corners).ravel()
+                points, self._counts.whole_numbers(counts), self._corners.whole_numbers(corners)
             )
             known = self._known = key, found
         return known[1]
@@ -142,10 +149,9 @@ def _positions(points: npt.NDArray[Any], path: str) -> Vertices:
 
 
 def _counter_clockwise(
-    points: Vertices, counts: npt.NDArray[Any], corners: npt.NDArray[Any]
+    points: Vertices, counts: npt.NDArray[np.int64], corners: npt.NDArray[np.int64]
 ) -> PolygonMesh:
-    if "f" in (counts.dtype.kind, corners.dtype.kind) or (counts < 0).any():
-        raise damaged("corners of faces are no whole numbers from 0")
-    if (total := int(counts.sum(dtype=np.int64))) != len(corners):
+    total = int(counts.sum())
+    if total != len(corners) or (counts < 0).any():
         raise damaged(f"its faces have {total} corners, of which {len(corners)} are there")
     return polygon_mesh(points, counts, corners[turned_corners(counts)])

@@ -83,7 +83,7 @@ class GeometryParam:
         """The value of each item, of shape (number of items,); None if each has its own."""
         if self._rows is None:
             return None
-        indices = self._rows.numbers(self._sample(self._rows)).ravel()
+        indices = self._rows.whole_numbers(self._sample(self._rows))
         if len(indices) and not 0 <= indices.min() <= indices.max() < n_values:
             raise damaged(f"{self.name} has indices of values that are not there")
         return indices.astype(np.int32)

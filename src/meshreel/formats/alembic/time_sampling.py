@@ -9,6 +9,8 @@ from meshreel.formats.alembic.ogawa import damaged
 
 Times = npt.NDArray[np.float64]
 
+LATEST_S, SHORTEST_S = 1e12, 1e-9
+"""Times and steps beyond these are those of a damaged file."""
 SAME = 1e-3
 """Share of a step within which a time is that of a sample."""
 
@@ -41,16 +43,18 @@ class TimeSampling:
         FormatError
             If fewer are listed, or they do not ascend.
         """
-        numbers = np.arange(n_samples)
         if self.cycle_s is not None:
-            cycles, places = np.divmod(numbers, len(self.stored_s))
-            found = self.stored_s[places] + cycles * self.cycle_s
+            cycles, places = np.divmod(np.arange(n_samples), len(self.stored_s))
+            with np.errstate(all="ignore"):
+                found = self.stored_s[places] + cycles * self.cycle_s
         elif n_samples <= len(self.stored_s):
             found = self.stored_s[:n_samples]
         else:
             raise damaged(f"{len(self.stored_s)} times are listed for {n_samples} samples")
-        if not np.isfinite(found).all() or (np.diff(found) < 0).any():
+        if not (np.abs(found) < LATEST_S).all() or (np.diff(found) < 0).any():
             raise damaged("the times of samples do not ascend")
+        if 0 < found[-1] - found[0] < SHORTEST_S * (n_samples - 1):
+            raise damaged(f"{n_samples} samples are {found[-1] - found[0]:.2g} s apart")
         return found
 
 

@@ -62,7 +62,7 @@ class Transform:
         return _blend(self._sample(before), self._sample(after), share)
 
     def _sample(self, index: int) -> Matrix:
-        operations = self.properties[".ops"].numbers().ravel() >> 4
+        operations = self.properties[".ops"].whole_numbers() >> 4
         values = self.properties[".vals"].numbers(index).ravel().astype(np.float64)
         matrix, start = np.eye(4), 0
         for operation in operations.tolist():
