@@ -1,6 +1,6 @@
 """Texture coordinates, colours, other attributes and groups of an Alembic mesh."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 import numpy.typing as npt
@@ -22,7 +22,7 @@ Properties = Mapping[str, Property]
 def read_attributes(
     geometry: Properties, mesh: PolygonMesh, time_s: float
 ) -> tuple[Surface, list[str]]:
-    """What a mesh carries at a time, and the names of what it has but cannot be carried.
+    """What a mesh carries at a time, and a phrase for each thing that it has but does not carry.
 
     Numbers become attributes, and texts of faces become groups. What changes over time cannot be
     carried, but for texture coordinates and colours, which are taken as they are at that time.
@@ -39,18 +39,20 @@ def read_attributes(
     other = geometry[".arbGeomParams"].properties if ".arbGeomParams" in geometry else {}
     attributes: list[Attribute] = []
     groups: list[FaceGroups] = []
-    left_out = []
+    held, left_out = [], []
     for found in [*own, *other.values()]:
         param = GeometryParam(found, time_s)
-        if param.domain is None:
+        if param.domain is None and found not in own:
             continue  # one value for the whole mesh
         if (attribute := _attribute(param, mesh)) is not None:
             attributes.append(attribute)
+            held += [] if param.is_constant else [param.name]
         elif (sorted_faces := _groups(param, mesh)) is not None:
             groups.append(sorted_faces)
         else:
             left_out.append(param.name)
-    return Surface(attributes=tuple(attributes), groups=tuple(groups)), left_out
+    surface = Surface(attributes=tuple(attributes), groups=tuple(groups))
+    return surface, list(_changes(held, left_out))
 
 
 def read_face_sets(
@@ -78,6 +80,16 @@ def read_face_sets(
             materials[faces] = len(labels)
             labels.append(name)
     return (FaceGroups("material", tuple(labels), materials), *own) if labels else ()
+
+
+def _changes(held: list[str], left_out: list[str]) -> Iterator[str]:
+    if held:
+        yield f"{', '.join(held)} changes over time; it stays as it is at first"
+    if left_out:
+        yield (
+            f"left out {', '.join(left_out)}: what changes over time, or is neither numbers nor a "
+            "text for each face, is not carried"
+        )
 
 
 def _attribute(param: GeometryParam, mesh: PolygonMesh) -> Attribute | None:

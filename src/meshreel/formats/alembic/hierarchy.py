@@ -9,11 +9,10 @@ from meshreel.formats.alembic.archive import AbcObject, Archive
 from meshreel.formats.alembic.ogawa import damaged
 from meshreel.formats.alembic.transforms import Transform
 
-MAX_OBJECTS = 100_000
+MAX_OBJECTS, MAX_DEPTH = 100_000, 256
 """Instances of instances can make any number of objects of a small file."""
 
-MESHES = {"AbcGeom_PolyMesh": "polygon mesh", "AbcGeom_SubD": "subdivision surface"}
-TRANSFORM = "AbcGeom_Xform"
+POLYGONS, SUBDIVISION, TRANSFORM = "AbcGeom_PolyMesh", "AbcGeom_SubD", "AbcGeom_Xform"
 OTHERS = {
     "AbcGeom_Camera": "cameras",
     "AbcGeom_Curve": "curves",
@@ -68,6 +67,8 @@ def walk(archive: Archive) -> Iterator[Node]:
         found = _source(archive, child, path) if child.header.is_instance else child
         if found.reference in above:
             raise damaged(f"{path} is below itself")
+        if len(above) > MAX_DEPTH:
+            raise FormatError(f"has {path} below more than {MAX_DEPTH} objects; export it flatter")
         node = Node(path, _kind(found), found, parent.chain)
         yield node
         if node.schema == TRANSFORM and ".xform" in found.properties:
@@ -77,9 +78,9 @@ def walk(archive: Archive) -> Iterator[Node]:
 
 
 def describe_contents(nodes: Sequence[Node]) -> str:
-    """What a file without a mesh holds, in words: "2 cameras, 1 curves"."""
+    """What a file without a mesh holds, in words: "cameras (2), curves (1)"."""
     counts = Counter(OTHERS[node.schema] for node in nodes if node.schema in OTHERS)
-    listed = [f"{count} {what}" for what, count in sorted(counts.items())]
+    listed = [f"{what} ({count})" for what, count in sorted(counts.items())]
     return ", ".join(listed) or ("only transforms" if nodes else "no objects")
 
 

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from meshreel.errors import FormatError
 from meshreel.formats.alembic.archive import Archive, Property
 from meshreel.formats.alembic.attributes import read_attributes, read_face_sets
-from meshreel.formats.alembic.hierarchy import MESHES, Node, describe_contents, walk
+from meshreel.formats.alembic.hierarchy import POLYGONS, SUBDIVISION, Node, describe_contents, walk
 from meshreel.formats.alembic.ogawa import damaged
 from meshreel.formats.alembic.time_sampling import Times, between
 from meshreel.formats.alembic.transforms import Matrix, placed, world_matrix
@@ -37,7 +37,11 @@ def read_meshes(path: Path, options: ReadOptions) -> list[SceneMesh]:
         If it is damaged, or holds none; then what it holds is named.
     """
     nodes = list(walk(Archive(path)))
-    meshes = [_AnimatedMesh(node, options.notes) for node in nodes if node.schema in MESHES]
+    meshes = [
+        _AnimatedMesh(node, options.notes)
+        for node in nodes
+        if node.schema in (POLYGONS, SUBDIVISION)
+    ]
     if not meshes:
         raise FormatError(
             f"holds no mesh, but {describe_contents(nodes)}; export polygon meshes into it"
@@ -121,12 +125,10 @@ class _AnimatedMesh:
     def _surface(self, index: int) -> Surface:
         time_s = float(self._times_s[index])
         mesh = self._faces_at(time_s, self._points_at(time_s))
-        surface, left_out = read_attributes(self._properties, mesh, time_s)
-        if left_out:
-            self._notes.append(
-                f"{self._node.path}: left out {', '.join(left_out)}: what changes over time, or "
-                "is neither numbers nor a text for each face, is not carried"
-            )
+        surface, changes = read_attributes(self._properties, mesh, time_s)
+        self._notes.extend(f"{self._node.path}: {change}" for change in changes)
+        if self._node.schema == SUBDIVISION:
+            self._notes.append(f"{self._node.path} is a subdivision surface; its cage is read")
         sets = {
             child.header.name: child.properties[".faceset"].properties
             for child in self._node.object.children

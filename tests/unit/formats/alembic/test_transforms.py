@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
-import sample_alembic as sample
 
+import sample_alembic as sample
 from meshreel.formats.load import load
 
 OPERATIONS = {
@@ -83,10 +83,10 @@ def test_load_turns_evenly_when_a_transform_is_between_two_rotations(tmp_path):
 
 
 def test_load_gives_float64_when_a_transform_puts_a_mesh_far_from_the_origin(tmp_path):
-    far = [([("kTranslateOperation", sample.vector(1e7, 0, 0))], True)]
+    far = [([("kTranslateOperation", sample.vector(1e7 + 0.25, 0, 0))], True)]
     found = load(written(tmp_path / "a.abc", [(far, None)]))
     assert found.vertices.dtype == np.float64
-    np.testing.assert_array_equal(found.vertices[0], sample.POINTS + np.array([1e7, 0, 0]))
+    np.testing.assert_array_equal(found.vertices[0], sample.POINTS + np.array([1e7 + 0.25, 0, 0]))
 
 
 def rotated(angle_deg):

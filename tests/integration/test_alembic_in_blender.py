@@ -1,0 +1,118 @@
+"""What we write opens in Blender as it is, and what Blender writes is read as it was there."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from meshreel.formats.load import load
+from meshreel.formats.polygons import join_fans, triangulate_fans
+from meshreel.formats.save import save
+from meshreel.sequence import MeshSequence
+from meshreel.surface import Attribute, Domain, FaceGroups, Kind, Surface
+
+PYTHON = os.environ.get("MESHREEL_BPY_PYTHON", sys.executable)
+"""A Python that has bpy: this one, or another whose Blender is to be tested."""
+
+SIZES = np.array([4, 3, 5], np.int32)
+CORNERS = np.array([0, 1, 2, 3, 4, 5, 6, 7, 0, 2, 4, 6], np.int32)
+FLOAT32_STEPS = 2e-6
+"""How far positions of up to 5 may be off after Blender's transforms in float32."""
+
+
+@pytest.fixture(scope="module")
+def has_blender():
+    if subprocess.run([PYTHON, "-c", "import bpy"], capture_output=True, check=False).returncode:
+        pytest.skip(f"no Blender in {PYTHON}; pip install 'meshreel[verify]'")
+
+
+@pytest.fixture(scope="module")
+def sent(has_blender, tmp_path_factory):
+    """A sequence that Blender wrote, as we read it, and what Blender has."""
+    path = tmp_path_factory.mktemp("sent") / "monkey.abc"
+    known = in_blender("send", path)
+    return load(path), known
+
+
+@pytest.fixture(scope="module")
+def brought(has_blender, tmp_path_factory):
+    """A sequence that we wrote, and what Blender makes of it."""
+    path = tmp_path_factory.mktemp("brought") / "model.abc"
+    rng = np.random.default_rng(0)
+    texture = rng.random((7, 2)).astype(np.float32)
+    rows = np.arange(12, dtype=np.int32) % 7
+    surface = Surface(
+        SIZES,
+        (Attribute("map", Kind.UV, Domain.CORNER, texture, rows),),
+        (FaceGroups("material", ("red", "blue"), np.array([1, 0, 1], np.int32)),),
+    )
+    vertices = rng.standard_normal((6, 8, 3)).astype(np.float32)
+    sequence = MeshSequence(
+        vertices, triangulate_fans(SIZES, CORNERS), 30, "model", 5 / 30, surface
+    )
+    save(sequence, path)
+    return sequence, in_blender("bring", path)
+
+
+def in_blender(action, path):
+    script = Path(__file__).with_name("alembic_in_blender.py")
+    result = path.with_suffix(".npz")
+    command = [PYTHON, str(script), action, str(path), str(result)]
+    ran = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
+    assert ran.returncode == 0, ran.stderr
+    with np.load(result) as found:
+        return {name: found[name] for name in found.files}
+
+
+def upright(positions):
+    """Positions with y up, which are so in Alembic files, with z up as in Blender."""
+    return np.stack([positions[..., 0], -positions[..., 2], positions[..., 1]], axis=-1)
+
+
+def test_blender_shows_our_positions_exactly_when_it_brings_a_file_in(brought):
+    sequence, known = brought
+    assert known["range"].tolist() == [5, 10]
+    for frame in (5, 8, 10):
+        expected = upright(sequence.vertices[frame - 5])
+        np.testing.assert_array_equal(known[f"frame_{frame}"], expected)
+
+
+def test_blender_shows_our_polygons_corner_by_corner_when_it_brings_a_file_in(brought):
+    _, known = brought
+    np.testing.assert_array_equal(known["sizes"], SIZES)
+    np.testing.assert_array_equal(known["corners"], CORNERS)
+
+
+def test_blender_shows_our_textures_and_materials_when_it_brings_a_file_in(brought):
+    sequence, known = brought
+    [texture] = sequence.surface.attributes
+    np.testing.assert_array_equal(known["uv_map"], texture.per_item())
+    assert known["materials"].tolist() == ["blue", "red", "blue"]
+
+
+def test_load_gives_the_positions_of_blender_when_it_sent_a_file_out(sent):
+    found, known = sent
+    assert (found.n_frames, found.fps, found.start_s) == (10, 30.0, 5 / 30)
+    for index, frame in enumerate(upright(found.vertices)):
+        assert np.abs(frame - known[f"frame_{index + 5}"]).max() < FLOAT32_STEPS
+
+
+def test_load_gives_the_polygons_of_blender_when_it_sent_a_file_out(sent):
+    found, known = sent
+    sizes = found.surface.sizes(found.n_faces)
+    np.testing.assert_array_equal(sizes, known["sizes"])
+    np.testing.assert_array_equal(join_fans(sizes, found.faces), known["corners"])
+
+
+def test_load_gives_the_textures_and_materials_of_blender_when_it_sent_a_file_out(sent):
+    found, known = sent
+    textures = {one.name: one.per_item() for one in found.surface.of_kind(Kind.UV)}
+    assert set(textures) == {"UVMap", "second"}
+    for name, numbers in textures.items():
+        np.testing.assert_array_equal(numbers, known[f"uv_{name}"])
+    [groups] = found.surface.groups
+    assert groups.name == "material"
+    assert [groups.labels[number] for number in groups.numbers] == known["materials"].tolist()

@@ -1,0 +1,96 @@
+"""Whatever bytes an Alembic file holds, reading it gives a sequence or an error of meshreel."""
+
+import contextlib
+import struct
+
+import numpy as np
+import pytest
+
+import sample_alembic as sample
+from meshreel.errors import FormatError, MeshReelError
+from meshreel.formats.load import load
+
+N_DAMAGED = 250
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    """A file with transforms, an instance, attributes and a face set."""
+    path = tmp_path_factory.mktemp("alembic") / "whole.abc"
+    top = sample.archive(path).getTop()
+    operations = [("kRotateXOperation", 30.0), ("kTranslateOperation", sample.vector(1, 2, 3))]
+    first = sample.add_transform(top, "first", [(operations, True)] * 2)
+    mesh = sample.add_mesh(first, "m", [sample.POINTS, sample.POINTS * 2, sample.POINTS * 3])
+    schema, scope = mesh.getSchema(), sample.AbcGeom.GeometryScope.kFacevaryingScope
+    colours = sample.AbcGeom.OC3fGeomParamSample(sample.imath.C3fArray(8), scope)
+    sample.AbcGeom.OC3fGeomParam(schema.getArbGeomParams(), "Cd", False, scope, 1).set(colours)
+    faces = sample.AbcGeom.OFaceSetSchemaSample(sample.int_array([1]))
+    schema.createFaceSet("red").getSchema().set(faces)
+    top.addChildInstance(first, "again")
+    del top, first, mesh, schema
+    return path.read_bytes()
+
+
+def only_our_errors_come(path, data):
+    path.write_bytes(data)
+    with contextlib.suppress(MeshReelError):
+        load(path, merge=True)
+    return True
+
+
+def test_load_reads_the_whole_file_when_it_is_not_damaged(tmp_path, whole):
+    (tmp_path / "a.abc").write_bytes(whole)
+    found = load(tmp_path / "a.abc", merge=True)
+    assert [one.name for one in found.surface.parts] == ["/first/m", "/again/m"]
+
+
+@pytest.mark.parametrize("keep", [0, 1, 5, 15, 16, 40, 500, -500, -1])
+def test_load_says_what_is_wrong_when_the_file_is_cut_short(tmp_path, whole, keep):
+    (tmp_path / "a.abc").write_bytes(whole[:keep])
+    with pytest.raises(FormatError, match=r"a\.abc: is (damaged|not an Alembic file)"):
+        load(tmp_path / "a.abc", merge=True)
+
+
+def test_load_raises_only_our_errors_when_bytes_change(tmp_path, whole):
+    rng = np.random.default_rng(1)
+    for index in range(N_DAMAGED):
+        damaged = bytearray(whole)
+        for place in rng.integers(0, len(damaged), 1 + index % 5):
+            damaged[place] = rng.integers(256)
+        assert only_our_errors_come(tmp_path / "a.abc", bytes(damaged))
+
+
+def test_load_raises_only_our_errors_when_ranges_are_zero_or_lie_elsewhere(tmp_path, whole):
+    rng = np.random.default_rng(2)
+    for index in range(N_DAMAGED):
+        damaged = bytearray(whole)
+        begin, source = rng.integers(16, len(damaged) - 64, 2)
+        size = int(rng.integers(1, 64))
+        damaged[begin : begin + size] = (
+            damaged[source : source + size] if index % 2 else bytes(size)
+        )
+        assert only_our_errors_come(tmp_path / "a.abc", bytes(damaged))
+
+
+def test_load_refuses_a_file_when_its_writing_was_not_finished(tmp_path, whole):
+    (tmp_path / "a.abc").write_bytes(whole[:5] + b"\0" + whole[6:])
+    with pytest.raises(FormatError, match=r"a\.abc: is an Alembic file whose writing was not"):
+        load(tmp_path / "a.abc")
+
+
+def test_load_refuses_a_group_when_it_declares_more_than_the_file_holds(tmp_path, whole):
+    (root,) = struct.unpack_from("<Q", whole, 8)
+    many = whole[:root] + struct.pack("<Q", 1 << 60) + whole[root + 8 :]
+    (tmp_path / "a.abc").write_bytes(many)
+    with pytest.raises(FormatError, match=f"what begins at byte {root} ends behind the end"):
+        load(tmp_path / "a.abc")
+
+
+def test_load_refuses_a_hierarchy_when_an_object_is_below_itself(tmp_path, whole):
+    root = struct.unpack_from("<Q", whole, 8)[0]
+    top = struct.unpack_from("<Q", whole, root + 8 + 8 * 2)[0]
+    damaged = bytearray(whole)
+    struct.pack_into("<Q", damaged, top + 8 + 8, top)  # the first child of the top
+    (tmp_path / "a.abc").write_bytes(damaged)
+    with pytest.raises(FormatError, match=r"a\.abc: is damaged: /first is below itself"):
+        load(tmp_path / "a.abc")

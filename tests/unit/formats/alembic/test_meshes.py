@@ -1,0 +1,193 @@
+import numpy as np
+import pytest
+
+import sample_alembic as sample
+from meshreel.errors import FormatError, InvalidInputError
+from meshreel.formats.load import load, open_source
+from meshreel.formats.polygons import join_fans
+from meshreel.surface import Domain, Kind
+
+MOVES = [sample.POINTS, sample.POINTS * 2, sample.POINTS * 4]
+
+
+NO_MESH = r"a\.abc: holds no mesh, but NURBS patches \(1\), cameras \(2\), point clouds \(1\);"
+
+
+def polygons(sequence):
+    sizes = sequence.surface.sizes(sequence.n_faces)
+    return np.split(join_fans(sizes, sequence.faces), np.cumsum(sizes)[:-1])
+
+
+@pytest.mark.parametrize(
+    ("sampling", "fps", "start_s"),
+    [
+        (sample.uniform(1 / 24, 0.0), 24.0, 0.0),
+        (sample.uniform(1 / 25, -0.48), 25.0, -0.48),
+        (sample.uniform(1 / 29.97, 3.5), 29.97, 3.5),
+        (sample.uniform(1 / 60, 1001 / 60), 60.0, 1001 / 60),
+        (sample.acyclic([2.0, 2.5, 3.0]), 2.0, 2.0),
+        (sample.cyclic(1.0, [0.25, 0.75]), 2.0, 0.25),
+    ],
+)
+def test_load_finds_rate_and_start_when_times_are_even(tmp_path, sampling, fps, start_s):
+    sample.add_mesh(sample.archive(tmp_path / "a.abc").getTop(), "m", MOVES, sampling)
+    found = load(tmp_path / "a.abc")
+    assert (found.fps, found.start_s) == (fps, start_s)
+    np.testing.assert_array_equal(found.vertices, MOVES)
+
+
+def test_load_gives_one_frame_when_every_sample_is_the_same(tmp_path):
+    frames, sampling = [sample.POINTS] * 5, sample.uniform(1 / 24, 1.0)
+    sample.add_mesh(sample.archive(tmp_path / "a.abc").getTop(), "m", frames, sampling)
+    found = load(tmp_path / "a.abc")
+    assert (found.n_frames, found.fps, found.start_s) == (1, 24.0, 1.0)
+
+
+def test_load_keeps_frames_that_repeat_when_a_mesh_rests_before_and_after_it_moves(tmp_path):
+    frames = [MOVES[number] for number in (0, 0, 0, 1, 2, 2, 2)]
+    sampling = sample.uniform(1 / 24, 0.0)
+    sample.add_mesh(sample.archive(tmp_path / "a.abc").getTop(), "m", frames, sampling)
+    np.testing.assert_array_equal(load(tmp_path / "a.abc").vertices, frames)
+
+
+def test_load_turns_faces_over_when_the_file_has_them_clockwise(tmp_path):
+    sample.add_mesh(sample.archive(tmp_path / "a.abc").getTop(), "m", MOVES)
+    found = [one.tolist() for one in polygons(load(tmp_path / "a.abc"))]
+    assert found == [[3, 2, 1, 0], [5, 4, 2, 3]]
+
+
+def test_load_reads_the_cage_when_a_mesh_is_to_be_subdivided(tmp_path):
+    sample.add_mesh(sample.archive(tmp_path / "a.abc").getTop(), "m", MOVES, kind="SubD")
+    notes = []
+    np.testing.assert_array_equal(load(tmp_path / "a.abc", notes=notes).vertices, MOVES)
+    assert "/m is a subdivision surface; its cage is read" in notes
+
+
+def test_load_keeps_the_first_colours_when_they_change_over_time(tmp_path):
+    mesh = sample.add_mesh(sample.archive(tmp_path / "a.abc").getTop(), "m", MOVES)
+    scope = sample.AbcGeom.GeometryScope.kFacevaryingScope
+    parent = mesh.getSchema().getArbGeomParams()
+    param = sample.AbcGeom.OC3fGeomParam(parent, "Cd", False, scope, 1)
+    for red in (0.25, 0.75):
+        colours = sample.imath.C3fArray(sample.imath.Color3f(red, 0, 0), 8)
+        param.set(sample.AbcGeom.OC3fGeomParamSample(colours, scope))
+    del mesh, parent, param
+    notes = []
+    [found] = load(tmp_path / "a.abc", notes=notes).surface.attributes
+    assert (found.kind, found.domain) == (Kind.COLOR, Domain.CORNER)
+    np.testing.assert_array_equal(found.values, np.tile(np.float32([0.25, 0, 0]), (8, 1)))
+    assert "/m: Cd changes over time; it stays as it is at first" in notes
+
+
+def test_load_refuses_a_file_when_objects_are_nested_without_end(tmp_path):
+    parent = sample.archive(tmp_path / "a.abc").getTop()
+    for _ in range(300):
+        parent = sample.add_transform(parent, "t", [])
+    del parent
+    with pytest.raises(FormatError, match="t below more than 256 objects; export it flatter"):
+        load(tmp_path / "a.abc")
+
+
+def test_load_lists_and_chooses_by_path_when_there_are_several_meshes(tmp_path):
+    top = sample.archive(tmp_path / "a.abc").getTop()
+    for name, frames in (("left", MOVES[:1]), ("right", MOVES[1:2])):
+        sample.add_mesh(sample.add_transform(top, name, []), "body", frames)
+    del top
+    with pytest.raises(InvalidInputError, match="2 meshes: /left/body, /right/body;"):
+        load(tmp_path / "a.abc")
+    found = load(tmp_path / "a.abc", object="/right/body")
+    np.testing.assert_array_equal(found.vertices[0], MOVES[1])
+
+
+def test_load_reads_instances_where_their_transforms_put_them_when_a_file_has_them(tmp_path):
+    top = sample.archive(tmp_path / "a.abc").getTop()
+    shift = [([("kTranslateOperation", sample.vector(5, 0, 0))], True)]
+    first = sample.add_transform(top, "first", shift)
+    sample.add_mesh(first, "body", MOVES[:1])
+    second = sample.add_transform(
+        top, "second", [([("kScaleOperation", sample.vector(2, 2, 2))], True)]
+    )
+    second.addChildInstance(first, "again")
+    del top, first, second
+    found = load(tmp_path / "a.abc", merge=True)
+    assert [one.name for one in found.surface.parts] == ["/first/body", "/second/again/body"]
+    expected = sample.POINTS + np.float32([5, 0, 0])
+    np.testing.assert_array_equal(found.vertices[0], np.concatenate([expected, 2 * expected]))
+
+
+def test_load_names_the_frame_when_faces_change(tmp_path):
+    faces = [sample.QUADS, sample.QUADS, sample.QUADS[:1]]
+    sampling = sample.uniform(1 / 24, 0.0)
+    sample.add_mesh(sample.archive(tmp_path / "a.abc").getTop(), "m", MOVES, sampling, faces)
+    with pytest.raises(
+        InvalidInputError, match="frame 2 of /m has 1 faces; expected 2 as in frame 0"
+    ):
+        load(tmp_path / "a.abc")
+
+
+def test_load_says_what_there_is_when_there_is_no_mesh(tmp_path):
+    top = sample.archive(tmp_path / "a.abc").getTop()
+    for name, kind in (("c", "Camera"), ("d", "Camera"), ("p", "Points"), ("n", "NuPatch")):
+        getattr(sample.AbcGeom, f"O{kind}")(top, name)
+    del top
+    with pytest.raises(FormatError, match=NO_MESH):
+        load(tmp_path / "a.abc")
+
+
+def test_load_says_how_to_convert_when_the_file_is_of_the_older_kind(tmp_path):
+    (tmp_path / "a.abc").write_bytes(b"\x89HDF\r\n\x1a\n" + bytes(500))
+    with pytest.raises(FormatError, match=r"a\.abc: is an Alembic file of the older kind, HDF5;"):
+        load(tmp_path / "a.abc")
+
+
+def test_load_leaves_a_note_when_attributes_cannot_be_carried(tmp_path):
+    mesh = sample.add_mesh(sample.archive(tmp_path / "a.abc").getTop(), "m", MOVES)
+    add_floats(mesh, "speed", [np.arange(6), np.arange(6) * 2])
+    add_floats(mesh, "weight", [np.arange(6)])
+    del mesh
+    notes = []
+    [attribute] = load(tmp_path / "a.abc", notes=notes).surface.attributes
+    assert (attribute.name, attribute.kind, attribute.domain) == (
+        "weight",
+        Kind.OTHER,
+        Domain.VERTEX,
+    )
+    np.testing.assert_array_equal(attribute.values, np.arange(6, dtype=np.float32)[:, np.newaxis])
+    assert notes[-1].startswith("/m: left out speed: what changes over time")
+
+
+def test_load_gives_groups_of_their_own_when_face_sets_overlap(tmp_path):
+    mesh = sample.add_mesh(sample.archive(tmp_path / "a.abc").getTop(), "m", MOVES)
+    for name, faces in (("red", [0]), ("blue", [1]), ("all", [0, 1])):
+        chosen = sample.AbcGeom.OFaceSetSchemaSample(sample.int_array(faces))
+        mesh.getSchema().createFaceSet(name).getSchema().set(chosen)
+    del mesh
+    found = load(tmp_path / "a.abc").surface.groups
+    assert [(one.name, one.labels, one.numbers.tolist()) for one in found] == [
+        ("material", ("red", "blue"), [0, 1]),
+        ("all", ("all",), [0, 0]),
+    ]
+
+
+def test_open_source_refuses_frames_when_the_file_has_changed(tmp_path):
+    path = tmp_path / "a.abc"
+    sample.add_mesh(sample.archive(path).getTop(), "m", MOVES)
+    found = open_source(path)
+    np.testing.assert_array_equal(found.read(1, 3), MOVES[1:])
+    data = path.read_bytes()
+    path.write_bytes(data.replace(MOVES[2].tobytes(), (MOVES[2] + 1).tobytes()))
+    np.testing.assert_array_equal(found.read(0, 2), MOVES[:2])
+    with pytest.raises(InvalidInputError, match=r"a\.abc changed after it was first read"):
+        found.read(2, 3)
+    path.write_bytes(data[:100])
+    with pytest.raises(InvalidInputError, match=r"a\.abc changed after it was first read"):
+        found.read(0, 1)
+
+
+def add_floats(mesh, name, samples):
+    parent = mesh.getSchema().getArbGeomParams()
+    scope = sample.AbcGeom.GeometryScope.kVertexScope
+    param = sample.AbcGeom.OFloatGeomParam(parent, name, False, scope, 1)
+    for values in samples:
+        array = sample.imath.FloatArrayFromBuffer(values.astype(np.float32))
+        param.set(sample.AbcGeom.OFloatGeomParamSample(array, scope))
