@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from meshreel.formats.load import load
-from meshreel.formats.polygons import join_fans, triangulate_fans
 from meshreel.formats.save import save
+from meshreel.geometry.fans import join_fans, triangulate_fans
 from meshreel.sequence import MeshSequence
 from meshreel.surface import Attribute, Domain, FaceGroups, Kind, Surface
 

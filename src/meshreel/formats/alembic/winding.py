@@ -3,7 +3,7 @@
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.formats.ragged import Integers
+from meshreel.geometry.ragged import Integers
 
 
 def turned_corners(counts: Integers) -> npt.NDArray[np.int64]:

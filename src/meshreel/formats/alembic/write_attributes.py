@@ -10,7 +10,7 @@ from meshreel.formats.alembic.library_arrays import library_array, text_array
 from meshreel.formats.alembic.object_paths import unused_name
 from meshreel.formats.alembic.winding import turned_corners
 from meshreel.formats.extras import ALEMBIC
-from meshreel.formats.ragged import Integers
+from meshreel.geometry.ragged import Integers
 from meshreel.surface import Attribute, Domain, FaceGroups, Kind
 
 SCOPES = {

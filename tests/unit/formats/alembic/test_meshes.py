@@ -4,7 +4,7 @@ import pytest
 import sample_alembic as sample
 from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.load import load, open_source
-from meshreel.formats.polygons import join_fans
+from meshreel.geometry.fans import join_fans
 from meshreel.surface import Domain, Kind
 
 MOVES = [sample.POINTS, sample.POINTS * 2, sample.POINTS * 4]

@@ -4,8 +4,8 @@ import pytest
 from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.extras import Extra
 from meshreel.formats.load import load, open_source
-from meshreel.formats.polygons import triangulate_fans
 from meshreel.formats.save import save
+from meshreel.geometry.fans import triangulate_fans
 from meshreel.sequence import MeshSequence
 from meshreel.surface import Attribute, Domain, FaceGroups, Kind, Part, Surface
 
