@@ -9,7 +9,7 @@ from typing import Any, Literal, get_args
 from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.alembic.meshes import read_meshes as read_alembic
 from meshreel.formats.alembic.write import write_alembic
-from meshreel.formats.extras import ALEMBIC, Extra
+from meshreel.formats.extras import ALEMBIC, USD, Extra
 from meshreel.formats.frame_stream import FrameStream
 from meshreel.formats.gltf.read import read_meshes as read_gltf
 from meshreel.formats.npz import write_npz
@@ -23,6 +23,8 @@ from meshreel.formats.reel import open_reel, write_reel
 from meshreel.formats.scene import ReadMeshes
 from meshreel.formats.scene_source import scene_opener
 from meshreel.formats.stl import parse_stl, stl_encoder
+from meshreel.formats.usd.reading import read_meshes as read_usd
+from meshreel.formats.usd.writing import write_usd
 from meshreel.sequence import Faces, FrameSource, Vertices
 from meshreel.surface import Surface
 
@@ -123,9 +125,13 @@ SEQUENCE_FORMATS = {
     for found in (
         SequenceFormat(".npz", "NumPy archive", open_npz, write_npz),
         SequenceFormat(".reel", "meshreel", open_reel, write_reel),
-        scene_format(".glb", "glTF binary", read_gltf, None),
-        scene_format(".gltf", "glTF", read_gltf, None),
         scene_format(".abc", "Alembic", read_alembic, write_alembic, ALEMBIC),
+        scene_format(".usd", "USD", read_usd, write_usd, USD),
+        scene_format(".usda", "USD, text", read_usd, write_usd, USD),
+        scene_format(".usdc", "USD, binary", read_usd, write_usd, USD),
+        scene_format(".usdz", "USD, package", read_usd, write_usd, USD),
+        scene_format(".glb", "glTF, binary", read_gltf, None),
+        scene_format(".gltf", "glTF, text", read_gltf, None),
     )
 }
 FORMATS: dict[str, FrameFormat | SequenceFormat] = {**FRAME_FORMATS, **SEQUENCE_FORMATS}

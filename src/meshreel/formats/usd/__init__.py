@@ -1,0 +1,1 @@
+"""Universal Scene Description: ``.usd .usda .usdc .usdz``, read and written."""

@@ -1,0 +1,82 @@
+"""Which prims of a stage are meshes that are drawn."""
+
+from collections import Counter
+from typing import Any
+
+from meshreel.errors import FormatError
+from meshreel.formats.extras import USD
+from meshreel.formats.usd.sampling import attribute_codes
+
+MAX_MESHES = 100_000
+
+
+def drawn_meshes(stage: Any, notes: list[str]) -> list[Any]:
+    """The prims of meshes that are drawn, in the order of the stage; those of instances too.
+
+    Drawn are meshes that have points, are visible at any time, and are meant for every purpose or
+    for the final picture.
+
+    Parameters
+    ----------
+    stage : Usd.Stage
+    notes : list of str
+        Gains a sentence on meshes that are not drawn, and one on other geometry.
+
+    Raises
+    ------
+    FormatError
+        If there are none, with what there is; or more than anyone could want.
+    """
+    meshes, others = _geometry(stage)
+    reasons = {str(prim.GetPath()): _why_not_drawn(prim) for prim in meshes}
+    drawn = [prim for prim in meshes if not reasons[str(prim.GetPath())]]
+    hidden = Counter(reason for reason in reasons.values() if reason)
+    if not drawn:
+        raise FormatError(f"holds no mesh that is drawn; it holds {_counted(hidden, others)}")
+    if hidden or others:
+        notes.append(f"left out: {_counted(hidden, others)}")
+    return drawn
+
+
+def _geometry(stage: Any) -> tuple[list[Any], Counter[str]]:
+    """Prims of meshes, and how many there are of other kinds of geometry."""
+    usd, geometry = USD.load("Usd"), USD.load("UsdGeom")
+    prims = iter(usd.PrimRange.Stage(stage, usd.TraverseInstanceProxies()))
+    meshes: list[Any] = []
+    others: Counter[str] = Counter()
+    for prim in prims:
+        if prim.IsA(geometry.Mesh):
+            meshes.append(prim)
+            if len(meshes) > MAX_MESHES:
+                raise FormatError(f"holds more than {MAX_MESHES} meshes; at most that many")
+        elif prim.IsA(geometry.PointInstancer):
+            others[prim.GetTypeName()] += 1
+            prims.PruneChildren()  # what is below is only drawn as its copies
+        elif prim.IsA(geometry.Gprim):
+            others[prim.GetTypeName()] += 1
+    return meshes, others
+
+
+def _why_not_drawn(prim: Any) -> str:
+    """In a word or two; empty if it is drawn."""
+    geometry = USD.load("UsdGeom")
+    mesh = geometry.Mesh(prim)
+    purpose = mesh.ComputePurpose()
+    if purpose not in (geometry.Tokens.default_, geometry.Tokens.render):
+        return f"of purpose {purpose}"
+    if not (mesh.GetPointsAttr().HasValue() and mesh.GetFaceVertexCountsAttr().HasValue()):
+        return "without points or faces"
+    codes: set[float] = set()
+    while prim and not prim.IsPseudoRoot():
+        codes.update(attribute_codes(geometry.Imageable(prim).GetVisibilityAttr()))
+        prim = prim.GetParent()
+    times = sorted(codes) or [0.0]
+    if all(mesh.ComputeVisibility(time) == geometry.Tokens.invisible for time in times):
+        return "invisible"
+    return ""
+
+
+def _counted(hidden: Counter[str], others: Counter[str]) -> str:
+    """As in "2 meshes of purpose proxy, 1 BasisCurves"."""
+    meshes = [f"{n} {'mesh' if n == 1 else 'meshes'} {reason}" for reason, n in hidden.items()]
+    return ", ".join(meshes + [f"{n} {kind}" for kind, n in others.items()]) or "no geometry"

@@ -1,0 +1,98 @@
+"""At which time codes a mesh has its frames."""
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from meshreel.errors import FormatError
+
+Codes = npt.NDArray[np.float64]
+
+MAX_FRAMES = 1_000_000
+MAX_FILLED = 4
+"""Uneven samples are filled up to so many times as many, where their smallest gap divides all."""
+
+TOLERANCE = 1e-6
+"""In time codes: what layers that are shifted and scaled may be off."""
+
+
+def attribute_codes(attribute: Any) -> list[float]:
+    """Where an attribute of a prim has samples; every whole code between the knots of a spline."""
+    # Splines are newer than the oldest library that is allowed.
+    if hasattr(attribute, "HasSpline") and attribute.HasSpline():
+        knots = [float(code) for code in attribute.GetSpline().GetKnots()]
+        return frame_grid(min(knots), max(knots), 1.0).tolist() if knots else []
+    return [float(code) for code in attribute.GetTimeSamples()]
+
+
+def distinct_codes(codes: list[float]) -> Codes:
+    """The codes in ascending order, those that differ by rounding only once."""
+    ordered = np.sort(np.asarray(codes, np.float64))
+    ordered = ordered[np.isfinite(ordered)]
+    distinct: Codes = ordered[np.diff(ordered, prepend=-np.inf) > TOLERANCE]
+    return distinct
+
+
+def frame_grid(first: float, last: float, step: float) -> Codes:
+    """Codes from the first to the last, equally far apart.
+
+    Raises
+    ------
+    FormatError
+        If there would be more than anyone could want.
+    """
+    n_frames = (last - first) / step + TOLERANCE
+    if not n_frames < MAX_FRAMES:
+        raise FormatError(
+            f"moves from time code {first:g} to {last:g}, which would be {n_frames:.3g} frames; "
+            f"at most {MAX_FRAMES} are read"
+        )
+    return snapped(np.float64(first) + step * np.arange(int(n_frames) + 1, dtype=np.float64))
+
+
+def snapped(codes: Codes) -> Codes:
+    """The codes, whole where they are so but for rounding."""
+    whole = np.round(codes)
+    return np.where(np.abs(codes - whole) <= TOLERANCE, whole, codes)
+
+
+def even_step(codes: Codes) -> float:
+    """How far the codes are apart if all are equally far; else, and of a single one, 0."""
+    if len(codes) < 2:
+        return 0.0
+    # Of all together, for single gaps are rounded.
+    step = float(codes[-1] - codes[0]) / (len(codes) - 1)
+    expected = codes[0] + step * np.arange(len(codes))
+    is_even = np.abs(codes - expected).max() <= TOLERANCE * max(1.0, step)
+    return float(snapped(np.array(step))) if is_even else 0.0
+
+
+def skinned_codes(samples: Codes, frame_step: float) -> Codes:
+    """Where a skinned mesh has its frames: where it has samples, if they are one to a frame.
+
+    A skeleton may have keys that are far apart, between which it turns: there is a frame at every
+    step of the file then.
+    """
+    if len(samples) < 2 or 0 < even_step(samples) <= frame_step * (1 + TOLERANCE):
+        return samples
+    return frame_grid(float(samples[0]), float(samples[-1]), frame_step)
+
+
+def even_codes(samples: Codes) -> Codes:
+    """The samples of points and transforms, made even where they are uneven for a plain reason.
+
+    Samples beside whole codes, for motion blur, are left out; where samples are left out since
+    they lie on the line between their neighbours, there are frames again. Others stay as they are.
+    """
+    if len(samples) < 2 or even_step(samples):
+        return samples
+    whole = samples[np.abs(samples - np.round(samples)) <= TOLERANCE]
+    if even_step(whole) == 1:
+        return whole
+    step = float(snapped(np.diff(samples).min()))
+    places = (samples - samples[0]) / step
+    is_on_grid = np.abs(places - np.round(places)).max() <= TOLERANCE * max(1.0, places[-1])
+    if is_on_grid and places[-1] < MAX_FILLED * len(samples):
+        return frame_grid(float(samples[0]), float(samples[-1]), step)
+    return samples

@@ -1,0 +1,81 @@
+"""A stage: a USD file with all that it refers to, composed."""
+
+import math
+from pathlib import Path
+from typing import Any
+
+from meshreel.formats.extras import USD
+from meshreel.formats.usd.diagnostics import usd_errors
+
+DEFAULT_RATE = 24.0
+"""Time codes per second where a file does not say, by the standard."""
+
+MAX_LISTED = 3
+
+
+def open_stage(path: Path, notes: list[str]) -> Any:
+    """The ``Usd.Stage`` of a file, as it is on disk now.
+
+    Parameters
+    ----------
+    path : Path
+    notes : list of str
+        Gains a sentence if anything that the file refers to is missing, and one if its axes or
+        units are not those that are written: y upwards, metres.
+
+    Raises
+    ------
+    FormatError
+        If USD cannot read it.
+    """
+    name = str(path.absolute())
+    with usd_errors("USD cannot read it, so it is damaged or of another kind"):
+        layer = USD.load("Sdf").Layer.Find(name)
+        if layer and not layer.dirty:  # kept by someone since an earlier state of the file
+            layer.Reload()
+        stage = USD.load("Usd").Stage.Open(name)
+        _note_missing(stage, notes)
+        _note_axes(stage, notes)
+    return stage
+
+
+def codes_per_second(stage: Any, notes: list[str]) -> float:
+    """Time codes per second of a stage, above 0."""
+    rate = float(stage.GetTimeCodesPerSecond())
+    if math.isfinite(rate) and rate > 0:
+        return rate
+    notes.append(
+        f"the file says {rate:g} time codes per second, which cannot be; taken as {DEFAULT_RATE:g}"
+    )
+    return DEFAULT_RATE
+
+
+def codes_per_frame(stage: Any, rate: float) -> float:
+    """Time codes from one frame to the next, as players show a stage of so many codes a second.
+
+    One where the stage does not say.
+    """
+    shown = float(stage.GetFramesPerSecond())
+    if stage.HasAuthoredMetadata("framesPerSecond") and math.isfinite(shown) and shown > 0:
+        return rate / shown
+    return 1.0
+
+
+def _note_missing(stage: Any, notes: list[str]) -> None:
+    found = [" ".join(str(error).split()) for error in stage.GetCompositionErrors()]
+    if found:
+        more = f" and {len(found) - MAX_LISTED} more" if len(found) > MAX_LISTED else ""
+        listed = "; ".join(one.rstrip(".") for one in found[:MAX_LISTED])
+        notes.append(f"what the file refers to is not all there: {listed}{more}")
+
+
+def _note_axes(stage: Any, notes: list[str]) -> None:
+    geometry = USD.load("UsdGeom")
+    said = []
+    if geometry.GetStageUpAxis(stage) == geometry.Tokens.z:
+        said.append("z points upwards")
+    metres = geometry.GetStageMetersPerUnit(stage)
+    if geometry.StageHasAuthoredMetersPerUnit(stage) and metres != 1:
+        said.append(f"a unit is {metres:g} m")
+    if said:
+        notes.append(f"positions stay in the axes and units of the file, where {', '.join(said)}")

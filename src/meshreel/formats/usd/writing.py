@@ -1,0 +1,132 @@
+"""A sequence as a USD file: a mesh for each part, with a sample of its points for each frame.
+
+Written as binary (crate) first, some frames at a time, so that memory holds `UNSAVED_BYTES` of
+them however long the sequence is; text and packages are made of that file.
+"""
+
+import re
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from meshreel.errors import FormatError
+from meshreel.formats.decimal_text import Narrowing
+from meshreel.formats.extras import USD
+from meshreel.formats.frame_stream import FrameStream
+from meshreel.formats.options import WriteOptions
+from meshreel.formats.parts import split_parts
+from meshreel.formats.usd.diagnostics import usd_errors
+from meshreel.formats.usd.mesh_writing import MeshWriter
+from meshreel.formats.usd.prim_names import mesh_paths
+from meshreel.formats.usd.sampling import snapped
+from meshreel.formats.usd.stage import DEFAULT_RATE
+from meshreel.formats.usd.surface_writing import Materials, write_surface
+from meshreel.sequence import Corners
+
+UNSAVED_BYTES = 1 << 25
+NOT_PORTABLE = r"[^A-Za-z0-9_-]"
+"""In names of files within packages."""
+
+
+def write_usd(path: Path, stream: FrameStream, options: WriteOptions) -> None:
+    """Write a sequence into a USD file of the kind that the ending of its path says.
+
+    Positions are float32, as USD has them. Where float64 ones are so far from the origin that
+    this would move them, they are written about a point near them, to which all is moved by a
+    transform in float64.
+
+    Raises
+    ------
+    FormatError
+        If USD cannot write it.
+    """
+    with (
+        # A file that cannot be removed is no reason to fail.
+        tempfile.TemporaryDirectory(dir=path.parent, ignore_cleanup_errors=True) as folder,
+        usd_errors("USD cannot write it"),
+    ):
+        binary = Path(folder) / f"{re.sub(NOT_PORTABLE, '_', stream.name) or 'mesh'}.usdc"
+        _write_binary(binary, stream)
+        if path.suffix.lower() == ".usdz":
+            asset = USD.load("Sdf").AssetPath(str(binary))
+            is_done = USD.load("UsdUtils").CreateNewUsdzPackage(asset, str(path))
+        elif path.suffix.lower() == ".usda":
+            is_done = USD.load("Sdf").Layer.FindOrOpen(str(binary)).Export(str(path))
+        else:
+            binary.replace(path)
+            is_done = True
+        if not is_done:
+            raise FormatError("USD cannot write it, and does not say why")
+
+
+def _write_binary(path: Path, stream: FrameStream) -> None:
+    stage = USD.load("Usd").Stage.CreateNew(str(path))
+    codes = _write_times(stage, stream)
+    origin = _origin(stream)
+    meshes = _write_meshes(stage, stream, origin)
+    n_unsaved, is_rounded = 0, False
+    for code, frame in zip(codes, stream.frames(), strict=True):
+        local = frame - origin if origin.any() else frame
+        single = local.astype(np.float32, copy=False)
+        is_rounded = is_rounded or not np.array_equal(single, local)
+        for mesh in meshes:
+            mesh.write_points(single, code)
+        n_unsaved += single.nbytes
+        if n_unsaved > UNSAVED_BYTES:
+            stage.GetRootLayer().Save()
+            n_unsaved = 0
+    stage.GetRootLayer().Save()
+    if is_rounded:
+        stream.notes.append("positions are rounded to float32, as USD has them")
+
+
+def _write_times(stage: Any, stream: FrameStream) -> list[float | None]:
+    """The time code of each frame, which are written to the stage; None if there is no time."""
+    if stream.n_frames == 1 and not (stream.fps or stream.start_s):
+        return [None]
+    rate = stream.fps or DEFAULT_RATE
+    if not stream.fps:
+        stream.notes.append(f"the frame rate is not known; written as {rate:g} frames per second")
+    codes = (float(snapped(np.array(stream.start_s * rate))) + np.arange(stream.n_frames)).tolist()
+    stage.SetTimeCodesPerSecond(rate)
+    stage.SetFramesPerSecond(rate)
+    stage.SetStartTimeCode(codes[0])
+    stage.SetEndTimeCode(codes[-1])
+    return list(codes)
+
+
+def _origin(stream: FrameStream) -> Corners:
+    """The point about which positions are written, of shape (3,): 0 if that is near enough."""
+    narrowing = Narrowing()
+    narrowing.add(stream.first)
+    if narrowing.is_harmless:
+        return np.zeros(3)
+    origin: Corners = np.round(stream.first.astype(np.float64).mean(axis=0))
+    stream.notes.append(
+        f"positions are far from the origin; written about {origin.tolist()}, with a transform"
+    )
+    return origin
+
+
+def _write_meshes(stage: Any, stream: FrameStream, origin: Corners) -> list[MeshWriter]:
+    """Everything but points: the prims, and what the meshes carry."""
+    geometry = USD.load("UsdGeom")
+    geometry.SetStageUpAxis(stage, geometry.Tokens.y)
+    geometry.SetStageMetersPerUnit(stage, 1.0)
+    split = split_parts(stream.faces, stream.surface, stream.n_verts, stream.name or "mesh")
+    parts = [part for part in split if len(part.counts)]
+    paths = mesh_paths([part.name for part in parts], stream.name or "scene")
+    root = "/" + paths[0].split("/")[1]
+    transform = geometry.Xform.Define(stage, root)
+    stage.SetDefaultPrim(transform.GetPrim())
+    if origin.any():
+        transform.AddTranslateOp(geometry.XformOp.PrecisionDouble).Set(tuple(origin.tolist()))
+    materials = Materials(stage, root, {path.split("/")[2] for path in paths})
+    meshes = []
+    for part, path in zip(parts, paths, strict=True):
+        mesh = MeshWriter(stage, path, part)
+        write_surface(mesh.prim, part.surface, len(part.counts), materials, stream.notes)
+        meshes.append(mesh)
+    return meshes

@@ -1,0 +1,40 @@
+"""Names of parts and groups as names that USD allows."""
+
+import pytest
+
+from meshreel.formats.usd.prim_names import different, mesh_paths, prim_name
+
+
+@pytest.mark.parametrize(
+    ("name", "expected"),
+    [("body", "body"), ("arm.L", "arm_L"), ("3d", "_3d"), ("", "mesh"), ("a b:c", "a_b_c")],
+)
+def test_prim_name_is_allowed_when_a_name_is_not(name, expected):
+    assert prim_name(name) == expected
+
+
+def test_different_counts_when_names_are_taken():
+    taken = set()
+    assert [different(name, taken) for name in ("a", "a", "a_2", "a")] == [
+        "a",
+        "a_2",
+        "a_2_2",
+        "a_3",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("names", "expected"),
+    [
+        (["grid"], ["/scene/grid"]),
+        (["/root/a", "/root/b/c"], ["/root/a", "/root/b/c"]),
+        (["/a/x", "/b/x"], ["/scene/a/x", "/scene/b/x"]),
+        (["a", "a"], ["/scene/a", "/scene/a_2"]),
+        (["/r/a", "/r/a/b", "/r/a"], ["/r/a/a", "/r/a/b", "/r/a/a_2"]),
+        (["/r/a/a", "/r/a"], ["/r/a/a", "/r/a/a_2"]),
+        (["/r/a b", "/r/a_b"], ["/r/a_b", "/r/a_b_2"]),
+        (["", "/"], ["/scene/mesh", "/scene/mesh_2"]),
+    ],
+)
+def test_mesh_paths_are_different_and_under_one_root_when_names_are_any(names, expected):
+    assert mesh_paths(names, "scene") == expected

@@ -1,0 +1,73 @@
+"""At which time codes a mesh has its frames."""
+
+import numpy as np
+import pytest
+
+from meshreel.errors import FormatError
+from meshreel.formats.usd.sampling import (
+    distinct_codes,
+    even_codes,
+    even_step,
+    frame_grid,
+    skinned_codes,
+)
+
+
+def test_distinct_codes_are_ascending_when_given_in_any_order_with_rounding():
+    found = distinct_codes([3.0, 1.0, 2.0, 2.0 + 1e-9, 1.0])
+    np.testing.assert_array_equal(found, [1, 2, 3])
+
+
+def test_distinct_codes_leave_out_what_is_not_finite():
+    np.testing.assert_array_equal(distinct_codes([np.inf, 1.0, np.nan, -np.inf]), [1])
+
+
+def test_even_step_is_exact_when_steps_are_rounded():
+    assert even_step(np.arange(100) * (1 / 3)) == pytest.approx(1 / 3, abs=1e-12)
+    assert even_step(1001 + np.arange(100) * 1.0000000001) == 1
+    assert even_step(np.array([1.0, 2, 4])) == 0
+    assert even_step(np.array([5.0])) == 0
+
+
+@pytest.mark.parametrize("samples", [[], [4], [1, 2, 3], [0, 2.5, 5], [10.25, 10.5, 10.75]])
+def test_even_codes_are_the_samples_when_these_are_even(samples):
+    samples = np.array(samples, np.float64)
+    np.testing.assert_array_equal(even_codes(samples), samples)
+
+
+def test_even_codes_are_whole_when_samples_beside_them_are_for_motion_blur():
+    samples = (np.arange(1, 5)[:, None] + [-0.25, 0, 0.25]).ravel()
+    np.testing.assert_array_equal(even_codes(samples), [1, 2, 3, 4])
+
+
+def test_even_codes_fill_gaps_when_the_smallest_gap_divides_all():
+    np.testing.assert_array_equal(even_codes(np.array([2.0, 4, 6, 12])), [2, 4, 6, 8, 10, 12])
+
+
+@pytest.mark.parametrize("samples", [[0, 33, 67, 100], [0, 1, 1000], [0.1, 0.4, 1.1]])
+def test_even_codes_stay_uneven_when_nothing_plain_divides_them(samples):
+    samples = np.array(samples, np.float64)
+    np.testing.assert_array_equal(even_codes(samples), samples)
+
+
+def test_skinned_codes_are_every_frame_when_keys_are_further_apart():
+    np.testing.assert_array_equal(skinned_codes(np.array([1.0, 5]), 1.0), [1, 2, 3, 4, 5])
+    np.testing.assert_array_equal(skinned_codes(np.array([0.0, 7, 10]), 2.5), [0, 2.5, 5, 7.5, 10])
+
+
+@pytest.mark.parametrize("samples", [[3], [1, 2, 3], [0, 0.5, 1]])
+def test_skinned_codes_are_the_samples_when_there_is_one_to_a_frame_or_more(samples):
+    samples = np.array(samples, np.float64)
+    np.testing.assert_array_equal(skinned_codes(samples, 1.0), samples)
+
+
+def test_frame_grid_is_exact_when_the_step_is_not():
+    found = frame_grid(1001.0, 1101.0, 24 / 30)
+    assert len(found) == 126
+    np.testing.assert_array_equal(found[::5], np.arange(1001, 1102, 4))
+
+
+@pytest.mark.parametrize("last", [1e18, 1e308])
+def test_frame_grid_refuses_when_there_would_be_too_many_frames(last):
+    with pytest.raises(FormatError, match="at most 1000000 are read"):
+        frame_grid(-1e308 if last > 1e300 else 0.0, last, 1.0)
