@@ -6,6 +6,8 @@ from contextlib import contextmanager
 from meshreel.errors import FormatError
 from meshreel.formats.extras import USD
 
+NOT_TEXT = "it holds text that is not UTF-8"
+
 
 @contextmanager
 def usd_errors(what: str) -> Iterator[None]:
@@ -16,13 +18,23 @@ def usd_errors(what: str) -> Iterator[None]:
     what : str
         What has failed then, as in "USD cannot read the file".
     """
-    error_class = USD.load("Tf").ErrorException
+    tf = USD.load("Tf")
     # While it lives, it takes in what would go to the terminal.
     delegate = USD.load("UsdUtils").CoalescingDiagnosticDelegate()
     try:
         yield
-    except error_class as error:
-        reasons = [str(getattr(one, "commentary", one)).strip() for one in error.args]
-        raise FormatError(f"{what}: {reasons[0] if reasons else 'it does not say why'}") from None
+    except UnicodeDecodeError:
+        raise FormatError(f"{what}: {NOT_TEXT}") from None
+    except (tf.ErrorException, tf.CppException) as error:
+        raise FormatError(f"{what}: {_reason(error)}") from None
     finally:
         del delegate
+
+
+def _reason(error: Exception) -> str:
+    try:
+        reasons = [str(getattr(one, "commentary", one)) for one in error.args]
+    except UnicodeDecodeError:  # it quotes the file
+        return NOT_TEXT
+    # Of an exception of C++, what follows the first line is a trace.
+    return reasons[0].partition("\n")[0] if reasons else "it does not say why"

@@ -7,7 +7,8 @@ from meshreel.errors import FormatError
 from meshreel.formats.extras import USD
 from meshreel.formats.usd.sampling import attribute_codes
 
-MAX_MESHES = 100_000
+MAX_PRIMS = 1_000_000
+"""Instances of instances can be any number, in a small file."""
 
 
 def drawn_meshes(stage: Any, notes: list[str]) -> list[Any]:
@@ -25,7 +26,7 @@ def drawn_meshes(stage: Any, notes: list[str]) -> list[Any]:
     Raises
     ------
     FormatError
-        If there are none, with what there is; or more than anyone could want.
+        If there are none, with what there is; or if the stage has more than `MAX_PRIMS` prims.
     """
     meshes, others = _geometry(stage)
     reasons = {str(prim.GetPath()): _why_not_drawn(prim) for prim in meshes}
@@ -44,11 +45,11 @@ def _geometry(stage: Any) -> tuple[list[Any], Counter[str]]:
     prims = iter(usd.PrimRange.Stage(stage, usd.TraverseInstanceProxies()))
     meshes: list[Any] = []
     others: Counter[str] = Counter()
-    for prim in prims:
+    for number, prim in enumerate(prims):
+        if number == MAX_PRIMS:
+            raise FormatError(f"holds more than {MAX_PRIMS} prims; write the mesh to a file alone")
         if prim.IsA(geometry.Mesh):
             meshes.append(prim)
-            if len(meshes) > MAX_MESHES:
-                raise FormatError(f"holds more than {MAX_MESHES} meshes; at most that many")
         elif prim.IsA(geometry.PointInstancer):
             others[prim.GetTypeName()] += 1
             prims.PruneChildren()  # what is below is only drawn as its copies

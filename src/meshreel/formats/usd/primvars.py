@@ -18,6 +18,9 @@ DOMAINS = {
     "faceVarying": Domain.CORNER,
     "constant": Domain.VERTEX,
 }
+MAIN_NAMES = {Kind.UV: "st", Kind.COLOR: "displayColor"}
+"""What programs look for first."""
+
 UV_NAME = re.compile(r"(st|uv|map|texcoord)", re.IGNORECASE)
 DERIVED = re.compile(r"skel:|normals$|tangents$|bitangents$|binormals$")
 """Primvars that are read as the motion, or follow from the positions."""
@@ -46,7 +49,7 @@ def read_attributes(
     order: npt.NDArray[np.int64] | None,
     notes: list[str],
 ) -> tuple[Attribute, ...]:
-    """Attributes of a mesh at a time code, texture coordinates first.
+    """Attributes of a mesh at a time code: texture coordinates, colours, others.
 
     Parameters
     ----------
@@ -74,7 +77,9 @@ def read_attributes(
             found[one.name] = _reordered(attribute, order)
     _join_opacity(found)
     ranks = list(Kind)
-    return tuple(sorted(found.values(), key=lambda one: ranks.index(one.kind)))
+    main = MAIN_NAMES.values()
+    ordered = sorted(found.values(), key=lambda one: (ranks.index(one.kind), one.name not in main))
+    return tuple(ordered)
 
 
 def _candidates(prim: Any, notes: list[str]) -> list[_Found]:

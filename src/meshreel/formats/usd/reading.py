@@ -46,10 +46,11 @@ def read_meshes(path: Path, options: ReadOptions) -> list[SceneMesh]:
     with usd_errors("USD cannot read its meshes"):
         rate = codes_per_second(stage, notes)
         frame_step = codes_per_frame(stage, rate)
-        transforms, skins = Transforms(), find_skins(stage)
+        prims = drawn_meshes(stage, notes)
+        transforms, skins = Transforms(), find_skins(prims)
         meshes = [
             StageMesh(stage, prim, skins.get(str(prim.GetPath())), transforms, notes)
-            for prim in drawn_meshes(stage, notes)
+            for prim in prims
         ]
         has_rate = stage.HasAuthoredMetadata("timeCodesPerSecond")
         fps = validate_fps(options.fps or 0.0)

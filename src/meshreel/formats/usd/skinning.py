@@ -1,5 +1,6 @@
 """Meshes that a skeleton moves: blend shapes and skinning, by UsdSkel."""
 
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -7,6 +8,7 @@ import numpy as np
 
 from meshreel.errors import FormatError
 from meshreel.formats.extras import USD
+from meshreel.formats.usd.sampling import attribute_codes
 from meshreel.formats.usd.transforms import Transforms
 from meshreel.sequence import Vertices
 
@@ -52,12 +54,14 @@ class Skin:
 
     def codes(self, transforms: Transforms) -> list[float]:
         """Where what moves the points, beside the points themselves, has samples."""
-        codes = transforms.codes(self.space) + list(self.skinning.GetTimeSamples())
+        codes = transforms.codes(self.space)
+        if binding := self.skinning.GetGeomBindTransformAttr():
+            codes = codes + attribute_codes(binding)
         if animation := self.skeleton.GetAnimQuery():
             if self.skinning.HasJointInfluences():
-                codes += animation.GetJointTransformTimeSamples()
+                codes = codes + list(animation.GetJointTransformTimeSamples())
             if self.shapes is not None:
-                codes += animation.GetBlendShapeWeightTimeSamples()
+                codes = codes + list(animation.GetBlendShapeWeightTimeSamples())
         return codes
 
     def deformed(self, points: Vertices, code: float) -> Vertices:
@@ -95,23 +99,27 @@ class Skin:
         )
 
 
-def find_skins(stage: Any) -> dict[str, Skin]:
-    """How skeletons move meshes, by the paths of the meshes."""
-    usd, skel = USD.load("Usd"), USD.load("UsdSkel")
-    predicate = usd.TraverseInstanceProxies()
+def find_skins(prims: Iterable[Any]) -> dict[str, Skin]:
+    """How skeletons move meshes, by the paths of those of the meshes that they do move."""
+    skel = USD.load("UsdSkel")
+    roots = {str(root.GetPath()): root for root in map(skel.Root.Find, prims) if root}
     skins = {}
-    for prim in usd.PrimRange.Stage(stage, predicate):
-        if not prim.IsA(skel.Root):
-            continue
-        root, cache = skel.Root(prim), skel.Cache()
-        cache.Populate(root, predicate)
-        for binding in cache.ComputeSkelBindings(root, predicate):
-            skeleton = cache.GetSkelQuery(binding.GetSkeleton())
-            for skinning in binding.GetSkinningTargets() if skeleton else ():
-                if skinning.HasJointInfluences() or skinning.HasBlendShapes():
-                    path = str(skinning.GetPrim().GetPath())
-                    skins[path] = Skin(skeleton, skinning, _shapes(skinning))
+    for root in roots.values():
+        for skeleton, skinning in _bindings(root):
+            if skinning.HasJointInfluences() or skinning.HasBlendShapes():
+                path = str(skinning.GetPrim().GetPath())
+                skins[path] = Skin(skeleton, skinning, _shapes(skinning))
     return skins
+
+
+def _bindings(root: Any) -> Iterator[tuple[Any, Any]]:
+    """Skeletons below a root, each with each of the prims that are bound to it."""
+    predicate, cache = USD.load("Usd").TraverseInstanceProxies(), USD.load("UsdSkel").Cache()
+    cache.Populate(root, predicate)
+    for binding in cache.ComputeSkelBindings(root, predicate):
+        if skeleton := cache.GetSkelQuery(binding.GetSkeleton()):
+            for skinning in binding.GetSkinningTargets():
+                yield skeleton, skinning
 
 
 def _shapes(skinning: Any) -> Shapes | None:

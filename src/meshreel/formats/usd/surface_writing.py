@@ -7,6 +7,7 @@ import numpy.typing as npt
 
 from meshreel.formats.extras import USD
 from meshreel.formats.usd.prim_names import different, prim_name
+from meshreel.formats.usd.primvars import MAIN_NAMES
 from meshreel.formats.usd.subsets import MATERIALS
 from meshreel.surface import Attribute, Domain, FaceGroups, Kind, Surface
 
@@ -15,9 +16,6 @@ INTERPOLATIONS = {
     Domain.FACE: "uniform",
     Domain.CORNER: "faceVarying",
 }
-MAIN_NAMES = {Kind.UV: "st", Kind.COLOR: "displayColor"}
-"""What other programs look for."""
-
 BYTE_COLORS = "colours of bytes are written as floats, as USD has them"
 NARROW_COLORS = "colours are rounded to float32, as USD has them"
 

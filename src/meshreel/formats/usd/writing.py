@@ -116,7 +116,12 @@ def _write_meshes(stage: Any, stream: FrameStream, origin: Corners) -> list[Mesh
     geometry.SetStageUpAxis(stage, geometry.Tokens.y)
     geometry.SetStageMetersPerUnit(stage, 1.0)
     split = split_parts(stream.faces, stream.surface, stream.n_verts, stream.name or "mesh")
-    parts = [part for part in split if len(part.counts)]
+    parts = []
+    for part in split:
+        if len(part.counts):
+            parts.append(part)
+        else:
+            stream.notes.append(f"part {part.name} has no faces and is left out")
     paths = mesh_paths([part.name for part in parts], stream.name or "scene")
     root = "/" + paths[0].split("/")[1]
     transform = geometry.Xform.Define(stage, root)

@@ -1,0 +1,113 @@
+"""Whatever bytes a USD file holds, reading it gives a sequence or an error of meshreel."""
+
+import contextlib
+
+import numpy as np
+import pytest
+
+from meshreel.errors import FormatError, MeshReelError
+from meshreel.formats.load import load
+from meshreel.formats.save import save
+from sample_meshes import waving_grid
+
+ENDINGS = ["usd", "usda", "usdc", "usdz"]
+N_FLIPPED = 60
+TRIANGLE = """def Mesh "m" {
+    point3f[] points = [(0, 0, 0), (1, 0, 0), (0, 1, 0)]
+    int[] faceVertexCounts = [3]
+    int[] faceVertexIndices = [0, 1, 2]
+}"""
+
+
+@pytest.fixture(scope="module")
+def whole_files(tmp_path_factory):
+    """The bytes of a small file of each kind."""
+    folder = tmp_path_factory.mktemp("whole")
+    for ending in ENDINGS:
+        save(waving_grid(3, 4, 4), folder / f"x.{ending}")
+    return {ending: (folder / f"x.{ending}").read_bytes() for ending in ENDINGS}
+
+
+@pytest.mark.parametrize("ending", ENDINGS)
+@pytest.mark.parametrize(
+    "data", [b"", b"\0", b"hello", b"PXR-USDC", b"#usda 1.0\n(", b"PK\3\4" * 9]
+)
+def test_load_refuses_when_a_file_is_something_else(tmp_path, capfd, ending, data):
+    path = tmp_path / f"x.{ending}"
+    path.write_bytes(data)
+    with pytest.raises(FormatError, match=rf"x\.{ending}: "):
+        load(path)
+    assert capfd.readouterr().err == ""
+
+
+def test_load_refuses_when_a_text_file_is_empty_but_for_its_header(tmp_path):
+    (tmp_path / "x.usda").write_text("#usda 1.0\n")
+    with pytest.raises(FormatError, match="holds no mesh that is drawn; it holds no geometry"):
+        load(tmp_path / "x.usda")
+
+
+@pytest.mark.parametrize("ending", ENDINGS)
+def test_load_refuses_when_a_file_is_cut_anywhere(tmp_path, whole_files, ending):
+    data, path = whole_files[ending], tmp_path / f"x.{ending}"
+    # The last bytes of text are brackets; the list of files at the end of a package is not needed.
+    end = data.rindex(b"PK\1\2") if ending == "usdz" else len(data) - 4
+    for length in np.linspace(0, end - 1, 40).astype(int):
+        path.write_bytes(data[:length])
+        with pytest.raises(MeshReelError, match=rf"x\.{ending}"):
+            load(path)
+
+
+@pytest.mark.parametrize("ending", ["usda", "usdz"])
+def test_load_raises_its_own_errors_when_bytes_are_changed(tmp_path, whole_files, ending):
+    rng, path = np.random.default_rng(3), tmp_path / f"x.{ending}"
+    for _ in range(N_FLIPPED):
+        data = bytearray(whole_files[ending])
+        for place in rng.integers(0, len(data), rng.choice([1, 3])):
+            data[place] = rng.integers(0, 256)
+        path.write_bytes(data)
+        with contextlib.suppress(MeshReelError):
+            assert load(path).n_frames >= 1
+
+
+def test_load_refuses_when_attributes_are_of_another_type(tmp_path):
+    path = tmp_path / "x.usda"
+    rows = {
+        "points": 'string[] points = ["a", "b"]',
+        "faceVertexCounts": "float[] faceVertexCounts = [3.5]",
+        "faceVertexIndices": 'token faceVertexIndices = "x"',
+    }
+    good = {
+        "points": "point3f[] points = [(0, 0, 0), (1, 0, 0), (0, 1, 0)]",
+        "faceVertexCounts": "int[] faceVertexCounts = [3]",
+        "faceVertexIndices": "int[] faceVertexIndices = [0, 1, 2]",
+    }
+    for name, row in rows.items():
+        body = "\n".join({**good, name: row}.values())
+        path.write_text(f'#usda 1.0\ndef Mesh "m" {{\n{body}\n}}\n')
+        with pytest.raises(FormatError, match=r"x\.usda: "):
+            load(path)
+
+
+def test_load_ends_when_a_file_refers_to_itself(tmp_path):
+    path, notes = tmp_path / "x.usda", []
+    path.write_text(
+        f'#usda 1.0\n{TRIANGLE}\ndef "a" (references = @x.usda@</a>) {{\n'
+        'def "b" (references = </a>) {\n}\n}\n'
+    )
+    assert load(path, notes=notes).n_frames == 1
+    assert "not all there" in notes[0]
+
+
+def test_load_refuses_when_instances_multiply_beyond_measure(tmp_path, monkeypatch):
+    monkeypatch.setattr("meshreel.formats.usd.drawn.MAX_PRIMS", 100)
+    levels = [f'class "l0" {{\n{TRIANGLE}\n}}']
+    for level in range(1, 8):
+        copies = [
+            f'def "c{k}" (\ninstanceable = true\nreferences = </l{level - 1}>\n) {{\n}}'
+            for k in range(10)
+        ]
+        levels.append(f'class "l{level}" {{\n' + "\n".join(copies) + "\n}")
+    levels.append('def "all" (references = </l7>) {\n}')
+    (tmp_path / "x.usda").write_text("#usda 1.0\n" + "\n".join(levels))
+    with pytest.raises(FormatError, match="more than 100 prims"):
+        load(tmp_path / "x.usda")

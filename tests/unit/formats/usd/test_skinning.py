@@ -1,0 +1,190 @@
+"""Skinned meshes of USD files against the formula written out here."""
+
+import numpy as np
+import pytest
+
+from meshreel.errors import FormatError
+from meshreel.formats.load import load
+
+REST = np.array([[0, 0, 0], [1, 0, 0], [1, 2, 0], [0, 2, 0]], np.float64)
+UPPER = np.array([0, 0.25, 1, 0.5])  # how much each point belongs to the upper joint
+
+STAGE = """#usda 1.0
+(
+    timeCodesPerSecond = 24
+    {header}
+)
+def SkelRoot "root" {{
+    double3 xformOp:translate = (0, 0, 10)
+    uniform token[] xformOpOrder = ["xformOp:translate"]
+
+    def Skeleton "skeleton" (prepend apiSchemas = ["SkelBindingAPI"]) {{
+        uniform token[] joints = ["low", "low/high"]
+        uniform matrix4d[] bindTransforms = [
+            ((1, 0, 0, 0), (0, 1, 0, 0), (0, 0, 1, 0), (0, 0, 0, 1)),
+            ((1, 0, 0, 0), (0, 1, 0, 0), (0, 0, 1, 0), (0, 1, 0, 1)),
+        ]
+        uniform matrix4d[] restTransforms = [
+            ((1, 0, 0, 0), (0, 1, 0, 0), (0, 0, 1, 0), (0, 0, 0, 1)),
+            ((1, 0, 0, 0), (0, 1, 0, 0), (0, 0, 1, 0), (0, 1, 0, 1)),
+        ]
+        rel skel:animationSource = </root/motion>
+    }}
+    def SkelAnimation "motion" {{
+        uniform token[] joints = ["low", "low/high"]
+        quatf[] rotations = [(1, 0, 0, 0), (1, 0, 0, 0)]
+        half3[] scales = [(1, 1, 1), (1, 1, 1)]
+        float3[] translations.timeSamples = {{
+            {first}: [(0, 0, 0), (0, 1, 0)],
+            {last}: [(0, 0, 0), (4, 1, 0)],
+        }}
+        uniform token[] blendShapes = ["other", "bulge"]
+        float[] blendShapeWeights.timeSamples = {{ {first}: [0, 0], {last}: [0, 1] }}
+    }}
+    def Mesh "m" (prepend apiSchemas = ["SkelBindingAPI"]) {{
+        point3f[] points = [(0, 0, 0), (1, 0, 0), (1, 2, 0), (0, 2, 0)]
+        int[] faceVertexCounts = [4]
+        int[] faceVertexIndices = [0, 1, 2, 3]
+        rel skel:skeleton = </root/skeleton>
+        {binding}
+    }}
+}}
+{more}
+"""
+# The mesh names its joints the other way round, and is moved to the skeleton when it is bound.
+JOINTS = """
+    uniform token[] skel:joints = ["low/high", "low"]
+    matrix4d primvars:skel:geomBindTransform = ( (1, 0, 0, 0), (0, 1, 0, 0),
+        (0, 0, 1, 0), (3, 0, 0, 1) )
+    int[] primvars:skel:jointIndices = [1, 0, 1, 0, 0, 1, 1, 0] (
+        elementSize = 2
+        interpolation = "vertex"
+    )
+    float[] primvars:skel:jointWeights = [1, 0, 0.75, 0.25, 1, 0, 0.5, 0.5] (
+        elementSize = 2
+        interpolation = "vertex"
+    )
+"""
+SHAPES = """
+    uniform token[] skel:blendShapes = ["bulge"]
+    rel skel:blendShapeTargets = </root/m/bulge>
+    def BlendShape "bulge" {
+        uniform vector3f[] offsets = [(0, 0, 8)]
+        uniform int[] pointIndices = [2]
+        uniform vector3f[] inbetweens:half = [(0, 0, 2)] (weight = 0.5)
+    }
+"""
+PROP = """def Mesh "prop" {
+    point3f[] points = [(0, 0, 0), (1, 0, 0), (1, 1, 0)]
+    int[] faceVertexCounts = [3]
+    int[] faceVertexIndices = [0, 1, 2]
+    double3 xformOp:translate.timeSamples = { 1: (0, 0, 0), 5: (4, 0, 0) }
+    uniform token[] xformOpOrder = ["xformOp:translate"]
+}"""
+
+
+@pytest.fixture
+def skinned_file(tmp_path):
+    def write(binding, *, header="", first=1, last=5, more=""):
+        path = tmp_path / "skinned.usda"
+        path.write_text(
+            STAGE.format(binding=binding, header=header, first=first, last=last, more=more)
+        )
+        return path
+
+    return write
+
+
+def posed(share):
+    """Where the points are when so much of the motion is done, by linear blend skinning."""
+    return REST + np.array([3, 0, 10]) + np.outer(UPPER, [4 * share, 0, 0])
+
+
+def bulged(share):
+    """How far the shape moves the third point: by its inbetween to half the weight, then on."""
+    offset = np.zeros((4, 3))
+    offset[2, 2] = 4 * share if share <= 0.5 else 2 + 12 * (share - 0.5)
+    return offset
+
+
+def test_load_skins_at_every_frame_when_keys_are_further_apart(skinned_file):
+    notes = []
+    found = load(skinned_file(JOINTS), notes=notes)
+    assert (found.fps, found.start_s, found.vertices.dtype) == (24.0, 1 / 24, np.float32)
+    np.testing.assert_array_equal(found.vertices, [posed(s) for s in (0, 0.25, 0.5, 0.75, 1)])
+    assert any("2 samples" in note and "5 frames" in note for note in notes)
+
+
+def test_load_adds_shapes_before_skinning_when_a_mesh_has_both(skinned_file):
+    found = load(skinned_file(JOINTS + SHAPES))
+    expected = [posed(s) + bulged(s) for s in (0, 0.25, 0.5, 0.75, 1)]
+    np.testing.assert_array_equal(found.vertices, expected)
+
+
+def test_load_moves_by_shapes_alone_when_there_are_no_joint_weights(skinned_file):
+    found = load(skinned_file(SHAPES))
+    expected = [REST + np.array([0, 0, 10]) + bulged(s) for s in (0, 0.25, 0.5, 0.75, 1)]
+    np.testing.assert_array_equal(found.vertices, expected)
+
+
+def test_load_skins_rigidly_when_weights_are_constant(skinned_file):
+    rigid = """
+    int[] primvars:skel:jointIndices = [1] (
+        elementSize = 1
+        interpolation = "constant"
+    )
+    float[] primvars:skel:jointWeights = [1] (
+        elementSize = 1
+        interpolation = "constant"
+    )"""
+    found = load(skinned_file(rigid))
+    np.testing.assert_array_equal(found.vertices[-1], REST + np.array([4, 0, 10]))
+
+
+def test_load_samples_at_the_given_rate_when_motion_is_described(skinned_file):
+    found = load(skinned_file(JOINTS), fps=48)
+    assert (found.fps, found.start_s) == (48, 1 / 24)
+    np.testing.assert_array_equal(found.vertices, [posed(s / 8) for s in range(9)])
+
+
+def test_load_samples_every_mesh_alike_when_one_of_them_is_skinned(skinned_file):
+    found = load(skinned_file(JOINTS, more=PROP), fps=12, merge=True)
+    assert (found.n_frames, found.fps) == (3, 12)
+    np.testing.assert_array_equal(found.vertices[:, :4], [posed(s) for s in (0, 0.5, 1)])
+    np.testing.assert_array_equal(found.vertices[:, 4, 0], [0, 2, 4])
+
+
+def test_load_steps_by_the_frames_that_are_shown_when_codes_are_finer(skinned_file):
+    header = "framesPerSecond = 12"
+    found = load(skinned_file(JOINTS, header=header))
+    assert (found.fps, found.n_frames) == (12.0, 3)
+
+
+def test_load_is_in_the_pose_of_rest_when_nothing_animates_the_skeleton(skinned_file):
+    path = skinned_file(JOINTS)
+    path.write_text(path.read_text().replace("rel skel:animationSource", "rel other"))
+    found = load(path)
+    np.testing.assert_array_equal(found.vertices, posed(0)[None])
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("[1, 0, 1, 0, 0, 1, 1, 0]", "[1, 0, 1, 0]"),
+        ("[1, 0, 1, 0, 0, 1, 1, 0]", "[1, 0, 1, 0, 0, 1, 1, 9]"),
+        ("[(0, 0, 8)]", "[(0, 0, 8), (0, 0, 1)]"),
+        ("pointIndices = [2]", "pointIndices = [9]"),
+    ],
+)
+def test_load_refuses_when_weights_or_shapes_do_not_fit(skinned_file, capfd, old, new):
+    path = skinned_file(JOINTS + SHAPES)
+    path.write_text(path.read_text().replace(old, new))
+    with pytest.raises(FormatError, match=r"mesh /root/m .* weights or blend shapes"):
+        load(path)
+    assert capfd.readouterr().err == ""
+
+
+@pytest.mark.parametrize("last", [1e12, 1e300])
+def test_load_refuses_when_a_skeleton_moves_for_ages(skinned_file, last):
+    with pytest.raises(FormatError, match="at most 1000000 are read"):
+        load(skinned_file(JOINTS, last=last))

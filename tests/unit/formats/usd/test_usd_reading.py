@@ -1,0 +1,305 @@
+"""Meshes of USD files, in world space."""
+
+import numpy as np
+import pytest
+
+from meshreel.errors import FormatError, InvalidInputError
+from meshreel.formats.load import load, open_source
+
+SQUARE = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], np.float32)
+POINTS = "point3f[] points = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)]"
+MOVING = """point3f[] points.timeSamples = {
+    %s: [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)],
+    %s: [(0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1)],
+    %s: [(0, 0, 2), (1, 0, 2), (1, 1, 2), (0, 1, 2)],
+}"""
+QUAD = "int[] faceVertexCounts = [4]\nint[] faceVertexIndices = [0, 1, 2, 3]"
+TRANSLATED = 'uniform token[] xformOpOrder = ["xformOp:translate"]'
+
+
+def mesh(points=POINTS, faces=QUAD, more="", name="m"):
+    return f'def Mesh "{name}" {{\n{points}\n{faces}\n{more}\n}}\n'
+
+
+@pytest.fixture
+def stage_file(tmp_path):
+    """A function from the text of a stage, below its header, to its file."""
+
+    def write(body, header="", name="a.usda"):
+        path = tmp_path / name
+        path.write_text(f"#usda 1.0\n(\n{header}\n)\n{body}")
+        return path
+
+    return write
+
+
+def test_load_reads_points_at_their_samples_when_codes_have_a_rate(stage_file):
+    header = "timeCodesPerSecond = 30"
+    found = load(stage_file(mesh(MOVING % (1001, 1002, 1003)), header))
+    expected = (
+        SQUARE + np.array([0, 0, 1], np.float32) * np.arange(3, dtype=np.float32)[:, None, None]
+    )
+    assert found.vertices.dtype == np.float32
+    np.testing.assert_array_equal(found.vertices, expected)
+    np.testing.assert_array_equal(found.surface.face_sizes, [4])
+    np.testing.assert_array_equal(found.faces, [[0, 1, 2], [0, 2, 3]])
+    assert (found.fps, found.start_s, found.name) == (30.0, 1001 / 30, "m")
+
+
+@pytest.mark.parametrize(
+    ("codes", "header", "fps", "start_s"),
+    [
+        ((0, 1, 2), "", 24.0, 0.0),
+        ((0, 2, 4), "timeCodesPerSecond = 48", 24.0, 0.0),
+        ((1, 2, 3), "timeCodesPerSecond = 29.97", 29.97, 1 / 29.97),
+        ((10, 11, 12), "timeCodesPerSecond = 1000", 1000.0, 0.01),
+        ((250, 500, 750), "timeCodesPerSecond = 6000", 24.0, 250 / 6000),
+        ((0, 1, 2), "framesPerSecond = 12", 12.0, 0.0),
+        ((0, 1, 2), "framesPerSecond = 12\ntimeCodesPerSecond = 24", 24.0, 0.0),
+    ],
+)
+def test_load_takes_the_rate_of_the_time_codes_when_samples_are_even(
+    stage_file, codes, header, fps, start_s
+):
+    found = load(stage_file(mesh(MOVING % codes), header))
+    assert (found.fps, found.start_s, found.n_frames) == (fps, start_s, 3)
+
+
+def test_load_takes_the_given_rate_when_points_are_samples(stage_file):
+    found = load(stage_file(mesh(MOVING % (0, 1, 2))), fps=50)
+    assert (found.fps, found.n_frames) == (50, 3)
+
+
+def test_load_falls_back_when_the_time_codes_per_second_cannot_be(stage_file):
+    notes = []
+    found = load(stage_file(mesh(MOVING % (0, 1, 2)), "timeCodesPerSecond = 0"), notes=notes)
+    assert found.fps == 24
+    assert any("0 time codes per second" in note for note in notes)
+
+
+def test_load_fills_in_frames_when_samples_were_left_out(stage_file):
+    notes = []
+    found = load(stage_file(mesh(MOVING % (1, 2, 4))), notes=notes)
+    np.testing.assert_array_equal(found.vertices[:, 0, 2], [0, 1, 1.5, 2])
+    assert any("3 samples" in note and "4 frames" in note for note in notes)
+
+
+def test_load_gives_one_frame_without_a_rate_when_nothing_moves(stage_file):
+    found = load(stage_file(mesh(), "timeCodesPerSecond = 30"))
+    assert (found.n_frames, found.fps, found.start_s) == (1, 0.0, 0.0)
+
+
+def test_load_bakes_transforms_when_those_above_move(stage_file):
+    body = f"""def Xform "a" {{
+        double3 xformOp:translate.timeSamples = {{ 1: (0, 0, 0), 2: (0.1, 0, 0), 3: (0.2, 0, 0) }}
+        {TRANSLATED}
+        def Xform "b" {{
+            double xformOp:rotateZ = 90
+            uniform token[] xformOpOrder = ["xformOp:rotateZ"]
+            {mesh()}
+        }}
+    }}"""
+    found = load(stage_file(body))
+    turned = np.stack([-SQUARE[:, 1], SQUARE[:, 0], SQUARE[:, 2]], axis=1).astype(np.float64)
+    expected = [turned + np.array([shift, 0, 0]) for shift in (0.0, 0.1, 0.2)]
+    assert found.vertices.dtype == np.float32
+    np.testing.assert_allclose(found.vertices, expected, rtol=0, atol=1e-7)
+    assert (found.fps, found.start_s) == (24.0, 1 / 24)
+
+
+def test_load_leaves_transforms_above_out_when_the_stack_is_reset(stage_file):
+    body = f"""def Xform "a" {{
+        double3 xformOp:translate.timeSamples = {{ 1: (1, 0, 0), 2: (2, 0, 0) }}
+        {TRANSLATED}
+        def Xform "b" {{
+            uniform token[] xformOpOrder = ["!resetXformStack!"]
+            {mesh()}
+        }}
+    }}"""
+    found = load(stage_file(body))
+    np.testing.assert_array_equal(found.vertices, SQUARE[None])
+
+
+def test_load_keeps_float64_when_a_transform_goes_far_from_the_origin(stage_file):
+    body = mesh(more=f"double3 xformOp:translate = (4512345.25, 0.5, 0)\n{TRANSLATED}")
+    found = load(stage_file(body))
+    assert found.vertices.dtype == np.float64
+    np.testing.assert_array_equal(found.vertices[0], SQUARE + np.array([4512345.25, 0.5, 0]))
+
+
+@pytest.mark.parametrize(
+    ("more", "flipped"),
+    [
+        ('uniform token orientation = "leftHanded"', True),
+        (
+            'float3 xformOp:scale = (-1, 1, 1)\nuniform token[] xformOpOrder = ["xformOp:scale"]',
+            True,
+        ),
+        (
+            'uniform token orientation = "leftHanded"\nfloat3 xformOp:scale = (-1, 1, 1)\n'
+            'uniform token[] xformOpOrder = ["xformOp:scale"]',
+            False,
+        ),
+    ],
+)
+def test_load_turns_faces_over_when_they_go_around_the_other_way(stage_file, more, flipped):
+    uv = """texCoord2f[] primvars:st = [(0, 0), (1, 0), (1, 1), (0, 1)] (
+        interpolation = "faceVarying"
+    )"""
+    found = load(stage_file(mesh(more=f"{more}\n{uv}")))
+    order = [0, 3, 2, 1] if flipped else [0, 1, 2, 3]
+    np.testing.assert_array_equal(found.faces, [order[:3], [order[0], *order[2:]]])
+    np.testing.assert_array_equal(found.surface.attributes[0].per_item(), SQUARE[order, :2])
+
+
+def test_load_splits_nothing_off_when_faces_change_but_says_where(stage_file):
+    faces = """int[] faceVertexCounts.timeSamples = { 0: [4], 1: [4], 2: [3] }
+    int[] faceVertexIndices.timeSamples = { 0: [0, 1, 2, 3], 1: [0, 1, 2, 3], 2: [0, 1, 2] }"""
+    with pytest.raises(InvalidInputError, match="frame 2 of /m has 3 corners in face 0"):
+        load(stage_file(mesh(MOVING % (0, 1, 2), faces)))
+
+
+def test_load_chooses_and_merges_when_there_are_several(stage_file):
+    path = stage_file(f'def Xform "r" {{ {mesh(MOVING % (0, 1, 2))} {mesh(name="n")} }}')
+    with pytest.raises(InvalidInputError, match="holds 2 meshes: /r/m, /r/n"):
+        load(path)
+    assert (load(path, object="n").n_frames, load(path, object="/r/m").n_frames) == (1, 3)
+    merged = load(path, merge=True)
+    assert [part.name for part in merged.surface.parts] == ["/r/m", "/r/n"]
+    np.testing.assert_array_equal(merged.vertices[:, 4:], np.tile(SQUARE, (3, 1, 1)))
+
+
+def test_load_reads_instances_when_prims_are_shared(stage_file):
+    body = f"""class "proto" {{ {mesh(MOVING % (0, 1, 2))} }}
+    def Xform "a" (instanceable = true
+        references = </proto>) {{ }}
+    def Xform "b" (instanceable = true
+        references = </proto> (offset = 10)) {{
+        double3 xformOp:translate = (0, 0, 5)
+        {TRANSLATED}
+    }}"""
+    path = stage_file(body)
+    first, second = load(path, object="/a/m"), load(path, object="/b/m")
+    np.testing.assert_array_equal(second.vertices, first.vertices + np.float32([0, 0, 5]))
+    assert (first.start_s, second.start_s) == (0.0, 10 / 24)
+
+
+def test_load_shifts_and_scales_time_when_a_layer_is_referred_to_so(stage_file):
+    stage_file(mesh(MOVING % (1, 2, 3)), 'defaultPrim = "m"', name="layer.usda")
+    body = 'def "x" (references = @layer.usda@ (offset = 0.1; scale = 2)) { }'
+    found = load(stage_file(body, "timeCodesPerSecond = 24"))
+    assert found.n_frames == 3
+    assert found.fps == 12
+    assert found.start_s == pytest.approx(2.1 / 24, abs=1e-12)
+    np.testing.assert_array_equal(found.vertices[:, 0, 2], [0, 1, 2])
+
+
+def test_load_reads_value_clips_when_samples_are_in_other_files(stage_file):
+    for number in (1, 2):
+        stage_file(mesh(MOVING % (0, 1, 2)), 'defaultPrim = "m"', name=f"clip{number}.usda")
+    stage_file('over "m" {\npoint3f[] points\n}', 'defaultPrim = "m"', name="manifest.usda")
+    clips = """clips = { dictionary default = {
+        asset[] assetPaths = [@./clip1.usda@, @./clip2.usda@]
+        asset manifestAssetPath = @./manifest.usda@
+        string primPath = "/m"
+        double2[] active = [(0, 0), (3, 1)]
+        double2[] times = [(0, 0), (2, 2), (3, 0), (5, 2)]
+    } }"""
+    found = load(stage_file(mesh("").replace('"m"', f'"m" ({clips})')))
+    np.testing.assert_array_equal(found.vertices[:, 0, 2], [0, 1, 2, 0, 1, 2])
+
+
+def test_load_leaves_out_what_is_not_drawn_when_meshes_are_hidden(stage_file):
+    notes = []
+    body = mesh() + "".join(
+        mesh(more=more, name=name)
+        for name, more in {
+            "proxy": 'uniform token purpose = "proxy"',
+            "guide": 'uniform token purpose = "guide"',
+            "unseen": 'token visibility = "invisible"',
+            "blinking": 'token visibility.timeSamples = { 0: "invisible", 1: "invisible" }',
+        }.items()
+    )
+    body += 'def Mesh "empty" { }\ndef Sphere "ball" { }\n'
+    body += f'def PointInstancer "many" {{ {mesh(name="proto")} }}'
+    assert load(stage_file(body), notes=notes).name == "m"
+    assert notes[0] == (
+        "left out: 1 mesh of purpose proxy, 1 mesh of purpose guide, 2 meshes invisible, "
+        "1 mesh without points or faces, 1 Sphere, 1 PointInstancer"
+    )
+
+
+def test_load_reads_a_mesh_when_it_is_visible_at_some_time(stage_file):
+    more = 'token visibility.timeSamples = { 0: "invisible", 1: "inherited" }\n'
+    assert load(stage_file(mesh(more=more + 'uniform token purpose = "render"'))).name == "m"
+
+
+@pytest.mark.parametrize(
+    ("body", "holds"),
+    [
+        ("", "no geometry"),
+        ('def Xform "a" { }', "no geometry"),
+        ('def Sphere "a" { }\ndef Sphere "b" { }', "2 Sphere"),
+        (mesh(more='token visibility = "invisible"'), "1 mesh invisible"),
+    ],
+)
+def test_load_says_what_a_file_holds_when_there_is_no_mesh(stage_file, body, holds):
+    with pytest.raises(FormatError, match=f"a.usda: holds no mesh that is drawn; it holds {holds}"):
+        load(stage_file(body))
+
+
+def test_load_notes_what_is_missing_when_a_reference_is_not_there(stage_file):
+    notes = []
+    load(stage_file(mesh() + 'def "x" (references = @gone.usda@) { }'), notes=notes)
+    assert "Could not open asset @gone.usda@" in notes[0]
+
+
+def test_load_notes_axes_and_units_when_they_are_not_those_that_are_written(stage_file):
+    notes = []
+    load(stage_file(mesh(), 'upAxis = "Z"\nmetersPerUnit = 0.01'), notes=notes)
+    assert notes[0] == (
+        "positions stay in the axes and units of the file, where z points upwards, a unit is 0.01 m"
+    )
+    notes.clear()
+    load(stage_file(mesh(), 'upAxis = "Y"\nmetersPerUnit = 1', name="b.usda"), notes=notes)
+    assert not any("axes" in note for note in notes)
+
+
+def test_load_reads_a_file_anew_when_it_has_changed(stage_file):
+    path = stage_file(mesh(MOVING % (0, 1, 2)))
+    source = open_source(path)
+    assert source.n_frames == 3
+    stage_file(mesh())
+    assert load(path).n_frames == 1
+
+
+def test_load_reads_splines_when_a_transform_is_one(stage_file):
+    from pxr import Usd
+
+    if not hasattr(Usd.Attribute, "HasSpline"):
+        pytest.skip("this usd-core has no splines")
+    more = """double xformOp:translateX.spline = { 1: 0; post held, 5: 4; post held, }
+    uniform token[] xformOpOrder = ["xformOp:translateX"]"""
+    found = load(stage_file(mesh(more=more.replace("post held", "post linear"))))
+    np.testing.assert_array_equal(found.vertices[:, 0, 0], [0, 1, 2, 3, 4])
+
+
+@pytest.mark.parametrize(
+    ("points", "faces", "message"),
+    [
+        (POINTS, QUAD.replace("[4]", "[5]"), "has 4 faceVertexIndices .* need 5"),
+        (POINTS, QUAD.replace("[4]", "[-4]"), "faceVertexCounts need -4"),
+        (POINTS, QUAD.replace("[4]", "[2, 2]"), "face 0: a face needs at least three corners"),
+        (POINTS, QUAD.replace("3]", "4]"), "names vertex 4; indices must be in 0..3"),
+        ("point3f[] points = []", QUAD, "holds 0 vertices and 1 faces"),
+        (POINTS, "int[] faceVertexCounts = [4]", "has no faceVertexIndices"),
+        ("point3f[] points = [(nan, 0, 0), (1, 0, 0), (0, 0, 0), (0, 0, 0)]", QUAD, "be finite"),
+        (POINTS.replace("(1, 1, 0)", "(1e39, 1, 0)"), QUAD, "be finite"),
+        ("point3f[] points.timeSamples = { 0: None, 1: [(0, 0, 0)] }", QUAD, "has no points at"),
+        ("point3f[] points.timeSamples = { 0: [], 1e30: [] }", QUAD, "0 vertices"),
+    ],
+)
+def test_load_names_the_mesh_when_it_is_broken(stage_file, capfd, points, faces, message):
+    with pytest.raises((FormatError, InvalidInputError), match=f"a.usda: .*{message}"):
+        load(stage_file(mesh(points, faces)))
+    assert capfd.readouterr().err == ""

@@ -1,0 +1,214 @@
+"""Primvars and subsets of USD files as attributes and groups."""
+
+import numpy as np
+import pytest
+
+from meshreel.formats.load import load
+from meshreel.surface import Domain, Kind
+
+# Two quads side by side.
+MESH = """#usda 1.0
+{above}
+def Mesh "m" {api} {{
+    point3f[] points = [(0, 0, 0), (1, 0, 0), (2, 0, 0), (0, 1, 0), (1, 1, 0), (2, 1, 0)]
+    int[] faceVertexCounts = [4, 4]
+    int[] faceVertexIndices = [0, 1, 4, 3, 1, 2, 5, 4]
+    {body}
+}}
+"""
+BOUND = '(prepend apiSchemas = ["MaterialBindingAPI"])'
+
+
+@pytest.fixture
+def surface_of(tmp_path):
+    """A function from what a mesh carries to its surface as it is read."""
+
+    def read(body, *, above="", api="", notes=None):
+        path = tmp_path / "a.usda"
+        path.write_text(MESH.format(body=body, above=above, api=api))
+        return load(path, notes=notes).surface
+
+    return read
+
+
+def primvar(declared, values, interpolation, more=""):
+    return f'{declared} = {values} (\ninterpolation = "{interpolation}"\n)\n{more}\n'
+
+
+@pytest.mark.parametrize(
+    ("interpolation", "domain", "n_items"),
+    [
+        ("vertex", Domain.VERTEX, 6),
+        ("varying", Domain.VERTEX, 6),
+        ("uniform", Domain.FACE, 2),
+        ("faceVarying", Domain.CORNER, 8),
+    ],
+)
+def test_attributes_have_the_domain_of_the_interpolation_when_read(
+    surface_of, interpolation, domain, n_items
+):
+    values = [(i / 8, i / 16) for i in range(n_items)]
+    (found,) = surface_of(primvar("texCoord2f[] primvars:st", values, interpolation)).attributes
+    assert (found.name, found.kind, found.domain, found.indices) == ("st", Kind.UV, domain, None)
+    assert found.values.dtype == np.float32
+    np.testing.assert_array_equal(found.values, values)
+
+
+def test_attributes_keep_their_indices_when_primvars_have_some(surface_of):
+    body = primvar(
+        "texCoord2f[] primvars:st",
+        [(0, 0), (1, 1)],
+        "faceVarying",
+        "int[] primvars:st:indices = [0, 1, 0, 1, 1, 1, 0, 0]",
+    )
+    (found,) = surface_of(body).attributes
+    np.testing.assert_array_equal(found.values, [[0, 0], [1, 1]])
+    np.testing.assert_array_equal(found.indices, [0, 1, 0, 1, 1, 1, 0, 0])
+
+
+def test_attributes_are_constant_when_a_colour_is(surface_of):
+    (found,) = surface_of("color3f[] primvars:displayColor = [(0.5, 0.25, 1)]").attributes
+    assert (found.name, found.kind, found.domain) == ("displayColor", Kind.COLOR, Domain.VERTEX)
+    np.testing.assert_array_equal(found.values, [[0.5, 0.25, 1]])
+    np.testing.assert_array_equal(found.indices, np.zeros(6))
+
+
+def test_attributes_join_opacity_to_colour_when_both_are_alike(surface_of):
+    body = primvar("color3f[] primvars:displayColor", [(1, 0, 0), (0, 1, 0)], "uniform")
+    opacity = primvar("float[] primvars:displayOpacity", [0.25, 0.75], "uniform")
+    (found,) = surface_of(body + opacity).attributes
+    np.testing.assert_array_equal(found.values, [[1, 0, 0, 0.25], [0, 1, 0, 0.75]])
+
+
+def test_attributes_keep_opacity_apart_when_it_is_not_given_as_the_colour_is(surface_of):
+    body = primvar("color3f[] primvars:displayColor", [(1, 0, 0), (0, 1, 0)], "uniform")
+    opacity = primvar("float[] primvars:displayOpacity", [0.5] * 6, "vertex")
+    color, alpha = surface_of(body + opacity).attributes
+    assert (color.values.shape, alpha.values.shape) == ((2, 3), (6, 1))
+    assert (alpha.name, alpha.kind) == ("displayOpacity", Kind.OTHER)
+
+
+@pytest.mark.parametrize(
+    ("declared", "value", "kind", "dtype", "width"),
+    [
+        ("float2[] primvars:UVMap", (0, 1), Kind.UV, np.float32, 2),
+        ("texCoord2h[] primvars:map1", (0, 1), Kind.UV, np.float32, 2),
+        ("texCoord2d[] primvars:x", (0, 1), Kind.UV, np.float64, 2),
+        ("color4f[] primvars:paint", (0, 1, 0, 1), Kind.COLOR, np.float32, 4),
+        ("color3h[] primvars:paint", (0, 1, 0), Kind.COLOR, np.float32, 3),
+        ("float[] primvars:heat", 1.5, Kind.OTHER, np.float32, 1),
+        ("vector3d[] primvars:wind", (1, 2, 3), Kind.OTHER, np.float64, 3),
+        ("int[] primvars:number", 7, Kind.OTHER, np.int32, 1),
+        ("uchar[] primvars:byte", 7, Kind.OTHER, np.uint8, 1),
+        ("bool[] primvars:isWet", 1, Kind.OTHER, np.uint8, 1),
+        ("matrix2d[] primvars:turn", ((1, 2), (3, 4)), Kind.OTHER, np.float64, 4),
+    ],
+)
+def test_attributes_have_the_type_of_the_primvar_when_it_is_a_number(
+    surface_of, declared, value, kind, dtype, width
+):
+    (found,) = surface_of(primvar(declared, str([value] * 6), "vertex")).attributes
+    assert (found.kind, found.values.dtype, found.values.shape) == (kind, dtype, (6, width))
+    np.testing.assert_array_equal(found.values, np.tile(np.ravel(value), (6, 1)))
+
+
+def test_attributes_come_with_texture_coordinates_first_when_there_are_several(surface_of):
+    body = (
+        primvar("float[] primvars:a", [0] * 6, "vertex")
+        + "color3f[] primvars:displayColor = [(1, 0, 0)]\n"
+        + primvar("texCoord2f[] primvars:st", [(0, 0)] * 6, "vertex")
+    )
+    body += primvar("texCoord2f[] primvars:map2", [(0, 0)] * 6, "vertex")
+    found = [one.name for one in surface_of(body).attributes]
+    assert found == ["st", "map2", "displayColor", "a"]
+
+
+def test_attributes_are_taken_from_above_when_a_colour_is_inherited(surface_of, tmp_path):
+    path = tmp_path / "b.usda"
+    text = MESH.format(above="", api="", body="").removeprefix("#usda 1.0")
+    path.write_text(
+        '#usda 1.0\ndef Xform "x" {\ncolor3f[] primvars:displayColor = [(0, 0, 1)]\n' + text + "}"
+    )
+    (found,) = load(path).surface.attributes
+    np.testing.assert_array_equal(found.values, [[0, 0, 1]])
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        primvar("texCoord2f[] primvars:st", [(0, 0)] * 5, "vertex"),
+        primvar("texCoord2f[] primvars:st", [], "vertex"),
+        primvar("token[] primvars:st", '["a", "b"]', "uniform"),
+        primvar("int64[] primvars:st", [1, 2], "uniform"),
+        primvar("texCoord2f[] primvars:st", [(0, 0)] * 2, "constant"),
+        primvar(
+            "texCoord2f[] primvars:st", [(0, 0)], "uniform", "int[] primvars:st:indices = [0, 1]"
+        ),
+        primvar(
+            "texCoord2f[] primvars:st", [(0, 0)], "uniform", "int[] primvars:st:indices = [0, -1]"
+        ),
+        primvar("texCoord2f[] primvars:st", [(0, 0)], "uniform", "int[] primvars:st:indices = [0]"),
+        primvar("color3f[] primvars:displayColor", [(0, 0, 0)] * 2, "constant"),
+        'float[] primvars:x = [1] (\nelementSize = 1000000000\ninterpolation = "uniform"\n)',
+        'float[] primvars:x = [1, 2] (\nelementSize = -2\ninterpolation = "vertex"\n)',
+        "normal3f[] primvars:normals = [(0, 0, 1)]",
+    ],
+)
+def test_attributes_are_left_out_when_primvars_do_not_fit(surface_of, body):
+    notes = []
+    assert surface_of(body, notes=notes).attributes == ()
+    is_setting = "constant" in body and "texCoord" in body
+    assert is_setting or "normals" in body or any("left out" in note for note in notes)
+
+
+def test_attributes_are_those_of_the_first_frame_when_primvars_move(surface_of):
+    notes = []
+    body = "color3f[] primvars:displayColor.timeSamples = { 1: [(1, 0, 0)], 2: [(0, 1, 0)] }"
+    (found,) = surface_of(body, notes=notes).attributes
+    np.testing.assert_array_equal(found.values, [[1, 0, 0]])
+    assert "primvar displayColor of /m moves; read as in the first frame" in notes
+
+
+MATERIALS = 'def Material "red" { }\ndef Material "b" (displayName = "blåt") { }'
+
+
+def subset(name, faces, family, material=""):
+    bound = f"rel material:binding = </{material}>" if material else ""
+    return f"""def GeomSubset "{name}" {BOUND if material else ""} {{
+        uniform token elementType = "face"
+        uniform token familyName = "{family}"
+        int[] indices = {faces}
+        {bound}
+    }}
+    """
+
+
+def test_groups_are_materials_when_subsets_have_some(surface_of):
+    body = subset("one", [1], "materialBind", "red") + subset("two", [0], "materialBind", "b")
+    (found,) = surface_of(body, above=MATERIALS).groups
+    assert (found.name, found.labels) == ("material", ("red", "blåt"))
+    np.testing.assert_array_equal(found.numbers, [1, 0])
+
+
+def test_groups_have_the_material_of_the_mesh_where_no_subset_has_one(surface_of):
+    body = subset("one", [1], "materialBind", "red") + "rel material:binding = </b>"
+    (found,) = surface_of(body, above=MATERIALS, api=BOUND).groups
+    assert found.labels == ("red", "blåt")
+    np.testing.assert_array_equal(found.numbers, [1, 0])
+
+
+def test_groups_have_names_of_subsets_when_there_are_no_materials(surface_of):
+    body = subset("one", [1], "materialBind") + subset("left", [0], "side") + subset("x", [1], "")
+    materials, sides, others = surface_of(body).groups
+    assert (materials.name, materials.labels) == ("material", ("one",))
+    np.testing.assert_array_equal(materials.numbers, [-1, 0])
+    assert (sides.name, sides.labels) == ("side", ("left",))
+    assert (others.name, others.labels) == ("group", ("x",))
+
+
+def test_groups_say_so_when_subsets_overlap_or_name_no_face(surface_of):
+    notes = []
+    body = subset("one", [0, 1], "side") + subset("two", [1, 2, -1], "side")
+    (found,) = surface_of(body, notes=notes).groups
+    np.testing.assert_array_equal(found.numbers, [0, 1])
+    assert any("side subsets of /m overlap" in note for note in notes)

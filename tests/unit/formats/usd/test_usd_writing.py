@@ -1,0 +1,304 @@
+"""Sequences as USD files, and back."""
+
+import numpy as np
+import pytest
+from pxr import Sdf, Usd, UsdGeom
+
+import meshreel
+from meshreel.errors import FormatError, InvalidInputError
+from meshreel.formats.load import load, open_source
+from meshreel.formats.polygons import triangulate_fans
+from meshreel.formats.save import save, save_frames
+from meshreel.sequence import MeshSequence
+from meshreel.surface import Attribute, Domain, FaceGroups, Kind, Part, Surface
+
+ENDINGS = ["usd", "usda", "usdc", "usdz"]
+# A quad, a triangle and a pentagon of nine vertices.
+SIZES = np.array([4, 3, 5], np.int32)
+CORNERS = np.array([0, 1, 4, 3, 1, 2, 4, 3, 4, 5, 8, 7], np.int32)
+
+
+def sheets(n_frames=4, dtype=np.float32, *, fps=24.0, start_s=0.0, n_parts=2, offset=0.0):
+    """Two parts of polygons, with attributes of every kind and domain."""
+    rng = np.random.default_rng(5)
+    vertices = (rng.normal(size=(n_frames, 9 * n_parts, 3)) + offset).astype(dtype)
+    faces = triangulate_fans(SIZES, CORNERS)
+    n_faces, n_corners = 3 * n_parts, 12 * n_parts
+    uv = rng.random((7 * n_parts, 2), np.float32)
+    rows = np.concatenate(
+        [np.concatenate([np.arange(7), rng.integers(0, 7, 5)]) + 7 * k for k in range(n_parts)]
+    )
+    numbers = np.tile([0, 1, -1], n_parts)
+    surface = Surface(
+        np.tile(SIZES, n_parts),
+        (
+            Attribute("st", Kind.UV, Domain.CORNER, uv, rows.astype(np.int32)),
+            Attribute("uv 2", Kind.UV, Domain.VERTEX, rng.random((9 * n_parts, 2))),
+            Attribute(
+                "displayColor", Kind.COLOR, Domain.VERTEX, rng.random((9 * n_parts, 4), np.float32)
+            ),
+            Attribute("paint", Kind.COLOR, Domain.FACE, rng.random((n_faces, 3), np.float32)),
+            Attribute("heat", Kind.OTHER, Domain.FACE, rng.random((n_faces, 1), np.float32)),
+            Attribute(
+                "tag", Kind.OTHER, Domain.CORNER, rng.integers(0, 9, (n_corners, 2), np.int32)
+            ),
+            Attribute(
+                "bits", Kind.OTHER, Domain.VERTEX, np.arange(9 * n_parts, dtype="u1")[:, None]
+            ),
+            Attribute("wide", Kind.OTHER, Domain.FACE, rng.random((n_faces, 16))),
+        ),
+        (
+            FaceGroups("material", ("red", "grün und blau"), numbers),
+            FaceGroups("side", ("left", "right"), np.tile([1, 0, 1], n_parts)),
+        ),
+        (Part("/root/a", 9, 3), Part("/root/b/c", 9, 3))[:n_parts] if n_parts > 1 else (),
+    )
+    return MeshSequence(
+        vertices,
+        np.concatenate([faces + 9 * k for k in range(n_parts)]),
+        fps,
+        "sheets",
+        start_s,
+        surface,
+    )
+
+
+def assert_same_attributes(found, expected):
+    for one, other in zip(found.attributes, expected.attributes, strict=True):
+        assert (one.kind, one.domain) == (other.kind, other.domain)
+        assert one.values.dtype == other.values.dtype
+        np.testing.assert_array_equal(one.values, other.values)
+        assert (one.indices is None) == (other.indices is None)
+        np.testing.assert_array_equal(one.per_item(), other.per_item())
+
+
+@pytest.mark.parametrize("ending", ENDINGS)
+def test_load_gives_back_everything_when_save_wrote_it(tmp_path, ending):
+    expected, notes = sheets(start_s=1001 / 24), []
+    meshreel.save(expected, tmp_path / f"x.{ending}", notes=notes)
+    found = meshreel.load(tmp_path / f"x.{ending}", merge=True)
+    assert notes == []
+    assert found.dtype == np.float32
+    np.testing.assert_array_equal(found.vertices, expected.vertices)
+    np.testing.assert_array_equal(found.faces, expected.faces)
+    np.testing.assert_array_equal(found.surface.face_sizes, expected.surface.face_sizes)
+    assert found.surface.parts == expected.surface.parts
+    assert (found.fps, found.start_s) == (24.0, 1001 / 24)
+    names = ["st", "uv_2", "displayColor", "paint", "heat", "tag", "bits", "wide"]
+    by_name = {one.name: one for one in found.surface.attributes}
+    reordered = Surface(None, tuple(by_name[name] for name in names))
+    assert len(found.surface.attributes) == len(names)
+    assert_same_attributes(reordered, expected.surface)
+    for one, other in zip(found.surface.groups, expected.surface.groups, strict=True):
+        assert (one.name, one.labels) == (other.name, other.labels)
+        np.testing.assert_array_equal(one.numbers, other.numbers)
+
+
+@pytest.mark.parametrize("ending", ENDINGS)
+def test_open_source_reads_any_frames_when_they_stay_in_the_file(tmp_path, ending):
+    expected = sheets(7, n_parts=1)
+    save(expected, tmp_path / f"x.{ending}")
+    found = open_source(tmp_path / f"x.{ending}", max_loaded_bytes=0)
+    assert not isinstance(found, MeshSequence)
+    for start, stop in ((6, 7), (0, 2), (3, 7), (0, 7)):
+        np.testing.assert_array_equal(found.read(start, stop), expected.vertices[start:stop])
+    assert (found.name, found.n_frames, found.dtype) == ("sheets", 7, np.float32)
+
+
+@pytest.mark.parametrize("fps", [1.0, 12.5, 23.976, 24000 / 1001, 25.0, 29.97, 30000 / 1001, 60.0])
+@pytest.mark.parametrize("first", [0, 1, 1001, -24, 100_000])
+def test_rate_and_start_survive_when_frames_begin_anywhere(tmp_path, fps, first):
+    expected = sheets(3, n_parts=1, fps=fps, start_s=first / fps)
+    save(expected, tmp_path / "x.usdc")
+    stage = Usd.Stage.Open(str(tmp_path / "x.usdc"))
+    codes = UsdGeom.Mesh(stage.GetPrimAtPath("/sheets/sheets")).GetPointsAttr().GetTimeSamples()
+    assert codes == [first, first + 1, first + 2]
+    assert (stage.GetStartTimeCode(), stage.GetEndTimeCode()) == (first, first + 2)
+    assert (stage.GetTimeCodesPerSecond(), stage.GetFramesPerSecond()) == (fps, fps)
+    found = load(tmp_path / "x.usdc")
+    assert (found.fps, found.start_s) == (fps, first / fps)
+
+
+@pytest.mark.parametrize(("fps", "start_s"), [(30.0, 0.0), (24.0, 0.5), (24.0, 1.0), (0.0, 0.0)])
+def test_one_frame_comes_back_with_its_time_when_it_has_one(tmp_path, fps, start_s):
+    expected, notes = sheets(1, n_parts=1, fps=fps, start_s=start_s), []
+    save(expected, tmp_path / "x.usda", notes=notes)
+    found = load(tmp_path / "x.usda")
+    assert (found.n_frames, found.fps, found.start_s) == (1, fps, start_s)
+    np.testing.assert_array_equal(found.vertices, expected.vertices)
+    assert notes[:-1] == []
+
+
+def test_save_takes_24_frames_per_second_when_the_rate_is_unknown(tmp_path):
+    notes = []
+    save(sheets(fps=0.0), tmp_path / "x.usdc", notes=notes)
+    assert notes == ["the frame rate is not known; written as 24 frames per second"]
+    assert load(tmp_path / "x.usdc", merge=True).fps == 24
+
+
+def test_save_keeps_the_start_when_it_is_between_frames(tmp_path):
+    save(sheets(3, n_parts=1, start_s=0.37), tmp_path / "x.usdc")
+    found = load(tmp_path / "x.usdc")
+    assert found.fps == 24
+    assert found.start_s == pytest.approx(0.37, rel=1e-15)
+
+
+def test_save_rounds_positions_when_they_are_float64(tmp_path):
+    expected, notes = sheets(dtype=np.float64, n_parts=1), []
+    save(expected, tmp_path / "x.usdc", notes=notes)
+    found = load(tmp_path / "x.usdc")
+    np.testing.assert_array_equal(found.vertices, expected.vertices.astype(np.float32))
+    assert notes[0] == "positions are rounded to float32, as USD has them"
+
+
+def test_save_notes_nothing_when_float64_positions_are_float32_numbers(tmp_path):
+    exact = sheets(n_parts=1)
+    notes = []
+    save(
+        MeshSequence(exact.vertices.astype(np.float64), exact.faces, 24.0), tmp_path / "x.usdc",
+        notes=notes,
+    )  # fmt: skip
+    assert notes == []
+
+
+def test_save_moves_the_origin_when_float64_positions_are_far_from_it(tmp_path):
+    expected, notes = sheets(dtype=np.float64, offset=4.5e8), []
+    save(expected, tmp_path / "x.usdc", notes=notes)
+    stage = Usd.Stage.Open(str(tmp_path / "x.usdc"))
+    (operation,) = UsdGeom.Xformable(stage.GetDefaultPrim()).GetOrderedXformOps()
+    assert operation.GetPrecision() == UsdGeom.XformOp.PrecisionDouble
+    found = load(tmp_path / "x.usdc", merge=True)
+    assert found.dtype == np.float64
+    assert np.abs(found.vertices - expected.vertices).max() < 4e-7
+    assert any("far from the origin" in note for note in notes)
+
+
+def test_save_keeps_float32_exactly_when_positions_are_far_from_the_origin(tmp_path):
+    expected, notes = sheets(offset=4.5e8, n_parts=1), []
+    save(expected, tmp_path / "x.usdc", notes=notes)
+    np.testing.assert_array_equal(load(tmp_path / "x.usdc").vertices, expected.vertices)
+    assert notes == []
+
+
+def test_save_writes_floats_when_colours_are_bytes(tmp_path):
+    rgb = np.array([[0, 128, 255]] * 9, np.uint8)
+    surface = Surface(SIZES, (Attribute("color", Kind.COLOR, Domain.VERTEX, rgb),))
+    sheet, notes = sheets(n_parts=1), []
+    save(
+        MeshSequence(sheet.vertices, sheet.faces, 24.0, surface=surface),
+        tmp_path / "x.usda",
+        notes=notes,
+    )
+    (found,) = load(tmp_path / "x.usda").surface.attributes
+    assert (found.name, found.values.dtype) == ("displayColor", np.float32)
+    np.testing.assert_array_equal(found.values, rgb.astype(np.float32) / np.float32(255))
+    assert notes == ["colours of bytes are written as floats, as USD has them"]
+
+
+def test_save_binds_one_material_when_all_faces_have_it(tmp_path):
+    sheet = sheets(n_parts=1)
+    groups = FaceGroups("material", ("skin",), np.zeros(3, np.int32))
+    save(
+        MeshSequence(sheet.vertices, sheet.faces, 24.0, surface=Surface(SIZES, (), (groups,))),
+        tmp_path / "x.usda",
+    )
+    stage = Usd.Stage.Open(str(tmp_path / "x.usda"))
+    assert not [prim for prim in stage.Traverse() if prim.IsA(UsdGeom.Subset)]
+    (found,) = load(tmp_path / "x.usda").surface.groups
+    assert (found.name, found.labels) == ("material", ("skin",))
+    np.testing.assert_array_equal(found.numbers, [0, 0, 0])
+
+
+def test_save_writes_a_stage_that_others_understand(tmp_path):
+    expected = sheets()
+    save(expected, tmp_path / "x.usdc")
+    stage = Usd.Stage.Open(str(tmp_path / "x.usdc"))
+    assert str(stage.GetDefaultPrim().GetPath()) == "/root"
+    assert UsdGeom.GetStageUpAxis(stage) == UsdGeom.Tokens.y
+    assert UsdGeom.GetStageMetersPerUnit(stage) == 1
+    mesh = UsdGeom.Mesh(stage.GetPrimAtPath("/root/b/c"))
+    assert mesh.GetSubdivisionSchemeAttr().Get() == "none"
+    points, extent = mesh.GetPointsAttr(), mesh.GetExtentAttr()
+    assert points.GetTimeSamples() == extent.GetTimeSamples() == [0, 1, 2, 3]
+    for code in range(4):
+        low, high = np.asarray(extent.Get(code))
+        np.testing.assert_array_equal(low, np.asarray(points.Get(code)).min(axis=0))
+        np.testing.assert_array_equal(high, np.asarray(points.Get(code)).max(axis=0))
+
+
+@pytest.mark.parametrize("ending", ENDINGS)
+@pytest.mark.parametrize("n_frames", [1, 3])
+def test_save_passes_every_validator_of_usd(tmp_path, ending, n_frames):
+    validation = pytest.importorskip("pxr.UsdValidation")
+    save(sheets(n_frames, dtype=np.float64, offset=1e9), tmp_path / f"x.{ending}")
+    stage = Usd.Stage.Open(str(tmp_path / f"x.{ending}"))
+    every = validation.ValidationRegistry().GetOrLoadAllValidators()
+    assert len(every) > 20
+    found = validation.ValidationContext(every).Validate(stage)
+    assert [(error.GetName(), error.GetMessage()) for error in found] == []
+
+
+def test_save_makes_a_package_of_one_binary_layer(tmp_path):
+    save(sheets(), tmp_path / "x.usdz")
+    package = Sdf.ZipFile.Open(str(tmp_path / "x.usdz"))
+    (name,) = package.GetFileNames()
+    assert name == "sheets.usdc"
+    assert package.GetFileInfo(name).dataOffset % 64 == 0
+
+
+def test_save_leaves_only_the_file_when_it_is_done(tmp_path):
+    for ending in ENDINGS:
+        save(sheets(), tmp_path / f"x.{ending}")
+    assert sorted(path.name for path in tmp_path.iterdir()) == [
+        f"x.{one}" for one in sorted(ENDINGS)
+    ]
+
+
+@pytest.mark.parametrize("ending", ENDINGS)
+def test_save_leaves_nothing_when_frames_break_off(tmp_path, ending):
+    sheet = sheets()
+    with pytest.raises(InvalidInputError, match="4 frames were announced; 2 came"):
+        save_frames([sheet.vertices[:2]], sheet.faces, tmp_path / f"x.{ending}", n_frames=4, fps=24)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_save_replaces_a_file_that_is_open(tmp_path):
+    save(sheets(3, n_parts=1), tmp_path / "x.usdc")
+    source = open_source(tmp_path / "x.usdc")
+    before = source.read(0, 3).copy()
+    save(sheets(5, n_parts=1, offset=1.0), tmp_path / "x.usdc", overwrite=True)
+    assert load(tmp_path / "x.usdc").n_frames == 5
+    assert before.shape[0] == 3
+
+
+def test_save_writes_a_long_sequence_a_part_at_a_time(tmp_path, monkeypatch):
+    monkeypatch.setattr("meshreel.formats.usd.writing.UNSAVED_BYTES", 1000)
+    expected = sheets(40)
+    for ending in ENDINGS:
+        save(expected, tmp_path / f"x.{ending}")
+        found = load(tmp_path / f"x.{ending}", merge=True)
+        np.testing.assert_array_equal(found.vertices, expected.vertices)
+
+
+def test_save_leaves_out_parts_when_they_have_no_faces(tmp_path):
+    sheet, notes = sheets(n_parts=1), []
+    vertices = np.concatenate([sheet.vertices, sheet.vertices[:, :2]], axis=1)
+    surface = Surface(SIZES, parts=(Part("a", 9, 3), Part("b", 2, 0)))
+    save(
+        MeshSequence(vertices, sheet.faces, 24.0, surface=surface), tmp_path / "x.usdc", notes=notes
+    )
+    np.testing.assert_array_equal(load(tmp_path / "x.usdc").vertices, sheet.vertices)
+    assert notes == ["part b has no faces and is left out"]
+
+
+def test_save_says_so_when_usd_cannot_write(tmp_path, monkeypatch, capfd):
+    def fail(*_):
+        from pxr import Tf
+
+        Tf.RaiseRuntimeError("the disk is full")
+
+    monkeypatch.setattr("meshreel.formats.usd.writing._write_binary", fail)
+    with pytest.raises(FormatError, match=r"USD cannot write it: .*the disk is full"):
+        save(sheets(), tmp_path / "x.usdc")
+    assert capfd.readouterr().err == ""
+    assert list(tmp_path.iterdir()) == []
