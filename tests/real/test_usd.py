@@ -1,0 +1,62 @@
+"""A skinned USD file as another program wrote it, against its frames as they were baked."""
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from meshreel.formats.load import load, open_source
+from meshreel.formats.save import save
+
+pytestmark = pytest.mark.real
+
+UNITS_IN_THE_LAST_PLACE = 8
+"""Of the largest coordinate in float32: it was baked in another order of additions."""
+
+
+@pytest.fixture(scope="module")
+def folder():
+    found = os.environ.get("MESHREEL_DATA")
+    if not found:
+        pytest.skip("MESHREEL_DATA names no folder of real sequences")
+    return Path(found)
+
+
+@pytest.fixture(scope="module")
+def walk(folder):
+    return load(folder / "native" / "cesium_man.usdz")
+
+
+def test_load_bakes_the_walk_when_a_skeleton_moves_it(folder, walk):
+    baked = load(folder / "cesium_man.npz")
+    # It was baked with z upwards and welded, at each of the time codes 1 to 48.
+    turned = np.stack([walk.vertices[..., 0], -walk.vertices[..., 2], walk.vertices[..., 1]], -1)
+    error = np.abs(turned[:, walk.faces] - baked.vertices[:, baked.faces]).max()
+    assert error <= UNITS_IN_THE_LAST_PLACE * np.spacing(np.float32(1))
+    assert (walk.fps, walk.start_s, walk.n_frames) == (24.0, 1 / 24, 48)
+    assert [one.name for one in walk.surface.attributes] == ["st"]
+    assert walk.surface.groups[0].labels == ("Cesium_Man_effect",)
+
+
+def test_load_bakes_the_walk_in_between_when_a_rate_is_given(folder, walk):
+    finer = load(folder / "native" / "cesium_man.usdz", fps=48)
+    assert (finer.fps, finer.n_frames) == (48.0, 95)
+    np.testing.assert_array_equal(finer.vertices[::2], walk.vertices)
+
+
+def test_open_source_bakes_the_same_when_frames_stay_in_the_file(folder, walk):
+    found = open_source(folder / "native" / "cesium_man.usdz", max_loaded_bytes=0)
+    np.testing.assert_array_equal(found.read(0, 48), walk.vertices)
+
+
+@pytest.mark.parametrize("ending", ["usd", "usda", "usdc", "usdz"])
+def test_load_gives_back_the_walk_when_save_wrote_it(tmp_path, walk, ending):
+    notes = []
+    save(walk, tmp_path / f"x.{ending}", notes=notes)
+    found = load(tmp_path / f"x.{ending}")
+    np.testing.assert_array_equal(found.vertices, walk.vertices)
+    np.testing.assert_array_equal(found.faces, walk.faces)
+    assert (found.fps, found.start_s, notes) == (walk.fps, walk.start_s, [])
+    for one, other in zip(found.surface.attributes, walk.surface.attributes, strict=True):
+        np.testing.assert_array_equal(one.values, other.values)
