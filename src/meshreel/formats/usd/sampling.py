@@ -9,6 +9,7 @@ from meshreel.errors import FormatError
 
 Codes = npt.NDArray[np.float64]
 
+MAX_CODE = 1e9
 MAX_FRAMES = 1_000_000
 MAX_FILLED = 4
 """Uneven samples are filled up to so many times as many, where their smallest gap divides all."""
@@ -27,9 +28,19 @@ def attribute_codes(attribute: Any) -> list[float]:
 
 
 def distinct_codes(codes: list[float]) -> Codes:
-    """The codes in ascending order, those that differ by rounding only once."""
+    """The codes in ascending order, those that differ by rounding only once.
+
+    Raises
+    ------
+    FormatError
+        If one is so large that neighbours cannot be told apart, or not a number.
+    """
     ordered = np.sort(np.asarray(codes, np.float64))
-    ordered = ordered[np.isfinite(ordered)]
+    if len(ordered) and not np.abs(ordered).max() <= MAX_CODE:
+        raise FormatError(
+            f"has samples from time code {ordered[0]:g} to {ordered[-1]:g}; "
+            f"allowed are -{MAX_CODE:g} to {MAX_CODE:g}"
+        )
     distinct: Codes = ordered[np.diff(ordered, prepend=-np.inf) > TOLERANCE]
     return distinct
 

@@ -37,11 +37,14 @@ class Skin:
 
     Attributes
     ----------
+    skeleton_prim : Usd.Prim
+        Where the skeleton is in the stage; of an instance the query only knows its prototype.
     skeleton : UsdSkel.SkeletonQuery
     skinning : UsdSkel.SkinningQuery
     shapes : Shapes or None
     """
 
+    skeleton_prim: Any
     skeleton: Any
     skinning: Any
     shapes: Shapes | None
@@ -50,7 +53,7 @@ class Skin:
     def space(self) -> Any:
         """The prim in whose space the points are when they are deformed."""
         has_joints = self.skinning.HasJointInfluences()
-        return self.skeleton.GetPrim() if has_joints else self.skinning.GetPrim()
+        return self.skeleton_prim if has_joints else self.skinning.GetPrim()
 
     def codes(self, transforms: Transforms) -> list[float]:
         """Where what moves the points, beside the points themselves, has samples."""
@@ -105,21 +108,20 @@ def find_skins(prims: Iterable[Any]) -> dict[str, Skin]:
     roots = {str(root.GetPath()): root for root in map(skel.Root.Find, prims) if root}
     skins = {}
     for root in roots.values():
-        for skeleton, skinning in _bindings(root):
-            if skinning.HasJointInfluences() or skinning.HasBlendShapes():
-                path = str(skinning.GetPrim().GetPath())
-                skins[path] = Skin(skeleton, skinning, _shapes(skinning))
+        for skin in _skins_below(root):
+            skins[str(skin.skinning.GetPrim().GetPath())] = skin
     return skins
 
 
-def _bindings(root: Any) -> Iterator[tuple[Any, Any]]:
-    """Skeletons below a root, each with each of the prims that are bound to it."""
+def _skins_below(root: Any) -> Iterator[Skin]:
     predicate, cache = USD.load("Usd").TraverseInstanceProxies(), USD.load("UsdSkel").Cache()
     cache.Populate(root, predicate)
     for binding in cache.ComputeSkelBindings(root, predicate):
-        if skeleton := cache.GetSkelQuery(binding.GetSkeleton()):
-            for skinning in binding.GetSkinningTargets():
-                yield skeleton, skinning
+        skeleton = cache.GetSkelQuery(binding.GetSkeleton())
+        for skinning in binding.GetSkinningTargets() if skeleton else ():
+            if skinning.HasJointInfluences() or skinning.HasBlendShapes():
+                prim = binding.GetSkeleton().GetPrim()
+                yield Skin(prim, skeleton, skinning, _shapes(skinning))
 
 
 def _shapes(skinning: Any) -> Shapes | None:

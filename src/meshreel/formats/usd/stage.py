@@ -1,6 +1,5 @@
 """A stage: a USD file with all that it refers to, composed."""
 
-import math
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +8,9 @@ from meshreel.formats.usd.diagnostics import usd_errors
 
 DEFAULT_RATE = 24.0
 """Time codes per second where a file does not say, by the standard."""
+
+MIN_RATE, MAX_RATE = 1e-3, 1e6
+"""What time codes per second can be; the most are microseconds."""
 
 MAX_LISTED = 3
 
@@ -42,10 +44,11 @@ def open_stage(path: Path, notes: list[str]) -> Any:
 def codes_per_second(stage: Any, notes: list[str]) -> float:
     """Time codes per second of a stage, above 0."""
     rate = float(stage.GetTimeCodesPerSecond())
-    if math.isfinite(rate) and rate > 0:
+    if MIN_RATE <= rate <= MAX_RATE:
         return rate
     notes.append(
-        f"the file says {rate:g} time codes per second, which cannot be; taken as {DEFAULT_RATE:g}"
+        f"the file says {rate:g} time codes per second, not {MIN_RATE:g} to {MAX_RATE:g}; "
+        f"taken as {DEFAULT_RATE:g}"
     )
     return DEFAULT_RATE
 
@@ -56,7 +59,7 @@ def codes_per_frame(stage: Any, rate: float) -> float:
     One where the stage does not say.
     """
     shown = float(stage.GetFramesPerSecond())
-    if stage.HasAuthoredMetadata("framesPerSecond") and math.isfinite(shown) and shown > 0:
+    if stage.HasAuthoredMetadata("framesPerSecond") and MIN_RATE <= shown <= MAX_RATE:
         return rate / shown
     return 1.0
 

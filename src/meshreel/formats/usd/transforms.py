@@ -55,14 +55,16 @@ def placed(points: Vertices, matrix: Matrix) -> Vertices:
     """
     if np.array_equal(matrix, np.eye(4)):
         return points
-    world: Vertices = points.astype(np.float64) @ matrix[:3, :3] + matrix[3, :3]
-    narrowing = Narrowing()
-    narrowing.add(world)
-    dtype: Any = points.dtype if narrowing.is_harmless else np.float64
-    vertices: Vertices = world.astype(dtype)
+    with np.errstate(all="ignore"):  # what is not finite is found where all frames are looked at
+        world: Vertices = points.astype(np.float64) @ matrix[:3, :3] + matrix[3, :3]
+        narrowing = Narrowing()
+        narrowing.add(world)
+        dtype: Any = points.dtype if narrowing.is_harmless else np.float64
+        vertices: Vertices = world.astype(dtype)
     return vertices
 
 
 def mirrors(matrix: Matrix) -> bool:
     """Whether a transform turns a surface inside out."""
-    return bool(np.linalg.det(matrix[:3, :3]) < 0)
+    with np.errstate(all="ignore"):
+        return bool(np.linalg.det(matrix[:3, :3]) < 0)

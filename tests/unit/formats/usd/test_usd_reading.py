@@ -285,6 +285,24 @@ def test_load_reads_splines_when_a_transform_is_one(stage_file):
 
 
 @pytest.mark.parametrize(
+    ("operation", "number"),
+    [
+        ("translate", "inf"),
+        ("translate", "nan"),
+        ("scale", "inf"),
+        ("scale", "nan"),
+        ("scale", "1e308"),
+    ],
+)
+def test_load_refuses_when_a_transform_is_out_of_all_bounds(stage_file, operation, number):
+    more = f"""double3 xformOp:{operation} = ({number}, {number}, {number})
+    uniform token[] xformOpOrder = ["xformOp:{operation}"]"""
+    points = POINTS.replace("(1, 1, 0)", "(1e38, 1, 0)")
+    with pytest.raises(InvalidInputError, match="every position must be finite"):
+        load(stage_file(mesh(points, more=more)))
+
+
+@pytest.mark.parametrize(
     ("points", "faces", "message"),
     [
         (POINTS, QUAD.replace("[4]", "[5]"), "has 4 faceVertexIndices .* need 5"),
@@ -296,7 +314,7 @@ def test_load_reads_splines_when_a_transform_is_one(stage_file):
         ("point3f[] points = [(nan, 0, 0), (1, 0, 0), (0, 0, 0), (0, 0, 0)]", QUAD, "be finite"),
         (POINTS.replace("(1, 1, 0)", "(1e39, 1, 0)"), QUAD, "be finite"),
         ("point3f[] points.timeSamples = { 0: None, 1: [(0, 0, 0)] }", QUAD, "has no points at"),
-        ("point3f[] points.timeSamples = { 0: [], 1e30: [] }", QUAD, "0 vertices"),
+        ("point3f[] points.timeSamples = { 0: [], 1e30: [] }", QUAD, "allowed are"),
     ],
 )
 def test_load_names_the_mesh_when_it_is_broken(stage_file, capfd, points, faces, message):

@@ -18,8 +18,10 @@ def test_distinct_codes_are_ascending_when_given_in_any_order_with_rounding():
     np.testing.assert_array_equal(found, [1, 2, 3])
 
 
-def test_distinct_codes_leave_out_what_is_not_finite():
-    np.testing.assert_array_equal(distinct_codes([np.inf, 1.0, np.nan, -np.inf]), [1])
+@pytest.mark.parametrize("code", [np.inf, np.nan, -1e10])
+def test_distinct_codes_refuse_when_codes_cannot_be_told_apart(code):
+    with pytest.raises(FormatError, match="allowed are"):
+        distinct_codes([1.0, code, 2.0])
 
 
 def test_even_step_is_exact_when_steps_are_rounded():
