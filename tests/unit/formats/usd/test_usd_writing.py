@@ -9,8 +9,8 @@ from pxr import Usd, UsdGeom
 import meshreel
 from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.load import load, open_source
-from meshreel.formats.polygons import triangulate_fans
 from meshreel.formats.save import save, save_frames
+from meshreel.geometry.fans import triangulate_fans
 from meshreel.sequence import MeshSequence
 from meshreel.surface import Attribute, Domain, FaceGroups, Kind, Part, Surface
 
