@@ -5,13 +5,24 @@ are read where they, a transform above them or their skeleton have samples. Skin
 shapes are those of UsdSkel. Positions keep the units and the axes of the file.
 """
 
+from collections.abc import Sequence
 from pathlib import Path
+
+import numpy as np
 
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.scene import SceneMesh
 from meshreel.formats.usd.diagnostics import usd_errors
 from meshreel.formats.usd.drawn import drawn_meshes
 from meshreel.formats.usd.mesh_reading import StageMesh
+from meshreel.formats.usd.sampling import (
+    Codes,
+    even_codes,
+    even_step,
+    frame_grid,
+    skinned_codes,
+    snapped,
+)
 from meshreel.formats.usd.skinning import find_skins
 from meshreel.formats.usd.stage import codes_per_frame, codes_per_second, open_stage
 from meshreel.formats.usd.transforms import Transforms
@@ -50,3 +61,42 @@ def read_meshes(path: Path, options: ReadOptions) -> list[SceneMesh]:
         _scene_mesh(mesh, own, rate, has_rate=has_rate)
         for mesh, own in zip(meshes, codes, strict=True)
     ]
+
+
+def _scene_mesh(mesh: StageMesh, codes: Codes, rate: float, *, has_rate: bool) -> SceneMesh:
+    fps = None
+    if step := even_step(codes):
+        fps = rate / step
+    elif len(codes) == 1 and has_rate and len(mesh.samples):
+        fps = rate
+    if not len(codes):
+        codes = np.zeros(1)
+    return SceneMesh(
+        mesh.path,
+        snapped(codes) / rate,
+        lambda index: mesh.frame(float(codes[index])),
+        lambda index: mesh.surface(float(codes[index])),
+        fps,
+    )
+
+
+def _resampled(meshes: Sequence[StageMesh], step: float) -> list[Codes]:
+    """The same codes for all meshes that move, from the first sample of any to the last."""
+    moving = [mesh.samples for mesh in meshes if len(mesh.samples) > 1]
+    if not moving:
+        return [mesh.samples for mesh in meshes]
+    first, last = min(one[0] for one in moving), max(one[-1] for one in moving)
+    grid = frame_grid(float(first), float(last), step)
+    return [grid if len(mesh.samples) > 1 else mesh.samples for mesh in meshes]
+
+
+def _codes(mesh: StageMesh, frame_step: float, notes: list[str]) -> Codes:
+    """Where a mesh has its frames; empty if it does not move."""
+    samples = mesh.samples
+    codes = even_codes(samples) if mesh.skin is None else skinned_codes(samples, frame_step)
+    if len(codes) != len(samples):
+        notes.append(
+            f"{mesh.path} has {len(samples)} samples that are not one to a frame; read as USD "
+            f"has it at {len(codes)} frames"
+        )
+    return codes
