@@ -37,6 +37,8 @@ class PolygonMesh:
         """
         if len(self.vertices) != len(first.vertices):
             return f"{len(self.vertices)} vertices; expected {len(first.vertices)} as"
+        if self.counts is first.counts and self.corners is first.corners:
+            return ""
         if len(self.counts) != len(first.counts):
             return f"{len(self.counts)} faces; expected {len(first.counts)} as"
         if (self.counts != first.counts).any():
