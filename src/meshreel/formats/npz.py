@@ -1,8 +1,8 @@
-"""A whole sequence in one numpy archive: ``vertices``, ``faces`` and maybe ``fps`` and ``name``."""
+"""A whole sequence in one numpy archive, as `meshreel.formats.named_arrays` names its arrays."""
 
 import math
 import zipfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,24 +13,26 @@ import numpy.typing as npt
 
 from meshreel.errors import FormatError
 from meshreel.formats.frame_stream import FrameStream
+from meshreel.formats.named_arrays import NAMED, read_description, start_arrays, surface_arrays
 from meshreel.formats.naming import errors_naming
-from meshreel.formats.options import WriteOptions
+from meshreel.formats.options import ReadOptions, WriteOptions
+from meshreel.formats.position_layout import Layout, find_layout
 from meshreel.sequence import MeshSequence
 
-NAMES = ("vertices", "faces", "fps", "name")
+POSITIONS = "vertices"
 MAX_DEFLATE_RATIO = 1100  # deflate cannot do better than 1032 : 1
 
 
-def read_npz(path: Path, *, fps: float | None = None) -> MeshSequence:
-    """The sequence in an ``.npz`` file.
+def read_npz(path: Path, options: ReadOptions | None = None) -> MeshSequence:
+    """The sequence in an ``.npz`` file, all in memory.
 
     Parameters
     ----------
     path : Path
-        Holds arrays ``vertices`` (T, V, 3) in float32 or float64 and ``faces`` (M, 3); a number
-        ``fps`` and a text ``name`` if known. Without a name, it is that of the file.
-    fps : float, optional
-        Frames per second to use in place of what the file says.
+        Holds the arrays of `meshreel.formats.named_arrays`. Without a name, it is that of the
+        file.
+    options : ReadOptions, optional
+        Its dataset is the array that holds the positions.
 
     Raises
     ------
@@ -39,18 +41,28 @@ def read_npz(path: Path, *, fps: float | None = None) -> MeshSequence:
     InvalidInputError
         If the arrays are no mesh sequence.
     """
-    arrays = read_arrays(path, NAMES)
-    vertices = arrays["vertices"]
-    vertices = np.ascontiguousarray(vertices, dtype=vertices.dtype.newbyteorder("="))
+    options = options or ReadOptions()
+    positions = options.dataset or POSITIONS
+    arrays = read_arrays(path, positions)
+    vertices = arrays[positions]
     with errors_naming(path):
-        rate, name = describe_npz(path, arrays, fps)
-        return MeshSequence(vertices, arrays["faces"], rate, name)
+        layout = find_layout(
+            vertices.shape, arrays["faces"], positions, is_documented=positions == POSITIONS
+        )
+        if layout is Layout.FRAMES_LAST:
+            vertices = vertices.transpose(2, 0, 1)
+        vertices = np.ascontiguousarray(vertices, dtype=vertices.dtype.newbyteorder("="))
+        about = read_description(arrays, path.stem, options)
+        return MeshSequence(
+            vertices, about.faces, about.fps, about.name, about.start_s, about.surface
+        )
 
 
 def write_npz(path: Path, stream: FrameStream, options: WriteOptions) -> None:
     """Write an ``.npz`` file, frame by frame, that reads back as exactly the frames of `stream`.
 
-    Its bytes are those of `numpy.savez`, which would need all frames together.
+    Its bytes are those of `numpy.savez`, which would need all frames together. What is as in every
+    plain sequence is left out: a start of 0, a surface without anything.
     """
     shape = (stream.n_frames, stream.n_verts, 3)
     descr = np.lib.format.dtype_to_descr(stream.dtype)
@@ -59,6 +71,8 @@ def write_npz(path: Path, stream: FrameStream, options: WriteOptions) -> None:
         "faces": stream.faces,
         "fps": np.asarray(np.float64(stream.fps)),
         "name": np.asarray(np.str_(stream.name)),
+        **start_arrays(stream.start_s),
+        **surface_arrays(stream.surface),
     }
     with zipfile.ZipFile(path, "w") as archive:
         with archive.open("vertices.npy", "w", force_zip64=True) as member:
@@ -70,44 +84,40 @@ def write_npz(path: Path, stream: FrameStream, options: WriteOptions) -> None:
                 np.lib.format.write_array(member, array, allow_pickle=False)
 
 
-def read_arrays(path: Path, wanted: Sequence[str]) -> dict[str, npt.NDArray[Any]]:
-    """The arrays of an ``.npz`` file that are wanted and there.
+def read_arrays(
+    path: Path, positions: str, *, with_positions: bool = True
+) -> dict[str, npt.NDArray[Any]]:
+    """The arrays of an ``.npz`` file that make a sequence.
+
+    Parameters
+    ----------
+    path : Path
+    positions : str
+        The array that holds the positions, which must be there.
+    with_positions : bool, default True
+        Whether that is read too.
 
     Raises
     ------
     FormatError
-        If the file is not a numpy archive, is damaged, or lacks vertices or faces.
+        If the file is not a numpy archive, is damaged, or lacks positions or faces.
     """
     with archive_errors(path), zipfile.ZipFile(path) as archive:
         names = [info.filename.removesuffix(".npy") for info in archive.infolist()]
-        missing = [name for name in ("vertices", "faces") if name not in names]
+        missing = [name for name in (positions, "faces") if name not in names]
         if missing:
             raise FormatError(
                 f"has no array {' and no array '.join(map(repr, missing))}; it holds "
-                f"{', '.join(names) or 'nothing'}; "
-                "save it with np.savez(..., vertices=, faces=, fps=)"
+                f"{', '.join(names) or 'nothing'}; save it with np.savez(..., vertices=, faces=, "
+                "fps=), or say which holds the positions with --dataset (dataset=)"
             )
-        wanted = [name for name in wanted if name in names]
+        wanted = [name for name in dict.fromkeys(names) if NAMED.fullmatch(name)]
+        if with_positions and positions not in wanted:
+            wanted.append(positions)
         for name in wanted:
             read_array_header(archive, archive.getinfo(f"{name}.npy"))
         with np.load(path, allow_pickle=False) as members:
             return {name: members[name] for name in wanted}
-
-
-def describe_npz(
-    path: Path, arrays: dict[str, npt.NDArray[Any]], fps: float | None
-) -> tuple[float, str]:
-    """Frame rate and name of the sequence in an ``.npz`` file.
-
-    Raises
-    ------
-    FormatError
-        If the frame rate is asked of the file, and is not one number.
-    """
-    name = _sequence_name(arrays["name"]) if "name" in arrays else ""
-    if fps is None:
-        fps = _frame_rate(arrays["fps"]) if "fps" in arrays else 0.0
-    return fps, name or path.stem
 
 
 @contextmanager
@@ -170,13 +180,3 @@ def read_array_header(archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> ArrayH
     if info.file_size > MAX_DEFLATE_RATIO * info.compress_size:
         raise FormatError(f"{info.filename} declares more than its packed bytes can hold")
     return header
-
-
-def _sequence_name(array: npt.NDArray[Any]) -> str:
-    return str(array.ravel()[0]) if array.dtype.kind == "U" and array.size == 1 else ""
-
-
-def _frame_rate(array: npt.NDArray[Any]) -> float:
-    if array.dtype.kind not in "iuf" or array.size != 1:
-        raise FormatError(f"fps must be one number; got {array.dtype} of shape {array.shape}")
-    return float(array.ravel()[0])

@@ -12,20 +12,21 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.errors import FormatError
+from meshreel.formats.named_arrays import read_description
 from meshreel.formats.naming import errors_naming, os_errors_naming
 from meshreel.formats.npz import (
+    POSITIONS,
     archive_errors,
-    describe_npz,
     read_array_header,
     read_arrays,
     read_npz,
 )
 from meshreel.formats.options import ReadOptions
+from meshreel.formats.position_layout import has_positions
 from meshreel.formats.stored_frames import StoredFrames, changed_error
 from meshreel.formats.survey import FrameSurvey
 from meshreel.sequence import FrameSource, Vertices, validate_finite
 
-MEMBER = "vertices.npy"
 LOCAL_HEADER = struct.Struct("<26xHH")  # of a member of a zip file; its name and an extra follow
 SURVEY_BYTES = 1 << 24  # of positions that are looked at together
 
@@ -48,12 +49,12 @@ def open_npz(path: Path, options: ReadOptions) -> FrameSource:
         As `read_npz`; when frames are read too, if the file has changed meanwhile.
     """
     with archive_errors(path):
-        stored = _find_vertices(path, options.max_loaded_bytes)
+        stored = _find_vertices(path, options)
     if stored is None:
-        sequence = read_npz(path, fps=options.fps)
+        sequence = read_npz(path, options)
         options.progress("reading", 1.0)
         return sequence
-    arrays = read_arrays(path, ["faces", "fps", "name"])
+    arrays = read_arrays(path, options.dataset or POSITIONS, with_positions=False)
     survey = FrameSurvey()
     for start, vertices in stored.survey():
         with errors_naming(path):
@@ -61,16 +62,18 @@ def open_npz(path: Path, options: ReadOptions) -> FrameSource:
         survey.add(vertices)
         options.progress("reading", (start + len(vertices)) / stored.n_frames)
     with errors_naming(path):
-        rate, name = describe_npz(path, arrays, options.fps)
+        about = read_description(arrays, path.stem, options)
         return StoredFrames(
             n_frames=stored.n_frames,
             n_verts=stored.n_verts,
-            faces=arrays["faces"],
-            fps=rate,
-            name=name,
+            faces=about.faces,
+            fps=about.fps,
+            name=about.name,
             dtype=survey.dtype,
             extent=survey.extent,
             read_range=stored.read,
+            start_s=about.start_s,
+            surface=about.surface,
         )
 
 
@@ -81,6 +84,7 @@ class _StoredVertices:
     Attributes
     ----------
     path : Path
+    member : str
     start_byte : int
         Where in the file the positions begin.
     n_frames, n_verts : int
@@ -93,6 +97,7 @@ class _StoredVertices:
     """
 
     path: Path
+    member: str
     start_byte: int
     n_frames: int
     n_verts: int
@@ -116,7 +121,7 @@ class _StoredVertices:
             yield start, vertices.astype(self.dtype.newbyteorder("="), copy=False)
         if self.checksums[-1] != self.member_checksum:
             raise FormatError(
-                f"{self.path}: is damaged: {MEMBER} does not have its checksum; save it again"
+                f"{self.path}: is damaged: {self.member} does not have its checksum; save it again"
             )
 
     def read(self, start: int, stop: int) -> Vertices:
@@ -137,21 +142,21 @@ class _StoredVertices:
         return numbers.reshape(-1, self.n_verts, 3)
 
 
-def _find_vertices(path: Path, max_loaded_bytes: int | None) -> _StoredVertices | None:
+def _find_vertices(path: Path, options: ReadOptions) -> _StoredVertices | None:
     """Where the vertices lie; None if they must be loaded, and are checked there."""
-    if max_loaded_bytes is None:
+    member, most = f"{options.dataset or POSITIONS}.npy", options.max_loaded_bytes
+    if most is None:
         return None
     with zipfile.ZipFile(path) as archive:
-        if MEMBER not in archive.namelist():
+        if member not in archive.namelist():
             return None
-        info = archive.getinfo(MEMBER)
+        info = archive.getinfo(member)
         header = read_array_header(archive, info)
     is_plain = info.compress_type == zipfile.ZIP_STORED and not header.is_fortran_ordered
-    is_positions = len(header.shape) == 3 and header.shape[2] == 3 and min(header.shape) > 0
     is_float = header.dtype.kind == "f" and header.dtype.itemsize in (4, 8)
-    if not (is_plain and is_positions and is_float):
+    if not (is_plain and is_float and _is_frames_first(header.shape)):
         return None
-    if info.file_size - header.size_bytes <= max_loaded_bytes:
+    if info.file_size - header.size_bytes <= most:
         return None
     with path.open("rb") as stream:
         stream.seek(info.header_offset)
@@ -159,9 +164,10 @@ def _find_vertices(path: Path, max_loaded_bytes: int | None) -> _StoredVertices 
         start_byte = stream.seek(sum(lengths), 1)
         checksum = zlib.crc32(stream.read(header.size_bytes))
     if start_byte + info.file_size > path.stat().st_size:
-        raise FormatError(f"{MEMBER} ends behind the end of the file")
+        raise FormatError(f"{member} ends behind the end of the file")
     return _StoredVertices(
         path,
+        member,
         start_byte + header.size_bytes,
         header.shape[0],
         header.shape[1],
@@ -169,3 +175,8 @@ def _find_vertices(path: Path, max_loaded_bytes: int | None) -> _StoredVertices 
         info.CRC,
         [checksum],
     )
+
+
+def _is_frames_first(shape: tuple[int, ...]) -> bool:
+    """Whether positions are (T, V, 3) and nothing else; what may be another is loaded."""
+    return has_positions(shape) and shape[2] == 3 != shape[1]

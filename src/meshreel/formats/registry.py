@@ -12,11 +12,13 @@ from meshreel.formats.alembic.write import write_alembic
 from meshreel.formats.extras import ALEMBIC, USD, Extra
 from meshreel.formats.frame_stream import FrameStream
 from meshreel.formats.gltf.read import read_meshes as read_gltf
+from meshreel.formats.mdd import mdd_opener, write_mdd
 from meshreel.formats.npz import write_npz
 from meshreel.formats.npz_frames import open_npz
 from meshreel.formats.obj import obj_encoder, parse_obj
 from meshreel.formats.off import off_encoder, parse_off
 from meshreel.formats.options import ReadOptions, WriteOptions
+from meshreel.formats.pc2 import pc2_opener, write_pc2
 from meshreel.formats.ply import parse_ply, ply_encoder
 from meshreel.formats.polygons import PolygonMesh
 from meshreel.formats.reel import open_reel, write_reel
@@ -25,6 +27,7 @@ from meshreel.formats.scene_source import scene_opener
 from meshreel.formats.stl import parse_stl, stl_encoder
 from meshreel.formats.usd.reading import read_meshes as read_usd
 from meshreel.formats.usd.writing import write_usd
+from meshreel.formats.topology import topology_reader
 from meshreel.sequence import Faces, FrameSource, Vertices
 from meshreel.surface import Surface
 
@@ -123,7 +126,7 @@ FRAME_FORMATS = {
 SEQUENCE_FORMATS = {
     found.ending: found
     for found in (
-        SequenceFormat(".npz", "NumPy archive", open_npz, write_npz),
+        SequenceFormat(".npz", "NumPy archive", open_npz, write_npz, reads=frozenset({"dataset"})),
         SequenceFormat(".reel", "meshreel", open_reel, write_reel),
         scene_format(".abc", "Alembic", read_alembic, write_alembic, ALEMBIC),
         scene_format(".usd", "USD", read_usd, write_usd, USD),
@@ -132,6 +135,22 @@ SEQUENCE_FORMATS = {
         scene_format(".usdz", "USD, package", read_usd, write_usd, USD),
         scene_format(".glb", "glTF, binary", read_gltf, None),
         scene_format(".gltf", "glTF, text", read_gltf, None),
+        SequenceFormat(
+            ".pc2",
+            "point cache of 3ds Max",
+            pc2_opener(topology_reader(FRAME_FORMATS)),
+            write_pc2,
+            reads=frozenset({"topology"}),
+            companion=".obj",
+        ),
+        SequenceFormat(
+            ".mdd",
+            "point cache of LightWave",
+            mdd_opener(topology_reader(FRAME_FORMATS)),
+            write_mdd,
+            reads=frozenset({"topology"}),
+            companion=".obj",
+        ),
     )
 }
 FORMATS: dict[str, FrameFormat | SequenceFormat] = {**FRAME_FORMATS, **SEQUENCE_FORMATS}

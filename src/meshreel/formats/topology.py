@@ -1,0 +1,63 @@
+"""The faces of a point cache, which are in a mesh file of their own."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from meshreel.errors import FormatError, InvalidInputError
+from meshreel.formats.naming import errors_naming, os_errors_naming
+from meshreel.formats.options import ReadOptions
+from meshreel.formats.polygons import describe_fans, triangulate_fans
+from meshreel.sequence import Faces
+from meshreel.surface import PLAIN, Surface
+
+if TYPE_CHECKING:  # the registry lists the formats that need this module
+    from meshreel.formats.registry import FrameFormat
+
+ReadTopology = Callable[[Path, int, ReadOptions], tuple[Faces, Surface]]
+"""Gives the triangles and the surface for a point cache of so many vertices."""
+
+
+def topology_reader(formats: Mapping[str, FrameFormat]) -> ReadTopology:
+    """A function that reads the faces of point caches from files of these formats, by ending."""
+
+    def read_topology(cache: Path, n_verts: int, options: ReadOptions) -> tuple[Faces, Surface]:
+        if options.topology is None:
+            raise InvalidInputError(_missing(cache, n_verts))
+        path = options.topology
+        mesh_format = formats.get(path.suffix.lower())
+        if mesh_format is None or mesh_format.has_corners_only:
+            known = [one.ending for one in formats.values() if not one.has_corners_only]
+            raise FormatError(
+                f"{path}: faces of a point cache are read from {', '.join(known)} files"
+            )
+        with os_errors_naming(path):
+            data = path.read_bytes()
+        with errors_naming(path):
+            mesh = mesh_format.parse(data)
+            surface = mesh_format.parse_surface(data) if mesh_format.parse_surface else PLAIN
+        if len(mesh.vertices) != n_verts:
+            raise InvalidInputError(
+                f"{cache} has {n_verts} vertices and {path} {len(mesh.vertices)}; "
+                "give the mesh that the cache was made of"
+            )
+        if note := describe_fans(mesh.counts):
+            options.notes.append(note)
+        faces = triangulate_fans(mesh.counts, mesh.corners)
+        return faces, replace(surface, face_sizes=mesh.counts.astype(np.int32))
+
+    return read_topology
+
+
+def _missing(cache: Path, n_verts: int) -> str:
+    beside = cache.with_suffix(".obj")
+    which = f"--topology {beside}" if beside.is_file() else "--topology mesh.obj"
+    return (
+        f"{cache} holds positions of {n_verts} vertices and no faces; "
+        f"name the mesh file that has them with {which} (topology=)"
+    )

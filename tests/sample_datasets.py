@@ -1,0 +1,99 @@
+"""A small animation that carries all that a surface can, and how to compare two."""
+
+import numpy as np
+
+from meshreel.formats.polygons import triangulate_fans
+from meshreel.sequence import MeshSequence
+from meshreel.surface import PLAIN, Attribute, Domain, FaceGroups, Kind, Part, Surface
+
+COUNTS = np.array([4, 3, 5, 3], np.int32)
+CORNERS = np.array([0, 1, 2, 3, 1, 4, 2, 5, 6, 7, 8, 9, 5, 7, 9], np.int32)
+N_VERTS = 11  # the last one is in no face
+
+
+def full_surface():
+    """Polygons, attributes of every domain and type, groups and two parts."""
+    rng = np.random.default_rng(3)
+    uv = rng.random((6, 2)).astype(np.float32)
+    return Surface(
+        COUNTS,
+        (
+            Attribute("UVMap", Kind.UV, Domain.CORNER, uv, rng.integers(0, 6, 15).astype(np.int32)),
+            Attribute("uv", Kind.UV, Domain.VERTEX, rng.random((N_VERTS, 2))),
+            Attribute(
+                "Cd", Kind.COLOR, Domain.VERTEX, rng.integers(0, 256, (N_VERTS, 4), np.uint8)
+            ),
+            Attribute("wärme", Kind.OTHER, Domain.FACE, rng.random((4, 1)).astype(np.float32)),
+            Attribute("id", Kind.OTHER, Domain.VERTEX, np.arange(N_VERTS, dtype=np.int32)[:, None]),
+        ),
+        (FaceGroups("material", ("skin", "Stoff é"), np.array([0, 1, -1, 1], np.int32)),),
+        (Part("/root/body", 5, 2), Part("/root/head", 6, 2)),
+    )
+
+
+def polygon_surface():
+    """Polygons and nothing else."""
+    return Surface(COUNTS)
+
+
+def surfaced_sequence(
+    n_frames=5, dtype=np.float32, fps=25.0, start_s=0.0, surface=None, name="walk"
+):
+    """An animation of quads, triangles and a pentagon, with values that need all their digits."""
+    rng = np.random.default_rng(n_frames)
+    vertices = rng.standard_normal((n_frames, N_VERTS, 3)).astype(dtype)
+    faces = triangulate_fans(COUNTS, CORNERS)
+    surface = full_surface() if surface is None else surface
+    return MeshSequence(vertices, faces, fps, name, start_s, surface)
+
+
+def plain_sequence(**options):
+    """The same animation of triangles only."""
+    return surfaced_sequence(surface=PLAIN, **options)
+
+
+def assert_same_surface(found, expected):
+    """Fails unless both surfaces agree in every bit."""
+    assert (found.face_sizes is None) == (expected.face_sizes is None)
+    if expected.face_sizes is not None:
+        np.testing.assert_array_equal(found.face_sizes, expected.face_sizes)
+    assert len(found.attributes) == len(expected.attributes)
+    for one, other in zip(found.attributes, expected.attributes, strict=True):
+        assert (one.name, one.kind, one.domain) == (other.name, other.kind, other.domain)
+        assert one.values.dtype == other.values.dtype
+        np.testing.assert_array_equal(one.values, other.values)
+        assert (one.indices is None) == (other.indices is None)
+        np.testing.assert_array_equal(one.per_item(), other.per_item())
+    assert [one.name for one in found.groups] == [one.name for one in expected.groups]
+    for one, other in zip(found.groups, expected.groups, strict=True):
+        assert one.labels == other.labels
+        np.testing.assert_array_equal(one.numbers, other.numbers)
+    assert found.parts == expected.parts
+
+
+def positions_of(source):
+    """Positions of all frames of a source, of shape (T, V, 3)."""
+    return source.read(0, source.n_frames)
+
+
+def assert_same_positions(found, expected):
+    """Fails unless positions, their type, and triangles agree in every bit."""
+    assert (found.n_frames, found.n_verts) == (expected.n_frames, expected.n_verts)
+    assert found.dtype == expected.dtype
+    assert positions_of(found).tobytes() == positions_of(expected).tobytes()
+    np.testing.assert_array_equal(found.faces, expected.faces)
+
+
+def damaged_versions(data, n_damaged=120, n_header=200, seed=1):
+    """Random truncations, changed bytes and changed header bytes of a file."""
+    rng = np.random.default_rng(seed)
+    for index in range(n_damaged):
+        damaged = bytearray(data)
+        if index % 3 == 0:
+            del damaged[int(rng.integers(0, len(data))) :]
+        elif index % 3 == 1:
+            for place in rng.integers(0, len(data), rng.integers(1, 4)):
+                damaged[place] = rng.integers(256)
+        else:
+            damaged[rng.integers(min(len(data), n_header))] = rng.integers(256)
+        yield bytes(damaged)
