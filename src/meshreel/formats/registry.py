@@ -9,9 +9,10 @@ from typing import Any, Literal, get_args
 from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.alembic.meshes import read_meshes as read_alembic
 from meshreel.formats.alembic.write import write_alembic
-from meshreel.formats.extras import ALEMBIC, USD, Extra
+from meshreel.formats.extras import ALEMBIC, HDF, USD, Extra
 from meshreel.formats.frame_stream import FrameStream
 from meshreel.formats.gltf.read import read_meshes as read_gltf
+from meshreel.formats.hdf import open_hdf_sequence, write_hdf
 from meshreel.formats.mdd import mdd_opener, write_mdd
 from meshreel.formats.npz import write_npz
 from meshreel.formats.npz_frames import open_npz
@@ -21,6 +22,7 @@ from meshreel.formats.options import ReadOptions, WriteOptions
 from meshreel.formats.pc2 import pc2_opener, write_pc2
 from meshreel.formats.ply import parse_ply, ply_encoder
 from meshreel.formats.polygons import PolygonMesh
+from meshreel.formats.pvd import open_pvd
 from meshreel.formats.reel import open_reel, write_reel
 from meshreel.formats.scene import ReadMeshes
 from meshreel.formats.scene_source import scene_opener
@@ -28,6 +30,11 @@ from meshreel.formats.stl import parse_stl, stl_encoder
 from meshreel.formats.usd.reading import read_meshes as read_usd
 from meshreel.formats.usd.writing import write_usd
 from meshreel.formats.topology import topology_reader
+from meshreel.formats.vtk_legacy import parse_vtk_legacy, parse_vtk_legacy_surface
+from meshreel.formats.vtk_xml import parse_vtk_xml, parse_vtk_xml_surface
+from meshreel.formats.vtkhdf import open_vtkhdf
+from meshreel.formats.vtkhdf_writer import write_vtkhdf
+from meshreel.formats.xdmf import open_xdmf
 from meshreel.sequence import Faces, FrameSource, Vertices
 from meshreel.surface import Surface
 
@@ -46,8 +53,9 @@ class FrameFormat:
         What people call it.
     parse : function of the bytes of a file
         Gives its `PolygonMesh`; its errors name the line but not the file.
-    encoder : function of the faces and the surface
-        Gives a function from the positions of a frame to the bytes of its file.
+    encoder : function of the faces and the surface, or None
+        Gives a function from the positions of a frame to the bytes of its file; None if files of
+        this format are only read.
     parse_surface : function of the bytes of a file, optional
         Gives attributes and groups of a file that `parse` reads, without face sizes.
     is_decimal : bool, default False
@@ -59,7 +67,7 @@ class FrameFormat:
     ending: str
     title: str
     parse: Callable[[bytes], PolygonMesh]
-    encoder: Callable[[Faces, Surface], Callable[[Vertices], bytes]]
+    encoder: Callable[[Faces, Surface], Callable[[Vertices], bytes]] | None
     parse_surface: Callable[[bytes], Surface] | None = None
     is_decimal: bool = False
     has_corners_only: bool = False
@@ -121,6 +129,9 @@ FRAME_FORMATS = {
         FrameFormat(".ply", "PLY", parse_ply, ply_encoder),
         FrameFormat(".off", "OFF", parse_off, off_encoder, is_decimal=True),
         FrameFormat(".stl", "STL", parse_stl, stl_encoder, is_decimal=True, has_corners_only=True),
+        FrameFormat(".vtu", "VTK cells", parse_vtk_xml, None, parse_vtk_xml_surface),
+        FrameFormat(".vtp", "VTK polygons", parse_vtk_xml, None, parse_vtk_xml_surface),
+        FrameFormat(".vtk", "VTK legacy", parse_vtk_legacy, None, parse_vtk_legacy_surface),
     )
 }
 SEQUENCE_FORMATS = {
@@ -151,6 +162,27 @@ SEQUENCE_FORMATS = {
             reads=frozenset({"topology"}),
             companion=".obj",
         ),
+        *(
+            SequenceFormat(
+                ending,
+                "HDF5 datasets",
+                open_hdf_sequence,
+                write_hdf,
+                HDF,
+                frozenset({"dataset", "object", "merge"}),
+            )
+            for ending in (".h5", ".hdf5", ".hdf")
+        ),
+        SequenceFormat(
+            ".vtkhdf", "VTKHDF", open_vtkhdf, write_vtkhdf, HDF, frozenset({"object", "merge"})
+        ),
+        *(
+            SequenceFormat(ending, "XDMF", open_xdmf, None, HDF, frozenset({"object", "merge"}))
+            for ending in (".xdmf", ".xmf")
+        ),
+        SequenceFormat(
+            ".pvd", "ParaView collection", open_pvd, None, reads=frozenset({"object", "merge"})
+        ),
     )
 }
 FORMATS: dict[str, FrameFormat | SequenceFormat] = {**FRAME_FORMATS, **SEQUENCE_FORMATS}
@@ -176,6 +208,11 @@ def holds_meshes(path: str | os.PathLike[str]) -> bool:
     """Whether a file of this ending may hold several meshes, one of which can be chosen."""
     found = FORMATS.get(Path(path).suffix.lower())
     return isinstance(found, SequenceFormat) and found.read_meshes is not None
+
+
+def is_written(found: FrameFormat | SequenceFormat) -> bool:
+    """Whether files of a format are written, and not only read."""
+    return (found.write if isinstance(found, SequenceFormat) else found.encoder) is not None
 
 
 def check_read_options(found: FrameFormat | SequenceFormat, options: ReadOptions) -> None:

@@ -1,6 +1,6 @@
 """A `MeshSequence`, or frames as they come, to files of other programs."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from contextlib import ExitStack
 from pathlib import Path
 
@@ -12,7 +12,7 @@ from meshreel.codec.decoder import start_of
 from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.frame_stream import FrameStream
 from meshreel.formats.options import WriteOptions
-from meshreel.formats.registry import FRAME_FORMATS, SequenceFormat, format_of
+from meshreel.formats.registry import FRAME_FORMATS, FrameFormat, SequenceFormat, format_of
 from meshreel.formats.sources import AnyPath
 from meshreel.formats.targets import check_save_target
 from meshreel.profiling import staged
@@ -180,7 +180,7 @@ def save_frames(
             _write_sequence(found, temporaries, stream, options)
             progress("writing", 1.0)
             return paths
-        encode = found.encoder(stream.faces, stream.surface)
+        encode = _encoder(found, stream)
         for frame, temporary in zip(stream.frames(), temporaries, strict=True):
             temporary.write_bytes(encode(frame))
     return paths
@@ -193,6 +193,12 @@ def _write_sequence(
     if found.write is None:  # the target was checked
         raise FormatError(f"{found.ending} files are read, but not written")
     if found.companion:
-        encode = FRAME_FORMATS[found.companion].encoder(stream.faces, stream.surface)
+        encode = _encoder(FRAME_FORMATS[found.companion], stream)
         paths[1].write_bytes(encode(stream.first))
     found.write(paths[0], stream, options)
+
+
+def _encoder(found: FrameFormat, stream: FrameStream) -> Callable[[Vertices], bytes]:
+    if found.encoder is None:  # the target was checked
+        raise FormatError(f"{found.ending} files are read, but not written")
+    return found.encoder(stream.faces, stream.surface)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from meshreel.atomic_write import check_output_path
 from meshreel.errors import FormatError, InvalidInputError
-from meshreel.formats.registry import SEQUENCE_FORMATS, SequenceFormat, format_of
+from meshreel.formats.registry import FORMATS, SequenceFormat, format_of, is_written
 from meshreel.formats.sources import AnyPath
 
 NUMBER_FIELD = re.compile(r"%(0?)(\d{0,2})d")
@@ -51,17 +51,17 @@ def check_save_target(
 
 def _files_of(path: Path, n_frames: int | None) -> list[Path]:
     fields = list(NUMBER_FIELD.finditer(path.name))
-    if isinstance(found := format_of(path), SequenceFormat):
+    if not is_written(found := format_of(path)):
+        written = [one.ending for one in FORMATS.values() if is_written(one)]
+        raise FormatError(
+            f"{path}: {found.ending} files are read, but not written; "
+            f"written are {', '.join(written)}"
+        )
+    if isinstance(found, SequenceFormat):
         if fields:
             raise InvalidInputError(
                 f"{path} has a number field, but a {found.ending} file holds all frames; "
                 f"give a name such as {path.with_name(f'frames{path.suffix}')}"
-            )
-        if found.write is None:
-            written = [one.ending for one in SEQUENCE_FORMATS.values() if one.write is not None]
-            raise FormatError(
-                f"{path}: {found.ending} files are read, but not written; "
-                f"written are {', '.join(written)}"
             )
         if found.extra is not None:
             found.extra.load()

@@ -1,0 +1,194 @@
+"""Cells of VTK to the polygons of a surface: 2D cells as they are, the boundary of 3D cells."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from meshreel.errors import FormatError
+from meshreel.formats.polygons import PolygonMesh, polygon_mesh
+from meshreel.formats.ragged import ragged_indices
+from meshreel.sequence import Vertices
+
+POLY_VERTEX, POLY_LINE, STRIP, POLYGON = 2, 4, 6, 7
+POINTS_AND_LINES = (0, 1, 2, 3, 4, 21, 35, 68, 75)
+
+FLAT = {
+    5: (0, 1, 2), 22: (0, 1, 2), 34: (0, 1, 2), 69: (0, 1, 2), 76: (0, 1, 2),
+    8: (0, 1, 3, 2), 9: (0, 1, 2, 3), 23: (0, 1, 2, 3), 28: (0, 1, 2, 3), 30: (0, 1, 2, 3),
+    70: (0, 1, 2, 3), 77: (0, 1, 2, 3),
+}  # fmt: skip
+"""Corners of cells that are a triangle or a quad, by type; points on edges are passed over."""
+
+_TETRA = ((0, 1, 3), (1, 2, 3), (2, 0, 3), (0, 2, 1))
+_HEXAHEDRON = (
+    (0, 4, 7, 3), (1, 2, 6, 5), (0, 1, 5, 4), (3, 7, 6, 2), (0, 3, 2, 1), (4, 5, 6, 7),
+)  # fmt: skip
+_VOXEL = (
+    (0, 4, 6, 2), (1, 3, 7, 5), (0, 1, 5, 4), (2, 6, 7, 3), (0, 2, 3, 1), (4, 5, 7, 6),
+)  # fmt: skip
+_WEDGE = ((0, 1, 2), (3, 5, 4), (0, 3, 4, 1), (1, 4, 5, 2), (2, 5, 3, 0))
+_PYRAMID = ((0, 3, 2, 1), (0, 1, 4), (1, 2, 4), (2, 3, 4), (3, 0, 4))
+_PENTAGONAL_PRISM = (
+    (0, 4, 3, 2, 1), (5, 6, 7, 8, 9),
+    (0, 1, 6, 5), (1, 2, 7, 6), (2, 3, 8, 7), (3, 4, 9, 8), (4, 0, 5, 9),
+)  # fmt: skip
+_HEXAGONAL_PRISM = (
+    (0, 5, 4, 3, 2, 1), (6, 7, 8, 9, 10, 11),
+    (0, 1, 7, 6), (1, 2, 8, 7), (2, 3, 9, 8), (3, 4, 10, 9), (4, 5, 11, 10), (5, 0, 6, 11),
+)  # fmt: skip
+SOLID: dict[int, Sequence[tuple[int, ...]]] = {
+    10: _TETRA, 24: _TETRA, 71: _TETRA, 78: _TETRA,
+    11: _VOXEL,
+    12: _HEXAHEDRON, 25: _HEXAHEDRON, 29: _HEXAHEDRON, 33: _HEXAHEDRON, 72: _HEXAHEDRON,
+    79: _HEXAHEDRON,
+    13: _WEDGE, 26: _WEDGE, 31: _WEDGE, 32: _WEDGE, 73: _WEDGE, 80: _WEDGE,
+    14: _PYRAMID, 27: _PYRAMID, 37: _PYRAMID, 74: _PYRAMID, 81: _PYRAMID,
+    15: _PENTAGONAL_PRISM,
+    16: _HEXAGONAL_PRISM,
+}  # fmt: skip
+"""Faces of solid cells, by type, seen from outside in turn."""
+
+WIDEST = 6  # corners of a face of a solid cell
+
+
+@dataclass(frozen=True, eq=False)
+class Cells:
+    """Cells of any type.
+
+    Parameters
+    ----------
+    types : integer array of shape (N,)
+        As VTK numbers them.
+    counts : int64 array of shape (N,)
+        Points of each.
+    points : int64 array of shape (sum of counts,)
+        Numbers of the points of each cell, cell after cell.
+    """
+
+    types: npt.NDArray[Any]
+    counts: npt.NDArray[np.int64]
+    points: npt.NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
+class CellSurface:
+    """The polygons of cells, and where they and their vertices come from.
+
+    Attributes
+    ----------
+    counts, corners : integer arrays
+        Of the polygons, as in `PolygonMesh`, in the vertices that are kept.
+    cells : int64 array of shape (P,)
+        The cell that each polygon is, or bounds.
+    kept : int64 array or slice
+        Points that are vertices: all, or of solid cells those on the boundary; in order.
+    """
+
+    counts: npt.NDArray[np.int64]
+    corners: npt.NDArray[np.int32]
+    cells: npt.NDArray[np.int64]
+    kept: npt.NDArray[np.int64] | slice
+
+    def mesh(self, points: Vertices) -> PolygonMesh:
+        """The polygons of points of shape (N, 3)."""
+        return PolygonMesh(points[self.kept], self.counts, self.corners)
+
+
+def find_surface(cells: Cells, n_points: int) -> CellSurface:
+    """The surface of cells, in their order; points and lines are passed over.
+
+    Raises
+    ------
+    FormatError
+        If a type of cell is not known, a cell has too few points, or names one that is not
+        there, or there is no surface.
+    """
+    if cells.counts.sum() != len(cells.points) or (cells.counts < 0).any():
+        raise FormatError(
+            f"cells speak of {cells.counts.sum()} points; {len(cells.points)} are there"
+        )
+    starts = np.cumsum(cells.counts) - cells.counts
+    found = [_of_type(cells, starts, int(kind)) for kind in np.unique(cells.types)]
+    counts = np.concatenate([one[0] for one in found] or [np.empty(0, np.int64)])
+    corners = np.concatenate([one[1] for one in found] or [np.empty(0, np.int64)])
+    owners = np.concatenate([one[2] for one in found] or [np.empty(0, np.int64)])
+    is_solid = np.isin(cells.types[owners], list(SOLID))
+    # Checked by a mesh of no positions before anything is looked up by its points.
+    polygon_mesh(np.empty((n_points, 0)), counts, corners)
+    shown = np.sort(
+        np.concatenate([np.flatnonzero(~is_solid), _boundary(counts, corners, is_solid)])
+    )
+    order = shown[np.argsort(owners[shown], kind="stable")]
+    first = np.cumsum(counts) - counts
+    corners = corners[ragged_indices(first[order], counts[order])]
+    kept: npt.NDArray[np.int64] | slice = slice(None)
+    if is_solid.any():
+        kept, corners = np.unique(corners, return_inverse=True)
+    if len(order) == 0:
+        raise FormatError("holds solid cells without a boundary; there is no surface")
+    return CellSurface(counts[order], corners.astype(np.int32), owners[order], kept)
+
+
+_Faces = tuple[npt.NDArray[np.int64], npt.NDArray[np.int64], npt.NDArray[np.int64]]
+
+
+def _of_type(cells: Cells, starts: npt.NDArray[np.int64], kind: int) -> _Faces:
+    """Corner counts, corners and cells of the faces of all cells of a type."""
+    chosen = np.flatnonzero(cells.types == kind)
+    counts, first = cells.counts[chosen], starts[chosen]
+    if kind in POINTS_AND_LINES:
+        return (np.empty(0, np.int64),) * 3
+    if kind == POLYGON:
+        return counts, cells.points[ragged_indices(first, counts)], chosen
+    if kind == STRIP:
+        return _strips(cells.points, first, counts, chosen)
+    faces = SOLID.get(kind) or ((FLAT[kind],) if kind in FLAT else ())
+    if not faces:
+        raise FormatError(f"holds cells of type {kind}, which are not read; give a surface")
+    needed = 1 + max(max(face) for face in faces)
+    if (counts < needed).any():
+        raise FormatError(f"a cell of type {kind} has {counts.min()} points; it needs {needed}")
+    rows = [(cells.points[first[:, None] + np.array(face)], len(face)) for face in faces]
+    sizes = np.tile([size for _, size in rows], len(chosen))
+    corners = np.concatenate([row for row, _ in rows], axis=1).ravel()
+    return sizes.astype(np.int64), corners, np.repeat(chosen, len(faces))
+
+
+def _strips(
+    points: npt.NDArray[np.int64],
+    first: npt.NDArray[np.int64],
+    counts: npt.NDArray[np.int64],
+    cells: npt.NDArray[np.int64],
+) -> _Faces:
+    """The triangles of strips, every second turned round."""
+    if (counts < 3).any():
+        raise FormatError(f"a triangle strip has {counts.min()} points; it needs three")
+    begin = ragged_indices(first, counts - 2)
+    is_turned = (begin - np.repeat(first, counts - 2)) % 2
+    corners = np.stack(
+        [points[begin], points[begin + 1 + is_turned], points[begin + 2 - is_turned]]
+    )
+    sizes = np.full(len(begin), 3, np.int64)
+    return sizes, corners.T.ravel(), np.repeat(cells, counts - 2)
+
+
+def _boundary(
+    counts: npt.NDArray[np.int64], corners: npt.NDArray[np.int64], is_solid: npt.NDArray[np.bool_]
+) -> npt.NDArray[np.int64]:
+    """Which faces of solid cells no other solid cell shares."""
+    faces = np.flatnonzero(is_solid)
+    if len(faces) == 0:
+        return faces
+    first = np.cumsum(counts) - counts
+    columns = np.arange(WIDEST)
+    is_corner = columns < counts[faces, None]
+    at = np.where(is_corner, first[faces, None] + columns, 0)
+    keys = np.sort(np.where(is_corner, corners[at], -1), axis=1)
+    order = np.lexsort(keys.T)
+    is_same = (keys[order[1:]] == keys[order[:-1]]).all(axis=1)
+    is_shared = np.concatenate([[False], is_same]) | np.concatenate([is_same, [False]])
+    alone: npt.NDArray[np.int64] = faces[order[~is_shared]]
+    return alone

@@ -1,0 +1,63 @@
+"""Meshes of VTK, made with VTK, for tests of files that VTK writes."""
+
+import numpy as np
+from vtkmodules.util.numpy_support import numpy_to_vtk
+from vtkmodules.vtkCommonCore import vtkIdList, vtkPoints
+from vtkmodules.vtkCommonDataModel import vtkCellArray, vtkPolyData, vtkUnstructuredGrid
+
+POINTS = np.random.default_rng(5).standard_normal((10, 3))
+POLYGONS = ([0, 1, 2, 3], [1, 4, 2], [5, 6, 7, 8, 9])
+UV = np.random.default_rng(6).random((10, 2)).astype(np.float32)
+COLORS = np.arange(40, dtype=np.uint8).reshape(10, 4)
+HEAT = np.array([0.1, 0.2, 0.3])
+
+
+def vtk_points(points):
+    found = vtkPoints()
+    found.SetData(numpy_to_vtk(np.ascontiguousarray(points), deep=True))
+    return found
+
+
+def add_data(mesh):
+    """Texture coordinates, colours and values of cells, but for lines and points."""
+    named = {"uv set": UV, "paint": COLORS}
+    for name, values in named.items():
+        array = numpy_to_vtk(values, deep=True)
+        array.SetName(name)
+        mesh.GetPointData().AddArray(array)
+    mesh.GetPointData().SetActiveTCoords("uv set")
+    heat = numpy_to_vtk(HEAT, deep=True)
+    heat.SetName("heat")
+    mesh.GetCellData().AddArray(heat)
+    return mesh
+
+
+def poly_data(points=POINTS, polygons=POLYGONS):
+    """Polygons with data."""
+    cells = vtkCellArray()
+    for polygon in polygons:
+        cells.InsertNextCell(len(polygon), polygon)
+    mesh = vtkPolyData()
+    mesh.SetPoints(vtk_points(points))
+    mesh.SetPolys(cells)
+    return add_data(mesh)
+
+
+def grid(points=POINTS, cells=tuple((7, one) for one in POLYGONS)):
+    """An unstructured grid of cells of given types."""
+    mesh = vtkUnstructuredGrid()
+    mesh.SetPoints(vtk_points(points))
+    for kind, ids in cells:
+        listed = vtkIdList()
+        for one in ids:
+            listed.InsertNextId(one)
+        mesh.InsertNextCell(kind, listed)
+    return add_data(mesh) if len(cells) == len(HEAT) and len(points) == len(UV) else mesh
+
+
+def written(writer, mesh, path):
+    """The path of a file that a writer of VTK made of a mesh."""
+    writer.SetInputData(mesh)
+    writer.SetFileName(str(path))
+    assert writer.Write() == 1
+    return path

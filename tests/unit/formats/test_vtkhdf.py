@@ -1,0 +1,322 @@
+import contextlib
+
+import numpy as np
+import pytest
+
+from meshreel.errors import FormatError, InvalidInputError, MeshReelError
+from meshreel.formats.load import load, open_source
+from meshreel.formats.save import save
+from meshreel.formats.stored_frames import StoredFrames
+from meshreel.surface import PLAIN, Domain, Kind, Surface
+from sample_datasets import (
+    CORNERS,
+    COUNTS,
+    assert_same_positions,
+    assert_same_surface,
+    damaged_versions,
+    full_surface,
+    plain_sequence,
+    positions_of,
+    surfaced_sequence,
+)
+
+h5py = pytest.importorskip("h5py")
+
+RATES = [24.0, 25.0, 60.0, 29.97, 30000 / 1001, 23.98765]
+
+
+@pytest.mark.parametrize("ending", ["vtkhdf", "hdf"])
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+@pytest.mark.parametrize("n_frames", [1, 5])
+@pytest.mark.parametrize("read", [load, open_source])
+def test_reading_gives_back_everything_when_vtkhdf_was_saved(
+    tmp_path, ending, dtype, n_frames, read
+):
+    sequence = surfaced_sequence(n_frames, dtype, 29.97, 1 / 3)
+    [path] = save(sequence, tmp_path / "a.vtkhdf")
+    path = path.rename(tmp_path / f"a.{ending}")
+    found = read(path)
+    assert isinstance(found, StoredFrames) == (read is open_source)
+    assert_same_positions(found, sequence)
+    assert_same_surface(found.surface, sequence.surface)
+    assert (found.fps, found.start_s, found.name) == (29.97, 1 / 3, "walk")
+
+
+@pytest.mark.parametrize("fps", RATES)
+@pytest.mark.parametrize("start_s", [0.0, 2.0, -1.5])
+@pytest.mark.parametrize("is_own", [True, False])
+def test_load_gives_back_rate_and_start_when_vtkhdf_was_saved(tmp_path, fps, start_s, is_own):
+    [path] = save(plain_sequence(fps=fps, start_s=start_s), tmp_path / "a.vtkhdf")
+    if not is_own:
+        with h5py.File(path, "a") as file:
+            del file["meshreel"]
+    found = load(path)
+    assert found.fps == pytest.approx(fps, rel=1e-15 if is_own or fps != RATES[-1] else 1e-12)
+    assert found.start_s == start_s
+    assert load(path, fps=48).fps == 48
+
+
+def test_save_notes_what_others_do_not_see_when_there_is_no_place_for_it(tmp_path):
+    notes = []
+    save(surfaced_sequence(fps=0.0), tmp_path / "a.vtkhdf", notes=notes)
+    assert notes == [
+        "the frame rate is unknown; written as 24 fps",
+        "uv 'UVMap' has a value for each corner of a face, which VTK has no place for; "
+        "meshreel alone reads it again",
+    ]
+
+
+def test_load_takes_the_arrays_of_vtk_when_the_group_of_meshreel_is_gone(tmp_path):
+    sequence = surfaced_sequence()
+    [path] = save(sequence, tmp_path / "a.vtkhdf")
+    with h5py.File(path, "a") as file:
+        del file["meshreel"]
+    found = load(path).surface
+    np.testing.assert_array_equal(found.face_sizes, COUNTS)
+    expected = {one.name: one for one in full_surface().attributes}
+    kinds = {one.name: (one.kind, one.domain) for one in found.attributes}
+    assert kinds == {
+        "Cd": (Kind.COLOR, Domain.VERTEX),
+        "id": (Kind.OTHER, Domain.VERTEX),
+        "uv": (Kind.UV, Domain.VERTEX),
+        "wärme": (Kind.OTHER, Domain.FACE),
+        "material": (Kind.OTHER, Domain.FACE),
+    }
+    for one in found.attributes:
+        wanted = expected[one.name].values if one.name in expected else [[0], [1], [-1], [1]]
+        np.testing.assert_array_equal(one.values, wanted)
+
+
+@pytest.mark.parametrize("surface", [PLAIN, Surface(COUNTS), full_surface()])
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+def test_vtk_reads_every_step_exactly_when_vtkhdf_was_saved(tmp_path, surface, dtype):
+    pytest.importorskip("vtkmodules")
+    from vtkmodules.util.numpy_support import vtk_to_numpy
+    from vtkmodules.vtkCommonExecutionModel import vtkStreamingDemandDrivenPipeline
+    from vtkmodules.vtkIOHDF import vtkHDFReader
+
+    sequence = surfaced_sequence(6, dtype, 29.97, 2.0, surface)
+    save(sequence, tmp_path / "a.vtkhdf")
+    reader = vtkHDFReader()
+    reader.SetFileName(str(tmp_path / "a.vtkhdf"))
+    reader.UpdateInformation()
+    times = reader.GetOutputInformation(0).Get(vtkStreamingDemandDrivenPipeline.TIME_STEPS())
+    np.testing.assert_array_equal(times, 2.0 + np.arange(6) / 29.97)
+    for step in (3, 0, 5):
+        reader.SetStep(step)
+        reader.Update()
+        data = reader.GetOutput()
+        points = vtk_to_numpy(data.GetPoints().GetData())
+        assert points.dtype == dtype
+        assert points.tobytes() == sequence.vertices[step].tobytes()
+        corners = vtk_to_numpy(data.GetPolys().GetConnectivityArray())
+        if surface.face_sizes is not None:
+            np.testing.assert_array_equal(corners, CORNERS)
+            offsets = vtk_to_numpy(data.GetPolys().GetOffsetsArray())
+            np.testing.assert_array_equal(np.diff(offsets), COUNTS)
+        else:
+            np.testing.assert_array_equal(corners.reshape(-1, 3), sequence.faces)
+    if surface.attributes:
+        uv = vtk_to_numpy(data.GetPointData().GetTCoords())
+        np.testing.assert_array_equal(uv, surface.attributes[1].values)
+        colours = vtk_to_numpy(data.GetPointData().GetArray("Cd"))
+        np.testing.assert_array_equal(colours, surface.attributes[2].values)
+        heat = vtk_to_numpy(data.GetCellData().GetArray("wärme"))
+        np.testing.assert_array_equal(heat.reshape(-1, 1), surface.attributes[3].values)
+        material = vtk_to_numpy(data.GetCellData().GetArray("material"))
+        np.testing.assert_array_equal(material, surface.groups[0].numbers)
+
+
+def store_grid(path, points, types, counts, corners, **options):
+    """An unstructured grid of one partition for each row of `counts`; steps of all points."""
+    points = np.asarray(points, np.float32)
+    with h5py.File(path, "w") as file:
+        root = file.create_group("VTKHDF")
+        root.attrs["Version"] = [2, 0]
+        root.attrs.create("Type", np.bytes_("UnstructuredGrid"))
+        n_steps = points.shape[0]
+        root["Points"] = points.reshape(-1, 3)
+        per_part = [points.shape[1] // len(counts)] * len(counts)
+        root["NumberOfPoints"] = per_part
+        root["NumberOfCells"] = [len(part) for part in counts]
+        root["NumberOfConnectivityIds"] = [sum(part) for part in counts]
+        root["Offsets"] = np.concatenate([np.cumsum([0, *part]) for part in counts])
+        root["Connectivity"] = corners
+        root["Types"] = np.array(types, np.uint8)
+        steps = root.create_group("Steps")
+        steps.attrs["NSteps"] = n_steps
+        steps["Values"] = np.arange(n_steps) / 10
+        steps["PointOffsets"] = np.arange(n_steps) * points.shape[1]
+        steps["NumberOfParts"] = [len(counts)] * n_steps
+        for name, (data, offsets) in options.items():
+            root[f"PointData/{name}"] = data
+            root[f"Steps/PointDataOffsets/{name}"] = offsets
+    return path
+
+
+CUBE = np.array([[x, y, z] for z in (0, 1) for y in (0, 1) for x in (0, 1)], np.float32)
+HEXAHEDRON = [0, 1, 3, 2, 4, 5, 7, 6]
+
+
+def test_load_takes_the_boundary_when_cells_are_solid(tmp_path):
+    cube = np.concatenate([np.full((1, 3), 9, np.float32), CUBE])
+    points = np.stack([cube, 2 * cube])
+    path = store_grid(tmp_path / "a.vtkhdf", points, [12], [[8]], np.array(HEXAHEDRON) + 1)
+    found = load(path)
+    assert found.vertices.tobytes() == points[:, 1:].tobytes()  # the loose point is left out
+    assert found.surface.face_sizes.tolist() == [4] * 6
+    assert found.fps == 10
+    triangles = found.vertices[0][found.faces]
+    volume = np.linalg.det(triangles.astype(np.float64)).sum() / 6
+    assert volume == pytest.approx(1)  # so that all faces look outwards
+
+
+def test_load_joins_partitions_when_there_are_several(tmp_path):
+    points = np.random.default_rng(0).random((3, 8, 3), np.float32)
+    corners = [0, 1, 2, 0, 1, 2, 3, 3, 2, 1]
+    path = store_grid(
+        tmp_path / "a.vtkhdf", points, [5, 9, 5], [[3, 4], [3]], corners,
+        still=(np.arange(8.0), [0, 0, 0]), moving=(np.arange(24.0), [0, 8, 16]),
+    )  # fmt: skip
+    notes = []
+    found = load(path, notes=notes)
+    assert found.vertices.tobytes() == points.tobytes()
+    assert found.surface.face_sizes.tolist() == [3, 4, 3]
+    assert found.faces.tolist() == [[0, 1, 2], [0, 1, 2], [0, 2, 3], [7, 6, 5]]
+    [still] = found.surface.attributes
+    assert (still.name, still.values.ravel().tolist()) == ("still", list(range(8)))
+    assert "'moving' changes from step to step and is left out" in notes
+
+
+def test_load_lists_the_blocks_when_the_file_is_a_collection(tmp_path):
+    sequence = surfaced_sequence()
+    [path] = save(sequence, tmp_path / "a.vtkhdf")
+    with h5py.File(path, "a") as file:
+        root = file.create_group("new")
+        root.attrs["Version"] = [2, 1]
+        root.attrs.create("Type", np.bytes_("PartitionedDataSetCollection"))
+        file.copy("VTKHDF", root, "body")
+        file.copy("VTKHDF", root, "head")
+        root.create_group("Assembly")["body"] = h5py.SoftLink("/VTKHDF/body")
+        del file["VTKHDF"], file["meshreel"]
+        file.move("new", "VTKHDF")
+    with pytest.raises(InvalidInputError, match="holds 2 meshes: /body, /head; choose one"):
+        load(path)
+    assert load(path, object="head").vertices.tobytes() == sequence.vertices.tobytes()
+    assert [part.name for part in load(path, merge=True).surface.parts] == ["/body", "/head"]
+
+
+def test_load_takes_faces_of_each_step_when_offsets_differ_but_faces_agree(tmp_path):
+    sequence = surfaced_sequence(2, surface=Surface(COUNTS))
+    [path] = save(sequence, tmp_path / "a.vtkhdf")
+
+    def double(corners):
+        with h5py.File(path, "a") as file:
+            root = file["VTKHDF"]
+            for name, data in {
+                "Connectivity": np.concatenate([CORNERS, corners]),
+                "Offsets": np.tile(np.concatenate([[0], np.cumsum(COUNTS)]), 2),
+                "NumberOfCells": [4, 4],
+                "NumberOfConnectivityIds": [15, 15],
+            }.items():
+                del root["Polygons"][name]
+                root["Polygons"][name] = data
+            for name in ("Vertices", "Lines", "Strips"):
+                for key in ("NumberOfCells", "NumberOfConnectivityIds", "Offsets"):
+                    del root[name][key]
+                    root[name][key] = [0, 0]
+            del root["NumberOfPoints"], root["Steps/PartOffsets"]
+            del root["Steps/CellOffsets"], root["Steps/ConnectivityIdOffsets"]
+            root["NumberOfPoints"] = [11, 11]
+            root["Steps/PartOffsets"] = [0, 1]
+            root["Steps/CellOffsets"] = [[0] * 4, [0, 0, 4, 0]]
+            root["Steps/ConnectivityIdOffsets"] = [[0] * 4, [0, 0, 15, 0]]
+
+    double(CORNERS)
+    assert_same_positions(load(path), sequence)
+    double(CORNERS[::-1])
+    with pytest.raises(InvalidInputError, match=r"a\.vtkhdf: frame 1 of walk has vertex 9 in face"):
+        load(path)
+
+
+def drop(*names):
+    def change(root):
+        for name in names:
+            del root[name]
+
+    return change
+
+
+def replaced(name, data):
+    def change(root):
+        del root[name]
+        root[name] = data
+
+    return change
+
+
+def retyped(root):
+    root.attrs.create("Type", np.bytes_("ImageData"))
+
+
+def newer(root):
+    root.attrs["Version"] = [3, 0]
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (drop("Points"), "has no dataset /VTKHDF/Points"),
+        (drop("Steps/Values"), "has no dataset /VTKHDF/Steps/Values"),
+        (drop("Polygons"), "holds 11 vertices and 0 faces; a triangle mesh needs both"),
+        (retyped, "is VTKHDF of type ImageData; PolyData and UnstructuredGrid are read"),
+        (newer, r"has VTKHDF version \[3, 0\]; up to 2.x is read"),
+        (replaced("Points", np.zeros((4, 2))), r"Points must have shape \(N, 3\)"),
+        (replaced("Points", np.zeros((4, 3), np.int32)), "Points must be float32 or float64"),
+        (replaced("Points", np.zeros((30, 3))), "Points has 30 rows; step 2 has 11 from row 22 on"),
+        (replaced("NumberOfPoints", [1 << 60]), "Points has 55 rows; "),
+        (replaced("NumberOfPoints", [-1]), r"names points that are not there"),
+        (replaced("NumberOfPoints", [0.5]), "NumberOfPoints must be whole numbers"),
+        (replaced("Steps/Values", np.zeros(5)), "times of steps do not ascend"),
+        (replaced("Steps/Values", np.arange(4)), r"declares \[5\] steps; 4 times are there"),
+        (replaced("Steps/PointOffsets", [0, 1]), r"Steps/PointOffsets must be \(5, 1\)"),
+        (replaced("Steps/PartOffsets", [1] * 5), "step 0 has partitions 1 to 1 of 1"),
+        (replaced("Polygons/NumberOfCells", [1 << 60]), "Offsets has 5 rows"),
+        (replaced("Polygons/NumberOfConnectivityIds", [1 << 60]), "Connectivity has 15 rows"),
+        (replaced("Polygons/Connectivity", [99] * 15), "names points that are not there"),
+        (replaced("Polygons/Offsets", [0, 9, 3, 4, 15]), "Offsets do not ascend"),
+        (replaced("Polygons/Offsets", [0, 4, 7, 12, 14]), "do not agree with NumberOf"),
+        (replaced("Polygons/Offsets", [0, 2, 7, 12, 15]), "at least three corners; got 2"),
+    ],
+)
+def test_load_says_what_is_wrong_when_a_dataset_lies(tmp_path, change, message):
+    [path] = save(surfaced_sequence(surface=Surface(COUNTS)), tmp_path / "a.vtkhdf")
+    with h5py.File(path, "a") as file:
+        change(file["VTKHDF"])
+    with pytest.raises(FormatError, match=rf"a\.vtkhdf: .*{message}"):
+        load(path)
+
+
+def test_load_is_refused_when_vtkhdf_holds_no_group_of_vtk(tmp_path):
+    [path] = save(plain_sequence(), tmp_path / "a.h5")
+    path = path.rename(tmp_path / "a.vtkhdf")
+    with pytest.raises(FormatError, match=r"a\.vtkhdf: has no group VTKHDF"):
+        load(path)
+
+
+def test_load_is_refused_when_a_dataset_is_named_in_vtkhdf(tmp_path):
+    [path] = save(plain_sequence(), tmp_path / "a.vtkhdf")
+    path = path.rename(tmp_path / "a.hdf")
+    with pytest.raises(InvalidInputError, match=r"in which --dataset .* chooses nothing"):
+        load(path, dataset="Points")
+
+
+def test_load_raises_only_our_errors_when_files_are_damaged(tmp_path):
+    [path] = save(surfaced_sequence(), tmp_path / "a.vtkhdf")
+    damaged_path = tmp_path / "b.vtkhdf"
+    for damaged in damaged_versions(path.read_bytes(), 300, n_header=20_000):
+        damaged_path.write_bytes(damaged)
+        with contextlib.suppress(MeshReelError):
+            load(damaged_path)
+        with contextlib.suppress(MeshReelError):
+            positions_of(open_source(damaged_path))
