@@ -53,4 +53,3 @@ IMATH = Extra("alembic", "alembic3d", "imath")  # comes with it
 USD = Extra("usd", "usd-core", "pxr")
 GLTF = Extra("gltf", "pygltflib", "pygltflib")
 HDF = Extra("hdf", "h5py", "h5py")
-VTK = Extra("vtk", "vtk", "vtkmodules")

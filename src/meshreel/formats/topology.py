@@ -1,29 +1,45 @@
 """The faces of a point cache, which are in a mesh file of their own."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import numpy as np
 
 from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.naming import errors_naming, os_errors_naming
 from meshreel.formats.options import ReadOptions
-from meshreel.formats.polygons import describe_fans, triangulate_fans
+from meshreel.formats.polygons import PolygonMesh, describe_fans, triangulate_fans
 from meshreel.sequence import Faces
 from meshreel.surface import PLAIN, Surface
 
-if TYPE_CHECKING:  # the registry lists the formats that need this module
-    from meshreel.formats.registry import FrameFormat
+
+class MeshFormat(Protocol):
+    """What is needed of the `FrameFormat` of a mesh file."""
+
+    @property
+    def ending(self) -> str:
+        """Lower case, with the dot."""
+
+    @property
+    def parse(self) -> Callable[[bytes], PolygonMesh]:
+        """Gives the mesh of the bytes of a file."""
+
+    @property
+    def parse_surface(self) -> Callable[[bytes], Surface] | None:
+        """Gives attributes and groups of a file."""
+
+    @property
+    def has_corners_only(self) -> bool:
+        """Whether triangles have vertices of their own."""
+
 
 ReadTopology = Callable[[Path, int, ReadOptions], tuple[Faces, Surface]]
 """Gives the triangles and the surface for a point cache of so many vertices."""
 
 
-def topology_reader(formats: Mapping[str, FrameFormat]) -> ReadTopology:
+def topology_reader(formats: Mapping[str, MeshFormat]) -> ReadTopology:
     """A function that reads the faces of point caches from files of these formats, by ending."""
 
     def read_topology(cache: Path, n_verts: int, options: ReadOptions) -> tuple[Faces, Surface]:

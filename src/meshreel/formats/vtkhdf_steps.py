@@ -27,11 +27,12 @@ from meshreel.formats.hdf_file import (
 )
 from meshreel.formats.polygons import PolygonMesh
 from meshreel.formats.vtk_arrays import DataArray, surface_of_arrays
+from meshreel.formats.vtkhdf_cells import integers, read_cells
 from meshreel.surface import Surface
 
 Int64s = npt.NDArray[np.int64]
 
-POLY_DATA_GROUPS = {
+POLY_DATA_GROUPS: dict[str, int | None] = {
     "Vertices": POLY_VERTEX,
     "Lines": POLY_LINE,
     "Polygons": POLYGON,
@@ -65,8 +66,8 @@ class VtkSteps:
             raise FormatError(f"Points must have shape (N, 3); got {self._points.shape}")
         if self._points.dtype.kind != "f" or self._points.dtype.itemsize not in (4, 8):
             raise FormatError(f"Points must be float32 or float64; got {self._points.dtype}")
-        self._kinds = POLY_DATA_GROUPS if is_poly_data else {"": 0}
-        self._n_points = _integers(require_dataset(group, "NumberOfPoints"))
+        self._kinds = POLY_DATA_GROUPS if is_poly_data else {"": None}
+        self._n_points = integers(require_dataset(group, "NumberOfPoints"))
         self.times_s = self._read_times()
         self._first_part = self._per_step("PartOffsets")
         all_parts = len(self._n_points) if self._steps is None else 1
@@ -115,7 +116,7 @@ class VtkSteps:
         dataset = find_dataset(self._steps, name) if self._steps is not None else None
         if dataset is None:
             return np.full(shape, default, np.int64)
-        values = _integers(dataset)
+        values = integers(dataset)
         if values.size != shape[0] * width or values.min() < 0:
             raise FormatError(f"Steps/{name} must be {shape} and not negative; got {values.shape}")
         return values.reshape(shape)
@@ -151,42 +152,19 @@ class VtkSteps:
         return self._cached[1:]
 
     def _cells(self, index: int, parts: slice) -> Cells:
-        found = [
-            self._cells_of_kind(name, kind, index, column, parts)
-            for column, (name, kind) in enumerate(self._kinds.items())
-        ]
+        found = []
+        for column, (name, kind) in enumerate(self._kinds.items()):
+            group = find_group(self._group, name) if name else self._group
+            starts = int(self._cell_starts[index, column]), int(self._corner_starts[index, column])
+            if group is not None:
+                found.append(read_cells(group, kind, parts, self._n_points[parts], *starts))
+        if not found:
+            raise FormatError(f"{self._group.name} has none of {', '.join(self._kinds)}")
         return Cells(
             np.concatenate([one.types for one in found]),
             np.concatenate([one.counts for one in found]),
             np.concatenate([one.points for one in found]),
         )
-
-    def _cells_of_kind(self, name: str, kind: int, index: int, column: int, parts: slice) -> Cells:
-        """Cells of all partitions of a step, which name points through all of them."""
-        group = find_group(self._group, name) if name else self._group
-        if group is None:
-            return Cells(*(np.empty(0, np.int64) for _ in range(3)))
-        n_cells = _of_parts(require_dataset(group, "NumberOfCells"), parts)
-        n_corners = _of_parts(require_dataset(group, "NumberOfConnectivityIds"), parts)
-        first_cell = int(self._cell_starts[index, column])
-        first_corner = int(self._corner_starts[index, column])
-        first_point = np.cumsum(self._n_points[parts]) - self._n_points[parts]
-        counts = list(_counts(require_dataset(group, "Offsets"), first_cell, n_cells, parts.start))
-        corners = read_rows(
-            require_dataset(group, "Connectivity"), first_corner, int(n_corners.sum())
-        ).astype(np.int64)
-        n_points = self._n_points[parts].repeat(n_corners)
-        if (corners < 0).any() or (corners >= n_points).any():
-            raise FormatError(f"{group.name}/Connectivity names points that are not there")
-        if [int(one.sum()) for one in counts] != n_corners.tolist():
-            raise FormatError(f"{group.name}/Offsets do not agree with NumberOfConnectivityIds")
-        total = int(n_cells.sum())
-        types = (
-            np.full(total, kind)
-            if name
-            else read_rows(require_dataset(group, "Types"), first_cell, total)
-        )
-        return Cells(types, np.concatenate(counts), corners + first_point.repeat(n_corners))
 
     def _arrays(self, name: str, index: int, start: int, count: int) -> Iterator[DataArray]:
         """Data that are the same in all steps, as they are in one."""
@@ -199,7 +177,7 @@ class VtkSteps:
                 continue
             offsets_name = f"Steps/{name}Offsets/{one}"
             found = find_dataset(self._group, offsets_name)
-            offsets = None if found is None else _integers(found).ravel()
+            offsets = None if found is None else integers(found).ravel()
             if len(self.times_s) > 1 and (offsets is None or (offsets != offsets[0]).any()):
                 self._notes.append(f"{one!r} changes from step to step and is left out")
                 continue
@@ -212,31 +190,3 @@ class VtkSteps:
 def _role(dataset: Dataset) -> str:
     value: Any = dataset.attrs.get("Attribute", b"")
     return value.decode("ascii", "replace") if isinstance(value, bytes) else str(value)
-
-
-def _integers(dataset: Dataset) -> Int64s:
-    values = read_all(dataset)
-    if values.dtype.kind not in "iu":
-        raise FormatError(f"{dataset.name} must be whole numbers; got {values.dtype}")
-    return values.astype(np.int64)
-
-
-def _of_parts(dataset: Dataset, parts: slice) -> Int64s:
-    values = read_rows(dataset, parts.start, parts.stop - parts.start).astype(np.int64)
-    if values.ndim != 1 or (values < 0).any():
-        raise FormatError(f"{dataset.name} must be numbers of shape (N,), none negative")
-    return values
-
-
-def _counts(
-    offsets: Dataset, first_cell: int, n_cells: Int64s, first_part: int
-) -> Iterator[Int64s]:
-    """Points of each cell, for each partition, which has one offset more than cells."""
-    start = first_cell
-    for part, count in enumerate(n_cells.tolist(), first_part):
-        ends = read_rows(offsets, start + part, count + 1).astype(np.int64)
-        counts = np.diff(ends)
-        if ends.ndim != 1 or (counts < 0).any():
-            raise FormatError(f"{offsets.name} do not ascend")
-        yield counts
-        start += count

@@ -40,9 +40,9 @@ def read_xdmf(path: Path, options: ReadOptions) -> Sequence[SceneMesh]:
     found: list[tuple[str, npt.NDArray[np.float64], list[Element]]] = []
     for grid in temporal or grids:
         steps = _children(grid, items) if temporal else [grid]
-        times = _times(grid, steps, items, options.notes) if temporal else np.zeros(1)
         if not steps:
             raise FormatError(f"has a collection {grid.get('Name', '')!r} of no grids")
+        times = _times(grid, steps, items, options.notes) if temporal else np.zeros(1)
         found += _meshes(grid.get("Name", ""), times, steps, items)
     if not found:
         raise FormatError("holds no Grid in a Domain")

@@ -1,6 +1,7 @@
 """Arrays of XDMF files: written in them, or in HDF5 and binary files beside."""
 
 import math
+import re
 from pathlib import Path
 from typing import Any
 from xml.etree.ElementTree import Element
@@ -16,6 +17,8 @@ from meshreel.formats.naming import errors_naming, os_errors_naming
 CODES = {"float": "f", "int": "i", "uint": "u", "char": "i", "uchar": "u", "short": "i"}
 PRECISIONS = {"char": "1", "uchar": "1", "short": "2"}
 MAX_REFERENCES = 16
+STEP = re.compile(r"(\w+)(?:\[(?:(\d{1,9})|@Name=['\"]([^'\"]*)['\"])\])?")
+"""A step of a path to another element: a tag, and which of those of the tag."""
 
 Array = npt.NDArray[Any]
 
@@ -47,13 +50,7 @@ class DataItems:
             if reference is None:
                 return element
             place = (element.text or "").strip() if reference.upper() == "XML" else reference
-            try:
-                found = self._root.find("./" + place.removeprefix("/Xdmf/").lstrip("/"))
-            except (SyntaxError, KeyError) as error:
-                raise FormatError(f"refers to {place[:80]!r}, which is no place") from error
-            if found is None:
-                raise FormatError(f"refers to {place[:80]!r}, which is not there")
-            element = found
+            element = _follow(self._root, place)
         raise FormatError("has references that lead in circles")
 
     def item_of(self, element: Element) -> Element:
@@ -173,6 +170,23 @@ class DataItems:
             with errors_naming(path):
                 self._files[path] = open_hdf(path)
         return self._files[path]
+
+
+def _follow(root: Element, place: str) -> Element:
+    """The element at a path such as /Xdmf/Domain/Grid[2]/Topology."""
+    element = root
+    for step in place.strip().removeprefix("/Xdmf/").split("/"):
+        if (found := STEP.fullmatch(step)) is None:
+            raise FormatError(f"refers to {place[:80]!r}, which is not understood")
+        tag, number, name = found.groups()
+        children = [child for child in element if child.tag == tag]
+        if name is not None:
+            children = [child for child in children if child.get("Name") == name]
+        chosen = children[int(number) - 1 if number else 0 :][:1]
+        if not chosen or number == "0":
+            raise FormatError(f"refers to {place[:80]!r}, which is not there")
+        element = chosen[0]
+    return element
 
 
 def _code(item: Element) -> str:

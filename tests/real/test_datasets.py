@@ -1,0 +1,56 @@
+"""Real sequences through point caches, HDF5 and VTKHDF and back."""
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from meshreel.formats.load import load, open_source
+from meshreel.formats.save import save
+from meshreel.sequence import MeshSequence
+
+pytestmark = pytest.mark.real
+
+
+@pytest.fixture(scope="module", params=["horse_gallop", "chicken"])
+def sequence(request):
+    folder = os.environ.get("MESHREEL_DATA")
+    if not folder:
+        pytest.skip("MESHREEL_DATA names no folder of real sequences")
+    whole = load(Path(folder) / f"{request.param}.npz")
+    return MeshSequence(whole.vertices[:40], whole.faces, 29.97, whole.name, 1.5)
+
+
+@pytest.mark.parametrize("ending", ["npz", "h5", "vtkhdf"])
+def test_load_gives_back_all_exactly_when_save_wrote_one_file(tmp_path, sequence, ending):
+    [path] = save(sequence, tmp_path / f"a.{ending}")
+    for found in (load(path), open_source(path)):
+        assert found.read(0, 40).tobytes() == sequence.vertices.tobytes()
+        np.testing.assert_array_equal(found.faces, sequence.faces)
+        assert (found.fps, found.start_s, found.name) == (29.97, 1.5, sequence.name)
+
+
+@pytest.mark.parametrize("ending", ["pc2", "mdd"])
+def test_load_gives_back_positions_exactly_when_save_wrote_a_cache(tmp_path, sequence, ending):
+    path, topology = save(sequence, tmp_path / f"a.{ending}")
+    for found in (load(path, topology=topology), open_source(path, topology=topology)):
+        assert found.read(0, 40).tobytes() == sequence.vertices.tobytes()
+        np.testing.assert_array_equal(found.faces, sequence.faces)
+        assert found.fps == {"pc2": 0, "mdd": 29.97}[ending]
+
+
+def test_vtk_reads_positions_exactly_when_save_wrote_vtkhdf(tmp_path, sequence):
+    pytest.importorskip("vtkmodules")
+    from vtkmodules.util.numpy_support import vtk_to_numpy
+    from vtkmodules.vtkIOHDF import vtkHDFReader
+
+    save(sequence, tmp_path / "a.vtkhdf")
+    reader = vtkHDFReader()
+    reader.SetFileName(str(tmp_path / "a.vtkhdf"))
+    for step in (0, 17, 39):
+        reader.UpdateInformation()
+        reader.SetStep(step)
+        reader.Update()
+        points = vtk_to_numpy(reader.GetOutput().GetPoints().GetData())
+        assert points.tobytes() == sequence.vertices[step].tobytes()

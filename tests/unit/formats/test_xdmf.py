@@ -1,0 +1,337 @@
+import contextlib
+
+import numpy as np
+import pytest
+
+from meshreel.errors import FormatError, InvalidInputError, MeshReelError
+from meshreel.formats.load import load, open_source
+from meshreel.formats.stored_frames import StoredFrames
+from meshreel.surface import Domain, Kind
+from sample_datasets import CORNERS, COUNTS, N_VERTS, damaged_versions, positions_of
+
+POSITIONS = np.random.default_rng(0).standard_normal((5, N_VERTS, 3)).astype(np.float32)
+TRIANGLES = np.array([[0, 1, 2], [2, 3, 4], [5, 6, 10]])
+UV = np.random.default_rng(1).random((N_VERTS, 2))
+
+
+def inline(array, **facts):
+    array = np.asarray(array)
+    kind = {"f": "Float", "i": "Int", "u": "UInt"}[array.dtype.kind]
+    facts = {
+        "Dimensions": " ".join(map(str, array.shape)),
+        "NumberType": kind,
+        "Precision": array.dtype.itemsize,
+        "Format": "XML",
+    } | facts
+    text = " ".join(repr(one) for one in array.ravel().tolist())
+    return item(text, **facts)
+
+
+def item(text, **facts):
+    written = " ".join(f"{key}={str(value)!r}" for key, value in facts.items())
+    return f"<DataItem {written}>{text}</DataItem>"
+
+
+def topology(data=None, kind="Triangle", more=""):
+    data = inline(TRIANGLES) if data is None else data
+    return f'<Topology TopologyType="{kind}" {more}>{data}</Topology>'
+
+
+def geometry(data, kind="XYZ"):
+    return f'<Geometry GeometryType="{kind}">{data}</Geometry>'
+
+
+def attribute(name, data, center="Node"):
+    return f'<Attribute Name="{name}" Center="{center}">{data}</Attribute>'
+
+
+def step(points, time=None, more="", faces=None, name="body"):
+    value = "" if time is None else f'<Time Value="{time!r}"/>'
+    faces = topology() if faces is None else faces
+    return f'<Grid Name="{name}">{value}{faces}{geometry(inline(points))}{more}</Grid>'
+
+
+def temporal(*grids, time="", name="walk"):
+    head = f'<Grid Name="{name}" GridType="Collection" CollectionType="Temporal">'
+    return f"{head}{time}{''.join(grids)}</Grid>"
+
+
+def store(folder, *grids, name="a.xdmf"):
+    text = f'<Xdmf Version="3.0"><Domain>{"".join(grids)}</Domain></Xdmf>'
+    doctype = '<!DOCTYPE Xdmf SYSTEM "Xdmf.dtd" []>'
+    (folder / name).write_text(f'<?xml version="1.0" ?>\n{doctype}\n{text}')
+    return folder / name
+
+
+@pytest.mark.parametrize("ending", ["xdmf", "xmf"])
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+@pytest.mark.parametrize("fps", [24.0, 29.97, 60.0])
+@pytest.mark.parametrize("read", [load, open_source])
+def test_reading_takes_steps_and_times_when_numbers_are_in_the_file(
+    tmp_path, ending, dtype, fps, read
+):
+    positions = POSITIONS.astype(dtype)
+    steps = [step(points, 2 + index / fps) for index, points in enumerate(positions)]
+    found = read(store(tmp_path, temporal(*steps), name=f"a.{ending}"))
+    assert isinstance(found, StoredFrames) == (read is open_source)
+    assert found.dtype == dtype
+    assert positions_of(found).tobytes() == positions.tobytes()
+    assert found.faces.tolist() == TRIANGLES.tolist()
+    assert (found.fps, found.start_s, found.name) == (fps, 2.0, "walk")
+
+
+def write_hdf_steps(folder, make_points):
+    h5py = pytest.importorskip("h5py")
+    with h5py.File(folder / "a.h5", "w") as file:
+        file["faces"] = TRIANGLES
+        file["all"] = POSITIONS
+        for index, points in enumerate(POSITIONS):
+            file[f"step_{index}/points"] = points
+    faces = topology(item("a.h5:/faces", Dimensions="3 3", NumberType="Int", Format="HDF"))
+    steps = [
+        f'<Grid><Time Value="{index / 25!r}"/>{faces}{geometry(make_points(index))}</Grid>'
+        for index in range(5)
+    ]
+    return store(folder, temporal(*steps))
+
+
+def dataset_of_step(index):
+    return item(f" a.h5:/step_{index}/points\n", Dimensions=f"{N_VERTS} 3", Format="HDF")
+
+
+def slab_of_step(index):
+    place = inline(np.array([[index, 0, 0], [1, 1, 1], [1, N_VERTS, 3]]))
+    whole = item("a.h5:/all", Dimensions=f"5 {N_VERTS} 3", Format="HDF")
+    return item(place + whole, ItemType="HyperSlab", Dimensions=f"1 {N_VERTS} 3")
+
+
+@pytest.mark.parametrize("make_points", [dataset_of_step, slab_of_step])
+@pytest.mark.parametrize("read", [load, open_source])
+def test_reading_takes_datasets_when_numbers_are_in_hdf(tmp_path, make_points, read):
+    found = read(write_hdf_steps(tmp_path, make_points))
+    assert positions_of(found).tobytes() == POSITIONS.tobytes()
+    assert found.faces.tolist() == TRIANGLES.tolist()
+    assert found.fps == 25
+
+
+@pytest.mark.parametrize(("endian", "order"), [("Little", "<"), ("Big", ">"), ("Native", "<")])
+def test_load_takes_numbers_of_binary_files_when_they_are_named(tmp_path, endian, order):
+    points = POSITIONS[0].astype(order + "f4")
+    (tmp_path / "points.bin").write_bytes(b"12345" + points.tobytes())
+    facts = {"Dimensions": f"{N_VERTS} 3", "Precision": 4, "Endian": endian, "Seek": 5}
+    data = item("points.bin", Format="Binary", **facts)
+    found = load(store(tmp_path, f"<Grid>{topology()}{geometry(data)}</Grid>"))
+    assert found.vertices[0].tobytes() == POSITIONS[0].tobytes()
+
+
+def mixed_cells():
+    """The polygons of the sample as XDMF writes mixed cells."""
+    ends = np.cumsum(COUNTS)
+    cells = [CORNERS[end - count : end].tolist() for end, count in zip(ends, COUNTS, strict=True)]
+    heads = {3: [4], 4: [5], 5: [3, 5]}
+    return np.array([2, 2, 0, 1] + [one for cell in cells for one in heads[len(cell)] + cell])
+
+
+@pytest.mark.parametrize(
+    ("kind", "cells", "more", "sizes"),
+    [
+        ("Mixed", mixed_cells(), "", [4, 3, 5, 3]),
+        ("Quadrilateral", [[0, 1, 2, 3], [3, 4, 5, 6]], "", [4, 4]),
+        ("Polygon", [[0, 1, 2, 3, 4]], 'NodesPerElement="5"', [5]),
+        ("Polygon", [[0, 1, 2, 3, 4]], "", [5]),
+        ("Tri_6", [[0, 1, 2, 3, 4, 5]], "", None),
+        ("Tetrahedron", [0, 1, 2, 3], "", None),
+    ],
+)
+def test_load_takes_cells_when_they_are_of_any_type(tmp_path, kind, cells, more, sizes):
+    faces = topology(inline(np.array(cells)), kind, more)
+    found = load(store(tmp_path, step(POSITIONS[0], faces=faces)))
+    sizes_found = found.surface.face_sizes
+    assert (None if sizes_found is None else sizes_found.tolist()) == sizes
+    assert found.n_verts == (4 if kind == "Tetrahedron" else N_VERTS)
+
+
+def test_load_takes_points_when_they_are_flat_or_in_columns(tmp_path):
+    flat = f"<Grid>{topology()}{geometry(inline(POSITIONS[0, :, :2]), 'XY')}</Grid>"
+    found = load(store(tmp_path, flat))
+    np.testing.assert_array_equal(found.vertices[0, :, :2], POSITIONS[0, :, :2])
+    assert not found.vertices[0, :, 2].any()
+    columns = "".join(inline(POSITIONS[0, :, axis]) for axis in range(3))
+    found = load(store(tmp_path, f"<Grid>{topology()}{geometry(columns, 'X_Y_Z')}</Grid>"))
+    assert found.vertices[0].tobytes() == POSITIONS[0].tobytes()
+
+
+@pytest.mark.parametrize(
+    ("time", "fps", "start_s"),
+    [
+        (f'<Time TimeType="List">{inline(np.arange(5) / 50 + 1)}</Time>', 50, 1),
+        (f'<Time TimeType="HyperSlab">{inline(np.array([1, 0.5, 5]))}</Time>', 2, 1),
+        ('<Time TimeType="Range">1 2</Time>', 4, 1),
+    ],
+)
+def test_load_takes_times_of_the_collection_when_steps_have_none(tmp_path, time, fps, start_s):
+    steps = [step(points) for points in POSITIONS]
+    found = load(store(tmp_path, temporal(*steps, time=time)))
+    assert (found.fps, found.start_s) == (fps, start_s)
+
+
+def test_load_notes_it_when_there_are_no_times(tmp_path):
+    notes = []
+    found = load(store(tmp_path, temporal(*map(step, POSITIONS))), notes=notes)
+    assert found.fps == 1
+    assert "has no times; taken as one frame a second" in notes[0]
+
+
+def test_load_takes_data_that_stay_and_notes_others_when_there_are_both(tmp_path):
+    same = attribute("uv", inline(UV)) + attribute("heat", inline(np.arange(3)), "Cell")
+    same += attribute("total", inline(np.arange(1)), "Grid")
+    steps = [
+        step(points, index, same + attribute("speed", inline(np.full(N_VERTS, index))))
+        for index, points in enumerate(POSITIONS)
+    ]
+    notes = []
+    found = load(store(tmp_path, temporal(*steps)), notes=notes)
+    uv, heat = found.surface.attributes
+    assert (uv.name, uv.kind, uv.domain) == ("uv", Kind.UV, Domain.VERTEX)
+    assert uv.values.tobytes() == UV.tobytes()
+    assert (heat.name, heat.domain, heat.values.ravel().tolist()) == (
+        "heat",
+        Domain.FACE,
+        [0, 1, 2],
+    )
+    assert "'speed' changes from step to step and is left out" in notes
+
+
+def test_load_follows_references_and_includes_when_faces_are_written_once(tmp_path):
+    mesh = step(POSITIONS[0], name="mesh")
+    include = (
+        '<xi:include xpointer="xpointer(//Grid[@Name=&quot;mesh&quot;]'
+        '/*[self::Topology or self::Geometry])"/>'
+    )
+    grids = [f'<Grid><Time Value="{index}"/>{include}</Grid>' for index in range(3)]
+    assert load(store(tmp_path, mesh, temporal(*grids))).n_frames == 3
+    reference = '<Topology Reference="/Xdmf/Domain/Grid[1]/Topology"/>'
+    by_text = '<Topology Reference="XML">/Xdmf/Domain/Grid/Topology</Topology>'
+    steps = [step(POSITIONS[i], i, faces=one) for i, one in enumerate([reference, by_text])]
+    found = load(store(tmp_path, mesh, temporal(*steps)))
+    assert found.faces.tolist() == TRIANGLES.tolist()
+    assert positions_of(found).tobytes() == POSITIONS[:2].tobytes()
+
+
+def test_load_lists_the_grids_when_there_are_several(tmp_path):
+    spatial = [
+        '<Grid GridType="Collection" CollectionType="Spatial">'
+        f'<Time Value="{i}"/>{step(POSITIONS[i], name="left")}'
+        f"{step(POSITIONS[i + 1], name='right')}</Grid>"
+        for i in range(3)
+    ]
+    path = store(tmp_path, temporal(*spatial))
+    with pytest.raises(InvalidInputError, match="holds 2 meshes: /left, /right; choose one"):
+        load(path)
+    found = load(path, object="right")
+    assert positions_of(found).tobytes() == POSITIONS[1:4].tobytes()
+    path = store(tmp_path, step(POSITIONS[0]), step(POSITIONS[1]))
+    with pytest.raises(InvalidInputError, match="holds 2 meshes: /body_0, /body_1"):
+        load(path)
+    assert load(path, merge=True).n_verts == 2 * N_VERTS
+
+
+def at(data):
+    return f"<Grid>{topology()}{geometry(data)}</Grid>"
+
+
+def slab(*numbers):
+    whole = inline(POSITIONS)
+    return at(item(inline(np.array(numbers)) + whole, ItemType="HyperSlab"))
+
+
+SELF = '<DataItem Reference="/Xdmf/Domain/Grid/Geometry/DataItem"/>'
+WITHIN = item(SELF + "<DataItem/>", ItemType="HyperSlab", Dimensions="1")
+
+
+@pytest.mark.parametrize(
+    ("grid", "message"),
+    [
+        ("", "holds no Grid in a Domain"),
+        ("<Grid/>", "has a grid '' without Geometry"),
+        (f"<Grid>{geometry(inline(POSITIONS[0]))}</Grid>", "has a grid '' without Topology"),
+        (at(""), "has a Geometry without a DataItem"),
+        (at(item("../a.h5:/x", Format="HDF")), "names the file '../a.h5' outside of its folder"),
+        (at(item("/etc/passwd", Format="Binary")), "names the file '/etc/passwd' outside of"),
+        (at(item("gone.h5:/x", Format="HDF")), "names the file 'gone.h5', which is not there"),
+        (at(item("a.xdmf:/x", Format="HDF")), "a.xdmf: is not an HDF5 file, or is damaged"),
+        (at(item("a.xdmf", Format="Binary", Dimensions="9999999 3")), "takes 119999988 bytes"),
+        (at(item("a.xdmf", Format="Binary", Compression="Zlib")), "has a packed binary DataItem"),
+        (at(item("1", Format="TIFF")), "has a DataItem of format 'TIFF'"),
+        (at(item("1", ItemType="Function")), "has a DataItem of type 'function'"),
+        (at(item("1 2 x")), "has a DataItem that is no numbers"),
+        (at(item("1 2 3", Dimensions="999999999999999 3")), "has 3 numbers in a DataItem of"),
+        (at(item("1 2 3", Dimensions="-1")), "has '-1' where a whole number is needed"),
+        (at(item("1 2 3", Precision="3")), "has a DataItem of 'float' of '3' bytes"),
+        (at(item("1 2", Dimensions="2")), "has a Geometry of 2 numbers, of type XYZ"),
+        (at(inline(POSITIONS[0, :3])), "face 1: names vertex 3; indices must be in 0..2"),
+        (at(SELF), "has references that lead in circles"),
+        (at(WITHIN), "has a HyperSlab outside of its source"),
+        (at('<DataItem Reference="/Xdmf/x["/>'), r"refers to '/Xdmf/x\[', which is not understood"),
+        (at('<DataItem Reference="//*//*//*"/>'), "which is not understood"),
+        (at('<DataItem Reference="/Xdmf/Domain[2]"/>'), "which is not there"),
+        (at('<DataItem Reference="/Xdmf/x"/>'), "refers to '/Xdmf/x', which is not there"),
+        (slab([5, 0, 0], [1, 1, 1], [1, 11, 3]), "has a HyperSlab outside of its source"),
+        (slab([0, 0, 0], [0, 1, 1], [1, 11, 3]), "has a HyperSlab outside of its source"),
+        (slab([0, 0], [1, 1], [1, 11]), "has a HyperSlab outside of its source"),
+        (slab([0, 0, 0], [1, 1, 1]), "has a HyperSlab outside of its source"),
+        (temporal(), "has a collection 'walk' of no grids"),
+        (temporal(step(POSITIONS[0], 1), step(POSITIONS[0], 1)), "whose 2 times do not ascend"),
+        (temporal(step(POSITIONS[0], "x")), "has a Time that is no number"),
+        (temporal(temporal(step(POSITIONS[0]))), "has a grid of type 'Collection' in a step"),
+        (step(POSITIONS[0], faces=topology(kind="3DSMesh")), "has a Topology of type '3DSMesh'"),
+        (step(POSITIONS[0], faces=topology(kind="Wedge")), "of 9 numbers; cells of wedge have 6"),
+        (
+            step(POSITIONS[0], faces=topology(inline(np.array([77, 1])), "Mixed")),
+            "has a cell of type 77, which is not read",
+        ),
+        (
+            step(POSITIONS[0], faces=topology(inline(np.array([3, 99, 1])), "Mixed")),
+            "has a Topology that ends within a cell",
+        ),
+        (
+            step(POSITIONS[0], faces=topology(inline(np.array([0.5])), "Triangle")),
+            "has a Topology of float64; whole numbers are needed",
+        ),
+        (
+            f'<Grid><xi:include href="http://a/b.xdmf"/>{geometry(inline(POSITIONS[0]))}</Grid>',
+            "includes 'http://a/b.xdmf', which is not read",
+        ),
+    ],
+)
+def test_load_says_what_is_wrong_when_the_file_lies(tmp_path, grid, message):
+    path = store(tmp_path, grid)
+    with pytest.raises(FormatError, match=rf"a\.xdmf: .*({message})"):
+        load(path)
+
+
+def test_load_is_refused_when_it_is_other_xml(tmp_path):
+    (tmp_path / "a.xdmf").write_text("<html/>")
+    with pytest.raises(FormatError, match=r"a\.xdmf: is html; expected Xdmf"):
+        load(tmp_path / "a.xdmf")
+
+
+def test_load_reads_the_mesh_when_vtk_wrote_xdmf(tmp_path):
+    pytest.importorskip("vtkmodules")
+    from vtkmodules.vtkIOXdmf2 import vtkXdmfWriter
+
+    from sample_vtk import COLORS, POINTS, grid, written
+
+    found = load(written(vtkXdmfWriter(), grid(), tmp_path / "a.xmf"))
+    np.testing.assert_allclose(found.vertices[0], POINTS, rtol=1e-5)
+    assert found.surface.face_sizes.tolist() == [4, 3, 5]
+    [paint] = found.surface.of_kind(Kind.COLOR)
+    np.testing.assert_array_equal(paint.values, COLORS)
+
+
+def test_load_raises_only_our_errors_when_files_are_damaged(tmp_path):
+    path = write_hdf_steps(tmp_path, slab_of_step)
+    for damaged in damaged_versions(path.read_bytes(), 300, n_header=3000):
+        path.write_bytes(damaged)
+        with contextlib.suppress(MeshReelError):
+            load(path)
