@@ -1,7 +1,6 @@
 """Data arrays of XML files of VTK: as text, or binary, packed or not, in place or appended."""
 
 import binascii
-import lzma
 import zlib
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -29,7 +28,12 @@ def _unpack_zlib(packed: bytes, size_bytes: int) -> bytes:
 
 
 def _unpack_lzma(packed: bytes, size_bytes: int) -> bytes:
-    return lzma.LZMADecompressor().decompress(packed, size_bytes)
+    import lzma  # here, for some builds of Python come without it
+
+    try:
+        return lzma.LZMADecompressor().decompress(packed, size_bytes)
+    except lzma.LZMAError as error:
+        raise FormatError(f"holds a block that is not of LZMA ({error})") from error
 
 
 UNPACKERS: dict[str, Unpack] = {
@@ -79,7 +83,7 @@ class ArrayCoding:
             width = int(element.get("NumberOfComponents", "1"))
             return values.reshape(-1, width) if width > 1 else values
         # Damaged text, base64 and packed bytes raise these, each with its reason.
-        except (ValueError, zlib.error, lzma.LZMAError, OverflowError) as error:
+        except (ValueError, zlib.error, OverflowError) as error:
             raise FormatError(f"array {name!r} is damaged ({error})") from error
 
     def _numbers(self, element: Element, code: str) -> npt.NDArray[Any]:

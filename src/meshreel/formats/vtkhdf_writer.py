@@ -42,7 +42,7 @@ def write_vtkhdf(path: Path, stream: FrameStream, options: WriteOptions) -> None
             (0, 3),
             stream.dtype,
             maxshape=(None, 3),
-            chunks=(max(stream.n_verts, CHUNK_ROWS), 3),
+            chunks=(min(max(stream.n_verts, CHUNK_ROWS), stream.n_verts * stream.n_frames), 3),
         )
         for index, frame in enumerate(stream.frames()):
             points.resize((index + 1) * stream.n_verts, axis=0)
