@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from meshreel.formats.polygons import triangulate_fans
+from meshreel.geometry.fans import triangulate_fans
 from meshreel.sequence import MeshSequence
 from meshreel.surface import PLAIN, Attribute, Domain, FaceGroups, Kind, Part, Surface
 

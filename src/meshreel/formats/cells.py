@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from meshreel.errors import FormatError
 from meshreel.formats.polygons import PolygonMesh, polygon_mesh
-from meshreel.formats.ragged import ragged_indices
+from meshreel.geometry.ragged import ragged_indices
 from meshreel.sequence import Vertices
 
 POLY_VERTEX, POLY_LINE, STRIP, POLYGON = 2, 4, 6, 7

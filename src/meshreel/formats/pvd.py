@@ -15,7 +15,6 @@ from meshreel.formats.naming import errors_naming, os_errors_naming
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.polygons import PolygonMesh
 from meshreel.formats.scene import SceneMesh
-from meshreel.formats.scene_source import scene_opener
 from meshreel.formats.vtk_arrays import DataArray
 from meshreel.formats.vtk_legacy import read_vtk_legacy
 from meshreel.formats.vtk_mesh import VtkMesh
@@ -48,10 +47,6 @@ def read_pvd(path: Path, options: ReadOptions) -> Sequence[SceneMesh]:
         _scene_mesh(path.stem if len(parts) == 1 else f"/{group or 'part'}_{part}", files, options)
         for (group, part), files in parts.items()
     ]
-
-
-open_pvd = scene_opener(read_pvd)
-"""A function from a path and options to the sequence of a collection."""
 
 
 def _time(element: Element) -> float:

@@ -22,19 +22,19 @@ from meshreel.formats.options import ReadOptions, WriteOptions
 from meshreel.formats.pc2 import pc2_opener, write_pc2
 from meshreel.formats.ply import parse_ply, ply_encoder
 from meshreel.formats.polygons import PolygonMesh
-from meshreel.formats.pvd import open_pvd
+from meshreel.formats.pvd import read_pvd
 from meshreel.formats.reel import open_reel, write_reel
 from meshreel.formats.scene import ReadMeshes
 from meshreel.formats.scene_source import scene_opener
 from meshreel.formats.stl import parse_stl, stl_encoder
+from meshreel.formats.topology import COMPANION, topology_reader
 from meshreel.formats.usd.reading import read_meshes as read_usd
 from meshreel.formats.usd.writing import write_usd
-from meshreel.formats.topology import topology_reader
 from meshreel.formats.vtk_legacy import parse_vtk_legacy, parse_vtk_legacy_surface
 from meshreel.formats.vtk_xml import parse_vtk_xml, parse_vtk_xml_surface
-from meshreel.formats.vtkhdf import open_vtkhdf
+from meshreel.formats.vtkhdf import read_vtkhdf
 from meshreel.formats.vtkhdf_writer import write_vtkhdf
-from meshreel.formats.xdmf import open_xdmf
+from meshreel.formats.xdmf import read_xdmf
 from meshreel.sequence import Faces, FrameSource, Vertices
 from meshreel.surface import Surface
 
@@ -152,7 +152,7 @@ SEQUENCE_FORMATS = {
             pc2_opener(topology_reader(FRAME_FORMATS)),
             write_pc2,
             reads=frozenset({"topology"}),
-            companion=".obj",
+            companion=COMPANION,
         ),
         SequenceFormat(
             ".mdd",
@@ -160,7 +160,7 @@ SEQUENCE_FORMATS = {
             mdd_opener(topology_reader(FRAME_FORMATS)),
             write_mdd,
             reads=frozenset({"topology"}),
-            companion=".obj",
+            companion=COMPANION,
         ),
         *(
             SequenceFormat(
@@ -173,16 +173,10 @@ SEQUENCE_FORMATS = {
             )
             for ending in (".h5", ".hdf5", ".hdf")
         ),
-        SequenceFormat(
-            ".vtkhdf", "VTKHDF", open_vtkhdf, write_vtkhdf, HDF, frozenset({"object", "merge"})
-        ),
-        *(
-            SequenceFormat(ending, "XDMF", open_xdmf, None, HDF, frozenset({"object", "merge"}))
-            for ending in (".xdmf", ".xmf")
-        ),
-        SequenceFormat(
-            ".pvd", "ParaView collection", open_pvd, None, reads=frozenset({"object", "merge"})
-        ),
+        scene_format(".vtkhdf", "VTKHDF", read_vtkhdf, write_vtkhdf, HDF),
+        scene_format(".pvd", "ParaView collection", read_pvd, None),
+        scene_format(".xdmf", "XDMF", read_xdmf, None, HDF),
+        scene_format(".xmf", "XDMF", read_xdmf, None, HDF),
     )
 }
 FORMATS: dict[str, FrameFormat | SequenceFormat] = {**FRAME_FORMATS, **SEQUENCE_FORMATS}
@@ -243,7 +237,7 @@ def described_formats() -> list[dict[str, Any]]:
             "title": one.title,
             "holds": "all frames" if isinstance(one, SequenceFormat) else "one frame",
             "reads": True,
-            "writes": not isinstance(one, SequenceFormat) or one.write is not None,
+            "writes": is_written(one),
             "extra": extra.name if extra else None,
             "library": extra.library if extra else None,
             "is_installed": extra is None or extra.is_installed,

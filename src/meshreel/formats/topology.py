@@ -10,7 +10,8 @@ import numpy as np
 from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.naming import errors_naming, os_errors_naming
 from meshreel.formats.options import ReadOptions
-from meshreel.formats.polygons import PolygonMesh, describe_fans, triangulate_fans
+from meshreel.formats.polygons import PolygonMesh, describe_fans
+from meshreel.geometry.fans import triangulate_fans
 from meshreel.sequence import Faces
 from meshreel.surface import PLAIN, Surface
 
@@ -35,17 +36,27 @@ class MeshFormat(Protocol):
         """Whether triangles have vertices of their own."""
 
 
+COMPANION = ".obj"
+"""Ending of the mesh that is written beside a cache, and looked for there."""
+
 ReadTopology = Callable[[Path, int, ReadOptions], tuple[Faces, Surface]]
 """Gives the triangles and the surface for a point cache of so many vertices."""
 
 
 def topology_reader(formats: Mapping[str, MeshFormat]) -> ReadTopology:
-    """A function that reads the faces of point caches from files of these formats, by ending."""
+    """A function that reads the faces of point caches from files of these formats, by ending.
+
+    They are in the mesh that the options name, or else in that of the same name beside the cache.
+    """
 
     def read_topology(cache: Path, n_verts: int, options: ReadOptions) -> tuple[Faces, Surface]:
-        if options.topology is None:
-            raise InvalidInputError(_missing(cache, n_verts))
-        path = options.topology
+        path = options.topology or cache.with_suffix(COMPANION)
+        if options.topology is None and not path.is_file():
+            raise InvalidInputError(
+                f"{cache} holds positions of {n_verts} vertices and no faces; name the mesh file "
+                f"that has them with --topology mesh.obj (topology=), or put it beside as "
+                f"{path.name}"
+            )
         mesh_format = formats.get(path.suffix.lower())
         if mesh_format is None or mesh_format.has_corners_only:
             known = [one.ending for one in formats.values() if not one.has_corners_only]
@@ -68,12 +79,3 @@ def topology_reader(formats: Mapping[str, MeshFormat]) -> ReadTopology:
         return faces, replace(surface, face_sizes=mesh.counts.astype(np.int32))
 
     return read_topology
-
-
-def _missing(cache: Path, n_verts: int) -> str:
-    beside = cache.with_suffix(".obj")
-    which = f"--topology {beside}" if beside.is_file() else "--topology mesh.obj"
-    return (
-        f"{cache} holds positions of {n_verts} vertices and no faces; "
-        f"name the mesh file that has them with {which} (topology=)"
-    )

@@ -11,10 +11,10 @@ from meshreel.formats.frame_stream import FrameStream
 from meshreel.formats.hdf_file import Node, write_array
 from meshreel.formats.named_arrays import surface_arrays
 from meshreel.formats.options import WriteOptions
-from meshreel.formats.polygons import join_fans
 from meshreel.formats.vtk_arrays import TEXTURE_COORDINATES
 from meshreel.formats.vtkhdf import OWN, ROOT
 from meshreel.formats.vtkhdf_steps import POLY_DATA_GROUPS
+from meshreel.geometry.fans import join_fans
 from meshreel.surface import Attribute, Domain, Kind
 
 VERSION = (2, 3)

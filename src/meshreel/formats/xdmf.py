@@ -15,7 +15,6 @@ from meshreel.errors import FormatError
 from meshreel.formats.naming import os_errors_naming
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.scene import SceneMesh
-from meshreel.formats.scene_source import scene_opener
 from meshreel.formats.xdmf_grid import GridFrames
 from meshreel.formats.xdmf_items import DataItems
 from meshreel.formats.xml_tree import parse_xml
@@ -51,10 +50,6 @@ def read_xdmf(path: Path, options: ReadOptions) -> Sequence[SceneMesh]:
         _scene_mesh(name, times, GridFrames(steps, items, root, options.notes))
         for name, (_, times, steps) in zip(names, found, strict=True)
     ]
-
-
-open_xdmf = scene_opener(read_xdmf)
-"""A function from a path and options to the sequence of an XDMF file."""
 
 
 def _scene_mesh(name: str, times: npt.NDArray[np.float64], frames: GridFrames) -> SceneMesh:
