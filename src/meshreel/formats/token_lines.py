@@ -1,28 +1,26 @@
 """The words of a text file and the lines they stand on, as arrays.
 
 Mesh files in text are millions of short numbers, too many for a Python loop over lines. Here
-numpy finds all the words at once and reads the integers digit by digit for all words together, so
-that every layout (plain, with slashes, with extra columns, of mixed length) takes the same path.
+numpy finds all the words at once and reads the numbers of all words together, so that every layout
+(plain, with slashes, with extra columns, of mixed length) takes the same path.
 """
 
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
 from meshreel.errors import FormatError
+from meshreel.formats.decimal_words import decimal_values
+from meshreel.formats.integer_words import are_spaces, integer_values
 from meshreel.geometry.ragged import Integers
 
-MAX_DIGITS = 18  # any more could overflow int64; no mesh has 10^18 vertices
 BLOCK_WORDS = 1 << 16  # words read at a time: more would only take more memory
 
 _Values = TypeVar("_Values", npt.NDArray[np.int64], npt.NDArray[np.float64])
-
-_IS_SPACE = np.zeros(256, dtype=bool)
-_IS_SPACE[list(b" \t\n\r\v\f")] = True
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,6 +65,15 @@ class TokenLines:
         lines_before = self.physical.count(b"\n", 0, int(self.starts[token]))
         return f"line {lines_before + 1}"
 
+    def words_after_first(self, line: int) -> str:
+        """The words of the line of that number but the first, with a blank between any two."""
+        first, last = self.first[line], self.first[line] + self.counts[line] - 1
+        text = b" ".join(self.text[self.ends[first] : self.ends[last]].split())
+        try:
+            return text.decode("utf-8")
+        except UnicodeDecodeError:
+            return text.decode("latin-1")
+
     def begins_with(self, word: bytes) -> npt.NDArray[np.bool_]:
         """Whether the first word of each line is `word`."""
         start, codes = self.starts[self.first], self._codes()
@@ -85,14 +92,9 @@ class TokenLines:
             Naming the first word that is not a number, and its line.
         """
         flat = tokens.ravel()
-        values = np.empty(len(flat))
-        for block, found in _blocks(flat, values):
-            ranges = zip(self.starts[block].tolist(), self.ends[block].tolist(), strict=True)
-            words = [self.text[start:end] for start, end in ranges]
-            try:
-                found[:] = np.array(words, dtype=np.float64)
-            except ValueError:
-                raise self._not_a_float(block, words) from None
+        values, is_read = decimal_values(self.text, self.starts[flat], self.ends[flat])
+        if not is_read.all():
+            values[~is_read] = self._floats_one_by_one(flat[~is_read])
         return values.reshape(tokens.shape)
 
     def integers(self, tokens: Integers, *, stop_at_slash: bool = False) -> npt.NDArray[np.int64]:
@@ -110,30 +112,50 @@ class TokenLines:
         FormatError
             Naming the first word that is not an integer, and its line.
         """
-        values = np.zeros(len(tokens), dtype=np.int64)
+        values = np.empty(len(tokens), dtype=np.int64)
         for block, found in _blocks(tokens, values):
-            self._read_integers(block, found, stop_at_slash)
+            found[:], good = integer_values(self._codes(), self.starts[block], stop_at_slash)
+            if not good.all():
+                raise self._not_a(int(block[np.argmin(good)]), "an integer")
         return values
 
-    def _read_integers(
-        self, tokens: Integers, values: npt.NDArray[np.int64], stop_at_slash: bool
-    ) -> None:
-        """Fill `values`, which come as zeros, with the integers that those words are."""
+    def integers_after_slash(
+        self, tokens: Integers
+    ) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.bool_]]:
+        """The integer behind the first slash of each word, as 7 of ``3/7/1``; where there is one.
+
+        Raises
+        ------
+        FormatError
+            Naming the first word with something else there, and its line.
+        """
         codes = self._codes()
-        sign = codes[self.starts[tokens]]
-        begin = self.starts[tokens] + ((sign == ord("-")) | (sign == ord("+")))
-        at = begin.copy()
-        for _ in range(MAX_DIGITS):
-            digit = codes[at] - np.uint8(ord("0"))  # wraps to above 9 for what is not a digit
-            more = digit < 10
-            if not more.any():
-                break
-            values[more] = values[more] * 10 + digit[more]
-            at += more
-        good = (at > begin) & (_IS_SPACE[codes[at]] | (stop_at_slash & (codes[at] == ord("/"))))
-        if not good.all():
-            raise self._not_a(int(tokens[np.argmin(good)]), "an integer")
-        values[sign == ord("-")] *= -1
+        slashes = np.append(np.flatnonzero(codes == ord("/")), len(codes) - 1)
+        begins = slashes[np.searchsorted(slashes, self.starts[tokens])] + 1
+        ends = self.ends[tokens]
+        is_there = begins < ends
+        is_there[is_there] = codes[begins[is_there]] != ord("/")
+        behind = replace(self, starts=begins[is_there], ends=ends[is_there])
+        values = np.zeros(len(tokens), dtype=np.int64)
+        values[is_there] = behind.integers(np.arange(len(behind.starts)), stop_at_slash=True)
+        return values, is_there
+
+    def have_points(self, tokens: Integers) -> bool:
+        """Whether any of the words of those numbers has a decimal point."""
+        points = np.flatnonzero(self._codes() == ord("."))
+        starts, ends = self.starts[tokens.ravel()], self.ends[tokens.ravel()]
+        return bool((np.searchsorted(points, starts) < np.searchsorted(points, ends)).any())
+
+    def _floats_one_by_one(self, tokens: Integers) -> npt.NDArray[np.float64]:
+        values = np.empty(len(tokens))
+        for block, found in _blocks(tokens, values):
+            ranges = zip(self.starts[block].tolist(), self.ends[block].tolist(), strict=True)
+            words = [self.text[start:end] for start, end in ranges]
+            try:
+                found[:] = np.array(words, dtype=np.float64)
+            except ValueError:
+                raise self._not_a_float(block, words) from None
+        return values
 
     def _codes(self) -> npt.NDArray[np.uint8]:
         return np.frombuffer(self.text, dtype=np.uint8)
@@ -187,7 +209,7 @@ def _is_number(word: bytes) -> bool:
 
 def _find_words(text: bytes, physical: bytes) -> TokenLines:
     codes = np.frombuffer(text, dtype=np.uint8)
-    space = np.concatenate([[True], _IS_SPACE[codes]])
+    space = np.concatenate([[True], are_spaces(codes)])
     edges = np.flatnonzero(space[1:] != space[:-1])
     starts, ends = edges[0::2], edges[1::2]
     words_so_far = np.searchsorted(starts, np.flatnonzero(codes == ord("\n")))

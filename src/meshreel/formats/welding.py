@@ -68,7 +68,7 @@ def weld_rows(blocks: Iterable[npt.NDArray[Any]]) -> tuple[Numbers, Numbers]:
         if index == 0:
             labels = np.zeros(len(bits), np.int64)
             labels, representatives = _split(labels, bits)
-        elif (bits[representatives[labels]] != bits).any():
+        elif (bits.take(representatives[labels], axis=0) != bits).any():
             labels, representatives = _split(labels, bits)
     return labels, representatives
 
