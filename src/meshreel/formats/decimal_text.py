@@ -1,8 +1,12 @@
-"""Positions as decimal text and back, so that float32 comes back as the same float32."""
+"""Numbers as decimal text and back, so that float32 comes back as the same float32."""
 
 import math
+from collections.abc import Iterable, Sequence
+from itertools import islice
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from meshreel.geometry.ragged import Integers
 from meshreel.sequence import Vertices, bounding_boxes
@@ -13,7 +17,9 @@ NEAR_DIAGONALS = 100
 BLOCK_ROWS = 1 << 16  # rows turned into Python objects at a time
 
 
-def vertex_rows(vertices: Vertices, *, prefix: str = "") -> bytes:
+def vertex_rows(
+    vertices: Vertices, *, prefix: str = "", suffixes: Sequence[str] | None = None
+) -> bytes:
     """One line ``x y z`` for each vertex, with as many digits as it takes to read it back exactly.
 
     Nine digits tell all float32 apart. Float64 gets the shortest text that is exact, and so does
@@ -25,11 +31,32 @@ def vertex_rows(vertices: Vertices, *, prefix: str = "") -> bytes:
         Positions in model units, finite.
     prefix : str, default ""
         What every line begins with.
+    suffixes : sequence of V str, optional
+        What follows in each line, after a blank; without percent signs.
     """
+    if len(vertices) == 0:
+        return b""
     with np.errstate(over="ignore"):
         is_near = np.abs(vertices).max() <= NEAR_DIAGONALS * _diagonal(vertices)
     number = "%.9g" if vertices.dtype == np.float32 and is_near else "%r"
-    return _rows(f"{prefix}{number} {number} {number}\n", vertices)
+    line = f"{prefix}{number} {number} {number}"
+    starts = range(0, len(vertices), BLOCK_ROWS)
+    blocks = [slice(start, start + BLOCK_ROWS) for start in starts]
+    return b"".join(
+        _filled(line, vertices[block], None if suffixes is None else suffixes[block])
+        for block in blocks
+    )
+
+
+def number_rows(values: npt.NDArray[Any]) -> list[str]:
+    """The numbers of each row of values, with as few digits as read back exactly."""
+    return [" ".join(map(str, row)) for row in values]
+
+
+def face_rows(counts: Integers, corners: Iterable[str]) -> list[str]:
+    """The words of the corners of each face, which has so many corners."""
+    words = iter(corners)
+    return [" ".join(islice(words, count)) for count in counts.tolist()]
 
 
 class Narrowing:
@@ -59,14 +86,13 @@ class Narrowing:
         return math.isfinite(self._change) and self._change <= FLOAT32_TOLERANCE * self._size
 
 
-def face_rows(faces: Integers, *, prefix: str = "") -> bytes:
-    """One line ``a b c`` for each triangle, after `prefix`."""
-    return _rows(f"{prefix}%d %d %d\n", faces)
-
-
-def _rows(line: str, rows: Vertices | Integers) -> bytes:
-    blocks = (rows[begin : begin + BLOCK_ROWS] for begin in range(0, len(rows), BLOCK_ROWS))
-    return b"".join((line * len(b) % tuple(b.ravel().tolist())).encode("ascii") for b in blocks)
+def _filled(line: str, rows: Vertices, suffixes: Sequence[str] | None) -> bytes:
+    """The line for each row, with its numbers and suffix."""
+    if suffixes is None:
+        template = f"{line}\n" * len(rows)
+    else:
+        template = "".join(f"{line} {suffix}\n" for suffix in suffixes)
+    return (template % tuple(rows.ravel().tolist())).encode("ascii")
 
 
 def _diagonal(frame: Vertices) -> float:

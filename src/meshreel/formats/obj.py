@@ -3,22 +3,16 @@
 Our own reader: the one of trimesh splits vertices at texture seams and leaves out those that no
 face uses, so that frames could differ; a sequence needs them all, in file order. Read: ``v``
 (columns after z ignored), ``f`` (only the vertex of ``v/vt/vn``; negative indices count back from
-the last vertex above), comments, and a backslash that continues a line. Everything else (normals,
-texture coordinates, groups, materials, lines, curves) is passed over.
+the last vertex above), comments, and a backslash that continues a line. Everything else is passed
+over; `meshreel.formats.obj_surface` reads what of it is the same in every frame.
 """
-
-from collections.abc import Callable
 
 import numpy as np
 import numpy.typing as npt
 
 from meshreel.errors import FormatError
-from meshreel.formats.decimal_text import face_rows, vertex_rows
 from meshreel.formats.polygons import PolygonMesh, polygon_mesh
 from meshreel.formats.token_lines import TokenLines, split_lines
-from meshreel.geometry.ragged import ragged_indices
-from meshreel.sequence import Faces, Vertices
-from meshreel.surface import PLAIN, Surface
 
 
 def parse_obj(data: bytes) -> PolygonMesh:
@@ -29,7 +23,11 @@ def parse_obj(data: bytes) -> PolygonMesh:
     FormatError
         Naming the line that is wrong, or if there are no vertices or no faces.
     """
-    lines = split_lines(data, continuation=True)
+    return obj_mesh(split_lines(data, continuation=True))
+
+
+def obj_mesh(lines: TokenLines) -> PolygonMesh:
+    """The mesh of the lines of an OBJ file; as `parse_obj`."""
     is_vertex = lines.begins_with(b"v")
     face_lines = np.flatnonzero(lines.begins_with(b"f"))
     counts = lines.counts[face_lines] - 1
@@ -45,15 +43,6 @@ def parse_obj(data: bytes) -> PolygonMesh:
         given=lambda corner: written[corner],
         allowed=f"1..{len(vertices)}, or count back with -1..-{len(vertices)}",
     )
-
-
-def obj_encoder(faces: Faces, surface: Surface = PLAIN) -> Callable[[Vertices], bytes]:
-    """A function from the positions of a frame, of shape (V, 3), to the bytes of its OBJ file.
-
-    Float32 and float64 positions read back exactly. The faces are written out once.
-    """
-    face_text = face_rows(faces + 1, prefix="f ")
-    return lambda vertices: vertex_rows(vertices, prefix="v ") + face_text
 
 
 def _vertices(lines: TokenLines, vertex_lines: npt.NDArray[np.int64]) -> npt.NDArray[np.float64]:

@@ -2,23 +2,35 @@
 
 Our own reader: it comes nearly free with the one for OBJ, keeps polygons, and checks the declared
 counts. Read: the header words ``OFF``, ``COFF``, ``NOFF``, ``STOFF`` and their combinations, or
-none; counts on the header's line or the next; one vertex or face a line, with colours, normals
-and texture coordinates passed over. Not read: ``4OFF``, ``nOFF`` (other dimensions) and binary.
+none; counts on the header's line or the next; one vertex or face a line, of which
+`meshreel.formats.off_surface` reads colours and texture coordinates. Not read: ``4OFF``, ``nOFF``
+(other dimensions) and binary.
 """
 
 import re
-from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
 from meshreel.errors import FormatError
-from meshreel.formats.decimal_text import face_rows, vertex_rows
 from meshreel.formats.polygons import PolygonMesh, polygon_mesh
 from meshreel.formats.token_lines import TokenLines, split_lines
-from meshreel.geometry.ragged import ragged_indices
-from meshreel.sequence import Faces, Vertices
-from meshreel.surface import PLAIN, Surface
+
+
+@dataclass(frozen=True)
+class OffHeader:
+    """The header word, the declared numbers, and the first line after them."""
+
+    keyword: str
+    n_verts: int
+    n_faces: int
+    begin: int
+
+    @property
+    def face_begin(self) -> int:
+        """The line of the first face."""
+        return self.begin + self.n_verts
 
 
 def parse_off(data: bytes) -> PolygonMesh:
@@ -30,35 +42,26 @@ def parse_off(data: bytes) -> PolygonMesh:
         Naming the line that is wrong, or if there are more or fewer lines than declared.
     """
     lines = split_lines(data)
-    n_verts, n_faces, begin = _header(lines)
-    if n_verts + n_faces != lines.n_lines - begin:
+    return off_mesh(lines, read_off_header(lines))
+
+
+def off_mesh(lines: TokenLines, header: OffHeader) -> PolygonMesh:
+    """The mesh of the lines of an OFF file; as `parse_off`."""
+    n_lines = lines.n_lines - header.begin
+    if header.n_verts + header.n_faces != n_lines:
         raise FormatError(
-            f"declares {n_verts} vertices and {n_faces} faces, one a line, but "
-            f"{lines.n_lines - begin} lines follow; the file is truncated or damaged"
+            f"declares {header.n_verts} vertices and {header.n_faces} faces, one a line, but "
+            f"{n_lines} lines follow; the file is truncated or damaged"
         )
-    vertices = _vertices(lines, np.arange(begin, begin + n_verts))
-    face_lines = np.arange(begin + n_verts, lines.n_lines)
+    vertices = _vertices(lines, np.arange(header.begin, header.face_begin))
+    face_lines = np.arange(header.face_begin, lines.n_lines)
     counts = _corner_counts(lines, face_lines)
     corners = lines.integers(ragged_indices(lines.first[face_lines] + 1, counts))
     return polygon_mesh(vertices, counts, corners, place=lambda face: lines.place(face_lines[face]))
 
 
-def off_encoder(faces: Faces, surface: Surface = PLAIN) -> Callable[[Vertices], bytes]:
-    """A function from the positions of a frame, of shape (V, 3), to the bytes of its OFF file.
-
-    Float32 and float64 positions read back exactly. The faces are written out once.
-    """
-    face_text = face_rows(faces, prefix="3 ")
-
-    def encode(vertices: Vertices) -> bytes:
-        header = f"OFF\n{len(vertices)} {len(faces)} 0\n".encode("ascii")
-        return header + vertex_rows(vertices) + face_text
-
-    return encode
-
-
-def _header(lines: TokenLines) -> tuple[int, int, int]:
-    """Number of vertices, number of faces, and the first line after them."""
+def read_off_header(lines: TokenLines) -> OffHeader:
+    """The header of the lines of an OFF file; raises as `parse_off`."""
     if lines.n_lines == 0:
         raise FormatError("is empty; expected the word OFF")
     keyword = lines.word(0)
@@ -74,7 +77,7 @@ def _header(lines: TokenLines) -> tuple[int, int, int]:
     n_verts, n_faces = lines.integers(lines.first[line] + offset + np.arange(2)).tolist()
     if n_verts < 0 or n_faces < 0:
         raise FormatError(f"{lines.place(line)}: counts must not be negative")
-    return n_verts, n_faces, line + 1
+    return OffHeader(keyword if n_words else "OFF", n_verts, n_faces, line + 1)
 
 
 def _vertices(lines: TokenLines, vertex_lines: npt.NDArray[np.int64]) -> npt.NDArray[np.float64]:

@@ -43,7 +43,7 @@ class BinaryCells:
         self.n_cells = len(body)
         self._body = body
         self._codes = np.frombuffer(body, dtype=np.uint8)
-        self._byte_order = byte_order
+        self.byte_order = byte_order
 
     def width(self, code: str) -> int:
         """Bytes that one number of that type takes."""
@@ -51,15 +51,27 @@ class BinaryCells:
 
     def take(self, offsets: Integers, code: str) -> npt.NDArray[Any]:
         """The numbers that begin at those bytes, in native byte order."""
-        words = self._codes[offsets[:, None] + np.arange(self.width(code))]
-        numbers: npt.NDArray[Any] = words.view(self._byte_order + code)[:, 0].astype(code)
+        width, step = self.width(code), _step(offsets)
+        if step:  # a view is ten times faster than to gather bytes
+            first, dtype = int(offsets[0]), self.byte_order + code
+            return np.ndarray(len(offsets), dtype, self._body, first, (step,)).astype(code)
+        words = self._codes[offsets[:, None] + np.arange(width)]
+        numbers: npt.NDArray[Any] = words.view(self.byte_order + code)[:, 0].astype(code)
         return numbers
 
     def integer_at(self, offset: int, code: str) -> int:
         """The one integer that begins at that byte."""
         word = self._body[offset : offset + self.width(code)]
-        order: Literal["little", "big"] = "little" if self._byte_order == "<" else "big"
+        order: Literal["little", "big"] = "little" if self.byte_order == "<" else "big"
         return int.from_bytes(word, order, signed=code.startswith("i"))
+
+
+def _step(offsets: Integers) -> int:
+    """From each offset to the next, if that is always as far and there are at least two; else 0."""
+    if len(offsets) < 2:
+        return 0
+    step = int(offsets[1]) - int(offsets[0])
+    return step if (np.diff(offsets) == step).all() else 0
 
 
 class WordCells:

@@ -23,11 +23,12 @@ class ElementLayout:
     ----------
     offsets : dict of str to int64 array of shape (number of rows,)
         Cell of each property in each row; of a list, of its length.
-    end : int
-        The first cell after the element.
+    start, end : int
+        The first cell of the element, and the first one after it.
     """
 
     offsets: dict[str, Offsets]
+    start: int
     end: int
 
 
@@ -42,7 +43,8 @@ def locate_element(element: PlyElement, cells: PlyCells, start: int) -> ElementL
     row_width = sum(cells.width(p.count_code or p.code) for p in element.properties)
     _check_fits(element, element.n_rows * row_width, cells.n_cells - start)
     if element.n_rows == 0 or not element.properties:
-        return ElementLayout({p.name: np.empty(0, np.int64) for p in element.properties}, start)
+        nowhere = {column.name: np.empty(0, np.int64) for column in element.properties}
+        return ElementLayout(nowhere, start, start)
     return _locate_equal_rows(element, cells, start) or _locate_each_row(element, cells, start)
 
 
@@ -67,18 +69,19 @@ def _locate_equal_rows(element: PlyElement, cells: PlyCells, start: int) -> Elem
             lengths = cells.take(offsets[column.name], column.count_code)
             if (lengths != lengths[0]).any():
                 return None
-    return ElementLayout(offsets, start + element.n_rows * row_width)
+    return ElementLayout(offsets, start, start + element.n_rows * row_width)
 
 
 def _locate_each_row(element: PlyElement, cells: PlyCells, start: int) -> ElementLayout:
     found: dict[str, list[int]] = {column.name: [] for column in element.properties}
+    end = start
     for _ in range(element.n_rows):
-        row, width = _walk_row(element, cells, start)
+        row, width = _walk_row(element, cells, end)
         for name, cell in row.items():
             found[name].append(cell)
-        start += width
+        end += width
     offsets = {name: np.array(starts, np.int64) for name, starts in found.items()}
-    return ElementLayout(offsets, start)
+    return ElementLayout(offsets, start, end)
 
 
 def _walk_row(element: PlyElement, cells: PlyCells, start: int) -> tuple[dict[str, int], int]:

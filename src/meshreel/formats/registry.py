@@ -16,11 +16,17 @@ from meshreel.formats.hdf import open_hdf_sequence, write_hdf
 from meshreel.formats.mdd import mdd_opener, write_mdd
 from meshreel.formats.npz import write_npz
 from meshreel.formats.npz_frames import open_npz
-from meshreel.formats.obj import obj_encoder, parse_obj
-from meshreel.formats.off import off_encoder, parse_off
+from meshreel.formats.obj import parse_obj
+from meshreel.formats.obj_surface import parse_obj_surface
+from meshreel.formats.obj_writing import obj_encoder
+from meshreel.formats.off import parse_off
+from meshreel.formats.off_surface import parse_off_surface
+from meshreel.formats.off_writing import off_encoder
 from meshreel.formats.options import ReadOptions, WriteOptions
 from meshreel.formats.pc2 import pc2_opener, write_pc2
-from meshreel.formats.ply import parse_ply, ply_encoder
+from meshreel.formats.ply import parse_ply
+from meshreel.formats.ply_surface import parse_ply_surface
+from meshreel.formats.ply_writing import ply_encoder
 from meshreel.formats.polygons import PolygonMesh
 from meshreel.formats.pvd import read_pvd
 from meshreel.formats.reel import open_reel, write_reel
@@ -53,11 +59,11 @@ class FrameFormat:
         What people call it.
     parse : function of the bytes of a file
         Gives its `PolygonMesh`; its errors name the line but not the file.
-    encoder : function of the faces and the surface, or None
+    encoder : function of the faces, the surface and a list of notes, or None
         Gives a function from the positions of a frame to the bytes of its file; None if files of
-        this format are only read.
+        this format are only read. The notes gain a sentence on what such a file does not hold.
     parse_surface : function of the bytes of a file, optional
-        Gives attributes and groups of a file that `parse` reads, without face sizes.
+        Gives attributes, groups and parts of a file that `parse` reads, without face sizes.
     is_decimal : bool, default False
         Whether positions are decimal text without a declared type.
     has_corners_only : bool, default False
@@ -67,7 +73,7 @@ class FrameFormat:
     ending: str
     title: str
     parse: Callable[[bytes], PolygonMesh]
-    encoder: Callable[[Faces, Surface], Callable[[Vertices], bytes]] | None
+    encoder: Callable[[Faces, Surface, list[str]], Callable[[Vertices], bytes]] | None
     parse_surface: Callable[[bytes], Surface] | None = None
     is_decimal: bool = False
     has_corners_only: bool = False
@@ -125,9 +131,23 @@ def scene_format(
 FRAME_FORMATS = {
     found.ending: found
     for found in (
-        FrameFormat(".obj", "Wavefront OBJ", parse_obj, obj_encoder, is_decimal=True),
-        FrameFormat(".ply", "PLY", parse_ply, ply_encoder),
-        FrameFormat(".off", "OFF", parse_off, off_encoder, is_decimal=True),
+        FrameFormat(
+            ".obj",
+            "Wavefront OBJ",
+            parse_obj,
+            obj_encoder,
+            parse_obj_surface,
+            is_decimal=True,
+        ),
+        FrameFormat(".ply", "PLY", parse_ply, ply_encoder, parse_ply_surface),
+        FrameFormat(
+            ".off",
+            "OFF",
+            parse_off,
+            off_encoder,
+            parse_off_surface,
+            is_decimal=True,
+        ),
         FrameFormat(".stl", "STL", parse_stl, stl_encoder, is_decimal=True, has_corners_only=True),
         FrameFormat(".vtu", "VTK cells", parse_vtk_xml, None, parse_vtk_xml_surface),
         FrameFormat(".vtp", "VTK polygons", parse_vtk_xml, None, parse_vtk_xml_surface),

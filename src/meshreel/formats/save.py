@@ -201,4 +201,4 @@ def _write_sequence(
 def _encoder(found: FrameFormat, stream: FrameStream) -> Callable[[Vertices], bytes]:
     if found.encoder is None:  # the target was checked
         raise FormatError(f"{found.ending} files are read, but not written")
-    return found.encoder(stream.faces, stream.surface)
+    return found.encoder(stream.faces, stream.surface, stream.notes)

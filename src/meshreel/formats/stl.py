@@ -14,6 +14,7 @@ import numpy.typing as npt
 from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.polygons import PolygonMesh, polygon_mesh
 from meshreel.formats.token_lines import TokenLines, split_lines
+from meshreel.formats.unwritten import note_unwritten
 from meshreel.sequence import Faces, Vertices
 from meshreel.surface import PLAIN, Surface
 
@@ -46,14 +47,24 @@ def parse_stl(data: bytes) -> PolygonMesh:
     return polygon_mesh(corners, np.full(n_faces, 3), np.arange(3 * n_faces))
 
 
-def stl_encoder(faces: Faces, surface: Surface = PLAIN) -> Callable[[Vertices], bytes]:
+def stl_encoder(
+    faces: Faces, surface: Surface = PLAIN, notes: list[str] | None = None
+) -> Callable[[Vertices], bytes]:
     """A function from the positions of a frame, of shape (V, 3), to the bytes of its STL file.
+
+    Parameters
+    ----------
+    faces : int32 array of shape (M, 3)
+    surface : Surface, optional
+    notes : list of str, optional
+        Gains a sentence on the surface, none of which an STL file holds.
 
     Raises
     ------
     InvalidInputError
         By the function, if a position is too large for float32.
     """
+    note_unwritten(surface, (), ".stl", notes, polygons=False)
 
     def encode(vertices: Vertices) -> bytes:
         triangles = np.zeros(len(faces), dtype=TRIANGLE)

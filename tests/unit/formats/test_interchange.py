@@ -7,6 +7,8 @@ import pytest
 
 from meshreel.formats.load import load
 from meshreel.formats.save import save
+from meshreel.surface import Kind
+from sample_surfaces import CUBE_SIZES, attribute, rich_cube
 
 trimesh = pytest.importorskip("trimesh")
 
@@ -55,3 +57,29 @@ def test_save_writes_what_trimesh_reads_when_the_mesh_has_one_frame(
     mesh = trimesh.load(io.BytesIO(path.read_bytes()), file_type=ending, process=False)
     expected = sequence.vertices[0][sequence.faces]
     np.testing.assert_array_equal(np.asarray(mesh.triangles, np.float32), expected)
+
+
+def vtk_mesh(module, reader, path):
+    """The mesh that a reader of VTK finds."""
+    vtk_reader = getattr(pytest.importorskip(f"vtkmodules.{module}"), reader)()
+    vtk_reader.SetFileName(str(path))
+    vtk_reader.Update()
+    return vtk_reader.GetOutput()
+
+
+def test_vtk_reads_colors_and_coordinates_when_we_wrote_ply(tmp_path):
+    color, uv = attribute(Kind.COLOR, "vertex", 4, np.uint8), attribute(Kind.UV, "vertex", 2)
+    (path,) = save(rich_cube(1, attributes=[color, uv]), tmp_path / "a.ply")
+    found = vtk_mesh("vtkIOPLY", "vtkPLYReader", path).GetPointData()
+    np.testing.assert_array_equal(found.GetScalars(), color.values)
+    np.testing.assert_array_equal(found.GetTCoords(), uv.values)
+
+
+def test_vtk_reads_polygons_and_coordinates_when_we_wrote_obj(tmp_path):
+    uv = attribute(Kind.UV, "corner", 2, rows=9)
+    (path,) = save(rich_cube(1, attributes=[uv]), tmp_path / "a.obj")
+    found = vtk_mesh("vtkIOGeometry", "vtkOBJReader", path)
+    polys = found.GetPolys()
+    assert np.diff(polys.GetOffsetsArray()).tolist() == list(CUBE_SIZES)
+    rows = np.array(found.GetPointData().GetTCoords())[np.array(polys.GetConnectivityArray())]
+    np.testing.assert_allclose(rows, uv.per_item(), rtol=1e-6)  # VTK itself rounds what it reads

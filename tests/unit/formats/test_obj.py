@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 
 from meshreel.errors import FormatError
-from meshreel.formats.obj import obj_encoder, parse_obj
+from meshreel.formats.obj import parse_obj
+from meshreel.formats.obj_writing import obj_encoder
 
 TRIANGLE = b"v 0 0 0\nv 1 0 0\nv 0 1 0\n"
 

@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 
 from meshreel.errors import FormatError
-from meshreel.formats.off import off_encoder, parse_off
+from meshreel.formats.off import parse_off
+from meshreel.formats.off_writing import off_encoder
 
 BODY = b"0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n"
 

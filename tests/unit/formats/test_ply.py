@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from meshreel.errors import FormatError
-from meshreel.formats.ply import parse_ply, ply_encoder
+from meshreel.formats.ply import parse_ply
+from meshreel.formats.ply_writing import ply_encoder
 
 QUAD = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0.1]])
 

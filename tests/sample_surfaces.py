@@ -1,0 +1,69 @@
+"""Surfaces that tests share, and their comparison; made here, deterministic."""
+
+import numpy as np
+
+from meshreel.sequence import MeshSequence
+from meshreel.surface import Attribute, Domain, FaceGroups, Part, Surface
+
+CUBE = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], np.float32)
+CUBE_SIZES = (4, 4, 4, 4, 3, 3, 4)
+CUBE_FACES = [[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1], [2, 3, 7],
+              [2, 7, 6], [0, 2, 6], [0, 6, 4], [1, 5, 7], [1, 7, 3]]  # fmt: skip
+
+
+def rich_cube(n_frames=3, *, attributes=(), groups=(), parts=(), dtype=np.float32):
+    """A growing cube of quads and two triangles, with what is asked for."""
+    scale = 1 + np.arange(n_frames)[:, None, None] / 7
+    vertices = (CUBE * scale).astype(dtype)
+    surface = Surface(np.array(CUBE_SIZES), tuple(attributes), tuple(groups), tuple(parts))
+    return MeshSequence(vertices, np.array(CUBE_FACES), surface=surface)
+
+
+N_ITEMS = {Domain.VERTEX: 8, Domain.FACE: 7, Domain.CORNER: 26}
+
+
+def attribute(kind, domain, width, dtype=np.float32, *, name="", rows=0):
+    """An attribute of the cube with values that need all their digits; indexed if it has rows."""
+    rng = np.random.default_rng(width)
+    n_items = N_ITEMS[Domain(domain)]
+    values = rng.random((rows or n_items, width))
+    if np.dtype(dtype).kind != "f":
+        values = values * 256
+    indices = rng.integers(0, rows, n_items).astype(np.int32) if rows else None
+    return Attribute(name or kind.value, kind, Domain(domain), values.astype(dtype), indices)
+
+
+def groups(name, labels, numbers):
+    """Faces of the cube sorted into groups."""
+    return FaceGroups(name, tuple(labels), np.array(numbers, np.int32))
+
+
+def two_cubes(n_frames=3):
+    """Two parts that have names with slashes and share nothing."""
+    one = rich_cube(n_frames)
+    vertices = np.concatenate([one.vertices, one.vertices + 2], axis=1)
+    faces = np.concatenate([one.faces, one.faces + 8])
+    parts = (Part("/root/left", 8, 7), Part("/root/right", 8, 7))
+    surface = Surface(np.array(CUBE_SIZES * 2), parts=parts)
+    return MeshSequence(vertices, faces, surface=surface)
+
+
+def described(surface):
+    """All that a surface holds as plain values, to be compared."""
+    sizes = None if surface.face_sizes is None else surface.face_sizes.tolist()
+    return {
+        "sizes": sizes,
+        "attributes": [
+            (
+                one.name,
+                one.kind,
+                one.domain,
+                one.values.dtype,
+                one.values.tolist(),
+                None if one.indices is None else one.indices.tolist(),
+            )
+            for one in surface.attributes
+        ],
+        "groups": [(one.name, one.labels, one.numbers.tolist()) for one in surface.groups],
+        "parts": surface.parts,
+    }
