@@ -1,11 +1,12 @@
 """Files that hold a frame each, known to agree in their faces and to stay as they are."""
 
 import zlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
+import numpy.typing as npt
 
 from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.naming import errors_naming, os_errors_naming
@@ -13,7 +14,7 @@ from meshreel.formats.polygons import PolygonMesh
 from meshreel.formats.registry import FrameFormat
 from meshreel.formats.stored_frames import changed_error
 from meshreel.progress import Progress
-from meshreel.sequence import validate_finite
+from meshreel.sequence import Vertices, validate_finite
 from meshreel.surface import PLAIN, Surface
 
 
@@ -32,6 +33,8 @@ class MeshFiles:
         self.paths = tuple(paths)
         self.format = found
         self._checksums: dict[int, int] = {}
+        self._faces: tuple[npt.NDArray[np.int64], npt.NDArray[np.int32]] | None = None
+        self._positions: Callable[[bytes], Vertices | None] = lambda data: None
 
     def __len__(self) -> int:
         return len(self.paths)
@@ -71,7 +74,11 @@ class MeshFiles:
             Naming the file that is not there, or has changed.
         """
         with self._contents(index) as data:
-            return self.format.parse(data)
+            if self._faces is None:
+                return self._learn(data)
+            if (vertices := self._positions(data)) is None:
+                return self.format.parse(data)
+            return PolygonMesh(vertices, *self._faces)
 
     def surface(self) -> Surface:
         """Attributes and groups of the first frame; raises as `mesh`."""
@@ -79,6 +86,14 @@ class MeshFiles:
             return PLAIN
         with self._contents(0) as data:
             return self.format.parse_surface(data)
+
+    def _learn(self, data: bytes) -> PolygonMesh:
+        """The mesh of the file that is read first, whose faces the others most likely have."""
+        mesh = self.format.parse(data)
+        self._faces = mesh.counts, mesh.corners
+        if len(self) > 1 and self.format.positions_like is not None:
+            self._positions = self.format.positions_like(data, mesh)
+        return mesh
 
     @contextmanager
     def _contents(self, index: int) -> Iterator[bytes]:

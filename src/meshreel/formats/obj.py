@@ -7,12 +7,19 @@ the last vertex above), comments, and a backslash that continues a line. Everyth
 over; `meshreel.formats.obj_surface` reads what of it is the same in every frame.
 """
 
+import re
+from collections.abc import Callable
+from contextlib import suppress
+
 import numpy as np
 import numpy.typing as npt
 
 from meshreel.errors import FormatError
 from meshreel.formats.polygons import PolygonMesh, polygon_mesh
 from meshreel.formats.token_lines import TokenLines, split_lines
+from meshreel.sequence import Vertices
+
+END_OF_SEGMENT = re.compile(rb"\nv(?!t)")
 
 
 def parse_obj(data: bytes) -> PolygonMesh:
@@ -43,6 +50,71 @@ def obj_mesh(lines: TokenLines) -> PolygonMesh:
         given=lambda corner: written[corner],
         allowed=f"1..{len(vertices)}, or count back with -1..-{len(vertices)}",
     )
+
+
+def obj_positions_like(first: bytes, mesh: PolygonMesh) -> Callable[[bytes], Vertices | None]:
+    """A function from the bytes of another file to its positions, if its faces are the same text.
+
+    It gives None for a file that must be read whole: faces or texture coordinates are written
+    otherwise, or something is wrong. Only the lines between are read, in a third of the time.
+    """
+    segments, n_verts = _same_segments(first), len(mesh.vertices)
+    counts_back = any(b" -" in segment for segment in segments)
+
+    def positions(data: bytes) -> Vertices | None:
+        if counts_back or b"\\" in data or (rest := _without(segments, data)) is None:
+            return None
+        lines = split_lines(rest)
+        vertex_lines = np.flatnonzero(lines.begins_with(b"v"))
+        if lines.begins_with(b"f").any() or len(vertex_lines) != n_verts:
+            return None
+        with suppress(FormatError):  # reading it whole names the line
+            return _vertices(lines, vertex_lines)
+        return None
+
+    return positions
+
+
+def _same_segments(data: bytes) -> list[bytes]:
+    """The text from the first face or texture coordinate on, up to the next vertex; and so on."""
+    segments, end = [], 0
+    while (begin := _next_segment(data, end)) >= 0:
+        found = END_OF_SEGMENT.search(data, begin)
+        end = found.start() if found else len(data)
+        segments.append(data[begin:end])
+    return segments
+
+
+def _next_segment(data: bytes, at: int) -> int:
+    """Where the line before the next face or texture coordinate ends; -1 if there is none."""
+    face = _next_line(data, b"\nf ", at, len(data))
+    texture = _next_line(data, b"\nvt ", at, face if face >= 0 else len(data))
+    return texture if texture >= 0 else face
+
+
+def _next_line(data: bytes, beginning: bytes, at: int, stop: int) -> int:
+    """Where the next line with that beginning has it; -1 if there is none before `stop`."""
+    # Looking for one letter, which numbers do not have, is a hundred times faster than for two.
+    letter = beginning[-2:-1]
+    while (at := data.find(letter, at, stop) + 1) > 0:
+        begin = at - len(beginning) + 1
+        if begin >= 0 and data.startswith(beginning, begin):
+            return begin
+    return -1
+
+
+def _without(segments: list[bytes], data: bytes) -> bytes | None:
+    """What stands between the segments, if all of them are there where such begin."""
+    pieces, end = [], 0
+    for segment in segments:
+        begin = _next_segment(data, end)
+        if begin < 0 or not data.startswith(segment, begin):
+            return None
+        pieces.append(data[end:begin])
+        end = begin + len(segment)
+        if not segment.endswith(b"\n") and data[end : end + 1] not in b"\n":
+            return None
+    return b"\n".join([*pieces, data[end:]])
 
 
 def _vertices(lines: TokenLines, vertex_lines: npt.NDArray[np.int64]) -> npt.NDArray[np.float64]:

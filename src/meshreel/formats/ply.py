@@ -7,9 +7,13 @@ properties, faces of any size. Positions keep the declared type: double stays fl
 become a float type that holds them. What else is of use, `meshreel.formats.ply_surface` reads.
 """
 
+from collections.abc import Callable
+from dataclasses import replace
+
 import numpy as np
 
 from meshreel.errors import FormatError
+from meshreel.formats.ply_cells import BinaryCells
 from meshreel.formats.ply_tables import PlyTable, read_ply_tables
 from meshreel.formats.polygons import PolygonMesh, polygon_mesh
 from meshreel.geometry.ragged import Integers
@@ -33,6 +37,26 @@ def ply_mesh(tables: dict[str, PlyTable]) -> PolygonMesh:
     """The mesh of the tables of a PLY file; as `parse_ply`."""
     counts, corners = _faces(tables["face"])
     return polygon_mesh(_vertices(tables["vertex"]), counts, corners)
+
+
+def ply_positions_like(first: bytes, mesh: PolygonMesh) -> Callable[[bytes], Vertices | None]:
+    """A function from the bytes of another file to its positions, if the rest is the same bytes.
+
+    It gives None for a file that must be read whole. Text is always read whole.
+    """
+    table = read_ply_tables(first)["vertex"]
+    cells, has_lists = table.cells, any(column.count_code for column in table.element.properties)
+    if has_lists or not isinstance(cells, BinaryCells):
+        return lambda data: None
+    body = len(first) - cells.n_cells
+    before, after = first[: body + table.layout.start], first[body + table.layout.end :]
+
+    def positions(data: bytes) -> Vertices | None:
+        if len(data) != len(first) or not (data.startswith(before) and data.endswith(after)):
+            return None
+        return _vertices(replace(table, cells=BinaryCells(data[body:], cells.byte_order)))
+
+    return positions
 
 
 def _vertices(table: PlyTable) -> Vertices:

@@ -16,15 +16,15 @@ from meshreel.formats.hdf import open_hdf_sequence, write_hdf
 from meshreel.formats.mdd import mdd_opener, write_mdd
 from meshreel.formats.npz import write_npz
 from meshreel.formats.npz_frames import open_npz
-from meshreel.formats.obj import parse_obj
+from meshreel.formats.obj import obj_positions_like, parse_obj
 from meshreel.formats.obj_surface import parse_obj_surface
 from meshreel.formats.obj_writing import obj_encoder
-from meshreel.formats.off import parse_off
+from meshreel.formats.off import off_positions_like, parse_off
 from meshreel.formats.off_surface import parse_off_surface
 from meshreel.formats.off_writing import off_encoder
 from meshreel.formats.options import ReadOptions, WriteOptions
 from meshreel.formats.pc2 import pc2_opener, write_pc2
-from meshreel.formats.ply import parse_ply
+from meshreel.formats.ply import parse_ply, ply_positions_like
 from meshreel.formats.ply_surface import parse_ply_surface
 from meshreel.formats.ply_writing import ply_encoder
 from meshreel.formats.polygons import PolygonMesh
@@ -62,6 +62,9 @@ class FrameFormat:
     encoder : function of the faces, the surface and a list of notes, or None
         Gives a function from the positions of a frame to the bytes of its file; None if files of
         this format are only read. The notes gain a sentence on what such a file does not hold.
+    positions_like : function of the bytes of a file and the mesh that it holds, optional
+        Gives a function from the bytes of another file to its positions, for one that `parse`
+        would give the same faces; else, or if it does not look so at once, None.
     parse_surface : function of the bytes of a file, optional
         Gives attributes, groups and parts of a file that `parse` reads, without face sizes.
     is_decimal : bool, default False
@@ -74,6 +77,7 @@ class FrameFormat:
     title: str
     parse: Callable[[bytes], PolygonMesh]
     encoder: Callable[[Faces, Surface, list[str]], Callable[[Vertices], bytes]] | None
+    positions_like: Callable[[bytes, PolygonMesh], Callable[[bytes], Vertices | None]] | None = None
     parse_surface: Callable[[bytes], Surface] | None = None
     is_decimal: bool = False
     has_corners_only: bool = False
@@ -136,22 +140,24 @@ FRAME_FORMATS = {
             "Wavefront OBJ",
             parse_obj,
             obj_encoder,
+            obj_positions_like,
             parse_obj_surface,
             is_decimal=True,
         ),
-        FrameFormat(".ply", "PLY", parse_ply, ply_encoder, parse_ply_surface),
+        FrameFormat(".ply", "PLY", parse_ply, ply_encoder, ply_positions_like, parse_ply_surface),
         FrameFormat(
             ".off",
             "OFF",
             parse_off,
             off_encoder,
+            off_positions_like,
             parse_off_surface,
             is_decimal=True,
         ),
         FrameFormat(".stl", "STL", parse_stl, stl_encoder, is_decimal=True, has_corners_only=True),
-        FrameFormat(".vtu", "VTK cells", parse_vtk_xml, None, parse_vtk_xml_surface),
-        FrameFormat(".vtp", "VTK polygons", parse_vtk_xml, None, parse_vtk_xml_surface),
-        FrameFormat(".vtk", "VTK legacy", parse_vtk_legacy, None, parse_vtk_legacy_surface),
+        FrameFormat(".vtu", "VTK cells", parse_vtk_xml, None, parse_surface=parse_vtk_xml_surface),
+        FrameFormat(".vtp", "VTK polygons", parse_vtk_xml, None, parse_surface=parse_vtk_xml_surface),
+        FrameFormat(".vtk", "VTK legacy", parse_vtk_legacy, None, parse_surface=parse_vtk_legacy_surface),
     )
 }
 SEQUENCE_FORMATS = {

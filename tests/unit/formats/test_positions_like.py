@@ -1,0 +1,131 @@
+"""Positions of files whose faces are known already: as those of a file that is read whole."""
+
+import numpy as np
+import pytest
+
+from meshreel.errors import FormatError, MeshReelError
+from meshreel.formats.load import load
+from meshreel.formats.registry import FRAME_FORMATS
+from meshreel.formats.save import save
+from meshreel.surface import Kind
+from sample_surfaces import attribute, rich_cube, two_cubes
+
+N_DAMAGED = 400
+ENDINGS = [found.ending for found in FRAME_FORMATS.values() if found.positions_like is not None]
+
+
+def files_of(folder, ending):
+    """The bytes of two frames each of a plain cube, of a coloured one, and of two parts."""
+    colors = [attribute(Kind.COLOR, "vertex", 3), attribute(Kind.UV, "corner", 2, rows=9)]
+    for index, sequence in enumerate(
+        (
+            rich_cube(2),
+            rich_cube(2, attributes=colors),
+            two_cubes(2),
+            rich_cube(2, dtype=np.float64),
+        )
+    ):
+        paths = save(sequence, folder / f"{index}_%d{ending}")
+        yield [path.read_bytes() for path in paths]
+
+
+def damaged(data, rng):
+    """Some bytes changed, cut out or doubled, here and there."""
+    for index in range(N_DAMAGED):
+        changed = bytearray(data)
+        begin = int(rng.integers(0, len(data)))
+        end = min(len(data), begin + int(rng.integers(1, 30)))
+        match index % 3:
+            case 0:
+                changed[begin] = rng.choice(list(b"0123456789-. \n\r\\#ev/fo"))
+            case 1:
+                del changed[begin:end]
+            case 2:
+                changed[begin:begin] = changed[begin:end]
+        yield bytes(changed)
+
+
+@pytest.mark.parametrize("ending", ENDINGS)
+def test_positions_like_are_those_of_the_file_when_faces_are_the_same(tmp_path, ending):
+    found = FRAME_FORMATS[ending]
+    for first, second in files_of(tmp_path, ending):
+        positions = found.positions_like(first, found.parse(first))(second)
+        np.testing.assert_array_equal(positions, found.parse(second).vertices, strict=True)
+
+
+@pytest.mark.parametrize("ending", ENDINGS)
+def test_positions_like_are_none_or_those_of_the_file_when_it_is_damaged(tmp_path, ending):
+    found = FRAME_FORMATS[ending]
+    for first, second in files_of(tmp_path, ending):
+        mesh = found.parse(first)
+        read = found.positions_like(first, mesh)
+        for data in damaged(second, np.random.default_rng(len(first))):
+            if (positions := read(data)) is not None:
+                whole = found.parse(data)
+                np.testing.assert_array_equal(positions, whole.vertices, strict=True)
+                assert whole.difference(mesh) == ""
+
+
+FIRST = (
+    b"# frame 1\nmtllib one.mtl\no a\nv 0 0 0\nv 1 0 0\nvt 0 0\nvn 0 0 1\nv 0 1 0\nusemtl m\n"
+    b"f 1/1/1 2/1/1 3/1/1\no b\nv 0 0 2\nv 1 0 2\nv 0 1 2\nf 4 5 6\n"
+)
+OBJ = FRAME_FORMATS[".obj"]
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        (b"frame 1", b"frame no. 2"),
+        (b"one.mtl", b"another.mtl"),
+        (b"vn 0 0 1", b"vn 0.5 0.5 0.5"),
+        (b"v 0 0 2", b"v -0.123 1e-5 17.25"),
+        (b"usemtl m", b"usemtl no"),
+    ],
+)
+def test_obj_positions_like_are_those_of_the_file_when_all_but_faces_changes(change):
+    second = FIRST.replace(*change)
+    positions = OBJ.positions_like(FIRST, OBJ.parse(FIRST))(second)
+    np.testing.assert_array_equal(positions, OBJ.parse(second).vertices, strict=True)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        (b"f 4 5 6\n", b"f 4 5 6 1\n"),
+        (b"f 4 5 6\n", b"f 4 5 6\nf 1 2 3\n"),
+        (b"f 4 5 6\n", b"f 4 5 6\nf\t1 2 3\n"),
+        (b"f 4 5 6\n", b""),
+        (b"o b\n", b"o b\nf 1 2 3\n"),
+        (b"mtllib one.mtl\n", b" f 1 2 3\n"),
+        (b"vt 0 0\n", b""),
+        (b"v 0 1 2\n", b"v 0 1 2 \\\n"),
+        (b"v 0 1 2\n", b"v 0 1 2\nv 0 1 3\n"),
+        (b"v 0 1 2\n", b"v 0 1 x\n"),
+        (b"v 0 1 2\n", b"v 0 1\n"),
+    ],
+)
+def test_obj_positions_like_are_none_when_the_file_must_be_read_whole(change):
+    assert OBJ.positions_like(FIRST, OBJ.parse(FIRST))(FIRST.replace(*change)) is None
+
+
+def test_obj_positions_like_are_none_when_faces_count_back():
+    data = FIRST.replace(b"f 4 5 6", b"f -3 -2 -1")
+    assert OBJ.positions_like(data, OBJ.parse(data))(data) is None
+
+
+@pytest.mark.parametrize("ending", ENDINGS)
+def test_load_names_the_line_or_the_file_when_a_later_frame_is_damaged(tmp_path, ending):
+    save(rich_cube(3), tmp_path / f"f_%d{ending}")
+    path = tmp_path / f"f_1{ending}"
+    path.write_bytes(path.read_bytes()[:-20])
+    with pytest.raises(MeshReelError, match=rf"f_1\{ending}"):
+        load(tmp_path)
+
+
+def test_load_names_the_line_when_a_later_frame_has_a_word_that_is_no_number(tmp_path):
+    save(rich_cube(3), tmp_path / "f_%d.obj")
+    path = tmp_path / "f_1.obj"
+    path.write_text("# x\n" + path.read_text().replace("v 0 0 0", "v 0 zero 0"))
+    with pytest.raises(FormatError, match=r"f_1\.obj: line 2: expected a number; got 'zero'"):
+        load(tmp_path)
