@@ -1,0 +1,193 @@
+"""Seconds of reading and writing every file format, beside those of reading and writing its bytes.
+
+    python bench/format_speed.py
+    python bench/format_speed.py .obj .ply --repeats 11 --out formats.json
+
+A waving sphere of 10,242 vertices and 20 frames goes into files of each format that meshreel knows
+and whose library is installed; all is timed in turn, round by round, and medians are given; a
+first round is not counted. "Bytes" is what NumPy takes for as many files of as many bytes,
+without looking at them. What is read from the disk was put out of the memory of the system
+before, where the system lets us; else files are in that memory, as they are just after writing.
+"""
+
+import argparse
+import json
+import os
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from statistics import median
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+
+import meshreel
+from meshreel.evaluation.machine import machine_facts, machine_line
+from meshreel.formats.registry import FORMATS, FrameFormat, SequenceFormat
+from speed_inputs import waving_sphere
+from speed_tables import table
+from speed_timing import is_unsteady, seconds
+
+SPHERE = (5, 20)
+"""Subdivisions, which make 10,242 vertices, and frames."""
+
+CAN_EVICT = hasattr(os, "posix_fadvise")
+
+RATIOS = {"read": "read_bytes", "read_disk": "read_bytes_disk", "write": "write_bytes"}
+HEADER = ["format", "MB", "read s", "by bytes", "from disk s", "by bytes", "write s", "by bytes"]
+
+Seconds = dict[str, float]
+
+
+@dataclass(frozen=True)
+class Case:
+    """A format, and the files that a sequence takes in it."""
+
+    ending: str
+    paths: list[Path]
+    read: Callable[[], Any]
+    write: Callable[[], Any]
+
+    @property
+    def size_bytes(self) -> int:
+        return sum(path.stat().st_size for path in self.paths)
+
+
+def parsed_options() -> argparse.Namespace:
+    """The command line."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument(
+        "endings", nargs="*", metavar="ENDING", help=".obj and others; default: all"
+    )
+    parser.add_argument("--repeats", type=int, default=5, help="rounds of each format")
+    parser.add_argument("--out", type=Path, help="write the figures here as JSON")
+    options = parser.parse_args()
+    if unknown := [ending for ending in options.endings if ending not in FORMATS]:
+        parser.error(f"unknown endings {', '.join(unknown)}; known are {', '.join(FORMATS)}")
+    return options
+
+
+def why_not(found: FrameFormat | SequenceFormat) -> str:
+    """Why a format cannot be measured; empty if it can."""
+    if isinstance(found, FrameFormat):
+        return ""
+    if found.extra is not None and not found.extra.is_installed:
+        return f"{found.extra.library} is not installed"
+    return "" if found.write is not None else "it is only read"
+
+
+def case_of(
+    found: FrameFormat | SequenceFormat, sequence: meshreel.MeshSequence, folder: Path
+) -> Case:
+    """What is timed of a format; its files are written."""
+    folder.mkdir()
+    is_whole = isinstance(found, SequenceFormat)
+    target = folder / f"sphere{'' if is_whole else '_%04d'}{found.ending}"
+    write = partial(meshreel.save, sequence, target, overwrite=True)
+    paths = write()
+    source, options = (paths if not is_whole else paths[0]), dict[str, Any]()
+    if isinstance(found, SequenceFormat) and found.companion and "topology" in found.reads:
+        options["topology"] = target.with_suffix(found.companion)
+    return Case(found.ending, paths, partial(meshreel.load, source, **options), write)
+
+
+def read_bytes(paths: list[Path]) -> None:
+    """Read files without looking at them."""
+    for path in paths:
+        np.fromfile(path, np.uint8)
+
+
+def write_bytes(contents: list[np.ndarray], folder: Path) -> None:
+    """Write as many files of as many bytes."""
+    for index, content in enumerate(contents):
+        content.tofile(folder / f"bytes_{index}")
+
+
+def evict(paths: list[Path]) -> None:
+    """Have the system forget what it holds of the files in memory."""
+    for path in paths:
+        with path.open("rb") as file:
+            os.fsync(file.fileno())
+            os.posix_fadvise(file.fileno(), 0, 0, os.POSIX_FADV_DONTNEED)
+
+
+def one_round(case: Case) -> Seconds:
+    """Seconds of everything once."""
+    contents = [np.fromfile(path, np.uint8) for path in case.paths]
+    plain = partial(read_bytes, case.paths)
+    found = {
+        "write_bytes": seconds(partial(write_bytes, contents, case.paths[0].parent)),
+        "write": seconds(case.write),
+        "read_bytes": seconds(plain),
+        "read": seconds(case.read),
+    }
+    if CAN_EVICT:
+        evict(case.paths)
+        found["read_bytes_disk"] = seconds(plain)
+        evict(case.paths)
+        found["read_disk"] = seconds(case.read)
+    return found
+
+
+def measured(cases: list[Case], n_rounds: int) -> list[dict[str, Any]]:
+    """The figures of each case, all timed in turn."""
+    rounds = [[one_round(case) for case in cases] for _ in range(n_rounds + 1)][1:]
+    results = []
+    for index, case in enumerate(cases):
+        runs = {name: [turn[index][name] for turn in rounds] for name in rounds[0][index]}
+        medians = {name: median(own) for name, own in runs.items()}
+        results.append(
+            {
+                "format": case.ending,
+                "size_bytes": case.size_bytes,
+                "seconds": medians,
+                "ratios": {a: medians[a] / medians[b] for a, b in RATIOS.items() if a in medians},
+                "unsteady": [name for name, own in runs.items() if is_unsteady(own)],
+            }
+        )
+    return results
+
+
+def row(result: dict[str, Any]) -> list[str]:
+    """The cells of one format; figures that something disturbed have a question mark."""
+    cells = [result["format"], f"{result['size_bytes'] / 1e6:.1f}"]
+    for name, base in RATIOS.items():
+        if name not in result["seconds"]:
+            cells += ["-", "-"]
+            continue
+        doubt = {one: "?" if one in result["unsteady"] else "" for one in (name, base)}
+        cells.append(f"{result['seconds'][name]:.4f}{doubt[name]}")
+        cells.append(f"{result['ratios'][name]:.1f}{doubt[name] or doubt[base]}")
+    return cells
+
+
+def main() -> None:
+    """Measure what the command line asks for; print a table, and write JSON where asked."""
+    options = parsed_options()
+    chosen = [FORMATS[ending] for ending in options.endings or FORMATS]
+    reasons = {found.ending: why_not(found) for found in chosen}
+    sequence = waving_sphere(*SPHERE)
+    with TemporaryDirectory() as folder:
+        cases = [
+            case_of(found, sequence, Path(folder) / found.ending[1:])
+            for found in chosen
+            if not reasons[found.ending]
+        ]
+        results = measured(cases, options.repeats)
+    machine = machine_facts()
+    print(f"# Speed of formats\n\n{machine_line(machine)}. {sequence!r}. ", end="")
+    print(f"Medians of {options.repeats} rounds, all in turn; ?: runs differ too much.\n")
+    print(table(HEADER, map(row, results)))
+    for ending, reason in reasons.items():
+        if reason:
+            print(f"\n{ending} is not measured: {reason}.")
+    if options.out:
+        options.out.write_text(
+            json.dumps({"machine": machine, "results": results}, indent=2) + "\n"
+        )
+
+
+if __name__ == "__main__":
+    main()
