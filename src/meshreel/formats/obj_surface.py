@@ -10,8 +10,8 @@ import numpy.typing as npt
 
 from meshreel.formats.obj import obj_mesh
 from meshreel.formats.polygons import PolygonMesh
-from meshreel.formats.ragged import ragged_indices
 from meshreel.formats.token_lines import TokenLines, split_lines
+from meshreel.geometry.ragged import ragged_indices
 from meshreel.surface import Attribute, Domain, FaceGroups, Kind, Part, Surface
 
 Int64s = npt.NDArray[np.int64]

@@ -13,8 +13,8 @@ import numpy as np
 
 from meshreel.formats.decimal_text import face_rows, number_rows, vertex_rows
 from meshreel.formats.obj_surface import STATEMENTS
-from meshreel.formats.polygons import join_fans
 from meshreel.formats.unwritten import note_unwritten
+from meshreel.geometry.fans import join_fans
 from meshreel.sequence import Faces, Vertices
 from meshreel.surface import PLAIN, Attribute, Domain, FaceGroups, Kind, Surface
 

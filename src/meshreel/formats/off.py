@@ -18,6 +18,7 @@ import numpy.typing as npt
 from meshreel.errors import FormatError
 from meshreel.formats.polygons import PolygonMesh, polygon_mesh
 from meshreel.formats.token_lines import TokenLines, split_lines
+from meshreel.geometry.ragged import ragged_indices
 from meshreel.sequence import Vertices
 
 

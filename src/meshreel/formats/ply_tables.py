@@ -10,8 +10,8 @@ from meshreel.errors import FormatError
 from meshreel.formats.ply_cells import BinaryCells, PlyCells, WordCells
 from meshreel.formats.ply_header import PlyElement, PlyHeader, PlyProperty, read_ply_header
 from meshreel.formats.ply_layout import ElementLayout, list_values, locate_element
-from meshreel.formats.ragged import Integers, ragged_indices
 from meshreel.formats.token_lines import split_lines
+from meshreel.geometry.ragged import Integers, ragged_indices
 
 
 @dataclass(frozen=True, eq=False)

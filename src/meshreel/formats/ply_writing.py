@@ -13,9 +13,9 @@ import numpy.typing as npt
 
 from meshreel.formats.ply import INDEX_NAMES
 from meshreel.formats.ply_surface import COLOR_NAMES, CORNER_UV_NAME, PASSED_OVER, UV_NAMES
-from meshreel.formats.polygons import join_fans
-from meshreel.formats.ragged import ragged_indices
 from meshreel.formats.unwritten import note_unwritten
+from meshreel.geometry.fans import join_fans
+from meshreel.geometry.ragged import ragged_indices
 from meshreel.sequence import Faces, Vertices
 from meshreel.surface import PLAIN, Attribute, Domain, Kind, Surface
 

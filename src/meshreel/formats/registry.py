@@ -32,7 +32,7 @@ from meshreel.formats.pvd import read_pvd
 from meshreel.formats.reel import open_reel, write_reel
 from meshreel.formats.scene import ReadMeshes
 from meshreel.formats.scene_source import scene_opener
-from meshreel.formats.stl import parse_stl, stl_encoder
+from meshreel.formats.stl import parse_stl, stl_encoder, stl_positions_like
 from meshreel.formats.topology import COMPANION, topology_reader
 from meshreel.formats.usd.reading import read_meshes as read_usd
 from meshreel.formats.usd.writing import write_usd
@@ -154,7 +154,15 @@ FRAME_FORMATS = {
             parse_off_surface,
             is_decimal=True,
         ),
-        FrameFormat(".stl", "STL", parse_stl, stl_encoder, is_decimal=True, has_corners_only=True),
+        FrameFormat(
+            ".stl",
+            "STL",
+            parse_stl,
+            stl_encoder,
+            stl_positions_like,
+            is_decimal=True,
+            has_corners_only=True,
+        ),
         FrameFormat(".vtu", "VTK cells", parse_vtk_xml, None, parse_surface=parse_vtk_xml_surface),
         FrameFormat(".vtp", "VTK polygons", parse_vtk_xml, None, parse_surface=parse_vtk_xml_surface),
         FrameFormat(".vtk", "VTK legacy", parse_vtk_legacy, None, parse_surface=parse_vtk_legacy_surface),

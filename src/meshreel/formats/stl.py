@@ -42,9 +42,24 @@ def parse_stl(data: bytes) -> PolygonMesh:
             f"this one does has {_binary_size(data)}; the file is truncated or damaged"
         )
     n_faces = len(corners) // 3
-    with np.errstate(invalid="ignore"):
-        corners = corners + 0.0  # no negative zeros: they would keep equal corners apart
+    corners = _without_negative_zeros(corners)
     return polygon_mesh(corners, np.full(n_faces, 3), np.arange(3 * n_faces))
+
+
+def stl_positions_like(first: bytes, mesh: PolygonMesh) -> Callable[[bytes], Vertices | None]:
+    """A function from the bytes of another file to its corners, if it has as many triangles.
+
+    It gives None for a file that must be read whole. Text is always read whole.
+    """
+    n_corners = len(mesh.vertices)
+
+    def positions(data: bytes) -> Vertices | None:
+        if len(data) != _binary_size(data):
+            return None
+        corners = _parse_binary(data)
+        return _without_negative_zeros(corners) if len(corners) == n_corners else None
+
+    return positions
 
 
 def stl_encoder(
@@ -79,6 +94,12 @@ def stl_encoder(
         return header + len(faces).to_bytes(4, "little") + triangles.tobytes()
 
     return encode
+
+
+def _without_negative_zeros(corners: Vertices) -> Vertices:
+    """The same corners; negative zeros would keep equal ones apart."""
+    with np.errstate(invalid="ignore"):
+        return corners + 0.0
 
 
 def _binary_size(data: bytes) -> int:
