@@ -9,7 +9,6 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.formats.obj import obj_mesh
-from meshreel.formats.polygons import PolygonMesh
 from meshreel.formats.token_lines import TokenLines, split_lines
 from meshreel.geometry.ragged import ragged_indices
 from meshreel.surface import Attribute, Domain, FaceGroups, Kind, Part, Surface
@@ -37,10 +36,9 @@ def parse_obj_surface(data: bytes) -> Surface:
         Naming the line that is wrong.
     """
     lines = split_lines(data, continuation=True)
-    mesh = obj_mesh(lines)
     face_lines = np.flatnonzero(lines.begins_with(b"f"))
-    parts = _parts(lines, face_lines, mesh)
-    attributes = (_texture_coordinates(lines, face_lines, mesh.counts), _colors(lines))
+    parts = _parts(lines, face_lines)
+    attributes = (_texture_coordinates(lines, face_lines), _colors(lines))
     groups = [_groups(lines, face_lines, name) for name in STATEMENTS]
     return Surface(
         None,
@@ -50,7 +48,8 @@ def parse_obj_surface(data: bytes) -> Surface:
     )
 
 
-def _texture_coordinates(lines: TokenLines, face_lines: Int64s, counts: Int64s) -> Attribute | None:
+def _texture_coordinates(lines: TokenLines, face_lines: Int64s) -> Attribute | None:
+    counts = lines.counts[face_lines] - 1
     is_row = lines.begins_with(b"vt")
     row_lines = np.flatnonzero(is_row)
     words = ragged_indices(lines.first[face_lines] + 1, counts)
@@ -104,7 +103,7 @@ def _is_told(groups: FaceGroups, parts: tuple[Part, ...]) -> bool:
     return groups.name == "object" and (is_whole or bool(parts))
 
 
-def _parts(lines: TokenLines, face_lines: Int64s, mesh: PolygonMesh) -> tuple[Part, ...]:
+def _parts(lines: TokenLines, face_lines: Int64s) -> tuple[Part, ...]:
     """The objects, if there are several and none uses what belongs to another."""
     statements = np.flatnonzero(lines.begins_with(STATEMENTS["object"]))
     of_verts = _last_above(statements, np.flatnonzero(lines.begins_with(b"v")))
@@ -116,6 +115,7 @@ def _parts(lines: TokenLines, face_lines: Int64s, mesh: PolygonMesh) -> tuple[Pa
     labels = [names[number] for number in used]
     if len({*labels}) < len(labels) or not all(labels):
         return ()
+    mesh = obj_mesh(lines)
     if (of_verts[mesh.corners] != np.repeat(of_faces, mesh.counts)).any():
         return ()
     n_verts, n_faces = (np.bincount(of, minlength=len(names)) for of in (of_verts, of_faces))

@@ -46,11 +46,7 @@ def parse_off(data: bytes) -> PolygonMesh:
         Naming the line that is wrong, or if there are more or fewer lines than declared.
     """
     lines = split_lines(data)
-    return off_mesh(lines, read_off_header(lines))
-
-
-def off_mesh(lines: TokenLines, header: OffHeader) -> PolygonMesh:
-    """The mesh of the lines of an OFF file; as `parse_off`."""
+    header = read_off_header(lines)
     n_lines = lines.n_lines - header.begin
     if header.n_verts + header.n_faces != n_lines:
         raise FormatError(
@@ -59,7 +55,7 @@ def off_mesh(lines: TokenLines, header: OffHeader) -> PolygonMesh:
         )
     vertices = _vertices(lines, np.arange(header.begin, header.face_begin))
     face_lines = np.arange(header.face_begin, lines.n_lines)
-    counts = _corner_counts(lines, face_lines)
+    counts = corner_counts(lines, face_lines)
     corners = lines.integers(ragged_indices(lines.first[face_lines] + 1, counts))
     return polygon_mesh(vertices, counts, corners, place=lambda face: lines.place(face_lines[face]))
 
@@ -117,7 +113,8 @@ def _vertices(lines: TokenLines, vertex_lines: npt.NDArray[np.int64]) -> npt.NDA
     return lines.floats(lines.first[vertex_lines][:, None] + np.arange(3))
 
 
-def _corner_counts(lines: TokenLines, face_lines: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
+def corner_counts(lines: TokenLines, face_lines: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
+    """How many corners the faces on those lines have; raises as `parse_off`."""
     counts = lines.integers(lines.first[face_lines])
     wrong = (counts < 0) | (counts >= lines.counts[face_lines])
     if wrong.any():

@@ -8,7 +8,7 @@ are passed over, and so are colours that are the number of one in a table.
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.formats.off import off_mesh, read_off_header
+from meshreel.formats.off import corner_counts, read_off_header
 from meshreel.formats.token_lines import TokenLines, split_lines
 from meshreel.surface import Attribute, Domain, Kind, Surface
 
@@ -16,7 +16,7 @@ Int64s = npt.NDArray[np.int64]
 
 
 def parse_off_surface(data: bytes) -> Surface:
-    """Attributes of the bytes of an OFF file.
+    """Attributes of the bytes of an OFF file that `parse_off` reads.
 
     Colours are bytes if none has a decimal point. They are passed over where not all vertices, or
     not all faces, have three numbers or four.
@@ -24,11 +24,10 @@ def parse_off_surface(data: bytes) -> Surface:
     Raises
     ------
     FormatError
-        As `parse_off`, and naming the line of what is no number.
+        Naming the line of what is no number.
     """
     lines = split_lines(data)
     header = read_off_header(lines)
-    counts = off_mesh(lines, header).counts
     verts = np.arange(header.begin, header.face_begin)
     faces = np.arange(header.face_begin, lines.n_lines)
     n_texture = 2 if header.keyword.startswith("ST") else 0
@@ -38,7 +37,7 @@ def parse_off_surface(data: bytes) -> Surface:
         found.append(_colors(lines, verts, skipped, n_texture, Domain.VERTEX))
     if n_texture:
         found.append(_texture_coordinates(lines, verts))
-    found.append(_colors(lines, faces, counts + 1, 0, Domain.FACE))
+    found.append(_colors(lines, faces, corner_counts(lines, faces) + 1, 0, Domain.FACE))
     return Surface(None, tuple(one for one in found if one is not None))
 
 

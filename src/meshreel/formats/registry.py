@@ -163,9 +163,15 @@ FRAME_FORMATS = {
             is_decimal=True,
             has_corners_only=True,
         ),
-        FrameFormat(".vtu", "VTK cells", parse_vtk_xml, None, parse_surface=parse_vtk_xml_surface),
-        FrameFormat(".vtp", "VTK polygons", parse_vtk_xml, None, parse_surface=parse_vtk_xml_surface),
-        FrameFormat(".vtk", "VTK legacy", parse_vtk_legacy, None, parse_surface=parse_vtk_legacy_surface),
+        FrameFormat(
+            ".vtu", "VTK cells", parse_vtk_xml, None, parse_surface=parse_vtk_xml_surface
+        ),
+        FrameFormat(
+            ".vtp", "VTK polygons", parse_vtk_xml, None, parse_surface=parse_vtk_xml_surface
+        ),
+        FrameFormat(
+            ".vtk", "VTK legacy", parse_vtk_legacy, None, parse_surface=parse_vtk_legacy_surface
+        ),
     )
 }
 SEQUENCE_FORMATS = {

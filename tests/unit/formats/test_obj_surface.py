@@ -118,7 +118,6 @@ def test_parse_obj_surface_has_nothing_when_there_is_one_object():
     [
         (SQUARE + b"vt x 0\nf 1/1 2/1 3/1\n", "line 5: expected a number; got 'x'"),
         (SQUARE + b"vt 0 0\n\nf 1/1 2/x 3/1\n", "line 7: expected an integer; got 'x'"),
-        (SQUARE + b"f 1 2 5\n", "line 5: names vertex 5"),
     ],
 )
 def test_parse_obj_surface_names_the_line_when_it_is_wrong(data, message):
