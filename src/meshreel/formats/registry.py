@@ -163,9 +163,7 @@ FRAME_FORMATS = {
             is_decimal=True,
             has_corners_only=True,
         ),
-        FrameFormat(
-            ".vtu", "VTK cells", parse_vtk_xml, None, parse_surface=parse_vtk_xml_surface
-        ),
+        FrameFormat(".vtu", "VTK cells", parse_vtk_xml, None, parse_surface=parse_vtk_xml_surface),
         FrameFormat(
             ".vtp", "VTK polygons", parse_vtk_xml, None, parse_surface=parse_vtk_xml_surface
         ),
