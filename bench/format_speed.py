@@ -25,7 +25,8 @@ import numpy as np
 
 import meshreel
 from meshreel.evaluation.machine import machine_facts, machine_line
-from meshreel.formats.registry import FORMATS, FrameFormat, SequenceFormat
+from meshreel.formats.kinds import FrameFormat, SequenceFormat
+from meshreel.formats.registry import FORMATS
 from speed_inputs import waving_sphere
 from speed_tables import table
 from speed_timing import is_unsteady, seconds

@@ -9,10 +9,10 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.formats.mesh_files import MeshFiles
+from meshreel.formats.meshes.welding import Weld, weld_corners
 from meshreel.formats.polygons import describe_fans
 from meshreel.formats.stored_frames import StoredFrames
 from meshreel.formats.survey import FrameSurvey
-from meshreel.formats.welding import Weld, weld_corners
 from meshreel.geometry.fans import triangulate_fans
 from meshreel.progress import Progress
 from meshreel.sequence import Faces, MeshSequence, Vertices

@@ -9,9 +9,9 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.errors import FormatError, InvalidInputError
+from meshreel.formats.kinds import FrameFormat
 from meshreel.formats.naming import errors_naming, os_errors_naming
 from meshreel.formats.polygons import PolygonMesh
-from meshreel.formats.registry import FrameFormat
 from meshreel.formats.stored_frames import changed_error
 from meshreel.progress import Progress
 from meshreel.sequence import Vertices, validate_finite

@@ -1,136 +1,41 @@
 """Which file endings there are, and who reads and writes them."""
 
 import os
-from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import Any, get_args
 
 from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.alembic.meshes import read_meshes as read_alembic
 from meshreel.formats.alembic.write import write_alembic
-from meshreel.formats.extras import ALEMBIC, HDF, USD, Extra
-from meshreel.formats.frame_stream import FrameStream
+from meshreel.formats.arrays.hdf import open_hdf_sequence, write_hdf
+from meshreel.formats.arrays.npz import write_npz
+from meshreel.formats.arrays.npz_frames import open_npz
+from meshreel.formats.caches.mdd import mdd_opener, write_mdd
+from meshreel.formats.caches.pc2 import pc2_opener, write_pc2
+from meshreel.formats.caches.topology import COMPANION, topology_reader
+from meshreel.formats.extras import ALEMBIC, HDF, USD
 from meshreel.formats.gltf.read import read_meshes as read_gltf
-from meshreel.formats.hdf import open_hdf_sequence, write_hdf
-from meshreel.formats.mdd import mdd_opener, write_mdd
-from meshreel.formats.npz import write_npz
-from meshreel.formats.npz_frames import open_npz
-from meshreel.formats.obj import obj_positions_like, parse_obj
-from meshreel.formats.obj_surface import parse_obj_surface
-from meshreel.formats.obj_writing import obj_encoder
-from meshreel.formats.off import off_positions_like, parse_off
-from meshreel.formats.off_surface import parse_off_surface
-from meshreel.formats.off_writing import off_encoder
-from meshreel.formats.options import ReadOptions, WriteOptions
-from meshreel.formats.pc2 import pc2_opener, write_pc2
-from meshreel.formats.ply import parse_ply, ply_positions_like
-from meshreel.formats.ply_surface import parse_ply_surface
-from meshreel.formats.ply_writing import ply_encoder
-from meshreel.formats.polygons import PolygonMesh
-from meshreel.formats.pvd import read_pvd
+from meshreel.formats.kinds import FrameFormat, ReadOption, SequenceFormat, scene_format
+from meshreel.formats.meshes.obj import obj_positions_like, parse_obj
+from meshreel.formats.meshes.obj_surface import parse_obj_surface
+from meshreel.formats.meshes.obj_writing import obj_encoder
+from meshreel.formats.meshes.off import off_positions_like, parse_off
+from meshreel.formats.meshes.off_surface import parse_off_surface
+from meshreel.formats.meshes.off_writing import off_encoder
+from meshreel.formats.meshes.ply import parse_ply, ply_positions_like
+from meshreel.formats.meshes.ply_surface import parse_ply_surface
+from meshreel.formats.meshes.ply_writing import ply_encoder
+from meshreel.formats.meshes.stl import parse_stl, stl_encoder, stl_positions_like
+from meshreel.formats.options import ReadOptions
 from meshreel.formats.reel import open_reel, write_reel
-from meshreel.formats.scene import ReadMeshes
-from meshreel.formats.scene_source import scene_opener
-from meshreel.formats.stl import parse_stl, stl_encoder, stl_positions_like
-from meshreel.formats.topology import COMPANION, topology_reader
 from meshreel.formats.usd.reading import read_meshes as read_usd
 from meshreel.formats.usd.writing import write_usd
-from meshreel.formats.vtk_legacy import parse_vtk_legacy, parse_vtk_legacy_surface
-from meshreel.formats.vtk_xml import parse_vtk_xml, parse_vtk_xml_surface
-from meshreel.formats.vtkhdf import read_vtkhdf
-from meshreel.formats.vtkhdf_writer import write_vtkhdf
-from meshreel.formats.xdmf import read_xdmf
-from meshreel.sequence import Faces, FrameSource, Vertices
-from meshreel.surface import Surface
-
-ReadOption = Literal["object", "merge", "topology", "dataset"]
-
-
-@dataclass(frozen=True)
-class FrameFormat:
-    """A format whose files hold one static mesh, so one frame.
-
-    Parameters
-    ----------
-    ending : str
-        Lower case, with the dot.
-    title : str
-        What people call it.
-    parse : function of the bytes of a file
-        Gives its `PolygonMesh`; its errors name the line but not the file.
-    encoder : function of the faces, the surface and a list of notes, or None
-        Gives a function from the positions of a frame to the bytes of its file; None if files of
-        this format are only read. The notes gain a sentence on what such a file does not hold.
-    positions_like : function of the bytes of a file and the mesh that it holds, optional
-        Gives a function from the bytes of another file to its positions, for one that `parse`
-        would give the same faces; else, or if it does not look so at once, None.
-    parse_surface : function of the bytes of a file, optional
-        Gives attributes, groups and parts of a file that `parse` reads, without face sizes.
-    is_decimal : bool, default False
-        Whether positions are decimal text without a declared type.
-    has_corners_only : bool, default False
-        Whether every triangle has three vertices of its own, which must be welded.
-    """
-
-    ending: str
-    title: str
-    parse: Callable[[bytes], PolygonMesh]
-    encoder: Callable[[Faces, Surface, list[str]], Callable[[Vertices], bytes]] | None
-    positions_like: Callable[[bytes, PolygonMesh], Callable[[bytes], Vertices | None]] | None = None
-    parse_surface: Callable[[bytes], Surface] | None = None
-    is_decimal: bool = False
-    has_corners_only: bool = False
-
-
-@dataclass(frozen=True)
-class SequenceFormat:
-    """A format whose files hold a whole sequence.
-
-    Parameters
-    ----------
-    ending : str
-        Lower case, with the dot.
-    title : str
-        What people call it.
-    open : function of a path and `ReadOptions`
-        Gives the sequence; its errors name the file. Positions stay in the file where the options
-        ask for that and the format allows it.
-    write : function of a path, a `FrameStream` and `WriteOptions`, or None
-        Writes the file; None if files of this format are only read.
-    extra : Extra, optional
-        The library that reading and writing need.
-    reads : set of ReadOption
-        Which options choose something in such a file.
-    companion : str, default ""
-        Ending of a mesh file with the first frame that is written beside it.
-    read_meshes : ReadMeshes, optional
-        Gives the meshes of a file, where it may hold several, or one whose faces change.
-    """
-
-    ending: str
-    title: str
-    open: Callable[[Path, ReadOptions], FrameSource]
-    write: Callable[[Path, FrameStream, WriteOptions], None] | None
-    extra: Extra | None = None
-    reads: frozenset[ReadOption] = frozenset()
-    companion: str = ""
-    read_meshes: ReadMeshes | None = None
-
-
-def scene_format(
-    ending: str,
-    title: str,
-    read_meshes: ReadMeshes,
-    write: Callable[[Path, FrameStream, WriteOptions], None] | None,
-    extra: Extra | None = None,
-) -> SequenceFormat:
-    """A format whose files hold one or several meshes, the faces of which may change."""
-    return SequenceFormat(
-        ending, title, scene_opener(read_meshes), write, extra,
-        reads=frozenset({"object", "merge"}), read_meshes=read_meshes,
-    )  # fmt: skip
-
+from meshreel.formats.vtk.legacy import parse_vtk_legacy, parse_vtk_legacy_surface
+from meshreel.formats.vtk.pvd import read_pvd
+from meshreel.formats.vtk.vtkhdf import read_vtkhdf
+from meshreel.formats.vtk.vtkhdf_writer import write_vtkhdf
+from meshreel.formats.vtk.xdmf import read_xdmf
+from meshreel.formats.vtk.xml_file import parse_vtk_xml, parse_vtk_xml_surface
 
 FRAME_FORMATS = {
     found.ending: found

@@ -11,8 +11,9 @@ from meshreel.atomic_write import replace_when_done
 from meshreel.codec.decoder import start_of
 from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.frame_stream import FrameStream
+from meshreel.formats.kinds import FrameFormat, SequenceFormat
 from meshreel.formats.options import WriteOptions
-from meshreel.formats.registry import FRAME_FORMATS, FrameFormat, SequenceFormat, format_of
+from meshreel.formats.registry import FRAME_FORMATS, format_of
 from meshreel.formats.sources import AnyPath
 from meshreel.formats.targets import check_save_target
 from meshreel.profiling import staged

@@ -9,13 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from meshreel.errors import FormatError, InvalidInputError
-from meshreel.formats.registry import (
-    FORMATS,
-    FRAME_FORMATS,
-    FrameFormat,
-    SequenceFormat,
-    format_of,
-)
+from meshreel.formats.kinds import FrameFormat, SequenceFormat
+from meshreel.formats.registry import FORMATS, FRAME_FORMATS, format_of
 
 AnyPath = str | os.PathLike[str]
 Source = AnyPath | Sequence[AnyPath]

@@ -6,7 +6,8 @@ from pathlib import Path
 
 from meshreel.atomic_write import check_output_path
 from meshreel.errors import FormatError, InvalidInputError
-from meshreel.formats.registry import FORMATS, SequenceFormat, format_of, is_written
+from meshreel.formats.kinds import SequenceFormat
+from meshreel.formats.registry import FORMATS, format_of, is_written
 from meshreel.formats.sources import AnyPath
 
 NUMBER_FIELD = re.compile(r"%(0?)(\d{0,2})d")

@@ -4,7 +4,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.errors import InvalidInputError
-from meshreel.formats.decimal_text import Narrowing
+from meshreel.formats.text.decimal_text import Narrowing
 from meshreel.sequence import Vertices
 
 

@@ -13,7 +13,7 @@ import numpy.typing as npt
 from meshreel.formats.alembic.archive import Property
 from meshreel.formats.alembic.ogawa import damaged
 from meshreel.formats.alembic.time_sampling import Times, between
-from meshreel.formats.decimal_text import Narrowing
+from meshreel.formats.text.decimal_text import Narrowing
 from meshreel.sequence import Vertices
 
 Matrix = npt.NDArray[np.float64]

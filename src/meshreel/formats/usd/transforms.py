@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.formats.decimal_text import Narrowing
 from meshreel.formats.extras import USD
+from meshreel.formats.text.decimal_text import Narrowing
 from meshreel.formats.usd.sampling import attribute_codes
 from meshreel.sequence import Vertices
 

@@ -12,11 +12,11 @@ from typing import Any
 import numpy as np
 
 from meshreel.errors import FormatError
-from meshreel.formats.decimal_text import Narrowing
 from meshreel.formats.extras import USD
 from meshreel.formats.frame_stream import FrameStream
 from meshreel.formats.options import WriteOptions
 from meshreel.formats.parts import split_parts
+from meshreel.formats.text.decimal_text import Narrowing
 from meshreel.formats.usd.diagnostics import usd_errors
 from meshreel.formats.usd.mesh_writing import MeshWriter
 from meshreel.formats.usd.prim_names import mesh_paths

@@ -1,0 +1,1 @@
+"""Files of named arrays: NumPy archives and HDF5."""

@@ -1,0 +1,174 @@
+"""A whole sequence in an HDF5 file, as `meshreel.formats.arrays.named_arrays` names its datasets.
+
+Files of others are read too: positions in any dataset (T, V, 3) or (V, 3, T), as registered body
+scans have them, with ``faces`` beside it or in a group above.
+"""
+
+from pathlib import Path, PurePosixPath
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from meshreel.errors import FormatError, InvalidInputError
+from meshreel.formats.arrays.array_frames import ArrayFrames
+from meshreel.formats.arrays.named_arrays import (
+    NAMED,
+    read_description,
+    start_arrays,
+    surface_arrays,
+)
+from meshreel.formats.arrays.position_layout import Layout, find_layout, has_positions
+from meshreel.formats.extras import HDF
+from meshreel.formats.frame_stream import FrameStream
+from meshreel.formats.hdf_file import (
+    Dataset,
+    Node,
+    find_dataset,
+    find_group,
+    hdf_errors,
+    open_hdf,
+    read_all,
+    require_dataset,
+    write_array,
+)
+from meshreel.formats.naming import errors_naming
+from meshreel.formats.options import ReadOptions, WriteOptions
+from meshreel.formats.stored_frames import changed_error
+from meshreel.formats.vtk.vtkhdf import open_vtkhdf
+from meshreel.sequence import FrameSource, Vertices
+
+POSITIONS = "vertices"
+CHUNK_BYTES = 1 << 16  # of frames that are so small that several share a chunk
+MAX_VISITED = 100_000
+MAX_LISTED = 20
+
+
+def open_hdf_sequence(path: Path, options: ReadOptions) -> FrameSource:
+    """The sequence in an HDF5 file of named datasets; positions stay in the file if asked for.
+
+    A file that holds a group VTKHDF is read as `meshreel.formats.vtk.vtkhdf` does.
+
+    Raises
+    ------
+    FormatError
+        If it is no HDF5 file, is damaged, or has no faces.
+    InvalidInputError
+        If several datasets may hold the positions and none is chosen; they are listed.
+    """
+    with errors_naming(path), hdf_errors():
+        root = open_hdf(path)
+        if find_group(root, "VTKHDF") is not None:
+            return open_vtkhdf(path, options)
+        positions = _find_positions(root, options)
+        if positions.dtype.kind != "f" or positions.dtype.itemsize not in (4, 8):
+            raise InvalidInputError(
+                f"{positions.name} must be float32 or float64; got {positions.dtype}"
+            )
+        arrays = _named_arrays(root, positions)
+        name = positions.name.rpartition("/")[2]
+        layout = find_layout(
+            positions.shape, arrays["faces"], positions.name, is_documented=name == POSITIONS
+        )
+        about = read_description(arrays, path.stem if name == POSITIONS else name, options)
+    n_frames, n_verts = layout.sizes(positions.shape)
+    if min(n_frames, n_verts) < 1:
+        raise InvalidInputError(f"{path}: {positions.name} is empty: {positions.shape}")
+    dtype = positions.dtype.newbyteorder("=")
+
+    def read(start: int, stop: int) -> Vertices:
+        try:
+            if layout is Layout.FRAMES_FIRST:
+                block: Any = positions[start:stop]
+            else:
+                block = positions[:, :, start:stop].transpose(2, 0, 1)
+        except (OSError, RuntimeError, ValueError) as error:
+            raise changed_error(f"{path} (frames {start} to {stop - 1})") from error
+        found: Vertices = np.ascontiguousarray(block, dtype)
+        return found
+
+    return ArrayFrames(path, n_frames, n_verts, dtype, read).opened(about, options)
+
+
+def write_hdf(path: Path, stream: FrameStream, options: WriteOptions) -> None:
+    """Write an HDF5 file, frame by frame, that reads back as exactly the frames of `stream`."""
+    h5py = HDF.load()
+    frame_bytes = stream.n_verts * 3 * stream.dtype.itemsize
+    chunk_frames = min(stream.n_frames, max(1, CHUNK_BYTES // frame_bytes))
+    described: dict[str, npt.NDArray[Any]] = {
+        "faces": stream.faces,
+        "fps": np.asarray(np.float64(stream.fps)),
+        "name": np.asarray(np.str_(stream.name)),
+        **start_arrays(stream.start_s),
+        **surface_arrays(stream.surface),
+    }
+    with h5py.File(path, "w") as file:
+        vertices = file.create_dataset(
+            POSITIONS,
+            (stream.n_frames, stream.n_verts, 3),
+            stream.dtype,
+            chunks=(chunk_frames, stream.n_verts, 3),
+        )
+        for name, array in described.items():
+            write_array(file, name, array)
+        for index, frame in enumerate(stream.frames()):
+            vertices[index] = frame
+
+
+def _find_positions(root: Node, options: ReadOptions) -> Dataset:
+    """The dataset that the options name, that is called vertices, or the only one that can be."""
+    if options.dataset is None and (found := find_dataset(root, POSITIONS)) is not None:
+        return found
+    names = _candidates(root)
+    wanted = names
+    if options.dataset is not None:
+        if (found := find_dataset(root, options.dataset)) is not None:
+            return found
+        wanted = [name for name in names if f"/{name}".endswith(f"/{options.dataset.strip('/')}")]
+    if len(wanted) == 1:
+        return require_dataset(root, wanted[0])
+    if not names:
+        raise FormatError(
+            "has no dataset of positions, which has shape (T, V, 3) or (V, 3, T) and is float32 "
+            "or float64"
+        )
+    more = f" and {len(names) - MAX_LISTED} more" if len(names) > MAX_LISTED else ""
+    which = "" if options.dataset is None else f"has no dataset {options.dataset!r}; it "
+    raise InvalidInputError(
+        f"{which}holds positions in {len(names)} datasets: {', '.join(names[:MAX_LISTED])}{more}; "
+        "choose one with --dataset (dataset=)"
+    )
+
+
+def _candidates(root: Node) -> list[str]:
+    """Paths of all datasets that can hold positions; links are not followed."""
+    h5py = HDF.load()
+    names: list[str] = []
+    n_visited = 0
+
+    def visit(name: str, node: Node) -> bool | None:
+        nonlocal n_visited
+        n_visited += 1
+        if isinstance(node, h5py.Dataset) and node.dtype.kind == "f" and has_positions(node.shape):
+            names.append(name)
+        return True if n_visited >= MAX_VISITED else None
+
+    root.visititems(visit)
+    return names
+
+
+def _named_arrays(root: Node, positions: Dataset) -> dict[str, npt.NDArray[Any]]:
+    """The arrays beside the positions, with faces of a group above if there are none beside."""
+    folders = [str(folder) for folder in PurePosixPath(positions.name).parents]
+    arrays = {}
+    for name in filter(NAMED.fullmatch, find_group(root, folders[0]) or ()):
+        if (dataset := find_dataset(root, f"{folders[0]}/{name}")) is not None:
+            arrays[name] = read_all(dataset)
+    for folder in folders:
+        if (found := find_dataset(root, f"{folder}/faces")) is not None:
+            arrays.setdefault("faces", read_all(found))
+    if "faces" not in arrays:
+        raise FormatError(
+            f"has no dataset 'faces' beside {positions.name}, of shape (M, 3); store it there"
+        )
+    return arrays

@@ -1,0 +1,205 @@
+"""A sequence as arrays with names, the same in NumPy archives and in HDF5 files.
+
+==============================  ===========  ===========================================
+name                            shape        what
+==============================  ===========  ===========================================
+``vertices``                    (T, V, 3)    positions, float32 or float64; or (V, 3, T)
+``faces``                       (M, 3)       vertex indices of each triangle
+``fps``, ``start_s``            ()           frames per second; time of the first frame
+``name``                        ()           text
+``face_sizes``                  (P,)         corners of each face, whose triangles are a fan
+``part_names``                  (N,)         text: the meshes that were merged
+``part_sizes``                  (N, 2)       vertices and faces of each
+``attribute_names``             (A,)         text
+``attribute_kinds``             (A,)         text: uv, color or other
+``attribute_domains``           (A,)         text: vertex, face or corner
+``attribute_0_values`` ...      (N, C)       of the first attribute, and so on
+``attribute_0_indices`` ...     (n_items,)   rows of the values, if they are not in order
+``group_names``                 (G,)         text: what groups of faces are, as "material"
+``group_0_labels`` ...          (L,)         text
+``group_0_numbers`` ...         (P,)         label of each face; -1 is none
+==============================  ===========  ===========================================
+
+All but the first two may be left out.
+"""
+
+import re
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from meshreel.errors import FormatError
+from meshreel.formats.arrays.array_frames import Description
+from meshreel.formats.options import ReadOptions
+from meshreel.surface import Attribute, Domain, FaceGroups, Kind, Part, Surface
+
+Array = npt.NDArray[Any]
+
+NAMED = re.compile(
+    r"faces|fps|start_s|name|face_sizes|part_(names|sizes)|attribute_(names|kinds|domains)"
+    r"|attribute_\d+_(values|indices)|group_names|group_\d+_(labels|numbers)"
+)
+"""Names of all arrays but that of the positions."""
+
+
+def surface_arrays(surface: Surface) -> dict[str, Array]:
+    """The arrays of a surface by name; none for a plain one."""
+    arrays: dict[str, Array] = {}
+    if surface.face_sizes is not None:
+        arrays["face_sizes"] = surface.face_sizes
+    if surface.parts:
+        arrays["part_names"] = _texts([part.name for part in surface.parts])
+        sizes = [(part.n_verts, part.n_faces) for part in surface.parts]
+        arrays["part_sizes"] = np.array(sizes, np.int64)
+    return arrays | _attribute_arrays(surface.attributes) | _group_arrays(surface.groups)
+
+
+def start_arrays(start_s: float) -> dict[str, Array]:
+    """The start by name; nothing for 0, so that such files are as they always were."""
+    return {"start_s": np.asarray(np.float64(start_s))} if start_s else {}
+
+
+def read_description(arrays: Mapping[str, Array], name: str, options: ReadOptions) -> Description:
+    """What arrays say of a sequence beside its positions.
+
+    Parameters
+    ----------
+    arrays : mapping of names to arrays
+        Holds ``faces``.
+    name : str
+        Of the sequence, if the arrays say none.
+    options : ReadOptions
+
+    Raises
+    ------
+    FormatError
+        Naming the array that is missing, or not what its name says.
+    """
+    fps = options.fps if options.fps is not None else _number(arrays, "fps")
+    return Description(
+        arrays["faces"],
+        fps,
+        _text(arrays.get("name")) or name,
+        _number(arrays, "start_s"),
+        read_surface(arrays),
+    )
+
+
+def read_surface(arrays: Mapping[str, Array]) -> Surface:
+    """The surface of arrays by name; whether it fits a mesh is not checked.
+
+    Raises
+    ------
+    FormatError
+        Naming the array that is missing, or not what its name says.
+    """
+    names, kinds, domains = (
+        _text_list(arrays, f"attribute_{what}") for what in ("names", "kinds", "domains")
+    )
+    if not len(names) == len(kinds) == len(domains):
+        raise FormatError(
+            f"has {len(names)} attribute_names, {len(kinds)} attribute_kinds and "
+            f"{len(domains)} attribute_domains; they must be as many"
+        )
+    attributes = tuple(
+        Attribute(
+            name,
+            _one_of(Kind, kinds[index], "attribute_kinds"),
+            _one_of(Domain, domains[index], "attribute_domains"),
+            _native(_required(arrays, f"attribute_{index}_values")),
+            arrays.get(f"attribute_{index}_indices"),
+        )
+        for index, name in enumerate(names)
+    )
+    groups = tuple(
+        FaceGroups(
+            name,
+            tuple(_text_list(arrays, f"group_{index}_labels")),
+            _required(arrays, f"group_{index}_numbers"),
+        )
+        for index, name in enumerate(_text_list(arrays, "group_names"))
+    )
+    return Surface(arrays.get("face_sizes"), attributes, groups, _parts(arrays))
+
+
+def _attribute_arrays(attributes: Sequence[Attribute]) -> dict[str, Array]:
+    if not attributes:
+        return {}
+    arrays = {
+        "attribute_names": _texts([one.name for one in attributes]),
+        "attribute_kinds": _texts([one.kind for one in attributes]),
+        "attribute_domains": _texts([one.domain for one in attributes]),
+    }
+    for index, one in enumerate(attributes):
+        arrays[f"attribute_{index}_values"] = one.values
+        if one.indices is not None:
+            arrays[f"attribute_{index}_indices"] = one.indices
+    return arrays
+
+
+def _group_arrays(groups: Sequence[FaceGroups]) -> dict[str, Array]:
+    if not groups:
+        return {}
+    arrays = {"group_names": _texts([one.name for one in groups])}
+    for index, one in enumerate(groups):
+        arrays[f"group_{index}_labels"] = _texts(one.labels)
+        arrays[f"group_{index}_numbers"] = one.numbers
+    return arrays
+
+
+def _parts(arrays: Mapping[str, Array]) -> tuple[Part, ...]:
+    names = _text_list(arrays, "part_names")
+    sizes = arrays.get("part_sizes", np.empty((0, 2), np.int64))
+    if sizes.shape != (len(names), 2) or sizes.dtype.kind not in "iu":
+        raise FormatError(
+            f"part_sizes must be whole numbers of shape ({len(names)}, 2), for {len(names)} "
+            f"part_names; got {sizes.dtype} of {sizes.shape}"
+        )
+    rows = sizes.tolist()
+    return tuple(Part(name, *row) for name, row in zip(names, rows, strict=True))
+
+
+def _texts(texts: Sequence[str]) -> Array:
+    return np.array([str(text) for text in texts], dtype=np.str_)
+
+
+def _text(array: Array | None) -> str:
+    is_text = array is not None and array.dtype.kind == "U" and array.size == 1
+    return str(array.ravel()[0]) if is_text and array is not None else ""
+
+
+def _text_list(arrays: Mapping[str, Array], name: str) -> list[str]:
+    array = arrays.get(name)
+    if array is None:
+        return []
+    if array.ndim != 1 or (array.dtype.kind != "U" and array.size):
+        raise FormatError(f"{name} must be text of shape (N,); got {array.dtype} of {array.shape}")
+    return [str(text) for text in array]
+
+
+def _number(arrays: Mapping[str, Array], name: str) -> float:
+    array = arrays.get(name)
+    if array is None:
+        return 0.0
+    if array.dtype.kind not in "iuf" or array.size != 1:
+        raise FormatError(f"{name} must be one number; got {array.dtype} of shape {array.shape}")
+    return float(array.ravel()[0])
+
+
+def _required(arrays: Mapping[str, Array], name: str) -> Array:
+    if name not in arrays:
+        raise FormatError(f"has no array {name!r}, which others speak of")
+    return arrays[name]
+
+
+def _native(array: Array) -> Array:
+    return array.astype(array.dtype.newbyteorder("="), copy=False)
+
+
+def _one_of(kind: Any, text: str, name: str) -> Any:
+    try:
+        return kind(text)
+    except ValueError:
+        raise FormatError(f"{name} must be of {', '.join(kind)}; got {text!r}") from None

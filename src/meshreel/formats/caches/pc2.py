@@ -1,0 +1,102 @@
+"""Point caches of 3ds Max (``.pc2``): float32 positions and no faces.
+
+The header (32 bytes, little endian) is the signature, version 1, the number of vertices, the first
+frame, the frames from one sample to the next, and the number of samples. There is no frame rate.
+"""
+
+import math
+import struct
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from meshreel.errors import FormatError, InvalidInputError
+from meshreel.formats.arrays.array_frames import ArrayFrames, Description
+from meshreel.formats.caches.point_cache import (
+    FRAME_RATE,
+    cache_reader,
+    check_cache_size,
+    single_precision,
+)
+from meshreel.formats.caches.topology import ReadTopology
+from meshreel.formats.frame_stream import FrameStream
+from meshreel.formats.naming import errors_naming, os_errors_naming
+from meshreel.formats.options import ReadOptions, WriteOptions
+from meshreel.sequence import FrameSource
+
+SIGNATURE = b"POINTCACHE2\0"
+VERSION = 1
+HEADER = struct.Struct("<12siiffi")
+
+
+def pc2_opener(read_topology: ReadTopology) -> Callable[[Path, ReadOptions], FrameSource]:
+    """A function from a path and options to the sequence of a ``.pc2`` file.
+
+    Its frame rate is that of the options, or unknown; its name that of the file.
+    """
+
+    def open_pc2(path: Path, options: ReadOptions) -> FrameSource:
+        with errors_naming(path):
+            n_verts, first_frame, step, n_frames = _read_header(path)
+        faces, surface = read_topology(path, n_verts, options)
+        fps = options.fps or 0.0
+        if step != 1:
+            options.notes.append(f"samples are {step:g} frames apart; each is taken as one frame")
+        if first_frame and not fps:
+            options.notes.append(
+                f"begins at frame {first_frame:g}, of unknown rate, and is taken to begin at "
+                "0 s; say the rate with --fps (fps=)"
+            )
+        start_s = first_frame / (fps * step) if fps else 0.0
+        read = cache_reader(path, HEADER.size, n_verts, "<f4")
+        frames = ArrayFrames(path, n_frames, n_verts, np.dtype(np.float32), read)
+        return frames.opened(Description(faces, fps, path.stem, start_s, surface), options)
+
+    return open_pc2
+
+
+def write_pc2(path: Path, stream: FrameStream, options: WriteOptions) -> None:
+    """Write a ``.pc2`` file; what it cannot hold is noted."""
+    first_frame = _first_frame(stream)
+    header = HEADER.pack(SIGNATURE, VERSION, stream.n_verts, first_frame, 1.0, stream.n_frames)
+    with path.open("wb") as file:
+        file.write(header)
+        for frame in single_precision(stream):
+            file.write(frame.astype("<f4", copy=False).tobytes())
+
+
+def _first_frame(stream: FrameStream) -> float:
+    """The start as a frame number; what will be read otherwise than it is, is noted."""
+    fps = stream.fps or FRAME_RATE
+    with np.errstate(over="ignore"):
+        first_frame = float(np.float32(stream.start_s * fps))
+    if not math.isfinite(first_frame):
+        raise InvalidInputError(
+            f"start_s of {stream.start_s:g} is too large for PC2, which holds float32"
+        )
+    if stream.fps:
+        stream.notes.append(
+            f"PC2 has no frame rate: say {stream.fps:g} fps again when it is read (--fps)"
+        )
+    if first_frame / fps != stream.start_s or (stream.start_s and not stream.fps):
+        stream.notes.append(
+            f"PC2 holds the start at {stream.start_s!r} s as frame {first_frame:g} of "
+            f"{fps:g} a second, which is {first_frame / fps!r} s"
+        )
+    return first_frame
+
+
+def _read_header(path: Path) -> tuple[int, float, float, int]:
+    """Vertices, first frame, frames from sample to sample, and samples of a file."""
+    with os_errors_naming(path), path.open("rb") as file:
+        data, size_bytes = file.read(HEADER.size), path.stat().st_size
+    if len(data) < HEADER.size or data[:12] != SIGNATURE:
+        raise FormatError(f"is no PC2 file: it begins with {data[:12]!r}, not {SIGNATURE!r}")
+    _, version, n_verts, first_frame, step, n_frames = HEADER.unpack(data)
+    if version != VERSION:
+        raise FormatError(f"has PC2 version {version}; version {VERSION} is read")
+    if not (math.isfinite(first_frame) and math.isfinite(step) and step > 0):
+        raise FormatError(f"is damaged: begins at frame {first_frame} in steps of {step}")
+    check_cache_size(HEADER.size, n_frames, n_verts, size_bytes)
+    return n_verts, first_frame, step, n_frames

@@ -1,0 +1,102 @@
+"""The two kinds of formats: files that hold a frame each, and files that hold a whole sequence."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from meshreel.formats.extras import Extra
+from meshreel.formats.frame_stream import FrameStream
+from meshreel.formats.options import ReadOptions, WriteOptions
+from meshreel.formats.polygons import PolygonMesh
+from meshreel.formats.scene import ReadMeshes
+from meshreel.formats.scene_source import scene_opener
+from meshreel.sequence import Faces, FrameSource, Vertices
+from meshreel.surface import Surface
+
+ReadOption = Literal["object", "merge", "topology", "dataset"]
+
+
+@dataclass(frozen=True)
+class FrameFormat:
+    """A format whose files hold one static mesh, so one frame.
+
+    Parameters
+    ----------
+    ending : str
+        Lower case, with the dot.
+    title : str
+        What people call it.
+    parse : function of the bytes of a file
+        Gives its `PolygonMesh`; its errors name the line but not the file.
+    encoder : function of the faces, the surface and a list of notes, or None
+        Gives a function from the positions of a frame to the bytes of its file; None if files of
+        this format are only read. The notes gain a sentence on what such a file does not hold.
+    positions_like : function of the bytes of a file and the mesh that it holds, optional
+        Gives a function from the bytes of another file to its positions, for one that `parse`
+        would give the same faces; else, or if it does not look so at once, None.
+    parse_surface : function of the bytes of a file, optional
+        Gives attributes, groups and parts of a file that `parse` reads, without face sizes.
+    is_decimal : bool, default False
+        Whether positions are decimal text without a declared type.
+    has_corners_only : bool, default False
+        Whether every triangle has three vertices of its own, which must be welded.
+    """
+
+    ending: str
+    title: str
+    parse: Callable[[bytes], PolygonMesh]
+    encoder: Callable[[Faces, Surface, list[str]], Callable[[Vertices], bytes]] | None
+    positions_like: Callable[[bytes, PolygonMesh], Callable[[bytes], Vertices | None]] | None = None
+    parse_surface: Callable[[bytes], Surface] | None = None
+    is_decimal: bool = False
+    has_corners_only: bool = False
+
+
+@dataclass(frozen=True)
+class SequenceFormat:
+    """A format whose files hold a whole sequence.
+
+    Parameters
+    ----------
+    ending : str
+        Lower case, with the dot.
+    title : str
+        What people call it.
+    open : function of a path and `ReadOptions`
+        Gives the sequence; its errors name the file. Positions stay in the file where the options
+        ask for that and the format allows it.
+    write : function of a path, a `FrameStream` and `WriteOptions`, or None
+        Writes the file; None if files of this format are only read.
+    extra : Extra, optional
+        The library that reading and writing need.
+    reads : set of ReadOption
+        Which options choose something in such a file.
+    companion : str, default ""
+        Ending of a mesh file with the first frame that is written beside it.
+    read_meshes : ReadMeshes, optional
+        Gives the meshes of a file, where it may hold several, or one whose faces change.
+    """
+
+    ending: str
+    title: str
+    open: Callable[[Path, ReadOptions], FrameSource]
+    write: Callable[[Path, FrameStream, WriteOptions], None] | None
+    extra: Extra | None = None
+    reads: frozenset[ReadOption] = frozenset()
+    companion: str = ""
+    read_meshes: ReadMeshes | None = None
+
+
+def scene_format(
+    ending: str,
+    title: str,
+    read_meshes: ReadMeshes,
+    write: Callable[[Path, FrameStream, WriteOptions], None] | None,
+    extra: Extra | None = None,
+) -> SequenceFormat:
+    """A format whose files hold one or several meshes, the faces of which may change."""
+    return SequenceFormat(
+        ending, title, scene_opener(read_meshes), write, extra,
+        reads=frozenset({"object", "merge"}), read_meshes=read_meshes,
+    )  # fmt: skip

@@ -1,0 +1,128 @@
+"""Wavefront OBJ: the vertices and faces of one frame.
+
+Our own reader: the one of trimesh splits vertices at texture seams and leaves out those that no
+face uses, so that frames could differ; a sequence needs them all, in file order. Read: ``v``
+(columns after z ignored), ``f`` (only the vertex of ``v/vt/vn``; negative indices count back from
+the last vertex above), comments, and a backslash that continues a line. Everything else is passed
+over; `meshreel.formats.meshes.obj_surface` reads what of it is the same in every frame.
+"""
+
+import re
+from collections.abc import Callable
+from contextlib import suppress
+
+import numpy as np
+import numpy.typing as npt
+
+from meshreel.errors import FormatError
+from meshreel.formats.polygons import PolygonMesh, polygon_mesh
+from meshreel.formats.text.token_lines import TokenLines, split_lines
+from meshreel.geometry.ragged import ragged_indices
+from meshreel.sequence import Vertices
+
+END_OF_SEGMENT = re.compile(rb"\nv(?!t)")
+
+
+def parse_obj(data: bytes) -> PolygonMesh:
+    """The mesh of the bytes of an OBJ file; positions in float64.
+
+    Raises
+    ------
+    FormatError
+        Naming the line that is wrong, or if there are no vertices or no faces.
+    """
+    return obj_mesh(split_lines(data, continuation=True))
+
+
+def obj_mesh(lines: TokenLines) -> PolygonMesh:
+    """The mesh of the lines of an OBJ file; as `parse_obj`."""
+    is_vertex = lines.begins_with(b"v")
+    face_lines = np.flatnonzero(lines.begins_with(b"f"))
+    counts = lines.counts[face_lines] - 1
+    tokens = ragged_indices(lines.first[face_lines] + 1, counts)
+    written = lines.integers(tokens, stop_at_slash=True)
+    n_above = np.repeat(np.cumsum(is_vertex)[face_lines], counts)
+    vertices = _vertices(lines, np.flatnonzero(is_vertex))
+    return polygon_mesh(
+        vertices,
+        counts,
+        np.where(written < 0, n_above + written, written - 1),
+        place=lambda face: lines.place(face_lines[face]),
+        given=lambda corner: written[corner],
+        allowed=f"1..{len(vertices)}, or count back with -1..-{len(vertices)}",
+    )
+
+
+def obj_positions_like(first: bytes, mesh: PolygonMesh) -> Callable[[bytes], Vertices | None]:
+    """A function from the bytes of another file to its positions, if its faces are the same text.
+
+    It gives None for a file that must be read whole: faces or texture coordinates are written
+    otherwise, or something is wrong. Only the lines between are read, in a third of the time.
+    """
+    segments, n_verts = _same_segments(first), len(mesh.vertices)
+    counts_back = any(b" -" in segment for segment in segments)
+
+    def positions(data: bytes) -> Vertices | None:
+        if counts_back or b"\\" in data or (rest := _without(segments, data)) is None:
+            return None
+        lines = split_lines(rest)
+        vertex_lines = np.flatnonzero(lines.begins_with(b"v"))
+        if lines.begins_with(b"f").any() or len(vertex_lines) != n_verts:
+            return None
+        with suppress(FormatError):  # reading it whole names the line
+            return _vertices(lines, vertex_lines)
+        return None
+
+    return positions
+
+
+def _same_segments(data: bytes) -> list[bytes]:
+    """The text from the first face or texture coordinate on, up to the next vertex; and so on."""
+    segments, end = [], 0
+    while (begin := _next_segment(data, end)) >= 0:
+        found = END_OF_SEGMENT.search(data, begin)
+        end = found.start() if found else len(data)
+        segments.append(data[begin:end])
+    return segments
+
+
+def _next_segment(data: bytes, at: int) -> int:
+    """Where the line before the next face or texture coordinate ends; -1 if there is none."""
+    face = _next_line(data, b"\nf ", at, len(data))
+    texture = _next_line(data, b"\nvt ", at, face if face >= 0 else len(data))
+    return texture if texture >= 0 else face
+
+
+def _next_line(data: bytes, beginning: bytes, at: int, stop: int) -> int:
+    """Where the next line with that beginning has it; -1 if there is none before `stop`."""
+    # Looking for one letter, which numbers do not have, is a hundred times faster than for two.
+    letter = beginning[-2:-1]
+    while (at := data.find(letter, at, stop) + 1) > 0:
+        begin = at - len(beginning) + 1
+        if begin >= 0 and data.startswith(beginning, begin):
+            return begin
+    return -1
+
+
+def _without(segments: list[bytes], data: bytes) -> bytes | None:
+    """What stands between the segments, if all of them are there where such begin."""
+    pieces, end = [], 0
+    for segment in segments:
+        begin = _next_segment(data, end)
+        if begin < 0 or not data.startswith(segment, begin):
+            return None
+        pieces.append(data[end:begin])
+        end = begin + len(segment)
+        if not segment.endswith(b"\n") and data[end : end + 1] not in b"\n":
+            return None
+    return b"\n".join([*pieces, data[end:]])
+
+
+def _vertices(lines: TokenLines, vertex_lines: npt.NDArray[np.int64]) -> npt.NDArray[np.float64]:
+    short = lines.counts[vertex_lines] < 4
+    if short.any():
+        line = vertex_lines[np.argmax(short)]
+        raise FormatError(
+            f"{lines.place(line)}: a vertex needs x, y and z; got {lines.counts[line] - 1} numbers"
+        )
+    return lines.floats(lines.first[vertex_lines][:, None] + np.arange(1, 4))

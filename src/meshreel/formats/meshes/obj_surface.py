@@ -1,0 +1,127 @@
+"""What an OBJ file holds beside positions and faces.
+
+Texture coordinates (``vt``, and the second number of ``v/vt/vn``), colours of vertices (``v`` with
+six numbers), ``usemtl``, ``g`` and ``o``. Passed over: normals, smoothing groups and the name of
+the material library.
+"""
+
+import numpy as np
+import numpy.typing as npt
+
+from meshreel.formats.meshes.obj import obj_mesh
+from meshreel.formats.text.token_lines import TokenLines, split_lines
+from meshreel.geometry.ragged import ragged_indices
+from meshreel.surface import Attribute, Domain, FaceGroups, Kind, Part, Surface
+
+Int64s = npt.NDArray[np.int64]
+
+STATEMENTS = {"material": b"usemtl", "group": b"g", "object": b"o"}
+"""What faces are sorted into, and the statement before those of one."""
+
+N_COLORED = 6
+"""Numbers of a vertex with a colour."""
+
+
+def parse_obj_surface(data: bytes) -> Surface:
+    """Attributes, groups and parts of the bytes of an OBJ file that `parse_obj` reads.
+
+    Colours are of 0..255 if they are whole numbers that exceed 1, and become floats of 0..1. A
+    corner that names no texture coordinate, or one that is not there, has (0, 0) if others have
+    one. Objects are parts if their faces name vertices of their own only, else groups; a single
+    object is neither.
+
+    Raises
+    ------
+    FormatError
+        Naming the line that is wrong.
+    """
+    lines = split_lines(data, continuation=True)
+    face_lines = np.flatnonzero(lines.begins_with(b"f"))
+    parts = _parts(lines, face_lines)
+    attributes = (_texture_coordinates(lines, face_lines), _colors(lines))
+    groups = [_groups(lines, face_lines, name) for name in STATEMENTS]
+    return Surface(
+        None,
+        tuple(one for one in attributes if one is not None),
+        tuple(one for one in groups if one.labels and not _is_told(one, parts)),
+        parts,
+    )
+
+
+def _texture_coordinates(lines: TokenLines, face_lines: Int64s) -> Attribute | None:
+    counts = lines.counts[face_lines] - 1
+    is_row = lines.begins_with(b"vt")
+    row_lines = np.flatnonzero(is_row)
+    words = ragged_indices(lines.first[face_lines] + 1, counts)
+    written, has_one = lines.integers_after_slash(words)
+    n_above = np.repeat(np.cumsum(is_row)[face_lines], counts)
+    rows = np.where(written < 0, n_above + written, written - 1)
+    is_there = has_one & (rows >= 0) & (rows < len(row_lines))
+    if not is_there.any():
+        return None
+    values = _texture_rows(lines, row_lines)
+    if not is_there.all():
+        rows[~is_there] = len(values)
+        values = np.concatenate([values, np.zeros((1, 2), np.float32)])
+    return Attribute("uv", Kind.UV, Domain.CORNER, values, rows.astype(np.int32))
+
+
+def _texture_rows(lines: TokenLines, row_lines: Int64s) -> npt.NDArray[np.float32]:
+    """The texture coordinates of those lines; v is 0 where a line has only u."""
+    first, counts = lines.first[row_lines], lines.counts[row_lines]
+    values = np.zeros((len(row_lines), 2), np.float32)
+    for column in range(2):
+        has_it = counts > column + 1
+        values[has_it, column] = lines.floats(first[has_it] + column + 1)
+    return values
+
+
+def _colors(lines: TokenLines) -> Attribute | None:
+    vertex_lines = np.flatnonzero(lines.begins_with(b"v"))
+    if (lines.counts[vertex_lines] != N_COLORED + 1).any():
+        return None
+    values = lines.floats(lines.first[vertex_lines][:, None] + np.arange(4, 7))
+    if values.max() > 1 and (values == np.rint(values)).all():
+        values /= 255
+    return Attribute("color", Kind.COLOR, Domain.VERTEX, values.astype(np.float32))
+
+
+def _groups(lines: TokenLines, face_lines: Int64s, name: str) -> FaceGroups:
+    statements = np.flatnonzero(lines.begins_with(STATEMENTS[name]))
+    above = _last_above(statements, face_lines)
+    labels: dict[str, int] = {}
+    numbers = np.full(len(statements) + 1, -1, np.int32)  # the last row is that of none above
+    for used in np.unique(above[above >= 0]):
+        if label := lines.words_after_first(int(statements[used])):
+            numbers[used] = labels.setdefault(label, len(labels))
+    return FaceGroups(name, tuple(labels), numbers[above])
+
+
+def _is_told(groups: FaceGroups, parts: tuple[Part, ...]) -> bool:
+    """Whether groups say no more than the parts, or that all is one object."""
+    is_whole = len(groups.labels) == 1 and bool((groups.numbers == 0).all())
+    return groups.name == "object" and (is_whole or bool(parts))
+
+
+def _parts(lines: TokenLines, face_lines: Int64s) -> tuple[Part, ...]:
+    """The objects, if there are several and none uses what belongs to another."""
+    statements = np.flatnonzero(lines.begins_with(STATEMENTS["object"]))
+    of_verts = _last_above(statements, np.flatnonzero(lines.begins_with(b"v")))
+    of_faces = _last_above(statements, face_lines)
+    names = [lines.words_after_first(statement) for statement in statements.tolist()]
+    used = np.unique(np.concatenate([of_verts, of_faces]))
+    if used[0] < 0 or len(used) < 2:
+        return ()
+    labels = [names[number] for number in used]
+    if len({*labels}) < len(labels) or not all(labels):
+        return ()
+    mesh = obj_mesh(lines)
+    if (of_verts[mesh.corners] != np.repeat(of_faces, mesh.counts)).any():
+        return ()
+    n_verts, n_faces = (np.bincount(of, minlength=len(names)) for of in (of_verts, of_faces))
+    return tuple(Part(names[one], int(n_verts[one]), int(n_faces[one])) for one in used)
+
+
+def _last_above(statements: Int64s, lines: Int64s) -> Int64s:
+    """The last of the statements above each line; -1 if there is none."""
+    return np.searchsorted(statements, lines) - 1

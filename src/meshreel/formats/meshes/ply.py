@@ -1,0 +1,76 @@
+"""Polygon File Format (PLY): the vertices and faces of one frame.
+
+Our own reader: the one of trimesh splits vertices at texture seams, reorders faces when quads and
+triangles are mixed, cannot read binary files with lists of mixed length, and raises what numpy
+raises on damaged files. Read: ASCII and both binary encodings, any further elements and
+properties, faces of any size. Positions keep the declared type: double stays float64, integers
+become a float type that holds them. `meshreel.formats.meshes.ply_surface` reads what else is of
+use.
+"""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from meshreel.errors import FormatError
+from meshreel.formats.meshes.ply_cells import BinaryCells
+from meshreel.formats.meshes.ply_tables import PlyTable, read_ply_tables
+from meshreel.formats.polygons import PolygonMesh, polygon_mesh
+from meshreel.geometry.ragged import Integers
+from meshreel.sequence import Vertices
+
+INDEX_NAMES = ("vertex_indices", "vertex_index")
+
+
+def parse_ply(data: bytes) -> PolygonMesh:
+    """The mesh of the bytes of a PLY file.
+
+    Raises
+    ------
+    FormatError
+        If the header is wrong, the declared rows are not all there, or there are no faces.
+    """
+    return ply_mesh(read_ply_tables(data))
+
+
+def ply_mesh(tables: dict[str, PlyTable]) -> PolygonMesh:
+    """The mesh of the tables of a PLY file; as `parse_ply`."""
+    counts, corners = _faces(tables["face"])
+    return polygon_mesh(_vertices(tables["vertex"]), counts, corners)
+
+
+def ply_positions_like(first: bytes, mesh: PolygonMesh) -> Callable[[bytes], Vertices | None]:
+    """A function from the bytes of another file to its positions, if the rest is the same bytes.
+
+    It gives None for a file that must be read whole. Text is always read whole.
+    """
+    table = read_ply_tables(first)["vertex"]
+    cells, has_lists = table.cells, any(column.count_code for column in table.element.properties)
+    if has_lists or not isinstance(cells, BinaryCells):
+        return lambda data: None
+    body = len(first) - cells.n_cells
+    before, after = first[: body + table.layout.start], first[body + table.layout.end :]
+
+    def positions(data: bytes) -> Vertices | None:
+        if len(data) != len(first) or not (data.startswith(before) and data.endswith(after)):
+            return None
+        return _vertices(replace(table, cells=BinaryCells(data[body:], cells.byte_order)))
+
+    return positions
+
+
+def _vertices(table: PlyTable) -> Vertices:
+    columns = [table.element.property_named(axis) for axis in "xyz"]
+    if any(column.count_code for column in columns):
+        raise FormatError("element 'vertex' has a list where x, y or z should be a number")
+    values = [table.numbers(column) for column in columns]
+    dtype = np.result_type(np.float32, *(column.dtype for column in values))
+    return np.stack(values, axis=1).astype(dtype)
+
+
+def _faces(table: PlyTable) -> tuple[Integers, Integers]:
+    column = table.element.property_named(*INDEX_NAMES)
+    if not column.count_code or column.code.startswith("f"):
+        raise FormatError(f"property {column.name!r} must be a list of integers")
+    return table.lists(column)

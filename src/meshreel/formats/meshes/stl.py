@@ -1,0 +1,141 @@
+"""STL, binary and ASCII: the triangles of one frame, every corner with its own position.
+
+Our own reader: a binary STL is one numpy dtype, and the corners must come in file order for
+`meshreel.formats.meshes.welding` to join the same ones in every frame. Written files are binary, so
+float64 positions are rounded to float32 (a relative error of 6e-8). Normals are recomputed on
+writing and passed over on reading.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+import numpy.typing as npt
+
+from meshreel.errors import FormatError, InvalidInputError
+from meshreel.formats.polygons import PolygonMesh, polygon_mesh
+from meshreel.formats.text.token_lines import TokenLines, split_lines
+from meshreel.formats.unwritten import note_unwritten
+from meshreel.sequence import Faces, Vertices
+from meshreel.surface import PLAIN, Surface
+
+HEADER_BYTES = 80
+TRIANGLE = np.dtype([("normal", "<f4", (3,)), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+
+
+def parse_stl(data: bytes) -> PolygonMesh:
+    """The triangles of the bytes of an STL file; corner 3 f + i is vertex 3 f + i.
+
+    Raises
+    ------
+    FormatError
+        If the size contradicts the declared number of triangles, or naming the wrong line.
+    """
+    # Some binary files begin with "solid" too, so the size decides first.
+    corners: Vertices
+    if len(data) == _binary_size(data):
+        corners = _parse_binary(data)
+    elif data.lstrip()[:5].lower() == b"solid" and b"\0" not in data:
+        corners = _parse_ascii(split_lines(data.lower()))
+    else:
+        raise FormatError(
+            f"is {len(data)} bytes long; a binary STL that declares its number of triangles as "
+            f"this one does has {_binary_size(data)}; the file is truncated or damaged"
+        )
+    n_faces = len(corners) // 3
+    corners = _without_negative_zeros(corners)
+    return polygon_mesh(corners, np.full(n_faces, 3), np.arange(3 * n_faces))
+
+
+def stl_positions_like(first: bytes, mesh: PolygonMesh) -> Callable[[bytes], Vertices | None]:
+    """A function from the bytes of another file to its corners, if it has as many triangles.
+
+    It gives None for a file that must be read whole. Text is always read whole.
+    """
+    n_corners = len(mesh.vertices)
+
+    def positions(data: bytes) -> Vertices | None:
+        if len(data) != _binary_size(data):
+            return None
+        corners = _parse_binary(data)
+        return _without_negative_zeros(corners) if len(corners) == n_corners else None
+
+    return positions
+
+
+def stl_encoder(
+    faces: Faces, surface: Surface = PLAIN, notes: list[str] | None = None
+) -> Callable[[Vertices], bytes]:
+    """A function from the positions of a frame, of shape (V, 3), to the bytes of its STL file.
+
+    Parameters
+    ----------
+    faces : int32 array of shape (M, 3)
+    surface : Surface, optional
+    notes : list of str, optional
+        Gains a sentence on the surface, none of which an STL file holds.
+
+    Raises
+    ------
+    InvalidInputError
+        By the function, if a position is too large for float32.
+    """
+    note_unwritten(surface, (), ".stl", notes, polygons=False)
+
+    def encode(vertices: Vertices) -> bytes:
+        triangles = np.zeros(len(faces), dtype=TRIANGLE)
+        with np.errstate(over="ignore"):
+            triangles["corners"] = vertices[faces]
+        if not np.isfinite(triangles["corners"]).all():
+            raise InvalidInputError(
+                "an STL file holds float32, up to 3.4e38; a position is larger; write .ply instead"
+            )
+        triangles["normal"] = _normals(vertices[faces].astype(np.float64))
+        header = b"binary STL".ljust(HEADER_BYTES, b" ")
+        return header + len(faces).to_bytes(4, "little") + triangles.tobytes()
+
+    return encode
+
+
+def _without_negative_zeros(corners: Vertices) -> Vertices:
+    """The same corners; negative zeros would keep equal ones apart."""
+    with np.errstate(invalid="ignore"):
+        return corners + 0.0
+
+
+def _binary_size(data: bytes) -> int:
+    n_faces = int.from_bytes(data[HEADER_BYTES : HEADER_BYTES + 4], "little")
+    return HEADER_BYTES + 4 + n_faces * TRIANGLE.itemsize
+
+
+def _parse_binary(data: bytes) -> npt.NDArray[np.float32]:
+    triangles = np.frombuffer(data, dtype=TRIANGLE, offset=HEADER_BYTES + 4)
+    return triangles["corners"].reshape(-1, 3).astype(np.float32)
+
+
+def _parse_ascii(lines: TokenLines) -> npt.NDArray[np.float64]:
+    facets, vertices = lines.begins_with(b"facet"), np.flatnonzero(lines.begins_with(b"vertex"))
+    if not lines.begins_with(b"endsolid")[-1]:
+        raise FormatError(
+            f"{lines.place(lines.n_lines - 1)}: expected endsolid at the end; the file is truncated"
+        )
+    n_corners = np.bincount(np.cumsum(facets)[vertices], minlength=int(facets.sum()) + 1)
+    if n_corners[0] or (n_corners[1:] != 3).any():
+        facet_lines = np.flatnonzero(facets)
+        line = vertices[0] if n_corners[0] else facet_lines[np.argmax(n_corners[1:] != 3)]
+        raise FormatError(f"{lines.place(line)}: a facet must have three vertex lines")
+    wrong = lines.counts[vertices] != 4
+    if wrong.any():
+        raise FormatError(
+            f"{lines.place(vertices[np.argmax(wrong)])}: a vertex needs exactly x, y and z"
+        )
+    return lines.floats(lines.first[vertices][:, None] + np.arange(1, 4))
+
+
+def _normals(corners: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    with np.errstate(over="ignore", invalid="ignore"):
+        normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        lengths = np.linalg.norm(normals, axis=1, keepdims=True)
+        usable = (lengths > 0) & np.isfinite(lengths)
+    unit = np.zeros_like(normals)
+    np.divide(normals, lengths, out=unit, where=usable)
+    return unit

@@ -1,0 +1,218 @@
+"""The words of a text file and the lines they stand on, as arrays.
+
+Mesh files in text are millions of short numbers, too many for a Python loop over lines. Here
+numpy finds all the words at once and reads the numbers of all words together, so that every layout
+(plain, with slashes, with extra columns, of mixed length) takes the same path.
+"""
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import TypeVar
+
+import numpy as np
+import numpy.typing as npt
+
+from meshreel.errors import FormatError
+from meshreel.formats.text.decimal_words import decimal_values
+from meshreel.formats.text.integer_words import are_spaces, integer_values
+from meshreel.geometry.ragged import Integers
+
+BLOCK_WORDS = 1 << 16  # words read at a time: more would only take more memory
+
+_Values = TypeVar("_Values", npt.NDArray[np.int64], npt.NDArray[np.float64])
+
+
+@dataclass(frozen=True, eq=False)
+class TokenLines:
+    """The words of a text, and which of them stand on one line; empty lines are left out.
+
+    Parameters
+    ----------
+    text : bytes
+        The text that the words are cut from, ending with a line feed.
+    physical : bytes
+        The text with its line ends as in the file, of the same length; only for line numbers.
+    starts, ends : int64 arrays of shape (number of words,)
+        Byte range of each word.
+    first, counts : int64 arrays of shape (number of lines,)
+        First word, and number of words, of each line.
+    """
+
+    text: bytes
+    physical: bytes
+    starts: npt.NDArray[np.int64]
+    ends: npt.NDArray[np.int64]
+    first: npt.NDArray[np.int64]
+    counts: npt.NDArray[np.int64]
+
+    @property
+    def n_lines(self) -> int:
+        """Number of lines that hold at least one word."""
+        return len(self.first)
+
+    def word(self, token: int) -> str:
+        """The word of that number, shortened for messages."""
+        word = self.text[self.starts[token] : self.ends[token]].decode("latin-1")
+        return word if len(word) <= 40 else word[:37] + "..."
+
+    def place(self, line: int) -> str:
+        """Where the line of that number stands in the file, counted from 1: "line 12"."""
+        return self.place_of_word(int(self.first[line]))
+
+    def place_of_word(self, token: int) -> str:
+        """The line on which the word of that number stands: "line 12"."""
+        lines_before = self.physical.count(b"\n", 0, int(self.starts[token]))
+        return f"line {lines_before + 1}"
+
+    def words_after_first(self, line: int) -> str:
+        """The words of the line of that number but the first, with a blank between any two."""
+        first, last = self.first[line], self.first[line] + self.counts[line] - 1
+        text = b" ".join(self.text[self.ends[first] : self.ends[last]].split())
+        try:
+            return text.decode("utf-8")
+        except UnicodeDecodeError:
+            return text.decode("latin-1")
+
+    def begins_with(self, word: bytes) -> npt.NDArray[np.bool_]:
+        """Whether the first word of each line is `word`."""
+        start, codes = self.starts[self.first], self._codes()
+        found: npt.NDArray[np.bool_] = self.ends[self.first] - start == len(word)
+        for offset, code in enumerate(word):
+            # Words that are too short are already out; the clip only keeps the index legal.
+            found &= codes[np.minimum(start + offset, len(codes) - 1)] == code
+        return found
+
+    def floats(self, tokens: Integers) -> npt.NDArray[np.float64]:
+        """The words of those numbers as float64, correctly rounded; the shape of `tokens`.
+
+        Raises
+        ------
+        FormatError
+            Naming the first word that is not a number, and its line.
+        """
+        flat = tokens.ravel()
+        values, is_read = decimal_values(self.text, self.starts[flat], self.ends[flat])
+        if not is_read.all():
+            values[~is_read] = self._floats_one_by_one(flat[~is_read])
+        return values.reshape(tokens.shape)
+
+    def integers(self, tokens: Integers, *, stop_at_slash: bool = False) -> npt.NDArray[np.int64]:
+        """The words of those numbers as int64, of shape (number of tokens,).
+
+        Parameters
+        ----------
+        tokens : integer array of shape (number of tokens,)
+            Numbers of words.
+        stop_at_slash : bool, default False
+            Whether a word may go on after a slash, as in ``7/3/1``; what follows is not read.
+
+        Raises
+        ------
+        FormatError
+            Naming the first word that is not an integer, and its line.
+        """
+        values = np.empty(len(tokens), dtype=np.int64)
+        for block, found in _blocks(tokens, values):
+            found[:], good = integer_values(self._codes(), self.starts[block], stop_at_slash)
+            if not good.all():
+                raise self._not_a(int(block[np.argmin(good)]), "an integer")
+        return values
+
+    def integers_after_slash(
+        self, tokens: Integers
+    ) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.bool_]]:
+        """The integer behind the first slash of each word, as 7 of ``3/7/1``; where there is one.
+
+        Raises
+        ------
+        FormatError
+            Naming the first word with something else there, and its line.
+        """
+        codes = self._codes()
+        slashes = np.append(np.flatnonzero(codes == ord("/")), len(codes) - 1)
+        begins = slashes[np.searchsorted(slashes, self.starts[tokens])] + 1
+        ends = self.ends[tokens]
+        is_there = begins < ends
+        is_there[is_there] = codes[begins[is_there]] != ord("/")
+        behind = replace(self, starts=begins[is_there], ends=ends[is_there])
+        values = np.zeros(len(tokens), dtype=np.int64)
+        values[is_there] = behind.integers(np.arange(len(behind.starts)), stop_at_slash=True)
+        return values, is_there
+
+    def have_points(self, tokens: Integers) -> bool:
+        """Whether any of the words of those numbers has a decimal point."""
+        points = np.flatnonzero(self._codes() == ord("."))
+        starts, ends = self.starts[tokens.ravel()], self.ends[tokens.ravel()]
+        return bool((np.searchsorted(points, starts) < np.searchsorted(points, ends)).any())
+
+    def _floats_one_by_one(self, tokens: Integers) -> npt.NDArray[np.float64]:
+        values = np.empty(len(tokens))
+        for block, found in _blocks(tokens, values):
+            ranges = zip(self.starts[block].tolist(), self.ends[block].tolist(), strict=True)
+            words = [self.text[start:end] for start, end in ranges]
+            try:
+                found[:] = np.array(words, dtype=np.float64)
+            except ValueError:
+                raise self._not_a_float(block, words) from None
+        return values
+
+    def _codes(self) -> npt.NDArray[np.uint8]:
+        return np.frombuffer(self.text, dtype=np.uint8)
+
+    def _not_a_float(self, tokens: Integers, words: list[bytes]) -> FormatError:
+        bad = (i for i, word in enumerate(words) if not _is_number(word))
+        return self._not_a(int(tokens[next(bad, 0)]), "a number")
+
+    def _not_a(self, token: int, wanted: str) -> FormatError:
+        place, word = self.place_of_word(token), self.word(token)
+        return FormatError(f"{place}: expected {wanted}; got {word!r}")
+
+
+def split_lines(data: bytes, *, continuation: bool = False) -> TokenLines:
+    r"""The words and lines of a text; comments from ``#`` to the end of the line are left out.
+
+    Parameters
+    ----------
+    data : bytes
+        A text in ASCII or a code that contains it; lines end with LF, CRLF or CR.
+    continuation : bool, default False
+        Whether a backslash at the end of a line joins the next line to it.
+    """
+    text = data.removeprefix(b"\xef\xbb\xbf") + b"\n"
+    if b"\r" in text and text.count(b"\n") == 1:
+        text = text.replace(b"\r", b"\n")
+    if b"#" in text:
+        text = re.sub(rb"#[^\n]*", lambda comment: b" " * len(comment[0]), text)
+    physical = text
+    if continuation and b"\\" in text:
+        # Blanks of the same length: byte positions still tell the line of the file.
+        text = text.replace(b"\\\r\n", b"   ").replace(b"\\\n", b"  ")
+        text = text[:-1] + b"\n"
+    return _find_words(text, physical)
+
+
+def _blocks(tokens: Integers, values: _Values) -> Iterator[tuple[Integers, _Values]]:
+    """Words, and the part of `values` that is theirs, some at a time."""
+    for begin in range(0, len(tokens), BLOCK_WORDS):
+        end = begin + BLOCK_WORDS
+        yield tokens[begin:end], values[begin:end]
+
+
+def _is_number(word: bytes) -> bool:
+    try:
+        float(word)
+    except ValueError:
+        return False
+    return True
+
+
+def _find_words(text: bytes, physical: bytes) -> TokenLines:
+    codes = np.frombuffer(text, dtype=np.uint8)
+    space = np.concatenate([[True], are_spaces(codes)])
+    edges = np.flatnonzero(space[1:] != space[:-1])
+    starts, ends = edges[0::2], edges[1::2]
+    words_so_far = np.searchsorted(starts, np.flatnonzero(codes == ord("\n")))
+    counts = np.diff(words_so_far, prepend=0)
+    filled = counts > 0
+    return TokenLines(text, physical, starts, ends, (words_so_far - counts)[filled], counts[filled])

@@ -1,0 +1,1 @@
+"""Files of VTK and ParaView: VTKHDF, XDMF, and VTK files in collections of their own."""

@@ -1,0 +1,90 @@
+"""Data arrays of VTK, at points and cells, to attributes of a surface."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from meshreel.errors import FormatError
+from meshreel.formats.vtk.cells import CellSurface
+from meshreel.surface import MAX_NUMBERS, VALUE_TYPES, Attribute, Domain, Kind, Surface
+
+TEXTURE_COORDINATES = "TCoords"
+NORMALS = "Normals"
+UV_NAMES = {"uv", "uvmap", "st", "tcoords", "texturecoordinates", "texture coordinates"}
+COLOR_NAMES = {"color", "colors", "colour", "colours", "rgb", "rgba", "cd"}
+
+
+@dataclass(frozen=True, eq=False)
+class DataArray:
+    """Values at the points or cells of a mesh.
+
+    Parameters
+    ----------
+    name : str
+    values : array of shape (N,) or (N, C)
+    role : str, default ""
+        What it is active as: "TCoords", "Normals" and others.
+    """
+
+    name: str
+    values: npt.NDArray[Any]
+    role: str = ""
+
+
+def surface_of_arrays(
+    points: Iterable[DataArray],
+    cells: Iterable[DataArray],
+    n_points: int,
+    n_cells: int,
+    surface: CellSurface,
+) -> Surface:
+    """The attributes that arrays at all points and cells are on the surface of the cells.
+
+    Normals, arrays of more numbers than an attribute has, and text are left out.
+
+    Raises
+    ------
+    FormatError
+        If an array has another number of values.
+    """
+    at_points = [(one, Domain.VERTEX, n_points, surface.kept) for one in points]
+    at_cells = [(one, Domain.FACE, n_cells, surface.cells) for one in cells]
+    found = (_attribute(*given) for given in at_points + at_cells)
+    return Surface(attributes=tuple(one for one in found if one is not None))
+
+
+def _attribute(
+    array: DataArray, domain: Domain, n_items: int, taken: npt.NDArray[np.int64] | slice
+) -> Attribute | None:
+    values = array.values
+    if len(values) != n_items:
+        raise FormatError(f"array {array.name!r} has {len(values)} values; {n_items} are needed")
+    values = values.reshape(n_items, -1)
+    if array.role == NORMALS or values.dtype.kind not in "iuf" or values.shape[1] > MAX_NUMBERS:
+        return None
+    values = _allowed(values[taken])
+    return Attribute(array.name, _kind(array, values), domain, values)
+
+
+def _allowed(values: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    """The values in a type that attributes have, which holds them as they are if one does."""
+    if values.dtype in VALUE_TYPES:
+        return values
+    if values.dtype.kind == "f":
+        return values.astype(np.float32 if values.dtype.itemsize < 4 else np.float64)
+    limits = np.iinfo(np.int32)
+    is_small = values.size == 0 or (limits.min <= values.min() and values.max() <= limits.max)
+    return values.astype(np.int32 if is_small else np.float64)
+
+
+def _kind(array: DataArray, values: npt.NDArray[Any]) -> Kind:
+    width, is_float, name = values.shape[1], values.dtype.kind == "f", array.name.lower()
+    is_named_uv = array.role == TEXTURE_COORDINATES or name in UV_NAMES
+    if width == 2 and is_float and is_named_uv:
+        return Kind.UV
+    if width in (3, 4) and (values.dtype == np.uint8 or (is_float and name in COLOR_NAMES)):
+        return Kind.COLOR
+    return Kind.OTHER

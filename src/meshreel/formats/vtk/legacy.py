@@ -1,0 +1,198 @@
+"""Legacy files of VTK (``.vtk``): polygons or cells at one time, in text or binary.
+
+Our own reader, for the reason that `meshreel.formats.vtk.xml_file` has. Read are POLYDATA and
+UNSTRUCTURED_GRID of versions 1 to 5.1.
+"""
+
+from urllib.parse import unquote
+
+import numpy as np
+import numpy.typing as npt
+
+from meshreel.errors import FormatError
+from meshreel.formats.polygons import PolygonMesh
+from meshreel.formats.vtk.cells import POLY_LINE, POLY_VERTEX, POLYGON, STRIP, Cells
+from meshreel.formats.vtk.data_arrays import NORMALS, TEXTURE_COORDINATES, DataArray
+from meshreel.formats.vtk.legacy_words import LegacyWords
+from meshreel.formats.vtk.mesh import VtkMesh
+from meshreel.sequence import Vertices
+from meshreel.surface import Surface
+
+Int64s = npt.NDArray[np.int64]
+
+SIGNATURE = "# vtk DataFile Version"
+COLORS = "COLOR_SCALARS"
+DATASETS = ("POLYDATA", "UNSTRUCTURED_GRID")
+GROUPS = {
+    "VERTICES": POLY_VERTEX, "LINES": POLY_LINE, "POLYGONS": POLYGON, "TRIANGLE_STRIPS": STRIP,
+    "CELLS": 0,
+}  # fmt: skip
+WIDTHS = {
+    "VECTORS": 3, "NORMALS": 3, "TENSORS": 9, "TENSORS6": 6, "GLOBAL_IDS": 1, "PEDIGREE_IDS": 1,
+}  # fmt: skip
+"""Numbers of each value, of data of which the file does not say it."""
+
+
+def read_vtk_legacy(data: bytes) -> VtkMesh:
+    """What the bytes of a ``.vtk`` file hold.
+
+    Raises
+    ------
+    FormatError
+        If it is no such file, of another dataset, or damaged.
+    """
+    words = LegacyWords(data)
+    if not words.raw_line().startswith(SIGNATURE):
+        raise FormatError(f"does not begin with {SIGNATURE!r}; expected a legacy file of VTK")
+    words.raw_line()  # a title
+    encoding = words.raw_line().upper()
+    if encoding not in ("ASCII", "BINARY"):
+        raise FormatError(f"is {encoding[:40]!r}; ASCII and BINARY are read")
+    words.is_text = encoding == "ASCII"
+    return _LegacyReader(words).read()
+
+
+def parse_vtk_legacy(data: bytes) -> PolygonMesh:
+    """The surface that a ``.vtk`` file shows; raises as `read_vtk_legacy`."""
+    return read_vtk_legacy(data).polygons
+
+
+def parse_vtk_legacy_surface(data: bytes) -> Surface:
+    """Its texture coordinates and colours; raises as `read_vtk_legacy`."""
+    return read_vtk_legacy(data).look()
+
+
+class _LegacyReader:
+    """What was read of a file so far."""
+
+    def __init__(self, words: LegacyWords) -> None:
+        self._words = words
+        self._points: Vertices = np.empty((0, 3), np.float32)
+        self._cells: dict[str, tuple[Int64s, Int64s]] = {}
+        self._types: npt.NDArray[np.integer] | None = None
+        self._data: dict[str, list[DataArray]] = {"POINT_DATA": [], "CELL_DATA": []}
+        self._domain, self._n_values = "", 0
+
+    def read(self) -> VtkMesh:
+        """The whole file."""
+        while line := self._words.line():
+            keyword, rest = line[0].upper(), line[1:]
+            try:
+                self._section(keyword, rest)
+            except (ValueError, IndexError) as error:
+                raise FormatError(f"has a wrong line {' '.join(line)[:60]!r} ({error})") from error
+        counts, points = (
+            np.concatenate([*(pair[side] for pair in self._in_order()), np.empty(0, np.int64)])
+            for side in (0, 1)
+        )
+        types = self._types if self._types is not None else self._group_types()
+        if len(types) != len(counts):
+            raise FormatError(f"has {len(types)} CELL_TYPES for {len(counts)} cells")
+        return VtkMesh(
+            self._points,
+            Cells(types, counts.astype(np.int64), points.astype(np.int64)),
+            tuple(self._data["POINT_DATA"]),
+            tuple(self._data["CELL_DATA"]),
+        )
+
+    def _in_order(self) -> list[tuple[Int64s, Int64s]]:
+        return [self._cells[name] for name in GROUPS if name in self._cells]
+
+    def _group_types(self) -> npt.NDArray[np.integer]:
+        kinds = [GROUPS[name] for name in GROUPS if name in self._cells]
+        return np.repeat(
+            np.array(kinds, np.int64), np.array([len(one[0]) for one in self._in_order()], int)
+        )
+
+    def _section(self, keyword: str, rest: list[str]) -> None:
+        match keyword:
+            case "DATASET":
+                if rest[0].upper() not in DATASETS:
+                    raise FormatError(f"is a {rest[0]}; {' and '.join(DATASETS)} are read")
+            case "POINTS":
+                points = self._words.numbers(3 * int(rest[0]), rest[1]).reshape(-1, 3)
+                is_float = points.dtype.kind == "f"
+                self._points = points if is_float else points.astype(np.float64)
+            case "CELL_TYPES":
+                self._types = self._words.numbers(int(rest[0]), "int")
+            case "POINT_DATA" | "CELL_DATA":
+                self._domain, self._n_values = keyword, int(rest[0])
+            case "METADATA":
+                while not self._words.is_done and self._words.raw_line():
+                    pass
+            case "FIELD":
+                for _ in range(int(rest[1])):
+                    self._field_array()
+            case _ if keyword in GROUPS:
+                self._cells[keyword] = self._connectivity(int(rest[0]), int(rest[1]))
+            case _:
+                self._values(keyword, rest)
+
+    def _connectivity(self, n_cells: int, size: int) -> tuple[Int64s, Int64s]:
+        """How many points each cell has, and which: as lists, or since version 5 as offsets."""
+        begin = self._words.position
+        line = self._words.line() if n_cells else []
+        if line and line[0].upper() == "OFFSETS":
+            ends = self._words.numbers(n_cells, line[1]).astype(np.int64)
+            line = self._words.line()
+            points = self._words.numbers(size, line[1]).astype(np.int64)
+            return np.diff(ends), points
+        self._words.position = begin
+        return _split_lists(self._words.numbers(size, "int").astype(np.int64), n_cells)
+
+    def _values(self, keyword: str, rest: list[str]) -> None:
+        if keyword == "LOOKUP_TABLE":
+            self._words.numbers(
+                4 * int(rest[1]), "float" if self._words.is_text else "unsigned_char"
+            )
+            return
+        if keyword == "SCALARS":
+            width = int(rest[2]) if len(rest) > 2 else 1
+            begin = self._words.position
+            if self._words.line()[:1] != ["LOOKUP_TABLE"]:
+                self._words.position = begin
+            self._add(rest[0], rest[1], width)
+        elif keyword == COLORS:
+            self._add(
+                rest[0], "float" if self._words.is_text else "unsigned_char", int(rest[1]), COLORS
+            )
+        elif keyword == "TEXTURE_COORDINATES":
+            self._add(rest[0], rest[2], int(rest[1]), TEXTURE_COORDINATES)
+        elif keyword in WIDTHS:
+            self._add(rest[0], rest[1], WIDTHS[keyword], NORMALS if keyword == "NORMALS" else "")
+        else:
+            raise FormatError(f"has an unknown section {keyword[:40]!r}")
+
+    def _add(self, name: str, kind: str, width: int, role: str = "") -> None:
+        values = self._words.numbers(self._n_values * width, kind).reshape(-1, width)
+        if role == COLORS and self._words.is_text:  # 0..1 there, bytes in binary files
+            values = (255 * np.clip(np.nan_to_num(values), 0, 1) + 0.5).astype(np.uint8)
+        if self._domain:
+            self._data[self._domain].append(DataArray(unquote(name), values, role))
+
+    def _field_array(self) -> None:
+        line = self._words.line()
+        if line and line[0].upper() == "METADATA":
+            self._section("METADATA", [])
+            line = self._words.line()
+        name, width, count, kind = line
+        values = self._words.numbers(int(width) * int(count), kind)
+        if self._domain and int(count) == self._n_values:
+            values = values.reshape(self._n_values, int(width))
+            self._data[self._domain].append(DataArray(unquote(name), values))
+
+
+def _split_lists(numbers: Int64s, n_cells: int) -> tuple[Int64s, Int64s]:
+    """Counts and points of lists, each of which begins with its length."""
+    counts, at, listed = [], 0, numbers.tolist()
+    for _ in range(n_cells):
+        if at >= len(listed) or listed[at] < 0:
+            raise FormatError(f"lists of {n_cells} cells do not fit their {len(listed)} numbers")
+        counts.append(listed[at])
+        at += 1 + listed[at]
+    if at != len(listed):
+        raise FormatError(f"lists of {n_cells} cells do not fit their {len(listed)} numbers")
+    sizes = np.array(counts, np.int64)
+    is_point = np.ones(len(numbers), bool)
+    is_point[np.cumsum(sizes + 1) - sizes - 1] = False
+    return sizes, numbers[is_point]

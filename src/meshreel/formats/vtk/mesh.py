@@ -1,0 +1,90 @@
+"""What a file of VTK holds at one time, and the polygons that it shows."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from meshreel.errors import FormatError
+from meshreel.formats.polygons import PolygonMesh
+from meshreel.formats.vtk.cells import Cells, CellSurface, find_surface
+from meshreel.formats.vtk.data_arrays import DataArray, surface_of_arrays
+from meshreel.sequence import Vertices
+from meshreel.surface import Kind, Surface
+
+
+@dataclass(frozen=True, eq=False)
+class VtkMesh:
+    """Points, cells and data arrays of a file.
+
+    Parameters
+    ----------
+    points : float array of shape (N, 3)
+    cells : Cells
+    point_data, cell_data : tuple of DataArray
+        Of all points and all cells.
+    """
+
+    points: Vertices
+    cells: Cells
+    point_data: tuple[DataArray, ...] = ()
+    cell_data: tuple[DataArray, ...] = ()
+
+    @cached_property
+    def cell_surface(self) -> CellSurface:
+        """The polygons of the cells."""
+        return find_surface(self.cells, len(self.points))
+
+    @property
+    def polygons(self) -> PolygonMesh:
+        """The surface that the cells are or have."""
+        return self.cell_surface.mesh(self.points)
+
+    def surface(self) -> Surface:
+        """All data arrays as attributes."""
+        return surface_of_arrays(
+            self.point_data,
+            self.cell_data,
+            len(self.points),
+            len(self.cells.types),
+            self.cell_surface,
+        )
+
+    def look(self) -> Surface:
+        """Texture coordinates and colours; other data of a simulation change over time."""
+        attributes = self.surface().attributes
+        return Surface(attributes=tuple(one for one in attributes if one.kind is not Kind.OTHER))
+
+
+def joined(meshes: Sequence[VtkMesh]) -> VtkMesh:
+    """Several meshes as one; of their data, those that all have alike."""
+    if len(meshes) == 1:
+        return meshes[0]
+    for mesh in meshes:  # a point of another piece must not be meant
+        if ((mesh.cells.points < 0) | (mesh.cells.points >= len(mesh.points))).any():
+            raise FormatError(f"a cell names a point that is not among {len(mesh.points)}")
+    starts = np.cumsum([0] + [len(mesh.points) for mesh in meshes])
+    cells = Cells(
+        np.concatenate([mesh.cells.types for mesh in meshes]),
+        np.concatenate([mesh.cells.counts for mesh in meshes]),
+        np.concatenate(
+            [mesh.cells.points + start for mesh, start in zip(meshes, starts, strict=False)]
+        ),
+    )
+    return VtkMesh(
+        np.concatenate([mesh.points for mesh in meshes]),
+        cells,
+        _joined_data([mesh.point_data for mesh in meshes]),
+        _joined_data([mesh.cell_data for mesh in meshes]),
+    )
+
+
+def _joined_data(data: Sequence[tuple[DataArray, ...]]) -> tuple[DataArray, ...]:
+    found = []
+    for first in data[0]:
+        same = [one for arrays in data for one in arrays if one.name == first.name]
+        if len(same) == len(data) and len({one.values.shape[1:] for one in same}) == 1:
+            values = np.concatenate([one.values for one in same])
+            found.append(DataArray(first.name, values, first.role))
+    return tuple(found)

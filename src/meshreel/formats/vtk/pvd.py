@@ -1,0 +1,123 @@
+"""Collections of ParaView (``.pvd``): files of VTK and the times that they are of."""
+
+import math
+import zlib
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from xml.etree.ElementTree import Element
+
+import numpy as np
+
+from meshreel.errors import FormatError
+from meshreel.formats.naming import errors_naming, os_errors_naming
+from meshreel.formats.options import ReadOptions
+from meshreel.formats.polygons import PolygonMesh
+from meshreel.formats.scene import SceneMesh
+from meshreel.formats.vtk.collection_paths import path_beside
+from meshreel.formats.vtk.data_arrays import DataArray
+from meshreel.formats.vtk.legacy import read_vtk_legacy
+from meshreel.formats.vtk.mesh import VtkMesh
+from meshreel.formats.vtk.xml_file import read_vtk_xml
+from meshreel.formats.vtk.xml_tree import parse_xml
+from meshreel.surface import Surface
+
+READERS = {".vtu": read_vtk_xml, ".vtp": read_vtk_xml, ".vtk": read_vtk_legacy}
+
+
+def read_pvd(path: Path, options: ReadOptions) -> Sequence[SceneMesh]:
+    """The meshes of a collection: one for each part that it numbers.
+
+    Raises
+    ------
+    FormatError
+        If it is no collection, or names files that are not read.
+    """
+    with os_errors_naming(path):
+        root = parse_xml(path.read_bytes())
+    if root.tag != "VTKFile" or root.get("type") != "Collection":
+        raise FormatError(f"is {root.tag} of type {root.get('type', '')!r}; expected a Collection")
+    parts: dict[tuple[str, str], list[tuple[float, Path]]] = {}
+    for element in root.findall("Collection/DataSet"):
+        part = element.get("group", ""), element.get("part", "0")
+        parts.setdefault(part, []).append((_time(element), _file(path, element)))
+    if not parts:
+        raise FormatError("names no files")
+    return [
+        _scene_mesh(path.stem if len(parts) == 1 else f"/{group or 'part'}_{part}", files, options)
+        for (group, part), files in parts.items()
+    ]
+
+
+def _time(element: Element) -> float:
+    given = element.get("timestep", "0")
+    try:
+        time = float(given)
+    except ValueError:
+        time = math.nan
+    if not math.isfinite(time):
+        raise FormatError(f"has the timestep {given[:40]!r}, which is no number")
+    return time
+
+
+def _file(path: Path, element: Element) -> Path:
+    found = path_beside(path, element.get("file", ""))
+    if found.suffix.lower() not in READERS:
+        raise FormatError(f"names {found.name}; {', '.join(READERS)} files are read")
+    return found
+
+
+def _scene_mesh(name: str, files: list[tuple[float, Path]], options: ReadOptions) -> SceneMesh:
+    files = sorted(files, key=lambda one: one[0])
+    times = np.array([time for time, _ in files])
+    if (np.diff(times) <= 0).any():
+        raise FormatError(f"names several files of {name} for one time")
+    frames = _FileFrames([file for _, file in files], options.notes)
+    return SceneMesh(name, times, frames.frame, frames.surface)
+
+
+class _FileFrames:
+    """Frames that are in files of their own, and which of their data never changed."""
+
+    def __init__(self, files: list[Path], notes: list[str]) -> None:
+        self._files, self._notes = files, notes
+        self._checksums: dict[tuple[str, str], int] = {}
+        self._changing: set[tuple[str, str]] = set()
+
+    def frame(self, index: int) -> PolygonMesh:
+        mesh = self._read(index)
+        for key, array in _keyed(mesh):
+            checksum = zlib.crc32(np.ascontiguousarray(array.values).data)
+            if self._checksums.setdefault(key, checksum) != checksum:
+                self._changing.add(key)
+        with errors_naming(self._files[index]):
+            return mesh.polygons
+
+    def surface(self, index: int) -> Surface:
+        """The data of a frame that were the same in all frames so far."""
+        mesh = self._read(index)
+        self._notes.extend(
+            f"{name!r} changes from step to step and is left out"
+            for _, name in sorted(self._changing)
+        )
+        still = {
+            side: tuple(
+                one for key, one in _keyed(mesh) if key[0] == side and key not in self._changing
+            )
+            for side in ("points", "cells")
+        }
+        with errors_naming(self._files[index]):
+            mesh = replace(mesh, point_data=still["points"], cell_data=still["cells"])
+            return mesh.surface()
+
+    def _read(self, index: int) -> VtkMesh:
+        path = self._files[index]
+        with os_errors_naming(path):
+            data = path.read_bytes()
+        with errors_naming(path):
+            return READERS[path.suffix.lower()](data)
+
+
+def _keyed(mesh: VtkMesh) -> list[tuple[tuple[str, str], DataArray]]:
+    at_points = [(("points", one.name), one) for one in mesh.point_data]
+    return at_points + [(("cells", one.name), one) for one in mesh.cell_data]

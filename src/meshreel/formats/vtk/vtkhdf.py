@@ -1,0 +1,110 @@
+"""VTKHDF: polygons or cells of VTK in HDF5, with time steps.
+
+Read are files of type PolyData and UnstructuredGrid, of any number of partitions, and collections
+of them, each of whose blocks is a mesh. A step says where its points and cells begin, so that
+connectivity that stays the same is stored, and read, once.
+"""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from meshreel.errors import FormatError, InvalidInputError
+from meshreel.formats.arrays.named_arrays import NAMED, read_description, read_surface
+from meshreel.formats.hdf_file import (
+    Node,
+    find_dataset,
+    find_group,
+    hdf_errors,
+    open_hdf,
+    read_all,
+)
+from meshreel.formats.options import ReadOptions
+from meshreel.formats.polygons import PolygonMesh
+from meshreel.formats.scene import SceneMesh
+from meshreel.formats.scene_source import scene_opener
+from meshreel.formats.vtk.vtkhdf_steps import VtkSteps
+from meshreel.surface import Surface
+
+ROOT = "VTKHDF"
+OWN = "meshreel"
+"""A group beside that of VTK with the whole surface, as `meshreel.formats.arrays.named_arrays`."""
+
+MESH_TYPES = ("PolyData", "UnstructuredGrid")
+VERSION = 2
+
+
+def read_vtkhdf(path: Path, options: ReadOptions) -> Sequence[SceneMesh]:
+    """The meshes of a VTKHDF file: one, or one for each block of a collection.
+
+    Raises
+    ------
+    FormatError
+        If it is no VTKHDF file, of another type, or damaged.
+    """
+    if options.dataset is not None:
+        raise InvalidInputError(
+            "is a VTKHDF file, in which --dataset (dataset=) chooses nothing; leave it out"
+        )
+    with hdf_errors():
+        root = open_hdf(path)
+        group = find_group(root, ROOT)
+        if group is None:
+            raise FormatError(f"has no group {ROOT}; expected a VTKHDF file")
+        kind = _type(group)
+        if kind in MESH_TYPES:
+            return [_scene_mesh(group, kind, path.stem, find_group(root, OWN), options)]
+        blocks = [(name, find_group(group, name)) for name in group if name != "Assembly"]
+        found = [
+            _scene_mesh(block, _type(block), f"/{name}", None, options)
+            for name, block in blocks
+            if block is not None and _type(block) in MESH_TYPES
+        ]
+        if not found:
+            raise FormatError(
+                f"is VTKHDF of type {kind or '(none)'}; {' and '.join(MESH_TYPES)} are read"
+            )
+        return found
+
+
+open_vtkhdf = scene_opener(read_vtkhdf)
+"""A function from a path and options to the sequence of a VTKHDF file."""
+
+
+def _type(group: Node) -> str:
+    value: Any = group.attrs.get("Type", "")
+    return value.decode("ascii", "replace") if isinstance(value, bytes) else str(value)
+
+
+def _scene_mesh(
+    group: Node, kind: str, name: str, own: Node | None, options: ReadOptions
+) -> SceneMesh:
+    version: Any = np.ravel(group.file[ROOT].attrs.get("Version", 0))
+    if len(version) == 0 or int(version[0]) > VERSION:
+        raise FormatError(f"has VTKHDF version {version.tolist()}; up to {VERSION}.x is read")
+    steps = VtkSteps(group, is_poly_data=kind == "PolyData", notes=options.notes)
+    fps = None
+    described = _own_arrays(own)
+    if own is not None:
+        about = read_description(described | {"faces": np.empty((0, 3))}, name, ReadOptions())
+        name, fps = about.name, about.fps
+
+    def frame(index: int) -> PolygonMesh:
+        with hdf_errors():
+            return steps.frame(index)
+
+    def surface(index: int) -> Surface:
+        with hdf_errors():
+            return read_surface(described) if own is not None else steps.surface(index)
+
+    return SceneMesh(name, steps.times_s, frame, surface, fps)
+
+
+def _own_arrays(own: Node | None) -> dict[str, npt.NDArray[Any]]:
+    if own is None:
+        return {}
+    found = {name: find_dataset(own, name) for name in own if NAMED.fullmatch(name)}
+    return {name: read_all(one) for name, one in found.items() if one is not None}

@@ -1,0 +1,192 @@
+"""The time steps of a mesh in a VTKHDF file."""
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from meshreel.errors import FormatError
+from meshreel.formats.hdf_file import (
+    Dataset,
+    Node,
+    find_dataset,
+    find_group,
+    read_all,
+    read_rows,
+    require_dataset,
+)
+from meshreel.formats.polygons import PolygonMesh
+from meshreel.formats.vtk.cells import (
+    POLY_LINE,
+    POLY_VERTEX,
+    POLYGON,
+    STRIP,
+    Cells,
+    CellSurface,
+    find_surface,
+)
+from meshreel.formats.vtk.data_arrays import DataArray, surface_of_arrays
+from meshreel.formats.vtk.vtkhdf_cells import integers, read_cells
+from meshreel.surface import Surface
+
+Int64s = npt.NDArray[np.int64]
+
+POLY_DATA_GROUPS: dict[str, int | None] = {
+    "Vertices": POLY_VERTEX,
+    "Lines": POLY_LINE,
+    "Polygons": POLYGON,
+    "Strips": STRIP,
+}
+"""In the order in which steps list them."""
+
+
+class VtkSteps:
+    """The frames of a group of type PolyData or UnstructuredGrid.
+
+    Parameters
+    ----------
+    group : h5py group
+    is_poly_data : bool
+        Or else an unstructured grid.
+    notes : list of str
+        Gains a sentence on arrays that change from step to step, which are left out.
+
+    Raises
+    ------
+    FormatError
+        If a dataset that is needed is missing, or steps do not agree.
+    """
+
+    def __init__(self, group: Node, *, is_poly_data: bool, notes: list[str]) -> None:
+        self._group, self._notes = group, notes
+        self._steps = find_group(group, "Steps")
+        self._points = require_dataset(group, "Points")
+        if len(self._points.shape) != 2 or self._points.shape[1] != 3:
+            raise FormatError(f"Points must have shape (N, 3); got {self._points.shape}")
+        if self._points.dtype.kind != "f" or self._points.dtype.itemsize not in (4, 8):
+            raise FormatError(f"Points must be float32 or float64; got {self._points.dtype}")
+        self._kinds = POLY_DATA_GROUPS if is_poly_data else {"": None}
+        self._n_points = integers(require_dataset(group, "NumberOfPoints"))
+        self.times_s = self._read_times()
+        self._first_part = self._per_step("PartOffsets")
+        all_parts = len(self._n_points) if self._steps is None else 1
+        self._n_parts = self._per_step("NumberOfParts", default=all_parts)
+        self._point_starts = self._per_step("PointOffsets")
+        self._cell_starts = self._per_step("CellOffsets", len(self._kinds))
+        self._corner_starts = self._per_step("ConnectivityIdOffsets", len(self._kinds))
+        self._cached: tuple[bytes, Cells, CellSurface] | None = None
+
+    def frame(self, index: int) -> PolygonMesh:
+        """The surface of a step."""
+        _, surface = self._surface(index)
+        n_points = self._points_of(index)
+        return surface.mesh(read_rows(self._points, int(self._point_starts[index, 0]), n_points))
+
+    def surface(self, index: int) -> Surface:
+        """The attributes of a step that are the same in all."""
+        cells, surface = self._surface(index)
+        n_points, n_cells = self._points_of(index), len(cells.types)
+        points_at = int(self._point_starts[index, 0])
+        cells_at = int(self._cell_starts[index].sum())
+        return surface_of_arrays(
+            self._arrays("PointData", index, points_at, n_points),
+            self._arrays("CellData", index, cells_at, n_cells),
+            n_points,
+            n_cells,
+            surface,
+        )
+
+    def _read_times(self) -> npt.NDArray[np.float64]:
+        if self._steps is None:
+            return np.zeros(1)
+        times: npt.NDArray[np.float64] = (
+            read_all(require_dataset(self._steps, "Values")).ravel().astype(np.float64)
+        )
+        n_steps: Any = np.ravel(self._steps.attrs.get("NSteps", len(times)))
+        if len(times) == 0 or n_steps.tolist() != [len(times)]:
+            raise FormatError(f"declares {n_steps.tolist()} steps; {len(times)} times are there")
+        if not np.isfinite(times).all() or (np.diff(times) <= 0).any():
+            raise FormatError("times of steps do not ascend; the file is damaged")
+        return times
+
+    def _per_step(self, name: str, width: int = 1, default: int = 0) -> Int64s:
+        """Numbers of each step, of shape (T, width)."""
+        shape = len(self.times_s), width
+        dataset = find_dataset(self._steps, name) if self._steps is not None else None
+        if dataset is None:
+            return np.full(shape, default, np.int64)
+        values = integers(dataset)
+        if values.size != shape[0] * width or values.min() < 0:
+            raise FormatError(f"Steps/{name} must be {shape} and not negative; got {values.shape}")
+        return values.reshape(shape)
+
+    def _parts(self, index: int) -> slice:
+        first, count = int(self._first_part[index, 0]), int(self._n_parts[index, 0])
+        if count < 1 or first + count > len(self._n_points):
+            raise FormatError(
+                f"step {index} has partitions {first} to {first + count - 1} of "
+                f"{len(self._n_points)}"
+            )
+        return slice(first, first + count)
+
+    def _points_of(self, index: int) -> int:
+        """Points of a step, which Points has rows for."""
+        start = int(self._point_starts[index, 0])
+        count = int(sum(self._n_points[self._parts(index)].tolist()))
+        if start + count > len(self._points) or count < 0:
+            raise FormatError(
+                f"Points has {len(self._points)} rows; step {index} has {count} from row {start} on"
+            )
+        return count
+
+    def _surface(self, index: int) -> tuple[Cells, CellSurface]:
+        """The cells of a step and their surface; those of the step before are kept."""
+        parts = self._parts(index)
+        place = np.concatenate(
+            [[parts.start, parts.stop], self._cell_starts[index], self._corner_starts[index]]
+        ).tobytes()
+        if self._cached is None or self._cached[0] != place:
+            cells = self._cells(index, parts)
+            self._cached = place, cells, find_surface(cells, self._points_of(index))
+        return self._cached[1:]
+
+    def _cells(self, index: int, parts: slice) -> Cells:
+        found = []
+        for column, (name, kind) in enumerate(self._kinds.items()):
+            group = find_group(self._group, name) if name else self._group
+            starts = int(self._cell_starts[index, column]), int(self._corner_starts[index, column])
+            if group is not None:
+                found.append(read_cells(group, kind, parts, self._n_points[parts], *starts))
+        if not found:
+            raise FormatError(f"{self._group.name} has none of {', '.join(self._kinds)}")
+        return Cells(
+            np.concatenate([one.types for one in found]),
+            np.concatenate([one.counts for one in found]),
+            np.concatenate([one.points for one in found]),
+        )
+
+    def _arrays(self, name: str, index: int, start: int, count: int) -> Iterator[DataArray]:
+        """Data that are the same in all steps, as they are in one."""
+        group = find_group(self._group, name)
+        if group is None:
+            return
+        for one in group:
+            dataset = find_dataset(group, one)
+            if dataset is None or dataset.dtype.kind not in "iuf":
+                continue
+            offsets_name = f"Steps/{name}Offsets/{one}"
+            found = find_dataset(self._group, offsets_name)
+            offsets = None if found is None else integers(found).ravel()
+            if len(self.times_s) > 1 and (offsets is None or (offsets != offsets[0]).any()):
+                self._notes.append(f"{one!r} changes from step to step and is left out")
+                continue
+            if offsets is not None and len(offsets) != len(self.times_s):
+                raise FormatError(f"{offsets_name} has {len(offsets)} numbers")
+            first = start if offsets is None else int(offsets[index])
+            yield DataArray(one, read_rows(dataset, first, count), _role(dataset))
+
+
+def _role(dataset: Dataset) -> str:
+    value: Any = dataset.attrs.get("Attribute", b"")
+    return value.decode("ascii", "replace") if isinstance(value, bytes) else str(value)

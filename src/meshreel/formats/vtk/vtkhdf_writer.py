@@ -1,0 +1,123 @@
+"""VTKHDF files of an animated surface: moving points, and faces that are stored once."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from meshreel.formats.arrays.named_arrays import surface_arrays
+from meshreel.formats.extras import HDF
+from meshreel.formats.frame_stream import FrameStream
+from meshreel.formats.hdf_file import Node, write_array
+from meshreel.formats.options import WriteOptions
+from meshreel.formats.vtk.data_arrays import TEXTURE_COORDINATES
+from meshreel.formats.vtk.vtkhdf import OWN, ROOT
+from meshreel.formats.vtk.vtkhdf_steps import POLY_DATA_GROUPS
+from meshreel.geometry.fans import join_fans
+from meshreel.surface import Attribute, Domain, Kind
+
+VERSION = (2, 3)
+FRAME_RATE = 24.0  # of what has none
+CHUNK_ROWS = 1 << 14  # at least, so that small frames share a chunk
+
+
+def write_vtkhdf(path: Path, stream: FrameStream, options: WriteOptions) -> None:
+    """Write a VTKHDF file, frame by frame.
+
+    Attributes of vertices and faces are data arrays; a group beside that of VTK holds all of the
+    surface for meshreel, with what VTK has no place for.
+    """
+    with HDF.load().File(path, "w") as file:
+        root = file.create_group(ROOT)
+        root.attrs["Version"] = np.array(VERSION, np.int64)
+        root.attrs.create("Type", np.bytes_("PolyData"))
+        root["NumberOfPoints"] = np.array([stream.n_verts], np.int64)
+        _write_faces(root, stream)
+        steps = _write_steps(root, stream)
+        _write_data(root, steps, stream)
+        _write_own(file.create_group(OWN), stream)
+        points = root.create_dataset(
+            "Points",
+            (0, 3),
+            stream.dtype,
+            maxshape=(None, 3),
+            chunks=(min(max(stream.n_verts, CHUNK_ROWS), stream.n_verts * stream.n_frames), 3),
+        )
+        for index, frame in enumerate(stream.frames()):
+            points.resize((index + 1) * stream.n_verts, axis=0)
+            points[index * stream.n_verts :] = frame
+
+
+def _write_faces(root: Node, stream: FrameStream) -> None:
+    sizes = stream.surface.sizes(len(stream.faces))
+    corners = join_fans(sizes, stream.faces)
+    offsets = np.concatenate([[0], np.cumsum(sizes, dtype=np.int64)])
+    for name in POLY_DATA_GROUPS:
+        is_filled = name == "Polygons"
+        group = root.create_group(name)
+        group["NumberOfCells"] = np.array([len(sizes) if is_filled else 0], np.int64)
+        group["NumberOfConnectivityIds"] = np.array([len(corners) if is_filled else 0], np.int64)
+        group["Offsets"] = offsets if is_filled else np.zeros(1, np.int64)
+        group["Connectivity"] = corners.astype(np.int64) if is_filled else np.empty(0, np.int64)
+
+
+def _write_steps(root: Node, stream: FrameStream) -> Node:
+    if not stream.fps:
+        stream.notes.append(f"the frame rate is unknown; written as {FRAME_RATE:g} fps")
+    n_steps = stream.n_frames
+    steps = root.create_group("Steps")
+    steps.attrs["NSteps"] = np.int64(n_steps)
+    steps["Values"] = stream.start_s + np.arange(n_steps) / (stream.fps or FRAME_RATE)
+    steps["PointOffsets"] = np.arange(n_steps, dtype=np.int64) * stream.n_verts
+    steps["NumberOfParts"] = np.ones(n_steps, np.int64)
+    steps["PartOffsets"] = np.zeros(n_steps, np.int64)
+    shape = n_steps, len(POLY_DATA_GROUPS)
+    steps["CellOffsets"] = steps["ConnectivityIdOffsets"] = np.zeros(shape, np.int64)
+    return steps
+
+
+def _write_data(root: Node, steps: Node, stream: FrameStream) -> None:
+    """Write what VTK can hold of the surface: values at points and cells, and groups of cells."""
+    places = {Domain.VERTEX: "PointData", Domain.FACE: "CellData"}
+    for place in places.values():
+        root.create_group(place)
+        steps.create_group(f"{place}Offsets")
+    first_uv = next((one for one in stream.surface.of_kind(Kind.UV) if one.domain in places), None)
+    for one in stream.surface.attributes:
+        if one.domain in places:
+            dataset = _add_array(root, steps, places[one.domain], one.name, one.per_item())
+            if one is first_uv:
+                dataset.attrs.create("Attribute", np.bytes_(TEXTURE_COORDINATES))
+        else:
+            stream.notes.append(_unseen(one))
+    for groups in stream.surface.groups:
+        _add_array(root, steps, "CellData", groups.name, groups.numbers)
+
+
+def _unseen(attribute: Attribute) -> str:
+    return (
+        f"{attribute.kind} {attribute.name!r} has a value for each corner of a face, which VTK "
+        "has no place for; meshreel alone reads it again"
+    )
+
+
+def _add_array(root: Node, steps: Node, place: str, name: str, values: npt.NDArray[Any]) -> Node:
+    """Write values that are the same in all steps."""
+    name = name.encode("utf-8", "replace").decode().replace("/", "_").replace("\0", "_")
+    name = name.strip(".") or "unnamed"
+    while name in root[place]:
+        name += "_"
+    dataset = root[place].create_dataset(name, data=values)
+    steps[f"{place}Offsets"][name] = np.zeros(steps.attrs["NSteps"], np.int64)
+    return dataset
+
+
+def _write_own(own: Node, stream: FrameStream) -> None:
+    about: dict[str, npt.NDArray[Any]] = {
+        "fps": np.asarray(np.float64(stream.fps)),
+        "name": np.asarray(np.str_(stream.name)),
+    }
+    for name, array in (about | surface_arrays(stream.surface)).items():
+        if name != "face_sizes":  # which the polygons are
+            write_array(own, name, array)

@@ -1,0 +1,207 @@
+"""Arrays of XDMF files: written in them, or in HDF5 and binary files beside."""
+
+import math
+import re
+from pathlib import Path
+from typing import Any
+from xml.etree.ElementTree import Element
+
+import numpy as np
+import numpy.typing as npt
+
+from meshreel.errors import FormatError
+from meshreel.formats.hdf_file import Dataset, Node, hdf_errors, open_hdf, require_dataset
+from meshreel.formats.naming import errors_naming, os_errors_naming
+from meshreel.formats.vtk.collection_paths import path_beside
+
+CODES = {"float": "f", "int": "i", "uint": "u", "char": "i", "uchar": "u", "short": "i"}
+PRECISIONS = {"char": "1", "uchar": "1", "short": "2"}
+MAX_REFERENCES = 16
+STEP = re.compile(r"(\w+)(?:\[(?:(\d{1,9})|@Name=['\"]([^'\"]*)['\"])\])?")
+"""A step of a path to another element: a tag, and which of those of the tag."""
+
+Array = npt.NDArray[Any]
+
+
+class DataItems:
+    """Reads the arrays of an XDMF file.
+
+    Parameters
+    ----------
+    path : Path
+    root : Element
+        Of the document.
+    """
+
+    def __init__(self, path: Path, root: Element) -> None:
+        self._path, self._root = path, root
+        self._files: dict[Path, Node] = {}
+
+    def resolved(self, element: Element) -> Element:
+        """The element itself, or the one that it refers to.
+
+        Raises
+        ------
+        FormatError
+            If there is none.
+        """
+        for _ in range(MAX_REFERENCES):
+            reference = element.get("Reference")
+            if reference is None:
+                return element
+            place = (element.text or "").strip() if reference.upper() == "XML" else reference
+            element = _follow(self._root, place)
+        raise FormatError("has references that lead in circles")
+
+    def item_of(self, element: Element) -> Element:
+        """The first data item in an element."""
+        if (found := element.find("DataItem")) is None:
+            raise FormatError(f"has a {element.tag} without a DataItem")
+        return self.resolved(found)
+
+    def key(self, item: Element, n_above: int = 0) -> Any:
+        """What tells an item from others, without reading it."""
+        if n_above > MAX_REFERENCES:
+            raise FormatError("has references that lead in circles")
+        item = self.resolved(item)
+        facts = tuple(sorted(item.attrib.items()))
+        within = tuple(self.key(child, n_above + 1) for child in item)
+        return facts, (item.text or "").strip(), within
+
+    def read(self, item: Element) -> Array:
+        """The array of an item, in native byte order.
+
+        Raises
+        ------
+        FormatError
+            If it is of a kind that is not read, is damaged, or is not in the folder of the file.
+        """
+        item = self.resolved(item)
+        match item.get("ItemType", "Uniform").lower():
+            case "uniform":
+                values = self._stored(item)
+            case "hyperslab":
+                values = self._slab(item)
+            case kind:
+                raise FormatError(f"has a DataItem of type {kind!r}, which is not read")
+        values = np.asarray(values)
+        if values.dtype.kind not in "iuf":
+            raise FormatError(f"has a DataItem of {values.dtype}; numbers are read")
+        values = values.astype(values.dtype.newbyteorder("="), copy=False)
+        shape = _shape(item)
+        if shape and math.prod(shape) != values.size:
+            raise FormatError(f"has {values.size} numbers in a DataItem of Dimensions {shape}")
+        return values.reshape(shape) if shape else values
+
+    def _stored(self, item: Element) -> Array:
+        source = self._source(item)
+        if isinstance(source, np.ndarray):
+            return source
+        with hdf_errors():
+            return np.asarray(source[()])
+
+    def _slab(self, item: Element) -> Array:
+        """A part of another item: start, stride and count of each axis."""
+        children = item.findall("DataItem")
+        if len(children) != 2:
+            raise FormatError(f"has a HyperSlab of {len(children)} DataItems; it needs 2")
+        source = self._source(self.resolved(children[1]))
+        try:
+            place = self._stored(self.resolved(children[0])).reshape(3, -1)
+            starts, strides, counts = place.astype(np.int64).tolist()
+        except ValueError:
+            raise FormatError("has a HyperSlab without start, stride and count") from None
+        ends = [
+            start + (count - 1) * stride
+            for start, stride, count in zip(starts, strides, counts, strict=True)
+        ]
+        if (
+            len(starts) != len(source.shape)
+            or min([*starts, *counts, *(stride - 1 for stride in strides)]) < 0
+            or any(end >= size for end, size in zip(ends, source.shape, strict=True))
+        ):
+            raise FormatError(f"has a HyperSlab outside of its source, of shape {source.shape}")
+        steps = zip(starts, ends, strides, strict=True)
+        taken = tuple(slice(start, end + 1, stride) for start, end, stride in steps)
+        with hdf_errors():
+            return np.asarray(source[taken])
+
+    def _source(self, item: Element) -> Array | Dataset:
+        """The whole array of an item, or the dataset that holds it."""
+        text, kind = (item.text or "").strip(), item.get("Format", "XML").upper()
+        if kind == "XML":
+            return self._written(item, text)
+        if kind == "HDF":
+            file, _, name = text.partition(":")
+            with hdf_errors():
+                return require_dataset(self._file(path_beside(self._path, file)), name)
+        if kind == "BINARY":
+            return self._binary(item, path_beside(self._path, text))
+        raise FormatError(f"has a DataItem of format {kind[:40]!r}; XML, HDF and Binary are read")
+
+    def _written(self, item: Element, text: str) -> Array:
+        code = _code(item)
+        try:
+            if code[0] == "f":
+                values = np.array([float(word) for word in text.split()], code)
+            else:
+                values = np.array([int(word) for word in text.split()], np.int64).astype(code)
+        except (ValueError, OverflowError) as error:
+            raise FormatError(f"has a DataItem that is no numbers ({error})") from error
+        shape = _shape(item)
+        return values.reshape(shape) if math.prod(shape) == values.size and shape else values
+
+    def _binary(self, item: Element, path: Path) -> Array:
+        if item.get("Compression", "Raw").lower() != "raw":
+            raise FormatError("has a packed binary DataItem, which is not read")
+        order = ">" if item.get("Endian", "Native").lower() == "big" else "<"
+        seek, shape = _whole(item.get("Seek", "0")), _shape(item)
+        size = math.prod(shape) * int(_code(item)[1])
+        if not 0 <= seek <= seek + size <= path.stat().st_size:
+            raise FormatError(
+                f"takes {size} bytes from byte {seek} of {path.name}, which is shorter"
+            )
+        with os_errors_naming(path):
+            values: Array = np.fromfile(path, order + _code(item), math.prod(shape), offset=seek)
+        return values.reshape(shape)
+
+    def _file(self, path: Path) -> Node:
+        if path not in self._files:
+            with errors_naming(path):
+                self._files[path] = open_hdf(path)
+        return self._files[path]
+
+
+def _follow(root: Element, place: str) -> Element:
+    """The element at a path such as /Xdmf/Domain/Grid[2]/Topology."""
+    element = root
+    for step in place.strip().removeprefix("/Xdmf/").split("/"):
+        if (found := STEP.fullmatch(step)) is None:
+            raise FormatError(f"refers to {place[:80]!r}, which is not understood")
+        tag, number, name = found.groups()
+        children = [child for child in element if child.tag == tag]
+        if name is not None:
+            children = [child for child in children if child.get("Name") == name]
+        chosen = children[int(number) - 1 if number else 0 :][:1]
+        if not chosen or number == "0":
+            raise FormatError(f"refers to {place[:80]!r}, which is not there")
+        element = chosen[0]
+    return element
+
+
+def _code(item: Element) -> str:
+    kind = (item.get("NumberType") or item.get("DataType") or "Float").lower()
+    code = CODES.get(kind, "") + PRECISIONS.get(kind, item.get("Precision", "4"))
+    if code not in ("f4", "f8", "i1", "i2", "i4", "i8", "u1", "u2", "u4", "u8"):
+        raise FormatError(f"has a DataItem of {kind[:40]!r} of {item.get('Precision')!r} bytes")
+    return code
+
+
+def _shape(item: Element) -> tuple[int, ...]:
+    return tuple(_whole(word) for word in item.get("Dimensions", "").split())
+
+
+def _whole(word: str) -> int:
+    if not (word.isascii() and word.isdigit() and len(word) <= 18):
+        raise FormatError(f"has {word[:40]!r} where a whole number is needed")
+    return int(word)

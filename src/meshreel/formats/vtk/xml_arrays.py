@@ -1,0 +1,172 @@
+"""Data arrays of XML files of VTK: as text, or binary, packed or not, in place or appended."""
+
+import binascii
+import zlib
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+from xml.etree.ElementTree import Element
+
+import numpy as np
+import numpy.typing as npt
+
+from meshreel.errors import FormatError
+from meshreel.formats.vtk.lz4_block import unpack_lz4
+
+NUMBERS = {
+    "Int8": "i1", "UInt8": "u1", "Int16": "i2", "UInt16": "u2", "Int32": "i4", "UInt32": "u4",
+    "Int64": "i8", "UInt64": "u8", "Float32": "f4", "Float64": "f8",
+}  # fmt: skip
+Unpack = Callable[[bytes, int], bytes]
+"""Gives the bytes of a packed block that are at most so many."""
+
+MAX_RATIO = 1100  # deflate cannot do better than 1032 : 1
+
+
+def _unpack_zlib(packed: bytes, size_bytes: int) -> bytes:
+    return zlib.decompressobj().decompress(packed, size_bytes)
+
+
+def _unpack_lzma(packed: bytes, size_bytes: int) -> bytes:
+    import lzma  # here, for some builds of Python come without it
+
+    try:
+        return lzma.LZMADecompressor().decompress(packed, size_bytes)
+    except lzma.LZMAError as error:
+        raise FormatError(f"holds a block that is not of LZMA ({error})") from error
+
+
+UNPACKERS: dict[str, Unpack] = {
+    "vtkZLibDataCompressor": _unpack_zlib,
+    "vtkLZMADataCompressor": _unpack_lzma,
+    "vtkLZ4DataCompressor": unpack_lz4,
+}
+
+
+@dataclass(frozen=True)
+class ArrayCoding:
+    """How a file writes its arrays.
+
+    Parameters
+    ----------
+    order : {"<", ">"}
+        Little or big endian.
+    header : {"u4", "u8"}
+        Numbers before the data that say how much there is.
+    unpack : function of a packed block and its size, or None
+        For files that are packed.
+    appended : bytes
+        What stands behind all elements.
+    is_raw : bool
+        Whether that is not in base64.
+    """
+
+    order: str
+    header: str
+    unpack: Unpack | None
+    appended: bytes = b""
+    is_raw: bool = False
+
+    def read(self, element: Element) -> npt.NDArray[Any]:
+        """The numbers of a DataArray, of shape (N,) or (N, C), in native byte order.
+
+        Raises
+        ------
+        FormatError
+            If it is of an unknown type or format, or damaged.
+        """
+        name, kind = element.get("Name", "(unnamed)"), element.get("type", "")
+        if kind not in NUMBERS:
+            raise FormatError(f"array {name!r} has type {kind!r}; numbers are read")
+        try:
+            values = self._numbers(element, NUMBERS[kind])
+            width = int(element.get("NumberOfComponents", "1"))
+            return values.reshape(-1, width) if width > 1 else values
+        # Damaged text, base64 and packed bytes raise these, each with its reason.
+        except (ValueError, zlib.error, OverflowError) as error:
+            raise FormatError(f"array {name!r} is damaged ({error})") from error
+
+    def _numbers(self, element: Element, code: str) -> npt.NDArray[Any]:
+        match element.get("format", "ascii"):
+            case "ascii":
+                words = (element.text or "").split()
+                if code[0] == "f":
+                    return np.array([float(word) for word in words], code)
+                return np.array([int(word) for word in words], np.int64).astype(code)
+            case "binary":
+                stream = _Stream("".join((element.text or "").split()).encode(), is_raw=False)
+            case "appended":
+                begin = max(0, int(element.get("offset", "0")))
+                stream = _Stream(self.appended[begin:], self.is_raw)
+            case other:
+                raise FormatError(f"format {other!r} is not known")
+        data = self._plain(stream) if self.unpack is None else self._unpacked(stream, self.unpack)
+        return np.frombuffer(data, f"{self.order}{code}").astype(code, copy=False)
+
+    def _plain(self, stream: "_Stream") -> bytes:
+        """Bytes behind their number."""
+        width = self._width
+        [size] = self._header(stream.take(0, width), 1)
+        if stream.is_padded(stream.after(width)):  # some write the number by itself
+            return stream.take(stream.after(width), size)
+        return stream.take(0, width + size)[width:]
+
+    def _unpacked(self, stream: "_Stream", unpack: Unpack) -> bytes:
+        """Blocks behind their number, their size, that of a last smaller one, and packed sizes."""
+        [n_blocks] = self._header(stream.take(0, self._width), 1)
+        if n_blocks == 0:
+            return b""
+        head_bytes = (3 + n_blocks) * self._width
+        _, size, rest, *packed = self._header(stream.take(0, head_bytes), 3 + n_blocks)
+        sizes = [size] * (n_blocks - bool(rest)) + [rest] * bool(rest)
+        if sum(sizes) > MAX_RATIO * len(stream.data):
+            raise FormatError(f"declares {sum(sizes)} bytes, more than its packed bytes can hold")
+        data, at = memoryview(stream.take(stream.after(head_bytes), sum(packed))), 0
+        pieces = []
+        for length, expected in zip(packed, sizes, strict=True):
+            pieces.append(unpack(bytes(data[at : at + length]), expected))
+            at += length
+            if len(pieces[-1]) != expected:
+                raise FormatError(
+                    f"a block has {len(pieces[-1])} bytes where {expected} are declared"
+                )
+        return b"".join(pieces)
+
+    @property
+    def _width(self) -> int:
+        return int(self.header[1])
+
+    def _header(self, data: bytes, count: int) -> list[int]:
+        found: list[int] = np.frombuffer(data, f"{self.order}{self.header}", count).tolist()
+        return found
+
+
+@dataclass(frozen=True)
+class _Stream:
+    """Bytes, as they are or as base64."""
+
+    data: bytes
+    is_raw: bool
+
+    def after(self, count: int) -> int:
+        """Where what follows so many bytes begins."""
+        return count if self.is_raw else -(-count // 3) * 4
+
+    def is_padded(self, at: int) -> bool:
+        """Whether a piece of base64 ends there for want of bytes."""
+        return not self.is_raw and self.data[at - 1 : at] == b"="
+
+    def take(self, at: int, count: int) -> bytes:
+        """So many bytes from a place on.
+
+        Raises
+        ------
+        FormatError
+            If they are not there.
+        """
+        found = self.data[at : at + self.after(count)]
+        if not self.is_raw:
+            found = binascii.a2b_base64(found, strict_mode=True)[:count]
+        if len(found) < count:
+            raise FormatError(f"has {len(found)} bytes where {count} are declared")
+        return found

@@ -1,0 +1,154 @@
+"""XML files of VTK with polygons (``.vtp``) or cells (``.vtu``), at one time.
+
+Our own reader: that of VTK allocates what a file declares, which ends the whole process where the
+file lies. Read: every encoding and packing that VTK writes, and any number of pieces.
+"""
+
+import re
+from typing import Any
+from xml.etree.ElementTree import Element
+
+import numpy as np
+import numpy.typing as npt
+
+from meshreel.errors import FormatError
+from meshreel.formats.polygons import PolygonMesh
+from meshreel.formats.vtk.cells import POLY_LINE, POLY_VERTEX, POLYGON, STRIP, Cells
+from meshreel.formats.vtk.data_arrays import NORMALS, TEXTURE_COORDINATES, DataArray
+from meshreel.formats.vtk.mesh import VtkMesh, joined
+from meshreel.formats.vtk.xml_arrays import UNPACKERS, ArrayCoding
+from meshreel.formats.vtk.xml_tree import parse_xml
+from meshreel.surface import Surface
+
+Int64s = npt.NDArray[np.int64]
+
+APPENDED = re.compile(rb"<AppendedData([^>]*)>\s*_")
+GROUPS = {"Verts": POLY_VERTEX, "Lines": POLY_LINE, "Polys": POLYGON, "Strips": STRIP}
+
+
+def read_vtk_xml(data: bytes) -> VtkMesh:
+    """What the bytes of a ``.vtu`` or ``.vtp`` file hold; several pieces are joined.
+
+    Raises
+    ------
+    FormatError
+        If it is no such file, or damaged.
+    """
+    behind, is_raw = b"", False
+    if found := APPENDED.search(data):
+        end = data.rfind(b"</AppendedData")
+        behind = data[found.end() : end if end > 0 else len(data)]
+        is_raw = b"raw" in found[1]
+        data = data[: found.start()] + b"</VTKFile>"
+    root = parse_xml(data)
+    kind = root.get("type", "")
+    if root.tag != "VTKFile" or kind not in ("UnstructuredGrid", "PolyData"):
+        raise FormatError(
+            f"is {root.tag} of type {kind!r}; a VTKFile of UnstructuredGrid or PolyData is read"
+        )
+    coding = _coding(root, behind, is_raw)
+    pieces = root.findall(f"{kind}/Piece")
+    meshes = [_mesh(piece, coding, is_grid=kind == "UnstructuredGrid") for piece in pieces]
+    if not meshes:
+        raise FormatError("holds no piece")
+    return joined(meshes)
+
+
+def parse_vtk_xml(data: bytes) -> PolygonMesh:
+    """The surface that a ``.vtu`` or ``.vtp`` file shows; raises as `read_vtk_xml`."""
+    return read_vtk_xml(data).polygons
+
+
+def parse_vtk_xml_surface(data: bytes) -> Surface:
+    """Its texture coordinates and colours; raises as `read_vtk_xml`."""
+    return read_vtk_xml(data).look()
+
+
+def _coding(root: Element, appended: bytes, is_raw: bool) -> ArrayCoding:
+    compressor = root.get("compressor", "")
+    if compressor and compressor not in UNPACKERS:
+        raise FormatError(f"is packed by {compressor}; {', '.join(UNPACKERS)} are read")
+    return ArrayCoding(
+        ">" if root.get("byte_order") == "BigEndian" else "<",
+        "u8" if root.get("header_type") == "UInt64" else "u4",
+        UNPACKERS.get(compressor),
+        appended,
+        is_raw,
+    )
+
+
+def _mesh(piece: Element, coding: ArrayCoding, *, is_grid: bool) -> VtkMesh:
+    element = piece.find("Points/DataArray")
+    points = np.empty((0, 3), np.float32) if element is None else coding.read(element)
+    if points.size == 0:
+        points = points.reshape(0, 3)
+    if points.ndim != 2 or points.shape[1] != 3:
+        raise FormatError(f"points must have shape (N, 3); got {points.shape}")
+    if points.dtype not in (np.float32, np.float64):
+        points = points.astype(np.float64)
+    return VtkMesh(
+        points,
+        _grid_cells(piece, coding) if is_grid else _poly_cells(piece, coding),
+        _data(piece.find("PointData"), coding),
+        _data(piece.find("CellData"), coding),
+    )
+
+
+def _grid_cells(piece: Element, coding: ArrayCoding) -> Cells:
+    group = piece.find("Cells")
+    if group is None:
+        return Cells(*(np.empty(0, np.int64) for _ in range(3)))
+    counts, points = _connectivity(group, coding)
+    types = _named(group, "types", coding)
+    if len(types) != len(counts):
+        raise FormatError(f"has {len(types)} types for {len(counts)} cells")
+    return Cells(types, counts, points)
+
+
+def _poly_cells(piece: Element, coding: ArrayCoding) -> Cells:
+    types, counts, points = [], [], []
+    for name, kind in GROUPS.items():
+        group = piece.find(name)
+        if group is not None and len(group):
+            found = _connectivity(group, coding)
+            types.append(np.full(len(found[0]), kind))
+            counts.append(found[0])
+            points.append(found[1])
+    empty = [np.empty(0, np.int64)]
+    return Cells(
+        np.concatenate(types or empty),
+        np.concatenate(counts or empty),
+        np.concatenate(points or empty),
+    )
+
+
+def _connectivity(group: Element, coding: ArrayCoding) -> tuple[Int64s, Int64s]:
+    """Points of each cell: how many, and which."""
+    points = _named(group, "connectivity", coding).astype(np.int64)
+    ends = _named(group, "offsets", coding).astype(np.int64)
+    counts = np.diff(ends, prepend=0)
+    if len(ends) and ((counts < 0).any() or ends[-1] != len(points)):
+        raise FormatError(f"offsets of {group.tag} do not fit its {len(points)} corners")
+    return counts, points
+
+
+def _named(group: Element, name: str, coding: ArrayCoding) -> npt.NDArray[Any]:
+    for element in group.findall("DataArray"):
+        if element.get("Name") == name:
+            values = coding.read(element)
+            if values.dtype.kind in "iu" and values.ndim == 1:
+                return values
+            raise FormatError(f"{name} must be whole numbers; got {values.dtype}")
+    raise FormatError(f"{group.tag} has no array {name!r}")
+
+
+def _data(group: Element | None, coding: ArrayCoding) -> tuple[DataArray, ...]:
+    if group is None:
+        return ()
+    roles = {group.get(role, ""): role for role in (TEXTURE_COORDINATES, NORMALS)}
+    named = [(element.get("Name", ""), element) for element in group.findall("DataArray")]
+    return tuple(
+        DataArray(name, coding.read(element), roles.get(name, ""))
+        for name, element in named
+        if not name.startswith("vtkGhost")
+    )

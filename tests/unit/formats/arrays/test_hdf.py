@@ -1,0 +1,250 @@
+import contextlib
+
+import numpy as np
+import pytest
+
+from meshreel.errors import FormatError, InvalidInputError, MeshReelError
+from meshreel.formats.load import load, open_source
+from meshreel.formats.save import save
+from meshreel.formats.stored_frames import StoredFrames
+from meshreel.sequence import MeshSequence
+from meshreel.surface import PLAIN
+from sample_datasets import (
+    assert_same_positions,
+    assert_same_surface,
+    damaged_versions,
+    plain_sequence,
+    positions_of,
+    surfaced_sequence,
+)
+
+h5py = pytest.importorskip("h5py")
+
+FACES = np.array([[0, 1, 2], [2, 3, 4]], np.uint32)
+POSITIONS = np.random.default_rng(0).random((7, 5, 3)).astype(np.float32)
+
+
+def store(path, **datasets):
+    with h5py.File(path, "w") as file:
+        for name, data in datasets.items():
+            file[name] = data
+    return path
+
+
+@pytest.mark.parametrize("ending", ["h5", "hdf5", "hdf"])
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+@pytest.mark.parametrize("n_frames", [1, 5])
+@pytest.mark.parametrize("read", [load, open_source])
+def test_reading_gives_back_everything_when_hdf_was_saved(tmp_path, ending, dtype, n_frames, read):
+    sequence = surfaced_sequence(n_frames, dtype, 29.97, 1 / 3, name="Ödipus/1")
+    notes = []
+    [path] = save(sequence, tmp_path / f"a.{ending}", notes=notes)
+    found = read(path, notes=notes)
+    assert_same_positions(found, sequence)
+    assert_same_surface(found.surface, sequence.surface)
+    assert (found.fps, found.start_s, found.name) == (29.97, 1 / 3, "Ödipus/1")
+    assert notes == []
+
+
+@pytest.mark.parametrize("fps", [0.0, 24.0, 23.98765])
+def test_load_gives_back_rate_and_plainness_when_there_is_no_surface(tmp_path, fps):
+    [path] = save(plain_sequence(fps=fps), tmp_path / "a.h5")
+    found = load(path)
+    assert_same_surface(found.surface, PLAIN)
+    assert (found.fps, found.start_s) == (fps, 0.0)
+    assert load(path, fps=60).fps == 60
+
+
+def test_open_source_leaves_frames_in_the_file_when_they_are_many(tmp_path, monkeypatch):
+    monkeypatch.setattr("meshreel.formats.arrays.array_frames.BLOCK_BYTES", 300)
+    sequence = plain_sequence(n_frames=9)
+    [path] = save(sequence, tmp_path / "a.h5")
+    opened = open_source(path)
+    assert isinstance(opened, StoredFrames)
+    for start, stop in [(0, 9), (3, 4), (5, 20), (4, 4), (-2, 9)]:
+        assert opened.read(start, stop).tobytes() == sequence.vertices[start:stop].tobytes()
+
+
+def test_save_writes_frames_as_they_come_when_chunks_hold_one(tmp_path):
+    vertices = np.random.default_rng(0).standard_normal((3, 9000, 3)).astype(np.float32)
+    sequence = MeshSequence(vertices, np.arange(9000).reshape(-1, 3))
+    [path] = save(sequence, tmp_path / "a.h5")
+    with h5py.File(path) as file:
+        assert file["vertices"].chunks == (1, 9000, 3)
+    assert load(path).vertices.tobytes() == vertices.tobytes()
+
+
+@pytest.mark.parametrize("read", [load, open_source])
+def test_reading_takes_a_body_scan_when_its_frames_are_last(tmp_path, read):
+    scans = {"50002_hips": POSITIONS.transpose(1, 2, 0), "50004_hips": np.zeros((5, 3, 2))}
+    path = store(tmp_path / "registrations_f.hdf5", faces=FACES, **scans)
+    found = read(path, dataset="50002_hips")
+    assert positions_of(found).tobytes() == POSITIONS.tobytes()
+    assert (found.name, found.fps) == ("50002_hips", 0)
+    np.testing.assert_array_equal(found.faces, FACES)
+
+
+def test_load_lists_the_datasets_when_several_may_be_meant(tmp_path):
+    scans = {f"scan_{index:02}": np.zeros((5, 3, 2)) for index in range(22)}
+    path = store(tmp_path / "a.h5", faces=FACES, **scans)
+    message = r"a\.h5: holds positions in 22 datasets: scan_00, .*, scan_19 and 2 more; choose one"
+    with pytest.raises(InvalidInputError, match=message):
+        load(path)
+    with pytest.raises(InvalidInputError, match=r"has no dataset 'x'; it holds positions in 22"):
+        load(path, dataset="x")
+
+
+def test_load_takes_the_only_dataset_that_can_be_when_none_is_named(tmp_path):
+    path = tmp_path / "a.h5"
+    with h5py.File(path, "w") as file:
+        file["body/left/points"] = POSITIONS.astype(">f4")
+        file["body/faces"] = FACES
+        file["body/left/fps"] = 30
+        file["weights"] = np.zeros((5, 4))
+    found = load(path)
+    assert found.vertices.tobytes() == POSITIONS.tobytes()
+    assert (found.fps, found.name) == (30, "points")
+    assert load(path, dataset="points").vertices.tobytes() == POSITIONS.tobytes()
+    assert load(path, dataset="/body/left/points").vertices.tobytes() == POSITIONS.tobytes()
+
+
+def test_load_follows_a_link_when_it_stays_within_the_file(tmp_path):
+    path = store(tmp_path / "a.h5", faces=FACES, here=POSITIONS)
+    with h5py.File(path, "a") as file:
+        file["vertices"] = h5py.SoftLink("/here")
+    assert load(path).vertices.tobytes() == POSITIONS.tobytes()
+
+
+def external_link(file):
+    file["vertices"] = h5py.ExternalLink("other.h5", "/vertices")
+
+
+def circle(file):
+    file["vertices"] = h5py.SoftLink("/vertices")
+
+
+def virtual(file):
+    layout = h5py.VirtualLayout((7, 5, 3), np.float32)
+    layout[:] = h5py.VirtualSource("other.h5", "vertices", (7, 5, 3))
+    file.create_virtual_dataset("vertices", layout)
+
+
+def stored_apart(file):
+    external = [("other.bin", 0, h5py.h5f.UNLIMITED)]
+    file.create_dataset("vertices", (7, 5, 3), np.float32, external=external)
+
+
+def never_written(file):
+    file.create_dataset("vertices", (1 << 30, 1 << 20, 3), np.float32, chunks=(1, 1024, 3))
+
+
+def huge_faces(file):
+    file["vertices"] = POSITIONS
+    del file["faces"]
+    file.create_dataset("faces", (1 << 40, 3), np.int32, chunks=(1024, 3))
+
+
+def huge_chunks(file):
+    file.create_dataset("vertices", (1, 5, 3), "f8", maxshape=(None,) * 3, chunks=(999, 9999, 3))
+
+
+def pairs(file):
+    file["vertices"] = np.zeros((2, 5, 3), [("a", "f4"), ("b", "f4")])
+
+
+def lists(file):
+    kind = h5py.vlen_dtype(np.float32)
+    file.create_dataset("vertices", (2, 5, 3), kind)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (external_link, r"'vertices' is in another file \(other.h5\), which is not read"),
+        (circle, "links lead from '/vertices' in circles"),
+        (virtual, "dataset /vertices is in other files, which are not read"),
+        (stored_apart, "dataset /vertices is in other files, which are not read"),
+        (never_written, r"dataset /vertices declares \d+ bytes .* more than the file holds"),
+        (huge_faces, r"dataset /faces declares \d+ bytes .* more than the file holds"),
+        (huge_chunks, r"dataset /vertices (declares|is in chunks of) .* more than the file holds"),
+        (pairs, r"dataset /vertices holds .*; numbers and text are read"),
+        (lists, "dataset /vertices holds lists; numbers and text are read"),
+    ],
+)
+def test_load_is_refused_when_a_dataset_is_not_plainly_in_the_file(tmp_path, change, message):
+    store(tmp_path / "other.h5", vertices=POSITIONS)
+    path = store(tmp_path / "a.h5", faces=FACES)
+    with h5py.File(path, "a") as file:
+        change(file)
+    with pytest.raises(FormatError, match=rf"a\.h5: {message}"):
+        load(path)
+
+
+@pytest.mark.parametrize(
+    ("datasets", "error", "message"),
+    [
+        ({}, FormatError, "has no dataset of positions, which has shape"),
+        ({"vertices": POSITIONS}, FormatError, "has no dataset 'faces' beside /vertices"),
+        (
+            {"vertices": POSITIONS.astype(np.float16), "faces": FACES},
+            InvalidInputError,
+            "/vertices must be float32 or float64; got float16",
+        ),
+        (
+            {"vertices": POSITIONS[0], "faces": FACES},
+            InvalidInputError,
+            r"/vertices must have shape \(T, V, 3\); got \(5, 3\)",
+        ),
+        (
+            {"vertices": POSITIONS[:0], "faces": FACES},
+            InvalidInputError,
+            "/vertices is empty",
+        ),
+        (
+            {"vertices": POSITIONS, "faces": FACES + 1},
+            InvalidInputError,
+            r"face 1 is \[3, 4, 5\]; indices must be in 0..4",
+        ),
+        (
+            {"vertices": POSITIONS, "faces": FACES, "fps": "fast"},
+            FormatError,
+            "fps must be one number",
+        ),
+        (
+            {"scan": np.zeros((3, 3, 3)), "faces": FACES[:1]},
+            InvalidInputError,
+            r"/scan has shape \(3, 3, 3\) .* store it as \(T, V, 3\)",
+        ),
+    ],
+)
+@pytest.mark.parametrize("read", [load, open_source])
+def test_reading_says_what_it_found_when_datasets_are_odd(tmp_path, datasets, error, message, read):
+    with pytest.raises(error, match=rf"a\.h5: .*{message}"):
+        read(store(tmp_path / "a.h5", **datasets))
+
+
+def test_load_names_the_vertex_when_a_position_is_not_finite(tmp_path):
+    positions = POSITIONS.copy()
+    positions[3, 2, 1] = np.nan
+    path = store(tmp_path / "a.h5", vertices=positions, faces=FACES)
+    with pytest.raises(InvalidInputError, match=r"a\.h5: .*vertex 2 of frame 3 has y = nan"):
+        load(path)
+
+
+@pytest.mark.parametrize("keep", [0, 4, 100, 2000, -100])
+def test_load_is_refused_when_the_file_is_cut_short(tmp_path, keep):
+    [path] = save(surfaced_sequence(), tmp_path / "a.h5")
+    path.write_bytes(path.read_bytes()[:keep])
+    with pytest.raises(FormatError, match=r"a\.h5: is not an HDF5 file, or is damaged"):
+        load(path)
+
+
+def test_load_raises_only_our_errors_when_files_are_damaged(tmp_path):
+    [path] = save(surfaced_sequence(), tmp_path / "a.h5")
+    damaged_path = tmp_path / "b.h5"
+    for damaged in damaged_versions(path.read_bytes(), 300, n_header=3000):
+        damaged_path.write_bytes(damaged)
+        with contextlib.suppress(MeshReelError):
+            load(damaged_path)
+        with contextlib.suppress(MeshReelError):
+            positions_of(open_source(damaged_path))

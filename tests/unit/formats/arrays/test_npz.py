@@ -1,0 +1,174 @@
+import contextlib
+import zipfile
+
+import numpy as np
+import pytest
+
+from meshreel.errors import FormatError, InvalidInputError, MeshReelError
+from meshreel.formats.arrays.npz import read_npz
+from meshreel.formats.load import load, open_source
+from meshreel.formats.options import ReadOptions
+from meshreel.formats.save import save
+from sample_datasets import (
+    assert_same_positions,
+    assert_same_surface,
+    damaged_versions,
+    positions_of,
+    surfaced_sequence,
+)
+
+FACES = np.array([[0, 1, 2]])
+VERTICES = np.eye(3, dtype=np.float32)[None].repeat(2, axis=0)
+
+
+def store(path, **arrays):
+    np.savez(path, **arrays)
+    return path
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+def test_read_npz_gives_back_the_sequence_when_save_wrote_it(tmp_path, make_sequence, dtype):
+    sequence = make_sequence(3, dtype, fps=23.976, name="Ödipus")
+    save(sequence, tmp_path / "a.npz")
+    found = read_npz(tmp_path / "a.npz")
+    assert found.vertices.tobytes() == sequence.vertices.tobytes()
+    np.testing.assert_array_equal(found.faces, sequence.faces)
+    assert (found.vertices.dtype, found.fps, found.name) == (dtype, 23.976, "Ödipus")
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+def test_save_writes_the_bytes_of_savez_when_the_target_is_npz(tmp_path, make_sequence, dtype):
+    sequence = make_sequence(3, dtype, fps=23.976, name="Ödipus")
+    save(sequence, tmp_path / "a.npz")
+    arrays = {"vertices": sequence.vertices, "faces": sequence.faces}
+    store(tmp_path / "b.npz", **arrays, fps=np.float64(23.976), name=np.str_("Ödipus"))
+    assert (tmp_path / "a.npz").read_bytes() == (tmp_path / "b.npz").read_bytes()
+
+
+def test_read_npz_takes_the_file_stem_when_there_is_no_name(tmp_path):
+    found = read_npz(store(tmp_path / "walk.npz", vertices=VERTICES, faces=FACES))
+    assert (found.name, found.fps) == ("walk", 0.0)
+
+
+def test_read_npz_prefers_the_argument_when_fps_is_in_the_file_too(tmp_path):
+    path = store(tmp_path / "a.npz", vertices=VERTICES, faces=FACES, fps=np.float32(25))
+    assert read_npz(path, ReadOptions(fps=60)).fps == 60
+
+
+def test_read_npz_reads_arrays_when_they_are_big_endian_and_compressed(tmp_path):
+    path = tmp_path / "a.npz"
+    np.savez_compressed(path, vertices=VERTICES.astype(">f8"), faces=FACES.astype(">i8"))
+    found = read_npz(path)
+    assert found.vertices.dtype.isnative
+    np.testing.assert_array_equal(found.vertices, VERTICES)
+
+
+@pytest.mark.parametrize(
+    ("arrays", "message"),
+    [
+        ({"verts": VERTICES, "faces": FACES}, "no array 'vertices'; it holds verts, faces"),
+        ({}, "no array 'vertices' and no array 'faces'; it holds nothing"),
+        ({"vertices": np.array([None]), "faces": FACES}, r"vertices\.npy holds Python objects"),
+        ({"vertices": VERTICES, "faces": FACES, "fps": np.ones(2)}, "fps must be one number"),
+        ({"vertices": VERTICES, "faces": FACES, "fps": "fast"}, "fps must be one number"),
+    ],
+)
+def test_read_npz_says_what_it_found_when_arrays_are_missing_or_odd(tmp_path, arrays, message):
+    with pytest.raises(FormatError, match=rf"a\.npz: .*{message}"):
+        read_npz(store(tmp_path / "a.npz", **arrays))
+
+
+def test_read_npz_names_the_file_when_the_arrays_are_no_sequence(tmp_path):
+    path = store(tmp_path / "a.npz", vertices=VERTICES[0], faces=FACES)
+    with pytest.raises(InvalidInputError, match=r"a\.npz: vertices must have shape \(T, V, 3\)"):
+        read_npz(path)
+
+
+@pytest.mark.parametrize("keep", [0, 10, -30])
+def test_read_npz_is_refused_when_the_archive_is_cut_short(tmp_path, keep):
+    path = store(tmp_path / "a.npz", vertices=VERTICES, faces=FACES)
+    path.write_bytes(path.read_bytes()[:keep])
+    with pytest.raises(FormatError, match=r"a\.npz: is not a numpy archive, or is damaged"):
+        read_npz(path)
+
+
+def test_read_npz_allocates_nothing_when_the_declared_shape_exceeds_the_data(tmp_path):
+    path = tmp_path / "a.npz"
+    with zipfile.ZipFile(path, "w") as archive:
+        with archive.open("vertices.npy", "w") as stream:
+            shape = {"descr": "<f4", "fortran_order": False, "shape": (1 << 40, 3, 3)}
+            np.lib.format.write_array_header_1_0(stream, shape)
+        with archive.open("faces.npy", "w") as stream:
+            np.lib.format.write_array(stream, FACES)
+    with pytest.raises(FormatError, match=r"vertices\.npy declares shape \(1099511627776, 3, 3\)"):
+        read_npz(path)
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+@pytest.mark.parametrize("read", [load, open_source])
+def test_reading_gives_back_surface_and_start_when_npz_was_saved(tmp_path, dtype, read):
+    sequence = surfaced_sequence(dtype=dtype, fps=29.97, start_s=1 / 3)
+    save(sequence, tmp_path / "a.npz")
+    found = read(tmp_path / "a.npz")
+    assert_same_positions(found, sequence)
+    assert_same_surface(found.surface, sequence.surface)
+    assert (found.fps, found.start_s, found.name) == (29.97, 1 / 3, "walk")
+
+
+@pytest.mark.parametrize("read", [load, open_source])
+def test_reading_takes_the_array_when_a_dataset_is_named(tmp_path, read):
+    positions = np.random.default_rng(0).random((7, 5, 3))
+    store(tmp_path / "a.npz", other=positions, faces=FACES, vertices=VERTICES, fps=30)
+    found = read(tmp_path / "a.npz", dataset="other")
+    np.testing.assert_array_equal(positions_of(found), positions)
+    assert found.fps == 30
+
+
+@pytest.mark.parametrize("read", [load, open_source])
+def test_reading_puts_frames_first_when_they_are_last_in_the_file(tmp_path, read):
+    positions = np.random.default_rng(0).random((7, 5, 3)).astype(np.float32)
+    store(tmp_path / "a.npz", vertices=positions.transpose(1, 2, 0), faces=FACES)
+    assert positions_of(read(tmp_path / "a.npz")).tobytes() == positions.tobytes()
+
+
+@pytest.mark.parametrize(
+    ("arrays", "message"),
+    [
+        ({"attribute_names": np.array(["a"])}, "1 attribute_names, 0 attribute_kinds and 0"),
+        (
+            {
+                "attribute_names": np.array(["a"]),
+                "attribute_kinds": np.array(["uv"]),
+                "attribute_domains": np.array(["vertex"]),
+            },
+            "has no array 'attribute_0_values', which others speak of",
+        ),
+        (
+            {
+                "attribute_names": np.array(["a"]),
+                "attribute_kinds": np.array(["taste"]),
+                "attribute_domains": np.array(["vertex"]),
+            },
+            "attribute_kinds must be of uv, color, other; got 'taste'",
+        ),
+        ({"attribute_names": np.arange(3)}, r"attribute_names must be text of shape \(N,\)"),
+        ({"group_names": np.array(["a"])}, "has no array 'group_0_numbers'"),
+        ({"part_names": np.array(["a"])}, r"part_sizes must be whole numbers of shape \(1, 2\)"),
+        ({"part_sizes": np.array(["a"])}, r"part_sizes must be whole numbers of shape \(0, 2\)"),
+        ({"face_sizes": np.array([4])}, "face_sizes make 2 triangles as fans; the mesh has 1"),
+        ({"start_s": np.array([1, 2])}, "start_s must be one number"),
+        ({"start_s": np.nan}, "start_s must be finite"),
+    ],
+)
+def test_read_npz_says_what_it_found_when_the_surface_is_odd(tmp_path, arrays, message):
+    path = store(tmp_path / "a.npz", vertices=VERTICES, faces=FACES, **arrays)
+    with pytest.raises((FormatError, InvalidInputError), match=rf"a\.npz: .*{message}"):
+        load(path)
+
+
+def test_load_raises_only_our_errors_when_a_surface_is_damaged(tmp_path):
+    [path] = save(surfaced_sequence(), tmp_path / "a.npz")
+    for damaged in damaged_versions(path.read_bytes(), n_header=len(path.read_bytes())):
+        path.write_bytes(damaged)
+        with contextlib.suppress(MeshReelError):
+            load(path)

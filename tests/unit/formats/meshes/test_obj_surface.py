@@ -1,0 +1,214 @@
+import numpy as np
+import pytest
+
+from meshreel.errors import FormatError
+from meshreel.formats.load import load
+from meshreel.formats.meshes.obj_surface import parse_obj_surface
+from meshreel.formats.save import save
+from meshreel.surface import Domain, Kind, Part, Surface
+from sample_surfaces import attribute, described, groups, rich_cube, two_cubes
+
+SQUARE = b"v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n"
+UVS = b"vt 0 0\nvt 0.1 0\nvt 0.1 0.7\nvt 9 9\n"
+
+
+def attributes(data):
+    return described(parse_obj_surface(data))["attributes"]
+
+
+def the_groups(data):
+    return described(parse_obj_surface(data))["groups"]
+
+
+def uv_rows(data):
+    (uv,) = parse_obj_surface(data).attributes
+    return uv.values.tolist(), uv.indices.tolist()
+
+
+def test_parse_obj_surface_keeps_the_table_when_rows_are_shared_or_unused():
+    (uv,) = parse_obj_surface(SQUARE + UVS + b"f 1/1 2/2/9 3/3 4/1\n").attributes
+    assert (uv.name, uv.kind, uv.domain) == ("uv", Kind.UV, Domain.CORNER)
+    expected = np.array([[0, 0], [0.1, 0], [0.1, 0.7], [9, 9]], np.float32)
+    np.testing.assert_array_equal(uv.values, expected, strict=True)
+    assert uv.indices.tolist() == [0, 1, 2, 0]
+
+
+def test_parse_obj_surface_counts_back_from_the_line_when_indices_are_negative():
+    data = SQUARE + b"vt 1 2\nf 1/-1 2/-1 3/-1\nvt 3 4\nf 1/-1 3/-2 4/1\n"
+    assert uv_rows(data) == ([[1, 2], [3, 4]], [0, 0, 0, 1, 0, 0])
+
+
+def test_parse_obj_surface_adds_a_row_of_zeros_when_some_corners_have_none():
+    values, rows = uv_rows(SQUARE + b"vt 1 2\nf 1/1 2/1 3/1\nf 1 3//5 4/1\nf 1/0 2/2 3/-9\n")
+    assert (values, rows) == ([[1, 2], [0, 0]], [0, 0, 0, 1, 1, 0, 1, 1, 1])
+
+
+def test_parse_obj_surface_takes_v_for_0_when_a_texture_has_one_dimension():
+    assert uv_rows(SQUARE + b"vt 0.5\nvt 1 2 3\nf 1/1 2/2 3/2\n")[0] == [[0.5, 0], [1, 2]]
+
+
+@pytest.mark.parametrize("face", [b"f 1 2 3", b"f 1//1 2//1 3//1", b"f 1/7 2/7 3/7", b"f 1/ 2/ 3/"])
+def test_parse_obj_surface_has_nothing_when_no_corner_has_coordinates(face):
+    assert parse_obj_surface(SQUARE + UVS + face).is_plain
+
+
+@pytest.mark.parametrize(
+    ("numbers", "expected"),
+    [
+        (["1 0.1 0", "0 0.2 1"], [[1, 0.1, 0], [0, 0.2, 1]]),
+        (["255 0 51", "0 1 2"], np.array([[255, 0, 51], [0, 1, 2]]) / 255),
+        (["0 1 0", "1 1 1"], [[0, 1, 0], [1, 1, 1]]),
+        (["2.5 1 0", "1 1 1"], [[2.5, 1, 0], [1, 1, 1]]),
+    ],
+)
+def test_parse_obj_surface_reads_colors_when_vertices_have_six_numbers(numbers, expected):
+    text = "".join(f"v {index} 0 0 {row}\n" for index, row in enumerate(numbers))
+    (color,) = parse_obj_surface(text.encode() + b"f 1 2 1\n").attributes
+    assert (color.kind, color.domain, color.indices) == (Kind.COLOR, Domain.VERTEX, None)
+    np.testing.assert_array_equal(color.values, np.array(expected, np.float32), strict=True)
+
+
+def test_parse_obj_surface_passes_colors_over_when_a_vertex_has_none():
+    assert attributes(b"v 0 0 0 1 1 1\nv 1 0 0\nv 2 0 0 1 1 1\nf 1 2 3\n") == []
+
+
+def test_parse_obj_surface_sorts_faces_by_material_when_usemtl_changes():
+    data = SQUARE + (
+        b"f 1 2 3\nusemtl red  wood\nf 1 2 4\nusemtl unused\nusemtl b\nf 2 3 4\n"
+        b"usemtl red wood\nf 1 2 3\nusemtl\nf 1 2 3\n"
+    )
+    assert the_groups(data) == [("material", ("red wood", "b"), [-1, 0, 1, 0, -1])]
+
+
+def test_parse_obj_surface_reads_names_when_they_are_not_ascii():
+    data = SQUARE + "g Gehäuse\nf 1 2 3\n".encode() + "g Gehäuse2\nf 1 2 3\n".encode("latin-1")
+    assert the_groups(data) == [("group", ("Gehäuse", "Gehäuse2"), [0, 1])]
+
+
+OBJECTS = b"o a\n" + SQUARE + b"f 1 2 3\no b\n" + SQUARE + b"f 5 6 7 8\nf -4 -3 -2\n"
+
+
+def test_parse_obj_surface_makes_objects_parts_when_they_share_nothing():
+    found = parse_obj_surface(OBJECTS)
+    assert found.parts == (Part("a", 4, 1), Part("b", 4, 2))
+    assert found.groups == ()
+
+
+@pytest.mark.parametrize(
+    ("data", "expected"),
+    [
+        (OBJECTS + b"f 1 2 3\n", (("a", "b"), [0, 1, 1, 1])),
+        (b"v 9 9 9\n" + OBJECTS.replace(b"-", b"-0"), (("a", "b"), [0, 1, 1])),
+        (OBJECTS.replace(b"o b", b"o a") + b"o c\nf 1 2 3\n", (("a", "c"), [0, 0, 0, 1])),
+        (OBJECTS.replace(b"o b", b"o"), (("a",), [0, -1, -1])),
+        (SQUARE + b"o a\nf 1 2 3\no b\nf 2 3 4\n", (("a", "b"), [0, 1])),
+    ],
+)
+def test_parse_obj_surface_makes_objects_groups_when_they_are_no_parts(data, expected):
+    found = described(parse_obj_surface(data))
+    assert (found["groups"], found["parts"]) == ([("object", *expected)], ())
+
+
+def test_parse_obj_surface_has_nothing_when_there_is_one_object():
+    assert parse_obj_surface(b"o a\n" + SQUARE + b"s 1\nf 1 2 3\no unused\n").is_plain
+
+
+@pytest.mark.parametrize(
+    ("data", "message"),
+    [
+        (SQUARE + b"vt x 0\nf 1/1 2/1 3/1\n", "line 5: expected a number; got 'x'"),
+        (SQUARE + b"vt 0 0\n\nf 1/1 2/x 3/1\n", "line 7: expected an integer; got 'x'"),
+    ],
+)
+def test_parse_obj_surface_names_the_line_when_it_is_wrong(data, message):
+    with pytest.raises(FormatError, match=message):
+        parse_obj_surface(data)
+
+
+SURFACES = {
+    "polygons": {},
+    "texture": {"attributes": [attribute(Kind.UV, "corner", 2, rows=9)]},
+    "colors": {"attributes": [attribute(Kind.COLOR, "vertex", 3, name="color")]},
+    "materials": {"groups": [groups("material", ["a b", "50%", "c"], [-1, 0, 0, 1, -1, 0, 2])]},
+    "all": {
+        "attributes": [
+            attribute(Kind.UV, "corner", 2, rows=40),
+            attribute(Kind.COLOR, "vertex", 3, name="color"),
+        ],
+        "groups": [
+            groups("material", ["m", "n"], [0, 0, 1, 1, 1, 0, 0]),
+            groups("group", ["g"], [0, 0, 0, -1, -1, -1, 0]),
+            groups("object", ["x", "y"], [0, 0, 1, 1, 0, 0, 0]),
+        ],
+    },
+}
+
+
+@pytest.mark.parametrize("name", SURFACES)
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+def test_load_gives_back_the_surface_when_save_wrote_obj(tmp_path, name, dtype):
+    sequence, notes = rich_cube(**SURFACES[name], dtype=dtype), []
+    save(sequence, tmp_path / "f_%d.obj", notes=notes)
+    found = load(tmp_path)
+    assert described(found.surface) == described(sequence.surface)
+    np.testing.assert_array_equal(found.vertices, sequence.vertices.astype(np.float32))
+    np.testing.assert_array_equal(found.faces, sequence.faces)
+    assert notes == []
+
+
+def test_load_gives_back_parts_when_save_wrote_obj(tmp_path):
+    sequence = two_cubes()
+    save(sequence, tmp_path / "f_%d.obj")
+    found = load(tmp_path)
+    assert described(found.surface) == described(sequence.surface)
+    np.testing.assert_array_equal(found.vertices, sequence.vertices)
+
+
+def test_every_frame_carries_the_surface_when_save_wrote_obj(tmp_path):
+    sequence = rich_cube(**SURFACES["all"])
+    paths = save(sequence, tmp_path / "f_%d.obj")
+    for path in paths:
+        assert described(load(path).surface) == described(sequence.surface)
+
+
+def test_obj_encoder_states_groups_anew_when_a_part_begins(tmp_path):
+    sequence = two_cubes(1)
+    material = groups("material", ["m"], [0] * 7 + [-1] * 7)
+    surface = Surface(sequence.surface.face_sizes, (), (material,), sequence.surface.parts)
+    rich = type(sequence)(sequence.vertices, sequence.faces, surface=surface)
+    (path,) = save(rich, tmp_path / "f.obj")
+    assert described(load(path).surface) == described(surface)
+
+
+def test_load_reads_floats_when_colors_were_bytes(tmp_path):
+    color = attribute(Kind.COLOR, "vertex", 4, np.uint8)
+    (path,) = save(rich_cube(1, attributes=[color]), tmp_path / "f.obj")
+    (found,) = load(path).surface.attributes
+    expected = (color.values[:, :3] / 255).astype(np.float32)
+    np.testing.assert_array_equal(found.values, expected, strict=True)
+
+
+def test_load_reads_coordinates_of_corners_when_vertices_had_them(tmp_path):
+    uv = attribute(Kind.UV, "vertex", 2)
+    sequence = rich_cube(1, attributes=[uv])
+    (path,) = save(sequence, tmp_path / "f.obj")
+    (found,) = load(path).surface.attributes
+    plain = [line for line in path.read_text().splitlines() if line.startswith("f")]
+    assert all(len({*corner.split("/")}) == 1 for line in plain for corner in line.split()[1:])
+    np.testing.assert_array_equal(found.values, uv.values, strict=True)
+
+
+def test_obj_encoder_replaces_characters_when_a_name_would_end_the_line(tmp_path):
+    material = groups("material", ["a#b\nc\\"], [0] * 7)
+    (path,) = save(rich_cube(1, groups=[material]), tmp_path / "f.obj")
+    assert load(path).surface.groups[0].labels == ("a_b c_",)
+
+
+def test_save_notes_what_is_left_out_when_obj_does_not_hold_it(tmp_path):
+    weight = attribute(Kind.OTHER, "vertex", 2, name="weight")
+    sequence = rich_cube(1, attributes=[weight], groups=[groups("skin", ["a"], [0] * 7)])
+    notes = []
+    save(sequence, tmp_path / "f.obj", notes=notes)
+    assert notes == [
+        "left out, for .obj files do not hold it: 'weight' (other) of each vertex, groups 'skin'"
+    ]

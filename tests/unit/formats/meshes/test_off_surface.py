@@ -1,0 +1,122 @@
+import numpy as np
+import pytest
+
+from meshreel.errors import FormatError
+from meshreel.formats.load import load
+from meshreel.formats.meshes.off_surface import parse_off_surface
+from meshreel.formats.save import save
+from meshreel.surface import Domain, Kind
+from sample_surfaces import attribute, described, groups, rich_cube, two_cubes
+
+
+def triangle(keyword, *columns, face=""):
+    rows = "".join(f"{row}\n" for row in columns)
+    return f"{keyword}\n3 1 0\n{rows}3 0 1 2 {face}\n".encode()
+
+
+def attributes(data):
+    return [
+        (one.kind, one.domain, one.values.tolist()) for one in parse_off_surface(data).attributes
+    ]
+
+
+@pytest.mark.parametrize(
+    ("rows", "dtype", "expected"),
+    [
+        (["255 0 1", "0 7 0", "0 0 9"], np.uint8, [[255, 0, 1], [0, 7, 0], [0, 0, 9]]),
+        (["1 0 1 1"] * 3, np.uint8, [[1, 0, 1, 1]] * 3),
+        (["1.0 0 1"] * 3, np.float32, [[1, 0, 1]] * 3),
+        ([".5 0 1"] * 3, np.float32, [[0.5, 0, 1]] * 3),
+        (["256 0 1"] * 3, np.float32, [[256, 0, 1]] * 3),
+    ],
+)
+def test_parse_off_surface_reads_bytes_when_colors_have_no_point(rows, dtype, expected):
+    data = triangle("COFF", *(f"{index}.5 0 0 {row}" for index, row in enumerate(rows)))
+    (color,) = parse_off_surface(data).attributes
+    assert (color.values.dtype, color.values.tolist()) == (dtype, expected)
+
+
+def test_parse_off_surface_finds_columns_when_the_header_word_has_all():
+    rows = [f"{index} 0 0 9 9 9 0.5 0.25 0 1 {index} 7" for index in range(3)]
+    assert attributes(triangle("STCNOFF", *rows)) == [
+        (Kind.COLOR, Domain.VERTEX, [[0.5, 0.25, 0, 1]] * 3),
+        (Kind.UV, Domain.VERTEX, [[0, 7], [1, 7], [2, 7]]),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("face", "expected"),
+    [
+        ("1 2 3", [(Kind.COLOR, Domain.FACE, [[1, 2, 3]])]),
+        ("0.5 0.5 0.5 1", [(Kind.COLOR, Domain.FACE, [[0.5, 0.5, 0.5, 1]])]),
+        ("7", []),
+        ("", []),
+    ],
+)
+def test_parse_off_surface_reads_colors_of_faces_when_they_have_three_numbers(face, expected):
+    assert attributes(triangle("OFF", "0 0 0", "1 0 0", "0 1 0", face=face)) == expected
+
+
+def test_parse_off_surface_has_nothing_when_the_header_word_says_nothing():
+    assert attributes(triangle("OFF", *["0 0 0 1 2 3"] * 3)) == []
+
+
+def test_parse_off_surface_has_nothing_when_only_some_vertices_have_colors():
+    assert attributes(triangle("COFF", "0 0 0 1 2 3", "0 0 0", "0 0 0 1 2 3")) == []
+
+
+def test_parse_off_surface_names_the_line_when_a_color_is_no_number():
+    with pytest.raises(FormatError, match="line 4: expected a number; got 'red'"):
+        parse_off_surface(triangle("COFF", "0 0 0 1 2 3", "0 0 0 red 0 0", "0 0 0 1 2 3"))
+
+
+SURFACES = {
+    "polygons": [],
+    "bytes": [attribute(Kind.COLOR, "vertex", 4, np.uint8)],
+    "floats": [attribute(Kind.COLOR, "vertex", 3)],
+    "faces": [attribute(Kind.COLOR, "face", 3, np.uint8)],
+    "all": [
+        attribute(Kind.COLOR, "vertex", 3, np.uint8),
+        attribute(Kind.UV, "vertex", 2),
+        attribute(Kind.COLOR, "face", 4),
+    ],
+}
+
+
+@pytest.mark.parametrize("name", SURFACES)
+def test_load_gives_back_the_surface_when_save_wrote_off(tmp_path, name):
+    sequence, notes = rich_cube(attributes=SURFACES[name]), []
+    save(sequence, tmp_path / "f_%d.off", notes=notes)
+    found = load(tmp_path)
+    assert described(found.surface) == described(sequence.surface)
+    np.testing.assert_array_equal(found.vertices, sequence.vertices)
+    assert notes == []
+
+
+def test_load_gives_back_floats_when_all_are_whole(tmp_path):
+    ones = attribute(Kind.COLOR, "vertex", 3)
+    ones.values[:] = 1
+    (path,) = save(rich_cube(1, attributes=[ones]), tmp_path / "f.off")
+    np.testing.assert_array_equal(
+        load(path).surface.attributes[0].values, np.ones((8, 3), np.float32), strict=True
+    )
+
+
+def test_save_notes_what_is_left_out_when_off_does_not_hold_it(tmp_path):
+    uv = attribute(Kind.UV, "corner", 2, rows=4)
+    cube, notes = rich_cube(1, attributes=[uv], groups=[groups("material", "a", [0] * 7)]), []
+    save(cube, tmp_path / "a.off", notes=notes)
+    save(two_cubes(1), tmp_path / "b.off", notes=notes)
+    assert notes == [
+        "left out, for .off files do not hold it: 'uv' (uv) of each corner, groups 'material'",
+        "left out, for .off files do not hold it: the names of 2 parts",
+    ]
+
+
+def test_save_notes_what_is_left_out_when_files_are_stl(tmp_path):
+    notes = []
+    save(rich_cube(1), tmp_path / "a.stl", notes=notes)
+    assert notes == [
+        "left out, for .stl files do not hold it: faces of more than three corners, which are cut "
+        "into triangles"
+    ]

@@ -1,0 +1,156 @@
+import numpy as np
+import pytest
+
+from meshreel.errors import FormatError
+from meshreel.formats.load import load
+from meshreel.formats.meshes.ply_surface import parse_ply_surface
+from meshreel.formats.save import save
+from meshreel.surface import Domain, Kind
+from sample_surfaces import attribute, described, groups, rich_cube, two_cubes
+
+
+def triangle(vertex_properties, vertex_rows, face_properties=(), face_row=""):
+    lines = ["ply", "format ascii 1.0", "element vertex 3"]
+    lines += [f"property float {axis}" for axis in "xyz"]
+    lines += [f"property {one}" for one in vertex_properties]
+    lines += ["element face 1", "property list uchar int vertex_indices"]
+    lines += [f"property {one}" for one in face_properties]
+    lines += ["end_header", *(f"0 0 {row}" for row in vertex_rows), f"3 0 1 2 {face_row}"]
+    return ("\n".join(lines) + "\n").encode()
+
+
+def attributes(data):
+    return [
+        (one.name, one.kind, one.domain, one.values.dtype.str[1:], one.values.tolist())
+        for one in parse_ply_surface(data).attributes
+    ]
+
+
+RGB, RGBA = ["red", "green", "blue"], ["red", "green", "blue", "alpha"]
+
+
+@pytest.mark.parametrize(("number", "code"), [("uchar", "u1"), ("float", "f4"), ("double", "f8")])
+@pytest.mark.parametrize("names", [RGB, RGBA])
+def test_parse_ply_surface_reads_colors_when_vertices_have_them(number, code, names):
+    values = "1 0 1 1"[: 2 * len(names)]
+    data = triangle([f"{number} {name}" for name in names], [f"0 {values}"] * 3)
+    expected = [[1, 0, 1, 1][: len(names)]] * 3
+    assert attributes(data) == [("color", Kind.COLOR, Domain.VERTEX, code, expected)]
+
+
+@pytest.mark.parametrize("names", ["s t", "u v", "texture_u texture_v", "texture_s texture_t"])
+def test_parse_ply_surface_reads_coordinates_when_vertices_have_them(names):
+    data = triangle([f"float {name}" for name in names.split()], ["0 0.5 2"] * 3)
+    assert attributes(data) == [("uv", Kind.UV, Domain.VERTEX, "f4", [[0.5, 2]] * 3)]
+
+
+def test_parse_ply_surface_keeps_other_numbers_when_they_have_names():
+    columns = ["float nx", "float confidence", "ushort flags", "uint id", "char a", "float red"]
+    data = triangle(columns, ["0 9 .5 65535 4294967295 -1 1"] * 3, ["int label"], "-7")
+    assert attributes(data) == [
+        ("confidence", Kind.OTHER, Domain.VERTEX, "f4", [[0.5]] * 3),
+        ("flags", Kind.OTHER, Domain.VERTEX, "i4", [[65535]] * 3),
+        ("id", Kind.OTHER, Domain.VERTEX, "f8", [[4294967295]] * 3),
+        ("a", Kind.OTHER, Domain.VERTEX, "i4", [[-1]] * 3),
+        ("red", Kind.OTHER, Domain.VERTEX, "f4", [[1]] * 3),
+        ("label", Kind.OTHER, Domain.FACE, "i4", [[-7]]),
+    ]
+
+
+def test_parse_ply_surface_reads_coordinates_of_corners_when_faces_have_them():
+    face = ["list uchar float texcoord", "uchar red", "uchar green", "uchar blue", "int texnumber"]
+    assert attributes(triangle([], ["0"] * 3, face, "6 0 1 2 3 4 5 9 8 7 0")) == [
+        ("color", Kind.COLOR, Domain.FACE, "u1", [[9, 8, 7]]),
+        ("texnumber", Kind.OTHER, Domain.FACE, "i4", [[0]]),
+        ("uv", Kind.UV, Domain.CORNER, "f4", [[0, 1], [2, 3], [4, 5]]),
+    ]
+
+
+@pytest.mark.parametrize("row", ["0", "2 0 1"])
+def test_parse_ply_surface_passes_coordinates_over_when_corners_have_none(row):
+    assert attributes(triangle([], ["0"] * 3, ["list uchar float texcoord"], row)) == []
+
+
+def test_parse_ply_surface_names_the_line_when_a_color_is_out_of_range():
+    data = triangle([f"uchar {name}" for name in RGB], ["0 1 2 3", "0 1 2 300", "0 1 2 3"])
+    with pytest.raises(FormatError, match="line 14: expected uint8; got 300"):
+        parse_ply_surface(data)
+
+
+SURFACES = {
+    "polygons": [],
+    "bytes": [attribute(Kind.COLOR, "vertex", 4, np.uint8)],
+    "texture": [attribute(Kind.UV, "vertex", 2)],
+    "corners": [attribute(Kind.UV, "corner", 2, np.float64)],
+    "all": [
+        attribute(Kind.COLOR, "vertex", 3),
+        attribute(Kind.UV, "vertex", 2, np.float64),
+        attribute(Kind.OTHER, "vertex", 1, np.uint8, name="quality"),
+        attribute(Kind.OTHER, "vertex", 1, np.int32, name="flags"),
+        attribute(Kind.COLOR, "face", 4, np.uint8),
+        attribute(Kind.OTHER, "face", 1, np.float64, name="area"),
+        attribute(Kind.UV, "corner", 2),
+    ],
+}
+
+
+@pytest.mark.parametrize("name", SURFACES)
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+def test_load_gives_back_the_surface_when_save_wrote_ply(tmp_path, name, dtype):
+    sequence, notes = rich_cube(attributes=SURFACES[name], dtype=dtype), []
+    save(sequence, tmp_path / "f_%d.ply", notes=notes)
+    found = load(tmp_path)
+    assert described(found.surface) == described(sequence.surface)
+    np.testing.assert_array_equal(found.vertices, sequence.vertices, strict=True)
+    np.testing.assert_array_equal(found.faces, sequence.faces)
+    assert notes == []
+
+
+def test_load_gives_back_values_when_they_were_indexed(tmp_path):
+    color = attribute(Kind.COLOR, "vertex", 3, np.uint8, rows=3)
+    (path,) = save(rich_cube(1, attributes=[color]), tmp_path / "f.ply")
+    (found,) = load(path).surface.attributes
+    np.testing.assert_array_equal(found.values, color.per_item(), strict=True)
+
+
+def test_ply_encoder_counts_in_four_bytes_when_a_face_has_many_corners(tmp_path):
+    angle = np.linspace(0, 6, 300, dtype=np.float32)
+    vertices = np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1)
+    fan = np.stack([np.zeros(298), np.arange(1, 299), np.arange(2, 300)], axis=1).astype(int)
+    cube = rich_cube(1)
+    surface = type(cube.surface)(np.array([300]))
+    disc = type(cube)(vertices[np.newaxis], fan, surface=surface)
+    (path,) = save(disc, tmp_path / "f.ply")
+    assert load(path).surface.face_sizes.tolist() == [300]
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        attribute(Kind.OTHER, "vertex", 2, name="weights"),
+        attribute(Kind.OTHER, "vertex", 1, name="two words"),
+        attribute(Kind.OTHER, "vertex", 1, name="nx"),
+        attribute(Kind.OTHER, "corner", 1, name="weights"),
+        attribute(Kind.COLOR, "corner", 3),
+        attribute(Kind.UV, "face", 2),
+        attribute(Kind.UV, "vertex", 3),
+    ],
+)
+def test_save_notes_the_attribute_when_ply_does_not_hold_it(tmp_path, other):
+    notes = []
+    (path,) = save(rich_cube(1, attributes=[other]), tmp_path / "f.ply", notes=notes)
+    assert load(path).surface.attributes == ()
+    assert notes == [
+        f"left out, for .ply files do not hold it: {other.name!r} ({other.kind}) of each "
+        f"{other.domain}"
+    ]
+
+
+def test_save_notes_groups_and_parts_when_files_are_ply(tmp_path):
+    notes = []
+    save(rich_cube(1, groups=[groups("material", "a", [0] * 7)]), tmp_path / "a.ply", notes=notes)
+    save(two_cubes(1), tmp_path / "b.ply", notes=notes)
+    assert notes == [
+        "left out, for .ply files do not hold it: groups 'material'",
+        "left out, for .ply files do not hold it: the names of 2 parts",
+    ]

@@ -1,0 +1,86 @@
+import numpy as np
+import pytest
+
+from meshreel.errors import FormatError, InvalidInputError
+from meshreel.formats.meshes.stl import parse_stl, stl_encoder
+
+ASCII = b"""solid a thing
+  facet normal 0 0 1
+    outer loop
+      vertex 0 0 0
+      vertex 1 0 0
+      vertex 0 1.5e0 0
+    endloop
+  endfacet
+  FACET NORMAL 0 0 0
+    OUTER LOOP
+      VERTEX -0 0 0
+      VERTEX 1 0 0
+      VERTEX 0 0 2
+    ENDLOOP
+  ENDFACET
+endsolid a thing
+"""
+
+
+def test_parse_stl_gives_back_corners_when_our_encoder_wrote_them(make_sequence):
+    sequence = make_sequence(1)
+    mesh = parse_stl(stl_encoder(sequence.faces)(sequence.vertices[0]))
+    expected = sequence.vertices[0][sequence.faces].reshape(-1, 3)
+    assert (mesh.vertices.dtype, mesh.vertices.tobytes()) == (np.float32, expected.tobytes())
+
+
+def test_parse_stl_reads_binary_when_its_header_begins_with_solid(make_sequence):
+    sequence = make_sequence(1)
+    data = stl_encoder(sequence.faces)(sequence.vertices[0])
+    assert len(parse_stl(b"solid " + data[6:]).counts) == sequence.n_faces
+
+
+def test_parse_stl_reads_corners_when_the_file_is_text():
+    expected = [[0, 0, 0], [1, 0, 0], [0, 1.5, 0], [0, 0, 0], [1, 0, 0], [0, 0, 2]]
+    assert parse_stl(ASCII).vertices.tolist() == expected
+
+
+def test_parse_stl_has_no_negative_zeros_when_the_file_has():
+    assert not np.signbit(parse_stl(ASCII).vertices).any()
+
+
+def test_stl_encoder_writes_unit_normals_when_triangles_have_area():
+    vertices = np.array([[0, 0, 0], [2, 0, 0], [0, 3, 0]], np.float32)
+    data = stl_encoder(np.array([[0, 1, 2]]))(vertices)
+    assert np.frombuffer(data, "<f4", 3, 84).tolist() == [0, 0, 1]
+
+
+def test_stl_encoder_writes_zero_normals_when_triangles_have_no_area():
+    data = stl_encoder(np.array([[0, 1, 1]]))(np.eye(3, dtype=np.float64))
+    assert np.frombuffer(data, "<f4", 3, 84).tolist() == [0, 0, 0]
+
+
+def test_stl_encoder_is_refused_when_a_position_exceeds_float32():
+    with pytest.raises(InvalidInputError, match=r"an STL file holds float32"):
+        stl_encoder(np.array([[0, 1, 2]]))(np.eye(3) * 1e39)
+
+
+@pytest.mark.parametrize(
+    ("data", "message"),
+    [
+        (b"", "is 0 bytes long; .* has 84"),
+        (ASCII[:-20], "line 15: expected endsolid at the end"),
+        (b"solid\nendsolid\n", "holds 0 vertices and 0 faces"),
+        (b"solid\nvertex 0 0 0\nendsolid", "line 2: a facet must have three vertex lines"),
+        (ASCII.replace(b"VERTEX 1 0 0", b""), "line 9: a facet must have three vertex lines"),
+        (ASCII.replace(b"VERTEX 1 0 0", b"VERTEX 1 0"), "line 12: a vertex needs exactly x, y"),
+        (ASCII.replace(b"VERTEX 1 0 0", b"VERTEX 1 0 o"), "line 12: expected a number; got 'o'"),
+    ],
+)
+def test_parse_stl_names_the_line_when_text_is_wrong(data, message):
+    with pytest.raises(FormatError, match=message):
+        parse_stl(data)
+
+
+@pytest.mark.parametrize("change", [lambda d: d[:-1], lambda d: d + b"\0", lambda d: d[:90]])
+def test_parse_stl_is_refused_when_the_size_contradicts_the_declared_count(make_sequence, change):
+    sequence = make_sequence(1)
+    data = stl_encoder(sequence.faces)(sequence.vertices[0])
+    with pytest.raises(FormatError, match=r"a binary STL that declares .* has 484; the file is tr"):
+        parse_stl(change(data))

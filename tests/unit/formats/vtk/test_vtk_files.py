@@ -1,0 +1,483 @@
+import contextlib
+
+import numpy as np
+import pytest
+
+from meshreel.errors import FormatError, InvalidInputError, MeshReelError
+from meshreel.formats.load import load, open_source
+from meshreel.formats.save import save
+from meshreel.formats.stored_frames import StoredFrames
+from meshreel.formats.vtk.legacy import read_vtk_legacy
+from meshreel.surface import Domain, Kind
+from sample_datasets import damaged_versions, plain_sequence, positions_of
+
+pytest.importorskip("vtkmodules")
+from vtkmodules.vtkIOLegacy import vtkPolyDataWriter, vtkUnstructuredGridWriter
+from vtkmodules.vtkIOXML import (
+    vtkXMLPolyDataWriter,
+    vtkXMLUnstructuredGridWriter,
+)
+
+from sample_vtk import (
+    COLORS,
+    HEAT,
+    POINTS,
+    POLYGONS,
+    UV,
+    grid,
+    poly_data,
+    written,
+)
+
+TEXT, BINARY, APPENDED = 0, 1, 2
+PACKINGS = ["None", "ZLib", "LZ4", "LZMA"]
+
+
+def xml_writer(kind, mode=APPENDED, packing="None", *, header=64, order="<", raw=True, block=0):
+    writer = vtkXMLPolyDataWriter() if kind == "vtp" else vtkXMLUnstructuredGridWriter()
+    writer.SetDataMode(mode)
+    writer.SetEncodeAppendedData(not raw)
+    getattr(writer, f"SetCompressorTypeTo{packing}")()
+    if block:
+        writer.SetBlockSize(block)
+    (writer.SetHeaderTypeToUInt64 if header == 64 else writer.SetHeaderTypeToUInt32)()
+    (writer.SetByteOrderToLittleEndian if order == "<" else writer.SetByteOrderToBigEndian)()
+    return writer
+
+
+def legacy_writer(kind, *, is_text, version=51):
+    writer = vtkPolyDataWriter() if kind == "polydata" else vtkUnstructuredGridWriter()
+    (writer.SetFileTypeToASCII if is_text else writer.SetFileTypeToBinary)()
+    writer.SetFileVersion(version)
+    return writer
+
+
+def assert_is_sample(found, dtype, *, is_text=False):
+    tolerance = {np.float32: 1e-5, np.float64: 1e-9}[dtype] if is_text else 0
+    assert found.vertices.dtype == dtype
+    np.testing.assert_allclose(found.vertices[0], POINTS.astype(dtype), rtol=tolerance, atol=0)
+    assert found.surface.face_sizes.tolist() == [4, 3, 5]
+    corners = [corner for polygon in POLYGONS for corner in polygon]
+    assert found.faces[0].tolist() == corners[:3]
+    assert found.faces[-1].tolist() == [5, 8, 9]
+    uv, paint = sorted(found.surface.attributes, key=lambda one: one.name, reverse=True)
+    assert (uv.name, uv.kind, uv.domain) == ("uv set", Kind.UV, Domain.VERTEX)
+    assert (paint.name, paint.kind, paint.domain) == ("paint", Kind.COLOR, Domain.VERTEX)
+    np.testing.assert_allclose(uv.values, UV, rtol=1e-5 if is_text else 0)
+    np.testing.assert_array_equal(paint.values, COLORS)
+
+
+@pytest.mark.parametrize("kind", ["vtp", "vtu"])
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+@pytest.mark.parametrize("mode", [TEXT, BINARY, APPENDED])
+@pytest.mark.parametrize("packing", PACKINGS)
+@pytest.mark.parametrize("header", [32, 64])
+def test_load_reads_the_mesh_exactly_when_vtk_wrote_xml(
+    tmp_path, kind, dtype, mode, packing, header
+):
+    mesh = {"vtp": poly_data, "vtu": grid}[kind](POINTS.astype(dtype))
+    writer = xml_writer(kind, mode, packing, header=header)
+    path = written(writer, mesh, tmp_path / f"a.{kind}")
+    assert_is_sample(load(path), dtype, is_text=mode == TEXT)
+
+
+@pytest.mark.parametrize("packing", PACKINGS)
+@pytest.mark.parametrize("order", ["<", ">"])
+@pytest.mark.parametrize("raw", [True, False])
+def test_load_reads_the_mesh_when_order_and_encoding_differ(tmp_path, packing, order, raw):
+    writer = xml_writer("vtu", APPENDED, packing, order=order, raw=raw)
+    assert_is_sample(load(written(writer, grid(), tmp_path / "a.vtu")), np.float64)
+
+
+@pytest.mark.parametrize("packing", PACKINGS)
+def test_load_reads_all_blocks_when_packed_data_have_many(tmp_path, packing):
+    points = np.round(np.random.default_rng(0).standard_normal((4000, 3)), 1)
+    mesh = poly_data(points, np.arange(3999).reshape(-1, 3).tolist())
+    for data in (mesh.GetPointData(), mesh.GetCellData()):
+        data.Initialize()
+    path = written(xml_writer("vtp", BINARY, packing, block=4096), mesh, tmp_path / "a.vtp")
+    assert load(path).vertices.tobytes() == points.tobytes()
+
+
+def test_load_reads_the_mesh_when_each_number_of_bytes_is_padded_by_itself(tmp_path):
+    import base64
+
+    path = written(xml_writer("vtu", BINARY, header=32), grid(), tmp_path / "a.vtu")
+    joint = base64.b64encode(np.uint32(POINTS.nbytes).tobytes() + POINTS.tobytes())
+    apart = base64.b64encode(np.uint32(POINTS.nbytes).tobytes()) + base64.b64encode(
+        POINTS.tobytes()
+    )
+    data = path.read_bytes()
+    assert joint in data
+    path.write_bytes(data.replace(joint, apart))
+    assert_is_sample(load(path), np.float64)
+
+
+@pytest.mark.parametrize("kind", ["polydata", "grid"])
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+@pytest.mark.parametrize("is_text", [True, False])
+@pytest.mark.parametrize("version", [42, 51])
+def test_load_reads_the_mesh_when_vtk_wrote_a_legacy_file(tmp_path, kind, dtype, is_text, version):
+    mesh = {"polydata": poly_data, "grid": grid}[kind](POINTS.astype(dtype))
+    writer = legacy_writer(kind, is_text=is_text, version=version)
+    path = written(writer, mesh, tmp_path / "a.vtk")
+    assert_is_sample(load(path), dtype, is_text=is_text)
+
+
+LEGACY = """# vtk DataFile Version 2.0
+by hand
+ASCII
+DATASET POLYDATA
+
+POINTS 4 int
+0 0 0 1 0 0
+1 1 0 0 1 0
+LINES 1 3
+2 0 1
+TRIANGLE_STRIPS 1 5
+4 0 1 3 2
+CELL_DATA 2
+SCALARS heat float
+LOOKUP_TABLE default
+7 8
+LOOKUP_TABLE default 1
+0 0 0 1
+POINT_DATA 4
+COLOR_SCALARS paint 3
+1 0 0 0 1 0 0 0 1 1 1 .5
+SCALARS plain int 1
+1 2 3 4
+NORMALS up float
+0 0 1 0 0 1 0 0 1 0 0 1
+TEXTURE_COORDINATES map%20a 2 double
+0 0 .5 0 1 1 0 .25
+FIELD FieldData 2
+two 2 4 short
+1 2 3 4 5 6 7 8
+one 1 1 float
+9
+VECTORS v float
+1 2 3 4 5 6 7 8 9 10 11 12
+"""
+
+
+def test_load_reads_every_section_when_a_legacy_file_has_them(tmp_path):
+    (tmp_path / "a.vtk").write_text(LEGACY)
+    found = load(tmp_path / "a.vtk")
+    assert found.vertices[0].tolist() == [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]
+    assert found.faces.tolist() == [[0, 1, 3], [1, 2, 3]]  # the second of a strip is turned
+    paint, uv = found.surface.attributes
+    assert (paint.name, paint.kind, paint.values.tolist()) == (
+        "paint", Kind.COLOR, [[255, 0, 0], [0, 255, 0], [0, 0, 255], [255, 255, 128]],
+    )  # fmt: skip
+    assert (uv.name, uv.values.tolist()) == ("map a", [[0, 0], [0.5, 0], [1, 1], [0, 0.25]])
+    mesh = read_vtk_legacy(LEGACY.encode())
+    names = [one.name for one in mesh.point_data]
+    assert names == ["paint", "plain", "up", "map a", "two", "v"]
+    heat = mesh.surface().attributes[-1]
+    assert (heat.name, heat.domain, heat.values.ravel().tolist()) == ("heat", Domain.FACE, [8, 8])
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("# vtk", "# VTK", "does not begin with '# vtk DataFile Version'"),
+        ("ASCII", "EBCDIC", "is 'EBCDIC'; ASCII and BINARY are read"),
+        ("POLYDATA", "STRUCTURED_POINTS", "is a STRUCTURED_POINTS; POLYDATA and"),
+        ("POINTS 4 int", "POINTS 4 string", "holds values of type 'string'"),
+        ("POINTS 4 int", "POINTS 99999999999 int", "declares 299999999997 numbers in a file of"),
+        ("POINTS 4 int", "POINTS -4 int", "declares -12 numbers"),
+        ("POINTS 4 int", "POINTS 9 int", "expected numbers before byte"),
+        ("POINTS 4 int", "POINTS four int", "has a wrong line 'POINTS four int'"),
+        ("POINTS 4 int", "POINTS", "has a wrong line 'POINTS'"),
+        ("4 0 1 3 2", "4 0 1 3 9", "face 1: names vertex 9"),
+        ("4 0 1 3 2", "9 0 1 3 2", "lists of 1 cells do not fit their 5 numbers"),
+        ("4 0 1 3 2", "2 0 1 3 2", "lists of 1 cells do not fit their 5 numbers"),
+        ("NORMALS", "PARANORMALS", "has an unknown section 'PARANORMALS'"),
+        ("7 8", "7 8 9", "has an unknown section '9'"),
+        ("10 11 12", "10 11", "ends within 12 numbers"),
+        ("POINT_DATA 4", "POINT_DATA 3", "has an unknown section"),
+    ],
+)
+def test_load_says_what_is_wrong_when_a_legacy_file_lies(tmp_path, old, new, message):
+    assert old in LEGACY
+    (tmp_path / "a.vtk").write_text(LEGACY.replace(old, new, 1))
+    with pytest.raises(FormatError, match=rf"a\.vtk: .*{message}"):
+        load(tmp_path / "a.vtk")
+
+
+CUBE = np.array([[x, y, z] for z in (0, 1) for y in (0, 1) for x in (0, 1)], np.float64)
+SOLIDS = {
+    10: [0, 1, 2, 4],
+    11: [0, 1, 2, 3, 4, 5, 6, 7],
+    12: [0, 1, 3, 2, 4, 5, 7, 6],
+    13: [0, 2, 1, 4, 6, 5],
+    14: [0, 1, 3, 2, 4],
+}
+
+
+def triangles_of(found):
+    """Positions of the corners of each polygon, in no order."""
+    sizes = found.surface.sizes(len(found.faces))
+    ends = np.cumsum(sizes - 2)
+    faces = [found.faces[end - size + 2 : end] for end, size in zip(ends, sizes, strict=True)]
+    return sorted(
+        sorted({tuple(found.vertices[0][vertex]) for vertex in face.ravel()}) for face in faces
+    )
+
+
+def surface_by_vtk(mesh):
+    """The same by the filter of VTK."""
+    from vtkmodules.vtkFiltersGeometry import vtkDataSetSurfaceFilter
+
+    surface = vtkDataSetSurfaceFilter()
+    surface.SetInputData(mesh)
+    surface.Update()
+    data = surface.GetOutput()
+    polygons = (data.GetCell(index) for index in range(data.GetNumberOfCells()))
+    return sorted(
+        sorted(cell.GetPoints().GetPoint(i) for i in range(cell.GetNumberOfPoints()))
+        for cell in polygons
+    )
+
+
+@pytest.mark.parametrize("kind", SOLIDS)
+def test_load_takes_the_faces_of_a_solid_cell_when_it_has_no_neighbour(tmp_path, kind):
+    mesh = grid(CUBE, [(kind, SOLIDS[kind])])
+    found = load(written(xml_writer("vtu"), mesh, tmp_path / "a.vtu"))
+    assert triangles_of(found) == surface_by_vtk(mesh)
+    corners = found.vertices[0][found.faces]
+    assert np.linalg.det(corners).sum() > 0  # faces look outwards
+
+
+@pytest.mark.parametrize("kind", [22, 23, 24, 25, 26, 27, 28, 29, 34, 69, 70])
+def test_load_takes_the_corners_when_cells_are_curved(tmp_path, kind):
+    linear = {22: 3, 34: 3, 69: 3, 23: 4, 28: 4, 70: 4, 24: 4, 25: 8, 29: 8, 26: 6, 27: 5}[kind]
+    n_points = {22: 6, 34: 7, 69: 6, 23: 8, 28: 9, 70: 9, 24: 10, 25: 20, 29: 27, 26: 15, 27: 13}
+    points = np.random.default_rng(0).standard_normal((n_points[kind], 3))
+    mesh = grid(points, [(kind, list(range(n_points[kind])))])
+    found = load(written(xml_writer("vtu"), mesh, tmp_path / "a.vtu"))
+    assert found.faces.max() == linear - 1
+
+
+def test_load_takes_the_boundary_when_solid_cells_share_faces(tmp_path):
+    size = 4
+    axis = np.arange(size + 1.0)
+    points = np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), -1).reshape(-1, 3)
+    number = np.arange((size + 1) ** 3).reshape((size + 1,) * 3)
+    cells = []
+    for x, y, z in np.ndindex(size, size, size):
+        low = [number[x, y, z], number[x + 1, y, z], number[x + 1, y + 1, z], number[x, y + 1, z]]
+        cells.append((12, [int(one) for one in [*low, *(np.array(low) + 1)]]))
+    cells += [(5, [0, 1, 2]), (3, [0, 1])]
+    mesh = grid(points, cells)
+    found = load(written(xml_writer("vtu"), mesh, tmp_path / "a.vtu"))
+    assert found.n_verts == (size + 1) ** 3 - (size - 1) ** 3
+    assert len(found.surface.face_sizes) == 6 * size**2 + 1
+    mesh_only = grid(points, cells[:-2])
+    path = written(xml_writer("vtu"), mesh_only, tmp_path / "b.vtu")
+    assert triangles_of(load(path)) == surface_by_vtk(mesh_only)
+
+
+def test_load_is_refused_when_cells_are_polyhedra_or_lines(tmp_path):
+    path = written(xml_writer("vtu"), grid(CUBE, [(3, [0, 1])]), tmp_path / "a.vtu")
+    with pytest.raises(FormatError, match=r"a\.vtu: holds 8 vertices and 0 faces"):
+        load(path)
+    path.write_bytes(
+        written(xml_writer("vtu", TEXT), grid(CUBE, [(5, [0, 1, 2])]), path)
+        .read_bytes()
+        .replace(b"          5\n", b"          42\n")
+    )
+    with pytest.raises(FormatError, match=r"a\.vtu: holds cells of type 42, which are not read"):
+        load(path)
+
+
+def write_series(folder, n_frames, name="f_{}.vtu", dtype=np.float32):
+    positions = np.random.default_rng(1).standard_normal((n_frames, *POINTS.shape)).astype(dtype)
+    for index, points in enumerate(positions):
+        path = folder / name.format(index)
+        mesh = {"vtu": grid, "vtp": poly_data}[path.suffix[1:]](points)
+        written(xml_writer(path.suffix[1:]), mesh, path)
+    return positions
+
+
+@pytest.mark.parametrize("ending", ["vtu", "vtp"])
+@pytest.mark.parametrize("read", [load, open_source])
+def test_reading_takes_a_folder_or_pattern_when_files_hold_a_frame_each(tmp_path, ending, read):
+    positions = write_series(tmp_path, 11, f"f_{{}}.{ending}")
+    for source in (tmp_path, tmp_path / f"f_*.{ending}"):
+        found = read(source, fps=24)
+        assert positions_of(found).tobytes() == positions.tobytes()
+        assert found.surface.face_sizes.tolist() == [4, 3, 5]
+        assert {one.name for one in found.surface.attributes} == {"uv set", "paint"}
+
+
+def write_pvd(folder, rows):
+    lines = "".join(f"<DataSet {row}/>" for row in rows)
+    text = f'<VTKFile type="Collection"><Collection>{lines}</Collection></VTKFile>'
+    (folder / "walk.pvd").write_text(f'<?xml version="1.0"?>{text}')
+    return folder / "walk.pvd"
+
+
+@pytest.mark.parametrize("fps", [24.0, 29.97, 60.0])
+@pytest.mark.parametrize("read", [load, open_source])
+def test_reading_takes_times_and_files_of_a_collection_when_it_is_pvd(tmp_path, fps, read):
+    (tmp_path / "parts").mkdir()
+    positions = write_series(tmp_path, 5, "parts/f_{}.vtp")
+    rows = [f'timestep="{2 + i / fps!r}" file="parts/f_{i}.vtp"' for i in (3, 0, 1, 2, 4)]
+    found = read(write_pvd(tmp_path, rows))
+    assert isinstance(found, StoredFrames) == (read is open_source)
+    assert positions_of(found).tobytes() == positions.tobytes()
+    assert (found.fps, found.start_s, found.name) == (fps, 2.0, "walk")
+    assert {one.name for one in found.surface.attributes} == {"uv set", "paint", "heat"}
+    [heat] = [one for one in found.surface.attributes if one.name == "heat"]
+    assert (heat.domain, heat.values.ravel().tolist()) == (Domain.FACE, HEAT.tolist())
+
+
+def test_load_leaves_out_data_when_they_change_within_a_collection(tmp_path):
+    write_series(tmp_path, 2, "f_{}.vtp")
+    mesh = poly_data()
+    mesh.GetCellData().GetArray("heat").SetValue(0, 9.0)
+    written(xml_writer("vtp"), mesh, tmp_path / "f_1.vtp")
+    notes = []
+    path = write_pvd(tmp_path, [f'timestep="{i}" file="f_{i}.vtp"' for i in range(2)])
+    written(xml_writer("vtp"), poly_data(POINTS.astype(np.float32)), tmp_path / "f_0.vtp")
+    found = load(path, notes=notes)
+    assert {one.name for one in found.surface.attributes} == {"uv set", "paint"}
+    assert "'heat' changes from step to step and is left out" in notes
+
+
+def test_load_lists_the_parts_when_a_collection_has_several(tmp_path):
+    positions = write_series(tmp_path, 4, "f_{}.vtu")
+    path = write_pvd(
+        tmp_path, [f'timestep="{i // 2}" part="{i % 2}" file="f_{i}.vtu"' for i in range(4)]
+    )
+    with pytest.raises(InvalidInputError, match="holds 2 meshes: /part_0, /part_1; choose one"):
+        load(path)
+    assert load(path, object="part_1").vertices.tobytes() == positions[1::2].tobytes()
+    assert load(path, merge=True).n_verts == 20
+
+
+@pytest.mark.parametrize(
+    ("row", "message"),
+    [
+        ('timestep="0" file="../f_0.vtu"', r"names the file '../f_0.vtu' outside of its folder"),
+        ('timestep="0" file="/etc/passwd"', "names the file '/etc/passwd' outside of its folder"),
+        ('timestep="0" file="out/f_0.vtu"', "names the file 'out/f_0.vtu' outside of its folder"),
+        ('timestep="0" file="gone.vtu"', "names the file 'gone.vtu', which is not there"),
+        ('timestep="0" file=""', "names the file '', which is not there"),
+        ('timestep="0" file="walk.pvd"', r"names walk.pvd; .vtu, .vtp, .vtk files are read"),
+        ('timestep="soon" file="f_0.vtu"', "has the timestep 'soon', which is no number"),
+        ('timestep="nan" file="f_0.vtu"', "has the timestep 'nan', which is no number"),
+    ],
+)
+def test_load_is_refused_when_a_collection_names_what_is_not_read(tmp_path, row, message):
+    folder = tmp_path / "within"
+    folder.mkdir()
+    write_series(tmp_path, 1)
+    write_series(folder, 1)
+    (folder / "out").symlink_to(tmp_path)
+    with pytest.raises(FormatError, match=rf"walk\.pvd: {message}"):
+        load(write_pvd(folder, [row]))
+
+
+def test_load_is_refused_when_a_collection_has_two_files_for_one_time(tmp_path):
+    write_series(tmp_path, 2)
+    path = write_pvd(tmp_path, [f'timestep="0" file="f_{i}.vtu"' for i in range(2)])
+    with pytest.raises(FormatError, match="names several files of walk for one time"):
+        load(path)
+
+
+def test_load_is_refused_when_xml_declares_entities(tmp_path):
+    text = (
+        '<?xml version="1.0"?><!DOCTYPE a [<!ENTITY b SYSTEM "file:///etc/passwd">]>'
+        "<VTKFile type='Collection'>&b;</VTKFile>"
+    )
+    (tmp_path / "a.pvd").write_text(text)
+    with pytest.raises(FormatError, match="declares the entity 'b'; entities are not read"):
+        load(tmp_path / "a.pvd")
+    (tmp_path / "a.pvd").write_text("<a>" * 300)
+    with pytest.raises(FormatError, match="nested more than 200 elements deep"):
+        load(tmp_path / "a.pvd")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        (b"VTKFile type", b"File type", "is no XML, or is damaged"),
+        (b'type="UnstructuredGrid"', b'type="ImageData"', "is VTKFile of type 'ImageData'"),
+        (b'Name="types"', b'Name="tips"', "Cells has no array 'types'"),
+        (
+            b'type="Float64" Name="Points"',
+            b'type="String" Name="Points"',
+            "array 'Points' has type 'String'",
+        ),
+        (b'format="ascii"', b'format="riddle"', "format 'riddle' is not known"),
+        (b'NumberOfComponents="3"', b'NumberOfComponents="7"', "array 'Points' is damaged"),
+        (b"4 7 12", b"4 3 12", "offsets of Cells do not fit"),
+        (b"4 7 12", b"4 7 11", "offsets of Cells do not fit"),
+        (b"0 1 2 3 1 4", b"0 1 2 3 1 99", "face 1: names vertex 99; indices must be in 0..9"),
+        (b"0 1 2 3 1 4", b"0 1 2 3 1 x", "array 'connectivity' is damaged"),
+    ],
+)
+def test_load_says_what_is_wrong_when_xml_lies(tmp_path, old, new, message):
+    path = written(xml_writer("vtu", TEXT), grid(), tmp_path / "a.vtu")
+    data = path.read_bytes()
+    assert old in data
+    path.write_bytes(data.replace(old, new, 1))
+    with pytest.raises(FormatError, match=rf"a\.vtu: .*{message}"):
+        load(path)
+
+
+def test_load_is_refused_when_packed_blocks_declare_more_than_they_hold(tmp_path):
+    path = written(xml_writer("vtu", APPENDED, "ZLib", header=32), grid(), tmp_path / "a.vtu")
+    data = bytearray(path.read_bytes())
+    start = data.index(b"_", data.index(b"<AppendedData")) + 1
+    data[start + 4 : start + 12] = np.array([1 << 31, 0], np.uint32).tobytes()
+    path.write_bytes(data)
+    with pytest.raises(FormatError, match="declares 2147483648 bytes, more than its packed bytes"):
+        load(path)
+    data[start : start + 4] = np.uint32((1 << 32) - 1).tobytes()
+    path.write_bytes(data)
+    with pytest.raises(FormatError, match="bytes where 17179869192 are declared"):
+        load(path)
+
+
+FILES = {
+    "text.vtu": lambda: (xml_writer("vtu", TEXT), grid()),
+    "raw.vtu": lambda: (xml_writer("vtu", APPENDED), grid()),
+    "zlib.vtp": lambda: (xml_writer("vtp", BINARY, "ZLib"), poly_data()),
+    "lz4.vtu": lambda: (xml_writer("vtu", APPENDED, "LZ4"), grid()),
+    "lzma.vtp": lambda: (xml_writer("vtp", APPENDED, "LZMA", raw=False), poly_data()),
+    "text.vtk": lambda: (legacy_writer("grid", is_text=True), grid()),
+    "binary.vtk": lambda: (legacy_writer("polydata", is_text=False), poly_data()),
+    "old.vtk": lambda: (legacy_writer("grid", is_text=False, version=42), grid()),
+}
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_load_raises_only_our_errors_when_files_are_damaged(tmp_path, name, capfd):
+    path = written(*FILES[name](), tmp_path / name)
+    load(path)
+    for damaged in damaged_versions(path.read_bytes(), 300, n_header=2500):
+        path.write_bytes(damaged)
+        with contextlib.suppress(MeshReelError):
+            load(path)
+    assert capfd.readouterr().err == ""
+
+
+@pytest.mark.parametrize("name", ["text.vtu", "zlib.vtp", "text.vtk", "binary.vtk"])
+@pytest.mark.parametrize("share", [0, 0.01, 0.3, 0.7, 0.95])
+def test_load_names_the_file_when_it_is_cut_short(tmp_path, name, share):
+    path = written(*FILES[name](), tmp_path / name)
+    data = path.read_bytes()
+    path.write_bytes(data[: int(share * len(data))])
+    with pytest.raises(FormatError, match=rf"{name}: "):
+        load(path)
+
+
+@pytest.mark.parametrize("ending", ["vtu", "vtp", "vtk", "pvd", "xdmf", "xmf"])
+def test_save_is_refused_before_work_when_files_are_only_read(tmp_path, ending):
+    message = rf"a\.{ending}: \.{ending} files are read, but not written; written are \.obj, "
+    with pytest.raises(FormatError, match=message):
+        save(plain_sequence(n_frames=1), tmp_path / f"a.{ending}")
