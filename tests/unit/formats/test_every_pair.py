@@ -1,0 +1,104 @@
+"""Every format that is read to every format that is written, through files and through streams."""
+
+import itertools
+
+import numpy as np
+import pytest
+
+import meshreel
+from meshreel.formats.kinds import SequenceFormat
+from meshreel.formats.load import load
+from meshreel.formats.options import WriteOptions
+from meshreel.formats.registry import FORMATS, is_written
+from meshreel.formats.save import save
+from sample_meshes import assert_same_surface, quad_sheet
+
+WRITTEN = [one for one in FORMATS.values() if is_written(one)]
+APPROXIMATE = {".glb", ".gltf", ".reel"}
+TRIANGLES = {".glb", ".gltf", ".stl"}
+TIMELESS = {".pc2"}
+WITHOUT_UV = {".off", ".stl", ".ply"}
+ERROR = 1e-3
+"""Of the diagonal; what formats that approximate are asked for, twice over."""
+
+
+def target_of(folder, ending):
+    """A path for a whole sequence of this ending, or a pattern for its frames."""
+    is_whole = isinstance(FORMATS[ending], SequenceFormat)
+    return folder / (f"walk{ending}" if is_whole else f"walk_%02d{ending}")
+
+
+def source_of(target):
+    return str(target).replace("%02d", "*")
+
+
+def written(sequence, folder, ending):
+    """The sequence that a format gives back of this one."""
+    extra = getattr(FORMATS[ending], "extra", None)
+    if extra is not None and not extra.is_installed:
+        pytest.skip(f"{ending} needs {extra.library}, which is not installed")
+    folder.mkdir(exist_ok=True)
+    target = target_of(folder, ending)
+    save(sequence, target, options=WriteOptions(max_error=50 * ERROR))
+    fps = 24 if ending in TIMELESS or not isinstance(FORMATS[ending], SequenceFormat) else None
+    return load(source_of(target), fps=fps)
+
+
+@pytest.fixture(scope="module")
+def given(tmp_path_factory):
+    """The same sheet as each format gives it."""
+    made = {}
+
+    def get(ending):
+        if ending not in made:
+            made[ending] = written(quad_sheet(), tmp_path_factory.mktemp("given"), ending)
+        return made[ending]
+
+    return get
+
+
+@pytest.mark.parametrize(
+    ("source", "target"),
+    list(itertools.product([one.ending for one in WRITTEN], repeat=2)),
+)
+def test_positions_and_polygons_survive_from_format_to_format(source, target, given, tmp_path):
+    expected = given(source)
+    found = written(expected, tmp_path / "out", target)
+    assert found.n_frames == expected.n_frames == 6
+    assert found.fps == expected.fps == 24
+    if target == ".stl":  # corners are welded, in the order in which triangles name them
+        every = [sorted(map(tuple, one.vertices[2])) for one in (found, expected)]
+        assert every[0] == every[1]
+        return
+    if target in APPROXIMATE:
+        diagonal = np.linalg.norm(np.ptp(expected.vertices, axis=(0, 1)))
+        assert np.abs(found.vertices - expected.vertices).max() < 20 * ERROR * diagonal
+    else:
+        np.testing.assert_array_equal(found.vertices, expected.vertices)
+    if target in TRIANGLES:
+        np.testing.assert_array_equal(found.faces, expected.faces)
+    else:
+        np.testing.assert_array_equal(
+            found.surface.sizes(len(found.faces)), expected.surface.sizes(len(expected.faces))
+        )
+        np.testing.assert_array_equal(found.faces, expected.faces)
+
+
+@pytest.mark.parametrize("ending", [one.ending for one in WRITTEN])
+def test_stream_gives_back_what_the_format_gave(ending, given):
+    expected = given(ending)
+    found = meshreel.decode(meshreel.encode(expected, max_error=0.01))
+    np.testing.assert_array_equal(found.faces, expected.faces)
+    assert_same_surface(found.surface, expected.surface)
+    assert (found.fps, found.start_s) == (expected.fps, expected.start_s)
+
+
+@pytest.mark.parametrize("ending", sorted({one.ending for one in WRITTEN} - WITHOUT_UV))
+def test_texture_coordinates_survive_when_a_format_holds_them(ending, given):
+    (uv, *_) = given(ending).surface.of_kind(meshreel.Kind.UV)
+    expected = quad_sheet().surface.attributes[0].per_item()
+    items = uv.per_item()
+    if ending in TRIANGLES:
+        assert len(items) in (3 * len(quad_sheet().faces), 30)
+        return
+    np.testing.assert_allclose(items, expected, atol=1e-7)
