@@ -26,7 +26,7 @@ import numpy as np
 import meshreel
 from meshreel.evaluation.machine import machine_facts, machine_line
 from meshreel.formats.kinds import FrameFormat, SequenceFormat
-from meshreel.formats.registry import FORMATS
+from meshreel.formats.registry import FORMATS, is_written
 from speed_inputs import waving_sphere
 from speed_tables import table
 from speed_timing import is_unsteady, seconds
@@ -72,11 +72,10 @@ def parsed_options() -> argparse.Namespace:
 
 def why_not(found: FrameFormat | SequenceFormat) -> str:
     """Why a format cannot be measured; empty if it can."""
-    if isinstance(found, FrameFormat):
-        return ""
-    if found.extra is not None and not found.extra.is_installed:
-        return f"{found.extra.library} is not installed"
-    return "" if found.write is not None else "it is only read"
+    extra = found.extra if isinstance(found, SequenceFormat) else None
+    if extra is not None and not extra.is_installed:
+        return f"{extra.library} is not installed"
+    return "" if is_written(found) else "it is only read"
 
 
 def case_of(
@@ -88,10 +87,8 @@ def case_of(
     target = folder / f"sphere{'' if is_whole else '_%04d'}{found.ending}"
     write = partial(meshreel.save, sequence, target, overwrite=True)
     paths = write()
-    source, options = (paths if not is_whole else paths[0]), dict[str, Any]()
-    if isinstance(found, SequenceFormat) and found.companion and "topology" in found.reads:
-        options["topology"] = target.with_suffix(found.companion)
-    return Case(found.ending, paths, partial(meshreel.load, source, **options), write)
+    source = paths[0] if is_whole else paths
+    return Case(found.ending, paths, partial(meshreel.load, source), write)
 
 
 def read_bytes(paths: list[Path]) -> None:
