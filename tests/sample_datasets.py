@@ -52,25 +52,6 @@ def plain_sequence(**options):
     return surfaced_sequence(surface=PLAIN, **options)
 
 
-def assert_same_surface(found, expected):
-    """Fails unless both surfaces agree in every bit."""
-    assert (found.face_sizes is None) == (expected.face_sizes is None)
-    if expected.face_sizes is not None:
-        np.testing.assert_array_equal(found.face_sizes, expected.face_sizes)
-    assert len(found.attributes) == len(expected.attributes)
-    for one, other in zip(found.attributes, expected.attributes, strict=True):
-        assert (one.name, one.kind, one.domain) == (other.name, other.kind, other.domain)
-        assert one.values.dtype == other.values.dtype
-        np.testing.assert_array_equal(one.values, other.values)
-        assert (one.indices is None) == (other.indices is None)
-        np.testing.assert_array_equal(one.per_item(), other.per_item())
-    assert [one.name for one in found.groups] == [one.name for one in expected.groups]
-    for one, other in zip(found.groups, expected.groups, strict=True):
-        assert one.labels == other.labels
-        np.testing.assert_array_equal(one.numbers, other.numbers)
-    assert found.parts == expected.parts
-
-
 def positions_of(source):
     """Positions of all frames of a source, of shape (T, V, 3)."""
     return source.read(0, source.n_frames)

@@ -11,12 +11,12 @@ from meshreel.sequence import MeshSequence
 from meshreel.surface import PLAIN
 from sample_datasets import (
     assert_same_positions,
-    assert_same_surface,
     damaged_versions,
     plain_sequence,
     positions_of,
     surfaced_sequence,
 )
+from sample_meshes import assert_same_surface
 
 h5py = pytest.importorskip("h5py")
 

@@ -13,13 +13,13 @@ from meshreel.sequence import MeshSequence
 from meshreel.surface import PLAIN
 from sample_datasets import (
     assert_same_positions,
-    assert_same_surface,
     damaged_versions,
     plain_sequence,
     polygon_surface,
     positions_of,
     surfaced_sequence,
 )
+from sample_meshes import assert_same_surface
 
 ENDINGS = ["pc2", "mdd"]
 RATES = [24.0, 25.0, 30.0, 60.0, 29.97, 30000 / 1001, 24000 / 1001, 1000.0]

@@ -12,13 +12,13 @@ from sample_datasets import (
     CORNERS,
     COUNTS,
     assert_same_positions,
-    assert_same_surface,
     damaged_versions,
     full_surface,
     plain_sequence,
     positions_of,
     surfaced_sequence,
 )
+from sample_meshes import assert_same_surface
 
 h5py = pytest.importorskip("h5py")
 
