@@ -57,7 +57,9 @@ def eigen_trajectories(correlation: Floats, n_modes: int) -> tuple[Floats, Float
     return values, fix_signs(vectors[..., ::-1][..., :n_modes])
 
 
-def joint_trajectories(frames: Floats, n_modes: int, least: float = 0.0) -> tuple[Floats, Floats]:
+def joint_trajectories(
+    frames: npt.NDArray[np.floating], n_modes: int, least: float = 0.0
+) -> tuple[Floats, Floats]:
     """Leading singular values and time vectors of all three coordinates together.
 
     A mode is one field on the mesh with a time vector for each axis, instead of a field and a
@@ -66,7 +68,9 @@ def joint_trajectories(frames: Floats, n_modes: int, least: float = 0.0) -> tupl
 
     Parameters
     ----------
-    frames : float64 array of shape (3, T, V)
+    frames : float array of shape (3, T, V)
+        Or (1, T, 3 V) for modes that are a field of three coordinates with one time vector.
+        Products of float32 are float64 too, a piece at a time.
     n_modes : int
         At most this many; fewer if the matrix has a lower rank.
     least : float, default 0
@@ -75,7 +79,7 @@ def joint_trajectories(frames: Floats, n_modes: int, least: float = 0.0) -> tupl
     Returns
     -------
     singular_values : float64 array of shape (K,), descending, positive
-    time_vectors : float64 array of shape (3 T, K), orthonormal, signs by `fix_signs`
+    time_vectors : float64 array of shape (3 T, K), or (T, K), orthonormal, signs by `fix_signs`
     """
     stacked = frames.reshape(-1, frames.shape[2])
     is_wide = stacked.shape[0] <= stacked.shape[1]
@@ -87,14 +91,14 @@ def joint_trajectories(frames: Floats, n_modes: int, least: float = 0.0) -> tupl
     return singular_values, fix_signs(stacked @ vectors / scale)
 
 
-def _gram(wide: Floats) -> Floats:
+def _gram(wide: npt.NDArray[np.floating]) -> Floats:
     """``A A^T`` of a wide matrix; summed in one order, however many cores there are."""
     pieces = chunks(wide.shape[1], GRAM_COLUMNS)
     total = np.zeros((len(wide), len(wide)))
     parts: dict[int, Floats] = {}
 
     def multiply(piece: slice) -> None:
-        part = wide[:, piece]
+        part = wide[:, piece].astype(np.float64, copy=False)
         parts[piece.start] = part @ part.T
 
     def add(n_done: int) -> None:
