@@ -1,0 +1,117 @@
+"""Arrays to the one buffer of a glTF file, its views and its accessors."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+Json = dict[str, Any]
+
+COMPONENT_TYPES = {"i1": 5120, "u1": 5121, "i2": 5122, "u2": 5123, "u4": 5125, "f4": 5126}
+TYPES = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4"}
+ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER = 34962, 34963
+ALIGNMENT = 4
+"""Attributes of vertices must begin at a multiple of so many bytes, each of them."""
+
+
+@dataclass(frozen=True, eq=False)
+class VertexValues:
+    """Values of vertices in the buffer.
+
+    Attributes
+    ----------
+    view : int
+    offset, stride : int
+        Bytes from the beginning of the view, and from one vertex to the next.
+    values : array of shape (N, C)
+    """
+
+    view: int
+    offset: int
+    stride: int
+    values: npt.NDArray[Any]
+
+
+class BufferWriter:
+    """What the buffer holds so far.
+
+    Attributes
+    ----------
+    pieces : list of bytes
+        Of the buffer, one after the other.
+    size_bytes : int
+    views, accessors : list of dict
+        As they stand in the JSON.
+    """
+
+    def __init__(self) -> None:
+        self.pieces: list[bytes] = []
+        self.size_bytes = 0
+        self.views: list[Json] = []
+        self.accessors: list[Json] = []
+
+    def add_vertices(self, arrays: Sequence[npt.NDArray[Any]]) -> list[VertexValues]:
+        """Values of vertices, arrays of one type and shape (N, C), one array after the other."""
+        n_verts, width = arrays[0].shape
+        dtype = arrays[0].dtype
+        row = width * dtype.itemsize
+        stride = -(-row // ALIGNMENT) * ALIGNMENT
+        padded = np.zeros((len(arrays), n_verts, stride), np.uint8)
+        for place, array in zip(padded, arrays, strict=True):
+            exact = np.ascontiguousarray(array, dtype.newbyteorder("<"))
+            place[:, :row] = exact.view(np.uint8).reshape(n_verts, row)
+        view = self._add_view(padded.tobytes(), {"byteStride": stride, "target": ARRAY_BUFFER})
+        return [
+            VertexValues(view, number * n_verts * stride, stride, array)
+            for number, array in enumerate(arrays)
+        ]
+
+    def vertex_accessor(self, there: VertexValues, verts: slice, *, is_position: bool) -> int:
+        """An accessor of some of the vertices; integers stand for 0..1 or -1..1."""
+        values = there.values[verts]
+        found = _accessor(there.view, values, there.offset + verts.start * there.stride)
+        if values.dtype.kind in "iu":
+            found["normalized"] = True
+        if is_position:
+            found |= _bounds(values)
+        return self._add_accessor(found)
+
+    def add_indices(self, indices: npt.NDArray[np.integer]) -> int:
+        """An accessor of the corners of triangles, of as few bytes as hold them."""
+        dtype = np.dtype("<u2" if indices.max() < 0xFFFF else "<u4")  # the last means a restart
+        values = indices.astype(dtype).reshape(-1, 1)
+        view = self._add_view(values.tobytes(), {"target": ELEMENT_ARRAY_BUFFER})
+        return self._add_accessor(_accessor(view, values, 0))
+
+    def add_samples(self, values: npt.NDArray[np.float32], *, are_times: bool) -> int:
+        """An accessor of numbers of an animation, which is not for vertices."""
+        column = values.astype("<f4").reshape(-1, 1)
+        found = _accessor(self._add_view(column.tobytes(), {}), column, 0)
+        return self._add_accessor(found | (_bounds(column) if are_times else {}))
+
+    def _add_view(self, data: bytes, about: Json) -> int:
+        view = {"buffer": 0, "byteOffset": self.size_bytes, "byteLength": len(data)}
+        self.views.append(view | about)
+        self.pieces.append(data + bytes(-len(data) % ALIGNMENT))
+        self.size_bytes += len(self.pieces[-1])
+        return len(self.views) - 1
+
+    def _add_accessor(self, accessor: Json) -> int:
+        self.accessors.append(accessor)
+        return len(self.accessors) - 1
+
+
+def _accessor(view: int, values: npt.NDArray[Any], offset: int) -> Json:
+    found = {
+        "bufferView": view,
+        "componentType": COMPONENT_TYPES[values.dtype.str[1:]],
+        "count": len(values),
+        "type": TYPES[values.shape[1]],
+    }
+    return found | ({"byteOffset": offset} if offset else {})
+
+
+def _bounds(values: npt.NDArray[Any]) -> Json:
+    return {"min": values.min(axis=0).tolist(), "max": values.max(axis=0).tolist()}

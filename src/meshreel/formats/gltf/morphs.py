@@ -1,0 +1,180 @@
+"""An animation as few morph targets and their weights, within an error that no vertex exceeds.
+
+Principal components have the least mean error, not the least maximum: a few vertices in a few
+frames are far off, and to bring them close takes nearly twice as many targets as needed. So what
+these vertices are off beyond the bound is added to where they are to go, and the components are
+found again, some ten or twenty times. That is the alternating direction method of multipliers
+(Boyd et al. 2011, section 9.1) for the matrices of rank K within a distance of the frames; the
+multipliers are bounded, for K grows meanwhile, and before it is large enough there is no such
+matrix. Targets are rounded to integers in every round: what that costs is known, and made up for.
+
+Frames are displacements from the base mesh, of shape (T, 3 V); lengths have their units.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from meshreel.formats.gltf.quantized import (
+    IntegerTargets,
+    best_weights,
+    integer_targets,
+    project,
+)
+from meshreel.subspace.pca import joint_trajectories
+from meshreel.threads import chunks, in_threads
+
+Floats = npt.NDArray[np.float32]
+
+START, GROWTH = 8.0, 1.01
+"""Error of the components to begin with, by the bound; how K grows in a round, at least by one."""
+
+NARROWED = 0.9
+"""Positions aim at this share of the bound."""
+
+NOISE = 0.15
+"""Share of the bound that rounding to int8 may be off in the mean; nearly all stays below half."""
+
+FIRST_AIM, NEXT_AIM = 0.35, 0.75
+"""Error that a given number of targets aims at, by that of the components; by the least so far."""
+
+ROUNDS, GIVEN_ROUNDS = 60, 24
+FRAMES_AT_ONCE = 8
+
+
+@dataclass(frozen=True, eq=False)
+class Morphs:
+    """Targets and weights, and how far off they are.
+
+    Attributes
+    ----------
+    targets : IntegerTargets
+    weights : float32 array of shape (T, K)
+    errors : float32 array of shape (T,)
+        Of the vertex that is off the furthest, in each frame.
+    """
+
+    targets: IntegerTargets
+    weights: Floats
+    errors: Floats
+
+    @property
+    def error(self) -> float:
+        """Distance of the vertex that is off the furthest in all frames."""
+        return float(self.errors.max())
+
+
+def fit_morphs(moves: Floats, bound: float) -> Morphs:
+    """As few targets as are found with which no vertex is off by more than `bound`.
+
+    Where rounding to int16 is too coarse for that, those with the least error that was found.
+    """
+    n_most = min(moves.shape)
+    n_targets = _start(moves, START * bound)
+    search = _Search(moves)
+    best = search.round(n_targets, bound)
+    for n_done in range(1, ROUNDS):
+        if best.error <= bound or n_targets == n_most:
+            break
+        n_targets = min(max(n_targets + 1, int(GROWTH * n_targets)), n_most)
+        found = search.round(n_targets if n_done < ROUNDS - 1 else n_most, bound)
+        best = min(best, found, key=lambda one: one.error)
+    return best
+
+
+def fit_given_morphs(moves: Floats, n_targets: int, bound: float) -> Morphs:
+    """The targets of a given number with the least error that is found, or one within `bound`."""
+    search = _Search(moves)
+    best = search.round(min(n_targets, *moves.shape), bound)
+    aim = FIRST_AIM * best.error
+    for _ in range(GIVEN_ROUNDS):
+        if best.error <= bound or len(best.targets) < n_targets:  # fewer are exact
+            break
+        found = search.round(n_targets, max(bound, aim))
+        best = min(best, found, key=lambda one: one.error)
+        aim = min(aim, NEXT_AIM * best.error) if best.error <= aim else aim
+    return best
+
+
+def measure(targets: IntegerTargets, weights: Floats, moves: Floats) -> Morphs:
+    """Targets and weights with their errors."""
+    errors = np.empty(len(moves), np.float32)
+
+    def compare(frames: slice) -> None:
+        misses = moves[frames] - weights[frames] @ targets.values
+        errors[frames] = _lengths(misses.reshape(len(misses), -1, 3)).max(axis=1)
+
+    in_threads(compare, chunks(len(moves), FRAMES_AT_ONCE))
+    return Morphs(targets, weights, errors)
+
+
+class _Search:
+    """Where vertices are to go, round by round."""
+
+    def __init__(self, moves: Floats) -> None:
+        self._moves = moves
+        self._aims = moves.copy()
+        self._excess = np.zeros_like(moves)
+
+    def round(self, n_targets: int, bound: float) -> Morphs:
+        """Targets for where vertices are to go now; what they are off beyond a bound is noted."""
+        _, time_vectors = joint_trajectories(self._aims[None], n_targets)
+        reach = np.abs(time_vectors).max(axis=0)
+        fields = project(time_vectors.astype(np.float32), self._aims)
+        targets = integer_targets(fields, reach, NOISE * bound)
+        weights = best_weights(targets, self._aims)
+        errors = np.empty(len(self._moves), np.float32)
+
+        def correct(frames: slice) -> None:
+            errors[frames] = self._correct(frames, weights[frames] @ targets.values, bound)
+
+        in_threads(correct, chunks(len(self._moves), FRAMES_AT_ONCE))
+        return Morphs(targets, weights, errors)
+
+    def _correct(self, frames: slice, made: Floats, bound: float) -> Floats:
+        """The largest error of each frame; aims and excess are those of the next round."""
+        moves, excess = self._moves[frames], self._excess[frames]
+        misses = (moves - made).reshape(len(moves), -1, 3)
+        errors: Floats = _lengths(misses).max(axis=1)
+        misses += excess.reshape(misses.shape)
+        distances = np.maximum(_lengths(misses), np.finfo(np.float32).tiny)[..., None]
+        within = np.minimum(1, NARROWED * bound / distances) * misses
+        misses -= within
+        misses *= np.minimum(1, bound / np.maximum(distances - NARROWED * bound, 1e-30))
+        excess[:] = misses.reshape(excess.shape)
+        self._aims[frames] = moves - within.reshape(moves.shape) + excess
+        return errors
+
+
+def _lengths(vectors: Floats) -> Floats:
+    """Lengths of vectors of shape (..., 3)."""
+    return np.asarray(np.sqrt(np.einsum("...c,...c->...", vectors, vectors)))
+
+
+def _start(moves: Floats, error: float) -> int:
+    """The least number of components of which no vertex is further off than `error`."""
+    _, time_vectors = joint_trajectories(moves[None], min(moves.shape))
+    weights = time_vectors.astype(np.float32)
+    fields = project(weights, moves)
+    low, high = 1, weights.shape[1]
+    while low < high:
+        middle = (low + high) // 2
+        if _is_within(moves, weights[:, :middle], fields[:middle], error):
+            high = middle
+        else:
+            low = middle + 1
+    return low
+
+
+def _is_within(moves: Floats, weights: Floats, fields: Floats, error: float) -> bool:
+    exceeding: list[slice] = []
+
+    def compare(frames: slice) -> None:
+        if not exceeding:
+            misses = moves[frames] - weights[frames] @ fields
+            if _lengths(misses.reshape(len(misses), -1, 3)).max() > error:
+                exceeding.append(frames)
+
+    in_threads(compare, chunks(len(moves), FRAMES_AT_ONCE))
+    return not exceeding

@@ -1,0 +1,71 @@
+"""Nodes of a scene from the paths of its meshes."""
+
+from typing import Any
+
+from meshreel.formats.gltf.placement import NOWHERE, Placement
+
+Json = dict[str, Any]
+Path = tuple[str, ...]
+
+
+class NodeTree:
+    """Nodes so far; those above a mesh are made when they are first needed.
+
+    Attributes
+    ----------
+    nodes : list of dict
+        As they stand in the JSON.
+    roots : list of int
+    """
+
+    def __init__(self) -> None:
+        self.nodes: list[Json] = []
+        self.roots: list[int] = []
+        self._numbers: dict[Path, int] = {}
+        self._placements: list[Placement] = []
+
+    def add(self, name: str, mesh: int, placement: Placement) -> int:
+        """The number of the new node that shows a mesh; add short paths first.
+
+        Parameters
+        ----------
+        name : str
+            A path of nodes if it begins with a slash.
+        mesh : int
+        placement : Placement
+            Of the mesh in the world, whatever the nodes above it do.
+        """
+        path = path_of(name)
+        parent = self._parent(path)
+        above = self._placements[parent] if parent is not None else NOWHERE
+        node: Json = {"name": path[-1], "mesh": mesh}
+        shift = (placement.offset - above.offset) / above.scale
+        if shift.any():
+            node["translation"] = shift.tolist()
+        if placement.scale != above.scale:
+            node["scale"] = [placement.scale / above.scale] * 3
+        return self._append(path, node, placement, parent)
+
+    def _parent(self, path: Path) -> int | None:
+        parent = None
+        for end in range(1, len(path)):
+            above = self._placements[parent] if parent is not None else NOWHERE
+            if (number := self._numbers.get(path[:end])) is None:
+                number = self._append(path[:end], {"name": path[end - 1]}, above, parent)
+            parent = number
+        return parent
+
+    def _append(self, path: Path, node: Json, placement: Placement, parent: int | None) -> int:
+        number = len(self.nodes)
+        self.nodes.append(node)
+        self._placements.append(placement)
+        self._numbers.setdefault(path, number)
+        siblings = self.roots if parent is None else self.nodes[parent].setdefault("children", [])
+        siblings.append(number)
+        return number
+
+
+def path_of(name: str) -> Path:
+    """The names of the nodes down to a mesh: several if its name is a path."""
+    steps = tuple(step for step in name.split("/") if step)
+    return steps if name.startswith("/") and steps else (name or "mesh",)

@@ -1,0 +1,124 @@
+"""A sequence to a glTF scene: a node and a mesh for each part, and one animation."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from meshreel.formats.gltf.buffer_writer import BufferWriter, Json
+from meshreel.formats.gltf.mesh_writer import Materials, write_mesh
+from meshreel.formats.gltf.moving_mesh import MovingMesh, Wanted, fit_part
+from meshreel.formats.gltf.node_tree import NodeTree, path_of
+from meshreel.formats.gltf.seams import split_at_seams
+from meshreel.formats.parts import PartMesh, split_parts
+from meshreel.formats.polygons import triangulate_fans
+from meshreel.sequence import MeshSequence
+
+QUANTIZATION = "KHR_mesh_quantization"
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """What a file holds.
+
+    Attributes
+    ----------
+    document : dict
+        The JSON, without the buffer.
+    buffer : BufferWriter
+    moving : list of MovingMesh
+        Of the parts that have faces, and move.
+    n_isolated : int
+        Vertices that no face uses, which are left out.
+    """
+
+    document: Json
+    buffer: BufferWriter
+    moving: list[MovingMesh]
+    n_isolated: int
+
+    @property
+    def n_targets(self) -> list[int]:
+        """Morph targets of each mesh that moves, ascending."""
+        return sorted(len(one.morphs.targets) for one in self.moving if one.morphs)
+
+
+class _SceneWriter:
+    """The scene so far."""
+
+    def __init__(self) -> None:
+        self.buffer, self.materials, self.tree = BufferWriter(), Materials(), NodeTree()
+        self.meshes: list[Json] = []
+        self.moving: list[MovingMesh] = []
+        self.nodes: list[int] = []
+        self.n_isolated = 0
+
+    def add(self, part: PartMesh, sequence: MeshSequence, wanted: Wanted) -> None:
+        """Add a part; one without faces has nothing to be seen."""
+        split = split_at_seams(part)
+        used = np.zeros(part.verts.stop - part.verts.start, bool)
+        used[split.sources] = True
+        self.n_isolated += int((~used).sum())
+        if not len(split.sources):
+            return
+        number = np.cumsum(used) - 1
+        faces = number[triangulate_fans(part.counts, part.corners)].astype(np.int32)
+        positions = sequence.vertices[:, part.verts]
+        moving = fit_part(positions if used.all() else positions[:, used], faces, wanted)
+        split = split.renumbered(number)
+        name = path_of(part.name)[-1]
+        self.nodes.append(self.tree.add(part.name, len(self.meshes), moving.placement))
+        self.meshes.append(write_mesh(name, split, moving, self.buffer, self.materials))
+        self.moving.append(moving)
+
+    def animation(self, name: str, times_s: Sequence[float]) -> Json | None:
+        """The animation of all meshes that move; None if none does."""
+        samplers: list[Json] = []
+        channels: list[Json] = []
+        times = np.asarray(times_s, np.float32)
+        for node, moving in zip(self.nodes, self.moving, strict=True):
+            if moving.morphs is None:
+                continue
+            if not samplers:
+                shared = self.buffer.add_samples(times, are_times=True)
+            values = self.buffer.add_samples(moving.morphs.weights, are_times=False)
+            target = {"node": node, "path": "weights"}
+            channels.append({"sampler": len(samplers), "target": target})
+            samplers.append({"input": shared, "output": values, "interpolation": "LINEAR"})
+        return {"name": name, "samplers": samplers, "channels": channels} if samplers else None
+
+
+def make_scene(sequence: MeshSequence, times_s: Sequence[float], wanted: Wanted) -> Scene:
+    """The scene that plays a sequence.
+
+    Parameters
+    ----------
+    sequence : MeshSequence
+    times_s : sequence of float
+        When frames are, not negative.
+    wanted : Wanted
+    """
+    writer = _SceneWriter()
+    parts = split_parts(sequence.faces, sequence.surface, sequence.n_verts, sequence.name)
+    for part in sorted(parts, key=lambda one: len(path_of(one.name))):
+        writer.add(part, sequence, wanted)
+    animation = writer.animation(sequence.name or "animation", times_s)
+    document: Json = {
+        "asset": {"version": "2.0", "generator": "meshreel"},
+        "scene": 0,
+        "scenes": [{"name": sequence.name or "scene", "nodes": writer.tree.roots}],
+        "nodes": writer.tree.nodes,
+        "meshes": writer.meshes,
+        "materials": writer.materials.listed,
+        "accessors": writer.buffer.accessors,
+        "bufferViews": writer.buffer.views,
+    }
+    if animation:
+        extensions = [QUANTIZATION]
+        document |= {
+            "animations": [animation],
+            "extensionsUsed": extensions,
+            "extensionsRequired": extensions,
+        }
+    moving = [one for one in writer.moving if one.morphs is not None]
+    return Scene(document, writer.buffer, moving, writer.n_isolated)

@@ -1,0 +1,165 @@
+"""Writing glTF: an animation of morph targets, which any viewer plays on its GPU."""
+
+import base64
+import json
+import struct
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from meshreel.errors import InvalidInputError
+from meshreel.formats.frame_stream import FrameStream
+from meshreel.formats.gltf.moving_mesh import Wanted
+from meshreel.formats.gltf.placement import check_range
+from meshreel.formats.gltf.scene_writer import Scene, make_scene
+from meshreel.formats.gltf.seams import describe_left_out
+from meshreel.formats.options import WriteOptions
+from meshreel.formats.polygons import describe_fans
+
+DEFAULT_MAX_ERROR = 0.1
+"""In percent of the diagonal: a pixel of a thousand, for a mesh that fills the picture."""
+
+DEFAULT_FPS = 24.0
+
+MANY_TARGETS = 256
+"""Layers that a texture has on every GPU (WebGL 2); more targets than that some cannot play."""
+
+MAX_BYTES = (1 << 32) - 1
+MAGIC, VERSION, JSON_CHUNK, BINARY_CHUNK = b"glTF", 2, b"JSON", b"BIN\0"
+
+
+def write_glb(path: Path, stream: FrameStream, options: WriteOptions) -> None:
+    """Write a ``.glb`` file, which holds everything.
+
+    All frames are read into memory. `stream.notes` gains what was achieved.
+
+    Raises
+    ------
+    InvalidInputError
+        If the options are out of range, or the error that they allow cannot be kept.
+    """
+    achieved = _achieve(stream, options)
+    buffer = achieved.scene.buffer
+    document = achieved.scene.document | {"buffers": [{"byteLength": buffer.size_bytes}]}
+    text = json.dumps(document, ensure_ascii=False, separators=(",", ":")).encode()
+    text += b" " * (-len(text) % 4)
+    size = 12 + 8 + len(text) + 8 + buffer.size_bytes
+    if size > MAX_BYTES:
+        raise InvalidInputError(
+            f"the file would have {size} bytes; a .glb file has at most {MAX_BYTES}; "
+            "allow a larger error (max_error), or fewer targets"
+        )
+    _note_achieved(stream.notes, achieved, size)
+    with path.open("wb") as file:
+        file.write(MAGIC + struct.pack("<2I", VERSION, size))
+        file.write(struct.pack("<I", len(text)) + JSON_CHUNK + text)
+        file.write(struct.pack("<I", buffer.size_bytes) + BINARY_CHUNK)
+        file.writelines(buffer.pieces)
+
+
+def write_gltf(path: Path, stream: FrameStream, options: WriteOptions) -> None:
+    """Write a ``.gltf`` file, whose JSON holds the buffer too, a third larger as text.
+
+    Raises
+    ------
+    InvalidInputError
+        As `write_glb`.
+    """
+    achieved = _achieve(stream, options)
+    scene = achieved.scene
+    data = base64.b64encode(b"".join(scene.buffer.pieces)).decode("ascii")
+    uri = f"data:application/octet-stream;base64,{data}"
+    buffers = [{"byteLength": scene.buffer.size_bytes, "uri": uri}]
+    text = json.dumps(scene.document | {"buffers": buffers}, ensure_ascii=False, indent=1)
+    _note_achieved(stream.notes, achieved, path.write_bytes(text.encode()))
+
+
+@dataclass(frozen=True, eq=False)
+class _Achieved:
+    """A scene, and how far the furthest vertex of each frame is off.
+
+    Attributes
+    ----------
+    scene : Scene
+    percents : float array of shape (T,)
+        Of the diagonal of all frames.
+    n_frames : int
+    """
+
+    scene: Scene
+    percents: npt.NDArray[np.floating]
+    n_frames: int
+
+
+def _achieve(stream: FrameStream, options: WriteOptions) -> _Achieved:
+    _check_options(options)
+    stream.notes.extend(describe_left_out(stream.surface))
+    if cut := describe_fans(stream.surface.sizes(len(stream.faces))):
+        stream.notes.append(cut)
+    times_s = _times(stream)
+    sequence = stream.gather()
+    extent = sequence.extent
+    check_range(extent.low, extent.high)
+    diagonal = float(np.linalg.norm(extent.high - extent.low))
+    allowed = options.max_error
+    if allowed is None:
+        allowed = DEFAULT_MAX_ERROR if options.targets is None else 0.0
+    wanted = Wanted(options.targets, allowed / 100 * diagonal, options.normals)
+    scene = make_scene(sequence, times_s, wanted)
+    if scene.n_isolated:
+        stream.notes.append(f"left out {scene.n_isolated} vertices that no face uses")
+    errors = np.max([np.zeros(len(times_s)), *(one.errors for one in scene.moving)], axis=0)
+    achieved = _Achieved(scene, 100 * errors / (diagonal or 1.0), len(times_s))
+    if allowed and achieved.percents.max() > allowed:
+        raise InvalidInputError(
+            f"{_largest(achieved)} with {scene.n_targets[-1]} morph targets; {allowed:g} % was "
+            "asked for; allow more targets, or a larger error (max_error)"
+        )
+    return achieved
+
+
+def _check_options(options: WriteOptions) -> None:
+    if options.targets is not None and options.targets < 1:
+        raise InvalidInputError(f"targets must be at least 1; got {options.targets}")
+    if options.max_error is not None and not 0 < options.max_error < np.inf:
+        raise InvalidInputError(
+            f"max_error must be more than 0, in percent of the diagonal; got {options.max_error}"
+        )
+
+
+def _times(stream: FrameStream) -> Sequence[float]:
+    """When frames are, in seconds; glTF has no time before 0."""
+    if not stream.fps and stream.n_frames > 1:
+        stream.notes.append(f"the frame rate is not known; written as {DEFAULT_FPS:g} fps")
+    start_s = stream.start_s
+    if start_s < 0:
+        stream.notes.append(f"starts at 0 s, not {start_s:g} s: glTF has no time before 0")
+        start_s = 0.0
+    rate = stream.fps or DEFAULT_FPS
+    return [start_s + number / rate for number in range(stream.n_frames)]
+
+
+def _largest(achieved: _Achieved) -> str:
+    percent, frame = float(achieved.percents.max()), int(achieved.percents.argmax())
+    return f"the largest error is {percent:.4f} % of the diagonal, in frame {frame},"
+
+
+def _note_achieved(notes: list[str], achieved: _Achieved, size_bytes: int) -> None:
+    counts = achieved.scene.n_targets
+    if not counts:
+        if achieved.n_frames > 1:
+            notes.append("no vertex moves by more than the error allowed: written at rest")
+        return
+    number = f"{counts[0]} to {counts[-1]}" if counts[0] < counts[-1] else f"{counts[0]}"
+    where = f" in each of {len(counts)} meshes" if len(counts) > 1 else ""
+    notes.append(
+        f"{_largest(achieved)} with {number} morph targets{where}: {size_bytes / 1e6:.3g} MB"
+    )
+    if counts[-1] > MANY_TARGETS:
+        notes.append(
+            f"some viewers play no more than {MANY_TARGETS} morph targets of a mesh; "
+            "allow a larger error (max_error) for fewer"
+        )
