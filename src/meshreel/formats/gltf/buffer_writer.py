@@ -68,13 +68,16 @@ class BufferWriter:
             for number, array in enumerate(arrays)
         ]
 
-    def vertex_accessor(self, there: VertexValues, verts: slice, *, is_position: bool) -> int:
-        """An accessor of some of the vertices; integers stand for 0..1 or -1..1."""
+    def vertex_accessor(self, name: str, there: VertexValues, verts: slice) -> int:
+        """An accessor of an attribute of some of the vertices.
+
+        Integers stand for 0..1 or -1..1, but for those of attributes that glTF does not define.
+        """
         values = there.values[verts]
         found = _accessor(there.view, values, there.offset + verts.start * there.stride)
-        if values.dtype.kind in "iu":
+        if values.dtype.kind in "iu" and not name.startswith("_"):
             found["normalized"] = True
-        if is_position:
+        if name == "POSITION":
             found |= _bounds(values)
         return self._add_accessor(found)
 

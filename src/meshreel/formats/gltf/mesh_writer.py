@@ -122,8 +122,7 @@ def _primitive(
 ) -> Json:
     def accessors(values: Values) -> dict[str, int]:
         return {
-            name: buffer.vertex_accessor(there, one.verts, is_position=name == "POSITION")
-            for name, there in values.items()
+            name: buffer.vertex_accessor(name, there, one.verts) for name, there in values.items()
         }
 
     primitive: Json = {

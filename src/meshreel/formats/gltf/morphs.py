@@ -3,7 +3,7 @@
 Principal components have the least mean error, not the least maximum: a few vertices in a few
 frames are far off, and to bring them close takes nearly twice as many targets as needed. So what
 these vertices are off beyond the bound is added to where they are to go, and the components are
-found again, some ten or twenty times. That is the alternating direction method of multipliers
+found again, some dozens of times. That is the alternating direction method of multipliers
 (Boyd et al. 2011, section 9.1) for the matrices of rank K within a distance of the frames; the
 multipliers are bounded, for K grows meanwhile, and before it is large enough there is no such
 matrix. Targets are rounded to integers in every round: what that costs is known, and made up for.
@@ -27,8 +27,17 @@ from meshreel.threads import chunks, in_threads
 
 Floats = npt.NDArray[np.float32]
 
-START, GROWTH = 8.0, 1.01
-"""Error of the components to begin with, by the bound; how K grows in a round, at least by one."""
+START = 8.0
+"""Error of the components to begin with, by the bound."""
+
+ONE_OF = 100
+"""K grows, and is then tried smaller, by one for each so many that there are, and by one at least.
+
+Once it is large enough a smaller one often is too, for in a round K grows faster than vertices
+settle."""
+
+PATIENCE = 8
+"""Rounds that a smaller number of targets is given."""
 
 NARROWED = 0.9
 """Positions aim at this share of the bound."""
@@ -70,15 +79,25 @@ def fit_morphs(moves: Floats, bound: float) -> Morphs:
 
     Where rounding to int16 is too coarse for that, those with the least error that was found.
     """
-    n_most = min(moves.shape)
-    n_targets = _start(moves, START * bound)
     search = _Search(moves)
+    best = _grow(search, _start(moves, START * bound), min(moves.shape), bound)
+    n_failed = 0
+    while best.error <= bound and n_failed < PATIENCE and len(best.targets) > 1:
+        n_targets = len(best.targets) - max(1, len(best.targets) // ONE_OF)
+        found = search.round(n_targets, bound)
+        best, n_failed = (found, 0) if found.error <= bound else (best, n_failed + 1)
+    return best
+
+
+def _grow(search: "_Search", n_targets: int, n_most: int, bound: float) -> Morphs:
+    """Targets that keep the bound, from a number that does not; more of them in each round."""
     best = search.round(n_targets, bound)
-    for n_done in range(1, ROUNDS):
+    for number in range(ROUNDS):
         if best.error <= bound or n_targets == n_most:
             break
-        n_targets = min(max(n_targets + 1, int(GROWTH * n_targets)), n_most)
-        found = search.round(n_targets if n_done < ROUNDS - 1 else n_most, bound)
+        n_targets += max(1, n_targets // ONE_OF)
+        n_targets = n_most if number == ROUNDS - 1 else min(n_targets, n_most)
+        found = search.round(n_targets, bound)
         best = min(best, found, key=lambda one: one.error)
     return best
 

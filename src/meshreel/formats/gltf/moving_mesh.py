@@ -10,15 +10,15 @@ from meshreel.formats.gltf.morphs import Morphs, fit_given_morphs, fit_morphs
 from meshreel.formats.gltf.normal_targets import (
     POSITIONS,
     NormalTargets,
-    base_normals,
     fit_normals,
+    still_normals,
 )
 from meshreel.formats.gltf.placement import (
-    NOWHERE,
     Placement,
-    longest_way,
     mean_frame,
     place_frames,
+    place_still,
+    ways,
 )
 from meshreel.sequence import Faces, Vertices
 
@@ -33,7 +33,7 @@ class Wanted:
     Parameters
     ----------
     n_targets : int, optional
-        How many morph targets; default: as few as keep the bound.
+        How many morph targets, at least 2 with normals; default: as few as keep the bound.
     bound : float
         No vertex may be further off; in model units. 0 for as near as may be.
     normals : bool
@@ -55,17 +55,15 @@ class MovingMesh:
         Integers where there are targets.
     morphs : Morphs, optional
     normals : NormalTargets, optional
+    errors : float array of shape (T,)
+        How far the furthest vertex of each frame is off, in model units.
     """
 
     placement: Placement
     base: npt.NDArray[Any]
     morphs: Morphs | None
     normals: NormalTargets | None
-
-    @property
-    def errors(self) -> npt.NDArray[np.floating]:
-        """How far the furthest vertex of each frame is off, in model units."""
-        return np.zeros(1) if self.morphs is None else self.morphs.errors * self.placement.scale
+    errors: npt.NDArray[np.floating]
 
 
 def fit_part(frames: Vertices, faces: Faces, wanted: Wanted) -> MovingMesh:
@@ -78,23 +76,23 @@ def fit_part(frames: Vertices, faces: Faces, wanted: Wanted) -> MovingMesh:
     wanted : Wanted
     """
     base = mean_frame(frames)
-    still = 0 if wanted.n_targets else wanted.bound
-    if len(frames) == 1 or longest_way(frames, base) <= still:
-        rest = base.astype(np.float32)
-        normals = base_normals(rest, faces) if wanted.normals else None
-        no_targets = np.empty((0, len(rest), 3), np.int8)
-        return MovingMesh(
-            NOWHERE, rest, None, None if normals is None else NormalTargets(normals, no_targets)
-        )
+    distances = ways(frames, base)
+    if distances.max() <= (0 if wanted.n_targets else wanted.bound) or len(frames) == 1:
+        placement, rest = place_still(base if len(frames) > 1 else frames[0])
+        still = still_normals(rest, faces) if wanted.normals else None
+        return MovingMesh(placement, rest, None, still, distances)
     placed = place_frames(frames, base)
+    morphs = _fit(placed.moves, placed.placement.scale, wanted)
+    normals = None
+    if wanted.normals:
+        morphs, normals = fit_normals(frames, faces, placed.moves, morphs)
+    errors = morphs.errors * placed.placement.scale
+    return MovingMesh(placed.placement, placed.base, morphs, normals, errors)
+
+
+def _fit(moves: npt.NDArray[np.float32], scale: float, wanted: Wanted) -> Morphs:
     share = POSITIONS if wanted.normals else 1.0
-    bound = share * max(0.0, wanted.bound / placed.placement.scale - MARGIN)
+    bound = share * max(0.0, wanted.bound / scale - MARGIN)
     if wanted.n_targets is None:
-        morphs = fit_morphs(placed.moves, bound)
-    else:
-        morphs = fit_given_morphs(placed.moves, wanted.n_targets, bound)
-    if not wanted.normals:
-        return MovingMesh(placed.placement, placed.base, morphs, None)
-    return MovingMesh(
-        placed.placement, placed.base, *fit_normals(frames, faces, placed.moves, morphs)
-    )
+        return fit_morphs(moves, bound)
+    return fit_given_morphs(moves, wanted.n_targets - wanted.normals, bound)

@@ -1,6 +1,7 @@
 """Normals that move with the vertices, by the same morph targets and weights."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -20,26 +21,32 @@ class NormalTargets:
 
     Attributes
     ----------
-    base : int8 array of shape (V, 3)
+    base : int8 or float32 array of shape (V, 3)
+        Integers where there are targets.
     targets : int8 array of shape (K, V, 3)
     """
 
-    base: npt.NDArray[np.int8]
+    base: npt.NDArray[Any]
     targets: npt.NDArray[np.int8]
 
 
-def base_normals(vertices: Vertices, faces: Faces) -> npt.NDArray[np.int8]:
-    """Unit normals of a mesh that does not move; upwards where no face has an area."""
-    return _as_bytes(_units(vertex_normals(vertices, faces)))
+def still_normals(vertices: Vertices, faces: Faces) -> NormalTargets:
+    """Those of a mesh that does not move, without targets."""
+    units = _units(vertex_normals(vertices, faces)).astype(np.float32)
+    return NormalTargets(units, np.empty((0, *units.shape), np.int8))
 
 
 def fit_normals(
     frames: Vertices, faces: Faces, moves: npt.NDArray[np.float32], morphs: Morphs
 ) -> tuple[Morphs, NormalTargets]:
-    """Morphs scaled so that one weight suits positions and normals, and the normals.
+    """Morphs that suit positions and normals, with one target more, and the normals.
 
     A weight that moves vertices a little may turn normals a lot, but what a target adds to a
     normal cannot exceed 1. So targets are made smaller, and weights larger, where it would.
+
+    Normals of the base must be units. But what the targets are added to should be the mean normal,
+    which is short where a vertex turns around: the additional target, which moves no vertex and
+    has the same weight in all frames, makes up for that.
 
     Parameters
     ----------
@@ -52,17 +59,20 @@ def fit_normals(
     normals = np.stack([vertex_normals(frame, faces).astype(np.float32) for frame in frames])
     base = _units(normals.mean(axis=0, dtype=np.float64))
     turns = (normals - base.astype(np.float32)).reshape(len(frames), -1)
-    inverse = np.linalg.pinv(morphs.weights.astype(np.float64))
+    weights = np.column_stack([morphs.weights, np.ones(len(frames), np.float32)])
+    values = np.concatenate([morphs.targets.values, np.zeros((1, moves.shape[1]), np.float32)])
+    inverse = np.linalg.pinv(weights.astype(np.float64))
     fields = project(inverse.T.astype(np.float32), turns)
     factors = np.maximum(1, np.abs(fields).max(axis=1))
-    integers = np.rint(morphs.targets.values * (SHORT / factors[:, None])).astype(np.int16)
+    integers = np.rint(values * (SHORT / factors[:, None])).astype(np.int16)
     targets = IntegerTargets(integers, np.full(len(factors), SHORT, np.float32))
-    scaled = measure(targets, morphs.weights * factors, moves)
+    scaled = measure(targets, weights * factors, moves)
     added = _as_bytes(fields / factors[:, None]).reshape(len(factors), -1, 3)
     return scaled, NormalTargets(_as_bytes(base), added)
 
 
 def _units(vectors: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    """Vectors of length 1; along z where there is no direction."""
     lengths = np.linalg.norm(vectors, axis=1, keepdims=True)
     return np.where(lengths > 1e-6, vectors / np.maximum(lengths, 1e-6), np.array([0.0, 0.0, 1.0]))
 

@@ -54,15 +54,24 @@ def mean_frame(frames: Vertices) -> Floats:
     return np.asarray(frames.mean(axis=0, dtype=np.float64))
 
 
-def longest_way(frames: Vertices, base: Floats) -> float:
-    """How far a vertex is from the base at most, in any frame."""
-    return max(float(np.linalg.norm(frame - base, axis=1).max()) for frame in frames)
+def ways(frames: Vertices, base: Floats) -> Floats:
+    """How far a vertex is from the base at most, in each frame."""
+    return np.array([np.linalg.norm(frame - base, axis=1).max() for frame in frames])
+
+
+def place_still(base: Vertices) -> tuple[Placement, npt.NDArray[np.float32]]:
+    """A mesh that does not move, in float32: around its middle if that is not the same there."""
+    rest = base.astype(np.float32)
+    if (rest == base).all():
+        return NOWHERE, rest
+    offset = _middle(base)
+    return Placement(offset, 1.0), (base - offset).astype(np.float32)
 
 
 def place_frames(frames: Vertices, base: Floats) -> PlacedFrames:
     """Frames of shape (T, V, 3) around a base, so that no coordinate of either exceeds 1."""
-    offset = ((base.min(axis=0) + base.max(axis=0)) / 2).astype(np.float32).astype(np.float64)
-    reach = max(float(np.abs(base - offset).max()), longest_way(frames, base))
+    offset = _middle(base)
+    reach = max(float(np.abs(base - offset).max()), float(ways(frames, base).max()))
     smallest = float(np.finfo(np.float32).tiny)
     scale = float(np.nextafter(np.float32(max(reach, smallest)), np.float32(np.inf)))
     integers = np.rint((base - offset) / scale * SHORT).astype(np.int16)
@@ -71,6 +80,11 @@ def place_frames(frames: Vertices, base: Floats) -> PlacedFrames:
     for row, frame in zip(moves, frames, strict=True):
         row[:] = ((frame - offset) / scale - rounded).ravel()
     return PlacedFrames(Placement(offset, scale), integers, moves)
+
+
+def _middle(base: Vertices) -> Floats:
+    middle = (base.min(axis=0) + base.max(axis=0)) / 2
+    return np.asarray(middle.astype(np.float32), np.float64)
 
 
 def check_range(low: Floats, high: Floats) -> None:

@@ -26,21 +26,21 @@ class Scene:
     document : dict
         The JSON, without the buffer.
     buffer : BufferWriter
-    moving : list of MovingMesh
-        Of the parts that have faces, and move.
+    meshes : list of MovingMesh
+        Of the parts that have faces.
     n_isolated : int
         Vertices that no face uses, which are left out.
     """
 
     document: Json
     buffer: BufferWriter
-    moving: list[MovingMesh]
+    meshes: list[MovingMesh]
     n_isolated: int
 
     @property
     def n_targets(self) -> list[int]:
         """Morph targets of each mesh that moves, ascending."""
-        return sorted(len(one.morphs.targets) for one in self.moving if one.morphs)
+        return sorted(len(one.morphs.targets) for one in self.meshes if one.morphs)
 
 
 class _SceneWriter:
@@ -120,5 +120,4 @@ def make_scene(sequence: MeshSequence, times_s: Sequence[float], wanted: Wanted)
             "extensionsUsed": extensions,
             "extensionsRequired": extensions,
         }
-    moving = [one for one in writer.moving if one.morphs is not None]
-    return Scene(document, writer.buffer, moving, writer.n_isolated)
+    return Scene(document, writer.buffer, writer.moving, writer.n_isolated)

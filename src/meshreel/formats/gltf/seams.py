@@ -86,6 +86,10 @@ def split_at_seams(part: PartMesh) -> SplitVertices:
 
 def describe_left_out(surface: Surface) -> Iterator[str]:
     """One sentence for each thing that a glTF file cannot hold."""
+    for attribute in surface.of_kind(Kind.COLOR):
+        values, most = attribute.values, 1 if attribute.values.dtype.kind == "f" else 255
+        if values.size and (values.min() < 0 or values.max() > most):
+            yield f"clipped colours {attribute.name!r} to 0..{most}"
     for attribute in surface.attributes:
         if _written(attribute) is None:
             width, dtype = attribute.values.shape[1], attribute.values.dtype

@@ -111,9 +111,9 @@ def _achieve(stream: FrameStream, options: WriteOptions) -> _Achieved:
     scene = make_scene(sequence, times_s, wanted)
     if scene.n_isolated:
         stream.notes.append(f"left out {scene.n_isolated} vertices that no face uses")
-    errors = np.max([np.zeros(len(times_s)), *(one.errors for one in scene.moving)], axis=0)
+    errors = np.max([one.errors for one in scene.meshes], axis=0)
     achieved = _Achieved(scene, 100 * errors / (diagonal or 1.0), len(times_s))
-    if allowed and achieved.percents.max() > allowed:
+    if allowed and scene.n_targets and achieved.percents.max() > allowed:
         raise InvalidInputError(
             f"{_largest(achieved)} with {scene.n_targets[-1]} morph targets; {allowed:g} % was "
             "asked for; allow more targets, or a larger error (max_error)"
@@ -122,8 +122,10 @@ def _achieve(stream: FrameStream, options: WriteOptions) -> _Achieved:
 
 
 def _check_options(options: WriteOptions) -> None:
-    if options.targets is not None and options.targets < 1:
-        raise InvalidInputError(f"targets must be at least 1; got {options.targets}")
+    least = 2 if options.normals else 1
+    if options.targets is not None and options.targets < least:
+        reason = " with normals" if options.normals else ""
+        raise InvalidInputError(f"targets must be at least {least}{reason}; got {options.targets}")
     if options.max_error is not None and not 0 < options.max_error < np.inf:
         raise InvalidInputError(
             f"max_error must be more than 0, in percent of the diagonal; got {options.max_error}"

@@ -1,0 +1,149 @@
+"""Written glTF files before the Khronos validator, and played by three.js in a browser."""
+
+import json
+import os
+import shutil
+import subprocess
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from meshreel.flag import simulate_flag
+from meshreel.formats.gltf.seams import split_at_seams
+from meshreel.formats.gltf.write import write_glb, write_gltf
+from meshreel.formats.load import load
+from meshreel.formats.options import WriteOptions
+from meshreel.formats.parts import split_parts
+from meshreel.sequence import MeshSequence
+from meshreel.surface import Attribute, Domain, FaceGroups, Kind, Part, Surface
+from sample_browser import FOLDER, browser, play
+from sample_glb import largest_error_percent, stream_of
+
+MODULES = FOLDER / "node_modules"
+
+needs_node = pytest.mark.skipif(
+    not (shutil.which("node") and MODULES.is_dir()),
+    reason=f"needs Node.js, and `npm ci` run in {FOLDER}",
+)
+needs_browser = pytest.mark.skipif(
+    not (browser() and MODULES.is_dir()),
+    reason=f"needs Chromium, and `npm ci` run in {FOLDER}",
+)
+
+
+def flag(n_frames=40):
+    return simulate_flag(n_frames, n_rows=20, n_columns=24)
+
+
+def dressed(n_frames=20):
+    """Two flags, one beside the other: parts with materials, texture coordinates and colours."""
+    one = flag(n_frames)
+    n_faces, rng = one.n_faces, np.random.default_rng(6)
+    steps = one.vertices[0, :, :2]
+    uv = np.concatenate([steps, steps + 1])[np.concatenate([one.faces, one.faces + 480]).ravel()]
+    colors = rng.integers(0, 256, (2 * n_faces, 3)).astype(np.uint8) // 64 * 64
+    materials = np.arange(2 * n_faces, dtype=np.int32) // 100 % 3 - 1
+    surface = Surface(
+        None,
+        (
+            Attribute("uv", Kind.UV, Domain.CORNER, uv),
+            Attribute("color", Kind.COLOR, Domain.FACE, colors),
+            Attribute("heat", Kind.OTHER, Domain.VERTEX, rng.random((960, 1)).astype(np.float32)),
+        ),
+        (FaceGroups("material", ("silk", "linen"), materials),),
+        (Part("/pole/front", 480, n_faces), Part("/pole", 480, n_faces)),
+    )
+    vertices = np.concatenate([one.vertices, one.vertices[::-1] + np.float32([0, 0, 1])], axis=1)
+    faces = np.concatenate([one.faces, one.faces + 480])
+    return MeshSequence(vertices, faces, 24.0, "two", start_s=0.5, surface=surface)
+
+
+def still():
+    return replace(dressed(1), name="still")
+
+
+CASES = {
+    "flag": (flag, {}),
+    "coarse": (flag, {"max_error": 2.0}),
+    "targets": (flag, {"targets": 7}),
+    "normals": (flag, {"normals": True}),
+    "dressed": (dressed, {}),
+    "dressed with normals": (dressed, {"normals": True}),
+    "still": (still, {}),
+    "still with normals": (still, {"normals": True}),
+}
+
+
+def reports_of(*paths):
+    """What the validator says of each file."""
+    command = ["node", FOLDER / "validate.cjs", *paths]
+    return json.loads(subprocess.run(command, check=True, capture_output=True).stdout)
+
+
+def split_sources(sequence):
+    """The vertex of the sequence that each one of the file is, in the order of three.js."""
+    found = []
+    parts = split_parts(sequence.faces, sequence.surface, sequence.n_verts, sequence.name)
+    for part in sorted(parts, key=lambda one: one.name):  # nodes above come first
+        found.append(split_at_seams(part).sources + part.verts.start)
+    return np.concatenate(found)
+
+
+@needs_node
+@pytest.mark.parametrize("case", CASES)
+def test_validator_has_nothing_to_say_when_a_file_is_written(tmp_path, case):
+    make, options = CASES[case]
+    paths = [tmp_path / "a.glb", tmp_path / "a.gltf"]
+    for path, write in zip(paths, (write_glb, write_gltf), strict=True):
+        write(path, stream_of(make()), WriteOptions(**options))
+    for report in reports_of(*paths):
+        messages = [one for one in report["issues"]["messages"] if not is_harmless(one)]
+        assert (messages, report["issues"]["truncated"]) == ([], False)
+
+
+def is_harmless(message):
+    """Texture coordinates are kept though there is no texture, as a program may add one."""
+    return message["code"] == "UNUSED_OBJECT" and "TEXCOORD_" in message["pointer"]
+
+
+@needs_browser
+@pytest.mark.parametrize("case", CASES)
+def test_browser_shows_the_frames_when_it_plays_the_file(tmp_path, case):
+    make, options = CASES[case]
+    sequence, notes = make(), []
+    write_glb(tmp_path / "a.glb", stream_of(sequence, notes), WriteOptions(**options))
+    frames = sorted({0, sequence.n_frames // 3, sequence.n_frames - 1})
+    times = [sequence.start_s + frame / sequence.fps for frame in frames]
+    positions, picture = play(tmp_path / "a.glb", times)
+    sources = split_sources(sequence)
+    shown = replace(sequence, vertices=sequence.vertices[frames][:, sources], surface=Surface())
+    error = largest_error_percent(shown, positions)
+    # Chosen frames may have a smaller diagonal than all of them.
+    whole, part = (np.linalg.norm(one.extent.high - one.extent.low) for one in (sequence, shown))
+    assert error * part / whole <= achieved_percent(notes) + 2e-5
+    assert picture.startswith(b"\x89PNG")
+
+
+def achieved_percent(notes):
+    """The error that the notes of writing promise; 0 where nothing moves."""
+    found = [note.split() for note in notes if note.startswith("the largest error is")]
+    return float(found[0][4]) + 5e-5 if found else 0.0
+
+
+@pytest.mark.real
+@needs_node
+@needs_browser
+def test_samba_is_valid_and_plays_within_a_tenth_of_a_percent(tmp_path):
+    folder = os.environ.get("MESHREEL_DATA")
+    if not folder:
+        pytest.skip("MESHREEL_DATA names no folder of real sequences")
+    samba = replace(load(Path(folder) / "samba.npz"), fps=25.0)
+    write_glb(tmp_path / "samba.glb", stream_of(samba), WriteOptions())
+    (report,) = reports_of(tmp_path / "samba.glb")
+    assert report["issues"]["messages"] == []
+    frames = [0, 50, 103, 174]
+    positions, _ = play(tmp_path / "samba.glb", [frame / 25 for frame in frames])
+    distances = np.linalg.norm(positions - samba.vertices[frames], axis=2)
+    assert distances.max() <= 0.001 * np.linalg.norm(samba.extent.high - samba.extent.low)

@@ -1,0 +1,78 @@
+"""A browser without a screen that plays a glTF file with three.js, for tests."""
+
+import shutil
+import subprocess
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+from queue import Empty, Queue
+from tempfile import TemporaryDirectory
+
+import numpy as np
+
+FOLDER = Path(__file__).parent / "integration" / "gltf_in_browser"
+FLAGS = [
+    "--headless=new",
+    "--no-sandbox",
+    "--disable-dev-shm-usage",
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+]
+PATIENCE_S = 120
+
+
+def browser():
+    """The path of a browser; None if there is none."""
+    return shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("chrome")
+
+
+def play(file, times_s):
+    """Positions at each time, of shape (times, vertices, 3), and a PNG of the last."""
+    with _server(file) as (address, posted), TemporaryDirectory() as profile:
+        url = f"{address}/play.html?times={','.join(map(repr, map(float, times_s)))}"
+        command = [browser(), *FLAGS, f"--user-data-dir={profile}", url]
+        process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        try:
+            answers = dict(_answers(posted))
+        finally:
+            process.terminate()
+            process.wait()
+    positions = np.frombuffer(answers["/positions"], "<f8")
+    return positions.reshape(len(times_s), -1, 3), answers["/picture"]
+
+
+def _answers(posted):
+    for _ in range(2):
+        try:
+            path, body = posted.get(timeout=PATIENCE_S)
+        except Empty:
+            raise AssertionError(f"the browser said nothing for {PATIENCE_S} s") from None
+        assert path != "/error", body.decode()
+        yield path, body
+
+
+@contextmanager
+def _server(file) -> Iterator[tuple[str, Queue]]:
+    posted: Queue[tuple[str, bytes]] = Queue()
+
+    class Handler(SimpleHTTPRequestHandler):
+        def __init__(self, *given):
+            super().__init__(*given, directory=str(FOLDER))
+
+        def translate_path(self, path):
+            return str(file) if path == "/scene.glb" else super().translate_path(path)
+
+        def do_POST(self):
+            posted.put((self.path, self.rfile.read(int(self.headers["Content-Length"]))))
+            self.send_response(204)
+            self.end_headers()
+
+        def log_message(self, *given):
+            pass
+
+    with ThreadingHTTPServer(("127.0.0.1", 0), Handler) as server:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        yield f"http://127.0.0.1:{server.server_port}", posted
+        server.shutdown()

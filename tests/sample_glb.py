@@ -1,0 +1,132 @@
+"""GLB files taken apart as the specification of glTF says, without our reader, for tests."""
+
+import json
+import struct
+from dataclasses import dataclass
+
+import numpy as np
+
+from meshreel.formats.frame_stream import FrameStream
+from meshreel.formats.gltf.write import write_glb
+from meshreel.formats.options import WriteOptions
+
+DTYPES = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
+WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
+
+
+def stream_of(sequence, notes=None):
+    """A stream of all frames of a sequence, one by one."""
+    return FrameStream(
+        (sequence.read(index, index + 1) for index in range(sequence.n_frames)),
+        sequence.faces,
+        n_frames=sequence.n_frames,
+        fps=sequence.fps,
+        name=sequence.name,
+        start_s=sequence.start_s,
+        surface=sequence.surface,
+        notes=notes,
+    )
+
+
+def written(folder, sequence, notes=None, **options):
+    """The file that a sequence makes, taken apart."""
+    path = folder / "written.glb"
+    write_glb(path, stream_of(sequence, notes), WriteOptions(**options))
+    return Glb.read(path.read_bytes())
+
+
+@dataclass
+class Glb:
+    """The JSON and the buffer of a file."""
+
+    document: dict
+    buffer: bytes
+
+    @classmethod
+    def read(cls, data):
+        magic, version, size, length, kind = struct.unpack_from("<4sIII4s", data)
+        assert (magic, version, size, kind) == (b"glTF", 2, len(data), b"JSON")
+        text, rest = data[20 : 20 + length], data[20 + length :]
+        length, kind = struct.unpack_from("<I4s", rest)
+        assert (length, kind) == (len(rest) - 8, b"BIN\0")
+        return cls(json.loads(text), rest[8:])
+
+    def array(self, number):
+        """What an accessor means, of shape (count, width); floats if it is normalised."""
+        accessor = self.document["accessors"][number]
+        view = self.document["bufferViews"][accessor["bufferView"]]
+        dtype, width = np.dtype(DTYPES[accessor["componentType"]]), WIDTHS[accessor["type"]]
+        start = view["byteOffset"] + accessor.get("byteOffset", 0)
+        strides = (view.get("byteStride", width * dtype.itemsize), dtype.itemsize)
+        shape = (accessor["count"], width)
+        values = np.ndarray(shape, dtype, self.buffer, start, strides)
+        for bound, reduce in (("min", np.min), ("max", np.max)):
+            if bound in accessor:
+                assert reduce(values, axis=0).tolist() == accessor[bound]
+        if not accessor.get("normalized"):
+            return values
+        largest = np.iinfo(dtype).max
+        return np.maximum(values / np.float64(largest), -1)
+
+    def node(self, name):
+        """The first node of a name."""
+        return next(one for one in self.document["nodes"] if one["name"] == name)
+
+    def primitives(self, name):
+        """Those of the mesh that a node shows."""
+        return self.document["meshes"][self.node(name)["mesh"]]["primitives"]
+
+    def weights(self, name):
+        """When, and the weights then, of the mesh of a node; None if it is not animated."""
+        number = self.document["nodes"].index(self.node(name))
+        animation = self.document.get("animations", [{"channels": []}])[0]
+        for channel in animation["channels"]:
+            if channel["target"] == {"node": number, "path": "weights"}:
+                sampler = animation["samplers"][channel["sampler"]]
+                assert sampler["interpolation"] == "LINEAR"
+                times = self.array(sampler["input"])[:, 0]
+                return times, self.array(sampler["output"]).reshape(len(times), -1)
+        return None
+
+    def morphed(self, name, attribute="POSITION"):
+        """Values of all frames and primitives, of shape (T, N, 3), in the space of the node."""
+        animated = self.weights(name)
+        weights = np.zeros((1, 0)) if animated is None else animated[1].astype(np.float64)
+        frames = []
+        for primitive in self.primitives(name):
+            base = self.array(primitive["attributes"][attribute]).astype(np.float64)
+            targets = [self.array(one[attribute]) for one in primitive.get("targets", [])]
+            moves = np.reshape(targets, (len(targets), base.size))
+            frames.append(base + (weights @ moves).reshape(len(weights), *base.shape))
+        return np.concatenate(frames, axis=1)
+
+    def world(self, name):
+        """Positions of all frames in the world."""
+        positions = self.morphed(name)
+        chain = [self.document["nodes"].index(self.node(name))]
+        while above := [
+            number
+            for number, node in enumerate(self.document["nodes"])
+            if chain[-1] in node.get("children", [])
+        ]:
+            chain += above
+        for number in chain:
+            node = self.document["nodes"][number]
+            positions = positions * node.get("scale", [1, 1, 1]) + node.get("translation", 0)
+        return positions
+
+    def triangles(self, name):
+        """Triangles of all primitives, in the vertices of all of them."""
+        found, start = [], 0
+        for primitive in self.primitives(name):
+            indices = self.array(primitive["indices"]).astype(int).reshape(-1, 3)
+            found.append(indices + start)
+            start += len(self.array(primitive["attributes"]["POSITION"]))
+        return np.concatenate(found)
+
+
+def largest_error_percent(sequence, positions):
+    """Distance of the vertex that is off the furthest, in percent of the diagonal of all."""
+    vertices = sequence.vertices.astype(np.float64)
+    diagonal = np.linalg.norm(vertices.max(axis=(0, 1)) - vertices.min(axis=(0, 1)))
+    return 100 * np.linalg.norm(positions - vertices, axis=2).max() / diagonal

@@ -1,0 +1,43 @@
+import numpy as np
+
+from meshreel.flag import simulate_flag
+from meshreel.formats.gltf.moving_mesh import Wanted, fit_part
+from meshreel.formats.gltf.normal_targets import still_normals
+from meshreel.geometry.normals import vertex_normals
+from sample_meshes import octahedron_faces, waving_grid
+
+
+def angles_deg(moving, vertices, faces):
+    """Between normals as a viewer has them and those of the frames, of every vertex."""
+    turned = np.tensordot(moving.morphs.weights, moving.normals.targets / 127, 1)
+    normals = moving.normals.base / 127 + turned
+    normals /= np.linalg.norm(normals, axis=2, keepdims=True)
+    expected = np.stack([vertex_normals(frame, faces) for frame in vertices])
+    return np.degrees(np.arccos(np.clip((normals * expected).sum(axis=2), -1, 1)))
+
+
+def test_fit_normals_follow_when_a_flag_flutters():
+    flag = simulate_flag(40, n_rows=20, n_columns=20)
+    moving = fit_part(flag.vertices, flag.faces, Wanted(None, 0.002, normals=True))
+    angles = angles_deg(moving, flag.vertices, flag.faces)
+    assert (angles.mean() < 1, angles.max() < 10, moving.errors.max() <= 0.002) == (True,) * 3
+
+
+def test_fit_normals_follow_when_a_body_turns_around():
+    turn = np.linspace(0, 2 * np.pi, 24, endpoint=False)
+    body = np.concatenate([np.eye(3), -np.eye(3)])[[0, 3, 1, 4, 2, 5]]
+    turns = np.stack([[np.cos(a), -np.sin(a), 0, np.sin(a), np.cos(a), 0, 0, 0, 1] for a in turn])
+    vertices = (body @ turns.reshape(-1, 3, 3)).astype(np.float32)
+    moving = fit_part(vertices, octahedron_faces(), Wanted(None, 0.002, normals=True))
+    assert angles_deg(moving, vertices, octahedron_faces()).max() < 2
+
+
+def test_fit_normals_has_the_number_of_targets_when_it_is_given():
+    grid = waving_grid(20)
+    moving = fit_part(grid.vertices, grid.faces, Wanted(6, 0.0, normals=True))
+    assert len(moving.morphs.targets) == len(moving.normals.targets) == 6
+
+
+def test_still_normals_point_along_z_when_no_face_has_an_area():
+    found = still_normals(np.zeros((3, 3), np.float32), np.array([[0, 1, 2]], np.int32))
+    np.testing.assert_array_equal(found.base, np.tile(np.float32([0, 0, 1]), (3, 1)))

@@ -1,0 +1,122 @@
+import numpy as np
+import pytest
+
+from meshreel.formats.gltf.seams import describe_left_out, split_at_seams
+from meshreel.formats.parts import PartMesh, split_parts
+from meshreel.surface import Attribute, Domain, FaceGroups, Kind, Surface
+
+QUADS = np.array([[0, 1, 2, 3], [1, 4, 5, 2]], np.int32)
+CORNERS = QUADS.ravel()
+
+
+def two_quads(*attributes, groups=(), n_verts=6):
+    """Two squares side by side; corners are counted 0..7."""
+    faces = np.array([[0, 1, 2], [0, 2, 3], [1, 4, 5], [1, 5, 2]], np.int32)
+    surface = Surface(np.array([4, 4], np.int32), attributes, groups)
+    (part,) = split_parts(faces, surface.validated(n_verts, 4), n_verts, "squares")
+    assert isinstance(part, PartMesh)
+    return part
+
+
+def attribute(kind, domain, values, dtype=np.float32, name="a"):
+    return Attribute(name, kind, domain, np.asarray(values, dtype))
+
+
+def uv(domain, values):
+    return attribute(Kind.UV, domain, values)
+
+
+def triangles(split):
+    """Corners of all triangles as vertices of the mesh that was split."""
+    return np.concatenate([split.sources[one.verts][one.triangles] for one in split.primitives])
+
+
+def test_split_at_seams_keeps_vertices_when_nothing_splits_them():
+    split = split_at_seams(two_quads())
+    assert split.sources.tolist() == list(range(6))
+    assert triangles(split).tolist() == [[0, 1, 2], [0, 2, 3], [1, 4, 5], [1, 5, 2]]
+
+
+def test_split_at_seams_leaves_out_vertices_when_no_face_uses_them():
+    assert split_at_seams(two_quads(n_verts=9)).sources.tolist() == list(range(6))
+
+
+def test_split_at_seams_splits_vertices_when_corners_have_other_coordinates():
+    values = np.zeros((8, 2))
+    values[4] = 0.5, 0.25  # vertex 1, in the second square only
+    split = split_at_seams(two_quads(uv(Domain.CORNER, values)))
+    assert split.sources.tolist() == [0, 1, 1, 2, 3, 4, 5]
+    there = split.attributes["TEXCOORD_0"]
+    corner = np.flatnonzero((there == [0.5, 0.75]).all(axis=1))
+    assert split.sources[corner].tolist() == [1]
+    assert triangles(split).tolist() == [[0, 1, 2], [0, 2, 3], [1, 4, 5], [1, 5, 2]]
+
+
+def test_split_at_seams_keeps_vertices_when_corners_have_the_same_coordinates():
+    values = np.array([[0.1, 0.2], [0.3, 0.4], [0.5, -0.0], [1, 0], [0, 0], [1, 1]])
+    split = split_at_seams(two_quads(uv(Domain.CORNER, values[CORNERS])))
+    assert split.sources.tolist() == list(range(6))
+    expected = np.stack([values[:, 0], 1 - values[:, 1]], axis=1).astype(np.float32)
+    np.testing.assert_array_equal(split.attributes["TEXCOORD_0"], expected)
+
+
+def test_split_at_seams_keeps_vertices_when_values_are_theirs():
+    colors = np.arange(24).reshape(6, 4)
+    split = split_at_seams(two_quads(attribute(Kind.COLOR, Domain.VERTEX, colors, np.uint8)))
+    assert split.sources.tolist() == list(range(6))
+    np.testing.assert_array_equal(split.attributes["COLOR_0"], colors)
+
+
+def test_split_at_seams_splits_an_edge_when_faces_have_other_colours():
+    colors = [[255, 0, 0], [0, 255, 0]]
+    split = split_at_seams(two_quads(attribute(Kind.COLOR, Domain.FACE, colors, np.uint8)))
+    assert split.sources.tolist() == [0, 1, 1, 2, 2, 3, 4, 5]
+    corners = split.primitives[0].triangles
+    expected = np.repeat(np.array(colors), 2, axis=0)[:, None].repeat(3, axis=1)
+    np.testing.assert_array_equal(split.attributes["COLOR_0"][corners], expected)
+
+
+def test_split_at_seams_makes_a_primitive_of_each_material_in_use():
+    groups = (FaceGroups("material", ("unused", "red"), np.array([1, -1], np.int32)),)
+    split = split_at_seams(two_quads(groups=groups))
+    assert [one.material for one in split.primitives] == ["red", None]
+    assert [split.sources[one.verts].tolist() for one in split.primitives] == [
+        [0, 1, 2, 3],
+        [1, 2, 4, 5],
+    ]
+    assert split.primitives[1].triangles.tolist() == [[0, 2, 3], [0, 3, 1]]
+
+
+def test_split_at_seams_numbers_attributes_when_there_are_several_of_a_kind():
+    zeros = np.zeros((6, 2))
+    own = attribute(Kind.OTHER, Domain.VERTEX, np.zeros((6, 1)), name="heat")
+    split = split_at_seams(two_quads(uv(Domain.VERTEX, zeros), own, uv(Domain.VERTEX, zeros + 1)))
+    assert list(split.attributes) == ["TEXCOORD_0", "_heat", "TEXCOORD_1"]
+
+
+@pytest.mark.parametrize(
+    ("given", "dtype", "expected"),
+    [
+        ([-1, 0, 1.5], np.float64, np.array([0, 0, 1], np.float32)),
+        ([0, 255, 7], np.uint8, np.array([0, 255, 7], np.uint8)),
+        ([-4, 300, 7], np.int32, np.array([0, 255, 7], np.uint8)),
+    ],
+)
+def test_colours_are_clipped_when_they_are_out_of_range(given, dtype, expected):
+    colors = attribute(Kind.COLOR, Domain.VERTEX, np.tile(given, (6, 1)), dtype)
+    found = split_at_seams(two_quads(colors)).attributes["COLOR_0"]
+    assert found.dtype == expected.dtype
+    np.testing.assert_array_equal(found, np.tile(expected, (6, 1)))
+
+
+def test_describe_left_out_names_what_gltf_cannot_hold():
+    wide = attribute(Kind.OTHER, Domain.VERTEX, np.zeros((6, 5)), name="wide")
+    whole = attribute(Kind.OTHER, Domain.VERTEX, np.zeros((6, 1)), np.int32, "id")
+    bright = attribute(Kind.COLOR, Domain.VERTEX, np.full((6, 3), 2.0), name="hot")
+    groups = (FaceGroups("group", ("left",), np.zeros(2, np.int32)),)
+    assert list(describe_left_out(two_quads(wide, whole, bright, groups=groups).surface)) == [
+        "clipped colours 'hot' to 0..1",
+        "left out attribute 'wide': glTF has no 5 numbers of float32",
+        "left out attribute 'id': glTF has no 1 numbers of int32",
+        "left out the groups 'group' of faces: glTF has materials only",
+    ]

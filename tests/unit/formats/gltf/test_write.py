@@ -1,0 +1,261 @@
+import base64
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from meshreel.errors import InvalidInputError
+from meshreel.formats.gltf.write import write_glb, write_gltf
+from meshreel.formats.options import WriteOptions
+from meshreel.sequence import MeshSequence
+from meshreel.surface import Attribute, Domain, FaceGroups, Kind, Part, Surface
+from sample_glb import Glb, largest_error_percent, stream_of, written
+from sample_meshes import irregular_sequence, waving_grid
+
+
+def grid(n_frames=30, dtype=np.float32, **changes):
+    """A sheet with travelling waves, which ripples so that it needs several targets."""
+    sequence = waving_grid(n_frames, 15, 17, dtype)
+    ripples = np.random.default_rng(2).standard_normal(sequence.vertices.shape) * 0.002
+    return replace(sequence, vertices=(sequence.vertices + ripples).astype(dtype), **changes)
+
+
+def two_parts(names=("left", "right"), **changes):
+    """A sheet that moves and one that does not, of quads, with materials and colours."""
+    sheet = waving_grid(12, 5, 6)
+    still = np.broadcast_to(sheet.vertices[:1] + np.float32([3, 0, 0]), sheet.vertices.shape)
+    squares = sheet.faces.reshape(2, -1, 3).transpose(1, 0, 2)
+    quads = np.stack([squares[:, 0, 0], squares[:, 0, 1], squares[:, 1, 2], squares[:, 0, 2]], 1)
+    fans = np.stack([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]], axis=1).reshape(-1, 3)
+    n_quads, rng = len(quads), np.random.default_rng(4)
+    surface = Surface(
+        np.full(2 * n_quads, 4, np.int32),
+        (
+            Attribute("uv", Kind.UV, Domain.CORNER, rng.random((8 * n_quads, 2)).astype("f4")),
+            Attribute("c", Kind.COLOR, Domain.VERTEX, rng.integers(0, 255, (60, 4)).astype("u1")),
+        ),
+        (FaceGroups("material", ("red", "blue"), np.arange(2 * n_quads, dtype=np.int32) % 3 - 1),),
+        tuple(Part(name, 30, n_quads) for name in names),
+    )
+    vertices = np.concatenate([sheet.vertices, still], axis=1)
+    faces = np.concatenate([fans, fans + 30])
+    return MeshSequence(vertices, faces, 25.0, "pair", surface=surface, **changes)
+
+
+@pytest.mark.parametrize("percent", [1.0, 0.1, 0.02])
+def test_write_glb_keeps_the_error_when_it_is_measured_in_the_file(tmp_path, percent):
+    sequence, notes = grid(), []
+    found = written(tmp_path, sequence, notes, max_error=percent)
+    error = largest_error_percent(sequence, found.world("grid"))
+    assert error <= percent
+    assert notes[0].startswith(f"the largest error is {error:.4f} % of the diagonal, in frame ")
+
+
+def test_write_glb_keeps_a_tenth_of_a_percent_when_nothing_is_asked_for(tmp_path):
+    sequence = grid()
+    assert largest_error_percent(sequence, written(tmp_path, sequence).world("grid")) <= 0.1
+
+
+def test_write_glb_takes_fewer_targets_when_a_larger_error_is_allowed(tmp_path):
+    counts = [
+        written(tmp_path, grid(), max_error=percent).weights("grid")[1].shape[1]
+        for percent in (0.05, 0.1, 0.5)
+    ]
+    assert counts == sorted(set(counts), reverse=True)
+
+
+def test_write_glb_has_the_number_of_targets_when_it_is_given(tmp_path):
+    found = written(tmp_path, grid(), targets=5)
+    assert found.weights("grid")[1].shape == (30, 5)
+    (mesh,) = found.document["meshes"]
+    assert mesh["extras"]["targetNames"] == [f"mode {number}" for number in (1, 2, 3, 4, 5)]
+
+
+def test_write_glb_is_refused_when_so_few_targets_cannot_keep_the_error(tmp_path):
+    message = r"largest error is \d.* with 2 morph targets; 0.01 % was asked for; allow more"
+    with pytest.raises(InvalidInputError, match=message):
+        written(tmp_path, grid(), targets=2, max_error=0.01)
+
+
+def test_write_glb_is_refused_when_integers_are_too_coarse_for_the_error(tmp_path):
+    with pytest.raises(InvalidInputError, match="; 1e-07 % was asked for"):
+        written(tmp_path, grid(), max_error=1e-7)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"targets": 0}, "targets must be at least 1; got 0"),
+        ({"targets": 1, "normals": True}, "targets must be at least 2 with normals; got 1"),
+        ({"max_error": 0.0}, "max_error must be more than 0"),
+        ({"max_error": float("nan")}, "max_error must be more than 0"),
+    ],
+)
+def test_write_glb_is_refused_when_an_option_is_out_of_range(tmp_path, options, message):
+    with pytest.raises(InvalidInputError, match=message):
+        written(tmp_path, grid(2), **options)
+
+
+@pytest.mark.parametrize("fps", [24.0, 25.0, 30000 / 1001, 60.0])
+@pytest.mark.parametrize("start_s", [0.0, 2.5])
+def test_write_glb_has_the_times_of_the_frames_when_rate_and_start_are_set(tmp_path, fps, start_s):
+    times, _ = written(tmp_path, grid(fps=fps, start_s=start_s), targets=3).weights("grid")
+    np.testing.assert_array_equal(times, np.float32(start_s + np.arange(30) / fps))
+
+
+def test_write_glb_starts_at_zero_when_frames_start_before(tmp_path):
+    notes = []
+    times, _ = written(tmp_path, grid(start_s=-1.5), notes, targets=3).weights("grid")
+    assert (times[0], times[-1]) == (0, np.float32(29 / 25))
+    assert notes[0] == "starts at 0 s, not -1.5 s: glTF has no time before 0"
+
+
+def test_write_glb_notes_the_rate_when_it_is_unknown(tmp_path):
+    notes = []
+    times, _ = written(tmp_path, grid(fps=0.0), notes, targets=3).weights("grid")
+    assert times[24] == 1
+    assert notes[0] == "the frame rate is not known; written as 24 fps"
+
+
+def test_write_glb_shows_the_first_frame_when_nothing_is_played(tmp_path):
+    found = written(tmp_path, grid())
+    (mesh,) = found.document["meshes"]
+    np.testing.assert_array_equal(np.float32(mesh["weights"]), found.weights("grid")[1][0])
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+def test_write_glb_is_a_plain_exact_mesh_when_there_is_one_frame(tmp_path, dtype):
+    sequence = MeshSequence(np.float32(grid(1).vertices).astype(dtype), grid(1).faces, name="one")
+    found = written(tmp_path, sequence)
+    assert found.document.keys().isdisjoint({"animations", "extensionsUsed"})
+    assert found.node("one") == {"name": "one", "mesh": 0}
+    np.testing.assert_array_equal(found.world("one"), sequence.vertices)
+    np.testing.assert_array_equal(found.triangles("one"), sequence.faces)
+
+
+def test_write_glb_is_at_rest_when_all_frames_are_the_same(tmp_path):
+    vertices, notes = np.repeat(grid(1).vertices, 5, axis=0), []
+    found = written(tmp_path, MeshSequence(vertices, grid(1).faces, 25.0, "still"), notes)
+    assert notes == ["no vertex moves by more than the error allowed: written at rest"]
+    np.testing.assert_array_equal(found.world("still")[0], vertices[0])
+
+
+def test_write_glb_is_at_rest_when_all_vertices_are_one_point(tmp_path):
+    sequence = MeshSequence(np.ones((3, 4, 3)), [[0, 1, 2], [1, 2, 3]], 25.0, "point")
+    np.testing.assert_array_equal(written(tmp_path, sequence).world("point")[0], np.ones((4, 3)))
+
+
+def test_write_glb_keeps_the_error_when_positions_are_float64_and_far_away(tmp_path):
+    near = grid(dtype=np.float64)
+    sequence = replace(near, vertices=near.vertices + 1e6)
+    found = written(tmp_path, sequence, max_error=0.05)
+    assert largest_error_percent(sequence, found.world("grid")) <= 0.05
+
+
+def test_write_glb_keeps_the_error_when_there_are_more_frames_than_coordinates(tmp_path):
+    time = np.arange(60)[:, None, None]
+    vertices = np.sin(time * np.arange(1, 13).reshape(4, 3) / 9)
+    sequence = MeshSequence(vertices, [[0, 1, 2], [1, 2, 3]], 25.0, "few")
+    assert largest_error_percent(sequence, written(tmp_path, sequence).world("few")) <= 0.1
+
+
+def test_write_glb_keeps_triangles_when_the_mesh_is_irregular(tmp_path):
+    sequence, notes = irregular_sequence(), []
+    found = written(tmp_path, sequence, notes)
+    used = np.unique(sequence.faces)
+    np.testing.assert_array_equal(used[found.triangles("irregular")], sequence.faces)
+    assert (
+        largest_error_percent(
+            replace(sequence, vertices=sequence.vertices[:, used], faces=np.array([[0, 1, 2]])),
+            found.world("irregular"),
+        )
+        <= 0.2
+    )  # of a smaller diagonal
+    n_isolated = sequence.n_verts - len(used)
+    assert f"left out {n_isolated} vertices that no face uses" in notes
+
+
+def test_write_glb_has_a_node_of_each_part_when_there_are_several(tmp_path):
+    sequence = two_parts()
+    found = written(tmp_path, sequence)
+    for name, verts in (("left", slice(0, 30)), ("right", slice(30, 60))):
+        own = np.unique(found.world(name).round(5), axis=1)
+        expected = sequence.vertices[: len(own), verts]
+        distances = np.linalg.norm(own[:, :, None] - expected[:, None], axis=3)
+        assert distances.min(axis=2).max() < 0.005
+        assert distances.min(axis=1).max() < 0.005
+    assert (found.weights("left") is None, found.weights("right") is None) == (False, True)
+
+
+def test_write_glb_has_nodes_above_when_part_names_are_paths(tmp_path):
+    sequence = two_parts(("/root/arm", "/root"))
+    found = written(tmp_path, sequence)
+    (root,) = found.document["scenes"][0]["nodes"]
+    assert found.document["nodes"][root]["name"] == "root"
+    assert found.document["nodes"][root]["children"] == [1]
+    low, high = found.world("arm").min(axis=(0, 1)), found.world("arm").max(axis=(0, 1))
+    np.testing.assert_allclose(low, sequence.vertices[:, :30].min(axis=(0, 1)), atol=0.005)
+    np.testing.assert_allclose(high, sequence.vertices[:, :30].max(axis=(0, 1)), atol=0.005)
+
+
+def test_write_glb_has_a_material_of_each_label_when_parts_share_them(tmp_path):
+    found = written(tmp_path, two_parts())
+    names = [one.get("name") for one in found.document["materials"]]
+    assert sorted(names, key=str) == [None, "blue", "red"]
+    for part in ("left", "right"):
+        assert len({one["material"] for one in found.primitives(part)}) == 3
+
+
+def test_write_glb_has_values_of_corners_when_they_are_followed_through_triangles(tmp_path):
+    sequence = two_parts()
+    found = written(tmp_path, sequence)
+    uv, colors = sequence.surface.attributes
+    there = set()
+    for part in ("left", "right"):
+        for one in found.primitives(part):
+            own = found.array(one["attributes"]["TEXCOORD_0"])
+            there |= set(map(tuple, own.tolist()))
+            bytes_ = found.array(one["attributes"]["COLOR_0"]) * 255
+            assert set(map(tuple, bytes_.round().tolist())) <= set(map(tuple, colors.values))
+    flipped = np.stack([uv.values[:, 0], np.float32(1 - uv.values[:, 1].astype("f8"))], axis=1)
+    assert there == set(map(tuple, flipped.tolist()))
+
+
+def test_write_glb_notes_that_polygons_are_cut(tmp_path):
+    notes = []
+    written(tmp_path, two_parts(), notes)
+    assert "triangulated 40 quads as fans, the same way in every frame" in notes
+
+
+def test_write_glb_has_unit_normals_when_they_are_asked_for(tmp_path):
+    found = written(tmp_path, two_parts(), normals=True)
+    for part, tolerance in (("left", 0.01), ("right", 1e-6)):
+        for one in found.primitives(part):
+            lengths = np.linalg.norm(found.array(one["attributes"]["NORMAL"]), axis=1)
+            np.testing.assert_allclose(lengths, 1, atol=tolerance)
+            assert all("NORMAL" in target for target in one.get("targets", []))
+
+
+def test_write_glb_is_refused_when_positions_are_no_float32(tmp_path):
+    sequence = MeshSequence(grid(2, np.float64).vertices * 1e39, grid(2).faces)
+    with pytest.raises(InvalidInputError, match="a glTF file holds float32"):
+        written(tmp_path, sequence)
+
+
+def test_write_gltf_holds_what_write_glb_holds_when_its_buffer_is_decoded(tmp_path):
+    glb = written(tmp_path, grid(), targets=4)
+    notes = []
+    write_gltf(tmp_path / "a.gltf", stream_of(grid(), notes), WriteOptions(targets=4))
+    document = json.loads((tmp_path / "a.gltf").read_text("utf-8"))
+    uri = document["buffers"][0].pop("uri")
+    assert document == glb.document
+    data = base64.b64decode(uri.removeprefix("data:application/octet-stream;base64,"))
+    assert Glb(document, data).buffer == glb.buffer
+
+
+def test_write_glb_notes_its_size_when_it_is_done(tmp_path):
+    notes = []
+    write_glb(tmp_path / "a.glb", stream_of(grid(), notes), WriteOptions(targets=4))
+    size = (tmp_path / "a.glb").stat().st_size
+    assert notes[0].endswith(f"with 4 morph targets: {size / 1e6:.3g} MB")
