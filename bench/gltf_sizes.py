@@ -1,0 +1,152 @@
+"""Sizes of one sequence as raw arrays, as glTF with a target a frame, as our glTF, as a reel.
+
+    python bench/gltf_sizes.py samba.npz jumping.npz --errors 0.5,0.1,0.05 --out sizes.json
+
+A target a frame is what exporters write: positions minus those of the first frame, as float32, or
+as int16 scaled as ours are. Weights are then 1 at one frame and 0 at all others. gzip is what a
+web server would send, of the whole file.
+"""
+
+import argparse
+import gzip
+import json
+import time
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+import numpy.typing as npt
+
+import meshreel
+from meshreel.evaluation.machine import machine_facts, machine_line
+from meshreel.formats.frame_stream import FrameStream
+from meshreel.formats.gltf.buffer_writer import BufferWriter
+from meshreel.formats.gltf.placement import place_frames
+from meshreel.formats.gltf.write import write_glb
+from meshreel.formats.options import WriteOptions
+from speed_tables import table
+
+HEADER = ["what", "targets", "MB", "MB as gzip", "times smaller than raw", "largest error %", "s"]
+
+
+@dataclass(frozen=True)
+class Size:
+    """A file, in bytes; its error in percent of the diagonal of all frames."""
+
+    what: str
+    n_targets: int
+    size_bytes: int
+    gzip_bytes: int
+    error_percent: float
+    seconds: float
+
+
+def diagonal(sequence: meshreel.MeshSequence) -> float:
+    """Of the bounding box of all frames."""
+    return float(np.linalg.norm(sequence.extent.high - sequence.extent.low))
+
+
+def size_of(what: str, n_targets: int, data: bytes, error_percent: float, began_s: float) -> Size:
+    """The size of a file that was begun at some time, by `time.perf_counter`."""
+    seconds = time.perf_counter() - began_s
+    packed = len(gzip.compress(data, 6))
+    return Size(what, n_targets, len(data), packed, error_percent, seconds)
+
+
+def target_a_frame(sequence: meshreel.MeshSequence, dtype: npt.DTypeLike, what: str) -> Size:
+    """The buffer of a file with a morph target for each frame but the first."""
+    began_s, n_targets = time.perf_counter(), sequence.n_frames - 1
+    first = sequence.vertices[0]
+    moves = (sequence.vertices[1:] - first).astype(np.float64)
+    base, error = first, 0.0
+    if np.dtype(dtype).kind == "i":
+        base = place_frames(sequence.vertices, first.astype(np.float64)).base
+        scales = np.maximum(np.abs(moves).max(axis=(1, 2), keepdims=True), 1e-30)
+        rounded = np.rint(moves / scales * 32767)
+        misses = np.linalg.norm(rounded / 32767 * scales - moves, axis=2)
+        moves, error = rounded, 100 * float(misses.max()) / diagonal(sequence)
+    buffer = BufferWriter()
+    for values in (base, *moves.astype(dtype)):
+        (there,) = buffer.add_vertices([values])
+        buffer.vertex_accessor("POSITION", there, slice(0, len(values)))
+    buffer.add_indices(sequence.faces.ravel())
+    times = np.arange(sequence.n_frames, dtype=np.float32)
+    buffer.add_samples(times, are_times=True)
+    buffer.add_samples(np.eye(len(times), n_targets, -1, dtype=np.float32), are_times=False)
+    described = json.dumps([buffer.accessors, buffer.views]).encode()
+    return size_of(what, n_targets, b"".join([*buffer.pieces, described]), error, began_s)
+
+
+def ours(
+    sequence: meshreel.MeshSequence, folder: Path, max_error: float, *, normals: bool = False
+) -> Size:
+    """Our file, with what it says of itself."""
+    notes: list[str] = []
+    stream = FrameStream(
+        [sequence.vertices], sequence.faces, n_frames=sequence.n_frames, fps=25.0, notes=notes
+    )
+    began_s = time.perf_counter()
+    write_glb(folder / "ours.glb", stream, WriteOptions(max_error=max_error, normals=normals))
+    words = next(note for note in notes if note.startswith("the largest error is")).split()
+    n_targets, error_percent = int(words[words.index("morph") - 1]), float(words[4])
+    what = f"our .glb, at most {max_error:g} %" + (" with normals" if normals else "")
+    return size_of(what, n_targets, (folder / "ours.glb").read_bytes(), error_percent, began_s)
+
+
+def reel(sequence: meshreel.MeshSequence) -> Size:
+    """A stream of default quality."""
+    began_s = time.perf_counter()
+    data = meshreel.encode(sequence)
+    error_percent = meshreel.compare(sequence, meshreel.decode(data)).max_error_percent
+    return size_of(".reel, as it is by default", 0, data, error_percent, began_s)
+
+
+def measure(sequence: meshreel.MeshSequence, errors: list[float]) -> Iterator[Size]:
+    """Every way of one sequence."""
+    raw = sequence.vertices.tobytes() + sequence.faces.tobytes()
+    yield size_of("raw arrays", 0, raw, 0.0, time.perf_counter())
+    yield target_a_frame(sequence, np.float32, "a target a frame, float32")
+    yield target_a_frame(sequence, np.int16, "a target a frame, int16")
+    with TemporaryDirectory() as folder:
+        for max_error in errors:
+            yield ours(sequence, Path(folder), max_error)
+        yield ours(sequence, Path(folder), errors[0], normals=True)
+    yield reel(sequence)
+
+
+def row(size: Size, raw_bytes: int) -> list[str]:
+    """The cells of one way."""
+    return [
+        size.what,
+        str(size.n_targets or ""),
+        f"{size.size_bytes / 1e6:.3f}",
+        f"{size.gzip_bytes / 1e6:.3f}",
+        f"{raw_bytes / size.size_bytes:.1f}",
+        f"{size.error_percent:.4f}",
+        f"{size.seconds:.1f}",
+    ]
+
+
+def main() -> None:
+    """Measure what the command line asks for; print tables, and write JSON where asked."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("files", type=Path, nargs="+")
+    parser.add_argument("--errors", default="0.1,0.5,0.05", help="percent; the first with normals")
+    parser.add_argument("--out", type=Path, help="write the figures here as JSON")
+    options, results = parser.parse_args(), []
+    for file in options.files:
+        sequence = meshreel.load(file)
+        found = list(measure(sequence, [float(one) for one in options.errors.split(",")]))
+        results.append({"sequence": sequence.name, "sizes": [asdict(one) for one in found]})
+        print(f"**{sequence.name}**: {sequence.n_frames} frames of {sequence.n_verts} vertices. "
+              f"{machine_line(machine_facts())}.\n")  # fmt: skip
+        print(table(HEADER, (row(one, found[0].size_bytes) for one in found)) + "\n", flush=True)
+    if options.out:
+        about = {"machine": machine_facts()}
+        options.out.write_text(json.dumps({**about, "results": results}, indent=2) + "\n")
+
+
+if __name__ == "__main__":
+    main()
