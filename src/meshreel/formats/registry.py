@@ -15,6 +15,7 @@ from meshreel.formats.caches.pc2 import pc2_opener, write_pc2
 from meshreel.formats.caches.topology import COMPANION, topology_reader
 from meshreel.formats.extras import ALEMBIC, HDF, USD
 from meshreel.formats.gltf.read import read_meshes as read_gltf
+from meshreel.formats.gltf.write import write_glb, write_gltf
 from meshreel.formats.kinds import FrameFormat, ReadOption, SequenceFormat, scene_format
 from meshreel.formats.meshes.obj import obj_positions_like, parse_obj
 from meshreel.formats.meshes.obj_surface import parse_obj_surface
@@ -87,8 +88,8 @@ SEQUENCE_FORMATS = {
         scene_format(".usda", "USD, text", read_usd, write_usd, USD),
         scene_format(".usdc", "USD, binary", read_usd, write_usd, USD),
         scene_format(".usdz", "USD, package", read_usd, write_usd, USD),
-        scene_format(".glb", "glTF, binary", read_gltf, None),
-        scene_format(".gltf", "glTF, text", read_gltf, None),
+        scene_format(".glb", "glTF, binary", read_gltf, write_glb),
+        scene_format(".gltf", "glTF, text", read_gltf, write_gltf),
         SequenceFormat(
             ".pc2",
             "point cache of 3ds Max",

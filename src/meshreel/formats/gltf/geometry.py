@@ -136,8 +136,8 @@ def _join(blocks: Sequence[Block], target: int) -> npt.NDArray[Any] | None:
 
 
 def _groups(numbers: npt.NDArray[np.int32], materials: Sequence[str]) -> tuple[FaceGroups, ...]:
-    """The materials in use, in the order of the file."""
-    used = np.unique(numbers[numbers >= 0])
+    """The materials in use, in the order of the file; one without a name is none."""
+    used = np.array([one for one in np.unique(numbers) if one >= 0 and materials[one]], np.int64)
     if len(used) == 0:
         return ()
     renumbered = np.full(len(materials) + 1, -1, np.int32)  # the last is of those without any

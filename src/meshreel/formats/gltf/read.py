@@ -146,7 +146,11 @@ def _geometry_reader(accessors: Accessors, notes: list[str]) -> Callable[[int], 
     """A function from the number of a mesh to what it is, which reads each mesh once."""
     document = accessors.document
     given = [one.text("name", "") for one in document.lists["materials"]]
-    materials = unique_names([name or f"material_{i}" for i, name in enumerate(given)])
+    # A single one without a name says nothing; several tell faces apart.
+    is_told = given.count("") > 1
+    named = [name or f"material_{i}" for i, name in enumerate(given) if name or is_told]
+    unique = iter(unique_names(named))
+    materials = [next(unique) if name or is_told else "" for name in given]
     welded = WeldNote(notes)
 
     @cache

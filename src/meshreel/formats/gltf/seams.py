@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.formats.parts import PartMesh
-from meshreel.formats.polygons import fan_corners
+from meshreel.geometry.fans import fan_corners
 from meshreel.surface import Attribute, Domain, Kind, Surface
 
 Rows = npt.NDArray[Any]
