@@ -30,7 +30,9 @@ def browser():
 
 def play(file, times_s):
     """Positions at each time, of shape (times, vertices, 3), and a PNG of the last."""
-    with _server(file) as (address, posted), TemporaryDirectory() as profile:
+    # The browser may still write into its profile while that is removed.
+    profiles = TemporaryDirectory(ignore_cleanup_errors=True)
+    with _server(file) as (address, posted), profiles as profile:
         url = f"{address}/play.html?times={','.join(map(repr, map(float, times_s)))}"
         command = [browser(), *FLAGS, f"--user-data-dir={profile}", url]
         process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)

@@ -250,13 +250,11 @@ def test_nothing_is_left_behind_when_encoding_fails(tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["bad.npz"]
 
 
-def test_polygons_are_told_of_when_they_are_triangulated(tmp_path):
-    quad = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 {}\nf 1 2 3 4\n"
-    for frame in range(3):
-        (tmp_path / f"q{frame}.obj").write_text(quad.format(frame))
-    done = run("encode", tmp_path / "q*.obj", "-o", tmp_path / "q.reel")
+def test_welded_corners_are_told_of_when_frames_are_stl(tmp_path):
+    meshreel.save(waving_grid(2), tmp_path / "f_%d.stl")
+    done = run("encode", tmp_path / "f_*.stl", "-o", tmp_path / "f.reel")
     assert done.returncode == 0
-    assert "triangulated" in done.stderr
+    assert "note: welded 480 STL corners to 99 vertices" in done.stderr
 
 
 @pytest.mark.parametrize("command", [["info"], ["decode", "-o", "a.npz"], ["compare", "cut.reel"]])

@@ -51,5 +51,4 @@ class Extra:
 ALEMBIC = Extra("alembic", "alembic3d", "alembic3d")
 IMATH = Extra("alembic", "alembic3d", "imath")  # comes with it
 USD = Extra("usd", "usd-core", "pxr")
-GLTF = Extra("gltf", "pygltflib", "pygltflib")
 HDF = Extra("hdf", "h5py", "h5py")

@@ -10,7 +10,6 @@ import numpy.typing as npt
 
 from meshreel.formats.mesh_files import MeshFiles
 from meshreel.formats.meshes.welding import Weld, weld_corners
-from meshreel.formats.polygons import describe_fans
 from meshreel.formats.stored_frames import StoredFrames
 from meshreel.formats.survey import FrameSurvey
 from meshreel.geometry.fans import triangulate_fans
@@ -129,8 +128,6 @@ def _surveyed(
     """Triangles, surface, and positions of each frame, which the survey sees as they pass."""
     meshes = files.meshes(progress, "reading")
     first = next(meshes)
-    if note := describe_fans(first.counts):
-        notes.append(note)
     faces = triangulate_fans(first.counts, first.corners)
     surface = replace(files.surface(), face_sizes=first.counts.astype(np.int32))
     return faces, surface, survey.watch(mesh.vertices for mesh in chain([first], meshes))

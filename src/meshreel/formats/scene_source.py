@@ -10,7 +10,7 @@ from meshreel.errors import InvalidInputError
 from meshreel.formats.merging import merged_mesh
 from meshreel.formats.naming import errors_naming
 from meshreel.formats.options import ReadOptions
-from meshreel.formats.polygons import PolygonMesh, describe_fans
+from meshreel.formats.polygons import PolygonMesh
 from meshreel.formats.scene import ReadMeshes, SceneMesh
 from meshreel.formats.stored_frames import StoredFrames
 from meshreel.formats.survey import FrameSurvey
@@ -83,8 +83,6 @@ def sequence_of(mesh: SceneMesh, path: Path, options: ReadOptions) -> FrameSourc
                 f"times of frames are not even; taken as {timing.fps:g} frames per second"
             )
         rate = options.fps or mesh.fps or timing.fps
-        if note := describe_fans(first.counts):
-            options.notes.append(note)
         faces = triangulate_fans(first.counts, first.corners)
         surface = replace(mesh.surface(0), face_sizes=first.counts.astype(np.int32))
         name = mesh.name.rstrip("/").rpartition("/")[2]

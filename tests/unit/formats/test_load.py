@@ -68,12 +68,12 @@ def test_load_notes_the_weld_when_frames_are_stl(tmp_path, make_sequence):
     assert notes == ["welded 24 STL corners to 6 vertices"]
 
 
-def test_load_notes_the_fans_when_faces_are_quads(tmp_path):
+def test_load_keeps_the_polygons_when_faces_are_quads(tmp_path):
     write_frames(tmp_path, *[SQUARE + "f 1 2 3 4\n"] * 2)
     notes = []
     found = load(tmp_path, notes=notes)
     assert found.faces.tolist() == [[0, 1, 2], [0, 2, 3]]
-    assert notes == ["triangulated 1 quads as fans, the same way in every frame"]
+    assert (found.surface.face_sizes.tolist(), notes) == ([4], [])
 
 
 def test_load_notes_nothing_when_nothing_is_changed(tmp_path, make_sequence):

@@ -10,7 +10,7 @@ import numpy as np
 from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.naming import errors_naming, os_errors_naming
 from meshreel.formats.options import ReadOptions
-from meshreel.formats.polygons import PolygonMesh, describe_fans
+from meshreel.formats.polygons import PolygonMesh
 from meshreel.geometry.fans import triangulate_fans
 from meshreel.sequence import Faces
 from meshreel.surface import PLAIN, Surface
@@ -73,8 +73,6 @@ def topology_reader(formats: Mapping[str, MeshFormat]) -> ReadTopology:
                 f"{cache} has {n_verts} vertices and {path} {len(mesh.vertices)}; "
                 "give the mesh that the cache was made of"
             )
-        if note := describe_fans(mesh.counts):
-            options.notes.append(note)
         faces = triangulate_fans(mesh.counts, mesh.corners)
         return faces, replace(surface, face_sizes=mesh.counts.astype(np.int32))
 

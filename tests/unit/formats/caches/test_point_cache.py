@@ -48,13 +48,9 @@ def test_load_takes_faces_and_polygons_of_the_topology_when_it_is_given(tmp_path
     text = mesh.read_text().splitlines()
     rows = [line for line in text if line.startswith("v ")] + ["f 1 2 3 4", "f 6 7 8 9 10"]
     (tmp_path / "quads.obj").write_text("\n".join(rows))
-    notes = []
-    found = load(cache, topology=tmp_path / "quads.obj", notes=notes)
+    found = load(cache, topology=tmp_path / "quads.obj")
     np.testing.assert_array_equal(found.surface.face_sizes, [4, 5])
     assert found.faces.tolist() == [[0, 1, 2], [0, 2, 3], [5, 6, 7], [5, 7, 8], [5, 8, 9]]
-    assert notes == [
-        "triangulated 2 polygons with more than three corners as fans, the same way in every frame"
-    ]
 
 
 @pytest.mark.parametrize("fps", RATES)
