@@ -187,7 +187,10 @@ def bits_per_row(data: bytes) -> list[npt.NDArray[np.float64]]:
 
 def _carried(surface: Surface) -> tuple[str, ...]:
     attributes = [f"{one.kind} {one.name!r} of {_PLURAL[one.domain]}" for one in surface.attributes]
-    groups = [f"{len(one.labels)} groups {one.name!r} of faces" for one in surface.groups]
+    groups = [
+        f"{len(one.labels)} group{'s' if len(one.labels) != 1 else ''} {one.name!r} of faces"
+        for one in surface.groups
+    ]
     return (*attributes, *groups)
 
 

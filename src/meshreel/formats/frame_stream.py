@@ -46,6 +46,7 @@ class FrameStream:
         Of every block.
     first : float array of shape (V, 3)
         Positions of the first frame, known before any frame has passed.
+    progress : Progress
 
     Raises
     ------
@@ -79,7 +80,7 @@ class FrameStream:
         self.first: Vertices = first[0]
         self.notes = notes if notes is not None else []
         self._blocks: Iterator[Vertices] = chain([first], filled)
-        self._progress = progress
+        self.progress = progress
 
     def frames(self) -> Iterator[Vertices]:
         """Positions of each frame, of shape (V, 3); they can be had only once."""
@@ -88,7 +89,7 @@ class FrameStream:
             for frame in block:
                 yield frame
                 index += 1
-                self._progress("writing", index / self.n_frames)
+                self.progress("writing", index / self.n_frames)
 
     def gather(self) -> MeshSequence:
         """All frames in memory; they can be had only once."""

@@ -108,6 +108,7 @@ def _achieve(stream: FrameStream, options: WriteOptions) -> _Achieved:
     if allowed is None:
         allowed = DEFAULT_MAX_ERROR if options.targets is None else 0.0
     wanted = Wanted(options.targets, allowed / 100 * diagonal, options.normals)
+    stream.progress("morph targets", 0.0)
     scene = make_scene(sequence, times_s, wanted)
     if scene.n_isolated:
         stream.notes.append(f"left out {scene.n_isolated} vertices that no face uses")
