@@ -1,0 +1,59 @@
+import sys
+
+import pytest
+
+from meshreel.errors import FormatError
+from meshreel.formats.extras import HDF, USD, Extra
+from meshreel.formats.load import load
+from meshreel.formats.registry import described_formats
+from meshreel.formats.save import save
+from sample_meshes import waving_grid
+
+MISSING = Extra("hdf", "h5py", "surely_not_installed")
+
+
+@pytest.fixture
+def without(monkeypatch):
+    """Has a library be missing, as it is without its extra."""
+
+    def remove(module):
+        monkeypatch.setitem(sys.modules, module, None)
+
+    return remove
+
+
+@pytest.mark.parametrize(
+    ("module", "ending", "extra"), [("h5py", ".h5", HDF), ("pxr", ".usdc", USD)]
+)
+def test_save_names_the_extra_before_any_work_when_its_library_is_missing(
+    tmp_path, without, module, ending, extra
+):
+    without(module)
+    with pytest.raises(FormatError) as error:
+        save(waving_grid(), tmp_path / f"a{ending}")
+    assert f"this needs {extra.library}" in str(error.value)
+    assert f"pip install 'meshreel[{extra.name}]'" in str(error.value)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(("module", "ending"), [("h5py", ".h5"), ("pxr", ".usdc")])
+def test_load_names_the_file_and_the_extra_when_its_library_is_missing(
+    tmp_path, without, module, ending
+):
+    path = tmp_path / f"a{ending}"
+    path.write_bytes(b"whatever")
+    without(module)
+    with pytest.raises(FormatError, match=r"pip install 'meshreel\["):
+        load(path)
+
+
+def test_extra_is_not_installed_when_its_module_is_nowhere():
+    assert not MISSING.is_installed
+
+
+def test_formats_say_which_extra_brings_them():
+    extras = {one["ending"]: one["extra"] for one in described_formats()}
+    assert extras[".usdz"] == "usd"
+    assert extras[".abc"] == "alembic"
+    assert extras[".h5"] == "hdf"
+    assert extras[".glb"] is extras[".obj"] is None
