@@ -11,7 +11,7 @@ from meshreel.codec.decoder import decode
 from meshreel.evaluation.document import Picture
 from meshreel.evaluation.results import done, label_of_result, method_of_result, setting_of_result
 from meshreel.evaluation.store import Result, Store
-from meshreel.metrics.normals import normal_angles_per_vertex
+from meshreel.metrics.heat import vertex_normal_angle_deg
 from meshreel.rendering.camera import Camera, fit_camera
 from meshreel.rendering.colormap import colorize, draw_color_bar
 from meshreel.rendering.picture import contact_sheet, save_png
@@ -66,7 +66,7 @@ def draw_variants(
     camera = _camera(original)
     shown = done(results)
     decoded = [_shown(result, store, frame) for result in shown]
-    angles = [normal_angles_per_vertex(original, vertices, sequence.faces) for vertices in decoded]
+    angles = [vertex_normal_angle_deg(original, vertices, sequence.faces) for vertices in decoded]
     top_deg = _heat_top_deg(shown, angles)
     shaded = [render(original, sequence.faces, camera)]
     heat: list[PillowImage.Image | npt.NDArray[np.uint8]] = [

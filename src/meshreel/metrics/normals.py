@@ -50,7 +50,7 @@ def normal_angles(original: Vertices, decoded: Vertices, faces: Faces) -> Normal
     smallest_area = DEGENERATE_AREA * reference.diagonal_scaled**2
     angles, n_angles = np.empty(len(original) * len(faces)), 0
     for frame, displacement in paired_frames(original, decoded, reference):
-        found, valid = _face_angles_deg(frame, frame + displacement, faces, smallest_area)
+        found, valid = face_angles_deg(frame, frame + displacement, faces, smallest_area)
         found = found[valid]
         angles[n_angles : n_angles + len(found)] = found
         n_angles += len(found)
@@ -63,38 +63,7 @@ def normal_angles(original: Vertices, decoded: Vertices, faces: Faces) -> Normal
     return NormalAngles(mean_deg, p95_deg, n_degenerate)
 
 
-@np.errstate(over="ignore", invalid="ignore")
-def normal_angles_per_vertex(
-    original: npt.NDArray[np.floating], decoded: npt.NDArray[np.floating], faces: Faces
-) -> Floats:
-    """Angle between the normals about each vertex of one frame, in degrees, for heat maps.
-
-    Parameters
-    ----------
-    original, decoded : float arrays of shape (V, 3), in model units, all finite
-    faces : integer array of shape (M, 3)
-
-    Returns
-    -------
-    float64 array of shape (V,): mean over the incident faces that are not degenerate in either
-    mesh; 0 where there is none
-
-    Raises
-    ------
-    InvalidInputError
-        If the shapes differ.
-    """
-    reference = shared_reference(original[np.newaxis], decoded[np.newaxis])
-    smallest_area = DEGENERATE_AREA * reference.diagonal_scaled**2
-    pair = reference.apply(original), reference.apply(decoded)
-    angles, valid = _face_angles_deg(*pair, faces, smallest_area)
-    corners, n_verts = faces[valid].ravel(), len(original)
-    sums = np.bincount(corners, np.repeat(angles[valid], 3), n_verts)
-    counts = np.bincount(corners, minlength=n_verts)
-    return np.divide(sums, counts, out=np.zeros(n_verts), where=counts > 0)
-
-
-def _face_angles_deg(
+def face_angles_deg(
     frame: Floats, frame_hat: Floats, faces: Faces, smallest_area: float
 ) -> tuple[Floats, npt.NDArray[np.bool_]]:
     """Angles of shape (M,), and where both faces have an area (elsewhere they mean nothing)."""

@@ -89,7 +89,7 @@ def _spatial_error(
     neighbourhoods = EdgeNeighbourhoods(edges, original.shape[1])
     total, n_measured = 0.0, 0
     for frame, displacement in paired_frames(original, decoded, reference):
-        lengths, errors = _relative_edge_errors(frame, displacement, edges)
+        lengths, errors = relative_edge_errors(frame, displacement, edges)
         deviations, weights = neighbourhoods.weighted_deviation(lengths, errors)
         total += float(deviations.sum())  # 0 where the neighbourhood has no length
         n_measured += int(np.count_nonzero(weights))
@@ -98,9 +98,17 @@ def _spatial_error(
     return total / max(n_measured, 1)
 
 
-def _relative_edge_errors(
+def relative_edge_errors(
     frame: Floats, displacement: Floats, edges: Integers
 ) -> tuple[Floats, Floats]:
+    """Lengths of the edges of one frame, and their signed relative errors, each of shape (E,).
+
+    Parameters
+    ----------
+    frame, displacement : float64 arrays of shape (V, 3)
+        Original positions, and what the decoded ones are off; from `paired_frames`.
+    edges : integer array of shape (E, 2)
+    """
     along = frame[edges[:, 1]] - frame[edges[:, 0]]
     change = displacement[edges[:, 0]] - displacement[edges[:, 1]]
     along_hat = along - change

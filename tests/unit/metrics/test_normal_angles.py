@@ -3,8 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from meshreel.errors import InvalidInputError
-from meshreel.metrics.normals import normal_angles, normal_angles_per_vertex
+from meshreel.metrics.normals import normal_angles
 
 FLAT = np.array([[[0.0, 0, 0], [1, 0, 0], [0, 1, 0]]])  # normal +z
 TRIANGLE = np.array([[0, 1, 2]], np.int32)
@@ -75,28 +74,3 @@ def test_normal_angles_decide_degeneracy_against_the_diagonal_when_a_face_is_thi
 
 def test_normal_angles_count_the_face_when_decoded_is_out_of_range_of_float64():
     assert normal_angles(FLAT, 1e300 * FLAT, TRIANGLE).n_degenerate_face_frames == 1
-
-
-def test_normal_angles_per_vertex_average_incident_faces_when_one_of_two_tilts():
-    # A square of two faces that share the edge 0-1; vertex 2 belongs to the face that tilts by
-    # 90 degrees, vertex 3 to the other, vertex 4 to none.
-    original = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, -1, 0], [5, 5, 5]])
-    decoded = original.copy()
-    decoded[2] = [0, 0, 1]
-    faces = np.array([[0, 1, 2], [1, 0, 3]], np.int32)
-    found = normal_angles_per_vertex(original, decoded, faces)
-    assert found == pytest.approx([45, 45, 90, 0, 0])
-
-
-def test_normal_angles_per_vertex_leave_out_faces_when_they_are_degenerate():
-    original = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [2, 0, 0]])
-    decoded = original.copy()
-    decoded[2] = [0, 0, 1]
-    faces = np.array([[0, 1, 2], [0, 1, 3]], np.int32)  # the second is a line
-    found = normal_angles_per_vertex(original, decoded, faces)
-    assert found == pytest.approx([90, 90, 90, 0])
-
-
-def test_normal_angles_per_vertex_name_both_shapes_when_they_differ():
-    with pytest.raises(InvalidInputError, match=r"\(1, 3, 3\) and \(1, 4, 3\)"):
-        normal_angles_per_vertex(np.zeros((3, 3)), np.zeros((4, 3)), TRIANGLE)

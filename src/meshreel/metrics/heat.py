@@ -1,0 +1,163 @@
+"""How far each vertex of one frame is off: the fields that heat maps show."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from meshreel.errors import InvalidInputError
+from meshreel.geometry.connectivity import undirected_edges
+from meshreel.metrics.edge_neighbourhoods import EdgeNeighbourhoods
+from meshreel.metrics.normals import DEGENERATE_AREA, face_angles_deg
+from meshreel.metrics.reference import paired_frames, shared_reference
+from meshreel.metrics.sted import relative_edge_errors
+from meshreel.sequence import Faces
+
+Floats = npt.NDArray[np.float64]
+Frame = npt.NDArray[np.floating]
+Field = Callable[[Frame, Frame], Floats]
+"""Of the original and the decoded positions of a frame, each of shape (V, 3), the V values."""
+
+
+@dataclass(frozen=True)
+class Heat:
+    """A kind of field, in words.
+
+    Attributes
+    ----------
+    label : str
+        What its values are.
+    unit : str
+        Short, as it stands behind a number; empty if they have none.
+    """
+
+    label: str
+    unit: str
+
+
+HEATS = {
+    "distance": Heat("vertex distance, % of the diagonal", "%"),
+    "angle": Heat("angle between normals, degrees", "°"),
+    "sted": Heat("local STED: deviation of relative edge lengths", ""),
+}
+
+
+def heat_field(kind: str, faces: Faces, n_verts: int, diagonal: float) -> Field:
+    """The field of a kind as a function of two frames; what frames share is worked out once.
+
+    Parameters
+    ----------
+    kind : str
+        One of `HEATS`.
+    faces : integer array of shape (M, 3)
+    n_verts : int
+    diagonal : float
+        Of the bounding box of the whole original sequence, in model units.
+
+    Raises
+    ------
+    InvalidInputError
+        If there is no such kind.
+    """
+    if kind == "distance":
+        return lambda original, decoded: vertex_distance_percent(original, decoded, diagonal)
+    if kind == "angle":
+        return lambda original, decoded: vertex_normal_angle_deg(original, decoded, faces)
+    if kind == "sted":
+        local = LocalSted(faces, n_verts)
+        return local.field
+    raise InvalidInputError(f"a heat map shows one of {', '.join(HEATS)}; got {kind!r}")
+
+
+def vertex_distance_percent(original: Frame, decoded: Frame, diagonal: float) -> Floats:
+    """Distance of each decoded vertex from its original, in percent of a diagonal, shape (V,).
+
+    Where the diagonal is 0, a distance is infinite and no distance is 0.
+
+    Parameters
+    ----------
+    original, decoded : float arrays of shape (V, 3), in model units, all finite
+    diagonal : float
+        Of the bounding box of the whole original sequence, in model units.
+
+    Raises
+    ------
+    InvalidInputError
+        If the shapes differ.
+    """
+    reference = shared_reference(original[np.newaxis], decoded[np.newaxis])
+    pairs = paired_frames(original[np.newaxis], decoded[np.newaxis], reference)
+    _, displacement = next(pairs)
+    distances = np.sqrt(np.einsum("va,va->v", displacement, displacement)) / reference.scale
+    infinite = np.where(distances > 0, np.inf, 0.0)
+    return np.asarray(np.divide(100 * distances, diagonal, out=infinite, where=diagonal > 0))
+
+
+@np.errstate(over="ignore", invalid="ignore")
+def vertex_normal_angle_deg(original: Frame, decoded: Frame, faces: Faces) -> Floats:
+    """Angle between the normals about each vertex, in degrees, shape (V,).
+
+    The mean over the incident faces that are not degenerate in either mesh; 0 where there is
+    none.
+
+    Parameters
+    ----------
+    original, decoded : float arrays of shape (V, 3), in model units, all finite
+    faces : integer array of shape (M, 3)
+
+    Raises
+    ------
+    InvalidInputError
+        If the shapes differ.
+    """
+    reference = shared_reference(original[np.newaxis], decoded[np.newaxis])
+    smallest_area = DEGENERATE_AREA * reference.diagonal_scaled**2
+    pair = reference.apply(original), reference.apply(decoded)
+    angles, valid = face_angles_deg(*pair, faces, smallest_area)
+    corners, n_verts = faces[valid].ravel(), len(original)
+    sums = np.bincount(corners, np.repeat(angles[valid], 3), n_verts)
+    counts = np.bincount(corners, minlength=n_verts)
+    return np.divide(sums, counts, out=np.zeros(n_verts), where=counts > 0)
+
+
+def vertex_sted(original: Frame, decoded: Frame, faces: Faces) -> Floats:
+    """Local STED of each vertex of one frame, without unit; see `LocalSted`, shape (V,)."""
+    return LocalSted(faces, len(original)).field(original, decoded)
+
+
+class LocalSted:
+    """The spatial part of STED before it is averaged: a value for each vertex of a frame.
+
+    It is the standard deviation of the relative errors of edge lengths, weighted by length, over
+    all edges that touch a vertex or one of its neighbours; see `meshreel.metrics.sted.sted`. Of
+    all vertices that have edges of some length, the mean is the spatial STED of the frame.
+
+    Parameters
+    ----------
+    faces : integer array of shape (M, 3)
+    n_verts : int
+    """
+
+    def __init__(self, faces: Faces, n_verts: int) -> None:
+        self._edges = undirected_edges(faces)
+        self._neighbourhoods = EdgeNeighbourhoods(self._edges, n_verts)
+
+    @np.errstate(over="ignore", invalid="ignore")
+    def field(self, original: Frame, decoded: Frame) -> Floats:
+        """Values of shape (V,); 0 where nothing is stretched, and where there are no edges.
+
+        Parameters
+        ----------
+        original, decoded : float arrays of shape (V, 3), in model units, all finite
+
+        Raises
+        ------
+        InvalidInputError
+            If the shapes differ.
+        """
+        reference = shared_reference(original[np.newaxis], decoded[np.newaxis])
+        pairs = paired_frames(original[np.newaxis], decoded[np.newaxis], reference)
+        lengths, errors = relative_edge_errors(*next(pairs), self._edges)
+        deviations, _ = self._neighbourhoods.weighted_deviation(lengths, errors)
+        return deviations
