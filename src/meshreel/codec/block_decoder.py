@@ -1,7 +1,7 @@
 """The blocks of a stream to frames, one block after another or any of them."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -18,7 +18,7 @@ from meshreel.codec.blocks import (
     read_field_block,
     stored_block,
 )
-from meshreel.codec.corrections import corrected
+from meshreel.codec.corrections import Corrections, corrected
 from meshreel.codec.field_mesh import FieldMesh
 from meshreel.codec.mesh_model import MeshModel
 from meshreel.codec.methods import (
@@ -29,7 +29,7 @@ from meshreel.codec.methods import (
     choice_of_code,
     method_of_code,
 )
-from meshreel.codec.pipeline import FramesOf, product_frames, synthesise
+from meshreel.codec.pipeline import FramesOf, ProductFrames, product_frames, synthesise
 from meshreel.codec.reel import FieldBlock, KeyFields, Layout, key_fields, synthesise_fields
 from meshreel.codec.surface_payloads import read_start, read_surface
 from meshreel.connectivity.coder import decode_connectivity, decode_order
@@ -57,12 +57,15 @@ class DecodedBlock:
     start, n_frames : int
         Where its frames belong.
     frames_of : FramesOf
-        Coordinate matrices of a slice of its frames, in the order in which vertices go out.
+        Coordinate matrices of a slice of its frames, in the order in which vertices go out; what
+        is corrected or exact is not so yet.
     frame : BoundingFrame
     exact : float array of shape (T_b, N, 3), or None
         Positions of some vertices, in place of those that are computed.
     exact_places : integer array of shape (N,)
         Which vertices these are, as they go out.
+    corrections : Corrections or None
+        Of vertices as they go out.
     """
 
     start: int
@@ -71,11 +74,23 @@ class DecodedBlock:
     frame: BoundingFrame
     exact: Vertices | None
     exact_places: Integers
+    corrections: Corrections | None
 
     @property
     def stop(self) -> int:
         """Frame behind its last one."""
         return self.start + self.n_frames
+
+    @property
+    def modes(self) -> ProductFrames | None:
+        """Fields and their time vectors, of which frames are the product; some have none."""
+        return self.frames_of if isinstance(self.frames_of, ProductFrames) else None
+
+    @cached_property
+    def _final_frames_of(self) -> FramesOf:
+        if self.corrections is None:
+            return self.frames_of
+        return corrected(self.frames_of, self.corrections, None)
 
     @staged("frames")
     def fill(
@@ -93,7 +108,7 @@ class DecodedBlock:
         """
 
         def fill(piece: slice) -> None:
-            matrices = self.frames_of(slice(first + piece.start, first + piece.stop))
+            matrices = self._final_frames_of(slice(first + piece.start, first + piece.stop))
             target[piece] = from_matrices(matrices, self.frame, target.dtype)
 
         pieces = chunks(len(target), max(1, CHUNK_BYTES // (24 * target.shape[1])))
@@ -177,6 +192,11 @@ class BlockDecoder:
         """Number type of the positions that go out."""
         return np.dtype(np.float32 if self.stream.header.vertex_type == 4 else np.float64)
 
+    @property
+    def frame(self) -> BoundingFrame:
+        """Where the model lies, and how large it is."""
+        return BoundingFrame(self.stream.header.origin, self.stream.header.scale)
+
     def stored(self, number: int) -> StoredBlock:
         """A block as it lies in the stream; raises as `stored_block`."""
         return stored_block(self.stream, self.method, number)
@@ -189,9 +209,10 @@ class BlockDecoder:
         CorruptStreamError
             If it is damaged.
         """
-        stored, header = self.stored(number), self.stream.header
+        stored = self.stored(number)
         order, mesh = self._given_order[0], self._mesh
         with np.errstate(over="ignore", invalid="ignore"):
+            frames_of: FramesOf
             if self.method.basis is Basis.JOINT:
                 frames_of, exact = self._field_frames(number, stored, order), None
             else:
@@ -203,12 +224,13 @@ class BlockDecoder:
             start=stored.start,
             n_frames=stored.n_frames,
             frames_of=frames_of,
-            frame=BoundingFrame(header.origin, header.scale),
+            frame=self.frame,
             exact=exact,
             exact_places=np.argsort(order)[mesh.isolated],
+            corrections=self._corrections(stored, order),
         )
 
-    def _field_frames(self, number: int, stored: StoredBlock, order: Integers) -> FramesOf:
+    def _field_frames(self, number: int, stored: StoredBlock, order: Integers) -> ProductFrames:
         block, field_mesh = self._read_fields(stored)
         key = self._key_of(number, block.layout)
         if self._n_modes is not None:
@@ -216,11 +238,14 @@ class BlockDecoder:
         basis, fields = synthesise_fields(block, field_mesh, key)
         if key is None and self._n_modes is None:
             self._key = number, block.layout, key_fields(block.layout, field_mesh, fields)
-        frames_of = product_frames(basis, fields[:, :, order])
-        corrections = read_corrections(stored, self._mesh.n_verts)
-        if self._n_modes is None and corrections is not None:
-            frames_of = corrected(frames_of, corrections, order)
-        return frames_of
+        return product_frames(basis, fields[:, :, order])
+
+    def _corrections(self, stored: StoredBlock, order: Integers) -> Corrections | None:
+        """Corrections of vertices as they go out; they belong to all modes together."""
+        if self.method.basis is not Basis.JOINT or self._n_modes is not None:
+            return None
+        found = read_corrections(stored, self._mesh.n_verts)
+        return found and replace(found, vertices=np.argsort(order)[found.vertices])
 
     def _read_fields(self, stored: StoredBlock) -> tuple[FieldBlock, FieldMesh]:
         block, self._field_mesh = read_field_block(stored, self._mesh, self._field_mesh)

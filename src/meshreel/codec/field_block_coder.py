@@ -86,7 +86,8 @@ class FieldBlockCoder:
         block, basis, fields = analyse_fields(
             frames.block, self.mesh, self.choices, None if key is None else key.fields, reference
         )
-        frames_of, corrections = product_frames(basis, fields), None
+        frames_of: FramesOf = product_frames(basis, fields)
+        corrections = None
         if self.bound is not None:
             errors = frames.block.matrices - frames_of(slice(None))
             corrections = find_corrections(errors, self.bound, frames.rounding)

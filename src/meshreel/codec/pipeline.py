@@ -135,25 +135,32 @@ def synthesise(block: CodedBlock, mesh: MeshModel, method: Method, order: Intege
     return product_frames(basis, coefficients[:, :, order])
 
 
-def product_frames(basis: Floats, coefficients: Floats) -> FramesOf:
+@dataclass(frozen=True)
+class ProductFrames:
     """What gives frames as the product of a basis and coefficients.
 
-    Parameters
+    Attributes
     ----------
     basis : float64 array of shape (3, T, K)
     coefficients : float64 array of shape (3, K, V), or (1, K, V) for all axes
     """
-    if len(coefficients) > 1:
-        return lambda frames: expand(basis[:, frames], coefficients)
-    n_modes, n_verts = coefficients.shape[1:]
-    fields = np.ascontiguousarray(coefficients[0])
 
-    def frames_of(frames: slice) -> Floats:
+    basis: Floats
+    coefficients: Floats
+
+    def __call__(self, frames: slice) -> Floats:
+        """Coordinate matrices of shape (3, frames, V) of a range of frames."""
+        if len(self.coefficients) > 1:
+            return expand(self.basis[:, frames], self.coefficients)
         # One product for all axes: it reads the fields once.
-        rows = basis[:, frames].reshape(-1, n_modes)
-        return expand(rows, fields).reshape(3, -1, n_verts)
+        n_modes, n_verts = self.coefficients.shape[1:]
+        rows = self.basis[:, frames].reshape(-1, n_modes)
+        return expand(rows, self.coefficients[0]).reshape(3, -1, n_verts)
 
-    return frames_of
+
+def product_frames(basis: Floats, coefficients: Floats) -> ProductFrames:
+    """The product of a basis and coefficients, which lie in one piece from now on."""
+    return ProductFrames(basis, np.ascontiguousarray(coefficients))
 
 
 def modes_needed(matrices: Floats, config: EncoderConfig) -> int:

@@ -51,6 +51,11 @@ class ReelFile:
         Time of the first frame, in seconds.
     dtype : numpy dtype
         Of the positions: float32 or float64.
+    frame : BoundingFrame
+        Centre and diagonal of the box of the frames that it was made of; of those of the first
+        block where they came one by one.
+    starts : tuple of int
+        First frame of each block, and the number of all frames.
     is_whole : bool
         False if the end of the file is missing: its encoder was stopped, or is still at work. The
         frames of all blocks before are there.
@@ -66,7 +71,8 @@ class ReelFile:
         self.n_frames, self.n_verts, self.n_faces = stream.n_frames, header.n_verts, header.n_faces
         self.fps, self.name, self.is_whole = header.fps, header.name, stream.is_whole
         self.dtype = self._decoder.dtype
-        self.start_s = self._decoder.start_s
+        self.start_s, self.frame = self._decoder.start_s, self._decoder.frame
+        self.starts = tuple(stream.starts)
 
     @property
     def faces(self) -> Faces:
@@ -100,11 +106,11 @@ class ReelFile:
                 f"frames {start}:{stop} are not in the file; it has frames 0:{self.n_frames}"
             )
         if start < stop:
-            self._block(self._number_of(start))  # a damaged one is told before room is made
+            self.block(self._number_of(start))  # a damaged one is told before room is made
         frames = np.empty((stop - start, self.n_verts, 3), self.dtype)
         position = start
         while position < stop:
-            block = self._block(self._number_of(position))
+            block = self.block(self._number_of(position))
             end = min(stop, block.stop)
             block.fill(frames[position - start : end - start], position - block.start)
             position = end
@@ -113,6 +119,27 @@ class ReelFile:
                 f"frames {start}:{stop} decode to positions beyond all numbers"
             )
         return frames
+
+    def block(self, number: int) -> DecodedBlock:
+        """A block of frames, decoded now or kept from before.
+
+        Parameters
+        ----------
+        number : int
+            In 0..len(starts) - 2.
+
+        Raises
+        ------
+        CorruptStreamError
+            If it is damaged.
+        """
+        with self._lock:
+            if number not in self._kept:
+                self._kept[number] = self._decoder.block(number)
+            self._kept.move_to_end(number)
+            while len(self._kept) > N_KEPT_BLOCKS:
+                self._kept.popitem(last=False)
+            return self._kept[number]
 
     def __len__(self) -> int:
         return self.n_frames
@@ -152,15 +179,15 @@ class ReelFile:
             Of frames that follow each other; default all.
         """
         frames = range(self.n_frames) if wanted is None else wanted
-        starts = self._decoder.stream.starts
+        starts = self.starts
         n_together = max(1, READ_AHEAD_BYTES // (self.n_verts * 3 * self.dtype.itemsize))
         first, last = self._number_of(frames.start), self._number_of(frames.stop - 1)
         with ThreadPoolExecutor(1, "meshreel-ahead") as ahead:
-            following = ahead.submit(copy_context().run, self._block, first)
+            following = ahead.submit(copy_context().run, self.block, first)
             for number in range(first, last + 1):
                 following.result()
                 if number < last:
-                    following = ahead.submit(copy_context().run, self._block, number + 1)
+                    following = ahead.submit(copy_context().run, self.block, number + 1)
                 start, stop = (
                     max(frames.start, starts[number]),
                     min(frames.stop, starts[number + 1]),
@@ -204,14 +231,4 @@ class ReelFile:
 
     def _number_of(self, frame: int) -> int:
         """The block that holds a frame."""
-        return int(np.searchsorted(self._decoder.stream.starts, frame, side="right")) - 1
-
-    def _block(self, number: int) -> DecodedBlock:
-        """A block, decoded now or kept from before."""
-        with self._lock:
-            if number not in self._kept:
-                self._kept[number] = self._decoder.block(number)
-            self._kept.move_to_end(number)
-            while len(self._kept) > N_KEPT_BLOCKS:
-                self._kept.popitem(last=False)
-            return self._kept[number]
+        return int(np.searchsorted(self.starts, frame, side="right")) - 1
