@@ -128,11 +128,17 @@ def require_comparable(original: MeshSequence, decoded: MeshSequence) -> None:
                 "only sequences of the same mesh can be compared"
             )
     if not np.array_equal(original.faces, decoded.faces):
-        _require_same_triangles(original.faces, decoded.faces, original.n_verts)
+        require_same_triangles(original.faces, decoded.faces, original.n_verts)
 
 
-def _require_same_triangles(faces: Faces, faces_hat: Faces, n_verts: int) -> None:
-    """Nothing if both lists hold the same oriented triangles equally often."""
+def require_same_triangles(faces: Faces, faces_hat: Faces, n_verts: int) -> None:
+    """Nothing if both lists hold the same oriented triangles equally often.
+
+    Raises
+    ------
+    InvalidInputError
+        Naming the first face of the original that the decoded lacks.
+    """
     turned = np.concatenate(
         [_lowest_rotation(faces, n_verts), _lowest_rotation(faces_hat, n_verts)]
     )

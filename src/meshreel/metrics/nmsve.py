@@ -8,8 +8,10 @@ from scipy.sparse import coo_array, csr_array
 
 from meshreel.geometry.connectivity import undirected_edges
 from meshreel.metrics.reference import (
+    Reference,
     bounding_box_reference,
     paired_frames,
+    relative,
     shared_reference,
     sum_of_squares,
 )
@@ -49,24 +51,38 @@ def nmsve_per_frame(original: Vertices, decoded: Vertices, faces: Faces) -> Floa
     Source: after Karni and Gotsman, "Spectral compression of mesh geometry", SIGGRAPH 2000.
     """
     reference = shared_reference(original, decoded)
-    edges = undirected_edges(faces)
-    incidence = _signed_incidence(edges, original.shape[1])
-    errors = [
-        math.sqrt(sum_of_squares(displacement))
-        + math.sqrt(
-            sum_of_squares(
-                _geometric_laplacian(frame, edges, incidence)
-                - _geometric_laplacian(frame + displacement, edges, incidence)
-            )
-        )
-        for frame, displacement in paired_frames(original, decoded, reference)
-    ]
-    start = bounding_box_reference(original[0])
-    diagonal = start.diagonal_scaled / start.scale * reference.scale or reference.diagonal_scaled
-    sums = np.nan_to_num(np.array(errors), nan=np.inf, posinf=np.inf)
-    without_size = np.where(sums > 0, np.inf, 0)
-    size = 2 * original.shape[1] * diagonal
-    return np.asarray(np.divide(sums, size, out=without_size, where=size > 0))
+    measure = FrameNmsve(original[0], faces, reference)
+    return np.array([measure.of(*pair) for pair in paired_frames(original, decoded, reference)])
+
+
+class FrameNmsve:
+    """NMSVE of frames that come one by one, as `nmsve_per_frame` defines it.
+
+    Parameters
+    ----------
+    first : float array of shape (V, 3)
+        Frame 0 of the original, in model units.
+    faces : integer array of shape (M, 3)
+    reference : Reference
+        Of the whole original.
+    """
+
+    def __init__(self, first: npt.NDArray[np.floating], faces: Faces, reference: Reference) -> None:
+        self._edges = undirected_edges(faces)
+        self._incidence = _signed_incidence(self._edges, len(first))
+        start = bounding_box_reference(first)
+        diagonal = start.diagonal_scaled / start.scale * reference.scale
+        self._size = 2 * len(first) * (diagonal or reference.diagonal_scaled)
+
+    @np.errstate(over="ignore", invalid="ignore")
+    def of(self, frame: Floats, displacement: Floats) -> float:
+        """NMSVE of one frame of `paired_frames`, of the same reference."""
+        laplacian = self._laplacian(frame) - self._laplacian(frame + displacement)
+        error = math.sqrt(sum_of_squares(displacement)) + math.sqrt(sum_of_squares(laplacian))
+        return relative(math.inf if math.isnan(error) else error, self._size)
+
+    def _laplacian(self, frame: Floats) -> Floats:
+        return _geometric_laplacian(frame, self._edges, self._incidence)
 
 
 def _signed_incidence(edges: Integers, n_verts: int) -> csr_array:
