@@ -11,7 +11,7 @@ import meshreel
 ROOT = Path(meshreel.__file__).parent
 FLOORS = [  # from the top
     {"cli"},
-    {"evaluation", "batch"},
+    {"evaluation", "batch", "viewer"},
     {"formats"},
     {"codec", "rendering", "flag"},
     {"bitstream", "connectivity", "reconstruction", "subspace", "quantization", "metrics"},

@@ -13,9 +13,11 @@ from meshreel.cli.decode import decode_command
 from meshreel.cli.demo import demo_command
 from meshreel.cli.encode import encode_command
 from meshreel.cli.evaluate import evaluate_command
+from meshreel.cli.export import export_command
 from meshreel.cli.formats import formats_command
 from meshreel.cli.info import info_command
 from meshreel.cli.paper import paper_command
+from meshreel.cli.view import view_command
 from meshreel.errors import MeshReelError
 
 # The base of all that is wrong with a command line: typer has it from click, or its own copy.
@@ -36,6 +38,8 @@ app.command("convert")(convert_command)
 app.command("formats")(formats_command)
 app.command("info")(info_command)
 app.command("compare")(compare_command)
+app.command("view")(view_command)
+app.command("export")(export_command)
 app.command("demo")(demo_command)
 app.command("paper")(paper_command)
 app.command("evaluate")(evaluate_command)

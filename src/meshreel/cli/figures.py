@@ -6,6 +6,7 @@ from meshreel.cli.console import size_text
 from meshreel.codec.achieved import Achieved
 from meshreel.codec.inspect import StreamInfo
 from meshreel.metrics.compare import Quality
+from meshreel.viewer.measuring import Measured
 
 
 def size_figures(stream: StreamInfo) -> dict[str, Any]:
@@ -95,6 +96,30 @@ def quality_rows(quality: Quality) -> dict[str, str]:
         "RMS error": f"{quality.rms_error_percent:.4f} % of the diagonal",
         "normals off by": f"{quality.normal_angle_mean_deg:.2f} degrees in the mean, "
         f"{quality.normal_angle_p95_deg:.2f} at the 95th percentile",
+    }
+
+
+PANEL = (
+    "sequence", "method", "raw", "file", "ratio", "rate", "frame rate", "parts", "promised", "end",
+)  # fmt: skip
+"""Rows of `info_rows` that a player shows."""
+
+
+def player_rows(stream: StreamInfo) -> dict[str, str]:
+    """What a player says about its file."""
+    rows = info_rows(stream)
+    return {name: rows[name] for name in PANEL if name in rows}
+
+
+def measured_rows(measured: Measured) -> dict[str, str]:
+    """What a player says about the errors of its file, in the words of `quality_rows`."""
+    errors = measured.errors
+    return {
+        "KG error": f"{errors.kg_error_percent:.4f} %",
+        "STED": f"{measured.sted_spatial:.5f} (spatial part)",
+        "NMSVE, mean": f"{measured.nmsve_mean:.3e}",
+        "largest error": f"{errors.max_error_percent:.4f} % of the diagonal",
+        "RMS error": f"{errors.rms_error_percent:.4f} % of the diagonal",
     }
 
 

@@ -15,6 +15,7 @@ from meshreel.bitstream.reader import open_stream
 from meshreel.codec.block_decoder import BlockDecoder, DecodedBlock
 from meshreel.codec.decoder import frame_range
 from meshreel.codec.inspect import StreamInfo, stream_info
+from meshreel.codec.methods import Order, choice_of_code
 from meshreel.errors import CorruptStreamError, InvalidInputError
 from meshreel.sequence import Faces
 from meshreel.surface import Surface
@@ -51,6 +52,8 @@ class ReelFile:
         Time of the first frame, in seconds.
     dtype : numpy dtype
         Of the positions: float32 or float64.
+    order : str
+        What is kept of the order of vertices and faces: "keep" (all), "vertices" or "drop".
     frame : BoundingFrame
         Centre and diagonal of the box of the frames that it was made of; of those of the first
         block where they came one by one.
@@ -73,6 +76,7 @@ class ReelFile:
         self.dtype = self._decoder.dtype
         self.start_s, self.frame = self._decoder.start_s, self._decoder.frame
         self.starts = tuple(stream.starts)
+        self.order = choice_of_code(Order, header.order).name.lower()
 
     @property
     def faces(self) -> Faces:

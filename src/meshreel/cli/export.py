@@ -1,0 +1,61 @@
+"""`meshreel export`: a .reel as a page that plays by itself."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from meshreel.cli.player import OriginalOption, SourceArgument
+from meshreel.cli.read_options import MergeOption, ObjectOption
+
+
+def export_command(
+    source: SourceArgument,
+    output: Annotated[
+        Path, typer.Option("--output", "-o", metavar="PAGE.html", help="The page to write.")
+    ],
+    original: OriginalOption = None,
+    object: ObjectOption = None,
+    merge: MergeOption = False,
+    force: Annotated[
+        bool, typer.Option("--force", "-f", help="Replace the page if it exists.")
+    ] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print what was done as JSON.")] = False,
+) -> None:
+    """Write a .reel file and its player as one HTML file, to mail or to put on any web server.
+
+    Its modes are rounded so that no vertex moves by more than 0.01 % of the diagonal. With
+    --original every frame of that goes along, which makes the page many times larger.
+
+    Examples:
+
+    - `meshreel export walk.reel -o walk.html`
+
+    - `meshreel export walk.reel -o errors.html --original walk.npz`
+    """
+    from meshreel.atomic_write import check_output_path
+    from meshreel.cli.console import print_json, print_notes, print_table, progress_bar, size_text
+    from meshreel.cli.player import opened_player
+    from meshreel.formats.naming import errors_naming
+    from meshreel.formats.options import ReadOptions
+    from meshreel.viewer.export import ALLOWED_ERROR, export_page
+    from meshreel.viewer.page import page_text
+
+    check_output_path(output, overwrite=force)
+    page = page_text()
+    with progress_bar() as progress:
+        reading = ReadOptions(object=object, merge=merge, progress=progress)
+        with (
+            opened_player(source, original, reading, allowed_error=ALLOWED_ERROR) as api,
+            errors_naming(source),
+        ):
+            parts = export_page(api, output, page=page, overwrite=force, progress=progress)
+    size_bytes = output.stat().st_size
+    print_notes(reading.notes)
+    if as_json:
+        notes = {"notes": reading.notes}
+        print_json({"output": str(output), "size_bytes": size_bytes, "parts": parts, **notes})
+        return
+    rows = {f"of it {part}": size_text(size) for part, size in parts.items()}
+    stream = {"the stream itself": size_text(api.info.size_bytes)}
+    print_table(str(output), {"size": size_text(size_bytes), **rows, **stream})

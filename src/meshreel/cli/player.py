@@ -1,0 +1,55 @@
+"""What `view` and `export` have in common: a file, its original, and their figures in words."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from meshreel.codec.reel_file import ReelFile
+    from meshreel.formats.options import ReadOptions
+    from meshreel.viewer.api import Api
+    from meshreel.viewer.comparison import Comparison
+
+SourceArgument = Annotated[Path, typer.Argument(metavar="FILE.reel", help="The stream to play.")]
+OriginalOption = Annotated[
+    str | None,
+    typer.Option(
+        metavar="INPUT",
+        help="What the stream was made of, to be shown beside it with heat maps of the error: "
+        "whatever `encode` takes.",
+    ),
+]
+
+
+@contextmanager
+def opened_player(
+    source: Path, original: str | None, reading: "ReadOptions", *, allowed_error: float = 0.0
+) -> Iterator["Api"]:
+    """Everything a player of a file is told, while the file is open."""
+    from meshreel.cli.figures import measured_rows, player_rows
+    from meshreel.formats.naming import errors_naming
+    from meshreel.formats.reel import open
+    from meshreel.viewer.api import Api
+
+    with open(source) as reel:
+        with errors_naming(source):
+            rows = player_rows(reel.info())
+            _ = reel.faces  # damaged ones are told before the original is read
+        comparison = _comparison(reel, original, reading) if original else None
+        with errors_naming(source):
+            api = Api(reel, source.stem, rows, comparison, measured_rows, allowed_error)
+        yield api
+
+
+def _comparison(reel: "ReelFile", original: str, reading: "ReadOptions") -> "Comparison":
+    from meshreel.formats.load import open_for_encoding
+    from meshreel.formats.naming import errors_naming
+    from meshreel.viewer.comparison import Comparison
+    from meshreel.viewer.original import Original
+
+    source = open_for_encoding(original, None, reading)
+    with errors_naming(Path(original)):
+        return Comparison(reel, Original(source, reel))

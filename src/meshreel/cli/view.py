@@ -1,0 +1,77 @@
+"""`meshreel view`: a .reel played in the browser."""
+
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from meshreel.cli.player import OriginalOption, SourceArgument
+from meshreel.cli.read_options import MergeOption, ObjectOption
+
+if TYPE_CHECKING:
+    from meshreel.viewer.server import ViewerServer
+
+
+def view_command(
+    source: SourceArgument,
+    original: OriginalOption = None,
+    object: ObjectOption = None,
+    merge: MergeOption = False,
+    no_open: Annotated[
+        bool, typer.Option("--no-open", help="Do not open the browser; only say where to look.")
+    ] = False,
+    port: Annotated[
+        int, typer.Option(min=0, max=65535, help="Where to listen; 0 takes a free port.")
+    ] = 0,
+    host: Annotated[
+        str,
+        typer.Option(
+            help="Listen on this address or name of this machine, so that others can look on."
+        ),
+    ] = "127.0.0.1",
+) -> None:
+    """Play a .reel file in the browser, until ctrl-C.
+
+    This program serves the page, to this machine alone unless --host says otherwise; nothing is
+    fetched from elsewhere.
+
+    Examples:
+
+    - `meshreel view walk.reel`
+
+    - `meshreel view walk.reel --original walk.npz`
+
+    - `meshreel view walk.reel --no-open --port 8000`
+    """
+    from contextlib import ExitStack, closing
+
+    from meshreel.cli.console import print_notes, progress_bar
+    from meshreel.cli.player import opened_player
+    from meshreel.formats.options import ReadOptions
+    from meshreel.viewer.page import page_text
+    from meshreel.viewer.server import ViewerServer
+
+    page = page_text()
+    with ExitStack() as stack:
+        with progress_bar() as progress:
+            reading = ReadOptions(object=object, merge=merge, progress=progress)
+            api = stack.enter_context(opened_player(source, original, reading))
+        server = stack.enter_context(ViewerServer(api, host=host, port=port, page=page))
+        print_notes(reading.notes)
+        if api.measuring is not None:
+            stack.enter_context(closing(api.measuring)).start()
+        typer.echo(f"{source} plays at {server.url} (ctrl-C stops it)")
+        _serve(server, opens_browser=not no_open)
+    typer.echo("stopped")
+
+
+def _serve(server: "ViewerServer", *, opens_browser: bool) -> None:
+    """Answer the page until ctrl-C."""
+    import threading
+    import webbrowser
+    from contextlib import suppress
+
+    if opens_browser:
+        # Beside the server: some browsers keep their caller waiting until the page is there.
+        threading.Thread(target=webbrowser.open, args=(server.url,), daemon=True).start()
+    with suppress(KeyboardInterrupt):
+        server.serve_forever()
