@@ -36,11 +36,10 @@ def opened_player(
 
     with open(source) as reel:
         with errors_naming(source):
-            rows = player_rows(reel.info())
             _ = reel.faces  # damaged ones are told before the original is read
         comparison = _comparison(reel, original, reading) if original else None
         with errors_naming(source):
-            api = Api(reel, source.stem, rows, comparison, measured_rows, allowed_error)
+            api = Api(reel, source.stem, player_rows, comparison, measured_rows, allowed_error)
         yield api
 
 

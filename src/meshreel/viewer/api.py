@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.codec.inspect import StreamInfo
 from meshreel.codec.reel_file import ReelFile
 from meshreel.errors import InvalidInputError
 from meshreel.metrics.heat import HEATS
@@ -53,8 +54,8 @@ class Api:
     reel : ReelFile
     name : str
         To show, if the stream has none of its own.
-    rows : mapping of str to str
-        Figures of the stream in words.
+    rows_of : callable
+        Gives figures of the stream in words.
     comparison : Comparison, optional
         With the original.
     measured_rows : callable, optional
@@ -75,7 +76,7 @@ class Api:
         self,
         reel: ReelFile,
         name: str,
-        rows: Rows,
+        rows_of: Callable[[StreamInfo], Rows],
         comparison: Comparison | None = None,
         measured_rows: Callable[[Measured], Rows] = lambda _: {},
         allowed_error: float = 0.0,
@@ -87,7 +88,7 @@ class Api:
                 f"{SMALLEST_DIAGONAL:g} to {LARGEST_DIAGONAL:g}: scale it before it is encoded"
             )
         self.reel, self.comparison, self.info = reel, comparison, reel.info()
-        self._name, self._rows, self._measured_rows = name, rows, measured_rows
+        self._name, self._rows, self._measured_rows = name, rows_of(self.info), measured_rows
         self._allowed_error = allowed_error
         self._box = box_of(reel)
         self.measuring = None if comparison is None else Measuring(comparison)

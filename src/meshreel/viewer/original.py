@@ -75,5 +75,11 @@ def _given_of_decoded(source: FrameSource, reel: ReelFile) -> Integers | None:
     connectivity = encode_connectivity(source.faces, source.n_verts, order="drop")
     given = connectivity.internal_to_given
     decoded_of_given = np.argsort(given).astype(np.int32)
-    require_same_triangles(decoded_of_given[source.faces], reel.faces, reel.n_verts)
+    try:
+        require_same_triangles(decoded_of_given[source.faces], reel.faces, reel.n_verts)
+    except InvalidInputError:
+        raise InvalidInputError(
+            "the original has other faces than the file, or lists them in another order; vertices "
+            "of a file without its order are matched with the very input that it was made of"
+        ) from None
     return given

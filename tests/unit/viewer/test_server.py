@@ -1,0 +1,223 @@
+"""The server of a player: its routes, and what it makes of strangers."""
+
+import http.client
+import json
+import socket
+import threading
+from contextlib import contextmanager
+
+import pytest
+
+from meshreel.errors import CorruptStreamError, InvalidInputError
+from meshreel.viewer.api import Api
+from meshreel.viewer.server import ViewerServer
+from sample_meshes import waving_grid
+from sample_packets import read_packet
+from sample_players import PAGE, opened_api
+
+
+@contextmanager
+def serving(api, **options):
+    with ViewerServer(api, page=PAGE, **options) as server:
+        thread = threading.Thread(target=server.serve_forever, args=(0.01,))
+        thread.start()
+        try:
+            yield server
+        finally:
+            server.shutdown()
+            thread.join()
+
+
+@pytest.fixture(scope="module")
+def api():
+    with opened_api(waving_grid(4)) as opened:
+        yield opened
+
+
+@pytest.fixture(scope="module")
+def server(api):
+    with serving(api) as running:
+        yield running
+
+
+def ask(server, path, method="GET", body=None, **headers):
+    """Status, headers and body of an answer."""
+    connection = http.client.HTTPConnection("127.0.0.1", server.server_port, timeout=10)
+    connection.request(method, path, body, headers)
+    answer = connection.getresponse()
+    found = answer.status, answer.headers, answer.read()
+    connection.close()
+    return found
+
+
+def send(server, data, n_bytes=1 << 16):
+    """What comes back for bytes on a socket that says nothing more."""
+    with socket.create_connection(("127.0.0.1", server.server_port), timeout=10) as client:
+        client.sendall(data)
+        client.shutdown(socket.SHUT_WR)
+        received = b""
+        while piece := client.recv(n_bytes):
+            received += piece
+    return received
+
+
+@pytest.mark.parametrize("path", ["/", "/index.html", "/?frame=3"])
+def test_page_is_served_with_a_policy_when_it_is_asked_for(server, path):
+    status, headers, body = ask(server, path)
+    assert (status, body.decode()) == (200, PAGE)
+    assert headers["Content-Type"] == "text/html; charset=utf-8"
+    assert headers["Content-Security-Policy"] == server.policy
+    assert "sha256-" in server.policy
+
+
+def test_answers_are_those_of_the_api_when_they_are_asked_for(server, api):
+    status, headers, body = ask(server, "/api/reel")
+    assert (status, headers["Content-Type"]) == (200, "application/json")
+    assert json.loads(body) == api.described()
+    status, headers, body = ask(server, "/api/block/0?again=1")
+    assert (status, headers["Content-Type"]) == (200, "application/octet-stream")
+    assert body == api.block(0)
+    assert read_packet(ask(server, "/api/faces")[2])[1]["faces"].shape == (160, 3)
+
+
+@pytest.mark.parametrize("path", ["/", "/api/reel", "/nothing"])
+def test_answers_are_not_kept_nor_lent_to_other_pages_when_they_are_given(server, path):
+    headers = ask(server, path)[1]
+    assert headers["Cache-Control"] == "no-store"
+    assert headers["X-Content-Type-Options"] == "nosniff"
+    assert headers["Cross-Origin-Resource-Policy"] == "same-origin"
+    assert "Access-Control-Allow-Origin" not in headers
+
+
+def test_head_gives_the_length_alone_when_it_is_asked(server):
+    status, headers, body = ask(server, "/api/faces", "HEAD")
+    assert (status, body) == (200, b"")
+    assert int(headers["Content-Length"]) == len(ask(server, "/api/faces")[2])
+
+
+@pytest.mark.parametrize("method", ["POST", "PUT", "DELETE", "PATCH", "OPTIONS"])
+def test_other_methods_are_refused_when_they_are_tried(server, method):
+    status, headers, _ = ask(server, "/api/reel", method, body=b"x" * 100)
+    assert (status, headers["Allow"]) == (405, "GET, HEAD")
+
+
+@pytest.mark.parametrize(
+    "path",
+    [
+        "/etc/passwd", "/../../../../etc/passwd", "/api/../../etc/passwd",
+        "/%2e%2e/%2e%2e/etc/passwd", "/..%2f..%2fetc%2fpasswd", "/page/index.html", "//etc/passwd",
+        "/api/block/1", "/favicon.ico", "/api/reel%00", "/index.html/",
+        "http://127.0.0.1/api/reel", "/" + "a" * 5000,
+    ],
+)  # fmt: skip
+def test_nothing_is_found_when_the_path_is_not_one_of_its_own(server, path):
+    status, headers, body = ask(server, path)
+    assert (status, headers["Content-Type"]) == (404, "text/plain; charset=utf-8")
+    assert b"root:" not in body
+
+
+@pytest.mark.parametrize(
+    "host", ["127.0.0.1", "localhost:8000", "LOCALHOST", "[::1]:80", "127.0.0.1:1"]
+)
+def test_requests_are_answered_when_they_name_a_local_host(server, host):
+    assert ask(server, "/api/reel", Host=host)[0] == 200
+
+
+@pytest.mark.parametrize(
+    "host",
+    [
+        "evil.example", "127.0.0.1.evil.example", "localhost.evil.example:80", "10.0.0.1", "",
+        "[::1", "evil.example@127.0.0.1.example", "0.0.0.0", "[::2]",
+    ],
+)  # fmt: skip
+def test_requests_are_refused_when_they_name_another_host(server, host):
+    status, _, body = ask(server, "/api/reel", Host=host)
+    assert (status, body[:36]) == (403, b"this player answers to local address")
+
+
+def test_requests_are_refused_when_they_name_no_host(server):
+    assert send(server, b"GET /api/reel HTTP/1.0\r\n\r\n").startswith(b"HTTP/1.1 403 ")
+
+
+def test_addresses_are_answered_but_no_other_names_when_it_listens_everywhere(api):
+    with serving(api, host="0.0.0.0") as server:
+        assert server.url == f"http://127.0.0.1:{server.server_port}/"
+        assert ask(server, "/api/reel", Host="192.168.1.7:8000")[0] == 200
+        assert ask(server, "/api/reel", Host="evil.example")[0] == 403
+
+
+def test_its_own_name_is_answered_when_it_is_told_one(api):
+    with serving(api, host="localhost") as server:
+        assert server.url == f"http://localhost:{server.server_port}/"
+        assert server.answers_to("localhost:1")
+        assert not server.answers_to("10.0.0.1")
+
+
+@pytest.mark.parametrize(
+    ("data", "status"),
+    [
+        (b"\x16\x03\x01\x02\x00\x01\x00\x01\xfc\x03\x03\r\n\r\n", b"400"),
+        (b"GET\r\n\r\n", b"400"),
+        (b"GET / HTTP/9.9\r\n\r\n", b"505"),
+        (b"GET / HTTP/x\r\n\r\n", b"400"),
+        (b"BREW / HTTP/1.1\r\nHost: localhost\r\n\r\n", b"501"),
+        (b"GET /" + b"a" * 70000 + b" HTTP/1.1\r\n\r\n", b"414"),
+        (b"GET / HTTP/1.1\r\n" + b"A: b\r\n" * 300 + b"\r\n", b"431"),
+        (b"GET / HTTP/1.1\r\nA: " + b"b" * 70000 + b"\r\n\r\n", b"431"),
+    ],
+)
+def test_malformed_requests_are_told_so_when_they_come(server, data, status, capfd):
+    received = send(server, data)
+    assert status in received.split(b"\r\n")[0]
+    assert b"<html" not in received.lower()
+    assert ask(server, "/api/reel")[0] == 200
+    assert capfd.readouterr() == ("", "")
+
+
+def test_a_body_is_not_taken_for_the_next_request_when_a_get_has_one(server):
+    inner = b"GET /api/reel HTTP/1.1\r\nHost: localhost\r\n\r\n"
+    outer = b"GET /nothing HTTP/1.1\r\nHost: localhost\r\nContent-Length: %d\r\n\r\n" % len(inner)
+    assert send(server, outer + inner).count(b"HTTP/1.1 ") == 1
+
+
+def test_several_requests_are_answered_when_they_come_on_one_connection(server):
+    request = b"GET /api/reel HTTP/1.1\r\nHost: localhost\r\n\r\n"
+    assert send(server, 3 * request).count(b"HTTP/1.1 200 OK") == 3
+
+
+def test_nothing_is_printed_when_clients_hang_up(server, capfd):
+    for data in (b"", b"GET / HT", b"GET /api/faces HTTP/1.1\r\nHost: localhost\r\n\r\n" * 50):
+        client = socket.create_connection(("127.0.0.1", server.server_port), timeout=10)
+        # Closing resets the connection, so that writing to it fails.
+        client.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, b"\1\0\0\0\0\0\0\0")
+        client.sendall(data)
+        client.close()
+    assert ask(server, "/api/reel")[0] == 200
+    assert capfd.readouterr() == ("", "")
+
+
+def test_damage_is_told_when_a_block_cannot_be_decoded(server, monkeypatch):
+    def damaged(self, number):
+        raise CorruptStreamError("block 0 is damaged")
+
+    monkeypatch.setattr(Api, "block", damaged)
+    status, _, body = ask(server, "/api/block/0")
+    assert (status, json.loads(body)) == (500, {"error": "block 0 is damaged"})
+
+
+def test_two_servers_work_when_they_run_at_once(server):
+    with opened_api(waving_grid(7)) as other, serving(other) as second:
+        assert second.server_port != server.server_port
+        assert json.loads(ask(second, "/api/reel")[2])["n_frames"] == 7
+        assert json.loads(ask(server, "/api/reel")[2])["n_frames"] == 4
+
+
+def test_error_names_the_port_when_it_is_in_use(server, api):
+    with pytest.raises(InvalidInputError, match=f"port {server.server_port} is in use; choose"):
+        ViewerServer(api, page=PAGE, port=server.server_port)
+
+
+@pytest.mark.parametrize("host", ["203.0.113.1", "no.such.host.invalid"])
+def test_error_names_the_host_when_it_cannot_listen_there(api, host):
+    with pytest.raises(InvalidInputError, match=f"cannot listen on {host}, port 0: "):
+        ViewerServer(api, page=PAGE, host=host)
