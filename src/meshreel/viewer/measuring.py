@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from meshreel.geometry.connectivity import isolated_vertices
 from meshreel.metrics.heat import HEATS
@@ -15,8 +16,13 @@ from meshreel.progress import Progress, silent
 from meshreel.sequence import Vertices
 from meshreel.viewer.comparison import Comparison, Heats
 
-PERCENTILE = 99.9
-"""Of the values of a frame: the largest of all frames ends the fixed range of colours."""
+Floats = npt.NDArray[np.float64]
+
+PERCENTILE = 99.5
+"""Of the values of all frames: where the fixed range of colours ends."""
+
+SHARES = (np.arange(200) + 0.5) / 200
+"""Quantiles that stand for the values of a frame."""
 
 
 @dataclass(frozen=True)
@@ -57,7 +63,8 @@ class Figures:
         self._errors = ErrorSums(original.extent)
         self._n_touched = reel.n_verts - len(isolated_vertices(comparison.faces, reel.n_verts))
         self._deviations: list[float] = []
-        self._heats: dict[str, dict[str, float]] = {}
+        self._largest: dict[str, float] = {}
+        self._quantiles: dict[str, list[Floats]] = {}
         self.nmsve: list[float] = []
         self.largest_percent: list[float] = []
 
@@ -74,9 +81,8 @@ class Figures:
     def see(self, heats: Heats) -> None:
         """Widen the ranges of heat maps by those of a frame."""
         for kind, values in heats.items():
-            found = self._heats.setdefault(kind, {"maximum": 0.0, "range": 0.0})
-            found["maximum"] = max(found["maximum"], float(values.max()))
-            found["range"] = max(found["range"], float(np.percentile(values, PERCENTILE)))
+            self._largest[kind] = max(self._largest.get(kind, 0.0), float(values.max()))
+            self._quantiles.setdefault(kind, []).append(np.quantile(values, SHARES))
 
     @property
     def measured(self) -> Measured:
@@ -87,8 +93,14 @@ class Figures:
     def described_heats(self) -> list[dict[str, Any]]:
         """Kinds of heat maps and their ranges, as the page takes them."""
         return [
-            {"kind": kind, "label": HEATS[kind].label, "unit": HEATS[kind].unit, **found}
-            for kind, found in self._heats.items()
+            {
+                "kind": kind,
+                "label": HEATS[kind].label,
+                "unit": HEATS[kind].unit,
+                "maximum": largest,
+                "range": float(np.percentile(self._quantiles[kind], PERCENTILE)),
+            }
+            for kind, largest in self._largest.items()
         ]
 
     def plots(self) -> list[dict[str, Any]]:

@@ -109,7 +109,7 @@ def test_spatial_sted_leaves_out_vertices_when_they_have_no_edge(opened):
     assert measuring.figures.measured.sted_spatial == pytest.approx(expected)
 
 
-def test_ranges_cover_every_frame_when_all_are_measured(opened):
+def test_ranges_are_of_all_frames_when_they_are_measured(opened):
     sequence = waving_grid(12)
     data = encode(sequence, quality=40)
     comparison = Comparison(opened(data), Original(sequence, opened(data)))
@@ -121,7 +121,8 @@ def test_ranges_cover_every_frame_when_all_are_measured(opened):
     for kind, heat in heats.items():
         values = [comparison.heat(kind, comparison.pair(number)) for number in range(12)]
         assert heat["maximum"] == np.max(values) >= first[kind]["maximum"]
-        assert heat["range"] == np.percentile(values, 99.9, axis=1).max() <= heat["maximum"]
+        assert heat["range"] == pytest.approx(np.percentile(values, 99.5), rel=0.05)
+        assert heat["range"] <= heat["maximum"]
 
 
 def test_measuring_tells_its_error_when_a_block_is_damaged(opened, monkeypatch):
