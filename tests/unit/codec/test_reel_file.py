@@ -124,3 +124,34 @@ def test_a_file_is_closed_when_it_was_used_in_a_with_statement(tmp_path):
         assert reel[0].shape == (reel.n_verts, 3)
     with pytest.raises(ValueError, match="closed"):
         reel[22]
+
+
+def test_modes_of_a_block_multiply_to_its_frames_when_it_has_some(reel, method):
+    assert reel.starts == (0, 4, 8, 12, 16, 20, 23)
+    block = reel.block(2)
+    assert (block.start, block.n_frames) == (8, 4)
+    if method == "gft":
+        assert block.modes is None
+        return
+    matrices = block.modes.basis @ block.modes.coefficients
+    found = np.moveaxis(matrices, 0, 2) * reel.frame.scale + np.array(reel.frame.origin)
+    connected = np.unique(reel.faces[reel.faces[:, 0] != reel.faces[:, 1]])
+    assert_nearly_equal(found[:, connected], reel[8:12][:, connected])
+
+
+def test_corrections_of_a_block_are_apart_from_its_modes_when_an_error_was_promised():
+    data = encode(irregular_sequence(20), max_error=1.0)
+    with ReelFile(BytesIO(data)) as reel:
+        block = reel.block(0)
+        matrices = block.modes(slice(0, 20))
+        corrections = block.corrections
+        matrices[:, corrections.frames, corrections.vertices] += corrections.moves.T
+        found = np.moveaxis(matrices, 0, 2) * reel.frame.scale + np.array(reel.frame.origin)
+        assert len(corrections.frames) > 0
+        assert_nearly_equal(found, reel[:])
+
+
+@pytest.mark.parametrize("order", ["keep", "vertices", "drop"])
+def test_order_is_what_it_was_encoded_with_when_it_is_asked_for(order):
+    with ReelFile(BytesIO(encode(waving_grid(2), order=order))) as reel:
+        assert reel.order == order
