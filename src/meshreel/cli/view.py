@@ -60,6 +60,8 @@ def view_command(
         if api.measuring is not None:
             stack.enter_context(closing(api.measuring)).start()
         typer.echo(f"{source} plays at {server.url} (ctrl-C stops it)")
+        if not server.is_local:
+            typer.echo("all who can reach this machine can see it")
         _serve(server, opens_browser=not no_open)
     typer.echo("stopped")
 

@@ -55,7 +55,7 @@ class ViewerServer(ThreadingHTTPServer):
         html = page_text() if page is None else page
         self.api, self.page = api, html.encode()
         self.policy = content_security_policy(html)
-        self.host = host
+        self.host, self._is_closed = host, False
         try:
             found = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
             self.address_family = found[0]
@@ -75,6 +75,11 @@ class ViewerServer(ThreadingHTTPServer):
         return f"http://{f'[{host}]' if ':' in host else host}:{self.server_port}/"
 
     @property
+    def is_local(self) -> bool:
+        """Whether only this machine can reach it."""
+        return ipaddress.ip_address(str(self.server_address[0])).is_loopback
+
+    @property
     def is_everywhere(self) -> bool:
         """Whether it listens on every address of this machine."""
         return str(self.server_address[0]) in ("0.0.0.0", "::")
@@ -91,11 +96,17 @@ class ViewerServer(ThreadingHTTPServer):
             return False
         if name in LOCAL_NAMES or name == self.host.lower():
             return True
-        return self.host not in LOCAL_NAMES and _is_address(name)
+        return not self.is_local and _is_address(name)
+
+    def server_close(self) -> None:
+        """Stop listening; answers that are still being made are dropped."""
+        self._is_closed = True
+        super().server_close()
 
     def handle_error(self, request: Any, client_address: Any) -> None:
-        """Say nothing of clients that hang up; anything else is a fault of ours."""
-        if not isinstance(sys.exception(), ConnectionError | TimeoutError):
+        """Say nothing of clients that hang up, nor of answers that nobody waits for any more."""
+        is_gone = isinstance(sys.exception(), ConnectionError | TimeoutError)
+        if not (is_gone or self._is_closed):
             super().handle_error(request, client_address)
 
 

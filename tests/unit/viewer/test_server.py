@@ -141,6 +141,7 @@ def test_requests_are_refused_when_they_name_no_host(server):
 
 def test_addresses_are_answered_but_no_other_names_when_it_listens_everywhere(api):
     with serving(api, host="0.0.0.0") as server:
+        assert not server.is_local
         assert server.url == f"http://127.0.0.1:{server.server_port}/"
         assert ask(server, "/api/reel", Host="192.168.1.7:8000")[0] == 200
         assert ask(server, "/api/reel", Host="evil.example")[0] == 403
@@ -148,6 +149,7 @@ def test_addresses_are_answered_but_no_other_names_when_it_listens_everywhere(ap
 
 def test_its_own_name_is_answered_when_it_is_told_one(api):
     with serving(api, host="localhost") as server:
+        assert server.is_local
         assert server.url == f"http://localhost:{server.server_port}/"
         assert server.answers_to("localhost:1")
         assert not server.answers_to("10.0.0.1")
