@@ -1,0 +1,124 @@
+// Controls and keys, and what they do.
+
+import { ComparisonPanel } from "./comparison";
+import { HeatBar } from "./heat_bar";
+import { listenForKeys, type Actions } from "./keyboard";
+import { Labels } from "./labels";
+import { showError } from "./messages";
+import { Choice, input, part } from "./page";
+import { Panel } from "./panel";
+import type { Arrangement, Look, Picture, Shading } from "./picture";
+import type { Player } from "./player";
+import type { Reel } from "./reel";
+import { saveScreenshot } from "./screenshot";
+import type { Background, Stage } from "./stage";
+import { Timeline } from "./timeline";
+
+const PHONE = "(max-width: 720px)";
+
+/** Connects every control of the page, and keeps what it shows up to date. */
+export function connectControls(reel: Reel, stage: Stage, picture: Picture, player: Player): void {
+  const timeline = new Timeline(player, reel);
+  const panel = new Panel(player, reel);
+  const comparison = reel.original && new ComparisonPanel(player, reel.original);
+  const actions: Actions = {
+    ...timelineKeys(timeline, reel),
+    ...viewKeys(reel, stage, picture, player),
+    "[": () => player.setModes(player.state().modes - 1),
+    "]": () => player.setModes(player.state().modes + 1),
+    h: () => comparison?.nextHeat(),
+    g: toggleFullscreen,
+    p: togglePanel,
+    "?": () => part<HTMLDialogElement>("help").showModal(),
+  };
+  listenForKeys(actions);
+  const buttons = {
+    reset: "r",
+    screenshot: "s",
+    fullscreen: "g",
+    "panel-button": "p",
+    "help-button": "?",
+  };
+  for (const [id, key] of Object.entries(buttons)) part(id).addEventListener("click", actions[key]);
+  if (window.matchMedia(PHONE).matches && !reel.original) togglePanel();
+  const [bar, labels] = [new HeatBar(), new Labels()];
+  player.changed = () => {
+    timeline.update();
+    panel.update();
+    comparison?.update();
+    bar.update(comparison?.heatInfo ?? null, player.state().hottest);
+    labels.update(picture.look.arrangement, stage.isUpright);
+  };
+  stage.changed = () => player.redraw();
+}
+
+function timelineKeys(timeline: Timeline, reel: Reel): Actions {
+  return {
+    " ": () => timeline.toggle(),
+    ArrowLeft: () => timeline.step(-1),
+    ArrowRight: () => timeline.step(1),
+    ShiftArrowLeft: () => timeline.step(-10),
+    ShiftArrowRight: () => timeline.step(10),
+    Home: () => timeline.seek(0),
+    End: () => timeline.seek(reel.n_frames - 1),
+    "-": () => timeline.changeSpeed(-1),
+    "+": () => timeline.changeSpeed(1),
+    "=": () => timeline.changeSpeed(1),
+    l: () => timeline.toggleLoop(),
+  };
+}
+
+/** Connects the controls of the look; returns their keys. */
+function viewKeys(reel: Reel, stage: Stage, picture: Picture, player: Player): Actions {
+  const { look } = picture;
+  const choose =
+    <K extends keyof Look>(name: K) =>
+    (value: Look[K]) => {
+      look[name] = value;
+      document.documentElement.dataset.background = look.background;
+      picture.applyLook();
+      player.redraw();
+    };
+  const shading = new Choice<Shading>("shading", look.shading, choose("shading"));
+  const background = new Choice<Background>("background", look.background, choose("background"));
+  const arrangement = new Choice<Arrangement>(
+    "arrangement",
+    look.arrangement,
+    choose("arrangement"),
+  );
+  const up = new Choice<"y" | "z">("up", reel.up, (axis) => stage.setUp(axis));
+  const wire = tick("wire", choose("wire"));
+  const follow = tick("follow", (isFollowed) => picture.setFollowed(isFollowed));
+  part("own-colors-row").hidden = !picture.paint.hasOwnColors;
+  tick("own-colors", choose("ownColors"));
+  tick("smooth-play", (isSmooth) => player.setSmoothPlay(isSmooth));
+  return {
+    f: () => shading.next(),
+    b: () => background.next(),
+    u: () => up.next(),
+    w: () => wire.click(),
+    c: () => follow.click(),
+    o: () => reel.original && arrangement.next(),
+    r: () => stage.reset(),
+    s: () => {
+      player.drawNow();
+      saveScreenshot(part("canvas"), `${reel.name}-${player.frame}.png`);
+    },
+  };
+}
+
+function tick(id: string, changed: (isOn: boolean) => void): HTMLInputElement {
+  const box = input(id);
+  box.addEventListener("change", () => changed(box.checked));
+  return box;
+}
+
+function togglePanel(): void {
+  const isHidden = part("app").classList.toggle("no-panel");
+  part("panel-button").setAttribute("aria-expanded", String(!isHidden));
+}
+
+function toggleFullscreen(): void {
+  if (document.fullscreenElement) void document.exitFullscreen();
+  else void document.documentElement.requestFullscreen().catch(showError);
+}

@@ -1,0 +1,51 @@
+// Puts the page together.
+
+import { connectControls } from "./controls";
+import { loadPacket, loadReel } from "./data";
+import { VertexGrid } from "./gpu/grid";
+import { showError } from "./messages";
+import { part } from "./page";
+import { Picture, type Look } from "./picture";
+import { Player } from "./player";
+import type { Reel } from "./reel";
+import { Stage } from "./stage";
+import { exposeForTests } from "./window_player";
+
+async function start(): Promise<void> {
+  const reel = await loadReel();
+  document.title = `${reel.name} – meshreel`;
+  part("name").textContent = reel.name;
+  const canvas = part<HTMLCanvasElement>("canvas");
+  const stage = new Stage(canvas, reel);
+  canvas.addEventListener("webglcontextlost", () =>
+    showError(new Error("The graphics card has dropped this page. Reload it.")),
+  );
+  const packet = await loadPacket("api/faces");
+  const faces = packet.array("faces", "uint32", [reel.n_faces, 3]);
+  const colors = packet.shapeOf("colors");
+  const ownColors = colors && packet.array("colors", "uint8", [reel.n_verts, colors[1]]);
+  const grid = new VertexGrid(reel.n_verts);
+  const look = firstLook(reel);
+  const picture = new Picture(stage, grid, faces, ownColors, reel.original !== null, look);
+  stage.setUp(reel.up);
+  const player = new Player(reel, grid, picture);
+  player.failed = showError;
+  connectControls(reel, stage, picture, player);
+  exposeForTests(player, picture, stage);
+  await player.seek(0);
+}
+
+function firstLook(reel: Reel): Look {
+  return {
+    shading: "flat",
+    wire: false,
+    ownColors: true,
+    background: "light",
+    arrangement: reel.original ? "beside" : "decoded",
+    isFollowed: false,
+  };
+}
+
+const ready = start();
+window.player = { ready } as typeof window.player;
+ready.catch(showError);

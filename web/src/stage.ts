@@ -1,0 +1,157 @@
+// The canvas: one camera, and one or two views side by side that share it.
+
+import * as THREE from "three";
+import { OrbitControls } from "three/addons/controls/OrbitControls.js";
+
+import { frameBox, makeCamera, setAspect, setDepthRange } from "./camera";
+import type { Reel } from "./reel";
+
+// Colours go to the screen as they are given; the shaders here light in the same space.
+THREE.ColorManagement.enabled = false;
+
+export type Background = "light" | "dark" | "none";
+
+const CLEAR: Record<Background, [number, number]> = {
+  light: [0xf4f5f7, 1],
+  dark: [0x15181d, 1],
+  none: [0x000000, 0],
+};
+
+export class Stage {
+  readonly renderer: THREE.WebGLRenderer;
+  /** Called when the picture must be drawn again. */
+  changed: () => void = () => {};
+  private readonly camera = makeCamera();
+  private readonly controls: OrbitControls;
+  /** Turned by the up axis; what it holds is moved where the mesh is followed. */
+  private readonly world = new THREE.Group();
+  private readonly model = new THREE.Group();
+  private readonly scene = new THREE.Scene();
+  private readonly box: THREE.Box3;
+  private framed: THREE.Box3;
+  private views: THREE.Object3D[][] = [];
+
+  constructor(
+    private readonly canvas: HTMLCanvasElement,
+    reel: Reel,
+  ) {
+    this.renderer = makeRenderer(canvas);
+    const origin = new THREE.Vector3(...reel.origin);
+    this.box = new THREE.Box3(
+      new THREE.Vector3(...reel.low).sub(origin),
+      new THREE.Vector3(...reel.high).sub(origin),
+    );
+    this.framed = this.box;
+    this.scene.add(this.world);
+    this.world.add(this.model);
+    this.controls = new OrbitControls(this.camera, canvas);
+    this.controls.zoomToCursor = true;
+    this.controls.minDistance = reel.diagonal * 0.01;
+    this.controls.maxDistance = reel.diagonal * 50 || 50;
+    this.controls.addEventListener("change", () => this.changed());
+    new ResizeObserver(() => this.resize()).observe(canvas.parentElement as HTMLElement);
+  }
+
+  add(object: THREE.Object3D): void {
+    this.model.add(object);
+  }
+
+  /** Shows these objects; one view for each list, beside or below each other. */
+  setViews(views: THREE.Object3D[][]): void {
+    this.views = views;
+    this.resize();
+  }
+
+  /** Whether views lie below each other, as on a phone that is held upright. */
+  get isUpright(): boolean {
+    return this.canvas.clientWidth < this.canvas.clientHeight;
+  }
+
+  setUp(axis: "y" | "z"): void {
+    this.world.rotation.x = axis === "z" ? -Math.PI / 2 : 0;
+    this.world.updateMatrixWorld();
+    this.reset();
+  }
+
+  /** Moves this point of the model to the middle of the box; null: all stays where it is. */
+  follow(point: THREE.Vector3 | null): void {
+    const middle = this.box.getCenter(this.model.position);
+    if (point) middle.sub(point);
+    else middle.set(0, 0, 0);
+  }
+
+  /** Looks at a box as large as this in the middle of all; null: at the box of all frames. */
+  frame(halfSize: THREE.Vector3 | null): void {
+    const middle = this.box.getCenter(new THREE.Vector3());
+    this.framed = halfSize
+      ? new THREE.Box3(middle.clone().sub(halfSize), middle.clone().add(halfSize))
+      : this.box;
+    this.reset();
+  }
+
+  setBackground(background: Background): void {
+    this.renderer.setClearColor(...CLEAR[background]);
+    this.changed();
+  }
+
+  /** Puts the camera back to where it sees everything that it frames. */
+  reset(): void {
+    const box = this.framed.clone().applyMatrix4(this.world.matrixWorld);
+    this.controls.target.copy(frameBox(this.camera, box));
+    this.controls.update();
+    this.changed();
+  }
+
+  draw(): void {
+    const box = this.box.clone().applyMatrix4(this.world.matrixWorld);
+    setDepthRange(this.camera, box);
+    const { width, height } = this.renderer.getSize(new THREE.Vector2());
+    const n = Math.max(1, this.views.length);
+    const [w, h] = this.isUpright ? [width, height / n] : [width / n, height];
+    this.renderer.setScissorTest(true);
+    this.views.forEach((shown, i) => {
+      const rectangle = this.isUpright ? [0, height - (i + 1) * h, w, h] : [i * w, 0, w, h];
+      this.renderer.setViewport(...(rectangle as [number, number, number, number]));
+      this.renderer.setScissor(...(rectangle as [number, number, number, number]));
+      this.model.children.forEach((object) => (object.visible = shown.includes(object)));
+      this.renderer.clear();
+      this.renderer.render(this.scene, this.camera);
+    });
+  }
+
+  private resize(): void {
+    const { clientWidth, clientHeight } = this.canvas.parentElement as HTMLElement;
+    const [width, height] = [Math.max(1, clientWidth), Math.max(1, clientHeight)];
+    this.renderer.setPixelRatio(Math.min(window.devicePixelRatio, 2));
+    this.renderer.setSize(width, height, false);
+    const n = Math.max(1, this.views.length);
+    setAspect(this.camera, this.isUpright ? (width * n) / height : width / n / height);
+    this.changed();
+  }
+}
+
+function makeRenderer(canvas: HTMLCanvasElement): THREE.WebGLRenderer {
+  const context = canvas.getContext("webgl2", { antialias: !isDrawnInSoftware(), alpha: true });
+  if (!context) {
+    throw new Error(
+      "This browser gives the page no WebGL 2, which the player draws with. " +
+        "Turn on hardware acceleration, or try another browser.",
+    );
+  }
+  if (!context.getExtension("EXT_color_buffer_float")) {
+    throw new Error("This graphics card cannot compute floats into textures, as the player must.");
+  }
+  const renderer = new THREE.WebGLRenderer({ canvas, context });
+  renderer.autoClear = false;
+  renderer.outputColorSpace = THREE.LinearSRGBColorSpace;
+  return renderer;
+}
+
+/** Whether no graphics card draws; smooth edges would then halve the frame rate. */
+function isDrawnInSoftware(): boolean {
+  const context = document.createElement("canvas").getContext("webgl2");
+  const names = context?.getExtension("WEBGL_debug_renderer_info");
+  const renderer = names ? String(context?.getParameter(names.UNMASKED_RENDERER_WEBGL)) : "";
+  context?.getExtension("WEBGL_lose_context")?.loseContext();
+  return /swiftshader|llvmpipe|softpipe|software|basic render/i.test(renderer);
+}

@@ -1,0 +1,74 @@
+// The bar at the bottom: play, scrub, frame and time, speed, loop.
+
+import { input, part } from "./page";
+import type { Player } from "./player";
+import { secondsOf, type Reel } from "./reel";
+
+export class Timeline {
+  private readonly scrub = input("scrub");
+  private readonly play = part<HTMLButtonElement>("play");
+  private readonly speed = part<HTMLSelectElement>("speed");
+  private readonly loop = part<HTMLButtonElement>("loop");
+  private shown = "";
+
+  constructor(
+    private readonly player: Player,
+    private readonly reel: Reel,
+  ) {
+    this.scrub.max = String(reel.n_frames - 1);
+    this.scrub.addEventListener("input", () => this.seek(Number(this.scrub.value)));
+    this.play.addEventListener("click", () => this.toggle());
+    part("previous").addEventListener("click", () => this.step(-1));
+    part("next").addEventListener("click", () => this.step(1));
+    this.loop.addEventListener("click", () => this.toggleLoop());
+    this.speed.addEventListener("change", () => (player.clock.speed = Number(this.speed.value)));
+  }
+
+  toggle(): void {
+    if (this.player.clock.isPlaying) this.player.pause();
+    else this.player.play();
+  }
+
+  /** Pauses, some frames from the one shown; at an end it goes on at the other where it loops. */
+  step(count: number): void {
+    this.player.pause();
+    const n = this.reel.n_frames;
+    const frame = this.player.frame + count;
+    this.seek(this.player.clock.isLooping && Math.abs(count) === 1 ? (frame + n) % n : frame);
+  }
+
+  seek(frame: number): void {
+    void this.player.seek(frame).catch(this.player.failed);
+  }
+
+  toggleLoop(): void {
+    this.player.clock.isLooping = !this.player.clock.isLooping;
+    this.update();
+  }
+
+  /** The next speed of the list, up or down. */
+  changeSpeed(by: 1 | -1): void {
+    const at = this.speed.selectedIndex + by;
+    this.speed.selectedIndex = Math.min(Math.max(0, at), this.speed.options.length - 1);
+    this.player.clock.speed = Number(this.speed.value);
+  }
+
+  update(): void {
+    const { frame, playing, loop, buffering } = this.player.state();
+    const key = `${frame} ${playing} ${loop} ${buffering}`;
+    if (key === this.shown) return;
+    this.shown = key;
+    const last = this.reel.n_frames - 1;
+    const [now, end] = [secondsOf(this.reel, frame), secondsOf(this.reel, last)];
+    this.scrub.value = String(frame);
+    this.scrub.setAttribute("aria-valuetext", `frame ${frame} of ${last}, ${now.toFixed(2)} s`);
+    part("time").innerHTML =
+      `<b>${frame}</b><small> / ${last}</small> &nbsp;${now.toFixed(2)}<small> / ${end.toFixed(2)} s</small>`;
+    const name = playing ? "Pause" : "Play";
+    this.play.classList.toggle("playing", playing);
+    this.play.setAttribute("aria-label", name);
+    this.play.title = `${name} (space)`;
+    this.loop.setAttribute("aria-pressed", String(loop));
+    part("buffering").hidden = !buffering;
+  }
+}

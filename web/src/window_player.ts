@@ -1,0 +1,44 @@
+// `window.player`: what tests, and scripts in the console, drive the page by.
+
+import type { Picture } from "./picture";
+import type { Player, PlayerState } from "./player";
+import type { Stage } from "./stage";
+
+export interface WindowPlayer {
+  /** Resolves when the first frame is shown; rejects where it cannot be. */
+  ready: Promise<void>;
+  seek(frame: number): Promise<void>;
+  play(): void;
+  pause(): void;
+  /** Positions (V, 3) in model units as drawn, read back from the GPU. */
+  positions(): Float32Array;
+  /** Colours (V, 3) of the decoded mesh before light falls on them. */
+  heatColors(): Uint8Array;
+  measureFps(seconds: number): Promise<number>;
+  setModes(nModes: number): void;
+  setHeat(kind: string | null): Promise<void>;
+  state(): PlayerState;
+}
+
+declare global {
+  interface Window {
+    player: WindowPlayer;
+  }
+}
+
+export function exposeForTests(player: Player, picture: Picture, stage: Stage): void {
+  Object.assign(window.player, {
+    seek: (frame: number) => player.seek(frame),
+    play: () => player.play(),
+    pause: () => player.pause(),
+    positions: () => player.positions(),
+    heatColors: () => picture.paint.read(stage.renderer),
+    measureFps: (seconds: number) => player.measureFps(seconds),
+    setModes: (nModes: number) => {
+      player.setModes(nModes);
+      player.drawNow();
+    },
+    setHeat: (kind: string | null) => player.setHeat(kind),
+    state: () => player.state(),
+  });
+}
