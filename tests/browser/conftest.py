@@ -1,0 +1,100 @@
+"""A real browser and players for it."""
+
+import shutil
+import subprocess
+
+import pytest
+
+import meshreel
+from meshreel.errors import InvalidInputError
+from meshreel.viewer.page import page_text
+from sample_player_pages import COMMAND, viewing
+
+BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
+OPTIONS = (  # software draws, so that no graphics card is needed
+    "--headless=new",
+    "--no-sandbox",
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+)
+ALLOWED_ERROR = 0.02
+"""Tight for the flag, so that some vertices are corrected; loose, so that errors show."""
+
+
+@pytest.fixture(scope="session")
+def browser():
+    """A browser that all tests share."""
+    driver = pytest.importorskip("playwright.sync_api", reason="needs playwright")
+    path = next(filter(None, map(shutil.which, BROWSERS)), None)
+    if path is None:
+        pytest.skip(f"needs one of {', '.join(BROWSERS)}")
+    try:
+        page_text()
+    except InvalidInputError as error:
+        pytest.skip(str(error))
+    with driver.sync_playwright() as playwright:
+        launched = playwright.chromium.launch(executable_path=path, args=OPTIONS)
+        yield launched
+        launched.close()
+
+
+@pytest.fixture
+def new_page(browser):
+    """Opens pages; an error in a script of theirs fails the test."""
+    contexts, errors = [], []
+
+    def open_page(url, *, width=1280, height=720, script="", is_shown=True):
+        context = browser.new_context(viewport={"width": width, "height": height})
+        contexts.append(context)
+        page = context.new_page()
+        page.on("pageerror", lambda error: errors.append(str(error)))
+        page.add_init_script(script)
+        page.goto(url)
+        if is_shown:
+            page.evaluate("player.ready")
+        return page
+
+    yield open_page
+    for context in contexts:
+        context.close()
+    assert errors == []
+
+
+@pytest.fixture(scope="session")
+def flag(tmp_path_factory):
+    """A stream of three blocks with corrections, and what it was made of."""
+    folder = tmp_path_factory.mktemp("flag")
+    sequence = meshreel.simulate_flag(36, n_rows=16, n_columns=18)
+    meshreel.save(sequence, folder / "original.npz")
+    data = meshreel.encode(sequence, max_error=ALLOWED_ERROR, block_frames=12)
+    (folder / "flag.reel").write_bytes(data)
+    return folder
+
+
+@pytest.fixture(scope="session")
+def decoded(flag):
+    """Frames of the stream, of shape (T, V, 3)."""
+    return meshreel.decode((flag / "flag.reel").read_bytes()).vertices
+
+
+@pytest.fixture(scope="session")
+def url(browser, flag):
+    """Where the stream plays."""
+    with viewing(flag / "flag.reel") as (_, address):
+        yield address
+
+
+@pytest.fixture(scope="session")
+def compared_url(browser, flag):
+    """Where the stream plays beside its original."""
+    with viewing(flag / "flag.reel", "--original", flag / "original.npz") as (_, address):
+        yield address
+
+
+@pytest.fixture(scope="session")
+def exported(browser, flag):
+    """The address of a page that holds the stream."""
+    path = flag / "flag.html"
+    command = [*COMMAND, "export", str(flag / "flag.reel"), "-o", str(path)]
+    subprocess.run(command, check=True, capture_output=True)
+    return path.as_uri()

@@ -1,0 +1,344 @@
+"""The player in a real browser, as people use it."""
+
+import re
+
+import numpy as np
+import pytest
+
+import meshreel
+from meshreel.metrics.heat import heat_field
+from meshreel.rendering.colormap import HEAT, colorize
+from sample_player_pages import (
+    colors_of,
+    covered,
+    picture_of,
+    positions_of,
+    show,
+    state_of,
+    viewing,
+    wait_until,
+)
+
+LAST = 35
+MOST_MODES = 1000
+FRAMES = (0, 5, 11, 12, 23, 24, LAST)
+"""Both sides of every border between blocks."""
+
+
+def diagonal_of(vertices):
+    return np.linalg.norm(np.ptp(vertices.reshape(-1, 3), axis=0))
+
+
+def distance_percent(flag, decoded, frame):
+    original = meshreel.load(flag / "original.npz")
+    diagonal = diagonal_of(original.vertices)
+    field = heat_field("distance", original.faces, original.n_verts, diagonal)
+    return field(original.vertices[frame], decoded[frame])
+
+
+@pytest.fixture
+def page(new_page, url):
+    return new_page(url)
+
+
+@pytest.fixture
+def compared(new_page, compared_url):
+    page = new_page(compared_url)
+    page.locator("#plots figure").first.wait_for()  # all frames are measured
+    return page
+
+
+@pytest.mark.parametrize("frame", FRAMES)
+def test_page_draws_what_decode_gives_when_a_frame_is_sought(page, decoded, frame):
+    show(page, frame)
+    assert state_of(page)["frame"] == frame
+    errors = np.abs(positions_of(page) - decoded[frame])
+    assert errors.max() < 1e-4 * diagonal_of(decoded)
+
+
+def test_exported_page_draws_what_decode_gives_when_it_is_opened_as_a_file(
+    new_page, exported, decoded
+):
+    page = new_page(exported)
+    for frame in (17, LAST):
+        show(page, frame)
+        errors = np.linalg.norm(positions_of(page) - decoded[frame], axis=1)
+        assert errors.max() < 1e-4 * diagonal_of(decoded)
+
+
+def test_page_comes_closer_to_decode_when_there_are_more_modes(page, decoded):
+    show(page, 17)
+    errors = []
+    for n_modes in (1, 3, 8, MOST_MODES):
+        page.evaluate("n => player.setModes(n)", n_modes)
+        errors.append(np.sqrt(np.mean((positions_of(page) - decoded[17]) ** 2)))
+    assert errors == sorted(errors, reverse=True)
+    assert errors[0] > 100 * errors[-1]
+
+
+def test_mode_slider_says_how_many_modes_are_in_use_when_it_is_moved(page):
+    page.locator("#modes").fill("2")
+    assert state_of(page)["modes"] == 2
+    assert re.fullmatch(r"first 2 of \d+", page.locator("#modes-label").inner_text())
+
+
+def test_page_plays_on_over_blocks_when_play_is_pressed(page):
+    page.get_by_role("button", name="Play").click()
+    wait_until(page, "player.state().frame > 13")
+    page.get_by_role("button", name="Pause").click()
+    frame = state_of(page)["frame"]
+    page.wait_for_timeout(200)
+    assert state_of(page)["frame"] == frame
+
+
+def test_page_stops_at_the_end_when_it_does_not_loop(page):
+    page.get_by_role("button", name="Loop").click()
+    page.get_by_label("Speed").select_option("4")
+    page.get_by_role("button", name="Play").click()
+    wait_until(page, "!player.state().playing")
+    assert state_of(page)["frame"] == LAST
+
+
+def test_page_draws_between_frames_when_gaps_are_to_be_filled(page, decoded):
+    page.get_by_label("Fill in between frames").check()
+    page.get_by_label("Speed").select_option("0.25")
+    page.get_by_role("button", name="Play").click()
+    distances = []
+    for _ in range(8):
+        page.wait_for_timeout(50)
+        distances.append(np.abs(decoded - positions_of(page)).max(axis=(1, 2)).min())
+    assert max(distances) > 1e-4 * diagonal_of(decoded)
+    page.get_by_role("button", name="Pause").click()
+    frame = state_of(page)["frame"]
+    show(page, frame)
+    assert np.abs(positions_of(page) - decoded[frame]).max() < 1e-4 * diagonal_of(decoded)
+
+
+def test_page_shows_the_frame_when_the_bar_is_dragged(page, decoded):
+    page.locator("#scrub").fill("29")
+    wait_until(page, "player.state().frame === 29")
+    show(page, 29)
+    assert np.abs(positions_of(page) - decoded[29]).max() < 1e-4 * diagonal_of(decoded)
+    assert page.locator("#time").inner_text().split()[:3] == ["29", "/", str(LAST)]
+
+
+def test_frames_per_second_advance_when_they_are_measured(page, record_property):
+    rate = page.evaluate("player.measureFps(1)")
+    record_property("frames_per_second", rate)
+    assert rate > 1
+
+
+def test_page_asks_nobody_else_when_it_plays(browser, new_page, compared_url):
+    page = new_page(compared_url)
+    asked = []
+    page.on("request", lambda request: asked.append(request.url))
+    page.reload()
+    page.evaluate("player.ready")
+    show(page, LAST)
+    assert asked
+    assert [address for address in asked if not address.startswith(compared_url)] == []
+
+
+@pytest.mark.parametrize("frame", [3, 30])
+def test_heat_map_paints_each_vertex_by_its_error_when_the_range_is_fixed(
+    compared, flag, decoded, frame
+):
+    show(compared, frame)
+    compared.locator("#heat").select_option("distance")
+    wait_until(compared, "player.state().heat === 'distance'")
+    compared.evaluate("player.setHeat('distance')")
+    hottest = state_of(compared)["hottest"]
+    expected = colorize(distance_percent(flag, decoded, frame), 0, hottest).astype(int)
+    assert len(np.unique(expected, axis=0)) > 50
+    assert np.abs(colors_of(compared) - expected).max() <= 2
+
+
+def test_heat_map_is_yellow_at_the_largest_error_when_its_range_is_of_one_frame(
+    compared, flag, decoded
+):
+    show(compared, 20)
+    compared.evaluate("player.setHeat('distance')")
+    compared.get_by_label("Colours span the shown frame only").check()
+    wait_until(compared, "player.state().perFrameRange")
+    compared.evaluate("player.setHeat('distance')")
+    values = distance_percent(flag, decoded, 20)
+    assert state_of(compared)["hottest"] == pytest.approx(values.max(), rel=1e-4)
+    np.testing.assert_array_equal(colors_of(compared)[values.argmax()], HEAT[-1])
+
+
+def test_mesh_has_one_colour_when_the_heat_map_is_off(compared):
+    compared.evaluate("player.setHeat('angle')")
+    assert len(np.unique(colors_of(compared), axis=0)) > 50
+    compared.evaluate("player.setHeat(null)")
+    assert len(np.unique(colors_of(compared), axis=0)) == 1
+
+
+def test_heat_is_that_of_the_shown_frame_when_playing_stops(compared, flag, decoded):
+    compared.evaluate("player.setHeat('distance')")
+    compared.evaluate("player.play()")
+    compared.wait_for_timeout(600)
+    compared.evaluate("player.pause()")
+    frame = state_of(compared)["frame"]
+    show(compared, frame)
+    hottest = state_of(compared)["hottest"]
+    expected = colorize(distance_percent(flag, decoded, frame), 0, hottest).astype(int)
+    assert np.abs(colors_of(compared) - expected).max() <= 2
+
+
+def test_colour_bar_shows_both_ends_of_the_map_when_a_heat_map_is_on(compared):
+    bar = compared.locator("#heat-bar")
+    assert not bar.is_visible()
+    compared.evaluate("player.setHeat('distance')")
+    shown = picture_of(compared, "#heat-bar")
+    for color in (HEAT[0], HEAT[-1]):
+        assert (np.abs(shown - color).max(axis=2) < 12).sum() > 5
+    assert "% of the diagonal" in bar.inner_text()
+
+
+def test_plot_seeks_when_it_is_clicked(compared):
+    box = compared.locator("#plots svg").first.bounding_box()
+    compared.mouse.click(box["x"] + box["width"] * 0.97, box["y"] + box["height"] / 2)
+    wait_until(compared, f"player.state().frame > {LAST - 2}")
+
+
+def test_panel_tells_ratio_errors_and_bytes_when_there_is_an_original(compared):
+    panel = compared.locator("#panel").inner_text()
+    for figure in ("ratio", "KG error", "STED", "Where the bytes are"):
+        assert figure in panel
+
+
+def test_mesh_stands_in_the_middle_of_the_canvas_when_the_page_opens(page):
+    mask = covered(picture_of(page, "#canvas"))[60:]
+    assert 0.1 < mask.mean() < 0.7
+    middle = np.argwhere(mask).mean(axis=0) / mask.shape
+    assert np.abs(middle - 0.5).max() < 0.25
+
+
+@pytest.mark.parametrize("frame", [0, LAST])
+def test_mesh_stays_in_the_middle_when_it_is_followed(page, frame):
+    page.get_by_label("Keep the mesh in the middle").check()
+    show(page, frame)
+    page.wait_for_timeout(200)
+    mask = covered(picture_of(page, "#canvas"))[60:]
+    assert 0.1 < mask.mean() < 0.8
+    assert np.abs(np.argwhere(mask).mean(axis=0) / mask.shape - 0.5).max() < 0.12
+
+
+def test_both_meshes_cover_the_same_area_when_they_stand_side_by_side(compared):
+    left, right = np.array_split(covered(picture_of(compared, "#canvas"))[60:-120], 2, axis=1)
+    assert left.mean() > 0.05
+    assert left.mean() == pytest.approx(right.mean(), rel=0.02)
+
+
+def test_views_turn_together_when_one_is_dragged(compared):
+    before = picture_of(compared, "#canvas")
+    box = compared.locator("#canvas").bounding_box()
+    compared.mouse.move(box["x"] + box["width"] * 0.25, box["y"] + box["height"] / 2)
+    compared.mouse.down()
+    compared.mouse.move(box["x"] + box["width"] * 0.35, box["y"] + box["height"] * 0.6, steps=4)
+    compared.mouse.up()
+    compared.wait_for_timeout(300)
+    after = picture_of(compared, "#canvas")
+    changed = np.abs(after - before).max(axis=2) > 12
+    left, right = np.array_split(changed[60:], 2, axis=1)
+    assert min(left.mean(), right.mean()) > 0.03
+
+
+def test_overlay_draws_lines_of_the_original_when_it_is_chosen(compared):
+    compared.locator("[name=arrangement][value=over]").check()
+    compared.wait_for_timeout(300)
+    red, _, blue = picture_of(compared, "#canvas")[60:].transpose(2, 0, 1)
+    assert (red - blue > 40).mean() > 0.01
+
+
+@pytest.mark.parametrize(
+    ("key", "changed"),
+    [("w", "#wire"), ("f", "[name=shading][value=smooth]"), ("u", "[name=up][value=z]")],
+)
+def test_key_does_what_its_control_does_when_it_is_pressed(page, key, changed):
+    before = picture_of(page, "#canvas")
+    page.keyboard.press(key)
+    assert page.locator(changed).is_checked()
+    page.wait_for_timeout(300)
+    assert (picture_of(page, "#canvas") != before).any()
+
+
+def test_keys_step_and_jump_when_they_are_pressed(page):
+    for key, frame in [
+        ("ArrowRight", 1),
+        ("Shift+ArrowRight", 11),
+        ("ArrowLeft", 10),
+        ("End", LAST),
+        ("ArrowRight", 0),
+        ("End", LAST),
+        ("Home", 0),
+    ]:
+        page.keyboard.press(key)
+        assert state_of(page)["frame"] == frame
+    page.keyboard.press(" ")
+    assert state_of(page)["playing"]
+
+
+def test_help_lists_the_keys_when_they_are_asked_for(page):
+    page.keyboard.press("?")
+    assert "play or pause" in page.get_by_role("dialog").inner_text()
+    page.keyboard.press("Escape")
+    assert not page.get_by_role("dialog").is_visible()
+
+
+def test_screenshot_saves_the_picture_when_its_button_is_pressed(page):
+    with page.expect_download() as download:
+        page.get_by_role("button", name="Screenshot").click()
+    assert download.value.suggested_filename == "flag-0.png"
+    assert download.value.path().read_bytes().startswith(b"\x89PNG")
+
+
+def test_controls_have_names_when_a_screen_reader_asks(compared):
+    unnamed = compared.evaluate(
+        """() => [...document.querySelectorAll("button, input, select")].filter((control) =>
+            !(control.ariaLabel || control.textContent.trim() || control.labels?.length)
+        ).map((control) => control.id)"""
+    )
+    assert unnamed == []
+
+
+@pytest.mark.parametrize("height", [844, 600])
+def test_nothing_runs_over_the_edge_when_the_screen_is_a_phone(new_page, compared_url, height):
+    page = new_page(compared_url, width=390, height=height)
+    assert page.evaluate("document.documentElement.scrollWidth") == 390
+    for control in page.locator("#timeline button:visible").all():
+        box = control.bounding_box()
+        assert min(box["width"], box["height"]) >= 40
+        assert box["x"] + box["width"] <= 390
+    assert page.locator("#canvas").bounding_box()["height"] > 0.25 * height
+
+
+def test_pages_do_not_disturb_each_other_when_two_are_open(new_page, url, decoded):
+    pages = [new_page(url), new_page(url)]
+    for page, frame in zip(pages, (7, 31), strict=True):
+        show(page, frame)
+    for page, frame in zip(pages, (7, 31), strict=True):
+        assert np.abs(positions_of(page) - decoded[frame]).max() < 1e-4 * diagonal_of(decoded)
+
+
+def test_page_says_so_when_the_server_is_gone(new_page, flag):
+    with viewing(flag / "flag.reel") as (_, address):
+        page = new_page(address)
+    page.keyboard.press("End")
+    page.get_by_role("alert").wait_for()
+    assert "server does not answer" in page.get_by_role("alert").inner_text()
+
+
+def test_page_says_so_when_a_block_arrives_damaged(new_page, url):
+    page = new_page(url)
+    page.route("**/api/block/2", lambda route: route.fulfill(body=b"\x10\0\0\0not JSON, though"))
+    page.keyboard.press("End")
+    page.get_by_role("alert").wait_for()
+    assert "api/block/2 arrived damaged" in page.get_by_role("alert").inner_text()
+
+
+def test_page_says_so_when_there_is_no_webgl(new_page, url):
+    script = "HTMLCanvasElement.prototype.getContext = () => null;"
+    page = new_page(url, script=script, is_shown=False)
+    page.get_by_role("alert").wait_for()
+    assert "WebGL 2" in page.get_by_role("alert").inner_text()

@@ -1,0 +1,84 @@
+"""What a browser shows of a player, and the commands that make one."""
+
+import base64
+import io
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from contextlib import contextmanager
+
+import numpy as np
+from PIL import Image
+
+COMMAND = (sys.executable, "-c", "from meshreel.cli import main; main()")
+
+
+@contextmanager
+def viewing(path, *options):
+    """The process of `meshreel view`, and the address that it tells."""
+    command = [*COMMAND, "view", str(path), "--no-open", *map(str, options)]
+    environment = {**os.environ, "PYTHONUNBUFFERED": "1", "COLUMNS": "200"}
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment)
+    try:
+        told = next((line for line in process.stdout if "http://" in line), "")
+        yield process, re.search(r"http://\S+", told)[0]
+    finally:
+        process.send_signal(signal.SIGINT)
+        process.communicate(timeout=30)
+
+
+def array_of(page, expression, dtype):
+    """A typed array of the page, whose rows are x, y, z or red, green, blue."""
+    text = page.evaluate(
+        f"""() => {{
+            const bytes = new Uint8Array(({expression}).buffer);
+            let text = "";
+            for (let i = 0; i < bytes.length; i += 4096)
+                text += String.fromCharCode(...bytes.subarray(i, i + 4096));
+            return btoa(text);
+        }}"""
+    )
+    return np.frombuffer(base64.b64decode(text), dtype).reshape(-1, 3)
+
+
+def positions_of(page):
+    """Positions of shape (V, 3) that are drawn."""
+    return array_of(page, "player.positions()", np.float32)
+
+
+def colors_of(page):
+    """Colours of shape (V, 3) of the decoded mesh, without light."""
+    return array_of(page, "player.heatColors()", np.uint8)
+
+
+def show(page, frame):
+    """Have a frame shown."""
+    page.evaluate("frame => player.seek(frame)", frame)
+
+
+def wait_until(page, condition, limit_s=20.0):
+    """Wait for a condition in JavaScript; the page's policy keeps out playwright's own way."""
+    end = time.monotonic() + limit_s
+    while not page.evaluate(condition):
+        assert time.monotonic() < end, condition
+        page.wait_for_timeout(20)
+
+
+def state_of(page):
+    """What `player.state()` tells."""
+    return page.evaluate("player.state()")
+
+
+def picture_of(page, selector=None):
+    """Pixels of the page, or of a part of it, of shape (height, width, 3)."""
+    shown = page.locator(selector) if selector else page
+    with Image.open(io.BytesIO(shown.screenshot())) as image:
+        return np.asarray(image.convert("RGB")).astype(int)
+
+
+def covered(picture):
+    """Where pixels are not of the background, which is that of the lower right corner."""
+    return np.abs(picture - picture[-3, -3]).max(axis=2) > 12
