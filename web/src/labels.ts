@@ -22,7 +22,7 @@ export class Labels {
         const label = element("span", text);
         if (i === 1) label.className = "original";
         const across = arrangement === "beside" ? 25 + 50 * i : 40 + 20 * i;
-        label.style.left = isBelow ? "50%" : `${across}%`;
+        label.style.left = isBelow ? "60px" : `${across}%`;
         label.style.top = isBelow ? `calc(${50 * i}% + 10px)` : "10px";
         return label;
       }),
