@@ -14,6 +14,7 @@ from meshreel.sequence import Faces, validate_faces, validate_vertices
 
 Image = npt.NDArray[np.uint8]
 Color = tuple[int, int, int]
+Box = tuple[slice, slice]
 
 CLAY: Color = (188, 198, 214)
 PAPER: Color = (247, 248, 250)
@@ -67,13 +68,13 @@ def render(
     fine = _enlarge(camera, supersample)
     surface = _seen_surface(positions, faces, fine, _per_vertex(colors, len(positions)), smooth)
     seen = visible_faces(surface.points, surface.near, faces, fine)
-    picture = np.empty((len(seen), 3), np.float32)
-    picture[:] = np.asarray(background, np.float32)
-    covered = np.flatnonzero(seen >= 0)
-    for start in range(0, len(covered), _PIXELS_AT_ONCE):
-        pixels = covered[start : start + _PIXELS_AT_ONCE]
-        picture[pixels] = _shade_pixels(surface, seen[pixels], pixels, fine.width)
-    return _average_samples(picture.reshape(fine.height, fine.width, 3), supersample)
+    picture = np.empty((camera.height, camera.width, 3), np.uint8)
+    picture[:] = np.asarray(background, np.uint8)
+    if (box := _covered_box(seen.reshape(fine.height, fine.width), supersample)) is not None:
+        samples = _paint(surface, seen.reshape(fine.height, fine.width), box, background)
+        inside = tuple(slice(side.start // supersample, side.stop // supersample) for side in box)
+        picture[inside] = _average_samples(samples, supersample)
+    return picture
 
 
 @dataclass(frozen=True)
@@ -112,10 +113,38 @@ def _seen_surface(
     )
 
 
-def _shade_pixels(surface: _Surface, ids: Integers, pixels: Integers, width: int) -> Singles:
-    """Colours of pixels that see the faces ``ids``, as an array of shape (N, 3)."""
+def _covered_box(seen: Integers, factor: int) -> Box | None:
+    """Rows and columns of samples that hold all that is seen, whole pixels of them."""
+    covered = seen >= 0
+    rows, columns = (np.flatnonzero(covered.any(axis=axis)) for axis in (1, 0))
+    if len(rows) == 0:
+        return None
+    (top, left), (bottom, right) = (
+        (int(rows[end]) // factor, int(columns[end]) // factor) for end in (0, -1)
+    )
+    return (
+        slice(top * factor, (bottom + 1) * factor),
+        slice(left * factor, (right + 1) * factor),
+    )
+
+
+def _paint(surface: _Surface, seen: Integers, box: Box, background: Color) -> Singles:
+    """Colours of the samples in a box, as an array of its shape and 3 channels."""
+    ids = seen[box].ravel()
+    height, width = (side.stop - side.start for side in box)
+    samples = np.empty((height * width, 3), np.float32)
+    samples[:] = np.asarray(background, np.float32)
+    covered = np.flatnonzero(ids >= 0)
+    for start in range(0, len(covered), _PIXELS_AT_ONCE):
+        places = covered[start : start + _PIXELS_AT_ONCE]
+        centres = np.stack([places % width + box[1].start, places // width + box[0].start], axis=1)
+        samples[places] = _shade_samples(surface, ids[places], centres + 0.5)
+    return samples.reshape(height, width, 3)
+
+
+def _shade_samples(surface: _Surface, ids: Integers, centres: Floats) -> Singles:
+    """Colours of samples with these centres that see the faces ``ids``, of shape (N, 3)."""
     corners = surface.faces[ids]
-    centres = np.stack([pixels % width, pixels // width], axis=1) + 0.5
     offsets = centres - surface.points[corners[:, 0]]
     weights = np.empty((len(ids), 3))
     weights[:, 1:] = np.einsum("nkc,nc->nk", surface.slopes[ids], offsets)
@@ -161,7 +190,8 @@ def _enlarge(camera: Camera, factor: int) -> Camera:
     )
 
 
-def _average_samples(picture: Singles, factor: int) -> Image:
-    height, width = picture.shape[0] // factor, picture.shape[1] // factor
-    blocks = picture.reshape(height, factor, width, factor, 3)
-    return np.asarray(np.rint(blocks.mean(axis=(1, 3))), np.uint8)
+def _average_samples(samples: Singles, factor: int) -> Image:
+    """Means of squares of samples; added up in slices, which is many times faster than a mean."""
+    corners = [(row, column) for row in range(factor) for column in range(factor)]
+    total = sum(samples[row::factor, column::factor] for row, column in corners)
+    return np.asarray(np.rint(total / np.float32(factor**2)), np.uint8)
