@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.errors import InvalidInputError
-from meshreel.progress import Progress, silent
+from meshreel.progress import Count, Progress, silent
 from meshreel.sequence import Faces, MeshSequence
 
 Floats = npt.NDArray[np.float64]
@@ -70,7 +70,7 @@ def simulate_flag(
         frames[frame] = np.moveaxis(cloth.positions, 0, -1)
         for substep in range(n_substeps):
             cloth.advance(frame * n_substeps + substep)
-        progress("simulate", (frame + 1) / n_frames)
+        progress("simulating", Count(frame + 1, n_frames, "frames"))
     return MeshSequence(frames.reshape(n_frames, -1, 3), _faces(n_rows, n_columns), fps, "flag")
 
 

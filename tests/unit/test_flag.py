@@ -116,7 +116,7 @@ def test_simulate_flag_stays_bounded_when_the_frame_rate_is_unusual(fps):
 def test_simulate_flag_tells_its_progress_when_listened_to():
     heard = []
     simulate_flag(4, **SMALL, progress=lambda stage, share: heard.append((stage, share)))
-    assert heard == [("simulate", share) for share in (0.25, 0.5, 0.75, 1.0)]
+    assert heard == [("simulating", share) for share in (0.25, 0.5, 0.75, 1.0)]
 
 
 @pytest.mark.parametrize(

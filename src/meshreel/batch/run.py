@@ -14,7 +14,7 @@ from meshreel.batch.failures import reason_of
 from meshreel.batch.manifest import DONE, FAILED, Record
 from meshreel.batch.plan import Plan
 from meshreel.engine.engine import Engine
-from meshreel.progress import Progress, silent
+from meshreel.progress import Count, Progress, silent
 from meshreel.threads import in_background
 
 
@@ -71,11 +71,11 @@ def run_batch(plan: Plan, engine: Engine | None, *, progress: Progress = silent)
     run.begin()
     if engine is not None:
         outcomes = _spread(plan, engine) if _is_spread(plan, engine) else _one_each(plan, engine)
-        progress(_stage(engine), 0.0)
+        progress(_stage(engine), Count(0, len(plan.to_encode), "inputs"))
         for n_done, (one, outcome) in enumerate(outcomes, start=1):
             # In a thread, which ctrl-C does not reach: a stream is not written without its record.
             in_background(partial(run.finish, one, outcome)).result()
-            progress(_stage(engine), n_done / len(plan.to_encode))
+            progress(_stage(engine), Count(n_done, len(plan.to_encode), "inputs"))
     return run.report()
 
 

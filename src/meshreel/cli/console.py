@@ -18,14 +18,24 @@ from rich.progress import (
 from rich.progress import Progress as Bar
 from rich.table import Table
 
+from meshreel.cli.progress_words import PaceClock
 from meshreel.progress import Progress
 
 SHOW_AFTER_S = 1.0
+
+MIN_BAR, MAX_BAR = 8, 40
+"""Columns of the longest bar; where there is no room for the least, there are no bars."""
+
+_BORDERS_AND_SHARE = "│  │  │ 100.0 % │  │"
+_EIGHTHS = " ▏▎▍▌▋▊▉█"
 
 
 @contextmanager
 def progress_bar() -> Iterator[Progress]:
     """A listener that draws a bar on stderr once the work has taken a second.
+
+    Beside it stand the stage, the time since the beginning, and, of what is counted, how many are
+    done, how fast, and the time that is left of the stage.
 
     Draws nothing where stderr is not a terminal.
     """
@@ -36,17 +46,20 @@ def progress_bar() -> Iterator[Progress]:
         BarColumn(),
         TaskProgressColumn(),
         TimeElapsedColumn(),
+        TextColumn("{task.fields[words]}", style="progress.remaining"),
         console=console,
         transient=True,
         disable=not console.is_terminal,
     )
-    task = bar.add_task("", total=1.0)
+    task = bar.add_task("", total=1.0, words="")
+    clock = PaceClock()
     timer = threading.Timer(SHOW_AFTER_S, bar.start)
     timer.daemon = True
     timer.start()
 
     def report(stage: str, fraction: float) -> None:
-        bar.update(task, description=stage, completed=fraction)
+        words = clock.words(fraction)
+        bar.update(task, description=escape(stage), completed=float(fraction), words=words)
 
     try:
         yield report
@@ -89,6 +102,43 @@ def print_columns(title: str, headings: Sequence[str], rows: Iterable[Sequence[s
     for row in rows:
         table.add_row(*map(escape, row))
     Console().print(table)
+
+
+def print_bars(title: str, sizes: Mapping[str, int]) -> None:
+    """Sizes in bytes on stdout, each with its share and a bar; none is wider than the terminal."""
+    console = Console()
+    total = sum(sizes.values()) or 1
+    table = Table(title=title, show_header=False, title_justify="left", title_style="bold")
+    table.add_column(overflow="fold")
+    names, texts = max(map(len, sizes)), [f"{size} B" for size in sizes.values()]
+    for widest in (max(map(len, texts)), len("100.0 %")):
+        table.add_column(justify="right", no_wrap=True, min_width=widest)
+    width = console.width - names - max(map(len, texts)) - len(_BORDERS_AND_SHARE)
+    if width >= MIN_BAR:
+        table.add_column(no_wrap=True)
+    for (name, size), text in zip(sizes.items(), texts, strict=True):
+        bar = text_bar(
+            size / max(sizes.values()), min(width, MAX_BAR), ascii_only=_is_ascii(console)
+        )
+        cells = [escape(name), text, f"{100 * size / total:.1f} %", bar]
+        table.add_row(*cells[: len(table.columns)])
+    console.print(table)
+
+
+def text_bar(share: float, width: int, *, ascii_only: bool = False) -> str:
+    """A bar of letters that fills a share of so many columns, in eighths where they can be shown.
+
+    What is more than nothing is never drawn as nothing.
+    """
+    if ascii_only:
+        return "#" * max(round(share * width), 1 if share > 0 else 0)
+    eighths = max(round(8 * share * width), 1 if share > 0 else 0)
+    whole, rest = divmod(eighths, 8)
+    return _EIGHTHS[8] * whole + (_EIGHTHS[rest] if rest else "")
+
+
+def _is_ascii(console: Console) -> bool:
+    return console.options.ascii_only
 
 
 def print_notes(notes: list[str]) -> None:

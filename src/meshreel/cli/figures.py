@@ -77,14 +77,6 @@ def info_rows(stream: StreamInfo) -> dict[str, str]:
     return rows
 
 
-def budget_rows(stream: StreamInfo) -> dict[str, str]:
-    """Where the bytes go."""
-    return {
-        name: f"{size} B  {100 * size / stream.size_bytes:5.1f} %"
-        for name, size in stream.budget_bytes.items()
-    }
-
-
 def quality_rows(quality: Quality) -> dict[str, str]:
     """Errors with their units."""
     return {

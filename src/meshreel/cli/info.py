@@ -16,8 +16,8 @@ def info_command(
 
     - `meshreel info walk.reel`
     """
-    from meshreel.cli.console import print_json, print_table
-    from meshreel.cli.figures import budget_rows, info_rows
+    from meshreel.cli.console import print_bars, print_json, print_table
+    from meshreel.cli.figures import info_rows
     from meshreel.formats.naming import errors_naming
     from meshreel.formats.reel import open
 
@@ -27,4 +27,4 @@ def info_command(
         print_json(stream.as_dict())
         return
     print_table(str(source), info_rows(stream))
-    print_table("bytes", budget_rows(stream))
+    print_bars("bytes", stream.budget_bytes)

@@ -12,7 +12,7 @@ from meshreel.connectivity.coder import encode_connectivity
 from meshreel.metrics.sted import sted
 from meshreel.metrics.streamed import streamed_errors
 from meshreel.profiling import staged
-from meshreel.progress import Progress, silent
+from meshreel.progress import Count, Progress, silent
 from meshreel.sequence import FrameSource
 
 Vertices = npt.NDArray[np.floating]
@@ -68,7 +68,7 @@ def measure_stream(
             if with_sted:
                 runs.append(given)
             yield start, given
-            progress("measuring", (start + len(frames)) / sequence.n_frames)
+            progress("measuring", Count(start + len(frames), sequence.n_frames, "frames"))
 
     with ReelFile(BytesIO(data)) as reel:
         errors = streamed_errors(sequence, pieces(reel))

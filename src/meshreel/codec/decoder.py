@@ -7,7 +7,7 @@ import numpy as np
 from meshreel.bitstream.reader import read_stream
 from meshreel.codec.block_decoder import BlockDecoder
 from meshreel.errors import CorruptStreamError, InvalidInputError
-from meshreel.progress import Progress, silent
+from meshreel.progress import Count, Progress, silent
 from meshreel.sequence import MeshSequence
 
 
@@ -40,7 +40,7 @@ def decode(
     CorruptStreamError, TruncatedStreamError, UnsupportedVersionError
         If the bytes are not a whole stream that this build reads.
     """
-    progress("connectivity", 0.0)
+    progress("decoding connectivity", 0.0)
     stream = read_stream(bytes(data))
     header = stream.header
     wanted = frame_range(frames, stream.n_frames)
@@ -53,11 +53,11 @@ def decode(
             before = first - wanted.start
 
             def report(done: int, before: int = before) -> None:
-                progress("frames", (before + done) / len(wanted))
+                progress("decoding", Count(before + done, len(wanted), "frames"))
 
             target = vertices[before : last - wanted.start]
             decoder.block(number).fill(target, first - start, report)
-    progress("frames", 1.0)
+    progress("decoding", Count(len(wanted), len(wanted), "frames"))
     try:
         return MeshSequence(
             vertices,

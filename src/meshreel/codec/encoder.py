@@ -17,7 +17,7 @@ from meshreel.codec.paper_encoder import PaperBlockCoder
 from meshreel.codec.reel_encoder import ReelEncoder
 from meshreel.codec.source import Source
 from meshreel.engine.engine import Engine
-from meshreel.progress import Progress, silent
+from meshreel.progress import Count, Progress, silent
 from meshreel.sequence import FrameSource
 
 
@@ -149,7 +149,7 @@ def encode(
         tune=tune,
         effort=effort,
     )
-    progress("connectivity", 0.0)
+    progress("encoding connectivity", 0.0)
     source = Source(sequence, config)
     if config.method_row.basis is Basis.JOINT:
         return ReelEncoder(source, progress, engine).encode()
@@ -162,9 +162,9 @@ def _coded(
     source: Source, coder: PaperBlockCoder, progress: Progress
 ) -> Iterator[tuple[int, Sections]]:
     """Frames and sections of each block."""
-    done = 0
+    done, n_frames = 0, source.sequence.n_frames
     for vertices in source.blocks():
-        progress("frames", done / source.sequence.n_frames)
+        progress("encoding", Count(done, n_frames, "frames"))
         yield len(vertices), coder.code(vertices)
         done += len(vertices)
-    progress("frames", 1.0)
+    progress("encoding", Count(n_frames, n_frames, "frames"))

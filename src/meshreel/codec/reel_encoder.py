@@ -29,7 +29,7 @@ from meshreel.codec.targets import (
 from meshreel.engine.engine import Engine
 from meshreel.errors import InvalidInputError, SolverError
 from meshreel.metrics.rate import rate_bpvf
-from meshreel.progress import Progress
+from meshreel.progress import Count, Progress
 from meshreel.subspace.trajectories import from_matrices
 from meshreel.threads import one_ahead
 
@@ -161,8 +161,6 @@ class ReelEncoder:
             step = min(step, self._step_of_size(LARGEST_ERROR_STEP))
         step = max(step, self._finest_step)
         if step not in self._trials:
-            n_done = len(self._trials)
-            self._progress("encode", n_done / (n_done + 2))
             self._trials[step] = self._made(step, bound)
         return self._trials[step]
 
@@ -175,8 +173,19 @@ class ReelEncoder:
             blocks = self._coded(coder, meter)
             if self._is_cut:  # integers of a block are found while those before become bytes
                 blocks = one_ahead(blocks)
-        data = whole_stream(self._source.header(), leading, blocks)
+        data = whole_stream(self._source.header(), leading, self._told(blocks))
         return Trial(data, None if meter is None else meter.value)
+
+    def _told(self, blocks: Iterator[tuple[int, Sections]]) -> Iterator[tuple[int, Sections]]:
+        """The blocks, while the listener is told how many of their frames are coded."""
+        is_one_try = self._config.target.aim in (Aim.QUALITY, Aim.STEP)
+        stage = "encoding" if is_one_try else f"encoding, try {len(self._trials) + 1}"
+        done, n_frames = 0, self._source.sequence.n_frames
+        self._progress(stage, Count(done, n_frames, "frames"))
+        for n_coded, sections in blocks:
+            yield n_coded, sections
+            done += n_coded
+            self._progress(stage, Count(done, n_frames, "frames"))
 
     def _coded(self, coder: FieldBlockCoder, meter: Meter | None) -> Iterator[tuple[int, Sections]]:
         """Frames and sections of each block; all others refer to the first."""

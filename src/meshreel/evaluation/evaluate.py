@@ -17,7 +17,7 @@ from meshreel.evaluation.peers.registry import PEERS
 from meshreel.evaluation.recorded import RecordedPoint, matching
 from meshreel.evaluation.store import Result, Store, claim_folder, unique_names
 from meshreel.evaluation.sweeps import DEFAULT_METHODS, method_sweep
-from meshreel.progress import Progress, silent
+from meshreel.progress import Count, Progress, silent
 from meshreel.rendering.plots import require_matplotlib
 from meshreel.sequence import MeshSequence
 
@@ -104,7 +104,7 @@ def evaluate(
             notes.append(_no_recorded(store.sequence))
         measured.append((results, draw_codecs(results, drawn)))
     markdown, html = write_codec_report(measured, there, notes, out, command)
-    progress("report", 1.0)
+    progress("writing the report", 1.0)
     return CodecEvaluation(markdown, html, measured, notes)
 
 
@@ -131,7 +131,7 @@ def measure(
             runs.append((name, partial(run_peer, subject, peer, value, store)))
     found = []
     for number, (name, work) in enumerate(runs):
-        progress(f"{slug}: {name} ({number + 1} of {len(runs)})", number / len(runs))
+        progress(f"{slug}: {name}", Count(number, len(runs), "runs"))
         found.append(work())
     return found
 

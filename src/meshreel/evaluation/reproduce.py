@@ -20,7 +20,7 @@ from meshreel.evaluation.results import (
 from meshreel.evaluation.runner import run
 from meshreel.evaluation.settings import METHOD_NAMES, Setting, row_settings, sweep, variants
 from meshreel.evaluation.store import Result, Store, claim_folder, unique_names
-from meshreel.progress import Progress, silent
+from meshreel.progress import Count, Progress, silent
 from meshreel.rendering.plots import require_matplotlib
 from meshreel.sequence import MeshSequence
 
@@ -94,7 +94,7 @@ def reproduce(
         results = measure(sequence, slug, store, methods=methods, quick=quick, progress=progress)
         measured.append((results, draw(sequence, results, store, drawn, progress=progress)))
     markdown, html = write_report(measured, out, command)
-    progress("report", 1.0)
+    progress("writing the report", 1.0)
     return Evaluation(markdown, html, measured)
 
 
@@ -180,6 +180,6 @@ def _listener(
 
     def report(stage: str, fraction: float) -> None:
         what = f"{slug}: {setting.label}, {setting.n_modes or 'default'} modes, {setting.bits} bits"
-        progress(f"{what} ({n_done + 1} of {n_runs}), {stage}", n_done / n_runs)
+        progress(f"{what}, {stage}", Count(n_done, n_runs, "runs"))
 
     return report

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.errors import InvalidInputError
-from meshreel.progress import Progress, silent
+from meshreel.progress import Count, Progress, silent
 from meshreel.sequence import (
     MeshSequence,
     Vertices,
@@ -89,7 +89,7 @@ class FrameStream:
             for frame in block:
                 yield frame
                 index += 1
-                self.progress("writing", index / self.n_frames)
+                self.progress("writing", Count(index, self.n_frames, "frames"))
 
     def gather(self) -> MeshSequence:
         """All frames in memory; they can be had only once."""

@@ -13,7 +13,7 @@ from meshreel.formats.kinds import FrameFormat
 from meshreel.formats.naming import errors_naming, os_errors_naming
 from meshreel.formats.polygons import PolygonMesh
 from meshreel.formats.stored_frames import changed_error
-from meshreel.progress import Progress
+from meshreel.progress import Count, Progress
 from meshreel.sequence import Vertices, validate_finite
 from meshreel.surface import PLAIN, Surface
 
@@ -61,7 +61,7 @@ class MeshFiles:
             with errors_naming(path):
                 validate_finite(mesh.vertices[np.newaxis], first_frame=index)
             yield mesh
-            progress(stage, (index + 1) / len(self))
+            progress(stage, Count(index + 1, len(self), "frames"))
 
     def mesh(self, index: int) -> PolygonMesh:
         """One frame, as it was when it was first read.

@@ -16,6 +16,7 @@ from meshreel.formats.stored_frames import StoredFrames
 from meshreel.formats.survey import FrameSurvey
 from meshreel.formats.timing import frame_times
 from meshreel.geometry.fans import triangulate_fans
+from meshreel.progress import Count
 from meshreel.sequence import FrameSource, MeshSequence, Vertices, validate_finite
 
 
@@ -76,7 +77,7 @@ def sequence_of(mesh: SceneMesh, path: Path, options: ReadOptions) -> FrameSourc
             survey.add(frame.vertices[np.newaxis])
             if is_loaded:
                 frames.append(frame.vertices)
-            options.progress("reading", (index + 1) / n_frames)
+            options.progress("reading", Count(index + 1, n_frames, "frames"))
         timing = frame_times(mesh.times_s)
         if not timing.is_even:
             options.notes.append(

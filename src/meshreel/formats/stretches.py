@@ -14,6 +14,7 @@ from meshreel.formats.polygons import PolygonMesh
 from meshreel.formats.registry import check_read_options
 from meshreel.formats.scene_source import chosen_mesh, part_of, sequence_of
 from meshreel.formats.sources import Source, SourceFiles, find_files
+from meshreel.progress import Count
 from meshreel.sequence import FrameSource
 
 
@@ -88,5 +89,5 @@ def _same_faces(
         if mesh.difference(first):
             borders.append(index)
             first = mesh
-        options.progress("comparing", (index + 1) / n_frames)
+        options.progress("comparing", Count(index + 1, n_frames, "frames"))
     return list(pairwise([*borders, n_frames]))

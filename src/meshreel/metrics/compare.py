@@ -14,7 +14,7 @@ from meshreel.metrics.normals import normal_angles
 from meshreel.metrics.reference import bounding_box_reference
 from meshreel.metrics.sted import sted
 from meshreel.progress import Progress, silent
-from meshreel.sequence import Faces, MeshSequence
+from meshreel.sequence import Faces, FrameSource, MeshSequence
 
 Floats = npt.NDArray[np.float64]
 
@@ -73,7 +73,7 @@ def compare(
         Of equal frame and vertex counts, with the same oriented triangles; their order, and the
         vertex at which each begins, may differ.
     progress : callable, optional
-        Called as ``progress("compare", fraction)``.
+        Called as ``progress("comparing", fraction)``.
 
     Raises
     ------
@@ -82,16 +82,16 @@ def compare(
     """
     require_comparable(original, decoded)
     vertices, vertices_hat, faces = original.vertices, decoded.vertices, original.faces
-    progress("compare", 0.0)
+    progress("comparing", 0.0)
     kg = kg_error_percent(vertices, vertices_hat)
     displacement = displacement_errors_percent(vertices, vertices_hat)
-    progress("compare", 0.1)
+    progress("comparing", 0.1)
     perceived = sted(vertices, vertices_hat, faces)
-    progress("compare", 0.5)
+    progress("comparing", 0.5)
     nmsve = nmsve_per_frame(vertices, vertices_hat, faces)
-    progress("compare", 0.7)
+    progress("comparing", 0.7)
     angles = normal_angles(vertices, vertices_hat, faces)
-    progress("compare", 1.0)
+    progress("comparing", 1.0)
     return Quality(
         kg_error_percent=kg,
         sted=perceived.sted,
@@ -109,7 +109,7 @@ def compare(
     )
 
 
-def require_comparable(original: MeshSequence, decoded: MeshSequence) -> None:
+def require_comparable(original: FrameSource, decoded: FrameSource) -> None:
     """Nothing if the sequences agree in frame count, vertex count and oriented triangles.
 
     Raises
@@ -120,7 +120,7 @@ def require_comparable(original: MeshSequence, decoded: MeshSequence) -> None:
     for noun, count, count_hat in (
         ("vertices", original.n_verts, decoded.n_verts),
         ("frames", original.n_frames, decoded.n_frames),
-        ("faces", original.n_faces, decoded.n_faces),
+        ("faces", len(original.faces), len(decoded.faces)),
     ):
         if count != count_hat:
             raise InvalidInputError(

@@ -38,7 +38,7 @@ class Heat:
 
 HEATS = {
     "distance": Heat("vertex distance, % of the diagonal", "%"),
-    "angle": Heat("angle between normals, degrees", "°"),
+    "angle": Heat("angle between normals, degrees", "degrees"),
     "sted": Heat("local STED: deviation of relative edge lengths", ""),
 }
 

@@ -157,5 +157,5 @@ def test_progress_ends_at_one_when_done():
     reported = []
     data = encode(waving_grid(), progress=lambda stage, share: reported.append((stage, share)))
     decode(data, progress=lambda stage, share: reported.append((stage, share)))
-    assert reported[-1] == ("frames", 1.0)
+    assert reported[-1] == ("decoding", 1.0)
     assert all(0 <= share <= 1 for _, share in reported)

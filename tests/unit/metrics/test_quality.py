@@ -125,7 +125,7 @@ def test_compare_reports_growing_fractions_up_to_one_when_listened_to(pair):
     heard = []
     compare(*pair, progress=lambda stage, fraction: heard.append((stage, fraction)))
     fractions = [fraction for _, fraction in heard]
-    assert {stage for stage, _ in heard} == {"compare"}
+    assert {stage for stage, _ in heard} == {"comparing"}
     assert fractions == sorted(fractions)
     assert (fractions[0], fractions[-1]) == (0, 1)
 

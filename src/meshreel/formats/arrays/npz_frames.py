@@ -25,6 +25,7 @@ from meshreel.formats.naming import errors_naming, os_errors_naming
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.stored_frames import StoredFrames, changed_error
 from meshreel.formats.survey import FrameSurvey
+from meshreel.progress import Count
 from meshreel.sequence import FrameSource, Vertices, validate_finite
 
 LOCAL_HEADER = struct.Struct("<26xHH")  # of a member of a zip file; its name and an extra follow
@@ -60,7 +61,7 @@ def open_npz(path: Path, options: ReadOptions) -> FrameSource:
         with errors_naming(path):
             validate_finite(vertices, first_frame=start)
         survey.add(vertices)
-        options.progress("reading", (start + len(vertices)) / stored.n_frames)
+        options.progress("reading", Count(start + len(vertices), stored.n_frames, "frames"))
     with errors_naming(path):
         about = read_description(arrays, path.stem, options)
         return StoredFrames(

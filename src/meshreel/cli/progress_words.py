@@ -1,0 +1,61 @@
+"""What stands beside a progress bar: how much is done, how fast, and how long it still takes."""
+
+import time
+from collections.abc import Callable
+
+from meshreel.progress import Count
+
+SURE_AFTER_S = 2.0
+"""No time left is told before work has taken so long: it would jump about."""
+
+
+class PaceClock:
+    """The pace of the work that is counted now.
+
+    Parameters
+    ----------
+    now_s : callable, optional
+        The time in seconds, of any origin.
+    """
+
+    def __init__(self, now_s: Callable[[], float] = time.monotonic) -> None:
+        self._now_s = now_s
+        self._counted = ("", 0)
+        self._began_s, self._n_at_first, self._n_last = now_s(), 0, 0
+
+    def words(self, fraction: float) -> str:
+        """Such as "12 of 175 frames, 8.4 frames/s, 0:19 left"; empty where nothing is counted.
+
+        The pace is measured anew when other things are counted, or the same from the beginning.
+
+        Parameters
+        ----------
+        fraction : float
+            A `Count` where things are counted.
+        """
+        if not isinstance(fraction, Count):
+            self._counted = ("", 0)
+            return ""
+        counted = fraction.unit, fraction.total
+        if counted != self._counted or fraction.done < self._n_last:
+            self._began_s, self._n_at_first = self._now_s(), fraction.done
+        self._counted, self._n_last = counted, fraction.done
+        words = f"{fraction.done} of {fraction.total} {fraction.unit}"
+        elapsed_s, n_since = self._now_s() - self._began_s, fraction.done - self._n_at_first
+        if elapsed_s < SURE_AFTER_S or n_since == 0:
+            return words
+        pace = n_since / elapsed_s
+        left_s = (fraction.total - fraction.done) / pace
+        return f"{words}, {pace_text(pace, fraction.unit)}, {clock_text(left_s)} left"
+
+
+def pace_text(per_second: float, unit: str) -> str:
+    """Such as "8.4 frames/s"; "3.1 s each" where a thing takes more than a second."""
+    return f"{per_second:.3g} {unit}/s" if per_second >= 1 else f"{1 / per_second:.3g} s each"
+
+
+def clock_text(seconds: float) -> str:
+    """Such as "0:19", "12:05" and "3:07:00"."""
+    minutes, rest = divmod(round(seconds), 60)
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours}:{minutes:02d}:{rest:02d}" if hours else f"{minutes}:{rest:02d}"
