@@ -63,9 +63,8 @@ def compare_command(
         )
         quality = compare(first, second, progress=progress)
         if plot is not None:
-            plot_error_per_frame(
-                plot, {Path(decoded).name: quality.nmsve}, fps=first.fps, overwrite=force
-            )
+            title = f"{Path(decoded).name} against {Path(original).name}"
+            plot_error_per_frame(plot, title, quality.nmsve, fps=first.fps, overwrite=force)
     print_notes(notes)
     if as_json:
         print_json({"original": original, "decoded": decoded, **quality.as_dict()})

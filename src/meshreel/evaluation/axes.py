@@ -7,7 +7,7 @@ import numpy as np
 
 from meshreel.evaluation.envelopes import Point, lower_envelope
 from meshreel.evaluation.labels import LineEnd, label_ends
-from meshreel.evaluation.palette import line_style
+from meshreel.evaluation.palette import line_style, point_marker
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -20,9 +20,10 @@ def draw_envelopes(axes: "Axes", curves: Mapping[str, Sequence[Point]], error_na
     for label, points in curves.items():
         style = line_style(label)
         envelope = lower_envelope(points)
-        axes.plot(*np.array(points).T, "o", color=style["color"], markersize=3, alpha=0.4)
+        marker = point_marker(label)
+        axes.plot(*np.array(points).T, marker, color=style["color"], markersize=3, alpha=0.4)
         if envelope:
-            axes.plot(*np.array(envelope).T, marker="o", markersize=4, **style)
+            axes.plot(*np.array(envelope).T, marker=marker, markersize=5, **style)
             ends.append((label, *envelope[-1]))
     axes.set(xscale="log", yscale="log", xlabel="bits per vertex and frame", ylabel=error_name)
     plain_ticks(axes.xaxis)

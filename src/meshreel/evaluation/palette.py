@@ -30,15 +30,32 @@ CODEC_COLORS = {
 }
 
 
+# Shapes tell apart what colours do not, in print and to every eye; ours are discs.
+CODEC_MARKERS = {
+    "draco": "s",
+    "sz3": "^",
+    "zfp": "D",
+    "meshopt": "v",
+    "pco": "P",
+    "famc": "X",
+    "vdmc_tm4_motion": "<",
+    "gltfpack_cc": ">",
+    "o3dgc_dv": "h",
+    "o3dgc_sc3dmc": "p",
+}
+
+
 def line_style(label: str) -> dict[str, Any]:
     """How matplotlib draws the line of a variant or of another codec.
 
     `pca-qs` is wide, so that it shows below `pca-qp`, with which it coincides; a variant with
-    other than the usual anchors is dashed, as is a recorded codec.
+    other than the usual anchors is dashed, as is a recorded codec. A codec that is recorded by a
+    longer name (`sz3_lorenzo_2d`) looks as it does where it is measured.
     """
     method, _, remark = label.partition(" ")
     wide = method == "pca-qs"
-    color, width = CODEC_COLORS.get(method, "#666666"), 1.1
+    codec = method if method in CODEC_COLORS else method.split("_")[0]
+    color, width = CODEC_COLORS.get(codec, "#666666"), 1.1
     if method in METHOD_COLORS:
         color, width = METHOD_COLORS[method], 5.0 if wide else 1.5
     return {
@@ -47,3 +64,9 @@ def line_style(label: str) -> dict[str, Any]:
         "alpha": 0.45 if wide else 1.0,
         "linestyle": "--" if remark else "-",
     }
+
+
+def point_marker(label: str) -> str:
+    """The shape of the points of a variant or of another codec, as matplotlib names it."""
+    method = label.partition(" ")[0]
+    return CODEC_MARKERS.get(method) or CODEC_MARKERS.get(method.split("_")[0], "o")

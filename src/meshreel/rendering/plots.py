@@ -1,6 +1,5 @@
 """Plots of figures over frames; they need the extra [plot]."""
 
-from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,23 +12,29 @@ from meshreel.errors import InvalidInputError
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-# Okabe and Ito's palette, which colour-blind readers can tell apart.
-LINE_COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
+LINE_COLOR = "#4B0092"
+"""That of `reel` in the figures of `meshreel evaluate`."""
+
+LOG_FROM_RATIO = 30.0
+"""Errors whose largest is this many times the smallest are drawn on a log axis."""
 
 
 def plot_error_per_frame(
     path: Path,
-    nmsve: Mapping[str, npt.NDArray[np.float64]],
+    title: str,
+    nmsve: npt.NDArray[np.float64],
     *,
     fps: float = 0.0,
     overwrite: bool = False,
 ) -> None:
-    """Write a PNG with the NMSVE of every frame, a line for each decoded sequence.
+    """Write a PNG with the NMSVE of every frame, and a line at their mean.
 
     Parameters
     ----------
     path : Path
-    nmsve : mapping of label to float64 array of shape (T,)
+    title : str
+        What is compared.
+    nmsve : float64 array of shape (T,)
     fps : float, default 0
         Frames per second; adds a second axis in seconds unless it is 0.
 
@@ -40,17 +45,29 @@ def plot_error_per_frame(
     """
     figure = blank_figure(8, 4.5)
     axes = figure.add_subplot()
-    for color, (label, errors) in zip(LINE_COLORS, nmsve.items(), strict=False):
-        marker = "o" if len(errors) == 1 else None
-        axes.plot(np.arange(len(errors)), errors, color=color, label=label, marker=marker)
+    axes.plot(
+        np.arange(len(nmsve)), nmsve, color=LINE_COLOR, marker="o" if len(nmsve) == 1 else None
+    )
+    lowest, mean, highest = (float(of(nmsve)) for of in (np.min, np.mean, np.max))
+    if np.isfinite(mean):
+        axes.axhline(mean, color=LINE_COLOR, linewidth=0.8, linestyle="--")
+        axes.annotate(
+            f"mean\n{mean:.2e}", (1.01, mean),
+            xycoords=axes.get_yaxis_transform(), va="center", color=LINE_COLOR,
+            annotation_clip=False,
+        )  # fmt: skip
     axes.set(xlabel="frame", ylabel="NMSVE (positions in diagonals)")
-    axes.set_ylim(bottom=0)
+    if 0 < LOG_FROM_RATIO * lowest < highest < np.inf:
+        axes.set_yscale("log")
+    else:
+        axes.set_ylim(bottom=0)
+        axes.yaxis.set_major_formatter("{x:g}")
+    axes.set_title(title, loc="left", fontsize="medium")
     axes.grid(alpha=0.3)
     axes.spines[["top", "right"]].set_visible(False)
-    axes.legend(frameon=False)
     if fps > 0:
-        frame_to_seconds = (lambda frame: np.asarray(frame) / fps, lambda second: second * fps)
-        seconds = axes.secondary_xaxis("top", functions=frame_to_seconds)
+        there_and_back = lambda n: np.divide(n, fps), lambda s: np.multiply(s, fps)
+        seconds = axes.secondary_xaxis(-0.16, functions=there_and_back)
         seconds.set_xlabel("seconds")
     save_figure(figure, path, overwrite=overwrite)
 
