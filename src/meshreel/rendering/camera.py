@@ -1,5 +1,6 @@
 """A pinhole camera, and the one that frames a whole sequence."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -76,7 +77,7 @@ class Camera:
 
 
 def fit_camera(
-    vertices: npt.NDArray[np.floating],
+    vertices: npt.NDArray[np.floating] | Iterable[npt.NDArray[np.floating]],
     *,
     azimuth_deg: float = 30.0,
     elevation_deg: float = 12.0,
@@ -89,8 +90,8 @@ def fit_camera(
 
     Parameters
     ----------
-    vertices : float array of shape (T, V, 3) or (V, 3)
-        Everything that must be in the picture, in model units.
+    vertices : float array of shape (T, V, 3) or (V, 3), or iterable of arrays of shape (V, 3)
+        Everything that must be in the picture, in model units; an iterable is gone through once.
     azimuth_deg : float
         0 looks at the front (from +z when y is up, from -y when z is up); the camera moves to
         its own right as the angle grows.
@@ -108,9 +109,6 @@ def fit_camera(
     InvalidInputError
         If a position is not finite, or an argument is out of its range.
     """
-    points = np.asarray(vertices)
-    if points.ndim not in (2, 3) or points.shape[-1] != 3 or points.size == 0:
-        raise InvalidInputError(f"vertices must have shape (T, V, 3) or (V, 3); got {points.shape}")
     if up not in _UP_AND_RIGHT:
         raise InvalidInputError(f"up must be 'x', 'y' or 'z'; got {up!r}")
     if not 0 <= margin <= 0.45:
@@ -125,8 +123,26 @@ def fit_camera(
     shorter_px = min(width, height)
     focal_px = 0.5 * shorter_px / np.tan(np.radians(FIELD_OF_VIEW_DEG / 2))
     slopes = (np.array([width, height]) / 2 - margin * shorter_px) / focal_px
-    frames = points[None] if points.ndim == 2 else points
-    return Camera(_nearest_eye(frames, axes, slopes) @ axes, axes, float(focal_px), width, height)
+    return Camera(
+        _nearest_eye(_frames_of(vertices), axes, slopes) @ axes,
+        axes,
+        float(focal_px),
+        width,
+        height,
+    )
+
+
+def _frames_of(
+    vertices: npt.NDArray[np.floating] | Iterable[npt.NDArray[np.floating]],
+) -> Iterable[npt.NDArray[np.floating]]:
+    """Frame by frame, the positions that a camera must see."""
+    if not isinstance(vertices, np.ndarray):
+        return vertices
+    if vertices.ndim not in (2, 3) or vertices.shape[-1] != 3 or vertices.size == 0:
+        raise InvalidInputError(
+            f"vertices must have shape (T, V, 3) or (V, 3); got {vertices.shape}"
+        )
+    return vertices[None] if vertices.ndim == 2 else vertices
 
 
 def _check_size(width: int, height: int) -> None:
@@ -143,7 +159,9 @@ def _viewing_axes(azimuth_rad: float, elevation_rad: float, up: str) -> Floats:
     return np.stack([right, np.cross(right, towards_eye), -towards_eye])
 
 
-def _nearest_eye(frames: npt.NDArray[np.floating], axes: Floats, slopes: Floats) -> Floats:
+def _nearest_eye(
+    frames: Iterable[npt.NDArray[np.floating]], axes: Floats, slopes: Floats
+) -> Floats:
     """The eye in camera axes, as near as the four side planes of the view allow.
 
     A point p is inside when ``|p_k - e_k| <= slope_k (p_z - e_z)`` for k = x, y: each side is
@@ -158,8 +176,8 @@ def _nearest_eye(frames: npt.NDArray[np.floating], axes: Floats, slopes: Floats)
         across, depth = local[:, :2], local[:, 2:]
         upper, lower = across - slopes * depth, -across - slopes * depth
         reach = np.maximum(reach, np.stack([upper.max(axis=0), lower.max(axis=0)]))
-        nearest, farthest = min(nearest, depth.min()), max(farthest, depth.max())
+        nearest, farthest = min(nearest, float(depth.min())), max(farthest, float(depth.max()))
     # No point may lie in the eye itself, not even when the whole model is one point.
     clearance = 0.05 * (farthest - nearest) or 1.0
-    depth = min(float((-reach.sum(axis=0) / (2 * slopes)).min()), nearest - clearance)
-    return np.array([*(reach[0] - reach[1]) / 2, depth])
+    near = min(float((-reach.sum(axis=0) / (2 * slopes)).min()), nearest - clearance)
+    return np.array([*(reach[0] - reach[1]) / 2, near])

@@ -156,3 +156,35 @@ def test_render_refuses_arguments_when_they_make_no_picture(arguments):
     given = {"vertices": TRIANGLE, "faces": FACE, "camera": front(TRIANGLE), **arguments}
     with pytest.raises(InvalidInputError):
         render(**given)
+
+
+def test_render_shows_colours_as_they_are_when_they_glow():
+    picture = render(TRIANGLE, FACE, front(TRIANGLE), colors=(10, 130, 250), glow=1.0)
+    assert picture[60, 40].tolist() == [10, 130, 250]
+
+
+def test_render_parts_colours_sharply_when_corners_have_their_own():
+    square = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
+    faces = np.array([[0, 1, 2], [0, 2, 3]])
+    colors = np.repeat([[[255, 0, 0]], [[0, 0, 255]]], 3, axis=1)
+    picture = render(square, faces, front(square), colors=colors, glow=1.0, supersample=1)
+    seen = picture[covered(picture)]
+    assert {tuple(color) for color in seen.tolist()} == {(255, 0, 0), (0, 0, 255)}
+
+
+@pytest.mark.parametrize("smooth", [True, False])
+def test_render_looks_as_a_larger_picture_made_smaller_when_supersampled(smooth):
+    sequence = simulate_flag(8, n_rows=12, n_columns=16)
+    vertices = sequence.vertices[7]
+    camera = front(vertices)
+    large = front(vertices, width=3 * SIZE["width"], height=3 * SIZE["height"])
+    found = render(vertices, sequence.faces, camera, smooth=smooth, supersample=3).astype(float)
+    single = render(vertices, sequence.faces, large, smooth=smooth, supersample=1).astype(float)
+    expected = single.reshape(SIZE["height"], 3, SIZE["width"], 3, 3).mean(axis=(1, 3))
+    assert np.abs(found - expected).max() < 4
+
+
+@pytest.mark.parametrize("glow", [-0.1, 1.5, float("nan")])
+def test_render_refuses_a_glow_when_it_is_no_share(glow):
+    with pytest.raises(InvalidInputError, match=r"glow must be in 0\.\.1"):
+        render(TRIANGLE, FACE, front(TRIANGLE), glow=glow)

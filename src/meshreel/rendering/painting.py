@@ -1,0 +1,163 @@
+"""Colours of pixels from the faces that their samples see."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from meshreel.geometry.normals import face_normals, vertex_normals
+from meshreel.rendering.camera import Camera, Floats
+from meshreel.rendering.shading import Singles, shade
+from meshreel.rendering.visibility import Integers, signed_areas
+from meshreel.sequence import Faces
+from meshreel.threads import chunks
+
+Image = npt.NDArray[np.uint8]
+Color = tuple[int, int, int]
+Box = tuple[slice, slice]
+
+_PIXELS_AT_ONCE = 1 << 16
+
+
+@dataclass(frozen=True)
+class SeenSurface:
+    """What shading needs of one frame of M faces; normals in camera axes."""
+
+    first: Floats  # (M, 2): the first corner of each face, pixels
+    near: Floats  # (M, 3)
+    slopes: Floats  # (M, 2, 2): gradients of the second and third barycentric coordinate
+    normals: Singles  # (M, 3, 3), or (M, 3) when flat
+    colors: Singles  # (M, 3, 3), or (3,) when all are the same
+    side: Singles  # (M,): -1 where the back of the face is seen
+    glow: float
+
+
+def seen_surface(
+    positions: Floats,
+    points: Floats,
+    near: Floats,
+    faces: Faces,
+    camera: Camera,
+    colors: Singles,
+    smooth: bool,
+    glow: float,
+) -> SeenSurface:
+    """What shading needs of a frame, from where its corners fall and how near they are.
+
+    Parameters
+    ----------
+    positions : float64 array of shape (V, 3), in model units
+    points, near : float64 arrays of shape (V, 2) and (V,)
+        From `Camera.project` and `nearness`.
+    faces : int32 array of shape (M, 3)
+    camera : Camera
+    colors : float32 array of shape (3,), (V, 3) or (M, 3, 3), sRGB in 0..255
+    smooth, glow
+        As in `meshreel.rendering.rasterizer.render`.
+    """
+    ab, ac = (points[faces[:, k]] - points[faces[:, 0]] for k in (1, 2))
+    area = signed_areas(points, faces)
+    slopes = np.stack([ac[:, 1], -ac[:, 0], -ab[:, 1], ab[:, 0]], axis=1).reshape(-1, 2, 2)
+    normals = vertex_normals(positions, faces) if smooth else face_normals(positions, faces)
+    turned = (normals @ camera.axes.T).astype(np.float32)
+    return SeenSurface(
+        first=points[faces[:, 0]],
+        near=near[faces],
+        slopes=np.divide(
+            slopes, area[:, None, None], out=np.zeros_like(slopes), where=area[:, None, None] != 0
+        ),
+        normals=turned[faces] if smooth else turned,
+        colors=colors[faces] if colors.ndim == 2 else colors,
+        side=np.where(area < 0, 1, -1).astype(np.float32),
+        glow=glow,
+    )
+
+
+def covered_box(seen: Integers, factor: int) -> Box | None:
+    """Rows and columns of pixels that hold all that is seen; None where nothing is.
+
+    Parameters
+    ----------
+    seen : int64 array of shape (height * factor, width * factor)
+        The face that each sample sees, or -1.
+    factor : int
+        Samples along each side of a pixel.
+    """
+    covered = seen >= 0
+    rows, columns = (np.flatnonzero(covered.any(axis=axis)) // factor for axis in (1, 0))
+    if len(rows) == 0:
+        return None
+    return slice(int(rows[0]), int(rows[-1]) + 1), slice(int(columns[0]), int(columns[-1]) + 1)
+
+
+def painted(
+    surface: SeenSurface, seen: Integers, box: Box, factor: int, background: Color
+) -> Image:
+    """Colours of the pixels in a box, uint8 of its shape and 3 channels.
+
+    Each is the mean of its samples; where all see the same face, the middle of the pixel stands
+    for them.
+    """
+    height, width = (side.stop - side.start for side in box)
+    ids = seen[tuple(slice(side.start * factor, side.stop * factor) for side in box)]
+    samples = [
+        ids[row::factor, column::factor].ravel() for row, column in np.ndindex(factor, factor)
+    ]
+    whole, touched = samples[0] >= 0, samples[0] >= 0
+    for others in samples[1:]:
+        whole &= others == samples[0]
+        touched |= others >= 0
+    pixels = np.empty((height * width, 3), np.float32)
+    pixels[:] = np.asarray(background, np.float32)
+    corners = np.mgrid[box][::-1].reshape(2, -1).T * float(factor)
+    places = np.flatnonzero(whole)
+    pixels[places] = _shaded(surface, samples[0][places], corners[places] + factor / 2)
+    places = np.flatnonzero(touched & ~whole)
+    total = np.zeros((len(places), 3), np.float32)
+    for (row, column), one in zip(np.ndindex(factor, factor), samples, strict=True):
+        found = one[places]
+        covered = found >= 0
+        total[~covered] += np.asarray(background, np.float32)
+        centres = corners[places[covered]] + np.array([column + 0.5, row + 0.5])
+        total[covered] += _shaded(surface, found[covered], centres)
+    pixels[places] = total / np.float32(factor**2)
+    return np.asarray(np.rint(pixels), np.uint8).reshape(height, width, 3)
+
+
+def _shaded(surface: SeenSurface, ids: Integers, centres: Floats) -> Singles:
+    """Colours where the faces ``ids`` are seen at these places, of shape (N, 3)."""
+    colors = np.empty((len(ids), 3), np.float32)
+    for some in chunks(len(ids), _PIXELS_AT_ONCE):
+        colors[some] = _shade_some(surface, ids[some], centres[some])
+    return colors
+
+
+def _shade_some(surface: SeenSurface, ids: Integers, centres: Floats) -> Singles:
+    offsets = centres - surface.first[ids]
+    weights = np.empty((len(ids), 3))
+    weights[:, 1:] = np.einsum("nkc,nc->nk", surface.slopes[ids], offsets)
+    weights[:, 0] = 1 - weights[:, 1] - weights[:, 2]
+    # Clipped because slivers leave the interval by rounding; divided by depth because what is
+    # linear on the surface is not linear in the picture.
+    weights = np.clip(weights, 0, 1) * surface.near[ids]
+    share = (weights / weights.sum(axis=1, keepdims=True)).astype(np.float32)
+    normals = _blend(share, surface.normals[ids]) * surface.side[ids, None]
+    if surface.colors.ndim == 1:
+        colors = np.broadcast_to(surface.colors, normals.shape)
+    else:
+        colors = _blend(share, surface.colors[ids])
+    lit = shade(_unit_or_facing(normals), colors)
+    return lit if surface.glow == 0 else lit + np.float32(surface.glow) * (colors - lit)
+
+
+def _blend(share: Singles, values: Singles) -> Singles:
+    """Values of shape (N, 3) between those at three corners, or those of the whole face."""
+    return values if values.ndim == 2 else np.einsum("nk,nkc->nc", share, values)
+
+
+def _unit_or_facing(normals: Singles) -> Singles:
+    """Unit normals; towards the viewer where faces of opposite sides cancelled each other."""
+    lengths = np.sqrt(np.einsum("nc,nc->n", normals, normals))[:, None]
+    viewer = np.broadcast_to(np.array([0, 0, -1], np.float32), normals.shape).copy()
+    np.divide(normals, lengths, out=viewer, where=lengths > 0)
+    return viewer
