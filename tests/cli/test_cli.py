@@ -294,7 +294,7 @@ def test_memory_is_refused_when_it_does_not_do(grid, tmp_path, memory, words):
     assert_fails(run("encode", grid, "-o", tmp_path / "a.reel", "--memory", memory), words)
 
 
-@pytest.mark.parametrize("command", ["encode", "decode", "info", "compare", "demo"])
+@pytest.mark.parametrize("command", ["encode", "decode", "info", "compare", "render", "demo"])
 def test_help_shows_examples_when_asked_for(command):
     done = run(command, "--help")
     assert done.returncode == 0

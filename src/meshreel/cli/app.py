@@ -18,6 +18,7 @@ from meshreel.cli.formats import formats_command
 from meshreel.cli.info import info_command
 from meshreel.cli.paper import paper_command
 from meshreel.cli.view import view_command
+from meshreel.cli.render import render_command
 from meshreel.errors import MeshReelError
 
 # The base of all that is wrong with a command line: typer has it from click, or its own copy.
@@ -40,6 +41,7 @@ app.command("info")(info_command)
 app.command("compare")(compare_command)
 app.command("view")(view_command)
 app.command("export")(export_command)
+app.command("render")(render_command)
 app.command("demo")(demo_command)
 app.command("paper")(paper_command)
 app.command("evaluate")(evaluate_command)

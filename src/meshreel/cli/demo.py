@@ -35,8 +35,11 @@ def demo_command(
     from meshreel.flag import simulate_flag
     from meshreel.formats.save import save
     from meshreel.metrics.compare import compare
-    from meshreel.rendering.comparison import comparison_picture
     from meshreel.rendering.picture import save_png
+    from meshreel.rendering.scenes import Scene
+    from meshreel.rendering.shots import telling_frames
+    from meshreel.rendering.stills import still
+    from meshreel.rendering.views import View
 
     out.mkdir(parents=True, exist_ok=True)
     raw, reel, picture = (out / f"flag.{ending}" for ending in ("npz", "reel", "png"))
@@ -51,12 +54,13 @@ def demo_command(
         decoded = decode(data, progress=progress)
         quality = compare(sequence, decoded, progress=progress)
         stream = info(data)
-        progress("picture", 0.0)
         caption = (
             f"{stream.ratio:.0f} x smaller, {stream.rate_bpvf:.2f} bits per vertex and frame, "
             f"KG error {quality.kg_error_percent:.2f} %"
         )
-        image = comparison_picture(sequence, decoded, caption=caption, n_poses=min(POSES, frames))
+        scene = Scene(decoded, sequence, "distance")
+        poses = telling_frames(range(frames), POSES)
+        image = still(scene, poses, View(), caption=caption, progress=progress)
         save_png(image, picture, overwrite=force)
     if as_json:
         paths = {"original": str(raw), "stream": str(reel), "picture": str(picture)}

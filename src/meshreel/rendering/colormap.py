@@ -6,7 +6,14 @@ from PIL import Image as PillowImage
 from PIL import ImageDraw
 
 from meshreel.errors import InvalidInputError
-from meshreel.rendering.lettering import draw_lines, font_of_size, line_height_px, spell_out
+from meshreel.rendering.lettering import (
+    INK,
+    Ink,
+    draw_lines,
+    font_of_size,
+    line_height_px,
+    spell_out,
+)
 
 Image = npt.NDArray[np.uint8]
 
@@ -63,7 +70,8 @@ def draw_color_bar(
     *,
     unit: str = "",
     height: int = 800,
-    background: tuple[int, int, int] = (255, 255, 255),
+    background: Ink = (255, 255, 255),
+    ink: Ink = INK,
 ) -> Image:
     """A bar of the colours of `colorize` with round numbers beside it, to stand by a heat map.
 
@@ -75,8 +83,8 @@ def draw_color_bar(
         Written above the bar.
     height : int
         In pixels, at least 80; the width follows from the labels.
-    background : three integers
-        sRGB in 0..255.
+    background, ink : three integers
+        Colours behind the bar and of the words, sRGB in 0..255.
 
     Returns
     -------
@@ -103,13 +111,25 @@ def draw_color_bar(
     column = colorize(np.linspace(1, 0, bottom - top), 0, 1)[:, None]
     picture.paste(PillowImage.fromarray(np.repeat(column, bar_width, axis=1)), (pad, top))
     canvas = ImageDraw.Draw(picture)
-    draw_lines(canvas, (pad, line / 4), [heading], font)
+    draw_lines(canvas, (pad, line / 4), [heading], font, ink=ink)
     for tick, label in zip(ticks, labels, strict=True):
         share = (tick - low) / (high - low) if high > low else 0.0
         y = round(bottom - 1 - share * (bottom - 1 - top))
-        canvas.line([(pad + bar_width, y), (pad + bar_width + pad // 2, y)], fill=(92, 99, 112))
-        draw_lines(canvas, (2 * pad + bar_width, y - 0.4 * line), [label], font)
+        canvas.line([(pad + bar_width, y), (pad + bar_width + pad // 2, y)], fill=ink)
+        draw_lines(canvas, (2 * pad + bar_width, y - 0.4 * line), [label], font, ink=ink)
     return np.asarray(picture)
+
+
+def round_up(value: float) -> float:
+    """The least of 1, 1.5, 2, 3, 4, 5, 6 and 8 times a power of ten that is not below a number.
+
+    Colour bars end there, at a number that is written beside them; 1 for 0.
+    """
+    if value <= 0:
+        return 1.0
+    power = float(10.0 ** np.floor(np.log10(value)))
+    factors = (1, 1.5, 2, 3, 4, 5, 6, 8, 10)
+    return next(factor * power for factor in factors if factor * power >= value * (1 - 1e-9))
 
 
 def _check_range(low: float, high: float) -> None:

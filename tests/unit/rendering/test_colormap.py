@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from meshreel.errors import InvalidInputError
-from meshreel.rendering.colormap import HEAT, NOT_A_NUMBER, colorize, draw_color_bar
+from meshreel.rendering.colormap import HEAT, NOT_A_NUMBER, colorize, draw_color_bar, round_up
 
 
 def cie_lightness(colors):
@@ -66,3 +66,11 @@ def test_draw_color_bar_keeps_its_height_when_the_range_is_odd(low, high):
 def test_draw_color_bar_refuses_a_height_when_labels_cannot_fit():
     with pytest.raises(InvalidInputError, match="80"):
         draw_color_bar(0, 1, height=20)
+
+
+@pytest.mark.parametrize(
+    ("value", "rounded"),
+    [(0, 1), (1, 1), (1.01, 1.5), (0.0234, 0.03), (7.1, 8), (81, 100), (0.3, 0.3), (6e-9, 6e-9)],
+)
+def test_round_up_gives_a_number_that_a_colour_bar_can_end_at(value, rounded):
+    assert round_up(value) == pytest.approx(rounded)

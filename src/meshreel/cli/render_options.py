@@ -1,0 +1,61 @@
+"""What the options of `meshreel render` say: which frames, how large, which colour."""
+
+import re
+
+import typer
+
+
+def is_range(text: str | None) -> bool:
+    """Whether frames are named by A:B, or not at all, and not one by one."""
+    return text is None or ":" in text
+
+
+def frame_numbers(text: str | None, n_frames: int) -> list[int]:
+    """The frames that 'A:B' or 'N,N,...' names, where -1 is the last; all of them by default."""
+    if is_range(text):
+        return _range(text or ":", n_frames)
+    try:
+        return [range(n_frames)[int(word)] for word in (text or "").split(",")]
+    except ValueError:
+        raise typer.BadParameter(
+            f"--frames takes A:B or a list such as 0,10,20 with whole numbers; got {text!r}"
+        ) from None
+    except IndexError:
+        raise typer.BadParameter(
+            f"--frames {text} names a frame that is not there; there are frames 0 to {n_frames - 1}"
+        ) from None
+
+
+def _range(text: str, n_frames: int) -> list[int]:
+    try:
+        start, stop = (int(part) if part else None for part in text.split(":"))
+    except ValueError:
+        raise typer.BadParameter(f"--frames takes A:B with whole numbers; got {text!r}") from None
+    numbers = range(n_frames)[start:stop]
+    if not numbers:
+        raise typer.BadParameter(
+            f"--frames {text} names no frame; there are frames 0 to {n_frames - 1}"
+        )
+    return list(numbers)
+
+
+def picture_size(text: str | None) -> tuple[int, int] | None:
+    """Width and height that 'WxH' says."""
+    if text is None:
+        return None
+    found = re.fullmatch(r"(\d{1,5})x(\d{1,5})", text.lower())
+    if not found:
+        raise typer.BadParameter(f"--size takes WIDTHxHEIGHT in pixels, as 1280x720; got {text!r}")
+    return int(found[1]), int(found[2])
+
+
+def color_named(text: str) -> tuple[int, int, int]:
+    """The colour that a name of CSS or #rrggbb says."""
+    from PIL import ImageColor
+
+    try:
+        return ImageColor.getrgb(text)[:3]
+    except ValueError:
+        raise typer.BadParameter(
+            f"--background takes a name such as white or black, or #rrggbb; got {text!r}"
+        ) from None

@@ -1,0 +1,123 @@
+"""Films: chosen frames picture by picture, through a camera that stands still or circles."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+from PIL import Image as PillowImage
+
+from meshreel.progress import Progress, silent
+from meshreel.rendering.layout import Place
+from meshreel.rendering.scenes import ChosenFrames, HeatScale, Scene
+from meshreel.rendering.sheets import Sheet, plan_sheet
+from meshreel.rendering.shots import (
+    ASPECT_FRAMES,
+    Shot,
+    draw_shots,
+    frame_labels,
+    scene_words,
+    spread_frames,
+)
+from meshreel.rendering.views import Turntable, View, swept_points, turntable
+
+FILM_PX, GIF_PX = (1280, 720), (800, 450)
+"""What a picture takes at most when no size is given; a GIF has no room for large ones."""
+
+UNKNOWN_FPS = 24.0
+"""At which a sequence plays whose frame rate is not known."""
+
+
+@dataclass(frozen=True, eq=False)
+class Film:
+    """Pictures that are drawn while they are gone through; none is kept.
+
+    Attributes
+    ----------
+    scene : Scene
+    scale : HeatScale or None
+    sheet : Sheet
+    shots : sequence of Shot
+        One for each picture.
+    fps : float
+        Pictures per second.
+    """
+
+    scene: Scene
+    scale: HeatScale | None
+    sheet: Sheet
+    shots: Sequence[Shot]
+    fps: float
+
+    @property
+    def n_pictures(self) -> int:
+        """How many pictures there are."""
+        return len(self.shots)
+
+    @property
+    def size(self) -> Place:
+        """Width and height of each picture, in pixels."""
+        return self.sheet.layout.size
+
+    def pictures(self, step: int = 1) -> Iterator[PillowImage.Image]:
+        """All pictures in order, or one of every `step`."""
+        shots = self.shots[::step]
+        drawn = draw_shots(self.scene, shots, self.scale)
+        for (number, _), views in zip(shots, drawn, strict=True):
+            yield self.sheet.filled(views, frame_labels(self.scene, number))
+
+
+def film(
+    scene: Scene,
+    numbers: Sequence[int],
+    view: View,
+    *,
+    turn_s: float | None = None,
+    size: Place | None = None,
+    most: Place = FILM_PX,
+    progress: Progress = silent,
+) -> Film:
+    """A film of some frames at their frame rate.
+
+    Parameters
+    ----------
+    scene : Scene
+        It plays at `UNKNOWN_FPS` if its frame rate is not known.
+    numbers : sequence of int
+        Of frames, at least one.
+    view : View
+    turn_s : float, optional
+        Seconds in which the camera goes round once. The film lasts for the frames or for one
+        turn, whichever is longer; frames begin again. Default: the camera stands still.
+    size : tuple of 2 ints, optional
+        Width and height in pixels. Default: as suits what is shown.
+    most : tuple of 2 ints
+        The largest that it becomes by default.
+    progress : Progress, default silent
+        Told while frames are measured for a heat map.
+
+    Raises
+    ------
+    InvalidInputError
+        If the size is too small.
+    """
+    fps = scene.shown.fps or UNKNOWN_FPS
+    scale = scene.heat_scale(numbers, progress)
+    labels = [frame_labels(scene, number)[0] for number in numbers]
+    words = scene_words(scene, scale, labels)
+    frames = ChosenFrames(scene.framed, numbers)
+    if turn_s is None:
+        some = ChosenFrames(scene.framed, spread_frames(numbers, ASPECT_FRAMES))
+        layout = plan_sheet(words, len(words.titles), view.aspect(some), size, most)
+        camera = view.camera(frames, *layout.view_size)
+        shots = [(number, camera) for number in numbers]
+    else:
+        swept = swept_points(frames, view.up)
+        layout = plan_sheet(words, len(words.titles), view.aspect([swept]), size, most)
+        circle = turntable(view, swept, *layout.view_size)
+        shots = _circling(circle, numbers, max(1, round(turn_s * fps)))
+    return Film(scene, scale, Sheet(layout, words, scene.background), shots, fps)
+
+
+def _circling(circle: Turntable, numbers: Sequence[int], n_per_turn: int) -> list[Shot]:
+    cameras = [circle.camera(360 * step / n_per_turn) for step in range(n_per_turn)]
+    steps = range(max(len(numbers), n_per_turn))
+    return [(numbers[step % len(numbers)], cameras[step % n_per_turn]) for step in steps]

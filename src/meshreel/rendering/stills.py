@@ -1,0 +1,64 @@
+"""One picture of chosen frames: a contact sheet, or a comparison with a row for each frame."""
+
+from collections.abc import Sequence
+
+from PIL import Image as PillowImage
+
+from meshreel.progress import Count, Progress, silent
+from meshreel.rendering.layout import Place
+from meshreel.rendering.painting import Image
+from meshreel.rendering.scenes import ChosenFrames, Scene
+from meshreel.rendering.sheets import Sheet, plan_sheet
+from meshreel.rendering.shots import (
+    ASPECT_FRAMES,
+    draw_shots,
+    frame_labels,
+    scene_words,
+    spread_frames,
+)
+from meshreel.rendering.views import View
+
+STILL_PX: Place = (1600, 1000)
+"""What a sheet takes at most when no size is given."""
+
+
+def still(
+    scene: Scene,
+    numbers: Sequence[int],
+    view: View,
+    *,
+    size: Place | None = None,
+    caption: str = "",
+    progress: Progress = silent,
+) -> PillowImage.Image:
+    """A picture of some frames: in a grid, or in a row each where a scene has several views.
+
+    Parameters
+    ----------
+    scene : Scene
+    numbers : sequence of int
+        Of frames, at least one; one frame of a scene of one view fills the picture.
+    view : View
+    size : tuple of 2 ints, optional
+        Width and height in pixels. Default: as large as suits what is shown.
+    caption : str
+        At the foot.
+    progress : Progress, default silent
+
+    Raises
+    ------
+    InvalidInputError
+        If the size is too small.
+    """
+    n_views = len(numbers) * len(scene.titles)
+    scale = scene.heat_scale(numbers, progress)
+    labels = [label for number in numbers for label in frame_labels(scene, number)]
+    words = scene_words(scene, scale, labels if n_views > 1 else (), caption)
+    aspect = view.aspect(ChosenFrames(scene.framed, spread_frames(numbers, ASPECT_FRAMES)))
+    layout = plan_sheet(words, n_views, aspect, size, STILL_PX)
+    camera = view.camera(ChosenFrames(scene.framed, numbers), *layout.view_size)
+    views: list[Image] = []
+    for drawn in draw_shots(scene, [(number, camera) for number in numbers], scale):
+        views += drawn
+        progress("drawing", Count(len(views), n_views, "views"))
+    return Sheet(layout, words, scene.background).filled(views, labels if n_views > 1 else ())

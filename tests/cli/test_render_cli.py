@@ -1,0 +1,138 @@
+"""`meshreel render` as a user runs it."""
+
+import numpy as np
+import pytest
+from PIL import Image
+
+import meshreel
+from meshreel.sequence import MeshSequence
+from sample_commands import assert_fails, run, run_json
+from sample_meshes import waving_grid
+
+
+@pytest.fixture(scope="module")
+def flag(tmp_path_factory):
+    """A folder with flag.npz, its stream flag.reel, and another mesh."""
+    folder = tmp_path_factory.mktemp("flag")
+    sequence = meshreel.simulate_flag(12, n_rows=16, n_columns=20)
+    meshreel.save(sequence, folder / "flag.npz")
+    (folder / "flag.reel").write_bytes(meshreel.encode(sequence, quality=40))
+    meshreel.save(waving_grid(), folder / "grid.npz")
+    return folder
+
+
+def inked(path):
+    with Image.open(path) as image:
+        return (np.asarray(image.convert("RGB")) != 255).any(axis=2)
+
+
+def test_render_draws_a_contact_sheet_when_nothing_more_is_asked(flag, tmp_path):
+    made = run_json("render", flag / "flag.reel", "-o", tmp_path / "a.png")
+    assert made["frames"] == [0, 2, 3, 5, 6, 8, 9, 11]
+    picture = inked(tmp_path / "a.png")
+    assert list(picture.shape[::-1]) == made["size_px"]
+    assert 0.3 < picture.mean() < 0.9
+
+
+def test_render_fills_the_picture_when_one_frame_is_asked(flag, tmp_path):
+    options = ["--frames", 7, "--size", "320x240", "--view", "front", "--background", "#ffffff"]
+    made = run_json("render", flag / "flag.reel", "-o", tmp_path / "a.png", *options)
+    assert (made["frames"], made["size_px"]) == ([7], [320, 240])
+    assert 0.3 < inked(tmp_path / "a.png").mean() < 0.9
+
+
+def test_render_draws_rows_with_heat_and_a_color_bar_when_given_the_original(flag, tmp_path):
+    made = run_json(
+        "render", flag / "flag.reel", "-o", tmp_path / "a.png",
+        "--original", flag / "flag.npz", "--heatmap", "distance", "--frames", "3,-1",
+    )  # fmt: skip
+    assert made["frames"] == [3, 11]
+    with Image.open(tmp_path / "a.png") as image:
+        picture = np.asarray(image.convert("RGB")).astype(int)
+    saturation = np.ptp(picture, axis=2)
+    bar = (saturation > 60).mean(axis=0)
+    right = bar[-len(bar) // 6 :]
+    assert right.max() > 0.25
+
+
+def test_render_writes_a_film_of_the_turning_mesh_when_asked(flag, tmp_path):
+    options = ["--turntable", 0.5, "--frames", 4, "--size", "120x90", "--fps", 20]
+    made = run_json("render", flag / "flag.npz", "-o", tmp_path / "a.gif", *options)
+    assert (made["n_pictures"], made["fps"]) == (10, 20)
+    with Image.open(tmp_path / "a.gif") as image:
+        assert (image.n_frames, image.size) == (10, (120, 90))
+
+
+def test_render_writes_a_film_at_the_rate_of_the_frames_when_asked(flag, tmp_path):
+    ffmpeg = pytest.importorskip("imageio_ffmpeg")
+    made = run_json("render", flag / "flag.reel", "-o", tmp_path / "a.mp4", "--frames", "2:9")
+    assert (made["n_pictures"], made["fps"]) == (7, 30)
+    n_frames, seconds = ffmpeg.count_frames_and_secs(str(tmp_path / "a.mp4"))
+    assert n_frames == 7
+    assert seconds == pytest.approx(7 / 30, abs=0.01)
+
+
+def test_render_draws_the_same_picture_when_run_again(flag, tmp_path):
+    for name in ("a.png", "b.png"):
+        assert run("render", flag / "flag.reel", "-o", tmp_path / name).returncode == 0
+    assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()
+
+
+def test_render_shows_what_was_drawn_when_not_asked_for_json(flag, tmp_path):
+    done = run("render", flag / "flag.reel", "-o", "a.png", "--frames", "0:4", cwd=tmp_path)
+    assert done.returncode == 0
+    for words in ("a.png", "pixels", "0, 1, 2, 3"):
+        assert words in done.stdout
+
+
+def test_render_keeps_what_is_there_when_not_told_to_replace_it(flag, tmp_path):
+    path = tmp_path / "a.png"
+    path.write_bytes(b"mine")
+    assert_fails(run("render", flag / "flag.reel", "-o", path), "exists and is kept", "--force")
+    assert path.read_bytes() == b"mine"
+    assert run("render", flag / "flag.reel", "-o", path, "-f").returncode == 0
+    assert inked(path).any()
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["-o", "a.jpg"], [".png, .mp4, .gif", "got .jpg"]),
+        (["-o", "a"], ["got no ending"]),
+        (["-o", "a.png", "--heatmap", "angle"], ["--original"]),
+        (["-o", "a.png", "--original", "flag.npz", "--heatmap", "heat"], ["distance, angle, sted"]),
+        (["-o", "a.png", "--original", "grid.npz"], ["only sequences of the same mesh"]),
+        (["-o", "a.png", "--turntable", "4"], [".mp4 or .gif"]),
+        (["-o", "a.gif", "--turntable", "0"], ["seconds above 0"]),
+        (["-o", "a.png", "--frames", "12"], ["frames 0 to 11"]),
+        (["-o", "a.png", "--frames", "9:9"], ["names no frame", "0 to 11"]),
+        (["-o", "a.png", "--frames", "1;2"], ["A:B", "0,10,20"]),
+        (["-o", "a.png", "--frames", "1:9:2"], ["A:B"]),
+        (["-o", "a.png", "--view", "behind"], ["front, side, top"]),
+        (["-o", "a.png", "--view", "0,91"], ["-90..90"]),
+        (["-o", "a.png", "--up", "w"], ["up must be"]),
+        (["-o", "a.png", "--size", "big"], ["1280x720"]),
+        (["-o", "a.png", "--size", "20x20"], ["larger --size"]),
+        (["-o", "a.png", "--background", "sky"], ["#rrggbb"]),
+        (["-o", "missing/a.png"], ["does not exist"]),
+    ],
+)
+def test_render_says_what_is_allowed_when_an_option_is_wrong(flag, options, words):
+    before = sorted(flag.iterdir())
+    assert_fails(run("render", "flag.reel", *options, cwd=flag), *words)
+    assert sorted(flag.iterdir()) == before
+
+
+def test_render_reads_frame_files_and_their_colours_when_there_are_any(tmp_path):
+    grid = waving_grid(3)
+    values = np.tile(np.array([[200, 40, 40]], np.uint8), (grid.n_verts, 1))
+    color = meshreel.Attribute("color", meshreel.Kind.COLOR, meshreel.Domain.VERTEX, values)
+    red = MeshSequence(grid.vertices, grid.faces, surface=meshreel.Surface(attributes=(color,)))
+    (tmp_path / "red.reel").write_bytes(meshreel.encode(red))
+    meshreel.save(grid, tmp_path / "grid_%02d.obj")
+    for source, least, most in (("red.reel", 80, 255), ("grid_*.obj", 0, 40)):
+        run_json("render", source, "-o", "a.png", "-f", "--frames", 1, cwd=tmp_path)
+        with Image.open(tmp_path / "a.png") as image:
+            picture = np.asarray(image.convert("RGB")).astype(int)
+        seen = (picture != 255).any(axis=2)
+        assert least <= np.ptp(picture[seen], axis=1).mean() <= most

@@ -1,0 +1,128 @@
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from meshreel.errors import FormatError, InvalidInputError
+from meshreel.rendering import film_files
+from meshreel.rendering.film_files import require_ffmpeg, save_film, save_gif, save_mp4
+from meshreel.rendering.films import film
+from meshreel.rendering.scenes import Scene
+from meshreel.rendering.views import View
+from meshreel.sequence import MeshSequence
+
+
+def make_film(grid, fps=25.0, size=(160, 120), n_frames=12):
+    scene = Scene(MeshSequence(grid.vertices, grid.faces, fps))
+    return film(scene, range(n_frames), View(), size=size)
+
+
+def read_gif(path):
+    """Pictures as arrays, and how long each is shown, in milliseconds."""
+    with Image.open(path) as image:
+        pictures, durations = [], []
+        for number in range(image.n_frames):
+            image.seek(number)
+            pictures.append(np.asarray(image.convert("RGB")).astype(int))
+            durations.append(image.info["duration"])
+        assert image.info["loop"] == 0
+    return pictures, durations
+
+
+def test_gif_holds_every_picture_when_it_is_read_back(grid, tmp_path):
+    made = make_film(grid)
+    save_gif(made, tmp_path / "a.gif")
+    pictures, _ = read_gif(tmp_path / "a.gif")
+    expected = [np.asarray(picture).astype(int) for picture in made.pictures()]
+    assert len(pictures) == len(expected) == 12
+    for found, picture in zip(pictures, expected, strict=True):
+        assert np.abs(found - picture).mean() < 2
+        assert np.abs(found - picture).max() < 60
+
+
+@pytest.mark.parametrize(
+    ("fps", "n_pictures"), [(25.0, 12), (24.0, 12), (30.0, 12), (60.0, 6), (120.0, 4)]
+)
+def test_gif_lasts_as_long_as_the_frames_when_hundredths_are_rounded(
+    grid, tmp_path, fps, n_pictures
+):
+    save_gif(make_film(grid, fps), tmp_path / "a.gif")
+    pictures, durations = read_gif(tmp_path / "a.gif")
+    assert len(pictures) == n_pictures
+    assert min(durations) >= 20
+    assert sum(durations) == pytest.approx(1000 * 12 / fps, abs=5.001)
+
+
+def test_gif_is_the_same_when_it_is_written_again(grid, tmp_path):
+    for name in ("a.gif", "b.gif"):
+        save_gif(make_film(grid), tmp_path / name)
+    assert (tmp_path / "a.gif").read_bytes() == (tmp_path / "b.gif").read_bytes()
+
+
+def test_gif_of_a_still_mesh_shows_it_all_the_time(grid, tmp_path):
+    still = MeshSequence(np.repeat(grid.vertices[:1], 3, axis=0), grid.faces, 25.0)
+    made = film(Scene(still), range(3), View(), size=(160, 120))
+    save_gif(made, tmp_path / "a.gif")
+    pictures, _ = read_gif(tmp_path / "a.gif")
+    mesh = slice(0, 90)  # above the label
+    np.testing.assert_array_equal(pictures[0][mesh], pictures[2][mesh])
+
+
+def test_mp4_has_every_picture_at_its_rate_when_it_is_read_back(grid, tmp_path):
+    ffmpeg = pytest.importorskip("imageio_ffmpeg")
+    made = make_film(grid, fps=12.5)
+    save_mp4(made, tmp_path / "a.mp4")
+    path = str(tmp_path / "a.mp4")
+    assert ffmpeg.count_frames_and_secs(path) == (12, pytest.approx(12 / 12.5, abs=0.01))
+    command = [ffmpeg.get_ffmpeg_exe(), "-i", path, "-f", "rawvideo", "-pix_fmt", "rgb24", "-"]
+    done = subprocess.run(command, capture_output=True, check=True)
+    assert b"h264" in done.stderr
+    assert b"12.50 fps" in done.stderr
+    found = np.frombuffer(done.stdout, np.uint8).reshape(12, 120, 160, 3).astype(int)
+    for one, picture in zip(found, made.pictures(), strict=True):
+        assert np.abs(one - np.asarray(picture)).mean() < 3
+
+
+def test_mp4_tells_what_ffmpeg_says_when_it_fails(grid, tmp_path, monkeypatch):
+    pytest.importorskip("imageio_ffmpeg")
+    monkeypatch.setattr(film_files, "_MP4_OPTIONS", ["-c:v", "nothing"])
+    with pytest.raises(OSError, match=r"ffmpeg could not write .*a\.mp4: .*nothing"):
+        save_mp4(make_film(grid), tmp_path / "a.mp4")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_mp4_is_the_same_when_it_is_written_again(grid, tmp_path):
+    pytest.importorskip("imageio_ffmpeg")
+    for name in ("a.mp4", "b.mp4"):
+        save_mp4(make_film(grid), tmp_path / name)
+    assert (tmp_path / "a.mp4").read_bytes() == (tmp_path / "b.mp4").read_bytes()
+
+
+def test_mp4_is_refused_when_a_side_is_odd(grid, tmp_path):
+    pytest.importorskip("imageio_ffmpeg")
+    with pytest.raises(InvalidInputError, match="even width and height; got 161 x 120"):
+        save_mp4(make_film(grid, size=(161, 120)), tmp_path / "a.mp4")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_mp4_names_the_extra_when_its_library_is_missing(monkeypatch):
+    monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
+    with pytest.raises(FormatError, match=r"pip install 'meshreel\[video\]'"):
+        require_ffmpeg()
+
+
+def test_film_is_kept_when_it_is_there_already(grid, tmp_path):
+    path = tmp_path / "a.gif"
+    path.write_bytes(b"mine")
+    with pytest.raises(InvalidInputError, match="exists and is kept"):
+        save_film(make_film(grid), path)
+    assert path.read_bytes() == b"mine"
+    save_film(make_film(grid, n_frames=2), path, overwrite=True)
+    assert len(read_gif(path)[0]) == 2
+
+
+def test_film_names_what_is_written_when_the_ending_is_another(grid, tmp_path):
+    with pytest.raises(FormatError, match=r"films are \.mp4 and \.gif files"):
+        save_film(make_film(grid), tmp_path / "a.avi")

@@ -1,0 +1,69 @@
+from itertools import combinations
+
+import pytest
+
+from meshreel.errors import InvalidInputError
+from meshreel.rendering.layout import ASPECTS, Parts, grid_shape, plan_layout
+
+
+def boxes(layout):
+    width, height = layout.view_size
+    return [(x, y, x + width, y + height) for x in layout.columns for y in layout.rows]
+
+
+@pytest.mark.parametrize("aspect", [None, 0.1, 1.0, 1.7, 9.0])
+@pytest.mark.parametrize(
+    "parts",
+    [
+        Parts(1, 1),
+        Parts(2, 4, n_label_lines=1),
+        Parts(3, 3, n_title_lines=2, n_label_lines=1, bar_width_px=60, n_caption_lines=2),
+    ],
+)
+def test_views_lie_apart_inside_the_sheet_when_it_is_planned(parts, aspect):
+    layout = plan_layout((900, 700), parts, 14, aspect)
+    for left, top, right, bottom in boxes(layout):
+        assert min(left, top) >= 0
+        assert right <= layout.size[0] - parts.bar_width_px
+        assert bottom + parts.n_label_lines * layout.line <= layout.size[1]
+    for one, other in combinations(boxes(layout), 2):
+        assert one[2] <= other[0] or other[2] <= one[0] or one[3] <= other[1] or other[3] <= one[1]
+    assert layout.foot + parts.n_caption_lines * layout.line <= layout.size[1]
+
+
+def test_sheet_has_the_size_asked_for_when_no_shape_is_followed():
+    assert plan_layout((901, 333), Parts(2, 3, n_label_lines=1), 14).size == (901, 333)
+
+
+def test_view_fills_the_sheet_when_it_is_alone():
+    layout = plan_layout((320, 200), Parts(1, 1), 14)
+    assert layout.view_size == layout.size == (320, 200)
+    assert (layout.columns, layout.rows) == ((0,), (0,))
+
+
+@pytest.mark.parametrize("aspect", [0.7, 1.0, 2.0])
+def test_views_have_the_shape_of_what_they_show_when_it_is_followed(aspect):
+    layout = plan_layout((900, 700), Parts(2, 3, n_label_lines=1), 14, aspect)
+    width, height = layout.view_size
+    assert width / height == pytest.approx(aspect, rel=0.02)
+    assert layout.size[0] <= 901
+    assert layout.size[1] <= 701
+    assert layout.size[0] % 2 == layout.size[1] % 2 == 0
+
+
+def test_views_are_not_thinner_than_allowed_when_what_they_show_is():
+    width, height = plan_layout((900, 700), Parts(1, 1), 14, 100.0).view_size
+    assert width / height == pytest.approx(ASPECTS[1], rel=0.02)
+
+
+def test_plan_layout_says_what_is_left_when_the_sheet_is_too_small():
+    with pytest.raises(InvalidInputError, match=r"60 x 60 pixels leave .* larger --size"):
+        plan_layout((60, 60), Parts(2, 4, n_label_lines=1), 14)
+
+
+@pytest.mark.parametrize(
+    ("n_views", "aspect", "shape"),
+    [(1, 1.0, (1, 1)), (8, 1.0, (2, 4)), (8, 0.25, (1, 8)), (2, 4.0, (2, 1)), (3, 0.5, (1, 3))],
+)
+def test_grid_shape_makes_views_largest_when_their_shape_is_known(n_views, aspect, shape):
+    assert grid_shape(n_views, (1600, 1000), aspect) == shape

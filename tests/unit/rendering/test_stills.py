@@ -1,0 +1,86 @@
+import numpy as np
+import pytest
+
+from meshreel.errors import InvalidInputError
+from meshreel.rendering.scenes import Scene
+from meshreel.rendering.shots import frame_labels, spread_frames, telling_frames
+from meshreel.rendering.stills import still
+from meshreel.rendering.views import View
+from meshreel.sequence import MeshSequence
+
+FRONT = View("y", 0.0, 0.0)
+
+
+def inked(picture):
+    return (np.asarray(picture) != 255).any(axis=2)
+
+
+def test_still_is_filled_by_the_mesh_when_it_shows_one_frame(grid):
+    picture = inked(still(Scene(grid), [0], FRONT, size=(300, 240)))
+    assert picture.shape == (240, 300)
+    rows, columns = np.flatnonzero(picture.any(axis=1)), np.flatnonzero(picture.any(axis=0))
+    margin = round(0.06 * 240)
+    touches = [rows[0], 239 - rows[-1], columns[0], 299 - columns[-1]]
+    assert min(touches) == pytest.approx(margin, abs=2)
+    box = np.ptp(rows) * np.ptp(columns)
+    assert 0.9 < picture.sum() / box <= 1.01  # a sheet from the front is a rectangle
+
+
+def test_still_has_a_mesh_for_each_frame_when_it_shows_several(grid):
+    one, many = (inked(still(Scene(grid), numbers, FRONT)).mean() for numbers in ([0], range(8)))
+    assert 0.3 < many < one
+
+
+def test_still_is_the_same_when_it_is_drawn_again(grid, lifted):
+    scene = Scene(lifted, grid, "sted")
+    first, second = (still(scene, [0, 5], FRONT, caption="twice").tobytes() for _ in range(2))
+    assert first == second
+
+
+def test_still_shows_a_color_bar_with_numbers_when_there_is_a_heat_map(grid, lifted):
+    without, with_heat = (
+        np.asarray(still(Scene(lifted, grid, heat), [3], FRONT, size=(900, 300)))
+        for heat in (None, "distance")
+    )
+    saturation = np.ptp(with_heat[:, -120:].astype(int), axis=2)
+    assert ((saturation > 60).sum(axis=0) > 150).sum() > 10  # a bar, high and wide
+    assert np.ptp(without[:, -20:].astype(int), axis=2).max() < 60
+    dark = (with_heat[:, -60:].max(axis=2) < 100).sum()
+    assert dark > 40  # letters
+
+
+def test_still_is_refused_when_the_size_is_too_small(grid):
+    with pytest.raises(InvalidInputError, match="larger --size or fewer --frames"):
+        still(Scene(grid), range(8), FRONT, size=(80, 60))
+
+
+def test_still_tells_how_many_views_are_drawn(grid, lifted):
+    heard = []
+    still(
+        Scene(lifted, grid, "angle"), [0, 4], FRONT, size=(600, 400),
+        progress=lambda stage, share: heard.append((stage, share.done, share.total, share.unit)),
+    )  # fmt: skip
+    assert heard[:2] == [("measuring", 1, 2, "frames"), ("measuring", 2, 2, "frames")]
+    assert heard[-1] == ("drawing", 6, 6, "views")
+
+
+def test_labels_have_the_number_and_the_time_when_the_rate_is_known(grid):
+    assert frame_labels(Scene(grid), 5) == ["frame 5, 0.20 s"]
+    later = MeshSequence(grid.vertices, grid.faces, 10.0, start_s=2.0)
+    assert frame_labels(Scene(later, grid), 5) == ["frame 5, 2.50 s", ""]
+    assert frame_labels(Scene(MeshSequence(grid.vertices, grid.faces)), 5) == ["frame 5"]
+
+
+@pytest.mark.parametrize(
+    ("n_frames", "n_most", "expected"),
+    [(9, 3, [0, 4, 8]), (2, 8, [0, 1]), (1, 8, [0]), (175, 8, [0, 25, 50, 75, 99, 124, 149, 174])],
+)
+def test_frames_are_spread_from_the_first_to_the_last(n_frames, n_most, expected):
+    assert spread_frames(range(n_frames), n_most) == expected
+
+
+@pytest.mark.parametrize(
+    ("n_frames", "expected"), [(300, [100, 199, 299]), (3, [0, 1, 2]), (1, [0])]
+)
+def test_telling_frames_leave_out_the_first_when_there_are_enough(n_frames, expected):
+    assert telling_frames(range(n_frames), 3) == expected

@@ -1,0 +1,76 @@
+import numpy as np
+import pytest
+
+from meshreel.errors import InvalidInputError
+from meshreel.rendering.views import (
+    NAMED_VIEWS,
+    View,
+    guess_up,
+    parse_view,
+    swept_points,
+    turntable,
+)
+from meshreel.sequence import Extent
+
+CLOUD = np.random.default_rng(4).normal(size=(5, 40, 3)) * [1, 2, 0.5] + [10, -3, 4]
+
+
+@pytest.mark.parametrize("name", NAMED_VIEWS)
+def test_parse_view_gives_the_angles_when_it_is_named(name):
+    assert parse_view(name, "z") == View("z", *NAMED_VIEWS[name])
+
+
+def test_parse_view_gives_the_angles_when_they_are_written_out():
+    assert parse_view("-20,35.5", "y") == View("y", -20.0, 35.5)
+
+
+@pytest.mark.parametrize("text", ["behind", "1", "1,2,3", "a,b", ""])
+def test_parse_view_says_what_is_allowed_when_there_is_no_such(text):
+    with pytest.raises(InvalidInputError, match="front, side, top or AZIMUTH,ELEVATION"):
+        parse_view(text, "y")
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "up"),
+    [
+        ((-1, 0, -1), (1, 2, 1), "y"),
+        ((-1, -1, 0), (1, 1, 2), "z"),
+        ((-1, -1, 0.05), (1, 1, 2), "z"),
+        ((-1, 0, 0), (1, 2, 2), "y"),  # on both floors
+        ((-1, -1, -1), (1, 1, 1), "y"),  # on neither
+        ((0, 0, 0), (0, 0, 0), "y"),
+    ],
+)
+def test_guess_up_is_z_when_only_that_floor_is_stood_on(low, high, up):
+    assert guess_up(Extent(np.array(low, float), np.array(high, float), 1.0)) == up
+
+
+@pytest.mark.parametrize("up", ["x", "y", "z"])
+def test_turntable_sees_everything_when_it_is_at_any_angle(up):
+    view = View(up, 30.0, 12.0)
+    circle = turntable(view, swept_points(CLOUD, up), 300, 200)
+    for angle_deg in range(0, 360, 15):
+        points, depths = circle.camera(angle_deg).project(CLOUD)
+        assert depths.min() > 0
+        assert (points >= 0).all()
+        assert (points <= [300, 200]).all()
+
+
+@pytest.mark.parametrize("up", ["x", "y", "z"])
+def test_turntable_looks_as_a_view_of_a_larger_azimuth_does_when_it_has_turned(up):
+    swept = swept_points(CLOUD, up)
+    turned = turntable(View(up, 30.0, 12.0), swept, 300, 200).camera(45.0)
+    expected = View(up, 75.0, 12.0).camera([swept], 300, 200)
+    assert turned.axes == pytest.approx(expected.axes)
+    scale = np.ptp(swept)
+    assert turned.eye == pytest.approx(expected.eye, abs=0.02 * scale)
+
+
+@pytest.mark.parametrize(("size", "aspect"), [((4, 1, 0), 4.0), ((1, 2, 0), 0.5)])
+def test_view_aspect_is_that_of_a_rectangle_when_it_is_seen_from_the_front(size, aspect):
+    corners = np.array([[x, y, 0.0] for x in (0, size[0]) for y in (0, size[1])])
+    assert View("y", 0.0, 0.0).aspect([corners]) == pytest.approx(aspect, rel=0.01)
+
+
+def test_view_aspect_is_one_when_all_vertices_are_one_point():
+    assert View().aspect([np.zeros((3, 3))]) == 1
