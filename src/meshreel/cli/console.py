@@ -51,7 +51,8 @@ def progress_bar() -> Iterator[Progress]:
         transient=True,
         disable=not console.is_terminal,
     )
-    task = bar.add_task("", total=1.0, words="")
+    # Stages come to 1 one after the other; rich stops its clock when a total is reached.
+    task = bar.add_task("", total=1 + 1e-9, words="")
     clock = PaceClock()
     timer = threading.Timer(SHOW_AFTER_S, bar.start)
     timer.daemon = True
