@@ -17,8 +17,8 @@ from meshreel.cli.export import export_command
 from meshreel.cli.formats import formats_command
 from meshreel.cli.info import info_command
 from meshreel.cli.paper import paper_command
-from meshreel.cli.view import view_command
 from meshreel.cli.render import render_command
+from meshreel.cli.view import view_command
 from meshreel.errors import MeshReelError
 
 # The base of all that is wrong with a command line: typer has it from click, or its own copy.
