@@ -33,6 +33,7 @@ async function start(): Promise<void> {
   connectControls(reel, stage, picture, player);
   exposeForTests(player, picture, stage);
   await player.seek(0);
+  if (picture.travelsFar(reel.diagonal)) part<HTMLInputElement>("follow").click();
 }
 
 function firstLook(reel: Reel): Look {

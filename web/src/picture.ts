@@ -25,6 +25,9 @@ export interface Look {
 /** Of the box of one frame, so that others fit as well. */
 const ROOM = 1.25;
 
+/** A mesh that is shorter than this share of the box of all frames is followed from the start. */
+const SMALL = 0.5;
+
 const INK: Record<Background, [number, number, number]> = {
   light: [0.08, 0.1, 0.14],
   dark: [0.02, 0.02, 0.03],
@@ -94,6 +97,11 @@ export class Picture {
   setFollowed(isFollowed: boolean): void {
     this.look.isFollowed = isFollowed;
     this.stage.frame(isFollowed ? this.halfSize() : null);
+  }
+
+  /** Whether the shown frame is small beside the box of all frames, and would be hard to see. */
+  travelsFar(diagonal: number): boolean {
+    return (2 / ROOM) * this.halfSize().length() < SMALL * diagonal;
   }
 
   /** Says that the decoder has computed other positions. */
