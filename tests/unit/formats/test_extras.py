@@ -17,6 +17,8 @@ def without(monkeypatch):
     """Has a library be missing, as it is without its extra."""
 
     def remove(module):
+        for name in [name for name in sys.modules if name.startswith(f"{module}.")]:
+            monkeypatch.delitem(sys.modules, name)
         monkeypatch.setitem(sys.modules, module, None)
 
     return remove
