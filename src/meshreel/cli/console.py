@@ -143,9 +143,9 @@ def _is_ascii(console: Console) -> bool:
 
 
 def print_notes(notes: list[str]) -> None:
-    """What was done to the input, a line each, on stderr."""
+    """What was done to the input, a line each, on stderr; each only once."""
     console = Console(stderr=True, highlight=False)
-    for note in notes:
+    for note in dict.fromkeys(notes):
         console.print(f"note: {note}", markup=False)
 
 

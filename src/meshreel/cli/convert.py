@@ -103,7 +103,7 @@ def convert_command(
                 write(one.open(), one.path(Path(output)) if len(stretches) > 1 else output)
         else:
             write(open_for_encoding(source, None, reading), output)
-    print_notes(list(dict.fromkeys(notes)))
+    print_notes(notes)
     if as_json:
         print_json({**({"stretches": done} if split else done[0]), "notes": notes})
         return

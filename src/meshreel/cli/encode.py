@@ -170,7 +170,7 @@ def encode_command(
             results = [
                 _encode(sequence, target, config, reading.notes, force=force, progress=progress)
             ]
-    print_notes(list(dict.fromkeys(reading.notes)))
+    print_notes(reading.notes)
     if as_json:
         outputs = [result.figures() for result in results]
         figures = {"stretches": outputs} if split else outputs[0]
