@@ -64,6 +64,12 @@ def test_encode_writes_a_stream_for_each_stretch_when_faces_change(changing, tmp
     assert_same_surface(second.surface, meshreel.load(str(changing / "b_*.ply")).surface)
 
 
+def test_encode_keeps_what_is_there_when_a_stretch_would_replace_it(changing, tmp_path):
+    (tmp_path / "a_3-4.reel").write_bytes(b"mine")
+    assert_fails(run("encode", changing, "-o", tmp_path / "a.reel", "--split"), "a_3-4.reel exists")
+    assert not (tmp_path / "a_0-2.reel").exists()
+
+
 def test_encode_writes_one_stream_when_faces_stay(tmp_path):
     meshreel.save(waving_grid(3), tmp_path / "a_%02d.ply")
     run_json("encode", tmp_path / "a_*.ply", "-o", tmp_path / "a.reel", "--split")

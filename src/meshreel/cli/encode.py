@@ -1,8 +1,7 @@
 """`meshreel encode`: frames in, one .reel out."""
 
-from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated
 
 import typer
 
@@ -45,12 +44,6 @@ from meshreel.codec.config import (
     DEFAULT_ORDER,
     EncoderConfig,
 )
-
-if TYPE_CHECKING:
-    from meshreel.codec.achieved import Achieved
-    from meshreel.codec.inspect import StreamInfo
-    from meshreel.progress import Progress
-    from meshreel.sequence import FrameSource
 
 
 def encode_command(
@@ -121,8 +114,11 @@ def encode_command(
 
     - `meshreel encode walk.npz --method pca-qp --modes 30 --bits 10`
     """
+    from functools import partial
+
     from meshreel.atomic_write import check_output_path
     from meshreel.cli.console import print_json, print_notes, progress_bar
+    from meshreel.cli.encoded_file import encode_file
     from meshreel.cli.profile import print_profile, profile_figures
     from meshreel.formats.load import loading_for, open_for_encoding
     from meshreel.formats.options import ReadOptions
@@ -160,16 +156,16 @@ def encode_command(
         reading = ReadOptions(fps, object, merge, topology, dataset, progress=progress)
         if split:
             stretches = find_stretches(source, loading_for(config.memory, reading))
-            results = [
-                _encode(one.open(), one.path(target) if len(stretches) > 1 else target, config,
-                        reading.notes, force=force, progress=progress)
-                for one in stretches
-            ]  # fmt: skip
+            cut = len(stretches) > 1
+            pieces = [(one.open, one.path(target) if cut else target) for one in stretches]
         else:
-            sequence = open_for_encoding(source, config.memory, reading)
-            results = [
-                _encode(sequence, target, config, reading.notes, force=force, progress=progress)
-            ]
+            pieces = [(partial(open_for_encoding, source, config.memory, reading), target)]
+        for _, path in pieces:
+            check_output_path(path, overwrite=force)
+        results = [
+            encode_file(open(), path, config, reading.notes, force=force, progress=progress)
+            for open, path in pieces
+        ]
     print_notes(reading.notes)
     if as_json:
         outputs = [result.figures() for result in results]
@@ -181,56 +177,6 @@ def encode_command(
         result.show()
     if profile:
         print_profile(times)
-
-
-@dataclass(frozen=True)
-class _Result:
-    """A stream that was written, and what it is worth."""
-
-    target: Path
-    stream: "StreamInfo"
-    achieved: "Achieved"
-
-    def figures(self) -> dict[str, Any]:
-        from meshreel.cli.figures import size_figures
-
-        return {"output": str(self.target), **size_figures(self.stream), **vars(self.achieved)}
-
-    def show(self) -> None:
-        from meshreel.cli.console import print_table
-        from meshreel.cli.figures import achieved_rows, size_rows
-
-        rows = {**size_rows(self.stream), **achieved_rows(self.achieved, self.stream)}
-        print_table(str(self.target), rows)
-
-
-def _encode(
-    sequence: "FrameSource",
-    target: Path,
-    config: EncoderConfig,
-    notes: list[str],
-    *,
-    force: bool,
-    progress: "Progress",
-) -> _Result:
-    """Encode a sequence, write it and measure it."""
-    from meshreel.atomic_write import replace_when_done
-    from meshreel.codec.achieved import measure_stream
-    from meshreel.codec.encoder import encode
-    from meshreel.codec.inspect import info
-    from meshreel.codec.surface_payloads import what_order_loses
-    from meshreel.profiling import stage
-
-    if lost := what_order_loses(sequence.surface, config.order_choice):
-        notes.append(lost)
-    data = encode(sequence, **vars(config), progress=progress)
-    with stage("writing"), replace_when_done(target, overwrite=force) as temporary:
-        temporary.write_bytes(data)
-    with_sted = config.sted is not None
-    achieved = measure_stream(
-        sequence, data, order=config.order, with_sted=with_sted, progress=progress
-    )
-    return _Result(target, info(data), achieved)
 
 
 def _bits(text: str | None) -> int | list[int] | None:

@@ -1,0 +1,65 @@
+"""A sequence encoded into a file, and what is said of it."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from meshreel.codec.config import EncoderConfig
+
+if TYPE_CHECKING:
+    from meshreel.codec.achieved import Achieved
+    from meshreel.codec.inspect import StreamInfo
+    from meshreel.progress import Progress
+    from meshreel.sequence import FrameSource
+
+
+@dataclass(frozen=True)
+class EncodedFile:
+    """A stream that was written, and what it is worth."""
+
+    target: Path
+    stream: "StreamInfo"
+    achieved: "Achieved"
+
+    def figures(self) -> dict[str, Any]:
+        """What is printed as JSON."""
+        from meshreel.cli.figures import size_figures
+
+        return {"output": str(self.target), **size_figures(self.stream), **vars(self.achieved)}
+
+    def show(self) -> None:
+        """Print it as a table."""
+        from meshreel.cli.console import print_table
+        from meshreel.cli.figures import achieved_rows, size_rows
+
+        rows = {**size_rows(self.stream), **achieved_rows(self.achieved, self.stream)}
+        print_table(str(self.target), rows)
+
+
+def encode_file(
+    sequence: "FrameSource",
+    target: Path,
+    config: EncoderConfig,
+    notes: list[str],
+    *,
+    force: bool,
+    progress: "Progress",
+) -> EncodedFile:
+    """Encode a sequence, write it and measure it."""
+    from meshreel.atomic_write import replace_when_done
+    from meshreel.codec.achieved import measure_stream
+    from meshreel.codec.encoder import encode
+    from meshreel.codec.inspect import info
+    from meshreel.codec.surface_payloads import what_order_loses
+    from meshreel.profiling import stage
+
+    if lost := what_order_loses(sequence.surface, config.order_choice):
+        notes.append(lost)
+    data = encode(sequence, **vars(config), progress=progress)
+    with stage("writing"), replace_when_done(target, overwrite=force) as temporary:
+        temporary.write_bytes(data)
+    with_sted = config.sted is not None
+    achieved = measure_stream(
+        sequence, data, order=config.order, with_sted=with_sted, progress=progress
+    )
+    return EncodedFile(target, info(data), achieved)
