@@ -76,6 +76,10 @@ class FrameSource(Protocol):
     def extent(self) -> Extent:
         """How far the positions of all frames reach."""
 
+    @property
+    def is_portable(self) -> bool:
+        """Whether another process can read the frames, from a copy that holds none of them."""
+
     def read(self, start: int, stop: int) -> Vertices:
         """Positions of frames start..stop - 1, of shape (stop - start, V, 3), all finite."""
 
@@ -149,6 +153,11 @@ class MeshSequence:
     def dtype(self) -> np.dtype[np.floating]:
         """Number type of the positions."""
         return self.vertices.dtype
+
+    @property
+    def is_portable(self) -> bool:
+        """Whether another process can read the frames: a copy would hold all of them."""
+        return False
 
     @cached_property
     def extent(self) -> Extent:

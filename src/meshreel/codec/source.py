@@ -118,10 +118,10 @@ class Piece:
         return self.sequence.read(self.start, self.stop).take(self.order, axis=1)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        # What is in memory is not in the other process: of that, only these frames are sent.
-        if not isinstance(self.sequence, MeshSequence):
+        # What another process cannot read is sent: these frames, and none else.
+        if self.sequence.is_portable:
             return Piece, (self.sequence, self.start, self.stop, self.order)
-        vertices = self.sequence.vertices[self.start : self.stop]
+        vertices = self.sequence.read(self.start, self.stop)
         return _piece_of, (vertices, self.sequence.faces, self.order)
 
 

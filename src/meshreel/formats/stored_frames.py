@@ -35,6 +35,8 @@ class StoredFrames:
         Gives the positions of frames start..stop - 1, of shape (stop - start, V, 3).
     start_s : float, default 0
     surface : Surface, optional
+    is_portable : bool, default False
+        Whether `read_range` can be sent to another process, and reads there.
 
     Raises
     ------
@@ -53,6 +55,7 @@ class StoredFrames:
     read_range: Callable[[int, int], Vertices]
     start_s: float = 0.0
     surface: Surface = PLAIN
+    is_portable: bool = False
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "faces", read_only(validate_faces(self.faces, self.n_verts)))

@@ -2,6 +2,7 @@
 
 import pickle
 
+import numpy as np
 import pytest
 
 from meshreel.codec.config import EncoderConfig
@@ -11,6 +12,7 @@ from meshreel.codec.source import Source
 from meshreel.engine.engine import Engine, open_engine
 from meshreel.formats.load import open_source
 from meshreel.formats.save import save
+from meshreel.formats.stored_frames import StoredFrames
 from sample_engines import InlineWorkers
 from sample_meshes import irregular_sequence, waving_grid
 
@@ -58,6 +60,19 @@ def test_frames_are_read_by_the_worker_when_they_are_in_files(tmp_path):
     sent = pickle.dumps(piece)
     assert len(sent) < sequence.vertices.nbytes / 10
     assert (pickle.loads(sent).read() == piece.read()).all()
+
+
+@pytest.mark.parametrize("ending", ["ply", "abc", "usdc", "h5", "vtkhdf", "mdd"])
+def test_piece_is_sent_with_its_frames_when_they_stay_in_files(tmp_path, ending):
+    """Files that are open here are not open in the other process."""
+    sequence = waving_grid(40, 20, 20)
+    source = tmp_path / f"grid.{ending}"
+    save(sequence, tmp_path / "f_%02d.ply" if ending == "ply" else source)
+    opened = open_source(tmp_path if ending == "ply" else source)
+    pieces = list(Source(opened, EncoderConfig(block_frames=10)).pieces())
+    assert type(opened) is StoredFrames
+    found = pickle.loads(pickle.dumps(pieces[2])).read()
+    np.testing.assert_array_equal(found, sequence.vertices[20:30, pieces[2].order])
 
 
 def test_mesh_is_the_same_object_when_a_process_gets_it_twice():

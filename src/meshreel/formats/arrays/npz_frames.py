@@ -73,6 +73,7 @@ def open_npz(path: Path, options: ReadOptions) -> FrameSource:
             dtype=survey.dtype,
             extent=survey.extent,
             read_range=stored.read,
+            is_portable=True,
             start_s=about.start_s,
             surface=about.surface,
         )
