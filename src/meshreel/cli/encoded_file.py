@@ -50,11 +50,10 @@ def encode_file(
     from meshreel.codec.achieved import measure_stream
     from meshreel.codec.encoder import encode
     from meshreel.codec.inspect import info
+    from meshreel.codec.methods import Order
     from meshreel.codec.surface_payloads import what_order_loses
     from meshreel.profiling import stage
 
-    if lost := what_order_loses(sequence.surface, config.order_choice):
-        notes.append(lost)
     data = encode(sequence, **vars(config), progress=progress)
     with stage("writing"), replace_when_done(target, overwrite=force) as temporary:
         temporary.write_bytes(data)
@@ -62,4 +61,7 @@ def encode_file(
     achieved = measure_stream(
         sequence, data, order=config.order, with_sted=with_sted, progress=progress
     )
-    return EncodedFile(target, info(data), achieved)
+    stream = info(data)
+    if lost := what_order_loses(sequence.surface, Order[stream.order.upper()]):
+        notes.append(lost)
+    return EncodedFile(target, stream, achieved)

@@ -82,8 +82,8 @@ def encode(
     laplacian : {"normalized", "combinatorial"}
         I - D^-1 C (Eq. 3), which measured better, or D - C (Eq. 1).
     order : {"keep", "vertices", "drop"}
-        Keep vertices and faces in the order they came; or the vertices only; or neither, which
-        gives the smallest stream.
+        Keep vertices and faces in the order they came; or the vertices only (the faces too, where
+        that takes no more bytes); or neither, which gives the smallest stream.
     block_frames : int, optional
         Frames that are coded together. Default: all of them, as far as memory allows (`blocks`:
         25).

@@ -44,8 +44,27 @@ class CodedMesh:
     start_s: float = 0.0
 
     @cached_property
+    def _coded(self) -> tuple[Order, CodedConnectivity]:
+        """What is kept of the order, and the connectivity."""
+        asked = self.config.order_choice
+        coded = self._encoded(asked)
+        if asked is not Order.VERTICES:
+            return asked, coded
+        # The order of faces can be the easiest way to tell that of vertices; it comes for nothing.
+        kept = self._encoded(Order.KEEP)
+        return (Order.KEEP, kept) if kept.size_bytes <= coded.size_bytes else (asked, coded)
+
+    def _encoded(self, order: Order) -> CodedConnectivity:
+        return encode_connectivity(self.given_faces, self.n_verts, order=order.name.lower())
+
+    @property
     def _connectivity(self) -> CodedConnectivity:
-        return encode_connectivity(self.given_faces, self.n_verts, order=self.config.order)
+        return self._coded[1]
+
+    @property
+    def order_kept(self) -> Order:
+        """What is kept of the order: what was asked for, or more if that takes no more bytes."""
+        return self._coded[0]
 
     @property
     def faces(self) -> Faces:
@@ -60,7 +79,7 @@ class CodedMesh:
     def leading_sections(self) -> Iterator[tuple[Section, bytes]]:
         """The sections of connectivity, order, start and surface."""
         yield Section.CONNECTIVITY, self._connectivity.payload
-        if self.config.order_choice is not Order.DROP:
+        if self.order_kept is not Order.DROP:
             yield Section.ORDER, self._connectivity.order_payload
         if self.start_s:
             yield Section.START, write_start(self.start_s)
@@ -68,7 +87,7 @@ class CodedMesh:
 
     @cached_property
     def _surface_sections(self) -> list[tuple[Section, bytes]]:
-        kept = surface_in_order(self.surface, self.config.order_choice, self.order)
+        kept = surface_in_order(self.surface, self.order_kept, self.order)
         return list(surface_sections(kept, self.given_faces))
 
     def header(
@@ -89,7 +108,7 @@ class CodedMesh:
             vertex_type=VertexType(dtype.itemsize),
             method=self.config.method_row.code,
             laplacian=self.config.laplacian_choice,
-            order=self.config.order_choice,
+            order=self.order_kept,
             origin=frame.origin,
             scale=frame.scale,
             name=name,

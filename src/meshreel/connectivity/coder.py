@@ -50,6 +50,11 @@ class CodedConnectivity:
     internal_to_given: Integers
     internal_faces: Faces
 
+    @property
+    def size_bytes(self) -> int:
+        """Of both payloads."""
+        return len(self.payload) + len(self.order_payload)
+
 
 @staged("connectivity")
 def encode_connectivity(faces: Faces, n_verts: int, *, order: str = "keep") -> CodedConnectivity:
