@@ -21,9 +21,9 @@ ALLOWED_ERROR = 0.02
 """Tight for the flag, so that some vertices are corrected; loose, so that errors show."""
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def browser():
-    """A browser that all tests share."""
+    """A browser for all tests of a file; its event loop would be in the way of others."""
     driver = pytest.importorskip("playwright.sync_api", reason="needs playwright")
     path = next(filter(None, map(shutil.which, BROWSERS)), None)
     if path is None:
@@ -60,7 +60,7 @@ def new_page(browser):
     assert errors == []
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def flag(tmp_path_factory):
     """A stream of three blocks with corrections, and what it was made of."""
     folder = tmp_path_factory.mktemp("flag")
@@ -71,27 +71,27 @@ def flag(tmp_path_factory):
     return folder
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def decoded(flag):
     """Frames of the stream, of shape (T, V, 3)."""
     return meshreel.decode((flag / "flag.reel").read_bytes()).vertices
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def url(browser, flag):
     """Where the stream plays."""
     with viewing(flag / "flag.reel") as (_, address):
         yield address
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def compared_url(browser, flag):
     """Where the stream plays beside its original."""
     with viewing(flag / "flag.reel", "--original", flag / "original.npz") as (_, address):
         yield address
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def exported(browser, flag):
     """The address of a page that holds the stream."""
     path = flag / "flag.html"
