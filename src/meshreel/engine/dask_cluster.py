@@ -23,6 +23,9 @@ Result = TypeVar("Result")
 CONNECT_S = 10.0
 """Seconds in which a scheduler has to answer."""
 
+CLOSE_S = 30.0
+"""Seconds that closing waits for a result that is just coming in."""
+
 
 class DaskWorkers:
     """The workers of the cluster that a scheduler has.
@@ -43,6 +46,8 @@ class DaskWorkers:
         self._lock = threading.Lock()
         self._n_under_way = 0
         self._suspects: deque[_Call] = deque()
+        self._taking = threading.Lock()  # held while a result is taken over from the cluster
+        self._is_closed = False
         try:
             self._client = client(address, timeout=CONNECT_S, set_as_default=False)
         except (OSError, ValueError, TypeError) as error:
@@ -65,7 +70,15 @@ class DaskWorkers:
 
     def close(self, *, at_once: bool) -> None:
         """Leave the cluster; calls that still run there end without an effect."""
-        self._client.close()
+        self._is_closed = True
+        # A client that closes under a result that is being taken never gives it; and all clients
+        # of a process share the one thread that waits for it.
+        with_result = self._taking.acquire(timeout=CLOSE_S)
+        try:
+            self._client.close()
+        finally:
+            if with_result:
+                self._taking.release()
 
     def _begin(self, call: "_Call") -> None:
         with self._lock:
@@ -85,7 +98,7 @@ class DaskWorkers:
         from distributed import KilledWorker
 
         try:
-            call.succeed(task.result())
+            call.succeed(self._result(task))
         except KilledWorker as error:
             if call.is_suspect:
                 call.fail(WorkerDiedError(_deaths(error.allowed_failures + 1)))
@@ -98,6 +111,12 @@ class DaskWorkers:
         except BaseException as error:
             call.fail(error)
         self._leave()
+
+    def _result(self, task: Any) -> Any:
+        with self._taking:
+            if self._is_closed:
+                raise CancelledError
+            return task.result()
 
     def _leave(self) -> None:
         """One call less under way; after the last, a suspect has the cluster for itself."""
