@@ -145,6 +145,13 @@ class Surface:
         """Number of faces (polygons), P."""
         return n_triangles if self.face_sizes is None else len(self.face_sizes)
 
+    def n_items(self, domain: Domain, n_verts: int, n_triangles: int) -> int:
+        """Number of vertices, faces or corners of faces."""
+        n_faces = self.n_faces(n_triangles)
+        # A face has two corners more than triangles.
+        n_corners = n_triangles + 2 * n_faces
+        return {Domain.VERTEX: n_verts, Domain.FACE: n_faces, Domain.CORNER: n_corners}[domain]
+
     def sizes(self, n_triangles: int) -> Int32s:
         """Corners of each face, of shape (P,)."""
         if self.face_sizes is None:
@@ -164,9 +171,10 @@ class Surface:
         """
         sizes = _validated_sizes(self.face_sizes, n_triangles)
         n_faces = n_triangles if sizes is None else len(sizes)
-        n_corners = n_triangles + 2 * n_faces
-        n_items = {Domain.VERTEX: n_verts, Domain.FACE: n_faces, Domain.CORNER: n_corners}
-        attributes = tuple(_validated_attribute(one, n_items) for one in self.attributes)
+        attributes = tuple(
+            _validated_attribute(one, self.n_items(Domain(one.domain), n_verts, n_triangles))
+            for one in self.attributes
+        )
         groups = tuple(_validated_groups(one, n_faces) for one in self.groups)
         _validate_parts(self.parts, n_verts, n_faces)
         return Surface(sizes, attributes, groups, tuple(self.parts))
@@ -203,7 +211,7 @@ def _validated_sizes(sizes: Any, n_triangles: int) -> Int32s | None:
     return None if (found == 3).all() else _frozen(found)
 
 
-def _validated_attribute(given: Attribute, n_items: dict[Domain, int]) -> Attribute:
+def _validated_attribute(given: Attribute, expected: int) -> Attribute:
     name, domain = f"attribute {given.name!r}", Domain(given.domain)
     values = np.asarray(given.values)
     if values.ndim != 2 or not 1 <= values.shape[1] <= MAX_NUMBERS:
@@ -213,7 +221,6 @@ def _validated_attribute(given: Attribute, n_items: dict[Domain, int]) -> Attrib
     if values.dtype not in VALUE_TYPES:
         allowed = ", ".join(str(one) for one in VALUE_TYPES)
         raise InvalidInputError(f"{name} must be one of {allowed}; got {values.dtype}")
-    expected = n_items[domain]
     if given.indices is None:
         if len(values) != expected:
             raise InvalidInputError(f"{name} has {len(values)} values; {domain} needs {expected}")

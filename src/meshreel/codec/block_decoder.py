@@ -31,14 +31,14 @@ from meshreel.codec.methods import (
 )
 from meshreel.codec.pipeline import FramesOf, ProductFrames, product_frames, synthesise
 from meshreel.codec.reel import FieldBlock, KeyFields, Layout, key_fields, synthesise_fields
-from meshreel.codec.surface_payloads import read_start, read_surface
+from meshreel.codec.surface_payloads import SURFACE_SECTIONS, read_start, read_surface
 from meshreel.connectivity.coder import decode_connectivity, decode_order
 from meshreel.entropy.exact import decode_exact
 from meshreel.errors import CorruptStreamError, InvalidInputError
 from meshreel.profiling import staged
 from meshreel.sequence import Faces
 from meshreel.subspace.trajectories import BoundingFrame, from_matrices
-from meshreel.surface import Surface
+from meshreel.surface import PLAIN, Surface
 from meshreel.threads import chunks, in_threads
 
 Vertices = npt.NDArray[np.floating]
@@ -178,7 +178,10 @@ class BlockDecoder:
         CorruptStreamError, TruncatedStreamError
             If it is damaged, or does not fit the faces.
         """
-        sections = [(stored.id, stored.payload) for stored in self.stream.leading]
+        leading = self.stream.leading
+        sections = [(one.id, one.payload) for one in leading if one.id in SURFACE_SECTIONS]
+        if not sections:  # then the faces need not be decoded for it
+            return PLAIN
         return read_surface(sections, self.faces, self.stream.header.n_verts)
 
     @cached_property

@@ -34,6 +34,8 @@ DOMAINS = (Domain.VERTEX, Domain.FACE, Domain.CORNER)
 
 START = struct.Struct("<d")
 
+SURFACE_SECTIONS = (Section.POLYGONS, Section.ATTRIBUTE, Section.GROUPS, Section.PARTS)
+
 
 def surface_sections(surface: Surface, faces: Faces) -> Iterator[tuple[Section, bytes]]:
     """The sections of a surface of a mesh with these triangles; none if it is plain."""
@@ -176,11 +178,7 @@ def _read_attribute(payload: bytes, surface: Surface, faces: Faces, n_verts: int
     size_bytes, position = read_varint(payload, position)
     coded, packed = payload[position : position + size_bytes], payload[position + size_bytes :]
     dtype = VALUE_TYPES[number_type]
-    n_items = {
-        Domain.VERTEX: n_verts,
-        Domain.FACE: surface.n_faces(len(faces)),
-        Domain.CORNER: len(faces) + 2 * surface.n_faces(len(faces)),
-    }[DOMAINS[domain]]
+    n_items = surface.n_items(DOMAINS[domain], n_verts, len(faces))
     indices = None
     if coded:
         rows = decode_references(coded, _places(DOMAINS[domain], surface, faces, n_items))
