@@ -60,6 +60,8 @@ def open_reel(path: Path, options: ReadOptions) -> MeshSequence:
         sequence = decode(path.read_bytes())
     options.progress("reading", 1.0)
     fps = sequence.fps if options.fps is None else options.fps
+    if sequence.name and fps == sequence.fps:  # all positions would be checked again
+        return sequence
     return replace(sequence, fps=fps, name=sequence.name or path.stem)
 
 
