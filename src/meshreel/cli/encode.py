@@ -163,8 +163,8 @@ def encode_command(
         for _, path in pieces:
             check_output_path(path, overwrite=force)
         results = [
-            encode_file(open(), path, config, reading.notes, force=force, progress=progress)
-            for open, path in pieces
+            encode_file(opened(), path, config, reading.notes, force=force, progress=progress)
+            for opened, path in pieces
         ]
     print_notes(reading.notes)
     if as_json:

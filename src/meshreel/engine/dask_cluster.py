@@ -73,11 +73,11 @@ class DaskWorkers:
         self._is_closed = True
         # A client that closes under a result that is being taken never gives it; and all clients
         # of a process share the one thread that waits for it.
-        with_result = self._taking.acquire(timeout=CLOSE_S)
+        is_quiet = self._taking.acquire(timeout=CLOSE_S)
         try:
             self._client.close()
         finally:
-            if with_result:
+            if is_quiet:
                 self._taking.release()
 
     def _begin(self, call: "_Call") -> None:
