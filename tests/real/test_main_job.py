@@ -75,3 +75,12 @@ def test_target_is_met_and_used_up_when_sequence_is_real(name, aim, limit, least
         "bpvf": meshreel.info(data).rate_bpvf,
     }
     assert least_share * limit < found[aim] <= limit
+
+
+@pytest.mark.parametrize("step", [1e-4, 1e-6])
+def test_errors_stay_at_the_step_when_weights_are_large(step):
+    """Values grow 30-fold from scale to scale: without a limit, feedback made errors of 7,500."""
+    sequence = load("hostile/growing")
+    decoded = meshreel.decode(meshreel.encode(sequence, step=step))
+    error = np.linalg.norm(decoded.vertices - sequence.vertices, axis=2).max()
+    assert error <= 30 * step * np.linalg.norm(sequence.extent.high - sequence.extent.low)

@@ -32,6 +32,10 @@ Integers = npt.NDArray[np.int64]
 CHUNK_VERTICES = 2048
 """Vertices whose fields are found at once."""
 
+LARGEST_FEEDBACK = 8.0
+"""Steps of noise feedback beyond which there is none: real motion asks for up to 5.5, and weights
+that amplify rounding would ask for more from level to level."""
+
 
 @dataclass(frozen=True)
 class FieldChoices:
@@ -210,7 +214,9 @@ class _Recorder:
             wanted = fields[rows]
             if level >= max(first_carrying, 1):
                 true_prediction = predictors[level].weights @ fields
-                wanted = wanted + self.choices.carried_share * (prediction - true_prediction)
+                feedback = self.choices.carried_share * (prediction - true_prediction)
+                feedback[np.abs(feedback) > LARGEST_FEEDBACK * self.step] = 0.0
+                wanted = wanted + feedback
             price = self.choices.price if level else 0.0
             steps = quantize_by_rate((wanted - prediction) / self.step, price)
             self.integers[rows, modes] = steps

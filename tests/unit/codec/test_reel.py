@@ -23,6 +23,7 @@ from meshreel.codec.reel import (
     synthesise_fields,
 )
 from meshreel.codec.timeline import time_predictors
+from meshreel.connectivity.coder import encode_connectivity
 from meshreel.entropy.field_coder import decode_fields
 from meshreel.errors import InvalidInputError, UnsupportedVersionError
 from meshreel.geometry.prediction import WeightLearner
@@ -337,3 +338,26 @@ def test_other_layouts_are_refused_when_another_build_wrote_them(number, remedy)
 def test_blocks_of_the_papers_kind_are_refused_when_there_are_none():
     with pytest.raises(InvalidInputError, match="method reel"):
         coded_blocks(encode(waving_grid(), "reel"))
+
+
+def growing_grid(growth=30.0, n_frames=12, side=20):
+    """A sheet whose vertices move farther from scale to scale, by a factor: weights are large."""
+    faces = waving_grid(1, side, side).faces
+    coded = encode_connectivity(faces, side**2)
+    internal = MeshSequence(np.zeros((1, side**2, 3)), coded.internal_faces)
+    reach = np.ones(side**2)
+    for number, scale in enumerate(field_mesh(internal).scales):
+        reach[scale.targets] = growth**number
+    motion = np.random.default_rng(0).normal(size=(n_frames, 1, 3)) * (reach / reach.max())[:, None]
+    vertices = np.empty_like(motion)
+    vertices[:, coded.internal_to_given] = motion
+    return MeshSequence(vertices, faces)
+
+
+@pytest.mark.parametrize("step", [1e-4, 1e-6])
+def test_errors_stay_at_the_step_when_weights_are_large(step):
+    """Feedback without a limit would be amplified from level to level: 200 steps."""
+    sequence = growing_grid()
+    error = np.linalg.norm(decode(encode(sequence, step=step)).vertices - sequence.vertices, axis=2)
+    diagonal = np.linalg.norm(sequence.extent.high - sequence.extent.low)
+    assert error.max() <= 20 * step * diagonal
