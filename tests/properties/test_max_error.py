@@ -5,10 +5,11 @@ from hypothesis import HealthCheck, assume, event, example, given, settings
 from hypothesis import strategies as st
 
 from meshreel import InvalidInputError, MeshSequence, compare, decode, encode
+from meshreel.codec.corrections import FLOOR
 from sample_strategies import bodies, moving, odd_sequences
 
 MOST_ROUNDING = 4.0
-"""A promise may be refused if it is below so many spacings of the number type."""
+"""A promise may be refused if it is below so many spacings of the number type, and the floor."""
 
 PERCENTS = (1e-4, 0.01, 0.3, 5.0, 80.0)
 CUTS = st.sampled_from([None, None, 1, 5])
@@ -35,7 +36,7 @@ def assert_promise_is_kept(sequence, percent, **options):
         event("refused")
         message = str(error)
         assert "cannot be promised" in message
-        assert percent < MOST_ROUNDING * spacing_percent(sequence)
+        assert percent < MOST_ROUNDING * spacing_percent(sequence) + 101 * FLOOR
         return
     decoded = decode(data)
     np.testing.assert_array_equal(decoded.faces, sequence.faces)

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from meshreel.bitstream.layout import Section
 from meshreel.codec import payloads
 from meshreel.codec.blocks import StoredBlock, read_field_block, write_field_block
-from meshreel.codec.corrections import allowed_error, corrected, find_corrections
+from meshreel.codec.corrections import corrected, find_corrections, least_bound
 from meshreel.codec.field_analysis import BlockFrames, FieldChoices, analyse_fields
 from meshreel.codec.field_mesh import Connectivity, FieldMesh, shared_field_mesh
 from meshreel.codec.mesh_model import MeshModel
@@ -218,11 +218,12 @@ def check_promise(bound: float, rounding: float, dtype: np.dtype[np.floating]) -
     InvalidInputError
         If it cannot.
     """
-    if allowed_error(bound, rounding) > 0:
+    least = least_bound(rounding)
+    if bound > least:
         return
     remedy = "" if dtype == np.float64 else ", or give positions as float64"
     raise InvalidInputError(
         f"max_error {100 * bound:g} cannot be promised: positions of type {dtype} at these "
-        f"coordinates are rounded by up to {100 * rounding:.2g} percent of the diagonal; "
-        f"ask for more{remedy}"
+        f"coordinates are rounded by up to {100 * rounding:.2g} percent of the diagonal, and "
+        f"machines differ in their last bits; ask for at least {101 * least:.2g}{remedy}"
     )

@@ -7,11 +7,13 @@ from hypothesis import strategies as st
 
 from meshreel.codec import payloads
 from meshreel.codec.corrections import (
+    FLOOR,
     MARGIN,
     Corrections,
     allowed_error,
     corrected,
     find_corrections,
+    least_bound,
 )
 from meshreel.codec.pipeline import product_frames
 
@@ -31,7 +33,7 @@ def left_over(errors, corrections):
     st.integers(1, 9),
     st.integers(1, 12),
     st.sampled_from([1e-6, 0.01, 0.9, 1.1, 4.0, 1e3, 1e8]),
-    st.sampled_from([1e-9, 1e-3, 2.0]),
+    st.sampled_from([1e-7, 1e-3, 2.0]),
     st.floats(0.0, 0.9),
     st.integers(0, 2**32 - 1),
 )
@@ -58,6 +60,19 @@ def test_margin_is_kept_free_when_a_bound_is_given():
     errors = np.zeros((3, 1, 3))
     errors[0, 0] = [1 - 2 * MARGIN, 1 - 0.5 * MARGIN, 1 + MARGIN]
     np.testing.assert_array_equal(find_corrections(errors, 1.0, 0.0).vertices, [1, 2])
+
+
+def test_floor_is_kept_free_when_the_bound_is_tiny():
+    errors, bound = np.zeros((3, 1, 3)), 10 * FLOOR
+    errors[0, 0] = [bound - 1.1 * FLOOR, bound - 0.9 * FLOOR, bound]
+    np.testing.assert_array_equal(find_corrections(errors, bound, 0.0).vertices, [1, 2])
+
+
+@pytest.mark.parametrize("rounding", [0.0, 1e-16, FLOOR, 1e-5, 1.0])
+def test_least_bound_leaves_nothing_and_more_leaves_something(rounding):
+    least = least_bound(rounding)
+    assert allowed_error(least, rounding) == pytest.approx(0.0, abs=1e-15)
+    assert allowed_error(1.01 * least, rounding) > 0
 
 
 @pytest.mark.parametrize("size", [0.0, 0.1, 0.5])

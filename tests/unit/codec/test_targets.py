@@ -176,6 +176,15 @@ def test_maximum_error_is_refused_when_the_number_type_is_too_coarse():
         assert meshreel.compare(far, decoded).max_error_percent <= percent
 
 
+def test_maximum_error_is_refused_when_last_bits_of_other_machines_reach_it():
+    fine = meshreel.MeshSequence(waving_grid().vertices.astype(np.float64), waving_grid().faces)
+    with pytest.raises(InvalidInputError, match="last bits; ask for at least") as refused:
+        meshreel.encode(fine, max_error=1e-7)
+    least = float(str(refused.value).split("at least ")[1])
+    decoded = meshreel.decode(meshreel.encode(fine, max_error=least))
+    assert meshreel.compare(fine, decoded).max_error_percent <= least
+
+
 @pytest.mark.parametrize("options", [{"order": "drop"}, {"order": "vertices"}, {"block_frames": 5}])
 @pytest.mark.parametrize(("aim", "limit"), [("kg", 0.2), ("sted", 0.01), ("max_error", 0.05)])
 def test_error_is_met_when_vertices_are_reordered_or_frames_cut(options, aim, limit):
