@@ -10,6 +10,7 @@ import meshreel
 
 ROOT = Path(meshreel.__file__).parent
 FLOORS = [  # from the top
+    {"__main__"},
     {"cli"},
     {"evaluation", "batch", "viewer"},
     {"formats"},

@@ -7,6 +7,7 @@ import typer
 
 from meshreel import __version__
 from meshreel.cli.batch import batch_command
+from meshreel.cli.commands import Command, Group
 from meshreel.cli.compare import compare_command
 from meshreel.cli.convert import convert_command
 from meshreel.cli.decode import decode_command
@@ -26,25 +27,25 @@ CommandLineError: type[Exception] = typer.BadParameter.mro()[2]
 
 app = typer.Typer(
     name="meshreel",
+    cls=Group,
     help="Compress animated triangle meshes of fixed connectivity, and get them back.",
     invoke_without_command=True,
-    add_completion=False,
     rich_markup_mode="markdown",
     pretty_exceptions_enable=False,
 )
-app.command("encode")(encode_command)
-app.command("batch")(batch_command)
-app.command("decode")(decode_command)
-app.command("convert")(convert_command)
-app.command("formats")(formats_command)
-app.command("info")(info_command)
-app.command("compare")(compare_command)
-app.command("view")(view_command)
-app.command("export")(export_command)
-app.command("render")(render_command)
-app.command("demo")(demo_command)
-app.command("paper")(paper_command)
-app.command("evaluate")(evaluate_command)
+app.command("encode", cls=Command)(encode_command)
+app.command("batch", cls=Command)(batch_command)
+app.command("decode", cls=Command)(decode_command)
+app.command("convert", cls=Command)(convert_command)
+app.command("formats", cls=Command)(formats_command)
+app.command("info", cls=Command)(info_command)
+app.command("compare", cls=Command)(compare_command)
+app.command("view", cls=Command)(view_command)
+app.command("export", cls=Command)(export_command)
+app.command("render", cls=Command)(render_command)
+app.command("demo", cls=Command)(demo_command)
+app.command("paper", cls=Command)(paper_command)
+app.command("evaluate", cls=Command)(evaluate_command)
 
 
 def _print_version(wanted: bool) -> None:
@@ -68,7 +69,7 @@ def _common(
 def main() -> None:
     """Run the program: exit code 0, or 1 with one line on stderr that says what is wrong."""
     try:
-        status = app(standalone_mode=False)
+        status = app(prog_name="meshreel", standalone_mode=False)
     except CommandLineError as error:
         _fail(_described(error))
     except MeshReelError as error:

@@ -5,6 +5,7 @@ from typing import Annotated
 
 import typer
 
+from meshreel.cli.completing import input_files
 from meshreel.cli.read_options import MergeOption, ObjectOption
 
 
@@ -12,11 +13,12 @@ def compare_command(
     original: Annotated[
         str,
         typer.Argument(
+            autocompletion=input_files,
             help="A file that holds an animation (see `meshreel formats`), a frame file, a folder "
-            "or a quoted glob."
+            "or a quoted glob.",
         ),
     ],
-    decoded: Annotated[str, typer.Argument(help="The same kinds.")],
+    decoded: Annotated[str, typer.Argument(autocompletion=input_files, help="The same kinds.")],
     object: ObjectOption = None,
     merge: MergeOption = False,
     plot: Annotated[

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from meshreel.cli.completing import input_files
 from meshreel.cli.read_options import (
     DatasetOption,
     FpsOption,
@@ -31,6 +32,7 @@ def convert_command(
         list[str],
         typer.Argument(
             metavar="INPUT",
+            autocompletion=input_files,
             help="A file that holds an animation, a folder or a quoted glob of frames, or the "
             "frame files.",
         ),

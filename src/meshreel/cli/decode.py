@@ -5,6 +5,7 @@ from typing import Annotated
 
 import typer
 
+from meshreel.cli.completing import reel_files
 from meshreel.cli.write_options import (
     ForceOption,
     FramesOption,
@@ -16,7 +17,12 @@ from meshreel.cli.write_options import (
 
 
 def decode_command(
-    source: Annotated[Path, typer.Argument(metavar="FILE.reel", help="The stream to decode.")],
+    source: Annotated[
+        Path,
+        typer.Argument(
+            metavar="FILE.reel", autocompletion=reel_files, help="The stream to decode."
+        ),
+    ],
     output: OutputOption,
     frames: FramesOption = None,
     modes: Annotated[

@@ -5,6 +5,7 @@ from typing import Annotated
 
 import typer
 
+from meshreel.cli.completing import input_files, streams
 from meshreel.cli.encode_options import (
     AllocationOption,
     AnchorsOption,
@@ -51,6 +52,7 @@ def encode_command(
         list[str],
         typer.Argument(
             metavar="INPUT",
+            autocompletion=input_files,
             help="A file that holds an animation (.abc, .usd, .glb, .npz, ...: see `meshreel "
             "formats`), a folder or a quoted glob of frames, or the frame files (.obj, .ply, "
             ".off, .stl); put in natural order.",
@@ -59,7 +61,10 @@ def encode_command(
     output: Annotated[
         Path | None,
         typer.Option(
-            "--output", "-o", help="The .reel to write. Default: the input's name, in this folder."
+            "--output",
+            "-o",
+            autocompletion=streams,
+            help="The .reel to write. Default: the input's name, in this folder.",
         ),
     ] = None,
     quality: QualityOption = None,

@@ -5,6 +5,7 @@ from typing import Annotated
 
 import typer
 
+from meshreel.cli.completing import names_of
 from meshreel.codec.config import DEFAULT_ANCHORS, DEFAULT_ENERGY
 from meshreel.codec.methods import METHODS, Allocation, Laplacian, Order
 from meshreel.codec.targets import DEFAULT_EFFORT, DEFAULT_QUALITY, Tune
@@ -70,6 +71,7 @@ StepOption = Annotated[
 TuneOption = Annotated[
     str | None,
     typer.Option(
+        autocompletion=names_of(tune.value for tune in Tune),
         help=f"What bits are spent on: {TUNE_NAMES}. visual: how the surface looks; geometry: "
         "where vertices are. [default: what the target needs, else visual]",
         show_default=False,
@@ -81,7 +83,12 @@ EffortOption = Annotated[
         help=f"1 to 9: time against size. [default: {DEFAULT_EFFORT}]", show_default=False
     ),
 ]
-MethodOption = Annotated[str, typer.Option(help=f"How to code: {METHOD_NAMES}.")]
+MethodOption = Annotated[
+    str,
+    typer.Option(
+        autocompletion=names_of(row.name for row in METHODS), help=f"How to code: {METHOD_NAMES}."
+    ),
+]
 ModesOption = Annotated[
     int | None,
     typer.Option(
@@ -111,6 +118,7 @@ AllocationOption = Annotated[
     str,
     typer.Option(
         rich_help_panel=PAPER,
+        autocompletion=names_of(row.value for row in Allocation),
         help=f"How one number of bits is spread over the rows: {ALLOCATION_NAMES}.",
     ),
 ]
@@ -125,13 +133,18 @@ AnchorsOption = Annotated[
 ]
 LaplacianOption = Annotated[
     str,
-    typer.Option(rich_help_panel=PAPER, help=f"The matrix that makes deltas: {LAPLACIAN_NAMES}."),
+    typer.Option(
+        rich_help_panel=PAPER,
+        autocompletion=names_of(row.name.lower() for row in Laplacian),
+        help=f"The matrix that makes deltas: {LAPLACIAN_NAMES}.",
+    ),
 ]
 OrderOption = Annotated[
     str,
     typer.Option(
+        autocompletion=names_of(row.name.lower() for row in Order),
         help=f"What to keep of the order of vertices and faces: {ORDER_NAMES}. "
-        "keep: both; vertices: of the vertices; drop: neither, for the smallest file."
+        "keep: both; vertices: of the vertices; drop: neither, for the smallest file.",
     ),
 ]
 BlockFramesOption = Annotated[

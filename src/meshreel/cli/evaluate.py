@@ -6,6 +6,7 @@ from typing import Annotated
 
 import typer
 
+from meshreel.cli.completing import input_files
 from meshreel.evaluation.peers.registry import NONE, PEER_NAMES
 from meshreel.evaluation.sweeps import CODED_METHODS, DEFAULT_METHODS
 
@@ -15,6 +16,7 @@ def evaluate_command(
         list[str],
         typer.Argument(
             metavar="INPUT",
+            autocompletion=input_files,
             help="Sequences: an .npz or .reel file, a folder or a quoted glob of frames, each.",
             show_default=False,
         ),

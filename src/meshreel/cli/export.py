@@ -5,6 +5,7 @@ from typing import Annotated
 
 import typer
 
+from meshreel.cli.completing import pages
 from meshreel.cli.player import OriginalOption, SourceArgument
 from meshreel.cli.read_options import MergeOption, ObjectOption
 
@@ -12,7 +13,10 @@ from meshreel.cli.read_options import MergeOption, ObjectOption
 def export_command(
     source: SourceArgument,
     output: Annotated[
-        Path, typer.Option("--output", "-o", metavar="PAGE.html", help="The page to write.")
+        Path,
+        typer.Option(
+            "--output", "-o", metavar="PAGE.html", autocompletion=pages, help="The page to write."
+        ),
     ],
     original: OriginalOption = None,
     object: ObjectOption = None,

@@ -5,9 +5,16 @@ from typing import Annotated
 
 import typer
 
+from meshreel.cli.completing import input_files
+
 
 def info_command(
-    source: Annotated[Path, typer.Argument(metavar="FILE.reel", help="The stream to look at.")],
+    source: Annotated[
+        Path,
+        typer.Argument(
+            metavar="FILE.reel", autocompletion=input_files, help="The stream to look at."
+        ),
+    ],
     as_json: Annotated[bool, typer.Option("--json", help="Print the figures as JSON.")] = False,
 ) -> None:
     """Show the header of a .reel file and its byte budget by section.

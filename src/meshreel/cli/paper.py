@@ -6,6 +6,7 @@ from typing import Annotated
 
 import typer
 
+from meshreel.cli.completing import input_files
 from meshreel.evaluation.settings import METHOD_NAMES
 
 
@@ -14,6 +15,7 @@ def paper_command(
         list[str] | None,
         typer.Argument(
             metavar="INPUT...",
+            autocompletion=input_files,
             help="Sequences: an .npz or .reel file, a folder or a quoted glob of frames, each. "
             "Default: the embedded flag.",
             show_default=False,

@@ -7,17 +7,23 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from meshreel.cli.completing import input_files, reel_files
+
 if TYPE_CHECKING:
     from meshreel.codec.reel_file import ReelFile
     from meshreel.formats.options import ReadOptions
     from meshreel.viewer.api import Api
     from meshreel.viewer.comparison import Comparison
 
-SourceArgument = Annotated[Path, typer.Argument(metavar="FILE.reel", help="The stream to play.")]
+SourceArgument = Annotated[
+    Path,
+    typer.Argument(metavar="FILE.reel", autocompletion=reel_files, help="The stream to play."),
+]
 OriginalOption = Annotated[
     str | None,
     typer.Option(
         metavar="INPUT",
+        autocompletion=input_files,
         help="What the stream was made of, to be shown beside it with heat maps of the error: "
         "whatever `encode` takes.",
     ),

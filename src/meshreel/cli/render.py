@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from meshreel.cli.completing import input_files, names_of, pictures
 from meshreel.cli.read_options import FpsOption, MergeOption, ObjectOption
 
 if TYPE_CHECKING:
@@ -22,6 +23,7 @@ def render_command(
         str,
         typer.Argument(
             metavar="FILE",
+            autocompletion=input_files,
             help="A .reel, another file that holds an animation (see `meshreel formats`), a "
             "folder or a quoted glob of frames.",
         ),
@@ -29,17 +31,25 @@ def render_command(
     output: Annotated[
         Path,
         typer.Option(
-            "--output", "-o", help="A picture (.png) or a film (.mp4, .gif); .mp4 needs [video]."
+            "--output",
+            "-o",
+            autocompletion=pictures,
+            help="A picture (.png) or a film (.mp4, .gif); .mp4 needs [video].",
         ),
     ],
     original: Annotated[
         str | None,
-        typer.Option(metavar="INPUT", help="What FILE was made from, to be shown beside it."),
+        typer.Option(
+            metavar="INPUT",
+            autocompletion=input_files,
+            help="What FILE was made from, to be shown beside it.",
+        ),
     ] = None,
     heatmap: Annotated[
         str | None,
         typer.Option(
             metavar="distance|angle|sted",
+            autocompletion=names_of(["distance", "angle", "sted"]),
             help="Colour the decoded mesh by how far it is from the original: vertex distance, "
             "angle between normals, or local STED.",
         ),

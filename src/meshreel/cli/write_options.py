@@ -5,6 +5,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from meshreel.cli.completing import output_files
+
 if TYPE_CHECKING:
     from meshreel.codec.reel_file import ReelFile
     from meshreel.sequence import FrameSource
@@ -18,6 +20,7 @@ OutputOption = Annotated[
     typer.Option(
         "--output",
         "-o",
+        autocompletion=output_files,
         help="A file for all frames (.abc, .usdc, .glb, .npz, ...: see `meshreel formats`), or a "
         "pattern such as out/frame_%04d.obj for a file a frame.",
     ),

@@ -1,0 +1,81 @@
+"""What the shell offers when an argument is begun: files that can be read or written, and names."""
+
+from collections.abc import Callable, Iterable
+from pathlib import Path
+
+REEL = ".reel"
+
+
+def names_of(names: Iterable[str]) -> Callable[[str], list[str]]:
+    """A function that gives those of the names that begin so."""
+    every = list(names)
+
+    def begun(incomplete: str) -> list[str]:
+        return [name for name in every if name.startswith(incomplete)]
+
+    return begun
+
+
+def input_files(incomplete: str) -> list[str]:
+    """Files that hold an animation or a mesh, and folders."""
+    from meshreel.formats.registry import FORMATS
+
+    return _files(incomplete, set(FORMATS))
+
+
+def reel_files(incomplete: str) -> list[str]:
+    """Streams, and folders."""
+    return _files(incomplete, {REEL})
+
+
+def output_files(incomplete: str) -> list[str]:
+    """The name that is begun with every ending that can be written: "walk." gives "walk.abc"."""
+    from meshreel.formats.registry import FORMATS, is_written
+
+    return with_endings(incomplete, [one.ending for one in FORMATS.values() if is_written(one)])
+
+
+def pages(incomplete: str) -> list[str]:
+    """The name that is begun as a page."""
+    return with_endings(incomplete, [".html"])
+
+
+def pictures(incomplete: str) -> list[str]:
+    """The name that is begun as a picture or a film."""
+    return with_endings(incomplete, [".png", ".mp4", ".gif"])
+
+
+def streams(incomplete: str) -> list[str]:
+    """The name that is begun as a stream."""
+    return with_endings(incomplete, [REEL])
+
+
+def with_endings(incomplete: str, endings: Iterable[str]) -> list[str]:
+    """The name that is begun with each of the endings; none while its stem is not typed.
+
+    Then, and where nothing fits, the shell offers what it would of itself.
+    """
+    stem, dot, begun = Path(incomplete).name.rpartition(".")
+    if not dot or not stem:
+        return []
+    start = incomplete[: len(incomplete) - len(begun) - 1]
+    return [start + ending for ending in endings if ending.startswith(f".{begun.lower()}")]
+
+
+def _files(incomplete: str, endings: set[str]) -> list[str]:
+    """Files of these endings that are begun so, and folders if there are such files.
+
+    Where only folders fit, the shell's own way is better: it puts no space behind them.
+    """
+    folder, slash, begun = incomplete.rpartition("/")
+    place = Path((folder or "/") if slash else ".")
+    try:
+        found = sorted(path for path in place.iterdir() if path.name.startswith(begun))
+    except OSError:
+        return []
+    visible = [path for path in found if begun or not path.name.startswith(".")]
+    files = [path.name for path in visible if path.suffix.lower() in endings and path.is_file()]
+    if not files:
+        return []
+    folders = [f"{path.name}/" for path in visible if path.is_dir()]
+    return [f"{folder}{slash}{name}" for name in [*files, *folders]]

@@ -1,0 +1,84 @@
+"""How the program is started, completed by the shell, and explains its options."""
+
+import os
+import subprocess
+import sys
+
+import pytest
+
+import meshreel
+from meshreel.cli.app import app
+from sample_commands import run
+from sample_meshes import waving_grid
+
+COMMANDS = [command.name for command in app.registered_commands]
+
+
+def offered(line, cwd):
+    """What bash offers for the last word of a line."""
+    words = line.split(" ")
+    asked = {"COMP_WORDS": line, "COMP_CWORD": str(len(words) - 1)}
+    done = subprocess.run(
+        [sys.executable, "-m", "meshreel"],
+        env={**os.environ, **asked, "_MESHREEL_COMPLETE": "complete_bash"},
+        capture_output=True,
+        text=True,
+        cwd=cwd,
+        timeout=60,
+    )
+    return done.stdout.split()
+
+
+@pytest.fixture
+def folder(tmp_path):
+    meshreel.save(waving_grid(), tmp_path / "walk.npz")
+    (tmp_path / "walk.reel").write_bytes(meshreel.encode(waving_grid()))
+    (tmp_path / "walk.txt").write_text("words")
+    (tmp_path / "waves").mkdir()
+    return tmp_path
+
+
+def test_module_runs_the_program_when_python_is_told_to_run_it():
+    done = subprocess.run(
+        [sys.executable, "-m", "meshreel", "--version"], capture_output=True, text=True, timeout=60
+    )
+    assert done.stdout == f"meshreel {meshreel.__version__}\n"
+
+
+def test_completion_script_completes_the_program_when_asked_for():
+    done = run("--show-completion", "bash")
+    assert done.returncode == 0
+    assert "complete -o default -F _meshreel_completion meshreel" in done.stdout
+
+
+def test_completion_offers_every_command_when_none_is_typed(folder):
+    assert offered("meshreel ", folder) == COMMANDS
+
+
+def test_completion_offers_options_when_one_is_begun(folder):
+    assert offered("meshreel encode walk.npz --max", folder) == ["--max-error"]
+
+
+@pytest.mark.parametrize(
+    ("line", "expected"),
+    [
+        ("meshreel encode wa", ["walk.npz", "walk.reel", "waves/"]),
+        ("meshreel decode wa", ["walk.reel", "waves/"]),
+        ("meshreel info wal", ["walk.npz", "walk.reel"]),
+        ("meshreel encode waves", []),  # the shell's own: a slash and no space
+        ("meshreel decode walk.reel -o out.usd", ["out.usd", "out.usda", "out.usdc", "out.usdz"]),
+        ("meshreel export walk.reel -o page.", ["page.html"]),
+        ("meshreel render walk.reel -o film.m", ["film.mp4"]),
+        ("meshreel encode walk.npz --method pca-", ["pca-qp", "pca-q", "pca-qs"]),
+        ("meshreel render walk.reel --heatmap a", ["angle"]),
+    ],
+)
+def test_completion_offers_files_endings_and_names_when_they_are_begun(folder, line, expected):
+    assert offered(line, folder) == expected
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_help_names_no_type_of_flags_when_it_is_shown(command):
+    shown = run(command, "--help").stdout
+    assert "--json" in shown or command == "view"
+    assert "bool" not in shown.lower()
