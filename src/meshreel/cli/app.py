@@ -17,6 +17,7 @@ from meshreel.cli.evaluate import evaluate_command
 from meshreel.cli.export import export_command
 from meshreel.cli.formats import formats_command
 from meshreel.cli.info import info_command
+from meshreel.cli.option_names import in_option_names
 from meshreel.cli.paper import paper_command
 from meshreel.cli.render import render_command
 from meshreel.cli.view import view_command
@@ -91,6 +92,6 @@ def _described(error: Any) -> str:
 
 def _fail(message: str) -> None:
     """End with code 1 and one line on stderr."""
-    line = " ".join(message.split())
+    line = " ".join(in_option_names(message).split())
     typer.echo(f"meshreel: {line}", err=True)
     sys.exit(1)

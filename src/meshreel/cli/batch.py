@@ -20,6 +20,7 @@ from meshreel.cli.encode_options import (
     TuneOption,
     size_bytes_of,
 )
+from meshreel.cli.option_names import in_option_names
 from meshreel.cli.read_options import FpsOption, MergeOption
 from meshreel.codec.config import DEFAULT_METHOD, DEFAULT_ORDER, EncoderConfig
 
@@ -124,7 +125,7 @@ def batch_command(
     plan = plan_batch(input_dir, out_dir, EncodeOptions(config, fps, merge), force=force)
     report = _run(plan, workers, scheduler)
     for name, record in report.failed.items():
-        typer.echo(f"meshreel: {name}: {record.error}", err=True)
+        typer.echo(f"meshreel: {name}: {in_option_names(record.error or '')}", err=True)
     if as_json:
         print_json({"manifest": str(plan.manifest.path), **report.as_dict()})
     else:

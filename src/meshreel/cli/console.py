@@ -18,6 +18,7 @@ from rich.progress import (
 from rich.progress import Progress as Bar
 from rich.table import Table
 
+from meshreel.cli.option_names import all_in_option_names, in_option_names
 from meshreel.cli.progress_words import PaceClock
 from meshreel.progress import Progress
 
@@ -71,18 +72,30 @@ def progress_bar() -> Iterator[Progress]:
 
 
 def print_json(figures: Mapping[str, Any]) -> None:
-    """The figures as JSON on stdout; numbers that are not finite become null."""
+    """The figures as JSON on stdout; numbers that are not finite become null.
+
+    Sentences under "notes" and "error" name options, as on the screen.
+    """
     print(json.dumps(_plain(figures), indent=2))
 
 
 def _plain(value: Any) -> Any:
     if isinstance(value, Mapping):
-        return {str(key): _plain(item) for key, item in value.items()}
+        return {
+            str(key): _worded(item) if key in ("notes", "error") else _plain(item)
+            for key, item in value.items()
+        }
     if isinstance(value, list | tuple):
         return [_plain(item) for item in value]
     if isinstance(value, float) and not abs(value) < float("inf"):
         return None
     return value
+
+
+def _worded(value: Any) -> Any:
+    if isinstance(value, str):
+        return in_option_names(value)
+    return all_in_option_names(value) if isinstance(value, list) else _plain(value)
 
 
 def print_table(title: str, rows: Mapping[str, str]) -> None:
@@ -145,7 +158,7 @@ def _is_ascii(console: Console) -> bool:
 def print_notes(notes: list[str]) -> None:
     """What was done to the input, a line each, on stderr; each only once."""
     console = Console(stderr=True, highlight=False)
-    for note in dict.fromkeys(notes):
+    for note in all_in_option_names(notes):
         console.print(f"note: {note}", markup=False)
 
 

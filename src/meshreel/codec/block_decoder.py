@@ -302,7 +302,7 @@ def _check_modes(n_modes: int | None, method: Method) -> None:
         return
     if method.basis is not Basis.JOINT:
         raise InvalidInputError(
-            f"a stream of method {method.name} is decoded with all its modes; leave n_modes out"
+            f"a stream of method {method.name} is decoded with all its modes; leave n_modes= out"
         )
     if not 1 <= n_modes < float("inf") or int(n_modes) != n_modes:
         raise InvalidInputError(f"n_modes must be a whole number of at least 1; got {n_modes}")

@@ -85,7 +85,7 @@ class EncoderConfig:
             self.allocation_choice,
         )
         if self.n_modes is not None and self.energy is not None:
-            raise InvalidInputError("n_modes and energy exclude each other; give one")
+            raise InvalidInputError("n_modes= and energy= exclude each other; give one")
         if self.n_modes is not None:
             _check_count("n_modes", self.n_modes)
         if self.energy is not None and not 0 < self.energy <= 1:
@@ -93,7 +93,7 @@ class EncoderConfig:
         if self.energy is not None and row.basis is Basis.GRAPH:
             raise InvalidInputError(
                 f"method {row.name} keeps a number of low frequencies, not a share of the energy; "
-                "give n_modes"
+                "give n_modes="
             )
         self._check_target()
         _check_bits(self.bits_or_default, row, allocation)
@@ -120,10 +120,10 @@ class EncoderConfig:
         for name in foreign:
             if getattr(self, name) is not None:
                 raise InvalidInputError(
-                    f"method {row.name} does not take {name}; leave it out, or choose a method of "
+                    f"method {row.name} does not take {name}=; leave it out, or choose a method of "
                     "the paper such as pca-qp"
                     if is_reel
-                    else f"method {row.name} does not take {name}; leave it out, or choose reel"
+                    else f"method {row.name} does not take {name}=; leave it out, or choose reel"
                 )
         if is_reel:
             choices_for(self.effort_or_default, self.tune_choice, self.n_modes)

@@ -260,5 +260,5 @@ class ReelEncoder:
 
 def _remedy(aim: Aim) -> str:
     if aim.is_budget:
-        return "allow more, or leave the order out (order drop)"
+        return 'allow more, or leave the order out (order="drop")'
     return "positions come back no nearer than their number type; allow more"

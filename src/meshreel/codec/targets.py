@@ -73,7 +73,8 @@ def target_of(**numbers: float | None) -> Target:
     """
     given = {name: value for name, value in numbers.items() if value is not None}
     if len(given) > 1:
-        raise InvalidInputError(f"{' and '.join(given)} exclude each other; give one")
+        names = " and ".join(f"{name}=" for name in given)
+        raise InvalidInputError(f"{names} exclude each other; give one")
     for name, value in given.items():
         return Target(Aim(name), value)
     return Target(Aim.QUALITY, DEFAULT_QUALITY)

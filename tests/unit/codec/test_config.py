@@ -42,11 +42,11 @@ TARGETS = {
         ({"method": "pca-q", "anchors": 0.01}, "pca-q decodes with L alone"),
         ({"method": "v2v", "anchors": 0.01}, "v2v decodes with the product"),
         *(
-            ({"method": "pca-qp", name: value}, f"pca-qp does not take {name};.* choose reel")
+            ({"method": "pca-qp", name: value}, f"pca-qp does not take {name}=;.* choose reel")
             for name, value in {**TARGETS, "tune": "visual", "effort": 5}.items()
         ),
         *(
-            ({name: value}, f"reel does not take {name};.* such as pca-qp")
+            ({name: value}, f"reel does not take {name}=;.* such as pca-qp")
             for name, value in {"bits": 8, "anchors": 0.1, "energy": 0.9}.items()
         ),
         *(
@@ -66,7 +66,7 @@ TARGETS = {
         *(({"effort": value}, f"effort must be 1..9; got {value}") for value in (0, 10, 2.5)),
         ({"tune": "loud"}, "tune 'loud' is unknown; choose visual, geometry"),
         *(
-            ({one: TARGETS[one], other: TARGETS[other]}, f"{one} and {other} exclude each other")
+            ({one: TARGETS[one], other: TARGETS[other]}, f"{one}= and {other}= exclude each other")
             for one, other in combinations(TARGETS, 2)
         ),
         ({"method": "gft", "energy": 0.9}, "gft keeps a number of low frequencies"),

@@ -118,5 +118,5 @@ def test_decoding_refuses_when_the_number_of_modes_is_none(n_modes):
 @pytest.mark.parametrize("name", [method.name for method in METHODS if method.name != "reel"])
 def test_decoding_refuses_when_modes_of_a_method_of_the_paper_are_counted(name):
     data = encode(waving_grid(3), name)
-    with pytest.raises(InvalidInputError, match=f"method {name} .* leave n_modes out"):
+    with pytest.raises(InvalidInputError, match=f"method {name} .* leave n_modes= out"):
         decode(data, n_modes=2)

@@ -249,7 +249,7 @@ def test_target_is_the_one_that_has_a_number(aim):
 
 
 def test_targets_are_all_named_when_several_have_a_number():
-    with pytest.raises(InvalidInputError, match="kg and size and step exclude each other"):
+    with pytest.raises(InvalidInputError, match="kg= and size= and step= exclude each other"):
         target_of(kg=1.0, sted=None, size=900, step=0.1)
 
 
@@ -257,7 +257,7 @@ def test_targets_are_all_named_when_several_have_a_number():
     ("one", "other"), [("kg", "size"), ("quality", "max_error"), ("step", "bpvf")]
 )
 def test_encoding_refuses_when_several_targets_are_given(one, other):
-    with pytest.raises(InvalidInputError, match=f"{one} and {other} exclude each other"):
+    with pytest.raises(InvalidInputError, match=f"{one}= and {other}= exclude each other"):
         meshreel.encode(waving_grid(2), **{one: 1.0, other: 1.0})
 
 

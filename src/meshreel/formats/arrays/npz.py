@@ -113,8 +113,8 @@ def read_arrays(
         if missing:
             raise FormatError(
                 f"has no array {' and no array '.join(map(repr, missing))}; it holds "
-                f"{', '.join(names) or 'nothing'}; save it with np.savez(..., vertices=, faces=, "
-                "fps=), or say which holds the positions with --dataset (dataset=)"
+                f"{', '.join(names) or 'nothing'}; save it by np.savez under the names vertices, "
+                "faces and fps, or say which holds the positions with --dataset (dataset=)"
             )
         wanted = [name for name in dict.fromkeys(names) if NAMED.fullmatch(name)]
         if with_positions and positions not in wanted:
