@@ -208,20 +208,23 @@ def test_existing_output_is_replaced_when_forced(grid, tmp_path):
     ("arguments", "words"),
     [
         (["encode", "missing.npz", "-o", "a.reel"], ["missing.npz"]),
+        (["encode", "{grid}", "--max-error", "0.5mm"], ["how long its unit is", "--unit", "0.5u"]),
+        (["encode", "{grid}", "--unit", "mm"], ["--unit", "--max-error", "give both"]),
+        (["decode", "{reel}", "-o", "a.glb", "--unit", "mm"], ["--unit", "--max-error"]),
         (["encode", "{grid}", "-o", "no/such/a.reel"], ["no/such", "does not exist"]),
         (["encode", "{grid}", "-o", "a.reel", "--bits", "9"], ["reel", "bits", "pca-qp"]),
         (["encode", "{grid}", "--method", "pca", "--bits", "99"], ["bits must be 2..24", "99"]),
         (["encode", "{grid}", "-o", "a.reel", "--bits", "x"], ["--bits", "8,8,6", "x"]),
         (["encode", "{grid}", "-o", "a.reel", "--modes", "x"], ["--modes", "integer"]),
         (["encode", "{grid}", "--method", "pca", "--bits", "8,1"], ["row 1", "2..24"]),
-        (["encode", "{grid}", "-o", "a.reel", "--modes", "0"], ["n_modes", "0"]),
+        (["encode", "{grid}", "-o", "a.reel", "--modes", "0"], ["--modes", "0"]),
         (["encode", "{grid}", "-o", "a.reel", "--fps", "-3"], ["fps", "-3"]),
-        (["demo", "--frames", "0"], ["n_frames", "0"]),
+        (["demo", "--frames", "0"], ["--frames", "0"]),
         (
             ["encode", "{grid}", "--method", "pca", "--modes", "3", "--energy", "0.9"],
-            ["n_modes", "energy", "exclude"],
+            ["--modes", "--energy", "exclude"],
         ),
-        (["encode", "{grid}", "--kg", "1", "--size", "900"], ["kg", "size", "exclude"]),
+        (["encode", "{grid}", "--kg", "1", "--size", "900"], ["--kg", "--size", "exclude"]),
         (["encode", "{grid}", "--size", "9"], ["size 9 cannot be met", "order drop"]),
         (["encode", "{grid}", "--method", "pca-qp", "--kg", "1"], ["pca-qp", "kg", "reel"]),
         (["encode", "{grid}", "--effort", "11"], ["effort must be 1..9", "11"]),
@@ -234,7 +237,7 @@ def test_existing_output_is_replaced_when_forced(grid, tmp_path):
         (["decode", "{reel}", "-o", "a.xyz"], [".xyz", ".npz"]),
         (["decode", "{reel}", "-o", "a.npz", "--frames", "90:99"], ["frames 0:12"]),
         (["decode", "{reel}", "-o", "a.npz", "--frames", "x"], ["A:B"]),
-        (["info", "{grid}"], ["not a .reel stream"]),
+        (["info", "missing.npz"], ["there is no file or folder 'missing.npz'"]),
         (["compare", "{grid}", "missing.npz"], ["missing.npz"]),
         (["unknown"], ["unknown"]),
     ],
@@ -242,6 +245,17 @@ def test_existing_output_is_replaced_when_forced(grid, tmp_path):
 def test_program_fails_with_one_line_when_the_input_is_bad(grid, reel, tmp_path, arguments, words):
     filled = [text.format(grid=grid, reel=reel) for text in arguments]
     assert_fails(run(*filled, cwd=tmp_path), *words)
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [["info"], ["decode", "-o", "a.npz"], ["view"], ["export", "-o", "a.html"], ["compare", "b"]],
+)
+def test_missing_file_is_told_as_encode_tells_it_when_another_command_looks(tmp_path, arguments):
+    command, *others = arguments
+    expected = run("encode", "nope.reel", cwd=tmp_path).stderr
+    assert "there is no file or folder 'nope.reel'" in expected
+    assert run(command, "nope.reel", *others, cwd=tmp_path).stderr == expected
 
 
 def test_nothing_is_left_behind_when_encoding_fails(tmp_path):
@@ -288,7 +302,7 @@ def test_frames_stay_in_their_files_when_memory_is_small(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("memory", "words"), [("20MB", "is too little for"), ("lots", "such as 500MB or 1GiB")]
+    ("memory", "words"), [("20MB", "is too little for"), ("lots", "such as 100kB or 1GiB")]
 )
 def test_memory_is_refused_when_it_does_not_do(grid, tmp_path, memory, words):
     assert_fails(run("encode", grid, "-o", tmp_path / "a.reel", "--memory", memory), words)

@@ -85,7 +85,7 @@ def encode_input(
     began = time.perf_counter()
     notes: list[str] = []
     reading = ReadOptions(fps=options.fps, merge=options.merge, notes=notes)
-    sequence = open_for_encoding(source, options.config.memory, reading)
+    sequence = open_for_encoding(source, options.config.memory_bytes, reading)
     data = encode(sequence, **vars(options.config), engine=engine)
     achieved = measure_stream(
         sequence, data, order=options.config.order, with_sted=options.config.sted is not None

@@ -77,11 +77,18 @@ def main() -> None:
         _fail(str(error))
     except MemoryError:
         _fail("not enough memory; a shorter --block-frames needs less")
+    except FileNotFoundError as error:
+        _fail(_missing(error.filename) if error.filename else str(error))
     except OSError as error:
         _fail(f"{error.strerror or error}: {error.filename}" if error.filename else str(error))
     except (KeyboardInterrupt, typer.Abort):
         _fail("stopped")
     sys.exit(status if isinstance(status, int) else 0)
+
+
+def _missing(path: str) -> str:
+    """What is said of an input that is not there; `find_files` says the same."""
+    return f"there is no file or folder {str(path)!r}; check it"
 
 
 def _described(error: Any) -> str:

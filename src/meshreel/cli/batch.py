@@ -18,7 +18,7 @@ from meshreel.cli.encode_options import (
     SizeOption,
     StedOption,
     TuneOption,
-    size_bytes_of,
+    UnitOption,
 )
 from meshreel.cli.option_names import in_option_names
 from meshreel.cli.read_options import FpsOption, MergeOption
@@ -65,6 +65,7 @@ def batch_command(
     ] = None,
     quality: QualityOption = None,
     max_error: MaxErrorOption = None,
+    unit: UnitOption = None,
     kg: KgOption = None,
     sted: StedOption = None,
     bpvf: BpvfOption = None,
@@ -112,7 +113,7 @@ def batch_command(
         method=method,
         order=order,
         block_frames=block_frames,
-        memory=size_bytes_of(memory),
+        memory=memory,
         quality=quality,
         max_error=max_error,
         kg=kg,
@@ -121,6 +122,7 @@ def batch_command(
         size=size,
         tune=tune,
         effort=effort,
+        unit=unit,
     )
     plan = plan_batch(input_dir, out_dir, EncodeOptions(config, fps, merge), force=force)
     report = _run(plan, workers, scheduler)

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from meshreel.cli.completing import input_files
+from meshreel.cli.encode_options import UnitOption
 from meshreel.cli.read_options import (
     DatasetOption,
     FpsOption,
@@ -47,6 +48,7 @@ def convert_command(
     split: SplitOption = False,
     targets: TargetsOption = None,
     max_error: GltfErrorOption = None,
+    unit: UnitOption = None,
     normals: NormalsOption = False,
     force: ForceOption = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print what was done as JSON.")] = False,
@@ -66,7 +68,12 @@ def convert_command(
     - `meshreel convert walk.npz -o walk.glb --max-error 0.05`
     """
     from meshreel.cli.console import print_json, print_notes, progress_bar
-    from meshreel.cli.write_options import frame_slice, print_written, written_figures
+    from meshreel.cli.write_options import (
+        checked_bound,
+        frame_slice,
+        print_written,
+        written_figures,
+    )
     from meshreel.codec.decoder import frame_range
     from meshreel.formats.load import loading_for, open_for_encoding
     from meshreel.formats.options import ReadOptions, WriteOptions
@@ -75,6 +82,7 @@ def convert_command(
     from meshreel.formats.stretches import find_stretches
     from meshreel.formats.targets import check_save_target
 
+    bound = checked_bound(max_error, unit)
     check_save_target(output, overwrite=force)
     chosen = frame_slice(frames)
     if split and chosen is not None:
@@ -93,7 +101,7 @@ def convert_command(
                 wanted,
                 target,
                 overwrite=force,
-                options=WriteOptions(targets, max_error, normals),
+                options=WriteOptions(targets, bound, normals),
                 progress=progress,
                 notes=notes,
             )

@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 
 from meshreel.cli.completing import reel_files
+from meshreel.cli.encode_options import UnitOption
 from meshreel.cli.write_options import (
     ForceOption,
     FramesOption,
@@ -31,6 +32,7 @@ def decode_command(
     ] = None,
     targets: TargetsOption = None,
     max_error: GltfErrorOption = None,
+    unit: UnitOption = None,
     normals: NormalsOption = False,
     force: ForceOption = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print what was done as JSON.")] = False,
@@ -50,7 +52,12 @@ def decode_command(
     """
     from meshreel.cli.console import print_json, print_notes, progress_bar
     from meshreel.cli.profile import print_profile, profile_figures
-    from meshreel.cli.write_options import frame_slice, print_written, written_figures
+    from meshreel.cli.write_options import (
+        checked_bound,
+        frame_slice,
+        print_written,
+        written_figures,
+    )
     from meshreel.codec.decoder import start_of
     from meshreel.formats.naming import errors_naming
     from meshreel.formats.options import WriteOptions
@@ -60,6 +67,7 @@ def decode_command(
     from meshreel.profiling import profiled
 
     chosen = frame_slice(frames)
+    bound = checked_bound(max_error, unit)
     check_save_target(output, overwrite=force)
     notes: list[str] = []
     with (
@@ -79,7 +87,7 @@ def decode_command(
             start_s=start_of(wanted, reel.start_s, reel.fps),
             surface=reel.surface,
             overwrite=force,
-            options=WriteOptions(targets, max_error, normals),
+            options=WriteOptions(targets, bound, normals),
             progress=progress,
             notes=notes,
         )

@@ -27,7 +27,7 @@ from meshreel.cli.encode_options import (
     StedOption,
     StepOption,
     TuneOption,
-    size_bytes_of,
+    UnitOption,
 )
 from meshreel.cli.read_options import (
     DatasetOption,
@@ -69,6 +69,7 @@ def encode_command(
     ] = None,
     quality: QualityOption = None,
     max_error: MaxErrorOption = None,
+    unit: UnitOption = None,
     kg: KgOption = None,
     sted: StedOption = None,
     bpvf: BpvfOption = None,
@@ -109,11 +110,13 @@ def encode_command(
 
     - `meshreel encode 'sim/*.obj' -o sim.reel --max-error 0.1`
 
+    - `meshreel encode scan.usdc --max-error 0.5mm --unit cm`
+
     - `meshreel encode shot.abc --object /root/body -o body.reel`
 
     - `meshreel encode shot.usdc --merge -o shot.reel`
 
-    - `meshreel encode walk.npz --size 100000 --order drop --effort 9`
+    - `meshreel encode walk.npz --size 100kB --order drop --effort 9`
 
     - `meshreel encode huge_frames/ --memory 1GiB`
 
@@ -143,7 +146,7 @@ def encode_command(
         laplacian=laplacian,
         order=order,
         block_frames=block_frames,
-        memory=size_bytes_of(memory),
+        memory=memory,
         n_iterations=iterations,
         quality=quality,
         max_error=max_error,
@@ -154,17 +157,18 @@ def encode_command(
         step=step,
         tune=tune,
         effort=effort,
+        unit=unit,
     )
     frames = natural_order(Path(path) for path in inputs)
     source = inputs[0] if len(inputs) == 1 else frames
     with progress_bar() as progress, profiled() as times:
         reading = ReadOptions(fps, object, merge, topology, dataset, progress=progress)
         if split:
-            stretches = find_stretches(source, loading_for(config.memory, reading))
+            stretches = find_stretches(source, loading_for(config.memory_bytes, reading))
             cut = len(stretches) > 1
             pieces = [(one.open, one.path(target) if cut else target) for one in stretches]
         else:
-            pieces = [(partial(open_for_encoding, source, config.memory, reading), target)]
+            pieces = [(partial(open_for_encoding, source, config.memory_bytes, reading), target)]
         for _, path in pieces:
             check_output_path(path, overwrite=force)
         results = [

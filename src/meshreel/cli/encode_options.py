@@ -1,12 +1,12 @@
 """Options that say how to encode, for every command that does."""
 
-import re
 from typing import Annotated
 
 import typer
 
 from meshreel.cli.completing import names_of
 from meshreel.codec.config import DEFAULT_ANCHORS, DEFAULT_ENERGY
+from meshreel.codec.error_bounds import METRES
 from meshreel.codec.methods import METHODS, Allocation, Laplacian, Order
 from meshreel.codec.targets import DEFAULT_EFFORT, DEFAULT_QUALITY, Tune
 
@@ -16,23 +16,34 @@ ALLOCATION_NAMES = ", ".join(row.value for row in Allocation)
 TUNE_NAMES = ", ".join(tune.value for tune in Tune)
 TARGETS = "What to meet (give one)"
 PAPER = "The paper's methods"
+OF_ALL_FRAMES = "of the diagonal of the bounding box of all frames"
 ORDER_NAMES = ", ".join(row.name.lower() for row in Order)
 
 QualityOption = Annotated[
     float | None,
     typer.Option(
-        help="1 to 100; every 12 points halve the error. "
+        help="1 to 100; every 12 points halve the error, which is relative to the model's "
+        "size: the diagonal of a frame's bounding box, the mean of all frames. "
         f"[default: {DEFAULT_QUALITY:g}, if nothing else is asked for]",
         show_default=False,
         rich_help_panel=TARGETS,
     ),
 ]
 MaxErrorOption = Annotated[
-    float | None,
+    str | None,
     typer.Option(
-        metavar="PERCENT",
-        help="No vertex of any frame farther from the original than this share of the "
-        "bounding box's diagonal. Promised.",
+        metavar="BOUND",
+        help="No vertex of any frame farther from the original than this. Promised. 0.1 or 0.1%: "
+        f"percent {OF_ALL_FRAMES}; 0.5u: model units; 0.5mm: a length, see --unit.",
+        rich_help_panel=TARGETS,
+    ),
+]
+UnitOption = Annotated[
+    str | None,
+    typer.Option(
+        metavar="|".join(METRES),
+        autocompletion=names_of(METRES),
+        help="How long one unit of the model is, for a --max-error that is a length.",
         rich_help_panel=TARGETS,
     ),
 ]
@@ -40,7 +51,7 @@ KgOption = Annotated[
     float | None,
     typer.Option(
         metavar="PERCENT",
-        help="Smallest file of at most this KG error.",
+        help="Smallest file of at most this KG error, a share of the shape's extent.",
         rich_help_panel=TARGETS,
     ),
 ]
@@ -56,15 +67,18 @@ BpvfOption = Annotated[
     ),
 ]
 SizeOption = Annotated[
-    float | None,
+    str | None,
     typer.Option(
-        metavar="BYTES", help="Best quality within so many bytes.", rich_help_panel=TARGETS
+        metavar="SIZE",
+        help="Best quality within this size, as in 100kB, 1MiB or 100000 (bytes).",
+        rich_help_panel=TARGETS,
     ),
 ]
 StepOption = Annotated[
     float | None,
     typer.Option(
-        help="Step of rounding as it acts on a position, in diagonals of the bounding box.",
+        help="Step of rounding as it acts on a position, in diagonals of the bounding box of all "
+        "frames.",
         rich_help_panel=TARGETS,
     ),
 ]
@@ -166,17 +180,3 @@ IterationsOption = Annotated[
     int,
     typer.Option(rich_help_panel=PAPER, help="Orthogonal iterations from block to block (blocks)."),
 ]
-UNITS = {"": 1, "B": 1}
-UNITS |= {f"{prefix}B": 1000**power for power, prefix in enumerate("kMGT", start=1)}
-UNITS |= {f"{prefix}iB": 1024**power for power, prefix in enumerate("KMGT", start=1)}
-
-
-def size_bytes_of(text: str | None) -> float | None:
-    """Bytes that a size such as 500MB or 1GiB means; the case of letters does not matter."""
-    if text is None:
-        return None
-    found = re.fullmatch(r"(\d+(?:\.\d*)?)\s*([a-zA-Z]*)", text.strip())
-    factors = {unit.lower(): factor for unit, factor in UNITS.items()}
-    if not found or found[2].lower() not in factors:
-        raise typer.BadParameter(f"--memory takes a size such as 500MB or 1GiB; got {text!r}")
-    return float(found[1]) * factors[found[2].lower()]

@@ -36,7 +36,7 @@ def achieved_rows(achieved: Achieved, stream: StreamInfo) -> dict[str, str]:
     promised = stream.max_error_percent
     rows = {
         "KG error": f"{achieved.kg_error_percent:.4f} %",
-        "largest error": f"{achieved.max_error_percent:.4f} % of the diagonal"
+        "largest error": error_text(achieved.max_error_percent, stream.diagonal)
         + (f", promised {promised:g} %" if promised else ""),
     }
     if achieved.sted is not None:
@@ -72,8 +72,9 @@ def info_rows(stream: StreamInfo) -> dict[str, str]:
     if not stream.is_whole:
         rows["end"] = "cut off; this is what the whole blocks hold"
     if stream.max_error_percent:
+        length = f"{stream.max_error_percent / 100 * stream.diagonal:.4g} model units"
         promised = f"{stream.max_error_percent:g} % of the diagonal"
-        rows["promised"] = f"no vertex is off by more than {promised}"
+        rows["promised"] = f"no vertex is off by more than {promised}, {length}"
     return rows
 
 
@@ -84,11 +85,16 @@ def quality_rows(quality: Quality) -> dict[str, str]:
         "STED": f"{quality.sted:.5f}  (spatial {quality.sted_spatial:.5f}, "
         f"temporal {quality.sted_temporal:.5f})",
         "NMSVE, mean": f"{quality.nmsve_mean:.3e}",
-        "largest error": f"{quality.max_error_percent:.4f} % of the diagonal",
+        "largest error": error_text(quality.max_error_percent, quality.diagonal),
         "RMS error": f"{quality.rms_error_percent:.4f} % of the diagonal",
         "normals off by": f"{quality.normal_angle_mean_deg:.2f} degrees in the mean, "
         f"{quality.normal_angle_p95_deg:.2f} at the 95th percentile",
     }
+
+
+def error_text(percent: float, diagonal: float) -> str:
+    """A distance as a share of the diagonal, and in the units of the model."""
+    return f"{percent:.4f} % of the diagonal, {percent / 100 * diagonal:.4g} model units"
 
 
 PANEL = (

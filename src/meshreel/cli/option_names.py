@@ -3,13 +3,20 @@
 import re
 from collections.abc import Iterable
 
-RENAMED = {"overwrite": "force", "n_modes": "modes", "n_iterations": "iterations"}
+RENAMED = {
+    "overwrite": "force",
+    "n_modes": "modes",
+    "n_frames": "frames",
+    "n_iterations": "iterations",
+}
 """Keywords whose options are not called the same."""
 
 _BOTH = re.compile(r"(--[a-z][a-z-]*(?: [^\s()]+)?) \(\w+=\w*\)")
 _CHOICE = re.compile(r"(?<![\w./'\"-])([a-z]\w*)=\"(\w+)\"")
 _KEYWORD = re.compile(r"(?<![\w./'\"-])([a-z]\w*)=(?:True|False)?(?=[\s),;:.]|$)")
-_NAME = re.compile(r"(?<![\w./'\"=-])(n_modes|n_iterations|max_error|block_frames)(?![\w./'\"=-])")
+_NAME = re.compile(
+    r"(?<![\w./'\"=-])(n_modes|n_frames|n_iterations|max_error|block_frames)(?![\w./'\"=-])"
+)
 
 
 def in_option_names(message: str) -> str:

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from meshreel.cli.completing import output_files
+from meshreel.cli.encode_options import OF_ALL_FRAMES
 
 if TYPE_CHECKING:
     from meshreel.codec.reel_file import ReelFile
@@ -36,12 +37,12 @@ TargetsOption = Annotated[
     ),
 ]
 GltfErrorOption = Annotated[
-    float | None,
+    str | None,
     typer.Option(
         "--max-error",
-        metavar="P",
-        help="The largest error that morph targets may add, in percent of the diagonal of the "
-        "bounding box.",
+        metavar="BOUND",
+        help="The largest error that morph targets may add. 0.1 or 0.1%: percent "
+        f"{OF_ALL_FRAMES}; 0.5u: model units; 0.5mm: a length, see --unit.",
         rich_help_panel=GLTF,
     ),
 ]
@@ -54,6 +55,17 @@ NormalsOption = Annotated[
     ),
 ]
 ForceOption = Annotated[bool, typer.Option("--force", "-f", help="Replace outputs that exist.")]
+
+
+def checked_bound(text: str | None, unit: str | None) -> float | str | None:
+    """The bound that `--max-error` and `--unit` mean together, as `WriteOptions` takes it."""
+    from meshreel.codec.error_bounds import bound_of
+
+    if text is not None:
+        return bound_of(text, unit).plain
+    if unit is not None:
+        raise typer.BadParameter("--unit says what a length in --max-error means; give both")
+    return None
 
 
 def frame_slice(text: str | None) -> slice | None:

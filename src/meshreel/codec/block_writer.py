@@ -104,7 +104,7 @@ def _field_coder(
         return coder.with_step(checked_step(target.value, finest), None)
     if target.aim is Aim.QUALITY:
         return coder.with_step(max(finest, quality_step(target.value) * own_diagonal), None)
-    bound = target.value / 100.0
+    bound = target.bound.share(frame.scale)
     frames = checked_frames(coder.with_step(finest, bound), first)
 
     def size_bytes(step: float) -> float:

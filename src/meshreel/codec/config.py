@@ -3,6 +3,8 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from meshreel.codec.byte_sizes import bytes_of
+from meshreel.codec.error_bounds import bound_of
 from meshreel.codec.field_analysis import FieldChoices
 from meshreel.codec.methods import (
     Allocation,
@@ -64,19 +66,21 @@ class EncoderConfig:
     laplacian: str = DEFAULT_LAPLACIAN
     order: str = DEFAULT_ORDER
     block_frames: int | None = None
-    memory: float | None = None
+    memory: float | str | None = None
     n_iterations: int = DEFAULT_ITERATIONS
     quality: float | None = None
-    max_error: float | None = None
+    max_error: float | str | None = None
     kg: float | None = None
     sted: float | None = None
     bpvf: float | None = None
-    size: float | None = None
+    size: float | str | None = None
     step: float | None = None
     tune: str | None = None
     effort: int | None = None
+    unit: str | None = None
 
     def __post_init__(self) -> None:
+        self._read_texts()
         # Names that do not exist are refused now, before any work.
         row, _, _, allocation = (
             self.method_row,
@@ -108,9 +112,18 @@ class EncoderConfig:
             )
         if self.block_frames is not None:
             _check_count("block_frames", self.block_frames)
-        if self.memory is not None and not 0 < self.memory < float("inf"):
-            raise InvalidInputError(f"memory is in bytes, above 0; got {self.memory}")
         _check_count("n_iterations", self.n_iterations)
+
+    def _read_texts(self) -> None:
+        """Put numbers in place of sizes such as "100kB", and of lengths what they are in units."""
+        for name in ("memory", "size"):
+            if (given := getattr(self, name)) is not None:
+                object.__setattr__(self, name, bytes_of(given, name))
+        if self.max_error is not None:
+            object.__setattr__(self, "max_error", bound_of(self.max_error, self.unit).plain)
+            object.__setattr__(self, "unit", None)
+        elif self.unit is not None:
+            raise InvalidInputError("unit= says what a length in max_error= means; give both")
 
     def _check_target(self) -> None:
         """`reel` takes a target, the paper's methods take bits."""
@@ -174,6 +187,11 @@ class EncoderConfig:
         return self.method_row.bits if self.bits is None else self.bits
 
     @property
+    def memory_bytes(self) -> float | None:
+        """Bytes that encoding may take; None where nothing is said."""
+        return None if self.memory is None else float(self.memory)
+
+    @property
     def field_choices(self) -> FieldChoices:
         """What the encoder of `reel` chooses, but for the step."""
         return choices_for(self.effort_or_default, self.tune_choice, self.n_modes)
@@ -197,7 +215,7 @@ class EncoderConfig:
         """
         chosen = self.block_frames or self.method_row.block_frames or n_frames
         if self.memory is not None:
-            chosen = min(chosen, self._frames_in_memory(n_verts, self.memory))
+            chosen = min(chosen, self._frames_in_memory(n_verts, float(self.memory)))
         elif self.block_frames is None and self.method_row.basis is Basis.JOINT:
             n_blocks = -(-n_frames * n_verts // MAX_BLOCK_POSITIONS)
             chosen = -(-n_frames // n_blocks)

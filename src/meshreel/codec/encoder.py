@@ -33,17 +33,18 @@ def encode(
     laplacian: str = DEFAULT_LAPLACIAN,
     order: str = DEFAULT_ORDER,
     block_frames: int | None = None,
-    memory: float | None = None,
+    memory: float | str | None = None,
     n_iterations: int = DEFAULT_ITERATIONS,
     quality: float | None = None,
-    max_error: float | None = None,
+    max_error: float | str | None = None,
     kg: float | None = None,
     sted: float | None = None,
     bpvf: float | None = None,
-    size: float | None = None,
+    size: float | str | None = None,
     step: float | None = None,
     tune: str | None = None,
     effort: int | None = None,
+    unit: str | None = None,
     progress: Progress = silent,
     engine: Engine | None = None,
 ) -> bytes:
@@ -87,28 +88,33 @@ def encode(
     block_frames : int, optional
         Frames that are coded together. Default: all of them, as far as memory allows (`blocks`:
         25).
-    memory : float, optional
-        Bytes that encoding may take, this program included: blocks are cut to fit. Default:
-        blocks of up to 67 million positions, which take some 8 GB.
+    memory : float or str, optional
+        Bytes that encoding may take, or text such as "1GiB", this program included: blocks
+        are cut to fit. Default: blocks of up to 67 million positions, which take some 8 GB.
     n_iterations : int, default 4
         Orthogonal iterations from one block to the next (`blocks`).
     quality : float, optional
         1..100; every 12 points halve the error. It sets a step relative to the size of the model
         itself, so that models of different sizes and travels look equally good.
-    max_error : float, optional
-        Percent of the diagonal of the bounding box of the whole sequence. No vertex of any frame
-        comes back farther from where it was.
+    max_error : float or str, optional
+        Percent of the diagonal of the bounding box of all frames, as 0.1 or "0.1%"; or a length,
+        as "0.5u" in model units or "0.5mm", which needs `unit`. No vertex of any frame comes back
+        farther from where it was.
     kg, sted : float, optional
         The smallest stream found whose KG error in percent, or whose STED, is at most this.
-    bpvf, size : float, optional
-        The best stream found of at most so many bits for each vertex and frame, or bytes; the
-        whole stream counts.
+    bpvf : float, optional
+        The best stream found of at most so many bits for each vertex and frame; the whole stream
+        counts.
+    size : float or str, optional
+        The best stream found of at most so many bytes; a number, or text such as "100kB".
     step : float, optional
         Step of the fields as it acts on a position, in diagonals of the bounding box.
     tune : {"visual", "geometry"}, optional
         Serve STED, or KG and maximum error. Default: what the target asks for; else visual.
     effort : int, optional
         1..9, time against size; default 5.
+    unit : {"mm", "cm", "m", "km", "in", "ft"}, optional
+        How long one unit of the model is, for a `max_error` that is a length.
     progress : callable, optional
         Called with the stage and the share done, 0..1.
     engine : Engine, optional
@@ -148,6 +154,7 @@ def encode(
         step=step,
         tune=tune,
         effort=effort,
+        unit=unit,
     )
     progress("encoding connectivity", 0.0)
     source = Source(sequence, config)

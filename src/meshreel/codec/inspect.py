@@ -55,6 +55,9 @@ class StreamInfo:
         What goes along with the mesh: "uv 'st' of corners".
     parts : tuple of str
         Names of the meshes that were merged.
+    diagonal : float
+        Of the bounding box that errors are shares of, in model units: of all frames, and of a
+        live recording of its first block.
     """
 
     n_frames: int
@@ -78,6 +81,7 @@ class StreamInfo:
     n_polygons: int
     attributes: tuple[str, ...]
     parts: tuple[str, ...]
+    diagonal: float
 
     @property
     def ratio(self) -> float:
@@ -143,6 +147,7 @@ def stream_info(stream: Stream) -> StreamInfo:
         n_polygons=surface.n_faces(header.n_faces),
         attributes=_carried(surface),
         parts=tuple(part.name for part in surface.parts),
+        diagonal=header.scale,
     )
 
 

@@ -94,7 +94,7 @@ class ReelEncoder:
         if target.aim is Aim.QUALITY:
             return self._trial(self._step_of(target.value)).data
         if target.aim is Aim.MAX_ERROR:
-            return self._within_error(target.value)
+            return self._within_error(target.bound.percent(self._source.frame.scale))
         return self._within_limit(target)
 
     def _blocks(self) -> Iterable[FieldFrames]:
@@ -115,7 +115,8 @@ class ReelEncoder:
         if self._config.target.aim in (Aim.QUALITY, Aim.STEP):
             return False  # one trial is enough
         kept_bytes = KEPT_BYTES * sequence.n_frames * sequence.n_verts
-        return self._config.memory is None or kept_bytes <= self._config.memory / 2
+        memory = self._config.memory_bytes
+        return memory is None or kept_bytes <= memory / 2
 
     @cached_property
     def _kept_blocks(self) -> list[FieldFrames]:

@@ -4,6 +4,7 @@ import math
 from dataclasses import dataclass
 from enum import Enum
 
+from meshreel.codec.error_bounds import ErrorBound, bound_of
 from meshreel.codec.field_analysis import FieldChoices
 from meshreel.errors import InvalidInputError
 
@@ -43,6 +44,13 @@ class Aim(Enum):
 class Target:
     """An aim with its number.
 
+    Parameters
+    ----------
+    aim : Aim
+    value : float
+    is_length : bool, default False
+        Of a largest error, whether it is in model units; else it is in percent of the diagonal.
+
     Raises
     ------
     InvalidInputError
@@ -51,6 +59,12 @@ class Target:
 
     aim: Aim
     value: float
+    is_length: bool = False
+
+    @property
+    def bound(self) -> ErrorBound:
+        """What a largest error allows."""
+        return ErrorBound(self.value, self.is_length)
 
     def __post_init__(self) -> None:
         if self.aim is Aim.QUALITY and not 1 <= self.value <= 100:
@@ -63,8 +77,10 @@ class Target:
             raise InvalidInputError(f"{self.aim.value} must be above 0; got {self.value}")
 
 
-def target_of(**numbers: float | None) -> Target:
+def target_of(**numbers: float | str | None) -> Target:
     """The one aim that has a number; the default quality where none has.
+
+    A largest error may be text that `bound_of` reads.
 
     Raises
     ------
@@ -76,7 +92,10 @@ def target_of(**numbers: float | None) -> Target:
         names = " and ".join(f"{name}=" for name in given)
         raise InvalidInputError(f"{names} exclude each other; give one")
     for name, value in given.items():
-        return Target(Aim(name), value)
+        if Aim(name) is Aim.MAX_ERROR:
+            bound = bound_of(value)
+            return Target(Aim.MAX_ERROR, bound.amount, bound.is_length)
+        return Target(Aim(name), float(value))
     return Target(Aim.QUALITY, DEFAULT_QUALITY)
 
 

@@ -50,12 +50,13 @@ class WriteOptions:
     ----------
     targets : int, optional
         How many morph targets the animation is made of.
-    max_error : float, optional
-        Percent of the diagonal of the bounding box of all frames that no vertex may be off.
+    max_error : float or str, optional
+        How far no vertex may be off: percent of the diagonal of the bounding box of all frames, or
+        text that `meshreel.codec.error_bounds.bound_of` reads, such as "0.5u" for model units.
     normals : bool, default False
         Whether morph targets move normals too.
     """
 
     targets: int | None = None
-    max_error: float | None = None
+    max_error: float | str | None = None
     normals: bool = False

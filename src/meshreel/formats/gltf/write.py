@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.codec.error_bounds import bound_of
 from meshreel.errors import InvalidInputError
 from meshreel.formats.frame_stream import FrameStream
 from meshreel.formats.gltf.moving_mesh import Wanted
@@ -104,8 +105,9 @@ def _achieve(stream: FrameStream, options: WriteOptions) -> _Achieved:
     extent = sequence.extent
     check_range(extent.low, extent.high)
     diagonal = float(np.linalg.norm(extent.high - extent.low))
-    allowed = options.max_error
-    if allowed is None:
+    if options.max_error is not None:
+        allowed = bound_of(options.max_error).percent(diagonal or 1.0)
+    else:
         allowed = DEFAULT_MAX_ERROR if options.targets is None else 0.0
     wanted = Wanted(options.targets, allowed / 100 * diagonal, options.normals)
     stream.progress("morph targets", 0.0)
@@ -127,10 +129,8 @@ def _check_options(options: WriteOptions) -> None:
     if options.targets is not None and options.targets < least:
         reason = " with normals" if options.normals else ""
         raise InvalidInputError(f"targets must be at least {least}{reason}; got {options.targets}")
-    if options.max_error is not None and not 0 < options.max_error < np.inf:
-        raise InvalidInputError(
-            f"max_error must be more than 0, in percent of the diagonal; got {options.max_error}"
-        )
+    if options.max_error is not None:
+        bound_of(options.max_error)
 
 
 def _times(stream: FrameStream) -> Sequence[float]:

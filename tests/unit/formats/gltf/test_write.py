@@ -88,8 +88,9 @@ def test_write_glb_is_refused_when_integers_are_too_coarse_for_the_error(tmp_pat
     [
         ({"targets": 0}, "targets must be at least 1; got 0"),
         ({"targets": 1, "normals": True}, "targets must be at least 2 with normals; got 1"),
-        ({"max_error": 0.0}, "max_error must be more than 0"),
-        ({"max_error": float("nan")}, "max_error must be more than 0"),
+        ({"max_error": 0.0}, "max_error must be above 0"),
+        ({"max_error": float("nan")}, "max_error must be above 0"),
+        ({"max_error": "0.5mm"}, "does not say how long its unit is"),
     ],
 )
 def test_write_glb_is_refused_when_an_option_is_out_of_range(tmp_path, options, message):

@@ -1,0 +1,105 @@
+"""A largest error as people write it: a share of the diagonal, or a length."""
+
+import re
+from dataclasses import dataclass
+
+from meshreel.errors import InvalidInputError
+
+METRES = {
+    "mm": 1e-3, "cm": 1e-2, "m": 1.0, "km": 1e3, "in": 0.0254, "ft": 0.3048,
+}  # fmt: skip
+"""Length of each unit that a bound, and a unit of a model, can be given in."""
+
+MODEL_UNITS = "u"
+_BOUND = re.compile(r"(\d+(?:\.\d*)?(?:e[+-]?\d{1,3})?|\.\d+(?:e[+-]?\d{1,3})?)\s*([a-z%]*)")
+
+
+@dataclass(frozen=True)
+class ErrorBound:
+    """How far a vertex may be from where it was.
+
+    Attributes
+    ----------
+    amount : float
+        Above 0.
+    is_length : bool
+        Whether it is a length in model units; else percent of the diagonal of the bounding box of
+        all frames.
+    """
+
+    amount: float
+    is_length: bool = False
+
+    def share(self, diagonal: float) -> float:
+        """The bound in diagonals, for a diagonal in model units above 0."""
+        return self.amount / diagonal if self.is_length else self.amount / 100.0
+
+    def percent(self, diagonal: float) -> float:
+        """The bound in percent of the diagonal."""
+        return 100.0 * self.amount / diagonal if self.is_length else self.amount
+
+    @property
+    def plain(self) -> float | str:
+        """The same as `bound_of` takes it: a number of percent, or text such as "0.5u"."""
+        return f"{self.amount!r}{MODEL_UNITS}" if self.is_length else self.amount
+
+    def __str__(self) -> str:
+        return f"{self.amount:g} {'model units' if self.is_length else '%'}"
+
+
+def bound_of(given: float | str, unit: str | None = None) -> ErrorBound:
+    """The bound that a number or a text means.
+
+    Parameters
+    ----------
+    given : float, or str
+        Percent of the diagonal of the bounding box of all frames: 0.1, "0.1", "0.1%". Model units:
+        "0.5u". A length: "0.5mm", in any of `METRES`.
+    unit : str, optional
+        How long one unit of the model is, of `METRES` too: only lengths need it, for a sequence
+        does not say.
+
+    Raises
+    ------
+    InvalidInputError
+        If it is none of these or not above 0, a length comes without the unit of the model, or
+        that unit with a bound that has no use for it.
+    """
+    if not isinstance(given, str):
+        return _checked(given, "", given, unit)
+    found = _BOUND.fullmatch(given.strip().lower())
+    if not found:
+        raise InvalidInputError(
+            "max_error= takes percent of the diagonal (0.1 or 0.1%), model units (0.5u) or a "
+            f"length ({', '.join(f'0.5{name}' for name in METRES)}); got {given!r}"
+        )
+    return _checked(float(found[1]), found[2], given, unit)
+
+
+def _checked(amount: float, written: str, given: float | str, unit: str | None) -> ErrorBound:
+    if not 0 < amount < float("inf"):
+        raise InvalidInputError(f"max_error must be above 0; got {given}")
+    if unit is not None and unit not in METRES:
+        raise InvalidInputError(f"unit= is one of {', '.join(METRES)}; got {unit!r}")
+    if written in METRES:
+        return ErrorBound(amount * METRES[written] / METRES[_told(unit, given)], is_length=True)
+    if written not in ("", "%", MODEL_UNITS):
+        raise InvalidInputError(
+            f"max_error= knows no unit {written!r}; it takes %, {MODEL_UNITS} (model units), "
+            f"{', '.join(METRES)}; got {given!r}"
+        )
+    if unit is not None:
+        raise InvalidInputError(
+            f"unit= has no effect on {given}, which is no length; leave it out, or give max_error "
+            "in mm, cm, m, km, in or ft"
+        )
+    return ErrorBound(amount, is_length=written == MODEL_UNITS)
+
+
+def _told(unit: str | None, given: float | str) -> str:
+    if unit is None:
+        raise InvalidInputError(
+            f"max_error {given} is a length, and a sequence does not say how long its unit is; say "
+            f"so with unit= ({', '.join(METRES)}), or give model units as in 0.5{MODEL_UNITS}"
+        )
+    return unit

@@ -1,0 +1,36 @@
+"""Sizes in bytes as people write them."""
+
+import pytest
+
+from meshreel.codec.byte_sizes import bytes_of
+from meshreel.errors import InvalidInputError
+
+
+@pytest.mark.parametrize(
+    ("given", "expected"),
+    [
+        (100000, 100000),
+        ("100000", 100000),
+        ("100kB", 100000),
+        ("100 KB", 100000),
+        ("1MiB", 1 << 20),
+        ("1.5mb", 1.5e6),
+        (".5GiB", 1 << 29),
+        ("1e5", 100000),
+        ("12B", 12),
+    ],
+)
+def test_bytes_are_what_a_size_says_when_it_is_one(given, expected):
+    assert bytes_of(given, "size") == expected
+
+
+@pytest.mark.parametrize("given", ["", "kB", "100 apples", "-5kB", "1..2", "nan", "0x10", "10k"])
+def test_text_is_refused_when_it_is_no_size(given):
+    with pytest.raises(InvalidInputError, match="size= takes a size such as 100kB or 1GiB"):
+        bytes_of(given, "size")
+
+
+@pytest.mark.parametrize("given", [0, "0kB", -1, float("nan"), float("inf"), "1e999"])
+def test_size_is_refused_when_it_is_not_above_0(given):
+    with pytest.raises(InvalidInputError, match="memory must be above 0"):
+        bytes_of(given, "memory")

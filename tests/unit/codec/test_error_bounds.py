@@ -1,0 +1,57 @@
+"""A largest error as people write it."""
+
+import pytest
+
+from meshreel.codec.error_bounds import ErrorBound, bound_of
+from meshreel.errors import InvalidInputError
+
+
+@pytest.mark.parametrize("given", [0.1, "0.1", "0.1%", " .1 % ", "1e-1"])
+def test_bound_is_percent_of_the_diagonal_when_no_unit_is_written(given):
+    assert bound_of(given) == ErrorBound(0.1)
+    assert bound_of(given).percent(7.0) == 0.1
+    assert bound_of(given).share(7.0) == 0.1 / 100
+
+
+def test_bound_is_a_share_of_the_diagonal_when_it_is_in_model_units():
+    assert bound_of("0.5u") == ErrorBound(0.5, is_length=True)
+    assert bound_of("0.5u").share(10.0) == 0.05
+    assert bound_of("0.5 U").percent(10.0) == 5.0
+
+
+@pytest.mark.parametrize(
+    ("given", "unit", "in_units"),
+    [("0.5mm", "mm", 0.5), ("0.5mm", "cm", 0.05), ("2cm", "m", 0.02), ("1in", "cm", 2.54)],
+)
+def test_length_is_in_model_units_when_the_unit_of_the_model_is_told(given, unit, in_units):
+    bound = bound_of(given, unit)
+    assert bound.is_length
+    assert bound.amount == pytest.approx(in_units, rel=1e-15)
+
+
+@pytest.mark.parametrize("given", [0.1, "0.1%", "0.5u", "3e-7u"])
+def test_plain_form_means_the_same_when_it_is_read_again(given):
+    assert bound_of(bound_of(given).plain) == bound_of(given)
+
+
+@pytest.mark.parametrize(
+    ("given", "unit", "message"),
+    [
+        ("0.5mm", None, "does not say how long its unit is.* unit= .*or give model units"),
+        ("0.5mm", "px", "unit= is one of mm, cm, m, km, in, ft; got 'px'"),
+        ("0.5px", None, "knows no unit 'px'"),
+        ("small", None, "takes percent of the diagonal"),
+        ("", None, "takes percent of the diagonal"),
+        ("0", None, "above 0"),
+        ("-1", None, "takes percent"),
+        (float("nan"), None, "above 0"),
+        (float("inf"), None, "above 0"),
+        ("1e999", None, "above 0"),
+        ("0.1%", "mm", "unit= has no effect on 0.1%"),
+        ("0.5u", "mm", "unit= has no effect on 0.5u"),
+        (0.1, "mm", "unit= has no effect on 0.1"),
+    ],
+)
+def test_bound_is_refused_when_it_says_nothing_definite(given, unit, message):
+    with pytest.raises(InvalidInputError, match=message):
+        bound_of(given, unit)

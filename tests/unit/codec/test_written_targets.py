@@ -1,0 +1,58 @@
+"""Targets that are written with their units: the same streams, and the promise kept."""
+
+import io
+
+import numpy as np
+import pytest
+
+import meshreel
+from meshreel.codec.config import EncoderConfig
+from meshreel.errors import InvalidInputError
+from sample_meshes import waving_grid
+
+
+def distances(sequence, decoded):
+    return np.linalg.norm(decoded.vertices.astype(float) - sequence.vertices, axis=2)
+
+
+def test_stream_is_the_same_when_percent_is_written_as_text():
+    expected = meshreel.encode(waving_grid(), max_error=0.05)
+    assert meshreel.encode(waving_grid(), max_error="0.05%") == expected
+
+
+def test_stream_is_the_same_when_a_size_is_written_as_text():
+    assert meshreel.encode(waving_grid(), size="1kB") == meshreel.encode(waving_grid(), size=1000)
+
+
+@pytest.mark.parametrize(
+    ("max_error", "unit", "in_units"),
+    [("0.002u", None, 0.002), ("2mm", "m", 0.002), ("0.02mm", "cm", 0.002)],
+)
+def test_every_vertex_is_within_a_length_when_it_is_promised(max_error, unit, in_units):
+    sequence = waving_grid()
+    data = meshreel.encode(sequence, max_error=max_error, unit=unit)
+    farthest = distances(sequence, meshreel.decode(data)).max()
+    assert in_units / 20 < farthest <= in_units
+    stream = meshreel.info(data)
+    promised = stream.max_error_percent / 100 * stream.diagonal
+    assert promised == pytest.approx(in_units, rel=1e-12)
+
+
+def test_every_vertex_is_within_a_length_when_frames_come_one_by_one():
+    sequence, file = waving_grid(), io.BytesIO()
+    with meshreel.Encoder(sequence.faces, file, block_frames=5, max_error="0.002u") as encoder:
+        for frame in sequence.vertices:
+            encoder.push(frame)
+    decoded = meshreel.decode(file.getvalue())
+    assert distances(sequence, decoded).max() <= 0.002
+
+
+def test_options_are_plain_numbers_when_they_were_written_as_text():
+    config = EncoderConfig(max_error="0.5mm", unit="cm", memory="1kB")
+    assert (config.max_error, config.unit, config.memory) == ("0.05u", None, 1000.0)
+    assert EncoderConfig(**vars(config)) == config
+
+
+def test_unit_is_refused_when_there_is_no_length():
+    with pytest.raises(InvalidInputError, match="unit= says what a length in max_error= means"):
+        EncoderConfig(unit="mm")
