@@ -100,29 +100,29 @@ def _worded(value: Any) -> Any:
 
 def print_table(title: str, rows: Mapping[str, str]) -> None:
     """Two columns on stdout: what, and how much."""
-    table = Table(title=title, show_header=False, title_justify="left", title_style="bold")
+    table = Table(show_header=False)
     table.add_column(no_wrap=True)
     table.add_column(justify="right")
     for name, value in rows.items():
         table.add_row(name, escape(value))
-    Console().print(table)
+    _print_titled(Console(), title, table)
 
 
 def print_columns(title: str, headings: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
     """A table on stdout whose first column holds names and the others figures."""
-    table = Table(title=title, title_justify="left", title_style="bold")
+    table = Table()
     for number, heading in enumerate(headings):
         table.add_column(heading, justify="right" if number else "left", overflow="fold")
     for row in rows:
         table.add_row(*map(escape, row))
-    Console().print(table)
+    _print_titled(Console(), title, table)
 
 
 def print_bars(title: str, sizes: Mapping[str, int]) -> None:
     """Sizes in bytes on stdout, each with its share and a bar; none is wider than the terminal."""
     console = Console()
     total = sum(sizes.values()) or 1
-    table = Table(title=title, show_header=False, title_justify="left", title_style="bold")
+    table = Table(show_header=False)
     table.add_column(overflow="fold")
     names, texts = max(map(len, sizes)), [f"{size} B" for size in sizes.values()]
     for widest in (max(map(len, texts)), len("100.0 %")):
@@ -136,6 +136,12 @@ def print_bars(title: str, sizes: Mapping[str, int]) -> None:
         )
         cells = [escape(name), text, f"{100 * size / total:.1f} %", bar]
         table.add_row(*cells[: len(table.columns)])
+    _print_titled(console, title, table)
+
+
+def _print_titled(console: Console, title: str, table: Table) -> None:
+    """A table under its title, in one piece however long: a path that is copied stays one."""
+    console.print(title, style="bold", markup=False, highlight=False, soft_wrap=True)
     console.print(table)
 
 

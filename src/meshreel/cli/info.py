@@ -1,37 +1,119 @@
-"""`meshreel info`: what a .reel holds and where its bytes go."""
+"""`meshreel info`: what a file holds, and of a .reel where its bytes go."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from meshreel.cli.completing import input_files
+from meshreel.cli.read_options import (
+    DatasetOption,
+    FpsOption,
+    MergeOption,
+    ObjectOption,
+    TopologyOption,
+)
+
+if TYPE_CHECKING:
+    from meshreel.formats.options import ReadOptions
 
 
 def info_command(
-    source: Annotated[
-        Path,
+    inputs: Annotated[
+        list[str],
         typer.Argument(
-            metavar="FILE.reel", autocompletion=input_files, help="The stream to look at."
+            metavar="FILE",
+            autocompletion=input_files,
+            help="A .reel, another file that holds an animation (see `meshreel formats`), a "
+            "folder or a quoted glob of frames, or the frame files.",
         ),
     ],
+    fps: FpsOption = None,
+    object: ObjectOption = None,
+    merge: MergeOption = False,
+    topology: TopologyOption = None,
+    dataset: DatasetOption = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the figures as JSON.")] = False,
 ) -> None:
-    """Show the header of a .reel file and its byte budget by section.
+    """Show what a file holds: meshes, frames, size in space and what would be left out.
 
-    Example:
+    Of a .reel its header and its byte budget by section.
+
+    Examples:
 
     - `meshreel info walk.reel`
+
+    - `meshreel info shot.abc`
+
+    - `meshreel info frames/ --json`
     """
+    from meshreel.formats.options import ReadOptions
+    from meshreel.formats.sources import natural_order
+
+    if len(inputs) == 1 and _is_stream(Path(inputs[0])):
+        if fps is not None or object or merge or topology or dataset:
+            raise typer.BadParameter(
+                "a .reel holds one mesh and says all of itself; leave the options of inputs out"
+            )
+        _show_stream(Path(inputs[0]), as_json=as_json)
+        return
+    frames = natural_order(Path(path) for path in inputs)
+    _show_source(
+        inputs[0] if len(inputs) == 1 else frames,
+        ReadOptions(fps, object, merge, topology, dataset),
+        as_json=as_json,
+    )
+
+
+def _is_stream(path: Path) -> bool:
+    """Whether it is called a stream, or is one by another name."""
+    from meshreel.bitstream.layout import MAGIC
+
+    if path.suffix.lower() == ".reel":
+        return True
+    if not path.is_file():
+        return False
+    with path.open("rb") as file:
+        return file.read(len(MAGIC)) == MAGIC
+
+
+def _show_stream(path: Path, *, as_json: bool) -> None:
     from meshreel.cli.console import print_bars, print_json, print_table
     from meshreel.cli.figures import info_rows
     from meshreel.formats.naming import errors_naming
     from meshreel.formats.reel import open
 
-    with open(source) as reel, errors_naming(source):
+    with open(path) as reel, errors_naming(path):
         stream = reel.info()
     if as_json:
         print_json(stream.as_dict())
         return
-    print_table(str(source), info_rows(stream))
+    print_table(str(path), info_rows(stream))
     print_bars("bytes", stream.budget_bytes)
+
+
+def _show_source(source: "str | list[Path]", options: "ReadOptions", *, as_json: bool) -> None:
+    from dataclasses import replace
+
+    from meshreel.cli.console import (
+        print_columns,
+        print_json,
+        print_notes,
+        print_table,
+        progress_bar,
+    )
+    from meshreel.cli.source_figures import HEADINGS, mesh_columns, source_rows
+    from meshreel.formats.inspection import inspect_source
+    from meshreel.formats.left_out import LEFT_OUT
+
+    title = source if isinstance(source, str) else f"{source[0]} to {source[-1].name}"
+    with progress_bar() as progress:
+        found = inspect_source(source, replace(options, progress=progress))
+    print_notes([note for note in found.notes if as_json or not note.startswith(LEFT_OUT)])
+    if as_json:
+        print_json({"input": title, **found.as_dict()})
+        return
+    print_table(title, source_rows(found))
+    if len(found.meshes) > 1:
+        print_columns("meshes", HEADINGS, mesh_columns(found))
+        typer.echo("choose one with --object, or take all as one with --merge")

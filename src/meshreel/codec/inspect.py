@@ -145,7 +145,7 @@ def stream_info(stream: Stream) -> StreamInfo:
         is_whole=stream.is_whole,
         start_s=decoder.start_s,
         n_polygons=surface.n_faces(header.n_faces),
-        attributes=_carried(surface),
+        attributes=carried(surface),
         parts=tuple(part.name for part in surface.parts),
         diagonal=header.scale,
     )
@@ -190,7 +190,8 @@ def bits_per_row(data: bytes) -> list[npt.NDArray[np.float64]]:
     ]
 
 
-def _carried(surface: Surface) -> tuple[str, ...]:
+def carried(surface: Surface) -> tuple[str, ...]:
+    """What goes along with a mesh, as in "uv 'st' of corners"."""
     attributes = [f"{one.kind} {one.name!r} of {_PLURAL[one.domain]}" for one in surface.attributes]
     groups = [
         f"{len(one.labels)} group{'s' if len(one.labels) != 1 else ''} {one.name!r} of faces"

@@ -128,6 +128,11 @@ def open_source(
     return _opened(find_files(source), options)
 
 
+def open_for_inspection(found: SourceFiles, options: ReadOptions) -> FrameSource:
+    """The sequence of files that were found; positions stay in them where they can."""
+    return _opened(found, replace(options, max_loaded_bytes=0))
+
+
 def open_for_encoding(source: Source, memory: float | None, options: ReadOptions) -> FrameSource:
     """`open_source`, loading what takes a small part of the memory that encoding may take.
 

@@ -40,17 +40,31 @@ def chosen_mesh(read_meshes: ReadMeshes, path: Path, options: ReadOptions) -> Sc
         If there are several and none is chosen, or no mesh has the name; all are listed.
     """
     with errors_naming(path):
-        meshes = read_meshes(path, options)
-        if options.object is not None:
-            return _named(meshes, options.object)
-        if options.merge and len(meshes) > 1:
-            return merged_mesh(meshes, path.stem, options.notes)
+        meshes = wanted_meshes(read_meshes, path, options)
         if len(meshes) > 1:
             raise InvalidInputError(
                 f"holds {_listed(meshes)}; choose one with --object (object=), or take all as "
                 "one with --merge (merge=True)"
             )
         return meshes[0]
+
+
+def wanted_meshes(read_meshes: ReadMeshes, path: Path, options: ReadOptions) -> Sequence[SceneMesh]:
+    """The mesh of a file that the options name, all of them merged, or all if nothing is said.
+
+    Raises
+    ------
+    FormatError
+        As `read_meshes`.
+    InvalidInputError
+        If no mesh has the name, or several do.
+    """
+    meshes = read_meshes(path, options)
+    if options.object is not None:
+        return [_named(meshes, options.object)]
+    if options.merge and len(meshes) > 1:
+        return [merged_mesh(meshes, path.stem, options.notes)]
+    return meshes
 
 
 def sequence_of(mesh: SceneMesh, path: Path, options: ReadOptions) -> FrameSource:
@@ -120,10 +134,18 @@ def _named(meshes: Sequence[SceneMesh], wanted: str) -> SceneMesh:
     found = found or [
         mesh for mesh in meshes if f"/{mesh.name.strip('/')}".endswith(f"/{wanted.strip('/')}")
     ]
+    # A name above a mesh, such as that of its transform, means the only one that is below.
+    found = found or [mesh for mesh in meshes if _is_below(mesh.name, wanted)]
     if len(found) != 1:
         which = "no mesh" if not found else f"{len(found)} meshes"
         raise InvalidInputError(f"has {which} called {wanted!r}; it holds {_listed(meshes)}")
     return found[0]
+
+
+def _is_below(name: str, wanted: str) -> bool:
+    """Whether some node above a mesh has this path, or this last part of its path."""
+    above, part = f"/{name.strip('/')}".rpartition("/")[0], wanted.strip("/")
+    return not part or f"/{part}/" in f"{above}/"
 
 
 def _listed(meshes: Sequence[SceneMesh], most: int = 20) -> str:

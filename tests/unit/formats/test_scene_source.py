@@ -172,3 +172,21 @@ def test_errors_name_the_file_when_it_cannot_be_read():
 
     with pytest.raises(FormatError, match=r"scene\.abc: is not an archive"):
         scene_opener(read_meshes)(PATH, ReadOptions())
+
+
+@pytest.mark.parametrize("wanted", ["/Bone", "Bone", "/Bone/Skin", "/", "/Bone/"])
+def test_scene_gives_its_only_mesh_when_the_name_is_above_it(wanted):
+    found = opened([scene_mesh(quad_sheet(), "/Bone/Skin/Shape")], object=wanted)
+    assert found.name == "Shape"
+
+
+def test_scene_gives_the_only_mesh_below_when_others_are_elsewhere():
+    meshes = [scene_mesh(quad_sheet(), name) for name in ("/Bone/Shape", "/Boneless/Shape2")]
+    assert opened(meshes, object="/Bone").name == "Shape"
+
+
+@pytest.mark.parametrize(("wanted", "which"), [("/Bone", "2 meshes"), ("/Bon", "no mesh")])
+def test_scene_lists_its_meshes_when_a_name_above_means_none_or_several(wanted, which):
+    meshes = [scene_mesh(quad_sheet(), name) for name in ("/Bone/a", "/Bone/b")]
+    with pytest.raises(InvalidInputError, match=rf"{which} called '{wanted}'; it holds 2 meshes"):
+        opened(meshes, object=wanted)

@@ -1,0 +1,77 @@
+"""What a file of any format holds, in words for tables."""
+
+from collections.abc import Sequence
+
+from meshreel.cli.console import size_text
+from meshreel.counting import counted
+from meshreel.formats.inspection import MeshInfo, SourceInfo
+
+HEADINGS = ("mesh", "frames", "vertices", "faces", "fps", "box")
+MOST_MESHES = 100
+"""Rows of the table of meshes; a file of a city may hold thousands."""
+
+
+def source_rows(found: SourceInfo) -> dict[str, str]:
+    """Format and size; of a single mesh everything, of several their number and box."""
+    files = f" in {counted(found.n_files, 'file')}" if found.n_files > 1 else ""
+    rows = {"format": found.format, "size": f"{size_text(found.size_bytes)}{files}"}
+    if len(found.meshes) == 1:
+        rows |= _mesh_rows(found.meshes[0])
+    else:
+        rows["meshes"] = str(len(found.meshes))
+        if problems := [mesh for mesh in found.meshes if mesh.problem]:
+            rows["problems"] = "\n".join(f"{mesh.name}: {mesh.problem}" for mesh in problems)
+    if found.left_out:
+        rows["left out"] = "\n".join(found.left_out)
+    return rows
+
+
+def mesh_columns(found: SourceInfo) -> list[Sequence[str]]:
+    """A row for each mesh under `HEADINGS`, for as many as can be read."""
+    rows: list[Sequence[str]] = [
+        (
+            mesh.name,
+            str(mesh.n_frames),
+            str(mesh.n_verts),
+            str(mesh.n_polygons),
+            f"{mesh.fps:g}" if mesh.fps else "-",
+            _sides_text(mesh),
+        )
+        for mesh in found.meshes[:MOST_MESHES]
+    ]
+    if (more := len(found.meshes) - MOST_MESHES) > 0:
+        rows.append((f"and {more} more (--json has all)", "", "", "", "", ""))
+    return rows
+
+
+def _mesh_rows(mesh: MeshInfo) -> dict[str, str]:
+    rows = {
+        "name": mesh.name or "-",
+        "sequence": f"{counted(mesh.n_frames, 'frame')}, {counted(mesh.n_verts, 'vertex')}, "
+        f"{counted(mesh.n_faces, 'face')}",
+        "raw": size_text(mesh.raw_size_bytes),
+        "frame rate": f"{mesh.fps:g} fps" if mesh.fps else "unknown",
+        "duration": f"{mesh.duration_s:.4g} s" if mesh.duration_s else "unknown",
+        "positions": mesh.vertex_type,
+    }
+    if mesh.start_s:
+        rows["starts at"] = f"{mesh.start_s:.6g} s"
+    if mesh.n_polygons != mesh.n_faces:
+        rows["polygons"] = f"{mesh.n_polygons}, cut into triangles"
+    if mesh.attributes:
+        rows["carries"] = "\n".join(mesh.attributes)
+    if mesh.parts:
+        rows["parts"] = "\n".join(mesh.parts)
+    if mesh.low is not None and mesh.high is not None:
+        spans = zip("xyz", mesh.low, mesh.high, strict=True)
+        rows["box"] = "\n".join(f"{axis} {low:.5g} to {high:.5g}" for axis, low, high in spans)
+    if mesh.problem:
+        rows["problem"] = mesh.problem
+    return rows
+
+
+def _sides_text(mesh: MeshInfo) -> str:
+    if mesh.low is None or mesh.high is None:
+        return "-"
+    sides = (high - low for low, high in zip(mesh.low, mesh.high, strict=True))
+    return " x ".join(f"{side:.3g}" for side in sides)

@@ -1,0 +1,239 @@
+"""What a file of any format holds, without turning it into a sequence."""
+
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from meshreel.codec.inspect import carried
+from meshreel.errors import MeshReelError
+from meshreel.formats.kinds import SequenceFormat
+from meshreel.formats.left_out import LEFT_OUT
+from meshreel.formats.load import open_for_inspection
+from meshreel.formats.naming import errors_naming
+from meshreel.formats.options import ReadOptions
+from meshreel.formats.registry import check_read_options
+from meshreel.formats.scene import SceneMesh
+from meshreel.formats.scene_source import wanted_meshes
+from meshreel.formats.sources import Source, SourceFiles, find_files
+from meshreel.formats.timing import frame_times
+from meshreel.progress import Count, Progress
+from meshreel.sequence import FrameSource, bounding_boxes, validate_finite
+
+
+@dataclass(frozen=True)
+class MeshInfo:
+    """One animated mesh of a file.
+
+    Attributes
+    ----------
+    name : str
+        Its path in the file; of frame files that of their folder.
+    n_frames, n_verts, n_faces : int
+        Faces are triangles, after polygons are cut.
+    n_polygons : int
+        Faces as the file has them.
+    fps : float
+        0 = unknown.
+    start_s : float
+    vertex_type : str
+        "float32" or "float64".
+    low, high : tuple of 3 floats, or None
+        Corners of the bounding box of all frames, in model units; None where it has a problem.
+    attributes : tuple of str
+        What goes along with the mesh: "uv 'st' of corners".
+    parts : tuple of str
+        Names of the meshes that it was merged of.
+    problem : str or None
+        Why it cannot be encoded as it is.
+    """
+
+    name: str
+    n_frames: int
+    n_verts: int
+    n_faces: int
+    n_polygons: int
+    fps: float
+    start_s: float
+    vertex_type: str
+    low: tuple[float, ...] | None = None
+    high: tuple[float, ...] | None = None
+    attributes: tuple[str, ...] = ()
+    parts: tuple[str, ...] = ()
+    problem: str | None = None
+
+    @property
+    def duration_s(self) -> float | None:
+        """Seconds that all frames take; None where the frame rate is not known."""
+        return self.n_frames / self.fps if self.fps else None
+
+    @property
+    def raw_size_bytes(self) -> int:
+        """Bytes of the positions of all frames, and of the triangles."""
+        width = np.dtype(self.vertex_type).itemsize
+        return self.n_frames * self.n_verts * 3 * width + 12 * self.n_faces
+
+    def as_dict(self) -> dict[str, Any]:
+        """Everything in plain types, for JSON."""
+        figures = {"duration_s": self.duration_s, "raw_size_bytes": self.raw_size_bytes}
+        return {**asdict(self), **figures}
+
+
+@dataclass(frozen=True)
+class SourceInfo:
+    """A file, or files of frames.
+
+    Attributes
+    ----------
+    format : str
+    size_bytes : int
+        Of all its files.
+    n_files : int
+    meshes : tuple of MeshInfo
+        At least one.
+    notes : tuple of str
+        What reading changes, and what it leaves out.
+    """
+
+    format: str
+    size_bytes: int
+    n_files: int
+    meshes: tuple[MeshInfo, ...]
+    notes: tuple[str, ...]
+
+    @property
+    def left_out(self) -> tuple[str, ...]:
+        """What is in the file and would be in no output."""
+        begun = (note for note in self.notes if note.startswith(LEFT_OUT))
+        return tuple(note.removeprefix(LEFT_OUT) for note in begun)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Everything in plain types, for JSON."""
+        meshes = [mesh.as_dict() for mesh in self.meshes]
+        return {
+            "format": self.format, "size_bytes": self.size_bytes, "n_files": self.n_files,
+            "meshes": meshes, "left_out": list(self.left_out), "notes": list(self.notes),
+        }  # fmt: skip
+
+
+def inspect_source(source: Source, options: ReadOptions) -> SourceInfo:
+    """What is in a file, a folder of frames or a list of them; every frame is read once.
+
+    A file of several meshes gives each of them, unless the options choose one or merge them.
+
+    Parameters
+    ----------
+    source : str, Path, or list or tuple of them
+        As in `meshreel.load`.
+    options : ReadOptions
+
+    Raises
+    ------
+    InvalidInputError, FormatError
+        As `meshreel.load`, but of a file that holds several meshes a bad one only has a `problem`.
+    """
+    found = find_files(source)
+    check_read_options(found.format, options)
+    meshes = tuple(_infos(found, options))
+    return SourceInfo(
+        found.format.title,
+        sum(path.stat().st_size for path in found.paths),
+        len(found.paths),
+        meshes,
+        tuple(dict.fromkeys(options.notes)),
+    )
+
+
+def _infos(found: SourceFiles, options: ReadOptions) -> Iterator[MeshInfo]:
+    path = found.paths[0]
+    if isinstance(found.format, SequenceFormat) and found.format.read_meshes is not None:
+        with errors_naming(path):
+            meshes = wanted_meshes(found.format.read_meshes, path, options)
+            for number, mesh in enumerate(meshes):
+                try:
+                    yield _scene_mesh_info(mesh, options, number, len(meshes))
+                except MeshReelError as error:
+                    if len(meshes) == 1:
+                        raise
+                    yield _bad_mesh_info(mesh, str(error))
+    else:
+        yield _sequence_info(open_for_inspection(found, options))
+
+
+def _sequence_info(sequence: FrameSource) -> MeshInfo:
+    extent, n_faces = sequence.extent, len(sequence.faces)
+    return MeshInfo(
+        sequence.name,
+        sequence.n_frames,
+        sequence.n_verts,
+        n_faces,
+        sequence.surface.n_faces(n_faces),
+        sequence.fps,
+        sequence.start_s,
+        str(np.dtype(sequence.dtype)),
+        tuple(extent.low.tolist()),
+        tuple(extent.high.tolist()),
+        carried(sequence.surface),
+        tuple(part.name for part in sequence.surface.parts),
+    )
+
+
+def _scene_mesh_info(mesh: SceneMesh, options: ReadOptions, number: int, n_meshes: int) -> MeshInfo:
+    first, timing = mesh.frame(0), frame_times(mesh.times_s)
+    low, high = np.full(3, np.inf), np.full(3, -np.inf)
+    dtype, problem = first.vertices.dtype, None
+    n_frames = len(mesh.times_s)
+    progress = _told(options.progress, number, n_meshes)
+    for index in range(n_frames):
+        frame = mesh.frame(index) if index else first
+        if problem is None and (difference := frame.difference(first)):
+            problem = f"its faces change: frame {index} has {difference} in frame 0 (see --split)"
+        vertices = frame.vertices[np.newaxis]
+        validate_finite(vertices, first_frame=index)
+        dtype = np.promote_types(dtype, vertices.dtype)
+        lows, highs = bounding_boxes(vertices)
+        low, high = np.minimum(low, lows[0]), np.maximum(high, highs[0])
+        progress("reading", Count(index + 1, n_frames, "frames"))
+    if not timing.is_even:
+        options.notes.append(
+            f"times of frames are not even; taken as {timing.fps:g} frames per second"
+        )
+    surface = mesh.surface(0)
+    return replace(
+        _shape_info(mesh, options),
+        vertex_type=str(dtype),
+        low=tuple(low.tolist()),
+        high=tuple(high.tolist()),
+        attributes=carried(surface),
+        parts=tuple(part.name for part in surface.parts),
+        problem=problem,
+    )
+
+
+def _shape_info(mesh: SceneMesh, options: ReadOptions) -> MeshInfo:
+    """What the first frame and the times of a mesh say."""
+    first, timing = mesh.frame(0), frame_times(mesh.times_s)
+    return MeshInfo(
+        mesh.name,
+        len(mesh.times_s),
+        len(first.vertices),
+        int((first.counts - 2).sum()),
+        len(first.counts),
+        options.fps or mesh.fps or timing.fps,
+        timing.start_s,
+        str(first.vertices.dtype),
+    )
+
+
+def _bad_mesh_info(mesh: SceneMesh, problem: str) -> MeshInfo:
+    start_s = float(mesh.times_s[0]) if len(mesh.times_s) else 0.0
+    bad = MeshInfo(mesh.name, len(mesh.times_s), 0, 0, 0, mesh.fps or 0.0, start_s, "float32")
+    return replace(bad, problem=problem)
+
+
+def _told(progress: Progress, number: int, n_meshes: int) -> Progress:
+    """The listener, told which mesh of several is read."""
+    if n_meshes == 1:
+        return progress
+    return lambda stage, share: progress(f"{stage}, mesh {number + 1} of {n_meshes}", share)

@@ -1,0 +1,36 @@
+"""`meshreel info` of files of any format."""
+
+import pytest
+
+import meshreel
+from sample_commands import assert_fails, run, run_json
+from sample_meshes import two_sheets, waving_grid
+
+
+def test_info_prints_frames_mesh_rate_and_box_when_the_file_is_no_stream(tmp_path):
+    meshreel.save(waving_grid(), tmp_path / "a.npz")
+    shown = run("info", tmp_path / "a.npz").stdout
+    for words in ("NumPy archive", "12 frames, 99 vertices, 160 faces", "fps", "float32", "x 0 to"):
+        assert words in shown
+
+
+def test_info_lists_the_meshes_when_a_file_holds_several(tmp_path):
+    meshreel.save(two_sheets(), tmp_path / "two.usda")
+    done = run("info", tmp_path / "two.usda")
+    assert done.returncode == 0
+    for words in ("/root/a", "/root/b", "choose one with --object"):
+        assert words in done.stdout
+    printed = run_json("info", tmp_path / "two.usda")
+    assert [mesh["name"] for mesh in printed["meshes"]] == ["/root/a", "/root/b"]
+    assert printed["meshes"][0]["n_frames"] == 6
+
+
+def test_info_is_of_the_stream_when_it_has_another_name(tmp_path):
+    (tmp_path / "a.bin").write_bytes(meshreel.encode(waving_grid()))
+    assert "budget_bytes" in run_json("info", tmp_path / "a.bin")
+
+
+@pytest.mark.parametrize("option", [["--merge"], ["--object", "a"], ["--fps", "24"]])
+def test_info_refuses_options_of_inputs_when_it_is_of_a_stream(tmp_path, option):
+    (tmp_path / "a.reel").write_bytes(meshreel.encode(waving_grid()))
+    assert_fails(run("info", tmp_path / "a.reel", *option), "a .reel holds one mesh")

@@ -1,0 +1,85 @@
+"""What a file holds, told without turning it into a sequence."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from meshreel.errors import InvalidInputError
+from meshreel.formats.inspection import inspect_source
+from meshreel.formats.options import ReadOptions
+from meshreel.formats.save import save
+from sample_meshes import quad_sheet, two_sheets, waving_grid
+
+
+def only_mesh(source, **options):
+    found = inspect_source(source, ReadOptions(**options))
+    assert len(found.meshes) == 1
+    return found.meshes[0]
+
+
+@pytest.mark.parametrize("ending", [".npz", ".glb", ".usda", ".abc", ".h5", ".vtkhdf", ".reel"])
+def test_figures_are_those_of_the_sequence_when_a_file_holds_one(tmp_path, ending):
+    sequence = waving_grid()
+    save(sequence, tmp_path / f"a{ending}")
+    found = only_mesh(tmp_path / f"a{ending}")
+    assert (found.n_frames, found.n_verts, found.n_faces) == (12, 99, 160)
+    assert found.fps == pytest.approx(sequence.fps)
+    assert found.duration_s == pytest.approx(12 / sequence.fps)
+    off = 0.02 if ending in (".glb", ".reel") else 1e-6
+    np.testing.assert_allclose(found.low, sequence.extent.low, atol=off)
+    np.testing.assert_allclose(found.high, sequence.extent.high, atol=off)
+
+
+def test_files_and_frames_are_counted_when_each_holds_a_frame(tmp_path):
+    save(waving_grid(5), tmp_path / "f_%d.obj")
+    found = inspect_source(tmp_path, ReadOptions(fps=10))
+    size = sum(path.stat().st_size for path in tmp_path.iterdir())
+    assert (found.n_files, found.size_bytes, found.format) == (5, size, "Wavefront OBJ")
+    assert (found.meshes[0].n_frames, found.meshes[0].duration_s) == (5, 0.5)
+
+
+def test_each_mesh_is_told_when_a_file_holds_several(tmp_path):
+    save(two_sheets(), tmp_path / "two.usda")
+    found = inspect_source(tmp_path / "two.usda", ReadOptions()).meshes
+    assert [mesh.name for mesh in found] == ["/root/a", "/root/b"]
+    sheets = [quad_sheet(), quad_sheet(shift=2)]
+    for mesh, sheet in zip(found, sheets, strict=True):
+        np.testing.assert_allclose(mesh.high, sheet.extent.high, rtol=1e-6)
+        assert (mesh.n_verts, mesh.n_polygons, mesh.n_faces) == (30, 21, len(sheet.faces))
+        assert mesh.attributes[0].startswith("uv 'st' of ")
+
+
+@pytest.mark.parametrize(
+    ("options", "name"), [({"object": "b"}, "/root/b"), ({"merge": True}, "two")]
+)
+def test_one_mesh_is_told_when_it_is_chosen_or_all_are_merged(tmp_path, options, name):
+    save(two_sheets(), tmp_path / "two.usda")
+    assert only_mesh(tmp_path / "two.usda", **options).name == name
+
+
+def test_change_of_faces_is_refused_when_frames_are_files(tmp_path):
+    for number, rows in enumerate((5, 5, 6)):
+        save(waving_grid(1, rows, 6), tmp_path / f"s_{number}.obj")
+    with pytest.raises(InvalidInputError, match="--split"):
+        inspect_source(tmp_path, ReadOptions())
+
+
+def test_bad_mesh_has_a_problem_when_others_of_the_file_are_good(tmp_path):
+    save(two_sheets(), tmp_path / "two.usda")
+    text = (tmp_path / "two.usda").read_text()
+    head, mesh, rest = text.partition('def Mesh "b"')
+    points = rest.index("(", rest.index("points.timeSamples"))
+    (tmp_path / "bad.usda").write_text(head + mesh + rest[:points] + "(nan, 0" + rest[rest.index(
+        ",", rest.index(",", points) + 1):])  # fmt: skip
+    good, bad = inspect_source(tmp_path / "bad.usda", ReadOptions()).meshes
+    assert good.problem is None
+    assert "must be finite" in bad.problem
+
+
+def test_what_is_left_out_is_listed_when_a_reader_says_so(tmp_path):
+    save(waving_grid(), tmp_path / "a.npz")
+    found = inspect_source(tmp_path / "a.npz", ReadOptions())
+    told = replace(found, notes=("left out: lights: sun", "welded 3 vertices"))
+    assert told.left_out == ("lights: sun",)
+    assert told.as_dict()["left_out"] == ["lights: sun"]
