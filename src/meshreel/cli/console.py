@@ -19,6 +19,7 @@ from rich.progress import Progress as Bar
 from rich.table import Table
 
 from meshreel.cli.option_names import all_in_option_names, in_option_names
+from meshreel.cli.progress_lines import progress_lines
 from meshreel.cli.progress_words import PaceClock
 from meshreel.progress import Progress
 
@@ -33,14 +34,19 @@ _EIGHTHS = " ▏▎▍▌▋▊▉█"
 
 @contextmanager
 def progress_bar() -> Iterator[Progress]:
-    """A listener that draws a bar on stderr once the work has taken a second.
+    """A listener that shows on stderr how far long work is.
 
-    Beside it stand the stage, the time since the beginning, and, of what is counted, how many are
-    done, how fast, and the time that is left of the stage.
-
-    Draws nothing where stderr is not a terminal.
+    On a terminal a bar, once the work has taken a second; beside it stand the stage, the time
+    since the beginning, and, of what is counted, how many are done, how fast, and the time that is
+    left of the stage. Elsewhere a plain line now and then: see `progress_lines`.
     """
     console = Console(stderr=True)
+    with _bar(console) if console.is_terminal else progress_lines() as report:
+        yield report
+
+
+@contextmanager
+def _bar(console: Console) -> Iterator[Progress]:
     bar = Bar(
         SpinnerColumn(),
         TextColumn("{task.description}"),
@@ -50,7 +56,6 @@ def progress_bar() -> Iterator[Progress]:
         TextColumn("{task.fields[words]}", style="progress.remaining"),
         console=console,
         transient=True,
-        disable=not console.is_terminal,
     )
     # Stages come to 1 one after the other; rich stops its clock when a total is reached.
     task = bar.add_task("", total=1 + 1e-9, words="")

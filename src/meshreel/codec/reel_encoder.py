@@ -166,6 +166,7 @@ class ReelEncoder:
         return self._trials[step]
 
     def _made(self, step: float, bound: float | None) -> Trial:
+        self._tell(0)
         coder, meter = self._coder.with_step(step, bound), self._new_meter()
         leading = chain(self._source.mesh.leading_sections(), coder.leading_sections())
         if self._engine is not None and meter is None:
@@ -179,14 +180,19 @@ class ReelEncoder:
 
     def _told(self, blocks: Iterator[tuple[int, Sections]]) -> Iterator[tuple[int, Sections]]:
         """The blocks, while the listener is told how many of their frames are coded."""
-        is_one_try = self._config.target.aim in (Aim.QUALITY, Aim.STEP)
-        stage = "encoding" if is_one_try else f"encoding, try {len(self._trials) + 1}"
-        done, n_frames = 0, self._source.sequence.n_frames
-        self._progress(stage, Count(done, n_frames, "frames"))
+        done = 0
         for n_coded, sections in blocks:
             yield n_coded, sections
             done += n_coded
-            self._progress(stage, Count(done, n_frames, "frames"))
+            self._tell(done)
+
+    def _tell(self, n_done: int) -> None:
+        """Tell the listener of frames coded; nothing is all done while another try may follow."""
+        is_one_try = self._config.target.aim in (Aim.QUALITY, Aim.STEP)
+        stage = "encoding" if is_one_try else f"encoding, try {len(self._trials) + 1}"
+        n_frames = self._source.sequence.n_frames
+        if is_one_try or n_done < n_frames:
+            self._progress(stage, Count(n_done, n_frames, "frames"))
 
     def _coded(self, coder: FieldBlockCoder, meter: Meter | None) -> Iterator[tuple[int, Sections]]:
         """Frames and sections of each block; all others refer to the first."""
@@ -250,7 +256,9 @@ class ReelEncoder:
         check_promise(bound, self._rounding, self._source.sequence.dtype)
         step = least_cost(lambda step: len(self._trial(step, bound).data), bound / STEPS_OF_BOUND)
         data = self._trial(step, bound).data
-        achieved = measure_stream(self._source.sequence, data, order=self._config.order)
+        achieved = measure_stream(
+            self._source.sequence, data, order=self._config.order, progress=self._progress
+        )
         if achieved.max_error_percent > percent:
             raise SolverError(
                 f"max_error {percent:g} was not kept: the stream decodes to "

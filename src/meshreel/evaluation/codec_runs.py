@@ -18,12 +18,15 @@ from meshreel.metrics.displacement import displacement_errors_percent
 from meshreel.metrics.kg import kg_error_percent
 from meshreel.metrics.rate import rate_bpvf
 from meshreel.metrics.sted import sted
+from meshreel.progress import Progress, silent
 from meshreel.sequence import MeshSequence, Vertices
 
 METHOD, PEER = "method", "peer"
 
 
-def run_method(subject: Subject, setting: MethodSetting, store: Store) -> Result:
+def run_method(
+    subject: Subject, setting: MethodSetting, store: Store, progress: Progress = silent
+) -> Result:
     """The result of one of our methods: the stored one, or a new one that is then stored.
 
     Rate and seconds are with the order dropped, as other codecs drop it; quality is of a stream
@@ -34,10 +37,12 @@ def run_method(subject: Subject, setting: MethodSetting, store: Store) -> Result
     def measure() -> Result:
         sequence, options = subject.sequence, dict(setting.options)
         data, encode_s = timed(
-            lambda: encode(sequence, setting.method, **options, order="drop"), REPEATS
+            lambda: encode(sequence, setting.method, **options, order="drop", progress=progress),
+            REPEATS,
         )
-        _, decode_s = timed(lambda: decode(data), REPEATS)
-        kept = decode(encode(sequence, setting.method, **options))
+        _, decode_s = timed(lambda: decode(data, progress=progress), REPEATS)
+        kept = decode(encode(sequence, setting.method, **options, progress=progress))
+        progress("measuring", 0.0)
         n_connectivity = info(data).budget_bytes.get("connectivity", 0)
         return {
             **_sizes(sequence, len(data), n_connectivity),
@@ -48,7 +53,9 @@ def run_method(subject: Subject, setting: MethodSetting, store: Store) -> Result
     return _run(setting.label, setting.params, identity, store, measure)
 
 
-def run_peer(subject: Subject, peer: Peer, value: float, store: Store) -> Result:
+def run_peer(
+    subject: Subject, peer: Peer, value: float, store: Store, progress: Progress = silent
+) -> Result:
     """The result of another codec: the stored one, or a new one that is then stored.
 
     Where it does not code faces, the bytes and seconds of our connectivity are added, with the
@@ -56,6 +63,7 @@ def run_peer(subject: Subject, peer: Peer, value: float, store: Store) -> Result
     """
     about = {"codec": peer.name, "summary": peer.summary, "version": package_version(peer)}
     identity = {"kind": PEER, "value": value, **about}
+    progress("encoding and decoding", 0.0)
     return _run(
         peer.name, peer.params(value), identity, store, lambda: _measure_peer(subject, peer, value)
     )

@@ -102,9 +102,10 @@ def evaluate(
         results = CodecResults(slug, store.sequence, runs, matching(recorded, store.sequence))
         if recorded and not results.recorded:
             notes.append(_no_recorded(store.sequence))
+        progress(f"{slug}: drawing", 0.0)
         measured.append((results, draw_codecs(results, drawn)))
+    progress("writing the report", 0.0)
     markdown, html = write_codec_report(measured, there, notes, out, command)
-    progress("writing the report", 1.0)
     return CodecEvaluation(markdown, html, measured, notes)
 
 
@@ -120,7 +121,7 @@ def measure(
 ) -> list[Result]:
     """The results of all settings of one sequence, methods first."""
     subject = Subject(sequence)
-    runs: list[tuple[str, Callable[[], Result]]] = []
+    runs: list[tuple[str, Callable[[Progress], Result]]] = []
     for method in methods:
         for setting in method_sweep(method, sequence.n_frames, sequence.n_verts, quick=quick):
             name = f"{method} {setting.params}"
@@ -131,9 +132,15 @@ def measure(
             runs.append((name, partial(run_peer, subject, peer, value, store)))
     found = []
     for number, (name, work) in enumerate(runs):
-        progress(f"{slug}: {name}", Count(number, len(runs), "runs"))
-        found.append(work())
+        listener = _within(progress, f"{slug}: {name}", Count(number, len(runs), "runs"))
+        listener("", 0.0)
+        found.append(work(listener))
     return found
+
+
+def _within(progress: Progress, run: str, share: Count) -> Progress:
+    """A listener that says at which stage of which run of how many the work is."""
+    return lambda stage, _: progress(f"{run}, {stage}" if stage else run, share)
 
 
 def _no_recorded(sequence: dict[str, Any]) -> str:

@@ -1,7 +1,8 @@
 """The whole evaluation: sequences in, results, figures and report out."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -93,8 +94,8 @@ def reproduce(
         store = Store.for_sequence(out / "results", sequence)
         results = measure(sequence, slug, store, methods=methods, quick=quick, progress=progress)
         measured.append((results, draw(sequence, results, store, drawn, progress=progress)))
+    progress("writing the report", 0.0)
     markdown, html = write_report(measured, out, command)
-    progress("writing the report", 1.0)
     return Evaluation(markdown, html, measured)
 
 
@@ -132,8 +133,9 @@ def measure(
     if graph is None:
         return results
     n_modes = max(graph["stream"]["n_modes"])
-    progress(f"{slug}: decompositions", 1.0)
-    decompositions = time_decompositions(sequence, n_modes, store)
+    decompositions = time_decompositions(
+        sequence, n_modes, store, progress=lambda stage, share: progress(f"{slug}: {stage}", share)
+    )
     return replace(results, decompositions=decompositions)
 
 
@@ -146,31 +148,33 @@ def draw(
     progress: Progress = silent,
 ) -> list[Picture]:
     """All figures of one sequence that its results allow, in the paper's order."""
+    works = list(_drawings(sequence, results, store, folder))
     drawn = []
-    for picture in _drawn(sequence, results, store, folder):
-        progress(f"{results.slug}: {picture.title}", 1.0)
-        drawn.append(picture)
+    for number, work in enumerate(works):
+        progress(f"{results.slug}: drawing", Count(number, len(works), "figures"))
+        drawn.append(work())
     return drawn
 
 
-def _drawn(
+def _drawings(
     sequence: MeshSequence, results: SequenceResults, store: Store, folder: Path
-) -> Iterator[Picture]:
+) -> Iterator[Callable[[], Picture]]:
+    """What draws each figure, in the paper's order."""
     slug = results.slug
-    yield matrices.draw_projected_deltas(sequence, slug, folder)
+    yield partial(matrices.draw_projected_deltas, sequence, slug, folder)
     if done(results.rows):
-        yield pictures.draw_row_counts(sequence, results.rows, store, slug, folder)
+        yield partial(pictures.draw_row_counts, sequence, results.rows, store, slug, folder)
     if not done(results.variants):
         return
-    yield figures.draw_error_per_frame(results, folder)
-    yield figures.draw_bits_per_row(results, folder)
+    yield partial(figures.draw_error_per_frame, results, folder)
+    yield partial(figures.draw_bits_per_row, results, folder)
     blocks = next((r for r in done(results.variants) if method_of_result(r) == "blocks"), None)
     if blocks is not None:
         key = setting_of_result(blocks).key
         data = store.path(key, "reel").read_bytes()
-        yield matrices.draw_dictionaries(coded_blocks(data), slug, folder)
-    yield pictures.draw_variants(sequence, results.variants, store, slug, folder)
-    yield figures.draw_rate_distortion(results, folder)
+        yield partial(matrices.draw_dictionaries, coded_blocks(data), slug, folder)
+    yield partial(pictures.draw_variants, sequence, results.variants, store, slug, folder)
+    yield partial(figures.draw_rate_distortion, results, folder)
 
 
 def _listener(

@@ -57,7 +57,7 @@ def open_reel(path: Path, options: ReadOptions) -> MeshSequence:
         If it is not a whole stream that this build reads; they name the file.
     """
     with errors_naming(path):
-        sequence = decode(path.read_bytes())
+        sequence = decode(path.read_bytes(), progress=options.progress)
     options.progress("reading", 1.0)
     fps = sequence.fps if options.fps is None else options.fps
     if sequence.name and fps == sequence.fps:  # all positions would be checked again

@@ -1,0 +1,64 @@
+"""Progress where no bar can be drawn: in a pipe, a log file or a job of a cluster."""
+
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from typing import TextIO
+
+from meshreel.cli.progress_words import PaceClock, clock_text
+from meshreel.progress import Progress
+
+FIRST_AFTER_S = 5.0
+EVERY_S = 10.0
+"""Work that takes less than the first says nothing, and longer work no more than this often."""
+
+
+@contextmanager
+def progress_lines(
+    stream: TextIO | None = None, *, first_after_s: float = FIRST_AFTER_S, every_s: float = EVERY_S
+) -> Iterator[Progress]:
+    """A listener that writes a plain line every few seconds, also while it is told nothing.
+
+    Such as "meshreel: encoding, try 3: 12 of 175 frames, 8.4 frames/s, 0:19 left (0:42 so far)".
+
+    Parameters
+    ----------
+    stream : text file, optional
+        Default: stderr.
+    first_after_s, every_s : float
+        When the first line is written, and how far apart the others are.
+    """
+    began_s, clock = time.monotonic(), PaceClock()
+    told: list[tuple[str, float]] = [("working", 0.0)]
+    is_over = threading.Event()
+
+    def report(stage: str, fraction: float) -> None:
+        clock.words(fraction)  # the pace counts from here
+        told[0] = stage, fraction
+
+    def write() -> None:
+        wait_s = first_after_s
+        while not is_over.wait(wait_s):
+            elapsed = clock_text(time.monotonic() - began_s)
+            with suppress(OSError, ValueError):  # nobody reads it any more
+                line = f"meshreel: {_state(*told[0], clock)} ({elapsed} so far)"
+                print(line, file=stream or sys.stderr, flush=True)
+            wait_s = every_s
+
+    writer = threading.Thread(target=write, name="meshreel-progress", daemon=True)
+    writer.start()
+    try:
+        yield report
+    finally:
+        is_over.set()
+        writer.join()
+
+
+def _state(stage: str, fraction: float, clock: PaceClock) -> str:
+    """The stage, and how much of it is done where that is known."""
+    words = clock.words(fraction)
+    if not words and 0 < fraction < 1:
+        words = f"{100 * fraction:.0f} %"
+    return f"{stage}: {words}" if words else stage

@@ -1,0 +1,53 @@
+"""Long commands say how far they are where stderr is no terminal."""
+
+import re
+from functools import partial
+
+import pytest
+
+import meshreel
+from meshreel.cli import console
+from meshreel.cli.app import app
+from meshreel.cli.progress_lines import progress_lines
+from sample_meshes import waving_grid
+
+PAPER = "paper walk.npz --quick --methods pca-qp --out report"
+EVALUATE = "evaluate walk.npz --quick --methods reel --peers none --out e"
+LINE = re.compile(r"meshreel: .+ \(\d+:\d\d so far\)")
+
+
+@pytest.fixture
+def said(tmp_path, monkeypatch, capsys):
+    """A function that gives the lines of a command, which come every hundredth of a second."""
+    often = partial(progress_lines, first_after_s=0.001, every_s=0.01)
+    monkeypatch.setattr(console, "progress_lines", often)
+    monkeypatch.chdir(tmp_path)
+    meshreel.save(waving_grid(6, 12, 14), tmp_path / "walk.npz")
+    (tmp_path / "walk.reel").write_bytes(meshreel.encode(waving_grid(6, 12, 14)))
+
+    def run(*words):
+        capsys.readouterr()
+        app(list(words), prog_name="meshreel", standalone_mode=False)
+        return capsys.readouterr().err.splitlines()
+
+    return run
+
+
+@pytest.mark.parametrize(
+    ("command", "stage"),
+    [
+        ("encode walk.npz -o a.reel --kg 0.5", "encoding, try"),
+        (PAPER, "drawing"),
+        (PAPER, r"modes, \d+ bits, \w+.*: \d+ of \d+ runs"),
+        (EVALUATE, r"reel .*: \d+ of \d+ runs"),
+        (EVALUATE, ": drawing"),
+        ("render walk.reel -o a.gif --original walk.npz --heatmap distance", "drawing: "),
+        ("batch . streams --workers 1", "encoding, 1 at a time: 0 of 1 inputs"),
+        ("demo --frames 20", "simulating"),
+    ],
+)
+def test_command_says_how_far_it_is_when_it_takes_long(said, command, stage):
+    lines = said(*command.split())
+    assert any(re.search(stage, line) for line in lines)
+    told = [line for line in lines if "so far" in line]
+    assert all(LINE.fullmatch(line) for line in told)
