@@ -16,6 +16,13 @@ def counted(number: int, noun: str) -> str:
     return f"{number} {plural(noun) if number != 1 else noun}"
 
 
+def singular(noun: str) -> str:
+    """The noun of a plural that `plural` gives."""
+    first, space, last = noun.rpartition(" ")
+    known = {many: one for one, many in PLURALS.items()}
+    return f"{first}{space}{known.get(last, last.removesuffix('s'))}"
+
+
 def plural(noun: str) -> str:
     """The noun in the plural."""
     first, space, last = noun.rpartition(" ")

@@ -7,6 +7,7 @@ from typing import Any, Protocol
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.counting import counted
 from meshreel.errors import InvalidInputError
 from meshreel.surface import PLAIN, Surface
 
@@ -274,7 +275,7 @@ def validate_faces(faces: Any, n_verts: int) -> Faces:
     array = np.asarray(faces)
     if array.size == 0:
         raise InvalidInputError(
-            f"a mesh needs at least one face; got {n_verts} vertices and no faces "
+            f"a mesh needs at least one face; got {counted(n_verts, 'vertex')} and no faces "
             "(point clouds are not supported)"
         )
     if array.ndim != 2 or array.shape[1] != 3:

@@ -42,7 +42,7 @@ def said(tmp_path, monkeypatch, capsys):
         (EVALUATE, r"reel .*: \d+ of \d+ runs"),
         (EVALUATE, ": drawing"),
         ("render walk.reel -o a.gif --original walk.npz --heatmap distance", "drawing: "),
-        ("batch . streams --workers 1", "encoding, 1 at a time: 0 of 1 inputs"),
+        ("batch . streams --workers 1", "encoding, 1 at a time: 0 of 1 input"),
         ("demo --frames 20", "simulating"),
     ],
 )

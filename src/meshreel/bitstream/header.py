@@ -11,6 +11,7 @@ from meshreel.bitstream.layout import (
     OLDEST_VERSION,
     VertexType,
 )
+from meshreel.counting import counted
 from meshreel.errors import CorruptStreamError, TruncatedStreamError, UnsupportedVersionError
 
 _FIXED = struct.Struct("<8sHIIIdBBBB4dH")
@@ -128,7 +129,8 @@ def _checked_header(fields: tuple, name: bytes) -> Header:  # type: ignore[type-
     origin, scale = fields[10:13], fields[13]
     if min(n_verts, n_faces) < 1:
         raise CorruptStreamError(
-            f"the header announces {n_verts} vertices and {n_faces} faces; each must be at least 1"
+            f"the header announces {counted(n_verts, 'vertex')} and "
+            f"{counted(n_faces, 'face')}; each must be at least 1"
         )
     if vertex_type not in list(VertexType):
         raise CorruptStreamError(f"vertex type {vertex_type} is unknown; 4 and 8 are allowed")

@@ -17,6 +17,7 @@ from meshreel.bitstream.layout import (
     least_size_bytes,
 )
 from meshreel.bitstream.sections import END_SIZE_BYTES, StoredSection, read_section
+from meshreel.counting import counted
 from meshreel.entropy.varint import read_varint
 from meshreel.errors import CorruptStreamError, MeshReelError, TruncatedStreamError
 
@@ -56,11 +57,13 @@ class Stream:
         announced, header = self.header.n_frames, self.header
         if announced and self.is_whole and self.n_frames != announced:
             raise CorruptStreamError(
-                f"the blocks hold {self.n_frames} frames; the header announces {announced}"
+                f"the blocks hold {counted(self.n_frames, 'frame')}; the header announces "
+                f"{announced}"
             )
         if least_size_bytes(max(self.n_frames * header.n_verts, header.n_faces)) > self.size_bytes:
             raise CorruptStreamError(
-                f"{self.n_frames} frames of {header.n_verts} vertices and {header.n_faces} faces "
+                f"{counted(self.n_frames, 'frame')} of {counted(header.n_verts, 'vertex')} and "
+                f"{counted(header.n_faces, 'face')} "
                 f"are announced; a stream of {self.size_bytes} bytes holds at most "
                 f"{MAX_POSITIONS_PER_BYTE} positions or faces a byte"
             )

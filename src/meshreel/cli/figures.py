@@ -5,6 +5,7 @@ from typing import Any
 from meshreel.cli.console import size_text
 from meshreel.codec.achieved import Achieved
 from meshreel.codec.inspect import StreamInfo
+from meshreel.counting import counted
 from meshreel.metrics.compare import Quality
 from meshreel.viewer.measuring import Measured
 
@@ -63,7 +64,9 @@ def info_rows(stream: StreamInfo) -> dict[str, str]:
     if stream.parts:
         rows["parts"] = "\n".join(stream.parts)
     if len(stream.block_frames) > 1:
-        rows["blocks"] = f"{len(stream.block_frames)} of up to {max(stream.block_frames)} frames"
+        rows["blocks"] = (
+            f"{len(stream.block_frames)} of up to {counted(max(stream.block_frames), 'frame')}"
+        )
         later = sum(stream.block_bytes[1:])
         rows["cuts"] = (
             f"the later blocks take {size_text(later)}, {100 * later / stream.size_bytes:.0f} %; "
@@ -123,10 +126,13 @@ def measured_rows(measured: Measured) -> dict[str, str]:
 
 def mesh_text(stream: StreamInfo) -> str:
     """Frames, vertices and faces."""
-    return f"{stream.n_frames} frames, {stream.n_verts} vertices, {stream.n_faces} faces"
+    return (
+        f"{counted(stream.n_frames, 'frame')}, {counted(stream.n_verts, 'vertex')}, "
+        f"{counted(stream.n_faces, 'face')}"
+    )
 
 
 def modes_text(stream: StreamInfo) -> str:
     """How many modes there are, for all blocks."""
     low, high = min(stream.n_modes), max(stream.n_modes)
-    return f"{low} modes" if low == high else f"{low} to {high} modes"
+    return counted(high, "mode") if low == high else f"{low} to {high} modes"

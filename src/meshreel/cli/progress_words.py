@@ -3,6 +3,7 @@
 import time
 from collections.abc import Callable
 
+from meshreel.counting import singular
 from meshreel.progress import Count
 
 SURE_AFTER_S = 2.0
@@ -40,7 +41,8 @@ class PaceClock:
         if counted != self._counted or fraction.done < self._n_last:
             self._began_s, self._n_at_first = self._now_s(), fraction.done
         self._counted, self._n_last = counted, fraction.done
-        words = f"{fraction.done} of {fraction.total} {fraction.unit}"
+        unit = singular(fraction.unit) if fraction.total == 1 else fraction.unit
+        words = f"{fraction.done} of {fraction.total} {unit}"
         elapsed_s, n_since = self._now_s() - self._began_s, fraction.done - self._n_at_first
         if elapsed_s < SURE_AFTER_S or n_since == 0:
             return words

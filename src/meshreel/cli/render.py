@@ -7,6 +7,7 @@ import typer
 
 from meshreel.cli.completing import input_files, names_of, pictures
 from meshreel.cli.read_options import FpsOption, MergeOption, ObjectOption
+from meshreel.counting import counted
 
 if TYPE_CHECKING:
     from meshreel.sequence import FrameSource
@@ -224,7 +225,8 @@ def _print_drawn(figures: dict[str, Any]) -> None:
     if "fps" in figures:
         seconds = figures["n_pictures"] / figures["fps"]
         rows["film"] = (
-            f"{figures['n_pictures']} pictures at {figures['fps']:g} fps, {seconds:.1f} s"
+            f"{counted(figures['n_pictures'], 'picture')} at {figures['fps']:g} fps, "
+            f"{seconds:.1f} s"
         )
     else:
         rows["frames"] = ", ".join(map(str, figures["frames"]))

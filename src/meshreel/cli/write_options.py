@@ -100,12 +100,14 @@ def written_figures(written: list[Path], source: "Written", n_frames: int) -> di
 def print_written(figures: dict[str, Any]) -> None:
     """What `written_figures` says, as a table."""
     from meshreel.cli.console import print_table, size_text
+    from meshreel.counting import counted
 
     first, last = Path(figures["outputs"][0]), Path(figures["outputs"][-1])
     print_table(
         str(first) if first == last else f"{first} to {last.name}",
         {
-            "sequence": "{n_frames} frames, {n_verts} vertices, {n_faces} faces".format(**figures),
+            "sequence": f"{counted(figures['n_frames'], 'frame')}, "
+            f"{counted(figures['n_verts'], 'vertex')}, {counted(figures['n_faces'], 'face')}",
             "files": str(len(figures["outputs"])),
             "size": size_text(figures["size_bytes"]),
         },

@@ -25,6 +25,7 @@ from meshreel.codec.targets import (
     target_of,
     tune_named,
 )
+from meshreel.counting import counted
 from meshreel.errors import InvalidInputError
 from meshreel.quantization.uniform import MAX_BITS, MIN_BITS
 
@@ -225,7 +226,7 @@ class EncoderConfig:
         needed = PROCESS_BYTES + n_verts * (BYTES_OF_VERTEX + BYTES_OF_POSITION)
         if memory < needed:
             raise InvalidInputError(
-                f"memory of {memory / 1e6:.0f} MB is too little for {n_verts} vertices; "
+                f"memory of {memory / 1e6:.0f} MB is too little for {counted(n_verts, 'vertex')}; "
                 f"at least {needed / 1e6:.0f} MB is needed"
             )
         return 1 + int((memory - needed) / (BYTES_OF_POSITION * n_verts))

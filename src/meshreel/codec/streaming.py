@@ -17,6 +17,7 @@ from meshreel.codec.config import MAX_BLOCK_POSITIONS, EncoderConfig
 from meshreel.codec.methods import Basis
 from meshreel.codec.source import CodedMesh
 from meshreel.codec.targets import Aim
+from meshreel.counting import counted
 from meshreel.errors import InvalidInputError
 from meshreel.sequence import validate_faces, validate_fps, validate_start, validate_vertices
 from meshreel.surface import PLAIN, Surface
@@ -208,7 +209,7 @@ class Encoder:
             self._first = len(array), array.dtype
         elif self._first != (len(array), array.dtype):
             raise InvalidInputError(
-                f"frame {self.n_frames} has {len(array)} vertices of type {array.dtype}; "
+                f"frame {self.n_frames} has {counted(len(array), 'vertex')} of type {array.dtype}; "
                 f"the first has {self._first[0]} of type {self._first[1]}"
             )
 

@@ -3,6 +3,7 @@
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.counting import counted
 from meshreel.entropy.coder import decode_integers, encode_integers
 from meshreel.entropy.varint import read_varint, write_varint
 from meshreel.errors import CorruptStreamError
@@ -52,7 +53,7 @@ def decode_face_list(data: bytes, n_verts: int, n_faces: int) -> Faces:
     found_faces, position = read_varint(data, position)
     if (found_verts, found_faces) != (n_verts, n_faces):
         raise CorruptStreamError(
-            f"the list has {found_faces} faces on {found_verts} vertices; "
+            f"the list has {counted(found_faces, 'face')} on {counted(found_verts, 'vertex')}; "
             f"{n_faces} on {n_verts} are announced"
         )
     return join_differences(decode_integers(data[position:], [n_faces] * N_ROWS), n_verts)

@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from meshreel.counting import counted
 from meshreel.evaluation.document import Heading, Paragraph, Part, to_markdown
 from meshreel.evaluation.html import to_html
 from meshreel.evaluation.store import write_text
@@ -14,8 +15,8 @@ def sequence_opening(name: str, sequence: Mapping[str, Any]) -> list[Part]:
     return [
         Heading(2, name),
         Paragraph(
-            f"{sequence['n_frames']} frames, {sequence['n_verts']} vertices, "
-            f"{sequence['n_faces']} faces (SHA-256 of the content begins with "
+            f"{counted(sequence['n_frames'], 'frame')}, {counted(sequence['n_verts'], 'vertex')}, "
+            f"{counted(sequence['n_faces'], 'face')} (SHA-256 of the content begins with "
             f"`{sequence['sha256'][:12]}`)."
         ),
     ]

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.counting import counted
 from meshreel.errors import InvalidInputError
 from meshreel.progress import Count, Progress, silent
 from meshreel.sequence import (
@@ -112,4 +113,6 @@ class FrameStream:
             yield block
         if n_seen != self.n_frames:
             come = f"{n_seen} or more" if n_seen > self.n_frames else str(n_seen)
-            raise InvalidInputError(f"{self.n_frames} frames were announced; {come} came")
+            raise InvalidInputError(
+                f"{counted(self.n_frames, 'frame')} were announced; {come} came"
+            )

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.counting import counted
 from meshreel.errors import FormatError, MeshReelError
 from meshreel.formats.extras import HDF
 
@@ -118,7 +119,8 @@ def read_rows(dataset: Dataset, start: int, count: int) -> npt.NDArray[Any]:
     n_rows = dataset.shape[0] if dataset.shape else 0
     if not 0 <= start <= start + count <= n_rows:
         raise FormatError(
-            f"dataset {dataset.name} has {n_rows} rows; {count} from row {start} on are spoken of"
+            f"dataset {dataset.name} has {counted(n_rows, 'row')}; {count} from row {start} on "
+            "are spoken of"
         )
     return _native(dataset[start : start + count])
 

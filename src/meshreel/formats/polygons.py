@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.counting import counted
 from meshreel.errors import FormatError
 from meshreel.geometry.ragged import Integers
 from meshreel.sequence import Vertices
@@ -36,11 +37,11 @@ class PolygonMesh:
         Empty if both have as many vertices, and the same faces.
         """
         if len(self.vertices) != len(first.vertices):
-            return f"{len(self.vertices)} vertices; expected {len(first.vertices)} as"
+            return f"{counted(len(self.vertices), 'vertex')}; expected {len(first.vertices)} as"
         if self.counts is first.counts and self.corners is first.corners:
             return ""
         if len(self.counts) != len(first.counts):
-            return f"{len(self.counts)} faces; expected {len(first.counts)} as"
+            return f"{counted(len(self.counts), 'face')}; expected {len(first.counts)} as"
         if (self.counts != first.counts).any():
             face = int(np.argmax(self.counts != first.counts))
             return f"{self.counts[face]} corners in face {face}; expected {first.counts[face]} as"
@@ -82,7 +83,8 @@ def polygon_mesh(
     """
     if len(vertices) == 0 or len(counts) == 0:
         raise FormatError(
-            f"holds {len(vertices)} vertices and {len(counts)} faces; a triangle mesh needs both"
+            f"holds {counted(len(vertices), 'vertex')} and {counted(len(counts), 'face')}; a "
+            "triangle mesh needs both"
         )
     small = counts < 3
     if small.any():

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from meshreel.counting import counted
 from meshreel.errors import InvalidInputError
 from meshreel.formats.merging import merged_mesh
 from meshreel.formats.naming import errors_naming
@@ -137,7 +138,7 @@ def _named(meshes: Sequence[SceneMesh], wanted: str) -> SceneMesh:
     # A name above a mesh, such as that of its transform, means the only one that is below.
     found = found or [mesh for mesh in meshes if _is_below(mesh.name, wanted)]
     if len(found) != 1:
-        which = "no mesh" if not found else f"{len(found)} meshes"
+        which = "no mesh" if not found else f"{counted(len(found), 'mesh')}"
         raise InvalidInputError(f"has {which} called {wanted!r}; it holds {_listed(meshes)}")
     return found[0]
 
@@ -153,7 +154,7 @@ def _listed(meshes: Sequence[SceneMesh], most: int = 20) -> str:
     if len(names) == 1:
         return f"the mesh {names[0]}"
     more = f" and {len(names) - most} more" if len(names) > most else ""
-    return f"{len(names)} meshes: {', '.join(names[:most])}{more}"
+    return f"{counted(len(names), 'mesh')}: {', '.join(names[:most])}{more}"
 
 
 def _check_same_faces(frame: PolygonMesh, first: PolygonMesh, index: int, name: str) -> None:

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.counting import counted
 from meshreel.errors import InvalidInputError
 from meshreel.metrics.displacement import displacement_errors_percent
 from meshreel.metrics.kg import kg_error_percent
@@ -118,13 +119,13 @@ def require_comparable(original: FrameSource, decoded: FrameSource) -> None:
         Naming both counts, or the first face of the original that the decoded lacks.
     """
     for noun, count, count_hat in (
-        ("vertices", original.n_verts, decoded.n_verts),
-        ("frames", original.n_frames, decoded.n_frames),
-        ("faces", len(original.faces), len(decoded.faces)),
+        ("vertex", original.n_verts, decoded.n_verts),
+        ("frame", original.n_frames, decoded.n_frames),
+        ("face", len(original.faces), len(decoded.faces)),
     ):
         if count != count_hat:
             raise InvalidInputError(
-                f"the original has {count} {noun} and the decoded {count_hat}; "
+                f"the original has {counted(count, noun)} and the decoded {count_hat}; "
                 "only sequences of the same mesh can be compared"
             )
     if not np.array_equal(original.faces, decoded.faces):

@@ -5,6 +5,7 @@ import numpy.typing as npt
 from scipy.sparse import csc_array, csr_array, diags_array
 from scipy.sparse.linalg import eigsh
 
+from meshreel.counting import counted
 from meshreel.errors import InvalidInputError
 from meshreel.subspace.pca import fix_signs
 
@@ -76,7 +77,8 @@ def check_basis_size(n_verts: int, n_modes: int) -> None:
         return
     possible = min(int((MAX_WORK / n_verts) ** 0.5), MAX_BASIS_BYTES // (16 * n_verts))
     raise InvalidInputError(
-        f"{n_modes} graph frequencies of {n_verts} vertices need {n_bytes / 1e9:.1f} GB and too "
+        f"{n_modes} graph frequencies of {counted(n_verts, 'vertex')} need {n_bytes / 1e9:.1f} "
+        "GB and too "
         f"much time; at most {min(possible, n_verts // 3)} of this mesh can be had (n_modes), or "
         "another method"
     )

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
+from meshreel.counting import counted
 from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.frame_stream import FrameStream
 from meshreel.formats.naming import os_errors_naming
@@ -24,12 +25,15 @@ def check_cache_size(header_bytes: int, n_frames: int, n_verts: int, size_bytes:
         Naming both sizes.
     """
     if n_frames < 1 or n_verts < 1:
-        raise FormatError(f"says that it holds {n_frames} frames of {n_verts} vertices")
+        raise FormatError(
+            f"says that it holds {counted(n_frames, 'frame')} of {counted(n_verts, 'vertex')}"
+        )
     expected = header_bytes + n_frames * n_verts * VERTEX_BYTES
     if size_bytes != expected:
         problem = "is cut short" if size_bytes < expected else "is damaged"
         raise FormatError(
-            f"{problem}: {n_frames} frames of {n_verts} vertices take {expected} bytes; "
+            f"{problem}: {counted(n_frames, 'frame')} of {counted(n_verts, 'vertex')} take "
+            f"{expected} bytes; "
             f"the file has {size_bytes}"
         )
 

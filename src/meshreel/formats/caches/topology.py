@@ -7,6 +7,7 @@ from typing import Protocol
 
 import numpy as np
 
+from meshreel.counting import counted
 from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.naming import errors_naming, os_errors_naming
 from meshreel.formats.options import ReadOptions
@@ -53,7 +54,8 @@ def topology_reader(formats: Mapping[str, MeshFormat]) -> ReadTopology:
         path = options.topology or cache.with_suffix(COMPANION)
         if options.topology is None and not path.is_file():
             raise InvalidInputError(
-                f"{cache} holds positions of {n_verts} vertices and no faces; name the mesh file "
+                f"{cache} holds positions of {counted(n_verts, 'vertex')} and no faces; name "
+                "the mesh file "
                 f"that has them with --topology mesh.obj (topology=), or put it beside as "
                 f"{path.name}"
             )
@@ -70,7 +72,7 @@ def topology_reader(formats: Mapping[str, MeshFormat]) -> ReadTopology:
             surface = mesh_format.parse_surface(data) if mesh_format.parse_surface else PLAIN
         if len(mesh.vertices) != n_verts:
             raise InvalidInputError(
-                f"{cache} has {n_verts} vertices and {path} {len(mesh.vertices)}; "
+                f"{cache} has {counted(n_verts, 'vertex')} and {path} {len(mesh.vertices)}; "
                 "give the mesh that the cache was made of"
             )
         faces = triangulate_fans(mesh.counts, mesh.corners)

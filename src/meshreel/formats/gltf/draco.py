@@ -6,6 +6,7 @@ import DracoPy
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.counting import counted
 from meshreel.entropy.varint import read_varint
 from meshreel.errors import FormatError, MeshReelError
 from meshreel.formats.gltf.accessors import WIDTHS, Accessors, Values, declared_type
@@ -63,7 +64,8 @@ def _check_counts(data: bytes, n_verts: int, n_corners: int, place: str) -> None
     announced_faces, announced_verts = (first, second) if is_sequential else (second, first)
     if announced_verts > n_verts or announced_faces * 3 > n_corners:
         raise FormatError(
-            f"{place}: Draco holds {announced_verts} vertices and {announced_faces} faces; "
+            f"{place}: Draco holds {counted(announced_verts, 'vertex')} and "
+            f"{counted(announced_faces, 'face')}; "
             f"the file announces {n_verts} and {n_corners // 3}"
         )
 

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
+from meshreel.counting import counted
 from meshreel.errors import FormatError
 from meshreel.formats.gltf.accessors import Accessors
 from meshreel.formats.gltf.animation import Channel, choose_animation, read_curves, read_keys
@@ -63,7 +64,9 @@ class WeldNote:
         self._n_split, self._n_verts = self._n_split + n_split, self._n_verts + n_verts
         if self._sentence in self._notes:
             self._notes.remove(self._sentence)
-        self._sentence = f"welded {self._n_split} vertices, split at seams, to {self._n_verts}"
+        self._sentence = (
+            f"welded {counted(self._n_split, 'vertex')}, split at seams, to {self._n_verts}"
+        )
         self._notes.append(self._sentence)
 
 

@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.codec.error_bounds import bound_of
+from meshreel.counting import counted
 from meshreel.errors import InvalidInputError
 from meshreel.formats.frame_stream import FrameStream
 from meshreel.formats.gltf.moving_mesh import Wanted
@@ -113,12 +114,13 @@ def _achieve(stream: FrameStream, options: WriteOptions) -> _Achieved:
     stream.progress("morph targets", 0.0)
     scene = make_scene(sequence, times_s, wanted)
     if scene.n_isolated:
-        stream.notes.append(f"left out {scene.n_isolated} vertices that no face uses")
+        stream.notes.append(f"left out {counted(scene.n_isolated, 'vertex')} that no face uses")
     errors = np.max([one.errors for one in scene.meshes], axis=0)
     achieved = _Achieved(scene, 100 * errors / (diagonal or 1.0), len(times_s))
     if allowed and scene.n_targets and achieved.percents.max() > allowed:
         raise InvalidInputError(
-            f"{_largest(achieved)} with {scene.n_targets[-1]} morph targets; {allowed:g} % was "
+            f"{_largest(achieved)} with {counted(scene.n_targets[-1], 'morph target')}; "
+            f"{allowed:g} % was "
             "asked for; allow more targets, or a larger error (max_error)"
         )
     return achieved
@@ -156,10 +158,11 @@ def _note_achieved(notes: list[str], achieved: _Achieved, size_bytes: int) -> No
         if achieved.n_frames > 1:
             notes.append("no vertex moves by more than the error allowed: written at rest")
         return
-    number = f"{counts[0]} to {counts[-1]}" if counts[0] < counts[-1] else f"{counts[0]}"
+    number = f"{counts[0]} to " if counts[0] < counts[-1] else ""
     where = f" in each of {len(counts)} meshes" if len(counts) > 1 else ""
     notes.append(
-        f"{_largest(achieved)} with {number} morph targets{where}: {size_bytes / 1e6:.3g} MB"
+        f"{_largest(achieved)} with {number}{counted(counts[-1], 'morph target')}{where}: "
+        f"{size_bytes / 1e6:.3g} MB"
     )
     if counts[-1] > MANY_TARGETS:
         notes.append(

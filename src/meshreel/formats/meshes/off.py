@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.counting import counted
 from meshreel.errors import FormatError
 from meshreel.formats.polygons import PolygonMesh, polygon_mesh
 from meshreel.formats.text.token_lines import TokenLines, split_lines
@@ -50,7 +51,8 @@ def parse_off(data: bytes) -> PolygonMesh:
     n_lines = lines.n_lines - header.begin
     if header.n_verts + header.n_faces != n_lines:
         raise FormatError(
-            f"declares {header.n_verts} vertices and {header.n_faces} faces, one a line, but "
+            f"declares {counted(header.n_verts, 'vertex')} and "
+            f"{counted(header.n_faces, 'face')}, one a line, but "
             f"{n_lines} lines follow; the file is truncated or damaged"
         )
     vertices = _vertices(lines, np.arange(header.begin, header.face_begin))

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.counting import counted
 from meshreel.sequence import Faces, Vertices
 
 Numbers = npt.NDArray[np.int64]
@@ -31,7 +32,10 @@ class Weld:
     def description(self) -> str:
         """One sentence on what was joined."""
         n_corners = self.faces.size
-        return f"welded {n_corners} STL corners to {len(self.representatives)} vertices"
+        return (
+            f"welded {counted(n_corners, 'STL corner')} to "
+            f"{counted(len(self.representatives), 'vertex')}"
+        )
 
 
 def weld_corners(frames: Iterable[Vertices]) -> Weld:

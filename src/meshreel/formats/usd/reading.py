@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from meshreel.counting import counted
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.scene import SceneMesh
 from meshreel.formats.usd.diagnostics import usd_errors
@@ -97,6 +98,6 @@ def _codes(mesh: StageMesh, frame_step: float, notes: list[str]) -> Codes:
     if len(codes) != len(samples):
         notes.append(
             f"{mesh.path} has {len(samples)} samples that are not one to a frame; read as USD "
-            f"has it at {len(codes)} frames"
+            f"has it at {counted(len(codes), 'frame')}"
         )
     return codes

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.counting import counted
 from meshreel.errors import FormatError
 from meshreel.formats.polygons import PolygonMesh, polygon_mesh
 from meshreel.geometry.ragged import ragged_indices
@@ -108,7 +109,7 @@ def find_surface(cells: Cells, n_points: int) -> CellSurface:
     """
     if cells.counts.sum() != len(cells.points) or (cells.counts < 0).any():
         raise FormatError(
-            f"cells speak of {cells.counts.sum()} points; {len(cells.points)} are there"
+            f"cells speak of {counted(cells.counts.sum(), 'point')}; {len(cells.points)} are there"
         )
     starts = np.cumsum(cells.counts) - cells.counts
     found = [_of_type(cells, starts, int(kind)) for kind in np.unique(cells.types)]
@@ -150,7 +151,9 @@ def _of_type(cells: Cells, starts: npt.NDArray[np.int64], kind: int) -> _Faces:
         raise FormatError(f"holds cells of type {kind}, which are not read; give a surface")
     needed = 1 + max(max(face) for face in faces)
     if (counts < needed).any():
-        raise FormatError(f"a cell of type {kind} has {counts.min()} points; it needs {needed}")
+        raise FormatError(
+            f"a cell of type {kind} has {counted(counts.min(), 'point')}; it needs {needed}"
+        )
     rows = [(cells.points[first[:, None] + np.array(face)], len(face)) for face in faces]
     sizes = np.tile([size for _, size in rows], len(chosen))
     corners = np.concatenate([row for row, _ in rows], axis=1).ravel()
@@ -165,7 +168,7 @@ def _strips(
 ) -> _Faces:
     """The triangles of strips, every second turned round."""
     if (counts < 3).any():
-        raise FormatError(f"a triangle strip has {counts.min()} points; it needs three")
+        raise FormatError(f"a triangle strip has {counted(counts.min(), 'point')}; it needs three")
     begin = ragged_indices(first, counts - 2)
     is_turned = (begin - np.repeat(first, counts - 2)) % 2
     corners = np.stack(

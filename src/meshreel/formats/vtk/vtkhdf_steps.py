@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.counting import counted
 from meshreel.errors import FormatError
 from meshreel.formats.hdf_file import (
     Dataset,
@@ -136,7 +137,8 @@ class VtkSteps:
         count = int(sum(self._n_points[self._parts(index)].tolist()))
         if start + count > len(self._points) or count < 0:
             raise FormatError(
-                f"Points has {len(self._points)} rows; step {index} has {count} from row {start} on"
+                f"Points has {counted(len(self._points), 'row')}; step {index} has {count} "
+                f"from row {start} on"
             )
         return count
 
