@@ -1,5 +1,7 @@
 """The program as a user runs it: a process of its own."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -323,3 +325,14 @@ def test_help_is_shown_when_no_command_is_given():
     done = run()
     assert done.returncode == 0
     assert "encode" in done.stdout
+
+
+def test_compare_says_so_when_the_axes_were_turned(grid, tmp_path):
+    sequence = meshreel.load(grid)
+    turned = sequence.vertices[..., [0, 2, 1]] * np.float32([1, -1, 1])
+    meshreel.save(replace(sequence, vertices=turned), tmp_path / "turned.npz")
+    words = "its x, y, z are x, -z, y of the original (y upwards was turned to z upwards)"
+    assert words in " ".join(run("compare", grid, tmp_path / "turned.npz").stderr.split())
+    [note] = run_json("compare", grid, tmp_path / "turned.npz")["notes"]
+    assert words in note
+    assert run_json("compare", grid, grid)["notes"] == []

@@ -45,6 +45,7 @@ def compare_command(
     from meshreel.cli.figures import quality_rows
     from meshreel.formats.load import load
     from meshreel.formats.registry import holds_meshes
+    from meshreel.metrics.alignment import find_alignment
     from meshreel.metrics.compare import compare
     from meshreel.rendering.plots import plot_error_per_frame, require_matplotlib
 
@@ -64,11 +65,14 @@ def compare_command(
             for source in (original, decoded)
         )
         quality = compare(first, second, progress=progress)
+        if alignment := find_alignment(first, second):
+            notes.append(str(alignment))
         if plot is not None:
             title = f"{Path(decoded).name} against {Path(original).name}"
             plot_error_per_frame(plot, title, quality.nmsve, fps=first.fps, overwrite=force)
     print_notes(notes)
     if as_json:
-        print_json({"original": original, "decoded": decoded, **quality.as_dict()})
+        figures = quality.as_dict()
+        print_json({"original": original, "decoded": decoded, **figures, "notes": notes})
         return
     print_table(f"{decoded} against {original}", quality_rows(quality))

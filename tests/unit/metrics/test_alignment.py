@@ -1,0 +1,66 @@
+"""Two sequences that differ by axes, scale and place, as programs differ in them."""
+
+from dataclasses import replace
+from itertools import permutations, product
+
+import numpy as np
+import pytest
+
+from meshreel.metrics.alignment import find_alignment
+from sample_meshes import irregular_sequence
+
+ORIGINAL = irregular_sequence()
+
+
+def changed(order=(0, 1, 2), signs=(1, 1, 1), scale=1.0, shift=(0, 0, 0), noise=0.0):
+    rng = np.random.default_rng(1)
+    vertices = scale * np.array(signs) * ORIGINAL.vertices.astype(np.float64)[..., list(order)]
+    size = np.ptp(vertices)
+    vertices += np.array(shift) + noise * size * rng.standard_normal(vertices.shape)
+    return replace(ORIGINAL, vertices=vertices)
+
+
+@pytest.mark.parametrize("order", list(permutations(range(3))))
+@pytest.mark.parametrize("signs", list(product((1, -1), repeat=3)))
+def test_axes_are_found_when_they_were_turned(order, signs):
+    found = find_alignment(ORIGINAL, changed(order, signs, noise=1e-4))
+    if (order, signs) == ((0, 1, 2), (1, 1, 1)):
+        assert found is None
+        return
+    expected = ["-" * (sign < 0) + "xyz"[axis] for axis, sign in zip(order, signs, strict=True)]
+    assert list(found.axes) == expected
+    assert found.scale == pytest.approx(1, rel=1e-3)
+    matrix = np.zeros((3, 3))
+    matrix[range(3), order] = signs
+    assert found.is_mirrored == (np.linalg.det(matrix) < 0)
+
+
+def test_scale_and_shift_are_found_when_there_are_both():
+    found = find_alignment(ORIGINAL, changed(scale=100.0, shift=(500, 0, -20)))
+    assert found.axes == ("x", "y", "z")
+    assert found.scale == pytest.approx(100, rel=1e-6)
+    np.testing.assert_allclose(found.shift, (500, 0, -20), atol=1e-3)
+    assert "it is 100 times as large; it is moved by (500, " in str(found)
+
+
+def test_turn_is_named_when_it_is_that_of_y_and_z_upwards():
+    words = str(find_alignment(ORIGINAL, changed((0, 2, 1), (1, -1, 1))))
+    assert "its x, y, z are x, -z, y of the original (y upwards was turned to z upwards)" in words
+
+
+@pytest.mark.parametrize("noise", [0.0, 1e-3])
+def test_nothing_is_found_when_the_sequences_hardly_differ(noise):
+    assert find_alignment(ORIGINAL, changed(noise=noise)) is None
+
+
+def test_nothing_is_found_when_they_differ_otherwise():
+    assert find_alignment(ORIGINAL, changed(noise=0.5)) is None
+    point = replace(ORIGINAL, vertices=np.zeros_like(ORIGINAL.vertices))
+    assert find_alignment(ORIGINAL, point) is None
+    assert find_alignment(point, ORIGINAL) is None
+
+
+def test_axes_are_found_when_coordinates_are_huge():
+    far = replace(ORIGINAL, vertices=ORIGINAL.vertices.astype(np.float64) * 1e200)
+    turned = replace(far, vertices=far.vertices[..., [1, 2, 0]])
+    assert find_alignment(far, turned).axes == ("y", "z", "x")
