@@ -29,6 +29,12 @@ if TYPE_CHECKING:
     from meshreel.batch.plan import Plan
     from meshreel.batch.run import BatchReport
 
+WHOLE = (
+    ".npz .abc .usd .usda .usdc .usdz .glb .gltf .pc2 .mdd .h5 .hdf5 .hdf .vtkhdf .pvd .xdmf .xmf"
+)
+FRAMES = ".obj .ply .off .stl .vtu .vtp .vtk"
+"""What `batch.discovery` takes, written out: help comes without importing every format."""
+
 WORKERS = "Where it runs (give one)"
 
 
@@ -37,7 +43,8 @@ def batch_command(
         Path,
         typer.Argument(
             metavar="INPUT_DIR",
-            help="Every .npz under it is a sequence, and every folder that holds frames.",
+            help=f"Every file under it that holds an animation ({WHOLE}) is a sequence, and every "
+            f"folder that holds frames ({FRAMES}).",
         ),
     ],
     out_dir: Annotated[
