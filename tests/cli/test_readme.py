@@ -6,6 +6,7 @@ import shlex
 import signal
 import subprocess
 import sys
+import urllib.request
 from pathlib import Path
 
 import pytest
@@ -76,7 +77,9 @@ def look_at(line, work, environment):
         words, cwd=work, env=environment, stdout=subprocess.PIPE, text=True, bufsize=1
     )
     try:
-        assert "plays at http://" in process.stdout.readline()
+        [address] = re.findall(r"plays at (http://\S+)", process.stdout.readline())
+        with urllib.request.urlopen(address, timeout=60) as page:
+            assert page.status == 200
         process.send_signal(signal.SIGINT)
         assert process.wait(timeout=60) == 0
     finally:
