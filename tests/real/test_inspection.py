@@ -1,0 +1,56 @@
+"""What files of other programs hold, as `meshreel info` tells it."""
+
+import os
+from pathlib import Path
+
+import pytest
+
+from meshreel.formats.inspection import inspect_source
+from meshreel.formats.load import load
+from meshreel.formats.options import ReadOptions
+
+pytestmark = pytest.mark.real
+
+
+@pytest.fixture
+def native():
+    folder = Path(os.environ.get("MESHREEL_DATA", "nowhere")) / "native"
+    if not folder.is_dir():
+        pytest.skip("MESHREEL_DATA names no folder with files of other programs")
+    return folder
+
+
+def test_both_meshes_are_told_when_a_package_holds_two(native):
+    path = native / "odd" / "BoxAnimated.usdz"
+    if not path.is_file():
+        pytest.skip(f"{path.name} is not there")
+    found = inspect_source(path, ReadOptions()).meshes
+    assert [(mesh.name.rpartition("/")[2], mesh.n_verts, mesh.n_faces) for mesh in found] == [
+        ("node_3", 224, 192),
+        ("node_2", 96, 62),
+    ]
+
+
+@pytest.mark.parametrize("name", ["bone.abc", "cesium_man.glb", "cesium_man.usdz"])
+def test_figures_are_those_of_the_sequence_when_it_is_loaded(native, name):
+    if not (native / name).is_file():
+        pytest.skip(f"{name} is not there")
+    sequence = load(native / name)
+    [found] = inspect_source(native / name, ReadOptions()).meshes
+    assert (found.n_frames, found.n_verts, found.n_faces) == (
+        sequence.n_frames,
+        sequence.n_verts,
+        sequence.n_faces,
+    )
+    assert (found.fps, found.start_s) == (sequence.fps, sequence.start_s)
+    assert found.low == tuple(sequence.extent.low.tolist())
+    assert found.high == tuple(sequence.extent.high.tolist())
+
+
+def test_only_mesh_is_taken_when_its_root_is_named(native):
+    path = native / "bone.abc"
+    if not path.is_file():
+        pytest.skip(f"{path.name} is not there")
+    [found] = inspect_source(path, ReadOptions()).meshes
+    root = "/" + found.name.strip("/").partition("/")[0]
+    assert inspect_source(path, ReadOptions(object=root)).meshes == (found,)
