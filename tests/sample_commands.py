@@ -1,19 +1,27 @@
 """The program as a user runs it, in a process of its own."""
 
 import json
+import re
 import subprocess
 import sys
 
+PROGRESS_LINE = re.compile(r"^meshreel: .* \((?:\d+:)+\d\d so far\)\n", re.MULTILINE)
+"""What slow work says every few seconds, on a machine that is busy any work."""
+
 
 def run(*arguments, cwd=None):
-    """The finished process of `meshreel ARGUMENTS`."""
-    return subprocess.run(
+    """The finished process of `meshreel ARGUMENTS`, without its lines of progress."""
+    return finished(
         [sys.executable, "-c", "from meshreel.cli import main; main()", *map(str, arguments)],
-        capture_output=True,
-        text=True,
         cwd=cwd,
-        timeout=120,
     )
+
+
+def finished(command, **options):
+    """The finished process of a command, without its lines of progress."""
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120, **options)
+    done.stderr = PROGRESS_LINE.sub("", done.stderr)
+    return done
 
 
 def run_json(*arguments, cwd=None):

@@ -10,6 +10,7 @@ import time
 import pytest
 
 import meshreel
+from sample_commands import finished
 from sample_meshes import waving_grid
 
 PROGRAM = [sys.executable, "-c", "from meshreel.cli import main; main()", "batch"]
@@ -17,9 +18,7 @@ PROGRAM = [sys.executable, "-c", "from meshreel.cli import main; main()", "batch
 
 def run(*arguments, **options):
     """The finished process of `meshreel batch ARGUMENTS`."""
-    return subprocess.run(
-        [*PROGRAM, *map(str, arguments)], capture_output=True, text=True, timeout=120, **options
-    )
+    return finished([*PROGRAM, *map(str, arguments)], **options)
 
 
 @pytest.fixture

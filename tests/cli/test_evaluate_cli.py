@@ -1,7 +1,6 @@
 """`meshreel evaluate` as a user runs it."""
 
 import json
-import subprocess
 import sys
 
 import pytest
@@ -9,15 +8,13 @@ import pytest
 import meshreel
 from meshreel.evaluation.recorded import COLUMNS
 from meshreel.flag import simulate_flag
+from sample_commands import finished
 
 
 def run(*arguments, cwd=None, before="pass"):
     """The finished process of `meshreel evaluate ARGUMENTS`."""
     program = f"import sys; {before}; from meshreel.cli import main; main()"
-    return subprocess.run(
-        [sys.executable, "-c", program, "evaluate", *map(str, arguments)],
-        capture_output=True, text=True, cwd=cwd, timeout=120,
-    )  # fmt: skip
+    return finished([sys.executable, "-c", program, "evaluate", *map(str, arguments)], cwd=cwd)
 
 
 @pytest.fixture

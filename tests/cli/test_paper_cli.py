@@ -8,16 +8,14 @@ import pytest
 
 import meshreel
 from meshreel.evaluation.store import MARKER
+from sample_commands import finished
 from sample_meshes import waving_grid
 
 
 def run(*arguments, cwd=None):
     """The finished process of `meshreel paper ARGUMENTS`."""
-    return subprocess.run(
-        [sys.executable, "-c", "from meshreel.cli import main; main()", "paper",
-         *map(str, arguments)],
-        capture_output=True, text=True, cwd=cwd, timeout=120,
-    )  # fmt: skip
+    program = [sys.executable, "-c", "from meshreel.cli import main; main()", "paper"]
+    return finished([*program, *map(str, arguments)], cwd=cwd)
 
 
 @pytest.fixture

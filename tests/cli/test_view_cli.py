@@ -15,7 +15,7 @@ from dataclasses import replace
 import pytest
 
 import meshreel
-from sample_commands import assert_fails, run
+from sample_commands import assert_fails, finished, run
 from sample_meshes import waving_grid
 from sample_packets import inlined, read_packet
 from sample_players import PAGE
@@ -54,7 +54,7 @@ def command(page, *arguments):
 
 def run_with(page, *arguments):
     """The finished process of `meshreel ARGUMENTS`."""
-    return subprocess.run(command(page, *arguments), capture_output=True, text=True, timeout=120)
+    return finished(command(page, *arguments))
 
 
 @contextmanager
