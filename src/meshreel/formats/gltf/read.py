@@ -18,9 +18,10 @@ from meshreel.formats.gltf.baking import BakedMesh
 from meshreel.formats.gltf.document import Document, read_document
 from meshreel.formats.gltf.geometry import Geometry, read_geometry
 from meshreel.formats.gltf.motion import Motion
-from meshreel.formats.gltf.nodes import Nodes, read_nodes, shown_nodes, unique_names
+from meshreel.formats.gltf.nodes import Nodes, read_nodes, unique_names
 from meshreel.formats.gltf.primitives import count_targets, has_joints, surfaces
 from meshreel.formats.gltf.sampling import STILL, Sampling, sample_times
+from meshreel.formats.gltf.shown import shown_nodes
 from meshreel.formats.gltf.skinning import Skin, read_skin
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.scene import SceneMesh
