@@ -11,7 +11,6 @@ from pathlib import Path
 
 import numpy as np
 
-from meshreel.errors import FormatError
 from meshreel.formats.gltf.accessors import Accessors
 from meshreel.formats.gltf.animation import Channel, choose_animation, read_curves, read_keys
 from meshreel.formats.gltf.baking import BakedMesh
@@ -21,7 +20,7 @@ from meshreel.formats.gltf.motion import Motion
 from meshreel.formats.gltf.nodes import Nodes, read_nodes, unique_names
 from meshreel.formats.gltf.primitives import count_targets, has_joints, surfaces
 from meshreel.formats.gltf.sampling import STILL, Sampling, sample_times
-from meshreel.formats.gltf.shown import shown_nodes
+from meshreel.formats.gltf.shown import nothing_shown, shown_nodes
 from meshreel.formats.gltf.skinning import Skin, read_skin
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.scene import SceneMesh
@@ -81,9 +80,10 @@ def read_meshes(path: Path, options: ReadOptions) -> list[SceneMesh]:
     """
     document = read_document(path)
     accessors, nodes = Accessors(document), read_nodes(document)
-    placements = _placements(document, shown_nodes(document, nodes), accessors)
+    shown = shown_nodes(document, nodes, options.notes)
+    placements = _placements(document, shown, accessors)
     if not placements:
-        raise FormatError("shows no mesh of triangles; points and lines are not read")
+        raise nothing_shown(document, nodes)
     motion, sampling = _motion(placements, nodes, accessors, options)
     _note_left_out(document, placements, options.notes)
     read = _geometry_reader(accessors, options.notes)
