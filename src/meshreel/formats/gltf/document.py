@@ -24,7 +24,7 @@ LISTS = {
 DRACO = "KHR_draco_mesh_compression"
 MESHOPT = ("EXT_meshopt_compression", "KHR_meshopt_compression")
 INSTANCING = "EXT_mesh_gpu_instancing"
-HEEDED = frozenset({DRACO, "KHR_mesh_quantization"})
+HEEDED = frozenset({DRACO, INSTANCING, "KHR_mesh_quantization"})
 LOOKS = (
     "KHR_materials_",
     "KHR_texture_",

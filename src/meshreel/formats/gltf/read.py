@@ -14,14 +14,16 @@ import numpy as np
 from meshreel.formats.gltf.accessors import Accessors
 from meshreel.formats.gltf.animation import Channel, choose_animation, read_curves, read_keys
 from meshreel.formats.gltf.baking import BakedMesh
-from meshreel.formats.gltf.document import Document, read_document
+from meshreel.formats.gltf.document import INSTANCING, Document, read_document
 from meshreel.formats.gltf.geometry import Geometry, read_geometry
-from meshreel.formats.gltf.motion import Motion
+from meshreel.formats.gltf.instancing import note_instances, read_instances, repeated
+from meshreel.formats.gltf.motion import Matrices, Motion
 from meshreel.formats.gltf.nodes import Nodes, read_nodes, unique_names
 from meshreel.formats.gltf.primitives import count_targets, has_joints, surfaces
 from meshreel.formats.gltf.sampling import STILL, Sampling, sample_times
 from meshreel.formats.gltf.shown import nothing_shown, shown_nodes
 from meshreel.formats.gltf.skinning import Skin, read_skin
+from meshreel.formats.left_out import listed, note_left_out
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.scene import SceneMesh
 from meshreel.sequence import validate_fps
@@ -36,11 +38,14 @@ class Placement:
     node, mesh : int
     skin : Skin, optional
         The joints that the mesh follows, in place of the node.
+    instances : float64 array of shape (I, 4, 4), optional
+        Where copies of the mesh are, seen from the node; None for the mesh itself.
     """
 
     node: int
     mesh: int
     skin: Skin | None
+    instances: Matrices | None
 
 
 class WeldNote:
@@ -89,10 +94,19 @@ def read_meshes(path: Path, options: ReadOptions) -> list[SceneMesh]:
     read = _geometry_reader(accessors, options.notes)
     names = unique_names([nodes.path(one.node, _mesh_name(document, one)) for one in placements])
     moves = _mover(placements, motion)
-    return [
-        _scene_mesh(name, one, motion, sampling if moves(one) else sampling.first(), read, document)
-        for name, one in zip(names, placements, strict=True)
-    ]
+
+    def shape(placement: Placement) -> Geometry:
+        found = read(placement.mesh)
+        if placement.instances is None:
+            return found
+        place = document.lists["nodes"][placement.node].place
+        return repeated(found, placement.instances, accessors, place)
+
+    def scene_mesh(name: str, placement: Placement) -> SceneMesh:
+        times = sampling if moves(placement) else sampling.first()
+        return _scene_mesh(name, placement, motion, times, lambda: shape(placement), document)
+
+    return list(map(scene_mesh, names, placements))
 
 
 def _placements(document: Document, nodes: Sequence[int], accessors: Accessors) -> list[Placement]:
@@ -105,7 +119,8 @@ def _placements(document: Document, nodes: Sequence[int], accessors: Accessors) 
         skin = document.index(given, "skin", "skins")
         if mesh is not None and surfaces(document.lists["meshes"][mesh]):
             is_bound = skin is not None and has_joints(document.lists["meshes"][mesh])
-            found.append(Placement(node, mesh, read(skin) if is_bound else None))
+            instances = None if is_bound else read_instances(given, accessors)
+            found.append(Placement(node, mesh, read(skin) if is_bound else None, instances))
     return found
 
 
@@ -168,21 +183,14 @@ def _scene_mesh(
     placement: Placement,
     motion: Motion,
     sampling: Sampling,
-    read: Callable[[int], Geometry],
+    read: Callable[[], Geometry],
     document: Document,
 ) -> SceneMesh:
     mesh, node = document.lists["meshes"][placement.mesh], document.lists["nodes"][placement.node]
     n_targets = count_targets(mesh)
     default = mesh.numbers("weights", n_targets, np.zeros(n_targets))
     weights = node.numbers("weights", n_targets, default)
-    baked = BakedMesh(
-        placement.node,
-        placement.skin,
-        weights,
-        motion,
-        sampling.exact_s,
-        lambda: read(placement.mesh),
-    )
+    baked = BakedMesh(placement.node, placement.skin, weights, motion, sampling.exact_s, read)
     return SceneMesh(name, sampling.times_s, baked.frame, baked.surface, sampling.fps or None)
 
 
@@ -199,5 +207,11 @@ def _note_left_out(document: Document, placements: Sequence[Placement], notes: l
                 f"{mesh.place}: left out {n_left} of {n_primitives} primitives, which have no "
                 "triangles"
             )
+    nodes = document.lists["nodes"]
+    note_instances([(nodes[one.node], one.instances) for one in placements], notes)
+    skinned = [nodes[one.node] for one in placements if one.skin is not None]
+    if copied := [one for one in skinned if one.extension(INSTANCING) is not None]:
+        names = listed(one.text("name", "") or one.place for one in copied)
+        note_left_out(notes, f"instances of skinned meshes: {names}")
     if document.uses("KHR_texture_transform"):
         notes.append("texture coordinates are as stored, without KHR_texture_transform")
