@@ -5,7 +5,6 @@ sizes on trust, which files from anywhere do not earn.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
@@ -16,36 +15,17 @@ from meshreel.formats.gltf.animation import Channel, choose_animation, read_curv
 from meshreel.formats.gltf.baking import BakedMesh
 from meshreel.formats.gltf.document import INSTANCING, Document, read_document
 from meshreel.formats.gltf.geometry import Geometry, read_geometry
-from meshreel.formats.gltf.instancing import note_instances, read_instances, repeated
-from meshreel.formats.gltf.motion import Matrices, Motion
+from meshreel.formats.gltf.instancing import note_instances
+from meshreel.formats.gltf.motion import Motion
 from meshreel.formats.gltf.nodes import Nodes, read_nodes, unique_names
-from meshreel.formats.gltf.primitives import count_targets, has_joints, surfaces
+from meshreel.formats.gltf.primitives import count_targets, surfaces
 from meshreel.formats.gltf.sampling import STILL, Sampling, sample_times
 from meshreel.formats.gltf.shown import nothing_shown, shown_nodes
-from meshreel.formats.gltf.skinning import Skin, read_skin
+from meshreel.formats.gltf.shown_meshes import Placement, placements_of, shape_of
 from meshreel.formats.left_out import listed, note_left_out
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.scene import SceneMesh
 from meshreel.sequence import validate_fps
-
-
-@dataclass(frozen=True, eq=False)
-class Placement:
-    """A mesh that a node shows.
-
-    Attributes
-    ----------
-    node, mesh : int
-    skin : Skin, optional
-        The joints that the mesh follows, in place of the node.
-    instances : float64 array of shape (I, 4, 4), optional
-        Where copies of the mesh are, seen from the node; None for the mesh itself.
-    """
-
-    node: int
-    mesh: int
-    skin: Skin | None
-    instances: Matrices | None
 
 
 class WeldNote:
@@ -86,7 +66,7 @@ def read_meshes(path: Path, options: ReadOptions) -> list[SceneMesh]:
     document = read_document(path)
     accessors, nodes = Accessors(document), read_nodes(document)
     shown = shown_nodes(document, nodes, options.notes)
-    placements = _placements(document, shown, accessors)
+    placements = placements_of(document, shown, accessors)
     if not placements:
         raise nothing_shown(document, nodes)
     motion, sampling = _motion(placements, nodes, accessors, options)
@@ -96,32 +76,13 @@ def read_meshes(path: Path, options: ReadOptions) -> list[SceneMesh]:
     moves = _mover(placements, motion)
 
     def shape(placement: Placement) -> Geometry:
-        found = read(placement.mesh)
-        if placement.instances is None:
-            return found
-        place = document.lists["nodes"][placement.node].place
-        return repeated(found, placement.instances, accessors, place)
+        return shape_of(placement, read(placement.mesh), accessors)
 
     def scene_mesh(name: str, placement: Placement) -> SceneMesh:
         times = sampling if moves(placement) else sampling.first()
         return _scene_mesh(name, placement, motion, times, lambda: shape(placement), document)
 
     return list(map(scene_mesh, names, placements))
-
-
-def _placements(document: Document, nodes: Sequence[int], accessors: Accessors) -> list[Placement]:
-    """The meshes of triangles that some nodes show, in their order."""
-    read = cache(lambda number: read_skin(document.lists["skins"][number], accessors))
-    found = []
-    for node in nodes:
-        given = document.lists["nodes"][node]
-        mesh = document.index(given, "mesh", "meshes")
-        skin = document.index(given, "skin", "skins")
-        if mesh is not None and surfaces(document.lists["meshes"][mesh]):
-            is_bound = skin is not None and has_joints(document.lists["meshes"][mesh])
-            instances = None if is_bound else read_instances(given, accessors)
-            found.append(Placement(node, mesh, read(skin) if is_bound else None, instances))
-    return found
 
 
 def _motion(
