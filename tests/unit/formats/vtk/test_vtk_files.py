@@ -184,7 +184,8 @@ def test_load_reads_every_section_when_a_legacy_file_has_them(tmp_path):
     ("old", "new", "message"),
     [
         ("# vtk", "# VTK", "does not begin with '# vtk DataFile Version'"),
-        ("ASCII", "EBCDIC", "is 'EBCDIC'; ASCII and BINARY are read"),
+        ("ASCII", "EBCDIC", "has 'EBCDIC' in line 3, where ASCII or BINARY must stand; put that"),
+        ("ASCII\n", "", "has 'DATASET POLYDATA' in line 3, where ASCII or BINARY must stand"),
         ("POLYDATA", "STRUCTURED_POINTS", "is a STRUCTURED_POINTS; POLYDATA and"),
         ("POINTS 4 int", "POINTS 4 string", "holds values of type 'string'"),
         ("POINTS 4 int", "POINTS 99999999999 int", "declares 299999999997 numbers in a file of"),
