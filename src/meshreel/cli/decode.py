@@ -48,7 +48,7 @@ def decode_command(
     from meshreel.codec.decoder import start_of
     from meshreel.formats.naming import errors_naming
     from meshreel.formats.options import WriteOptions
-    from meshreel.formats.reel import open
+    from meshreel.formats.reel import open, origin_of
     from meshreel.formats.save import save_frames
     from meshreel.formats.targets import check_save_target
     from meshreel.profiling import profiled
@@ -73,7 +73,7 @@ def decode_command(
             start_s=start_of(wanted, reel.start_s, reel.fps),
             surface=reel.surface,
             overwrite=force,
-            options=WriteOptions(targets, max_error, normals),
+            options=WriteOptions(targets, max_error, normals, origin_of(reel)),
             progress=progress,
             notes=notes,
         )

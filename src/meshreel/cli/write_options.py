@@ -37,8 +37,8 @@ GltfErrorOption = Annotated[
     typer.Option(
         "--max-error",
         metavar="P",
-        help="The largest error that morph targets may add, in percent of the diagonal of the "
-        "bounding box.",
+        help="The largest error that there may be, in percent of the diagonal of the bounding box: "
+        "from the original, of a .reel that promises its own; else what morph targets add.",
         rich_help_panel=GLTF,
     ),
 ]

@@ -43,6 +43,23 @@ class ReadOptions:
 
 
 @dataclass(frozen=True)
+class Origin:
+    """What is known of the animation that frames were decoded from.
+
+    Parameters
+    ----------
+    error : float
+        No vertex of the frames is farther from where it was, in model units; infinite if that is
+        not known.
+    diagonal : float
+        Of the bounding box of all its frames, in model units.
+    """
+
+    error: float
+    diagonal: float
+
+
+@dataclass(frozen=True)
 class WriteOptions:
     """How a file is written; only glTF has a choice.
 
@@ -51,11 +68,15 @@ class WriteOptions:
     targets : int, optional
         How many morph targets the animation is made of.
     max_error : float, optional
-        Percent of the diagonal of the bounding box of all frames that no vertex may be off.
+        Percent of the diagonal of the bounding box of all frames that no vertex may be off: from
+        the original, if the origin says how far off the frames are already.
     normals : bool, default False
         Whether morph targets move normals too.
+    origin : Origin, optional
+        Of frames that were decoded; default: they are the original.
     """
 
     targets: int | None = None
     max_error: float | None = None
     normals: bool = False
+    origin: Origin | None = None
