@@ -4,6 +4,8 @@ import pytest
 from meshreel.errors import FormatError
 from meshreel.formats.load import load
 from meshreel.formats.meshes.ply import parse_ply
+from meshreel.formats.options import ReadOptions
+from meshreel.formats.stretches import find_stretches
 
 LINES = (
     "ply", "format binary_little_endian 1.0", "element vertex 3", "property float x",
@@ -47,3 +49,13 @@ def test_load_skips_lines_with_a_note_when_they_are_no_keyword(tmp_path):
 def test_parse_ply_refuses_a_line_when_it_may_be_a_property(line):
     with pytest.raises(FormatError, match="line 7: "):
         parse_ply(ply("\n", lines=(*LINES[:6], line, *LINES[6:])))
+
+
+def test_skipped_lines_are_told_once_when_a_sequence_is_split(tmp_path):
+    lines = (*LINES[:2], "made by hand", *LINES[2:])
+    (tmp_path / "0.ply").write_bytes(ply("\n", lines=lines))
+    turned = ply("\n", lines=lines)[: -len(FACE)] + FACE[:1] + np.array([0, 2, 1], "<i4").tobytes()
+    (tmp_path / "1.ply").write_bytes(turned)
+    options = ReadOptions()
+    assert [one.open().n_frames for one in find_stretches(tmp_path, options)] == [1, 1]
+    assert options.notes == ["left out: lines of the header: line 3 'made by hand'"]
