@@ -77,6 +77,7 @@ def convert_command(
     from meshreel.codec.decoder import frame_range
     from meshreel.formats.load import loading_for, open_for_encoding
     from meshreel.formats.options import ReadOptions, WriteOptions
+    from meshreel.formats.reel import origin_of_file
     from meshreel.formats.save import save_part
     from meshreel.formats.sources import natural_order
     from meshreel.formats.stretches import find_stretches
@@ -96,12 +97,13 @@ def convert_command(
 
         def write(sequence: "FrameSource", target: str | Path) -> None:
             wanted = frame_range(chosen, sequence.n_frames)
+            origin = origin_of_file(inputs[0]) if len(inputs) == 1 else None
             written = save_part(
                 sequence,
                 wanted,
                 target,
                 overwrite=force,
-                options=WriteOptions(targets, bound, normals),
+                options=WriteOptions(targets, bound, normals, origin),
                 progress=progress,
                 notes=notes,
             )

@@ -61,7 +61,7 @@ def decode_command(
     from meshreel.codec.decoder import start_of
     from meshreel.formats.naming import errors_naming
     from meshreel.formats.options import WriteOptions
-    from meshreel.formats.reel import open
+    from meshreel.formats.reel import open, origin_of
     from meshreel.formats.save import save_frames
     from meshreel.formats.targets import check_save_target
     from meshreel.profiling import profiled
@@ -87,7 +87,7 @@ def decode_command(
             start_s=start_of(wanted, reel.start_s, reel.fps),
             surface=reel.surface,
             overwrite=force,
-            options=WriteOptions(targets, bound, normals),
+            options=WriteOptions(targets, bound, normals, origin_of(reel)),
             progress=progress,
             notes=notes,
         )

@@ -41,8 +41,9 @@ GltfErrorOption = Annotated[
     typer.Option(
         "--max-error",
         metavar="BOUND",
-        help="The largest error that morph targets may add. 0.1 or 0.1%: percent "
-        f"{OF_ALL_FRAMES}; 0.5u: model units; 0.5mm: a length, see --unit.",
+        help="The largest error that there may be: from the original, of a .reel that promises its "
+        f"own; else what morph targets add. 0.1 or 0.1%: percent {OF_ALL_FRAMES}; 0.5u: model "
+        "units; 0.5mm: a length, see --unit.",
         rich_help_panel=GLTF,
     ),
 ]

@@ -141,7 +141,7 @@ def stream_info(stream: Stream) -> StreamInfo:
         block_bytes=tuple(
             sum(len(payload) for payload in block.sections.values()) for block in blocks
         ),
-        max_error_percent=_promised(stream),
+        max_error_percent=promised_percent(stream),
         is_whole=stream.is_whole,
         start_s=decoder.start_s,
         n_polygons=surface.n_faces(header.n_faces),
@@ -203,7 +203,8 @@ def carried(surface: Surface) -> tuple[str, ...]:
 _PLURAL = {Domain.VERTEX: "vertices", Domain.FACE: "faces", Domain.CORNER: "corners"}
 
 
-def _promised(stream: Stream) -> float | None:
+def promised_percent(stream: Stream) -> float | None:
+    """The largest error that a stream promises, in percent of the diagonal; None if it does not."""
     for stored in stream.leading:
         if stored.id is Section.PROMISE:
             return read_promise(stored.payload)

@@ -14,7 +14,7 @@ import numpy.typing as npt
 from meshreel.bitstream.reader import open_stream
 from meshreel.codec.block_decoder import BlockDecoder, DecodedBlock
 from meshreel.codec.decoder import frame_range
-from meshreel.codec.inspect import StreamInfo, stream_info
+from meshreel.codec.inspect import StreamInfo, promised_percent, stream_info
 from meshreel.codec.methods import Order, choice_of_code
 from meshreel.errors import CorruptStreamError, InvalidInputError
 from meshreel.sequence import Faces
@@ -59,6 +59,9 @@ class ReelFile:
         block where they came one by one.
     starts : tuple of int
         First frame of each block, and the number of all frames.
+    promised_error : float or None
+        No vertex is farther from where it was, in model units; None if the stream does not promise
+        it, or only some of its modes are decoded.
     is_whole : bool
         False if the end of the file is missing: its encoder was stopped, or is still at work. The
         frames of all blocks before are there.
@@ -75,6 +78,8 @@ class ReelFile:
         self.fps, self.name, self.is_whole = header.fps, header.name, stream.is_whole
         self.dtype = self._decoder.dtype
         self.start_s, self.frame = self._decoder.start_s, self._decoder.frame
+        promised = promised_percent(stream) if n_modes is None else None
+        self.promised_error = None if promised is None else promised / 100 * self.frame.scale
         self.starts = tuple(stream.starts)
         self.order = choice_of_code(Order, header.order).name.lower()
 

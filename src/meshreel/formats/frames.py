@@ -129,6 +129,7 @@ def _surveyed(
     meshes = files.meshes(progress, "reading")
     first = next(meshes)
     faces = triangulate_fans(first.counts, first.corners)
+    notes.extend(note for note in files.describe() if note not in notes)
     surface = replace(files.surface(), face_sizes=first.counts.astype(np.int32))
     return faces, surface, survey.watch(mesh.vertices for mesh in chain([first], meshes))
 

@@ -37,6 +37,8 @@ class FrameFormat:
         would give the same faces; else, or if it does not look so at once, None.
     parse_surface : function of the bytes of a file, optional
         Gives attributes, groups and parts of a file that `parse` reads, without face sizes.
+    describe : function of the bytes of a file, optional
+        Gives a sentence on each thing of a file that `parse` reads which is left out.
     is_decimal : bool, default False
         Whether positions are decimal text without a declared type.
     has_corners_only : bool, default False
@@ -49,6 +51,7 @@ class FrameFormat:
     encoder: Callable[[Faces, Surface, list[str]], Callable[[Vertices], bytes]] | None
     positions_like: Callable[[bytes, PolygonMesh], Callable[[bytes], Vertices | None]] | None = None
     parse_surface: Callable[[bytes], Surface] | None = None
+    describe: Callable[[bytes], list[str]] | None = None
     is_decimal: bool = False
     has_corners_only: bool = False
 

@@ -87,6 +87,13 @@ class MeshFiles:
         with self._contents(0) as data:
             return self.format.parse_surface(data)
 
+    def describe(self) -> list[str]:
+        """What is left out of the first frame, in sentences; raises as `mesh`."""
+        if self.format.describe is None:
+            return []
+        with self._contents(0) as data:
+            return self.format.describe(data)
+
     def _learn(self, data: bytes) -> PolygonMesh:
         """The mesh of the file that is read first, whose faces the others most likely have."""
         mesh = self.format.parse(data)

@@ -43,6 +43,23 @@ class ReadOptions:
 
 
 @dataclass(frozen=True)
+class Origin:
+    """What is known of the animation that frames were decoded from.
+
+    Parameters
+    ----------
+    error : float
+        No vertex of the frames is farther from where it was, in model units; infinite if that is
+        not known.
+    diagonal : float
+        Of the bounding box of all its frames, in model units.
+    """
+
+    error: float
+    diagonal: float
+
+
+@dataclass(frozen=True)
 class WriteOptions:
     """How a file is written; only glTF has a choice.
 
@@ -53,10 +70,14 @@ class WriteOptions:
     max_error : float or str, optional
         How far no vertex may be off: percent of the diagonal of the bounding box of all frames, or
         text that `meshreel.codec.error_bounds.bound_of` reads, such as "0.5u" for model units.
+        From the original, if the origin says how far off the frames are already.
     normals : bool, default False
         Whether morph targets move normals too.
+    origin : Origin, optional
+        Of frames that were decoded; default: they are the original.
     """
 
     targets: int | None = None
     max_error: float | str | None = None
     normals: bool = False
+    origin: Origin | None = None

@@ -1,5 +1,6 @@
 """Streams of our own, read and written like any other file."""
 
+import math
 import os
 from contextlib import ExitStack
 from dataclasses import replace
@@ -10,7 +11,7 @@ from meshreel.codec.encoder import encode
 from meshreel.codec.reel_file import ReelFile
 from meshreel.formats.frame_stream import FrameStream
 from meshreel.formats.naming import errors_naming
-from meshreel.formats.options import ReadOptions, WriteOptions
+from meshreel.formats.options import Origin, ReadOptions, WriteOptions
 from meshreel.sequence import MeshSequence
 
 
@@ -46,6 +47,20 @@ def open(path: str | os.PathLike[str], *, n_modes: int | None = None) -> ReelFil
             reel = ReelFile(file, n_modes)
         on_error.pop_all()
     return reel
+
+
+def origin_of(reel: ReelFile) -> Origin:
+    """What a stream says of the animation that its frames are decoded from."""
+    error = math.inf if reel.promised_error is None else reel.promised_error
+    return Origin(error, reel.frame.scale)
+
+
+def origin_of_file(path: str | os.PathLike[str]) -> Origin | None:
+    """What a `.reel` file says of the animation that it was made of; None for any other file."""
+    if Path(path).suffix.lower() != ".reel":
+        return None
+    with open(path) as reel:
+        return origin_of(reel)
 
 
 def open_reel(path: Path, options: ReadOptions) -> MeshSequence:

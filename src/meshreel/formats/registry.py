@@ -23,7 +23,7 @@ from meshreel.formats.meshes.obj_writing import obj_encoder
 from meshreel.formats.meshes.off import off_positions_like, parse_off
 from meshreel.formats.meshes.off_surface import parse_off_surface
 from meshreel.formats.meshes.off_writing import off_encoder
-from meshreel.formats.meshes.ply import parse_ply, ply_positions_like
+from meshreel.formats.meshes.ply import describe_ply, parse_ply, ply_positions_like
 from meshreel.formats.meshes.ply_surface import parse_ply_surface
 from meshreel.formats.meshes.ply_writing import ply_encoder
 from meshreel.formats.meshes.stl import parse_stl, stl_encoder, stl_positions_like
@@ -50,7 +50,15 @@ FRAME_FORMATS = {
             parse_obj_surface,
             is_decimal=True,
         ),
-        FrameFormat(".ply", "PLY", parse_ply, ply_encoder, ply_positions_like, parse_ply_surface),
+        FrameFormat(
+            ".ply",
+            "PLY",
+            parse_ply,
+            ply_encoder,
+            ply_positions_like,
+            parse_ply_surface,
+            describe_ply,
+        ),
         FrameFormat(
             ".off",
             "OFF",

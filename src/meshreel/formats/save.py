@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterable
 from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,10 +10,12 @@ import numpy.typing as npt
 
 from meshreel.atomic_write import replace_when_done
 from meshreel.codec.decoder import start_of
+from meshreel.codec.reel_file import ReelFile
 from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.frame_stream import FrameStream
 from meshreel.formats.kinds import FrameFormat, SequenceFormat
 from meshreel.formats.options import WriteOptions
+from meshreel.formats.reel import origin_of
 from meshreel.formats.registry import FRAME_FORMATS, format_of
 from meshreel.formats.sources import AnyPath
 from meshreel.formats.targets import check_save_target
@@ -25,7 +28,7 @@ DEFAULT_OPTIONS = WriteOptions()
 
 
 def save(
-    sequence: FrameSource,
+    sequence: FrameSource | ReelFile,
     target: AnyPath,
     *,
     overwrite: bool = False,
@@ -39,8 +42,9 @@ def save(
 
     Parameters
     ----------
-    sequence : MeshSequence or FrameSource
-        What to write; read a frame at a time.
+    sequence : MeshSequence, FrameSource or ReelFile
+        What to write; read a frame at a time. Of what `meshreel.open` gives, the error that glTF
+        states is that against the original, as far as the stream promises one.
     target : str or Path
         ``name.npz``, ``.reel``, ``.abc``, ``.usd``, ``.glb`` and others for all frames in one
         file (`meshreel formats` lists them); a pattern with a number field such as
@@ -80,7 +84,7 @@ def save(
 
 @staged("writing")
 def save_part(
-    sequence: FrameSource,
+    sequence: FrameSource | ReelFile,
     wanted: range,
     target: AnyPath,
     *,
@@ -103,6 +107,8 @@ def save_part(
     FormatError, InvalidInputError
         As `save`.
     """
+    if isinstance(sequence, ReelFile) and options.origin is None:
+        options = replace(options, origin=origin_of(sequence))
     return save_frames(
         (sequence.read(index, index + 1) for index in wanted),
         sequence.faces,

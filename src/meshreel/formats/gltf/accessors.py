@@ -106,7 +106,8 @@ class Accessors:
         available = self.document.size_bytes + self.buffers.size_bytes
         if self._reserved > max(LEAST_DECODED_BYTES, EXPANSION * available):
             raise FormatError(
-                f"{place}: the arrays of the file would take more than {EXPANSION} times its size"
+                f"{place}: the arrays of the file would take more than {EXPANSION} times its size, "
+                f"and more than {LEAST_DECODED_BYTES >> 30} GiB"
             )
 
     def _taken(

@@ -29,7 +29,8 @@ def split_container(data: bytes) -> tuple[Any, memoryview | None]:
     _, version, size = HEADER.unpack_from(data)
     if version != 2:
         raise FormatError(
-            f"is a GLB file of version {version}; version 2 is read; convert it to glTF 2.0"
+            f"is a GLB file of version {version}; version 2 is read; convert it to glTF 2.0 "
+            "(gltf-pipeline)"
         )
     if size > len(data):
         raise FormatError(f"is cut short: it has {len(data)} bytes of the {size} that it announces")

@@ -23,7 +23,8 @@ LISTS = {
 
 DRACO = "KHR_draco_mesh_compression"
 MESHOPT = ("EXT_meshopt_compression", "KHR_meshopt_compression")
-HEEDED = frozenset({DRACO, "KHR_mesh_quantization"})
+INSTANCING = "EXT_mesh_gpu_instancing"
+HEEDED = frozenset({DRACO, INSTANCING, "KHR_mesh_quantization"})
 LOOKS = (
     "KHR_materials_",
     "KHR_texture_",
@@ -33,6 +34,9 @@ LOOKS = (
     "KHR_xmp",
 )
 """Extensions that begin so say how a surface looks, and nothing about where it is."""
+
+READ = "glTF 2.0 is read"
+REMEDY = f"{READ}; convert it (gltf-pipeline)"
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,10 +102,20 @@ def read_document(path: Path) -> Document:
 
 
 def _check_version(root: JsonObject) -> None:
+    if "asset" not in root and isinstance(root.values.get("meshes"), dict):  # lists since 2.0
+        raise FormatError(f"is glTF 1.0 or older; {REMEDY}")
     asset = root.needed("asset")
+    number = asset.values.get("version")
+    if isinstance(number, int | float) and 0 < number < 2:  # text since 2.0
+        raise FormatError(f"is glTF {float(number)}; {REMEDY}")
     version = asset.text("minVersion", asset.text("version"))
+    if not version:
+        raise FormatError(
+            f"does not say which glTF it is: the version of its asset is ''; {READ}; write "
+            '"version": "2.0" there if it is that'
+        )
     if version != "2.0":
-        raise FormatError(f"is glTF {version!r}; glTF 2.0 is read; convert it")
+        raise FormatError(f"is glTF {version!r}; {REMEDY}")
 
 
 def _check_extensions(root: JsonObject) -> None:

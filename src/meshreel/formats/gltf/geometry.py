@@ -61,7 +61,7 @@ class Geometry:
     def mirrored(self) -> "Geometry":
         """The mesh whose faces are turned, as a transform that mirrors asks for."""
         attributes = tuple(_turned(one) for one in self.surface.attributes)
-        faces = np.ascontiguousarray(self.faces[:, [0, 2, 1]])
+        faces = np.ascontiguousarray(turned(self.faces))
         return replace(self, faces=faces, surface=replace(self.surface, attributes=attributes))
 
 
@@ -145,8 +145,13 @@ def _groups(numbers: npt.NDArray[np.int32], materials: Sequence[str]) -> tuple[F
     return (FaceGroups("material", tuple(materials[one] for one in used), renumbered[numbers]),)
 
 
+def turned(triangles: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    """Triangles of shape (..., 3) seen from the other side."""
+    return triangles[..., [0, 2, 1]]
+
+
 def _turned(attribute: Attribute) -> Attribute:
     if attribute.domain is not Domain.CORNER or attribute.indices is None:
         return attribute
-    indices = attribute.indices.reshape(-1, 3)[:, [0, 2, 1]].ravel()
+    indices = turned(attribute.indices.reshape(-1, 3)).ravel()
     return replace(attribute, indices=indices)

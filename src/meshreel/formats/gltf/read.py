@@ -5,43 +5,28 @@ sizes on trust, which files from anywhere do not earn.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
 import numpy as np
 
 from meshreel.counting import counted
-from meshreel.errors import FormatError
 from meshreel.formats.gltf.accessors import Accessors
 from meshreel.formats.gltf.animation import Channel, choose_animation, read_curves, read_keys
 from meshreel.formats.gltf.baking import BakedMesh
-from meshreel.formats.gltf.document import Document, read_document
+from meshreel.formats.gltf.document import INSTANCING, Document, read_document
 from meshreel.formats.gltf.geometry import Geometry, read_geometry
+from meshreel.formats.gltf.instancing import note_instances
 from meshreel.formats.gltf.motion import Motion
-from meshreel.formats.gltf.nodes import Nodes, read_nodes, shown_nodes, unique_names
-from meshreel.formats.gltf.primitives import count_targets, has_joints, surfaces
+from meshreel.formats.gltf.nodes import Nodes, read_nodes, unique_names
+from meshreel.formats.gltf.primitives import count_targets, surfaces
 from meshreel.formats.gltf.sampling import STILL, Sampling, sample_times
-from meshreel.formats.gltf.skinning import Skin, read_skin
+from meshreel.formats.gltf.shown import nothing_shown, shown_nodes
+from meshreel.formats.gltf.shown_meshes import Placement, placements_of, shape_of
+from meshreel.formats.left_out import listed, note_left_out
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.scene import SceneMesh
 from meshreel.sequence import validate_fps
-
-
-@dataclass(frozen=True, eq=False)
-class Placement:
-    """A mesh that a node shows.
-
-    Attributes
-    ----------
-    node, mesh : int
-    skin : Skin, optional
-        The joints that the mesh follows, in place of the node.
-    """
-
-    node: int
-    mesh: int
-    skin: Skin | None
 
 
 class WeldNote:
@@ -83,32 +68,24 @@ def read_meshes(path: Path, options: ReadOptions) -> list[SceneMesh]:
     """
     document = read_document(path)
     accessors, nodes = Accessors(document), read_nodes(document)
-    placements = _placements(document, shown_nodes(document, nodes), accessors)
+    shown = shown_nodes(document, nodes, options.notes)
+    placements = placements_of(document, shown, accessors)
     if not placements:
-        raise FormatError("shows no mesh of triangles; points and lines are not read")
+        raise nothing_shown(document, nodes)
     motion, sampling = _motion(placements, nodes, accessors, options)
     _note_left_out(document, placements, options.notes)
     read = _geometry_reader(accessors, options.notes)
     names = unique_names([nodes.path(one.node, _mesh_name(document, one)) for one in placements])
     moves = _mover(placements, motion)
-    return [
-        _scene_mesh(name, one, motion, sampling if moves(one) else sampling.first(), read, document)
-        for name, one in zip(names, placements, strict=True)
-    ]
 
+    def shape(placement: Placement) -> Geometry:
+        return shape_of(placement, read(placement.mesh), accessors)
 
-def _placements(document: Document, nodes: Sequence[int], accessors: Accessors) -> list[Placement]:
-    """The meshes of triangles that some nodes show, in their order."""
-    read = cache(lambda number: read_skin(document.lists["skins"][number], accessors))
-    found = []
-    for node in nodes:
-        given = document.lists["nodes"][node]
-        mesh = document.index(given, "mesh", "meshes")
-        skin = document.index(given, "skin", "skins")
-        if mesh is not None and surfaces(document.lists["meshes"][mesh]):
-            is_bound = skin is not None and has_joints(document.lists["meshes"][mesh])
-            found.append(Placement(node, mesh, read(skin) if is_bound else None))
-    return found
+    def scene_mesh(name: str, placement: Placement) -> SceneMesh:
+        times = sampling if moves(placement) else sampling.first()
+        return _scene_mesh(name, placement, motion, times, lambda: shape(placement), document)
+
+    return list(map(scene_mesh, names, placements))
 
 
 def _motion(
@@ -170,21 +147,14 @@ def _scene_mesh(
     placement: Placement,
     motion: Motion,
     sampling: Sampling,
-    read: Callable[[int], Geometry],
+    read: Callable[[], Geometry],
     document: Document,
 ) -> SceneMesh:
     mesh, node = document.lists["meshes"][placement.mesh], document.lists["nodes"][placement.node]
     n_targets = count_targets(mesh)
     default = mesh.numbers("weights", n_targets, np.zeros(n_targets))
     weights = node.numbers("weights", n_targets, default)
-    baked = BakedMesh(
-        placement.node,
-        placement.skin,
-        weights,
-        motion,
-        sampling.exact_s,
-        lambda: read(placement.mesh),
-    )
+    baked = BakedMesh(placement.node, placement.skin, weights, motion, sampling.exact_s, read)
     return SceneMesh(name, sampling.times_s, baked.frame, baked.surface, sampling.fps or None)
 
 
@@ -201,5 +171,11 @@ def _note_left_out(document: Document, placements: Sequence[Placement], notes: l
                 f"{mesh.place}: left out {n_left} of {n_primitives} primitives, which have no "
                 "triangles"
             )
+    nodes = document.lists["nodes"]
+    note_instances([(nodes[one.node], one.instances) for one in placements], notes)
+    skinned = [nodes[one.node] for one in placements if one.skin is not None]
+    if copied := [one for one in skinned if one.extension(INSTANCING) is not None]:
+        names = listed(one.text("name", "") or one.place for one in copied)
+        note_left_out(notes, f"instances of skinned meshes: {names}")
     if document.uses("KHR_texture_transform"):
         notes.append("texture coordinates are as stored, without KHR_texture_transform")

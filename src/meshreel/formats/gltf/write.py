@@ -2,6 +2,7 @@
 
 import base64
 import json
+import math
 import struct
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,6 +15,7 @@ from meshreel.codec.error_bounds import bound_of
 from meshreel.counting import counted
 from meshreel.errors import InvalidInputError
 from meshreel.formats.frame_stream import FrameStream
+from meshreel.formats.gltf.error_budget import ErrorBudget, share_budget
 from meshreel.formats.gltf.moving_mesh import Wanted
 from meshreel.formats.gltf.placement import check_range
 from meshreel.formats.gltf.scene_writer import Scene, make_scene
@@ -88,11 +90,13 @@ class _Achieved:
     scene : Scene
     percents : float array of shape (T,)
         Of the diagonal of all frames.
+    budget : ErrorBudget
     n_frames : int
     """
 
     scene: Scene
     percents: npt.NDArray[np.floating]
+    budget: ErrorBudget
     n_frames: int
 
 
@@ -110,17 +114,20 @@ def _achieve(stream: FrameStream, options: WriteOptions) -> _Achieved:
         allowed = bound_of(options.max_error).percent(diagonal or 1.0)
     else:
         allowed = DEFAULT_MAX_ERROR if options.targets is None else 0.0
-    wanted = Wanted(options.targets, allowed / 100 * diagonal, options.normals)
+    budget = share_budget(allowed, diagonal, options.origin, is_total=options.max_error is not None)
+    wanted = Wanted(options.targets, budget.added, options.normals)
     stream.progress("morph targets", 0.0)
     scene = make_scene(sequence, times_s, wanted)
     if scene.n_isolated:
         stream.notes.append(f"left out {counted(scene.n_isolated, 'vertex')} that no face uses")
     errors = np.max([one.errors for one in scene.meshes], axis=0)
-    achieved = _Achieved(scene, 100 * errors / (diagonal or 1.0), len(times_s))
-    if allowed and scene.n_targets and achieved.percents.max() > allowed:
+    achieved = _Achieved(scene, 100 * errors / (budget.diagonal or 1.0), budget, len(times_s))
+    if budget.added and scene.n_targets and errors.max() > budget.added:
+        left = budget.percent(budget.added)
+        is_shared = not math.isclose(left, allowed)
+        bound = f"{left:.4g} % is left of the {allowed:g} %" if is_shared else f"{allowed:g} % was"
         raise InvalidInputError(
-            f"{_largest(achieved)} with {counted(scene.n_targets[-1], 'morph target')}; "
-            f"{allowed:g} % was "
+            f"{_largest(achieved)} with {counted(scene.n_targets[-1], 'morph target')}; {bound} "
             "asked for; allow more targets, or a larger error (max_error)"
         )
     return achieved
@@ -149,14 +156,17 @@ def _times(stream: FrameStream) -> Sequence[float]:
 
 def _largest(achieved: _Achieved) -> str:
     percent, frame = float(achieved.percents.max()), int(achieved.percents.argmax())
-    return f"the largest error is {percent:.4f} % of the diagonal, in frame {frame},"
+    added = "" if achieved.budget.origin is None else " added"
+    return f"the largest error{added} is {percent:.4f} % of the diagonal, in frame {frame},"
 
 
 def _note_achieved(notes: list[str], achieved: _Achieved, size_bytes: int) -> None:
     counts = achieved.scene.n_targets
+    added = achieved.budget.diagonal * float(achieved.percents.max()) / 100
     if not counts:
         if achieved.n_frames > 1:
             notes.append("no vertex moves by more than the error allowed: written at rest")
+        notes += achieved.budget.describe(added)
         return
     number = f"{counts[0]} to " if counts[0] < counts[-1] else ""
     where = f" in each of {len(counts)} meshes" if len(counts) > 1 else ""
@@ -164,6 +174,7 @@ def _note_achieved(notes: list[str], achieved: _Achieved, size_bytes: int) -> No
         f"{_largest(achieved)} with {number}{counted(counts[-1], 'morph target')}{where}: "
         f"{size_bytes / 1e6:.3g} MB"
     )
+    notes += achieved.budget.describe(added)
     if counts[-1] > MANY_TARGETS:
         notes.append(
             f"some viewers play no more than {MANY_TARGETS} morph targets of a mesh; "

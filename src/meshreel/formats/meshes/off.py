@@ -2,9 +2,9 @@
 
 Our own reader: it comes nearly free with the one for OBJ, keeps polygons, and checks the declared
 counts. Read: the header words ``OFF``, ``COFF``, ``NOFF``, ``STOFF`` and their combinations, or
-none; counts on the header's line or the next; one vertex or face a line, of which
-`meshreel.formats.meshes.off_surface` reads colours and texture coordinates. Not read: ``4OFF``,
-``nOFF`` (other dimensions) and binary.
+none; counts on the header's line, with a blank or without, or the next; one vertex or face a
+line, of which `meshreel.formats.meshes.off_surface` reads colours and texture coordinates. Not
+read: ``4OFF``, ``nOFF`` (other dimensions) and binary.
 """
 
 import re
@@ -91,10 +91,13 @@ def read_off_header(lines: TokenLines) -> OffHeader:
         raise FormatError("is empty; expected the word OFF")
     keyword = lines.word(0)
     n_words = 0 if keyword.lstrip("+").isdigit() else 1
-    if n_words and not re.fullmatch(r"(ST)?C?N?OFF", keyword):
+    found = re.fullmatch(r"((?:ST)?C?N?OFF)(\d{0,15})", keyword)
+    if n_words and not found:
         raise FormatError(
             f"{lines.place(0)}: expected the word OFF (with C, N or ST before it); got {keyword!r}"
         )
+    if found and found[2]:
+        return _joined_header(lines, found[1], int(found[2]))
     line = 1 if lines.counts[0] == n_words else 0
     offset = 0 if line else n_words
     if line == lines.n_lines or lines.counts[line] < offset + 2:
@@ -103,6 +106,16 @@ def read_off_header(lines: TokenLines) -> OffHeader:
     if n_verts < 0 or n_faces < 0:
         raise FormatError(f"{lines.place(line)}: counts must not be negative")
     return OffHeader(keyword if n_words else "OFF", n_verts, n_faces, line + 1)
+
+
+def _joined_header(lines: TokenLines, keyword: str, n_verts: int) -> OffHeader:
+    """The header of a file with no blank between its word and the number of vertices."""
+    if lines.counts[0] < 2:
+        raise FormatError(f"{lines.place(0)}: expected the number of faces after that of vertices")
+    [n_faces] = lines.integers(np.array([1])).tolist()
+    if n_faces < 0:
+        raise FormatError(f"{lines.place(0)}: counts must not be negative")
+    return OffHeader(keyword, n_verts, n_faces, 1)
 
 
 def _vertices(lines: TokenLines, vertex_lines: npt.NDArray[np.int64]) -> npt.NDArray[np.float64]:

@@ -3,9 +3,9 @@
 Our own reader: the one of trimesh splits vertices at texture seams, reorders faces when quads and
 triangles are mixed, cannot read binary files with lists of mixed length, and raises what numpy
 raises on damaged files. Read: ASCII and both binary encodings, any further elements and
-properties, faces of any size. Positions keep the declared type: double stays float64, integers
-become a float type that holds them. `meshreel.formats.meshes.ply_surface` reads what else is of
-use.
+properties, faces of any size, triangle strips. Positions keep the declared type: double stays
+float64, integers become a float type that holds them. `meshreel.formats.meshes.ply_surface` reads
+what else is of use.
 """
 
 from collections.abc import Callable
@@ -14,8 +14,11 @@ from dataclasses import replace
 import numpy as np
 
 from meshreel.errors import FormatError
+from meshreel.formats.left_out import listed, note_left_out
 from meshreel.formats.meshes.ply_cells import BinaryCells
-from meshreel.formats.meshes.ply_tables import PlyTable, read_ply_tables
+from meshreel.formats.meshes.ply_header import PlyProperty, read_ply_header
+from meshreel.formats.meshes.ply_strips import cut_strips
+from meshreel.formats.meshes.ply_tables import STRIPS, PlyTable, read_ply_tables
 from meshreel.formats.polygons import PolygonMesh, polygon_mesh
 from meshreel.geometry.ragged import Integers
 from meshreel.sequence import Vertices
@@ -36,8 +39,19 @@ def parse_ply(data: bytes) -> PolygonMesh:
 
 def ply_mesh(tables: dict[str, PlyTable]) -> PolygonMesh:
     """The mesh of the tables of a PLY file; as `parse_ply`."""
-    counts, corners = _faces(tables["face"])
+    counts, corners = _faces(tables["face"]) if "face" in tables else _strips(tables[STRIPS])
     return polygon_mesh(_vertices(tables["vertex"]), counts, corners)
+
+
+def describe_ply(data: bytes) -> list[str]:
+    """What is left out of the bytes of a PLY file that `parse_ply` reads, to be shown to a user."""
+    header = read_ply_header(data)
+    notes: list[str] = []
+    if header.skipped:
+        note_left_out(notes, f"lines of the header: {listed(header.skipped)}")
+    if {"face", STRIPS} <= {element.name for element in header.elements if element.n_rows}:
+        note_left_out(notes, "triangle strips, beside the faces")
+    return notes
 
 
 def ply_positions_like(first: bytes, mesh: PolygonMesh) -> Callable[[bytes], Vertices | None]:
@@ -70,7 +84,16 @@ def _vertices(table: PlyTable) -> Vertices:
 
 
 def _faces(table: PlyTable) -> tuple[Integers, Integers]:
+    return table.lists(_indices(table))
+
+
+def _strips(table: PlyTable) -> tuple[Integers, Integers]:
+    triangles = cut_strips(*table.lists(_indices(table)))
+    return np.full(len(triangles), 3, np.int64), triangles.ravel()
+
+
+def _indices(table: PlyTable) -> PlyProperty:
     column = table.element.property_named(*INDEX_NAMES)
     if not column.count_code or column.code.startswith("f"):
         raise FormatError(f"property {column.name!r} must be a list of integers")
-    return table.lists(column)
+    return column

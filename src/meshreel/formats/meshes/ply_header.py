@@ -6,6 +6,7 @@ from meshreel.errors import FormatError
 
 ENCODINGS = ("ascii", "binary_little_endian", "binary_big_endian")
 HEADER_END = b"end_header"
+KEYWORDS = ("format", "element", "property", "end_header")
 
 # Both the names of the PLY description and those of later exporters, as numpy type codes.
 TYPE_CODES = {
@@ -76,11 +77,15 @@ class PlyElement:
 
 @dataclass(frozen=True)
 class PlyHeader:
-    """Encoding, elements in file order, and the byte at which their numbers begin."""
+    """Encoding, elements in file order, and the byte at which their numbers begin.
+
+    Lines that begin with no word of the format were skipped; they are there as "line 3 'made by'".
+    """
 
     encoding: str
     elements: tuple[PlyElement, ...]
     body_start: int
+    skipped: tuple[str, ...] = ()
 
 
 def read_ply_header(data: bytes) -> PlyHeader:
@@ -93,13 +98,10 @@ def read_ply_header(data: bytes) -> PlyHeader:
     """
     if data[:3] != b"ply" or data[3:4] not in (b"\n", b"\r"):
         raise FormatError("does not begin with a line 'ply'; it is not a PLY file")
-    line_end = b"\r\n" if data[3:5] == b"\r\n" else data[3:4]
-    end = data.find(line_end + HEADER_END)
-    after = end + len(line_end + HEADER_END)
-    if end < 0 or data[after : after + len(line_end)] != line_end:
-        raise FormatError("the header has no line 'end_header'; the file is truncated or damaged")
-    encoding, elements = "", list[PlyElement]()
-    for number, line in enumerate(data[:end].decode("latin-1").split(line_end.decode()), start=1):
+    end, body_start = _end_of_header(data)
+    encoding, elements, skipped = "", list[PlyElement](), list[str]()
+    text = data[:end].decode("latin-1").replace("\r\n", "\n").replace("\r", "\n")
+    for number, line in enumerate(text.split("\n"), start=1):
         match line.split():
             case ["format", str(name), _] if name in ENCODINGS:
                 encoding = name
@@ -109,11 +111,29 @@ def read_ply_header(data: bytes) -> PlyHeader:
                 elements[-1] = _with_property(elements[-1], words, number)
             case [] | ["ply" | "comment" | "obj_info", *_]:
                 pass
-            case _:
+            case words if words[0] not in KEYWORDS and TYPE_CODES.keys().isdisjoint(words):
+                skipped.append(f"line {number} {line.strip()[:60]!r}")
+            case _:  # also what looks like a property: numbers would be misread without it
                 raise FormatError(f"line {number}: {line[:60]!r} is not a line of a PLY header")
     if not encoding:
         raise FormatError(f"the header has no format line; expected one of {', '.join(ENCODINGS)}")
-    return PlyHeader(encoding, tuple(elements), after + len(line_end))
+    return PlyHeader(encoding, tuple(elements), body_start, tuple(skipped))
+
+
+def _end_of_header(data: bytes) -> tuple[int, int]:
+    """Where the line end before the last line of the header begins, and where the body begins.
+
+    Lines end with LF, CRLF or CR as the first does; the last may end with CRLF where others end
+    with LF, and the other way round.
+    """
+    is_mac = data[3:4] == b"\r" and data[4:5] != b"\n"
+    line_ends = [b"\r"] if is_mac else [b"\r\n", b"\n"]
+    end = data.find(line_ends[-1] + HEADER_END)
+    after = end + len(line_ends[-1] + HEADER_END)
+    found = next((one for one in line_ends if data.startswith(one, after)), None)
+    if end < 0 or found is None:
+        raise FormatError("the header has no line 'end_header'; the file is truncated or damaged")
+    return end, after + len(found)
 
 
 def _with_property(element: PlyElement, words: list[str], number: int) -> PlyElement:

@@ -34,13 +34,13 @@ def parse_ply_surface(data: bytes) -> Surface:
     """
     tables = read_ply_tables(data)
     counts = ply_mesh(tables).counts
+    of_vertices = tuple(_attributes(tables["vertex"], Domain.VERTEX))
+    if "face" not in tables:
+        return Surface(None, of_vertices)
+    of_faces = tuple(_attributes(tables["face"], Domain.FACE))
     corner_uv = _corner_coordinates(tables["face"], counts)
-    attributes = (
-        *_attributes(tables["vertex"], Domain.VERTEX),
-        *_attributes(tables["face"], Domain.FACE),
-        *([corner_uv] if corner_uv is not None else []),
-    )
-    return Surface(None, attributes)
+    of_corners = () if corner_uv is None else (corner_uv,)
+    return Surface(None, (*of_vertices, *of_faces, *of_corners))
 
 
 def _attributes(table: PlyTable, domain: Domain) -> Iterator[Attribute]:

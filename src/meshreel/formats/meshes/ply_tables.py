@@ -13,6 +13,9 @@ from meshreel.formats.meshes.ply_layout import ElementLayout, list_values, locat
 from meshreel.formats.text.token_lines import split_lines
 from meshreel.geometry.ragged import Integers, ragged_indices
 
+STRIPS = "tristrips"
+"""The element of triangle strips."""
+
 
 @dataclass(frozen=True, eq=False)
 class PlyTable:
@@ -49,6 +52,8 @@ class PlyTable:
 def read_ply_tables(data: bytes) -> dict[str, PlyTable]:
     """The tables of the bytes of a PLY file, by the names of their elements.
 
+    That of faces is left out if it is empty and there are triangle strips.
+
     Raises
     ------
     FormatError
@@ -57,10 +62,10 @@ def read_ply_tables(data: bytes) -> dict[str, PlyTable]:
     """
     header = read_ply_header(data)
     names = [element.name for element in header.elements]
-    if "vertex" not in names or "face" not in names:
+    if "vertex" not in names or not {"face", STRIPS} & {*names}:
         raise FormatError(
-            f"has elements {', '.join(names) or '(none)'}; a mesh needs 'vertex' and 'face' "
-            "(triangle strips are not read)"
+            f"has elements {', '.join(names) or '(none)'}; a mesh needs 'vertex', and 'face' or "
+            f"{STRIPS!r}"
         )
     cells = _cells(header, data)
     tables: dict[str, PlyTable] = {}
@@ -69,6 +74,8 @@ def read_ply_tables(data: bytes) -> dict[str, PlyTable]:
         layout = locate_element(element, cells, start)
         tables.setdefault(element.name, PlyTable(element, layout, cells))
         start = layout.end
+    if STRIPS in tables and "face" in tables and tables["face"].element.n_rows == 0:
+        del tables["face"]
     return tables
 
 

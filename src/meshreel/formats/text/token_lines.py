@@ -5,6 +5,7 @@ numpy finds all the words at once and reads the numbers of all words together, s
 (plain, with slashes, with extra columns, of mixed length) takes the same path.
 """
 
+import codecs
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -19,6 +20,12 @@ from meshreel.formats.text.integer_words import are_spaces, integer_values
 from meshreel.geometry.ragged import Integers
 
 BLOCK_WORDS = 1 << 16  # words read at a time: more would only take more memory
+
+WIDE_CODES = {
+    "UTF-32": (codecs.BOM_UTF32_LE, codecs.BOM_UTF32_BE),
+    "UTF-16": (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE),
+}
+"""How texts begin whose characters take more bytes than one."""
 
 _Values = TypeVar("_Values", npt.NDArray[np.int64], npt.NDArray[np.float64])
 
@@ -178,7 +185,15 @@ def split_lines(data: bytes, *, continuation: bool = False) -> TokenLines:
         A text in ASCII or a code that contains it; lines end with LF, CRLF or CR.
     continuation : bool, default False
         Whether a backslash at the end of a line joins the next line to it.
+
+    Raises
+    ------
+    FormatError
+        If the text is in UTF-16 or UTF-32.
     """
+    for code, mark in WIDE_CODES.items():
+        if data.startswith(mark):
+            raise FormatError(f"is text in {code}, which is not read; save it as UTF-8")
     text = data.removeprefix(b"\xef\xbb\xbf") + b"\n"
     if b"\r" in text and text.count(b"\n") == 1:
         text = text.replace(b"\r", b"\n")

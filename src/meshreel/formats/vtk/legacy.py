@@ -47,7 +47,10 @@ def read_vtk_legacy(data: bytes) -> VtkMesh:
     words.raw_line()  # a title
     encoding = words.raw_line().upper()
     if encoding not in ("ASCII", "BINARY"):
-        raise FormatError(f"is {encoding[:40]!r}; ASCII and BINARY are read")
+        raise FormatError(
+            f"has {encoding[:40]!r} in line 3, where ASCII or BINARY must stand; put that line "
+            "behind the title"
+        )
     words.is_text = encoding == "ASCII"
     return _LegacyReader(words).read()
 

@@ -2,14 +2,18 @@
 
 import math
 import zlib
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
+from typing import TypeVar
 from xml.etree.ElementTree import Element
 
 import numpy as np
+import numpy.typing as npt
 
-from meshreel.errors import FormatError
+from meshreel.errors import FormatError, InvalidInputError
+from meshreel.formats.merging import merged_mesh
 from meshreel.formats.naming import errors_naming, os_errors_naming
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.polygons import PolygonMesh
@@ -21,6 +25,9 @@ from meshreel.formats.vtk.mesh import VtkMesh
 from meshreel.formats.vtk.xml_file import read_vtk_xml
 from meshreel.formats.vtk.xml_tree import parse_xml
 from meshreel.surface import Surface
+
+Floats = npt.NDArray[np.float64]
+Read = TypeVar("Read")
 
 READERS = {".vtu": read_vtk_xml, ".vtp": read_vtk_xml, ".vtk": read_vtk_legacy}
 
@@ -68,12 +75,61 @@ def _file(path: Path, element: Element) -> Path:
 
 
 def _scene_mesh(name: str, files: list[tuple[float, Path]], options: ReadOptions) -> SceneMesh:
-    files = sorted(files, key=lambda one: one[0])
-    times = np.array([time for time, _ in files])
-    if (np.diff(times) <= 0).any():
-        raise FormatError(f"names several files of {name} for one time")
-    frames = _FileFrames([file for _, file in files], options.notes)
+    pieces: dict[float, list[Path]] = {}
+    for time, file in sorted(files, key=lambda one: one[0]):
+        pieces.setdefault(time, []).append(file)
+    several = next((time for time, found in pieces.items() if len(found) > 1), None)
+    if several is not None and not options.merge:
+        raise InvalidInputError(
+            f"names {len(pieces[several])} files for the time {several:g} without saying which "
+            "part each is; take all files of a time as one mesh with --merge (merge=True)"
+        )
+    times = np.array(list(pieces))
+    frames = _PieceFrames(name, times, list(pieces.values()), options.notes)
     return SceneMesh(name, times, frames.frame, frames.surface)
+
+
+class _PieceFrames:
+    """Frames, each of which is one file, or several as one mesh.
+
+    Parameters
+    ----------
+    name : str
+    times : float64 array of shape (T,)
+    files : list of list of Path
+        Those of each frame.
+    notes : list of str
+    """
+
+    def __init__(self, name: str, times: Floats, files: list[list[Path]], notes: list[str]) -> None:
+        self._name, self._times, self._notes = name, times, notes
+        series: list[list[Path]] = [[] for _ in range(max(len(one) for one in files))]
+        places = []
+        for one in files:
+            places.append([len(series[number]) for number in range(len(one))])
+            for number, file in enumerate(one):
+                series[number].append(file)
+        self._places, self._pieces = places, [_FileFrames(one, notes) for one in series]
+
+    def frame(self, index: int) -> PolygonMesh:
+        return self._mesh(index).frame(0)
+
+    def surface(self, index: int) -> Surface:
+        """As that of `_FileFrames`, with a part for each of several files."""
+        return self._mesh(index).surface(0)
+
+    def _mesh(self, index: int) -> SceneMesh:
+        time = self._times[index : index + 1]
+        meshes = []
+        for number, place in enumerate(self._places[index]):
+            piece = self._pieces[number]
+            frame, surface = partial(_at, piece.frame, place), partial(_at, piece.surface, place)
+            meshes.append(SceneMesh(f"/piece_{number}", time, frame, surface))
+        return merged_mesh(meshes, self._name, self._notes) if len(meshes) > 1 else meshes[0]
+
+
+def _at(read: Callable[[int], Read], place: int, _: int) -> Read:
+    return read(place)
 
 
 class _FileFrames:

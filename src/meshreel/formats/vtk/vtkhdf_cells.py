@@ -11,6 +11,9 @@ from meshreel.formats.vtk.cells import Cells
 
 Int64s = npt.NDArray[np.int64]
 
+MAX_CELLS = 1 << 62
+NO_CELLS = np.zeros(1, np.int64)
+
 
 def read_cells(
     group: Node,
@@ -19,6 +22,7 @@ def read_cells(
     n_points: Int64s,
     first_cell: int,
     first_corner: int,
+    cells_before: Int64s,
 ) -> Cells:
     """Cells of all partitions of a step, which name points through all of them.
 
@@ -34,6 +38,8 @@ def read_cells(
         Points of each partition of the step; Points is known to have them.
     first_cell, first_corner : int
         Where cells and connectivity of the step begin.
+    cells_before : int64 array of shape (partitions of the group + 1,)
+        From `count_before`.
 
     Raises
     ------
@@ -42,7 +48,8 @@ def read_cells(
     """
     n_cells = _of_parts(require_dataset(group, "NumberOfCells"), parts)
     n_corners = _of_parts(require_dataset(group, "NumberOfConnectivityIds"), parts)
-    counts = list(_counts(require_dataset(group, "Offsets"), first_cell, n_cells, parts.start))
+    first_row = first_cell + _parts_before(cells_before, parts.start, first_cell)
+    counts = list(_counts(require_dataset(group, "Offsets"), first_row, n_cells))
     connectivity = require_dataset(group, "Connectivity")
     corners = read_rows(connectivity, first_corner, sum(n_corners.tolist())).astype(np.int64)
     if (corners < 0).any() or (corners >= n_points.repeat(n_corners)).any():
@@ -56,6 +63,20 @@ def read_cells(
         types = np.full(total, kind)
     first_point = np.cumsum(n_points) - n_points
     return Cells(types, np.concatenate(counts), corners + first_point.repeat(n_corners))
+
+
+def count_before(group: Node) -> Int64s:
+    """Cells of the partitions of a group before each, and of all.
+
+    Raises
+    ------
+    FormatError
+        If a number is negative, or they are too many.
+    """
+    counts = integers(require_dataset(group, "NumberOfCells")).ravel()
+    if len(counts) and (counts.min() < 0 or sum(counts.tolist()) > MAX_CELLS):
+        raise FormatError(f"{group.name}/NumberOfCells are no numbers of cells")
+    return np.concatenate([[0], np.cumsum(counts)])
 
 
 def integers(dataset: Dataset) -> Int64s:
@@ -79,15 +100,26 @@ def _of_parts(dataset: Dataset, parts: slice) -> Int64s:
     return values
 
 
-def _counts(
-    offsets: Dataset, first_cell: int, n_cells: Int64s, first_part: int
-) -> Iterator[Int64s]:
-    """Points of each cell, for each partition, which has one offset more than cells."""
-    start = first_cell
-    for part, count in enumerate(n_cells.tolist(), first_part):
-        ends = read_rows(offsets, start + part, count + 1).astype(np.int64)
+def _parts_before(cells_before: Int64s, first_part: int, first_cell: int) -> int:
+    """How many partitions have their offsets before those of a step.
+
+    All that come before the step, or where it shares the cells of an earlier one, all before that.
+    """
+    if first_part < len(cells_before) and cells_before[first_part] == first_cell:
+        return first_part
+    return min(first_part, int(np.searchsorted(cells_before, first_cell)))
+
+
+def _counts(offsets: Dataset, first_row: int, n_cells: Int64s) -> Iterator[Int64s]:
+    """Points of each cell, for each partition, which has one offset more than cells.
+
+    One without cells is not looked up, for its offset may be shared with others, or left out.
+    """
+    start = first_row
+    for count in n_cells.tolist():
+        ends = read_rows(offsets, start, count + 1).astype(np.int64) if count else NO_CELLS
         counts = np.diff(ends)
         if ends.ndim != 1 or (counts < 0).any():
             raise FormatError(f"{offsets.name} do not ascend")
         yield counts
-        start += count
+        start += count + 1

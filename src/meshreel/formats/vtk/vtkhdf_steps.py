@@ -28,7 +28,7 @@ from meshreel.formats.vtk.cells import (
     find_surface,
 )
 from meshreel.formats.vtk.data_arrays import DataArray, surface_of_arrays
-from meshreel.formats.vtk.vtkhdf_cells import integers, read_cells
+from meshreel.formats.vtk.vtkhdf_cells import count_before, integers, read_cells
 from meshreel.surface import Surface
 
 Int64s = npt.NDArray[np.int64]
@@ -76,6 +76,7 @@ class VtkSteps:
         self._point_starts = self._per_step("PointOffsets")
         self._cell_starts = self._per_step("CellOffsets", len(self._kinds))
         self._corner_starts = self._per_step("ConnectivityIdOffsets", len(self._kinds))
+        self._cells_before: dict[str, Int64s] = {}
         self._cached: tuple[bytes, Cells, CellSurface] | None = None
 
     def frame(self, index: int) -> PolygonMesh:
@@ -158,8 +159,12 @@ class VtkSteps:
         for column, (name, kind) in enumerate(self._kinds.items()):
             group = find_group(self._group, name) if name else self._group
             starts = int(self._cell_starts[index, column]), int(self._corner_starts[index, column])
-            if group is not None:
-                found.append(read_cells(group, kind, parts, self._n_points[parts], *starts))
+            if group is None:
+                continue
+            if name not in self._cells_before:
+                self._cells_before[name] = count_before(group)
+            points, before = self._n_points[parts], self._cells_before[name]
+            found.append(read_cells(group, kind, parts, points, *starts, before))
         if not found:
             raise FormatError(f"{self._group.name} has none of {', '.join(self._kinds)}")
         return Cells(

@@ -91,8 +91,16 @@ def _times(
     else:
         notes.append("has no times; taken as one frame a second: say the rate with --fps (fps=)")
         times = np.arange(len(steps), dtype=np.float64)
-    if len(times) != len(steps) or not np.isfinite(times).all() or (np.diff(times) <= 0).any():
-        raise FormatError(f"has {len(steps)} grids, whose {len(times)} times do not ascend")
+    if len(times) != len(steps):
+        raise FormatError(f"has {len(steps)} grids and {len(times)} times; it needs one for each")
+    if not np.isfinite(times).all():
+        raise FormatError("has a Time that is not finite")
+    if len(behind := np.flatnonzero(np.diff(times) <= 0)):
+        index = int(behind[0])
+        raise FormatError(
+            f"has grid {index} at the time {times[index]:g} and grid {index + 1} at "
+            f"{times[index + 1]:g}; times of the grids of a collection must ascend"
+        )
     return times
 
 

@@ -249,7 +249,7 @@ def test_load_is_refused_when_there_are_only_points(read):
     file = Gltf()
     file.node(mesh=file.mesh())
     file.json["meshes"][0]["primitives"][0]["mode"] = 0
-    with pytest.raises(FormatError, match="shows no mesh of triangles"):
+    with pytest.raises(FormatError, match="holds no mesh of triangles"):
         read(file)
 
 

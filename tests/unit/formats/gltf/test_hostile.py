@@ -109,7 +109,10 @@ def test_load_is_refused_when_a_text_file_is_cut_short(tmp_path, size):
         (b'{"asset": {"version": "1.0"}}', r"is glTF '1\.0'; glTF 2\.0 is read"),
         (b'{"asset": {"version": "2.0", "minVersion": "2.1"}}', r"is glTF '2\.1'"),
         (b'{"asset": {"version": "2.0"}, "nodes": 3}', "'nodes' must be a list of objects"),
-        (b'{"asset": {"version": "2.0"}}', "shows no mesh of triangles"),
+        (b'{"asset": {"version": "2.0"}}', "holds no mesh"),
+        (b'{"asset": {"version": 1}, "meshes": {"a": {}}}', r"is glTF 1\.0; glTF 2\.0 is read"),
+        (b'{"meshes": {"a": {}}}', r"is glTF 1\.0 or older; .* convert it \(gltf-pipeline\)"),
+        (b'{"asset": {"version": ""}}', "the version of its asset is ''; glTF 2.0 is read"),
     ],
 )
 def test_load_says_what_is_wrong_when_the_json_is_no_gltf(tmp_path, text, message):
@@ -139,7 +142,6 @@ def test_load_says_what_is_wrong_when_a_glb_is_damaged(tmp_path, data, message):
     [
         ("EXT_meshopt_compression", "decompress it"),
         ("KHR_meshopt_compression", "decompress it"),
-        ("EXT_mesh_gpu_instancing", "export it without"),
         ("ACME_magic", "export it without"),
     ],
 )
@@ -186,13 +188,6 @@ def test_load_says_what_is_wrong_when_nodes_are_no_tree(tmp_path, change, messag
     (tmp_path / "a.gltf").write_text(text)
     with pytest.raises(FormatError, match=message):
         load(tmp_path / "a.gltf")
-
-
-def test_load_is_refused_when_the_scene_lists_a_child(tmp_path):
-    file = chain(3)
-    file.json["scenes"] = [{"nodes": [1]}]
-    with pytest.raises(FormatError, match="scene 0: lists node 1, which is a child of node 0"):
-        load(file.save(tmp_path / "a.glb"))
 
 
 def test_load_reads_a_deep_tree_and_refuses_a_deeper_one(tmp_path):

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from meshreel.errors import FormatError, InvalidInputError
+from meshreel.errors import InvalidInputError
 from meshreel.formats.load import load, open_source
 from meshreel.formats.stored_frames import StoredFrames
 from sample_gltf import SQUARE, SQUARE_FACES, TRIANGLE, Gltf, moving_triangle, rich_gltf, shifted
@@ -256,26 +256,6 @@ def test_load_notes_all_that_was_welded_in_one_sentence_when_meshes_are_merged(r
     file.node(mesh=file.mesh([*TRIANGLE, TRIANGLE[0]], [0, 1, 2, 3, 1, 2]))
     file.node(mesh=file.mesh([*TRIANGLE, *TRIANGLE], range(6)))
     assert read(file, merge=True)[1] == ["welded 10 vertices, split at seams, to 6"]
-
-
-def test_load_takes_the_scene_that_the_file_shows_when_there_are_several(read):
-    file = several_meshes()
-    file.json["scenes"] = [{"nodes": [0, 2]}, {"nodes": [3]}]
-    file.json["scene"] = 1
-    assert read(file)[0].vertices[0, 0].tolist() == [0, 0, 9]
-
-
-def test_load_takes_every_node_when_the_file_has_no_scene(read):
-    file = moving_triangle()
-    del file.json["scenes"], file.json["scene"]
-    assert read(file)[0].n_frames == 3
-
-
-def test_load_is_refused_when_the_scene_shows_no_mesh(read):
-    file = moving_triangle()
-    file.json["scenes"] = [{}]
-    with pytest.raises(FormatError, match=r"a\.glb: shows no mesh of triangles"):
-        read(file)
 
 
 @pytest.mark.parametrize("scale", [[-1, 1, 1], [1, -2, 1], [-1, -1, -1]])

@@ -31,6 +31,8 @@ def test_parse_off_gives_back_faces_when_our_encoder_wrote_them(make_sequence):
         b"3 1 0\n",
         b"COFF\r\n3 1 0\r\n",
         b"STCNOFF\n3 1 0\n",
+        b"\t  OFF3 1 3 # or nah\n",
+        b"COFF3 1\n",
     ],
 )
 def test_parse_off_reads_the_mesh_when_headers_differ(header):
@@ -61,6 +63,9 @@ def test_parse_off_reads_polygons_when_sizes_are_mixed():
         (b"4OFF\n3 1 0\n" + BODY, "line 1: expected the word OFF"),
         (b"OFF BINARY\n3 1 0\n" + BODY, "line 1: expected the numbers of vertices and faces"),
         (b"OFF\n", "line 1: expected the numbers of vertices and faces"),
+        (b"OFF3\n" + BODY, "line 1: expected the number of faces after that of vertices"),
+        (b"OFF3 -1 0\n" + BODY, "line 1: counts must not be negative"),
+        (b"OFF3 x 0\n" + BODY, "line 1: expected an integer; got 'x'"),
         (b"OFF\n3 -1 0\n" + BODY, "line 2: counts must not be negative"),
         (b"OFF\n3 2 0\n" + BODY, "declares 3 vertices and 2 faces.* but 4 lines follow"),
         (b"OFF\n3 0 0\n" + BODY, "declares 3 vertices and 0 faces.* but 4 lines follow"),

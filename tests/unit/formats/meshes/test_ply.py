@@ -119,7 +119,7 @@ def test_parse_ply_takes_x_y_z_by_name_when_columns_are_in_another_order():
         (header().replace(b"vertex 4", b"vertex -4"), "line 5: 'element vertex -4' is not a line"),
         (
             header().replace(b"element face", b"element strips"),
-            "has elements vertex, strips; a mesh needs",
+            "has elements vertex, strips; a mesh needs 'vertex', and 'face' or 'tristrips'",
         ),
         (
             header().replace(b"float z", b"float w") + ASCII_VERTICES + b"3 0 1 2\n3 0 1 2\n",

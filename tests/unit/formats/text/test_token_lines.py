@@ -79,3 +79,14 @@ def test_floats_names_word_and_line_when_it_is_no_number():
     lines = split_lines(b"1 2\n3 1-2\n")
     with pytest.raises(FormatError, match=r"line 2: expected a number; got '1-2'"):
         lines.floats(np.arange(4))
+
+
+@pytest.mark.parametrize("code", ["utf-16-le", "utf-16-be", "utf-32-le", "utf-32-be"])
+def test_split_lines_names_the_code_when_characters_take_several_bytes(code):
+    with pytest.raises(FormatError, match=f"text in {code[:6].upper()}, .* save it as UTF-8"):
+        split_lines("\ufeffv 1 2 3".encode(code))
+
+
+def test_split_lines_passes_over_the_mark_when_text_is_utf_8():
+    lines = split_lines("\ufeffv 1 2 3".encode())
+    assert lines.word(0) == "v"

@@ -5,8 +5,10 @@ import pytest
 
 from meshreel.errors import FormatError, InvalidInputError, MeshReelError
 from meshreel.formats.load import load, open_source
+from meshreel.formats.options import ReadOptions
 from meshreel.formats.save import save
 from meshreel.formats.stored_frames import StoredFrames
+from meshreel.formats.stretches import find_stretches
 from meshreel.formats.vtk.legacy import read_vtk_legacy
 from meshreel.surface import Domain, Kind
 from sample_datasets import damaged_versions, plain_sequence, positions_of
@@ -182,7 +184,8 @@ def test_load_reads_every_section_when_a_legacy_file_has_them(tmp_path):
     ("old", "new", "message"),
     [
         ("# vtk", "# VTK", "does not begin with '# vtk DataFile Version'"),
-        ("ASCII", "EBCDIC", "is 'EBCDIC'; ASCII and BINARY are read"),
+        ("ASCII", "EBCDIC", "has 'EBCDIC' in line 3, where ASCII or BINARY must stand; put that"),
+        ("ASCII\n", "", "has 'DATASET POLYDATA' in line 3, where ASCII or BINARY must stand"),
         ("POLYDATA", "STRUCTURED_POINTS", "is a STRUCTURED_POINTS; POLYDATA and"),
         ("POINTS 4 int", "POINTS 4 string", "holds values of type 'string'"),
         ("POINTS 4 int", "POINTS 99999999999 int", "declares 299999999997 numbers in a file of"),
@@ -381,11 +384,42 @@ def test_load_is_refused_when_a_collection_names_what_is_not_read(tmp_path, row,
         load(write_pvd(folder, [row]))
 
 
-def test_load_is_refused_when_a_collection_has_two_files_for_one_time(tmp_path):
-    write_series(tmp_path, 2)
-    path = write_pvd(tmp_path, [f'timestep="0" file="f_{i}.vtu"' for i in range(2)])
-    with pytest.raises(FormatError, match="names several files of walk for one time"):
-        load(path)
+def unnamed_pieces(folder, times=(0, 0, 1, 1)):
+    """A collection whose files have times, but no parts; and their positions."""
+    positions = write_series(folder, len(times), "f_{}.vtp")
+    rows = [f'timestep="{time}" file="f_{i}.vtp"' for i, time in enumerate(times)]
+    return write_pvd(folder, rows), positions
+
+
+@pytest.mark.parametrize("choice", [{}, {"object": "walk"}])
+def test_load_says_that_pieces_can_be_merged_when_a_collection_does_not_tell_them_apart(
+    tmp_path, choice
+):
+    path, _ = unnamed_pieces(tmp_path)
+    with pytest.raises(InvalidInputError, match=r"names 2 files for the time 0 .* with --merge"):
+        load(path, **choice)
+
+
+@pytest.mark.parametrize("read", [load, open_source])
+def test_reading_joins_the_files_of_a_time_when_pieces_are_merged(tmp_path, read):
+    path, positions = unnamed_pieces(tmp_path)
+    found = read(path, merge=True)
+    expected = positions.reshape(2, -1, 3)
+    assert positions_of(found).tobytes() == expected.tobytes()
+    assert [part.name for part in found.surface.parts] == ["/piece_0", "/piece_1"]
+    assert {one.name for one in found.surface.attributes} == {"uv set", "paint", "heat"}
+
+
+def test_load_does_not_make_up_a_piece_when_a_time_has_fewer(tmp_path):
+    path, positions = unnamed_pieces(tmp_path, (0, 1, 1, 2, 3, 3))
+    options = ReadOptions(merge=True)
+    with pytest.raises(InvalidInputError, match=r"frame 1 of walk has 20 vertices; expected 10"):
+        load(path, merge=True)
+    found = [one.open() for one in find_stretches(path, options)]
+    shapes = [(one.n_frames, one.n_verts, one.start_s) for one in found]
+    assert shapes == [(1, 10, 0), (1, 20, 1), (1, 10, 2), (1, 20, 3)]
+    read = np.concatenate([one.read(0, 1).reshape(-1, 3) for one in found])
+    assert read.tobytes() == positions.tobytes()
 
 
 def test_load_is_refused_when_xml_declares_entities(tmp_path):

@@ -239,6 +239,70 @@ def test_load_takes_faces_of_each_step_when_offsets_differ_but_faces_agree(tmp_p
         load(path)
 
 
+EMPTY = ("Vertices", "Lines", "Strips")
+
+
+def in_two_parts(path, n_frames):
+    """Let a file have its mesh as two partitions, which all steps share."""
+    with h5py.File(path, "a") as file:
+        root = file["VTKHDF"]
+        points = root["Points"][:].reshape(n_frames, 11, 3)
+        for name, data in {
+            "Points": np.concatenate([points, points + 9], axis=1).reshape(-1, 3),
+            "NumberOfPoints": [11, 11] * n_frames,
+            "Polygons/Connectivity": np.tile(CORNERS, 2),
+            "Polygons/Offsets": np.tile(np.concatenate([[0], np.cumsum(COUNTS)]), 2),
+            "Polygons/NumberOfCells": [4, 4] * n_frames,
+            "Polygons/NumberOfConnectivityIds": [15, 15] * n_frames,
+            "Steps/PartOffsets": 2 * np.arange(n_frames),
+            "Steps/NumberOfParts": [2] * n_frames,
+            "Steps/PointOffsets": 22 * np.arange(n_frames),
+        }.items():
+            if name in root:
+                del root[name]
+            root[name] = data
+        for name in EMPTY:
+            for key in ("NumberOfCells", "NumberOfConnectivityIds"):
+                del root[name][key]
+                root[name][key] = [0, 0] * n_frames
+        del file["meshreel"]
+
+
+@pytest.mark.parametrize("n_offsets", [0, 1, 2])
+def test_load_reads_every_step_when_parts_share_cells_and_empty_groups(tmp_path, n_offsets):
+    sequence = surfaced_sequence(surface=Surface(COUNTS))
+    [path] = save(sequence, tmp_path / "a.vtkhdf")
+    in_two_parts(path, sequence.n_frames)
+    with h5py.File(path, "a") as file:
+        for name in EMPTY:
+            del file["VTKHDF"][name]["Offsets"]
+            file["VTKHDF"][name]["Offsets"] = [0] * n_offsets
+    found = load(path)
+    expected = np.concatenate([sequence.vertices, sequence.vertices + np.float32(9)], axis=1)
+    np.testing.assert_array_equal(found.vertices, expected)
+    np.testing.assert_array_equal(
+        found.faces, np.concatenate([sequence.faces, sequence.faces + 11])
+    )
+
+
+def test_load_finds_the_cells_of_each_step_when_parts_share_none(tmp_path):
+    n_frames = 3
+    [path] = save(surfaced_sequence(n_frames, surface=Surface(COUNTS)), tmp_path / "a.vtkhdf")
+    in_two_parts(path, n_frames)
+    with h5py.File(path, "a") as file:
+        root = file["VTKHDF"]
+        for name in ("Polygons/Connectivity", "Polygons/Offsets"):
+            data = np.tile(root[name][:], n_frames)
+            del root[name]
+            root[name] = data
+        for name, step in {"CellOffsets": 8, "ConnectivityIdOffsets": 30}.items():
+            starts = np.zeros((n_frames, 4), int)
+            starts[:, 2] = step * np.arange(n_frames)
+            del root["Steps"][name]
+            root["Steps"][name] = starts
+    assert load(path).n_faces == 2 * (COUNTS - 2).sum()
+
+
 def drop(*names):
     def change(root):
         for name in names:
@@ -282,6 +346,8 @@ def newer(root):
         (replaced("Steps/PointOffsets", [0, 1]), r"Steps/PointOffsets must be \(5, 1\)"),
         (replaced("Steps/PartOffsets", [1] * 5), "step 0 has partitions 1 to 1 of 1"),
         (replaced("Polygons/NumberOfCells", [1 << 60]), "Offsets has 5 rows"),
+        (replaced("Polygons/NumberOfCells", [-4]), "NumberOfCells are no numbers of cells"),
+        (replaced("Polygons/NumberOfCells", [1 << 62] * 3), "NumberOfCells are no numbers of cel"),
         (replaced("Polygons/NumberOfConnectivityIds", [1 << 60]), "Connectivity has 15 rows"),
         (replaced("Polygons/Connectivity", [99] * 15), "names points that are not there"),
         (replaced("Polygons/Offsets", [0, 9, 3, 4, 15]), "Offsets do not ascend"),

@@ -281,7 +281,14 @@ WITHIN = item(SELF + "<DataItem/>", ItemType="HyperSlab", Dimensions="1")
         (slab([0, 0], [1, 1], [1, 11]), "has a HyperSlab outside of its source"),
         (slab([0, 0, 0], [1, 1, 1]), "has a HyperSlab outside of its source"),
         (temporal(), "has a collection 'walk' of no grids"),
-        (temporal(step(POSITIONS[0], 1), step(POSITIONS[0], 1)), "whose 2 times do not ascend"),
+        (
+            temporal(step(POSITIONS[0], 0), step(POSITIONS[0], 1), step(POSITIONS[0], 1)),
+            "has grid 1 at the time 1 and grid 2 at 1; times of the grids .* must ascend",
+        ),
+        (
+            temporal(step(POSITIONS[0], 0), step(POSITIONS[0], np.inf)),
+            "has a Time that is not finite",
+        ),
         (temporal(step(POSITIONS[0], "x")), "has a Time that is no number"),
         (temporal(temporal(step(POSITIONS[0]))), "has a grid of type 'Collection' in a step"),
         (step(POSITIONS[0], faces=topology(kind="3DSMesh")), "has a Topology of type '3DSMesh'"),

@@ -1,0 +1,153 @@
+"""Small files of other programs that were read wrongly, or refused, against other readers."""
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+from scipy.spatial.transform import Rotation
+
+import meshreel
+from meshreel.errors import FormatError, InvalidInputError
+from meshreel.formats.load import load
+from meshreel.formats.options import ReadOptions, WriteOptions
+from meshreel.formats.save import save
+from meshreel.formats.stretches import find_stretches
+from sample_glb import Glb, largest_error_percent
+
+pytestmark = pytest.mark.real
+
+
+@pytest.fixture(scope="module")
+def folder():
+    name = os.environ.get("MESHREEL_DATA")
+    if not name:
+        pytest.skip("MESHREEL_DATA names no folder of real sequences")
+    if not (Path(name) / "native" / "odd").is_dir():
+        pytest.skip("there is no folder of odd files")
+    return Path(name)
+
+
+@pytest.fixture(scope="module")
+def odd(folder):
+    return folder / "native" / "odd"
+
+
+def sorted_triangles(vertices, faces):
+    """The corners of every triangle, in an order that does not depend on that of the faces."""
+    corners = np.asarray(vertices, np.float64)[np.asarray(faces)]
+    first = np.lexsort(np.moveaxis(corners.round(5), 2, 0)[::-1], axis=1)[:, 0]
+    turned = (first[:, None] + np.arange(3)) % 3
+    corners = np.take_along_axis(corners, turned[:, :, None], axis=1).reshape(-1, 9)
+    return corners[np.lexsort(corners.round(5).T[::-1])]
+
+
+def trimesh_triangles(path):
+    """What trimesh reads of a file, all its meshes in the world."""
+    mesh = trimesh.load_scene(path).to_mesh()
+    return sorted_triangles(mesh.vertices, mesh.faces)
+
+
+def test_slices_of_a_cake_are_there_once_when_the_scene_lists_an_inner_node(odd):
+    notes = []
+    found = load(odd / "cakeBirthday.glb", merge=True, notes=notes)
+    assert (len(found.surface.parts), found.n_faces) == (6, 1332)
+    triangles = sorted_triangles(found.vertices[0], found.faces)
+    expected = trimesh_triangles(odd / "cakeBirthday.glb")
+    np.testing.assert_allclose(triangles, expected, rtol=0, atol=1e-6)
+    assert notes[0].startswith("scene 0 lists nodes that are below others: cakeBirthday; ")
+
+
+def test_bowl_is_read_when_the_scene_lists_an_inner_node(odd):
+    assert load(odd / "bowl-cereal" / "model.gltf").n_faces == 137
+
+
+def test_boxes_are_where_scipy_turns_them_when_they_are_instances(odd):
+    found = load(odd / "simple-instancing.glb")
+    assert (found.n_verts, found.n_faces) == (1000, 1500)
+    file = Glb.read((odd / "simple-instancing.glb").read_bytes())
+    for accessor in file.document["accessors"]:  # bounds are written in fewer digits there
+        accessor.pop("min")
+        accessor.pop("max")
+    corners, box, moves, turns, scales = (file.array(number) for number in (0, 1, 3, 4, 5))
+    boxes = [
+        Rotation.from_quat(turn).apply(box * scale) + move
+        for move, turn, scale in zip(moves, turns, scales, strict=True)
+    ]
+    expected = np.concatenate([one[corners[:, 0]] for one in boxes])
+    np.testing.assert_allclose(found.vertices[0][found.faces.ravel()], expected, rtol=0, atol=2e-6)
+
+
+def test_a_truck_of_gltf_1_says_so(odd):
+    with pytest.raises(FormatError, match=r"is glTF 1\.0; glTF 2\.0 is read"):
+        load(odd / "CesiumMilkTruck.gltf")
+
+
+def test_spheres_are_where_vtk_has_them_when_parts_share_empty_groups(odd):
+    vtk = pytest.importorskip("vtkmodules.vtkIOHDF")
+    numpy_of = pytest.importorskip("vtkmodules.util.numpy_support").vtk_to_numpy
+    found = load(odd / "warping_spheres.vtkhdf")
+    assert (found.n_frames, found.n_verts, found.n_faces) == (100, 1684, 3360)
+    reader = vtk.vtkHDFReader()
+    reader.SetFileName(str(odd / "warping_spheres.vtkhdf"))
+    reader.UpdateInformation()
+    for step in range(100):
+        reader.SetStep(step)
+        reader.Update()
+        parts = [reader.GetOutputDataObject(0).GetPartition(number) for number in range(2)]
+        points = np.concatenate([numpy_of(one.GetPoints().GetData()) for one in parts])
+        np.testing.assert_array_equal(found.vertices[step], points)
+        corners = [numpy_of(one.GetPolys().GetConnectivityArray()) for one in parts]
+        np.testing.assert_array_equal(
+            found.faces.ravel(), np.concatenate([corners[0], corners[1] + 842])
+        )
+
+
+def test_two_spheres_are_merged_at_each_time_when_they_have_no_part_numbers(odd):
+    path = odd / "dualSphereAnimation4NoPart.pvd"
+    with pytest.raises(InvalidInputError, match=r"names 2 files for the time 1 .* with --merge"):
+        load(path)
+    first, rest = (one.open() for one in find_stretches(path, ReadOptions(merge=True)))
+    assert (first.n_frames, first.n_verts, first.n_faces) == (1, 50, 96)
+    assert (rest.n_frames, rest.n_verts, rest.n_faces) == (4, 112, 192)
+    for index in range(4):
+        pieces = [
+            load(odd / "dualSphereAnimation" / f"dualSphereAnimation_P0{piece}T000{index + 1}.vtp")
+            for piece in range(2)
+        ]
+        expected = np.concatenate([one.vertices[0] for one in pieces])
+        np.testing.assert_array_equal(rest.read(index, index + 1)[0], expected)
+
+
+@pytest.mark.parametrize("name", ["cube_binary_header_with_RN_newline.ply", "whitespace.off"])
+def test_cube_is_that_of_trimesh_when_its_header_is_unusual(odd, name):
+    found = load(odd / name)
+    assert (found.n_verts, found.n_faces) == (8, 12)
+    corners = found.vertices[0][found.faces].astype(np.float64)
+    volume = np.linalg.det(corners).sum() / 6
+    expected = trimesh.load(odd / "whitespace.off") if name.endswith("off") else None
+    assert abs(volume) == pytest.approx(1.0 if expected is None else abs(expected.volume), rel=1e-5)
+
+
+def test_box_in_utf_16_says_so(odd):
+    with pytest.raises(FormatError, match=r"is text in UTF-16, .* save it as UTF-8"):
+        load(odd / "box_UTF16BE.obj")
+
+
+@pytest.mark.parametrize("name", ["cesium_man", "balloons"])
+@pytest.mark.parametrize("bound", [None, 0.2])
+def test_glb_is_within_the_stated_error_when_its_stream_has_one(folder, tmp_path, name, bound):
+    original = load(folder / f"{name}.npz")
+    (tmp_path / "a.reel").write_bytes(meshreel.encode(original, max_error=0.1))
+    notes = []
+    with meshreel.open(tmp_path / "a.reel") as reel:
+        save(reel, tmp_path / "a.glb", options=WriteOptions(max_error=bound), notes=notes)
+        shown = reel.name or "mesh"
+    [note] = [note for note in notes if note.startswith("against the original ")]
+    total = float(note.split()[10])
+    measured = largest_error_percent(
+        original, Glb.read((tmp_path / "a.glb").read_bytes()).world(shown)
+    )
+    assert measured <= total
+    assert bound is None or total <= bound

@@ -1,0 +1,145 @@
+import math
+import re
+
+import numpy as np
+import pytest
+
+import meshreel
+from meshreel.errors import InvalidInputError
+from meshreel.formats.gltf.error_budget import share_budget
+from meshreel.formats.options import Origin, WriteOptions
+from meshreel.formats.save import save, save_part
+from meshreel.sequence import MeshSequence
+from sample_glb import Glb, largest_error_percent
+
+PROMISE = 0.1
+AGAINST_THE_ORIGINAL = re.compile(
+    r"against the original no vertex is off by more than ([\de.-]+) % of the diagonal, "
+    r"([\de.-]+) % of which the stream may be off"
+)
+
+
+@pytest.fixture(scope="module")
+def waves():
+    """A sheet on which waves of several lengths run, in 40 frames."""
+    x, y = np.meshgrid(np.linspace(0, 1, 14), np.linspace(0, 1, 14))
+    times = np.arange(40)[:, None, None] / 12
+    z = sum(np.sin(k * (3 * x + 2 * y) - (k + 1) * times) / k**2 for k in range(1, 7)) / 8
+    vertices = np.stack([x + 0 * z, y + 0 * z, z], axis=-1).reshape(40, -1, 3)
+    corners = (np.arange(13) + 14 * np.arange(13)[:, None]).ravel()
+    faces = np.concatenate([np.add.outer(corners, one) for one in ([0, 1, 15], [0, 15, 14])])
+    return MeshSequence(vertices.astype(np.float32), faces, 24.0, "sheet")
+
+
+@pytest.fixture(scope="module")
+def promised(waves, tmp_path_factory):
+    """Its stream, which keeps a bound."""
+    path = tmp_path_factory.mktemp("budget") / "waves.reel"
+    path.write_bytes(meshreel.encode(waves, max_error=PROMISE))
+    return path
+
+
+def written(reel, path, frames=None, **options):
+    """The positions in the file that a stream makes, and the notes."""
+    notes = []
+    wanted = range(reel.n_frames) if frames is None else frames
+    save_part(reel, wanted, path, options=WriteOptions(**options), notes=notes)
+    return Glb.read(path.read_bytes()).world("sheet"), notes
+
+
+def stated(notes):
+    [found] = [found for note in notes if (found := AGAINST_THE_ORIGINAL.fullmatch(note))]
+    return float(found[1]), float(found[2])
+
+
+@pytest.mark.parametrize("options", [{}, {"max_error": 0.2}, {"max_error": 0.12}, {"targets": 5}])
+def test_glb_is_as_near_to_the_original_as_it_says_when_the_stream_keeps_a_promise(
+    waves, promised, tmp_path, options
+):
+    with meshreel.open(promised) as reel:
+        positions, notes = written(reel, tmp_path / "a.glb", **options)
+    total, of_stream = stated(notes)
+    measured = largest_error_percent(waves, positions)
+    assert of_stream == PROMISE
+    assert measured <= total <= options.get("max_error", math.inf)
+
+
+def test_targets_get_what_the_promise_leaves_when_one_bound_is_asked_for(promised, tmp_path):
+    counts = {}
+    with meshreel.open(promised) as reel:
+        for bound in (0.11, 0.2, 0.4):
+            notes = written(reel, tmp_path / f"{bound}.glb", max_error=bound)[1]
+            found = re.search(
+                r"the largest error added is ([\d.]+) % .* with (\d+) morph", " ".join(notes)
+            )
+            assert float(found[1]) <= bound - PROMISE
+            counts[bound] = int(found[2])
+    assert counts[0.11] > counts[0.2] > counts[0.4]
+
+
+@pytest.mark.parametrize("bound", [0.05, 0.1])
+def test_glb_is_refused_when_the_promise_leaves_nothing(promised, tmp_path, bound):
+    with (
+        meshreel.open(promised) as reel,
+        pytest.raises(
+            InvalidInputError,
+            match=rf"max_error {bound} % leaves nothing .* may be 0\.1 % of the diagonal off",
+        ),
+    ):
+        save(reel, tmp_path / "a.glb", options=WriteOptions(max_error=bound))
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_glb_of_some_frames_keeps_the_bound_when_their_box_is_smaller(waves, promised, tmp_path):
+    with meshreel.open(promised) as reel:
+        positions, notes = written(reel, tmp_path / "a.glb", range(3, 9), max_error=0.3)
+    kept = waves.vertices[3:9].astype(np.float64)
+    off = np.linalg.norm(positions - kept, axis=2).max()
+    box = np.ptp(waves.vertices.astype(np.float64), axis=(0, 1))
+    assert 100 * off / np.linalg.norm(box) <= stated(notes)[0] <= 0.3
+
+
+@pytest.mark.parametrize(("given", "n_modes"), [({"quality": 70}, None), ({"max_error": 0.1}, 2)])
+def test_glb_says_that_errors_are_those_of_targets_when_nothing_is_promised(
+    waves, tmp_path, given, n_modes
+):
+    path = tmp_path / "a.reel"
+    path.write_bytes(meshreel.encode(waves, **given))
+    with meshreel.open(path, n_modes=n_modes) as reel:
+        notes = written(reel, tmp_path / "a.glb")[1]
+    assert notes[-1].startswith("errors are measured against the decoded animation, for which no ")
+
+
+def test_glb_says_nothing_of_streams_when_the_frames_are_the_original(waves, tmp_path):
+    notes = []
+    save(waves, tmp_path / "a.glb", notes=notes)
+    assert len(notes) == 1
+    assert notes[0].startswith("the largest error is ")
+
+
+def test_total_is_stated_when_the_animation_is_written_at_rest(waves, promised, tmp_path):
+    with meshreel.open(promised) as reel:
+        positions, notes = written(reel, tmp_path / "a.glb", max_error=60.0)
+    assert notes[0] == "no vertex moves by more than the error allowed: written at rest"
+    assert largest_error_percent(waves, positions) <= stated(notes)[0] <= 60
+
+
+@pytest.mark.parametrize("diagonal", [2.0, 2.002, 1.0])
+def test_budget_is_a_share_of_the_smaller_diagonal_when_two_differ(diagonal):
+    budget = share_budget(0.5, diagonal, Origin(0.002, 2.0), is_total=True)
+    smaller = min(diagonal, 2.0)
+    assert budget.diagonal == smaller
+    assert budget.added == pytest.approx(0.005 * smaller - 0.002, rel=1e-3)
+    assert budget.added < 0.005 * smaller - 0.002
+
+
+def test_budget_is_not_refused_when_all_frames_are_one_point():
+    budget = share_budget(0.5, 0.0, Origin(0.001, 2.0), is_total=True)
+    assert 0 < budget.added < 0.009
+
+
+@pytest.mark.parametrize("total", [0.2, 0.1999999, 0.123456, 1e-7, 37.00001])
+def test_describe_never_rounds_down_when_it_states_a_total(total):
+    budget = share_budget(0.5, 100.0, Origin(0.0, 100.0), is_total=False)
+    [note] = budget.describe(total)
+    assert total <= float(AGAINST_THE_ORIGINAL.fullmatch(note)[1]) <= 1.002 * total + 5e-5

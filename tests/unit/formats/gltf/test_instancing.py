@@ -1,0 +1,186 @@
+import tracemalloc
+
+import numpy as np
+import pytest
+
+from meshreel.errors import FormatError
+from meshreel.formats.load import load
+from sample_gltf import TRIANGLE, Gltf, shifted
+
+HALF = np.sqrt(0.5)
+QUARTER_Z = [0, 0, HALF, HALF]
+BAKED = "baked 2 instances, those of a node as one mesh"
+
+
+def instanced(file, *, more=None, **attributes):
+    """What a node has that copies its mesh; attributes are rows, or numbers of accessors."""
+    numbers = {
+        name: one if isinstance(one, int) else file.accessor(one)
+        for name, one in attributes.items()
+    }
+    return {"EXT_mesh_gpu_instancing": {"attributes": {**numbers, **(more or {})}}}
+
+
+@pytest.fixture
+def read(tmp_path):
+    """Load a file; gives the sequence and the notes."""
+
+    def loaded(file, **options):
+        notes = []
+        return load(file.save(tmp_path / "a.glb"), notes=notes, **options), notes
+
+    return loaded
+
+
+def test_instances_are_scaled_then_turned_then_moved_when_all_are_given(read):
+    file = Gltf()
+    extensions = instanced(
+        file,
+        TRANSLATION=[[0, 0, 0], [5, 0, 0]],
+        ROTATION=[[0, 0, 0, 1], QUARTER_Z],
+        SCALE=[[1, 1, 1], [2, 3, 1]],
+    )
+    file.node(mesh=file.mesh(), extensions=extensions)
+    found, notes = read(file)
+    expected = [*TRIANGLE, [5, 0, 0], [5, 2, 0], [2, 0, 0]]
+    np.testing.assert_allclose(found.vertices[0], expected, rtol=0, atol=1e-6)
+    np.testing.assert_array_equal(found.faces, [[0, 1, 2], [3, 4, 5]])
+    assert notes == [BAKED]
+
+
+@pytest.mark.parametrize("dtype", ["i1", "i2"])
+def test_instances_are_turned_when_rotations_are_normalized_integers(read, dtype):
+    file, most = Gltf(), np.iinfo(dtype).max
+    turns = file.accessor([[0, 0, 0, most], [0, 0, most, 0]], dtype, normalized=True)
+    file.node(mesh=file.mesh(), extensions=instanced(file, ROTATION=turns))
+    expected = [*TRIANGLE, [0, 0, 0], [-1, 0, 0], [0, -1, 0]]
+    np.testing.assert_array_equal(read(file)[0].vertices[0], expected)
+
+
+def test_instances_move_with_their_node_when_it_is_animated(read):
+    file = Gltf()
+    extensions = instanced(file, TRANSLATION=[[0, 0, 0], [1, 0, 0]])
+    node = file.node(mesh=file.mesh(), extensions=extensions)
+    file.animate(node, "scale", [0, 1], [[1, 1, 1], [3, 1, 1]], "STEP")
+    file.animate(node, "translation", [0, 1], [[0, 0, 0], [0, 7, 0]])
+    found, _ = read(file)
+    both = np.concatenate([TRIANGLE, shifted(TRIANGLE, [1, 0, 0])])
+    np.testing.assert_array_equal(found.vertices, [both, both * [3, 1, 1] + [0, 7, 0]])
+
+
+def test_targets_move_every_instance_its_own_way_when_weights_are_animated(read):
+    file = Gltf()
+    mesh = file.mesh(targets=[[[0, 0, 1], [0, 0, 0], [0, 0, 0]]])
+    extensions = instanced(file, SCALE=[[1, 1, 1], [1, 1, -2]])
+    node = file.node(mesh=mesh, extensions=extensions)
+    file.animate(node, "weights", [0, 1], [0, 1])
+    found, _ = read(file)
+    np.testing.assert_array_equal(found.vertices[1][[0, 3]], [[0, 0, 1], [0, 0, -2]])
+
+
+@pytest.mark.parametrize("node_scale", [[1, 1, 1], [1, -1, 1]])
+def test_faces_of_an_instance_are_turned_when_it_mirrors(read, node_scale):
+    file = Gltf()
+    uv = file.accessor([[0, 0], [0.5, 0], [0, 0.25], [1, 1]])
+    mesh = file.mesh([*TRIANGLE, TRIANGLE[0]], [0, 1, 2, 3, 2, 1], attributes={"TEXCOORD_0": uv})
+    extensions = instanced(file, SCALE=[[1, 1, 1], [-1, 1, 1]])
+    file.node(mesh=mesh, extensions=extensions, scale=node_scale)
+    found, _ = read(file)
+    kept, turned = [[0, 1, 2], [0, 2, 1]], [[0, 2, 1], [0, 1, 2]]
+    if node_scale[1] < 0:
+        kept, turned = turned, kept
+    np.testing.assert_array_equal(found.faces, [*kept, *np.add(turned, 3)])
+    rows = {0: [0, 1], 1: [0.5, 1], 2: [0, 0.75], 3: [1, 0]}
+    split = [[0, 1, 2], [3, 2, 1]], [[0, 2, 1], [3, 1, 2]]
+    order = split if node_scale[1] > 0 else split[::-1]
+    expected = [rows[one] for faces in order for face in faces for one in face]
+    [attribute] = found.surface.attributes
+    np.testing.assert_array_equal(attribute.per_item(), expected)
+
+
+def test_instances_carry_colours_and_materials_when_the_mesh_has_them(read):
+    file = Gltf()
+    colors = np.arange(9).reshape(3, 3) / 8
+    mesh = file.mesh(attributes={"COLOR_0": file.accessor(colors)})
+    file.json["meshes"][mesh]["primitives"][0]["material"] = file.add("materials", name="leaf")
+    extensions = instanced(file, TRANSLATION=[[0, 0, 0], [5, 0, 0]])
+    file.node(mesh=mesh, extensions=extensions)
+    found, _ = read(file)
+    [attribute], [groups] = found.surface.attributes, found.surface.groups
+    np.testing.assert_array_equal(attribute.per_item(), np.tile(colors, (2, 1)))
+    assert (groups.labels, groups.numbers.tolist()) == (("leaf",), [0, 0])
+
+
+def test_load_reads_a_file_when_it_requires_instancing(read):
+    file = Gltf()
+    file.json["extensionsRequired"] = ["EXT_mesh_gpu_instancing"]
+    extensions = instanced(file, TRANSLATION=[[0, 0, 0], [5, 0, 0]])
+    file.node(mesh=file.mesh(), extensions=extensions)
+    assert read(file)[0].n_faces == 2
+
+
+def test_load_tells_which_values_of_instances_are_left_out(read):
+    file = Gltf()
+    number = file.accessor([1, 2])
+    extensions = instanced(file, TRANSLATION=[[0, 0, 0], [5, 0, 0]], more={"_ID": number})
+    file.node(mesh=file.mesh(), extensions=extensions)
+    assert read(file)[1] == [BAKED, "left out: values of instances: _ID"]
+
+
+def test_load_counts_all_instances_when_several_nodes_have_some(read):
+    file = Gltf()
+    extensions = instanced(file, TRANSLATION=[[0, 0, 0], [5, 0, 0]])
+    mesh = file.mesh()
+    file.node(mesh=mesh, extensions=extensions)
+    file.node(mesh=mesh, extensions=extensions, translation=[0, 9, 0])
+    found, notes = read(file, merge=True)
+    assert notes[0] == "baked 4 instances of 2 nodes, those of a node as one mesh"
+    assert [part.n_faces for part in found.surface.parts] == [2, 2]
+
+
+def test_load_leaves_out_instances_when_joints_move_the_mesh(read):
+    file = Gltf()
+    joints = file.accessor([[0, 0, 0, 0]] * 3, "u1")
+    weights = file.accessor([[1, 0, 0, 0]] * 3)
+    mesh = file.mesh(attributes={"JOINTS_0": joints, "WEIGHTS_0": weights})
+    skin = file.add("skins", joints=[1])
+    extensions = instanced(file, TRANSLATION=[[0, 0, 0], [5, 0, 0]])
+    file.node(mesh=mesh, skin=skin, extensions=extensions, name="tail")
+    file.node()
+    found, notes = read(file)
+    assert (found.n_faces, notes) == (1, ["left out: instances of skinned meshes: tail"])
+
+
+@pytest.mark.parametrize(
+    ("attributes", "message"),
+    [
+        ({"TRANSLATION": [[0, 0, 0]], "SCALE": [[1, 1, 1]] * 2}, "'count' must be 1 as"),
+        ({"TRANSLATION": [[0, 0, 0, 0]]}, "'type' must be VEC3 here; got 'VEC4'"),
+        ({"SCALE": [[1, 1, np.inf]]}, "node 0, .*: every SCALE must be finite"),
+        ({"TRANSLATION": 99}, "'TRANSLATION' must be below"),
+    ],
+)
+def test_load_says_what_is_wrong_when_instances_are_damaged(read, attributes, message):
+    file = Gltf()
+    file.node(mesh=file.mesh(), extensions=instanced(file, **attributes))
+    with pytest.raises(FormatError, match=message):
+        read(file)
+
+
+@pytest.mark.parametrize(("n_instances", "n_verts"), [(1 << 30, 3), (1 << 18, 3000), (1 << 20, 99)])
+def test_load_takes_little_memory_when_a_small_file_asks_for_many_instances(
+    tmp_path, n_instances, n_verts
+):
+    file = Gltf()
+    zeros = file.add("accessors", componentType=5126, count=n_instances, type="VEC3")
+    rng = np.random.default_rng(1)
+    mesh = file.mesh(rng.random((n_verts, 3)))
+    file.node(mesh=mesh, extensions=instanced(file, TRANSLATION=zeros))
+    path = file.save(tmp_path / "a.glb")
+    tracemalloc.start()
+    try:
+        with pytest.raises(FormatError, match=rf"node 0, with {n_instances} instances: .* 1 GiB"):
+            load(path)
+        assert tracemalloc.get_traced_memory()[1] < 1 << 30
+    finally:
+        tracemalloc.stop()
