@@ -18,10 +18,12 @@ from meshreel.cli.encode_options import (
     SizeOption,
     StedOption,
     TuneOption,
+    UvBitsOption,
     size_bytes_of,
 )
-from meshreel.cli.read_options import FpsOption, MergeOption
+from meshreel.cli.read_options import AttributesOption, FpsOption, MergeOption
 from meshreel.codec.config import DEFAULT_METHOD, DEFAULT_ORDER, EncoderConfig
+from meshreel.surface_selection import ALL, listed_names
 
 if TYPE_CHECKING:
     from meshreel.batch.manifest import Record
@@ -74,6 +76,8 @@ def batch_command(
     order: OrderOption = DEFAULT_ORDER,
     block_frames: BlockFramesOption = None,
     memory: MemoryOption = None,
+    uv_bits: UvBitsOption = None,
+    attributes: AttributesOption = ALL,
     fps: FpsOption = None,
     merge: MergeOption = False,
     force: Annotated[
@@ -103,7 +107,7 @@ def batch_command(
     """
     from meshreel.batch.encode_input import EncodeOptions
     from meshreel.batch.plan import plan_batch
-    from meshreel.cli.console import print_json
+    from meshreel.cli.console import print_json, print_notes
 
     if workers is not None and scheduler is not None:
         raise typer.BadParameter("--workers and --scheduler exclude each other; give one")
@@ -120,9 +124,13 @@ def batch_command(
         size=size,
         tune=tune,
         effort=effort,
+        uv_bits=uv_bits,
     )
-    plan = plan_batch(input_dir, out_dir, EncodeOptions(config, fps, merge), force=force)
+    listed_names(attributes)  # refused now, before any work
+    options = EncodeOptions(config, fps, merge, attributes)
+    plan = plan_batch(input_dir, out_dir, options, force=force)
     report = _run(plan, workers, scheduler)
+    print_notes([f"{name}: {note}" for name, one in report.encoded.items() for note in one.notes])
     for name, record in report.failed.items():
         typer.echo(f"meshreel: {name}: {record.error}", err=True)
     if as_json:

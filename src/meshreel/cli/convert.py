@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from meshreel.cli.read_options import (
+    AttributesOption,
     DatasetOption,
     FpsOption,
     MergeOption,
@@ -21,6 +22,7 @@ from meshreel.cli.write_options import (
     OutputOption,
     TargetsOption,
 )
+from meshreel.surface_selection import ALL
 
 if TYPE_CHECKING:
     from meshreel.sequence import FrameSource
@@ -42,6 +44,7 @@ def convert_command(
     merge: MergeOption = False,
     topology: TopologyOption = None,
     dataset: DatasetOption = None,
+    attributes: AttributesOption = ALL,
     split: SplitOption = False,
     targets: TargetsOption = None,
     max_error: GltfErrorOption = None,
@@ -82,7 +85,10 @@ def convert_command(
     notes: list[str] = []
     done: list[dict[str, Any]] = []
     with progress_bar() as progress:
-        reading = ReadOptions(fps, object, merge, topology, dataset, progress=progress, notes=notes)
+        reading = ReadOptions(
+            fps, object, merge, topology, dataset,
+            progress=progress, notes=notes, attributes=attributes,
+        )  # fmt: skip
 
         def write(sequence: "FrameSource", target: str | Path) -> None:
             wanted = frame_range(chosen, sequence.n_frames)

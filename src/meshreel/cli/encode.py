@@ -26,9 +26,11 @@ from meshreel.cli.encode_options import (
     StedOption,
     StepOption,
     TuneOption,
+    UvBitsOption,
     size_bytes_of,
 )
 from meshreel.cli.read_options import (
+    AttributesOption,
     DatasetOption,
     FpsOption,
     MergeOption,
@@ -44,6 +46,7 @@ from meshreel.codec.config import (
     DEFAULT_ORDER,
     EncoderConfig,
 )
+from meshreel.surface_selection import ALL
 
 
 def encode_command(
@@ -82,11 +85,13 @@ def encode_command(
     block_frames: BlockFramesOption = None,
     memory: MemoryOption = None,
     iterations: IterationsOption = DEFAULT_ITERATIONS,
+    uv_bits: UvBitsOption = None,
     fps: FpsOption = None,
     object: ObjectOption = None,
     merge: MergeOption = False,
     topology: TopologyOption = None,
     dataset: DatasetOption = None,
+    attributes: AttributesOption = ALL,
     split: SplitOption = False,
     force: Annotated[
         bool, typer.Option("--force", "-f", help="Replace the output if it exists.")
@@ -109,6 +114,10 @@ def encode_command(
     - `meshreel encode shot.usdc --merge -o shot.reel`
 
     - `meshreel encode walk.npz --size 100000 --order drop --effort 9`
+
+    - `meshreel encode character.glb --uv-bits 12`
+
+    - `meshreel encode character.glb --attributes none`
 
     - `meshreel encode huge_frames/ --memory 1GiB`
 
@@ -149,11 +158,14 @@ def encode_command(
         step=step,
         tune=tune,
         effort=effort,
+        uv_bits=uv_bits,
     )
     frames = natural_order(Path(path) for path in inputs)
     source = inputs[0] if len(inputs) == 1 else frames
     with progress_bar() as progress, profiled() as times:
-        reading = ReadOptions(fps, object, merge, topology, dataset, progress=progress)
+        reading = ReadOptions(
+            fps, object, merge, topology, dataset, progress=progress, attributes=attributes
+        )
         if split:
             stretches = find_stretches(source, loading_for(config.memory, reading))
             cut = len(stretches) > 1

@@ -23,6 +23,7 @@ from meshreel.codec.targets import (
     target_of,
     tune_named,
 )
+from meshreel.codec.uv_grid import check_uv_bits
 from meshreel.errors import InvalidInputError
 from meshreel.quantization.uniform import MAX_BITS, MIN_BITS
 
@@ -75,6 +76,7 @@ class EncoderConfig:
     step: float | None = None
     tune: str | None = None
     effort: int | None = None
+    uv_bits: int | None = None
 
     def __post_init__(self) -> None:
         # Names that do not exist are refused now, before any work.
@@ -111,6 +113,8 @@ class EncoderConfig:
         if self.memory is not None and not 0 < self.memory < float("inf"):
             raise InvalidInputError(f"memory is in bytes, above 0; got {self.memory}")
         _check_count("n_iterations", self.n_iterations)
+        if self.uv_bits is not None:
+            check_uv_bits(self.uv_bits)
 
     def _check_target(self) -> None:
         """`reel` takes a target, the paper's methods take bits."""

@@ -4,6 +4,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from meshreel.progress import Progress, silent
+from meshreel.surface_selection import ALL, Names
 
 
 @dataclass(frozen=True)
@@ -30,6 +31,8 @@ class ReadOptions:
         Told the share of frames read.
     notes : list of str
         Gains one sentence for each thing that was changed while reading, to be shown to a user.
+    attributes : str or sequence of str, default "all"
+        The attributes and groups to take: "all", "none", or names.
     """
 
     fps: float | None = None
@@ -40,6 +43,7 @@ class ReadOptions:
     max_loaded_bytes: int | None = None
     progress: Progress = silent
     notes: list[str] = field(default_factory=list)
+    attributes: Names = ALL
 
 
 @dataclass(frozen=True)
