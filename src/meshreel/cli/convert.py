@@ -48,7 +48,7 @@ def convert_command(
     split: SplitOption = False,
     targets: TargetsOption = None,
     max_error: GltfErrorOption = None,
-    normals: NormalsOption = False,
+    normals: NormalsOption = None,
     force: ForceOption = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print what was done as JSON.")] = False,
 ) -> None:

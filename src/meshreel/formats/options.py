@@ -56,10 +56,11 @@ class WriteOptions:
         How many morph targets the animation is made of.
     max_error : float, optional
         Percent of the diagonal of the bounding box of all frames that no vertex may be off.
-    normals : bool, default False
-        Whether morph targets move normals too.
+    normals : bool, optional
+        Whether there are normals, moved by all morph targets. Default: smooth surfaces have them,
+        moved by as many targets as bring them near.
     """
 
     targets: int | None = None
     max_error: float | None = None
-    normals: bool = False
+    normals: bool | None = None
