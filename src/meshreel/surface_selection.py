@@ -1,6 +1,6 @@
 """Some of what a mesh carries, by name."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 from meshreel.errors import InvalidInputError
@@ -73,6 +73,22 @@ def listed_names(names: Names) -> list[str]:
             f"attributes takes all, none, or names as in uv,color; got {names!r}"
         )
     return found
+
+
+def differing_names(first: Surface, other: Surface) -> list[str]:
+    """Names of attributes and groups that two surfaces do not have alike."""
+    given, found = (dict(_contents(one)) for one in (first, other))
+    names = [name for name in {**given, **found} if given.get(name) != found.get(name)]
+    return list(dict.fromkeys(name for _, name in names))
+
+
+def _contents(surface: Surface) -> Iterator[tuple[tuple[str, str], tuple[object, ...]]]:
+    """What is compared of each attribute and each kind of groups, by what it is and its name."""
+    for one in surface.attributes:
+        values = one.per_item()
+        yield ("attribute", one.name), (one.domain, values.dtype, values.shape, values.tobytes())
+    for groups in surface.groups:
+        yield ("groups", groups.name), (groups.labels, groups.numbers.tobytes())
 
 
 def _names_of(attribute: Attribute) -> set[str]:

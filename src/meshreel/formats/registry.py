@@ -26,7 +26,12 @@ from meshreel.formats.meshes.off_writing import off_encoder
 from meshreel.formats.meshes.ply import parse_ply, ply_positions_like
 from meshreel.formats.meshes.ply_surface import parse_ply_surface
 from meshreel.formats.meshes.ply_writing import ply_encoder
-from meshreel.formats.meshes.stl import parse_stl, stl_encoder, stl_positions_like
+from meshreel.formats.meshes.stl import (
+    parse_stl,
+    parse_stl_surface,
+    stl_encoder,
+    stl_positions_like,
+)
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.reel import open_reel, write_reel
 from meshreel.formats.usd.reading import read_meshes as read_usd
@@ -66,6 +71,7 @@ FRAME_FORMATS = {
             parse_stl,
             stl_encoder,
             stl_positions_like,
+            parse_stl_surface,
             is_decimal=True,
             has_corners_only=True,
         ),

@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.formats.meshes.ply import ply_mesh
+from meshreel.formats.left_out import note_kinds, note_normals
+from meshreel.formats.meshes.ply import INDEX_NAMES, ply_mesh
 from meshreel.formats.meshes.ply_header import PlyProperty
 from meshreel.formats.meshes.ply_tables import PlyTable, read_ply_tables
 from meshreel.surface import VALUE_TYPES, Attribute, Domain, Kind, Surface
@@ -19,13 +20,14 @@ from meshreel.surface import VALUE_TYPES, Attribute, Domain, Kind, Surface
 COLOR_NAMES = ("red", "green", "blue", "alpha")
 UV_NAMES = (("s", "t"), ("u", "v"), ("texture_u", "texture_v"), ("texture_s", "texture_t"))
 CORNER_UV_NAME = "texcoord"
-PASSED_OVER = ("x", "y", "z", "nx", "ny", "nz")
+NORMALS = ("nx", "ny", "nz")
+PASSED_OVER = ("x", "y", "z", *NORMALS)
 
 Values = npt.NDArray[Any]
 
 
-def parse_ply_surface(data: bytes) -> Surface:
-    """Attributes of the bytes of a PLY file.
+def parse_ply_surface(data: bytes, notes: list[str] | None = None) -> Surface:
+    """Attributes of the bytes of a PLY file; notes gain a sentence on what is left out.
 
     Raises
     ------
@@ -40,7 +42,25 @@ def parse_ply_surface(data: bytes) -> Surface:
         *_attributes(tables["face"], Domain.FACE),
         *([corner_uv] if corner_uv is not None else []),
     )
+    if notes is not None:
+        _note_left_out(tables, notes, has_corner_uv=corner_uv is not None)
     return Surface(None, attributes)
+
+
+def _note_left_out(tables: dict[str, PlyTable], notes: list[str], *, has_corner_uv: bool) -> None:
+    names = {column.name for column in tables["vertex"].element.properties}
+    if names & set(NORMALS):
+        note_normals(notes)
+    taken = {*INDEX_NAMES, *([CORNER_UV_NAME] if has_corner_uv else [])}
+    lists = [
+        f"{name}.{column.name}"
+        for name in ("vertex", "face")
+        for column in tables[name].element.properties
+        if column.count_code and not (name == "face" and column.name in taken)
+    ]
+    note_kinds(notes, "lists", lists)
+    others = [name for name, one in tables.items() if one.element.n_rows]
+    note_kinds(notes, "elements", (name for name in others if name not in ("vertex", "face")))
 
 
 def _attributes(table: PlyTable, domain: Domain) -> Iterator[Attribute]:
