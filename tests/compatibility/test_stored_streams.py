@@ -13,6 +13,7 @@ import pytest
 import meshreel
 from meshreel.bitstream.layout import FORMAT_VERSION
 from meshreel.codec.methods import METHODS
+from meshreel.surface import Kind
 from sample_meshes import assert_same_surface, irregular_sequence, two_sheets, waving_grid
 
 HERE = Path(__file__).parent
@@ -35,6 +36,12 @@ def test_stored_surface_comes_back_exactly(version):
     decoded = meshreel.decode((HERE / f"v{version}_reel_sheets.reel").read_bytes())
     assert_same_surface(decoded.surface, two_sheets().surface)
     assert decoded.start_s == two_sheets().start_s
+
+
+def test_stored_texture_coordinates_on_a_grid_come_back_exactly():
+    decoded = meshreel.decode((HERE / "v2_reel_sheets-uv-bits.reel").read_bytes())
+    given, found = (one.surface.of_kind(Kind.UV)[0].values for one in (two_sheets(), decoded))
+    np.testing.assert_array_equal(found, np.rint(given * 1024) / 1024)
 
 
 def test_every_version_has_a_stream_when_the_folder_is_listed():
@@ -64,6 +71,7 @@ def new_streams():
         },
         "reel_grid": meshreel.encode(waving_grid(40, 14, 15)),
         "reel_sheets": meshreel.encode(two_sheets()),
+        "reel_sheets-uv-bits": meshreel.encode(two_sheets(), uv_bits=10),
         "reel_irregular": meshreel.encode(irregular_sequence(7), max_error=0.5, effort=9),
         "reel_shuffled-drop": meshreel.encode(
             mixed, quality=60, effort=1, order="drop", block_frames=5

@@ -28,6 +28,7 @@ STREAMS = {
     "reel irregular": encode(irregular_sequence(3), "reel", step=0.01),
     "reel corrected": encode(irregular_sequence(4), max_error=8.0, n_modes=2, block_frames=2),
     "surface": encode(two_sheets(2), step=0.01),
+    "surface on a grid": encode(two_sheets(2), step=0.01, uv_bits=9),
     "serial": encode(waving_grid(3, 4, 5), "pca-qs", n_modes=2),
 }
 

@@ -77,6 +77,7 @@ CASES = {
     "coarse": (flag, {"max_error": 2.0}),
     "targets": (flag, {"targets": 7}),
     "normals": (flag, {"normals": True}),
+    "no normals": (flag, {"normals": False}),
     "dressed": (dressed, {}),
     "dressed with normals": (dressed, {"normals": True}),
     "still": (still, {}),

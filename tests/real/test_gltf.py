@@ -6,6 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import meshreel
+from meshreel.codec.uv_errors import measure_uvs
 from meshreel.formats.load import load, open_source
 
 pytestmark = pytest.mark.real
@@ -73,8 +75,23 @@ def test_walk_is_read_bit_by_bit_when_it_stays_in_its_file(folder, walk):
 def test_walk_has_its_seams_at_corners_when_vertices_are_welded(folder, walk):
     notes = []
     load(folder / "native" / "cesium_man.glb", notes=notes)
-    assert notes == ["welded 3273 vertices, split at seams, to 2338"]
+    assert "welded 3273 vertices, split at seams, to 2338" in notes
     [uv] = walk.surface.attributes
     assert (uv.name, uv.domain, len(uv.values)) == ("uv", "corner", 2612)
     [materials] = walk.surface.groups
     assert materials.labels == ("Cesium_Man-effect",)
+
+
+def test_walk_takes_a_third_less_when_its_texture_coordinates_are_texels(walk):
+    exact, texels = (meshreel.encode(walk, uv_bits=bits) for bits in (None, 12))
+    bytes_of = [meshreel.info(data).budget_bytes["attribute"] for data in (exact, texels)]
+    assert bytes_of[1] < 0.45 * bytes_of[0]
+    assert len(texels) < 0.7 * len(exact)
+    assert measure_uvs(walk, texels).texels <= 0.5
+
+
+def test_walk_is_shaded_within_5_degrees_when_it_is_written_by_default(walk, tmp_path):
+    notes = []
+    meshreel.save(walk, tmp_path / "walk.glb", notes=notes)
+    (said,) = (note.split() for note in notes if note.startswith("normals are smooth"))
+    assert float(said[said.index("degrees") - 1]) < 5

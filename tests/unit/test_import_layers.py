@@ -17,7 +17,7 @@ FLOORS = [  # from the top
     {"codec", "rendering", "flag"},
     {"bitstream", "connectivity", "reconstruction", "subspace", "quantization", "metrics"},
     {"geometry", "entropy"},
-    {"sequence", "engine"},
+    {"sequence", "surface_selection", "engine"},
     {"surface", "atomic_write", "progress", "threads", "profiling"},
     {"errors", "counting"},
 ]

@@ -2,7 +2,7 @@
 
 import math
 import time
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass, fields, replace
 from typing import Any
 
 from meshreel import __version__
@@ -10,11 +10,17 @@ from meshreel.codec.achieved import measure_stream
 from meshreel.codec.config import EncoderConfig
 from meshreel.codec.encoder import encode
 from meshreel.codec.inspect import info
-from meshreel.codec.methods import Basis
+from meshreel.codec.methods import Basis, Order
+from meshreel.codec.surface_payloads import what_order_loses
+from meshreel.codec.uv_errors import measure_uvs
+from meshreel.codec.uv_grid import has_uvs
 from meshreel.engine.engine import Engine
 from meshreel.errors import InvalidInputError
 from meshreel.formats.load import open_for_encoding
 from meshreel.formats.options import ReadOptions
+from meshreel.formats.selection import with_surface
+from meshreel.sequence import FrameSource
+from meshreel.surface_selection import ALL, chosen, describe_missing, missing_names
 
 
 @dataclass(frozen=True)
@@ -28,11 +34,15 @@ class EncodeOptions:
         In place of what the input says.
     merge : bool
         Whether all meshes of an input are taken as one, where the format may hold several.
+    attributes : str
+        Names of those to keep, as in "uv,color"; or "all" or "none". An input that lacks one gets
+        a note.
     """
 
     config: EncoderConfig
     fps: float | None = None
     merge: bool = False
+    attributes: str = ALL
 
     @property
     def are_cut(self) -> bool:
@@ -46,6 +56,8 @@ class EncodeOptions:
                   if getattr(self.config, option.name) != option.default}  # fmt: skip
         if self.fps is not None:
             chosen["fps"] = self.fps
+        if self.attributes != ALL:
+            chosen["attributes"] = self.attributes
         return {**chosen, "merge": True} if self.merge else chosen
 
 
@@ -85,21 +97,38 @@ def encode_input(
     began = time.perf_counter()
     notes: list[str] = []
     reading = ReadOptions(fps=options.fps, merge=options.merge, notes=notes)
-    sequence = open_for_encoding(source, options.config.memory_bytes, reading)
-    data = encode(sequence, **vars(options.config), engine=engine)
-    achieved = measure_stream(
-        sequence, data, order=options.config.order, with_sted=options.config.sted is not None
-    )
+    opened = open_for_encoding(source, options.config.memory_bytes, reading)
+    sequence, config = _suited(opened, options, notes)
+    data = encode(sequence, **vars(config), engine=engine)
+    achieved = measure_stream(sequence, data, order=config.order, with_sted=config.sted is not None)
     stream = info(data)
+    if lost := what_order_loses(sequence.surface, Order[stream.order.upper()]):
+        notes.append(lost)
+    uv = None if config.uv_bits is None else measure_uvs(sequence, data)
     figures = {
         "seconds": round(time.perf_counter() - began, 3),
         "raw_size_bytes": stream.raw_size_bytes,
         "size_bytes": stream.size_bytes,
         "ratio": stream.ratio,
         **{name: _finite(error) for name, error in asdict(achieved).items()},
+        "uv_error": None if uv is None else uv.largest,
         "notes": notes,
     }
     return Encoded(data, figures)
+
+
+def _suited(
+    opened: FrameSource, options: EncodeOptions, notes: list[str]
+) -> tuple[FrameSource, EncoderConfig]:
+    """An input with the attributes to keep of it, and what of the options it can follow."""
+    config = options.config
+    if missing := missing_names(opened.surface, options.attributes):
+        notes.append(describe_missing(opened.surface, missing))
+    sequence = with_surface(opened, chosen(opened.surface, options.attributes))
+    if config.uv_bits is not None and not has_uvs(sequence.surface):
+        notes.append("has no texture coordinates that uv_bits could quantise")
+        config = replace(config, uv_bits=None)
+    return sequence, config
 
 
 def _finite(error: float | None) -> float | None:

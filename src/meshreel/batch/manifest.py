@@ -43,8 +43,11 @@ class Record:
         To read, encode and measure it. This and what follows is None unless it is done.
     raw_size_bytes, size_bytes, ratio, kg_error_percent, max_error_percent, sted
         As `meshreel encode --json` gives them.
+    uv_error : float or None
+        The largest difference of a texture coordinate, where 1 is the width of a texture; None if
+        they are exact.
     notes : list of str
-        What was changed while reading.
+        What was changed while reading, and what is left out.
     """
 
     state: str
@@ -61,6 +64,7 @@ class Record:
     kg_error_percent: float | None = None
     max_error_percent: float | None = None
     sted: float | None = None
+    uv_error: float | None = None
     notes: list[str] = field(default_factory=list)
 
 

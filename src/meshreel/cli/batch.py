@@ -19,10 +19,12 @@ from meshreel.cli.encode_options import (
     StedOption,
     TuneOption,
     UnitOption,
+    UvBitsOption,
 )
 from meshreel.cli.option_names import in_option_names
-from meshreel.cli.read_options import FpsOption, MergeOption
+from meshreel.cli.read_options import AttributesOption, FpsOption, MergeOption
 from meshreel.codec.config import DEFAULT_METHOD, DEFAULT_ORDER, EncoderConfig
+from meshreel.surface_selection import ALL, listed_names
 
 if TYPE_CHECKING:
     from meshreel.batch.manifest import Record
@@ -83,6 +85,8 @@ def batch_command(
     order: OrderOption = DEFAULT_ORDER,
     block_frames: BlockFramesOption = None,
     memory: MemoryOption = None,
+    uv_bits: UvBitsOption = None,
+    attributes: AttributesOption = ALL,
     fps: FpsOption = None,
     merge: MergeOption = False,
     force: Annotated[
@@ -112,7 +116,7 @@ def batch_command(
     """
     from meshreel.batch.encode_input import EncodeOptions
     from meshreel.batch.plan import plan_batch
-    from meshreel.cli.console import print_json
+    from meshreel.cli.console import print_json, print_notes
 
     if workers is not None and scheduler is not None:
         raise typer.BadParameter("--workers and --scheduler exclude each other; give one")
@@ -130,9 +134,13 @@ def batch_command(
         tune=tune,
         effort=effort,
         unit=unit,
+        uv_bits=uv_bits,
     )
-    plan = plan_batch(input_dir, out_dir, EncodeOptions(config, fps, merge), force=force)
+    listed_names(attributes)  # refused now, before any work
+    options = EncodeOptions(config, fps, merge, attributes)
+    plan = plan_batch(input_dir, out_dir, options, force=force)
     report = _run(plan, workers, scheduler)
+    print_notes([f"{name}: {note}" for name, one in report.encoded.items() for note in one.notes])
     for name, record in report.failed.items():
         typer.echo(f"meshreel: {name}: {in_option_names(record.error or '')}", err=True)
     if as_json:

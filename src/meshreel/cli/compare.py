@@ -72,7 +72,7 @@ def compare_command(
             plot_error_per_frame(plot, title, quality.nmsve, fps=first.fps, overwrite=force)
     print_notes(notes)
     if as_json:
-        figures = quality.as_dict()
-        print_json({"original": original, "decoded": decoded, **figures, "notes": notes})
+        figures = {"original": original, "decoded": decoded, **quality.as_dict()}
+        print_json({**figures, "notes": notes})
         return
     print_table(f"{decoded} against {original}", quality_rows(quality))

@@ -8,6 +8,7 @@ import typer
 from meshreel.cli.completing import input_files
 from meshreel.cli.encode_options import UnitOption
 from meshreel.cli.read_options import (
+    AttributesOption,
     DatasetOption,
     FpsOption,
     MergeOption,
@@ -23,6 +24,7 @@ from meshreel.cli.write_options import (
     OutputOption,
     TargetsOption,
 )
+from meshreel.surface_selection import ALL
 
 if TYPE_CHECKING:
     from meshreel.sequence import FrameSource
@@ -45,11 +47,12 @@ def convert_command(
     merge: MergeOption = False,
     topology: TopologyOption = None,
     dataset: DatasetOption = None,
+    attributes: AttributesOption = ALL,
     split: SplitOption = False,
     targets: TargetsOption = None,
     max_error: GltfErrorOption = None,
     unit: UnitOption = None,
-    normals: NormalsOption = False,
+    normals: NormalsOption = None,
     force: ForceOption = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print what was done as JSON.")] = False,
 ) -> None:
@@ -93,7 +96,10 @@ def convert_command(
     notes: list[str] = []
     done: list[dict[str, Any]] = []
     with progress_bar() as progress:
-        reading = ReadOptions(fps, object, merge, topology, dataset, progress=progress, notes=notes)
+        reading = ReadOptions(
+            fps, object, merge, topology, dataset,
+            progress=progress, notes=notes, attributes=attributes,
+        )  # fmt: skip
 
         def write(sequence: "FrameSource", target: str | Path) -> None:
             wanted = frame_range(chosen, sequence.n_frames)

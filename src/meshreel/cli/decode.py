@@ -33,7 +33,7 @@ def decode_command(
     targets: TargetsOption = None,
     max_error: GltfErrorOption = None,
     unit: UnitOption = None,
-    normals: NormalsOption = False,
+    normals: NormalsOption = None,
     force: ForceOption = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print what was done as JSON.")] = False,
     profile: Annotated[bool, typer.Option("--profile", help="Print seconds by stage.")] = False,

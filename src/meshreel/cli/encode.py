@@ -28,8 +28,10 @@ from meshreel.cli.encode_options import (
     StepOption,
     TuneOption,
     UnitOption,
+    UvBitsOption,
 )
 from meshreel.cli.read_options import (
+    AttributesOption,
     DatasetOption,
     FpsOption,
     MergeOption,
@@ -45,6 +47,7 @@ from meshreel.codec.config import (
     DEFAULT_ORDER,
     EncoderConfig,
 )
+from meshreel.surface_selection import ALL
 
 
 def encode_command(
@@ -88,11 +91,13 @@ def encode_command(
     block_frames: BlockFramesOption = None,
     memory: MemoryOption = None,
     iterations: IterationsOption = DEFAULT_ITERATIONS,
+    uv_bits: UvBitsOption = None,
     fps: FpsOption = None,
     object: ObjectOption = None,
     merge: MergeOption = False,
     topology: TopologyOption = None,
     dataset: DatasetOption = None,
+    attributes: AttributesOption = ALL,
     split: SplitOption = False,
     force: Annotated[
         bool, typer.Option("--force", "-f", help="Replace the output if it exists.")
@@ -117,6 +122,10 @@ def encode_command(
     - `meshreel encode shot.usdc --merge -o shot.reel`
 
     - `meshreel encode walk.npz --size 100kB --order drop --effort 9`
+
+    - `meshreel encode character.glb --uv-bits 12`
+
+    - `meshreel encode character.glb --attributes none`
 
     - `meshreel encode huge_frames/ --memory 1GiB`
 
@@ -158,11 +167,14 @@ def encode_command(
         tune=tune,
         effort=effort,
         unit=unit,
+        uv_bits=uv_bits,
     )
     frames = natural_order(Path(path) for path in inputs)
     source = inputs[0] if len(inputs) == 1 else frames
     with progress_bar() as progress, profiled() as times:
-        reading = ReadOptions(fps, object, merge, topology, dataset, progress=progress)
+        reading = ReadOptions(
+            fps, object, merge, topology, dataset, progress=progress, attributes=attributes
+        )
         if split:
             stretches = find_stretches(source, loading_for(config.memory_bytes, reading))
             cut = len(stretches) > 1

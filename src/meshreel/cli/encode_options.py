@@ -9,6 +9,7 @@ from meshreel.codec.config import DEFAULT_ANCHORS, DEFAULT_ENERGY
 from meshreel.codec.error_bounds import METRES
 from meshreel.codec.methods import METHODS, Allocation, Laplacian, Order
 from meshreel.codec.targets import DEFAULT_EFFORT, DEFAULT_QUALITY, Tune
+from meshreel.codec.uv_grid import MAX_UV_BITS, MIN_UV_BITS
 
 METHOD_NAMES = ", ".join(row.name for row in METHODS)
 LAPLACIAN_NAMES = ", ".join(row.name.lower() for row in Laplacian)
@@ -179,4 +180,12 @@ MemoryOption = Annotated[
 IterationsOption = Annotated[
     int,
     typer.Option(rich_help_panel=PAPER, help="Orthogonal iterations from block to block (blocks)."),
+]
+UvBitsOption = Annotated[
+    int | None,
+    typer.Option(
+        metavar="N",
+        help=f"Round texture coordinates to a grid of 2^N steps to the width of a texture, N of "
+        f"{MIN_UV_BITS} to {MAX_UV_BITS}; 12 is a texel of a 4096 texture. Default: exact.",
+    ),
 ]

@@ -9,6 +9,7 @@ from meshreel.codec.config import EncoderConfig
 if TYPE_CHECKING:
     from meshreel.codec.achieved import Achieved
     from meshreel.codec.inspect import StreamInfo
+    from meshreel.codec.uv_errors import UvErrors
     from meshreel.progress import Progress
     from meshreel.sequence import FrameSource
 
@@ -20,19 +21,22 @@ class EncodedFile:
     target: Path
     stream: "StreamInfo"
     achieved: "Achieved"
+    uv: "UvErrors | None" = None
 
     def figures(self) -> dict[str, Any]:
         """What is printed as JSON."""
-        from meshreel.cli.figures import size_figures
+        from meshreel.cli.figures import size_figures, uv_figures
 
-        return {"output": str(self.target), **size_figures(self.stream), **vars(self.achieved)}
+        figures = {"output": str(self.target), **size_figures(self.stream), **vars(self.achieved)}
+        return figures | uv_figures(self.uv)
 
     def show(self) -> None:
         """Print it as a table."""
         from meshreel.cli.console import print_table
-        from meshreel.cli.figures import achieved_rows, size_rows
+        from meshreel.cli.figures import achieved_rows, size_rows, uv_rows
 
         rows = {**size_rows(self.stream), **achieved_rows(self.achieved, self.stream)}
+        rows |= uv_rows(self.uv)
         print_table(str(self.target), rows)
 
 
@@ -52,6 +56,7 @@ def encode_file(
     from meshreel.codec.inspect import info
     from meshreel.codec.methods import Order
     from meshreel.codec.surface_payloads import what_order_loses
+    from meshreel.codec.uv_errors import measure_uvs
     from meshreel.profiling import stage
 
     data = encode(sequence, **vars(config), progress=progress)
@@ -64,4 +69,5 @@ def encode_file(
     stream = info(data)
     if lost := what_order_loses(sequence.surface, Order[stream.order.upper()]):
         notes.append(lost)
-    return EncodedFile(target, stream, achieved)
+    uv = None if config.uv_bits is None else measure_uvs(sequence, data)
+    return EncodedFile(target, stream, achieved, uv)

@@ -83,7 +83,7 @@ def evaluate_command(
             progress=progress,
         )  # fmt: skip
     print_notes([*notes, *made.notes])
-    print_report(made, out, as_json=as_json)
+    print_report(made, out, notes, as_json=as_json)
 
 
 def _names(text: str) -> list[str]:

@@ -5,6 +5,7 @@ from typing import Any
 from meshreel.cli.console import size_text
 from meshreel.codec.achieved import Achieved
 from meshreel.codec.inspect import StreamInfo
+from meshreel.codec.uv_errors import UvErrors
 from meshreel.counting import counted
 from meshreel.metrics.compare import Quality
 from meshreel.viewer.measuring import Measured
@@ -43,6 +44,23 @@ def achieved_rows(achieved: Achieved, stream: StreamInfo) -> dict[str, str]:
     if achieved.sted is not None:
         rows["STED"] = f"{achieved.sted:.5f}"
     return rows
+
+
+def uv_figures(errors: UvErrors | None) -> dict[str, Any]:
+    """Errors of quantised texture coordinates, as `encode` prints them as JSON."""
+    if errors is None:
+        return {}
+    return {"uv_error": errors.largest, "uv_error_texels_4096": errors.texels}
+
+
+def uv_rows(errors: UvErrors | None) -> dict[str, str]:
+    """The same for a table; nothing if texture coordinates are exact or not there."""
+    if errors is None:
+        return {}
+    return {
+        "texture coordinates": f"off by up to {errors.largest:.2g} of a texture's width, "
+        f"{errors.texels:.3g} texels of 4096"
+    }
 
 
 def info_rows(stream: StreamInfo) -> dict[str, str]:

@@ -67,7 +67,7 @@ def paper_command(
             sequences, out, methods=chosen, quick=quick, command=command, progress=progress
         )
     print_notes(notes)
-    print_report(made, out, as_json=as_json)
+    print_report(made, out, notes, as_json=as_json)
 
 
 def _command_line(

@@ -45,6 +45,15 @@ DatasetOption = Annotated[
         rich_help_panel=READING,
     ),
 ]
+AttributesOption = Annotated[
+    str,
+    typer.Option(
+        metavar="all|none|NAME,...",
+        help="Attributes and groups to take, by name or kind: uv, color, material, ... Polygons "
+        "and parts are always taken.",
+        rich_help_panel=READING,
+    ),
+]
 SplitOption = Annotated[
     bool,
     typer.Option(

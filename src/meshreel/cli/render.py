@@ -177,7 +177,7 @@ def render_command(
     print_notes(notes)
     figures = {"output": str(output), **figures, "size_bytes": output.stat().st_size}
     if as_json:
-        print_json(figures)
+        print_json({**figures, "notes": notes})
         return
     _print_drawn(figures)
 

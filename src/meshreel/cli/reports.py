@@ -25,10 +25,10 @@ class Made(Protocol):
         """Everything in plain types."""
 
 
-def print_report(made: Made, out: Path, *, as_json: bool) -> None:
-    """Where the report lies, or all its figures as JSON."""
+def print_report(made: Made, out: Path, notes: list[str], *, as_json: bool) -> None:
+    """Where the report lies, or all its figures as JSON, with the notes on the inputs."""
     if as_json:
-        print_json(made.as_dict())
+        print_json({**made.as_dict(), "notes": notes})
         return
     n_figures = sum(len(pictures) for _, pictures in made.measured)
     written = {"report": str(made.html), "the same, as Markdown": str(made.markdown)}

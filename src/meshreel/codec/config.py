@@ -25,6 +25,7 @@ from meshreel.codec.targets import (
     target_of,
     tune_named,
 )
+from meshreel.codec.uv_grid import check_uv_bits
 from meshreel.counting import counted
 from meshreel.errors import InvalidInputError
 from meshreel.quantization.uniform import MAX_BITS, MIN_BITS
@@ -79,6 +80,7 @@ class EncoderConfig:
     tune: str | None = None
     effort: int | None = None
     unit: str | None = None
+    uv_bits: int | None = None
 
     def __post_init__(self) -> None:
         self._read_texts()
@@ -114,6 +116,8 @@ class EncoderConfig:
         if self.block_frames is not None:
             _check_count("block_frames", self.block_frames)
         _check_count("n_iterations", self.n_iterations)
+        if self.uv_bits is not None:
+            check_uv_bits(self.uv_bits)
 
     def _read_texts(self) -> None:
         """Put numbers in place of sizes such as "100kB", and of lengths what they are in units."""

@@ -16,9 +16,11 @@ from meshreel.codec.methods import Basis
 from meshreel.codec.paper_encoder import PaperBlockCoder
 from meshreel.codec.reel_encoder import ReelEncoder
 from meshreel.codec.source import Source
+from meshreel.codec.uv_grid import check_uvs
 from meshreel.engine.engine import Engine
 from meshreel.progress import Count, Progress, silent
 from meshreel.sequence import FrameSource
+from meshreel.surface_selection import ALL, Names, selected
 
 
 def encode(
@@ -45,6 +47,8 @@ def encode(
     tune: str | None = None,
     effort: int | None = None,
     unit: str | None = None,
+    uv_bits: int | None = None,
+    attributes: Names = ALL,
     progress: Progress = silent,
     engine: Engine | None = None,
 ) -> bytes:
@@ -115,6 +119,12 @@ def encode(
         1..9, time against size; default 5.
     unit : {"mm", "cm", "m", "km", "in", "ft"}, optional
         How long one unit of the model is, for a `max_error` that is a length.
+    uv_bits : int, optional
+        4..24: texture coordinates are rounded to a grid of 2^uv_bits steps to the width of a
+        texture, which takes far fewer bytes. Default: they come back exactly.
+    attributes : str or sequence of str, default "all"
+        Which attributes and groups of the surface to keep: "all", "none", or names; a kind such
+        as "uv" or "color" names all of it. Polygons and parts are kept.
     progress : callable, optional
         Called with the stage and the share done, 0..1.
     engine : Engine, optional
@@ -125,8 +135,8 @@ def encode(
     Raises
     ------
     InvalidInputError
-        If an option is out of range, the mesh is too large for the method, or no stream meets the
-        target.
+        If an option is out of range or chooses nothing, the mesh is too large for the method, or
+        no stream meets the target.
 
     References
     ----------
@@ -155,9 +165,13 @@ def encode(
         tune=tune,
         effort=effort,
         unit=unit,
+        uv_bits=uv_bits,
     )
+    surface = selected(sequence.surface, attributes)
+    if uv_bits is not None:
+        check_uvs(surface, uv_bits)
     progress("encoding connectivity", 0.0)
-    source = Source(sequence, config)
+    source = Source(sequence, config, surface)
     if config.method_row.basis is Basis.JOINT:
         return ReelEncoder(source, progress, engine).encode()
     coder = PaperBlockCoder(source.mesh, source.frame, source.blocks())

@@ -88,7 +88,7 @@ class CodedMesh:
     @cached_property
     def _surface_sections(self) -> list[tuple[Section, bytes]]:
         kept = surface_in_order(self.surface, self.order_kept, self.order)
-        return list(surface_sections(kept, self.given_faces))
+        return list(surface_sections(kept, self.given_faces, self.config.uv_bits))
 
     def header(
         self,
@@ -156,18 +156,20 @@ class Source:
     ----------
     sequence : FrameSource
     config : EncoderConfig
+    surface : Surface, optional
+        What is coded of the sequence's. Default: all of it.
     """
 
     sequence: FrameSource
     config: EncoderConfig
+    surface: Surface | None = None
 
     @cached_property
     def mesh(self) -> CodedMesh:
         """The mesh of all frames."""
         sequence = self.sequence
-        return CodedMesh(
-            sequence.faces, sequence.n_verts, self.config, sequence.surface, sequence.start_s
-        )
+        surface = sequence.surface if self.surface is None else self.surface
+        return CodedMesh(sequence.faces, sequence.n_verts, self.config, surface, sequence.start_s)
 
     @cached_property
     def frame(self) -> BoundingFrame:

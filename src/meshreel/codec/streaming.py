@@ -17,6 +17,7 @@ from meshreel.codec.config import MAX_BLOCK_POSITIONS, EncoderConfig
 from meshreel.codec.methods import Basis
 from meshreel.codec.source import CodedMesh
 from meshreel.codec.targets import Aim
+from meshreel.codec.uv_grid import check_uvs
 from meshreel.counting import counted
 from meshreel.errors import InvalidInputError
 from meshreel.sequence import validate_faces, validate_fps, validate_start, validate_vertices
@@ -206,6 +207,8 @@ class Encoder:
         if self._first is None:
             self._faces = validate_faces(self._faces, len(array))
             self._surface = self._surface.validated(len(array), len(self._faces))
+            if self._config.uv_bits is not None:
+                check_uvs(self._surface, self._config.uv_bits)
             self._first = len(array), array.dtype
         elif self._first != (len(array), array.dtype):
             raise InvalidInputError(

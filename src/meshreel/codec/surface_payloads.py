@@ -9,9 +9,10 @@ import numpy.typing as npt
 
 from meshreel.bitstream.layout import Section
 from meshreel.codec.methods import Order
+from meshreel.codec.uv_grid import is_quantized, uv_integers
 from meshreel.entropy.coder import decode_integers, encode_integers
 from meshreel.entropy.references import decode_references, encode_references
-from meshreel.entropy.tables import decode_table, encode_table
+from meshreel.entropy.tables import decode_table, encode_grid_table, encode_table
 from meshreel.entropy.varint import read_varint, write_varint
 from meshreel.errors import CorruptStreamError, InvalidInputError, TruncatedStreamError
 from meshreel.geometry.fans import join_fans
@@ -37,13 +38,23 @@ START = struct.Struct("<d")
 SURFACE_SECTIONS = (Section.POLYGONS, Section.ATTRIBUTE, Section.GROUPS, Section.PARTS)
 
 
-def surface_sections(surface: Surface, faces: Faces) -> Iterator[tuple[Section, bytes]]:
-    """The sections of a surface of a mesh with these triangles; none if it is plain."""
+def surface_sections(
+    surface: Surface, faces: Faces, uv_bits: int | None = None
+) -> Iterator[tuple[Section, bytes]]:
+    """The sections of a surface of a mesh with these triangles; none if it is plain.
+
+    Parameters
+    ----------
+    surface : Surface
+    faces : int32 array of shape (M, 3)
+    uv_bits : int, optional
+        Bits of the grid that texture coordinates are rounded to. Default: they are exact.
+    """
     if surface.face_sizes is not None:
         sizes = surface.face_sizes
         yield Section.POLYGONS, write_varint(len(sizes)) + encode_integers([sizes - 3])
     for attribute in surface.attributes:
-        yield Section.ATTRIBUTE, _write_attribute(attribute, surface, faces)
+        yield Section.ATTRIBUTE, _write_attribute(attribute, surface, faces, uv_bits)
     for groups in surface.groups:
         yield Section.GROUPS, _write_groups(groups)
     if surface.parts:
@@ -151,7 +162,9 @@ def _read_sizes(payload: bytes, n_triangles: int) -> npt.NDArray[np.int32]:
     return (above + 3).astype(np.int32)
 
 
-def _write_attribute(attribute: Attribute, surface: Surface, faces: Faces) -> bytes:
+def _write_attribute(
+    attribute: Attribute, surface: Surface, faces: Faces, uv_bits: int | None
+) -> bytes:
     kind, domain = KINDS.index(attribute.kind), DOMAINS.index(attribute.domain)
     n_rows, width = attribute.values.shape
     number_type = VALUE_TYPES.index(attribute.values.dtype)
@@ -161,6 +174,8 @@ def _write_attribute(attribute: Attribute, surface: Surface, faces: Faces) -> by
         places = _places(attribute.domain, surface, faces, len(attribute.indices))
         references = encode_references(attribute.indices, places)
     framed = write_varint(n_rows) + write_varint(len(references)) + references
+    if uv_bits is not None and is_quantized(attribute):
+        return head + framed + encode_grid_table(uv_integers(attribute, uv_bits), uv_bits)
     return head + framed + encode_table(attribute.values)
 
 

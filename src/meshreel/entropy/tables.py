@@ -1,4 +1,4 @@
-"""Tables of numbers to bytes and back without loss: as decimals where they are, else bit by bit."""
+"""Tables of numbers to bytes and back without loss: as decimals or on a grid, else bit by bit."""
 
 from typing import Any
 
@@ -8,6 +8,7 @@ import numpy.typing as npt
 from meshreel.entropy.coder import decode_integers, encode_integers
 from meshreel.entropy.deflate import MAX_RATIO
 from meshreel.entropy.exact import decode_exact, encode_exact
+from meshreel.entropy.grid_table import decode_grid, encode_grid
 from meshreel.errors import CorruptStreamError, TruncatedStreamError
 
 Integers = npt.NDArray[np.int64]
@@ -17,6 +18,9 @@ MOST_PLACES = 9
 
 PATTERNS = 255
 """In place of the number of decimal places: values are bit patterns."""
+
+GRID = 254
+"""In place of the number of decimal places: values are on a grid of 2^-bits."""
 
 LARGEST = 1 << 29
 """Decimals without their point are at most this, so that their differences can be coded."""
@@ -37,8 +41,15 @@ def encode_table(values: npt.NDArray[Any]) -> bytes:
     return min(decimals, patterns, key=len)
 
 
+def encode_grid_table(integers: Integers, bits: int) -> bytes:
+    """Bytes that hold a table of shape (N, C) of whole numbers of steps of 2^-bits, exactly."""
+    return bytes([GRID]) + encode_grid(integers, bits)
+
+
 def decode_table(data: bytes, shape: tuple[int, int], dtype: np.dtype[Any]) -> npt.NDArray[Any]:
-    """The table that `encode_table` wrote; nothing is allocated that the bytes cannot hold.
+    """The table that `encode_table` or `encode_grid_table` wrote.
+
+    Nothing is allocated that the bytes cannot hold.
 
     Raises
     ------
@@ -49,6 +60,8 @@ def decode_table(data: bytes, shape: tuple[int, int], dtype: np.dtype[Any]) -> n
         raise TruncatedStreamError("a table of values has no bytes")
     places, packed = data[0], data[1:]
     n_rows, width = shape
+    if places == GRID:
+        return decode_grid(packed, shape, dtype)
     if places == PATTERNS:
         if n_rows * width * dtype.itemsize > MAX_RATIO * len(packed):
             raise CorruptStreamError(

@@ -119,6 +119,7 @@ def _weld(files: MeshFiles, survey: FrameSurvey, progress: Progress, notes: list
     meshes = files.meshes(progress, "welding")
     weld = weld_corners(survey.watch(mesh.vertices for mesh in meshes))
     notes.append(weld.description)
+    files.surface(notes)
     return weld
 
 
@@ -129,8 +130,7 @@ def _surveyed(
     meshes = files.meshes(progress, "reading")
     first = next(meshes)
     faces = triangulate_fans(first.counts, first.corners)
-    notes.extend(note for note in files.describe() if note not in notes)
-    surface = replace(files.surface(), face_sizes=first.counts.astype(np.int32))
+    surface = replace(files.surface(notes), face_sizes=first.counts.astype(np.int32))
     return faces, surface, survey.watch(mesh.vertices for mesh in chain([first], meshes))
 
 

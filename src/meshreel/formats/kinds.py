@@ -35,10 +35,9 @@ class FrameFormat:
     positions_like : function of the bytes of a file and the mesh that it holds, optional
         Gives a function from the bytes of another file to its positions, for one that `parse`
         would give the same faces; else, or if it does not look so at once, None.
-    parse_surface : function of the bytes of a file, optional
-        Gives attributes, groups and parts of a file that `parse` reads, without face sizes.
-    describe : function of the bytes of a file, optional
-        Gives a sentence on each thing of a file that `parse` reads which is left out.
+    parse_surface : function of the bytes of a file and a list of notes, optional
+        Gives attributes, groups and parts of a file that `parse` reads, without face sizes. The
+        notes gain a sentence on what is left out.
     is_decimal : bool, default False
         Whether positions are decimal text without a declared type.
     has_corners_only : bool, default False
@@ -50,8 +49,7 @@ class FrameFormat:
     parse: Callable[[bytes], PolygonMesh]
     encoder: Callable[[Faces, Surface, list[str]], Callable[[Vertices], bytes]] | None
     positions_like: Callable[[bytes, PolygonMesh], Callable[[bytes], Vertices | None]] | None = None
-    parse_surface: Callable[[bytes], Surface] | None = None
-    describe: Callable[[bytes], list[str]] | None = None
+    parse_surface: Callable[[bytes, list[str]], Surface] | None = None
     is_decimal: bool = False
     has_corners_only: bool = False
 

@@ -25,3 +25,26 @@ def listed(names: Iterable[str], most: int = 8) -> str:
     found = list(names)
     rest = f" and {len(found) - most} more" if len(found) > most else ""
     return ", ".join(found[:most]) + rest
+
+
+def note_moving(notes: list[str], names: Iterable[str]) -> None:
+    """Add to the notes that fields are left out because they change over time."""
+    if found := list(dict.fromkeys(names)):
+        note_left_out(notes, f"fields that change over time: {listed(found)}")
+
+
+def note_frozen(notes: list[str], names: Iterable[str]) -> None:
+    """Add to the notes that attributes stay as they are in the first frame."""
+    if found := list(dict.fromkeys(names)):
+        note_left_out(notes, f"changes over time of {listed(found)}, kept as in the first frame")
+
+
+def note_kinds(notes: list[str], kind: str, names: Iterable[str]) -> None:
+    """Add to the notes that things of a kind are left out: "curves: /a, /b"; nothing for none."""
+    if found := list(dict.fromkeys(names)):
+        note_left_out(notes, f"{kind}: {listed(found)}")
+
+
+def note_normals(notes: list[str]) -> None:
+    """Add to the notes that stored normals are left out."""
+    note_left_out(notes, "normals, which programs compute")

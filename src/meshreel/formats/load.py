@@ -10,10 +10,12 @@ from meshreel.formats.kinds import SequenceFormat
 from meshreel.formats.mesh_files import MeshFiles
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.registry import check_read_options
+from meshreel.formats.selection import with_attributes
 from meshreel.formats.sources import Source, SourceFiles, find_files
 from meshreel.profiling import staged
 from meshreel.progress import Progress, silent
 from meshreel.sequence import FrameSource, MeshSequence, validate_fps
+from meshreel.surface_selection import ALL, Names
 
 MAX_LOADED_BYTES = 1 << 30
 LOADED_SHARE = 1 / 10
@@ -28,6 +30,7 @@ def load(
     merge: bool = False,
     topology: str | os.PathLike[str] | None = None,
     dataset: str | None = None,
+    attributes: Names = ALL,
     progress: Progress = silent,
     notes: list[str] | None = None,
 ) -> MeshSequence:
@@ -51,6 +54,9 @@ def load(
         A mesh file with the faces of a point cache (``.pc2 .mdd``), which has none.
     dataset : str, optional
         Of a file of named datasets, the one that holds the positions.
+    attributes : str or sequence of str, default "all"
+        Which attributes and groups to take: "all", "none", or names, as a list or as "uv,color";
+        a kind such as "uv" or "color" names all of it. Polygons and parts are always taken.
     progress : Progress, default silent
         Told the share of frames read.
     notes : list of str, optional
@@ -68,15 +74,15 @@ def load(
     Raises
     ------
     InvalidInputError
-        If nothing is there, frames differ in vertex count or faces, a position is not finite, or
-        the file holds several meshes and none is chosen.
+        If nothing is there, frames differ in vertex count or faces, a position is not finite, the
+        file holds several meshes and none is chosen, or an attribute is asked for that it lacks.
     FormatError
         If a file is of an unknown kind, is not what its ending says, or needs a library that is
         not installed.
     """
     options = ReadOptions(
         fps, object, merge, _path(topology), dataset, None, progress,
-        notes if notes is not None else [],
+        notes if notes is not None else [], attributes,
     )  # fmt: skip
     sequence = _opened(find_files(source), options)
     if not isinstance(sequence, MeshSequence):
@@ -92,6 +98,7 @@ def open_source(
     merge: bool = False,
     topology: str | os.PathLike[str] | None = None,
     dataset: str | None = None,
+    attributes: Names = ALL,
     max_loaded_bytes: int = 0,
     progress: Progress = silent,
     notes: list[str] | None = None,
@@ -105,7 +112,7 @@ def open_source(
 
     Parameters
     ----------
-    source, fps, object, merge, topology, dataset, progress, notes
+    source, fps, object, merge, topology, dataset, attributes, progress, notes
         As in `load`.
     max_loaded_bytes : int, default 0
         What can be left in files is loaded all the same if its positions, in the type of the
@@ -123,7 +130,7 @@ def open_source(
     """
     options = ReadOptions(
         fps, object, merge, _path(topology), dataset, max_loaded_bytes, progress,
-        notes if notes is not None else [],
+        notes if notes is not None else [], attributes,
     )  # fmt: skip
     return _opened(find_files(source), options)
 
@@ -158,8 +165,10 @@ def loading_for(memory: float | None, options: ReadOptions) -> ReadOptions:
 def _opened(found: SourceFiles, options: ReadOptions) -> FrameSource:
     check_read_options(found.format, options)
     if isinstance(found.format, SequenceFormat):
-        return found.format.open(found.paths[0], options)
-    return open_mesh_files(MeshFiles(found.paths, found.format), found.name, options)
+        opened = found.format.open(found.paths[0], options)
+    else:
+        opened = open_mesh_files(MeshFiles(found.paths, found.format), found.name, options)
+    return with_attributes(opened, options.attributes, found.paths[0])
 
 
 def open_mesh_files(

@@ -10,12 +10,17 @@ import numpy.typing as npt
 
 from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.kinds import FrameFormat
+from meshreel.formats.left_out import note_frozen
 from meshreel.formats.naming import errors_naming, os_errors_naming
 from meshreel.formats.polygons import PolygonMesh
 from meshreel.formats.stored_frames import changed_error
 from meshreel.progress import Count, Progress
 from meshreel.sequence import Vertices, validate_finite
 from meshreel.surface import PLAIN, Surface
+from meshreel.surface_selection import differing_names
+
+COMPARED_BYTES, LEAST_COMPARED = 1 << 24, 3
+"""What frames carry is compared in so many bytes of files, and in so many frames at least."""
 
 
 class MeshFiles:
@@ -80,19 +85,39 @@ class MeshFiles:
                 return self.format.parse(data)
             return PolygonMesh(vertices, *self._faces)
 
-    def surface(self) -> Surface:
-        """Attributes and groups of the first frame; raises as `mesh`."""
+    def surface(self, notes: list[str]) -> Surface:
+        """Attributes and groups of the first frame; raises as `mesh`.
+
+        Parameters
+        ----------
+        notes : list of str
+            Gains a sentence on what is left out, such as what differs in other frames.
+        """
+        first = self._surface(0, notes)
+        differing: list[str] = []
+        for index in self._looked_at():
+            differing += differing_names(first, self._surface(index, []))
+        note_frozen(notes, differing)
+        return first
+
+    def _surface(self, index: int, notes: list[str]) -> Surface:
         if self.format.parse_surface is None:
             return PLAIN
-        with self._contents(0) as data:
-            return self.format.parse_surface(data)
+        with self._contents(index) as data:
+            return self.format.parse_surface(data, notes)
 
-    def describe(self) -> list[str]:
-        """What is left out of the first frame, in sentences; raises as `mesh`."""
-        if self.format.describe is None:
+    def _looked_at(self) -> list[int]:
+        """The frames whose attributes are compared with the first: all, if files are small.
+
+        Reading what a frame carries takes about as long as reading its positions; of large files
+        some, from the first to the last, are enough to see what moves.
+        """
+        carries_nothing = self.format.parse_surface is None or self.format.has_corners_only
+        if carries_nothing or len(self) == 1:
             return []
-        with self._contents(0) as data:
-            return self.format.describe(data)
+        n_fitting = COMPARED_BYTES // max(1, self.paths[0].stat().st_size)
+        n_compared = min(len(self) - 1, max(LEAST_COMPARED, n_fitting))
+        return sorted({*np.linspace(1, len(self) - 1, n_compared).round().astype(int).tolist()})
 
     def _learn(self, data: bytes) -> PolygonMesh:
         """The mesh of the file that is read first, whose faces the others most likely have."""

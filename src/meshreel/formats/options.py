@@ -4,6 +4,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from meshreel.progress import Progress, silent
+from meshreel.surface_selection import ALL, Names
 
 
 @dataclass(frozen=True)
@@ -30,6 +31,8 @@ class ReadOptions:
         Told the share of frames read.
     notes : list of str
         Gains one sentence for each thing that was changed while reading, to be shown to a user.
+    attributes : str or sequence of str, default "all"
+        The attributes and groups to take: "all", "none", or names.
     """
 
     fps: float | None = None
@@ -40,6 +43,7 @@ class ReadOptions:
     max_loaded_bytes: int | None = None
     progress: Progress = silent
     notes: list[str] = field(default_factory=list)
+    attributes: Names = ALL
 
 
 @dataclass(frozen=True)
@@ -71,13 +75,14 @@ class WriteOptions:
         How far no vertex may be off: percent of the diagonal of the bounding box of all frames, or
         text that `meshreel.codec.error_bounds.bound_of` reads, such as "0.5u" for model units.
         From the original, if the origin says how far off the frames are already.
-    normals : bool, default False
-        Whether morph targets move normals too.
+    normals : bool, optional
+        Whether there are normals, moved by all morph targets. Default: smooth surfaces have them,
+        moved by as many targets as bring them near.
     origin : Origin, optional
         Of frames that were decoded; default: they are the original.
     """
 
     targets: int | None = None
     max_error: float | str | None = None
-    normals: bool = False
+    normals: bool | None = None
     origin: Origin | None = None

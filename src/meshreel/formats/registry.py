@@ -23,10 +23,15 @@ from meshreel.formats.meshes.obj_writing import obj_encoder
 from meshreel.formats.meshes.off import off_positions_like, parse_off
 from meshreel.formats.meshes.off_surface import parse_off_surface
 from meshreel.formats.meshes.off_writing import off_encoder
-from meshreel.formats.meshes.ply import describe_ply, parse_ply, ply_positions_like
+from meshreel.formats.meshes.ply import parse_ply, ply_positions_like
 from meshreel.formats.meshes.ply_surface import parse_ply_surface
 from meshreel.formats.meshes.ply_writing import ply_encoder
-from meshreel.formats.meshes.stl import parse_stl, stl_encoder, stl_positions_like
+from meshreel.formats.meshes.stl import (
+    parse_stl,
+    parse_stl_surface,
+    stl_encoder,
+    stl_positions_like,
+)
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.reel import open_reel, write_reel
 from meshreel.formats.usd.reading import read_meshes as read_usd
@@ -57,7 +62,6 @@ FRAME_FORMATS = {
             ply_encoder,
             ply_positions_like,
             parse_ply_surface,
-            describe_ply,
         ),
         FrameFormat(
             ".off",
@@ -74,6 +78,7 @@ FRAME_FORMATS = {
             parse_stl,
             stl_encoder,
             stl_positions_like,
+            parse_stl_surface,
             is_decimal=True,
             has_corners_only=True,
         ),

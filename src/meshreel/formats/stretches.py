@@ -1,7 +1,7 @@
 """A sequence whose faces change, cut into stretches that keep theirs."""
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import pairwise
 from pathlib import Path
@@ -13,6 +13,7 @@ from meshreel.formats.options import ReadOptions
 from meshreel.formats.polygons import PolygonMesh
 from meshreel.formats.registry import check_read_options
 from meshreel.formats.scene_source import chosen_mesh, part_of, sequence_of
+from meshreel.formats.selection import with_attributes
 from meshreel.formats.sources import Source, SourceFiles, find_files
 from meshreel.progress import Count
 from meshreel.sequence import FrameSource
@@ -57,6 +58,15 @@ def find_stretches(source: Source, options: ReadOptions) -> list[Stretch]:
     """
     found = find_files(source)
     check_read_options(found.format, options)
+    return [_selecting(one, options, found.paths[0]) for one in _stretches(found, options)]
+
+
+def _selecting(stretch: Stretch, options: ReadOptions, path: Path) -> Stretch:
+    """A stretch that has only the attributes that the options choose."""
+    return replace(stretch, open=lambda: with_attributes(stretch.open(), options.attributes, path))
+
+
+def _stretches(found: SourceFiles, options: ReadOptions) -> list[Stretch]:
     if not isinstance(found.format, SequenceFormat):
         return list(_of_files(MeshFiles(found.paths, found.format), found, options))
     path, form = found.paths[0], found.format

@@ -1,6 +1,6 @@
 """Texture coordinates, colours, other attributes and groups of an Alembic mesh."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 
 import numpy as np
 import numpy.typing as npt
@@ -10,6 +10,7 @@ from meshreel.formats.alembic.ogawa import damaged
 from meshreel.formats.alembic.params import GeometryParam
 from meshreel.formats.alembic.time_sampling import between
 from meshreel.formats.alembic.winding import turned_corners
+from meshreel.formats.left_out import note_frozen, note_kinds, note_moving, note_normals
 from meshreel.formats.polygons import PolygonMesh
 from meshreel.surface import MAX_NUMBERS, Attribute, Domain, FaceGroups, Kind, Surface
 
@@ -20,9 +21,9 @@ Properties = Mapping[str, Property]
 
 
 def read_attributes(
-    geometry: Properties, mesh: PolygonMesh, time_s: float
-) -> tuple[Surface, list[str]]:
-    """What a mesh carries at a time, and a phrase for each thing that it has but does not carry.
+    geometry: Properties, mesh: PolygonMesh, time_s: float, notes: list[str]
+) -> Surface:
+    """What a mesh carries at a time; notes gain a sentence on what it has but does not carry.
 
     Numbers become attributes, and texts of faces become groups. What changes over time cannot be
     carried, but for texture coordinates and colours, which are taken as they are at that time.
@@ -34,25 +35,31 @@ def read_attributes(
     mesh : PolygonMesh
         Its faces, in meshreel's order.
     time_s : float
+    notes : list of str
     """
     own = [geometry["uv"]] if "uv" in geometry else []
     other = geometry[".arbGeomParams"].properties if ".arbGeomParams" in geometry else {}
     attributes: list[Attribute] = []
     groups: list[FaceGroups] = []
-    held, left_out = [], []
+    held, moving, whole, unfit = (list[str]() for _ in range(4))
     for found in [*own, *other.values()]:
         param = GeometryParam(found, time_s)
         if param.domain is None and found not in own:
-            continue  # one value for the whole mesh
-        if (attribute := _attribute(param, mesh)) is not None:
+            whole.append(param.name)
+        elif (attribute := _attribute(param, mesh)) is not None:
             attributes.append(attribute)
             held += [] if param.is_constant else [param.name]
         elif (sorted_faces := _groups(param, mesh)) is not None:
             groups.append(sorted_faces)
         else:
-            left_out.append(param.name)
-    surface = Surface(attributes=tuple(attributes), groups=tuple(groups))
-    return surface, list(_changes(held, left_out))
+            (unfit if param.is_constant else moving).append(param.name)
+    note_frozen(notes, held)
+    note_moving(notes, [*moving, *(["velocities"] if ".velocities" in geometry else [])])
+    note_kinds(notes, "values for a whole mesh", whole)
+    note_kinds(notes, "what is neither numbers nor a text for each face", unfit)
+    if "N" in geometry:
+        note_normals(notes)
+    return Surface(attributes=tuple(attributes), groups=tuple(groups))
 
 
 def read_face_sets(
@@ -80,16 +87,6 @@ def read_face_sets(
             materials[faces] = len(labels)
             labels.append(name)
     return (FaceGroups("material", tuple(labels), materials), *own) if labels else ()
-
-
-def _changes(held: list[str], left_out: list[str]) -> Iterator[str]:
-    if held:
-        yield f"{', '.join(held)} changes over time; it stays as it is at first"
-    if left_out:
-        yield (
-            f"left out {', '.join(left_out)}: what changes over time, or is neither numbers nor a "
-            "text for each face, is not carried"
-        )
 
 
 def _attribute(param: GeometryParam, mesh: PolygonMesh) -> Attribute | None:

@@ -19,6 +19,7 @@ OTHERS = {
     "AbcGeom_Light": "lights",
     "AbcGeom_NuPatch": "NURBS patches",
     "AbcGeom_Points": "point clouds",
+    "AbcMaterial_Material": "materials",
 }
 """What objects are, by their schema without its version."""
 

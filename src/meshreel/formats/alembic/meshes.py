@@ -12,11 +12,19 @@ import numpy.typing as npt
 from meshreel.errors import FormatError
 from meshreel.formats.alembic.archive import Archive, Property
 from meshreel.formats.alembic.attributes import read_attributes, read_face_sets
-from meshreel.formats.alembic.hierarchy import POLYGONS, SUBDIVISION, Node, describe_contents, walk
+from meshreel.formats.alembic.hierarchy import (
+    OTHERS,
+    POLYGONS,
+    SUBDIVISION,
+    Node,
+    describe_contents,
+    walk,
+)
 from meshreel.formats.alembic.ogawa import damaged
 from meshreel.formats.alembic.time_sampling import Times, between
 from meshreel.formats.alembic.transforms import Matrix, placed, world_matrix
 from meshreel.formats.alembic.winding import turned_corners
+from meshreel.formats.left_out import note_left_out
 from meshreel.formats.merging import united_times
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.polygons import PolygonMesh, polygon_mesh
@@ -46,6 +54,8 @@ def read_meshes(path: Path, options: ReadOptions) -> list[SceneMesh]:
         raise FormatError(
             f"holds no mesh, but {describe_contents(nodes)}; export polygon meshes into it"
         )
+    if any(node.schema in OTHERS for node in nodes):
+        note_left_out(options.notes, describe_contents(nodes))
     return [mesh.scene_mesh() for mesh in meshes]
 
 
@@ -125,10 +135,11 @@ class _AnimatedMesh:
     def _surface(self, index: int) -> Surface:
         time_s = float(self._times_s[index])
         mesh = self._faces_at(time_s, self._points_at(time_s))
-        surface, changes = read_attributes(self._properties, mesh, time_s)
-        self._notes.extend(f"{self._node.path}: {change}" for change in changes)
+        surface = read_attributes(self._properties, mesh, time_s, self._notes)
+        if "visible" in self._node.object.properties:
+            note_left_out(self._notes, f"visibility of {self._node.path}")
         if self._node.schema == SUBDIVISION:
-            self._notes.append(f"{self._node.path} is a subdivision surface; its cage is read")
+            note_left_out(self._notes, f"subdivision of {self._node.path}, whose cage is read")
         sets = {
             child.header.name: child.properties[".faceset"].properties
             for child in self._node.object.children

@@ -4,6 +4,7 @@ Files of others are read too: positions in any dataset (T, V, 3) or (V, 3, T), a
 scans have them, with ``faces`` beside it or in a group above.
 """
 
+from collections.abc import Callable, Collection
 from pathlib import Path, PurePosixPath
 from typing import Any
 
@@ -32,6 +33,7 @@ from meshreel.formats.hdf_file import (
     require_dataset,
     write_array,
 )
+from meshreel.formats.left_out import note_kinds
 from meshreel.formats.naming import errors_naming
 from meshreel.formats.options import ReadOptions, WriteOptions
 from meshreel.formats.stored_frames import changed_error
@@ -66,6 +68,7 @@ def open_hdf_sequence(path: Path, options: ReadOptions) -> FrameSource:
                 f"{positions.name} must be float32 or float64; got {positions.dtype}"
             )
         arrays = _named_arrays(root, positions)
+        _note_left_out(root, positions, arrays, options.notes)
         name = positions.name.rpartition("/")[2]
         layout = find_layout(
             positions.shape, arrays["faces"], positions.name, is_documented=name == POSITIONS
@@ -140,8 +143,31 @@ def _find_positions(root: Node, options: ReadOptions) -> Dataset:
     )
 
 
+def _note_left_out(
+    root: Node, positions: Dataset, arrays: Collection[str], notes: list[str]
+) -> None:
+    """Add to the notes the datasets that are not of the sequence."""
+    beside = positions.name.rpartition("/")[0]
+    taken = {positions.name, *(f"{beside}/{name}" for name in arrays)}
+    if "faces" not in (find_group(root, beside or "/") or ()):
+        above = [f"{folder}/faces".replace("//", "/") for folder in _folders(positions)]
+        taken |= {next((one for one in above if find_dataset(root, one) is not None), "")}
+    others = [name for name in _datasets(root, lambda _: True) if f"/{name}" not in taken]
+    note_kinds(notes, "datasets", others)
+
+
+def _folders(dataset: Dataset) -> list[str]:
+    """The groups that hold a dataset, the next one first."""
+    return [str(folder) for folder in PurePosixPath(dataset.name).parents]
+
+
 def _candidates(root: Node) -> list[str]:
-    """Paths of all datasets that can hold positions; links are not followed."""
+    """Paths of all datasets that can hold positions."""
+    return _datasets(root, lambda node: node.dtype.kind == "f" and has_positions(node.shape))
+
+
+def _datasets(root: Node, is_wanted: Callable[[Dataset], bool]) -> list[str]:
+    """Paths of all datasets that are wanted; links are not followed."""
     h5py = HDF.load()
     names: list[str] = []
     n_visited = 0
@@ -149,7 +175,7 @@ def _candidates(root: Node) -> list[str]:
     def visit(name: str, node: Node) -> bool | None:
         nonlocal n_visited
         n_visited += 1
-        if isinstance(node, h5py.Dataset) and node.dtype.kind == "f" and has_positions(node.shape):
+        if isinstance(node, h5py.Dataset) and is_wanted(node):
             names.append(name)
         return True if n_visited >= MAX_VISITED else None
 
@@ -159,7 +185,7 @@ def _candidates(root: Node) -> list[str]:
 
 def _named_arrays(root: Node, positions: Dataset) -> dict[str, npt.NDArray[Any]]:
     """The arrays beside the positions, with faces of a group above if there are none beside."""
-    folders = [str(folder) for folder in PurePosixPath(positions.name).parents]
+    folders = _folders(positions)
     arrays = {}
     for name in filter(NAMED.fullmatch, find_group(root, folders[0]) or ()):
         if (dataset := find_dataset(root, f"{folders[0]}/{name}")) is not None:

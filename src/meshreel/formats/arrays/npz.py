@@ -20,6 +20,7 @@ from meshreel.formats.arrays.named_arrays import (
 )
 from meshreel.formats.arrays.position_layout import Layout, find_layout
 from meshreel.formats.frame_stream import FrameStream
+from meshreel.formats.left_out import note_kinds
 from meshreel.formats.naming import errors_naming
 from meshreel.formats.options import ReadOptions, WriteOptions
 from meshreel.sequence import MeshSequence
@@ -48,7 +49,7 @@ def read_npz(path: Path, options: ReadOptions | None = None) -> MeshSequence:
     """
     options = options or ReadOptions()
     positions = options.dataset or POSITIONS
-    arrays = read_arrays(path, positions)
+    arrays = read_arrays(path, positions, options.notes)
     vertices = arrays[positions]
     with errors_naming(path):
         layout = find_layout(
@@ -90,7 +91,7 @@ def write_npz(path: Path, stream: FrameStream, options: WriteOptions) -> None:
 
 
 def read_arrays(
-    path: Path, positions: str, *, with_positions: bool = True
+    path: Path, positions: str, notes: list[str], *, with_positions: bool = True
 ) -> dict[str, npt.NDArray[Any]]:
     """The arrays of an ``.npz`` file that make a sequence.
 
@@ -99,6 +100,8 @@ def read_arrays(
     path : Path
     positions : str
         The array that holds the positions, which must be there.
+    notes : list of str
+        Gains a sentence on arrays that are not of the sequence.
     with_positions : bool, default True
         Whether that is read too.
 
@@ -117,6 +120,7 @@ def read_arrays(
                 "faces and fps, or say which holds the positions with --dataset (dataset=)"
             )
         wanted = [name for name in dict.fromkeys(names) if NAMED.fullmatch(name)]
+        note_kinds(notes, "arrays", (one for one in names if one not in {*wanted, positions}))
         if with_positions and positions not in wanted:
             wanted.append(positions)
         for name in wanted:

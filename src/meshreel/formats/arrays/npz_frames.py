@@ -55,7 +55,8 @@ def open_npz(path: Path, options: ReadOptions) -> FrameSource:
         sequence = read_npz(path, options)
         options.progress("reading", 1.0)
         return sequence
-    arrays = read_arrays(path, options.dataset or POSITIONS, with_positions=False)
+    positions = options.dataset or POSITIONS
+    arrays = read_arrays(path, positions, options.notes, with_positions=False)
     survey = FrameSurvey()
     for start, vertices in stored.survey():
         with errors_naming(path):

@@ -29,7 +29,7 @@ class MeshFormat(Protocol):
         """Gives the mesh of the bytes of a file."""
 
     @property
-    def parse_surface(self) -> Callable[[bytes], Surface] | None:
+    def parse_surface(self) -> Callable[[bytes, list[str]], Surface] | None:
         """Gives attributes and groups of a file."""
 
     @property
@@ -69,7 +69,8 @@ def topology_reader(formats: Mapping[str, MeshFormat]) -> ReadTopology:
             data = path.read_bytes()
         with errors_naming(path):
             mesh = mesh_format.parse(data)
-            surface = mesh_format.parse_surface(data) if mesh_format.parse_surface else PLAIN
+            parse_surface = mesh_format.parse_surface
+            surface = parse_surface(data, options.notes) if parse_surface else PLAIN
         if len(mesh.vertices) != n_verts:
             raise InvalidInputError(
                 f"{cache} has {counted(n_verts, 'vertex')} and {path} {len(mesh.vertices)}; "

@@ -88,9 +88,13 @@ def _write_vertices(split: SplitVertices, moving: MovingMesh, buffer: BufferWrit
         return VertexData(base, [])
     targets = [{"POSITION": one} for one in _positions(moving.morphs.targets, split, buffer)]
     if moving.normals is not None:
-        turned = buffer.add_vertices([one[split.sources] for one in moving.normals.targets])
-        for target, normals in zip(targets, turned, strict=True):
-            target["NORMAL"] = normals
+        # Every target must have the same attributes: those that turn no normals share zeros.
+        still = np.zeros((1, *moving.normals.base.shape), np.int8)
+        arrays = np.concatenate([moving.normals.targets, still])
+        *turned, zeros = buffer.add_vertices([one[split.sources] for one in arrays])
+        of_target = dict(zip(moving.normals.numbers.tolist(), turned, strict=True))
+        for number, target in enumerate(targets):
+            target["NORMAL"] = of_target.get(number, zeros)
     return VertexData(base, targets)
 
 

@@ -8,8 +8,11 @@ import numpy.typing as npt
 
 from meshreel.formats.gltf.morphs import Morphs, fit_given_morphs, fit_morphs
 from meshreel.formats.gltf.normal_targets import (
+    LENGTH_ERROR,
     POSITIONS,
+    NormalChoice,
     NormalTargets,
+    are_written,
     fit_normals,
     still_normals,
 )
@@ -33,15 +36,20 @@ class Wanted:
     Parameters
     ----------
     n_targets : int, optional
-        How many morph targets, at least 2 with normals; default: as few as keep the bound.
+        How many morph targets, at least 2 with all normals; default: as few as keep the bound.
     bound : float
         No vertex may be further off; in model units. 0 for as near as may be.
-    normals : bool
+    normals : NormalChoice
     """
 
     n_targets: int | None
     bound: float
-    normals: bool
+    normals: NormalChoice
+
+    @property
+    def length_error(self) -> float:
+        """How near to those of the frames normals are to be; 0 for as near as may be."""
+        return LENGTH_ERROR if self.normals is NormalChoice.SMOOTH else 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,22 +85,35 @@ def fit_part(frames: Vertices, faces: Faces, wanted: Wanted) -> MovingMesh:
     """
     base = mean_frame(frames)
     distances = ways(frames, base)
+    has_normals = are_written(wanted.normals, frames[0], faces)
     if distances.max() <= (0 if wanted.n_targets else wanted.bound) or len(frames) == 1:
         placement, rest = place_still(base if len(frames) > 1 else frames[0])
-        still = still_normals(rest, faces) if wanted.normals else None
+        still = still_normals(rest, faces) if has_normals else None
         return MovingMesh(placement, rest, None, still, distances)
     placed = place_frames(frames, base)
-    morphs = _fit(placed.moves, placed.placement.scale, wanted)
-    normals = None
-    if wanted.normals:
-        morphs, normals = fit_normals(frames, faces, placed.moves, morphs)
+    bound = max(0.0, wanted.bound / placed.placement.scale - MARGIN)
+    if has_normals and wanted.n_targets != 1:  # normals need a target of their own
+        morphs, normals = _fit_both(frames, faces, placed.moves, bound, wanted)
+    else:
+        morphs, normals = _fit(placed.moves, bound, wanted.n_targets), None
     errors = morphs.errors * placed.placement.scale
     return MovingMesh(placed.placement, placed.base, morphs, normals, errors)
 
 
-def _fit(moves: npt.NDArray[np.float32], scale: float, wanted: Wanted) -> Morphs:
-    share = POSITIONS if wanted.normals else 1.0
-    bound = share * max(0.0, wanted.bound / scale - MARGIN)
-    if wanted.n_targets is None:
+def _fit_both(
+    frames: Vertices, faces: Faces, moves: npt.NDArray[np.float32], bound: float, wanted: Wanted
+) -> tuple[Morphs, NormalTargets]:
+    """Morphs of positions and normals, with as large a share of the bound as the latter allow."""
+    n_targets = None if wanted.n_targets is None else wanted.n_targets - 1
+    for share in POSITIONS:
+        morphs = _fit(moves, share * bound, n_targets)
+        fitted = fit_normals(frames, faces, moves, morphs, wanted.length_error)
+        if fitted[0].error <= bound or n_targets is not None:
+            break
+    return fitted
+
+
+def _fit(moves: npt.NDArray[np.float32], bound: float, n_targets: int | None) -> Morphs:
+    if n_targets is None:
         return fit_morphs(moves, bound)
-    return fit_given_morphs(moves, wanted.n_targets - wanted.normals, bound)
+    return fit_given_morphs(moves, n_targets, bound)

@@ -164,6 +164,11 @@ def count_targets(mesh: JsonObject) -> int:
     return counts.pop() if counts else 0
 
 
+def is_read(name: str) -> bool:
+    """Whether an attribute of vertices is read, or follows from what is."""
+    return bool(_kinds(name)) or name in ("NORMAL", "TANGENT")
+
+
 def _kinds(name: str) -> tuple[str, ...]:
     """The kinds that an attribute can be of; none if it is not read."""
     if name.startswith("_"):

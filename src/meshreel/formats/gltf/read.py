@@ -17,16 +17,19 @@ from meshreel.formats.gltf.baking import BakedMesh
 from meshreel.formats.gltf.document import INSTANCING, Document, read_document
 from meshreel.formats.gltf.geometry import Geometry, read_geometry
 from meshreel.formats.gltf.instancing import note_instances
+from meshreel.formats.gltf.json_object import JsonObject
 from meshreel.formats.gltf.motion import Motion
 from meshreel.formats.gltf.nodes import Nodes, read_nodes, unique_names
-from meshreel.formats.gltf.primitives import count_targets, surfaces
+from meshreel.formats.gltf.primitives import count_targets, is_read, surfaces
 from meshreel.formats.gltf.sampling import STILL, Sampling, sample_times
 from meshreel.formats.gltf.shown import nothing_shown, shown_nodes
 from meshreel.formats.gltf.shown_meshes import Placement, placements_of, shape_of
-from meshreel.formats.left_out import listed, note_left_out
+from meshreel.formats.left_out import listed, note_kinds, note_left_out, note_normals
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.scene import SceneMesh
 from meshreel.sequence import validate_fps
+
+LIGHTS = "KHR_lights_punctual"
 
 
 class WeldNote:
@@ -167,15 +170,31 @@ def _note_left_out(document: Document, placements: Sequence[Placement], notes: l
         mesh = document.lists["meshes"][number]
         n_primitives = len(mesh.children("primitives", "primitive"))
         if n_left := n_primitives - len(surfaces(mesh)):
-            notes.append(
-                f"{mesh.place}: left out {n_left} of {n_primitives} primitives, which have no "
-                "triangles"
+            note_left_out(
+                notes, f"points and lines, {n_left} of {n_primitives} primitives of {mesh.place}"
             )
+        _note_values(mesh, notes)
     nodes = document.lists["nodes"]
     note_instances([(nodes[one.node], one.instances) for one in placements], notes)
     skinned = [nodes[one.node] for one in placements if one.skin is not None]
     if copied := [one for one in skinned if one.extension(INSTANCING) is not None]:
         names = listed(one.text("name", "") or one.place for one in copied)
         note_left_out(notes, f"instances of skinned meshes: {names}")
+    for what, n_there in (
+        ("cameras", sum("camera" in node for node in nodes)),
+        ("lights", sum(node.extension(LIGHTS) is not None for node in nodes)),
+    ):
+        if n_there:
+            note_left_out(notes, f"{what} ({n_there})")
     if document.uses("KHR_texture_transform"):
         notes.append("texture coordinates are as stored, without KHR_texture_transform")
+
+
+def _note_values(mesh: JsonObject, notes: list[str]) -> None:
+    """Add to the notes the attributes of vertices that are not read."""
+    names = {name for one in surfaces(mesh) for name in one.needed("attributes").values}
+    if names & {"NORMAL", "TANGENT"}:
+        note_normals(notes)
+    note_kinds(
+        notes, "attributes that glTF does not define", sorted(n for n in names if not is_read(n))
+    )

@@ -17,6 +17,7 @@ from meshreel.errors import InvalidInputError
 from meshreel.formats.frame_stream import FrameStream
 from meshreel.formats.gltf.error_budget import ErrorBudget, share_budget
 from meshreel.formats.gltf.moving_mesh import Wanted
+from meshreel.formats.gltf.normal_targets import NormalChoice
 from meshreel.formats.gltf.placement import check_range
 from meshreel.formats.gltf.scene_writer import Scene, make_scene
 from meshreel.formats.gltf.seams import describe_left_out
@@ -30,6 +31,12 @@ DEFAULT_FPS = 24.0
 
 MANY_TARGETS = 256
 """Layers that a texture has on every GPU (WebGL 2); more targets than that some cannot play."""
+
+CHOICES = {None: NormalChoice.SMOOTH, True: NormalChoice.ALL, False: NormalChoice.NONE}
+
+WHY_FLAT = "creases are much of it (--normals, normals=True, writes them all the same)"
+
+TOO_FEW_TARGETS = "they need two targets or more"
 
 MAX_BYTES = (1 << 32) - 1
 MAGIC, VERSION, JSON_CHUNK, BINARY_CHUNK = b"glTF", 2, b"JSON", b"BIN\0"
@@ -57,6 +64,7 @@ def write_glb(path: Path, stream: FrameStream, options: WriteOptions) -> None:
             "allow a larger error (max_error), or fewer targets"
         )
     _note_achieved(stream.notes, achieved, size)
+    _note_normals(stream.notes, achieved.scene, options)
     with path.open("wb") as file:
         file.write(MAGIC + struct.pack("<2I", VERSION, size))
         file.write(struct.pack("<I", len(text)) + JSON_CHUNK + text)
@@ -79,6 +87,7 @@ def write_gltf(path: Path, stream: FrameStream, options: WriteOptions) -> None:
     buffers = [{"byteLength": scene.buffer.size_bytes, "uri": uri}]
     text = json.dumps(scene.document | {"buffers": buffers}, ensure_ascii=False, indent=1)
     _note_achieved(stream.notes, achieved, path.write_bytes(text.encode()))
+    _note_normals(stream.notes, scene, options)
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,7 +124,7 @@ def _achieve(stream: FrameStream, options: WriteOptions) -> _Achieved:
     else:
         allowed = DEFAULT_MAX_ERROR if options.targets is None else 0.0
     budget = share_budget(allowed, diagonal, options.origin, is_total=options.max_error is not None)
-    wanted = Wanted(options.targets, budget.added, options.normals)
+    wanted = Wanted(options.targets, budget.added, CHOICES[options.normals])
     stream.progress("morph targets", 0.0)
     scene = make_scene(sequence, times_s, wanted)
     if scene.n_isolated:
@@ -180,3 +189,20 @@ def _note_achieved(notes: list[str], achieved: _Achieved, size_bytes: int) -> No
             f"some viewers play no more than {MANY_TARGETS} morph targets of a mesh; "
             "allow a larger error (max_error) for fewer"
         )
+
+
+def _note_normals(notes: list[str], scene: Scene, options: WriteOptions) -> None:
+    """One sentence on which meshes have normals, and how near these are while they move."""
+    if options.normals is False:
+        return
+    have = [one.normals for one in scene.meshes if one.normals is not None]
+    if not have:
+        reason = TOO_FEW_TARGETS if options.targets == 1 else WHY_FLAT
+        notes.append(f"no normals, so viewers shade it flat: {reason}")
+        return
+    angle_deg = max(one.angle_deg for one in have)
+    moving = f", off by {angle_deg:.1f} degrees in the mean as they move" if angle_deg else ""
+    few = f" of {len(have)} of {len(scene.meshes)} meshes" if len(have) < len(scene.meshes) else ""
+    rest = f"; of the others none: {WHY_FLAT}" if few else ""
+    if moving or few:
+        notes.append(f"normals{few} are smooth{moving}{rest}")

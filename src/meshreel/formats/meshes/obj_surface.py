@@ -8,6 +8,7 @@ the material library.
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.formats.left_out import note_left_out, note_normals
 from meshreel.formats.meshes.obj import obj_mesh
 from meshreel.formats.text.token_lines import TokenLines, split_lines
 from meshreel.geometry.ragged import ragged_indices
@@ -22,7 +23,14 @@ N_COLORED = 6
 """Numbers of a vertex with a colour."""
 
 
-def parse_obj_surface(data: bytes) -> Surface:
+LEFT_OUT = {
+    b"l": "lines", b"p": "points", b"s": "smoothing groups", b"mtllib": "the material library",
+    b"curv": "curves", b"curv2": "curves", b"surf": "free-form surfaces",
+}  # fmt: skip
+"""What statements say that are passed over."""
+
+
+def parse_obj_surface(data: bytes, notes: list[str] | None = None) -> Surface:
     """Attributes, groups and parts of the bytes of an OBJ file that `parse_obj` reads.
 
     Colours are of 0..255 if they are whole numbers that exceed 1, and become floats of 0..1. A
@@ -40,6 +48,12 @@ def parse_obj_surface(data: bytes) -> Surface:
     parts = _parts(lines, face_lines)
     attributes = (_texture_coordinates(lines, face_lines), _colors(lines))
     groups = [_groups(lines, face_lines, name) for name in STATEMENTS]
+    if notes is not None:
+        if lines.begins_with(b"vn").any():
+            note_normals(notes)
+        for what in dict.fromkeys(what for word, what in LEFT_OUT.items()
+                                  if lines.begins_with(word).any()):  # fmt: skip
+            note_left_out(notes, what)
     return Surface(
         None,
         tuple(one for one in attributes if one is not None),

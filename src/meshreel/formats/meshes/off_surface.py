@@ -8,6 +8,7 @@ are passed over, and so are colours that are the number of one in a table.
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.formats.left_out import note_left_out, note_normals
 from meshreel.formats.meshes.off import corner_counts, read_off_header
 from meshreel.formats.text.token_lines import TokenLines, split_lines
 from meshreel.surface import Attribute, Domain, Kind, Surface
@@ -15,8 +16,8 @@ from meshreel.surface import Attribute, Domain, Kind, Surface
 Int64s = npt.NDArray[np.int64]
 
 
-def parse_off_surface(data: bytes) -> Surface:
-    """Attributes of the bytes of an OFF file that `parse_off` reads.
+def parse_off_surface(data: bytes, notes: list[str] | None = None) -> Surface:
+    """Attributes of the bytes of an OFF file that `parse_off` reads; notes tell what is left out.
 
     Colours are bytes if none has a decimal point. They are passed over where not all vertices, or
     not all faces, have three numbers or four.
@@ -37,7 +38,13 @@ def parse_off_surface(data: bytes) -> Surface:
         found.append(_colors(lines, verts, skipped, n_texture, Domain.VERTEX))
     if n_texture:
         found.append(_texture_coordinates(lines, verts))
-    found.append(_colors(lines, faces, corner_counts(lines, faces) + 1, 0, Domain.FACE))
+    behind = corner_counts(lines, faces) + 1
+    found.append(_colors(lines, faces, behind, 0, Domain.FACE))
+    if notes is not None:
+        if "N" in header.keyword:
+            note_normals(notes)
+        if found[-1] is None and (lines.counts[faces] > behind).any():
+            note_left_out(notes, "colours of faces, which not all have as three numbers or four")
     return Surface(None, tuple(one for one in found if one is not None))
 
 

@@ -14,9 +14,8 @@ from dataclasses import replace
 import numpy as np
 
 from meshreel.errors import FormatError
-from meshreel.formats.left_out import listed, note_left_out
 from meshreel.formats.meshes.ply_cells import BinaryCells
-from meshreel.formats.meshes.ply_header import PlyProperty, read_ply_header
+from meshreel.formats.meshes.ply_header import PlyProperty
 from meshreel.formats.meshes.ply_strips import cut_strips
 from meshreel.formats.meshes.ply_tables import STRIPS, PlyTable, read_ply_tables
 from meshreel.formats.polygons import PolygonMesh, polygon_mesh
@@ -41,17 +40,6 @@ def ply_mesh(tables: dict[str, PlyTable]) -> PolygonMesh:
     """The mesh of the tables of a PLY file; as `parse_ply`."""
     counts, corners = _faces(tables["face"]) if "face" in tables else _strips(tables[STRIPS])
     return polygon_mesh(_vertices(tables["vertex"]), counts, corners)
-
-
-def describe_ply(data: bytes) -> list[str]:
-    """What is left out of the bytes of a PLY file that `parse_ply` reads, to be shown to a user."""
-    header = read_ply_header(data)
-    notes: list[str] = []
-    if header.skipped:
-        note_left_out(notes, f"lines of the header: {listed(header.skipped)}")
-    if {"face", STRIPS} <= {element.name for element in header.elements if element.n_rows}:
-        note_left_out(notes, "triangle strips, beside the faces")
-    return notes
 
 
 def ply_positions_like(first: bytes, mesh: PolygonMesh) -> Callable[[bytes], Vertices | None]:

@@ -11,21 +11,23 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.formats.meshes.ply import ply_mesh
-from meshreel.formats.meshes.ply_header import PlyProperty
-from meshreel.formats.meshes.ply_tables import PlyTable, read_ply_tables
+from meshreel.formats.left_out import note_kinds, note_normals
+from meshreel.formats.meshes.ply import INDEX_NAMES, ply_mesh
+from meshreel.formats.meshes.ply_header import PlyProperty, read_ply_header
+from meshreel.formats.meshes.ply_tables import STRIPS, PlyTable, read_ply_tables
 from meshreel.surface import VALUE_TYPES, Attribute, Domain, Kind, Surface
 
 COLOR_NAMES = ("red", "green", "blue", "alpha")
 UV_NAMES = (("s", "t"), ("u", "v"), ("texture_u", "texture_v"), ("texture_s", "texture_t"))
 CORNER_UV_NAME = "texcoord"
-PASSED_OVER = ("x", "y", "z", "nx", "ny", "nz")
+NORMALS = ("nx", "ny", "nz")
+PASSED_OVER = ("x", "y", "z", *NORMALS)
 
 Values = npt.NDArray[Any]
 
 
-def parse_ply_surface(data: bytes) -> Surface:
-    """Attributes of the bytes of a PLY file.
+def parse_ply_surface(data: bytes, notes: list[str] | None = None) -> Surface:
+    """Attributes of the bytes of a PLY file; notes gain a sentence on what is left out.
 
     Raises
     ------
@@ -34,13 +36,32 @@ def parse_ply_surface(data: bytes) -> Surface:
     """
     tables = read_ply_tables(data)
     counts = ply_mesh(tables).counts
-    of_vertices = tuple(_attributes(tables["vertex"], Domain.VERTEX))
-    if "face" not in tables:
-        return Surface(None, of_vertices)
-    of_faces = tuple(_attributes(tables["face"], Domain.FACE))
-    corner_uv = _corner_coordinates(tables["face"], counts)
-    of_corners = () if corner_uv is None else (corner_uv,)
-    return Surface(None, (*of_vertices, *of_faces, *of_corners))
+    attributes = [*_attributes(tables["vertex"], Domain.VERTEX)]
+    corner_uv = None
+    if "face" in tables:
+        attributes += _attributes(tables["face"], Domain.FACE)
+        corner_uv = _corner_coordinates(tables["face"], counts)
+    if notes is not None:
+        note_kinds(notes, "lines of the header", read_ply_header(data).skipped)
+        _note_left_out(tables, notes, has_corner_uv=corner_uv is not None)
+    return Surface(None, (*attributes, *([corner_uv] if corner_uv is not None else [])))
+
+
+def _note_left_out(tables: dict[str, PlyTable], notes: list[str], *, has_corner_uv: bool) -> None:
+    shape = ("vertex", "face") if "face" in tables else ("vertex", STRIPS)
+    names = {column.name for column in tables["vertex"].element.properties}
+    if names & set(NORMALS):
+        note_normals(notes)
+    taken = {*INDEX_NAMES, *([CORNER_UV_NAME] if has_corner_uv else [])}
+    lists = [
+        f"{name}.{column.name}"
+        for name in shape
+        for column in tables[name].element.properties
+        if column.count_code and not (name != "vertex" and column.name in taken)
+    ]
+    note_kinds(notes, "lists", lists)
+    others = [name for name, one in tables.items() if one.element.n_rows]
+    note_kinds(notes, "elements", (name for name in others if name not in shape))
 
 
 def _attributes(table: PlyTable, domain: Domain) -> Iterator[Attribute]:

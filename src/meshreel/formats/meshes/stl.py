@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.errors import FormatError, InvalidInputError
+from meshreel.formats.left_out import note_left_out
 from meshreel.formats.polygons import PolygonMesh, polygon_mesh
 from meshreel.formats.text.token_lines import TokenLines, split_lines
 from meshreel.formats.unwritten import note_unwritten
@@ -44,6 +45,15 @@ def parse_stl(data: bytes) -> PolygonMesh:
     n_faces = len(corners) // 3
     corners = _without_negative_zeros(corners)
     return polygon_mesh(corners, np.full(n_faces, 3), np.arange(3 * n_faces))
+
+
+def parse_stl_surface(data: bytes, notes: list[str]) -> Surface:
+    """Nothing; the notes tell of colours that some programs put into spare bytes."""
+    if len(data) == _binary_size(data):
+        table = np.frombuffer(data, TRIANGLE, offset=HEADER_BYTES + 4)
+        if table["attribute"].any():
+            note_left_out(notes, "what the spare bytes of triangles hold, such as colours")
+    return PLAIN
 
 
 def stl_positions_like(first: bytes, mesh: PolygonMesh) -> Callable[[bytes], Vertices | None]:

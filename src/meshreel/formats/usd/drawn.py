@@ -5,6 +5,7 @@ from typing import Any
 
 from meshreel.errors import FormatError
 from meshreel.formats.extras import USD
+from meshreel.formats.left_out import note_kinds, note_left_out
 from meshreel.formats.usd.sampling import attribute_codes
 
 MAX_PRIMS = 1_000_000
@@ -34,14 +35,17 @@ def drawn_meshes(stage: Any, notes: list[str]) -> list[Any]:
     hidden = Counter(reason for reason in reasons.values() if reason)
     if not drawn:
         raise FormatError(f"holds no mesh that is drawn; it holds {_counted(hidden, others)}")
+    note_kinds(notes, "visibility that changes", (str(one.GetPath()) for one in drawn
+                                                  if len(_visibilities(one)) > 1))  # fmt: skip
     if hidden or others:
-        notes.append(f"left out: {_counted(hidden, others)}")
+        note_left_out(notes, _counted(hidden, others))
     return drawn
 
 
 def _geometry(stage: Any) -> tuple[list[Any], Counter[str]]:
     """Prims of meshes, and how many there are of other kinds of geometry."""
     usd, geometry = USD.load("Usd"), USD.load("UsdGeom")
+    light = USD.load("UsdLux").LightAPI
     prims = iter(usd.PrimRange.Stage(stage, usd.TraverseInstanceProxies()))
     meshes: list[Any] = []
     others: Counter[str] = Counter()
@@ -53,7 +57,7 @@ def _geometry(stage: Any) -> tuple[list[Any], Counter[str]]:
         elif prim.IsA(geometry.PointInstancer):
             others[prim.GetTypeName()] += 1
             prims.PruneChildren()  # what is below is only drawn as its copies
-        elif prim.IsA(geometry.Gprim):
+        elif prim.IsA(geometry.Gprim) or prim.IsA(geometry.Camera) or prim.HasAPI(light):
             others[prim.GetTypeName()] += 1
     return meshes, others
 
@@ -67,14 +71,20 @@ def _why_not_drawn(prim: Any) -> str:
         return f"of purpose {purpose}"
     if not (mesh.GetPointsAttr().HasValue() and mesh.GetFaceVertexCountsAttr().HasValue()):
         return "without points or faces"
-    codes: set[float] = set()
+    if _visibilities(prim) == {geometry.Tokens.invisible}:
+        return "invisible"
+    return ""
+
+
+def _visibilities(prim: Any) -> set[str]:
+    """What the visibility of a prim is at any time, those above it included."""
+    geometry = USD.load("UsdGeom")
+    imageable, codes = geometry.Imageable(prim), set[float]()
     while prim and not prim.IsPseudoRoot():
         codes.update(attribute_codes(geometry.Imageable(prim).GetVisibilityAttr()))
         prim = prim.GetParent()
     times = sorted(codes) or [0.0]
-    if all(mesh.ComputeVisibility(time) == geometry.Tokens.invisible for time in times):
-        return "invisible"
-    return ""
+    return {imageable.ComputeVisibility(time) for time in times}
 
 
 def _counted(hidden: Counter[str], others: Counter[str]) -> str:

@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.formats.extras import USD
+from meshreel.formats.left_out import note_frozen, note_kinds, note_moving, note_normals
 from meshreel.formats.polygons import PolygonMesh
 from meshreel.surface import MAX_NUMBERS, VALUE_TYPES, Attribute, Domain, Kind
 
@@ -68,13 +69,14 @@ def read_attributes(
         Domain.FACE: len(mesh.counts),
         Domain.CORNER: len(mesh.corners),
     }
-    found = {}
+    found, unfit = {}, []
     for one in _candidates(prim, notes):
         attribute = _attribute(one, code, n_items)
         if attribute is None:
-            notes.append(f"primvar {one.name} of {prim.GetPath()} does not fit its faces; left out")
+            unfit.append(one.name)
         else:
             found[one.name] = _reordered(attribute, order)
+    note_kinds(notes, "primvars that do not fit their faces", unfit)
     _join_opacity(found)
     ranks = list(Kind)
     main = MAIN_NAMES.values()
@@ -83,7 +85,7 @@ def read_attributes(
 
 
 def _candidates(prim: Any, notes: list[str]) -> list[_Found]:
-    chosen = []
+    chosen, moving, settings = [], [], []
     for primvar in USD.load("UsdGeom").PrimvarsAPI(prim).FindPrimvarsWithInheritance():
         name = str(primvar.GetPrimvarName())
         interpolation = str(primvar.GetInterpolation())
@@ -91,12 +93,29 @@ def _candidates(prim: Any, notes: list[str]) -> list[_Found]:
         is_constant = interpolation == "constant"
         # Beside a colour, what is the same everywhere is a setting and not of the surface.
         is_setting = is_constant and kind is not Kind.COLOR and name != "displayOpacity"
-        if DERIVED.match(name) or is_setting or interpolation not in DOMAINS:
+        if DERIVED.match(name):
+            continue
+        if is_setting or interpolation not in DOMAINS:
+            settings.append(name)
             continue
         if primvar.ValueMightBeTimeVarying():
-            notes.append(f"primvar {name} of {prim.GetPath()} moves; read as in the first frame")
+            moving.append(name)
         chosen.append(_Found(primvar, name, kind, is_constant))
+    note_frozen(notes, moving)
+    note_kinds(notes, "primvars for a whole mesh", settings)
+    _note_derived(prim, notes)
     return chosen
+
+
+def _note_derived(prim: Any, notes: list[str]) -> None:
+    """Add to the notes normals and velocities, which follow from the positions."""
+    mesh = USD.load("UsdGeom").Mesh(prim)
+    primvar = USD.load("UsdGeom").PrimvarsAPI(prim).FindPrimvarWithInheritance("normals")
+    if mesh.GetNormalsAttr().HasAuthoredValue() or primvar.HasAuthoredValue():
+        note_normals(notes)
+    for attribute in (mesh.GetVelocitiesAttr(), mesh.GetAccelerationsAttr()):
+        if attribute.HasAuthoredValue():
+            note_moving(notes, [attribute.GetName()])
 
 
 def _kind(type_name: str, name: str) -> Kind:

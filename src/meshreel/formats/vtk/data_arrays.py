@@ -8,11 +8,14 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.errors import FormatError
+from meshreel.formats.left_out import note_kinds, note_normals
 from meshreel.formats.vtk.cells import CellSurface
 from meshreel.surface import MAX_NUMBERS, VALUE_TYPES, Attribute, Domain, Kind, Surface
 
 TEXTURE_COORDINATES = "TCoords"
 NORMALS = "Normals"
+UNFIT = f"arrays of text, or of more than {MAX_NUMBERS} numbers"
+"""What attributes cannot hold."""
 UV_NAMES = {"uv", "uvmap", "st", "tcoords", "texturecoordinates", "texture coordinates"}
 COLOR_NAMES = {"color", "colors", "colour", "colours", "rgb", "rgba", "cd"}
 
@@ -40,10 +43,11 @@ def surface_of_arrays(
     n_points: int,
     n_cells: int,
     surface: CellSurface,
+    notes: list[str],
 ) -> Surface:
     """The attributes that arrays at all points and cells are on the surface of the cells.
 
-    Normals, arrays of more numbers than an attribute has, and text are left out.
+    Normals, arrays of more numbers than an attribute has, and text are left out; notes say so.
 
     Raises
     ------
@@ -52,8 +56,12 @@ def surface_of_arrays(
     """
     at_points = [(one, Domain.VERTEX, n_points, surface.kept) for one in points]
     at_cells = [(one, Domain.FACE, n_cells, surface.cells) for one in cells]
-    found = (_attribute(*given) for given in at_points + at_cells)
-    return Surface(attributes=tuple(one for one in found if one is not None))
+    found = [(one[0], _attribute(*one)) for one in at_points + at_cells]
+    missing = [array for array, attribute in found if attribute is None]
+    if any(array.role == NORMALS for array in missing):
+        note_normals(notes)
+    note_kinds(notes, UNFIT, (array.name for array in missing if array.role != NORMALS))
+    return Surface(attributes=tuple(one for _, one in found if one is not None))
 
 
 def _attribute(

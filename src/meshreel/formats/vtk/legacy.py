@@ -4,12 +4,14 @@ Our own reader, for the reason that `meshreel.formats.vtk.xml_file` has. Read ar
 UNSTRUCTURED_GRID of versions 1 to 5.1.
 """
 
+from collections.abc import Iterator
 from urllib.parse import unquote
 
 import numpy as np
 import numpy.typing as npt
 
 from meshreel.errors import FormatError
+from meshreel.formats.left_out import listed
 from meshreel.formats.polygons import PolygonMesh
 from meshreel.formats.vtk.cells import POLY_LINE, POLY_VERTEX, POLYGON, STRIP, Cells
 from meshreel.formats.vtk.data_arrays import NORMALS, TEXTURE_COORDINATES, DataArray
@@ -21,6 +23,8 @@ from meshreel.surface import Surface
 Int64s = npt.NDArray[np.int64]
 
 SIGNATURE = "# vtk DataFile Version"
+TIMES = ("TimeValue", "TIME", "CYCLE")
+"""Field data that say when a file is."""
 COLORS = "COLOR_SCALARS"
 DATASETS = ("POLYDATA", "UNSTRUCTURED_GRID")
 GROUPS = {
@@ -60,9 +64,12 @@ def parse_vtk_legacy(data: bytes) -> PolygonMesh:
     return read_vtk_legacy(data).polygons
 
 
-def parse_vtk_legacy_surface(data: bytes) -> Surface:
-    """Its texture coordinates and colours; raises as `read_vtk_legacy`."""
-    return read_vtk_legacy(data).look()
+def parse_vtk_legacy_surface(data: bytes, notes: list[str]) -> Surface:
+    """Its texture coordinates and colours; notes tell what is left out.
+
+    Raises as `read_vtk_legacy`.
+    """
+    return read_vtk_legacy(data).look(notes)
 
 
 class _LegacyReader:
@@ -75,6 +82,8 @@ class _LegacyReader:
         self._types: npt.NDArray[np.integer] | None = None
         self._data: dict[str, list[DataArray]] = {"POINT_DATA": [], "CELL_DATA": []}
         self._domain, self._n_values = "", 0
+        self._field_data: list[str] = []
+        self._tables: list[str] = []
 
     def read(self) -> VtkMesh:
         """The whole file."""
@@ -96,7 +105,15 @@ class _LegacyReader:
             Cells(types, counts.astype(np.int64), points.astype(np.int64)),
             tuple(self._data["POINT_DATA"]),
             tuple(self._data["CELL_DATA"]),
+            tuple(self._left_out()),
         )
+
+    def _left_out(self) -> Iterator[str]:
+        """In words, what was read of the file and is not of the mesh."""
+        if field := [name for name in self._field_data if name not in TIMES]:
+            yield f"field data: {listed(field)}"
+        if self._tables:
+            yield f"colour tables: {listed(self._tables)}"
 
     def _in_order(self) -> list[tuple[Int64s, Int64s]]:
         return [self._cells[name] for name in GROUPS if name in self._cells]
@@ -145,6 +162,7 @@ class _LegacyReader:
 
     def _values(self, keyword: str, rest: list[str]) -> None:
         if keyword == "LOOKUP_TABLE":
+            self._tables.append(rest[0])
             self._words.numbers(
                 4 * int(rest[1]), "float" if self._words.is_text else "unsigned_char"
             )
@@ -183,6 +201,8 @@ class _LegacyReader:
         if self._domain and int(count) == self._n_values:
             values = values.reshape(self._n_values, int(width))
             self._data[self._domain].append(DataArray(unquote(name), values))
+        else:
+            self._field_data.append(unquote(name))
 
 
 def _split_lists(numbers: Int64s, n_cells: int) -> tuple[Int64s, Int64s]:

@@ -1,12 +1,13 @@
 """What a file of VTK holds at one time, and the polygons that it shows."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from meshreel.errors import FormatError
+from meshreel.formats.left_out import listed, note_kinds, note_left_out
 from meshreel.formats.polygons import PolygonMesh
 from meshreel.formats.vtk.cells import Cells, CellSurface, find_surface
 from meshreel.formats.vtk.data_arrays import DataArray, surface_of_arrays
@@ -24,12 +25,15 @@ class VtkMesh:
     cells : Cells
     point_data, cell_data : tuple of DataArray
         Of all points and all cells.
+    left_out : tuple of str
+        What else the file holds, in words.
     """
 
     points: Vertices
     cells: Cells
     point_data: tuple[DataArray, ...] = ()
     cell_data: tuple[DataArray, ...] = ()
+    left_out: tuple[str, ...] = ()
 
     @cached_property
     def cell_surface(self) -> CellSurface:
@@ -41,19 +45,23 @@ class VtkMesh:
         """The surface that the cells are or have."""
         return self.cell_surface.mesh(self.points)
 
-    def surface(self) -> Surface:
-        """All data arrays as attributes."""
+    def surface(self, notes: list[str]) -> Surface:
+        """All data arrays as attributes; notes gain a sentence for each thing that is left out."""
+        for what in self.left_out:
+            note_left_out(notes, what)
         return surface_of_arrays(
             self.point_data,
             self.cell_data,
             len(self.points),
             len(self.cells.types),
             self.cell_surface,
+            notes,
         )
 
-    def look(self) -> Surface:
+    def look(self, notes: list[str]) -> Surface:
         """Texture coordinates and colours; other data of a simulation change over time."""
-        attributes = self.surface().attributes
+        attributes = self.surface(notes).attributes
+        note_kinds(notes, "fields", (one.name for one in attributes if one.kind is Kind.OTHER))
         return Surface(attributes=tuple(one for one in attributes if one.kind is not Kind.OTHER))
 
 
@@ -72,12 +80,23 @@ def joined(meshes: Sequence[VtkMesh]) -> VtkMesh:
             [mesh.cells.points + start for mesh, start in zip(meshes, starts, strict=False)]
         ),
     )
+    point_data = _joined_data([mesh.point_data for mesh in meshes])
+    cell_data = _joined_data([mesh.cell_data for mesh in meshes])
+    differing = _not_alike(meshes, [*point_data, *cell_data])
     return VtkMesh(
         np.concatenate([mesh.points for mesh in meshes]),
         cells,
-        _joined_data([mesh.point_data for mesh in meshes]),
-        _joined_data([mesh.cell_data for mesh in meshes]),
+        point_data,
+        cell_data,
+        (*dict.fromkeys(what for mesh in meshes for what in mesh.left_out), *differing),
     )
+
+
+def _not_alike(meshes: Sequence[VtkMesh], kept: Sequence[DataArray]) -> Iterator[str]:
+    """In words, the data that not all of several meshes have alike."""
+    names = {one.name for mesh in meshes for one in (*mesh.point_data, *mesh.cell_data)}
+    if missing := names - {one.name for one in kept}:
+        yield f"arrays that not all pieces have alike: {listed(sorted(missing))}"
 
 
 def _joined_data(data: Sequence[tuple[DataArray, ...]]) -> tuple[DataArray, ...]:

@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.errors import FormatError, InvalidInputError
+from meshreel.formats.left_out import note_moving
 from meshreel.formats.merging import merged_mesh
 from meshreel.formats.naming import errors_naming, os_errors_naming
 from meshreel.formats.options import ReadOptions
@@ -152,10 +153,7 @@ class _FileFrames:
     def surface(self, index: int) -> Surface:
         """The data of a frame that were the same in all frames so far."""
         mesh = self._read(index)
-        self._notes.extend(
-            f"{name!r} changes from step to step and is left out"
-            for _, name in sorted(self._changing)
-        )
+        note_moving(self._notes, (name for _, name in sorted(self._changing)))
         still = {
             side: tuple(
                 one for key, one in _keyed(mesh) if key[0] == side and key not in self._changing
@@ -164,7 +162,7 @@ class _FileFrames:
         }
         with errors_naming(self._files[index]):
             mesh = replace(mesh, point_data=still["points"], cell_data=still["cells"])
-            return mesh.surface()
+            return mesh.surface(self._notes)
 
     def _read(self, index: int) -> VtkMesh:
         path = self._files[index]

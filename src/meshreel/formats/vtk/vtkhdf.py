@@ -22,6 +22,7 @@ from meshreel.formats.hdf_file import (
     open_hdf,
     read_all,
 )
+from meshreel.formats.left_out import note_kinds
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.polygons import PolygonMesh
 from meshreel.formats.scene import SceneMesh
@@ -54,6 +55,7 @@ def read_vtkhdf(path: Path, options: ReadOptions) -> Sequence[SceneMesh]:
         group = find_group(root, ROOT)
         if group is None:
             raise FormatError(f"has no group {ROOT}; expected a VTKHDF file")
+        note_kinds(options.notes, "groups", (name for name in root if name not in (ROOT, OWN)))
         kind = _type(group)
         if kind in MESH_TYPES:
             return [_scene_mesh(group, kind, path.stem, find_group(root, OWN), options)]
@@ -67,6 +69,8 @@ def read_vtkhdf(path: Path, options: ReadOptions) -> Sequence[SceneMesh]:
             raise FormatError(
                 f"is VTKHDF of type {kind or '(none)'}; {' and '.join(MESH_TYPES)} are read"
             )
+        others = (name for name, one in blocks if one is not None and _type(one) not in MESH_TYPES)
+        note_kinds(options.notes, "blocks that are no meshes", others)
         return found
 
 
@@ -98,7 +102,11 @@ def _scene_mesh(
 
     def surface(index: int) -> Surface:
         with hdf_errors():
-            return read_surface(described) if own is not None else steps.surface(index)
+            if own is None:
+                return steps.surface(index)
+            found = read_surface(described)
+            steps.note_data_besides(found)
+            return found
 
     return SceneMesh(name, steps.times_s, frame, surface, fps)
 

@@ -17,6 +17,7 @@ from meshreel.formats.hdf_file import (
     read_rows,
     require_dataset,
 )
+from meshreel.formats.left_out import note_kinds, note_moving
 from meshreel.formats.polygons import PolygonMesh
 from meshreel.formats.vtk.cells import (
     POLY_LINE,
@@ -27,11 +28,13 @@ from meshreel.formats.vtk.cells import (
     CellSurface,
     find_surface,
 )
-from meshreel.formats.vtk.data_arrays import DataArray, surface_of_arrays
+from meshreel.formats.vtk.data_arrays import UNFIT, DataArray, surface_of_arrays
 from meshreel.formats.vtk.vtkhdf_cells import count_before, integers, read_cells
 from meshreel.surface import Surface
 
 Int64s = npt.NDArray[np.int64]
+
+DATA = ("PointData", "CellData")
 
 POLY_DATA_GROUPS: dict[str, int | None] = {
     "Vertices": POLY_VERTEX,
@@ -40,6 +43,12 @@ POLY_DATA_GROUPS: dict[str, int | None] = {
     "Strips": STRIP,
 }
 """In the order in which steps list them."""
+
+
+def array_name(name: str) -> str:
+    """What an attribute or a group is called in HDF5, where some characters mean something."""
+    name = name.encode("utf-8", "replace").decode().replace("/", "_").replace("\0", "_")
+    return name.strip(".") or "unnamed"
 
 
 class VtkSteps:
@@ -91,13 +100,25 @@ class VtkSteps:
         n_points, n_cells = self._points_of(index), len(cells.types)
         points_at = int(self._point_starts[index, 0])
         cells_at = int(self._cell_starts[index].sum())
-        return surface_of_arrays(
-            self._arrays("PointData", index, points_at, n_points),
-            self._arrays("CellData", index, cells_at, n_cells),
-            n_points,
-            n_cells,
-            surface,
-        )
+        moving: list[str] = []
+        at_points = list(self._arrays("PointData", index, points_at, n_points, moving))
+        at_cells = list(self._arrays("CellData", index, cells_at, n_cells, moving))
+        note_moving(self._notes, moving)
+        self._note_field_data()
+        return surface_of_arrays(at_points, at_cells, n_points, n_cells, surface, self._notes)
+
+    def note_data_besides(self, surface: Surface) -> None:
+        """Add to the notes what the group holds beside a surface, which stands elsewhere."""
+        self._note_field_data()
+        names = {one.name for one in surface.attributes} | {one.name for one in surface.groups}
+        known = {array_name(name) for name in names}
+        data = [one for name in DATA for one in find_group(self._group, name) or ()]
+        # The writer adds low lines to the second of two with one name.
+        others = [one for one in data if one not in known and one.rstrip("_") not in known]
+        note_kinds(self._notes, "data that another program added", others)
+
+    def _note_field_data(self) -> None:
+        note_kinds(self._notes, "field data", find_group(self._group, "FieldData") or ())
 
     def _read_times(self) -> npt.NDArray[np.float64]:
         if self._steps is None:
@@ -173,20 +194,23 @@ class VtkSteps:
             np.concatenate([one.points for one in found]),
         )
 
-    def _arrays(self, name: str, index: int, start: int, count: int) -> Iterator[DataArray]:
-        """Data that are the same in all steps, as they are in one."""
+    def _arrays(
+        self, name: str, index: int, start: int, count: int, moving: list[str]
+    ) -> Iterator[DataArray]:
+        """Data that are the same in all steps, as they are in one; others are named in `moving`."""
         group = find_group(self._group, name)
         if group is None:
             return
         for one in group:
             dataset = find_dataset(group, one)
             if dataset is None or dataset.dtype.kind not in "iuf":
+                note_kinds(self._notes, UNFIT, [one])
                 continue
             offsets_name = f"Steps/{name}Offsets/{one}"
             found = find_dataset(self._group, offsets_name)
             offsets = None if found is None else integers(found).ravel()
             if len(self.times_s) > 1 and (offsets is None or (offsets != offsets[0]).any()):
-                self._notes.append(f"{one!r} changes from step to step and is left out")
+                moving.append(one)
                 continue
             if offsets is not None and len(offsets) != len(self.times_s):
                 raise FormatError(f"{offsets_name} has {len(offsets)} numbers")

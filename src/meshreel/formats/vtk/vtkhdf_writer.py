@@ -13,7 +13,7 @@ from meshreel.formats.hdf_file import Node, write_array
 from meshreel.formats.options import WriteOptions
 from meshreel.formats.vtk.data_arrays import TEXTURE_COORDINATES
 from meshreel.formats.vtk.vtkhdf import OWN, ROOT
-from meshreel.formats.vtk.vtkhdf_steps import POLY_DATA_GROUPS
+from meshreel.formats.vtk.vtkhdf_steps import POLY_DATA_GROUPS, array_name
 from meshreel.geometry.fans import join_fans
 from meshreel.surface import Attribute, Domain, Kind
 
@@ -104,8 +104,7 @@ def _unseen(attribute: Attribute) -> str:
 
 def _add_array(root: Node, steps: Node, place: str, name: str, values: npt.NDArray[Any]) -> Node:
     """Write values that are the same in all steps."""
-    name = name.encode("utf-8", "replace").decode().replace("/", "_").replace("\0", "_")
-    name = name.strip(".") or "unnamed"
+    name = array_name(name)
     while name in root[place]:
         name += "_"
     dataset = root[place].create_dataset(name, data=values)

@@ -7,6 +7,7 @@ from xml.etree.ElementTree import Element
 import numpy as np
 
 from meshreel.errors import FormatError
+from meshreel.formats.left_out import note_kinds, note_moving
 from meshreel.formats.polygons import PolygonMesh
 from meshreel.formats.vtk.cells import Cells, CellSurface, find_surface
 from meshreel.formats.vtk.data_arrays import DataArray, surface_of_arrays
@@ -50,9 +51,24 @@ class GridFrames:
         n_points = len(self._points(index))
         cells, surface = self._surface(index, n_points)
         n_cells = len(cells.types)
-        return surface_of_arrays(
-            self._arrays(index, "node"), self._arrays(index, "cell"), n_points, n_cells, surface
+        moving: list[str] = []
+        at_points, at_cells = (
+            list(self._arrays(index, center, moving)) for center in ("node", "cell")
         )
+        note_moving(self._notes, moving)
+        self._note_left_out(index)
+        return surface_of_arrays(at_points, at_cells, n_points, n_cells, surface, self._notes)
+
+    def _note_left_out(self, index: int) -> None:
+        attributes = self._steps[index].findall("Attribute")
+        others = [one for one in attributes if _center(one) not in ("node", "cell")]
+        note_kinds(
+            self._notes,
+            "data that are not of nodes or cells",
+            (one.get("Name", "") for one in others),
+        )
+        sets = (one.get("Name", "(unnamed)") for one in self._steps[index].findall("Set"))
+        note_kinds(self._notes, "sets", sets)
 
     def _element(self, index: int, tag: str) -> Element:
         """Geometry or topology of a step, which may be that of another grid, included."""
@@ -98,14 +114,15 @@ class GridFrames:
             self._cached = key, cells, find_surface(cells, n_points)
         return self._cached[1:]
 
-    def _arrays(self, index: int, center: str) -> Iterator[DataArray]:
+    def _arrays(self, index: int, center: str, moving: list[str]) -> Iterator[DataArray]:
+        """Data that all steps have alike; names of others are added to `moving`."""
         for attribute in self._steps[index].findall("Attribute"):
             name = attribute.get("Name", "")
-            if attribute.get("Center", "Node").lower() != center:
+            if _center(attribute) != center:
                 continue
             key = self._key(index, name)
             if any(self._key(other, name) != key for other in range(len(self._steps))):
-                self._notes.append(f"{name!r} changes from step to step and is left out")
+                moving.append(name)
                 continue
             values = self._items.read(self._items.item_of(attribute))
             yield DataArray(name, values)
@@ -115,3 +132,8 @@ class GridFrames:
         return [
             self._items.key(self._items.item_of(a)) for a in attributes if a.get("Name") == name
         ]
+
+
+def _center(attribute: Element) -> str:
+    """What an Attribute has values of."""
+    return attribute.get("Center", "Node").lower()

@@ -5,6 +5,8 @@ file lies. Read: every encoding and packing that VTK writes, and any number of p
 """
 
 import re
+from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any
 from xml.etree.ElementTree import Element
 
@@ -12,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.errors import FormatError
+from meshreel.formats.left_out import listed
 from meshreel.formats.polygons import PolygonMesh
 from meshreel.formats.vtk.cells import POLY_LINE, POLY_VERTEX, POLYGON, STRIP, Cells
 from meshreel.formats.vtk.data_arrays import NORMALS, TEXTURE_COORDINATES, DataArray
@@ -23,6 +26,8 @@ from meshreel.surface import Surface
 Int64s = npt.NDArray[np.int64]
 
 APPENDED = re.compile(rb"<AppendedData([^>]*)>\s*_")
+TIMES = ("TimeValue", "TIME", "CYCLE")
+"""Field data that say when a file is."""
 GROUPS = {"Verts": POLY_VERTEX, "Lines": POLY_LINE, "Polys": POLYGON, "Strips": STRIP}
 
 
@@ -51,7 +56,24 @@ def read_vtk_xml(data: bytes) -> VtkMesh:
     meshes = [_mesh(piece, coding, is_grid=kind == "UnstructuredGrid") for piece in pieces]
     if not meshes:
         raise FormatError("holds no piece")
-    return joined(meshes)
+    mesh = joined(meshes)
+    return replace(mesh, left_out=(*mesh.left_out, *_left_out(root.find(kind))))
+
+
+def _left_out(grid: Element | None) -> Iterator[str]:
+    """In words, what belongs to the file as a whole, and data that are no numbers."""
+    elements = [] if grid is None else [*grid.iterfind("FieldData/*")]
+    names = [element.get("Name", "") for element in elements]
+    if field := [name for name in names if name not in TIMES]:
+        yield f"field data: {listed(field)}"
+    data = [] if grid is None else [*grid.iterfind("Piece/PointData/*"),
+                                    *grid.iterfind("Piece/CellData/*")]  # fmt: skip
+    if texts := list(dict.fromkeys(one.get("Name", "") for one in data if _is_text(one))):
+        yield f"arrays of text: {listed(texts)}"
+
+
+def _is_text(element: Element) -> bool:
+    return element.tag == "Array" or element.get("type") == "String"
 
 
 def parse_vtk_xml(data: bytes) -> PolygonMesh:
@@ -59,9 +81,12 @@ def parse_vtk_xml(data: bytes) -> PolygonMesh:
     return read_vtk_xml(data).polygons
 
 
-def parse_vtk_xml_surface(data: bytes) -> Surface:
-    """Its texture coordinates and colours; raises as `read_vtk_xml`."""
-    return read_vtk_xml(data).look()
+def parse_vtk_xml_surface(data: bytes, notes: list[str]) -> Surface:
+    """Its texture coordinates and colours; notes tell what is left out.
+
+    Raises as `read_vtk_xml`.
+    """
+    return read_vtk_xml(data).look(notes)
 
 
 def _coding(root: Element, appended: bytes, is_raw: bool) -> ArrayCoding:
@@ -150,5 +175,5 @@ def _data(group: Element | None, coding: ArrayCoding) -> tuple[DataArray, ...]:
     return tuple(
         DataArray(name, coding.read(element), roles.get(name, ""))
         for name, element in named
-        if not name.startswith("vtkGhost")
+        if not name.startswith("vtkGhost") and not _is_text(element)
     )

@@ -60,7 +60,7 @@ def test_load_reads_the_cage_when_a_mesh_is_to_be_subdivided(tmp_path):
     sample.add_mesh(sample.archive(tmp_path / "a.abc").getTop(), "m", MOVES, kind="SubD")
     notes = []
     np.testing.assert_array_equal(load(tmp_path / "a.abc", notes=notes).vertices, MOVES)
-    assert "/m is a subdivision surface; its cage is read" in notes
+    assert "left out: subdivision of /m, whose cage is read" in notes
 
 
 def test_load_keeps_the_first_colours_when_they_change_over_time(tmp_path):
@@ -76,7 +76,7 @@ def test_load_keeps_the_first_colours_when_they_change_over_time(tmp_path):
     [found] = load(tmp_path / "a.abc", notes=notes).surface.attributes
     assert (found.kind, found.domain) == (Kind.COLOR, Domain.CORNER)
     np.testing.assert_array_equal(found.values, np.tile(np.float32([0.25, 0, 0]), (8, 1)))
-    assert "/m: Cd changes over time; it stays as it is at first" in notes
+    assert "left out: changes over time of Cd, kept as in the first frame" in notes
 
 
 def test_load_refuses_a_file_when_objects_are_nested_without_end(tmp_path):
@@ -153,7 +153,7 @@ def test_load_leaves_a_note_when_attributes_cannot_be_carried(tmp_path):
         Domain.VERTEX,
     )
     np.testing.assert_array_equal(attribute.values, np.arange(6, dtype=np.float32)[:, np.newaxis])
-    assert notes[-1].startswith("/m: left out speed: what changes over time")
+    assert notes[-1] == "left out: fields that change over time: speed"
 
 
 def test_load_gives_groups_of_their_own_when_face_sets_overlap(tmp_path):

@@ -107,13 +107,14 @@ def test_glb_says_that_errors_are_those_of_targets_when_nothing_is_promised(
     path.write_bytes(meshreel.encode(waves, **given))
     with meshreel.open(path, n_modes=n_modes) as reel:
         notes = written(reel, tmp_path / "a.glb")[1]
-    assert notes[-1].startswith("errors are measured against the decoded animation, for which no ")
+    said = "errors are measured against the decoded animation, for which no "
+    assert any(note.startswith(said) for note in notes)
 
 
 def test_glb_says_nothing_of_streams_when_the_frames_are_the_original(waves, tmp_path):
     notes = []
     save(waves, tmp_path / "a.glb", notes=notes)
-    assert len(notes) == 1
+    assert not any("original" in note or "stream" in note for note in notes)
     assert notes[0].startswith("the largest error is ")
 
 

@@ -39,7 +39,10 @@ def test_vertices_are_one_when_they_coincide(read):
     found, notes = read(split_square(NORMAL=np.random.default_rng(0).random((6, 3))))
     np.testing.assert_array_equal(found.vertices[0], SQUARE)
     np.testing.assert_array_equal(found.faces, [[0, 1, 2], [0, 2, 3]])
-    assert notes == ["welded 6 vertices, split at seams, to 4"]
+    assert notes == [
+        "left out: normals, which programs compute",
+        "welded 6 vertices, split at seams, to 4",
+    ]
     assert found.surface.is_plain
 
 
@@ -242,7 +245,7 @@ def test_a_strip_faces_one_side_when_it_is_flat(read):
 def test_points_and_lines_are_left_out_and_noted_when_there_are_triangles_too(read, mode):
     found, notes = read(two_primitives(mode=mode))
     assert found.n_verts == 3
-    assert notes == ["mesh 0: left out 1 of 2 primitives, which have no triangles"]
+    assert notes == ["left out: points and lines, 1 of 2 primitives of mesh 0"]
 
 
 def test_load_is_refused_when_there_are_only_points(read):

@@ -1,15 +1,19 @@
 import numpy as np
+import pytest
 
 from meshreel.flag import simulate_flag
 from meshreel.formats.gltf.moving_mesh import Wanted, fit_part
-from meshreel.formats.gltf.normal_targets import still_normals
+from meshreel.formats.gltf.normal_targets import NormalChoice, still_normals
 from meshreel.geometry.normals import vertex_normals
 from sample_meshes import octahedron_faces, waving_grid
+from sample_surfaces import rich_cube
 
 
 def angles_deg(moving, vertices, faces):
     """Between normals as a viewer has them and those of the frames, of every vertex."""
-    turned = np.tensordot(moving.morphs.weights, moving.normals.targets / 127, 1)
+    turned = np.tensordot(
+        moving.morphs.weights[:, moving.normals.numbers], moving.normals.targets / 127, 1
+    )
     normals = moving.normals.base / 127 + turned
     normals /= np.linalg.norm(normals, axis=2, keepdims=True)
     expected = np.stack([vertex_normals(frame, faces) for frame in vertices])
@@ -18,7 +22,7 @@ def angles_deg(moving, vertices, faces):
 
 def test_fit_normals_follow_when_a_flag_flutters():
     flag = simulate_flag(40, n_rows=20, n_columns=20)
-    moving = fit_part(flag.vertices, flag.faces, Wanted(None, 0.002, normals=True))
+    moving = fit_part(flag.vertices, flag.faces, Wanted(None, 0.002, normals=NormalChoice.ALL))
     angles = angles_deg(moving, flag.vertices, flag.faces)
     assert (angles.mean() < 1, angles.max() < 10, moving.errors.max() <= 0.002) == (True,) * 3
 
@@ -28,16 +32,41 @@ def test_fit_normals_follow_when_a_body_turns_around():
     body = np.concatenate([np.eye(3), -np.eye(3)])[[0, 3, 1, 4, 2, 5]]
     turns = np.stack([[np.cos(a), -np.sin(a), 0, np.sin(a), np.cos(a), 0, 0, 0, 1] for a in turn])
     vertices = (body @ turns.reshape(-1, 3, 3)).astype(np.float32)
-    moving = fit_part(vertices, octahedron_faces(), Wanted(None, 0.002, normals=True))
+    moving = fit_part(vertices, octahedron_faces(), Wanted(None, 0.002, normals=NormalChoice.ALL))
     assert angles_deg(moving, vertices, octahedron_faces()).max() < 2
 
 
 def test_fit_normals_has_the_number_of_targets_when_it_is_given():
     grid = waving_grid(20)
-    moving = fit_part(grid.vertices, grid.faces, Wanted(6, 0.0, normals=True))
+    moving = fit_part(grid.vertices, grid.faces, Wanted(6, 0.0, normals=NormalChoice.ALL))
     assert len(moving.morphs.targets) == len(moving.normals.targets) == 6
 
 
 def test_still_normals_point_along_z_when_no_face_has_an_area():
     found = still_normals(np.zeros((3, 3), np.float32), np.array([[0, 1, 2]], np.int32))
     np.testing.assert_array_equal(found.base, np.tile(np.float32([0, 0, 1]), (3, 1)))
+
+
+@pytest.mark.parametrize("choice", [NormalChoice.SMOOTH, NormalChoice.ALL])
+def test_angle_is_that_of_the_bytes_when_normals_move(choice):
+    flag = simulate_flag(40, n_rows=20, n_columns=20)
+    moving = fit_part(flag.vertices, flag.faces, Wanted(None, 0.002, normals=choice))
+    measured = angles_deg(moving, flag.vertices, flag.faces).mean()
+    assert moving.normals.angle_deg == pytest.approx(measured, rel=1e-2)
+
+
+def test_fewer_targets_turn_normals_when_these_need_be_near_only():
+    flag = simulate_flag(60, n_rows=20, n_columns=20)
+    near, exact = (
+        fit_part(flag.vertices, flag.faces, Wanted(None, 0.0005, normals=choice))
+        for choice in (NormalChoice.SMOOTH, NormalChoice.ALL)
+    )
+    assert len(near.normals.numbers) < 0.7 * len(exact.normals.numbers)
+    assert near.normals.angle_deg < 5
+    assert near.errors.max() <= 0.0005
+
+
+def test_mesh_has_no_normals_when_it_is_creased_unless_all_are_asked_for():
+    box = rich_cube(4)
+    found = [fit_part(box.vertices, box.faces, Wanted(None, 0.001, one)) for one in NormalChoice]
+    assert [one.normals is not None for one in found] == [False, True, False]

@@ -12,6 +12,7 @@ from meshreel.sequence import MeshSequence
 from meshreel.surface import Attribute, Domain, FaceGroups, Kind, Part, Surface
 from sample_glb import Glb, largest_error_percent, stream_of, written
 from sample_meshes import irregular_sequence, waving_grid
+from sample_surfaces import rich_cube
 
 
 def grid(n_frames=30, dtype=np.float32, **changes):
@@ -236,6 +237,35 @@ def test_write_glb_has_unit_normals_when_they_are_asked_for(tmp_path):
             lengths = np.linalg.norm(found.array(one["attributes"]["NORMAL"]), axis=1)
             np.testing.assert_allclose(lengths, 1, atol=tolerance)
             assert all("NORMAL" in target for target in one.get("targets", []))
+
+
+def test_write_glb_has_normals_by_default_when_a_surface_is_smooth(tmp_path):
+    notes = []
+    found = written(tmp_path, grid(), notes)
+    (primitive,) = found.primitives("grid")
+    assert all("NORMAL" in one for one in (primitive["attributes"], *primitive["targets"]))
+    assert notes[-1].startswith("normals are smooth, off by ")
+
+
+def test_write_glb_has_no_normals_when_they_are_refused(tmp_path):
+    notes = []
+    (primitive,) = written(tmp_path, grid(), notes, normals=False).primitives("grid")
+    assert not any("NORMAL" in one for one in (primitive["attributes"], *primitive["targets"]))
+    assert not any("normals" in note for note in notes)
+
+
+def test_write_glb_says_why_it_has_no_normals_when_a_mesh_is_creased(tmp_path):
+    notes = []
+    found = written(tmp_path, replace(rich_cube(4), name="cube", fps=24.0), notes)
+    (primitive,) = found.primitives("cube")
+    assert "NORMAL" not in primitive["attributes"]
+    assert notes[-1].startswith("no normals, so viewers shade it flat: creases are much of it")
+
+
+def test_write_glb_says_why_it_has_no_normals_when_there_is_one_target(tmp_path):
+    notes = []
+    written(tmp_path, grid(), notes, targets=1)
+    assert notes[-1].endswith("shade it flat: they need two targets or more")
 
 
 def test_write_glb_is_refused_when_positions_are_no_float32(tmp_path):

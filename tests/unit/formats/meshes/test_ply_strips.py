@@ -81,7 +81,7 @@ def test_load_leaves_out_strips_when_there_are_faces_too(tmp_path):
     path.write_bytes(ply([STRIPS], faces=[(0, 1, 2)]))
     notes = []
     assert load(path, notes=notes).faces.tolist() == [[0, 1, 2]]
-    assert notes == ["left out: triangle strips, beside the faces"]
+    assert notes == ["left out: elements: tristrips"]
 
 
 @pytest.mark.parametrize(("strip", "message"), [([0, 1, 99], "vertex 99"), ([0, 1, -2], "-2")])

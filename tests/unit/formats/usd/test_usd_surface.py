@@ -166,7 +166,7 @@ def test_attributes_are_those_of_the_first_frame_when_primvars_move(surface_of):
     body = "color3f[] primvars:displayColor.timeSamples = { 1: [(1, 0, 0)], 2: [(0, 1, 0)] }"
     (found,) = surface_of(body, notes=notes).attributes
     np.testing.assert_array_equal(found.values, [[1, 0, 0]])
-    assert "primvar displayColor of /m moves; read as in the first frame" in notes
+    assert "left out: changes over time of displayColor, kept as in the first frame" in notes
 
 
 MATERIALS = 'def Material "red" { }\ndef Material "b" (displayName = "blåt") { }'

@@ -176,7 +176,7 @@ def test_load_reads_every_section_when_a_legacy_file_has_them(tmp_path):
     mesh = read_vtk_legacy(LEGACY.encode())
     names = [one.name for one in mesh.point_data]
     assert names == ["paint", "plain", "up", "map a", "two", "v"]
-    heat = mesh.surface().attributes[-1]
+    heat = mesh.surface([]).attributes[-1]
     assert (heat.name, heat.domain, heat.values.ravel().tolist()) == ("heat", Domain.FACE, [8, 8])
 
 
@@ -347,7 +347,7 @@ def test_load_leaves_out_data_when_they_change_within_a_collection(tmp_path):
     written(xml_writer("vtp"), poly_data(POINTS.astype(np.float32)), tmp_path / "f_0.vtp")
     found = load(path, notes=notes)
     assert {one.name for one in found.surface.attributes} == {"uv set", "paint"}
-    assert "'heat' changes from step to step and is left out" in notes
+    assert "left out: fields that change over time: heat" in notes
 
 
 def test_load_lists_the_parts_when_a_collection_has_several(tmp_path):

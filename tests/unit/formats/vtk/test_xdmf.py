@@ -199,7 +199,7 @@ def test_load_takes_data_that_stay_and_notes_others_when_there_are_both(tmp_path
         Domain.FACE,
         [0, 1, 2],
     )
-    assert "'speed' changes from step to step and is left out" in notes
+    assert "left out: fields that change over time: speed" in notes
 
 
 def test_load_follows_references_and_includes_when_faces_are_written_once(tmp_path):

@@ -1,0 +1,62 @@
+"""How far texture coordinates of a stream are off."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from meshreel.bitstream.reader import read_stream
+from meshreel.codec.block_decoder import BlockDecoder
+from meshreel.codec.methods import Order, choice_of_code
+from meshreel.codec.surface_payloads import surface_in_order
+from meshreel.codec.uv_grid import is_quantized
+from meshreel.connectivity.coder import encode_connectivity
+from meshreel.sequence import FrameSource
+from meshreel.surface import Attribute
+
+TEXELS = 4096
+"""On a side of the texture in whose texels errors are told."""
+
+
+@dataclass(frozen=True)
+class UvErrors:
+    """How far texture coordinates are off.
+
+    Attributes
+    ----------
+    largest : float
+        The largest difference of a coordinate, where 1 is the width of a texture.
+    """
+
+    largest: float
+
+    @property
+    def texels(self) -> float:
+        """The same in texels of a texture of 4096 x 4096."""
+        return self.largest * TEXELS
+
+
+def measure_uvs(sequence: FrameSource, data: bytes) -> UvErrors | None:
+    """Errors of the texture coordinates of a stream, measured; None if it has none.
+
+    Parameters
+    ----------
+    sequence : FrameSource
+        That the stream was made of, with all of its surface.
+    data : bytes
+    """
+    stream = read_stream(data)
+    order = choice_of_code(Order, stream.header.order)
+    internal = np.arange(sequence.n_verts)
+    if order is Order.DROP and sequence.surface.attributes:
+        coded = encode_connectivity(sequence.faces, sequence.n_verts, order="drop")
+        internal = coded.internal_to_given
+    kept = surface_in_order(sequence.surface, order, internal).attributes
+    if not any(map(is_quantized, kept)):
+        return None
+    pairs = zip(kept, BlockDecoder(stream).surface.attributes, strict=True)
+    return UvErrors(max(_largest(one, one_hat) for one, one_hat in pairs if is_quantized(one)))
+
+
+def _largest(given: Attribute, decoded: Attribute) -> float:
+    off = decoded.per_item().astype(np.float64) - given.per_item()
+    return float(np.abs(off[np.isfinite(off)]).max(initial=0))

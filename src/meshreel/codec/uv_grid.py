@@ -1,0 +1,78 @@
+"""Texture coordinates on a grid: quantised over the width of a texture.
+
+The grid has 2^bits steps to that width, wherever coordinates are: what is in another tile stays
+there, borders of tiles and seams that meet stay where they are, and rounding again changes nothing.
+"""
+
+import numpy as np
+import numpy.typing as npt
+
+from meshreel.entropy.grid_table import LARGEST, MAX_GRID_BITS
+from meshreel.errors import InvalidInputError
+from meshreel.surface import Attribute, Kind, Surface
+
+Integers = npt.NDArray[np.int64]
+
+MIN_UV_BITS, MAX_UV_BITS = 4, MAX_GRID_BITS
+
+
+def check_uv_bits(bits: int) -> None:
+    """Refuse a number of bits that texture coordinates cannot be quantised to.
+
+    Raises
+    ------
+    InvalidInputError
+        Naming it.
+    """
+    if not MIN_UV_BITS <= bits <= MAX_UV_BITS or int(bits) != bits:
+        raise InvalidInputError(f"uv_bits must be {MIN_UV_BITS}..{MAX_UV_BITS}; got {bits}")
+
+
+def is_quantized(attribute: Attribute) -> bool:
+    """Whether quantising texture coordinates means an attribute."""
+    return attribute.kind is Kind.UV and attribute.values.dtype.kind == "f"
+
+
+def has_uvs(surface: Surface) -> bool:
+    """Whether a surface has texture coordinates to quantise."""
+    return any(map(is_quantized, surface.attributes))
+
+
+def check_uvs(surface: Surface, bits: int) -> None:
+    """Refuse a surface that has no texture coordinates to quantise, or some that cannot be.
+
+    Raises
+    ------
+    InvalidInputError
+        If it has none, or as `uv_integers`.
+    """
+    if not has_uvs(surface):
+        raise InvalidInputError(
+            "there are no texture coordinates that uv_bits could quantise; leave it out"
+        )
+    for one in filter(is_quantized, surface.attributes):
+        uv_integers(one, bits)
+
+
+def uv_integers(attribute: Attribute, bits: int) -> Integers:
+    """The nearest numbers of the grid, in its steps, of shape (N, C).
+
+    Raises
+    ------
+    InvalidInputError
+        If a coordinate is not finite, or too large for so many bits.
+    """
+    values = attribute.values.astype(np.float64)
+    if not np.isfinite(values).all():
+        row = int(np.argmin(np.isfinite(values).all(axis=1)))
+        raise InvalidInputError(
+            f"texture coordinates {attribute.name!r} have {values[row].tolist()} in row {row}, "
+            "which cannot be quantised; leave uv_bits out, or leave them out with attributes"
+        )
+    furthest = float(np.abs(values).max(initial=0))
+    if furthest > LARGEST >> bits:
+        raise InvalidInputError(
+            f"texture coordinates {attribute.name!r} reach to {furthest:g}; {bits} bits reach to "
+            f"{LARGEST >> bits}; use fewer bits"
+        )
+    return np.rint(np.ldexp(values, bits)).astype(np.int64)

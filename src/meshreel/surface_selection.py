@@ -1,0 +1,97 @@
+"""Some of what a mesh carries, by name."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+from meshreel.errors import InvalidInputError
+from meshreel.surface import Attribute, FaceGroups, Kind, Surface
+
+Names = str | Sequence[str]
+"""Names of attributes and groups: a list, or text as in "uv,color"; "all" or "none" of them."""
+
+ALL, NONE = "all", "none"
+
+
+def selected(surface: Surface, names: Names) -> Surface:
+    """A surface of the attributes and groups of these names; polygons and parts stay.
+
+    Parameters
+    ----------
+    surface : Surface
+    names : str or sequence of str
+        "all", "none", or names; a kind such as "uv" or "color" names all attributes of it.
+
+    Raises
+    ------
+    InvalidInputError
+        If a name is not there; what is there is listed.
+    """
+    if names == ALL:
+        return surface
+    if unknown := missing_names(surface, names):
+        raise InvalidInputError(describe_missing(surface, unknown))
+    return chosen(surface, names)
+
+
+def chosen(surface: Surface, names: Names) -> Surface:
+    """As `selected`, without what is not there."""
+    if names == ALL:
+        return surface
+    wanted = set(listed_names(names))
+    attributes = tuple(one for one in surface.attributes if wanted & _names_of(one))
+    groups = tuple(one for one in surface.groups if one.name in wanted)
+    return replace(surface, attributes=attributes, groups=groups)
+
+
+def missing_names(surface: Surface, names: Names) -> list[str]:
+    """The names that nothing of a surface has."""
+    there = {one.name for one in surface.groups}.union(*map(_names_of, surface.attributes))
+    return [] if names == ALL else [name for name in listed_names(names) if name not in there]
+
+
+def describe_missing(surface: Surface, names: Sequence[str]) -> str:
+    """In words, that nothing has these names, and what has others."""
+    carried: list[Attribute | FaceGroups] = [*surface.attributes, *surface.groups]
+    there = [repr(one.name) for one in carried]
+    found = f"it carries {', '.join(there)}" if there else "it carries none"
+    return f"has no attribute or group {', '.join(map(repr, names))}; {found}"
+
+
+def listed_names(names: Names) -> list[str]:
+    """Names one by one; none for "none".
+
+    Raises
+    ------
+    InvalidInputError
+        If one is empty.
+    """
+    if names == NONE:
+        return []
+    found = [name.strip() for name in names.split(",")] if isinstance(names, str) else [*names]
+    if not all(found):
+        raise InvalidInputError(
+            f"attributes takes all, none, or names as in uv,color; got {names!r}"
+        )
+    return found
+
+
+def differing_names(first: Surface, other: Surface) -> list[str]:
+    """Names of attributes and groups that two surfaces do not have alike."""
+    given, found = (dict(_contents(one)) for one in (first, other))
+    names = [name for name in {**given, **found} if given.get(name) != found.get(name)]
+    return list(dict.fromkeys(name for _, name in names))
+
+
+def _contents(surface: Surface) -> Iterator[tuple[tuple[str, str], tuple[object, ...]]]:
+    """What is compared of each attribute and each kind of groups, by what it is and its name."""
+    for one in surface.attributes:
+        values = one.per_item()
+        yield ("attribute", one.name), (one.domain, values.dtype, values.shape, values.tobytes())
+    for groups in surface.groups:
+        yield ("groups", groups.name), (groups.labels, groups.numbers.tobytes())
+
+
+def _names_of(attribute: Attribute) -> set[str]:
+    """What an attribute may be called: its name, and its kind if that says what it is."""
+    is_named_by_kind = attribute.kind is not Kind.OTHER
+    return {attribute.name, *([str(attribute.kind)] if is_named_by_kind else [])}

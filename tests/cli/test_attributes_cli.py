@@ -1,0 +1,82 @@
+"""What is kept of what a mesh carries, and how exactly, as a user asks for it."""
+
+import json
+
+import numpy as np
+import pytest
+
+import meshreel
+from meshreel.surface import Kind
+from sample_commands import assert_fails, run, run_json
+from sample_meshes import two_sheets, waving_grid
+
+
+@pytest.fixture
+def sheets(tmp_path):
+    meshreel.save(two_sheets(), tmp_path / "sheets.npz")
+    return tmp_path / "sheets.npz"
+
+
+def carried(path):
+    surface = meshreel.load(path).surface
+    return [one.name for one in (*surface.attributes, *surface.groups)]
+
+
+@pytest.mark.parametrize(
+    ("names", "kept"), [("none", []), ("uv,material", ["st", "material"]), ("color", ["color"])]
+)
+@pytest.mark.parametrize("command", ["encode", "convert"])
+def test_only_what_is_named_is_written_when_names_are_given(sheets, tmp_path, command, names, kept):
+    target = tmp_path / ("out.reel" if command == "encode" else "out.h5")
+    done = run(command, sheets, "-o", target, "--attributes", names)
+    assert done.returncode == 0, done.stderr
+    assert carried(target) == kept
+
+
+def test_each_stretch_has_only_what_is_named_when_split(sheets, tmp_path):
+    run("encode", sheets, "-o", tmp_path / "out.reel", "--split", "--attributes", "color")
+    assert carried(tmp_path / "out.reel") == ["color"]
+
+
+@pytest.mark.parametrize("command", ["encode", "convert"])
+def test_names_are_listed_when_one_is_not_there(sheets, tmp_path, command):
+    target = tmp_path / "out.reel"
+    done = run(command, sheets, "-o", target, "--attributes", "normals")
+    assert_fails(done, "sheets.npz", "'normals'; it carries 'st', 'color', 'material'")
+
+
+def test_encode_tells_the_error_when_coordinates_are_quantised(sheets, tmp_path):
+    figures = run_json("encode", sheets, "-o", tmp_path / "out.reel", "--uv-bits", "10")
+    given, found = (
+        meshreel.load(path).surface.of_kind(Kind.UV)[0].values.astype(float)
+        for path in (sheets, tmp_path / "out.reel")
+    )
+    assert figures["uv_error"] == np.abs(found - given).max()
+    assert figures["uv_error_texels_4096"] == 4096 * figures["uv_error"]
+
+
+def test_encode_prints_the_error_in_texels_when_coordinates_are_quantised(sheets, tmp_path):
+    done = run("encode", sheets, "-o", tmp_path / "out.reel", "--uv-bits", "10")
+    assert "texels of 4096" in " ".join(done.stdout.replace("\u2502", " ").split())
+
+
+def test_encode_fails_when_there_are_no_coordinates_to_quantise(tmp_path):
+    meshreel.save(waving_grid(), tmp_path / "grid.npz")
+    done = run("encode", tmp_path / "grid.npz", "-o", tmp_path / "out.reel", "--uv-bits", "10")
+    assert_fails(done, "no texture coordinates that uv_bits could quantise")
+
+
+def test_batch_notes_inputs_when_options_choose_nothing_in_them(sheets, tmp_path):
+    meshreel.save(waving_grid(), tmp_path / "grid.npz")
+    out = tmp_path / "out"
+    done = run("batch", tmp_path, out, "--uv-bits", "10", "--attributes", "uv", "--workers", "1")
+    assert done.returncode == 0, done.stderr
+    records = json.loads((out / "manifest.json").read_text())["inputs"]
+    assert records["grid.npz"]["notes"] == [
+        "has no attribute or group 'uv'; it carries none",
+        "has no texture coordinates that uv_bits could quantise",
+    ]
+    assert records["sheets.npz"]["notes"] == []
+    assert 0 < records["sheets.npz"]["uv_error"] <= 2**-11
+    assert carried(out / "sheets.reel") == ["st"]
+    assert "note: grid.npz: has no attribute" in done.stderr

@@ -1,0 +1,49 @@
+"""Every command that reads a file lists in its JSON what was left out of it."""
+
+import json
+
+import numpy as np
+import pytest
+
+from meshreel.formats.save import save
+from sample_commands import run_json
+from sample_meshes import waving_grid
+
+SAID = "left out: arrays: pressure"
+
+
+@pytest.fixture
+def odd(tmp_path):
+    """A file that holds more than the mesh."""
+    grid = waving_grid()
+    path = tmp_path / "odd.npz"
+    np.savez(path, vertices=grid.vertices, faces=grid.faces, fps=24.0, pressure=np.zeros(3))
+    return path
+
+
+@pytest.mark.parametrize(
+    ("command", "options"),
+    [
+        ("encode", ["-o", "a.reel"]),
+        ("convert", ["-o", "a.h5"]),
+        ("compare", ["plain.npz"]),
+        ("render", ["-o", "a.png", "--frames", "1"]),
+        ("paper", ["--out", "report", "--quick", "--methods", "pca"]),
+        ("evaluate", ["--out", "report", "--quick", "--methods", "reel", "--peers", "blosc2"]),
+    ],
+)
+def test_json_has_what_was_left_out_when_a_command_reads_a_file(odd, tmp_path, command, options):
+    save(waving_grid(), tmp_path / "plain.npz")
+    assert SAID in run_json(command, odd, *options, cwd=tmp_path)["notes"]
+
+
+def test_json_of_export_has_what_was_left_out_of_the_original(odd, tmp_path):
+    save(waving_grid(), tmp_path / "plain.reel")
+    figures = run_json("export", "plain.reel", "--original", odd, "-o", "a.html", cwd=tmp_path)
+    assert SAID in figures["notes"]
+
+
+def test_manifest_has_what_was_left_out_when_a_batch_reads_a_file(odd, tmp_path):
+    run_json("batch", tmp_path, tmp_path / "out", "--workers", "1")
+    manifest = json.loads((tmp_path / "out" / "manifest.json").read_text())
+    assert manifest["inputs"]["odd.npz"]["notes"] == [SAID]

@@ -1,0 +1,125 @@
+from dataclasses import replace
+from io import BytesIO
+
+import numpy as np
+import pytest
+
+import meshreel
+from meshreel.codec.uv_errors import measure_uvs
+from meshreel.errors import InvalidInputError
+from meshreel.surface import Attribute, Domain, Kind, Surface
+from sample_meshes import two_sheets, waving_grid
+
+
+def grid_with_uvs(values):
+    """A grid of 99 vertices, each of which has texture coordinates."""
+    given = np.asarray(values)
+    return replace(
+        waving_grid(),
+        surface=Surface(None, (Attribute("uv", Kind.UV, Domain.VERTEX, given),)),
+    )
+
+
+def random_uvs(dtype=np.float32, tiles=1):
+    return (tiles * np.random.default_rng(3).random((99, 2))).astype(dtype)
+
+
+def decoded_uvs(sequence, **options):
+    decoded = meshreel.decode(meshreel.encode(sequence, **options))
+    return decoded.surface.of_kind(Kind.UV)[0]
+
+
+@pytest.mark.parametrize("bits", [4, 11, 12, 24])
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+@pytest.mark.parametrize("tiles", [1, -7.5])
+def test_coordinates_are_off_by_half_a_step_at_most_when_quantised(bits, dtype, tiles):
+    given = random_uvs(dtype, tiles)
+    found = decoded_uvs(grid_with_uvs(given), uv_bits=bits)
+    assert found.values.dtype == dtype
+    assert np.abs(found.values.astype(float) - given).max() <= 2.0 ** -(bits + 1)
+
+
+def test_borders_of_tiles_stay_when_coordinates_are_quantised():
+    given = np.tile(np.array([[0, 1], [1, 3], [-2, 10.25]], np.float32), (33, 1))
+    np.testing.assert_array_equal(decoded_uvs(grid_with_uvs(given), uv_bits=4).values, given)
+
+
+def test_quantising_changes_nothing_when_it_was_done_before():
+    first = meshreel.encode(grid_with_uvs(random_uvs()), uv_bits=9)
+    second = meshreel.encode(meshreel.decode(first), uv_bits=9)
+    found, again = (meshreel.decode(data).surface.attributes[0].values for data in (first, second))
+    np.testing.assert_array_equal(found, again)
+
+
+def test_seams_stay_when_coordinates_of_corners_are_quantised():
+    given = two_sheets().surface.of_kind(Kind.UV)[0]
+    np.testing.assert_array_equal(decoded_uvs(two_sheets(), uv_bits=8).indices, given.indices)
+
+
+def test_other_attributes_stay_exact_when_coordinates_are_quantised():
+    decoded = meshreel.decode(meshreel.encode(two_sheets(), uv_bits=4))
+    found, given = (one.surface.of_kind(Kind.COLOR)[0].values for one in (decoded, two_sheets()))
+    np.testing.assert_array_equal(found, given)
+
+
+@pytest.mark.parametrize("order", ["keep", "vertices", "drop"])
+def test_measured_error_is_that_of_the_grid_when_any_order_is_kept(order):
+    sequence = grid_with_uvs(random_uvs())
+    given = sequence.surface.attributes[0].values.astype(float)
+    expected = np.abs(np.rint(given * 2**10) / 2**10 - given).max()
+    measured = measure_uvs(sequence, meshreel.encode(sequence, uv_bits=10, order=order))
+    assert (measured.largest, measured.texels) == (expected, 4096 * expected)
+
+
+def test_error_is_not_there_when_the_order_loses_the_coordinates():
+    assert measure_uvs(two_sheets(), meshreel.encode(two_sheets(), order="drop")) is None
+
+
+@pytest.mark.parametrize("bits", [3, 25, 8.5])
+def test_encode_refuses_bits_when_they_are_out_of_range(bits):
+    with pytest.raises(InvalidInputError, match=r"uv_bits must be 4\.\.24"):
+        meshreel.encode(two_sheets(), uv_bits=bits)
+
+
+@pytest.mark.parametrize("attributes", ["none", "color"])
+def test_encode_refuses_bits_when_no_coordinates_are_kept(attributes):
+    with pytest.raises(InvalidInputError, match="no texture coordinates"):
+        meshreel.encode(two_sheets(), uv_bits=12, attributes=attributes)
+
+
+def test_encode_refuses_bits_when_coordinates_reach_too_far():
+    given = random_uvs(tiles=1000)
+    with pytest.raises(InvalidInputError, match="24 bits reach to 32; use fewer bits"):
+        meshreel.encode(grid_with_uvs(given), uv_bits=24)
+
+
+def test_encode_refuses_bits_when_a_coordinate_is_not_finite():
+    given = random_uvs()
+    given[5, 1] = np.nan
+    with pytest.raises(InvalidInputError, match="in row 5, which cannot be quantised"):
+        meshreel.encode(grid_with_uvs(given), uv_bits=12)
+
+
+def test_live_encoder_quantises_coordinates_when_asked_to():
+    sequence, target = grid_with_uvs(random_uvs()), BytesIO()
+    with meshreel.Encoder(sequence.faces, target, surface=sequence.surface, uv_bits=10) as encoder:
+        for frame in sequence.vertices:
+            encoder.push(frame)
+    (found,) = meshreel.decode(target.getvalue()).surface.attributes
+    given = sequence.surface.attributes[0].values
+    np.testing.assert_array_equal(found.values, np.rint(given * 1024) / 1024)
+
+
+def test_live_encoder_refuses_bits_when_there_are_no_coordinates():
+    sequence = waving_grid()
+    with (
+        pytest.raises(InvalidInputError, match="no texture coordinates"),
+        meshreel.Encoder(sequence.faces, BytesIO(), uv_bits=10) as encoder,
+    ):
+        encoder.push(sequence.vertices[0])
+
+
+def test_encode_leaves_out_attributes_when_names_are_given():
+    decoded = meshreel.decode(meshreel.encode(two_sheets(), attributes="color"))
+    assert [one.name for one in decoded.surface.attributes] == ["color"]
+    assert decoded.surface.groups == ()

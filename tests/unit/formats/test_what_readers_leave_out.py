@@ -1,0 +1,305 @@
+"""Every reader names what a file holds and it does not take, in the same words."""
+
+import numpy as np
+import pytest
+
+from meshreel.formats.load import load
+from meshreel.formats.save import save
+from sample_gltf import TRIANGLE, Gltf
+from sample_meshes import two_sheets, waving_grid
+
+OBJ = "v 0 0 0{a}\nv 1 0 0{a}\nv 0 1 0{a}\nvt {u} 0\nvt 1 0\nf 1/1 2/2 3/1\n"
+PLY = """ply
+format ascii 1.0
+element vertex 3
+property float x
+property float y
+property float z
+{properties}element face 1
+property list uchar int vertex_indices
+{face_properties}{elements}end_header
+"""
+LEGACY = """# vtk DataFile Version 3.0
+a title
+ASCII
+DATASET POLYDATA
+POINTS 3 float
+0 0 0 1 0 0 0 1 0
+POLYGONS 1 4
+3 0 1 2
+{data}"""
+XML = """<VTKFile type="PolyData" version="1.0"><PolyData>{field}
+<Piece NumberOfPoints="3" NumberOfPolys="1">{data}
+<Points><DataArray type="Float32" NumberOfComponents="3">0 0 0 1 0 0 0 1 0</DataArray></Points>
+<Polys><DataArray type="Int64" Name="connectivity">0 1 2</DataArray>
+<DataArray type="Int64" Name="offsets">3</DataArray></Polys></Piece></PolyData></VTKFile>"""
+
+
+def left_out(source, **options):
+    """What the notes of loading say is left out, without the words that all have."""
+    notes = []
+    load(source, notes=notes, **options)
+    return [note.removeprefix("left out: ") for note in notes if note.startswith("left out: ")]
+
+
+def stored(folder, name, text):
+    (folder / name).write_text(text)
+    return folder / name
+
+
+def changing_frames(folder, ending, texts):
+    for number, text in enumerate(texts):
+        stored(folder, f"f_{number}{ending}", text)
+    return folder
+
+
+@pytest.mark.parametrize("stretched", [False, True])
+def test_arrays_of_other_names_are_named_when_an_npz_has_them(tmp_path, stretched):
+    grid = waving_grid()
+    arrays = {"vertices": grid.vertices, "faces": grid.faces, "fps": 24.0}
+    write = np.savez_compressed if stretched else np.savez
+    write(tmp_path / "a.npz", **arrays, pressure=np.zeros(9), labels=np.zeros(3))
+    assert left_out(tmp_path / "a.npz") == ["arrays: pressure, labels"]
+
+
+def test_nothing_is_named_when_a_file_of_our_own_is_read(tmp_path):
+    for ending in (".npz", ".h5", ".vtkhdf", ".reel"):
+        save(two_sheets(), tmp_path / f"a{ending}")
+        assert left_out(tmp_path / f"a{ending}") == []
+
+
+def test_datasets_are_named_when_an_hdf_file_has_others(tmp_path):
+    h5py = pytest.importorskip("h5py")
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file["faces"] = waving_grid().faces
+        file["scans/one"] = waving_grid().vertices
+        file["scans/two"] = waving_grid().vertices
+        file["weights"] = np.zeros(4)
+    said = left_out(tmp_path / "a.h5", dataset="scans/one")
+    assert said == ["datasets: scans/two, weights"]
+
+
+def test_groups_and_field_data_are_named_when_a_vtkhdf_file_has_them(tmp_path):
+    h5py = pytest.importorskip("h5py")
+    save(waving_grid(), tmp_path / "a.vtkhdf")
+    with h5py.File(tmp_path / "a.vtkhdf", "a") as file:
+        file["VTKHDF/FieldData/mass"] = np.zeros(2)
+        file["VTKHDF/PointData/heat"] = np.zeros(99)
+        file.create_group("notes of the lab")
+    assert left_out(tmp_path / "a.vtkhdf") == [
+        "groups: notes of the lab",
+        "field data: mass",
+        "data that another program added: heat",
+    ]
+
+
+@pytest.mark.parametrize(("rows", "said"), [("0 1", ["lines"]), ("", [])])
+def test_statements_are_named_when_an_obj_file_has_others(tmp_path, rows, said):
+    text = OBJ.format(a="", u=0) + (f"l {rows}\n" if rows else "")
+    assert left_out(stored(tmp_path, "a.obj", text)) == said
+
+
+def test_each_thing_is_named_once_when_an_obj_file_has_it_often(tmp_path):
+    text = "mtllib a.mtl\nvn 0 0 1\nvn 0 0 1\ns 1\n" + OBJ.format(a="", u=0) + "s off\np 1\np 2\n"
+    assert left_out(stored(tmp_path, "a.obj", text)) == [
+        "normals, which programs compute",
+        "points",
+        "smoothing groups",
+        "the material library",
+    ]
+
+
+def test_lists_and_elements_are_named_when_a_ply_file_has_others(tmp_path):
+    head = PLY.format(
+        properties="property float nx\n",
+        face_properties="property list uchar int flags\n",
+        elements="element edge 1\nproperty int a\n",
+    )
+    rows = "0 0 0 1\n1 0 0 1\n0 1 0 1\n3 0 1 2 1 7\n5\n"
+    assert left_out(stored(tmp_path, "a.ply", head + rows)) == [
+        "normals, which programs compute",
+        "lists: face.flags",
+        "elements: edge",
+    ]
+
+
+def test_numbers_of_colours_are_named_when_an_off_file_has_them(tmp_path):
+    text = "NOFF\n3 1 0\n0 0 0 0 0 1\n1 0 0 0 0 1\n0 1 0 0 0 1\n3 0 1 2 4\n"
+    assert left_out(stored(tmp_path, "a.off", text)) == [
+        "normals, which programs compute",
+        "colours of faces, which not all have as three numbers or four",
+    ]
+
+
+def test_spare_bytes_are_named_when_an_stl_file_uses_them(tmp_path):
+    save(waving_grid(1), tmp_path / "a.stl")
+    data = bytearray((tmp_path / "a.stl").read_bytes())
+    data[80 + 4 + 48] = 31
+    (tmp_path / "a.stl").write_bytes(data)
+    assert left_out(tmp_path / "a.stl") == [
+        "what the spare bytes of triangles hold, such as colours"
+    ]
+
+
+@pytest.mark.parametrize("changed", [1, 2, 4])
+def test_changes_are_named_when_colours_of_frames_differ(tmp_path, changed):
+    texts = [OBJ.format(a=" 1 0 0" if i == changed else " 0 0 1", u=0) for i in range(5)]
+    changing_frames(tmp_path, ".obj", texts)
+    said = left_out(tmp_path)
+    assert said == ["changes over time of color, kept as in the first frame"]
+
+
+def test_changes_are_named_when_coordinates_of_frames_differ(tmp_path):
+    changing_frames(tmp_path, ".obj", [OBJ.format(a="", u=i / 9) for i in range(3)])
+    assert left_out(tmp_path) == ["changes over time of uv, kept as in the first frame"]
+
+
+def test_changes_are_named_when_columns_of_frames_differ(tmp_path):
+    rows = "0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n"
+    plain = PLY.format(properties="", face_properties="", elements="") + rows
+    heat = PLY.format(properties="property float heat\n", face_properties="", elements="")
+    heat += "0 0 0 1\n1 0 0 2\n0 1 0 3\n3 0 1 2\n"
+    changing_frames(tmp_path, ".ply", [plain, heat, plain])
+    assert left_out(tmp_path) == ["changes over time of heat, kept as in the first frame"]
+
+
+def test_nothing_is_named_when_frames_carry_the_same(tmp_path):
+    changing_frames(tmp_path, ".obj", [OBJ.format(a=" 0 0 1", u=0)] * 4)
+    assert left_out(tmp_path) == []
+
+
+def test_few_frames_are_compared_when_files_are_large(tmp_path, monkeypatch):
+    monkeypatch.setattr("meshreel.formats.mesh_files.COMPARED_BYTES", 1)
+    texts = [OBJ.format(a=f" 0 0 {i / 64}", u=0) for i in range(40)]
+    changing_frames(tmp_path, ".obj", texts)
+    assert left_out(tmp_path) == ["changes over time of color, kept as in the first frame"]
+
+
+def test_fields_are_named_when_a_legacy_file_has_them(tmp_path):
+    data = "FIELD all 1\nmass 1 1 float\n4\nPOINT_DATA 3\nSCALARS heat float 1\n"
+    data += "LOOKUP_TABLE jet\n0 1 2\nLOOKUP_TABLE jet 1\n0 0 0 1\n"
+    assert left_out(stored(tmp_path, "a.vtk", LEGACY.format(data=data))) == [
+        "field data: mass",
+        "colour tables: jet",
+        "fields: heat",
+    ]
+
+
+def test_fields_and_text_are_named_when_an_xml_file_has_them(tmp_path):
+    field = '<FieldData><DataArray type="Float64" Name="TimeValue">1</DataArray>'
+    field += '<DataArray type="Float32" Name="mass">4</DataArray></FieldData>'
+    data = '<PointData><Array type="String" Name="tag">65 0</Array>'
+    data += '<DataArray type="Float32" Name="heat">1 2 3</DataArray></PointData>'
+    assert left_out(stored(tmp_path, "a.vtp", XML.format(field=field, data=data))) == [
+        "field data: mass",
+        "arrays of text: tag",
+        "fields: heat",
+    ]
+
+
+def test_wide_arrays_are_named_when_a_collection_has_them(tmp_path):
+    wide = " ".join(["1"] * 51)
+    data = f'<PointData><DataArray type="Float32" Name="wide" NumberOfComponents="17">{wide}'
+    data += "</DataArray></PointData>"
+    stored(tmp_path, "a.vtp", XML.format(field="", data=data))
+    row = '<DataSet timestep="0" file="a.vtp"/>'
+    text = f'<VTKFile type="Collection"><Collection>{row}</Collection></VTKFile>'
+    said = left_out(stored(tmp_path, "a.pvd", text))
+    assert said == ["arrays of text, or of more than 16 numbers: wide"]
+
+
+def test_arrays_are_named_when_only_some_pieces_have_them(tmp_path):
+    data = '<PointData><DataArray type="Float32" Name="heat">1 2 3</DataArray></PointData>'
+    one = XML.format(field="", data=data)
+    piece = one[one.index("<Piece") : one.index("</Piece>") + 8].replace(data, "")
+    text = one.replace("</Piece>", f"</Piece>{piece}")
+    said = left_out(stored(tmp_path, "a.vtp", text))
+    assert said == ["arrays that not all pieces have alike: heat"]
+
+
+def test_grids_and_sets_are_named_when_an_xdmf_file_has_their_data(tmp_path):
+    pytest.importorskip("h5py")
+    text = """<Xdmf><Domain><Grid>
+    <Topology TopologyType="Triangle" NumberOfElements="1"><DataItem Dimensions="1 3"
+    NumberType="Int">0 1 2</DataItem></Topology>
+    <Geometry GeometryType="XYZ"><DataItem Dimensions="3 3">0 0 0 1 0 0 0 1 0</DataItem></Geometry>
+    <Attribute Name="total" Center="Grid"><DataItem Dimensions="1">4</DataItem></Attribute>
+    <Set Name="wall"/></Grid></Domain></Xdmf>"""
+    said = left_out(stored(tmp_path, "a.xdmf", text))
+    assert said == ["data that are not of nodes or cells: total", "sets: wall"]
+
+
+def test_cameras_lights_and_values_are_named_when_a_gltf_file_has_them(tmp_path):
+    file = Gltf()
+    values = {"NORMAL": file.accessor(TRIANGLE), "CUSTOM": file.accessor(TRIANGLE)}
+    file.node(mesh=file.mesh(TRIANGLE, attributes=values))
+    file.node(camera=0)
+    file.node(extensions={"KHR_lights_punctual": {"light": 0}})
+    assert left_out(file.save(tmp_path / "a.glb")) == [
+        "normals, which programs compute",
+        "attributes that glTF does not define: CUSTOM",
+        "cameras (1)",
+        "lights (1)",
+    ]
+
+
+USD = """#usda 1.0
+def Xform "w" {
+def Mesh "m" {
+  point3f[] points = [(0, 0, 0), (1, 0, 0), (0, 1, 0)]
+  int[] faceVertexCounts = [3]
+  int[] faceVertexIndices = [0, 1, 2]
+  normal3f[] normals = [(0, 0, 1), (0, 0, 1), (0, 0, 1)]
+  vector3f[] velocities = [(0, 0, 1), (0, 0, 1), (0, 0, 1)]
+  string primvars:tag = "hero" (interpolation = "constant")
+  string[] primvars:part = ["a", "b", "c"] (interpolation = "vertex")
+}
+def Camera "eye" { }
+def DistantLight "sun" { }
+}
+"""
+
+
+def test_what_a_stage_holds_is_named_when_it_is_not_taken(tmp_path):
+    pytest.importorskip("pxr")
+    assert left_out(stored(tmp_path, "a.usda", USD)) == [
+        "1 Camera, 1 DistantLight",
+        "primvars for a whole mesh: tag",
+        "normals, which programs compute",
+        "fields that change over time: velocities",
+        "primvars that do not fit their faces: part",
+    ]
+
+
+def test_other_objects_are_named_when_an_alembic_file_has_them(tmp_path):
+    import sample_alembic as sample  # which skips the test where the library is missing
+
+    top = sample.archive(tmp_path / "a.abc").getTop()
+    sample.add_mesh(top, "m", [sample.POINTS])
+    sample.AbcGeom.OCamera(top, "eye")
+    del top
+    assert left_out(tmp_path / "a.abc") == ["cameras (1)"]
+
+
+def test_normals_are_named_when_the_mesh_of_a_point_cache_has_them(tmp_path):
+    save(waving_grid(), tmp_path / "a.pc2")
+    with (tmp_path / "a.obj").open("a") as file:
+        file.write("vn 0 0 1\n")
+    assert left_out(tmp_path / "a.pc2") == ["normals, which programs compute"]
+
+
+def test_visibility_is_named_when_it_changes_on_a_stage(tmp_path):
+    pytest.importorskip("pxr")
+    samples = '  token visibility.timeSamples = { 0: "invisible", 1: "inherited" }\n}\n'
+    text = "#usda 1.0\n" + USD[USD.index("def Mesh") : USD.index("  normal3f")] + samples
+    assert left_out(stored(tmp_path, "a.usda", text)) == ["visibility that changes: /m"]
+
+
+def test_visibility_is_named_when_an_alembic_mesh_has_it(tmp_path):
+    import sample_alembic as sample  # which skips the test where the library is missing
+
+    top = sample.archive(tmp_path / "a.abc").getTop()
+    mesh = sample.add_mesh(top, "m", [sample.POINTS])
+    sample.AbcGeom.CreateVisibilityProperty(mesh, 0)
+    del mesh, top
+    assert left_out(tmp_path / "a.abc") == ["visibility of /m"]
