@@ -1,4 +1,4 @@
-"""A skinned USD file as another program wrote it, against its frames as they were baked."""
+"""USD files as other programs wrote them, against their frames as baked, or as USD has them."""
 
 import os
 from pathlib import Path
@@ -60,3 +60,36 @@ def test_load_gives_back_the_walk_when_save_wrote_it(tmp_path, walk, ending):
     assert (found.fps, found.start_s, notes) == (walk.fps, walk.start_s, [])
     for one, other in zip(found.surface.attributes, walk.surface.attributes, strict=True):
         np.testing.assert_array_equal(one.values, other.values)
+
+
+def placed_by_usd(path, mesh, codes):
+    """Points of a mesh that does not deform, in world space as USD itself has it at some codes."""
+    from pxr import Usd, UsdGeom
+
+    stage = Usd.Stage.Open(str(path))
+    prim = stage.GetPrimAtPath(mesh)
+    points = np.asarray(UsdGeom.Mesh(prim).GetPointsAttr().Get(), np.float64)
+    worlds = [
+        np.array(UsdGeom.Xformable(prim).ComputeLocalToWorldTransform(code)) for code in codes
+    ]
+    return np.stack([points @ world[:3, :3] + world[3, :3] for world in worlds])
+
+
+@pytest.mark.parametrize(
+    ("name", "mesh", "n_frames"),
+    [
+        ("AnimatedTriangle.usdz", "/AnimatedTriangle/Geom/node_0", 25),
+        ("BoxAnimated.usdz", "/BoxAnimated/Geom/node_0/node_1/node_2", 90),
+    ],
+)
+@pytest.mark.parametrize("fps", [None, 48, 10])
+def test_load_turns_as_usd_does_when_keys_are_far_apart(folder, name, mesh, n_frames, fps):
+    path = folder / "native" / "odd" / name
+    if not path.exists():
+        pytest.skip(f"no {name} in the folder of real sequences")
+    found = load(path, object=mesh, fps=fps)
+    rate = fps or 24
+    assert (found.n_frames, found.fps) == (int((n_frames - 1) * rate / 24) + 1, rate)
+    expected = placed_by_usd(path, mesh, np.arange(found.n_frames) * 24 / rate)
+    size = np.ptp(expected, axis=(0, 1)).max()
+    np.testing.assert_allclose(found.vertices, expected, rtol=0, atol=2e-7 * size)

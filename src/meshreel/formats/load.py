@@ -42,7 +42,8 @@ def load(
         in their order. Folders and patterns are read in natural order (frame_2 before frame_10).
     fps : float, optional
         Frames per second, in place of what the file says; frame files say nothing, which is 0.
-        Of a glTF or skinned USD file, how often its motion is sampled.
+        Of a glTF file, or a USD file with keyed transforms or skins, how often its motion is
+        sampled.
     object : str, optional
         Of a file that holds several meshes, the path of one, or the last part of it.
     merge : bool, default False

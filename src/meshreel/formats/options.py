@@ -14,7 +14,7 @@ class ReadOptions:
     ----------
     fps : float, optional
         Frames per second in place of what the file says; of files that describe motion between
-        frames (glTF, skinned USD), how often it is sampled.
+        frames (glTF, USD with keyed transforms or skins), how often it is sampled.
     object : str, optional
         Path, or last part of the path, of the one mesh to take of a file that holds several.
     merge : bool, default False

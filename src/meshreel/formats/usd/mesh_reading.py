@@ -12,7 +12,7 @@ from meshreel.formats.extras import USD
 from meshreel.formats.polygons import PolygonMesh, polygon_mesh
 from meshreel.formats.usd.diagnostics import usd_errors
 from meshreel.formats.usd.primvars import read_attributes
-from meshreel.formats.usd.sampling import Codes, attribute_codes, distinct_codes
+from meshreel.formats.usd.sampling import Samples, attribute_codes, distinct_codes
 from meshreel.formats.usd.skinning import Skin
 from meshreel.formats.usd.subsets import read_groups
 from meshreel.formats.usd.transforms import Transforms, mirrors, placed
@@ -49,15 +49,16 @@ class StageMesh:
         return str(self.prim.GetPath())
 
     @cached_property
-    def samples(self) -> Codes:
-        """The time codes where anything that moves it has samples; empty if nothing moves it."""
-        moving = (
+    def samples(self) -> Samples:
+        """The time codes where what gives its positions has samples; none if nothing moves it."""
+        keys = (
             self.transforms.codes(self.prim)
             if self.skin is None
             else self.skin.codes(self.transforms)
         )
         shape = (self._mesh.GetPointsAttr(), *self._face_attributes)
-        return distinct_codes(moving + [code for one in shape for code in attribute_codes(one)])
+        stored = [code for one in shape for code in attribute_codes(one)]
+        return Samples(distinct_codes(stored), distinct_codes(keys))
 
     def frame(self, code: float) -> PolygonMesh:
         """The mesh in world space at a time code.
@@ -107,7 +108,7 @@ class StageMesh:
 
     @cached_property
     def _start(self) -> float:
-        return float(self.samples[0]) if len(self.samples) else 0.0
+        return float(self.samples.all[0]) if len(self.samples.all) else 0.0
 
     @cached_property
     def _first(self) -> PolygonMesh:

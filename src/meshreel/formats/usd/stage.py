@@ -12,6 +12,9 @@ DEFAULT_RATE = 24.0
 MIN_RATE, MAX_RATE = 1e-3, 1e6
 """What time codes per second can be; the most are microseconds."""
 
+MAX_SHOWN_RATE = 120.0
+"""Where a stage has more time codes a second, and does not say how many frames, a code is none."""
+
 MAX_LISTED = 3
 
 
@@ -56,12 +59,13 @@ def codes_per_second(stage: Any, notes: list[str]) -> float:
 def codes_per_frame(stage: Any, rate: float) -> float:
     """Time codes from one frame to the next, as players show a stage of so many codes a second.
 
-    One where the stage does not say.
+    Where the stage does not say it is one, unless codes are finer than any frames: then there are
+    as many frames a second as the standard takes.
     """
     shown = float(stage.GetFramesPerSecond())
     if stage.HasAuthoredMetadata("framesPerSecond") and MIN_RATE <= shown <= MAX_RATE:
         return rate / shown
-    return 1.0
+    return 1.0 if rate <= MAX_SHOWN_RATE else rate / DEFAULT_RATE
 
 
 def _note_missing(stage: Any, notes: list[str]) -> None:

@@ -107,6 +107,40 @@ def test_load_bakes_transforms_when_those_above_move(stage_file):
     assert (found.fps, found.start_s) == (24.0, 1 / 24)
 
 
+TURNING = """double xformOp:rotateZ.timeSamples = { 0: 0, 6: 90 }
+    uniform token[] xformOpOrder = ["xformOp:rotateZ"]"""
+
+
+@pytest.mark.parametrize(
+    ("header", "fps", "n_frames", "rate"),
+    [
+        ("", None, 7, 24.0),
+        ("timeCodesPerSecond = 60", None, 7, 60.0),
+        ("timeCodesPerSecond = 60\nframesPerSecond = 30", None, 4, 30.0),
+        ("timeCodesPerSecond = 240", None, 2, 40.0),
+        ("", 12, 4, 12.0),
+        ("", 96, 25, 96.0),
+    ],
+)
+def test_load_turns_between_keys_when_a_transform_above_has_two(
+    stage_file, header, fps, n_frames, rate
+):
+    path = stage_file(f'def Xform "a" {{ {TURNING}\n{mesh()} }}', header)
+    found = load(path, fps=fps)
+    angles = np.radians(np.linspace(0, 90, n_frames))
+    corner = np.stack([np.cos(angles), np.sin(angles), np.zeros(n_frames)], axis=1)
+    assert (found.n_frames, found.fps) == (n_frames, rate)
+    np.testing.assert_allclose(found.vertices[:, 1], corner, rtol=0, atol=1e-7)
+
+
+@pytest.mark.parametrize("fps", [None, 50])
+def test_load_keeps_the_frames_of_a_cache_when_a_transform_turns_it_between(stage_file, fps):
+    path = stage_file(mesh(MOVING % (0, 3, 6), more=TURNING))
+    found = load(path, fps=fps)
+    assert (found.n_frames, found.fps) == (3, fps or 8.0)
+    np.testing.assert_allclose(found.vertices[1, 1], [0.5**0.5, 0.5**0.5, 1], rtol=0, atol=1e-7)
+
+
 def test_load_leaves_transforms_above_out_when_the_stack_is_reset(stage_file):
     body = f"""def Xform "a" {{
         double3 xformOp:translate.timeSamples = {{ 1: (1, 0, 0), 2: (2, 0, 0) }}
