@@ -7,12 +7,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.errors import FormatError
-from meshreel.formats.extras import USD
 from meshreel.formats.polygons import PolygonMesh, polygon_mesh
 from meshreel.formats.usd.diagnostics import usd_errors
+from meshreel.formats.usd.mesh_shape import MeshShape
 from meshreel.formats.usd.primvars import read_attributes
-from meshreel.formats.usd.sampling import Samples, attribute_codes, distinct_codes
+from meshreel.formats.usd.sampling import Samples, distinct_codes
 from meshreel.formats.usd.skinning import Skin
 from meshreel.formats.usd.subsets import read_groups
 from meshreel.formats.usd.transforms import Transforms, mirrors, placed
@@ -28,7 +27,8 @@ class StageMesh:
     ----------
     stage : Usd.Stage
         Held, for its prims end with it.
-    prim : Usd.Prim
+    shape : MeshShape
+        Its points and faces, in its own space.
     skin : Skin or None
         How a skeleton moves it.
     transforms : Transforms
@@ -38,7 +38,7 @@ class StageMesh:
     """
 
     stage: Any
-    prim: Any
+    shape: MeshShape
     skin: Skin | None
     transforms: Transforms
     notes: list[str]
@@ -46,19 +46,17 @@ class StageMesh:
     @property
     def path(self) -> str:
         """Where it is in the stage."""
-        return str(self.prim.GetPath())
+        return str(self._prim.GetPath())
 
     @cached_property
     def samples(self) -> Samples:
         """The time codes where what gives its positions has samples; none if nothing moves it."""
         keys = (
-            self.transforms.codes(self.prim)
+            self.transforms.codes(self._prim)
             if self.skin is None
             else self.skin.codes(self.transforms)
         )
-        shape = (self._mesh.GetPointsAttr(), *self._face_attributes)
-        stored = [code for one in shape for code in attribute_codes(one)]
-        return Samples(distinct_codes(stored), distinct_codes(keys))
+        return Samples(distinct_codes(self.shape.stored), distinct_codes(keys))
 
     def frame(self, code: float) -> PolygonMesh:
         """The mesh in world space at a time code.
@@ -69,11 +67,11 @@ class StageMesh:
             If points or faces are missing, or do not make a mesh.
         """
         with usd_errors(f"USD cannot read {self.path} at time code {code:g}"):
-            points = _points(self._value(self._mesh.GetPointsAttr(), code), self.path)
+            points = self.shape.points(code)
             if self.skin is not None:
                 points = self.skin.deformed(points, code)
             world = placed(points, self.transforms.world(self._space, code))
-            if not self._has_one_topology:
+            if not self.shape.has_one_topology:
                 return self._polygons(world, code)
             if len(self._first.vertices) != len(world):  # so indices must be looked at again
                 return polygon_mesh(world, self._first.counts, self._first.corners)
@@ -86,25 +84,17 @@ class StageMesh:
             order = flipped_corners(mesh.counts) if self._is_flipped else None
             return Surface(
                 None,
-                read_attributes(self.prim, code, mesh, order, self.notes),
-                read_groups(self.prim, code, len(mesh.counts), self.notes),
+                read_attributes(self._prim, code, mesh, order, self.notes),
+                read_groups(self._prim, code, len(mesh.counts), self.notes),
             )
 
-    @cached_property
-    def _mesh(self) -> Any:
-        return USD.load("UsdGeom").Mesh(self.prim)
+    @property
+    def _prim(self) -> Any:
+        return self.shape.prim
 
     @property
     def _space(self) -> Any:
-        return self.prim if self.skin is None else self.skin.space
-
-    @property
-    def _face_attributes(self) -> tuple[Any, Any]:
-        return self._mesh.GetFaceVertexCountsAttr(), self._mesh.GetFaceVertexIndicesAttr()
-
-    @cached_property
-    def _has_one_topology(self) -> bool:
-        return not any(one.ValueMightBeTimeVarying() for one in self._face_attributes)
+        return self._prim if self.skin is None else self.skin.space
 
     @cached_property
     def _start(self) -> float:
@@ -112,36 +102,19 @@ class StageMesh:
 
     @cached_property
     def _first(self) -> PolygonMesh:
-        points = _points(self._value(self._mesh.GetPointsAttr(), self._start), self.path)
-        return self._polygons(points, self._start)
+        return self._polygons(self.shape.points(self._start), self._start)
 
     @cached_property
     def _is_flipped(self) -> bool:
         """Whether corners have to be taken backwards to go around counter-clockwise."""
-        is_left = self._mesh.GetOrientationAttr().Get() == USD.load("UsdGeom").Tokens.leftHanded
-        return bool(is_left) != mirrors(self.transforms.world(self._space, self._start))
+        world = self.transforms.world(self._space, self._start)
+        return self.shape.is_left_handed != mirrors(world)
 
     def _polygons(self, vertices: Vertices, code: float) -> PolygonMesh:
-        counts, corners = (
-            _integers(self._value(one, code), self.path) for one in self._face_attributes
-        )
-        if (counts < 0).any() or counts.sum(dtype=np.int64) != len(corners):
-            raise FormatError(
-                f"mesh {self.path} has {len(corners)} faceVertexIndices at time code {code:g}; "
-                f"its faceVertexCounts need {counts.sum(dtype=np.int64)}"
-            )
-        found = polygon_mesh(vertices, counts, corners, place=f"mesh {self.path}, face {{}}".format)
+        found = self.shape.polygons(vertices, code)
         if not self._is_flipped:
             return found
         return replace(found, corners=found.corners[flipped_corners(found.counts)])
-
-    def _value(self, attribute: Any, code: float) -> Any:
-        value = attribute.Get(code)
-        if value is None:
-            raise FormatError(
-                f"mesh {self.path} has no {attribute.GetName()} at time code {code:g}"
-            )
-        return value
 
 
 def flipped_corners(counts: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
@@ -153,17 +126,3 @@ def flipped_corners(counts: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
     starts = np.repeat(np.cumsum(counts) - counts, counts)
     flipped: npt.NDArray[np.int64] = starts + (starts - np.arange(len(starts))) % sizes
     return flipped
-
-
-def _integers(value: Any, path: str) -> npt.NDArray[np.int32]:
-    found = np.asarray(value)
-    if found.ndim != 1 or (found.size and found.dtype != np.int32):
-        raise FormatError(f"mesh {path} has faces of another kind than int[]")
-    return found.astype(np.int32, copy=False)
-
-
-def _points(value: Any, path: str) -> Vertices:
-    points: Vertices = np.asarray(value)
-    if points.ndim != 2 or points.shape[1] != 3 or points.dtype.kind != "f":
-        raise FormatError(f"mesh {path} has points of another kind than point3f")
-    return points if points.dtype.itemsize > 2 else points.astype(np.float32)

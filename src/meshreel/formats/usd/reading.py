@@ -17,6 +17,7 @@ from meshreel.formats.scene import SceneMesh
 from meshreel.formats.usd.diagnostics import usd_errors
 from meshreel.formats.usd.drawn import drawn_meshes
 from meshreel.formats.usd.mesh_reading import StageMesh
+from meshreel.formats.usd.mesh_shape import MeshShape
 from meshreel.formats.usd.sampling import Codes, even_step, frame_grid, snapped
 from meshreel.formats.usd.skinning import find_skins
 from meshreel.formats.usd.stage import codes_per_frame, codes_per_second, open_stage
@@ -42,7 +43,7 @@ def read_meshes(path: Path, options: ReadOptions) -> list[SceneMesh]:
         prims = drawn_meshes(stage, notes)
         transforms, skins = Transforms(), find_skins(prims)
         meshes = [
-            StageMesh(stage, prim, skins.get(str(prim.GetPath())), transforms, notes)
+            StageMesh(stage, MeshShape(prim), skins.get(str(prim.GetPath())), transforms, notes)
             for prim in prims
         ]
         has_rate = stage.HasAuthoredMetadata("timeCodesPerSecond")
