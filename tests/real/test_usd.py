@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from meshreel.errors import FormatError
 from meshreel.formats.load import load, open_source
 from meshreel.formats.save import save
 
@@ -21,6 +22,14 @@ def folder():
     if not found:
         pytest.skip("MESHREEL_DATA names no folder of real sequences")
     return Path(found)
+
+
+def odd(folder, name):
+    """A file that was read wrongly or refused wrongly once."""
+    path = folder / "native" / "odd" / name
+    if not path.exists():
+        pytest.skip(f"no {name} in the folder of real sequences")
+    return path
 
 
 @pytest.fixture(scope="module")
@@ -84,12 +93,27 @@ def placed_by_usd(path, mesh, codes):
 )
 @pytest.mark.parametrize("fps", [None, 48, 10])
 def test_load_turns_as_usd_does_when_keys_are_far_apart(folder, name, mesh, n_frames, fps):
-    path = folder / "native" / "odd" / name
-    if not path.exists():
-        pytest.skip(f"no {name} in the folder of real sequences")
+    path = odd(folder, name)
     found = load(path, object=mesh, fps=fps)
     rate = fps or 24
     assert (found.n_frames, found.fps) == (int((n_frames - 1) * rate / 24) + 1, rate)
     expected = placed_by_usd(path, mesh, np.arange(found.n_frames) * 24 / rate)
     size = np.ptp(expected, axis=(0, 1)).max()
     np.testing.assert_allclose(found.vertices, expected, rtol=0, atol=2e-7 * size)
+
+
+def test_load_reads_a_mesh_when_its_unit_is_stored_as_float(folder):
+    from pxr import Usd, UsdGeom
+
+    path, notes = odd(folder, "suzanne.usdc"), []
+    found = load(path, notes=notes)
+    stage = Usd.Stage.Open(str(path))
+    points = UsdGeom.Mesh(stage.GetPrimAtPath("/Suzanne/Suzanne")).GetPointsAttr().Get()
+    np.testing.assert_array_equal(found.vertices[0], np.asarray(points))
+    assert any("z points upwards" in note and "a unit is" not in note for note in notes)
+
+
+def test_load_names_the_mesh_when_it_is_empty_in_its_first_frame(folder):
+    path = odd(folder, "color_opacity_primvar.usda")
+    with pytest.raises(FormatError, match="EmptyColorNoOpacity holds 0 vertices and 1 faces"):
+        load(path, merge=True)

@@ -71,6 +71,11 @@ class MeshShape:
                 f"mesh {self._path} has {len(corners)} faceVertexIndices at time code {code:g}; "
                 f"its faceVertexCounts need {counts.sum(dtype=np.int64)}"
             )
+        if not len(vertices) or not len(counts):
+            raise FormatError(
+                f"mesh {self._path} holds {len(vertices)} vertices and {len(counts)} faces at "
+                f"time code {code:g}; a triangle mesh needs both"
+            )
         return polygon_mesh(vertices, counts, corners, place=f"mesh {self._path}, face {{}}".format)
 
     @cached_property

@@ -3,6 +3,7 @@
 from pathlib import Path
 from typing import Any
 
+from meshreel.errors import FormatError
 from meshreel.formats.extras import USD
 from meshreel.formats.usd.diagnostics import usd_errors
 
@@ -68,6 +69,24 @@ def codes_per_frame(stage: Any, rate: float) -> float:
     return 1.0 if rate <= MAX_SHOWN_RATE else rate / DEFAULT_RATE
 
 
+def layer_number(layer: Any, key: str) -> float | None:
+    """A number of the metadata of a layer; None if it does not say.
+
+    Asked of the stage, USD refuses a float where its schema has a double.
+
+    Raises
+    ------
+    FormatError
+        If it is no number.
+    """
+    if not layer.pseudoRoot.HasInfo(key):
+        return None
+    given = layer.pseudoRoot.GetInfo(key)
+    if not isinstance(given, int | float):
+        raise FormatError(f"has {str(given)[:40]!r} as {key}, which is no number; correct it")
+    return float(given)
+
+
 def _note_missing(stage: Any, notes: list[str]) -> None:
     found = [" ".join(str(error).split()) for error in stage.GetCompositionErrors()]
     if found:
@@ -81,8 +100,8 @@ def _note_axes(stage: Any, notes: list[str]) -> None:
     said = []
     if geometry.GetStageUpAxis(stage) == geometry.Tokens.z:
         said.append("z points upwards")
-    metres = geometry.GetStageMetersPerUnit(stage)
-    if geometry.StageHasAuthoredMetersPerUnit(stage) and metres != 1:
+    metres = layer_number(stage.GetRootLayer(), geometry.Tokens.metersPerUnit)
+    if metres not in (None, 1):
         said.append(f"a unit is {metres:g} m")
     if said:
         notes.append(f"positions stay in the axes and units of the file, where {', '.join(said)}")

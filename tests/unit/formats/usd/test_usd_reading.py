@@ -299,6 +299,18 @@ def test_load_notes_axes_and_units_when_they_are_not_those_that_are_written(stag
     assert not any("axes" in note for note in notes)
 
 
+EMPTY = """point3f[] points.timeSamples = { 0: [], 1: [(0, 0, 0), (1, 0, 0), (0, 1, 0)] }
+    int[] faceVertexCounts.timeSamples = { 0: [], 1: [3] }
+    int[] faceVertexIndices.timeSamples = { 0: [], 1: [0, 1, 2] }"""
+
+
+def test_load_names_the_mesh_when_it_is_empty_at_first_and_moved(stage_file):
+    more = f"double3 xformOp:translate = (5, 0, 0)\n{TRANSLATED}"
+    path = stage_file(mesh(EMPTY, "", more))
+    with pytest.raises(FormatError, match="mesh /m holds 0 vertices and 0 faces at time code 0"):
+        load(path)
+
+
 def test_load_reads_a_file_anew_when_it_has_changed(stage_file):
     path = stage_file(mesh(MOVING % (0, 1, 2)))
     source = open_source(path)
