@@ -16,11 +16,12 @@ from meshreel.formats.options import ReadOptions
 from meshreel.formats.scene import SceneMesh
 from meshreel.formats.usd.diagnostics import usd_errors
 from meshreel.formats.usd.drawn import drawn_meshes
+from meshreel.formats.usd.layers import codes_per_second
 from meshreel.formats.usd.mesh_reading import StageMesh
 from meshreel.formats.usd.mesh_shape import MeshShape
 from meshreel.formats.usd.sampling import Codes, even_step, frame_grid, snapped
 from meshreel.formats.usd.skinning import find_skins
-from meshreel.formats.usd.stage import codes_per_frame, codes_per_second, open_stage
+from meshreel.formats.usd.stage import codes_per_frame, open_stage
 from meshreel.formats.usd.transforms import Transforms
 from meshreel.sequence import validate_fps
 
@@ -39,7 +40,7 @@ def read_meshes(path: Path, options: ReadOptions) -> list[SceneMesh]:
     notes = options.notes
     stage = open_stage(path, notes)
     with usd_errors("USD cannot read its meshes"):
-        rate = codes_per_second(stage, notes)
+        rate = codes_per_second(stage.GetRootLayer())
         prims = drawn_meshes(stage, notes)
         transforms, skins = Transforms(), find_skins(prims)
         meshes = [

@@ -70,11 +70,41 @@ def test_load_takes_the_given_rate_when_points_are_samples(stage_file):
     assert (found.fps, found.n_frames) == (50, 3)
 
 
-def test_load_falls_back_when_the_time_codes_per_second_cannot_be(stage_file):
-    notes = []
-    found = load(stage_file(mesh(MOVING % (0, 1, 2)), "timeCodesPerSecond = 0"), notes=notes)
-    assert found.fps == 24
-    assert any("0 time codes per second" in note for note in notes)
+@pytest.mark.parametrize(
+    ("key", "rate"),
+    [("timeCodesPerSecond", rate) for rate in ("0", "-24", "nan", "inf", "1e-300", "1e7")]
+    + [("framesPerSecond", rate) for rate in ("inf", "1e7")],
+)
+def test_load_refuses_when_a_rate_cannot_be(stage_file, key, rate):
+    stage_file(mesh(MOVING % (0, 1, 2)), "timeCodesPerSecond = 24", name="layer.usda")
+    path = stage_file("", f"subLayers = [@./layer.usda@]\n{key} = {rate}")
+    with pytest.raises(FormatError, match=f"a.usda: has .* as {key}; allowed are 0.001 to 1e"):
+        load(path)
+
+
+IN_A_VARIANT = """def "m" (
+    prepend variantSets = "v"
+) {
+    variantSet "v" = {
+        "chosen" { }
+        "other" (references = @./layer.usda@</m>) { }
+    }
+}"""
+
+
+@pytest.mark.parametrize(
+    ("header", "body"),
+    [
+        ("subLayers = [@./layer.usda@]", ""),
+        ("", 'def "m" (references = @./layer.usda@</m>) { }'),
+        ("", 'def "m" (payload = @layer.usda@</m>) { }'),
+        ("", IN_A_VARIANT),
+    ],
+)
+def test_load_refuses_when_the_rate_of_a_layer_below_cannot_be(stage_file, header, body):
+    stage_file(mesh(MOVING % (0, 1, 2)), "timeCodesPerSecond = 0", name="layer.usda")
+    with pytest.raises(FormatError, match=r"has 0 as timeCodesPerSecond; .* \(layer.usda\)"):
+        load(stage_file(body, header))
 
 
 def test_load_fills_in_frames_when_samples_were_left_out(stage_file):
