@@ -122,3 +122,21 @@ def test_load_names_the_mesh_when_it_is_empty_in_its_first_frame(folder):
 def test_load_refuses_a_rate_of_zero_before_the_library_hangs_on_it(folder):
     with pytest.raises(FormatError, match="has 0 as timeCodesPerSecond; allowed are"):
         load(odd(folder, "timeCodesPerSecond_0.usda"))
+
+
+@pytest.mark.parametrize(
+    ("name", "mesh", "n_faces"),
+    [("pyramid.usda", "/Pyramid/geo/shape", 24), ("CubeWithHoles.usda", "/Cube/Geom/Cube", 8)],
+)
+def test_load_leaves_holes_open_when_a_mesh_has_some(folder, name, mesh, n_faces):
+    from pxr import Usd, UsdGeom
+
+    path, notes = odd(folder, name), []
+    found = load(path, notes=notes)
+    stage = Usd.Stage.Open(str(path))
+    prim = UsdGeom.Mesh(stage.GetPrimAtPath(mesh))
+    counts = np.asarray(prim.GetFaceVertexCountsAttr().Get())
+    solid = np.setdiff1d(np.arange(len(counts)), prim.GetHoleIndicesAttr().Get())
+    assert len(found.faces) == (counts[solid] - 2).sum() == n_faces
+    np.testing.assert_array_equal(found.surface.face_sizes, counts[solid])
+    assert f"{mesh} is a subdivision surface; its cage is read" in notes

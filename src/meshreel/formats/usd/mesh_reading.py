@@ -9,6 +9,8 @@ import numpy.typing as npt
 
 from meshreel.formats.polygons import PolygonMesh, polygon_mesh
 from meshreel.formats.usd.diagnostics import usd_errors
+from meshreel.formats.usd.holes import faces_of, surface_of
+from meshreel.formats.usd.mesh_notes import MeshNotes
 from meshreel.formats.usd.mesh_shape import MeshShape
 from meshreel.formats.usd.primvars import read_attributes
 from meshreel.formats.usd.sampling import Samples, distinct_codes
@@ -33,15 +35,15 @@ class StageMesh:
         How a skeleton moves it.
     transforms : Transforms
         Of the stage.
-    notes : list of str
-        Gains a sentence for each thing that is not read.
+    notes : MeshNotes
+        Gain a sentence for each thing that is not read.
     """
 
     stage: Any
     shape: MeshShape
     skin: Skin | None
     transforms: Transforms
-    notes: list[str]
+    notes: MeshNotes
 
     @property
     def path(self) -> str:
@@ -80,13 +82,21 @@ class StageMesh:
     def surface(self, code: float) -> Surface:
         """Attributes and groups at a time code."""
         with usd_errors(f"USD cannot read what {self.path} carries at time code {code:g}"):
-            mesh = self.frame(code)
+            mesh = self._whole(self.shape.points(code), code)
             order = flipped_corners(mesh.counts) if self._is_flipped else None
-            return Surface(
+            surface = Surface(
                 None,
-                read_attributes(self._prim, code, mesh, order, self.notes),
-                read_groups(self._prim, code, len(mesh.counts), self.notes),
+                read_attributes(self._prim, code, mesh, order, self.notes.plain),
+                read_groups(self._prim, code, len(mesh.counts), self.notes.plain),
             )
+            if self.shape.is_subdivided:
+                self.notes.cages.add(self.path)
+            solid = self.shape.solid_faces(len(mesh.counts), code)
+            if solid is None:
+                return surface
+            n_holes = np.count_nonzero(~solid)
+            self.notes.holes.add(f"{n_holes} of {len(solid)} of {self.path}")
+            return surface_of(surface, solid, mesh.counts)
 
     @property
     def _prim(self) -> Any:
@@ -111,6 +121,13 @@ class StageMesh:
         return self.shape.is_left_handed != mirrors(world)
 
     def _polygons(self, vertices: Vertices, code: float) -> PolygonMesh:
+        """The faces at a time code that are no holes."""
+        whole = self._whole(vertices, code)
+        solid = self.shape.solid_faces(len(whole.counts), code)
+        return whole if solid is None else faces_of(whole, solid)
+
+    def _whole(self, vertices: Vertices, code: float) -> PolygonMesh:
+        """All faces at a time code, counter-clockwise."""
         found = self.shape.polygons(vertices, code)
         if not self._is_flipped:
             return found

@@ -10,6 +10,7 @@ import numpy.typing as npt
 from meshreel.errors import FormatError
 from meshreel.formats.extras import USD
 from meshreel.formats.polygons import PolygonMesh, polygon_mesh
+from meshreel.formats.usd.holes import Mask, solid_faces
 from meshreel.formats.usd.sampling import attribute_codes
 from meshreel.sequence import Vertices
 
@@ -28,13 +29,14 @@ class MeshShape:
     @property
     def stored(self) -> list[float]:
         """The time codes where points and faces have samples."""
-        shape = (self._mesh.GetPointsAttr(), *self._face_attributes)
+        shape = (self._mesh.GetPointsAttr(), *self._face_attributes, self._holes)
         return [code for one in shape for code in attribute_codes(one)]
 
     @cached_property
     def has_one_topology(self) -> bool:
         """Whether its faces are the same at all times."""
-        return not any(one.ValueMightBeTimeVarying() for one in self._face_attributes)
+        attributes = (*self._face_attributes, self._holes)
+        return not any(one.ValueMightBeTimeVarying() for one in attributes)
 
     @property
     def is_left_handed(self) -> bool:
@@ -78,6 +80,16 @@ class MeshShape:
             )
         return polygon_mesh(vertices, counts, corners, place=f"mesh {self._path}, face {{}}".format)
 
+    def solid_faces(self, n_faces: int, code: float) -> Mask | None:
+        """Which of its faces are no holes at a time code; None if none is a hole."""
+        return solid_faces(self._holes.Get(code), n_faces, self._path)
+
+    @property
+    def is_subdivided(self) -> bool:
+        """Whether its faces are the cage of a smooth surface, as they are if it does not say."""
+        none = USD.load("UsdGeom").Tokens.none
+        return bool(self._mesh.GetSubdivisionSchemeAttr().Get() != none)
+
     @cached_property
     def _mesh(self) -> Any:
         return USD.load("UsdGeom").Mesh(self.prim)
@@ -85,6 +97,10 @@ class MeshShape:
     @property
     def _path(self) -> str:
         return str(self.prim.GetPath())
+
+    @property
+    def _holes(self) -> Any:
+        return self._mesh.GetHoleIndicesAttr()
 
     @property
     def _face_attributes(self) -> tuple[Any, Any]:

@@ -17,6 +17,7 @@ from meshreel.formats.scene import SceneMesh
 from meshreel.formats.usd.diagnostics import usd_errors
 from meshreel.formats.usd.drawn import drawn_meshes
 from meshreel.formats.usd.layers import codes_per_second
+from meshreel.formats.usd.mesh_notes import MeshNotes
 from meshreel.formats.usd.mesh_reading import StageMesh
 from meshreel.formats.usd.mesh_shape import MeshShape
 from meshreel.formats.usd.sampling import Codes, even_step, frame_grid, snapped
@@ -43,8 +44,9 @@ def read_meshes(path: Path, options: ReadOptions) -> list[SceneMesh]:
         rate = codes_per_second(stage.GetRootLayer())
         prims = drawn_meshes(stage, notes)
         transforms, skins = Transforms(), find_skins(prims)
+        said = MeshNotes(notes)
         meshes = [
-            StageMesh(stage, MeshShape(prim), skins.get(str(prim.GetPath())), transforms, notes)
+            StageMesh(stage, MeshShape(prim), skins.get(str(prim.GetPath())), transforms, said)
             for prim in prims
         ]
         has_rate = stage.HasAuthoredMetadata("timeCodesPerSecond")
