@@ -1,10 +1,13 @@
-"""Which prims of a stage are meshes that are drawn."""
+"""Which prims of a stage are meshes that are drawn, or primitives, which are read as meshes."""
 
 from collections import Counter
 from typing import Any
 
 from meshreel.errors import FormatError
 from meshreel.formats.extras import USD
+from meshreel.formats.left_out import note_left_out
+from meshreel.formats.usd.mesh_shape import MeshShape
+from meshreel.formats.usd.primitives import PRIMITIVES, PrimitiveShape
 from meshreel.formats.usd.sampling import attribute_codes
 
 MAX_PRIMS = 1_000_000
@@ -14,8 +17,8 @@ MAX_PRIMS = 1_000_000
 def drawn_meshes(stage: Any, notes: list[str]) -> list[Any]:
     """The prims of meshes that are drawn, in the order of the stage; those of instances too.
 
-    Drawn are meshes that have points, are visible at any time, and are meant for every purpose or
-    for the final picture.
+    Cubes, spheres and other primitives are among them. Drawn is what is visible at any time, and
+    meant for every purpose or for the final picture; and of meshes those that have points.
 
     Parameters
     ----------
@@ -35,8 +38,13 @@ def drawn_meshes(stage: Any, notes: list[str]) -> list[Any]:
     if not drawn:
         raise FormatError(f"holds no mesh that is drawn; it holds {_counted(hidden, others)}")
     if hidden or others:
-        notes.append(f"left out: {_counted(hidden, others)}")
+        note_left_out(notes, _counted(hidden, others))
     return drawn
+
+
+def shape_of(prim: Any) -> MeshShape | PrimitiveShape:
+    """What one of these prims is in its own space."""
+    return PrimitiveShape(prim) if prim.GetTypeName() in PRIMITIVES else MeshShape(prim)
 
 
 def _geometry(stage: Any) -> tuple[list[Any], Counter[str]]:
@@ -48,7 +56,7 @@ def _geometry(stage: Any) -> tuple[list[Any], Counter[str]]:
     for number, prim in enumerate(prims):
         if number == MAX_PRIMS:
             raise FormatError(f"holds more than {MAX_PRIMS} prims; write the mesh to a file alone")
-        if prim.IsA(geometry.Mesh):
+        if prim.IsA(geometry.Mesh) or prim.GetTypeName() in PRIMITIVES:
             meshes.append(prim)
         elif prim.IsA(geometry.PointInstancer):
             others[prim.GetTypeName()] += 1
@@ -61,18 +69,19 @@ def _geometry(stage: Any) -> tuple[list[Any], Counter[str]]:
 def _why_not_drawn(prim: Any) -> str:
     """In a word or two; empty if it is drawn."""
     geometry = USD.load("UsdGeom")
-    mesh = geometry.Mesh(prim)
-    purpose = mesh.ComputePurpose()
+    shown = geometry.Imageable(prim)
+    purpose = shown.ComputePurpose()
     if purpose not in (geometry.Tokens.default_, geometry.Tokens.render):
         return f"of purpose {purpose}"
-    if not (mesh.GetPointsAttr().HasValue() and mesh.GetFaceVertexCountsAttr().HasValue()):
+    mesh = geometry.Mesh(prim)
+    if mesh and not (mesh.GetPointsAttr().HasValue() and mesh.GetFaceVertexCountsAttr().HasValue()):
         return "without points or faces"
     codes: set[float] = set()
     while prim and not prim.IsPseudoRoot():
         codes.update(attribute_codes(geometry.Imageable(prim).GetVisibilityAttr()))
         prim = prim.GetParent()
     times = sorted(codes) or [0.0]
-    if all(mesh.ComputeVisibility(time) == geometry.Tokens.invisible for time in times):
+    if all(shown.ComputeVisibility(time) == geometry.Tokens.invisible for time in times):
         return "invisible"
     return ""
 

@@ -2,8 +2,14 @@
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from meshreel.formats.gathered_note import GatheredNote
 from meshreel.formats.left_out import LEFT_OUT, listed
+from meshreel.formats.usd.holes import Mask
+from meshreel.formats.usd.mesh_shape import MeshShape
+from meshreel.formats.usd.primitives import PRIMITIVES, PrimitiveShape
+from meshreel.formats.usd.revolution import N_AROUND
 
 
 class MeshNotes:
@@ -17,8 +23,21 @@ class MeshNotes:
 
     def __init__(self, plain: list[str]) -> None:
         self.plain = plain
-        self.cages = GatheredNote(plain, _cages)
-        self.holes = GatheredNote(plain, _holes)
+        self._cages = GatheredNote(plain, _cages)
+        self._holes = GatheredNote(plain, _holes)
+        self._flat = GatheredNote(plain, _flat)
+        self._round = GatheredNote(plain, _round)
+
+    def add(self, shape: MeshShape | PrimitiveShape, solid: Mask | None) -> None:
+        """Tell of a mesh, only these faces of which are no holes, if it has any."""
+        path = str(shape.prim.GetPath())
+        if isinstance(shape, PrimitiveShape):
+            note = self._round if PRIMITIVES[shape.kind].is_round else self._flat
+            note.add(f"{path} ({shape.kind})")
+        if shape.is_subdivided:
+            self._cages.add(path)
+        if solid is not None:
+            self._holes.add(f"{np.count_nonzero(~solid)} of {len(solid)} of {path}")
 
 
 def _cages(paths: Sequence[str]) -> str:
@@ -29,3 +48,12 @@ def _cages(paths: Sequence[str]) -> str:
 
 def _holes(found: Sequence[str]) -> str:
     return f"{LEFT_OUT}faces that are holes: {listed(found)}"
+
+
+def _flat(paths: Sequence[str]) -> str:
+    return f"read as {'a mesh' if len(paths) == 1 else 'meshes'}: {listed(paths)}"
+
+
+def _round(paths: Sequence[str]) -> str:
+    kind = "a mesh" if len(paths) == 1 else "meshes"
+    return f"read as {kind} of {N_AROUND} faces around, within 1 % of the radius: {listed(paths)}"

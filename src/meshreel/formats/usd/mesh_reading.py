@@ -12,6 +12,7 @@ from meshreel.formats.usd.diagnostics import usd_errors
 from meshreel.formats.usd.holes import faces_of, surface_of
 from meshreel.formats.usd.mesh_notes import MeshNotes
 from meshreel.formats.usd.mesh_shape import MeshShape
+from meshreel.formats.usd.primitives import PrimitiveShape
 from meshreel.formats.usd.primvars import read_attributes
 from meshreel.formats.usd.sampling import Samples, distinct_codes
 from meshreel.formats.usd.skinning import Skin
@@ -29,7 +30,7 @@ class StageMesh:
     ----------
     stage : Usd.Stage
         Held, for its prims end with it.
-    shape : MeshShape
+    shape : MeshShape or PrimitiveShape
         Its points and faces, in its own space.
     skin : Skin or None
         How a skeleton moves it.
@@ -40,7 +41,7 @@ class StageMesh:
     """
 
     stage: Any
-    shape: MeshShape
+    shape: MeshShape | PrimitiveShape
     skin: Skin | None
     transforms: Transforms
     notes: MeshNotes
@@ -58,7 +59,7 @@ class StageMesh:
             if self.skin is None
             else self.skin.codes(self.transforms)
         )
-        return Samples(distinct_codes(self.shape.stored), distinct_codes(keys))
+        return Samples(distinct_codes(self.shape.stored), distinct_codes(keys + self.shape.keys))
 
     def frame(self, code: float) -> PolygonMesh:
         """The mesh in world space at a time code.
@@ -89,14 +90,9 @@ class StageMesh:
                 read_attributes(self._prim, code, mesh, order, self.notes.plain),
                 read_groups(self._prim, code, len(mesh.counts), self.notes.plain),
             )
-            if self.shape.is_subdivided:
-                self.notes.cages.add(self.path)
             solid = self.shape.solid_faces(len(mesh.counts), code)
-            if solid is None:
-                return surface
-            n_holes = np.count_nonzero(~solid)
-            self.notes.holes.add(f"{n_holes} of {len(solid)} of {self.path}")
-            return surface_of(surface, solid, mesh.counts)
+            self.notes.add(self.shape, solid)
+            return surface if solid is None else surface_of(surface, solid, mesh.counts)
 
     @property
     def _prim(self) -> Any:

@@ -32,6 +32,11 @@ class MeshShape:
         shape = (self._mesh.GetPointsAttr(), *self._face_attributes, self._holes)
         return [code for one in shape for code in attribute_codes(one)]
 
+    @property
+    def keys(self) -> list[float]:
+        """None: its points have samples of their own."""
+        return []
+
     @cached_property
     def has_one_topology(self) -> bool:
         """Whether its faces are the same at all times."""

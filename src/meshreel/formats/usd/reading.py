@@ -15,11 +15,10 @@ from meshreel.counting import counted
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.scene import SceneMesh
 from meshreel.formats.usd.diagnostics import usd_errors
-from meshreel.formats.usd.drawn import drawn_meshes
+from meshreel.formats.usd.drawn import drawn_meshes, shape_of
 from meshreel.formats.usd.layers import codes_per_second
 from meshreel.formats.usd.mesh_notes import MeshNotes
 from meshreel.formats.usd.mesh_reading import StageMesh
-from meshreel.formats.usd.mesh_shape import MeshShape
 from meshreel.formats.usd.sampling import Codes, even_step, frame_grid, snapped
 from meshreel.formats.usd.skinning import find_skins
 from meshreel.formats.usd.stage import codes_per_frame, open_stage
@@ -46,7 +45,7 @@ def read_meshes(path: Path, options: ReadOptions) -> list[SceneMesh]:
         transforms, skins = Transforms(), find_skins(prims)
         said = MeshNotes(notes)
         meshes = [
-            StageMesh(stage, MeshShape(prim), skins.get(str(prim.GetPath())), transforms, said)
+            StageMesh(stage, shape_of(prim), skins.get(str(prim.GetPath())), transforms, said)
             for prim in prims
         ]
         has_rate = stage.HasAuthoredMetadata("timeCodesPerSecond")

@@ -284,12 +284,13 @@ def test_load_leaves_out_what_is_not_drawn_when_meshes_are_hidden(stage_file):
             "blinking": 'token visibility.timeSamples = { 0: "invisible", 1: "invisible" }',
         }.items()
     )
-    body += 'def Mesh "empty" { }\ndef Sphere "ball" { }\n'
+    body += 'def Mesh "empty" { }\ndef Sphere "ball" {\ntoken visibility = "invisible"\n}\n'
+    body += 'def BasisCurves "hair" { }\n'
     body += f'def PointInstancer "many" {{ {mesh(name="proto")} }}'
     assert load(stage_file(body), notes=notes).name == "m"
     assert notes[0] == (
-        "left out: 1 mesh of purpose proxy, 1 mesh of purpose guide, 2 meshes invisible, "
-        "1 mesh without points or faces, 1 Sphere, 1 PointInstancer"
+        "left out: 1 mesh of purpose proxy, 1 mesh of purpose guide, 3 meshes invisible, "
+        "1 mesh without points or faces, 1 BasisCurves, 1 PointInstancer"
     )
 
 
@@ -303,7 +304,7 @@ def test_load_reads_a_mesh_when_it_is_visible_at_some_time(stage_file):
     [
         ("", "no geometry"),
         ('def Xform "a" { }', "no geometry"),
-        ('def Sphere "a" { }\ndef Sphere "b" { }', "2 Sphere"),
+        ('def BasisCurves "a" { }\ndef BasisCurves "b" { }', "2 BasisCurves"),
         (mesh(more='token visibility = "invisible"'), "1 mesh invisible"),
     ],
 )
