@@ -140,3 +140,10 @@ def test_load_leaves_holes_open_when_a_mesh_has_some(folder, name, mesh, n_faces
     assert len(found.faces) == (counts[solid] - 2).sum() == n_faces
     np.testing.assert_array_equal(found.surface.face_sizes, counts[solid])
     assert f"{mesh} is a subdivision surface; its cage is read" in notes
+
+
+def test_load_leaves_bad_meshes_out_when_asked_to(folder):
+    path, notes = odd(folder, "color_opacity_primvar.usda"), []
+    found = load(path, merge=True, skip_bad=True, notes=notes)
+    assert [part.n_verts for part in found.surface.parts] == [8] * 13 + [482]
+    assert sum("EmptyColorNoOpacity" in note for note in notes) == 1

@@ -15,6 +15,7 @@ from meshreel.engine.engine import Engine
 from meshreel.errors import InvalidInputError
 from meshreel.formats.load import open_for_encoding
 from meshreel.formats.options import ReadOptions
+from meshreel.formats.registry import heeds
 
 
 @dataclass(frozen=True)
@@ -28,11 +29,14 @@ class EncodeOptions:
         In place of what the input says.
     merge : bool
         Whether all meshes of an input are taken as one, where the format may hold several.
+    skip_bad : bool
+        Whether those of them that cannot be read are left out.
     """
 
     config: EncoderConfig
     fps: float | None = None
     merge: bool = False
+    skip_bad: bool = False
 
     @property
     def are_cut(self) -> bool:
@@ -46,7 +50,8 @@ class EncodeOptions:
                   if getattr(self.config, option.name) != option.default}  # fmt: skip
         if self.fps is not None:
             chosen["fps"] = self.fps
-        return {**chosen, "merge": True} if self.merge else chosen
+        flags = ("merge", "skip_bad")
+        return {**chosen, **{flag: True for flag in flags if getattr(self, flag)}}
 
 
 @dataclass(frozen=True)
@@ -84,7 +89,12 @@ def encode_input(
         )
     began = time.perf_counter()
     notes: list[str] = []
-    reading = ReadOptions(fps=options.fps, merge=options.merge, notes=notes)
+    reading = ReadOptions(
+        fps=options.fps,
+        merge=options.merge,
+        notes=notes,
+        skip_bad=options.skip_bad and heeds(source, "skip_bad"),
+    )
     sequence = open_for_encoding(source, options.config.memory_bytes, reading)
     data = encode(sequence, **vars(options.config), engine=engine)
     achieved = measure_stream(

@@ -12,6 +12,7 @@ from meshreel.cli.read_options import (
     FpsOption,
     MergeOption,
     ObjectOption,
+    SkipBadOption,
     SplitOption,
     TopologyOption,
 )
@@ -43,6 +44,7 @@ def convert_command(
     fps: FpsOption = None,
     object: ObjectOption = None,
     merge: MergeOption = False,
+    skip_bad: SkipBadOption = False,
     topology: TopologyOption = None,
     dataset: DatasetOption = None,
     split: SplitOption = False,
@@ -93,7 +95,10 @@ def convert_command(
     notes: list[str] = []
     done: list[dict[str, Any]] = []
     with progress_bar() as progress:
-        reading = ReadOptions(fps, object, merge, topology, dataset, progress=progress, notes=notes)
+        reading = ReadOptions(
+            fps, object, merge, topology, dataset,
+            progress=progress, notes=notes, skip_bad=skip_bad,
+        )  # fmt: skip
 
         def write(sequence: "FrameSource", target: str | Path) -> None:
             wanted = frame_range(chosen, sequence.n_frames)

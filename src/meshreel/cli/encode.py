@@ -34,6 +34,7 @@ from meshreel.cli.read_options import (
     FpsOption,
     MergeOption,
     ObjectOption,
+    SkipBadOption,
     SplitOption,
     TopologyOption,
 )
@@ -91,6 +92,7 @@ def encode_command(
     fps: FpsOption = None,
     object: ObjectOption = None,
     merge: MergeOption = False,
+    skip_bad: SkipBadOption = False,
     topology: TopologyOption = None,
     dataset: DatasetOption = None,
     split: SplitOption = False,
@@ -162,7 +164,9 @@ def encode_command(
     frames = natural_order(Path(path) for path in inputs)
     source = inputs[0] if len(inputs) == 1 else frames
     with progress_bar() as progress, profiled() as times:
-        reading = ReadOptions(fps, object, merge, topology, dataset, progress=progress)
+        reading = ReadOptions(
+            fps, object, merge, topology, dataset, progress=progress, skip_bad=skip_bad
+        )
         if split:
             stretches = find_stretches(source, loading_for(config.memory_bytes, reading))
             cut = len(stretches) > 1

@@ -28,6 +28,14 @@ MergeOption = Annotated[
         rich_help_panel=READING,
     ),
 ]
+SkipBadOption = Annotated[
+    bool,
+    typer.Option(
+        "--skip-bad",
+        help="Leave out meshes of a file that cannot be read, and take the others.",
+        rich_help_panel=READING,
+    ),
+]
 TopologyOption = Annotated[
     Path | None,
     typer.Option(

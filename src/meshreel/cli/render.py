@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from meshreel.cli.completing import input_files, names_of, pictures
-from meshreel.cli.read_options import FpsOption, MergeOption, ObjectOption
+from meshreel.cli.read_options import FpsOption, MergeOption, ObjectOption, SkipBadOption
 from meshreel.counting import counted
 
 if TYPE_CHECKING:
@@ -98,6 +98,7 @@ def render_command(
     fps: FpsOption = None,
     object: ObjectOption = None,
     merge: MergeOption = False,
+    skip_bad: SkipBadOption = False,
     force: Annotated[
         bool, typer.Option("--force", "-f", help="Replace the output if it exists.")
     ] = False,
@@ -129,7 +130,7 @@ def render_command(
         picture_size,
     )
     from meshreel.formats.load import MAX_LOADED_BYTES, open_source
-    from meshreel.formats.registry import holds_meshes
+    from meshreel.formats.registry import check_heeded, heeds, holds_meshes
     from meshreel.rendering.film_files import save_film
     from meshreel.rendering.films import FILM_PX, GIF_PX, film
     from meshreel.rendering.picture import save_png
@@ -144,6 +145,8 @@ def render_command(
     check_output_path(output, overwrite=force)
     wanted_size, color = picture_size(size), color_named(background)
     parse_view(view, up or "y")
+    if skip_bad:
+        check_heeded("skip_bad", [source, original] if original else [source])
     notes: list[str] = []
     with progress_bar() as progress:
 
@@ -151,6 +154,7 @@ def render_command(
             return open_source(
                 given,
                 fps=fps, object=object if holds_meshes(given) else None, merge=merge,
+                skip_bad=skip_bad and heeds(given, "skip_bad"),
                 max_loaded_bytes=MAX_LOADED_BYTES, progress=progress, notes=notes,
             )  # fmt: skip
 

@@ -14,7 +14,7 @@ from meshreel.formats.scene_source import scene_opener
 from meshreel.sequence import Faces, FrameSource, Vertices
 from meshreel.surface import Surface
 
-ReadOption = Literal["object", "merge", "topology", "dataset"]
+ReadOption = Literal["object", "merge", "topology", "dataset", "skip_bad"]
 
 
 @dataclass(frozen=True)
@@ -101,5 +101,5 @@ def scene_format(
     """A format whose files hold one or several meshes, the faces of which may change."""
     return SequenceFormat(
         ending, title, scene_opener(read_meshes), write, extra,
-        reads=frozenset({"object", "merge"}), read_meshes=read_meshes,
+        reads=frozenset({"object", "merge", "skip_bad"}), read_meshes=read_meshes,
     )  # fmt: skip

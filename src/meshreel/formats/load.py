@@ -28,6 +28,7 @@ def load(
     merge: bool = False,
     topology: str | os.PathLike[str] | None = None,
     dataset: str | None = None,
+    skip_bad: bool = False,
     progress: Progress = silent,
     notes: list[str] | None = None,
 ) -> MeshSequence:
@@ -52,6 +53,8 @@ def load(
         A mesh file with the faces of a point cache (``.pc2 .mdd``), which has none.
     dataset : str, optional
         Of a file of named datasets, the one that holds the positions.
+    skip_bad : bool, default False
+        Leave out meshes of a file that cannot be read, and take the others; a note names them.
     progress : Progress, default silent
         Told the share of frames read.
     notes : list of str, optional
@@ -77,7 +80,7 @@ def load(
     """
     options = ReadOptions(
         fps, object, merge, _path(topology), dataset, None, progress,
-        notes if notes is not None else [],
+        notes if notes is not None else [], skip_bad,
     )  # fmt: skip
     sequence = _opened(find_files(source), options)
     if not isinstance(sequence, MeshSequence):
@@ -94,6 +97,7 @@ def open_source(
     topology: str | os.PathLike[str] | None = None,
     dataset: str | None = None,
     max_loaded_bytes: int = 0,
+    skip_bad: bool = False,
     progress: Progress = silent,
     notes: list[str] | None = None,
 ) -> FrameSource:
@@ -106,7 +110,7 @@ def open_source(
 
     Parameters
     ----------
-    source, fps, object, merge, topology, dataset, progress, notes
+    source, fps, object, merge, topology, dataset, skip_bad, progress, notes
         As in `load`.
     max_loaded_bytes : int, default 0
         What can be left in files is loaded all the same if its positions, in the type of the
@@ -124,7 +128,7 @@ def open_source(
     """
     options = ReadOptions(
         fps, object, merge, _path(topology), dataset, max_loaded_bytes, progress,
-        notes if notes is not None else [],
+        notes if notes is not None else [], skip_bad,
     )  # fmt: skip
     return _opened(find_files(source), options)
 

@@ -30,6 +30,8 @@ class ReadOptions:
         Told the share of frames read.
     notes : list of str
         Gains one sentence for each thing that was changed while reading, to be shown to a user.
+    skip_bad : bool, default False
+        Whether meshes of a file that cannot be read are left out, and the others taken.
     """
 
     fps: float | None = None
@@ -40,6 +42,7 @@ class ReadOptions:
     max_loaded_bytes: int | None = None
     progress: Progress = silent
     notes: list[str] = field(default_factory=list)
+    skip_bad: bool = False
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ from pathlib import Path
 from meshreel.formats.kinds import SequenceFormat
 from meshreel.formats.load import open_mesh_files
 from meshreel.formats.mesh_files import MeshFiles
+from meshreel.formats.naming import errors_naming
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.polygons import PolygonMesh
 from meshreel.formats.registry import check_read_options
@@ -64,9 +65,11 @@ def find_stretches(source: Source, options: ReadOptions) -> list[Stretch]:
         sequence = form.open(path, options)
         return [Stretch(0, sequence.n_frames, lambda: sequence)]
     mesh = chosen_mesh(form.read_meshes, path, options)
+    with errors_naming(path):
+        runs = _same_faces(mesh.frame, len(mesh.times_s), options)
     return [
         Stretch(start, stop, partial(sequence_of, part_of(mesh, start, stop), path, options))
-        for start, stop in _same_faces(mesh.frame, len(mesh.times_s), options)
+        for start, stop in runs
     ]
 
 

@@ -6,20 +6,21 @@ frame of the stage. Skinning and blend shapes are those of UsdSkel. Positions ke
 the axes of the file.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import cache, partial
 from pathlib import Path
 
 import numpy as np
 
-from meshreel.counting import counted
+from meshreel.errors import FormatError
 from meshreel.formats.options import ReadOptions
-from meshreel.formats.scene import SceneMesh
+from meshreel.formats.scene import SceneMesh, readable_mesh
 from meshreel.formats.usd.diagnostics import usd_errors
 from meshreel.formats.usd.drawn import drawn_meshes, shape_of
 from meshreel.formats.usd.layers import codes_per_second
 from meshreel.formats.usd.mesh_notes import MeshNotes
 from meshreel.formats.usd.mesh_reading import StageMesh
-from meshreel.formats.usd.sampling import Codes, even_step, frame_grid, snapped
+from meshreel.formats.usd.sampling import Codes, Samples, even_step, frame_grid, snapped
 from meshreel.formats.usd.skinning import find_skins
 from meshreel.formats.usd.stage import codes_per_frame, open_stage
 from meshreel.formats.usd.transforms import Transforms
@@ -49,11 +50,13 @@ def read_meshes(path: Path, options: ReadOptions) -> list[SceneMesh]:
             for prim in prims
         ]
         has_rate = stage.HasAuthoredMetadata("timeCodesPerSecond")
-        codes = _frame_codes(meshes, rate, codes_per_frame(stage, rate), options)
-    return [
-        _scene_mesh(mesh, own, rate, has_rate=has_rate)
-        for mesh, own in zip(meshes, codes, strict=True)
-    ]
+        codes_of = _frame_codes(meshes, rate, codes_per_frame(stage, rate), options)
+
+    def scene_mesh(mesh: StageMesh) -> SceneMesh:
+        with usd_errors(f"USD cannot read {mesh.path}"):
+            return _scene_mesh(mesh, codes_of(mesh), rate, has_rate=has_rate)
+
+    return [readable_mesh(mesh.path, partial(scene_mesh, mesh)) for mesh in meshes]
 
 
 def _scene_mesh(mesh: StageMesh, codes: Codes, rate: float, *, has_rate: bool) -> SceneMesh:
@@ -75,28 +78,38 @@ def _scene_mesh(mesh: StageMesh, codes: Codes, rate: float, *, has_rate: bool) -
 
 def _frame_codes(
     meshes: Sequence[StageMesh], rate: float, frame_step: float, options: ReadOptions
-) -> list[Codes]:
-    """Where meshes have their frames; none of those that do not move."""
-    fps = validate_fps(options.fps or 0.0)
-    between = [mesh.samples.all for mesh in meshes if mesh.samples.move_between(frame_step)]
-    if fps and between:
-        return _resampled(meshes, rate / fps)
+) -> Callable[[StageMesh], Codes]:
+    """A function to where a mesh has its frames, which are none if it does not move."""
+    every = [one for mesh in meshes if (one := _samples(mesh)) is not None]
+    between = [one.all for one in every if one.move_between(frame_step)]
+    if (fps := validate_fps(options.fps or 0.0)) and between:
+        grid = cache(lambda: _common_grid([one.all for one in every], rate / fps))
+        return lambda mesh: grid() if len(mesh.samples.all) > 1 else mesh.samples.all
     origin = min((float(one[0]) for one in between), default=0.0)
-    codes = [mesh.samples.frames(frame_step, origin) for mesh in meshes]
-    for mesh, own in zip(meshes, codes, strict=True):
-        if len(own) != (n_samples := len(mesh.samples.all)):
+
+    def codes_of(mesh: StageMesh) -> Codes:
+        codes = mesh.samples.frames(frame_step, origin)
+        if len(codes) != (n_samples := len(mesh.samples.all)):
             options.notes.append(
                 f"{mesh.path} has {n_samples} samples that are not one to a frame; read as USD "
-                f"has it at {counted(len(own), 'frame')}"
+                f"has it at {len(codes)} frames"
             )
-    return codes
+        return codes
+
+    return codes_of
 
 
-def _resampled(meshes: Sequence[StageMesh], step: float) -> list[Codes]:
-    """The same codes for all meshes that move, from the first sample of any to the last."""
-    every = [mesh.samples.all for mesh in meshes]
-    moving = [one for one in every if len(one) > 1]
-    grid = frame_grid(
-        float(min(one[0] for one in moving)), float(max(one[-1] for one in moving)), step
-    )
-    return [grid if len(one) > 1 else one for one in every]
+def _samples(mesh: StageMesh) -> Samples | None:
+    """Where a mesh has samples; None if they cannot be."""
+    try:
+        _ = mesh.samples.all
+    except FormatError:
+        return None
+    return mesh.samples
+
+
+def _common_grid(samples: Sequence[Codes], step: float) -> Codes:
+    """The same codes for all that moves, from the first sample of any to the last."""
+    moving = [one for one in samples if len(one) > 1]
+    first, last = min(one[0] for one in moving), max(one[-1] for one in moving)
+    return frame_grid(float(first), float(last), step)

@@ -17,7 +17,7 @@ from meshreel.formats.merging import merged_mesh
 from meshreel.formats.naming import errors_naming, os_errors_naming
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.polygons import PolygonMesh
-from meshreel.formats.scene import SceneMesh
+from meshreel.formats.scene import SceneMesh, readable_mesh
 from meshreel.formats.vtk.collection_paths import path_beside
 from meshreel.formats.vtk.data_arrays import DataArray
 from meshreel.formats.vtk.legacy import read_vtk_legacy
@@ -51,8 +51,9 @@ def read_pvd(path: Path, options: ReadOptions) -> Sequence[SceneMesh]:
     if not parts:
         raise FormatError("names no files")
     return [
-        _scene_mesh(path.stem if len(parts) == 1 else f"/{group or 'part'}_{part}", files, options)
+        readable_mesh(name, partial(_scene_mesh, name, files, options))
         for (group, part), files in parts.items()
+        for name in [path.stem if len(parts) == 1 else f"/{group or 'part'}_{part}"]
     ]
 
 
