@@ -14,11 +14,11 @@ import numpy.typing as npt
 
 from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.merging import merged_mesh
+from meshreel.formats.named_files import path_beside
 from meshreel.formats.naming import errors_naming, os_errors_naming
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.polygons import PolygonMesh
 from meshreel.formats.scene import SceneMesh, readable_mesh
-from meshreel.formats.vtk.collection_paths import path_beside
 from meshreel.formats.vtk.data_arrays import DataArray
 from meshreel.formats.vtk.legacy import read_vtk_legacy
 from meshreel.formats.vtk.mesh import VtkMesh
