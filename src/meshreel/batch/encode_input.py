@@ -31,12 +31,15 @@ class EncodeOptions:
         Whether all meshes of an input are taken as one, where the format may hold several.
     skip_bad : bool
         Whether those of them that cannot be read are left out.
+    allow_outside : bool
+        Whether files are read that an input names outside of its folder.
     """
 
     config: EncoderConfig
     fps: float | None = None
     merge: bool = False
     skip_bad: bool = False
+    allow_outside: bool = False
 
     @property
     def are_cut(self) -> bool:
@@ -50,7 +53,7 @@ class EncodeOptions:
                   if getattr(self.config, option.name) != option.default}  # fmt: skip
         if self.fps is not None:
             chosen["fps"] = self.fps
-        flags = ("merge", "skip_bad")
+        flags = ("merge", "skip_bad", "allow_outside")
         return {**chosen, **{flag: True for flag in flags if getattr(self, flag)}}
 
 
@@ -94,6 +97,7 @@ def encode_input(
         merge=options.merge,
         notes=notes,
         skip_bad=options.skip_bad and heeds(source, "skip_bad"),
+        allow_outside=options.allow_outside and heeds(source, "allow_outside"),
     )
     sequence = open_for_encoding(source, options.config.memory_bytes, reading)
     data = encode(sequence, **vars(options.config), engine=engine)

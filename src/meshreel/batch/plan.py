@@ -66,8 +66,10 @@ def plan_batch(
     if out_dir.exists() and not out_dir.is_dir():
         raise InvalidInputError(f"{out_dir} is a file; name a folder for the outputs")
     inputs = find_inputs(input_dir, but_not=out_dir)
-    if options.skip_bad:
-        check_heeded("skip_bad", [one.source for one in inputs])
+    check_heeded(
+        [one.source for one in inputs],
+        skip_bad=options.skip_bad, allow_outside=options.allow_outside,
+    )  # fmt: skip
     manifest = read_manifest(input_dir, out_dir, force=force)
     plan = Plan(input_dir, out_dir, options, manifest, [], {}, {}, set())
     rivals = _rivals(inputs)

@@ -21,7 +21,7 @@ from meshreel.cli.encode_options import (
     UnitOption,
 )
 from meshreel.cli.option_names import in_option_names
-from meshreel.cli.read_options import FpsOption, MergeOption, SkipBadOption
+from meshreel.cli.read_options import AllowOutsideOption, FpsOption, MergeOption, SkipBadOption
 from meshreel.codec.config import DEFAULT_METHOD, DEFAULT_ORDER, EncoderConfig
 
 if TYPE_CHECKING:
@@ -86,6 +86,7 @@ def batch_command(
     fps: FpsOption = None,
     merge: MergeOption = False,
     skip_bad: SkipBadOption = False,
+    allow_outside: AllowOutsideOption = False,
     force: Annotated[
         bool,
         typer.Option(
@@ -132,7 +133,9 @@ def batch_command(
         effort=effort,
         unit=unit,
     )
-    plan = plan_batch(input_dir, out_dir, EncodeOptions(config, fps, merge, skip_bad), force=force)
+    plan = plan_batch(
+        input_dir, out_dir, EncodeOptions(config, fps, merge, skip_bad, allow_outside), force=force
+    )
     report = _run(plan, workers, scheduler)
     for name, record in report.failed.items():
         typer.echo(f"meshreel: {name}: {in_option_names(record.error or '')}", err=True)

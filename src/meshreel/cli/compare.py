@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from meshreel.cli.completing import input_files
-from meshreel.cli.read_options import MergeOption, ObjectOption, SkipBadOption
+from meshreel.cli.read_options import AllowOutsideOption, MergeOption, ObjectOption, SkipBadOption
 
 
 def compare_command(
@@ -22,6 +22,7 @@ def compare_command(
     object: ObjectOption = None,
     merge: MergeOption = False,
     skip_bad: SkipBadOption = False,
+    allow_outside: AllowOutsideOption = False,
     plot: Annotated[
         Path | None,
         typer.Option(metavar="FILE.png", help="Draw the NMSVE of each frame (needs [plot])."),
@@ -53,8 +54,7 @@ def compare_command(
     if plot is not None:
         check_output_path(plot, overwrite=force)
         require_matplotlib()
-    if skip_bad:
-        check_heeded("skip_bad", [original, decoded])
+    check_heeded([original, decoded], skip_bad=skip_bad, allow_outside=allow_outside)
     notes: list[str] = []
     with progress_bar() as progress:
         first, second = (
@@ -63,6 +63,7 @@ def compare_command(
                 object=object if holds_meshes(source) else None,
                 merge=merge,
                 skip_bad=skip_bad and heeds(source, "skip_bad"),
+                allow_outside=allow_outside and heeds(source, "allow_outside"),
                 progress=progress,
                 notes=notes,
             )

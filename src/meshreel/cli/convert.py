@@ -8,6 +8,7 @@ import typer
 from meshreel.cli.completing import input_files
 from meshreel.cli.encode_options import UnitOption
 from meshreel.cli.read_options import (
+    AllowOutsideOption,
     DatasetOption,
     FpsOption,
     MergeOption,
@@ -45,6 +46,7 @@ def convert_command(
     object: ObjectOption = None,
     merge: MergeOption = False,
     skip_bad: SkipBadOption = False,
+    allow_outside: AllowOutsideOption = False,
     topology: TopologyOption = None,
     dataset: DatasetOption = None,
     split: SplitOption = False,
@@ -97,7 +99,7 @@ def convert_command(
     with progress_bar() as progress:
         reading = ReadOptions(
             fps, object, merge, topology, dataset,
-            progress=progress, notes=notes, skip_bad=skip_bad,
+            progress=progress, notes=notes, skip_bad=skip_bad, allow_outside=allow_outside,
         )  # fmt: skip
 
         def write(sequence: "FrameSource", target: str | Path) -> None:

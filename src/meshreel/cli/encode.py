@@ -30,6 +30,7 @@ from meshreel.cli.encode_options import (
     UnitOption,
 )
 from meshreel.cli.read_options import (
+    AllowOutsideOption,
     DatasetOption,
     FpsOption,
     MergeOption,
@@ -93,6 +94,7 @@ def encode_command(
     object: ObjectOption = None,
     merge: MergeOption = False,
     skip_bad: SkipBadOption = False,
+    allow_outside: AllowOutsideOption = False,
     topology: TopologyOption = None,
     dataset: DatasetOption = None,
     split: SplitOption = False,
@@ -165,7 +167,14 @@ def encode_command(
     source = inputs[0] if len(inputs) == 1 else frames
     with progress_bar() as progress, profiled() as times:
         reading = ReadOptions(
-            fps, object, merge, topology, dataset, progress=progress, skip_bad=skip_bad
+            fps,
+            object,
+            merge,
+            topology,
+            dataset,
+            progress=progress,
+            skip_bad=skip_bad,
+            allow_outside=allow_outside,
         )
         if split:
             stretches = find_stretches(source, loading_for(config.memory_bytes, reading))

@@ -54,7 +54,9 @@ def _check_original_is_there(original: str | None, reading: "ReadOptions") -> No
     """Refuse options that say what to take of the original where there is none."""
     from meshreel.errors import InvalidInputError
 
-    asked = [name for name in ("object", "merge", "skip_bad") if getattr(reading, name)]
+    asked = [
+        name for name in ("object", "merge", "skip_bad", "allow_outside") if getattr(reading, name)
+    ]
     if asked and not original:
         raise InvalidInputError(
             f"--{asked[0].replace('_', '-')} chooses something in the original; name that with "

@@ -36,6 +36,15 @@ SkipBadOption = Annotated[
         rich_help_panel=READING,
     ),
 ]
+AllowOutsideOption = Annotated[
+    bool,
+    typer.Option(
+        "--allow-outside",
+        help="Read files that a file names outside of its folder: USD layers, glTF buffers, "
+        "files of a .pvd or .xdmf.",
+        rich_help_panel=READING,
+    ),
+]
 TopologyOption = Annotated[
     Path | None,
     typer.Option(

@@ -6,7 +6,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from meshreel.cli.completing import input_files, names_of, pictures
-from meshreel.cli.read_options import FpsOption, MergeOption, ObjectOption, SkipBadOption
+from meshreel.cli.read_options import (
+    AllowOutsideOption,
+    FpsOption,
+    MergeOption,
+    ObjectOption,
+    SkipBadOption,
+)
 from meshreel.counting import counted
 
 if TYPE_CHECKING:
@@ -99,6 +105,7 @@ def render_command(
     object: ObjectOption = None,
     merge: MergeOption = False,
     skip_bad: SkipBadOption = False,
+    allow_outside: AllowOutsideOption = False,
     force: Annotated[
         bool, typer.Option("--force", "-f", help="Replace the output if it exists.")
     ] = False,
@@ -145,8 +152,10 @@ def render_command(
     check_output_path(output, overwrite=force)
     wanted_size, color = picture_size(size), color_named(background)
     parse_view(view, up or "y")
-    if skip_bad:
-        check_heeded("skip_bad", [source, original] if original else [source])
+    check_heeded(
+        [source, original] if original else [source],
+        skip_bad=skip_bad, allow_outside=allow_outside,
+    )  # fmt: skip
     notes: list[str] = []
     with progress_bar() as progress:
 
@@ -155,6 +164,7 @@ def render_command(
                 given,
                 fps=fps, object=object if holds_meshes(given) else None, merge=merge,
                 skip_bad=skip_bad and heeds(given, "skip_bad"),
+                allow_outside=allow_outside and heeds(given, "allow_outside"),
                 max_loaded_bytes=MAX_LOADED_BYTES, progress=progress, notes=notes,
             )  # fmt: skip
 

@@ -29,6 +29,7 @@ def load(
     topology: str | os.PathLike[str] | None = None,
     dataset: str | None = None,
     skip_bad: bool = False,
+    allow_outside: bool = False,
     progress: Progress = silent,
     notes: list[str] | None = None,
 ) -> MeshSequence:
@@ -55,6 +56,8 @@ def load(
         Of a file of named datasets, the one that holds the positions.
     skip_bad : bool, default False
         Leave out meshes of a file that cannot be read, and take the others; a note names them.
+    allow_outside : bool, default False
+        Read files that a file names outside of its folder: layers, buffers, frames.
     progress : Progress, default silent
         Told the share of frames read.
     notes : list of str, optional
@@ -80,7 +83,7 @@ def load(
     """
     options = ReadOptions(
         fps, object, merge, _path(topology), dataset, None, progress,
-        notes if notes is not None else [], skip_bad,
+        notes if notes is not None else [], skip_bad, allow_outside,
     )  # fmt: skip
     sequence = _opened(find_files(source), options)
     if not isinstance(sequence, MeshSequence):
@@ -98,6 +101,7 @@ def open_source(
     dataset: str | None = None,
     max_loaded_bytes: int = 0,
     skip_bad: bool = False,
+    allow_outside: bool = False,
     progress: Progress = silent,
     notes: list[str] | None = None,
 ) -> FrameSource:
@@ -110,7 +114,7 @@ def open_source(
 
     Parameters
     ----------
-    source, fps, object, merge, topology, dataset, skip_bad, progress, notes
+    source, fps, object, merge, topology, dataset, skip_bad, allow_outside, progress, notes
         As in `load`.
     max_loaded_bytes : int, default 0
         What can be left in files is loaded all the same if its positions, in the type of the
@@ -128,7 +132,7 @@ def open_source(
     """
     options = ReadOptions(
         fps, object, merge, _path(topology), dataset, max_loaded_bytes, progress,
-        notes if notes is not None else [], skip_bad,
+        notes if notes is not None else [], skip_bad, allow_outside,
     )  # fmt: skip
     return _opened(find_files(source), options)
 

@@ -32,6 +32,8 @@ class ReadOptions:
         Gains one sentence for each thing that was changed while reading, to be shown to a user.
     skip_bad : bool, default False
         Whether meshes of a file that cannot be read are left out, and the others taken.
+    allow_outside : bool, default False
+        Whether files are read that a file names outside of its folder.
     """
 
     fps: float | None = None
@@ -43,6 +45,7 @@ class ReadOptions:
     progress: Progress = silent
     notes: list[str] = field(default_factory=list)
     skip_bad: bool = False
+    allow_outside: bool = False
 
 
 @dataclass(frozen=True)

@@ -94,12 +94,12 @@ SEQUENCE_FORMATS = {
         SequenceFormat(".npz", "NumPy archive", open_npz, write_npz, reads=frozenset({"dataset"})),
         SequenceFormat(".reel", "meshreel", open_reel, write_reel),
         scene_format(".abc", "Alembic", read_alembic, write_alembic, ALEMBIC),
-        scene_format(".usd", "USD", read_usd, write_usd, USD),
-        scene_format(".usda", "USD, text", read_usd, write_usd, USD),
-        scene_format(".usdc", "USD, binary", read_usd, write_usd, USD),
-        scene_format(".usdz", "USD, package", read_usd, write_usd, USD),
-        scene_format(".glb", "glTF, binary", read_gltf, write_glb),
-        scene_format(".gltf", "glTF, text", read_gltf, write_gltf),
+        scene_format(".usd", "USD", read_usd, write_usd, USD, names_files=True),
+        scene_format(".usda", "USD, text", read_usd, write_usd, USD, names_files=True),
+        scene_format(".usdc", "USD, binary", read_usd, write_usd, USD, names_files=True),
+        scene_format(".usdz", "USD, package", read_usd, write_usd, USD, names_files=True),
+        scene_format(".glb", "glTF, binary", read_gltf, write_glb, names_files=True),
+        scene_format(".gltf", "glTF, text", read_gltf, write_gltf, names_files=True),
         SequenceFormat(
             ".pc2",
             "point cache of 3ds Max",
@@ -128,9 +128,9 @@ SEQUENCE_FORMATS = {
             for ending in (".h5", ".hdf5", ".hdf")
         ),
         scene_format(".vtkhdf", "VTKHDF", read_vtkhdf, write_vtkhdf, HDF),
-        scene_format(".pvd", "ParaView collection", read_pvd, None),
-        scene_format(".xdmf", "XDMF", read_xdmf, None, HDF),
-        scene_format(".xmf", "XDMF", read_xdmf, None, HDF),
+        scene_format(".pvd", "ParaView collection", read_pvd, None, names_files=True),
+        scene_format(".xdmf", "XDMF", read_xdmf, None, HDF, names_files=True),
+        scene_format(".xmf", "XDMF", read_xdmf, None, HDF, names_files=True),
     )
 }
 FORMATS: dict[str, FrameFormat | SequenceFormat] = {**FRAME_FORMATS, **SEQUENCE_FORMATS}
@@ -164,19 +164,23 @@ def heeds(path: str | os.PathLike[str], option: ReadOption) -> bool:
     return isinstance(found, SequenceFormat) and option in found.reads
 
 
-def check_heeded(option: ReadOption, sources: Sequence[str | os.PathLike[str]]) -> None:
-    """Refuse an option that chooses nothing in any of several sources.
+def check_heeded(
+    sources: Sequence[str | os.PathLike[str]], *, skip_bad: bool, allow_outside: bool
+) -> None:
+    """Refuse options that choose nothing in any of several sources.
 
     Raises
     ------
     InvalidInputError
         Naming the option and the formats that have it.
     """
-    if not any(heeds(source, option) for source in sources):
-        raise InvalidInputError(
-            f"{_named(option)} chooses nothing in {listed(map(str, sources))}; "
-            f"it is for {_allowed(option)}"
-        )
+    asked: dict[ReadOption, bool] = {"skip_bad": skip_bad, "allow_outside": allow_outside}
+    for option, is_asked in asked.items():
+        if is_asked and not any(heeds(source, option) for source in sources):
+            raise InvalidInputError(
+                f"{_named(option)} chooses nothing in {listed(map(str, sources))}; "
+                f"it is for {_allowed(option)}"
+            )
 
 
 def is_written(found: FrameFormat | SequenceFormat) -> bool:

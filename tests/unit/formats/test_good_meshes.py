@@ -140,10 +140,12 @@ def test_load_skips_a_bad_mesh_when_the_file_is_gltf(tmp_path):
 
 
 @pytest.mark.parametrize("name", ["a.npz", "a.obj", "a.reel"])
-def test_load_refuses_to_skip_when_a_file_holds_one_mesh(tmp_path, name):
+@pytest.mark.parametrize("option", ["skip_bad", "allow_outside"])
+def test_load_refuses_an_option_when_a_file_holds_one_mesh_by_itself(tmp_path, name, option):
     meshreel.save(waving_grid(1), tmp_path / name)
-    with pytest.raises(InvalidInputError, match=r"--skip-bad \(skip_bad=\) chooses nothing in a"):
-        load(tmp_path / name, skip_bad=True)
+    flag = option.replace("_", "-")
+    with pytest.raises(InvalidInputError, match=rf"--{flag} \({option}=\) chooses nothing in a"):
+        load(tmp_path / name, **{option: True})
 
 
 def test_load_refuses_to_skip_when_one_is_chosen(usd_file):

@@ -66,7 +66,7 @@ def read_meshes(path: Path, options: ReadOptions) -> list[SceneMesh]:
     FormatError
         If the file is damaged, shows no mesh, or needs an extension that is not read.
     """
-    document = read_document(path)
+    document = read_document(path, allow_outside=options.allow_outside)
     accessors, nodes = Accessors(document), read_nodes(document)
     shown = shown_nodes(document, nodes, options.notes)
     placements = placements_of(document, shown, accessors)

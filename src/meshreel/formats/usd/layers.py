@@ -10,6 +10,7 @@ from typing import Any
 
 from meshreel.errors import FormatError
 from meshreel.formats.extras import USD
+from meshreel.formats.named_files import is_within, outside_error
 from meshreel.formats.usd.diagnostics import usd_errors
 
 DEFAULT_RATE = 24.0
@@ -23,17 +24,25 @@ MAX_LAYERS = 10_000
 DAMAGED = "USD cannot read it, so it is damaged or of another kind"
 
 
-def checked_layers(path: Path) -> list[Any]:
+def checked_layers(path: Path, *, allow_outside: bool) -> list[Any]:
     """Every layer that composing a file may open; what is not there is passed over.
 
     Those of variants that are not chosen are among them, and those of value clips. Whoever holds
     the list spares the library to read them again. Layers that were open before are read anew.
 
+    Parameters
+    ----------
+    path : Path
+    allow_outside : bool
+        Whether layers may be outside of the folder of the file.
+
     Raises
     ------
     FormatError
-        If the file cannot be read, a layer has a rate that cannot be, or there are too many.
+        If the file cannot be read, a layer has a rate that cannot be or is where it may not be,
+        or there are too many.
     """
+    folder = None if allow_outside else path.absolute().parent
     found: dict[str, Any] = {}
     pending = [str(path.absolute())]
     while pending:
@@ -51,7 +60,7 @@ def checked_layers(path: Path) -> list[Any]:
             codes_per_second(layer)
         except FormatError as error:
             raise FormatError(f"{error} ({Path(name).name})") from None
-        pending += _named_layers(layer, name)
+        pending += _named_layers(layer, name, folder)
     return [layer for layer in found.values() if layer is not None]
 
 
@@ -104,15 +113,54 @@ def _opened(name: str, *, is_needed: bool) -> Any | None:
     return None
 
 
-def _named_layers(layer: Any, name: str) -> Iterator[str]:
-    """Where the layers are that a layer names as sublayers, references, payloads and clips."""
+def check_used_layers(stage: Any, path: Path) -> None:
+    """Refuse a stage that is composed of layers outside of the folder of its file.
+
+    All but one kind of names are looked at before: expressions, whose variables another layer may
+    set, are only known when the library has opened what they name.
+
+    Raises
+    ------
+    FormatError
+        Naming the layer.
+    """
+    for layer in stage.GetUsedLayers():
+        if not layer.anonymous and layer != stage.GetRootLayer():
+            _check_within(layer.realPath or layer.identifier, path.absolute().parent)
+
+
+def _named_layers(layer: Any, name: str, folder: Path | None) -> Iterator[str]:
+    """Where the layers are that a layer names as sublayers, references, payloads and clips.
+
+    They must be in the folder, if one is given, or below; also those that are not there.
+    """
     sdf, resolver = USD.load("Sdf"), USD.load("Ar").GetResolver()
     with usd_errors(DAMAGED):
-        for kind in USD.load("UsdUtils").ExtractExternalReferences(name):
-            for given in kind:
-                asset, _ = sdf.Layer.SplitIdentifier(given)
-                if sdf.FileFormat.FindByExtension(asset) is None:
-                    continue  # an image, or another file that composing does not open
-                anchored = sdf.ComputeAssetPathRelativeToLayer(layer, asset)
-                if resolved := str(resolver.Resolve(anchored)):
-                    yield resolved
+        named = USD.load("UsdUtils").ExtractExternalReferences(name)
+    for given in (one for kind in named for one in kind):
+        asset, _ = sdf.Layer.SplitIdentifier(given)
+        if sdf.FileFormat.FindByExtension(asset) is None:
+            continue  # an image, or another file that composing does not open
+        with usd_errors(DAMAGED):
+            anchored = sdf.ComputeAssetPathRelativeToLayer(layer, asset)
+            # What has no ./ in front is also looked for where the program runs.
+            resolved = str(resolver.Resolve(anchored))
+        if folder is not None:
+            _check_within(resolved or _beside(name, anchored), folder, given)
+        if resolved:
+            yield resolved
+
+
+def _beside(name: str, asset: str) -> str:
+    """Where an asset would be that a layer names, if it were there."""
+    return str(Path(_file_of(name)).parent / _file_of(asset))
+
+
+def _check_within(place: str, folder: Path, given: str = "") -> None:
+    if not is_within(Path(_file_of(place)), folder):
+        raise outside_error(given or place)
+
+
+def _file_of(place: str) -> str:
+    """The file of a layer that may be in a package, as in ``a.usdz[b.usdc]``."""
+    return str(USD.load("Ar").SplitPackageRelativePathOuter(place)[0])

@@ -39,7 +39,7 @@ def read_meshes(path: Path, options: ReadOptions) -> list[SceneMesh]:
         If USD cannot read the file, or it holds no mesh that is drawn.
     """
     notes = options.notes
-    stage = open_stage(path, notes)
+    stage = open_stage(path, options)
     with usd_errors("USD cannot read its meshes"):
         rate = codes_per_second(stage.GetRootLayer())
         prims = drawn_meshes(stage, notes)

@@ -4,12 +4,14 @@ from pathlib import Path
 from typing import Any
 
 from meshreel.formats.extras import USD
+from meshreel.formats.options import ReadOptions
 from meshreel.formats.usd.diagnostics import usd_errors
 from meshreel.formats.usd.layers import (
     DAMAGED,
     DEFAULT_RATE,
     MAX_RATE,
     MIN_RATE,
+    check_used_layers,
     checked_layers,
     layer_number,
 )
@@ -20,26 +22,28 @@ MAX_SHOWN_RATE = 120.0
 MAX_LISTED = 3
 
 
-def open_stage(path: Path, notes: list[str]) -> Any:
+def open_stage(path: Path, options: ReadOptions) -> Any:
     """The ``Usd.Stage`` of a file, as it is on disk now.
 
     Parameters
     ----------
     path : Path
-    notes : list of str
-        Gains a sentence if anything that the file refers to is missing, and one if its axes or
-        units are not those that are written: y upwards, metres.
+    options : ReadOptions
+        Its notes gain a sentence if anything that the file refers to is missing, and one if its
+        axes or units are not those that are written: y upwards, metres.
 
     Raises
     ------
     FormatError
-        If USD cannot read it, or it has a rate that cannot be.
+        If USD cannot read it, it has a rate that cannot be, or names layers where they may not be.
     """
-    layers = checked_layers(path)
+    layers = checked_layers(path, allow_outside=options.allow_outside)
     with usd_errors(DAMAGED):
         stage = USD.load("Usd").Stage.Open(layers[0])
-        _note_missing(stage, notes)
-        _note_axes(stage, notes)
+        _note_missing(stage, options.notes)
+        _note_axes(stage, options.notes)
+    if not options.allow_outside:
+        check_used_layers(stage, path)
     return stage
 
 

@@ -47,7 +47,7 @@ def read_pvd(path: Path, options: ReadOptions) -> Sequence[SceneMesh]:
     parts: dict[tuple[str, str], list[tuple[float, Path]]] = {}
     for element in root.findall("Collection/DataSet"):
         part = element.get("group", ""), element.get("part", "0")
-        parts.setdefault(part, []).append((_time(element), _file(path, element)))
+        parts.setdefault(part, []).append((_time(element), _file(path, element, options)))
     if not parts:
         raise FormatError("names no files")
     return [
@@ -68,8 +68,8 @@ def _time(element: Element) -> float:
     return time
 
 
-def _file(path: Path, element: Element) -> Path:
-    found = path_beside(path, element.get("file", ""))
+def _file(path: Path, element: Element, options: ReadOptions) -> Path:
+    found = path_beside(path, element.get("file", ""), allow_outside=options.allow_outside)
     if found.suffix.lower() not in READERS:
         raise FormatError(f"names {found.name}; {', '.join(READERS)} files are read")
     return found

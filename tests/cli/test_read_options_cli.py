@@ -1,4 +1,4 @@
-"""`--skip-bad`: the meshes of a file that can be read, without those that cannot."""
+"""`--skip-bad` and `--allow-outside`: what is read of a file that is not as it should be."""
 
 import pytest
 
@@ -50,8 +50,28 @@ def test_batch_leaves_it_out_when_told_to(half_bad, tmp_path):
     assert (done["encoded"], done["failed"]) == (2, 0)
 
 
-@pytest.mark.parametrize("command", ["encode", "compare", "render", "batch", "view"])
-def test_command_refuses_it_when_it_chooses_nothing(tmp_path, command):
+@pytest.mark.parametrize("command", ["encode", "convert"])
+def test_command_reads_a_layer_outside_of_the_folder_when_told_to(half_bad, tmp_path, command):
+    (tmp_path / "layer.usda").write_text(half_bad.read_text())
+    half_bad.write_text("#usda 1.0\n(\nsubLayers = [@../layer.usda@]\n)\n")
+    out = tmp_path / ("out.reel" if command == "encode" else "out.npz")
+    arguments = (command, half_bad, "-o", out, "--object", "good")
+    assert_fails(run(*arguments), "outside of its folder", "--allow-outside")
+    run_json(*arguments, "--allow-outside")
+    assert meshreel.load(out).n_verts == 3
+
+
+@pytest.mark.parametrize(
+    ("command", "flag"),
+    [
+        ("encode", "--skip-bad"),
+        ("compare", "--allow-outside"),
+        ("render", "--skip-bad"),
+        ("batch", "--allow-outside"),
+        ("view", "--allow-outside"),
+    ],
+)
+def test_command_refuses_it_when_it_chooses_nothing(tmp_path, command, flag):
     folder = tmp_path / "in"
     folder.mkdir()
     meshreel.save(waving_grid(2), folder / "a.npz")
@@ -63,5 +83,5 @@ def test_command_refuses_it_when_it_chooses_nothing(tmp_path, command):
         "batch": (folder, tmp_path / "out"),
         "view": (folder / "a.reel", "--no-open"),
     }[command]
-    done = run(command, *arguments, "--skip-bad")
-    assert_fails(done, "--skip-bad", "original" if command == "view" else "chooses nothing in")
+    done = run(command, *arguments, flag)
+    assert_fails(done, flag, "original" if command == "view" else "chooses nothing in")
