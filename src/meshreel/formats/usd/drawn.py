@@ -5,7 +5,7 @@ from typing import Any
 
 from meshreel.errors import FormatError
 from meshreel.formats.extras import USD
-from meshreel.formats.left_out import note_left_out
+from meshreel.formats.left_out import listed, note_left_out
 from meshreel.formats.usd.mesh_shape import MeshShape
 from meshreel.formats.usd.primitives import PRIMITIVES, PrimitiveShape
 from meshreel.formats.usd.sampling import attribute_codes
@@ -39,6 +39,8 @@ def drawn_meshes(stage: Any, notes: list[str]) -> list[Any]:
         raise FormatError(f"holds no mesh that is drawn; it holds {_counted(hidden, others)}")
     if hidden or others:
         note_left_out(notes, _counted(hidden, others))
+    if blinking := [str(prim.GetPath()) for prim in drawn if len(set(_visible(prim))) > 1]:
+        note_left_out(notes, f"visibility that changes over time: {listed(blinking)}")
     return drawn
 
 
@@ -48,8 +50,8 @@ def shape_of(prim: Any) -> MeshShape | PrimitiveShape:
 
 
 def _geometry(stage: Any) -> tuple[list[Any], Counter[str]]:
-    """Prims of meshes, and how many there are of other kinds of geometry."""
-    usd, geometry = USD.load("Usd"), USD.load("UsdGeom")
+    """Prims of meshes, and how many there are of other kinds, with cameras and lights."""
+    usd, geometry, lights = USD.load("Usd"), USD.load("UsdGeom"), USD.load("UsdLux").LightAPI
     prims = iter(usd.PrimRange.Stage(stage, usd.TraverseInstanceProxies()))
     meshes: list[Any] = []
     others: Counter[str] = Counter()
@@ -61,7 +63,7 @@ def _geometry(stage: Any) -> tuple[list[Any], Counter[str]]:
         elif prim.IsA(geometry.PointInstancer):
             others[prim.GetTypeName()] += 1
             prims.PruneChildren()  # what is below is only drawn as its copies
-        elif prim.IsA(geometry.Gprim):
+        elif prim.IsA(geometry.Gprim) or prim.IsA(geometry.Camera) or prim.HasAPI(lights):
             others[prim.GetTypeName()] += 1
     return meshes, others
 
@@ -76,14 +78,18 @@ def _why_not_drawn(prim: Any) -> str:
     mesh = geometry.Mesh(prim)
     if mesh and not (mesh.GetPointsAttr().HasValue() and mesh.GetFaceVertexCountsAttr().HasValue()):
         return "without points or faces"
-    codes: set[float] = set()
+    return "" if any(_visible(prim)) else "invisible"
+
+
+def _visible(prim: Any) -> list[bool]:
+    """Whether a prim is visible, at each time at which that may change; once if it does not."""
+    geometry = USD.load("UsdGeom")
+    shown, codes = geometry.Imageable(prim), set[float]()
     while prim and not prim.IsPseudoRoot():
         codes.update(attribute_codes(geometry.Imageable(prim).GetVisibilityAttr()))
         prim = prim.GetParent()
     times = sorted(codes) or [0.0]
-    if all(shown.ComputeVisibility(time) == geometry.Tokens.invisible for time in times):
-        return "invisible"
-    return ""
+    return [shown.ComputeVisibility(time) != geometry.Tokens.invisible for time in times]
 
 
 def _counted(hidden: Counter[str], others: Counter[str]) -> str:

@@ -296,7 +296,16 @@ def test_load_leaves_out_what_is_not_drawn_when_meshes_are_hidden(stage_file):
 
 def test_load_reads_a_mesh_when_it_is_visible_at_some_time(stage_file):
     more = 'token visibility.timeSamples = { 0: "invisible", 1: "inherited" }\n'
-    assert load(stage_file(mesh(more=more + 'uniform token purpose = "render"'))).name == "m"
+    path, notes = stage_file(mesh(more=more + 'uniform token purpose = "render"')), []
+    assert load(path, notes=notes).name == "m"
+    assert "left out: visibility that changes over time: /m" in notes
+
+
+def test_load_names_cameras_and_lights_when_they_are_left_out(stage_file):
+    notes = []
+    body = f'{mesh()}def Camera "c" {{ }}\ndef SphereLight "s" {{ }}\ndef DomeLight "d" {{ }}\n'
+    load(stage_file(body), notes=notes)
+    assert "left out: 1 Camera, 1 SphereLight, 1 DomeLight" in notes
 
 
 @pytest.mark.parametrize(
