@@ -13,9 +13,9 @@ from meshreel.codec.inspect import info
 from meshreel.codec.methods import Basis
 from meshreel.engine.engine import Engine
 from meshreel.errors import InvalidInputError
+from meshreel.formats.heeded_options import heeds
 from meshreel.formats.load import open_for_encoding
 from meshreel.formats.options import ReadOptions
-from meshreel.formats.registry import heeds
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from meshreel.batch.discovery import BatchInput, find_inputs
 from meshreel.batch.encode_input import EncodeOptions
 from meshreel.batch.manifest import DONE, FAILED, PENDING, Manifest, Record, read_manifest
 from meshreel.errors import InvalidInputError
-from meshreel.formats.registry import check_heeded
+from meshreel.formats.heeded_options import check_heeded
 
 
 @dataclass(frozen=True)

@@ -45,8 +45,9 @@ def compare_command(
     from meshreel.atomic_write import check_output_path
     from meshreel.cli.console import print_json, print_notes, print_table, progress_bar
     from meshreel.cli.figures import quality_rows
+    from meshreel.formats.heeded_options import check_heeded, heeds
     from meshreel.formats.load import load
-    from meshreel.formats.registry import check_heeded, heeds, holds_meshes
+    from meshreel.formats.registry import holds_meshes
     from meshreel.metrics.alignment import find_alignment
     from meshreel.metrics.compare import compare
     from meshreel.rendering.plots import plot_error_per_frame, require_matplotlib

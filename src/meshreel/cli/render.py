@@ -136,8 +136,9 @@ def render_command(
         is_range,
         picture_size,
     )
+    from meshreel.formats.heeded_options import check_heeded, heeds
     from meshreel.formats.load import MAX_LOADED_BYTES, open_source
-    from meshreel.formats.registry import check_heeded, heeds, holds_meshes
+    from meshreel.formats.registry import holds_meshes
     from meshreel.rendering.film_files import save_film
     from meshreel.rendering.films import FILM_PX, GIF_PX, film
     from meshreel.rendering.picture import save_png

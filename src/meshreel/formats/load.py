@@ -6,10 +6,10 @@ from dataclasses import replace
 from pathlib import Path
 
 from meshreel.formats.frames import open_frames, read_frames
+from meshreel.formats.heeded_options import check_read_options
 from meshreel.formats.kinds import SequenceFormat
 from meshreel.formats.mesh_files import MeshFiles
 from meshreel.formats.options import ReadOptions
-from meshreel.formats.registry import check_read_options
 from meshreel.formats.sources import Source, SourceFiles, find_files
 from meshreel.profiling import staged
 from meshreel.progress import Progress, silent

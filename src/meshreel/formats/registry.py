@@ -1,11 +1,10 @@
 """Which file endings there are, and who reads and writes them."""
 
 import os
-from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any
 
-from meshreel.errors import FormatError, InvalidInputError
+from meshreel.errors import FormatError
 from meshreel.formats.alembic.meshes import read_meshes as read_alembic
 from meshreel.formats.alembic.write import write_alembic
 from meshreel.formats.arrays.hdf import open_hdf_sequence, write_hdf
@@ -17,8 +16,7 @@ from meshreel.formats.caches.topology import COMPANION, topology_reader
 from meshreel.formats.extras import ALEMBIC, HDF, USD
 from meshreel.formats.gltf.read import read_meshes as read_gltf
 from meshreel.formats.gltf.write import write_glb, write_gltf
-from meshreel.formats.kinds import FrameFormat, ReadOption, SequenceFormat, scene_format
-from meshreel.formats.left_out import listed
+from meshreel.formats.kinds import FrameFormat, SequenceFormat, scene_format
 from meshreel.formats.meshes.obj import obj_positions_like, parse_obj
 from meshreel.formats.meshes.obj_surface import parse_obj_surface
 from meshreel.formats.meshes.obj_writing import obj_encoder
@@ -29,7 +27,6 @@ from meshreel.formats.meshes.ply import describe_ply, parse_ply, ply_positions_l
 from meshreel.formats.meshes.ply_surface import parse_ply_surface
 from meshreel.formats.meshes.ply_writing import ply_encoder
 from meshreel.formats.meshes.stl import parse_stl, stl_encoder, stl_positions_like
-from meshreel.formats.options import ReadOptions
 from meshreel.formats.reel import open_reel, write_reel
 from meshreel.formats.usd.reading import read_meshes as read_usd
 from meshreel.formats.usd.writing import write_usd
@@ -158,68 +155,9 @@ def holds_meshes(path: str | os.PathLike[str]) -> bool:
     return isinstance(found, SequenceFormat) and found.read_meshes is not None
 
 
-def heeds(path: str | os.PathLike[str], option: ReadOption) -> bool:
-    """Whether an option chooses something in a file of this ending."""
-    found = FORMATS.get(Path(path).suffix.lower())
-    return isinstance(found, SequenceFormat) and option in found.reads
-
-
-def check_heeded(
-    sources: Sequence[str | os.PathLike[str]], *, skip_bad: bool, allow_outside: bool
-) -> None:
-    """Refuse options that choose nothing in any of several sources.
-
-    Raises
-    ------
-    InvalidInputError
-        Naming the option and the formats that have it.
-    """
-    asked: dict[ReadOption, bool] = {"skip_bad": skip_bad, "allow_outside": allow_outside}
-    for option, is_asked in asked.items():
-        if is_asked and not any(heeds(source, option) for source in sources):
-            raise InvalidInputError(
-                f"{_named(option)} chooses nothing in {listed(map(str, sources))}; "
-                f"it is for {_allowed(option)}"
-            )
-
-
 def is_written(found: FrameFormat | SequenceFormat) -> bool:
     """Whether files of a format are written, and not only read."""
     return (found.write if isinstance(found, SequenceFormat) else found.encoder) is not None
-
-
-def check_read_options(found: FrameFormat | SequenceFormat, options: ReadOptions) -> None:
-    """Refuse options that choose nothing in files of a format.
-
-    Raises
-    ------
-    InvalidInputError
-        Naming the option and the formats that have it.
-    """
-    heeded = found.reads if isinstance(found, SequenceFormat) else frozenset()
-    if options.skip_bad and options.object is not None:
-        raise InvalidInputError(
-            "--object (object=) takes one mesh, so that --skip-bad (skip_bad=) leaves none out; "
-            "give one of the two"
-        )
-    for option in get_args(ReadOption):
-        # A single static mesh is what merging gives, so that a whole folder can be merged.
-        is_asked = getattr(options, option) and option != "merge"
-        if is_asked and option not in heeded:
-            raise InvalidInputError(
-                f"{_named(option)} chooses nothing in a {found.ending} file; "
-                f"it is for {_allowed(option)}"
-            )
-
-
-def _named(option: ReadOption) -> str:
-    """As people write it, in a command and in Python."""
-    return f"--{option.replace('_', '-')} ({option}=)"
-
-
-def _allowed(option: ReadOption) -> str:
-    """The endings of the formats that heed an option."""
-    return ", ".join(one.ending for one in SEQUENCE_FORMATS.values() if option in one.reads)
 
 
 def described_formats() -> list[dict[str, Any]]:
