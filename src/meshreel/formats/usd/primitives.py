@@ -6,7 +6,6 @@ colours of each fit. What is round is made of rings around its axis.
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache
 from typing import Any
 
 import numpy as np
@@ -20,6 +19,7 @@ from meshreel.sequence import Vertices
 
 Sizes = dict[str, float]
 Points = npt.NDArray[np.float64]
+Faces = Callable[[], tuple[npt.NDArray[np.int64], npt.NDArray[np.int32]]]
 
 CUBE_CORNERS = [
     (1, 1, 1), (-1, 1, 1), (-1, -1, 1), (1, -1, 1),
@@ -49,7 +49,7 @@ class Primitive:
 
     sizes: tuple[str, ...]
     points: Callable[[Sizes, str], Points]
-    faces: Callable[[], tuple[npt.NDArray[np.int64], npt.NDArray[np.int32]]]
+    faces: Faces
     is_round: bool = True
 
 
@@ -71,12 +71,12 @@ def _sphere(sizes: Sizes, axis: str) -> Points:
 
 def _cylinder(sizes: Sizes, axis: str) -> Points:
     half = sizes["height"] / 2
-    return revolved(Rings(np.array(_radii(sizes)), np.array([-half, half])))
+    return revolved(Rings(np.array(_radii(sizes)), np.array([-half, half]), -half, half))
 
 
 def _cone(sizes: Sizes, axis: str) -> Points:
     half = sizes["height"] / 2
-    return revolved(Rings(np.array([sizes["radius"]]), np.array([-half]), top=half))
+    return revolved(Rings(np.array([sizes["radius"]]), np.array([-half]), -half, half))
 
 
 def _capsule(sizes: Sizes, axis: str) -> Points:
@@ -93,29 +93,24 @@ def _radii(sizes: Sizes) -> tuple[float, float]:
     return sizes.get("radiusBottom", both), sizes.get("radiusTop", both)
 
 
-def _flat_faces(corners: list[int]) -> Callable[[], tuple[npt.NDArray[Any], npt.NDArray[Any]]]:
+def _flat_faces(corners: list[int]) -> Faces:
     return lambda: (np.full(len(corners) // 4, 4, np.int64), np.array(corners, np.int32))
 
 
-@cache
-def _round_faces(
-    n_rings: int, bottom: bool, top: bool
-) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int32]]:
-    return revolved_faces(n_rings, has_bottom=bottom, has_top=top)
+def _round_faces(n_rings: int) -> Faces:
+    return lambda: revolved_faces(n_rings)
 
 
 ENDS = ("radiusBottom", "radiusTop", "height")
 PRIMITIVES = {
     "Cube": Primitive(("size",), _cube, _flat_faces(CUBE_FACES), is_round=False),
     "Plane": Primitive(("width", "length"), _plane, _flat_faces([0, 1, 2, 3]), is_round=False),
-    "Sphere": Primitive(("radius",), _sphere, lambda: _round_faces(2 * N_ARCS - 1, True, True)),
-    "Cylinder": Primitive(("radius", "height"), _cylinder, lambda: _round_faces(2, False, False)),
-    "Cylinder_1": Primitive(ENDS, _cylinder, lambda: _round_faces(2, False, False)),
-    "Cone": Primitive(("radius", "height"), _cone, lambda: _round_faces(1, False, True)),
-    "Capsule": Primitive(
-        ("radius", "height"), _capsule, lambda: _round_faces(2 * N_ARCS, True, True)
-    ),
-    "Capsule_1": Primitive(ENDS, _capsule, lambda: _round_faces(2 * N_ARCS, True, True)),
+    "Sphere": Primitive(("radius",), _sphere, _round_faces(2 * N_ARCS - 1)),
+    "Cylinder": Primitive(("radius", "height"), _cylinder, _round_faces(2)),
+    "Cylinder_1": Primitive(ENDS, _cylinder, _round_faces(2)),
+    "Cone": Primitive(("radius", "height"), _cone, _round_faces(1)),
+    "Capsule": Primitive(("radius", "height"), _capsule, _round_faces(2 * N_ARCS)),
+    "Capsule_1": Primitive(ENDS, _capsule, _round_faces(2 * N_ARCS)),
 }
 """By the names of their types."""
 

@@ -1,4 +1,4 @@
-"""Surfaces around the axis z: rings of points, and poles or flat ends."""
+"""Surfaces around the axis z: rings of points between two points on the axis."""
 
 from dataclasses import dataclass
 
@@ -17,14 +17,14 @@ class Rings:
     ----------
     radii, heights : float64 array of shape (R,)
         Of the rings.
-    bottom, top : float, optional
-        Heights of the poles, which are points on the axis; a flat end has none.
+    bottom, top : float
+        Heights of the poles, which are points on the axis; of a flat end, that of its ring.
     """
 
     radii: npt.NDArray[np.float64]
     heights: npt.NDArray[np.float64]
-    bottom: float | None = None
-    top: float | None = None
+    bottom: float
+    top: float
 
 
 def revolved(rings: Rings) -> npt.NDArray[np.float64]:
@@ -34,34 +34,24 @@ def revolved(rings: Rings) -> npt.NDArray[np.float64]:
     points = np.empty((len(rings.radii), N_AROUND, 3))
     points[..., :2] = rings.radii[:, np.newaxis, np.newaxis] * circle
     points[..., 2] = rings.heights[:, np.newaxis]
-    poles = [
-        np.array([[0, 0, height]] if height is not None else np.empty((0, 3)))
-        for height in (rings.bottom, rings.top)
-    ]
-    return np.concatenate([poles[0], points.reshape(-1, 3), poles[1]])
+    bottom, top = [[0.0, 0.0, rings.bottom]], [[0.0, 0.0, rings.top]]
+    return np.concatenate([bottom, points.reshape(-1, 3), top])
 
 
-def revolved_faces(
-    n_rings: int, *, has_bottom: bool, has_top: bool
-) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int32]]:
+def revolved_faces(n_rings: int) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int32]]:
     """Counts and corners of the faces, counter-clockwise seen from outside.
 
-    Triangles at poles, else a face of all corners of a ring; quads between rings.
+    Triangles at the poles, quads between rings. A flat end is made of triangles too: a face of
+    all corners would be cut into a fan, whose first corner would be shaded unlike the others.
     """
     around = np.arange(N_AROUND)
     after = np.roll(around, -1)
-    start = int(has_bottom)
-    low, high = start, start + N_AROUND * (n_rings - 1)
+    low, high = 1, 1 + N_AROUND * (n_rings - 1)
     pole = np.zeros_like(around)
-    faces = [around[np.newaxis, ::-1]]
-    if has_bottom:
-        faces = [np.stack([pole, low + after, low + around], 1)]
+    faces = [np.stack([pole, low + after, low + around], 1)]
     for ring in range(low, high, N_AROUND):
         above = ring + N_AROUND
         faces.append(np.stack([ring + around, ring + after, above + after, above + around], 1))
-    if has_top:
-        faces.append(np.stack([pole + high + N_AROUND, high + around, high + after], 1))
-    else:
-        faces.append(high + around[np.newaxis])
+    faces.append(np.stack([pole + high + N_AROUND, high + around, high + after], 1))
     counts = np.concatenate([np.full(len(one), one.shape[1], np.int64) for one in faces])
     return counts, np.concatenate([one.ravel() for one in faces]).astype(np.int32)
