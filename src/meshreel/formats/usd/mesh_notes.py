@@ -19,10 +19,16 @@ class MeshNotes:
     ----------
     plain : list of str
         All notes.
+
+    Attributes
+    ----------
+    sampled : GatheredNote
+        Of meshes whose samples are not their frames.
     """
 
     def __init__(self, plain: list[str]) -> None:
         self.plain = plain
+        self.sampled = GatheredNote(plain, _sampled)
         self._cages = GatheredNote(plain, _cages)
         self._holes = GatheredNote(plain, _holes)
         self._flat = GatheredNote(plain, _flat)
@@ -38,6 +44,10 @@ class MeshNotes:
             self._cages.add(path)
         if solid is not None:
             self._holes.add(f"{np.count_nonzero(~solid)} of {len(solid)} of {path}")
+
+
+def _sampled(found: Sequence[str]) -> str:
+    return f"samples are not one to a frame; read as USD has it at each frame: {listed(found)}"
 
 
 def _cages(paths: Sequence[str]) -> str:

@@ -90,10 +90,7 @@ def _frame_codes(
     def codes_of(mesh: StageMesh) -> Codes:
         codes = mesh.samples.frames(frame_step, origin)
         if len(codes) != (n_samples := len(mesh.samples.all)):
-            options.notes.append(
-                f"{mesh.path} has {n_samples} samples that are not one to a frame; read as USD "
-                f"has it at {len(codes)} frames"
-            )
+            mesh.notes.sampled.add(f"{mesh.path} ({n_samples} samples, {len(codes)} frames)")
         return codes
 
     return codes_of
