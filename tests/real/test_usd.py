@@ -1,4 +1,4 @@
-"""A skinned USD file as another program wrote it, against its frames as they were baked."""
+"""USD files as other programs wrote them, against their frames as baked, or as USD has them."""
 
 import os
 from pathlib import Path
@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from meshreel.errors import FormatError
 from meshreel.formats.load import load, open_source
 from meshreel.formats.save import save
 
@@ -21,6 +22,14 @@ def folder():
     if not found:
         pytest.skip("MESHREEL_DATA names no folder of real sequences")
     return Path(found)
+
+
+def odd(folder, name):
+    """A file that was read wrongly or refused wrongly once."""
+    path = folder / "native" / "odd" / name
+    if not path.exists():
+        pytest.skip(f"no {name} in the folder of real sequences")
+    return path
 
 
 @pytest.fixture(scope="module")
@@ -60,3 +69,81 @@ def test_load_gives_back_the_walk_when_save_wrote_it(tmp_path, walk, ending):
     assert (found.fps, found.start_s, notes) == (walk.fps, walk.start_s, [])
     for one, other in zip(found.surface.attributes, walk.surface.attributes, strict=True):
         np.testing.assert_array_equal(one.values, other.values)
+
+
+def placed_by_usd(path, mesh, codes):
+    """Points of a mesh that does not deform, in world space as USD itself has it at some codes."""
+    from pxr import Usd, UsdGeom
+
+    stage = Usd.Stage.Open(str(path))
+    prim = stage.GetPrimAtPath(mesh)
+    points = np.asarray(UsdGeom.Mesh(prim).GetPointsAttr().Get(), np.float64)
+    worlds = [
+        np.array(UsdGeom.Xformable(prim).ComputeLocalToWorldTransform(code)) for code in codes
+    ]
+    return np.stack([points @ world[:3, :3] + world[3, :3] for world in worlds])
+
+
+@pytest.mark.parametrize(
+    ("name", "mesh", "n_frames"),
+    [
+        ("AnimatedTriangle.usdz", "/AnimatedTriangle/Geom/node_0", 25),
+        ("BoxAnimated.usdz", "/BoxAnimated/Geom/node_0/node_1/node_2", 90),
+    ],
+)
+@pytest.mark.parametrize("fps", [None, 48, 10])
+def test_load_turns_as_usd_does_when_keys_are_far_apart(folder, name, mesh, n_frames, fps):
+    path = odd(folder, name)
+    found = load(path, object=mesh, fps=fps)
+    rate = fps or 24
+    assert (found.n_frames, found.fps) == (int((n_frames - 1) * rate / 24) + 1, rate)
+    expected = placed_by_usd(path, mesh, np.arange(found.n_frames) * 24 / rate)
+    size = np.ptp(expected, axis=(0, 1)).max()
+    np.testing.assert_allclose(found.vertices, expected, rtol=0, atol=2e-7 * size)
+
+
+def test_load_reads_a_mesh_when_its_unit_is_stored_as_float(folder):
+    from pxr import Usd, UsdGeom
+
+    path, notes = odd(folder, "suzanne.usdc"), []
+    found = load(path, notes=notes)
+    stage = Usd.Stage.Open(str(path))
+    points = UsdGeom.Mesh(stage.GetPrimAtPath("/Suzanne/Suzanne")).GetPointsAttr().Get()
+    np.testing.assert_array_equal(found.vertices[0], np.asarray(points))
+    assert any("z points upwards" in note and "a unit is" not in note for note in notes)
+
+
+def test_load_names_the_mesh_when_it_is_empty_in_its_first_frame(folder):
+    path = odd(folder, "color_opacity_primvar.usda")
+    with pytest.raises(FormatError, match="EmptyColorNoOpacity holds 0 vertices and 1 faces"):
+        load(path, merge=True)
+
+
+def test_load_refuses_a_rate_of_zero_before_the_library_hangs_on_it(folder):
+    with pytest.raises(FormatError, match="has 0 as timeCodesPerSecond; allowed are"):
+        load(odd(folder, "timeCodesPerSecond_0.usda"))
+
+
+@pytest.mark.parametrize(
+    ("name", "mesh", "n_faces"),
+    [("pyramid.usda", "/Pyramid/geo/shape", 24), ("CubeWithHoles.usda", "/Cube/Geom/Cube", 8)],
+)
+def test_load_leaves_holes_open_when_a_mesh_has_some(folder, name, mesh, n_faces):
+    from pxr import Usd, UsdGeom
+
+    path, notes = odd(folder, name), []
+    found = load(path, notes=notes)
+    stage = Usd.Stage.Open(str(path))
+    prim = UsdGeom.Mesh(stage.GetPrimAtPath(mesh))
+    counts = np.asarray(prim.GetFaceVertexCountsAttr().Get())
+    solid = np.setdiff1d(np.arange(len(counts)), prim.GetHoleIndicesAttr().Get())
+    assert len(found.faces) == (counts[solid] - 2).sum() == n_faces
+    np.testing.assert_array_equal(found.surface.face_sizes, counts[solid])
+    assert f"{mesh} is a subdivision surface; its cage is read" in notes
+
+
+def test_load_leaves_bad_meshes_out_when_asked_to(folder):
+    path, notes = odd(folder, "color_opacity_primvar.usda"), []
+    found = load(path, merge=True, skip_bad=True, notes=notes)
+    assert [part.n_verts for part in found.surface.parts] == [8] * 13 + [482]
+    assert sum("EmptyColorNoOpacity" in note for note in notes) == 1

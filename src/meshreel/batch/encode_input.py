@@ -16,6 +16,7 @@ from meshreel.codec.uv_errors import measure_uvs
 from meshreel.codec.uv_grid import has_uvs
 from meshreel.engine.engine import Engine
 from meshreel.errors import InvalidInputError
+from meshreel.formats.heeded_options import heeds
 from meshreel.formats.load import open_for_encoding
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.selection import with_surface
@@ -37,12 +38,18 @@ class EncodeOptions:
     attributes : str
         Names of those to keep, as in "uv,color"; or "all" or "none". An input that lacks one gets
         a note.
+    skip_bad : bool
+        Whether those of them that cannot be read are left out.
+    allow_outside : bool
+        Whether files are read that an input names outside of its folder.
     """
 
     config: EncoderConfig
     fps: float | None = None
     merge: bool = False
     attributes: str = ALL
+    skip_bad: bool = False
+    allow_outside: bool = False
 
     @property
     def are_cut(self) -> bool:
@@ -58,7 +65,8 @@ class EncodeOptions:
             chosen["fps"] = self.fps
         if self.attributes != ALL:
             chosen["attributes"] = self.attributes
-        return {**chosen, "merge": True} if self.merge else chosen
+        flags = ("merge", "skip_bad", "allow_outside")
+        return {**chosen, **{flag: True for flag in flags if getattr(self, flag)}}
 
 
 @dataclass(frozen=True)
@@ -96,7 +104,13 @@ def encode_input(
         )
     began = time.perf_counter()
     notes: list[str] = []
-    reading = ReadOptions(fps=options.fps, merge=options.merge, notes=notes)
+    reading = ReadOptions(
+        fps=options.fps,
+        merge=options.merge,
+        notes=notes,
+        skip_bad=options.skip_bad and heeds(source, "skip_bad"),
+        allow_outside=options.allow_outside and heeds(source, "allow_outside"),
+    )
     opened = open_for_encoding(source, options.config.memory_bytes, reading)
     sequence, config = _suited(opened, options, notes)
     data = encode(sequence, **vars(config), engine=engine)

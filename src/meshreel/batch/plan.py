@@ -8,6 +8,7 @@ from meshreel.batch.discovery import BatchInput, find_inputs
 from meshreel.batch.encode_input import EncodeOptions
 from meshreel.batch.manifest import DONE, FAILED, PENDING, Manifest, Record, read_manifest
 from meshreel.errors import InvalidInputError
+from meshreel.formats.heeded_options import check_heeded
 
 
 @dataclass(frozen=True)
@@ -59,11 +60,16 @@ def plan_batch(
     Raises
     ------
     InvalidInputError
-        If there is nothing to encode, or the folder of outputs belongs to something else.
+        If there is nothing to encode, the folder of outputs belongs to something else, or an
+        option chooses nothing in any input.
     """
     if out_dir.exists() and not out_dir.is_dir():
         raise InvalidInputError(f"{out_dir} is a file; name a folder for the outputs")
     inputs = find_inputs(input_dir, but_not=out_dir)
+    check_heeded(
+        [one.source for one in inputs],
+        skip_bad=options.skip_bad, allow_outside=options.allow_outside,
+    )  # fmt: skip
     manifest = read_manifest(input_dir, out_dir, force=force)
     plan = Plan(input_dir, out_dir, options, manifest, [], {}, {}, set())
     rivals = _rivals(inputs)

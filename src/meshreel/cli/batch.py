@@ -22,7 +22,13 @@ from meshreel.cli.encode_options import (
     UvBitsOption,
 )
 from meshreel.cli.option_names import in_option_names
-from meshreel.cli.read_options import AttributesOption, FpsOption, MergeOption
+from meshreel.cli.read_options import (
+    AllowOutsideOption,
+    AttributesOption,
+    FpsOption,
+    MergeOption,
+    SkipBadOption,
+)
 from meshreel.codec.config import DEFAULT_METHOD, DEFAULT_ORDER, EncoderConfig
 from meshreel.surface_selection import ALL, listed_names
 
@@ -89,6 +95,8 @@ def batch_command(
     attributes: AttributesOption = ALL,
     fps: FpsOption = None,
     merge: MergeOption = False,
+    skip_bad: SkipBadOption = False,
+    allow_outside: AllowOutsideOption = False,
     force: Annotated[
         bool,
         typer.Option(
@@ -137,7 +145,7 @@ def batch_command(
         uv_bits=uv_bits,
     )
     listed_names(attributes)  # refused now, before any work
-    options = EncodeOptions(config, fps, merge, attributes)
+    options = EncodeOptions(config, fps, merge, attributes, skip_bad, allow_outside)
     plan = plan_batch(input_dir, out_dir, options, force=force)
     report = _run(plan, workers, scheduler)
     print_notes([f"{name}: {note}" for name, one in report.encoded.items() for note in one.notes])

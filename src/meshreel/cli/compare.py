@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from meshreel.cli.completing import input_files
-from meshreel.cli.read_options import MergeOption, ObjectOption
+from meshreel.cli.read_options import AllowOutsideOption, MergeOption, ObjectOption, SkipBadOption
 
 
 def compare_command(
@@ -21,6 +21,8 @@ def compare_command(
     decoded: Annotated[str, typer.Argument(autocompletion=input_files, help="The same kinds.")],
     object: ObjectOption = None,
     merge: MergeOption = False,
+    skip_bad: SkipBadOption = False,
+    allow_outside: AllowOutsideOption = False,
     plot: Annotated[
         Path | None,
         typer.Option(metavar="FILE.png", help="Draw the NMSVE of each frame (needs [plot])."),
@@ -43,6 +45,7 @@ def compare_command(
     from meshreel.atomic_write import check_output_path
     from meshreel.cli.console import print_json, print_notes, print_table, progress_bar
     from meshreel.cli.figures import quality_rows
+    from meshreel.formats.heeded_options import check_heeded, heeds
     from meshreel.formats.load import load
     from meshreel.formats.registry import holds_meshes
     from meshreel.metrics.alignment import find_alignment
@@ -52,6 +55,7 @@ def compare_command(
     if plot is not None:
         check_output_path(plot, overwrite=force)
         require_matplotlib()
+    check_heeded([original, decoded], skip_bad=skip_bad, allow_outside=allow_outside)
     notes: list[str] = []
     with progress_bar() as progress:
         first, second = (
@@ -59,6 +63,8 @@ def compare_command(
                 source,
                 object=object if holds_meshes(source) else None,
                 merge=merge,
+                skip_bad=skip_bad and heeds(source, "skip_bad"),
+                allow_outside=allow_outside and heeds(source, "allow_outside"),
                 progress=progress,
                 notes=notes,
             )

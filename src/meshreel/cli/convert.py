@@ -8,11 +8,13 @@ import typer
 from meshreel.cli.completing import input_files
 from meshreel.cli.encode_options import UnitOption
 from meshreel.cli.read_options import (
+    AllowOutsideOption,
     AttributesOption,
     DatasetOption,
     FpsOption,
     MergeOption,
     ObjectOption,
+    SkipBadOption,
     SplitOption,
     TopologyOption,
 )
@@ -45,6 +47,8 @@ def convert_command(
     fps: FpsOption = None,
     object: ObjectOption = None,
     merge: MergeOption = False,
+    skip_bad: SkipBadOption = False,
+    allow_outside: AllowOutsideOption = False,
     topology: TopologyOption = None,
     dataset: DatasetOption = None,
     attributes: AttributesOption = ALL,
@@ -99,6 +103,7 @@ def convert_command(
         reading = ReadOptions(
             fps, object, merge, topology, dataset,
             progress=progress, notes=notes, attributes=attributes,
+            skip_bad=skip_bad, allow_outside=allow_outside,
         )  # fmt: skip
 
         def write(sequence: "FrameSource", target: str | Path) -> None:

@@ -31,11 +31,13 @@ from meshreel.cli.encode_options import (
     UvBitsOption,
 )
 from meshreel.cli.read_options import (
+    AllowOutsideOption,
     AttributesOption,
     DatasetOption,
     FpsOption,
     MergeOption,
     ObjectOption,
+    SkipBadOption,
     SplitOption,
     TopologyOption,
 )
@@ -95,6 +97,8 @@ def encode_command(
     fps: FpsOption = None,
     object: ObjectOption = None,
     merge: MergeOption = False,
+    skip_bad: SkipBadOption = False,
+    allow_outside: AllowOutsideOption = False,
     topology: TopologyOption = None,
     dataset: DatasetOption = None,
     attributes: AttributesOption = ALL,
@@ -173,7 +177,15 @@ def encode_command(
     source = inputs[0] if len(inputs) == 1 else frames
     with progress_bar() as progress, profiled() as times:
         reading = ReadOptions(
-            fps, object, merge, topology, dataset, progress=progress, attributes=attributes
+            fps,
+            object,
+            merge,
+            topology,
+            dataset,
+            progress=progress,
+            attributes=attributes,
+            skip_bad=skip_bad,
+            allow_outside=allow_outside,
         )
         if split:
             stretches = find_stretches(source, loading_for(config.memory_bytes, reading))

@@ -7,7 +7,7 @@ import typer
 
 from meshreel.cli.completing import pages
 from meshreel.cli.player import OriginalOption, SourceArgument
-from meshreel.cli.read_options import MergeOption, ObjectOption
+from meshreel.cli.read_options import AllowOutsideOption, MergeOption, ObjectOption, SkipBadOption
 
 
 def export_command(
@@ -21,6 +21,8 @@ def export_command(
     original: OriginalOption = None,
     object: ObjectOption = None,
     merge: MergeOption = False,
+    skip_bad: SkipBadOption = False,
+    allow_outside: AllowOutsideOption = False,
     force: Annotated[
         bool, typer.Option("--force", "-f", help="Replace the page if it exists.")
     ] = False,
@@ -48,7 +50,13 @@ def export_command(
     check_output_path(output, overwrite=force)
     page = page_text()
     with progress_bar() as progress:
-        reading = ReadOptions(object=object, merge=merge, progress=progress)
+        reading = ReadOptions(
+            object=object,
+            merge=merge,
+            skip_bad=skip_bad,
+            allow_outside=allow_outside,
+            progress=progress,
+        )
         with (
             opened_player(source, original, reading, allowed_error=ALLOWED_ERROR) as api,
             errors_naming(source),

@@ -40,6 +40,7 @@ def opened_player(
     from meshreel.formats.reel import open
     from meshreel.viewer.api import Api
 
+    _check_original_is_there(original, reading)
     with open(source) as reel:
         with errors_naming(source):
             _ = reel.faces  # damaged ones are told before the original is read
@@ -47,6 +48,20 @@ def opened_player(
         with errors_naming(source):
             api = Api(reel, source.stem, player_rows, comparison, measured_rows, allowed_error)
         yield api
+
+
+def _check_original_is_there(original: str | None, reading: "ReadOptions") -> None:
+    """Refuse options that say what to take of the original where there is none."""
+    from meshreel.errors import InvalidInputError
+
+    asked = [
+        name for name in ("object", "merge", "skip_bad", "allow_outside") if getattr(reading, name)
+    ]
+    if asked and not original:
+        raise InvalidInputError(
+            f"--{asked[0].replace('_', '-')} chooses something in the original; name that with "
+            "--original"
+        )
 
 
 def _comparison(reel: "ReelFile", original: str, reading: "ReadOptions") -> "Comparison":

@@ -28,6 +28,23 @@ MergeOption = Annotated[
         rich_help_panel=READING,
     ),
 ]
+SkipBadOption = Annotated[
+    bool,
+    typer.Option(
+        "--skip-bad",
+        help="Leave out meshes of a file that cannot be read, and take the others.",
+        rich_help_panel=READING,
+    ),
+]
+AllowOutsideOption = Annotated[
+    bool,
+    typer.Option(
+        "--allow-outside",
+        help="Read files that a file names outside of its folder: USD layers, glTF buffers, "
+        "files of a .pvd or .xdmf.",
+        rich_help_panel=READING,
+    ),
+]
 TopologyOption = Annotated[
     Path | None,
     typer.Option(

@@ -6,7 +6,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from meshreel.cli.completing import input_files, names_of, pictures
-from meshreel.cli.read_options import FpsOption, MergeOption, ObjectOption
+from meshreel.cli.read_options import (
+    AllowOutsideOption,
+    FpsOption,
+    MergeOption,
+    ObjectOption,
+    SkipBadOption,
+)
 from meshreel.counting import counted
 
 if TYPE_CHECKING:
@@ -98,6 +104,8 @@ def render_command(
     fps: FpsOption = None,
     object: ObjectOption = None,
     merge: MergeOption = False,
+    skip_bad: SkipBadOption = False,
+    allow_outside: AllowOutsideOption = False,
     force: Annotated[
         bool, typer.Option("--force", "-f", help="Replace the output if it exists.")
     ] = False,
@@ -128,6 +136,7 @@ def render_command(
         is_range,
         picture_size,
     )
+    from meshreel.formats.heeded_options import check_heeded, heeds
     from meshreel.formats.load import MAX_LOADED_BYTES, open_source
     from meshreel.formats.registry import holds_meshes
     from meshreel.rendering.film_files import save_film
@@ -144,6 +153,10 @@ def render_command(
     check_output_path(output, overwrite=force)
     wanted_size, color = picture_size(size), color_named(background)
     parse_view(view, up or "y")
+    check_heeded(
+        [source, original] if original else [source],
+        skip_bad=skip_bad, allow_outside=allow_outside,
+    )  # fmt: skip
     notes: list[str] = []
     with progress_bar() as progress:
 
@@ -151,6 +164,8 @@ def render_command(
             return open_source(
                 given,
                 fps=fps, object=object if holds_meshes(given) else None, merge=merge,
+                skip_bad=skip_bad and heeds(given, "skip_bad"),
+                allow_outside=allow_outside and heeds(given, "allow_outside"),
                 max_loaded_bytes=MAX_LOADED_BYTES, progress=progress, notes=notes,
             )  # fmt: skip
 

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from meshreel.cli.player import OriginalOption, SourceArgument
-from meshreel.cli.read_options import MergeOption, ObjectOption
+from meshreel.cli.read_options import AllowOutsideOption, MergeOption, ObjectOption, SkipBadOption
 
 if TYPE_CHECKING:
     from meshreel.viewer.server import ViewerServer
@@ -16,6 +16,8 @@ def view_command(
     original: OriginalOption = None,
     object: ObjectOption = None,
     merge: MergeOption = False,
+    skip_bad: SkipBadOption = False,
+    allow_outside: AllowOutsideOption = False,
     no_open: Annotated[
         bool, typer.Option("--no-open", help="Do not open the browser; only say where to look.")
     ] = False,
@@ -53,7 +55,13 @@ def view_command(
     page = page_text()
     with ExitStack() as stack:
         with progress_bar() as progress:
-            reading = ReadOptions(object=object, merge=merge, progress=progress)
+            reading = ReadOptions(
+                object=object,
+                merge=merge,
+                skip_bad=skip_bad,
+                allow_outside=allow_outside,
+                progress=progress,
+            )
             api = stack.enter_context(opened_player(source, original, reading))
         server = stack.enter_context(ViewerServer(api, host=host, port=port, page=page))
         print_notes(reading.notes)

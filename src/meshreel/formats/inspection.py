@@ -8,12 +8,12 @@ import numpy as np
 
 from meshreel.codec.inspect import carried
 from meshreel.errors import MeshReelError
+from meshreel.formats.heeded_options import check_read_options
 from meshreel.formats.kinds import SequenceFormat
 from meshreel.formats.left_out import LEFT_OUT
 from meshreel.formats.load import open_for_inspection
 from meshreel.formats.naming import errors_naming
 from meshreel.formats.options import ReadOptions
-from meshreel.formats.registry import check_read_options
 from meshreel.formats.scene import SceneMesh
 from meshreel.formats.scene_source import wanted_meshes
 from meshreel.formats.sources import Source, SourceFiles, find_files

@@ -14,7 +14,7 @@ from meshreel.formats.scene_source import scene_opener
 from meshreel.sequence import Faces, FrameSource, Vertices
 from meshreel.surface import Surface
 
-ReadOption = Literal["object", "merge", "topology", "dataset"]
+ReadOption = Literal["object", "merge", "topology", "dataset", "skip_bad", "allow_outside"]
 
 
 @dataclass(frozen=True)
@@ -95,9 +95,16 @@ def scene_format(
     read_meshes: ReadMeshes,
     write: Callable[[Path, FrameStream, WriteOptions], None] | None,
     extra: Extra | None = None,
+    *,
+    names_files: bool = False,
 ) -> SequenceFormat:
-    """A format whose files hold one or several meshes, the faces of which may change."""
+    """A format whose files hold one or several meshes, the faces of which may change.
+
+    Its files may name others, or hold all by themselves.
+    """
+    reads: set[ReadOption] = {"object", "merge", "skip_bad"}
     return SequenceFormat(
         ending, title, scene_opener(read_meshes), write, extra,
-        reads=frozenset({"object", "merge"}), read_meshes=read_meshes,
+        reads=frozenset(reads | ({"allow_outside"} if names_files else set())),
+        read_meshes=read_meshes,
     )  # fmt: skip

@@ -6,10 +6,10 @@ from dataclasses import replace
 from pathlib import Path
 
 from meshreel.formats.frames import open_frames, read_frames
+from meshreel.formats.heeded_options import check_read_options
 from meshreel.formats.kinds import SequenceFormat
 from meshreel.formats.mesh_files import MeshFiles
 from meshreel.formats.options import ReadOptions
-from meshreel.formats.registry import check_read_options
 from meshreel.formats.selection import with_attributes
 from meshreel.formats.sources import Source, SourceFiles, find_files
 from meshreel.profiling import staged
@@ -31,6 +31,8 @@ def load(
     topology: str | os.PathLike[str] | None = None,
     dataset: str | None = None,
     attributes: Names = ALL,
+    skip_bad: bool = False,
+    allow_outside: bool = False,
     progress: Progress = silent,
     notes: list[str] | None = None,
 ) -> MeshSequence:
@@ -45,7 +47,8 @@ def load(
         in their order. Folders and patterns are read in natural order (frame_2 before frame_10).
     fps : float, optional
         Frames per second, in place of what the file says; frame files say nothing, which is 0.
-        Of a glTF or skinned USD file, how often its motion is sampled.
+        Of a glTF file, or a USD file with keyed transforms or skins, how often its motion is
+        sampled.
     object : str, optional
         Of a file that holds several meshes, the path of one, or the last part of it.
     merge : bool, default False
@@ -57,6 +60,10 @@ def load(
     attributes : str or sequence of str, default "all"
         Which attributes and groups to take: "all", "none", or names, as a list or as "uv,color";
         a kind such as "uv" or "color" names all of it. Polygons and parts are always taken.
+    skip_bad : bool, default False
+        Leave out meshes of a file that cannot be read, and take the others; a note names them.
+    allow_outside : bool, default False
+        Read files that a file names outside of its folder: layers, buffers, frames.
     progress : Progress, default silent
         Told the share of frames read.
     notes : list of str, optional
@@ -82,7 +89,7 @@ def load(
     """
     options = ReadOptions(
         fps, object, merge, _path(topology), dataset, None, progress,
-        notes if notes is not None else [], attributes,
+        notes if notes is not None else [], attributes, skip_bad, allow_outside,
     )  # fmt: skip
     sequence = _opened(find_files(source), options)
     if not isinstance(sequence, MeshSequence):
@@ -100,6 +107,8 @@ def open_source(
     dataset: str | None = None,
     attributes: Names = ALL,
     max_loaded_bytes: int = 0,
+    skip_bad: bool = False,
+    allow_outside: bool = False,
     progress: Progress = silent,
     notes: list[str] | None = None,
 ) -> FrameSource:
@@ -112,7 +121,9 @@ def open_source(
 
     Parameters
     ----------
-    source, fps, object, merge, topology, dataset, attributes, progress, notes
+    source, fps, object, merge, topology, dataset, attributes
+        As in `load`.
+    skip_bad, allow_outside, progress, notes
         As in `load`.
     max_loaded_bytes : int, default 0
         What can be left in files is loaded all the same if its positions, in the type of the
@@ -130,7 +141,7 @@ def open_source(
     """
     options = ReadOptions(
         fps, object, merge, _path(topology), dataset, max_loaded_bytes, progress,
-        notes if notes is not None else [], attributes,
+        notes if notes is not None else [], attributes, skip_bad, allow_outside,
     )  # fmt: skip
     return _opened(find_files(source), options)
 

@@ -15,7 +15,7 @@ class ReadOptions:
     ----------
     fps : float, optional
         Frames per second in place of what the file says; of files that describe motion between
-        frames (glTF, skinned USD), how often it is sampled.
+        frames (glTF, USD with keyed transforms or skins), how often it is sampled.
     object : str, optional
         Path, or last part of the path, of the one mesh to take of a file that holds several.
     merge : bool, default False
@@ -33,6 +33,10 @@ class ReadOptions:
         Gains one sentence for each thing that was changed while reading, to be shown to a user.
     attributes : str or sequence of str, default "all"
         The attributes and groups to take: "all", "none", or names.
+    skip_bad : bool, default False
+        Whether meshes of a file that cannot be read are left out, and the others taken.
+    allow_outside : bool, default False
+        Whether files are read that a file names outside of its folder.
     """
 
     fps: float | None = None
@@ -44,6 +48,8 @@ class ReadOptions:
     progress: Progress = silent
     notes: list[str] = field(default_factory=list)
     attributes: Names = ALL
+    skip_bad: bool = False
+    allow_outside: bool = False
 
 
 @dataclass(frozen=True)

@@ -2,9 +2,9 @@
 
 import os
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any
 
-from meshreel.errors import FormatError, InvalidInputError
+from meshreel.errors import FormatError
 from meshreel.formats.alembic.meshes import read_meshes as read_alembic
 from meshreel.formats.alembic.write import write_alembic
 from meshreel.formats.arrays.hdf import open_hdf_sequence, write_hdf
@@ -16,7 +16,7 @@ from meshreel.formats.caches.topology import COMPANION, topology_reader
 from meshreel.formats.extras import ALEMBIC, HDF, USD
 from meshreel.formats.gltf.read import read_meshes as read_gltf
 from meshreel.formats.gltf.write import write_glb, write_gltf
-from meshreel.formats.kinds import FrameFormat, ReadOption, SequenceFormat, scene_format
+from meshreel.formats.kinds import FrameFormat, SequenceFormat, scene_format
 from meshreel.formats.meshes.obj import obj_positions_like, parse_obj
 from meshreel.formats.meshes.obj_surface import parse_obj_surface
 from meshreel.formats.meshes.obj_writing import obj_encoder
@@ -32,7 +32,6 @@ from meshreel.formats.meshes.stl import (
     stl_encoder,
     stl_positions_like,
 )
-from meshreel.formats.options import ReadOptions
 from meshreel.formats.reel import open_reel, write_reel
 from meshreel.formats.usd.reading import read_meshes as read_usd
 from meshreel.formats.usd.writing import write_usd
@@ -97,12 +96,12 @@ SEQUENCE_FORMATS = {
         SequenceFormat(".npz", "NumPy archive", open_npz, write_npz, reads=frozenset({"dataset"})),
         SequenceFormat(".reel", "meshreel", open_reel, write_reel),
         scene_format(".abc", "Alembic", read_alembic, write_alembic, ALEMBIC),
-        scene_format(".usd", "USD", read_usd, write_usd, USD),
-        scene_format(".usda", "USD, text", read_usd, write_usd, USD),
-        scene_format(".usdc", "USD, binary", read_usd, write_usd, USD),
-        scene_format(".usdz", "USD, package", read_usd, write_usd, USD),
-        scene_format(".glb", "glTF, binary", read_gltf, write_glb),
-        scene_format(".gltf", "glTF, text", read_gltf, write_gltf),
+        scene_format(".usd", "USD", read_usd, write_usd, USD, names_files=True),
+        scene_format(".usda", "USD, text", read_usd, write_usd, USD, names_files=True),
+        scene_format(".usdc", "USD, binary", read_usd, write_usd, USD, names_files=True),
+        scene_format(".usdz", "USD, package", read_usd, write_usd, USD, names_files=True),
+        scene_format(".glb", "glTF, binary", read_gltf, write_glb, names_files=True),
+        scene_format(".gltf", "glTF, text", read_gltf, write_gltf, names_files=True),
         SequenceFormat(
             ".pc2",
             "point cache of 3ds Max",
@@ -126,14 +125,14 @@ SEQUENCE_FORMATS = {
                 open_hdf_sequence,
                 write_hdf,
                 HDF,
-                frozenset({"dataset", "object", "merge"}),
+                frozenset({"dataset", "object", "merge", "skip_bad"}),
             )
             for ending in (".h5", ".hdf5", ".hdf")
         ),
         scene_format(".vtkhdf", "VTKHDF", read_vtkhdf, write_vtkhdf, HDF),
-        scene_format(".pvd", "ParaView collection", read_pvd, None),
-        scene_format(".xdmf", "XDMF", read_xdmf, None, HDF),
-        scene_format(".xmf", "XDMF", read_xdmf, None, HDF),
+        scene_format(".pvd", "ParaView collection", read_pvd, None, names_files=True),
+        scene_format(".xdmf", "XDMF", read_xdmf, None, HDF, names_files=True),
+        scene_format(".xmf", "XDMF", read_xdmf, None, HDF, names_files=True),
     )
 }
 FORMATS: dict[str, FrameFormat | SequenceFormat] = {**FRAME_FORMATS, **SEQUENCE_FORMATS}
@@ -164,26 +163,6 @@ def holds_meshes(path: str | os.PathLike[str]) -> bool:
 def is_written(found: FrameFormat | SequenceFormat) -> bool:
     """Whether files of a format are written, and not only read."""
     return (found.write if isinstance(found, SequenceFormat) else found.encoder) is not None
-
-
-def check_read_options(found: FrameFormat | SequenceFormat, options: ReadOptions) -> None:
-    """Refuse options that choose nothing in files of a format.
-
-    Raises
-    ------
-    InvalidInputError
-        Naming the option and the formats that have it.
-    """
-    heeded = found.reads if isinstance(found, SequenceFormat) else frozenset()
-    for option in get_args(ReadOption):
-        # A single static mesh is what merging gives, so that a whole folder can be merged.
-        is_asked = getattr(options, option) and option != "merge"
-        if is_asked and option not in heeded:
-            allowed = [one.ending for one in SEQUENCE_FORMATS.values() if option in one.reads]
-            raise InvalidInputError(
-                f"--{option} ({option}=) chooses nothing in a {found.ending} file; "
-                f"it is for {', '.join(allowed)}"
-            )
 
 
 def described_formats() -> list[dict[str, Any]]:

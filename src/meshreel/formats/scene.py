@@ -3,10 +3,12 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NoReturn
 
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.errors import MeshReelError
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.polygons import PolygonMesh
 from meshreel.surface import PLAIN, Surface
@@ -42,6 +44,22 @@ class SceneMesh:
     frame: Callable[[int], PolygonMesh]
     surface: Callable[[int], Surface] = no_surface
     fps: float | None = None
+
+
+def readable_mesh(name: str, read: Callable[[], SceneMesh]) -> SceneMesh:
+    """The mesh that a function gives; if it fails, one that fails so when a frame is asked for.
+
+    One bad mesh does not stand in the way of those beside it then.
+    """
+    try:
+        return read()
+    except MeshReelError as error:
+        kind, reason = type(error), str(error)
+
+    def fail(frame: int) -> NoReturn:
+        raise kind(reason)
+
+    return SceneMesh(name, np.zeros(1), fail)
 
 
 ReadMeshes = Callable[[Path, ReadOptions], Sequence[SceneMesh]]

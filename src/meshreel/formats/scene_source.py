@@ -8,6 +8,7 @@ import numpy as np
 
 from meshreel.counting import counted
 from meshreel.errors import InvalidInputError
+from meshreel.formats.good_meshes import good_meshes
 from meshreel.formats.merging import merged_mesh
 from meshreel.formats.naming import errors_naming
 from meshreel.formats.options import ReadOptions
@@ -25,13 +26,24 @@ def scene_opener(read_meshes: ReadMeshes) -> Callable[[Path, ReadOptions], Frame
     """A function from a path and options to the sequence that they mean, for the registry."""
 
     def open_scene(path: Path, options: ReadOptions) -> FrameSource:
-        return sequence_of(chosen_mesh(read_meshes, path, options), path, options)
+        mesh = chosen_mesh(read_meshes, path, options, may_change=False)
+        return sequence_of(mesh, path, options)
 
     return open_scene
 
 
-def chosen_mesh(read_meshes: ReadMeshes, path: Path, options: ReadOptions) -> SceneMesh:
+def chosen_mesh(
+    read_meshes: ReadMeshes, path: Path, options: ReadOptions, *, may_change: bool = True
+) -> SceneMesh:
     """The mesh of a file that the options choose, or all of them as one.
+
+    Parameters
+    ----------
+    read_meshes : ReadMeshes
+    path : Path
+    options : ReadOptions
+    may_change : bool, default True
+        Whether meshes whose faces change are wanted, where bad ones are left out.
 
     Raises
     ------
@@ -41,7 +53,7 @@ def chosen_mesh(read_meshes: ReadMeshes, path: Path, options: ReadOptions) -> Sc
         If there are several and none is chosen, or no mesh has the name; all are listed.
     """
     with errors_naming(path):
-        meshes = wanted_meshes(read_meshes, path, options)
+        meshes = wanted_meshes(read_meshes, path, options, may_change=may_change)
         if len(meshes) > 1:
             raise InvalidInputError(
                 f"holds {_listed(meshes)}; choose one with --object (object=), or take all as "
@@ -50,8 +62,12 @@ def chosen_mesh(read_meshes: ReadMeshes, path: Path, options: ReadOptions) -> Sc
         return meshes[0]
 
 
-def wanted_meshes(read_meshes: ReadMeshes, path: Path, options: ReadOptions) -> Sequence[SceneMesh]:
+def wanted_meshes(
+    read_meshes: ReadMeshes, path: Path, options: ReadOptions, *, may_change: bool = True
+) -> Sequence[SceneMesh]:
     """The mesh of a file that the options name, all of them merged, or all if nothing is said.
+
+    Bad ones are left out if the options say so; faces may change in good ones, or not.
 
     Raises
     ------
@@ -63,6 +79,8 @@ def wanted_meshes(read_meshes: ReadMeshes, path: Path, options: ReadOptions) -> 
     meshes = read_meshes(path, options)
     if options.object is not None:
         return [_named(meshes, options.object)]
+    if options.skip_bad:
+        meshes = good_meshes(meshes, options, may_change=may_change)
     if options.merge and len(meshes) > 1:
         return [merged_mesh(meshes, path.stem, options.notes)]
     return meshes

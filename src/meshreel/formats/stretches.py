@@ -6,12 +6,13 @@ from functools import partial
 from itertools import pairwise
 from pathlib import Path
 
+from meshreel.formats.heeded_options import check_read_options
 from meshreel.formats.kinds import SequenceFormat
 from meshreel.formats.load import open_mesh_files
 from meshreel.formats.mesh_files import MeshFiles
+from meshreel.formats.naming import errors_naming
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.polygons import PolygonMesh
-from meshreel.formats.registry import check_read_options
 from meshreel.formats.scene_source import chosen_mesh, part_of, sequence_of
 from meshreel.formats.selection import with_attributes
 from meshreel.formats.sources import Source, SourceFiles, find_files
@@ -74,9 +75,11 @@ def _stretches(found: SourceFiles, options: ReadOptions) -> list[Stretch]:
         sequence = form.open(path, options)
         return [Stretch(0, sequence.n_frames, lambda: sequence)]
     mesh = chosen_mesh(form.read_meshes, path, options)
+    with errors_naming(path):
+        runs = _same_faces(mesh.frame, len(mesh.times_s), options)
     return [
         Stretch(start, stop, partial(sequence_of, part_of(mesh, start, stop), path, options))
-        for start, stop in _same_faces(mesh.frame, len(mesh.times_s), options)
+        for start, stop in runs
     ]
 
 

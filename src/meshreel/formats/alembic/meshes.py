@@ -2,7 +2,7 @@
 
 from collections.abc import Hashable
 from dataclasses import replace
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
 
@@ -28,7 +28,7 @@ from meshreel.formats.left_out import note_left_out
 from meshreel.formats.merging import united_times
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.polygons import PolygonMesh, polygon_mesh
-from meshreel.formats.scene import SceneMesh
+from meshreel.formats.scene import SceneMesh, readable_mesh
 from meshreel.formats.timing import frame_times
 from meshreel.sequence import Vertices
 from meshreel.surface import Surface
@@ -45,18 +45,18 @@ def read_meshes(path: Path, options: ReadOptions) -> list[SceneMesh]:
         If it is damaged, or holds none; then what it holds is named.
     """
     nodes = list(walk(Archive(path)))
-    meshes = [
-        _AnimatedMesh(node, options.notes)
-        for node in nodes
-        if node.schema in (POLYGONS, SUBDIVISION)
-    ]
+    meshes = [node for node in nodes if node.schema in (POLYGONS, SUBDIVISION)]
     if not meshes:
         raise FormatError(
             f"holds no mesh, but {describe_contents(nodes)}; export polygon meshes into it"
         )
     if any(node.schema in OTHERS for node in nodes):
         note_left_out(options.notes, describe_contents(nodes))
-    return [mesh.scene_mesh() for mesh in meshes]
+
+    def read(node: Node) -> SceneMesh:
+        return _AnimatedMesh(node, options.notes).scene_mesh()
+
+    return [readable_mesh(node.path, partial(read, node)) for node in meshes]
 
 
 class _AnimatedMesh:

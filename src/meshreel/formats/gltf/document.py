@@ -54,6 +54,8 @@ class Document:
         By their names in the file, as in `LISTS`.
     binary : memoryview, optional
         The binary chunk of a GLB file.
+    allow_outside : bool
+        Whether files may be read that are outside of the folder.
     """
 
     folder: Path
@@ -61,6 +63,7 @@ class Document:
     root: JsonObject
     lists: dict[str, tuple[JsonObject, ...]]
     binary: memoryview | None
+    allow_outside: bool = False
 
     def index(self, holder: JsonObject, key: str, kind: str) -> int | None:
         """The number of an item of a list that an object names; None if it names none."""
@@ -78,8 +81,10 @@ class Document:
         return extension in self.root.texts("extensionsUsed")
 
 
-def read_document(path: Path) -> Document:
+def read_document(path: Path, *, allow_outside: bool = False) -> Document:
     """The glTF file at a path, `.gltf` or `.glb`; other files that it names are not read yet.
+
+    They must be in its folder or below, unless others are allowed.
 
     Raises
     ------
@@ -98,7 +103,7 @@ def read_document(path: Path) -> Document:
     _check_extensions(root)
     nameless = JsonObject(parsed, "")
     lists = {kind: nameless.children(kind, called) for kind, called in LISTS.items()}
-    return Document(path.parent, len(data), root, lists, binary)
+    return Document(path.parent, len(data), root, lists, binary, allow_outside)
 
 
 def _check_version(root: JsonObject) -> None:

@@ -5,7 +5,7 @@ sizes on trust, which files from anywhere do not earn.
 """
 
 from collections.abc import Callable, Sequence
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 
 import numpy as np
@@ -26,7 +26,7 @@ from meshreel.formats.gltf.shown import nothing_shown, shown_nodes
 from meshreel.formats.gltf.shown_meshes import Placement, placements_of, shape_of
 from meshreel.formats.left_out import listed, note_kinds, note_left_out, note_normals
 from meshreel.formats.options import ReadOptions
-from meshreel.formats.scene import SceneMesh
+from meshreel.formats.scene import SceneMesh, readable_mesh
 from meshreel.sequence import validate_fps
 
 LIGHTS = "KHR_lights_punctual"
@@ -69,7 +69,7 @@ def read_meshes(path: Path, options: ReadOptions) -> list[SceneMesh]:
     FormatError
         If the file is damaged, shows no mesh, or needs an extension that is not read.
     """
-    document = read_document(path)
+    document = read_document(path, allow_outside=options.allow_outside)
     accessors, nodes = Accessors(document), read_nodes(document)
     shown = shown_nodes(document, nodes, options.notes)
     placements = placements_of(document, shown, accessors)
@@ -88,7 +88,10 @@ def read_meshes(path: Path, options: ReadOptions) -> list[SceneMesh]:
         times = sampling if moves(placement) else sampling.first()
         return _scene_mesh(name, placement, motion, times, lambda: shape(placement), document)
 
-    return list(map(scene_mesh, names, placements))
+    return [
+        readable_mesh(name, partial(scene_mesh, name, one))
+        for name, one in zip(names, placements, strict=True)
+    ]
 
 
 def _motion(

@@ -70,7 +70,9 @@ class Narrowing:
         self._size = self._change = 0.0
 
     def add(self, frame: Vertices) -> None:
-        """Take in one more frame: finite positions of shape (V, 3), in model units."""
+        """Take in one more frame: finite positions of shape (V, 3), in model units; V may be 0."""
+        if not len(frame):
+            return
         with np.errstate(over="ignore"):
             self._size = max(self._size, _diagonal(frame))
             if frame.dtype != np.float32:

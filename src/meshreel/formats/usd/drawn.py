@@ -1,4 +1,4 @@
-"""Which prims of a stage are meshes that are drawn."""
+"""Which prims of a stage are meshes that are drawn, or primitives, which are read as meshes."""
 
 from collections import Counter
 from typing import Any
@@ -6,6 +6,8 @@ from typing import Any
 from meshreel.errors import FormatError
 from meshreel.formats.extras import USD
 from meshreel.formats.left_out import note_kinds, note_left_out
+from meshreel.formats.usd.mesh_shape import MeshShape
+from meshreel.formats.usd.primitives import PRIMITIVES, PrimitiveShape
 from meshreel.formats.usd.sampling import attribute_codes
 
 MAX_PRIMS = 1_000_000
@@ -15,8 +17,8 @@ MAX_PRIMS = 1_000_000
 def drawn_meshes(stage: Any, notes: list[str]) -> list[Any]:
     """The prims of meshes that are drawn, in the order of the stage; those of instances too.
 
-    Drawn are meshes that have points, are visible at any time, and are meant for every purpose or
-    for the final picture.
+    Cubes, spheres and other primitives are among them. Drawn is what is visible at any time, and
+    meant for every purpose or for the final picture; and of meshes those that have points.
 
     Parameters
     ----------
@@ -35,29 +37,33 @@ def drawn_meshes(stage: Any, notes: list[str]) -> list[Any]:
     hidden = Counter(reason for reason in reasons.values() if reason)
     if not drawn:
         raise FormatError(f"holds no mesh that is drawn; it holds {_counted(hidden, others)}")
-    note_kinds(notes, "visibility that changes", (str(one.GetPath()) for one in drawn
-                                                  if len(_visibilities(one)) > 1))  # fmt: skip
+    blinking = [str(prim.GetPath()) for prim in drawn if len(set(_visible(prim))) > 1]
+    note_kinds(notes, "visibility that changes", blinking)
     if hidden or others:
         note_left_out(notes, _counted(hidden, others))
     return drawn
 
 
+def shape_of(prim: Any) -> MeshShape | PrimitiveShape:
+    """What one of these prims is in its own space."""
+    return PrimitiveShape(prim) if prim.GetTypeName() in PRIMITIVES else MeshShape(prim)
+
+
 def _geometry(stage: Any) -> tuple[list[Any], Counter[str]]:
-    """Prims of meshes, and how many there are of other kinds of geometry."""
-    usd, geometry = USD.load("Usd"), USD.load("UsdGeom")
-    light = USD.load("UsdLux").LightAPI
+    """Prims of meshes, and how many there are of other kinds, with cameras and lights."""
+    usd, geometry, lights = USD.load("Usd"), USD.load("UsdGeom"), USD.load("UsdLux").LightAPI
     prims = iter(usd.PrimRange.Stage(stage, usd.TraverseInstanceProxies()))
     meshes: list[Any] = []
     others: Counter[str] = Counter()
     for number, prim in enumerate(prims):
         if number == MAX_PRIMS:
             raise FormatError(f"holds more than {MAX_PRIMS} prims; write the mesh to a file alone")
-        if prim.IsA(geometry.Mesh):
+        if prim.IsA(geometry.Mesh) or prim.GetTypeName() in PRIMITIVES:
             meshes.append(prim)
         elif prim.IsA(geometry.PointInstancer):
             others[prim.GetTypeName()] += 1
             prims.PruneChildren()  # what is below is only drawn as its copies
-        elif prim.IsA(geometry.Gprim) or prim.IsA(geometry.Camera) or prim.HasAPI(light):
+        elif prim.IsA(geometry.Gprim) or prim.IsA(geometry.Camera) or prim.HasAPI(lights):
             others[prim.GetTypeName()] += 1
     return meshes, others
 
@@ -65,26 +71,25 @@ def _geometry(stage: Any) -> tuple[list[Any], Counter[str]]:
 def _why_not_drawn(prim: Any) -> str:
     """In a word or two; empty if it is drawn."""
     geometry = USD.load("UsdGeom")
-    mesh = geometry.Mesh(prim)
-    purpose = mesh.ComputePurpose()
+    shown = geometry.Imageable(prim)
+    purpose = shown.ComputePurpose()
     if purpose not in (geometry.Tokens.default_, geometry.Tokens.render):
         return f"of purpose {purpose}"
-    if not (mesh.GetPointsAttr().HasValue() and mesh.GetFaceVertexCountsAttr().HasValue()):
+    mesh = geometry.Mesh(prim)
+    if mesh and not (mesh.GetPointsAttr().HasValue() and mesh.GetFaceVertexCountsAttr().HasValue()):
         return "without points or faces"
-    if _visibilities(prim) == {geometry.Tokens.invisible}:
-        return "invisible"
-    return ""
+    return "" if any(_visible(prim)) else "invisible"
 
 
-def _visibilities(prim: Any) -> set[str]:
-    """What the visibility of a prim is at any time, those above it included."""
+def _visible(prim: Any) -> list[bool]:
+    """Whether a prim is visible, at each time at which that may change; once if it does not."""
     geometry = USD.load("UsdGeom")
-    imageable, codes = geometry.Imageable(prim), set[float]()
+    shown, codes = geometry.Imageable(prim), set[float]()
     while prim and not prim.IsPseudoRoot():
         codes.update(attribute_codes(geometry.Imageable(prim).GetVisibilityAttr()))
         prim = prim.GetParent()
     times = sorted(codes) or [0.0]
-    return {imageable.ComputeVisibility(time) for time in times}
+    return [shown.ComputeVisibility(time) != geometry.Tokens.invisible for time in times]
 
 
 def _counted(hidden: Counter[str], others: Counter[str]) -> str:

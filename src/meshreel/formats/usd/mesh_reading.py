@@ -7,12 +7,14 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.errors import FormatError
-from meshreel.formats.extras import USD
 from meshreel.formats.polygons import PolygonMesh, polygon_mesh
 from meshreel.formats.usd.diagnostics import usd_errors
+from meshreel.formats.usd.holes import faces_of, surface_of
+from meshreel.formats.usd.mesh_notes import MeshNotes
+from meshreel.formats.usd.mesh_shape import MeshShape
+from meshreel.formats.usd.primitives import PrimitiveShape
 from meshreel.formats.usd.primvars import read_attributes
-from meshreel.formats.usd.sampling import Codes, attribute_codes, distinct_codes
+from meshreel.formats.usd.sampling import Samples, distinct_codes
 from meshreel.formats.usd.skinning import Skin
 from meshreel.formats.usd.subsets import read_groups
 from meshreel.formats.usd.transforms import Transforms, mirrors, placed
@@ -28,36 +30,36 @@ class StageMesh:
     ----------
     stage : Usd.Stage
         Held, for its prims end with it.
-    prim : Usd.Prim
+    shape : MeshShape or PrimitiveShape
+        Its points and faces, in its own space.
     skin : Skin or None
         How a skeleton moves it.
     transforms : Transforms
         Of the stage.
-    notes : list of str
-        Gains a sentence for each thing that is not read.
+    notes : MeshNotes
+        Gain a sentence for each thing that is not read.
     """
 
     stage: Any
-    prim: Any
+    shape: MeshShape | PrimitiveShape
     skin: Skin | None
     transforms: Transforms
-    notes: list[str]
+    notes: MeshNotes
 
     @property
     def path(self) -> str:
         """Where it is in the stage."""
-        return str(self.prim.GetPath())
+        return str(self._prim.GetPath())
 
     @cached_property
-    def samples(self) -> Codes:
-        """The time codes where anything that moves it has samples; empty if nothing moves it."""
-        moving = (
-            self.transforms.codes(self.prim)
+    def samples(self) -> Samples:
+        """The time codes where what gives its positions has samples; none if nothing moves it."""
+        keys = (
+            self.transforms.codes(self._prim)
             if self.skin is None
             else self.skin.codes(self.transforms)
         )
-        shape = (self._mesh.GetPointsAttr(), *self._face_attributes)
-        return distinct_codes(moving + [code for one in shape for code in attribute_codes(one)])
+        return Samples(distinct_codes(self.shape.stored), distinct_codes(keys + self.shape.keys))
 
     def frame(self, code: float) -> PolygonMesh:
         """The mesh in world space at a time code.
@@ -68,11 +70,11 @@ class StageMesh:
             If points or faces are missing, or do not make a mesh.
         """
         with usd_errors(f"USD cannot read {self.path} at time code {code:g}"):
-            points = _points(self._value(self._mesh.GetPointsAttr(), code), self.path)
+            points = self.shape.points(code)
             if self.skin is not None:
                 points = self.skin.deformed(points, code)
             world = placed(points, self.transforms.world(self._space, code))
-            if not self._has_one_topology:
+            if not self.shape.has_one_topology:
                 return self._polygons(world, code)
             if len(self._first.vertices) != len(world):  # so indices must be looked at again
                 return polygon_mesh(world, self._first.counts, self._first.corners)
@@ -81,66 +83,51 @@ class StageMesh:
     def surface(self, code: float) -> Surface:
         """Attributes and groups at a time code."""
         with usd_errors(f"USD cannot read what {self.path} carries at time code {code:g}"):
-            mesh = self.frame(code)
+            mesh = self._whole(self.shape.points(code), code)
             order = flipped_corners(mesh.counts) if self._is_flipped else None
-            return Surface(
+            surface = Surface(
                 None,
-                read_attributes(self.prim, code, mesh, order, self.notes),
-                read_groups(self.prim, code, len(mesh.counts), self.notes),
+                read_attributes(self._prim, code, mesh, order, self.notes.plain),
+                read_groups(self._prim, code, len(mesh.counts), self.notes.plain),
             )
+            solid = self.shape.solid_faces(len(mesh.counts), code)
+            self.notes.add(self.shape, solid)
+            return surface if solid is None else surface_of(surface, solid, mesh.counts)
 
-    @cached_property
-    def _mesh(self) -> Any:
-        return USD.load("UsdGeom").Mesh(self.prim)
+    @property
+    def _prim(self) -> Any:
+        return self.shape.prim
 
     @property
     def _space(self) -> Any:
-        return self.prim if self.skin is None else self.skin.space
-
-    @property
-    def _face_attributes(self) -> tuple[Any, Any]:
-        return self._mesh.GetFaceVertexCountsAttr(), self._mesh.GetFaceVertexIndicesAttr()
-
-    @cached_property
-    def _has_one_topology(self) -> bool:
-        return not any(one.ValueMightBeTimeVarying() for one in self._face_attributes)
+        return self._prim if self.skin is None else self.skin.space
 
     @cached_property
     def _start(self) -> float:
-        return float(self.samples[0]) if len(self.samples) else 0.0
+        return float(self.samples.all[0]) if len(self.samples.all) else 0.0
 
     @cached_property
     def _first(self) -> PolygonMesh:
-        points = _points(self._value(self._mesh.GetPointsAttr(), self._start), self.path)
-        return self._polygons(points, self._start)
+        return self._polygons(self.shape.points(self._start), self._start)
 
     @cached_property
     def _is_flipped(self) -> bool:
         """Whether corners have to be taken backwards to go around counter-clockwise."""
-        is_left = self._mesh.GetOrientationAttr().Get() == USD.load("UsdGeom").Tokens.leftHanded
-        return bool(is_left) != mirrors(self.transforms.world(self._space, self._start))
+        world = self.transforms.world(self._space, self._start)
+        return self.shape.is_left_handed != mirrors(world)
 
     def _polygons(self, vertices: Vertices, code: float) -> PolygonMesh:
-        counts, corners = (
-            _integers(self._value(one, code), self.path) for one in self._face_attributes
-        )
-        if (counts < 0).any() or counts.sum(dtype=np.int64) != len(corners):
-            raise FormatError(
-                f"mesh {self.path} has {len(corners)} faceVertexIndices at time code {code:g}; "
-                f"its faceVertexCounts need {counts.sum(dtype=np.int64)}"
-            )
-        found = polygon_mesh(vertices, counts, corners, place=f"mesh {self.path}, face {{}}".format)
+        """The faces at a time code that are no holes."""
+        whole = self._whole(vertices, code)
+        solid = self.shape.solid_faces(len(whole.counts), code)
+        return whole if solid is None else faces_of(whole, solid)
+
+    def _whole(self, vertices: Vertices, code: float) -> PolygonMesh:
+        """All faces at a time code, counter-clockwise."""
+        found = self.shape.polygons(vertices, code)
         if not self._is_flipped:
             return found
         return replace(found, corners=found.corners[flipped_corners(found.counts)])
-
-    def _value(self, attribute: Any, code: float) -> Any:
-        value = attribute.Get(code)
-        if value is None:
-            raise FormatError(
-                f"mesh {self.path} has no {attribute.GetName()} at time code {code:g}"
-            )
-        return value
 
 
 def flipped_corners(counts: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
@@ -152,17 +139,3 @@ def flipped_corners(counts: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
     starts = np.repeat(np.cumsum(counts) - counts, counts)
     flipped: npt.NDArray[np.int64] = starts + (starts - np.arange(len(starts))) % sizes
     return flipped
-
-
-def _integers(value: Any, path: str) -> npt.NDArray[np.int32]:
-    found = np.asarray(value)
-    if found.ndim != 1 or (found.size and found.dtype != np.int32):
-        raise FormatError(f"mesh {path} has faces of another kind than int[]")
-    return found.astype(np.int32, copy=False)
-
-
-def _points(value: Any, path: str) -> Vertices:
-    points: Vertices = np.asarray(value)
-    if points.ndim != 2 or points.shape[1] != 3 or points.dtype.kind != "f":
-        raise FormatError(f"mesh {path} has points of another kind than point3f")
-    return points if points.dtype.itemsize > 2 else points.astype(np.float32)

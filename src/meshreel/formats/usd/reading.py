@@ -1,31 +1,28 @@
 """USD files: every mesh that is drawn, in world space, moved by whatever moves it.
 
 Read through ``Usd.Stage``, which composes references, layers, instances and value clips. Points
-are read where they, a transform above them or their skeleton have samples. Skinning and blend
-shapes are those of UsdSkel. Positions keep the units and the axes of the file.
+are read where they have samples, and what transforms or a skeleton move between its keys at every
+frame of the stage. Skinning and blend shapes are those of UsdSkel. Positions keep the units and
+the axes of the file.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import cache, partial
 from pathlib import Path
 
 import numpy as np
 
-from meshreel.counting import counted
+from meshreel.errors import FormatError
 from meshreel.formats.options import ReadOptions
-from meshreel.formats.scene import SceneMesh
+from meshreel.formats.scene import SceneMesh, readable_mesh
 from meshreel.formats.usd.diagnostics import usd_errors
-from meshreel.formats.usd.drawn import drawn_meshes
+from meshreel.formats.usd.drawn import drawn_meshes, shape_of
+from meshreel.formats.usd.layers import codes_per_second
+from meshreel.formats.usd.mesh_notes import MeshNotes
 from meshreel.formats.usd.mesh_reading import StageMesh
-from meshreel.formats.usd.sampling import (
-    Codes,
-    even_codes,
-    even_step,
-    frame_grid,
-    skinned_codes,
-    snapped,
-)
+from meshreel.formats.usd.sampling import Codes, Samples, even_step, frame_grid, snapped
 from meshreel.formats.usd.skinning import find_skins
-from meshreel.formats.usd.stage import codes_per_frame, codes_per_second, open_stage
+from meshreel.formats.usd.stage import codes_per_frame, open_stage
 from meshreel.formats.usd.transforms import Transforms
 from meshreel.sequence import validate_fps
 
@@ -33,8 +30,8 @@ from meshreel.sequence import validate_fps
 def read_meshes(path: Path, options: ReadOptions) -> list[SceneMesh]:
     """The meshes of a USD file.
 
-    With a frame rate in the options, all meshes of a file that has a skinned one are sampled as
-    often as that, from its first sample to its last.
+    With a frame rate in the options, all meshes of a file in which one moves between its samples
+    are sampled as often as that, from the first sample of any to the last.
 
     Raises
     ------
@@ -42,33 +39,31 @@ def read_meshes(path: Path, options: ReadOptions) -> list[SceneMesh]:
         If USD cannot read the file, or it holds no mesh that is drawn.
     """
     notes = options.notes
-    stage = open_stage(path, notes)
+    stage = open_stage(path, options)
     with usd_errors("USD cannot read its meshes"):
-        rate = codes_per_second(stage, notes)
-        frame_step = codes_per_frame(stage, rate)
+        rate = codes_per_second(stage.GetRootLayer())
         prims = drawn_meshes(stage, notes)
         transforms, skins = Transforms(), find_skins(prims)
+        said = MeshNotes(notes)
         meshes = [
-            StageMesh(stage, prim, skins.get(str(prim.GetPath())), transforms, notes)
+            StageMesh(stage, shape_of(prim), skins.get(str(prim.GetPath())), transforms, said)
             for prim in prims
         ]
         has_rate = stage.HasAuthoredMetadata("timeCodesPerSecond")
-        fps = validate_fps(options.fps or 0.0)
-        if fps and any(mesh.skin for mesh in meshes):
-            codes = _resampled(meshes, rate / fps)
-        else:
-            codes = [_codes(mesh, frame_step, notes) for mesh in meshes]
-    return [
-        _scene_mesh(mesh, own, rate, has_rate=has_rate)
-        for mesh, own in zip(meshes, codes, strict=True)
-    ]
+        codes_of = _frame_codes(meshes, rate, codes_per_frame(stage, rate), options)
+
+    def scene_mesh(mesh: StageMesh) -> SceneMesh:
+        with usd_errors(f"USD cannot read {mesh.path}"):
+            return _scene_mesh(mesh, codes_of(mesh), rate, has_rate=has_rate)
+
+    return [readable_mesh(mesh.path, partial(scene_mesh, mesh)) for mesh in meshes]
 
 
 def _scene_mesh(mesh: StageMesh, codes: Codes, rate: float, *, has_rate: bool) -> SceneMesh:
     fps = None
     if step := even_step(codes):
         fps = rate / step
-    elif len(codes) == 1 and has_rate and len(mesh.samples):
+    elif len(codes) == 1 and has_rate and len(mesh.samples.all):
         fps = rate
     if not len(codes):
         codes = np.zeros(1)
@@ -81,23 +76,37 @@ def _scene_mesh(mesh: StageMesh, codes: Codes, rate: float, *, has_rate: bool) -
     )
 
 
-def _resampled(meshes: Sequence[StageMesh], step: float) -> list[Codes]:
-    """The same codes for all meshes that move, from the first sample of any to the last."""
-    moving = [mesh.samples for mesh in meshes if len(mesh.samples) > 1]
-    if not moving:
-        return [mesh.samples for mesh in meshes]
+def _frame_codes(
+    meshes: Sequence[StageMesh], rate: float, frame_step: float, options: ReadOptions
+) -> Callable[[StageMesh], Codes]:
+    """A function to where a mesh has its frames, which are none if it does not move."""
+    every = [one for mesh in meshes if (one := _samples(mesh)) is not None]
+    between = [one.all for one in every if one.move_between(frame_step)]
+    if (fps := validate_fps(options.fps or 0.0)) and between:
+        grid = cache(lambda: _common_grid([one.all for one in every], rate / fps))
+        return lambda mesh: grid() if len(mesh.samples.all) > 1 else mesh.samples.all
+    origin = min((float(one[0]) for one in between), default=0.0)
+
+    def codes_of(mesh: StageMesh) -> Codes:
+        codes = mesh.samples.frames(frame_step, origin)
+        if len(codes) != (n_samples := len(mesh.samples.all)):
+            mesh.notes.sampled.add(f"{mesh.path} ({n_samples} samples, {len(codes)} frames)")
+        return codes
+
+    return codes_of
+
+
+def _samples(mesh: StageMesh) -> Samples | None:
+    """Where a mesh has samples; None if they cannot be."""
+    try:
+        _ = mesh.samples.all
+    except FormatError:
+        return None
+    return mesh.samples
+
+
+def _common_grid(samples: Sequence[Codes], step: float) -> Codes:
+    """The same codes for all that moves, from the first sample of any to the last."""
+    moving = [one for one in samples if len(one) > 1]
     first, last = min(one[0] for one in moving), max(one[-1] for one in moving)
-    grid = frame_grid(float(first), float(last), step)
-    return [grid if len(mesh.samples) > 1 else mesh.samples for mesh in meshes]
-
-
-def _codes(mesh: StageMesh, frame_step: float, notes: list[str]) -> Codes:
-    """Where a mesh has its frames; empty if it does not move."""
-    samples = mesh.samples
-    codes = even_codes(samples) if mesh.skin is None else skinned_codes(samples, frame_step)
-    if len(codes) != len(samples):
-        notes.append(
-            f"{mesh.path} has {len(samples)} samples that are not one to a frame; read as USD "
-            f"has it at {counted(len(codes), 'frame')}"
-        )
-    return codes
+    return frame_grid(float(first), float(last), step)

@@ -1,5 +1,8 @@
 """At which time codes a mesh has its frames."""
 
+import math
+from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -79,15 +82,66 @@ def even_step(codes: Codes) -> float:
     return float(snapped(np.array(step))) if is_even else 0.0
 
 
-def skinned_codes(samples: Codes, frame_step: float) -> Codes:
-    """Where a skinned mesh has its frames: where it has samples, if they are one to a frame.
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """Where what gives a mesh its positions has samples.
 
-    A skeleton may have keys that are far apart, between which it turns: there is a frame at every
-    step of the file then.
+    Attributes
+    ----------
+    stored : Codes
+        Of points and faces.
+    keys : Codes
+        Of what moves the points from one sample to the next: transforms, joints, shapes.
     """
-    if len(samples) < 2 or 0 < even_step(samples) <= frame_step * (1 + TOLERANCE):
-        return samples
-    return frame_grid(float(samples[0]), float(samples[-1]), frame_step)
+
+    stored: Codes
+    keys: Codes
+
+    @cached_property
+    def all(self) -> Codes:
+        """Of either."""
+        return distinct_codes([*self.stored, *self.keys])
+
+    def move_between(self, frame_step: float) -> bool:
+        """Whether the mesh moves between its samples too, so that frames can be anywhere.
+
+        Points that have samples as close as frames are a cache, whose samples are its frames.
+        """
+        most = MAX_FILLED * frame_step * (1 + TOLERANCE)
+        is_cache = len(self.stored) > 1 and np.diff(self.stored).min() <= most
+        return len(self.keys) > 1 and not is_cache
+
+    def frames(self, frame_step: float, origin: float) -> Codes:
+        """Where the mesh has its frames; empty if it does not move.
+
+        Parameters
+        ----------
+        frame_step : float
+            Time codes from one frame of the stage to the next.
+        origin : float
+            Where one of them is, at or before all samples that move between.
+        """
+        if self.move_between(frame_step):
+            return sampled_codes(self.all, frame_step, origin)
+        if len(self.keys) < 2 or not (step := even_step(own := even_codes(self.stored))):
+            return even_codes(self.all)
+        keys = even_codes(self.keys)
+        first = own[0] - step * max(0, math.ceil((own[0] - keys[0]) / step - TOLERANCE))
+        last = own[-1] + step * max(0, math.ceil((keys[-1] - own[-1]) / step - TOLERANCE))
+        return own if (first, last) == (own[0], own[-1]) else frame_grid(first, last, step)
+
+
+def sampled_codes(samples: Codes, frame_step: float, origin: float) -> Codes:
+    """Where a mesh that moves between its samples has its frames.
+
+    At its samples if these are one to a frame of the stage, or closer. Keys may be further apart,
+    and the way between them curved: there is a frame at every frame of the stage then.
+    """
+    codes = even_codes(samples)
+    if len(codes) < 2 or 0 < even_step(codes) <= frame_step * (1 + TOLERANCE):
+        return codes
+    first = origin + frame_step * math.floor((samples[0] - origin) / frame_step + TOLERANCE)
+    return frame_grid(first, float(samples[-1]), frame_step)
 
 
 def even_codes(samples: Codes) -> Codes:

@@ -4,64 +4,59 @@ from pathlib import Path
 from typing import Any
 
 from meshreel.formats.extras import USD
+from meshreel.formats.options import ReadOptions
 from meshreel.formats.usd.diagnostics import usd_errors
+from meshreel.formats.usd.layers import (
+    DAMAGED,
+    DEFAULT_RATE,
+    MAX_RATE,
+    MIN_RATE,
+    check_used_layers,
+    checked_layers,
+    layer_number,
+)
 
-DEFAULT_RATE = 24.0
-"""Time codes per second where a file does not say, by the standard."""
-
-MIN_RATE, MAX_RATE = 1e-3, 1e6
-"""What time codes per second can be; the most are microseconds."""
+MAX_SHOWN_RATE = 120.0
+"""Where a stage has more time codes a second, and does not say how many frames, a code is none."""
 
 MAX_LISTED = 3
 
 
-def open_stage(path: Path, notes: list[str]) -> Any:
+def open_stage(path: Path, options: ReadOptions) -> Any:
     """The ``Usd.Stage`` of a file, as it is on disk now.
 
     Parameters
     ----------
     path : Path
-    notes : list of str
-        Gains a sentence if anything that the file refers to is missing, and one if its axes or
-        units are not those that are written: y upwards, metres.
+    options : ReadOptions
+        Its notes gain a sentence if anything that the file refers to is missing, and one if its
+        axes or units are not those that are written: y upwards, metres.
 
     Raises
     ------
     FormatError
-        If USD cannot read it.
+        If USD cannot read it, it has a rate that cannot be, or names layers where they may not be.
     """
-    name = str(path.absolute())
-    with usd_errors("USD cannot read it, so it is damaged or of another kind"):
-        layer = USD.load("Sdf").Layer.Find(name)
-        if layer and not layer.dirty:  # kept by someone since an earlier state of the file
-            layer.Reload()
-        stage = USD.load("Usd").Stage.Open(name)
-        _note_missing(stage, notes)
-        _note_axes(stage, notes)
+    layers = checked_layers(path, allow_outside=options.allow_outside)
+    with usd_errors(DAMAGED):
+        stage = USD.load("Usd").Stage.Open(layers[0])
+        _note_missing(stage, options.notes)
+        _note_axes(stage, options.notes)
+    if not options.allow_outside:
+        check_used_layers(stage, path)
     return stage
-
-
-def codes_per_second(stage: Any, notes: list[str]) -> float:
-    """Time codes per second of a stage, above 0."""
-    rate = float(stage.GetTimeCodesPerSecond())
-    if MIN_RATE <= rate <= MAX_RATE:
-        return rate
-    notes.append(
-        f"the file says {rate:g} time codes per second, not {MIN_RATE:g} to {MAX_RATE:g}; "
-        f"taken as {DEFAULT_RATE:g}"
-    )
-    return DEFAULT_RATE
 
 
 def codes_per_frame(stage: Any, rate: float) -> float:
     """Time codes from one frame to the next, as players show a stage of so many codes a second.
 
-    One where the stage does not say.
+    Where the stage does not say it is one, unless codes are finer than any frames: then there are
+    as many frames a second as the standard takes.
     """
-    shown = float(stage.GetFramesPerSecond())
-    if stage.HasAuthoredMetadata("framesPerSecond") and MIN_RATE <= shown <= MAX_RATE:
+    shown = layer_number(stage.GetRootLayer(), "framesPerSecond")
+    if shown is not None and MIN_RATE <= shown <= MAX_RATE:
         return rate / shown
-    return 1.0
+    return 1.0 if rate <= MAX_SHOWN_RATE else rate / DEFAULT_RATE
 
 
 def _note_missing(stage: Any, notes: list[str]) -> None:
@@ -77,8 +72,8 @@ def _note_axes(stage: Any, notes: list[str]) -> None:
     said = []
     if geometry.GetStageUpAxis(stage) == geometry.Tokens.z:
         said.append("z points upwards")
-    metres = geometry.GetStageMetersPerUnit(stage)
-    if geometry.StageHasAuthoredMetersPerUnit(stage) and metres != 1:
+    metres = layer_number(stage.GetRootLayer(), geometry.Tokens.metersPerUnit)
+    if metres not in (None, 1):
         said.append(f"a unit is {metres:g} m")
     if said:
         notes.append(f"positions stay in the axes and units of the file, where {', '.join(said)}")

@@ -15,11 +15,11 @@ import numpy.typing as npt
 from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.left_out import note_moving
 from meshreel.formats.merging import merged_mesh
+from meshreel.formats.named_files import path_beside
 from meshreel.formats.naming import errors_naming, os_errors_naming
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.polygons import PolygonMesh
-from meshreel.formats.scene import SceneMesh
-from meshreel.formats.vtk.collection_paths import path_beside
+from meshreel.formats.scene import SceneMesh, readable_mesh
 from meshreel.formats.vtk.data_arrays import DataArray
 from meshreel.formats.vtk.legacy import read_vtk_legacy
 from meshreel.formats.vtk.mesh import VtkMesh
@@ -48,12 +48,13 @@ def read_pvd(path: Path, options: ReadOptions) -> Sequence[SceneMesh]:
     parts: dict[tuple[str, str], list[tuple[float, Path]]] = {}
     for element in root.findall("Collection/DataSet"):
         part = element.get("group", ""), element.get("part", "0")
-        parts.setdefault(part, []).append((_time(element), _file(path, element)))
+        parts.setdefault(part, []).append((_time(element), _file(path, element, options)))
     if not parts:
         raise FormatError("names no files")
     return [
-        _scene_mesh(path.stem if len(parts) == 1 else f"/{group or 'part'}_{part}", files, options)
+        readable_mesh(name, partial(_scene_mesh, name, files, options))
         for (group, part), files in parts.items()
+        for name in [path.stem if len(parts) == 1 else f"/{group or 'part'}_{part}"]
     ]
 
 
@@ -68,8 +69,8 @@ def _time(element: Element) -> float:
     return time
 
 
-def _file(path: Path, element: Element) -> Path:
-    found = path_beside(path, element.get("file", ""))
+def _file(path: Path, element: Element, options: ReadOptions) -> Path:
+    found = path_beside(path, element.get("file", ""), allow_outside=options.allow_outside)
     if found.suffix.lower() not in READERS:
         raise FormatError(f"names {found.name}; {', '.join(READERS)} files are read")
     return found

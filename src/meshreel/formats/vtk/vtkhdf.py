@@ -6,6 +6,7 @@ connectivity that stays the same is stored, and read, once.
 """
 
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +26,7 @@ from meshreel.formats.hdf_file import (
 from meshreel.formats.left_out import note_kinds
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.polygons import PolygonMesh
-from meshreel.formats.scene import SceneMesh
+from meshreel.formats.scene import SceneMesh, readable_mesh
 from meshreel.formats.scene_source import scene_opener
 from meshreel.formats.vtk.vtkhdf_steps import VtkSteps
 from meshreel.surface import Surface
@@ -60,8 +61,13 @@ def read_vtkhdf(path: Path, options: ReadOptions) -> Sequence[SceneMesh]:
         if kind in MESH_TYPES:
             return [_scene_mesh(group, kind, path.stem, find_group(root, OWN), options)]
         blocks = [(name, find_group(group, name)) for name in group if name != "Assembly"]
+
+        def read(block: Node, name: str) -> SceneMesh:
+            with hdf_errors():
+                return _scene_mesh(block, _type(block), name, None, options)
+
         found = [
-            _scene_mesh(block, _type(block), f"/{name}", None, options)
+            readable_mesh(f"/{name}", partial(read, block, f"/{name}"))
             for name, block in blocks
             if block is not None and _type(block) in MESH_TYPES
         ]

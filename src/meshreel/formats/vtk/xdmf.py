@@ -32,7 +32,7 @@ def read_xdmf(path: Path, options: ReadOptions) -> Sequence[SceneMesh]:
         root = parse_xml(path.read_bytes())
     if root.tag != "Xdmf":
         raise FormatError(f"is {root.tag}; expected Xdmf")
-    items = DataItems(path, root)
+    items = DataItems(path, root, allow_outside=options.allow_outside)
     grids = [items.resolved(grid) for domain in root.findall("Domain") for grid in domain]
     grids = [grid for grid in grids if grid.tag == "Grid"]
     temporal = [grid for grid in grids if _is_collection(grid, "temporal")]

@@ -11,8 +11,8 @@ import numpy.typing as npt
 
 from meshreel.errors import FormatError
 from meshreel.formats.hdf_file import Dataset, Node, hdf_errors, open_hdf, require_dataset
+from meshreel.formats.named_files import path_beside
 from meshreel.formats.naming import errors_naming, os_errors_naming
-from meshreel.formats.vtk.collection_paths import path_beside
 
 CODES = {"float": "f", "int": "i", "uint": "u", "char": "i", "uchar": "u", "short": "i"}
 PRECISIONS = {"char": "1", "uchar": "1", "short": "2"}
@@ -31,10 +31,12 @@ class DataItems:
     path : Path
     root : Element
         Of the document.
+    allow_outside : bool
+        Whether files may be outside of the folder of this one.
     """
 
-    def __init__(self, path: Path, root: Element) -> None:
-        self._path, self._root = path, root
+    def __init__(self, path: Path, root: Element, *, allow_outside: bool) -> None:
+        self._path, self._root, self._allow_outside = path, root, allow_outside
         self._files: dict[Path, Node] = {}
 
     def resolved(self, element: Element) -> Element:
@@ -134,10 +136,13 @@ class DataItems:
         if kind == "HDF":
             file, _, name = text.partition(":")
             with hdf_errors():
-                return require_dataset(self._file(path_beside(self._path, file)), name)
+                return require_dataset(self._file(self._beside(file)), name)
         if kind == "BINARY":
-            return self._binary(item, path_beside(self._path, text))
+            return self._binary(item, self._beside(text))
         raise FormatError(f"has a DataItem of format {kind[:40]!r}; XML, HDF and Binary are read")
+
+    def _beside(self, given: str) -> Path:
+        return path_beside(self._path, given, allow_outside=self._allow_outside)
 
     def _written(self, item: Element, text: str) -> Array:
         code = _code(item)

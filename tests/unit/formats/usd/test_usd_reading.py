@@ -70,11 +70,41 @@ def test_load_takes_the_given_rate_when_points_are_samples(stage_file):
     assert (found.fps, found.n_frames) == (50, 3)
 
 
-def test_load_falls_back_when_the_time_codes_per_second_cannot_be(stage_file):
-    notes = []
-    found = load(stage_file(mesh(MOVING % (0, 1, 2)), "timeCodesPerSecond = 0"), notes=notes)
-    assert found.fps == 24
-    assert any("0 time codes per second" in note for note in notes)
+@pytest.mark.parametrize(
+    ("key", "rate"),
+    [("timeCodesPerSecond", rate) for rate in ("0", "-24", "nan", "inf", "1e-300", "1e7")]
+    + [("framesPerSecond", rate) for rate in ("inf", "1e7")],
+)
+def test_load_refuses_when_a_rate_cannot_be(stage_file, key, rate):
+    stage_file(mesh(MOVING % (0, 1, 2)), "timeCodesPerSecond = 24", name="layer.usda")
+    path = stage_file("", f"subLayers = [@./layer.usda@]\n{key} = {rate}")
+    with pytest.raises(FormatError, match=f"a.usda: has .* as {key}; allowed are 0.001 to 1e"):
+        load(path)
+
+
+IN_A_VARIANT = """def "m" (
+    prepend variantSets = "v"
+) {
+    variantSet "v" = {
+        "chosen" { }
+        "other" (references = @./layer.usda@</m>) { }
+    }
+}"""
+
+
+@pytest.mark.parametrize(
+    ("header", "body"),
+    [
+        ("subLayers = [@./layer.usda@]", ""),
+        ("", 'def "m" (references = @./layer.usda@</m>) { }'),
+        ("", 'def "m" (payload = @layer.usda@</m>) { }'),
+        ("", IN_A_VARIANT),
+    ],
+)
+def test_load_refuses_when_the_rate_of_a_layer_below_cannot_be(stage_file, header, body):
+    stage_file(mesh(MOVING % (0, 1, 2)), "timeCodesPerSecond = 0", name="layer.usda")
+    with pytest.raises(FormatError, match=r"has 0 as timeCodesPerSecond; .* \(layer.usda\)"):
+        load(stage_file(body, header))
 
 
 def test_load_fills_in_frames_when_samples_were_left_out(stage_file):
@@ -105,6 +135,40 @@ def test_load_bakes_transforms_when_those_above_move(stage_file):
     assert found.vertices.dtype == np.float32
     np.testing.assert_allclose(found.vertices, expected, rtol=0, atol=1e-7)
     assert (found.fps, found.start_s) == (24.0, 1 / 24)
+
+
+TURNING = """double xformOp:rotateZ.timeSamples = { 0: 0, 6: 90 }
+    uniform token[] xformOpOrder = ["xformOp:rotateZ"]"""
+
+
+@pytest.mark.parametrize(
+    ("header", "fps", "n_frames", "rate"),
+    [
+        ("", None, 7, 24.0),
+        ("timeCodesPerSecond = 60", None, 7, 60.0),
+        ("timeCodesPerSecond = 60\nframesPerSecond = 30", None, 4, 30.0),
+        ("timeCodesPerSecond = 240", None, 2, 40.0),
+        ("", 12, 4, 12.0),
+        ("", 96, 25, 96.0),
+    ],
+)
+def test_load_turns_between_keys_when_a_transform_above_has_two(
+    stage_file, header, fps, n_frames, rate
+):
+    path = stage_file(f'def Xform "a" {{ {TURNING}\n{mesh()} }}', header)
+    found = load(path, fps=fps)
+    angles = np.radians(np.linspace(0, 90, n_frames))
+    corner = np.stack([np.cos(angles), np.sin(angles), np.zeros(n_frames)], axis=1)
+    assert (found.n_frames, found.fps) == (n_frames, rate)
+    np.testing.assert_allclose(found.vertices[:, 1], corner, rtol=0, atol=1e-7)
+
+
+@pytest.mark.parametrize("fps", [None, 50])
+def test_load_keeps_the_frames_of_a_cache_when_a_transform_turns_it_between(stage_file, fps):
+    path = stage_file(mesh(MOVING % (0, 3, 6), more=TURNING))
+    found = load(path, fps=fps)
+    assert (found.n_frames, found.fps) == (3, fps or 8.0)
+    np.testing.assert_allclose(found.vertices[1, 1], [0.5**0.5, 0.5**0.5, 1], rtol=0, atol=1e-7)
 
 
 def test_load_leaves_transforms_above_out_when_the_stack_is_reset(stage_file):
@@ -220,18 +284,28 @@ def test_load_leaves_out_what_is_not_drawn_when_meshes_are_hidden(stage_file):
             "blinking": 'token visibility.timeSamples = { 0: "invisible", 1: "invisible" }',
         }.items()
     )
-    body += 'def Mesh "empty" { }\ndef Sphere "ball" { }\n'
+    body += 'def Mesh "empty" { }\ndef Sphere "ball" {\ntoken visibility = "invisible"\n}\n'
+    body += 'def BasisCurves "hair" { }\n'
     body += f'def PointInstancer "many" {{ {mesh(name="proto")} }}'
     assert load(stage_file(body), notes=notes).name == "m"
     assert notes[0] == (
-        "left out: 1 mesh of purpose proxy, 1 mesh of purpose guide, 2 meshes invisible, "
-        "1 mesh without points or faces, 1 Sphere, 1 PointInstancer"
+        "left out: 1 mesh of purpose proxy, 1 mesh of purpose guide, 3 meshes invisible, "
+        "1 mesh without points or faces, 1 BasisCurves, 1 PointInstancer"
     )
 
 
 def test_load_reads_a_mesh_when_it_is_visible_at_some_time(stage_file):
     more = 'token visibility.timeSamples = { 0: "invisible", 1: "inherited" }\n'
-    assert load(stage_file(mesh(more=more + 'uniform token purpose = "render"'))).name == "m"
+    path, notes = stage_file(mesh(more=more + 'uniform token purpose = "render"')), []
+    assert load(path, notes=notes).name == "m"
+    assert "left out: visibility that changes over time: /m" in notes
+
+
+def test_load_names_cameras_and_lights_when_they_are_left_out(stage_file):
+    notes = []
+    body = f'{mesh()}def Camera "c" {{ }}\ndef SphereLight "s" {{ }}\ndef DomeLight "d" {{ }}\n'
+    load(stage_file(body), notes=notes)
+    assert "left out: 1 Camera, 1 SphereLight, 1 DomeLight" in notes
 
 
 @pytest.mark.parametrize(
@@ -239,7 +313,7 @@ def test_load_reads_a_mesh_when_it_is_visible_at_some_time(stage_file):
     [
         ("", "no geometry"),
         ('def Xform "a" { }', "no geometry"),
-        ('def Sphere "a" { }\ndef Sphere "b" { }', "2 Sphere"),
+        ('def BasisCurves "a" { }\ndef BasisCurves "b" { }', "2 BasisCurves"),
         (mesh(more='token visibility = "invisible"'), "1 mesh invisible"),
     ],
 )
@@ -263,6 +337,18 @@ def test_load_notes_axes_and_units_when_they_are_not_those_that_are_written(stag
     notes.clear()
     load(stage_file(mesh(), 'upAxis = "Y"\nmetersPerUnit = 1', name="b.usda"), notes=notes)
     assert not any("axes" in note for note in notes)
+
+
+EMPTY = """point3f[] points.timeSamples = { 0: [], 1: [(0, 0, 0), (1, 0, 0), (0, 1, 0)] }
+    int[] faceVertexCounts.timeSamples = { 0: [], 1: [3] }
+    int[] faceVertexIndices.timeSamples = { 0: [], 1: [0, 1, 2] }"""
+
+
+def test_load_names_the_mesh_when_it_is_empty_at_first_and_moved(stage_file):
+    more = f"double3 xformOp:translate = (5, 0, 0)\n{TRANSLATED}"
+    path = stage_file(mesh(EMPTY, "", more))
+    with pytest.raises(FormatError, match="mesh /m holds 0 vertices and 0 faces at time code 0"):
+        load(path)
 
 
 def test_load_reads_a_file_anew_when_it_has_changed(stage_file):

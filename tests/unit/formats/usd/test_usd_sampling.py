@@ -5,12 +5,19 @@ import pytest
 
 from meshreel.errors import FormatError
 from meshreel.formats.usd.sampling import (
+    Samples,
     distinct_codes,
     even_codes,
     even_step,
     frame_grid,
-    skinned_codes,
+    sampled_codes,
 )
+
+
+def frames(stored, keys, frame_step=1.0, origin=None):
+    """Where a mesh has its frames that has these samples; the origin is its first."""
+    found = Samples(np.array(stored, np.float64), np.array(keys, np.float64))
+    return found.frames(frame_step, found.all[0] if origin is None else origin)
 
 
 def test_distinct_codes_are_ascending_when_given_in_any_order_with_rounding():
@@ -52,15 +59,43 @@ def test_even_codes_stay_uneven_when_nothing_plain_divides_them(samples):
     np.testing.assert_array_equal(even_codes(samples), samples)
 
 
-def test_skinned_codes_are_every_frame_when_keys_are_further_apart():
-    np.testing.assert_array_equal(skinned_codes(np.array([1.0, 5]), 1.0), [1, 2, 3, 4, 5])
-    np.testing.assert_array_equal(skinned_codes(np.array([0.0, 7, 10]), 2.5), [0, 2.5, 5, 7.5, 10])
+def test_sampled_codes_are_every_frame_when_keys_are_further_apart():
+    found = sampled_codes(np.array([1.0, 5]), 1.0, 1.0)
+    np.testing.assert_array_equal(found, [1, 2, 3, 4, 5])
+    found = sampled_codes(np.array([0.0, 7, 10]), 2.5, 0.0)
+    np.testing.assert_array_equal(found, [0, 2.5, 5, 7.5, 10])
+
+
+def test_sampled_codes_are_on_frames_of_the_others_when_they_begin_later():
+    found = sampled_codes(np.array([6.0, 11]), 2.5, 0.0)
+    np.testing.assert_array_equal(found, [5, 7.5, 10])
 
 
 @pytest.mark.parametrize("samples", [[3], [1, 2, 3], [0, 0.5, 1]])
-def test_skinned_codes_are_the_samples_when_there_is_one_to_a_frame_or_more(samples):
+def test_sampled_codes_are_the_samples_when_there_is_one_to_a_frame_or_more(samples):
     samples = np.array(samples, np.float64)
-    np.testing.assert_array_equal(skinned_codes(samples, 1.0), samples)
+    np.testing.assert_array_equal(sampled_codes(samples, 1.0, samples[0]), samples)
+
+
+@pytest.mark.parametrize(
+    ("stored", "keys"), [([], [0, 30, 60]), ([5], [0, 60]), ([0, 60], [0, 60]), ([0, 40], [20, 60])]
+)
+def test_frames_are_those_of_the_stage_when_transforms_have_keys_far_apart(stored, keys):
+    np.testing.assert_array_equal(frames(stored, keys), np.arange(61))
+
+
+@pytest.mark.parametrize("stored", [[0, 60], [0, 10, 20], [3, 33, 66], [0, 2, 4]])
+def test_frames_are_the_samples_of_points_when_nothing_else_moves(stored):
+    np.testing.assert_array_equal(frames(stored, []), stored)
+
+
+@pytest.mark.parametrize("keys", [[0, 40], [10, 30], [0, 1, 2], [1, 39], [8, 12.5, 40]])
+def test_frames_are_those_of_the_cache_when_transforms_move_it_between(keys):
+    np.testing.assert_array_equal(frames(np.arange(0, 41, 2), keys), np.arange(0, 41, 2))
+
+
+def test_frames_go_on_as_those_of_the_cache_when_transforms_do():
+    np.testing.assert_array_equal(frames(np.arange(10, 21, 2), [5, 27]), np.arange(4, 29, 2))
 
 
 def test_frame_grid_is_exact_when_the_step_is_not():

@@ -422,6 +422,16 @@ def test_load_does_not_make_up_a_piece_when_a_time_has_fewer(tmp_path):
     assert read.tobytes() == positions.tobytes()
 
 
+@pytest.mark.parametrize("file", ["../f_0.vtu", "{above}/f_0.vtu", "out/f_0.vtu"])
+def test_load_reads_files_outside_of_the_folder_when_that_is_allowed(tmp_path, file):
+    folder = tmp_path / "within"
+    folder.mkdir()
+    positions = write_series(tmp_path, 1)
+    (folder / "out").symlink_to(tmp_path)
+    path = write_pvd(folder, [f'timestep="0" file="{file.format(above=tmp_path)}"'])
+    assert load(path, allow_outside=True).vertices.tobytes() == positions.tobytes()
+
+
 def test_load_is_refused_when_xml_declares_entities(tmp_path):
     text = (
         '<?xml version="1.0"?><!DOCTYPE a [<!ENTITY b SYSTEM "file:///etc/passwd">]>'

@@ -124,6 +124,18 @@ def test_load_takes_numbers_of_binary_files_when_they_are_named(tmp_path, endian
     assert found.vertices[0].tobytes() == POSITIONS[0].tobytes()
 
 
+def test_load_takes_numbers_outside_of_the_folder_only_when_that_is_allowed(tmp_path):
+    POSITIONS[0].astype("<f4").tofile(tmp_path / "a.bin")
+    (tmp_path / "in").mkdir()
+    shape = " ".join(map(str, POSITIONS[0].shape))
+    data = item("../a.bin", Format="Binary", Dimensions=shape, Endian="Little")
+    path = store(tmp_path / "in", f"<Grid>{topology()}{geometry(data)}</Grid>")
+    with pytest.raises(FormatError, match="outside of its folder, which is not read; put it there"):
+        load(path)
+    found = load(path, allow_outside=True)
+    assert found.vertices[0].tobytes() == POSITIONS[0].astype(np.float32).tobytes()
+
+
 def mixed_cells():
     """The polygons of the sample as XDMF writes mixed cells."""
     ends = np.cumsum(COUNTS)

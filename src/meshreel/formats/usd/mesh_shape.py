@@ -1,0 +1,127 @@
+"""Points and faces of a mesh prim, as its attributes have them."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from meshreel.errors import FormatError
+from meshreel.formats.extras import USD
+from meshreel.formats.polygons import PolygonMesh, polygon_mesh
+from meshreel.formats.usd.holes import Mask, solid_faces
+from meshreel.formats.usd.sampling import attribute_codes
+from meshreel.sequence import Vertices
+
+
+@dataclass(frozen=True, eq=False)
+class MeshShape:
+    """What a mesh prim is in its own space, at any time code.
+
+    Parameters
+    ----------
+    prim : Usd.Prim
+    """
+
+    prim: Any
+
+    @property
+    def stored(self) -> list[float]:
+        """The time codes where points and faces have samples."""
+        shape = (self._mesh.GetPointsAttr(), *self._face_attributes, self._holes)
+        return [code for one in shape for code in attribute_codes(one)]
+
+    @property
+    def keys(self) -> list[float]:
+        """None: its points have samples of their own."""
+        return []
+
+    @cached_property
+    def has_one_topology(self) -> bool:
+        """Whether its faces are the same at all times."""
+        attributes = (*self._face_attributes, self._holes)
+        return not any(one.ValueMightBeTimeVarying() for one in attributes)
+
+    @property
+    def is_left_handed(self) -> bool:
+        """Whether its faces go around clockwise."""
+        left = USD.load("UsdGeom").Tokens.leftHanded
+        return bool(self._mesh.GetOrientationAttr().Get() == left)
+
+    def points(self, code: float) -> Vertices:
+        """Points at a time code, in the space of the mesh.
+
+        Raises
+        ------
+        FormatError
+            If there are none.
+        """
+        points: Vertices = np.asarray(self._value(self._mesh.GetPointsAttr(), code))
+        if points.ndim != 2 or points.shape[1] != 3 or points.dtype.kind != "f":
+            raise FormatError(f"mesh {self._path} has points of another kind than point3f")
+        return points if points.dtype.itemsize > 2 else points.astype(np.float32)
+
+    def polygons(self, vertices: Vertices, code: float) -> PolygonMesh:
+        """The faces at a time code, checked, with these vertices.
+
+        Raises
+        ------
+        FormatError
+            If they are missing, or do not fit.
+        """
+        counts, corners = (
+            _integers(self._value(one, code), self._path) for one in self._face_attributes
+        )
+        if (counts < 0).any() or counts.sum(dtype=np.int64) != len(corners):
+            raise FormatError(
+                f"mesh {self._path} has {len(corners)} faceVertexIndices at time code {code:g}; "
+                f"its faceVertexCounts need {counts.sum(dtype=np.int64)}"
+            )
+        if not len(vertices) or not len(counts):
+            raise FormatError(
+                f"mesh {self._path} holds {len(vertices)} vertices and {len(counts)} faces at "
+                f"time code {code:g}; a triangle mesh needs both"
+            )
+        return polygon_mesh(vertices, counts, corners, place=f"mesh {self._path}, face {{}}".format)
+
+    def solid_faces(self, n_faces: int, code: float) -> Mask | None:
+        """Which of its faces are no holes at a time code; None if none is a hole."""
+        return solid_faces(self._holes.Get(code), n_faces, self._path)
+
+    @property
+    def is_subdivided(self) -> bool:
+        """Whether its faces are the cage of a smooth surface, as they are if it does not say."""
+        none = USD.load("UsdGeom").Tokens.none
+        return bool(self._mesh.GetSubdivisionSchemeAttr().Get() != none)
+
+    @cached_property
+    def _mesh(self) -> Any:
+        return USD.load("UsdGeom").Mesh(self.prim)
+
+    @property
+    def _path(self) -> str:
+        return str(self.prim.GetPath())
+
+    @property
+    def _holes(self) -> Any:
+        return self._mesh.GetHoleIndicesAttr()
+
+    @property
+    def _face_attributes(self) -> tuple[Any, Any]:
+        return self._mesh.GetFaceVertexCountsAttr(), self._mesh.GetFaceVertexIndicesAttr()
+
+    def _value(self, attribute: Any, code: float) -> Any:
+        value = attribute.Get(code)
+        if value is None:
+            raise FormatError(
+                f"mesh {self._path} has no {attribute.GetName()} at time code {code:g}"
+            )
+        return value
+
+
+def _integers(value: Any, path: str) -> npt.NDArray[np.int32]:
+    found = np.asarray(value)
+    if found.ndim != 1 or (found.size and found.dtype != np.int32):
+        raise FormatError(f"mesh {path} has faces of another kind than int[]")
+    return found.astype(np.int32, copy=False)

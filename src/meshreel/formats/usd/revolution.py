@@ -1,0 +1,57 @@
+"""Surfaces around the axis z: rings of points between two points on the axis."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+N_AROUND = 32
+"""Points of each ring."""
+
+
+@dataclass(frozen=True, eq=False)
+class Rings:
+    """What a surface is at one angle, from the bottom to the top.
+
+    Attributes
+    ----------
+    radii, heights : float64 array of shape (R,)
+        Of the rings.
+    bottom, top : float
+        Heights of the poles, which are points on the axis; of a flat end, that of its ring.
+    """
+
+    radii: npt.NDArray[np.float64]
+    heights: npt.NDArray[np.float64]
+    bottom: float
+    top: float
+
+
+def revolved(rings: Rings) -> npt.NDArray[np.float64]:
+    """Points of shape (V, 3): the pole at the bottom, the rings upwards, the pole at the top."""
+    angles = np.arange(N_AROUND) * (2 * np.pi / N_AROUND)
+    circle = np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    points = np.empty((len(rings.radii), N_AROUND, 3))
+    points[..., :2] = rings.radii[:, np.newaxis, np.newaxis] * circle
+    points[..., 2] = rings.heights[:, np.newaxis]
+    bottom, top = [[0.0, 0.0, rings.bottom]], [[0.0, 0.0, rings.top]]
+    return np.concatenate([bottom, points.reshape(-1, 3), top])
+
+
+def revolved_faces(n_rings: int) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int32]]:
+    """Counts and corners of the faces, counter-clockwise seen from outside.
+
+    Triangles at the poles, quads between rings. A flat end is made of triangles too: a face of
+    all corners would be cut into a fan, whose first corner would be shaded unlike the others.
+    """
+    around = np.arange(N_AROUND)
+    after = np.roll(around, -1)
+    low, high = 1, 1 + N_AROUND * (n_rings - 1)
+    pole = np.zeros_like(around)
+    faces = [np.stack([pole, low + after, low + around], 1)]
+    for ring in range(low, high, N_AROUND):
+        above = ring + N_AROUND
+        faces.append(np.stack([ring + around, ring + after, above + after, above + around], 1))
+    faces.append(np.stack([pole + high + N_AROUND, high + around, high + after], 1))
+    counts = np.concatenate([np.full(len(one), one.shape[1], np.int64) for one in faces])
+    return counts, np.concatenate([one.ravel() for one in faces]).astype(np.int32)

@@ -1,0 +1,87 @@
+"""`--skip-bad` and `--allow-outside`: what is read of a file that is not as it should be."""
+
+import pytest
+
+import meshreel
+from sample_commands import assert_fails, run, run_json
+from sample_meshes import waving_grid
+
+pytest.importorskip("pxr")
+
+TRIANGLE = """def Mesh "{name}" {{
+    point3f[] points = [(0, 0, 0), (1, 0, 0), (0, 1, 0)]
+    int[] faceVertexCounts = [3]
+    int[] faceVertexIndices = [0, 1, {corner}]
+}}
+"""
+
+
+@pytest.fixture
+def half_bad(tmp_path):
+    path = tmp_path / "in" / "half.usda"
+    path.parent.mkdir()
+    meshes = [TRIANGLE.format(name="good", corner=2), TRIANGLE.format(name="bad", corner=9)]
+    path.write_text("#usda 1.0\n" + "".join(meshes))
+    return path
+
+
+@pytest.mark.parametrize("command", ["encode", "convert"])
+def test_command_leaves_the_bad_mesh_out_when_told_to(half_bad, tmp_path, command):
+    out = tmp_path / ("out.reel" if command == "encode" else "out.npz")
+    assert_fails(run(command, half_bad, "-o", out, "--merge"), "names vertex 9")
+    figures = run_json(command, half_bad, "-o", out, "--skip-bad")
+    assert any("meshes that cannot be read: /bad (" in note for note in figures["notes"])
+    assert meshreel.load(out).n_verts == 3
+
+
+def test_compare_and_export_and_render_leave_it_out_when_told_to(half_bad, tmp_path):
+    reel, page, png = tmp_path / "out.reel", tmp_path / "out.html", tmp_path / "out.png"
+    run_json("encode", half_bad, "-o", reel, "--skip-bad")
+    assert run_json("compare", half_bad, reel, "--skip-bad")["max_error_percent"] <= 0.1
+    run_json("export", reel, "-o", page, "--original", half_bad, "--skip-bad")
+    run_json("render", reel, "-o", png, "--original", half_bad, "--skip-bad")
+    assert page.stat().st_size > 0
+    assert png.stat().st_size > 0
+
+
+def test_batch_leaves_it_out_when_told_to(half_bad, tmp_path):
+    meshreel.save(waving_grid(2), half_bad.parent / "plain.npz")
+    done = run_json("batch", half_bad.parent, tmp_path / "out", "--skip-bad", "--workers", "1")
+    assert (done["encoded"], done["failed"]) == (2, 0)
+
+
+@pytest.mark.parametrize("command", ["encode", "convert"])
+def test_command_reads_a_layer_outside_of_the_folder_when_told_to(half_bad, tmp_path, command):
+    (tmp_path / "layer.usda").write_text(half_bad.read_text())
+    half_bad.write_text("#usda 1.0\n(\nsubLayers = [@../layer.usda@]\n)\n")
+    out = tmp_path / ("out.reel" if command == "encode" else "out.npz")
+    arguments = (command, half_bad, "-o", out, "--object", "good")
+    assert_fails(run(*arguments), "outside of its folder", "--allow-outside")
+    run_json(*arguments, "--allow-outside")
+    assert meshreel.load(out).n_verts == 3
+
+
+@pytest.mark.parametrize(
+    ("command", "flag"),
+    [
+        ("encode", "--skip-bad"),
+        ("compare", "--allow-outside"),
+        ("render", "--skip-bad"),
+        ("batch", "--allow-outside"),
+        ("view", "--allow-outside"),
+    ],
+)
+def test_command_refuses_it_when_it_chooses_nothing(tmp_path, command, flag):
+    folder = tmp_path / "in"
+    folder.mkdir()
+    meshreel.save(waving_grid(2), folder / "a.npz")
+    meshreel.save(waving_grid(2), folder / "a.reel")
+    arguments = {
+        "encode": (folder / "a.npz", "-o", tmp_path / "b.reel"),
+        "compare": (folder / "a.npz", folder / "a.reel"),
+        "render": (folder / "a.reel", "-o", tmp_path / "b.png"),
+        "batch": (folder, tmp_path / "out"),
+        "view": (folder / "a.reel", "--no-open"),
+    }[command]
+    done = run(command, *arguments, flag)
+    assert_fails(done, flag, "original" if command == "view" else "chooses nothing in")

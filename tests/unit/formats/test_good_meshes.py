@@ -1,0 +1,153 @@
+"""Meshes of a file that cannot be read are left out where that is asked for."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import meshreel
+from meshreel.errors import FormatError, InvalidInputError
+from meshreel.formats.good_meshes import good_meshes
+from meshreel.formats.load import load
+from meshreel.formats.options import ReadOptions
+from meshreel.formats.polygons import PolygonMesh
+from meshreel.formats.scene import SceneMesh, readable_mesh
+from meshreel.formats.stretches import find_stretches
+from meshreel.surface import Attribute, Domain, Kind, Surface
+from sample_meshes import two_sheets, waving_grid
+
+TRIANGLE = """point3f[] points = [(0, 0, 0), (1, 0, 0), (0, 1, 0)]
+int[] faceVertexCounts = [3]
+int[] faceVertexIndices = [0, 1, %d]"""
+CHANGING = """point3f[] points = [(0, 0, 0), (1, 0, 0), (0, 1, 0), (1, 1, 0)]
+int[] faceVertexCounts.timeSamples = { 0: [3], 1: [4] }
+int[] faceVertexIndices.timeSamples = { 0: [0, 1, 2], 1: [0, 1, 2, 3] }"""
+
+FAR = """
+double3 xformOp:translate.timeSamples = { 0: (0, 0, 0), 1e30: (1, 0, 0) }
+uniform token[] xformOpOrder = ["xformOp:translate"]"""
+
+
+def triangle(corner=2, moved=0.0):
+    vertices = np.array([[moved, 0, 0], [1, 0, 0], [0, 1, 0]], np.float32)
+    return PolygonMesh(vertices, np.array([3]), np.array([0, 1, corner], np.int32))
+
+
+def fails(frame):
+    raise FormatError("its points are damaged")
+
+
+def misfit(frame):
+    values = np.zeros((5, 1), np.float32)
+    return Surface(None, (Attribute("a", Kind.OTHER, Domain.VERTEX, values),))
+
+
+GOOD = SceneMesh("/good", np.arange(2.0), lambda frame: triangle())
+BAD = {
+    "its points are damaged": SceneMesh("/bad", np.arange(2.0), fails),
+    "every position must be finite": SceneMesh(
+        "/bad", np.arange(2.0), lambda frame: triangle(2, [0, np.nan][frame])
+    ),
+    "frame 1 has vertex 1 in face 0": SceneMesh(
+        "/bad", np.arange(2.0), lambda frame: triangle(2 - frame)
+    ),
+    "needs 3": SceneMesh("/bad", np.zeros(1), lambda frame: triangle(), misfit),
+}
+
+
+@pytest.mark.parametrize("reason", BAD)
+def test_good_meshes_leaves_one_out_when_it_cannot_be_read(reason):
+    options = ReadOptions()
+    found = good_meshes([BAD[reason], GOOD], options, may_change=False)
+    assert [mesh.name for mesh in found] == ["/good"]
+    assert options.notes[0].startswith("left out: meshes that cannot be read: /bad (")
+
+
+def test_good_meshes_keeps_one_whose_faces_change_when_that_is_wanted():
+    changing = BAD["frame 1 has vertex 1 in face 0"]
+    found = good_meshes([changing, GOOD], ReadOptions(), may_change=True)
+    assert [mesh.name for mesh in found] == ["/bad", "/good"]
+
+
+def test_good_meshes_refuses_when_none_can_be_read():
+    with pytest.raises(FormatError, match=r"no mesh that can be read: /bad \(its points are"):
+        good_meshes([BAD["its points are damaged"]], ReadOptions(), may_change=False)
+
+
+def test_good_meshes_reads_what_a_mesh_carries_once():
+    asked = []
+    mesh = replace(GOOD, surface=lambda frame: asked.append(frame) or Surface())
+    found = good_meshes([mesh], ReadOptions(), may_change=False)
+    found[0].surface(0)
+    assert asked == [0]
+
+
+def test_readable_mesh_fails_as_its_reader_when_a_frame_is_asked_for():
+    with pytest.raises(FormatError, match="its points are damaged"):
+        readable_mesh("/bad", lambda: fails(0)).frame(0)
+
+
+@pytest.fixture
+def usd_file(tmp_path):
+    pytest.importorskip("pxr")
+    path = tmp_path / "a.usda"
+    meshes = {
+        "good": TRIANGLE % 2,
+        "bad": TRIANGLE % 7,
+        "late": CHANGING,
+        "far": TRIANGLE % 2 + FAR,
+    }
+    path.write_text(
+        "#usda 1.0\n" + "".join(f'def Mesh "{k}" {{\n{v}\n}}\n' for k, v in meshes.items())
+    )
+    return path
+
+
+def test_load_merges_the_good_when_bad_ones_are_skipped(usd_file):
+    notes = []
+    found = load(usd_file, merge=True, skip_bad=True, notes=notes)
+    assert (found.n_verts, found.n_frames, found.surface.parts) == (3, 1, ())
+    said = next(note for note in notes if "cannot be read" in note)
+    for name in ("/bad (mesh /bad, face 0: names vertex 7", "/late (frame 1 has", "/far (has"):
+        assert name in said
+
+
+def test_load_reads_the_one_that_is_chosen_when_others_are_bad(usd_file):
+    assert load(usd_file, object="good").n_verts == 3
+    with pytest.raises(FormatError, match=r"a.usda: mesh /bad, face 0: names vertex 7"):
+        load(usd_file, object="bad")
+    with pytest.raises(FormatError, match=r"a.usda: has samples from time code 0 to 1e\+30"):
+        load(usd_file, object="far")
+
+
+def test_stretches_keep_a_mesh_whose_faces_change_when_bad_ones_are_skipped(usd_file):
+    found = find_stretches(usd_file, ReadOptions(merge=True, skip_bad=True))
+    assert [(one.start, one.stop) for one in found] == [(0, 1), (1, 2)]
+
+
+def test_load_skips_a_bad_mesh_when_the_file_is_gltf(tmp_path):
+    meshreel.save(two_sheets(), tmp_path / "a.gltf")
+    text = json.loads((tmp_path / "a.gltf").read_text())
+    text["meshes"][0]["primitives"][0]["indices"] = 0  # the accessor of its positions
+    (tmp_path / "a.gltf").write_text(json.dumps(text))
+    names, notes = [one.name for one in two_sheets().surface.parts], []
+    with pytest.raises(FormatError):
+        load(tmp_path / "a.gltf", merge=True)
+    found = load(tmp_path / "a.gltf", skip_bad=True, notes=notes)
+    assert found.name == names[1].rpartition("/")[2]
+    assert any(names[0] in note for note in notes if "cannot be read" in note)
+
+
+@pytest.mark.parametrize("name", ["a.npz", "a.obj", "a.reel"])
+@pytest.mark.parametrize("option", ["skip_bad", "allow_outside"])
+def test_load_refuses_an_option_when_a_file_holds_one_mesh_by_itself(tmp_path, name, option):
+    meshreel.save(waving_grid(1), tmp_path / name)
+    flag = option.replace("_", "-")
+    with pytest.raises(InvalidInputError, match=rf"--{flag} \({option}=\) chooses nothing in a"):
+        load(tmp_path / name, **{option: True})
+
+
+def test_load_refuses_to_skip_when_one_is_chosen(usd_file):
+    with pytest.raises(InvalidInputError, match=r"--object .* takes one mesh, so that --skip"):
+        load(usd_file, object="good", skip_bad=True)

@@ -1,0 +1,97 @@
+"""Faces of USD meshes that are holes, and cages of subdivision surfaces."""
+
+import numpy as np
+import pytest
+
+from meshreel.errors import FormatError, InvalidInputError
+from meshreel.formats.load import load
+
+STRIP = """point3f[] points = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (2, 0, 0), (2, 1, 0)]
+int[] faceVertexCounts = [4, 3, 3]
+int[] faceVertexIndices = [0, 1, 2, 3, 1, 4, 5, 1, 5, 2]"""
+CARRIED = """
+int[] primvars:tag = [10, 11, 12] (interpolation = "uniform")
+float[] primvars:heat = [0, 1, 2, 3, 4, 5, 6, 7, 8, 9] (interpolation = "faceVarying")
+texCoord2f[] primvars:st = [(0, 0), (1, 1)] (interpolation = "faceVarying")
+int[] primvars:st:indices = [0, 1, 0, 1, 0, 0, 0, 1, 1, 1]
+float[] primvars:mass = [0, 1, 2, 3, 4, 5] (interpolation = "vertex")
+uniform token subsetFamily:side:familyType = "partition"
+def GeomSubset "left" {
+    uniform token familyName = "side"
+    int[] indices = [0, 1]
+}
+def GeomSubset "right" {
+    uniform token familyName = "side"
+    int[] indices = [2]
+}"""
+
+
+@pytest.fixture
+def mesh_file(tmp_path):
+    """A function from the lines of a mesh to the file that holds it."""
+
+    def write(lines):
+        path = tmp_path / "a.usda"
+        path.write_text(f'#usda 1.0\ndef Mesh "m" {{\n{lines}\n}}\n')
+        return path
+
+    return write
+
+
+@pytest.mark.parametrize("holes", ["[1]", "[1, 1]", "[1, -1, 3, 99]"])
+def test_load_leaves_holes_out_when_a_mesh_has_some(mesh_file, holes):
+    notes = []
+    found = load(mesh_file(f"{STRIP}\nint[] holeIndices = {holes}"), notes=notes)
+    np.testing.assert_array_equal(found.surface.face_sizes, [4, 3])
+    np.testing.assert_array_equal(found.faces, [[0, 1, 2], [0, 2, 3], [1, 5, 2]])
+    assert found.n_verts == 6
+    assert "left out: faces that are holes: 1 of 3 of /m" in notes
+
+
+@pytest.mark.parametrize("flipped", [False, True])
+def test_load_leaves_out_what_holes_carry_when_attributes_are_of_faces_or_corners(
+    mesh_file, flipped
+):
+    way = "leftHanded" if flipped else "rightHanded"
+    lines = f'{STRIP}{CARRIED}\nuniform token orientation = "{way}"'
+    found = load(mesh_file(f"{lines}\nint[] holeIndices = [1]")).surface
+    values = {one.name: one.per_item() for one in found.attributes}
+    heat = [0, 3, 2, 1, 7, 9, 8] if flipped else [0, 1, 2, 3, 7, 8, 9]
+    np.testing.assert_array_equal(values["tag"][:, 0], [10, 12])
+    np.testing.assert_array_equal(values["heat"][:, 0], heat)
+    np.testing.assert_array_equal(values["st"][:, 0], np.isin(heat, [1, 3, 7, 8, 9]))
+    np.testing.assert_array_equal(values["mass"][:, 0], np.arange(6))
+    assert [groups.labels[number] for groups in found.groups for number in groups.numbers] == [
+        "left",
+        "right",
+    ]
+
+
+def test_load_refuses_when_all_faces_are_holes(mesh_file):
+    with pytest.raises(FormatError, match="mesh /m has 3 faces, which are all holes"):
+        load(mesh_file(f"{STRIP}\nint[] holeIndices = [0, 1, 2]"))
+
+
+def test_load_says_where_when_holes_change(mesh_file):
+    path = mesh_file(f"{STRIP}\nint[] holeIndices.timeSamples = {{ 0: [1], 1: [] }}")
+    with pytest.raises(InvalidInputError, match="frame 1 of /m has 3 faces; expected 2"):
+        load(path)
+
+
+@pytest.mark.parametrize(
+    ("scheme", "is_said"), [("catmullClark", True), ("loop", True), ("none", False), (None, True)]
+)
+def test_load_says_that_a_cage_is_read_when_a_mesh_is_a_subdivision_surface(
+    mesh_file, scheme, is_said
+):
+    notes = []
+    lines = f'\nuniform token subdivisionScheme = "{scheme}"' if scheme else ""
+    load(mesh_file(STRIP + lines), notes=notes)
+    assert ("/m is a subdivision surface; its cage is read" in notes) == is_said
+
+
+def test_load_says_it_once_when_several_are_subdivision_surfaces(tmp_path):
+    path, notes = tmp_path / "a.usda", []
+    path.write_text(f'#usda 1.0\ndef Mesh "m" {{\n{STRIP}\n}}\ndef Mesh "n" {{\n{STRIP}\n}}\n')
+    load(path, merge=True, notes=notes)
+    assert notes == ["/m, /n are subdivision surfaces; their cages are read"]

@@ -1,0 +1,125 @@
+"""Layers outside of the folder of a USD file, which are read only when that is allowed."""
+
+import pytest
+from pxr import Sdf
+
+from meshreel.errors import FormatError
+from meshreel.formats.load import load
+
+MESH = """#usda 1.0
+(
+    defaultPrim = "m"
+)
+def Mesh "m" {
+    point3f[] points.timeSamples = { 1: [(0, 0, 0), (1, 0, 0), (0, 1, 0)] }
+    int[] faceVertexCounts = [3]
+    int[] faceVertexIndices = [0, 1, 2]
+}
+"""
+CLIPS = """def Mesh "m" (clips = { dictionary default = {
+    %s
+    string primPath = "/m"
+    double2[] active = [(0, 0)]
+    double2[] times = [(0, 0), (2, 2)]
+    } }) {
+    int[] faceVertexCounts = [3]
+    int[] faceVertexIndices = [0, 1, 2]
+}"""
+TEMPLATE = """string templateAssetPath = "%s"
+    double templateStartTime = 1
+    double templateEndTime = 2
+    double templateStride = 1"""
+OWN = MESH.partition(")\n")[2].replace('"m"', '"own"')
+IN_A_VARIANT = """def "a" (
+    prepend variantSets = "v"
+    variants = { string v = "one" }
+) {
+    variantSet "v" = {
+        "one" { }
+        "two" (references = @%s@) { }
+    }
+}"""
+ARCS = {
+    "sublayer": ("subLayers = [@%s@]", ""),
+    "reference": ("", 'def "a" (references = @%s@) { }'),
+    "payload": ("", 'def "a" (payload = @%s@) { }'),
+    "variant": ("", IN_A_VARIANT),
+    "clips": ("", CLIPS % "asset[] assetPaths = [@%s@]"),
+    "manifest": ("", CLIPS % "asset[] assetPaths = [@./in.usda@]\nasset manifestAssetPath = @%s@"),
+    "template": ("", CLIPS % TEMPLATE),
+}
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """A folder with a layer in it, a link, and the same layer above."""
+    found = tmp_path / "in"
+    (found / "sub").mkdir(parents=True)
+    for path in (tmp_path / "out.usda", found / "in.usda", found / "sub" / "deep.usda"):
+        path.write_text(MESH)
+    for number in (1, 2):
+        (tmp_path / f"out.{number}.usda").write_text(MESH)
+    (found / "link.usda").symlink_to(tmp_path / "out.usda")
+    return found
+
+
+def naming(folder, arc, asset):
+    """A file with a mesh of its own, that names a layer."""
+    header, body = (part % asset if "%s" in part else part for part in ARCS[arc])
+    path = folder / "a.usda"
+    path.write_text(f"#usda 1.0\n(\n{header}\n)\n{OWN}{body}\n")
+    return path
+
+
+@pytest.mark.parametrize("arc", ARCS)
+@pytest.mark.parametrize("asset", ["../out.usda", "{above}/out.usda", "./link.usda", "../no.usda"])
+def test_load_refuses_a_layer_outside_of_the_folder_before_it_is_opened(folder, arc, asset):
+    if arc == "template":
+        asset = asset.replace(".usda", ".#.usda").replace("./link", "../link")
+    path = naming(folder, arc, asset.format(above=folder.parent))
+    with pytest.raises(FormatError, match=r"a\.usda: names the file .* outside of its folder"):
+        load(path, merge=True)
+    for name in ("out.usda", "out.1.usda", "in/link.usda"):
+        assert Sdf.Layer.Find(str(folder.parent / name)) is None
+    assert load(path, merge=True, allow_outside=True).n_verts >= 3
+
+
+@pytest.mark.parametrize("arc", ["sublayer", "reference", "payload", "variant", "clips"])
+@pytest.mark.parametrize("asset", ["./in.usda", "in.usda", "sub/deep.usda", "./gone.usda"])
+def test_load_reads_a_layer_when_it_is_in_the_folder_or_below(folder, arc, asset):
+    assert load(naming(folder, arc, asset), merge=True).n_verts >= 3
+
+
+def test_load_reads_a_layer_above_another_when_that_is_within_the_folder_of_the_file(folder):
+    deep = naming(folder, "reference", "../in.usda").rename(folder / "sub" / "middle.usda")
+    assert load(naming(folder, "sublayer", f"./sub/{deep.name}"), merge=True).n_verts == 6
+
+
+def test_load_refuses_when_a_layer_below_names_one_outside(folder):
+    deep = naming(folder, "reference", "../../out.usda").rename(folder / "sub" / "middle.usda")
+    with pytest.raises(FormatError, match=r"names the file '\.\./\.\./out\.usda' outside"):
+        load(naming(folder, "sublayer", f"./sub/{deep.name}"), merge=True)
+
+
+def test_load_refuses_when_an_expression_leads_outside(folder):
+    (folder / "low.usda").write_text(
+        '#usda 1.0\ndef "a" (references = @`"${PLACE}/in.usda"`@</m>) {\n}\n'
+    )
+    path = folder / "a.usda"
+    path.write_text(
+        '#usda 1.0\n(\nexpressionVariables = { string PLACE = ".." }\n'
+        f"subLayers = [@./low.usda@]\n)\n{OWN}"
+    )
+    (folder.parent / "in.usda").write_text(MESH)
+    with pytest.raises(FormatError, match="outside of its folder"):
+        load(path, merge=True)
+
+
+def test_load_refuses_a_layer_where_the_program_runs_when_it_is_not_beside(folder, monkeypatch):
+    monkeypatch.chdir(folder.parent)
+    with pytest.raises(FormatError, match=r"names the file 'out\.usda' outside of"):
+        load(naming(folder, "reference", "out.usda"), merge=True)
+
+
+def test_load_reads_a_file_when_it_is_a_link_itself(folder):
+    assert load(folder / "link.usda").n_verts == 3
