@@ -170,7 +170,7 @@ def print_notes(notes: list[str]) -> None:
     """What was done to the input, a line each, on stderr; each only once."""
     console = Console(stderr=True, highlight=False)
     for note in all_in_option_names(notes):
-        console.print(f"note: {note}", markup=False)
+        console.print(f"note: {note}", markup=False, soft_wrap=not console.is_terminal)
 
 
 def size_text(size_bytes: float) -> str:

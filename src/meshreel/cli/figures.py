@@ -38,9 +38,10 @@ def achieved_rows(achieved: Achieved, stream: StreamInfo) -> dict[str, str]:
     promised = stream.max_error_percent
     rows = {
         "KG error": f"{achieved.kg_error_percent:.4f} %",
-        "largest error": error_text(achieved.max_error_percent, stream.diagonal)
-        + (f", promised {promised:g} %" if promised else ""),
+        "largest error": error_text(achieved.max_error_percent, stream.diagonal),
     }
+    if promised:
+        rows["promised"] = promise_text(stream)
     if achieved.sted is not None:
         rows["STED"] = f"{achieved.sted:.5f}"
     return rows
@@ -93,9 +94,7 @@ def info_rows(stream: StreamInfo) -> dict[str, str]:
     if not stream.is_whole:
         rows["end"] = "cut off; this is what the whole blocks hold"
     if stream.max_error_percent:
-        length = f"{stream.max_error_percent / 100 * stream.diagonal:.4g} model units"
-        promised = f"{stream.max_error_percent:g} % of the diagonal"
-        rows["promised"] = f"no vertex is off by more than {promised}, {length}"
+        rows["promised"] = f"no vertex is off by more than {promise_text(stream)}"
     return rows
 
 
@@ -111,6 +110,12 @@ def quality_rows(quality: Quality) -> dict[str, str]:
         "normals off by": f"{quality.normal_angle_mean_deg:.2f} degrees in the mean, "
         f"{quality.normal_angle_p95_deg:.2f} at the 95th percentile",
     }
+
+
+def promise_text(stream: StreamInfo) -> str:
+    """The largest error that a stream promises, as a share and in the units of the model."""
+    percent = stream.max_error_percent or 0.0
+    return f"{percent:g} % of the diagonal, {percent / 100 * stream.diagonal:.4g} model units"
 
 
 def error_text(percent: float, diagonal: float) -> str:

@@ -53,7 +53,10 @@ class PaceClock:
 
 def pace_text(per_second: float, unit: str) -> str:
     """Such as "8.4 frames/s"; "3.1 s each" where a thing takes more than a second."""
-    return f"{per_second:.3g} {unit}/s" if per_second >= 1 else f"{1 / per_second:.3g} s each"
+    if per_second < 1:
+        return f"{1 / per_second:.3g} s each"
+    pace = f"{per_second:.3g}"
+    return f"{pace} {singular(unit) if pace == '1' else unit}/s"
 
 
 def clock_text(seconds: float) -> str:

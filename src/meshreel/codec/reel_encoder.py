@@ -94,7 +94,7 @@ class ReelEncoder:
         if target.aim is Aim.QUALITY:
             return self._trial(self._step_of(target.value)).data
         if target.aim is Aim.MAX_ERROR:
-            return self._within_error(target.bound.percent(self._source.frame.scale))
+            return self._within_error(target)
         return self._within_limit(target)
 
     def _blocks(self) -> Iterable[FieldFrames]:
@@ -250,10 +250,17 @@ class ReelEncoder:
         sequence = self._source.sequence
         return rate_bpvf(len(trial.data), sequence.n_verts, sequence.n_frames)
 
-    def _within_error(self, percent: float) -> bytes:
-        """The smallest stream found that keeps every vertex within a share of the diagonal."""
+    def _within_error(self, target: Target) -> bytes:
+        """The smallest stream found that keeps every vertex within a bound."""
+        percent = target.bound.percent(self._source.frame.scale)
         bound = percent / 100.0
-        check_promise(bound, self._rounding, self._source.sequence.dtype)
+        try:
+            check_promise(bound, self._rounding, self._source.sequence.dtype)
+        except InvalidInputError as error:
+            if not target.is_length:
+                raise
+            length = f"{target.value:g} model units are {percent:.3g} % of the diagonal"
+            raise InvalidInputError(f"{length}: {error}") from None
         step = least_cost(lambda step: len(self._trial(step, bound).data), bound / STEPS_OF_BOUND)
         data = self._trial(step, bound).data
         achieved = measure_stream(

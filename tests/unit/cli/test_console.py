@@ -1,6 +1,6 @@
 import pytest
 
-from meshreel.cli.console import print_bars, text_bar
+from meshreel.cli.console import print_bars, print_notes, text_bar
 
 SIZES = {"header": 77, "connectivity": 2786, "order": 33711, "coefficients": 26462, "empty": 0}
 
@@ -36,3 +36,9 @@ def test_bars_stand_in_line_with_all_figures_when_the_terminal_is_narrow(
     if columns >= 60:
         assert max(n_blocks) == n_blocks[2] >= 8
         assert n_blocks[3] == pytest.approx(n_blocks[2] * 26462 / 33711, abs=1)
+
+
+def test_note_stays_in_one_line_when_nobody_watches_a_terminal(capsys):
+    note = "left out: " + ", ".join(f"field {number}" for number in range(40))
+    print_notes([note, note])
+    assert capsys.readouterr().err == f"note: {note}\n"

@@ -45,7 +45,7 @@ def test_words_are_empty_when_nothing_is_counted():
 
 
 @pytest.mark.parametrize(
-    ("per_second", "text"), [(8.44, "8.44 frames/s"), (1.0, "1 frames/s"), (0.25, "4 s each")]
+    ("per_second", "text"), [(8.44, "8.44 frames/s"), (1.0, "1 frame/s"), (0.25, "4 s each")]
 )
 def test_pace_is_told_so_that_the_number_is_not_below_one(per_second, text):
     assert pace_text(per_second, "frames") == text

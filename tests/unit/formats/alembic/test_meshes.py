@@ -120,7 +120,7 @@ def test_load_names_the_frame_when_faces_change(tmp_path):
     sampling = sample.uniform(1 / 24, 0.0)
     sample.add_mesh(sample.archive(tmp_path / "a.abc").getTop(), "m", MOVES, sampling, faces)
     with pytest.raises(
-        InvalidInputError, match="frame 2 of /m has 1 faces; expected 2 as in frame 0"
+        InvalidInputError, match="frame 2 of /m has 1 face; expected 2 as in frame 0"
     ):
         load(tmp_path / "a.abc")
 

@@ -395,7 +395,7 @@ def test_load_refuses_when_a_transform_is_out_of_all_bounds(stage_file, operatio
         (POINTS, QUAD.replace("[4]", "[-4]"), "faceVertexCounts need -4"),
         (POINTS, QUAD.replace("[4]", "[2, 2]"), "face 0: a face needs at least three corners"),
         (POINTS, QUAD.replace("3]", "4]"), "names vertex 4; indices must be in 0..3"),
-        ("point3f[] points = []", QUAD, "holds 0 vertices and 1 faces"),
+        ("point3f[] points = []", QUAD, "holds 0 vertices and 1 face"),
         (POINTS, "int[] faceVertexCounts = [4]", "has no faceVertexIndices"),
         ("point3f[] points = [(nan, 0, 0), (1, 0, 0), (0, 0, 0), (0, 0, 0)]", QUAD, "be finite"),
         (POINTS.replace("(1, 1, 0)", "(1e39, 1, 0)"), QUAD, "be finite"),
