@@ -1,6 +1,6 @@
 """What a reader leaves out of a file, said once and in the same words by every reader."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 LEFT_OUT = "left out: "
 """How a note begins that names something of the input that is in no output."""
@@ -48,3 +48,9 @@ def note_kinds(notes: list[str], kind: str, names: Iterable[str]) -> None:
 def note_normals(notes: list[str]) -> None:
     """Add to the notes that stored normals are left out."""
     note_left_out(notes, "normals, which programs compute")
+
+
+def describe_cages(names: Sequence[str]) -> str:
+    """The sentence on subdivision surfaces, of which the cage is read: for a `GatheredNote`."""
+    cages = "whose cage is read" if len(names) == 1 else "whose cages are read"
+    return f"{LEFT_OUT}subdivision of {listed(names)}, {cages}"

@@ -292,7 +292,7 @@ def test_visibility_is_named_when_it_changes_on_a_stage(tmp_path):
     pytest.importorskip("pxr")
     samples = '  token visibility.timeSamples = { 0: "invisible", 1: "inherited" }\n}\n'
     text = "#usda 1.0\n" + USD[USD.index("def Mesh") : USD.index("  normal3f")] + samples
-    assert left_out(stored(tmp_path, "a.usda", text)) == ["visibility that changes: /m"]
+    assert left_out(stored(tmp_path, "a.usda", text)) == ["visibility that changes over time: /m"]
 
 
 def test_visibility_is_named_when_an_alembic_mesh_has_it(tmp_path):

@@ -24,7 +24,8 @@ from meshreel.formats.alembic.ogawa import damaged
 from meshreel.formats.alembic.time_sampling import Times, between
 from meshreel.formats.alembic.transforms import Matrix, placed, world_matrix
 from meshreel.formats.alembic.winding import turned_corners
-from meshreel.formats.left_out import note_left_out
+from meshreel.formats.gathered_note import GatheredNote
+from meshreel.formats.left_out import describe_cages, note_left_out
 from meshreel.formats.merging import united_times
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.polygons import PolygonMesh, polygon_mesh
@@ -53,8 +54,10 @@ def read_meshes(path: Path, options: ReadOptions) -> list[SceneMesh]:
     if any(node.schema in OTHERS for node in nodes):
         note_left_out(options.notes, describe_contents(nodes))
 
+    cages = GatheredNote(options.notes, describe_cages)
+
     def read(node: Node) -> SceneMesh:
-        return _AnimatedMesh(node, options.notes).scene_mesh()
+        return _AnimatedMesh(node, options.notes, cages).scene_mesh()
 
     return [readable_mesh(node.path, partial(read, node)) for node in meshes]
 
@@ -67,10 +70,12 @@ class _AnimatedMesh:
     node : Node
     notes : list of str
         Gains a sentence for what is not carried.
+    cages : GatheredNote
+        Told of a subdivision surface.
     """
 
-    def __init__(self, node: Node, notes: list[str]) -> None:
-        self._node, self._notes = node, notes
+    def __init__(self, node: Node, notes: list[str], cages: GatheredNote) -> None:
+        self._node, self._notes, self._cages = node, notes, cages
         geometry = node.object.properties.get(".geom")
         self._properties = geometry.properties if geometry is not None else {}
         missing = [one for one in (POINTS, CORNERS, COUNTS) if one not in self._properties]
@@ -139,7 +144,7 @@ class _AnimatedMesh:
         if "visible" in self._node.object.properties:
             note_left_out(self._notes, f"visibility of {self._node.path}")
         if self._node.schema == SUBDIVISION:
-            note_left_out(self._notes, f"subdivision of {self._node.path}, whose cage is read")
+            self._cages.add(self._node.path)
         sets = {
             child.header.name: child.properties[".faceset"].properties
             for child in self._node.object.children

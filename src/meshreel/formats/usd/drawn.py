@@ -38,7 +38,7 @@ def drawn_meshes(stage: Any, notes: list[str]) -> list[Any]:
     if not drawn:
         raise FormatError(f"holds no mesh that is drawn; it holds {_counted(hidden, others)}")
     blinking = [str(prim.GetPath()) for prim in drawn if len(set(_visible(prim))) > 1]
-    note_kinds(notes, "visibility that changes", blinking)
+    note_kinds(notes, "visibility that changes over time", blinking)
     if hidden or others:
         note_left_out(notes, _counted(hidden, others))
     return drawn

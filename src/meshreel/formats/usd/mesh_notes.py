@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from meshreel.formats.gathered_note import GatheredNote
-from meshreel.formats.left_out import LEFT_OUT, listed
+from meshreel.formats.left_out import LEFT_OUT, describe_cages, listed
 from meshreel.formats.usd.holes import Mask
 from meshreel.formats.usd.mesh_shape import MeshShape
 from meshreel.formats.usd.primitives import PRIMITIVES, PrimitiveShape
@@ -29,7 +29,7 @@ class MeshNotes:
     def __init__(self, plain: list[str]) -> None:
         self.plain = plain
         self.sampled = GatheredNote(plain, _sampled)
-        self._cages = GatheredNote(plain, _cages)
+        self._cages = GatheredNote(plain, describe_cages)
         self._holes = GatheredNote(plain, _holes)
         self._flat = GatheredNote(plain, _flat)
         self._round = GatheredNote(plain, _round)
@@ -48,12 +48,6 @@ class MeshNotes:
 
 def _sampled(found: Sequence[str]) -> str:
     return f"samples are not one to a frame; read as USD has it at each frame: {listed(found)}"
-
-
-def _cages(paths: Sequence[str]) -> str:
-    if len(paths) == 1:
-        return f"{paths[0]} is a subdivision surface; its cage is read"
-    return f"{listed(paths)} are subdivision surfaces; their cages are read"
 
 
 def _holes(found: Sequence[str]) -> str:

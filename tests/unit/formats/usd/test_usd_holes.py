@@ -87,11 +87,11 @@ def test_load_says_that_a_cage_is_read_when_a_mesh_is_a_subdivision_surface(
     notes = []
     lines = f'\nuniform token subdivisionScheme = "{scheme}"' if scheme else ""
     load(mesh_file(STRIP + lines), notes=notes)
-    assert ("/m is a subdivision surface; its cage is read" in notes) == is_said
+    assert ("left out: subdivision of /m, whose cage is read" in notes) == is_said
 
 
 def test_load_says_it_once_when_several_are_subdivision_surfaces(tmp_path):
     path, notes = tmp_path / "a.usda", []
     path.write_text(f'#usda 1.0\ndef Mesh "m" {{\n{STRIP}\n}}\ndef Mesh "n" {{\n{STRIP}\n}}\n')
     load(path, merge=True, notes=notes)
-    assert notes == ["/m, /n are subdivision surfaces; their cages are read"]
+    assert notes == ["left out: subdivision of /m, /n, whose cages are read"]
