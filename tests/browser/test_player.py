@@ -204,6 +204,18 @@ def test_frames_per_second_advance_when_they_are_measured(page, record_property)
     assert rate > 1
 
 
+def test_player_plays_in_the_frame_of_a_notebook_when_a_file_shows_itself(new_page, flag, tmp_path):
+    with meshreel.open(flag / "flag.reel") as reel:
+        (tmp_path / "cell.html").write_text(f"<body>{reel._repr_html_()}</body>")
+    page = new_page((tmp_path / "cell.html").as_uri(), is_shown=False)
+    page.locator("iframe").wait_for()
+    frame = page.frames[1]
+    wait_until(frame, "window.player?.state?.().playing === true")
+    wait_until(frame, "player.state().frame > 3")
+    assert not frame.locator("#panel").is_visible()
+    assert 0.05 < covered(picture_of(frame, "#canvas")).mean() < 0.9
+
+
 def test_page_asks_nobody_else_when_it_plays(browser, new_page, compared_url):
     page = new_page(compared_url)
     asked = []

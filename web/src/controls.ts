@@ -47,7 +47,8 @@ export function connectControls(
     "help-button": "?",
   };
   for (const [id, key] of Object.entries(buttons)) part(id).addEventListener("click", actions[key]);
-  if (window.matchMedia(PHONE).matches && !reel.original) togglePanel();
+  const isFramed = window.self !== window.top;
+  if (isFramed || (window.matchMedia(PHONE).matches && !reel.original)) togglePanel();
   const [bar, labels] = [new HeatBar(), new Labels()];
   player.changed = () => {
     timeline.update();
