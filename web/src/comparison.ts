@@ -67,8 +67,9 @@ export class ComparisonPanel {
   }
 
   private writeErrorsOfFew(): void {
-    const { frame, modes, frameErrors } = this.player.state();
+    const { modes, frameErrors } = this.player.state();
     if (!frameErrors) return;
+    const { frame } = frameErrors;
     const percent = (value: number) => `${shortNumber(Number(value.toPrecision(3)))} %`;
     part("few-title").textContent = `Frame ${frame} with ${modes === 1 ? "1 mode" : `${modes} modes`}`;
     fillRows(part("few-rows"), [

@@ -19,7 +19,7 @@ export class Extras {
   /** How many modes are shown where they are not all. */
   fewModes: number | null = null;
   /** Of the frame shown with few modes, beside an original. */
-  frameErrors: FrameErrors | null = null;
+  frameErrors: (FrameErrors & { frame: number }) | null = null;
   private readonly originals: Cache<Float32Array>;
   private readonly heats = new Map<string, Cache<Float32Array>>();
   private readonly ahead: Lookahead;
@@ -93,7 +93,7 @@ export class Extras {
     if (!original || this.heatKey(frame) === this.shownHeat) return false;
     const decoded = this.decodedAt(frame);
     if (!decoded) return false;
-    this.frameErrors = this.fields.errors(original, decoded);
+    this.frameErrors = { frame, ...this.fields.errors(original, decoded) };
     this.shownHeat = this.heatKey(frame);
     if (this.heatKind === null) return true;
     const values = this.fields.of(this.heatKind, original, decoded);

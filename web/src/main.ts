@@ -38,8 +38,8 @@ async function start(): Promise<void> {
   connectControls(reel, stage, picture, player, opening);
   exposeForTests(player, picture, stage, opening);
   await player.seek(0);
-  if (picture.travelsFar()) part<HTMLInputElement>("follow").click();
   await opening.begin();
+  if (picture.travelsFar()) part<HTMLInputElement>("follow").click();
 }
 
 function firstLook(reel: Reel): Look {

@@ -19,7 +19,7 @@ export interface PlayerState {
   /** Whether fewer modes are shown than there are. */
   isFew: boolean;
   /** Of the shown frame of few modes, where there is an original. */
-  frameErrors: FrameErrors | null;
+  frameErrors: (FrameErrors & { frame: number }) | null;
   heat: string | null;
   hottest: number;
   speed: number;

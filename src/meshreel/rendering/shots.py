@@ -77,7 +77,7 @@ def scene_words(
         return Words(titles, caption, widest)
     unit = HEATS[scene.heat].unit
     above = f"Yellow: {_number(scale.high, unit)} and more. " if scale.largest > scale.high else ""
-    most = f"Of these frames the largest is {_number(scale.largest, unit)}, in frame {scale.frame}."
+    most = f"The largest value shown is {_number(scale.largest, unit)}, in frame {scale.frame}."
     caption = f"{caption}\n{above}{most}" if caption else above + most
     return Words(titles, caption, widest, scale.high, unit)
 
