@@ -32,7 +32,10 @@ def played(data, n_modes=None):
     _, arrays = read_packet(data)
     fields = arrays["fields"] * arrays["field_scales"][:, None]
     weights = arrays["weights"]
-    positions = np.einsum("kv,tka->tva", fields[:n_modes], weights[:, :n_modes]).astype(np.float32)
+    if n_modes is not None:  # the others rest
+        weights = weights.copy()
+        weights[:, n_modes:] = weights[:, n_modes:].mean(axis=0)
+    positions = np.einsum("kv,tka->tva", fields, weights).astype(np.float32)
     if n_modes is None:
         starts = arrays["correction_starts"]
         for frame in range(len(positions)):

@@ -59,6 +59,14 @@ def show(page, frame):
     page.evaluate("frame => player.seek(frame)", frame)
 
 
+def put_to_rest(page):
+    """Have the first frame shown plainly, and nothing move by itself."""
+    page.evaluate("player.takeOver()")
+    page.evaluate("player.pause()")
+    page.evaluate("player.setHeat(null)")
+    show(page, 0)
+
+
 def wait_until(page, condition, limit_s=20.0):
     """Wait for a condition in JavaScript; the page's policy keeps out playwright's own way."""
     end = time.monotonic() + limit_s

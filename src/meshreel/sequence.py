@@ -169,6 +169,27 @@ class MeshSequence:
         """Positions of frames start..stop - 1, of shape (stop - start, V, 3)."""
         return self.vertices[start:stop]
 
+    def _repr_html_(self) -> str:
+        """What a notebook shows: figures over the player, or over a picture."""
+        from meshreel.notebook.html import html_of
+
+        return html_of(self)
+
+    def show(self, *, block: bool | None = None) -> None:
+        """Play the sequence: in the output of the cell in a notebook, else in the browser.
+
+        Parameters
+        ----------
+        block : bool, optional
+            Whether to wait for ctrl-C while the browser shows it. Default: in a script, whose
+            end would end the player, but not at a prompt.
+
+        The browser shows it beside what `encode` makes of it by default; a notebook shows that.
+        """
+        from meshreel.notebook.show import show
+
+        show(self, block=block)
+
     def __repr__(self) -> str:
         name = f" {self.name!r}" if self.name else ""
         return (

@@ -8,7 +8,7 @@ import pytest
 import meshreel
 from meshreel.errors import InvalidInputError
 from meshreel.viewer.page import page_text
-from sample_player_pages import COMMAND, viewing
+from sample_player_pages import COMMAND, put_to_rest, viewing
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
 OPTIONS = (  # software draws, so that no graphics card is needed
@@ -43,7 +43,7 @@ def new_page(browser):
     """Opens pages; an error in a script of theirs fails the test."""
     contexts, errors = [], []
 
-    def open_page(url, *, width=1280, height=720, script="", is_shown=True):
+    def open_page(url, *, width=1280, height=720, script="", is_shown=True, is_at_rest=True):
         context = browser.new_context(viewport={"width": width, "height": height})
         contexts.append(context)
         page = context.new_page()
@@ -52,6 +52,8 @@ def new_page(browser):
         page.goto(url)
         if is_shown:
             page.evaluate("player.ready")
+        if is_shown and is_at_rest:
+            put_to_rest(page)
         return page
 
     yield open_page

@@ -1,6 +1,7 @@
 """The player in a real browser, as people use it."""
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -21,6 +22,8 @@ from sample_player_pages import (
 
 LAST = 35
 MOST_MODES = 1000
+FEW_MODES = 3
+FILLED = 2 / 3
 FRAMES = (0, 5, 11, 12, 23, 24, LAST)
 """Both sides of every border between blocks."""
 
@@ -46,6 +49,31 @@ def compared(new_page, compared_url):
     page = new_page(compared_url)
     page.locator("#plots figure").first.wait_for()  # all frames are measured
     return page
+
+
+def test_page_opens_playing_when_there_is_no_original(new_page, url):
+    page = new_page(url, is_at_rest=False)
+    assert state_of(page)["playing"]
+    assert state_of(page)["heat"] is None
+
+
+def test_page_opens_at_the_largest_error_when_there_is_an_original(
+    new_page, compared_url, flag, decoded
+):
+    page = new_page(compared_url, is_at_rest=False)
+    page.locator("#plots figure").first.wait_for()  # all frames are measured
+    largest = [distance_percent(flag, decoded, frame).max() for frame in range(LAST + 1)]
+    wait_until(page, f"player.state().frame === {int(np.argmax(largest))}")
+    assert state_of(page)["heat"] == "distance"
+    assert not state_of(page)["playing"]
+
+
+def test_page_stays_where_it_is_when_somebody_has_taken_over(new_page, compared_url):
+    page = new_page(compared_url, is_at_rest=False)
+    page.keyboard.press("Home")
+    page.locator("#plots figure").first.wait_for()
+    page.wait_for_timeout(300)
+    assert state_of(page)["frame"] == 0
 
 
 @pytest.mark.parametrize("frame", FRAMES)
@@ -76,10 +104,58 @@ def test_page_comes_closer_to_decode_when_there_are_more_modes(page, decoded):
     assert errors[0] > 100 * errors[-1]
 
 
+@pytest.mark.parametrize("n_modes", [1, FEW_MODES])
+@pytest.mark.parametrize("frame", [5, 30])
+def test_page_draws_what_decode_gives_when_few_modes_move(page, flag, n_modes, frame):
+    few = meshreel.decode((flag / "flag.reel").read_bytes(), n_modes=n_modes).vertices
+    show(page, frame)
+    page.evaluate("n => player.setModes(n)", n_modes)
+    assert np.abs(positions_of(page) - few[frame]).max() < 1e-4 * diagonal_of(few)
+
+
+@pytest.mark.parametrize("kind", ["distance", "angle", "sted"])
+def test_heat_map_is_of_the_modes_that_are_shown_when_they_are_few(compared, flag, kind):
+    original = meshreel.load(flag / "original.npz")
+    show(compared, 17)
+    compared.evaluate("n => player.setModes(n)", FEW_MODES)
+    compared.evaluate("kind => player.setHeat(kind)", kind)
+    field = heat_field(kind, original.faces, original.n_verts, diagonal_of(original.vertices))
+    values = field(original.vertices[17], positions_of(compared))
+    assert state_of(compared)["hottest"] == pytest.approx(values.max(), rel=2e-3)
+    expected = colorize(values, 0, state_of(compared)["hottest"]).astype(int)
+    assert len(np.unique(expected, axis=0)) > 50
+    assert np.abs(colors_of(compared) - expected).max() <= 2
+
+
+def test_panel_tells_the_errors_of_few_modes_when_the_slider_is_moved(compared, flag):
+    few = meshreel.decode((flag / "flag.reel").read_bytes(), n_modes=FEW_MODES).vertices
+    largest = distance_percent(flag, few, 20).max()
+    show(compared, 20)
+    compared.locator("#modes").fill(str(FEW_MODES))
+    wait_until(compared, "player.state().frameErrors !== null")
+    told = compared.locator("#few").inner_text()
+    assert f"Frame 20 with {FEW_MODES} modes" in told
+    assert float(re.search(r"largest error\s+([\d.]+) %", told)[1]) == pytest.approx(
+        largest, rel=5e-3
+    )
+
+
+def test_figures_of_all_modes_are_grey_when_few_are_shown_and_only_then(compared):
+    marked = "() => [...document.querySelectorAll('.of-all')].map((part) => part.id)"
+    assert compared.evaluate(marked) == []
+    compared.locator("#modes").fill("2")
+    wait_until(compared, "player.state().isFew")
+    assert compared.evaluate(marked) == ["plots", "original-rows"]
+    compared.locator("#modes").fill(str(MOST_MODES))
+    wait_until(compared, "!player.state().isFew")
+    assert compared.evaluate(marked) == []
+    assert not compared.locator("#few").is_visible()
+
+
 def test_mode_slider_says_how_many_modes_are_in_use_when_it_is_moved(page):
     page.locator("#modes").fill("2")
     assert state_of(page)["modes"] == 2
-    assert re.fullmatch(r"first 2 of \d+", page.locator("#modes-label").inner_text())
+    assert re.fullmatch(r"first 2 of \d+ modes", page.locator("#modes-label").inner_text())
 
 
 def test_page_plays_on_over_blocks_when_play_is_pressed(page):
@@ -126,6 +202,18 @@ def test_frames_per_second_advance_when_they_are_measured(page, record_property)
     rate = page.evaluate("player.measureFps(1)")
     record_property("frames_per_second", rate)
     assert rate > 1
+
+
+def test_player_plays_in_the_frame_of_a_notebook_when_a_file_shows_itself(new_page, flag, tmp_path):
+    with meshreel.open(flag / "flag.reel") as reel:
+        (tmp_path / "cell.html").write_text(f"<body>{reel._repr_html_()}</body>")
+    page = new_page((tmp_path / "cell.html").as_uri(), is_shown=False)
+    page.locator("iframe").wait_for()
+    frame = page.frames[1]
+    wait_until(frame, "window.player?.state?.().playing === true")
+    wait_until(frame, "player.state().frame > 3")
+    assert not frame.locator("#panel").is_visible()
+    assert 0.05 < covered(picture_of(frame, "#canvas")).mean() < 0.9
 
 
 def test_page_asks_nobody_else_when_it_plays(browser, new_page, compared_url):
@@ -195,6 +283,30 @@ def test_colour_bar_shows_both_ends_of_the_map_when_a_heat_map_is_on(compared):
     assert "% of the diagonal" in bar.inner_text()
 
 
+def test_colour_bar_says_a_number_at_both_ends_when_a_heat_map_is_on(compared):
+    compared.evaluate("player.setHeat('distance')")
+    shown = picture_of(compared, "#heat-bar canvas")
+    below = np.abs(shown[18:] - shown[-1, shown.shape[1] // 3]).max(axis=2) > 100
+    assert below[:, :8].any()
+    assert below[:, -8:].any()
+    label = compared.locator("#heat-bar").get_attribute("aria-label")
+    assert re.search(r"yellow from (≥ )?[\d.]+ %$", label)
+
+
+@pytest.mark.parametrize(("width", "height"), [(1280, 720), (390, 844)])
+def test_legend_covers_nothing_when_a_heat_map_is_on(new_page, compared_url, width, height):
+    page = new_page(compared_url, width=width, height=height)
+    page.evaluate("player.setHeat('distance')")
+    legend, canvas = (page.locator(one).bounding_box() for one in ("#heat-bar", "#canvas"))
+    assert legend["y"] >= canvas["y"] + canvas["height"]
+    for inner in (page.locator("#heat-bar canvas"), page.locator("#heat-bar figcaption")):
+        box = inner.bounding_box()
+        assert box["x"] >= legend["x"] + 8
+        assert box["x"] + box["width"] <= legend["x"] + legend["width"] - 8
+        assert box["y"] >= legend["y"] + 6
+        assert box["y"] + box["height"] <= legend["y"] + legend["height"] - 6
+
+
 def test_plot_seeks_when_it_is_clicked(compared):
     box = compared.locator("#plots svg").first.bounding_box()
     compared.mouse.click(box["x"] + box["width"] * 0.97, box["y"] + box["height"] / 2)
@@ -212,6 +324,16 @@ def test_mesh_stands_in_the_middle_of_the_canvas_when_the_page_opens(page):
     assert 0.1 < mask.mean() < 0.7
     middle = np.argwhere(mask).mean(axis=0) / mask.shape
     assert np.abs(middle - 0.5).max() < 0.25
+
+
+@pytest.mark.parametrize(("width", "height"), [(1280, 720), (390, 844)])
+def test_mesh_fills_two_thirds_of_the_canvas_when_the_page_opens(new_page, url, width, height):
+    page = new_page(url, width=width, height=height)
+    page.evaluate("document.getElementById('name').hidden = true")
+    mask = covered(picture_of(page, "#canvas"))
+    shares = [np.ptp(np.flatnonzero(mask.any(axis=axis))) / mask.shape[1 - axis] for axis in (0, 1)]
+    assert max(shares) > FILLED
+    assert max(shares) < 1
 
 
 @pytest.mark.parametrize("frame", [0, LAST])
@@ -249,6 +371,18 @@ def test_overlay_draws_lines_of_the_original_when_it_is_chosen(compared):
     compared.wait_for_timeout(300)
     red, _, blue = picture_of(compared, "#canvas")[60:].transpose(2, 0, 1)
     assert (red - blue > 40).mean() > 0.01
+
+
+def test_overlay_is_not_hidden_when_the_original_lies_just_behind(new_page, flag, tmp_path):
+    original = meshreel.load(flag / "original.npz")
+    behind = original.vertices - np.float32([0, 0, 0.005 * diagonal_of(original.vertices)])
+    meshreel.save(replace(original, vertices=behind), tmp_path / "behind.npz")
+    with viewing(flag / "flag.reel", "--original", tmp_path / "behind.npz") as (_, address):
+        page = new_page(address)
+        page.locator("[name=arrangement][value=over]").check()
+        page.wait_for_timeout(300)
+        red, _, blue = picture_of(page, "#canvas")[60:].transpose(2, 0, 1)
+    assert (red - blue > 40).mean() > 0.02
 
 
 @pytest.mark.parametrize(

@@ -184,6 +184,11 @@ def test_demo_writes_stream_and_picture_when_run(tmp_path):
     }  # fmt: skip
     assert figures["kg_error_percent"] < 2
     assert figures["size_bytes"] == (tmp_path / "demo" / "flag.reel").stat().st_size
+    original = meshreel.load(tmp_path / "demo" / "flag.npz").vertices
+    decoded = meshreel.decode((tmp_path / "demo" / "flag.reel").read_bytes()).vertices
+    farthest = np.linalg.norm(decoded - original, axis=2).max(axis=1)
+    assert figures["max_error_frame"] == farthest.argmax()
+    assert figures["max_error_frame"] in figures["picture_frames"]
 
 
 def test_demo_keeps_earlier_results_when_not_forced(tmp_path):

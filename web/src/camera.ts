@@ -1,12 +1,31 @@
 // The camera convention of `meshreel render`: a long lens, a little from the side and from above,
-// as near as everything in the box of all frames stays in view.
+// as near as every point that it is given stays in view.
 
 import * as THREE from "three";
 
 const FIELD_OF_VIEW_DEG = 28;
 const AZIMUTH_DEG = 30;
 const ELEVATION_DEG = 12;
-const MARGIN = 0.06;
+const MARGIN = 0.05;
+
+/** 13 lines through the middle of a cube. */
+const DIRECTIONS = [-1, 0, 1]
+  .flatMap((x) => [-1, 0, 1].flatMap((y) => [-1, 0, 1].map((z) => new THREE.Vector3(x, y, z))))
+  .slice(14);
+
+/** The outermost of positions (V, 3), both ways along some lines: what frames them all. */
+export function outermost(positions: Float32Array): THREE.Vector3[] {
+  const point = (at: number) => new THREE.Vector3().fromArray(positions, at);
+  return DIRECTIONS.flatMap(({ x, y, z }) => {
+    let [least, most, low, high] = [0, 0, Infinity, -Infinity];
+    for (let at = 0; at < positions.length; at += 3) {
+      const along = x * positions[at] + y * positions[at + 1] + z * positions[at + 2];
+      if (along < low) [least, low] = [at, along];
+      if (along > high) [most, high] = [at, along];
+    }
+    return [point(least), point(most)];
+  });
+}
 
 export function makeCamera(): THREE.PerspectiveCamera {
   return new THREE.PerspectiveCamera(FIELD_OF_VIEW_DEG, 1, 0.01, 100);
@@ -29,19 +48,22 @@ export function setDepthRange(camera: THREE.PerspectiveCamera, box: THREE.Box3):
   camera.updateProjectionMatrix();
 }
 
-/** Moves the camera to where it sees the whole box; returns the point that it looks at. */
-export function frameBox(camera: THREE.PerspectiveCamera, box: THREE.Box3): THREE.Vector3 {
-  const centre = box.getCenter(new THREE.Vector3());
+/** Moves the camera to where it sees all points; returns the point that it looks at. */
+export function framePoints(
+  camera: THREE.PerspectiveCamera,
+  points: THREE.Vector3[],
+): THREE.Vector3 {
+  const centre = new THREE.Box3().setFromPoints(points).getCenter(new THREE.Vector3());
   const elevation = THREE.MathUtils.degToRad(90 - ELEVATION_DEG);
   const azimuth = THREE.MathUtils.degToRad(AZIMUTH_DEG);
   const back = new THREE.Vector3().setFromSphericalCoords(1, elevation, azimuth);
   camera.position.copy(centre).add(back);
   camera.lookAt(centre);
   camera.updateMatrixWorld();
-  const eye = nearestEye(camera, cornersOf(box));
+  const eye = nearestEye(camera, points);
   camera.position.copy(eye);
   camera.updateMatrixWorld();
-  // Looks straight on, at the depth of the centre, so that turning keeps the box in the middle.
+  // Looks straight on, at the depth of the centre, so that turning keeps the points in the middle.
   const depth = eye.clone().sub(centre).dot(back);
   return eye.clone().addScaledVector(back, -depth);
 }
@@ -70,15 +92,4 @@ function nearestEye(camera: THREE.PerspectiveCamera, points: THREE.Vector3[]): T
     Math.max(x.depth, y.depth, nearest + clearance),
   );
   return eye.applyQuaternion(camera.quaternion);
-}
-
-function cornersOf(box: THREE.Box3): THREE.Vector3[] {
-  return [0, 1, 2, 3, 4, 5, 6, 7].map(
-    (bits) =>
-      new THREE.Vector3(
-        bits & 1 ? box.max.x : box.min.x,
-        bits & 2 ? box.max.y : box.min.y,
-        bits & 4 ? box.max.z : box.min.z,
-      ),
-  );
 }

@@ -3,6 +3,8 @@
 
 import { loadMeasured } from "./data";
 import { fillRows, input, part } from "./page";
+import { shortNumber } from "./heat_map";
+import type { Opening } from "./opening";
 import type { Player } from "./player";
 import { Plot } from "./plots";
 import type { Errors, HeatInfo, OriginalInfo } from "./reel";
@@ -20,6 +22,7 @@ export class ComparisonPanel {
   constructor(
     private readonly player: Player,
     private readonly original: OriginalInfo,
+    private readonly opening: Opening,
   ) {
     part("compare").hidden = false;
     for (const { kind, label } of original.heats) {
@@ -46,13 +49,33 @@ export class ComparisonPanel {
   }
 
   update(): void {
-    const { frame, playing, heat } = this.player.state();
+    const { frame, playing, heat, isFew } = this.player.state();
     this.heat.value = heat ?? "";
     this.perFrame.disabled = heat === null;
     const now = performance.now();
     const isWritten = !playing || now - this.writtenMs > BETWEEN_VALUES_MS;
     if (isWritten) this.writtenMs = now;
     for (const plot of this.plots) plot.update(frame, isWritten);
+    this.markFew(isFew);
+    if (isWritten) this.writeErrorsOfFew();
+  }
+
+  /** Greys out what is of all modes while fewer are shown, and says so. */
+  private markFew(isFew: boolean): void {
+    part("few").hidden = !isFew;
+    for (const id of ["plots", "original-rows"]) part(id).classList.toggle("of-all", isFew);
+  }
+
+  private writeErrorsOfFew(): void {
+    const { modes, frameErrors } = this.player.state();
+    if (!frameErrors) return;
+    const { frame } = frameErrors;
+    const percent = (value: number) => `${shortNumber(Number(value.toPrecision(3)))} %`;
+    part("few-title").textContent = `Frame ${frame} with ${modes === 1 ? "1 mode" : `${modes} modes`}`;
+    fillRows(part("few-rows"), [
+      ["largest error", `${percent(frameErrors.largest)} of the diagonal`],
+      ["RMS error", `${percent(frameErrors.rms)} of the diagonal`],
+    ]);
   }
 
   private chooseHeat(): void {
@@ -73,10 +96,11 @@ export class ComparisonPanel {
     }
   }
 
-  private async take({ heats, plots, rows }: Errors): Promise<void> {
-    Object.assign(this.original, { heats, plots, rows });
+  private async take({ heats, plots, rows, worst_frame }: Errors): Promise<void> {
+    Object.assign(this.original, { heats, plots, rows, worst_frame });
     this.show(this.original);
     await this.player.setHeat(this.player.state().heat);
+    await this.opening.toLargestError();
   }
 
   private show({ plots, rows }: Errors): void {

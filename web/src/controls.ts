@@ -4,6 +4,7 @@ import { ComparisonPanel } from "./comparison";
 import { HeatBar } from "./heat_bar";
 import { listenForKeys, type Actions } from "./keyboard";
 import { Labels } from "./labels";
+import type { Opening } from "./opening";
 import { showError } from "./messages";
 import { Choice, input, part } from "./page";
 import { Panel } from "./panel";
@@ -17,10 +18,16 @@ import { Timeline } from "./timeline";
 const PHONE = "(max-width: 720px)";
 
 /** Connects every control of the page, and keeps what it shows up to date. */
-export function connectControls(reel: Reel, stage: Stage, picture: Picture, player: Player): void {
+export function connectControls(
+  reel: Reel,
+  stage: Stage,
+  picture: Picture,
+  player: Player,
+  opening: Opening,
+): void {
   const timeline = new Timeline(player, reel);
   const panel = new Panel(player, reel);
-  const comparison = reel.original && new ComparisonPanel(player, reel.original);
+  const comparison = reel.original && new ComparisonPanel(player, reel.original, opening);
   const actions: Actions = {
     ...timelineKeys(timeline, reel),
     ...viewKeys(reel, stage, picture, player),
@@ -40,13 +47,17 @@ export function connectControls(reel: Reel, stage: Stage, picture: Picture, play
     "help-button": "?",
   };
   for (const [id, key] of Object.entries(buttons)) part(id).addEventListener("click", actions[key]);
-  if (window.matchMedia(PHONE).matches && !reel.original) togglePanel();
+  const isFramed = window.self !== window.top;
+  if (isFramed || (window.matchMedia(PHONE).matches && !reel.original)) togglePanel();
   const [bar, labels] = [new HeatBar(), new Labels()];
   player.changed = () => {
     timeline.update();
     panel.update();
     comparison?.update();
-    bar.update(comparison?.heatInfo ?? null, player.state().hottest);
+    const { hottest, isFew, perFrameRange } = player.state();
+    const heat = comparison?.heatInfo ?? null;
+    const isClipped = heat !== null && !isFew && !perFrameRange && hottest < heat.maximum;
+    bar.update(heat, hottest, isClipped, isFew ? panel.modesText : "");
     labels.update(picture.look.arrangement, stage.isUpright);
   };
   stage.changed = () => player.redraw();

@@ -1,8 +1,10 @@
-// What comes one frame at a time beside the modes: values of a heat map, and the original.
+// What comes one frame at a time beside the modes: values of a heat map, and the original. Of the
+// mesh of fewer modes than all, errors are computed here; the server knows those of all.
 
 import { Lookahead } from "./ahead";
 import { Cache } from "./cache";
 import { loadPacket } from "./data";
+import { largest, type FrameErrors, type HeatFields } from "./heat_fields";
 import type { Picture } from "./picture";
 import { playingFps, type Reel } from "./reel";
 
@@ -14,15 +16,23 @@ export class Extras {
   isPerFrameRange = false;
   /** The value that is painted hottest. */
   hottest = 0;
+  /** How many modes are shown where they are not all. */
+  fewModes: number | null = null;
+  /** Of the frame shown with few modes, beside an original. */
+  frameErrors: (FrameErrors & { frame: number }) | null = null;
   private readonly originals: Cache<Float32Array>;
   private readonly heats = new Map<string, Cache<Float32Array>>();
   private readonly ahead: Lookahead;
   private shownOriginal = -1;
   private shownHeat = "";
+  /** The largest value of few modes so far, of which kind and how many. */
+  private seen = { key: "", largest: 0 };
 
   constructor(
     private readonly reel: Reel,
     private readonly picture: Picture,
+    private readonly fields: HeatFields,
+    private readonly decodedAt: (frame: number) => Float32Array | null,
   ) {
     this.originals = frameCache("api/original", "positions", [reel.n_verts, 3]);
     this.ahead = new Lookahead(reel.n_frames, playingFps(reel));
@@ -38,7 +48,7 @@ export class Extras {
   async load(frame: number): Promise<void> {
     await Promise.all([
       this.heatCache()?.load(frame),
-      this.picture.needsOriginal ? this.originals.load(frame) : null,
+      this.needsOriginal ? this.originals.load(frame) : null,
     ]);
   }
 
@@ -46,28 +56,63 @@ export class Extras {
   foresee(frame: number, speed: number, failed: (error: unknown) => void): void {
     const heats = this.heatCache();
     if (heats) this.ahead.foresee(heats, frame, speed, failed);
-    if (this.picture.needsOriginal) this.ahead.foresee(this.originals, frame, speed, failed);
+    if (this.needsOriginal) this.ahead.foresee(this.originals, frame, speed, failed);
   }
 
   /** Shows what is here of a frame; the rest stays as it was. True if anything has changed. */
   show(frame: number): boolean {
-    const showsHeat = this.showHeat(frame);
+    const showsHeat = this.comparesFew ? this.showErrorsOfFew(frame) : this.showHeat(frame);
     return this.showOriginal(frame) || showsHeat;
   }
 
   /** Whether all that is shown is of this frame. */
   areOf(frame: number): boolean {
-    const isHeatRight = this.heatKind === null || this.shownHeat === this.heatKey(frame);
+    const isPainted = this.heatKind !== null || this.comparesFew;
+    const isHeatRight = !isPainted || this.shownHeat === this.heatKey(frame);
     return isHeatRight && (!this.picture.needsOriginal || this.shownOriginal === frame);
   }
 
+  private get comparesFew(): boolean {
+    return this.fewModes !== null && this.reel.original !== null;
+  }
+
+  private get needsOriginal(): boolean {
+    return this.picture.needsOriginal || this.comparesFew;
+  }
+
   private showHeat(frame: number): boolean {
+    this.frameErrors = null;
     const values = this.heatCache()?.peek(frame);
     if (!values || this.heatKey(frame) === this.shownHeat) return false;
-    this.hottest = this.isPerFrameRange ? largest(values) : this.fixedRange();
+    this.paint(values, this.fixedRange(), frame);
+    return true;
+  }
+
+  private showErrorsOfFew(frame: number): boolean {
+    const original = this.originals.peek(frame);
+    if (!original || this.heatKey(frame) === this.shownHeat) return false;
+    const decoded = this.decodedAt(frame);
+    if (!decoded) return false;
+    this.frameErrors = { frame, ...this.fields.errors(original, decoded) };
+    this.shownHeat = this.heatKey(frame);
+    if (this.heatKind === null) return true;
+    const values = this.fields.of(this.heatKind, original, decoded);
+    this.paint(values, this.rangeOfFew(largest(values)), frame);
+    return true;
+  }
+
+  private paint(values: Float32Array, range: number, frame: number): void {
+    this.hottest = this.isPerFrameRange ? largest(values) : range;
     this.picture.setHeat({ values, hottest: this.hottest });
     this.shownHeat = this.heatKey(frame);
-    return true;
+  }
+
+  /** The range of all modes, widened by what has been seen of few. */
+  private rangeOfFew(value: number): number {
+    const key = `${this.heatKind} ${this.fewModes}`;
+    if (key !== this.seen.key) this.seen = { key, largest: 0 };
+    this.seen.largest = Math.max(this.seen.largest, value);
+    return Math.max(this.seen.largest, this.fixedRange());
   }
 
   private showOriginal(frame: number): boolean {
@@ -79,12 +124,13 @@ export class Extras {
   }
 
   private heatKey(frame: number): string {
-    return `${this.heatKind} ${frame}`;
+    return `${this.heatKind} ${this.fewModes} ${frame}`;
   }
 
+  /** Values that the server has measured; null where none are shown. */
   private heatCache(): Cache<Float32Array> | null {
     const kind = this.heatKind;
-    if (kind === null) return null;
+    if (kind === null || this.comparesFew) return null;
     const cache =
       this.heats.get(kind) ?? frameCache(`api/heat/${kind}`, "values", [this.reel.n_verts]);
     this.heats.set(kind, cache);
@@ -102,8 +148,4 @@ function frameCache(url: string, name: string, shape: number[]): Cache<Float32Ar
   const load = async (frame: number) =>
     (await loadPacket(`${url}/${frame}`)).array(name, "float32", shape) as Float32Array;
   return new Cache(load, Math.max(LEAST_KEPT, Math.floor(KEPT_BYTES / Math.max(1, bytes))));
-}
-
-function largest(values: Float32Array): number {
-  return values.reduce((most, value) => (value > most ? value : most), 0);
 }

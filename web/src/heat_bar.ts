@@ -1,40 +1,41 @@
-// The bar of colours beside a heat map, with round numbers and their unit.
+// The bar of colours below a heat map: both ends with their numbers and unit, round numbers between.
 
 import { HEAT, roundTicks, shortNumber } from "./heat_map";
 import { part } from "./page";
 import type { HeatInfo } from "./reel";
 
-const WIDTH = 224;
-const NARROW_WIDTH = 140;
-const NARROW_PAGE = window.matchMedia("(max-width: 720px)");
-const PAD = 12;
+const MOST_WIDTH = 320;
 const BAR = 14;
-const HEIGHT = 36;
+const HEIGHT = 34;
+/** Between numbers. */
+const GAP = 10;
 
 export class HeatBar {
   private readonly figure = part("heat-bar");
-  readonly canvas = this.figure.querySelector("canvas") as HTMLCanvasElement;
+  private readonly caption = this.figure.querySelector("figcaption") as HTMLElement;
+  private readonly canvas = this.figure.querySelector("canvas") as HTMLCanvasElement;
   private shown = "";
 
-  /** Draws the bar from 0 to `hottest`; null hides it. */
-  update(heat: HeatInfo | null, hottest: number): void {
+  /** Draws the bar from 0 to `hottest`; null hides it. `isClipped` where there may be more. */
+  update(heat: HeatInfo | null, hottest: number, isClipped: boolean, modes: string): void {
+    this.figure.hidden = heat === null;
     const ink = getComputedStyle(this.figure).color;
-    const width = NARROW_PAGE.matches ? NARROW_WIDTH : WIDTH;
-    const key = heat ? `${heat.kind} ${hottest} ${ink} ${width}` : "";
+    const width = Math.min(MOST_WIDTH, document.documentElement.clientWidth - 28);
+    const key = heat ? `${heat.kind} ${hottest} ${isClipped} ${modes} ${ink} ${width}` : "";
     if (key === this.shown) return;
     this.shown = key;
-    this.figure.hidden = heat === null;
     if (!heat) return;
-    const caption = this.figure.querySelector("figcaption") as HTMLElement;
-    caption.textContent = heat.label;
-    this.paint(width, hottest, heat.unit, ink);
+    this.caption.textContent = modes ? `${heat.label} (${modes})` : heat.label;
+    const unit = heat.unit ? ` ${heat.unit}` : "";
+    const ends = [`0${unit}`, `${isClipped ? "≥ " : ""}${rounded(hottest)}${unit}`];
+    this.paint(width, hottest, ends, ink);
     this.figure.setAttribute(
       "aria-label",
-      `Colours of ${heat.label}: violet at 0, green half-way, yellow from ${shortNumber(hottest)} ${heat.unit}`,
+      `Colours of ${heat.label}: violet at 0, green half-way, yellow from ${ends[1]}`,
     );
   }
 
-  private paint(width: number, hottest: number, unit: string, ink: string): void {
+  private paint(width: number, hottest: number, [first, last]: string[], ink: string): void {
     const scale = Math.min(window.devicePixelRatio, 2);
     this.canvas.width = width * scale;
     this.canvas.height = HEIGHT * scale;
@@ -42,17 +43,30 @@ export class HeatBar {
     this.canvas.style.height = `${HEIGHT}px`;
     const pen = this.canvas.getContext("2d") as CanvasRenderingContext2D;
     pen.scale(scale, scale);
-    const ramp = pen.createLinearGradient(PAD, 0, width - PAD, 0);
+    const ramp = pen.createLinearGradient(0, 0, width, 0);
     HEAT.forEach((color, i) => ramp.addColorStop(i / (HEAT.length - 1), `rgb(${color})`));
     pen.fillStyle = ramp;
-    pen.fillRect(PAD, 0, width - 2 * PAD, BAR);
+    pen.fillRect(0, 0, width, BAR);
     pen.fillStyle = ink;
-    pen.font = "11.5px system-ui, sans-serif";
-    pen.textAlign = "center";
+    pen.font = "12px system-ui, sans-serif";
+    const write = (text: string, x: number, align: CanvasTextAlign) => {
+      pen.textAlign = align;
+      pen.fillText(text, x, HEIGHT - 5);
+    };
+    write(first, 0, "left");
+    write(last, width, "right");
+    const [left, right] = [pen.measureText(first).width, width - pen.measureText(last).width];
     for (const tick of roundTicks(0, hottest, 5)) {
-      const x = PAD + ((width - 2 * PAD) * tick) / (hottest || 1);
+      const [x, text] = [(width * tick) / (hottest || 1), shortNumber(tick)];
+      const half = pen.measureText(text).width / 2 + GAP;
+      if (x - half < left || x + half > right) continue;
       pen.fillRect(x - 0.5, BAR, 1, 4);
-      pen.fillText(tick === 0 ? `0 ${unit}` : shortNumber(tick), x, BAR + 16);
+      write(text, x, "center");
     }
   }
+}
+
+/** Three digits that count. */
+function rounded(value: number): string {
+  return shortNumber(Number(value.toPrecision(3)));
 }

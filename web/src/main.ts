@@ -3,7 +3,9 @@
 import { connectControls } from "./controls";
 import { loadPacket, loadReel } from "./data";
 import { VertexGrid } from "./gpu/grid";
+import { HeatFields } from "./heat_fields";
 import { showError } from "./messages";
+import { Opening } from "./opening";
 import { part } from "./page";
 import { Picture, type Look } from "./picture";
 import { Player } from "./player";
@@ -26,14 +28,18 @@ async function start(): Promise<void> {
   const ownColors = colors && packet.array("colors", "uint8", [reel.n_verts, colors[1]]);
   const grid = new VertexGrid(reel.n_verts);
   const look = firstLook(reel);
-  const picture = new Picture(stage, grid, faces, ownColors, reel.original !== null, look);
+  const hasOriginal = reel.original !== null;
+  const picture = new Picture(stage, grid, faces, ownColors, hasOriginal, reel.diagonal, look);
   stage.setUp(reel.up);
-  const player = new Player(reel, grid, picture);
+  const fields = new HeatFields(faces, reel.n_verts, reel.original?.diagonal ?? reel.diagonal);
+  const player = new Player(reel, grid, picture, fields);
+  const opening = new Opening(reel, player);
   player.failed = showError;
-  connectControls(reel, stage, picture, player);
-  exposeForTests(player, picture, stage);
+  connectControls(reel, stage, picture, player, opening);
+  exposeForTests(player, picture, stage, opening);
   await player.seek(0);
-  if (picture.travelsFar(reel.diagonal)) part<HTMLInputElement>("follow").click();
+  await opening.begin();
+  if (picture.travelsFar()) part<HTMLInputElement>("follow").click();
 }
 
 function firstLook(reel: Reel): Look {

@@ -25,9 +25,14 @@ export class Panel {
     const { modes } = this.player.state();
     if (modes === this.shownModes) return;
     this.shownModes = modes;
-    const most = mostModes(this.reel);
     this.modes.value = String(modes);
-    part("modes-label").textContent = modes < most ? `first ${modes} of ${most}` : `all ${most}`;
+    part("modes-label").textContent = this.modesText;
+  }
+
+  /** How many modes are shown, in words. */
+  get modesText(): string {
+    const [{ modes }, most] = [this.player.state(), mostModes(this.reel)];
+    return modes < most ? `first ${modes} of ${most} modes` : `all ${most} modes`;
   }
 }
 

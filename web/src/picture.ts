@@ -2,6 +2,7 @@
 
 import * as THREE from "three";
 
+import { outermost } from "./camera";
 import { Decoder } from "./gpu/decoder";
 import type { VertexGrid } from "./gpu/grid";
 import { NormalPass } from "./gpu/normals";
@@ -22,17 +23,22 @@ export interface Look {
   isFollowed: boolean;
 }
 
-/** Of the box of one frame, so that others fit as well. */
+/** Around the pose of the shown frame, so that others fit as well. */
 const ROOM = 1.25;
 
-/** A mesh that is shorter than this share of the box of all frames is followed from the start. */
-const SMALL = 0.5;
+/** A mesh that the camera comes so much nearer to when it follows it is followed from the start. */
+const NEARER = 1.15;
 
 const INK: Record<Background, [number, number, number]> = {
   light: [0.08, 0.1, 0.14],
   dark: [0.02, 0.02, 0.03],
   none: [0.08, 0.1, 0.14],
 };
+/**
+ * How much nearer than they are lines are drawn, as shares of the diagonal: edges of the mesh that is
+ * drawn, and those of the original, which is off by the errors of the other.
+ */
+const LIFT = { wire: 0.001, over: 0.02 };
 const ORIGINAL_INK: [number, number, number] = [0.93, 0.42, 0.1];
 
 export class Picture {
@@ -44,6 +50,8 @@ export class Picture {
   private normals: NormalPass | null = null;
   private edgeIndex: THREE.BufferAttribute | null = null;
   private hasHeat = false;
+  /** The middle of the decoded mesh as it was drawn. */
+  private readonly centre = new THREE.Vector3();
 
   constructor(
     private readonly stage: Stage,
@@ -51,6 +59,7 @@ export class Picture {
     private readonly faceVertices: Uint32Array,
     ownColors: Uint8Array | null,
     hasOriginal: boolean,
+    private readonly diagonal: number,
     readonly look: Look,
   ) {
     this.decoder = new Decoder(stage.renderer, grid);
@@ -74,14 +83,19 @@ export class Picture {
     const paintKind = own ? OWN_COLORS : PLAIN;
     this.paint.uniforms.paintKind.value = this.hasHeat ? HEAT_MAP : paintKind;
     const ink = new THREE.Vector4(...INK[background], 0.45);
-    this.ruleLines(this.decoded, wire, ink);
+    this.ruleLines(this.decoded, wire, ink, LIFT.wire);
     const [decoded, original] = [this.decoded.group, this.original?.group];
     if (this.original && original) {
       const isOver = arrangement === "over";
       this.original.faces.visible = !isOver;
       this.original.faces.material.uniforms.paintKind.value = paintKind;
       const over = new THREE.Vector4(...ORIGINAL_INK, 0.4);
-      this.ruleLines(this.original, isOver || wire, isOver ? over : ink);
+      this.ruleLines(
+        this.original,
+        isOver || wire,
+        isOver ? over : ink,
+        isOver ? LIFT.over : LIFT.wire,
+      );
     }
     if (!original || arrangement === "decoded") this.stage.setViews([[decoded]]);
     else
@@ -93,15 +107,15 @@ export class Picture {
     return this.original !== null && this.look.arrangement !== "decoded";
   }
 
-  /** Turns following on or off, and frames the shown frame or all of them. */
+  /** Turns following on or off, and frames the shown frame, or all that the mesh sweeps. */
   setFollowed(isFollowed: boolean): void {
     this.look.isFollowed = isFollowed;
-    this.stage.frame(isFollowed ? this.halfSize() : null);
+    this.stage.frame(isFollowed ? this.pose() : null);
   }
 
-  /** Whether the shown frame is small beside the box of all frames, and would be hard to see. */
-  travelsFar(diagonal: number): boolean {
-    return (2 / ROOM) * this.halfSize().length() < SMALL * diagonal;
+  /** Whether the shown frame is small beside all that the mesh sweeps. */
+  travelsFar(): boolean {
+    return this.stage.distanceTo(null) > NEARER * this.stage.distanceTo(this.pose());
   }
 
   /** Says that the decoder has computed other positions. */
@@ -131,6 +145,7 @@ export class Picture {
 
   /** Draws all, where `centre` is the middle of the decoded mesh. */
   draw(centre: THREE.Vector3): void {
+    this.centre.copy(centre);
     this.stage.follow(this.look.isFollowed ? centre : null);
     const isSmooth = this.look.shading === "smooth";
     if (isSmooth) this.normals ??= new NormalPass(this.grid, this.faceVertices);
@@ -140,17 +155,17 @@ export class Picture {
     this.stage.draw();
   }
 
-  private ruleLines(surface: Surface, visible: boolean, ink: THREE.Vector4): void {
+  private ruleLines(surface: Surface, visible: boolean, ink: THREE.Vector4, lift: number): void {
     surface.lines.visible = visible;
     surface.lines.material.uniforms.ink.value = ink;
+    surface.lines.material.uniforms.lift.value = lift * this.diagonal;
     if (visible && !surface.lines.geometry.index) surface.lines.geometry.setIndex(this.edges());
   }
 
-  /** How far the shown frame reaches from its middle. */
-  private halfSize(): THREE.Vector3 {
-    const positions = new THREE.BufferAttribute(this.decoder.read(), 3);
-    const size = new THREE.Box3().setFromBufferAttribute(positions).getSize(new THREE.Vector3());
-    return size.multiplyScalar(ROOM / 2);
+  /** The outermost points of the shown frame about its middle, with room around. */
+  private pose(): THREE.Vector3[] {
+    const points = outermost(this.decoder.read());
+    return points.map((point) => point.sub(this.centre).multiplyScalar(ROOM));
   }
 
   private edges(): THREE.BufferAttribute {

@@ -3,6 +3,7 @@
 import { Cache } from "./cache";
 import { Clock } from "./clock";
 import { Extras } from "./extras";
+import type { FrameErrors, HeatFields } from "./heat_fields";
 import { ModeBlock } from "./gpu/mode_block";
 import type { VertexGrid } from "./gpu/grid";
 import type { Picture } from "./picture";
@@ -15,6 +16,10 @@ export interface PlayerState {
   playing: boolean;
   buffering: boolean;
   modes: number;
+  /** Whether fewer modes are shown than there are. */
+  isFew: boolean;
+  /** Of the shown frame of few modes, where there is an original. */
+  frameErrors: (FrameErrors & { frame: number }) | null;
   heat: string | null;
   hottest: number;
   speed: number;
@@ -44,6 +49,7 @@ export class Player {
     private readonly reel: Reel,
     private readonly grid: VertexGrid,
     private readonly picture: Picture,
+    fields: HeatFields,
   ) {
     this.clock = new Clock(reel.n_frames, playingFps(reel));
     this.nModes = mostModes(reel);
@@ -53,7 +59,7 @@ export class Player {
       Math.max(3, Math.floor(BLOCK_BYTES / blockBytes)),
       (block) => block.dispose(),
     );
-    this.extras = new Extras(reel, picture);
+    this.extras = new Extras(reel, picture, fields, (frame) => this.decodedAt(frame));
     requestAnimationFrame((now) => this.tick(now));
   }
 
@@ -67,6 +73,8 @@ export class Player {
       playing: this.clock.isPlaying,
       buffering: this.isBuffering,
       modes: this.nModes,
+      isFew: this.extras.fewModes !== null,
+      frameErrors: this.extras.frameErrors,
       heat: this.extras.heatKind,
       hottest: this.extras.hottest,
       speed: this.clock.speed,
@@ -94,7 +102,9 @@ export class Player {
   }
 
   setModes(nModes: number): void {
-    this.nModes = Math.min(Math.max(1, Math.round(nModes)), mostModes(this.reel));
+    const most = mostModes(this.reel);
+    this.nModes = Math.min(Math.max(1, Math.round(nModes)), most);
+    this.extras.fewModes = this.nModes < most ? this.nModes : null;
     this.redraw();
   }
 
@@ -118,7 +128,9 @@ export class Player {
   /** Draws again at the next occasion, with whatever the look needs now. */
   redraw(): void {
     this.isDirty = true;
-    if (!this.clock.isPlaying) void this.settle().catch(this.failed);
+    if (!this.clock.isPlaying) {
+      void this.settle().then(() => this.changed(), this.failed);
+    }
     this.changed();
   }
 
@@ -221,10 +233,23 @@ export class Player {
     const fraction = isBetween ? this.clock.time - this.frame : 0;
     const nModes = Math.min(this.nModes, block.nModes);
     if (this.picture.decoder.decode(block, t, fraction, nModes)) this.picture.decodedMoved();
-    this.picture.draw(block.centreAt(t, fraction));
+    this.picture.draw(block.centreAt(t, fraction, nModes));
     this.isDirty = false;
     this.nDrawn++;
     this.drawMs = performance.now() - started;
+  }
+
+  /** Positions (V, 3) of a frame relative to the origin, of the modes shown; null: not yet here. */
+  private decodedAt(frame: number): Float32Array | null {
+    const number = blockOf(this.reel, frame);
+    const block = this.blocks.peek(number);
+    if (!block) return null;
+    const t = frame - this.reel.blocks[number].start;
+    const { decoder } = this.picture;
+    if (decoder.decode(block, t, 0, Math.min(this.nModes, block.nModes))) {
+      this.picture.decodedMoved();
+    }
+    return decoder.read();
   }
 
   private async loadBlock(number: number): Promise<ModeBlock> {

@@ -25,10 +25,14 @@ export interface Errors {
   heats: HeatInfo[];
   plots: PlotInfo[];
   rows: [string, string][];
+  /** That of the largest error; null until all frames are measured. */
+  worst_frame: number | null;
 }
 
 export interface OriginalInfo extends Errors {
   name: string;
+  /** Of the box of all its frames, in model units. */
+  diagonal: number;
 }
 
 export interface Measured extends Errors {
@@ -49,6 +53,8 @@ export interface Reel {
   origin: [number, number, number];
   low: [number, number, number];
   high: [number, number, number];
+  /** The outermost of all positions of all frames, from the origin. */
+  swept: [number, number, number][];
   diagonal: number;
   up: "y" | "z";
   is_whole: boolean;

@@ -3,7 +3,7 @@
 import * as THREE from "three";
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
 
-import { frameBox, makeCamera, setAspect, setDepthRange } from "./camera";
+import { framePoints, makeCamera, setAspect, setDepthRange } from "./camera";
 import type { Reel } from "./reel";
 
 // Colours go to the screen as they are given; the shaders here light in the same space.
@@ -28,8 +28,11 @@ export class Stage {
   private readonly model = new THREE.Group();
   private readonly scene = new THREE.Scene();
   private readonly box: THREE.Box3;
-  private framed: THREE.Box3;
+  private readonly swept: THREE.Vector3[];
+  private framed: THREE.Vector3[];
   private views: THREE.Object3D[][] = [];
+  /** Whether somebody has turned or moved the view. */
+  private isMoved = false;
 
   constructor(
     private readonly canvas: HTMLCanvasElement,
@@ -41,7 +44,8 @@ export class Stage {
       new THREE.Vector3(...reel.low).sub(origin),
       new THREE.Vector3(...reel.high).sub(origin),
     );
-    this.framed = this.box;
+    this.swept = reel.swept.map((point) => new THREE.Vector3(...point));
+    this.framed = this.swept;
     this.scene.add(this.world);
     this.world.add(this.model);
     this.controls = new OrbitControls(this.camera, canvas);
@@ -49,6 +53,7 @@ export class Stage {
     this.controls.minDistance = reel.diagonal * 0.01;
     this.controls.maxDistance = reel.diagonal * 50 || 50;
     this.controls.addEventListener("change", () => this.changed());
+    this.controls.addEventListener("start", () => (this.isMoved = true));
     new ResizeObserver(() => this.resize()).observe(canvas.parentElement as HTMLElement);
   }
 
@@ -80,13 +85,16 @@ export class Stage {
     else middle.set(0, 0, 0);
   }
 
-  /** Looks at a box as large as this in the middle of all; null: at the box of all frames. */
-  frame(halfSize: THREE.Vector3 | null): void {
-    const middle = this.box.getCenter(new THREE.Vector3());
-    this.framed = halfSize
-      ? new THREE.Box3(middle.clone().sub(halfSize), middle.clone().add(halfSize))
-      : this.box;
+  /** Looks at points about the middle, where a mesh is kept; null: at all that the mesh sweeps. */
+  frame(points: THREE.Vector3[] | null): void {
+    this.framed = this.inTheMiddle(points);
     this.reset();
+  }
+
+  /** How far the camera would be from these points, as `frame` takes them. */
+  distanceTo(points: THREE.Vector3[] | null): number {
+    const camera = this.camera.clone();
+    return framePoints(camera, this.turned(this.inTheMiddle(points))).distanceTo(camera.position);
   }
 
   setBackground(background: Background): void {
@@ -96,8 +104,8 @@ export class Stage {
 
   /** Puts the camera back to where it sees everything that it frames. */
   reset(): void {
-    const box = this.framed.clone().applyMatrix4(this.world.matrixWorld);
-    this.controls.target.copy(frameBox(this.camera, box));
+    this.isMoved = false;
+    this.controls.target.copy(framePoints(this.camera, this.turned(this.framed)));
     this.controls.update();
     this.changed();
   }
@@ -119,6 +127,15 @@ export class Stage {
     });
   }
 
+  private inTheMiddle(points: THREE.Vector3[] | null): THREE.Vector3[] {
+    const middle = this.box.getCenter(new THREE.Vector3());
+    return points?.map((point) => point.clone().add(middle)) ?? this.swept;
+  }
+
+  private turned(points: THREE.Vector3[]): THREE.Vector3[] {
+    return points.map((point) => point.clone().applyMatrix4(this.world.matrixWorld));
+  }
+
   private resize(): void {
     const { clientWidth, clientHeight } = this.canvas.parentElement as HTMLElement;
     const [width, height] = [Math.max(1, clientWidth), Math.max(1, clientHeight)];
@@ -126,6 +143,7 @@ export class Stage {
     this.renderer.setSize(width, height, false);
     const n = Math.max(1, this.views.length);
     setAspect(this.camera, this.isUpright ? (width * n) / height : width / n / height);
+    if (!this.isMoved) this.reset();
     this.changed();
   }
 }

@@ -1,12 +1,15 @@
 // `window.player`: what tests, and scripts in the console, drive the page by.
 
+import type { Opening } from "./opening";
 import type { Picture } from "./picture";
 import type { Player, PlayerState } from "./player";
 import type { Stage } from "./stage";
 
 export interface WindowPlayer {
-  /** Resolves when the first frame is shown; rejects where it cannot be. */
+  /** Resolves when the page has opened: the frame is shown that it opens at; rejects where it cannot be. */
   ready: Promise<void>;
+  /** Keeps the page from going to another frame by itself. */
+  takeOver(): void;
   seek(frame: number): Promise<void>;
   play(): void;
   pause(): void;
@@ -26,8 +29,14 @@ declare global {
   }
 }
 
-export function exposeForTests(player: Player, picture: Picture, stage: Stage): void {
+export function exposeForTests(
+  player: Player,
+  picture: Picture,
+  stage: Stage,
+  opening: Opening,
+): void {
   Object.assign(window.player, {
+    takeOver: () => opening.end(),
     seek: (frame: number) => player.seek(frame),
     play: () => player.play(),
     pause: () => player.pause(),

@@ -28,7 +28,10 @@ def decode_command(
     frames: FramesOption = None,
     modes: Annotated[
         int | None,
-        typer.Option(help="Stop after so many modes: a coarser animation. Default: all."),
+        typer.Option(
+            help="Move only the first so many modes; the others rest at their mean: a coarser "
+            "animation. Default: all."
+        ),
     ] = None,
     targets: TargetsOption = None,
     max_error: GltfErrorOption = None,

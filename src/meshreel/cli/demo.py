@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-POSES = 3  # frames shown in the picture
+POSES = 3  # frames shown in the picture, that of the largest error among them
 
 
 def demo_command(
@@ -59,12 +59,17 @@ def demo_command(
             f"KG error {quality.kg_error_percent:.2f} %"
         )
         scene = Scene(decoded, sequence, "distance")
-        poses = telling_frames(range(frames), POSES)
+        of_all = scene.heat_scale(range(frames), progress)
+        assert of_all is not None  # the scene has a heat map
+        poses = sorted({*telling_frames(range(frames), POSES - 1), of_all.frame})
         image = still(scene, poses, View(), caption=caption, progress=progress)
         save_png(image, picture, overwrite=force)
     if as_json:
         paths = {"original": str(raw), "stream": str(reel), "picture": str(picture)}
-        print_json({**paths, **size_figures(stream), **quality.as_dict()})
+        worst = {"max_error_frame": of_all.frame, "picture_frames": poses}
+        print_json({**paths, **size_figures(stream), **quality.as_dict(), **worst})
         return
-    print_table("The flag, compressed", {**size_rows(stream), **quality_rows(quality)})
+    rows = {**size_rows(stream), **quality_rows(quality)}
+    rows["largest error"] += f", in frame {of_all.frame}"
+    print_table("The flag, compressed", rows)
     print_table("Written", {"original": str(raw), "stream": str(reel), "picture": str(picture)})

@@ -89,6 +89,14 @@ def render_command(
             rich_help_panel=LOOK,
         ),
     ] = None,
+    follow: Annotated[
+        bool | None,
+        typer.Option(
+            "--follow/--no-follow",
+            help="Whether the camera goes along with the mesh. Default: where it would be small.",
+            rich_help_panel=LOOK,
+        ),
+    ] = None,
     size: Annotated[
         str | None,
         typer.Option(
@@ -149,7 +157,7 @@ def render_command(
 
     ending = _checked_ending(output)
     is_film = ending != ".png"
-    _check_together(original, heatmap, turntable, is_film=is_film)
+    _check_together(original, heatmap, turntable, follow, is_film=is_film)
     check_output_path(output, overwrite=force)
     wanted_size, color = picture_size(size), color_named(background)
     parse_view(view, up or "y")
@@ -177,7 +185,8 @@ def render_command(
             made = film(
                 scene, numbers, seen,
                 turn_s=turntable, size=wanted_size,
-                most=GIF_PX if ending == ".gif" else FILM_PX, progress=progress,
+                most=GIF_PX if ending == ".gif" else FILM_PX,
+                is_followed=follow, progress=progress,
             )  # fmt: skip
             save_film(made, output, overwrite=force, progress=progress)
             figures = {"size_px": list(made.size), "n_pictures": made.n_pictures, "fps": made.fps}
@@ -186,7 +195,9 @@ def render_command(
                 numbers = telling_frames(numbers, COMPARED_FRAMES)
             elif is_range(frames):
                 numbers = spread_frames(numbers, SHEET_FRAMES)
-            picture = still(scene, numbers, seen, size=wanted_size, progress=progress)
+            picture = still(
+                scene, numbers, seen, size=wanted_size, is_followed=follow, progress=progress
+            )
             save_png(picture, output, overwrite=force)
             figures = {"size_px": list(picture.size), "frames": numbers}
     print_notes(notes)
@@ -212,7 +223,12 @@ def _checked_ending(output: Path) -> str:
 
 
 def _check_together(
-    original: str | None, heatmap: str | None, turntable: float | None, *, is_film: bool
+    original: str | None,
+    heatmap: str | None,
+    turntable: float | None,
+    follow: bool | None,
+    *,
+    is_film: bool,
 ) -> None:
     from meshreel.metrics.heat import HEATS
 
@@ -225,6 +241,10 @@ def _check_together(
     if turntable is not None and not is_film:
         raise typer.BadParameter(
             "--turntable turns a film; write .mp4 or .gif, or turn a picture with --view"
+        )
+    if turntable is not None and follow is not None:
+        raise typer.BadParameter(
+            "--turntable circles the place where the mesh is; leave --follow and --no-follow out"
         )
     if turntable is not None and not 0 < turntable <= MAX_TURN_S:
         raise typer.BadParameter(

@@ -42,6 +42,7 @@ from meshreel.surface import PLAIN, Surface
 from meshreel.threads import chunks, in_threads
 
 Vertices = npt.NDArray[np.floating]
+Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
 
 CHUNK_BYTES = 1 << 22
@@ -127,7 +128,8 @@ class BlockDecoder:
     ----------
     stream : Stream
     n_modes : int, optional
-        Of `reel`, the first so many modes of each block only, without corrections.
+        Of `reel`, only the first so many modes of each block move; the others rest at their mean
+        over the block. Corrections are left out.
 
     Raises
     ------
@@ -236,11 +238,11 @@ class BlockDecoder:
     def _field_frames(self, number: int, stored: StoredBlock, order: Integers) -> ProductFrames:
         block, field_mesh = self._read_fields(stored)
         key = self._key_of(number, block.layout)
-        if self._n_modes is not None:
-            block = block.first_modes(self._n_modes)
         basis, fields = synthesise_fields(block, field_mesh, key)
-        if key is None and self._n_modes is None:
+        if key is None:
             self._key = number, block.layout, key_fields(block.layout, field_mesh, fields)
+        if self._n_modes is not None:
+            basis = resting_after(basis, self._n_modes)
         return product_frames(basis, fields[:, :, order])
 
     def _corrections(self, stored: StoredBlock, order: Integers) -> Corrections | None:
@@ -295,6 +297,16 @@ def read_mesh(stream: Stream, method: Method) -> MeshModel:
             stream.only(Section.ANCHOR_VERTICES), header.n_verts
         )
     return MeshModel(faces, header.n_verts, anchors, choice_of_code(Laplacian, header.laplacian))
+
+
+def resting_after(basis: Floats, n_modes: int) -> Floats:
+    """Time vectors of shape (3, T, K), of which those behind the first stay at their mean.
+
+    Few modes so begin with the mean shape of the block, and not with nothing.
+    """
+    means = basis[:, :, n_modes:].mean(axis=1, keepdims=True)
+    rest = np.broadcast_to(means, basis[:, :, n_modes:].shape)
+    return np.concatenate([basis[:, :, :n_modes], rest], axis=2)
 
 
 def _check_modes(n_modes: int | None, method: Method) -> None:

@@ -28,8 +28,9 @@ def decode(
         Frames to give back, as Python slices count them, without a step; only the blocks that
         hold some of them are decoded. Default: all.
     n_modes : int, optional
-        Stop after so many modes of each block: a coarser animation, sooner. Default: all. Streams
-        of `reel` only; corrections are left out then.
+        Only the first so many modes of each block move, and the others rest at their mean over
+        the block: a coarser animation. Default: all. Streams of `reel` only; corrections are
+        left out then.
     progress : callable, optional
         Called with the stage and the share done, 0..1.
 

@@ -10,7 +10,7 @@ where the integers come from.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 
@@ -92,12 +92,6 @@ class FieldBlock:
     def n_modes(self) -> int:
         """K."""
         return int(self.fields.shape[0])
-
-    def first_modes(self, n_modes: int) -> "FieldBlock":
-        """The block with at most this many modes: a coarser animation."""
-        kept = min(n_modes, self.n_modes)
-        layout = replace(self.layout, group_ends=group_ends(kept, self.layout.group_ends))
-        return FieldBlock(layout, self.times[:, : 3 * kept], self.fields[:kept], self.taps[:kept])
 
 
 class KeyFields:

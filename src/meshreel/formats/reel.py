@@ -22,8 +22,8 @@ def open(path: str | os.PathLike[str], *, n_modes: int | None = None) -> ReelFil
     ----------
     path : str or path
     n_modes : int, optional
-        Stop after so many modes of each block: a coarser animation, sooner. Streams of `reel`
-        only; corrections are left out then.
+        Only the first so many modes of each block move, and the others rest at their mean over
+        the block: a coarser animation. Streams of `reel` only; corrections are left out then.
 
     Raises
     ------

@@ -73,14 +73,16 @@ def draw_color_bar(
     background: Ink = (255, 255, 255),
     ink: Ink = INK,
 ) -> Image:
-    """A bar of the colours of `colorize` with round numbers beside it, to stand by a heat map.
+    """A bar of the colours of `colorize` with numbers beside it, to stand by a heat map.
+
+    Both ends have theirs, with the unit; those between are round.
 
     Parameters
     ----------
     low, high : float
         As given to `colorize`.
     unit : str
-        Written above the bar.
+        Written behind the numbers at the ends.
     height : int
         In pixels, at least 80; the width follows from the labels.
     background, ink : three integers
@@ -100,18 +102,18 @@ def draw_color_bar(
         raise InvalidInputError(f"a colour bar needs a height of at least 80 pixels; got {height}")
     font = font_of_size(min(max(height / 36, 13), 26))
     line = line_height_px(font)
-    ticks = _round_ticks(low, high, 6 if height >= 240 else 3)
-    labels = [f"{tick:.4g}" for tick in ticks]
+    ticks = _ticks_with_ends(low, high, 6 if height >= 240 else 3)
+    short = spell_out({"degrees": "°"}.get(unit, unit))
+    ends = (ticks[0], ticks[-1])
+    labels = [f"{tick:.4g} {short}".strip() if tick in ends else f"{tick:.4g}" for tick in ticks]
     bar_width, pad = line, line // 2
-    heading = spell_out(unit)
     widest = max(font.getlength(label) for label in labels)
-    width = round(max(bar_width + 2 * pad + widest, font.getlength(heading)) + 2 * pad)
-    top, bottom = 2 * line, height - line
+    width = round(bar_width + 4 * pad + widest)
+    top, bottom = line, height - line
     picture = PillowImage.new("RGB", (width, height), background)
     column = colorize(np.linspace(1, 0, bottom - top), 0, 1)[:, None]
     picture.paste(PillowImage.fromarray(np.repeat(column, bar_width, axis=1)), (pad, top))
     canvas = ImageDraw.Draw(picture)
-    draw_lines(canvas, (pad, line / 4), [heading], font, ink=ink)
     for tick, label in zip(ticks, labels, strict=True):
         share = (tick - low) / (high - low) if high > low else 0.0
         y = round(bottom - 1 - share * (bottom - 1 - top))
@@ -135,6 +137,15 @@ def round_up(value: float) -> float:
 def _check_range(low: float, high: float) -> None:
     if not (np.isfinite(low) and np.isfinite(high) and low <= high):
         raise InvalidInputError(f"low and high must be finite, low first; got {low} and {high}")
+
+
+def _ticks_with_ends(low: float, high: float, n_most: int) -> list[float]:
+    """Both ends of the range, and round numbers between that are not too near to them."""
+    if high == low:
+        return [low]
+    apart = 0.5 * (high - low) / n_most
+    inner = [tick for tick in _round_ticks(low, high, n_most) if low + apart < tick < high - apart]
+    return [low, *inner, high]
 
 
 def _round_ticks(low: float, high: float, n_most: int) -> list[float]:

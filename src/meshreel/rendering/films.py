@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from PIL import Image as PillowImage
 
 from meshreel.progress import Progress, silent
+from meshreel.rendering.framing import framing_of
 from meshreel.rendering.layout import Place
 from meshreel.rendering.scenes import ChosenFrames, HeatScale, Scene
 from meshreel.rendering.sheets import Sheet, plan_sheet
@@ -73,6 +74,7 @@ def film(
     turn_s: float | None = None,
     size: Place | None = None,
     most: Place = FILM_PX,
+    is_followed: bool | None = None,
     progress: Progress = silent,
 ) -> Film:
     """A film of some frames at their frame rate.
@@ -86,11 +88,14 @@ def film(
     view : View
     turn_s : float, optional
         Seconds in which the camera goes round once. The film lasts for the frames or for one
-        turn, whichever is longer; frames begin again. Default: the camera stands still.
+        turn, whichever is longer; frames begin again. Default: it does not circle.
     size : tuple of 2 ints, optional
         Width and height in pixels. Default: as suits what is shown.
     most : tuple of 2 ints
         The largest that it becomes by default.
+    is_followed : bool, optional
+        Whether a camera that does not circle goes along with the mesh. Default: where it would
+        otherwise be small.
     progress : Progress, default silent
         Told while frames are measured for a heat map.
 
@@ -106,9 +111,9 @@ def film(
     frames = ChosenFrames(scene.framed, numbers)
     if turn_s is None:
         some = ChosenFrames(scene.framed, spread_frames(numbers, ASPECT_FRAMES))
-        layout = plan_sheet(words, len(words.titles), view.aspect(some), size, most)
-        camera = view.camera(frames, *layout.view_size)
-        shots = [(number, camera) for number in numbers]
+        framing = framing_of(view, some, is_followed=is_followed)
+        layout = plan_sheet(words, len(words.titles), framing.aspect(some), size, most)
+        shots = list(zip(numbers, framing.cameras(frames, *layout.view_size), strict=True))
     else:
         swept = swept_points(frames, view.up)
         layout = plan_sheet(words, len(words.titles), view.aspect([swept]), size, most)

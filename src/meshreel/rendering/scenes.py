@@ -24,8 +24,8 @@ HEAT_PERCENTILE = 99.5
 _N_QUANTILES = 1000
 """So many values of each frame stand for all of its vertices."""
 
-HEAT_GLOW = 0.6
-"""Heat maps keep so much of their colours in light and shade."""
+HEAT_GLOW = 0.9
+"""Heat maps keep so much of their colours in light and shade: a fold is no error."""
 
 WHITE: Color = (255, 255, 255)
 
@@ -40,10 +40,13 @@ class HeatScale:
         Where the colours end; a round number. They begin at 0.
     largest : float
         Of all values; it may lie above.
+    frame : int
+        Where it is.
     """
 
     high: float
     largest: float
+    frame: int
 
 
 Frame = npt.NDArray[np.floating]
@@ -120,13 +123,15 @@ class Scene:
         if self._field is None:
             return None
         shares = (np.arange(_N_QUANTILES) + 0.5) / _N_QUANTILES
-        quantiles, largest = [], 0.0
+        quantiles, most = [], []
         for done, number in enumerate(numbers, 1):
             values = self._field(*self.read(number))
             quantiles.append(np.quantile(values, shares).astype(np.float32))
-            largest = max(largest, float(values.max()))
+            most.append(float(values.max()))
             progress("measuring", Count(done, len(numbers), "frames"))
-        return HeatScale(round_up(float(np.percentile(quantiles, HEAT_PERCENTILE))), largest)
+        high = round_up(float(np.percentile(quantiles, HEAT_PERCENTILE)))
+        worst = int(np.argmax(most))
+        return HeatScale(high, most[worst], numbers[worst])
 
     def draw(
         self, frames: Sequence[Frame], camera: Camera, scale: HeatScale | None = None

@@ -76,7 +76,11 @@ def scene_words(
     if scale is None or scene.heat is None:
         return Words(titles, caption, widest)
     unit = HEATS[scene.heat].unit
-    if scale.largest > scale.high:
-        above = f"Yellow: {scale.high:g} {unit} and more; the largest is {scale.largest:.3g} {unit}"
-        caption = f"{caption}\n{above.strip()}" if caption else above.strip()
+    above = f"Yellow: {_number(scale.high, unit)} and more. " if scale.largest > scale.high else ""
+    most = f"The largest value shown is {_number(scale.largest, unit)}, in frame {scale.frame}."
+    caption = f"{caption}\n{above}{most}" if caption else above + most
     return Words(titles, caption, widest, scale.high, unit)
+
+
+def _number(value: float, unit: str) -> str:
+    return f"{value:.4g} {unit}".strip()

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from PIL import Image as PillowImage
 
 from meshreel.progress import Count, Progress, silent
+from meshreel.rendering.framing import framing_of
 from meshreel.rendering.layout import Place
 from meshreel.rendering.painting import Image
 from meshreel.rendering.scenes import ChosenFrames, Scene
@@ -29,6 +30,7 @@ def still(
     *,
     size: Place | None = None,
     caption: str = "",
+    is_followed: bool | None = None,
     progress: Progress = silent,
 ) -> PillowImage.Image:
     """A picture of some frames: in a grid, or in a row each where a scene has several views.
@@ -43,6 +45,8 @@ def still(
         Width and height in pixels. Default: as large as suits what is shown.
     caption : str
         At the foot.
+    is_followed : bool, optional
+        Whether the camera goes along with the mesh. Default: where it would otherwise be small.
     progress : Progress, default silent
 
     Raises
@@ -54,11 +58,12 @@ def still(
     scale = scene.heat_scale(numbers, progress)
     labels = [label for number in numbers for label in frame_labels(scene, number)]
     words = scene_words(scene, scale, labels if n_views > 1 else (), caption)
-    aspect = view.aspect(ChosenFrames(scene.framed, spread_frames(numbers, ASPECT_FRAMES)))
-    layout = plan_sheet(words, n_views, aspect, size, STILL_PX)
-    camera = view.camera(ChosenFrames(scene.framed, numbers), *layout.view_size)
+    some = ChosenFrames(scene.framed, spread_frames(numbers, ASPECT_FRAMES))
+    framing = framing_of(view, some, is_followed=is_followed)
+    layout = plan_sheet(words, n_views, framing.aspect(some), size, STILL_PX)
+    cameras = framing.cameras(ChosenFrames(scene.framed, numbers), *layout.view_size)
     views: list[Image] = []
-    for drawn in draw_shots(scene, [(number, camera) for number in numbers], scale):
+    for drawn in draw_shots(scene, list(zip(numbers, cameras, strict=True)), scale):
         views += drawn
         progress("drawing", Count(len(views), n_views, "views"))
     return Sheet(layout, words, scene.background).filled(views, labels if n_views > 1 else ())

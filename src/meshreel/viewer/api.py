@@ -17,7 +17,7 @@ from meshreel.metrics.heat import HEATS
 from meshreel.surface import Domain, Kind, Surface
 from meshreel.viewer.block_packets import block_packet
 from meshreel.viewer.comparison import Comparison
-from meshreel.viewer.extent import box_of
+from meshreel.viewer.extent import reach_of
 from meshreel.viewer.measuring import Measured, Measuring
 from meshreel.viewer.modes import n_fields
 from meshreel.viewer.packets import packet
@@ -90,7 +90,7 @@ class Api:
         self.reel, self.comparison, self.info = reel, comparison, reel.info()
         self._name, self._rows, self._measured_rows = name, rows_of(self.info), measured_rows
         self._allowed_error = allowed_error
-        self._box = box_of(reel)
+        self._reach = reach_of(reel)
         self.measuring = None if comparison is None else Measuring(comparison)
         n_kept = max(LEAST_KEPT_HEATS, KEPT_HEAT_BYTES // (4 * reel.n_verts))
         self._heat = lru_cache(maxsize=n_kept)(self._new_heat)
@@ -124,7 +124,8 @@ class Api:
 
     def described(self) -> dict[str, Any]:
         """What the page has to know before anything else."""
-        reel, (low, high) = self.reel, self._box
+        reel, reach = self.reel, self._reach
+        origin = np.array(reel.frame.origin)
         return {
             "name": reel.name or self._name,
             "n_frames": reel.n_frames,
@@ -133,8 +134,9 @@ class Api:
             "fps": reel.fps,
             "start_s": reel.start_s,
             "origin": list(reel.frame.origin),
-            "low": low.tolist(),
-            "high": high.tolist(),
+            "low": reach.low.tolist(),
+            "high": reach.high.tolist(),
+            "swept": (reach.swept - origin).tolist(),
             "diagonal": reel.frame.scale,
             "up": "y",
             "is_whole": reel.is_whole,
@@ -157,6 +159,7 @@ class Api:
             "heats": figures.described_heats(),
             "plots": figures.plots() if is_ready else [],
             "rows": [list(row) for row in rows.items()],
+            "worst_frame": figures.worst_frame if is_ready else None,
         }
 
     def faces(self) -> bytes:
@@ -204,7 +207,8 @@ class Api:
         told = self.plots()
         return {
             "name": self.comparison.original.name,
-            **{key: told[key] for key in ("heats", "plots", "rows")},
+            "diagonal": self.comparison.reference.diagonal,
+            **{key: told[key] for key in ("heats", "plots", "rows", "worst_frame")},
         }
 
 

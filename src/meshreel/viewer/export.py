@@ -55,22 +55,47 @@ def export_page(
     CorruptStreamError
         If a block is damaged.
     """
-    before, marker, behind = (page_text() if page is None else page).partition(MARKER)
-    if not marker:
-        raise InvalidInputError("the page of the player has no place for data; build it anew")
-    _check_size(api)
-    sizes = {"player": len(before.encode()) + len(behind.encode()), "animation": 0}
+    pieces = page_pieces(api, page_text() if page is None else page, progress=progress)
+    sizes = {"player": 0, "animation": 0}
     with (
         replace_when_done(path, overwrite=overwrite) as temporary,
         temporary.open("w", encoding="utf-8", newline="\n") as file,
     ):
-        file.write(f"{before}<script>window.MESHREEL={{")
-        for number, (part, name, value) in enumerate(_entries(api, progress)):
-            text = f"{',' if number else ''}{_script_text(name)}:{_script_text(value)}"
+        for part, text in pieces:
             file.write(text)
-            sizes[part] = sizes.get(part, 0) + len(text)
-        file.write(f"}}</script>{behind}")
+            sizes[part] = sizes.get(part, 0) + len(text.encode())
     return sizes
+
+
+def page_pieces(
+    api: Api, page: str, *, level: int = zlib.Z_BEST_COMPRESSION, progress: Progress = silent
+) -> Iterator[tuple[str, str]]:
+    """The page with its data inside, in pieces: which part each is of, and its text.
+
+    Parameters
+    ----------
+    api : Api
+    page : str
+        HTML of the player.
+    level : int
+        How hard data are deflated, 1..9.
+    progress : callable, optional
+
+    Raises
+    ------
+    InvalidInputError, CorruptStreamError
+        As `export_page`.
+    """
+    before, marker, behind = page.partition(MARKER)
+    if not marker:
+        raise InvalidInputError("the page of the player has no place for data; build it anew")
+    _check_size(api)
+    yield "player", before
+    yield "animation", "<script>window.MESHREEL={"
+    for number, (part, name, value) in enumerate(_entries(api, level, progress)):
+        yield part, f"{',' if number else ''}{_script_text(name)}:{_script_text(value)}"
+    yield "animation", "}</script>"
+    yield "player", behind
 
 
 def _check_size(api: Api) -> None:
@@ -84,28 +109,28 @@ def _check_size(api: Api) -> None:
         )
 
 
-def _entries(api: Api, progress: Progress) -> Iterator[tuple[str, str, Any]]:
+def _entries(api: Api, level: int, progress: Progress) -> Iterator[tuple[str, str, Any]]:
     """What the page would ask for: which part of the file it is, its path, and its answer."""
     if api.measuring is not None:
         api.measuring.run(progress)
         yield "original", "api/plots", api.plots()
     yield "animation", "api/reel", api.described()
-    yield "animation", "api/faces", _deflated(api.faces())
+    yield "animation", "api/faces", _deflated(api.faces(), level)
     n_blocks = len(api.reel.starts) - 1
     for number in range(n_blocks):
-        yield "animation", f"api/block/{number}", _deflated(api.block(number))
+        yield "animation", f"api/block/{number}", _deflated(api.block(number), level)
         progress("blocks", (number + 1) / n_blocks)
     n_frames = api.reel.n_frames if api.comparison else 0
     for frame in range(n_frames):
-        yield "original", f"api/original/{frame}", _deflated(api.original(frame))
+        yield "original", f"api/original/{frame}", _deflated(api.original(frame), level)
         for kind in HEATS:
-            yield "original", f"api/heat/{kind}/{frame}", _deflated(api.heat(kind, frame))
+            yield "original", f"api/heat/{kind}/{frame}", _deflated(api.heat(kind, frame), level)
         progress("original", (frame + 1) / n_frames)
 
 
-def _deflated(packet: bytes) -> str:
+def _deflated(packet: bytes, level: int) -> str:
     """A packet as text: deflated without a header, then base64."""
-    packing = zlib.compressobj(9, zlib.DEFLATED, -zlib.MAX_WBITS)
+    packing = zlib.compressobj(level, zlib.DEFLATED, -zlib.MAX_WBITS)
     return base64.b64encode(packing.compress(packet) + packing.flush()).decode()
 
 

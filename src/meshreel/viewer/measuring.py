@@ -90,6 +90,11 @@ class Figures:
         nmsve, sted = float(np.mean(self.nmsve)), float(np.mean(self._deviations))
         return Measured(self._errors.errors, nmsve, sted)
 
+    @property
+    def worst_frame(self) -> int:
+        """The frame of the largest error, of those so far."""
+        return int(np.argmax(self.largest_percent))
+
     def described_heats(self) -> list[dict[str, Any]]:
         """Kinds of heat maps and their ranges, as the page takes them."""
         return [

@@ -42,22 +42,35 @@ def test_error_falls_with_every_mode_when_the_step_is_fine(sequence):
 
 
 @pytest.mark.parametrize("n_modes", [1, 2, 3, 5])
-def test_error_is_nearly_the_least_possible_when_modes_are_left_out(sequence, n_modes):
-    """What the leading singular vectors leave out, and hardly more."""
+def test_error_is_at_most_what_so_many_modes_leave_out_when_others_rest(sequence, n_modes):
+    """What the leading singular vectors leave out, or less: the mean of the others is kept."""
     data = encode(sequence, step=1e-6)
     decoded = decode(data, n_modes=n_modes).vertices
     low, high = (pick(sequence.vertices, axis=(0, 1)) for pick in (np.min, np.max))
     stacked = np.moveaxis(sequence.vertices - (low + high) / 2, 2, 0).reshape(-1, sequence.n_verts)
     left_out = np.linalg.svd(stacked, compute_uv=False)[n_modes:]
     least = np.linalg.norm(left_out)
-    assert np.linalg.norm(decoded - sequence.vertices) == pytest.approx(least, rel=1e-2)
+    assert np.linalg.norm(decoded - sequence.vertices) <= least * (1 + 1e-2)
 
 
-def test_modes_are_those_of_a_stream_of_so_few_when_others_are_left_out(sequence):
-    """The first modes do not know of later ones."""
-    whole, shorter = encode(sequence, step=1e-4), encode(sequence, step=1e-4, n_modes=4)
-    found, expected = decode(whole, n_modes=4).vertices, decode(shorter).vertices
-    assert kg_error_percent(expected, found) < 0.2  # rounding falls elsewhere
+@pytest.mark.parametrize("n_modes", [1, 4])
+@pytest.mark.parametrize("block_frames", [None, 8])
+def test_mean_shape_of_each_block_is_that_of_all_modes_when_few_move(
+    sequence, block_frames, n_modes
+):
+    data = encode(sequence, step=1e-4, block_frames=block_frames)
+    whole, few = decode(data).vertices, decode(data, n_modes=n_modes).vertices
+    for start in range(0, sequence.n_frames, block_frames or sequence.n_frames):
+        frames = slice(start, start + block_frames if block_frames else None)
+        np.testing.assert_allclose(few[frames].mean(axis=0), whole[frames].mean(axis=0), atol=1e-5)
+
+
+def test_movement_is_of_one_rank_for_each_axis_when_one_mode_moves(sequence):
+    decoded = decode(encode(sequence, step=1e-4), n_modes=1).vertices
+    for axis in range(3):
+        moved = decoded[:, :, axis] - decoded[:, :, axis].mean(axis=0)
+        strengths = np.linalg.svd(moved, compute_uv=False)
+        assert strengths[1] <= 1e-5 * max(strengths[0], 1)
 
 
 def test_every_block_stops_after_so_many_modes_when_there_are_several():

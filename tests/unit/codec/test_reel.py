@@ -223,29 +223,6 @@ def test_groups_hold_every_mode_once_when_cut():
     assert [mode for one in modes for mode in one] == list(range(block.n_modes))
 
 
-def test_first_modes_decode_as_before_when_later_groups_are_left_out():
-    _, mesh, block = analysed(3e-4, 30, group_ends=(1, 4))
-    assert block.n_modes > 4
-    basis, fields = synthesise_fields(block, mesh)
-    shorter_basis, shorter_fields = synthesise_fields(block.first_modes(4), mesh)
-    np.testing.assert_array_equal(shorter_basis, basis[:, :, :4])
-    np.testing.assert_allclose(shorter_fields, fields[:, :4], atol=1e-12)
-
-
-@pytest.mark.parametrize("n_modes", [1, 2, 3, 4, 5, 10_000])
-def test_first_modes_are_a_whole_block_when_cut_anywhere(n_modes):
-    matrices, mesh, block = analysed(3e-4, 30, group_ends=(1, 4))
-    shorter = block.first_modes(n_modes)
-    assert shorter.n_modes == shorter.layout.group_ends[-1] == min(n_modes, block.n_modes)
-    assert shorter.times.shape == (30, 3 * shorter.n_modes)
-    basis, fields = synthesise_fields(shorter, mesh)
-    stacked = matrices.reshape(-1, matrices.shape[2])
-    left = ((basis @ fields - matrices) ** 2).sum() / (stacked**2).sum()
-    strengths = np.linalg.svd(stacked, compute_uv=False) ** 2
-    lost = strengths[n_modes:].sum() / strengths.sum()
-    assert left < 1.1 * lost + 1e-5
-
-
 def test_passes_take_every_vertex_once_and_tell_of_it_by_earlier_ones_when_a_field_is_coded():
     for sequence in (waving_grid(), irregular_sequence()):
         known = set()

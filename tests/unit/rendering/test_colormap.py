@@ -55,7 +55,17 @@ def test_draw_color_bar_writes_labels_beside_the_bar_when_drawn():
 
 
 def test_draw_color_bar_writes_the_unit_when_given():
-    assert (draw_color_bar(0, 1, unit="mm") != draw_color_bar(0, 1)).any()
+    assert draw_color_bar(0, 1, unit="mm").shape[1] > draw_color_bar(0, 1).shape[1]
+
+
+@pytest.mark.parametrize("high", [1.0, 1.5, 3.0, 6.0, 0.008])
+@pytest.mark.parametrize("height", [120, 500])
+def test_draw_color_bar_has_a_number_at_both_ends_when_drawn(high, height):
+    bar = draw_color_bar(0, high, unit="%", height=height)
+    colored = np.flatnonzero((np.ptp(bar.astype(int), axis=2) > 60).any(axis=1))
+    letters = (bar[:, -bar.shape[1] // 2 :].max(axis=2) < 120).any(axis=1)
+    for end in (colored[0], colored[-1]):
+        assert letters[end - 6 : end + 7].sum() >= 5
 
 
 @pytest.mark.parametrize(("low", "high"), [(0, 0), (0, 1e-9), (-3e7, 8e7), (0.7, 0.70001)])

@@ -18,7 +18,7 @@ from sample_players import opened_api
 
 KEYS = [
     "name", "n_frames", "n_verts", "n_faces", "fps", "start_s", "origin", "low", "high",
-    "diagonal", "up", "is_whole", "blocks", "rows", "budget", "original",
+    "swept", "diagonal", "up", "is_whole", "blocks", "rows", "budget", "original",
 ]  # fmt: skip
 
 
@@ -67,6 +67,26 @@ def test_box_holds_all_frames_when_they_are_in_one_block_or_several(block_frames
     np.testing.assert_allclose(low, grid.vertices.min(axis=(0, 1)), atol=slack)
     np.testing.assert_allclose(high, grid.vertices.max(axis=(0, 1)), atol=slack)
     assert np.linalg.norm(high - low) == pytest.approx(told["diagonal"], rel=0.01)
+
+
+def test_swept_points_are_the_outermost_of_all_frames_when_there_is_one_block():
+    grid = waving_grid(12, dtype=np.float64)
+    with opened_api(grid, encoding={"max_error": 0.01}) as api:
+        told = asked(api, "api/reel")
+    swept = np.array(told["swept"]) + told["origin"]
+    for direction in ([1, 0, 0], [0, -1, 0], [1, 1, 0], [-1, 1, 1], [1, -1, 1]):
+        farthest = (grid.vertices @ direction).max()
+        assert (swept @ direction).max() == pytest.approx(farthest, abs=1e-3 * told["diagonal"])
+
+
+def test_swept_points_are_of_what_is_drawn_when_a_vertex_has_no_face():
+    grid = waving_grid(3, dtype=np.float64)
+    away = np.full((3, 1, 3), 50.0)
+    lonely = replace(grid, vertices=np.concatenate([grid.vertices, away], axis=1))
+    with opened_api(lonely, encoding={"step": 1e-6}) as api:
+        told = asked(api, "api/reel")
+    swept = np.array(told["swept"]) + told["origin"]
+    assert swept.max() < 1.1 * grid.vertices.max()
 
 
 def test_faces_are_those_decoded_when_they_are_asked_for():
@@ -118,6 +138,17 @@ def test_plots_are_told_when_all_frames_are_measured():
     assert [len(plot["values"]) for plot in told["plots"]] == [5, 5]
 
 
+def test_worst_frame_is_that_of_the_largest_error_when_all_are_measured():
+    grid = waving_grid(5, dtype=np.float64)
+    other = grid.vertices.copy()
+    other[3, 7] += 0.3
+    with opened_api(grid, replace(grid, vertices=other), encoding={"step": 1e-6}) as api:
+        assert asked(api, "api/plots")["worst_frame"] is None
+        api.measuring.run()
+        assert asked(api, "api/plots")["worst_frame"] == 3
+        assert asked(api, "api/reel")["original"]["worst_frame"] == 3
+
+
 def test_heat_is_computed_once_when_it_is_asked_for_twice(monkeypatch):
     grid = waving_grid(3)
     with opened_api(grid, grid) as api:
@@ -157,6 +188,7 @@ def test_a_model_is_refused_when_it_cannot_be_drawn(size):
 
 def test_json_has_null_when_a_number_is_not_finite():
     with opened_api(waving_grid(2)) as api:
-        api._box = np.full(3, np.nan), np.full(3, np.inf)
+        nothing, everything = np.full(3, np.nan), np.full(3, np.inf)
+        api._reach = replace(api._reach, low=nothing, high=everything)
         told = asked(api, "api/reel")
     assert (told["low"], told["high"]) == ([None] * 3, [None] * 3)

@@ -24,6 +24,7 @@ export class ModeBlock {
     readonly fields: THREE.DataArrayTexture,
     private readonly means: Float64Array,
     private readonly weights: Float32Array,
+    private readonly rest: Float64Array,
     private readonly correctionStarts: Uint32Array,
     private readonly correctionVertices: Uint32Array,
     private readonly correctionValues: Float32Array,
@@ -35,40 +36,48 @@ export class ModeBlock {
     const nFrames = packet.fields.n_frames as number;
     const fields = packet.array("fields", "int16", [nModes, grid.nVerts]);
     const scales = packet.array("field_scales", "float32", [nModes]);
-    const weights = packet.array("weights", "float32", [nFrames, nModes, 3]);
+    const weights = packet
+      .array("weights", "float32", [nFrames, nModes, 3])
+      .map((weight, i) => weight * scales[Math.floor(i / 3) % nModes]);
     return new ModeBlock(
       nFrames,
       nModes,
       fieldTexture(fields, nModes, grid),
       meansOf(fields, nModes),
-      weights.map((weight, i) => weight * scales[Math.floor(i / 3) % nModes]),
+      weights,
+      meanOf(weights, nFrames),
       packet.array("correction_starts", "uint32", [nFrames + 1]),
       packet.array("correction_vertices", "uint32", [null]),
       packet.array("correction_values", "float32", [null, 3]),
     );
   }
 
-  /** Weights of the first modes between frame `t`, counted in the block, and the next. */
+  /**
+   * Weights between frame `t`, counted in the block, and the next. Only the first modes move; the
+   * others rest at their mean over the block, so that few modes begin with its mean shape.
+   */
   weightsAt(t: number, fraction: number, nModes: number): FrameWeights {
-    const nGroups = Math.ceil(nModes / 4);
+    const nGroups = Math.ceil(this.nModes / 4);
     const grouped = new Float32Array(nGroups * 12);
     const here = t * this.nModes * 3;
     const next = fraction > 0 ? here + this.nModes * 3 : here;
-    for (let mode = 0; mode < nModes; mode++) {
+    for (let mode = 0; mode < this.nModes; mode++) {
       for (let axis = 0; axis < 3; axis++) {
         const at = mode * 3 + axis;
         const weight =
-          (1 - fraction) * this.weights[here + at] + fraction * this.weights[next + at];
+          mode < nModes
+            ? (1 - fraction) * this.weights[here + at] + fraction * this.weights[next + at]
+            : this.rest[at];
         grouped[(mode >> 2) * 12 + axis * 4 + (mode & 3)] = weight;
       }
     }
     return { weights: grouped, nGroups };
   }
 
-  /** The mean of all vertices between frame `t` and the next. */
-  centreAt(t: number, fraction: number): THREE.Vector3 {
+  /** The mean of all vertices between frame `t` and the next, as the first modes move them. */
+  centreAt(t: number, fraction: number, nModes: number): THREE.Vector3 {
     const centre = new THREE.Vector3();
-    const { weights } = this.weightsAt(t, fraction, this.nModes);
+    const { weights } = this.weightsAt(t, fraction, nModes);
     this.means.forEach((mean, mode) => {
       const at = (mode >> 2) * 12 + (mode & 3);
       centre.x += mean * weights[at];
@@ -125,6 +134,13 @@ function fieldTexture(
   texture.internalFormat = "RGBA16I";
   texture.needsUpdate = true;
   return texture;
+}
+
+/** The mean over the frames of the weights (T, K, 3), of shape (K, 3). */
+function meanOf(weights: Float32Array, nFrames: number): Float64Array {
+  const mean = new Float64Array(weights.length / Math.max(1, nFrames));
+  weights.forEach((weight, i) => (mean[i % mean.length] += weight / nFrames));
+  return mean;
 }
 
 function meansOf(fields: Int16Array, nModes: number): Float64Array {

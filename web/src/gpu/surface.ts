@@ -32,8 +32,8 @@ void main() {
   gl_Position = projectionMatrix * seen;
 }`;
 
-// Faces are lit from both sides, whatever way they are wound. Heat is lit softly, so that a colour
-// stays the one of the bar.
+// Faces are lit from both sides, whatever way they are wound. Heat is hardly lit, so that a colour
+// stays the one of the bar and a fold is not taken for an error.
 const SURFACE = `${PAINT}
 uniform bool isSmooth;
 in vec3 place;
@@ -48,18 +48,21 @@ void main() {
   float key = max(dot(n, normalize(vec3(-0.45, 0.65, 0.62))), 0.0);
   float fill = max(dot(n, normalize(vec3(0.7, 0.1, 0.7))), 0.0);
   float sky = 0.5 + 0.5 * n.y;
-  float light = paintKind == 2 ? 0.80 + 0.20 * key + 0.04 * fill
+  float light = paintKind == 2 ? 0.92 + 0.08 * key
                                : 0.30 + 0.52 * key + 0.16 * fill + 0.14 * sky;
   color = vec4(paint(own, value) * light, 1.0);
 }`;
 
+// Lines are drawn nearer to the eye by "lift": faces that they lie in do not hide them in part.
 const lineVertex = (grid: VertexGrid) => `${grid.glsl}
 uniform mat4 modelViewMatrix;
 uniform mat4 projectionMatrix;
 uniform sampler2D positions;
+uniform float lift;
 void main() {
-  vec3 place = texelFetch(positions, texelOf(gl_VertexID), 0).xyz;
-  gl_Position = projectionMatrix * modelViewMatrix * vec4(place, 1.0);
+  vec4 seen = modelViewMatrix * vec4(texelFetch(positions, texelOf(gl_VertexID), 0).xyz, 1.0);
+  seen.xyz *= 1.0 - min(lift / max(length(seen.xyz), 1e-30), 0.5);
+  gl_Position = projectionMatrix * seen;
 }`;
 
 const LINE = `
@@ -102,7 +105,11 @@ export class Surface {
         glslVersion: THREE.GLSL3,
         vertexShader: PRECISION + lineVertex(grid),
         fragmentShader: PRECISION + LINE,
-        uniforms: { positions: { value: positions }, ink: { value: new THREE.Vector4() } },
+        uniforms: {
+          positions: { value: positions },
+          ink: { value: new THREE.Vector4() },
+          lift: { value: 0 },
+        },
         depthWrite: false,
         transparent: true,
         premultipliedAlpha: true,

@@ -1,0 +1,71 @@
+"""Playing a sequence or a file from Python."""
+
+import sys
+from io import BytesIO
+from queue import Queue
+from types import SimpleNamespace
+from urllib.request import urlopen
+
+import pytest
+
+from meshreel.codec.encoder import encode
+from meshreel.codec.reel_file import ReelFile
+from meshreel.notebook import show as showing
+from sample_meshes import waving_grid
+from sample_players import PAGE
+
+PATIENCE_S = 20
+
+
+@pytest.fixture(autouse=True)
+def _page(monkeypatch):
+    for module in ("meshreel.notebook.html", "meshreel.viewer.server"):
+        monkeypatch.setattr(f"{module}.page_text", lambda: PAGE)
+
+
+@pytest.fixture
+def opened(monkeypatch):
+    """Addresses that a browser was asked to open, and the servers behind them."""
+    addresses, servers, serve = Queue(), [], showing.serve
+    monkeypatch.setattr("webbrowser.open", addresses.put)
+    monkeypatch.setattr(showing, "serve", lambda shown: servers.append(serve(shown)) or servers[-1])
+    yield addresses
+    for server in servers:
+        server.shutdown()
+        server.server_close()
+        if server.api.measuring:
+            server.api.measuring.close()
+
+
+def test_browser_plays_a_file_when_nobody_is_in_a_notebook(opened, capsys):
+    with ReelFile(BytesIO(encode(waving_grid(4)))) as reel:
+        reel.show(block=False)
+        address = opened.get(timeout=PATIENCE_S)
+        assert address in capsys.readouterr().out
+        with urlopen(f"{address}api/reel", timeout=PATIENCE_S) as answer:
+            assert b'"n_frames": 4' in answer.read()
+
+
+def test_browser_compares_a_sequence_with_what_encode_makes_of_it(opened):
+    waving_grid(4).show(block=False)
+    address = opened.get(timeout=PATIENCE_S)
+    with urlopen(f"{address}api/original/3", timeout=PATIENCE_S) as answer:
+        assert answer.status == 200
+
+
+def test_output_of_the_cell_shows_the_player_when_it_is_a_notebook(opened, monkeypatch):
+    shown = []
+    display = SimpleNamespace(HTML=lambda text: text, display=shown.append)
+    shell = SimpleNamespace(get_ipython=lambda: SimpleNamespace(kernel=1), display=display)
+    monkeypatch.setitem(sys.modules, "IPython", shell)
+    monkeypatch.setitem(sys.modules, "IPython.display", display)
+    waving_grid(4).show()
+    assert opened.empty()
+    assert "<iframe srcdoc=" in shown[0]
+
+
+@pytest.mark.parametrize(("attribute", "is_prompt"), [("ps1", True), ("other", False)])
+def test_prompt_is_known_by_its_sign(monkeypatch, attribute, is_prompt):
+    monkeypatch.delattr(sys, "ps1", raising=False)
+    monkeypatch.setattr(sys, attribute, ">>> ", raising=False)
+    assert showing._is_prompt() is is_prompt

@@ -1,0 +1,91 @@
+// How far each vertex of a frame is off, as meshreel.metrics.heat has it: for what only the page
+// knows, the mesh of fewer modes than all.
+
+import { StedField } from "./sted_field";
+
+/** Faces of at most this area have no normal; in squared diagonals of the frame. */
+const DEGENERATE_AREA = 1e-14;
+
+/** The largest distance of a vertex, and the root of the mean square, in % of the diagonal. */
+export interface FrameErrors {
+  largest: number;
+  rms: number;
+}
+
+export class HeatFields {
+  private sted: StedField | null = null;
+
+  constructor(
+    private readonly faces: Uint32Array,
+    private readonly nVerts: number,
+    private readonly diagonal: number,
+  ) {}
+
+  /** Values of a kind at every vertex, from positions (V, 3). */
+  of(kind: string, original: Float32Array, decoded: Float32Array): Float32Array {
+    if (kind === "distance") return this.distances(original, decoded);
+    if (kind === "angle") return this.angles(original, decoded);
+    this.sted ??= new StedField(this.faces, this.nVerts);
+    return this.sted.of(original, decoded);
+  }
+
+  errors(original: Float32Array, decoded: Float32Array): FrameErrors {
+    const distances = this.distances(original, decoded);
+    const squares = distances.reduce((sum, value) => sum + value * value, 0);
+    return { largest: largest(distances), rms: Math.sqrt(squares / this.nVerts) };
+  }
+
+  private distances(original: Float32Array, decoded: Float32Array): Float32Array {
+    const unit = this.diagonal > 0 ? 100 / this.diagonal : 0;
+    return new Float32Array(this.nVerts).map((_, vertex) => {
+      const at = 3 * vertex;
+      const [x, y, z] = [0, 1, 2].map((axis) => decoded[at + axis] - original[at + axis]);
+      return unit * Math.hypot(x, y, z);
+    });
+  }
+
+  private angles(original: Float32Array, decoded: Float32Array): Float32Array {
+    const smallest = 2 * DEGENERATE_AREA * diagonalOf(original) ** 2;
+    const [sums, counts] = [new Float64Array(this.nVerts), new Uint32Array(this.nVerts)];
+    for (let i = 0; i < this.faces.length; i += 3) {
+      const face = this.faces.subarray(i, i + 3);
+      const [a, b] = [normalOf(original, face), normalOf(decoded, face)];
+      if (Math.min(Math.hypot(...a), Math.hypot(...b)) <= smallest) continue;
+      const angle = (180 / Math.PI) * Math.atan2(Math.hypot(...cross(a, b)), dot(a, b));
+      for (const vertex of face) {
+        sums[vertex] += angle;
+        counts[vertex]++;
+      }
+    }
+    return Float32Array.from(sums, (sum, vertex) => (counts[vertex] ? sum / counts[vertex] : 0));
+  }
+}
+
+export function largest(values: Float32Array): number {
+  return values.reduce((most, value) => (value > most ? value : most), 0);
+}
+
+type Vector = [number, number, number];
+
+function normalOf(positions: Float32Array, [a, b, c]: Uint32Array): Vector {
+  const along = (to: number) =>
+    [0, 1, 2].map((axis) => positions[3 * to + axis] - positions[3 * a + axis]) as Vector;
+  return cross(along(b), along(c));
+}
+
+function cross([a, b, c]: Vector, [x, y, z]: Vector): Vector {
+  return [b * z - c * y, c * x - a * z, a * y - b * x];
+}
+
+function dot(a: Vector, b: Vector): number {
+  return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+}
+
+function diagonalOf(positions: Float32Array): number {
+  const [low, high] = [Array(3).fill(Infinity), Array(3).fill(-Infinity)];
+  positions.forEach((value, i) => {
+    low[i % 3] = Math.min(low[i % 3], value);
+    high[i % 3] = Math.max(high[i % 3], value);
+  });
+  return Math.hypot(...high.map((value, axis) => value - low[axis]));
+}

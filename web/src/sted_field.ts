@@ -1,0 +1,79 @@
+// Local STED: the standard deviation, weighted by length, of the relative errors of all edges that
+// touch a vertex or one of its neighbours; as meshreel.metrics.edge_neighbourhoods has it.
+
+import { edgesOf } from "./gpu/surface";
+
+/** Sums of weights, of weighted values and of their squares, at each vertex. */
+type Moments = [Float64Array, Float64Array, Float64Array];
+
+export class StedField {
+  private readonly edges: Uint32Array;
+  /** For each 3-cycle of edges and each edge of it: the vertex opposite, and the edge. */
+  private readonly opposite: Uint32Array;
+
+  constructor(
+    faces: Uint32Array,
+    private readonly nVerts: number,
+  ) {
+    this.edges = edgesOf(faces, nVerts);
+    this.opposite = oppositeEdges(this.edges, nVerts);
+  }
+
+  /** Values at every vertex, from positions (V, 3). */
+  of(original: Float32Array, decoded: Float32Array): Float32Array {
+    const { edges, opposite } = this;
+    const stars = this.moments();
+    const nEdges = edges.length / 2;
+    const terms: Moments = [0, 1, 2].map(() => new Float64Array(nEdges)) as Moments;
+    for (let edge = 0; edge < nEdges; edge++) {
+      const [a, b] = [edges[2 * edge], edges[2 * edge + 1]];
+      const length = distance(original, a, b);
+      const error = length > 0 ? (length - distance(decoded, a, b)) / length : 0;
+      terms[0][edge] = length;
+      terms[1][edge] = length * error;
+      terms[2][edge] = length * error * error;
+    }
+    // Of the stars of a vertex and its neighbours, edges with both ends in them count once.
+    const sums = this.moments();
+    terms.forEach((values, k) => {
+      values.forEach((value, edge) => {
+        stars[k][edges[2 * edge]] += value;
+        stars[k][edges[2 * edge + 1]] += value;
+      });
+      for (let i = 0; i < edges.length; i += 2) {
+        sums[k][edges[i]] += stars[k][edges[i + 1]];
+        sums[k][edges[i + 1]] += stars[k][edges[i]];
+      }
+      for (let i = 0; i < opposite.length; i += 2) sums[k][opposite[i]] -= values[opposite[i + 1]];
+    });
+    return Float32Array.from(sums[0], (total, vertex) => {
+      if (!(total > 0)) return 0;
+      const mean = sums[1][vertex] / total;
+      return Math.sqrt(Math.max(0, sums[2][vertex] / total - mean * mean));
+    });
+  }
+
+  private moments(): Moments {
+    return [0, 1, 2].map(() => new Float64Array(this.nVerts)) as Moments;
+  }
+}
+
+function distance(positions: Float32Array, a: number, b: number): number {
+  const [x, y, z] = [0, 1, 2].map((axis) => positions[3 * b + axis] - positions[3 * a + axis]);
+  return Math.hypot(x, y, z);
+}
+
+function oppositeEdges(edges: Uint32Array, nVerts: number): Uint32Array {
+  const neighbours = Array.from({ length: nVerts }, () => new Set<number>());
+  for (let i = 0; i < edges.length; i += 2) {
+    neighbours[edges[i]].add(edges[i + 1]);
+    neighbours[edges[i + 1]].add(edges[i]);
+  }
+  const found: number[] = [];
+  for (let i = 0; i < edges.length; i += 2) {
+    const [a, b] = [neighbours[edges[i]], neighbours[edges[i + 1]]];
+    const [few, many] = a.size < b.size ? [a, b] : [b, a];
+    for (const vertex of few) if (many.has(vertex)) found.push(vertex, i / 2);
+  }
+  return Uint32Array.from(found);
+}
