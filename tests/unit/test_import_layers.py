@@ -19,6 +19,7 @@ FLOORS = [  # from the top
     {"geometry", "entropy"},
     {"sequence", "engine"},
     {"surface", "atomic_write", "progress", "threads", "profiling"},
+    {"outputs"},
     {"errors", "counting"},
 ]
 FLOOR_OF = {room: floor for floor, rooms in enumerate(FLOORS) for room in rooms}

@@ -40,13 +40,13 @@ def compare_command(
 
     - `meshreel compare frames/ decoded.npz --plot nmsve.png --json`
     """
-    from meshreel.atomic_write import check_output_path
     from meshreel.cli.console import print_json, print_notes, print_table, progress_bar
     from meshreel.cli.figures import quality_rows
     from meshreel.formats.load import load
     from meshreel.formats.registry import holds_meshes
     from meshreel.metrics.alignment import find_alignment
     from meshreel.metrics.compare import compare
+    from meshreel.outputs.checks import check_output_path
     from meshreel.rendering.plots import plot_error_per_frame, require_matplotlib
 
     if plot is not None:

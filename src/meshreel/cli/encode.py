@@ -124,7 +124,6 @@ def encode_command(
     """
     from functools import partial
 
-    from meshreel.atomic_write import check_output_path
     from meshreel.cli.console import print_json, print_notes, progress_bar
     from meshreel.cli.encoded_file import encode_file
     from meshreel.cli.profile import print_profile, profile_figures
@@ -132,6 +131,7 @@ def encode_command(
     from meshreel.formats.options import ReadOptions
     from meshreel.formats.sources import natural_order
     from meshreel.formats.stretches import find_stretches
+    from meshreel.outputs.checks import check_output_path
     from meshreel.profiling import profiled
 
     target = output or Path(f"{_stem(inputs[0])}.reel")

@@ -37,11 +37,11 @@ def export_command(
 
     - `meshreel export walk.reel -o errors.html --original walk.npz`
     """
-    from meshreel.atomic_write import check_output_path
     from meshreel.cli.console import print_json, print_notes, print_table, progress_bar, size_text
     from meshreel.cli.player import opened_player
     from meshreel.formats.naming import errors_naming
     from meshreel.formats.options import ReadOptions
+    from meshreel.outputs.checks import check_output_path
     from meshreel.viewer.export import ALLOWED_ERROR, export_page
     from meshreel.viewer.page import page_text
 

@@ -120,7 +120,6 @@ def render_command(
 
     - `meshreel render walk.reel -o turn.gif --frames 17 --turntable 4`
     """
-    from meshreel.atomic_write import check_output_path
     from meshreel.cli.console import print_json, print_notes, progress_bar
     from meshreel.cli.render_options import (
         color_named,
@@ -130,6 +129,7 @@ def render_command(
     )
     from meshreel.formats.load import MAX_LOADED_BYTES, open_source
     from meshreel.formats.registry import holds_meshes
+    from meshreel.outputs.checks import check_output_path
     from meshreel.rendering.film_files import save_film
     from meshreel.rendering.films import FILM_PX, GIF_PX, film
     from meshreel.rendering.picture import save_png

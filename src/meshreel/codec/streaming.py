@@ -10,7 +10,6 @@ from typing import Any, BinaryIO
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.atomic_write import check_output_path
 from meshreel.bitstream.writer import Sections
 from meshreel.codec.block_writer import BlockWriter
 from meshreel.codec.config import MAX_BLOCK_POSITIONS, EncoderConfig
@@ -19,6 +18,7 @@ from meshreel.codec.source import CodedMesh
 from meshreel.codec.targets import Aim
 from meshreel.counting import counted
 from meshreel.errors import InvalidInputError
+from meshreel.outputs.checks import check_output_path
 from meshreel.sequence import validate_faces, validate_fps, validate_start, validate_vertices
 from meshreel.surface import PLAIN, Surface
 

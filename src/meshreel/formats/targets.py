@@ -4,11 +4,11 @@ import os
 import re
 from pathlib import Path
 
-from meshreel.atomic_write import check_output_path
 from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.kinds import SequenceFormat
 from meshreel.formats.registry import FORMATS, format_of, is_written
 from meshreel.formats.sources import AnyPath
+from meshreel.outputs.checks import check_output_path
 
 NUMBER_FIELD = re.compile(r"%(0?)(\d{0,2})d")
 
