@@ -1,14 +1,13 @@
 """A `MeshSequence`, or frames as they come, to files of other programs."""
 
 from collections.abc import Callable, Iterable
-from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.atomic_write import replace_when_done
+from meshreel.atomic_write import replace_all_when_done
 from meshreel.codec.decoder import start_of
 from meshreel.codec.reel_file import ReelFile
 from meshreel.errors import FormatError, InvalidInputError
@@ -179,10 +178,7 @@ def save_frames(
         progress=progress,
         notes=notes,
     )
-    with ExitStack() as renames:  # the files get their names when the stack unwinds
-        temporaries = [
-            renames.enter_context(replace_when_done(path, overwrite=overwrite)) for path in paths
-        ]
+    with replace_all_when_done(paths, overwrite=overwrite) as temporaries:
         if isinstance(found, SequenceFormat):
             _write_sequence(found, temporaries, stream, options)
             progress("writing", 1.0)
