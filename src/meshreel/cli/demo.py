@@ -35,13 +35,14 @@ def demo_command(
     from meshreel.flag import simulate_flag
     from meshreel.formats.save import save
     from meshreel.metrics.compare import compare
-    from meshreel.outputs.checks import check_output_path
+    from meshreel.outputs.checks import check_output_folder, check_output_path
     from meshreel.rendering.picture import save_png
     from meshreel.rendering.scenes import Scene
     from meshreel.rendering.shots import telling_frames
     from meshreel.rendering.stills import still
     from meshreel.rendering.views import View
 
+    check_output_folder(out)
     out.mkdir(parents=True, exist_ok=True)
     raw, reel, picture = (out / f"flag.{ending}" for ending in ("npz", "reel", "png"))
     for path in (raw, reel, picture):

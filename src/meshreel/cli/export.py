@@ -9,6 +9,9 @@ from meshreel.cli.completing import pages
 from meshreel.cli.player import OriginalOption, SourceArgument
 from meshreel.cli.read_options import MergeOption, ObjectOption
 
+ENDINGS = (".html", ".htm")
+OTHER_OUTPUTS = "`meshreel decode` writes other formats, `meshreel render` pictures and films"
+
 
 def export_command(
     source: SourceArgument,
@@ -41,11 +44,14 @@ def export_command(
     from meshreel.cli.player import opened_player
     from meshreel.formats.naming import errors_naming
     from meshreel.formats.options import ReadOptions
-    from meshreel.outputs.checks import check_output_path
+    from meshreel.formats.sources import files_of_source
+    from meshreel.outputs.checks import check_ending, check_output_path
     from meshreel.viewer.export import ALLOWED_ERROR, export_page
     from meshreel.viewer.page import page_text
 
-    check_output_path(output, overwrite=force)
+    check_ending(output, ENDINGS, OTHER_OUTPUTS)
+    files = [source, *(files_of_source(original) if original else [])]
+    check_output_path(output, overwrite=force, inputs=files)
     page = page_text()
     with progress_bar() as progress:
         reading = ReadOptions(object=object, merge=merge, progress=progress)

@@ -1,6 +1,7 @@
 """Which file endings there are, and who reads and writes them."""
 
 import os
+from dataclasses import fields
 from pathlib import Path
 from typing import Any, get_args
 
@@ -16,7 +17,13 @@ from meshreel.formats.caches.topology import COMPANION, topology_reader
 from meshreel.formats.extras import ALEMBIC, HDF, USD
 from meshreel.formats.gltf.read import read_meshes as read_gltf
 from meshreel.formats.gltf.write import write_glb, write_gltf
-from meshreel.formats.kinds import FrameFormat, ReadOption, SequenceFormat, scene_format
+from meshreel.formats.kinds import (
+    FrameFormat,
+    ReadOption,
+    SequenceFormat,
+    WriteOption,
+    scene_format,
+)
 from meshreel.formats.meshes.obj import obj_positions_like, parse_obj
 from meshreel.formats.meshes.obj_surface import parse_obj_surface
 from meshreel.formats.meshes.obj_writing import obj_encoder
@@ -27,7 +34,7 @@ from meshreel.formats.meshes.ply import describe_ply, parse_ply, ply_positions_l
 from meshreel.formats.meshes.ply_surface import parse_ply_surface
 from meshreel.formats.meshes.ply_writing import ply_encoder
 from meshreel.formats.meshes.stl import parse_stl, stl_encoder, stl_positions_like
-from meshreel.formats.options import ReadOptions
+from meshreel.formats.options import ReadOptions, WriteOptions
 from meshreel.formats.reel import open_reel, write_reel
 from meshreel.formats.usd.reading import read_meshes as read_usd
 from meshreel.formats.usd.writing import write_usd
@@ -86,18 +93,19 @@ FRAME_FORMATS = {
         ),
     )
 }
+GLTF_OPTIONS: frozenset[WriteOption] = frozenset({"targets", "max_error", "normals"})
 SEQUENCE_FORMATS = {
     found.ending: found
     for found in (
         SequenceFormat(".npz", "NumPy archive", open_npz, write_npz, reads=frozenset({"dataset"})),
-        SequenceFormat(".reel", "meshreel", open_reel, write_reel),
+        SequenceFormat(".reel", "meshreel", open_reel, write_reel, writes=frozenset({"max_error"})),
         scene_format(".abc", "Alembic", read_alembic, write_alembic, ALEMBIC),
         scene_format(".usd", "USD", read_usd, write_usd, USD),
         scene_format(".usda", "USD, text", read_usd, write_usd, USD),
         scene_format(".usdc", "USD, binary", read_usd, write_usd, USD),
         scene_format(".usdz", "USD, package", read_usd, write_usd, USD),
-        scene_format(".glb", "glTF, binary", read_gltf, write_glb),
-        scene_format(".gltf", "glTF, text", read_gltf, write_gltf),
+        scene_format(".glb", "glTF, binary", read_gltf, write_glb, writes=GLTF_OPTIONS),
+        scene_format(".gltf", "glTF, text", read_gltf, write_gltf, writes=GLTF_OPTIONS),
         SequenceFormat(
             ".pc2",
             "point cache of 3ds Max",
@@ -178,6 +186,24 @@ def check_read_options(found: FrameFormat | SequenceFormat, options: ReadOptions
             raise InvalidInputError(
                 f"--{option} ({option}=) chooses nothing in a {found.ending} file; "
                 f"it is for {', '.join(allowed)}"
+            )
+
+
+def check_write_options(found: FrameFormat | SequenceFormat, options: WriteOptions) -> None:
+    """Refuse options that choose nothing when files of a format are written.
+
+    Raises
+    ------
+    InvalidInputError
+        Naming the option and the formats that have it.
+    """
+    heeded = found.writes if isinstance(found, SequenceFormat) else frozenset()
+    for option in (one for one in fields(options) if one.name in get_args(WriteOption)):
+        if getattr(options, option.name) != option.default and option.name not in heeded:
+            allowed = [one.ending for one in SEQUENCE_FORMATS.values() if option.name in one.writes]
+            raise InvalidInputError(
+                f"--{option.name.replace('_', '-')} ({option.name}=) chooses nothing in a "
+                f"{found.ending} file; it is for {', '.join(allowed)}"
             )
 
 
