@@ -1,56 +1,109 @@
 """Output that appears whole or not at all, and never over something unasked."""
 
 import os
-import tempfile
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
-from meshreel.errors import InvalidInputError
-
-
-def check_output_path(path: Path, *, overwrite: bool) -> None:
-    """Refuse a path that cannot or must not be written, before any work is done.
-
-    Raises
-    ------
-    InvalidInputError
-        If the folder does not exist, the path is a folder, or a file is there already and
-        `overwrite` is false.
-    """
-    if not path.parent.is_dir():
-        raise InvalidInputError(f"the output folder {path.parent} does not exist; create it first")
-    if path.is_dir():
-        raise InvalidInputError(f"{path} is a folder; name a file")
-    if path.exists() and not overwrite:
-        raise InvalidInputError(f"{path} exists and is kept; use --force (overwrite=True)")
+from meshreel.outputs.checks import check_output_paths, check_replaceable
+from meshreel.outputs.hidden_folders import hidden_folder, remove_abandoned
 
 
 @contextmanager
 def replace_when_done(path: Path, *, overwrite: bool = False) -> Iterator[Path]:
-    """A temporary path in the same folder, renamed to `path` when the block succeeds.
+    """A temporary path of the same name, renamed to `path` when the block succeeds.
 
-    On an error the temporary file is removed and `path` stays as it was.
+    On an error the temporary file is removed and `path` stays as it was. What a killed process
+    leaves is removed by the next that writes into the folder.
 
     Raises
     ------
     InvalidInputError
-        As `check_output_path`.
+        As `meshreel.outputs.checks.check_output_path`.
+    OSError
+        Naming `path`, where the system refuses to write more.
     """
-    check_output_path(path, overwrite=overwrite)
-    handle, name = tempfile.mkstemp(prefix=f".{path.name}.", suffix=path.suffix, dir=path.parent)
-    os.close(handle)
-    temporary = Path(name)
+    with replace_all_when_done([path], overwrite=overwrite) as temporaries:
+        yield temporaries[0]
+
+
+@contextmanager
+def replace_all_when_done(
+    paths: Sequence[Path], *, overwrite: bool = False, makes_folder: bool = False
+) -> Iterator[list[Path]]:
+    """A temporary path for each path, all renamed together when the block succeeds.
+
+    Parameters
+    ----------
+    paths : sequence of Path
+    overwrite : bool, default False
+        Whether files that are there already may be replaced.
+    makes_folder : bool, default False
+        Whether folders that do not exist are made; on an error they go again.
+
+    Raises
+    ------
+    InvalidInputError, OSError
+        As `replace_when_done`.
+    """
+    check_output_paths(paths, overwrite=overwrite, makes_folder=makes_folder)
+    with ExitStack() as folders:
+        hidden: dict[Path, Path] = {}
+        for folder in dict.fromkeys(path.parent for path in paths):
+            folders.enter_context(_made(folder))
+            remove_abandoned(folder)
+            hidden[folder] = folders.enter_context(hidden_folder(folder))
+        outputs = {hidden[path.parent] / path.name: path for path in paths}
+        with _errors_naming(outputs):
+            yield list(outputs)
+            for path in paths:
+                check_replaceable(path, overwrite=overwrite)
+            for temporary, path in outputs.items():
+                temporary.replace(path)
+
+
+@contextmanager
+def os_errors_naming_output(path: Path) -> Iterator[None]:
+    """Within it, an error of the system that names no file names this one."""
+    with _errors_naming({path: path}):
+        yield
+
+
+@contextmanager
+def _made(folder: Path) -> Iterator[None]:
+    """Within it the folder is there; what was made for that goes again on an error."""
+    missing = [one for one in (folder, *folder.parents) if not one.exists()]
     try:
-        yield temporary
-        temporary.chmod(0o666 & ~_umask())
-        temporary.replace(path)
+        folder.mkdir(parents=True, exist_ok=True)
+        yield
     except BaseException:
-        temporary.unlink(missing_ok=True)
+        for one in missing:
+            with suppress(OSError):
+                one.rmdir()
         raise
 
 
-def _umask() -> int:
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask
+@contextmanager
+def _errors_naming(outputs: Mapping[Path, Path]) -> Iterator[None]:
+    """Within it, errors of the system that come of writing temporary files name the outputs."""
+    try:
+        yield
+    except OSError as error:
+        if error.errno is None or (output := _meant(error, outputs)) is None:
+            raise
+        raise OSError(error.errno, error.strerror or os.strerror(error.errno), str(output)) from (
+            error
+        )
+
+
+def _meant(error: OSError, outputs: Mapping[Path, Path]) -> Path | None:
+    """The output that an error is about; None if it is about another file."""
+    if error.filename is None:
+        # Files are written one after the other: it is the last that was begun.
+        begun = [path for temporary, path in outputs.items() if temporary.exists()]
+        return begun[-1] if begun else next(iter(outputs.values()))
+    named = Path(os.fsdecode(error.filename)) if not isinstance(error.filename, int) else Path()
+    if named in outputs:
+        return outputs[named]
+    beside = [path for temporary, path in outputs.items() if temporary.parent in named.parents]
+    return beside[0] if beside else None

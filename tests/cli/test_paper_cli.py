@@ -49,11 +49,14 @@ def test_paper_takes_the_flag_and_its_own_folder_again_when_run_twice(tmp_path):
 
 
 def test_paper_keeps_a_foreign_folder_and_names_it_when_it_is_given(tmp_path, grid):
-    done = run(grid, "--out", tmp_path, "--methods", "v2v")
+    folder = tmp_path / "mine"
+    folder.mkdir()
+    (folder / "notes.txt").touch()
+    done = run(grid, "--out", folder, "--methods", "v2v")
     assert done.returncode == 1
-    assert done.stderr.startswith(f"meshreel: the folder {tmp_path} holds files and no {MARKER}")
+    assert done.stderr.startswith(f"meshreel: the folder {folder} holds files and no {MARKER}")
     assert len(done.stderr.splitlines()) == 1
-    assert [path.name for path in tmp_path.iterdir()] == ["grid.npz"]
+    assert [path.name for path in folder.iterdir()] == ["notes.txt"]
 
 
 def test_paper_names_the_methods_when_one_is_unknown(tmp_path):

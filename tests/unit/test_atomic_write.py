@@ -1,6 +1,12 @@
+import errno
+import os
+import signal
+import subprocess
+import sys
+
 import pytest
 
-from meshreel.atomic_write import replace_when_done
+from meshreel.atomic_write import replace_all_when_done, replace_when_done
 from meshreel.errors import InvalidInputError
 
 
@@ -39,3 +45,78 @@ def test_replace_refuses_when_the_folder_is_missing(tmp_path):
         replace_when_done(tmp_path / "no" / "a.bin"),
     ):
         pass
+
+
+def test_replace_keeps_the_mode_that_new_files_get_when_the_block_succeeds(tmp_path):
+    (tmp_path / "plain").touch()
+    with replace_when_done(tmp_path / "a.bin") as temporary:
+        temporary.touch()
+    assert (tmp_path / "a.bin").stat().st_mode == (tmp_path / "plain").stat().st_mode
+
+
+def test_replace_keeps_a_file_that_came_meanwhile_when_it_may_not_replace_it(tmp_path):
+    path = tmp_path / "a.bin"
+
+    def write_late():
+        with replace_when_done(path) as temporary:
+            temporary.write_bytes(b"late")
+            path.write_bytes(b"first")
+
+    with pytest.raises(InvalidInputError, match="exists and is kept"):
+        write_late()
+    assert path.read_bytes() == b"first"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+@pytest.mark.parametrize("is_named", [False, True])
+def test_replace_names_the_output_when_the_system_refuses_to_write(tmp_path, is_named):
+    paths = [tmp_path / name for name in ("a.obj", "b.obj", "c.obj")]
+
+    def write_some():
+        with replace_all_when_done(paths) as temporaries:
+            for temporary in temporaries[:2]:
+                temporary.touch()
+            raise OSError(errno.ENOSPC, "full", *([temporaries[1]] if is_named else []))
+
+    with pytest.raises(OSError, match="full") as caught:
+        write_some()
+    assert (caught.value.errno, caught.value.filename) == (errno.ENOSPC, str(paths[1]))
+
+
+def test_replace_leaves_the_name_alone_when_the_error_is_about_another_file(tmp_path):
+    with pytest.raises(FileNotFoundError) as caught, replace_when_done(tmp_path / "a.bin"):
+        (tmp_path / "input.obj").read_bytes()
+    assert caught.value.filename == str(tmp_path / "input.obj")
+
+
+def test_replace_makes_the_folder_when_the_block_succeeds(tmp_path):
+    path = tmp_path / "a" / "b" / "c.obj"
+    with replace_all_when_done([path], makes_folder=True) as temporaries:
+        temporaries[0].write_bytes(b"new")
+    assert path.read_bytes() == b"new"
+
+
+def test_replace_leaves_no_folder_when_the_block_fails(tmp_path):
+    def fail():
+        with replace_all_when_done([tmp_path / "a" / "b" / "c.obj"], makes_folder=True):
+            raise RuntimeError
+
+    with pytest.raises(RuntimeError):
+        fail()
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.skipif(not hasattr(os, "geteuid"), reason="nothing is removed here")
+def test_replace_removes_what_a_killed_process_left(tmp_path):
+    killed = (
+        "import os, signal, sys; from pathlib import Path; "
+        "from meshreel.atomic_write import replace_when_done\n"
+        "with replace_when_done(Path(sys.argv[1])) as temporary:\n"
+        "    temporary.touch(); os.kill(os.getpid(), signal.SIGKILL)"
+    )
+    arguments = [sys.executable, "-c", killed, tmp_path / "a.bin"]
+    assert subprocess.run(arguments, check=False, timeout=60).returncode == -signal.SIGKILL
+    assert len(list(tmp_path.iterdir())) == 1
+    with replace_when_done(tmp_path / "b.bin") as temporary:
+        temporary.touch()
+    assert [path.name for path in tmp_path.iterdir()] == ["b.bin"]

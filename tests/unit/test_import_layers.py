@@ -19,6 +19,7 @@ FLOORS = [  # from the top
     {"geometry", "entropy"},
     {"sequence", "surface_selection", "engine"},
     {"surface", "atomic_write", "progress", "threads", "profiling"},
+    {"outputs"},
     {"errors", "counting"},
 ]
 SHOWN = {"sequence", "codec"}

@@ -7,8 +7,8 @@ from pathlib import Path
 from meshreel.batch.discovery import BatchInput, find_inputs
 from meshreel.batch.encode_input import EncodeOptions
 from meshreel.batch.manifest import DONE, FAILED, PENDING, Manifest, Record, read_manifest
-from meshreel.errors import InvalidInputError
 from meshreel.formats.heeded_options import check_heeded
+from meshreel.outputs.checks import check_output_folder
 
 
 @dataclass(frozen=True)
@@ -63,8 +63,7 @@ def plan_batch(
         If there is nothing to encode, the folder of outputs belongs to something else, or an
         option chooses nothing in any input.
     """
-    if out_dir.exists() and not out_dir.is_dir():
-        raise InvalidInputError(f"{out_dir} is a file; name a folder for the outputs")
+    check_output_folder(out_dir)
     inputs = find_inputs(input_dir, but_not=out_dir)
     check_heeded(
         [one.source for one in inputs],
@@ -81,6 +80,8 @@ def plan_batch(
             plan.refused[one.name] = _refused(record, earlier, rivals[one])
         elif not force and _is_up_to_date(record, earlier, out_dir):
             plan.up_to_date.append(one.name)
+        elif is_there and _is_one_of(out_dir / one.output, one.files):
+            plan.refused[one.name] = _refused(record, earlier, _is_input(out_dir / one.output))
         elif is_there and not force and not _owns(earlier):
             plan.refused[one.name] = _refused(record, earlier, _exists(out_dir / one.output))
         else:
@@ -113,6 +114,14 @@ def _is_up_to_date(record: Record, earlier: Record | None, out_dir: Path) -> boo
 
 def _exists(output: Path) -> str:
     return f"{output} exists and was not made of this input; it is kept unless --force is given"
+
+
+def _is_one_of(output: Path, files: tuple[Path, ...]) -> bool:
+    return any(output.samefile(file) for file in files)
+
+
+def _is_input(output: Path) -> str:
+    return f"{output} is the input under another name, which is never replaced; remove the link"
 
 
 def _rivals(inputs: list[BatchInput]) -> dict[BatchInput, str]:

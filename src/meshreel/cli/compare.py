@@ -42,18 +42,21 @@ def compare_command(
 
     - `meshreel compare frames/ decoded.npz --plot nmsve.png --json`
     """
-    from meshreel.atomic_write import check_output_path
     from meshreel.cli.console import print_json, print_notes, print_table, progress_bar
     from meshreel.cli.figures import quality_rows
     from meshreel.formats.heeded_options import check_heeded, heeds
     from meshreel.formats.load import load
     from meshreel.formats.registry import holds_meshes
+    from meshreel.formats.sources import files_of_source
     from meshreel.metrics.alignment import find_alignment
     from meshreel.metrics.compare import compare
+    from meshreel.outputs.checks import check_ending, check_output_path
     from meshreel.rendering.plots import plot_error_per_frame, require_matplotlib
 
     if plot is not None:
-        check_output_path(plot, overwrite=force)
+        check_ending(plot, (".png",))
+        files = [file for given in (original, decoded) for file in files_of_source(given)]
+        check_output_path(plot, overwrite=force, inputs=files)
         require_matplotlib()
     check_heeded([original, decoded], skip_bad=skip_bad, allow_outside=allow_outside)
     notes: list[str] = []

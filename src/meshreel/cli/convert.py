@@ -1,12 +1,28 @@
 """`meshreel convert`: an animation in, the same in another format out."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated
 
 import typer
 
 from meshreel.cli.completing import input_files
-from meshreel.cli.encode_options import UnitOption
+from meshreel.cli.encode_options import (
+    BlockFramesOption,
+    BpvfOption,
+    EffortOption,
+    KgOption,
+    MemoryOption,
+    MethodOption,
+    ModesOption,
+    OrderOption,
+    QualityOption,
+    SizeOption,
+    StedOption,
+    StepOption,
+    TuneOption,
+    UnitOption,
+    UvBitsOption,
+)
 from meshreel.cli.read_options import (
     AllowOutsideOption,
     AttributesOption,
@@ -21,18 +37,24 @@ from meshreel.cli.read_options import (
 from meshreel.cli.write_options import (
     ForceOption,
     FramesOption,
-    GltfErrorOption,
     NormalsOption,
+    OutputErrorOption,
     OutputOption,
+    StartNumberOption,
     TargetsOption,
 )
+from meshreel.codec.config import DEFAULT_METHOD, DEFAULT_ORDER, EncoderConfig
 from meshreel.surface_selection import ALL
 
-if TYPE_CHECKING:
-    from meshreel.sequence import FrameSource
+STREAM_OPTIONS = {
+    "quality", "kg", "sted", "bpvf", "size", "step", "tune", "effort", "method", "modes", "order",
+    "block_frames", "memory", "uv_bits",
+}  # fmt: skip
+"""Options that choose something where the output is a .reel only."""
 
 
 def convert_command(
+    context: typer.Context,
     inputs: Annotated[
         list[str],
         typer.Argument(
@@ -44,6 +66,7 @@ def convert_command(
     ],
     output: OutputOption,
     frames: FramesOption = None,
+    start_number: StartNumberOption = None,
     fps: FpsOption = None,
     object: ObjectOption = None,
     merge: MergeOption = False,
@@ -54,15 +77,30 @@ def convert_command(
     attributes: AttributesOption = ALL,
     split: SplitOption = False,
     targets: TargetsOption = None,
-    max_error: GltfErrorOption = None,
+    max_error: OutputErrorOption = None,
     unit: UnitOption = None,
     normals: NormalsOption = None,
+    quality: QualityOption = None,
+    kg: KgOption = None,
+    sted: StedOption = None,
+    bpvf: BpvfOption = None,
+    size: SizeOption = None,
+    step: StepOption = None,
+    tune: TuneOption = None,
+    effort: EffortOption = None,
+    method: MethodOption = DEFAULT_METHOD,
+    modes: ModesOption = None,
+    order: OrderOption = DEFAULT_ORDER,
+    block_frames: BlockFramesOption = None,
+    memory: MemoryOption = None,
+    uv_bits: UvBitsOption = None,
     force: ForceOption = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print what was done as JSON.")] = False,
 ) -> None:
     """Write an animated mesh in another format; nothing is lost that the format can hold.
 
-    A .reel is coded at the default quality; `meshreel encode` has the choices.
+    A .reel is coded with the options of `meshreel encode`, which no other output takes, and the
+    error is printed. Files of a pattern are numbered as their frames are.
 
     Examples:
 
@@ -73,62 +111,85 @@ def convert_command(
     - `meshreel convert cache.mdd --topology rest.obj -o cache.abc`
 
     - `meshreel convert walk.npz -o walk.glb --max-error 0.05`
+
+    - `meshreel convert walk.abc -o part.reel --frames 100:200 --max-error 0.1`
+
+    - `meshreel convert walk.abc -o out/frame_%04d.obj --start-number 1001`
     """
     from meshreel.cli.console import print_json, print_notes, progress_bar
+    from meshreel.cli.conversion import Conversion
     from meshreel.cli.write_options import (
         checked_bound,
         frame_slice,
-        print_written,
-        written_figures,
+        is_stream,
+        known_frames,
+        refuse_stream_options,
     )
-    from meshreel.codec.decoder import frame_range
     from meshreel.formats.load import loading_for, open_for_encoding
     from meshreel.formats.options import ReadOptions, WriteOptions
     from meshreel.formats.reel import origin_of_file
-    from meshreel.formats.save import save_part
-    from meshreel.formats.sources import natural_order
+    from meshreel.formats.sources import files_of_source, natural_order
     from meshreel.formats.stretches import find_stretches
-    from meshreel.formats.targets import check_save_target
 
     bound = checked_bound(max_error, unit)
-    check_save_target(output, overwrite=force)
     chosen = frame_slice(frames)
     if split and chosen is not None:
         raise typer.BadParameter("--split and --frames exclude each other; give one")
+    if not is_stream(output):
+        refuse_stream_options(context, STREAM_OPTIONS, output)
+    config = EncoderConfig(
+        method=method,
+        n_modes=modes,
+        order=order,
+        block_frames=block_frames,
+        memory=memory,
+        quality=quality,
+        max_error=max_error if is_stream(output) else None,
+        unit=unit if is_stream(output) else None,
+        kg=kg,
+        sted=sted,
+        bpvf=bpvf,
+        size=size,
+        step=step,
+        tune=tune,
+        effort=effort,
+        uv_bits=uv_bits,
+    )
     ordered = natural_order(Path(path) for path in inputs)
     source = inputs[0] if len(inputs) == 1 else ordered
-    notes: list[str] = []
-    done: list[dict[str, Any]] = []
+    files = files_of_source(source, topology)
     with progress_bar() as progress:
         reading = ReadOptions(
-            fps, object, merge, topology, dataset,
-            progress=progress, notes=notes, attributes=attributes,
-            skip_bad=skip_bad, allow_outside=allow_outside,
+            fps, object, merge, topology, dataset, progress=progress,
+            attributes=attributes, skip_bad=skip_bad, allow_outside=allow_outside,
         )  # fmt: skip
-
-        def write(sequence: "FrameSource", target: str | Path) -> None:
-            wanted = frame_range(chosen, sequence.n_frames)
-            origin = origin_of_file(inputs[0]) if len(inputs) == 1 else None
-            written = save_part(
-                sequence,
-                wanted,
-                target,
-                overwrite=force,
-                options=WriteOptions(targets, bound, normals, origin),
-                progress=progress,
-                notes=notes,
-            )
-            done.append(written_figures(written, sequence, len(wanted)))
-
+        origin = origin_of_file(inputs[0]) if len(inputs) == 1 else None
+        conversion = Conversion(
+            files,
+            WriteOptions(targets, bound, normals, origin),
+            config,
+            start_number,
+            force,
+            progress,
+            reading.notes,
+        )
+        # What is known of the output is checked before the input is read, which may take long.
+        conversion.check(output, None if split else known_frames(files, chosen))
         if split:
-            stretches = find_stretches(source, loading_for(None, reading))
-            for one in stretches:
-                write(one.open(), one.path(Path(output)) if len(stretches) > 1 else output)
+            stretches = find_stretches(source, loading_for(config.memory_bytes, reading))
+            cut = len(stretches) > 1
+            pieces = [(one, one.path(Path(output)) if cut else Path(output)) for one in stretches]
+            for one, path in pieces:
+                conversion.check(path, range(one.stop - one.start), first=one.start)
+            for one, path in pieces:
+                conversion.write(one.open(), path, first=one.start)
         else:
-            write(open_for_encoding(source, None, reading), output)
-    print_notes(notes)
+            conversion.write(
+                open_for_encoding(source, config.memory_bytes, reading), output, chosen
+            )
+    print_notes(reading.notes)
     if as_json:
-        print_json({**({"stretches": done} if split else done[0]), "notes": notes})
+        done = conversion.figures
+        print_json({**({"stretches": done} if split else done[0]), "notes": reading.notes})
         return
-    for figures in done:
-        print_written(figures)
+    conversion.show()

@@ -13,6 +13,7 @@ from meshreel.cli.write_options import (
     GltfErrorOption,
     NormalsOption,
     OutputOption,
+    StartNumberOption,
     TargetsOption,
 )
 
@@ -26,6 +27,7 @@ def decode_command(
     ],
     output: OutputOption,
     frames: FramesOption = None,
+    start_number: StartNumberOption = None,
     modes: Annotated[
         int | None,
         typer.Option(
@@ -43,6 +45,8 @@ def decode_command(
 ) -> None:
     """Give back the animation that a .reel file holds.
 
+    Files of a pattern are numbered as their frames are.
+
     Examples:
 
     - `meshreel decode walk.reel -o walk.npz`
@@ -53,12 +57,16 @@ def decode_command(
 
     - `meshreel decode walk.reel -o preview.npz --modes 8`
     """
+    from dataclasses import replace
+
     from meshreel.cli.console import print_json, print_notes, progress_bar
     from meshreel.cli.profile import print_profile, profile_figures
     from meshreel.cli.write_options import (
         checked_bound,
+        chosen_frames,
         frame_slice,
         print_written,
+        refuse_stream,
         written_figures,
     )
     from meshreel.codec.decoder import start_of
@@ -66,12 +74,16 @@ def decode_command(
     from meshreel.formats.options import WriteOptions
     from meshreel.formats.reel import open, origin_of
     from meshreel.formats.save import save_frames
-    from meshreel.formats.targets import check_save_target
+    from meshreel.formats.targets import check_save_target, numbering
     from meshreel.profiling import profiled
 
     chosen = frame_slice(frames)
     bound = checked_bound(max_error, unit)
-    check_save_target(output, overwrite=force)
+    refuse_stream(output)
+    options = WriteOptions(targets, bound, normals)
+    check_save_target(
+        output, overwrite=force, start_number=start_number, inputs=[source], options=options
+    )
     notes: list[str] = []
     with (
         progress_bar() as progress,
@@ -79,7 +91,7 @@ def decode_command(
         open(source, n_modes=modes) as reel,
         errors_naming(source),
     ):
-        wanted = reel.frame_range(chosen)
+        wanted = chosen_frames(chosen, reel.n_frames, notes)
         written = save_frames(
             (run for _, run in reel.pieces(wanted)),
             reel.faces,
@@ -90,7 +102,9 @@ def decode_command(
             start_s=start_of(wanted, reel.start_s, reel.fps),
             surface=reel.surface,
             overwrite=force,
-            options=WriteOptions(targets, bound, normals, origin_of(reel)),
+            start_number=numbering(output, wanted, start_number),
+            inputs=[source],
+            options=replace(options, origin=origin_of(reel)),
             progress=progress,
             notes=notes,
         )

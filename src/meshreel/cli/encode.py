@@ -51,6 +51,12 @@ from meshreel.codec.config import (
 )
 from meshreel.surface_selection import ALL
 
+OTHER_OUTPUTS = (
+    "`meshreel convert` writes other formats, `meshreel render` pictures and films, "
+    "`meshreel export` pages"
+)
+"""Advice where the output of `encode` is to be something else."""
+
 
 def encode_command(
     inputs: Annotated[
@@ -137,18 +143,18 @@ def encode_command(
     """
     from functools import partial
 
-    from meshreel.atomic_write import check_output_path
     from meshreel.cli.console import print_json, print_notes, progress_bar
     from meshreel.cli.encoded_file import encode_file
     from meshreel.cli.profile import print_profile, profile_figures
     from meshreel.formats.load import loading_for, open_for_encoding
     from meshreel.formats.options import ReadOptions
-    from meshreel.formats.sources import natural_order
+    from meshreel.formats.sources import files_of_source, natural_order
     from meshreel.formats.stretches import find_stretches
+    from meshreel.outputs.checks import check_ending, check_output_path
     from meshreel.profiling import profiled
 
     target = output or Path(f"{_stem(inputs[0])}.reel")
-    check_output_path(target, overwrite=force)
+    check_ending(target, (".reel",), OTHER_OUTPUTS)
     config = EncoderConfig(
         method=method,
         n_modes=modes,
@@ -175,6 +181,8 @@ def encode_command(
     )
     frames = natural_order(Path(path) for path in inputs)
     source = inputs[0] if len(inputs) == 1 else frames
+    files = files_of_source(source, topology)
+    check_output_path(target, overwrite=force, inputs=files)
     with progress_bar() as progress, profiled() as times:
         reading = ReadOptions(
             fps,
@@ -194,7 +202,7 @@ def encode_command(
         else:
             pieces = [(partial(open_for_encoding, source, config.memory_bytes, reading), target)]
         for _, path in pieces:
-            check_output_path(path, overwrite=force)
+            check_output_path(path, overwrite=force, inputs=files)
         results = [
             encode_file(opened(), path, config, reading.notes, force=force, progress=progress)
             for opened, path in pieces

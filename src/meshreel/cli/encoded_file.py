@@ -40,6 +40,23 @@ class EncodedFile:
         print_table(str(self.target), rows)
 
 
+def frames_of(sequence: "FrameSource", wanted: range) -> "FrameSource":
+    """The wanted frames of a sequence, loaded unless they are all of it."""
+    from meshreel.codec.decoder import start_of
+    from meshreel.sequence import MeshSequence
+
+    if wanted == range(sequence.n_frames):
+        return sequence
+    return MeshSequence(
+        sequence.read(wanted.start, wanted.stop),
+        sequence.faces,
+        sequence.fps,
+        sequence.name,
+        start_of(wanted, sequence.start_s, sequence.fps),
+        sequence.surface,
+    )
+
+
 def encode_file(
     sequence: "FrameSource",
     target: Path,

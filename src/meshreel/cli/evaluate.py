@@ -67,11 +67,15 @@ def evaluate_command(
     from meshreel.evaluation.recorded import read_recorded
     from meshreel.evaluation.sweeps import checked_coded_methods
     from meshreel.formats.load import load
+    from meshreel.formats.sources import files_of_source
+    from meshreel.outputs.checks import check_output_folder
     from meshreel.rendering.plots import require_matplotlib
 
     chosen = checked_coded_methods(_names(methods))
     others = checked_peers(_names(peers))
     require_matplotlib()
+    files = [file for given in inputs for file in files_of_source(given)]
+    check_output_folder(out, inputs=[*files, *([reference] if reference else [])])
     recorded = read_recorded(reference) if reference else []
     notes: list[str] = []
     with progress_bar() as progress:

@@ -9,6 +9,9 @@ from meshreel.cli.completing import pages
 from meshreel.cli.player import OriginalOption, SourceArgument
 from meshreel.cli.read_options import AllowOutsideOption, MergeOption, ObjectOption, SkipBadOption
 
+ENDINGS = (".html", ".htm")
+OTHER_OUTPUTS = "`meshreel decode` writes other formats, `meshreel render` pictures and films"
+
 
 def export_command(
     source: SourceArgument,
@@ -39,15 +42,18 @@ def export_command(
 
     - `meshreel export walk.reel -o errors.html --original walk.npz`
     """
-    from meshreel.atomic_write import check_output_path
     from meshreel.cli.console import print_json, print_notes, print_table, progress_bar, size_text
     from meshreel.cli.player import opened_player
     from meshreel.formats.naming import errors_naming
     from meshreel.formats.options import ReadOptions
+    from meshreel.formats.sources import files_of_source
+    from meshreel.outputs.checks import check_ending, check_output_path
     from meshreel.viewer.export import ALLOWED_ERROR, export_page
     from meshreel.viewer.page import page_text
 
-    check_output_path(output, overwrite=force)
+    check_ending(output, ENDINGS, OTHER_OUTPUTS)
+    files = [source, *(files_of_source(original) if original else [])]
+    check_output_path(output, overwrite=force, inputs=files)
     page = page_text()
     with progress_bar() as progress:
         reading = ReadOptions(

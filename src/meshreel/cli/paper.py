@@ -52,10 +52,14 @@ def paper_command(
     from meshreel.evaluation.settings import checked_methods
     from meshreel.flag import simulate_flag
     from meshreel.formats.load import load
+    from meshreel.formats.sources import files_of_source
+    from meshreel.outputs.checks import check_output_folder
     from meshreel.rendering.plots import require_matplotlib
 
     chosen = checked_methods(name.strip() for name in methods.split(","))
     require_matplotlib()
+    files = [file for given in inputs or [] for file in files_of_source(given)]
+    check_output_folder(out, inputs=files)
     notes: list[str] = []
     with progress_bar() as progress:
         if inputs:

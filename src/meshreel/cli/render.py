@@ -136,7 +136,6 @@ def render_command(
 
     - `meshreel render walk.reel -o turn.gif --frames 17 --turntable 4`
     """
-    from meshreel.atomic_write import check_output_path
     from meshreel.cli.console import print_json, print_notes, progress_bar
     from meshreel.cli.render_options import (
         color_named,
@@ -147,6 +146,8 @@ def render_command(
     from meshreel.formats.heeded_options import check_heeded, heeds
     from meshreel.formats.load import MAX_LOADED_BYTES, open_source
     from meshreel.formats.registry import holds_meshes
+    from meshreel.formats.sources import files_of_source
+    from meshreel.outputs.checks import check_output_path
     from meshreel.rendering.film_files import save_film
     from meshreel.rendering.films import FILM_PX, GIF_PX, film
     from meshreel.rendering.picture import save_png
@@ -158,7 +159,8 @@ def render_command(
     ending = _checked_ending(output)
     is_film = ending != ".png"
     _check_together(original, heatmap, turntable, follow, is_film=is_film)
-    check_output_path(output, overwrite=force)
+    files = [file for given in (source, original) if given for file in files_of_source(given)]
+    check_output_path(output, overwrite=force, inputs=files)
     wanted_size, color = picture_size(size), color_named(background)
     parse_view(view, up or "y")
     check_heeded(
@@ -179,7 +181,7 @@ def render_command(
 
         shown = opened(source)
         scene = Scene(shown, opened(original) if original else None, heatmap, background=color)
-        numbers = frame_numbers(frames, shown.n_frames)
+        numbers = frame_numbers(frames, shown.n_frames, notes)
         seen = parse_view(view, up or guess_up(scene.framed.extent))
         if is_film:
             made = film(
@@ -210,13 +212,10 @@ def render_command(
 
 def _checked_ending(output: Path) -> str:
     """The ending of the output in small letters; a library that it needs is there."""
+    from meshreel.outputs.checks import check_ending
     from meshreel.rendering.film_files import require_ffmpeg
 
-    ending = output.suffix.lower()
-    if ending not in ENDINGS:
-        raise typer.BadParameter(
-            f"{output} must end in {', '.join(ENDINGS)}; got {output.suffix or 'no ending'}"
-        )
+    ending = check_ending(output, ENDINGS)
     if ending == ".mp4":
         require_ffmpeg()
     return ending

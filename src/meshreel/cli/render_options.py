@@ -4,16 +4,21 @@ import re
 
 import typer
 
+from meshreel.cli.write_options import clamped_note
+
 
 def is_range(text: str | None) -> bool:
     """Whether frames are named by A:B, or not at all, and not one by one."""
     return text is None or ":" in text
 
 
-def frame_numbers(text: str | None, n_frames: int) -> list[int]:
-    """The frames that 'A:B' or 'N,N,...' names, where -1 is the last; all of them by default."""
+def frame_numbers(text: str | None, n_frames: int, notes: list[str]) -> list[int]:
+    """The frames that 'A:B' or 'N,N,...' names, where -1 is the last; all of them by default.
+
+    The notes gain a sentence where 'A:B' goes beyond the ends.
+    """
     if is_range(text):
-        return _range(text or ":", n_frames)
+        return _range(text or ":", n_frames, notes)
     try:
         return [range(n_frames)[int(word)] for word in (text or "").split(",")]
     except ValueError:
@@ -26,7 +31,7 @@ def frame_numbers(text: str | None, n_frames: int) -> list[int]:
         ) from None
 
 
-def _range(text: str, n_frames: int) -> list[int]:
+def _range(text: str, n_frames: int, notes: list[str]) -> list[int]:
     try:
         start, stop = (int(part) if part else None for part in text.split(":"))
     except ValueError:
@@ -36,6 +41,8 @@ def _range(text: str, n_frames: int) -> list[int]:
         raise typer.BadParameter(
             f"--frames {text} names no frame; there are frames 0 to {n_frames - 1}"
         )
+    if note := clamped_note(slice(start, stop), n_frames):
+        notes.append(note)
     return list(numbers)
 
 

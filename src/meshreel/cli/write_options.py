@@ -1,5 +1,6 @@
 """Options of commands that write files of other programs, and what such a command says."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -23,11 +24,19 @@ OutputOption = Annotated[
         "-o",
         autocompletion=output_files,
         help="A file for all frames (.abc, .usdc, .glb, .npz, ...: see `meshreel formats`), or a "
-        "pattern such as out/frame_%04d.obj for a file a frame.",
+        "pattern such as out/frame_%04d.obj for a file a frame, whose folder is made if missing.",
     ),
 ]
 FramesOption = Annotated[
     str | None, typer.Option(metavar="A:B", help="Only frames A to B - 1. Default: all.")
+]
+StartNumberOption = Annotated[
+    int | None,
+    typer.Option(
+        metavar="N",
+        help="Of a pattern, the number of the first file. Default: that of its frame.",
+        show_default=False,
+    ),
 ]
 TargetsOption = Annotated[
     int | None,
@@ -45,6 +54,16 @@ GltfErrorOption = Annotated[
         f"own; else what morph targets add. 0.1 or 0.1%: percent {OF_ALL_FRAMES}; 0.5u: model "
         "units; 0.5mm: a length, see --unit.",
         rich_help_panel=GLTF,
+    ),
+]
+OutputErrorOption = Annotated[
+    str | None,
+    typer.Option(
+        "--max-error",
+        metavar="BOUND",
+        help="Of a .reel: no vertex of any frame is farther off. Of glTF: the largest error that "
+        f"morph targets may add. 0.1 or 0.1%: percent {OF_ALL_FRAMES}; 0.5u: model units; 0.5mm: "
+        "a length, see --unit.",
     ),
 ]
 NormalsOption = Annotated[
@@ -87,6 +106,77 @@ def frame_slice(text: str | None) -> slice | None:
             raise typer.BadParameter("--frames takes A:B; got nothing")
         return slice(start, start + 1 or None)
     return slice(start, stop)
+
+
+def is_stream(output: str | Path) -> bool:
+    """Whether an output is a .reel."""
+    return Path(output).suffix.lower() == ".reel"
+
+
+def refuse_stream_options(context: typer.Context, names: set[str], output: str) -> None:
+    """Refuse options of these names that were given, for they choose nothing in the output."""
+    for name in context.params:
+        source = context.get_parameter_source(name)
+        if name in names and source is not None and source.name == "COMMANDLINE":
+            raise typer.BadParameter(
+                f"--{name.replace('_', '-')} chooses nothing in {output}; it is for .reel outputs"
+            )
+
+
+def refuse_stream(output: str) -> None:
+    """Refuse an output that is a stream, where frames are to be given back.
+
+    Raises
+    ------
+    InvalidInputError
+        Naming the command that codes them anew.
+    """
+    from meshreel.errors import InvalidInputError
+
+    if is_stream(output):
+        raise InvalidInputError(
+            f"{output} would be coded anew, which loses more; `meshreel convert` does that, with "
+            "the options of `meshreel encode`, and says how much"
+        )
+
+
+def known_frames(files: Sequence[Path], chosen: slice | None) -> range | None:
+    """The frames that a slice names of input files that hold one each; None if others do."""
+    from meshreel.codec.decoder import frame_range
+    from meshreel.formats.registry import FRAME_FORMATS
+
+    is_frame = files[0].suffix.lower() in FRAME_FORMATS
+    return frame_range(chosen, len(files)) if is_frame else None
+
+
+def chosen_frames(chosen: slice | None, n_frames: int, notes: list[str]) -> range:
+    """The frames that a slice names; what of it is beyond the ends is noted.
+
+    Raises
+    ------
+    InvalidInputError
+        If it names no frame.
+    """
+    from meshreel.codec.decoder import frame_range
+
+    found = frame_range(chosen, n_frames)
+    if chosen is not None and (note := clamped_note(chosen, n_frames)):
+        notes.append(note)
+    return found
+
+
+def clamped_note(chosen: slice, n_frames: int) -> str | None:
+    """What to say of a range of frames that goes beyond the ends; None if it does not."""
+    from meshreel.codec.decoder import slice_text
+
+    ends = [end for end in (chosen.start, chosen.stop) if end is not None]
+    if all(-n_frames <= end <= n_frames for end in ends):
+        return None
+    start, stop, _ = chosen.indices(n_frames)
+    return (
+        f"--frames {slice_text(chosen)} goes beyond the ends: there are frames 0:{n_frames}, and "
+        f"{start}:{stop} are taken"
+    )
 
 
 def written_figures(written: list[Path], source: "Written", n_frames: int) -> dict[str, Any]:

@@ -77,6 +77,12 @@ def start_of(wanted: range, start_s: float, fps: float) -> float:
     return start_s + (wanted.start / fps if fps else 0.0)
 
 
+def slice_text(frames: slice | None) -> str:
+    """A slice without a step as Python writes it, such as 2:5."""
+    start, stop = (frames.start, frames.stop) if frames else (None, None)
+    return ":".join("" if end is None else str(end) for end in (start, stop))
+
+
 def frame_range(frames: slice | None, n_frames: int) -> range:
     """The frames of so many that a slice names; None names all.
 
@@ -90,7 +96,6 @@ def frame_range(frames: slice | None, n_frames: int) -> range:
         raise InvalidInputError(f"frames must have no step; got {frames}")
     if start >= stop:
         raise InvalidInputError(
-            f"frames {frames and frames.start}:{frames and frames.stop} name no frame; "
-            f"the stream has frames 0:{n_frames}"
+            f"frames {slice_text(frames)} name no frame; there are frames 0:{n_frames}"
         )
     return range(start, stop)

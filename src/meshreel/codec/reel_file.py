@@ -5,6 +5,7 @@ from collections import OrderedDict
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextvars import copy_context
+from pathlib import Path
 from types import TracebackType
 from typing import BinaryIO, overload
 
@@ -213,6 +214,12 @@ class ReelFile:
             If it names no frame, or has a step.
         """
         return frame_range(chosen, self.n_frames)
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """The file that frames are taken from, if it has a name."""
+        name = getattr(self._file, "name", None)
+        return (Path(name),) if isinstance(name, str | Path) else ()
 
     def close(self) -> None:
         """Close the file and forget what was decoded."""

@@ -3,6 +3,7 @@
 import os
 import time
 from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from types import TracebackType
 from typing import Any, BinaryIO
@@ -10,7 +11,7 @@ from typing import Any, BinaryIO
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.atomic_write import check_output_path
+from meshreel.atomic_write import os_errors_naming_output
 from meshreel.bitstream.writer import Sections
 from meshreel.codec.block_writer import BlockWriter
 from meshreel.codec.config import MAX_BLOCK_POSITIONS, EncoderConfig
@@ -20,6 +21,7 @@ from meshreel.codec.targets import Aim
 from meshreel.codec.uv_grid import check_uvs
 from meshreel.counting import counted
 from meshreel.errors import InvalidInputError
+from meshreel.outputs.checks import check_ending, check_output_path
 from meshreel.sequence import validate_faces, validate_fps, validate_start, validate_vertices
 from meshreel.surface import PLAIN, Surface
 
@@ -49,7 +51,7 @@ class Encoder:
     Parameters
     ----------
     faces : integer array of shape (M, 3)
-    target : path, or binary file that is open for writing
+    target : path that ends in ``.reel``, or binary file that is open for writing
         A file is not closed.
     fps : float, default 0
         Frames per second; 0 = unknown.
@@ -77,8 +79,10 @@ class Encoder:
     Raises
     ------
     InvalidInputError
-        If an option is out of range or needs the whole sequence, the faces are none, or a file
-        is there already.
+        If an option is out of range or needs the whole sequence, the faces are none, the target
+        does not end in ``.reel``, or a file is there already.
+    OSError
+        Naming the target, when it cannot be written.
 
     References
     ----------
@@ -116,6 +120,7 @@ class Encoder:
         self._is_closed = False
         self._path = Path(target) if isinstance(target, str | os.PathLike) else None
         if self._path is not None:
+            check_ending(self._path, (".reel",), "meshreel.save writes other formats")
             check_output_path(self._path, overwrite=overwrite)
         self._file: BinaryIO = self._path.open("wb") if self._path else target  # type: ignore[assignment]
         # A block is analysed while the bytes of the one before are written.
@@ -170,7 +175,8 @@ class Encoder:
                 self._code()
             self._wait_for_all()
             if self._writer is not None:
-                self._writer.finish()
+                with self._errors_naming_target():
+                    self._writer.finish()
         finally:
             self._worker.shutdown()
             self._pencil.shutdown()
@@ -196,9 +202,13 @@ class Encoder:
 
     def _release(self) -> None:
         if self._path is not None:
-            self._file.close()
+            with self._errors_naming_target():
+                self._file.close()
             if self._writer is None:
                 self._path.unlink(missing_ok=True)
+
+    def _errors_naming_target(self) -> AbstractContextManager[None]:
+        return os_errors_naming_output(self._path) if self._path else nullcontext()
 
     def _check(self, array: Vertices) -> None:
         if array.ndim != 2:
@@ -235,14 +245,16 @@ class Encoder:
             if self._writer is None:
                 n_verts = vertices.shape[1]
                 mesh = CodedMesh(self._faces, n_verts, self._config, self._surface, self._start_s)
-                self._writer = BlockWriter(self._file, mesh, vertices, self._fps, self._name)
+                with self._errors_naming_target():
+                    self._writer = BlockWriter(self._file, mesh, vertices, self._fps, self._name)
             sections = self._writer.analyse(vertices)
             if self._writing is not None:
                 self._writing.result()
             self._writing = self._pencil.submit(write, self._writer, sections)
 
         def write(writer: BlockWriter, sections: Sections) -> None:
-            writer.write(len(vertices), sections)
+            with self._errors_naming_target():
+                writer.write(len(vertices), sections)
             self.latency_s = max(self.latency_s, time.perf_counter() - since)
 
         self._analysing = self._worker.submit(analyse)

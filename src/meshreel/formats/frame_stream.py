@@ -42,6 +42,11 @@ class FrameStream:
 
     Attributes
     ----------
+    is_told : bool
+        Whether anybody reads the notes.
+
+    Attributes
+    ----------
     n_verts : int
     dtype : dtype
         Of every block.
@@ -79,6 +84,7 @@ class FrameStream:
         self.fps, self.name, self.start_s = validate_fps(fps), name, validate_start(start_s)
         self.surface = surface.validated(self.n_verts, len(self.faces))
         self.first: Vertices = first[0]
+        self.is_told = notes is not None
         self.notes = notes if notes is not None else []
         self._blocks: Iterator[Vertices] = chain([first], filled)
         self.progress = progress

@@ -110,6 +110,7 @@ def open_frames(
         read_range=read_range,
         start_s=start_s,
         surface=surface,
+        files=files.paths,
     )
 
 

@@ -1,14 +1,15 @@
-"""Which formats heed an option of reading: one that chooses nothing is refused."""
+"""Which formats heed an option of reading or writing: one that chooses nothing is refused."""
 
 import os
 from collections.abc import Sequence
+from dataclasses import fields
 from pathlib import Path
 from typing import get_args
 
 from meshreel.errors import InvalidInputError
-from meshreel.formats.kinds import FrameFormat, ReadOption, SequenceFormat
+from meshreel.formats.kinds import FrameFormat, ReadOption, SequenceFormat, WriteOption
 from meshreel.formats.left_out import listed
-from meshreel.formats.options import ReadOptions
+from meshreel.formats.options import ReadOptions, WriteOptions
 from meshreel.formats.registry import FORMATS, SEQUENCE_FORMATS
 
 
@@ -61,7 +62,25 @@ def check_read_options(found: FrameFormat | SequenceFormat, options: ReadOptions
             )
 
 
-def _named(option: ReadOption) -> str:
+def check_write_options(found: FrameFormat | SequenceFormat, options: WriteOptions) -> None:
+    """Refuse options that choose nothing when files of a format are written.
+
+    Raises
+    ------
+    InvalidInputError
+        Naming the option and the formats that have it.
+    """
+    heeded = found.writes if isinstance(found, SequenceFormat) else frozenset()
+    for option in (one for one in fields(options) if one.name in get_args(WriteOption)):
+        if getattr(options, option.name) != option.default and option.name not in heeded:
+            allowed = [one.ending for one in SEQUENCE_FORMATS.values() if option.name in one.writes]
+            raise InvalidInputError(
+                f"{_named(option.name)} chooses nothing in a {found.ending} file; "
+                f"it is for {', '.join(allowed)}"
+            )
+
+
+def _named(option: str) -> str:
     """As people write it, in a command and in Python."""
     return f"--{option.replace('_', '-')} ({option}=)"
 

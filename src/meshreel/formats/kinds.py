@@ -15,6 +15,7 @@ from meshreel.sequence import Faces, FrameSource, Vertices
 from meshreel.surface import Surface
 
 ReadOption = Literal["object", "merge", "topology", "dataset", "skip_bad", "allow_outside"]
+WriteOption = Literal["targets", "max_error", "normals"]
 
 
 @dataclass(frozen=True)
@@ -73,6 +74,8 @@ class SequenceFormat:
         The library that reading and writing need.
     reads : set of ReadOption
         Which options choose something in such a file.
+    writes : set of WriteOption
+        Which options choose something when such a file is written.
     companion : str, default ""
         Ending of a mesh file with the first frame that is written beside it.
     read_meshes : ReadMeshes, optional
@@ -85,6 +88,7 @@ class SequenceFormat:
     write: Callable[[Path, FrameStream, WriteOptions], None] | None
     extra: Extra | None = None
     reads: frozenset[ReadOption] = frozenset()
+    writes: frozenset[WriteOption] = frozenset()
     companion: str = ""
     read_meshes: ReadMeshes | None = None
 
@@ -97,6 +101,7 @@ def scene_format(
     extra: Extra | None = None,
     *,
     names_files: bool = False,
+    writes: frozenset[WriteOption] = frozenset(),
 ) -> SequenceFormat:
     """A format whose files hold one or several meshes, the faces of which may change.
 
@@ -106,5 +111,5 @@ def scene_format(
     return SequenceFormat(
         ending, title, scene_opener(read_meshes), write, extra,
         reads=frozenset(reads | ({"allow_outside"} if names_files else set())),
-        read_meshes=read_meshes,
+        writes=writes, read_meshes=read_meshes,
     )  # fmt: skip

@@ -71,7 +71,7 @@ class Origin:
 
 @dataclass(frozen=True)
 class WriteOptions:
-    """How a file is written; only glTF has a choice.
+    """How a file is written; glTF has all choices, and ``.reel`` has `max_error`.
 
     Parameters
     ----------

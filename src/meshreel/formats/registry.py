@@ -16,7 +16,7 @@ from meshreel.formats.caches.topology import COMPANION, topology_reader
 from meshreel.formats.extras import ALEMBIC, HDF, USD
 from meshreel.formats.gltf.read import read_meshes as read_gltf
 from meshreel.formats.gltf.write import write_glb, write_gltf
-from meshreel.formats.kinds import FrameFormat, SequenceFormat, scene_format
+from meshreel.formats.kinds import FrameFormat, SequenceFormat, WriteOption, scene_format
 from meshreel.formats.meshes.obj import obj_positions_like, parse_obj
 from meshreel.formats.meshes.obj_surface import parse_obj_surface
 from meshreel.formats.meshes.obj_writing import obj_encoder
@@ -90,18 +90,23 @@ FRAME_FORMATS = {
         ),
     )
 }
+GLTF_OPTIONS: frozenset[WriteOption] = frozenset({"targets", "max_error", "normals"})
 SEQUENCE_FORMATS = {
     found.ending: found
     for found in (
         SequenceFormat(".npz", "NumPy archive", open_npz, write_npz, reads=frozenset({"dataset"})),
-        SequenceFormat(".reel", "meshreel", open_reel, write_reel),
+        SequenceFormat(".reel", "meshreel", open_reel, write_reel, writes=frozenset({"max_error"})),
         scene_format(".abc", "Alembic", read_alembic, write_alembic, ALEMBIC),
         scene_format(".usd", "USD", read_usd, write_usd, USD, names_files=True),
         scene_format(".usda", "USD, text", read_usd, write_usd, USD, names_files=True),
         scene_format(".usdc", "USD, binary", read_usd, write_usd, USD, names_files=True),
         scene_format(".usdz", "USD, package", read_usd, write_usd, USD, names_files=True),
-        scene_format(".glb", "glTF, binary", read_gltf, write_glb, names_files=True),
-        scene_format(".gltf", "glTF, text", read_gltf, write_gltf, names_files=True),
+        scene_format(
+            ".glb", "glTF, binary", read_gltf, write_glb, names_files=True, writes=GLTF_OPTIONS
+        ),
+        scene_format(
+            ".gltf", "glTF, text", read_gltf, write_gltf, names_files=True, writes=GLTF_OPTIONS
+        ),
         SequenceFormat(
             ".pc2",
             "point cache of 3ds Max",

@@ -1,14 +1,13 @@
 """A `MeshSequence`, or frames as they come, to files of other programs."""
 
 from collections.abc import Callable, Iterable
-from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.atomic_write import replace_when_done
+from meshreel.atomic_write import replace_all_when_done
 from meshreel.codec.decoder import start_of
 from meshreel.codec.reel_file import ReelFile
 from meshreel.errors import FormatError, InvalidInputError
@@ -18,13 +17,11 @@ from meshreel.formats.options import WriteOptions
 from meshreel.formats.reel import origin_of
 from meshreel.formats.registry import FRAME_FORMATS, format_of
 from meshreel.formats.sources import AnyPath
-from meshreel.formats.targets import check_save_target
+from meshreel.formats.targets import DEFAULT_OPTIONS, check_save_target, is_pattern, numbering
 from meshreel.profiling import staged
 from meshreel.progress import Progress, silent
 from meshreel.sequence import FrameSource, Vertices
 from meshreel.surface import PLAIN, Surface
-
-DEFAULT_OPTIONS = WriteOptions()
 
 
 def save(
@@ -32,6 +29,7 @@ def save(
     target: AnyPath,
     *,
     overwrite: bool = False,
+    start_number: int | None = None,
     options: WriteOptions = DEFAULT_OPTIONS,
     progress: Progress = silent,
     notes: list[str] | None = None,
@@ -48,10 +46,13 @@ def save(
     target : str or Path
         ``name.npz``, ``.reel``, ``.abc``, ``.usd``, ``.glb`` and others for all frames in one
         file (`meshreel formats` lists them); a pattern with a number field such as
-        ``dir/frame_%04d.obj`` for a file a frame, numbered from 0; or ``name.obj`` for a
-        sequence of one frame.
+        ``dir/frame_%04d.obj`` for a file a frame, whose folder is made if it is missing; or
+        ``name.obj`` for a sequence of one frame.
     overwrite : bool, default False
-        Whether files that are there already may be replaced.
+        Whether files that are there already may be replaced. Those that the sequence is read from
+        never are.
+    start_number : int, optional
+        Of a pattern, the number of the first file; default 0.
     options : WriteOptions, optional
         Choices that a format has.
     progress : Progress, default silent
@@ -76,6 +77,7 @@ def save(
         range(sequence.n_frames),
         target,
         overwrite=overwrite,
+        start_number=start_number,
         options=options,
         progress=progress,
         notes=notes,
@@ -89,6 +91,8 @@ def save_part(
     target: AnyPath,
     *,
     overwrite: bool = False,
+    start_number: int | None = None,
+    inputs: Iterable[Path] = (),
     options: WriteOptions = DEFAULT_OPTIONS,
     progress: Progress = silent,
     notes: list[str] | None = None,
@@ -99,6 +103,10 @@ def save_part(
     ----------
     wanted : range
         Numbers of the frames, of step 1; the start time follows them.
+    start_number : int, optional
+        Of a pattern, the number of the first file; default that of the frame.
+    inputs : iterable of Path
+        Files that the sequence was made of, as far as it does not know them; never replaced.
     sequence, target, overwrite, options, progress, notes
         As in `save`.
 
@@ -119,6 +127,8 @@ def save_part(
         start_s=start_of(wanted, sequence.start_s, sequence.fps),
         surface=sequence.surface,
         overwrite=overwrite,
+        start_number=numbering(target, wanted, start_number),
+        inputs=(*inputs, *getattr(sequence, "files", ())),
         options=options,
         progress=progress,
         notes=notes,
@@ -136,6 +146,8 @@ def save_frames(
     start_s: float = 0.0,
     surface: Surface = PLAIN,
     overwrite: bool = False,
+    start_number: int | None = None,
+    inputs: Iterable[Path] = (),
     options: WriteOptions = DEFAULT_OPTIONS,
     progress: Progress = silent,
     notes: list[str] | None = None,
@@ -151,8 +163,10 @@ def save_frames(
         The positions in model units, in order, all of one type. Blocks may differ in T.
     faces : integer array of shape (M, 3)
         Vertex indices of each triangle, in 0..V-1.
-    target, overwrite, options, progress, notes
+    target, overwrite, start_number, options, progress, notes
         As in `save`.
+    inputs : iterable of Path
+        Files that the frames are made of, which are never replaced.
     n_frames : int
         Of all blocks together.
     fps, name, start_s, surface
@@ -166,7 +180,14 @@ def save_frames(
     """
     if n_frames < 1:
         raise InvalidInputError(f"a sequence needs at least one frame; got n_frames {n_frames}")
-    paths = check_save_target(target, n_frames, overwrite=overwrite)
+    paths = check_save_target(
+        target,
+        n_frames,
+        overwrite=overwrite,
+        start_number=start_number,
+        inputs=inputs,
+        options=options,
+    )
     found = format_of(paths[0])
     stream = FrameStream(
         blocks,
@@ -179,10 +200,9 @@ def save_frames(
         progress=progress,
         notes=notes,
     )
-    with ExitStack() as renames:  # the files get their names when the stack unwinds
-        temporaries = [
-            renames.enter_context(replace_when_done(path, overwrite=overwrite)) for path in paths
-        ]
+    with replace_all_when_done(
+        paths, overwrite=overwrite, makes_folder=is_pattern(target)
+    ) as temporaries:
         if isinstance(found, SequenceFormat):
             _write_sequence(found, temporaries, stream, options)
             progress("writing", 1.0)

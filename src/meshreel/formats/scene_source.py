@@ -134,6 +134,7 @@ def sequence_of(mesh: SceneMesh, path: Path, options: ReadOptions) -> FrameSourc
             read_range=_reader(mesh, survey.dtype, first.vertices.shape),
             start_s=timing.start_s,
             surface=surface,
+            files=(path,),
         )
 
 

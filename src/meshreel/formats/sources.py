@@ -65,6 +65,30 @@ def find_files(source: Source) -> SourceFiles:
     raise InvalidInputError(f"there is no file or folder {str(source)!r}{hint or '; check it'}")
 
 
+def files_of_source(source: Source, topology: AnyPath | None = None) -> list[Path]:
+    """The files that a source means, and those beside that belong to it.
+
+    Parameters
+    ----------
+    source : str, Path, or list or tuple of them
+        As in `find_files`.
+    topology : path, optional
+        A mesh file with the faces of a point cache.
+
+    Raises
+    ------
+    InvalidInputError, FormatError
+        As `find_files`.
+    """
+    found = find_files(source)
+    files = list(found.paths)
+    if topology is not None:
+        files.append(Path(topology))
+    elif isinstance(found.format, SequenceFormat) and found.format.companion:
+        files += [path.with_suffix(found.format.companion) for path in found.paths]
+    return files
+
+
 def natural_order(paths: Iterable[Path]) -> list[Path]:
     """The paths sorted so that ``frame_2`` comes before ``frame_10``, ignoring case."""
 

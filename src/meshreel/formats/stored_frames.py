@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
@@ -35,6 +36,8 @@ class StoredFrames:
         Gives the positions of frames start..stop - 1, of shape (stop - start, V, 3).
     start_s : float, default 0
     surface : Surface, optional
+    files : tuple of Path
+        Where the positions are.
     is_portable : bool, default False
         Whether `read_range` can be sent to another process, and reads there.
 
@@ -55,6 +58,7 @@ class StoredFrames:
     read_range: Callable[[int, int], Vertices]
     start_s: float = 0.0
     surface: Surface = PLAIN
+    files: tuple[Path, ...] = ()
     is_portable: bool = False
 
     def __post_init__(self) -> None:

@@ -2,19 +2,29 @@
 
 import os
 import re
+from collections.abc import Iterable
 from pathlib import Path
 
-from meshreel.atomic_write import check_output_path
 from meshreel.errors import FormatError, InvalidInputError
+from meshreel.formats.heeded_options import check_write_options
 from meshreel.formats.kinds import SequenceFormat
+from meshreel.formats.options import WriteOptions
 from meshreel.formats.registry import FORMATS, format_of, is_written
 from meshreel.formats.sources import AnyPath
+from meshreel.outputs.checks import check_output_paths
 
 NUMBER_FIELD = re.compile(r"%(0?)(\d{0,2})d")
+DEFAULT_OPTIONS = WriteOptions()
 
 
 def check_save_target(
-    target: AnyPath, n_frames: int | None = None, *, overwrite: bool
+    target: AnyPath,
+    n_frames: int | None = None,
+    *,
+    overwrite: bool,
+    start_number: int | None = None,
+    inputs: Iterable[Path] = (),
+    options: WriteOptions = DEFAULT_OPTIONS,
 ) -> list[Path]:
     """The files that saving to `target` will write, once they are known to be allowed.
 
@@ -28,6 +38,12 @@ def check_save_target(
         Number of frames; without it only the first file of a pattern is checked.
     overwrite : bool
         Whether files that are there already may be replaced.
+    start_number : int, optional
+        Number of the first file of a pattern; default 0.
+    inputs : iterable of Path
+        The files that the frames are made of, which are never replaced.
+    options : WriteOptions, optional
+        Choices that a format has.
 
     Raises
     ------
@@ -35,8 +51,9 @@ def check_save_target(
         If the target is a folder, its ending is unknown, files of that kind are not written, or
         the library that writes them is not installed.
     InvalidInputError
-        If the folder of the target does not exist, a file is there already and `overwrite` is
-        false, or several frames are to go into one file that holds one.
+        If the folder of the target takes no files or, but for a pattern, does not exist, a file is
+        an input, or is there already and `overwrite` is false, several frames are to go into one
+        file that holds one, or an option or `start_number` has no effect.
     """
     path = Path(target)
     if path.is_dir() or str(target).endswith(("/", os.sep)):
@@ -44,13 +61,31 @@ def check_save_target(
             f"{str(target)!r} is a folder, which says no format; give a pattern such as "
             f"{path / 'frame_%04d.obj'}"
         )
-    paths = _files_of(path, n_frames)
-    for file in paths:
-        check_output_path(file, overwrite=overwrite)
+    paths = _files_of(path, n_frames, start_number)
+    check_write_options(format_of(path), options)
+    check_output_paths(paths, overwrite=overwrite, inputs=inputs, makes_folder=is_pattern(path))
     return paths
 
 
-def _files_of(path: Path, n_frames: int | None) -> list[Path]:
+def is_pattern(target: AnyPath) -> bool:
+    """Whether a target has a number field, for a file a frame."""
+    return NUMBER_FIELD.search(Path(target).name) is not None
+
+
+def numbering(target: AnyPath, wanted: range, start_number: int | None) -> int | None:
+    """The number of the first file: that which is asked for, else of a pattern that of its frame.
+
+    Parameters
+    ----------
+    target : str or Path
+    wanted : range
+        Numbers of the frames.
+    start_number : int or None
+    """
+    return wanted.start if start_number is None and is_pattern(target) else start_number
+
+
+def _files_of(path: Path, n_frames: int | None, start_number: int | None) -> list[Path]:
     fields = list(NUMBER_FIELD.finditer(path.name))
     if not is_written(found := format_of(path)):
         written = [one.ending for one in FORMATS.values() if is_written(one)]
@@ -58,6 +93,7 @@ def _files_of(path: Path, n_frames: int | None) -> list[Path]:
             f"{path}: {found.ending} files are read, but not written; "
             f"written are {', '.join(written)}"
         )
+    _check_start_number(path, start_number)
     if isinstance(found, SequenceFormat):
         if fields:
             raise InvalidInputError(
@@ -70,7 +106,8 @@ def _files_of(path: Path, n_frames: int | None) -> list[Path]:
     if len(fields) > 1:
         raise InvalidInputError(f"{path} has {len(fields)} number fields; one is needed")
     if fields:
-        numbers = range(1 if n_frames is None else n_frames)
+        first = start_number or 0
+        numbers = range(first, first + (1 if n_frames is None else n_frames))
         return [path.with_name(_numbered(path.name, fields[0], number)) for number in numbers]
     if n_frames is not None and n_frames > 1:
         pattern = path.with_name(f"{path.stem}_%04d{path.suffix}")
@@ -79,6 +116,20 @@ def _files_of(path: Path, n_frames: int | None) -> list[Path]:
             f"or {path.with_suffix('.npz')} for all frames in one file"
         )
     return [path]
+
+
+def _check_start_number(path: Path, start_number: int | None) -> None:
+    if start_number is None:
+        return
+    if start_number < 0:
+        raise InvalidInputError(
+            f"--start-number (start_number=) must be 0 or more; got {start_number}"
+        )
+    if not is_pattern(path):
+        raise InvalidInputError(
+            "--start-number (start_number=) says where the numbers of files begin, and "
+            f"{path} has none; give a pattern such as {path.with_name('frame_%04d.obj')}"
+        )
 
 
 def _numbered(name: str, field: re.Match[str], number: int) -> str:

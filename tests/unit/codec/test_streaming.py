@@ -153,6 +153,34 @@ def test_a_file_is_kept_when_it_is_there_already(tmp_path):
     assert path.read_bytes() == b"mine"
 
 
+def test_a_path_is_refused_when_it_does_not_end_in_reel(tmp_path):
+    with pytest.raises(InvalidInputError, match=r"live\.glb must end in \.reel; got \.glb"):
+        Encoder(SEQUENCE.faces, tmp_path / "live.glb")
+    assert list(tmp_path.iterdir()) == []
+
+
+FILLING = """
+    import resource, sys
+    import meshreel
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1500, 1500))
+    sequence = meshreel.simulate_flag(40)
+    try:
+        with meshreel.Encoder(sequence.faces, sys.argv[1], block_frames=5) as encoder:
+            for frame in sequence.vertices:
+                encoder.push(frame)
+    except OSError as error:
+        print(error.filename)
+"""
+
+
+def test_the_file_is_named_when_it_grows_too_large(tmp_path):
+    pytest.importorskip("resource")
+    path = tmp_path / "live.reel"
+    command = [sys.executable, "-c", textwrap.dedent(FILLING), str(path)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120)
+    assert (done.stdout, done.stderr) == (f"{path}\n", "")
+
+
 @pytest.mark.parametrize("target", [{"kg": 1.0}, {"sted": 0.1}, {"bpvf": 1.0}, {"size": 1e6}])
 def test_targets_are_refused_when_they_need_the_whole_sequence(target):
     with pytest.raises(InvalidInputError, match="needs the whole sequence"):

@@ -40,7 +40,8 @@ def written(sequence, folder, ending):
         pytest.skip(f"{ending} needs {extra.library}, which is not installed")
     folder.mkdir(exist_ok=True)
     target = target_of(folder, ending)
-    save(sequence, target, options=WriteOptions(max_error=50 * ERROR))
+    allowed = 50 * ERROR if ending in APPROXIMATE else None
+    save(sequence, target, options=WriteOptions(max_error=allowed))
     fps = 24 if ending in TIMELESS or not isinstance(FORMATS[ending], SequenceFormat) else None
     return load(source_of(target), fps=fps)
 

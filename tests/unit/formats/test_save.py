@@ -1,14 +1,22 @@
 import numpy as np
 import pytest
 
+import meshreel
 from meshreel.errors import FormatError, InvalidInputError
+from meshreel.formats.load import load, open_source
+from meshreel.formats.options import WriteOptions
 from meshreel.formats.save import save
 from meshreel.formats.targets import check_save_target
 from meshreel.sequence import MeshSequence
+from sample_meshes import waving_grid
 
 
 def names(paths):
     return [path.name for path in paths]
+
+
+def listing_by_number(folder):
+    return sorted(listing(folder), key=lambda name: (len(name), name))
 
 
 def listing(folder):
@@ -100,10 +108,73 @@ def test_check_save_target_lists_the_endings_when_it_is_unknown(tmp_path):
         check_save_target(tmp_path / "a.fbx", overwrite=False)
 
 
-@pytest.mark.parametrize("name", ["a.npz", "f_%d.obj"])
-def test_check_save_target_names_the_folder_when_it_does_not_exist(tmp_path, name):
+def test_check_save_target_names_the_folder_when_it_does_not_exist(tmp_path):
     with pytest.raises(InvalidInputError, match=r"the output folder .*none does not exist"):
-        check_save_target(tmp_path / "none" / name, overwrite=False)
+        check_save_target(tmp_path / "none" / "a.npz", overwrite=False)
+
+
+def test_save_makes_the_folder_when_the_target_is_a_pattern(tmp_path, make_sequence):
+    paths = save(make_sequence(2), tmp_path / "new" / "er" / "f_%d.obj")
+    assert [path.is_file() for path in paths] == [True, True]
+    assert listing(tmp_path / "new" / "er") == ["f_0.obj", "f_1.obj"]
+
+
+def test_save_numbers_files_from_the_start_when_one_is_given(tmp_path, make_sequence):
+    paths = save(make_sequence(3), tmp_path / "f_%02d.obj", start_number=99)
+    assert names(paths) == listing_by_number(tmp_path) == ["f_99.obj", "f_100.obj", "f_101.obj"]
+
+
+@pytest.mark.parametrize(("name", "number"), [("a.npz", 1), ("a.obj", 0), ("f_%d.obj", -1)])
+def test_save_refuses_a_start_when_it_has_no_effect(tmp_path, make_sequence, name, number):
+    with pytest.raises(InvalidInputError, match=r"--start-number \(start_number=\)"):
+        save(make_sequence(1), tmp_path / name, start_number=number)
+    assert listing(tmp_path) == []
+
+
+@pytest.mark.parametrize(
+    ("name", "options", "word"),
+    [
+        ("a.npz", WriteOptions(targets=3), r"--targets \(targets=\).* \.npz .* \.glb, \.gltf"),
+        ("a.reel", WriteOptions(normals=True), r"--normals .* \.reel file"),
+        ("f_%d.obj", WriteOptions(max_error=1), r"--max-error .* \.reel, \.glb, \.gltf"),
+    ],
+)
+def test_save_refuses_an_option_when_it_has_no_effect(tmp_path, make_sequence, name, options, word):
+    with pytest.raises(InvalidInputError, match=word):
+        save(make_sequence(2), tmp_path / name, options=options)
+    assert listing(tmp_path) == []
+
+
+def test_save_keeps_and_notes_the_error_when_it_writes_a_stream(tmp_path, make_sequence):
+    notes = []
+    path = tmp_path / "a.reel"
+    save(waving_grid(), path, options=WriteOptions(max_error=0.2), notes=notes)
+    assert path.read_bytes() == meshreel.encode(waving_grid(), max_error=0.2)
+    found = meshreel.compare(waving_grid(), load(path)).max_error_percent
+    assert found <= 0.2
+    assert notes[0].startswith(f"coded with a largest error of {found:.4f} % of the diagonal")
+
+
+@pytest.mark.parametrize("name", ["a.npz", "a.h5", "f_%d.ply"])
+def test_save_keeps_the_files_when_it_reads_from_them(tmp_path, make_sequence, name):
+    if name == "a.h5":
+        pytest.importorskip("h5py")
+    paths = save(make_sequence(3), tmp_path / name)
+    before = [path.read_bytes() for path in paths]
+    source = paths if len(paths) > 1 else paths[0]
+    with pytest.raises(InvalidInputError, match="is the input"):
+        save(open_source(source), tmp_path / name, overwrite=True)
+    assert [path.read_bytes() for path in paths] == before
+
+
+def test_save_keeps_the_stream_when_it_reads_from_it(tmp_path):
+    (tmp_path / "a.reel").write_bytes(data := meshreel.encode(waving_grid()))
+    with (
+        meshreel.open(tmp_path / "a.reel") as reel,
+        pytest.raises(InvalidInputError, match="is the input"),
+    ):
+        save(reel, tmp_path / "a.reel", overwrite=True)
+    assert (tmp_path / "a.reel").read_bytes() == data
 
 
 @pytest.mark.parametrize(("name", "first"), [("a.npz", "a.npz"), ("f_%d.obj", "f_0.obj")])

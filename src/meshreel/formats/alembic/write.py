@@ -1,15 +1,15 @@
 """A sequence into an Alembic file, frame by frame."""
 
-import shutil
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.errors import FormatError, InvalidInputError
+from meshreel.errors import FormatError
 from meshreel.formats.alembic.library_arrays import library_array, library_vector
 from meshreel.formats.alembic.object_paths import object_paths
+from meshreel.formats.alembic.room import check_room
 from meshreel.formats.alembic.rounding import Rounding
 from meshreel.formats.alembic.winding import turned_corners
 from meshreel.formats.alembic.write_attributes import (
@@ -39,25 +39,15 @@ def write_alembic(path: Path, stream: FrameStream, options: WriteOptions) -> Non
     InvalidInputError
         If the disk is too small, or a position does not fit into float32.
     """
-    _check_room(path, stream)
+    check_room(path, stream)
     rounding = Rounding(stream.first)
     try:
         _write_archive(path, stream, rounding)
     except RuntimeError as error:  # of the library
         raise FormatError(
-            f"the Alembic library cannot write: {' '.join(str(error).split())}"
+            f"the Alembic library cannot write {path.name}: {' '.join(str(error).split())}"
         ) from None
     stream.notes.extend([note] if (note := rounding.describe()) else [])
-
-
-def _check_room(path: Path, stream: FrameStream) -> None:
-    """Refuse a disk that is too small: when it is full, the library ends the process."""
-    needed, free = stream.n_frames * stream.n_verts * 12, shutil.disk_usage(path.parent).free
-    if needed > free:
-        raise InvalidInputError(
-            f"the positions take {needed} bytes in an Alembic file, and the disk has {free} left; "
-            "write it to another disk"
-        )
 
 
 def _write_archive(path: Path, stream: FrameStream, rounding: Rounding) -> None:

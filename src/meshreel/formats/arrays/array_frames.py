@@ -90,6 +90,7 @@ class ArrayFrames:
             read_range=self._read_unchanged,
             start_s=about.start_s,
             surface=about.surface,
+            files=(self.path,),
         )
 
     def _blocks(self, options: ReadOptions) -> Iterator[tuple[int, Vertices]]:

@@ -33,6 +33,7 @@ from meshreel.formats.hdf_file import (
     require_dataset,
     write_array,
 )
+from meshreel.formats.hdf_writing import hdf_output
 from meshreel.formats.left_out import note_kinds
 from meshreel.formats.naming import errors_naming
 from meshreel.formats.options import ReadOptions, WriteOptions
@@ -95,7 +96,6 @@ def open_hdf_sequence(path: Path, options: ReadOptions) -> FrameSource:
 
 def write_hdf(path: Path, stream: FrameStream, options: WriteOptions) -> None:
     """Write an HDF5 file, frame by frame, that reads back as exactly the frames of `stream`."""
-    h5py = HDF.load()
     frame_bytes = stream.n_verts * 3 * stream.dtype.itemsize
     chunk_frames = min(stream.n_frames, max(1, CHUNK_BYTES // frame_bytes))
     described: dict[str, npt.NDArray[Any]] = {
@@ -105,16 +105,16 @@ def write_hdf(path: Path, stream: FrameStream, options: WriteOptions) -> None:
         **start_arrays(stream.start_s),
         **surface_arrays(stream.surface),
     }
-    with h5py.File(path, "w") as file:
-        vertices = file.create_dataset(
+    with hdf_output(path) as output:
+        vertices = output.root.create_dataset(
             POSITIONS,
             (stream.n_frames, stream.n_verts, 3),
             stream.dtype,
             chunks=(chunk_frames, stream.n_verts, 3),
         )
         for name, array in described.items():
-            write_array(file, name, array)
-        for index, frame in enumerate(stream.frames()):
+            write_array(output.root, name, array)
+        for index, frame in output.frames(stream):
             vertices[index] = frame
 
 

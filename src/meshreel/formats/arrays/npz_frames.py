@@ -77,6 +77,7 @@ def open_npz(path: Path, options: ReadOptions) -> FrameSource:
             is_portable=True,
             start_s=about.start_s,
             surface=about.surface,
+            files=(path,),
         )
 
 

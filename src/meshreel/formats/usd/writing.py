@@ -45,7 +45,7 @@ def write_usd(path: Path, stream: FrameStream, options: WriteOptions) -> None:
     with (
         # A file that cannot be removed is no reason to fail.
         tempfile.TemporaryDirectory(dir=path.parent, ignore_cleanup_errors=True) as folder,
-        usd_errors("USD cannot write it"),
+        usd_errors(f"USD cannot write {path.name}"),
     ):
         binary = Path(folder) / f"{re.sub(NOT_PORTABLE, '_', stream.name) or 'mesh'}.usdc"
         _write_binary(binary, stream)
@@ -58,7 +58,7 @@ def write_usd(path: Path, stream: FrameStream, options: WriteOptions) -> None:
             binary.replace(path)
             is_done = True
         if not is_done:
-            raise FormatError("USD cannot write it, and does not say why")
+            raise FormatError(f"USD cannot write {path.name}, and does not say why")
 
 
 def _write_binary(path: Path, stream: FrameStream) -> None:

@@ -7,9 +7,9 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.formats.arrays.named_arrays import surface_arrays
-from meshreel.formats.extras import HDF
 from meshreel.formats.frame_stream import FrameStream
 from meshreel.formats.hdf_file import Node, write_array
+from meshreel.formats.hdf_writing import hdf_output
 from meshreel.formats.options import WriteOptions
 from meshreel.formats.vtk.data_arrays import TEXTURE_COORDINATES
 from meshreel.formats.vtk.vtkhdf import OWN, ROOT
@@ -28,7 +28,8 @@ def write_vtkhdf(path: Path, stream: FrameStream, options: WriteOptions) -> None
     Attributes of vertices and faces are data arrays; a group beside that of VTK holds all of the
     surface for meshreel, with what VTK has no place for.
     """
-    with HDF.load().File(path, "w") as file:
+    with hdf_output(path) as output:
+        file = output.root
         root = file.create_group(ROOT)
         root.attrs["Version"] = np.array(VERSION, np.int64)
         root.attrs.create("Type", np.bytes_("PolyData"))
@@ -44,7 +45,7 @@ def write_vtkhdf(path: Path, stream: FrameStream, options: WriteOptions) -> None
             maxshape=(None, 3),
             chunks=(min(max(stream.n_verts, CHUNK_ROWS), stream.n_verts * stream.n_frames), 3),
         )
-        for index, frame in enumerate(stream.frames()):
+        for index, frame in output.frames(stream):
             points.resize((index + 1) * stream.n_verts, axis=0)
             points[index * stream.n_verts :] = frame
 

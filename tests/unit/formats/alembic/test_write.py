@@ -1,3 +1,6 @@
+import errno
+import os
+
 import numpy as np
 import pytest
 
@@ -8,6 +11,8 @@ from meshreel.formats.save import save
 from meshreel.geometry.fans import triangulate_fans
 from meshreel.sequence import MeshSequence
 from meshreel.surface import Attribute, Domain, FaceGroups, Kind, Part, Surface
+from sample_meshes import quad_sheet
+from sample_surfaces import two_cubes
 
 pytest.importorskip("alembic3d")
 
@@ -169,12 +174,28 @@ def test_save_refuses_positions_when_float32_cannot_hold_them(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_save_refuses_to_begin_when_the_disk_is_too_small(tmp_path, monkeypatch):
+@pytest.mark.parametrize("has_limits", [True, False])
+def test_save_refuses_to_begin_when_the_disk_is_too_small(tmp_path, monkeypatch, has_limits):
+    def refuse(*_):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
     usage = type("Usage", (), {"free": 100})
     monkeypatch.setattr("shutil.disk_usage", lambda path: usage)
-    with pytest.raises(InvalidInputError, match=r"take 288 bytes .* the disk has 100 left"):
+    monkeypatch.setattr("os.posix_fallocate", refuse, raising=False)
+    if not has_limits:
+        monkeypatch.delattr("os.posix_fallocate")
+    with pytest.raises(InvalidInputError, match=r"a\.abc takes up to \d+ bytes .* is no room"):
         save(moving(), tmp_path / "a.abc")
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.skipif(not hasattr(os, "posix_fallocate"), reason="room is not taken here")
+@pytest.mark.parametrize("sequence", [moving(1), moving(300), quad_sheet(), two_cubes(50)])
+def test_save_takes_no_more_room_than_it_tried_when_it_writes(tmp_path, monkeypatch, sequence):
+    tried = []
+    monkeypatch.setattr("os.posix_fallocate", lambda *of: tried.append(of[2]))
+    save(sequence, tmp_path / "a.abc")
+    assert (tmp_path / "a.abc").stat().st_size <= tried[0] < 500_000
 
 
 def test_save_names_the_command_when_the_library_is_not_installed(tmp_path, monkeypatch):

@@ -299,7 +299,7 @@ def test_save_says_so_when_usd_cannot_write(tmp_path, monkeypatch, capfd):
         Tf.RaiseRuntimeError("the disk is full")
 
     monkeypatch.setattr("meshreel.formats.usd.writing._write_binary", fail)
-    with pytest.raises(FormatError, match=r"USD cannot write it: .*the disk is full"):
+    with pytest.raises(FormatError, match=r"USD cannot write x\.usdc: .*the disk is full"):
         save(sheets(), tmp_path / "x.usdc")
     assert capfd.readouterr().err == ""
     assert list(tmp_path.iterdir()) == []

@@ -1,0 +1,111 @@
+"""Sequences written into other formats, or coded, and what is said of it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from meshreel.codec.config import EncoderConfig
+from meshreel.formats.options import WriteOptions
+from meshreel.progress import Progress
+
+if TYPE_CHECKING:
+    from meshreel.cli.encoded_file import EncodedFile
+    from meshreel.sequence import FrameSource
+
+
+@dataclass
+class Conversion:
+    """How sequences are written, and what has been written.
+
+    Parameters
+    ----------
+    inputs : sequence of Path
+        Never replaced.
+    options : WriteOptions
+    config : EncoderConfig
+        Of streams.
+    start_number : int or None
+    force : bool
+    progress : Progress
+    notes : list of str
+    """
+
+    inputs: Sequence[Path]
+    options: WriteOptions
+    config: EncoderConfig
+    start_number: int | None
+    force: bool
+    progress: Progress
+    notes: list[str]
+    figures: list[dict[str, Any]] = field(default_factory=list)
+    _streams: list["EncodedFile"] = field(default_factory=list)
+
+    def check(self, target: str | Path, wanted: range | None, *, first: int = 0) -> None:
+        """Refuse a target that cannot or must not be written, before the work.
+
+        Parameters
+        ----------
+        target : str or Path
+        wanted : range or None
+            The frames, where they are known.
+        first : int
+            Number of the first of all frames.
+        """
+        from meshreel.formats.targets import check_save_target
+
+        check_save_target(
+            target,
+            None if wanted is None else len(wanted),
+            overwrite=self.force,
+            start_number=self._number(target, wanted or range(1), first),
+            inputs=self.inputs,
+            options=self.options,
+        )
+
+    def write(
+        self,
+        sequence: "FrameSource",
+        target: str | Path,
+        chosen: slice | None = None,
+        *,
+        first: int = 0,
+    ) -> None:
+        """Write the chosen frames of a sequence, the first of which has this number."""
+        from meshreel.cli.encoded_file import encode_file, frames_of
+        from meshreel.cli.write_options import chosen_frames, is_stream, written_figures
+        from meshreel.formats.save import save_part
+
+        wanted = chosen_frames(chosen, sequence.n_frames, self.notes)
+        if is_stream(target):
+            made = encode_file(
+                frames_of(sequence, wanted), Path(target), self.config, self.notes,
+                force=self.force, progress=self.progress,
+            )  # fmt: skip
+            self._streams.append(made)
+            figures = written_figures([made.target], sequence, len(wanted))
+            self.figures.append({**figures, **made.figures()})
+            return
+        written = save_part(
+            sequence, wanted, target,
+            overwrite=self.force, start_number=self._number(target, wanted, first),
+            inputs=self.inputs, options=self.options, progress=self.progress, notes=self.notes,
+        )  # fmt: skip
+        self.figures.append(written_figures(written, sequence, len(wanted)))
+
+    def _number(self, target: str | Path, wanted: range, first: int) -> int | None:
+        """Number of the first file of a target; None if it has no numbers."""
+        from meshreel.formats.targets import numbering
+
+        number = numbering(target, wanted, self.start_number)
+        return number if number is None else first + number
+
+    def show(self) -> None:
+        """Print what was written, as tables."""
+        from meshreel.cli.write_options import print_written
+
+        for stream in self._streams:
+            stream.show()
+        if not self._streams:
+            for figures in self.figures:
+                print_written(figures)

@@ -1,0 +1,216 @@
+"""Outputs as a user names them: refused before any work where they must not be written."""
+
+import os
+
+import numpy as np
+import pytest
+
+import meshreel
+from sample_commands import assert_fails, run, run_json
+from sample_meshes import waving_grid
+
+
+@pytest.fixture
+def made(tmp_path):
+    """A folder with walk.npz, its stream walk.reel, its frames, and other.npz."""
+    grid = waving_grid()
+    meshreel.save(grid, tmp_path / "walk.npz")
+    meshreel.save(grid, tmp_path / "other.npz")
+    (tmp_path / "walk.reel").write_bytes(meshreel.encode(grid))
+    meshreel.save(grid, tmp_path / "frames" / "f_%04d.obj")
+    return tmp_path
+
+
+def contents(folder):
+    return {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+@pytest.mark.parametrize("output", ["keep.glb", "keep.mp4", "keep.npz", "keep", "keep.reel.bak"])
+@pytest.mark.parametrize("options", [[], ["--force"]])
+def test_encode_names_convert_when_the_output_is_no_stream(made, output, options):
+    (made / output).write_bytes(b"mine")
+    before = contents(made)
+    done = run("encode", "walk.npz", "-o", output, *options, cwd=made)
+    assert_fails(done, output, "must end in .reel", "meshreel convert")
+    assert contents(made) == before
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["encode", "walk.reel", "-o", "walk.reel"],
+        ["encode", "walk.reel"],
+        ["convert", "walk.npz", "-o", "walk.npz"],
+        ["convert", "walk.npz", "-o", "./frames/../walk.npz"],
+        ["convert", "walk.reel", "-o", "walk.reel"],
+        ["convert", "frames", "-o", "frames/f_%04d.obj"],
+        ["convert", "frames/*.obj", "-o", "frames/f_%04d.obj", "--frames", "3:5"],
+        ["convert", "frames", "-o", "frames/f_%04d.obj", "--start-number", "11"],
+        ["convert", "frames/f_0003.obj", "frames/f_0002.obj", "-o", "frames/f_0003.pc2"],
+        ["convert", "frames/f_0003.obj", "-o", "symbolic.obj"],
+        ["decode", "linked.npz", "-o", "walk.npz"],
+        ["decode", "walk.reel", "-o", "hard.npz"],
+        ["export", "page.html", "-o", "page.html"],
+        ["export", "walk.reel", "-o", "page.html", "--original", "page.html"],
+        ["render", "picture.png", "-o", "picture.png"],
+        ["render", "walk.npz", "-o", "linked.png"],
+        ["render", "other.npz", "-o", "linked.png", "--original", "walk.npz"],
+        ["compare", "walk.npz", "walk.reel", "--plot", "linked.png"],
+    ],
+    ids=lambda arguments: " ".join(arguments),
+)
+def test_input_is_kept_when_it_is_the_output_too(made, arguments):
+    (made / "linked.npz").symlink_to("walk.npz")
+    (made / "linked.png").symlink_to("walk.npz")
+    (made / "symbolic.obj").symlink_to("frames/f_0003.obj")
+    (made / "hard.npz").hardlink_to(made / "walk.reel")
+    before = contents(made)
+    done = run(*arguments, "--force", cwd=made)
+    assert done.returncode == 1
+    assert contents(made) == before
+    if "page.html" not in arguments[1:] and "picture.png" not in arguments:
+        assert_fails(done, "is the input", "never replaced")
+
+
+def test_frames_are_written_beside_the_input_when_their_numbers_are_others(made):
+    run_json("convert", "frames", "-o", "frames/f_%04d.obj", "--start-number", 12, cwd=made)
+    assert len(list((made / "frames").iterdir())) == 24
+
+
+def test_topology_is_kept_when_the_output_would_replace_it(made):
+    meshreel.save(waving_grid(), made / "cache.pc2")
+    before = contents(made)
+    done = run("convert", "cache.pc2", "-o", "cache.mdd", "--force", cwd=made)
+    assert_fails(done, "cache.obj is the input")
+    assert contents(made) == before
+
+
+@pytest.mark.skipif(not os.path.isdir("/proc/self"), reason="there is no such folder here")
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["encode", "walk.npz", "-o", "/proc/x.reel"],
+        ["convert", "walk.npz", "-o", "/proc/x.npz"],
+        ["convert", "walk.npz", "-o", "/proc/new/f_%d.obj"],
+        ["decode", "walk.reel", "-o", "/proc/x.npz"],
+        ["export", "walk.reel", "-o", "/proc/x.html"],
+        ["render", "walk.reel", "-o", "/proc/x.png"],
+        ["compare", "walk.npz", "walk.reel", "--plot", "/proc/x.png"],
+        ["batch", ".", "/proc/x"],
+        ["demo", "--out", "/proc/x"],
+        ["paper", "walk.npz", "--out", "/proc/x"],
+        ["evaluate", "walk.npz", "--out", "/proc/x"],
+    ],
+    ids=lambda arguments: arguments[0] + " " + arguments[-1],
+)
+def test_folder_is_named_when_nothing_can_be_written_into_it(made, arguments):
+    assert_fails(run(*arguments, cwd=made), "nothing can be written into the folder /proc")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["export", "walk.reel", "-o", "x.txt"], ["x.txt must end in .html", "meshreel render"]),
+        (["compare", "walk.npz", "walk.reel", "--plot", "x.jpg"], ["must end in .png; got .jpg"]),
+        (["decode", "walk.reel", "-o", "x.reel"], ["coded anew", "meshreel convert"]),
+        (["paper", "walk.npz", "--out", "."], ["walk.npz lies in"]),
+        (["evaluate", "walk.npz", "--out", "."], ["walk.npz lies in"]),
+        (["decode", "walk.reel", "-o", "x.npz", "--targets", "3"], ["--targets", ".npz", ".glb"]),
+        (["decode", "walk.reel", "-o", "x.npz", "--normals"], ["--normals", ".glb, .gltf"]),
+        (["decode", "walk.reel", "-o", "x.npz", "--max-error", "1"], ["--max-error", ".npz"]),
+        (["decode", "walk.reel", "-o", "x.npz", "--start-number", "1"], ["--start-number"]),
+        (["convert", "walk.npz", "-o", "x.abc", "--targets", "3"], ["--targets", ".abc"]),
+        (["convert", "walk.npz", "-o", "x.reel", "--targets", "3"], ["--targets", ".reel"]),
+        (["convert", "walk.npz", "-o", "x.reel", "--normals"], ["--normals", ".reel"]),
+        (["convert", "walk.npz", "-o", "x.glb", "--kg", "1"], ["--kg", "x.glb", ".reel"]),
+        (["convert", "walk.npz", "-o", "x.glb", "--method", "reel"], ["--method", ".reel"]),
+        (["convert", "walk.npz", "-o", "x.npz", "--block-frames", "9"], ["--block-frames"]),
+        (["convert", "walk.npz", "-o", "f_%d.obj", "--start-number", "-3"], ["0 or more"]),
+        (["convert", "walk.npz", "-o", "x.npz", "--frames", "12:20"], ["there are frames 0:12"]),
+    ],
+    ids=lambda value: " ".join(value) if value[0].islower() else "",
+)
+def test_output_is_refused_by_name_when_it_makes_no_sense(made, arguments, words):
+    before = contents(made)
+    assert_fails(run(*arguments, cwd=made), *words)
+    assert contents(made) == before
+
+
+@pytest.mark.parametrize("options", [["--max-error", 0.1], ["--kg", 1, "--effort", 3], []])
+def test_convert_codes_as_encode_does_when_the_output_is_a_stream(made, options):
+    coded = run_json("encode", "walk.npz", "-o", "a.reel", *options, cwd=made)
+    converted = run_json("convert", "walk.npz", "-o", "b.reel", *options, cwd=made)
+    assert (made / "a.reel").read_bytes() == (made / "b.reel").read_bytes()
+    for name in ("max_error_percent", "kg_error_percent", "size_bytes", "n_modes"):
+        assert converted[name] == coded[name]
+
+
+def test_convert_prints_the_error_and_the_promise_when_it_codes(made):
+    done = run("convert", "walk.npz", "-o", "b.reel", "--max-error", 0.1, cwd=made)
+    shown = " ".join(done.stdout.replace("│", " ").split())
+    assert "largest error 0.0" in shown
+    assert "promised 0.1 %" in shown
+
+
+def test_convert_codes_some_frames_when_asked_to(made):
+    figures = run_json("convert", "walk.npz", "-o", "b.reel", "--frames", "2:7", cwd=made)
+    found = meshreel.load(made / "b.reel")
+    assert (figures["n_frames"], found.n_frames, found.start_s) == (5, 5, 2 / 25)
+    expected = meshreel.MeshSequence(waving_grid().vertices[2:7], waving_grid().faces)
+    assert meshreel.compare(expected, found).max_error_percent == pytest.approx(
+        figures["max_error_percent"], rel=1e-3
+    )
+
+
+@pytest.mark.parametrize(("command", "source"), [("decode", "walk.reel"), ("convert", "walk.npz")])
+@pytest.mark.parametrize(
+    ("options", "numbers"),
+    [
+        (["--frames", "5:8"], [5, 6, 7]),
+        (["--frames", "-2:"], [10, 11]),
+        (["--frames", "5:7", "--start-number", 1001], [1001, 1002]),
+        (["--start-number", 0, "--frames", 3], [0]),
+    ],
+)
+def test_files_are_numbered_as_their_frames_when_some_are_chosen(
+    made, command, source, options, numbers
+):
+    run_json(command, source, "-o", "new/er/f_%04d.ply", *options, cwd=made)
+    names = sorted(path.name for path in (made / "new" / "er").iterdir())
+    assert names == [f"f_{number:04d}.ply" for number in numbers]
+    first = 3 if len(numbers) == 1 else {5: 5, 10: 10, 1001: 5}[numbers[0]]
+    np.testing.assert_array_equal(
+        meshreel.load(made / "new" / "er" / names[0]).vertices[0],
+        meshreel.load(made / source).vertices[first],
+    )
+
+
+@pytest.mark.parametrize(
+    ("arguments", "taken"),
+    [
+        (["decode", "walk.reel", "-o", "x.npz", "--frames", "8:20"], "8:12 are taken"),
+        (["convert", "walk.npz", "-o", "x.npz", "--frames", "-20:3"], "0:3 are taken"),
+        (["convert", "walk.npz", "-o", "x.reel", "--frames", ":13"], "0:12 are taken"),
+        (["render", "walk.npz", "-o", "x.png", "--frames", "9:13", "--size", "640x480"], "9:12"),
+    ],
+    ids=lambda value: value[0] if isinstance(value, list) else value,
+)
+def test_ranges_beyond_the_end_are_told_of_when_they_are_clamped(made, arguments, taken):
+    done = run(*arguments, cwd=made)
+    assert done.returncode == 0
+    told = " ".join(done.stderr.split())
+    assert "goes beyond the ends: there are frames 0:12" in told
+    assert taken in told
+
+
+def test_nothing_is_said_of_ranges_when_they_are_within(made):
+    done = run("decode", "walk.reel", "-o", "x.npz", "--frames", "-12:12", cwd=made)
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+def test_stretches_number_files_as_frames_of_the_whole_when_faces_change(made):
+    meshreel.save(waving_grid(2, 3, 3), made / "frames" / "g_%d.obj")
+    run_json("convert", "frames", "-o", "out/f_%02d.ply", "--split", cwd=made)
+    names = sorted(path.name for path in (made / "out").iterdir())
+    assert names[0] == "f_00_0-11.ply"
+    assert names[-2:] == ["f_12_12-13.ply", "f_13_12-13.ply"]
