@@ -11,10 +11,10 @@ import threading
 from collections import deque
 from collections.abc import Callable
 from concurrent.futures import CancelledError, Future
-from dataclasses import dataclass, field
 from functools import partial
 from typing import Any, TypeVar
 
+from meshreel.engine.cluster_call import ClusterCall
 from meshreel.errors import InvalidInputError, WorkerDiedError
 from meshreel.threads import limit_cores, n_cores, one_blas_thread
 
@@ -45,7 +45,7 @@ class DaskWorkers:
         client = _client_class()
         self._lock = threading.Lock()
         self._n_under_way = 0
-        self._suspects: deque[_Call] = deque()
+        self._suspects: deque[ClusterCall] = deque()
         self._taking = threading.Lock()  # held while a result is taken over from the cluster
         self._is_closed = False
         try:
@@ -63,7 +63,7 @@ class DaskWorkers:
 
     def submit(self, function: Callable[..., Result], /, *args: Any) -> "Future[Result]":
         """The outcome to come of one call on the cluster."""
-        call = _Call(function, args)
+        call = ClusterCall(function, args)
         call.outcome.add_done_callback(call.cancel)  # this also keeps Dask from forgetting it
         self._begin(call)
         return call.outcome
@@ -80,7 +80,7 @@ class DaskWorkers:
             if is_quiet:
                 self._taking.release()
 
-    def _begin(self, call: "_Call") -> None:
+    def _begin(self, call: ClusterCall) -> None:
         with self._lock:
             self._n_under_way += 1
         if call.outcome.cancelled():
@@ -93,7 +93,7 @@ class DaskWorkers:
             call.fail(error)
             self._leave()
 
-    def _end(self, call: "_Call", task: Any) -> None:
+    def _end(self, call: ClusterCall, task: Any) -> None:
         """Pass on what a task came to; a suspect is set aside, to be called again alone."""
         from distributed import KilledWorker
 
@@ -126,33 +126,6 @@ class DaskWorkers:
             suspect = self._suspects.popleft() if alone else None
         if suspect is not None:
             self._begin(suspect)
-
-
-@dataclass
-class _Call:
-    """A call, its outcome to come, and the task that it is on the cluster.
-
-    `is_suspect` where workers died that had it: it may have been another that they died of.
-    """
-
-    function: Callable[..., Any]
-    args: tuple[Any, ...]
-    outcome: "Future[Any]" = field(default_factory=Future)
-    task: Any = None
-    is_suspect: bool = False
-
-    def succeed(self, result: Any) -> None:
-        if self.outcome.set_running_or_notify_cancel():
-            self.outcome.set_result(result)
-
-    def fail(self, error: BaseException) -> None:
-        if self.outcome.set_running_or_notify_cancel():
-            self.outcome.set_exception(error)
-
-    def cancel(self, outcome: "Future[Any]") -> None:
-        """Take the task back if it is the outcome that was cancelled."""
-        if outcome.cancelled() and self.task is not None:
-            self.task.cancel()
 
 
 def _deaths(n_workers: int) -> str:
