@@ -18,7 +18,7 @@ FLOORS = [  # from the top
     {"bitstream", "connectivity", "reconstruction", "subspace", "quantization", "metrics"},
     {"geometry", "entropy"},
     {"sequence", "engine"},
-    {"surface", "atomic_write", "progress", "threads", "profiling"},
+    {"surface", "frame_choice", "atomic_write", "progress", "threads", "profiling"},
     {"errors", "counting"},
 ]
 FLOOR_OF = {room: floor for floor, rooms in enumerate(FLOORS) for room in rooms}
