@@ -12,7 +12,7 @@ ROOT = Path(meshreel.__file__).parent
 FLOORS = [  # from the top
     {"__main__"},
     {"cli"},
-    {"evaluation", "batch", "viewer"},
+    {"evaluation", "batch", "viewer", "api"},
     {"formats"},
     {"codec", "rendering", "flag"},
     {"bitstream", "connectivity", "reconstruction", "subspace", "quantization", "metrics"},
