@@ -1,20 +1,30 @@
 """meshreel compresses animated triangle meshes of fixed connectivity.
 
-import meshreel
+    import meshreel
 
-sequence = meshreel.load("samba.npz")
-data = meshreel.encode(sequence)
-decoded = meshreel.decode(data)
-quality = meshreel.compare(sequence, decoded)
+    data = meshreel.encode("samba.npz")             # or a MeshSequence
+    decoded = meshreel.decode(data)
+    quality = meshreel.compare("samba.npz", decoded)
+
+MeshSequence      an animated mesh: vertices, faces, frames per second
+Surface           what it carries besides: polygons (Attribute, FaceGroups, Part, Domain, Kind)
+load, save        files of all formats to a sequence and back
+encode, decode    a sequence or a file to the bytes of a .reel stream and back
+compare           how far two sequences are apart: Quality
+info              what a stream holds, and where its bytes go: StreamInfo
+open              a .reel file whose frames are decoded when they are asked for: ReelFile
+Encoder           codes frames as they come
+simulate_flag     a sequence to try things on
+MeshReelError     the base of all errors: InvalidInputError, FormatError, CorruptStreamError,
+                  TruncatedStreamError, UnsupportedVersionError, SolverError, WorkerDiedError
 """
 
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from meshreel.codec.decoder import decode
-    from meshreel.codec.encoder import encode
-    from meshreel.codec.inspect import StreamInfo, info
+    from meshreel.api import compare, decode, encode, info
+    from meshreel.codec.inspect import StreamInfo
     from meshreel.codec.reel_file import ReelFile
     from meshreel.codec.streaming import Encoder
     from meshreel.errors import (
@@ -31,7 +41,7 @@ if TYPE_CHECKING:
     from meshreel.formats.load import load
     from meshreel.formats.reel import open
     from meshreel.formats.save import save
-    from meshreel.metrics.compare import Quality, compare
+    from meshreel.metrics.compare import Quality
     from meshreel.sequence import MeshSequence
     from meshreel.surface import Attribute, Domain, FaceGroups, Kind, Part, Surface
 
@@ -69,11 +79,8 @@ __all__ = [
 
 _HOMES = {
     **dict.fromkeys(("Attribute", "Domain", "FaceGroups", "Kind", "Part", "Surface"), "surface"),
-    "compare": "metrics.compare",
-    "decode": "codec.decoder",
+    **dict.fromkeys(("compare", "decode", "encode", "info"), "api"),
     "Encoder": "codec.streaming",
-    "encode": "codec.encoder",
-    "info": "codec.inspect",
     "load": "formats.load",
     "MeshSequence": "sequence",
     "open": "formats.reel",
@@ -91,3 +98,7 @@ def __getattr__(name: str) -> Any:
         raise AttributeError(f"module 'meshreel' has no attribute {name!r}")
     home = import_module(f"meshreel.{_HOMES.get(name, 'errors')}")
     return globals().setdefault(name, getattr(home, name))
+
+
+def __dir__() -> list[str]:
+    return sorted({*__all__, *(name for name in globals() if name.startswith("__"))})

@@ -1,5 +1,6 @@
 """MeshSequence: an animated triangle mesh of fixed connectivity."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Protocol
@@ -9,6 +10,7 @@ import numpy.typing as npt
 
 from meshreel.counting import counted
 from meshreel.errors import InvalidInputError
+from meshreel.frame_choice import FrameChoice, chosen_frames
 from meshreel.surface import PLAIN, Surface
 
 Vertices = npt.NDArray[np.float32] | npt.NDArray[np.float64]
@@ -89,6 +91,9 @@ class FrameSource(Protocol):
 class MeshSequence:
     """An animated triangle mesh whose connectivity is the same in every frame.
 
+    Its length is the number of frames. ``sequence[3]`` is the positions of a frame, of shape
+    (V, 3); a slice, or a list of numbers, gives those of several; iterating gives all in turn.
+
     Parameters
     ----------
     vertices : float32 or float64 array of shape (T, V, 3)
@@ -168,6 +173,20 @@ class MeshSequence:
     def read(self, start: int, stop: int) -> Vertices:
         """Positions of frames start..stop - 1, of shape (stop - start, V, 3)."""
         return self.vertices[start:stop]
+
+    def __len__(self) -> int:
+        return self.n_frames
+
+    def __getitem__(self, chosen: FrameChoice) -> Vertices:
+        """A frame of shape (V, 3), or frames of shape (T, V, 3); read-only."""
+        numbers = chosen_frames(chosen, self.n_frames)
+        if isinstance(chosen, slice):
+            return self.vertices[chosen]
+        frames: Vertices = read_only(self.vertices[numbers])
+        return frames
+
+    def __iter__(self) -> Iterator[Vertices]:
+        return iter(self.vertices)
 
     def _repr_html_(self) -> str:
         """What a notebook shows: figures over the player, or over a picture."""

@@ -12,13 +12,13 @@ ROOT = Path(meshreel.__file__).parent
 FLOORS = [  # from the top
     {"__main__"},
     {"cli", "notebook"},
-    {"evaluation", "batch", "viewer"},
+    {"evaluation", "batch", "viewer", "api"},
     {"formats"},
     {"codec", "rendering", "flag"},
     {"bitstream", "connectivity", "reconstruction", "subspace", "quantization", "metrics"},
     {"geometry", "entropy"},
     {"sequence", "surface_selection", "engine"},
-    {"surface", "atomic_write", "progress", "threads", "profiling"},
+    {"surface", "frame_choice", "atomic_write", "progress", "threads", "profiling"},
     {"outputs"},
     {"errors", "counting"},
 ]

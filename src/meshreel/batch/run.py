@@ -104,7 +104,8 @@ def _spread(plan: Plan, engine: Engine) -> Iterator[tuple[BatchInput, "Future[En
 
 
 def _stage(engine: Engine) -> str:
-    return f"encoding, {engine.n_workers} at a time"
+    n_workers = engine.n_workers
+    return f"encoding, {n_workers} at a time" if n_workers else "encoding, when there are workers"
 
 
 class _Run:

@@ -60,7 +60,8 @@ def encode(
     Parameters
     ----------
     sequence : MeshSequence, or FrameSource
-        Frames that are not in memory are read block by block.
+        Frames that are not in memory are read block by block. `meshreel.encode` also takes what
+        `meshreel.load` reads, such as a path, and warns of what reading leaves out.
     method : {"reel", "pca-qp", "pca", "pca-q", "v2v", "pca-qs", "blocks", "gft"}
         `reel`: our own, several times smaller than the others. The rest are variants of the paper
         (`codec.methods.METHODS`). `pca-qp`: deltas on the eigen-trajectories of each axis, least

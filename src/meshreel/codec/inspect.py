@@ -93,6 +93,15 @@ class StreamInfo:
         """Bits of the whole stream for each vertex and frame."""
         return 8 * self.size_bytes / (self.n_verts * self.n_frames)
 
+    def __repr__(self) -> str:
+        name = f" {self.name!r}" if self.name else ""
+        cut = "" if self.is_whole else ", cut off"
+        return (
+            f"<StreamInfo{name}: {self.n_frames} frames, {self.n_verts} vertices, "
+            f"{self.n_faces} faces, {self.fps:g} fps, {self.vertex_type}; {self.method}, "
+            f"{self.size_bytes} bytes, {self.ratio:.1f} x smaller, {self.rate_bpvf:.3g} bpvf{cut}>"
+        )
+
     def as_dict(self) -> dict[str, Any]:
         """Everything in plain types, for JSON."""
         return {**asdict(self), "ratio": self.ratio, "rate_bpvf": self.rate_bpvf}

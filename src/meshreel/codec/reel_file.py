@@ -7,7 +7,7 @@ from concurrent.futures import ThreadPoolExecutor
 from contextvars import copy_context
 from pathlib import Path
 from types import TracebackType
-from typing import BinaryIO, overload
+from typing import BinaryIO
 
 import numpy as np
 import numpy.typing as npt
@@ -18,6 +18,7 @@ from meshreel.codec.decoder import frame_range
 from meshreel.codec.inspect import StreamInfo, promised_percent, stream_info
 from meshreel.codec.methods import Order, choice_of_code
 from meshreel.errors import CorruptStreamError, InvalidInputError
+from meshreel.frame_choice import FrameChoice, chosen_frames
 from meshreel.sequence import Faces
 from meshreel.surface import Surface
 
@@ -33,8 +34,9 @@ READ_AHEAD_BYTES = 1 << 23
 class ReelFile:
     """The frames of a `.reel` file, decoded when they are asked for; `meshreel.open` makes one.
 
-    Its length is the number of frames; it gives them by number and slice, and iterates over all of
-    them in constant memory, decoding the next block ahead. Several threads may share one.
+    Its length is the number of frames. ``reel[3]`` is the positions of a frame, of shape (V, 3); a
+    slice, or a list of numbers, gives those of several; iterating gives all in turn in constant
+    memory, decoding the next block ahead. Several threads may share one.
 
     Parameters
     ----------
@@ -154,25 +156,19 @@ class ReelFile:
     def __len__(self) -> int:
         return self.n_frames
 
-    @overload
-    def __getitem__(self, chosen: int) -> Vertices: ...
-    @overload
-    def __getitem__(self, chosen: slice) -> Vertices: ...
-
-    def __getitem__(self, chosen: int | slice) -> Vertices:
+    def __getitem__(self, chosen: FrameChoice) -> Vertices:
         """A frame of shape (V, 3), or frames of shape (T, V, 3)."""
-        if isinstance(chosen, slice):
-            numbers = range(self.n_frames)[chosen]
-            if numbers.step == 1:
-                return self.read(numbers.start, max(numbers.start, numbers.stop))
-            shape = (len(numbers), self.n_verts, 3)
-            frames = [self[number] for number in numbers]
-            return np.stack(frames) if frames else np.empty(shape, self.dtype)
-        try:
-            number = range(self.n_frames)[chosen]
-        except IndexError:
-            raise IndexError(f"frame {chosen} is not in the file; it has {self.n_frames}") from None
-        return np.asarray(self.read(number, number + 1)[0])
+        numbers = chosen_frames(chosen, self.n_frames)
+        if isinstance(numbers, int):
+            return np.asarray(self.read(numbers, numbers + 1)[0])
+        if isinstance(numbers, range) and numbers.step == 1:
+            return self.read(numbers.start, max(numbers.start, numbers.stop))
+        # In the order of the file, so that no block is decoded twice.
+        in_order, places = np.unique(np.asarray(numbers, np.int64), return_inverse=True)
+        frames = np.empty((len(in_order), self.n_verts, 3), self.dtype)
+        for place, number in enumerate(in_order.tolist()):
+            frames[place] = self.read(number, number + 1)[0]
+        return frames[places]
 
     def __iter__(self) -> Iterator[Vertices]:
         for _, frames in self.pieces():

@@ -200,6 +200,15 @@ class Encoder:
             if error is None:
                 raise
 
+    def __repr__(self) -> str:
+        name = f" {self._name!r}" if self._name else ""
+        state = "closed" if self._is_closed else "open"
+        n_faces = len(np.atleast_1d(self._faces))  # which are looked at when a frame comes
+        return (
+            f"<Encoder{name}, {state}: {self.n_frames} frames pushed, {self.size_bytes} bytes "
+            f"written, {n_faces} faces, {self._fps:g} fps>"
+        )
+
     def _release(self) -> None:
         if self._path is not None:
             with self._errors_naming_target():

@@ -4,17 +4,19 @@ Dask itself gives the calls of a worker that died to another, as often as its sc
 ``allowed-failures`` says. It suspects all calls that the worker had, those that waited too: here
 they get another chance, one after the other, when no other call is under way.
 
-A cluster without workers is waited for: it may be about to grow.
+A cluster without workers is waited for: it may be about to grow. That is said, and has a limit:
+see `engine.worker_watch`.
 """
 
 import threading
 from collections import deque
 from collections.abc import Callable
 from concurrent.futures import CancelledError, Future
-from dataclasses import dataclass, field
 from functools import partial
 from typing import Any, TypeVar
 
+from meshreel.engine.cluster_call import ClusterCall
+from meshreel.engine.worker_watch import WorkerCount, WorkerWatch
 from meshreel.errors import InvalidInputError, WorkerDiedError
 from meshreel.threads import limit_cores, n_cores, one_blas_thread
 
@@ -22,6 +24,12 @@ Result = TypeVar("Result")
 
 CONNECT_S = 10.0
 """Seconds in which a scheduler has to answer."""
+
+ANSWER_S = 10.0
+"""Seconds in which it then says how many workers there are."""
+
+MAX_WAIT_S = 3600.0
+"""Seconds that calls wait for a cluster without workers, unless another number is given."""
 
 CLOSE_S = 30.0
 """Seconds that closing waits for a result that is just coming in."""
@@ -34,18 +42,23 @@ class DaskWorkers:
     ----------
     address : str
         Of the scheduler, such as ``tcp://10.0.0.5:8786``.
+    max_wait_s : float, default 3600
+        Seconds that calls wait while the cluster has no workers. Then they fail, and further ones
+        at once, until there are some.
 
     Raises
     ------
     InvalidInputError
-        If Dask is not installed, or no scheduler answers there.
+        If Dask is not installed, no scheduler answers there, or the seconds are not above 0.
     """
 
-    def __init__(self, address: str) -> None:
+    def __init__(self, address: str, max_wait_s: float = MAX_WAIT_S) -> None:
+        if not 0 < max_wait_s < float("inf"):
+            raise InvalidInputError(f"max_wait_s must be finite and above 0; got {max_wait_s}")
         client = _client_class()
         self._lock = threading.Lock()
-        self._n_under_way = 0
-        self._suspects: deque[_Call] = deque()
+        self._under_way: set[ClusterCall] = set()
+        self._suspects: deque[ClusterCall] = deque()
         self._taking = threading.Lock()  # held while a result is taken over from the cluster
         self._is_closed = False
         try:
@@ -55,15 +68,23 @@ class DaskWorkers:
                 f"no Dask scheduler answers at {address!r} ({error}); give its address as it "
                 "prints it, such as tcp://10.0.0.5:8786"
             ) from None
+        self._watch = WorkerWatch(
+            address, self._count, lambda: len(self._under_way), self._give_up, max_wait_s
+        )
+        self._watch.start()
 
     @property
     def n_workers(self) -> int:
-        """Threads of all workers that the cluster has now."""
-        return sum(self._client.nthreads().values())
+        """Threads of all workers that take calls now; 0 too where the scheduler does not answer."""
+        return self._count().n_threads
 
     def submit(self, function: Callable[..., Result], /, *args: Any) -> "Future[Result]":
         """The outcome to come of one call on the cluster."""
-        call = _Call(function, args)
+        call = ClusterCall(function, args)
+        refusal = self._watch.refusal()
+        if refusal is not None:
+            call.fail(WorkerDiedError(refusal))
+            return call.outcome
         call.outcome.add_done_callback(call.cancel)  # this also keeps Dask from forgetting it
         self._begin(call)
         return call.outcome
@@ -71,6 +92,7 @@ class DaskWorkers:
     def close(self, *, at_once: bool) -> None:
         """Leave the cluster; calls that still run there end without an effect."""
         self._is_closed = True
+        self._watch.close()
         # A client that closes under a result that is being taken never gives it; and all clients
         # of a process share the one thread that waits for it.
         is_quiet = self._taking.acquire(timeout=CLOSE_S)
@@ -80,20 +102,20 @@ class DaskWorkers:
             if is_quiet:
                 self._taking.release()
 
-    def _begin(self, call: "_Call") -> None:
+    def _begin(self, call: ClusterCall) -> None:
         with self._lock:
-            self._n_under_way += 1
+            self._under_way.add(call)
         if call.outcome.cancelled():
-            self._leave()
+            self._leave(call)
             return
         try:
             call.task = self._client.submit(_in_share, call.function, call.args, pure=False)
             call.task.add_done_callback(partial(self._end, call))
         except Exception as error:
             call.fail(error)
-            self._leave()
+            self._leave(call)
 
-    def _end(self, call: "_Call", task: Any) -> None:
+    def _end(self, call: ClusterCall, task: Any) -> None:
         """Pass on what a task came to; a suspect is set aside, to be called again alone."""
         from distributed import KilledWorker
 
@@ -110,7 +132,7 @@ class DaskWorkers:
             call.fail(WorkerDiedError("the Dask scheduler lost it; is it still there?"))
         except BaseException as error:
             call.fail(error)
-        self._leave()
+        self._leave(call)
 
     def _result(self, task: Any) -> Any:
         with self._taking:
@@ -118,41 +140,34 @@ class DaskWorkers:
                 raise CancelledError
             return task.result()
 
-    def _leave(self) -> None:
+    def _leave(self, call: ClusterCall) -> None:
         """One call less under way; after the last, a suspect has the cluster for itself."""
         with self._lock:
-            self._n_under_way -= 1
-            alone = not self._n_under_way and self._suspects
+            self._under_way.discard(call)
+            alone = not self._under_way and self._suspects
             suspect = self._suspects.popleft() if alone else None
         if suspect is not None:
             self._begin(suspect)
 
+    def _count(self) -> WorkerCount:
+        scheduler, ask = self._client.scheduler, self._client.sync
+        try:
+            running = ask(scheduler.ncores_running, callback_timeout=ANSWER_S)
+            if running:
+                return WorkerCount(sum(running.values()))
+            return WorkerCount(0, n_paused=len(ask(scheduler.ncores, callback_timeout=ANSWER_S)))
+        except (OSError, RuntimeError):  # of the network, too late, or of a client that is closed
+            return WorkerCount(0, answers=False)
 
-@dataclass
-class _Call:
-    """A call, its outcome to come, and the task that it is on the cluster.
-
-    `is_suspect` where workers died that had it: it may have been another that they died of.
-    """
-
-    function: Callable[..., Any]
-    args: tuple[Any, ...]
-    outcome: "Future[Any]" = field(default_factory=Future)
-    task: Any = None
-    is_suspect: bool = False
-
-    def succeed(self, result: Any) -> None:
-        if self.outcome.set_running_or_notify_cancel():
-            self.outcome.set_result(result)
-
-    def fail(self, error: BaseException) -> None:
-        if self.outcome.set_running_or_notify_cancel():
-            self.outcome.set_exception(error)
-
-    def cancel(self, outcome: "Future[Any]") -> None:
-        """Take the task back if it is the outcome that was cancelled."""
-        if outcome.cancelled() and self.task is not None:
-            self.task.cancel()
+    def _give_up(self, reason: str) -> None:
+        """Fail all calls under way, and the suspects behind them."""
+        with self._lock:
+            calls = [*self._under_way, *self._suspects]
+            self._under_way.clear()
+            self._suspects.clear()
+        for call in calls:
+            call.fail(WorkerDiedError(reason))
+            call.withdraw()
 
 
 def _deaths(n_workers: int) -> str:

@@ -30,7 +30,8 @@ class Workers(Protocol):
         """The outcome to come of one call.
 
         Function, arguments and result are pickled. Its exception is the call's own, or
-        `WorkerDiedError` where the call, done again each time, outlived its workers.
+        `WorkerDiedError` where the call, done again each time, outlived its workers, or where
+        there were none for too long.
         """
 
     def close(self, *, at_once: bool) -> None:
@@ -91,7 +92,7 @@ class Engine(AbstractContextManager["Engine"]):
         Raises
         ------
         WorkerDiedError
-            If a call outlived its workers too often.
+            If a call outlived its workers too often, or there were none for too long.
         Exception
             That of the first call, by order, that fails; calls not yet begun are cancelled.
         """
@@ -147,7 +148,12 @@ class Engine(AbstractContextManager["Engine"]):
         return max(0, limit - n_pending)
 
 
-def open_engine(n_workers: int | None = None, *, scheduler: str | None = None) -> Engine:
+def open_engine(
+    n_workers: int | None = None,
+    *,
+    scheduler: str | None = None,
+    max_wait_s: float | None = None,
+) -> Engine:
     """An engine of processes on this machine, or of the workers of a Dask cluster.
 
     Parameters
@@ -156,21 +162,36 @@ def open_engine(n_workers: int | None = None, *, scheduler: str | None = None) -
         Processes; default one for each core. They share the cores among them.
     scheduler : str, optional
         Address of a Dask scheduler, such as ``tcp://10.0.0.5:8786``; its workers do the calls.
+    max_wait_s : float, optional
+        Seconds that calls wait while the scheduler has no workers, before they fail with
+        `WorkerDiedError`; default an hour. Until then the logger ``meshreel.engine`` says from
+        time to time that they wait, and for how long.
 
     Raises
     ------
     InvalidInputError
-        If both are given, Dask is not installed, or no scheduler answers.
+        If workers and a scheduler are given, or `max_wait_s` without a scheduler, Dask is not
+        installed, or no scheduler answers.
+
+    Notes
+    -----
+    A ``distributed.LocalCluster`` that you start for it gives up each worker that is away for 15
+    seconds, for good. On a busy machine a worker that died takes longer to come back:
+    ``dask.config.set({"distributed.deploy.lost-worker-timeout": "1h"})`` lets it.
     """
     if scheduler is None:
+        if max_wait_s is not None:
+            raise InvalidInputError(
+                "max_wait_s is of a scheduler; processes here are not waited for"
+            )
         from meshreel.engine.processes import ProcessWorkers
 
         return Engine(ProcessWorkers(n_cores() if n_workers is None else n_workers))
     if n_workers is not None:
         raise InvalidInputError("workers are the scheduler's to count; give one of the two")
-    from meshreel.engine.dask_cluster import DaskWorkers
+    from meshreel.engine.dask_cluster import MAX_WAIT_S, DaskWorkers
 
-    return Engine(DaskWorkers(scheduler))
+    return Engine(DaskWorkers(scheduler, MAX_WAIT_S if max_wait_s is None else max_wait_s))
 
 
 def _wait_for_any(pending: "Iterable[Future[Result]]") -> "set[Future[Result]]":

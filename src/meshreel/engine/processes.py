@@ -23,6 +23,9 @@ Result = TypeVar("Result")
 MAX_DEATHS = 2
 """Processes that one call may take with it before it is given up."""
 
+END_S = 10.0
+"""Seconds that a process has to end by itself when it is told to."""
+
 BLAS_THREADS = (
     "OPENBLAS_NUM_THREADS",
     "MKL_NUM_THREADS",
@@ -140,9 +143,12 @@ class _ServingProcess:
         self._process.kill()
 
     def end(self) -> str:
-        """Wait for its end, which a closed connection brings; says what it was."""
+        """What its end was, which a closed connection brings, or else a signal."""
         self._connection.close()
-        self._process.join()
+        self._process.join(END_S)
+        if self._process.is_alive():
+            self._process.kill()
+            self._process.join(END_S)
         code = self._process.exitcode or 0
         return signal.Signals(-code).name if code < 0 else f"exit code {code}"
 

@@ -58,6 +58,14 @@ class Quality:
         """Mean of the NMSVE over the frames."""
         return float(self.nmsve.mean())
 
+    def __repr__(self) -> str:
+        return (
+            f"<Quality: KG error {self.kg_error_percent:.4g} %, STED {self.sted:.4g}, "
+            f"largest error {self.max_error_percent:.4g} %, RMS {self.rms_error_percent:.4g} %, "
+            f"normals {self.normal_angle_mean_deg:.4g} deg; "
+            f"{self.n_frames} frames, {self.n_verts} vertices>"
+        )
+
     def as_dict(self) -> dict[str, Any]:
         """Every figure by name in plain Python types; `nmsve` as a list, `nmsve_mean` added."""
         return {**vars(self), "nmsve": self.nmsve.tolist(), "nmsve_mean": self.nmsve_mean}

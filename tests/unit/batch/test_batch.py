@@ -14,6 +14,7 @@ from meshreel.batch.run import run_batch
 from meshreel.codec.config import EncoderConfig
 from meshreel.engine.engine import Engine, open_engine
 from meshreel.errors import InvalidInputError
+from sample_clusters import local_cluster
 from sample_engines import InlineWorkers
 from sample_meshes import waving_grid
 from sample_tasks import encode_or_die, process_id
@@ -256,6 +257,17 @@ def test_finished_inputs_are_kept_when_the_run_is_stopped(inputs, out):
     assert run(inputs, out).summary == "1 up to date, 1 encoded, 0 failed"
 
 
+@pytest.mark.parametrize(
+    ("n_workers", "words"), [(0, "encoding, when there are workers"), (2, "encoding, 2 at a time")]
+)
+def test_stage_says_how_many_workers_there_are(inputs, out, n_workers, words):
+    workers, stages = InlineWorkers(), set()
+    workers.n_workers = n_workers
+    plan = plan_batch(inputs, out, OPTIONS)
+    run_batch(plan, Engine(workers), progress=lambda stage, fraction: stages.add(stage))
+    assert stages == {words}
+
+
 def test_worker_of_another_version_is_refused():
     with pytest.raises(InvalidInputError, match=r"the worker has meshreel .* install the same"):
         encode_input("walk.npz", OPTIONS, "0.0.0")
@@ -337,15 +349,8 @@ def test_inputs_are_not_spread_when_there_are_as_many_as_workers(inputs, out, mo
 
 @pytest.fixture
 def cluster_engine():
-    distributed = pytest.importorskip("distributed", reason="the extra [dask] is not installed")
-    dask = pytest.importorskip("dask")
-    with (
-        dask.config.set({"distributed.scheduler.allowed-failures": 1}),
-        distributed.LocalCluster(
-            n_workers=2, threads_per_worker=1, dashboard_address="127.0.0.1:0", silence_logs=100
-        ) as cluster,
-        open_engine(scheduler=cluster.scheduler_address) as engine,
-    ):
+    pytest.importorskip("distributed", reason="the extra [dask] is not installed")
+    with local_cluster(2) as cluster, open_engine(scheduler=cluster.scheduler_address) as engine:
         yield engine
 
 

@@ -89,7 +89,7 @@ def test_frames_up_to_the_cut_are_there_when_the_file_is_cut(method):
 
 
 def test_frames_are_refused_when_they_are_not_there(reel):
-    with pytest.raises(IndexError, match="frame 23 is not in the file; it has 23"):
+    with pytest.raises(IndexError, match="no frame 23; there are 23"):
         reel[23]
     with pytest.raises(InvalidInputError, match="frames 3:24 are not in the file"):
         reel.read(3, 24)

@@ -15,6 +15,7 @@ from meshreel.formats.save import save
 from meshreel.formats.stored_frames import StoredFrames
 from sample_engines import InlineWorkers
 from sample_meshes import irregular_sequence, waving_grid
+from sample_waiting import TEST_S, time_limit
 
 
 class PicklingWorkers(InlineWorkers):
@@ -87,6 +88,6 @@ def test_mesh_is_the_same_object_when_a_process_gets_it_twice():
 @pytest.mark.slow
 def test_bytes_are_the_same_when_processes_code_the_blocks():
     sequence = waving_grid(40)
-    with open_engine(2) as engine:
+    with time_limit(TEST_S, "two processes that code blocks"), open_engine(2) as engine:
         spread = encode(sequence, block_frames=5, engine=engine)
     assert spread == encode(sequence, block_frames=5)

@@ -10,6 +10,7 @@ import pytest
 
 from meshreel.engine.engine import open_engine
 from meshreel.errors import InvalidInputError, WorkerDiedError
+from sample_clusters import local_cluster
 from sample_tasks import (
     cores_and_blas_threads,
     die_always,
@@ -20,6 +21,7 @@ from sample_tasks import (
     slow_square,
     square,
 )
+from sample_waiting import time_limit, wait_until
 
 distributed = pytest.importorskip("distributed", reason="the extra [dask] is not installed")
 
@@ -33,28 +35,14 @@ pytestmark = [
 
 @pytest.fixture(scope="module")
 def cluster():
-    import dask
-
-    with (
-        dask.config.set({"distributed.scheduler.allowed-failures": 1}),
-        distributed.LocalCluster(
-            n_workers=2,
-            threads_per_worker=1,
-            processes=True,
-            dashboard_address="127.0.0.1:0",
-            silence_logs=100,
-        ) as made,
-    ):
+    with local_cluster(2) as made:
         yield made
 
 
 @pytest.fixture
 def engine(cluster):
     with open_engine(scheduler=cluster.scheduler_address) as opened:
-        for _ in range(200):  # a worker that a test killed comes back
-            if opened.n_workers == 2:
-                break
-            time.sleep(0.1)
+        wait_until(lambda: opened.n_workers == 2, "the worker that a test killed to come back")
         yield opened
 
 
@@ -139,9 +127,7 @@ def test_engine_is_refused_with_the_remedy_when_dask_is_missing(monkeypatch):
 
 def test_calls_fail_instead_of_hanging_when_the_scheduler_goes():
     with (
-        distributed.LocalCluster(
-            n_workers=1, threads_per_worker=1, dashboard_address="127.0.0.1:0", silence_logs=100
-        ) as cluster,
+        local_cluster(1) as cluster,
         open_engine(scheduler=cluster.scheduler_address) as engine,
     ):
         assert engine.submit(square, 2).result(60) == 4
@@ -149,3 +135,85 @@ def test_calls_fail_instead_of_hanging_when_the_scheduler_goes():
         cluster.close()
         with pytest.raises(WorkerDiedError, match="scheduler"):
             outcome.result(120)
+
+
+@pytest.fixture
+def words(monkeypatch, caplog):
+    """What is logged while calls wait, which is soon and often here."""
+    monkeypatch.setattr("meshreel.engine.worker_watch.LOOK_EVERY_S", 0.05)
+    monkeypatch.setattr("meshreel.engine.worker_watch.FIRST_WORD_S", 0.2)
+    return caplog
+
+
+@pytest.fixture(scope="module")
+def empty_cluster():
+    with local_cluster(0) as made:
+        yield made
+
+
+def test_calls_fail_in_words_when_there_are_no_workers_for_too_long(empty_cluster, words):
+    with open_engine(scheduler=empty_cluster.scheduler_address, max_wait_s=1.0) as engine:
+        outcomes = [engine.submit(square, number) for number in range(3)]
+        for outcome in outcomes:
+            with pytest.raises(WorkerDiedError, match="has had no workers for 1 s, and calls were"):
+                outcome.result(60)
+    waiting = [record.message for record in words.records if "3 calls wait" in record.message]
+    assert empty_cluster.scheduler_address in waiting[0]
+    assert "Ctrl-C stops; after 1 s they are given up" in waiting[0]
+
+
+def test_further_calls_fail_at_once_when_waiting_was_given_up(empty_cluster, words):
+    with open_engine(scheduler=empty_cluster.scheduler_address, max_wait_s=1.0) as engine:
+        outcomes = dict(engine.as_completed(square, [(number,) for number in range(20)]))
+        began = time.monotonic()
+        late = engine.submit(square, 2)
+        assert isinstance(late.exception(0), WorkerDiedError)
+        assert time.monotonic() - began < 1.0
+    assert {type(outcome.exception()) for outcome in outcomes.values()} == {WorkerDiedError}
+
+
+def test_waiting_ends_when_the_engine_is_left_by_ctrl_c(empty_cluster, words):
+    def interrupted():
+        with open_engine(scheduler=empty_cluster.scheduler_address) as engine:
+            interrupted.outcome = engine.submit(square, 2)
+            wait_until(lambda: "1 call waits" in words.text, "the word that a call waits")
+            raise KeyboardInterrupt
+
+    with time_limit(60, "the engine to close"), pytest.raises(KeyboardInterrupt):
+        interrupted()
+
+
+def test_calls_are_done_when_workers_come_while_they_wait(words):
+    with (
+        local_cluster(0) as cluster,
+        open_engine(scheduler=cluster.scheduler_address) as engine,
+    ):
+        assert engine.n_workers == 0
+        outcome = engine.submit(square, 3)
+        wait_until(lambda: "1 call waits" in words.text, "the word that a call waits")
+        cluster.scale(1)
+        assert outcome.result(60) == 9
+        wait_until(lambda: "has workers again" in words.text, "the word that there are workers")
+
+
+def test_calls_are_done_again_when_workers_come_after_they_were_given_up(words):
+    with (
+        local_cluster(0) as cluster,
+        open_engine(scheduler=cluster.scheduler_address, max_wait_s=0.5) as engine,
+    ):
+        with pytest.raises(WorkerDiedError):
+            engine.submit(square, 3).result(60)
+        cluster.scale(1)
+        wait_until(lambda: engine.n_workers == 1, "a worker to start")
+        assert engine.submit(square, 3).result(60) == 9
+
+
+@pytest.mark.parametrize("seconds", [0, -1, float("inf"), float("nan")])
+def test_engine_is_refused_when_the_longest_wait_is_no_time(seconds):
+    with pytest.raises(InvalidInputError, match="max_wait_s must be finite and above 0"):
+        open_engine(scheduler="tcp://127.0.0.1:9", max_wait_s=seconds)
+
+
+def test_engine_is_refused_when_a_longest_wait_is_given_without_a_scheduler():
+    with pytest.raises(InvalidInputError, match="max_wait_s is of a scheduler"):
+        open_engine(2, max_wait_s=10)

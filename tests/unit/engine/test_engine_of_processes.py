@@ -3,6 +3,7 @@
 import itertools
 import multiprocessing
 import os
+import signal
 import time
 from functools import partial
 
@@ -190,6 +191,14 @@ def test_ctrl_c_does_not_end_a_worker(engine):
 def test_processes_end_when_the_engine_is_closed():
     with open_engine(1) as engine:
         process = engine.submit(process_id).result(60)
+    assert ended(process)
+
+
+def test_process_is_killed_when_it_does_not_end_by_itself(monkeypatch):
+    monkeypatch.setattr("meshreel.engine.processes.END_S", 0.2)
+    with open_engine(1) as engine:
+        process = engine.submit(process_id).result(60)
+        os.kill(process, signal.SIGSTOP)
     assert ended(process)
 
 

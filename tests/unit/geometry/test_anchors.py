@@ -10,7 +10,7 @@ def test_each_point_is_farthest_from_those_before_when_checked_by_dijkstra():
     adjacency = adjacency_matrix(grid_faces(8, 9), 72)
     points = farthest_points(adjacency, 6)
     for k in range(1, 6):
-        distance = dijkstra(adjacency, indices=points[:k], unweighted=True).min(axis=0)
+        distance = dijkstra(adjacency.toarray(), indices=points[:k], unweighted=True).min(axis=0)
         assert distance[points[k]] == distance.max()
 
 

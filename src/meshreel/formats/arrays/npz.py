@@ -28,6 +28,10 @@ from meshreel.sequence import MeshSequence
 POSITIONS = "vertices"
 MAX_DEFLATE_RATIO = 1100  # deflate cannot do better than 1032 : 1
 
+LEAST_UNPACKED_BYTES = 1 << 30
+EXPANSION = 32
+"""The arrays of a file may take so many bytes, or so many times its size, as in glTF."""
+
 
 def read_npz(path: Path, options: ReadOptions | None = None) -> MeshSequence:
     """The sequence in an ``.npz`` file, all in memory.
@@ -108,7 +112,8 @@ def read_arrays(
     Raises
     ------
     FormatError
-        If the file is not a numpy archive, is damaged, or lacks positions or faces.
+        If the file is not a numpy archive, is damaged, lacks positions or faces, or is compressed
+        so well that it would fill the memory (see `EXPANSION`).
     """
     with archive_errors(path), zipfile.ZipFile(path) as archive:
         names = [info.filename.removesuffix(".npy") for info in archive.infolist()]
@@ -123,10 +128,23 @@ def read_arrays(
         note_kinds(notes, "arrays", (one for one in names if one not in {*wanted, positions}))
         if with_positions and positions not in wanted:
             wanted.append(positions)
-        for name in wanted:
-            read_array_header(archive, archive.getinfo(f"{name}.npy"))
-        with np.load(path, allow_pickle=False) as members:
-            return {name: members[name] for name in wanted}
+        members = [archive.getinfo(f"{name}.npy") for name in wanted]
+        for member in members:
+            read_array_header(archive, member)
+        _check_expansion(sum(member.file_size for member in members), path.stat().st_size)
+        with np.load(path, allow_pickle=False) as arrays:
+            return {name: arrays[name] for name in wanted}
+
+
+def _check_expansion(unpacked_bytes: int, file_bytes: int) -> None:
+    """Refuse a small file that would fill the memory."""
+    if unpacked_bytes > max(LEAST_UNPACKED_BYTES, EXPANSION * file_bytes):
+        raise FormatError(
+            f"holds {file_bytes / 1e6:.3g} MB that would unpack to {unpacked_bytes / 1e9:.3g} GB; "
+            f"more than {EXPANSION} times the size of the file is unpacked up to "
+            f"{LEAST_UNPACKED_BYTES / 1e9:.3g} GB only; if it is so, save it without compression: "
+            "np.savez(path, **np.load(packed))"
+        )
 
 
 @contextmanager

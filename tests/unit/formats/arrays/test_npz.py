@@ -87,6 +87,38 @@ def test_read_npz_is_refused_when_the_archive_is_cut_short(tmp_path, keep):
         read_npz(path)
 
 
+@pytest.fixture
+def packed(tmp_path, monkeypatch):
+    """60 kB of a mesh that does not move, in 2 kB, where 10 kB is what any file may unpack to."""
+    monkeypatch.setattr("meshreel.formats.arrays.npz.LEAST_UNPACKED_BYTES", 10_000)
+    still = np.eye(3, dtype=np.float32)[None].repeat(1700, axis=0)
+    np.savez_compressed(tmp_path / "still.npz", vertices=still, faces=FACES)
+    return tmp_path / "still.npz"
+
+
+@pytest.mark.parametrize("read", [load, open_source])
+def test_reading_refuses_with_sizes_and_the_remedy_when_a_small_file_unpacks_to_much(packed, read):
+    message = (
+        r"still\.npz: holds 0\.\d+ MB that would unpack to .* GB; more than 32 times .*np\.savez"
+    )
+    with pytest.raises(FormatError, match=message):
+        read(packed)
+
+
+@pytest.mark.parametrize("read", [load, open_source])
+def test_reading_takes_what_it_refused_when_it_is_saved_as_the_error_says(packed, tmp_path, read):
+    np.savez(tmp_path / "plain.npz", **np.load(packed))
+    found = read(tmp_path / "plain.npz")
+    np.testing.assert_array_equal(found.read(0, 1700), np.load(packed)["vertices"])
+
+
+def test_reading_takes_what_is_within_the_least_when_it_unpacks_to_many_times_its_size(
+    packed, monkeypatch
+):
+    monkeypatch.setattr("meshreel.formats.arrays.npz.LEAST_UNPACKED_BYTES", 100_000)
+    assert read_npz(packed).n_frames == 1700
+
+
 def test_read_npz_allocates_nothing_when_the_declared_shape_exceeds_the_data(tmp_path):
     path = tmp_path / "a.npz"
     with zipfile.ZipFile(path, "w") as archive:

@@ -1,0 +1,217 @@
+"""The functions of `meshreel` that take files too; the work is done in other rooms."""
+
+import inspect
+import os
+import warnings
+from collections.abc import Callable
+from functools import wraps
+from pathlib import Path
+from typing import Any, Concatenate, ParamSpec, TypeVar
+
+from meshreel.codec import decoder, encoder
+from meshreel.codec import inspect as streams
+from meshreel.codec.inspect import StreamInfo
+from meshreel.codec.reel_file import ReelFile
+from meshreel.errors import InvalidInputError
+from meshreel.formats.load import load, open_for_encoding
+from meshreel.formats.naming import errors_naming, os_errors_naming
+from meshreel.formats.options import ReadOptions
+from meshreel.formats.sources import AnyPath, Source
+from meshreel.metrics import compare as metrics
+from meshreel.metrics.compare import Quality
+from meshreel.progress import Progress, silent
+from meshreel.sequence import FrameSource, MeshSequence
+
+Options = ParamSpec("Options")
+Result = TypeVar("Result")
+Stream = bytes | bytearray | memoryview
+AnySequence = FrameSource | ReelFile | Stream | Source
+
+
+def _taking_files(
+    encode: Callable[Concatenate[FrameSource, Options], bytes],
+) -> Callable[Concatenate[AnySequence, Options], bytes]:
+    """The function, for files too, with the same options: they are said in one place."""
+
+    @wraps(encode, assigned=("__doc__", "__name__", "__qualname__"))
+    def encode_any(sequence: Any, *args: Options.args, **kwargs: Options.kwargs) -> bytes:
+        source = _source(sequence, kwargs.get("memory"))
+        return encode(source, *args, **kwargs)
+
+    signature = inspect.signature(encode)
+    first, *others = signature.parameters.values()
+    parameters = [first.replace(annotation="AnySequence"), *others]
+    encode_any.__signature__ = signature.replace(parameters=parameters)  # type: ignore[attr-defined]
+    return encode_any  # type: ignore[return-value]  # mypy takes the first for a name
+
+
+encode = _taking_files(encoder.encode)
+
+
+def decode(
+    data: Stream | AnyPath | ReelFile,
+    *,
+    frames: slice | None = None,
+    n_modes: int | None = None,
+    progress: Progress = silent,
+) -> MeshSequence:
+    """The sequence that a `.reel` stream holds.
+
+    Parameters
+    ----------
+    data : bytes, path, or ReelFile
+        A whole stream, from `encode`, or the file that holds it.
+    frames : slice, optional
+        Frames to give back, as Python slices count them, without a step; only the blocks that
+        hold some of them are decoded. Default: all.
+    n_modes : int, optional
+        Stop after so many modes of each block: a coarser animation, sooner. Default: all. Streams
+        of `reel` only; corrections are left out then. Of a `ReelFile`, `meshreel.open` takes it.
+    progress : callable, optional
+        Called with the stage and the share done, 0..1.
+
+    Raises
+    ------
+    InvalidInputError
+        If there is no such file, `frames` names no frame or has a step, or `n_modes` is below 1 or
+        not for this stream.
+    CorruptStreamError, TruncatedStreamError, UnsupportedVersionError
+        If it is not a whole stream that this build reads; the error names the file.
+    """
+    if isinstance(data, ReelFile):
+        if n_modes is not None:
+            raise InvalidInputError("n_modes of a ReelFile is chosen by meshreel.open")
+        return _of_reel(data, frames)
+    return _with_stream(
+        data,
+        "decode",
+        lambda stream: decoder.decode(stream, frames=frames, n_modes=n_modes, progress=progress),
+    )
+
+
+def info(data: Stream | AnyPath | ReelFile) -> StreamInfo:
+    """What a `.reel` stream holds, and where its bytes go.
+
+    Parameters
+    ----------
+    data : bytes, path, or ReelFile
+        A whole stream, or the file that holds it.
+
+    Raises
+    ------
+    InvalidInputError
+        If there is no such file.
+    CorruptStreamError, TruncatedStreamError, UnsupportedVersionError
+        If it is not a whole stream that this build reads; the error names the file.
+    """
+    if isinstance(data, ReelFile):
+        return data.info()
+    return _with_stream(data, "info", streams.info)
+
+
+def compare(original: AnySequence, decoded: AnySequence, *, progress: Progress = silent) -> Quality:
+    """Every quality figure of a decoded sequence, computed in float64.
+
+    Parameters
+    ----------
+    original, decoded : MeshSequence, path, bytes, or ReelFile
+        Sequences, what `load` reads, or `.reel` streams. Of equal frame and vertex counts, with
+        the same oriented triangles; their order, and the vertex at which each begins, may differ.
+    progress : callable, optional
+        Called as ``progress("comparing", fraction)``.
+
+    Raises
+    ------
+    InvalidInputError
+        If there is no such file, or frame counts, vertex counts or triangles differ, naming both
+        or the first face.
+    """
+    return metrics.compare(_loaded(original), _loaded(decoded), progress=progress)
+
+
+def _with_stream(given: Any, function: str, use: Callable[[bytes], Result]) -> Result:
+    """What is made of the bytes of a stream; errors name the file that they are of."""
+    if isinstance(given, str | os.PathLike):
+        path = Path(given)
+        if not path.is_file():
+            what = "is a folder" if path.is_dir() else "does not exist"
+            raise InvalidInputError(f"{str(path)!r} {what}; give the path of a .reel file")
+        with os_errors_naming(path):
+            data = path.read_bytes()
+        with errors_naming(path):
+            return use(data)
+    if isinstance(given, Stream):
+        return use(bytes(given))
+    raise InvalidInputError(
+        f"{function} takes the bytes of a .reel stream, or the path of a .reel file; got "
+        f"{type(given).__name__}"
+    )
+
+
+def _source(given: Any, memory: Any) -> FrameSource:
+    """Frames to be encoded, which may stay in their files."""
+    if _is_path(given):
+        notes: list[str] = []
+        source = open_for_encoding(given, memory, ReadOptions(notes=notes))
+        _warn(notes)
+        return source
+    return _sequence(given)
+
+
+def _loaded(given: Any) -> MeshSequence:
+    """All frames, in memory."""
+    if _is_path(given):
+        notes: list[str] = []
+        sequence = load(given, notes=notes)
+        _warn(notes)
+        return sequence
+    source = _sequence(given)
+    if isinstance(source, MeshSequence):
+        return source
+    return MeshSequence(
+        source.read(0, source.n_frames),
+        source.faces,
+        source.fps,
+        source.name,
+        source.start_s,
+        source.surface,
+    )
+
+
+def _sequence(given: Any) -> FrameSource:
+    if isinstance(given, Stream):
+        return decoder.decode(bytes(given))
+    if isinstance(given, ReelFile):
+        return _of_reel(given, None)
+    if all(hasattr(given, name) for name in ("faces", "extent", "read")):
+        source: FrameSource = given
+        return source
+    raise InvalidInputError(
+        f"a sequence is a MeshSequence, the path of a file or folder, a list of paths, or the "
+        f"bytes of a .reel stream; got {type(given).__name__}; of arrays, "
+        "meshreel.MeshSequence(vertices, faces) makes one"
+    )
+
+
+def _is_path(given: Any) -> bool:
+    """Whether it is what `load` reads: a path, or several."""
+    several = given if isinstance(given, list | tuple) else [given]
+    return all(isinstance(one, str | os.PathLike) for one in several)
+
+
+def _of_reel(reel: ReelFile, frames: slice | None) -> MeshSequence:
+    wanted = reel.frame_range(frames)
+    return MeshSequence(
+        reel.read(wanted.start, wanted.stop),
+        reel.faces,
+        reel.fps,
+        reel.name,
+        decoder.start_of(wanted, reel.start_s, reel.fps),
+        reel.surface,
+    )
+
+
+def _warn(notes: list[str]) -> None:
+    """Tell the caller what reading changed or left out, each only once."""
+    for note in dict.fromkeys(notes):
+        warnings.warn(note, stacklevel=4)

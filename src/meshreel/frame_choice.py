@@ -1,0 +1,72 @@
+"""The frames that stand in brackets: ``sequence[3]``, ``sequence[-1]``, ``sequence[10:20]``."""
+
+import operator
+from typing import Any, SupportsIndex
+
+import numpy as np
+import numpy.typing as npt
+
+FrameChoice = SupportsIndex | slice | npt.ArrayLike
+
+
+def chosen_frames(chosen: FrameChoice, n_frames: int) -> int | range | npt.NDArray[np.int64]:
+    """The number of one frame, or those of several, all in 0..T-1.
+
+    Parameters
+    ----------
+    chosen : int, slice, list or array
+        Numbers below 0 count from the end. An array of True and False says of each frame whether
+        it is chosen.
+    n_frames : int
+        T.
+
+    Raises
+    ------
+    IndexError
+        If there is no such frame.
+    TypeError
+        If it is something else.
+    """
+    if isinstance(chosen, slice):
+        return range(n_frames)[chosen]
+    if isinstance(chosen, str | bytes | tuple):  # a tuple would mean vertices of frames in NumPy
+        raise _type_error(chosen)
+    if _is_number(chosen):
+        return int(_counted_from_start(np.array([operator.index(chosen)]), n_frames)[0])  # type: ignore[arg-type]
+    try:
+        numbers = np.asarray(chosen)
+    except ValueError:  # lists of several lengths
+        raise _type_error(chosen) from None
+    if numbers.shape == (0,):
+        return np.empty(0, np.int64)
+    if numbers.dtype == bool and numbers.ndim == 1:
+        if len(numbers) != n_frames:
+            raise IndexError(f"{len(numbers)} choices of {n_frames} frames; give one for each")
+        return np.flatnonzero(numbers)
+    if numbers.ndim != 1 or not np.issubdtype(numbers.dtype, np.integer):
+        raise _type_error(chosen)
+    return _counted_from_start(numbers, n_frames)
+
+
+def _is_number(chosen: object) -> bool:
+    if isinstance(chosen, np.ndarray):
+        return chosen.ndim == 0 and np.issubdtype(chosen.dtype, np.integer)
+    return isinstance(chosen, SupportsIndex) and not isinstance(chosen, bool | np.bool_)
+
+
+def _counted_from_start(numbers: npt.NDArray[Any], n_frames: int) -> npt.NDArray[np.int64]:
+    outside = (numbers < -n_frames) | (numbers >= n_frames)
+    if outside.any():
+        raise IndexError(
+            f"there is no frame {numbers[outside][0]}; there are {n_frames}, from 0 to "
+            f"{n_frames - 1}, or from -{n_frames} to -1 counted from the end"
+        )
+    numbers = numbers.astype(np.int64)
+    return np.where(numbers < 0, numbers + n_frames, numbers)
+
+
+def _type_error(chosen: object) -> TypeError:
+    return TypeError(
+        "frames are chosen by a number, a slice, or a list or array of numbers; got "
+        f"{type(chosen).__name__} {chosen!r:.60}"
+    )

@@ -1,0 +1,22 @@
+#!/usr/bin/env bash
+# Tests with the lowest version of every dependency that pyproject.toml allows, on the lowest Python.
+#
+#     tests/check_floors.sh                 # all unit tests
+#     tests/check_floors.sh tests/unit/cli  # or whatever pytest is to run
+#
+# Run it when pyproject.toml or what is imported has changed. It takes minutes, needs python3.11 and
+# the network, and leaves nothing behind. What the dependencies need in turn is the newest that fits.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+
+python=${PYTHON:-python3.11}
+work=$(mktemp -d)
+trap 'rm -rf "$work"' EXIT
+"$python" -m venv "$work/uv"
+"$work/uv/bin/pip" install --quiet uv
+
+"$work/uv/bin/uv" venv --quiet --python "$python" "$work/lowest"
+source "$work/lowest/bin/activate"
+"$work/uv/bin/uv" pip install --quiet --resolution lowest-direct '.[test]'
+"$work/uv/bin/uv" pip list
+pytest -rs "${@:-tests/unit}"

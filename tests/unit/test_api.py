@@ -1,0 +1,179 @@
+"""The functions of the package, on whatever a user has: sequences, paths, bytes, open files."""
+
+import inspect
+import pickle
+import pydoc
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import meshreel
+from meshreel.codec.decoder import decode as decode_bytes
+from meshreel.codec.encoder import encode as encode_sequence
+from meshreel.errors import CorruptStreamError, InvalidInputError, TruncatedStreamError
+from meshreel.formats.load import open_source
+from sample_meshes import waving_grid
+
+GRID = waving_grid(9)
+DATA = encode_sequence(GRID, quality=60, block_frames=4)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """grid.npz, grid.reel and frames/f_000.ply and so on."""
+    made = tmp_path_factory.mktemp("files")
+    (made / "frames").mkdir()
+    meshreel.save(GRID, made / "grid.npz")
+    meshreel.save(GRID, made / "frames" / "f_%03d.ply")
+    (made / "grid.reel").write_bytes(DATA)
+    return made
+
+
+def sources(folder):
+    """The same sequence in all its guises."""
+    return {
+        "sequence": GRID,
+        "text": str(folder / "grid.npz"),
+        "path": folder / "grid.npz",
+        "stored frames": open_source(folder / "grid.npz"),
+    }
+
+
+@pytest.mark.parametrize("kind", ["sequence", "text", "path", "stored frames"])
+def test_encode_gives_the_bytes_of_the_sequence_whatever_it_comes_as(folder, kind):
+    expected = encode_sequence(meshreel.load(folder / "grid.npz"), quality=60, block_frames=4)
+    given = sources(folder)[kind]
+    assert meshreel.encode(given, quality=60, block_frames=4) == expected
+
+
+def test_encode_takes_folders_and_lists_of_frames(folder):
+    frames = sorted((folder / "frames").iterdir())
+    expected = encode_sequence(meshreel.load(folder / "frames"))
+    assert meshreel.encode(folder / "frames") == expected
+    assert meshreel.encode(frames) == expected
+
+
+def test_encode_takes_its_first_argument_by_name(folder):
+    assert meshreel.encode(sequence=folder / "grid.npz") == meshreel.encode(folder / "grid.npz")
+
+
+@pytest.mark.parametrize("kind", [bytes, bytearray, memoryview])
+def test_streams_come_as_bytes_of_any_kind(kind):
+    data = kind(DATA)
+    np.testing.assert_array_equal(meshreel.decode(data).vertices, decode_bytes(DATA).vertices)
+    assert meshreel.info(data) == meshreel.info(DATA)
+    assert meshreel.compare(data, DATA).max_error_percent == 0
+    assert meshreel.encode(data) == meshreel.encode(decode_bytes(DATA))
+
+
+@pytest.mark.parametrize("kind", [str, Path])
+def test_decode_and_info_take_the_path_of_a_stream(folder, kind):
+    path = kind(folder / "grid.reel")
+    found = meshreel.decode(path, frames=slice(2, 7))
+    np.testing.assert_array_equal(found.vertices, decode_bytes(DATA).vertices[2:7])
+    assert meshreel.info(path) == meshreel.info(DATA)
+
+
+def test_decode_and_info_take_an_open_file(folder):
+    with meshreel.open(folder / "grid.reel") as reel:
+        found = meshreel.decode(reel, frames=slice(2, 7))
+        assert meshreel.info(reel) == meshreel.info(DATA)
+    expected = meshreel.decode(DATA, frames=slice(2, 7))
+    np.testing.assert_array_equal(found.vertices, expected.vertices)
+    np.testing.assert_array_equal(found.faces, expected.faces)
+    assert (found.fps, found.name, found.start_s) == (expected.fps, expected.name, expected.start_s)
+
+
+def test_decode_refuses_modes_of_a_file_that_was_opened_with_all(folder):
+    with (
+        meshreel.open(folder / "grid.reel") as reel,
+        pytest.raises(InvalidInputError, match="chosen by meshreel"),
+    ):
+        meshreel.decode(reel, n_modes=2)
+
+
+def test_compare_measures_the_same_whatever_the_two_come_as(folder):
+    expected = repr(meshreel.compare(GRID, decode_bytes(DATA)))
+    reel = folder / "grid.reel"
+    assert repr(meshreel.compare(GRID, reel)) == expected
+    assert repr(meshreel.compare(folder / "grid.npz", str(reel))) == expected
+    assert repr(meshreel.compare(open_source(folder / "grid.npz"), DATA)) == expected
+    with meshreel.open(reel) as opened:
+        assert repr(meshreel.compare(GRID, opened)) == expected
+
+
+@pytest.mark.parametrize("kind", [str, Path])
+@pytest.mark.parametrize("function", ["encode", "decode", "info", "compare"])
+def test_functions_name_the_file_that_is_not_there(tmp_path, function, kind):
+    arguments = [GRID] if function == "compare" else []
+    missing = kind(tmp_path / "nope.reel")
+    with pytest.raises(InvalidInputError, match=r"nope\.reel' does not exist|no file .*nope\.reel"):
+        getattr(meshreel, function)(*arguments, missing)
+
+
+@pytest.mark.parametrize("function", ["decode", "info"])
+def test_functions_say_that_a_folder_is_no_stream(tmp_path, function):
+    with pytest.raises(InvalidInputError, match="is a folder"):
+        getattr(meshreel, function)(tmp_path)
+
+
+@pytest.mark.parametrize("function", ["decode", "info"])
+def test_functions_name_the_file_that_is_damaged(tmp_path, function):
+    path = tmp_path / "cut.reel"
+    path.write_bytes(DATA[:-30])
+    with pytest.raises(TruncatedStreamError, match=r"cut\.reel: "):
+        getattr(meshreel, function)(path)
+
+
+def test_decode_names_the_file_that_is_no_stream(folder):
+    with pytest.raises(CorruptStreamError, match=r"grid\.npz: not a \.reel stream"):
+        meshreel.decode(folder / "grid.npz")
+
+
+@pytest.mark.parametrize("given", [3, None, {"vertices": 1}, np.zeros((2, 3, 3), np.float32)])
+@pytest.mark.parametrize("function", ["encode", "decode", "info", "compare"])
+def test_functions_say_what_they_take_when_something_else_came(function, given):
+    arguments = [GRID] if function == "compare" else []
+    with pytest.raises(InvalidInputError, match=f"got {type(given).__name__}"):
+        getattr(meshreel, function)(*arguments, given)
+
+
+def test_encode_warns_of_what_reading_changed(tmp_path):
+    path, notes = tmp_path / "grid.stl", []
+    meshreel.save(waving_grid(1), path)
+    meshreel.load(path, notes=notes)
+    with pytest.warns(UserWarning, match="corners") as warned:
+        meshreel.encode(path)
+    assert [str(one.message) for one in warned] == notes
+    assert {one.filename for one in warned} == {__file__}
+
+
+def test_encode_has_the_options_of_the_codec():
+    ours, theirs = inspect.signature(meshreel.encode), inspect.signature(encode_sequence)
+    assert list(ours.parameters.values())[1:] == list(theirs.parameters.values())[1:]
+
+
+@pytest.mark.parametrize("function", ["encode", "decode", "info", "compare"])
+def test_functions_can_be_sent_to_other_processes(function):
+    assert pickle.loads(pickle.dumps(getattr(meshreel, function))) is getattr(meshreel, function)
+
+
+def test_dir_lists_the_api_and_nothing_else():
+    assert [name for name in dir(meshreel) if not name.startswith("__")] == sorted(meshreel.__all__)
+
+
+def test_every_name_of_the_api_is_there_and_documented():
+    for name in meshreel.__all__:
+        assert inspect.getdoc(getattr(meshreel, name)), name
+
+
+def test_help_names_the_whole_api_before_anything_else():
+    head = pydoc.plain(pydoc.render_doc(meshreel)).partition("PACKAGE CONTENTS")[0]
+    assert [name for name in meshreel.__all__ if name not in head] == []
+
+
+def test_help_shows_functions_and_classes_with_their_text():
+    text = pydoc.plain(pydoc.render_doc(meshreel))
+    assert "The bytes of a `.reel` stream that holds the sequence." in text
+    assert "class MeshSequence" in text
