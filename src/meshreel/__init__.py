@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from meshreel.formats.load import load
     from meshreel.formats.reel import open
     from meshreel.formats.save import save
+    from meshreel.materials import AlphaMode, Filter, Image, Material, Texture, Wrap
     from meshreel.metrics.compare import Quality, compare
     from meshreel.sequence import MeshSequence
     from meshreel.surface import Attribute, Domain, FaceGroups, Kind, Part, Surface
@@ -38,14 +39,18 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 __all__ = [
+    "AlphaMode",
     "Attribute",
     "CorruptStreamError",
     "Domain",
     "Encoder",
     "FaceGroups",
+    "Filter",
     "FormatError",
+    "Image",
     "InvalidInputError",
     "Kind",
+    "Material",
     "MeshReelError",
     "MeshSequence",
     "Part",
@@ -54,9 +59,11 @@ __all__ = [
     "SolverError",
     "StreamInfo",
     "Surface",
+    "Texture",
     "TruncatedStreamError",
     "UnsupportedVersionError",
     "WorkerDiedError",
+    "Wrap",
     "compare",
     "decode",
     "encode",
@@ -69,6 +76,7 @@ __all__ = [
 
 _HOMES = {
     **dict.fromkeys(("Attribute", "Domain", "FaceGroups", "Kind", "Part", "Surface"), "surface"),
+    **dict.fromkeys(("AlphaMode", "Filter", "Image", "Material", "Texture", "Wrap"), "materials"),
     "compare": "metrics.compare",
     "decode": "codec.decoder",
     "Encoder": "codec.streaming",

@@ -19,6 +19,7 @@ FLOORS = [  # from the top
     {"geometry", "entropy"},
     {"sequence", "surface_selection", "engine"},
     {"surface", "atomic_write", "progress", "threads", "profiling"},
+    {"materials"},
     {"errors", "counting"},
 ]
 FLOOR_OF = {room: floor for floor, rooms in enumerate(FLOORS) for room in rooms}
