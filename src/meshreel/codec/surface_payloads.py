@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from meshreel.bitstream.layout import Section
 from meshreel.codec.methods import Order
+from meshreel.codec.text_payloads import read_text, write_text
 from meshreel.codec.uv_grid import is_quantized, uv_integers
 from meshreel.entropy.coder import decode_integers, encode_integers
 from meshreel.entropy.references import decode_references, encode_references
@@ -168,7 +169,7 @@ def _write_attribute(
     kind, domain = KINDS.index(attribute.kind), DOMAINS.index(attribute.domain)
     n_rows, width = attribute.values.shape
     number_type = VALUE_TYPES.index(attribute.values.dtype)
-    head = bytes([kind, domain, number_type, width]) + _write_text(attribute.name)
+    head = bytes([kind, domain, number_type, width]) + write_text(attribute.name)
     references = b""
     if attribute.indices is not None:
         places = _places(attribute.domain, surface, faces, len(attribute.indices))
@@ -188,7 +189,7 @@ def _read_attribute(payload: bytes, surface: Surface, faces: Faces, n_verts: int
             f"an attribute is of kind {kind}, domain {domain} and number type {number_type}, "
             "one of which is unknown"
         )
-    name, position = _read_text(payload, 4)
+    name, position = read_text(payload, 4)
     n_rows, position = read_varint(payload, position)
     size_bytes, position = read_varint(payload, position)
     coded, packed = payload[position : position + size_bytes], payload[position + size_bytes :]
@@ -214,18 +215,18 @@ def _places(domain: Domain, surface: Surface, faces: Faces, n_items: int) -> Int
 
 
 def _write_groups(groups: FaceGroups) -> bytes:
-    labels = write_varint(len(groups.labels)) + b"".join(map(_write_text, groups.labels))
-    return _write_text(groups.name) + labels + encode_integers([np.diff(groups.numbers, prepend=0)])
+    labels = write_varint(len(groups.labels)) + b"".join(map(write_text, groups.labels))
+    return write_text(groups.name) + labels + encode_integers([np.diff(groups.numbers, prepend=0)])
 
 
 def _read_groups(payload: bytes, n_faces: int) -> FaceGroups:
-    name, position = _read_text(payload, 0)
+    name, position = read_text(payload, 0)
     n_labels, position = read_varint(payload, position)
     if n_labels > len(payload):
         raise CorruptStreamError(f"{n_labels} labels are announced in {len(payload)} bytes")
     labels = []
     for _ in range(n_labels):
-        label, position = _read_text(payload, position)
+        label, position = read_text(payload, position)
         labels.append(label)
     (steps,) = decode_integers(payload[position:], [n_faces])
     numbers = np.cumsum(steps)
@@ -236,7 +237,7 @@ def _read_groups(payload: bytes, n_faces: int) -> FaceGroups:
 
 def _write_parts(parts: tuple[Part, ...]) -> bytes:
     return write_varint(len(parts)) + b"".join(
-        write_varint(part.n_verts) + write_varint(part.n_faces) + _write_text(part.name)
+        write_varint(part.n_verts) + write_varint(part.n_faces) + write_text(part.name)
         for part in parts
     )
 
@@ -249,22 +250,6 @@ def _read_parts(payload: bytes) -> list[Part]:
     for _ in range(n_parts):
         n_verts, position = read_varint(payload, position)
         n_faces, position = read_varint(payload, position)
-        name, position = _read_text(payload, position)
+        name, position = read_text(payload, position)
         parts.append(Part(name, n_verts, n_faces))
     return parts
-
-
-def _write_text(text: str) -> bytes:
-    data = text.encode("utf-8", errors="replace")
-    return write_varint(len(data)) + data
-
-
-def _read_text(payload: bytes, position: int) -> tuple[str, int]:
-    size_bytes, position = read_varint(payload, position)
-    end = position + size_bytes
-    if end > len(payload):
-        raise TruncatedStreamError("a section ends inside a name")
-    try:
-        return payload[position:end].decode(), end
-    except UnicodeDecodeError as error:
-        raise CorruptStreamError(f"a name is not UTF-8: {error}") from error
