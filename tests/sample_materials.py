@@ -2,8 +2,10 @@
 
 import struct
 import zlib
+from dataclasses import replace
 
 from meshreel.materials import AlphaMode, Filter, Image, Material, Texture, Wrap
+from sample_meshes import quad_sheet, two_sheets
 
 
 def png(shade=128, name="shade"):
@@ -30,8 +32,8 @@ def look():
 
     All numbers are of float32, so that USD holds them too.
     """
-    skin = Material(
-        "skin",
+    red = Material(
+        "red",
         base_color=(1.0, 0.5, 0.25, 0.75),
         metallic=0.125,
         roughness=0.375,
@@ -62,4 +64,20 @@ def look():
         ),
         unlit=True,
     )
-    return (skin, cloth), (png(), jpeg())
+    return (red, cloth), (png(), jpeg())
+
+
+def dressed(sequence):
+    """The sequence with a look for its materials "red" and "grün"."""
+    materials, images = look()
+    return replace(sequence, surface=replace(sequence.surface, materials=materials, images=images))
+
+
+def dressed_sheet(n_frames=6):
+    """`quad_sheet` with materials and images."""
+    return dressed(quad_sheet(n_frames))
+
+
+def dressed_sheets(n_frames=6):
+    """`two_sheets` with materials and images."""
+    return dressed(two_sheets(n_frames))

@@ -15,6 +15,7 @@ from meshreel.codec.payloads import read_promise
 from meshreel.codec.pipeline import CodedBlock
 from meshreel.entropy.coder import encode_integers
 from meshreel.errors import InvalidInputError
+from meshreel.materials import Material
 from meshreel.surface import Domain, Surface
 
 
@@ -37,7 +38,7 @@ class StreamInfo:
     size_bytes : int
         Of the whole stream.
     raw_size_bytes : int
-        Of the arrays it decodes to.
+        Of the arrays it decodes to, and images.
     budget_bytes : dict of str to int
         Bytes of the header and of each kind of section; they sum to `size_bytes`.
     block_bytes : tuple of int
@@ -58,6 +59,10 @@ class StreamInfo:
     diagonal : float
         Of the bounding box that errors are shares of, in model units: of all frames, and of a
         live recording of its first block.
+    materials : tuple of str
+        Names of those whose look is kept, with what textures show: "skin: images of base color 0".
+    images : tuple of str
+        What each is: "'shade', image/png, 92 bytes".
     """
 
     n_frames: int
@@ -82,6 +87,8 @@ class StreamInfo:
     attributes: tuple[str, ...]
     parts: tuple[str, ...]
     diagonal: float
+    materials: tuple[str, ...]
+    images: tuple[str, ...]
 
     @property
     def ratio(self) -> float:
@@ -148,6 +155,10 @@ def stream_info(stream: Stream) -> StreamInfo:
         attributes=carried(surface),
         parts=tuple(part.name for part in surface.parts),
         diagonal=header.scale,
+        materials=tuple(_described_material(one) for one in surface.materials),
+        images=tuple(
+            f"{one.name!r}, {one.mime_type}, {len(one.data)} bytes" for one in surface.images
+        ),
     )
 
 
@@ -198,6 +209,14 @@ def carried(surface: Surface) -> tuple[str, ...]:
         for one in surface.groups
     ]
     return (*attributes, *groups)
+
+
+def _described_material(material: Material) -> str:
+    """Its name, and the number of the image of each of its textures."""
+    shown = [
+        f"{slot.replace('_', ' ')} {texture.image}" for slot, texture in material.textures.items()
+    ]
+    return f"{material.name}: images of {', '.join(shown)}" if shown else material.name
 
 
 _PLURAL = {Domain.VERTEX: "vertices", Domain.FACE: "faces", Domain.CORNER: "corners"}

@@ -1,13 +1,20 @@
 """What a mesh carries beside positions and triangles, to sections of a stream and back."""
 
 import struct
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
+from typing import TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
 from meshreel.bitstream.layout import Section
+from meshreel.codec.material_payloads import (
+    read_image,
+    read_material,
+    write_image,
+    write_material,
+)
 from meshreel.codec.methods import Order
 from meshreel.codec.text_payloads import read_text, write_text
 from meshreel.codec.uv_grid import is_quantized, uv_integers
@@ -36,7 +43,16 @@ DOMAINS = (Domain.VERTEX, Domain.FACE, Domain.CORNER)
 
 START = struct.Struct("<d")
 
-SURFACE_SECTIONS = (Section.POLYGONS, Section.ATTRIBUTE, Section.GROUPS, Section.PARTS)
+Read = TypeVar("Read")
+
+SURFACE_SECTIONS = (
+    Section.POLYGONS,
+    Section.ATTRIBUTE,
+    Section.GROUPS,
+    Section.PARTS,
+    Section.MATERIAL,
+    Section.IMAGE,
+)
 
 
 def surface_sections(
@@ -60,6 +76,10 @@ def surface_sections(
         yield Section.GROUPS, _write_groups(groups)
     if surface.parts:
         yield Section.PARTS, _write_parts(surface.parts)
+    for material in surface.materials:
+        yield Section.MATERIAL, write_material(material)
+    for image in surface.images:
+        yield Section.IMAGE, write_image(image)
 
 
 def read_surface(sections: Iterable[tuple[Section, bytes]], faces: Faces, n_verts: int) -> Surface:
@@ -89,15 +109,28 @@ def read_surface(sections: Iterable[tuple[Section, bytes]], faces: Faces, n_vert
                 surface = replace(surface, groups=(*surface.groups, groups))
             elif section is Section.PARTS:
                 parts += _read_parts(payload)
-        return replace(surface, parts=tuple(parts)).validated(n_verts, len(faces))
+        surface = replace(
+            surface,
+            parts=tuple(parts),
+            materials=_all_of(Section.MATERIAL, stored, read_material),
+            images=_all_of(Section.IMAGE, stored, read_image),
+        )
+        return surface.validated(n_verts, len(faces))
     except InvalidInputError as error:
         raise CorruptStreamError(f"the surface does not fit the mesh: {error}") from error
+
+
+def _all_of(
+    wanted: Section, stored: Sequence[tuple[Section, bytes]], read: Callable[[bytes], Read]
+) -> tuple[Read, ...]:
+    return tuple(read(payload) for section, payload in stored if section is wanted)
 
 
 def surface_in_order(surface: Surface, order: Order, internal_to_given: Integers) -> Surface:
     """What is left of a surface in a stream that keeps so much of the order.
 
-    What faces have needs their order; without that, only attributes of vertices are left.
+    What faces have needs their order, materials too; without that, only attributes of vertices are
+    left.
 
     Parameters
     ----------
@@ -123,6 +156,8 @@ def what_order_loses(surface: Surface, order: Order) -> str:
              if one.domain is not Domain.VERTEX]  # fmt: skip
     lost += [f"groups {one.name!r}" for one in surface.groups]
     lost += ["parts"] if surface.parts else []
+    lost += [f"material {one.name!r}" for one in surface.materials]
+    lost += [f"{len(surface.images)} images"] if surface.images else []
     return f"left out, for the order of faces is not kept: {', '.join(lost)}" if lost else ""
 
 
