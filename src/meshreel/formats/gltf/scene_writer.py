@@ -6,7 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from meshreel.formats.gltf.buffer_writer import BufferWriter, Json
-from meshreel.formats.gltf.mesh_writer import Materials, write_mesh
+from meshreel.formats.gltf.material_writer import Materials
+from meshreel.formats.gltf.mesh_writer import write_mesh
 from meshreel.formats.gltf.moving_mesh import MovingMesh, Wanted, fit_part
 from meshreel.formats.gltf.node_tree import NodeTree, path_of
 from meshreel.formats.gltf.seams import split_at_seams
