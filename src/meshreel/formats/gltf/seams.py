@@ -114,6 +114,12 @@ def _named_attributes(surface: Surface) -> Iterator[tuple[str, tuple[Rows, Domai
         yield name, (values, attribute.domain)
 
 
+def texcoord_numbers(surface: Surface) -> dict[str, int]:
+    """The number of the TEXCOORD that texture coordinates of a name are written as."""
+    names = [one.name for one in surface.of_kind(Kind.UV)]
+    return {name: names.index(name) for name in names}
+
+
 def _written(attribute: Attribute) -> Rows | None:
     """Values of each item as a glTF file holds them; None if it cannot."""
     values = attribute.per_item()
