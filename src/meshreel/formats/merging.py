@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.formats.attribute_domains import in_one_domain
 from meshreel.formats.merged_materials import shared_look
 from meshreel.formats.polygons import PolygonMesh
 from meshreel.formats.scene import SceneMesh
@@ -42,7 +43,7 @@ def merged_mesh(meshes: Sequence[SceneMesh], name: str, notes: list[str]) -> Sce
             for mesh, frame in zip(meshes, frames, strict=True)
         )
         surfaces, materials, images = shared_look(surfaces)
-        attributes = _merged_attributes(surfaces, frames, notes)
+        attributes = _merged_attributes(in_one_domain(surfaces, frames), frames, notes)
         groups = _merged_groups(surfaces, frames)
         return Surface(None, attributes, groups, parts, materials, images)
 
