@@ -77,6 +77,8 @@ class SequenceFormat:
         Ending of a mesh file with the first frame that is written beside it.
     read_meshes : ReadMeshes, optional
         Gives the meshes of a file, where it may hold several, or one whose faces change.
+    holds_materials : bool, default False
+        Whether a file holds materials and their images, not only labels of faces.
     """
 
     ending: str
@@ -87,6 +89,7 @@ class SequenceFormat:
     reads: frozenset[ReadOption] = frozenset()
     companion: str = ""
     read_meshes: ReadMeshes | None = None
+    holds_materials: bool = False
 
 
 def scene_format(
@@ -95,9 +98,12 @@ def scene_format(
     read_meshes: ReadMeshes,
     write: Callable[[Path, FrameStream, WriteOptions], None] | None,
     extra: Extra | None = None,
+    *,
+    holds_materials: bool = False,
 ) -> SequenceFormat:
     """A format whose files hold one or several meshes, the faces of which may change."""
     return SequenceFormat(
         ending, title, scene_opener(read_meshes), write, extra,
         reads=frozenset({"object", "merge"}), read_meshes=read_meshes,
+        holds_materials=holds_materials,
     )  # fmt: skip

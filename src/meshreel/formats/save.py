@@ -19,6 +19,7 @@ from meshreel.formats.reel import origin_of
 from meshreel.formats.registry import FRAME_FORMATS, format_of
 from meshreel.formats.sources import AnyPath
 from meshreel.formats.targets import check_save_target
+from meshreel.formats.unwritten import note_unwritten_look
 from meshreel.profiling import staged
 from meshreel.progress import Progress, silent
 from meshreel.sequence import FrameSource, Vertices
@@ -179,6 +180,8 @@ def save_frames(
         progress=progress,
         notes=notes,
     )
+    if not (isinstance(found, SequenceFormat) and found.holds_materials):
+        note_unwritten_look(stream.surface, found.ending, stream.notes)
     with ExitStack() as renames:  # the files get their names when the stack unwinds
         temporaries = [
             renames.enter_context(replace_when_done(path, overwrite=overwrite)) for path in paths
