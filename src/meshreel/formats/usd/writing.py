@@ -18,11 +18,12 @@ from meshreel.formats.options import WriteOptions
 from meshreel.formats.parts import split_parts
 from meshreel.formats.text.decimal_text import Narrowing
 from meshreel.formats.usd.diagnostics import usd_errors
+from meshreel.formats.usd.material_writing import Materials
 from meshreel.formats.usd.mesh_writing import MeshWriter
 from meshreel.formats.usd.prim_names import mesh_paths
 from meshreel.formats.usd.sampling import snapped
 from meshreel.formats.usd.stage import DEFAULT_RATE
-from meshreel.formats.usd.surface_writing import Materials, write_surface
+from meshreel.formats.usd.surface_writing import write_surface
 from meshreel.sequence import Corners
 
 UNSAVED_BYTES = 1 << 25
