@@ -11,6 +11,7 @@ from meshreel.errors import FormatError
 from meshreel.formats.extras import USD
 from meshreel.formats.polygons import PolygonMesh, polygon_mesh
 from meshreel.formats.usd.diagnostics import usd_errors
+from meshreel.formats.usd.material_reading import MeshMaterials, StageMaterials
 from meshreel.formats.usd.primvars import read_attributes
 from meshreel.formats.usd.sampling import Codes, attribute_codes, distinct_codes
 from meshreel.formats.usd.skinning import Skin
@@ -33,6 +34,8 @@ class StageMesh:
         How a skeleton moves it.
     transforms : Transforms
         Of the stage.
+    materials : StageMaterials
+        Of the stage.
     notes : list of str
         Gains a sentence for each thing that is not read.
     """
@@ -41,6 +44,7 @@ class StageMesh:
     prim: Any
     skin: Skin | None
     transforms: Transforms
+    materials: StageMaterials
     notes: list[str]
 
     @property
@@ -83,11 +87,10 @@ class StageMesh:
         with usd_errors(f"USD cannot read what {self.path} carries at time code {code:g}"):
             mesh = self.frame(code)
             order = flipped_corners(mesh.counts) if self._is_flipped else None
-            return Surface(
-                None,
-                read_attributes(self.prim, code, mesh, order, self.notes),
-                read_groups(self.prim, code, len(mesh.counts), self.notes),
-            )
+            materials = MeshMaterials(self.prim, self.materials)
+            groups = read_groups(self.prim, code, len(mesh.counts), materials, self.notes)
+            attributes = read_attributes(self.prim, code, mesh, order, self.notes)
+            return Surface(None, attributes, groups, (), *materials.look())
 
     @cached_property
     def _mesh(self) -> Any:

@@ -15,6 +15,7 @@ from meshreel.formats.options import ReadOptions
 from meshreel.formats.scene import SceneMesh
 from meshreel.formats.usd.diagnostics import usd_errors
 from meshreel.formats.usd.drawn import drawn_meshes
+from meshreel.formats.usd.material_reading import StageMaterials
 from meshreel.formats.usd.mesh_reading import StageMesh
 from meshreel.formats.usd.sampling import (
     Codes,
@@ -48,8 +49,9 @@ def read_meshes(path: Path, options: ReadOptions) -> list[SceneMesh]:
         frame_step = codes_per_frame(stage, rate)
         prims = drawn_meshes(stage, notes)
         transforms, skins = Transforms(), find_skins(prims)
+        materials = StageMaterials(path.parent, notes)
         meshes = [
-            StageMesh(stage, prim, skins.get(str(prim.GetPath())), transforms, notes)
+            StageMesh(stage, prim, skins.get(str(prim.GetPath())), transforms, materials, notes)
             for prim in prims
         ]
         has_rate = stage.HasAuthoredMetadata("timeCodesPerSecond")
