@@ -79,6 +79,8 @@ class SequenceFormat:
         Gives the meshes of a file, where it may hold several, or one whose faces change.
     holds_materials : bool, default False
         Whether a file holds materials and their images, not only labels of faces.
+    has_image_folder : bool, default False
+        Whether images are files in a folder beside, for the file cannot hold them itself.
     """
 
     ending: str
@@ -90,6 +92,7 @@ class SequenceFormat:
     companion: str = ""
     read_meshes: ReadMeshes | None = None
     holds_materials: bool = False
+    has_image_folder: bool = False
 
 
 def scene_format(
@@ -100,10 +103,11 @@ def scene_format(
     extra: Extra | None = None,
     *,
     holds_materials: bool = False,
+    has_image_folder: bool = False,
 ) -> SequenceFormat:
     """A format whose files hold one or several meshes, the faces of which may change."""
     return SequenceFormat(
         ending, title, scene_opener(read_meshes), write, extra,
         reads=frozenset({"object", "merge"}), read_meshes=read_meshes,
-        holds_materials=holds_materials,
+        holds_materials=holds_materials, has_image_folder=has_image_folder,
     )  # fmt: skip

@@ -97,10 +97,23 @@ SEQUENCE_FORMATS = {
         SequenceFormat(".npz", "NumPy archive", open_npz, write_npz, reads=frozenset({"dataset"})),
         SequenceFormat(".reel", "meshreel", open_reel, write_reel, holds_materials=True),
         scene_format(".abc", "Alembic", read_alembic, write_alembic, ALEMBIC),
-        scene_format(".usd", "USD", read_usd, write_usd, USD),
-        scene_format(".usda", "USD, text", read_usd, write_usd, USD),
-        scene_format(".usdc", "USD, binary", read_usd, write_usd, USD),
-        scene_format(".usdz", "USD, package", read_usd, write_usd, USD),
+        *(
+            scene_format(
+                ending,
+                title,
+                read_usd,
+                write_usd,
+                USD,
+                holds_materials=True,
+                has_image_folder=ending != ".usdz",
+            )
+            for ending, title in (
+                (".usd", "USD"),
+                (".usda", "USD, text"),
+                (".usdc", "USD, binary"),
+                (".usdz", "USD, package"),
+            )
+        ),
         scene_format(".glb", "glTF, binary", read_gltf, write_glb, holds_materials=True),
         scene_format(".gltf", "glTF, text", read_gltf, write_gltf, holds_materials=True),
         SequenceFormat(

@@ -13,6 +13,12 @@ from meshreel.codec.decoder import start_of
 from meshreel.codec.reel_file import ReelFile
 from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.frame_stream import FrameStream
+from meshreel.formats.image_files import (
+    check_image_paths,
+    folder_when_done,
+    image_folder,
+    image_names,
+)
 from meshreel.formats.kinds import FrameFormat, SequenceFormat
 from meshreel.formats.options import WriteOptions
 from meshreel.formats.reel import origin_of
@@ -50,7 +56,7 @@ def save(
         ``name.npz``, ``.reel``, ``.abc``, ``.usd``, ``.glb`` and others for all frames in one
         file (`meshreel formats` lists them); a pattern with a number field such as
         ``dir/frame_%04d.obj`` for a file a frame, numbered from 0; or ``name.obj`` for a
-        sequence of one frame.
+        sequence of one frame. Images of ``name.usdc`` go into a folder ``name_textures``.
     overwrite : bool, default False
         Whether files that are there already may be replaced.
     options : WriteOptions, optional
@@ -182,18 +188,37 @@ def save_frames(
     )
     if not (isinstance(found, SequenceFormat) and found.holds_materials):
         note_unwritten_look(stream.surface, found.ending, stream.notes)
+    images = _image_paths(found, paths[0], stream, overwrite=overwrite)
     with ExitStack() as renames:  # the files get their names when the stack unwinds
+        for path, image in zip(images, stream.surface.images, strict=False):
+            renames.enter_context(folder_when_done(path.parent))
+            temporary = renames.enter_context(replace_when_done(path, overwrite=overwrite))
+            temporary.write_bytes(image.data)
         temporaries = [
             renames.enter_context(replace_when_done(path, overwrite=overwrite)) for path in paths
         ]
         if isinstance(found, SequenceFormat):
             _write_sequence(found, temporaries, stream, options)
             progress("writing", 1.0)
-            return paths
+            return [*paths, *images]
         encode = _encoder(found, stream)
         for frame, temporary in zip(stream.frames(), temporaries, strict=True):
             temporary.write_bytes(encode(frame))
     return paths
+
+
+def _image_paths(
+    found: FrameFormat | SequenceFormat, path: Path, stream: FrameStream, *, overwrite: bool
+) -> list[Path]:
+    """Where the images go if they go into files of their own, which the stream is told."""
+    images = stream.surface.images
+    if not (images and isinstance(found, SequenceFormat) and found.has_image_folder):
+        return []
+    folder = image_folder(path)
+    stream.image_folder = folder.name
+    targets = [folder / name for name in image_names(images)]
+    check_image_paths(targets, overwrite=overwrite)
+    return targets
 
 
 def _write_sequence(

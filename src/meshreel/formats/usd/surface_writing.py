@@ -40,15 +40,22 @@ def write_surface(
         Gains a sentence where numbers have another type in USD.
     """
     api = USD.load("UsdGeom").PrimvarsAPI(prim)
-    taken: set[str] = set()
     for attribute, name in _named(surface):
-        _write_attribute(api, attribute, different(name, taken), notes)
+        _write_attribute(api, attribute, name, notes)
     subsets: set[str] = set()
     for groups in surface.groups:
+        if groups.name == "material":
+            materials.show_both_sides(prim, groups)
         if groups.name == "material" and len(groups.labels) == 1 and (groups.numbers == 0).all():
             materials.bind(prim, groups.labels[0])
         else:
             _write_groups(prim, groups, materials, subsets)
+
+
+def uv_primvars(surface: Surface) -> dict[str, str]:
+    """The primvar that texture coordinates of a name are written as."""
+    names = [(one.name, name) for one, name in _named(surface) if one.kind is Kind.UV]
+    return dict(reversed(names))
 
 
 def _named(surface: Surface) -> list[tuple[Attribute, str]]:
@@ -58,7 +65,8 @@ def _named(surface: Surface) -> list[tuple[Attribute, str]]:
         own = surface.of_kind(kind)
         if own and main not in names.values():
             names[id(own[0])] = main
-    return [(one, names[id(one)]) for one in surface.attributes]
+    taken: set[str] = set()
+    return [(one, different(names[id(one)], taken)) for one in surface.attributes]
 
 
 def _write_attribute(api: Any, attribute: Attribute, name: str, notes: list[str]) -> None:
