@@ -15,7 +15,7 @@ from meshreel.codec.payloads import read_promise
 from meshreel.codec.pipeline import CodedBlock
 from meshreel.entropy.coder import encode_integers
 from meshreel.errors import InvalidInputError
-from meshreel.materials import Material
+from meshreel.materials import Image, Material
 from meshreel.surface import Domain, Surface
 
 
@@ -60,9 +60,9 @@ class StreamInfo:
         Of the bounding box that errors are shares of, in model units: of all frames, and of a
         live recording of its first block.
     materials : tuple of str
-        Names of those whose look is kept, with what textures show: "skin: images of base color 0".
+        Names of those whose look is kept, with what textures show: "skin: base color image 0".
     images : tuple of str
-        What each is: "'shade', image/png, 92 bytes".
+        What each is: "0: 'shade', image/png, 92 bytes".
     """
 
     n_frames: int
@@ -156,9 +156,7 @@ def stream_info(stream: Stream) -> StreamInfo:
         parts=tuple(part.name for part in surface.parts),
         diagonal=header.scale,
         materials=tuple(_described_material(one) for one in surface.materials),
-        images=tuple(
-            f"{one.name!r}, {one.mime_type}, {len(one.data)} bytes" for one in surface.images
-        ),
+        images=tuple(_described_image(*one) for one in enumerate(surface.images)),
     )
 
 
@@ -214,9 +212,16 @@ def carried(surface: Surface) -> tuple[str, ...]:
 def _described_material(material: Material) -> str:
     """Its name, and the number of the image of each of its textures."""
     shown = [
-        f"{slot.replace('_', ' ')} {texture.image}" for slot, texture in material.textures.items()
+        f"{slot.replace('_', ' ')} image {texture.image}"
+        for slot, texture in material.textures.items()
     ]
-    return f"{material.name}: images of {', '.join(shown)}" if shown else material.name
+    return f"{material.name}: {', '.join(shown)}" if shown else material.name
+
+
+def _described_image(number: int, image: Image) -> str:
+    """Its number, its name if it has one, what it is and its size."""
+    named = f"{image.name!r}, " if image.name else ""
+    return f"{number}: {named}{image.mime_type}, {len(image.data)} bytes"
 
 
 _PLURAL = {Domain.VERTEX: "vertices", Domain.FACE: "faces", Domain.CORNER: "corners"}

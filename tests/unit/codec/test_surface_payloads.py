@@ -72,8 +72,8 @@ def test_info_counts_images_and_materials_when_a_stream_has_some():
     assert 0 <= told.budget_bytes["image"] - sum(sizes) < 80
     assert told.budget_bytes["material"] < 400
     assert sum(told.budget_bytes.values()) == told.size_bytes
-    assert told.images[0] == f"'shade', image/png, {sizes[0]} bytes"
-    assert told.materials[1] == "gr\u00fcn: images of base color 1"
+    assert told.images[0] == f"0: 'shade', image/png, {sizes[0]} bytes"
+    assert told.materials[1] == "gr\u00fcn: base color image 1"
 
 
 def test_attributes_of_vertices_follow_them_when_the_order_is_dropped():
