@@ -1,6 +1,7 @@
 """Materials: how the faces of a group look, with the images that they show, as glTF has it."""
 
 import math
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields, replace
 from enum import StrEnum
@@ -158,7 +159,8 @@ def used_by(
     labels: Sequence[str], materials: Sequence[Material], images: Sequence[Image]
 ) -> tuple[tuple[Material, ...], tuple[Image, ...]]:
     """The materials of these labels, and the images that they show, renumbered."""
-    kept = [one for one in materials if one.name in labels]
+    wanted = set(labels)
+    kept = [one for one in materials if one.name in wanted]
     shown = sorted({texture.image for one in kept for texture in one.textures.values()})
     new = {old: number for number, old in enumerate(shown)}
     return tuple(renumbered(one, new) for one in kept), tuple(images[one] for one in shown)
@@ -181,9 +183,11 @@ def validated_materials(
     InvalidInputError
         Naming the material, and what is wrong with it.
     """
-    names = [one.name for one in materials]
-    if twice := {name for name in names if names.count(name) > 1}:
-        raise InvalidInputError(f"two materials are called {min(twice)!r}; give each its own name")
+    for name, number in Counter(one.name for one in materials).items():
+        if number > 1:
+            raise InvalidInputError(
+                f"{number} materials are called {name!r}; give each a name of its own"
+            )
     return tuple(_validated(one, len(images)) for one in materials)
 
 

@@ -34,7 +34,7 @@ def test_surface_is_refused_when_a_material_is_wrong(material, message):
 
 
 def test_surface_is_refused_when_two_materials_have_one_name():
-    with pytest.raises(InvalidInputError, match="two materials are called 'a'"):
+    with pytest.raises(InvalidInputError, match="2 materials are called 'a'"):
         Surface(materials=(Material("a"), Material("a"))).validated(3, 1)
 
 

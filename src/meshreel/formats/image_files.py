@@ -16,13 +16,15 @@ MAX_LENGTH = 80
 def image_names(images: Sequence[Image]) -> list[str]:
     """A file name for each image, as every system allows it, no two alike in any case."""
     taken: set[str] = set()
+    counts: dict[str, int] = {}
     names = []
     for image in images:
         stem = NOT_PORTABLE.sub("_", image.name)[:MAX_LENGTH] or "image"
         ending = image_ending(image.mime_type)
-        name, number = stem + ending, 2
+        name, wanted = stem + ending, (stem + ending).lower()
         while name.lower() in taken:
-            name, number = f"{stem}_{number}{ending}", number + 1
+            counts[wanted] = counts.get(wanted, 1) + 1
+            name = f"{stem}_{counts[wanted]}{ending}"
         taken.add(name.lower())
         names.append(name)
     return names

@@ -5,6 +5,7 @@ from dataclasses import replace
 from functools import cache, cached_property
 
 from meshreel.errors import FormatError, InvalidInputError
+from meshreel.formats.gltf.accessors import EXPANSION, LEAST_DECODED_BYTES
 from meshreel.formats.gltf.buffers import Buffers
 from meshreel.formats.gltf.document import Document
 from meshreel.formats.gltf.image_reading import PACKED, image_number, read_image
@@ -13,6 +14,7 @@ from meshreel.formats.gltf.material_values import STRENGTH, UNLIT, read_look, re
 from meshreel.formats.gltf.nodes import unique_names
 from meshreel.formats.gltf.primitives import surfaces
 from meshreel.formats.left_out import listed, note_left_out
+from meshreel.formats.look_notes import LookNotes
 from meshreel.materials import UNSAID, Image, Material, Texture, used_by
 
 VARIANTS = "KHR_materials_variants"
@@ -43,8 +45,10 @@ class MaterialReader:
     """
 
     def __init__(self, document: Document, buffers: Buffers, notes: list[str]) -> None:
-        self._document, self._buffers, self._notes = document, buffers, notes
-        self._numbers: dict[int, int] = {}
+        self._document, self._buffers = document, buffers
+        self._notes = LookNotes(notes)
+        self._n_bytes = 0
+        self._places: dict[str, int] = {}
         self._images: list[Image] = []
         self._read = cache(self._read_material)
         self._image = cache(self._read_image)
@@ -81,7 +85,7 @@ class MaterialReader:
         try:
             return self._with_textures(read_look(given), given)
         except FormatError as error:
-            note_left_out(self._notes, f"how a material looks: {error}")
+            self._notes.add("how materials look", str(error))
             return None
 
     def _with_textures(self, look: Material, given: JsonObject) -> Material:
@@ -107,13 +111,28 @@ class MaterialReader:
 
     def _read_image(self, number: int) -> int | None:
         """Which one of the images read so far it is."""
-        try:
-            found = read_image(self._document.lists["images"][number], self._buffers)
-        except (FormatError, InvalidInputError) as error:
-            note_left_out(self._notes, f"a texture image: {error}")
-            return None
-        self._images.append(found)
-        return len(self._images) - 1
+        given = self._document.lists["images"][number]
+        place = repr((given.values.get("bufferView"), given.values.get("uri")))
+        if place not in self._places:
+            try:
+                self._images.append(self._checked(read_image(given, self._buffers), given))
+            except (FormatError, InvalidInputError) as error:
+                self._notes.add("texture images", str(error))
+                return None
+            self._places[place] = len(self._images) - 1
+        return self._places[place]
+
+    def _checked(self, image: Image, given: JsonObject) -> Image:
+        """The image, unless images share bytes of a buffer and would fill the memory together."""
+        if "bufferView" not in given:
+            return image
+        self._n_bytes += len(image.data)
+        allowed = max(LEAST_DECODED_BYTES, EXPANSION * self._buffers.size_bytes)
+        if self._n_bytes > allowed:
+            raise FormatError(
+                f"{given.place}: images take {self._n_bytes} bytes; allowed are {allowed}"
+            )
+        return image
 
 
 def note_unkept(document: Document, meshes: Sequence[JsonObject], notes: list[str]) -> None:
@@ -134,7 +153,7 @@ def note_unkept(document: Document, meshes: Sequence[JsonObject], notes: list[st
             if name not in PACKED or "source" in texture:
                 found.setdefault(name, []).append(texture.place)
     if found:
-        told = "; ".join(f"{name} ({listed(found[name], 3)})" for name in sorted(found))
+        told = listed(f"{name} ({listed(found[name], 3)})" for name in sorted(found))
         note_left_out(notes, f"extensions of materials: {told}")
 
 

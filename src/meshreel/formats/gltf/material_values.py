@@ -1,5 +1,6 @@
 """Values of materials, textures and samplers of a glTF file, checked."""
 
+import math
 from dataclasses import replace
 
 from meshreel.errors import FormatError
@@ -39,10 +40,6 @@ def read_look(given: JsonObject) -> Material:
     mode = given.text("alphaMode", "OPAQUE")
     if mode not in ALPHA_MODES:
         raise given.error("alphaMode", "OPAQUE, MASK or BLEND")
-    strength = given.extension(STRENGTH)
-    emissive = given.numbers("emissiveFactor", 3, (0, 0, 0))
-    if strength is not None:
-        emissive = emissive * strength.number("emissiveStrength", 1.0)
     normal, occlusion = given.child("normalTexture"), given.child("occlusionTexture")
     red, green, blue, opacity = pbr.numbers("baseColorFactor", 4, (1, 1, 1, 1)).tolist()
     return Material(
@@ -50,7 +47,7 @@ def read_look(given: JsonObject) -> Material:
         base_color=(red, green, blue, opacity),
         metallic=pbr.number("metallicFactor", 1.0),
         roughness=pbr.number("roughnessFactor", 1.0),
-        emissive=tuple(emissive.tolist()),
+        emissive=_emissive(given),
         normal_scale=1.0 if normal is None else normal.number("scale", 1.0),
         occlusion_strength=1.0 if occlusion is None else occlusion.number("strength", 1.0),
         alpha_mode=ALPHA_MODES[mode],
@@ -58,6 +55,17 @@ def read_look(given: JsonObject) -> Material:
         double_sided=given.flag("doubleSided"),
         unlit=given.extension(UNLIT) is not None,
     )
+
+
+def _emissive(given: JsonObject) -> tuple[float, float, float]:
+    extension = given.extension(STRENGTH)
+    strength = 1.0 if extension is None else extension.number("emissiveStrength", 1.0)
+    red, green, blue = (
+        strength * one for one in given.numbers("emissiveFactor", 3, (0, 0, 0)).tolist()
+    )
+    if not all(map(math.isfinite, (red, green, blue))):
+        raise FormatError(f"{given.place}: its emissive strength of {strength:g} is too large")
+    return red, green, blue
 
 
 def read_texture(told: JsonObject, image: int, channels: str) -> Texture:

@@ -116,8 +116,10 @@ def _named_attributes(surface: Surface) -> Iterator[tuple[str, tuple[Rows, Domai
 
 def texcoord_numbers(surface: Surface) -> dict[str, int]:
     """The number of the TEXCOORD that texture coordinates of a name are written as."""
-    names = [one.name for one in surface.of_kind(Kind.UV)]
-    return {name: names.index(name) for name in names}
+    numbers: dict[str, int] = {}
+    for number, attribute in enumerate(surface.of_kind(Kind.UV)):
+        numbers.setdefault(attribute.name, number)
+    return numbers
 
 
 def _written(attribute: Attribute) -> Rows | None:

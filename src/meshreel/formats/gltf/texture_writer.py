@@ -44,6 +44,7 @@ class Textures:
         self._given, self._buffer, self._notes = surface.images, buffer, notes
         self._uvs = texcoord_numbers(surface)
         self._numbers: dict[int, int] = {}
+        self._places: dict[str, int] = {}
 
     def told(self, texture: Texture, what: str) -> Json | None:
         """A texture as a material tells of it; None if glTF cannot have it.
@@ -76,8 +77,8 @@ class Textures:
             self.required.add(extension)
             written = {"extensions": {extension: {"source": number}}}
         if sampler := self._sampler(texture, what):
-            written["sampler"] = _place(self.samplers, sampler)
-        return _place(self.textures, written)
+            written["sampler"] = _place(self.samplers, self._places, sampler)
+        return _place(self.textures, self._places, written)
 
     def _image(self, given: int, image: Image) -> int:
         if given not in self._numbers:
@@ -114,8 +115,9 @@ def _placed(texture: Texture) -> Json:
     return found | unless([1.0, 1.0], scale=list(texture.scale))
 
 
-def _place(listed: list[Json], item: Json) -> int:
+def _place(listed: list[Json], places: dict[str, int], item: Json) -> int:
     """Where an item is in a list; it is added if it is not there."""
-    if item not in listed:
+    if (key := repr(item)) not in places:
         listed.append(item)
-    return listed.index(item)
+        places[key] = len(listed) - 1
+    return places[key]

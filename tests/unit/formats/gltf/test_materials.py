@@ -1,12 +1,14 @@
 """Materials and images of glTF files: read, written, and what is said of the rest."""
 
 import base64
+import contextlib
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import meshreel
+from meshreel.errors import MeshReelError
 from meshreel.formats.gltf.write import write_gltf
 from meshreel.formats.load import load
 from meshreel.formats.options import WriteOptions
@@ -14,6 +16,7 @@ from meshreel.formats.save import save
 from meshreel.materials import AlphaMode, Filter, Image, Material, Texture, Wrap
 from sample_glb import Glb, stream_of, written
 from sample_gltf import SQUARE, SQUARE_FACES, Gltf
+from sample_json import DELETED, ODD, changed, places
 from sample_materials import dressed_sheet, dressed_sheets, jpeg, look, png
 
 FACTORS = {
@@ -205,7 +208,7 @@ def test_mesh_is_read_without_an_image_when_that_cannot_be_had(tmp_path, image, 
     file.json["images"][0] = image
     surface, notes = read(file, tmp_path / "in", "gltf")
     (note,) = notes
-    assert note.startswith("left out: a texture image: image 0")
+    assert note.startswith("left out: texture images: image 0")
     assert message in note
     (found,) = surface.materials
     assert set(found.textures) == {"metallic", "roughness", "normal", "occlusion"}
@@ -229,7 +232,7 @@ def test_mesh_is_read_without_an_image_when_that_cannot_be_had(tmp_path, image, 
 def test_mesh_is_read_without_a_look_when_that_is_damaged(surface_of, change, message):
     surface, notes = surface_of(square_with({"name": "skin", **change}))
     (note,) = notes
-    assert note.startswith("left out: how a material looks: material 0")
+    assert note.startswith("left out: how materials look: material 0")
     assert message in note
     assert surface.materials == ()
     assert surface.groups[0].labels == ("skin",)
@@ -373,3 +376,41 @@ def test_buffer_is_aligned_when_an_image_has_an_odd_size(tmp_path):
     assert isinstance(file, Glb)
     assert {one["byteOffset"] % 4 for one in file.document["bufferViews"]} == {0}
     assert len(jpeg().data) % 4 != 0
+
+
+def test_load_raises_only_our_errors_when_any_value_of_a_material_is_changed(tmp_path):
+    moved = {"KHR_texture_transform": {"offset": [1, 2], "rotation": 1, "scale": [1, 1]}}
+    glowing = {"KHR_materials_emissive_strength": {"emissiveStrength": 2}}
+    file = square_with({"name": "skin", **FACTORS, "extensions": glowing})
+    file.json["materials"][0]["normalTexture"]["extensions"] = moved
+    looks = {key: file.json[key] for key in ("materials", "textures", "images", "samplers")}
+    cases = [(place, value) for place in places(looks) for value in (*ODD, DELETED)]
+    rng, n_read, other = np.random.default_rng(2), 0, Gltf()
+    other.data = file.data
+    for number in rng.choice(len(cases), 400, replace=False):
+        other.json = {**file.json, **changed(looks, *cases[number])}
+        with contextlib.suppress(MeshReelError):
+            n_read += load(other.save(tmp_path / "a.glb")).n_faces == 2
+    assert n_read > 300
+
+
+def test_look_is_left_out_when_its_light_is_no_number(surface_of):
+    glowing = {"KHR_materials_emissive_strength": {"emissiveStrength": 1e308}}
+    material = {"name": "skin", "emissiveFactor": [10, 0, 0], "extensions": glowing}
+    surface, (note,) = surface_of(square_with(material))
+    assert surface.materials == ()
+    assert "its emissive strength of 1e+308 is too large" in note
+
+
+def test_images_are_left_out_when_they_share_bytes_beyond_measure(tmp_path, monkeypatch):
+    monkeypatch.setattr("meshreel.formats.gltf.material_reading.LEAST_DECODED_BYTES", 100)
+    monkeypatch.setattr("meshreel.formats.gltf.material_reading.EXPANSION", 0)
+    surface, notes = read(square_with({"name": "skin", **FACTORS}), tmp_path)
+    assert surface.images == (png(),)
+    assert notes == ["left out: texture images: image 1: images take 275 bytes; allowed are 100"]
+
+
+def test_an_image_is_read_once_when_many_name_its_bytes(tmp_path):
+    file = square_with({"name": "skin", **FACTORS})
+    file.json["images"][1]["bufferView"] = file.json["images"][0]["bufferView"]
+    assert read(file, tmp_path)[0].images == (png(),)

@@ -1,5 +1,6 @@
 """Materials of USD files: written, read, and what is said of the rest."""
 
+import contextlib
 import zipfile
 from dataclasses import replace
 
@@ -8,7 +9,7 @@ import pytest
 from pxr import Usd, UsdGeom, UsdShade
 
 import meshreel
-from meshreel.errors import InvalidInputError
+from meshreel.errors import InvalidInputError, MeshReelError
 from meshreel.formats.load import load
 from meshreel.formats.save import save
 from meshreel.materials import AlphaMode, Image, Material, Texture, Wrap
@@ -342,6 +343,24 @@ def test_material_is_a_label_only_when_it_is_no_preview_surface(tmp_path):
     surface = load(tmp_path / "x.usda", notes=notes).surface
     assert (surface.materials, surface.groups[0].labels) == ((), ("skin",))
     assert notes == ["left out: how materials look that are no UsdPreviewSurface: skin"]
+
+
+def test_load_raises_only_our_errors_when_a_network_is_changed(tmp_path):
+    (tmp_path / "skin.png").write_bytes(png().data)
+    opacity = "float inputs:opacity.connect = </a/skin/image.outputs:a>"
+    surface = f"{COLOR}\nfloat inputs:roughness = 0.5\n{opacity}"
+    texture = 'token inputs:wrapS = "clamp"\nfloat4 inputs:scale = (1, 1, 1, 1)'
+    text = NETWORK.format(surface=surface, texture=texture, mesh="", file="./skin.png").encode()
+    rng, n_read = np.random.default_rng(5), 0
+    start = text.index(b"def Material")
+    for _ in range(300):
+        data = bytearray(text)
+        for place in rng.integers(start, len(data), rng.choice([1, 3])):
+            data[place] = rng.choice(np.frombuffer(b' 0-:"<>{}@.xr\xff', np.uint8))
+        (tmp_path / "x.usda").write_bytes(data)
+        with contextlib.suppress(MeshReelError):
+            n_read += load(tmp_path / "x.usda").n_faces == 1
+    assert n_read > 20
 
 
 def test_shaders_in_a_ring_are_told_when_a_file_has_them(read):

@@ -14,15 +14,15 @@ class LookNotes:
 
     def __init__(self, notes: list[str]) -> None:
         self._notes = notes
-        self._names: dict[str, list[str]] = {}
+        self._names: dict[str, dict[str, None]] = {}
 
     def add(self, what: str, name: str) -> None:
         """Tell that something of a material is left out."""
-        names = self._names.setdefault(what, [])
+        names = self._names.setdefault(what, {})
         if name in names:
             return
         before = self._sentence(what)
-        names.append(name)
+        names[name] = None
         if before in self._notes:
             self._notes[self._notes.index(before)] = self._sentence(what)
         else:
