@@ -157,7 +157,8 @@ def what_order_loses(surface: Surface, order: Order) -> str:
     lost += [f"groups {one.name!r}" for one in surface.groups]
     lost += ["parts"] if surface.parts else []
     lost += [f"material {one.name!r}" for one in surface.materials]
-    lost += [f"{len(surface.images)} images"] if surface.images else []
+    if n_images := len(surface.images):
+        lost.append(f"{n_images} image{'s' if n_images > 1 else ''}")
     return f"left out, for the order of faces is not kept: {', '.join(lost)}" if lost else ""
 
 
