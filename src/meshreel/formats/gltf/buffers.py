@@ -71,7 +71,7 @@ class Buffers:
                 return memoryview(base64.b64decode(uri[match.end() :]))
             except (binascii.Error, ValueError) as error:
                 raise FormatError(f"{holder.place}: its data is no base64 ({error})") from None
-        path = file_beside(self.document.folder, uri, holder.place)
+        path = file_beside(self.document, uri, holder.place)
         with os_errors_naming(path):
             if path.stat().st_size < size:
                 raise FormatError(

@@ -62,7 +62,7 @@ def read_image(given: JsonObject, buffers: Buffers) -> Image:
         found = image_type(data)
         said = match[1].lower() if found == UNKNOWN else found
         return Image(name, told or said or found, data)
-    path = file_beside(document.folder, uri, given.place)
+    path = file_beside(document, uri, given.place)
     with os_errors_naming(path):
         data = path.read_bytes()
     file_name = PurePosixPath(unquote(uri))

@@ -5,13 +5,14 @@ from pathlib import Path, PurePosixPath, PureWindowsPath
 from urllib.parse import unquote
 
 from meshreel.errors import FormatError
+from meshreel.formats.gltf.document import Document
 from meshreel.formats.naming import os_errors_naming
 
 SCHEME = re.compile(r"[a-z][a-z0-9+.-]*:", re.IGNORECASE)
 
 
-def file_beside(folder: Path, uri: str, place: str) -> Path:
-    """The file that a URI names, in a folder or below it.
+def file_beside(document: Document, uri: str, place: str) -> Path:
+    """The file that a URI names, in the folder of the document or below it.
 
     Raises
     ------
@@ -26,9 +27,9 @@ def file_beside(folder: Path, uri: str, place: str) -> Path:
             f"{place}: is in {uri[:200]!r}; only files in the folder of the glTF file, or in "
             "folders within it, are read; put it there"
         )
-    path = folder.joinpath(*parts)
+    path = document.folder.joinpath(*parts)
     with os_errors_naming(path):
-        is_within = path.resolve().is_relative_to(folder.resolve())
+        is_within = path.resolve().is_relative_to(document.folder.resolve())
         is_there = path.is_file()
     if not is_within:
         raise FormatError(f"{place}: {name!r} is a link that leaves the folder of the glTF file")

@@ -18,13 +18,13 @@ class StageMaterials:
 
     Parameters
     ----------
-    folder : Path
-        That of the stage's file.
+    folder : Path or None
+        Where images must be, or below: that of the stage's file. None: anywhere.
     notes : list of str
         Gains a sentence for each kind of thing that is not kept.
     """
 
-    def __init__(self, folder: Path, notes: list[str]) -> None:
+    def __init__(self, folder: Path | None, notes: list[str]) -> None:
         self._stage_images = StageImages(folder)
         self._notes = LookNotes(notes)
         self._looks: dict[str, Material | None] = {}

@@ -14,8 +14,8 @@ class StageImages:
 
     Parameters
     ----------
-    folder : Path
-        That of the stage's file; images are read from there and below.
+    folder : Path or None
+        That of the stage's file; images are read from there and below. None: from anywhere.
 
     Attributes
     ----------
@@ -23,9 +23,9 @@ class StageImages:
         Those read so far.
     """
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path | None) -> None:
         self.images: list[Image] = []
-        self._folder = folder.resolve()
+        self._folder = None if folder is None else folder.resolve()
         self._numbers: dict[str, int] = {}
 
     def number(self, asset: Any) -> int:
@@ -50,7 +50,7 @@ class StageImages:
         outer = resolved
         if resolver.IsPackageRelativePath(resolved):
             outer, _ = resolver.SplitPackageRelativePathOuter(resolved)
-        if not Path(outer).resolve().is_relative_to(self._folder):
+        if self._folder and not Path(outer).resolve().is_relative_to(self._folder):
             raise FormatError(
                 f"{authored[:200]!r} is not in the folder of the file or below; put it there"
             )
