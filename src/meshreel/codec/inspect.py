@@ -155,8 +155,8 @@ def stream_info(stream: Stream) -> StreamInfo:
         attributes=carried(surface),
         parts=tuple(part.name for part in surface.parts),
         diagonal=header.scale,
-        materials=tuple(_described_material(one) for one in surface.materials),
-        images=tuple(_described_image(*one) for one in enumerate(surface.images)),
+        materials=described_materials(surface),
+        images=described_images(surface),
     )
 
 
@@ -209,8 +209,17 @@ def carried(surface: Surface) -> tuple[str, ...]:
     return (*attributes, *groups)
 
 
+def described_materials(surface: Surface) -> tuple[str, ...]:
+    """The name of each material, and which images its textures show: "skin: normal image 0"."""
+    return tuple(map(_described_material, surface.materials))
+
+
+def described_images(surface: Surface) -> tuple[str, ...]:
+    """Number, name, type and size of each image: "0: 'shade', image/png, 92 bytes"."""
+    return tuple(_described_image(*one) for one in enumerate(surface.images))
+
+
 def _described_material(material: Material) -> str:
-    """Its name, and the number of the image of each of its textures."""
     shown = [
         f"{slot.replace('_', ' ')} image {texture.image}"
         for slot, texture in material.textures.items()
@@ -219,7 +228,6 @@ def _described_material(material: Material) -> str:
 
 
 def _described_image(number: int, image: Image) -> str:
-    """Its number, its name if it has one, what it is and its size."""
     named = f"{image.name!r}, " if image.name else ""
     return f"{number}: {named}{image.mime_type}, {len(image.data)} bytes"
 
