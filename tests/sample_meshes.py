@@ -120,6 +120,8 @@ def assert_same_surface(found, expected):
     for one, other in zip(found.groups, expected.groups, strict=True):
         np.testing.assert_array_equal(one.numbers, other.numbers)
     assert found.parts == expected.parts
+    assert found.materials == expected.materials
+    assert found.images == expected.images
 
 
 def kg_error_percent(original, decoded):

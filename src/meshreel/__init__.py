@@ -41,6 +41,7 @@ if TYPE_CHECKING:
     from meshreel.formats.load import load
     from meshreel.formats.reel import open
     from meshreel.formats.save import save
+    from meshreel.materials import AlphaMode, Filter, Image, Material, Texture, Wrap
     from meshreel.metrics.compare import Quality
     from meshreel.sequence import MeshSequence
     from meshreel.surface import Attribute, Domain, FaceGroups, Kind, Part, Surface
@@ -48,14 +49,18 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 __all__ = [
+    "AlphaMode",
     "Attribute",
     "CorruptStreamError",
     "Domain",
     "Encoder",
     "FaceGroups",
+    "Filter",
     "FormatError",
+    "Image",
     "InvalidInputError",
     "Kind",
+    "Material",
     "MeshReelError",
     "MeshSequence",
     "Part",
@@ -64,9 +69,11 @@ __all__ = [
     "SolverError",
     "StreamInfo",
     "Surface",
+    "Texture",
     "TruncatedStreamError",
     "UnsupportedVersionError",
     "WorkerDiedError",
+    "Wrap",
     "compare",
     "decode",
     "encode",
@@ -79,6 +86,7 @@ __all__ = [
 
 _HOMES = {
     **dict.fromkeys(("Attribute", "Domain", "FaceGroups", "Kind", "Part", "Surface"), "surface"),
+    **dict.fromkeys(("AlphaMode", "Filter", "Image", "Material", "Texture", "Wrap"), "materials"),
     **dict.fromkeys(("compare", "decode", "encode", "info"), "api"),
     "Encoder": "codec.streaming",
     "load": "formats.load",

@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.errors import InvalidInputError
+from meshreel.materials import Image, Material, validated_materials
 
 Int32s = npt.NDArray[np.int32]
 
@@ -121,25 +122,35 @@ class Surface:
     groups : tuple of FaceGroups
     parts : tuple of Part
         Empty for a mesh of one part.
+    materials : tuple of Material
+        How faces look that have the label of that name in the groups "material".
+    images : tuple of Image
+        Those that materials show.
     """
 
     face_sizes: Int32s | None = None
     attributes: tuple[Attribute, ...] = ()
     groups: tuple[FaceGroups, ...] = ()
     parts: tuple[Part, ...] = ()
+    materials: tuple[Material, ...] = ()
+    images: tuple[Image, ...] = ()
 
     def __repr__(self) -> str:
         if self.is_plain:
             return "<Surface: plain>"
         sizes = [] if self.face_sizes is None else [f"{len(self.face_sizes)} polygons"]
         parts = [f"{len(self.parts)} parts"] if self.parts else []
-        carried = [*sizes, *map(repr, self.attributes), *map(repr, self.groups), *parts]
+        looks = [f"{len(self.materials)} materials"] if self.materials else []
+        groups = map(repr, self.groups)
+        carried = [*sizes, *map(repr, self.attributes), *groups, *parts, *looks]
+        carried += map(repr, self.images)
         return f"<Surface: {', '.join(carried)}>"
 
     @property
     def is_plain(self) -> bool:
         """Whether there is nothing beside positions and triangles."""
-        return self.face_sizes is None and not (self.attributes or self.groups or self.parts)
+        carried = (self.attributes, self.groups, self.parts, self.materials, self.images)
+        return self.face_sizes is None and not any(carried)
 
     def n_faces(self, n_triangles: int) -> int:
         """Number of faces (polygons), P."""
@@ -177,15 +188,22 @@ class Surface:
         )
         groups = tuple(_validated_groups(one, n_faces) for one in self.groups)
         _validate_parts(self.parts, n_verts, n_faces)
-        return Surface(sizes, attributes, groups, tuple(self.parts))
+        images = tuple(self.images)
+        materials = validated_materials(self.materials, images)
+        return Surface(sizes, attributes, groups, tuple(self.parts), materials, images)
 
     @property
     def size_bytes(self) -> int:
-        """Bytes of its arrays."""
+        """Bytes of its arrays and images."""
         arrays = [self.face_sizes, *(groups.numbers for groups in self.groups)]
         for attribute in self.attributes:
             arrays += [attribute.values, attribute.indices]
-        return sum(array.nbytes for array in arrays if array is not None)
+        n_shown = sum(len(image.data) for image in self.images)
+        return n_shown + sum(array.nbytes for array in arrays if array is not None)
+
+    def without_materials(self) -> "Surface":
+        """The surface without materials and images; labels of faces stay."""
+        return replace(self, materials=(), images=())
 
     def of_kind(self, kind: Kind) -> tuple[Attribute, ...]:
         """The attributes of a kind, in order."""

@@ -15,6 +15,8 @@ ALL, NONE = "all", "none"
 def selected(surface: Surface, names: Names) -> Surface:
     """A surface of the attributes and groups of these names; polygons and parts stay.
 
+    How materials look, and their images, stay with the groups "material".
+
     Parameters
     ----------
     surface : Surface
@@ -40,7 +42,8 @@ def chosen(surface: Surface, names: Names) -> Surface:
     wanted = set(listed_names(names))
     attributes = tuple(one for one in surface.attributes if wanted & _names_of(one))
     groups = tuple(one for one in surface.groups if one.name in wanted)
-    return replace(surface, attributes=attributes, groups=groups)
+    kept = surface if "material" in wanted else surface.without_materials()
+    return replace(kept, attributes=attributes, groups=groups)
 
 
 def missing_names(surface: Surface, names: Names) -> list[str]:

@@ -5,6 +5,7 @@ import pytest
 
 import meshreel
 from sample_commands import assert_fails, run, run_json
+from sample_materials import dressed_sheet
 from sample_meshes import assert_same_surface, quad_sheet, waving_grid
 
 
@@ -94,3 +95,34 @@ def test_formats_lists_every_ending_when_asked_for_json():
     assert all(one["is_installed"] == (one["extra"] is None) or one["extra"]
                for one in listed.values())  # fmt: skip
     assert run("formats").returncode == 0
+
+
+@pytest.fixture
+def dressed(tmp_path):
+    path = tmp_path / "dressed.reel"
+    path.write_bytes(meshreel.encode(dressed_sheet(), max_error=0.01))
+    return path
+
+
+def test_convert_says_what_becomes_of_images_when_they_lie_beside(dressed, tmp_path):
+    pytest.importorskip("pxr")
+    done = run("convert", dressed, "-o", tmp_path / "x.usda")
+    assert "images in x_textures" in " ".join((done.stdout + done.stderr).split())
+    figures = run_json("convert", dressed, "-o", tmp_path / "x.usda", "--force")
+    folder = tmp_path / "x_textures"
+    assert figures["outputs"][1:] == [str(folder / "shade.png"), str(folder / "photo.jpg")]
+
+
+def test_decode_says_so_when_the_format_has_no_images(dressed, tmp_path):
+    figures = run_json("decode", dressed, "-o", tmp_path / "x.npz")
+    looks = "how materials look (red, gr\u00fcn) and 2 texture images"
+    assert figures["notes"] == [f"left out, for .npz files do not hold it: {looks}"]
+
+
+def test_info_lists_materials_and_images_when_a_stream_has_some(dressed):
+    figures = run_json("info", dressed)
+    assert figures["images"][0].startswith("0: 'shade', image/png, ")
+    assert figures["materials"][1] == "gr\u00fcn: base color image 1"
+    assert figures["budget_bytes"]["image"] > 200
+    shown = " ".join(run("info", dressed).stdout.split())
+    assert "0: 'shade', image/png" in shown

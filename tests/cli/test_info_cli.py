@@ -4,6 +4,7 @@ import pytest
 
 import meshreel
 from sample_commands import assert_fails, run, run_json
+from sample_materials import dressed_sheet
 from sample_meshes import two_sheets, waving_grid
 
 
@@ -34,3 +35,12 @@ def test_info_is_of_the_stream_when_it_has_another_name(tmp_path):
 def test_info_refuses_options_of_inputs_when_it_is_of_a_stream(tmp_path, option):
     (tmp_path / "a.reel").write_bytes(meshreel.encode(waving_grid()))
     assert_fails(run("info", tmp_path / "a.reel", *option), "a .reel holds one mesh")
+
+
+def test_info_lists_materials_and_images_when_a_file_has_some(tmp_path):
+    meshreel.save(dressed_sheet(), tmp_path / "a.glb")
+    shown = " ".join(run("info", tmp_path / "a.glb").stdout.split())
+    assert "'shade', image/png" in shown
+    assert "gr\u00fcn: base color image" in shown
+    (mesh,) = run_json("info", tmp_path / "a.glb")["meshes"]
+    assert (len(mesh["materials"]), len(mesh["images"])) == (2, 2)

@@ -14,6 +14,7 @@ import meshreel
 from meshreel.bitstream.layout import FORMAT_VERSION
 from meshreel.codec.methods import METHODS
 from meshreel.surface import Kind
+from sample_materials import dressed_sheets
 from sample_meshes import assert_same_surface, irregular_sequence, two_sheets, waving_grid
 
 HERE = Path(__file__).parent
@@ -44,6 +45,12 @@ def test_stored_texture_coordinates_on_a_grid_come_back_exactly():
     np.testing.assert_array_equal(found, np.rint(given * 1024) / 1024)
 
 
+@pytest.mark.parametrize("version", range(2, FORMAT_VERSION + 1))
+def test_stored_materials_come_back_exactly(version):
+    decoded = meshreel.decode((HERE / f"v{version}_reel_materials.reel").read_bytes())
+    assert_same_surface(decoded.surface, dressed_sheets().surface)
+
+
 def test_every_version_has_a_stream_when_the_folder_is_listed():
     versions = {int(path.name[1:].split("_")[0]) for path in STREAMS}
     assert versions == set(range(1, FORMAT_VERSION + 1))
@@ -72,6 +79,7 @@ def new_streams():
         "reel_grid": meshreel.encode(waving_grid(40, 14, 15)),
         "reel_sheets": meshreel.encode(two_sheets()),
         "reel_sheets-uv-bits": meshreel.encode(two_sheets(), uv_bits=10),
+        "reel_materials": meshreel.encode(dressed_sheets()),
         "reel_irregular": meshreel.encode(irregular_sequence(7), max_error=0.5, effort=9),
         "reel_shuffled-drop": meshreel.encode(
             mixed, quality=60, effort=1, order="drop", block_frames=5

@@ -15,6 +15,7 @@ from meshreel.codec.inspect import info
 from meshreel.codec.payloads import read_block, read_layout, write_layout
 from meshreel.entropy.varint import write_varint
 from meshreel.errors import CorruptStreamError, MeshReelError, TruncatedStreamError
+from sample_materials import dressed_sheet
 from sample_meshes import irregular_sequence, two_sheets, waving_grid
 from sample_streams import parts_of, raw_stream
 
@@ -29,6 +30,7 @@ STREAMS = {
     "reel corrected": encode(irregular_sequence(4), max_error=8.0, n_modes=2, block_frames=2),
     "surface": encode(two_sheets(2), step=0.01),
     "surface on a grid": encode(two_sheets(2), step=0.01, uv_bits=9),
+    "materials": encode(dressed_sheet(2), step=0.01),
     "serial": encode(waving_grid(3, 4, 5), "pca-qs", n_modes=2),
 }
 
@@ -224,3 +226,31 @@ def test_corrections_take_no_memory_when_their_number_is_a_lie():
     data = raw_stream(stream.header, replaced(stream, Section.CORRECTIONS, lie))
     with pytest.raises(CorruptStreamError, match="are announced"):
         decode(data)
+
+
+def test_damaged_materials_give_our_error_or_a_mesh_when_checksums_are_made_to_fit():
+    """Aimed at this section alone: of the others there are many more bytes."""
+    stream = read_stream(STREAMS["materials"])
+    parts = parts_of(stream)
+    (first, *_) = [part for part in parts if part[0] is Section.MATERIAL]
+    rng = np.random.default_rng(8)
+    n_refused = 0
+    for _ in range(1500):
+        payload = bytearray(first[1])
+        _mutate(payload, rng)
+        changed = (Section.MATERIAL, bytes(payload))
+        data = raw_stream(stream.header, [changed if part is first else part for part in parts])
+        try:
+            decoded = decode(data)
+        except MeshReelError:
+            n_refused += 1
+            continue
+        assert len(decoded.surface.materials) == 2
+    assert 100 < n_refused < 1500
+
+
+def test_images_are_refused_when_a_material_shows_one_that_is_left_out():
+    stream = read_stream(STREAMS["materials"])
+    kept = [part for part in parts_of(stream) if part[0] is not Section.IMAGE]
+    with pytest.raises(CorruptStreamError, match="shows image 0; there are 0"):
+        decode(raw_stream(stream.header, kept))

@@ -20,6 +20,7 @@ from meshreel.sequence import MeshSequence
 from meshreel.surface import Attribute, Domain, FaceGroups, Kind, Part, Surface
 from sample_browser import FOLDER, browser, play
 from sample_glb import largest_error_percent, stream_of
+from sample_materials import look, png
 
 MODULES = FOLDER / "node_modules"
 
@@ -72,6 +73,22 @@ def still():
     return replace(dressed(1), name="still")
 
 
+def textured():
+    """Two flags whose materials have images, and all else that materials can have."""
+    materials, _ = look()
+    named = [
+        one.with_textures({slot: replace(t, uv="uv") for slot, t in one.textures.items()})
+        for one in materials
+    ]
+    silk, linen = (
+        replace(one, name=name) for one, name in zip(named, ("silk", "linen"), strict=True)
+    )
+    silk = replace(silk, emissive=(3.0, 1.0, 0.5))
+    sequence = dressed()
+    surface = replace(sequence.surface, materials=(silk, linen), images=(png(), png(64, "dark")))
+    return replace(sequence, surface=surface)
+
+
 CASES = {
     "flag": (flag, {}),
     "coarse": (flag, {"max_error": 2.0}),
@@ -80,6 +97,7 @@ CASES = {
     "no normals": (flag, {"normals": False}),
     "dressed": (dressed, {}),
     "dressed with normals": (dressed, {"normals": True}),
+    "textured": (textured, {}),
     "still": (still, {}),
     "still with normals": (still, {"normals": True}),
 }
@@ -113,7 +131,12 @@ def test_validator_has_nothing_to_say_when_a_file_is_written(tmp_path, case):
 
 
 def is_harmless(message):
-    """Texture coordinates are kept though there is no texture, as a program may add one."""
+    """Texture coordinates are kept though there is no texture, as a program may add one.
+
+    Where a material has a normal texture, viewers make tangents.
+    """
+    if message["code"] == "MESH_PRIMITIVE_GENERATED_TANGENT_SPACE":
+        return True
     return message["code"] == "UNUSED_OBJECT" and "TEXCOORD_" in message["pointer"]
 
 

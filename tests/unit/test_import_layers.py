@@ -19,7 +19,7 @@ FLOORS = [  # from the top
     {"geometry", "entropy"},
     {"sequence", "surface_selection", "engine"},
     {"surface", "frame_choice", "atomic_write", "progress", "threads", "profiling"},
-    {"outputs"},
+    {"outputs", "materials"},
     {"errors", "counting"},
 ]
 SHOWN = {"sequence", "codec"}

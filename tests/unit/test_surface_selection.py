@@ -4,6 +4,7 @@ import pytest
 from meshreel.errors import InvalidInputError
 from meshreel.surface import Attribute, Domain, FaceGroups, Kind, Surface
 from meshreel.surface_selection import missing_names, selected
+from sample_materials import dressed_sheet
 from sample_meshes import two_sheets
 
 
@@ -56,3 +57,9 @@ def test_other_is_no_name_when_it_is_only_a_kind():
     attribute = Attribute("heat", Kind.OTHER, Domain.VERTEX, np.zeros((3, 1), np.float32))
     groups = FaceGroups("material", ("red",), np.zeros(1, np.int32))
     assert missing_names(Surface(None, (attribute,), (groups,)), "other,heat") == ["other"]
+
+
+@pytest.mark.parametrize(("names", "n_left"), [("none", 0), ("uv", 0), ("uv,material", 2)])
+def test_materials_and_images_stay_when_their_groups_do(names, n_left):
+    found = selected(dressed_sheet().surface, names)
+    assert (len(found.materials), len(found.images)) == (n_left, n_left)

@@ -36,6 +36,8 @@ class Section(IntEnum):
     GROUPS = OPTIONAL | 5
     PARTS = OPTIONAL | 6
     START = OPTIONAL | 7
+    MATERIAL = OPTIONAL | 8
+    IMAGE = OPTIONAL | 9
 
 
 class VertexType(IntEnum):

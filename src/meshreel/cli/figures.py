@@ -82,6 +82,10 @@ def info_rows(stream: StreamInfo) -> dict[str, str]:
         rows["carries"] = "\n".join(stream.attributes)
     if stream.parts:
         rows["parts"] = "\n".join(stream.parts)
+    if stream.materials:
+        rows["materials"] = "\n".join(stream.materials)
+    if stream.images:
+        rows["images"] = "\n".join(stream.images)
     if len(stream.block_frames) > 1:
         rows["blocks"] = (
             f"{len(stream.block_frames)} of up to {counted(max(stream.block_frames), 'frame')}"

@@ -62,6 +62,10 @@ def _mesh_rows(mesh: MeshInfo) -> dict[str, str]:
         rows["carries"] = "\n".join(mesh.attributes)
     if mesh.parts:
         rows["parts"] = "\n".join(mesh.parts)
+    if mesh.materials:
+        rows["materials"] = "\n".join(mesh.materials)
+    if mesh.images:
+        rows["images"] = "\n".join(mesh.images)
     if mesh.low is not None and mesh.high is not None:
         spans = zip("xyz", mesh.low, mesh.high, strict=True)
         rows["box"] = "\n".join(f"{axis} {low:.5g} to {high:.5g}" for axis, low, high in spans)

@@ -197,8 +197,11 @@ def print_written(figures: dict[str, Any]) -> None:
     from meshreel.counting import counted
 
     first, last = Path(figures["outputs"][0]), Path(figures["outputs"][-1])
+    title = str(first) if first == last else f"{first} to {last.name}"
+    if last.parent != first.parent:
+        title = f"{first}, images in {last.parent.name}"
     print_table(
-        str(first) if first == last else f"{first} to {last.name}",
+        title,
         {
             "sequence": f"{counted(figures['n_frames'], 'frame')}, "
             f"{counted(figures['n_verts'], 'vertex')}, {counted(figures['n_faces'], 'face')}",

@@ -15,6 +15,7 @@ from meshreel.codec.payloads import read_promise
 from meshreel.codec.pipeline import CodedBlock
 from meshreel.entropy.coder import encode_integers
 from meshreel.errors import InvalidInputError
+from meshreel.materials import Image, Material
 from meshreel.surface import Domain, Surface
 
 
@@ -37,7 +38,7 @@ class StreamInfo:
     size_bytes : int
         Of the whole stream.
     raw_size_bytes : int
-        Of the arrays it decodes to.
+        Of the arrays it decodes to, and images.
     budget_bytes : dict of str to int
         Bytes of the header and of each kind of section; they sum to `size_bytes`.
     block_bytes : tuple of int
@@ -58,6 +59,10 @@ class StreamInfo:
     diagonal : float
         Of the bounding box that errors are shares of, in model units: of all frames, and of a
         live recording of its first block.
+    materials : tuple of str
+        Names of those whose look is kept, with what textures show: "skin: base color image 0".
+    images : tuple of str
+        What each is: "0: 'shade', image/png, 92 bytes".
     """
 
     n_frames: int
@@ -82,6 +87,8 @@ class StreamInfo:
     attributes: tuple[str, ...]
     parts: tuple[str, ...]
     diagonal: float
+    materials: tuple[str, ...]
+    images: tuple[str, ...]
 
     @property
     def ratio(self) -> float:
@@ -157,6 +164,8 @@ def stream_info(stream: Stream) -> StreamInfo:
         attributes=carried(surface),
         parts=tuple(part.name for part in surface.parts),
         diagonal=header.scale,
+        materials=described_materials(surface),
+        images=described_images(surface),
     )
 
 
@@ -207,6 +216,29 @@ def carried(surface: Surface) -> tuple[str, ...]:
         for one in surface.groups
     ]
     return (*attributes, *groups)
+
+
+def described_materials(surface: Surface) -> tuple[str, ...]:
+    """The name of each material, and which images its textures show: "skin: normal image 0"."""
+    return tuple(map(_described_material, surface.materials))
+
+
+def described_images(surface: Surface) -> tuple[str, ...]:
+    """Number, name, type and size of each image: "0: 'shade', image/png, 92 bytes"."""
+    return tuple(_described_image(*one) for one in enumerate(surface.images))
+
+
+def _described_material(material: Material) -> str:
+    shown = [
+        f"{slot.replace('_', ' ')} image {texture.image}"
+        for slot, texture in material.textures.items()
+    ]
+    return f"{material.name}: {', '.join(shown)}" if shown else material.name
+
+
+def _described_image(number: int, image: Image) -> str:
+    named = f"{image.name!r}, " if image.name else ""
+    return f"{number}: {named}{image.mime_type}, {len(image.data)} bytes"
 
 
 _PLURAL = {Domain.VERTEX: "vertices", Domain.FACE: "faces", Domain.CORNER: "corners"}

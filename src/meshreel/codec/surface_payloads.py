@@ -1,14 +1,22 @@
 """What a mesh carries beside positions and triangles, to sections of a stream and back."""
 
 import struct
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
+from typing import TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
 from meshreel.bitstream.layout import Section
+from meshreel.codec.material_payloads import (
+    read_image,
+    read_material,
+    write_image,
+    write_material,
+)
 from meshreel.codec.methods import Order
+from meshreel.codec.text_payloads import read_text, write_text
 from meshreel.codec.uv_grid import is_quantized, uv_integers
 from meshreel.entropy.coder import decode_integers, encode_integers
 from meshreel.entropy.references import decode_references, encode_references
@@ -35,7 +43,16 @@ DOMAINS = (Domain.VERTEX, Domain.FACE, Domain.CORNER)
 
 START = struct.Struct("<d")
 
-SURFACE_SECTIONS = (Section.POLYGONS, Section.ATTRIBUTE, Section.GROUPS, Section.PARTS)
+Read = TypeVar("Read")
+
+SURFACE_SECTIONS = (
+    Section.POLYGONS,
+    Section.ATTRIBUTE,
+    Section.GROUPS,
+    Section.PARTS,
+    Section.MATERIAL,
+    Section.IMAGE,
+)
 
 
 def surface_sections(
@@ -59,6 +76,10 @@ def surface_sections(
         yield Section.GROUPS, _write_groups(groups)
     if surface.parts:
         yield Section.PARTS, _write_parts(surface.parts)
+    for material in surface.materials:
+        yield Section.MATERIAL, write_material(material)
+    for image in surface.images:
+        yield Section.IMAGE, write_image(image)
 
 
 def read_surface(sections: Iterable[tuple[Section, bytes]], faces: Faces, n_verts: int) -> Surface:
@@ -88,15 +109,28 @@ def read_surface(sections: Iterable[tuple[Section, bytes]], faces: Faces, n_vert
                 surface = replace(surface, groups=(*surface.groups, groups))
             elif section is Section.PARTS:
                 parts += _read_parts(payload)
-        return replace(surface, parts=tuple(parts)).validated(n_verts, len(faces))
+        surface = replace(
+            surface,
+            parts=tuple(parts),
+            materials=_all_of(Section.MATERIAL, stored, read_material),
+            images=_all_of(Section.IMAGE, stored, read_image),
+        )
+        return surface.validated(n_verts, len(faces))
     except InvalidInputError as error:
         raise CorruptStreamError(f"the surface does not fit the mesh: {error}") from error
+
+
+def _all_of(
+    wanted: Section, stored: Sequence[tuple[Section, bytes]], read: Callable[[bytes], Read]
+) -> tuple[Read, ...]:
+    return tuple(read(payload) for section, payload in stored if section is wanted)
 
 
 def surface_in_order(surface: Surface, order: Order, internal_to_given: Integers) -> Surface:
     """What is left of a surface in a stream that keeps so much of the order.
 
-    What faces have needs their order; without that, only attributes of vertices are left.
+    What faces have needs their order, materials too; without that, only attributes of vertices are
+    left.
 
     Parameters
     ----------
@@ -122,6 +156,9 @@ def what_order_loses(surface: Surface, order: Order) -> str:
              if one.domain is not Domain.VERTEX]  # fmt: skip
     lost += [f"groups {one.name!r}" for one in surface.groups]
     lost += ["parts"] if surface.parts else []
+    lost += [f"material {one.name!r}" for one in surface.materials]
+    if n_images := len(surface.images):
+        lost.append(f"{n_images} image{'s' if n_images > 1 else ''}")
     return f"left out, for the order of faces is not kept: {', '.join(lost)}" if lost else ""
 
 
@@ -168,7 +205,7 @@ def _write_attribute(
     kind, domain = KINDS.index(attribute.kind), DOMAINS.index(attribute.domain)
     n_rows, width = attribute.values.shape
     number_type = VALUE_TYPES.index(attribute.values.dtype)
-    head = bytes([kind, domain, number_type, width]) + _write_text(attribute.name)
+    head = bytes([kind, domain, number_type, width]) + write_text(attribute.name)
     references = b""
     if attribute.indices is not None:
         places = _places(attribute.domain, surface, faces, len(attribute.indices))
@@ -188,7 +225,7 @@ def _read_attribute(payload: bytes, surface: Surface, faces: Faces, n_verts: int
             f"an attribute is of kind {kind}, domain {domain} and number type {number_type}, "
             "one of which is unknown"
         )
-    name, position = _read_text(payload, 4)
+    name, position = read_text(payload, 4)
     n_rows, position = read_varint(payload, position)
     size_bytes, position = read_varint(payload, position)
     coded, packed = payload[position : position + size_bytes], payload[position + size_bytes :]
@@ -214,18 +251,18 @@ def _places(domain: Domain, surface: Surface, faces: Faces, n_items: int) -> Int
 
 
 def _write_groups(groups: FaceGroups) -> bytes:
-    labels = write_varint(len(groups.labels)) + b"".join(map(_write_text, groups.labels))
-    return _write_text(groups.name) + labels + encode_integers([np.diff(groups.numbers, prepend=0)])
+    labels = write_varint(len(groups.labels)) + b"".join(map(write_text, groups.labels))
+    return write_text(groups.name) + labels + encode_integers([np.diff(groups.numbers, prepend=0)])
 
 
 def _read_groups(payload: bytes, n_faces: int) -> FaceGroups:
-    name, position = _read_text(payload, 0)
+    name, position = read_text(payload, 0)
     n_labels, position = read_varint(payload, position)
     if n_labels > len(payload):
         raise CorruptStreamError(f"{n_labels} labels are announced in {len(payload)} bytes")
     labels = []
     for _ in range(n_labels):
-        label, position = _read_text(payload, position)
+        label, position = read_text(payload, position)
         labels.append(label)
     (steps,) = decode_integers(payload[position:], [n_faces])
     numbers = np.cumsum(steps)
@@ -236,7 +273,7 @@ def _read_groups(payload: bytes, n_faces: int) -> FaceGroups:
 
 def _write_parts(parts: tuple[Part, ...]) -> bytes:
     return write_varint(len(parts)) + b"".join(
-        write_varint(part.n_verts) + write_varint(part.n_faces) + _write_text(part.name)
+        write_varint(part.n_verts) + write_varint(part.n_faces) + write_text(part.name)
         for part in parts
     )
 
@@ -249,22 +286,6 @@ def _read_parts(payload: bytes) -> list[Part]:
     for _ in range(n_parts):
         n_verts, position = read_varint(payload, position)
         n_faces, position = read_varint(payload, position)
-        name, position = _read_text(payload, position)
+        name, position = read_text(payload, position)
         parts.append(Part(name, n_verts, n_faces))
     return parts
-
-
-def _write_text(text: str) -> bytes:
-    data = text.encode("utf-8", errors="replace")
-    return write_varint(len(data)) + data
-
-
-def _read_text(payload: bytes, position: int) -> tuple[str, int]:
-    size_bytes, position = read_varint(payload, position)
-    end = position + size_bytes
-    if end > len(payload):
-        raise TruncatedStreamError("a section ends inside a name")
-    try:
-        return payload[position:end].decode(), end
-    except UnicodeDecodeError as error:
-        raise CorruptStreamError(f"a name is not UTF-8: {error}") from error

@@ -53,6 +53,9 @@ class FrameStream:
     first : float array of shape (V, 3)
         Positions of the first frame, known before any frame has passed.
     progress : Progress
+    image_folder : str
+        Name of the folder beside the file that is to have the images of the surface, in files of
+        the names of `meshreel.formats.image_files.image_names`; empty if there is none.
 
     Raises
     ------
@@ -88,6 +91,7 @@ class FrameStream:
         self.notes = notes if notes is not None else []
         self._blocks: Iterator[Vertices] = chain([first], filled)
         self.progress = progress
+        self.image_folder = ""
 
     def frames(self) -> Iterator[Vertices]:
         """Positions of each frame, of shape (V, 3); they can be had only once."""

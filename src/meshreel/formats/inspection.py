@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from meshreel.codec.inspect import carried
+from meshreel.codec.inspect import carried, described_images, described_materials
 from meshreel.errors import MeshReelError
 from meshreel.formats.heeded_options import check_read_options
 from meshreel.formats.kinds import SequenceFormat
@@ -45,6 +45,8 @@ class MeshInfo:
         What goes along with the mesh: "uv 'st' of corners".
     parts : tuple of str
         Names of the meshes that it was merged of.
+    materials, images : tuple of str
+        As in `meshreel.codec.inspect.StreamInfo`.
     problem : str or None
         Why it cannot be encoded as it is.
     """
@@ -61,6 +63,8 @@ class MeshInfo:
     high: tuple[float, ...] | None = None
     attributes: tuple[str, ...] = ()
     parts: tuple[str, ...] = ()
+    materials: tuple[str, ...] = ()
+    images: tuple[str, ...] = ()
     problem: str | None = None
 
     @property
@@ -176,6 +180,8 @@ def _sequence_info(sequence: FrameSource) -> MeshInfo:
         tuple(extent.high.tolist()),
         carried(sequence.surface),
         tuple(part.name for part in sequence.surface.parts),
+        described_materials(sequence.surface),
+        described_images(sequence.surface),
     )
 
 
@@ -207,6 +213,8 @@ def _scene_mesh_info(mesh: SceneMesh, options: ReadOptions, number: int, n_meshe
         high=tuple(high.tolist()),
         attributes=carried(surface),
         parts=tuple(part.name for part in surface.parts),
+        materials=described_materials(surface),
+        images=described_images(surface),
         problem=problem,
     )
 

@@ -80,6 +80,10 @@ class SequenceFormat:
         Ending of a mesh file with the first frame that is written beside it.
     read_meshes : ReadMeshes, optional
         Gives the meshes of a file, where it may hold several, or one whose faces change.
+    holds_materials : bool, default False
+        Whether a file holds materials and their images, not only labels of faces.
+    has_image_folder : bool, default False
+        Whether images are files in a folder beside, for the file cannot hold them itself.
     """
 
     ending: str
@@ -91,6 +95,8 @@ class SequenceFormat:
     writes: frozenset[WriteOption] = frozenset()
     companion: str = ""
     read_meshes: ReadMeshes | None = None
+    holds_materials: bool = False
+    has_image_folder: bool = False
 
 
 def scene_format(
@@ -102,6 +108,8 @@ def scene_format(
     *,
     names_files: bool = False,
     writes: frozenset[WriteOption] = frozenset(),
+    holds_materials: bool = False,
+    has_image_folder: bool = False,
 ) -> SequenceFormat:
     """A format whose files hold one or several meshes, the faces of which may change.
 
@@ -112,4 +120,5 @@ def scene_format(
         ending, title, scene_opener(read_meshes), write, extra,
         reads=frozenset(reads | ({"allow_outside"} if names_files else set())),
         writes=writes, read_meshes=read_meshes,
+        holds_materials=holds_materials, has_image_folder=has_image_folder,
     )  # fmt: skip

@@ -6,6 +6,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.formats.attribute_domains import in_one_domain
+from meshreel.formats.merged_materials import shared_look
 from meshreel.formats.polygons import PolygonMesh
 from meshreel.formats.scene import SceneMesh
 from meshreel.surface import Attribute, Domain, FaceGroups, Part, Surface
@@ -40,10 +42,10 @@ def merged_mesh(meshes: Sequence[SceneMesh], name: str, notes: list[str]) -> Sce
             Part(mesh.name, len(frame.vertices), len(frame.counts))
             for mesh, frame in zip(meshes, frames, strict=True)
         )
-        return Surface(
-            None, _merged_attributes(surfaces, frames, notes), _merged_groups(surfaces, frames),
-            parts,
-        )  # fmt: skip
+        surfaces, materials, images = shared_look(surfaces)
+        attributes = _merged_attributes(in_one_domain(surfaces, frames), frames, notes)
+        groups = _merged_groups(surfaces, frames)
+        return Surface(None, attributes, groups, parts, materials, images)
 
     rates = {mesh.fps for mesh in meshes if mesh.fps}
     return SceneMesh(name, times, frame, surface, rates.pop() if len(rates) == 1 else None)

@@ -95,17 +95,47 @@ SEQUENCE_FORMATS = {
     found.ending: found
     for found in (
         SequenceFormat(".npz", "NumPy archive", open_npz, write_npz, reads=frozenset({"dataset"})),
-        SequenceFormat(".reel", "meshreel", open_reel, write_reel, writes=frozenset({"max_error"})),
-        scene_format(".abc", "Alembic", read_alembic, write_alembic, ALEMBIC),
-        scene_format(".usd", "USD", read_usd, write_usd, USD, names_files=True),
-        scene_format(".usda", "USD, text", read_usd, write_usd, USD, names_files=True),
-        scene_format(".usdc", "USD, binary", read_usd, write_usd, USD, names_files=True),
-        scene_format(".usdz", "USD, package", read_usd, write_usd, USD, names_files=True),
-        scene_format(
-            ".glb", "glTF, binary", read_gltf, write_glb, names_files=True, writes=GLTF_OPTIONS
+        SequenceFormat(
+            ".reel",
+            "meshreel",
+            open_reel,
+            write_reel,
+            writes=frozenset({"max_error"}),
+            holds_materials=True,
         ),
-        scene_format(
-            ".gltf", "glTF, text", read_gltf, write_gltf, names_files=True, writes=GLTF_OPTIONS
+        scene_format(".abc", "Alembic", read_alembic, write_alembic, ALEMBIC),
+        *(
+            scene_format(
+                ending,
+                title,
+                read_usd,
+                write_usd,
+                USD,
+                names_files=True,
+                holds_materials=True,
+                has_image_folder=ending != ".usdz",
+            )
+            for ending, title in (
+                (".usd", "USD"),
+                (".usda", "USD, text"),
+                (".usdc", "USD, binary"),
+                (".usdz", "USD, package"),
+            )
+        ),
+        *(
+            scene_format(
+                ending,
+                title,
+                read_gltf,
+                write,
+                names_files=True,
+                writes=GLTF_OPTIONS,
+                holds_materials=True,
+            )
+            for ending, title, write in (
+                (".glb", "glTF, binary", write_glb),
+                (".gltf", "glTF, text", write_gltf),
+            )
         ),
         SequenceFormat(
             ".pc2",

@@ -12,12 +12,14 @@ from meshreel.codec.decoder import start_of
 from meshreel.codec.reel_file import ReelFile
 from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.frame_stream import FrameStream
+from meshreel.formats.image_files import image_folder, image_names
 from meshreel.formats.kinds import FrameFormat, SequenceFormat
 from meshreel.formats.options import WriteOptions
 from meshreel.formats.reel import origin_of
 from meshreel.formats.registry import FRAME_FORMATS, format_of
 from meshreel.formats.sources import AnyPath
 from meshreel.formats.targets import DEFAULT_OPTIONS, check_save_target, is_pattern, numbering
+from meshreel.formats.unwritten import note_unwritten_look
 from meshreel.profiling import staged
 from meshreel.progress import Progress, silent
 from meshreel.sequence import FrameSource, Vertices
@@ -47,7 +49,8 @@ def save(
         ``name.npz``, ``.reel``, ``.abc``, ``.usd``, ``.glb`` and others for all frames in one
         file (`meshreel formats` lists them); a pattern with a number field such as
         ``dir/frame_%04d.obj`` for a file a frame, whose folder is made if it is missing; or
-        ``name.obj`` for a sequence of one frame.
+        ``name.obj`` for a sequence of one frame. Images of ``name.usdc`` go into a folder
+        ``name_textures``.
     overwrite : bool, default False
         Whether files that are there already may be replaced. Those that the sequence is read from
         never are.
@@ -200,17 +203,35 @@ def save_frames(
         progress=progress,
         notes=notes,
     )
+    if not (isinstance(found, SequenceFormat) and found.holds_materials):
+        note_unwritten_look(stream.surface, found.ending, stream.notes)
+    images = _image_paths(found, paths[0], stream)
     with replace_all_when_done(
-        paths, overwrite=overwrite, makes_folder=is_pattern(target)
-    ) as temporaries:
+        [*images, *paths], overwrite=overwrite, makes_folder=bool(images) or is_pattern(target)
+    ) as hidden:
+        for path, image in zip(hidden, stream.surface.images[: len(images)], strict=False):
+            path.write_bytes(image.data)
+        temporaries = hidden[len(images) :]
         if isinstance(found, SequenceFormat):
             _write_sequence(found, temporaries, stream, options)
             progress("writing", 1.0)
-            return paths
+            return [*paths, *images]
         encode = _encoder(found, stream)
         for frame, temporary in zip(stream.frames(), temporaries, strict=True):
             temporary.write_bytes(encode(frame))
     return paths
+
+
+def _image_paths(
+    found: FrameFormat | SequenceFormat, path: Path, stream: FrameStream
+) -> list[Path]:
+    """Where the images go if they go into files of their own, which the stream is told."""
+    images = stream.surface.images
+    if not (images and isinstance(found, SequenceFormat) and found.has_image_folder):
+        return []
+    folder = image_folder(path)
+    stream.image_folder = folder.name
+    return [folder / name for name in image_names(images)]
 
 
 def _write_sequence(

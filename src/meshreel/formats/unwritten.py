@@ -2,6 +2,7 @@
 
 from collections.abc import Collection
 
+from meshreel.formats.left_out import listed
 from meshreel.surface import Attribute, FaceGroups, Surface
 
 
@@ -35,6 +36,25 @@ def note_unwritten(
         missing.append("faces of more than three corners, which are cut into triangles")
     if missing and notes is not None:
         notes.append(f"left out, for {ending} files do not hold it: {', '.join(missing)}")
+
+
+def note_unwritten_look(surface: Surface, ending: str, notes: list[str]) -> None:
+    """Add a sentence to the notes if a surface has materials or images, which a file cannot hold.
+
+    Parameters
+    ----------
+    surface : Surface
+    ending : str
+        Of the file, with the dot.
+    notes : list of str
+    """
+    missing = []
+    if surface.materials:
+        missing.append(f"how materials look ({listed(one.name for one in surface.materials)})")
+    if n_images := len(surface.images):
+        missing.append(f"{n_images} texture image{'s' if n_images > 1 else ''}")
+    if missing:
+        notes.append(f"left out, for {ending} files do not hold it: {' and '.join(missing)}")
 
 
 def _named(one: Attribute | FaceGroups) -> str:

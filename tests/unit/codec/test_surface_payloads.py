@@ -6,17 +6,24 @@ import pytest
 import meshreel
 from meshreel.bitstream.layout import Section
 from meshreel.bitstream.reader import read_stream
+from meshreel.codec.material_payloads import write_material
 from meshreel.codec.methods import Order
-from meshreel.codec.surface_payloads import surface_in_order, what_order_loses
+from meshreel.codec.surface_payloads import (
+    SURFACE_SECTIONS,
+    surface_in_order,
+    what_order_loses,
+)
 from meshreel.connectivity.coder import encode_connectivity
 from meshreel.errors import CorruptStreamError
+from meshreel.materials import Image, Material, Texture
 from meshreel.surface import Attribute, Domain, Kind, Surface
+from sample_materials import dressed_sheet, dressed_sheets
 from sample_meshes import assert_same_surface, quad_sheet, two_sheets, waving_grid
 from sample_streams import parts_of, raw_stream
 
 
 @pytest.mark.parametrize("method", ["reel", "pca-qp"])
-@pytest.mark.parametrize("make", [quad_sheet, two_sheets])
+@pytest.mark.parametrize("make", [quad_sheet, two_sheets, dressed_sheet, dressed_sheets])
 def test_surface_comes_back_exactly_when_a_stream_is_decoded(make, method):
     sequence = make()
     decoded = meshreel.decode(meshreel.encode(sequence, method))
@@ -42,8 +49,31 @@ def test_values_come_back_bit_by_bit_when_of_any_type_and_domain(dtype, domain, 
 
 def test_stream_of_a_plain_mesh_has_no_further_sections():
     sections = {section for section, _ in parts_of(read_stream(meshreel.encode(waving_grid())))}
-    extra = {Section.POLYGONS, Section.ATTRIBUTE, Section.GROUPS, Section.PARTS, Section.START}
-    assert not sections & extra
+    assert not sections & {*SURFACE_SECTIONS, Section.START}
+
+
+def test_stream_of_a_surface_without_materials_has_no_sections_of_them():
+    sections = {section for section, _ in parts_of(read_stream(meshreel.encode(quad_sheet())))}
+    assert not sections & {Section.MATERIAL, Section.IMAGE}
+
+
+def test_material_takes_few_bytes_when_it_is_as_usual():
+    assert len(write_material(Material("skin", roughness=0.5))) == len("skin") + 1 + 1 + 1 + 8 + 1
+
+
+def test_images_are_in_the_stream_as_they_are():
+    data = meshreel.encode(dressed_sheet())
+    assert all(image.data in data for image in dressed_sheet().surface.images)
+
+
+def test_info_counts_images_and_materials_when_a_stream_has_some():
+    told = meshreel.info(meshreel.encode(dressed_sheet()))
+    sizes = [len(image.data) for image in dressed_sheet().surface.images]
+    assert 0 <= told.budget_bytes["image"] - sum(sizes) < 80
+    assert told.budget_bytes["material"] < 400
+    assert sum(told.budget_bytes.values()) == told.size_bytes
+    assert told.images[0] == f"0: 'shade', image/png, {sizes[0]} bytes"
+    assert told.materials[1] == "gr\u00fcn: base color image 1"
 
 
 def test_attributes_of_vertices_follow_them_when_the_order_is_dropped():
@@ -56,9 +86,10 @@ def test_attributes_of_vertices_follow_them_when_the_order_is_dropped():
 
 @pytest.mark.parametrize("order", [Order.VERTICES, Order.DROP])
 def test_what_is_lost_is_told_when_the_order_of_faces_is(order):
-    said = what_order_loses(two_sheets().surface, order)
-    assert said.endswith("polygons, uv 'st', groups 'material', parts")
-    left = surface_in_order(two_sheets().surface, order, np.arange(60))
+    said = what_order_loses(dressed_sheets().surface, order)
+    looks = "material 'red', material 'gr\u00fcn', 2 images"
+    assert said.endswith(f"polygons, uv 'st', groups 'material', parts, {looks}")
+    left = surface_in_order(dressed_sheets().surface, order, np.arange(60))
     assert what_order_loses(left, order) == ""
     assert [one.name for one in left.attributes] == ["color"]
 
@@ -115,6 +146,20 @@ def test_size_target_counts_the_surface_when_it_is_met():
         (Section.GROUPS, b"\x01a\xff\xff\xff\x7f"),
         (Section.PARTS, b"\x02\x01\x01"),
         (Section.PARTS, b"\x01\x05\x05\x01a"),
+        (Section.MATERIAL, b""),
+        (Section.MATERIAL, b"\x01a"),
+        (Section.MATERIAL, b"\x01a\x00\x00"),
+        (Section.MATERIAL, b"\x01a\x03\x00\x00"),  # alpha mode 3
+        (Section.MATERIAL, b"\x01a\x10\x00\x00"),  # a flag that is not
+        (Section.MATERIAL, b"\x01a\x00\x80\x20\x00"),  # number 12
+        (Section.MATERIAL, b"\x01a\x00\x01\x00\x00"),  # cut inside a number
+        (Section.MATERIAL, b"\x01a\x00\x01" + np.float64(np.inf).tobytes() + b"\x00"),
+        (Section.MATERIAL, b"\x01a\x00\x00\x40"),  # slot 6
+        (Section.MATERIAL, b"\x01a\x00\x00\x00\x00"),  # one byte too many
+        (Section.MATERIAL, b"\x01a\x00\x00\x01\x00\x00\x07\x00\x00\x00"),  # image 0 of none
+        (Section.IMAGE, b""),
+        (Section.IMAGE, b"\x05a"),
+        (Section.IMAGE, b"\x01\xff\x00"),
         (Section.START, b"\x00" * 7),
         (Section.START, np.float64(np.nan).tobytes()),
     ],
@@ -131,3 +176,37 @@ def test_stream_is_refused_when_face_sizes_come_twice():
     sizes = next(part for part in parts if part[0] is Section.POLYGONS)
     with pytest.raises(CorruptStreamError, match="more than once"):
         meshreel.decode(raw_stream(stream.header, [sizes, *parts]))
+
+
+def damaged_material(payload):
+    """A stream with an image, and a material of these bytes."""
+    stream = read_stream(meshreel.encode(waving_grid()))
+    sections = [(Section.MATERIAL, payload), (Section.IMAGE, b"\x00\x09image/png...")]
+    return raw_stream(stream.header, [*sections, *parts_of(stream)])
+
+
+@pytest.mark.parametrize(
+    ("texture", "message"),
+    [
+        (b"\x00\x00\x00\x00\x00\x00", "has channels ''"),
+        (b"\x00\x00\x01\x00\x00\x00", "has channels 'r'"),
+        (b"\x00\x00\x10\x00\x00\x00", "flags 16"),
+        (b"\x00\x00\x07\x05\x00\x00", "a choice 5"),
+        (b"\x00\x00\x07\x50\x00\x00", "a choice 5"),
+        (b"\x00\x00\x07\x00\x03\x00", "must be one of nearest, linear"),
+        (b"\x00\x00\x07\x00\x70\x00", "a choice 7"),
+        (b"\x00\x00\x07\x00\x00\x20", "more than its 5 numbers"),
+        (b"\x01\x00\x07\x00\x00\x00", "shows image 1; there are 1"),
+        (b"\xff\xff\xff\xff\xff\xff\x7f\x00\x07\x00\x00\x00", "there are 1"),
+    ],
+)
+def test_a_texture_is_refused_when_it_cannot_be(texture, message):
+    with pytest.raises(CorruptStreamError, match=message):
+        meshreel.decode(damaged_material(b"\x01a\x00\x00\x01" + texture))
+
+
+def test_a_texture_is_read_when_it_is_as_the_format_says():
+    data = damaged_material(b"\x01a\x00\x00\x01\x00\x00\x07\x00\x00\x00")
+    surface = meshreel.decode(data).surface
+    assert surface.materials == (Material("a", base_color_texture=Texture(0, "")),)
+    assert surface.images == (Image("", "image/png", b"..."),)

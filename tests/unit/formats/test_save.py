@@ -5,9 +5,11 @@ import meshreel
 from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.load import load, open_source
 from meshreel.formats.options import WriteOptions
+from meshreel.formats.registry import FORMATS, is_written
 from meshreel.formats.save import save
 from meshreel.formats.targets import check_save_target
 from meshreel.sequence import MeshSequence
+from sample_materials import dressed_sheet
 from sample_meshes import waving_grid
 
 
@@ -187,3 +189,18 @@ def test_check_save_target_is_refused_when_the_first_file_is_there(tmp_path, nam
 def test_check_save_target_gives_the_files_when_all_is_well(tmp_path):
     found = check_save_target(tmp_path / "f_%02d.obj", 3, overwrite=False)
     assert names(found) == ["f_00.obj", "f_01.obj", "f_02.obj"]
+
+
+@pytest.mark.parametrize(
+    "ending", sorted(one.ending for one in FORMATS.values() if is_written(one))
+)
+def test_save_says_so_when_materials_are_left_out(ending, tmp_path):
+    found = FORMATS[ending]
+    extra = getattr(found, "extra", None)
+    if extra is not None and not extra.is_installed:
+        pytest.skip(f"{ending} needs {extra.library}, which is not installed")
+    notes = []
+    save(dressed_sheet(1), tmp_path / f"a{ending}", notes=notes)
+    said = f"left out, for {ending} files do not hold it: how materials look (red, gr\u00fcn) and "
+    is_said = f"{said}2 texture images" in notes
+    assert is_said != getattr(found, "holds_materials", False)

@@ -12,7 +12,8 @@ from meshreel.formats.scene import SceneMesh
 from meshreel.formats.scene_source import scene_opener
 from meshreel.geometry.fans import join_fans
 from meshreel.sequence import MeshSequence
-from meshreel.surface import Part, Surface
+from meshreel.surface import Attribute, Domain, Kind, Part, Surface
+from sample_materials import look
 from sample_meshes import assert_same_surface, quad_sheet, two_sheets
 
 PATH = Path("scene.abc")
@@ -143,6 +144,44 @@ def test_merging_says_so_when_only_some_meshes_have_an_attribute():
     assert not uv[len(uv) // 2 :].any()
     assert found.surface.groups[0].numbers[-1] == -1
     assert found.surface.parts == (Part("/full", 30, 21), Part("/bare", 30, 21))
+
+
+@pytest.mark.parametrize("domain", [Domain.VERTEX, Domain.FACE])
+def test_merging_makes_one_attribute_when_it_is_of_corners_in_one_mesh_only(domain):
+    sheet = quad_sheet()
+    n_items = {Domain.VERTEX: 30, Domain.FACE: 21}[domain]
+    values = np.random.default_rng(4).random((n_items, 2)).astype(np.float32)
+    surface = replace(
+        sheet.surface, attributes=(Attribute("st", Kind.UV, domain, values, np.arange(n_items)),)
+    )
+    other, notes = replace(sheet, surface=surface), []
+    meshes = [scene_mesh(sheet, "/seams"), scene_mesh(other, "/whole")]
+    found = opened(meshes, merge=True, notes=notes)
+    (uv,) = found.surface.of_kind(Kind.UV)
+    frame = meshes[1].frame(0)
+    item_of = frame.corners
+    if domain is Domain.FACE:
+        item_of = np.repeat(np.arange(21), frame.counts)
+    expected = [sheet.surface.attributes[0].per_item(), values[item_of]]
+    np.testing.assert_array_equal(uv.per_item(), np.concatenate(expected))
+    assert not any("'st'" in note for note in notes)
+
+
+def test_merging_gives_a_second_name_when_two_materials_of_one_name_differ():
+    materials, images = look()
+    red, cloth = materials
+    other = (replace(red, roughness=0.875), cloth)
+    sheets = []
+    for name, own in (("/a", materials), ("/b", other)):
+        surface = replace(quad_sheet().surface, materials=own, images=images)
+        sheets.append(scene_mesh(replace(quad_sheet(), surface=surface), name))
+    found = opened(sheets, merge=True, notes=[]).surface
+    assert [one.name for one in found.materials] == ["red", "gr\u00fcn", "red_2"]
+    assert found.images == images
+    assert found.groups[0].labels == ("red", "gr\u00fcn", "red_2")
+    n_faces = len(quad_sheet().surface.face_sizes)
+    expected = np.array([2, 1])[quad_sheet().surface.groups[0].numbers]
+    np.testing.assert_array_equal(found.groups[0].numbers[n_faces:], expected)
 
 
 def test_scene_names_the_frame_when_faces_change():

@@ -59,9 +59,9 @@ def read_attributes(
     """
     found = []
     for name in sorted({name for block in blocks for name in block.values}, key=_rank):
-        if (meaning := _meaning(name)) is None:
+        if (told := meaning(name)) is None:
             continue
-        label, kind = meaning
+        label, kind = told
         rows, note = _JOINS[kind]([block.values.get(name) for block in blocks], blocks)
         if note:
             notes.append(f"{place}: {name} {note}")
@@ -75,7 +75,7 @@ def _rank(name: str) -> tuple[int, int, str]:
     return (list(KINDS).index(match[1]), int(match[2]), name) if match else (len(KINDS), 0, name)
 
 
-def _meaning(name: str) -> tuple[str, Kind] | None:
+def meaning(name: str) -> tuple[str, Kind] | None:
     """What an attribute is called here, and its kind; None if it is no attribute of a surface."""
     if match := NUMBERED.fullmatch(name):
         kind = KINDS[match[1]]

@@ -94,6 +94,10 @@ class BufferWriter:
         found = _accessor(self._add_view(column.tobytes(), {}), column, 0)
         return self._add_accessor(found | (_bounds(column) if are_times else {}))
 
+    def add_image(self, data: bytes) -> int:
+        """A view of the bytes of an image."""
+        return self._add_view(data, {})
+
     def _add_view(self, data: bytes, about: Json) -> int:
         view = {"buffer": 0, "byteOffset": self.size_bytes, "byteLength": len(data)}
         self.views.append(view | about)

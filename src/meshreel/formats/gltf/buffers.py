@@ -4,17 +4,14 @@ import base64
 import binascii
 import re
 from dataclasses import dataclass, field
-from pathlib import Path, PurePosixPath
-from urllib.parse import unquote
 
 from meshreel.errors import FormatError
 from meshreel.formats.gltf.document import MESHOPT, Document
 from meshreel.formats.gltf.json_object import JsonObject
-from meshreel.formats.named_files import is_within, outside_error
+from meshreel.formats.gltf.named_files import file_beside
 from meshreel.formats.naming import os_errors_naming
 
 DATA_URI = re.compile(r"data:[^,]{0,200};base64,", re.IGNORECASE)
-SCHEME = re.compile(r"[a-z][a-z0-9+.-]*:", re.IGNORECASE)
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,7 +71,7 @@ class Buffers:
                 return memoryview(base64.b64decode(uri[match.end() :]))
             except (binascii.Error, ValueError) as error:
                 raise FormatError(f"{holder.place}: its data is no base64 ({error})") from None
-        path = _beside(self.document, uri, holder.place)
+        path = file_beside(self.document, uri, holder.place)
         with os_errors_naming(path):
             if path.stat().st_size < size:
                 raise FormatError(
@@ -93,24 +90,3 @@ def _missing(holder: JsonObject) -> FormatError:
             "decompress it (gltf-transform cp)"
         )
     return FormatError(f"{holder.place}: has no 'uri', and there is no binary chunk for it")
-
-
-def _beside(document: Document, uri: str, place: str) -> Path:
-    """The file that a URI names, in the folder of the document or below, if it must be there."""
-    name = unquote(uri)
-    parts = PurePosixPath(name).parts
-    is_remote = SCHEME.match(name) or name.startswith("//")
-    if is_remote or "\\" in name or "\0" in name or not parts:
-        raise FormatError(
-            f"{place}: is in {uri[:200]!r}; only files in the folder of the glTF file, or in "
-            "folders within it, are read; put it there"
-        )
-    path = document.folder.joinpath(*parts)
-    with os_errors_naming(path):
-        is_here = ".." not in parts and is_within(path, document.folder)
-        is_there = path.is_file()
-    if not (is_here or document.allow_outside):
-        raise FormatError(f"{place}: {outside_error(name)}")
-    if not is_there:
-        raise FormatError(f"{place}: there is no file {name!r} beside the glTF file; put it there")
-    return path

@@ -13,11 +13,14 @@ LISTS = {
     "animations": "animation",
     "buffers": "buffer",
     "bufferViews": "buffer view",
+    "images": "image",
     "materials": "material",
     "meshes": "mesh",
     "nodes": "node",
+    "samplers": "sampler",
     "scenes": "scene",
     "skins": "skin",
+    "textures": "texture",
 }
 """Lists of the file that are read, and what one of their items is called."""
 

@@ -11,6 +11,7 @@ from meshreel.formats.gltf.accessors import Accessors
 from meshreel.formats.gltf.attributes import SplitMesh, read_attributes
 from meshreel.formats.gltf.draco import decode_draco
 from meshreel.formats.gltf.json_object import JsonObject
+from meshreel.formats.gltf.material_reading import MaterialReader
 from meshreel.formats.gltf.primitives import (
     Block,
     block_key,
@@ -66,7 +67,7 @@ class Geometry:
 
 
 def read_geometry(
-    mesh: JsonObject, accessors: Accessors, materials: Sequence[str], notes: list[str]
+    mesh: JsonObject, accessors: Accessors, materials: MaterialReader, notes: list[str]
 ) -> Geometry:
     """A mesh of the file, of the primitives that are made of triangles.
 
@@ -78,13 +79,13 @@ def read_geometry(
     mesh : JsonObject
         With at least one such primitive.
     accessors : Accessors
-    materials : sequence of str
-        Names of those of the file.
+    materials : MaterialReader
+        Those of the file.
     notes : list of str
         Gains a sentence for each attribute that was left out or made up.
     """
     count_targets(mesh)
-    blocks, triangles, numbers = _read_primitives(mesh, accessors, len(materials))
+    blocks, triangles, numbers = _read_primitives(mesh, accessors, len(materials.labels))
     positions = np.concatenate([one.values["POSITION"].floats() for one in blocks])
     displacements = tuple(_join(blocks, number) for number in range(len(blocks[0].displacements)))
     influences = read_influences(blocks, mesh.place)
@@ -93,12 +94,14 @@ def read_geometry(
     vertex_of, first = weld_rows([*(one + 0 for one in moving), *still])
     split = SplitMesh(vertex_of, first, triangles.ravel())
     attributes = read_attributes(blocks, split, mesh.place, notes)
+    groups = _groups(numbers, materials.labels)
+    look = materials.look(int(one) for one in np.unique(numbers) if one >= 0)
     return Geometry(
         positions[first],
         tuple(None if one is None else one[first] for one in displacements),
         None if influences is None else influences.of(first),
         vertex_of[triangles].astype(np.int32),
-        Surface(None, attributes, _groups(numbers, materials)),
+        Surface(None, attributes, groups, (), *look),
         len(vertex_of),
     )
 
@@ -135,14 +138,14 @@ def _join(blocks: Sequence[Block], target: int) -> npt.NDArray[Any] | None:
     return np.concatenate(filled)
 
 
-def _groups(numbers: npt.NDArray[np.int32], materials: Sequence[str]) -> tuple[FaceGroups, ...]:
+def _groups(numbers: npt.NDArray[np.int32], labels: Sequence[str]) -> tuple[FaceGroups, ...]:
     """The materials in use, in the order of the file; one without a name is none."""
-    used = np.array([one for one in np.unique(numbers) if one >= 0 and materials[one]], np.int64)
+    used = np.array([one for one in np.unique(numbers) if one >= 0 and labels[one]], np.int64)
     if len(used) == 0:
         return ()
-    renumbered = np.full(len(materials) + 1, -1, np.int32)  # the last is of those without any
+    renumbered = np.full(len(labels) + 1, -1, np.int32)  # the last is of those without any
     renumbered[used] = np.arange(len(used))
-    return (FaceGroups("material", tuple(materials[one] for one in used), renumbered[numbers]),)
+    return (FaceGroups("material", tuple(labels[one] for one in used), renumbered[numbers]),)
 
 
 def turned(triangles: npt.NDArray[Any]) -> npt.NDArray[Any]:

@@ -81,6 +81,13 @@ class JsonObject:
             raise self.error(key, f"a list of {length} finite numbers")
         return np.array(values, np.float64)
 
+    def number(self, key: str, default: float) -> float:
+        """A finite number; the default if the key is not there."""
+        value = self.values.get(key, default)
+        if not _is_finite(value):
+            raise self.error(key, "a finite number")
+        return float(value)
+
     def flag(self, key: str) -> bool:
         """Whether a key that may be left out is true."""
         value = self.values.get(key, False)

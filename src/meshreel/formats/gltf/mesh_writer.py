@@ -7,6 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.formats.gltf.buffer_writer import BufferWriter, Json, VertexValues
+from meshreel.formats.gltf.material_writer import Materials
 from meshreel.formats.gltf.moving_mesh import MovingMesh
 from meshreel.formats.gltf.quantized import BYTE, IntegerTargets
 from meshreel.formats.gltf.seams import Primitive, SplitVertices
@@ -26,28 +27,6 @@ class VertexData:
 
     base: Values
     targets: list[Values]
-
-
-class Materials:
-    """Materials by their labels, each written once.
-
-    Attributes
-    ----------
-    listed : list of dict
-        As they stand in the JSON.
-    """
-
-    def __init__(self) -> None:
-        self.listed: list[Json] = []
-        self._numbers: dict[str | None, int] = {}
-
-    def number(self, label: str | None) -> int:
-        """That of a label, or of faces without one: dull, and seen from both sides."""
-        if label not in self._numbers:
-            self._numbers[label] = len(self.listed)
-            surface: Json = {"pbrMetallicRoughness": {"metallicFactor": 0}, "doubleSided": True}
-            self.listed.append(surface if label is None else {"name": label} | surface)
-        return self._numbers[label]
 
 
 def write_mesh(

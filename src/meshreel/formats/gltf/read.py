@@ -18,6 +18,7 @@ from meshreel.formats.gltf.document import INSTANCING, Document, read_document
 from meshreel.formats.gltf.geometry import Geometry, read_geometry
 from meshreel.formats.gltf.instancing import note_instances
 from meshreel.formats.gltf.json_object import JsonObject
+from meshreel.formats.gltf.material_reading import MaterialReader, note_unkept
 from meshreel.formats.gltf.motion import Motion
 from meshreel.formats.gltf.nodes import Nodes, read_nodes, unique_names
 from meshreel.formats.gltf.primitives import count_targets, is_read, surfaces
@@ -131,12 +132,7 @@ def _mover(placements: Sequence[Placement], motion: Motion) -> Callable[[Placeme
 def _geometry_reader(accessors: Accessors, notes: list[str]) -> Callable[[int], Geometry]:
     """A function from the number of a mesh to what it is, which reads each mesh once."""
     document = accessors.document
-    given = [one.text("name", "") for one in document.lists["materials"]]
-    # A single one without a name says nothing; several tell faces apart.
-    is_told = given.count("") > 1
-    named = [name or f"material_{i}" for i, name in enumerate(given) if name or is_told]
-    unique = iter(unique_names(named))
-    materials = [next(unique) if name or is_told else "" for name in given]
+    materials = MaterialReader(document, accessors.buffers, notes)
     welded = WeldNote(notes)
 
     @cache
@@ -169,8 +165,8 @@ def _mesh_name(document: Document, placement: Placement) -> str:
 
 
 def _note_left_out(document: Document, placements: Sequence[Placement], notes: list[str]) -> None:
-    for number in sorted({one.mesh for one in placements}):
-        mesh = document.lists["meshes"][number]
+    meshes = [document.lists["meshes"][one] for one in sorted({one.mesh for one in placements})]
+    for mesh in meshes:
         n_primitives = len(mesh.children("primitives", "primitive"))
         if n_left := n_primitives - len(surfaces(mesh)):
             note_left_out(
@@ -189,8 +185,7 @@ def _note_left_out(document: Document, placements: Sequence[Placement], notes: l
     ):
         if n_there:
             note_left_out(notes, f"{what} ({n_there})")
-    if document.uses("KHR_texture_transform"):
-        notes.append("texture coordinates are as stored, without KHR_texture_transform")
+    note_unkept(document, meshes, notes)
 
 
 def _note_values(mesh: JsonObject, notes: list[str]) -> None:

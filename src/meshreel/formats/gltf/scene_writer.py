@@ -6,13 +6,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from meshreel.formats.gltf.buffer_writer import BufferWriter, Json
-from meshreel.formats.gltf.mesh_writer import Materials, write_mesh
+from meshreel.formats.gltf.material_writer import Materials
+from meshreel.formats.gltf.mesh_writer import write_mesh
 from meshreel.formats.gltf.moving_mesh import MovingMesh, Wanted, fit_part
 from meshreel.formats.gltf.node_tree import NodeTree, path_of
 from meshreel.formats.gltf.seams import split_at_seams
 from meshreel.formats.parts import PartMesh, split_parts
 from meshreel.geometry.fans import triangulate_fans
 from meshreel.sequence import MeshSequence
+from meshreel.surface import Surface
 
 QUANTIZATION = "KHR_mesh_quantization"
 
@@ -46,8 +48,9 @@ class Scene:
 class _SceneWriter:
     """The scene so far."""
 
-    def __init__(self) -> None:
-        self.buffer, self.materials, self.tree = BufferWriter(), Materials(), NodeTree()
+    def __init__(self, surface: Surface, notes: list[str]) -> None:
+        self.buffer, self.tree = BufferWriter(), NodeTree()
+        self.materials = Materials(surface, self.buffer, notes)
         self.meshes: list[Json] = []
         self.moving: list[MovingMesh] = []
         self.nodes: list[int] = []
@@ -88,7 +91,9 @@ class _SceneWriter:
         return {"name": name, "samplers": samplers, "channels": channels} if samplers else None
 
 
-def make_scene(sequence: MeshSequence, times_s: Sequence[float], wanted: Wanted) -> Scene:
+def make_scene(
+    sequence: MeshSequence, times_s: Sequence[float], wanted: Wanted, notes: list[str]
+) -> Scene:
     """The scene that plays a sequence.
 
     Parameters
@@ -97,8 +102,10 @@ def make_scene(sequence: MeshSequence, times_s: Sequence[float], wanted: Wanted)
     times_s : sequence of float
         When frames are, not negative.
     wanted : Wanted
+    notes : list of str
+        Gains a sentence for each thing of a material that glTF cannot have.
     """
-    writer = _SceneWriter()
+    writer = _SceneWriter(sequence.surface, notes)
     parts = split_parts(sequence.faces, sequence.surface, sequence.n_verts, sequence.name)
     for part in sorted(parts, key=lambda one: len(path_of(one.name))):
         writer.add(part, sequence, wanted)
@@ -109,15 +116,16 @@ def make_scene(sequence: MeshSequence, times_s: Sequence[float], wanted: Wanted)
         "scenes": [{"name": sequence.name or "scene", "nodes": writer.tree.roots}],
         "nodes": writer.tree.nodes,
         "meshes": writer.meshes,
-        "materials": writer.materials.listed,
+        **writer.materials.document(),
         "accessors": writer.buffer.accessors,
         "bufferViews": writer.buffer.views,
     }
+    writer.materials.note_unused()
+    required = set(writer.materials.textures.required)
     if animation:
-        extensions = [QUANTIZATION]
-        document |= {
-            "animations": [animation],
-            "extensionsUsed": extensions,
-            "extensionsRequired": extensions,
-        }
+        document["animations"] = [animation]
+        required.add(QUANTIZATION)
+    used = required | writer.materials.textures.used
+    extensions = {"extensionsUsed": sorted(used), "extensionsRequired": sorted(required)}
+    document |= {key: names for key, names in extensions.items() if names}
     return Scene(document, writer.buffer, writer.moving, writer.n_isolated)

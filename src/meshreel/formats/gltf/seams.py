@@ -114,6 +114,14 @@ def _named_attributes(surface: Surface) -> Iterator[tuple[str, tuple[Rows, Domai
         yield name, (values, attribute.domain)
 
 
+def texcoord_numbers(surface: Surface) -> dict[str, int]:
+    """The number of the TEXCOORD that texture coordinates of a name are written as."""
+    numbers: dict[str, int] = {}
+    for number, attribute in enumerate(surface.of_kind(Kind.UV)):
+        numbers.setdefault(attribute.name, number)
+    return numbers
+
+
 def _written(attribute: Attribute) -> Rows | None:
     """Values of each item as a glTF file holds them; None if it cannot."""
     values = attribute.per_item()

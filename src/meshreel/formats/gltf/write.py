@@ -126,7 +126,7 @@ def _achieve(stream: FrameStream, options: WriteOptions) -> _Achieved:
     budget = share_budget(allowed, diagonal, options.origin, is_total=options.max_error is not None)
     wanted = Wanted(options.targets, budget.added, CHOICES[options.normals])
     stream.progress("morph targets", 0.0)
-    scene = make_scene(sequence, times_s, wanted)
+    scene = make_scene(sequence, times_s, wanted, stream.notes)
     if scene.n_isolated:
         stream.notes.append(f"left out {counted(scene.n_isolated, 'vertex')} that no face uses")
     errors = np.max([one.errors for one in scene.meshes], axis=0)

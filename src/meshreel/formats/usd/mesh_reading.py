@@ -10,6 +10,7 @@ import numpy.typing as npt
 from meshreel.formats.polygons import PolygonMesh, polygon_mesh
 from meshreel.formats.usd.diagnostics import usd_errors
 from meshreel.formats.usd.holes import faces_of, surface_of
+from meshreel.formats.usd.material_reading import MeshMaterials, StageMaterials
 from meshreel.formats.usd.mesh_notes import MeshNotes
 from meshreel.formats.usd.mesh_shape import MeshShape
 from meshreel.formats.usd.primitives import PrimitiveShape
@@ -36,6 +37,8 @@ class StageMesh:
         How a skeleton moves it.
     transforms : Transforms
         Of the stage.
+    materials : StageMaterials
+        Of the stage.
     notes : MeshNotes
         Gain a sentence for each thing that is not read.
     """
@@ -44,6 +47,7 @@ class StageMesh:
     shape: MeshShape | PrimitiveShape
     skin: Skin | None
     transforms: Transforms
+    materials: StageMaterials
     notes: MeshNotes
 
     @property
@@ -85,11 +89,11 @@ class StageMesh:
         with usd_errors(f"USD cannot read what {self.path} carries at time code {code:g}"):
             mesh = self._whole(self.shape.points(code), code)
             order = flipped_corners(mesh.counts) if self._is_flipped else None
-            surface = Surface(
-                None,
-                read_attributes(self._prim, code, mesh, order, self.notes.plain),
-                read_groups(self._prim, code, len(mesh.counts), self.notes.plain),
-            )
+            materials = MeshMaterials(self._prim, self.materials)
+            notes = self.notes.plain
+            groups = read_groups(self._prim, code, len(mesh.counts), materials, notes)
+            attributes = read_attributes(self._prim, code, mesh, order, notes)
+            surface = Surface(None, attributes, groups, (), *materials.look())
             solid = self.shape.solid_faces(len(mesh.counts), code)
             self.notes.add(self.shape, solid)
             return surface if solid is None else surface_of(surface, solid, mesh.counts)

@@ -18,6 +18,7 @@ from meshreel.formats.scene import SceneMesh, readable_mesh
 from meshreel.formats.usd.diagnostics import usd_errors
 from meshreel.formats.usd.drawn import drawn_meshes, shape_of
 from meshreel.formats.usd.layers import codes_per_second
+from meshreel.formats.usd.material_reading import StageMaterials
 from meshreel.formats.usd.mesh_notes import MeshNotes
 from meshreel.formats.usd.mesh_reading import StageMesh
 from meshreel.formats.usd.sampling import Codes, Samples, even_step, frame_grid, snapped
@@ -44,9 +45,12 @@ def read_meshes(path: Path, options: ReadOptions) -> list[SceneMesh]:
         rate = codes_per_second(stage.GetRootLayer())
         prims = drawn_meshes(stage, notes)
         transforms, skins = Transforms(), find_skins(prims)
+        materials = StageMaterials(None if options.allow_outside else path.parent, notes)
         said = MeshNotes(notes)
         meshes = [
-            StageMesh(stage, shape_of(prim), skins.get(str(prim.GetPath())), transforms, said)
+            StageMesh(
+                stage, shape_of(prim), skins.get(str(prim.GetPath())), transforms, materials, said
+            )
             for prim in prims
         ]
         has_rate = stage.HasAuthoredMetadata("timeCodesPerSecond")

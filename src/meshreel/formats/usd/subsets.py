@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 
 from meshreel.formats.extras import USD
+from meshreel.formats.usd.material_reading import MeshMaterials, label_of
 from meshreel.surface import FaceGroups, Int32s
 
 MATERIALS = "materialBind"
@@ -14,7 +15,9 @@ UNNAMED = "group"
 """What subsets that belong to no family are called together."""
 
 
-def read_groups(prim: Any, code: float, n_faces: int, notes: list[str]) -> tuple[FaceGroups, ...]:
+def read_groups(
+    prim: Any, code: float, n_faces: int, materials: MeshMaterials, notes: list[str]
+) -> tuple[FaceGroups, ...]:
     """Groups of the faces of a mesh at a time code.
 
     Materials are those of subsets, and elsewhere that of the whole mesh. A label is the name that
@@ -25,6 +28,8 @@ def read_groups(prim: Any, code: float, n_faces: int, notes: list[str]) -> tuple
     prim : Usd.Prim
     code : float
     n_faces : int
+    materials : MeshMaterials
+        Those of the mesh; gives their labels.
     notes : list of str
         Gains a sentence for each family whose subsets overlap or name faces that are not there.
     """
@@ -34,14 +39,16 @@ def read_groups(prim: Any, code: float, n_faces: int, notes: list[str]) -> tuple
         if subset.GetElementTypeAttr().Get() != geometry.Tokens.face:
             continue
         family = str(subset.GetFamilyNameAttr().Get() or UNNAMED)
-        material = _material(subset.GetPrim()) if family == MATERIALS else ""
+        material = materials.bound_label(subset.GetPrim()) if family == MATERIALS else ""
         label = material or label_of(subset.GetPrim())
         faces = subset.GetIndicesAttr().Get(code)
         members = families.setdefault(family, [])
         members.append((label, np.asarray([] if faces is None else faces, np.int32)))
     groups = []
     for family, members in families.items():
-        name, rest = ("material", _material(prim)) if family == MATERIALS else (family, "")
+        name, rest = (
+            ("material", materials.bound_label(prim)) if family == MATERIALS else (family, "")
+        )
         group, is_clean = _group(name, members, rest, n_faces)
         if not is_clean:
             notes.append(
@@ -50,17 +57,6 @@ def read_groups(prim: Any, code: float, n_faces: int, notes: list[str]) -> tuple
             )
         groups.append(group)
     return tuple(group for group in groups if group.labels)
-
-
-def label_of(prim: Any) -> str:
-    """What a prim is called: its name for people if it has one."""
-    return str(prim.GetDisplayName() or prim.GetName())
-
-
-def _material(prim: Any) -> str:
-    """The label of the material that is bound to a prim; empty if there is none."""
-    material, _ = USD.load("UsdShade").MaterialBindingAPI(prim).ComputeBoundMaterial()
-    return label_of(material.GetPrim()) if material else ""
 
 
 def _group(

@@ -6,6 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.formats.extras import USD
+from meshreel.formats.usd.material_writing import Materials, show_as
 from meshreel.formats.usd.prim_names import different, prim_name
 from meshreel.formats.usd.primvars import MAIN_NAMES
 from meshreel.formats.usd.subsets import MATERIALS
@@ -18,36 +19,6 @@ INTERPOLATIONS = {
 }
 BYTE_COLORS = "colours of bytes are written as floats, as USD has them"
 NARROW_COLORS = "colours are rounded to float32, as USD has them"
-
-
-class Materials:
-    """The materials of a stage, each made when it is first bound; they have names and no more.
-
-    Parameters
-    ----------
-    stage : Usd.Stage
-    root : str
-        The path that they go under.
-    taken : set of str
-        Names of prims that are there already.
-    """
-
-    def __init__(self, stage: Any, root: str, taken: set[str]) -> None:
-        self._stage = stage
-        self._scope = f"{root}/{different('Materials', taken)}"
-        self._names: set[str] = set()
-        self._made: dict[str, Any] = {}
-
-    def bind(self, prim: Any, label: str) -> None:
-        """Bind the material of that label to a prim."""
-        shading = USD.load("UsdShade")
-        if not self._made:
-            USD.load("UsdGeom").Scope.Define(self._stage, self._scope)
-        if label not in self._made:
-            name = different(prim_name(label), self._names)
-            self._made[label] = shading.Material.Define(self._stage, f"{self._scope}/{name}")
-            _show_as(self._made[label].GetPrim(), label)
-        shading.MaterialBindingAPI.Apply(prim).Bind(self._made[label])
 
 
 def write_surface(
@@ -69,15 +40,22 @@ def write_surface(
         Gains a sentence where numbers have another type in USD.
     """
     api = USD.load("UsdGeom").PrimvarsAPI(prim)
-    taken: set[str] = set()
     for attribute, name in _named(surface):
-        _write_attribute(api, attribute, different(name, taken), notes)
+        _write_attribute(api, attribute, name, notes)
     subsets: set[str] = set()
     for groups in surface.groups:
+        if groups.name == "material":
+            materials.show_both_sides(prim, groups)
         if groups.name == "material" and len(groups.labels) == 1 and (groups.numbers == 0).all():
             materials.bind(prim, groups.labels[0])
         else:
             _write_groups(prim, groups, materials, subsets)
+
+
+def uv_primvars(surface: Surface) -> dict[str, str]:
+    """The primvar that texture coordinates of a name are written as."""
+    names = [(one.name, name) for one, name in _named(surface) if one.kind is Kind.UV]
+    return dict(reversed(names))
 
 
 def _named(surface: Surface) -> list[tuple[Attribute, str]]:
@@ -87,7 +65,8 @@ def _named(surface: Surface) -> list[tuple[Attribute, str]]:
         own = surface.of_kind(kind)
         if own and main not in names.values():
             names[id(own[0])] = main
-    return [(one, names[id(one)]) for one in surface.attributes]
+    taken: set[str] = set()
+    return [(one, different(names[id(one)], taken)) for one in surface.attributes]
 
 
 def _write_attribute(api: Any, attribute: Attribute, name: str, notes: list[str]) -> None:
@@ -148,7 +127,7 @@ def _write_groups(prim: Any, groups: FaceGroups, materials: Materials, taken: se
         subset = geometry.Subset.CreateGeomSubset(
             mesh, name, geometry.Tokens.face, arrays.IntArray.FromNumpy(faces), family
         )
-        _show_as(subset.GetPrim(), label)
+        show_as(subset.GetPrim(), label)
         if is_material:
             materials.bind(subset.GetPrim(), label)
     is_whole = (groups.numbers >= 0).all()
@@ -156,8 +135,3 @@ def _write_groups(prim: Any, groups: FaceGroups, materials: Materials, taken: se
     geometry.Subset.SetFamilyType(
         mesh, family, tokens.partition if is_whole else tokens.nonOverlapping
     )
-
-
-def _show_as(prim: Any, label: str) -> None:
-    if prim.GetName() != label:
-        prim.SetDisplayName(label)

@@ -14,18 +14,24 @@ import numpy as np
 from meshreel.errors import FormatError
 from meshreel.formats.extras import USD
 from meshreel.formats.frame_stream import FrameStream
+from meshreel.formats.image_files import image_names
 from meshreel.formats.options import WriteOptions
 from meshreel.formats.parts import split_parts
 from meshreel.formats.text.decimal_text import Narrowing
 from meshreel.formats.usd.diagnostics import usd_errors
 from meshreel.formats.usd.layers import DEFAULT_RATE
+from meshreel.formats.usd.material_writing import Materials
 from meshreel.formats.usd.mesh_writing import MeshWriter
 from meshreel.formats.usd.prim_names import mesh_paths
 from meshreel.formats.usd.sampling import snapped
-from meshreel.formats.usd.surface_writing import Materials, write_surface
+from meshreel.formats.usd.surface_writing import uv_primvars, write_surface
+from meshreel.formats.usd.texture_writing import TextureWriter
 from meshreel.sequence import Corners
 
 UNSAVED_BYTES = 1 << 25
+PACKED_FOLDER = "textures"
+"""Where a package has its images."""
+
 NOT_PORTABLE = r"[^A-Za-z0-9_-]"
 """In names of files within packages."""
 
@@ -42,14 +48,17 @@ def write_usd(path: Path, stream: FrameStream, options: WriteOptions) -> None:
     FormatError
         If USD cannot write it.
     """
+    is_package = path.suffix.lower() == ".usdz"
     with (
         # A file that cannot be removed is no reason to fail.
         tempfile.TemporaryDirectory(dir=path.parent, ignore_cleanup_errors=True) as folder,
         usd_errors(f"USD cannot write {path.name}"),
     ):
         binary = Path(folder) / f"{re.sub(NOT_PORTABLE, '_', stream.name) or 'mesh'}.usdc"
-        _write_binary(binary, stream)
-        if path.suffix.lower() == ".usdz":
+        if is_package:
+            _write_images(Path(folder) / PACKED_FOLDER, stream)
+        _write_binary(binary, stream, is_package=is_package)
+        if is_package:
             asset = USD.load("Sdf").AssetPath(str(binary))
             is_done = USD.load("UsdUtils").CreateNewUsdzPackage(asset, str(path))
         elif path.suffix.lower() == ".usda":
@@ -61,11 +70,28 @@ def write_usd(path: Path, stream: FrameStream, options: WriteOptions) -> None:
             raise FormatError(f"USD cannot write {path.name}, and does not say why")
 
 
-def _write_binary(path: Path, stream: FrameStream) -> None:
+def _write_images(folder: Path, stream: FrameStream) -> None:
+    """Write the images of a package, which are put into it with the stage that names them."""
+    if stream.surface.images:
+        folder.mkdir()
+    for name, image in zip(image_names(images := stream.surface.images), images, strict=True):
+        (folder / name).write_bytes(image.data)
+
+
+def _write_binary(path: Path, stream: FrameStream, *, is_package: bool) -> None:
     stage = USD.load("Usd").Stage.CreateNew(str(path))
     codes = _write_times(stage, stream)
     origin = _origin(stream)
-    meshes = _write_meshes(stage, stream, origin)
+    images = stream.surface.images
+    beside = PACKED_FOLDER if is_package else stream.image_folder
+    textures = TextureWriter(
+        stage,
+        images,
+        [f"./{beside}/{name}" for name in image_names(images)],
+        uv_primvars(stream.surface),
+        is_package=is_package,
+    )
+    meshes = _write_meshes(stage, stream, origin, textures)
     n_unsaved, is_rounded = 0, False
     for code, frame in zip(codes, stream.frames(), strict=True):
         local = frame - origin if origin.any() else frame
@@ -110,7 +136,9 @@ def _origin(stream: FrameStream) -> Corners:
     return origin
 
 
-def _write_meshes(stage: Any, stream: FrameStream, origin: Corners) -> list[MeshWriter]:
+def _write_meshes(
+    stage: Any, stream: FrameStream, origin: Corners, textures: TextureWriter
+) -> list[MeshWriter]:
     """Everything but points: the prims, and what the meshes carry."""
     geometry = USD.load("UsdGeom")
     geometry.SetStageUpAxis(stage, geometry.Tokens.y)
@@ -128,10 +156,12 @@ def _write_meshes(stage: Any, stream: FrameStream, origin: Corners) -> list[Mesh
     stage.SetDefaultPrim(transform.GetPrim())
     if origin.any():
         transform.AddTranslateOp(geometry.XformOp.PrecisionDouble).Set(tuple(origin.tolist()))
-    materials = Materials(stage, root, {path.split("/")[2] for path in paths})
+    names, looks = {path.split("/")[2] for path in paths}, stream.surface.materials
+    materials = Materials(stage, root, names, looks, textures, stream.notes)
     meshes = []
     for part, path in zip(parts, paths, strict=True):
         mesh = MeshWriter(stage, path, part)
         write_surface(mesh.prim, part.surface, len(part.counts), materials, stream.notes)
         meshes.append(mesh)
+    materials.note_unused()
     return meshes

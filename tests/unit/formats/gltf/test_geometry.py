@@ -268,9 +268,3 @@ def test_positions_are_those_meant_when_they_are_quantized(read):
     np.testing.assert_array_equal(found.vertices[0], grid / 127 * 2 + [1, 0, 0])
     del file.json["accessors"][normalized]["normalized"]
     np.testing.assert_array_equal(read(file)[0].vertices[0], grid * 2 + [1, 0, 0])
-
-
-def test_texture_transforms_are_noted_when_a_file_uses_them(read):
-    file = split_square(TEXCOORD_0=np.zeros((6, 2)))
-    file.json["extensionsUsed"] = file.json["extensionsRequired"] = ["KHR_texture_transform"]
-    assert read(file)[1][0] == ("texture coordinates are as stored, without KHR_texture_transform")

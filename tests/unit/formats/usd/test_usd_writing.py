@@ -293,7 +293,7 @@ def test_save_leaves_out_parts_when_they_have_no_faces(tmp_path):
 
 
 def test_save_says_so_when_usd_cannot_write(tmp_path, monkeypatch, capfd):
-    def fail(*_):
+    def fail(*_, **__):
         from pxr import Tf
 
         Tf.RaiseRuntimeError("the disk is full")

@@ -1,0 +1,141 @@
+"""Textures of materials that are being written: UsdUVTexture, and where it looks."""
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from meshreel.formats.extras import USD
+from meshreel.formats.look_notes import LookNotes
+from meshreel.formats.usd.prim_names import prim_name
+from meshreel.formats.usd.texture_reading import UV_READER, WRAPS, upwards
+from meshreel.materials import AlphaMode, Image, Material, Texture
+
+WRAP_TOKENS = {wrap: token for token, wrap in WRAPS.items()}
+PACKED = ("image/png", "image/jpeg", "image/x-exr", "image/avif")
+"""Types of images that packages may hold."""
+
+
+class TextureWriter:
+    """Writes textures below materials.
+
+    Parameters
+    ----------
+    stage : Usd.Stage
+    images : sequence of Image
+    paths : sequence of str
+        Of the file of each image, from that of the stage.
+    primvars : mapping of str to str
+        What texture coordinates are written as.
+    is_package : bool
+        Whether the file is one that holds images, which may be of some types only.
+    """
+
+    def __init__(
+        self,
+        stage: Any,
+        images: Sequence[Image],
+        paths: Sequence[str],
+        primvars: Mapping[str, str],
+        *,
+        is_package: bool,
+    ) -> None:
+        self._stage, self._images, self._paths = stage, images, paths
+        self._primvars, self._is_package = primvars, is_package
+
+    def of(self, material: Any, look: Material, notes: LookNotes) -> dict[str, Any]:
+        """The outputs that give the inputs of a material, by slot; "alpha" is of the base colour.
+
+        Parameters
+        ----------
+        material : UsdShade.Material
+            The textures go below it.
+        look : Material
+        notes : LookNotes
+            Gains what USD does not have.
+        """
+        made: dict[str, Any] = {}
+        for slot, texture in look.textures.items():
+            if reason := self._why_not(texture):
+                notes.add(f"textures that USD cannot have ({reason})", look.name)
+                continue
+            if texture.magnified or texture.shrunk:
+                notes.add("filters of textures, for USD does not have them", look.name)
+            shader = self._texture(f"{material.GetPath()}/{slot}_texture", texture)
+            self._scale(shader, slot, look)
+            is_color = len(texture.channels) >= 3
+            types = USD.load("Sdf").ValueTypeNames
+            output = ("rgb", types.Float3) if is_color else (texture.channels, types.Float)
+            made[slot] = shader.CreateOutput(*output)
+            if slot == "base_color" and _has_alpha(look):
+                made["alpha"] = shader.CreateOutput("a", types.Float)
+        return made
+
+    def _why_not(self, texture: Texture) -> str:
+        mime_type = self._images[texture.image].mime_type
+        if self._is_package and mime_type not in PACKED:
+            return f"packages hold no {mime_type}"
+        if texture.uv not in self._primvars:
+            return f"there are no texture coordinates {texture.uv!r}"
+        return ""
+
+    def _texture(self, path: str, texture: Texture) -> Any:
+        sdf = USD.load("Sdf")
+        types = sdf.ValueTypeNames
+        shader = self._shader(path, "UsdUVTexture")
+        shader.CreateInput("file", types.Asset).Set(sdf.AssetPath(self._paths[texture.image]))
+        shader.CreateInput("st", types.Float2).ConnectToSource(self._coordinates(path, texture))
+        shader.CreateInput("wrapS", types.Token).Set(WRAP_TOKENS[texture.wrap_u])
+        shader.CreateInput("wrapT", types.Token).Set(WRAP_TOKENS[texture.wrap_v])
+        return shader
+
+    def _coordinates(self, path: str, texture: Texture) -> Any:
+        types, primvar = USD.load("Sdf").ValueTypeNames, self._primvars[texture.uv]
+        above = path.rpartition("/")[0]
+        reader = self._shader(f"{above}/uv_{prim_name(primvar)}", UV_READER)
+        reader.CreateInput("varname", types.String).Set(primvar)
+        found = reader.CreateOutput("result", types.Float2)
+        if not texture.is_placed:
+            return found
+        transform = self._shader(f"{path}_transform", "UsdTransform2d")
+        transform.CreateInput("in", types.Float2).ConnectToSource(found)
+        transform.CreateInput("rotation", types.Float).Set(math.degrees(texture.rotation))
+        transform.CreateInput("scale", types.Float2).Set(texture.scale)
+        transform.CreateInput("translation", types.Float2).Set(upwards(texture))
+        return transform.CreateOutput("result", types.Float2)
+
+    def _scale(self, shader: Any, slot: str, look: Material) -> None:
+        """Write what the texture is multiplied with, and in which space its colours are."""
+        types = USD.load("Sdf").ValueTypeNames
+        is_color = slot in ("base_color", "emissive")
+        shader.CreateInput("sourceColorSpace", types.Token).Set("sRGB" if is_color else "raw")
+        scale, bias = _scale_and_bias(slot, look)
+        if scale != (1.0,) * 4:
+            shader.CreateInput("scale", types.Float4).Set(scale)
+        if bias != (0.0,) * 4:
+            shader.CreateInput("bias", types.Float4).Set(bias)
+
+    def _shader(self, path: str, kind: str) -> Any:
+        shader = USD.load("UsdShade").Shader.Define(self._stage, path)
+        shader.CreateIdAttr(kind)
+        return shader
+
+
+def _has_alpha(look: Material) -> bool:
+    texture = look.base_color_texture
+    is_told = texture is not None and texture.channels == "rgba"
+    return is_told and look.alpha_mode is not AlphaMode.OPAQUE
+
+
+def _scale_and_bias(slot: str, look: Material) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    nothing = (0.0,) * 4
+    if slot == "base_color":
+        return (*look.base_color[:3], look.base_color[3] if _has_alpha(look) else 1.0), nothing
+    if slot == "emissive":
+        return (*look.emissive, 1.0), nothing
+    if slot == "normal":
+        scale = look.normal_scale
+        return (2 * scale, 2 * scale, 2.0, 1.0), (-scale, -scale, -1.0, 0.0)
+    if slot == "occlusion":
+        strength = look.occlusion_strength
+        return (strength,) * 4, (1 - strength,) * 4
+    return ({"metallic": look.metallic, "roughness": look.roughness}[slot],) * 4, nothing

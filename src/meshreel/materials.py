@@ -1,0 +1,255 @@
+"""Materials: how the faces of a group look, with the images that they show, as glTF has it."""
+
+import math
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, fields, replace
+from enum import StrEnum
+from typing import Any, SupportsFloat
+
+from meshreel.errors import InvalidInputError
+
+
+class AlphaMode(StrEnum):
+    """What the fourth number of a colour does."""
+
+    OPAQUE = "opaque"
+    MASK = "mask"
+    BLEND = "blend"
+
+
+class Wrap(StrEnum):
+    """What a texture shows outside of its image; USD has the last two, and glTF has not."""
+
+    REPEAT = "repeat"
+    MIRROR = "mirror"
+    CLAMP = "clamp"
+    BLACK = "black"
+    METADATA = "metadata"
+
+
+class Filter(StrEnum):
+    """How a texture is drawn larger (the first two only) or smaller than its image."""
+
+    NEAREST = "nearest"
+    LINEAR = "linear"
+    NEAREST_MIPMAP_NEAREST = "nearest mipmap nearest"
+    LINEAR_MIPMAP_NEAREST = "linear mipmap nearest"
+    NEAREST_MIPMAP_LINEAR = "nearest mipmap linear"
+    LINEAR_MIPMAP_LINEAR = "linear mipmap linear"
+
+
+@dataclass(frozen=True)
+class Image:
+    """An image as its file has it; nothing is decoded.
+
+    Parameters
+    ----------
+    name : str
+        As the file calls it, maybe empty.
+    mime_type : str
+        Such as "image/png".
+    data : bytes
+    """
+
+    name: str
+    mime_type: str
+    data: bytes
+
+    def __repr__(self) -> str:
+        return f"<Image {self.name!r}: {self.mime_type}, {len(self.data)} bytes>"
+
+
+@dataclass(frozen=True)
+class Texture:
+    """An image on a surface.
+
+    Parameters
+    ----------
+    image : int
+        Which of the images of the surface.
+    uv : str
+        Name of the texture coordinates, an attribute of the surface.
+    channels : str
+        Which channels of the image count: "rgb" or "rgba" for a colour, one of them for a number.
+    wrap_u, wrap_v : Wrap
+    magnified, shrunk : Filter, optional
+    offset, rotation, scale
+        Where the image is, as glTF's KHR_texture_transform says it: of v downwards, in radians.
+    """
+
+    image: int
+    uv: str = "uv"
+    channels: str = "rgb"
+    wrap_u: Wrap = Wrap.REPEAT
+    wrap_v: Wrap = Wrap.REPEAT
+    magnified: Filter | None = None
+    shrunk: Filter | None = None
+    offset: tuple[float, float] = (0.0, 0.0)
+    rotation: float = 0.0
+    scale: tuple[float, float] = (1.0, 1.0)
+
+    @property
+    def is_placed(self) -> bool:
+        """Whether its texture coordinates are moved, turned or scaled."""
+        return (self.offset, self.rotation, self.scale) != ((0.0, 0.0), 0.0, (1.0, 1.0))
+
+
+@dataclass(frozen=True)
+class Material:
+    """How a surface looks; numbers multiply what textures show.
+
+    Parameters
+    ----------
+    name : str
+        The label of its faces in the groups "material"; no other material has it.
+    base_color : tuple of 4 floats
+        Linear red, green, blue, and opacity.
+    metallic, roughness : float
+    emissive : tuple of 3 floats
+        Linear, 1 is white; may be more.
+    normal_scale, occlusion_strength : float
+    alpha_mode : AlphaMode
+    alpha_cutoff : float
+        Where the mode is MASK, what is less opaque is not drawn.
+    double_sided, unlit : bool
+    base_color_texture, metallic_texture, roughness_texture, normal_texture, occlusion_texture, \
+emissive_texture : Texture, optional
+    """
+
+    name: str
+    base_color: tuple[float, float, float, float] = (1.0, 1.0, 1.0, 1.0)
+    metallic: float = 1.0
+    roughness: float = 1.0
+    emissive: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    normal_scale: float = 1.0
+    occlusion_strength: float = 1.0
+    alpha_mode: AlphaMode = AlphaMode.OPAQUE
+    alpha_cutoff: float = 0.5
+    double_sided: bool = False
+    unlit: bool = False
+    base_color_texture: Texture | None = None
+    metallic_texture: Texture | None = None
+    roughness_texture: Texture | None = None
+    normal_texture: Texture | None = None
+    occlusion_texture: Texture | None = None
+    emissive_texture: Texture | None = None
+
+    @property
+    def textures(self) -> dict[str, Texture]:
+        """The textures that it has, by what they are of: one of `SLOTS`."""
+        found = {slot: getattr(self, f"{slot}_texture") for slot in SLOTS}
+        return {slot: texture for slot, texture in found.items() if texture is not None}
+
+    def with_textures(self, textures: dict[str, Texture]) -> "Material":
+        """The material with these textures, and none else."""
+        found: dict[str, Any] = {f"{slot}_texture": textures.get(slot) for slot in SLOTS}
+        return replace(self, **found)
+
+
+COLOR_SLOTS = ("base_color", "normal", "emissive")
+SLOTS = ("base_color", "metallic", "roughness", "normal", "occlusion", "emissive")
+"""What textures are of; those that `COLOR_SLOTS` lacks are of one number."""
+
+UNSAID = Material("", metallic=0.0, double_sided=True)
+"""How faces without a material are written where a format needs one: dull, seen from both sides."""
+
+
+def used_by(
+    labels: Sequence[str], materials: Sequence[Material], images: Sequence[Image]
+) -> tuple[tuple[Material, ...], tuple[Image, ...]]:
+    """The materials of these labels, and the images that they show, renumbered."""
+    wanted = set(labels)
+    kept = [one for one in materials if one.name in wanted]
+    shown = sorted({texture.image for one in kept for texture in one.textures.values()})
+    new = {old: number for number, old in enumerate(shown)}
+    return tuple(renumbered(one, new) for one in kept), tuple(images[one] for one in shown)
+
+
+def renumbered(material: Material, numbers: dict[int, int]) -> Material:
+    """The material with other numbers of its images."""
+    textures = material.textures
+    moved = {slot: replace(one, image=numbers[one.image]) for slot, one in textures.items()}
+    return material.with_textures(moved)
+
+
+def validated_materials(
+    materials: Sequence[Material], images: Sequence[Image]
+) -> tuple[Material, ...]:
+    """The materials, if they show images that are there, have names of their own and are finite.
+
+    Raises
+    ------
+    InvalidInputError
+        Naming the material, and what is wrong with it.
+    """
+    for name, number in Counter(one.name for one in materials).items():
+        if number > 1:
+            raise InvalidInputError(
+                f"{number} materials are called {name!r}; give each a name of its own"
+            )
+    return tuple(_validated(one, len(images)) for one in materials)
+
+
+def _validated(given: Material, n_images: int) -> Material:
+    place = f"material {given.name!r}"
+    textures = {}
+    for slot, one in given.textures.items():
+        where = f"the {slot} texture of {place}"
+        allowed = ("rgb", "rgba") if slot in COLOR_SLOTS else ("r", "g", "b", "a")
+        if one.channels not in allowed:
+            raise InvalidInputError(
+                f"{where} has channels {one.channels!r}; allowed are {', '.join(allowed)}"
+            )
+        if not 0 <= one.image < n_images:
+            raise InvalidInputError(f"{where} shows image {one.image}; there are {n_images}")
+        textures[slot] = replace(one, **_plain(one, where), **_filters(one, where))
+    return replace(given, **_plain(given, place)).with_textures(textures)
+
+
+def _plain(one: Material | Texture, place: str) -> dict[str, Any]:
+    """Its numbers as floats, which are checked, and its choices as members of their enums."""
+    found: dict[str, Any] = {}
+    for name, default in _DEFAULTS[type(one)]:
+        value = getattr(one, name)
+        if isinstance(default, StrEnum):
+            found[name] = _choice(value, tuple(type(default)), f"{name} of {place}")
+        elif isinstance(default, bool):
+            found[name] = bool(value)
+        elif isinstance(default, tuple):
+            if len(value) != len(default):
+                raise InvalidInputError(
+                    f"{name} of {place} must have {len(default)} numbers; got {len(value)}"
+                )
+            found[name] = tuple(_finite(number, name, place) for number in value)
+        elif isinstance(default, float):
+            found[name] = _finite(value, name, place)
+    return found
+
+
+def _filters(texture: Texture, place: str) -> dict[str, Any]:
+    magnified, shrunk = texture.magnified, texture.shrunk
+    enlarging = (Filter.NEAREST, Filter.LINEAR)
+    return {
+        "magnified": magnified and _choice(magnified, enlarging, f"magnified of {place}"),
+        "shrunk": shrunk and _choice(shrunk, tuple(Filter), f"shrunk of {place}"),
+    }
+
+
+def _choice(value: Any, allowed: Sequence[StrEnum], what: str) -> StrEnum:
+    if value not in allowed:
+        raise InvalidInputError(f"{what} must be one of {', '.join(allowed)}; got {value!r}")
+    return allowed[allowed.index(value)]
+
+
+def _finite(value: Any, name: str, place: str) -> float:
+    if not isinstance(value, SupportsFloat) or not math.isfinite(value):
+        raise InvalidInputError(f"{name} of {place} must be finite; got {value}")
+    return float(value)
+
+
+def _defaults(kind: type[Material] | type[Texture]) -> Iterator[tuple[str, Any]]:
+    return ((one.name, one.default) for one in fields(kind))
+
+
+_DEFAULTS = {kind: tuple(_defaults(kind)) for kind in (Material, Texture)}

@@ -1,0 +1,105 @@
+"""Materials and images of files that other programs wrote, through streams and other formats."""
+
+import json
+import os
+import struct
+import zipfile
+from pathlib import Path
+
+import pytest
+
+import meshreel
+from meshreel.formats.load import load
+from meshreel.formats.save import save
+from sample_glb import Glb
+
+pytestmark = pytest.mark.real
+
+
+@pytest.fixture(scope="module")
+def folder():
+    found = os.environ.get("MESHREEL_DATA")
+    if not found:
+        pytest.skip("MESHREEL_DATA names no folder of real sequences")
+    return Path(found) / "native"
+
+
+@pytest.fixture(scope="module")
+def decoded(folder):
+    """What comes back of each walk that was encoded."""
+    names = ("cesium_man.glb", "cesium_man.usdz")
+    return {name: meshreel.decode(meshreel.encode(load(folder / name))) for name in names}
+
+
+def glb_of(path):
+    """The JSON of a GLB file, and the bytes of its first image, by the specification alone."""
+    data = path.read_bytes()
+    (length,) = struct.unpack_from("<I", data, 12)
+    document = json.loads(data[20 : 20 + length])
+    view = document["bufferViews"][document["images"][0]["bufferView"]]
+    start = 28 + length + view.get("byteOffset", 0)
+    return document, data[start : start + view["byteLength"]]
+
+
+def package_images(path):
+    with zipfile.ZipFile(path) as package:
+        return [package.read(one) for one in package.namelist() if not one.endswith(".usdc")]
+
+
+def test_image_and_material_come_back_when_a_glb_is_written_from_a_stream(
+    folder, decoded, tmp_path
+):
+    save(decoded["cesium_man.glb"], tmp_path / "a.glb")
+    given, image = glb_of(folder / "cesium_man.glb")
+    found, found_image = glb_of(tmp_path / "a.glb")
+    assert found_image == image
+    assert found["samplers"] == [{"magFilter": 9729, "minFilter": 9986}]
+    (expected,), (material,) = given["materials"], found["materials"]
+    assert material["name"] == expected["name"]
+    assert material["pbrMetallicRoughness"] == {
+        "metallicFactor": 0.0,
+        "baseColorTexture": {"index": 0},
+    }
+    # All else is as the standard has it where a file is silent.
+    assert set(material) == {"name", "pbrMetallicRoughness"}
+    assert expected["pbrMetallicRoughness"]["roughnessFactor"] == 1
+    assert isinstance(Glb.read((tmp_path / "a.glb").read_bytes()), Glb)
+
+
+def test_image_and_material_come_back_when_a_package_is_written_from_a_stream(
+    folder, decoded, tmp_path
+):
+    given = load(folder / "cesium_man.usdz").surface
+    save(decoded["cesium_man.usdz"], tmp_path / "a.usdz")
+    found = load(tmp_path / "a.usdz").surface
+    assert package_images(tmp_path / "a.usdz") == package_images(folder / "cesium_man.usdz")
+    assert found.materials == given.materials
+    assert found.images == given.images
+
+
+@pytest.mark.parametrize("ending", ["usda", "usdz", "gltf"])
+@pytest.mark.parametrize("name", ["cesium_man.glb", "cesium_man.usdz"])
+def test_image_and_factors_are_the_same_when_they_went_through_another_format(
+    decoded, tmp_path, name, ending
+):
+    save(decoded[name], tmp_path / f"a.{ending}")
+    again = meshreel.decode(meshreel.encode(load(tmp_path / f"a.{ending}")))
+    save(again, tmp_path / "b.glb")
+    found, expected = load(tmp_path / "b.glb").surface, decoded[name].surface
+    assert [one.data for one in found.images] == [one.data for one in expected.images]
+    (one,), (other,) = found.materials, expected.materials
+    assert (one.name, one.base_color, one.metallic, one.roughness, one.emissive) == (
+        other.name,
+        other.base_color,
+        other.metallic,
+        other.roughness,
+        other.emissive,
+    )
+    assert (one.alpha_mode, one.double_sided) == (other.alpha_mode, other.double_sided)
+    assert one.textures.keys() == {"base_color"}
+
+
+def test_most_of_a_stream_is_its_image_when_info_counts_it(folder):
+    told = meshreel.info(meshreel.encode(load(folder / "cesium_man.usdz")))
+    assert told.budget_bytes["image"] == 209908 + len("CesiumMan_img0") + len("image/jpeg") + 10
+    assert told.materials == ("Cesium_Man_effect: base color image 0",)

@@ -1,0 +1,391 @@
+"""Materials of USD files: written, read, and what is said of the rest."""
+
+import contextlib
+import zipfile
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from pxr import Usd, UsdGeom, UsdShade
+
+import meshreel
+from meshreel.errors import InvalidInputError, MeshReelError
+from meshreel.formats.load import load
+from meshreel.formats.save import save
+from meshreel.materials import AlphaMode, Image, Material, Texture, Wrap
+from sample_materials import dressed_sheet, dressed_sheets, jpeg, look, png
+
+ENDINGS = ["usd", "usda", "usdc", "usdz"]
+
+
+def in_usd(material):
+    """What USD has of a material of the samples."""
+    textures = {
+        slot: replace(one, magnified=None, shrunk=None) for slot, one in material.textures.items()
+    }
+    if material.alpha_mode is AlphaMode.OPAQUE and "base_color" in textures:
+        textures["base_color"] = replace(textures["base_color"], channels="rgb")
+    return replace(material.with_textures(textures), unlit=False, double_sided=True)
+
+
+def assert_same_look(found, expected):
+    """The same images, and the same materials but for rounding to float32."""
+    assert found.images == expected.images
+    assert [one.name for one in found.materials] == [one.name for one in expected.materials]
+    for one, other in zip(found.materials, map(in_usd, expected.materials), strict=True):
+        assert rounded(one) == rounded(other)
+
+
+def rounded(value):
+    """Its numbers to 6 digits, so that they can be compared."""
+    if isinstance(value, float):
+        return float(np.round(value, 6)) + 0.0
+    if isinstance(value, tuple):
+        return tuple(map(rounded, value))
+    if isinstance(value, Material | Texture):
+        return type(value), {name: rounded(one) for name, one in vars(value).items()}
+    return value
+
+
+@pytest.mark.parametrize("ending", ENDINGS)
+@pytest.mark.parametrize("make", [dressed_sheet, dressed_sheets])
+def test_look_comes_back_when_a_file_is_written(tmp_path, make, ending):
+    sequence, notes = make(), []
+    save(sequence, tmp_path / f"x.{ending}", notes=notes)
+    found = load(tmp_path / f"x.{ending}", merge=True)
+    assert_same_look(found.surface, sequence.surface)
+    said = [note for note in notes if note.startswith("left out")]
+    assert said == [
+        "left out: that materials have one side only, for others of the mesh have two: gr\u00fcn",
+        "left out: filters of textures, for USD does not have them: gr\u00fcn",
+        "left out: that materials are unlit, for USD does not have it: gr\u00fcn",
+    ]
+
+
+@pytest.mark.parametrize("ending", ENDINGS)
+def test_materials_pass_every_validator_of_usd(tmp_path, ending):
+    validation = pytest.importorskip("pxr.UsdValidation")
+    sequence = dressed_sheets()
+    red, cloth = look()[0]
+    # A validator takes normals that are scaled for an oversight.
+    materials, images = (replace(red, normal_scale=1.0), cloth), (png(), png(64, "dark"))
+    surface = replace(sequence.surface, materials=materials, images=images)
+    save(replace(sequence, surface=surface), tmp_path / f"x.{ending}")
+    stage = Usd.Stage.Open(str(tmp_path / f"x.{ending}"))
+    every = validation.ValidationRegistry().GetOrLoadAllValidators()
+    found = validation.ValidationContext(every).Validate(stage)
+    assert [(error.GetName(), error.GetMessage()) for error in found] == []
+
+
+def test_package_holds_images_as_they_are_when_it_is_written(tmp_path):
+    save(dressed_sheet(), tmp_path / "x.usdz")
+    with zipfile.ZipFile(tmp_path / "x.usdz") as package:
+        infos = package.infolist()
+        data = {info.filename: package.read(info) for info in infos}
+    assert {info.compress_type for info in infos} == {zipfile.ZIP_STORED}
+    assert data["textures/shade.png"] == png().data
+    assert data["textures/photo.jpg"] == jpeg().data
+    assert [path.name for path in tmp_path.iterdir()] == ["x.usdz"]
+
+
+@pytest.mark.parametrize("ending", ["usd", "usda", "usdc"])
+def test_images_lie_beside_when_the_file_cannot_hold_them(tmp_path, ending):
+    paths = save(dressed_sheet(), tmp_path / f"x.{ending}")
+    folder = tmp_path / "x_textures"
+    assert paths == [tmp_path / f"x.{ending}", folder / "shade.png", folder / "photo.jpg"]
+    assert (folder / "shade.png").read_bytes() == png().data
+    assert sorted(tmp_path.iterdir()) == [tmp_path / f"x.{ending}", folder]
+    assert sorted(folder.iterdir()) == sorted(paths[1:])
+
+
+def test_nothing_is_written_when_an_image_would_be_replaced(tmp_path):
+    (tmp_path / "x_textures").mkdir()
+    kept = tmp_path / "x_textures" / "photo.jpg"
+    kept.write_bytes(b"mine")
+    with pytest.raises(InvalidInputError, match=r"photo\.jpg exists and is kept; use --force"):
+        save(dressed_sheet(), tmp_path / "x.usda")
+    assert kept.read_bytes() == b"mine"
+    assert sorted(tmp_path.rglob("*")) == [tmp_path / "x_textures", kept]
+    save(dressed_sheet(), tmp_path / "x.usda", overwrite=True)
+    assert kept.read_bytes() == jpeg().data
+
+
+def test_no_folder_is_left_when_writing_fails(tmp_path, monkeypatch):
+    def fail(*given, **options):
+        raise OSError("no space")
+
+    monkeypatch.setattr("meshreel.formats.usd.writing._write_binary", fail)
+    with pytest.raises(OSError, match="no space"):
+        save(dressed_sheet(), tmp_path / "x.usdc")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_no_folder_is_made_when_there_are_no_images(tmp_path):
+    sheet = dressed_sheet()
+    save(replace(sheet, surface=sheet.surface.without_materials()), tmp_path / "x.usda")
+    assert [path.name for path in tmp_path.iterdir()] == ["x.usda"]
+
+
+def test_images_get_names_of_their_own_when_theirs_are_no_file_names(tmp_path):
+    sheet = dressed_sheet()
+    images = (replace(png(), name="a/../b c"), replace(png(9), name="a/../B C"))
+    surface = replace(sheet.surface, images=images)
+    paths = save(replace(sheet, surface=surface), tmp_path / "x.usda")
+    assert [path.name for path in paths[1:]] == ["a_b_c.png", "a_B_C_2.png"]
+    assert [one.data for one in load(paths[0]).surface.images] == [one.data for one in images]
+
+
+def test_network_is_what_viewers_expect_when_it_is_written(tmp_path):
+    save(dressed_sheet(), tmp_path / "x.usda")
+    stage = Usd.Stage.Open(str(tmp_path / "x.usda"))
+    mesh = UsdGeom.Mesh(stage.GetPrimAtPath("/sheet/sheet"))
+    assert mesh.GetDoubleSidedAttr().Get() is True
+    subset = UsdGeom.Subset.GetAllGeomSubsets(mesh)[0].GetPrim()
+    material, _ = UsdShade.MaterialBindingAPI(subset).ComputeBoundMaterial()
+    shader, _, _ = material.ComputeSurfaceSource()
+    color, opacity = (
+        shader.GetInput(name).GetValueProducingAttributes()[0]
+        for name in ("diffuseColor", "opacity")
+    )
+    assert (color.GetName(), opacity.GetName()) == ("outputs:rgb", "outputs:a")
+    texture = UsdShade.Shader(color.GetPrim())
+    values = {one.GetBaseName(): one.Get() for one in texture.GetInputs()}
+    assert values["file"].path == "./x_textures/shade.png"
+    assert values["sourceColorSpace"] == "sRGB"
+    assert (values["wrapS"], values["wrapT"]) == ("clamp", "mirror")
+    assert tuple(values["scale"]) == (1.0, 0.5, 0.25, 0.75)
+    assert shader.GetInput("opacityThreshold").Get() == 0.25
+
+
+def test_coordinates_are_moved_alike_when_an_image_is_placed(tmp_path):
+    """The formula of glTF, with v downwards, and the transform of USD, with v upwards, agree."""
+    save(dressed_sheet(), tmp_path / "x.usda")
+    stage = Usd.Stage.Open(str(tmp_path / "x.usda"))
+    (prim,) = [one for one in stage.Traverse() if one.GetName() == "base_color_texture_transform"]
+    given = {one.GetBaseName(): one.Get() for one in UsdShade.Shader(prim).GetInputs()}
+    turn = np.radians(given["rotation"])
+    placed = look()[0][1].base_color_texture
+    for u, v in ((0.25, 0.75), (0.0, 0.0), (1.0, 0.5)):
+        x, y = np.multiply((u, v), given["scale"])
+        moved = np.array([np.cos(turn) * x - np.sin(turn) * y, np.sin(turn) * x + np.cos(turn) * y])
+        moved = moved + given["translation"]
+        x, y = np.multiply((u, 1 - v), placed.scale)
+        sine, cosine = np.sin(placed.rotation), np.cos(placed.rotation)
+        expected = np.array([cosine * x + sine * y, -sine * x + cosine * y]) + placed.offset
+        np.testing.assert_allclose(moved, [expected[0], 1 - expected[1]], atol=1e-6)
+
+
+@pytest.mark.parametrize("ending", ["usda", "usdz"])
+def test_image_of_another_type_is_left_out_of_packages_only(tmp_path, ending):
+    sheet, notes = dressed_sheet(), []
+    tga = Image("old", "image/x-tga", b"\x00\x00\x02")
+    changed = replace(sheet, surface=replace(sheet.surface, images=(tga, jpeg())))
+    save(changed, tmp_path / f"x.{ending}", notes=notes)
+    found = load(tmp_path / f"x.{ending}").surface
+    assert (tga in found.images) == (ending == "usda")
+    note = "left out: textures that USD cannot have (packages hold no image/x-tga): red"
+    assert (note in notes) == (ending == "usdz")
+    if ending == "usdz":
+        with zipfile.ZipFile(tmp_path / "x.usdz") as package:
+            assert not any(name.endswith(".tga") for name in package.namelist())
+
+
+NETWORK = """#usda 1.0
+(
+    defaultPrim = "a"
+)
+def Xform "a"
+{{
+    def Mesh "m" ( prepend apiSchemas = ["MaterialBindingAPI"] )
+    {{
+        point3f[] points = [(0, 0, 0), (1, 0, 0), (0, 1, 0)]
+        int[] faceVertexCounts = [3]
+        int[] faceVertexIndices = [0, 1, 2]
+        texCoord2f[] primvars:st = [(0, 0), (1, 0), (0, 1)] ( interpolation = "vertex" )
+        rel material:binding = </a/skin>
+        {mesh}
+    }}
+    def Material "skin"
+    {{
+        token inputs:uv = "st"
+        token outputs:surface.connect = </a/skin/surface.outputs:surface>
+        def Shader "surface"
+        {{
+            uniform token info:id = "UsdPreviewSurface"
+            {surface}
+            token outputs:surface
+        }}
+        def Shader "reader"
+        {{
+            uniform token info:id = "UsdPrimvarReader_float2"
+            token inputs:varname.connect = </a/skin.inputs:uv>
+            float2 outputs:result
+        }}
+        def Shader "image"
+        {{
+            uniform token info:id = "UsdUVTexture"
+            asset inputs:file = @{file}@
+            float2 inputs:st.connect = </a/skin/reader.outputs:result>
+            {texture}
+            float outputs:r
+            float outputs:a
+            float3 outputs:rgb
+        }}
+    }}
+}}
+"""
+COLOR = "color3f inputs:diffuseColor.connect = </a/skin/image.outputs:rgb>"
+
+
+@pytest.fixture
+def read(tmp_path):
+    """Surface and notes of a stage of one triangle with a material."""
+
+    def get(surface="", *, texture="", mesh="", file="./skin.png"):
+        folder = tmp_path / "in"
+        folder.mkdir(exist_ok=True)
+        (folder / "skin.png").write_bytes(png().data)
+        (tmp_path / "out.png").write_bytes(png().data)
+        text = NETWORK.format(surface=surface, texture=texture, mesh=mesh, file=file)
+        (folder / "x.usda").write_text(text)
+        notes = []
+        return load(folder / "x.usda", notes=notes).surface, notes
+
+    return get
+
+
+def test_usual_values_are_those_of_the_standard_when_a_file_is_silent(read):
+    surface, notes = read()
+    assert [rounded(one) for one in surface.materials] == [
+        rounded(Material("skin", (0.18, 0.18, 0.18, 1.0), 0.0, 0.5))
+    ]
+    assert notes == []
+
+
+def test_texture_is_found_when_its_primvar_comes_through_the_interface(read):
+    surface, notes = read(COLOR)
+    texture = Texture(0, "st", "rgb", Wrap.METADATA, Wrap.METADATA)
+    assert surface.materials[0].base_color_texture == texture
+    assert surface.materials[0].base_color == (1.0, 1.0, 1.0, 1.0)
+    assert surface.images == (Image("skin", "image/png", png().data),)
+    assert notes == []
+
+
+def test_material_is_double_sided_when_its_mesh_is(read):
+    assert read(mesh="uniform bool doubleSided = 1")[0].materials[0].double_sided
+
+
+@pytest.mark.parametrize(
+    ("opacity", "mode"),
+    [
+        ("float inputs:opacity = 1", AlphaMode.OPAQUE),
+        ("float inputs:opacity = 0.5", AlphaMode.BLEND),
+        ("float inputs:opacityThreshold = 0.25", AlphaMode.MASK),
+        ("float inputs:opacity.connect = </a/skin/image.outputs:a>", AlphaMode.BLEND),
+    ],
+)
+def test_alpha_mode_follows_from_opacity(read, opacity, mode):
+    surface, notes = read(f"{COLOR}\n{opacity}")
+    (found,) = surface.materials
+    assert found.alpha_mode is mode
+    assert found.base_color_texture.channels == ("rgba" if "connect" in opacity else "rgb")
+    assert notes == []
+
+
+@pytest.mark.parametrize(
+    ("surface", "options", "note"),
+    [
+        ("float inputs:clearcoat = 1", {}, "clearcoat of UsdPreviewSurface: skin"),
+        ("float inputs:ior = 1.33", {}, "ior of UsdPreviewSurface: skin"),
+        ("int inputs:useSpecularWorkflow = 1", {}, "useSpecularWorkflow of"),
+        ("float inputs:occlusion = 0.5", {}, "occlusion that is the same everywhere: skin"),
+        ("normal3f inputs:normal = (1, 0, 0)", {}, "normal that is the same everywhere: skin"),
+        (
+            "float inputs:opacity.connect = </a/skin/image.outputs:r>",
+            {},
+            "opacity that is not the alpha of the color's image: skin",
+        ),
+        ("float inputs:roughness.timeSamples = { 0: 0.5, 1: 0.75 }", {}, "roughness over time"),
+        ('string inputs:roughness = "rough"', {}, "roughness is no 1 finite numbers"),
+        ("float inputs:roughness = inf", {}, "roughness is no 1 finite numbers"),
+        (COLOR, {"file": "./gone.png"}, "'./gone.png' is not there"),
+        (COLOR, {"file": "../out.png"}, "'../out.png' is not in the folder of the file"),
+        (COLOR, {"file": "./skin.<UDIM>.png"}, "of many tiles"),
+        (COLOR, {"texture": 'token inputs:wrapS = "twist"'}, "wrapS is 'twist'"),
+        (COLOR, {"texture": "float4 inputs:bias = (1, 0, 0, 0)"}, "bias of the texture of diff"),
+        (COLOR, {"texture": 'token inputs:sourceColorSpace = "raw"'}, "color space 'raw' of"),
+        (
+            "float inputs:metallic.connect = </a/skin/image.outputs:rgb>",
+            {},
+            "the texture of metallic (it takes rgb): skin",
+        ),
+        (
+            "color3f inputs:diffuseColor.connect = </a/skin/reader.outputs:result>",
+            {},
+            "UsdPrimvarReader_float2 is not read",
+        ),
+    ],
+)
+def test_what_cannot_be_mapped_is_named_when_a_material_has_it(read, surface, options, note):
+    found, notes = read(surface, **options)
+    assert len(found.materials) == 1
+    assert len(notes) == 1
+    assert notes[0].startswith("left out: ")
+    assert note in notes[0]
+
+
+def test_material_is_a_label_only_when_it_is_no_preview_surface(tmp_path):
+    text = NETWORK.format(surface="", texture="", mesh="", file="").replace(
+        '"UsdPreviewSurface"', '"ND_standard_surface"'
+    )
+    (tmp_path / "x.usda").write_text(text)
+    notes = []
+    surface = load(tmp_path / "x.usda", notes=notes).surface
+    assert (surface.materials, surface.groups[0].labels) == ((), ("skin",))
+    assert notes == ["left out: how materials look that are no UsdPreviewSurface: skin"]
+
+
+def test_load_raises_only_our_errors_when_a_network_is_changed(tmp_path):
+    (tmp_path / "skin.png").write_bytes(png().data)
+    opacity = "float inputs:opacity.connect = </a/skin/image.outputs:a>"
+    surface = f"{COLOR}\nfloat inputs:roughness = 0.5\n{opacity}"
+    texture = 'token inputs:wrapS = "clamp"\nfloat4 inputs:scale = (1, 1, 1, 1)'
+    text = NETWORK.format(surface=surface, texture=texture, mesh="", file="./skin.png").encode()
+    rng, n_read = np.random.default_rng(5), 0
+    start = text.index(b"def Material")
+    for _ in range(300):
+        data = bytearray(text)
+        for place in rng.integers(start, len(data), rng.choice([1, 3])):
+            data[place] = rng.choice(np.frombuffer(b' 0-:"<>{}@.xr\xff', np.uint8))
+        (tmp_path / "x.usda").write_bytes(data)
+        with contextlib.suppress(MeshReelError):
+            n_read += load(tmp_path / "x.usda").n_faces == 1
+    assert n_read > 20
+
+
+def test_shaders_in_a_ring_are_told_when_a_file_has_them(read):
+    ring = COLOR.replace("image.outputs:rgb", "reader.outputs:result")
+    surface, notes = read(ring, texture="float4 inputs:scale.connect = </a/skin/image.outputs:rgb>")
+    assert len(surface.materials) == len(notes) == 1
+
+
+def test_look_comes_back_from_glb_through_stream_and_package_to_glb(tmp_path):
+    sheet = dressed_sheet()
+    save(sheet, tmp_path / "a.glb")
+    given = load(tmp_path / "a.glb")
+    save(meshreel.decode(meshreel.encode(given)), tmp_path / "b.usdz")
+    packed = load(tmp_path / "b.usdz")
+    save(meshreel.decode(meshreel.encode(packed)), tmp_path / "c.glb")
+    found, expected = load(tmp_path / "c.glb").surface, given.surface
+    assert {one.data for one in found.images} == {one.data for one in expected.images}
+    by_name = {one.name: one for one in found.materials}
+    for one in expected.materials:
+        other = by_name[one.name]
+        numbers = ("base_color", "metallic", "roughness", "emissive", "normal_scale")
+        for name in (*numbers, "occlusion_strength", "alpha_cutoff"):
+            np.testing.assert_allclose(getattr(other, name), getattr(one, name), rtol=1e-6)
+        assert other.alpha_mode is one.alpha_mode
+        assert other.textures.keys() == one.textures.keys()
+        for slot, texture in one.textures.items():
+            shown = found.images[other.textures[slot].image].data
+            assert shown == expected.images[texture.image].data
