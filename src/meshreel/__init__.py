@@ -7,7 +7,8 @@
     quality = meshreel.compare("samba.npz", decoded)
 
 MeshSequence      an animated mesh: vertices, faces, frames per second
-Surface           what it carries besides: polygons (Attribute, FaceGroups, Part, Domain, Kind)
+Surface           what it carries besides: polygons, Attribute (Domain, Kind), FaceGroups, Part
+Material          how faces of a group look: Texture (Wrap, Filter), Image, AlphaMode
 load, save        files of all formats to a sequence and back
 encode, decode    a sequence or a file to the bytes of a .reel stream and back
 compare           how far two sequences are apart: Quality

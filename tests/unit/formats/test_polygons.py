@@ -34,5 +34,5 @@ def test_polygon_mesh_names_face_and_index_when_it_is_out_of_range(index):
 
 @pytest.mark.parametrize(("n_verts", "n_faces"), [(0, 0), (3, 0), (0, 1)])
 def test_polygon_mesh_is_refused_when_vertices_or_faces_are_missing(n_verts, n_faces):
-    with pytest.raises(FormatError, match=f"holds {n_verts} vertices and {n_faces} faces"):
+    with pytest.raises(FormatError, match=f"holds {n_verts} vertices and {n_faces} face"):
         polygon_mesh(np.zeros((n_verts, 3)), np.full(n_faces, 3), np.arange(3 * n_faces))

@@ -247,6 +247,7 @@ USD = """#usda 1.0
 def Xform "w" {
 def Mesh "m" {
   point3f[] points = [(0, 0, 0), (1, 0, 0), (0, 1, 0)]
+  uniform token subdivisionScheme = "none"
   int[] faceVertexCounts = [3]
   int[] faceVertexIndices = [0, 1, 2]
   normal3f[] normals = [(0, 0, 1), (0, 0, 1), (0, 0, 1)]

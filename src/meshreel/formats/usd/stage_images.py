@@ -6,6 +6,7 @@ from typing import Any
 from meshreel.errors import FormatError
 from meshreel.formats.extras import USD
 from meshreel.formats.image_types import image_type
+from meshreel.formats.named_files import is_within, outside_error
 from meshreel.materials import Image
 
 
@@ -50,10 +51,8 @@ class StageImages:
         outer = resolved
         if resolver.IsPackageRelativePath(resolved):
             outer, _ = resolver.SplitPackageRelativePathOuter(resolved)
-        if self._folder and not Path(outer).resolve().is_relative_to(self._folder):
-            raise FormatError(
-                f"{authored[:200]!r} is not in the folder of the file or below; put it there"
-            )
+        if self._folder and not is_within(Path(outer), self._folder):
+            raise outside_error(authored)
         opened = resolver.GetResolver().OpenAsset(resolver.ResolvedPath(resolved))
         if not opened:
             raise FormatError(f"{authored[:200]!r} cannot be read")

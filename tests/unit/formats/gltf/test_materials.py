@@ -192,8 +192,8 @@ def test_image_is_read_when_it_is_beside_the_file_or_in_it(tmp_path, uri):
     ("image", "message"),
     [
         ({"uri": "gone.png"}, "there is no file 'gone.png' beside"),
-        ({"uri": "../skin.png"}, "only files in the folder"),
-        ({"uri": "/etc/passwd"}, "only files in the folder"),
+        ({"uri": "../skin.png"}, "outside of its folder"),
+        ({"uri": "/etc/passwd"}, "outside of its folder"),
         ({"uri": "http://example.com/a.png"}, "only files in the folder"),
         ({"uri": "data:image/png;base64,A"}, "no base64"),
         ({}, "has no 'uri'"),

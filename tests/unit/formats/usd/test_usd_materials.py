@@ -199,6 +199,7 @@ def Xform "a"
     def Mesh "m" ( prepend apiSchemas = ["MaterialBindingAPI"] )
     {{
         point3f[] points = [(0, 0, 0), (1, 0, 0), (0, 1, 0)]
+        uniform token subdivisionScheme = "none"
         int[] faceVertexCounts = [3]
         int[] faceVertexIndices = [0, 1, 2]
         texCoord2f[] primvars:st = [(0, 0), (1, 0), (0, 1)] ( interpolation = "vertex" )
@@ -309,7 +310,7 @@ def test_alpha_mode_follows_from_opacity(read, opacity, mode):
         ('string inputs:roughness = "rough"', {}, "roughness is no 1 finite numbers"),
         ("float inputs:roughness = inf", {}, "roughness is no 1 finite numbers"),
         (COLOR, {"file": "./gone.png"}, "'./gone.png' is not there"),
-        (COLOR, {"file": "../out.png"}, "'../out.png' is not in the folder of the file"),
+        (COLOR, {"file": "../out.png"}, "names the file '../out.png' outside of its folder"),
         (COLOR, {"file": "./skin.<UDIM>.png"}, "of many tiles"),
         (COLOR, {"texture": 'token inputs:wrapS = "twist"'}, "wrapS is 'twist'"),
         (COLOR, {"texture": "float4 inputs:bias = (1, 0, 0, 0)"}, "bias of the texture of diff"),
