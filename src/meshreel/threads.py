@@ -16,10 +16,11 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from contextvars import copy_context
-from functools import lru_cache
+from functools import lru_cache, partial
 from itertools import islice
 from typing import Any, TypeVar
 
+import numpy as np
 from threadpoolctl import ThreadpoolController
 
 Piece = TypeVar("Piece")
@@ -47,10 +48,10 @@ def in_threads(
         Called in the caller's thread with the number of pieces done from the first on.
     """
     with one_blas_thread():
-        contexts = [copy_context() for _ in pieces]
+        works = [_as_set_here(work) for _ in pieces]
         is_alone = len(pieces) == 1 or threading.current_thread().name.startswith(POOL)
         in_order = map if is_alone else _pool().map
-        results = in_order(lambda context, piece: context.run(work, piece), contexts, pieces)
+        results = in_order(lambda own, piece: own(piece), works, pieces)
         for number, _ in enumerate(results, start=1):
             if done:
                 done(number)
@@ -63,7 +64,7 @@ def in_background(work: Callable[[], Result]) -> "Future[Result]":
     itself.
     """
     if not threading.current_thread().name.startswith(BACKGROUND):
-        return _background().submit(copy_context().run, work)
+        return _background().submit(_as_set_here(work))
     done: Future[Result] = Future()
     try:
         done.set_result(work())
@@ -79,10 +80,24 @@ def one_ahead(items: Iterator[Result]) -> Iterator[Result]:
         return list(islice(items, 1))
 
     with ThreadPoolExecutor(1, "meshreel-ahead") as ahead:
-        coming = ahead.submit(copy_context().run, following)
+        coming = ahead.submit(_as_set_here(following))
         while found := coming.result():
-            coming = ahead.submit(copy_context().run, following)
+            coming = ahead.submit(_as_set_here(following))
             yield found[0]
+
+
+def _as_set_here(work: Callable[..., Result]) -> Callable[..., Result]:
+    """The work, to be done once in any thread, with the settings of this one.
+
+    NumPy 2 has what is set for its errors in the context, NumPy 1 in the thread.
+    """
+    context, errors = copy_context(), np.geterr()
+
+    def with_errors(*arguments: Any) -> Result:
+        with np.errstate(**errors):
+            return work(*arguments)
+
+    return partial(context.run, with_errors)
 
 
 def chunks(length: int, size: int) -> list[slice]:
