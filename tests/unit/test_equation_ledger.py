@@ -10,7 +10,7 @@ import meshreel
 
 SOURCE = Path(meshreel.__file__).parent
 TESTS = Path(__file__).parents[1]
-LEDGER = (TESTS.parent / "docs" / "equations.md").read_text()
+LEDGER = (TESTS.parent / "docs" / "equations.md").read_text(encoding="utf-8")
 ROWS = re.findall(
     r"^\| (Eq\. \d+|Alg\. 1) \|[^|]*\| `([^`]+)` \| `([^`]+)` \|", LEDGER, re.MULTILINE
 )
@@ -18,7 +18,11 @@ ROWS = re.findall(
 
 def docstrings(path):
     documented = ast.Module | ast.ClassDef | ast.FunctionDef
-    nodes = [node for node in ast.walk(ast.parse(path.read_text())) if isinstance(node, documented)]
+    nodes = [
+        node
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, documented)
+    ]
     return "\n".join(ast.get_docstring(node) or "" for node in nodes)
 
 
@@ -46,4 +50,4 @@ def test_equation_has_the_home_that_the_ledger_names(equation, home, test):
 
 @pytest.mark.parametrize(("equation", "home", "test"), ROWS)
 def test_equation_is_named_in_the_test_that_the_ledger_names(equation, home, test):
-    assert re.search(rf"{re.escape(equation)}\b", (TESTS / test).read_text())
+    assert re.search(rf"{re.escape(equation)}\b", (TESTS / test).read_text(encoding="utf-8"))

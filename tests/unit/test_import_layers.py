@@ -60,7 +60,7 @@ MODULES = sorted(path for path in ROOT.rglob("*.py") if path != ROOT / "__init__
 
 @pytest.mark.parametrize("path", MODULES, ids=lambda path: str(path.relative_to(ROOT)))
 def test_module_imports_only_downwards(path):
-    assert forbidden(room_of(path), path.read_text()) == set()
+    assert forbidden(room_of(path), path.read_text(encoding="utf-8")) == set()
 
 
 def test_every_room_has_a_floor_when_the_package_is_listed():
@@ -73,7 +73,7 @@ def test_modules_have_no_import_cycle_when_sorted():
         name = ".".join(path.relative_to(ROOT.parent).with_suffix("").parts)
         graph[name] = {
             node.module
-            for node in ast.walk(ast.parse(path.read_text()))
+            for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
             if isinstance(node, ast.ImportFrom)
             and (node.module or "").startswith("meshreel.")
             and not (node.module.startswith("meshreel.notebook.") and room_of(path) in SHOWN)

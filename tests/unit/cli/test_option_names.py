@@ -23,7 +23,7 @@ KEYWORD_LEFT = re.compile(r"(?<![\w./'\"-])[a-z]\w*=(?:True|False|\"\w+\")?(?=[\
 
 def sentences(path):
     """The strings of a module that are no docstrings; "fps" stands for what is filled in."""
-    tree = ast.parse(path.read_text())
+    tree = ast.parse(path.read_text(encoding="utf-8"))
     pieces = {id(part) for node in ast.walk(tree) if isinstance(node, ast.JoinedStr)
               for part in ast.walk(node)}  # fmt: skip
     documents = {

@@ -132,7 +132,7 @@ def test_notes_name_package_and_extra_when_a_peer_is_missing(made):
     (note,) = made.notes
     assert "`future` was not measured: it needs the package package_of_the_future" in note
     assert "pip install 'meshreel[peers]'" in note
-    assert note in made.markdown.read_text()
+    assert note in made.markdown.read_text(encoding="utf-8")
 
 
 def test_notes_say_so_when_no_recorded_row_is_of_the_sequence(small_flag, tmp_path):
@@ -188,11 +188,11 @@ def test_plots_show_something_when_they_are_drawn(made):
 
 
 def test_report_holds_tables_and_the_command_when_it_is_written(made):
-    text = made.markdown.read_text()
+    text = made.markdown.read_text(encoding="utf-8")
     for part in ("meshreel evaluate flag.npz", "Bits per vertex and frame at equal error, flag",
                  "BD-rate at equal KG error", "Lossless, flag", "Seconds, flag"):  # fmt: skip
         assert part in text
-    assert made.html.read_text().count("data:image/png;base64") == 3
+    assert made.html.read_text(encoding="utf-8").count("data:image/png;base64") == 3
 
 
 def test_all_figures_are_plain_when_they_are_asked_for(made):

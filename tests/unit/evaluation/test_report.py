@@ -8,7 +8,7 @@ from meshreel.evaluation.report import report_parts, write_report
 
 
 def test_html_needs_no_other_file(evaluation):
-    html = evaluation.html.read_text()
+    html = evaluation.html.read_text(encoding="utf-8")
     sources = re.findall(r"""(?:src|href)\s*=\s*["']([^"']*)""", html)
     assert len(sources) == 7
     assert all(source.startswith("data:image/png;base64,") for source in sources)
@@ -16,7 +16,7 @@ def test_html_needs_no_other_file(evaluation):
 
 
 def test_markdown_names_pictures_that_are_there(evaluation, folder):
-    names = re.findall(r"!\[[^]]*\]\(([^)]*)\)", evaluation.markdown.read_text())
+    names = re.findall(r"!\[[^]]*\]\(([^)]*)\)", evaluation.markdown.read_text(encoding="utf-8"))
     assert len(names) == 7
     assert all((folder / name).is_file() for name in names)
 
@@ -35,16 +35,18 @@ def test_markdown_names_pictures_that_are_there(evaluation, folder):
     ],
 )
 def test_report_says_what_it_must(evaluation, words):
-    assert words in evaluation.markdown.read_text()
-    assert words in evaluation.html.read_text()
+    assert words in evaluation.markdown.read_text(encoding="utf-8")
+    assert words in evaluation.html.read_text(encoding="utf-8")
 
 
 def test_refusal_is_shown_when_a_variant_refused(made_sequence, made_result, tmp_path):
     refused = {**made_result("gft"), "refused": "too <many> vertices"}
     results = made_sequence("samba", [made_result("pca"), refused])
     markdown, html = write_report([(results, [])], tmp_path, "meshreel paper")
-    assert "`gft` refused samba: too <many> vertices" in markdown.read_text()
-    assert "<code>gft</code> refused samba: too &lt;many&gt; vertices" in html.read_text()
+    assert "`gft` refused samba: too <many> vertices" in markdown.read_text(encoding="utf-8")
+    assert "<code>gft</code> refused samba: too &lt;many&gt; vertices" in html.read_text(
+        encoding="utf-8"
+    )
 
 
 def test_jumping_is_told_from_handstand_when_it_is_evaluated(made_sequence, made_result):

@@ -44,7 +44,11 @@ def test_reproduce_encodes_nothing_when_it_runs_again(tmp_path, calls):
     flag = simulate_flag(4, n_rows=4, n_columns=5)
     texts = []
     for _ in range(2):
-        texts.append(reproduce([flag], tmp_path, methods=["v2v"], quick=True).html.read_text())
+        texts.append(
+            reproduce([flag], tmp_path, methods=["v2v"], quick=True).html.read_text(
+                encoding="utf-8"
+            )
+        )
         calls.append("run")
     assert calls.index("run") > 0
     assert calls[calls.index("run") :] == ["run", "run"]
