@@ -26,12 +26,27 @@ def test_info_lists_the_meshes_when_a_file_holds_several(tmp_path):
     assert printed["meshes"][0]["n_frames"] == 6
 
 
+def test_info_leaves_bad_meshes_out_when_told_to(tmp_path):
+    good = 'def Mesh "{}" {{\npoint3f[] points = [(0, 0, 0), (1, 0, 0), (0, 1, 0)]\n'
+    good += "int[] faceVertexCounts = [3]\nint[] faceVertexIndices = [0, 1, {}]\n}}\n"
+    text = "#usda 1.0\n" + good.format("fine", 2) + good.format("bad", 7)
+    (tmp_path / "a.usda").write_text(text)
+    listed = run_json("info", tmp_path / "a.usda")["meshes"]
+    assert [mesh["problem"] is None for mesh in listed] == [True, False]
+    assert_fails(run("info", tmp_path / "a.usda", "--merge"), "/bad")
+    printed = run_json("info", tmp_path / "a.usda", "--merge", "--skip-bad")
+    assert [mesh["name"] for mesh in printed["meshes"]] == ["/fine"]
+    assert any("/bad" in one for one in printed["left_out"])
+
+
 def test_info_is_of_the_stream_when_it_has_another_name(tmp_path):
     (tmp_path / "a.bin").write_bytes(meshreel.encode(waving_grid()))
     assert "budget_bytes" in run_json("info", tmp_path / "a.bin")
 
 
-@pytest.mark.parametrize("option", [["--merge"], ["--object", "a"], ["--fps", "24"]])
+@pytest.mark.parametrize(
+    "option", [["--merge"], ["--object", "a"], ["--fps", "24"], ["--skip-bad"]]
+)
 def test_info_refuses_options_of_inputs_when_it_is_of_a_stream(tmp_path, option):
     (tmp_path / "a.reel").write_bytes(meshreel.encode(waving_grid()))
     assert_fails(run("info", tmp_path / "a.reel", *option), "a .reel holds one mesh")

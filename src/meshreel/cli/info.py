@@ -7,10 +7,12 @@ import typer
 
 from meshreel.cli.completing import input_files
 from meshreel.cli.read_options import (
+    AllowOutsideOption,
     DatasetOption,
     FpsOption,
     MergeOption,
     ObjectOption,
+    SkipBadOption,
     TopologyOption,
 )
 
@@ -31,6 +33,8 @@ def info_command(
     fps: FpsOption = None,
     object: ObjectOption = None,
     merge: MergeOption = False,
+    skip_bad: SkipBadOption = False,
+    allow_outside: AllowOutsideOption = False,
     topology: TopologyOption = None,
     dataset: DatasetOption = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the figures as JSON.")] = False,
@@ -51,7 +55,7 @@ def info_command(
     from meshreel.formats.sources import natural_order
 
     if len(inputs) == 1 and _is_stream(Path(inputs[0])):
-        if fps is not None or object or merge or topology or dataset:
+        if fps is not None or object or merge or skip_bad or allow_outside or topology or dataset:
             raise typer.BadParameter(
                 "a .reel holds one mesh and says all of itself; leave the options of inputs out"
             )
@@ -60,7 +64,9 @@ def info_command(
     frames = natural_order(Path(path) for path in inputs)
     _show_source(
         inputs[0] if len(inputs) == 1 else frames,
-        ReadOptions(fps, object, merge, topology, dataset),
+        ReadOptions(
+            fps, object, merge, topology, dataset, skip_bad=skip_bad, allow_outside=allow_outside
+        ),
         as_json=as_json,
     )
 

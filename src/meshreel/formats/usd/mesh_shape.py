@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.counting import counted
 from meshreel.errors import FormatError
 from meshreel.formats.extras import USD
 from meshreel.formats.polygons import PolygonMesh, polygon_mesh
@@ -80,7 +81,8 @@ class MeshShape:
             )
         if not len(vertices) or not len(counts):
             raise FormatError(
-                f"mesh {self._path} holds {len(vertices)} vertices and {len(counts)} faces at "
+                f"mesh {self._path} holds {counted(len(vertices), 'vertex')} and "
+                f"{counted(len(counts), 'face')} at "
                 f"time code {code:g}; a triangle mesh needs both"
             )
         return polygon_mesh(vertices, counts, corners, place=f"mesh {self._path}, face {{}}".format)
