@@ -63,7 +63,7 @@ def test_encode_prints_the_error_in_texels_when_coordinates_are_quantised(sheets
 def test_encode_fails_when_there_are_no_coordinates_to_quantise(tmp_path):
     meshreel.save(waving_grid(), tmp_path / "grid.npz")
     done = run("encode", tmp_path / "grid.npz", "-o", tmp_path / "out.reel", "--uv-bits", "10")
-    assert_fails(done, "no texture coordinates that uv_bits could quantise")
+    assert_fails(done, "no texture coordinates for --uv-bits to quantise")
 
 
 def test_batch_notes_inputs_when_options_choose_nothing_in_them(sheets, tmp_path):
@@ -74,7 +74,7 @@ def test_batch_notes_inputs_when_options_choose_nothing_in_them(sheets, tmp_path
     records = json.loads((out / "manifest.json").read_text())["inputs"]
     assert records["grid.npz"]["notes"] == [
         "has no attribute or group 'uv'; it carries none",
-        "has no texture coordinates that uv_bits could quantise",
+        "has no texture coordinates for uv_bits= to quantise",
     ]
     assert records["sheets.npz"]["notes"] == []
     assert 0 < records["sheets.npz"]["uv_error"] <= 2**-11

@@ -140,7 +140,7 @@ def _suited(
         notes.append(describe_missing(opened.surface, missing))
     sequence = with_surface(opened, chosen(opened.surface, options.attributes))
     if config.uv_bits is not None and not has_uvs(sequence.surface):
-        notes.append("has no texture coordinates that uv_bits could quantise")
+        notes.append("has no texture coordinates for uv_bits= to quantise")
         config = replace(config, uv_bits=None)
     return sequence, config
 

@@ -1,7 +1,7 @@
 """What the user sets, checked."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, fields
 
 from meshreel.codec.byte_sizes import bytes_of
 from meshreel.codec.error_bounds import bound_of
@@ -13,6 +13,7 @@ from meshreel.codec.methods import (
     Laplacian,
     Method,
     Order,
+    Signal,
     choice_named,
     method_named,
 )
@@ -133,17 +134,12 @@ class EncoderConfig:
     def _check_target(self) -> None:
         """`reel` takes a target, the paper's methods take bits."""
         row = self.method_row
-        is_reel = row.basis is Basis.JOINT
-        foreign = ("energy", "bits", "anchors") if is_reel else (*_TARGETS, "tune", "effort")
-        for name in foreign:
-            if getattr(self, name) is not None:
+        for name, remedy in _foreign_options(row):
+            if getattr(self, name) != _DEFAULTS[name]:
                 raise InvalidInputError(
-                    f"method {row.name} does not take {name}=; leave it out, or choose a method of "
-                    "the paper such as pca-qp"
-                    if is_reel
-                    else f"method {row.name} does not take {name}=; leave it out, or choose reel"
+                    f"method {row.name} does not take {name}=; leave it out, or choose {remedy}"
                 )
-        if is_reel:
+        if row.basis is Basis.JOINT:
             choices_for(self.effort_or_default, self.tune_choice, self.n_modes)
 
     @property
@@ -237,6 +233,21 @@ class EncoderConfig:
 
 
 _TARGETS = tuple(aim.value for aim in Aim)
+_DEFAULTS = {option.name: option.default for option in fields(EncoderConfig)}
+
+
+def _foreign_options(method: Method) -> Iterator[tuple[str, str]]:
+    """The options that choose nothing with a method, each with a method that takes it."""
+    if method.basis is not Basis.TRACKED:
+        yield "n_iterations", "blocks"
+    if method.basis is Basis.JOINT:
+        for name in ("energy", "bits", "anchors", "allocation", "laplacian"):
+            yield name, "a method of the paper such as pca-qp"
+        return
+    for name in (*_TARGETS, "tune", "effort"):
+        yield name, "reel"
+    if method.signal is not Signal.DELTAS:
+        yield "laplacian", "a method that codes deltas, such as pca-qp"
 
 
 def _check_bits(bits: int | Sequence[int], method: Method, allocation: Allocation) -> None:

@@ -48,7 +48,7 @@ def check_uvs(surface: Surface, bits: int) -> None:
     """
     if not has_uvs(surface):
         raise InvalidInputError(
-            "there are no texture coordinates that uv_bits could quantise; leave it out"
+            "there are no texture coordinates for uv_bits= to quantise; leave it out"
         )
     for one in filter(is_quantized, surface.attributes):
         uv_integers(one, bits)
@@ -67,7 +67,7 @@ def uv_integers(attribute: Attribute, bits: int) -> Integers:
         row = int(np.argmin(np.isfinite(values).all(axis=1)))
         raise InvalidInputError(
             f"texture coordinates {attribute.name!r} have {values[row].tolist()} in row {row}, "
-            "which cannot be quantised; leave uv_bits out, or leave them out with attributes"
+            "which cannot be quantised; leave uv_bits= out, or choose others with attributes="
         )
     furthest = float(np.abs(values).max(initial=0))
     if furthest > LARGEST >> bits:

@@ -35,7 +35,7 @@ TARGETS = {
         ({"laplacian": "fancy"}, "laplacian 'fancy' is unknown; choose normalized, combinatorial"),
         ({"order": "some"}, "order 'some' is unknown; choose keep, vertices, drop"),
         ({"block_frames": 0}, "block_frames must be"),
-        ({"n_iterations": 0}, "n_iterations must be"),
+        ({"method": "blocks", "n_iterations": 0}, "n_iterations must be"),
         ({"allocation": "even"}, "allocation 'even' is unknown; choose energy, constant"),
         ({"method": "pca-qp", "bits": []}, "bits is an empty list"),
         ({"method": "pca-qp", "bits": [8, 1]}, "bits of row 1 must be 0 or 2..24; got 1"),
@@ -47,8 +47,17 @@ TARGETS = {
         ),
         *(
             ({name: value}, f"reel does not take {name}=;.* such as pca-qp")
-            for name, value in {"bits": 8, "anchors": 0.1, "energy": 0.9}.items()
+            for name, value in {
+                "bits": 8,
+                "anchors": 0.1,
+                "energy": 0.9,
+                "allocation": "constant",
+                "laplacian": "combinatorial",
+            }.items()
         ),
+        ({"n_iterations": 7}, "reel does not take n_iterations=;.* choose blocks"),
+        ({"method": "pca-qp", "n_iterations": 7}, "pca-qp does not take n_iterations=;"),
+        ({"method": "v2v", "laplacian": "combinatorial"}, "v2v does not take laplacian=;.* deltas"),
         *(
             ({name: value}, f"{name} must be above 0; got {value}")
             for name in TARGETS
