@@ -115,7 +115,7 @@ def test_load_reads_a_mesh_when_its_unit_is_stored_as_float(folder):
 
 def test_load_names_the_mesh_when_it_is_empty_in_its_first_frame(folder):
     path = odd(folder, "color_opacity_primvar.usda")
-    with pytest.raises(FormatError, match="EmptyColorNoOpacity holds 0 vertices and 1 faces"):
+    with pytest.raises(FormatError, match="EmptyColorNoOpacity holds 0 vertices and 1 face"):
         load(path, merge=True)
 
 

@@ -103,6 +103,8 @@ def test_others_are_not_blamed_when_a_call_kills_its_workers(engine):
 def test_call_not_yet_begun_is_cancelled_when_the_engine_is_left_by_an_exception(cluster):
     def interrupted():
         with open_engine(scheduler=cluster.scheduler_address) as engine:
+            # A cluster without workers begins with any of the calls that waited for them.
+            wait_until(lambda: engine.n_workers == 2, "workers that a test killed to come back")
             results = engine.map_in_order(slow_square, [(1, 0.0), *[(2, 600)] * 3])
             next(results)
             raise KeyboardInterrupt
