@@ -38,17 +38,25 @@ def browser():
         launched.close()
 
 
+def _answering(body):
+    return lambda route: route.fulfill(body=body)
+
+
 @pytest.fixture
 def new_page(browser):
     """Opens pages; an error in a script of theirs fails the test."""
     contexts, errors = [], []
 
-    def open_page(url, *, width=1280, height=720, script="", is_shown=True, is_at_rest=True):
+    def open_page(
+        url, *, width=1280, height=720, script="", routes=None, is_shown=True, is_at_rest=True
+    ):
         context = browser.new_context(viewport={"width": width, "height": height})
         contexts.append(context)
         page = context.new_page()
         page.on("pageerror", lambda error: errors.append(str(error)))
         page.add_init_script(script)
+        for pattern, body in (routes or {}).items():
+            page.route(pattern, _answering(body))
         page.goto(url)
         if is_shown:
             page.evaluate("player.ready")

@@ -464,8 +464,8 @@ def test_page_says_so_when_the_server_is_gone(new_page, flag):
 
 
 def test_page_says_so_when_a_block_arrives_damaged(new_page, url):
-    page = new_page(url)
-    page.route("**/api/block/2", lambda route: route.fulfill(body=b"\x10\0\0\0not JSON, though"))
+    # From the beginning: a page that plays asks for blocks ahead.
+    page = new_page(url, routes={"**/api/block/2": b"\x10\0\0\0not JSON, though"})
     page.keyboard.press("End")
     page.get_by_role("alert").wait_for()
     assert "api/block/2 arrived damaged" in page.get_by_role("alert").inner_text()
