@@ -17,7 +17,7 @@ from meshreel.codec.mesh_model import choose_anchors
 from meshreel.geometry.laplacian import uniform_laplacian
 from meshreel.reconstruction.multifrontal import MultifrontalSolver
 from meshreel.reconstruction.solver import Solve, _cholespy_solve, _splu_solve
-from meshreel.threads import limit_cores
+from meshreel.runtime.threads import limit_cores
 from speed_inputs import add_inputs, sources
 from speed_timing import Patience, Tasks, medians, timed_in_turn
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from statistics import median
 from typing import Any
 
-from meshreel.threads import n_cores
+from meshreel.runtime.threads import n_cores
 
 Tasks = dict[str, Callable[[], Any]]
 Seconds = dict[str, dict[str, float]]

@@ -24,7 +24,7 @@ import meshreel
 import tracking_basis
 import tracking_bits
 from meshreel.evaluation.machine import machine_facts, machine_line
-from meshreel.threads import one_blas_thread
+from meshreel.runtime.threads import one_blas_thread
 from speed_inputs import Source, first_frames
 
 BLOCK_FRAMES = (10, 25, 50, 100, 200, 400, 1000)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from threadpoolctl import threadpool_info
 
-from meshreel.threads import n_cores
+from meshreel.runtime.threads import n_cores
 
 
 def square(number):

@@ -19,7 +19,7 @@ from meshreel.formats.options import ReadOptions
 from meshreel.formats.sources import AnyPath, Source
 from meshreel.metrics import compare as metrics
 from meshreel.metrics.compare import Quality
-from meshreel.progress import Progress, silent
+from meshreel.runtime.progress import Progress, silent
 from meshreel.sequence import FrameSource, MeshSequence
 
 Options = ParamSpec("Options")

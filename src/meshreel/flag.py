@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.errors import InvalidInputError
-from meshreel.progress import Count, Progress, silent
+from meshreel.runtime.progress import Count, Progress, silent
 from meshreel.sequence import Faces, MeshSequence
 
 Floats = npt.NDArray[np.float64]

@@ -17,9 +17,10 @@ FLOORS = [  # from the top
     {"codec", "rendering", "flag"},
     {"bitstream", "connectivity", "reconstruction", "subspace", "quantization", "metrics"},
     {"geometry", "entropy"},
-    {"sequence", "surface_selection", "engine"},
-    {"surface", "frame_choice", "atomic_write", "progress", "threads", "profiling"},
-    {"outputs", "materials"},
+    {"sequence", "surface_selection"},
+    {"surface", "frame_choice"},
+    {"materials"},
+    {"runtime"},
     {"errors", "counting"},
 ]
 SHOWN = {"sequence", "codec"}

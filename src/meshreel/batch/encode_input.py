@@ -14,12 +14,12 @@ from meshreel.codec.methods import Basis, Order
 from meshreel.codec.surface_payloads import what_order_loses
 from meshreel.codec.uv_errors import measure_uvs
 from meshreel.codec.uv_grid import has_uvs
-from meshreel.engine.engine import Engine
 from meshreel.errors import InvalidInputError
 from meshreel.formats.heeded_options import heeds
 from meshreel.formats.load import open_for_encoding
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.selection import with_surface
+from meshreel.runtime.engine.engine import Engine
 from meshreel.sequence import FrameSource
 from meshreel.surface_selection import ALL, chosen, describe_missing, missing_names
 

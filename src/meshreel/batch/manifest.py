@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from meshreel import __version__
-from meshreel.atomic_write import replace_when_done
 from meshreel.errors import InvalidInputError
+from meshreel.runtime.outputs.atomic import replace_when_done
 
 MANIFEST_NAME = "manifest.json"
 MADE_BY = "meshreel batch"

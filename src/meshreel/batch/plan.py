@@ -8,7 +8,7 @@ from meshreel.batch.discovery import BatchInput, find_inputs
 from meshreel.batch.encode_input import EncodeOptions
 from meshreel.batch.manifest import DONE, FAILED, PENDING, Manifest, Record, read_manifest
 from meshreel.formats.heeded_options import check_heeded
-from meshreel.outputs.checks import check_output_folder
+from meshreel.runtime.outputs.checks import check_output_folder
 
 
 @dataclass(frozen=True)

@@ -7,15 +7,15 @@ from functools import partial
 from typing import Any
 
 from meshreel import __version__
-from meshreel.atomic_write import replace_when_done
 from meshreel.batch.discovery import BatchInput
 from meshreel.batch.encode_input import Encoded, encode_input
 from meshreel.batch.failures import reason_of
 from meshreel.batch.manifest import DONE, FAILED, Record
 from meshreel.batch.plan import Plan
-from meshreel.engine.engine import Engine
-from meshreel.progress import Count, Progress, silent
-from meshreel.threads import in_background
+from meshreel.runtime.engine.engine import Engine
+from meshreel.runtime.outputs.atomic import replace_when_done
+from meshreel.runtime.progress import Count, Progress, silent
+from meshreel.runtime.threads import in_background
 
 
 @dataclass(frozen=True)

@@ -162,8 +162,8 @@ def batch_command(
 def _run(plan: "Plan", workers: int | None, scheduler: str | None) -> "BatchReport":
     from meshreel.batch.run import run_batch
     from meshreel.cli.console import progress_bar
-    from meshreel.engine.engine import open_engine
-    from meshreel.threads import n_cores
+    from meshreel.runtime.engine.engine import open_engine
+    from meshreel.runtime.threads import n_cores
 
     if not plan.to_encode:
         return run_batch(plan, None)

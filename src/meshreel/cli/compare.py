@@ -50,8 +50,8 @@ def compare_command(
     from meshreel.formats.sources import files_of_source
     from meshreel.metrics.alignment import find_alignment
     from meshreel.metrics.compare import compare
-    from meshreel.outputs.checks import check_ending, check_output_path
     from meshreel.rendering.plots import plot_error_per_frame, require_matplotlib
+    from meshreel.runtime.outputs.checks import check_ending, check_output_path
 
     if plot is not None:
         check_ending(plot, (".png",))

@@ -21,7 +21,7 @@ from rich.table import Table
 from meshreel.cli.option_names import all_in_option_names, in_option_names
 from meshreel.cli.progress_lines import progress_lines
 from meshreel.cli.progress_words import PaceClock
-from meshreel.progress import Progress
+from meshreel.runtime.progress import Progress
 
 SHOW_AFTER_S = 1.0
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from meshreel.codec.config import EncoderConfig
 from meshreel.formats.options import WriteOptions
-from meshreel.progress import Progress
+from meshreel.runtime.progress import Progress
 
 if TYPE_CHECKING:
     from meshreel.cli.encoded_file import EncodedFile

@@ -75,7 +75,7 @@ def decode_command(
     from meshreel.formats.reel import open, origin_of
     from meshreel.formats.save import save_frames
     from meshreel.formats.targets import check_save_target, numbering
-    from meshreel.profiling import profiled
+    from meshreel.runtime.profiling import profiled
 
     chosen = frame_slice(frames)
     bound = checked_bound(max_error, unit)

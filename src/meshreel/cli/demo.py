@@ -26,7 +26,6 @@ def demo_command(
 
     - `meshreel demo --frames 100 --out /tmp/flag`
     """
-    from meshreel.atomic_write import replace_when_done
     from meshreel.cli.console import print_json, print_table, progress_bar
     from meshreel.cli.figures import quality_rows, size_figures, size_rows
     from meshreel.codec.decoder import decode
@@ -35,12 +34,13 @@ def demo_command(
     from meshreel.flag import simulate_flag
     from meshreel.formats.save import save
     from meshreel.metrics.compare import compare
-    from meshreel.outputs.checks import check_output_folder, check_output_path
     from meshreel.rendering.picture import save_png
     from meshreel.rendering.scenes import Scene
     from meshreel.rendering.shots import telling_frames
     from meshreel.rendering.stills import still
     from meshreel.rendering.views import View
+    from meshreel.runtime.outputs.atomic import replace_when_done
+    from meshreel.runtime.outputs.checks import check_output_folder, check_output_path
 
     check_output_folder(out)
     out.mkdir(parents=True, exist_ok=True)

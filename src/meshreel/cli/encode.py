@@ -150,8 +150,8 @@ def encode_command(
     from meshreel.formats.options import ReadOptions
     from meshreel.formats.sources import files_of_source, natural_order
     from meshreel.formats.stretches import find_stretches
-    from meshreel.outputs.checks import check_ending, check_output_path
-    from meshreel.profiling import profiled
+    from meshreel.runtime.outputs.checks import check_ending, check_output_path
+    from meshreel.runtime.profiling import profiled
 
     target = output or Path(f"{_stem(inputs[0])}.reel")
     check_ending(target, (".reel",), OTHER_OUTPUTS)

@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from meshreel.codec.achieved import Achieved
     from meshreel.codec.inspect import StreamInfo
     from meshreel.codec.uv_errors import UvErrors
-    from meshreel.progress import Progress
+    from meshreel.runtime.progress import Progress
     from meshreel.sequence import FrameSource
 
 
@@ -67,14 +67,14 @@ def encode_file(
     progress: "Progress",
 ) -> EncodedFile:
     """Encode a sequence, write it and measure it."""
-    from meshreel.atomic_write import replace_when_done
     from meshreel.codec.achieved import measure_stream
     from meshreel.codec.encoder import encode
     from meshreel.codec.inspect import info
     from meshreel.codec.methods import Order
     from meshreel.codec.surface_payloads import what_order_loses
     from meshreel.codec.uv_errors import measure_uvs
-    from meshreel.profiling import stage
+    from meshreel.runtime.outputs.atomic import replace_when_done
+    from meshreel.runtime.profiling import stage
 
     data = encode(sequence, **vars(config), progress=progress)
     with stage("writing"), replace_when_done(target, overwrite=force) as temporary:

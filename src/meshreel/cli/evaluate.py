@@ -68,8 +68,8 @@ def evaluate_command(
     from meshreel.evaluation.sweeps import checked_coded_methods
     from meshreel.formats.load import load
     from meshreel.formats.sources import files_of_source
-    from meshreel.outputs.checks import check_output_folder
     from meshreel.rendering.plots import require_matplotlib
+    from meshreel.runtime.outputs.checks import check_output_folder
 
     chosen = checked_coded_methods(_names(methods))
     others = checked_peers(_names(peers))

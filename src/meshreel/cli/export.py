@@ -47,7 +47,7 @@ def export_command(
     from meshreel.formats.naming import errors_naming
     from meshreel.formats.options import ReadOptions
     from meshreel.formats.sources import files_of_source
-    from meshreel.outputs.checks import check_ending, check_output_path
+    from meshreel.runtime.outputs.checks import check_ending, check_output_path
     from meshreel.viewer.export import ALLOWED_ERROR, export_page
     from meshreel.viewer.page import page_text
 

@@ -53,8 +53,8 @@ def paper_command(
     from meshreel.flag import simulate_flag
     from meshreel.formats.load import load
     from meshreel.formats.sources import files_of_source
-    from meshreel.outputs.checks import check_output_folder
     from meshreel.rendering.plots import require_matplotlib
+    from meshreel.runtime.outputs.checks import check_output_folder
 
     chosen = checked_methods(name.strip() for name in methods.split(","))
     require_matplotlib()

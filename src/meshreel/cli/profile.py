@@ -5,7 +5,7 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
-from meshreel.profiling import Profile, StageTime
+from meshreel.runtime.profiling import Profile, StageTime
 
 BESIDE_NOTE = (
     "Indented stages are parts of the one above. Seconds beside are those of other threads: they "

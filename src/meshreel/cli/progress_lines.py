@@ -8,7 +8,7 @@ from contextlib import contextmanager, suppress
 from typing import TextIO
 
 from meshreel.cli.progress_words import PaceClock, clock_text
-from meshreel.progress import Progress
+from meshreel.runtime.progress import Progress
 
 FIRST_AFTER_S = 5.0
 EVERY_S = 10.0

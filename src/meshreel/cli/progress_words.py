@@ -4,7 +4,7 @@ import time
 from collections.abc import Callable
 
 from meshreel.counting import singular
-from meshreel.progress import Count
+from meshreel.runtime.progress import Count
 
 SURE_AFTER_S = 2.0
 """No time left is told before work has taken so long: it would jump about."""

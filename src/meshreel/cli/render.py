@@ -147,7 +147,6 @@ def render_command(
     from meshreel.formats.load import MAX_LOADED_BYTES, open_source
     from meshreel.formats.registry import holds_meshes
     from meshreel.formats.sources import files_of_source
-    from meshreel.outputs.checks import check_output_path
     from meshreel.rendering.film_files import save_film
     from meshreel.rendering.films import FILM_PX, GIF_PX, film
     from meshreel.rendering.picture import save_png
@@ -155,6 +154,7 @@ def render_command(
     from meshreel.rendering.shots import spread_frames, telling_frames
     from meshreel.rendering.stills import still
     from meshreel.rendering.views import guess_up, parse_view
+    from meshreel.runtime.outputs.checks import check_output_path
 
     ending = _checked_ending(output)
     is_film = ending != ".png"
@@ -212,8 +212,8 @@ def render_command(
 
 def _checked_ending(output: Path) -> str:
     """The ending of the output in small letters; a library that it needs is there."""
-    from meshreel.outputs.checks import check_ending
     from meshreel.rendering.film_files import require_ffmpeg
+    from meshreel.runtime.outputs.checks import check_ending
 
     ending = check_ending(output, ENDINGS)
     if ending == ".mp4":

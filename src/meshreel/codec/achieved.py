@@ -11,8 +11,8 @@ from meshreel.codec.reel_file import ReelFile
 from meshreel.connectivity.coder import encode_connectivity
 from meshreel.metrics.sted import sted
 from meshreel.metrics.streamed import streamed_errors
-from meshreel.profiling import staged
-from meshreel.progress import Count, Progress, silent
+from meshreel.runtime.profiling import staged
+from meshreel.runtime.progress import Count, Progress, silent
 from meshreel.sequence import FrameSource
 
 Vertices = npt.NDArray[np.floating]

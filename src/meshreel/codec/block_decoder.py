@@ -35,11 +35,11 @@ from meshreel.codec.surface_payloads import SURFACE_SECTIONS, read_start, read_s
 from meshreel.connectivity.coder import decode_connectivity, decode_order
 from meshreel.entropy.exact import decode_exact
 from meshreel.errors import CorruptStreamError, InvalidInputError
-from meshreel.profiling import staged
+from meshreel.runtime.profiling import staged
+from meshreel.runtime.threads import chunks, in_threads
 from meshreel.sequence import Faces
 from meshreel.subspace.trajectories import BoundingFrame, from_matrices
 from meshreel.surface import PLAIN, Surface
-from meshreel.threads import chunks, in_threads
 
 Vertices = npt.NDArray[np.floating]
 Floats = npt.NDArray[np.float64]

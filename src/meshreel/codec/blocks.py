@@ -14,8 +14,8 @@ from meshreel.codec.pipeline import CodedBlock, Quantized
 from meshreel.codec.reel import FieldBlock
 from meshreel.entropy.field_coder import decode_fields, encode_fields
 from meshreel.errors import CorruptStreamError
-from meshreel.profiling import stage
-from meshreel.threads import in_background
+from meshreel.runtime.profiling import stage
+from meshreel.runtime.threads import in_background
 
 
 @dataclass(frozen=True)

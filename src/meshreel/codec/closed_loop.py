@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.sparse import csr_array
 
-from meshreel.profiling import staged
+from meshreel.runtime.profiling import staged
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.codec.pipeline import FramesOf
-from meshreel.profiling import staged
+from meshreel.runtime.profiling import staged
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]

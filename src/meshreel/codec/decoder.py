@@ -7,7 +7,7 @@ import numpy as np
 from meshreel.bitstream.reader import read_stream
 from meshreel.codec.block_decoder import BlockDecoder
 from meshreel.errors import CorruptStreamError, InvalidInputError
-from meshreel.progress import Count, Progress, silent
+from meshreel.runtime.progress import Count, Progress, silent
 from meshreel.sequence import MeshSequence
 
 

@@ -17,8 +17,8 @@ from meshreel.codec.paper_encoder import PaperBlockCoder
 from meshreel.codec.reel_encoder import ReelEncoder
 from meshreel.codec.source import Source
 from meshreel.codec.uv_grid import check_uvs
-from meshreel.engine.engine import Engine
-from meshreel.progress import Count, Progress, silent
+from meshreel.runtime.engine.engine import Engine
+from meshreel.runtime.progress import Count, Progress, silent
 from meshreel.sequence import FrameSource
 from meshreel.surface_selection import ALL, Names, selected
 

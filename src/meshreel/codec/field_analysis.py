@@ -21,10 +21,10 @@ from meshreel.codec.reel import (
     reconstruct_times,
 )
 from meshreel.codec.timeline import time_predictors
-from meshreel.profiling import staged
 from meshreel.quantization.rate_distortion import FAIR_PRICE, quantize_by_rate
+from meshreel.runtime.profiling import staged
+from meshreel.runtime.threads import chunks, in_background, in_threads
 from meshreel.subspace.pca import joint_trajectories
-from meshreel.threads import chunks, in_background, in_threads
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]

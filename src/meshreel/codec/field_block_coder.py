@@ -19,8 +19,8 @@ from meshreel.codec.pipeline import FramesOf, product_frames
 from meshreel.codec.reel import FieldBlock, KeyFields, key_fields, synthesise_fields
 from meshreel.codec.source import CodedMesh, Piece
 from meshreel.errors import InvalidInputError
+from meshreel.runtime.threads import one_blas_thread
 from meshreel.subspace.trajectories import BoundingFrame, to_matrices
-from meshreel.threads import one_blas_thread
 
 Vertices = npt.NDArray[np.floating]
 

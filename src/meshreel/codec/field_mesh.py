@@ -15,7 +15,7 @@ from meshreel.entropy.passes import Pass
 from meshreel.geometry.connectivity import adjacency_matrix
 from meshreel.geometry.hierarchy import Scale, build_hierarchy
 from meshreel.geometry.prediction import Stencils, joined_stencils, smooth_stencils
-from meshreel.profiling import staged
+from meshreel.runtime.profiling import staged
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]

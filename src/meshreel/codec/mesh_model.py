@@ -11,8 +11,8 @@ from meshreel.codec.methods import Laplacian
 from meshreel.geometry.anchors import farthest_points
 from meshreel.geometry.connectivity import adjacency_matrix, component_labels, isolated_vertices
 from meshreel.geometry.laplacian import uniform_laplacian
-from meshreel.profiling import staged
 from meshreel.reconstruction.system import ReconstructionSystem
+from meshreel.runtime.profiling import staged
 from meshreel.sequence import Faces
 from meshreel.subspace.graph_fourier import graph_fourier_basis
 

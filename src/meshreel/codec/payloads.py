@@ -15,8 +15,8 @@ from meshreel.entropy.coder import decode_integers, encode_integers
 from meshreel.entropy.field_coder import decode_fields, encode_fields
 from meshreel.entropy.varint import read_varint, write_varint
 from meshreel.errors import CorruptStreamError, TruncatedStreamError, UnsupportedVersionError
-from meshreel.profiling import staged
 from meshreel.quantization.uniform import Steps
+from meshreel.runtime.profiling import staged
 
 Integers = npt.NDArray[np.int64]
 

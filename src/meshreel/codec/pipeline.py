@@ -10,9 +10,9 @@ from meshreel.codec.config import DEFAULT_FREQUENCIES, EncoderConfig
 from meshreel.codec.mesh_model import MeshModel
 from meshreel.codec.methods import Allocation, Basis, Method, Signal
 from meshreel.geometry.laplacian import delta_coordinates
-from meshreel.profiling import staged
 from meshreel.quantization.allocation import step_for_all_rows, steps_for_each_row
 from meshreel.quantization.uniform import Steps, dequantize, quantize
+from meshreel.runtime.profiling import staged
 from meshreel.subspace.basis import expand, project
 from meshreel.subspace.orthogonal_iteration import advance_basis, align_basis, ritz_vectors
 from meshreel.subspace.pca import autocorrelation, eigen_trajectories

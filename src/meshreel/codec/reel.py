@@ -23,7 +23,7 @@ from meshreel.codec.field_mesh import FieldMesh
 from meshreel.codec.timeline import time_predictors
 from meshreel.geometry.laplacian import reproducing_laplacian
 from meshreel.geometry.prediction import WeightLearner
-from meshreel.profiling import staged
+from meshreel.runtime.profiling import staged
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]

@@ -26,12 +26,12 @@ from meshreel.codec.targets import (
     finest_step,
     quality_step,
 )
-from meshreel.engine.engine import Engine
 from meshreel.errors import InvalidInputError, SolverError
 from meshreel.metrics.rate import rate_bpvf
-from meshreel.progress import Count, Progress
+from meshreel.runtime.engine.engine import Engine
+from meshreel.runtime.progress import Count, Progress
+from meshreel.runtime.threads import one_ahead
 from meshreel.subspace.trajectories import from_matrices
-from meshreel.threads import one_ahead
 
 FIRST_QUALITY = 75.0
 """Where the search for an error or a size begins."""

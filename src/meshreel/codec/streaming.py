@@ -11,7 +11,6 @@ from typing import Any, BinaryIO
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.atomic_write import os_errors_naming_output
 from meshreel.bitstream.writer import Sections
 from meshreel.codec.block_writer import BlockWriter
 from meshreel.codec.config import MAX_BLOCK_POSITIONS, EncoderConfig
@@ -21,7 +20,8 @@ from meshreel.codec.targets import Aim
 from meshreel.codec.uv_grid import check_uvs
 from meshreel.counting import counted
 from meshreel.errors import InvalidInputError
-from meshreel.outputs.checks import check_ending, check_output_path
+from meshreel.runtime.outputs.atomic import os_errors_naming_output
+from meshreel.runtime.outputs.checks import check_ending, check_output_path
 from meshreel.sequence import validate_faces, validate_fps, validate_start, validate_vertices
 from meshreel.surface import PLAIN, Surface
 

@@ -15,7 +15,7 @@ from meshreel.connectivity.general import decode_face_list, encode_face_list
 from meshreel.connectivity.order import decode_given_order, encode_order
 from meshreel.connectivity.traversal import decode_traversal, encode_traversal
 from meshreel.errors import CorruptStreamError, InvalidInputError
-from meshreel.profiling import staged
+from meshreel.runtime.profiling import staged
 from meshreel.sequence import Faces
 
 Integers = npt.NDArray[np.int64]

@@ -18,8 +18,8 @@ from meshreel.connectivity.vertex_order import (
 )
 from meshreel.entropy.varint import read_varint, write_varint
 from meshreel.errors import CorruptStreamError
+from meshreel.runtime.threads import in_threads
 from meshreel.sequence import Faces
-from meshreel.threads import in_threads
 
 Integers = npt.NDArray[np.int64]
 

@@ -11,7 +11,7 @@ from meshreel.entropy.models import LEVEL_FREQUENCIES, read_tables, table_levels
 from meshreel.entropy.tokens import N_TOKENS, TOKEN_WIDTHS, join_integers, split_integers
 from meshreel.entropy.varint import read_varint, write_varint
 from meshreel.errors import CorruptStreamError
-from meshreel.profiling import staged
+from meshreel.runtime.profiling import staged
 
 Integers = npt.NDArray[np.int64]
 

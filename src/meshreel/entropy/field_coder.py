@@ -37,7 +37,7 @@ from meshreel.entropy.tokens import MAX_MAGNITUDE
 from meshreel.entropy.value_model import ValueModel, coarse, detail_widths
 from meshreel.entropy.varint import read_varint, write_varint
 from meshreel.errors import CorruptStreamError, InvalidInputError
-from meshreel.profiling import staged
+from meshreel.runtime.profiling import staged
 
 Integers = npt.NDArray[np.int64]
 

@@ -18,7 +18,7 @@ from meshreel.metrics.displacement import displacement_errors_percent
 from meshreel.metrics.kg import kg_error_percent
 from meshreel.metrics.rate import rate_bpvf
 from meshreel.metrics.sted import sted
-from meshreel.progress import Progress, silent
+from meshreel.runtime.progress import Progress, silent
 from meshreel.sequence import MeshSequence, Vertices
 
 METHOD, PEER = "method", "peer"

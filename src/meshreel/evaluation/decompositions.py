@@ -5,7 +5,7 @@ import time
 
 from meshreel.evaluation.store import Result, Store
 from meshreel.geometry.laplacian import uniform_laplacian
-from meshreel.progress import Progress, silent
+from meshreel.runtime.progress import Progress, silent
 from meshreel.sequence import MeshSequence
 from meshreel.subspace.graph_fourier import graph_fourier_basis
 

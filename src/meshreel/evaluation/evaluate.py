@@ -17,8 +17,8 @@ from meshreel.evaluation.peers.registry import PEERS
 from meshreel.evaluation.recorded import RecordedPoint, matching
 from meshreel.evaluation.store import Result, Store, claim_folder, unique_names
 from meshreel.evaluation.sweeps import DEFAULT_METHODS, method_sweep
-from meshreel.progress import Count, Progress, silent
 from meshreel.rendering.plots import require_matplotlib
+from meshreel.runtime.progress import Count, Progress, silent
 from meshreel.sequence import MeshSequence
 
 PROGRAM = "meshreel evaluate"

@@ -21,8 +21,8 @@ from meshreel.evaluation.results import (
 from meshreel.evaluation.runner import run
 from meshreel.evaluation.settings import METHOD_NAMES, Setting, row_settings, sweep, variants
 from meshreel.evaluation.store import Result, Store, claim_folder, unique_names
-from meshreel.progress import Count, Progress, silent
 from meshreel.rendering.plots import require_matplotlib
+from meshreel.runtime.progress import Count, Progress, silent
 from meshreel.sequence import MeshSequence
 
 

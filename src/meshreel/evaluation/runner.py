@@ -10,7 +10,6 @@ from typing import Any, TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.atomic_write import replace_when_done
 from meshreel.codec.decoder import decode
 from meshreel.codec.encoder import encode
 from meshreel.codec.inspect import bits_per_row, coded_blocks, info
@@ -20,7 +19,8 @@ from meshreel.evaluation.paper_count import paper_count
 from meshreel.evaluation.settings import Setting
 from meshreel.evaluation.store import Result, Store
 from meshreel.metrics.compare import compare
-from meshreel.progress import Progress, silent
+from meshreel.runtime.outputs.atomic import replace_when_done
+from meshreel.runtime.progress import Progress, silent
 from meshreel.sequence import MeshSequence
 
 REPEAT_BELOW_S = 2.0

@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import Any
 
 from meshreel import __version__
-from meshreel.atomic_write import replace_when_done
 from meshreel.errors import InvalidInputError
 from meshreel.evaluation.settings import Setting
+from meshreel.runtime.outputs.atomic import replace_when_done
 from meshreel.sequence import MeshSequence
 
 LAYOUT = 1

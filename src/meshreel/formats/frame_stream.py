@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from meshreel.counting import counted
 from meshreel.errors import InvalidInputError
-from meshreel.progress import Count, Progress, silent
+from meshreel.runtime.progress import Count, Progress, silent
 from meshreel.sequence import (
     MeshSequence,
     Vertices,

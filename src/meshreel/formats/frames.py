@@ -13,7 +13,7 @@ from meshreel.formats.meshes.welding import Weld, weld_corners
 from meshreel.formats.stored_frames import StoredFrames
 from meshreel.formats.survey import FrameSurvey
 from meshreel.geometry.fans import triangulate_fans
-from meshreel.progress import Progress
+from meshreel.runtime.progress import Progress
 from meshreel.sequence import Faces, MeshSequence, Vertices
 from meshreel.surface import PLAIN, Surface
 

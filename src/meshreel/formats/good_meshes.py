@@ -10,7 +10,7 @@ from meshreel.errors import FormatError, MeshReelError
 from meshreel.formats.left_out import listed, note_left_out
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.scene import SceneMesh
-from meshreel.progress import Count
+from meshreel.runtime.progress import Count
 from meshreel.sequence import validate_finite
 
 MAX_NAMED = 8

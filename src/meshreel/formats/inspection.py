@@ -18,7 +18,7 @@ from meshreel.formats.scene import SceneMesh
 from meshreel.formats.scene_source import wanted_meshes
 from meshreel.formats.sources import Source, SourceFiles, find_files
 from meshreel.formats.timing import frame_times
-from meshreel.progress import Count, Progress
+from meshreel.runtime.progress import Count, Progress
 from meshreel.sequence import FrameSource, bounding_boxes, validate_finite
 
 

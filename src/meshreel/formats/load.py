@@ -12,8 +12,8 @@ from meshreel.formats.mesh_files import MeshFiles
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.selection import with_attributes
 from meshreel.formats.sources import Source, SourceFiles, find_files
-from meshreel.profiling import staged
-from meshreel.progress import Progress, silent
+from meshreel.runtime.profiling import staged
+from meshreel.runtime.progress import Progress, silent
 from meshreel.sequence import FrameSource, MeshSequence, validate_fps
 from meshreel.surface_selection import ALL, Names
 

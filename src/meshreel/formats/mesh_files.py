@@ -14,7 +14,7 @@ from meshreel.formats.left_out import note_frozen
 from meshreel.formats.naming import errors_naming, os_errors_naming
 from meshreel.formats.polygons import PolygonMesh
 from meshreel.formats.stored_frames import changed_error
-from meshreel.progress import Count, Progress
+from meshreel.runtime.progress import Count, Progress
 from meshreel.sequence import Vertices, validate_finite
 from meshreel.surface import PLAIN, Surface
 from meshreel.surface_selection import differing_names

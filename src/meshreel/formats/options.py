@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from meshreel.progress import Progress, silent
+from meshreel.runtime.progress import Progress, silent
 from meshreel.surface_selection import ALL, Names
 
 

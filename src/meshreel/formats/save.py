@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.atomic_write import replace_all_when_done
 from meshreel.codec.decoder import start_of
 from meshreel.codec.reel_file import ReelFile
 from meshreel.errors import FormatError, InvalidInputError
@@ -20,8 +19,9 @@ from meshreel.formats.registry import FRAME_FORMATS, format_of
 from meshreel.formats.sources import AnyPath
 from meshreel.formats.targets import DEFAULT_OPTIONS, check_save_target, is_pattern, numbering
 from meshreel.formats.unwritten import note_unwritten_look
-from meshreel.profiling import staged
-from meshreel.progress import Progress, silent
+from meshreel.runtime.outputs.atomic import replace_all_when_done
+from meshreel.runtime.profiling import staged
+from meshreel.runtime.progress import Progress, silent
 from meshreel.sequence import FrameSource, Vertices
 from meshreel.surface import PLAIN, Surface
 

@@ -18,7 +18,7 @@ from meshreel.formats.stored_frames import StoredFrames
 from meshreel.formats.survey import FrameSurvey
 from meshreel.formats.timing import frame_times
 from meshreel.geometry.fans import triangulate_fans
-from meshreel.progress import Count
+from meshreel.runtime.progress import Count
 from meshreel.sequence import FrameSource, MeshSequence, Vertices, validate_finite
 
 

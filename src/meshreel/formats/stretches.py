@@ -16,7 +16,7 @@ from meshreel.formats.polygons import PolygonMesh
 from meshreel.formats.scene_source import chosen_mesh, part_of, sequence_of
 from meshreel.formats.selection import with_attributes
 from meshreel.formats.sources import Source, SourceFiles, find_files
-from meshreel.progress import Count
+from meshreel.runtime.progress import Count
 from meshreel.sequence import FrameSource
 
 

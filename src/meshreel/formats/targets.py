@@ -11,7 +11,7 @@ from meshreel.formats.kinds import SequenceFormat
 from meshreel.formats.options import WriteOptions
 from meshreel.formats.registry import FORMATS, format_of, is_written
 from meshreel.formats.sources import AnyPath
-from meshreel.outputs.checks import check_output_paths
+from meshreel.runtime.outputs.checks import check_output_paths
 
 NUMBER_FIELD = re.compile(r"%(0?)(\d{0,2})d")
 DEFAULT_OPTIONS = WriteOptions()

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from scipy.sparse import coo_array, csr_array
 
 from meshreel.geometry.connectivity import neighbours_of
-from meshreel.threads import chunks, in_threads
+from meshreel.runtime.threads import chunks, in_threads
 
 Integers = npt.NDArray[np.int64]
 Levels = npt.NDArray[np.int8]

@@ -6,9 +6,9 @@ from scipy.sparse import csr_array, diags_array
 
 from meshreel.errors import InvalidInputError
 from meshreel.geometry.connectivity import adjacency_matrix
-from meshreel.profiling import staged
+from meshreel.runtime.profiling import staged
+from meshreel.runtime.threads import chunks, in_threads
 from meshreel.sequence import Faces
-from meshreel.threads import chunks, in_threads
 
 Floats = npt.NDArray[np.float64]
 

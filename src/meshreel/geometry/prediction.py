@@ -16,8 +16,8 @@ from scipy.sparse import csr_array
 from scipy.special import ive
 
 from meshreel.geometry.hierarchy import Scale, scattered
-from meshreel.profiling import staged
-from meshreel.threads import chunks, in_threads
+from meshreel.runtime.profiling import staged
+from meshreel.runtime.threads import chunks, in_threads
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]

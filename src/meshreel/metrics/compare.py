@@ -14,7 +14,7 @@ from meshreel.metrics.nmsve import nmsve_per_frame
 from meshreel.metrics.normals import normal_angles
 from meshreel.metrics.reference import bounding_box_reference
 from meshreel.metrics.sted import sted
-from meshreel.progress import Progress, silent
+from meshreel.runtime.progress import Progress, silent
 from meshreel.sequence import Faces, FrameSource, MeshSequence
 
 Floats = npt.NDArray[np.float64]

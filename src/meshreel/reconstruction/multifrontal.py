@@ -9,7 +9,7 @@ from scipy.sparse import csc_array, csr_array, tril
 from meshreel.errors import SolverError
 from meshreel.reconstruction.assembly_tree import Front, elimination_of, fronts_of
 from meshreel.reconstruction.dissection import nested_dissection
-from meshreel.threads import chunks, in_threads
+from meshreel.runtime.threads import chunks, in_threads
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]

@@ -12,10 +12,10 @@ import numpy as np
 from PIL import GifImagePlugin, ImageChops
 from PIL import Image as PillowImage
 
-from meshreel.atomic_write import replace_when_done
 from meshreel.errors import FormatError, InvalidInputError
-from meshreel.progress import Count, Progress, silent
 from meshreel.rendering.films import Film
+from meshreel.runtime.outputs.atomic import replace_when_done
+from meshreel.runtime.progress import Count, Progress, silent
 
 GIF_MAX_FPS = 50.0
 """Browsers slow down what is shown for less than 2 hundredths of a second."""

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 
 from PIL import Image as PillowImage
 
-from meshreel.progress import Progress, silent
 from meshreel.rendering.framing import framing_of
 from meshreel.rendering.layout import Place
 from meshreel.rendering.scenes import ChosenFrames, HeatScale, Scene
@@ -19,6 +18,7 @@ from meshreel.rendering.shots import (
     spread_frames,
 )
 from meshreel.rendering.views import Turntable, View, swept_points, turntable
+from meshreel.runtime.progress import Progress, silent
 
 FILM_PX, GIF_PX = (1280, 720), (800, 450)
 """What a picture takes at most when no size is given; a GIF has no room for large ones."""

@@ -9,8 +9,8 @@ from meshreel.geometry.normals import face_normals, vertex_normals
 from meshreel.rendering.camera import Camera, Floats
 from meshreel.rendering.shading import Singles, shade
 from meshreel.rendering.visibility import Integers, signed_areas
+from meshreel.runtime.threads import chunks
 from meshreel.sequence import Faces
-from meshreel.threads import chunks
 
 Image = npt.NDArray[np.uint8]
 Color = tuple[int, int, int]

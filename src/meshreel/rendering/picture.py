@@ -9,7 +9,6 @@ import numpy.typing as npt
 from PIL import Image as PillowImage
 from PIL import ImageDraw
 
-from meshreel.atomic_write import replace_when_done
 from meshreel.errors import InvalidInputError
 from meshreel.rendering.lettering import (
     FAINT_INK,
@@ -19,6 +18,7 @@ from meshreel.rendering.lettering import (
     line_height_px,
     wrap_text,
 )
+from meshreel.runtime.outputs.atomic import replace_when_done
 
 Panel = npt.NDArray[np.uint8] | PillowImage.Image
 

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.atomic_write import replace_when_done
 from meshreel.errors import InvalidInputError
+from meshreel.runtime.outputs.atomic import replace_when_done
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

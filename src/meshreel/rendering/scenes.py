@@ -10,12 +10,12 @@ from meshreel.errors import InvalidInputError
 from meshreel.metrics.compare import require_comparable
 from meshreel.metrics.heat import HEATS, Field, heat_field
 from meshreel.metrics.reference import reference_of_box
-from meshreel.progress import Count, Progress, silent
 from meshreel.rendering.camera import Camera
 from meshreel.rendering.colormap import colorize, round_up
 from meshreel.rendering.painting import Color, Image
 from meshreel.rendering.rasterizer import CLAY, render
 from meshreel.rendering.surface_colors import surface_colors
+from meshreel.runtime.progress import Count, Progress, silent
 from meshreel.sequence import FrameSource
 
 HEAT_PERCENTILE = 99.5

@@ -9,7 +9,7 @@ from meshreel.rendering.camera import Camera
 from meshreel.rendering.painting import Image
 from meshreel.rendering.scenes import Frame, HeatScale, Scene
 from meshreel.rendering.sheets import Words
-from meshreel.threads import in_threads, n_cores, one_blas_thread
+from meshreel.runtime.threads import in_threads, n_cores, one_blas_thread
 
 Shot = tuple[int, Camera]
 """The number of a frame, and the camera that sees it."""

@@ -4,7 +4,6 @@ from collections.abc import Sequence
 
 from PIL import Image as PillowImage
 
-from meshreel.progress import Count, Progress, silent
 from meshreel.rendering.framing import framing_of
 from meshreel.rendering.layout import Place
 from meshreel.rendering.painting import Image
@@ -18,6 +17,7 @@ from meshreel.rendering.shots import (
     spread_frames,
 )
 from meshreel.rendering.views import View
+from meshreel.runtime.progress import Count, Progress, silent
 
 STILL_PX: Place = (1600, 1000)
 """What a sheet takes at most when no size is given."""

@@ -4,7 +4,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.linalg import eigh
 
-from meshreel.threads import chunks, in_threads, one_blas_thread
+from meshreel.runtime.threads import chunks, in_threads, one_blas_thread
 
 Floats = npt.NDArray[np.float64]
 

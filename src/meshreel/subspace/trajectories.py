@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.profiling import staged
+from meshreel.runtime.profiling import staged
 from meshreel.sequence import Extent
 
 Floats = npt.NDArray[np.float64]

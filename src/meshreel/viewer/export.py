@@ -7,10 +7,10 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from meshreel.atomic_write import replace_when_done
 from meshreel.errors import InvalidInputError
 from meshreel.metrics.heat import HEATS
-from meshreel.progress import Progress, silent
+from meshreel.runtime.outputs.atomic import replace_when_done
+from meshreel.runtime.progress import Progress, silent
 from meshreel.viewer.api import Api, finite
 from meshreel.viewer.page import MARKER, page_text
 

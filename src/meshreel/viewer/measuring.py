@@ -12,7 +12,7 @@ from meshreel.metrics.heat import HEATS
 from meshreel.metrics.nmsve import FrameNmsve
 from meshreel.metrics.reference import paired_frames
 from meshreel.metrics.streamed import ErrorSums, StreamedErrors
-from meshreel.progress import Progress, silent
+from meshreel.runtime.progress import Progress, silent
 from meshreel.sequence import Vertices
 from meshreel.viewer.comparison import Comparison, Heats
 

@@ -12,8 +12,8 @@ from meshreel.batch.manifest import MANIFEST_NAME
 from meshreel.batch.plan import plan_batch
 from meshreel.batch.run import run_batch
 from meshreel.codec.config import EncoderConfig
-from meshreel.engine.engine import Engine, open_engine
 from meshreel.errors import InvalidInputError
+from meshreel.runtime.engine.engine import Engine, open_engine
 from sample_clusters import local_cluster
 from sample_engines import InlineWorkers
 from sample_meshes import waving_grid

@@ -7,7 +7,7 @@ import time
 import pytest
 
 from meshreel.cli.progress_lines import progress_lines
-from meshreel.progress import Count
+from meshreel.runtime.progress import Count
 
 
 class Lines(io.StringIO):

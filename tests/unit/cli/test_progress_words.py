@@ -1,7 +1,7 @@
 import pytest
 
 from meshreel.cli.progress_words import PaceClock, clock_text, pace_text
-from meshreel.progress import Count
+from meshreel.runtime.progress import Count
 
 
 class FakeTime:

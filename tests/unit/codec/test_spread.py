@@ -9,10 +9,10 @@ from meshreel.codec.config import EncoderConfig
 from meshreel.codec.encoder import encode
 from meshreel.codec.field_block_coder import FieldBlockCoder, field_mesh_of
 from meshreel.codec.source import Source
-from meshreel.engine.engine import Engine, open_engine
 from meshreel.formats.load import open_source
 from meshreel.formats.save import save
 from meshreel.formats.stored_frames import StoredFrames
+from meshreel.runtime.engine.engine import Engine, open_engine
 from sample_engines import InlineWorkers
 from sample_meshes import irregular_sequence, waving_grid
 from sample_waiting import TEST_S, time_limit

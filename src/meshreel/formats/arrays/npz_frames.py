@@ -25,7 +25,7 @@ from meshreel.formats.naming import errors_naming, os_errors_naming
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.stored_frames import StoredFrames, changed_error
 from meshreel.formats.survey import FrameSurvey
-from meshreel.progress import Count
+from meshreel.runtime.progress import Count
 from meshreel.sequence import FrameSource, Vertices, validate_finite
 
 LOCAL_HEADER = struct.Struct("<26xHH")  # of a member of a zip file; its name and an extra follow

@@ -22,8 +22,8 @@ from meshreel.formats.gltf.quantized import (
     integer_targets,
     project,
 )
+from meshreel.runtime.threads import chunks, in_threads
 from meshreel.subspace.pca import joint_trajectories
-from meshreel.threads import chunks, in_threads
 
 Floats = npt.NDArray[np.float32]
 

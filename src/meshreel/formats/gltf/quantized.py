@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.threads import chunks, in_threads
+from meshreel.runtime.threads import chunks, in_threads
 
 Floats = npt.NDArray[np.float32]
 

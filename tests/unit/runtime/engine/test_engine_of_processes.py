@@ -9,10 +9,10 @@ from functools import partial
 
 import pytest
 
-from meshreel.engine.engine import Engine, open_engine
-from meshreel.engine.processes import ProcessWorkers
 from meshreel.errors import InvalidInputError, WorkerDiedError
-from meshreel.threads import n_cores
+from meshreel.runtime.engine.engine import Engine, open_engine
+from meshreel.runtime.engine.processes import ProcessWorkers
+from meshreel.runtime.threads import n_cores
 from sample_tasks import (
     cores_and_blas_threads,
     die_always,
@@ -195,7 +195,7 @@ def test_processes_end_when_the_engine_is_closed():
 
 
 def test_process_is_killed_when_it_does_not_end_by_itself(monkeypatch):
-    monkeypatch.setattr("meshreel.engine.processes.END_S", 0.2)
+    monkeypatch.setattr("meshreel.runtime.engine.processes.END_S", 0.2)
     with open_engine(1) as engine:
         process = engine.submit(process_id).result(60)
         os.kill(process, signal.SIGSTOP)

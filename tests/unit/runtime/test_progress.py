@@ -1,6 +1,6 @@
 import pytest
 
-from meshreel.progress import Count
+from meshreel.runtime.progress import Count
 
 
 def test_count_is_the_share_and_remembers_both_numbers():

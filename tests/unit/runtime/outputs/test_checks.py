@@ -4,7 +4,7 @@ from pathlib import Path
 import pytest
 
 from meshreel.errors import InvalidInputError
-from meshreel.outputs.checks import (
+from meshreel.runtime.outputs.checks import (
     check_ending,
     check_output_folder,
     check_output_path,

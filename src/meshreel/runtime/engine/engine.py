@@ -8,7 +8,7 @@ from itertools import islice
 from typing import Any, Protocol, TypeVar
 
 from meshreel.errors import InvalidInputError
-from meshreel.threads import n_cores
+from meshreel.runtime.threads import n_cores
 
 Result = TypeVar("Result")
 Arguments = TypeVar("Arguments", bound=tuple[Any, ...])
@@ -184,12 +184,12 @@ def open_engine(
             raise InvalidInputError(
                 "max_wait_s is of a scheduler; processes here are not waited for"
             )
-        from meshreel.engine.processes import ProcessWorkers
+        from meshreel.runtime.engine.processes import ProcessWorkers
 
         return Engine(ProcessWorkers(n_cores() if n_workers is None else n_workers))
     if n_workers is not None:
         raise InvalidInputError("workers are the scheduler's to count; give one of the two")
-    from meshreel.engine.dask_cluster import MAX_WAIT_S, DaskWorkers
+    from meshreel.runtime.engine.dask_cluster import MAX_WAIT_S, DaskWorkers
 
     return Engine(DaskWorkers(scheduler, MAX_WAIT_S if max_wait_s is None else max_wait_s))
 

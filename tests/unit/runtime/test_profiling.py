@@ -5,8 +5,8 @@ import time
 
 import pytest
 
-from meshreel.profiling import profiled, stage, staged
-from meshreel.threads import in_background, in_threads
+from meshreel.runtime.profiling import profiled, stage, staged
+from meshreel.runtime.threads import in_background, in_threads
 
 PAUSE_S = 0.02
 

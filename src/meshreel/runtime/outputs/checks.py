@@ -5,7 +5,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from meshreel.errors import InvalidInputError
-from meshreel.outputs.hidden_folders import hidden_folder
+from meshreel.runtime.outputs.hidden_folders import hidden_folder
 
 
 def check_output_path(path: Path, *, overwrite: bool, inputs: Iterable[Path] = ()) -> None:

@@ -2,8 +2,8 @@
 
 import pytest
 
-from meshreel.engine import worker_watch
-from meshreel.engine.worker_watch import WorkerCount, WorkerWatch
+from meshreel.runtime.engine import worker_watch
+from meshreel.runtime.engine.worker_watch import WorkerCount, WorkerWatch
 
 ADDRESS = "tcp://10.0.0.5:8786"
 

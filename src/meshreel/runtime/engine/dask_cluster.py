@@ -15,10 +15,10 @@ from concurrent.futures import CancelledError, Future
 from functools import partial
 from typing import Any, TypeVar
 
-from meshreel.engine.cluster_call import ClusterCall
-from meshreel.engine.worker_watch import WorkerCount, WorkerWatch
 from meshreel.errors import InvalidInputError, WorkerDiedError
-from meshreel.threads import limit_cores, n_cores, one_blas_thread
+from meshreel.runtime.engine.cluster_call import ClusterCall
+from meshreel.runtime.engine.worker_watch import WorkerCount, WorkerWatch
+from meshreel.runtime.threads import limit_cores, n_cores, one_blas_thread
 
 Result = TypeVar("Result")
 

@@ -8,7 +8,14 @@ import numpy as np
 import pytest
 from threadpoolctl import threadpool_info
 
-from meshreel.threads import chunks, in_background, in_threads, n_cores, one_ahead, one_blas_thread
+from meshreel.runtime.threads import (
+    chunks,
+    in_background,
+    in_threads,
+    n_cores,
+    one_ahead,
+    one_blas_thread,
+)
 
 COUNTS = [0, 1, 2, 3, 50]
 

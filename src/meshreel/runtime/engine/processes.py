@@ -16,7 +16,7 @@ from multiprocessing.connection import Connection
 from typing import Any, TypeVar
 
 from meshreel.errors import InvalidInputError, WorkerDiedError
-from meshreel.threads import limit_cores, n_cores, one_blas_thread
+from meshreel.runtime.threads import limit_cores, n_cores, one_blas_thread
 
 Result = TypeVar("Result")
 

@@ -6,8 +6,8 @@ import sys
 
 import pytest
 
-from meshreel.atomic_write import replace_all_when_done, replace_when_done
 from meshreel.errors import InvalidInputError
+from meshreel.runtime.outputs.atomic import replace_all_when_done, replace_when_done
 
 
 def test_replace_writes_the_file_when_the_block_succeeds(tmp_path):
@@ -110,7 +110,7 @@ def test_replace_leaves_no_folder_when_the_block_fails(tmp_path):
 def test_replace_removes_what_a_killed_process_left(tmp_path):
     killed = (
         "import os, signal, sys; from pathlib import Path; "
-        "from meshreel.atomic_write import replace_when_done\n"
+        "from meshreel.runtime.outputs.atomic import replace_when_done\n"
         "with replace_when_done(Path(sys.argv[1])) as temporary:\n"
         "    temporary.touch(); os.kill(os.getpid(), signal.SIGKILL)"
     )

@@ -5,14 +5,14 @@ import sys
 
 import pytest
 
-from meshreel.outputs.hidden_folders import hidden_folder, remove_abandoned
+from meshreel.runtime.outputs.hidden_folders import hidden_folder, remove_abandoned
 
 pytestmark = pytest.mark.skipif(not hasattr(os, "geteuid"), reason="nothing is removed here")
 
 KILLED = """
 import os, signal, sys
 from pathlib import Path
-from meshreel.outputs.hidden_folders import hidden_folder
+from meshreel.runtime.outputs.hidden_folders import hidden_folder
 with hidden_folder(Path(sys.argv[1])) as folder:
     (folder / "half.npz").touch()
     os.kill(os.getpid(), signal.SIGKILL)

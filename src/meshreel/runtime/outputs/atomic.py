@@ -5,8 +5,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
-from meshreel.outputs.checks import check_output_paths, check_replaceable
-from meshreel.outputs.hidden_folders import hidden_folder, remove_abandoned
+from meshreel.runtime.outputs.checks import check_output_paths, check_replaceable
+from meshreel.runtime.outputs.hidden_folders import hidden_folder, remove_abandoned
 
 
 @contextmanager
@@ -19,7 +19,7 @@ def replace_when_done(path: Path, *, overwrite: bool = False) -> Iterator[Path]:
     Raises
     ------
     InvalidInputError
-        As `meshreel.outputs.checks.check_output_path`.
+        As `meshreel.runtime.outputs.checks.check_output_path`.
     OSError
         Naming `path`, where the system refuses to write more.
     """

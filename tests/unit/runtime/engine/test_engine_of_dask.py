@@ -10,8 +10,8 @@ from functools import partial
 
 import pytest
 
-from meshreel.engine.engine import open_engine
 from meshreel.errors import InvalidInputError, WorkerDiedError
+from meshreel.runtime.engine.engine import open_engine
 from sample_clusters import local_cluster
 from sample_tasks import (
     cores_and_blas_threads,
@@ -118,7 +118,7 @@ def test_engine_is_left_at_once_when_calls_still_run_and_wait(cluster):
 
 
 def test_engine_is_refused_when_no_scheduler_answers(monkeypatch):
-    monkeypatch.setattr("meshreel.engine.dask_cluster.CONNECT_S", 0.5)
+    monkeypatch.setattr("meshreel.runtime.engine.dask_cluster.CONNECT_S", 0.5)
     with pytest.raises(InvalidInputError, match="no Dask scheduler answers at 'tcp://127"):
         open_engine(scheduler="tcp://127.0.0.1:9")
 
@@ -144,8 +144,8 @@ def test_calls_fail_instead_of_hanging_when_the_scheduler_goes():
 @pytest.fixture
 def words(monkeypatch, caplog):
     """What is logged while calls wait, which is soon and often here."""
-    monkeypatch.setattr("meshreel.engine.worker_watch.LOOK_EVERY_S", 0.05)
-    monkeypatch.setattr("meshreel.engine.worker_watch.FIRST_WORD_S", 0.2)
+    monkeypatch.setattr("meshreel.runtime.engine.worker_watch.LOOK_EVERY_S", 0.05)
+    monkeypatch.setattr("meshreel.runtime.engine.worker_watch.FIRST_WORD_S", 0.2)
     return caplog
 
 
