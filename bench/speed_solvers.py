@@ -13,10 +13,10 @@ import numpy.typing as npt
 from scipy.sparse import csc_array, csr_array, diags_array
 
 import meshreel
-from meshreel.codec.mesh_model import choose_anchors
 from meshreel.geometry.laplacian import uniform_laplacian
-from meshreel.reconstruction.multifrontal import MultifrontalSolver
-from meshreel.reconstruction.solver import Solve, _cholespy_solve, _splu_solve
+from meshreel.paper.mesh_model import choose_anchors
+from meshreel.paper.reconstruction.multifrontal import MultifrontalSolver
+from meshreel.paper.reconstruction.solver import Solve, _cholespy_solve, _splu_solve
 from meshreel.runtime.threads import limit_cores
 from speed_inputs import add_inputs, sources
 from speed_timing import Patience, Tasks, medians, timed_in_turn

@@ -15,10 +15,10 @@ from meshreel.codec.field_block_coder import (
     field_mesh_of,
 )
 from meshreel.codec.methods import Basis
-from meshreel.codec.paper_encoder import PaperBlockCoder
 from meshreel.codec.rate_control import least_cost
 from meshreel.codec.source import CodedMesh
 from meshreel.codec.targets import STEPS_OF_BOUND, Aim, checked_step, finest_step, quality_step
+from meshreel.paper.encoder import PaperBlockCoder
 from meshreel.sequence import extent_of
 from meshreel.subspace.trajectories import BoundingFrame, bounding_frame
 

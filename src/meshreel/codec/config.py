@@ -29,7 +29,7 @@ from meshreel.codec.targets import (
 from meshreel.codec.uv_grid import check_uv_bits
 from meshreel.counting import counted
 from meshreel.errors import InvalidInputError
-from meshreel.quantization.uniform import MAX_BITS, MIN_BITS
+from meshreel.paper.quantization.uniform import MAX_BITS, MIN_BITS
 
 DEFAULT_METHOD = "reel"
 DEFAULT_ENERGY = 0.99995

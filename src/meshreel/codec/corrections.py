@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.codec.pipeline import FramesOf
+from meshreel.paper.pipeline import FramesOf
 from meshreel.runtime.profiling import staged
 
 Floats = npt.NDArray[np.float64]

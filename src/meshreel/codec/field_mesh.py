@@ -9,12 +9,12 @@ import numpy.typing as npt
 from scipy.sparse import csr_array
 
 from meshreel.codec.closed_loop import Predictor
-from meshreel.codec.mesh_model import MeshModel
 from meshreel.codec.methods import Laplacian
 from meshreel.entropy.passes import Pass
 from meshreel.geometry.connectivity import adjacency_matrix
 from meshreel.geometry.hierarchy import Scale, build_hierarchy
 from meshreel.geometry.prediction import Stencils, joined_stencils, smooth_stencils
+from meshreel.paper.mesh_model import MeshModel
 from meshreel.runtime.profiling import staged
 
 Floats = npt.NDArray[np.float64]

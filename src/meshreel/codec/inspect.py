@@ -12,10 +12,10 @@ from meshreel.codec.block_decoder import BlockDecoder, read_mesh
 from meshreel.codec.blocks import Dictionaries, read_coded_block, stored_blocks
 from meshreel.codec.methods import Basis, Laplacian, Order, choice_of_code, method_of_code
 from meshreel.codec.payloads import read_promise
-from meshreel.codec.pipeline import CodedBlock
 from meshreel.entropy.coder import encode_integers
 from meshreel.errors import InvalidInputError
 from meshreel.materials import Image, Material
+from meshreel.paper.pipeline import CodedBlock
 from meshreel.surface import Domain, Surface
 
 

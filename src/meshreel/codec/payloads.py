@@ -8,14 +8,14 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.codec.corrections import Corrections
-from meshreel.codec.pipeline import Quantized
 from meshreel.codec.reel import MAX_TAP, N_TAPS, Layout
 from meshreel.codec.timeline import COARSEST, time_passes
 from meshreel.entropy.coder import decode_integers, encode_integers
 from meshreel.entropy.field_coder import decode_fields, encode_fields
 from meshreel.entropy.varint import read_varint, write_varint
 from meshreel.errors import CorruptStreamError, TruncatedStreamError, UnsupportedVersionError
-from meshreel.quantization.uniform import Steps
+from meshreel.paper.pipeline import Quantized
+from meshreel.paper.quantization.uniform import Steps
 from meshreel.runtime.profiling import staged
 
 Integers = npt.NDArray[np.int64]

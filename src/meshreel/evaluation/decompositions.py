@@ -5,9 +5,9 @@ import time
 
 from meshreel.evaluation.store import Result, Store
 from meshreel.geometry.laplacian import uniform_laplacian
+from meshreel.paper.subspace.graph_fourier import graph_fourier_basis
 from meshreel.runtime.progress import Progress, silent
 from meshreel.sequence import MeshSequence
-from meshreel.subspace.graph_fourier import graph_fourier_basis
 
 N_DECOMPOSITIONS = 2
 _KEY = "decompositions"

@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 
 from meshreel.codec.inspect import StreamInfo
-from meshreel.codec.pipeline import CodedBlock
 from meshreel.evaluation.settings import Setting
 from meshreel.metrics.rate import (
     paper_anchors_bpvf,
@@ -11,6 +10,7 @@ from meshreel.metrics.rate import (
     paper_dictionary_bpvf_as_printed,
     paper_dictionary_bpvf_as_stored,
 )
+from meshreel.paper.pipeline import CodedBlock
 
 DICTIONARY_BITS = 16  # of an entry of a dictionary that is sent whole
 Count = dict[str, float | None]

@@ -8,8 +8,8 @@ import numpy.typing as npt
 from meshreel.codec.block_decoder import DecodedBlock
 from meshreel.codec.inspect import StreamInfo
 from meshreel.codec.methods import Basis, method_named
-from meshreel.codec.pipeline import ProductFrames
 from meshreel.errors import CorruptStreamError
+from meshreel.paper.pipeline import ProductFrames
 from meshreel.subspace.pca import joint_trajectories
 
 Floats = npt.NDArray[np.float64]

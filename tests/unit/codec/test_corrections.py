@@ -15,7 +15,7 @@ from meshreel.codec.corrections import (
     find_corrections,
     least_bound,
 )
-from meshreel.codec.pipeline import product_frames
+from meshreel.paper.pipeline import product_frames
 
 
 def some_errors(n_frames=7, n_verts=11, size=1.0, seed=0):

@@ -6,11 +6,11 @@ import pytest
 
 from meshreel.codec import payloads
 from meshreel.codec.corrections import Corrections
-from meshreel.codec.pipeline import Quantized
 from meshreel.codec.reel import MAX_TAP, N_TAPS, Layout
 from meshreel.entropy.coder import encode_integers
 from meshreel.entropy.varint import write_varint
 from meshreel.errors import CorruptStreamError, TruncatedStreamError, UnsupportedVersionError
+from meshreel.paper.pipeline import Quantized
 
 
 def quantized(*shape):

@@ -11,7 +11,6 @@ from meshreel.codec.encoder import encode
 from meshreel.codec.field_analysis import BlockFrames, FieldChoices, analyse_fields
 from meshreel.codec.field_mesh import N_TELLING, FieldMesh
 from meshreel.codec.inspect import coded_blocks, info
-from meshreel.codec.mesh_model import MeshModel
 from meshreel.codec.methods import Laplacian
 from meshreel.codec.payloads import read_layout, read_times
 from meshreel.codec.reel import (
@@ -27,6 +26,7 @@ from meshreel.connectivity.coder import encode_connectivity
 from meshreel.entropy.field_coder import decode_fields
 from meshreel.errors import InvalidInputError, UnsupportedVersionError
 from meshreel.geometry.prediction import WeightLearner
+from meshreel.paper.mesh_model import MeshModel
 from meshreel.sequence import MeshSequence
 from meshreel.subspace.trajectories import bounding_frame, to_matrices
 from sample_meshes import irregular_sequence, kg_error_percent, waving_grid

@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 
 from meshreel.codec.field_mesh import N_TELLING, SMALL_SCALE, FieldMesh
-from meshreel.codec.mesh_model import MeshModel
 from meshreel.codec.methods import Laplacian
 from meshreel.codec.reel import (
     NOISE_OF_FILTERS,
@@ -25,6 +24,7 @@ from meshreel.codec.reel import (
 from meshreel.codec.timeline import COARSEST
 from meshreel.geometry.laplacian import RELATIVE_RIDGE
 from meshreel.geometry.prediction import KNOWN_RIDGE, smooth_stencils
+from meshreel.paper.mesh_model import MeshModel
 from sample_meshes import irregular_sequence, waving_grid
 
 N_FRAMES, N_MODES, STEP = 21, 10, 0.125

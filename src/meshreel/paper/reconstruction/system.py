@@ -6,7 +6,7 @@ from scipy.sparse import csc_array, csr_array, diags_array
 from scipy.sparse.csgraph import connected_components
 
 from meshreel.errors import SolverError
-from meshreel.reconstruction.solver import CholeskySolver
+from meshreel.paper.reconstruction.solver import CholeskySolver
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]

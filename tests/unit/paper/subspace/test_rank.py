@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from meshreel.subspace.rank import modes_for_energy
+from meshreel.paper.subspace.rank import modes_for_energy
 
 VALUES = np.array([[80.0, 8.0, 1.0], [8.0, 2.0, 1.0]])  # 88, 10, 2 of 100
 

@@ -11,11 +11,11 @@ from meshreel.bitstream.writer import Sections
 from meshreel.codec import payloads
 from meshreel.codec.blocks import tracked_from, write_coded_block
 from meshreel.codec.config import EncoderConfig
-from meshreel.codec.mesh_model import MeshModel, choose_anchors
 from meshreel.codec.methods import Basis
-from meshreel.codec.pipeline import Quantized, analyse, modes_needed
 from meshreel.codec.source import CodedMesh
 from meshreel.entropy.exact import encode_exact
+from meshreel.paper.mesh_model import MeshModel, choose_anchors
+from meshreel.paper.pipeline import Quantized, analyse, modes_needed
 from meshreel.subspace.trajectories import BoundingFrame, to_matrices
 
 Vertices = npt.NDArray[np.floating]

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from meshreel.errors import InvalidInputError
-from meshreel.quantization.allocation import step_for_all_rows, steps_for_each_row
-from meshreel.quantization.uniform import quantize
+from meshreel.paper.quantization.allocation import step_for_all_rows, steps_for_each_row
+from meshreel.paper.quantization.uniform import quantize
 
 
 def fading_rows(n_rows=6):

@@ -7,16 +7,16 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.codec.config import DEFAULT_FREQUENCIES, EncoderConfig
-from meshreel.codec.mesh_model import MeshModel
 from meshreel.codec.methods import Allocation, Basis, Method, Signal
 from meshreel.geometry.laplacian import delta_coordinates
-from meshreel.quantization.allocation import step_for_all_rows, steps_for_each_row
-from meshreel.quantization.uniform import Steps, dequantize, quantize
+from meshreel.paper.mesh_model import MeshModel
+from meshreel.paper.quantization.allocation import step_for_all_rows, steps_for_each_row
+from meshreel.paper.quantization.uniform import Steps, dequantize, quantize
+from meshreel.paper.subspace.basis import expand, project
+from meshreel.paper.subspace.orthogonal_iteration import advance_basis, align_basis, ritz_vectors
+from meshreel.paper.subspace.rank import modes_for_energy
 from meshreel.runtime.profiling import staged
-from meshreel.subspace.basis import expand, project
-from meshreel.subspace.orthogonal_iteration import advance_basis, align_basis, ritz_vectors
 from meshreel.subspace.pca import autocorrelation, eigen_trajectories
-from meshreel.subspace.rank import modes_for_energy
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]

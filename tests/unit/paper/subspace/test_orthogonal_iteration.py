@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from meshreel.errors import InvalidInputError
-from meshreel.subspace.orthogonal_iteration import advance_basis, align_basis, ritz_vectors
+from meshreel.paper.subspace.orthogonal_iteration import advance_basis, align_basis, ritz_vectors
 from meshreel.subspace.pca import autocorrelation, eigen_trajectories, fix_signs
 
 

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy.sparse import csc_array, csr_array, eye_array
 
-from meshreel.reconstruction.dissection import nested_dissection
+from meshreel.paper.reconstruction.dissection import nested_dissection
 from sample_meshes import grid_faces
 from sample_systems import irregular_faces, system_of
 

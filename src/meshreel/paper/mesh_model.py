@@ -8,13 +8,13 @@ import numpy.typing as npt
 from scipy.sparse import csr_array
 
 from meshreel.codec.methods import Laplacian
-from meshreel.geometry.anchors import farthest_points
 from meshreel.geometry.connectivity import adjacency_matrix, component_labels, isolated_vertices
 from meshreel.geometry.laplacian import uniform_laplacian
-from meshreel.reconstruction.system import ReconstructionSystem
+from meshreel.paper.anchors import farthest_points
+from meshreel.paper.reconstruction.system import ReconstructionSystem
+from meshreel.paper.subspace.graph_fourier import graph_fourier_basis
 from meshreel.runtime.profiling import staged
 from meshreel.sequence import Faces
-from meshreel.subspace.graph_fourier import graph_fourier_basis
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]

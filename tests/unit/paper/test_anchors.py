@@ -1,8 +1,8 @@
 import numpy as np
 from scipy.sparse.csgraph import dijkstra
 
-from meshreel.geometry.anchors import farthest_points
 from meshreel.geometry.connectivity import adjacency_matrix, component_labels
+from meshreel.paper.anchors import farthest_points
 from sample_meshes import grid_faces, octahedron_faces
 
 

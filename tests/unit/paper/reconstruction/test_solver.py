@@ -5,8 +5,8 @@ import pytest
 from scipy.sparse import csc_array
 
 from meshreel.errors import SolverError
-from meshreel.reconstruction import solver as module
-from meshreel.reconstruction.solver import CholeskySolver
+from meshreel.paper.reconstruction import solver as module
+from meshreel.paper.reconstruction.solver import CholeskySolver
 from sample_systems import irregular_faces, system_of
 
 

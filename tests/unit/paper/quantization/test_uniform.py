@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from meshreel.quantization.allocation import step_for_all_rows
-from meshreel.quantization.uniform import dequantize, quantize, uniform_step
+from meshreel.paper.quantization.allocation import step_for_all_rows
+from meshreel.paper.quantization.uniform import dequantize, quantize, uniform_step
 
 
 @pytest.mark.parametrize("bits", [2, 8, 16, 24])

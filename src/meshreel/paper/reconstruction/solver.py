@@ -7,7 +7,7 @@ import numpy.typing as npt
 from scipy.sparse import csc_array, csr_array
 
 from meshreel.errors import SolverError
-from meshreel.reconstruction.multifrontal import MultifrontalSolver
+from meshreel.paper.reconstruction.multifrontal import MultifrontalSolver
 
 Floats = npt.NDArray[np.float64]
 Solve = Callable[[Floats], Floats]

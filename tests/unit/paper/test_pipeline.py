@@ -2,9 +2,9 @@ import numpy as np
 import pytest
 
 from meshreel.codec.config import EncoderConfig
-from meshreel.codec.mesh_model import MeshModel, choose_anchors
-from meshreel.codec.pipeline import analyse, synthesise
 from meshreel.geometry.connectivity import component_labels
+from meshreel.paper.mesh_model import MeshModel, choose_anchors
+from meshreel.paper.pipeline import analyse, synthesise
 from meshreel.subspace.trajectories import bounding_frame, to_matrices
 from sample_meshes import irregular_sequence, waving_grid
 

@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 from scipy.sparse import csc_array, tril
 
-from meshreel.reconstruction.assembly_tree import elimination_of, fronts_of
-from meshreel.reconstruction.dissection import nested_dissection
+from meshreel.paper.reconstruction.assembly_tree import elimination_of, fronts_of
+from meshreel.paper.reconstruction.dissection import nested_dissection
 from sample_systems import irregular_faces, system_of
 
 

@@ -7,8 +7,8 @@ from scipy.linalg.lapack import dpotrf
 from scipy.sparse import csc_array, csr_array, tril
 
 from meshreel.errors import SolverError
-from meshreel.reconstruction.assembly_tree import Front, elimination_of, fronts_of
-from meshreel.reconstruction.dissection import nested_dissection
+from meshreel.paper.reconstruction.assembly_tree import Front, elimination_of, fronts_of
+from meshreel.paper.reconstruction.dissection import nested_dissection
 from meshreel.runtime.threads import chunks, in_threads
 
 Floats = npt.NDArray[np.float64]

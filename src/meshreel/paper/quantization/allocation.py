@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.errors import InvalidInputError
-from meshreel.quantization.uniform import Steps, row_magnitudes, uniform_step
+from meshreel.paper.quantization.uniform import Steps, row_magnitudes, uniform_step
 
 Floats = npt.NDArray[np.float64]
 

@@ -1,0 +1,1 @@
+"""The paper's seven variants: subspaces, quantisation, solver, and their blocks in a stream."""
