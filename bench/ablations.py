@@ -20,13 +20,13 @@ from unittest.mock import patch
 import numpy as np
 
 import meshreel
-import meshreel.codec.reel_encoder as reel_encoder
 import meshreel.codec.targets as targets
-import meshreel.geometry.prediction as prediction
-from meshreel.codec.field_block_coder import FieldBlockCoder
-from meshreel.codec.field_mesh import FieldMesh
+import meshreel.reel.agreed.prediction as prediction
+import meshreel.reel.encoding.driver as reel_encoder
 from meshreel.entropy.passes import single_pass
 from meshreel.evaluation.bjontegaard import bd_rate
+from meshreel.reel.agreed.field_mesh import FieldMesh
+from meshreel.reel.encoding.block_coder import FieldBlockCoder
 
 QUALITIES = (50, 65, 80, 95)
 CODE = FieldBlockCoder.code

@@ -18,8 +18,6 @@ from meshreel.codec.blocks import (
     read_field_block,
     stored_block,
 )
-from meshreel.codec.corrections import Corrections, corrected
-from meshreel.codec.field_mesh import FieldMesh
 from meshreel.codec.methods import (
     Basis,
     Laplacian,
@@ -28,13 +26,15 @@ from meshreel.codec.methods import (
     choice_of_code,
     method_of_code,
 )
-from meshreel.codec.reel import FieldBlock, KeyFields, Layout, key_fields, synthesise_fields
 from meshreel.codec.surface_payloads import SURFACE_SECTIONS, read_start, read_surface
 from meshreel.connectivity.coder import decode_connectivity, decode_order
 from meshreel.entropy.exact import decode_exact
 from meshreel.errors import CorruptStreamError, InvalidInputError
 from meshreel.paper.mesh_model import MeshModel
 from meshreel.paper.pipeline import FramesOf, ProductFrames, product_frames, synthesise
+from meshreel.reel.agreed.corrections import Corrections, corrected
+from meshreel.reel.agreed.field_mesh import FieldMesh
+from meshreel.reel.agreed.fields import FieldBlock, KeyFields, Layout, key_fields, synthesise_fields
 from meshreel.runtime.profiling import staged
 from meshreel.runtime.threads import chunks, in_threads
 from meshreel.sequence import Faces

@@ -8,17 +8,17 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.bitstream.writer import Sections, StreamWriter
-from meshreel.codec.field_block_coder import (
+from meshreel.codec.methods import Basis
+from meshreel.codec.source import CodedMesh
+from meshreel.codec.targets import STEPS_OF_BOUND, Aim, checked_step, finest_step, quality_step
+from meshreel.paper.encoder import PaperBlockCoder
+from meshreel.reel.encoding.block_coder import (
     FieldBlockCoder,
     KeyBlock,
     checked_frames,
     field_mesh_of,
 )
-from meshreel.codec.methods import Basis
-from meshreel.codec.rate_control import least_cost
-from meshreel.codec.source import CodedMesh
-from meshreel.codec.targets import STEPS_OF_BOUND, Aim, checked_step, finest_step, quality_step
-from meshreel.paper.encoder import PaperBlockCoder
+from meshreel.reel.encoding.rate_control import least_cost
 from meshreel.sequence import extent_of
 from meshreel.subspace.trajectories import BoundingFrame, bounding_frame
 

@@ -6,14 +6,14 @@ from dataclasses import dataclass
 from meshreel.bitstream.layout import Section
 from meshreel.bitstream.reader import Stream
 from meshreel.codec import payloads
-from meshreel.codec.corrections import Corrections
-from meshreel.codec.field_mesh import FieldMesh
 from meshreel.codec.methods import Basis, Method
-from meshreel.codec.reel import FieldBlock
 from meshreel.entropy.field_coder import decode_fields, encode_fields
 from meshreel.errors import CorruptStreamError
 from meshreel.paper.mesh_model import MeshModel
 from meshreel.paper.pipeline import CodedBlock, Quantized
+from meshreel.reel.agreed.corrections import Corrections
+from meshreel.reel.agreed.field_mesh import FieldMesh
+from meshreel.reel.agreed.fields import FieldBlock
 from meshreel.runtime.profiling import stage
 from meshreel.runtime.threads import in_background
 

@@ -5,7 +5,6 @@ from dataclasses import dataclass, fields
 
 from meshreel.codec.byte_sizes import bytes_of
 from meshreel.codec.error_bounds import bound_of
-from meshreel.codec.field_analysis import FieldChoices
 from meshreel.codec.methods import (
     Allocation,
     Basis,
@@ -30,6 +29,7 @@ from meshreel.codec.uv_grid import check_uv_bits
 from meshreel.counting import counted
 from meshreel.errors import InvalidInputError
 from meshreel.paper.quantization.uniform import MAX_BITS, MIN_BITS
+from meshreel.reel.encoding.analysis import FieldChoices
 
 DEFAULT_METHOD = "reel"
 DEFAULT_ENERGY = 0.99995

@@ -13,10 +13,10 @@ from meshreel.codec.config import (
     EncoderConfig,
 )
 from meshreel.codec.methods import Basis
-from meshreel.codec.reel_encoder import ReelEncoder
 from meshreel.codec.source import Source
 from meshreel.codec.uv_grid import check_uvs
 from meshreel.paper.encoder import PaperBlockCoder
+from meshreel.reel.encoding.driver import ReelEncoder
 from meshreel.runtime.engine.engine import Engine
 from meshreel.runtime.progress import Count, Progress, silent
 from meshreel.sequence import FrameSource

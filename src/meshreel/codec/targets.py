@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from enum import Enum
 
 from meshreel.codec.error_bounds import ErrorBound, bound_of
-from meshreel.codec.field_analysis import FieldChoices
 from meshreel.errors import InvalidInputError
+from meshreel.reel.encoding.analysis import FieldChoices
 
 DEFAULT_QUALITY = 80.0
 DEFAULT_EFFORT = 5

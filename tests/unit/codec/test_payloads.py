@@ -5,12 +5,12 @@ import numpy as np
 import pytest
 
 from meshreel.codec import payloads
-from meshreel.codec.corrections import Corrections
-from meshreel.codec.reel import MAX_TAP, N_TAPS, Layout
 from meshreel.entropy.coder import encode_integers
 from meshreel.entropy.varint import write_varint
 from meshreel.errors import CorruptStreamError, TruncatedStreamError, UnsupportedVersionError
 from meshreel.paper.pipeline import Quantized
+from meshreel.reel.agreed.corrections import Corrections
+from meshreel.reel.agreed.fields import MAX_TAP, N_TAPS, Layout
 
 
 def quantized(*shape):

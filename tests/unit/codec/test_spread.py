@@ -7,11 +7,11 @@ import pytest
 
 from meshreel.codec.config import EncoderConfig
 from meshreel.codec.encoder import encode
-from meshreel.codec.field_block_coder import FieldBlockCoder, field_mesh_of
 from meshreel.codec.source import Source
 from meshreel.formats.load import open_source
 from meshreel.formats.save import save
 from meshreel.formats.stored_frames import StoredFrames
+from meshreel.reel.encoding.block_coder import FieldBlockCoder, field_mesh_of
 from meshreel.runtime.engine.engine import Engine, open_engine
 from sample_engines import InlineWorkers
 from sample_meshes import irregular_sequence, waving_grid

@@ -7,16 +7,6 @@ from itertools import chain
 
 from meshreel.bitstream.writer import Sections, whole_stream
 from meshreel.codec.achieved import measure_stream
-from meshreel.codec.field_block_coder import (
-    FieldBlockCoder,
-    FieldFrames,
-    KeyBlock,
-    check_promise,
-    field_mesh_of,
-    largest_rounding,
-)
-from meshreel.codec.meters import KgMeter, Meter, StedMeter
-from meshreel.codec.rate_control import least_cost, meet_limit
 from meshreel.codec.source import Source
 from meshreel.codec.targets import (
     STEPS_OF_BOUND,
@@ -28,6 +18,16 @@ from meshreel.codec.targets import (
 )
 from meshreel.errors import InvalidInputError, SolverError
 from meshreel.metrics.rate import rate_bpvf
+from meshreel.reel.encoding.block_coder import (
+    FieldBlockCoder,
+    FieldFrames,
+    KeyBlock,
+    check_promise,
+    field_mesh_of,
+    largest_rounding,
+)
+from meshreel.reel.encoding.meters import KgMeter, Meter, StedMeter
+from meshreel.reel.encoding.rate_control import least_cost, meet_limit
 from meshreel.runtime.engine.engine import Engine
 from meshreel.runtime.progress import Count, Progress
 from meshreel.runtime.threads import one_ahead

@@ -7,7 +7,7 @@ import pytest
 from scipy.sparse.csgraph import connected_components, shortest_path
 
 from meshreel.geometry.connectivity import adjacency_matrix, component_labels
-from meshreel.geometry.hierarchy import (
+from meshreel.reel.agreed.hierarchy import (
     LARGEST_PASSAGE,
     MAX_SCALES,
     N_COLOURS,
@@ -231,7 +231,7 @@ def test_nearest_are_the_same_when_targets_are_looked_at_in_pieces(key_bits, mon
     rng = np.random.default_rng(2)
     level_of, targets = rng.integers(0, 4, 233), rng.permutation(233)[:90]
     whole = nearest_earlier(graph, level_of, targets, 4)
-    monkeypatch.setattr("meshreel.geometry.hierarchy.KEY_BITS", key_bits)
+    monkeypatch.setattr("meshreel.reel.agreed.hierarchy.KEY_BITS", key_bits)
     for one, other in zip(nearest_earlier(graph, level_of, targets, 4), whole, strict=True):
         np.testing.assert_array_equal(one, other)
 

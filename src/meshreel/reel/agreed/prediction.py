@@ -15,7 +15,7 @@ import numpy.typing as npt
 from scipy.sparse import csr_array
 from scipy.special import ive
 
-from meshreel.geometry.hierarchy import Scale, scattered
+from meshreel.reel.agreed.hierarchy import Scale, scattered
 from meshreel.runtime.profiling import staged
 from meshreel.runtime.threads import chunks, in_threads
 

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.codec.closed_loop import Predictor, StepsOf
-from meshreel.codec.field_mesh import FieldMesh
-from meshreel.codec.reel import (
+from meshreel.reel.agreed.closed_loop import Predictor, StepsOf
+from meshreel.reel.agreed.field_mesh import FieldMesh
+from meshreel.reel.agreed.fields import (
     MAX_TAP,
     N_TAPS,
     TAP_STEP,
@@ -20,8 +20,8 @@ from meshreel.codec.reel import (
     reconstruct_fields,
     reconstruct_times,
 )
-from meshreel.codec.timeline import time_predictors
-from meshreel.quantization.rate_distortion import FAIR_PRICE, quantize_by_rate
+from meshreel.reel.agreed.timeline import time_predictors
+from meshreel.reel.encoding.rate_distortion import FAIR_PRICE, quantize_by_rate
 from meshreel.runtime.profiling import staged
 from meshreel.runtime.threads import chunks, in_background, in_threads
 from meshreel.subspace.pca import joint_trajectories

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from meshreel.codec.timeline import COARSEST, time_passes, time_predictors
+from meshreel.reel.agreed.timeline import COARSEST, time_passes, time_predictors
 
 every_length = pytest.mark.parametrize("n_frames", [1, 2, 3, 7, 8, 9, 16, 17, 31, 100])
 

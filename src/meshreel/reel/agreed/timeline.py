@@ -11,8 +11,8 @@ import numpy as np
 import numpy.typing as npt
 from scipy.sparse import csr_array
 
-from meshreel.codec.closed_loop import Predictor
 from meshreel.entropy.passes import Pass
+from meshreel.reel.agreed.closed_loop import Predictor
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]

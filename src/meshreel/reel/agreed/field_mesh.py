@@ -8,13 +8,13 @@ import numpy as np
 import numpy.typing as npt
 from scipy.sparse import csr_array
 
-from meshreel.codec.closed_loop import Predictor
 from meshreel.codec.methods import Laplacian
 from meshreel.entropy.passes import Pass
 from meshreel.geometry.connectivity import adjacency_matrix
-from meshreel.geometry.hierarchy import Scale, build_hierarchy
-from meshreel.geometry.prediction import Stencils, joined_stencils, smooth_stencils
 from meshreel.paper.mesh_model import MeshModel
+from meshreel.reel.agreed.closed_loop import Predictor
+from meshreel.reel.agreed.hierarchy import Scale, build_hierarchy
+from meshreel.reel.agreed.prediction import Stencils, joined_stencils, smooth_stencils
 from meshreel.runtime.profiling import staged
 
 Floats = npt.NDArray[np.float64]

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy.sparse import csr_array
 
-from meshreel.codec.closed_loop import Predictor, reconstruct_levels
+from meshreel.reel.agreed.closed_loop import Predictor, reconstruct_levels
 
 LEVELS = [[4, 1], [], [0, 5, 6], [2, 3, 7]]
 

@@ -8,12 +8,15 @@ from meshreel.bitstream.reader import read_stream
 from meshreel.codec.blocks import write_field_block
 from meshreel.codec.decoder import decode
 from meshreel.codec.encoder import encode
-from meshreel.codec.field_analysis import BlockFrames, FieldChoices, analyse_fields
-from meshreel.codec.field_mesh import N_TELLING, FieldMesh
 from meshreel.codec.inspect import coded_blocks, info
 from meshreel.codec.methods import Laplacian
 from meshreel.codec.payloads import read_layout, read_times
-from meshreel.codec.reel import (
+from meshreel.connectivity.coder import encode_connectivity
+from meshreel.entropy.field_coder import decode_fields
+from meshreel.errors import InvalidInputError, UnsupportedVersionError
+from meshreel.paper.mesh_model import MeshModel
+from meshreel.reel.agreed.field_mesh import N_TELLING, FieldMesh
+from meshreel.reel.agreed.fields import (
     MAX_TAP,
     N_TAPS,
     group_ends,
@@ -21,12 +24,9 @@ from meshreel.codec.reel import (
     reconstruct_times,
     synthesise_fields,
 )
-from meshreel.codec.timeline import time_predictors
-from meshreel.connectivity.coder import encode_connectivity
-from meshreel.entropy.field_coder import decode_fields
-from meshreel.errors import InvalidInputError, UnsupportedVersionError
-from meshreel.geometry.prediction import WeightLearner
-from meshreel.paper.mesh_model import MeshModel
+from meshreel.reel.agreed.prediction import WeightLearner
+from meshreel.reel.agreed.timeline import time_predictors
+from meshreel.reel.encoding.analysis import BlockFrames, FieldChoices, analyse_fields
 from meshreel.sequence import MeshSequence
 from meshreel.subspace.trajectories import bounding_frame, to_matrices
 from sample_meshes import irregular_sequence, kg_error_percent, waving_grid

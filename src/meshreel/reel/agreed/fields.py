@@ -18,11 +18,11 @@ import numpy as np
 import numpy.typing as npt
 from scipy.sparse import csr_array
 
-from meshreel.codec.closed_loop import Predictor, StepsOf, reconstruct_levels
-from meshreel.codec.field_mesh import FieldMesh
-from meshreel.codec.timeline import time_predictors
 from meshreel.geometry.laplacian import reproducing_laplacian
-from meshreel.geometry.prediction import WeightLearner
+from meshreel.reel.agreed.closed_loop import Predictor, StepsOf, reconstruct_levels
+from meshreel.reel.agreed.field_mesh import FieldMesh
+from meshreel.reel.agreed.prediction import WeightLearner
+from meshreel.reel.agreed.timeline import time_predictors
 from meshreel.runtime.profiling import staged
 
 Floats = npt.NDArray[np.float64]

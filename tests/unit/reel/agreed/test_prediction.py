@@ -4,8 +4,8 @@ from numpy.polynomial.chebyshev import chebval
 from scipy.special import ive
 
 from meshreel.geometry.connectivity import adjacency_matrix
-from meshreel.geometry.hierarchy import build_hierarchy, scattered
-from meshreel.geometry.prediction import (
+from meshreel.reel.agreed.hierarchy import build_hierarchy, scattered
+from meshreel.reel.agreed.prediction import (
     CHEBYSHEV_DEGREE,
     DIFFUSION_TIME,
     KNOWN_RIDGE,
@@ -184,7 +184,7 @@ def test_learned_weights_stay_the_same_when_constants_are_added_to_fields():
 
 def test_weights_are_the_same_when_vertices_are_taken_in_smaller_chunks(monkeypatch):
     faces, fields = grid_faces(ROWS, COLUMNS), smooth_fields()
-    monkeypatch.setattr("meshreel.geometry.prediction.CHUNK_VERTICES", 7)
+    monkeypatch.setattr("meshreel.reel.agreed.prediction.CHUNK_VERTICES", 7)
     for one, other in zip(GRID, stencils_of(faces, ROWS * COLUMNS), strict=True):
         np.testing.assert_allclose(other.weights, one.weights, atol=1e-9)
         np.testing.assert_allclose(other.learn(fields, 1e-3), one.learn(fields, 1e-3), atol=1e-9)

@@ -10,9 +10,11 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from meshreel.codec.field_mesh import N_TELLING, SMALL_SCALE, FieldMesh
 from meshreel.codec.methods import Laplacian
-from meshreel.codec.reel import (
+from meshreel.geometry.laplacian import RELATIVE_RIDGE
+from meshreel.paper.mesh_model import MeshModel
+from meshreel.reel.agreed.field_mesh import N_TELLING, SMALL_SCALE, FieldMesh
+from meshreel.reel.agreed.fields import (
     NOISE_OF_FILTERS,
     NOISE_OF_WEIGHTS,
     TAP_STEP,
@@ -21,10 +23,8 @@ from meshreel.codec.reel import (
     key_fields,
     synthesise_fields,
 )
-from meshreel.codec.timeline import COARSEST
-from meshreel.geometry.laplacian import RELATIVE_RIDGE
-from meshreel.geometry.prediction import KNOWN_RIDGE, smooth_stencils
-from meshreel.paper.mesh_model import MeshModel
+from meshreel.reel.agreed.prediction import KNOWN_RIDGE, smooth_stencils
+from meshreel.reel.agreed.timeline import COARSEST
 from sample_meshes import irregular_sequence, waving_grid
 
 N_FRAMES, N_MODES, STEP = 21, 10, 0.125

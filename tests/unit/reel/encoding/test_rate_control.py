@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from meshreel.codec.rate_control import FARTHEST, MAX_TRIALS, least_cost, meet_limit
+from meshreel.reel.encoding.rate_control import FARTHEST, MAX_TRIALS, least_cost, meet_limit
 
 FARTHEST_RATIO = float(np.exp(FARTHEST))
 EXPONENTS = (0.5, 0.8, 1.0, 1.3, 2.0)

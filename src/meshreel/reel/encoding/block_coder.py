@@ -11,14 +11,14 @@ import numpy.typing as npt
 from meshreel.bitstream.layout import Section
 from meshreel.codec import payloads
 from meshreel.codec.blocks import StoredBlock, read_field_block, write_field_block
-from meshreel.codec.corrections import corrected, find_corrections, least_bound
-from meshreel.codec.field_analysis import BlockFrames, FieldChoices, analyse_fields
-from meshreel.codec.field_mesh import Connectivity, FieldMesh, shared_field_mesh
-from meshreel.codec.reel import FieldBlock, KeyFields, key_fields, synthesise_fields
 from meshreel.codec.source import CodedMesh, Piece
 from meshreel.errors import InvalidInputError
 from meshreel.paper.mesh_model import MeshModel
 from meshreel.paper.pipeline import FramesOf, product_frames
+from meshreel.reel.agreed.corrections import corrected, find_corrections, least_bound
+from meshreel.reel.agreed.field_mesh import Connectivity, FieldMesh, shared_field_mesh
+from meshreel.reel.agreed.fields import FieldBlock, KeyFields, key_fields, synthesise_fields
+from meshreel.reel.encoding.analysis import BlockFrames, FieldChoices, analyse_fields
 from meshreel.runtime.threads import one_blas_thread
 from meshreel.subspace.trajectories import BoundingFrame, to_matrices
 

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from meshreel.quantization.rate_distortion import FAIR_PRICE, quantize_by_rate
+from meshreel.reel.encoding.rate_distortion import FAIR_PRICE, quantize_by_rate
 
 
 def columns_of_many_scales(n_rows=4000):

@@ -6,7 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from meshreel.codec import payloads
-from meshreel.codec.corrections import (
+from meshreel.paper.pipeline import product_frames
+from meshreel.reel.agreed.corrections import (
     FLOOR,
     MARGIN,
     Corrections,
@@ -15,7 +16,6 @@ from meshreel.codec.corrections import (
     find_corrections,
     least_bound,
 )
-from meshreel.paper.pipeline import product_frames
 
 
 def some_errors(n_frames=7, n_verts=11, size=1.0, seed=0):

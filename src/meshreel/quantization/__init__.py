@@ -1,1 +1,0 @@
-"""Numbers to integers and back: here floats stop."""
