@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import meshreel
-from meshreel.codec.uv_errors import measure_uvs
+from meshreel.codec.surface.uv_errors import measure_uvs
 from meshreel.formats.load import load, open_source
 
 pytestmark = pytest.mark.real

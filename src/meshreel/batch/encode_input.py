@@ -11,9 +11,9 @@ from meshreel.codec.config import EncoderConfig
 from meshreel.codec.encoder import encode
 from meshreel.codec.inspect import info
 from meshreel.codec.methods import Basis, Order
-from meshreel.codec.surface_payloads import what_order_loses
-from meshreel.codec.uv_errors import measure_uvs
-from meshreel.codec.uv_grid import has_uvs
+from meshreel.codec.surface.payloads import what_order_loses
+from meshreel.codec.surface.uv_errors import measure_uvs
+from meshreel.codec.surface.uv_grid import has_uvs
 from meshreel.errors import InvalidInputError
 from meshreel.formats.heeded_options import heeds
 from meshreel.formats.load import open_for_encoding

@@ -8,8 +8,8 @@ from meshreel.cli.completing import names_of
 from meshreel.codec.config import DEFAULT_ANCHORS, DEFAULT_ENERGY
 from meshreel.codec.error_bounds import METRES
 from meshreel.codec.methods import METHODS, Allocation, Laplacian, Order
+from meshreel.codec.surface.uv_grid import MAX_UV_BITS, MIN_UV_BITS
 from meshreel.codec.targets import DEFAULT_EFFORT, DEFAULT_QUALITY, Tune
-from meshreel.codec.uv_grid import MAX_UV_BITS, MIN_UV_BITS
 
 METHOD_NAMES = ", ".join(row.name for row in METHODS)
 LAPLACIAN_NAMES = ", ".join(row.name.lower() for row in Laplacian)

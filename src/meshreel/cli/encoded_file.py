@@ -9,7 +9,7 @@ from meshreel.codec.config import EncoderConfig
 if TYPE_CHECKING:
     from meshreel.codec.achieved import Achieved
     from meshreel.codec.inspect import StreamInfo
-    from meshreel.codec.uv_errors import UvErrors
+    from meshreel.codec.surface.uv_errors import UvErrors
     from meshreel.runtime.progress import Progress
     from meshreel.sequence import FrameSource
 
@@ -71,8 +71,8 @@ def encode_file(
     from meshreel.codec.encoder import encode
     from meshreel.codec.inspect import info
     from meshreel.codec.methods import Order
-    from meshreel.codec.surface_payloads import what_order_loses
-    from meshreel.codec.uv_errors import measure_uvs
+    from meshreel.codec.surface.payloads import what_order_loses
+    from meshreel.codec.surface.uv_errors import measure_uvs
     from meshreel.runtime.outputs.atomic import replace_when_done
     from meshreel.runtime.profiling import stage
 

@@ -5,7 +5,7 @@ from typing import Any
 from meshreel.cli.console import size_text
 from meshreel.codec.achieved import Achieved
 from meshreel.codec.inspect import StreamInfo
-from meshreel.codec.uv_errors import UvErrors
+from meshreel.codec.surface.uv_errors import UvErrors
 from meshreel.counting import counted
 from meshreel.metrics.compare import Quality
 from meshreel.viewer.measuring import Measured

@@ -26,7 +26,7 @@ from meshreel.codec.methods import (
     choice_of_code,
     method_of_code,
 )
-from meshreel.codec.surface_payloads import SURFACE_SECTIONS, read_start, read_surface
+from meshreel.codec.surface.payloads import SURFACE_SECTIONS, read_start, read_surface
 from meshreel.connectivity.coder import decode_connectivity, decode_order
 from meshreel.entropy.exact import decode_exact
 from meshreel.errors import CorruptStreamError, InvalidInputError

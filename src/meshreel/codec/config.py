@@ -16,6 +16,7 @@ from meshreel.codec.methods import (
     choice_named,
     method_named,
 )
+from meshreel.codec.surface.uv_grid import check_uv_bits
 from meshreel.codec.targets import (
     DEFAULT_EFFORT,
     Aim,
@@ -25,7 +26,6 @@ from meshreel.codec.targets import (
     target_of,
     tune_named,
 )
-from meshreel.codec.uv_grid import check_uv_bits
 from meshreel.counting import counted
 from meshreel.errors import InvalidInputError
 from meshreel.paper.quantization.uniform import MAX_BITS, MIN_BITS

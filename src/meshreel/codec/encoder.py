@@ -14,7 +14,7 @@ from meshreel.codec.config import (
 )
 from meshreel.codec.methods import Basis
 from meshreel.codec.source import Source
-from meshreel.codec.uv_grid import check_uvs
+from meshreel.codec.surface.uv_grid import check_uvs
 from meshreel.paper.encoder import PaperBlockCoder
 from meshreel.reel.encoding.driver import ReelEncoder
 from meshreel.runtime.engine.engine import Engine

@@ -12,7 +12,7 @@ from meshreel.bitstream.header import Header
 from meshreel.bitstream.layout import Section, VertexType
 from meshreel.codec.config import EncoderConfig
 from meshreel.codec.methods import Order
-from meshreel.codec.surface_payloads import surface_in_order, surface_sections, write_start
+from meshreel.codec.surface.payloads import surface_in_order, surface_sections, write_start
 from meshreel.connectivity.coder import CodedConnectivity, encode_connectivity
 from meshreel.sequence import Faces, FrameSource, MeshSequence
 from meshreel.subspace.trajectories import BoundingFrame, bounding_frame

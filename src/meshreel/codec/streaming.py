@@ -16,8 +16,8 @@ from meshreel.codec.block_writer import BlockWriter
 from meshreel.codec.config import MAX_BLOCK_POSITIONS, EncoderConfig
 from meshreel.codec.methods import Basis
 from meshreel.codec.source import CodedMesh
+from meshreel.codec.surface.uv_grid import check_uvs
 from meshreel.codec.targets import Aim
-from meshreel.codec.uv_grid import check_uvs
 from meshreel.counting import counted
 from meshreel.errors import InvalidInputError
 from meshreel.runtime.outputs.atomic import os_errors_naming_output

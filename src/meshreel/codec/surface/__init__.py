@@ -1,1 +1,1 @@
-"""What a mesh carries beside positions and triangles, in a stream: attributes, materials, images."""
+"""Attributes, materials and images of a surface as sections of a stream."""

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import meshreel
-from meshreel.codec.uv_errors import measure_uvs
+from meshreel.codec.surface.uv_errors import measure_uvs
 from meshreel.errors import InvalidInputError
 from meshreel.surface import Attribute, Domain, Kind, Surface
 from sample_meshes import two_sheets, waving_grid

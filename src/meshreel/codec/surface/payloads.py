@@ -9,15 +9,15 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.bitstream.layout import Section
-from meshreel.codec.material_payloads import (
+from meshreel.codec.methods import Order
+from meshreel.codec.surface.materials import (
     read_image,
     read_material,
     write_image,
     write_material,
 )
-from meshreel.codec.methods import Order
-from meshreel.codec.text_payloads import read_text, write_text
-from meshreel.codec.uv_grid import is_quantized, uv_integers
+from meshreel.codec.surface.texts import read_text, write_text
+from meshreel.codec.surface.uv_grid import is_quantized, uv_integers
 from meshreel.entropy.coder import decode_integers, encode_integers
 from meshreel.entropy.references import decode_references, encode_references
 from meshreel.entropy.tables import decode_table, encode_grid_table, encode_table

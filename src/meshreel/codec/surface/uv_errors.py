@@ -7,8 +7,8 @@ import numpy as np
 from meshreel.bitstream.reader import read_stream
 from meshreel.codec.block_decoder import BlockDecoder
 from meshreel.codec.methods import Order, choice_of_code
-from meshreel.codec.surface_payloads import surface_in_order
-from meshreel.codec.uv_grid import is_quantized
+from meshreel.codec.surface.payloads import surface_in_order
+from meshreel.codec.surface.uv_grid import is_quantized
 from meshreel.connectivity.coder import encode_connectivity
 from meshreel.sequence import FrameSource
 from meshreel.surface import Attribute

@@ -6,9 +6,9 @@ import pytest
 import meshreel
 from meshreel.bitstream.layout import Section
 from meshreel.bitstream.reader import read_stream
-from meshreel.codec.material_payloads import write_material
 from meshreel.codec.methods import Order
-from meshreel.codec.surface_payloads import (
+from meshreel.codec.surface.materials import write_material
+from meshreel.codec.surface.payloads import (
     SURFACE_SECTIONS,
     surface_in_order,
     what_order_loses,

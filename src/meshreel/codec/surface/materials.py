@@ -6,7 +6,7 @@ from dataclasses import replace
 from itertools import accumulate, pairwise
 from typing import Any, TypeVar
 
-from meshreel.codec.text_payloads import read_text, write_text
+from meshreel.codec.surface.texts import read_text, write_text
 from meshreel.entropy.varint import read_varint, write_varint
 from meshreel.errors import CorruptStreamError, TruncatedStreamError
 from meshreel.materials import SLOTS, AlphaMode, Filter, Image, Material, Texture, Wrap
