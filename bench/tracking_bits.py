@@ -12,12 +12,12 @@ import numpy.typing as npt
 import meshreel
 from meshreel.bitstream.layout import Section
 from meshreel.bitstream.reader import read_stream
-from meshreel.codec.blocks import stored_blocks
 from meshreel.codec.methods import method_named
-from meshreel.codec.payloads import read_times, write_times
+from meshreel.codec.stored_blocks import stored_blocks
 from meshreel.evaluation.bjontegaard import bd_rate
 from meshreel.metrics.kg import kg_error_percent
 from meshreel.paper import pipeline
+from meshreel.reel.agreed.payloads import read_times, write_times
 from meshreel.subspace.pca import eigen_trajectories
 from speed_tables import table
 

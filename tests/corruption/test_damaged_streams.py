@@ -12,9 +12,10 @@ from meshreel.bitstream.reader import read_stream
 from meshreel.codec.decoder import decode
 from meshreel.codec.encoder import encode
 from meshreel.codec.inspect import info
-from meshreel.codec.payloads import read_block, read_layout, write_layout
+from meshreel.codec.stored_blocks import read_block
 from meshreel.entropy.varint import write_varint
 from meshreel.errors import CorruptStreamError, MeshReelError, TruncatedStreamError
+from meshreel.reel.agreed.payloads import read_layout, write_layout
 from sample_materials import dressed_sheet
 from sample_meshes import irregular_sequence, two_sheets, waving_grid
 from sample_streams import parts_of, raw_stream

@@ -9,7 +9,8 @@ from meshreel.codec.config import DEFAULT_ANCHORS, DEFAULT_ENERGY
 from meshreel.codec.error_bounds import METRES
 from meshreel.codec.methods import METHODS, Allocation, Laplacian, Order
 from meshreel.codec.surface.uv_grid import MAX_UV_BITS, MIN_UV_BITS
-from meshreel.codec.targets import DEFAULT_EFFORT, DEFAULT_QUALITY, Tune
+from meshreel.codec.targets import DEFAULT_QUALITY
+from meshreel.reel.encoding.effort import DEFAULT_EFFORT, Tune
 
 METHOD_NAMES = ", ".join(row.name for row in METHODS)
 LAPLACIAN_NAMES = ", ".join(row.name.lower() for row in Laplacian)

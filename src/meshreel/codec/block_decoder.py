@@ -9,15 +9,6 @@ import numpy.typing as npt
 
 from meshreel.bitstream.layout import Section
 from meshreel.bitstream.reader import Stream
-from meshreel.codec import payloads
-from meshreel.codec.blocks import (
-    Dictionaries,
-    StoredBlock,
-    read_coded_block,
-    read_corrections,
-    read_field_block,
-    stored_block,
-)
 from meshreel.codec.methods import (
     Basis,
     Laplacian,
@@ -26,12 +17,16 @@ from meshreel.codec.methods import (
     choice_of_code,
     method_of_code,
 )
+from meshreel.codec.stored_blocks import StoredBlock, stored_block
 from meshreel.codec.surface.payloads import SURFACE_SECTIONS, read_start, read_surface
 from meshreel.connectivity.coder import decode_connectivity, decode_order
 from meshreel.entropy.exact import decode_exact
 from meshreel.errors import CorruptStreamError, InvalidInputError
+from meshreel.paper.blocks import Dictionaries, read_coded_block
 from meshreel.paper.mesh_model import MeshModel
+from meshreel.paper.payloads import read_anchor_vertices
 from meshreel.paper.pipeline import FramesOf, ProductFrames, product_frames, synthesise
+from meshreel.reel.agreed.blocks import read_corrections, read_field_block
 from meshreel.reel.agreed.corrections import Corrections, corrected
 from meshreel.reel.agreed.field_mesh import FieldMesh
 from meshreel.reel.agreed.fields import FieldBlock, KeyFields, Layout, key_fields, synthesise_fields
@@ -293,9 +288,7 @@ def read_mesh(stream: Stream, method: Method) -> MeshModel:
     faces = decode_connectivity(stream.only(Section.CONNECTIVITY), header.n_verts, header.n_faces)
     anchors = np.zeros(0, np.int64)
     if method.has_anchors:
-        anchors = payloads.read_anchor_vertices(
-            stream.only(Section.ANCHOR_VERTICES), header.n_verts
-        )
+        anchors = read_anchor_vertices(stream.only(Section.ANCHOR_VERTICES), header.n_verts)
     return MeshModel(faces, header.n_verts, anchors, choice_of_code(Laplacian, header.laplacian))
 
 

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from meshreel.bitstream.writer import Sections, StreamWriter
 from meshreel.codec.methods import Basis
 from meshreel.codec.source import CodedMesh
-from meshreel.codec.targets import STEPS_OF_BOUND, Aim, checked_step, finest_step, quality_step
+from meshreel.codec.targets import Aim
 from meshreel.paper.encoder import PaperBlockCoder
 from meshreel.reel.encoding.block_coder import (
     FieldBlockCoder,
@@ -18,6 +18,7 @@ from meshreel.reel.encoding.block_coder import (
     checked_frames,
     field_mesh_of,
 )
+from meshreel.reel.encoding.effort import STEPS_OF_BOUND, checked_step, finest_step, quality_step
 from meshreel.reel.encoding.rate_control import least_cost
 from meshreel.sequence import extent_of
 from meshreel.subspace.trajectories import BoundingFrame, bounding_frame

@@ -17,19 +17,12 @@ from meshreel.codec.methods import (
     method_named,
 )
 from meshreel.codec.surface.uv_grid import check_uv_bits
-from meshreel.codec.targets import (
-    DEFAULT_EFFORT,
-    Aim,
-    Target,
-    Tune,
-    choices_for,
-    target_of,
-    tune_named,
-)
+from meshreel.codec.targets import Aim, Target, target_of
 from meshreel.counting import counted
 from meshreel.errors import InvalidInputError
 from meshreel.paper.quantization.uniform import MAX_BITS, MIN_BITS
 from meshreel.reel.encoding.analysis import FieldChoices
+from meshreel.reel.encoding.effort import DEFAULT_EFFORT, Tune, choices_for, tune_named
 
 DEFAULT_METHOD = "reel"
 DEFAULT_ENERGY = 0.99995

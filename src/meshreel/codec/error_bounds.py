@@ -1,9 +1,10 @@
 """A largest error as people write it: a share of the diagonal, or a length."""
 
 import re
+import struct
 from dataclasses import dataclass
 
-from meshreel.errors import InvalidInputError
+from meshreel.errors import CorruptStreamError, InvalidInputError
 
 METRES = {
     "mm": 1e-3, "cm": 1e-2, "m": 1.0, "km": 1e3, "in": 0.0254, "ft": 0.3048,
@@ -103,3 +104,24 @@ def _told(unit: str | None, given: float | str) -> str:
             f"so with unit= ({', '.join(METRES)}), or give model units as in 0.5{MODEL_UNITS}"
         )
     return unit
+
+
+def write_promise(max_error_percent: float) -> bytes:
+    """What the encoder made sure of: the largest displacement of a vertex."""
+    return struct.pack("<d", max_error_percent)
+
+
+def read_promise(payload: bytes) -> float:
+    """Undo `write_promise`.
+
+    Raises
+    ------
+    CorruptStreamError
+        If it is no positive number.
+    """
+    if len(payload) != 8:
+        raise CorruptStreamError(f"a promise has 8 bytes; this one has {len(payload)}")
+    (max_error_percent,) = struct.unpack("<d", payload)
+    if not 0 < max_error_percent < float("inf"):
+        raise CorruptStreamError(f"a maximum error of {max_error_percent} is promised")
+    return float(max_error_percent)

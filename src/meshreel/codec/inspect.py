@@ -9,12 +9,13 @@ import numpy.typing as npt
 from meshreel.bitstream.layout import Section
 from meshreel.bitstream.reader import Stream, read_stream
 from meshreel.codec.block_decoder import BlockDecoder, read_mesh
-from meshreel.codec.blocks import Dictionaries, read_coded_block, stored_blocks
+from meshreel.codec.error_bounds import read_promise
 from meshreel.codec.methods import Basis, Laplacian, Order, choice_of_code, method_of_code
-from meshreel.codec.payloads import read_promise
+from meshreel.codec.stored_blocks import stored_blocks
 from meshreel.entropy.coder import encode_integers
 from meshreel.errors import InvalidInputError
 from meshreel.materials import Image, Material
+from meshreel.paper.blocks import Dictionaries, read_coded_block
 from meshreel.paper.pipeline import CodedBlock
 from meshreel.surface import Domain, Surface
 

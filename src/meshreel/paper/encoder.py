@@ -8,12 +8,12 @@ import numpy.typing as npt
 
 from meshreel.bitstream.layout import Section
 from meshreel.bitstream.writer import Sections
-from meshreel.codec import payloads
-from meshreel.codec.blocks import tracked_from, write_coded_block
 from meshreel.codec.config import EncoderConfig
 from meshreel.codec.methods import Basis
 from meshreel.codec.source import CodedMesh
 from meshreel.entropy.exact import encode_exact
+from meshreel.paper import payloads
+from meshreel.paper.blocks import tracked_from, write_coded_block
 from meshreel.paper.mesh_model import MeshModel, choose_anchors
 from meshreel.paper.pipeline import Quantized, analyse, modes_needed
 from meshreel.subspace.trajectories import BoundingFrame, to_matrices

@@ -7,21 +7,18 @@ import numpy as np
 import pytest
 
 import meshreel
-from meshreel.codec.payloads import MAX_COUNTS, MAX_STENCIL
-from meshreel.codec.targets import (
-    DEFAULT_QUALITY,
+from meshreel.codec.targets import DEFAULT_QUALITY, Aim, Target, target_of
+from meshreel.connectivity.coder import encode_connectivity
+from meshreel.errors import InvalidInputError
+from meshreel.reel.agreed.payloads import MAX_COUNTS, MAX_STENCIL
+from meshreel.reel.encoding.effort import (
     EFFORTS,
     FINEST_STEP,
-    Aim,
-    Target,
     Tune,
     choices_for,
     quality_step,
-    target_of,
     tune_named,
 )
-from meshreel.connectivity.coder import encode_connectivity
-from meshreel.errors import InvalidInputError
 from sample_meshes import irregular_sequence, waving_grid
 
 SEQUENCES = {

@@ -5,16 +5,15 @@ import pytest
 
 from meshreel.bitstream.layout import Section
 from meshreel.bitstream.reader import read_stream
-from meshreel.codec.blocks import write_field_block
 from meshreel.codec.decoder import decode
 from meshreel.codec.encoder import encode
 from meshreel.codec.inspect import coded_blocks, info
 from meshreel.codec.methods import Laplacian
-from meshreel.codec.payloads import read_layout, read_times
 from meshreel.connectivity.coder import encode_connectivity
 from meshreel.entropy.field_coder import decode_fields
 from meshreel.errors import InvalidInputError, UnsupportedVersionError
 from meshreel.paper.mesh_model import MeshModel
+from meshreel.reel.agreed.blocks import write_field_block
 from meshreel.reel.agreed.field_mesh import N_TELLING, FieldMesh
 from meshreel.reel.agreed.fields import (
     MAX_TAP,
@@ -24,6 +23,7 @@ from meshreel.reel.agreed.fields import (
     reconstruct_times,
     synthesise_fields,
 )
+from meshreel.reel.agreed.payloads import read_layout, read_times
 from meshreel.reel.agreed.prediction import WeightLearner
 from meshreel.reel.agreed.timeline import time_predictors
 from meshreel.reel.encoding.analysis import BlockFrames, FieldChoices, analyse_fields

@@ -9,12 +9,13 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.bitstream.layout import Section
-from meshreel.codec import payloads
-from meshreel.codec.blocks import StoredBlock, read_field_block, write_field_block
+from meshreel.codec.error_bounds import write_promise
 from meshreel.codec.source import CodedMesh, Piece
+from meshreel.codec.stored_blocks import StoredBlock, read_block
 from meshreel.errors import InvalidInputError
 from meshreel.paper.mesh_model import MeshModel
 from meshreel.paper.pipeline import FramesOf, product_frames
+from meshreel.reel.agreed.blocks import read_field_block, write_field_block
 from meshreel.reel.agreed.corrections import corrected, find_corrections, least_bound
 from meshreel.reel.agreed.field_mesh import Connectivity, FieldMesh, shared_field_mesh
 from meshreel.reel.agreed.fields import FieldBlock, KeyFields, key_fields, synthesise_fields
@@ -51,7 +52,7 @@ class FieldBlockCoder:
     def leading_sections(self) -> Iterator[tuple[Section, bytes]]:
         """What comes before the first block, behind the connectivity."""
         if self.bound is not None:
-            yield Section.PROMISE, payloads.write_promise(100.0 * self.bound)
+            yield Section.PROMISE, write_promise(100.0 * self.bound)
 
     def frames(self, vertices: Vertices) -> "FieldFrames":
         """A block of positions of shape (T_b, V, 3) in internal order, ready to be coded."""
@@ -150,7 +151,7 @@ def _decoded_key(
     connectivity: Connectivity, sections: tuple[tuple[Section, bytes], ...]
 ) -> KeyBlock:
     mesh, own = shared_field_mesh(*connectivity), dict(sections)
-    n_frames, n_modes = payloads.read_block(own[Section.BLOCK])
+    n_frames, n_modes = read_block(own[Section.BLOCK])
     stored = StoredBlock(0, n_frames, n_modes, own)
     with one_blas_thread():
         block, _ = read_field_block(stored, mesh.mesh, mesh)

@@ -8,14 +8,7 @@ from itertools import chain
 from meshreel.bitstream.writer import Sections, whole_stream
 from meshreel.codec.achieved import measure_stream
 from meshreel.codec.source import Source
-from meshreel.codec.targets import (
-    STEPS_OF_BOUND,
-    Aim,
-    Target,
-    checked_step,
-    finest_step,
-    quality_step,
-)
+from meshreel.codec.targets import Aim, Target
 from meshreel.errors import InvalidInputError, SolverError
 from meshreel.metrics.rate import rate_bpvf
 from meshreel.reel.encoding.block_coder import (
@@ -26,6 +19,7 @@ from meshreel.reel.encoding.block_coder import (
     field_mesh_of,
     largest_rounding,
 )
+from meshreel.reel.encoding.effort import STEPS_OF_BOUND, checked_step, finest_step, quality_step
 from meshreel.reel.encoding.meters import KgMeter, Meter, StedMeter
 from meshreel.reel.encoding.rate_control import least_cost, meet_limit
 from meshreel.runtime.engine.engine import Engine

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from meshreel.codec import payloads
 from meshreel.paper.pipeline import product_frames
+from meshreel.reel.agreed import payloads
 from meshreel.reel.agreed.corrections import (
     FLOOR,
     MARGIN,

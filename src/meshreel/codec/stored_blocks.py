@@ -1,0 +1,103 @@
+"""Blocks of frames as they lie in a stream."""
+
+from dataclasses import dataclass
+
+from meshreel.bitstream.layout import Section
+from meshreel.bitstream.reader import Stream
+from meshreel.codec.methods import Basis, Method
+from meshreel.entropy.varint import read_varint, write_varint
+from meshreel.errors import CorruptStreamError
+
+
+@dataclass(frozen=True)
+class StoredBlock:
+    """A block as it lies in a stream, and where its frames belong.
+
+    Attributes
+    ----------
+    start, n_frames, n_modes : int
+    sections : dict of Section to bytes
+    """
+
+    start: int
+    n_frames: int
+    n_modes: int
+    sections: dict[Section, bytes]
+
+    def payload(self, section: Section) -> bytes:
+        """Payload of a section.
+
+        Raises
+        ------
+        CorruptStreamError
+            If the block has none.
+        """
+        if section not in self.sections:
+            raise CorruptStreamError(
+                f"the block of frames {self.start}..{self.start + self.n_frames - 1} has no "
+                f"section {section.name}"
+            )
+        return self.sections[section]
+
+
+def stored_blocks(stream: Stream, method: Method) -> list[StoredBlock]:
+    """All blocks of a stream; raises as `stored_block`."""
+    return [stored_block(stream, method, number) for number in range(len(stream.places))]
+
+
+def stored_block(stream: Stream, method: Method, number: int) -> StoredBlock:
+    """A block of a stream.
+
+    Parameters
+    ----------
+    stream : Stream
+    method : Method
+    number : int
+
+    Raises
+    ------
+    CorruptStreamError
+        If it is damaged, has more modes than its method can have, or other frames than the index
+        says.
+    """
+    sections = stream.block(number)
+    n_frames, n_modes = read_block(sections[Section.BLOCK])
+    if n_frames != stream.places[number].n_frames:
+        raise CorruptStreamError(
+            f"block {number} has {n_frames} frames; the index says {stream.places[number].n_frames}"
+        )
+    limit = _most_modes(method, n_frames, stream.header.n_verts)
+    if n_modes > limit:
+        raise CorruptStreamError(
+            f"a block of {n_frames} frames has {n_modes} modes; {limit} are possible"
+        )
+    return StoredBlock(stream.starts[number], n_frames, n_modes, sections)
+
+
+def _most_modes(method: Method, n_frames: int, n_verts: int) -> int:
+    """Modes that a block of this many frames can have."""
+    if method.basis is Basis.GRAPH:
+        return n_verts
+    return 3 * n_frames if method.basis is Basis.JOINT else n_frames
+
+
+def write_block(n_frames: int, n_modes: int) -> bytes:
+    """Numbers of frames and modes of a block."""
+    return write_varint(n_frames) + write_varint(n_modes)
+
+
+def read_block(payload: bytes) -> tuple[int, int]:
+    """Undo `write_block`.
+
+    Raises
+    ------
+    CorruptStreamError
+        If a number is 0, or bytes are left over.
+    """
+    n_frames, position = read_varint(payload, 0)
+    n_modes, position = read_varint(payload, position)
+    if not (n_modes and n_frames) or position != len(payload):
+        raise CorruptStreamError(
+            f"a block announces {n_frames} frames and {n_modes} modes; each must be at least 1"
+        )
+    return n_frames, n_modes

@@ -1,0 +1,53 @@
+"""Blocks of `reel` to sections and back."""
+
+from collections.abc import Iterator
+
+from meshreel.bitstream.layout import Section
+from meshreel.codec.stored_blocks import StoredBlock, write_block
+from meshreel.entropy.field_coder import decode_fields, encode_fields
+from meshreel.paper.mesh_model import MeshModel
+from meshreel.reel.agreed import payloads
+from meshreel.reel.agreed.corrections import Corrections
+from meshreel.reel.agreed.field_mesh import FieldMesh
+from meshreel.reel.agreed.fields import FieldBlock
+from meshreel.runtime.profiling import stage
+from meshreel.runtime.threads import in_background
+
+
+def write_field_block(
+    block: FieldBlock, mesh: FieldMesh, corrections: Corrections | None = None
+) -> Iterator[tuple[Section, bytes]]:
+    """The sections of a block of `reel`."""
+    yield Section.BLOCK, write_block(len(block.times), block.n_modes)
+    yield Section.FIELDS, payloads.write_layout(block.layout, block.taps)
+    yield Section.BASIS, payloads.write_times(block.times)
+    if corrections is not None:
+        yield Section.CORRECTIONS, payloads.write_corrections(corrections)
+    yield Section.COEFFICIENTS, encode_fields(block.fields, mesh.passes)
+
+
+def read_corrections(stored: StoredBlock, n_verts: int) -> Corrections | None:
+    """The corrections of a block of `reel`, if it has some."""
+    if Section.CORRECTIONS not in stored.sections:
+        return None
+    payload = stored.payload(Section.CORRECTIONS)
+    return payloads.read_corrections(payload, stored.n_frames, n_verts)
+
+
+def read_field_block(
+    stored: StoredBlock, mesh: MeshModel, before: FieldMesh | None
+) -> tuple[FieldBlock, FieldMesh]:
+    """The block, and the mesh of its layout: that of the block before where it serves."""
+    n_modes, n_frames = stored.n_modes, stored.n_frames
+    layout, taps = payloads.read_layout(stored.payload(Section.FIELDS), n_modes)
+    serves = before is not None and before.stencil_size == layout.stencil_size
+    field_mesh = before if before is not None and serves else FieldMesh(mesh, layout.stencil_size)
+    scales = in_background(lambda: field_mesh.scales)
+    times = payloads.read_times(stored.payload(Section.BASIS), n_modes, n_frames)
+    with stage("waiting"):
+        scales.result()
+    stencils = in_background(lambda: field_mesh.stencils)
+    coded = stored.payload(Section.COEFFICIENTS)
+    fields = decode_fields(coded, n_modes, mesh.n_verts, field_mesh.passes)
+    stencils.result()
+    return FieldBlock(layout, times, fields, taps), field_mesh
