@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 import meshreel
-from meshreel.paper.subspace.basis import expand, project
 from meshreel.runtime.threads import n_cores, one_blas_thread
+from meshreel.subspace.basis import expand, project
 from meshreel.subspace.pca import autocorrelation
 from meshreel.subspace.trajectories import bounding_frame, from_matrices, to_matrices
 from speed_coders import Coder

@@ -4,8 +4,8 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from meshreel.codec.corrections import Corrections, corrected
 from meshreel.errors import CorruptStreamError
-from meshreel.reel.agreed.corrections import Corrections, corrected
 from meshreel.reel.agreed.payloads import read_corrections, write_corrections
 
 

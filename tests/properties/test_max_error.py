@@ -5,7 +5,7 @@ from hypothesis import HealthCheck, assume, event, example, given, settings
 from hypothesis import strategies as st
 
 from meshreel import InvalidInputError, MeshSequence, compare, decode, encode
-from meshreel.reel.agreed.corrections import FLOOR
+from meshreel.reel.encoding.corrections import FLOOR
 from sample_strategies import bodies, moving, odd_sequences
 
 MOST_ROUNDING = 4.0

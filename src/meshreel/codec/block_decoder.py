@@ -9,6 +9,8 @@ import numpy.typing as npt
 
 from meshreel.bitstream.layout import Section
 from meshreel.bitstream.reader import Stream
+from meshreel.codec.corrections import Corrections, corrected
+from meshreel.codec.frame_products import FramesOf, ProductFrames, product_frames
 from meshreel.codec.methods import (
     Basis,
     Laplacian,
@@ -25,9 +27,8 @@ from meshreel.errors import CorruptStreamError, InvalidInputError
 from meshreel.paper.blocks import Dictionaries, read_coded_block
 from meshreel.paper.mesh_model import MeshModel
 from meshreel.paper.payloads import read_anchor_vertices
-from meshreel.paper.pipeline import FramesOf, ProductFrames, product_frames, synthesise
+from meshreel.paper.pipeline import synthesise
 from meshreel.reel.agreed.blocks import read_corrections, read_field_block
-from meshreel.reel.agreed.corrections import Corrections, corrected
 from meshreel.reel.agreed.field_mesh import FieldMesh
 from meshreel.reel.agreed.fields import FieldBlock, KeyFields, Layout, key_fields, synthesise_fields
 from meshreel.runtime.profiling import staged

@@ -9,9 +9,9 @@ import numpy.typing as npt
 from meshreel.evaluation.document import Picture
 from meshreel.geometry.laplacian import delta_coordinates, uniform_laplacian
 from meshreel.paper.pipeline import CodedBlock
-from meshreel.paper.subspace.basis import project
 from meshreel.rendering.plots import blank_figure, save_figure
 from meshreel.sequence import MeshSequence
+from meshreel.subspace.basis import project
 from meshreel.subspace.pca import autocorrelation, eigen_trajectories
 from meshreel.subspace.trajectories import bounding_frame, to_matrices
 

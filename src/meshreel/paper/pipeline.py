@@ -1,28 +1,27 @@
 """The method itself: frames to integers and back, one call a line."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
 from meshreel.codec.config import DEFAULT_FREQUENCIES, EncoderConfig
+from meshreel.codec.frame_products import FramesOf, product_frames
 from meshreel.codec.methods import Allocation, Basis, Method, Signal
 from meshreel.geometry.laplacian import delta_coordinates
 from meshreel.paper.mesh_model import MeshModel
 from meshreel.paper.quantization.allocation import step_for_all_rows, steps_for_each_row
 from meshreel.paper.quantization.uniform import Steps, dequantize, quantize
-from meshreel.paper.subspace.basis import expand, project
 from meshreel.paper.subspace.orthogonal_iteration import advance_basis, align_basis, ritz_vectors
 from meshreel.paper.subspace.rank import modes_for_energy
 from meshreel.runtime.profiling import staged
+from meshreel.subspace.basis import expand, project
 from meshreel.subspace.pca import autocorrelation, eigen_trajectories
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
 
-FramesOf = Callable[[slice], Floats]
-"""Gives the coordinate matrices, of shape (3, frames, V), of a range of frames of a block."""
 
 BASIS_BITS = 16
 ANCHOR_BITS = 16
@@ -133,34 +132,6 @@ def synthesise(block: CodedBlock, mesh: MeshModel, method: Method, order: Intege
     if block.anchors is not None:
         coefficients = _solved(mesh, coefficients, block.anchors.values)
     return product_frames(basis, coefficients[:, :, order])
-
-
-@dataclass(frozen=True)
-class ProductFrames:
-    """What gives frames as the product of a basis and coefficients.
-
-    Attributes
-    ----------
-    basis : float64 array of shape (3, T, K)
-    coefficients : float64 array of shape (3, K, V), or (1, K, V) for all axes
-    """
-
-    basis: Floats
-    coefficients: Floats
-
-    def __call__(self, frames: slice) -> Floats:
-        """Coordinate matrices of shape (3, frames, V) of a range of frames."""
-        if len(self.coefficients) > 1:
-            return expand(self.basis[:, frames], self.coefficients)
-        # One product for all axes: it reads the fields once.
-        n_modes, n_verts = self.coefficients.shape[1:]
-        rows = self.basis[:, frames].reshape(-1, n_modes)
-        return expand(rows, self.coefficients[0]).reshape(3, -1, n_verts)
-
-
-def product_frames(basis: Floats, coefficients: Floats) -> ProductFrames:
-    """The product of a basis and coefficients, which lie in one piece from now on."""
-    return ProductFrames(basis, np.ascontiguousarray(coefficients))
 
 
 def modes_needed(matrices: Floats, config: EncoderConfig) -> int:

@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.codec.block_decoder import DecodedBlock
-from meshreel.reel.agreed.corrections import Corrections
+from meshreel.codec.corrections import Corrections
 from meshreel.viewer.modes import Modes, modes_of
 from meshreel.viewer.packets import packet
 from meshreel.viewer.rounding import rounded_to

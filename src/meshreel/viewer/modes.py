@@ -6,10 +6,10 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.codec.block_decoder import DecodedBlock
+from meshreel.codec.frame_products import ProductFrames
 from meshreel.codec.inspect import StreamInfo
 from meshreel.codec.methods import Basis, method_named
 from meshreel.errors import CorruptStreamError
-from meshreel.paper.pipeline import ProductFrames
 from meshreel.subspace.pca import joint_trajectories
 
 Floats = npt.NDArray[np.float64]

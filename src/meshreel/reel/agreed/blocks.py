@@ -3,11 +3,11 @@
 from collections.abc import Iterator
 
 from meshreel.bitstream.layout import Section
+from meshreel.codec.corrections import Corrections
 from meshreel.codec.stored_blocks import StoredBlock, write_block
 from meshreel.entropy.field_coder import decode_fields, encode_fields
 from meshreel.paper.mesh_model import MeshModel
 from meshreel.reel.agreed import payloads
-from meshreel.reel.agreed.corrections import Corrections
 from meshreel.reel.agreed.field_mesh import FieldMesh
 from meshreel.reel.agreed.fields import FieldBlock
 from meshreel.runtime.profiling import stage

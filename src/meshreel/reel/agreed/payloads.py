@@ -7,11 +7,11 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.codec.corrections import Corrections
 from meshreel.entropy.coder import decode_integers, encode_integers
 from meshreel.entropy.field_coder import decode_fields, encode_fields
 from meshreel.entropy.varint import read_varint, write_varint
 from meshreel.errors import CorruptStreamError, TruncatedStreamError, UnsupportedVersionError
-from meshreel.reel.agreed.corrections import Corrections
 from meshreel.reel.agreed.fields import MAX_TAP, N_TAPS, Layout
 from meshreel.reel.agreed.timeline import COARSEST, time_passes
 from meshreel.runtime.profiling import staged

@@ -9,17 +9,18 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.bitstream.layout import Section
+from meshreel.codec.corrections import corrected
 from meshreel.codec.error_bounds import write_promise
+from meshreel.codec.frame_products import FramesOf, product_frames
 from meshreel.codec.source import CodedMesh, Piece
 from meshreel.codec.stored_blocks import StoredBlock, read_block
 from meshreel.errors import InvalidInputError
 from meshreel.paper.mesh_model import MeshModel
-from meshreel.paper.pipeline import FramesOf, product_frames
 from meshreel.reel.agreed.blocks import read_field_block, write_field_block
-from meshreel.reel.agreed.corrections import corrected, find_corrections, least_bound
 from meshreel.reel.agreed.field_mesh import Connectivity, FieldMesh, shared_field_mesh
 from meshreel.reel.agreed.fields import FieldBlock, KeyFields, key_fields, synthesise_fields
 from meshreel.reel.encoding.analysis import BlockFrames, FieldChoices, analyse_fields
+from meshreel.reel.encoding.corrections import find_corrections, least_bound
 from meshreel.runtime.threads import one_blas_thread
 from meshreel.subspace.trajectories import BoundingFrame, to_matrices
 

@@ -4,11 +4,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from meshreel.codec.corrections import Corrections
 from meshreel.entropy.coder import encode_integers
 from meshreel.entropy.varint import write_varint
 from meshreel.errors import CorruptStreamError, TruncatedStreamError, UnsupportedVersionError
 from meshreel.reel.agreed import payloads
-from meshreel.reel.agreed.corrections import Corrections
 from meshreel.reel.agreed.fields import MAX_TAP, N_TAPS, Layout
 
 

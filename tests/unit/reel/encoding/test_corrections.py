@@ -5,14 +5,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from meshreel.paper.pipeline import product_frames
+from meshreel.codec.corrections import Corrections, corrected
+from meshreel.codec.frame_products import product_frames
 from meshreel.reel.agreed import payloads
-from meshreel.reel.agreed.corrections import (
+from meshreel.reel.encoding.corrections import (
     FLOOR,
     MARGIN,
-    Corrections,
     allowed_error,
-    corrected,
     find_corrections,
     least_bound,
 )

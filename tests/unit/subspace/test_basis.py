@@ -3,7 +3,7 @@
 import numpy as np
 
 from meshreel.geometry.laplacian import delta_coordinates, uniform_laplacian
-from meshreel.paper.subspace.basis import expand, project
+from meshreel.subspace.basis import expand, project
 from meshreel.subspace.pca import autocorrelation, eigen_trajectories
 from meshreel.subspace.trajectories import bounding_frame, to_matrices
 from sample_meshes import waving_grid
