@@ -20,9 +20,8 @@ from unittest.mock import patch
 import numpy as np
 
 import meshreel
-import meshreel.codec.targets as targets
 import meshreel.reel.agreed.prediction as prediction
-import meshreel.reel.encoding.driver as reel_encoder
+import meshreel.reel.encoding.effort as effort
 from meshreel.entropy.passes import single_pass
 from meshreel.evaluation.bjontegaard import bd_rate
 from meshreel.reel.agreed.field_mesh import FieldMesh
@@ -34,9 +33,9 @@ CODE = FieldBlockCoder.code
 
 def choices(**changed: Any) -> Any:
     """A patch of what the encoder chooses."""
-    usual = targets.choices_for
+    usual = effort.choices_for
     return lambda: patch.object(
-        reel_encoder, "choices_for", lambda *a: dataclasses.replace(usual(*a), **changed)
+        effort, "choices_for", lambda *a: dataclasses.replace(usual(*a), **changed)
     )
 
 
@@ -66,16 +65,16 @@ VARIANTS: dict[str, list[Any]] = {
     "errors not carried": [choices(carried_share=0.0)],
     "errors carried on all scales": [choices(n_carrying_scales=99)],
     "one pass without neighbours": [
-        constant(FieldMesh, "passes", property(lambda mesh: single_pass(mesh.mesh.n_verts)))
+        constant(FieldMesh, "passes", property(lambda mesh: single_pass(mesh.n_verts)))
     ],
     "time vectors rounded to 2 steps": [choices(basis_step=2.0)],
     "time vectors rounded to 5 steps": [choices(basis_step=5.0)],
     "modes above 0.4 of a step kept": [choices(least_rms=0.4)],
     "modes above 1 step kept": [choices(least_rms=1.0)],
     **{
-        f"effort {effort}": [choices(**vars(spent))]
-        for effort, spent in targets.EFFORTS.items()
-        if effort in (1, 3, 7, 9)
+        f"effort {number}": [choices(**vars(spent))]
+        for number, spent in effort.EFFORTS.items()
+        if number in (1, 3, 7, 9)
     },
     "tune geometry": [
         choices(basis_step=2.5, least_rms=0.5, carried_share=0.5, n_carrying_scales=1)

@@ -12,7 +12,7 @@ import pytest
 
 import meshreel
 from meshreel.bitstream.layout import FORMAT_VERSION
-from meshreel.codec.methods import METHODS
+from meshreel.codec.methods import METHOD_NAMES
 from meshreel.surface import Kind
 from sample_materials import dressed_sheets
 from sample_meshes import assert_same_surface, irregular_sequence, two_sheets, waving_grid
@@ -70,11 +70,11 @@ def new_streams():
             mixed, "pca-qp", order="vertices", block_frames=5
         ),
         **{
-            f"{method.name}_irregular": meshreel.encode(
-                irregular_sequence(7), method.name, n_modes=3, block_frames=3
+            f"{name}_irregular": meshreel.encode(
+                irregular_sequence(7), name, n_modes=3, block_frames=3
             )
-            for method in METHODS
-            if method.name not in ("pca-qp", "reel")
+            for name in METHOD_NAMES
+            if name not in ("pca-qp", "reel")
         },
         "reel_grid": meshreel.encode(waving_grid(40, 14, 15)),
         "reel_sheets": meshreel.encode(two_sheets()),

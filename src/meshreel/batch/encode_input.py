@@ -7,10 +7,10 @@ from typing import Any
 
 from meshreel import __version__
 from meshreel.codec.achieved import measure_stream
+from meshreel.codec.choices import Order
 from meshreel.codec.config import EncoderConfig
 from meshreel.codec.encoder import encode
 from meshreel.codec.inspect import info
-from meshreel.codec.methods import Basis, Order
 from meshreel.codec.surface.payloads import what_order_loses
 from meshreel.codec.surface.uv_errors import measure_uvs
 from meshreel.codec.surface.uv_grid import has_uvs
@@ -55,7 +55,7 @@ class EncodeOptions:
     def are_cut(self) -> bool:
         """Whether sequences are coded in blocks that do not depend on each other."""
         is_cut = self.config.block_frames is not None or self.config.memory is not None
-        return is_cut and self.config.method_row.basis is Basis.JOINT
+        return is_cut and self.config.method_row.codes_blocks_apart
 
     def as_dict(self) -> dict[str, Any]:
         """Those that are not the default, in plain types."""

@@ -5,14 +5,16 @@ from typing import Annotated
 import typer
 
 from meshreel.cli.completing import names_of
-from meshreel.codec.config import DEFAULT_ANCHORS, DEFAULT_ENERGY
+from meshreel.codec.choices import Laplacian, Order
 from meshreel.codec.error_bounds import METRES
-from meshreel.codec.methods import METHODS, Allocation, Laplacian, Order
+from meshreel.codec.methods import METHOD_NAMES
 from meshreel.codec.surface.uv_grid import MAX_UV_BITS, MIN_UV_BITS
 from meshreel.codec.targets import DEFAULT_QUALITY
+from meshreel.paper.settings import DEFAULT_ANCHORS, DEFAULT_ENERGY
+from meshreel.paper.variants import Allocation
 from meshreel.reel.encoding.effort import DEFAULT_EFFORT, Tune
 
-METHOD_NAMES = ", ".join(row.name for row in METHODS)
+METHODS = ", ".join(METHOD_NAMES)
 LAPLACIAN_NAMES = ", ".join(row.name.lower() for row in Laplacian)
 ALLOCATION_NAMES = ", ".join(row.value for row in Allocation)
 TUNE_NAMES = ", ".join(tune.value for tune in Tune)
@@ -101,9 +103,7 @@ EffortOption = Annotated[
 ]
 MethodOption = Annotated[
     str,
-    typer.Option(
-        autocompletion=names_of(row.name for row in METHODS), help=f"How to code: {METHOD_NAMES}."
-    ),
+    typer.Option(autocompletion=names_of(METHOD_NAMES), help=f"How to code: {METHODS}."),
 ]
 ModesOption = Annotated[
     int | None,

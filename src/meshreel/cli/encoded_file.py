@@ -68,9 +68,9 @@ def encode_file(
 ) -> EncodedFile:
     """Encode a sequence, write it and measure it."""
     from meshreel.codec.achieved import measure_stream
+    from meshreel.codec.choices import Order
     from meshreel.codec.encoder import encode
     from meshreel.codec.inspect import info
-    from meshreel.codec.methods import Order
     from meshreel.codec.surface.payloads import what_order_loses
     from meshreel.codec.surface.uv_errors import measure_uvs
     from meshreel.runtime.outputs.atomic import replace_when_done

@@ -5,7 +5,7 @@ from itertools import pairwise
 import numpy as np
 
 from meshreel.bitstream.reader import read_stream
-from meshreel.codec.block_decoder import BlockDecoder
+from meshreel.codec.open_stream import OpenStream
 from meshreel.errors import CorruptStreamError, InvalidInputError
 from meshreel.runtime.progress import Count, Progress, silent
 from meshreel.sequence import MeshSequence
@@ -45,9 +45,10 @@ def decode(
     stream = read_stream(bytes(data))
     header = stream.header
     wanted = frame_range(frames, stream.n_frames)
-    decoder = BlockDecoder(stream, n_modes)
-    faces = decoder.faces
-    vertices = np.empty((len(wanted), header.n_verts, 3), decoder.dtype)
+    opened = OpenStream(stream)
+    blocks = opened.blocks(n_modes)
+    faces = opened.faces
+    vertices = np.empty((len(wanted), header.n_verts, 3), opened.dtype)
     for number, (start, stop) in enumerate(pairwise(stream.starts)):
         first, last = max(start, wanted.start), min(stop, wanted.stop)
         if first < last:
@@ -57,7 +58,7 @@ def decode(
                 progress("decoding", Count(before + done, len(wanted), "frames"))
 
             target = vertices[before : last - wanted.start]
-            decoder.block(number).fill(target, first - start, report)
+            blocks.block(number).fill(target, first - start, report)
     progress("decoding", Count(len(wanted), len(wanted), "frames"))
     try:
         return MeshSequence(
@@ -65,8 +66,8 @@ def decode(
             faces,
             header.fps,
             header.name,
-            start_of(wanted, decoder.start_s, header.fps),
-            decoder.surface,
+            start_of(wanted, opened.start_s, header.fps),
+            opened.surface,
         )
     except InvalidInputError as error:
         raise CorruptStreamError(f"the stream decodes to an invalid mesh: {error}") from error

@@ -1,9 +1,7 @@
 """A mesh sequence to the bytes of a stream."""
 
-from collections.abc import Iterator, Sequence
-from itertools import chain
+from collections.abc import Sequence
 
-from meshreel.bitstream.writer import Sections, whole_stream
 from meshreel.codec.config import (
     DEFAULT_ALLOCATION,
     DEFAULT_ITERATIONS,
@@ -12,13 +10,10 @@ from meshreel.codec.config import (
     DEFAULT_ORDER,
     EncoderConfig,
 )
-from meshreel.codec.methods import Basis
 from meshreel.codec.source import Source
 from meshreel.codec.surface.uv_grid import check_uvs
-from meshreel.paper.encoder import PaperBlockCoder
-from meshreel.reel.encoding.driver import ReelEncoder
 from meshreel.runtime.engine.engine import Engine
-from meshreel.runtime.progress import Count, Progress, silent
+from meshreel.runtime.progress import Progress, silent
 from meshreel.sequence import FrameSource
 from meshreel.surface_selection import ALL, Names, selected
 
@@ -64,7 +59,7 @@ def encode(
         `meshreel.load` reads, such as a path, and warns of what reading leaves out.
     method : {"reel", "pca-qp", "pca", "pca-q", "v2v", "pca-qs", "blocks", "gft"}
         `reel`: our own, several times smaller than the others. The rest are variants of the paper
-        (`codec.methods.METHODS`). `pca-qp`: deltas on the eigen-trajectories of each axis, least
+        (`paper.variants`). `pca-qp`: deltas on the eigen-trajectories of each axis, least
         squares with anchors. `pca`, `pca-q`: without anchors, the first at 16 bits. `v2v`:
         vertices instead of deltas. `pca-qs`: as `pca-qp`, decoded one frame after another.
         `blocks`: eigen-trajectories of short blocks, tracked. `gft`: each frame's deltas on the
@@ -173,20 +168,4 @@ def encode(
         check_uvs(surface, uv_bits)
     progress("encoding connectivity", 0.0)
     source = Source(sequence, config, surface)
-    if config.method_row.basis is Basis.JOINT:
-        return ReelEncoder(source, progress, engine).encode()
-    coder = PaperBlockCoder(source.mesh, source.frame, source.blocks())
-    leading = chain(source.mesh.leading_sections(), coder.leading_sections())
-    return whole_stream(source.header(), leading, _coded(source, coder, progress))
-
-
-def _coded(
-    source: Source, coder: PaperBlockCoder, progress: Progress
-) -> Iterator[tuple[int, Sections]]:
-    """Frames and sections of each block."""
-    done, n_frames = 0, source.sequence.n_frames
-    for vertices in source.blocks():
-        progress("encoding", Count(done, n_frames, "frames"))
-        yield len(vertices), coder.code(vertices)
-        done += len(vertices)
-    progress("encoding", Count(n_frames, n_frames, "frames"))
+    return config.method_row.encode(source, progress, engine)

@@ -3,20 +3,12 @@
 from dataclasses import asdict, dataclass
 from typing import Any
 
-import numpy as np
-import numpy.typing as npt
-
 from meshreel.bitstream.layout import Section
 from meshreel.bitstream.reader import Stream, read_stream
-from meshreel.codec.block_decoder import BlockDecoder, read_mesh
 from meshreel.codec.error_bounds import read_promise
-from meshreel.codec.methods import Basis, Laplacian, Order, choice_of_code, method_of_code
+from meshreel.codec.open_stream import OpenStream
 from meshreel.codec.stored_blocks import stored_blocks
-from meshreel.entropy.coder import encode_integers
-from meshreel.errors import InvalidInputError
 from meshreel.materials import Image, Material
-from meshreel.paper.blocks import Dictionaries, read_coded_block
-from meshreel.paper.pipeline import CodedBlock
 from meshreel.surface import Domain, Surface
 
 
@@ -135,10 +127,9 @@ def stream_info(stream: Stream) -> StreamInfo:
         If a block is damaged.
     """
     header = stream.header
-    method = method_of_code(header.method)
-    blocks = stored_blocks(stream, method)
-    decoder = BlockDecoder(stream)
-    surface = decoder.surface
+    opened = OpenStream(stream)
+    blocks = stored_blocks(stream, opened.method)
+    surface = opened.surface
     positions = stream.n_frames * header.n_verts * 3
     return StreamInfo(
         n_frames=stream.n_frames,
@@ -146,9 +137,9 @@ def stream_info(stream: Stream) -> StreamInfo:
         n_faces=header.n_faces,
         fps=header.fps,
         name=header.name,
-        method=method.name,
-        laplacian=choice_of_code(Laplacian, header.laplacian).name.lower(),
-        order=choice_of_code(Order, header.order).name.lower(),
+        method=opened.method.name,
+        laplacian=opened.laplacian.name.lower(),
+        order=opened.order_kept.name.lower(),
         vertex_type=header.vertex_type.name.lower(),
         n_modes=tuple(block.n_modes for block in blocks),
         block_frames=tuple(block.n_frames for block in blocks),
@@ -160,7 +151,7 @@ def stream_info(stream: Stream) -> StreamInfo:
         ),
         max_error_percent=promised_percent(stream),
         is_whole=stream.is_whole,
-        start_s=decoder.start_s,
+        start_s=opened.start_s,
         n_polygons=surface.n_faces(header.n_faces),
         attributes=carried(surface),
         parts=tuple(part.name for part in surface.parts),
@@ -168,45 +159,6 @@ def stream_info(stream: Stream) -> StreamInfo:
         materials=described_materials(surface),
         images=described_images(surface),
     )
-
-
-def coded_blocks(data: bytes) -> list[CodedBlock]:
-    """The integers of every block of a stream, dictionaries added up.
-
-    Raises
-    ------
-    InvalidInputError
-        If the stream is of `reel`, whose blocks are others.
-    CorruptStreamError, TruncatedStreamError, UnsupportedVersionError
-        If the bytes are not a whole stream that this build reads.
-    """
-    stream = read_stream(bytes(data))
-    method = method_of_code(stream.header.method)
-    if method.basis is Basis.JOINT:
-        raise InvalidInputError(f"method {method.name} has no blocks of the paper's kind")
-    mesh, stored = read_mesh(stream, method), stored_blocks(stream, method)
-    dictionaries = Dictionaries(lambda number: stored[number], method)
-    return [
-        read_coded_block(block, mesh, method, dictionaries.of(number))
-        for number, block in enumerate(stored)
-    ]
-
-
-def bits_per_row(data: bytes) -> list[npt.NDArray[np.float64]]:
-    """Bits that each row of coefficients takes by itself, of shape (3, K) for each block.
-
-    Each row is coded alone, table included; where a stream's rows have tables of their own, the
-    sum is that of the section but for the framing of some 10 bytes a row.
-    """
-    return [
-        np.array(
-            [
-                [8.0 * len(encode_integers([row])) for row in axis]
-                for axis in block.coefficients.integers
-            ]
-        )
-        for block in coded_blocks(data)
-    ]
 
 
 def carried(surface: Surface) -> tuple[str, ...]:

@@ -1,123 +1,172 @@
-"""The choices a stream can be made with, and their codes in it.
+"""The methods of coding: what each offers, and where it lives.
 
-Each variant of the paper is a row of choices: what is transformed, on which basis, and how it is
-decoded; so is our own `reel`. The pipeline reads the choices, never the names.
+A method is a room of its own (`reel`, `paper`) that codes blocks of frames and decodes them. It is
+imported when a stream or a user asks for it; nothing here, and nothing above, knows its insides.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
-from enum import Enum, IntEnum
-from typing import TypeVar
+from importlib import import_module
+from typing import TYPE_CHECKING, Protocol
 
+import numpy as np
+import numpy.typing as npt
+
+from meshreel.bitstream.layout import Section
+from meshreel.bitstream.writer import Sections
 from meshreel.errors import InvalidInputError, UnsupportedVersionError
+from meshreel.subspace.trajectories import BoundingFrame
 
-DEFAULT_BITS = 9
-FINE_BITS = 16
-TRACKED_BLOCK_FRAMES = 25
+if TYPE_CHECKING:
+    from meshreel.codec.config import EncoderConfig
+    from meshreel.codec.decoded_block import DecodedBlock
+    from meshreel.codec.open_stream import OpenStream
+    from meshreel.codec.source import CodedMesh, Source
+    from meshreel.runtime.engine.engine import Engine
+    from meshreel.runtime.progress import Progress
 
-
-class Signal(Enum):
-    """What is projected and quantised."""
-
-    DELTAS = "delta coordinates"
-    VERTICES = "vertex coordinates"
-    FIELDS = "fields of modes"
-
-
-class Basis(Enum):
-    """What it is projected on."""
-
-    TRAJECTORIES = "eigen-trajectories of each block"
-    TRACKED = "eigen-trajectories, tracked from block to block by orthogonal iterations"
-    GRAPH = "eigenvectors of the Laplacian, frame by frame"
-    JOINT = "modes of all three coordinates together"
+Vertices = npt.NDArray[np.floating]
 
 
-class Decoding(Enum):
-    """How vertices come back."""
+class BlockCoder(Protocol):
+    """Codes blocks of frames one after another."""
 
-    ANCHORED = "least squares with anchors (Eq. 12)"
-    LAPLACIAN = "L alone (Eq. 11)"
-    PRODUCT = "the product of basis and coefficients"
-    PREDICTED = "prediction over a hierarchy of the mesh, with learned weights"
+    def leading_sections(self) -> Iterator[tuple[Section, bytes]]:
+        """The sections before the first block, behind those of the mesh."""
+
+    def code(self, vertices: Vertices) -> Sections:
+        """The sections of the next block.
+
+        Integers are found now, bytes when the sections are taken.
+
+        Parameters
+        ----------
+        vertices : float array of shape (T_b, V, 3)
+            In internal order.
+        """
+
+
+class BlockDecoder(Protocol):
+    """Decodes the blocks of a stream, in any order, and keeps what they share."""
+
+    def block(self, number: int) -> "DecodedBlock":
+        """A block of the stream, decoded.
+
+        Raises
+        ------
+        CorruptStreamError
+            If it is damaged.
+        """
+
+
+class Method(Protocol):
+    """A method of coding."""
+
+    @property
+    def name(self) -> str:
+        """Its name, as users write it."""
+
+    @property
+    def options(self) -> frozenset[str]:
+        """Names of the options it takes beside those that every method takes."""
+
+    @property
+    def block_frames(self) -> int | None:
+        """Frames coded together where nothing is asked for; None: as many as there are."""
+
+    @property
+    def codes_blocks_apart(self) -> bool:
+        """Whether blocks can be coded by different workers, once the first is there."""
+
+    def check(self, config: "EncoderConfig") -> None:
+        """Nothing if the options it takes are in range and do not exclude each other.
+
+        Raises
+        ------
+        InvalidInputError
+            If they are not.
+        """
+
+    def check_live(self, config: "EncoderConfig") -> None:
+        """Nothing if frames can be coded so as they come, before the last is there.
+
+        Raises
+        ------
+        InvalidInputError
+            If they cannot.
+        """
+
+    def longest_block(self, n_frames: int, n_verts: int) -> int:
+        """Frames coded together where neither a number of frames nor memory is given."""
+
+    def most_modes(self, n_frames: int, n_verts: int) -> int:
+        """Modes that a block of so many frames can have at most."""
+
+    def n_joint_modes(self, n_modes: int, n_frames: int, n_verts: int) -> int:
+        """Modes of all axes together that a block of K modes is played with, at most."""
+
+    def encode(self, source: "Source", progress: "Progress", engine: "Engine | None") -> bytes:
+        """The bytes of a stream of the source.
+
+        Raises
+        ------
+        InvalidInputError
+            If no stream meets the target.
+        """
+
+    def live_coder(self, mesh: "CodedMesh", frame: BoundingFrame, first: Vertices) -> BlockCoder:
+        """The coder of frames that are not all there yet.
+
+        Parameters
+        ----------
+        mesh : CodedMesh
+        frame : BoundingFrame
+            Of the first block.
+        first : float array of shape (T_b, V, 3)
+            The first block, in internal order: step and number of modes follow from it. It is not
+            coded yet.
+        """
+
+    def decoder(self, opened: "OpenStream", n_modes: int | None) -> BlockDecoder:
+        """The decoder of a stream's blocks.
+
+        Parameters
+        ----------
+        opened : OpenStream
+        n_modes : int or None
+            Only the first so many modes of each block move.
+
+        Raises
+        ------
+        InvalidInputError
+            If `n_modes` is below 1, or not for this method.
+        """
 
 
 @dataclass(frozen=True)
-class Method:
-    """A method: a row of the table of variants.
-
-    Attributes
-    ----------
-    name : str
-        What the user calls it.
-    code : int
-        What the stream calls it.
-    signal : Signal
-    basis : Basis
-    decoding : Decoding
-    is_serial : bool
-        Whether the decoder builds and solves a system for each frame, as the paper's serial
-        variants do, instead of one for all.
-    bits : int
-        Bits of the largest coefficient where the user gives none.
-    block_frames : int or None
-        Frames coded together where the user gives none; None is all.
-    """
+class _Home:
+    """The name and code of a method, and the module whose `METHODS` maps its name to it."""
 
     name: str
     code: int
-    signal: Signal
-    basis: Basis
-    decoding: Decoding
-    is_serial: bool = False
-    bits: int = DEFAULT_BITS
-    block_frames: int | None = None
-
-    @property
-    def has_anchors(self) -> bool:
-        """Whether anchors are chosen and sent once, for all blocks: each component needs one."""
-        return self.decoding not in (Decoding.PRODUCT, Decoding.PREDICTED)
-
-    @property
-    def summary(self) -> str:
-        """The choices in one line."""
-        how = ", a system for each frame" if self.is_serial else ""
-        return f"{self.signal.value} on {self.basis.value}; {self.decoding.value}{how}"
+    module: str
 
 
-_D, _T, _A = Signal.DELTAS, Basis.TRAJECTORIES, Decoding.ANCHORED
-
-METHODS = (
-    Method("pca-qp", 0, _D, _T, _A),
-    Method("pca", 1, _D, _T, Decoding.LAPLACIAN, bits=FINE_BITS),
-    Method("pca-q", 2, _D, _T, Decoding.LAPLACIAN),
-    Method("v2v", 3, Signal.VERTICES, _T, Decoding.PRODUCT),
-    Method("pca-qs", 4, _D, _T, _A, is_serial=True),
-    Method("blocks", 5, _D, Basis.TRACKED, _A, block_frames=TRACKED_BLOCK_FRAMES),
-    Method("gft", 6, _D, Basis.GRAPH, _A, is_serial=True),
-    Method("reel", 7, Signal.FIELDS, Basis.JOINT, Decoding.PREDICTED),
+_PAPER, _REEL = "meshreel.paper.method", "meshreel.reel.method"
+_HOMES = (
+    _Home("pca-qp", 0, _PAPER),
+    _Home("pca", 1, _PAPER),
+    _Home("pca-q", 2, _PAPER),
+    _Home("v2v", 3, _PAPER),
+    _Home("pca-qs", 4, _PAPER),
+    _Home("blocks", 5, _PAPER),
+    _Home("gft", 6, _PAPER),
+    _Home("reel", 7, _REEL),
 )
 
-
-class Laplacian(IntEnum):
-    """Which matrix the delta coordinates are made with."""
-
-    NORMALIZED = 0
-    COMBINATORIAL = 1
-
-
-class Order(IntEnum):
-    """What is kept of the order in which vertices and faces came."""
-
-    KEEP = 0
-    VERTICES = 1
-    DROP = 2
-
-
-class Allocation(Enum):
-    """How a single number of bits is spread over the rows of coefficients."""
-
-    ENERGY = "energy"
-    CONSTANT = "constant"
+METHOD_NAMES = tuple(home.name for home in _HOMES)
+METHOD_CODES = {home.name: home.code for home in _HOMES}
+"""Numbers of the methods in a stream, by name."""
 
 
 def method_named(name: str) -> Method:
@@ -128,12 +177,10 @@ def method_named(name: str) -> Method:
     InvalidInputError
         If there is none; says which there are.
     """
-    for method in METHODS:
-        if method.name == name:
-            return method
-    raise InvalidInputError(
-        f"method {name!r} is unknown; choose {', '.join(method.name for method in METHODS)}"
-    )
+    for home in _HOMES:
+        if home.name == name:
+            return _method_at(home)
+    raise InvalidInputError(f"method {name!r} is unknown; choose {', '.join(METHOD_NAMES)}")
 
 
 def method_of_code(code: int) -> Method:
@@ -144,41 +191,12 @@ def method_of_code(code: int) -> Method:
     UnsupportedVersionError
         If this build does not know it.
     """
-    for method in METHODS:
-        if method.code == code:
-            return method
+    for home in _HOMES:
+        if home.code == code:
+            return _method_at(home)
     raise UnsupportedVersionError(f"method {code} is unknown to this build; upgrade meshreel")
 
 
-Choice = TypeVar("Choice", bound=Enum)
-CodedChoice = TypeVar("CodedChoice", bound=IntEnum)
-
-
-def choice_named(choices: type[Choice], name: str) -> Choice:
-    """The member of an enumeration by its lower-case name.
-
-    Raises
-    ------
-    InvalidInputError
-        If there is none; says which there are.
-    """
-    for choice in choices:
-        if choice.name.lower() == name:
-            return choice
-    allowed = ", ".join(choice.name.lower() for choice in choices)
-    raise InvalidInputError(f"{choices.__name__.lower()} {name!r} is unknown; choose {allowed}")
-
-
-def choice_of_code(choices: type[CodedChoice], code: int) -> CodedChoice:
-    """The member of an enumeration by its code in a stream.
-
-    Raises
-    ------
-    UnsupportedVersionError
-        If this build does not know it.
-    """
-    if code in list(choices):
-        return choices(code)
-    raise UnsupportedVersionError(
-        f"{choices.__name__.lower()} {code} is unknown to this build; upgrade meshreel"
-    )
+def _method_at(home: _Home) -> Method:
+    method: Method = import_module(home.module).METHODS[home.name]
+    return method

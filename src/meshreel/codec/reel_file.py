@@ -13,10 +13,10 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.bitstream.reader import open_stream
-from meshreel.codec.block_decoder import BlockDecoder, DecodedBlock
+from meshreel.codec.decoded_block import DecodedBlock
 from meshreel.codec.decoder import frame_range
 from meshreel.codec.inspect import StreamInfo, promised_percent, stream_info
-from meshreel.codec.methods import Order, choice_of_code
+from meshreel.codec.open_stream import OpenStream
 from meshreel.errors import CorruptStreamError, InvalidInputError
 from meshreel.frame_choice import FrameChoice, chosen_frames
 from meshreel.sequence import Faces
@@ -73,35 +73,36 @@ class ReelFile:
     def __init__(self, file: BinaryIO, n_modes: int | None = None) -> None:
         self._file = file
         stream = open_stream(file)
-        self._decoder = BlockDecoder(stream, n_modes)
+        self._opened = OpenStream(stream)
+        self._blocks = self._opened.blocks(n_modes)
         self._kept: OrderedDict[int, DecodedBlock] = OrderedDict()
         self._lock = threading.Lock()
         header = stream.header
         self.n_frames, self.n_verts, self.n_faces = stream.n_frames, header.n_verts, header.n_faces
         self.fps, self.name, self.is_whole = header.fps, header.name, stream.is_whole
-        self.dtype = self._decoder.dtype
-        self.start_s, self.frame = self._decoder.start_s, self._decoder.frame
+        self.dtype = self._opened.dtype
+        self.start_s, self.frame = self._opened.start_s, self._opened.frame
         promised = promised_percent(stream) if n_modes is None else None
         self.promised_error = None if promised is None else promised / 100 * self.frame.scale
         self.starts = tuple(stream.starts)
-        self.order = choice_of_code(Order, header.order).name.lower()
+        self.order = self._opened.order_kept.name.lower()
 
     @property
     def faces(self) -> Faces:
         """Vertex indices of each triangle, of shape (M, 3)."""
         with self._lock:
-            return self._decoder.faces
+            return self._opened.faces
 
     @property
     def surface(self) -> Surface:
         """What the mesh carries beside positions and triangles: polygons, attributes, parts."""
         with self._lock:
-            return self._decoder.surface
+            return self._opened.surface
 
     def info(self) -> StreamInfo:
         """What the file holds, and where its bytes go; no frame is decoded."""
         with self._lock:
-            return stream_info(self._decoder.stream)
+            return stream_info(self._opened.stream)
 
     def read(self, start: int, stop: int) -> Vertices:
         """Positions of frames start..stop - 1, of shape (stop - start, V, 3).
@@ -147,7 +148,7 @@ class ReelFile:
         """
         with self._lock:
             if number not in self._kept:
-                self._kept[number] = self._decoder.block(number)
+                self._kept[number] = self._blocks.block(number)
             self._kept.move_to_end(number)
             while len(self._kept) > N_KEPT_BLOCKS:
                 self._kept.popitem(last=False)

@@ -10,8 +10,9 @@ import numpy.typing as npt
 
 from meshreel.bitstream.header import Header
 from meshreel.bitstream.layout import Section, VertexType
+from meshreel.codec.choices import Order
 from meshreel.codec.config import EncoderConfig
-from meshreel.codec.methods import Order
+from meshreel.codec.methods import METHOD_CODES
 from meshreel.codec.surface.payloads import surface_in_order, surface_sections, write_start
 from meshreel.connectivity.coder import CodedConnectivity, encode_connectivity
 from meshreel.sequence import Faces, FrameSource, MeshSequence
@@ -106,7 +107,7 @@ class CodedMesh:
             n_faces=len(self.given_faces),
             fps=fps,
             vertex_type=VertexType(dtype.itemsize),
-            method=self.config.method_row.code,
+            method=METHOD_CODES[self.config.method],
             laplacian=self.config.laplacian_choice,
             order=self.order_kept,
             origin=frame.origin,

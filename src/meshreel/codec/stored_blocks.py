@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from meshreel.bitstream.layout import Section
 from meshreel.bitstream.reader import Stream
-from meshreel.codec.methods import Basis, Method
+from meshreel.codec.methods import Method
 from meshreel.entropy.varint import read_varint, write_varint
 from meshreel.errors import CorruptStreamError
 
@@ -66,19 +66,12 @@ def stored_block(stream: Stream, method: Method, number: int) -> StoredBlock:
         raise CorruptStreamError(
             f"block {number} has {n_frames} frames; the index says {stream.places[number].n_frames}"
         )
-    limit = _most_modes(method, n_frames, stream.header.n_verts)
+    limit = method.most_modes(n_frames, stream.header.n_verts)
     if n_modes > limit:
         raise CorruptStreamError(
             f"a block of {n_frames} frames has {n_modes} modes; {limit} are possible"
         )
     return StoredBlock(stream.starts[number], n_frames, n_modes, sections)
-
-
-def _most_modes(method: Method, n_frames: int, n_verts: int) -> int:
-    """Modes that a block of this many frames can have."""
-    if method.basis is Basis.GRAPH:
-        return n_verts
-    return 3 * n_frames if method.basis is Basis.JOINT else n_frames
 
 
 def write_block(n_frames: int, n_modes: int) -> bytes:

@@ -14,10 +14,8 @@ import numpy.typing as npt
 from meshreel.bitstream.writer import Sections
 from meshreel.codec.block_writer import BlockWriter
 from meshreel.codec.config import MAX_BLOCK_POSITIONS, EncoderConfig
-from meshreel.codec.methods import Basis
 from meshreel.codec.source import CodedMesh
 from meshreel.codec.surface.uv_grid import check_uvs
-from meshreel.codec.targets import Aim
 from meshreel.counting import counted
 from meshreel.errors import InvalidInputError
 from meshreel.runtime.outputs.atomic import os_errors_naming_output
@@ -32,9 +30,6 @@ SHARE_FOR_CODING = 1 / 16
 
 FPS_IF_UNKNOWN = 25.0
 """What a latency is turned into frames with where no frame rate is given."""
-
-AIMS = (Aim.QUALITY, Aim.STEP, Aim.MAX_ERROR)
-"""What can be met without knowing the frames to come."""
 
 
 class Encoder:
@@ -287,9 +282,5 @@ def _checked_config(block_frames: int | str, options: dict[str, Any]) -> Encoder
         config = EncoderConfig(**options, block_frames=chosen)  # type: ignore[arg-type]
     except TypeError as error:
         raise InvalidInputError(f"an option is unknown: {error}") from None
-    if config.method_row.basis is Basis.JOINT and config.target.aim not in AIMS:
-        raise InvalidInputError(
-            f"{config.target.aim.value} needs the whole sequence; for frames that come one by one "
-            f"give {', '.join(aim.value for aim in AIMS)}"
-        )
+    config.method_row.check_live(config)
     return config

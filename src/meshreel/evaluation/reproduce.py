@@ -6,7 +6,6 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from meshreel.codec.inspect import coded_blocks
 from meshreel.evaluation import figures, matrices, pictures
 from meshreel.evaluation.decompositions import time_decompositions
 from meshreel.evaluation.document import Picture
@@ -21,6 +20,7 @@ from meshreel.evaluation.results import (
 from meshreel.evaluation.runner import run
 from meshreel.evaluation.settings import METHOD_NAMES, Setting, row_settings, sweep, variants
 from meshreel.evaluation.store import Result, Store, claim_folder, unique_names
+from meshreel.paper.decoder import coded_blocks
 from meshreel.rendering.plots import require_matplotlib
 from meshreel.runtime.progress import Count, Progress, silent
 from meshreel.sequence import MeshSequence

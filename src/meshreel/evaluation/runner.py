@@ -12,13 +12,14 @@ import numpy.typing as npt
 
 from meshreel.codec.decoder import decode
 from meshreel.codec.encoder import encode
-from meshreel.codec.inspect import bits_per_row, coded_blocks, info
+from meshreel.codec.inspect import info
 from meshreel.errors import MeshReelError
 from meshreel.evaluation.machine import machine_facts
 from meshreel.evaluation.paper_count import paper_count
 from meshreel.evaluation.settings import Setting
 from meshreel.evaluation.store import Result, Store
 from meshreel.metrics.compare import compare
+from meshreel.paper.decoder import bits_per_row, coded_blocks
 from meshreel.runtime.outputs.atomic import replace_when_done
 from meshreel.runtime.progress import Progress, silent
 from meshreel.sequence import MeshSequence

@@ -4,10 +4,10 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
-from meshreel.codec.methods import METHODS
+from meshreel.codec.methods import METHOD_NAMES
 from meshreel.evaluation.settings import Setting, checked_names, sweep, variants
 
-CODED_METHODS = tuple(method.name for method in METHODS)
+CODED_METHODS = METHOD_NAMES
 DEFAULT_METHODS = ("reel", "pca-qp", "v2v")
 
 # Options of `reel`, which the paper's sweep has no row for.
@@ -42,7 +42,7 @@ class MethodSetting:
 
 
 def checked_coded_methods(names: Iterable[str]) -> tuple[str, ...]:
-    """The methods of these names, in the order of `METHODS`, each once.
+    """The methods of these names, in the order of `METHOD_NAMES`, each once.
 
     Raises
     ------

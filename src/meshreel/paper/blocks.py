@@ -3,18 +3,18 @@
 from collections.abc import Callable, Iterator
 
 from meshreel.bitstream.layout import Section
-from meshreel.codec.methods import Basis, Method
 from meshreel.codec.stored_blocks import StoredBlock, write_block
 from meshreel.errors import CorruptStreamError
 from meshreel.paper import payloads
 from meshreel.paper.mesh_model import MeshModel
 from meshreel.paper.pipeline import CodedBlock, Quantized
+from meshreel.paper.variants import Basis, Variant
 
 
 def write_coded_block(
     block: CodedBlock,
     n_frames: int,
-    method: Method,
+    method: Variant,
     before: Quantized | None,
     exact: bytes = b"",
 ) -> Iterator[tuple[Section, bytes]]:
@@ -24,7 +24,7 @@ def write_coded_block(
     ----------
     block : CodedBlock
     n_frames : int
-    method : Method
+    method : Variant
     before : Quantized or None
         Dictionary of the block before, if this one's is stored as the difference to it.
     exact : bytes, optional
@@ -58,10 +58,10 @@ class Dictionaries:
     ----------
     blocks : callable
         Gives the stored block of a number.
-    method : Method
+    method : Variant
     """
 
-    def __init__(self, blocks: Callable[[int], StoredBlock], method: Method) -> None:
+    def __init__(self, blocks: Callable[[int], StoredBlock], method: Variant) -> None:
         self._blocks = blocks
         self._method = method
         self._found: tuple[int, Quantized] | None = None
@@ -99,7 +99,7 @@ def _read_dictionary(stored: StoredBlock, before: Quantized | None) -> Quantized
     return Quantized(before.integers + basis.integers, basis.steps)
 
 
-def tracked_from(method: Method, before: Quantized | None, n_frames: int) -> Quantized | None:
+def tracked_from(method: Variant, before: Quantized | None, n_frames: int) -> Quantized | None:
     """The dictionary that a block's is stored as the difference to; None if it starts anew.
 
     A block of another length (the last, as a rule) starts anew.
@@ -110,7 +110,7 @@ def tracked_from(method: Method, before: Quantized | None, n_frames: int) -> Qua
 
 
 def read_coded_block(
-    stored: StoredBlock, mesh: MeshModel, method: Method, basis: Quantized | None
+    stored: StoredBlock, mesh: MeshModel, method: Variant, basis: Quantized | None
 ) -> CodedBlock:
     """The integers of a block of the paper's methods, given its dictionary."""
     n_frames, n_modes, n_anchors = stored.n_frames, stored.n_modes, len(mesh.anchors)

@@ -9,13 +9,14 @@ import numpy.typing as npt
 from meshreel.bitstream.layout import Section
 from meshreel.bitstream.writer import Sections
 from meshreel.codec.config import EncoderConfig
-from meshreel.codec.methods import Basis
 from meshreel.codec.source import CodedMesh
 from meshreel.entropy.exact import encode_exact
 from meshreel.paper import payloads
 from meshreel.paper.blocks import tracked_from, write_coded_block
 from meshreel.paper.mesh_model import MeshModel, choose_anchors
 from meshreel.paper.pipeline import Quantized, analyse, modes_needed
+from meshreel.paper.settings import anchor_share
+from meshreel.paper.variants import Basis, variant_named
 from meshreel.subspace.trajectories import BoundingFrame, to_matrices
 
 Vertices = npt.NDArray[np.floating]
@@ -35,13 +36,14 @@ class PaperBlockCoder:
 
     def __init__(self, mesh: CodedMesh, frame: BoundingFrame, foreseen: Iterable[Vertices]) -> None:
         self._frame = frame
+        self._variant = variant_named(mesh.config.method)
         self._config = _with_modes_for_all(mesh.config, frame, foreseen)
         self._mesh = _mesh_model(mesh, self._config)
         self._before: Quantized | None = None
 
     def leading_sections(self) -> Iterator[tuple[Section, bytes]]:
         """What comes before the first block, behind the connectivity."""
-        if self._config.method_row.has_anchors:
+        if self._variant.has_anchors:
             yield Section.ANCHOR_VERTICES, payloads.write_anchor_vertices(self._mesh.anchors)
 
     def code(self, vertices: Vertices) -> Sections:
@@ -52,18 +54,18 @@ class PaperBlockCoder:
         vertices : float array of shape (T_b, V, 3)
             In internal order.
         """
-        method, mesh, n_frames = self._config.method_row, self._mesh, len(vertices)
-        before = tracked_from(method, self._before, n_frames)
+        variant, mesh, n_frames = self._variant, self._mesh, len(vertices)
+        before = tracked_from(variant, self._before, n_frames)
         block = analyse(to_matrices(vertices, self._frame), mesh, self._config, before)
         self._before = block.basis
         exact = encode_exact(vertices[:, mesh.isolated]) if len(mesh.isolated) else b""
-        return write_coded_block(block, n_frames, method, before, exact)
+        return write_coded_block(block, n_frames, variant, before, exact)
 
 
 def _mesh_model(mesh: CodedMesh, config: EncoderConfig) -> MeshModel:
     anchors = np.zeros(0, np.int64)
-    if config.method_row.has_anchors:
-        anchors = choose_anchors(mesh.faces, mesh.n_verts, config.anchor_share)
+    if variant_named(config.method).has_anchors:
+        anchors = choose_anchors(mesh.faces, mesh.n_verts, anchor_share(config))
     return MeshModel(mesh.faces, mesh.n_verts, anchors, config.laplacian_choice)
 
 
@@ -71,7 +73,7 @@ def _with_modes_for_all(
     config: EncoderConfig, frame: BoundingFrame, blocks: Iterable[Vertices]
 ) -> EncoderConfig:
     """The configuration, with the number of modes that a tracked basis has in all its blocks."""
-    if config.method_row.basis is not Basis.TRACKED or config.n_modes is not None:
+    if variant_named(config.method).basis is not Basis.TRACKED or config.n_modes is not None:
         return config
     needed = max(modes_needed(to_matrices(vertices, frame), config) for vertices in blocks)
     return replace(config, n_modes=needed, energy=None)

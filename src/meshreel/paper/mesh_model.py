@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.sparse import csr_array
 
-from meshreel.codec.methods import Laplacian
+from meshreel.codec.choices import Laplacian
 from meshreel.geometry.connectivity import adjacency_matrix, component_labels, isolated_vertices
 from meshreel.geometry.laplacian import uniform_laplacian
 from meshreel.paper.anchors import farthest_points

@@ -6,15 +6,16 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.codec.config import DEFAULT_FREQUENCIES, EncoderConfig
+from meshreel.codec.config import EncoderConfig
 from meshreel.codec.frame_products import FramesOf, product_frames
-from meshreel.codec.methods import Allocation, Basis, Method, Signal
 from meshreel.geometry.laplacian import delta_coordinates
 from meshreel.paper.mesh_model import MeshModel
 from meshreel.paper.quantization.allocation import step_for_all_rows, steps_for_each_row
 from meshreel.paper.quantization.uniform import Steps, dequantize, quantize
+from meshreel.paper.settings import DEFAULT_FREQUENCIES, allocation_of, bits_of, energy_share
 from meshreel.paper.subspace.orthogonal_iteration import advance_basis, align_basis, ritz_vectors
 from meshreel.paper.subspace.rank import modes_for_energy
+from meshreel.paper.variants import Allocation, Basis, Signal, Variant, variant_named
 from meshreel.runtime.profiling import staged
 from meshreel.subspace.basis import expand, project
 from meshreel.subspace.pca import autocorrelation, eigen_trajectories
@@ -92,7 +93,7 @@ def analyse(
     before : Quantized, optional
         Dictionary of the block before, which a tracked one starts from.
     """
-    method = config.method_row
+    method = variant_named(config.method)
     if method.basis is Basis.GRAPH:
         return _analyse_on_graph(matrices, mesh, config)
     basis = _dictionary(matrices, config, before)
@@ -108,7 +109,7 @@ def analyse(
     )
 
 
-def synthesise(block: CodedBlock, mesh: MeshModel, method: Method, order: Integers) -> FramesOf:
+def synthesise(block: CodedBlock, mesh: MeshModel, method: Variant, order: Integers) -> FramesOf:
     """A function that gives the frames of a block, vertices in the order that goes out.
 
     On eigen-trajectories the system is solved once for the K columns of each axis, not for
@@ -119,7 +120,7 @@ def synthesise(block: CodedBlock, mesh: MeshModel, method: Method, order: Intege
     ----------
     block : CodedBlock
     mesh : MeshModel
-    method : Method
+    method : Variant
     order : integer array of shape (V,)
         Internal number of each vertex that goes out.
     """
@@ -156,7 +157,7 @@ def _modes_needed(correlation: Floats, matrices: Floats, config: EncoderConfig) 
     total = float(np.trace(correlation, axis1=1, axis2=2).sum())
     centred = matrices - matrices.mean(axis=2, keepdims=True)
     shape_energy = float(np.vdot(centred, centred))
-    return modes_for_energy(eigenvalues, total, shape_energy, config.energy_share)
+    return modes_for_energy(eigenvalues, total, shape_energy, energy_share(config))
 
 
 def _deltas(rows: Floats, mesh: MeshModel) -> Floats:
@@ -169,8 +170,8 @@ def _fine(values: Floats, bits: int) -> Quantized:
 
 
 def _coefficient_steps(values: Floats, config: EncoderConfig) -> Steps:
-    bits = config.bits_or_default
-    if isinstance(bits, Sequence) or config.allocation_choice is Allocation.CONSTANT:
+    bits = bits_of(config)
+    if isinstance(bits, Sequence) or allocation_of(config) is Allocation.CONSTANT:
         return steps_for_each_row(values, bits)
     return step_for_all_rows(values, bits)
 

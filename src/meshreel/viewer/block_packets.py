@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.codec.block_decoder import DecodedBlock
 from meshreel.codec.corrections import Corrections
+from meshreel.codec.decoded_block import DecodedBlock
 from meshreel.viewer.modes import Modes, modes_of
 from meshreel.viewer.packets import packet
 from meshreel.viewer.rounding import rounded_to

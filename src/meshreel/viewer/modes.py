@@ -5,10 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.codec.block_decoder import DecodedBlock
+from meshreel.codec.decoded_block import DecodedBlock
 from meshreel.codec.frame_products import ProductFrames
 from meshreel.codec.inspect import StreamInfo
-from meshreel.codec.methods import Basis, method_named
+from meshreel.codec.methods import method_named
 from meshreel.errors import CorruptStreamError
 from meshreel.subspace.pca import joint_trajectories
 
@@ -70,11 +70,7 @@ def modes_of(block: DecodedBlock) -> Modes:
 def n_fields(info: StreamInfo, number: int) -> int:
     """How many modes the page is sent of a block; of those decomposed here, at most so many."""
     method = method_named(info.method)
-    if method.basis is Basis.JOINT:
-        return info.n_modes[number]
-    if method.is_serial:
-        return min(3 * info.block_frames[number], info.n_verts)
-    return 3 * info.n_modes[number]
+    return method.n_joint_modes(info.n_modes[number], info.block_frames[number], info.n_verts)
 
 
 def _joint_modes(matrices: Floats) -> Modes:

@@ -36,7 +36,10 @@ TARGETS = {
         ({"order": "some"}, "order 'some' is unknown; choose keep, vertices, drop"),
         ({"block_frames": 0}, "block_frames must be"),
         ({"method": "blocks", "n_iterations": 0}, "n_iterations must be"),
-        ({"allocation": "even"}, "allocation 'even' is unknown; choose energy, constant"),
+        (
+            {"method": "pca-qp", "allocation": "even"},
+            "allocation 'even' is unknown; choose energy, constant",
+        ),
         ({"method": "pca-qp", "bits": []}, "bits is an empty list"),
         ({"method": "pca-qp", "bits": [8, 1]}, "bits of row 1 must be 0 or 2..24; got 1"),
         ({"method": "pca-q", "anchors": 0.01}, "pca-q decodes with L alone"),

@@ -6,7 +6,7 @@ import pytest
 from meshreel.codec.decoder import decode
 from meshreel.codec.encoder import encode
 from meshreel.codec.inspect import info
-from meshreel.codec.methods import METHODS
+from meshreel.codec.methods import METHOD_NAMES
 from meshreel.errors import InvalidInputError
 from meshreel.sequence import MeshSequence
 from sample_meshes import irregular_sequence, kg_error_percent, waving_grid
@@ -128,7 +128,7 @@ def test_decoding_refuses_when_the_number_of_modes_is_none(n_modes):
         decode(encode(waving_grid(3)), n_modes=n_modes)
 
 
-@pytest.mark.parametrize("name", [method.name for method in METHODS if method.name != "reel"])
+@pytest.mark.parametrize("name", [name for name in METHOD_NAMES if name != "reel"])
 def test_decoding_refuses_when_modes_of_a_method_of_the_paper_are_counted(name):
     data = encode(waving_grid(3), name)
     with pytest.raises(InvalidInputError, match=f"method {name} .* leave n_modes= out"):

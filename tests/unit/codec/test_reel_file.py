@@ -7,7 +7,6 @@ import pytest
 
 import meshreel
 from meshreel.bitstream.reader import read_stream
-from meshreel.codec.block_decoder import BlockDecoder
 from meshreel.codec.decoder import decode
 from meshreel.codec.encoder import encode
 from meshreel.codec.inspect import info
@@ -59,7 +58,7 @@ def test_all_frames_come_in_order_when_it_is_iterated(reel, method):
 
 
 def test_facts_are_known_when_nothing_is_decoded(reel, method, monkeypatch):
-    monkeypatch.setattr(BlockDecoder, "block", None)
+    monkeypatch.setattr(reel._blocks, "block", None)
     assert (len(reel), reel.n_frames) == (23, 23)
     assert (reel.fps, reel.name) == (WHOLE[method].fps, WHOLE[method].name)
     np.testing.assert_array_equal(reel.faces, WHOLE[method].faces)
@@ -68,9 +67,9 @@ def test_facts_are_known_when_nothing_is_decoded(reel, method, monkeypatch):
 
 def test_only_blocks_that_are_needed_are_decoded_when_frames_are_asked_for(reel, monkeypatch):
     decoded = []
-    block = BlockDecoder.block
+    block = reel._blocks.block
     monkeypatch.setattr(
-        BlockDecoder, "block", lambda self, number: decoded.append(number) or block(self, number)
+        reel._blocks, "block", lambda number: decoded.append(number) or block(number)
     )
     _ = reel[9], reel[8], reel[10:14], reel[11]
     assert decoded == [2, 3]

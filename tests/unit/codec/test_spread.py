@@ -11,7 +11,7 @@ from meshreel.codec.source import Source
 from meshreel.formats.load import open_source
 from meshreel.formats.save import save
 from meshreel.formats.stored_frames import StoredFrames
-from meshreel.reel.encoding.block_coder import FieldBlockCoder, field_mesh_of
+from meshreel.reel.encoding.block_coder import coder_of
 from meshreel.runtime.engine.engine import Engine, open_engine
 from sample_engines import InlineWorkers
 from sample_meshes import irregular_sequence, waving_grid
@@ -79,9 +79,7 @@ def test_piece_is_sent_with_its_frames_when_they_stay_in_files(tmp_path, ending)
 def test_mesh_is_the_same_object_when_a_process_gets_it_twice():
     sequence = waving_grid(5)
     source = Source(sequence, EncoderConfig())
-    choices = source.config.field_choices
-    mesh = field_mesh_of(source.mesh, choices.stencil_size)
-    sent = pickle.dumps(FieldBlockCoder(mesh, source.frame, choices))
+    sent = pickle.dumps(coder_of(source.mesh, source.frame))
     assert pickle.loads(sent).mesh is pickle.loads(sent).mesh
 
 

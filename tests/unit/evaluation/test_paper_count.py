@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 import meshreel
-from meshreel.codec.inspect import coded_blocks
 from meshreel.evaluation.paper_count import paper_count
 from meshreel.evaluation.settings import Setting
+from meshreel.paper.decoder import coded_blocks
 from sample_meshes import waving_grid
 
 N, K = 99, 12  # vertices and frames of the grid

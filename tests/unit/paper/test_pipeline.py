@@ -5,17 +5,22 @@ from meshreel.codec.config import EncoderConfig
 from meshreel.geometry.connectivity import component_labels
 from meshreel.paper.mesh_model import MeshModel, choose_anchors
 from meshreel.paper.pipeline import analyse, synthesise
+from meshreel.paper.settings import anchor_share
+from meshreel.paper.variants import variant_named
 from meshreel.subspace.trajectories import bounding_frame, to_matrices
 from sample_meshes import irregular_sequence, waving_grid
 
 
 def round_trip(sequence, config):
     faces = sequence.faces
-    anchors = choose_anchors(faces, sequence.n_verts, config.anchor_share)
+    anchors = choose_anchors(faces, sequence.n_verts, anchor_share(config))
     mesh = MeshModel(faces, sequence.n_verts, anchors, config.laplacian_choice)
     matrices = to_matrices(sequence.vertices, bounding_frame(sequence.extent))
     frames_of = synthesise(
-        analyse(matrices, mesh, config), mesh, config.method_row, np.arange(sequence.n_verts)
+        analyse(matrices, mesh, config),
+        mesh,
+        variant_named(config.method),
+        np.arange(sequence.n_verts),
     )
     return matrices, frames_of(slice(None)), mesh
 

@@ -5,15 +5,16 @@ import pytest
 
 from meshreel.codec.decoder import decode
 from meshreel.codec.encoder import encode
-from meshreel.codec.inspect import bits_per_row, coded_blocks, info
-from meshreel.codec.methods import METHODS
+from meshreel.codec.inspect import info
+from meshreel.codec.methods import METHOD_NAMES
 from meshreel.errors import InvalidInputError
+from meshreel.paper.decoder import bits_per_row, coded_blocks
 from meshreel.sequence import MeshSequence
 from meshreel.subspace.pca import autocorrelation, eigen_trajectories
 from meshreel.subspace.trajectories import bounding_frame, to_matrices
 from sample_meshes import irregular_sequence, kg_error_percent, waving_grid
 
-NAMES = [method.name for method in METHODS]
+NAMES = list(METHOD_NAMES)
 
 
 def fine(name, n_frames, n_verts):

@@ -7,12 +7,11 @@ from meshreel.bitstream.layout import Section
 from meshreel.bitstream.reader import read_stream
 from meshreel.codec.decoder import decode
 from meshreel.codec.encoder import encode
-from meshreel.codec.inspect import coded_blocks, info
-from meshreel.codec.methods import Laplacian
+from meshreel.codec.inspect import info
 from meshreel.connectivity.coder import encode_connectivity
 from meshreel.entropy.field_coder import decode_fields
 from meshreel.errors import InvalidInputError, UnsupportedVersionError
-from meshreel.paper.mesh_model import MeshModel
+from meshreel.paper.decoder import coded_blocks
 from meshreel.reel.agreed.blocks import write_field_block
 from meshreel.reel.agreed.field_mesh import N_TELLING, FieldMesh
 from meshreel.reel.agreed.fields import (
@@ -36,9 +35,7 @@ STENCIL = FieldChoices(1.0).stencil_size
 
 
 def field_mesh(sequence):
-    none = np.zeros(0, np.int64)
-    model = MeshModel(sequence.faces, sequence.n_verts, none, Laplacian.NORMALIZED)
-    return FieldMesh(model, STENCIL)
+    return FieldMesh(sequence.faces, sequence.n_verts, STENCIL)
 
 
 def matrices_of(sequence):
@@ -155,7 +152,7 @@ def test_integers_come_back_from_the_sections_when_a_block_is_written():
     times = read_times(sections[Section.BASIS], block.n_modes, 20)
     np.testing.assert_array_equal(times, block.times)
     coded = sections[Section.COEFFICIENTS]
-    fields = decode_fields(coded, block.n_modes, mesh.mesh.n_verts, mesh.passes)
+    fields = decode_fields(coded, block.n_modes, mesh.n_verts, mesh.passes)
     np.testing.assert_array_equal(fields, block.fields)
 
 
@@ -244,8 +241,8 @@ def test_levels_take_every_vertex_once_when_a_mesh_is_irregular():
 
 def test_predictors_only_use_earlier_levels_when_fields_are_known():
     mesh = field_mesh(irregular_sequence())
-    fields = np.random.default_rng(1).normal(size=(mesh.mesh.n_verts, 3))
-    known = np.zeros(mesh.mesh.n_verts, bool)
+    fields = np.random.default_rng(1).normal(size=(mesh.n_verts, 3))
+    known = np.zeros(mesh.n_verts, bool)
     predictors = mesh.predictors(WeightLearner(mesh.stencils).learn(fields, 0.01))
     assert len(predictors) == len(mesh.levels)
     for predictor, level in zip(predictors, mesh.levels, strict=True):

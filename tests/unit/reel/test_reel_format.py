@@ -10,9 +10,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from meshreel.codec.methods import Laplacian
 from meshreel.geometry.laplacian import RELATIVE_RIDGE
-from meshreel.paper.mesh_model import MeshModel
 from meshreel.reel.agreed.field_mesh import N_TELLING, SMALL_SCALE, FieldMesh
 from meshreel.reel.agreed.fields import (
     NOISE_OF_FILTERS,
@@ -31,8 +29,6 @@ N_FRAMES, N_MODES, STEP = 21, 10, 0.125
 
 
 def sample_block(sequence, group_ends=(1, 3, N_MODES), stencil_size=7):
-    none = np.zeros(0, np.int64)
-    model = MeshModel(sequence.faces, sequence.n_verts, none, Laplacian.NORMALIZED)
     rng = np.random.default_rng(9)
     layout = Layout(np.float32(STEP), group_ends, stencil_size)
     block = FieldBlock(
@@ -41,7 +37,7 @@ def sample_block(sequence, group_ends=(1, 3, N_MODES), stencil_size=7):
         np.rint(rng.laplace(scale=2, size=(N_MODES, sequence.n_verts))).astype(np.int64),
         rng.integers(-8, 9, (N_MODES, 2)),
     )
-    return block, FieldMesh(model, stencil_size)
+    return block, FieldMesh(sequence.faces, sequence.n_verts, stencil_size)
 
 
 def constrained(offsets, ridges, suggested):
@@ -92,7 +88,7 @@ def laplacian_of(fields, mesh):
 
 def decode_fields_slowly(block, mesh, key_steps=None):
     """The fields of the block referred to are given in its steps, of shape (V, k)."""
-    known = np.zeros((mesh.mesh.n_verts, 0))
+    known = np.zeros((mesh.n_verts, 0))
     key = known if key_steps is None else STEP * key_steps
     for start, end in pairwise([0, *block.layout.group_ends]):
         telling = np.hstack([key, known])

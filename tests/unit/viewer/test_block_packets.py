@@ -8,7 +8,7 @@ import pytest
 
 from meshreel.codec.decoder import decode
 from meshreel.codec.encoder import encode
-from meshreel.codec.methods import METHODS
+from meshreel.codec.methods import METHOD_NAMES
 from meshreel.codec.reel_file import ReelFile
 from meshreel.errors import CorruptStreamError
 from meshreel.sequence import MeshSequence
@@ -17,7 +17,7 @@ from meshreel.viewer.modes import Modes, modes_of, n_fields
 from sample_meshes import irregular_sequence, waving_grid
 from sample_packets import all_played, largest_error, played, read_packet
 
-NAMES = [method.name for method in METHODS]
+NAMES = list(METHOD_NAMES)
 FINE, ALLOWED = 1e-5, 1e-4
 """Diagonals that a vertex may be off: with int16 of full range, and in exported pages."""
 

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.bitstream.layout import Section
-from meshreel.codec.methods import Order
+from meshreel.codec.choices import Order
 from meshreel.codec.surface.materials import (
     read_image,
     read_material,

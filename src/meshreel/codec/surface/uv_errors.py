@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from meshreel.bitstream.reader import read_stream
-from meshreel.codec.block_decoder import BlockDecoder
-from meshreel.codec.methods import Order, choice_of_code
+from meshreel.codec.choices import Order, choice_of_code
+from meshreel.codec.open_stream import OpenStream
 from meshreel.codec.surface.payloads import surface_in_order
 from meshreel.codec.surface.uv_grid import is_quantized
 from meshreel.connectivity.coder import encode_connectivity
@@ -53,7 +53,7 @@ def measure_uvs(sequence: FrameSource, data: bytes) -> UvErrors | None:
     kept = surface_in_order(sequence.surface, order, internal).attributes
     if not any(map(is_quantized, kept)):
         return None
-    pairs = zip(kept, BlockDecoder(stream).surface.attributes, strict=True)
+    pairs = zip(kept, OpenStream(stream).surface.attributes, strict=True)
     return UvErrors(max(_largest(one, one_hat) for one, one_hat in pairs if is_quantized(one)))
 
 

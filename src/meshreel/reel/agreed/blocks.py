@@ -6,12 +6,12 @@ from meshreel.bitstream.layout import Section
 from meshreel.codec.corrections import Corrections
 from meshreel.codec.stored_blocks import StoredBlock, write_block
 from meshreel.entropy.field_coder import decode_fields, encode_fields
-from meshreel.paper.mesh_model import MeshModel
 from meshreel.reel.agreed import payloads
 from meshreel.reel.agreed.field_mesh import FieldMesh
 from meshreel.reel.agreed.fields import FieldBlock
 from meshreel.runtime.profiling import stage
 from meshreel.runtime.threads import in_background
+from meshreel.sequence import Faces
 
 
 def write_field_block(
@@ -35,19 +35,21 @@ def read_corrections(stored: StoredBlock, n_verts: int) -> Corrections | None:
 
 
 def read_field_block(
-    stored: StoredBlock, mesh: MeshModel, before: FieldMesh | None
+    stored: StoredBlock, faces: Faces, n_verts: int, before: FieldMesh | None
 ) -> tuple[FieldBlock, FieldMesh]:
     """The block, and the mesh of its layout: that of the block before where it serves."""
     n_modes, n_frames = stored.n_modes, stored.n_frames
     layout, taps = payloads.read_layout(stored.payload(Section.FIELDS), n_modes)
     serves = before is not None and before.stencil_size == layout.stencil_size
-    field_mesh = before if before is not None and serves else FieldMesh(mesh, layout.stencil_size)
+    field_mesh = (
+        before if before is not None and serves else FieldMesh(faces, n_verts, layout.stencil_size)
+    )
     scales = in_background(lambda: field_mesh.scales)
     times = payloads.read_times(stored.payload(Section.BASIS), n_modes, n_frames)
     with stage("waiting"):
         scales.result()
     stencils = in_background(lambda: field_mesh.stencils)
     coded = stored.payload(Section.COEFFICIENTS)
-    fields = decode_fields(coded, n_modes, mesh.n_verts, field_mesh.passes)
+    fields = decode_fields(coded, n_modes, n_verts, field_mesh.passes)
     stencils.result()
     return FieldBlock(layout, times, fields, taps), field_mesh

@@ -8,20 +8,19 @@ import numpy as np
 import numpy.typing as npt
 from scipy.sparse import csr_array
 
-from meshreel.codec.methods import Laplacian
 from meshreel.entropy.passes import Pass
 from meshreel.geometry.connectivity import adjacency_matrix
-from meshreel.paper.mesh_model import MeshModel
 from meshreel.reel.agreed.closed_loop import Predictor
 from meshreel.reel.agreed.hierarchy import Scale, build_hierarchy
 from meshreel.reel.agreed.prediction import Stencils, joined_stencils, smooth_stencils
 from meshreel.runtime.profiling import staged
+from meshreel.sequence import Faces
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
 
-Connectivity = tuple[bytes, int, int, int]
-"""Faces as the bytes of int32, number of vertices, code of the Laplacian, stencil size."""
+Connectivity = tuple[bytes, int, int]
+"""Faces as the bytes of int32, number of vertices, stencil size."""
 
 SMALL_SCALE = 25
 """Scales with fewer than a 25th of the vertices are coded in one pass."""
@@ -34,19 +33,26 @@ N_TELLING = 6
 class FieldMesh:
     """What both sides derive from connectivity, whatever the step.
 
+    Attributes
+    ----------
+    faces : int32 array of shape (M, 3)
+        In internal order, as everything here.
+    n_verts : int
+    stencil_size : int
+        Vertices that predict one.
+
     Only connectivity is pickled. A process that is given the same one again finds what it derived
     before.
     """
 
-    mesh: MeshModel
+    faces: Faces
+    n_verts: int
     stencil_size: int
 
     @property
     def connectivity(self) -> Connectivity:
         """All that it follows from; see `shared_field_mesh`."""
-        model = self.mesh
-        laplacian = int(model.laplacian_choice)
-        return model.faces.tobytes(), model.n_verts, laplacian, self.stencil_size
+        return self.faces.tobytes(), self.n_verts, self.stencil_size
 
     def __reduce__(self) -> tuple[Any, ...]:
         return shared_field_mesh, self.connectivity
@@ -54,7 +60,7 @@ class FieldMesh:
     @cached_property
     def adjacency(self) -> csr_array:
         """Binary, of shape (V, V)."""
-        return adjacency_matrix(self.mesh.faces, self.mesh.n_verts)
+        return adjacency_matrix(self.faces, self.n_verts)
 
     @cached_property
     @staged("hierarchy")
@@ -82,7 +88,7 @@ class FieldMesh:
     def passes(self) -> list[Pass]:
         """In which order the integers of a field are coded, and what tells of each."""
         sizes = np.array([len(scale.members) for scale in self.scales[:-1]])
-        n_small = int(np.sum(SMALL_SCALE * sizes < self.mesh.n_verts))
+        n_small = int(np.sum(SMALL_SCALE * sizes < self.n_verts))
         small = np.sort(np.concatenate([np.zeros(0, np.int64), *self.levels_of(slice(n_small))]))
         return [
             _pass(small, np.zeros((len(small), 0), np.int64)),
@@ -98,7 +104,7 @@ class FieldMesh:
             starts = np.arange(0, places.size + 1, self.stencil_size, dtype=np.int32)
             matrix = csr_array(
                 (weights[start:stop].ravel(), places, starts),
-                shape=(len(level), self.mesh.n_verts),
+                shape=(len(level), self.n_verts),
             )
             predictors.append(Predictor(level, matrix))
             start = stop
@@ -117,11 +123,10 @@ class FieldMesh:
 
 
 @lru_cache(maxsize=2)
-def shared_field_mesh(faces: bytes, n_verts: int, laplacian: int, stencil_size: int) -> FieldMesh:
+def shared_field_mesh(faces: bytes, n_verts: int, stencil_size: int) -> FieldMesh:
     """The mesh of this connectivity; the same object each time, so that work is done once."""
     triangles = np.frombuffer(faces, np.int32).reshape(-1, 3)
-    nothing = np.zeros(0, np.int64)
-    return FieldMesh(MeshModel(triangles, n_verts, nothing, Laplacian(laplacian)), stencil_size)
+    return FieldMesh(triangles, n_verts, stencil_size)
 
 
 def _telling(scale: Scale) -> Pass:

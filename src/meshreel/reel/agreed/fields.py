@@ -150,7 +150,7 @@ def reconstruct_fields(
     key : KeyFields, optional
         Of the block that this one refers to.
     """
-    n_verts, step = mesh.mesh.n_verts, float(layout.step)
+    n_verts, step = mesh.n_verts, float(layout.step)
     known = latest = np.zeros((n_verts, 0))
     learner: WeightLearner | None = None
     for number, modes in enumerate(layout.groups):

@@ -15,12 +15,12 @@ from meshreel.codec.frame_products import FramesOf, product_frames
 from meshreel.codec.source import CodedMesh, Piece
 from meshreel.codec.stored_blocks import StoredBlock, read_block
 from meshreel.errors import InvalidInputError
-from meshreel.paper.mesh_model import MeshModel
 from meshreel.reel.agreed.blocks import read_field_block, write_field_block
 from meshreel.reel.agreed.field_mesh import Connectivity, FieldMesh, shared_field_mesh
 from meshreel.reel.agreed.fields import FieldBlock, KeyFields, key_fields, synthesise_fields
 from meshreel.reel.encoding.analysis import BlockFrames, FieldChoices, analyse_fields
 from meshreel.reel.encoding.corrections import find_corrections, least_bound
+from meshreel.reel.encoding.effort import choices_of
 from meshreel.runtime.threads import one_blas_thread
 from meshreel.subspace.trajectories import BoundingFrame, to_matrices
 
@@ -155,7 +155,7 @@ def _decoded_key(
     n_frames, n_modes = read_block(own[Section.BLOCK])
     stored = StoredBlock(0, n_frames, n_modes, own)
     with one_blas_thread():
-        block, _ = read_field_block(stored, mesh.mesh, mesh)
+        block, _ = read_field_block(stored, mesh.faces, mesh.n_verts, mesh)
         _, fields = synthesise_fields(block, mesh)
     return KeyBlock(mesh, block, key_fields(block.layout, mesh, fields))
 
@@ -183,11 +183,32 @@ class FieldFrames:
         return largest_rounding(low, high, self.vertices.dtype, self.frame)
 
 
-def field_mesh_of(mesh: CodedMesh, stencil_size: int) -> FieldMesh:
-    """The mesh as `reel` sees it."""
-    nothing = np.zeros(0, np.int64)
-    model = MeshModel(mesh.faces, mesh.n_verts, nothing, mesh.config.laplacian_choice)
-    return FieldMesh(model, stencil_size)
+class KeyedBlocks:
+    """Blocks coded one after another; all but the first refer to it, their key block.
+
+    Parameters
+    ----------
+    coder : FieldBlockCoder
+    """
+
+    def __init__(self, coder: FieldBlockCoder) -> None:
+        self._coder = coder
+        self._key: KeyBlock | None = None
+        self._n_coded = 0
+
+    def code(self, frames: FieldFrames) -> CodedFrames:
+        """The next block, coded."""
+        coded = self._coder.code(frames, self._key, self._n_coded)
+        self._key = self._key or coded.key
+        self._n_coded += 1
+        return coded
+
+
+def coder_of(mesh: CodedMesh, frame: BoundingFrame) -> FieldBlockCoder:
+    """The coder of a mesh with the choices that its options mean; its step is still to be set."""
+    choices = choices_of(mesh.config)
+    field_mesh = FieldMesh(mesh.faces, mesh.n_verts, choices.stencil_size)
+    return FieldBlockCoder(field_mesh, frame, choices)
 
 
 def largest_rounding(

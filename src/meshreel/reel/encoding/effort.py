@@ -4,23 +4,20 @@ import math
 from dataclasses import dataclass
 from enum import Enum
 
+from meshreel.codec.config import EncoderConfig
 from meshreel.codec.targets import Aim, Target
 from meshreel.errors import InvalidInputError
 from meshreel.reel.encoding.analysis import FieldChoices
 
 DEFAULT_EFFORT = 5
 
-
 FINEST_STEP = 1e-4
 """Step of quality 100, in diagonals of the model's own bounding box, the mean of all frames."""
 
-
 POINTS_PER_HALVING = 12.0
-
 
 STEPS_OF_BOUND = 14.0
 """Where the search for a largest error begins: rarer errors than this are cheaply corrected."""
-
 
 LARGEST_INTEGER = 2.0**29
 """Values in steps stay below this, with room for what is beyond a prediction."""
@@ -95,6 +92,12 @@ EFFORTS = {
         has_filters=True,
     ),
 }
+
+
+def choices_of(config: EncoderConfig) -> FieldChoices:
+    """The encoder's choices that the options mean, at some step; raises as `choices_for`."""
+    effort = DEFAULT_EFFORT if config.effort is None else config.effort
+    return choices_for(effort, tune_named(config.tune, config.target), config.n_modes)
 
 
 def choices_for(effort: int, tune: Tune, n_modes: int | None) -> FieldChoices:

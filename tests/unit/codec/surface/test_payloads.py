@@ -6,7 +6,7 @@ import pytest
 import meshreel
 from meshreel.bitstream.layout import Section
 from meshreel.bitstream.reader import read_stream
-from meshreel.codec.methods import Order
+from meshreel.codec.choices import Order
 from meshreel.codec.surface.materials import write_material
 from meshreel.codec.surface.payloads import (
     SURFACE_SECTIONS,

@@ -1,0 +1,134 @@
+"""An open stream, and what all its blocks share: mesh, order, surface, time."""
+
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from meshreel.bitstream.layout import Section
+from meshreel.bitstream.reader import Stream
+from meshreel.codec.choices import Laplacian, Order, choice_of_code
+from meshreel.codec.methods import BlockDecoder, method_of_code
+from meshreel.codec.stored_blocks import StoredBlock, stored_block
+from meshreel.codec.surface.payloads import SURFACE_SECTIONS, read_start, read_surface
+from meshreel.connectivity.coder import decode_connectivity, decode_order
+from meshreel.sequence import Faces
+from meshreel.subspace.trajectories import BoundingFrame
+from meshreel.surface import PLAIN, Surface
+
+Integers = npt.NDArray[np.int64]
+
+
+class OpenStream:
+    """A stream whose parts are decoded when they are asked for, and then kept.
+
+    Parameters
+    ----------
+    stream : Stream
+
+    Attributes
+    ----------
+    stream : Stream
+    method : Method
+    laplacian : Laplacian
+        Of the deltas, where the method has some.
+    order_kept : Order
+        What is kept of the order of vertices and faces.
+
+    Raises
+    ------
+    UnsupportedVersionError
+        If this build does not know its method, Laplacian or order.
+    """
+
+    def __init__(self, stream: Stream) -> None:
+        self.stream = stream
+        self.method = method_of_code(stream.header.method)
+        self.laplacian = choice_of_code(Laplacian, stream.header.laplacian)
+        self.order_kept = choice_of_code(Order, stream.header.order)
+
+    def blocks(self, n_modes: int | None = None) -> BlockDecoder:
+        """The decoder of its blocks.
+
+        Parameters
+        ----------
+        n_modes : int, optional
+            Of `reel`, only the first so many modes of each block move; the others rest at their
+            mean over the block. Corrections are left out.
+
+        Raises
+        ------
+        InvalidInputError
+            If `n_modes` is below 1, or not for this stream.
+        """
+        return self.method.decoder(self, n_modes)
+
+    def stored(self, number: int) -> StoredBlock:
+        """A block as it lies in the stream; raises as `stored_block`."""
+        return stored_block(self.stream, self.method, number)
+
+    @property
+    def n_verts(self) -> int:
+        """V."""
+        return self.stream.header.n_verts
+
+    @cached_property
+    def internal_faces(self) -> Faces:
+        """Of shape (M, 3), in internal order; raises as `faces`."""
+        header, payload = self.stream.header, self.stream.only(Section.CONNECTIVITY)
+        return decode_connectivity(payload, header.n_verts, header.n_faces)
+
+    @cached_property
+    def _outgoing(self) -> tuple[Integers, Faces]:
+        if self.order_kept is Order.DROP:
+            return np.arange(self.n_verts), self.internal_faces
+        payload = self.stream.only(Section.ORDER)
+        internal_to_given, faces = decode_order(payload, self.internal_faces, self.n_verts)
+        return np.argsort(internal_to_given), faces
+
+    @property
+    def order(self) -> Integers:
+        """The internal number of each vertex that goes out; raises as `faces`."""
+        return self._outgoing[0]
+
+    @property
+    def faces(self) -> Faces:
+        """Of shape (M, 3), as they go out.
+
+        Raises
+        ------
+        CorruptStreamError
+            If connectivity or order are damaged.
+        """
+        return self._outgoing[1]
+
+    @cached_property
+    def surface(self) -> Surface:
+        """What the mesh carries beside positions and triangles.
+
+        Raises
+        ------
+        CorruptStreamError, TruncatedStreamError
+            If it is damaged, or does not fit the faces.
+        """
+        leading = self.stream.leading
+        sections = [(one.id, one.payload) for one in leading if one.id in SURFACE_SECTIONS]
+        if not sections:  # then the faces need not be decoded for it
+            return PLAIN
+        return read_surface(sections, self.faces, self.n_verts)
+
+    @cached_property
+    def start_s(self) -> float:
+        """Time of the first frame, in seconds; raises as `surface`."""
+        starts = [one.payload for one in self.stream.leading if one.id is Section.START]
+        return read_start(starts[0]) if starts else 0.0
+
+    @property
+    def dtype(self) -> np.dtype[np.floating]:
+        """Number type of the positions that go out."""
+        return np.dtype(np.float32 if self.stream.header.vertex_type == 4 else np.float64)
+
+    @property
+    def frame(self) -> BoundingFrame:
+        """Where the model lies, and how large it is."""
+        return BoundingFrame(self.stream.header.origin, self.stream.header.scale)

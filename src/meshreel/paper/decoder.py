@@ -1,0 +1,119 @@
+"""The blocks of a stream of the paper's methods to frames."""
+
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from meshreel.bitstream.layout import Section
+from meshreel.bitstream.reader import read_stream
+from meshreel.codec.decoded_block import DecodedBlock
+from meshreel.codec.open_stream import OpenStream
+from meshreel.codec.stored_blocks import StoredBlock, stored_blocks
+from meshreel.entropy.coder import encode_integers
+from meshreel.entropy.exact import decode_exact
+from meshreel.errors import InvalidInputError
+from meshreel.paper.blocks import Dictionaries, read_coded_block
+from meshreel.paper.mesh_model import MeshModel
+from meshreel.paper.payloads import read_anchor_vertices
+from meshreel.paper.pipeline import CodedBlock, synthesise
+from meshreel.paper.variants import Variant
+
+Vertices = npt.NDArray[np.floating]
+
+
+class PaperBlockDecoder:
+    """Decodes the blocks of a stream in any order; dictionaries that follow others are kept.
+
+    Parameters
+    ----------
+    opened : OpenStream
+    variant : Variant
+    """
+
+    def __init__(self, opened: OpenStream, variant: Variant) -> None:
+        self._opened = opened
+        self._variant = variant
+        self._dictionaries = Dictionaries(opened.stored, variant)
+
+    @cached_property
+    def _mesh(self) -> MeshModel:
+        return stored_mesh(self._opened, self._variant)
+
+    def coded(self, stored: StoredBlock, number: int) -> CodedBlock:
+        """The integers of a block, its dictionary added up."""
+        basis = self._dictionaries.of(number)
+        return read_coded_block(stored, self._mesh, self._variant, basis)
+
+    def block(self, number: int) -> DecodedBlock:
+        """A block of the stream, decoded.
+
+        Raises
+        ------
+        CorruptStreamError
+            If it is damaged.
+        """
+        stored, order = self._opened.stored(number), self._opened.order
+        with np.errstate(over="ignore", invalid="ignore"):
+            block = self.coded(stored, number)
+            frames_of = synthesise(block, self._mesh, self._variant, order)
+            exact = self._exact(stored)
+        return DecodedBlock(
+            start=stored.start,
+            n_frames=stored.n_frames,
+            frames_of=frames_of,
+            frame=self._opened.frame,
+            exact=exact,
+            exact_places=np.argsort(order)[self._mesh.isolated],
+        )
+
+    def _exact(self, stored: StoredBlock) -> Vertices | None:
+        """Positions of isolated vertices."""
+        if not len(self._mesh.isolated):
+            return None
+        shape = (stored.n_frames, len(self._mesh.isolated), 3)
+        return decode_exact(stored.payload(Section.EXACT), shape, self._opened.dtype)
+
+
+def stored_mesh(opened: OpenStream, variant: Variant) -> MeshModel:
+    """Connectivity, anchors and what follows from them, in internal order."""
+    anchors = np.zeros(0, np.int64)
+    if variant.has_anchors:
+        payload = opened.stream.only(Section.ANCHOR_VERTICES)
+        anchors = read_anchor_vertices(payload, opened.n_verts)
+    return MeshModel(opened.internal_faces, opened.n_verts, anchors, opened.laplacian)
+
+
+def coded_blocks(data: bytes) -> list[CodedBlock]:
+    """The integers of every block of a stream, dictionaries added up.
+
+    Raises
+    ------
+    InvalidInputError
+        If the stream is of `reel`, whose blocks are others.
+    CorruptStreamError, TruncatedStreamError, UnsupportedVersionError
+        If the bytes are not a whole stream that this build reads.
+    """
+    opened = OpenStream(read_stream(bytes(data)))
+    decoder = opened.blocks()
+    if not isinstance(decoder, PaperBlockDecoder):
+        raise InvalidInputError(f"method {opened.method.name} has no blocks of the paper's kind")
+    stored = stored_blocks(opened.stream, opened.method)
+    return [decoder.coded(block, number) for number, block in enumerate(stored)]
+
+
+def bits_per_row(data: bytes) -> list[npt.NDArray[np.float64]]:
+    """Bits that each row of coefficients takes by itself, of shape (3, K) for each block.
+
+    Each row is coded alone, table included; where a stream's rows have tables of their own, the
+    sum is that of the section but for the framing of some 10 bytes a row.
+    """
+    return [
+        np.array(
+            [
+                [8.0 * len(encode_integers([row])) for row in axis]
+                for axis in block.coefficients.integers
+            ]
+        )
+        for block in coded_blocks(data)
+    ]

@@ -1,0 +1,115 @@
+"""The paper's variants as methods of coding."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from meshreel.bitstream.writer import Sections, whole_stream
+from meshreel.codec.config import EncoderConfig
+from meshreel.codec.open_stream import OpenStream
+from meshreel.codec.source import CodedMesh, Source
+from meshreel.errors import InvalidInputError
+from meshreel.paper import settings
+from meshreel.paper.decoder import PaperBlockDecoder
+from meshreel.paper.encoder import PaperBlockCoder
+from meshreel.paper.variants import VARIANTS, Basis, Signal, Variant
+from meshreel.runtime.engine.engine import Engine
+from meshreel.runtime.progress import Count, Progress
+from meshreel.subspace.trajectories import BoundingFrame
+
+Vertices = npt.NDArray[np.floating]
+
+COMMON_OPTIONS = frozenset({"energy", "bits", "anchors", "allocation"})
+
+
+@dataclass(frozen=True)
+class PaperMethod:
+    """A variant of the paper, as `codec.methods.Method` has it."""
+
+    variant: Variant
+
+    @property
+    def name(self) -> str:
+        """Its name, as users write it."""
+        return self.variant.name
+
+    @property
+    def options(self) -> frozenset[str]:
+        """Names of the options it takes beside those that every method takes."""
+        of_deltas = {"laplacian"} if self.variant.signal is Signal.DELTAS else set()
+        of_tracking = {"n_iterations"} if self.variant.basis is Basis.TRACKED else set()
+        return COMMON_OPTIONS | of_deltas | of_tracking
+
+    @property
+    def block_frames(self) -> int | None:
+        """Frames coded together where nothing is asked for; None: as many as there are."""
+        return self.variant.block_frames
+
+    @property
+    def codes_blocks_apart(self) -> bool:
+        """False: a tracked basis goes from each block to the next."""
+        return False
+
+    def check(self, config: EncoderConfig) -> None:
+        """Nothing if its options are in range; raises as `settings.check`."""
+        settings.check(config)
+
+    def check_live(self, config: EncoderConfig) -> None:
+        """Nothing: every option can be followed while frames come."""
+
+    def longest_block(self, n_frames: int, n_verts: int) -> int:
+        """Frames coded together where neither a number of frames nor memory is given."""
+        return self.block_frames or n_frames
+
+    def most_modes(self, n_frames: int, n_verts: int) -> int:
+        """Modes that a block of so many frames can have at most."""
+        return n_verts if self.variant.basis is Basis.GRAPH else n_frames
+
+    def n_joint_modes(self, n_modes: int, n_frames: int, n_verts: int) -> int:
+        """Modes of all axes together that a block of K modes is played with, at most.
+
+        Those of an axis move along this axis only. Frames that are decoded one by one have no
+        modes; they are decomposed anew.
+        """
+        return min(3 * n_frames, n_verts) if self.variant.is_serial else 3 * n_modes
+
+    def encode(self, source: Source, progress: Progress, engine: Engine | None) -> bytes:
+        """The bytes of a stream of the source; an engine is of no use to it."""
+        coder = PaperBlockCoder(source.mesh, source.frame, source.blocks())
+        sections = (*source.mesh.leading_sections(), *coder.leading_sections())
+        return whole_stream(source.header(), sections, _coded(source, coder, progress))
+
+    def live_coder(self, mesh: CodedMesh, frame: BoundingFrame, first: Vertices) -> PaperBlockCoder:
+        """The coder of frames that are not all there yet, of which the first block is known."""
+        return PaperBlockCoder(mesh, frame, [first])
+
+    def decoder(self, opened: OpenStream, n_modes: int | None) -> PaperBlockDecoder:
+        """The decoder of a stream's blocks.
+
+        Raises
+        ------
+        InvalidInputError
+            If `n_modes` is given.
+        """
+        if n_modes is not None:
+            raise InvalidInputError(
+                f"a stream of method {self.name} is decoded with all its modes; leave n_modes= out"
+            )
+        return PaperBlockDecoder(opened, self.variant)
+
+
+def _coded(
+    source: Source, coder: PaperBlockCoder, progress: Progress
+) -> Iterator[tuple[int, Sections]]:
+    """Frames and sections of each block."""
+    done, n_frames = 0, source.sequence.n_frames
+    for vertices in source.blocks():
+        progress("encoding", Count(done, n_frames, "frames"))
+        yield len(vertices), coder.code(vertices)
+        done += len(vertices)
+    progress("encoding", Count(n_frames, n_frames, "frames"))
+
+
+METHODS = {variant.name: PaperMethod(variant) for variant in VARIANTS}

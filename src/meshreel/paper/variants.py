@@ -1,0 +1,95 @@
+"""The seven variants of the paper: a table of choices.
+
+Each is a row: what is transformed, on which basis, and how it is decoded. The pipeline reads the
+choices, never the names.
+"""
+
+from dataclasses import dataclass
+from enum import Enum
+
+DEFAULT_BITS = 9
+FINE_BITS = 16
+TRACKED_BLOCK_FRAMES = 25
+
+
+class Signal(Enum):
+    """What is projected and quantised."""
+
+    DELTAS = "delta coordinates"
+    VERTICES = "vertex coordinates"
+
+
+class Basis(Enum):
+    """What it is projected on."""
+
+    TRAJECTORIES = "eigen-trajectories of each block"
+    TRACKED = "eigen-trajectories, tracked from block to block by orthogonal iterations"
+    GRAPH = "eigenvectors of the Laplacian, frame by frame"
+
+
+class Decoding(Enum):
+    """How vertices come back."""
+
+    ANCHORED = "least squares with anchors (Eq. 12)"
+    LAPLACIAN = "L alone (Eq. 11)"
+    PRODUCT = "the product of basis and coefficients"
+
+
+@dataclass(frozen=True)
+class Variant:
+    """A row of the table of variants.
+
+    Attributes
+    ----------
+    name : str
+        What the user calls it.
+    signal : Signal
+    basis : Basis
+    decoding : Decoding
+    is_serial : bool
+        Whether the decoder builds and solves a system for each frame, as the paper's serial
+        variants do, instead of one for all.
+    bits : int
+        Bits of the largest coefficient where the user gives none.
+    block_frames : int or None
+        Frames coded together where the user gives none; None is all.
+    """
+
+    name: str
+    signal: Signal
+    basis: Basis
+    decoding: Decoding
+    is_serial: bool = False
+    bits: int = DEFAULT_BITS
+    block_frames: int | None = None
+
+    @property
+    def has_anchors(self) -> bool:
+        """Whether anchors are chosen and sent once, for all blocks: each component needs one."""
+        return self.decoding is not Decoding.PRODUCT
+
+
+_D, _T, _A = Signal.DELTAS, Basis.TRAJECTORIES, Decoding.ANCHORED
+
+
+VARIANTS = (
+    Variant("pca-qp", _D, _T, _A),
+    Variant("pca", _D, _T, Decoding.LAPLACIAN, bits=FINE_BITS),
+    Variant("pca-q", _D, _T, Decoding.LAPLACIAN),
+    Variant("v2v", Signal.VERTICES, _T, Decoding.PRODUCT),
+    Variant("pca-qs", _D, _T, _A, is_serial=True),
+    Variant("blocks", _D, Basis.TRACKED, _A, block_frames=TRACKED_BLOCK_FRAMES),
+    Variant("gft", _D, Basis.GRAPH, _A, is_serial=True),
+)
+
+
+class Allocation(Enum):
+    """How a single number of bits is spread over the rows of coefficients."""
+
+    ENERGY = "energy"
+    CONSTANT = "constant"
+
+
+def variant_named(name: str) -> Variant:
+    """The variant of this name, which there is: the methods that exist are told before."""
+    return next(variant for variant in VARIANTS if variant.name == name)

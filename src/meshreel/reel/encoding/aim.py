@@ -1,0 +1,109 @@
+"""From a target to the step and the bound that meet it.
+
+The same for a sequence that is all there and for the first block of a live one: a `Material` says
+how large the model is, and what comes out with a step.
+"""
+
+from typing import Protocol
+
+import numpy as np
+
+from meshreel.codec.targets import Aim, Target
+from meshreel.errors import InvalidInputError
+from meshreel.reel.encoding.block_coder import check_promise
+from meshreel.reel.encoding.effort import STEPS_OF_BOUND, checked_step, quality_step
+from meshreel.reel.encoding.rate_control import least_cost, meet_limit
+
+FIRST_QUALITY = 75.0
+"""Where the search for an error or a size begins."""
+
+
+class Material(Protocol):
+    """Frames that a step is to be found for. Steps are in diagonals of its bounding box."""
+
+    @property
+    def diagonal(self) -> float:
+        """Of the bounding box, in model units."""
+
+    @property
+    def own_diagonal(self) -> float:
+        """Of the model itself, the mean of all frames, in diagonals of the bounding box."""
+
+    @property
+    def rounding(self) -> float:
+        """Largest error of a position, in diagonals, that its number type alone makes."""
+
+    @property
+    def dtype(self) -> np.dtype[np.floating]:
+        """Number type of the positions."""
+
+    @property
+    def finest_step(self) -> float:
+        """The finest step that it can be coded with."""
+
+    def size_bytes(self, step: float, bound: float) -> float:
+        """Bytes with a step, corrected to keep a bound in diagonals."""
+
+    def measured(self, step: float) -> float:
+        """The number that the target limits, with a step: an error, bytes or bits."""
+
+
+def aimed(target: Target, material: Material) -> tuple[float, float | None]:
+    """The step that meets a target, and the bound it promises, both in diagonals.
+
+    Raises
+    ------
+    InvalidInputError
+        If the target cannot be met.
+    """
+    if target.aim is Aim.STEP:
+        return checked_step(target.value, material.finest_step), None
+    if target.aim is Aim.QUALITY:
+        return max(material.finest_step, _step_of(target.value, material)), None
+    if target.aim is Aim.MAX_ERROR:
+        bound = _promised_bound(target, material)
+        step = least_cost(lambda step: material.size_bytes(step, bound), bound / STEPS_OF_BOUND)
+        return max(material.finest_step, step), bound
+    return _step_within_limit(target, material), None
+
+
+def _step_of(quality: float, material: Material) -> float:
+    return quality_step(quality) * material.own_diagonal
+
+
+def _promised_bound(target: Target, material: Material) -> float:
+    """The bound of a largest error, in diagonals, which the number type allows to promise."""
+    percent = target.bound.percent(material.diagonal)
+    try:
+        check_promise(percent / 100.0, material.rounding, material.dtype)
+    except InvalidInputError as error:
+        if not target.is_length:
+            raise
+        length = f"{target.value:g} model units are {percent:.3g} % of the diagonal"
+        raise InvalidInputError(f"{length}: {error}") from None
+    return percent / 100.0
+
+
+def _step_within_limit(target: Target, material: Material) -> float:
+    """The step that comes nearest to the target's number from below."""
+    found: dict[float, float] = {}
+
+    def measured(step: float) -> float:
+        if step not in found:
+            found[step] = material.measured(step)
+        return found[step]
+
+    start = _step_of(FIRST_QUALITY, material)
+    step = meet_limit(measured, target.value, start, rises=not target.aim.is_budget)
+    if step is None:
+        raise InvalidInputError(
+            f"{target.aim.value} {target.value:g} cannot be met: the best stream has "
+            f"{min(found.values()):g}; " + _remedy(target.aim)
+        )
+    return step
+
+
+def _remedy(aim: Aim) -> str:
+    if aim.is_budget:
+        return 'allow more, or leave the order out (order="drop")'
+    return "positions come back no nearer than their number type; allow more"

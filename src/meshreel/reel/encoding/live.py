@@ -1,0 +1,114 @@
+"""Frames that are not all there yet: the first block tells the step for all."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from meshreel.bitstream.layout import Section
+from meshreel.bitstream.writer import Sections
+from meshreel.codec.source import CodedMesh
+from meshreel.reel.encoding.aim import aimed
+from meshreel.reel.encoding.block_coder import (
+    FieldBlockCoder,
+    FieldFrames,
+    KeyedBlocks,
+    checked_frames,
+    coder_of,
+)
+from meshreel.reel.encoding.effort import finest_step
+from meshreel.sequence import extent_of
+from meshreel.subspace.trajectories import BoundingFrame
+
+Vertices = npt.NDArray[np.floating]
+
+
+@dataclass(frozen=True)
+class FirstBlock:
+    """The first block of a live sequence, as `aim.Material` has it.
+
+    Attributes
+    ----------
+    coder : FieldBlockCoder
+    vertices : float array of shape (T_b, V, 3)
+        In internal order.
+    """
+
+    coder: FieldBlockCoder
+    vertices: Vertices
+
+    @property
+    def diagonal(self) -> float:
+        """Of the bounding box, in model units."""
+        return self.coder.frame.scale
+
+    @property
+    def own_diagonal(self) -> float:
+        """Of the model itself, in diagonals of the bounding box."""
+        return extent_of(self.vertices).mean_diagonal / self.diagonal or 1.0
+
+    @property
+    def rounding(self) -> float:
+        """Largest error of a position, in diagonals, that its number type alone makes."""
+        return self._frames.rounding
+
+    @property
+    def dtype(self) -> np.dtype[np.floating]:
+        """Number type of the positions."""
+        return self.vertices.dtype
+
+    @property
+    def finest_step(self) -> float:
+        """The finest step that it can be coded with."""
+        return finest_step(self.vertices.shape[1])
+
+    @cached_property
+    def _frames(self) -> FieldFrames:
+        return self.coder.frames(self.vertices)
+
+    def size_bytes(self, step: float, bound: float) -> float:
+        """Bytes of the block with a step, corrected to keep a bound in diagonals."""
+        coded = self.coder.with_step(max(self.finest_step, step), bound).code(self._frames)
+        return float(sum(len(payload) for _, payload in coded.sections))
+
+    def measured(self, step: float) -> float:
+        """Nothing: what is limited is known of whole sequences only."""
+        raise AssertionError("frames that come one by one are coded for other targets")
+
+
+class LiveCoder:
+    """Codes blocks of frames as they come, with the step that suits the first of them.
+
+    Parameters
+    ----------
+    mesh : CodedMesh
+    frame : BoundingFrame
+    first : float array of shape (T_b, V, 3)
+        The first block, in internal order.
+
+    Raises
+    ------
+    InvalidInputError
+        If the target cannot be met.
+    """
+
+    def __init__(self, mesh: CodedMesh, frame: BoundingFrame, first: Vertices) -> None:
+        coder = coder_of(mesh, frame)
+        self._coder = coder.with_step(*aimed(mesh.config.target, FirstBlock(coder, first)))
+        self._blocks = KeyedBlocks(self._coder)
+
+    def leading_sections(self) -> Iterator[tuple[Section, bytes]]:
+        """The sections before the first block, behind those of the mesh."""
+        return self._coder.leading_sections()
+
+    def code(self, vertices: Vertices) -> Sections:
+        """The sections of the next block, given in internal order.
+
+        Raises
+        ------
+        InvalidInputError
+            If its number type does not allow what is promised.
+        """
+        return self._blocks.code(checked_frames(self._coder, vertices)).sections

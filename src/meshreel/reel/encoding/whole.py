@@ -1,0 +1,244 @@
+"""Sequences that are all there: streams are made of them until one meets the target."""
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import chain
+
+import numpy as np
+
+from meshreel.bitstream.writer import Sections, whole_stream
+from meshreel.codec.achieved import measure_stream
+from meshreel.codec.source import Source
+from meshreel.codec.targets import Aim
+from meshreel.errors import InvalidInputError, SolverError
+from meshreel.metrics.rate import rate_bpvf
+from meshreel.reel.encoding.aim import aimed
+from meshreel.reel.encoding.block_coder import (
+    FieldBlockCoder,
+    FieldFrames,
+    KeyedBlocks,
+    coder_of,
+    largest_rounding,
+)
+from meshreel.reel.encoding.effort import finest_step
+from meshreel.reel.encoding.meters import KgMeter, Meter, StedMeter
+from meshreel.runtime.engine.engine import Engine
+from meshreel.runtime.progress import Count, Progress
+from meshreel.runtime.threads import one_ahead
+from meshreel.subspace.trajectories import from_matrices
+
+LARGEST_ERROR_STEP = 0.1
+"""Coarsest step that is tried to meet an error, in sizes of the model."""
+
+KEPT_BYTES = 36
+"""Memory of a position of a block that is kept: as it came, and as coordinate matrices."""
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A stream made with a step.
+
+    Attributes
+    ----------
+    data : bytes
+    error : float or None
+        The error that is to be met, where one is.
+    """
+
+    data: bytes
+    error: float | None
+
+
+def encode(source: Source, progress: Progress, engine: Engine | None) -> bytes:
+    """The bytes of a stream of the source that meets its target.
+
+    Parameters
+    ----------
+    source : Source
+    progress : callable
+    engine : Engine or None
+        Whose workers code the blocks; None codes them here.
+
+    Raises
+    ------
+    InvalidInputError
+        If no stream meets the target.
+    """
+    sequence = WholeSequence(source, progress, engine)
+    step, bound = aimed(source.config.target, sequence)
+    data = sequence.trial(step, bound).data
+    if bound is not None:
+        achieved = measure_stream(
+            source.sequence, data, order=source.config.order, progress=progress
+        )
+        if achieved.max_error_percent > 100.0 * bound:
+            raise SolverError(
+                f"max_error {100.0 * bound:g} was not kept: the stream decodes to "
+                f"{achieved.max_error_percent:g}; nothing is written; please report this sequence"
+            )
+    return data
+
+
+class WholeSequence:
+    """A sequence that is all there, as `aim.Material` has it; every stream made of it is kept.
+
+    Parameters
+    ----------
+    source, progress, engine
+        As `encode` takes them.
+    """
+
+    def __init__(self, source: Source, progress: Progress, engine: Engine | None) -> None:
+        self._source = source
+        self._target = source.config.target
+        self._progress = progress
+        self._engine = engine
+        self._trials: dict[float, Trial] = {}
+        self._coder = coder_of(source.mesh, source.frame)
+
+    @property
+    def diagonal(self) -> float:
+        """Of the bounding box of all frames, in model units."""
+        return self._source.frame.scale
+
+    @cached_property
+    def own_diagonal(self) -> float:
+        """Of the model itself, the mean of all frames, in diagonals of the bounding box."""
+        return self._source.sequence.extent.mean_diagonal / self.diagonal or 1.0
+
+    @cached_property
+    def rounding(self) -> float:
+        """Largest error of a position, in diagonals, that its number type alone makes."""
+        extent = self._source.sequence.extent
+        low, high = float(extent.low.min()), float(extent.high.max())
+        return largest_rounding(low, high, self.dtype, self._source.frame)
+
+    @property
+    def dtype(self) -> np.dtype[np.floating]:
+        """Number type of the positions."""
+        return self._source.sequence.dtype
+
+    @cached_property
+    def finest_step(self) -> float:
+        """The finest step that it can be coded with."""
+        return finest_step(self._source.mesh.n_verts)
+
+    def size_bytes(self, step: float, bound: float) -> float:
+        """Bytes of the stream with a step, corrected to keep a bound in diagonals."""
+        return len(self.trial(step, bound).data)
+
+    def measured(self, step: float) -> float:
+        """The error, the bytes or the bits for each vertex and frame, with a step."""
+        trial = self.trial(step)
+        if trial.error is not None:
+            return trial.error
+        if self._target.aim is Aim.SIZE:
+            return float(len(trial.data))
+        sequence = self._source.sequence
+        return rate_bpvf(len(trial.data), sequence.n_verts, sequence.n_frames)
+
+    def trial(self, step: float, bound: float | None = None) -> Trial:
+        """The stream of a step; with a bound in diagonals, corrected to keep it.
+
+        Errors are no longer those of a moving surface where the step is as large as the model:
+        coarser ones are only tried to keep a budget.
+        """
+        if not self._target.aim.is_budget:
+            step = min(step, LARGEST_ERROR_STEP * self.own_diagonal)
+        step = max(step, self.finest_step)
+        if step not in self._trials:
+            self._trials[step] = self._made(step, bound)
+        return self._trials[step]
+
+    def _made(self, step: float, bound: float | None) -> Trial:
+        self._tell(0)
+        coder, meter = self._coder.with_step(step, bound), self._new_meter()
+        leading = chain(self._source.mesh.leading_sections(), coder.leading_sections())
+        if self._engine is not None and meter is None:
+            blocks = self._coded_elsewhere(coder, self._engine)
+        else:
+            blocks = self._coded(coder, meter)
+            if self._is_cut:  # integers of a block are found while those before become bytes
+                blocks = one_ahead(blocks)
+        data = whole_stream(self._source.header(), leading, self._told(blocks))
+        return Trial(data, None if meter is None else meter.value)
+
+    def _coded(self, coder: FieldBlockCoder, meter: Meter | None) -> Iterator[tuple[int, Sections]]:
+        """Frames and sections of each block."""
+        blocks = KeyedBlocks(coder)
+        for frames in self._blocks():
+            coded = blocks.code(frames)
+            if meter is not None:
+                matrices = coded.frames_of(slice(None))
+                decoded = from_matrices(matrices, coder.frame, frames.vertices.dtype)
+                meter.add(frames.vertices, decoded)
+            yield len(frames.vertices), coded.sections
+
+    def _coded_elsewhere(
+        self, coder: FieldBlockCoder, engine: Engine
+    ) -> Iterator[tuple[int, Sections]]:
+        """The same, where workers code all blocks but the first."""
+        first, *others = self._source.pieces()
+        frames = coder.frames(first.read())
+        coded = KeyedBlocks(coder).code(frames)
+        yield len(frames.vertices), coded.sections
+        items = ((piece, coded.key, number) for number, piece in enumerate(others, start=1))
+        yield from engine.map_in_order(coder.code_piece, items)
+
+    def _blocks(self) -> Iterable[FieldFrames]:
+        """The blocks, ready to be coded: kept for further trials, or read anew for each."""
+        if self._keeps_blocks:
+            return self._kept_blocks
+        return map(self._coder.frames, self._source.blocks())
+
+    @property
+    def _is_cut(self) -> bool:
+        return self._source.block_frames < self._source.sequence.n_frames
+
+    @property
+    def _is_one_try(self) -> bool:
+        return self._target.aim in (Aim.QUALITY, Aim.STEP)
+
+    @cached_property
+    def _keeps_blocks(self) -> bool:
+        sequence = self._source.sequence
+        if not self._is_cut:
+            return True
+        if self._is_one_try:
+            return False
+        kept_bytes = KEPT_BYTES * sequence.n_frames * sequence.n_verts
+        memory = self._source.config.memory_bytes
+        return memory is None or kept_bytes <= memory / 2
+
+    @cached_property
+    def _kept_blocks(self) -> list[FieldFrames]:
+        return [self._coder.frames(vertices) for vertices in self._source.blocks()]
+
+    def _new_meter(self) -> Meter | None:
+        """A meter of the error that is to be met, if one is."""
+        if self._target.aim is Aim.KG:
+            return KgMeter(self._source.sequence.extent)
+        if self._target.aim is not Aim.STED:
+            return None
+        if not self._keeps_blocks:
+            raise InvalidInputError(
+                "sted compares frames of the whole sequence, which do not fit into the memory "
+                "allowed; allow more, or ask for kg or quality"
+            )
+        return StedMeter(self._source.mesh.faces)
+
+    def _told(self, blocks: Iterator[tuple[int, Sections]]) -> Iterator[tuple[int, Sections]]:
+        """The blocks, while the listener is told how many of their frames are coded."""
+        done = 0
+        for n_coded, sections in blocks:
+            yield n_coded, sections
+            done += n_coded
+            self._tell(done)
+
+    def _tell(self, n_done: int) -> None:
+        """Tell the listener of frames coded; nothing is all done while another try may follow."""
+        stage = "encoding" if self._is_one_try else f"encoding, try {len(self._trials) + 1}"
+        n_frames = self._source.sequence.n_frames
+        if self._is_one_try or n_done < n_frames:
+            self._progress(stage, Count(n_done, n_frames, "frames"))
