@@ -1,5 +1,7 @@
 """The method `reel`."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -9,7 +11,7 @@ from meshreel.codec.decoder import decode
 from meshreel.codec.encoder import encode
 from meshreel.codec.inspect import info
 from meshreel.connectivity.coder import encode_connectivity
-from meshreel.entropy.field_coder import decode_fields
+from meshreel.entropy import field_coder
 from meshreel.errors import InvalidInputError, UnsupportedVersionError
 from meshreel.paper.decoder import coded_blocks
 from meshreel.reel.agreed.blocks import write_field_block
@@ -17,14 +19,14 @@ from meshreel.reel.agreed.field_mesh import N_TELLING, FieldMesh
 from meshreel.reel.agreed.fields import (
     MAX_TAP,
     N_TAPS,
+    FieldLoop,
+    decode_basis,
+    decode_fields,
     group_ends,
-    reconstruct_fields,
-    reconstruct_times,
     synthesise_fields,
 )
 from meshreel.reel.agreed.payloads import read_layout, read_times
 from meshreel.reel.agreed.prediction import WeightLearner
-from meshreel.reel.agreed.timeline import time_predictors
 from meshreel.reel.encoding.analysis import BlockFrames, FieldChoices, analyse_fields
 from meshreel.sequence import MeshSequence
 from meshreel.subspace.trajectories import bounding_frame, to_matrices
@@ -56,36 +58,20 @@ def noisy_grid(noise, n_frames=12):
     return MeshSequence(grid.vertices + tremble, grid.faces)
 
 
-def time_vectors(block):
-    """Decoded, of shape (3 T, K)."""
-    rows = [predictor.rows for predictor in time_predictors(len(block.times))]
-    return reconstruct_times(
-        len(block.times), block.n_modes, lambda level, _: block.times[rows[level]]
-    )
-
-
 def wanted_fields(block, matrices):
     """Fields of shape (V, K) whose product with the decoded time vectors is nearest."""
     stacked = matrices.reshape(-1, matrices.shape[2])
-    return np.linalg.lstsq(time_vectors(block), stacked, rcond=None)[0].T
+    return np.linalg.lstsq(decode_basis(block.times), stacked, rcond=None)[0].T
 
 
-def reading(block, mesh):
-    def steps_of(modes, *_):
-        return lambda level, _: block.fields[modes, mesh.levels[level]].T
-
-    return steps_of
-
-
-def values_before_filters(block, mesh):
+def values_before_filters(block, mesh, taps=None):
     """Decoded fields before their filters, of shape (V, K)."""
     found = []
-
-    def taps_of(modes, values, differences):
-        found.append(values)
-        return block.taps[modes]
-
-    reconstruct_fields(mesh, block.layout, reading(block, mesh), taps_of)
+    loop = FieldLoop(mesh, block.layout)
+    for group in block.layout.groups:
+        residuals = block.fields[group].T
+        found.append(loop.learn(group).decode([residuals[level] for level in mesh.levels]))
+        loop.finish(loop.differences(), (block.taps if taps is None else taps)[group])
     return np.hstack(found)
 
 
@@ -123,7 +109,7 @@ def test_first_level_is_rounded_to_the_nearest_when_bits_have_a_price():
 
 def test_time_vectors_lie_near_the_truth_when_their_step_is_fine():
     matrices, _, block = analysed(1e-5, 30, basis_step=0.1)
-    vectors = time_vectors(block)
+    vectors = decode_basis(block.times)
     stacked = matrices.reshape(-1, matrices.shape[2])
     left = stacked - vectors @ np.linalg.lstsq(vectors, stacked, rcond=None)[0]
     assert np.abs(left).max() < 1e-4
@@ -132,14 +118,13 @@ def test_time_vectors_lie_near_the_truth_when_their_step_is_fine():
 def test_time_vectors_have_length_one_when_they_do_something_and_else_none():
     integers = np.random.default_rng(2).integers(-90, 91, (20, 3 * 4))
     integers[:, 6:9] = 0
-    rows = [predictor.rows for predictor in time_predictors(20)]
-    vectors = reconstruct_times(20, 4, lambda level, _: integers[rows[level]])
+    vectors = decode_basis(integers)
     np.testing.assert_allclose(np.linalg.norm(vectors, axis=0), [1, 1, 0, 1], atol=1e-12)
 
 
 def test_axes_of_time_vectors_come_one_after_another_when_integers_are_mode_by_mode():
     """A single frame: its integers are the vectors, but for their length."""
-    vectors = reconstruct_times(1, 2, lambda level, _: np.array([[3, 0, 4, 0, 5, 12]]))
+    vectors = decode_basis(np.array([[3, 0, 4, 0, 5, 12]]))
     np.testing.assert_allclose(vectors.T, [[3 / 5, 0, 4 / 5], [0, 5 / 13, 12 / 13]])
 
 
@@ -152,7 +137,7 @@ def test_integers_come_back_from_the_sections_when_a_block_is_written():
     times = read_times(sections[Section.BASIS], block.n_modes, 20)
     np.testing.assert_array_equal(times, block.times)
     coded = sections[Section.COEFFICIENTS]
-    fields = decode_fields(coded, block.n_modes, mesh.n_verts, mesh.passes)
+    fields = field_coder.decode_fields(coded, block.n_modes, mesh.n_verts, mesh.passes)
     np.testing.assert_array_equal(fields, block.fields)
 
 
@@ -186,17 +171,8 @@ def test_filters_bring_fields_nearer_to_the_truth_when_rounding_is_coarse():
 def test_filters_do_nothing_when_their_taps_are_zero():
     _, mesh, block = analysed(0.01)
     nothing = np.zeros_like(block.taps)
-    fields = reconstruct_fields(
-        mesh, block.layout, reading(block, mesh), lambda modes, *_: nothing[modes]
-    )
-    found = []
-
-    def taps_of(modes, values, differences):
-        found.append(values)
-        return nothing[modes]
-
-    reconstruct_fields(mesh, block.layout, reading(block, mesh), taps_of)
-    np.testing.assert_array_equal(fields, np.hstack(found))
+    fields = decode_fields(replace(block, taps=nothing), mesh)
+    np.testing.assert_array_equal(fields, values_before_filters(block, mesh, nothing))
 
 
 def test_taps_stay_in_their_range_when_fields_are_mostly_noise():

@@ -1,18 +1,16 @@
-"""Prediction from what is decoded, level after level; both sides run it.
+"""Prediction from decoded values, level after level; both sides run it.
 
 Values stand in levels. Those of a level are predicted from the decoded values of the levels
-before, and what is sent are whole steps that they lie away from their prediction. The loop is
-closed: every value is as near to the truth as its own rounding, whatever was lost before it.
+before, and their residuals are sent, as multiples of a quantisation step. The loop is closed:
+every value is as near to the truth as its own rounding, whatever was lost before it.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 from scipy.sparse import csr_array
-
-from meshreel.runtime.profiling import staged
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
@@ -34,15 +32,11 @@ class Predictor:
     weights: csr_array
 
 
-StepsOf = Callable[[int, Floats], Integers]
-"""Whole steps of shape (n, K) between a level (by its number) and its prediction of that shape."""
+class ClosedLoop:
+    """N rows of K columns that become known level after level.
 
-
-@staged("levels")
-def reconstruct_levels(
-    predictors: Sequence[Predictor], n_values: int, n_columns: int, step: float, steps_of: StepsOf
-) -> Floats:
-    """Decoded values of shape (N, K).
+    Both sides go through the levels in order: `predict` one, then `add` its residuals, which one
+    side chooses and the other reads.
 
     Parameters
     ----------
@@ -51,12 +45,31 @@ def reconstruct_levels(
     n_values, n_columns : int
         N and K.
     step : float
-    steps_of : callable
-        Reads, or chooses, what is sent.
+        Quantisation step of the residuals.
+
+    Attributes
+    ----------
+    values : float64 array of shape (N, K)
+        Decoded so far; 0 in the levels to come.
     """
-    values = np.zeros((n_values, n_columns))
-    for number, predictor in enumerate(predictors):
-        if len(predictor.rows):
-            prediction = np.asarray(predictor.weights @ values)
-            values[predictor.rows] = prediction + step * steps_of(number, prediction)
-    return values
+
+    def __init__(
+        self, predictors: Sequence[Predictor], n_values: int, n_columns: int, step: float
+    ) -> None:
+        self.predictors = predictors
+        self.values = np.zeros((n_values, n_columns))
+        self._step = step
+
+    def predict(self, level: int) -> Floats:
+        """The prediction of a level, of shape (n, K), from the levels before."""
+        return np.asarray(self.predictors[level].weights @ self.values)
+
+    def add(self, level: int, prediction: Floats, residuals: Integers) -> None:
+        """Decode a level: its prediction, and residuals of the same shape in quantisation steps."""
+        self.values[self.predictors[level].rows] = prediction + self._step * residuals
+
+    def decode(self, residuals_of: Sequence[Integers]) -> Floats:
+        """All values, of shape (N, K), for the residuals of each level, of shape (n, K)."""
+        for level, residuals in enumerate(residuals_of):
+            self.add(level, self.predict(level), residuals)
+        return self.values

@@ -5,11 +5,11 @@ each group over the levels of a hierarchy of the vertices, in closed loop. What 
 from its stencil is learned from the groups decoded before; what foretells the first group, from
 connectivity. A decoded group is smoothed by filters whose taps are sent.
 
-Encoder and decoder run the same `reconstruct_fields` and `reconstruct_times`; they differ only in
-where the integers come from.
+Encoder and decoder drive the same `FieldLoop` and `ClosedLoop`; they differ only in where the
+residuals come from.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -19,7 +19,7 @@ import numpy.typing as npt
 from scipy.sparse import csr_array
 
 from meshreel.geometry.laplacian import reproducing_laplacian
-from meshreel.reel.agreed.closed_loop import Predictor, StepsOf, reconstruct_levels
+from meshreel.reel.agreed.closed_loop import ClosedLoop, Predictor
 from meshreel.reel.agreed.field_mesh import FieldMesh
 from meshreel.reel.agreed.prediction import WeightLearner
 from meshreel.reel.agreed.timeline import time_predictors
@@ -128,60 +128,103 @@ def key_fields(layout: Layout, mesh: FieldMesh, fields: Floats) -> KeyFields:
     return KeyFields(mesh, fields[0].T / float(layout.step))
 
 
-@staged("fields")
-def reconstruct_fields(
-    mesh: FieldMesh,
-    layout: Layout,
-    steps_of: Callable[[slice, Sequence[Predictor]], StepsOf],
-    taps_of: Callable[[slice, Floats, Floats], Integers] | None,
-    key: KeyFields | None = None,
-) -> Floats:
-    """Decoded fields of shape (V, K).
+class FieldLoop:
+    """Fields that become known group after group, and what they tell of the groups to come.
+
+    Both sides go through the groups in order: `learn` gives the closed loop over the levels of a
+    group, whose residuals one side chooses and the other reads; `finish` ends the group.
 
     Parameters
     ----------
     mesh : FieldMesh
     layout : Layout
-    steps_of : callable
-        Gives what reads or chooses the integers of a group of modes with these predictors.
-    taps_of : callable or None
-        Gives the taps of a group, of shape (k, N_TAPS), for its fields of shape (V, k) and their
-        differences of shape (N_TAPS, V, k). None: nothing is filtered.
     key : KeyFields, optional
         Of the block that this one refers to.
+
+    Attributes
+    ----------
+    fields : float64 array of shape (V, k)
+        Of the groups that are finished.
     """
-    n_verts, step = mesh.n_verts, float(layout.step)
-    known = latest = np.zeros((n_verts, 0))
-    learner: WeightLearner | None = None
-    for number, modes in enumerate(layout.groups):
-        if key is not None and number == 0:
-            predictors = key.predictors
+
+    def __init__(self, mesh: FieldMesh, layout: Layout, key: KeyFields | None = None) -> None:
+        self.fields = np.zeros((mesh.n_verts, 0))
+        self._mesh = mesh
+        self._step = float(layout.step)
+        self._key = key
+        self._learner: WeightLearner | None = None
+        self._latest = self.fields
+        self._laplacian: csr_array | None = None
+
+    def learn(self, group: slice) -> ClosedLoop:
+        """The closed loop over the levels of a group of modes.
+
+        The weights that predict it are learned from the groups before, and from the key block.
+        """
+        n_columns = group.stop - group.start
+        predictors = self._predictors()
+        self._loop = ClosedLoop(predictors, self._mesh.n_verts, n_columns, self._step)
+        return self._loop
+
+    def _predictors(self) -> list[Predictor]:
+        if self._key is not None and not self.fields.shape[1]:
+            return self._key.predictors
+        if self._learner is None:
+            key, stencils = self._key, self._mesh.stencils
+            self._learner = WeightLearner(stencils) if key is None else key.learner()
+        weights = self._learner.learn(self._latest / self._step, NOISE_OF_WEIGHTS)
+        return self._mesh.predictors(weights)
+
+    def differences(self) -> Floats:
+        """Differences of the group that its filter adds, of shape (N_TAPS, V, k).
+
+        They come from a Laplacian that is learned from the first fields.
+        """
+        values = self._loop.values
+        if self.fields.shape[1] < N_FILTER_FIELDS:
+            first = np.hstack([self.fields, values])[:, :N_FILTER_FIELDS]
+            noise = NOISE_OF_FILTERS * self._step**2
+            self._laplacian = reproducing_laplacian(self._mesh.adjacency, first, noise)
+        assert self._laplacian is not None  # the first group has fewer fields
+        return _repeated(self._laplacian, values)
+
+    def finish(self, differences: Floats | None = None, taps: Integers | None = None) -> None:
+        """End a group; one that is filtered with its differences, and taps of shape (k, N_TAPS)."""
+        self._latest = self._loop.values
+        if differences is not None and taps is not None:
+            self._latest = self._latest + np.einsum("kt,tvk->vk", TAP_STEP * taps, differences)
+        self.fields = np.hstack([self.fields, self._latest])
+
+
+@staged("fields")
+def decode_fields(block: FieldBlock, mesh: FieldMesh, key: KeyFields | None = None) -> Floats:
+    """Decoded fields of shape (V, K); the key is of the block that this one refers to."""
+    loop = FieldLoop(mesh, block.layout, key)
+    # Taps of 0 change nothing, so that their differences are not worth their time.
+    is_filtered = bool(block.taps.any())
+    for group in block.layout.groups:
+        fields = block.fields[group].T
+        loop.learn(group).decode([fields[level] for level in mesh.levels])
+        if is_filtered:
+            loop.finish(loop.differences(), block.taps[group])
         else:
-            if learner is None:
-                learner = WeightLearner(mesh.stencils) if key is None else key.learner()
-            predictors = mesh.predictors(learner.learn(latest / step, NOISE_OF_WEIGHTS))
-        n_columns = modes.stop - modes.start
-        values = reconstruct_levels(
-            predictors, n_verts, n_columns, step, steps_of(modes, predictors)
-        )
-        latest = values
-        if taps_of is not None:
-            if known.shape[1] < N_FILTER_FIELDS:
-                telling = np.hstack([known, values])[:, :N_FILTER_FIELDS]
-                noise = NOISE_OF_FILTERS * step**2
-                laplacian = reproducing_laplacian(mesh.adjacency, telling, noise)
-            differences = _repeated(laplacian, values)
-            taps = TAP_STEP * taps_of(modes, values, differences)
-            latest = values + np.einsum("kt,tvk->vk", taps, differences)
-        known = np.hstack([known, latest])
-    return known
+            loop.finish()
+    return loop.fields
 
 
-@staged("time vectors")
-def reconstruct_times(n_frames: int, n_modes: int, steps_of: StepsOf) -> Floats:
-    """Decoded time vectors of shape (3 T, K), each of length 1 (or 0)."""
-    decoded = reconstruct_levels(time_predictors(n_frames), n_frames, 3 * n_modes, 1.0, steps_of)
-    vectors = decoded.reshape(n_frames, n_modes, 3).transpose(2, 0, 1).reshape(-1, n_modes)
+@staged("temporal basis")
+def decode_basis(times: Integers) -> Floats:
+    """Temporal basis of shape (3 T, K), each vector of length 1 (or 0), for its residuals."""
+    n_frames = len(times)
+    predictors = time_predictors(n_frames)
+    loop = ClosedLoop(predictors, n_frames, times.shape[1], 1.0)
+    return unit_vectors(loop.decode([times[predictor.rows] for predictor in predictors]))
+
+
+def unit_vectors(values: Floats) -> Floats:
+    """Vectors of shape (3 T, K) and length 1 (or 0), for values of shape (T, 3 K)."""
+    n_frames, n_modes = len(values), values.shape[1] // 3
+    vectors = values.reshape(n_frames, n_modes, 3).transpose(2, 0, 1).reshape(-1, n_modes)
     lengths = np.linalg.norm(vectors, axis=0)
     return np.asarray(vectors / np.where(lengths > 0, lengths, 1.0))
 
@@ -193,31 +236,14 @@ def synthesise_fields(
 
     The key is of the block that this one refers to, if it does.
     """
-    n_frames = len(block.times)
-    vectors = reconstruct_times(
-        n_frames, block.n_modes, reading(time_predictors(n_frames), block.times)
-    )
-
-    def steps_of(modes: slice, _: Sequence[Predictor]) -> StepsOf:
-        return lambda level, _: block.fields[modes, mesh.levels[level]].T
-
-    def taps_of(modes: slice, *_: Floats) -> Integers:
-        return block.taps[modes]
-
-    # Taps of 0 change nothing, so that their differences are not worth their time.
-    taken = taps_of if block.taps.any() else None
-    fields = reconstruct_fields(mesh, block.layout, steps_of, taken, key)
-    return vectors.reshape(3, n_frames, block.n_modes), fields.T[None]
+    basis = decode_basis(block.times)
+    fields = decode_fields(block, mesh, key)
+    return basis.reshape(3, -1, block.n_modes), fields.T[None]
 
 
 def group_ends(n_modes: int, ends: Sequence[int]) -> tuple[int, ...]:
     """Ends of the groups of K modes, for the ends of all groups but the last."""
     return (*(end for end in ends if end < n_modes), n_modes)
-
-
-def reading(predictors: Sequence[Predictor], integers: Integers) -> StepsOf:
-    """What gives the integers of an array, row by row."""
-    return lambda level, _: integers[predictors[level].rows]
 
 
 def _repeated(laplacian: csr_array, values: Floats) -> Floats:

@@ -1,24 +1,22 @@
 """The encoder's side of `reel`: a block of frames to the integers of its modes."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.reel.agreed.closed_loop import Predictor, StepsOf
+from meshreel.reel.agreed.closed_loop import ClosedLoop
 from meshreel.reel.agreed.field_mesh import FieldMesh
 from meshreel.reel.agreed.fields import (
     MAX_TAP,
     N_TAPS,
     TAP_STEP,
     FieldBlock,
+    FieldLoop,
     KeyFields,
     Layout,
+    decode_basis,
     group_ends,
-    reading,
-    reconstruct_fields,
-    reconstruct_times,
 )
 from meshreel.reel.agreed.timeline import time_predictors
 from meshreel.reel.encoding.rate_distortion import FAIR_PRICE, quantize_by_rate
@@ -136,14 +134,13 @@ def analyse_fields(
     stencils = in_background(lambda: mesh.stencils)  # where they are not known yet
     times = _quantized_times(frames, float(step), choices)
     n_modes = times.shape[1] // 3
-    vectors = reconstruct_times(n_frames, n_modes, reading(time_predictors(n_frames), times))
+    vectors = decode_basis(times)
     ends = group_ends(n_modes, choices.later_group_ends if key else choices.group_ends)
     layout = Layout(step, ends, choices.stencil_size, reference)
     stencils.result()
-    recorder = _Recorder(_projected(vectors, matrices), float(step), choices, mesh)
-    taps_of = recorder.taps_of if choices.has_filters else None
-    fields = reconstruct_fields(mesh, layout, recorder.steps_of, taps_of, key)
-    block = FieldBlock(layout, times, recorder.integers.T, recorder.taps)
+    wanted = _projected(vectors, matrices)
+    integers, taps, fields = _quantized_fields(wanted, layout, mesh, choices, key)
+    block = FieldBlock(layout, times, integers, taps)
     return block, vectors.reshape(3, n_frames, n_modes), fields.T[None]
 
 
@@ -172,64 +169,80 @@ def _quantized_times(frames: BlockFrames, step: float, choices: FieldChoices) ->
     scaled = vectors * (strengths / (choices.basis_step * step))
     wanted = scaled.reshape(3, n_frames, n_kept).transpose(1, 2, 0).reshape(n_frames, -1)
     predictors = time_predictors(n_frames)
+    loop = ClosedLoop(predictors, n_frames, wanted.shape[1], 1.0)
     integers = np.zeros(wanted.shape, np.int64)
-
-    def steps_of(level: int, prediction: Floats) -> Integers:
-        rows = predictors[level].rows
+    for level, predictor in enumerate(predictors):
+        prediction = loop.predict(level)
         price = choices.price if level else 0.0
-        integers[rows] = quantize_by_rate(wanted[rows] - prediction, price)
-        return integers[rows]
-
-    reconstruct_times(n_frames, n_kept, steps_of)
+        residuals = quantize_by_rate(wanted[predictor.rows] - prediction, price)
+        loop.add(level, prediction, residuals)
+        integers[predictor.rows] = residuals
     by_mode = integers.reshape(n_frames, n_kept, 3)
     does_something = np.asarray(by_mode.any(axis=(0, 2)))
     does_something[0] = True
     return by_mode[:, does_something].reshape(n_frames, -1)
 
 
-@dataclass
-class _Recorder:
-    """The encoder's side of `reconstruct_fields`: chooses what it is asked for, and keeps it."""
+@staged("fields")
+def _quantized_fields(
+    wanted: Floats,
+    layout: Layout,
+    mesh: FieldMesh,
+    choices: FieldChoices,
+    key: KeyFields | None,
+) -> tuple[Integers, Integers, Floats]:
+    """Residuals of shape (K, V), taps of shape (K, N_TAPS), and the fields that they decode to.
 
-    fields: Floats
-    step: float
-    choices: FieldChoices
-    mesh: FieldMesh
+    Parameters
+    ----------
+    wanted : float64 array of shape (V, K)
+        The fields to come near to. Those they decode to have the same shape.
+    """
+    n_verts, n_modes = wanted.shape
+    integers = np.zeros((n_verts, n_modes), np.int64)
+    taps = np.zeros((n_modes, N_TAPS), np.int64)
+    shaped = _shaped_levels(mesh, choices)
+    loop = FieldLoop(mesh, layout, key)
+    for group in layout.groups:
+        fields = np.ascontiguousarray(wanted[:, group])
+        levels = loop.learn(group)
+        for level, rows in enumerate(mesh.levels):
+            prediction = levels.predict(level)
+            aimed = fields[rows]
+            if level in shaped:
+                true_prediction = levels.predictors[level].weights @ fields
+                aimed = aimed + _feedback(prediction - true_prediction, layout, choices)
+            price = choices.price if level else 0.0
+            residuals = quantize_by_rate((aimed - prediction) / float(layout.step), price)
+            levels.add(level, prediction, residuals)
+            integers[rows, group] = residuals
+        if choices.has_filters:
+            differences = loop.differences()
+            taps[group] = _best_taps(fields - levels.values, differences)
+            loop.finish(differences, taps[group])
+        else:
+            loop.finish()
+    return integers.T, taps, loop.fields
 
-    def __post_init__(self) -> None:
-        n_modes = self.fields.shape[1]
-        self.integers = np.zeros(self.fields.shape, np.int64)
-        self.taps = np.zeros((n_modes, N_TAPS), np.int64)
 
-    def steps_of(self, modes: slice, predictors: Sequence[Predictor]) -> StepsOf:
-        """What chooses the integers of a group."""
-        carrying = self.mesh.scales[
-            max(0, len(self.mesh.scales) - self.choices.n_carrying_scales) :
-        ]
-        first_carrying = len(predictors) - sum(len(scale.levels) for scale in carrying)
-        fields = np.ascontiguousarray(self.fields[:, modes])
+def _shaped_levels(mesh: FieldMesh, choices: FieldChoices) -> range:
+    """Numbers of the levels whose noise is shaped: those of the finest scales, but the first."""
+    n_plain = max(0, len(mesh.scales) - choices.n_carrying_scales)
+    first = len(mesh.levels_of(slice(n_plain)))
+    return range(max(first, 1), len(mesh.levels))
 
-        def chosen(level: int, prediction: Floats) -> Integers:
-            rows = self.mesh.levels[level]
-            wanted = fields[rows]
-            if level >= max(first_carrying, 1):
-                true_prediction = predictors[level].weights @ fields
-                feedback = self.choices.carried_share * (prediction - true_prediction)
-                feedback[np.abs(feedback) > LARGEST_FEEDBACK * self.step] = 0.0
-                wanted = wanted + feedback
-            price = self.choices.price if level else 0.0
-            steps = quantize_by_rate((wanted - prediction) / self.step, price)
-            self.integers[rows, modes] = steps
-            return steps
 
-        return chosen
+def _feedback(prediction_error: Floats, layout: Layout, choices: FieldChoices) -> Floats:
+    """The share of the error of predictions that predicted values take on."""
+    feedback = choices.carried_share * prediction_error
+    feedback[np.abs(feedback) > LARGEST_FEEDBACK * float(layout.step)] = 0.0
+    return feedback
 
-    def taps_of(self, modes: slice, values: Floats, differences: Floats) -> Integers:
-        """Taps that bring each field nearest to the truth."""
-        error = self.fields[:, modes] - values
-        gram = np.einsum("avk,bvk->kab", differences, differences)
-        moments = np.einsum("avk,vk->ka", differences, error)
-        solved = np.linalg.pinv(gram, hermitian=True) @ moments[:, :, None]
-        taps = np.clip(np.rint(solved[:, :, 0] / TAP_STEP), -MAX_TAP, MAX_TAP)
-        self.taps[modes] = taps.astype(np.int64)
-        return self.taps[modes]
+
+def _best_taps(error: Floats, differences: Floats) -> Integers:
+    """Taps of shape (k, N_TAPS) that bring fields nearest to the truth, for their error (V, k)."""
+    gram = np.einsum("avk,bvk->kab", differences, differences)
+    moments = np.einsum("avk,vk->ka", differences, error)
+    solved = np.linalg.pinv(gram, hermitian=True) @ moments[:, :, None]
+    taps = np.clip(np.rint(solved[:, :, 0] / TAP_STEP), -MAX_TAP, MAX_TAP)
+    return np.asarray(taps, np.int64)
