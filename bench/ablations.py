@@ -20,11 +20,11 @@ from unittest.mock import patch
 import numpy as np
 
 import meshreel
-import meshreel.reel.agreed.prediction as prediction
+import meshreel.reel.agreed.weights as prediction
 import meshreel.reel.encoding.effort as effort
 from meshreel.entropy.passes import single_pass
 from meshreel.evaluation.bjontegaard import bd_rate
-from meshreel.reel.agreed.field_mesh import FieldMesh
+from meshreel.reel.agreed.mesh import FieldMesh
 from meshreel.reel.encoding.block_coder import FieldBlockCoder
 
 QUALITIES = (50, 65, 80, 95)
@@ -62,8 +62,8 @@ VARIANTS: dict[str, list[Any]] = {
     ],
     "with filters": [choices(has_filters=True)],
     "rounding to the nearest": [choices(price=0.0)],
-    "errors not carried": [choices(carried_share=0.0)],
-    "errors carried on all scales": [choices(n_carrying_scales=99)],
+    "errors not carried": [choices(feedback_gain=0.0)],
+    "errors carried on all scales": [choices(n_shaped_resolutions=99)],
     "one pass without neighbours": [
         constant(FieldMesh, "passes", property(lambda mesh: single_pass(mesh.n_verts)))
     ],
@@ -77,7 +77,7 @@ VARIANTS: dict[str, list[Any]] = {
         if number in (1, 3, 7, 9)
     },
     "tune geometry": [
-        choices(basis_step=2.5, least_rms=0.5, carried_share=0.5, n_carrying_scales=1)
+        choices(basis_step=2.5, least_rms=0.5, feedback_gain=0.5, n_shaped_resolutions=1)
     ],
     "blocks of 50 frames": [],
     "blocks of 25 frames": [],

@@ -17,7 +17,7 @@ from meshreel.codec.stored_blocks import stored_blocks
 from meshreel.evaluation.bjontegaard import bd_rate
 from meshreel.metrics.kg import kg_error_percent
 from meshreel.paper import pipeline
-from meshreel.reel.agreed.payloads import read_times, write_times
+from meshreel.reel.agreed.payloads import read_basis, write_basis
 from meshreel.subspace.pca import eigen_trajectories
 from speed_tables import table
 
@@ -93,7 +93,7 @@ def measured_reel(
     return {
         "size_bytes": len(data),
         "basis_bytes": basis_bytes(data),
-        "difference_bytes": [len(write_times(one)) for one in differences(time_vectors(data))],
+        "difference_bytes": [len(write_basis(one)) for one in differences(time_vectors(data))],
         "uncut_bytes": len(whole),
     }
 
@@ -102,7 +102,7 @@ def time_vectors(data: bytes) -> list[Integers]:
     """Steps of the time vectors of every block of `reel`, of shape (T, 3 K), x, y, z by turns."""
     blocks = stored_blocks(read_stream(data), method_named("reel"))
     return [
-        read_times(block.payload(Section.BASIS), block.n_modes, block.n_frames) for block in blocks
+        read_basis(block.payload(Section.BASIS), block.n_modes, block.n_frames) for block in blocks
     ]
 
 

@@ -127,7 +127,7 @@ def test_decode_writes_a_part_when_frames_are_chosen(reel, tmp_path, text, frame
     ("command", "expected"),
     [
         ("encode", ["reading", "connectivity", "trajectories", "fields", "hierarchy", "measuring"]),
-        ("decode", ["connectivity", "time vectors", "entropy coding", "fields", "frames"]),
+        ("decode", ["connectivity", "temporal basis", "entropy coding", "fields", "frames"]),
     ],
 )
 def test_profile_tells_seconds_by_stage_when_asked_for(grid, reel, tmp_path, command, expected):

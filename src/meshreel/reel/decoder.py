@@ -12,7 +12,6 @@ from meshreel.codec.open_stream import OpenStream
 from meshreel.codec.stored_blocks import StoredBlock
 from meshreel.errors import CorruptStreamError, InvalidInputError
 from meshreel.reel.agreed.blocks import read_corrections, read_field_block
-from meshreel.reel.agreed.field_mesh import FieldMesh
 from meshreel.reel.agreed.fields import (
     FieldBlock,
     KeyFields,
@@ -20,6 +19,7 @@ from meshreel.reel.agreed.fields import (
     key_fields,
     synthesise_fields,
 )
+from meshreel.reel.agreed.mesh import FieldMesh
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]

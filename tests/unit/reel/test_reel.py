@@ -15,7 +15,6 @@ from meshreel.entropy import field_coder
 from meshreel.errors import InvalidInputError, UnsupportedVersionError
 from meshreel.paper.decoder import coded_blocks
 from meshreel.reel.agreed.blocks import write_field_block
-from meshreel.reel.agreed.field_mesh import N_TELLING, FieldMesh
 from meshreel.reel.agreed.fields import (
     MAX_TAP,
     N_TAPS,
@@ -25,8 +24,9 @@ from meshreel.reel.agreed.fields import (
     group_ends,
     synthesise_fields,
 )
-from meshreel.reel.agreed.payloads import read_layout, read_times
-from meshreel.reel.agreed.prediction import WeightLearner
+from meshreel.reel.agreed.mesh import N_CONTEXT_NEIGHBOURS, FieldMesh
+from meshreel.reel.agreed.payloads import read_basis, read_layout
+from meshreel.reel.agreed.weights import WeightLearner
 from meshreel.reel.encoding.analysis import BlockFrames, FieldChoices, analyse_fields
 from meshreel.sequence import MeshSequence
 from meshreel.subspace.trajectories import bounding_frame, to_matrices
@@ -61,7 +61,7 @@ def noisy_grid(noise, n_frames=12):
 def wanted_fields(block, matrices):
     """Fields of shape (V, K) whose product with the decoded time vectors is nearest."""
     stacked = matrices.reshape(-1, matrices.shape[2])
-    return np.linalg.lstsq(decode_basis(block.times), stacked, rcond=None)[0].T
+    return np.linalg.lstsq(decode_basis(block.basis), stacked, rcond=None)[0].T
 
 
 def values_before_filters(block, mesh, taps=None):
@@ -88,13 +88,13 @@ def test_error_falls_with_the_step_when_it_is_made_finer():
 @pytest.mark.parametrize("step", [0.02, 0.002, 0.0001])
 def test_fields_lie_within_half_a_step_of_the_truth_when_bits_are_free(step):
     """Closed loop: what earlier levels and groups got wrong is in what later ones send."""
-    matrices, mesh, block = analysed(step, 30, price=0.0, carried_share=0.0)
+    matrices, mesh, block = analysed(step, 30, price=0.0, feedback_gain=0.0)
     error = np.abs(values_before_filters(block, mesh) - wanted_fields(block, matrices))
     assert error.max() <= 0.5 * float(block.layout.step) * (1 + 1e-6)
 
 
 def test_fields_lie_within_a_step_of_the_truth_when_bits_have_a_price():
-    matrices, mesh, block = analysed(0.002, 30, carried_share=0.0)
+    matrices, mesh, block = analysed(0.002, 30, feedback_gain=0.0)
     error = np.abs(values_before_filters(block, mesh) - wanted_fields(block, matrices))
     assert error.max() <= float(block.layout.step) * (1 + 1e-6)
 
@@ -109,7 +109,7 @@ def test_first_level_is_rounded_to_the_nearest_when_bits_have_a_price():
 
 def test_time_vectors_lie_near_the_truth_when_their_step_is_fine():
     matrices, _, block = analysed(1e-5, 30, basis_step=0.1)
-    vectors = decode_basis(block.times)
+    vectors = decode_basis(block.basis)
     stacked = matrices.reshape(-1, matrices.shape[2])
     left = stacked - vectors @ np.linalg.lstsq(vectors, stacked, rcond=None)[0]
     assert np.abs(left).max() < 1e-4
@@ -134,8 +134,8 @@ def test_integers_come_back_from_the_sections_when_a_block_is_written():
     layout, taps = read_layout(sections[Section.FIELDS], block.n_modes)
     assert layout == block.layout
     np.testing.assert_array_equal(taps, block.taps)
-    times = read_times(sections[Section.BASIS], block.n_modes, 20)
-    np.testing.assert_array_equal(times, block.times)
+    times = read_basis(sections[Section.BASIS], block.n_modes, 20)
+    np.testing.assert_array_equal(times, block.basis)
     coded = sections[Section.COEFFICIENTS]
     fields = field_coder.decode_fields(coded, block.n_modes, mesh.n_verts, mesh.passes)
     np.testing.assert_array_equal(fields, block.fields)
@@ -203,7 +203,7 @@ def test_passes_take_every_vertex_once_and_tell_of_it_by_earlier_ones_when_a_fie
             near = np.split(step.indices, step.indptr[1:-1]) if len(step.columns) else []
             assert len(step.indptr) == len(step.columns) + 1
             assert set(step.indices.tolist()) <= known
-            assert all(len(set(one.tolist())) == len(one) <= N_TELLING for one in near)
+            assert all(len(set(one.tolist())) == len(one) <= N_CONTEXT_NEIGHBOURS for one in near)
             assert not known & set(step.columns.tolist())
             known |= set(step.columns.tolist())
         assert known == set(range(sequence.n_verts))
@@ -291,13 +291,13 @@ def test_blocks_of_the_papers_kind_are_refused_when_there_are_none():
 
 
 def growing_grid(growth=30.0, n_frames=12, side=20):
-    """A sheet whose vertices move farther from scale to scale, by a factor: weights are large."""
+    """A sheet whose vertices move farther by a factor at each resolution: weights are large."""
     faces = waving_grid(1, side, side).faces
     coded = encode_connectivity(faces, side**2)
     internal = MeshSequence(np.zeros((1, side**2, 3)), coded.internal_faces)
     reach = np.ones(side**2)
-    for number, scale in enumerate(field_mesh(internal).scales):
-        reach[scale.targets] = growth**number
+    for number, resolution in enumerate(field_mesh(internal).resolutions):
+        reach[resolution.predicted] = growth**number
     motion = np.random.default_rng(0).normal(size=(n_frames, 1, 3)) * (reach / reach.max())[:, None]
     vertices = np.empty_like(motion)
     vertices[:, coded.internal_to_given] = motion

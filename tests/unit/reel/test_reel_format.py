@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 
 from meshreel.geometry.laplacian import RELATIVE_RIDGE
-from meshreel.reel.agreed.field_mesh import N_TELLING, SMALL_SCALE, FieldMesh
 from meshreel.reel.agreed.fields import (
     NOISE_OF_FILTERS,
     NOISE_OF_WEIGHTS,
@@ -21,8 +20,9 @@ from meshreel.reel.agreed.fields import (
     key_fields,
     synthesise_fields,
 )
-from meshreel.reel.agreed.prediction import KNOWN_RIDGE, smooth_stencils
+from meshreel.reel.agreed.mesh import N_CONTEXT_NEIGHBOURS, SMALL_RESOLUTION, FieldMesh
 from meshreel.reel.agreed.timeline import COARSEST
+from meshreel.reel.agreed.weights import KNOWN_RIDGE, smooth_stencils
 from sample_meshes import irregular_sequence, waving_grid
 
 N_FRAMES, N_MODES, STEP = 21, 10, 0.125
@@ -52,15 +52,15 @@ def constrained(offsets, ridges, suggested):
 def values_of_a_group(known, integers, mesh):
     """Before the filters: of shape (V, k)."""
     values = np.zeros((len(known), len(integers)))
-    for scale in mesh.scales:
-        smooth_weights = smooth_stencils(scale).weights
-        for row, vertex in enumerate(scale.targets):
-            size = int((scale.stencil[row] >= 0).sum())
-            near = scale.stencil[row, :size]
+    for resolution in mesh.resolutions:
+        smooth_weights = smooth_stencils(resolution).weights
+        for row, vertex in enumerate(resolution.predicted):
+            size = int((resolution.stencil[row] >= 0).sum())
+            near = resolution.stencil[row, :size]
             weights = smooth_weights[row, :size]
             if known.shape[1] and size:
                 offsets = known[near] - known[vertex]
-                penalty = (scale.hops[row, :size] / scale.hops[row, 0]) ** 2
+                penalty = (resolution.hops[row, :size] / resolution.hops[row, 0]) ** 2
                 ridge = (
                     KNOWN_RIDGE * (offsets**2).sum() / size
                     + NOISE_OF_WEIGHTS * STEP**2 * known.shape[1]
@@ -155,18 +155,22 @@ def test_fields_are_alike_when_no_tap_of_the_block_is_set():
 def test_times_are_alike_when_a_second_decoder_follows_the_format():
     block, mesh = sample_block(waving_grid(1, 9, 13))
     basis, _ = synthesise_fields(block, mesh)
-    np.testing.assert_allclose(basis, decode_times_slowly(block.times), atol=1e-10)
+    np.testing.assert_allclose(basis, decode_times_slowly(block.basis), atol=1e-10)
 
 
 @pytest.mark.parametrize("sequence", [waving_grid(1, 20, 13), irregular_sequence(1)])
 def test_passes_are_those_of_the_format_when_found_a_second_way(sequence):
     _, mesh = sample_block(sequence)
-    *coarse, finest = mesh.scales
-    small = [scale for scale in coarse if len(scale.members) < sequence.n_verts / SMALL_SCALE]
-    wanted = [{int(vertex): set() for scale in small for vertex in scale.targets}]
+    *coarse, finest = mesh.resolutions
+    small = [
+        resolution
+        for resolution in coarse
+        if len(resolution.members) < sequence.n_verts / SMALL_RESOLUTION
+    ]
+    wanted = [{int(vertex): set() for resolution in small for vertex in resolution.predicted}]
     known = set(wanted[0])
-    for scale in coarse[len(small) :]:
-        near = zip(scale.targets.tolist(), scale.stencil.tolist(), strict=True)
+    for resolution in coarse[len(small) :]:
+        near = zip(resolution.predicted.tolist(), resolution.stencil.tolist(), strict=True)
         wanted.append({vertex: first_of(one, known) for vertex, one in near})
         known |= set(wanted[-1])
     row = 0
@@ -189,4 +193,4 @@ def test_passes_are_those_of_the_format_when_found_a_second_way(sequence):
 
 
 def first_of(stencil, known):
-    return set([one for one in stencil if one in known][:N_TELLING])
+    return set([one for one in stencil if one in known][:N_CONTEXT_NEIGHBOURS])

@@ -80,7 +80,7 @@ def _write_images(folder: Path, stream: FrameStream) -> None:
 
 def _write_binary(path: Path, stream: FrameStream, *, is_package: bool) -> None:
     stage = USD.load("Usd").Stage.CreateNew(str(path))
-    codes = _write_times(stage, stream)
+    codes = _write_basis(stage, stream)
     origin = _origin(stream)
     images = stream.surface.images
     beside = PACKED_FOLDER if is_package else stream.image_folder
@@ -108,7 +108,7 @@ def _write_binary(path: Path, stream: FrameStream, *, is_package: bool) -> None:
         stream.notes.append("positions are rounded to float32, as USD has them")
 
 
-def _write_times(stage: Any, stream: FrameStream) -> list[float | None]:
+def _write_basis(stage: Any, stream: FrameStream) -> list[float | None]:
     """The time code of each frame, which are written to the stage; None if there is no time."""
     if stream.n_frames == 1 and not (stream.fps or stream.start_s):
         return [None]

@@ -78,7 +78,7 @@ class VtkSteps:
             raise FormatError(f"Points must be float32 or float64; got {self._points.dtype}")
         self._kinds = POLY_DATA_GROUPS if is_poly_data else {"": None}
         self._n_points = integers(require_dataset(group, "NumberOfPoints"))
-        self.times_s = self._read_times()
+        self.times_s = self._read_basis()
         self._first_part = self._per_step("PartOffsets")
         all_parts = len(self._n_points) if self._steps is None else 1
         self._n_parts = self._per_step("NumberOfParts", default=all_parts)
@@ -120,7 +120,7 @@ class VtkSteps:
     def _note_field_data(self) -> None:
         note_kinds(self._notes, "field data", find_group(self._group, "FieldData") or ())
 
-    def _read_times(self) -> npt.NDArray[np.float64]:
+    def _read_basis(self) -> npt.NDArray[np.float64]:
         if self._steps is None:
             return np.zeros(1)
         times: npt.NDArray[np.float64] = (

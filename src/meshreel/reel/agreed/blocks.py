@@ -7,8 +7,8 @@ from meshreel.codec.corrections import Corrections
 from meshreel.codec.stored_blocks import StoredBlock, write_block
 from meshreel.entropy.field_coder import decode_fields, encode_fields
 from meshreel.reel.agreed import payloads
-from meshreel.reel.agreed.field_mesh import FieldMesh
 from meshreel.reel.agreed.fields import FieldBlock
+from meshreel.reel.agreed.mesh import FieldMesh
 from meshreel.runtime.profiling import stage
 from meshreel.runtime.threads import in_background
 from meshreel.sequence import Faces
@@ -18,9 +18,9 @@ def write_field_block(
     block: FieldBlock, mesh: FieldMesh, corrections: Corrections | None = None
 ) -> Iterator[tuple[Section, bytes]]:
     """The sections of a block of `reel`."""
-    yield Section.BLOCK, write_block(len(block.times), block.n_modes)
+    yield Section.BLOCK, write_block(len(block.basis), block.n_modes)
     yield Section.FIELDS, payloads.write_layout(block.layout, block.taps)
-    yield Section.BASIS, payloads.write_times(block.times)
+    yield Section.BASIS, payloads.write_basis(block.basis)
     if corrections is not None:
         yield Section.CORRECTIONS, payloads.write_corrections(corrections)
     yield Section.COEFFICIENTS, encode_fields(block.fields, mesh.passes)
@@ -44,12 +44,12 @@ def read_field_block(
     field_mesh = (
         before if before is not None and serves else FieldMesh(faces, n_verts, layout.stencil_size)
     )
-    scales = in_background(lambda: field_mesh.scales)
-    times = payloads.read_times(stored.payload(Section.BASIS), n_modes, n_frames)
+    resolutions = in_background(lambda: field_mesh.resolutions)
+    basis = payloads.read_basis(stored.payload(Section.BASIS), n_modes, n_frames)
     with stage("waiting"):
-        scales.result()
+        resolutions.result()
     stencils = in_background(lambda: field_mesh.stencils)
     coded = stored.payload(Section.COEFFICIENTS)
     fields = decode_fields(coded, n_modes, n_verts, field_mesh.passes)
     stencils.result()
-    return FieldBlock(layout, times, fields, taps), field_mesh
+    return FieldBlock(layout, basis, fields, taps), field_mesh

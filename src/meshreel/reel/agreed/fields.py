@@ -1,8 +1,8 @@
 """The method `reel`: mode fields, predicted over the mesh by weights learned from earlier ones.
 
-A mode is one field on the mesh with a time vector for each axis. Fields are coded in groups, and
-each group over the levels of a hierarchy of the vertices, in closed loop. What foretells a vertex
-from its stencil is learned from the groups decoded before; what foretells the first group, from
+A mode is one field on the mesh with a basis vector over time for each axis. Fields are coded in
+groups, and each group over the levels of a hierarchy of the vertices, in closed loop. The predictor
+weights of a group are learned from the groups decoded before; those of the first group, from
 connectivity. A decoded group is smoothed by filters whose taps are sent.
 
 Encoder and decoder drive the same `FieldLoop` and `ClosedLoop`; they differ only in where the
@@ -20,9 +20,9 @@ from scipy.sparse import csr_array
 
 from meshreel.geometry.laplacian import reproducing_laplacian
 from meshreel.reel.agreed.closed_loop import ClosedLoop, Predictor
-from meshreel.reel.agreed.field_mesh import FieldMesh
-from meshreel.reel.agreed.prediction import WeightLearner
+from meshreel.reel.agreed.mesh import FieldMesh
 from meshreel.reel.agreed.timeline import time_predictors
+from meshreel.reel.agreed.weights import WeightLearner
 from meshreel.runtime.profiling import staged
 
 Floats = npt.NDArray[np.float64]
@@ -30,7 +30,7 @@ Integers = npt.NDArray[np.int64]
 
 NOISE_OF_WEIGHTS = 1.0 / 12.0
 NOISE_OF_FILTERS = 8.0 / 12.0
-"""Ridges of learned weights in squared steps; rounding has a variance of 1/12."""
+"""Ridges of learned weights in squared quantisation steps; rounding has a variance of 1/12."""
 
 N_FILTER_FIELDS = 6
 """Fields, the first ones, that the weights of filters are learned from: more change little."""
@@ -42,7 +42,7 @@ MAX_TAP = 127
 
 @dataclass(frozen=True)
 class Layout:
-    """What the decoder has to know of how a block was made.
+    """Parameters of a block that the decoder has to know.
 
     Attributes
     ----------
@@ -51,7 +51,7 @@ class Layout:
     group_ends : tuple of int
         Number of the mode behind each group; ascending, the last is K.
     stencil_size : int
-        Vertices that foretell one.
+        Vertices that predict one.
     reference : int
         How many blocks before this one its key block is, from whose fields its first weights are
         learned; 0: it has none, and can be a key block itself.
@@ -75,16 +75,16 @@ class FieldBlock:
     Attributes
     ----------
     layout : Layout
-    times : int64 array of shape (T, 3 K)
-        Steps of the time vectors; x, y and z of mode 1, of mode 2, ...
+    basis : int64 array of shape (T, 3 K)
+        Residuals of the temporal basis; x, y and z of mode 1, of mode 2, ...
     fields : int64 array of shape (K, V)
-        Steps of the fields.
+        Residuals of the fields.
     taps : int64 array of shape (K, N_TAPS)
         Of the filter of each field, in TAP_STEP.
     """
 
     layout: Layout
-    times: Integers
+    basis: Integers
     fields: Integers
     taps: Integers
 
@@ -95,7 +95,7 @@ class FieldBlock:
 
 
 class KeyFields:
-    """Fields of a key block, and what they tell the blocks that refer to it.
+    """Fields of a key block, and the predictor weights learned from them.
 
     Parameters
     ----------
@@ -119,7 +119,7 @@ class KeyFields:
         return self._learned[1]
 
     def learner(self) -> WeightLearner:
-        """One that knows these fields."""
+        """A learner that knows these fields."""
         return self._learned[0].copy()
 
 
@@ -129,7 +129,7 @@ def key_fields(layout: Layout, mesh: FieldMesh, fields: Floats) -> KeyFields:
 
 
 class FieldLoop:
-    """Fields that become known group after group, and what they tell of the groups to come.
+    """Fields decoded group after group, each predicted by weights learned from those before.
 
     Both sides go through the groups in order: `learn` gives the closed loop over the levels of a
     group, whose residuals one side chooses and the other reads; `finish` ends the group.
@@ -213,12 +213,12 @@ def decode_fields(block: FieldBlock, mesh: FieldMesh, key: KeyFields | None = No
 
 
 @staged("temporal basis")
-def decode_basis(times: Integers) -> Floats:
-    """Temporal basis of shape (3 T, K), each vector of length 1 (or 0), for its residuals."""
-    n_frames = len(times)
+def decode_basis(residuals: Integers) -> Floats:
+    """Temporal basis of shape (3 T, K), each vector of length 1 (or 0), for residuals (T, 3 K)."""
+    n_frames = len(residuals)
     predictors = time_predictors(n_frames)
-    loop = ClosedLoop(predictors, n_frames, times.shape[1], 1.0)
-    return unit_vectors(loop.decode([times[predictor.rows] for predictor in predictors]))
+    loop = ClosedLoop(predictors, n_frames, residuals.shape[1], 1.0)
+    return unit_vectors(loop.decode([residuals[predictor.rows] for predictor in predictors]))
 
 
 def unit_vectors(values: Floats) -> Floats:
@@ -236,7 +236,7 @@ def synthesise_fields(
 
     The key is of the block that this one refers to, if it does.
     """
-    basis = decode_basis(block.times)
+    basis = decode_basis(block.basis)
     fields = decode_fields(block, mesh, key)
     return basis.reshape(3, -1, block.n_modes), fields.T[None]
 

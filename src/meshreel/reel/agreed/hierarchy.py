@@ -1,4 +1,4 @@
-"""The vertices of a mesh in levels, from few to all, each next to vertices of levels before.
+"""A multiresolution hierarchy: the vertices of a mesh in levels, each near those of earlier ones.
 
 Everything is integer arithmetic on connectivity, so that encoder and decoder find the same
 levels and stencils on every machine.
@@ -20,23 +20,23 @@ Keys = npt.NDArray[np.int32]
 Chosen = npt.NDArray[np.bool_]
 
 N_COLOURS = 3
-"""Levels of a scale: the last takes what the others leave."""
+"""Levels of a resolution: the last takes the vertices that the others leave."""
 
 REACH = 3
-"""How far a stencil reaches, in edges of its scale."""
+"""How far a stencil reaches, in edges of its resolution."""
 
 LARGEST_PASSAGE = 24
 """Stencils do not reach through vertices with more neighbours: hubs are next to everything."""
 
-MAX_SCALES = 20
+MAX_RESOLUTIONS = 20
 KEY_BITS = 31
-CHUNK_TARGETS = 2048
+CHUNK_PREDICTED = 2048
 """Vertices whose stencils are looked for at once: their keys should stay in the cache."""
 
 
 @dataclass(frozen=True)
-class Scale:
-    """A graph of some vertices, and what of it is not in the graph of the next coarser scale.
+class Resolution:
+    """A graph of some vertices, and those of them that the next coarser graph lacks.
 
     Attributes
     ----------
@@ -46,11 +46,11 @@ class Scale:
         Binary: which of them are next to each other.
     levels : list of integer arrays
         Vertices (not places in `members`) that are predicted at once.
-    targets : integer array of shape (n,)
+    predicted : integer array of shape (n,)
         All vertices of the levels, level after level.
     stencil : integer array of shape (n, S)
-        For each target the nearest vertices of earlier levels and coarser scales, nearest first;
-        -1 where there are no more within reach.
+        The nearest vertices of earlier levels and coarser resolutions, nearest first; -1 where
+        there are no more within reach.
     hops : integer array of shape (n, S)
         How many edges of the graph away they are; 0 where there are no more.
     """
@@ -62,19 +62,19 @@ class Scale:
     hops: Integers
 
     @property
-    def targets(self) -> Integers:
+    def predicted(self) -> Integers:
         """All vertices of the levels, level after level."""
         return np.concatenate([np.zeros(0, np.int64), *self.levels])
 
 
-def build_hierarchy(adjacency: csr_array, stencil_size: int) -> list[Scale]:
-    """Scales from the coarsest to the mesh itself; their levels hold every vertex once.
+def build_hierarchy(adjacency: csr_array, stencil_size: int) -> list[Resolution]:
+    """Resolutions from the coarsest to the mesh itself; their levels hold every vertex once.
 
     The next coarser graph holds a maximal set of vertices of which no two are neighbours; two
     are next to each other there if cells around them touch. It ends where no edge is left: one
-    vertex of every connected component makes the coarsest scale, with a single level and without
-    stencils. The vertices that a scale adds go by colours: no two neighbours are in one level,
-    but for the last.
+    vertex of every connected component makes the coarsest resolution, with a single level and
+    without stencils. The vertices that a resolution adds go by colours: no two neighbours are in
+    one level, but for the last.
 
     Parameters
     ----------
@@ -89,21 +89,21 @@ def build_hierarchy(adjacency: csr_array, stencil_size: int) -> list[Scale]:
     """
     members, graph = np.arange(adjacency.shape[0]), adjacency
     ranks = scattered_ranks(members)
-    scales: list[Scale] = []
-    while graph.nnz and len(scales) < MAX_SCALES:
+    resolutions: list[Resolution] = []
+    while graph.nnz and len(resolutions) < MAX_RESOLUTIONS:
         rises = _rising_edges(graph, ranks)
         kept = _independent(rises, np.ones(len(members), np.bool_))
         level_of = _colours(rises, kept)
-        scales.append(_scale(members, graph, level_of, stencil_size))
+        resolutions.append(_resolution(members, graph, level_of, stencil_size))
         graph = _coarser(graph, kept)
         members, ranks = members[kept], ranks[kept]
     nothing = np.zeros((len(members), 0), np.int64)
-    scales.append(Scale(members, graph, [members], nothing, nothing))
-    return scales[::-1]
+    resolutions.append(Resolution(members, graph, [members], nothing, nothing))
+    return resolutions[::-1]
 
 
 def _colours(rises: tuple[Indices, Indices], kept: Chosen) -> Levels:
-    """Level of each vertex in its scale: 0 of those that the coarser scale has, then 1, 2, ..."""
+    """Level of each vertex in its resolution: 0 of those in the coarser one, then 1, 2, ..."""
     level_of = np.where(kept, 0, N_COLOURS).astype(np.int8)
     left = ~kept
     for colour in range(1, N_COLOURS):
@@ -113,12 +113,14 @@ def _colours(rises: tuple[Indices, Indices], kept: Chosen) -> Levels:
     return level_of
 
 
-def _scale(members: Integers, graph: csr_array, level_of: Levels, stencil_size: int) -> Scale:
+def _resolution(
+    members: Integers, graph: csr_array, level_of: Levels, stencil_size: int
+) -> Resolution:
     levels = [np.flatnonzero(level_of == level) for level in range(1, N_COLOURS + 1)]
     levels = [level for level in levels if len(level)]
-    targets = np.concatenate(levels)
-    stencil, hops = nearest_earlier(graph, level_of, targets, stencil_size)
-    return Scale(
+    predicted = np.concatenate(levels)
+    stencil, hops = nearest_earlier(graph, level_of, predicted, stencil_size)
+    return Resolution(
         members,
         graph,
         [members[level] for level in levels],
@@ -128,15 +130,15 @@ def _scale(members: Integers, graph: csr_array, level_of: Levels, stencil_size: 
 
 
 def nearest_earlier(
-    graph: csr_array, level_of: Indices, targets: Integers, n_nearest: int
+    graph: csr_array, level_of: Indices, predicted: Integers, n_nearest: int
 ) -> tuple[Integers, Integers]:
-    """For each target the vertices of lower levels nearest to it, and their distances in edges.
+    """Vertices of lower levels nearest to each predicted one, and their distances in edges.
 
     Parameters
     ----------
     graph : csr_array of shape (N, N)
     level_of : integer array of shape (N,)
-    targets : integer array of shape (n,)
+    predicted : integer array of shape (n,)
     n_nearest : int
         S.
 
@@ -145,14 +147,14 @@ def nearest_earlier(
     stencil, hops : integer arrays of shape (n, S)
         Nearest first, then lowest vertex first; -1 and 0 where fewer are within `REACH`.
     """
-    stencil = np.full((len(targets), n_nearest), -1, np.int64)
-    hops = np.zeros((len(targets), n_nearest), np.int64)
-    size = min(CHUNK_TARGETS, 1 << max(0, KEY_BITS - _vertex_bits(graph)))
+    stencil = np.full((len(predicted), n_nearest), -1, np.int64)
+    hops = np.zeros((len(predicted), n_nearest), np.int64)
+    size = min(CHUNK_PREDICTED, 1 << max(0, KEY_BITS - _vertex_bits(graph)))
 
     def find(rows: slice) -> None:
-        _find_nearest(graph, level_of, targets[rows], stencil[rows], hops[rows])
+        _find_nearest(graph, level_of, predicted[rows], stencil[rows], hops[rows])
 
-    in_threads(find, chunks(len(targets), size))
+    in_threads(find, chunks(len(predicted), size))
     return stencil, hops
 
 
@@ -164,17 +166,17 @@ def _vertex_bits(graph: csr_array) -> int:
 def _find_nearest(
     graph: csr_array,
     level_of: Indices,
-    targets: Integers,
+    predicted: Integers,
     stencil: Integers,
     hops: Integers,
 ) -> None:
-    """Fill in stencils: rings of vertices grow around each target until they hold enough."""
+    """Fill in stencils: rings of vertices grow around each predicted one until they hold enough."""
     bits = _vertex_bits(graph)
     degrees = np.diff(graph.indptr)
-    own_level = level_of[targets]
-    n_found = np.zeros(len(targets), np.int64)
-    # A target (its number), a vertex and whether it is new are one key: they sort fast.
-    row, last = np.arange(len(targets), dtype=np.int32), targets
+    own_level = level_of[predicted]
+    n_found = np.zeros(len(predicted), np.int64)
+    # A predicted vertex (its number), a vertex and whether it is new are one key: they sort fast.
+    row, last = np.arange(len(predicted), dtype=np.int32), predicted
     seen = (row << bits) + 2 * last.astype(np.int32)
     for distance in range(1, REACH + 1):
         counts, near = neighbours_of(graph, last)
@@ -214,7 +216,7 @@ def _parted(seen: Keys, around: Keys) -> tuple[Keys, Keys]:
     Keys that are seen are even; the same key, seen now, is higher by one.
     """
     keys = np.concatenate([seen, around])
-    keys.sort(kind="stable")  # made for what is nearly in order
+    keys.sort(kind="stable")  # made for keys that are nearly in order
     is_first = np.ones(len(keys), np.bool_)
     is_first[1:] = (keys[1:] ^ keys[:-1]) > 1
     keys = keys[is_first]

@@ -27,7 +27,7 @@ MAX_COUNTS = 32
 """Most groups of modes."""
 
 MAX_STENCIL = 16
-"""Most vertices that foretell one."""
+"""Most vertices in a stencil."""
 
 MAX_STEP = 1e6
 """Steps are below this: a million diagonals times the square root of the frames."""
@@ -86,18 +86,18 @@ def read_layout(payload: bytes, n_modes: int) -> tuple[Layout, Integers]:
     return Layout(np.float32(step), ends, stencil_size, reference), taps
 
 
-@staged("time vectors")
-def write_times(times: Integers) -> bytes:
-    """Steps of time vectors, of shape (T, 3 K); those of the coarsest times are differenced."""
-    n_frames = len(times)
-    rows = times.T.copy()
+@staged("temporal basis")
+def write_basis(residuals: Integers) -> bytes:
+    """Bytes of residuals of the temporal basis, (T, 3 K); the coarsest times are differenced."""
+    n_frames = len(residuals)
+    rows = residuals.T.copy()
     rows[:, ::COARSEST] = np.diff(rows[:, ::COARSEST], axis=1, prepend=0)
     return encode_fields(rows.reshape(-1, 3 * n_frames), time_passes(n_frames))
 
 
-@staged("time vectors")
-def read_times(payload: bytes, n_modes: int, n_frames: int) -> Integers:
-    """Undo `write_times`."""
+@staged("temporal basis")
+def read_basis(payload: bytes, n_modes: int, n_frames: int) -> Integers:
+    """Undo `write_basis`."""
     coded = decode_fields(payload, n_modes, 3 * n_frames, time_passes(n_frames))
     rows = coded.reshape(3 * n_modes, n_frames)
     rows[:, ::COARSEST] = np.cumsum(rows[:, ::COARSEST], axis=1)

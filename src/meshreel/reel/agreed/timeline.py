@@ -1,7 +1,7 @@
-"""Time vectors of modes, predicted along time from coarse to fine.
+"""The temporal basis of modes, predicted along time from coarse to fine.
 
 Times that are multiples of 4 come first; then the times half-way between those known, and so on.
-What lies between is foretold by the cubic polynomial through its two known neighbours on either
+A time between is predicted by the cubic polynomial through its two known neighbours on either
 side, or by a lower one where the sequence ends.
 """
 
@@ -37,10 +37,10 @@ def time_predictors(n_frames: int) -> tuple[Predictor, ...]:
 
 @lru_cache(maxsize=8)
 def time_passes(n_frames: int) -> tuple[Pass, ...]:
-    """In which order the integers of a mode are coded, and what tells of each.
+    """The order in which residuals of a mode are coded, with the context neighbours of each.
 
-    Columns are x over time, then y and z. A level of times is a pass; the times that foretell one
-    tell how large it is likely to be.
+    Columns are x over time, then y and z. A level of times is a pass; the times that predict one
+    are its context neighbours.
     """
     passes = []
     for predictor in time_predictors(n_frames):

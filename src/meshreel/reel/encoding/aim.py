@@ -1,7 +1,7 @@
-"""From a target to the step and the bound that meet it.
+"""Rate control: from a target to the quantisation step and the bound that meet it.
 
 The same for a sequence that is all there and for the first block of a live one: a `Material` says
-how large the model is, and what comes out with a step.
+how large the model is, and which size or error a step leads to.
 """
 
 from typing import Protocol

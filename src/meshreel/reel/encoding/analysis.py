@@ -6,7 +6,6 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.reel.agreed.closed_loop import ClosedLoop
-from meshreel.reel.agreed.field_mesh import FieldMesh
 from meshreel.reel.agreed.fields import (
     MAX_TAP,
     N_TAPS,
@@ -18,6 +17,7 @@ from meshreel.reel.agreed.fields import (
     decode_basis,
     group_ends,
 )
+from meshreel.reel.agreed.mesh import FieldMesh
 from meshreel.reel.agreed.timeline import time_predictors
 from meshreel.reel.encoding.rate_distortion import FAIR_PRICE, quantize_by_rate
 from meshreel.runtime.profiling import staged
@@ -31,13 +31,13 @@ CHUNK_VERTICES = 2048
 """Vertices whose fields are found at once."""
 
 LARGEST_FEEDBACK = 8.0
-"""Steps of noise feedback beyond which there is none: real motion asks for up to 5.5, and weights
-that amplify rounding would ask for more from level to level."""
+"""Quantisation steps of noise feedback beyond which there is none: real motion asks for up to 5.5,
+and weights that amplify rounding would ask for more from level to level."""
 
 
 @dataclass(frozen=True)
 class FieldChoices:
-    """What the encoder chooses.
+    """Choices of the encoder.
 
     Attributes
     ----------
@@ -47,20 +47,20 @@ class FieldChoices:
     n_modes : int or None
         At most this many; None for all that the step does not make vanish.
     basis_step : float
-        Step of the time vectors by that of the fields, both as they act on positions.
+        Step of the temporal basis by that of the fields, both as they act on positions.
     least_rms : float
         A mode is kept if its field's root mean square exceeds this share of a step.
     price : float
         Squared steps that a bit is worth.
-    carried_share : float
-        Share of the error of a prediction that the predicted value takes on instead of undoing
-        it. Errors then vary smoothly over the mesh, and fewer steps are sent.
-    n_carrying_scales : int
-        Scales, the finest ones, where errors are carried: from coarser ones they would spread far.
+    feedback_gain : float
+        Gain of noise shaping: the share of the error of a prediction that the predicted value takes
+        on instead of undoing it. Errors then vary smoothly over the mesh, and bits are saved.
+    n_shaped_resolutions : int
+        Resolutions, the finest ones, where noise is shaped: from coarser ones it would spread far.
     has_filters : bool
         Smooth decoded fields.
     group_ends, stencil_size
-        As in `Layout`; the last group takes what is left.
+        As in `Layout`; the last group takes the modes that are left.
     later_group_ends : tuple of int
         Those of blocks that refer to a key block, whose weights are good from the first mode on.
     """
@@ -70,8 +70,8 @@ class FieldChoices:
     basis_step: float = 3.0
     least_rms: float = 0.6
     price: float = FAIR_PRICE
-    carried_share: float = 0.6
-    n_carrying_scales: int = 2
+    feedback_gain: float = 0.6
+    n_shaped_resolutions: int = 2
     has_filters: bool = True
     group_ends: tuple[int, ...] = (1, 2, 3, 4, 6, 10)
     stencil_size: int = 10
@@ -93,7 +93,7 @@ class BlockFrames:
 
     @staged("trajectories")
     def trajectories(self, least: float) -> tuple[Floats, Floats]:
-        """Singular values above `least`, one at least, and time vectors of shape (3 T, K)."""
+        """Singular values above `least`, one at least, and basis vectors of shape (3 T, K)."""
         if self._found is None or self._found[0] > least:
             n_frames, n_verts = self.matrices.shape[1:]
             limit = min(3 * n_frames, n_verts)
@@ -110,7 +110,7 @@ def analyse_fields(
     key: KeyFields | None = None,
     reference: int = 0,
 ) -> tuple[FieldBlock, Floats, Floats]:
-    """A block of frames as integers, and what `synthesise_fields` makes of them.
+    """A block of frames as integers, and the basis and fields that they decode to.
 
     Parameters
     ----------
@@ -132,21 +132,21 @@ def analyse_fields(
     n_frames = matrices.shape[1]
     step = np.float32(choices.position_step * np.sqrt(n_frames))
     stencils = in_background(lambda: mesh.stencils)  # where they are not known yet
-    times = _quantized_times(frames, float(step), choices)
-    n_modes = times.shape[1] // 3
-    vectors = decode_basis(times)
+    basis = _quantized_basis(frames, float(step), choices)
+    n_modes = basis.shape[1] // 3
+    vectors = decode_basis(basis)
     ends = group_ends(n_modes, choices.later_group_ends if key else choices.group_ends)
     layout = Layout(step, ends, choices.stencil_size, reference)
     stencils.result()
     wanted = _projected(vectors, matrices)
-    integers, taps, fields = _quantized_fields(wanted, layout, mesh, choices, key)
-    block = FieldBlock(layout, times, integers, taps)
+    residuals, taps, fields = _quantized_fields(wanted, layout, mesh, choices, key)
+    block = FieldBlock(layout, basis, residuals, taps)
     return block, vectors.reshape(3, n_frames, n_modes), fields.T[None]
 
 
 @staged("projection")
 def _projected(vectors: Floats, matrices: Floats) -> Floats:
-    """Fields of shape (V, K) whose product with the time vectors is nearest to the frames."""
+    """Fields of shape (V, K) whose product with the temporal basis is nearest to the frames."""
     gram = vectors.T @ vectors  # rounding leaves the vectors not quite orthonormal
     inverse = np.linalg.pinv(gram, hermitian=True) @ vectors.T
     stacked = matrices.reshape(len(vectors), -1)
@@ -159,9 +159,9 @@ def _projected(vectors: Floats, matrices: Floats) -> Floats:
     return fields
 
 
-@staged("time vectors")
-def _quantized_times(frames: BlockFrames, step: float, choices: FieldChoices) -> Integers:
-    """Steps of the time vectors, of shape (T, 3 K), without modes that the steps make vanish."""
+@staged("temporal basis")
+def _quantized_basis(frames: BlockFrames, step: float, choices: FieldChoices) -> Integers:
+    """Residuals of the temporal basis, of shape (T, 3 K), without modes that are all 0."""
     n_frames, n_verts = frames.matrices.shape[1:]
     strengths, vectors = frames.trajectories(choices.least_rms * step * float(np.sqrt(n_verts)))
     strengths, vectors = strengths[: choices.n_modes], vectors[:, : choices.n_modes]
@@ -226,15 +226,15 @@ def _quantized_fields(
 
 
 def _shaped_levels(mesh: FieldMesh, choices: FieldChoices) -> range:
-    """Numbers of the levels whose noise is shaped: those of the finest scales, but the first."""
-    n_plain = max(0, len(mesh.scales) - choices.n_carrying_scales)
+    """Levels whose noise is shaped: those of the finest resolutions, but never the first."""
+    n_plain = max(0, len(mesh.resolutions) - choices.n_shaped_resolutions)
     first = len(mesh.levels_of(slice(n_plain)))
     return range(max(first, 1), len(mesh.levels))
 
 
 def _feedback(prediction_error: Floats, layout: Layout, choices: FieldChoices) -> Floats:
     """The share of the error of predictions that predicted values take on."""
-    feedback = choices.carried_share * prediction_error
+    feedback = choices.feedback_gain * prediction_error
     feedback[np.abs(feedback) > LARGEST_FEEDBACK * float(layout.step)] = 0.0
     return feedback
 

@@ -16,8 +16,8 @@ from meshreel.codec.source import CodedMesh, Piece
 from meshreel.codec.stored_blocks import StoredBlock, read_block
 from meshreel.errors import InvalidInputError
 from meshreel.reel.agreed.blocks import read_field_block, write_field_block
-from meshreel.reel.agreed.field_mesh import Connectivity, FieldMesh, shared_field_mesh
 from meshreel.reel.agreed.fields import FieldBlock, KeyFields, key_fields, synthesise_fields
+from meshreel.reel.agreed.mesh import Connectivity, FieldMesh, shared_field_mesh
 from meshreel.reel.encoding.analysis import BlockFrames, FieldChoices, analyse_fields
 from meshreel.reel.encoding.corrections import find_corrections, least_bound
 from meshreel.reel.encoding.effort import choices_of
@@ -51,7 +51,7 @@ class FieldBlockCoder:
         return replace(self, choices=choices, bound=bound)
 
     def leading_sections(self) -> Iterator[tuple[Section, bytes]]:
-        """What comes before the first block, behind the connectivity."""
+        """The sections before the first block, behind the connectivity."""
         if self.bound is not None:
             yield Section.PROMISE, write_promise(100.0 * self.bound)
 
@@ -111,7 +111,7 @@ class CodedFrames:
     sections : iterator of (Section, bytes)
         Their bytes are found when they are taken, which can be done once.
     frames_of : FramesOf
-        What they decode to.
+        Their decoded frames.
     key : KeyBlock
         The block, for others to refer to it.
     """
@@ -125,8 +125,8 @@ class CodedFrames:
 class KeyBlock:
     """A block that others refer to.
 
-    Only its sections are pickled: another process decodes them, and finds what it decoded when it
-    is given the same again.
+    Only its sections are pickled: another process decodes them, and keeps the result for when
+    it is given the same again.
 
     Attributes
     ----------
@@ -220,7 +220,7 @@ def largest_rounding(
 
 
 def checked_frames(coder: FieldBlockCoder, vertices: Vertices) -> FieldFrames:
-    """A block that is ready to be coded, and whose number type allows what is promised.
+    """A block that is ready to be coded, and whose number type allows the promised bound.
 
     Raises
     ------

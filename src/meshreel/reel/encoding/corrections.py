@@ -17,7 +17,7 @@ LARGEST_STEP = 1.0
 
 
 MARGIN = 1e-3
-"""Share of the bound that is kept free, for what another machine computes in its last bits."""
+"""Share of the bound that is kept free, for the last bits of another machine's arithmetic."""
 
 
 FLOOR = 2.0**-28
@@ -27,7 +27,7 @@ where weights are so large that they amplify rounding."""
 
 
 def allowed_error(bound: float, rounding: float) -> float:
-    """What is left of a bound for errors of the codec, in diagonals."""
+    """The part of a bound that is left for errors of the codec, in diagonals."""
     return bound - max(bound * MARGIN, FLOOR) - rounding
 
 
@@ -38,7 +38,7 @@ def least_bound(rounding: float) -> float:
 
 @staged("corrections")
 def find_corrections(errors: Floats, bound: float, rounding: float) -> Corrections:
-    """What brings all positions of a block within a bound.
+    """Corrections that bring all positions of a block within a bound.
 
     Parameters
     ----------

@@ -20,7 +20,7 @@ STEPS_OF_BOUND = 14.0
 """Where the search for a largest error begins: rarer errors than this are cheaply corrected."""
 
 LARGEST_INTEGER = 2.0**29
-"""Values in steps stay below this, with room for what is beyond a prediction."""
+"""Quantised values stay below this, with room for residuals that are larger."""
 
 
 def quality_step(quality: float) -> float:
@@ -30,14 +30,14 @@ def quality_step(quality: float) -> float:
 
 @dataclass(frozen=True)
 class Effort:
-    """What an effort switches on; the decoder's time grows with it too.
+    """The choices behind an effort; the decoder's time grows with it too.
 
     Attributes
     ----------
     group_ends : tuple of int
-        Modes after which weights are learned anew.
+        Modes after which predictor weights are learned again.
     stencil_size : int
-        Vertices that foretell one.
+        Vertices that predict one.
     later_group_ends : tuple of int
         The same of blocks that refer to a key block.
     has_filters : bool
@@ -51,7 +51,7 @@ class Effort:
 
 
 class Tune(Enum):
-    """What the bits are spent on."""
+    """The error that bits are spent against."""
 
     VISUAL = "visual"
     GEOMETRY = "geometry"
@@ -101,7 +101,7 @@ def choices_of(config: EncoderConfig) -> FieldChoices:
 
 
 def choices_for(effort: int, tune: Tune, n_modes: int | None) -> FieldChoices:
-    """What an effort and a tune mean for the encoder, at some step.
+    """The encoder's choices for an effort and a tune, at some step.
 
     Raises
     ------
@@ -117,8 +117,8 @@ def choices_for(effort: int, tune: Tune, n_modes: int | None) -> FieldChoices:
         n_modes=n_modes,
         basis_step=4.0 if is_visual else 2.5,
         least_rms=0.8 if is_visual else 0.5,
-        carried_share=0.6 if is_visual else 0.5,
-        n_carrying_scales=2 if is_visual else 1,
+        feedback_gain=0.6 if is_visual else 0.5,
+        n_shaped_resolutions=2 if is_visual else 1,
         has_filters=spent.has_filters,
         group_ends=spent.group_ends,
         stencil_size=spent.stencil_size,

@@ -1,4 +1,4 @@
-"""Frames that are not all there yet: the first block tells the step for all."""
+"""Live coding: the first block decides the quantisation step of all."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -74,7 +74,7 @@ class FirstBlock:
         return float(sum(len(payload) for _, payload in coded.sections))
 
     def measured(self, step: float) -> float:
-        """Nothing: what is limited is known of whole sequences only."""
+        """Never asked for: these targets are checked to need no whole sequence."""
         raise AssertionError("frames that come one by one are coded for other targets")
 
 
@@ -109,6 +109,6 @@ class LiveCoder:
         Raises
         ------
         InvalidInputError
-            If its number type does not allow what is promised.
+            If its number type does not allow the promised bound.
         """
         return self._blocks.code(checked_frames(self._coder, vertices)).sections

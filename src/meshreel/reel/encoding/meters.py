@@ -1,4 +1,4 @@
-"""What a trial stream is measured by, block after block as it is made."""
+"""Errors of a trial stream, gathered block after block as it is made."""
 
 from typing import Protocol
 

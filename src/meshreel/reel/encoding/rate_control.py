@@ -1,4 +1,4 @@
-"""The step that meets a target: a search that knows neither meshes nor streams."""
+"""Searches for the quantisation step of a target; they know neither meshes nor streams."""
 
 from collections.abc import Callable
 
@@ -68,7 +68,7 @@ def _next_place(
     (low, short), (high, excess) = below, above
     if trial % 3 == 2:
         return 0.5 * (low + high)
-    # A little below where the line crosses the limit: what stays below it is wanted.
+    # A little below where the line crosses the limit: measures below it are wanted.
     aim = short + 0.98 * (0.0 - short)
     return low + (high - low) * (aim - short) / (excess - short)
 

@@ -1,4 +1,4 @@
-"""Rounding that weighs error against bits."""
+"""Rate-distortion optimised quantisation."""
 
 import numpy as np
 import numpy.typing as npt
@@ -9,7 +9,7 @@ Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
 
 FAIR_PRICE = 2.0 * np.log(2.0) / 12.0
-"""Squared steps that a bit is worth: what one more bit saves of the error of fine rounding."""
+"""Lagrange multiplier of fine rounding: the squared steps of error that one more bit saves."""
 
 N_ROUNDS = 2
 FIRST_DEAD_ZONE = 0.6

@@ -15,7 +15,7 @@ from meshreel.reel.agreed.fields import MAX_TAP, N_TAPS, Layout
 @pytest.mark.parametrize("n_frames", [1, 2, 8, 9, 50])
 def test_times_come_back_when_written(n_frames):
     times = np.random.default_rng(4).integers(-300, 300, (n_frames, 15)).cumsum(axis=0)
-    back = payloads.read_times(payloads.write_times(times), 5, n_frames)
+    back = payloads.read_basis(payloads.write_basis(times), 5, n_frames)
     np.testing.assert_array_equal(back, times)
 
 
@@ -23,15 +23,15 @@ def test_times_come_back_when_written(n_frames):
 def test_times_given_stay_as_they_are_when_written(order):
     times = np.array(np.arange(90).reshape(30, 3) ** 2, order=order)
     before = times.copy()
-    payloads.write_times(times)
+    payloads.write_basis(times)
     np.testing.assert_array_equal(times, before)
 
 
 def test_times_are_refused_when_bytes_are_missing():
-    payload = payloads.write_times(np.ones((40, 6), int))
+    payload = payloads.write_basis(np.ones((40, 6), int))
     for size in (0, 1, len(payload) - 1):
         with pytest.raises(CorruptStreamError):
-            payloads.read_times(payload[:size], 2, 40)
+            payloads.read_basis(payload[:size], 2, 40)
 
 
 def layout(ends=(1, 4), step=0.25, size=10):

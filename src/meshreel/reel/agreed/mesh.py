@@ -1,4 +1,4 @@
-"""The mesh as `reel` sees it: a hierarchy of its vertices, their stencils and coding passes."""
+"""The mesh as `reel` codes it: a hierarchy of its vertices, their stencils and coding passes."""
 
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
@@ -11,8 +11,8 @@ from scipy.sparse import csr_array
 from meshreel.entropy.passes import Pass
 from meshreel.geometry.connectivity import adjacency_matrix
 from meshreel.reel.agreed.closed_loop import Predictor
-from meshreel.reel.agreed.hierarchy import Scale, build_hierarchy
-from meshreel.reel.agreed.prediction import Stencils, joined_stencils, smooth_stencils
+from meshreel.reel.agreed.hierarchy import Resolution, build_hierarchy
+from meshreel.reel.agreed.weights import Stencils, joined_stencils, smooth_stencils
 from meshreel.runtime.profiling import staged
 from meshreel.sequence import Faces
 
@@ -22,16 +22,16 @@ Integers = npt.NDArray[np.int64]
 Connectivity = tuple[bytes, int, int]
 """Faces as the bytes of int32, number of vertices, stencil size."""
 
-SMALL_SCALE = 25
-"""Scales with fewer than a 25th of the vertices are coded in one pass."""
+SMALL_RESOLUTION = 25
+"""Resolutions with fewer than a 25th of the vertices are coded in one pass."""
 
-N_TELLING = 6
-"""Vertices of a stencil, the nearest ones, that tell how large an integer is likely to be."""
+N_CONTEXT_NEIGHBOURS = 6
+"""Vertices of a stencil, the nearest ones, whose residuals are the context of a residual."""
 
 
 @dataclass(frozen=True)
 class FieldMesh:
-    """What both sides derive from connectivity, whatever the step.
+    """All that both sides derive from connectivity, whatever the quantisation step.
 
     Attributes
     ----------
@@ -41,8 +41,8 @@ class FieldMesh:
     stencil_size : int
         Vertices that predict one.
 
-    Only connectivity is pickled. A process that is given the same one again finds what it derived
-    before.
+    Only connectivity is pickled. A process that is given the same one again finds the derived
+    parts it had before.
     """
 
     faces: Faces
@@ -64,36 +64,40 @@ class FieldMesh:
 
     @cached_property
     @staged("hierarchy")
-    def scales(self) -> list[Scale]:
+    def resolutions(self) -> list[Resolution]:
         """The hierarchy of the vertices, from coarse to fine."""
         return build_hierarchy(self.adjacency, self.stencil_size)
 
     @cached_property
     def levels(self) -> list[Integers]:
-        """Vertices of each level, all scales in a row."""
+        """Vertices of each level, all resolutions in a row."""
         return self.levels_of(slice(None))
 
-    def levels_of(self, scales: slice) -> list[Integers]:
-        """Vertices of each level of some scales."""
-        return [level for scale in self.scales[scales] for level in scale.levels]
+    def levels_of(self, resolutions: slice) -> list[Integers]:
+        """Vertices of each level of some resolutions."""
+        return [
+            level for resolution in self.resolutions[resolutions] for level in resolution.levels
+        ]
 
     @cached_property
     @staged("stencils")
     def stencils(self) -> Stencils:
-        """Stencils of all levels, before anything is known."""
-        return joined_stencils([smooth_stencils(scale) for scale in self.scales], self.stencil_size)
+        """Stencils of all levels, before any field is known."""
+        return joined_stencils(
+            [smooth_stencils(resolution) for resolution in self.resolutions], self.stencil_size
+        )
 
     @cached_property
     @staged("coding passes")
     def passes(self) -> list[Pass]:
-        """In which order the integers of a field are coded, and what tells of each."""
-        sizes = np.array([len(scale.members) for scale in self.scales[:-1]])
-        n_small = int(np.sum(SMALL_SCALE * sizes < self.n_verts))
+        """The order in which residuals of a field are coded, with context neighbours of each."""
+        sizes = np.array([len(resolution.members) for resolution in self.resolutions[:-1]])
+        n_small = int(np.sum(SMALL_RESOLUTION * sizes < self.n_verts))
         small = np.sort(np.concatenate([np.zeros(0, np.int64), *self.levels_of(slice(n_small))]))
         return [
             _pass(small, np.zeros((len(small), 0), np.int64)),
-            *(_telling(scale) for scale in self.scales[n_small:-1]),
-            *_telling_of_levels(self.scales[-1]),
+            *(_pass_of_resolution(resolution) for resolution in self.resolutions[n_small:-1]),
+            *_passes_of_levels(self.resolutions[-1]),
         ]
 
     def predictors(self, weights: Floats) -> list[Predictor]:
@@ -117,7 +121,7 @@ class FieldMesh:
         Where a stencil ends it is the vertex itself, whose weight is 0: all have the same length.
         """
         known = self.stencils
-        places = np.where(known.stencil >= 0, known.stencil, known.targets[:, None])
+        places = np.where(known.stencil >= 0, known.stencil, known.predicted[:, None])
         ends = np.cumsum([len(level) for level in self.levels])
         return [part.ravel() for part in np.split(places.astype(np.int32), ends[:-1])]
 
@@ -129,23 +133,23 @@ def shared_field_mesh(faces: bytes, n_verts: int, stencil_size: int) -> FieldMes
     return FieldMesh(triangles, n_verts, stencil_size)
 
 
-def _telling(scale: Scale) -> Pass:
-    """The levels of a scale in one pass; what tells of them are vertices of coarser scales."""
-    order = np.argsort(scale.targets)
-    targets, near = scale.targets[order], scale.stencil[order]
-    return _pass(targets, np.where(np.isin(near, targets), -1, near))
+def _pass_of_resolution(resolution: Resolution) -> Pass:
+    """The levels of a resolution in one pass; context neighbours are of coarser resolutions."""
+    order = np.argsort(resolution.predicted)
+    predicted, near = resolution.predicted[order], resolution.stencil[order]
+    return _pass(predicted, np.where(np.isin(near, predicted), -1, near))
 
 
-def _telling_of_levels(scale: Scale) -> list[Pass]:
-    """A pass for each level of a scale."""
-    ends = np.cumsum([len(level) for level in scale.levels])
-    near = np.split(scale.stencil, ends[:-1])
-    return [_pass(level, one) for level, one in zip(scale.levels, near, strict=True)]
+def _passes_of_levels(resolution: Resolution) -> list[Pass]:
+    """A pass for each level of a resolution."""
+    ends = np.cumsum([len(level) for level in resolution.levels])
+    near = np.split(resolution.stencil, ends[:-1])
+    return [_pass(level, one) for level, one in zip(resolution.levels, near, strict=True)]
 
 
-def _pass(targets: Integers, near: Integers) -> Pass:
+def _pass(predicted: Integers, near: Integers) -> Pass:
     """A pass whose columns have the first few of those near them that are vertices, not -1."""
     is_there = near >= 0
-    used = is_there & (np.cumsum(is_there, axis=1) <= N_TELLING)
+    used = is_there & (np.cumsum(is_there, axis=1) <= N_CONTEXT_NEIGHBOURS)
     starts = np.concatenate([[0], np.cumsum(used.sum(axis=1))])
-    return Pass(targets, starts, near[used])
+    return Pass(predicted, starts, near[used])

@@ -1,4 +1,4 @@
-"""Weights that foretell a vertex's value from those of its stencil.
+"""Predictor weights: the value of a vertex as a weighted sum over its stencil.
 
 Two sources, neither of which costs a bit. *Smooth fields*, made from connectivity alone, tell how
 whatever is smooth on this mesh varies from a stencil to its vertex. *Known fields*, decoded before,
@@ -15,7 +15,7 @@ import numpy.typing as npt
 from scipy.sparse import csr_array
 from scipy.special import ive
 
-from meshreel.reel.agreed.hierarchy import Scale, scattered
+from meshreel.reel.agreed.hierarchy import Resolution, scattered
 from meshreel.runtime.profiling import staged
 from meshreel.runtime.threads import chunks, in_threads
 
@@ -24,7 +24,7 @@ Integers = npt.NDArray[np.int64]
 
 N_SMOOTH_FIELDS = 16
 DIFFUSION_TIME = 12.0
-"""Time for which noise diffuses over the graph of a scale to become a smooth field."""
+"""Time for which noise diffuses over the graph of a resolution to become a smooth field."""
 
 CHEBYSHEV_DEGREE = 18
 """Terms after which those that follow are below a thousandth at this time."""
@@ -39,20 +39,20 @@ CHUNK_VERTICES = 4096
 
 @dataclass(frozen=True)
 class Stencils:
-    """Vertices, those that foretell each, and the weights that smooth fields suggest.
+    """Vertices, the stencil that predicts each, and the weights that smooth fields suggest.
 
     Attributes
     ----------
-    targets : integer array of shape (n,)
+    predicted : integer array of shape (n,)
     stencil : integer array of shape (n, S)
         -1 where there are no more.
     penalty : float64 array of shape (n, S)
-        What a unit of squared weight costs, 1 for the nearest.
+        Cost of a unit of squared weight, 1 for the nearest.
     weights : float64 array of shape (n, S)
         Rows sum to 1, or to 0 where the stencil is empty.
     """
 
-    targets: Integers
+    predicted: Integers
     stencil: Integers
     penalty: Floats
     weights: Floats
@@ -60,7 +60,7 @@ class Stencils:
     def __getitem__(self, rows: slice) -> "Stencils":
         """Those of some of the vertices."""
         return Stencils(
-            self.targets[rows], self.stencil[rows], self.penalty[rows], self.weights[rows]
+            self.predicted[rows], self.stencil[rows], self.penalty[rows], self.weights[rows]
         )
 
     def learn(self, fields: Floats, noise: float) -> Floats:
@@ -94,7 +94,7 @@ class WeightLearner:
 
     def __init__(self, stencils: Stencils) -> None:
         self._stencils = stencils
-        self._rows = chunks(len(stencils.targets), CHUNK_VERTICES)
+        self._rows = chunks(len(stencils.predicted), CHUNK_VERTICES)
         self._parts = [_Neighbours(stencils[rows]) for rows in self._rows]
         self._n_fields = 0
 
@@ -127,15 +127,15 @@ class WeightLearner:
 class _Neighbours:
     """Some vertices and those of their stencils, and the weights that reproduce known fields.
 
-    The last axis of the arrays goes over the vertices: what NumPy does at once, it then does for
-    a row of them, and there is no call for each small matrix.
+    The last axis of the arrays goes over the vertices: one NumPy call then serves a row of them,
+    and there is no call for each small matrix.
     """
 
     def __init__(self, stencils: Stencils) -> None:
         stencil = np.ascontiguousarray(stencils.stencil.T)
-        self._targets = stencils.targets
+        self._predicted = stencils.predicted
         self._is_there = stencil >= 0
-        self._places = np.where(self._is_there, stencil, self._targets)  # where it ends: offset 0
+        self._places = np.where(self._is_there, stencil, self._predicted)  # where it ends: offset 0
         self._penalty = np.ascontiguousarray(stencils.penalty.T)
         self._suggested = np.ascontiguousarray(stencils.weights.T)
         self._gram = np.zeros((len(stencil), *stencil.shape))  # nothing below the diagonal
@@ -149,7 +149,7 @@ class _Neighbours:
     def add(self, fields: Floats) -> None:
         """Take in some more fields, of shape (K, V)."""
         offsets = np.take(fields, self._places, axis=1)
-        offsets -= np.take(fields, self._targets, axis=1)[:, None]
+        offsets -= np.take(fields, self._predicted, axis=1)[:, None]
         for place, gram in enumerate(self._gram):
             gram[place:] += np.einsum("kn,kjn->jn", offsets[:, place], offsets[:, place:])
 
@@ -164,12 +164,12 @@ class _Neighbours:
         Those of places that are not there are 0; rows without any place are 0 throughout. The ridge
         is of shape (n,), the weights are of shape (n, S).
         """
-        size, _, n_targets = self._gram.shape
-        # Where nothing varies, every choice reproduces it; any ridge then keeps what is suggested.
+        size, _, n_predicted = self._gram.shape
+        # Where nothing varies, all weights reproduce it; any ridge then keeps the suggested ones.
         own = ridge * self._penalty
         own = np.where(own > 0, own, 1.0)
-        # The matrix, with two right sides: what draws to the suggested weights, and the sum.
-        system = np.empty((size, size + 2, n_targets))
+        # The matrix, with two right sides: the pull to the suggested weights, and the sum.
+        system = np.empty((size, size + 2, n_predicted))
         for place, row in enumerate(system):
             row[place:size] = self._gram[place, place:]
             row[place] += own[place]
@@ -213,37 +213,40 @@ def _substitute(system: Floats, pivots: Floats) -> Floats:
 
 
 def joined_stencils(parts: Sequence[Stencils], size: int) -> Stencils:
-    """The stencils of several scales as one, all of a size: smaller ones are filled up."""
+    """The stencils of several resolutions as one, all of a size: smaller ones are filled up."""
 
     def filled(values: npt.NDArray[Any], filling: float) -> npt.NDArray[Any]:
         missing = size - values.shape[1]
         return np.pad(values, ((0, 0), (0, missing)), constant_values=filling)
 
     return Stencils(
-        np.concatenate([part.targets for part in parts]),
+        np.concatenate([part.predicted for part in parts]),
         np.concatenate([filled(part.stencil, -1) for part in parts]),
         np.concatenate([filled(part.penalty, 1.0) for part in parts]),
         np.concatenate([filled(part.weights, 0.0) for part in parts]),
     )
 
 
-def smooth_stencils(scale: Scale) -> Stencils:
-    """Stencils of a scale, with the weights that best reproduce smooth fields.
+def smooth_stencils(resolution: Resolution) -> Stencils:
+    """Stencils of a resolution, with the weights that best reproduce smooth fields.
 
-    The smooth fields are noise that diffused over the graph of the scale: exp(-t L) of random
+    The smooth fields are noise that diffused over the graph of the resolution: exp(-t L) of random
     signs, with L = I - D^-1 C.
     """
-    place_of = np.zeros(scale.members[-1] + 1, np.int64)
-    place_of[scale.members] = np.arange(len(scale.members))
-    is_there = scale.stencil >= 0
-    targets, stencil = place_of[scale.targets], np.where(is_there, place_of[scale.stencil], -1)
-    penalty = np.where(is_there, np.maximum(scale.hops, 1) ** 2, 1e6).astype(np.float64)
+    place_of = np.zeros(resolution.members[-1] + 1, np.int64)
+    place_of[resolution.members] = np.arange(len(resolution.members))
+    is_there = resolution.stencil >= 0
+    predicted, stencil = (
+        place_of[resolution.predicted],
+        np.where(is_there, place_of[resolution.stencil], -1),
+    )
+    penalty = np.where(is_there, np.maximum(resolution.hops, 1) ** 2, 1e6).astype(np.float64)
     weights = np.zeros(stencil.shape)
     if stencil.shape[1]:
-        fields = np.ascontiguousarray(_smooth_fields(scale.adjacency).T)
+        fields = np.ascontiguousarray(_smooth_fields(resolution.adjacency).T)
         penalty /= penalty.min(axis=1, keepdims=True)
 
-        local = Stencils(targets, stencil, penalty, weights)
+        local = Stencils(predicted, stencil, penalty, weights)
 
         def fill(rows: slice) -> None:
             part = _Neighbours(local[rows])
@@ -251,7 +254,7 @@ def smooth_stencils(scale: Scale) -> Stencils:
             weights[rows] = part.weights(SMOOTH_RIDGE * part.spread())
 
         in_threads(fill, chunks(len(weights), CHUNK_VERTICES))
-    return Stencils(scale.targets, scale.stencil, penalty, weights)
+    return Stencils(resolution.predicted, resolution.stencil, penalty, weights)
 
 
 def _smooth_fields(graph: csr_array) -> Floats:

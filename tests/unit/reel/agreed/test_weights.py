@@ -5,7 +5,7 @@ from scipy.special import ive
 
 from meshreel.geometry.connectivity import adjacency_matrix
 from meshreel.reel.agreed.hierarchy import build_hierarchy, scattered
-from meshreel.reel.agreed.prediction import (
+from meshreel.reel.agreed.weights import (
     CHEBYSHEV_DEGREE,
     DIFFUSION_TIME,
     KNOWN_RIDGE,
@@ -22,8 +22,8 @@ Y, X = (axis.ravel() / 10.0 for axis in np.mgrid[0:ROWS, 0:COLUMNS])
 
 
 def stencils_of(faces, n_verts, size=SIZE):
-    scales = build_hierarchy(adjacency_matrix(faces, n_verts), size)
-    return [smooth_stencils(scale) for scale in scales]
+    resolutions = build_hierarchy(adjacency_matrix(faces, n_verts), size)
+    return [smooth_stencils(resolution) for resolution in resolutions]
 
 
 GRID = stencils_of(grid_faces(ROWS, COLUMNS), ROWS * COLUMNS)
@@ -38,7 +38,7 @@ def foretold(stencils, weights, fields):
 
 
 def errors(stencils, weights, fields):
-    return np.abs(foretold(stencils, weights, fields) - fields[stencils.targets])
+    return np.abs(foretold(stencils, weights, fields) - fields[stencils.predicted])
 
 
 def smooth_fields():
@@ -67,7 +67,7 @@ def test_smooth_weights_sum_to_one_when_a_stencil_names_any_vertex(all_stencils)
 @pytest.mark.parametrize("n_fields", [1, 3, 12])
 @pytest.mark.parametrize("all_stencils", [GRID, SMALL_ONES])
 def test_learned_weights_sum_to_one_when_a_stencil_names_any_vertex(all_stencils, n_fields, noise):
-    n_verts = max(stencils.targets.max() for stencils in all_stencils) + 1
+    n_verts = max(stencils.predicted.max() for stencils in all_stencils) + 1
     fields = rough_fields(n_fields, n_verts)
     for stencils in all_stencils:
         assert_sums(stencils, stencils.learn(fields, noise))
@@ -75,8 +75,8 @@ def test_learned_weights_sum_to_one_when_a_stencil_names_any_vertex(all_stencils
 
 def test_stencils_of_the_coarsest_scale_have_no_weights_when_fields_are_known():
     coarsest = SMALL_ONES[0]
-    assert coarsest.weights.shape == (len(coarsest.targets), 0)
-    assert coarsest.learn(rough_fields(2, 31), 0.1).shape == (len(coarsest.targets), 0)
+    assert coarsest.weights.shape == (len(coarsest.predicted), 0)
+    assert coarsest.learn(rough_fields(2, 31), 0.1).shape == (len(coarsest.predicted), 0)
 
 
 def test_penalty_is_one_for_the_nearest_and_grows_when_members_are_farther():
@@ -86,7 +86,7 @@ def test_penalty_is_one_for_the_nearest_and_grows_when_members_are_farther():
 
 
 def test_smooth_weights_foretell_far_better_when_compared_with_those_by_distance():
-    """Of a sheet, in the finest scale: its bends count, not only what is near."""
+    """Of a sheet, in the finest resolution: its bends count, not only what is near."""
     fields, stencils = smooth_fields(), GRID[-1]
     inside = (stencils.stencil >= 0).all(axis=1)
     by_distance = 1.0 / stencils.penalty
@@ -97,8 +97,8 @@ def test_smooth_weights_foretell_far_better_when_compared_with_those_by_distance
 
 def test_smooth_weights_foretell_better_than_the_nearest_when_scales_are_coarse():
     for stencils in GRID[-3:-1]:
-        assert len(stencils.targets) > 20
-        nearest = np.eye(1, SIZE)[[0] * len(stencils.targets)]
+        assert len(stencils.predicted) > 20
+        nearest = np.eye(1, SIZE)[[0] * len(stencils.predicted)]
         smooth = errors(stencils, stencils.weights, smooth_fields()).mean()
         assert smooth < 0.8 * errors(stencils, nearest, smooth_fields()).mean()
 
@@ -114,7 +114,7 @@ def test_known_fields_are_reproduced_when_a_stencil_can():
     fields = np.stack([X, Y, np.sin(2 * X + Y)], axis=1)
     stencils = GRID[-1]
     learned = errors(stencils, stencils.learn(fields, 0.0), fields)
-    spread = np.abs(fields[stencils.stencil[:, 0]] - fields[stencils.targets])
+    spread = np.abs(fields[stencils.stencil[:, 0]] - fields[stencils.predicted])
     assert learned.mean() < 0.01 * spread.mean()
 
 
@@ -135,7 +135,7 @@ def test_learned_weights_are_a_minimum_when_they_are_moved_a_little():
     learned = stencils.learn(fields, noise)
     full = np.flatnonzero((stencils.stencil >= 0).all(axis=1))[::40]
     for row in full:
-        offsets = fields[stencils.stencil[row]] - fields[stencils.targets[row]]
+        offsets = fields[stencils.stencil[row]] - fields[stencils.predicted[row]]
         values = [objective(learned[row], offsets, stencils, row, noise)]
         for one in range(SIZE):
             for shift in (-1e-4, 1e-4):
@@ -184,7 +184,7 @@ def test_learned_weights_stay_the_same_when_constants_are_added_to_fields():
 
 def test_weights_are_the_same_when_vertices_are_taken_in_smaller_chunks(monkeypatch):
     faces, fields = grid_faces(ROWS, COLUMNS), smooth_fields()
-    monkeypatch.setattr("meshreel.reel.agreed.prediction.CHUNK_VERTICES", 7)
+    monkeypatch.setattr("meshreel.reel.agreed.weights.CHUNK_VERTICES", 7)
     for one, other in zip(GRID, stencils_of(faces, ROWS * COLUMNS), strict=True):
         np.testing.assert_allclose(other.weights, one.weights, atol=1e-9)
         np.testing.assert_allclose(other.learn(fields, 1e-3), one.learn(fields, 1e-3), atol=1e-9)
@@ -196,7 +196,7 @@ def test_weights_are_the_same_when_vertices_are_taken_in_smaller_chunks(monkeypa
 def test_learned_weights_are_the_same_when_fields_become_known_in_portions(
     all_stencils, cuts, noise
 ):
-    n_verts = max(stencils.targets.max() for stencils in all_stencils) + 1
+    n_verts = max(stencils.predicted.max() for stencils in all_stencils) + 1
     fields = rough_fields(12, n_verts)
     for stencils in all_stencils:
         learner = WeightLearner(stencils)
@@ -231,12 +231,12 @@ def test_noise_is_that_of_the_last_call_when_it_differs_between_portions():
 @pytest.mark.parametrize("parts", [GRID, SMALL_ONES, SMALL_ONES[:1], GRID[-1:]])
 def test_joined_stencils_are_those_of_the_parts_when_filled_up(parts, size):
     joined = joined_stencils(parts, size)
-    ends = np.cumsum([len(part.targets) for part in parts])[:-1]
-    columns = (joined.targets, joined.stencil, joined.penalty, joined.weights)
+    ends = np.cumsum([len(part.predicted) for part in parts])[:-1]
+    columns = (joined.predicted, joined.stencil, joined.penalty, joined.weights)
     for part, *found in zip(parts, *(np.split(column, ends) for column in columns), strict=True):
         width = part.stencil.shape[1]
         wanted = (part.stencil, part.penalty, part.weights)
-        np.testing.assert_array_equal(found[0], part.targets)
+        np.testing.assert_array_equal(found[0], part.predicted)
         for one, values, filling in zip(found[1:], wanted, (-1, 1.0, 0.0), strict=True):
             np.testing.assert_array_equal(one[:, :width], values)
             np.testing.assert_array_equal(
@@ -248,7 +248,7 @@ def test_joined_stencils_are_those_of_the_parts_when_filled_up(parts, size):
 @pytest.mark.parametrize("n_fields", [0, 3])
 @pytest.mark.parametrize("parts", [GRID, SMALL_ONES])
 def test_joined_stencils_learn_the_weights_of_the_parts_when_filled_up(parts, n_fields, noise):
-    n_verts = max(part.targets.max() for part in parts) + 1
+    n_verts = max(part.predicted.max() for part in parts) + 1
     fields = rough_fields(n_fields, n_verts)
     joined = joined_stencils(parts, SIZE + 2)
     learned = joined.learn(fields, noise)
@@ -258,9 +258,9 @@ def test_joined_stencils_learn_the_weights_of_the_parts_when_filled_up(parts, n_
     np.testing.assert_allclose(learned, np.concatenate(wanted), rtol=0, atol=1e-9)
 
 
-def smooth_fields_from_the_format(scale):
+def smooth_fields_from_the_format(resolution):
     """The series of `docs/format.md`, with dense matrices; and what it is a series of."""
-    near = scale.adjacency.toarray() > 0
+    near = resolution.adjacency.toarray() > 0
     mean = near / np.maximum(near.sum(axis=1, keepdims=True), 1)
     hashes = scattered(np.arange(len(near) * N_SMOOTH_FIELDS)).reshape(len(near), -1)
     signs = np.where(hashes >= np.uint64(2**63), 1.0, -1.0)
@@ -274,14 +274,16 @@ def smooth_fields_from_the_format(scale):
     ]
 
 
-def weights_from_the_format(scale, fields):
+def weights_from_the_format(resolution, fields):
     """Each row by itself, by its normal equations with a multiplier for the sum."""
-    result = np.zeros(scale.stencil.shape)
-    for row, (target, stencil) in enumerate(zip(scale.targets, scale.stencil, strict=True)):
-        members = np.searchsorted(scale.members, stencil[stencil >= 0])
+    result = np.zeros(resolution.stencil.shape)
+    for row, (target, stencil) in enumerate(
+        zip(resolution.predicted, resolution.stencil, strict=True)
+    ):
+        members = np.searchsorted(resolution.members, stencil[stencil >= 0])
         size = len(members)
-        offsets = fields[members] - fields[np.searchsorted(scale.members, target)]
-        penalty = (scale.hops[row, :size] / scale.hops[row, 0]) ** 2
+        offsets = fields[members] - fields[np.searchsorted(resolution.members, target)]
+        penalty = (resolution.hops[row, :size] / resolution.hops[row, 0]) ** 2
         ridge = SMOOTH_RIDGE * (offsets**2).sum() / size
         system = np.ones((size + 1, size + 1))
         system[:size, :size] = offsets @ offsets.T + np.diag(ridge * penalty)
@@ -292,8 +294,8 @@ def weights_from_the_format(scale, fields):
 
 def test_smooth_weights_are_those_of_the_format_when_found_a_second_way():
     adjacency = adjacency_matrix(grid_faces(9, 7), 63)
-    for scale in build_hierarchy(adjacency, SIZE)[1:]:
-        fields, diffused = smooth_fields_from_the_format(scale)
+    for resolution in build_hierarchy(adjacency, SIZE)[1:]:
+        fields, diffused = smooth_fields_from_the_format(resolution)
         np.testing.assert_allclose(fields, diffused, atol=1e-2)
-        wanted = weights_from_the_format(scale, fields)
-        np.testing.assert_allclose(smooth_stencils(scale).weights, wanted, atol=1e-7)
+        wanted = weights_from_the_format(resolution, fields)
+        np.testing.assert_allclose(smooth_stencils(resolution).weights, wanted, atol=1e-7)
