@@ -15,9 +15,9 @@ from meshreel.codec.inspect import info
 from meshreel.codec.payloads import read_block, read_layout, write_layout
 from meshreel.entropy.varint import write_varint
 from meshreel.errors import CorruptStreamError, MeshReelError, TruncatedStreamError
-from sample_materials import dressed_sheet
-from sample_meshes import irregular_sequence, two_sheets, waving_grid
-from sample_streams import parts_of, raw_stream
+from samples.materials import dressed_sheet
+from samples.meshes import irregular_sequence, two_sheets, waving_grid
+from samples.streams import parts_of, raw_stream
 
 STREAMS = {
     "grid": encode(waving_grid(4, 4, 5), "pca-qp"),

@@ -6,7 +6,7 @@ from meshreel.codec.mesh_model import MeshModel, choose_anchors
 from meshreel.codec.pipeline import analyse, synthesise
 from meshreel.geometry.connectivity import component_labels
 from meshreel.subspace.trajectories import bounding_frame, to_matrices
-from sample_meshes import irregular_sequence, waving_grid
+from samples.meshes import irregular_sequence, waving_grid
 
 
 def round_trip(sequence, config):

@@ -29,8 +29,8 @@ from meshreel.errors import InvalidInputError, UnsupportedVersionError
 from meshreel.geometry.prediction import WeightLearner
 from meshreel.sequence import MeshSequence
 from meshreel.subspace.trajectories import bounding_frame, to_matrices
-from sample_meshes import irregular_sequence, kg_error_percent, waving_grid
-from sample_streams import parts_of, raw_stream
+from samples.meshes import irregular_sequence, kg_error_percent, waving_grid
+from samples.streams import parts_of, raw_stream
 
 STENCIL = FieldChoices(1.0).stencil_size
 

@@ -25,7 +25,7 @@ from meshreel.codec.reel import (
 from meshreel.codec.timeline import COARSEST
 from meshreel.geometry.laplacian import RELATIVE_RIDGE
 from meshreel.geometry.prediction import KNOWN_RIDGE, smooth_stencils
-from sample_meshes import irregular_sequence, waving_grid
+from samples.meshes import irregular_sequence, waving_grid
 
 N_FRAMES, N_MODES, STEP = 21, 10, 0.125
 

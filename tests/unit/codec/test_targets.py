@@ -22,7 +22,7 @@ from meshreel.codec.targets import (
 )
 from meshreel.connectivity.coder import encode_connectivity
 from meshreel.errors import InvalidInputError
-from sample_meshes import irregular_sequence, waving_grid
+from samples.meshes import irregular_sequence, waving_grid
 
 SEQUENCES = {
     "grid": waving_grid(),

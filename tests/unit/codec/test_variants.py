@@ -11,7 +11,7 @@ from meshreel.errors import InvalidInputError
 from meshreel.sequence import MeshSequence
 from meshreel.subspace.pca import autocorrelation, eigen_trajectories
 from meshreel.subspace.trajectories import bounding_frame, to_matrices
-from sample_meshes import irregular_sequence, kg_error_percent, waving_grid
+from samples.meshes import irregular_sequence, kg_error_percent, waving_grid
 
 NAMES = [method.name for method in METHODS]
 
