@@ -8,7 +8,7 @@ import pytest
 import meshreel
 from meshreel.errors import InvalidInputError
 from meshreel.viewer.page import page_text
-from sample_player_pages import COMMAND, put_to_rest, viewing
+from samples.player_pages import COMMAND, put_to_rest, viewing
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
 OPTIONS = (  # software draws, so that no graphics card is needed

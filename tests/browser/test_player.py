@@ -9,7 +9,7 @@ import pytest
 import meshreel
 from meshreel.metrics.heat import heat_field
 from meshreel.rendering.colormap import HEAT, colorize
-from sample_player_pages import (
+from samples.player_pages import (
     colors_of,
     covered,
     picture_of,

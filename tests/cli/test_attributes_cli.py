@@ -7,8 +7,8 @@ import pytest
 
 import meshreel
 from meshreel.surface import Kind
-from sample_commands import assert_fails, run, run_json
-from sample_meshes import two_sheets, waving_grid
+from samples.commands import assert_fails, run, run_json
+from samples.meshes import two_sheets, waving_grid
 
 
 @pytest.fixture

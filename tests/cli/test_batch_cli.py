@@ -10,8 +10,8 @@ import time
 import pytest
 
 import meshreel
-from sample_commands import finished
-from sample_meshes import waving_grid
+from samples.commands import finished
+from samples.meshes import waving_grid
 
 PROGRAM = [sys.executable, "-c", "from meshreel.cli import main; main()", "batch"]
 

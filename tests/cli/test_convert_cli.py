@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 import meshreel
-from sample_commands import assert_fails, run, run_json
-from sample_materials import dressed_sheet
-from sample_meshes import assert_same_surface, quad_sheet, waving_grid
+from samples.commands import assert_fails, run, run_json
+from samples.materials import dressed_sheet
+from samples.meshes import assert_same_surface, quad_sheet, waving_grid
 
 
 @pytest.fixture

@@ -8,7 +8,7 @@ import pytest
 import meshreel
 from meshreel.evaluation.recorded import COLUMNS
 from meshreel.flag import simulate_flag
-from sample_commands import finished
+from samples.commands import finished
 
 
 def run(*arguments, cwd=None, before="pass"):

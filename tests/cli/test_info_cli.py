@@ -3,9 +3,9 @@
 import pytest
 
 import meshreel
-from sample_commands import assert_fails, run, run_json
-from sample_materials import dressed_sheet
-from sample_meshes import two_sheets, waving_grid
+from samples.commands import assert_fails, run, run_json
+from samples.materials import dressed_sheet
+from samples.meshes import two_sheets, waving_grid
 
 
 def test_info_prints_frames_mesh_rate_and_box_when_the_file_is_no_stream(tmp_path):

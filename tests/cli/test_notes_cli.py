@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from meshreel.formats.save import save
-from sample_commands import run_json
-from sample_meshes import waving_grid
+from samples.commands import run_json
+from samples.meshes import waving_grid
 
 SAID = "left out: arrays: pressure"
 

@@ -8,8 +8,8 @@ import pytest
 
 import meshreel
 from meshreel.evaluation.store import MARKER
-from sample_commands import finished
-from sample_meshes import waving_grid
+from samples.commands import finished
+from samples.meshes import waving_grid
 
 
 def run(*arguments, cwd=None):

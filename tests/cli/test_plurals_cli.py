@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import meshreel
-from sample_commands import run
+from samples.commands import run
 
 NOUNS = "frames|vertices|faces|modes|files|targets|meshes"
 PLURAL_OF_ONE = re.compile(rf"(?<![\d.,])1 [a-z ]*?({NOUNS})\b")

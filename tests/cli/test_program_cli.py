@@ -8,8 +8,8 @@ import pytest
 
 import meshreel
 from meshreel.cli.app import app
-from sample_commands import run
-from sample_meshes import waving_grid
+from samples.commands import run
+from samples.meshes import waving_grid
 
 COMMANDS = [command.name for command in app.registered_commands]
 

@@ -9,7 +9,7 @@ import meshreel
 from meshreel.cli import console
 from meshreel.cli.app import app
 from meshreel.cli.progress_lines import progress_lines
-from sample_meshes import waving_grid
+from samples.meshes import waving_grid
 
 PAPER = "paper walk.npz --quick --methods pca-qp --out report"
 EVALUATE = "evaluate walk.npz --quick --methods reel --peers none --out e"

@@ -6,8 +6,8 @@ from PIL import Image
 
 import meshreel
 from meshreel.sequence import MeshSequence
-from sample_commands import assert_fails, run, run_json
-from sample_meshes import waving_grid
+from samples.commands import assert_fails, run, run_json
+from samples.meshes import waving_grid
 
 
 @pytest.fixture(scope="module")

@@ -15,10 +15,10 @@ from dataclasses import replace
 import pytest
 
 import meshreel
-from sample_commands import assert_fails, finished, run
-from sample_meshes import waving_grid
-from sample_packets import inlined, read_packet
-from sample_players import PAGE
+from samples.commands import assert_fails, finished, run
+from samples.meshes import waving_grid
+from samples.packets import inlined, read_packet
+from samples.players import PAGE
 
 WITH_PAGE = (
     "import sys; from pathlib import Path; from meshreel.viewer import page; "

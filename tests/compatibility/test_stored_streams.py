@@ -14,8 +14,8 @@ import meshreel
 from meshreel.bitstream.layout import FORMAT_VERSION
 from meshreel.codec.methods import METHOD_NAMES
 from meshreel.surface import Kind
-from sample_materials import dressed_sheets
-from sample_meshes import assert_same_surface, irregular_sequence, two_sheets, waving_grid
+from samples.materials import dressed_sheets
+from samples.meshes import assert_same_surface, irregular_sequence, two_sheets, waving_grid
 
 HERE = Path(__file__).parent
 STREAMS = sorted(HERE.glob("*.reel"))

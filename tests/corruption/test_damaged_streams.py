@@ -16,9 +16,9 @@ from meshreel.codec.stored_blocks import read_block
 from meshreel.entropy.varint import write_varint
 from meshreel.errors import CorruptStreamError, MeshReelError, TruncatedStreamError
 from meshreel.reel.agreed.payloads import read_layout, write_layout
-from sample_materials import dressed_sheet
-from sample_meshes import irregular_sequence, two_sheets, waving_grid
-from sample_streams import parts_of, raw_stream
+from samples.materials import dressed_sheet
+from samples.meshes import irregular_sequence, two_sheets, waving_grid
+from samples.streams import parts_of, raw_stream
 
 STREAMS = {
     "grid": encode(waving_grid(4, 4, 5), "pca-qp"),

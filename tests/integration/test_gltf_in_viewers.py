@@ -18,9 +18,9 @@ from meshreel.formats.options import WriteOptions
 from meshreel.formats.parts import split_parts
 from meshreel.sequence import MeshSequence
 from meshreel.surface import Attribute, Domain, FaceGroups, Kind, Part, Surface
-from sample_browser import FOLDER, browser, play
-from sample_glb import largest_error_percent, stream_of
-from sample_materials import look, png
+from samples.browser import FOLDER, browser, play
+from samples.glb import largest_error_percent, stream_of
+from samples.materials import look, png
 
 MODULES = FOLDER / "node_modules"
 

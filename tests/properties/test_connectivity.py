@@ -10,7 +10,7 @@ from meshreel.connectivity.traversal import decode_traversal, encode_traversal
 from meshreel.connectivity.triangles import lowest_rotation, sorted_order
 from meshreel.connectivity.vertex_order import inverse_permutation
 from meshreel.errors import MeshReelError
-from sample_meshes import grid_faces
+from samples.meshes import grid_faces
 
 orders = st.sampled_from(["keep", "vertices", "drop"])
 

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from meshreel.entropy.field_coder import decode_fields, encode_fields
 from meshreel.entropy.tokens import MAX_MAGNITUDE
 from meshreel.errors import CorruptStreamError
-from sample_passes import as_pass
+from samples.passes import as_pass
 
 integers = st.one_of(
     st.just(0),

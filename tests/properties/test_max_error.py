@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 
 from meshreel import InvalidInputError, MeshSequence, compare, decode, encode
 from meshreel.reel.encoding.corrections import FLOOR
-from sample_strategies import bodies, moving, odd_sequences
+from samples.strategies import bodies, moving, odd_sequences
 
 MOST_ROUNDING = 4.0
 """A promise may be refused if it is below so many spacings of the number type, and the floor."""

@@ -11,7 +11,7 @@ import pytest
 import meshreel
 from meshreel.formats.load import load
 from meshreel.formats.save import save
-from sample_glb import Glb
+from samples.glb import Glb
 
 pytestmark = pytest.mark.real
 

@@ -14,7 +14,7 @@ from meshreel.formats.load import load
 from meshreel.formats.options import ReadOptions, WriteOptions
 from meshreel.formats.save import save
 from meshreel.formats.stretches import find_stretches
-from sample_glb import Glb, largest_error_percent
+from samples.glb import Glb, largest_error_percent
 
 pytestmark = pytest.mark.real
 

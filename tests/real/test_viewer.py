@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 import meshreel
-from sample_packets import largest_error
+from samples.packets import largest_error
 
 pytestmark = [
     pytest.mark.real,

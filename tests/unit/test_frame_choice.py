@@ -9,7 +9,7 @@ import meshreel
 from meshreel.codec.encoder import encode
 from meshreel.codec.reel_file import ReelFile
 from meshreel.frame_choice import chosen_frames
-from sample_meshes import waving_grid
+from samples.meshes import waving_grid
 
 DATA = encode(waving_grid(9), block_frames=4)
 WHOLE = meshreel.decode(DATA)

@@ -6,7 +6,7 @@ import pytest
 from meshreel.errors import InvalidInputError
 from meshreel.materials import Filter, Material, Texture, used_by
 from meshreel.surface import Surface
-from sample_materials import look, png
+from samples.materials import look, png
 
 SHOWN = Material("a", base_color_texture=Texture(0))
 

@@ -5,7 +5,7 @@ from io import BytesIO
 import pytest
 
 import meshreel
-from sample_meshes import grid_faces, waving_grid
+from samples.meshes import grid_faces, waving_grid
 
 GRID = waving_grid(9)
 DATA = meshreel.encode(GRID, block_frames=4)

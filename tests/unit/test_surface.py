@@ -5,7 +5,7 @@ import pytest
 
 from meshreel.errors import InvalidInputError
 from meshreel.surface import Attribute, Domain, FaceGroups, Kind, Part, Surface
-from sample_meshes import quad_sheet, two_sheets, waving_grid
+from samples.meshes import quad_sheet, two_sheets, waving_grid
 
 UV = Attribute("uv", Kind.UV, Domain.VERTEX, np.zeros((99, 2), np.float32))
 

@@ -4,8 +4,8 @@ import pytest
 from meshreel.errors import InvalidInputError
 from meshreel.surface import Attribute, Domain, FaceGroups, Kind, Surface
 from meshreel.surface_selection import missing_names, selected
-from sample_materials import dressed_sheet
-from sample_meshes import two_sheets
+from samples.materials import dressed_sheet
+from samples.meshes import two_sheets
 
 
 def names_of(surface):

@@ -2,7 +2,7 @@
 
 import pytest
 
-from sample_waiting import TEST_S, time_limit
+from samples.waiting import TEST_S, time_limit
 
 
 @pytest.fixture(autouse=True)

@@ -14,10 +14,10 @@ from meshreel.batch.run import run_batch
 from meshreel.codec.config import EncoderConfig
 from meshreel.errors import InvalidInputError
 from meshreel.runtime.engine.engine import Engine, open_engine
-from sample_clusters import local_cluster
-from sample_engines import InlineWorkers
-from sample_meshes import waving_grid
-from sample_tasks import encode_or_die, process_id
+from samples.clusters import local_cluster
+from samples.engines import InlineWorkers
+from samples.meshes import waving_grid
+from samples.tasks import encode_or_die, process_id
 
 OPTIONS = EncodeOptions(EncoderConfig(quality=60))
 

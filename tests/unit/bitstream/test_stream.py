@@ -11,7 +11,7 @@ from meshreel.bitstream.reader import open_stream, read_stream
 from meshreel.bitstream.sections import read_section, write_section
 from meshreel.bitstream.writer import StreamWriter, whole_stream
 from meshreel.errors import CorruptStreamError, TruncatedStreamError, UnsupportedVersionError
-from sample_streams import parts_of, raw_stream
+from samples.streams import parts_of, raw_stream
 
 HEADER = Header(2, 3, 1, 0.0, VertexType.FLOAT64, 0, 0, 0, (0.0, 0.0, 0.0), 1.0)
 LEADING = [(Section.CONNECTIVITY, b"abc")]

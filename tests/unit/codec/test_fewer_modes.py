@@ -9,7 +9,7 @@ from meshreel.codec.inspect import info
 from meshreel.codec.methods import METHOD_NAMES
 from meshreel.errors import InvalidInputError
 from meshreel.sequence import MeshSequence
-from sample_meshes import irregular_sequence, kg_error_percent, waving_grid
+from samples.meshes import irregular_sequence, kg_error_percent, waving_grid
 
 SEQUENCES = {"grid": waving_grid(20, dtype=np.float64), "irregular": irregular_sequence(20)}
 

@@ -12,7 +12,7 @@ from meshreel.codec.encoder import encode
 from meshreel.codec.inspect import info
 from meshreel.codec.reel_file import N_KEPT_BLOCKS, ReelFile
 from meshreel.errors import CorruptStreamError, InvalidInputError, TruncatedStreamError
-from sample_meshes import irregular_sequence, waving_grid
+from samples.meshes import irregular_sequence, waving_grid
 
 METHODS = ["reel", "blocks", "pca-qp", "gft"]
 OPTIONS = {"reel": {}, "blocks": {"n_modes": 2}, "pca-qp": {"n_modes": 3}, "gft": {"n_modes": 9}}

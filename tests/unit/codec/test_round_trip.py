@@ -9,7 +9,7 @@ from meshreel.codec.encoder import encode
 from meshreel.codec.inspect import info
 from meshreel.errors import InvalidInputError
 from meshreel.sequence import MeshSequence
-from sample_meshes import irregular_sequence, kg_error_percent, waving_grid
+from samples.meshes import irregular_sequence, kg_error_percent, waving_grid
 
 DEFAULT_KG = 0.5
 """Percent that the default quality stays below here."""

@@ -13,9 +13,9 @@ from meshreel.formats.save import save
 from meshreel.formats.stored_frames import StoredFrames
 from meshreel.reel.encoding.block_coder import coder_of
 from meshreel.runtime.engine.engine import Engine, open_engine
-from sample_engines import InlineWorkers
-from sample_meshes import irregular_sequence, waving_grid
-from sample_waiting import TEST_S, time_limit
+from samples.engines import InlineWorkers
+from samples.meshes import irregular_sequence, waving_grid
+from samples.waiting import TEST_S, time_limit
 
 
 class PicklingWorkers(InlineWorkers):

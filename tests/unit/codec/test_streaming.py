@@ -18,7 +18,7 @@ from meshreel.codec.inspect import info
 from meshreel.codec.streaming import Encoder
 from meshreel.errors import InvalidInputError
 from meshreel.metrics.displacement import displacement_errors_percent
-from sample_meshes import irregular_sequence, kg_error_percent, waving_grid
+from samples.meshes import irregular_sequence, kg_error_percent, waving_grid
 
 SEQUENCE = waving_grid(43)
 

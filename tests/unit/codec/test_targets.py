@@ -19,7 +19,7 @@ from meshreel.reel.encoding.effort import (
     quality_step,
     tune_named,
 )
-from sample_meshes import irregular_sequence, waving_grid
+from samples.meshes import irregular_sequence, waving_grid
 
 SEQUENCES = {
     "grid": waving_grid(),

@@ -3,7 +3,7 @@
 import pytest
 
 import meshreel
-from sample_meshes import waving_grid
+from samples.meshes import waving_grid
 
 
 def heard(**target):

@@ -8,7 +8,7 @@ import pytest
 import meshreel
 from meshreel.codec.config import EncoderConfig
 from meshreel.errors import InvalidInputError
-from sample_meshes import waving_grid
+from samples.meshes import waving_grid
 
 
 def distances(sequence, decoded):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from sample_meshes import grid_faces, irregular_sequence, octahedron_faces
+from samples.meshes import grid_faces, irregular_sequence, octahedron_faces
 
 
 def torus_faces(rows, columns):

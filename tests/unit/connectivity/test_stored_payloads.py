@@ -3,7 +3,7 @@
 import numpy as np
 
 from meshreel.connectivity.coder import decode_connectivity, decode_order
-from sample_meshes import irregular_sequence, octahedron_faces
+from samples.meshes import irregular_sequence, octahedron_faces
 
 LISTED_IRREGULAR = bytes.fromhex(
     "00253538d37736b5d6d7d7670003288504f431858800ecdffffe66676666607006c28b18d2172f92"

@@ -11,7 +11,7 @@ from meshreel.entropy.tokens import MAX_MAGNITUDE
 from meshreel.entropy.value_model import ValueModel
 from meshreel.entropy.varint import write_varint
 from meshreel.errors import CorruptStreamError, InvalidInputError
-from sample_passes import as_pass, line_passes
+from samples.passes import as_pass, line_passes
 
 
 def active_places(n_rows=20, n_columns=3000):

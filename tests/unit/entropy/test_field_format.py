@@ -8,7 +8,7 @@ import pytest
 
 from meshreel.entropy.field_coder import encode_fields
 from meshreel.entropy.varint import read_varint
-from sample_passes import as_pass
+from samples.passes import as_pass
 
 BERNOULLI = constriction.stream.model.Bernoulli(perfect=False)
 ONE = 2**20

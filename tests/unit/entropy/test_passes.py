@@ -7,7 +7,7 @@ from meshreel.entropy.passes import (
     signed_votes,
     single_pass,
 )
-from sample_passes import as_pass, line_passes
+from samples.passes import as_pass, line_passes
 
 
 def learn(step, *signed):

@@ -9,7 +9,7 @@ from meshreel.evaluation.matrices import projected_deltas
 from meshreel.evaluation.pictures import telling_frame
 from meshreel.rendering.plots import blank_figure
 from meshreel.sequence import MeshSequence
-from sample_meshes import waving_grid
+from samples.meshes import waving_grid
 
 PANELS = {
     "Fig. 2": 2,

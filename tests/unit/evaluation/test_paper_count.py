@@ -7,7 +7,7 @@ import meshreel
 from meshreel.evaluation.paper_count import paper_count
 from meshreel.evaluation.settings import Setting
 from meshreel.paper.decoder import coded_blocks
-from sample_meshes import waving_grid
+from samples.meshes import waving_grid
 
 N, K = 99, 12  # vertices and frames of the grid
 

@@ -10,7 +10,7 @@ from meshreel.evaluation.reproduce import reproduce
 from meshreel.evaluation.settings import Setting
 from meshreel.evaluation.store import Store
 from meshreel.flag import simulate_flag
-from sample_meshes import waving_grid
+from samples.meshes import waving_grid
 
 SETTING = Setting("pca-qp", 4, anchors=0.05)
 

@@ -5,7 +5,7 @@ import pytest
 from meshreel.errors import InvalidInputError
 from meshreel.evaluation.store import MARKER, Store, claim_folder, file_name, sequence_identity
 from meshreel.sequence import MeshSequence
-from sample_meshes import waving_grid
+from samples.meshes import waving_grid
 
 
 def test_folder_is_made_and_marked_when_it_is_new(tmp_path):

@@ -12,7 +12,7 @@ from meshreel.formats.load import load
 from meshreel.formats.options import WriteOptions
 from meshreel.formats.registry import FORMATS, is_written
 from meshreel.formats.save import save
-from sample_meshes import assert_same_surface, quad_sheet
+from samples.meshes import assert_same_surface, quad_sheet
 
 WRITTEN = [one for one in FORMATS.values() if is_written(one)]
 APPROXIMATE = {".glb", ".gltf", ".reel"}

@@ -7,7 +7,7 @@ from meshreel.formats.extras import HDF, USD, Extra
 from meshreel.formats.load import load
 from meshreel.formats.registry import described_formats
 from meshreel.formats.save import save
-from sample_meshes import waving_grid
+from samples.meshes import waving_grid
 
 MISSING = Extra("hdf", "h5py", "surely_not_installed")
 

@@ -7,8 +7,8 @@ import pytest
 
 import meshreel
 from meshreel.formats.registry import FORMATS, SEQUENCE_FORMATS, is_written
-from sample_commands import assert_fails
-from sample_meshes import waving_grid
+from samples.commands import assert_fails
+from samples.meshes import waving_grid
 
 resource = pytest.importorskip("resource")
 

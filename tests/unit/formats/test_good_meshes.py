@@ -15,7 +15,7 @@ from meshreel.formats.polygons import PolygonMesh
 from meshreel.formats.scene import SceneMesh, readable_mesh
 from meshreel.formats.stretches import find_stretches
 from meshreel.surface import Attribute, Domain, Kind, Surface
-from sample_meshes import two_sheets, waving_grid
+from samples.meshes import two_sheets, waving_grid
 
 TRIANGLE = """point3f[] points = [(0, 0, 0), (1, 0, 0), (0, 1, 0)]
 int[] faceVertexCounts = [3]

@@ -9,7 +9,7 @@ from meshreel.errors import InvalidInputError
 from meshreel.formats.inspection import inspect_source
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.save import save
-from sample_meshes import quad_sheet, two_sheets, waving_grid
+from samples.meshes import quad_sheet, two_sheets, waving_grid
 
 
 def only_mesh(source, **options):

@@ -6,7 +6,7 @@ from meshreel.codec.encoder import encode
 from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.load import load
 from meshreel.formats.save import save
-from sample_meshes import waving_grid
+from samples.meshes import waving_grid
 
 SQUARE = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n"
 

@@ -10,7 +10,7 @@ from meshreel.formats.load import load, open_source
 from meshreel.formats.save import save
 from meshreel.formats.stored_frames import StoredFrames
 from meshreel.sequence import MeshSequence, positions_size_bytes
-from sample_meshes import waving_grid
+from samples.meshes import waving_grid
 
 TRIANGLE = "v 0 0 0\nv 1 0 0\nv 1 1 0\nf 1 2 3\n"
 ENDINGS = ["obj", "ply", "off", "stl"]

@@ -9,8 +9,8 @@ from meshreel.formats.registry import FORMATS, is_written
 from meshreel.formats.save import save
 from meshreel.formats.targets import check_save_target
 from meshreel.sequence import MeshSequence
-from sample_materials import dressed_sheet
-from sample_meshes import waving_grid
+from samples.materials import dressed_sheet
+from samples.meshes import waving_grid
 
 
 def names(paths):

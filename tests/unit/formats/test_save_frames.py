@@ -6,7 +6,7 @@ import pytest
 from meshreel.errors import InvalidInputError
 from meshreel.formats.load import load, open_source
 from meshreel.formats.save import save, save_frames
-from sample_meshes import waving_grid
+from samples.meshes import waving_grid
 
 TARGETS = ["f_%02d.obj", "f_%02d.ply", "f_%02d.off", "f_%02d.stl", "a.npz", "a.reel"]
 

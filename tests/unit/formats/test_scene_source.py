@@ -13,8 +13,8 @@ from meshreel.formats.scene_source import scene_opener
 from meshreel.geometry.fans import join_fans
 from meshreel.sequence import MeshSequence
 from meshreel.surface import Attribute, Domain, Kind, Part, Surface
-from sample_materials import look
-from sample_meshes import assert_same_surface, quad_sheet, two_sheets
+from samples.materials import look
+from samples.meshes import assert_same_surface, quad_sheet, two_sheets
 
 PATH = Path("scene.abc")
 

@@ -5,7 +5,7 @@ from meshreel.errors import InvalidInputError
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.save import save
 from meshreel.formats.stretches import find_stretches
-from sample_meshes import quad_sheet, waving_grid
+from samples.meshes import quad_sheet, waving_grid
 
 
 @pytest.fixture

@@ -5,8 +5,8 @@ import pytest
 
 from meshreel.formats.load import load
 from meshreel.formats.save import save
-from sample_gltf import TRIANGLE, Gltf
-from sample_meshes import two_sheets, waving_grid
+from samples.gltf import TRIANGLE, Gltf
+from samples.meshes import two_sheets, waving_grid
 
 OBJ = "v 0 0 0{a}\nv 1 0 0{a}\nv 0 1 0{a}\nvt {u} 0\nvt 1 0\nf 1/1 2/2 3/1\n"
 PLY = """ply
@@ -273,7 +273,7 @@ def test_what_a_stage_holds_is_named_when_it_is_not_taken(tmp_path):
 
 
 def test_other_objects_are_named_when_an_alembic_file_has_them(tmp_path):
-    import sample_alembic as sample  # which skips the test where the library is missing
+    from samples import alembic as sample  # which skips the test where the library is missing
 
     top = sample.archive(tmp_path / "a.abc").getTop()
     sample.add_mesh(top, "m", [sample.POINTS])
@@ -297,7 +297,7 @@ def test_visibility_is_named_when_it_changes_on_a_stage(tmp_path):
 
 
 def test_visibility_is_named_when_an_alembic_mesh_has_it(tmp_path):
-    import sample_alembic as sample  # which skips the test where the library is missing
+    from samples import alembic as sample  # which skips the test where the library is missing
 
     top = sample.archive(tmp_path / "a.abc").getTop()
     mesh = sample.add_mesh(top, "m", [sample.POINTS])

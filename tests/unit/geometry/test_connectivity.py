@@ -7,7 +7,7 @@ from meshreel.geometry.connectivity import (
     isolated_vertices,
     undirected_edges,
 )
-from sample_meshes import grid_faces, irregular_sequence, octahedron_faces
+from samples.meshes import grid_faces, irregular_sequence, octahedron_faces
 
 
 def test_edges_are_listed_once_when_two_faces_share_one():

@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 
 from meshreel.geometry.creases import creased_share
-from sample_meshes import waving_grid
-from sample_surfaces import CUBE, CUBE_FACES
+from samples.meshes import waving_grid
+from samples.surfaces import CUBE, CUBE_FACES
 
 STRIP = np.array([[0, 1, 2], [2, 1, 3]], np.int32)
 

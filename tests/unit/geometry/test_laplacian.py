@@ -10,7 +10,7 @@ from meshreel.geometry.laplacian import (
     reproducing_laplacian,
     uniform_laplacian,
 )
-from sample_meshes import grid_faces, irregular_sequence
+from samples.meshes import grid_faces, irregular_sequence
 
 
 @pytest.mark.parametrize("normalized", [False, True])

@@ -1,7 +1,7 @@
 import numpy as np
 
 from meshreel.geometry.normals import face_normals, vertex_normals
-from sample_meshes import octahedron_faces
+from samples.meshes import octahedron_faces
 
 
 def test_face_normal_is_twice_the_area_long_when_the_triangle_is_known():

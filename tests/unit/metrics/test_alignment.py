@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from meshreel.metrics.alignment import find_alignment
-from sample_meshes import irregular_sequence
+from samples.meshes import irregular_sequence
 
 ORIGINAL = irregular_sequence()
 

@@ -14,9 +14,9 @@ from meshreel.codec.encoder import encode
 from meshreel.codec.reel_file import ReelFile
 from meshreel.errors import InvalidInputError
 from meshreel.sequence import MeshSequence
-from sample_meshes import waving_grid
-from sample_packets import inlined, played
-from sample_players import PAGE
+from samples.meshes import waving_grid
+from samples.packets import inlined, played
+from samples.players import PAGE
 
 
 @pytest.fixture(autouse=True)

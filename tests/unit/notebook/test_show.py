@@ -11,8 +11,8 @@ import pytest
 from meshreel.codec.encoder import encode
 from meshreel.codec.reel_file import ReelFile
 from meshreel.notebook import show as showing
-from sample_meshes import waving_grid
-from sample_players import PAGE
+from samples.meshes import waving_grid
+from samples.players import PAGE
 
 PATIENCE_S = 20
 

@@ -3,7 +3,7 @@ from scipy.sparse.csgraph import dijkstra
 
 from meshreel.geometry.connectivity import adjacency_matrix, component_labels
 from meshreel.paper.anchors import farthest_points
-from sample_meshes import grid_faces, octahedron_faces
+from samples.meshes import grid_faces, octahedron_faces
 
 
 def test_each_point_is_farthest_from_those_before_when_checked_by_dijkstra():

@@ -8,7 +8,7 @@ from meshreel.paper.pipeline import analyse, synthesise
 from meshreel.paper.settings import anchor_share
 from meshreel.paper.variants import variant_named
 from meshreel.subspace.trajectories import bounding_frame, to_matrices
-from sample_meshes import irregular_sequence, waving_grid
+from samples.meshes import irregular_sequence, waving_grid
 
 
 def round_trip(sequence, config):

@@ -12,7 +12,7 @@ from meshreel.paper.decoder import bits_per_row, coded_blocks
 from meshreel.sequence import MeshSequence
 from meshreel.subspace.pca import autocorrelation, eigen_trajectories
 from meshreel.subspace.trajectories import bounding_frame, to_matrices
-from sample_meshes import irregular_sequence, kg_error_percent, waving_grid
+from samples.meshes import irregular_sequence, kg_error_percent, waving_grid
 
 NAMES = list(METHOD_NAMES)
 

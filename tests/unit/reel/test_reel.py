@@ -30,8 +30,8 @@ from meshreel.reel.agreed.weights import WeightLearner
 from meshreel.reel.encoding.analysis import BlockFrames, FieldChoices, analyse_fields
 from meshreel.sequence import MeshSequence
 from meshreel.subspace.trajectories import bounding_frame, to_matrices
-from sample_meshes import irregular_sequence, kg_error_percent, waving_grid
-from sample_streams import parts_of, raw_stream
+from samples.meshes import irregular_sequence, kg_error_percent, waving_grid
+from samples.streams import parts_of, raw_stream
 
 STENCIL = FieldChoices(1.0).stencil_size
 

@@ -23,7 +23,7 @@ from meshreel.reel.agreed.fields import (
 from meshreel.reel.agreed.mesh import N_CONTEXT_NEIGHBOURS, SMALL_RESOLUTION, FieldMesh
 from meshreel.reel.agreed.timeline import COARSEST
 from meshreel.reel.agreed.weights import KNOWN_RIDGE, smooth_stencils
-from sample_meshes import irregular_sequence, waving_grid
+from samples.meshes import irregular_sequence, waving_grid
 
 N_FRAMES, N_MODES, STEP = 21, 10, 0.125
 

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from meshreel.sequence import MeshSequence
-from sample_meshes import waving_grid
+from samples.meshes import waving_grid
 
 
 @pytest.fixture

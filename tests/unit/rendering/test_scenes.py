@@ -7,7 +7,7 @@ from meshreel.metrics.reference import bounding_box_reference
 from meshreel.rendering.scenes import Scene
 from meshreel.rendering.views import View
 from meshreel.sequence import MeshSequence
-from sample_meshes import quad_sheet, waving_grid
+from samples.meshes import quad_sheet, waving_grid
 
 
 def drawn(scene, number=3, scale=None):

@@ -3,7 +3,7 @@ import pytest
 
 from meshreel.rendering.surface_colors import surface_colors
 from meshreel.surface import Attribute, Domain, Kind, Surface
-from sample_meshes import quad_sheet
+from samples.meshes import quad_sheet
 
 RED, GREEN = [255, 0, 0], [0, 255, 0]
 FACES = np.array([[0, 1, 2], [0, 2, 3], [0, 3, 4]], np.int32)  # a quad and a triangle

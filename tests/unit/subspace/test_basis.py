@@ -6,7 +6,7 @@ from meshreel.geometry.laplacian import delta_coordinates, uniform_laplacian
 from meshreel.subspace.basis import expand, project
 from meshreel.subspace.pca import autocorrelation, eigen_trajectories
 from meshreel.subspace.trajectories import bounding_frame, to_matrices
-from sample_meshes import waving_grid
+from samples.meshes import waving_grid
 
 
 def test_projection_returns_the_deltas_when_all_rows_are_kept():

@@ -12,9 +12,9 @@ from meshreel.metrics.heat import HEATS
 from meshreel.sequence import MeshSequence
 from meshreel.surface import Attribute, Domain, Kind, Surface
 from meshreel.viewer.api import vertex_colors
-from sample_meshes import quad_sheet, waving_grid
-from sample_packets import read_packet
-from sample_players import opened_api
+from samples.meshes import quad_sheet, waving_grid
+from samples.packets import read_packet
+from samples.players import opened_api
 
 KEYS = [
     "name", "n_frames", "n_verts", "n_faces", "fps", "start_s", "origin", "low", "high",

@@ -14,8 +14,8 @@ from meshreel.errors import CorruptStreamError
 from meshreel.sequence import MeshSequence
 from meshreel.viewer.block_packets import block_packet
 from meshreel.viewer.modes import Modes, modes_of, n_fields
-from sample_meshes import irregular_sequence, waving_grid
-from sample_packets import all_played, largest_error, played, read_packet
+from samples.meshes import irregular_sequence, waving_grid
+from samples.packets import all_played, largest_error, played, read_packet
 
 NAMES = list(METHOD_NAMES)
 FINE, ALLOWED = 1e-5, 1e-4

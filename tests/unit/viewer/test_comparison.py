@@ -16,7 +16,7 @@ from meshreel.sequence import MeshSequence
 from meshreel.viewer.comparison import Comparison
 from meshreel.viewer.measuring import Measuring
 from meshreel.viewer.original import Original
-from sample_meshes import irregular_sequence, waving_grid
+from samples.meshes import irregular_sequence, waving_grid
 
 
 def shuffled_grid(n_frames=6):

@@ -9,9 +9,9 @@ from meshreel.errors import InvalidInputError
 from meshreel.metrics.heat import HEATS
 from meshreel.viewer import export
 from meshreel.viewer.export import ALLOWED_ERROR, export_page
-from sample_meshes import waving_grid
-from sample_packets import inlined, played, read_packet
-from sample_players import PAGE, opened_api
+from samples.meshes import waving_grid
+from samples.packets import inlined, played, read_packet
+from samples.players import PAGE, opened_api
 
 COARSE = {"allowed_error": ALLOWED_ERROR}
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from meshreel.viewer.packets import TYPES, packet
-from sample_packets import read_packet
+from samples.packets import read_packet
 
 
 @pytest.mark.parametrize("name", TYPES)

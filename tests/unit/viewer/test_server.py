@@ -11,9 +11,9 @@ import pytest
 from meshreel.errors import CorruptStreamError, InvalidInputError
 from meshreel.viewer.api import Api
 from meshreel.viewer.server import ViewerServer
-from sample_meshes import waving_grid
-from sample_packets import read_packet
-from sample_players import PAGE, opened_api
+from samples.meshes import waving_grid
+from samples.packets import read_packet
+from samples.players import PAGE, opened_api
 
 
 @contextmanager

@@ -17,9 +17,9 @@ from meshreel.connectivity.coder import encode_connectivity
 from meshreel.errors import CorruptStreamError
 from meshreel.materials import Image, Material, Texture
 from meshreel.surface import Attribute, Domain, Kind, Surface
-from sample_materials import dressed_sheet, dressed_sheets
-from sample_meshes import assert_same_surface, quad_sheet, two_sheets, waving_grid
-from sample_streams import parts_of, raw_stream
+from samples.materials import dressed_sheet, dressed_sheets
+from samples.meshes import assert_same_surface, quad_sheet, two_sheets, waving_grid
+from samples.streams import parts_of, raw_stream
 
 
 @pytest.mark.parametrize("method", ["reel", "pca-qp"])

@@ -8,7 +8,7 @@ import meshreel
 from meshreel.codec.surface.uv_errors import measure_uvs
 from meshreel.errors import InvalidInputError
 from meshreel.surface import Attribute, Domain, Kind, Surface
-from sample_meshes import two_sheets, waving_grid
+from samples.meshes import two_sheets, waving_grid
 
 
 def grid_with_uvs(values):

@@ -6,9 +6,9 @@ import struct
 import numpy as np
 import pytest
 
-import sample_alembic as sample
 from meshreel.errors import FormatError, MeshReelError
 from meshreel.formats.load import load
+from samples import alembic as sample
 
 N_DAMAGED = 250
 

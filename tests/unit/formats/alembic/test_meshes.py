@@ -1,11 +1,11 @@
 import numpy as np
 import pytest
 
-import sample_alembic as sample
 from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.load import load, open_source
 from meshreel.geometry.fans import join_fans
 from meshreel.surface import Domain, Kind
+from samples import alembic as sample
 
 MOVES = [sample.POINTS, sample.POINTS * 2, sample.POINTS * 4]
 

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-import sample_alembic as sample
 from meshreel.formats.load import load
+from samples import alembic as sample
 
 OPERATIONS = {
     "translate": ("kTranslateOperation", sample.vector(1.5, -2, 3)),

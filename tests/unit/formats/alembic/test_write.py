@@ -11,8 +11,8 @@ from meshreel.formats.save import save
 from meshreel.geometry.fans import triangulate_fans
 from meshreel.sequence import MeshSequence
 from meshreel.surface import Attribute, Domain, FaceGroups, Kind, Part, Surface
-from sample_meshes import quad_sheet
-from sample_surfaces import two_cubes
+from samples.meshes import quad_sheet
+from samples.surfaces import two_cubes
 
 pytest.importorskip("alembic3d")
 

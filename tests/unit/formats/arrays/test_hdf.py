@@ -9,14 +9,14 @@ from meshreel.formats.save import save
 from meshreel.formats.stored_frames import StoredFrames
 from meshreel.sequence import MeshSequence
 from meshreel.surface import PLAIN
-from sample_datasets import (
+from samples.datasets import (
     assert_same_positions,
     damaged_versions,
     plain_sequence,
     positions_of,
     surfaced_sequence,
 )
-from sample_meshes import assert_same_surface
+from samples.meshes import assert_same_surface
 
 h5py = pytest.importorskip("h5py")
 

@@ -9,8 +9,13 @@ from meshreel.formats.arrays.npz import read_npz
 from meshreel.formats.load import load, open_source
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.save import save
-from sample_datasets import assert_same_positions, damaged_versions, positions_of, surfaced_sequence
-from sample_meshes import assert_same_surface
+from samples.datasets import (
+    assert_same_positions,
+    damaged_versions,
+    positions_of,
+    surfaced_sequence,
+)
+from samples.meshes import assert_same_surface
 
 FACES = np.array([[0, 1, 2]])
 VERTICES = np.eye(3, dtype=np.float32)[None].repeat(2, axis=0)

@@ -11,7 +11,7 @@ from meshreel.formats.save import save
 from meshreel.formats.stored_frames import StoredFrames
 from meshreel.sequence import MeshSequence
 from meshreel.surface import PLAIN
-from sample_datasets import (
+from samples.datasets import (
     assert_same_positions,
     damaged_versions,
     plain_sequence,
@@ -19,7 +19,7 @@ from sample_datasets import (
     positions_of,
     surfaced_sequence,
 )
-from sample_meshes import assert_same_surface
+from samples.meshes import assert_same_surface
 
 ENDINGS = ["pc2", "mdd"]
 RATES = [24.0, 25.0, 30.0, 60.0, 29.97, 30000 / 1001, 24000 / 1001, 1000.0]

@@ -6,7 +6,7 @@ from meshreel.formats.gltf import accessors
 from meshreel.formats.gltf.accessors import Accessors
 from meshreel.formats.gltf.document import read_document
 from meshreel.formats.gltf.json_object import JsonObject
-from sample_gltf import Gltf
+from samples.gltf import Gltf
 
 HOLDER = JsonObject({"it": 0}, "holder")
 

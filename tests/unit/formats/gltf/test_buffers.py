@@ -5,7 +5,7 @@ import pytest
 
 from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.load import load
-from sample_gltf import Gltf, glb, moving_triangle
+from samples.gltf import Gltf, glb, moving_triangle
 
 PACKED = {"EXT_meshopt_compression": {"fallback": True}}
 

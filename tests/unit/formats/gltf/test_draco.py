@@ -4,7 +4,7 @@ import pytest
 
 from meshreel.errors import FormatError
 from meshreel.formats.load import load
-from sample_gltf import Gltf
+from samples.gltf import Gltf
 
 POSITIONS = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0.5, 0.5, 1]])
 FACES = np.array([[0, 1, 2], [0, 2, 3], [0, 1, 4], [1, 2, 4]])

@@ -10,7 +10,7 @@ from meshreel.formats.gltf.error_budget import share_budget
 from meshreel.formats.options import Origin, WriteOptions
 from meshreel.formats.save import save, save_part
 from meshreel.sequence import MeshSequence
-from sample_glb import Glb, largest_error_percent
+from samples.glb import Glb, largest_error_percent
 
 PROMISE = 0.1
 AGAINST_THE_ORIGINAL = re.compile(

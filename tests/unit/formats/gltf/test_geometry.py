@@ -5,7 +5,7 @@ from meshreel.errors import FormatError
 from meshreel.formats.gltf.primitives import FAN, STRIP, TRIANGLES, cut_triangles
 from meshreel.formats.load import load
 from meshreel.surface import Domain, Kind
-from sample_gltf import SQUARE, SQUARE_FACES, TRIANGLE, Gltf, shifted
+from samples.gltf import SQUARE, SQUARE_FACES, TRIANGLE, Gltf, shifted
 
 SPLIT = [*SQUARE, SQUARE[0], SQUARE[2]]
 SPLIT_FACES = [0, 1, 2, 4, 5, 3]

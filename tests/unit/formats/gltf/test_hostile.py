@@ -10,8 +10,8 @@ import pytest
 
 from meshreel.errors import FormatError, MeshReelError
 from meshreel.formats.load import load, open_source
-from sample_gltf import Gltf, glb, moving_triangle, rich_gltf
-from sample_json import DELETED, ODD, changed, places
+from samples.gltf import Gltf, glb, moving_triangle, rich_gltf
+from samples.json import DELETED, ODD, changed, places
 
 N_CHANGED = 500
 

@@ -14,10 +14,10 @@ from meshreel.formats.load import load
 from meshreel.formats.options import WriteOptions
 from meshreel.formats.save import save
 from meshreel.materials import AlphaMode, Filter, Image, Material, Texture, Wrap
-from sample_glb import Glb, stream_of, written
-from sample_gltf import SQUARE, SQUARE_FACES, Gltf
-from sample_json import DELETED, ODD, changed, places
-from sample_materials import dressed_sheet, dressed_sheets, jpeg, look, png
+from samples.glb import Glb, stream_of, written
+from samples.gltf import SQUARE, SQUARE_FACES, Gltf
+from samples.json import DELETED, ODD, changed, places
+from samples.materials import dressed_sheet, dressed_sheets, jpeg, look, png
 
 FACTORS = {
     "pbrMetallicRoughness": {

@@ -5,8 +5,8 @@ from meshreel.flag import simulate_flag
 from meshreel.formats.gltf.moving_mesh import Wanted, fit_part
 from meshreel.formats.gltf.normal_targets import NormalChoice, still_normals
 from meshreel.geometry.normals import vertex_normals
-from sample_meshes import octahedron_faces, waving_grid
-from sample_surfaces import rich_cube
+from samples.meshes import octahedron_faces, waving_grid
+from samples.surfaces import rich_cube
 
 
 def angles_deg(moving, vertices, faces):

@@ -4,7 +4,7 @@ import pytest
 from meshreel.errors import InvalidInputError
 from meshreel.formats.load import load, open_source
 from meshreel.formats.stored_frames import StoredFrames
-from sample_gltf import SQUARE, SQUARE_FACES, TRIANGLE, Gltf, moving_triangle, rich_gltf, shifted
+from samples.gltf import SQUARE, SQUARE_FACES, TRIANGLE, Gltf, moving_triangle, rich_gltf, shifted
 
 HALF = np.sqrt(0.5)
 QUARTER_Z = [0, 0, HALF, HALF]

@@ -3,7 +3,7 @@ import pytest
 
 from meshreel.errors import FormatError
 from meshreel.formats.load import load
-from sample_gltf import SQUARE, SQUARE_FACES, Gltf, moving_triangle
+from samples.gltf import SQUARE, SQUARE_FACES, Gltf, moving_triangle
 
 
 @pytest.fixture

@@ -3,7 +3,7 @@ import pytest
 
 from meshreel.errors import FormatError
 from meshreel.formats.load import load
-from sample_gltf import TRIANGLE, Gltf, shifted
+from samples.gltf import TRIANGLE, Gltf, shifted
 
 HALF = np.sqrt(0.5)
 

@@ -10,9 +10,9 @@ from meshreel.formats.gltf.write import write_glb, write_gltf
 from meshreel.formats.options import WriteOptions
 from meshreel.sequence import MeshSequence
 from meshreel.surface import Attribute, Domain, FaceGroups, Kind, Part, Surface
-from sample_glb import Glb, largest_error_percent, stream_of, written
-from sample_meshes import irregular_sequence, waving_grid
-from sample_surfaces import rich_cube
+from samples.glb import Glb, largest_error_percent, stream_of, written
+from samples.meshes import irregular_sequence, waving_grid
+from samples.surfaces import rich_cube
 
 
 def grid(n_frames=30, dtype=np.float32, **changes):

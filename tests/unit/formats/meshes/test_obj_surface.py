@@ -6,7 +6,7 @@ from meshreel.formats.load import load
 from meshreel.formats.meshes.obj_surface import parse_obj_surface
 from meshreel.formats.save import save
 from meshreel.surface import Domain, Kind, Part, Surface
-from sample_surfaces import attribute, described, groups, rich_cube, two_cubes
+from samples.surfaces import attribute, described, groups, rich_cube, two_cubes
 
 SQUARE = b"v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n"
 UVS = b"vt 0 0\nvt 0.1 0\nvt 0.1 0.7\nvt 9 9\n"

@@ -6,7 +6,7 @@ from meshreel.formats.load import load
 from meshreel.formats.meshes.off_surface import parse_off_surface
 from meshreel.formats.save import save
 from meshreel.surface import Domain, Kind
-from sample_surfaces import attribute, described, groups, rich_cube, two_cubes
+from samples.surfaces import attribute, described, groups, rich_cube, two_cubes
 
 
 def triangle(keyword, *columns, face=""):

@@ -6,7 +6,7 @@ from meshreel.formats.load import load
 from meshreel.formats.meshes.ply_surface import parse_ply_surface
 from meshreel.formats.save import save
 from meshreel.surface import Domain, Kind
-from sample_surfaces import attribute, described, groups, rich_cube, two_cubes
+from samples.surfaces import attribute, described, groups, rich_cube, two_cubes
 
 
 def triangle(vertex_properties, vertex_rows, face_properties=(), face_row=""):

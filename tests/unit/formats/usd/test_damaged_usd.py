@@ -8,7 +8,7 @@ import pytest
 from meshreel.errors import FormatError, MeshReelError
 from meshreel.formats.load import load
 from meshreel.formats.save import save
-from sample_meshes import waving_grid
+from samples.meshes import waving_grid
 
 ENDINGS = ["usd", "usda", "usdc", "usdz"]
 N_FLIPPED = 60

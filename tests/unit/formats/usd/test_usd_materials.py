@@ -13,7 +13,7 @@ from meshreel.errors import InvalidInputError, MeshReelError
 from meshreel.formats.load import load
 from meshreel.formats.save import save
 from meshreel.materials import AlphaMode, Image, Material, Texture, Wrap
-from sample_materials import dressed_sheet, dressed_sheets, jpeg, look, png
+from samples.materials import dressed_sheet, dressed_sheets, jpeg, look, png
 
 ENDINGS = ["usd", "usda", "usdc", "usdz"]
 

@@ -11,7 +11,7 @@ from meshreel.formats.stored_frames import StoredFrames
 from meshreel.formats.stretches import find_stretches
 from meshreel.formats.vtk.legacy import read_vtk_legacy
 from meshreel.surface import Domain, Kind
-from sample_datasets import damaged_versions, plain_sequence, positions_of
+from samples.datasets import damaged_versions, plain_sequence, positions_of
 
 pytest.importorskip("vtkmodules")
 from vtkmodules.vtkIOLegacy import vtkPolyDataWriter, vtkUnstructuredGridWriter
@@ -20,7 +20,7 @@ from vtkmodules.vtkIOXML import (
     vtkXMLUnstructuredGridWriter,
 )
 
-from sample_vtk import (
+from samples.vtk import (
     COLORS,
     HEAT,
     POINTS,

@@ -8,7 +8,7 @@ from meshreel.formats.load import load, open_source
 from meshreel.formats.save import save
 from meshreel.formats.stored_frames import StoredFrames
 from meshreel.surface import PLAIN, Domain, Kind, Surface
-from sample_datasets import (
+from samples.datasets import (
     CORNERS,
     COUNTS,
     assert_same_positions,
@@ -18,7 +18,7 @@ from sample_datasets import (
     positions_of,
     surfaced_sequence,
 )
-from sample_meshes import assert_same_surface
+from samples.meshes import assert_same_surface
 
 h5py = pytest.importorskip("h5py")
 

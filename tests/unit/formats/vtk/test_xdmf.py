@@ -7,7 +7,7 @@ from meshreel.errors import FormatError, InvalidInputError, MeshReelError
 from meshreel.formats.load import load, open_source
 from meshreel.formats.stored_frames import StoredFrames
 from meshreel.surface import Domain, Kind
-from sample_datasets import CORNERS, COUNTS, N_VERTS, damaged_versions, positions_of
+from samples.datasets import CORNERS, COUNTS, N_VERTS, damaged_versions, positions_of
 
 POSITIONS = np.random.default_rng(0).standard_normal((5, N_VERTS, 3)).astype(np.float32)
 TRIANGLES = np.array([[0, 1, 2], [2, 3, 4], [5, 6, 10]])
@@ -339,7 +339,7 @@ def test_load_reads_the_mesh_when_vtk_wrote_xdmf(tmp_path):
     pytest.importorskip("vtkmodules")
     from vtkmodules.vtkIOXdmf2 import vtkXdmfWriter
 
-    from sample_vtk import COLORS, POINTS, grid, written
+    from samples.vtk import COLORS, POINTS, grid, written
 
     found = load(written(vtkXdmfWriter(), grid(), tmp_path / "a.xmf"))
     np.testing.assert_allclose(found.vertices[0], POINTS, rtol=1e-5)

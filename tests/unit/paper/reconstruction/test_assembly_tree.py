@@ -4,7 +4,7 @@ from scipy.sparse import csc_array, tril
 
 from meshreel.paper.reconstruction.assembly_tree import elimination_of, fronts_of
 from meshreel.paper.reconstruction.dissection import nested_dissection
-from sample_systems import irregular_faces, system_of
+from samples.systems import irregular_faces, system_of
 
 
 @pytest.fixture(scope="module")

@@ -3,8 +3,8 @@ import pytest
 from scipy.sparse import csc_array, csr_array, eye_array
 
 from meshreel.paper.reconstruction.dissection import nested_dissection
-from sample_meshes import grid_faces
-from sample_systems import irregular_faces, system_of
+from samples.meshes import grid_faces
+from samples.systems import irregular_faces, system_of
 
 
 def unrelated_couplings(matrix, nodes):

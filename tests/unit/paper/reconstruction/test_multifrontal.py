@@ -5,8 +5,8 @@ from scipy.sparse import csc_array, eye_array
 from meshreel.errors import SolverError
 from meshreel.paper.reconstruction.multifrontal import MultifrontalSolver
 from meshreel.runtime.threads import limit_cores, n_cores
-from sample_meshes import grid_faces, irregular_sequence
-from sample_systems import irregular_faces, system_of
+from samples.meshes import grid_faces, irregular_sequence
+from samples.systems import irregular_faces, system_of
 
 
 def right_sides(matrix, n_columns=70):

@@ -7,7 +7,7 @@ from scipy.sparse import csc_array
 from meshreel.errors import SolverError
 from meshreel.paper.reconstruction import solver as module
 from meshreel.paper.reconstruction.solver import CholeskySolver
-from sample_systems import irregular_faces, system_of
+from samples.systems import irregular_faces, system_of
 
 
 def spd_matrix():

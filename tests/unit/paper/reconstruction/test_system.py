@@ -6,7 +6,7 @@ import pytest
 from meshreel.errors import SolverError
 from meshreel.geometry.laplacian import delta_coordinates, uniform_laplacian
 from meshreel.paper.reconstruction.system import ReconstructionSystem
-from sample_meshes import grid_faces, octahedron_faces
+from samples.meshes import grid_faces, octahedron_faces
 
 FACES, N_VERTS = grid_faces(6, 7), 42
 

@@ -7,7 +7,7 @@ from scipy.sparse import csr_array
 from meshreel.errors import InvalidInputError
 from meshreel.geometry.laplacian import uniform_laplacian
 from meshreel.paper.subspace.graph_fourier import check_basis_size, graph_fourier_basis
-from sample_meshes import grid_faces, octahedron_faces
+from samples.meshes import grid_faces, octahedron_faces
 
 LAPLACIAN = uniform_laplacian(grid_faces(9, 8), 72)
 

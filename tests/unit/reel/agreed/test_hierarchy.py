@@ -16,7 +16,7 @@ from meshreel.reel.agreed.hierarchy import (
     nearest_earlier,
     scattered,
 )
-from sample_meshes import grid_faces, octahedron_faces
+from samples.meshes import grid_faces, octahedron_faces
 
 SIZE = 7
 

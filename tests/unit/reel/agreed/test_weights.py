@@ -15,7 +15,7 @@ from meshreel.reel.agreed.weights import (
     joined_stencils,
     smooth_stencils,
 )
-from sample_meshes import grid_faces, octahedron_faces
+from samples.meshes import grid_faces, octahedron_faces
 
 ROWS, COLUMNS, SIZE = 24, 30, 10
 Y, X = (axis.ravel() / 10.0 for axis in np.mgrid[0:ROWS, 0:COLUMNS])

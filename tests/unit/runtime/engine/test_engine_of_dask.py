@@ -12,8 +12,8 @@ import pytest
 
 from meshreel.errors import InvalidInputError, WorkerDiedError
 from meshreel.runtime.engine.engine import open_engine
-from sample_clusters import local_cluster
-from sample_tasks import (
+from samples.clusters import local_cluster
+from samples.tasks import (
     cores_and_blas_threads,
     die_always,
     die_once_if,
@@ -23,7 +23,7 @@ from sample_tasks import (
     slow_square,
     square,
 )
-from sample_waiting import time_limit, wait_until
+from samples.waiting import time_limit, wait_until
 
 distributed = pytest.importorskip("distributed", reason="the extra [dask] is not installed")
 

@@ -13,7 +13,7 @@ from meshreel.errors import InvalidInputError, WorkerDiedError
 from meshreel.runtime.engine.engine import Engine, open_engine
 from meshreel.runtime.engine.processes import ProcessWorkers
 from meshreel.runtime.threads import n_cores
-from sample_tasks import (
+from samples.tasks import (
     cores_and_blas_threads,
     die_always,
     die_once,
@@ -59,7 +59,7 @@ def test_submit_calls_in_other_processes_of_the_number_asked_for(engine):
 def test_submit_raises_the_error_of_the_call_with_where_it_was_raised(engine):
     with pytest.raises(ValueError, match="no such thing") as caught:
         engine.submit(fail, "no such thing").result(60)
-    assert "sample_tasks.py" in caught.value.__notes__[0]
+    assert "tasks.py" in caught.value.__notes__[0]
 
 
 def test_submit_raises_the_text_of_an_error_that_cannot_be_pickled(engine):

@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import strategies as st
 
 from meshreel.sequence import MeshSequence
-from sample_meshes import grid_faces, octahedron_faces
+from samples.meshes import grid_faces, octahedron_faces
 
 SCALES = (1e-6, 1e-3, 1.0, 1e3, 1e6)
 OFFSETS = (0.0, 1.0, -1e3, 1e6)

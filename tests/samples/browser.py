@@ -12,7 +12,7 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-FOLDER = Path(__file__).parent / "integration" / "gltf_in_browser"
+FOLDER = Path(__file__).parents[1] / "integration" / "gltf_in_browser"
 FLAGS = [
     "--headless=new",
     "--no-sandbox",

@@ -5,7 +5,7 @@ import zlib
 from dataclasses import replace
 
 from meshreel.materials import AlphaMode, Filter, Image, Material, Texture, Wrap
-from sample_meshes import quad_sheet, two_sheets
+from samples.meshes import quad_sheet, two_sheets
 
 
 def png(shade=128, name="shade"):

@@ -2,7 +2,7 @@
 
 from contextlib import contextmanager
 
-from sample_waiting import time_limit
+from samples.waiting import time_limit
 
 
 @contextmanager

@@ -6,7 +6,7 @@ from scipy.spatial import Delaunay
 
 from meshreel.geometry.connectivity import component_labels
 from meshreel.geometry.laplacian import uniform_laplacian
-from sample_meshes import grid_faces, octahedron_faces
+from samples.meshes import grid_faces, octahedron_faces
 
 
 def irregular_faces(n_points=900):
