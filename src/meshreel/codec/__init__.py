@@ -1,1 +1,1 @@
-"""The method: sequences to streams and back."""
+"""Sequences to streams and back, whatever the method."""
