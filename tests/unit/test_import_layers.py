@@ -1,6 +1,8 @@
-"""The house: rooms import downwards only, and rooms of one floor do not import each other."""
+"""The house of `docs/house.md`: rooms import downwards only, and never their neighbours."""
 
 import ast
+import re
+import runpy
 from graphlib import TopologicalSorter
 from pathlib import Path
 
@@ -9,24 +11,15 @@ import pytest
 import meshreel
 
 ROOT = Path(meshreel.__file__).parent
-FLOORS = [  # from the top
-    {"__main__"},
-    {"cli", "notebook"},
-    {"evaluation", "batch", "viewer", "api"},
-    {"formats"},
-    {"paper", "reel"},
-    {"codec", "rendering", "flag"},
-    {"bitstream", "connectivity", "subspace", "metrics"},
-    {"geometry", "entropy"},
-    {"sequence", "surface_selection"},
-    {"surface", "frame_choice"},
-    {"materials"},
-    {"runtime"},
-    {"errors", "counting"},
-]
+HOUSE = (Path(__file__).parents[2] / "docs" / "house.md").read_text(encoding="utf-8")
+FLOOR_OF = {
+    room: int(floor)
+    for floor, room in re.findall(r"^\| (\d+) \| `([a-z_]+)` \|", HOUSE, re.MULTILINE)
+}
+"""The table of `docs/house.md`; 0 is the lowest floor."""
+
 SHOWN = {"sequence", "codec"}
 """Rooms that may import `notebook`: what they hold shows itself, once it is asked to."""
-FLOOR_OF = {room: floor for floor, rooms in enumerate(FLOORS) for room in rooms}
 
 
 def imported_rooms(source):
@@ -48,7 +41,7 @@ def forbidden(room, source):
         other
         for other in imported_rooms(source)
         if other != room
-        and FLOOR_OF[other] <= FLOOR_OF[room]
+        and FLOOR_OF[other] >= FLOOR_OF[room]
         and not (other == "notebook" and room in SHOWN)
     }
 
@@ -65,6 +58,21 @@ def test_module_imports_only_downwards(path):
     assert forbidden(room_of(path), path.read_text(encoding="utf-8")) == set()
 
 
+def imported_modules(folder):
+    """Modules that those of a folder import."""
+    nodes = [
+        node
+        for path in (ROOT / folder).rglob("*.py")
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+    ]
+    return {node.module for node in nodes if isinstance(node, ast.ImportFrom) and node.module}
+
+
+def test_agreed_mathematics_knows_neither_side_when_both_call_it():
+    found = {name for name in imported_modules("reel/agreed") if name.startswith("meshreel.reel")}
+    assert {name.split(".")[2] for name in found} == {"agreed"}
+
+
 def test_every_room_has_a_floor_when_the_package_is_listed():
     assert {room_of(path) for path in MODULES} == set(FLOOR_OF)
 
@@ -77,6 +85,12 @@ def run_nodes(tree):
         if not (isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING")
     ]
     return ast.walk(tree)
+
+
+def test_picture_of_the_house_is_that_of_its_table():
+    docs = Path(__file__).parents[2] / "docs"
+    drawn = runpy.run_path(str(docs / "house_picture.py"))["picture"](HOUSE)
+    assert drawn == (docs / "images" / "house.svg").read_text(encoding="utf-8")
 
 
 def test_modules_have_no_import_cycle_when_sorted():
