@@ -48,7 +48,7 @@ def test_requirements_are_those_of_the_library_but_what_blender_brings(build):
         "cholespy>=2.0",
         "constriction>=0.4,<0.6",
         "scipy>=1.12,<1.16",
-        "threadpoolctl>=3",
+        "threadpoolctl>=3.7",
     ]
 
 

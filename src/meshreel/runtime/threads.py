@@ -8,9 +8,7 @@ the cores busy, products become many times slower. Pieces in our threads with on
 are as fast where cores are free, and keep their speed where they are not.
 """
 
-import ctypes
 import os
-import sys
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -181,10 +179,6 @@ def n_cores() -> int:
 def _controller() -> ThreadpoolController:
     import scipy.linalg  # noqa: F401  brings a BLAS of its own, which must be there to be found
 
-    # It asks the loader for libraries, which calls back into Python under a lock of its own. While
-    # another thread imports a library, which takes that lock and does not let go of Python, both
-    # would wait for ever, unless this one does not let go of Python either.
-    known = getattr(ThreadpoolController, "_system_libraries", None)
-    if sys.platform == "linux" and isinstance(known, dict):
-        known.setdefault("libc", ctypes.PyDLL(None))
+    # Before 3.7 threadpoolctl held the loader's lock while it ran Python. A thread that imported a
+    # library meanwhile, which needs that lock and keeps the interpreter's, made both wait for ever.
     return ThreadpoolController()

@@ -1,5 +1,7 @@
 """Pieces of work in threads."""
 
+import subprocess
+import sys
 import threading
 import time
 import warnings
@@ -19,14 +21,36 @@ from meshreel.runtime.threads import (
 
 COUNTS = [0, 1, 2, 3, 50]
 
+IMPORTING = """
+import importlib.util, shutil, sys, threading
+from importlib.machinery import ExtensionFileLoader
+from pathlib import Path
+import scipy.linalg
+from meshreel.runtime.threads import _controller
 
-ASKING = threading.Lock()
+folder, modules = Path(sys.argv[1]), ("_queue", "_opcode", "_json", "_bisect")
+libraries = [importlib.util.find_spec(name).origin for name in modules]
+library = next(one for one in libraries if one.endswith((".so", ".pyd")))
+module = Path(library).name.partition(".")[0]
+
+def import_copies():
+    for number in range(120):
+        name, copy = f"copy{number}.{module}", shutil.copy(library, folder / f"{number}.so")
+        loader = ExtensionFileLoader(name, str(copy))
+        spec = importlib.util.spec_from_file_location(name, copy, loader=loader)
+        importlib.util.module_from_spec(spec)
+
+sys.setswitchinterval(1e-6)
+importing = threading.Thread(target=import_copies, daemon=True)
+importing.start()
+while importing.is_alive():
+    _controller.__wrapped__()
+"""
+"""Imports libraries in one thread, and looks for those of BLAS in another."""
 
 
 def blas_threads():
-    # One at a time: threads that ask the loader at once can wait for each other for ever.
-    with ASKING:
-        return [one["num_threads"] for one in threadpool_info() if one["user_api"] == "blas"]
+    return [one["num_threads"] for one in threadpool_info() if one["user_api"] == "blas"]
 
 
 @pytest.mark.parametrize("n_pieces", COUNTS)
@@ -181,6 +205,11 @@ def test_work_goes_on_beside_the_caller_when_it_is_in_the_background():
     was_heard, thread = future.result(10)
     assert was_heard
     assert thread != threading.get_ident()
+
+
+@pytest.mark.slow
+def test_libraries_of_blas_are_found_when_another_thread_imports_libraries(tmp_path):
+    subprocess.run([sys.executable, "-c", IMPORTING, tmp_path], check=True, timeout=60)
 
 
 def test_error_comes_out_with_the_result_when_work_in_the_background_fails():
