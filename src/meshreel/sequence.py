@@ -11,6 +11,7 @@ import numpy.typing as npt
 from meshreel.counting import counted
 from meshreel.errors import InvalidInputError
 from meshreel.frame_choice import FrameChoice, chosen_frames
+from meshreel.showing import notebook_html, show
 from meshreel.surface import PLAIN, Surface
 
 Vertices = npt.NDArray[np.float32] | npt.NDArray[np.float64]
@@ -188,26 +189,8 @@ class MeshSequence:
     def __iter__(self) -> Iterator[Vertices]:
         return iter(self.vertices)
 
-    def _repr_html_(self) -> str:
-        """What a notebook shows: figures over the player, or over a picture."""
-        from meshreel.notebook.html import html_of
-
-        return html_of(self)
-
-    def show(self, *, block: bool | None = None) -> None:
-        """Play the sequence: in the output of the cell in a notebook, else in the browser.
-
-        Parameters
-        ----------
-        block : bool, optional
-            Whether to wait for ctrl-C while the browser shows it. Default: in a script, whose
-            end would end the player, but not at a prompt.
-
-        The browser shows it beside what `encode` makes of it by default; a notebook shows that.
-        """
-        from meshreel.notebook.show import show
-
-        show(self, block=block)
+    _repr_html_ = notebook_html
+    show = show
 
     def __repr__(self) -> str:
         name = f" {self.name!r}" if self.name else ""

@@ -18,8 +18,8 @@ FLOOR_OF = {
 }
 """The table of `docs/house.md`; 0 is the lowest floor."""
 
-SHOWN = {"sequence", "codec"}
-"""Rooms that may import `notebook`: what they hold shows itself, once it is asked to."""
+SHOWN = {"showing"}
+"""May import `notebook`: sequences and files show themselves, once they are asked to."""
 
 
 def imported_rooms(source):

@@ -20,6 +20,7 @@ from meshreel.codec.open_stream import OpenStream
 from meshreel.errors import CorruptStreamError, InvalidInputError
 from meshreel.frame_choice import FrameChoice, chosen_frames
 from meshreel.sequence import Faces
+from meshreel.showing import notebook_html, show
 from meshreel.surface import Surface
 
 Vertices = npt.NDArray[np.floating]
@@ -234,25 +235,8 @@ class ReelFile:
     ) -> None:
         self.close()
 
-    def _repr_html_(self) -> str:
-        """What a notebook shows: figures over the player, or over a picture."""
-        from meshreel.notebook.html import html_of
-
-        return html_of(self)
-
-    def show(self, *, block: bool | None = None) -> None:
-        """Play the file: in the output of the cell in a notebook, else in the browser.
-
-        Parameters
-        ----------
-        block : bool, optional
-            Whether to wait for ctrl-C while the browser shows it. Default: in a script, whose
-            end would end the player, but not at a prompt.
-            It must stay open for as long as it is shown.
-        """
-        from meshreel.notebook.show import show
-
-        show(self, block=block)
+    _repr_html_ = notebook_html
+    show = show
 
     def __repr__(self) -> str:
         name = f" {self.name!r}" if self.name else ""
