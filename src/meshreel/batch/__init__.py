@@ -1,1 +1,1 @@
-"""Many sequences encoded by an engine, and the manifest that says what was done."""
+"""Many sequences, encoded by an engine, and the manifest that records the outcome of each."""

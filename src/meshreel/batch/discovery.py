@@ -1,4 +1,4 @@
-"""The sequences that lie under a folder."""
+"""The sequences under a folder."""
 
 import hashlib
 from collections.abc import Iterator
@@ -26,7 +26,7 @@ class BatchInput:
     files : tuple of Path
         The files that it consists of.
     output : str
-        Where the stream belongs within the folder of outputs, with slashes.
+        Path of the stream within the folder of outputs, with slashes.
     """
 
     name: str

@@ -1,4 +1,4 @@
-"""One input to the bytes of its stream, as a worker does it."""
+"""One input, encoded and measured by a worker."""
 
 import math
 import time
@@ -32,7 +32,7 @@ class EncodeOptions:
     ----------
     config : EncoderConfig
     fps : float, optional
-        In place of what the input says.
+        In place of the frame rate of the input.
     merge : bool
         Whether all meshes of an input are taken as one, where the format may hold several.
     attributes : str
@@ -71,7 +71,7 @@ class EncodeOptions:
 
 @dataclass(frozen=True)
 class Encoded:
-    """A stream, and what it is worth.
+    """A stream and its figures.
 
     Attributes
     ----------
@@ -134,7 +134,7 @@ def encode_input(
 def _suited(
     opened: FrameSource, options: EncodeOptions, notes: list[str]
 ) -> tuple[FrameSource, EncoderConfig]:
-    """An input with the attributes to keep of it, and what of the options it can follow."""
+    """An input with the attributes to keep of it, and the options that apply to it."""
     config = options.config
     if missing := missing_names(opened.surface, options.attributes):
         notes.append(describe_missing(opened.surface, missing))
@@ -146,5 +146,5 @@ def _suited(
 
 
 def _finite(error: float | None) -> float | None:
-    """None for what JSON has no number for."""
+    """The error as JSON can hold it: None where it is not finite."""
     return float(error) if error is not None and math.isfinite(error) else None

@@ -1,4 +1,4 @@
-"""What was done with each input of a batch, on disk after each of them."""
+"""The outcome of each input of a batch, on disk after each of them."""
 
 import json
 import os
@@ -20,7 +20,7 @@ DONE, FAILED, PENDING = "done", "failed", "pending"
 
 @dataclass(frozen=True)
 class Record:
-    """One input, and what came of it.
+    """The outcome of one input.
 
     Attributes
     ----------
@@ -29,8 +29,7 @@ class Record:
     output : str
         The stream, within the folder of outputs.
     owns_output : bool
-        Whether what lies there, if anything, was made of this input: only that is replaced
-        unasked.
+        Whether a file that is there was made from this input: only then is it replaced unasked.
     fingerprint : str
         Of the input: names, sizes and times of change of its files.
     options : dict
@@ -98,7 +97,7 @@ class Manifest:
 
 
 def read_manifest(input_dir: Path, out_dir: Path, *, force: bool = False) -> Manifest:
-    """The manifest of the folder of outputs; without records where there is none yet.
+    """The manifest of a folder of outputs; without records where there is none yet.
 
     Raises
     ------

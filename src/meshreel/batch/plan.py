@@ -1,4 +1,4 @@
-"""What a run of a batch has to do."""
+"""The plan of a run: which inputs are to be encoded, and which are not."""
 
 from collections import defaultdict
 from dataclasses import dataclass
@@ -44,7 +44,7 @@ class Plan:
 def plan_batch(
     input_dir: Path, out_dir: Path, options: EncodeOptions, *, force: bool = False
 ) -> Plan:
-    """What is missing, changed or failed before, of all inputs.
+    """The plan of a run: inputs that are new, changed or failed before are to be encoded.
 
     An input is up to date if its stream is there with the size it was written with, and neither
     the files of the input nor the options have changed since.
@@ -125,7 +125,7 @@ def _is_input(output: Path) -> str:
 
 
 def _rivals(inputs: list[BatchInput]) -> dict[BatchInput, str]:
-    """Inputs that share an output, and what to say of it."""
+    """Inputs that share an output, each with the reason to refuse it."""
     of_output = defaultdict(list)
     for one in inputs:
         of_output[one.output].append(one)

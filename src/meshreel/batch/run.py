@@ -1,17 +1,19 @@
-"""A planned batch, done by an engine."""
+"""A run: the inputs of a plan, encoded by an engine."""
 
+import os
 from collections.abc import Iterator
 from concurrent.futures import Future
 from dataclasses import asdict, dataclass, replace
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 from meshreel import __version__
 from meshreel.batch.discovery import BatchInput
 from meshreel.batch.encode_input import Encoded, encode_input
-from meshreel.batch.failures import reason_of
 from meshreel.batch.manifest import DONE, FAILED, Record
 from meshreel.batch.plan import Plan
+from meshreel.errors import MeshReelError
 from meshreel.runtime.engine.engine import Engine
 from meshreel.runtime.outputs.atomic import replace_when_done
 from meshreel.runtime.progress import Count, Progress, silent
@@ -20,7 +22,7 @@ from meshreel.runtime.threads import in_background
 
 @dataclass(frozen=True)
 class BatchReport:
-    """What a run did.
+    """The outcome of a run.
 
     Attributes
     ----------
@@ -54,7 +56,7 @@ class BatchReport:
 
 
 def run_batch(plan: Plan, engine: Engine | None, *, progress: Progress = silent) -> BatchReport:
-    """Encode what a plan says; a failure of one input does not keep the others from it.
+    """Encode the inputs of a plan; the failure of one does not keep the others from it.
 
     Streams and manifest are written here, each whole or not at all, after each input: what was
     finished stays when the run is stopped.
@@ -134,7 +136,7 @@ class _Run:
                 pending,
                 state=FAILED,
                 owns_output=one in self._plan.replaced,
-                error=reason_of(error, one.name, self._plan.input_dir),
+                error=_reason_of(error, one.name, self._plan.input_dir),
             )
         manifest.records[one.name] = record
         manifest.write()
@@ -155,3 +157,17 @@ class _Run:
         path.parent.mkdir(parents=True, exist_ok=True)
         with replace_when_done(path, overwrite=one in self._plan.replaced) as temporary:
             temporary.write_bytes(data)
+
+
+def _reason_of(error: BaseException, name: str, input_dir: Path) -> str:
+    """The error in one line, without the name of its input; paths are relative to the inputs."""
+    if isinstance(error, MeshReelError):
+        text = str(error)
+    elif isinstance(error, MemoryError):
+        text = "not enough memory; fewer --workers or a shorter --block-frames need less"
+    elif isinstance(error, OSError) and error.filename:
+        text = f"{error.strerror or error}: {error.filename}"
+    else:
+        text = f"{type(error).__name__}: {error}"
+    text = text.replace(f"{input_dir.absolute()}{os.sep}", "").removeprefix(f"{name}: ")
+    return " ".join(text.split())

@@ -1,1 +1,1 @@
-"""How sequences and files show themselves: in a notebook, or in the browser."""
+"""Sequences and files shown in a notebook, or in the browser."""

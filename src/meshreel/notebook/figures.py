@@ -1,4 +1,4 @@
-"""Figures of what is shown, in words."""
+"""Figures of a sequence or a file, in words."""
 
 from collections.abc import Mapping
 from html import escape
@@ -11,7 +11,7 @@ Rows = dict[str, str]
 
 
 def sequence_rows(sequence: MeshSequence) -> Rows:
-    """What a sequence is."""
+    """Figures of a sequence."""
     return {
         "frames": _frames(sequence.n_frames, sequence.fps),
         "vertices": f"{sequence.n_verts:,}",
@@ -21,7 +21,7 @@ def sequence_rows(sequence: MeshSequence) -> Rows:
 
 
 def stream_rows(info: StreamInfo) -> Rows:
-    """What a stream is, and how small."""
+    """Figures of a stream."""
     raw = _size(info.raw_size_bytes)
     rows = {
         "frames": _frames(info.n_frames, info.fps),

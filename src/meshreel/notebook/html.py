@@ -1,14 +1,21 @@
-"""What a notebook shows of a sequence or a file: the player in a frame, or a picture."""
+"""HTML of a sequence or a file for a notebook: the player in a frame, or a picture."""
 
+from base64 import b64encode
 from contextlib import nullcontext
 from html import escape
 from io import BytesIO
+
+import numpy as np
 
 from meshreel.codec.encoder import encode
 from meshreel.codec.reel_file import ReelFile
 from meshreel.errors import InvalidInputError
 from meshreel.notebook.figures import heading_and_rows, rows_of, stream_rows
-from meshreel.notebook.pictures import picture_html
+from meshreel.rendering.framing import framing_of
+from meshreel.rendering.picture import side_by_side
+from meshreel.rendering.scenes import ChosenFrames, Scene
+from meshreel.rendering.shots import spread_frames
+from meshreel.rendering.views import View, guess_up
 from meshreel.sequence import MeshSequence
 from meshreel.viewer.api import Api
 from meshreel.viewer.export import page_pieces
@@ -19,7 +26,7 @@ MOST_PLAYED, MOST_ENCODED = 2_500_000, 300_000
 where nobody has asked: so many take a second or two."""
 
 MOST_HTML_BYTES = 4_000_000
-"""Of a player in a notebook, which keeps all that it shows."""
+"""Of a player in a notebook, which keeps all its output."""
 
 ALLOWED_ERROR = 1e-3
 """How far rounding may move a vertex of the player in a notebook, in diagonals."""
@@ -28,6 +35,14 @@ QUICK = 6
 """How hard data are deflated: the hardest takes twice the time for a few percent."""
 
 HEIGHT_PX = 440
+
+POSES, MOST_FACES = 4, 400_000
+"""So many poses are drawn; of a mesh of more faces only one."""
+
+MOST_DRAWN_FACES = 4_000_000
+"""A mesh of more is not drawn: it would take long."""
+
+PICTURE_HEIGHT_PX, PICTURE_WIDTHS_PX = 280, (120, 420)
 
 
 def html_of(shown: MeshSequence | ReelFile) -> str:
@@ -84,8 +99,33 @@ def _joined(api: Api, page: str, most_bytes: float) -> str | None:
 
 def _picture_and_figures(shown: MeshSequence | ReelFile) -> str:
     rows = rows_of(shown)
-    picture = picture_html(shown)
+    picture = _picture_html(shown)
     if not picture:
         rows["picture"] = "none, for so many faces"
     rows["to play it"] = "show()"
     return heading_and_rows(shown.name, rows) + picture
+
+
+def _picture_html(shown: MeshSequence | ReelFile) -> str:
+    """HTML of a picture of some poses; empty for a mesh that takes too long to draw."""
+    if shown.n_faces > MOST_DRAWN_FACES:
+        return ""
+    n_poses = POSES if shown.n_faces <= MOST_FACES else 1
+    numbers = spread_frames(range(shown.n_frames), n_poses)
+    frames = np.stack([shown.read(number, number + 1)[0] for number in numbers])
+    poses = MeshSequence(frames, shown.faces, surface=shown.surface)
+    picture = BytesIO()
+    titles = [f"frame {number}" for number in numbers]
+    side_by_side(_panels(poses), titles).save(picture, "PNG", optimize=True)
+    data = b64encode(picture.getvalue()).decode()
+    words = ", ".join(titles)
+    return f'<img alt="{words}" style="max-width: 100%" src="data:image/png;base64,{data}">'
+
+
+def _panels(poses: MeshSequence) -> list[np.ndarray]:
+    scene = Scene(poses)
+    frames = ChosenFrames(poses, range(poses.n_frames))
+    framing = framing_of(View(guess_up(poses.extent)), frames)
+    width = int(np.clip(PICTURE_HEIGHT_PX * framing.aspect(frames), *PICTURE_WIDTHS_PX))
+    cameras = framing.cameras(frames, width, PICTURE_HEIGHT_PX)
+    return [scene.draw(scene.read(number), camera)[0] for number, camera in enumerate(cameras)]

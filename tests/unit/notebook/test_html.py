@@ -90,7 +90,7 @@ def test_picture_is_small_and_soon_there_when_the_mesh_is_large():
 
 
 def test_figures_alone_are_shown_when_there_are_too_many_faces_to_draw(monkeypatch):
-    monkeypatch.setattr("meshreel.notebook.pictures.MOST_DRAWN_FACES", 10)
+    monkeypatch.setattr(notebook, "MOST_DRAWN_FACES", 10)
     monkeypatch.setattr(notebook, "MOST_ENCODED", 10)
     html = waving_grid(2)._repr_html_()
     assert "none, for so many faces" in html

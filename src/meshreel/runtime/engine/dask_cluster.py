@@ -12,11 +12,11 @@ import threading
 from collections import deque
 from collections.abc import Callable
 from concurrent.futures import CancelledError, Future
+from dataclasses import dataclass, field
 from functools import partial
 from typing import Any, TypeVar
 
 from meshreel.errors import InvalidInputError, WorkerDiedError
-from meshreel.runtime.engine.cluster_call import ClusterCall
 from meshreel.runtime.engine.worker_watch import WorkerCount, WorkerWatch
 from meshreel.runtime.threads import limit_cores, n_cores, one_blas_thread
 
@@ -33,6 +33,49 @@ MAX_WAIT_S = 3600.0
 
 CLOSE_S = 30.0
 """Seconds that closing waits for a result that is just coming in."""
+
+
+@dataclass(eq=False)
+class _Call:
+    """A call, its outcome to come, and the task that it is on the cluster.
+
+    `is_suspect` where workers died that had it: it may have been another that they died of.
+    """
+
+    function: Callable[..., Any]
+    args: tuple[Any, ...]
+    outcome: "Future[Any]" = field(default_factory=Future)
+    task: Any = None
+    is_suspect: bool = False
+    _is_settled: bool = False
+    _settling: threading.Lock = field(default_factory=threading.Lock)
+
+    def succeed(self, result: Any) -> None:
+        """Give the outcome its result, unless it was cancelled."""
+        if self._may_settle():
+            self.outcome.set_result(result)
+
+    def fail(self, error: BaseException) -> None:
+        """Give the outcome its error, unless it was cancelled."""
+        if self._may_settle():
+            self.outcome.set_exception(error)
+
+    def cancel(self, outcome: "Future[Any]") -> None:
+        """Take the task back if it is the outcome that was cancelled."""
+        if outcome.cancelled():
+            self.withdraw()
+
+    def withdraw(self) -> None:
+        """Take the task back, without waiting for a scheduler that may not answer."""
+        if self.task is not None:
+            client = self.task.client
+            client.loop.add_callback(client.cancel, [self.task], asynchronous=True)
+
+    def _may_settle(self) -> bool:
+        """Whether the outcome is still to be set; true only once."""
+        with self._settling:
+            is_first, self._is_settled = not self._is_settled, True
+        return is_first and self.outcome.set_running_or_notify_cancel()
 
 
 class DaskWorkers:
@@ -57,8 +100,8 @@ class DaskWorkers:
             raise InvalidInputError(f"max_wait_s must be finite and above 0; got {max_wait_s}")
         client = _client_class()
         self._lock = threading.Lock()
-        self._under_way: set[ClusterCall] = set()
-        self._suspects: deque[ClusterCall] = deque()
+        self._under_way: set[_Call] = set()
+        self._suspects: deque[_Call] = deque()
         self._taking = threading.Lock()  # held while a result is taken over from the cluster
         self._is_closed = False
         try:
@@ -80,7 +123,7 @@ class DaskWorkers:
 
     def submit(self, function: Callable[..., Result], /, *args: Any) -> "Future[Result]":
         """The outcome to come of one call on the cluster."""
-        call = ClusterCall(function, args)
+        call = _Call(function, args)
         refusal = self._watch.refusal()
         if refusal is not None:
             call.fail(WorkerDiedError(refusal))
@@ -102,7 +145,7 @@ class DaskWorkers:
             if is_quiet:
                 self._taking.release()
 
-    def _begin(self, call: ClusterCall) -> None:
+    def _begin(self, call: _Call) -> None:
         with self._lock:
             self._under_way.add(call)
         if call.outcome.cancelled():
@@ -115,8 +158,8 @@ class DaskWorkers:
             call.fail(error)
             self._leave(call)
 
-    def _end(self, call: ClusterCall, task: Any) -> None:
-        """Pass on what a task came to; a suspect is set aside, to be called again alone."""
+    def _end(self, call: _Call, task: Any) -> None:
+        """Give the call the outcome of its task; set a suspect aside, to be called again alone."""
         from distributed import KilledWorker
 
         try:
@@ -140,7 +183,7 @@ class DaskWorkers:
                 raise CancelledError
             return task.result()
 
-    def _leave(self, call: ClusterCall) -> None:
+    def _leave(self, call: _Call) -> None:
         """One call less under way; after the last, a suspect has the cluster for itself."""
         with self._lock:
             self._under_way.discard(call)

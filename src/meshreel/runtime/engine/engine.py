@@ -20,7 +20,7 @@ POLL_S = 0.5
 
 
 class Workers(Protocol):
-    """Who does the calls."""
+    """Workers that do calls, wherever they are."""
 
     @property
     def n_workers(self) -> int:
@@ -41,7 +41,7 @@ class Workers(Protocol):
 class Engine(AbstractContextManager["Engine"]):
     """Calls on many workers, with a bounded number of them under way.
 
-    As a context manager: left by an exception, ctrl-C included, it stops what still runs.
+    As a context manager, left by an exception (ctrl-C included), it stops calls that still run.
 
     Parameters
     ----------

@@ -24,7 +24,7 @@ MAX_DEATHS = 2
 """Processes that one call may take with it before it is given up."""
 
 END_S = 10.0
-"""Seconds that a process has to end by itself when it is told to."""
+"""Seconds that a process has to end by itself, once its connection is closed."""
 
 BLAS_THREADS = (
     "OPENBLAS_NUM_THREADS",
@@ -143,7 +143,7 @@ class _ServingProcess:
         self._process.kill()
 
     def end(self) -> str:
-        """What its end was, which a closed connection brings, or else a signal."""
+        """Signal or exit code of the process, which ends as its connection closes or is killed."""
         self._connection.close()
         self._process.join(END_S)
         if self._process.is_alive():
@@ -154,7 +154,7 @@ class _ServingProcess:
 
 
 def _serve(connection: Connection, n_cores: int) -> None:
-    """Do what comes over the connection until it is closed, if only by the parent's death."""
+    """Answer requests until the connection is closed, by the parent or by its death."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # ctrl-C is the parent's, which ends this one
     limit_cores(n_cores)
     os.environ.update(dict.fromkeys(BLAS_THREADS, "1"))  # for a BLAS that calls load

@@ -38,7 +38,7 @@ class WorkerCount:
 
     @property
     def lack(self) -> str:
-        """What is wrong where there are no threads, as in "it has had no workers"."""
+        """The problem in words where there are no threads, as in "it has had no workers"."""
         if not self.answers:
             return "has not answered"
         if self.n_paused:
@@ -91,13 +91,13 @@ class WorkerWatch:
         self._closed.set()
 
     def refusal(self) -> str | None:
-        """Why a further call would only wait too, once waiting was given up."""
+        """Why further calls are refused, once waiting was given up; None while they may wait."""
         if self._refusal is not None and self._count().n_threads:
             self._workers_are_there()
         return self._refusal
 
     def look(self, now: float) -> None:
-        """Take note of the cluster at a time in seconds; speak or give up if it is time."""
+        """Look at the cluster at a time in seconds; log or give up when that is due."""
         n_waiting = self._n_waiting()
         if not n_waiting:
             self._since = None
