@@ -6,7 +6,7 @@
 
 Stages mark themselves, as blocks or as whole functions, and cost nothing worth measuring where
 nobody listens. A stage that begins within another is a part of it. What other threads do meanwhile
-is told apart: its seconds run beside those of the caller's thread and do not add up with them.
+is kept apart: its seconds run beside those of the caller's thread and do not add up with them.
 """
 
 import threading
@@ -25,7 +25,7 @@ Path = tuple[str, ...]
 
 @dataclass(frozen=True)
 class StageTime:
-    """What a stage took.
+    """Time that a stage took.
 
     Attributes
     ----------
@@ -110,7 +110,7 @@ def profiled() -> Iterator[Profile]:
 
 @contextmanager
 def stage(name: str) -> Iterator[None]:
-    """What is done here is a stage of this name. It must not yield to its caller in between."""
+    """A context whose body is a stage of this name; it must not yield to its caller in between."""
     listening = _OPEN.get()
     if listening is None or listening[1][-1:] == (name,):  # or it is going on already
         yield

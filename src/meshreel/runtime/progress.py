@@ -1,4 +1,4 @@
-"""How long work tells its caller how far it is, without knowing who listens."""
+"""Progress of long work, reported to a callback of the caller."""
 
 from collections.abc import Callable
 
@@ -10,7 +10,7 @@ The share may be a `Count`, which says how many of how many things are done.
 
 
 class Count(float):
-    """The share that some things are of all: a number in 0..1 that remembers both.
+    """The share of things that are done: a number in 0..1 that keeps both counts.
 
     Parameters
     ----------
@@ -32,4 +32,4 @@ class Count(float):
 
 
 def silent(stage: str, fraction: float) -> None:
-    """Nothing: the listener of callers that do not want to know."""
+    """Do nothing: the default of callers that ask for no progress."""

@@ -35,12 +35,13 @@ def in_threads(
 ) -> None:
     """Do the work for every piece, with one BLAS thread each; the first error is raised.
 
-    What one of these threads asks for it does itself: if all waited for each other, none would.
+    A call from one of these threads is done in that thread: threads that all wait for a free one
+    would wait for ever.
 
     Parameters
     ----------
     work : callable
-        Called in any thread, with what the caller has set for NumPy's errors.
+        Called in any thread, with the caller's settings of `numpy.errstate`.
     pieces : sequence
     done : callable, optional
         Called in the caller's thread with the number of pieces done from the first on.
@@ -56,9 +57,9 @@ def in_threads(
 
 
 def in_background(work: Callable[[], Result]) -> "Future[Result]":
-    """Begin the work in a thread of its own; ask for its result before it is needed.
+    """The future result of work that begins in a thread of its own.
 
-    There is one such thread: what is asked for from there is done at once, for it would wait for
+    There is one such thread. Work that it asks for itself is done at once: it cannot wait for
     itself.
     """
     if not threading.current_thread().name.startswith(BACKGROUND):
@@ -72,7 +73,7 @@ def in_background(work: Callable[[], Result]) -> "Future[Result]":
 
 
 def one_ahead(items: Iterator[Result]) -> Iterator[Result]:
-    """The items, each next one made in a thread of its own while the one before is used."""
+    """The items; the next one is made in a thread of its own while one is used."""
 
     def following() -> list[Result]:
         return list(islice(items, 1))
@@ -87,7 +88,7 @@ def one_ahead(items: Iterator[Result]) -> Iterator[Result]:
 def _as_set_here(work: Callable[..., Result]) -> Callable[..., Result]:
     """The work, to be done once in any thread, with the settings of this one.
 
-    NumPy 2 has what is set for its errors in the context, NumPy 1 in the thread.
+    NumPy 2 keeps the settings for its errors in the context, NumPy 1 in the thread.
     """
     context, errors = copy_context(), np.geterr()
 
@@ -104,9 +105,9 @@ def chunks(length: int, size: int) -> list[slice]:
 
 
 class _Limit:
-    """The limit of BLAS threads, shared by all who ask for it: the last to leave takes it away.
+    """The limit of BLAS threads, shared by all callers that need it: the last to leave removes it.
 
-    It is set and taken away in a thread of its own: OpenBLAS (0.3.30 and 0.3.31 were tried) heeds
+    It is set and removed in a thread of its own: OpenBLAS (0.3.30 and 0.3.31 were tried) heeds
     only the thread that was the first to set one, and silently ignores all others.
     """
 
@@ -139,7 +140,7 @@ _core_limit: int | None = None
 
 @contextmanager
 def one_blas_thread() -> Iterator[None]:
-    """What is done here and in our threads uses one BLAS thread each."""
+    """A context in which BLAS uses one thread for each of our threads, and for the caller."""
     _LIMIT.enter()
     try:
         yield
@@ -148,7 +149,7 @@ def one_blas_thread() -> Iterator[None]:
 
 
 def limit_cores(limit: int) -> None:
-    """Let this process's threads take at most so many cores from now on; it is one of several."""
+    """Limit the cores of this process's threads from now on: it is one of several processes."""
     global _core_limit
     if limit != _core_limit:
         _core_limit = limit

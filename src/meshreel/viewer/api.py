@@ -1,4 +1,4 @@
-"""What the page asks for, and what it is told: JSON, and packets of arrays."""
+"""Answers to the requests of the page: JSON, and packets of arrays."""
 
 import json
 import re
@@ -38,7 +38,7 @@ BINARY = "application/octet-stream"
 
 @dataclass(frozen=True)
 class Answer:
-    """What is sent for a path: its content type, and the bytes."""
+    """The answer to a path: its content type, and the bytes."""
 
     content_type: str
     body: bytes
@@ -123,7 +123,7 @@ class Api:
         return self._heat(kind, number) if kind in HEATS else None
 
     def described(self) -> dict[str, Any]:
-        """What the page has to know before anything else."""
+        """Facts of the file that the page needs before anything else."""
         reel, reach = self.reel, self._reach
         origin = np.array(reel.frame.origin)
         return {
@@ -204,11 +204,11 @@ class Api:
     def _original(self) -> dict[str, Any] | None:
         if self.comparison is None:
             return None
-        told = self.plots()
+        errors = self.plots()
         return {
             "name": self.comparison.original.name,
             "diagonal": self.comparison.reference.diagonal,
-            **{key: told[key] for key in ("heats", "plots", "rows", "worst_frame")},
+            **{key: errors[key] for key in ("heats", "plots", "rows", "worst_frame")},
         }
 
 
@@ -223,12 +223,12 @@ def vertex_colors(surface: Surface) -> npt.NDArray[np.uint8] | None:
     return None
 
 
-def _json(told: Mapping[str, Any]) -> Answer:
-    return Answer(JSON, json.dumps(finite(told), allow_nan=False).encode())
+def _json(value: Mapping[str, Any]) -> Answer:
+    return Answer(JSON, json.dumps(finite(value), allow_nan=False).encode())
 
 
 def finite(value: Any) -> Any:
-    """What JSON can hold: numbers that are not finite become null."""
+    """The value as JSON can hold it: numbers that are not finite become null."""
     if isinstance(value, Mapping):
         return {key: finite(item) for key, item in value.items()}
     if isinstance(value, list):

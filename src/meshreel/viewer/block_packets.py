@@ -18,29 +18,29 @@ LARGEST = 32767
 """Of an int16 field."""
 
 ROUNDING_OF_WEIGHTS = 1 / 8
-"""What rounding the weights of one mode may add, as a share of the allowed error."""
+"""Largest error from rounding the weights of one mode, as a share of the allowed error."""
 
 FIRST_STEP = 4.0
-"""Step of fields that is tried first, as a multiple of the allowed error: mostly too coarse."""
+"""Quantisation step of fields that is tried first, in allowed errors: mostly too coarse."""
 
 CHUNK_VALUES = 1 << 21
 
 
 @dataclass(frozen=True)
 class IntegerFields:
-    """Fields as integers of shape (K, V), and the step of each in diagonals, of shape (K,)."""
+    """Fields as integers of shape (K, V), and the quantisation step of each, (K,), in diagonals."""
 
     integers: npt.NDArray[np.int16]
     steps: npt.NDArray[np.float32]
 
     @property
     def values(self) -> Floats:
-        """What the page sees of the fields."""
+        """Fields as the page dequantises them, float64 of shape (K, V), in diagonals."""
         return self.integers * self.steps.astype(np.float64)[:, None]
 
 
 def block_packet(block: DecodedBlock, allowed_error: float = 0.0) -> bytes:
-    """A block as the page takes it.
+    """The packet of a block of frames.
 
     Vertices without an edge, which are not drawn, are left at the origin by the paper's methods.
 
@@ -77,14 +77,14 @@ def block_packet(block: DecodedBlock, allowed_error: float = 0.0) -> bytes:
 
 
 def finest_steps(fields: Floats) -> Floats:
-    """Steps of shape (K,) that use all of int16."""
+    """Quantisation steps of shape (K,) that use all of int16."""
     largest = np.abs(fields).max(axis=1)
     # A little more, for the step itself is rounded to float32.
     return np.where(largest > 0, largest / LARGEST * (1 + 1e-6), 1.0)
 
 
 def integer_fields(fields: Floats, steps: Floats) -> IntegerFields:
-    """Fields of shape (K, V) rounded to multiples of steps of shape (K,)."""
+    """Fields of shape (K, V), quantised in steps of shape (K,)."""
     rounded = steps.astype(np.float32)
     integers = np.rint(fields / rounded.astype(np.float64)[:, None])
     return IntegerFields(integers.clip(-LARGEST, LARGEST).astype(np.int16), rounded)
@@ -100,8 +100,9 @@ def rounded_weights(modes: Modes, allowed_error: float) -> Floats:
 def coarse_fields(modes: Modes, weights: Floats, allowed_error: float) -> IntegerFields:
     """Fields in the coarsest steps with which no vertex moves by more than is allowed.
 
-    Every field is rounded alike, as far as its time vector has the same length: that is the least
-    error of all for so many bits. No step is finer than int16 can hold, whatever is allowed.
+    A step is inversely proportional to the length of the field's temporal basis vector: that is
+    the least error of all for so many bits. No step is finer than int16 can hold, whatever is
+    allowed.
     """
     lengths = np.linalg.norm(modes.weights, axis=(0, 2))
     finest = finest_steps(modes.fields)
@@ -118,7 +119,7 @@ def coarse_fields(modes: Modes, weights: Floats, allowed_error: float) -> Intege
 def correction_arrays(
     corrections: Corrections | None, n_frames: int, scale: float
 ) -> dict[str, Integers | npt.NDArray[np.float32]]:
-    """What is added to vertices, in lists of one frame after another."""
+    """Corrections of vertices, in lists of one frame after another."""
     if corrections is None:
         nothing = np.zeros(0, np.int64)
         corrections = Corrections(np.float32(1), nothing, nothing, nothing.reshape(0, 3))

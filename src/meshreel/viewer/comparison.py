@@ -38,7 +38,7 @@ class Comparison:
         return self.original.frame(number), self.reel[number]
 
     def heat(self, kind: str, pair: tuple[Vertices, Vertices]) -> Floats:
-        """Values of one kind of heat map of a frame, shape (V,); what has no value is 0."""
+        """Values of one kind of heat map of a frame, of shape (V,); 0 where there is none."""
         return np.nan_to_num(self._fields[kind](*pair), posinf=0.0)
 
     def heats(self, pair: tuple[Vertices, Vertices]) -> Heats:

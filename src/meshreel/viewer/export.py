@@ -29,12 +29,12 @@ def export_page(
     overwrite: bool = False,
     progress: Progress = silent,
 ) -> dict[str, int]:
-    """Write the player of a file as one HTML file, and tell its size in parts.
+    """Write the player of a file as one HTML file; gives the sizes of its parts.
 
     Parameters
     ----------
     api : Api
-        If it has an original, that goes along: its positions and heat maps, frame by frame.
+        If it has an original, positions and heat maps of that are written too, frame by frame.
     path : Path
         Appears when all is written.
     page : str, optional
@@ -110,7 +110,7 @@ def _check_size(api: Api) -> None:
 
 
 def _entries(api: Api, level: int, progress: Progress) -> Iterator[tuple[str, str, Any]]:
-    """What the page would ask for: which part of the file it is, its path, and its answer."""
+    """Every request of the page: which part of the file it belongs to, its path, and its answer."""
     if api.measuring is not None:
         api.measuring.run(progress)
         yield "original", "api/plots", api.plots()

@@ -1,4 +1,4 @@
-"""How far the frames of a file reach."""
+"""The extent of all frames of a file, without decoding all."""
 
 from dataclasses import dataclass
 from itertools import product
@@ -14,12 +14,12 @@ MOST_FRAMES, MOST_POSITIONS = 48, 1 << 23
 """Of the first block, at most so many stand for all where the outermost positions are sought."""
 
 DIRECTIONS = np.array([d for d in product((-1, 0, 1), repeat=3) if d > (0, 0, 0)], np.float32)
-"""13 lines through the middle of a cube: a mesh is framed by what is outermost along them."""
+"""13 lines through the middle of a cube: the outermost positions along them frame a mesh."""
 
 
 @dataclass(frozen=True)
 class Reach:
-    """What a camera has to see.
+    """The space that a camera has to show.
 
     Attributes
     ----------
@@ -38,7 +38,7 @@ def reach_of(reel: ReelFile) -> Reach:
     """How far all frames of a file reach.
 
     Of a file of several blocks only the first one is decoded: what it sweeps is widened about the
-    centre of the whole until its box has the diagonal of the whole, which the stream tells.
+    centre of the whole until its box has the diagonal of the whole, which the stream records.
     Frames of an encoder that did not know them all may reach farther.
 
     Parameters

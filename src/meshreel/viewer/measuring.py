@@ -44,7 +44,7 @@ class Measured:
 
 
 class Figures:
-    """What is known of the frames so far.
+    """Errors and heat map ranges of the frames so far.
 
     Parameters
     ----------
@@ -69,7 +69,7 @@ class Figures:
         self.largest_percent: list[float] = []
 
     def add(self, pair: tuple[Vertices, Vertices], heats: Heats) -> None:
-        """Take in the next frame: original and decoded, and its heat maps."""
+        """Add the next frame: original and decoded, and its heat maps."""
         self.see(heats)
         original, decoded = (positions[np.newaxis] for positions in pair)
         ((frame, displacement),) = paired_frames(original, decoded, self._reference)
@@ -128,7 +128,7 @@ class Measuring:
     figures : Figures
         Ranges of the first frame; those of all frames, and their errors, once all are measured.
     error : str
-        What kept it from measuring all; empty if nothing has.
+        Why not all could be measured; empty if nothing went wrong.
     share : float
         Share of the frames that are measured.
     """

@@ -1,4 +1,4 @@
-"""The animation that a file was made of, beside what the file decodes to."""
+"""The original animation that a file was made from."""
 
 import threading
 

@@ -1,4 +1,4 @@
-"""Arrays to bytes that a page reads in place: a JSON header, then the arrays, little-endian."""
+"""Packets of arrays that a page reads in place: a JSON header, then the arrays, little-endian."""
 
 import json
 from collections.abc import Mapping
@@ -21,7 +21,7 @@ def packet(arrays: Mapping[str, npt.NDArray[Any]], **fields: Any) -> bytes:
     arrays : mapping of name to array
         Each of one of `TYPES`.
     **fields
-        What else the header says, in plain types.
+        Further fields of the header, in plain types.
     """
     entries, offset = [], 0
     for name, array in arrays.items():

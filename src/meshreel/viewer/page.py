@@ -11,7 +11,7 @@ from meshreel.errors import InvalidInputError
 
 PAGE: Traversable = files("meshreel.viewer") / "page" / "index.html"
 MARKER = "<!--meshreel-data-->"
-"""Where data go that a page carries along."""
+"""The place of the data in an exported page."""
 
 
 def page_text(page: Traversable | None = None) -> str:
@@ -37,7 +37,7 @@ def page_text(page: Traversable | None = None) -> str:
 
 
 def content_security_policy(page: str) -> str:
-    """What a browser lets the page do: run its own scripts and ask its own server; nothing else.
+    """The page's policy: it may run its own scripts and ask its own server, and nothing else.
 
     Parameters
     ----------

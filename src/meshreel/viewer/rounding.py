@@ -1,4 +1,4 @@
-"""Numbers with few digits: deflate leaves little of the zeros behind them."""
+"""Numbers rounded to few digits: the zeros behind them deflate to almost nothing."""
 
 import numpy as np
 import numpy.typing as npt

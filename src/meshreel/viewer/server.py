@@ -70,7 +70,7 @@ class ViewerServer(ThreadingHTTPServer):
 
     @property
     def url(self) -> str:
-        """Where the player is."""
+        """Address of the player."""
         host = LOCAL_HOST if self.is_everywhere else self.host
         return f"http://{f'[{host}]' if ':' in host else host}:{self.server_port}/"
 
@@ -104,7 +104,7 @@ class ViewerServer(ThreadingHTTPServer):
         super().server_close()
 
     def handle_error(self, request: Any, client_address: Any) -> None:
-        """Say nothing of clients that hang up, nor of answers that nobody waits for any more."""
+        """Report errors, but no clients that hang up, nor answers that nobody waits for."""
         is_gone = isinstance(sys.exception(), ConnectionError | TimeoutError)
         if not (is_gone or self._is_closed):
             super().handle_error(request, client_address)
@@ -146,8 +146,8 @@ class _Handler(BaseHTTPRequestHandler):
         try:
             answer = self.server.api.answer(path.removeprefix("/"))
         except (MeshReelError, OSError, MemoryError) as error:
-            told = json.dumps({"error": str(error) or "not enough memory"})
-            return HTTPStatus.INTERNAL_SERVER_ERROR, Answer(JSON, told.encode())
+            body = json.dumps({"error": str(error) or "not enough memory"}).encode()
+            return HTTPStatus.INTERNAL_SERVER_ERROR, Answer(JSON, body)
         if answer is None:
             return HTTPStatus.NOT_FOUND, Answer(TEXT, b"there is nothing here")
         return HTTPStatus.OK, answer
@@ -168,7 +168,7 @@ class _Handler(BaseHTTPRequestHandler):
             self.wfile.write(answer.body)
 
     def end_headers(self) -> None:
-        """Close the header with what every answer has."""
+        """End the header with the lines that every answer has."""
         self.send_header("Cache-Control", "no-store")
         self.send_header("X-Content-Type-Options", "nosniff")
         self.send_header("Cross-Origin-Resource-Policy", "same-origin")
@@ -176,7 +176,7 @@ class _Handler(BaseHTTPRequestHandler):
         super().end_headers()
 
     def log_message(self, format: str, *args: Any) -> None:
-        """Say nothing of requests."""
+        """Log no requests."""
 
 
 def _cannot_listen(host: str, port: int, error: Exception) -> str:

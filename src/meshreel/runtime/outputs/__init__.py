@@ -1,1 +1,1 @@
-"""Where output goes: whether it may, and where it lies until it is complete."""
+"""Outputs: checked before any work, and hidden until they are complete."""

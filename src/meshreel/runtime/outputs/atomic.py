@@ -1,4 +1,4 @@
-"""Output that appears whole or not at all, and never over something unasked."""
+"""Outputs that appear whole or not at all, and replace nothing unasked."""
 
 import os
 from collections.abc import Iterator, Mapping, Sequence
@@ -13,8 +13,8 @@ from meshreel.runtime.outputs.hidden_folders import hidden_folder, remove_abando
 def replace_when_done(path: Path, *, overwrite: bool = False) -> Iterator[Path]:
     """A temporary path of the same name, renamed to `path` when the block succeeds.
 
-    On an error the temporary file is removed and `path` stays as it was. What a killed process
-    leaves is removed by the next that writes into the folder.
+    On an error the temporary file is removed and `path` stays as it was. Files that a killed
+    process leaves are removed by the next one that writes into the folder.
 
     Raises
     ------
@@ -64,14 +64,14 @@ def replace_all_when_done(
 
 @contextmanager
 def os_errors_naming_output(path: Path) -> Iterator[None]:
-    """Within it, an error of the system that names no file names this one."""
+    """A context in which errors of the system that name no file name this one."""
     with _errors_naming({path: path}):
         yield
 
 
 @contextmanager
 def _made(folder: Path) -> Iterator[None]:
-    """Within it the folder is there; what was made for that goes again on an error."""
+    """A context in which the folder exists; folders made for it are removed again on an error."""
     missing = [one for one in (folder, *folder.parents) if not one.exists()]
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -85,7 +85,7 @@ def _made(folder: Path) -> Iterator[None]:
 
 @contextmanager
 def _errors_naming(outputs: Mapping[Path, Path]) -> Iterator[None]:
-    """Within it, errors of the system that come of writing temporary files name the outputs."""
+    """A context in which errors of the system on temporary files name the outputs instead."""
     try:
         yield
     except OSError as error:
@@ -97,7 +97,7 @@ def _errors_naming(outputs: Mapping[Path, Path]) -> Iterator[None]:
 
 
 def _meant(error: OSError, outputs: Mapping[Path, Path]) -> Path | None:
-    """The output that an error is about; None if it is about another file."""
+    """The output that an error concerns; None if it concerns another file."""
     if error.filename is None:
         # Files are written one after the other: it is the last that was begun.
         begun = [path for temporary, path in outputs.items() if temporary.exists()]

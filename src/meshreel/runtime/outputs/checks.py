@@ -17,7 +17,7 @@ def check_output_path(path: Path, *, overwrite: bool, inputs: Iterable[Path] = (
     overwrite : bool
         Whether a file that is there already may be replaced.
     inputs : iterable of Path
-        What the output is made of, as far as it is files: those are never replaced.
+        Files that the output is made from: they are never replaced.
 
     Raises
     ------
@@ -60,7 +60,7 @@ def check_output_paths(
 
 
 def check_replaceable(path: Path, *, overwrite: bool) -> None:
-    """Refuse a path where something lies that is not to be replaced.
+    """Refuse a path that holds something that must not be replaced.
 
     Raises
     ------
@@ -80,7 +80,7 @@ def check_replaceable(path: Path, *, overwrite: bool) -> None:
 def check_output_folder(
     folder: Path, *, makes_folder: bool = True, inputs: Iterable[Path] = ()
 ) -> None:
-    """Refuse a folder that takes no files; it is tried, and left as it is.
+    """Refuse a folder that takes no files: a file is written there, and removed.
 
     Parameters
     ----------
@@ -126,7 +126,7 @@ def check_ending(path: Path, endings: Sequence[str], advice: str = "") -> str:
     endings : sequence of str
         In small letters, with the dot.
     advice : str, optional
-        What to do for other endings.
+        For other endings: a sentence for the error.
 
     Raises
     ------
@@ -143,7 +143,7 @@ def check_ending(path: Path, endings: Sequence[str], advice: str = "") -> str:
 
 
 def _identity(path: Path) -> tuple[int, int] | None:
-    """The file that a path means, through links of any kind; None if there is none."""
+    """Device and inode of the file behind a path, through links; None if there is none."""
     try:
         facts = path.stat()
     except OSError:

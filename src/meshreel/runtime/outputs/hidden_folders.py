@@ -1,4 +1,4 @@
-"""Hidden folders where outputs lie until they are complete, and those that dead processes left."""
+"""Hidden folders for outputs until they are complete, and those that dead processes left."""
 
 import hashlib
 import os
@@ -16,7 +16,7 @@ _NAME = re.compile(r"\.meshreel-([0-9a-f]{12})-([0-9]{1,9})-")
 
 @contextmanager
 def hidden_folder(place: Path) -> Iterator[Path]:
-    """A new hidden folder in `place`, which is gone with all in it when the block ends.
+    """A new hidden folder in `place`, removed with all its files when the block ends.
 
     Its name says which process made it. If that is killed, `remove_abandoned` finds it.
     """
@@ -62,7 +62,7 @@ def _lives(process: int) -> bool:
 
 @cache
 def _machine() -> str:
-    """A word for this machine, and for the container whose numbers of processes are meant."""
+    """A short hash of this machine's name and of its container, whose process ids count."""
     try:
         container = os.stat("/proc/self/ns/pid").st_ino
     except OSError:
