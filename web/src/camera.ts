@@ -13,7 +13,7 @@ const DIRECTIONS = [-1, 0, 1]
   .flatMap((x) => [-1, 0, 1].flatMap((y) => [-1, 0, 1].map((z) => new THREE.Vector3(x, y, z))))
   .slice(14);
 
-/** The outermost of positions (V, 3), both ways along some lines: what frames them all. */
+/** The outermost of positions (V, 3), both ways along some lines: they frame all. */
 export function outermost(positions: Float32Array): THREE.Vector3[] {
   const point = (at: number) => new THREE.Vector3().fromArray(positions, at);
   return DIRECTIONS.flatMap(({ x, y, z }) => {

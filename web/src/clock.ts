@@ -1,4 +1,4 @@
-// What time of the animation it is while it plays.
+// The time of the animation while it plays.
 
 export class Clock {
   speed = 1;

@@ -60,7 +60,7 @@ export class ComparisonPanel {
     if (isWritten) this.writeErrorsOfFew();
   }
 
-  /** Greys out what is of all modes while fewer are shown, and says so. */
+  /** Greys out the errors of all modes while fewer are shown, and says so. */
   private markFew(isFew: boolean): void {
     part("few").hidden = !isFew;
     for (const id of ["plots", "original-rows"]) part(id).classList.toggle("of-all", isFew);

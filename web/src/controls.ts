@@ -1,12 +1,10 @@
-// Controls and keys, and what they do.
+// Controls and keys, and their actions.
 
 import { ComparisonPanel } from "./comparison";
 import { HeatBar } from "./heat_bar";
-import { listenForKeys, type Actions } from "./keyboard";
 import { Labels } from "./labels";
 import type { Opening } from "./opening";
-import { showError } from "./messages";
-import { Choice, input, part } from "./page";
+import { Choice, input, part, showError } from "./page";
 import { Panel } from "./panel";
 import type { Arrangement, Look, Picture, Shading } from "./picture";
 import type { Player } from "./player";
@@ -17,7 +15,7 @@ import { Timeline } from "./timeline";
 
 const PHONE = "(max-width: 720px)";
 
-/** Connects every control of the page, and keeps what it shows up to date. */
+/** Connects every control of the page, and keeps it up to date. */
 export function connectControls(
   reel: Reel,
   stage: Stage,
@@ -66,10 +64,10 @@ export function connectControls(
 function timelineKeys(timeline: Timeline, reel: Reel): Actions {
   return {
     " ": () => timeline.toggle(),
-    ArrowLeft: () => timeline.step(-1),
-    ArrowRight: () => timeline.step(1),
-    ShiftArrowLeft: () => timeline.step(-10),
-    ShiftArrowRight: () => timeline.step(10),
+    ArrowLeft: () => timeline.skip(-1),
+    ArrowRight: () => timeline.skip(1),
+    ShiftArrowLeft: () => timeline.skip(-10),
+    ShiftArrowRight: () => timeline.skip(10),
     Home: () => timeline.seek(0),
     End: () => timeline.seek(reel.n_frames - 1),
     "-": () => timeline.changeSpeed(-1),
@@ -132,4 +130,31 @@ function togglePanel(): void {
 function toggleFullscreen(): void {
   if (document.fullscreenElement) void document.exitFullscreen();
   else void document.documentElement.requestFullscreen().catch(showError);
+}
+
+type Actions = Record<string, () => unknown>;
+
+/** Listens for keys, except where one is typed into a control that uses it itself. */
+function listenForKeys(actions: Actions): void {
+  document.addEventListener("keydown", (event) => {
+    if (event.ctrlKey || event.metaKey || event.altKey || isUsedBy(event)) return;
+    const key = event.shiftKey && event.key.startsWith("Arrow") ? `Shift${event.key}` : event.key;
+    const action = actions[key] ?? actions[key.toLowerCase()];
+    if (!action) return;
+    event.preventDefault();
+    action();
+  });
+}
+
+function isUsedBy({ target, key }: KeyboardEvent): boolean {
+  if (document.querySelector("dialog[open]")) return true;
+  if (!(target instanceof HTMLElement)) return false;
+  if (target instanceof HTMLSelectElement) return true;
+  if (target instanceof HTMLInputElement)
+    return key === " " || (target.id !== "scrub" && isMove(key));
+  return target instanceof HTMLButtonElement && (key === " " || key === "Enter");
+}
+
+function isMove(key: string): boolean {
+  return key.startsWith("Arrow") || key === "Home" || key === "End";
 }

@@ -57,7 +57,7 @@ async function inflate(base64: string, url: string): Promise<ArrayBuffer> {
   }
 }
 
-/** What a refusal says: JSON with an error, or plain text. */
+/** The reason in a refusal: JSON with an error, or plain text. */
 function reasonIn(body: string): string {
   try {
     return (JSON.parse(body) as { error: string }).error;

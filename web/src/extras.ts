@@ -1,7 +1,6 @@
-// What comes one frame at a time beside the modes: values of a heat map, and the original. Of the
-// mesh of fewer modes than all, errors are computed here; the server knows those of all.
+// Data that come one frame at a time beside the modes: values of a heat map, and the original. The
+// errors of the mesh of fewer modes than all are computed here; the server has those of all modes.
 
-import { Lookahead } from "./ahead";
 import { Cache } from "./cache";
 import { loadPacket } from "./data";
 import { largest, type FrameErrors, type HeatFields } from "./heat_fields";
@@ -10,6 +9,7 @@ import { playingFps, type Reel } from "./reel";
 
 const KEPT_BYTES = 128e6;
 const LEAST_KEPT = 8;
+const N_AT_ONCE = 3;
 
 export class Extras {
   heatKind: string | null = null;
@@ -38,13 +38,13 @@ export class Extras {
     this.ahead = new Lookahead(reel.n_frames, playingFps(reel));
   }
 
-  /** Says that heat must be painted anew, since its kind or its range is another. */
+  /** Has heat painted anew, since its kind or its range has changed. */
   forgetHeat(): void {
     this.shownHeat = "";
     if (this.heatKind === null) this.picture.setHeat(null);
   }
 
-  /** Fetches what a frame needs. */
+  /** Fetches the data of a frame. */
   async load(frame: number): Promise<void> {
     await Promise.all([
       this.heatCache()?.load(frame),
@@ -52,14 +52,14 @@ export class Extras {
     ]);
   }
 
-  /** Fetches what the frames after this one need, while it plays. */
-  foresee(frame: number, speed: number, failed: (error: unknown) => void): void {
+  /** Fetches the data of the frames after this one, while it plays. */
+  prefetch(frame: number, speed: number, failed: (error: unknown) => void): void {
     const heats = this.heatCache();
-    if (heats) this.ahead.foresee(heats, frame, speed, failed);
-    if (this.needsOriginal) this.ahead.foresee(this.originals, frame, speed, failed);
+    if (heats) this.ahead.prefetch(heats, frame, speed, failed);
+    if (this.needsOriginal) this.ahead.prefetch(this.originals, frame, speed, failed);
   }
 
-  /** Shows what is here of a frame; the rest stays as it was. True if anything has changed. */
+  /** Shows the data of a frame that are here; the rest stays. True if anything has changed. */
   show(frame: number): boolean {
     const showsHeat = this.comparesFew ? this.showErrorsOfFew(frame) : this.showHeat(frame);
     return this.showOriginal(frame) || showsHeat;
@@ -107,7 +107,7 @@ export class Extras {
     this.shownHeat = this.heatKey(frame);
   }
 
-  /** The range of all modes, widened by what has been seen of few. */
+  /** The range of all modes, widened by the values of few modes so far. */
   private rangeOfFew(value: number): number {
     const key = `${this.heatKind} ${this.fewModes}`;
     if (key !== this.seen.key) this.seen = { key, largest: 0 };
@@ -148,4 +148,41 @@ function frameCache(url: string, name: string, shape: number[]): Cache<Float32Ar
   const load = async (frame: number) =>
     (await loadPacket(`${url}/${frame}`)).array(name, "float32", shape) as Float32Array;
   return new Cache(load, Math.max(LEAST_KEPT, Math.floor(KEPT_BYTES / Math.max(1, bytes))));
+}
+
+/**
+ * Asks for frames ahead of the playback: the slower the server is, the farther ahead, and the more
+ * sparsely.
+ */
+class Lookahead {
+  private latencyS = 0.05;
+
+  constructor(
+    private readonly nFrames: number,
+    private readonly framesPerSecond: number,
+  ) {}
+
+  /** Asks for the frames that can arrive before they are shown, as far as there is room. */
+  prefetch<T>(
+    cache: Cache<T>,
+    shown: number,
+    speed: number,
+    failed: (error: unknown) => void,
+  ): void {
+    const rate = this.framesPerSecond * speed;
+    const stride = Math.max(1, Math.ceil((this.latencyS * rate) / N_AT_ONCE));
+    const lead = Math.ceil(this.latencyS * rate) + 1;
+    let next = Math.ceil((shown + lead) / stride) * stride;
+    for (let tries = 0; tries < N_AT_ONCE && cache.nLoading < N_AT_ONCE; tries++, next += stride) {
+      const frame = next % this.nFrames;
+      if (!cache.isKnown(frame)) void this.timed(cache.load(frame)).catch(failed);
+    }
+  }
+
+  private async timed(loading: Promise<unknown>): Promise<void> {
+    const started = performance.now();
+    await loading;
+    const seconds = (performance.now() - started) / 1000;
+    this.latencyS += 0.2 * (seconds - this.latencyS);
+  }
 }

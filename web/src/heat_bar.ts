@@ -36,13 +36,13 @@ export class HeatBar {
   }
 
   private paint(width: number, hottest: number, [first, last]: string[], ink: string): void {
-    const scale = Math.min(window.devicePixelRatio, 2);
-    this.canvas.width = width * scale;
-    this.canvas.height = HEIGHT * scale;
+    const pixelRatio = Math.min(window.devicePixelRatio, 2);
+    this.canvas.width = width * pixelRatio;
+    this.canvas.height = HEIGHT * pixelRatio;
     this.canvas.style.width = `${width}px`;
     this.canvas.style.height = `${HEIGHT}px`;
     const pen = this.canvas.getContext("2d") as CanvasRenderingContext2D;
-    pen.scale(scale, scale);
+    pen.scale(pixelRatio, pixelRatio);
     const ramp = pen.createLinearGradient(0, 0, width, 0);
     HEAT.forEach((color, i) => ramp.addColorStop(i / (HEAT.length - 1), `rgb(${color})`));
     pen.fillStyle = ramp;

@@ -1,5 +1,5 @@
-// How far each vertex of a frame is off, as meshreel.metrics.heat has it: for what only the page
-// knows, the mesh of fewer modes than all.
+// The error of each vertex of a frame, as in meshreel.metrics.heat, of the mesh of fewer modes than
+// all, which only the page has.
 
 import { StedField } from "./sted_field";
 

@@ -1,4 +1,4 @@
-// What is drawn: the decoded mesh, the original beside or over it, heat, and how all is shaded.
+// The picture: the decoded mesh, the original beside or over it, heat, and how all is shaded.
 
 import * as THREE from "three";
 
@@ -76,7 +76,7 @@ export class Picture {
     this.applyLook();
   }
 
-  /** Takes over what has changed in `look`. */
+  /** Takes over the changes in `look`. */
   applyLook(): void {
     const { arrangement, background, wire } = this.look;
     const own = this.paint.hasOwnColors && this.look.ownColors;
@@ -118,7 +118,7 @@ export class Picture {
     return this.stage.distanceTo(null) > NEARER * this.stage.distanceTo(this.pose());
   }
 
-  /** Says that the decoder has computed other positions. */
+  /** Takes over the positions that the decoder has just computed. */
   decodedMoved(): void {
     this.decoded.moved();
   }

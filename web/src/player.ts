@@ -125,7 +125,7 @@ export class Player {
     this.redraw();
   }
 
-  /** Draws again at the next occasion, with whatever the look needs now. */
+  /** Draws again at the next occasion, with the data that the look needs now. */
   redraw(): void {
     this.isDirty = true;
     if (!this.clock.isPlaying) {
@@ -214,16 +214,16 @@ export class Player {
     const [before, time] = [this.frame, this.clock.time];
     this.clock.advance(nowMs);
     if (this.isSmoothPlay ? this.clock.time !== time : this.frame !== before) this.isDirty = true;
-    this.foresee(number);
+    this.prefetch(number);
     if (this.extras.show(this.frame)) this.isDirty = true;
     if (this.frame !== before) this.changed();
     if (!this.clock.isPlaying) this.pause();
   }
 
-  private foresee(block: number): void {
+  private prefetch(block: number): void {
     const next = (block + 1) % this.reel.blocks.length;
     if (!this.blocks.isKnown(next)) void this.blocks.load(next).catch(this.fail);
-    this.extras.foresee(this.frame, this.clock.speed, this.fail);
+    this.extras.prefetch(this.frame, this.clock.speed, this.fail);
   }
 
   private draw(block: ModeBlock): void {

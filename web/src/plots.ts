@@ -24,13 +24,13 @@ export class Plot {
     private readonly info: PlotInfo,
     seek: (frame: number) => void,
   ) {
-    const scale = new Scale(info.values);
+    const axis = new Axis(info.values);
     const caption = element("figcaption");
-    caption.append(element("span", scale.isLog ? `${info.label} (log)` : info.label), this.output);
+    caption.append(element("span", axis.isLog ? `${info.label} (log)` : info.label), this.output);
     this.svg = svg("svg", { viewBox: `0 0 ${WIDTH} ${HEIGHT}`, role: "img" }) as SVGSVGElement;
     this.svg.setAttribute("aria-label", `${info.label}, frame by frame`);
-    for (const tick of scale.ticks) {
-      const y = scale.y(tick);
+    for (const tick of axis.ticks) {
+      const y = axis.y(tick);
       this.svg.append(
         svg("line", { class: "grid", x1: LEFT, x2: WIDTH - RIGHT, y1: y, y2: y }),
         svg("text", { x: LEFT - 5, y: y + 3.5, "text-anchor": "end" }, shortNumber(tick)),
@@ -40,7 +40,7 @@ export class Plot {
       const x = this.x(frame);
       this.svg.append(svg("text", { x, y: HEIGHT - 2, "text-anchor": "middle" }, String(frame)));
     }
-    this.svg.append(svg("path", { class: "curve", d: this.curve(scale) }));
+    this.svg.append(svg("path", { class: "curve", d: this.curve(axis) }));
     const field = element("div");
     field.append(this.svg, this.cursor);
     this.figure.append(caption, field);
@@ -60,16 +60,16 @@ export class Plot {
     return LEFT + ((WIDTH - LEFT - RIGHT) * frame) / Math.max(1, n - 1);
   }
 
-  private curve(scale: Scale): string {
+  private curve(axis: Axis): string {
     let isDown = false;
     return this.info.values
       .map((value, frame) => {
         const isShown = value !== null && Number.isFinite(value);
-        const step = isShown
-          ? `${isDown ? "L" : "M"}${this.x(frame).toFixed(2)} ${scale.y(value).toFixed(2)}`
+        const command = isShown
+          ? `${isDown ? "L" : "M"}${this.x(frame).toFixed(2)} ${axis.y(value).toFixed(2)}`
           : "";
         isDown = isShown;
-        return step;
+        return command;
       })
       .join("");
   }
@@ -93,7 +93,7 @@ export class Plot {
 }
 
 /** Where a value is drawn: linear from zero, or logarithmic where values span decades. */
-class Scale {
+class Axis {
   readonly isLog: boolean;
   readonly ticks: number[];
   private readonly low: number;
@@ -108,10 +108,10 @@ class Scale {
       this.low = Math.max(Math.floor(Math.log10(least)), Math.log10(most) - 8);
       this.high = Math.ceil(Math.log10(most));
       const decades = this.high - this.low;
-      const step = Math.ceil(decades / 4);
+      const spacing = Math.ceil(decades / 4);
       this.ticks = Array.from(
-        { length: Math.floor(decades / step) + 1 },
-        (_, i) => 10 ** (this.high - i * step),
+        { length: Math.floor(decades / spacing) + 1 },
+        (_, i) => 10 ** (this.high - i * spacing),
       );
     } else {
       [this.low, this.high] = [0, most * 1.05];

@@ -1,4 +1,4 @@
-// What the server, or an exported page, tells about a file.
+// Facts of a file, as the server or an exported page gives them.
 
 export interface BlockInfo {
   start: number;
@@ -39,7 +39,7 @@ export interface Measured extends Errors {
   ready: boolean;
   /** Of the frames that are measured. */
   share: number;
-  /** What keeps it from measuring all; empty if nothing does. */
+  /** Why not all can be measured; empty if nothing went wrong. */
   error: string;
 }
 

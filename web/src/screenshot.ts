@@ -23,13 +23,13 @@ export function saveScreenshot(canvas: HTMLCanvasElement, name: string): void {
   }, "image/png");
 }
 
-function addBar(pen: CanvasRenderingContext2D, figure: HTMLElement, scale: number): void {
+function addBar(pen: CanvasRenderingContext2D, figure: HTMLElement, pixelRatio: number): void {
   const bar = figure.querySelector("canvas") as HTMLCanvasElement;
   const caption = figure.querySelector("figcaption")?.textContent ?? "";
   const [width, height] = [bar.clientWidth, bar.clientHeight];
   const style = getComputedStyle(figure);
-  pen.scale(scale, scale);
-  pen.translate(MARGIN, pen.canvas.height / scale - height - 20 - MARGIN);
+  pen.scale(pixelRatio, pixelRatio);
+  pen.translate(MARGIN, pen.canvas.height / pixelRatio - height - 20 - MARGIN);
   pen.fillStyle = style.backgroundColor;
   pen.fillRect(-6, -8, Math.max(width, 240) + 12, height + 28);
   pen.drawImage(bar, 0, 0, width, height);

@@ -23,7 +23,7 @@ export class Stage {
   changed: () => void = () => {};
   private readonly camera = makeCamera();
   private readonly controls: OrbitControls;
-  /** Turned by the up axis; what it holds is moved where the mesh is followed. */
+  /** Turned by the up axis; its contents are moved where the mesh is followed. */
   private readonly world = new THREE.Group();
   private readonly model = new THREE.Group();
   private readonly scene = new THREE.Scene();

@@ -18,8 +18,8 @@ export class Timeline {
     this.scrub.max = String(reel.n_frames - 1);
     this.scrub.addEventListener("input", () => this.seek(Number(this.scrub.value)));
     this.play.addEventListener("click", () => this.toggle());
-    part("previous").addEventListener("click", () => this.step(-1));
-    part("next").addEventListener("click", () => this.step(1));
+    part("previous").addEventListener("click", () => this.skip(-1));
+    part("next").addEventListener("click", () => this.skip(1));
     this.loop.addEventListener("click", () => this.toggleLoop());
     this.speed.addEventListener("change", () => (player.clock.speed = Number(this.speed.value)));
   }
@@ -29,8 +29,8 @@ export class Timeline {
     else this.player.play();
   }
 
-  /** Pauses, some frames from the one shown; at an end it goes on at the other where it loops. */
-  step(count: number): void {
+  /** Pauses, so many frames from the one shown; at an end it starts at the other where it loops. */
+  skip(count: number): void {
     this.player.pause();
     const n = this.reel.n_frames;
     const frame = this.player.frame + count;

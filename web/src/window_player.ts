@@ -1,4 +1,4 @@
-// `window.player`: what tests, and scripts in the console, drive the page by.
+// `window.player`, by which tests, and scripts in the console, drive the page.
 
 import type { Opening } from "./opening";
 import type { Picture } from "./picture";

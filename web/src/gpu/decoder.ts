@@ -82,7 +82,7 @@ export class Decoder {
 
   /**
    * Computes the positions between frame `t` of a block and the next one, from its first modes;
-   * false where they are what is there already.
+   * false where they are there already.
    */
   decode(block: ModeBlock, t: number, fraction: number, nModes: number): boolean {
     const key = `${t} ${fraction} ${nModes}`;
@@ -104,7 +104,7 @@ export class Decoder {
     return new Float32Array(3 * nVerts).map((_, i) => texels[4 * Math.floor(i / 3) + (i % 3)]);
   }
 
-  /** Waits until the GPU has done what it was told. */
+  /** Waits until the GPU has done its work. */
   wait(): void {
     this.renderer.readRenderTargetPixels(this.target, 0, 0, 1, 1, new Float32Array(4));
   }

@@ -35,10 +35,10 @@ export class ModeBlock {
     const nModes = packet.fields.n_modes as number;
     const nFrames = packet.fields.n_frames as number;
     const fields = packet.array("fields", "int16", [nModes, grid.nVerts]);
-    const scales = packet.array("field_scales", "float32", [nModes]);
+    const steps = packet.array("field_scales", "float32", [nModes]);
     const weights = packet
       .array("weights", "float32", [nFrames, nModes, 3])
-      .map((weight, i) => weight * scales[Math.floor(i / 3) % nModes]);
+      .map((weight, i) => weight * steps[Math.floor(i / 3) % nModes]);
     return new ModeBlock(
       nFrames,
       nModes,

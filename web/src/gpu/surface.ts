@@ -123,7 +123,7 @@ export class Surface {
     }
   }
 
-  /** Says that the positions have changed. */
+  /** Has the changed positions drawn. */
   moved(): void {
     this.isStale = true;
   }
