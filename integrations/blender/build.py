@@ -40,7 +40,7 @@ BOUNDS = {"scipy": "<1.16"}
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Build what the command line asks for, and print its size."""
+    """Build the zip that the command line asks for, and print its size."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("-o", "--output", type=Path, required=True, help="the .zip to write")
     parser.add_argument(
@@ -68,7 +68,7 @@ def collect_wheels(platforms: Iterable[str], folder: Path) -> list[Path]:
 
 
 def requirements() -> list[str]:
-    """What meshreel needs and Blender does not bring, in pip's words."""
+    """Requirements of meshreel that Blender does not bring, as pip writes them."""
     project = tomllib.loads((REPOSITORY / "pyproject.toml").read_text("utf-8"))["project"]
     # Markers only leave out platforms that Blender does not run on.
     stated = [requirement.partition(";")[0].strip() for requirement in project["dependencies"]]

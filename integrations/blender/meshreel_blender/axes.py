@@ -21,7 +21,7 @@ UP_ITEMS = (
 
 
 def rotation_from_file(up: str) -> tuple[float, float, float]:
-    """Euler angles that turn what a file holds upright in Blender."""
+    """Euler angles that turn the model of a file upright in Blender."""
     return (pi / 2, 0.0, 0.0) if up == Up.Y else (0.0, 0.0, 0.0)
 
 

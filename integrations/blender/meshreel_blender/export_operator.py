@@ -60,7 +60,7 @@ class ExportReel(bpy.types.Operator, ExportHelper):
     )
 
     _is_from_window = False
-    _steps: Generator[float, None, None]
+    _work: Generator[float, None, None]
     _notes: list[str]
     _timer: Any = None
 
@@ -88,21 +88,21 @@ class ExportReel(bpy.types.Operator, ExportHelper):
             layout.prop(self, name)
 
     def execute(self, context: Any) -> set[str]:
-        """Export; step by step where somebody sits before it, else at once."""
+        """Export: between events of the window, or else at once."""
         if self.frame_end < self.frame_start:
             self.report(
                 {"ERROR"}, f"no frames in {self.frame_start} to {self.frame_end}; swap them"
             )
             return {"CANCELLED"}
         self._notes = []
-        self._steps = export_reel(
+        self._work = export_reel(
             context, _exportable(context), Path(bpy.path.abspath(self.filepath)), self._choices(),
             self._notes,
         )  # fmt: skip
         context.window_manager.progress_begin(0, 100)
         if self._is_from_window:
             return self._begin_modal(context)
-        while (status := self._step(context)) == {"RUNNING_MODAL"}:
+        while (status := self._go_on(context)) == {"RUNNING_MODAL"}:
             pass
         return status
 
@@ -111,7 +111,7 @@ class ExportReel(bpy.types.Operator, ExportHelper):
         if event.type == "ESC":
             self.report({"INFO"}, "the export was stopped; no file was written")
             return self._end(context, {"CANCELLED"})
-        return self._step(context) if event.type == "TIMER" else {"RUNNING_MODAL"}
+        return self._go_on(context) if event.type == "TIMER" else {"RUNNING_MODAL"}
 
     def cancel(self, context: Any) -> None:
         """Give up, where Blender closes meanwhile."""
@@ -130,9 +130,9 @@ class ExportReel(bpy.types.Operator, ExportHelper):
         context.workspace.status_text_set("Exporting; Esc stops it")
         return {"RUNNING_MODAL"}
 
-    def _step(self, context: Any) -> set[str]:
+    def _go_on(self, context: Any) -> set[str]:
         try:
-            context.window_manager.progress_update(100 * next(self._steps))
+            context.window_manager.progress_update(100 * next(self._work))
         except StopIteration:
             for note in self._notes:
                 self.report({"WARNING"}, note)
@@ -143,7 +143,7 @@ class ExportReel(bpy.types.Operator, ExportHelper):
         return {"RUNNING_MODAL"}
 
     def _end(self, context: Any, status: set[str]) -> set[str]:
-        self._steps.close()
+        self._work.close()
         context.window_manager.progress_end()
         if self._timer:
             context.window_manager.event_timer_remove(self._timer)

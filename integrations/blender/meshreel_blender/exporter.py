@@ -1,4 +1,4 @@
-"""Evaluated meshes of a range of frames into a `.reel` file, step by step."""
+"""Evaluated meshes of a range of frames into a `.reel` file, as work that can be given up."""
 
 import os
 import tempfile
@@ -31,7 +31,7 @@ class _GivenUpError(Exception):
 
 @dataclass(frozen=True)
 class ExportChoices:
-    """What to export, and how.
+    """Frames to export, and how.
 
     Parameters
     ----------
@@ -40,7 +40,7 @@ class ExportChoices:
     up : {"Y", "Z"}
         The axis that is to point up in the file.
     target : dict
-        What `meshreel.encode` is to meet, such as ``{"quality": 80}``.
+        The target of `meshreel.encode`, such as ``{"quality": 80}``.
     """
 
     frames: range
@@ -53,7 +53,7 @@ def export_reel(
 ) -> Generator[float, None, None]:
     """Write the objects as the parts of a reel: work that gives its progress, 0..1, as it goes.
 
-    The file appears whole, at the end, in place of what is there. Closing the generator gives the
+    The file appears whole, at the end, in place of an earlier one. Closing the generator gives the
     work up. Until all are there, frames are kept in a temporary file: they are coded together.
 
     Parameters
@@ -65,7 +65,7 @@ def export_reel(
     path : Path
     choices : ExportChoices
     notes : list of str
-        Gains a sentence for whatever the file does not hold.
+        Gains a sentence for everything that the file does not hold.
 
     Raises
     ------
@@ -96,7 +96,7 @@ def export_reel(
 def _evaluate(
     context: Any, objects: Sequence[Any], choices: ExportChoices, spool: IO[bytes], notes: list[str]
 ) -> Generator[float, None, SceneReading]:
-    """Positions of every frame, one after the other, into a file; gives what else there is."""
+    """Write the positions of every frame into a file; gives the reading, with faces and surface."""
     scene = context.scene
     frame, subframe = scene.frame_current, scene.frame_subframe
     try:

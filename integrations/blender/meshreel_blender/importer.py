@@ -19,7 +19,7 @@ from .timeline import (
 
 @dataclass(frozen=True)
 class Imported:
-    """What came into the scene.
+    """Objects that an import adds to the scene.
 
     Attributes
     ----------

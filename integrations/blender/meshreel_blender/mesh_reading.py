@@ -1,4 +1,4 @@
-"""What an object looks like at the scene's frame: its mesh after all modifiers, in world space."""
+"""The shape of an object at the scene's frame: its mesh after all modifiers, in world space."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager

@@ -9,7 +9,7 @@ from .open_reels import UnplayableError
 
 
 class ReelPanel(bpy.types.Panel):
-    """Object properties > Meshreel: what is played, when, and why not."""
+    """Object properties > Meshreel: the file that is played, its settings, and its problems."""
 
     bl_idname = "OBJECT_PT_meshreel"
     bl_label = "Meshreel"
@@ -23,7 +23,7 @@ class ReelPanel(bpy.types.Panel):
         return bool(context.object and context.object.meshreel.fingerprint)
 
     def draw(self, context: Any) -> None:
-        """Draw the settings, and what there is to say of the file."""
+        """Draw the settings, and a line on the file."""
         layout, obj = self.layout, context.object
         layout.use_property_split = True
         for name in ("filepath", "start_frame", "end", "interpolate"):
@@ -34,7 +34,7 @@ class ReelPanel(bpy.types.Panel):
 
 
 def description(obj: Any) -> tuple[bool, str]:
-    """Whether an object cannot play, and why; or what its reel holds."""
+    """Whether an object cannot play, and why, or else the contents of its reel."""
     if player.problem(obj):
         return True, player.problem(obj)
     try:

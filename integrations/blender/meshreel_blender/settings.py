@@ -1,4 +1,4 @@
-"""What an object remembers of the reel that it plays."""
+"""Settings of an object that plays a reel."""
 
 from typing import Any
 

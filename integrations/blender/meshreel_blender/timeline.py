@@ -12,7 +12,7 @@ FRAME_TOLERANCE = 1e-4
 
 
 class End(StrEnum):
-    """What is shown before the first and after the last frame of a reel."""
+    """The frames shown before the first and after the last frame of a reel."""
 
     HOLD = "HOLD"
     LOOP = "LOOP"
@@ -40,7 +40,7 @@ def scene_frames_per_reel_frame(scene_fps: float, reel_fps: float) -> float:
 def reel_position(
     scene_frame: float, start_frame: float, duration: float, n_frames: int, end: str
 ) -> float:
-    """Where in a reel a scene frame is, in frames of the reel: 0 to n_frames - 1.
+    """Position of a scene frame in a reel, in frames of the reel: 0 to n_frames - 1.
 
     Parameters
     ----------
