@@ -1,7 +1,8 @@
 """Processes of this machine that do calls, and are replaced when they die.
 
 Each process serves one thread of this one over a pipe of its own, so that it is known which call a
-process died of: the others go on. A pool of the standard library breaks as a whole.
+process died of: the others go on. A pool of the standard library breaks as a whole, and
+pebble's where a process dies idle or in the middle of a reply: see docs/engine.md.
 """
 
 import multiprocessing
