@@ -46,7 +46,7 @@ class Record:
         The largest difference of a texture coordinate, where 1 is the width of a texture; None if
         they are exact.
     notes : list of str
-        What was changed while reading, and what is left out.
+        Changes made while reading, and parts of the input that are left out.
     """
 
     state: str

@@ -13,7 +13,7 @@ from meshreel.runtime.outputs.checks import check_output_folder
 
 @dataclass(frozen=True)
 class Plan:
-    """The inputs of a run, by what is to be done with them.
+    """The inputs of a run: up to date, refused, or to be encoded.
 
     Attributes
     ----------

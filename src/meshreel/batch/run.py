@@ -67,7 +67,7 @@ def run_batch(plan: Plan, engine: Engine | None, *, progress: Progress = silent)
     engine : Engine or None
         None only where there is nothing to encode.
     progress : callable, optional
-        Told the share of inputs done.
+        Called with the share of inputs done.
     """
     run = _Run(plan)
     run.begin()

@@ -98,7 +98,7 @@ _OPEN: ContextVar[tuple[Profile, Path] | None] = ContextVar("_OPEN", default=Non
 
 @contextmanager
 def profiled() -> Iterator[Profile]:
-    """A profile of what is done here, and of what is done for it in our threads."""
+    """A context that gives a profile of its body, and of work that our threads do for it."""
     profile = Profile()
     token = _OPEN.set((profile, ()))
     try:

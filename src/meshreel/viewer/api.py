@@ -101,7 +101,7 @@ class Api:
         Raises
         ------
         MeshReelError, OSError
-            If what is asked for cannot be decoded or read.
+            If a frame or block cannot be decoded or read.
         """
         if path == "api/reel":
             return _json(self.described())

@@ -37,9 +37,9 @@ class Reach:
 def reach_of(reel: ReelFile) -> Reach:
     """How far all frames of a file reach.
 
-    Of a file of several blocks only the first one is decoded: what it sweeps is widened about the
-    centre of the whole until its box has the diagonal of the whole, which the stream records.
-    Frames of an encoder that did not know them all may reach farther.
+    Of a file of several blocks only the first one is decoded: the space that it sweeps is widened
+    about the centre of the whole until its box has the diagonal of the whole, which the stream
+    records. Frames of an encoder that did not know them all may reach farther.
 
     Parameters
     ----------
