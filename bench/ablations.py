@@ -62,15 +62,15 @@ VARIANTS: dict[str, list[Any]] = {
     ],
     "with filters": [choices(has_filters=True)],
     "rounding to the nearest": [choices(price=0.0)],
-    "errors not carried": [choices(feedback_gain=0.0)],
-    "errors carried on all scales": [choices(n_shaped_resolutions=99)],
-    "one pass without neighbours": [
+    "no noise shaping": [choices(feedback_gain=0.0)],
+    "noise shaping on all resolutions": [choices(n_shaped_resolutions=99)],
+    "one pass without context neighbours": [
         constant(FieldMesh, "passes", property(lambda mesh: single_pass(mesh.n_verts)))
     ],
-    "time vectors rounded to 2 steps": [choices(basis_step=2.0)],
-    "time vectors rounded to 5 steps": [choices(basis_step=5.0)],
-    "modes above 0.4 of a step kept": [choices(least_rms=0.4)],
-    "modes above 1 step kept": [choices(least_rms=1.0)],
+    "basis step 2 times that of the fields": [choices(basis_step=2.0)],
+    "basis step 5 times that of the fields": [choices(basis_step=5.0)],
+    "modes kept from 0.4 steps": [choices(least_rms=0.4)],
+    "modes kept from 1 step": [choices(least_rms=1.0)],
     **{
         f"effort {number}": [choices(**vars(spent))]
         for number, spent in effort.EFFORTS.items()
@@ -82,8 +82,8 @@ VARIANTS: dict[str, list[Any]] = {
     "blocks of 50 frames": [],
     "blocks of 25 frames": [],
     "blocks of 12 frames": [],
-    "blocks of 50 frames, each for itself": [constant(FieldBlockCoder, "code", code_alone)],
-    "blocks of 12 frames, each for itself": [constant(FieldBlockCoder, "code", code_alone)],
+    "blocks of 50 frames, independent": [constant(FieldBlockCoder, "code", code_alone)],
+    "blocks of 12 frames, independent": [constant(FieldBlockCoder, "code", code_alone)],
 }
 
 

@@ -7,7 +7,7 @@
 `basis`: milliseconds for the basis of one block (x, y and z), by the decomposition of R and by
 orthogonal iterations from the block before, and how good the tracked basis is.
 `bits`: files of `blocks` against those of `pca-qp` cut into the same blocks.
-`reel`: what the time vectors take of files of `reel` in blocks.
+`reel`: what the temporal bases take of files of `reel` in blocks.
 Sequences are cut to whole blocks, two at least, whose frames must be more than the modes. One BLAS
 thread.
 """

@@ -87,19 +87,19 @@ def basis_bytes(data: bytes) -> list[int]:
 def measured_reel(
     sequence: meshreel.MeshSequence, length: int, all_modes: list[int]
 ) -> dict[str, Any]:
-    """Bytes of the time vectors and of the file, at default quality, cut and whole."""
+    """Bytes of the temporal bases and of the file, at default quality, cut and whole."""
     data = meshreel.encode(sequence, block_frames=length, order="drop")
     whole = meshreel.encode(sequence, order="drop")
     return {
         "size_bytes": len(data),
         "basis_bytes": basis_bytes(data),
-        "difference_bytes": [len(write_basis(one)) for one in differences(time_vectors(data))],
+        "difference_bytes": [len(write_basis(one)) for one in differences(temporal_bases(data))],
         "uncut_bytes": len(whole),
     }
 
 
-def time_vectors(data: bytes) -> list[Integers]:
-    """Steps of the time vectors of every block of `reel`, of shape (T, 3 K), x, y, z by turns."""
+def temporal_bases(data: bytes) -> list[Integers]:
+    """Quantised temporal basis of each block of `reel`, of shape (T, 3 K): x, y, z of each mode."""
     blocks = stored_blocks(read_stream(data), method_named("reel"))
     return [
         read_basis(block.payload(Section.BASIS), block.n_modes, block.n_frames) for block in blocks
@@ -186,8 +186,8 @@ def rate_row(result: Mapping[str, Any]) -> list[str]:
 
 
 def reel_table(results: list[dict[str, Any]]) -> str:
-    """What the time vectors take, and what cutting costs."""
-    header = ["sequence", "block", "blocks", "file", "time vectors, %", "in later blocks, %",
+    """Rows: what the temporal bases take, and what cutting costs."""
+    header = ["sequence", "block", "blocks", "file", "temporal bases, %", "in later blocks, %",
               "as differences, %", "file above uncut, %"]  # fmt: skip
     return table(header, map(reel_row, results))
 

@@ -1,0 +1,294 @@
+"""The figures of docs/method.md, from the flag of `meshreel demo` and the tables of docs/codec.md.
+
+    python bench/method_figures.py
+
+Writes docs/images/method-hierarchy.png, -stencil, -modes, -prediction and -ablation. Takes half a
+minute; needs Matplotlib.
+"""
+
+import argparse
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import matplotlib.pyplot as plt
+import numpy as np
+import numpy.typing as npt
+from matplotlib.collections import LineCollection
+from matplotlib.colors import CenteredNorm
+
+import meshreel
+from meshreel.geometry.connectivity import adjacency_matrix
+from meshreel.reel.agreed.hierarchy import Resolution, build_hierarchy
+from meshreel.reel.agreed.weights import (
+    Stencils,
+    WeightLearner,
+    joined_stencils,
+    smooth_stencils,
+)
+from meshreel.subspace.pca import joint_trajectories
+
+Floats = npt.NDArray[np.float64]
+Integers = npt.NDArray[np.int64]
+
+ROOT = Path(__file__).parents[1]
+STENCIL_SIZE = 10
+N_MODES = 24
+N_KNOWN = 10
+"""Fields that weights are learned from, as for the last group of modes at the default effort."""
+
+PREDICTED = 12
+"""Number of the mode whose prediction is shown, from 0."""
+
+QUALITY_80_STEP = 1e-4 * 2 ** (20 / 12)
+"""Quantisation step of a position at quality 80, in diagonals of the bounding box."""
+
+CROP_M = 0.42
+"""Side of the piece of the flag that is drawn enlarged."""
+
+KEPT_COLOUR = "#222222"
+LEVEL_COLOURS = ("#D55E00", "#0072B2", "#56B4E9")
+SIGNED = "RdBu_r"
+
+
+@dataclass
+class Flag:
+    """The flag with its fields and its hierarchy.
+
+    Attributes
+    ----------
+    flat : float64 array of shape (V, 2)
+        Vertices at rest.
+    faces : int array of shape (M, 3)
+    vectors : float64 array of shape (3 T, K)
+        Temporal basis.
+    fields : float64 array of shape (V, K)
+        In quantisation steps of quality 80.
+    resolutions : list of Resolution
+    stencils : Stencils
+        Of all resolutions, with the weights that smooth fields suggest.
+    """
+
+    flat: Floats
+    faces: npt.NDArray[np.int32]
+    vectors: Floats
+    fields: Floats
+    resolutions: list[Resolution]
+    stencils: Stencils
+
+
+def analysed_flag(n_frames: int) -> Flag:
+    """The flag, simulated and taken apart as the encoder does."""
+    sequence = meshreel.simulate_flag(n_frames)
+    low, high = sequence.extent.low, sequence.extent.high
+    positions = (sequence.vertices - (low + high) / 2) / sequence.extent.mean_diagonal
+    matrices = np.ascontiguousarray(positions.astype(np.float64).transpose(2, 0, 1))
+    _, vectors = joint_trajectories(matrices, N_MODES)
+    step = QUALITY_80_STEP * np.sqrt(n_frames)
+    fields = matrices.reshape(-1, sequence.n_verts).T @ vectors / step
+    resolutions = build_hierarchy(adjacency_matrix(sequence.faces, sequence.n_verts), STENCIL_SIZE)
+    stencils = joined_stencils(
+        [smooth_stencils(resolution) for resolution in resolutions], STENCIL_SIZE
+    )
+    flat = sequence.vertices[0, :, :2].astype(np.float64)
+    return Flag(flat, sequence.faces, vectors, fields, resolutions, stencils)
+
+
+def draw_hierarchy(flag: Flag) -> Any:
+    """Four resolutions of a corner of the flag, with their levels."""
+    figure, panels = plt.subplots(1, 4, figsize=(13, 3.9), layout="constrained")
+    resolutions = flag.resolutions[::-1][:4]
+    for panel, number, resolution in zip(panels, range(4), resolutions, strict=True):
+        is_kept = np.isin(resolution.members, np.concatenate(resolution.levels), invert=True)
+        draw_edges(panel, flag.flat[resolution.members], resolution)
+        dots(
+            panel, flag.flat[resolution.members[is_kept]], KEPT_COLOUR, "on the coarser resolution"
+        )
+        for level, (colour, vertices) in enumerate(
+            zip(LEVEL_COLOURS, resolution.levels, strict=False), 1
+        ):
+            dots(panel, flag.flat[vertices], colour, f"level {level}")
+        name = "the mesh" if number == 0 else f"coarser resolution {number}"
+        panel.set_title(f"{name}: {len(resolution.members)} vertices", fontsize=10)
+        crop(panel, flag, CROP_M * (1 + (number > 1)))
+    handles, labels = panels[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=4, frameon=False)
+    return figure
+
+
+def draw_stencil(flag: Flag) -> Any:
+    """A vertex of the finest resolution, its stencil, and two sets of predictor weights."""
+    stencils = flag.stencils
+    learned = WeightLearner(stencils).learn(flag.fields[:, :N_KNOWN], 1 / 12)
+    corner = flag.flat.min(axis=0) + CROP_M / 2
+    finest = np.flatnonzero(np.isin(stencils.predicted, flag.resolutions[-1].levels[-1]))
+    near = flag.flat[stencils.predicted[finest]] - corner
+    row = finest[np.argmin(np.linalg.norm(near, axis=1))]
+    target, around = stencils.predicted[row], stencils.stencil[row]
+    figure, panels = plt.subplots(1, 2, figsize=(9.5, 4.6), layout="constrained")
+    titles = ("smooth weights, from connectivity", f"weights learned from {N_KNOWN} decoded fields")
+    for panel, title, weights in zip(
+        panels, titles, (stencils.weights[row], learned[row]), strict=True
+    ):
+        draw_edges(panel, flag.flat, flag.resolutions[-1])
+        drawn = panel.scatter(
+            *flag.flat[around].T, s=330, c=weights, cmap=SIGNED, norm=CenteredNorm(halfrange=0.6),
+            edgecolors="#555555", zorder=3,
+        )  # fmt: skip
+        for place, weight in zip(flag.flat[around], weights, strict=True):
+            panel.text(*place, f"{weight:.2f}", ha="center", va="center", fontsize=6.5, zorder=4)
+        panel.scatter(*flag.flat[target], s=150, marker="s", c="#222222", zorder=3)
+        panel.set_title(title, fontsize=10)
+        crop(panel, flag, 0.2, flag.flat[target])
+    figure.colorbar(drawn, ax=panels, label="weight", shrink=0.8)
+    return figure
+
+
+def draw_modes(flag: Flag) -> Any:
+    """Some fields on the flag at rest, with the basis vectors of their modes below."""
+    chosen = (0, 1, 2, 4, 12)
+    figure, panels = plt.subplots(
+        2, len(chosen), figsize=(13, 3.9), height_ratios=(3, 2), layout="constrained", sharey="row"
+    )
+    n_frames = len(flag.vectors) // 3
+    for field_panel, time_panel, mode in zip(*panels, chosen, strict=True):
+        draw_field(field_panel, flag, flag.fields[:, mode], None)
+        field_panel.set_title(f"mode {mode + 1}", fontsize=10)
+        for axis, colour in zip("xyz", ("#D55E00", "#009E73", "#0072B2"), strict=True):
+            values = flag.vectors.reshape(3, n_frames, -1)["xyz".index(axis), :, mode]
+            time_panel.plot(values, color=colour, lw=0.9, label=axis)
+        time_panel.set_xlabel("frame", fontsize=8)
+        time_panel.tick_params(labelsize=7)
+        time_panel.spines[["top", "right"]].set_visible(False)
+    panels[0][0].set_ylabel("field", fontsize=9)
+    panels[1][0].set_ylabel("basis vector", fontsize=9)
+    panels[1][1].legend(fontsize=8, frameon=False, ncols=3, loc="lower center")
+    return figure
+
+
+def draw_prediction(flag: Flag) -> Any:
+    """A field, and the residuals that three sets of weights leave of it."""
+    stencils, field = flag.stencils, flag.fields[:, PREDICTED]
+    there = stencils.stencil >= 0
+    by_distance = there / stencils.penalty
+    by_distance /= np.maximum(by_distance.sum(axis=1, keepdims=True), 1e-12)
+    learned = WeightLearner(stencils).learn(flag.fields[:, :N_KNOWN], 1 / 12)
+    figure, panels = plt.subplots(1, 4, figsize=(13, 3.4), layout="constrained")
+    drawn = draw_field(panels[0], flag, field, None)
+    panels[0].set_title(f"field of mode {PREDICTED + 1}\nrms {rms(field):.0f} steps", fontsize=10)
+    figure.colorbar(drawn, ax=panels[0], shrink=0.8, location="bottom")
+    names = ("weights by distance", "smooth weights", "learned weights")
+    for panel, name, weights in zip(
+        panels[1:], names, (by_distance, stencils.weights, learned), strict=True
+    ):
+        residual = np.zeros(len(field))
+        predicted = (weights * np.where(there, field[stencils.stencil], 0)).sum(axis=1)
+        residual[stencils.predicted] = field[stencils.predicted] - predicted
+        fine = np.concatenate(flag.resolutions[-1].levels)
+        drawn = draw_field(panel, flag, residual, 3.0)
+        panel.set_title(
+            f"residual, {name}\nrms {rms(residual[fine]):.2f} steps on the finest resolution",
+            fontsize=10,
+        )
+    figure.colorbar(
+        drawn, ax=panels[1:], shrink=0.8, aspect=40, location="bottom", label="quantisation steps"
+    )
+    return figure
+
+
+def draw_ablation() -> Any:
+    """What parts of the method save, from the table of docs/codec.md: a dot for each sequence."""
+    text = (ROOT / "docs" / "codec.md").read_text(encoding="utf-8")
+    table = text[text.index("| KG, STED |") :].split("\n\n")[0].splitlines()
+    sequences = [cell.strip() for cell in table[0].split("|")[2:-1]]
+    rows = {
+        cells[1].strip(): np.array([numbers(cell) for cell in cells[2:-1]])
+        for cells in (line.split("|") for line in table[2:])
+    }
+    shown = [name for name in rows if not name.startswith("blocks")]
+    figure, panels = plt.subplots(1, 2, figsize=(11, 6), sharey=True, layout="constrained")
+    for panel, column, measure in zip(panels, (0, 1), ("KG error", "STED"), strict=True):
+        for place, name in enumerate(reversed(shown)):
+            values = rows[name][:, column]
+            panel.barh(place, values.mean(), color="#C9D3E3", height=0.7)
+            for value, marker, sequence in zip(values, "osD^vP", sequences, strict=True):
+                panel.plot(
+                    value, place, marker, color="#4B0092", ms=4, alpha=0.8,
+                    label=sequence if not place else None, ls="none",
+                )  # fmt: skip
+        panel.axvline(0, color="#222222", lw=0.8)
+        panel.set_xlabel(f"rate at equal {measure}, change in %")
+        panel.spines[["top", "right"]].set_visible(False)
+    panels[0].set_yticks(range(len(shown)), reversed(shown), fontsize=9)
+    panels[1].legend(fontsize=8, frameon=False, loc="center right")
+    return figure
+
+
+def numbers(cell: str) -> tuple[float, float]:
+    """The two rates of a cell, as "+50.7, +92.9"."""
+    first, second = re.findall(r"[-+][\d.]+", cell)
+    return float(first), float(second)
+
+
+def rms(values: Floats) -> float:
+    """Root of the mean square."""
+    return float(np.sqrt(np.mean(values**2)))
+
+
+def draw_edges(panel: Any, places: Floats, resolution: Resolution) -> None:
+    """The edges of a resolution whose vertices are at these places."""
+    graph = resolution.adjacency.tocoo()
+    segments: Any = places[np.stack([graph.row, graph.col], axis=1)]
+    panel.add_collection(LineCollection(segments, colors="#BBBBBB", linewidths=0.6, zorder=1))
+
+
+def dots(panel: Any, places: Floats, colour: str, label: str) -> None:
+    """Vertices as dots."""
+    panel.scatter(*places.T, s=14, c=colour, label=label, zorder=2)
+
+
+def draw_field(panel: Any, flag: Flag, field: Floats, limit: float | None) -> Any:
+    """A field in colours on the flag at rest."""
+    drawn = panel.tripcolor(
+        *flag.flat.T, flag.faces, field, shading="gouraud", cmap=SIGNED,
+        norm=CenteredNorm(halfrange=limit),
+    )  # fmt: skip
+    panel.set_aspect("equal")
+    panel.set_xticks([])
+    panel.set_yticks([])
+    panel.spines[:].set_visible(False)
+    return drawn
+
+
+def crop(panel: Any, flag: Flag, side: float, centre: Floats | None = None) -> None:
+    """Show a square of the flag: about a centre, else in a corner."""
+    low = flag.flat.min(axis=0) - 0.01 if centre is None else centre - side / 2
+    panel.set_xlim(low[0], low[0] + side)
+    panel.set_ylim(low[1], low[1] + side)
+    panel.set_aspect("equal")
+    panel.set_xticks([])
+    panel.set_yticks([])
+
+
+def main() -> None:
+    """Write all figures."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--out", type=Path, default=ROOT / "docs" / "images")
+    parser.add_argument("--frames", type=int, default=300, help="of the flag")
+    arguments = parser.parse_args()
+    plt.switch_backend("agg")
+    flag = analysed_flag(arguments.frames)
+    figures = {
+        "hierarchy": draw_hierarchy(flag),
+        "stencil": draw_stencil(flag),
+        "modes": draw_modes(flag),
+        "prediction": draw_prediction(flag),
+        "ablation": draw_ablation(),
+    }
+    for name, figure in figures.items():
+        figure.savefig(arguments.out / f"method-{name}.png", dpi=110, metadata={"Software": None})
+
+
+if __name__ == "__main__":
+    main()
