@@ -94,6 +94,7 @@ class MeshSequence:
 
     Its length is the number of frames. ``sequence[3]`` is the positions of a frame, of shape
     (V, 3); a slice, or a list of numbers, gives those of several; iterating gives all in turn.
+    The arrays are validated once and kept as read-only views (faces as int32).
 
     Parameters
     ----------
@@ -110,8 +111,6 @@ class MeshSequence:
     surface : Surface, optional
         What the mesh carries beside positions and triangles: polygons, texture coordinates,
         colours, materials, and the parts that were merged. Default: nothing.
-
-    The arrays are validated once and kept as read-only views (faces as int32).
 
     Raises
     ------

@@ -1,0 +1,110 @@
+"""Hooks of mkdocs: pages that live outside of docs/, tables of options, and where the API is.
+
+`mkdocs build --strict` runs them (see mkdocs.yml).
+
+- CHANGELOG.md, CONTRIBUTING.md and the add-on's README are pages of the site, too.
+- A line ``<!-- options: encode -->`` becomes a table of the options of that command.
+- A line ``::: meshreel.encode`` names what users import; it is documented where it is defined.
+"""
+
+import inspect
+import re
+from pathlib import Path
+from typing import Any
+
+import typer.main
+from mkdocs.config.defaults import MkDocsConfig
+from mkdocs.structure.files import File, Files
+from mkdocs.structure.pages import Page
+
+import meshreel
+from meshreel.cli.app import app
+
+ROOT = Path(__file__).parents[1]
+OUTSIDE = {
+    "CHANGELOG.md": "changelog.md",
+    "CONTRIBUTING.md": "contributing.md",
+    "integrations/blender/README.md": "guides/blender-add-on.md",
+}
+"""Pages of the site that lie elsewhere in the repository, and their place on the site."""
+
+OPTIONS = re.compile(r"^<!-- options: (\w+) -->$", re.MULTILINE)
+PUBLIC = re.compile(r"^::: meshreel\.(\w+)$", re.MULTILINE)
+LINK = re.compile(r"\]\(([^)#\s]+)(#[^)\s]*)?\)")
+
+
+def on_files(files: Files, config: MkDocsConfig) -> Files:
+    """The files of the site, with those that lie outside of docs/."""
+    for source, place in OUTSIDE.items():
+        files.append(File.generated(config, place, abs_src_path=str(ROOT / source)))
+    return files
+
+
+def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Files) -> str:
+    """The text of a page with its links, tables of options and public names replaced."""
+    markdown = LINK.sub(lambda found: _site_link(found, page.file.src_uri), markdown)
+    markdown = OPTIONS.sub(lambda found: options_table(found[1]), markdown)
+    return PUBLIC.sub(lambda found: _definition(found[1]), markdown)
+
+
+def _site_link(found: re.Match[str], page: str) -> str:
+    """A link between files of the repository as one between pages of the site."""
+    target, anchor = found[1], found[2] or ""
+    if re.match(r"[a-z]+:", target):
+        return found[0]
+    homes = {place: source for source, place in OUTSIDE.items()}
+    here = ROOT / homes.get(page, f"docs/{page}")
+    wanted = (here.parent / target).resolve()
+    if not wanted.is_relative_to(ROOT):
+        return found[0]
+    source = wanted.relative_to(ROOT).as_posix()
+    place = OUTSIDE.get(source, source.removeprefix("docs/"))
+    up = "../" * page.count("/")
+    return f"]({up}{place}{anchor})"
+
+
+def options_table(command: str) -> str:
+    """A Markdown table of the options of a command of `meshreel`, a section for each panel.
+
+    Parameters
+    ----------
+    command : str
+        Its name, such as "encode".
+
+    Raises
+    ------
+    KeyError
+        If there is no such command.
+    """
+    found = typer.main.get_command(app).commands[command]  # type: ignore[attr-defined]
+    panels: dict[str, list[str]] = {}
+    for option in found.params:
+        if option.param_type_name != "option" or option.hidden:
+            continue
+        panel = getattr(option, "rich_help_panel", None) or ""
+        panels.setdefault(panel, []).append(_row(option))
+    return "\n\n".join(_panel(name, rows) for name, rows in sorted(panels.items()))
+
+
+def _panel(name: str, rows: list[str]) -> str:
+    head = [f"**{name}**", ""] if name else []
+    return "\n".join([*head, "| option | meaning |", "|---|---|", *rows])
+
+
+def _row(option: Any) -> str:
+    names = ", ".join(f"`{name}`" for name in [*option.opts, *option.secondary_opts])
+    default = option.default
+    shown = (
+        f" Default: `{default}`."
+        if option.show_default and isinstance(default, str | int | float) and default is not False
+        else ""
+    )
+    meaning = " ".join((option.help or "").split()).replace("|", "\\|")
+    return f"| {names} | {meaning}{shown} |"
+
+
+def _definition(name: str) -> str:
+    """What mkdocstrings is to document for a public name, under the name that users import."""
+    found: Any = inspect.unwrap(getattr(meshreel, name))
+    options = f"    options:\n      heading: meshreel.{name}\n      toc_label: {name}"
+    return f"::: {found.__module__}.{found.__qualname__}\n{options}"
