@@ -1,0 +1,38 @@
+"""Sizes and errors of a sequence over a range of qualities, to choose one.
+
+    python examples/rate_distortion.py walk.npz --qualities 60,70,80,90
+
+Without a sequence: of the embedded flag.
+"""
+
+import argparse
+
+import meshreel
+
+HEAD = f"{'quality':>8} {'kB':>8} {'bpvf':>7} {'KG %':>8} {'STED':>8} {'largest %':>10}"
+
+
+def row(sequence: meshreel.MeshSequence, quality: float) -> str:
+    """A line of the table: what the sequence takes and loses at a quality."""
+    data = meshreel.encode(sequence, quality=quality)
+    lost = meshreel.compare(sequence, data)
+    rate = meshreel.info(data).rate_bpvf
+    figures = f"{lost.kg_error_percent:8.3f} {lost.sted:8.4f} {lost.max_error_percent:10.3f}"
+    return f"{quality:8g} {len(data) / 1000:8.1f} {rate:7.3f} {figures}"
+
+
+def main() -> None:
+    """Print the table."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("sequence", nargs="?")
+    parser.add_argument("--qualities", default="50,60,70,80,90")
+    arguments = parser.parse_args()
+    named = arguments.sequence
+    sequence = meshreel.load(named) if named else meshreel.simulate_flag(100)
+    print(sequence, HEAD, sep="\n")
+    for quality in arguments.qualities.split(","):
+        print(row(sequence, float(quality)))
+
+
+if __name__ == "__main__":
+    main()
