@@ -1,0 +1,94 @@
+"""Snippets run as they stand, page by page and from top to bottom, after `meshreel demo`."""
+
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import urllib.request
+from pathlib import Path
+
+import pytest
+
+from meshreel.cli import main
+from meshreel.viewer.page import PAGE
+from samples.pages import PAGES, name_of, parts_of, snippets
+
+N_FRAMES = 60
+"""Frames of the flag here, all that snippets name among them; the demo has 300."""
+
+DEMO = ["meshreel", "demo"]
+
+
+def run_program(words, monkeypatch):
+    """Run `meshreel` in this process; it must end well."""
+    monkeypatch.setattr(sys, "argv", words)
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert ended.value.code == 0, words
+
+
+def look_at(words):
+    """Start a player, wait until it says where it plays, and stop it as ctrl-C does."""
+    command = [sys.executable, "-m", *words, "--no-open"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, bufsize=1) as process:
+        try:
+            [address] = re.findall(r"plays at (http://\S+)", process.stdout.readline())
+            with urllib.request.urlopen(address, timeout=60) as page:
+                assert page.status == 200
+            process.send_signal(signal.SIGINT)
+            assert process.wait(timeout=60) == 0
+        finally:
+            process.kill()
+
+
+def run_line(line, monkeypatch):
+    for words in parts_of(line):
+        if words == DEMO:
+            assert Path("meshreel-demo").is_dir()  # with fewer frames, see the fixture
+        elif words[:2] == ["meshreel", "view"]:
+            look_at(words)
+        elif words[0] == "meshreel":
+            run_program(words, monkeypatch)
+        else:
+            subprocess.run(words, check=True, timeout=600)
+
+
+def run_snippet(snippet, monkeypatch):
+    if snippet.language == "python":
+        exec(compile(snippet.text, "snippet", "exec"), {"__name__": "__main__"})
+        return
+    for line in snippet.command_lines:
+        run_line(line, monkeypatch)
+
+
+@pytest.fixture(scope="module")
+def demo(tmp_path_factory):
+    """A folder in which the demo has run."""
+    folder = tmp_path_factory.mktemp("demo")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        run_program([*DEMO, "--frames", str(N_FRAMES)], patch)
+    return folder / "meshreel-demo"
+
+
+def test_a_snippet_says_what_it_needs_when_it_is_not_run():
+    of_others = [snippet for page in PAGES for snippet in snippets(page) if snippet.needs]
+    assert of_others
+    known = r"Blender|Houdini|Maya|ParaView|three\.js|Dask|checkout"
+    for snippet in of_others:
+        assert re.search(known, snippet.needs), snippet.text
+    elsewhere = {"js"} & {s.language for p in PAGES for s in snippets(p) if not s.needs}
+    assert not elsewhere
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("page", [page for page in PAGES if snippets(page)], ids=name_of)
+def test_snippets_run_in_order(page, demo, tmp_path, monkeypatch):
+    if not PAGE.is_file():
+        pytest.skip("the page of the player is not built")
+    monkeypatch.chdir(tmp_path)
+    shutil.copytree(demo, tmp_path / demo.name)
+    for snippet in snippets(page):
+        if snippet.language in ("bash", "python") and not snippet.needs:
+            run_snippet(snippet, monkeypatch)
