@@ -21,7 +21,7 @@ import numpy.typing as npt
 
 import meshreel
 from meshreel.evaluation.machine import machine_facts, machine_line
-from meshreel.formats.frame_stream import FrameStream
+from meshreel.formats.frames.frame_stream import FrameStream
 from meshreel.formats.gltf.buffer_writer import BufferWriter
 from meshreel.formats.gltf.placement import place_frames
 from meshreel.formats.gltf.write import write_glb

@@ -13,8 +13,8 @@ from meshreel.codec import inspect as streams
 from meshreel.codec.inspect import StreamInfo
 from meshreel.codec.reel_file import ReelFile
 from meshreel.errors import InvalidInputError
+from meshreel.formats.file_errors import errors_naming, os_errors_naming
 from meshreel.formats.load import load, open_for_encoding
-from meshreel.formats.naming import errors_naming, os_errors_naming
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.sources import AnyPath, Source
 from meshreel.metrics import compare as metrics

@@ -15,7 +15,7 @@ from meshreel.formats.gltf.seams import split_at_seams
 from meshreel.formats.gltf.write import write_glb, write_gltf
 from meshreel.formats.load import load
 from meshreel.formats.options import WriteOptions
-from meshreel.formats.parts import split_parts
+from meshreel.formats.scenes.parts import split_parts
 from meshreel.sequence import MeshSequence
 from meshreel.surface import Attribute, Domain, FaceGroups, Kind, Part, Surface
 from samples.browser import FOLDER, browser, play

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from meshreel.formats.frame_stream import FrameStream
+from meshreel.formats.frames.frame_stream import FrameStream
 from meshreel.formats.gltf.write import write_glb
 from meshreel.formats.options import WriteOptions
 

@@ -6,7 +6,7 @@ import bpy
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.formats.parts import PartMesh
+from meshreel.formats.scenes.parts import PartMesh
 from meshreel.surface import Attribute, Domain, FaceGroups, Kind
 
 MAX_UV_MAPS = 8

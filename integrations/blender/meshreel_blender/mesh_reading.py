@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.formats.polygons import PolygonMesh
+from meshreel.formats.surfaces.polygons import PolygonMesh
 from meshreel.surface import Attribute, Domain, FaceGroups, Kind, Surface
 
 from .mesh_building import MATERIALS

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 import meshreel
 from meshreel.errors import MeshReelError
-from meshreel.formats.parts import PartMesh, split_parts
+from meshreel.formats.scenes.parts import PartMesh, split_parts
 
 Positions = npt.NDArray[np.floating[Any]]
 

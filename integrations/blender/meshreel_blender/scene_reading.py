@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.formats.merging import merged_mesh
-from meshreel.formats.polygons import PolygonMesh
-from meshreel.formats.scene import SceneMesh
+from meshreel.formats.scenes.merging import merged_mesh
+from meshreel.formats.scenes.scene_mesh import SceneMesh
+from meshreel.formats.surfaces.polygons import PolygonMesh
 from meshreel.geometry.fans import triangulate_fans
 from meshreel.surface import Surface
 

@@ -15,10 +15,10 @@ from meshreel.codec.surface.payloads import what_order_loses
 from meshreel.codec.surface.uv_errors import measure_uvs
 from meshreel.codec.surface.uv_grid import has_uvs
 from meshreel.errors import InvalidInputError
+from meshreel.formats.frames.selection import with_surface
 from meshreel.formats.heeded_options import heeds
 from meshreel.formats.load import open_for_encoding
 from meshreel.formats.options import ReadOptions
-from meshreel.formats.selection import with_surface
 from meshreel.runtime.engine.engine import Engine
 from meshreel.sequence import FrameSource
 from meshreel.surface_selection import ALL, chosen, describe_missing, missing_names

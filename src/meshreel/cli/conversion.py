@@ -52,7 +52,7 @@ class Conversion:
         first : int
             Number of the first of all frames.
         """
-        from meshreel.formats.targets import check_save_target
+        from meshreel.formats.outputs import check_save_target
 
         check_save_target(
             target,
@@ -95,7 +95,7 @@ class Conversion:
 
     def _number(self, target: str | Path, wanted: range, first: int) -> int | None:
         """Number of the first file of a target; None if it has no numbers."""
-        from meshreel.formats.targets import numbering
+        from meshreel.formats.outputs import numbering
 
         number = numbering(target, wanted, self.start_number)
         return number if number is None else first + number

@@ -70,11 +70,11 @@ def decode_command(
         written_figures,
     )
     from meshreel.codec.decoder import start_of
-    from meshreel.formats.naming import errors_naming
+    from meshreel.formats.file_errors import errors_naming
     from meshreel.formats.options import WriteOptions
+    from meshreel.formats.outputs import check_save_target, numbering
     from meshreel.formats.reel import open, origin_of
     from meshreel.formats.save import save_frames
-    from meshreel.formats.targets import check_save_target, numbering
     from meshreel.runtime.profiling import profiled
 
     chosen = frame_slice(frames)

@@ -44,7 +44,7 @@ def export_command(
     """
     from meshreel.cli.console import print_json, print_notes, print_table, progress_bar, size_text
     from meshreel.cli.player import opened_player
-    from meshreel.formats.naming import errors_naming
+    from meshreel.formats.file_errors import errors_naming
     from meshreel.formats.options import ReadOptions
     from meshreel.formats.sources import files_of_source
     from meshreel.runtime.outputs.checks import check_ending, check_output_path

@@ -86,7 +86,7 @@ def _is_stream(path: Path) -> bool:
 def _show_stream(path: Path, *, as_json: bool) -> None:
     from meshreel.cli.console import print_bars, print_json, print_table
     from meshreel.cli.figures import info_rows
-    from meshreel.formats.naming import errors_naming
+    from meshreel.formats.file_errors import errors_naming
     from meshreel.formats.reel import open
 
     with open(path) as reel, errors_naming(path):
@@ -110,7 +110,7 @@ def _show_source(source: "str | list[Path]", options: "ReadOptions", *, as_json:
     )
     from meshreel.cli.source_figures import HEADINGS, mesh_columns, source_rows
     from meshreel.formats.inspection import inspect_source
-    from meshreel.formats.left_out import LEFT_OUT
+    from meshreel.formats.notes import LEFT_OUT
 
     title = source if isinstance(source, str) else f"{source[0]} to {source[-1].name}"
     with progress_bar() as progress:

@@ -36,7 +36,7 @@ def opened_player(
 ) -> Iterator["Api"]:
     """Everything a player of a file is told, while the file is open."""
     from meshreel.cli.figures import measured_rows, player_rows
-    from meshreel.formats.naming import errors_naming
+    from meshreel.formats.file_errors import errors_naming
     from meshreel.formats.reel import open
     from meshreel.viewer.api import Api
 
@@ -65,8 +65,8 @@ def _check_original_is_there(original: str | None, reading: "ReadOptions") -> No
 
 
 def _comparison(reel: "ReelFile", original: str, reading: "ReadOptions") -> "Comparison":
+    from meshreel.formats.file_errors import errors_naming
     from meshreel.formats.load import open_for_encoding
-    from meshreel.formats.naming import errors_naming
     from meshreel.viewer.comparison import Comparison
     from meshreel.viewer.original import Original
 

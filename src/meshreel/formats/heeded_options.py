@@ -8,7 +8,7 @@ from typing import get_args
 
 from meshreel.errors import InvalidInputError
 from meshreel.formats.kinds import FrameFormat, ReadOption, SequenceFormat, WriteOption
-from meshreel.formats.left_out import listed
+from meshreel.formats.notes import listed
 from meshreel.formats.options import ReadOptions, WriteOptions
 from meshreel.formats.registry import FORMATS, SEQUENCE_FORMATS
 

@@ -6,11 +6,11 @@ from pathlib import Path
 from typing import Literal
 
 from meshreel.formats.extras import Extra
-from meshreel.formats.frame_stream import FrameStream
+from meshreel.formats.frames.frame_stream import FrameStream
 from meshreel.formats.options import ReadOptions, WriteOptions
-from meshreel.formats.polygons import PolygonMesh
-from meshreel.formats.scene import ReadMeshes
-from meshreel.formats.scene_source import scene_opener
+from meshreel.formats.scenes.scene_mesh import ReadMeshes
+from meshreel.formats.scenes.scene_source import scene_opener
+from meshreel.formats.surfaces.polygons import PolygonMesh
 from meshreel.sequence import Faces, FrameSource, Vertices
 from meshreel.surface import Surface
 

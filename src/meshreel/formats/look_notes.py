@@ -1,6 +1,6 @@
 """What is not kept of how materials look, each in one sentence that names them all."""
 
-from meshreel.formats.left_out import LEFT_OUT, listed
+from meshreel.formats.notes import LEFT_OUT, listed
 
 
 class LookNotes:

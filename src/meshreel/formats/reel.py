@@ -11,8 +11,8 @@ from meshreel.codec.config import DEFAULT_ORDER
 from meshreel.codec.decoder import decode
 from meshreel.codec.encoder import encode
 from meshreel.codec.reel_file import ReelFile
-from meshreel.formats.frame_stream import FrameStream
-from meshreel.formats.naming import errors_naming
+from meshreel.formats.file_errors import errors_naming
+from meshreel.formats.frames.frame_stream import FrameStream
 from meshreel.formats.options import Origin, ReadOptions, WriteOptions
 from meshreel.sequence import MeshSequence
 

@@ -10,14 +10,14 @@ import numpy.typing as npt
 from meshreel.codec.decoder import start_of
 from meshreel.codec.reel_file import ReelFile
 from meshreel.errors import FormatError, InvalidInputError
-from meshreel.formats.frame_stream import FrameStream
-from meshreel.formats.image_files import image_folder, image_names
+from meshreel.formats.frames.frame_stream import FrameStream
 from meshreel.formats.kinds import FrameFormat, SequenceFormat
 from meshreel.formats.options import WriteOptions
+from meshreel.formats.outputs import DEFAULT_OPTIONS, check_save_target, is_pattern, numbering
 from meshreel.formats.reel import origin_of
 from meshreel.formats.registry import FRAME_FORMATS, format_of
 from meshreel.formats.sources import AnyPath
-from meshreel.formats.targets import DEFAULT_OPTIONS, check_save_target, is_pattern, numbering
+from meshreel.formats.surfaces.image_files import image_folder, image_names
 from meshreel.formats.unwritten import note_unwritten_look
 from meshreel.runtime.outputs.atomic import replace_all_when_done
 from meshreel.runtime.profiling import staged
@@ -73,7 +73,7 @@ def save(
     Raises
     ------
     FormatError, InvalidInputError
-        As `meshreel.formats.targets.check_save_target`, before anything is written.
+        As `meshreel.formats.outputs.check_save_target`, before anything is written.
     """
     return save_part(
         sequence,
@@ -178,7 +178,7 @@ def save_frames(
     Raises
     ------
     FormatError, InvalidInputError
-        As `meshreel.formats.targets.check_save_target`, before the first block is asked for; as
+        As `meshreel.formats.outputs.check_save_target`, before the first block is asked for; as
         `FrameStream`.
     """
     if n_frames < 1:

@@ -2,7 +2,7 @@
 
 from collections.abc import Collection
 
-from meshreel.formats.left_out import listed
+from meshreel.formats.notes import listed
 from meshreel.surface import Attribute, FaceGroups, Surface
 
 

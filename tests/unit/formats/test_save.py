@@ -5,9 +5,9 @@ import meshreel
 from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.load import load, open_source
 from meshreel.formats.options import WriteOptions
+from meshreel.formats.outputs import check_save_target
 from meshreel.formats.registry import FORMATS, is_written
 from meshreel.formats.save import save
-from meshreel.formats.targets import check_save_target
 from meshreel.sequence import MeshSequence
 from samples.materials import dressed_sheet
 from samples.meshes import waving_grid

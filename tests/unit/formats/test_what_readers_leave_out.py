@@ -169,7 +169,7 @@ def test_nothing_is_named_when_frames_carry_the_same(tmp_path):
 
 
 def test_few_frames_are_compared_when_files_are_large(tmp_path, monkeypatch):
-    monkeypatch.setattr("meshreel.formats.mesh_files.COMPARED_BYTES", 1)
+    monkeypatch.setattr("meshreel.formats.frames.mesh_files.COMPARED_BYTES", 1)
     texts = [OBJ.format(a=f" 0 0 {i / 64}", u=0) for i in range(40)]
     changing_frames(tmp_path, ".obj", texts)
     assert left_out(tmp_path) == ["changes over time of color, kept as in the first frame"]

@@ -10,8 +10,8 @@ from meshreel.formats.alembic.ogawa import damaged
 from meshreel.formats.alembic.params import GeometryParam
 from meshreel.formats.alembic.time_sampling import between
 from meshreel.formats.alembic.winding import turned_corners
-from meshreel.formats.left_out import note_frozen, note_kinds, note_moving, note_normals
-from meshreel.formats.polygons import PolygonMesh
+from meshreel.formats.notes import note_frozen, note_kinds, note_moving, note_normals
+from meshreel.formats.surfaces.polygons import PolygonMesh
 from meshreel.surface import MAX_NUMBERS, Attribute, Domain, FaceGroups, Kind, Surface
 
 NO_GROUP = ""

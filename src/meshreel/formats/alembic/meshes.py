@@ -25,12 +25,12 @@ from meshreel.formats.alembic.time_sampling import Times, between
 from meshreel.formats.alembic.transforms import Matrix, placed, world_matrix
 from meshreel.formats.alembic.winding import turned_corners
 from meshreel.formats.gathered_note import GatheredNote
-from meshreel.formats.left_out import describe_cages, note_left_out
-from meshreel.formats.merging import united_times
+from meshreel.formats.notes import describe_cages, note_left_out
 from meshreel.formats.options import ReadOptions
-from meshreel.formats.polygons import PolygonMesh, polygon_mesh
-from meshreel.formats.scene import SceneMesh, readable_mesh
-from meshreel.formats.timing import frame_times
+from meshreel.formats.scenes.merging import united_times
+from meshreel.formats.scenes.scene_mesh import SceneMesh, readable_mesh
+from meshreel.formats.scenes.timing import frame_times
+from meshreel.formats.surfaces.polygons import PolygonMesh, polygon_mesh
 from meshreel.sequence import Vertices
 from meshreel.surface import Surface
 

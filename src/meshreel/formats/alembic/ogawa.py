@@ -12,8 +12,8 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.errors import FormatError, InvalidInputError
-from meshreel.formats.naming import os_errors_naming
-from meshreel.formats.stored_frames import changed_error
+from meshreel.formats.file_errors import os_errors_naming
+from meshreel.formats.frames.stored_frames import changed_error
 
 MAGIC, FINISHED = b"Ogawa", 0xFF
 HDF5_MAGIC = b"\x89HDF\r\n\x1a\n"

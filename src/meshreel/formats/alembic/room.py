@@ -6,7 +6,7 @@ import tempfile
 from pathlib import Path
 
 from meshreel.errors import InvalidInputError
-from meshreel.formats.frame_stream import FrameStream
+from meshreel.formats.frames.frame_stream import FrameStream
 
 BYTES_OF_SAMPLE = 256
 """Of a part in a frame, beside positions; 124 were found."""

@@ -19,9 +19,9 @@ from meshreel.formats.alembic.write_attributes import (
     write_groups,
 )
 from meshreel.formats.extras import ALEMBIC
-from meshreel.formats.frame_stream import FrameStream
+from meshreel.formats.frames.frame_stream import FrameStream
 from meshreel.formats.options import WriteOptions
-from meshreel.formats.parts import PartMesh, split_parts
+from meshreel.formats.scenes.parts import PartMesh, split_parts
 
 ASSUMED_FPS = 24.0
 

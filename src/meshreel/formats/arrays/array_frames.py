@@ -7,10 +7,10 @@ from pathlib import Path
 
 import numpy as np
 
-from meshreel.formats.naming import errors_naming
+from meshreel.formats.file_errors import errors_naming
+from meshreel.formats.frames.stored_frames import StoredFrames, changed_error
+from meshreel.formats.frames.survey import FrameSurvey
 from meshreel.formats.options import ReadOptions
-from meshreel.formats.stored_frames import StoredFrames, changed_error
-from meshreel.formats.survey import FrameSurvey
 from meshreel.sequence import Faces, FrameSource, MeshSequence, Vertices, validate_finite
 from meshreel.surface import PLAIN, Surface
 

@@ -21,8 +21,10 @@ from meshreel.formats.arrays.named_arrays import (
 )
 from meshreel.formats.arrays.position_layout import Layout, find_layout, has_positions
 from meshreel.formats.extras import HDF
-from meshreel.formats.frame_stream import FrameStream
-from meshreel.formats.hdf_file import (
+from meshreel.formats.file_errors import errors_naming
+from meshreel.formats.frames.frame_stream import FrameStream
+from meshreel.formats.frames.stored_frames import changed_error
+from meshreel.formats.hdf.reading import (
     Dataset,
     Node,
     find_dataset,
@@ -33,11 +35,9 @@ from meshreel.formats.hdf_file import (
     require_dataset,
     write_array,
 )
-from meshreel.formats.hdf_writing import hdf_output
-from meshreel.formats.left_out import note_kinds
-from meshreel.formats.naming import errors_naming
+from meshreel.formats.hdf.writing import hdf_output
+from meshreel.formats.notes import note_kinds
 from meshreel.formats.options import ReadOptions, WriteOptions
-from meshreel.formats.stored_frames import changed_error
 from meshreel.formats.vtk.vtkhdf import open_vtkhdf
 from meshreel.sequence import FrameSource, Vertices
 

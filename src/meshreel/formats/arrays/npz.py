@@ -19,9 +19,9 @@ from meshreel.formats.arrays.named_arrays import (
     surface_arrays,
 )
 from meshreel.formats.arrays.position_layout import Layout, find_layout
-from meshreel.formats.frame_stream import FrameStream
-from meshreel.formats.left_out import note_kinds
-from meshreel.formats.naming import errors_naming
+from meshreel.formats.file_errors import errors_naming
+from meshreel.formats.frames.frame_stream import FrameStream
+from meshreel.formats.notes import note_kinds
 from meshreel.formats.options import ReadOptions, WriteOptions
 from meshreel.sequence import MeshSequence
 

@@ -21,10 +21,10 @@ from meshreel.formats.arrays.npz import (
     read_npz,
 )
 from meshreel.formats.arrays.position_layout import has_positions
-from meshreel.formats.naming import errors_naming, os_errors_naming
+from meshreel.formats.file_errors import errors_naming, os_errors_naming
+from meshreel.formats.frames.stored_frames import StoredFrames, changed_error
+from meshreel.formats.frames.survey import FrameSurvey
 from meshreel.formats.options import ReadOptions
-from meshreel.formats.stored_frames import StoredFrames, changed_error
-from meshreel.formats.survey import FrameSurvey
 from meshreel.runtime.progress import Count
 from meshreel.sequence import FrameSource, Vertices, validate_finite
 

@@ -21,10 +21,10 @@ from meshreel.formats.caches.point_cache import (
     single_precision,
 )
 from meshreel.formats.caches.topology import ReadTopology
-from meshreel.formats.frame_stream import FrameStream
-from meshreel.formats.naming import errors_naming, os_errors_naming
+from meshreel.formats.file_errors import errors_naming, os_errors_naming
+from meshreel.formats.frames.frame_stream import FrameStream
 from meshreel.formats.options import ReadOptions, WriteOptions
-from meshreel.formats.timing import FrameTimes, frame_times
+from meshreel.formats.scenes.timing import FrameTimes, frame_times
 from meshreel.sequence import FrameSource
 
 HEADER = struct.Struct(">ii")

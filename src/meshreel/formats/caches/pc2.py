@@ -20,8 +20,8 @@ from meshreel.formats.caches.point_cache import (
     single_precision,
 )
 from meshreel.formats.caches.topology import ReadTopology
-from meshreel.formats.frame_stream import FrameStream
-from meshreel.formats.naming import errors_naming, os_errors_naming
+from meshreel.formats.file_errors import errors_naming, os_errors_naming
+from meshreel.formats.frames.frame_stream import FrameStream
 from meshreel.formats.options import ReadOptions, WriteOptions
 from meshreel.sequence import FrameSource
 

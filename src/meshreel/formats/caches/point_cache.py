@@ -7,9 +7,9 @@ import numpy as np
 
 from meshreel.counting import counted
 from meshreel.errors import FormatError, InvalidInputError
-from meshreel.formats.frame_stream import FrameStream
-from meshreel.formats.naming import os_errors_naming
-from meshreel.formats.stored_frames import changed_error
+from meshreel.formats.file_errors import os_errors_naming
+from meshreel.formats.frames.frame_stream import FrameStream
+from meshreel.formats.frames.stored_frames import changed_error
 from meshreel.sequence import Vertices
 
 FRAME_RATE = 24.0  # of what has none, where a file needs one

@@ -9,9 +9,9 @@ import numpy as np
 
 from meshreel.counting import counted
 from meshreel.errors import FormatError, InvalidInputError
-from meshreel.formats.naming import errors_naming, os_errors_naming
+from meshreel.formats.file_errors import errors_naming, os_errors_naming
 from meshreel.formats.options import ReadOptions
-from meshreel.formats.polygons import PolygonMesh
+from meshreel.formats.surfaces.polygons import PolygonMesh
 from meshreel.geometry.fans import triangulate_fans
 from meshreel.sequence import Faces
 from meshreel.surface import PLAIN, Surface

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from meshreel.formats.gltf.accessors import Values
 from meshreel.formats.gltf.primitives import Block
-from meshreel.formats.meshes.welding import weld_rows
+from meshreel.formats.surfaces.welding import weld_rows
 from meshreel.surface import Attribute, Domain, Kind
 
 Rows = npt.NDArray[Any]

@@ -11,7 +11,7 @@ from meshreel.formats.gltf.geometry import Geometry
 from meshreel.formats.gltf.interpolation import Floats
 from meshreel.formats.gltf.motion import Matrices, Motion
 from meshreel.formats.gltf.skinning import Skin, move
-from meshreel.formats.polygons import PolygonMesh, polygon_mesh
+from meshreel.formats.surfaces.polygons import PolygonMesh, polygon_mesh
 from meshreel.surface import Surface
 
 POSE_BYTES = 1 << 24

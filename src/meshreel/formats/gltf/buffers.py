@@ -6,10 +6,10 @@ import re
 from dataclasses import dataclass, field
 
 from meshreel.errors import FormatError
+from meshreel.formats.file_errors import os_errors_naming
 from meshreel.formats.gltf.document import MESHOPT, Document
 from meshreel.formats.gltf.json_object import JsonObject
 from meshreel.formats.gltf.named_files import file_beside
-from meshreel.formats.naming import os_errors_naming
 
 DATA_URI = re.compile(r"data:[^,]{0,200};base64,", re.IGNORECASE)
 

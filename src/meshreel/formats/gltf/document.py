@@ -4,9 +4,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from meshreel.errors import FormatError
+from meshreel.formats.file_errors import os_errors_naming
 from meshreel.formats.gltf.container import split_container
 from meshreel.formats.gltf.json_object import JsonObject
-from meshreel.formats.naming import os_errors_naming
 
 LISTS = {
     "accessors": "accessor",

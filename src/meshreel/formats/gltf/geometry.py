@@ -21,7 +21,7 @@ from meshreel.formats.gltf.primitives import (
     surfaces,
 )
 from meshreel.formats.gltf.skinning import Influences, read_influences
-from meshreel.formats.meshes.welding import weld_rows
+from meshreel.formats.surfaces.welding import weld_rows
 from meshreel.sequence import Faces
 from meshreel.surface import Attribute, Domain, FaceGroups, Surface
 

@@ -14,7 +14,7 @@ from meshreel.formats.gltf.geometry import Geometry, turned
 from meshreel.formats.gltf.interpolation import Floats, unit
 from meshreel.formats.gltf.json_object import JsonObject
 from meshreel.formats.gltf.motion import Matrices, compose
-from meshreel.formats.left_out import listed, note_left_out
+from meshreel.formats.notes import listed, note_left_out
 from meshreel.surface import Attribute, Domain, Surface
 
 AT_REST = {"TRANSLATION": (0, 0, 0), "ROTATION": (0, 0, 0, 1), "SCALE": (1, 1, 1)}

@@ -5,9 +5,9 @@ from pathlib import Path, PurePosixPath
 from urllib.parse import unquote
 
 from meshreel.errors import FormatError
+from meshreel.formats.file_errors import os_errors_naming
 from meshreel.formats.gltf.document import Document
 from meshreel.formats.named_files import is_within, outside_error
-from meshreel.formats.naming import os_errors_naming
 
 SCHEME = re.compile(r"[a-z][a-z0-9+.-]*:", re.IGNORECASE)
 

@@ -25,9 +25,9 @@ from meshreel.formats.gltf.primitives import count_targets, is_read, surfaces
 from meshreel.formats.gltf.sampling import STILL, Sampling, sample_times
 from meshreel.formats.gltf.shown import nothing_shown, shown_nodes
 from meshreel.formats.gltf.shown_meshes import Placement, placements_of, shape_of
-from meshreel.formats.left_out import listed, note_kinds, note_left_out, note_normals
+from meshreel.formats.notes import listed, note_kinds, note_left_out, note_normals
 from meshreel.formats.options import ReadOptions
-from meshreel.formats.scene import SceneMesh, readable_mesh
+from meshreel.formats.scenes.scene_mesh import SceneMesh, readable_mesh
 from meshreel.sequence import validate_fps
 
 LIGHTS = "KHR_lights_punctual"

@@ -6,7 +6,7 @@ import numpy as np
 
 from meshreel.errors import FormatError
 from meshreel.formats.gltf.interpolation import Floats
-from meshreel.formats.timing import frame_times
+from meshreel.formats.scenes.timing import frame_times
 
 DEFAULT_FPS = 30.0
 MAX_FRAMES = 100_000

@@ -11,7 +11,7 @@ from meshreel.formats.gltf.mesh_writer import write_mesh
 from meshreel.formats.gltf.moving_mesh import MovingMesh, Wanted, fit_part
 from meshreel.formats.gltf.node_tree import NodeTree, path_of
 from meshreel.formats.gltf.seams import split_at_seams
-from meshreel.formats.parts import PartMesh, split_parts
+from meshreel.formats.scenes.parts import PartMesh, split_parts
 from meshreel.geometry.fans import triangulate_fans
 from meshreel.sequence import MeshSequence
 from meshreel.surface import Surface

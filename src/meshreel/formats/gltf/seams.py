@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.formats.parts import PartMesh
+from meshreel.formats.scenes.parts import PartMesh
 from meshreel.geometry.fans import fan_corners
 from meshreel.surface import Attribute, Domain, Kind, Surface
 

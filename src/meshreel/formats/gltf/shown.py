@@ -7,7 +7,7 @@ from meshreel.formats.gltf.document import Document
 from meshreel.formats.gltf.json_object import JsonObject
 from meshreel.formats.gltf.nodes import Nodes
 from meshreel.formats.gltf.primitives import surfaces
-from meshreel.formats.left_out import listed
+from meshreel.formats.notes import listed
 
 
 def shown_nodes(document: Document, nodes: Nodes, notes: list[str]) -> list[int]:

@@ -6,7 +6,7 @@ from meshreel.formats.gltf.buffer_writer import BufferWriter, Json
 from meshreel.formats.gltf.image_reading import PACKED
 from meshreel.formats.gltf.material_values import FILTER_CODES, TRANSFORM, WRAP_CODES
 from meshreel.formats.gltf.seams import texcoord_numbers
-from meshreel.formats.left_out import note_left_out
+from meshreel.formats.notes import note_left_out
 from meshreel.materials import Image, Texture, Wrap
 from meshreel.surface import Surface
 

@@ -14,7 +14,7 @@ import numpy.typing as npt
 from meshreel.codec.error_bounds import bound_of
 from meshreel.counting import counted
 from meshreel.errors import InvalidInputError
-from meshreel.formats.frame_stream import FrameStream
+from meshreel.formats.frames.frame_stream import FrameStream
 from meshreel.formats.gltf.error_budget import ErrorBudget, share_budget
 from meshreel.formats.gltf.moving_mesh import Wanted
 from meshreel.formats.gltf.normal_targets import NormalChoice
@@ -22,7 +22,7 @@ from meshreel.formats.gltf.placement import check_range
 from meshreel.formats.gltf.scene_writer import Scene, make_scene
 from meshreel.formats.gltf.seams import describe_left_out
 from meshreel.formats.options import WriteOptions
-from meshreel.formats.polygons import describe_fans
+from meshreel.formats.surfaces.polygons import describe_fans
 
 DEFAULT_MAX_ERROR = 0.1
 """In percent of the diagonal: a pixel of a thousand, for a mesh that fills the picture."""

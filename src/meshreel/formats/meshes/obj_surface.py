@@ -8,8 +8,8 @@ the material library.
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.formats.left_out import note_left_out, note_normals
 from meshreel.formats.meshes.obj import obj_mesh
+from meshreel.formats.notes import note_left_out, note_normals
 from meshreel.formats.text.token_lines import TokenLines, split_lines
 from meshreel.geometry.ragged import ragged_indices
 from meshreel.surface import Attribute, Domain, FaceGroups, Kind, Part, Surface

@@ -17,7 +17,7 @@ import numpy.typing as npt
 
 from meshreel.counting import counted
 from meshreel.errors import FormatError
-from meshreel.formats.polygons import PolygonMesh, polygon_mesh
+from meshreel.formats.surfaces.polygons import PolygonMesh, polygon_mesh
 from meshreel.formats.text.token_lines import TokenLines, split_lines
 from meshreel.geometry.ragged import ragged_indices
 from meshreel.sequence import Vertices

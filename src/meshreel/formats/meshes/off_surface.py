@@ -8,8 +8,8 @@ are passed over, and so are colours that are the number of one in a table.
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.formats.left_out import note_left_out, note_normals
 from meshreel.formats.meshes.off import corner_counts, read_off_header
+from meshreel.formats.notes import note_left_out, note_normals
 from meshreel.formats.text.token_lines import TokenLines, split_lines
 from meshreel.surface import Attribute, Domain, Kind, Surface
 

@@ -18,7 +18,7 @@ from meshreel.formats.meshes.ply_cells import BinaryCells
 from meshreel.formats.meshes.ply_header import PlyProperty
 from meshreel.formats.meshes.ply_strips import cut_strips
 from meshreel.formats.meshes.ply_tables import STRIPS, PlyTable, read_ply_tables
-from meshreel.formats.polygons import PolygonMesh, polygon_mesh
+from meshreel.formats.surfaces.polygons import PolygonMesh, polygon_mesh
 from meshreel.geometry.ragged import Integers
 from meshreel.sequence import Vertices
 

@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.formats.left_out import note_kinds, note_normals
 from meshreel.formats.meshes.ply import INDEX_NAMES, ply_mesh
 from meshreel.formats.meshes.ply_header import PlyProperty, read_ply_header
 from meshreel.formats.meshes.ply_tables import STRIPS, PlyTable, read_ply_tables
+from meshreel.formats.notes import note_kinds, note_normals
 from meshreel.surface import VALUE_TYPES, Attribute, Domain, Kind, Surface
 
 COLOR_NAMES = ("red", "green", "blue", "alpha")

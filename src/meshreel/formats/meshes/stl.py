@@ -1,8 +1,8 @@
 """STL, binary and ASCII: the triangles of one frame, every corner with its own position.
 
 Our own reader: a binary STL is one numpy dtype, and the corners must come in file order for
-`meshreel.formats.meshes.welding` to join the same ones in every frame. Written files are binary, so
-float64 positions are rounded to float32 (a relative error of 6e-8). Normals are recomputed on
+`meshreel.formats.surfaces.welding` to join the same ones in every frame. Written files are binary,
+so float64 positions are rounded to float32 (a relative error of 6e-8). Normals are recomputed on
 writing and passed over on reading.
 """
 
@@ -12,8 +12,8 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.errors import FormatError, InvalidInputError
-from meshreel.formats.left_out import note_left_out
-from meshreel.formats.polygons import PolygonMesh, polygon_mesh
+from meshreel.formats.notes import note_left_out
+from meshreel.formats.surfaces.polygons import PolygonMesh, polygon_mesh
 from meshreel.formats.text.token_lines import TokenLines, split_lines
 from meshreel.formats.unwritten import note_unwritten
 from meshreel.sequence import Faces, Vertices

@@ -5,7 +5,7 @@ from typing import Any
 
 from meshreel.errors import FormatError
 from meshreel.formats.extras import USD
-from meshreel.formats.left_out import note_kinds, note_left_out
+from meshreel.formats.notes import note_kinds, note_left_out
 from meshreel.formats.usd.mesh_shape import MeshShape
 from meshreel.formats.usd.primitives import PRIMITIVES, PrimitiveShape
 from meshreel.formats.usd.sampling import attribute_codes

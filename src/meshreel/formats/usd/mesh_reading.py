@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.formats.polygons import PolygonMesh, polygon_mesh
+from meshreel.formats.surfaces.polygons import PolygonMesh, polygon_mesh
 from meshreel.formats.usd.diagnostics import usd_errors
 from meshreel.formats.usd.holes import faces_of, surface_of
 from meshreel.formats.usd.material_reading import MeshMaterials, StageMaterials

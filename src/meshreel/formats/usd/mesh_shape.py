@@ -10,7 +10,7 @@ import numpy.typing as npt
 from meshreel.counting import counted
 from meshreel.errors import FormatError
 from meshreel.formats.extras import USD
-from meshreel.formats.polygons import PolygonMesh, polygon_mesh
+from meshreel.formats.surfaces.polygons import PolygonMesh, polygon_mesh
 from meshreel.formats.usd.holes import Mask, solid_faces
 from meshreel.formats.usd.sampling import attribute_codes
 from meshreel.sequence import Vertices

@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.formats.extras import USD
-from meshreel.formats.parts import PartMesh
+from meshreel.formats.scenes.parts import PartMesh
 
 
 class MeshWriter:

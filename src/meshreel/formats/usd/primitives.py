@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.errors import FormatError
-from meshreel.formats.polygons import PolygonMesh
+from meshreel.formats.surfaces.polygons import PolygonMesh
 from meshreel.formats.usd.revolution import Rings, revolved, revolved_faces
 from meshreel.formats.usd.sampling import attribute_codes
 from meshreel.sequence import Vertices

@@ -8,8 +8,8 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.formats.extras import USD
-from meshreel.formats.left_out import note_frozen, note_kinds, note_moving, note_normals
-from meshreel.formats.polygons import PolygonMesh
+from meshreel.formats.notes import note_frozen, note_kinds, note_moving, note_normals
+from meshreel.formats.surfaces.polygons import PolygonMesh
 from meshreel.surface import MAX_NUMBERS, VALUE_TYPES, Attribute, Domain, Kind
 
 DOMAINS = {

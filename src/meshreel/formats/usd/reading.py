@@ -14,7 +14,7 @@ import numpy as np
 
 from meshreel.errors import FormatError
 from meshreel.formats.options import ReadOptions
-from meshreel.formats.scene import SceneMesh, readable_mesh
+from meshreel.formats.scenes.scene_mesh import SceneMesh, readable_mesh
 from meshreel.formats.usd.diagnostics import usd_errors
 from meshreel.formats.usd.drawn import drawn_meshes, shape_of
 from meshreel.formats.usd.layers import codes_per_second

@@ -13,10 +13,10 @@ import numpy as np
 
 from meshreel.errors import FormatError
 from meshreel.formats.extras import USD
-from meshreel.formats.frame_stream import FrameStream
-from meshreel.formats.image_files import image_names
+from meshreel.formats.frames.frame_stream import FrameStream
 from meshreel.formats.options import WriteOptions
-from meshreel.formats.parts import split_parts
+from meshreel.formats.scenes.parts import split_parts
+from meshreel.formats.surfaces.image_files import image_names
 from meshreel.formats.text.decimal_text import Narrowing
 from meshreel.formats.usd.diagnostics import usd_errors
 from meshreel.formats.usd.layers import DEFAULT_RATE

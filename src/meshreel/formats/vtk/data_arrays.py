@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.errors import FormatError
-from meshreel.formats.left_out import note_kinds, note_normals
+from meshreel.formats.notes import note_kinds, note_normals
 from meshreel.formats.vtk.cells import CellSurface
 from meshreel.surface import MAX_NUMBERS, VALUE_TYPES, Attribute, Domain, Kind, Surface
 

@@ -11,8 +11,8 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.errors import FormatError
-from meshreel.formats.left_out import listed
-from meshreel.formats.polygons import PolygonMesh
+from meshreel.formats.notes import listed
+from meshreel.formats.surfaces.polygons import PolygonMesh
 from meshreel.formats.vtk.cells import POLY_LINE, POLY_VERTEX, POLYGON, STRIP, Cells
 from meshreel.formats.vtk.data_arrays import NORMALS, TEXTURE_COORDINATES, DataArray
 from meshreel.formats.vtk.legacy_words import LegacyWords

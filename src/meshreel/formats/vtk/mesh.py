@@ -7,8 +7,8 @@ from functools import cached_property
 import numpy as np
 
 from meshreel.errors import FormatError
-from meshreel.formats.left_out import listed, note_kinds, note_left_out
-from meshreel.formats.polygons import PolygonMesh
+from meshreel.formats.notes import listed, note_kinds, note_left_out
+from meshreel.formats.surfaces.polygons import PolygonMesh
 from meshreel.formats.vtk.cells import Cells, CellSurface, find_surface
 from meshreel.formats.vtk.data_arrays import DataArray, surface_of_arrays
 from meshreel.sequence import Vertices

@@ -13,13 +13,13 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.errors import FormatError, InvalidInputError
-from meshreel.formats.left_out import note_moving
-from meshreel.formats.merging import merged_mesh
+from meshreel.formats.file_errors import errors_naming, os_errors_naming
 from meshreel.formats.named_files import path_beside
-from meshreel.formats.naming import errors_naming, os_errors_naming
+from meshreel.formats.notes import note_moving
 from meshreel.formats.options import ReadOptions
-from meshreel.formats.polygons import PolygonMesh
-from meshreel.formats.scene import SceneMesh, readable_mesh
+from meshreel.formats.scenes.merging import merged_mesh
+from meshreel.formats.scenes.scene_mesh import SceneMesh, readable_mesh
+from meshreel.formats.surfaces.polygons import PolygonMesh
 from meshreel.formats.vtk.data_arrays import DataArray
 from meshreel.formats.vtk.legacy import read_vtk_legacy
 from meshreel.formats.vtk.mesh import VtkMesh

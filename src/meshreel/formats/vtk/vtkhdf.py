@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.arrays.named_arrays import NAMED, read_description, read_surface
-from meshreel.formats.hdf_file import (
+from meshreel.formats.hdf.reading import (
     Node,
     find_dataset,
     find_group,
@@ -23,11 +23,11 @@ from meshreel.formats.hdf_file import (
     open_hdf,
     read_all,
 )
-from meshreel.formats.left_out import note_kinds
+from meshreel.formats.notes import note_kinds
 from meshreel.formats.options import ReadOptions
-from meshreel.formats.polygons import PolygonMesh
-from meshreel.formats.scene import SceneMesh, readable_mesh
-from meshreel.formats.scene_source import scene_opener
+from meshreel.formats.scenes.scene_mesh import SceneMesh, readable_mesh
+from meshreel.formats.scenes.scene_source import scene_opener
+from meshreel.formats.surfaces.polygons import PolygonMesh
 from meshreel.formats.vtk.vtkhdf_steps import VtkSteps
 from meshreel.surface import Surface
 

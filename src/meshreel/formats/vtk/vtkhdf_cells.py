@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.errors import FormatError
-from meshreel.formats.hdf_file import Dataset, Node, read_all, read_rows, require_dataset
+from meshreel.formats.hdf.reading import Dataset, Node, read_all, read_rows, require_dataset
 from meshreel.formats.vtk.cells import Cells
 
 Int64s = npt.NDArray[np.int64]

@@ -8,7 +8,7 @@ import numpy.typing as npt
 
 from meshreel.counting import counted
 from meshreel.errors import FormatError
-from meshreel.formats.hdf_file import (
+from meshreel.formats.hdf.reading import (
     Dataset,
     Node,
     find_dataset,
@@ -17,8 +17,8 @@ from meshreel.formats.hdf_file import (
     read_rows,
     require_dataset,
 )
-from meshreel.formats.left_out import note_kinds, note_moving
-from meshreel.formats.polygons import PolygonMesh
+from meshreel.formats.notes import note_kinds, note_moving
+from meshreel.formats.surfaces.polygons import PolygonMesh
 from meshreel.formats.vtk.cells import (
     POLY_LINE,
     POLY_VERTEX,

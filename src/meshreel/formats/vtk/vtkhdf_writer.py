@@ -7,9 +7,9 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.formats.arrays.named_arrays import surface_arrays
-from meshreel.formats.frame_stream import FrameStream
-from meshreel.formats.hdf_file import Node, write_array
-from meshreel.formats.hdf_writing import hdf_output
+from meshreel.formats.frames.frame_stream import FrameStream
+from meshreel.formats.hdf.reading import Node, write_array
+from meshreel.formats.hdf.writing import hdf_output
 from meshreel.formats.options import WriteOptions
 from meshreel.formats.vtk.data_arrays import TEXTURE_COORDINATES
 from meshreel.formats.vtk.vtkhdf import OWN, ROOT

@@ -12,9 +12,9 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.errors import FormatError
-from meshreel.formats.naming import os_errors_naming
+from meshreel.formats.file_errors import os_errors_naming
 from meshreel.formats.options import ReadOptions
-from meshreel.formats.scene import SceneMesh
+from meshreel.formats.scenes.scene_mesh import SceneMesh
 from meshreel.formats.vtk.xdmf_grid import GridFrames
 from meshreel.formats.vtk.xdmf_items import DataItems
 from meshreel.formats.vtk.xml_tree import parse_xml

@@ -7,8 +7,8 @@ from xml.etree.ElementTree import Element
 import numpy as np
 
 from meshreel.errors import FormatError
-from meshreel.formats.left_out import note_kinds, note_moving
-from meshreel.formats.polygons import PolygonMesh
+from meshreel.formats.notes import note_kinds, note_moving
+from meshreel.formats.surfaces.polygons import PolygonMesh
 from meshreel.formats.vtk.cells import Cells, CellSurface, find_surface
 from meshreel.formats.vtk.data_arrays import DataArray, surface_of_arrays
 from meshreel.formats.vtk.xdmf_cells import read_cells

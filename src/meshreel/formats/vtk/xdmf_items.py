@@ -10,9 +10,9 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.errors import FormatError
-from meshreel.formats.hdf_file import Dataset, Node, hdf_errors, open_hdf, require_dataset
+from meshreel.formats.file_errors import errors_naming, os_errors_naming
+from meshreel.formats.hdf.reading import Dataset, Node, hdf_errors, open_hdf, require_dataset
 from meshreel.formats.named_files import path_beside
-from meshreel.formats.naming import errors_naming, os_errors_naming
 
 CODES = {"float": "f", "int": "i", "uint": "u", "char": "i", "uchar": "u", "short": "i"}
 PRECISIONS = {"char": "1", "uchar": "1", "short": "2"}

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from meshreel.errors import FormatError, InvalidInputError, MeshReelError
+from meshreel.formats.frames.stored_frames import StoredFrames
 from meshreel.formats.load import load, open_source
 from meshreel.formats.save import save
-from meshreel.formats.stored_frames import StoredFrames
 from meshreel.sequence import MeshSequence
 from meshreel.surface import PLAIN
 from samples.datasets import (

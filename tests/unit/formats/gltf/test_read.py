@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 
 from meshreel.errors import InvalidInputError
+from meshreel.formats.frames.stored_frames import StoredFrames
 from meshreel.formats.load import load, open_source
-from meshreel.formats.stored_frames import StoredFrames
 from samples.gltf import SQUARE, SQUARE_FACES, TRIANGLE, Gltf, moving_triangle, rich_gltf, shifted
 
 HALF = np.sqrt(0.5)

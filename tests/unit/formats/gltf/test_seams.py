@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from meshreel.formats.gltf.seams import describe_left_out, split_at_seams
-from meshreel.formats.parts import PartMesh, split_parts
+from meshreel.formats.scenes.parts import PartMesh, split_parts
 from meshreel.surface import Attribute, Domain, FaceGroups, Kind, Surface
 
 QUADS = np.array([[0, 1, 2, 3], [1, 4, 5, 2]], np.int32)

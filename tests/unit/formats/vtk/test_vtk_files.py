@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from meshreel.errors import FormatError, InvalidInputError, MeshReelError
+from meshreel.formats.frames.stored_frames import StoredFrames
 from meshreel.formats.load import load, open_source
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.save import save
-from meshreel.formats.stored_frames import StoredFrames
 from meshreel.formats.stretches import find_stretches
 from meshreel.formats.vtk.legacy import read_vtk_legacy
 from meshreel.surface import Domain, Kind

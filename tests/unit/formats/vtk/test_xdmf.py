@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from meshreel.errors import FormatError, InvalidInputError, MeshReelError
+from meshreel.formats.frames.stored_frames import StoredFrames
 from meshreel.formats.load import load, open_source
-from meshreel.formats.stored_frames import StoredFrames
 from meshreel.surface import Domain, Kind
 from samples.datasets import CORNERS, COUNTS, N_VERTS, damaged_versions, positions_of
 

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from meshreel.errors import MeshReelError
 from meshreel.formats.options import ReadOptions
-from meshreel.formats.polygons import PolygonMesh
+from meshreel.formats.surfaces.polygons import PolygonMesh
 from meshreel.surface import PLAIN, Surface
 
 

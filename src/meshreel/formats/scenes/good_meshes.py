@@ -7,9 +7,9 @@ from functools import cache
 import numpy as np
 
 from meshreel.errors import FormatError, MeshReelError
-from meshreel.formats.left_out import listed, note_left_out
+from meshreel.formats.notes import listed, note_left_out
 from meshreel.formats.options import ReadOptions
-from meshreel.formats.scene import SceneMesh
+from meshreel.formats.scenes.scene_mesh import SceneMesh
 from meshreel.runtime.progress import Count
 from meshreel.sequence import validate_finite
 

@@ -6,10 +6,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.formats.attribute_domains import in_one_domain
-from meshreel.formats.merged_materials import shared_look
-from meshreel.formats.polygons import PolygonMesh
-from meshreel.formats.scene import SceneMesh
+from meshreel.formats.scenes.attribute_domains import in_one_domain
+from meshreel.formats.scenes.merged_materials import shared_look
+from meshreel.formats.scenes.scene_mesh import SceneMesh
+from meshreel.formats.surfaces.polygons import PolygonMesh
 from meshreel.surface import Attribute, Domain, FaceGroups, Part, Surface
 
 

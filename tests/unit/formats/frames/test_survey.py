@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from meshreel.formats.survey import FrameSurvey
+from meshreel.formats.frames.survey import FrameSurvey
 from meshreel.sequence import extent_of
 
 

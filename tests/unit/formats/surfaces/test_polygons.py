@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from meshreel.errors import FormatError
-from meshreel.formats.polygons import describe_fans, polygon_mesh
+from meshreel.formats.surfaces.polygons import describe_fans, polygon_mesh
 
 
 @pytest.mark.parametrize(

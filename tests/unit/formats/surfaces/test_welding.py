@@ -1,6 +1,6 @@
 import numpy as np
 
-from meshreel.formats.meshes.welding import weld_corners, weld_rows
+from meshreel.formats.surfaces.welding import weld_corners, weld_rows
 
 
 def corner_frames(rng, n_frames=4, n_verts=9, n_faces=20, split=()):

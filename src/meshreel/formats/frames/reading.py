@@ -8,10 +8,10 @@ from itertools import chain
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.formats.mesh_files import MeshFiles
-from meshreel.formats.meshes.welding import Weld, weld_corners
-from meshreel.formats.stored_frames import StoredFrames
-from meshreel.formats.survey import FrameSurvey
+from meshreel.formats.frames.mesh_files import MeshFiles
+from meshreel.formats.frames.stored_frames import StoredFrames
+from meshreel.formats.frames.survey import FrameSurvey
+from meshreel.formats.surfaces.welding import Weld, weld_corners
 from meshreel.geometry.fans import triangulate_fans
 from meshreel.runtime.progress import Progress
 from meshreel.sequence import Faces, MeshSequence, Vertices

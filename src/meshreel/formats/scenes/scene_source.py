@@ -8,15 +8,15 @@ import numpy as np
 
 from meshreel.counting import counted
 from meshreel.errors import InvalidInputError
-from meshreel.formats.good_meshes import good_meshes
-from meshreel.formats.merging import merged_mesh
-from meshreel.formats.naming import errors_naming
+from meshreel.formats.file_errors import errors_naming
+from meshreel.formats.frames.stored_frames import StoredFrames
+from meshreel.formats.frames.survey import FrameSurvey
 from meshreel.formats.options import ReadOptions
-from meshreel.formats.polygons import PolygonMesh
-from meshreel.formats.scene import ReadMeshes, SceneMesh
-from meshreel.formats.stored_frames import StoredFrames
-from meshreel.formats.survey import FrameSurvey
-from meshreel.formats.timing import frame_times
+from meshreel.formats.scenes.good_meshes import good_meshes
+from meshreel.formats.scenes.merging import merged_mesh
+from meshreel.formats.scenes.scene_mesh import ReadMeshes, SceneMesh
+from meshreel.formats.scenes.timing import frame_times
+from meshreel.formats.surfaces.polygons import PolygonMesh
 from meshreel.geometry.fans import triangulate_fans
 from meshreel.runtime.progress import Count
 from meshreel.sequence import FrameSource, MeshSequence, Vertices, validate_finite

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from meshreel.formats.timing import frame_times
+from meshreel.formats.scenes.timing import frame_times
 
 RATES = [12.5, 23.976, 24, 25, 29.97, 30000 / 1001, 30, 48, 59.94, 60, 1000]
 

@@ -10,8 +10,8 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from meshreel.formats.extras import HDF
-from meshreel.formats.frame_stream import FrameStream
-from meshreel.formats.hdf_file import Node
+from meshreel.formats.frames.frame_stream import FrameStream
+from meshreel.formats.hdf.reading import Node
 from meshreel.sequence import Vertices
 
 

@@ -4,7 +4,7 @@ import re
 from collections.abc import Sequence
 from pathlib import Path
 
-from meshreel.formats.image_types import image_ending
+from meshreel.formats.surfaces.image_types import image_ending
 from meshreel.materials import Image
 
 NOT_PORTABLE = re.compile(r"[^A-Za-z0-9_-]+")

@@ -8,12 +8,12 @@ import pytest
 
 import meshreel
 from meshreel.errors import FormatError, InvalidInputError
-from meshreel.formats.good_meshes import good_meshes
 from meshreel.formats.load import load
 from meshreel.formats.options import ReadOptions
-from meshreel.formats.polygons import PolygonMesh
-from meshreel.formats.scene import SceneMesh, readable_mesh
+from meshreel.formats.scenes.good_meshes import good_meshes
+from meshreel.formats.scenes.scene_mesh import SceneMesh, readable_mesh
 from meshreel.formats.stretches import find_stretches
+from meshreel.formats.surfaces.polygons import PolygonMesh
 from meshreel.surface import Attribute, Domain, Kind, Surface
 from samples.meshes import two_sheets, waving_grid
 

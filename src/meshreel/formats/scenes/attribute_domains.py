@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.formats.polygons import PolygonMesh
+from meshreel.formats.surfaces.polygons import PolygonMesh
 from meshreel.surface import Attribute, Domain, Surface
 
 Meaning = tuple[str, str, int]

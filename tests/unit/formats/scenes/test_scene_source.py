@@ -6,10 +6,10 @@ import pytest
 
 from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.options import ReadOptions
-from meshreel.formats.parts import split_parts
-from meshreel.formats.polygons import PolygonMesh
-from meshreel.formats.scene import SceneMesh
-from meshreel.formats.scene_source import scene_opener
+from meshreel.formats.scenes.parts import split_parts
+from meshreel.formats.scenes.scene_mesh import SceneMesh
+from meshreel.formats.scenes.scene_source import scene_opener
+from meshreel.formats.surfaces.polygons import PolygonMesh
 from meshreel.geometry.fans import join_fans
 from meshreel.sequence import MeshSequence
 from meshreel.surface import Attribute, Domain, Kind, Part, Surface

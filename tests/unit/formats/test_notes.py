@@ -1,4 +1,4 @@
-from meshreel.formats.left_out import listed, note_left_out
+from meshreel.formats.notes import listed, note_left_out
 
 
 def test_note_is_added_once_when_the_same_is_left_out_twice():

@@ -3,8 +3,8 @@
 from dataclasses import replace
 from pathlib import Path
 
-from meshreel.formats.naming import errors_naming
-from meshreel.formats.stored_frames import StoredFrames
+from meshreel.formats.file_errors import errors_naming
+from meshreel.formats.frames.stored_frames import StoredFrames
 from meshreel.sequence import FrameSource, MeshSequence
 from meshreel.surface import Surface
 from meshreel.surface_selection import Names, selected

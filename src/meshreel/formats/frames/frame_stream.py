@@ -55,7 +55,7 @@ class FrameStream:
     progress : Progress
     image_folder : str
         Name of the folder beside the file that is to have the images of the surface, in files of
-        the names of `meshreel.formats.image_files.image_names`; empty if there is none.
+        the names of `meshreel.formats.surfaces.image_files.image_names`; empty if there is none.
 
     Raises
     ------

@@ -9,11 +9,11 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.errors import FormatError, InvalidInputError
+from meshreel.formats.file_errors import errors_naming, os_errors_naming
+from meshreel.formats.frames.stored_frames import changed_error
 from meshreel.formats.kinds import FrameFormat
-from meshreel.formats.left_out import note_frozen
-from meshreel.formats.naming import errors_naming, os_errors_naming
-from meshreel.formats.polygons import PolygonMesh
-from meshreel.formats.stored_frames import changed_error
+from meshreel.formats.notes import note_frozen
+from meshreel.formats.surfaces.polygons import PolygonMesh
 from meshreel.runtime.progress import Count, Progress
 from meshreel.sequence import Vertices, validate_finite
 from meshreel.surface import PLAIN, Surface
