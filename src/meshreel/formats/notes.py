@@ -1,6 +1,8 @@
-"""What a reader leaves out of a file, said once and in the same words by every reader."""
+"""Sentences on what is left out of an input or an output, in the same words for every format."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
+
+from meshreel.surface import Attribute, FaceGroups, Surface
 
 LEFT_OUT = "left out: "
 """How a note begins that names something of the input that is in no output."""
@@ -54,3 +56,114 @@ def describe_cages(names: Sequence[str]) -> str:
     """The sentence on subdivision surfaces, of which the cage is read: for a `GatheredNote`."""
     cages = "whose cage is read" if len(names) == 1 else "whose cages are read"
     return f"{LEFT_OUT}subdivision of {listed(names)}, {cages}"
+
+
+class GatheredNote:
+    """A sentence in the notes that grows with each thing that is named to it.
+
+    Parameters
+    ----------
+    notes : list of str
+        Gains the sentence, which changes later.
+    sentence : function of the names, at least one
+        Gives it; `listed` shortens many.
+    """
+
+    def __init__(self, notes: list[str], sentence: Callable[[Sequence[str]], str]) -> None:
+        self._notes, self._sentence = notes, sentence
+        self._names: list[str] = []
+
+    def add(self, name: str) -> None:
+        """Tell of one more thing; of one that it knows, nothing changes."""
+        if name in self._names:
+            return
+        if self._names and (said := self._sentence(self._names)) in self._notes:
+            self._notes.remove(said)
+        self._names.append(name)
+        self._notes.append(self._sentence(self._names))
+
+
+class LookNotes:
+    """Sentences that grow as materials are read one after the other.
+
+    Parameters
+    ----------
+    notes : list of str
+        Gains the sentences, which change later.
+    """
+
+    def __init__(self, notes: list[str]) -> None:
+        self._notes = notes
+        self._names: dict[str, dict[str, None]] = {}
+
+    def add(self, what: str, name: str) -> None:
+        """Tell that something of a material is left out."""
+        names = self._names.setdefault(what, {})
+        if name in names:
+            return
+        before = self._sentence(what)
+        names[name] = None
+        if before in self._notes:
+            self._notes[self._notes.index(before)] = self._sentence(what)
+        else:
+            self._notes.append(self._sentence(what))
+
+    def _sentence(self, what: str) -> str:
+        return f"{LEFT_OUT}{what}: {listed(self._names[what])}"
+
+
+def note_unwritten(
+    surface: Surface,
+    written: Collection[Attribute | FaceGroups | None],
+    ending: str,
+    notes: list[str] | None,
+    *,
+    parts: bool = False,
+    polygons: bool = True,
+) -> None:
+    """Add a sentence to the notes, if there are any, on what is left out of a file.
+
+    Parameters
+    ----------
+    surface : Surface
+    written : collection of Attribute, FaceGroups or None
+        Those of the surface that the file holds.
+    ending : str
+        Of the file, with the dot.
+    notes : list of str or None
+    parts, polygons : bool
+        Whether the file holds the parts, and faces of more than three corners.
+    """
+    everything: list[Attribute | FaceGroups] = [*surface.attributes, *surface.groups]
+    missing = [_named(one) for one in everything if not any(one is held for held in written)]
+    if surface.parts and not parts:
+        missing.append(f"the names of {len(surface.parts)} parts")
+    if surface.face_sizes is not None and not polygons:
+        missing.append("faces of more than three corners, which are cut into triangles")
+    if missing and notes is not None:
+        notes.append(f"left out, for {ending} files do not hold it: {', '.join(missing)}")
+
+
+def note_unwritten_look(surface: Surface, ending: str, notes: list[str]) -> None:
+    """Add a sentence to the notes if a surface has materials or images, which a file cannot hold.
+
+    Parameters
+    ----------
+    surface : Surface
+    ending : str
+        Of the file, with the dot.
+    notes : list of str
+    """
+    missing = []
+    if surface.materials:
+        missing.append(f"how materials look ({listed(one.name for one in surface.materials)})")
+    if n_images := len(surface.images):
+        missing.append(f"{n_images} texture image{'s' if n_images > 1 else ''}")
+    if missing:
+        notes.append(f"left out, for {ending} files do not hold it: {' and '.join(missing)}")
+
+
+def _named(one: Attribute | FaceGroups) -> str:
+    if isinstance(one, FaceGroups):
+        return f"groups {one.name!r}"
+    return f"{one.name!r} ({one.kind}) of each {one.domain}"

@@ -12,13 +12,13 @@ from meshreel.codec.reel_file import ReelFile
 from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.frames.frame_stream import FrameStream
 from meshreel.formats.kinds import FrameFormat, SequenceFormat
+from meshreel.formats.notes import note_unwritten_look
 from meshreel.formats.options import WriteOptions
 from meshreel.formats.outputs import DEFAULT_OPTIONS, check_save_target, is_pattern, numbering
 from meshreel.formats.reel import origin_of
 from meshreel.formats.registry import FRAME_FORMATS, format_of
 from meshreel.formats.sources import AnyPath
-from meshreel.formats.surfaces.image_files import image_folder, image_names
-from meshreel.formats.unwritten import note_unwritten_look
+from meshreel.formats.surfaces.images import image_folder, image_names
 from meshreel.runtime.outputs.atomic import replace_all_when_done
 from meshreel.runtime.profiling import staged
 from meshreel.runtime.progress import Progress, silent

@@ -7,8 +7,7 @@ from typing import Any
 import numpy as np
 
 from meshreel.errors import FormatError
-from meshreel.formats.alembic.ogawa import damaged
-from meshreel.formats.alembic.records import Records
+from meshreel.formats.alembic.ogawa import Records, damaged
 from meshreel.formats.alembic.time_sampling import TimeSampling
 
 Metadata = dict[str, str]

@@ -24,8 +24,7 @@ from meshreel.formats.alembic.ogawa import damaged
 from meshreel.formats.alembic.time_sampling import Times, between
 from meshreel.formats.alembic.transforms import Matrix, placed, world_matrix
 from meshreel.formats.alembic.winding import turned_corners
-from meshreel.formats.gathered_note import GatheredNote
-from meshreel.formats.notes import describe_cages, note_left_out
+from meshreel.formats.notes import GatheredNote, describe_cages, note_left_out
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.scenes.merging import united_times
 from meshreel.formats.scenes.scene_mesh import SceneMesh, readable_mesh

@@ -1,15 +1,17 @@
 """A sequence into an Alembic file, frame by frame."""
 
+import os
+import shutil
+import tempfile
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.errors import FormatError
+from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.alembic.library_arrays import library_array, library_vector
 from meshreel.formats.alembic.object_paths import object_paths
-from meshreel.formats.alembic.room import check_room
 from meshreel.formats.alembic.rounding import Rounding
 from meshreel.formats.alembic.winding import turned_corners
 from meshreel.formats.alembic.write_attributes import (
@@ -24,6 +26,11 @@ from meshreel.formats.options import WriteOptions
 from meshreel.formats.scenes.parts import PartMesh, split_parts
 
 ASSUMED_FPS = 24.0
+
+BYTES_OF_SAMPLE = 256
+"""Of a part in a frame, beside positions; 124 were found."""
+BYTES_OF_PART = 1 << 14
+"""Of headers and names; some 1.5 kB were found."""
 
 
 def write_alembic(path: Path, stream: FrameStream, options: WriteOptions) -> None:
@@ -149,3 +156,37 @@ class _PartWriter:
         write_attributes(self._schema, others, counts, self._notes)
         write_groups(self._schema, self._part.surface.groups)
         self._has_faces = True
+
+
+def check_room(path: Path, stream: FrameStream) -> None:
+    """Refuse a disk that is too small: when it is full, the library ends the process.
+
+    The room is taken once and given back, so that quotas and limits on the size of files count.
+
+    Raises
+    ------
+    InvalidInputError
+        Naming the file, if there is less room than it may take.
+    """
+    needed = _most_bytes(stream)
+    try:
+        if hasattr(os, "posix_fallocate"):
+            with tempfile.TemporaryFile(dir=path.parent) as trial:
+                os.posix_fallocate(trial.fileno(), 0, needed)
+        is_there, reason = shutil.disk_usage(path.parent).free >= needed, "the disk is too full"
+    except OSError as error:
+        is_there, reason = False, str(error.strerror)
+    if not is_there:
+        raise InvalidInputError(
+            f"{path.name} takes up to {needed} bytes as an Alembic file, for which there is no "
+            f"room ({reason}); write it to another disk"
+        )
+
+
+def _most_bytes(stream: FrameStream) -> int:
+    """More than an Alembic file of the stream takes."""
+    n_parts = max(1, len(stream.surface.parts))
+    n_corners = 3 * len(stream.faces)
+    once = 4 * (n_corners + len(stream.faces)) + 4 * stream.surface.size_bytes
+    each = 12 * stream.n_verts + BYTES_OF_SAMPLE * n_parts
+    return int(once + each * stream.n_frames + BYTES_OF_PART * n_parts)

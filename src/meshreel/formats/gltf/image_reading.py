@@ -11,7 +11,7 @@ from meshreel.formats.file_errors import os_errors_naming
 from meshreel.formats.gltf.buffers import Buffers
 from meshreel.formats.gltf.json_object import JsonObject
 from meshreel.formats.gltf.named_files import file_beside
-from meshreel.formats.surfaces.image_types import UNKNOWN, image_type
+from meshreel.formats.surfaces.images import UNKNOWN, image_type
 from meshreel.materials import Image
 
 DATA_URI = re.compile(r"data:([^,;]{0,100})(?:;[^,]{0,200})?;base64,", re.IGNORECASE)

@@ -13,8 +13,7 @@ from meshreel.formats.gltf.json_object import JsonObject
 from meshreel.formats.gltf.material_values import STRENGTH, UNLIT, read_look, read_texture, sampled
 from meshreel.formats.gltf.nodes import unique_names
 from meshreel.formats.gltf.primitives import surfaces
-from meshreel.formats.look_notes import LookNotes
-from meshreel.formats.notes import listed, note_left_out
+from meshreel.formats.notes import LookNotes, listed, note_left_out
 from meshreel.materials import UNSAID, Image, Material, Texture, used_by
 
 VARIANTS = "KHR_materials_variants"

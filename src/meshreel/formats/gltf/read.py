@@ -23,8 +23,13 @@ from meshreel.formats.gltf.motion import Motion
 from meshreel.formats.gltf.nodes import Nodes, read_nodes, unique_names
 from meshreel.formats.gltf.primitives import count_targets, is_read, surfaces
 from meshreel.formats.gltf.sampling import STILL, Sampling, sample_times
-from meshreel.formats.gltf.shown import nothing_shown, shown_nodes
-from meshreel.formats.gltf.shown_meshes import Placement, placements_of, shape_of
+from meshreel.formats.gltf.shown import (
+    Placement,
+    nothing_shown,
+    placements_of,
+    shape_of,
+    shown_nodes,
+)
 from meshreel.formats.notes import listed, note_kinds, note_left_out, note_normals
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.scenes.scene_mesh import SceneMesh, readable_mesh

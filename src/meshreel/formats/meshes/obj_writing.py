@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from meshreel.formats.meshes.obj_surface import STATEMENTS
+from meshreel.formats.notes import note_unwritten
 from meshreel.formats.text.decimal_text import face_rows, number_rows, vertex_rows
-from meshreel.formats.unwritten import note_unwritten
 from meshreel.geometry.fans import join_fans
 from meshreel.sequence import Faces, Vertices
 from meshreel.surface import PLAIN, Attribute, Domain, FaceGroups, Kind, Surface

@@ -6,8 +6,8 @@ vertices; the header word says which.
 
 from collections.abc import Callable
 
+from meshreel.formats.notes import note_unwritten
 from meshreel.formats.text.decimal_text import face_rows, number_rows, vertex_rows
-from meshreel.formats.unwritten import note_unwritten
 from meshreel.geometry.fans import join_fans
 from meshreel.sequence import Faces, Vertices
 from meshreel.surface import PLAIN, Attribute, Domain, Kind, Surface

@@ -16,13 +16,15 @@ import numpy as np
 from meshreel.errors import FormatError
 from meshreel.formats.meshes.ply_cells import BinaryCells
 from meshreel.formats.meshes.ply_header import PlyProperty
-from meshreel.formats.meshes.ply_strips import cut_strips
 from meshreel.formats.meshes.ply_tables import STRIPS, PlyTable, read_ply_tables
 from meshreel.formats.surfaces.polygons import PolygonMesh, polygon_mesh
 from meshreel.geometry.ragged import Integers
 from meshreel.sequence import Vertices
 
 INDEX_NAMES = ("vertex_indices", "vertex_index")
+
+RESTART = -1
+"""In place of a vertex: the next one begins a new strip."""
 
 
 def parse_ply(data: bytes) -> PolygonMesh:
@@ -85,3 +87,29 @@ def _indices(table: PlyTable) -> PlyProperty:
     if not column.count_code or column.code.startswith("f"):
         raise FormatError(f"property {column.name!r} must be a list of integers")
     return column
+
+
+def cut_strips(lengths: Integers, values: Integers) -> Integers:
+    """The triangles of strips, of shape (M, 3), all facing the same side of their strip.
+
+    Parameters
+    ----------
+    lengths : integer array
+        How many values each list has; a list begins a new strip.
+    values : integer array of shape (sum of lengths,)
+        Vertices, and `RESTART` between strips.
+    """
+    corners = values.astype(np.int64)
+    places = np.arange(len(corners))
+    is_restart = corners == RESTART
+    lists = np.repeat(np.arange(len(lengths)), lengths)
+    is_first = np.diff(lists, prepend=-1) > 0
+    is_first[1:] |= is_restart[:-1]
+    begin = np.maximum.accumulate(np.where(is_first, places, 0))
+    first = places[: max(0, len(corners) - 2)]
+    # The third vertex is of the same strip, which has no restart in it then.
+    first = first[(begin[first + 2] <= first) & ~is_restart[first + 2]]
+    is_turned = (first - begin[first]) % 2
+    return np.stack(
+        [corners[first], corners[first + 1 + is_turned], corners[first + 2 - is_turned]], axis=1
+    )

@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from meshreel.formats.meshes.ply import INDEX_NAMES
 from meshreel.formats.meshes.ply_surface import COLOR_NAMES, CORNER_UV_NAME, PASSED_OVER, UV_NAMES
-from meshreel.formats.unwritten import note_unwritten
+from meshreel.formats.notes import note_unwritten
 from meshreel.geometry.fans import join_fans
 from meshreel.geometry.ragged import ragged_indices
 from meshreel.sequence import Faces, Vertices

@@ -12,10 +12,9 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.errors import FormatError, InvalidInputError
-from meshreel.formats.notes import note_left_out
+from meshreel.formats.notes import note_left_out, note_unwritten
 from meshreel.formats.surfaces.polygons import PolygonMesh, polygon_mesh
 from meshreel.formats.text.token_lines import TokenLines, split_lines
-from meshreel.formats.unwritten import note_unwritten
 from meshreel.sequence import Faces, Vertices
 from meshreel.surface import PLAIN, Surface
 

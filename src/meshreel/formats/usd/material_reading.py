@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from meshreel.formats.extras import USD
-from meshreel.formats.look_notes import LookNotes
+from meshreel.formats.notes import LookNotes
 from meshreel.formats.usd.preview_surface import PreviewSurface
 from meshreel.formats.usd.stage_images import StageImages
 from meshreel.materials import Image, Material, used_by

@@ -3,7 +3,7 @@
 from typing import Any
 
 from meshreel.formats.extras import USD
-from meshreel.formats.look_notes import LookNotes
+from meshreel.formats.notes import LookNotes
 from meshreel.formats.usd.prim_names import different, prim_name
 from meshreel.formats.usd.texture_writing import TextureWriter
 from meshreel.materials import AlphaMode, Material

@@ -4,8 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from meshreel.formats.gathered_note import GatheredNote
-from meshreel.formats.notes import LEFT_OUT, describe_cages, listed
+from meshreel.formats.notes import LEFT_OUT, GatheredNote, describe_cages, listed
 from meshreel.formats.usd.holes import Mask
 from meshreel.formats.usd.mesh_shape import MeshShape
 from meshreel.formats.usd.primitives import PRIMITIVES, PrimitiveShape

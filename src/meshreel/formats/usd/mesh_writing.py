@@ -1,4 +1,4 @@
-"""A mesh of a stage that is being written: its faces once, its points frame by frame."""
+"""A mesh of a stage being written: faces and what it carries once, points frame by frame."""
 
 from typing import Any
 
@@ -7,6 +7,19 @@ import numpy.typing as npt
 
 from meshreel.formats.extras import USD
 from meshreel.formats.scenes.parts import PartMesh
+from meshreel.formats.usd.material_writing import Materials, show_as
+from meshreel.formats.usd.prim_names import different, prim_name
+from meshreel.formats.usd.primvars import MAIN_NAMES
+from meshreel.formats.usd.subsets import MATERIALS
+from meshreel.surface import Attribute, Domain, FaceGroups, Kind, Surface
+
+INTERPOLATIONS = {
+    Domain.VERTEX: "vertex",
+    Domain.FACE: "uniform",
+    Domain.CORNER: "faceVarying",
+}
+BYTE_COLORS = "colours of bytes are written as floats, as USD has them"
+NARROW_COLORS = "colours are rounded to float32, as USD has them"
 
 
 class MeshWriter:
@@ -54,3 +67,119 @@ def _define_above(stage: Any, path: str) -> None:
         above = "/" + "/".join(steps[:n_steps])
         if not stage.GetPrimAtPath(above):
             USD.load("UsdGeom").Xform.Define(stage, above)
+
+
+def write_surface(
+    prim: Any, surface: Surface, n_faces: int, materials: Materials, notes: list[str]
+) -> None:
+    """Write attributes and groups of a mesh to its prim.
+
+    The first texture coordinates are called ``st``, the first colours ``displayColor``, unless
+    others have that name.
+
+    Parameters
+    ----------
+    prim : Usd.Prim
+    surface : Surface
+        Without parts.
+    n_faces : int
+    materials : Materials
+    notes : list of str
+        Gains a sentence where numbers have another type in USD.
+    """
+    api = USD.load("UsdGeom").PrimvarsAPI(prim)
+    for attribute, name in _named(surface):
+        _write_attribute(api, attribute, name, notes)
+    subsets: set[str] = set()
+    for groups in surface.groups:
+        if groups.name == "material":
+            materials.show_both_sides(prim, groups)
+        if groups.name == "material" and len(groups.labels) == 1 and (groups.numbers == 0).all():
+            materials.bind(prim, groups.labels[0])
+        else:
+            _write_groups(prim, groups, materials, subsets)
+
+
+def uv_primvars(surface: Surface) -> dict[str, str]:
+    """The primvar that texture coordinates of a name are written as."""
+    names = [(one.name, name) for one, name in _named(surface) if one.kind is Kind.UV]
+    return dict(reversed(names))
+
+
+def _named(surface: Surface) -> list[tuple[Attribute, str]]:
+    """Attributes with the names that they get, those that keep theirs first."""
+    names = {id(one): prim_name(one.name) for one in surface.attributes}
+    for kind, main in MAIN_NAMES.items():
+        own = surface.of_kind(kind)
+        if own and main not in names.values():
+            names[id(own[0])] = main
+    taken: set[str] = set()
+    return [(one, different(names[id(one)], taken)) for one in surface.attributes]
+
+
+def _write_attribute(api: Any, attribute: Attribute, name: str, notes: list[str]) -> None:
+    values = attribute.values
+    if attribute.kind is Kind.COLOR and values.dtype != np.float32:
+        note = BYTE_COLORS if values.dtype == np.uint8 else NARROW_COLORS
+        if note not in notes:
+            notes.append(note)
+        scale = 255 if values.dtype == np.uint8 else 1
+        values = (values / scale).astype(np.float32)
+    if name == "displayColor" and values.shape[1] == 4:
+        _write_primvar(api, attribute, "displayOpacity", "float", values[:, 3:])
+        values = values[:, :3]
+    _write_primvar(api, attribute, name, _type_name(attribute.kind, values), values)
+
+
+def _type_name(kind: Kind, values: npt.NDArray[Any]) -> str:
+    """Of the elements, as USD calls it."""
+    letter = {"u1": "uchar", "i4": "int", "f4": "float", "f8": "double"}[values.dtype.str[1:]]
+    if kind is Kind.UV and values.shape[1] == 2 and values.dtype.kind == "f":
+        return f"texCoord2{letter[0]}"
+    if kind is Kind.COLOR and values.shape[1] in (3, 4):
+        return f"color{values.shape[1]}f"
+    return letter
+
+
+def _write_primvar(
+    api: Any, attribute: Attribute, name: str, type_name: str, values: npt.NDArray[Any]
+) -> None:
+    sdf, arrays = USD.load("Sdf"), USD.load("Vt")
+    declared = sdf.ValueTypeNames.Find(f"{type_name}[]")
+    is_flat = type_name in ("uchar", "int", "float", "double")
+    width = values.shape[1] if is_flat else 1
+    indices = attribute.indices
+    is_constant = (
+        attribute.kind is Kind.COLOR
+        and attribute.domain is Domain.VERTEX
+        and indices is not None
+        and len(values) == 1
+    )
+    interpolation = "constant" if is_constant else INTERPOLATIONS[attribute.domain]
+    primvar = api.CreatePrimvar(name, declared, interpolation, width)
+    array_class = getattr(arrays, declared.type.pythonClass.__name__)
+    data = np.ascontiguousarray(values.ravel() if is_flat else values)
+    primvar.Set(array_class.FromNumpy(data))
+    if indices is not None and not is_constant:
+        primvar.SetIndices(arrays.IntArray.FromNumpy(indices))
+
+
+def _write_groups(prim: Any, groups: FaceGroups, materials: Materials, taken: set[str]) -> None:
+    geometry, arrays = USD.load("UsdGeom"), USD.load("Vt")
+    is_material = groups.name == "material"
+    family = MATERIALS if is_material else prim_name(groups.name)
+    mesh = geometry.Imageable(prim)
+    for number, label in enumerate(groups.labels):
+        faces = np.flatnonzero(groups.numbers == number).astype(np.int32)
+        name = different(prim_name(label), taken)
+        subset = geometry.Subset.CreateGeomSubset(
+            mesh, name, geometry.Tokens.face, arrays.IntArray.FromNumpy(faces), family
+        )
+        show_as(subset.GetPrim(), label)
+        if is_material:
+            materials.bind(subset.GetPrim(), label)
+    is_whole = (groups.numbers >= 0).all()
+    tokens = geometry.Tokens
+    geometry.Subset.SetFamilyType(
+        mesh, family, tokens.partition if is_whole else tokens.nonOverlapping
+    )

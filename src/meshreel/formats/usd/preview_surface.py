@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from meshreel.errors import FormatError
-from meshreel.formats.look_notes import LookNotes
+from meshreel.formats.notes import LookNotes
 from meshreel.formats.usd.shading_inputs import Source, numbers, source_of
 from meshreel.formats.usd.stage_images import StageImages
 from meshreel.formats.usd.texture_reading import FoundTexture, read_texture

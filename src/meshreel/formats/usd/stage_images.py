@@ -6,7 +6,7 @@ from typing import Any
 from meshreel.errors import FormatError
 from meshreel.formats.extras import USD
 from meshreel.formats.named_files import is_within, outside_error
-from meshreel.formats.surfaces.image_types import image_type
+from meshreel.formats.surfaces.images import image_type
 from meshreel.materials import Image
 
 

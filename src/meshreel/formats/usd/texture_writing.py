@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from meshreel.formats.extras import USD
-from meshreel.formats.look_notes import LookNotes
+from meshreel.formats.notes import LookNotes
 from meshreel.formats.usd.prim_names import prim_name
 from meshreel.formats.usd.texture_reading import UV_READER, WRAPS, upwards
 from meshreel.materials import AlphaMode, Image, Material, Texture

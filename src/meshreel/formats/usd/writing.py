@@ -16,15 +16,14 @@ from meshreel.formats.extras import USD
 from meshreel.formats.frames.frame_stream import FrameStream
 from meshreel.formats.options import WriteOptions
 from meshreel.formats.scenes.parts import split_parts
-from meshreel.formats.surfaces.image_files import image_names
+from meshreel.formats.surfaces.images import image_names
 from meshreel.formats.text.decimal_text import Narrowing
 from meshreel.formats.usd.diagnostics import usd_errors
 from meshreel.formats.usd.layers import DEFAULT_RATE
 from meshreel.formats.usd.material_writing import Materials
-from meshreel.formats.usd.mesh_writing import MeshWriter
+from meshreel.formats.usd.mesh_writing import MeshWriter, uv_primvars, write_surface
 from meshreel.formats.usd.prim_names import mesh_paths
 from meshreel.formats.usd.sampling import snapped
-from meshreel.formats.usd.surface_writing import uv_primvars, write_surface
 from meshreel.formats.usd.texture_writing import TextureWriter
 from meshreel.sequence import Corners
 

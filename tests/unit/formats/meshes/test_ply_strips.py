@@ -6,8 +6,7 @@ import trimesh
 
 from meshreel.errors import FormatError
 from meshreel.formats.load import load
-from meshreel.formats.meshes.ply import parse_ply
-from meshreel.formats.meshes.ply_strips import cut_strips
+from meshreel.formats.meshes.ply import cut_strips, parse_ply
 
 GRID = np.array([[x, y, 0.0] for y in range(3) for x in range(4)], np.float32)
 STRIPS = [0, 4, 1, 5, 2, 6, 3, 7, -1, 4, 8, 5, 9, 6, 10, 7, 11]

@@ -1,6 +1,10 @@
-"""What an image is, by its first bytes or its name; nothing is decoded."""
+"""Types of images, by their first bytes or names, and images as files; nothing is decoded."""
 
-from pathlib import PurePosixPath
+import re
+from collections.abc import Sequence
+from pathlib import Path, PurePosixPath
+
+from meshreel.materials import Image
 
 SIGNATURES = (
     (0, b"\x89PNG\r\n\x1a\n", "image/png"),
@@ -36,6 +40,9 @@ ENDINGS = {
 }
 UNKNOWN = "application/octet-stream"
 
+NOT_PORTABLE = re.compile(r"[^A-Za-z0-9_-]+")
+MAX_LENGTH = 80
+
 
 def image_type(data: bytes, name: str = "") -> str:
     """The MIME type of an image; "application/octet-stream" if nothing tells.
@@ -55,3 +62,25 @@ def image_type(data: bytes, name: str = "") -> str:
 def image_ending(mime_type: str) -> str:
     """The ending of files of a type, with the dot; empty if none is known."""
     return next((ending for ending, one in ENDINGS.items() if one == mime_type), "")
+
+
+def image_names(images: Sequence[Image]) -> list[str]:
+    """A file name for each image, as every system allows it, no two alike in any case."""
+    taken: set[str] = set()
+    counts: dict[str, int] = {}
+    names = []
+    for image in images:
+        stem = NOT_PORTABLE.sub("_", image.name)[:MAX_LENGTH] or "image"
+        ending = image_ending(image.mime_type)
+        name, wanted = stem + ending, (stem + ending).lower()
+        while name.lower() in taken:
+            counts[wanted] = counts.get(wanted, 1) + 1
+            name = f"{stem}_{counts[wanted]}{ending}"
+        taken.add(name.lower())
+        names.append(name)
+    return names
+
+
+def image_folder(path: Path) -> Path:
+    """The folder of the images of a file that cannot hold them, beside it."""
+    return path.with_name(f"{path.stem}_textures")

@@ -1,0 +1,203 @@
+"""The surface of several meshes as one: attributes, groups, parts and materials of all of them."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+
+from meshreel.formats.surfaces.polygons import PolygonMesh
+from meshreel.materials import Image, Material, renumbered
+from meshreel.surface import Attribute, Domain, FaceGroups, Part, Surface
+
+Meaning = tuple[str, str, int]
+
+
+def merged_surface(
+    names: Sequence[str],
+    surfaces: Sequence[Surface],
+    frames: Sequence[PolygonMesh],
+    notes: list[str],
+) -> Surface:
+    """The surface of several meshes that are one, each a part of its name.
+
+    Parameters
+    ----------
+    names : sequence of str
+    surfaces : sequence of Surface
+        Of each mesh, without face sizes.
+    frames : sequence of PolygonMesh
+        The mesh of each surface.
+    notes : list of str
+        Gains a sentence for each attribute that only some of the meshes have.
+    """
+    parts = tuple(
+        Part(name, len(frame.vertices), len(frame.counts))
+        for name, frame in zip(names, frames, strict=True)
+    )
+    surfaces, materials, images = shared_look(surfaces)
+    attributes = _merged_attributes(in_one_domain(surfaces, frames), frames, notes)
+    groups = _merged_groups(surfaces, frames)
+    return Surface(None, attributes, groups, parts, materials, images)
+
+
+def in_one_domain(surfaces: Sequence[Surface], frames: Sequence[PolygonMesh]) -> list[Surface]:
+    """The surfaces, whose attributes of one kind, name and width are of the same domain.
+
+    Where they are not, as texture coordinates with and without seams, all become those of corners.
+    What a mesh has twice stays as it is.
+
+    Parameters
+    ----------
+    surfaces : sequence of Surface
+    frames : sequence of PolygonMesh
+        The mesh of each.
+    """
+    domains: dict[Meaning, set[Domain]] = {}
+    twice: set[Meaning] = set()
+    for surface in surfaces:
+        own = [_meaning(one) for one in surface.attributes]
+        twice |= {meaning for meaning in own if own.count(meaning) > 1}
+        for meaning, one in zip(own, surface.attributes, strict=True):
+            domains.setdefault(meaning, set()).add(one.domain)
+    mixed = {meaning for meaning, found in domains.items() if len(found) > 1} - twice
+    return [
+        replace(surface, attributes=_of_corners(surface.attributes, mixed, frame))
+        for surface, frame in zip(surfaces, frames, strict=True)
+    ]
+
+
+def _meaning(attribute: Attribute) -> Meaning:
+    return attribute.kind, attribute.name, attribute.values.shape[1]
+
+
+def _of_corners(
+    attributes: Sequence[Attribute], mixed: set[Meaning], frame: PolygonMesh
+) -> tuple[Attribute, ...]:
+    return tuple(_spread(one, frame) if _meaning(one) in mixed else one for one in attributes)
+
+
+def _spread(attribute: Attribute, frame: PolygonMesh) -> Attribute:
+    """The attribute as one of corners; its values stay, and are referred to."""
+    if attribute.domain is Domain.CORNER:
+        return attribute
+    item_of: npt.NDArray[np.integer] = frame.corners
+    if attribute.domain is Domain.FACE:
+        item_of = np.repeat(np.arange(len(frame.counts)), frame.counts)
+    rows = item_of if attribute.indices is None else attribute.indices[item_of]
+    return replace(attribute, domain=Domain.CORNER, indices=rows.astype(np.int32))
+
+
+def _n_items(frame: PolygonMesh, domain: Domain) -> int:
+    return {
+        Domain.VERTEX: len(frame.vertices),
+        Domain.FACE: len(frame.counts),
+        Domain.CORNER: len(frame.corners),
+    }[domain]
+
+
+def _merged_attributes(
+    surfaces: Sequence[Surface], frames: Sequence[PolygonMesh], notes: list[str]
+) -> tuple[Attribute, ...]:
+    """Attributes of the same kind, name, domain and width as one; zeros where a mesh has none."""
+    keys = {_key(one): one for surface in surfaces for one in surface.attributes}
+    merged = []
+    for key, sample in keys.items():
+        own = [
+            next((one for one in surface.attributes if _key(one) == key), None)
+            for surface in surfaces
+        ]
+        if any(one is None for one in own):
+            note = f"{sample.kind} {sample.name!r} is 0 where a mesh has none of its own"
+            if note not in notes:
+                notes.append(note)
+        dtype = np.result_type(*(one.values.dtype for one in own if one is not None))
+        merged.append(_concatenated(sample, own, frames, dtype))
+    return tuple(merged)
+
+
+def _key(attribute: Attribute) -> tuple[str, str, str, int, bool]:
+    width, is_byte = attribute.values.shape[1], attribute.values.dtype.kind in "iu"
+    return attribute.kind, attribute.name, attribute.domain, width, is_byte
+
+
+def _concatenated(
+    sample: Attribute,
+    own: Sequence[Attribute | None],
+    frames: Sequence[PolygonMesh],
+    dtype: np.dtype[np.generic],
+) -> Attribute:
+    width, start = sample.values.shape[1], 0
+    is_indexed = any(one is not None and one.indices is not None for one in own)
+    values, indices = [], []
+    for one, frame in zip(own, frames, strict=True):
+        n_items = _n_items(frame, sample.domain)
+        if one is None:
+            # Without indices every item needs its row; with them, all share a single one.
+            table = np.zeros((1 if is_indexed else n_items, width), dtype)
+            rows = np.zeros(n_items, np.int32)
+        else:
+            table = one.values.astype(dtype, copy=False)
+            rows = np.arange(n_items, dtype=np.int32) if one.indices is None else one.indices
+        values.append(table)
+        indices.append(rows + np.int32(start))
+        start += len(table)
+    joined = np.concatenate(indices).astype(np.int32) if is_indexed else None
+    return Attribute(sample.name, sample.kind, sample.domain, np.concatenate(values), joined)
+
+
+def _merged_groups(
+    surfaces: Sequence[Surface], frames: Sequence[PolygonMesh]
+) -> tuple[FaceGroups, ...]:
+    names = dict.fromkeys(groups.name for surface in surfaces for groups in surface.groups)
+    merged = []
+    for name in names:
+        labels: dict[str, int] = {}
+        numbers = []
+        for surface, frame in zip(surfaces, frames, strict=True):
+            own = next((one for one in surface.groups if one.name == name), None)
+            if own is None:
+                numbers.append(np.full(len(frame.counts), -1, np.int32))
+                continue
+            new = [labels.setdefault(label, len(labels)) for label in own.labels]
+            numbers.append(np.array([*new, -1], np.int32)[own.numbers])
+        merged.append(FaceGroups(name, tuple(labels), np.concatenate(numbers)))
+    return tuple(merged)
+
+
+def shared_look(
+    surfaces: Sequence[Surface],
+) -> tuple[list[Surface], tuple[Material, ...], tuple[Image, ...]]:
+    """The surfaces, and the materials and images of all of them.
+
+    Where two materials of one name differ, the second gets a number behind its name, and so do
+    the labels of its faces.
+    """
+    images: dict[Image, int] = {}
+    materials: dict[str, Material] = {}
+    relabelled = []
+    for surface in surfaces:
+        numbers = {
+            number: images.setdefault(image, len(images))
+            for number, image in enumerate(surface.images)
+        }
+        names = {
+            one.name: _taken_in(renumbered(one, numbers), materials) for one in surface.materials
+        }
+        groups = tuple(_renamed(one, names) for one in surface.groups)
+        relabelled.append(replace(surface, groups=groups))
+    return relabelled, tuple(materials.values()), tuple(images)
+
+
+def _taken_in(material: Material, materials: dict[str, Material]) -> str:
+    """The name under which a material is among the others from now on."""
+    found, number = material, 2
+    while materials.setdefault(found.name, found) != found:
+        found, number = replace(material, name=f"{material.name}_{number}"), number + 1
+    return found.name
+
+
+def _renamed(groups: FaceGroups, names: dict[str, str]) -> FaceGroups:
+    if groups.name != "material":
+        return groups
+    return replace(groups, labels=tuple(names.get(one, one) for one in groups.labels))
