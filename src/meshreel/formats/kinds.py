@@ -2,20 +2,48 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
+from importlib import import_module
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 from meshreel.formats.extras import Extra
 from meshreel.formats.frames.frame_stream import FrameStream
 from meshreel.formats.options import ReadOptions, WriteOptions
 from meshreel.formats.scenes.scene_mesh import ReadMeshes
-from meshreel.formats.scenes.scene_source import scene_opener
 from meshreel.formats.surfaces.polygons import PolygonMesh
 from meshreel.sequence import Faces, FrameSource, Vertices
 from meshreel.surface import Surface
 
 ReadOption = Literal["object", "merge", "topology", "dataset", "skip_bad", "allow_outside"]
 WriteOption = Literal["targets", "max_error", "normals"]
+
+
+@dataclass(frozen=True)
+class Lazy:
+    """A function of a module of `meshreel.formats` that is imported when it is first called.
+
+    Parameters
+    ----------
+    place : str
+        Of the function, as in "meshes.obj:parse_obj".
+    """
+
+    place: str
+
+    def __call__(self, *args: Any) -> Any:
+        """The result of the function for these arguments."""
+        return self.function(*args)
+
+    @property
+    def function(self) -> Callable[..., Any]:
+        """The function itself, imported now."""
+        module, _, name = self.place.partition(":")
+        found: Callable[..., Any] = getattr(import_module(f"meshreel.formats.{module}"), name)
+        return found
+
+
+OPEN_SCENE = Lazy("scenes.scene_source:open_scene")
 
 
 @dataclass(frozen=True)
@@ -117,7 +145,7 @@ def scene_format(
     """
     reads: set[ReadOption] = {"object", "merge", "skip_bad"}
     return SequenceFormat(
-        ending, title, scene_opener(read_meshes), write, extra,
+        ending, title, partial(OPEN_SCENE, read_meshes), write, extra,
         reads=frozenset(reads | ({"allow_outside"} if names_files else set())),
         writes=writes, read_meshes=read_meshes,
         holds_materials=holds_materials, has_image_folder=has_image_folder,

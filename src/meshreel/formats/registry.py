@@ -1,46 +1,19 @@
-"""Which file endings there are, and who reads and writes them."""
+"""Which file endings there are, and who reads and writes them.
+
+A new format is a row here and a module that the row names, which is imported when a file of that
+ending is first read or written.
+"""
 
 import os
 from pathlib import Path
 from typing import Any
 
 from meshreel.errors import FormatError
-from meshreel.formats.alembic.meshes import read_meshes as read_alembic
-from meshreel.formats.alembic.write import write_alembic
-from meshreel.formats.arrays.hdf import open_hdf_sequence, write_hdf
-from meshreel.formats.arrays.npz import write_npz
-from meshreel.formats.arrays.npz_frames import open_npz
-from meshreel.formats.caches.mdd import mdd_opener, write_mdd
-from meshreel.formats.caches.pc2 import pc2_opener, write_pc2
-from meshreel.formats.caches.topology import COMPANION, topology_reader
 from meshreel.formats.extras import ALEMBIC, HDF, USD
-from meshreel.formats.gltf.read import read_meshes as read_gltf
-from meshreel.formats.gltf.write import write_glb, write_gltf
-from meshreel.formats.kinds import FrameFormat, SequenceFormat, WriteOption, scene_format
-from meshreel.formats.meshes.obj import obj_positions_like, parse_obj
-from meshreel.formats.meshes.obj_surface import parse_obj_surface
-from meshreel.formats.meshes.obj_writing import obj_encoder
-from meshreel.formats.meshes.off import off_positions_like, parse_off
-from meshreel.formats.meshes.off_surface import parse_off_surface
-from meshreel.formats.meshes.off_writing import off_encoder
-from meshreel.formats.meshes.ply import parse_ply, ply_positions_like
-from meshreel.formats.meshes.ply_surface import parse_ply_surface
-from meshreel.formats.meshes.ply_writing import ply_encoder
-from meshreel.formats.meshes.stl import (
-    parse_stl,
-    parse_stl_surface,
-    stl_encoder,
-    stl_positions_like,
-)
-from meshreel.formats.reel import open_reel, write_reel
-from meshreel.formats.usd.reading import read_meshes as read_usd
-from meshreel.formats.usd.writing import write_usd
-from meshreel.formats.vtk.legacy import parse_vtk_legacy, parse_vtk_legacy_surface
-from meshreel.formats.vtk.pvd import read_pvd
-from meshreel.formats.vtk.vtkhdf import read_vtkhdf
-from meshreel.formats.vtk.vtkhdf_writer import write_vtkhdf
-from meshreel.formats.vtk.xdmf import read_xdmf
-from meshreel.formats.vtk.xml_file import parse_vtk_xml, parse_vtk_xml_surface
+from meshreel.formats.kinds import FrameFormat, Lazy, SequenceFormat, WriteOption, scene_format
+
+COMPANION = ".obj"
+"""Ending of the mesh that is written beside a point cache, and looked for there."""
 
 FRAME_FORMATS = {
     found.ending: found
@@ -48,45 +21,59 @@ FRAME_FORMATS = {
         FrameFormat(
             ".obj",
             "Wavefront OBJ",
-            parse_obj,
-            obj_encoder,
-            obj_positions_like,
-            parse_obj_surface,
+            Lazy("meshes.obj:parse_obj"),
+            Lazy("meshes.obj_writing:obj_encoder"),
+            Lazy("meshes.obj:obj_positions_like"),
+            Lazy("meshes.obj_surface:parse_obj_surface"),
             is_decimal=True,
         ),
         FrameFormat(
             ".ply",
             "PLY",
-            parse_ply,
-            ply_encoder,
-            ply_positions_like,
-            parse_ply_surface,
+            Lazy("meshes.ply:parse_ply"),
+            Lazy("meshes.ply_writing:ply_encoder"),
+            Lazy("meshes.ply:ply_positions_like"),
+            Lazy("meshes.ply_surface:parse_ply_surface"),
         ),
         FrameFormat(
             ".off",
             "OFF",
-            parse_off,
-            off_encoder,
-            off_positions_like,
-            parse_off_surface,
+            Lazy("meshes.off:parse_off"),
+            Lazy("meshes.off_writing:off_encoder"),
+            Lazy("meshes.off:off_positions_like"),
+            Lazy("meshes.off_surface:parse_off_surface"),
             is_decimal=True,
         ),
         FrameFormat(
             ".stl",
             "STL",
-            parse_stl,
-            stl_encoder,
-            stl_positions_like,
-            parse_stl_surface,
+            Lazy("meshes.stl:parse_stl"),
+            Lazy("meshes.stl:stl_encoder"),
+            Lazy("meshes.stl:stl_positions_like"),
+            Lazy("meshes.stl:parse_stl_surface"),
             is_decimal=True,
             has_corners_only=True,
         ),
-        FrameFormat(".vtu", "VTK cells", parse_vtk_xml, None, parse_surface=parse_vtk_xml_surface),
         FrameFormat(
-            ".vtp", "VTK polygons", parse_vtk_xml, None, parse_surface=parse_vtk_xml_surface
+            ".vtu",
+            "VTK cells",
+            Lazy("vtk.xml_file:parse_vtk_xml"),
+            None,
+            parse_surface=Lazy("vtk.xml_file:parse_vtk_xml_surface"),
         ),
         FrameFormat(
-            ".vtk", "VTK legacy", parse_vtk_legacy, None, parse_surface=parse_vtk_legacy_surface
+            ".vtp",
+            "VTK polygons",
+            Lazy("vtk.xml_file:parse_vtk_xml"),
+            None,
+            parse_surface=Lazy("vtk.xml_file:parse_vtk_xml_surface"),
+        ),
+        FrameFormat(
+            ".vtk",
+            "VTK legacy",
+            Lazy("vtk.legacy:parse_vtk_legacy"),
+            None,
+            parse_surface=Lazy("vtk.legacy:parse_vtk_legacy_surface"),
         ),
     )
 }
@@ -94,22 +81,34 @@ GLTF_OPTIONS: frozenset[WriteOption] = frozenset({"targets", "max_error", "norma
 SEQUENCE_FORMATS = {
     found.ending: found
     for found in (
-        SequenceFormat(".npz", "NumPy archive", open_npz, write_npz, reads=frozenset({"dataset"})),
+        SequenceFormat(
+            ".npz",
+            "NumPy archive",
+            Lazy("arrays.npz_frames:open_npz"),
+            Lazy("arrays.npz:write_npz"),
+            reads=frozenset({"dataset"}),
+        ),
         SequenceFormat(
             ".reel",
             "meshreel",
-            open_reel,
-            write_reel,
+            Lazy("reel:open_reel"),
+            Lazy("reel:write_reel"),
             writes=frozenset({"max_error"}),
             holds_materials=True,
         ),
-        scene_format(".abc", "Alembic", read_alembic, write_alembic, ALEMBIC),
+        scene_format(
+            ".abc",
+            "Alembic",
+            Lazy("alembic.meshes:read_meshes"),
+            Lazy("alembic.write:write_alembic"),
+            ALEMBIC,
+        ),
         *(
             scene_format(
                 ending,
                 title,
-                read_usd,
-                write_usd,
+                Lazy("usd.reading:read_meshes"),
+                Lazy("usd.writing:write_usd"),
                 USD,
                 names_files=True,
                 holds_materials=True,
@@ -126,30 +125,30 @@ SEQUENCE_FORMATS = {
             scene_format(
                 ending,
                 title,
-                read_gltf,
+                Lazy("gltf.read:read_meshes"),
                 write,
                 names_files=True,
                 writes=GLTF_OPTIONS,
                 holds_materials=True,
             )
             for ending, title, write in (
-                (".glb", "glTF, binary", write_glb),
-                (".gltf", "glTF, text", write_gltf),
+                (".glb", "glTF, binary", Lazy("gltf.write:write_glb")),
+                (".gltf", "glTF, text", Lazy("gltf.write:write_gltf")),
             )
         ),
         SequenceFormat(
             ".pc2",
             "point cache of 3ds Max",
-            pc2_opener(topology_reader(FRAME_FORMATS)),
-            write_pc2,
+            Lazy("caches.pc2:open_pc2"),
+            Lazy("caches.pc2:write_pc2"),
             reads=frozenset({"topology"}),
             companion=COMPANION,
         ),
         SequenceFormat(
             ".mdd",
             "point cache of LightWave",
-            mdd_opener(topology_reader(FRAME_FORMATS)),
-            write_mdd,
+            Lazy("caches.mdd:open_mdd"),
+            Lazy("caches.mdd:write_mdd"),
             reads=frozenset({"topology"}),
             companion=COMPANION,
         ),
@@ -157,17 +156,25 @@ SEQUENCE_FORMATS = {
             SequenceFormat(
                 ending,
                 "HDF5 datasets",
-                open_hdf_sequence,
-                write_hdf,
+                Lazy("arrays.hdf:open_hdf_sequence"),
+                Lazy("arrays.hdf:write_hdf"),
                 HDF,
                 frozenset({"dataset", "object", "merge", "skip_bad"}),
             )
             for ending in (".h5", ".hdf5", ".hdf")
         ),
-        scene_format(".vtkhdf", "VTKHDF", read_vtkhdf, write_vtkhdf, HDF),
-        scene_format(".pvd", "ParaView collection", read_pvd, None, names_files=True),
-        scene_format(".xdmf", "XDMF", read_xdmf, None, HDF, names_files=True),
-        scene_format(".xmf", "XDMF", read_xdmf, None, HDF, names_files=True),
+        scene_format(
+            ".vtkhdf",
+            "VTKHDF",
+            Lazy("vtk.vtkhdf:read_vtkhdf"),
+            Lazy("vtk.vtkhdf_writer:write_vtkhdf"),
+            HDF,
+        ),
+        scene_format(
+            ".pvd", "ParaView collection", Lazy("vtk.pvd:read_pvd"), None, names_files=True
+        ),
+        scene_format(".xdmf", "XDMF", Lazy("vtk.xdmf:read_xdmf"), None, HDF, names_files=True),
+        scene_format(".xmf", "XDMF", Lazy("vtk.xdmf:read_xdmf"), None, HDF, names_files=True),
     )
 }
 FORMATS: dict[str, FrameFormat | SequenceFormat] = {**FRAME_FORMATS, **SEQUENCE_FORMATS}

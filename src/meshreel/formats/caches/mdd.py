@@ -5,7 +5,6 @@ and the positions, frame after frame.
 """
 
 import struct
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +19,7 @@ from meshreel.formats.caches.point_cache import (
     check_cache_size,
     single_precision,
 )
-from meshreel.formats.caches.topology import ReadTopology
+from meshreel.formats.caches.topology import read_topology
 from meshreel.formats.file_errors import errors_naming, os_errors_naming
 from meshreel.formats.frames.frame_stream import FrameStream
 from meshreel.formats.options import ReadOptions, WriteOptions
@@ -31,28 +30,24 @@ HEADER = struct.Struct(">ii")
 TIME = np.dtype(">f4")
 
 
-def mdd_opener(read_topology: ReadTopology) -> Callable[[Path, ReadOptions], FrameSource]:
-    """A function from a path and options to the sequence of an ``.mdd`` file, named as the file."""
-
-    def open_mdd(path: Path, options: ReadOptions) -> FrameSource:
-        with errors_naming(path):
-            n_verts, times = _read_header(path)
-        faces, surface = read_topology(path, n_verts, options)
-        timing = _timing(times)
-        if (np.diff(times) <= 0).any():
-            timing = FrameTimes(0.0, timing.start_s, is_even=True)
-            options.notes.append("times of frames do not ascend; the frame rate is unknown")
-        elif not timing.is_even:
-            options.notes.append(
-                f"times of frames are not even; taken as {timing.fps:g} frames per second"
-            )
-        read = cache_reader(path, HEADER.size + times.nbytes, n_verts, ">f4")
-        frames = ArrayFrames(path, len(times), n_verts, np.dtype(np.float32), read)
-        fps = options.fps or timing.fps
-        about = Description(faces, fps, path.stem, timing.start_s, surface)
-        return frames.opened(about, options)
-
-    return open_mdd
+def open_mdd(path: Path, options: ReadOptions) -> FrameSource:
+    """The sequence of an ``.mdd`` file, named as the file."""
+    with errors_naming(path):
+        n_verts, times = _read_header(path)
+    faces, surface = read_topology(path, n_verts, options)
+    timing = _timing(times)
+    if (np.diff(times) <= 0).any():
+        timing = FrameTimes(0.0, timing.start_s, is_even=True)
+        options.notes.append("times of frames do not ascend; the frame rate is unknown")
+    elif not timing.is_even:
+        options.notes.append(
+            f"times of frames are not even; taken as {timing.fps:g} frames per second"
+        )
+    read = cache_reader(path, HEADER.size + times.nbytes, n_verts, ">f4")
+    frames = ArrayFrames(path, len(times), n_verts, np.dtype(np.float32), read)
+    fps = options.fps or timing.fps
+    about = Description(faces, fps, path.stem, timing.start_s, surface)
+    return frames.opened(about, options)
 
 
 def write_mdd(path: Path, stream: FrameStream, options: WriteOptions) -> None:

@@ -6,7 +6,6 @@ frame, the frames from one sample to the next, and the number of samples. There 
 
 import math
 import struct
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +18,7 @@ from meshreel.formats.caches.point_cache import (
     check_cache_size,
     single_precision,
 )
-from meshreel.formats.caches.topology import ReadTopology
+from meshreel.formats.caches.topology import read_topology
 from meshreel.formats.file_errors import errors_naming, os_errors_naming
 from meshreel.formats.frames.frame_stream import FrameStream
 from meshreel.formats.options import ReadOptions, WriteOptions
@@ -30,30 +29,26 @@ VERSION = 1
 HEADER = struct.Struct("<12siiffi")
 
 
-def pc2_opener(read_topology: ReadTopology) -> Callable[[Path, ReadOptions], FrameSource]:
-    """A function from a path and options to the sequence of a ``.pc2`` file.
+def open_pc2(path: Path, options: ReadOptions) -> FrameSource:
+    """The sequence of a ``.pc2`` file, of the frame rate of the options, or unknown.
 
-    Its frame rate is that of the options, or unknown; its name that of the file.
+    Its name is that of the file.
     """
-
-    def open_pc2(path: Path, options: ReadOptions) -> FrameSource:
-        with errors_naming(path):
-            n_verts, first_frame, step, n_frames = _read_header(path)
-        faces, surface = read_topology(path, n_verts, options)
-        fps = options.fps or 0.0
-        if step != 1:
-            options.notes.append(f"samples are {step:g} frames apart; each is taken as one frame")
-        if first_frame and not fps:
-            options.notes.append(
-                f"begins at frame {first_frame:g}, of unknown rate, and is taken to begin at "
-                "0 s; say the rate with --fps (fps=)"
-            )
-        start_s = first_frame / (fps * step) if fps else 0.0
-        read = cache_reader(path, HEADER.size, n_verts, "<f4")
-        frames = ArrayFrames(path, n_frames, n_verts, np.dtype(np.float32), read)
-        return frames.opened(Description(faces, fps, path.stem, start_s, surface), options)
-
-    return open_pc2
+    with errors_naming(path):
+        n_verts, first_frame, step, n_frames = _read_header(path)
+    faces, surface = read_topology(path, n_verts, options)
+    fps = options.fps or 0.0
+    if step != 1:
+        options.notes.append(f"samples are {step:g} frames apart; each is taken as one frame")
+    if first_frame and not fps:
+        options.notes.append(
+            f"begins at frame {first_frame:g}, of unknown rate, and is taken to begin at "
+            "0 s; say the rate with --fps (fps=)"
+        )
+    start_s = first_frame / (fps * step) if fps else 0.0
+    read = cache_reader(path, HEADER.size, n_verts, "<f4")
+    frames = ArrayFrames(path, n_frames, n_verts, np.dtype(np.float32), read)
+    return frames.opened(Description(faces, fps, path.stem, start_s, surface), options)
 
 
 def write_pc2(path: Path, stream: FrameStream, options: WriteOptions) -> None:

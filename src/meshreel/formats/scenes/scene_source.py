@@ -22,14 +22,16 @@ from meshreel.runtime.progress import Count
 from meshreel.sequence import FrameSource, MeshSequence, Vertices, validate_finite
 
 
-def scene_opener(read_meshes: ReadMeshes) -> Callable[[Path, ReadOptions], FrameSource]:
-    """A function from a path and options to the sequence that they mean, for the registry."""
+def open_scene(read_meshes: ReadMeshes, path: Path, options: ReadOptions) -> FrameSource:
+    """The sequence that a file means of which `read_meshes` gives the meshes.
 
-    def open_scene(path: Path, options: ReadOptions) -> FrameSource:
-        mesh = chosen_mesh(read_meshes, path, options, may_change=False)
-        return sequence_of(mesh, path, options)
-
-    return open_scene
+    Raises
+    ------
+    FormatError, InvalidInputError
+        As `chosen_mesh` and `sequence_of`.
+    """
+    mesh = chosen_mesh(read_meshes, path, options, may_change=False)
+    return sequence_of(mesh, path, options)
 
 
 def chosen_mesh(

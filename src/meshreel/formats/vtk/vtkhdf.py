@@ -26,7 +26,7 @@ from meshreel.formats.hdf.reading import (
 from meshreel.formats.notes import note_kinds
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.scenes.scene_mesh import SceneMesh, readable_mesh
-from meshreel.formats.scenes.scene_source import scene_opener
+from meshreel.formats.scenes.scene_source import open_scene
 from meshreel.formats.surfaces.polygons import PolygonMesh
 from meshreel.formats.vtk.vtkhdf_steps import VtkSteps
 from meshreel.surface import Surface
@@ -80,7 +80,7 @@ def read_vtkhdf(path: Path, options: ReadOptions) -> Sequence[SceneMesh]:
         return found
 
 
-open_vtkhdf = scene_opener(read_vtkhdf)
+open_vtkhdf = partial(open_scene, read_vtkhdf)
 """A function from a path and options to the sequence of a VTKHDF file."""
 
 

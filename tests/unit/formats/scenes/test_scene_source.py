@@ -8,7 +8,7 @@ from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.scenes.parts import split_parts
 from meshreel.formats.scenes.scene_mesh import SceneMesh
-from meshreel.formats.scenes.scene_source import scene_opener
+from meshreel.formats.scenes.scene_source import open_scene
 from meshreel.formats.surfaces.polygons import PolygonMesh
 from meshreel.geometry.fans import join_fans
 from meshreel.sequence import MeshSequence
@@ -33,7 +33,7 @@ def scene_mesh(sequence, name, times_s=None):
 
 
 def opened(meshes, **options):
-    return scene_opener(lambda path, options: meshes)(PATH, ReadOptions(**options))
+    return open_scene(lambda path, options: meshes, PATH, ReadOptions(**options))
 
 
 def test_scene_gives_the_sequence_when_it_holds_one_mesh():
@@ -210,7 +210,7 @@ def test_errors_name_the_file_when_it_cannot_be_read():
         raise FormatError("is not an archive")
 
     with pytest.raises(FormatError, match=r"scene\.abc: is not an archive"):
-        scene_opener(read_meshes)(PATH, ReadOptions())
+        open_scene(read_meshes, PATH, ReadOptions())
 
 
 @pytest.mark.parametrize("wanted", ["/Bone", "Bone", "/Bone/Skin", "/", "/Bone/"])

@@ -1,0 +1,76 @@
+"""The table of formats: a row names its functions, which are imported when they are needed."""
+
+import inspect
+import subprocess
+import sys
+from dataclasses import fields
+from functools import partial
+
+import pytest
+
+from meshreel.formats.kinds import Lazy
+from meshreel.formats.registry import FORMATS
+from meshreel.formats.save import save
+from samples.meshes import waving_grid
+
+N_ARGUMENTS = {
+    "parse": 1,
+    "encoder": 3,
+    "positions_like": 2,
+    "parse_surface": 2,
+    "open": 2,
+    "write": 3,
+    "read_meshes": 2,
+}
+"""How many arguments each function of a row is called with."""
+
+FOLDERS = {"alembic", "arrays", "caches", "gltf", "hdf", "meshes", "reel", "usd", "vtk"}
+"""Of `meshreel.formats`, those that are of some formats only."""
+
+LOADING = """
+import sys
+import meshreel
+meshreel.load(sys.argv[1])
+print(*sys.modules)
+"""
+
+
+def functions():
+    """The functions of all rows, and how many arguments each is called with."""
+    for found in FORMATS.values():
+        for field in fields(found):
+            function, n_arguments = getattr(found, field.name), N_ARGUMENTS.get(field.name)
+            if isinstance(function, partial):
+                function, n_arguments = function.func, n_arguments + len(function.args)
+            if isinstance(function, Lazy):
+                yield pytest.param(
+                    function, n_arguments, id=f"{found.ending} {field.name} {function.place}"
+                )
+
+
+@pytest.mark.parametrize(("lazy", "n_arguments"), [*functions()])
+def test_row_names_a_function_that_takes_what_it_is_called_with(lazy, n_arguments):
+    inspect.signature(lazy.function).bind(*range(n_arguments))
+
+
+def loaded_modules(path):
+    """The modules that a process has which has loaded a file."""
+    done = subprocess.run(
+        [sys.executable, "-c", LOADING, str(path)], capture_output=True, text=True, check=True
+    )
+    return done.stdout.split()
+
+
+@pytest.mark.parametrize(
+    ("ending", "own"),
+    [(".npz", {"arrays"}), (".stl", {"meshes"}), (".pc2", {"caches", "arrays", "meshes"})],
+)
+def test_load_imports_no_other_format_and_no_large_library_when_a_file_needs_none(
+    tmp_path, ending, own
+):
+    save(waving_grid(n_frames=1), tmp_path / f"a{ending}")
+    found = loaded_modules(tmp_path / f"a{ending}")
+    rooms = {name.split(".")[2] for name in found if name.startswith("meshreel.formats.")}
+    assert rooms & FOLDERS == own
+    assert not {"scipy", "DracoPy", "h5py", "pxr"} & set(found)
+    assert sum(name.split(".")[0] == "meshreel" for name in found) < 60
