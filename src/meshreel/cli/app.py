@@ -1,4 +1,4 @@
-"""The `meshreel` program: its commands, and how errors leave it."""
+"""The `meshreel` program: how it starts, and how errors leave it."""
 
 import sys
 from typing import Any
@@ -6,21 +6,8 @@ from typing import Any
 import typer
 
 from meshreel import __version__
-from meshreel.cli.batch import batch_command
-from meshreel.cli.commands import Command, Group
-from meshreel.cli.compare import compare_command
-from meshreel.cli.convert import convert_command
-from meshreel.cli.decode import decode_command
-from meshreel.cli.demo import demo_command
-from meshreel.cli.encode import encode_command
-from meshreel.cli.evaluate import evaluate_command
-from meshreel.cli.export import export_command
-from meshreel.cli.formats import formats_command
-from meshreel.cli.info import info_command
+from meshreel.cli.commands import MARKUP, Group
 from meshreel.cli.option_names import in_option_names
-from meshreel.cli.paper import paper_command
-from meshreel.cli.render import render_command
-from meshreel.cli.view import view_command
 from meshreel.errors import MeshReelError
 
 # The base of all that is wrong with a command line: typer has it from click, or its own copy.
@@ -31,22 +18,9 @@ app = typer.Typer(
     cls=Group,
     help="Compress animated triangle meshes of fixed connectivity, and get them back.",
     invoke_without_command=True,
-    rich_markup_mode="markdown",
+    rich_markup_mode=MARKUP,
     pretty_exceptions_enable=False,
 )
-app.command("encode", cls=Command)(encode_command)
-app.command("batch", cls=Command)(batch_command)
-app.command("decode", cls=Command)(decode_command)
-app.command("convert", cls=Command)(convert_command)
-app.command("formats", cls=Command)(formats_command)
-app.command("info", cls=Command)(info_command)
-app.command("compare", cls=Command)(compare_command)
-app.command("view", cls=Command)(view_command)
-app.command("export", cls=Command)(export_command)
-app.command("render", cls=Command)(render_command)
-app.command("demo", cls=Command)(demo_command)
-app.command("paper", cls=Command)(paper_command)
-app.command("evaluate", cls=Command)(evaluate_command)
 
 
 def _print_version(wanted: bool) -> None:
