@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     )
     from meshreel.flag import simulate_flag
     from meshreel.formats.load import load
-    from meshreel.formats.reel import open
+    from meshreel.formats.reel.reading import open
     from meshreel.formats.save import save
     from meshreel.materials import AlphaMode, Filter, Image, Material, Texture, Wrap
     from meshreel.metrics.compare import Quality
@@ -92,7 +92,7 @@ _HOMES = {
     "Encoder": "codec.streaming",
     "load": "formats.load",
     "MeshSequence": "sequence",
-    "open": "formats.reel",
+    "open": "formats.reel.reading",
     "Quality": "metrics.compare",
     "ReelFile": "codec.reel_file",
     "save": "formats.save",

@@ -17,6 +17,7 @@ from meshreel.formats.file_errors import errors_naming, os_errors_naming
 from meshreel.formats.load import load, open_for_encoding
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.sources import AnyPath, Source
+from meshreel.frame_choice import start_of
 from meshreel.metrics import compare as metrics
 from meshreel.metrics.compare import Quality
 from meshreel.runtime.progress import Progress, silent
@@ -206,7 +207,7 @@ def _of_reel(reel: ReelFile, frames: slice | None) -> MeshSequence:
         reel.faces,
         reel.fps,
         reel.name,
-        decoder.start_of(wanted, reel.start_s, reel.fps),
+        start_of(wanted, reel.start_s, reel.fps),
         reel.surface,
     )
 

@@ -1,10 +1,12 @@
-"""The frames that stand in brackets: ``sequence[3]``, ``sequence[-1]``, ``sequence[10:20]``."""
+"""The frames that a number, a slice or a list chooses, and when the first of them is."""
 
 import operator
 from typing import Any, SupportsIndex
 
 import numpy as np
 import numpy.typing as npt
+
+from meshreel.errors import InvalidInputError
 
 FrameChoice = SupportsIndex | slice | npt.ArrayLike
 
@@ -46,6 +48,35 @@ def chosen_frames(chosen: FrameChoice, n_frames: int) -> int | range | npt.NDArr
     if numbers.ndim != 1 or not np.issubdtype(numbers.dtype, np.integer):
         raise _type_error(chosen)
     return _counted_from_start(numbers, n_frames)
+
+
+def frame_range(frames: slice | None, n_frames: int) -> range:
+    """The frames of so many that a slice names; None names all.
+
+    Raises
+    ------
+    InvalidInputError
+        If it names no frame, or has a step.
+    """
+    start, stop, step = (frames or slice(None)).indices(n_frames)
+    if step != 1:
+        raise InvalidInputError(f"frames must have no step; got {frames}")
+    if start >= stop:
+        raise InvalidInputError(
+            f"frames {slice_text(frames)} name no frame; there are frames 0:{n_frames}"
+        )
+    return range(start, stop)
+
+
+def start_of(wanted: range, start_s: float, fps: float) -> float:
+    """Time of the first of the wanted frames, in seconds, if the frame rate is known."""
+    return start_s + (wanted.start / fps if fps else 0.0)
+
+
+def slice_text(frames: slice | None) -> str:
+    """A slice without a step as Python writes it, such as 2:5."""
+    start, stop = (frames.start, frames.stop) if frames else (None, None)
+    return ":".join("" if end is None else str(end) for end in (start, stop))
 
 
 def _is_number(chosen: object) -> bool:

@@ -43,6 +43,34 @@ def test_module_runs_the_program_when_python_is_told_to_run_it():
     assert done.stdout == f"meshreel {meshreel.__version__}\n"
 
 
+def imported(*arguments):
+    """The modules that the program has when it ends."""
+    program = (
+        "import atexit, sys; from meshreel.cli import main; "
+        "atexit.register(lambda: print(*sys.modules, file=sys.stderr)); main()"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program, *map(str, arguments)],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=True,
+    )
+    return {name for name in done.stderr.split() if not name.startswith("meshreel.cli")}
+
+
+def test_program_imports_nothing_to_compute_with_when_its_version_is_asked_for():
+    found = imported("--version")
+    assert {name for name in found if name.startswith("meshreel.")} == {"meshreel.errors"}
+    assert "numpy" not in found
+
+
+def test_program_imports_no_codec_when_it_describes_a_file_that_is_no_stream(folder):
+    found = imported("info", folder / "walk.npz")
+    assert not {name for name in found if name.startswith(("meshreel.codec", "meshreel.reel"))}
+    assert not {"scipy", "DracoPy"} & found
+
+
 def test_completion_script_completes_the_program_when_asked_for():
     done = run("--show-completion", "bash")
     assert done.returncode == 0

@@ -127,7 +127,7 @@ def convert_command(
     )
     from meshreel.formats.load import loading_for, open_for_encoding
     from meshreel.formats.options import ReadOptions, WriteOptions
-    from meshreel.formats.reel import origin_of_file
+    from meshreel.formats.reel.reading import origin_of_file
     from meshreel.formats.sources import files_of_source, natural_order
     from meshreel.formats.stretches import find_stretches
 

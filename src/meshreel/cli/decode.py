@@ -69,12 +69,12 @@ def decode_command(
         refuse_stream,
         written_figures,
     )
-    from meshreel.codec.decoder import start_of
     from meshreel.formats.file_errors import errors_naming
-    from meshreel.formats.options import WriteOptions
+    from meshreel.formats.options import WriteOptions, origin_of
     from meshreel.formats.outputs import check_save_target, numbering
-    from meshreel.formats.reel import open, origin_of
+    from meshreel.formats.reel.reading import open
     from meshreel.formats.save import save_frames
+    from meshreel.frame_choice import start_of
     from meshreel.runtime.profiling import profiled
 
     chosen = frame_slice(frames)

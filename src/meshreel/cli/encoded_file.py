@@ -42,7 +42,7 @@ class EncodedFile:
 
 def frames_of(sequence: "FrameSource", wanted: range) -> "FrameSource":
     """The wanted frames of a sequence, loaded unless they are all of it."""
-    from meshreel.codec.decoder import start_of
+    from meshreel.frame_choice import start_of
     from meshreel.sequence import MeshSequence
 
     if wanted == range(sequence.n_frames):

@@ -1,17 +1,19 @@
 """Figures of streams and of quality, in words for tables."""
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from meshreel.cli.console import size_text
-from meshreel.codec.achieved import Achieved
-from meshreel.codec.inspect import StreamInfo
-from meshreel.codec.surface.uv_errors import UvErrors
 from meshreel.counting import counted
-from meshreel.metrics.compare import Quality
-from meshreel.viewer.measuring import Measured
+
+if TYPE_CHECKING:
+    from meshreel.codec.achieved import Achieved
+    from meshreel.codec.inspect import StreamInfo
+    from meshreel.codec.surface.uv_errors import UvErrors
+    from meshreel.metrics.compare import Quality
+    from meshreel.viewer.measuring import Measured
 
 
-def size_figures(stream: StreamInfo) -> dict[str, Any]:
+def size_figures(stream: "StreamInfo") -> dict[str, Any]:
     """What `encode` prints as JSON."""
     everything = stream.as_dict()
     return {
@@ -21,7 +23,7 @@ def size_figures(stream: StreamInfo) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def size_rows(stream: StreamInfo) -> dict[str, str]:
+def size_rows(stream: "StreamInfo") -> dict[str, str]:
     """Raw size, file size, ratio and rate."""
     return {
         "sequence": mesh_text(stream),
@@ -33,7 +35,7 @@ def size_rows(stream: StreamInfo) -> dict[str, str]:
     }
 
 
-def achieved_rows(achieved: Achieved, stream: StreamInfo) -> dict[str, str]:
+def achieved_rows(achieved: "Achieved", stream: "StreamInfo") -> dict[str, str]:
     """Errors of a stream that was just made, and its promise."""
     promised = stream.max_error_percent
     rows = {
@@ -47,14 +49,14 @@ def achieved_rows(achieved: Achieved, stream: StreamInfo) -> dict[str, str]:
     return rows
 
 
-def uv_figures(errors: UvErrors | None) -> dict[str, Any]:
+def uv_figures(errors: "UvErrors | None") -> dict[str, Any]:
     """Errors of quantised texture coordinates, as `encode` prints them as JSON."""
     if errors is None:
         return {}
     return {"uv_error": errors.largest, "uv_error_texels_4096": errors.texels}
 
 
-def uv_rows(errors: UvErrors | None) -> dict[str, str]:
+def uv_rows(errors: "UvErrors | None") -> dict[str, str]:
     """The same for a table; nothing if texture coordinates are exact or not there."""
     if errors is None:
         return {}
@@ -64,7 +66,7 @@ def uv_rows(errors: UvErrors | None) -> dict[str, str]:
     }
 
 
-def info_rows(stream: StreamInfo) -> dict[str, str]:
+def info_rows(stream: "StreamInfo") -> dict[str, str]:
     """Everything the header says."""
     rows = {
         "name": stream.name or "-",
@@ -102,7 +104,7 @@ def info_rows(stream: StreamInfo) -> dict[str, str]:
     return rows
 
 
-def quality_rows(quality: Quality) -> dict[str, str]:
+def quality_rows(quality: "Quality") -> dict[str, str]:
     """Errors with their units."""
     return {
         "KG error": f"{quality.kg_error_percent:.4f} %",
@@ -116,7 +118,7 @@ def quality_rows(quality: Quality) -> dict[str, str]:
     }
 
 
-def promise_text(stream: StreamInfo) -> str:
+def promise_text(stream: "StreamInfo") -> str:
     """The largest error that a stream promises, as a share and in the units of the model."""
     percent = stream.max_error_percent or 0.0
     return f"{percent:g} % of the diagonal, {percent / 100 * stream.diagonal:.4g} model units"
@@ -133,13 +135,13 @@ PANEL = (
 """Rows of `info_rows` that a player shows."""
 
 
-def player_rows(stream: StreamInfo) -> dict[str, str]:
+def player_rows(stream: "StreamInfo") -> dict[str, str]:
     """What a player says about its file."""
     rows = info_rows(stream)
     return {name: rows[name] for name in PANEL if name in rows}
 
 
-def measured_rows(measured: Measured) -> dict[str, str]:
+def measured_rows(measured: "Measured") -> dict[str, str]:
     """What a player says about the errors of its file, in the words of `quality_rows`."""
     errors = measured.errors
     return {
@@ -151,7 +153,7 @@ def measured_rows(measured: Measured) -> dict[str, str]:
     }
 
 
-def mesh_text(stream: StreamInfo) -> str:
+def mesh_text(stream: "StreamInfo") -> str:
     """Frames, vertices and faces."""
     return (
         f"{counted(stream.n_frames, 'frame')}, {counted(stream.n_verts, 'vertex')}, "
@@ -159,7 +161,7 @@ def mesh_text(stream: StreamInfo) -> str:
     )
 
 
-def modes_text(stream: StreamInfo) -> str:
+def modes_text(stream: "StreamInfo") -> str:
     """How many modes there are, for all blocks."""
     low, high = min(stream.n_modes), max(stream.n_modes)
     return counted(high, "mode") if low == high else f"{low} to {high} modes"

@@ -87,7 +87,7 @@ def _show_stream(path: Path, *, as_json: bool) -> None:
     from meshreel.cli.console import print_bars, print_json, print_table
     from meshreel.cli.figures import info_rows
     from meshreel.formats.file_errors import errors_naming
-    from meshreel.formats.reel import open
+    from meshreel.formats.reel.reading import open
 
     with open(path) as reel, errors_naming(path):
         stream = reel.info()

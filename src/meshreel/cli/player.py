@@ -37,7 +37,7 @@ def opened_player(
     """Everything a player of a file is told, while the file is open."""
     from meshreel.cli.figures import measured_rows, player_rows
     from meshreel.formats.file_errors import errors_naming
-    from meshreel.formats.reel import open
+    from meshreel.formats.reel.reading import open
     from meshreel.viewer.api import Api
 
     _check_original_is_there(original, reading)

@@ -1,17 +1,20 @@
 """What a file of any format holds, in words for tables."""
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 from meshreel.cli.console import size_text
 from meshreel.counting import counted
-from meshreel.formats.inspection import MeshInfo, SourceInfo
+
+if TYPE_CHECKING:
+    from meshreel.formats.inspection import MeshInfo, SourceInfo
 
 HEADINGS = ("mesh", "frames", "vertices", "faces", "fps", "box")
 MOST_MESHES = 100
 """Rows of the table of meshes; a file of a city may hold thousands."""
 
 
-def source_rows(found: SourceInfo) -> dict[str, str]:
+def source_rows(found: "SourceInfo") -> dict[str, str]:
     """Format and size; of a single mesh everything, of several their number and box."""
     files = f" in {counted(found.n_files, 'file')}" if found.n_files > 1 else ""
     rows = {"format": found.format, "size": f"{size_text(found.size_bytes)}{files}"}
@@ -26,7 +29,7 @@ def source_rows(found: SourceInfo) -> dict[str, str]:
     return rows
 
 
-def mesh_columns(found: SourceInfo) -> list[Sequence[str]]:
+def mesh_columns(found: "SourceInfo") -> list[Sequence[str]]:
     """A row for each mesh under `HEADINGS`, for as many as can be read."""
     rows: list[Sequence[str]] = [
         (
@@ -44,7 +47,7 @@ def mesh_columns(found: SourceInfo) -> list[Sequence[str]]:
     return rows
 
 
-def _mesh_rows(mesh: MeshInfo) -> dict[str, str]:
+def _mesh_rows(mesh: "MeshInfo") -> dict[str, str]:
     rows = {
         "name": mesh.name or "-",
         "sequence": f"{counted(mesh.n_frames, 'frame')}, {counted(mesh.n_verts, 'vertex')}, "
@@ -74,7 +77,7 @@ def _mesh_rows(mesh: MeshInfo) -> dict[str, str]:
     return rows
 
 
-def _sides_text(mesh: MeshInfo) -> str:
+def _sides_text(mesh: "MeshInfo") -> str:
     if mesh.low is None or mesh.high is None:
         return "-"
     sides = (high - low for low, high in zip(mesh.low, mesh.high, strict=True))

@@ -142,8 +142,8 @@ def refuse_stream(output: str) -> None:
 
 def known_frames(files: Sequence[Path], chosen: slice | None) -> range | None:
     """The frames that a slice names of input files that hold one each; None if others do."""
-    from meshreel.codec.decoder import frame_range
     from meshreel.formats.registry import FRAME_FORMATS
+    from meshreel.frame_choice import frame_range
 
     is_frame = files[0].suffix.lower() in FRAME_FORMATS
     return frame_range(chosen, len(files)) if is_frame else None
@@ -157,7 +157,7 @@ def chosen_frames(chosen: slice | None, n_frames: int, notes: list[str]) -> rang
     InvalidInputError
         If it names no frame.
     """
-    from meshreel.codec.decoder import frame_range
+    from meshreel.frame_choice import frame_range
 
     found = frame_range(chosen, n_frames)
     if chosen is not None and (note := clamped_note(chosen, n_frames)):
@@ -167,7 +167,7 @@ def chosen_frames(chosen: slice | None, n_frames: int, notes: list[str]) -> rang
 
 def clamped_note(chosen: slice, n_frames: int) -> str | None:
     """What to say of a range of frames that goes beyond the ends; None if it does not."""
-    from meshreel.codec.decoder import slice_text
+    from meshreel.frame_choice import slice_text
 
     ends = [end for end in (chosen.start, chosen.stop) if end is not None]
     if all(-n_frames <= end <= n_frames for end in ends):

@@ -7,6 +7,7 @@ import numpy as np
 from meshreel.bitstream.reader import read_stream
 from meshreel.codec.open_stream import OpenStream
 from meshreel.errors import CorruptStreamError, InvalidInputError
+from meshreel.frame_choice import frame_range, start_of
 from meshreel.runtime.progress import Count, Progress, silent
 from meshreel.sequence import MeshSequence
 
@@ -71,32 +72,3 @@ def decode(
         )
     except InvalidInputError as error:
         raise CorruptStreamError(f"the stream decodes to an invalid mesh: {error}") from error
-
-
-def start_of(wanted: range, start_s: float, fps: float) -> float:
-    """Time of the first of the wanted frames, in seconds, if the frame rate is known."""
-    return start_s + (wanted.start / fps if fps else 0.0)
-
-
-def slice_text(frames: slice | None) -> str:
-    """A slice without a step as Python writes it, such as 2:5."""
-    start, stop = (frames.start, frames.stop) if frames else (None, None)
-    return ":".join("" if end is None else str(end) for end in (start, stop))
-
-
-def frame_range(frames: slice | None, n_frames: int) -> range:
-    """The frames of so many that a slice names; None names all.
-
-    Raises
-    ------
-    InvalidInputError
-        If it names no frame, or has a step.
-    """
-    start, stop, step = (frames or slice(None)).indices(n_frames)
-    if step != 1:
-        raise InvalidInputError(f"frames must have no step; got {frames}")
-    if start >= stop:
-        raise InvalidInputError(
-            f"frames {slice_text(frames)} name no frame; there are frames 0:{n_frames}"
-        )
-    return range(start, stop)

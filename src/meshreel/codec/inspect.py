@@ -8,8 +8,7 @@ from meshreel.bitstream.reader import Stream, read_stream
 from meshreel.codec.error_bounds import read_promise
 from meshreel.codec.open_stream import OpenStream
 from meshreel.codec.stored_blocks import stored_blocks
-from meshreel.materials import Image, Material
-from meshreel.surface import Domain, Surface
+from meshreel.surface_description import carried, described_images, described_materials
 
 
 @dataclass(frozen=True)
@@ -159,42 +158,6 @@ def stream_info(stream: Stream) -> StreamInfo:
         materials=described_materials(surface),
         images=described_images(surface),
     )
-
-
-def carried(surface: Surface) -> tuple[str, ...]:
-    """What goes along with a mesh, as in "uv 'st' of corners"."""
-    attributes = [f"{one.kind} {one.name!r} of {_PLURAL[one.domain]}" for one in surface.attributes]
-    groups = [
-        f"{len(one.labels)} group{'s' if len(one.labels) != 1 else ''} {one.name!r} of faces"
-        for one in surface.groups
-    ]
-    return (*attributes, *groups)
-
-
-def described_materials(surface: Surface) -> tuple[str, ...]:
-    """The name of each material, and which images its textures show: "skin: normal image 0"."""
-    return tuple(map(_described_material, surface.materials))
-
-
-def described_images(surface: Surface) -> tuple[str, ...]:
-    """Number, name, type and size of each image: "0: 'shade', image/png, 92 bytes"."""
-    return tuple(_described_image(*one) for one in enumerate(surface.images))
-
-
-def _described_material(material: Material) -> str:
-    shown = [
-        f"{slot.replace('_', ' ')} image {texture.image}"
-        for slot, texture in material.textures.items()
-    ]
-    return f"{material.name}: {', '.join(shown)}" if shown else material.name
-
-
-def _described_image(number: int, image: Image) -> str:
-    named = f"{image.name!r}, " if image.name else ""
-    return f"{number}: {named}{image.mime_type}, {len(image.data)} bytes"
-
-
-_PLURAL = {Domain.VERTEX: "vertices", Domain.FACE: "faces", Domain.CORNER: "corners"}
 
 
 def promised_percent(stream: Stream) -> float | None:

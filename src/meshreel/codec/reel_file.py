@@ -14,11 +14,10 @@ import numpy.typing as npt
 
 from meshreel.bitstream.reader import open_stream
 from meshreel.codec.decoded_block import DecodedBlock
-from meshreel.codec.decoder import frame_range
 from meshreel.codec.inspect import StreamInfo, promised_percent, stream_info
 from meshreel.codec.open_stream import OpenStream
 from meshreel.errors import CorruptStreamError, InvalidInputError
-from meshreel.frame_choice import FrameChoice, chosen_frames
+from meshreel.frame_choice import FrameChoice, chosen_frames, frame_range
 from meshreel.sequence import Faces
 from meshreel.showing import notebook_html, show
 from meshreel.surface import Surface

@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 
-from meshreel.codec.inspect import carried, described_images, described_materials
 from meshreel.errors import MeshReelError
 from meshreel.formats.file_errors import errors_naming
 from meshreel.formats.heeded_options import check_read_options
@@ -20,6 +19,7 @@ from meshreel.formats.scenes.timing import frame_times
 from meshreel.formats.sources import Source, SourceFiles, find_files
 from meshreel.runtime.progress import Count, Progress
 from meshreel.sequence import FrameSource, bounding_boxes, validate_finite
+from meshreel.surface_description import carried, described_images, described_materials
 
 
 @dataclass(frozen=True)

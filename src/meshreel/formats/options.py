@@ -1,10 +1,16 @@
 """What a caller may ask of those who read and write files."""
 
+import math
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING, cast
 
 from meshreel.runtime.progress import Progress, silent
+from meshreel.sequence import FrameSource
 from meshreel.surface_selection import ALL, Names
+
+if TYPE_CHECKING:
+    from meshreel.codec.reel_file import ReelFile
 
 
 @dataclass(frozen=True)
@@ -67,6 +73,16 @@ class Origin:
 
     error: float
     diagonal: float
+
+
+def origin_of(sequence: "FrameSource | ReelFile") -> Origin | None:
+    """The origin that a stream states for its frames; None for frames that are the original."""
+    if not hasattr(sequence, "promised_error"):
+        return None
+    reel = cast("ReelFile", sequence)
+    return Origin(
+        math.inf if reel.promised_error is None else reel.promised_error, reel.frame.scale
+    )
 
 
 @dataclass(frozen=True)

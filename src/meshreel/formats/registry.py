@@ -91,8 +91,8 @@ SEQUENCE_FORMATS = {
         SequenceFormat(
             ".reel",
             "meshreel",
-            Lazy("reel:open_reel"),
-            Lazy("reel:write_reel"),
+            Lazy("reel.reading:open_reel"),
+            Lazy("reel.writing:write_reel"),
             writes=frozenset({"max_error"}),
             holds_materials=True,
         ),

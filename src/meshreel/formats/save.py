@@ -3,31 +3,33 @@
 from collections.abc import Callable, Iterable
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.codec.decoder import start_of
-from meshreel.codec.reel_file import ReelFile
 from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.frames.frame_stream import FrameStream
 from meshreel.formats.kinds import FrameFormat, SequenceFormat
 from meshreel.formats.notes import note_unwritten_look
-from meshreel.formats.options import WriteOptions
+from meshreel.formats.options import WriteOptions, origin_of
 from meshreel.formats.outputs import DEFAULT_OPTIONS, check_save_target, is_pattern, numbering
-from meshreel.formats.reel import origin_of
 from meshreel.formats.registry import FRAME_FORMATS, format_of
 from meshreel.formats.sources import AnyPath
 from meshreel.formats.surfaces.images import image_folder, image_names
+from meshreel.frame_choice import start_of
 from meshreel.runtime.outputs.atomic import replace_all_when_done
 from meshreel.runtime.profiling import staged
 from meshreel.runtime.progress import Progress, silent
 from meshreel.sequence import FrameSource, Vertices
 from meshreel.surface import PLAIN, Surface
 
+if TYPE_CHECKING:
+    from meshreel.codec.reel_file import ReelFile
+
 
 def save(
-    sequence: FrameSource | ReelFile,
+    sequence: "FrameSource | ReelFile",
     target: AnyPath,
     *,
     overwrite: bool = False,
@@ -89,7 +91,7 @@ def save(
 
 @staged("writing")
 def save_part(
-    sequence: FrameSource | ReelFile,
+    sequence: "FrameSource | ReelFile",
     wanted: range,
     target: AnyPath,
     *,
@@ -118,7 +120,7 @@ def save_part(
     FormatError, InvalidInputError
         As `save`.
     """
-    if isinstance(sequence, ReelFile) and options.origin is None:
+    if options.origin is None:
         options = replace(options, origin=origin_of(sequence))
     return save_frames(
         (sequence.read(index, index + 1) for index in wanted),

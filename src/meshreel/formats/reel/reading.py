@@ -1,19 +1,14 @@
-"""Streams of our own, read and written like any other file."""
+"""A `.reel` file as a sequence, or as frames that are decoded when they are asked for."""
 
-import math
 import os
 from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 
-from meshreel.codec.achieved import measure_stream
-from meshreel.codec.config import DEFAULT_ORDER
 from meshreel.codec.decoder import decode
-from meshreel.codec.encoder import encode
 from meshreel.codec.reel_file import ReelFile
 from meshreel.formats.file_errors import errors_naming
-from meshreel.formats.frames.frame_stream import FrameStream
-from meshreel.formats.options import Origin, ReadOptions, WriteOptions
+from meshreel.formats.options import Origin, ReadOptions, origin_of
 from meshreel.sequence import MeshSequence
 
 
@@ -51,12 +46,6 @@ def open(path: str | os.PathLike[str], *, n_modes: int | None = None) -> ReelFil
     return reel
 
 
-def origin_of(reel: ReelFile) -> Origin:
-    """What a stream says of the animation that its frames are decoded from."""
-    error = math.inf if reel.promised_error is None else reel.promised_error
-    return Origin(error, reel.frame.scale)
-
-
 def origin_of_file(path: str | os.PathLike[str]) -> Origin | None:
     """What a `.reel` file says of the animation that it was made of; None for any other file."""
     if Path(path).suffix.lower() != ".reel":
@@ -80,19 +69,3 @@ def open_reel(path: Path, options: ReadOptions) -> MeshSequence:
     if sequence.name and fps == sequence.fps:  # all positions would be checked again
         return sequence
     return replace(sequence, fps=fps, name=sequence.name or path.stem)
-
-
-def write_reel(path: Path, stream: FrameStream, options: WriteOptions) -> None:
-    """Write the frames as a `.reel` file; all are gathered for it, and the error is noted.
-
-    What the options leave open is as `encode` does it by default.
-    """
-    sequence = stream.gather()
-    data = encode(sequence, max_error=options.max_error)
-    path.write_bytes(data)
-    if stream.is_told:
-        achieved = measure_stream(sequence, data, order=DEFAULT_ORDER)
-        stream.notes.append(
-            f"coded with a largest error of {achieved.max_error_percent:.4f} % of the diagonal "
-            f"and a KG error of {achieved.kg_error_percent:.4f} %"
-        )

@@ -1,0 +1,1 @@
+"""Streams of our own, read and written like any other file."""

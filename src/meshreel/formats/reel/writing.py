@@ -1,0 +1,25 @@
+"""Frames into a `.reel` file."""
+
+from pathlib import Path
+
+from meshreel.codec.achieved import measure_stream
+from meshreel.codec.config import DEFAULT_ORDER
+from meshreel.codec.encoder import encode
+from meshreel.formats.frames.frame_stream import FrameStream
+from meshreel.formats.options import WriteOptions
+
+
+def write_reel(path: Path, stream: FrameStream, options: WriteOptions) -> None:
+    """Write the frames as a `.reel` file; all are gathered for it, and the error is noted.
+
+    What the options leave open is as `encode` does it by default.
+    """
+    sequence = stream.gather()
+    data = encode(sequence, max_error=options.max_error)
+    path.write_bytes(data)
+    if stream.is_told:
+        achieved = measure_stream(sequence, data, order=DEFAULT_ORDER)
+        stream.notes.append(
+            f"coded with a largest error of {achieved.max_error_percent:.4f} % of the diagonal "
+            f"and a KG error of {achieved.kg_error_percent:.4f} %"
+        )
