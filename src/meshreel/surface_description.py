@@ -7,7 +7,7 @@ PLURALS = {Domain.VERTEX: "vertices", Domain.FACE: "faces", Domain.CORNER: "corn
 
 
 def carried(surface: Surface) -> tuple[str, ...]:
-    """What goes along with a mesh, as in "uv 'st' of corners"."""
+    """Attributes and groups of a surface, each as in "uv 'st' of corners"."""
     attributes = [f"{one.kind} {one.name!r} of {PLURALS[one.domain]}" for one in surface.attributes]
     groups = [
         f"{len(one.labels)} group{'s' if len(one.labels) != 1 else ''} {one.name!r} of faces"

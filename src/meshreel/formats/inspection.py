@@ -1,4 +1,4 @@
-"""What a file of any format holds, without turning it into a sequence."""
+"""The contents of a file of any format, without turning it into a sequence."""
 
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, replace
@@ -108,7 +108,7 @@ class SourceInfo:
 
     @property
     def left_out(self) -> tuple[str, ...]:
-        """What is in the file and would be in no output."""
+        """Things of the file that would be in no output."""
         begun = (note for note in self.notes if note.startswith(LEFT_OUT))
         return tuple(note.removeprefix(LEFT_OUT) for note in begun)
 
@@ -122,7 +122,7 @@ class SourceInfo:
 
 
 def inspect_source(source: Source, options: ReadOptions) -> SourceInfo:
-    """What is in a file, a folder of frames or a list of them; every frame is read once.
+    """The contents of a file, a folder of frames or a list of them; every frame is read once.
 
     A file of several meshes gives each of them, unless the options choose one or merge them.
 
@@ -220,7 +220,7 @@ def _scene_mesh_info(mesh: SceneMesh, options: ReadOptions, number: int, n_meshe
 
 
 def _shape_info(mesh: SceneMesh, options: ReadOptions) -> MeshInfo:
-    """What the first frame and the times of a mesh say."""
+    """Counts, type and times of a mesh, from its first frame and its times."""
     first, timing = mesh.frame(0), frame_times(mesh.times_s)
     return MeshInfo(
         mesh.name,

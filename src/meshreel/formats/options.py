@@ -1,4 +1,4 @@
-"""What a caller may ask of those who read and write files."""
+"""Options of reading and writing files."""
 
 import math
 from dataclasses import dataclass, field
@@ -60,7 +60,7 @@ class ReadOptions:
 
 @dataclass(frozen=True)
 class Origin:
-    """What is known of the animation that frames were decoded from.
+    """The error and the size of the animation that frames were decoded from.
 
     Parameters
     ----------

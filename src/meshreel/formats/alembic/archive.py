@@ -120,7 +120,7 @@ class Property:
 
     @cached_property
     def properties(self) -> dict[str, "Property"]:
-        """What a compound property holds, by name; nothing if it is none."""
+        """The properties within a compound property, by name; none if it is not compound."""
         return self.archive.properties(self.reference) if self.header.is_compound else {}
 
     @property

@@ -23,7 +23,7 @@ Properties = Mapping[str, Property]
 def read_attributes(
     geometry: Properties, mesh: PolygonMesh, time_s: float, notes: list[str]
 ) -> Surface:
-    """What a mesh carries at a time; notes gain a sentence on what it has but does not carry.
+    """The surface of a mesh at a time; notes gain a sentence on what is left out of it.
 
     Numbers become attributes, and texts of faces become groups. What changes over time cannot be
     carried, but for texture coordinates and colours, which are taken as they are at that time.

@@ -1,4 +1,4 @@
-"""What an Alembic file says of its objects, properties and times, before their samples."""
+"""Headers of an Alembic file: its objects, properties and times, before their samples."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -31,7 +31,7 @@ MAX_SAMPLES = 1_000_000
 
 @dataclass(frozen=True)
 class PropertyHeader:
-    """What a file says of a property.
+    """The header of a property.
 
     Attributes
     ----------
@@ -74,7 +74,7 @@ class PropertyHeader:
 
 @dataclass(frozen=True)
 class ObjectHeader:
-    """What a file says of an object.
+    """The header of an object.
 
     Attributes
     ----------

@@ -21,7 +21,7 @@ OTHERS = {
     "AbcGeom_Points": "point clouds",
     "AbcMaterial_Material": "materials",
 }
-"""What objects are, by their schema without its version."""
+"""Kinds of objects, by their schema without its version."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,7 +79,7 @@ def walk(archive: Archive) -> Iterator[Node]:
 
 
 def describe_contents(nodes: Sequence[Node]) -> str:
-    """What a file without a mesh holds, in words: "cameras (2), curves (1)"."""
+    """The objects of a file without a mesh, in words: "cameras (2), curves (1)"."""
     counts = Counter(OTHERS[node.schema] for node in nodes if node.schema in OTHERS)
     listed = [f"{what} ({count})" for what, count in sorted(counts.items())]
     return ", ".join(listed) or ("only transforms" if nodes else "no objects")

@@ -124,7 +124,7 @@ def damaged(what: str) -> FormatError:
 
 
 class Records:
-    """What lies in a piece of data, read from its beginning.
+    """The numbers and texts of a piece of data, read from its beginning.
 
     Parameters
     ----------

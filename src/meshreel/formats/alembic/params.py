@@ -32,12 +32,12 @@ class GeometryParam:
 
     @property
     def name(self) -> str:
-        """What it is called; texture coordinates may have a name of their own."""
+        """Its name; texture coordinates may have one of their own."""
         return self.found.header.metadata.get("sourceName") or self.found.header.name
 
     @property
     def domain(self) -> Domain | None:
-        """What it has values for; None if it has one for the whole mesh."""
+        """The domain of its values; None if it has one value for the whole mesh."""
         return DOMAINS.get(self.found.header.metadata.get("geoScope", ""))
 
     @property
@@ -48,7 +48,7 @@ class GeometryParam:
 
     @property
     def kind(self) -> Kind:
-        """What it means."""
+        """Its kind."""
         header = self._values.header
         meaning = header.metadata.get("interpretation", "")
         is_float = header.dtype is not None and header.dtype.kind == "f"

@@ -19,7 +19,7 @@ SCOPES = {
     Domain.CORNER: "kFacevaryingScope",
 }
 NUMBER_KINDS = {"uint8": "Uchar", "int32": "Int32", "float32": "Float", "float64": "Double"}
-"""What the library calls properties of single numbers, by their type."""
+"""The library's names of properties of single numbers, by their type."""
 
 
 def is_texture(attribute: Attribute) -> bool:
@@ -91,7 +91,7 @@ def _write_texts(schema: Any, groups: FaceGroups) -> None:
 
 
 def _kind_of(attribute: Attribute) -> tuple[str, int]:
-    """What the library calls a property for an attribute, and how many values make one of it."""
+    """The library's name of a property for an attribute, and how many values make one of it."""
     width = attribute.values.shape[1]
     if is_texture(attribute):
         return "V2f", 1

@@ -19,7 +19,7 @@ BLOCK_BYTES = 1 << 24  # of positions that are read together
 
 @dataclass(frozen=True, eq=False)
 class Description:
-    """What a sequence has beside its positions, as in `MeshSequence`."""
+    """Everything of a sequence but its positions, as in `MeshSequence`."""
 
     faces: Faces
     fps: float

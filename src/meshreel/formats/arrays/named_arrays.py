@@ -62,7 +62,7 @@ def start_arrays(start_s: float) -> dict[str, Array]:
 
 
 def read_description(arrays: Mapping[str, Array], name: str, options: ReadOptions) -> Description:
-    """What arrays say of a sequence beside its positions.
+    """Faces, times and surface of a sequence, from named arrays.
 
     Parameters
     ----------

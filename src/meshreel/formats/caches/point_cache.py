@@ -1,4 +1,4 @@
-"""What point caches have in common: float32 positions, frame after frame, behind a header."""
+"""The common part of point caches: float32 positions, frame after frame, behind a header."""
 
 from collections.abc import Callable, Iterator
 from pathlib import Path

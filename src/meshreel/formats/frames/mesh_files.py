@@ -20,7 +20,7 @@ from meshreel.surface import PLAIN, Surface
 from meshreel.surface_selection import differing_names
 
 COMPARED_BYTES, LEAST_COMPARED = 1 << 24, 3
-"""What frames carry is compared in so many bytes of files, and in so many frames at least."""
+"""Bytes of files, and least number of frames, in which attributes are compared."""
 
 
 class MeshFiles:

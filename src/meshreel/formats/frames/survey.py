@@ -1,4 +1,4 @@
-"""What has to be known of all frames before the first one is given out."""
+"""The type and the extent of all frames, which are known before the first one is given out."""
 
 from collections.abc import Iterable, Iterator
 

@@ -1,4 +1,4 @@
-"""What an animation of a glTF file moves."""
+"""Curves of an animation of a glTF file, by the node and the property that they move."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ PATHS = {
     "scale": ("VEC3",),
     "weights": ("SCALAR",),
 }
-"""What a channel can move, and the kind of its values."""
+"""Properties that a channel can move, and the kind of their values."""
 MAX_LISTED = 10
 """Names of animations in a note."""
 

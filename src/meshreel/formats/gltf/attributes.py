@@ -76,7 +76,7 @@ def _rank(name: str) -> tuple[int, int, str]:
 
 
 def meaning(name: str) -> tuple[str, Kind] | None:
-    """What an attribute is called here, and its kind; None if it is no attribute of a surface."""
+    """The name of an attribute here, and its kind; None if it is no attribute of a surface."""
     if match := NUMBERED.fullmatch(name):
         kind = KINDS[match[1]]
         return kind.value + ("" if int(match[2]) == 0 else match[2]), kind

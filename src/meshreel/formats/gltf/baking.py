@@ -57,7 +57,7 @@ class BakedMesh:
             return PolygonMesh(moved.astype(np.float32), faces.counts, faces.corners)
 
     def surface(self, index: int) -> Surface:
-        """What the mesh carries, in any frame."""
+        """The surface of the mesh, in any frame."""
         return self._geometry.surface
 
     @cached_property

@@ -35,7 +35,7 @@ class VertexValues:
 
 
 class BufferWriter:
-    """What the buffer holds so far.
+    """The contents of the buffer so far.
 
     Attributes
     ----------

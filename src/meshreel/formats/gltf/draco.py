@@ -20,7 +20,7 @@ SEQUENTIAL = 0
 
 
 def decode_draco(primitive: JsonObject, accessors: Accessors) -> dict[str, Values]:
-    """What Draco holds of a primitive, by the name of the attribute, and its "indices".
+    """The arrays that Draco holds of a primitive, by the name of the attribute, and its "indices".
 
     Empty if it is not compressed.
 

@@ -1,4 +1,4 @@
-"""What morph targets may add to the error of frames that were decoded, and what the total is."""
+"""The error that morph targets may add to that of decoded frames, and the total."""
 
 import math
 from dataclasses import dataclass

@@ -21,7 +21,7 @@ AT_REST = {"TRANSLATION": (0, 0, 0), "ROTATION": (0, 0, 0, 1), "SCALE": (1, 1, 1
 """Attributes that move instances, and what they are where they are not given."""
 
 TRANSFORM_BYTES = 512
-"""What a transform takes while it is made."""
+"""Bytes that a transform takes while it is made."""
 
 
 def read_instances(node: JsonObject, accessors: Accessors) -> Matrices | None:
@@ -111,7 +111,7 @@ def _rows(attributes: JsonObject, name: str, accessors: Accessors, count: int) -
 
 
 def _size_bytes(geometry: Geometry) -> int:
-    """What one copy of a mesh takes."""
+    """Bytes that one copy of a mesh takes."""
     n_moved = 1 + sum(one is not None for one in geometry.displacements)
     n_rows = sum(len(_items(one)) for one in geometry.surface.attributes)
     n_rows += len(geometry.surface.groups) * len(geometry.faces)

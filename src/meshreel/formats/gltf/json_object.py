@@ -143,7 +143,7 @@ class JsonObject:
         )
 
     def extension(self, name: str) -> "JsonObject | None":
-        """What an extension says of this object; None if nothing."""
+        """The object of an extension; None if this one does not have it."""
         extensions = self.child("extensions")
         return None if extensions is None else extensions.child(name)
 

@@ -54,7 +54,7 @@ class MaterialReader:
 
     @cached_property
     def labels(self) -> list[str]:
-        """What each is called, no two alike; empty for one that says nothing."""
+        """The name of each, no two alike; empty for one that says nothing."""
         given = [one.text("name", "") for one in self._document.lists["materials"]]
         # A single one without a name that looks like any other says nothing; several tell faces
         # apart.

@@ -46,7 +46,7 @@ class Materials:
         return self._numbers[label]
 
     def document(self) -> Json:
-        """What the JSON has of materials."""
+        """The lists of the JSON that materials need."""
         textures = self.textures
         lists = {
             "materials": self.listed,

@@ -26,12 +26,12 @@ from meshreel.formats.gltf.placement import (
 from meshreel.sequence import Faces, Vertices
 
 MARGIN = 4e-7
-"""What float32 may add to an error, by the scale of the placement."""
+"""The error that float32 may add, by the scale of the placement."""
 
 
 @dataclass(frozen=True)
 class Wanted:
-    """What the animation may cost, and how well it must fit.
+    """The choices of a caller: how many morph targets, which error, which normals.
 
     Parameters
     ----------

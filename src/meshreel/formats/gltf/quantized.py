@@ -36,7 +36,7 @@ class IntegerTargets:
 
     @cached_property
     def values(self) -> Floats:
-        """What the integers stand for, of shape (K, N)."""
+        """The values of the integers, of shape (K, N)."""
         return np.asarray(self.integers / self.levels[:, None], np.float32)
 
     @property

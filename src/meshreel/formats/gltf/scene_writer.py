@@ -21,7 +21,7 @@ QUANTIZATION = "KHR_mesh_quantization"
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """What a file holds.
+    """The contents of a file.
 
     Attributes
     ----------

@@ -100,7 +100,7 @@ def describe_left_out(surface: Surface) -> Iterator[str]:
 
 
 def _named_attributes(surface: Surface) -> Iterator[tuple[str, tuple[Rows, Domain]]]:
-    """What glTF calls the attributes, their values in its terms, and what they are values of."""
+    """The names of attributes in glTF, their values in its terms, and what they are values of."""
     numbers = {Kind.UV: 0, Kind.COLOR: 0}
     for attribute in surface.attributes:
         if (values := _written(attribute)) is None:

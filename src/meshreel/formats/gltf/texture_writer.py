@@ -13,7 +13,7 @@ from meshreel.surface import Surface
 CORE = ("image/png", "image/jpeg")
 EXTENSION_OF = {mime_type: name for name, mime_type in PACKED.items()}
 NEAREST_WRAPS = {Wrap.BLACK: Wrap.CLAMP, Wrap.METADATA: Wrap.REPEAT}
-"""What is written for what glTF does not have."""
+"""The replacements for what glTF does not have."""
 
 
 class Textures:

@@ -105,7 +105,7 @@ def _next_line(data: bytes, beginning: bytes, at: int, stop: int) -> int:
 
 
 def _without(segments: list[bytes], data: bytes) -> bytes | None:
-    """What stands between the segments, if all of them are there where such begin."""
+    """The text between the segments, if all of them are there where such begin."""
     pieces, end = [], 0
     for segment in segments:
         begin = _next_segment(data, end)

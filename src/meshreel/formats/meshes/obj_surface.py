@@ -1,4 +1,4 @@
-"""What an OBJ file holds beside positions and faces.
+"""Attributes and groups of an OBJ file.
 
 Texture coordinates (``vt``, and the second number of ``v/vt/vn``), colours of vertices (``v`` with
 six numbers), ``usemtl``, ``g`` and ``o``. Passed over: normals, smoothing groups and the name of
@@ -17,7 +17,7 @@ from meshreel.surface import Attribute, Domain, FaceGroups, Kind, Part, Surface
 Int64s = npt.NDArray[np.int64]
 
 STATEMENTS = {"material": b"usemtl", "group": b"g", "object": b"o"}
-"""What faces are sorted into, and the statement before those of one."""
+"""The kinds of groups of faces, and the statement that begins one."""
 
 N_COLORED = 6
 """Numbers of a vertex with a colour."""
@@ -27,7 +27,7 @@ LEFT_OUT = {
     b"l": "lines", b"p": "points", b"s": "smoothing groups", b"mtllib": "the material library",
     b"curv": "curves", b"curv2": "curves", b"surf": "free-form surfaces",
 }  # fmt: skip
-"""What statements say that are passed over."""
+"""The contents of statements that are passed over."""
 
 
 def parse_obj_surface(data: bytes, notes: list[str] | None = None) -> Surface:

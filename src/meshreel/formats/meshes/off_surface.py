@@ -1,4 +1,4 @@
-"""What an OFF file holds beside positions and faces.
+"""Attributes of an OFF file.
 
 A vertex is x y z, then a normal where the header word has N, a colour where it has C, and two
 texture coordinates where it has ST. Behind the corners of a face its colour may stand. Normals

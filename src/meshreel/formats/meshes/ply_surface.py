@@ -1,4 +1,4 @@
-"""What a PLY file holds beside positions and faces.
+"""Attributes of a PLY file.
 
 Colours, texture coordinates, and every other number of a vertex or a face under its own name;
 texture coordinates of corners as the list ``texcoord`` of a face. Normals are passed over, and so

@@ -47,7 +47,7 @@ def open(path: str | os.PathLike[str], *, n_modes: int | None = None) -> ReelFil
 
 
 def origin_of_file(path: str | os.PathLike[str]) -> Origin | None:
-    """What a `.reel` file says of the animation that it was made of; None for any other file."""
+    """The origin that a `.reel` file states for its frames; None for any other file."""
     if Path(path).suffix.lower() != ".reel":
         return None
     with open(path) as reel:

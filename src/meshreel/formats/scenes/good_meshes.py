@@ -51,7 +51,7 @@ def good_meshes(
 
 
 def _fault(mesh: SceneMesh, *, may_change: bool) -> str:
-    """What is wrong with a mesh, in words; empty if nothing is."""
+    """The fault of a mesh, in words; empty if it has none."""
     try:
         first = mesh.frame(0)
         sizes = first.counts.astype(np.int32)

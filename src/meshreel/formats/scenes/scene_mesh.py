@@ -1,4 +1,4 @@
-"""What is read of a file that holds one or several animated meshes."""
+"""Animated meshes of a file that holds one or several, each frame read when it is asked for."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""What USD says about a file, as errors of meshreel and not on the terminal."""
+"""Diagnostics of USD about a file, as errors of meshreel and not on the terminal."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager

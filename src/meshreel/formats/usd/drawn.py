@@ -45,7 +45,7 @@ def drawn_meshes(stage: Any, notes: list[str]) -> list[Any]:
 
 
 def shape_of(prim: Any) -> MeshShape | PrimitiveShape:
-    """What one of these prims is in its own space."""
+    """The shape of one of these prims in its own space."""
     return PrimitiveShape(prim) if prim.GetTypeName() in PRIMITIVES else MeshShape(prim)
 
 

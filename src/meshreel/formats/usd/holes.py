@@ -47,7 +47,7 @@ def faces_of(mesh: PolygonMesh, solid: Mask) -> PolygonMesh:
 
 
 def surface_of(surface: Surface, solid: Mask, counts: npt.NDArray[np.int64]) -> Surface:
-    """What these faces carry, of a surface of all faces, which have so many corners."""
+    """The surface of these faces, of that of all faces, which have so many corners."""
     kept = {Domain.FACE: solid, Domain.CORNER: np.repeat(solid, counts)}
     return replace(
         surface,

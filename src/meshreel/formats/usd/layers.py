@@ -17,7 +17,7 @@ DEFAULT_RATE = 24.0
 """Time codes per second where a file does not say, by the standard."""
 
 MIN_RATE, MAX_RATE = 1e-3, 1e6
-"""What time codes per second can be; the most are microseconds."""
+"""Least and most time codes per second; the most are microseconds."""
 
 MAX_LAYERS = 10_000
 

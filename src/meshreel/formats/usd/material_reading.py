@@ -103,7 +103,7 @@ class MeshMaterials:
 
 
 def label_of(prim: Any) -> str:
-    """What a prim is called: its name for people if it has one."""
+    """The name of a prim: that for people if it has one."""
     return str(prim.GetDisplayName() or prim.GetName())
 
 

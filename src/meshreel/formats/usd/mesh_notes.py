@@ -1,4 +1,4 @@
-"""What is said of all meshes of a USD file, each thing in one sentence."""
+"""Notes on all meshes of a USD file, one sentence for each kind of thing."""
 
 from collections.abc import Sequence
 

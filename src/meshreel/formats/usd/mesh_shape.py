@@ -18,7 +18,7 @@ from meshreel.sequence import Vertices
 
 @dataclass(frozen=True, eq=False)
 class MeshShape:
-    """What a mesh prim is in its own space, at any time code.
+    """The shape of a mesh prim in its own space, at any time code.
 
     Parameters
     ----------

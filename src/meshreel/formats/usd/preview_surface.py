@@ -34,7 +34,7 @@ IDENTITY = (1.0,) * 4, (0.0,) * 4
 
 
 class PreviewSurface:
-    """What a shader says of how a material looks.
+    """The look of a material, as a shader describes it.
 
     Parameters
     ----------
@@ -117,7 +117,7 @@ class PreviewSurface:
         return self._numbers(name, self._source(name), (usual,))[0]
 
     def _factor(self, slot: str, width: int) -> tuple[float, ...]:
-        """What the texture is multiplied with; the value if there is none."""
+        """The factor of the texture; the value if there is no texture."""
         if slot not in self._textures:
             name, usual = INPUTS[slot]
             return self._numbers(name, self._sources[slot], usual)

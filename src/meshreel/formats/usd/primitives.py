@@ -120,7 +120,7 @@ TURNS = {"X": 1, "Y": -1, "Z": 0}
 
 @dataclass(frozen=True, eq=False)
 class PrimitiveShape:
-    """What a primitive is in its own space, at any time code; as `MeshShape` is for a mesh.
+    """The shape of a primitive in its own space, at any time code; as `MeshShape` is for a mesh.
 
     Parameters
     ----------

@@ -20,7 +20,7 @@ DOMAINS = {
     "constant": Domain.VERTEX,
 }
 MAIN_NAMES = {Kind.UV: "st", Kind.COLOR: "displayColor"}
-"""What programs look for first."""
+"""The names that programs look for first."""
 
 UV_NAME = re.compile(r"(st|uv|map|texcoord)", re.IGNORECASE)
 DERIVED = re.compile(r"skel:|normals$|tangents$|bitangents$|binormals$")

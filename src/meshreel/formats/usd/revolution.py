@@ -11,7 +11,7 @@ N_AROUND = 32
 
 @dataclass(frozen=True, eq=False)
 class Rings:
-    """What a surface is at one angle, from the bottom to the top.
+    """The profile of a surface at one angle, from the bottom to the top.
 
     Attributes
     ----------

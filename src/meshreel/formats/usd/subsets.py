@@ -12,7 +12,7 @@ MATERIALS = "materialBind"
 """The family of subsets that materials are bound to."""
 
 UNNAMED = "group"
-"""What subsets that belong to no family are called together."""
+"""The name under which subsets of no family are taken together."""
 
 
 def read_groups(

@@ -15,7 +15,7 @@ from meshreel.surface import MAX_NUMBERS, VALUE_TYPES, Attribute, Domain, Kind, 
 TEXTURE_COORDINATES = "TCoords"
 NORMALS = "Normals"
 UNFIT = f"arrays of text, or of more than {MAX_NUMBERS} numbers"
-"""What attributes cannot hold."""
+"""Contents of arrays that attributes cannot hold."""
 UV_NAMES = {"uv", "uvmap", "st", "tcoords", "texturecoordinates", "texture coordinates"}
 COLOR_NAMES = {"color", "colors", "colour", "colours", "rgb", "rgba", "cd"}
 

@@ -38,7 +38,7 @@ WIDTHS = {
 
 
 def read_vtk_legacy(data: bytes) -> VtkMesh:
-    """What the bytes of a ``.vtk`` file hold.
+    """The contents of the bytes of a ``.vtk`` file.
 
     Raises
     ------
@@ -73,7 +73,7 @@ def parse_vtk_legacy_surface(data: bytes, notes: list[str]) -> Surface:
 
 
 class _LegacyReader:
-    """What was read of a file so far."""
+    """The part of a file that was read so far."""
 
     def __init__(self, words: LegacyWords) -> None:
         self._words = words

@@ -1,4 +1,4 @@
-"""What a file of VTK holds at one time, and the polygons that it shows."""
+"""The contents of a file of VTK at one time, and the polygons that it shows."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass

@@ -46,7 +46,7 @@ POLY_DATA_GROUPS: dict[str, int | None] = {
 
 
 def array_name(name: str) -> str:
-    """What an attribute or a group is called in HDF5, where some characters mean something."""
+    """The name of an attribute or a group in HDF5, where some characters mean something."""
     name = name.encode("utf-8", "replace").decode().replace("/", "_").replace("\0", "_")
     return name.strip(".") or "unnamed"
 

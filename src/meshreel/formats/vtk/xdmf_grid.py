@@ -135,5 +135,5 @@ class GridFrames:
 
 
 def _center(attribute: Element) -> str:
-    """What an Attribute has values of."""
+    """The domain of the values of an Attribute."""
     return attribute.get("Center", "Node").lower()

@@ -62,7 +62,7 @@ class DataItems:
         return self.resolved(found)
 
     def key(self, item: Element, n_above: int = 0) -> Any:
-        """What tells an item from others, without reading it."""
+        """The description of an item, which tells it from others without reading it."""
         if n_above > MAX_REFERENCES:
             raise FormatError("has references that lead in circles")
         item = self.resolved(item)

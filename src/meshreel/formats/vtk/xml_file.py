@@ -32,7 +32,7 @@ GROUPS = {"Verts": POLY_VERTEX, "Lines": POLY_LINE, "Polys": POLYGON, "Strips": 
 
 
 def read_vtk_xml(data: bytes) -> VtkMesh:
-    """What the bytes of a ``.vtu`` or ``.vtp`` file hold; several pieces are joined.
+    """The contents of the bytes of a ``.vtu`` or ``.vtp`` file; several pieces are joined.
 
     Raises
     ------
