@@ -52,9 +52,9 @@ class Conversion:
         first : int
             Number of the first of all frames.
         """
-        from meshreel.formats.outputs import check_save_target
+        from meshreel.formats.outputs import check_output
 
-        check_save_target(
+        check_output(
             target,
             None if wanted is None else len(wanted),
             overwrite=self.force,

@@ -71,7 +71,7 @@ def decode_command(
     )
     from meshreel.formats.file_errors import errors_naming
     from meshreel.formats.options import WriteOptions, origin_of
-    from meshreel.formats.outputs import check_save_target, numbering
+    from meshreel.formats.outputs import check_output, numbering
     from meshreel.formats.reel.reading import open
     from meshreel.formats.save import save_frames
     from meshreel.frame_choice import start_of
@@ -81,7 +81,7 @@ def decode_command(
     bound = checked_bound(max_error, unit)
     refuse_stream(output)
     options = WriteOptions(targets, bound, normals)
-    check_save_target(
+    check_output(
         output, overwrite=force, start_number=start_number, inputs=[source], options=options
     )
     notes: list[str] = []

@@ -1,4 +1,4 @@
-"""Which files a target means, and whether they may be written."""
+"""The files that an output means, and whether they may be written."""
 
 import os
 import re
@@ -17,8 +17,8 @@ NUMBER_FIELD = re.compile(r"%(0?)(\d{0,2})d")
 DEFAULT_OPTIONS = WriteOptions()
 
 
-def check_save_target(
-    target: AnyPath,
+def check_output(
+    output: AnyPath,
     n_frames: int | None = None,
     *,
     overwrite: bool,
@@ -26,13 +26,13 @@ def check_save_target(
     inputs: Iterable[Path] = (),
     options: WriteOptions = DEFAULT_OPTIONS,
 ) -> list[Path]:
-    """The files that saving to `target` will write, once they are known to be allowed.
+    """The files that saving to `output` will write, once they are known to be allowed.
 
     Call it before long work, so that the work is not lost.
 
     Parameters
     ----------
-    target : str or Path
+    output : str or Path
         As in `meshreel.formats.save.save`.
     n_frames : int, optional
         Number of frames; without it only the first file of a pattern is checked.
@@ -48,17 +48,17 @@ def check_save_target(
     Raises
     ------
     FormatError
-        If the target is a folder, its ending is unknown, files of that kind are not written, or
+        If the output is a folder, its ending is unknown, files of that kind are not written, or
         the library that writes them is not installed.
     InvalidInputError
-        If the folder of the target takes no files or, but for a pattern, does not exist, a file is
+        If the folder of the output takes no files or, but for a pattern, does not exist, a file is
         an input, or is there already and `overwrite` is false, several frames are to go into one
         file that holds one, or an option or `start_number` has no effect.
     """
-    path = Path(target)
-    if path.is_dir() or str(target).endswith(("/", os.sep)):
+    path = Path(output)
+    if path.is_dir() or str(output).endswith(("/", os.sep)):
         raise FormatError(
-            f"{str(target)!r} is a folder, which says no format; give a pattern such as "
+            f"{str(output)!r} is a folder, which says no format; give a pattern such as "
             f"{path / 'frame_%04d.obj'}"
         )
     paths = _files_of(path, n_frames, start_number)
@@ -67,22 +67,22 @@ def check_save_target(
     return paths
 
 
-def is_pattern(target: AnyPath) -> bool:
-    """Whether a target has a number field, for a file a frame."""
-    return NUMBER_FIELD.search(Path(target).name) is not None
+def is_pattern(output: AnyPath) -> bool:
+    """Whether an output has a number field, for a file a frame."""
+    return NUMBER_FIELD.search(Path(output).name) is not None
 
 
-def numbering(target: AnyPath, wanted: range, start_number: int | None) -> int | None:
+def numbering(output: AnyPath, wanted: range, start_number: int | None) -> int | None:
     """The number of the first file: that which is asked for, else of a pattern that of its frame.
 
     Parameters
     ----------
-    target : str or Path
+    output : str or Path
     wanted : range
         Numbers of the frames.
     start_number : int or None
     """
-    return wanted.start if start_number is None and is_pattern(target) else start_number
+    return wanted.start if start_number is None and is_pattern(output) else start_number
 
 
 def _files_of(path: Path, n_frames: int | None, start_number: int | None) -> list[Path]:

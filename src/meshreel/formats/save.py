@@ -13,7 +13,7 @@ from meshreel.formats.frames.frame_stream import FrameStream
 from meshreel.formats.kinds import FrameFormat, SequenceFormat
 from meshreel.formats.notes import note_unwritten_look
 from meshreel.formats.options import WriteOptions, origin_of
-from meshreel.formats.outputs import DEFAULT_OPTIONS, check_save_target, is_pattern, numbering
+from meshreel.formats.outputs import DEFAULT_OPTIONS, check_output, is_pattern, numbering
 from meshreel.formats.registry import FRAME_FORMATS, format_of
 from meshreel.formats.sources import AnyPath
 from meshreel.formats.surfaces.images import image_folder, image_names
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 def save(
     sequence: "FrameSource | ReelFile",
-    target: AnyPath,
+    output: AnyPath,
     *,
     overwrite: bool = False,
     start_number: int | None = None,
@@ -47,7 +47,7 @@ def save(
     sequence : MeshSequence, FrameSource or ReelFile
         What to write; read a frame at a time. Of what `meshreel.open` gives, the error that glTF
         states is that against the original, as far as the stream promises one.
-    target : str or Path
+    output : str or Path
         ``name.npz``, ``.reel``, ``.abc``, ``.usd``, ``.glb`` and others for all frames in one
         file (`meshreel formats` lists them); a pattern with a number field such as
         ``dir/frame_%04d.obj`` for a file a frame, whose folder is made if it is missing; or
@@ -75,12 +75,12 @@ def save(
     Raises
     ------
     FormatError, InvalidInputError
-        As `meshreel.formats.outputs.check_save_target`, before anything is written.
+        As `meshreel.formats.outputs.check_output`, before anything is written.
     """
     return save_part(
         sequence,
         range(sequence.n_frames),
-        target,
+        output,
         overwrite=overwrite,
         start_number=start_number,
         options=options,
@@ -93,7 +93,7 @@ def save(
 def save_part(
     sequence: "FrameSource | ReelFile",
     wanted: range,
-    target: AnyPath,
+    output: AnyPath,
     *,
     overwrite: bool = False,
     start_number: int | None = None,
@@ -107,12 +107,12 @@ def save_part(
     Parameters
     ----------
     wanted : range
-        Numbers of the frames, of step 1; the start time follows them.
+        Numbers of the frames, one after the other; the start time follows them.
     start_number : int, optional
         Of a pattern, the number of the first file; default that of the frame.
     inputs : iterable of Path
         Files that the sequence was made of, as far as it does not know them; never replaced.
-    sequence, target, overwrite, options, progress, notes
+    sequence, output, overwrite, options, progress, notes
         As in `save`.
 
     Raises
@@ -125,14 +125,14 @@ def save_part(
     return save_frames(
         (sequence.read(index, index + 1) for index in wanted),
         sequence.faces,
-        target,
+        output,
         n_frames=len(wanted),
         fps=sequence.fps,
         name=sequence.name,
         start_s=start_of(wanted, sequence.start_s, sequence.fps),
         surface=sequence.surface,
         overwrite=overwrite,
-        start_number=numbering(target, wanted, start_number),
+        start_number=numbering(output, wanted, start_number),
         inputs=(*inputs, *getattr(sequence, "files", ())),
         options=options,
         progress=progress,
@@ -143,7 +143,7 @@ def save_part(
 def save_frames(
     blocks: Iterable[Vertices],
     faces: npt.NDArray[np.integer],
-    target: AnyPath,
+    output: AnyPath,
     *,
     n_frames: int,
     fps: float = 0.0,
@@ -168,7 +168,7 @@ def save_frames(
         The positions in model units, in order, all of one type. Blocks may differ in T.
     faces : integer array of shape (M, 3)
         Vertex indices of each triangle, in 0..V-1.
-    target, overwrite, start_number, options, progress, notes
+    output, overwrite, start_number, options, progress, notes
         As in `save`.
     inputs : iterable of Path
         Files that the frames are made of, which are never replaced.
@@ -180,13 +180,13 @@ def save_frames(
     Raises
     ------
     FormatError, InvalidInputError
-        As `meshreel.formats.outputs.check_save_target`, before the first block is asked for; as
+        As `meshreel.formats.outputs.check_output`, before the first block is asked for; as
         `FrameStream`.
     """
     if n_frames < 1:
         raise InvalidInputError(f"a sequence needs at least one frame; got n_frames {n_frames}")
-    paths = check_save_target(
-        target,
+    paths = check_output(
+        output,
         n_frames,
         overwrite=overwrite,
         start_number=start_number,
@@ -209,7 +209,7 @@ def save_frames(
         note_unwritten_look(stream.surface, found.ending, stream.notes)
     images = _image_paths(found, paths[0], stream)
     with replace_all_when_done(
-        [*images, *paths], overwrite=overwrite, makes_folder=bool(images) or is_pattern(target)
+        [*images, *paths], overwrite=overwrite, makes_folder=bool(images) or is_pattern(output)
     ) as hidden:
         for path, image in zip(hidden, stream.surface.images[: len(images)], strict=False):
             path.write_bytes(image.data)
@@ -240,7 +240,7 @@ def _write_sequence(
     found: SequenceFormat, paths: list[Path], stream: FrameStream, options: WriteOptions
 ) -> None:
     """Write all frames into the first path, and the first one into that of the companion."""
-    if found.write is None:  # the target was checked
+    if found.write is None:  # the output was checked
         raise FormatError(f"{found.ending} files are read, but not written")
     if found.companion:
         encode = _encoder(FRAME_FORMATS[found.companion], stream)
@@ -249,6 +249,6 @@ def _write_sequence(
 
 
 def _encoder(found: FrameFormat, stream: FrameStream) -> Callable[[Vertices], bytes]:
-    if found.encoder is None:  # the target was checked
+    if found.encoder is None:  # the output was checked
         raise FormatError(f"{found.ending} files are read, but not written")
     return found.encoder(stream.faces, stream.surface, stream.notes)

@@ -5,7 +5,7 @@ import meshreel
 from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.load import load, open_source
 from meshreel.formats.options import WriteOptions
-from meshreel.formats.outputs import check_save_target
+from meshreel.formats.outputs import check_output
 from meshreel.formats.registry import FORMATS, is_written
 from meshreel.formats.save import save
 from meshreel.sequence import MeshSequence
@@ -34,14 +34,14 @@ def listing(folder):
         ("50%_%03d.stl", ["50%_000.stl", "50%_001.stl"]),
     ],
 )
-def test_save_numbers_files_from_zero_when_the_target_is_a_pattern(
+def test_save_numbers_files_from_zero_when_the_output_is_a_pattern(
     tmp_path, make_sequence, pattern, expected
 ):
     paths = save(make_sequence(2), tmp_path / pattern)
     assert (names(paths), listing(tmp_path)) == (expected, sorted(expected))
 
 
-def test_save_writes_one_file_when_the_target_is_npz(tmp_path, make_sequence):
+def test_save_writes_one_file_when_the_output_is_npz(tmp_path, make_sequence):
     assert names(save(make_sequence(5), str(tmp_path / "a.npz"))) == ["a.npz"]
 
 
@@ -79,43 +79,41 @@ def test_save_leaves_the_folder_as_it_was_when_a_later_frame_fails(tmp_path, mak
 
 
 @pytest.mark.parametrize("n_frames", [None, 1, 3])
-@pytest.mark.parametrize("target", ["", "folder/", "new/"])
-def test_check_save_target_advises_a_pattern_when_the_target_is_a_folder(
-    tmp_path, target, n_frames
-):
+@pytest.mark.parametrize("output", ["", "folder/", "new/"])
+def test_check_output_advises_a_pattern_when_the_output_is_a_folder(tmp_path, output, n_frames):
     (tmp_path / "folder").mkdir()
     with pytest.raises(FormatError, match=r"is a folder.* pattern such as .*frame_%04d\.obj"):
-        check_save_target(f"{tmp_path}/{target}", n_frames, overwrite=True)
+        check_output(f"{tmp_path}/{output}", n_frames, overwrite=True)
 
 
-def test_check_save_target_advises_a_pattern_when_frames_exceed_one_file(tmp_path):
+def test_check_output_advises_a_pattern_when_frames_exceed_one_file(tmp_path):
     with pytest.raises(
         InvalidInputError, match=r"there are 2; give a pattern such as .*a_%04d\.obj"
     ):
-        check_save_target(tmp_path / "a.obj", 2, overwrite=False)
+        check_output(tmp_path / "a.obj", 2, overwrite=False)
 
 
-def test_check_save_target_is_refused_when_a_pattern_has_two_fields(tmp_path):
+def test_check_output_is_refused_when_a_pattern_has_two_fields(tmp_path):
     with pytest.raises(InvalidInputError, match="has 2 number fields"):
-        check_save_target(tmp_path / "%d_%d.obj", 2, overwrite=False)
+        check_output(tmp_path / "%d_%d.obj", 2, overwrite=False)
 
 
-def test_check_save_target_is_refused_when_an_npz_has_a_number_field(tmp_path):
+def test_check_output_is_refused_when_an_npz_has_a_number_field(tmp_path):
     with pytest.raises(InvalidInputError, match=r"a \.npz file holds all frames"):
-        check_save_target(tmp_path / "f_%d.npz", overwrite=False)
+        check_output(tmp_path / "f_%d.npz", overwrite=False)
 
 
-def test_check_save_target_lists_the_endings_when_it_is_unknown(tmp_path):
+def test_check_output_lists_the_endings_when_it_is_unknown(tmp_path):
     with pytest.raises(FormatError, match=r"\.fbx is not known; known are \.obj, \.ply"):
-        check_save_target(tmp_path / "a.fbx", overwrite=False)
+        check_output(tmp_path / "a.fbx", overwrite=False)
 
 
-def test_check_save_target_names_the_folder_when_it_does_not_exist(tmp_path):
+def test_check_output_names_the_folder_when_it_does_not_exist(tmp_path):
     with pytest.raises(InvalidInputError, match=r"the output folder .*none does not exist"):
-        check_save_target(tmp_path / "none" / "a.npz", overwrite=False)
+        check_output(tmp_path / "none" / "a.npz", overwrite=False)
 
 
-def test_save_makes_the_folder_when_the_target_is_a_pattern(tmp_path, make_sequence):
+def test_save_makes_the_folder_when_the_output_is_a_pattern(tmp_path, make_sequence):
     paths = save(make_sequence(2), tmp_path / "new" / "er" / "f_%d.obj")
     assert [path.is_file() for path in paths] == [True, True]
     assert listing(tmp_path / "new" / "er") == ["f_0.obj", "f_1.obj"]
@@ -180,14 +178,14 @@ def test_save_keeps_the_stream_when_it_reads_from_it(tmp_path):
 
 
 @pytest.mark.parametrize(("name", "first"), [("a.npz", "a.npz"), ("f_%d.obj", "f_0.obj")])
-def test_check_save_target_is_refused_when_the_first_file_is_there(tmp_path, name, first):
+def test_check_output_is_refused_when_the_first_file_is_there(tmp_path, name, first):
     (tmp_path / first).touch()
     with pytest.raises(InvalidInputError, match="exists and is kept"):
-        check_save_target(tmp_path / name, overwrite=False)
+        check_output(tmp_path / name, overwrite=False)
 
 
-def test_check_save_target_gives_the_files_when_all_is_well(tmp_path):
-    found = check_save_target(tmp_path / "f_%02d.obj", 3, overwrite=False)
+def test_check_output_gives_the_files_when_all_is_well(tmp_path):
+    found = check_output(tmp_path / "f_%02d.obj", 3, overwrite=False)
     assert names(found) == ["f_00.obj", "f_01.obj", "f_02.obj"]
 
 

@@ -8,7 +8,7 @@ from meshreel.formats.load import load, open_source
 from meshreel.formats.save import save, save_frames
 from samples.meshes import waving_grid
 
-TARGETS = ["f_%02d.obj", "f_%02d.ply", "f_%02d.off", "f_%02d.stl", "a.npz", "a.reel"]
+OUTPUTS = ["f_%02d.obj", "f_%02d.ply", "f_%02d.off", "f_%02d.stl", "a.npz", "a.reel"]
 
 
 def contents(folder):
@@ -24,41 +24,41 @@ def failing(blocks):
 def write(tmp_path, make_sequence):
     """Write blocks of a sequence of five frames, as five frames unless told otherwise."""
 
-    def write(blocks, target="f_%d.obj", n_frames=5, **kwargs):
+    def write(blocks, output="f_%d.obj", n_frames=5, **kwargs):
         faces = make_sequence(1).faces
-        return save_frames(blocks, faces, tmp_path / target, n_frames=n_frames, **kwargs)
+        return save_frames(blocks, faces, tmp_path / output, n_frames=n_frames, **kwargs)
 
     return write
 
 
-@pytest.mark.parametrize("target", TARGETS)
+@pytest.mark.parametrize("output", OUTPUTS)
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
-def test_save_frames_writes_the_bytes_of_save_when_frames_come_in_blocks(tmp_path, target, dtype):
+def test_save_frames_writes_the_bytes_of_save_when_frames_come_in_blocks(tmp_path, output, dtype):
     sequence = waving_grid()
     vertices, n_frames = sequence.vertices.astype(dtype), sequence.n_frames
     folders = [tmp_path / "blocks", tmp_path / "whole"]
     for folder, cuts in zip(folders, [[1, 1, 4], []], strict=True):
         folder.mkdir()
         blocks = np.split(vertices, cuts)
-        save_frames(blocks, sequence.faces, folder / target, n_frames=n_frames, fps=25, name="grid")
+        save_frames(blocks, sequence.faces, folder / output, n_frames=n_frames, fps=25, name="grid")
     whole = contents(folders[1])
     assert contents(folders[0]) == whole
-    assert len(whole) == (n_frames if "%" in target else 1)
+    assert len(whole) == (n_frames if "%" in output else 1)
 
 
-@pytest.mark.parametrize("target", TARGETS[:5])
+@pytest.mark.parametrize("output", OUTPUTS[:5])
 def test_save_writes_the_bytes_of_the_loaded_when_frames_stay_in_files(
-    tmp_path, make_sequence, target
+    tmp_path, make_sequence, output
 ):
     save(make_sequence(4, np.float64, 1e5), tmp_path / "f_%d.ply")
     folders = [tmp_path / "opened", tmp_path / "loaded"]
     for folder, read in zip(folders, [open_source, load], strict=True):
         folder.mkdir()
-        save(read(tmp_path / "*.ply"), folder / target)
+        save(read(tmp_path / "*.ply"), folder / output)
     assert contents(folders[0]) == contents(folders[1]) != {}
 
 
-def test_save_frames_tells_of_every_frame_when_the_target_is_npz(write, make_sequence):
+def test_save_frames_tells_of_every_frame_when_the_output_is_npz(write, make_sequence):
     seen = []
     blocks = np.split(make_sequence(4).vertices, [3])
     write(blocks, "a.npz", n_frames=4, progress=lambda *step: seen.append(step))
@@ -66,7 +66,7 @@ def test_save_frames_tells_of_every_frame_when_the_target_is_npz(write, make_seq
     assert seen == [("writing", share) for share in shares]
 
 
-@pytest.mark.parametrize("target", TARGETS)
+@pytest.mark.parametrize("output", OUTPUTS)
 @pytest.mark.parametrize(
     ("change", "message"),
     [
@@ -89,11 +89,11 @@ def test_save_frames_tells_of_every_frame_when_the_target_is_npz(write, make_seq
     ],
 )
 def test_save_frames_writes_nothing_when_frames_are_not_as_announced(
-    tmp_path, write, make_sequence, target, change, message
+    tmp_path, write, make_sequence, output, change, message
 ):
     blocks = np.split(make_sequence(5).vertices, 5)
     with pytest.raises(InvalidInputError, match=message):
-        write(change(blocks), target)
+        write(change(blocks), output)
     assert contents(tmp_path) == {}
 
 
@@ -107,20 +107,20 @@ def test_save_frames_is_refused_when_no_frame_is_announced(write, make_sequence)
         write([make_sequence(1).vertices], n_frames=0)
 
 
-@pytest.mark.parametrize("target", ["none/a.npz"])
-def test_save_frames_asks_for_no_frame_when_the_folder_does_not_exist(write, target):
+@pytest.mark.parametrize("output", ["none/a.npz"])
+def test_save_frames_asks_for_no_frame_when_the_folder_does_not_exist(write, output):
     with pytest.raises(InvalidInputError, match=r"the output folder .*none does not exist"):
-        write(failing([]), target)
+        write(failing([]), output)
 
 
-@pytest.mark.parametrize("target", ["f_%03d.ply", "f_%03d.stl", "a.npz"])
-def test_save_frames_takes_a_tenth_of_the_whole_when_frames_come_one_by_one(tmp_path, target):
+@pytest.mark.parametrize("output", ["f_%03d.ply", "f_%03d.stl", "a.npz"])
+def test_save_frames_takes_a_tenth_of_the_whole_when_frames_come_one_by_one(tmp_path, output):
     n_frames, n_verts = 400, 3000
     faces = np.arange(n_verts).reshape(-1, 3)
 
     def write():
         blocks = (np.full((1, n_verts, 3), index, np.float32) for index in range(n_frames))
-        save_frames(blocks, faces, tmp_path / target, n_frames=n_frames, overwrite=True)
+        save_frames(blocks, faces, tmp_path / output, n_frames=n_frames, overwrite=True)
 
     write()  # what is imported and cached on first use does not count
     tracemalloc.start()

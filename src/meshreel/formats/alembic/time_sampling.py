@@ -10,9 +10,9 @@ from meshreel.formats.alembic.ogawa import damaged
 Times = npt.NDArray[np.float64]
 
 LATEST_S, SHORTEST_S = 1e12, 1e-9
-"""Times and steps beyond these are those of a damaged file."""
+"""Times and intervals beyond these are those of a damaged file."""
 SAME = 1e-3
-"""Share of a step within which a time is that of a sample."""
+"""Share of an interval within which a time is that of a sample."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -135,8 +135,8 @@ def _blend(first: Matrix, second: Matrix, share: float) -> Matrix:
     if not np.isfinite(blend).all():
         return blend
     turns, stretches = zip(*(_polar(one[:3, :3]) for one in (first, second)), strict=True)
-    step = Rotation.from_matrix(turns[0].T @ turns[1]).as_rotvec() * share
-    turn = turns[0] @ Rotation.from_rotvec(step).as_matrix()
+    rotation = Rotation.from_matrix(turns[0].T @ turns[1]).as_rotvec() * share
+    turn = turns[0] @ Rotation.from_rotvec(rotation).as_matrix()
     blend[:3, :3] = ((1 - share) * stretches[0] + share * stretches[1]) @ turn
     return blend
 

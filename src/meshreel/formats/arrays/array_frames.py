@@ -95,9 +95,9 @@ class ArrayFrames:
 
     def _blocks(self, options: ReadOptions) -> Iterator[tuple[int, Vertices]]:
         """Some frames at a time, known to be finite, with the number of the first."""
-        step = max(1, BLOCK_BYTES // (self.n_verts * 3 * self.dtype.itemsize))
-        for start in range(0, self.n_frames, step):
-            block = self.read(start, min(start + step, self.n_frames))
+        n_at_once = max(1, BLOCK_BYTES // (self.n_verts * 3 * self.dtype.itemsize))
+        for start in range(0, self.n_frames, n_at_once):
+            block = self.read(start, min(start + n_at_once, self.n_frames))
             validate_finite(block, first_frame=start)
             yield start, block
             options.progress("reading", (start + len(block)) / self.n_frames)

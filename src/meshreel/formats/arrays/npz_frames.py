@@ -117,9 +117,9 @@ class _StoredVertices:
         FormatError
             When all have been seen, if they are not what was written into the archive.
         """
-        step = max(1, SURVEY_BYTES // (self.n_verts * 3 * self.dtype.itemsize))
-        for start in range(0, self.n_frames, step):
-            vertices = self._read(start, min(start + step, self.n_frames))
+        n_at_once = max(1, SURVEY_BYTES // (self.n_verts * 3 * self.dtype.itemsize))
+        for start in range(0, self.n_frames, n_at_once):
+            vertices = self._read(start, min(start + n_at_once, self.n_frames))
             for frame in vertices:
                 self.checksums.append(zlib.crc32(frame, self.checksums[-1]))
             yield start, vertices.astype(self.dtype.newbyteorder("="), copy=False)

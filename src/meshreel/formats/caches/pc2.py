@@ -35,17 +35,17 @@ def open_pc2(path: Path, options: ReadOptions) -> FrameSource:
     Its name is that of the file.
     """
     with errors_naming(path):
-        n_verts, first_frame, step, n_frames = _read_header(path)
+        n_verts, first_frame, interval, n_frames = _read_header(path)
     faces, surface = read_topology(path, n_verts, options)
     fps = options.fps or 0.0
-    if step != 1:
-        options.notes.append(f"samples are {step:g} frames apart; each is taken as one frame")
+    if interval != 1:
+        options.notes.append(f"samples are {interval:g} frames apart; each is taken as one frame")
     if first_frame and not fps:
         options.notes.append(
             f"begins at frame {first_frame:g}, of unknown rate, and is taken to begin at "
             "0 s; say the rate with --fps (fps=)"
         )
-    start_s = first_frame / (fps * step) if fps else 0.0
+    start_s = first_frame / (fps * interval) if fps else 0.0
     read = cache_reader(path, HEADER.size, n_verts, "<f4")
     frames = ArrayFrames(path, n_frames, n_verts, np.dtype(np.float32), read)
     return frames.opened(Description(faces, fps, path.stem, start_s, surface), options)
@@ -88,10 +88,10 @@ def _read_header(path: Path) -> tuple[int, float, float, int]:
         data, size_bytes = file.read(HEADER.size), path.stat().st_size
     if len(data) < HEADER.size or data[:12] != SIGNATURE:
         raise FormatError(f"is no PC2 file: it begins with {data[:12]!r}, not {SIGNATURE!r}")
-    _, version, n_verts, first_frame, step, n_frames = HEADER.unpack(data)
+    _, version, n_verts, first_frame, interval, n_frames = HEADER.unpack(data)
     if version != VERSION:
         raise FormatError(f"has PC2 version {version}; version {VERSION} is read")
-    if not (math.isfinite(first_frame) and math.isfinite(step) and step > 0):
-        raise FormatError(f"is damaged: begins at frame {first_frame} in steps of {step}")
+    if not (math.isfinite(first_frame) and math.isfinite(interval) and interval > 0):
+        raise FormatError(f"is damaged: begins at frame {first_frame} at intervals of {interval}")
     check_cache_size(HEADER.size, n_frames, n_verts, size_bytes)
-    return n_verts, first_frame, step, n_frames
+    return n_verts, first_frame, interval, n_frames

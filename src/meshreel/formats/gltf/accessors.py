@@ -117,15 +117,15 @@ class Accessors:
         self.document.item(holder, "bufferView", "bufferViews")
         data, stride = self.buffers.view(holder.whole("bufferView"))
         size = width * dtype.itemsize
-        start, step = holder.whole("byteOffset", 0), stride or size
-        if step < size:
-            raise FormatError(f"{holder.place}: elements of {size} bytes are {step} bytes apart")
-        if count and start + (count - 1) * step + size > len(data):
+        start, apart = holder.whole("byteOffset", 0), stride or size
+        if apart < size:
+            raise FormatError(f"{holder.place}: elements of {size} bytes are {apart} bytes apart")
+        if count and start + (count - 1) * apart + size > len(data):
             raise FormatError(
-                f"{holder.place}: {count} elements of {size} bytes, {step} bytes apart from byte "
+                f"{holder.place}: {count} elements of {size} bytes, {apart} bytes apart from byte "
                 f"{start} on, are not within the {len(data)} bytes of their buffer view"
             )
-        return np.ndarray((count, width), dtype, data, start, (step, dtype.itemsize))
+        return np.ndarray((count, width), dtype, data, start, (apart, dtype.itemsize))
 
     def _overwrite(self, array: npt.NDArray[Any], sparse: JsonObject) -> None:
         count = sparse.whole("count")

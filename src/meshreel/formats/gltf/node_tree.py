@@ -67,5 +67,5 @@ class NodeTree:
 
 def path_of(name: str) -> Path:
     """The names of the nodes down to a mesh: several if its name is a path."""
-    steps = tuple(step for step in name.split("/") if step)
-    return steps if name.startswith("/") and steps else (name or "mesh",)
+    elements = tuple(element for element in name.split("/") if element)
+    return elements if name.startswith("/") and elements else (name or "mesh",)

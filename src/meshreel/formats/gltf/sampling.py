@@ -90,12 +90,12 @@ def common_rate(keys_s: Floats) -> float:
     span = float(distinct[-1] - distinct[0])
     rate = 1 / float(np.diff(distinct).min())
     for multiple in (1, 2, 3, 4):
-        n_steps = round(span * rate * multiple)
-        if n_steps >= MAX_FRAMES:
+        n_intervals = round(span * rate * multiple)
+        if n_intervals >= MAX_FRAMES:
             return 0.0
-        grid = np.linspace(distinct[0], distinct[-1], n_steps + 1)
+        grid = np.linspace(distinct[0], distinct[-1], n_intervals + 1)
         fps = frame_times(grid).fps
-        is_full = n_steps + 1 == len(distinct)
+        is_full = n_intervals + 1 == len(distinct)
         if (is_full or fps <= MAX_SPARSE_FPS) and _is_on_grid(distinct, fps):
             return fps
     return 0.0
@@ -124,15 +124,15 @@ def _suiting_rate(keys_s: Floats, is_curved: bool, notes: list[str]) -> float:
 
 
 def _count_frames(span_s: float, fps: float) -> int:
-    n_steps = span_s * fps
-    if n_steps >= MAX_FRAMES:
+    n_intervals = span_s * fps
+    if n_intervals >= MAX_FRAMES:
         raise FormatError(
-            f"its animation takes {span_s:g} s, which is {n_steps:.0f} frames at {fps:g} per "
+            f"its animation takes {span_s:g} s, which is {n_intervals:.0f} frames at {fps:g} per "
             f"second; at most {MAX_FRAMES} are read; give a lower rate with --fps (fps=)"
         )
-    nearest = round(n_steps)
-    is_whole = abs(n_steps - nearest) <= max(TOLERANCE, n_steps * 1e-6)
-    return (nearest if is_whole else int(n_steps)) + 1
+    nearest = round(n_intervals)
+    is_whole = abs(n_intervals - nearest) <= max(TOLERANCE, n_intervals * 1e-6)
+    return (nearest if is_whole else int(n_intervals)) + 1
 
 
 def _on_keys(times_s: Floats, keys_s: Floats, tolerance_s: float) -> Floats:

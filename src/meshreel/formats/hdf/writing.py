@@ -55,18 +55,18 @@ class PatientFile(io.RawIOBase):
             self._place += len(left)
         return n_bytes
 
-    def readinto(self, target: memoryview) -> int:  # type: ignore[override]
+    def readinto(self, buffer: memoryview) -> int:  # type: ignore[override]
         """Read back what was written; zeros where nothing was."""
         self._file.seek(self._place)
-        n_read = self._file.readinto(target) or 0
-        target[n_read:] = bytes(len(target) - n_read)
+        n_read = self._file.readinto(buffer) or 0
+        buffer[n_read:] = bytes(len(buffer) - n_read)
         for start, data in self._refused:
-            first, last = max(start, self._place), min(start + len(data), self._place + len(target))
+            first, last = max(start, self._place), min(start + len(data), self._place + len(buffer))
             if first < last:
                 part = data[first - start : last - start]
-                target[first - self._place : last - self._place] = part
-        self._place += len(target)
-        return len(target)
+                buffer[first - self._place : last - self._place] = part
+        self._place += len(buffer)
+        return len(buffer)
 
     def seek(self, offset: int, whence: int = io.SEEK_SET) -> int:
         """Go to a place in the file."""

@@ -51,10 +51,10 @@ class BinaryCells:
 
     def take(self, offsets: Integers, code: str) -> npt.NDArray[Any]:
         """The numbers that begin at those bytes, in native byte order."""
-        width, step = self.width(code), _step(offsets)
-        if step:  # a view is ten times faster than to gather bytes
+        width, stride = self.width(code), _stride(offsets)
+        if stride:  # a view is ten times faster than to gather bytes
             first, dtype = int(offsets[0]), self.byte_order + code
-            return np.ndarray(len(offsets), dtype, self._body, first, (step,)).astype(code)
+            return np.ndarray(len(offsets), dtype, self._body, first, (stride,)).astype(code)
         words = self._codes[offsets[:, None] + np.arange(width)]
         numbers: npt.NDArray[Any] = words.view(self.byte_order + code)[:, 0].astype(code)
         return numbers
@@ -66,12 +66,12 @@ class BinaryCells:
         return int.from_bytes(word, order, signed=code.startswith("i"))
 
 
-def _step(offsets: Integers) -> int:
+def _stride(offsets: Integers) -> int:
     """From each offset to the next, if that is always as far and there are at least two; else 0."""
     if len(offsets) < 2:
         return 0
-    step = int(offsets[1]) - int(offsets[0])
-    return step if (np.diff(offsets) == step).all() else 0
+    stride = int(offsets[1]) - int(offsets[0])
+    return stride if (np.diff(offsets) == stride).all() else 0
 
 
 class WordCells:

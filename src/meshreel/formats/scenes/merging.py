@@ -47,7 +47,7 @@ def united_times(times: Sequence[npt.NDArray[np.float64]]) -> npt.NDArray[np.flo
     """All the times at which something changes, ascending; of what does not move, the first.
 
     Each is those of one thing, ascending; times that differ by less than a thousandth of the
-    shortest step are one.
+    shortest interval are one.
     """
     moving = [one for one in times if len(one) > 1]
     if not moving:
@@ -63,8 +63,8 @@ def _at(mesh: SceneMesh, time_s: float) -> PolygonMesh:
     after = int(np.searchsorted(times, time_s))
     if after == 0 or after == len(times):
         return mesh.frame(min(after, len(times) - 1))
-    before, step = after - 1, times[after] - times[after - 1]
-    share = float((time_s - times[before]) / step)
+    before, interval = after - 1, times[after] - times[after - 1]
+    share = float((time_s - times[before]) / interval)
     if share > 0.999:
         return mesh.frame(after)
     first = mesh.frame(before)

@@ -62,9 +62,9 @@ class MeshWriter:
 
 def _define_above(stage: Any, path: str) -> None:
     """Make prims of no geometry of those above a path that are not there yet."""
-    steps = path.split("/")[1:-1]
-    for n_steps in range(1, len(steps) + 1):
-        above = "/" + "/".join(steps[:n_steps])
+    elements = path.split("/")[1:-1]
+    for n_elements in range(1, len(elements) + 1):
+        above = "/" + "/".join(elements[:n_elements])
         if not stage.GetPrimAtPath(above):
             USD.load("UsdGeom").Xform.Define(stage, above)
 

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 from meshreel.formats.extras import USD
 
-Steps = tuple[str, ...]
+Elements = tuple[str, ...]
 
 
 def prim_name(name: str) -> str:
@@ -26,8 +26,8 @@ def different(name: str, taken: set[str]) -> str:
 def mesh_paths(names: Sequence[str], root: str) -> list[str]:
     """Where the meshes of a file go, in order, all under one prim.
 
-    That prim is the first step of all names, if they are paths that have it in common; else it is
-    called `root`. No mesh is at the path of another or below it.
+    That prim is the first element of all names, if they are paths that have it in common; else it
+    is called `root`. No mesh is at the path of another or below it.
 
     Parameters
     ----------
@@ -38,27 +38,27 @@ def mesh_paths(names: Sequence[str], root: str) -> list[str]:
     Returns
     -------
     list of str
-        Such as "/root/body"; each has two steps or more.
+        Such as "/root/body"; each has two elements or more.
     """
-    cleaned = [_steps(name) for name in names]
-    firsts = {steps[0] for steps in cleaned}
-    if len(firsts) > 1 or any(len(steps) < 2 for steps in cleaned):
-        cleaned = [(prim_name(root), *steps) for steps in cleaned]
-    above = {steps[:n] for steps in cleaned for n in range(1, len(steps))}
+    cleaned = [_elements(name) for name in names]
+    firsts = {elements[0] for elements in cleaned}
+    if len(firsts) > 1 or any(len(elements) < 2 for elements in cleaned):
+        cleaned = [(prim_name(root), *elements) for elements in cleaned]
+    above = {elements[:n] for elements in cleaned for n in range(1, len(elements))}
     taken: set[str] = set()
     paths = []
-    for steps in cleaned:
-        while steps in above:  # meshes must not be below meshes
-            steps = (*steps, steps[-1])
-        path = different(_path(steps), taken | {_path(one) for one in above})
+    for elements in cleaned:
+        while elements in above:  # meshes must not be below meshes
+            elements = (*elements, elements[-1])
+        path = different(_path(elements), taken | {_path(one) for one in above})
         taken.add(path)
         paths.append(path)
     return paths
 
 
-def _steps(name: str) -> Steps:
-    return tuple(prim_name(step) for step in name.split("/") if step) or (prim_name(""),)
+def _elements(name: str) -> Elements:
+    return tuple(prim_name(element) for element in name.split("/") if element) or (prim_name(""),)
 
 
-def _path(steps: Steps) -> str:
-    return "/" + "/".join(steps)
+def _path(elements: Elements) -> str:
+    return "/" + "/".join(elements)

@@ -21,7 +21,7 @@ from meshreel.formats.usd.layers import codes_per_second
 from meshreel.formats.usd.material_reading import StageMaterials
 from meshreel.formats.usd.mesh_notes import MeshNotes
 from meshreel.formats.usd.mesh_reading import StageMesh
-from meshreel.formats.usd.sampling import Codes, Samples, even_step, frame_grid, snapped
+from meshreel.formats.usd.sampling import Codes, Samples, even_interval, frame_grid, snapped
 from meshreel.formats.usd.skinning import find_skins
 from meshreel.formats.usd.stage import codes_per_frame, open_stage
 from meshreel.formats.usd.transforms import Transforms
@@ -65,8 +65,8 @@ def read_meshes(path: Path, options: ReadOptions) -> list[SceneMesh]:
 
 def _scene_mesh(mesh: StageMesh, codes: Codes, rate: float, *, has_rate: bool) -> SceneMesh:
     fps = None
-    if step := even_step(codes):
-        fps = rate / step
+    if interval := even_interval(codes):
+        fps = rate / interval
     elif len(codes) == 1 and has_rate and len(mesh.samples.all):
         fps = rate
     if not len(codes):
@@ -81,18 +81,18 @@ def _scene_mesh(mesh: StageMesh, codes: Codes, rate: float, *, has_rate: bool) -
 
 
 def _frame_codes(
-    meshes: Sequence[StageMesh], rate: float, frame_step: float, options: ReadOptions
+    meshes: Sequence[StageMesh], rate: float, frame_interval: float, options: ReadOptions
 ) -> Callable[[StageMesh], Codes]:
     """A function to where a mesh has its frames, which are none if it does not move."""
     every = [one for mesh in meshes if (one := _samples(mesh)) is not None]
-    between = [one.all for one in every if one.move_between(frame_step)]
+    between = [one.all for one in every if one.move_between(frame_interval)]
     if (fps := validate_fps(options.fps or 0.0)) and between:
         grid = cache(lambda: _common_grid([one.all for one in every], rate / fps))
         return lambda mesh: grid() if len(mesh.samples.all) > 1 else mesh.samples.all
     origin = min((float(one[0]) for one in between), default=0.0)
 
     def codes_of(mesh: StageMesh) -> Codes:
-        codes = mesh.samples.frames(frame_step, origin)
+        codes = mesh.samples.frames(frame_interval, origin)
         if len(codes) != (n_samples := len(mesh.samples.all)):
             mesh.notes.sampled.add(f"{mesh.path} ({n_samples} samples, {len(codes)} frames)")
         return codes
@@ -109,8 +109,8 @@ def _samples(mesh: StageMesh) -> Samples | None:
     return mesh.samples
 
 
-def _common_grid(samples: Sequence[Codes], step: float) -> Codes:
+def _common_grid(samples: Sequence[Codes], interval: float) -> Codes:
     """The same codes for all that moves, from the first sample of any to the last."""
     moving = [one for one in samples if len(one) > 1]
     first, last = min(one[0] for one in moving), max(one[-1] for one in moving)
-    return frame_grid(float(first), float(last), step)
+    return frame_grid(float(first), float(last), interval)

@@ -48,7 +48,7 @@ def distinct_codes(codes: list[float]) -> Codes:
     return distinct
 
 
-def frame_grid(first: float, last: float, step: float) -> Codes:
+def frame_grid(first: float, last: float, interval: float) -> Codes:
     """Codes from the first to the last, equally far apart.
 
     Raises
@@ -56,13 +56,13 @@ def frame_grid(first: float, last: float, step: float) -> Codes:
     FormatError
         If there would be more than anyone could want.
     """
-    n_frames = (last - first) / step + TOLERANCE
+    n_frames = (last - first) / interval + TOLERANCE
     if not n_frames < MAX_FRAMES:
         raise FormatError(
             f"moves from time code {first:g} to {last:g}, which would be {n_frames:.3g} frames; "
             f"at most {MAX_FRAMES} are read"
         )
-    return snapped(np.float64(first) + step * np.arange(int(n_frames) + 1, dtype=np.float64))
+    return snapped(np.float64(first) + interval * np.arange(int(n_frames) + 1, dtype=np.float64))
 
 
 def snapped(codes: Codes) -> Codes:
@@ -71,15 +71,15 @@ def snapped(codes: Codes) -> Codes:
     return np.where(np.abs(codes - whole) <= TOLERANCE, whole, codes)
 
 
-def even_step(codes: Codes) -> float:
+def even_interval(codes: Codes) -> float:
     """How far the codes are apart if all are equally far; else, and of a single one, 0."""
     if len(codes) < 2:
         return 0.0
     # Of all together, for single gaps are rounded.
-    step = float(codes[-1] - codes[0]) / (len(codes) - 1)
-    expected = codes[0] + step * np.arange(len(codes))
-    is_even = np.abs(codes - expected).max() <= TOLERANCE * max(1.0, step)
-    return float(snapped(np.array(step))) if is_even else 0.0
+    interval = float(codes[-1] - codes[0]) / (len(codes) - 1)
+    expected = codes[0] + interval * np.arange(len(codes))
+    is_even = np.abs(codes - expected).max() <= TOLERANCE * max(1.0, interval)
+    return float(snapped(np.array(interval))) if is_even else 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,46 +102,46 @@ class Samples:
         """Of either."""
         return distinct_codes([*self.stored, *self.keys])
 
-    def move_between(self, frame_step: float) -> bool:
+    def move_between(self, frame_interval: float) -> bool:
         """Whether the mesh moves between its samples too, so that frames can be anywhere.
 
         Points that have samples as close as frames are a cache, whose samples are its frames.
         """
-        most = MAX_FILLED * frame_step * (1 + TOLERANCE)
+        most = MAX_FILLED * frame_interval * (1 + TOLERANCE)
         is_cache = len(self.stored) > 1 and np.diff(self.stored).min() <= most
         return len(self.keys) > 1 and not is_cache
 
-    def frames(self, frame_step: float, origin: float) -> Codes:
+    def frames(self, frame_interval: float, origin: float) -> Codes:
         """Where the mesh has its frames; empty if it does not move.
 
         Parameters
         ----------
-        frame_step : float
+        frame_interval : float
             Time codes from one frame of the stage to the next.
         origin : float
             Where one of them is, at or before all samples that move between.
         """
-        if self.move_between(frame_step):
-            return sampled_codes(self.all, frame_step, origin)
-        if len(self.keys) < 2 or not (step := even_step(own := even_codes(self.stored))):
+        if self.move_between(frame_interval):
+            return sampled_codes(self.all, frame_interval, origin)
+        if len(self.keys) < 2 or not (interval := even_interval(own := even_codes(self.stored))):
             return even_codes(self.all)
         keys = even_codes(self.keys)
-        first = own[0] - step * max(0, math.ceil((own[0] - keys[0]) / step - TOLERANCE))
-        last = own[-1] + step * max(0, math.ceil((keys[-1] - own[-1]) / step - TOLERANCE))
-        return own if (first, last) == (own[0], own[-1]) else frame_grid(first, last, step)
+        first = own[0] - interval * max(0, math.ceil((own[0] - keys[0]) / interval - TOLERANCE))
+        last = own[-1] + interval * max(0, math.ceil((keys[-1] - own[-1]) / interval - TOLERANCE))
+        return own if (first, last) == (own[0], own[-1]) else frame_grid(first, last, interval)
 
 
-def sampled_codes(samples: Codes, frame_step: float, origin: float) -> Codes:
+def sampled_codes(samples: Codes, frame_interval: float, origin: float) -> Codes:
     """Where a mesh that moves between its samples has its frames.
 
     At its samples if these are one to a frame of the stage, or closer. Keys may be further apart,
     and the way between them curved: there is a frame at every frame of the stage then.
     """
     codes = even_codes(samples)
-    if len(codes) < 2 or 0 < even_step(codes) <= frame_step * (1 + TOLERANCE):
+    if len(codes) < 2 or 0 < even_interval(codes) <= frame_interval * (1 + TOLERANCE):
         return codes
-    first = origin + frame_step * math.floor((samples[0] - origin) / frame_step + TOLERANCE)
-    return frame_grid(first, float(samples[-1]), frame_step)
+    first = origin + frame_interval * math.floor((samples[0] - origin) / frame_interval + TOLERANCE)
+    return frame_grid(first, float(samples[-1]), frame_interval)
 
 
 def even_codes(samples: Codes) -> Codes:
@@ -150,14 +150,14 @@ def even_codes(samples: Codes) -> Codes:
     Samples beside whole codes, for motion blur, are left out; where samples are left out since
     they lie on the line between their neighbours, there are frames again. Others stay as they are.
     """
-    if len(samples) < 2 or even_step(samples):
+    if len(samples) < 2 or even_interval(samples):
         return samples
     whole = samples[np.abs(samples - np.round(samples)) <= TOLERANCE]
-    if even_step(whole) == 1:
+    if even_interval(whole) == 1:
         return whole
-    step = float(snapped(np.diff(samples).min()))
-    places = (samples - samples[0]) / step
+    interval = float(snapped(np.diff(samples).min()))
+    places = (samples - samples[0]) / interval
     is_on_grid = np.abs(places - np.round(places)).max() <= TOLERANCE * max(1.0, places[-1])
     if is_on_grid and places[-1] < MAX_FILLED * len(samples):
-        return frame_grid(float(samples[0]), float(samples[-1]), step)
+        return frame_grid(float(samples[0]), float(samples[-1]), interval)
     return samples

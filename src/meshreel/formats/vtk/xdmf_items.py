@@ -17,8 +17,8 @@ from meshreel.formats.named_files import path_beside
 CODES = {"float": "f", "int": "i", "uint": "u", "char": "i", "uchar": "u", "short": "i"}
 PRECISIONS = {"char": "1", "uchar": "1", "short": "2"}
 MAX_REFERENCES = 16
-STEP = re.compile(r"(\w+)(?:\[(?:(\d{1,9})|@Name=['\"]([^'\"]*)['\"])\])?")
-"""A step of a path to another element: a tag, and which of those of the tag."""
+PATH_ELEMENT = re.compile(r"(\w+)(?:\[(?:(\d{1,9})|@Name=['\"]([^'\"]*)['\"])\])?")
+"""An element of a path to another element: a tag, and which of those of the tag."""
 
 Array = npt.NDArray[Any]
 
@@ -123,8 +123,8 @@ class DataItems:
             or any(end >= size for end, size in zip(ends, source.shape, strict=True))
         ):
             raise FormatError(f"has a HyperSlab outside of its source, of shape {source.shape}")
-        steps = zip(starts, ends, strides, strict=True)
-        taken = tuple(slice(start, end + 1, stride) for start, end, stride in steps)
+        ranges = zip(starts, ends, strides, strict=True)
+        taken = tuple(slice(start, end + 1, stride) for start, end, stride in ranges)
         with hdf_errors():
             return np.asarray(source[taken])
 
@@ -180,8 +180,8 @@ class DataItems:
 def _follow(root: Element, place: str) -> Element:
     """The element at a path such as /Xdmf/Domain/Grid[2]/Topology."""
     element = root
-    for step in place.strip().removeprefix("/Xdmf/").split("/"):
-        if (found := STEP.fullmatch(step)) is None:
+    for one in place.strip().removeprefix("/Xdmf/").split("/"):
+        if (found := PATH_ELEMENT.fullmatch(one)) is None:
             raise FormatError(f"refers to {place[:80]!r}, which is not understood")
         tag, number, name = found.groups()
         children = [child for child in element if child.tag == tag]

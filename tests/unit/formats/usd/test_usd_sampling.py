@@ -8,16 +8,16 @@ from meshreel.formats.usd.sampling import (
     Samples,
     distinct_codes,
     even_codes,
-    even_step,
+    even_interval,
     frame_grid,
     sampled_codes,
 )
 
 
-def frames(stored, keys, frame_step=1.0, origin=None):
+def frames(stored, keys, frame_interval=1.0, origin=None):
     """Where a mesh has its frames that has these samples; the origin is its first."""
     found = Samples(np.array(stored, np.float64), np.array(keys, np.float64))
-    return found.frames(frame_step, found.all[0] if origin is None else origin)
+    return found.frames(frame_interval, found.all[0] if origin is None else origin)
 
 
 def test_distinct_codes_are_ascending_when_given_in_any_order_with_rounding():
@@ -31,11 +31,11 @@ def test_distinct_codes_refuse_when_codes_cannot_be_told_apart(code):
         distinct_codes([1.0, code, 2.0])
 
 
-def test_even_step_is_exact_when_steps_are_rounded():
-    assert even_step(np.arange(100) * (1 / 3)) == pytest.approx(1 / 3, abs=1e-12)
-    assert even_step(1001 + np.arange(100) * 1.0000000001) == 1
-    assert even_step(np.array([1.0, 2, 4])) == 0
-    assert even_step(np.array([5.0])) == 0
+def test_even_interval_is_exact_when_intervals_are_rounded():
+    assert even_interval(np.arange(100) * (1 / 3)) == pytest.approx(1 / 3, abs=1e-12)
+    assert even_interval(1001 + np.arange(100) * 1.0000000001) == 1
+    assert even_interval(np.array([1.0, 2, 4])) == 0
+    assert even_interval(np.array([5.0])) == 0
 
 
 @pytest.mark.parametrize("samples", [[], [4], [1, 2, 3], [0, 2.5, 5], [10.25, 10.5, 10.75]])
