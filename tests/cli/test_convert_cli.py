@@ -1,4 +1,4 @@
-"""`convert`, `formats` and the options that choose something in an input."""
+"""`convert`, `formats` and the options that have an effect on an input."""
 
 import numpy as np
 import pytest
@@ -86,7 +86,7 @@ def test_encode_says_what_goes_when_the_order_of_faces_does(tmp_path, sheet):
 @pytest.mark.parametrize("option", ["--object", "--topology", "--dataset"])
 def test_encode_refuses_an_option_when_the_format_has_no_use_for_it(changing, option, tmp_path):
     done = run("encode", changing, "-o", tmp_path / "a.reel", option, "x")
-    assert_fails(done, f"{option} ", "chooses nothing in a .ply file")
+    assert_fails(done, f"{option} ", "has no effect on a .ply file")
 
 
 def test_formats_lists_every_ending_when_asked_for_json():

@@ -84,4 +84,4 @@ def test_command_refuses_it_when_it_chooses_nothing(tmp_path, command, flag):
         "view": (folder / "a.reel", "--no-open"),
     }[command]
     done = run(command, *arguments, flag)
-    assert_fails(done, flag, "original" if command == "view" else "chooses nothing in")
+    assert_fails(done, flag, "original" if command == "view" else "has no effect on")

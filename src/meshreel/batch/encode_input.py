@@ -16,9 +16,9 @@ from meshreel.codec.surface.uv_errors import measure_uvs
 from meshreel.codec.surface.uv_grid import has_uvs
 from meshreel.errors import InvalidInputError
 from meshreel.formats.frames.selection import with_surface
-from meshreel.formats.heeded_options import heeds
 from meshreel.formats.load import open_for_encoding
 from meshreel.formats.options import ReadOptions
+from meshreel.formats.supported_options import supports
 from meshreel.runtime.engine.engine import Engine
 from meshreel.sequence import FrameSource
 from meshreel.surface_selection import ALL, chosen, describe_missing, missing_names
@@ -108,8 +108,8 @@ def encode_input(
         fps=options.fps,
         merge=options.merge,
         notes=notes,
-        skip_bad=options.skip_bad and heeds(source, "skip_bad"),
-        allow_outside=options.allow_outside and heeds(source, "allow_outside"),
+        skip_bad=options.skip_bad and supports(source, "skip_bad"),
+        allow_outside=options.allow_outside and supports(source, "allow_outside"),
     )
     opened = open_for_encoding(source, options.config.memory_bytes, reading)
     sequence, config = _suited(opened, options, notes)

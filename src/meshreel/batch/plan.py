@@ -7,7 +7,7 @@ from pathlib import Path
 from meshreel.batch.discovery import BatchInput, find_inputs
 from meshreel.batch.encode_input import EncodeOptions
 from meshreel.batch.manifest import DONE, FAILED, PENDING, Manifest, Record, read_manifest
-from meshreel.formats.heeded_options import check_heeded
+from meshreel.formats.supported_options import check_supported
 from meshreel.runtime.outputs.checks import check_output_folder
 
 
@@ -61,11 +61,11 @@ def plan_batch(
     ------
     InvalidInputError
         If there is nothing to encode, the folder of outputs belongs to something else, or an
-        option chooses nothing in any input.
+        option has no effect on any input.
     """
     check_output_folder(out_dir)
     inputs = find_inputs(input_dir, but_not=out_dir)
-    check_heeded(
+    check_supported(
         [one.source for one in inputs],
         skip_bad=options.skip_bad, allow_outside=options.allow_outside,
     )  # fmt: skip

@@ -44,10 +44,10 @@ def compare_command(
     """
     from meshreel.cli.console import print_json, print_notes, print_table, progress_bar
     from meshreel.cli.figures import quality_rows
-    from meshreel.formats.heeded_options import check_heeded, heeds
     from meshreel.formats.load import load
     from meshreel.formats.registry import holds_meshes
     from meshreel.formats.sources import files_of_source
+    from meshreel.formats.supported_options import check_supported, supports
     from meshreel.metrics.alignment import find_alignment
     from meshreel.metrics.compare import compare
     from meshreel.rendering.plots import plot_error_per_frame, require_matplotlib
@@ -58,7 +58,7 @@ def compare_command(
         files = [file for given in (original, decoded) for file in files_of_source(given)]
         check_output_path(plot, overwrite=force, inputs=files)
         require_matplotlib()
-    check_heeded([original, decoded], skip_bad=skip_bad, allow_outside=allow_outside)
+    check_supported([original, decoded], skip_bad=skip_bad, allow_outside=allow_outside)
     notes: list[str] = []
     with progress_bar() as progress:
         first, second = (
@@ -66,8 +66,8 @@ def compare_command(
                 source,
                 object=object if holds_meshes(source) else None,
                 merge=merge,
-                skip_bad=skip_bad and heeds(source, "skip_bad"),
-                allow_outside=allow_outside and heeds(source, "allow_outside"),
+                skip_bad=skip_bad and supports(source, "skip_bad"),
+                allow_outside=allow_outside and supports(source, "allow_outside"),
                 progress=progress,
                 notes=notes,
             )

@@ -50,7 +50,7 @@ STREAM_OPTIONS = {
     "quality", "kg", "sted", "bpvf", "size", "step", "tune", "effort", "method", "modes", "order",
     "block_frames", "memory", "uv_bits",
 }  # fmt: skip
-"""Options that choose something where the output is a .reel only."""
+"""Options that have an effect only where the output is a .reel."""
 
 
 def convert_command(

@@ -59,7 +59,7 @@ def _check_original_is_there(original: str | None, reading: "ReadOptions") -> No
     ]
     if asked and not original:
         raise InvalidInputError(
-            f"--{asked[0].replace('_', '-')} chooses something in the original; name that with "
+            f"--{asked[0].replace('_', '-')} has an effect on the original; name that with "
             "--original"
         )
 

@@ -143,10 +143,10 @@ def render_command(
         is_range,
         picture_size,
     )
-    from meshreel.formats.heeded_options import check_heeded, heeds
     from meshreel.formats.load import MAX_LOADED_BYTES, open_source
     from meshreel.formats.registry import holds_meshes
     from meshreel.formats.sources import files_of_source
+    from meshreel.formats.supported_options import check_supported, supports
     from meshreel.rendering.film_files import save_film
     from meshreel.rendering.films import FILM_PX, GIF_PX, film
     from meshreel.rendering.picture import save_png
@@ -163,7 +163,7 @@ def render_command(
     check_output_path(output, overwrite=force, inputs=files)
     wanted_size, color = picture_size(size), color_named(background)
     parse_view(view, up or "y")
-    check_heeded(
+    check_supported(
         [source, original] if original else [source],
         skip_bad=skip_bad, allow_outside=allow_outside,
     )  # fmt: skip
@@ -174,8 +174,8 @@ def render_command(
             return open_source(
                 given,
                 fps=fps, object=object if holds_meshes(given) else None, merge=merge,
-                skip_bad=skip_bad and heeds(given, "skip_bad"),
-                allow_outside=allow_outside and heeds(given, "allow_outside"),
+                skip_bad=skip_bad and supports(given, "skip_bad"),
+                allow_outside=allow_outside and supports(given, "allow_outside"),
                 max_loaded_bytes=MAX_LOADED_BYTES, progress=progress, notes=notes,
             )  # fmt: skip
 

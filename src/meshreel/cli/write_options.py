@@ -119,7 +119,7 @@ def refuse_stream_options(context: typer.Context, names: set[str], output: str) 
         source = context.get_parameter_source(name)
         if name in names and source is not None and source.name == "COMMANDLINE":
             raise typer.BadParameter(
-                f"--{name.replace('_', '-')} chooses nothing in {output}; it is for .reel outputs"
+                f"--{name.replace('_', '-')} has no effect on {output}; it is for .reel outputs"
             )
 
 

@@ -131,7 +131,7 @@ def encode(
     Raises
     ------
     InvalidInputError
-        If an option is out of range or chooses nothing, the mesh is too large for the method, or
+        If an option is out of range or has no effect, the mesh is too large for the method, or
         no stream meets the target.
 
     References

@@ -8,7 +8,6 @@ import numpy as np
 
 from meshreel.errors import MeshReelError
 from meshreel.formats.file_errors import errors_naming
-from meshreel.formats.heeded_options import check_read_options
 from meshreel.formats.kinds import SequenceFormat
 from meshreel.formats.load import open_for_inspection
 from meshreel.formats.notes import LEFT_OUT
@@ -17,6 +16,7 @@ from meshreel.formats.scenes.scene_mesh import SceneMesh
 from meshreel.formats.scenes.scene_source import wanted_meshes
 from meshreel.formats.scenes.timing import frame_times
 from meshreel.formats.sources import Source, SourceFiles, find_files
+from meshreel.formats.supported_options import check_read_options
 from meshreel.runtime.progress import Count, Progress
 from meshreel.sequence import FrameSource, bounding_boxes, validate_finite
 from meshreel.surface_description import carried, described_images, described_materials

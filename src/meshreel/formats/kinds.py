@@ -101,9 +101,9 @@ class SequenceFormat:
     extra : Extra, optional
         The library that reading and writing need.
     reads : set of ReadOption
-        Which options choose something in such a file.
+        Options of reading that have an effect on such a file.
     writes : set of WriteOption
-        Which options choose something when such a file is written.
+        Options of writing that have an effect on such a file.
     companion : str, default ""
         Ending of a mesh file with the first frame that is written beside it.
     read_meshes : ReadMeshes, optional

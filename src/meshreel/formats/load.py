@@ -8,10 +8,10 @@ from pathlib import Path
 from meshreel.formats.frames.mesh_files import MeshFiles
 from meshreel.formats.frames.reading import open_frames, read_frames
 from meshreel.formats.frames.selection import with_attributes
-from meshreel.formats.heeded_options import check_read_options
 from meshreel.formats.kinds import SequenceFormat
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.sources import Source, SourceFiles, find_files
+from meshreel.formats.supported_options import check_read_options
 from meshreel.runtime.profiling import staged
 from meshreel.runtime.progress import Progress, silent
 from meshreel.sequence import FrameSource, MeshSequence, validate_fps

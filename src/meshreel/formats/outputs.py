@@ -6,11 +6,11 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from meshreel.errors import FormatError, InvalidInputError
-from meshreel.formats.heeded_options import check_write_options
 from meshreel.formats.kinds import SequenceFormat
 from meshreel.formats.options import WriteOptions
 from meshreel.formats.registry import FORMATS, format_of, is_written
 from meshreel.formats.sources import AnyPath
+from meshreel.formats.supported_options import check_write_options
 from meshreel.runtime.outputs.checks import check_output_paths
 
 NUMBER_FIELD = re.compile(r"%(0?)(\d{0,2})d")

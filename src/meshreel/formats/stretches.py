@@ -9,12 +9,12 @@ from pathlib import Path
 from meshreel.formats.file_errors import errors_naming
 from meshreel.formats.frames.mesh_files import MeshFiles
 from meshreel.formats.frames.selection import with_attributes
-from meshreel.formats.heeded_options import check_read_options
 from meshreel.formats.kinds import SequenceFormat
 from meshreel.formats.load import open_mesh_files
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.scenes.scene_source import chosen_mesh, part_of, sequence_of
 from meshreel.formats.sources import Source, SourceFiles, find_files
+from meshreel.formats.supported_options import check_read_options
 from meshreel.formats.surfaces.polygons import PolygonMesh
 from meshreel.runtime.progress import Count
 from meshreel.sequence import FrameSource

@@ -49,7 +49,7 @@ def read_vtkhdf(path: Path, options: ReadOptions) -> Sequence[SceneMesh]:
     """
     if options.dataset is not None:
         raise InvalidInputError(
-            "is a VTKHDF file, in which --dataset (dataset=) chooses nothing; leave it out"
+            "is a VTKHDF file, on which --dataset (dataset=) has no effect; leave it out"
         )
     with hdf_errors():
         root = open_hdf(path)

@@ -144,7 +144,7 @@ def test_load_skips_a_bad_mesh_when_the_file_is_gltf(tmp_path):
 def test_load_refuses_an_option_when_a_file_holds_one_mesh_by_itself(tmp_path, name, option):
     meshreel.save(waving_grid(1), tmp_path / name)
     flag = option.replace("_", "-")
-    with pytest.raises(InvalidInputError, match=rf"--{flag} \({option}=\) chooses nothing in a"):
+    with pytest.raises(InvalidInputError, match=rf"--{flag} \({option}=\) has no effect on a"):
         load(tmp_path / name, **{option: True})
 
 

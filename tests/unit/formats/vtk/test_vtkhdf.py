@@ -373,7 +373,7 @@ def test_load_is_refused_when_vtkhdf_holds_no_group_of_vtk(tmp_path):
 def test_load_is_refused_when_a_dataset_is_named_in_vtkhdf(tmp_path):
     [path] = save(plain_sequence(), tmp_path / "a.vtkhdf")
     path = path.rename(tmp_path / "a.hdf")
-    with pytest.raises(InvalidInputError, match=r"in which --dataset .* chooses nothing"):
+    with pytest.raises(InvalidInputError, match=r"on which --dataset .* has no effect"):
         load(path, dataset="Points")
 
 

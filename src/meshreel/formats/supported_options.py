@@ -1,0 +1,85 @@
+"""Which formats support an option of reading or writing; where it has no effect, it is refused."""
+
+import os
+from collections.abc import Iterable, Sequence
+from dataclasses import fields
+from pathlib import Path
+from typing import get_args
+
+from meshreel.errors import InvalidInputError
+from meshreel.formats.kinds import FrameFormat, ReadOption, SequenceFormat, WriteOption
+from meshreel.formats.notes import listed
+from meshreel.formats.options import ReadOptions, WriteOptions
+from meshreel.formats.registry import FORMATS
+
+
+def supports(path: str | os.PathLike[str], option: ReadOption) -> bool:
+    """Whether an option has an effect on reading a file of this ending."""
+    found = FORMATS.get(Path(path).suffix.lower())
+    return found is not None and option in _supported(found)
+
+
+def check_supported(
+    sources: Sequence[str | os.PathLike[str]], *, skip_bad: bool, allow_outside: bool
+) -> None:
+    """Refuse options that have no effect on any of several sources.
+
+    Raises
+    ------
+    InvalidInputError
+        Naming the option and the formats that support it.
+    """
+    asked: dict[ReadOption, bool] = {"skip_bad": skip_bad, "allow_outside": allow_outside}
+    for option, is_asked in asked.items():
+        if is_asked and not any(supports(source, option) for source in sources):
+            raise _no_effect(option, listed(map(str, sources)))
+
+
+def check_read_options(found: FrameFormat | SequenceFormat, options: ReadOptions) -> None:
+    """Refuse options that have no effect on reading files of a format.
+
+    Raises
+    ------
+    InvalidInputError
+        Naming the option and the formats that support it.
+    """
+    if options.skip_bad and options.object is not None:
+        raise InvalidInputError(
+            "--object (object=) takes one mesh, so that --skip-bad (skip_bad=) leaves none out; "
+            "give one of the two"
+        )
+    # A single static mesh is what merging gives, so that a whole folder can be merged.
+    asked = [one for one in get_args(ReadOption) if getattr(options, one) and one != "merge"]
+    _check(found, asked)
+
+
+def check_write_options(found: FrameFormat | SequenceFormat, options: WriteOptions) -> None:
+    """Refuse options that have no effect on writing files of a format.
+
+    Raises
+    ------
+    InvalidInputError
+        Naming the option and the formats that support it.
+    """
+    choices = [one for one in fields(options) if one.name in get_args(WriteOption)]
+    _check(found, [one.name for one in choices if getattr(options, one.name) != one.default])
+
+
+def _check(found: FrameFormat | SequenceFormat, asked: Iterable[str]) -> None:
+    for option in asked:
+        if option not in _supported(found):
+            raise _no_effect(option, f"a {found.ending} file")
+
+
+def _supported(found: FrameFormat | SequenceFormat) -> frozenset[str]:
+    """The options of reading and writing that a format supports."""
+    return found.reads | found.writes if isinstance(found, SequenceFormat) else frozenset()
+
+
+def _no_effect(option: str, inputs: str) -> InvalidInputError:
+    """The error for an option, as people write it in a command and in Python."""
+    allowed = [one.ending for one in FORMATS.values() if option in _supported(one)]
+    return InvalidInputError(
+        f"--{option.replace('_', '-')} ({option}=) has no effect on {inputs}; "
+        f"it is for {', '.join(allowed)}"
+    )
