@@ -12,7 +12,6 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.errors import FormatError, InvalidInputError
-from meshreel.formats.arrays.array_frames import ArrayFrames
 from meshreel.formats.arrays.named_arrays import (
     NAMED,
     read_description,
@@ -22,6 +21,7 @@ from meshreel.formats.arrays.named_arrays import (
 from meshreel.formats.arrays.position_layout import Layout, find_layout, has_positions
 from meshreel.formats.extras import HDF
 from meshreel.formats.file_errors import errors_naming
+from meshreel.formats.frames.array_frames import ArrayFrames
 from meshreel.formats.frames.frame_stream import FrameStream
 from meshreel.formats.frames.stored_frames import changed_error
 from meshreel.formats.hdf.reading import (
@@ -38,7 +38,7 @@ from meshreel.formats.hdf.reading import (
 from meshreel.formats.hdf.writing import hdf_output
 from meshreel.formats.notes import note_kinds
 from meshreel.formats.options import ReadOptions, WriteOptions
-from meshreel.formats.vtk.vtkhdf import open_vtkhdf
+from meshreel.formats.registry import SEQUENCE_FORMATS
 from meshreel.sequence import FrameSource, Vertices
 
 POSITIONS = "vertices"
@@ -62,7 +62,7 @@ def open_hdf_sequence(path: Path, options: ReadOptions) -> FrameSource:
     with errors_naming(path), hdf_errors():
         root = open_hdf(path)
         if find_group(root, "VTKHDF") is not None:
-            return open_vtkhdf(path, options)
+            return SEQUENCE_FORMATS[".vtkhdf"].open(path, options)
         positions = _find_positions(root, options)
         if positions.dtype.kind != "f" or positions.dtype.itemsize not in (4, 8):
             raise InvalidInputError(

@@ -31,7 +31,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.errors import FormatError
-from meshreel.formats.arrays.array_frames import Description
+from meshreel.formats.frames.array_frames import Description
 from meshreel.formats.options import ReadOptions
 from meshreel.surface import Attribute, Domain, FaceGroups, Kind, Part, Surface
 

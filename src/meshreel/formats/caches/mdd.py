@@ -12,7 +12,6 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.errors import FormatError, InvalidInputError
-from meshreel.formats.arrays.array_frames import ArrayFrames, Description
 from meshreel.formats.caches.point_cache import (
     FRAME_RATE,
     cache_reader,
@@ -21,6 +20,7 @@ from meshreel.formats.caches.point_cache import (
 )
 from meshreel.formats.caches.topology import read_topology
 from meshreel.formats.file_errors import errors_naming, os_errors_naming
+from meshreel.formats.frames.array_frames import ArrayFrames, Description
 from meshreel.formats.frames.frame_stream import FrameStream
 from meshreel.formats.options import ReadOptions, WriteOptions
 from meshreel.formats.scenes.timing import FrameTimes, frame_times

@@ -11,7 +11,6 @@ from pathlib import Path
 import numpy as np
 
 from meshreel.errors import FormatError, InvalidInputError
-from meshreel.formats.arrays.array_frames import ArrayFrames, Description
 from meshreel.formats.caches.point_cache import (
     FRAME_RATE,
     cache_reader,
@@ -20,6 +19,7 @@ from meshreel.formats.caches.point_cache import (
 )
 from meshreel.formats.caches.topology import read_topology
 from meshreel.formats.file_errors import errors_naming, os_errors_naming
+from meshreel.formats.frames.array_frames import ArrayFrames, Description
 from meshreel.formats.frames.frame_stream import FrameStream
 from meshreel.formats.options import ReadOptions, WriteOptions
 from meshreel.sequence import FrameSource

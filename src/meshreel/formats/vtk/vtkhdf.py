@@ -26,7 +26,6 @@ from meshreel.formats.hdf.reading import (
 from meshreel.formats.notes import note_kinds
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.scenes.scene_mesh import SceneMesh, readable_mesh
-from meshreel.formats.scenes.scene_source import open_scene
 from meshreel.formats.surfaces.polygons import PolygonMesh
 from meshreel.formats.vtk.vtkhdf_steps import VtkSteps
 from meshreel.surface import Surface
@@ -78,10 +77,6 @@ def read_vtkhdf(path: Path, options: ReadOptions) -> Sequence[SceneMesh]:
         others = (name for name, one in blocks if one is not None and _type(one) not in MESH_TYPES)
         note_kinds(options.notes, "blocks that are no meshes", others)
         return found
-
-
-open_vtkhdf = partial(open_scene, read_vtkhdf)
-"""A function from a path and options to the sequence of a VTKHDF file."""
 
 
 def _type(group: Node) -> str:

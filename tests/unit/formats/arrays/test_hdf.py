@@ -56,7 +56,7 @@ def test_load_gives_back_rate_and_plainness_when_there_is_no_surface(tmp_path, f
 
 
 def test_open_source_leaves_frames_in_the_file_when_they_are_many(tmp_path, monkeypatch):
-    monkeypatch.setattr("meshreel.formats.arrays.array_frames.BLOCK_BYTES", 300)
+    monkeypatch.setattr("meshreel.formats.frames.array_frames.BLOCK_BYTES", 300)
     sequence = plain_sequence(n_frames=9)
     [path] = save(sequence, tmp_path / "a.h5")
     opened = open_source(path)

@@ -145,7 +145,7 @@ def test_save_is_refused_when_the_start_is_too_large(tmp_path, ending):
 def test_open_source_reads_the_bits_of_load_when_frames_stay_in_the_cache(
     tmp_path, ending, monkeypatch
 ):
-    monkeypatch.setattr("meshreel.formats.arrays.array_frames.BLOCK_BYTES", 300)
+    monkeypatch.setattr("meshreel.formats.frames.array_frames.BLOCK_BYTES", 300)
     sequence = plain_sequence(n_frames=9)
     cache, mesh = save(sequence, tmp_path / f"walk.{ending}")
     opened = open_source(cache, topology=mesh)
