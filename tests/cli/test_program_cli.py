@@ -71,6 +71,11 @@ def test_program_imports_no_codec_when_it_describes_a_file_that_is_no_stream(fol
     assert not {"scipy", "DracoPy"} & found
 
 
+def test_program_imports_nothing_to_decode_frames_with_when_it_describes_a_stream(folder):
+    found = imported("info", folder / "walk.reel")
+    assert not {"scipy", "meshreel.reel.decoder", "meshreel.codec.encoder"} & found
+
+
 def test_completion_script_completes_the_program_when_asked_for():
     done = run("--show-completion", "bash")
     assert done.returncode == 0

@@ -5,6 +5,7 @@ from collections import OrderedDict
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextvars import copy_context
+from functools import cached_property
 from pathlib import Path
 from types import TracebackType
 from typing import BinaryIO
@@ -15,6 +16,7 @@ import numpy.typing as npt
 from meshreel.bitstream.reader import open_stream
 from meshreel.codec.decoded_block import DecodedBlock
 from meshreel.codec.inspect import StreamInfo, promised_percent, stream_info
+from meshreel.codec.methods import BlockDecoder
 from meshreel.codec.open_stream import OpenStream
 from meshreel.errors import CorruptStreamError, InvalidInputError
 from meshreel.frame_choice import FrameChoice, chosen_frames, frame_range
@@ -74,7 +76,9 @@ class ReelFile:
         self._file = file
         stream = open_stream(file)
         self._opened = OpenStream(stream)
-        self._blocks = self._opened.blocks(n_modes)
+        self._n_modes = n_modes
+        if n_modes is not None:  # which may not be for this stream: that is said now
+            _ = self._blocks
         self._kept: OrderedDict[int, DecodedBlock] = OrderedDict()
         self._lock = threading.Lock()
         header = stream.header
@@ -86,6 +90,11 @@ class ReelFile:
         self.promised_error = None if promised is None else promised / 100 * self.frame.scale
         self.starts = tuple(stream.starts)
         self.order = self._opened.order_kept.name.lower()
+
+    @cached_property
+    def _blocks(self) -> BlockDecoder:
+        """The decoder of its blocks, which a file that is only described does not need."""
+        return self._opened.blocks(self._n_modes)
 
     @property
     def faces(self) -> Faces:

@@ -1,4 +1,6 @@
-"""Our codec as a method of coding."""
+"""Our codec as a method of coding; encoder and decoder are imported when they are needed."""
+
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -8,13 +10,13 @@ from meshreel.codec.open_stream import OpenStream
 from meshreel.codec.source import CodedMesh, Source
 from meshreel.codec.targets import Aim
 from meshreel.errors import InvalidInputError
-from meshreel.reel.decoder import ReelBlockDecoder
-from meshreel.reel.encoding import whole
-from meshreel.reel.encoding.effort import choices_of
-from meshreel.reel.encoding.live import LiveCoder
 from meshreel.runtime.engine.engine import Engine
 from meshreel.runtime.progress import Progress
 from meshreel.subspace.trajectories import BoundingFrame
+
+if TYPE_CHECKING:
+    from meshreel.reel.decoder import ReelBlockDecoder
+    from meshreel.reel.encoding.live import LiveCoder
 
 Vertices = npt.NDArray[np.floating]
 
@@ -38,6 +40,8 @@ class ReelMethod:
         InvalidInputError
             If they are not.
         """
+        from meshreel.reel.encoding.effort import choices_of
+
         choices_of(config)
 
     def check_live(self, config: EncoderConfig) -> None:
@@ -72,14 +76,20 @@ class ReelMethod:
 
     def encode(self, source: Source, progress: Progress, engine: Engine | None) -> bytes:
         """The bytes of a stream of the source; raises as `whole.encode`."""
+        from meshreel.reel.encoding import whole
+
         return whole.encode(source, progress, engine)
 
-    def live_coder(self, mesh: CodedMesh, frame: BoundingFrame, first: Vertices) -> LiveCoder:
+    def live_coder(self, mesh: CodedMesh, frame: BoundingFrame, first: Vertices) -> "LiveCoder":
         """The coder of frames that are not all there yet; raises as `LiveCoder`."""
+        from meshreel.reel.encoding.live import LiveCoder
+
         return LiveCoder(mesh, frame, first)
 
-    def decoder(self, opened: OpenStream, n_modes: int | None) -> ReelBlockDecoder:
+    def decoder(self, opened: OpenStream, n_modes: int | None) -> "ReelBlockDecoder":
         """The decoder of a stream's blocks; raises as `ReelBlockDecoder`."""
+        from meshreel.reel.decoder import ReelBlockDecoder
+
         return ReelBlockDecoder(opened, n_modes)
 
 
