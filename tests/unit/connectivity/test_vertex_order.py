@@ -77,5 +77,5 @@ def test_decode_numbering_tells_when_numbers_repeat(prediction):
 
 
 def test_decode_numbering_tells_when_prediction_is_unknown():
-    with pytest.raises(CorruptStreamError, match="3 is no prediction"):
+    with pytest.raises(CorruptStreamError, match="prediction 3 is unknown"):
         decode_numbering(encode_integers([np.arange(3)]), 3, np.array([[0, 1, 2]]), 3)
