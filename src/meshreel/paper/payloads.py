@@ -7,7 +7,7 @@ from meshreel.entropy.coder import decode_integers, encode_integers
 from meshreel.entropy.varint import read_varint, write_varint
 from meshreel.errors import CorruptStreamError, TruncatedStreamError
 from meshreel.paper.pipeline import Quantized
-from meshreel.paper.quantization.uniform import Steps
+from meshreel.paper.quantization import Steps
 
 Integers = npt.NDArray[np.int64]
 

@@ -10,8 +10,13 @@ from meshreel.codec.config import EncoderConfig
 from meshreel.codec.frame_products import FramesOf, product_frames
 from meshreel.geometry.laplacian import delta_coordinates
 from meshreel.paper.mesh_model import MeshModel
-from meshreel.paper.quantization.allocation import step_for_all_rows, steps_for_each_row
-from meshreel.paper.quantization.uniform import Steps, dequantize, quantize
+from meshreel.paper.quantization import (
+    Steps,
+    dequantize,
+    quantize,
+    step_for_all_rows,
+    steps_for_each_row,
+)
 from meshreel.paper.settings import DEFAULT_FREQUENCIES, allocation_of, bits_of, energy_share
 from meshreel.paper.subspace.orthogonal_iteration import advance_basis, align_basis, ritz_vectors
 from meshreel.paper.subspace.rank import modes_for_energy

@@ -1,4 +1,4 @@
-"""How many bits each row of coefficients gets, and the steps that follow.
+"""Uniform quantisation (paper Eq. 10), and the bits of each row of coefficients.
 
 # Deviation from Eq. 10: the paper leaves open what Q does, and how bits are spread over the k_l
 rows that are kept. One step for all rows, a step for each, and bits row by row are here; the first
@@ -12,9 +12,25 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.errors import InvalidInputError
-from meshreel.paper.quantization.uniform import Steps, row_magnitudes, uniform_step
 
 Floats = npt.NDArray[np.float64]
+Integers = npt.NDArray[np.int64]
+Steps = npt.NDArray[np.float32]
+
+MIN_BITS = 2
+MAX_BITS = 24
+
+
+def uniform_step(largest: float, bits: int) -> float:
+    """Step with which a largest magnitude takes the largest signed integer of `bits` bits.
+
+    Parameters
+    ----------
+    largest : float
+    bits : int
+        2..24, or 0: nothing is kept, and the step is 0.
+    """
+    return 0.0 if bits == 0 else largest / (2 ** (bits - 1) - 1)
 
 
 def step_for_all_rows(values: Floats, bits: int) -> Steps:
@@ -52,7 +68,7 @@ def steps_for_each_row(values: Floats, bits: int | Sequence[int]) -> Steps:
     InvalidInputError
         If there are fewer numbers than rows.
     """
-    magnitudes = row_magnitudes(values)
+    magnitudes = _row_magnitudes(values)
     each = list(bits) if isinstance(bits, Sequence) else [bits] * len(magnitudes)
     if len(each) < len(magnitudes):
         raise InvalidInputError(
@@ -61,3 +77,32 @@ def steps_for_each_row(values: Floats, bits: int | Sequence[int]) -> Steps:
         )
     pairs = zip(magnitudes, each, strict=False)
     return np.array([uniform_step(float(size), number) for size, number in pairs], np.float32)
+
+
+def quantize(values: Floats, steps: Steps) -> Integers:
+    """Integers nearest to values / step (paper Eq. 10, for the rows that are kept).
+
+    Parameters
+    ----------
+    values : float64 array of shape (3, rows, columns)
+    steps : float32 array of shape (1,) or (rows,)
+        One for all rows, or one for each. Rows of step 0 become zeros. float32 because that is
+        what the stream holds: both sides compute with the same value.
+    """
+    wide = _broadcast(steps)
+    scaled = np.divide(values, wide, out=np.zeros_like(values), where=wide > 0)
+    return np.rint(scaled).astype(np.int64)
+
+
+def dequantize(integers: Integers, steps: Steps) -> Floats:
+    """Values of the integers: within half a step of what was quantised."""
+    return np.asarray(integers * _broadcast(steps))
+
+
+def _row_magnitudes(values: Floats) -> Floats:
+    """Largest magnitude of each row over all axes, for values of shape (3, rows, columns)."""
+    return np.asarray(np.abs(values).max(axis=(0, 2), initial=0.0))
+
+
+def _broadcast(steps: Steps) -> Floats:
+    return steps.astype(np.float64)[None, :, None]
