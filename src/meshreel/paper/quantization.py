@@ -1,9 +1,9 @@
 """Uniform quantisation (paper Eq. 10), and the bits of each row of coefficients.
 
 # Deviation from Eq. 10: the paper leaves open what Q does, and how bits are spread over the k_l
-rows that are kept. One step for all rows, a step for each, and bits row by row are here; the first
-is the default, because the basis is orthonormal: equal steps give the least squared error for the
-bits spent.
+rows that are kept. Implemented are one step for all rows, a step for each row, and bits row by row.
+The first is the default, because the basis is orthonormal: equal steps give the least squared
+error for a number of bits.
 """
 
 from collections.abc import Sequence
@@ -22,19 +22,19 @@ MAX_BITS = 24
 
 
 def uniform_step(largest: float, bits: int) -> float:
-    """Step with which a largest magnitude takes the largest signed integer of `bits` bits.
+    """Quantisation step that maps a magnitude to the largest signed integer of `bits` bits.
 
     Parameters
     ----------
     largest : float
     bits : int
-        2..24, or 0: nothing is kept, and the step is 0.
+        2..24, or 0: no bits, and a step of 0.
     """
     return 0.0 if bits == 0 else largest / (2 ** (bits - 1) - 1)
 
 
 def step_for_all_rows(values: Floats, bits: int) -> Steps:
-    """One step, with which the largest of all magnitudes takes `bits` bits.
+    """One quantisation step for all rows, such that the largest magnitude takes `bits` bits.
 
     A row of magnitude m then takes about bits - log2(largest / m): bits follow energy.
 
@@ -51,13 +51,13 @@ def step_for_all_rows(values: Floats, bits: int) -> Steps:
 
 
 def steps_for_each_row(values: Floats, bits: int | Sequence[int]) -> Steps:
-    """A step for each row, with which its own largest magnitude takes its bits.
+    """A quantisation step for each row, such that its largest magnitude takes its bits.
 
     Parameters
     ----------
     values : float64 array of shape (3, rows, columns)
     bits : int, or one for each row
-        2..24, or 0 for a row that is left out. Of a longer list the first are used.
+        2..24, or 0 for a row that is omitted. Surplus entries of a list are ignored.
 
     Returns
     -------
@@ -86,8 +86,8 @@ def quantize(values: Floats, steps: Steps) -> Integers:
     ----------
     values : float64 array of shape (3, rows, columns)
     steps : float32 array of shape (1,) or (rows,)
-        One for all rows, or one for each. Rows of step 0 become zeros. float32 because that is
-        what the stream holds: both sides compute with the same value.
+        One for all rows, or one for each. Rows of step 0 become zeros. float32 as in the stream, so
+        that both sides compute with the same value.
     """
     wide = _broadcast(steps)
     scaled = np.divide(values, wide, out=np.zeros_like(values), where=wide > 0)
@@ -95,7 +95,7 @@ def quantize(values: Floats, steps: Steps) -> Integers:
 
 
 def dequantize(integers: Integers, steps: Steps) -> Floats:
-    """Values of the integers: within half a step of what was quantised."""
+    """Values of the integers, within half a step of those that were quantised."""
     return np.asarray(integers * _broadcast(steps))
 
 
