@@ -1,4 +1,4 @@
-"""Options of the paper's variants: defaults, ranges, and mutual exclusions."""
+"""Options of the paper's variants: their defaults, ranges, and what excludes what."""
 
 from collections.abc import Sequence
 
@@ -16,22 +16,22 @@ DEFAULT_FREQUENCIES = 0.05
 
 
 def energy_share(config: EncoderConfig) -> float:
-    """Share of the energy to keep where the number of modes is not given."""
+    """Energy to keep where the number of modes is left open."""
     return DEFAULT_ENERGY if config.energy is None else config.energy
 
 
 def bits_of(config: EncoderConfig) -> int | Sequence[int]:
-    """Bits of the largest coefficient, or of each row; by default those of the variant."""
+    """Bits of the largest coefficient or of each row; the variant's own where none are given."""
     return variant_named(config.method).bits if config.bits is None else config.bits
 
 
 def allocation_of(config: EncoderConfig) -> Allocation:
-    """The allocation of a single number of bits to rows."""
+    """How a single number of bits is spread over rows."""
     return choice_named(Allocation, config.allocation)
 
 
 def anchor_share(config: EncoderConfig) -> float:
-    """Share of the vertices that are anchors; 0 is one per component."""
+    """Share of the vertices that are anchors; 0 is one for each component."""
     if variant_named(config.method).decoding is not Decoding.ANCHORED:
         return 0.0
     return DEFAULT_ANCHORS if config.anchors is None else config.anchors
@@ -80,9 +80,7 @@ def _check_bits(bits: int | Sequence[int], variant: Variant, allocation: Allocat
                 _check_bit_count(number, f"bits of row {row} must be 0 or")
         return
     if variant.basis is Basis.GRAPH and allocation is Allocation.CONSTANT:
-        raise InvalidInputError(
-            f"method {variant.name} has one quantisation step; leave allocation at energy"
-        )
+        raise InvalidInputError(f"method {variant.name} has one step; leave allocation at energy")
     _check_bit_count(bits, "bits must be")
 
 

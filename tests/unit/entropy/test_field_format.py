@@ -238,7 +238,7 @@ def test_payload_is_read_alike_when_passes_are_empty_in_some_rows_of_a_batch_or_
 
 
 def test_payload_is_read_alike_when_counts_are_halved():
-    """Sets so large that a context is halved, and then stands above the limit still."""
+    """Sets so large that counts of a context are halved and still exceed the limit."""
     fields = np.zeros((15, 700), int)
     for number, row in enumerate(fields):
         row[number :: 5 + 40 * (number % 2)] = 1 - 2 * (number % 3 == 0)

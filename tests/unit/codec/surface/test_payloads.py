@@ -67,13 +67,13 @@ def test_images_are_in_the_stream_as_they_are():
 
 
 def test_info_counts_images_and_materials_when_a_stream_has_some():
-    told = meshreel.info(meshreel.encode(dressed_sheet()))
+    stream = meshreel.info(meshreel.encode(dressed_sheet()))
     sizes = [len(image.data) for image in dressed_sheet().surface.images]
-    assert 0 <= told.budget_bytes["image"] - sum(sizes) < 80
-    assert told.budget_bytes["material"] < 400
-    assert sum(told.budget_bytes.values()) == told.size_bytes
-    assert told.images[0] == f"0: 'shade', image/png, {sizes[0]} bytes"
-    assert told.materials[1] == "gr\u00fcn: base color image 1"
+    assert 0 <= stream.budget_bytes["image"] - sum(sizes) < 80
+    assert stream.budget_bytes["material"] < 400
+    assert sum(stream.budget_bytes.values()) == stream.size_bytes
+    assert stream.images[0] == f"0: 'shade', image/png, {sizes[0]} bytes"
+    assert stream.materials[1] == "gr\u00fcn: base color image 1"
 
 
 def test_attributes_of_vertices_follow_them_when_the_order_is_dropped():
