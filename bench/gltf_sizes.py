@@ -111,7 +111,7 @@ def reel(sequence: meshreel.MeshSequence) -> Size:
     began_s = time.perf_counter()
     data = meshreel.encode(sequence)
     error_percent = meshreel.compare(sequence, meshreel.decode(data)).max_error_percent
-    return size_of(".reel, as it is by default", 0, data, error_percent, began_s)
+    return size_of(".reel, default quality", 0, data, error_percent, began_s)
 
 
 def measure(sequence: meshreel.MeshSequence, errors: list[float]) -> Iterator[Size]:

@@ -170,7 +170,7 @@ class Surface:
         return self.face_sizes
 
     def validated(self, n_verts: int, n_triangles: int) -> "Surface":
-        """The surface, if it fits a mesh of so many vertices and triangles.
+        """The surface, if it fits a mesh of this many vertices and triangles.
 
         Its arrays are then read-only and of the documented types; sizes that are all 3 are omitted.
 

@@ -61,5 +61,5 @@ MAX_NAME_BYTES = 4096
 
 
 def least_size_bytes(n_things: int) -> int:
-    """Least number of bytes of a stream with so many positions or faces."""
+    """Least number of bytes of a stream with this many positions or faces."""
     return -(-n_things // MAX_POSITIONS_PER_BYTE)

@@ -41,7 +41,7 @@ def write_section(section: Section, payload: bytes) -> bytes:
 def read_section(
     file: BinaryIO, position: int, size_bytes: int
 ) -> tuple[StoredSection | None, int]:
-    """The section at `position` of a stream of so many bytes, and the position after it.
+    """The section at `position` of a stream of this many bytes, and the position after it.
 
     Returns None in place of an optional section that this build does not know.
 

@@ -71,7 +71,7 @@ def render_command(
     ] = None,
     turntable: Annotated[
         float | None,
-        typer.Option(metavar="SECONDS", help="Films: circle the mesh, once in so many seconds."),
+        typer.Option(metavar="SECONDS", help="Films: circle the mesh, once in this time."),
     ] = None,
     view: Annotated[
         str,

@@ -48,7 +48,7 @@ def decode_references(data: bytes, places: npt.NDArray[np.integer]) -> Integers:
     Raises
     ------
     CorruptStreamError, TruncatedStreamError
-        If the bytes are not references of so many items.
+        If the bytes are not references of this many items.
     """
     places = np.asarray(places, np.int64)
     n_others, position = read_varint(data, 0)

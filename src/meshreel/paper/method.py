@@ -64,7 +64,7 @@ class PaperMethod:
         return self.block_frames or n_frames
 
     def most_modes(self, n_frames: int, n_verts: int) -> int:
-        """Largest number of modes of a block of so many frames."""
+        """Largest number of modes of a block of this many frames."""
         return n_verts if self.variant.basis is Basis.GRAPH else n_frames
 
     def n_joint_modes(self, n_modes: int, n_frames: int, n_verts: int) -> int:

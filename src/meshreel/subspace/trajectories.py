@@ -35,7 +35,7 @@ def bounding_frame(extent: Extent) -> BoundingFrame:
     """The bounding frame of positions of this extent."""
     x, y, z = (extent.low + (extent.high - extent.low) / 2).tolist()
     sides = extent.high - extent.low
-    largest = float(sides.max()) or 1.0  # taken out, for squares of tiny sides are 0
+    largest = float(sides.max()) or 1.0  # divided out: squares of tiny sides are 0
     return BoundingFrame((x, y, z), largest * float(np.linalg.norm(sides / largest)) or 1.0)
 
 

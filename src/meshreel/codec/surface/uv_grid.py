@@ -61,7 +61,7 @@ def uv_integers(attribute: Attribute, bits: int) -> Integers:
     Raises
     ------
     InvalidInputError
-        If a coordinate is not finite, or too large for so many bits.
+        If a coordinate is not finite, or too large for this many bits.
     """
     values = attribute.values.astype(np.float64)
     if not np.isfinite(values).all():
