@@ -4,9 +4,30 @@ import numpy as np
 import numpy.typing as npt
 from scipy.sparse import csr_array
 
-from meshreel.geometry.connectivity import neighbours_of
+from meshreel.geometry.connectivity import (
+    adjacency_matrix,
+    component_labels,
+    isolated_vertices,
+    neighbours_of,
+)
+from meshreel.runtime.profiling import staged
+from meshreel.sequence import Faces
 
 Integers = npt.NDArray[np.int64]
+
+
+@staged("anchors")
+def choose_anchors(faces: Faces, n_verts: int, share: float) -> Integers:
+    """Anchors spread uniformly over the mesh, ascending: a share of the vertices that have edges.
+
+    Every component with an edge gets at least one, whatever the share.
+    """
+    n_components, _ = component_labels(faces, n_verts)
+    isolated = isolated_vertices(faces, n_verts)
+    connected = np.setdiff1d(np.arange(n_verts), isolated, assume_unique=True)
+    n_anchors = max(n_components - len(isolated), int(np.ceil(share * len(connected))))
+    adjacency = adjacency_matrix(faces, n_verts)[connected][:, connected]
+    return np.sort(connected[farthest_points(csr_array(adjacency), n_anchors)])
 
 
 def farthest_points(adjacency: csr_array, n_points: int) -> Integers:

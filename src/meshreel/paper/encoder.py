@@ -12,8 +12,9 @@ from meshreel.codec.config import EncoderConfig
 from meshreel.codec.source import CodedMesh
 from meshreel.entropy.exact import encode_exact
 from meshreel.paper import payloads
+from meshreel.paper.anchors import choose_anchors
 from meshreel.paper.blocks import tracked_from, write_coded_block
-from meshreel.paper.mesh_model import MeshModel, choose_anchors
+from meshreel.paper.mesh_model import MeshModel
 from meshreel.paper.pipeline import Quantized, analyse, modes_needed
 from meshreel.paper.settings import anchor_share
 from meshreel.paper.variants import Basis, variant_named

@@ -8,9 +8,8 @@ import numpy.typing as npt
 from scipy.sparse import csr_array
 
 from meshreel.codec.choices import Laplacian
-from meshreel.geometry.connectivity import adjacency_matrix, component_labels, isolated_vertices
+from meshreel.geometry.connectivity import isolated_vertices
 from meshreel.geometry.laplacian import uniform_laplacian
-from meshreel.paper.anchors import farthest_points
 from meshreel.paper.reconstruction.system import ReconstructionSystem
 from meshreel.paper.subspace.graph_fourier import graph_fourier_basis
 from meshreel.runtime.profiling import staged
@@ -85,17 +84,3 @@ class MeshModel:
     def _solve(self, system: ReconstructionSystem, deltas: Floats, anchor_values: Floats) -> Floats:
         nothing = np.zeros((len(self.isolated), anchor_values.shape[1]))
         return system.solve(deltas, np.concatenate([anchor_values, nothing]))
-
-
-@staged("anchors")
-def choose_anchors(faces: Faces, n_verts: int, share: float) -> Integers:
-    """Anchors spread uniformly over the mesh, ascending: a share of the vertices that have edges.
-
-    Every component with an edge gets at least one, whatever the share.
-    """
-    n_components, _ = component_labels(faces, n_verts)
-    isolated = isolated_vertices(faces, n_verts)
-    connected = np.setdiff1d(np.arange(n_verts), isolated, assume_unique=True)
-    n_anchors = max(n_components - len(isolated), int(np.ceil(share * len(connected))))
-    adjacency = adjacency_matrix(faces, n_verts)[connected][:, connected]
-    return np.sort(connected[farthest_points(csr_array(adjacency), n_anchors)])
