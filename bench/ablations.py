@@ -3,7 +3,7 @@
     python bench/ablations.py samba.npz cow.npz --out ablations.json
 
 Every stream is encoded, decoded and compared; rates are those of whole files without the order.
-A positive number is the rate that the change costs at equal KG error / at equal STED.
+A positive number is the increase of the rate at equal KG error / at equal STED.
 """
 
 import argparse
@@ -32,7 +32,7 @@ CODE = FieldBlockCoder.code
 
 
 def choices(**changed: Any) -> Any:
-    """A patch of what the encoder chooses."""
+    """A patch of choices of the encoder."""
     usual = effort.choices_for
     return lambda: patch.object(
         effort, "choices_for", lambda *a: dataclasses.replace(usual(*a), **changed)
@@ -40,22 +40,22 @@ def choices(**changed: Any) -> Any:
 
 
 def constant(module: Any, name: str, value: Any) -> Any:
-    """A patch of a constant or a function, at both sides."""
+    """A patch of a constant or a function, in encoder and decoder."""
     return lambda: patch.object(module, name, value)
 
 
 def code_alone(coder: FieldBlockCoder, frames: Any, *_: Any) -> Any:
-    """A block that learns nothing from another."""
+    """A block that is coded independently of the others."""
     return CODE(coder, frames)
 
 
 def no_smooth_fields(graph: Any) -> Any:
-    """Fields that do not vary: weights then follow distance alone."""
+    """Constant fields: weights then depend on distance alone."""
     return np.zeros((graph.shape[0], 1))
 
 
 VARIANTS: dict[str, list[Any]] = {
-    "as it is": [],
+    "unchanged": [],
     "no learned weights": [choices(group_ends=())],
     "no smooth fields: first weights by distance": [
         constant(prediction, "_smooth_fields", no_smooth_fields)
@@ -130,7 +130,7 @@ def main() -> None:
     names = [
         name
         for name in VARIANTS
-        if name == "as it is" or not arguments.only or arguments.only in name
+        if name == "unchanged" or not arguments.only or arguments.only in name
     ]
     jobs = [(source, name) for name in names for source in arguments.sources]
     with ProcessPoolExecutor() as pool:
@@ -140,7 +140,7 @@ def main() -> None:
     for name in names[1:]:
         cells = []
         for source in arguments.sources:
-            change = partial(difference, curves[source, "as it is"], curves[source, name])
+            change = partial(difference, curves[source, "unchanged"], curves[source, name])
             cells.append(f"{change(1):+.1f}, {change(2):+.1f}")
         print(f"| {name} | " + " | ".join(cells) + " |")
     if arguments.out:

@@ -1,13 +1,13 @@
-"""Seconds of reading and writing every file format, beside those of reading and writing its bytes.
+"""Seconds of reading and writing every file format, relative to reading and writing its bytes.
 
     python bench/format_speed.py
     python bench/format_speed.py .obj .ply --repeats 11 --out formats.json
 
-A waving sphere of 10,242 vertices and 20 frames goes into files of each format that meshreel knows
-and whose library is installed; all is timed in turn, round by round, and medians are given; a
-first round is not counted. "Bytes" is what NumPy takes for as many files of as many bytes,
-without looking at them. What is read from the disk was put out of the memory of the system
-before, where the system lets us; else files are in that memory, as they are just after writing.
+A waving sphere of 10,242 vertices and 20 frames is written in each format that meshreel knows and
+whose library is installed; all are timed in turn, round by round, and medians are given; the first
+round is not counted. "Bytes" is the time of NumPy for as many files of as many bytes, unparsed.
+Files "from disk" were evicted from the page cache before, where the system allows it; all others
+are in the cache, as they are just after writing.
 """
 
 import argparse
@@ -71,7 +71,7 @@ def parsed_options() -> argparse.Namespace:
 
 
 def why_not(found: FrameFormat | SequenceFormat) -> str:
-    """Why a format cannot be measured; empty if it can."""
+    """Reason why a format cannot be measured; empty if it can."""
     extra = found.extra if isinstance(found, SequenceFormat) else None
     if extra is not None and not extra.is_installed:
         return f"{extra.library} is not installed"
@@ -84,15 +84,15 @@ def case_of(
     """What is timed of a format; its files are written."""
     folder.mkdir()
     is_whole = isinstance(found, SequenceFormat)
-    target = folder / f"sphere{'' if is_whole else '_%04d'}{found.ending}"
-    write = partial(meshreel.save, sequence, target, overwrite=True)
+    output = folder / f"sphere{'' if is_whole else '_%04d'}{found.ending}"
+    write = partial(meshreel.save, sequence, output, overwrite=True)
     paths = write()
     source = paths[0] if is_whole else paths
     return Case(found.ending, paths, partial(meshreel.load, source), write)
 
 
 def read_bytes(paths: list[Path]) -> None:
-    """Read files without looking at them."""
+    """Read files without parsing them."""
     for path in paths:
         np.fromfile(path, np.uint8)
 
@@ -104,7 +104,7 @@ def write_bytes(contents: list[np.ndarray], folder: Path) -> None:
 
 
 def evict(paths: list[Path]) -> None:
-    """Have the system forget what it holds of the files in memory."""
+    """Evict the files from the system's page cache."""
     for path in paths:
         with path.open("rb") as file:
             os.fsync(file.fileno())
@@ -149,7 +149,7 @@ def measured(cases: list[Case], n_rounds: int) -> list[dict[str, Any]]:
 
 
 def row(result: dict[str, Any]) -> list[str]:
-    """The cells of one format; figures that something disturbed have a question mark."""
+    """The cells of one format; figures of disturbed runs have a question mark."""
     cells = [result["format"], f"{result['size_bytes'] / 1e6:.1f}"]
     for name, base in RATIOS.items():
         if name not in result["seconds"]:

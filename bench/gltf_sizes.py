@@ -1,10 +1,10 @@
-"""Sizes of one sequence as raw arrays, as glTF with a target a frame, as our glTF, as a reel.
+"""Sizes of a sequence as raw arrays, glTF with a morph target per frame, our glTF, and reel.
 
     python bench/gltf_sizes.py samba.npz jumping.npz --errors 0.5,0.1,0.05 --out sizes.json
 
-A target a frame is what exporters write: positions minus those of the first frame, as float32, or
-as int16 scaled as ours are. Weights are then 1 at one frame and 0 at all others. gzip is what a
-web server would send, of the whole file.
+A morph target per frame is what exporters write: positions minus those of the first frame, as
+float32, or as int16 scaled as ours are. Weights are then 1 at one frame and 0 at all others. gzip
+is what a web server would send, of the whole file.
 """
 
 import argparse
@@ -28,7 +28,15 @@ from meshreel.formats.gltf.write import write_glb
 from meshreel.formats.options import WriteOptions
 from speed_tables import table
 
-HEADER = ["what", "targets", "MB", "MB as gzip", "times smaller than raw", "largest error %", "s"]
+HEADER = [
+    "what",
+    "morph targets",
+    "MB",
+    "MB as gzip",
+    "times smaller than raw",
+    "largest error %",
+    "s",
+]
 
 
 @dataclass(frozen=True)
@@ -36,7 +44,7 @@ class Size:
     """A file, in bytes; its error in percent of the diagonal of all frames."""
 
     what: str
-    n_targets: int
+    n_morphs: int
     size_bytes: int
     gzip_bytes: int
     error_percent: float
@@ -44,20 +52,20 @@ class Size:
 
 
 def diagonal(sequence: meshreel.MeshSequence) -> float:
-    """Of the bounding box of all frames."""
+    """Diagonal of the bounding box of all frames."""
     return float(np.linalg.norm(sequence.extent.high - sequence.extent.low))
 
 
-def size_of(what: str, n_targets: int, data: bytes, error_percent: float, began_s: float) -> Size:
-    """The size of a file that was begun at some time, by `time.perf_counter`."""
+def size_of(what: str, n_morphs: int, data: bytes, error_percent: float, began_s: float) -> Size:
+    """The size of a file whose writing began at a time of `time.perf_counter`."""
     seconds = time.perf_counter() - began_s
     packed = len(gzip.compress(data, 6))
-    return Size(what, n_targets, len(data), packed, error_percent, seconds)
+    return Size(what, n_morphs, len(data), packed, error_percent, seconds)
 
 
-def target_a_frame(sequence: meshreel.MeshSequence, dtype: npt.DTypeLike, what: str) -> Size:
+def morph_per_frame(sequence: meshreel.MeshSequence, dtype: npt.DTypeLike, what: str) -> Size:
     """The buffer of a file with a morph target for each frame but the first."""
-    began_s, n_targets = time.perf_counter(), sequence.n_frames - 1
+    began_s, n_morphs = time.perf_counter(), sequence.n_frames - 1
     first = sequence.vertices[0]
     moves = (sequence.vertices[1:] - first).astype(np.float64)
     base, error = first, 0.0
@@ -74,9 +82,9 @@ def target_a_frame(sequence: meshreel.MeshSequence, dtype: npt.DTypeLike, what: 
     buffer.add_indices(sequence.faces.ravel())
     times = np.arange(sequence.n_frames, dtype=np.float32)
     buffer.add_samples(times, are_times=True)
-    buffer.add_samples(np.eye(len(times), n_targets, -1, dtype=np.float32), are_times=False)
+    buffer.add_samples(np.eye(len(times), n_morphs, -1, dtype=np.float32), are_times=False)
     described = json.dumps([buffer.accessors, buffer.views]).encode()
-    return size_of(what, n_targets, b"".join([*buffer.pieces, described]), error, began_s)
+    return size_of(what, n_morphs, b"".join([*buffer.pieces, described]), error, began_s)
 
 
 NORMALS = {None: "", False: ", --no-normals", True: ", --normals"}
@@ -85,7 +93,7 @@ NORMALS = {None: "", False: ", --no-normals", True: ", --normals"}
 def ours(
     sequence: meshreel.MeshSequence, folder: Path, max_error: float, *, normals: bool | None
 ) -> Size:
-    """Our file, with what it says of itself."""
+    """Our file, with the error and number of morph targets from its notes."""
     notes: list[str] = []
     stream = FrameStream(
         [sequence.vertices], sequence.faces, n_frames=sequence.n_frames, fps=25.0, notes=notes
@@ -93,9 +101,9 @@ def ours(
     began_s = time.perf_counter()
     write_glb(folder / "ours.glb", stream, WriteOptions(max_error=max_error, normals=normals))
     words = next(note for note in notes if note.startswith("the largest error is")).split()
-    n_targets, error_percent = int(words[words.index("morph") - 1]), float(words[4])
+    n_morphs, error_percent = int(words[words.index("morph") - 1]), float(words[4])
     what = f"our .glb, at most {max_error:g} %{NORMALS[normals]}"
-    return size_of(what, n_targets, (folder / "ours.glb").read_bytes(), error_percent, began_s)
+    return size_of(what, n_morphs, (folder / "ours.glb").read_bytes(), error_percent, began_s)
 
 
 def reel(sequence: meshreel.MeshSequence) -> Size:
@@ -103,15 +111,15 @@ def reel(sequence: meshreel.MeshSequence) -> Size:
     began_s = time.perf_counter()
     data = meshreel.encode(sequence)
     error_percent = meshreel.compare(sequence, meshreel.decode(data)).max_error_percent
-    return size_of(".reel, as it is by default", 0, data, error_percent, began_s)
+    return size_of(".reel, default quality", 0, data, error_percent, began_s)
 
 
 def measure(sequence: meshreel.MeshSequence, errors: list[float]) -> Iterator[Size]:
-    """Every way of one sequence."""
+    """Sizes of a sequence in every representation."""
     raw = sequence.vertices.tobytes() + sequence.faces.tobytes()
     yield size_of("raw arrays", 0, raw, 0.0, time.perf_counter())
-    yield target_a_frame(sequence, np.float32, "a target a frame, float32")
-    yield target_a_frame(sequence, np.int16, "a target a frame, int16")
+    yield morph_per_frame(sequence, np.float32, "a morph target per frame, float32")
+    yield morph_per_frame(sequence, np.int16, "a morph target per frame, int16")
     with TemporaryDirectory() as folder:
         for max_error in errors:
             yield ours(sequence, Path(folder), max_error, normals=None)
@@ -121,10 +129,10 @@ def measure(sequence: meshreel.MeshSequence, errors: list[float]) -> Iterator[Si
 
 
 def row(size: Size, raw_bytes: int) -> list[str]:
-    """The cells of one way."""
+    """The cells of one representation."""
     return [
         size.what,
-        str(size.n_targets or ""),
+        str(size.n_morphs or ""),
         f"{size.size_bytes / 1e6:.3f}",
         f"{size.gzip_bytes / 1e6:.3f}",
         f"{raw_bytes / size.size_bytes:.1f}",

@@ -1,10 +1,10 @@
-"""Frames pushed one by one: how many times faster than they come, and how late their bytes are.
+"""Live encoding: speed relative to real time, and latency.
 
     python bench/live.py samba.npz --fps 25 --latencies 0.5,1,2,4 --out live.json
 
-Frames are pushed as fast as they are taken, the sequence over and over for a given number of
-frames. Real time is the duration of the frames by the time until the file is finished. Every
-latency is measured twice over: blocks of reel, and of the paper's tracked basis.
+Frames are pushed as fast as the encoder accepts them, the sequence repeated up to a given number of
+frames. Speed is the duration of the frames divided by the time until the file is finished. Every
+latency is measured for `reel` and for the paper's tracked basis.
 """
 
 import argparse
@@ -28,7 +28,7 @@ HEADER = ["latency asked for s", "method", "frames a block", "x real time",
 def record(
     sequence: meshreel.MeshSequence, n_frames: int, fps: float, options: dict[str, Any]
 ) -> tuple[bytes, dict[str, float]]:
-    """The stream of frames that are pushed one after another, and seconds."""
+    """The stream of frames pushed one after another, and seconds."""
     file, pushes = BytesIO(), []
     start = time.perf_counter()
     with meshreel.Encoder(sequence.faces, file, fps=fps, **options) as encoder:

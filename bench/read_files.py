@@ -16,7 +16,7 @@ from meshreel.formats.registry import FORMATS
 
 
 def read(path: Path) -> tuple[str, ...]:
-    """Frames, vertices and faces of a file, and its notes or what is wrong with it."""
+    """Frames, vertices and faces of a file, and its notes or its error."""
     notes: list[str] = []
     try:
         found = load(path, merge=True, notes=notes)

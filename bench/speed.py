@@ -1,4 +1,4 @@
-"""Seconds of encoding and decoding beside those of Draco and beside the least work there is.
+"""Seconds of encoding and decoding, relative to Draco and to lower bounds of the work.
 
     python bench/speed.py --all --data FOLDER --out speed.json     # everything, some 15 minutes
     python bench/speed.py samba.npz cow.npz --efforts 1,5,9
@@ -6,10 +6,10 @@
     python bench/speed.py --growth frames
     python bench/speed.py            # the embedded flag
 
-Draco codes every frame for itself. The floors are what no encoder or decoder by modes can avoid:
-a Gram matrix and one projection for each axis; the product of basis and coefficients for each
-axis, and writing the frames. The paper's serial decoding solves a system for each frame. All but
-that are timed in turn, round by round, and medians are given; a first round is not counted.
+Draco codes every frame independently. The floors are the work that no modal encoder or decoder can
+avoid: a Gram matrix and one projection for each axis; the product of basis and coefficients for
+each axis, and writing the frames. The paper's serial decoding solves a system for each frame. All
+others are timed in turn, round by round, and medians are given; the first round is not counted.
 """
 
 import argparse
@@ -34,7 +34,7 @@ def numbers(text: str) -> list[int]:
 
 
 def parsed_options() -> argparse.Namespace:
-    """The command line; `--all` turns on what belongs to it."""
+    """Options of the command line, those of `--all` included."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     add_inputs(parser)
     parser.add_argument("--all", action="store_true", help="samba, horse_gallop subdivided, a "
@@ -86,7 +86,7 @@ def summed_up(options: argparse.Namespace) -> OwnMethod:
 
 
 def main() -> None:
-    """Measure what the command line asks for; print tables, and write JSON where asked."""
+    """Measure as requested; print tables, and write JSON if requested."""
     options = parsed_options()
     plan, coder = plan_of(options), summed_up(options)
     about: dict[str, Any] = {

@@ -11,7 +11,7 @@ from speed_trials import FLOORS
 
 @dataclass(frozen=True)
 class Verdict:
-    """A number, what it may be, and whether the seconds it comes from can be relied on."""
+    """A number, its bound, and whether the seconds behind it are reliable."""
 
     what: str
     found: float
@@ -27,7 +27,7 @@ class Verdict:
         )
 
     def as_dict(self) -> dict[str, Any]:
-        """For JSON."""
+        """The attributes for JSON."""
         return {**vars(self), "holds": self.holds}
 
 
@@ -35,8 +35,8 @@ class Verdict:
 class Bound:
     """A bound of a coder on a sequence.
 
-    `ratio` names the ratios of a result; `by_serial` says how many times faster than the paper's
-    serial decoding, the others how many times slower than another.
+    `ratio` names the ratios of a result; `by_serial` is a speed-up over the paper's serial
+    decoding, the others are times relative to another coder.
     """
 
     sequence: str
@@ -67,7 +67,7 @@ MOST_EXPONENT = {"vertices": 1.25, "frames": 1.2}
 
 
 def verdicts_on(result: Mapping[str, Any]) -> list[Verdict]:
-    """What is to be said of a sequence and the coders that were timed."""
+    """Verdicts on the coders that were timed on a sequence."""
     return [
         Verdict(
             f"{bound.sequence}, {bound.coder}: {RATIO_NAMES[bound.ratio].format(task=bound.task)}",
@@ -83,7 +83,7 @@ def verdicts_on(result: Mapping[str, Any]) -> list[Verdict]:
 
 
 def is_steady(result: Mapping[str, Any], bound: Bound) -> bool:
-    """Whether the seconds of the coder, and one of those it is set against, can be relied on."""
+    """Whether the seconds of the coder and of one it is compared with are reliable."""
     runs_s, others = result["runs_s"], OTHERS[bound.ratio]
     return not is_unsteady(runs_s[bound.coder][bound.task]) and (
         not others or not all(is_unsteady(runs_s[name][bound.task]) for name in others)
@@ -91,7 +91,7 @@ def is_steady(result: Mapping[str, Any], bound: Bound) -> bool:
 
 
 def verdicts_on_growth(growth: Mapping[str, Any]) -> list[Verdict]:
-    """What is to be said of the exponents of a series."""
+    """Verdicts on the exponents of a series."""
     most = MOST_EXPONENT[growth["of"]]
     return [
         Verdict(

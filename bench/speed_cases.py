@@ -19,7 +19,7 @@ class Plan:
     ----------
     coders : list of Coder
     n_modes : int
-        Of the floors and of the paper's serial method.
+        Number of modes of the floors and of the paper's serial method.
     patience : Patience
     has_serial, has_memory : bool
         Time the serial method; measure peaks of memory.
@@ -33,7 +33,7 @@ class Plan:
 
 
 def measure(sequence: meshreel.MeshSequence, plan: Plan) -> dict[str, Any]:
-    """Medians in seconds and their ratios, by coder; memory and the serial method if planned."""
+    """Medians in seconds and their ratios by coder; memory and the serial method if planned."""
     with TemporaryDirectory() as folder:
         trials = [Trial(coder, sequence, Path(folder)) for coder in plan.coders]
         result = {**facts(sequence), **timed(sequence, trials, plan)}
@@ -78,7 +78,7 @@ def timed(sequence: meshreel.MeshSequence, trials: list[Trial], plan: Plan) -> d
 def beside_serial(
     serial: dict[str, Any], seconds_of: dict[str, dict[str, float]]
 ) -> dict[str, Any]:
-    """The serial method, and how many times faster every coder decodes."""
+    """Times of the serial method, and speed-ups of every decoder over it."""
     faster = {
         name: {"decode": serial["decode_s"] / own["decode"]}
         for name, own in seconds_of.items()

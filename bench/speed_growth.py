@@ -1,4 +1,4 @@
-"""How seconds grow with vertices and with frames."""
+"""Growth of encoding and decoding times with vertices and with frames."""
 
 from collections.abc import Sequence
 from functools import partial
@@ -48,7 +48,7 @@ def growth(of: str, coder: Coder, patience: Patience) -> dict[str, Any]:
 
 
 def size_of(sequence: meshreel.MeshSequence, of: str) -> int:
-    """Its vertices or its frames."""
+    """Number of vertices or frames of a sequence."""
     return sequence.n_verts if of == "vertices" else sequence.n_frames
 
 
@@ -58,5 +58,5 @@ def exponent(sizes: Sequence[float], seconds: Sequence[float]) -> float:
 
 
 def steepest(sizes: Sequence[float], seconds: Sequence[float]) -> float:
-    """The largest slope from one size to the next: a fit over all may hide a step."""
+    """The largest slope from one size to the next: a fit over all may hide a jump."""
     return float(np.max(np.diff(np.log(seconds)) / np.diff(np.log(sizes))))

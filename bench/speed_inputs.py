@@ -29,7 +29,7 @@ LARGE_SPHERE = (7, 100)
 
 
 def add_inputs(parser: argparse.ArgumentParser) -> None:
-    """Give a command line the arguments that `sources` reads."""
+    """Add the arguments that `sources` reads to a command line."""
     parser.add_argument("inputs", nargs="*", help="files or frames; default: the embedded flag")
     parser.add_argument("--subdivided", action="append", default=[], metavar="FILE",
                         help="a file, every face cut in four")  # fmt: skip
@@ -48,7 +48,7 @@ def sources(options: argparse.Namespace) -> list[Source]:
 
 
 def standard_sources(data: Path) -> list[Source]:
-    """Captured, subdivided, large and long: what `--all` measures."""
+    """Sequences of `--all`: captured, subdivided, large and long."""
     return [
         partial(meshreel.load, data / "samba.npz"),
         partial(subdivided_once, data / "horse_gallop.npz"),
@@ -58,7 +58,7 @@ def standard_sources(data: Path) -> list[Source]:
 
 
 def first_frames(sequence: meshreel.MeshSequence, n_frames: int) -> meshreel.MeshSequence:
-    """At most so many frames, from the first on."""
+    """The first frames of a sequence, at most this many."""
     vertices = sequence.vertices[:n_frames]
     return meshreel.MeshSequence(vertices, sequence.faces, sequence.fps, sequence.name)
 
@@ -74,7 +74,7 @@ def _longest_flag() -> meshreel.MeshSequence:
 
 
 def subdivided_once(path: str | Path) -> meshreel.MeshSequence:
-    """A sequence whose faces are cut in four at the middles of their edges."""
+    """A sequence whose faces are split in four at the midpoints of their edges."""
     coarse = meshreel.load(path)
     ends, faces = quartered(coarse.faces.astype(np.int64), coarse.n_verts)
     middles = coarse.vertices[:, ends].mean(axis=2)
@@ -84,7 +84,7 @@ def subdivided_once(path: str | Path) -> meshreel.MeshSequence:
 
 
 def waving_sphere(n_subdivisions: int, n_frames: int) -> meshreel.MeshSequence:
-    """A unit icosphere of 10 4^n + 2 vertices, whose radius a few sine waves travel through."""
+    """A unit icosphere of 10 4^n + 2 vertices, whose radius is modulated by travelling waves."""
     directions, faces = icosphere(n_subdivisions)
     phases = directions @ WAVE_VECTORS.T
     vertices = np.empty((n_frames, len(directions), 3), np.float32)
@@ -95,7 +95,7 @@ def waving_sphere(n_subdivisions: int, n_frames: int) -> meshreel.MeshSequence:
 
 
 def icosphere(n_subdivisions: int) -> tuple[Floats, npt.NDArray[np.int32]]:
-    """Unit vectors of shape (V, 3) and outward faces, an icosahedron cut in four n times."""
+    """Unit vectors of shape (V, 3) and outward faces: an icosahedron subdivided n times."""
     golden = (1 + 5**0.5) / 2
     corners = [(-1, golden, 0), (1, golden, 0), (-1, -golden, 0), (1, -golden, 0)]
     vertices = unit(np.concatenate([np.roll(corners, turn, axis=1) for turn in range(3)]))
@@ -123,6 +123,6 @@ def quartered(faces: Integers, n_verts: int) -> tuple[Integers, Integers]:
 
 
 def unit(vectors: Floats) -> Floats:
-    """The vectors at length 1."""
+    """The vectors normalised to length 1."""
     scaled: Floats = vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
     return scaled

@@ -1,4 +1,4 @@
-"""The most memory that encoding and decoding take, each in a process of its own."""
+"""Peak memory of encoding and decoding, each in a process of its own."""
 
 import multiprocessing
 import resource
@@ -14,7 +14,7 @@ import numpy as np
 import meshreel
 from speed_coders import Coder
 
-# Not "spawn": Linux counts for a started program what the process that started it once held.
+# Not "spawn": Linux adds the peak of the parent process to that of a started program.
 PROCESSES = multiprocessing.get_context("forkserver")
 
 
@@ -59,6 +59,6 @@ def decode_peak_mib(coder: Coder, folder: Path) -> dict[str, float]:
 
 
 def peak_mib() -> float:
-    """Largest resident set of this process so far; macOS tells it in bytes, others in KiB."""
+    """Largest resident set of this process so far; macOS reports bytes, other systems KiB."""
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     return peak / 2**20 if sys.platform == "darwin" else peak / 2**10

@@ -14,7 +14,7 @@ from scipy.sparse import csc_array, csr_array, diags_array
 
 import meshreel
 from meshreel.geometry.laplacian import uniform_laplacian
-from meshreel.paper.mesh_model import choose_anchors
+from meshreel.paper.anchors import choose_anchors
 from meshreel.paper.reconstruction.multifrontal import MultifrontalSolver
 from meshreel.paper.reconstruction.solver import Solve, _cholespy_solve, _splu_solve
 from meshreel.runtime.threads import limit_cores

@@ -21,7 +21,7 @@ SUMMARY_HEADER = ["case", "encode s", "decode s", "first frame s", "random frame
 
 
 def machine_text(about: Mapping[str, Any]) -> str:
-    """Where all was measured, and what the columns mean."""
+    """Description of the machine and of the columns."""
     return (
         f"{machine_line(about['machine'])}. Threads: {about['threads']}. Floors of "
         f"{about['n_modes_of_floor']} modes for each axis; ratios are to the faster of the two. "
@@ -67,7 +67,7 @@ def seconds_row(result: Mapping[str, Any], name: str) -> list[str]:
 
 
 def ratio_cells(result: Mapping[str, Any], name: str) -> list[str]:
-    """Times slower than Draco and the floors, times faster than the serial method."""
+    """Slow-downs relative to Draco and the floors, speed-up over the serial method."""
     return [cell(result.get(by, {}).get(name, {}), task, ".2f") for by, task in RATIOS]
 
 
@@ -86,7 +86,7 @@ def serial_rows(serial: Mapping[str, Any] | None) -> list[list[str]]:
 
 
 def serial_lines(serial: Mapping[str, Any] | None) -> list[str]:
-    """How the paper's serial decoding was timed."""
+    """A note on the timing of the paper's serial decoding."""
     if serial is None:
         return []
     n_timed, n_frames = serial["n_timed"], serial["n_frames"]
@@ -95,7 +95,7 @@ def serial_lines(serial: Mapping[str, Any] | None) -> list[str]:
 
 
 def unsteady_lines(runs_s: Mapping[str, Mapping[str, list[float]]]) -> list[str]:
-    """A sentence on the runs that differ so much that something else disturbed them, if any do."""
+    """A note on runs that differ so much that they were disturbed, if any do."""
     said = [
         f"{name}, {task}: {min(own[task]):.4f} to {max(own[task]):.4f} s"
         for name, own in runs_s.items()

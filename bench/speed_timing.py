@@ -1,4 +1,4 @@
-"""Seconds of tasks that take turns, and what is made of them."""
+"""Seconds of tasks that take turns, and their medians and ratios."""
 
 import os
 import time
@@ -15,14 +15,14 @@ Runs = dict[str, dict[str, list[float]]]
 
 LEAST_ROUNDS = 3
 UNSTEADY = 1.5
-"""Slowest by fastest run, above which something else disturbed them."""
+"""Ratio of the slowest to the fastest run above which runs count as disturbed."""
 
 THREAD_VARIABLES = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 
 
 @dataclass(frozen=True)
 class Patience:
-    """How long to go on measuring: so many rounds, fewer (but three) if they take too long."""
+    """Limits of measuring: a number of rounds, or fewer (at least three) in a time budget."""
 
     most_rounds: int
     budget_s: float
@@ -60,7 +60,7 @@ def medians(runs: Runs) -> Seconds:
 
 
 def ratios(seconds_of: Seconds, base: dict[str, float]) -> Seconds:
-    """Seconds of everyone by others, task by task where both have it."""
+    """Ratios of seconds to those of other coders, for tasks that both have."""
     return {
         name: {task: own[task] / base[task] for task in own if task in base}
         for name, own in seconds_of.items()
@@ -68,12 +68,12 @@ def ratios(seconds_of: Seconds, base: dict[str, float]) -> Seconds:
 
 
 def is_unsteady(runs: list[float]) -> bool:
-    """Whether the runs of a task differ too much to be relied on."""
+    """Whether the runs of a task differ too much to be reliable."""
     return max(runs) > UNSTEADY * min(runs)
 
 
 def threads_text() -> str:
-    """The threads of all that is timed."""
+    """Number of threads of the timed work."""
     said = [f"{name}={os.environ[name]}" for name in THREAD_VARIABLES if name in os.environ]
     blas = ", ".join(said) or f"as many as usable cores ({n_cores()})"
     return f"meshreel up to {n_cores()}; matrix products of the floors {blas}; Draco 1"

@@ -19,13 +19,13 @@ FLOORS = ("floor, all BLAS threads", "floor, one BLAS thread")
 SERIAL_METHOD = "pca-qs"
 SERIAL_BUDGET_S = 30.0
 SERIAL_FRAMES = 250
-"""Frames that the serial method encodes at most: its modes of many more take minutes."""
+"""Largest number of frames of the serial method: modes of many more take minutes."""
 
 
 class Trial:
-    """A coder on a sequence; what it encoded last is what it decodes.
+    """A coder on a sequence; it decodes its last encoding.
 
-    The frame in the middle is asked of a stream that was just opened, the next one after it.
+    The frame in the middle is read from a newly opened stream, then the next one.
     """
 
     def __init__(self, coder: Coder, sequence: meshreel.MeshSequence, folder: Path) -> None:
@@ -65,7 +65,7 @@ def floor_tasks(sequence: meshreel.MeshSequence, n_modes: int) -> dict[str, Task
 
     To encode, the smaller Gram matrix and one projection for each axis; to decode, the product of
     basis and coefficients for each axis, and writing the frames. Both with the threads of BLAS and
-    without: the threads wait by spinning, which takes far longer where other programs run.
+    without: the threads spin while waiting, which takes far longer if other programs run.
     """
     frame = bounding_frame(sequence.extent)
     matrices = to_matrices(sequence.vertices, frame)
@@ -97,8 +97,8 @@ def floor_tasks(sequence: meshreel.MeshSequence, n_modes: int) -> dict[str, Task
 def serial_seconds(sequence: meshreel.MeshSequence, n_modes: int) -> dict[str, Any]:
     """Seconds of decoding with a solve for each frame, timed once.
 
-    Where that takes too long, seconds of one frame, and those of some more for each that is
-    missing; `n_timed` says how many frames were decoded.
+    If that takes too long, only some frames are decoded and the others extrapolated; `n_timed` is
+    the number of decoded frames.
     """
     head = first_frames(sequence, SERIAL_FRAMES)
     data = meshreel.encode(head, SERIAL_METHOD, n_modes=min(n_modes, head.n_frames))

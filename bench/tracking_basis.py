@@ -1,4 +1,4 @@
-"""Time and quality of the basis of one block: decomposed afresh, or tracked."""
+"""Time and quality of the basis of one block: by decomposition, or tracked."""
 
 from collections.abc import Mapping
 from functools import partial
@@ -24,7 +24,7 @@ PATIENCE = Patience(most_rounds=30, budget_s=1.0)
 ITERATIONS = (1, 2, 4)
 CHAINED = (0, 1, 2, 4, 8, 16)
 USEFUL_PERCENT = 1.0
-"""A tracked basis is as good as its own where it leaves out so much more at most."""
+"""Largest excess error, in percent, of a tracked basis that counts as useful."""
 
 
 def measured(sequence: meshreel.MeshSequence, length: int, all_modes: list[int]) -> dict[str, Any]:
@@ -85,13 +85,13 @@ def leading_only(correlation: Floats, n_modes: int) -> Floats:
 
 
 def tracked(correlation: Floats, start: Floats, n_iterations: int) -> Floats:
-    """The basis of a block as method `blocks` finds it, but for rounding."""
+    """The basis of a block as in method `blocks`, without quantisation."""
     advanced = advance_basis(correlation, start, n_iterations)
     return align_basis(ritz_vectors(correlation, advanced), start)
 
 
 def chain(correlations: list[Floats], n_modes: int, n_iterations: int) -> dict[str, float]:
-    """How good bases are that are tracked from the first block to the last.
+    """Quality of bases tracked from the first block to the last.
 
     Returns
     -------
@@ -106,7 +106,7 @@ def chain(correlations: list[Floats], n_modes: int, n_iterations: int) -> dict[s
 
 
 def from_cosines(correlations: list[Floats], n_modes: int, n_iterations: int) -> dict[str, float]:
-    """How good the bases would be if each started from the first cosines; as `chain`."""
+    """Quality of bases if each starts from the first cosines; as `chain`."""
     length = correlations[0].shape[-1]
     cosines = idct(np.eye(length, n_modes), axis=0, norm="ortho")
     start = np.stack([cosines] * 3)

@@ -91,7 +91,7 @@ def decode(
 
 
 def info(data: Stream | AnyPath | ReelFile) -> StreamInfo:
-    """What a `.reel` stream holds, and where its bytes go.
+    """Contents of a `.reel` stream, and its bytes by section.
 
     Parameters
     ----------
@@ -131,7 +131,7 @@ def compare(original: AnySequence, decoded: AnySequence, *, progress: Progress =
 
 
 def _with_stream(given: Any, function: str, use: Callable[[bytes], Result]) -> Result:
-    """What is made of the bytes of a stream; errors name the file that they are of."""
+    """Result of a function of the bytes of a stream; errors name the file."""
     if isinstance(given, str | os.PathLike):
         path = Path(given)
         if not path.is_file():

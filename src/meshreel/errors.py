@@ -1,8 +1,8 @@
-"""The errors of meshreel; every one says what came, what is allowed and what to do."""
+"""The exceptions of meshreel; messages name the value, what is allowed and what to do."""
 
 
 class MeshReelError(Exception):
-    """Base of every error that meshreel raises on purpose."""
+    """Base class of all errors that meshreel raises."""
 
 
 class InvalidInputError(MeshReelError, ValueError):
@@ -14,7 +14,7 @@ class FormatError(MeshReelError):
 
 
 class CorruptStreamError(MeshReelError):
-    """A `.reel` stream whose bytes contradict themselves or their checksums."""
+    """A `.reel` stream whose bytes are inconsistent or do not match their checksums."""
 
 
 class TruncatedStreamError(CorruptStreamError):
@@ -22,12 +22,12 @@ class TruncatedStreamError(CorruptStreamError):
 
 
 class UnsupportedVersionError(MeshReelError):
-    """A `.reel` stream that needs a newer build, or a part this build does not know."""
+    """A `.reel` stream that needs a newer version of meshreel."""
 
 
 class SolverError(MeshReelError):
-    """A reconstruction system that has no unique solution, and why."""
+    """A reconstruction system that has no unique solution."""
 
 
 class WorkerDiedError(MeshReelError):
-    """Work that was given up because the processes that did it died."""
+    """Work that was given up because its worker processes died."""

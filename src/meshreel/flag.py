@@ -1,4 +1,4 @@
-"""A cloth flag in gusty wind, simulated on the spot: the demo sequence that needs no file.
+"""A simulated cloth flag in gusty wind: the demo sequence, which needs no file.
 
 Position-based dynamics in small substeps (Macklin et al. 2019, "Small Steps in Physics
 Simulation"), with tethers to the pole against stretch (Kim et al. 2012, "Long Range Attachments"),
@@ -34,7 +34,7 @@ def simulate_flag(
     fps: float = 30.0,
     progress: Progress = silent,
 ) -> MeshSequence:
-    """A flag of 1.5 m by 1 m that flutters at its pole, the same at every call.
+    """A flag of 1.5 m by 1 m that flutters at its pole, equal at every call.
 
     Parameters
     ----------
@@ -45,12 +45,12 @@ def simulate_flag(
     fps : float
         Frames per second, 1..1000.
     progress : callable
-        Told ``("simulate", share)`` after each frame.
+        Called with ``("simulating", fraction)`` after each frame.
 
     Returns
     -------
     MeshSequence named "flag", float32 positions in metres; y is up, the pole at x = 0
-        The motion is chaotic: where arithmetic rounds otherwise, the flag flutters otherwise.
+        The motion is chaotic: it differs between machines whose arithmetic rounds differently.
 
     Raises
     ------
@@ -75,14 +75,14 @@ def simulate_flag(
 
 
 def _faces(n_rows: int, n_columns: int) -> Faces:
-    """Two triangles per cell that face +z at rest, cut from the upper left to the lower right."""
+    """Two triangles per cell, facing +z at rest, split from the upper left to the lower right."""
     row, column = np.indices((n_rows - 1, n_columns - 1)).reshape(2, -1)
     a, b, c, d = (row * n_columns + column + k for k in (0, n_columns, n_columns + 1, 1))
     return np.stack([a, b, c, a, c, d], axis=1).reshape(-1, 3).astype(np.int32)
 
 
 class _Cloth:
-    """The state of the cloth, and what moves it one substep on."""
+    """The state of the cloth, advanced in substeps."""
 
     def __init__(self, n_rows: int, n_columns: int, substep_s: float) -> None:
         self.substep_s = substep_s
@@ -96,7 +96,7 @@ class _Cloth:
         self.gusts = _Gusts(x[:-1, :-1], below[:-1, :-1])
 
     def advance(self, n_done: int) -> None:
-        """Move on by one substep, knowing how many have been done."""
+        """Advance by one substep; `n_done` substeps precede it."""
         if n_done % _SUBSTEPS_PER_WIND == 0:
             self._feel(self.gusts.wind(n_done * self.substep_s))
         self.velocities += self.substep_s * self.push
@@ -109,7 +109,7 @@ class _Cloth:
         self.velocities = (self.positions - before) / self.substep_s
 
     def _feel(self, wind: Floats) -> None:
-        """Set the push of gravity, and of the air on each cell, which its corners share."""
+        """Set the acceleration by gravity, and by the air on each cell, shared by its corners."""
         x, v = self.positions, self.velocities
         normal = np.cross(x[:, 1:, 1:] - x[:, :-1, :-1], x[:, :-1, 1:] - x[:, 1:, :-1], axis=0)
         normal /= np.linalg.norm(normal, axis=0) + 1e-12
@@ -117,7 +117,7 @@ class _Cloth:
         across = (slip * normal).sum(axis=0)
         front = _FRONT_DRAG_PER_M * np.abs(across)
         skin = _SKIN_DRAG_PER_M * np.linalg.norm(slip, axis=0)
-        # Divided as an implicit step would, so that no gust can overshoot.
+        # Divided as in an implicit time step, so that no gust overshoots.
         easing = 1 + (front + skin) * _SUBSTEPS_PER_WIND * self.substep_s
         share = 0.25 * (front * across * normal + skin * slip) / easing
         self.push[:] = np.array([0, -_GRAVITY_M_PER_S2, 0])[:, None, None]
@@ -129,7 +129,7 @@ class _Cloth:
         """Bending, linear because the rest shape is flat, and friction between neighbours."""
         for axis, step_m in zip((1, 2), self.steps_m, strict=True):
             x, v = np.moveaxis(self.positions, axis, 0), np.moveaxis(self.velocities, axis, 0)
-            # Both bounded so that the explicit step stays stable on the finest grid.
+            # Both bounded so that the explicit time step stays stable on the finest grid.
             stiffness = min(_BENDING_M4_PER_S2 / step_m**4, 0.1 / self.substep_s**2)
             bend = self.substep_s * stiffness * (x[2:] - 2 * x[1:-1] + x[:-2])
             v[1:-1] += 2 * bend
@@ -140,7 +140,7 @@ class _Cloth:
             v[1:] -= drag
 
     def _satisfy_constraints(self) -> float:
-        """One pass over links and tethers; the largest stretch that it met."""
+        """Largest stretch before one pass over links and tethers."""
         worst = 0.0
         self.positions[:, :, :1] = self.pole
         for start, end, rest_m in self.links:
@@ -161,7 +161,7 @@ class _Cloth:
 
 
 def _disjoint_links(shape: tuple[int, int], steps_m: tuple[float, float]) -> Iterator[Links]:
-    """Both ends and the rest length of links of one direction, no two of which share a vertex."""
+    """Ends and rest length of sets of links of one direction, disjoint within a set."""
     every, left, right = slice(None), slice(-1), slice(1, None)
     down, across = ([(slice(k, n - 1, 2), slice(k + 1, n, 2)) for k in (0, 1)] for n in shape)
     for start, end in across:
@@ -174,11 +174,11 @@ def _disjoint_links(shape: tuple[int, int], steps_m: tuple[float, float]) -> Ite
 
 
 class _Gusts:
-    """A mean wind that carries waves of several lengths along the flag."""
+    """A mean wind with waves of several lengths that travel along the flag."""
 
     def __init__(self, x: Floats, below: Floats) -> None:
         length_m = np.geomspace(0.35, 2.0, 10)
-        # Multiples of irrational roots spread evenly, and the waves never fall into step.
+        # Multiples of irrational roots spread evenly, and the waves never synchronise.
         phase, tilt, pace, *gains = np.arange(1, 11) * np.sqrt([[2], [3], [5], [7], [11], [13]]) % 1
         per_m = 2 * np.pi / length_m
         angle = 2 * np.pi * phase + per_m * (x[..., None] + 1.4 * (0.5 - tilt) * below[..., None])
@@ -194,6 +194,6 @@ class _Gusts:
         veer = 0.13 * np.sin(0.7 * time_s + 0.5) + 0.08 * np.sin(1.7 * time_s)
         speed = 1 + 0.25 * np.sin(0.9 * time_s) + 0.15 * np.sin(2.3 * time_s + 1)
         speed *= _WIND_M_PER_S * (1 - 0.5 * np.exp(-2 * time_s))
-        # Not a matrix product: that may round otherwise with the number of threads.
+        # Not a matrix product: its rounding may depend on the number of threads.
         turbulence = _TURBULENCE * np.einsum("cw,ijw->cij", moved, self.waves)
         return np.asarray(speed * (np.array([1, 0, veer])[:, None, None] + turbulence))

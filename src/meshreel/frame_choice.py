@@ -12,13 +12,12 @@ FrameChoice = SupportsIndex | slice | npt.ArrayLike
 
 
 def chosen_frames(chosen: FrameChoice, n_frames: int) -> int | range | npt.NDArray[np.int64]:
-    """The number of one frame, or those of several, all in 0..T-1.
+    """The index of one frame, or those of several, all in 0..T-1.
 
     Parameters
     ----------
     chosen : int, slice, list or array
-        Numbers below 0 count from the end. An array of True and False says of each frame whether
-        it is chosen.
+        Negative numbers count from the end. A Boolean array marks the frames that are chosen.
     n_frames : int
         T.
 
@@ -27,7 +26,7 @@ def chosen_frames(chosen: FrameChoice, n_frames: int) -> int | range | npt.NDArr
     IndexError
         If there is no such frame.
     TypeError
-        If it is something else.
+        If it is of another type.
     """
     if isinstance(chosen, slice):
         return range(n_frames)[chosen]

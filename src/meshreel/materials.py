@@ -1,4 +1,4 @@
-"""Materials: how the faces of a group look, with the images that they show, as glTF has it."""
+"""Materials of groups of faces, with their textures and images, as in glTF."""
 
 import math
 from collections import Counter
@@ -11,7 +11,7 @@ from meshreel.errors import InvalidInputError
 
 
 class AlphaMode(StrEnum):
-    """What the fourth number of a colour does."""
+    """Use of the fourth component of a colour."""
 
     OPAQUE = "opaque"
     MASK = "mask"
@@ -19,7 +19,7 @@ class AlphaMode(StrEnum):
 
 
 class Wrap(StrEnum):
-    """What a texture shows outside of its image; USD has the last two, and glTF has not."""
+    """Wrap mode of a texture outside its image; USD has the last two, glTF does not."""
 
     REPEAT = "repeat"
     MIRROR = "mirror"
@@ -29,7 +29,7 @@ class Wrap(StrEnum):
 
 
 class Filter(StrEnum):
-    """How a texture is drawn larger (the first two only) or smaller than its image."""
+    """Filter of a texture for magnification (the first two only) or minification."""
 
     NEAREST = "nearest"
     LINEAR = "linear"
@@ -41,12 +41,12 @@ class Filter(StrEnum):
 
 @dataclass(frozen=True)
 class Image:
-    """An image as its file has it; nothing is decoded.
+    """An image as in its file, not decoded.
 
     Parameters
     ----------
     name : str
-        As the file calls it, maybe empty.
+        Name in the file, possibly empty.
     mime_type : str
         Such as "image/png".
     data : bytes
@@ -67,15 +67,16 @@ class Texture:
     Parameters
     ----------
     image : int
-        Which of the images of the surface.
+        Index of an image of the surface.
     uv : str
         Name of the texture coordinates, an attribute of the surface.
     channels : str
-        Which channels of the image count: "rgb" or "rgba" for a colour, one of them for a number.
+        Channels of the image that are used: "rgb" or "rgba" for a colour, one of them for a number.
     wrap_u, wrap_v : Wrap
     magnified, shrunk : Filter, optional
     offset, rotation, scale
-        Where the image is, as glTF's KHR_texture_transform says it: of v downwards, in radians.
+        Transform of texture coordinates as in glTF's KHR_texture_transform: v downwards, in
+        radians.
     """
 
     image: int
@@ -91,13 +92,13 @@ class Texture:
 
     @property
     def is_placed(self) -> bool:
-        """Whether its texture coordinates are moved, turned or scaled."""
+        """Whether its texture coordinates are translated, rotated or scaled."""
         return (self.offset, self.rotation, self.scale) != ((0.0, 0.0), 0.0, (1.0, 1.0))
 
 
 @dataclass(frozen=True)
 class Material:
-    """How a surface looks; numbers multiply what textures show.
+    """Appearance of a surface; numbers multiply the values of textures.
 
     Parameters
     ----------
@@ -107,11 +108,11 @@ class Material:
         Linear red, green, blue, and opacity.
     metallic, roughness : float
     emissive : tuple of 3 floats
-        Linear, 1 is white; may be more.
+        Linear, 1 is white; may be above 1.
     normal_scale, occlusion_strength : float
     alpha_mode : AlphaMode
     alpha_cutoff : float
-        Where the mode is MASK, what is less opaque is not drawn.
+        In mode MASK, opacities below it are not drawn.
     double_sided, unlit : bool
     base_color_texture, metallic_texture, roughness_texture, normal_texture, occlusion_texture, \
 emissive_texture : Texture, optional
@@ -137,28 +138,28 @@ emissive_texture : Texture, optional
 
     @property
     def textures(self) -> dict[str, Texture]:
-        """The textures that it has, by what they are of: one of `SLOTS`."""
+        """The textures of the material, by slot (`SLOTS`)."""
         found = {slot: getattr(self, f"{slot}_texture") for slot in SLOTS}
         return {slot: texture for slot, texture in found.items() if texture is not None}
 
     def with_textures(self, textures: dict[str, Texture]) -> "Material":
-        """The material with these textures, and none else."""
+        """The material with these textures and no others."""
         found: dict[str, Any] = {f"{slot}_texture": textures.get(slot) for slot in SLOTS}
         return replace(self, **found)
 
 
 COLOR_SLOTS = ("base_color", "normal", "emissive")
 SLOTS = ("base_color", "metallic", "roughness", "normal", "occlusion", "emissive")
-"""What textures are of; those that `COLOR_SLOTS` lacks are of one number."""
+"""Slots of textures; those that are not in `COLOR_SLOTS` have one component."""
 
 UNSAID = Material("", metallic=0.0, double_sided=True)
-"""How faces without a material are written where a format needs one: dull, seen from both sides."""
+"""Material of faces without one, for formats that need it: dull, double-sided."""
 
 
 def used_by(
     labels: Sequence[str], materials: Sequence[Material], images: Sequence[Image]
 ) -> tuple[tuple[Material, ...], tuple[Image, ...]]:
-    """The materials of these labels, and the images that they show, renumbered."""
+    """The materials of these labels, and the images that they use, renumbered."""
     wanted = set(labels)
     kept = [one for one in materials if one.name in wanted]
     shown = sorted({texture.image for one in kept for texture in one.textures.values()})
@@ -167,7 +168,7 @@ def used_by(
 
 
 def renumbered(material: Material, numbers: dict[int, int]) -> Material:
-    """The material with other numbers of its images."""
+    """The material with its image indices renumbered."""
     textures = material.textures
     moved = {slot: replace(one, image=numbers[one.image]) for slot, one in textures.items()}
     return material.with_textures(moved)
@@ -176,12 +177,12 @@ def renumbered(material: Material, numbers: dict[int, int]) -> Material:
 def validated_materials(
     materials: Sequence[Material], images: Sequence[Image]
 ) -> tuple[Material, ...]:
-    """The materials, if they show images that are there, have names of their own and are finite.
+    """The materials, if their images exist, their names are unique and their numbers finite.
 
     Raises
     ------
     InvalidInputError
-        Naming the material, and what is wrong with it.
+        Naming the material, and its fault.
     """
     for name, number in Counter(one.name for one in materials).items():
         if number > 1:
@@ -208,7 +209,7 @@ def _validated(given: Material, n_images: int) -> Material:
 
 
 def _plain(one: Material | Texture, place: str) -> dict[str, Any]:
-    """Its numbers as floats, which are checked, and its choices as members of their enums."""
+    """Checked numbers as floats, and choices as members of their enums."""
     found: dict[str, Any] = {}
     for name, default in _DEFAULTS[type(one)]:
         value = getattr(one, name)

@@ -23,14 +23,14 @@ ROW_VERTICES = 128
 
 @dataclass(frozen=True, eq=False)
 class Extent:
-    """How far positions reach, in model units.
+    """The extent of positions, in model units.
 
     Attributes
     ----------
     low, high : float64 arrays of shape (3,)
         Corners of the bounding box of all frames.
     mean_diagonal : float
-        Diagonal of the bounding box of a frame, the mean of all frames.
+        Mean of the diagonals of the bounding boxes of all frames.
     """
 
     low: npt.NDArray[np.float64]
@@ -39,7 +39,7 @@ class Extent:
 
 
 class FrameSource(Protocol):
-    """An animated mesh whose frames are read when they are asked for.
+    """An animated mesh whose frames are read on demand.
 
     A `MeshSequence` is one; so are frame files that need not fit into memory together.
     """
@@ -70,7 +70,7 @@ class FrameSource(Protocol):
 
     @property
     def surface(self) -> Surface:
-        """What the mesh carries beside positions and triangles."""
+        """Polygons, attributes, groups, parts and materials of the mesh."""
 
     @property
     def dtype(self) -> np.dtype[np.floating]:
@@ -78,11 +78,11 @@ class FrameSource(Protocol):
 
     @property
     def extent(self) -> Extent:
-        """How far the positions of all frames reach."""
+        """Extent of the positions of all frames."""
 
     @property
     def is_portable(self) -> bool:
-        """Whether another process can read the frames, from a copy that holds none of them."""
+        """Whether another process can read the frames from a copy that does not hold them."""
 
     def read(self, start: int, stop: int) -> Vertices:
         """Positions of frames start..stop - 1, of shape (stop - start, V, 3), all finite."""
@@ -105,18 +105,18 @@ class MeshSequence:
     fps : float, default 0
         Frames per second; 0 means unknown.
     name : str, default ""
-        A name to show; nothing depends on it.
+        A name to show; it has no other effect.
     start_s : float, default 0
         Time of the first frame, in seconds.
     surface : Surface, optional
-        What the mesh carries beside positions and triangles: polygons, texture coordinates,
-        colours, materials, and the parts that were merged. Default: nothing.
+        Polygons, texture coordinates, colours, materials and merged parts of the mesh. Default:
+        none.
 
     Raises
     ------
     InvalidInputError
-        If an array has another shape or type, a value is not finite, a face names a vertex
-        that is not there, the frame rate is negative or not finite, or the surface does not fit.
+        If an array has another shape or type, a value is not finite, a face refers to a vertex that
+        does not exist, the frame rate is negative or not finite, or the surface does not fit.
     """
 
     vertices: Vertices
@@ -162,12 +162,12 @@ class MeshSequence:
 
     @property
     def is_portable(self) -> bool:
-        """Whether another process can read the frames: a copy would hold all of them."""
+        """False: a copy for another process would hold all frames."""
         return False
 
     @cached_property
     def extent(self) -> Extent:
-        """How far the positions of all frames reach."""
+        """Extent of the positions of all frames."""
         return extent_of(self.vertices)
 
     def read(self, start: int, stop: int) -> Vertices:
@@ -200,7 +200,7 @@ class MeshSequence:
 
 
 def positions_size_bytes(source: FrameSource) -> int:
-    """Bytes that the positions of all frames take in memory."""
+    """Size of the positions of all frames in memory, in bytes."""
     return source.n_frames * source.n_verts * 3 * source.dtype.itemsize
 
 
@@ -210,8 +210,8 @@ def extent_of(vertices: Vertices) -> Extent:
 
 
 def extent_of_boxes(low: Corners, high: Corners) -> Extent:
-    """The extent of frames whose bounding boxes have these corners, of shape (T, 3)."""
-    # Halved, for the difference of two very large numbers has none.
+    """The extent of frames, given the corners of their bounding boxes, of shape (T, 3)."""
+    # Halved, since the difference of two very large numbers overflows.
     return Extent(low.min(axis=0), high.max(axis=0), 2 * mean_length(high / 2 - low / 2))
 
 
@@ -223,7 +223,7 @@ def bounding_boxes(vertices: Vertices) -> tuple[Corners, Corners]:
 
 def _over_vertices(reduce: np.ufunc, vertices: Vertices) -> Vertices:
     """The minimum or maximum of each frame, of shape (T, 3)."""
-    # Many vertices in a row at a time: rows of three numbers are reduced ten times slower.
+    # Rows of many vertices: rows of three numbers are reduced ten times slower.
     n_frames, n_verts, _ = vertices.shape
     width = min(n_verts, ROW_VERTICES)
     whole = n_verts - n_verts % width
@@ -234,13 +234,13 @@ def _over_vertices(reduce: np.ufunc, vertices: Vertices) -> Vertices:
 
 
 def mean_length(vectors: npt.NDArray[np.float64]) -> float:
-    """Mean length of vectors of shape (N, 3), however tiny they are."""
-    largest = float(np.abs(vectors).max()) or 1.0  # taken out, for squares of tiny numbers are 0
+    """Mean length of vectors of shape (N, 3), accurate for tiny ones too."""
+    largest = float(np.abs(vectors).max()) or 1.0  # divided out: squares of tiny numbers are 0
     return largest * float(np.linalg.norm(vectors / largest, axis=1).mean())
 
 
 def validate_vertices(vertices: Any) -> Vertices:
-    """The array itself if it holds finite positions of shape (T, V, 3), T and V at least 1.
+    """The array itself, if it holds finite positions of shape (T, V, 3), T and V at least 1.
 
     Raises
     ------
@@ -274,7 +274,7 @@ def validate_finite(vertices: Vertices, *, first_frame: int = 0) -> None:
     Raises
     ------
     InvalidInputError
-        Naming the first frame and vertex that is not.
+        Naming the first frame and vertex that is not finite.
     """
     for index, frame in enumerate(vertices):
         is_finite = np.isfinite(frame)
@@ -287,7 +287,7 @@ def validate_finite(vertices: Vertices, *, first_frame: int = 0) -> None:
 
 
 def validate_faces(faces: Any, n_verts: int) -> Faces:
-    """The faces as int32 of shape (M, 3) if every index is in 0..V-1 and M is at least 1.
+    """The faces as int32 of shape (M, 3), if all indices are in 0..V-1 and M is at least 1.
 
     Raises
     ------
@@ -314,12 +314,12 @@ def validate_faces(faces: Any, n_verts: int) -> Faces:
 
 
 def validate_fps(fps: float) -> float:
-    """The frame rate itself if it is finite and not negative.
+    """The frame rate itself, if it is finite and not negative.
 
     Raises
     ------
     InvalidInputError
-        Naming what it is.
+        Naming the value.
     """
     fps = float(fps)
     if not (np.isfinite(fps) and fps >= 0):
@@ -328,12 +328,12 @@ def validate_fps(fps: float) -> float:
 
 
 def validate_start(start_s: float) -> float:
-    """The time of the first frame itself if it is finite.
+    """The time of the first frame itself, if it is finite.
 
     Raises
     ------
     InvalidInputError
-        Naming what it is.
+        Naming the value.
     """
     start_s = float(start_s)
     if not np.isfinite(start_s):
@@ -342,7 +342,7 @@ def validate_start(start_s: float) -> float:
 
 
 def read_only(array: Any) -> Any:
-    """A view of an array that cannot be written to."""
+    """A read-only view of an array."""
     view = array.view()
     view.flags.writeable = False
     return view

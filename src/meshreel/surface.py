@@ -1,4 +1,4 @@
-"""Surface: what a mesh carries beside positions and triangles, the same in every frame."""
+"""Surface: polygons, attributes, groups, parts and materials of a mesh, equal in all frames."""
 
 from dataclasses import dataclass, replace
 from enum import StrEnum
@@ -13,14 +13,14 @@ from meshreel.materials import Image, Material, validated_materials
 Int32s = npt.NDArray[np.int32]
 
 VALUE_TYPES = tuple(np.dtype(name) for name in ("u1", "i4", "f4", "f8"))
-"""Number types that values of an attribute can have."""
+"""Number types of attribute values."""
 
 MAX_NUMBERS = 16
-"""Most numbers that an attribute has for one vertex, face or corner."""
+"""Largest number of components of an attribute value."""
 
 
 class Domain(StrEnum):
-    """What an attribute has a value for; faces are polygons, and corners are theirs."""
+    """Elements that an attribute has values for; faces are polygons, corners are theirs."""
 
     VERTEX = "vertex"
     FACE = "face"
@@ -28,7 +28,7 @@ class Domain(StrEnum):
 
 
 class Kind(StrEnum):
-    """What an attribute means."""
+    """Meaning of an attribute."""
 
     UV = "uv"
     COLOR = "color"
@@ -42,7 +42,7 @@ class Attribute:
     Parameters
     ----------
     name : str
-        As the file calls it, or what the kind is called ("uv", "color").
+        Name in the file, or the name of the kind ("uv", "color").
     kind : Kind
         A texture coordinate has two numbers, v upwards; a colour three or four, of 0..1 if they
         are floats, of 0..255 if they are bytes.
@@ -50,7 +50,7 @@ class Attribute:
     values : uint8, int32, float32 or float64 array of shape (N, C)
         C in 1..16.
     indices : int32 array, optional
-        The row of `values` of each vertex, face or corner. Default: one row each, in order.
+        Row of `values` of each vertex, face or corner. Default: one row each, in order.
     """
 
     name: str
@@ -78,7 +78,7 @@ class FaceGroups:
     Parameters
     ----------
     name : str
-        What the groups are: "material", "group".
+        Kind of the groups: "material", "group".
     labels : tuple of str
     numbers : int32 array of shape (P,)
         The group of each face, an index of `labels`; -1 is none.
@@ -94,14 +94,14 @@ class FaceGroups:
 
 @dataclass(frozen=True)
 class Part:
-    """One of several meshes that were merged; its vertices and faces follow one another.
+    """One of several meshes that were merged; its vertices and faces are contiguous.
 
     Parameters
     ----------
     name : str
-        Its path in the file that it came from.
+        Path in the file that it came from.
     n_verts, n_faces : int
-        Vertices, and faces (polygons), at least 0; parts follow one another and are all there is.
+        Vertices, and faces (polygons), at least 0; the parts together are the whole mesh, in order.
     """
 
     name: str
@@ -111,7 +111,7 @@ class Part:
 
 @dataclass(frozen=True, eq=False)
 class Surface:
-    """What a mesh carries beside positions and triangles, the same in every frame.
+    """Polygons, attributes, groups, parts and materials of a mesh, equal in all frames.
 
     Parameters
     ----------
@@ -123,9 +123,9 @@ class Surface:
     parts : tuple of Part
         Empty for a mesh of one part.
     materials : tuple of Material
-        How faces look that have the label of that name in the groups "material".
+        Appearance of the faces that have the material's name as label in the groups "material".
     images : tuple of Image
-        Those that materials show.
+        Images that textures of the materials refer to.
     """
 
     face_sizes: Int32s | None = None
@@ -148,7 +148,7 @@ class Surface:
 
     @property
     def is_plain(self) -> bool:
-        """Whether there is nothing beside positions and triangles."""
+        """Whether the mesh has only positions and triangles."""
         carried = (self.attributes, self.groups, self.parts, self.materials, self.images)
         return self.face_sizes is None and not any(carried)
 
@@ -170,15 +170,14 @@ class Surface:
         return self.face_sizes
 
     def validated(self, n_verts: int, n_triangles: int) -> "Surface":
-        """The surface if it fits a mesh of so many vertices and triangles.
+        """The surface, if it fits a mesh of this many vertices and triangles.
 
-        Its arrays have the types that are documented then, and cannot be written to; sizes that
-        are all 3 are left out.
+        Its arrays are then read-only and of the documented types; sizes that are all 3 are omitted.
 
         Raises
         ------
         InvalidInputError
-            Naming what does not fit.
+            Naming the part that does not fit.
         """
         sizes = _validated_sizes(self.face_sizes, n_triangles)
         n_faces = n_triangles if sizes is None else len(sizes)
@@ -194,7 +193,7 @@ class Surface:
 
     @property
     def size_bytes(self) -> int:
-        """Bytes of its arrays and images."""
+        """Size of its arrays and images."""
         arrays = [self.face_sizes, *(groups.numbers for groups in self.groups)]
         for attribute in self.attributes:
             arrays += [attribute.values, attribute.indices]
@@ -202,7 +201,7 @@ class Surface:
         return n_shown + sum(array.nbytes for array in arrays if array is not None)
 
     def without_materials(self) -> "Surface":
-        """The surface without materials and images; labels of faces stay."""
+        """The surface without materials and images; labels of faces are kept."""
         return replace(self, materials=(), images=())
 
     def of_kind(self, kind: Kind) -> tuple[Attribute, ...]:
@@ -211,7 +210,7 @@ class Surface:
 
 
 PLAIN = Surface()
-"""The surface of a mesh of triangles and nothing else."""
+"""The surface of a mesh that has only triangles."""
 
 
 def _validated_sizes(sizes: Any, n_triangles: int) -> Int32s | None:
@@ -281,7 +280,7 @@ def _integers(values: Any, name: str) -> Int32s:
     array = np.asarray(values)
     if array.ndim != 1 or not np.issubdtype(array.dtype, np.integer):
         raise InvalidInputError(
-            f"{name} must be whole numbers of shape (N,); got {array.dtype} of {array.shape}"
+            f"{name} must be integers of shape (N,); got {array.dtype} of {array.shape}"
         )
     return np.ascontiguousarray(array, dtype=np.int32)
 

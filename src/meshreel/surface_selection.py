@@ -1,4 +1,4 @@
-"""Some of what a mesh carries, by name."""
+"""Selection of attributes and groups of a surface by name."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
@@ -7,15 +7,15 @@ from meshreel.errors import InvalidInputError
 from meshreel.surface import Attribute, FaceGroups, Kind, Surface
 
 Names = str | Sequence[str]
-"""Names of attributes and groups: a list, or text as in "uv,color"; "all" or "none" of them."""
+"""Names of attributes and groups: a list, or text such as "uv,color"; or "all", or "none"."""
 
 ALL, NONE = "all", "none"
 
 
 def selected(surface: Surface, names: Names) -> Surface:
-    """A surface of the attributes and groups of these names; polygons and parts stay.
+    """A surface with the attributes and groups of these names, and all polygons and parts.
 
-    How materials look, and their images, stay with the groups "material".
+    Materials and images are kept with the groups "material".
 
     Parameters
     ----------
@@ -26,7 +26,7 @@ def selected(surface: Surface, names: Names) -> Surface:
     Raises
     ------
     InvalidInputError
-        If a name is not there; what is there is listed.
+        If a name does not exist; lists those that do.
     """
     if names == ALL:
         return surface
@@ -36,7 +36,7 @@ def selected(surface: Surface, names: Names) -> Surface:
 
 
 def chosen(surface: Surface, names: Names) -> Surface:
-    """As `selected`, without what is not there."""
+    """As `selected`, but names that do not exist are ignored."""
     if names == ALL:
         return surface
     wanted = set(listed_names(names))
@@ -47,13 +47,13 @@ def chosen(surface: Surface, names: Names) -> Surface:
 
 
 def missing_names(surface: Surface, names: Names) -> list[str]:
-    """The names that nothing of a surface has."""
+    """The names that no attribute or group of a surface has."""
     there = {one.name for one in surface.groups}.union(*map(_names_of, surface.attributes))
     return [] if names == ALL else [name for name in listed_names(names) if name not in there]
 
 
 def describe_missing(surface: Surface, names: Sequence[str]) -> str:
-    """In words, that nothing has these names, and what has others."""
+    """A message that these names do not exist, and which do."""
     carried: list[Attribute | FaceGroups] = [*surface.attributes, *surface.groups]
     there = [repr(one.name) for one in carried]
     found = f"it carries {', '.join(there)}" if there else "it carries none"
@@ -61,7 +61,7 @@ def describe_missing(surface: Surface, names: Sequence[str]) -> str:
 
 
 def listed_names(names: Names) -> list[str]:
-    """Names one by one; none for "none".
+    """List of the names; empty for "none".
 
     Raises
     ------
@@ -79,14 +79,14 @@ def listed_names(names: Names) -> list[str]:
 
 
 def differing_names(first: Surface, other: Surface) -> list[str]:
-    """Names of attributes and groups that two surfaces do not have alike."""
+    """Names of attributes and groups that differ between two surfaces."""
     given, found = (dict(_contents(one)) for one in (first, other))
     names = [name for name in {**given, **found} if given.get(name) != found.get(name)]
     return list(dict.fromkeys(name for _, name in names))
 
 
 def _contents(surface: Surface) -> Iterator[tuple[tuple[str, str], tuple[object, ...]]]:
-    """What is compared of each attribute and each kind of groups, by what it is and its name."""
+    """Type and name of each attribute and each kind of groups, with the content to compare."""
     for one in surface.attributes:
         values = one.per_item()
         yield ("attribute", one.name), (one.domain, values.dtype, values.shape, values.tobytes())
@@ -95,6 +95,6 @@ def _contents(surface: Surface) -> Iterator[tuple[tuple[str, str], tuple[object,
 
 
 def _names_of(attribute: Attribute) -> set[str]:
-    """What an attribute may be called: its name, and its kind if that says what it is."""
+    """Names that select an attribute: its own, and its kind unless that is "other"."""
     is_named_by_kind = attribute.kind is not Kind.OTHER
     return {attribute.name, *([str(attribute.kind)] if is_named_by_kind else [])}

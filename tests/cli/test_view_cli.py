@@ -221,7 +221,7 @@ def test_export_tells_its_size_when_it_is_done(page, reel, tmp_path):
     assert inlined(target.read_text())["api/reel"]["n_frames"] == 12
     table = run_with(page, "export", reel, "-o", target, "--force").stdout
     assert "size" in table
-    assert "of it animation" in table
+    assert "of which animation" in table
 
 
 def test_export_keeps_a_page_when_it_is_there_already(page, reel, tmp_path):

@@ -1,4 +1,4 @@
-"""What may stand in the brackets of a sequence or an open file, and what does not."""
+"""Indices of frames in a sequence or an open file, valid and invalid."""
 
 from io import BytesIO
 

@@ -11,7 +11,7 @@ from meshreel.codec.choices import Order
 from meshreel.codec.config import EncoderConfig
 from meshreel.codec.encoder import encode
 from meshreel.codec.inspect import info
-from meshreel.codec.surface.payloads import what_order_loses
+from meshreel.codec.surface.payloads import order_loss_note
 from meshreel.codec.surface.uv_errors import measure_uvs
 from meshreel.codec.surface.uv_grid import has_uvs
 from meshreel.errors import InvalidInputError
@@ -116,7 +116,7 @@ def encode_input(
     data = encode(sequence, **vars(config), engine=engine)
     achieved = measure_stream(sequence, data, order=config.order, with_sted=config.sted is not None)
     stream = info(data)
-    if lost := what_order_loses(sequence.surface, Order[stream.order.upper()]):
+    if lost := order_loss_note(sequence.surface, Order[stream.order.upper()]):
         notes.append(lost)
     uv = None if config.uv_bits is None else measure_uvs(sequence, data)
     figures = {

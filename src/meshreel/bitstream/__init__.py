@@ -1,1 +1,1 @@
-"""The container: header, sections and their checksums. It knows no mathematics."""
+"""The container format: header, sections and their checksums, whatever they hold."""

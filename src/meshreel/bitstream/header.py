@@ -1,4 +1,4 @@
-"""The header of a stream: what it holds and how it was made."""
+"""The header of a stream: its sizes, method and number types."""
 
 import struct
 import zlib
@@ -22,28 +22,29 @@ LONGEST_HEADER = _FIXED.size + MAX_NAME_BYTES + _CHECKSUM.size
 
 @dataclass(frozen=True)
 class Header:
-    """What a reader must know before the first section.
+    """The header of a stream.
 
     Attributes
     ----------
     n_frames : int
-        0: not known when the header was written; as many as the blocks hold.
+        0 if unknown when the header was written: then it is the sum over the blocks.
     n_verts, n_faces : int
         At least 1 each.
     fps : float
         Frames per second; 0 = unknown.
     vertex_type : VertexType
-        Number type of the positions that came in, and that go out.
+        Number type of the positions, of the input and of the output.
     method : int
         Code of the method (`codec.methods`).
     laplacian : int
-        Code of the Laplacian (`codec.methods`).
+        Code of the Laplacian (`codec.choices`).
     order : int
-        Code of what is kept of the vertex and face order (`codec.methods`).
+        Code of what is kept of the vertex and face order (`codec.choices`).
     origin : tuple of 3 floats
         Centre of the model, in model units.
     scale : float
-        Size of the model in model units; everything else in the stream is relative to it.
+        Diagonal of the bounding box in model units; all other lengths in the stream are relative to
+        it.
     name : str
         At most `MAX_NAME_BYTES` in UTF-8.
     """
@@ -84,7 +85,7 @@ def write_header(header: Header) -> bytes:
 
 
 def read_header(data: bytes) -> tuple[Header, int]:
-    """The header at the start of a stream, and the position behind it.
+    """The header at the start of a stream, and the position after it.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Where the blocks of a stream lie, so that one can be read without those before it."""
+"""The index of a stream: positions of its blocks, for random access."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,7 +9,7 @@ from meshreel.errors import CorruptStreamError
 
 @dataclass(frozen=True)
 class BlockPlace:
-    """A block of frames in a stream.
+    """Position and size of a block of frames in a stream.
 
     Attributes
     ----------
@@ -27,12 +27,12 @@ class BlockPlace:
 
     @property
     def end(self) -> int:
-        """Byte behind its last section."""
+        """Byte after its last section."""
         return self.position + self.size_bytes
 
 
 def write_index(places: Sequence[BlockPlace]) -> bytes:
-    """Payload of the section INDEX: blocks lie one behind another, and it lies behind the last."""
+    """Payload of the section INDEX; blocks are consecutive, and the index follows the last."""
     first = places[0].position if places else 0
     numbers = [first, len(places)]
     for place in places:
@@ -41,7 +41,7 @@ def write_index(places: Sequence[BlockPlace]) -> bytes:
 
 
 def read_index(payload: bytes, end: int) -> list[BlockPlace]:
-    """Undo `write_index`.
+    """Positions of the blocks, which `write_index` wrote.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Every constant of the container; `docs/format.md` says what each means."""
+"""The constants of the container, which `docs/format.md` explains."""
 
 from enum import IntEnum
 from struct import Struct
@@ -8,7 +8,7 @@ MAGIC = b"\x89REEL\r\n\x1a"
 
 FORMAT_VERSION = 2
 OLDEST_VERSION = 1
-"""Versions that this build reads: from the oldest to that which it writes."""
+"""Versions that this build reads, from the oldest to the one that it writes."""
 
 OPTIONAL = 0x80
 """Bit of a section id: readers that do not know the section skip it."""
@@ -41,16 +41,16 @@ class Section(IntEnum):
 
 
 class VertexType(IntEnum):
-    """Number type of the positions, by its bytes."""
+    """Number type of the positions, by its size in bytes."""
 
     FLOAT32 = 4
     FLOAT64 = 8
 
 
 MAX_POSITIONS_PER_BYTE = 256
-"""A stream holds at most this many positions (vertex times frame) and faces a byte.
+"""A stream holds at most this many positions (vertex times frame) and faces per byte.
 
-Readers refuse what claims more before they allocate; writers pad what would be smaller.
+Readers refuse streams that announce more before they allocate; writers pad shorter streams.
 """
 
 INDEX_POSITION = Struct("<Q")
@@ -61,5 +61,5 @@ MAX_NAME_BYTES = 4096
 
 
 def least_size_bytes(n_things: int) -> int:
-    """Bytes that hold so many positions or faces at least."""
+    """Least number of bytes of a stream with this many positions or faces."""
     return -(-n_things // MAX_POSITIONS_PER_BYTE)

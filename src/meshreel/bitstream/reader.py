@@ -1,4 +1,4 @@
-"""The parts of a stream, each checked before anything of it is believed."""
+"""Reader of the parts of a stream, each checked before it is used."""
 
 import os
 from collections.abc import Iterator
@@ -27,7 +27,7 @@ BLOCK_SECTIONS = range(Section.BLOCK, Section.PADDING)
 
 @dataclass(frozen=True)
 class Stream:
-    """A stream taken apart; its blocks are read when they are asked for.
+    """A parsed stream; its blocks are read on demand.
 
     Attributes
     ----------
@@ -38,9 +38,9 @@ class Stream:
     leading : tuple of StoredSection
         Sections before the first block, without unknown optional ones.
     places : tuple of BlockPlace
-        Of all blocks that are whole.
+        Positions of all complete blocks.
     is_whole : bool
-        Whether it has its end marker; else its writer was stopped, or the end was lost.
+        Whether it has its end marker; else writing was interrupted, or the end was lost.
     """
 
     file: BinaryIO
@@ -70,16 +70,16 @@ class Stream:
 
     @cached_property
     def starts(self) -> list[int]:
-        """First frame of each block that is whole, and the number of all frames."""
+        """First frame of each complete block, and the number of all frames."""
         return list(accumulate((place.n_frames for place in self.places), initial=0))
 
     @property
     def n_frames(self) -> int:
-        """Frames of all blocks that are whole."""
+        """Number of frames of all complete blocks."""
         return self.starts[-1]
 
     def only(self, section: Section) -> bytes:
-        """Payload of the one section of this id before the first block.
+        """Payload of the only section of this id before the first block.
 
         Raises
         ------
@@ -99,7 +99,7 @@ class Stream:
         Raises
         ------
         CorruptStreamError
-            If its bytes are damaged, it has the same section twice, or others than a block has.
+            If its bytes are damaged, a section occurs twice, or one does not belong to a block.
         """
         place = self.places[number]
         sections: dict[Section, bytes] = {}
@@ -142,15 +142,15 @@ def read_stream(data: bytes) -> Stream:
 
 
 def open_stream(file: BinaryIO) -> Stream:
-    """A stream in a file, of which only what comes before the blocks, and the index, is read.
+    """A stream in a file, of which only the index and the sections before the blocks are read.
 
-    Where the index is missing or damaged, blocks are found by reading the file once; what follows
-    the last whole block is left out then.
+    Where the index is missing or damaged, blocks are found by reading the file once; whatever
+    follows the last complete block is then ignored.
 
     Raises
     ------
     CorruptStreamError, TruncatedStreamError
-        If the header is damaged, or no block is whole.
+        If the header is damaged, or no block is complete.
     UnsupportedVersionError
         If a newer build is needed.
     """
@@ -179,13 +179,13 @@ def _check_index(scan: "_Scan") -> None:
     """
     position, payload = scan.index or (0, b"")
     if scan.end_payload != (INDEX_POSITION.pack(position) if scan.index else b""):
-        raise CorruptStreamError("the end marker does not say where the index is")
+        raise CorruptStreamError("the end marker does not point to the index")
     if scan.index and read_index(payload, position) != scan.places:
         raise CorruptStreamError("the index contradicts the blocks")
 
 
 def _indexed_places(file: BinaryIO, start: int, size_bytes: int) -> tuple[BlockPlace, ...]:
-    """What the index says, which the end marker leads to.
+    """Positions of the blocks from the index, which the end marker points to.
 
     Raises
     ------
@@ -206,7 +206,7 @@ def _indexed_places(file: BinaryIO, start: int, size_bytes: int) -> tuple[BlockP
 
 
 def _sections(file: BinaryIO, start: int, end: int) -> Iterator[StoredSection]:
-    """Sections from one byte to another, without unknown ones."""
+    """Sections between two positions, without unknown ones."""
     position = start
     while position < end:
         stored, behind = read_section(file, position, end)
@@ -217,21 +217,21 @@ def _sections(file: BinaryIO, start: int, end: int) -> Iterator[StoredSection]:
 
 @dataclass(frozen=True)
 class _Scan:
-    """What reading a stream from its first section on brought.
+    """The result of reading a stream section by section.
 
     Attributes
     ----------
     leading : list of StoredSection
     places : list of BlockPlace
-        Of the blocks that are whole.
+        Positions of the complete blocks.
     end : int
-        Byte behind the last section that is whole.
+        Byte after the last complete section.
     index : tuple of int and bytes, or None
         Position and payload of the last section INDEX.
     end_payload : bytes
         Of the end marker.
     damage : MeshReelError or None
-        What stopped it before the end marker.
+        The error that ended it before the end marker.
     """
 
     leading: list[StoredSection]
@@ -242,17 +242,17 @@ class _Scan:
     damage: MeshReelError | None
 
     def stream(self, file: BinaryIO, size_bytes: int, header: Header, start: int) -> Stream:
-        """The stream as far as it is whole."""
+        """The stream as far as it is complete."""
         is_whole = self.damage is None
         leading, places = tuple(self.leading), tuple(self.places)
         return Stream(file, size_bytes, header, start, leading, places, is_whole)
 
 
 def _scan(file: BinaryIO, start: int, size_bytes: int) -> _Scan:
-    """Read up to the end marker, or to what is damaged."""
+    """The sections up to the end marker, or up to the first damaged one."""
     leading: list[StoredSection] = []
     places: list[BlockPlace] = []
-    block: tuple[int, int] | None = None  # frames and position of the block that is read
+    block: tuple[int, int] | None = None  # frames and position of the current block
     index: tuple[int, bytes] | None = None
     last, position, end_payload, damage = None, start, b"", None
 
@@ -285,7 +285,7 @@ def _scan(file: BinaryIO, start: int, size_bytes: int) -> _Scan:
 
 
 def _n_frames(payload: bytes) -> int:
-    """Frames of a block, which its first section begins with."""
+    """Number of frames of a block, which its first section begins with."""
     n_frames, _ = read_varint(payload, 0)
     if not n_frames:
         raise CorruptStreamError("a block announces 0 frames; it must have at least 1")

@@ -1,4 +1,4 @@
-"""Sections: id, length, payload and a checksum of all three."""
+"""Sections of a stream: id, length, payload and a checksum of all three."""
 
 import struct
 import zlib
@@ -12,12 +12,12 @@ from meshreel.errors import CorruptStreamError, TruncatedStreamError, Unsupporte
 _CHECKSUM = struct.Struct("<I")
 
 END_SIZE_BYTES = 2 + INDEX_POSITION.size + _CHECKSUM.size
-"""Size of an end marker that says where the index is."""
+"""Size of an end marker that points to the index."""
 
 
 @dataclass(frozen=True)
 class StoredSection:
-    """A section as it lies in the stream.
+    """A section as it is stored in the stream.
 
     Attributes
     ----------
@@ -41,7 +41,7 @@ def write_section(section: Section, payload: bytes) -> bytes:
 def read_section(
     file: BinaryIO, position: int, size_bytes: int
 ) -> tuple[StoredSection | None, int]:
-    """The section at `position` of a stream of so many bytes, and the position behind it.
+    """The section at `position` of a stream of this many bytes, and the position after it.
 
     Returns None in place of an optional section that this build does not know.
 

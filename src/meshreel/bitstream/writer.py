@@ -1,4 +1,4 @@
-"""A stream, written part by part: what is written is never touched again."""
+"""Writer of streams, part by part: bytes that are written never change."""
 
 from collections.abc import Iterable
 from io import BytesIO
@@ -13,9 +13,9 @@ Sections = Iterable[tuple[Section, bytes]]
 
 
 class StreamWriter:
-    """Writes a stream to a file: header and leading sections at once, then blocks as they come.
+    """Writes a stream to a file: header and leading sections first, then one block after another.
 
-    After every block the file can be read up to there, whatever happens to the writer.
+    The file is readable up to the last block written, even if the writer is interrupted.
 
     Parameters
     ----------
@@ -24,7 +24,7 @@ class StreamWriter:
     header : Header
         Its number of frames is 0 if it is not known yet.
     leading : iterable of (Section, bytes)
-        What comes before the first block.
+        The sections before the first block.
     """
 
     def __init__(self, file: BinaryIO, header: Header, leading: Sections) -> None:
@@ -47,7 +47,7 @@ class StreamWriter:
         ----------
         n_frames : int
         sections : iterable of (Section, bytes)
-            BLOCK first and COEFFICIENTS last: a block whose last section is whole is whole.
+            BLOCK first and COEFFICIENTS last: a block whose last section is complete is complete.
         """
         (first, *others), start = list(sections), self._position
         head = write_section(*first)
@@ -90,5 +90,5 @@ def whole_stream(
 
 
 def _padding(missing: int) -> bytes:
-    """What brings a part of a stream up to the least size that its counts need."""
+    """A section that pads a part of a stream to the least size that its counts need."""
     return write_section(Section.PADDING, bytes(missing)) if missing > 0 else b""

@@ -1,4 +1,4 @@
-"""The command line; each command is a thin file that calls the library."""
+"""The command line; each command is a thin module that calls the library."""
 
 from meshreel.cli.app import main
 

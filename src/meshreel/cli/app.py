@@ -10,13 +10,13 @@ from meshreel.cli.commands import MARKUP, Group
 from meshreel.cli.option_names import in_option_names
 from meshreel.errors import MeshReelError
 
-# The base of all that is wrong with a command line: typer has it from click, or its own copy.
+# Base class of all usage errors: from click, or from typer's own copy of it.
 CommandLineError: type[Exception] = typer.BadParameter.mro()[2]
 
 app = typer.Typer(
     name="meshreel",
     cls=Group,
-    help="Compress animated triangle meshes of fixed connectivity, and get them back.",
+    help="Compress and decompress animated triangle meshes of fixed connectivity.",
     invoke_without_command=True,
     rich_markup_mode=MARKUP,
     pretty_exceptions_enable=False,
@@ -36,13 +36,13 @@ def _common(
         False, "--version", callback=_print_version, is_eager=True, help="Print the version."
     ),
 ) -> None:
-    """Compress animated triangle meshes of fixed connectivity, and get them back."""
+    """Compress and decompress animated triangle meshes of fixed connectivity."""
     if context.invoked_subcommand is None:
         typer.echo(context.get_help())
 
 
 def main() -> None:
-    """Run the program: exit code 0, or 1 with one line on stderr that says what is wrong."""
+    """Run the program: exit code 0, or 1 with an error message of one line on stderr."""
     try:
         status = app(prog_name="meshreel", standalone_mode=False)
     except CommandLineError as error:
@@ -61,7 +61,7 @@ def main() -> None:
 
 
 def _missing(path: str) -> str:
-    """What is said of an input that is not there; `find_files` says the same."""
+    """Message for a missing input; the same as that of `find_files`."""
     return f"there is no file or folder {str(path)!r}; check it"
 
 

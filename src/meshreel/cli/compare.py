@@ -1,4 +1,4 @@
-"""`meshreel compare`: how far a decoded animation is from its original."""
+"""`meshreel compare`: errors of a decoded animation relative to its original."""
 
 from pathlib import Path
 from typing import Annotated
@@ -32,7 +32,7 @@ def compare_command(
     ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print the figures as JSON.")] = False,
 ) -> None:
-    """Measure the error of a decoded animation against its original.
+    """Measure the error of a decoded animation relative to its original.
 
     Examples:
 

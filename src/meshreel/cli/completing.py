@@ -1,4 +1,4 @@
-"""What the shell offers when an argument is begun: files that can be read or written, and names."""
+"""Shell completion: files that can be read or written, and names."""
 
 from collections.abc import Callable, Iterable
 from pathlib import Path
@@ -7,7 +7,7 @@ REEL = ".reel"
 
 
 def names_of(names: Iterable[str]) -> Callable[[str], list[str]]:
-    """A function that gives those of the names that begin so."""
+    """A function from an incomplete name to those of the names that begin with it."""
     every = list(names)
 
     def begun(incomplete: str) -> list[str]:
@@ -29,31 +29,31 @@ def reel_files(incomplete: str) -> list[str]:
 
 
 def output_files(incomplete: str) -> list[str]:
-    """The name that is begun with every ending that can be written: "walk." gives "walk.abc"."""
+    """The incomplete name with every ending that can be written: "walk." gives "walk.abc"."""
     from meshreel.formats.registry import FORMATS, is_written
 
     return with_endings(incomplete, [one.ending for one in FORMATS.values() if is_written(one)])
 
 
 def pages(incomplete: str) -> list[str]:
-    """The name that is begun as a page."""
+    """The incomplete name with the ending of a page."""
     return with_endings(incomplete, [".html"])
 
 
 def pictures(incomplete: str) -> list[str]:
-    """The name that is begun as a picture or a film."""
+    """The incomplete name with the endings of pictures and films."""
     return with_endings(incomplete, [".png", ".mp4", ".gif"])
 
 
 def streams(incomplete: str) -> list[str]:
-    """The name that is begun as a stream."""
+    """The incomplete name with the ending of a stream."""
     return with_endings(incomplete, [REEL])
 
 
 def with_endings(incomplete: str, endings: Iterable[str]) -> list[str]:
-    """The name that is begun with each of the endings; none while its stem is not typed.
+    """The incomplete name with each of the endings; none while its stem is incomplete.
 
-    Then, and where nothing fits, the shell offers what it would of itself.
+    Then, and where nothing fits, the shell uses its own completion.
     """
     stem, dot, begun = Path(incomplete).name.rpartition(".")
     if not dot or not stem:
@@ -63,9 +63,9 @@ def with_endings(incomplete: str, endings: Iterable[str]) -> list[str]:
 
 
 def _files(incomplete: str, endings: set[str]) -> list[str]:
-    """Files of these endings that are begun so, and folders if there are such files.
+    """Files of these endings that begin with the incomplete name, and folders if there are any.
 
-    Where only folders fit, the shell's own way is better: it puts no space behind them.
+    Where only folders fit, the shell's own completion is better: it adds no space after them.
     """
     folder, slash, begun = incomplete.rpartition("/")
     place = Path((folder or "/") if slash else ".")

@@ -1,4 +1,4 @@
-"""What the commands show: progress to stderr, figures as tables or JSON to stdout."""
+"""Output of the commands: progress on stderr, figures as tables or JSON on stdout."""
 
 import json
 import threading
@@ -26,7 +26,7 @@ from meshreel.runtime.progress import Progress
 SHOW_AFTER_S = 1.0
 
 MIN_BAR, MAX_BAR = 8, 40
-"""Columns of the longest bar; where there is no room for the least, there are no bars."""
+"""Smallest and largest width of the longest bar in columns; without room there are no bars."""
 
 _BORDERS_AND_SHARE = "│  │  │ 100.0 % │  │"
 _EIGHTHS = " ▏▎▍▌▋▊▉█"
@@ -34,11 +34,11 @@ _EIGHTHS = " ▏▎▍▌▋▊▉█"
 
 @contextmanager
 def progress_bar() -> Iterator[Progress]:
-    """A listener that shows on stderr how far long work is.
+    """A progress callback that reports on stderr.
 
-    On a terminal a bar, once the work has taken a second; beside it stand the stage, the time
-    since the beginning, and, of what is counted, how many are done, how fast, and the time that is
-    left of the stage. Elsewhere a plain line now and then: see `progress_lines`.
+    On a terminal it shows a bar after a second, with the stage, the elapsed time and, for counted
+    items, their number, their rate and the remaining time of the stage. Elsewhere it writes a plain
+    line now and then: see `progress_lines`.
     """
     console = Console(stderr=True)
     with _bar(console) if console.is_terminal else progress_lines() as report:
@@ -57,7 +57,7 @@ def _bar(console: Console) -> Iterator[Progress]:
         console=console,
         transient=True,
     )
-    # Stages come to 1 one after the other; rich stops its clock when a total is reached.
+    # Several stages reach 1 in turn; rich stops its clock when a total is reached.
     task = bar.add_task("", total=1 + 1e-9, words="")
     clock = PaceClock()
     timer = threading.Timer(SHOW_AFTER_S, bar.start)
@@ -77,9 +77,9 @@ def _bar(console: Console) -> Iterator[Progress]:
 
 
 def print_json(figures: Mapping[str, Any]) -> None:
-    """The figures as JSON on stdout; numbers that are not finite become null.
+    """Print figures as JSON on stdout; numbers that are not finite become null.
 
-    Sentences under "notes" and "error" name options, as on the screen.
+    Messages under "notes" and "error" name options of the command line.
     """
     print(json.dumps(_plain(figures), indent=2))
 
@@ -104,7 +104,7 @@ def _worded(value: Any) -> Any:
 
 
 def print_table(title: str, rows: Mapping[str, str]) -> None:
-    """Two columns on stdout: what, and how much."""
+    """Print a table of names and values on stdout."""
     table = Table(show_header=False)
     table.add_column(no_wrap=True)
     table.add_column(justify="right")
@@ -114,7 +114,7 @@ def print_table(title: str, rows: Mapping[str, str]) -> None:
 
 
 def print_columns(title: str, headings: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
-    """A table on stdout whose first column holds names and the others figures."""
+    """Print a table on stdout, with names in the first column and figures in the others."""
     table = Table()
     for number, heading in enumerate(headings):
         table.add_column(heading, justify="right" if number else "left", overflow="fold")
@@ -124,7 +124,7 @@ def print_columns(title: str, headings: Sequence[str], rows: Iterable[Sequence[s
 
 
 def print_bars(title: str, sizes: Mapping[str, int]) -> None:
-    """Sizes in bytes on stdout, each with its share and a bar; none is wider than the terminal."""
+    """Print sizes in bytes on stdout with shares and bars, within the width of the terminal."""
     console = Console()
     total = sum(sizes.values()) or 1
     table = Table(show_header=False)
@@ -145,15 +145,15 @@ def print_bars(title: str, sizes: Mapping[str, int]) -> None:
 
 
 def _print_titled(console: Console, title: str, table: Table) -> None:
-    """A table under its title, in one piece however long: a path that is copied stays one."""
+    """Print a table under its title, which is never wrapped, so that paths can be copied."""
     console.print(title, style="bold", markup=False, highlight=False, soft_wrap=True)
     console.print(table)
 
 
 def text_bar(share: float, width: int, *, ascii_only: bool = False) -> str:
-    """A bar of letters that fills a share of so many columns, in eighths where they can be shown.
+    """A bar of characters over a share of a width in columns, in eighths where they can be shown.
 
-    What is more than nothing is never drawn as nothing.
+    Shares above 0 are never drawn as nothing.
     """
     if ascii_only:
         return "#" * max(round(share * width), 1 if share > 0 else 0)
@@ -167,14 +167,14 @@ def _is_ascii(console: Console) -> bool:
 
 
 def print_notes(notes: list[str]) -> None:
-    """What was done to the input, a line each, on stderr; each only once."""
+    """Print notes on stderr, one line each."""
     console = Console(stderr=True, highlight=False)
     for note in all_in_option_names(notes):
         console.print(f"note: {note}", markup=False, soft_wrap=not console.is_terminal)
 
 
 def size_text(size_bytes: float) -> str:
-    """A size that a person can read: 1234567 gives '1.23 MB'."""
+    """A size in a readable unit: 1234567 gives '1.23 MB'."""
     for unit in ("B", "kB", "MB"):
         if size_bytes < 999.5:
             return f"{size_bytes:.3g} {unit}"

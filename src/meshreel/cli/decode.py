@@ -31,8 +31,8 @@ def decode_command(
     modes: Annotated[
         int | None,
         typer.Option(
-            help="Move only the first so many modes; the others rest at their mean: a coarser "
-            "animation. Default: all."
+            help="Decode only this number of leading modes; the others are held at their mean: a "
+            "coarser animation. Default: all."
         ),
     ] = None,
     targets: TargetsOption = None,
@@ -43,9 +43,9 @@ def decode_command(
     as_json: Annotated[bool, typer.Option("--json", help="Print what was done as JSON.")] = False,
     profile: Annotated[bool, typer.Option("--profile", help="Print seconds by stage.")] = False,
 ) -> None:
-    """Give back the animation that a .reel file holds.
+    """Decode the animation of a .reel file.
 
-    Files of a pattern are numbered as their frames are.
+    Files of a pattern have the numbers of their frames.
 
     Examples:
 
@@ -110,7 +110,7 @@ def decode_command(
         )
         figures = written_figures(written, reel, len(wanted))
     if not reel.is_whole:
-        notes.append(f"{source} is cut off: these are the frames of its whole blocks")
+        notes.append(f"{source} is cut off: these are the frames of its complete blocks")
     print_notes(notes)
     if as_json:
         timing = {"profile": profile_figures(times)} if profile else {}

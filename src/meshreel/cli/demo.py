@@ -1,4 +1,4 @@
-"""`meshreel demo`: the main job on the embedded flag."""
+"""`meshreel demo`: encoding, decoding and comparing the embedded flag."""
 
 from pathlib import Path
 from typing import Annotated
@@ -18,7 +18,7 @@ def demo_command(
     ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print the figures as JSON.")] = False,
 ) -> None:
-    """Simulate a flag, compress it, get it back, and show what was lost.
+    """Simulate a flag, compress and decompress it, and show the error.
 
     Writes flag.npz (the original), flag.reel and flag.png (original and decoded side by side).
 

@@ -71,7 +71,7 @@ def encode_file(
     from meshreel.codec.choices import Order
     from meshreel.codec.encoder import encode
     from meshreel.codec.inspect import info
-    from meshreel.codec.surface.payloads import what_order_loses
+    from meshreel.codec.surface.payloads import order_loss_note
     from meshreel.codec.surface.uv_errors import measure_uvs
     from meshreel.runtime.outputs.atomic import replace_when_done
     from meshreel.runtime.profiling import stage
@@ -84,7 +84,7 @@ def encode_file(
         sequence, data, order=config.order, with_sted=with_sted, progress=progress
     )
     stream = info(data)
-    if lost := what_order_loses(sequence.surface, Order[stream.order.upper()]):
+    if lost := order_loss_note(sequence.surface, Order[stream.order.upper()]):
         notes.append(lost)
     uv = None if config.uv_bits is None else measure_uvs(sequence, data)
     return EncodedFile(target, stream, achieved, uv)

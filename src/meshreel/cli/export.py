@@ -1,4 +1,4 @@
-"""`meshreel export`: a .reel as a page that plays by itself."""
+"""`meshreel export`: a .reel as a self-contained page."""
 
 from pathlib import Path
 from typing import Annotated
@@ -33,8 +33,8 @@ def export_command(
 ) -> None:
     """Write a .reel file and its player as one HTML file, to mail or to put on any web server.
 
-    Its modes are rounded so that no vertex moves by more than 0.01 % of the diagonal. With
-    --original every frame of that goes along, which makes the page many times larger.
+    Its modes are quantised so that no vertex moves by more than 0.01 % of the diagonal. With
+    --original the page holds every frame of the original too, which makes it many times larger.
 
     Examples:
 
@@ -74,6 +74,6 @@ def export_command(
         notes = {"notes": reading.notes}
         print_json({"output": str(output), "size_bytes": size_bytes, "parts": parts, **notes})
         return
-    rows = {f"of it {part}": size_text(size) for part, size in parts.items()}
+    rows = {f"of which {part}": size_text(size) for part, size in parts.items()}
     stream = {"the stream itself": size_text(api.info.size_bytes)}
     print_table(str(output), {"size": size_text(size_bytes), **rows, **stream})

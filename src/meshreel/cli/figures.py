@@ -1,4 +1,4 @@
-"""Figures of streams and of quality, in words for tables."""
+"""Figures of streams and of quality, as text for tables."""
 
 from typing import TYPE_CHECKING, Any
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def size_figures(stream: "StreamInfo") -> dict[str, Any]:
-    """What `encode` prints as JSON."""
+    """Sizes and counts of a stream, as `encode` prints them as JSON."""
     everything = stream.as_dict()
     return {
         key: everything[key]
@@ -36,7 +36,7 @@ def size_rows(stream: "StreamInfo") -> dict[str, str]:
 
 
 def achieved_rows(achieved: "Achieved", stream: "StreamInfo") -> dict[str, str]:
-    """Errors of a stream that was just made, and its promise."""
+    """Measured errors of a stream, and its promised bound."""
     promised = stream.max_error_percent
     rows = {
         "KG error": f"{achieved.kg_error_percent:.4f} %",
@@ -57,7 +57,7 @@ def uv_figures(errors: "UvErrors | None") -> dict[str, Any]:
 
 
 def uv_rows(errors: "UvErrors | None") -> dict[str, str]:
-    """The same for a table; nothing if texture coordinates are exact or not there."""
+    """Errors of quantised texture coordinates for a table; none if they are exact or absent."""
     if errors is None:
         return {}
     return {
@@ -67,7 +67,7 @@ def uv_rows(errors: "UvErrors | None") -> dict[str, str]:
 
 
 def info_rows(stream: "StreamInfo") -> dict[str, str]:
-    """Everything the header says."""
+    """Contents of a stream and of its header."""
     rows = {
         "name": stream.name or "-",
         **size_rows(stream),
@@ -105,7 +105,7 @@ def info_rows(stream: "StreamInfo") -> dict[str, str]:
 
 
 def quality_rows(quality: "Quality") -> dict[str, str]:
-    """Errors with their units."""
+    """Quality figures with their units."""
     return {
         "KG error": f"{quality.kg_error_percent:.4f} %",
         "STED": f"{quality.sted:.5f}  (spatial {quality.sted_spatial:.5f}, "
@@ -119,13 +119,13 @@ def quality_rows(quality: "Quality") -> dict[str, str]:
 
 
 def promise_text(stream: "StreamInfo") -> str:
-    """The largest error that a stream promises, as a share and in the units of the model."""
+    """Error bound that a stream promises, as a share of the diagonal and in model units."""
     percent = stream.max_error_percent or 0.0
     return f"{percent:g} % of the diagonal, {percent / 100 * stream.diagonal:.4g} model units"
 
 
 def error_text(percent: float, diagonal: float) -> str:
-    """A distance as a share of the diagonal, and in the units of the model."""
+    """A distance as a share of the diagonal and in model units."""
     return f"{percent:.4f} % of the diagonal, {percent / 100 * diagonal:.4g} model units"
 
 
@@ -136,13 +136,13 @@ PANEL = (
 
 
 def player_rows(stream: "StreamInfo") -> dict[str, str]:
-    """What a player says about its file."""
+    """Rows of a player about its file."""
     rows = info_rows(stream)
     return {name: rows[name] for name in PANEL if name in rows}
 
 
 def measured_rows(measured: "Measured") -> dict[str, str]:
-    """What a player says about the errors of its file, in the words of `quality_rows`."""
+    """Rows of a player about the errors of its file, with the names of `quality_rows`."""
     errors = measured.errors
     return {
         "KG error": f"{errors.kg_error_percent:.4f} %",
@@ -154,7 +154,7 @@ def measured_rows(measured: "Measured") -> dict[str, str]:
 
 
 def mesh_text(stream: "StreamInfo") -> str:
-    """Frames, vertices and faces."""
+    """Numbers of frames, vertices and faces."""
     return (
         f"{counted(stream.n_frames, 'frame')}, {counted(stream.n_verts, 'vertex')}, "
         f"{counted(stream.n_faces, 'face')}"
@@ -162,6 +162,6 @@ def mesh_text(stream: "StreamInfo") -> str:
 
 
 def modes_text(stream: "StreamInfo") -> str:
-    """How many modes there are, for all blocks."""
+    """Number of modes, or its range over all blocks."""
     low, high = min(stream.n_modes), max(stream.n_modes)
     return counted(high, "mode") if low == high else f"{low} to {high} modes"

@@ -1,4 +1,4 @@
-"""`meshreel formats`: what can be read and written here."""
+"""`meshreel formats`: file formats that can be read and written."""
 
 from typing import Annotated
 
@@ -8,7 +8,7 @@ import typer
 def formats_command(
     as_json: Annotated[bool, typer.Option("--json", help="Print the list as JSON.")] = False,
 ) -> None:
-    """List the file formats, and which extra brings those that are not installed.
+    """List the file formats, and the extra that installs each missing one.
 
     Example:
 

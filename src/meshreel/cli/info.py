@@ -1,4 +1,4 @@
-"""`meshreel info`: what a file holds, and of a .reel where its bytes go."""
+"""`meshreel info`: contents of a file, and of a .reel its bytes by section."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -39,7 +39,7 @@ def info_command(
     dataset: DatasetOption = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the figures as JSON.")] = False,
 ) -> None:
-    """Show what a file holds: meshes, frames, size in space and what would be left out.
+    """Show the contents of a file: meshes, frames, extent and parts that are not read.
 
     Of a .reel its header and its byte budget by section.
 
@@ -57,7 +57,7 @@ def info_command(
     if len(inputs) == 1 and _is_stream(Path(inputs[0])):
         if fps is not None or object or merge or skip_bad or allow_outside or topology or dataset:
             raise typer.BadParameter(
-                "a .reel holds one mesh and says all of itself; leave the options of inputs out"
+                "a .reel holds one mesh and is read completely; leave the options of inputs out"
             )
         _show_stream(Path(inputs[0]), as_json=as_json)
         return
@@ -72,7 +72,7 @@ def info_command(
 
 
 def _is_stream(path: Path) -> bool:
-    """Whether it is called a stream, or is one by another name."""
+    """Whether a file is a stream, by its name or its first bytes."""
     from meshreel.bitstream.layout import MAGIC
 
     if path.suffix.lower() == ".reel":

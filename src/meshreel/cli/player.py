@@ -1,4 +1,4 @@
-"""What `view` and `export` have in common: a file, its original, and their figures in words."""
+"""Arguments and player data that `view` and `export` share."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -24,8 +24,8 @@ OriginalOption = Annotated[
     typer.Option(
         metavar="INPUT",
         autocompletion=input_files,
-        help="What the stream was made of, to be shown beside it with heat maps of the error: "
-        "whatever `encode` takes.",
+        help="The original of the stream, to be shown beside it with heat maps of the error: "
+        "any input of `encode`.",
     ),
 ]
 
@@ -34,7 +34,7 @@ OriginalOption = Annotated[
 def opened_player(
     source: Path, original: str | None, reading: "ReadOptions", *, allowed_error: float = 0.0
 ) -> Iterator["Api"]:
-    """Everything a player of a file is told, while the file is open."""
+    """Interface of the player to a file, while the file is open."""
     from meshreel.cli.figures import measured_rows, player_rows
     from meshreel.formats.file_errors import errors_naming
     from meshreel.formats.reel.reading import open
@@ -43,7 +43,7 @@ def opened_player(
     _check_original_is_there(original, reading)
     with open(source) as reel:
         with errors_naming(source):
-            _ = reel.faces  # damaged ones are told before the original is read
+            _ = reel.faces  # raises for damaged ones before the original is read
         comparison = _comparison(reel, original, reading) if original else None
         with errors_naming(source):
             api = Api(reel, source.stem, player_rows, comparison, measured_rows, allowed_error)
@@ -51,7 +51,7 @@ def opened_player(
 
 
 def _check_original_is_there(original: str | None, reading: "ReadOptions") -> None:
-    """Refuse options that say what to take of the original where there is none."""
+    """Refuse options for reading the original if there is none."""
     from meshreel.errors import InvalidInputError
 
     asked = [

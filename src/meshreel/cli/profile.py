@@ -14,7 +14,7 @@ BESIDE_NOTE = (
 
 
 def print_profile(profile: Profile) -> None:
-    """The table on stdout."""
+    """Print the table of stages on stdout."""
     table = Table(title="seconds by stage", title_justify="left", title_style="bold")
     table.add_column("stage", no_wrap=True)
     for name in ("seconds", "share", "beside", "calls"):
@@ -30,7 +30,7 @@ def print_profile(profile: Profile) -> None:
 
 
 def profile_figures(profile: Profile) -> dict[str, Any]:
-    """The same for JSON; `beside` marks what other threads did."""
+    """The profile for JSON; `beside` marks work of other threads."""
     return {
         "wall_s": profile.wall_s,
         "stages": [

@@ -1,4 +1,4 @@
-"""Progress where no bar can be drawn: in a pipe, a log file or a job of a cluster."""
+"""Progress as lines, for output that is no terminal: a pipe, a log file, a job of a cluster."""
 
 import sys
 import threading
@@ -12,14 +12,14 @@ from meshreel.runtime.progress import Progress
 
 FIRST_AFTER_S = 5.0
 EVERY_S = 10.0
-"""Work that takes less than the first says nothing, and longer work no more than this often."""
+"""Seconds until the first line, and between lines."""
 
 
 @contextmanager
 def progress_lines(
     stream: TextIO | None = None, *, first_after_s: float = FIRST_AFTER_S, every_s: float = EVERY_S
 ) -> Iterator[Progress]:
-    """A listener that writes a plain line every few seconds, also while it is told nothing.
+    """A progress callback that writes a plain line every few seconds, also between calls.
 
     Such as "meshreel: encoding, try 3: 12 of 175 frames, 8.4 frames/s, 0:19 left (0:42 so far)".
 
@@ -28,22 +28,22 @@ def progress_lines(
     stream : text file, optional
         Default: stderr.
     first_after_s, every_s : float
-        When the first line is written, and how far apart the others are.
+        Time until the first line, and between the others.
     """
     began_s, clock = time.monotonic(), PaceClock()
-    told: list[tuple[str, float]] = [("working", 0.0)]
+    latest: list[tuple[str, float]] = [("working", 0.0)]
     is_over = threading.Event()
 
     def report(stage: str, fraction: float) -> None:
-        clock.words(fraction)  # the pace counts from here
-        told[0] = stage, fraction
+        clock.words(fraction)  # the pace is measured from here
+        latest[0] = stage, fraction
 
     def write() -> None:
         wait_s = first_after_s
         while not is_over.wait(wait_s):
             elapsed = clock_text(time.monotonic() - began_s)
-            with suppress(OSError, ValueError):  # nobody reads it any more
-                line = f"meshreel: {_state(*told[0], clock)} ({elapsed} so far)"
+            with suppress(OSError, ValueError):  # the stream may be closed
+                line = f"meshreel: {_state(*latest[0], clock)} ({elapsed} so far)"
                 print(line, file=stream or sys.stderr, flush=True)
             wait_s = every_s
 
@@ -57,7 +57,7 @@ def progress_lines(
 
 
 def _state(stage: str, fraction: float, clock: PaceClock) -> str:
-    """The stage, and how much of it is done where that is known."""
+    """The stage, and its progress if that is known."""
     words = clock.words(fraction)
     if not words and 0 < fraction < 1:
         words = f"{100 * fraction:.0f} %"

@@ -1,4 +1,4 @@
-"""What stands beside a progress bar: how much is done, how fast, and how long it still takes."""
+"""Text beside a progress bar: number of items done, pace, remaining time."""
 
 import time
 from collections.abc import Callable
@@ -7,16 +7,16 @@ from meshreel.counting import singular
 from meshreel.runtime.progress import Count
 
 SURE_AFTER_S = 2.0
-"""No time left is told before work has taken so long: it would jump about."""
+"""Elapsed time before a remaining time is shown: earlier estimates would jump."""
 
 
 class PaceClock:
-    """The pace of the work that is counted now.
+    """A clock of the pace of the current stage.
 
     Parameters
     ----------
     now_s : callable, optional
-        The time in seconds, of any origin.
+        Returns the time in seconds, from any origin.
     """
 
     def __init__(self, now_s: Callable[[], float] = time.monotonic) -> None:
@@ -25,14 +25,14 @@ class PaceClock:
         self._began_s, self._n_at_first, self._n_last = now_s(), 0, 0
 
     def words(self, fraction: float) -> str:
-        """Such as "12 of 175 frames, 8.4 frames/s, 0:19 left"; empty where nothing is counted.
+        """Text such as "12 of 175 frames, 8.4 frames/s, 0:19 left"; empty if nothing is counted.
 
-        The pace is measured anew when other things are counted, or the same from the beginning.
+        Measuring the pace restarts when other items are counted, or the same from the beginning.
 
         Parameters
         ----------
         fraction : float
-            A `Count` where things are counted.
+            A `Count` if items are counted.
         """
         if not isinstance(fraction, Count):
             self._counted = ("", 0)
@@ -52,7 +52,7 @@ class PaceClock:
 
 
 def pace_text(per_second: float, unit: str) -> str:
-    """Such as "8.4 frames/s"; "3.1 s each" where a thing takes more than a second."""
+    """Text such as "8.4 frames/s", or "3.1 s each" for items that take more than a second."""
     if per_second < 1:
         return f"{1 / per_second:.3g} s each"
     pace = f"{per_second:.3g}"
@@ -60,7 +60,7 @@ def pace_text(per_second: float, unit: str) -> str:
 
 
 def clock_text(seconds: float) -> str:
-    """Such as "0:19", "12:05" and "3:07:00"."""
+    """Text such as "0:19", "12:05" and "3:07:00"."""
     minutes, rest = divmod(round(seconds), 60)
     hours, minutes = divmod(minutes, 60)
     return f"{hours}:{minutes:02d}:{rest:02d}" if hours else f"{minutes}:{rest:02d}"

@@ -49,7 +49,7 @@ def render_command(
         typer.Option(
             metavar="INPUT",
             autocompletion=input_files,
-            help="What FILE was made from, to be shown beside it.",
+            help="The original of FILE, to be shown beside it.",
         ),
     ] = None,
     heatmap: Annotated[
@@ -57,8 +57,8 @@ def render_command(
         typer.Option(
             metavar="distance|angle|sted",
             autocompletion=names_of(["distance", "angle", "sted"]),
-            help="Colour the decoded mesh by how far it is from the original: vertex distance, "
-            "angle between normals, or local STED.",
+            help="Colour the decoded mesh by its error: vertex distance, angle between normals, or "
+            "local STED.",
         ),
     ] = None,
     frames: Annotated[
@@ -71,13 +71,13 @@ def render_command(
     ] = None,
     turntable: Annotated[
         float | None,
-        typer.Option(metavar="SECONDS", help="Films: circle the mesh, once in so many seconds."),
+        typer.Option(metavar="SECONDS", help="Films: circle the mesh, once in this time."),
     ] = None,
     view: Annotated[
         str,
         typer.Option(
             metavar="AZ,EL",
-            help="From where: front, side, top, or degrees to the right and up.",
+            help="Direction of view: front, side, top, or degrees to the right and up.",
             rich_help_panel=LOOK,
         ),
     ] = "30,12",
@@ -85,7 +85,7 @@ def render_command(
         str | None,
         typer.Option(
             metavar="y|z",
-            help="The axis that points up. Default: z for what stands on z = 0, else y.",
+            help="The axis that points up. Default: z for meshes that stand on z = 0, else y.",
             rich_help_panel=LOOK,
         ),
     ] = None,
@@ -93,7 +93,7 @@ def render_command(
         bool | None,
         typer.Option(
             "--follow/--no-follow",
-            help="Whether the camera goes along with the mesh. Default: where it would be small.",
+            help="Whether the camera follows the mesh. Default: if the mesh would be small.",
             rich_help_panel=LOOK,
         ),
     ] = None,
@@ -101,7 +101,7 @@ def render_command(
         str | None,
         typer.Option(
             metavar="WxH",
-            help="Pixels of the whole picture. Default: as suits what is shown.",
+            help="Pixels of the whole picture. Default: as suits its content.",
             rich_help_panel=LOOK,
         ),
     ] = None,
@@ -122,7 +122,7 @@ def render_command(
     """Draw an animation into a picture or a film.
 
     A .png shows frames side by side with their numbers and times; one frame alone fills it. With
-    --original, each frame has a row: original, decoded and, with --heatmap, how far they differ.
+    --original, each frame has a row: original, decoded and, with --heatmap, the error.
 
     Examples:
 
@@ -211,7 +211,7 @@ def render_command(
 
 
 def _checked_ending(output: Path) -> str:
-    """The ending of the output in small letters; a library that it needs is there."""
+    """The ending of the output in lower case; raises if a library that it needs is missing."""
     from meshreel.rendering.film_files import require_ffmpeg
     from meshreel.runtime.outputs.checks import check_ending
 
@@ -235,7 +235,7 @@ def _check_together(
         raise typer.BadParameter(f"--heatmap takes {', '.join(HEATS)}; got {heatmap!r}")
     if heatmap is not None and original is None:
         raise typer.BadParameter(
-            "--heatmap shows how far FILE is from what it was made from; name that with --original"
+            "--heatmap shows the error of FILE relative to its original; name that with --original"
         )
     if turntable is not None and not is_film:
         raise typer.BadParameter(

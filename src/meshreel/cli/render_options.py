@@ -1,4 +1,4 @@
-"""What the options of `meshreel render` say: which frames, how large, which colour."""
+"""Parsing of the options of `meshreel render`: frames, size, colour."""
 
 import re
 
@@ -8,14 +8,14 @@ from meshreel.cli.write_options import clamped_note
 
 
 def is_range(text: str | None) -> bool:
-    """Whether frames are named by A:B, or not at all, and not one by one."""
+    """Whether frames are given as A:B, or not at all, rather than listed."""
     return text is None or ":" in text
 
 
 def frame_numbers(text: str | None, n_frames: int, notes: list[str]) -> list[int]:
-    """The frames that 'A:B' or 'N,N,...' names, where -1 is the last; all of them by default.
+    """The frames of 'A:B' or 'N,N,...', where -1 is the last; all by default.
 
-    The notes gain a sentence where 'A:B' goes beyond the ends.
+    A note is added if 'A:B' goes beyond the ends.
     """
     if is_range(text):
         return _range(text or ":", n_frames, notes)
@@ -27,7 +27,8 @@ def frame_numbers(text: str | None, n_frames: int, notes: list[str]) -> list[int
         ) from None
     except IndexError:
         raise typer.BadParameter(
-            f"--frames {text} names a frame that is not there; there are frames 0 to {n_frames - 1}"
+            f"--frames {text} names a frame that does not exist; there are frames 0 to "
+            f"{n_frames - 1}"
         ) from None
 
 
@@ -47,7 +48,7 @@ def _range(text: str, n_frames: int, notes: list[str]) -> list[int]:
 
 
 def picture_size(text: str | None) -> tuple[int, int] | None:
-    """Width and height that 'WxH' says."""
+    """Width and height of 'WxH'."""
     if text is None:
         return None
     found = re.fullmatch(r"(\d{1,5})x(\d{1,5})", text.lower())
@@ -57,7 +58,7 @@ def picture_size(text: str | None) -> tuple[int, int] | None:
 
 
 def color_named(text: str) -> tuple[int, int, int]:
-    """The colour that a name of CSS or #rrggbb says."""
+    """The colour of a CSS name or #rrggbb."""
     from PIL import ImageColor
 
     try:

@@ -1,4 +1,4 @@
-"""What a file of any format holds, in words for tables."""
+"""Contents of a file of any format, as text for tables."""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
@@ -11,11 +11,11 @@ if TYPE_CHECKING:
 
 HEADINGS = ("mesh", "frames", "vertices", "faces", "fps", "box")
 MOST_MESHES = 100
-"""Rows of the table of meshes; a file of a city may hold thousands."""
+"""Largest number of rows of the table of meshes."""
 
 
 def source_rows(found: "SourceInfo") -> dict[str, str]:
-    """Format and size; of a single mesh everything, of several their number and box."""
+    """Rows on format and size, and on a single mesh, or the number of several."""
     files = f" in {counted(found.n_files, 'file')}" if found.n_files > 1 else ""
     rows = {"format": found.format, "size": f"{size_text(found.size_bytes)}{files}"}
     if len(found.meshes) == 1:
@@ -30,7 +30,7 @@ def source_rows(found: "SourceInfo") -> dict[str, str]:
 
 
 def mesh_columns(found: "SourceInfo") -> list[Sequence[str]]:
-    """A row for each mesh under `HEADINGS`, for as many as can be read."""
+    """Rows of the table of meshes, with columns as in `HEADINGS`."""
     rows: list[Sequence[str]] = [
         (
             mesh.name,

@@ -1,4 +1,4 @@
-"""`meshreel view`: a .reel played in the browser."""
+"""`meshreel view`: playback of a .reel in the browser."""
 
 from typing import TYPE_CHECKING, Annotated
 
@@ -19,22 +19,22 @@ def view_command(
     skip_bad: SkipBadOption = False,
     allow_outside: AllowOutsideOption = False,
     no_open: Annotated[
-        bool, typer.Option("--no-open", help="Do not open the browser; only say where to look.")
+        bool, typer.Option("--no-open", help="Do not open the browser; only print the address.")
     ] = False,
     port: Annotated[
-        int, typer.Option(min=0, max=65535, help="Where to listen; 0 takes a free port.")
+        int, typer.Option(min=0, max=65535, help="Port to listen on; 0 takes a free one.")
     ] = 0,
     host: Annotated[
         str,
         typer.Option(
-            help="Listen on this address or name of this machine, so that others can look on."
+            help="Address or name of this machine to listen on, so that others can watch."
         ),
     ] = "127.0.0.1",
 ) -> None:
     """Play a .reel file in the browser, until ctrl-C.
 
-    This program serves the page, to this machine alone unless --host says otherwise; nothing is
-    fetched from elsewhere.
+    This program serves the page, by default to this machine only (see --host); nothing is loaded
+    from elsewhere.
 
     Examples:
 
@@ -69,19 +69,19 @@ def view_command(
             stack.enter_context(closing(api.measuring)).start()
         typer.echo(f"{source} plays at {server.url} (ctrl-C stops it)")
         if not server.is_local:
-            typer.echo("all who can reach this machine can see it")
+            typer.echo("everyone who can reach this machine can see it")
         _serve(server, opens_browser=not no_open)
     typer.echo("stopped")
 
 
 def _serve(server: "ViewerServer", *, opens_browser: bool) -> None:
-    """Answer the page until ctrl-C."""
+    """Serve the page until ctrl-C."""
     import threading
     import webbrowser
     from contextlib import suppress
 
     if opens_browser:
-        # Beside the server: some browsers keep their caller waiting until the page is there.
+        # In a thread: some browsers block their caller until the page is loaded.
         threading.Thread(target=webbrowser.open, args=(server.url,), daemon=True).start()
     with suppress(KeyboardInterrupt):
         server.serve_forever()

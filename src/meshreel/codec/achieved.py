@@ -1,4 +1,4 @@
-"""What a stream is worth: it is decoded and set against its original."""
+"""Measured errors of a stream, decoded and compared with its original."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -27,7 +27,7 @@ class Achieved:
     ----------
     kg_error_percent, max_error_percent : float
     sted : float or None
-        None where it was not asked for.
+        None if it was not requested.
     """
 
     kg_error_percent: float
@@ -44,16 +44,16 @@ def measure_stream(
     with_sted: bool = False,
     progress: Progress = silent,
 ) -> Achieved:
-    """Errors of a stream against the sequence that it was made of, block by block.
+    """Errors of a stream relative to its original, measured block by block.
 
     Parameters
     ----------
     sequence : FrameSource
     data : bytes
     order : {"keep", "vertices", "drop"}
-        As it was encoded: vertices whose order was dropped are matched by connectivity.
+        As encoded: vertices whose order was dropped are matched by connectivity.
     with_sted : bool, default False
-        Measure STED too, for which all frames are held in memory.
+        Whether to measure STED too, which holds all frames in memory.
     progress : callable, optional
     """
     internal: Integers | None = None

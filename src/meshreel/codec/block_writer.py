@@ -1,4 +1,4 @@
-"""Blocks of frames that are not all there yet, written to a stream one after another."""
+"""Writer of blocks of live frames to a stream."""
 
 from itertools import chain
 from typing import BinaryIO
@@ -15,14 +15,14 @@ Vertices = npt.NDArray[np.floating]
 
 
 class BlockWriter:
-    """Codes blocks of positions in the given order, and writes them: all follow from the first.
+    """Codes blocks of positions in given order and writes them; the first one sets box and step.
 
     Parameters
     ----------
     file : binary file, open for writing
     mesh : CodedMesh
     first : float array of shape (T_b, V, 3)
-        The first block, which is not written yet: what scale and step follow from.
+        The first block, from which bounding box and step follow; it is not written yet.
     fps : float
     name : str
     """
@@ -46,7 +46,7 @@ class BlockWriter:
     def analyse(self, vertices: Vertices) -> Sections:
         """The sections of a block of shape (T_b, V, 3), in the given order of vertices.
 
-        Integers are found now, bytes when the sections are taken.
+        Integers are computed now, bytes when the sections are iterated.
         """
         return self._coder.code(vertices.take(self._mesh.order, axis=1))
 
@@ -55,5 +55,5 @@ class BlockWriter:
         self._writer.write_block(n_frames, sections)
 
     def finish(self) -> None:
-        """Write what ends a stream."""
+        """Write the end of the stream."""
         self._writer.finish()

@@ -1,4 +1,4 @@
-"""Sizes in bytes as people write them: 100000, 100kB, 1MiB."""
+"""Sizes in bytes as users write them: 100000, 100kB, 1MiB."""
 
 import re
 
@@ -7,20 +7,20 @@ from meshreel.errors import InvalidInputError
 UNITS = {"": 1, "B": 1}
 UNITS |= {f"{prefix}B": 1000**power for power, prefix in enumerate("kMGT", start=1)}
 UNITS |= {f"{prefix}iB": 1024**power for power, prefix in enumerate("KMGT", start=1)}
-"""Bytes of each unit; the case of letters does not matter."""
+"""Bytes of each unit; units are not case-sensitive."""
 
 _SIZE = re.compile(r"((?:\d+\.?\d*|\.\d+)(?:e\+?\d{1,3})?)\s*([a-zA-Z]*)")
 
 
 def bytes_of(given: float | str, name: str) -> float:
-    """The number of bytes that a size means.
+    """The number of bytes of a size.
 
     Parameters
     ----------
     given : float, or str
         A number of bytes, or text such as "100kB", "1 MiB" or "1e6".
     name : str
-        What it is called, for errors.
+        Name of the option, for error messages.
 
     Raises
     ------

@@ -1,7 +1,7 @@
-"""Corrections of single positions, so that a largest error can be promised.
+"""Corrections of single positions, so that an error bound can be promised.
 
-After a block is decoded, the positions that lie beyond the bound are moved by whole steps. They
-stand together in vertices and runs of frames, and are coded so.
+Positions of a decoded block that violate the bound are displaced by multiples of a step. They are
+clustered in vertices and runs of frames, and coded accordingly.
 """
 
 from dataclasses import dataclass
@@ -18,12 +18,12 @@ Integers = npt.NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Corrections:
-    """Whole steps by which positions of a block are moved.
+    """Displacements of positions of a block, as multiples of a step.
 
     Attributes
     ----------
     step : float32
-        In diagonals.
+        Quantisation step of the displacements, in diagonals.
     vertices, frames : int64 arrays of shape (N,)
         Internal vertex numbers and frames of the block, ordered by vertex, then frame.
     offsets : int64 array of shape (N, 3)
@@ -36,21 +36,21 @@ class Corrections:
 
     @property
     def moves(self) -> Floats:
-        """Of shape (N, 3), in diagonals."""
+        """Displacements of shape (N, 3), in diagonals."""
         return np.asarray(self.offsets * float(self.step))
 
 
 @staged("corrections")
 def corrected(frames_of: FramesOf, corrections: Corrections, order: Integers | None) -> FramesOf:
-    """What gives frames with their corrections.
+    """A function that returns frames with their corrections.
 
     Parameters
     ----------
     frames_of : callable
-        Gives coordinate matrices of shape (3, frames, V) of a range of frames.
+        Returns coordinate matrices of shape (3, frames, V) of a range of frames.
     corrections : Corrections
     order : integer array of shape (V,), or None
-        Internal number of each vertex that `frames_of` gives; None if they are in internal order.
+        Internal number of each vertex of `frames_of`; None if they are in internal order.
     """
     by_frame = np.argsort(corrections.frames, kind="stable")
     frames, moves = corrections.frames[by_frame], corrections.moves[by_frame]

@@ -1,4 +1,4 @@
-"""A decoded block: frames that are one product away."""
+"""A decoded block, whose frames are computed on demand."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -17,27 +17,27 @@ Vertices = npt.NDArray[np.floating]
 Integers = npt.NDArray[np.int64]
 
 CHUNK_BYTES = 1 << 22
-"""Size of the float64 frames that are expanded at a time: they should stay in the cache."""
+"""Size of the float64 frames that are computed at a time, which should fit into the cache."""
 
 
 @dataclass(frozen=True)
 class DecodedBlock:
-    """A block whose frames are one product away.
+    """A decoded block, whose frames are products of a basis and coefficients.
 
     Attributes
     ----------
     start, n_frames : int
-        Where its frames belong.
+        Number of the first frame, and number of frames.
     frames_of : FramesOf
-        Coordinate matrices of a slice of its frames, in the order in which vertices go out; what
-        is corrected or exact is not so yet.
+        Coordinate matrices of a slice of the frames, in output order of vertices, without
+        corrections and exact positions.
     frame : BoundingFrame
     exact : float array of shape (T_b, N, 3), or None
-        Positions of some vertices, in place of those that are computed.
+        Positions of some vertices that replace the computed ones.
     exact_places : integer array of shape (N,), or None
-        Which vertices these are, as they go out.
+        These vertices, in output order.
     corrections : Corrections or None
-        Of vertices as they go out.
+        Corrections of vertices in output order.
     """
 
     start: int
@@ -50,12 +50,12 @@ class DecodedBlock:
 
     @property
     def stop(self) -> int:
-        """Frame behind its last one."""
+        """Number of the frame after the last one."""
         return self.start + self.n_frames
 
     @property
     def modes(self) -> ProductFrames | None:
-        """The basis and the coefficients that frames are the product of; some blocks have none."""
+        """Basis and coefficients whose product the frames are; None for blocks without."""
         return self.frames_of if isinstance(self.frames_of, ProductFrames) else None
 
     @cached_property
@@ -65,28 +65,26 @@ class DecodedBlock:
         return corrected(self.frames_of, self.corrections, None)
 
     @staged("frames")
-    def fill(
-        self, target: Vertices, first: int, report: Callable[[int], None] | None = None
-    ) -> None:
+    def fill(self, out: Vertices, first: int, report: Callable[[int], None] | None = None) -> None:
         """Fill an array of shape (T, V, 3) with frames of this block, on all cores.
 
         Parameters
         ----------
-        target : float array of shape (T, V, 3)
+        out : float array of shape (T, V, 3)
         first : int
-            Number of the first of them within the block.
+            Number of the first of these frames within the block.
         report : callable, optional
-            Told how many frames are done.
+            Called with the number of frames that are done.
         """
 
         def fill(piece: slice) -> None:
             matrices = self._final_frames_of(slice(first + piece.start, first + piece.stop))
-            target[piece] = from_matrices(matrices, self.frame, target.dtype)
+            out[piece] = from_matrices(matrices, self.frame, out.dtype)
 
-        pieces = chunks(len(target), max(1, CHUNK_BYTES // (24 * target.shape[1])))
+        pieces = chunks(len(out), max(1, CHUNK_BYTES // (24 * out.shape[1])))
         done = None if report is None else (lambda number: report(pieces[number - 1].stop))
-        # Damaged values may overflow; whoever takes the frames looks for what is not finite.
+        # Damaged values may overflow; the caller checks whether frames are finite.
         with np.errstate(over="ignore", invalid="ignore"):
             in_threads(fill, pieces, done)
         if self.exact is not None:
-            target[:, self.exact_places] = self.exact[first : first + len(target)]
+            out[:, self.exact_places] = self.exact[first : first + len(out)]

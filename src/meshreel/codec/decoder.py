@@ -1,4 +1,4 @@
-"""The bytes of a stream to a mesh sequence."""
+"""Decoding of a stream to a mesh sequence."""
 
 from itertools import pairwise
 
@@ -19,7 +19,7 @@ def decode(
     n_modes: int | None = None,
     progress: Progress = silent,
 ) -> MeshSequence:
-    """The sequence that a `.reel` stream holds.
+    """The sequence of a `.reel` stream.
 
     Parameters
     ----------
@@ -29,9 +29,9 @@ def decode(
         Frames to give back, as Python slices count them, without a step; only the blocks that
         hold some of them are decoded. Default: all.
     n_modes : int, optional
-        Only the first so many modes of each block move, and the others rest at their mean over
-        the block: a coarser animation. Default: all. Streams of `reel` only; corrections are
-        left out then.
+        Number of leading modes of each block to decode; the others are held at their mean over the
+        block: a coarser animation. Default: all. Streams of `reel` only; corrections are then
+        omitted.
     progress : callable, optional
         Called with the stage and the share done, 0..1.
 
@@ -58,8 +58,7 @@ def decode(
             def report(done: int, before: int = before) -> None:
                 progress("decoding", Count(before + done, len(wanted), "frames"))
 
-            target = vertices[before : last - wanted.start]
-            blocks.block(number).fill(target, first - start, report)
+            blocks.block(number).fill(vertices[before : last - wanted.start], first - start, report)
     progress("decoding", Count(len(wanted), len(wanted), "frames"))
     try:
         return MeshSequence(

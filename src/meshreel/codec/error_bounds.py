@@ -1,4 +1,4 @@
-"""A largest error as people write it: a share of the diagonal, or a length."""
+"""Error bounds as users write them: shares of the diagonal, or lengths."""
 
 import re
 import struct
@@ -9,7 +9,7 @@ from meshreel.errors import CorruptStreamError, InvalidInputError
 METRES = {
     "mm": 1e-3, "cm": 1e-2, "m": 1.0, "km": 1e3, "in": 0.0254, "ft": 0.3048,
 }  # fmt: skip
-"""Length of each unit that a bound, and a unit of a model, can be given in."""
+"""Length of each unit of error bounds and of models, in metres."""
 
 MODEL_UNITS = "u"
 _BOUND = re.compile(r"(\d+(?:\.\d*)?(?:e[+-]?\d{1,3})?|\.\d+(?:e[+-]?\d{1,3})?)\s*([a-z%]*)")
@@ -17,7 +17,7 @@ _BOUND = re.compile(r"(\d+(?:\.\d*)?(?:e[+-]?\d{1,3})?|\.\d+(?:e[+-]?\d{1,3})?)\
 
 @dataclass(frozen=True)
 class ErrorBound:
-    """How far a vertex may be from where it was.
+    """An upper bound of the distance of each vertex from the original.
 
     Attributes
     ----------
@@ -49,7 +49,7 @@ class ErrorBound:
 
 
 def bound_of(given: float | str, unit: str | None = None) -> ErrorBound:
-    """The bound that a number or a text means.
+    """The error bound that a number or a text specifies.
 
     Parameters
     ----------
@@ -57,14 +57,14 @@ def bound_of(given: float | str, unit: str | None = None) -> ErrorBound:
         Percent of the diagonal of the bounding box of all frames: 0.1, "0.1", "0.1%". Model units:
         "0.5u". A length: "0.5mm", in any of `METRES`.
     unit : str, optional
-        How long one unit of the model is, of `METRES` too: only lengths need it, for a sequence
-        does not say.
+        Length unit of the model, also of `METRES`: needed for lengths only, since a sequence does
+        not have it.
 
     Raises
     ------
     InvalidInputError
-        If it is none of these or not above 0, a length comes without the unit of the model, or
-        that unit with a bound that has no use for it.
+        If it is none of these or not above 0, a length is given without the unit of the model, or
+        the unit with a bound that is no length.
     """
     if not isinstance(given, str):
         return _checked(given, "", given, unit)
@@ -83,7 +83,9 @@ def _checked(amount: float, written: str, given: float | str, unit: str | None) 
     if unit is not None and unit not in METRES:
         raise InvalidInputError(f"unit= is one of {', '.join(METRES)}; got {unit!r}")
     if written in METRES:
-        return ErrorBound(amount * METRES[written] / METRES[_told(unit, given)], is_length=True)
+        return ErrorBound(
+            amount * METRES[written] / METRES[_required_unit(unit, given)], is_length=True
+        )
     if written not in ("", "%", MODEL_UNITS):
         raise InvalidInputError(
             f"max_error= knows no unit {written!r}; it takes %, {MODEL_UNITS} (model units), "
@@ -97,7 +99,7 @@ def _checked(amount: float, written: str, given: float | str, unit: str | None) 
     return ErrorBound(amount, is_length=written == MODEL_UNITS)
 
 
-def _told(unit: str | None, given: float | str) -> str:
+def _required_unit(unit: str | None, given: float | str) -> str:
     if unit is None:
         raise InvalidInputError(
             f"max_error {given} is a length, and a sequence does not say how long its unit is; say "
@@ -107,17 +109,17 @@ def _told(unit: str | None, given: float | str) -> str:
 
 
 def write_promise(max_error_percent: float) -> bytes:
-    """What the encoder made sure of: the largest displacement of a vertex."""
+    """Payload of the section PROMISE: the error bound that the encoder has verified."""
     return struct.pack("<d", max_error_percent)
 
 
 def read_promise(payload: bytes) -> float:
-    """Undo `write_promise`.
+    """The error bound in percent that `write_promise` wrote.
 
     Raises
     ------
     CorruptStreamError
-        If it is no positive number.
+        If it is not a positive number.
     """
     if len(payload) != 8:
         raise CorruptStreamError(f"a promise has 8 bytes; this one has {len(payload)}")

@@ -11,7 +11,7 @@ from meshreel.subspace.basis import expand
 Floats = npt.NDArray[np.float64]
 
 FramesOf = Callable[[slice], Floats]
-"""Gives the coordinate matrices, of shape (3, frames, V), of a range of frames of a block."""
+"""Returns coordinate matrices of shape (3, frames, V) of a range of frames of a block."""
 
 
 @dataclass(frozen=True)
@@ -38,5 +38,5 @@ class ProductFrames:
 
 
 def product_frames(basis: Floats, coefficients: Floats) -> ProductFrames:
-    """The product of a basis and coefficients, which lie in one piece from now on."""
+    """The product of a basis and coefficients, which are made contiguous."""
     return ProductFrames(basis, np.ascontiguousarray(coefficients))

@@ -1,4 +1,4 @@
-"""What a stream says about itself, without decoding a frame."""
+"""Information on a stream, without decoding a frame."""
 
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -13,7 +13,7 @@ from meshreel.surface_description import carried, described_images, described_ma
 
 @dataclass(frozen=True)
 class StreamInfo:
-    """Header, modes and byte budget of a stream.
+    """Header, modes and sizes of a stream.
 
     Attributes
     ----------
@@ -24,37 +24,37 @@ class StreamInfo:
     vertex_type : str
         "float32" or "float64".
     n_modes : tuple of int
-        Modes of each axis, one number for each block of frames.
+        Modes of each block of frames (of each axis, where axes have their own).
     block_frames : tuple of int
         Frames of each block.
     size_bytes : int
-        Of the whole stream.
+        Size of the whole stream.
     raw_size_bytes : int
-        Of the arrays it decodes to, and images.
+        Size of the decoded arrays, and of images.
     budget_bytes : dict of str to int
         Bytes of the header and of each kind of section; they sum to `size_bytes`.
     block_bytes : tuple of int
-        Bytes of the sections of each block. Each sends its fields anew: what a stream in one
-        piece would save is most of those of the later blocks.
+        Size of the sections of each block. Each block has its own fields: a stream of a single
+        block would save most of the bytes of the later ones.
     max_error_percent : float or None
-        Promised: no vertex is farther from where it was, in percent of the diagonal.
+        Promised bound of the distance of vertices from the original, in percent of the diagonal.
     is_whole : bool
-        False if the end is missing: the rest is of the blocks that are whole.
+        False if the end is missing: the other attributes are then of the complete blocks.
     start_s : float
         Time of the first frame, in seconds.
     n_polygons : int
-        Faces before they were cut into triangles.
+        Number of faces before triangulation.
     attributes : tuple of str
-        What goes along with the mesh: "uv 'st' of corners".
+        Attributes and groups of the mesh, such as "uv 'st' of corners".
     parts : tuple of str
-        Names of the meshes that were merged.
+        Names of the merged meshes.
     diagonal : float
-        Of the bounding box that errors are shares of, in model units: of all frames, and of a
-        live recording of its first block.
+        Diagonal of the bounding box, to which errors are relative, in model units: of all frames,
+        or of the first block of a live recording.
     materials : tuple of str
-        Names of those whose look is kept, with what textures show: "skin: base color image 0".
+        Names of materials with their textures, such as "skin: base color image 0".
     images : tuple of str
-        What each is: "0: 'shade', image/png, 92 bytes".
+        Descriptions of images, such as "0: 'shade', image/png, 92 bytes".
     """
 
     n_frames: int
@@ -84,12 +84,12 @@ class StreamInfo:
 
     @property
     def ratio(self) -> float:
-        """Raw size by stream size."""
+        """Raw size divided by stream size."""
         return self.raw_size_bytes / self.size_bytes
 
     @property
     def rate_bpvf(self) -> float:
-        """Bits of the whole stream for each vertex and frame."""
+        """Bits of the whole stream per vertex and frame."""
         return 8 * self.size_bytes / (self.n_verts * self.n_frames)
 
     def __repr__(self) -> str:
@@ -102,12 +102,12 @@ class StreamInfo:
         )
 
     def as_dict(self) -> dict[str, Any]:
-        """Everything in plain types, for JSON."""
+        """The attributes as plain types, for JSON."""
         return {**asdict(self), "ratio": self.ratio, "rate_bpvf": self.rate_bpvf}
 
 
 def info(data: bytes) -> StreamInfo:
-    """What a `.reel` stream holds, and where its bytes go.
+    """Contents of a `.reel` stream, and its bytes by section.
 
     Raises
     ------
@@ -118,7 +118,7 @@ def info(data: bytes) -> StreamInfo:
 
 
 def stream_info(stream: Stream) -> StreamInfo:
-    """What a stream holds, and where its bytes go; all of it is read once.
+    """Contents of a stream, and its bytes by section; all of it is read once.
 
     Raises
     ------
@@ -161,7 +161,7 @@ def stream_info(stream: Stream) -> StreamInfo:
 
 
 def promised_percent(stream: Stream) -> float | None:
-    """The largest error that a stream promises, in percent of the diagonal; None if it does not."""
+    """Error bound that a stream promises, in percent of the diagonal; None if it has none."""
     for stored in stream.leading:
         if stored.id is Section.PROMISE:
             return read_promise(stored.payload)
@@ -169,7 +169,7 @@ def promised_percent(stream: Stream) -> float | None:
 
 
 def _budget(stream: Stream) -> dict[str, int]:
-    """Bytes by kind of section; framing and padding together."""
+    """Bytes by kind of section; framing includes padding."""
     budget = {"header": stream.header_size_bytes}
     framing = (Section.BLOCK, Section.PADDING, Section.INDEX, Section.END)
     for stored in stream.sections():

@@ -1,4 +1,4 @@
-"""An open stream, and what all its blocks share: mesh, order, surface, time."""
+"""An open stream and the parts that its blocks share: mesh, order, surface, time."""
 
 from functools import cached_property
 
@@ -20,7 +20,7 @@ Integers = npt.NDArray[np.int64]
 
 
 class OpenStream:
-    """A stream whose parts are decoded when they are asked for, and then kept.
+    """A stream whose parts are decoded on demand and cached.
 
     Parameters
     ----------
@@ -31,9 +31,9 @@ class OpenStream:
     stream : Stream
     method : Method
     laplacian : Laplacian
-        Of the deltas, where the method has some.
+        Laplacian of the deltas, if the method has deltas.
     order_kept : Order
-        What is kept of the order of vertices and faces.
+        The order of vertices and faces that is kept.
 
     Raises
     ------
@@ -53,8 +53,8 @@ class OpenStream:
         Parameters
         ----------
         n_modes : int, optional
-            Of `reel`, only the first so many modes of each block move; the others rest at their
-            mean over the block. Corrections are left out.
+            Of `reel`, number of leading modes of each block that are decoded; the others are held
+            at their mean over the block. Corrections are omitted.
 
         Raises
         ------
@@ -64,22 +64,22 @@ class OpenStream:
         return self.method.decoder(self, n_modes)
 
     def stored(self, number: int) -> StoredBlock:
-        """A block as it lies in the stream; raises as `stored_block`."""
+        """A block as it is stored; raises as `stored_block`."""
         return stored_block(self.stream, self.method, number)
 
     @property
     def n_verts(self) -> int:
-        """V."""
+        """Number of vertices, V."""
         return self.stream.header.n_verts
 
     @cached_property
     def internal_faces(self) -> Faces:
-        """Of shape (M, 3), in internal order; raises as `faces`."""
+        """Faces of shape (M, 3), in internal order; raises as `faces`."""
         header, payload = self.stream.header, self.stream.only(Section.CONNECTIVITY)
         return decode_connectivity(payload, header.n_verts, header.n_faces)
 
     @cached_property
-    def _outgoing(self) -> tuple[Integers, Faces]:
+    def _output_order(self) -> tuple[Integers, Faces]:
         if self.order_kept is Order.DROP:
             return np.arange(self.n_verts), self.internal_faces
         payload = self.stream.only(Section.ORDER)
@@ -88,23 +88,23 @@ class OpenStream:
 
     @property
     def order(self) -> Integers:
-        """The internal number of each vertex that goes out; raises as `faces`."""
-        return self._outgoing[0]
+        """Internal number of each output vertex; raises as `faces`."""
+        return self._output_order[0]
 
     @property
     def faces(self) -> Faces:
-        """Of shape (M, 3), as they go out.
+        """Faces of shape (M, 3), in output order.
 
         Raises
         ------
         CorruptStreamError
             If connectivity or order are damaged.
         """
-        return self._outgoing[1]
+        return self._output_order[1]
 
     @cached_property
     def surface(self) -> Surface:
-        """What the mesh carries beside positions and triangles.
+        """Polygons, attributes, groups, parts and materials of the mesh.
 
         Raises
         ------
@@ -125,10 +125,10 @@ class OpenStream:
 
     @property
     def dtype(self) -> np.dtype[np.floating]:
-        """Number type of the positions that go out."""
+        """Number type of the output positions."""
         return np.dtype(np.float32 if self.stream.header.vertex_type == 4 else np.float64)
 
     @property
     def frame(self) -> BoundingFrame:
-        """Where the model lies, and how large it is."""
+        """Centre and diagonal of the bounding box."""
         return BoundingFrame(self.stream.header.origin, self.stream.header.scale)

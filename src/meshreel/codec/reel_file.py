@@ -1,4 +1,4 @@
-"""A `.reel` file whose frames are decoded when they are asked for."""
+"""A `.reel` file whose frames are decoded on demand."""
 
 import threading
 from collections import OrderedDict
@@ -27,14 +27,14 @@ from meshreel.surface import Surface
 Vertices = npt.NDArray[np.floating]
 
 N_KEPT_BLOCKS = 3
-"""Decoded blocks that are kept: forwards and back across a border costs nothing then."""
+"""Number of decoded blocks that are cached, so that seeking across a border costs nothing."""
 
 READ_AHEAD_BYTES = 1 << 23
-"""Size of the frames that an iteration expands at a time."""
+"""Size of the frames that an iteration decodes at a time."""
 
 
 class ReelFile:
-    """The frames of a `.reel` file, decoded when they are asked for; `meshreel.open` makes one.
+    """The frames of a `.reel` file, decoded on demand; returned by `meshreel.open`.
 
     Its length is the number of frames. ``reel[3]`` is the positions of a frame, of shape (V, 3); a
     slice, or a list of numbers, gives those of several; iterating gives all in turn in constant
@@ -43,7 +43,7 @@ class ReelFile:
     Parameters
     ----------
     file : binary file that can seek
-        Closed when this is.
+        Closed together with this object.
     n_modes : int, optional
         As in `meshreel.open`.
 
@@ -58,18 +58,18 @@ class ReelFile:
     dtype : numpy dtype
         Of the positions: float32 or float64.
     order : str
-        What is kept of the order of vertices and faces: "keep" (all), "vertices" or "drop".
+        The order of vertices and faces that is kept: "keep" (all), "vertices" or "drop".
     frame : BoundingFrame
-        Centre and diagonal of the box of the frames that it was made of; of those of the first
-        block where they came one by one.
+        Centre and diagonal of the bounding box of the original frames; of a live recording, of
+        those of the first block.
     starts : tuple of int
         First frame of each block, and the number of all frames.
     promised_error : float or None
-        No vertex is farther from where it was, in model units; None if the stream does not promise
-        it, or only some of its modes are decoded.
+        Upper bound of the distance of vertices from the original, in model units; None if the
+        stream has none, or only some of its modes are decoded.
     is_whole : bool
-        False if the end of the file is missing: its encoder was stopped, or is still at work. The
-        frames of all blocks before are there.
+        False if the end of the file is missing: its encoder was interrupted, or is still running.
+        The frames of all complete blocks are available.
     """
 
     def __init__(self, file: BinaryIO, n_modes: int | None = None) -> None:
@@ -104,12 +104,12 @@ class ReelFile:
 
     @property
     def surface(self) -> Surface:
-        """What the mesh carries beside positions and triangles: polygons, attributes, parts."""
+        """Polygons, attributes, groups, parts and materials of the mesh."""
         with self._lock:
             return self._opened.surface
 
     def info(self) -> StreamInfo:
-        """What the file holds, and where its bytes go; no frame is decoded."""
+        """Contents of the file and bytes by section; no frame is decoded."""
         with self._lock:
             return stream_info(self._opened.stream)
 
@@ -119,7 +119,7 @@ class ReelFile:
         Raises
         ------
         InvalidInputError
-            If there are no such frames.
+            If these frames do not exist.
         CorruptStreamError
             If a block is damaged.
         """
@@ -128,7 +128,9 @@ class ReelFile:
                 f"frames {start}:{stop} are not in the file; it has frames 0:{self.n_frames}"
             )
         if start < stop:
-            self.block(self._number_of(start))  # a damaged one is told before room is made
+            self.block(
+                self._number_of(start)
+            )  # raises for a damaged one before memory is allocated
         frames = np.empty((stop - start, self.n_verts, 3), self.dtype)
         position = start
         while position < stop:
@@ -138,12 +140,12 @@ class ReelFile:
             position = end
         if not np.isfinite(frames).all():
             raise CorruptStreamError(
-                f"frames {start}:{stop} decode to positions beyond all numbers"
+                f"frames {start}:{stop} decode to positions that are not finite"
             )
         return frames
 
     def block(self, number: int) -> DecodedBlock:
-        """A block of frames, decoded now or kept from before.
+        """A block of frames, decoded now or from the cache.
 
         Parameters
         ----------
@@ -185,14 +187,14 @@ class ReelFile:
             yield from frames
 
     def pieces(self, wanted: range | None = None) -> Iterator[tuple[int, Vertices]]:
-        """Frames in runs: number of the first, and positions of shape (T_run, V, 3).
+        """Runs of frames: number of the first, and positions of shape (T_run, V, 3).
 
         The next block is decoded while the frames of one are used.
 
         Parameters
         ----------
         wanted : range, optional
-            Of frames that follow each other; default all.
+            Consecutive frames; default all.
         """
         frames = range(self.n_frames) if wanted is None else wanted
         starts = self.starts
@@ -212,23 +214,23 @@ class ReelFile:
                     yield run, self.read(run, min(run + n_together, stop))
 
     def frame_range(self, chosen: slice | None) -> range:
-        """The frames that a slice without a step names; None names all.
+        """The frames of a slice of consecutive frames; None is all.
 
         Raises
         ------
         InvalidInputError
-            If it names no frame, or has a step.
+            If it has no frame, or its frames are not consecutive.
         """
         return frame_range(chosen, self.n_frames)
 
     @property
     def files(self) -> tuple[Path, ...]:
-        """The file that frames are taken from, if it has a name."""
+        """The file that frames are read from, if it has a name."""
         name = getattr(self._file, "name", None)
         return (Path(name),) if isinstance(name, str | Path) else ()
 
     def close(self) -> None:
-        """Close the file and forget what was decoded."""
+        """Close the file and empty the cache."""
         self._kept.clear()
         self._file.close()
 

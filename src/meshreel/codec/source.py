@@ -1,4 +1,4 @@
-"""What an encoder works on: a mesh in internal order, and frames cut into blocks."""
+"""Input of an encoder: a mesh in internal order, and frames divided into blocks."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -25,7 +25,7 @@ Integers = npt.NDArray[np.int64]
 
 @dataclass(frozen=True)
 class CodedMesh:
-    """Connectivity as it is coded, and the internal order of vertices that follows.
+    """A mesh with its coded connectivity and the resulting internal vertex order.
 
     Attributes
     ----------
@@ -33,7 +33,7 @@ class CodedMesh:
     n_verts : int
     config : EncoderConfig
     surface : Surface
-        Of the given faces.
+        Surface of the given faces.
     start_s : float
         Time of the first frame, in seconds.
     """
@@ -46,12 +46,12 @@ class CodedMesh:
 
     @cached_property
     def _coded(self) -> tuple[Order, CodedConnectivity]:
-        """What is kept of the order, and the connectivity."""
+        """The order that is kept, and the coded connectivity."""
         asked = self.config.order_choice
         coded = self._encoded(asked)
         if asked is not Order.VERTICES:
             return asked, coded
-        # The order of faces can be the easiest way to tell that of vertices; it comes for nothing.
+        # The order of vertices may be cheapest to code together with that of faces.
         kept = self._encoded(Order.KEEP)
         return (Order.KEEP, kept) if kept.size_bytes <= coded.size_bytes else (asked, coded)
 
@@ -64,12 +64,12 @@ class CodedMesh:
 
     @property
     def order_kept(self) -> Order:
-        """What is kept of the order: what was asked for, or more if that takes no more bytes."""
+        """The order that is kept: as requested, or more if that takes no more bytes."""
         return self._coded[0]
 
     @property
     def faces(self) -> Faces:
-        """In internal order."""
+        """Faces in internal order."""
         return self._connectivity.internal_faces
 
     @property
@@ -100,7 +100,7 @@ class CodedMesh:
         fps: float,
         name: str,
     ) -> Header:
-        """What the stream begins with; `n_frames` is 0 where it is not known yet."""
+        """The header of the stream; `n_frames` is 0 if it is not known yet."""
         return Header(
             n_frames=n_frames,
             n_verts=self.n_verts,
@@ -118,7 +118,7 @@ class CodedMesh:
 
 @dataclass(frozen=True)
 class Piece:
-    """Frames of a sequence, for whoever is to read them, be it another process.
+    """A range of frames of a sequence, readable in this or another process.
 
     Attributes
     ----------
@@ -138,7 +138,7 @@ class Piece:
         return self.sequence.read(self.start, self.stop).take(self.order, axis=1)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        # What another process cannot read is sent: these frames, and none else.
+        # Frames that another process cannot read are sent: these, and no others.
         if self.sequence.is_portable:
             return Piece, (self.sequence, self.start, self.stop, self.order)
         vertices = self.sequence.read(self.start, self.stop)
@@ -151,14 +151,14 @@ def _piece_of(vertices: Any, faces: Faces, order: Integers) -> Piece:
 
 @dataclass(frozen=True)
 class Source:
-    """A sequence, and how it is to be coded.
+    """A sequence and the options to encode it with.
 
     Attributes
     ----------
     sequence : FrameSource
     config : EncoderConfig
     surface : Surface, optional
-        What is coded of the sequence's. Default: all of it.
+        Part of the sequence's surface that is coded. Default: all of it.
     """
 
     sequence: FrameSource
@@ -174,16 +174,16 @@ class Source:
 
     @cached_property
     def frame(self) -> BoundingFrame:
-        """Where the model lies and how large it is."""
+        """Centre and diagonal of the bounding box."""
         return bounding_frame(self.sequence.extent)
 
     @property
     def block_frames(self) -> int:
-        """Frames coded together; the last block may have fewer."""
+        """Number of frames per block; the last block may have fewer."""
         return self.config.frames_in_block(self.sequence.n_frames, self.sequence.n_verts)
 
     def pieces(self) -> Iterator[Piece]:
-        """The frames of each block, to be read."""
+        """The range of frames of each block."""
         n_frames, size = self.sequence.n_frames, self.block_frames
         for start in range(0, n_frames, size):
             yield Piece(self.sequence, start, min(start + size, n_frames), self.mesh.order)
@@ -193,7 +193,7 @@ class Source:
         return (piece.read() for piece in self.pieces())
 
     def header(self) -> Header:
-        """What the stream begins with."""
+        """The header of the stream."""
         sequence = self.sequence
         return self.mesh.header(
             self.frame,

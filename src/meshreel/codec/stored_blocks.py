@@ -1,4 +1,4 @@
-"""Blocks of frames as they lie in a stream."""
+"""Blocks of frames as they are stored in a stream."""
 
 from dataclasses import dataclass
 
@@ -11,7 +11,7 @@ from meshreel.errors import CorruptStreamError
 
 @dataclass(frozen=True)
 class StoredBlock:
-    """A block as it lies in a stream, and where its frames belong.
+    """A block as it is stored in a stream, with the number of its first frame.
 
     Attributes
     ----------
@@ -57,14 +57,14 @@ def stored_block(stream: Stream, method: Method, number: int) -> StoredBlock:
     Raises
     ------
     CorruptStreamError
-        If it is damaged, has more modes than its method can have, or other frames than the index
-        says.
+        If it is damaged, has more modes than its method allows, or not the number of frames in the
+        index.
     """
     sections = stream.block(number)
     n_frames, n_modes = read_block(sections[Section.BLOCK])
     if n_frames != stream.places[number].n_frames:
         raise CorruptStreamError(
-            f"block {number} has {n_frames} frames; the index says {stream.places[number].n_frames}"
+            f"block {number} has {n_frames} frames; the index has {stream.places[number].n_frames}"
         )
     limit = method.most_modes(n_frames, stream.header.n_verts)
     if n_modes > limit:
@@ -75,12 +75,12 @@ def stored_block(stream: Stream, method: Method, number: int) -> StoredBlock:
 
 
 def write_block(n_frames: int, n_modes: int) -> bytes:
-    """Numbers of frames and modes of a block."""
+    """Payload of the section BLOCK: numbers of frames and modes."""
     return write_varint(n_frames) + write_varint(n_modes)
 
 
 def read_block(payload: bytes) -> tuple[int, int]:
-    """Undo `write_block`.
+    """Numbers of frames and modes that `write_block` wrote.
 
     Raises
     ------

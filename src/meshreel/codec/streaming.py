@@ -1,4 +1,4 @@
-"""Frames that come one by one, coded in blocks and written as soon as a block is complete."""
+"""Live encoder: frames pushed one by one, coded in blocks and written block by block."""
 
 import os
 import time
@@ -26,22 +26,23 @@ from meshreel.surface import PLAIN, Surface
 Vertices = npt.NDArray[np.floating]
 
 SHARE_FOR_CODING = 1 / 16
-"""Share of the latency that is left for coding a block once its last frame is there."""
+"""Share of the latency that is reserved for coding a block after its last frame."""
 
 FPS_IF_UNKNOWN = 25.0
-"""What a latency is turned into frames with where no frame rate is given."""
+"""Frame rate that converts a latency to frames where none is given."""
 
 
 class Encoder:
-    """Codes frames as they come: `push` each, and `close`, or use it in a `with` statement.
+    """Encoder of live frames: `push` each, and `close`, or use it in a `with` statement.
 
-    The bytes of a block are written, and never touched again, as soon as it is complete. Whatever
-    happens to this process, the file then opens up to there (`meshreel.open`). Blocks are coded in
-    threads of their own while the next frames come.
+    The bytes of a block are written as soon as it is complete and never change. If the process is
+    interrupted, `meshreel.open` reads the file up to the last block written. Blocks are coded in
+    separate threads while the next frames are pushed.
 
-    Scale, step and number of modes follow from the first block: `quality` is that of a model of
-    the size it has there, and `step` and `max_error` are shares of the diagonal of the bounding
-    box of that block. A box of all frames is no smaller, so that the promise holds for it too.
+    Bounding box, quantisation step and number of modes are those of the first block: `quality` is
+    relative to the size of the model in it, and `step` and `max_error` are shares of the diagonal
+    of its bounding box. The bounding box of all frames is no smaller, so that the bound holds for
+    it too.
 
     Parameters
     ----------
@@ -53,31 +54,32 @@ class Encoder:
     name, start_s, surface
         As in `MeshSequence`.
     block_frames : int or "auto", default "auto"
-        Frames that are coded together. "auto": as many as `max_latency_s` allows, or the method's
-        own number where it has one (`blocks`: 25). More frames take fewer bytes each.
+        Frames per block. "auto": as many as `max_latency_s` allows, or the default of the method
+        (`blocks`: 25). Longer blocks take fewer bytes per frame.
     max_latency_s : float, default 2
-        Seconds from the push of a frame to its bytes in the file, if frames come at `fps` (25 if
-        that is unknown) and a block is coded in a sixteenth of the time that its frames take.
+        Seconds from the push of a frame to its bytes in the file, if frames are pushed at `fps` (25
+        if that is unknown) and a block is coded in a sixteenth of its duration.
     overwrite : bool, default False
-        Whether a file that is there already may be replaced.
+        Whether an existing file may be replaced.
     **options
-        As `meshreel.encode` takes them; of targets `quality`, `step` and `max_error`, for the
-        others need the whole sequence.
+        Options of `meshreel.encode`; of the targets only `quality`, `step` and `max_error`, since
+        the others need the whole sequence.
 
     Attributes
     ----------
     n_frames : int
-        Pushed so far.
+        Number of frames pushed so far.
     latency_s : float
-        Seconds from the push of a block's first frame to its bytes in the file: the longest so far.
+        Longest time so far from the push of a block's first frame to its bytes in the file, in
+        seconds.
 
     Raises
     ------
     InvalidInputError
-        If an option is out of range or needs the whole sequence, the faces are none, the target
-        does not end in ``.reel``, or a file is there already.
+        If an option is out of range or needs the whole sequence, there are no faces, the path does
+        not end in ``.reel``, or the file exists.
     OSError
-        Naming the target, when it cannot be written.
+        Naming the file, if it cannot be written.
 
     References
     ----------
@@ -119,13 +121,13 @@ class Encoder:
             check_output_path(self._path, overwrite=overwrite)
         self._file: BinaryIO = self._path.open("wb") if self._path else target  # type: ignore[assignment]
         # A block is analysed while the bytes of the one before are written.
-        self._worker = ThreadPoolExecutor(1, "meshreel-encoder")
-        self._pencil = ThreadPoolExecutor(1, "meshreel-writer")
+        self._analysis_thread = ThreadPoolExecutor(1, "meshreel-encoder")
+        self._file_thread = ThreadPoolExecutor(1, "meshreel-writer")
         self._analysing: Future[None] | None = None
         self._writing: Future[None] | None = None
 
     def push(self, frame: npt.ArrayLike) -> None:
-        """Take in the next frame; waits only if a block is complete and the one before not coded.
+        """Add a frame; waits only if a block is complete and the one before not coded yet.
 
         Parameters
         ----------
@@ -135,8 +137,8 @@ class Encoder:
         Raises
         ------
         InvalidInputError
-            If it has another shape or type than the first, or is not finite; nothing is lost then,
-            and other frames can follow. If a block cannot be coded as asked.
+            If the frame has another shape or type than the first, or is not finite: it is skipped,
+            and others can follow. If a block cannot be coded with these options.
         """
         if self._is_closed:
             raise InvalidInputError("the encoder is closed; it takes no more frames")
@@ -155,12 +157,12 @@ class Encoder:
         return self._writer.size_bytes if self._writer else 0
 
     def close(self) -> None:
-        """Code the frames that are left, and finish the file.
+        """Code the remaining frames and finish the file.
 
         Raises
         ------
         InvalidInputError
-            If no frame was pushed (there is no file then), or a block cannot be coded.
+            If no frame was pushed (then there is no file), or a block cannot be coded.
         """
         if self._is_closed:
             return
@@ -170,11 +172,11 @@ class Encoder:
                 self._code()
             self._wait_for_all()
             if self._writer is not None:
-                with self._errors_naming_target():
+                with self._errors_naming_output():
                     self._writer.finish()
         finally:
-            self._worker.shutdown()
-            self._pencil.shutdown()
+            self._analysis_thread.shutdown()
+            self._file_thread.shutdown()
             self._release()
         if self._writer is None:
             raise InvalidInputError("no frame was pushed; there is nothing to write")
@@ -188,7 +190,7 @@ class Encoder:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        # What stops a recording is often an error, or ctrl-C: what came before is kept.
+        # A recording is often stopped by an error or ctrl-C: the frames before are kept.
         try:
             self.close()
         except InvalidInputError:
@@ -198,7 +200,7 @@ class Encoder:
     def __repr__(self) -> str:
         name = f" {self._name!r}" if self._name else ""
         state = "closed" if self._is_closed else "open"
-        n_faces = len(np.atleast_1d(self._faces))  # which are looked at when a frame comes
+        n_faces = len(np.atleast_1d(self._faces))  # not validated before the first frame
         return (
             f"<Encoder{name}, {state}: {self.n_frames} frames pushed, {self.size_bytes} bytes "
             f"written, {n_faces} faces, {self._fps:g} fps>"
@@ -206,12 +208,12 @@ class Encoder:
 
     def _release(self) -> None:
         if self._path is not None:
-            with self._errors_naming_target():
+            with self._errors_naming_output():
                 self._file.close()
             if self._writer is None:
                 self._path.unlink(missing_ok=True)
 
-    def _errors_naming_target(self) -> AbstractContextManager[None]:
+    def _errors_naming_output(self) -> AbstractContextManager[None]:
         return os_errors_naming_output(self._path) if self._path else nullcontext()
 
     def _check(self, array: Vertices) -> None:
@@ -241,7 +243,7 @@ class Encoder:
         )
 
     def _code(self) -> None:
-        """Hand the frames over to be coded; an error of the block before is raised here."""
+        """Start coding the frames of a block; raises errors of the block before."""
         self._wait()
         vertices, since, self._frames = np.stack(self._frames), self._since, []
 
@@ -249,22 +251,22 @@ class Encoder:
             if self._writer is None:
                 n_verts = vertices.shape[1]
                 mesh = CodedMesh(self._faces, n_verts, self._config, self._surface, self._start_s)
-                with self._errors_naming_target():
+                with self._errors_naming_output():
                     self._writer = BlockWriter(self._file, mesh, vertices, self._fps, self._name)
             sections = self._writer.analyse(vertices)
             if self._writing is not None:
                 self._writing.result()
-            self._writing = self._pencil.submit(write, self._writer, sections)
+            self._writing = self._file_thread.submit(write, self._writer, sections)
 
         def write(writer: BlockWriter, sections: Sections) -> None:
-            with self._errors_naming_target():
+            with self._errors_naming_output():
                 writer.write(len(vertices), sections)
             self.latency_s = max(self.latency_s, time.perf_counter() - since)
 
-        self._analysing = self._worker.submit(analyse)
+        self._analysing = self._analysis_thread.submit(analyse)
 
     def _wait(self) -> None:
-        """Until the block before is analysed; an error stays, so that nothing follows a gap."""
+        """Wait until the block before is analysed; its error is raised at every call."""
         if self._analysing is not None:
             self._analysing.result()
 

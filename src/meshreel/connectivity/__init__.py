@@ -1,1 +1,1 @@
-"""The face list to bytes and back, exactly, with the vertex order or without it."""
+"""Connectivity coding: lossless coding of face lists, with or without the vertex order."""

@@ -1,8 +1,8 @@
-"""The connectivity of a mesh to bytes and back, exactly, with or without its order.
+"""Lossless coder of the connectivity of a mesh, with or without its order.
 
 Everything in a stream is coded in an internal vertex order, the one in which the coder of the
-faces meets the vertices. Storing how to get back from there is left to choice: it costs more
-than the connectivity itself.
+faces visits the vertices. Storing the given order is optional: it takes more bytes than the
+connectivity itself.
 """
 
 from dataclasses import dataclass
@@ -21,7 +21,7 @@ from meshreel.sequence import Faces
 Integers = npt.NDArray[np.int64]
 
 AS_LISTED, TRAVERSED_STANDARD, TRAVERSED_VALENCE = range(3)
-"""First byte of the payload: the list itself, or a traversal and how its symbols are coded."""
+"""First byte of the payload: the face list as it is, or a traversal with one of two codings."""
 
 KIND_OF_CODING = {STANDARD: TRAVERSED_STANDARD, VALENCE: TRAVERSED_VALENCE}
 CODING_OF_KIND = {kind: coding for coding, kind in KIND_OF_CODING.items()}
@@ -30,7 +30,7 @@ ORDERS = ("keep", "vertices", "drop")
 
 @dataclass(frozen=True)
 class CodedConnectivity:
-    """A coded face list, and the vertex order that everything else is to be coded in.
+    """A coded face list, and the internal vertex order.
 
     Attributes
     ----------
@@ -42,7 +42,7 @@ class CodedConnectivity:
     internal_to_given : int64 array of shape (V,)
         Vertex i of the internal order is vertex ``internal_to_given[i]`` of the input.
     internal_faces : int32 array of shape (M, 3)
-        What `decode_connectivity` returns.
+        The faces that `decode_connectivity` returns.
     """
 
     payload: bytes
@@ -52,13 +52,13 @@ class CodedConnectivity:
 
     @property
     def size_bytes(self) -> int:
-        """Of both payloads."""
+        """Size of both payloads."""
         return len(self.payload) + len(self.order_payload)
 
 
 @staged("connectivity")
 def encode_connectivity(faces: Faces, n_verts: int, *, order: str = "keep") -> CodedConnectivity:
-    """The face list in as few bytes as this package knows.
+    """The coded face list: the smallest of the codings that this package has.
 
     Parameters
     ----------
@@ -67,8 +67,8 @@ def encode_connectivity(faces: Faces, n_verts: int, *, order: str = "keep") -> C
     n_verts : int
         V. Vertices that no face uses are kept.
     order : {"keep", "vertices", "drop"}
-        What to bring back: everything as given; the vertex order, and the same oriented
-        triangles in any order and rotation; or the mesh with its vertices renumbered.
+        What is preserved: everything as given; the vertex order, and the same oriented triangles
+        in any order and rotation; or the mesh with its vertices renumbered.
 
     Raises
     ------
@@ -91,7 +91,7 @@ def decode_connectivity(payload: bytes, n_verts: int, n_faces: int) -> Faces:
     Parameters
     ----------
     payload : bytes
-        From `encode_connectivity`, or from anyone: every byte is checked.
+        From `encode_connectivity`, or untrusted: every byte is checked.
     n_verts, n_faces : int
         V and M, which the caller has bounded.
 
@@ -118,7 +118,7 @@ def decode_order(
     Parameters
     ----------
     order_payload : bytes
-        From `encode_connectivity`; empty if the internal order is all there is.
+        From `encode_connectivity`; empty if only the internal order is known.
     internal_faces : int32 array of shape (M, 3)
         From `decode_connectivity`.
     n_verts : int

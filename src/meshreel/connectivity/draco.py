@@ -1,8 +1,8 @@
 """The connectivity part of a Draco stream: Edgebreaker with valence contexts.
 
-A Draco stream is a head, the counts, the connectivity and then the attributes. Only the
-connectivity is kept. The decoder puts a head, counts and one attribute of zeros around it that
-it knows itself, so that nothing a damaged stream announces steers how much Draco allocates.
+A Draco stream is a header, the counts, the connectivity and then the attributes. Only the
+connectivity is kept. The decoder adds a header, counts and one attribute of zeros of its own, so
+that a damaged stream has no influence on how much Draco allocates.
 
 References
 ----------
@@ -23,7 +23,7 @@ from meshreel.errors import CorruptStreamError
 Integers = npt.NDArray[np.int64]
 
 MAX_VERTICES = 1 << 24  # vertex numbers travel as float32 positions and must be exact there
-MAX_VALENCE_WORK = 1 << 33  # Draco takes time quadratic in a valence: this many are seconds
+MAX_VALENCE_WORK = 1 << 33  # Draco's time is quadratic in valences: this many take seconds
 COMPRESSION_LEVEL = 7  # valence contexts are used from 6 on; higher levels code attributes only
 
 # Magic, bitstream 2.2, triangle mesh, Edgebreaker, no flags.
@@ -43,11 +43,11 @@ class DracoSurface:
     Attributes
     ----------
     connectivity : bytes
-        The part of the Draco stream behind the counts of vertices and faces.
+        The part of the Draco stream after the counts of vertices and faces.
     coding : int
         `STANDARD` or `VALENCE`.
     vertex_of_point : int64 array of shape (P,)
-        Which vertex of the input each point is; a vertex that Draco split is several points.
+        The vertex of the input that each point is; a vertex that Draco split is several points.
     faces : int64 array of shape (M, 3)
         Points of each face.
     """
@@ -59,7 +59,7 @@ class DracoSurface:
 
 
 def encode_surface(faces: Integers, n_verts: int) -> DracoSurface | None:
-    """The surface as Draco codes it, or None if Draco cannot.
+    """The surface as Draco codes it; None if Draco cannot code it.
 
     Parameters
     ----------
@@ -77,7 +77,7 @@ def encode_surface(faces: Integers, n_verts: int) -> DracoSurface | None:
         vertex_of_point = np.rint(np.asarray(named.points)[:, 0]).astype(np.int64)
         coding, connectivity = _extract_connectivity(stream, len(vertex_of_point), len(faces))
         found = decode_surface(connectivity, coding, len(vertex_of_point), len(faces))
-    except Exception:  # whatever Draco makes of this list, there is another way to code it
+    except Exception:  # however Draco fails on this list, there is another way to code it
         return None
     all_there = np.array_equal(np.unique(vertex_of_point), np.arange(n_verts))
     if not (all_there and np.array_equal(found, named.faces)):
@@ -96,7 +96,7 @@ def decode_surface(connectivity: bytes, coding: int, n_points: int, n_faces: int
     if not (0 < n_points <= 3 * n_faces and coding in (STANDARD, VALENCE)):
         raise CorruptStreamError(f"{n_faces} faces cannot use {n_points} points each once")
     if connectivity_size(connectivity, coding, n_faces) != len(connectivity):
-        raise CorruptStreamError("bytes are left over behind the connectivity")
+        raise CorruptStreamError("bytes are left over after the connectivity")
     start = HEAD + _counts(coding, n_points, n_faces)
     try:
         mesh = DracoPy.decode(start + connectivity + TAIL)
@@ -117,7 +117,7 @@ def decode_surface(connectivity: bytes, coding: int, n_points: int, n_faces: int
 
 
 def _draco_stream(faces: Integers, n_verts: int) -> bytes:
-    """A whole Draco stream, in which the position of each vertex is its number."""
+    """A complete Draco stream, in which the position of each vertex is its number."""
     bits = (n_verts - 1).bit_length()
     names = np.zeros((n_verts, 3), np.float32)
     names[:, 0] = np.arange(n_verts)
@@ -135,7 +135,7 @@ def _draco_stream(faces: Integers, n_verts: int) -> bytes:
 
 
 def _counts(coding: int, n_points: int, n_faces: int) -> bytes:
-    """What stands between the head and the connectivity; the zero: no other attributes."""
+    """The bytes between header and connectivity; the zero: no other attributes."""
     return bytes([coding]) + write_varint(n_points) + write_varint(n_faces) + b"\x00"
 
 
@@ -143,6 +143,6 @@ def _extract_connectivity(stream: bytes, n_points: int, n_faces: int) -> tuple[i
     coding = stream[len(HEAD)]
     start = HEAD + _counts(coding, n_points, n_faces)
     if not stream.startswith(start):
-        raise CorruptStreamError("this Draco writes another head")
+        raise CorruptStreamError("this version of Draco writes another header")
     rest = stream[len(start) :]
     return coding, rest[: connectivity_size(rest, coding, n_faces)]

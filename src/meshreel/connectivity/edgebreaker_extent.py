@@ -1,8 +1,8 @@
-"""Where the connectivity part of a Draco stream ends, found without decoding it.
+"""The extent of the connectivity part of a Draco stream, found without decoding it.
 
-What follows it, the attributes, must be what this package put there: Draco believes them, and
-ones made up by an attacker allocate gigabytes. Therefore only what Draco reads to the same place
-is let through; anything that it would give up on half way is refused here.
+The attributes that follow must be those that this package appends: Draco trusts them, and forged
+ones allocate gigabytes. Therefore only bytes that Draco reads up to the same position are
+accepted; anything that Draco would stop at earlier is refused here.
 """
 
 from meshreel.entropy.varint import read_varint
@@ -23,12 +23,12 @@ MAX_VARINT_BYTES = 5
 
 
 def connectivity_size(data: bytes, coding: int, n_faces: int) -> int:
-    """Bytes at the start of `data` that are the connectivity of at most `n_faces` faces.
+    """Size of the connectivity of at most `n_faces` faces at the start of `data`.
 
     Raises
     ------
     CorruptStreamError
-        If they are damaged in a way that would move the place where Draco stops reading.
+        If it is damaged in a way that would change where Draco stops reading.
     """
     n_symbols, position = _read_count(data, 0, n_faces)
     _, position = _read_count(data, position, n_symbols)  # split symbols
@@ -43,7 +43,7 @@ def connectivity_size(data: bytes, coding: int, n_faces: int) -> int:
 
 
 def _skip_split_events(data: bytes, position: int, n_symbols: int) -> int:
-    """Two numbers each, then one bit each."""
+    """Position after the split events: two numbers each, then one bit each."""
     n_events, position = _read_count(data, position, n_symbols)
     for _ in range(2 * n_events):
         _, position = _read_count(data, position, n_symbols)
@@ -51,14 +51,14 @@ def _skip_split_events(data: bytes, position: int, n_symbols: int) -> int:
 
 
 def _skip_start_faces(data: bytes, position: int) -> int:
-    """Single bits by asymmetric numeral systems: their probability, the coded bytes."""
+    """Position after the start faces: a probability, and bits coded by ANS."""
     end, coded = _take_block(data, _skip(data, position, 1))
     _last_state(coded, 2, BIT_STATE_LIMIT)
     return end
 
 
 def _skip_context(data: bytes, position: int, n_symbols: int) -> int:
-    """The symbols of one context: their number, the scheme, and what that needs."""
+    """Position after the symbols of one context: their number, the scheme, and its data."""
     n_here, position = _read_count(data, position, n_symbols)
     if n_here == 0:
         return position
@@ -75,7 +75,7 @@ def _skip_context(data: bytes, position: int, n_symbols: int) -> int:
 
 
 def _read_table(data: bytes, position: int) -> tuple[list[int], int]:
-    """Probabilities, of 1 to 3 bytes each; one ending in the bits 11 is a run of zeros."""
+    """Probabilities, of 1 to 3 bytes each (bits 11 last: a run of zeros), and their end."""
     start = _skip(data, position, 1)
     n_probabilities = data[position]
     if not 1 <= n_probabilities <= N_SYMBOLS:
@@ -96,7 +96,7 @@ def _read_table(data: bytes, position: int) -> tuple[list[int], int]:
 
 
 def _sum_of_tags(coded: bytes, probabilities: list[int], n_tags: int) -> int:
-    """Sum of `n_tags` coded symbols: each is the number of bits that one more symbol takes."""
+    """Sum of `n_tags` coded tags; each is the number of raw bits of a symbol."""
     state, position = _last_state(coded, 3, 255 * TAG_STATE_BASE)
     state += TAG_STATE_BASE
     total = 0
@@ -115,7 +115,7 @@ def _sum_of_tags(coded: bytes, probabilities: list[int], n_tags: int) -> int:
 
 
 def _last_state(coded: bytes, max_more: int, limit: int) -> tuple[int, int]:
-    """The state that the decoder begins with, at the end, and how many bytes lie before it."""
+    """The initial state of the decoder, stored at the end, and the number of bytes before it."""
     n_more = coded[-1] >> 6 if coded else max_more + 1
     if n_more > max_more or n_more >= len(coded):
         raise CorruptStreamError("coded symbols have no state")
@@ -127,7 +127,7 @@ def _last_state(coded: bytes, max_more: int, limit: int) -> tuple[int, int]:
 
 
 def _take_block(data: bytes, position: int) -> tuple[int, bytes]:
-    """Where the bytes behind their number end, and they."""
+    """End of a block of bytes with its size before it, and the bytes."""
     size, position = _read_count(data, position, len(data))
     end = _skip(data, position, size)
     return end, data[position:end]

@@ -1,4 +1,4 @@
-"""Any face list to bytes as it stands: differences of neighbouring entries, entropy coded."""
+"""Lossless coder of any face list: differences of neighbouring entries, entropy coded."""
 
 import numpy as np
 import numpy.typing as npt
@@ -21,7 +21,7 @@ def face_differences(faces: npt.NDArray[np.integer]) -> list[Integers]:
 
 
 def join_differences(rows: list[Integers], n_verts: int) -> Faces:
-    """Undo `face_differences`.
+    """The faces whose differences `face_differences` returned.
 
     Raises
     ------
@@ -36,13 +36,13 @@ def join_differences(rows: list[Integers], n_verts: int) -> Faces:
 
 
 def encode_face_list(faces: Faces, n_verts: int) -> bytes:
-    """Bytes that hold the faces exactly: order, corners and all."""
+    """Bytes of the exact face list, including order and first corners."""
     counts = write_varint(n_verts) + write_varint(len(faces))
     return counts + encode_integers(face_differences(faces))
 
 
 def decode_face_list(data: bytes, n_verts: int, n_faces: int) -> Faces:
-    """Undo `encode_face_list`.
+    """The faces that `encode_face_list` wrote.
 
     Raises
     ------

@@ -1,9 +1,9 @@
-"""The given order of vertices and faces to bytes and back, where the mesh is known without it.
+"""Coder of the given order of vertices and faces, for a mesh that is known without it.
 
-There are two ways, and the shorter is kept. Vertices first: their numbers follow the mesh, and
-the faces are placed in the list that is sorted by these numbers. Faces first: they are placed in
-the list as the connectivity coder has it, and the vertices are numbered as the faces name them,
-which for many programs is the order they were made in.
+There are two ways, and the shorter is kept. Vertices first: their numbers are predicted from the
+mesh, and faces are located in the list sorted by these numbers. Faces first: they are located in
+the list of the connectivity coder, and vertex numbers are predicted from the order in which the
+faces first use the vertices, which is how many programs number them.
 """
 
 import numpy as np
@@ -29,7 +29,7 @@ VERTICES_ONLY, VERTICES_FIRST, FACES_FIRST = range(3)
 def encode_order(
     faces: Faces, internal_faces: AnyFaces, internal_to_given: Integers, keep_faces: bool
 ) -> bytes:
-    """Bytes that lead from the internal order back to the given one.
+    """Bytes of the permutation from the internal order to the given one.
 
     Parameters
     ----------
@@ -39,7 +39,7 @@ def encode_order(
         The same oriented triangles in any order, in internal vertices.
     internal_to_given : int64 array of shape (V,)
     keep_faces : bool
-        False to bring back the vertices only.
+        False to keep the order of the vertices only.
     """
     prediction, numbering = encode_numbering(internal_to_given, internal_faces)
     if not keep_faces:
@@ -70,7 +70,7 @@ def encode_order(
 def decode_given_order(
     order_payload: bytes, internal_faces: AnyFaces, n_verts: int
 ) -> tuple[Integers, Integers]:
-    """Given number of each internal vertex, and the faces in them.
+    """Given number of each internal vertex, and the faces in given numbers.
 
     Raises
     ------
@@ -101,7 +101,7 @@ def decode_given_order(
 
 
 def naming_order(faces: AnyFaces, n_verts: int) -> Integers:
-    """All vertices in the order in which the faces name them first; then the rest, ascending."""
+    """All vertices in the order of their first use by faces; then unused ones, ascending."""
     named, first = np.unique(faces, return_index=True)
     rest = np.ones(n_verts, bool)
     rest[named] = False
@@ -132,9 +132,9 @@ def _join(kind: int, prediction: int, numbering: bytes, listing: bytes) -> bytes
 
 def _split(order_payload: bytes) -> tuple[int, int, bytes, bytes]:
     if len(order_payload) < 2 or order_payload[0] > FACES_FIRST:
-        raise CorruptStreamError("the order is of no known kind")
+        raise CorruptStreamError("the order is of an unknown kind")
     size, start = read_varint(order_payload, 2)
     if size > len(order_payload) - start:
-        raise CorruptStreamError(f"the vertex order needs {size} bytes; they are not there")
+        raise CorruptStreamError(f"the vertex order needs {size} bytes; they are missing")
     end = start + size
     return order_payload[0], order_payload[1], order_payload[start:end], order_payload[end:]

@@ -1,9 +1,9 @@
-"""Faces in the order of a traversal of the surface: a Draco surface and what it cannot hold.
+"""Faces in the order of a traversal of the surface: a Draco surface and the faces that it lacks.
 
-Draco takes each oriented triangle once, needs three different corners, knows no unused vertices
-and makes several points of a vertex where the surface is not a manifold. So degenerate and
-repeated faces are listed apart, unused vertices are numbered last, and points that are a vertex
-again are listed with the vertex they are.
+Draco takes each oriented triangle once, needs three different corners, has no unused vertices and
+splits vertices where the surface is not a manifold. So degenerate and repeated faces are listed
+separately, unused vertices are numbered last, and points that are copies of a vertex are listed
+with the point that they copy.
 """
 
 from dataclasses import dataclass
@@ -35,9 +35,9 @@ class Traversal:
     Attributes
     ----------
     coding : int
-        How the symbols of the surface are coded.
+        Coding of the symbols of the surface, `STANDARD` or `VALENCE`.
     body : bytes
-        What `decode_traversal` needs besides.
+        The bytes that `decode_traversal` reads.
     internal_to_given : int64 array of shape (V,)
     internal_faces : int32 array of shape (M, 3)
     """
@@ -49,7 +49,7 @@ class Traversal:
 
 
 def encode_traversal(faces: Faces, n_verts: int) -> Traversal | None:
-    """The faces in traversal order, or None where that cannot bring back the same triangles."""
+    """The faces in traversal order; None where that would not preserve the triangles."""
     apart = (faces == np.roll(faces, 1, axis=1)).any(axis=1) | repeats_before(faces, n_verts)
     used, compact = np.unique(faces[~apart], return_inverse=True)
     surface = encode_surface(compact.reshape(-1, 3).astype(np.int64), len(used))
@@ -96,7 +96,7 @@ def decode_traversal(body: bytes, coding: int, n_verts: int, n_faces: int) -> Fa
             f"many for {n_verts} vertices and {n_faces} faces"
         )
     if n_again > n_points or size > len(body) - position:
-        raise CorruptStreamError(f"{n_again} of {n_points} points in {size} bytes cannot be")
+        raise CorruptStreamError(f"{n_again} of {n_points} points in {size} bytes are impossible")
     again, same_as, extra = _read_irregular(
         body[position : position + size], n_again, n_extra, n_points, n_verts
     )
@@ -105,14 +105,14 @@ def decode_traversal(body: bytes, coding: int, n_verts: int, n_faces: int) -> Fa
 
 
 def _complete(named: Integers, n_verts: int) -> Integers:
-    """The vertices named, and behind them the others, ascending."""
+    """The vertices named, then all others, ascending."""
     others = np.ones(n_verts, bool)
     others[named] = False
     return np.concatenate([named, np.flatnonzero(others)]).astype(np.int64)
 
 
 def _assemble(faces: Integers, again: Integers, same_as: Integers, extra: AnyFaces) -> Faces:
-    """Faces of points as faces of vertices, which are the points that are no repetition."""
+    """Faces of points as faces of vertices: points that are no copies are the vertices."""
     n_points = int(faces.max()) + 1
     is_first = np.ones(n_points, bool)
     is_first[again] = False
@@ -140,7 +140,7 @@ def _read_irregular(
 ) -> tuple[Integers, Integers, Faces]:
     if not n_again and not n_extra:
         if data:
-            raise CorruptStreamError("bytes describe irregular places; there are none")
+            raise CorruptStreamError("bytes describe irregular vertices; there are none")
         return np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros((0, 3), np.int32)
     gaps, back, *rows = decode_integers(data, [n_again, n_again] + [n_extra] * N_ROWS)
     again = np.cumsum(gaps)
@@ -151,5 +151,5 @@ def _read_irregular(
             raise CorruptStreamError("the split points are not ascending")
         is_again[again] = True
         if back.min() < 1 or same_as.min() < 0 or is_again[same_as].any():
-            raise CorruptStreamError("a split point repeats none before it")
+            raise CorruptStreamError("a split point copies none before it")
     return again, same_as, join_differences(rows, n_verts)

@@ -16,9 +16,9 @@ def rotate_corners(faces: AnyFaces, first: Integers) -> Integers:
 
 
 def lowest_rotation(faces: AnyFaces, n_verts: int) -> tuple[Integers, Integers]:
-    """Every face turned to its lexicographically lowest rotation, and the corner now in front.
+    """Every face rotated to be lexicographically lowest, and the corner that is then first.
 
-    Two faces are the same oriented triangle just where these representatives are equal.
+    Two faces are the same oriented triangle if and only if these representatives are equal.
     """
     wide = np.asarray(faces, np.int64)
     first = np.argmin(wide * n_verts + np.roll(wide, -1, axis=1), axis=1).astype(np.int64)
@@ -41,7 +41,7 @@ def repeats_before(faces: AnyFaces, n_verts: int) -> npt.NDArray[np.bool_]:
 
 
 def twin_sides(faces: AnyFaces, n_verts: int) -> Integers:
-    """The side across which each side of each face has its neighbour; itself where there is none.
+    """The opposite side of each side of each face; the side itself where there is none.
 
     Parameters
     ----------
@@ -52,7 +52,7 @@ def twin_sides(faces: AnyFaces, n_verts: int) -> Integers:
     Returns
     -------
     int64 array of shape (3 M,), an involution. Where more than two sides lie on one edge, they
-    are paired in their order, whichever way they run.
+    are paired in their order, whatever their direction.
     """
     wide = np.asarray(faces, np.int64)
     ends = np.roll(wide, -1, axis=1)

@@ -1,8 +1,8 @@
-"""A numbering of the vertices of a known mesh to bytes and back.
+"""Coder of a numbering of the vertices of a known mesh.
 
-The numbers are predicted in one of three ways, whichever takes the fewest bytes: from the mesh
-(a vertex has a number near that of its neighbours), from the way a person or program numbered
-them (consecutive vertices lie near each other), or not at all.
+The numbers are predicted in one of three ways, whichever takes the fewest bytes: along the mesh
+(a vertex has a number near those of its neighbours), along the numbering (consecutive vertices
+are near each other), or not at all.
 """
 
 import numpy as np
@@ -19,14 +19,14 @@ PREDICTIONS = (ALONG_MESH, CONSECUTIVE, UNPREDICTED)
 
 
 def encode_numbering(numbers: Integers, faces: AnyFaces) -> tuple[int, bytes]:
-    """The prediction that was best, and the bytes.
+    """The best kind of prediction, and the bytes.
 
     Parameters
     ----------
     numbers : int64 array of shape (V,)
         A permutation of 0..V-1: the number of each vertex.
     faces : integer array of shape (M, 3)
-        The mesh, with vertices named by their place in `numbers`.
+        The mesh, with vertices named by their index in `numbers`.
     """
     coded = [encode_integers([_residuals(numbers, faces, kind)]) for kind in PREDICTIONS]
     best = min(range(len(coded)), key=lambda k: len(coded[k]))
@@ -34,7 +34,7 @@ def encode_numbering(numbers: Integers, faces: AnyFaces) -> tuple[int, bytes]:
 
 
 def decode_numbering(data: bytes, prediction: int, faces: AnyFaces, n_verts: int) -> Integers:
-    """Undo `encode_numbering`.
+    """The numbers that `encode_numbering` wrote.
 
     Raises
     ------
@@ -48,11 +48,11 @@ def decode_numbering(data: bytes, prediction: int, faces: AnyFaces, n_verts: int
         return require_permutation(_sum_to_roots(row, mesh_parents(faces, n_verts)), "vertex")
     if prediction == CONSECUTIVE:
         return inverse_permutation(require_permutation(np.cumsum(row), "vertex"))
-    raise CorruptStreamError(f"{prediction} is no prediction of vertex numbers; 0..2 are")
+    raise CorruptStreamError(f"vertex prediction {prediction} is unknown; 0..2 are allowed")
 
 
 def mesh_parents(faces: AnyFaces, n_verts: int) -> Integers:
-    """For each vertex its highest neighbour below it; without one, the vertex before it.
+    """The parent of each vertex: its highest lower neighbour, or else the vertex before it.
 
     Vertex 0 has the parent `n_verts`, which is no vertex: the root.
     """
@@ -69,7 +69,7 @@ def mesh_parents(faces: AnyFaces, n_verts: int) -> Integers:
 
 
 def inverse_permutation(order: Integers) -> Integers:
-    """Where each of 0..n-1 stands in `order`."""
+    """The index of each of 0..n-1 in `order`."""
     inverse = np.empty(len(order), np.int64)
     inverse[order] = np.arange(len(order))
     return inverse
@@ -99,7 +99,7 @@ def _residuals(numbers: Integers, faces: AnyFaces, prediction: int) -> Integers:
 
 
 def _sum_to_roots(values: Integers, parents: Integers) -> Integers:
-    """Of each node the sum of its value and those of all nodes above it, by pointer doubling."""
+    """Sum of each node's value and those of all its ancestors, by pointer doubling."""
     root = len(values)
     total, above = np.append(values, 0), np.append(parents, root)
     while (above != root).any():

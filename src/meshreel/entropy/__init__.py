@@ -1,1 +1,1 @@
-"""Integers to bytes and back, exactly, on every machine."""
+"""Entropy coding: integers to bytes and back, with the same bytes on every machine."""

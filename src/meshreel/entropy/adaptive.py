@@ -1,7 +1,8 @@
-"""Bits whose probabilities both sides learn as they go, through one asymmetric-numeral coder.
+"""Adaptive binary models: bits whose probabilities both sides learn, in one ANS coder.
 
-Writer and reader are driven by the same code: `code` takes the bits to write, or None, and gives
-the bits either way. So the model of a stream is written once and cannot differ between the two.
+Writer and reader share the same code: `code` takes the bits to write, or None to read them, and
+returns the bits either way. So the model of a stream is written once and cannot differ between the
+two.
 """
 
 from typing import Protocol
@@ -18,7 +19,7 @@ Bits = npt.NDArray[np.bool_]
 
 PROBABILITY_BITS = 16
 CERTAIN = 1 << PROBABILITY_BITS
-"""A probability is a whole number by CERTAIN, which float64 holds exactly."""
+"""Probabilities are integers divided by CERTAIN, which float64 holds exactly."""
 
 LEAST_PROBABILITY = 16  # what never happened so far may still happen
 START_WEIGHT = 12  # how many observations a first guess stands for
@@ -29,7 +30,7 @@ _BERNOULLI = constriction.stream.model.Bernoulli(perfect=False)
 
 
 class BitPort(Protocol):
-    """Where bits go to or come from."""
+    """A destination or a source of bits."""
 
     def code(self, truth: Bits | None, probabilities: Floats) -> Bits:
         """The bits, each 1 with its probability; `truth` holds them when they are written."""
@@ -37,14 +38,14 @@ class BitPort(Protocol):
 
 
 class BitWriter:
-    """Collects bits and codes them all at the end, for the coder is a stack."""
+    """Collects bits and codes them all at the end, since the coder is a stack."""
 
     def __init__(self) -> None:
         self._bits: list[Bits] = []
         self._probabilities: list[Floats] = []
 
     def code(self, truth: Bits | None, probabilities: Floats) -> Bits:
-        """The bits given, noted to be written."""
+        """The bits given, kept to be written."""
         assert truth is not None  # only a reader is asked for what nobody knows yet
         self._bits.append(truth)
         self._probabilities.append(probabilities)
@@ -60,7 +61,7 @@ class BitWriter:
 
 
 class BitReader:
-    """Gives back the bits that a `BitWriter` coded.
+    """Decodes the bits that a `BitWriter` coded.
 
     Raises
     ------
@@ -77,13 +78,13 @@ class BitReader:
             raise CorruptStreamError(f"the coded bits are damaged: {error}") from error
 
     def code(self, truth: Bits | None, probabilities: Floats) -> Bits:
-        """The next bits; `truth` is not looked at."""
+        """The next bits; `truth` is ignored."""
         if not len(probabilities):
             return np.zeros(0, np.bool_)
         return np.asarray(self._coder.decode(_BERNOULLI, probabilities) != 0)
 
     def finish(self) -> None:
-        """Check that nothing is left.
+        """Check that all bits were read.
 
         Raises
         ------
@@ -95,12 +96,12 @@ class BitReader:
 
 
 class AdaptiveBits:
-    """Probabilities of a bit in many contexts, learnt from the bits already coded.
+    """Probabilities of a bit in many contexts, learned from the bits already coded.
 
     Parameters
     ----------
     first_guess : integer array of shape (n_contexts,)
-        Probability of a 1 at the beginning, of CERTAIN.
+        Initial probability of a 1, in units of 1 / CERTAIN.
     """
 
     def __init__(self, first_guess: Integers) -> None:
@@ -110,7 +111,7 @@ class AdaptiveBits:
         self._probabilities = _probabilities(self._ones, self._total)
 
     def code(self, port: BitPort, truth: Bits | None, contexts: Integers) -> Bits:
-        """The bit of each of the contexts, all coded with what was known before; then learn."""
+        """A bit in each of the contexts, all coded before any of them updates a probability."""
         if not len(contexts):
             return np.zeros(0, np.bool_)
         bits = port.code(truth, self._probabilities[contexts])

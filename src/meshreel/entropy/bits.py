@@ -1,4 +1,4 @@
-"""Fields of given widths, packed without gaps, least significant bit first."""
+"""Bit packing: fields of given widths without gaps, least significant bit first."""
 
 import numpy as np
 import numpy.typing as npt
@@ -9,7 +9,7 @@ MAX_WIDTH = 32
 
 
 def pack_bits(fields: Integers, widths: Integers) -> bytes:
-    """Bytes that hold field i in `widths[i]` bits (0..32), in order.
+    """Bytes of the packed fields, field i in `widths[i]` bits (0..32).
 
     Every field is below 2^width and not negative.
     """
@@ -29,7 +29,7 @@ def pack_bits(fields: Integers, widths: Integers) -> bytes:
 
 
 def unpack_bits(data: bytes, widths: Integers) -> Integers:
-    """Fields that `pack_bits` wrote; `data` must hold at least their sum of widths."""
+    """Fields that `pack_bits` wrote; `data` must hold at least the sum of their widths."""
     if not np.any(widths):
         return np.zeros(len(widths), np.int64)
     ends = np.cumsum(widths)

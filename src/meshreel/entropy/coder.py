@@ -1,4 +1,4 @@
-"""Rows of integers to bytes and back: tokens by asymmetric numeral systems, the rest raw."""
+"""Coder of rows of integers: tokens by asymmetric numeral systems, remaining bits raw."""
 
 from collections.abc import Sequence
 
@@ -23,15 +23,15 @@ MAX_INTEGERS_PER_BYTE = 256
 def encode_integers(
     rows: Sequence[npt.NDArray[np.integer]], tables: Sequence[int] | None = None
 ) -> bytes:
-    """Bytes that hold rows of integers, each row coded with a probability table of its own.
+    """Bytes of rows of integers, each row coded with a probability table of its own.
 
     Parameters
     ----------
     rows : sequence of integer arrays of shape (length,)
-        Magnitudes up to 2^31 - 1. The reader has to know the lengths.
+        Magnitudes up to 2^31 - 1. The reader needs the lengths.
     tables : sequence of int, optional
         Number of the table that each row uses, 0..n-1; rows that name the same share it.
-        The reader has to know them too. Default: row i uses table i.
+        The reader needs them too. Default: row i uses table i.
 
     Raises
     ------

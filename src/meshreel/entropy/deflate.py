@@ -1,33 +1,33 @@
-"""Raw deflate, with the size of the result known beforehand."""
+"""Raw deflate; the size of the result is known in advance."""
 
 import zlib
 
 from meshreel.errors import CorruptStreamError
 
 MAX_RATIO = 1032
-"""No byte of deflate unpacks to more."""
+"""Largest ratio of unpacked to packed bytes that deflate reaches."""
 
 
 def deflate(data: bytes) -> bytes:
-    """The data, packed (RFC 1951, without a header)."""
+    """The compressed data (RFC 1951, without a header)."""
     return zlib.compress(data, level=9, wbits=-15)
 
 
 def inflate(data: bytes, size_bytes: int, what: str) -> bytes:
-    """Undo `deflate`; never unpacks more than one byte beyond the size.
+    """The data that `deflate` compressed; never unpacks more than one byte beyond the size.
 
     Parameters
     ----------
     data : bytes
     size_bytes : int
-        What it must unpack to.
+        Size of the unpacked data.
     what : str
         A name for error messages, in the plural.
 
     Raises
     ------
     CorruptStreamError
-        If it unpacks to anything else.
+        If it unpacks to any other size.
     """
     inflater = zlib.decompressobj(wbits=-15)
     try:

@@ -1,4 +1,4 @@
-"""Numbers to bytes and back without loss: differences of their bit patterns, deflated."""
+"""Lossless coder of numbers: differences of their bit patterns, deflated."""
 
 from typing import Any
 
@@ -9,15 +9,15 @@ from meshreel.entropy.deflate import deflate, inflate
 
 
 def encode_exact(values: npt.NDArray[Any]) -> bytes:
-    """Bytes that hold values of shape (T, ...) of 1, 4 or 8 bytes each, exactly.
+    """Bytes of values of shape (T, ...) of 1, 4 or 8 bytes each, exactly.
 
     The bit patterns are differenced along the first axis and split into byte planes, so that
-    what stands still in time costs next to nothing.
+    values that are constant in time take almost no bytes.
     """
     patterns = np.ascontiguousarray(values).view(_pattern_type(values.dtype))
-    steps = patterns.copy()
-    steps[1:] -= patterns[:-1]
-    planes = steps.astype(steps.dtype.newbyteorder("<")).view(np.uint8)
+    differences = patterns.copy()
+    differences[1:] -= patterns[:-1]
+    planes = differences.astype(differences.dtype.newbyteorder("<")).view(np.uint8)
     planes = planes.reshape(-1, values.dtype.itemsize)
     return deflate(np.ascontiguousarray(planes.T).tobytes())
 
@@ -35,8 +35,8 @@ def decode_exact(data: bytes, shape: tuple[int, ...], dtype: npt.DTypeLike) -> n
     size_bytes = int(np.prod(shape)) * dtype.itemsize
     raw = inflate(data, size_bytes, "exact values")
     planes = np.frombuffer(raw, np.uint8).reshape(dtype.itemsize, -1)
-    steps = np.ascontiguousarray(planes.T).view(pattern.newbyteorder("<")).reshape(shape)
-    return np.cumsum(steps.astype(pattern), axis=0, dtype=pattern).view(dtype)
+    differences = np.ascontiguousarray(planes.T).view(pattern.newbyteorder("<")).reshape(shape)
+    return np.cumsum(differences.astype(pattern), axis=0, dtype=pattern).view(dtype)
 
 
 def _pattern_type(dtype: np.dtype[Any]) -> np.dtype[Any]:

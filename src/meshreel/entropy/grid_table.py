@@ -1,4 +1,4 @@
-"""Tables of numbers on a grid of 2^-bits to bytes and back, without loss."""
+"""Lossless coder of tables whose numbers lie on a grid of 2^-bits."""
 
 from typing import Any
 
@@ -11,16 +11,16 @@ from meshreel.errors import CorruptStreamError, TruncatedStreamError
 Integers = npt.NDArray[np.int64]
 
 MAX_GRID_BITS = 24
-"""A float32 of up to 1 holds every number of such a grid."""
+"""Finest grid; every number of it up to 1 is exact in float32."""
 
 LARGEST = 1 << 29
-"""Numbers in units of the grid are at most this, so that their differences can be coded."""
+"""Largest number in units of the grid, so that differences can be coded."""
 
 
 def encode_grid(integers: Integers, bits: int) -> bytes:
-    """Bytes that hold a table of shape (N, C), in units of 2^-bits.
+    """Bytes of a table of shape (N, C), in units of 2^-bits.
 
-    Each column is coded as it is, or each number less the one before, whichever is smaller.
+    The numbers of a column are coded as they are or as differences, whichever is smaller.
     """
     coded = (
         bytes([bits, order]) + encode_integers(list(_differenced(integers, order).T))
@@ -51,7 +51,7 @@ def decode_grid(data: bytes, shape: tuple[int, int], dtype: np.dtype[Any]) -> np
 
 
 def grid_values(integers: Integers, bits: int, dtype: np.dtype[Any]) -> npt.NDArray[Any]:
-    """What integers in units of 2^-bits stand for."""
+    """Values of integers in units of 2^-bits."""
     return np.ldexp(integers.astype(np.float64), -bits).astype(dtype)
 
 

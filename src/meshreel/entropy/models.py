@@ -1,8 +1,8 @@
-"""Probability tables made of integers, and their compact description.
+"""Probability tables of integer frequencies, and their compact description.
 
 A frequency is one of the levels 0, 4, 5, 6, 7, 8, 10, 12, 14, 16, 20, ... (two bits of mantissa),
 so that a table is a row of small level numbers. Rounding a frequency to a level costs less than
-0.01 bit a symbol. No float takes part in making a table.
+0.01 bit per symbol. Tables are computed in integers only.
 """
 
 import numpy as np
@@ -26,7 +26,7 @@ LEVEL_FREQUENCIES = _level_frequencies()
 
 
 def table_levels(counts: Integers) -> Integers:
-    """Level of each token's frequency, from how often it occurs.
+    """Level of each token's frequency, from its count.
 
     Parameters
     ----------
@@ -34,7 +34,7 @@ def table_levels(counts: Integers) -> Integers:
 
     Returns
     -------
-    Integer array of the same shape, in 0..N_LEVELS-1; 0 just where the count is 0.
+    Integer array of the same shape, in 0..N_LEVELS-1; 0 exactly where the count is 0.
     """
     top = np.maximum(counts.max(axis=1, keepdims=True), 1)
     scaled = (counts * LEVEL_FREQUENCIES[-1]) // top
@@ -45,13 +45,13 @@ def table_levels(counts: Integers) -> Integers:
 
 
 def write_tables(levels: Integers) -> bytes:
-    """Bytes of all tables: differences to the table before, deflated."""
+    """Bytes of all tables: differences from the table before, deflated."""
     differences = np.diff(levels, axis=0, prepend=0)
     return deflate(differences.astype(np.int8).tobytes())
 
 
 def read_tables(data: bytes, n_tables: int) -> Integers:
-    """Undo `write_tables`.
+    """Levels of the tables that `write_tables` wrote, of shape (n_tables, N_TOKENS).
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Tables of numbers to bytes and back without loss: as decimals or on a grid, else bit by bit."""
+"""Lossless coder of tables of numbers: as decimals, on a grid, or as bit patterns."""
 
 from typing import Any
 
@@ -14,23 +14,23 @@ from meshreel.errors import CorruptStreamError, TruncatedStreamError
 Integers = npt.NDArray[np.int64]
 
 MOST_PLACES = 9
-"""Decimal places that are tried; what has more is as good as any bits."""
+"""Most decimal places that are tried; values with more are coded as bit patterns."""
 
 PATTERNS = 255
-"""In place of the number of decimal places: values are bit patterns."""
+"""Code in place of the number of decimal places: values are bit patterns."""
 
 GRID = 254
-"""In place of the number of decimal places: values are on a grid of 2^-bits."""
+"""Code in place of the number of decimal places: values are on a grid of 2^-bits."""
 
 LARGEST = 1 << 29
-"""Decimals without their point are at most this, so that their differences can be coded."""
+"""Largest decimal without its point, so that differences can be coded."""
 
 
 def encode_table(values: npt.NDArray[Any]) -> bytes:
-    """Bytes that hold a table of shape (N, C), exactly.
+    """Bytes of a table of shape (N, C), exactly.
 
-    What people and programs write is often a decimal of a few places: then it is the integers
-    above 10^-places that are coded, column by column, each less the one before.
+    Numbers in files are often decimals of a few places. Then their integer multiples of 10^-places
+    are coded, column by column, as differences.
     """
     patterns = bytes([PATTERNS]) + encode_exact(values)
     found = _decimals(values)
@@ -42,7 +42,7 @@ def encode_table(values: npt.NDArray[Any]) -> bytes:
 
 
 def encode_grid_table(integers: Integers, bits: int) -> bytes:
-    """Bytes that hold a table of shape (N, C) of whole numbers of steps of 2^-bits, exactly."""
+    """Bytes of a table of shape (N, C) of integer multiples of 2^-bits."""
     return bytes([GRID]) + encode_grid(integers, bits)
 
 
@@ -71,12 +71,12 @@ def decode_table(data: bytes, shape: tuple[int, int], dtype: np.dtype[Any]) -> n
         return decode_exact(packed, shape, dtype)
     if places > MOST_PLACES:
         raise CorruptStreamError(f"{places} decimal places; at most {MOST_PLACES} are allowed")
-    steps = decode_integers(packed, [n_rows] * width)
-    return _scaled(np.cumsum(np.stack(steps, axis=1), axis=0), places, dtype)
+    differences = decode_integers(packed, [n_rows] * width)
+    return _scaled(np.cumsum(np.stack(differences, axis=1), axis=0), places, dtype)
 
 
 def _decimals(values: npt.NDArray[Any]) -> tuple[int, Integers] | None:
-    """The fewest decimal places that give these very values, and the integers; None if none do."""
+    """The fewest decimal places that give exactly these values, and the integers; else None."""
     if not np.isfinite(values).all():
         return None
     exact = values.astype(np.float64)

@@ -2,7 +2,7 @@
 
 Magnitudes below 16 are one token for each value and sign. A larger magnitude is a token for its
 octave and the half of the octave it lies in; sign and remaining bits follow raw. This is the
-usual split of a long-tailed distribution into what is worth modelling and what is noise.
+usual split of a long-tailed distribution into modelled bits and noise.
 """
 
 import numpy as np
@@ -40,7 +40,7 @@ def split_integers(values: Integers) -> tuple[Integers, Integers]:
     if magnitude.size and magnitude.max() > MAX_MAGNITUDE:
         raise InvalidInputError(
             f"integers up to {MAX_MAGNITUDE} can be coded; got {magnitude.max()}; "
-            "use fewer bits or a larger step"
+            "use fewer bits or a larger quantisation step"
         )
     negative = (values < 0).astype(np.int64)
     tokens = 2 * magnitude - (values > 0)
@@ -57,7 +57,7 @@ def split_integers(values: Integers) -> tuple[Integers, Integers]:
 
 
 def join_integers(tokens: Integers, raw: Integers) -> Integers:
-    """Undo `split_integers`."""
+    """The values whose tokens and raw bits `split_integers` returned."""
     magnitude = (tokens + 1) >> 1
     negative = (tokens & 1) == 0
     large = np.flatnonzero(tokens >= N_DIRECT)

@@ -1,6 +1,6 @@
-"""Integers as adaptive bits: is it longer than k bits, its second highest bit, its sign.
+"""A model of integers as adaptive bits: length in unary, second highest bit, sign.
 
-Lower bits of a magnitude are noise that no context foretells. They are left out here (`coarse`)
+Lower bits of a magnitude are noise that no context predicts. They are left out here (`coarse`)
 and stored raw.
 """
 
@@ -16,7 +16,7 @@ from meshreel.entropy.adaptive import (
     BitPort,
     Bits,
 )
-from meshreel.entropy.contexts import N_EXPECTED, N_NEAR, N_PAST, UNIT, Contexts, mean_of_scale
+from meshreel.entropy.contexts import N_EXPECTED, N_NEAR, N_PAST, UNIT, Contexts, mean_of_class
 from meshreel.entropy.tokens import MAX_MAGNITUDE
 
 Integers = npt.NDArray[np.int64]
@@ -24,16 +24,16 @@ Integers = npt.NDArray[np.int64]
 MAX_LENGTH = MAX_MAGNITUDE.bit_length()
 SIGN_BOUNDS = np.array([1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64])
 SIGN_CLASSES = np.searchsorted(SIGN_BOUNDS, np.arange(SIGN_BOUNDS[-1] + 1), side="right")
-"""Class of every magnitude of a vote up to the last bound."""
+"""Class of every magnitude of a predicted sign up to the last bound."""
 
 
 class ValueModel:
-    """Codes coarse integers, each in its contexts, and learns from them."""
+    """Adaptive model of coarse integers, each coded in its contexts."""
 
     def __init__(self) -> None:
         powers = _powers_of_decay()
-        any_at_all = np.repeat(powers[0], N_PAST * N_NEAR)
-        self._longer = [AdaptiveBits(guess) for guess in [any_at_all, *powers[: MAX_LENGTH - 1]]]
+        non_zero = np.repeat(powers[0], N_PAST * N_NEAR)
+        self._longer = [AdaptiveBits(guess) for guess in [non_zero, *powers[: MAX_LENGTH - 1]]]
         self._upper = AdaptiveBits(
             np.concatenate([CERTAIN * power // (CERTAIN + power) for power in powers])
         )
@@ -96,14 +96,14 @@ class ValueModel:
 
 
 def bit_lengths(magnitudes: Integers) -> Integers:
-    """Bits of each magnitude below 2^53: 0 of 0, 1 of 1, 2 of 2 and 3, ..."""
-    # The highest bits of a float64 are its exponent, 1022 above the bits of a whole number.
+    """Bit length of each magnitude below 2^53: 0 of 0, 1 of 1, 2 of 2 and 3, ..."""
+    # The highest bits of a float64 are its exponent, 1022 above the bits of an integer.
     exponents = magnitudes.astype(np.float64).view(np.int64) >> 52
     return np.asarray(np.maximum(exponents - 1022, 0))
 
 
 def detail_widths(values: Integers) -> Integers:
-    """Bits of each magnitude below its two highest: what `coarse` leaves out."""
+    """Number of bits of each magnitude below its two highest, which `coarse` leaves out."""
     magnitudes = np.abs(values)
     widths = np.zeros_like(magnitudes)
     large = magnitudes > 3  # few, as a rule
@@ -112,7 +112,7 @@ def detail_widths(values: Integers) -> Integers:
 
 
 def coarse(values: Integers) -> Integers:
-    """The values with only the two highest bits of their magnitudes left."""
+    """The values with all but the two highest bits of their magnitudes set to 0."""
     kept = values.copy()
     large = np.abs(values) > 3
     widths = detail_widths(values[large])
@@ -122,11 +122,12 @@ def coarse(values: Integers) -> Integers:
 
 @lru_cache(maxsize=1)
 def _powers_of_decay() -> list[Integers]:
-    """First guesses of shape (N_EXPECTED,): the 1st, 2nd, 4th, 8th, ... power of the decay.
+    """Initial probabilities of shape (N_EXPECTED,): the 1st, 2nd, 4th, ... power of the decay.
 
-    Magnitudes of mean m that decay geometrically do so by m / (m + 1) from each to the next.
+    Probabilities of geometrically distributed magnitudes of mean m fall by m / (m + 1) from each to
+    the next.
     """
-    mean = mean_of_scale(np.arange(N_EXPECTED, dtype=np.int64))
+    mean = mean_of_class(np.arange(N_EXPECTED, dtype=np.int64))
     powers = [mean * CERTAIN // (mean + UNIT)]
     for _ in range(MAX_LENGTH - 2):
         powers.append(powers[-1] * powers[-1] >> PROBABILITY_BITS)

@@ -1,4 +1,4 @@
-"""Unsigned integers in as few bytes as they need (LEB128: 7 bits a byte, low bits first)."""
+"""Unsigned integers of variable length (LEB128: 7 bits per byte, low bits first)."""
 
 from meshreel.errors import CorruptStreamError, TruncatedStreamError
 
@@ -16,7 +16,7 @@ def write_varint(value: int) -> bytes:
 
 
 def read_varint(data: bytes | memoryview, position: int) -> tuple[int, int]:
-    """The value at `position` and the position behind it.
+    """The value at `position`, and the position after it.
 
     Raises
     ------

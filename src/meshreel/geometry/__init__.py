@@ -1,1 +1,1 @@
-"""What the connectivity and the positions of one mesh say: Laplacians, components, anchors."""
+"""Geometry and topology of one mesh: edges, components, Laplacians, normals, polygons."""

@@ -1,7 +1,7 @@
 """Edges, adjacency, components and boundary of a triangle list, however irregular it is.
 
-Degenerate faces (a vertex named twice) contribute the edges that are left of them; duplicate
-faces contribute their edges once; a vertex that no edge touches is isolated.
+Degenerate faces (a vertex named twice) contribute their edges of positive length; duplicate faces
+contribute their edges once; a vertex without an edge is isolated.
 """
 
 import numpy as np
@@ -30,14 +30,14 @@ def adjacency_matrix(faces: Faces, n_verts: int) -> csr_array:
 def neighbours_of(
     adjacency: csr_array, vertices: npt.NDArray[np.integer]
 ) -> tuple[npt.NDArray[np.integer], npt.NDArray[np.integer]]:
-    """How many neighbours each of some vertices has, and all of them, one after another.
+    """Number of neighbours of each of some vertices, and all of the neighbours, concatenated.
 
     Parameters
     ----------
     adjacency : csr_array of shape (V, V)
         Its values do not matter.
     vertices : integer array
-        A vertex may come more than once.
+        A vertex may occur more than once.
     """
     starts, ends = adjacency.indptr[vertices], adjacency.indptr[vertices + 1]
     counts = ends - starts
@@ -56,7 +56,7 @@ def component_labels(faces: Faces, n_verts: int) -> tuple[int, Integers]:
 
 
 def isolated_vertices(faces: Faces, n_verts: int) -> Integers:
-    """Vertices that no edge touches, ascending."""
+    """Vertices without an edge, ascending."""
     touched = np.zeros(n_verts, bool)
     for corner in range(3):
         differs = (faces[:, corner, None] != faces).any(axis=1)
@@ -71,7 +71,7 @@ def boundary_edges(faces: Faces) -> Integers:
 
 
 def _edges_and_face_counts(faces: Faces) -> tuple[Integers, Integers]:
-    """Sorted edges of shape (E, 2), and how many sides of faces lie on each."""
+    """Sorted edges of shape (E, 2), and the number of sides of faces on each."""
     starts = faces.astype(np.int64).ravel()
     ends = np.roll(faces, -1, axis=1).astype(np.int64).ravel()
     low, high = np.minimum(starts, ends), np.maximum(starts, ends)

@@ -1,4 +1,4 @@
-"""How much of a surface is creased, and so looks faceted on purpose."""
+"""Creases of a surface: sharp edges, at which it is meant to look faceted."""
 
 import numpy as np
 import numpy.typing as npt
@@ -7,13 +7,13 @@ from meshreel.geometry.normals import face_normals
 from meshreel.sequence import Faces
 
 CREASE_DEG = 60.0
-"""Two faces that turn by more than this at their edge make a crease."""
+"""Smallest dihedral turn between two faces whose edge is a crease."""
 
 
 def creased_share(vertices: npt.NDArray[np.floating], faces: Faces) -> float:
-    """Share of the length of all edges between two faces that creases have; 1 without such edges.
+    """Length of creases as a share of that of all edges between two faces; 1 without such edges.
 
-    Edges of a boundary and of more than two faces do not count, nor do faces without an area.
+    Boundary edges, edges of more than two faces and faces without area do not count.
 
     Parameters
     ----------

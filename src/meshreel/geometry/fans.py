@@ -1,4 +1,4 @@
-"""Faces of any number of corners to triangles and back: fans from their first corners."""
+"""Triangulation of polygons as fans from their first corners, and its inverse."""
 
 import numpy as np
 import numpy.typing as npt
@@ -28,7 +28,7 @@ def triangulate_fans(counts: Integers, corners: Integers) -> npt.NDArray[np.int3
 
 
 def join_fans(sizes: Integers, faces: npt.NDArray[np.integer]) -> npt.NDArray[np.int32]:
-    """The corners of faces that `triangulate_fans` cut, face after face.
+    """The corners of the faces that `triangulate_fans` triangulated, face after face.
 
     Parameters
     ----------
@@ -51,9 +51,9 @@ def join_fans(sizes: Integers, faces: npt.NDArray[np.integer]) -> npt.NDArray[np
 
 
 def fan_corners(sizes: Integers) -> npt.NDArray[np.int32]:
-    """The corner of its face that each corner of a triangle is, of shape (M, 3).
+    """Index of the polygon corner at each triangle corner, of shape (M, 3).
 
-    Corners of faces are counted through, face after face.
+    Corners of polygons are numbered consecutively, face after face.
     """
     sizes = np.asarray(sizes, np.int64)
     return triangulate_fans(sizes, np.arange(int(sizes.sum()), dtype=np.int32))

@@ -16,7 +16,7 @@ RELATIVE_RIDGE = 1e-3
 """Ridge of reproducing weights, as a share of the neighbours' mean squared distance."""
 
 CHUNK_VERTICES = 1024
-"""Vertices whose weights are found at once."""
+"""Number of vertices whose weights are computed at once."""
 
 
 def uniform_laplacian(faces: Faces, n_verts: int, *, normalized: bool = False) -> csr_array:
@@ -74,15 +74,16 @@ def delta_coordinates(laplacian: csr_array, columns: npt.NDArray[np.floating]) -
 
 @staged("filters")
 def reproducing_laplacian(adjacency: csr_array, fields: Floats, noise: float) -> csr_array:
-    """Laplacian ``I - W`` whose weights reproduce known fields on the mesh, row by row.
+    """Laplacian ``I - W`` whose weights reproduce known fields on the mesh.
 
-    The weights of a vertex sum to 1 and make its value of every field, as nearly as they can, the
-    weighted mean of its neighbours' values. Whatever varies over the mesh like the known fields do
-    then has small deltas, whichever way the mesh is sampled: uniform weights leave the sampling in
-    the deltas, and cotangent weights, which know one frame, leave in what bends.
+    The weights of a vertex sum to 1 and approximate its value of every field by the weighted mean
+    of its neighbours' values, in the least-squares sense. Fields that vary over the mesh like the
+    known ones then have small deltas, however the mesh is sampled: deltas of uniform weights
+    contain the sampling, and those of cotangent weights, which are of one frame, contain the
+    bending.
 
-    Weights that fit noise in the fields would pass it on; a ridge keeps them near equal where the
-    fields do not tell.
+    Weights that fit noise in the fields would propagate it; a ridge keeps them nearly equal where
+    the fields do not determine them.
 
     Parameters
     ----------
@@ -116,7 +117,7 @@ def reproducing_laplacian(adjacency: csr_array, fields: Floats, noise: float) ->
 
 
 def _of_one_degree(degrees: npt.NDArray[np.integer]) -> list[npt.NDArray[np.int64]]:
-    """Vertices that have neighbours, in pieces of equal degree."""
+    """Vertices that have neighbours, in groups of equal degree."""
     pieces = []
     for degree in np.unique(degrees[degrees > 0]):
         vertices = np.flatnonzero(degrees == degree)

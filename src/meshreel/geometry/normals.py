@@ -9,7 +9,7 @@ Floats = npt.NDArray[np.float64]
 
 
 def face_normals(vertices: npt.NDArray[np.floating], faces: Faces) -> Floats:
-    """Normals of every face, twice its area long; zero for degenerate faces.
+    """Normals of all faces, of twice their area in length; zero for degenerate faces.
 
     Parameters
     ----------
@@ -25,7 +25,7 @@ def face_normals(vertices: npt.NDArray[np.floating], faces: Faces) -> Floats:
 
 
 def vertex_normals(vertices: npt.NDArray[np.floating], faces: Faces) -> Floats:
-    """Unit normals of the vertices of one frame: the mean of its faces, weighted by area.
+    """Unit normals of the vertices of one frame: means over their faces, weighted by area.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Index arithmetic on rows of unequal length: polygons, lines of text, lists in a PLY file."""
+"""Index arithmetic on ragged arrays: polygons, lines of text, lists in a PLY file."""
 
 from typing import Any
 
@@ -9,7 +9,7 @@ Integers = npt.NDArray[np.integer[Any]]
 
 
 def ragged_indices(starts: Integers, counts: Integers) -> npt.NDArray[np.int64]:
-    """Every index of the ranges ``starts[i] .. starts[i] + counts[i] - 1``, range after range.
+    """All indices of the ranges ``starts[i] .. starts[i] + counts[i] - 1``, concatenated.
 
     Parameters
     ----------

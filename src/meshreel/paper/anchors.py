@@ -4,28 +4,49 @@ import numpy as np
 import numpy.typing as npt
 from scipy.sparse import csr_array
 
-from meshreel.geometry.connectivity import neighbours_of
+from meshreel.geometry.connectivity import (
+    adjacency_matrix,
+    component_labels,
+    isolated_vertices,
+    neighbours_of,
+)
+from meshreel.runtime.profiling import staged
+from meshreel.sequence import Faces
 
 Integers = npt.NDArray[np.int64]
 
 
-def farthest_points(adjacency: csr_array, n_points: int) -> Integers:
-    """Vertices chosen one after another, each at the largest number of edges from all before.
+@staged("anchors")
+def choose_anchors(faces: Faces, n_verts: int, share: float) -> Integers:
+    """Anchors spread uniformly over the mesh, ascending: a share of the vertices that have edges.
 
-    Connected components that hold none yet come first, so that any `n_points` of at least the
-    number of components leaves none without. Ties go to the lowest vertex: the choice depends on
-    connectivity alone.
+    Every component with an edge gets at least one, whatever the share.
+    """
+    n_components, _ = component_labels(faces, n_verts)
+    isolated = isolated_vertices(faces, n_verts)
+    connected = np.setdiff1d(np.arange(n_verts), isolated, assume_unique=True)
+    n_anchors = max(n_components - len(isolated), int(np.ceil(share * len(connected))))
+    adjacency = adjacency_matrix(faces, n_verts)[connected][:, connected]
+    return np.sort(connected[farthest_points(csr_array(adjacency), n_anchors)])
+
+
+def farthest_points(adjacency: csr_array, n_points: int) -> Integers:
+    """Farthest-point samples: each the most edges away from all samples before it.
+
+    Connected components without a sample come first, so that each has one if `n_points` is at least
+    the number of components. Ties go to the lowest vertex: the samples depend on connectivity
+    alone.
 
     Parameters
     ----------
     adjacency : csr_array of shape (V, V)
         Symmetric; its values do not matter.
     n_points : int
-        How many; at most V.
+        Number of samples; at most V.
 
     Returns
     -------
-    Integer array of shape (n_points,), in the order of choice.
+    Integer array of shape (n_points,), in sampling order.
 
     References
     ----------
@@ -41,12 +62,12 @@ def farthest_points(adjacency: csr_array, n_points: int) -> Integers:
 
 
 def _relax(adjacency: csr_array, source: int, distance: Integers) -> None:
-    """Lower `distance` to the number of edges from `source`, where that is less (in place)."""
+    """Lower `distance` in place to the number of edges from `source`, where that is less."""
     frontier = np.array([source])
     distance[source] = 0
-    step = 0
+    n_edges = 0
     while frontier.size:
-        step += 1
+        n_edges += 1
         _, reached = neighbours_of(adjacency, frontier)
-        frontier = np.unique(reached[distance[reached] > step])
-        distance[frontier] = step
+        frontier = np.unique(reached[distance[reached] > n_edges])
+        distance[frontier] = n_edges

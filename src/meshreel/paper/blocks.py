@@ -1,4 +1,4 @@
-"""Blocks of the paper's methods to sections and back."""
+"""Sections of the blocks of the paper's variants, written and read."""
 
 from collections.abc import Callable, Iterator
 
@@ -26,7 +26,7 @@ def write_coded_block(
     n_frames : int
     method : Variant
     before : Quantized or None
-        Dictionary of the block before, if this one's is stored as the difference to it.
+        Dictionary of the block before, if this one's is stored as a difference from it.
     exact : bytes, optional
         Positions of isolated vertices.
     """
@@ -50,14 +50,14 @@ def write_coded_block(
 
 
 class Dictionaries:
-    """Dictionaries of the paper's blocks; of tracked ones the differences are added up.
+    """The dictionaries of a stream's blocks; tracked ones are sums of stored differences.
 
-    Nothing but dictionaries is decoded of the blocks before the one that is asked for.
+    Of the blocks before the requested one, only dictionaries are decoded.
 
     Parameters
     ----------
     blocks : callable
-        Gives the stored block of a number.
+        From the number of a block to the stored block.
     method : Variant
     """
 
@@ -67,7 +67,7 @@ class Dictionaries:
         self._found: tuple[int, Quantized] | None = None
 
     def of(self, number: int) -> Quantized | None:
-        """The dictionary of a block; None if its method has none.
+        """The dictionary of a block; None if its variant has none.
 
         Raises
         ------
@@ -100,9 +100,9 @@ def _read_dictionary(stored: StoredBlock, before: Quantized | None) -> Quantized
 
 
 def tracked_from(method: Variant, before: Quantized | None, n_frames: int) -> Quantized | None:
-    """The dictionary that a block's is stored as the difference to; None if it starts anew.
+    """The dictionary from which a block's is a difference; None if it is stored as it is.
 
-    A block of another length (the last, as a rule) starts anew.
+    The dictionary of a block of another length (usually the last) is stored as it is.
     """
     if method.basis is not Basis.TRACKED or before is None:
         return None
@@ -112,7 +112,7 @@ def tracked_from(method: Variant, before: Quantized | None, n_frames: int) -> Qu
 def read_coded_block(
     stored: StoredBlock, mesh: MeshModel, method: Variant, basis: Quantized | None
 ) -> CodedBlock:
-    """The integers of a block of the paper's methods, given its dictionary."""
+    """The integers of a block of the paper's variants, given its dictionary."""
     n_frames, n_modes, n_anchors = stored.n_frames, stored.n_modes, len(mesh.anchors)
     coefficients = stored.payload(Section.COEFFICIENTS)
     if method.basis is Basis.GRAPH:

@@ -1,4 +1,4 @@
-"""The blocks of a stream of the paper's methods to frames."""
+"""Decoder of the blocks of the paper's variants."""
 
 from functools import cached_property
 
@@ -23,7 +23,7 @@ Vertices = npt.NDArray[np.floating]
 
 
 class PaperBlockDecoder:
-    """Decodes the blocks of a stream in any order; dictionaries that follow others are kept.
+    """Decodes the blocks of a stream in any order; the last tracked dictionary is kept.
 
     Parameters
     ----------
@@ -41,7 +41,7 @@ class PaperBlockDecoder:
         return stored_mesh(self._opened, self._variant)
 
     def coded(self, stored: StoredBlock, number: int) -> CodedBlock:
-        """The integers of a block, its dictionary added up."""
+        """The integers of a block, with its complete dictionary."""
         basis = self._dictionaries.of(number)
         return read_coded_block(stored, self._mesh, self._variant, basis)
 
@@ -76,7 +76,7 @@ class PaperBlockDecoder:
 
 
 def stored_mesh(opened: OpenStream, variant: Variant) -> MeshModel:
-    """Connectivity, anchors and what follows from them, in internal order."""
+    """The mesh model of a stream: connectivity and anchors, in internal order."""
     anchors = np.zeros(0, np.int64)
     if variant.has_anchors:
         payload = opened.stream.only(Section.ANCHOR_VERTICES)
@@ -85,7 +85,7 @@ def stored_mesh(opened: OpenStream, variant: Variant) -> MeshModel:
 
 
 def coded_blocks(data: bytes) -> list[CodedBlock]:
-    """The integers of every block of a stream, dictionaries added up.
+    """The integers of every block of a stream, with complete dictionaries.
 
     Raises
     ------
@@ -103,10 +103,10 @@ def coded_blocks(data: bytes) -> list[CodedBlock]:
 
 
 def bits_per_row(data: bytes) -> list[npt.NDArray[np.float64]]:
-    """Bits that each row of coefficients takes by itself, of shape (3, K) for each block.
+    """Bits of each row of coefficients, of shape (3, K) for each block.
 
-    Each row is coded alone, table included; where a stream's rows have tables of their own, the
-    sum is that of the section but for the framing of some 10 bytes a row.
+    Each row is coded separately, table included; where a stream's rows have tables of their own,
+    the sum is that of the section except for some 10 bytes of framing per row.
     """
     return [
         np.array(

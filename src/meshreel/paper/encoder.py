@@ -1,4 +1,4 @@
-"""The paper's methods: blocks of frames to the sections of a stream."""
+"""Encoder of blocks of frames with the paper's variants."""
 
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
@@ -12,8 +12,9 @@ from meshreel.codec.config import EncoderConfig
 from meshreel.codec.source import CodedMesh
 from meshreel.entropy.exact import encode_exact
 from meshreel.paper import payloads
+from meshreel.paper.anchors import choose_anchors
 from meshreel.paper.blocks import tracked_from, write_coded_block
-from meshreel.paper.mesh_model import MeshModel, choose_anchors
+from meshreel.paper.mesh_model import MeshModel
 from meshreel.paper.pipeline import Quantized, analyse, modes_needed
 from meshreel.paper.settings import anchor_share
 from meshreel.paper.variants import Basis, variant_named
@@ -23,15 +24,15 @@ Vertices = npt.NDArray[np.floating]
 
 
 class PaperBlockCoder:
-    """Codes one block of frames after another; a tracked basis goes from each to the next.
+    """Codes one block of frames after another; a tracked basis is passed from each to the next.
 
     Parameters
     ----------
     mesh : CodedMesh
     frame : BoundingFrame
     foreseen : iterable of float arrays of shape (T_b, V, 3)
-        Blocks from which a tracked basis takes its number of modes, which is the same in all
-        blocks: all of them, or the first where the others are not there yet.
+        Blocks that determine the number of modes of a tracked basis, which is the same in all
+        blocks: all of them, or the first where the others are not known yet.
     """
 
     def __init__(self, mesh: CodedMesh, frame: BoundingFrame, foreseen: Iterable[Vertices]) -> None:
@@ -42,7 +43,7 @@ class PaperBlockCoder:
         self._before: Quantized | None = None
 
     def leading_sections(self) -> Iterator[tuple[Section, bytes]]:
-        """What comes before the first block, behind the connectivity."""
+        """The sections between the connectivity and the first block."""
         if self._variant.has_anchors:
             yield Section.ANCHOR_VERTICES, payloads.write_anchor_vertices(self._mesh.anchors)
 
@@ -72,7 +73,7 @@ def _mesh_model(mesh: CodedMesh, config: EncoderConfig) -> MeshModel:
 def _with_modes_for_all(
     config: EncoderConfig, frame: BoundingFrame, blocks: Iterable[Vertices]
 ) -> EncoderConfig:
-    """The configuration, with the number of modes that a tracked basis has in all its blocks."""
+    """The configuration, with the number of modes of a tracked basis in all blocks."""
     if variant_named(config.method).basis is not Basis.TRACKED or config.n_modes is not None:
         return config
     needed = max(modes_needed(to_matrices(vertices, frame), config) for vertices in blocks)

@@ -1,4 +1,4 @@
-"""What both sides derive from connectivity, so that it is written once."""
+"""The mesh as encoder and decoder both derive it: Laplacian, anchors, isolated vertices."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -8,9 +8,8 @@ import numpy.typing as npt
 from scipy.sparse import csr_array
 
 from meshreel.codec.choices import Laplacian
-from meshreel.geometry.connectivity import adjacency_matrix, component_labels, isolated_vertices
+from meshreel.geometry.connectivity import isolated_vertices
 from meshreel.geometry.laplacian import uniform_laplacian
-from meshreel.paper.anchors import farthest_points
 from meshreel.paper.reconstruction.system import ReconstructionSystem
 from meshreel.paper.subspace.graph_fourier import graph_fourier_basis
 from meshreel.runtime.profiling import staged
@@ -22,12 +21,12 @@ Integers = npt.NDArray[np.int64]
 
 @dataclass(frozen=True)
 class MeshModel:
-    """Connectivity with its anchors, and what follows from the two.
+    """Connectivity and anchors, with the matrices and systems derived from them.
 
     Attributes
     ----------
     faces : integer array of shape (M, 3)
-        In internal order, as everything here.
+        In internal order, as all indices here.
     n_verts : int
     anchors : integer array of shape (A,)
         Ascending; at least one in each component that has an edge.
@@ -41,7 +40,7 @@ class MeshModel:
 
     @cached_property
     def isolated(self) -> Integers:
-        """Vertices without an edge: no delta tells where they are, so they are carried exactly."""
+        """Vertices without an edge: deltas do not determine them, so they are stored exactly."""
         return isolated_vertices(self.faces, self.n_verts)
 
     @cached_property
@@ -54,13 +53,13 @@ class MeshModel:
         )
 
     def graph_fourier_basis(self, n_modes: int) -> Floats:
-        """Low frequencies of D - C, whichever Laplacian makes the deltas: of shape (V, K)."""
+        """Low-frequency eigenvectors of D - C, of shape (V, K), whatever Laplacian deltas have."""
         return graph_fourier_basis(uniform_laplacian(self.faces, self.n_verts), n_modes)
 
     def reconstruct(self, deltas: Floats, anchor_values: Floats) -> Floats:
         """Values at all vertices, of shape (V, K), by Eq. 12; 0 at isolated vertices.
 
-        The system is factored at the first call and kept.
+        The system is factored once, at the first call.
 
         Parameters
         ----------
@@ -69,8 +68,8 @@ class MeshModel:
         """
         return self._solve(self._system, deltas, anchor_values)
 
-    def reconstruct_anew(self, deltas: Floats, anchor_values: Floats) -> Floats:
-        """The same as `reconstruct`, with a system that is built, factored and forgotten."""
+    def reconstruct_uncached(self, deltas: Floats, anchor_values: Floats) -> Floats:
+        """The same as `reconstruct`, with a system that is factored for this call alone."""
         return self._solve(self._new_system(), deltas, anchor_values)
 
     @cached_property
@@ -85,17 +84,3 @@ class MeshModel:
     def _solve(self, system: ReconstructionSystem, deltas: Floats, anchor_values: Floats) -> Floats:
         nothing = np.zeros((len(self.isolated), anchor_values.shape[1]))
         return system.solve(deltas, np.concatenate([anchor_values, nothing]))
-
-
-@staged("anchors")
-def choose_anchors(faces: Faces, n_verts: int, share: float) -> Integers:
-    """Anchors spread uniformly over the mesh, ascending: a share of the vertices that have edges.
-
-    Every component with an edge gets at least one, whatever the share.
-    """
-    n_components, _ = component_labels(faces, n_verts)
-    isolated = isolated_vertices(faces, n_verts)
-    connected = np.setdiff1d(np.arange(n_verts), isolated, assume_unique=True)
-    n_anchors = max(n_components - len(isolated), int(np.ceil(share * len(connected))))
-    adjacency = adjacency_matrix(faces, n_verts)[connected][:, connected]
-    return np.sort(connected[farthest_points(csr_array(adjacency), n_anchors)])

@@ -1,4 +1,4 @@
-"""The paper's variants as methods of coding."""
+"""The paper's variants as coding methods."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -26,13 +26,13 @@ COMMON_OPTIONS = frozenset({"energy", "bits", "anchors", "allocation"})
 
 @dataclass(frozen=True)
 class PaperMethod:
-    """A variant of the paper, as `codec.methods.Method` has it."""
+    """A variant of the paper, an implementation of `codec.methods.Method`."""
 
     variant: Variant
 
     @property
     def name(self) -> str:
-        """Its name, as users write it."""
+        """Name of the variant, as users write it."""
         return self.variant.name
 
     @property
@@ -44,12 +44,12 @@ class PaperMethod:
 
     @property
     def block_frames(self) -> int | None:
-        """Frames coded together where nothing is asked for; None: as many as there are."""
+        """Default number of frames per block; None is all frames."""
         return self.variant.block_frames
 
     @property
     def codes_blocks_apart(self) -> bool:
-        """False: a tracked basis goes from each block to the next."""
+        """False: a tracked basis is passed from each block to the next."""
         return False
 
     def check(self, config: EncoderConfig) -> None:
@@ -57,32 +57,32 @@ class PaperMethod:
         settings.check(config)
 
     def check_live(self, config: EncoderConfig) -> None:
-        """Nothing: every option can be followed while frames come."""
+        """Nothing: every option can be used for live frames."""
 
     def longest_block(self, n_frames: int, n_verts: int) -> int:
-        """Frames coded together where neither a number of frames nor memory is given."""
+        """Frames per block where neither their number nor a limit of memory is given."""
         return self.block_frames or n_frames
 
     def most_modes(self, n_frames: int, n_verts: int) -> int:
-        """Modes that a block of so many frames can have at most."""
+        """Largest number of modes of a block of this many frames."""
         return n_verts if self.variant.basis is Basis.GRAPH else n_frames
 
     def n_joint_modes(self, n_modes: int, n_frames: int, n_verts: int) -> int:
-        """Modes of all axes together that a block of K modes is played with, at most.
+        """Largest number of modes of all axes together with which a block of K modes is played.
 
-        Those of an axis move along this axis only. Frames that are decoded one by one have no
-        modes; they are decomposed anew.
+        Modes of an axis displace along this axis only. Frames that are decoded one by one have no
+        modes; they are decomposed for playing.
         """
         return min(3 * n_frames, n_verts) if self.variant.is_serial else 3 * n_modes
 
     def encode(self, source: Source, progress: Progress, engine: Engine | None) -> bytes:
-        """The bytes of a stream of the source; an engine is of no use to it."""
+        """The bytes of a stream of the source; the engine is not used."""
         coder = PaperBlockCoder(source.mesh, source.frame, source.blocks())
         sections = (*source.mesh.leading_sections(), *coder.leading_sections())
         return whole_stream(source.header(), sections, _coded(source, coder, progress))
 
     def live_coder(self, mesh: CodedMesh, frame: BoundingFrame, first: Vertices) -> PaperBlockCoder:
-        """The coder of frames that are not all there yet, of which the first block is known."""
+        """The coder of live frames, of which the first block is known."""
         return PaperBlockCoder(mesh, frame, [first])
 
     def decoder(self, opened: OpenStream, n_modes: int | None) -> PaperBlockDecoder:
@@ -103,7 +103,7 @@ class PaperMethod:
 def _coded(
     source: Source, coder: PaperBlockCoder, progress: Progress
 ) -> Iterator[tuple[int, Sections]]:
-    """Frames and sections of each block."""
+    """Number of frames and sections of each block."""
     done, n_frames = 0, source.sequence.n_frames
     for vertices in source.blocks():
         progress("encoding", Count(done, n_frames, "frames"))

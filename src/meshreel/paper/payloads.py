@@ -1,4 +1,4 @@
-"""Integers of the paper's methods to payloads of sections and back, as in `docs/format.md`."""
+"""Payloads of the sections of the paper's variants, written and read (`docs/format.md`)."""
 
 import numpy as np
 import numpy.typing as npt
@@ -7,7 +7,7 @@ from meshreel.entropy.coder import decode_integers, encode_integers
 from meshreel.entropy.varint import read_varint, write_varint
 from meshreel.errors import CorruptStreamError, TruncatedStreamError
 from meshreel.paper.pipeline import Quantized
-from meshreel.paper.quantization.uniform import Steps
+from meshreel.paper.quantization import Steps
 
 Integers = npt.NDArray[np.int64]
 
@@ -15,12 +15,12 @@ MAX_DIFFERENCE = 2
 
 
 def write_anchor_vertices(anchors: Integers) -> bytes:
-    """Ascending vertex numbers: their count and their differences."""
+    """Payload of ascending vertex numbers: their count and their differences."""
     return write_varint(len(anchors)) + encode_integers([np.diff(anchors, prepend=0)])
 
 
 def read_anchor_vertices(payload: bytes, n_verts: int) -> Integers:
-    """Undo `write_anchor_vertices`.
+    """The vertex numbers that `write_anchor_vertices` wrote.
 
     Raises
     ------
@@ -30,15 +30,15 @@ def read_anchor_vertices(payload: bytes, n_verts: int) -> Integers:
     n_anchors, position = read_varint(payload, 0)
     if n_anchors > n_verts:
         raise CorruptStreamError(f"{n_anchors} anchors are announced for {n_verts} vertices")
-    (steps,) = decode_integers(payload[position:], [n_anchors])
-    anchors = np.cumsum(steps)
-    if np.any(steps[1:] < 1) or np.any(anchors < 0) or np.any(anchors >= n_verts):
+    (gaps,) = decode_integers(payload[position:], [n_anchors])
+    anchors = np.cumsum(gaps)
+    if np.any(gaps[1:] < 1) or np.any(anchors < 0) or np.any(anchors >= n_verts):
         raise CorruptStreamError("the anchors are not ascending vertex numbers")
     return anchors
 
 
 def write_curves(curves: Quantized) -> bytes:
-    """Rows over time: for each the difference that makes it smallest, and which one that is."""
+    """Payload of rows over time, each with the order of differences that makes it smallest."""
     n_rows, n_frames = curves.integers.shape[1:]
     differenced = [_best_difference(row) for row in curves.integers.reshape(-1, n_frames)]
     orders = np.array([order for order, _ in differenced], np.int64)
@@ -47,19 +47,19 @@ def write_curves(curves: Quantized) -> bytes:
 
 
 def read_curves(payload: bytes, n_rows: int, n_frames: int) -> Quantized:
-    """Undo `write_curves`: integers of shape (3, rows, T)."""
+    """Rows that `write_curves` wrote, with integers of shape (3, rows, T)."""
     steps, coded = _read_steps(payload, n_rows)
     lengths = [3 * n_rows, *[n_frames] * (3 * n_rows)]
     orders, *rows = decode_integers(coded, lengths, [0, *_shared_tables(n_rows, 1)])
     _check_orders(orders)
     summed = np.empty((3 * n_rows, n_frames), np.int64)
-    for target, order, row in zip(summed, orders, rows, strict=True):
-        target[:] = _sum_up(row, int(order))
+    for curve, order, row in zip(summed, orders, rows, strict=True):
+        curve[:] = _sum_up(row, int(order))
     return Quantized(summed.reshape(3, n_rows, n_frames), steps)
 
 
 def write_rows(rows: Quantized, *, shared: bool) -> bytes:
-    """Rows of coefficients, each with a table of its own or shared by modes of similar number."""
+    """Payload of rows of coefficients, whose tables are their own or shared by similar modes."""
     n_rows, length = rows.integers.shape[1:]
     tables = _shared_tables(n_rows, 0) if shared else None
     flat = list(rows.integers.reshape(3 * n_rows, length))
@@ -67,7 +67,7 @@ def write_rows(rows: Quantized, *, shared: bool) -> bytes:
 
 
 def read_rows(payload: bytes, n_rows: int, length: int, *, shared: bool) -> Quantized:
-    """Undo `write_rows`: integers of shape (3, rows, length)."""
+    """Rows that `write_rows` wrote, with integers of shape (3, rows, length)."""
     steps, coded = _read_steps(payload, n_rows)
     tables = _shared_tables(n_rows, 0) if shared else None
     rows = decode_integers(coded, [length] * (3 * n_rows), tables)
@@ -76,11 +76,13 @@ def read_rows(payload: bytes, n_rows: int, length: int, *, shared: bool) -> Quan
 
 def _check_orders(orders: Integers) -> None:
     if np.any((orders < 0) | (orders > MAX_DIFFERENCE)):
-        raise CorruptStreamError(f"a row over time is differenced more than {MAX_DIFFERENCE} x")
+        raise CorruptStreamError(
+            f"a row over time has an order of differences outside 0..{MAX_DIFFERENCE}"
+        )
 
 
 def _best_difference(row: Integers) -> tuple[int, Integers]:
-    """How often to difference a row in time so that its bits are fewest, and the result."""
+    """The order of differences in time that takes the fewest bits, and the differenced row."""
     candidates = [row]
     for _ in range(MAX_DIFFERENCE):
         candidates.append(np.diff(candidates[-1], prepend=0))
@@ -107,7 +109,9 @@ def _write_steps(steps: Steps) -> bytes:
 def _read_steps(payload: bytes, n_rows: int) -> tuple[Steps, bytes]:
     n_steps, start = read_varint(payload, 0)
     if n_steps not in (1, n_rows):
-        raise CorruptStreamError(f"{n_steps} steps are announced for {n_rows} rows; 1 or as many")
+        raise CorruptStreamError(
+            f"{n_steps} quantisation steps are announced for {n_rows} rows; 1 or as many"
+        )
     end = start + 4 * n_steps
     if end > len(payload):
         raise TruncatedStreamError("a section ends inside its quantisation steps")

@@ -1,4 +1,4 @@
-"""The method itself: frames to integers and back, one call a line."""
+"""The paper's method: analysis of frames to integers and synthesis from them."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -10,8 +10,13 @@ from meshreel.codec.config import EncoderConfig
 from meshreel.codec.frame_products import FramesOf, product_frames
 from meshreel.geometry.laplacian import delta_coordinates
 from meshreel.paper.mesh_model import MeshModel
-from meshreel.paper.quantization.allocation import step_for_all_rows, steps_for_each_row
-from meshreel.paper.quantization.uniform import Steps, dequantize, quantize
+from meshreel.paper.quantization import (
+    Steps,
+    dequantize,
+    quantize,
+    step_for_all_rows,
+    steps_for_each_row,
+)
 from meshreel.paper.settings import DEFAULT_FREQUENCIES, allocation_of, bits_of, energy_share
 from meshreel.paper.subspace.orthogonal_iteration import advance_basis, align_basis, ritz_vectors
 from meshreel.paper.subspace.rank import modes_for_energy
@@ -30,7 +35,7 @@ ANCHOR_BITS = 16
 
 @dataclass(frozen=True)
 class Quantized:
-    """Integers of shape (3, rows, columns), and the steps that make them values again.
+    """Integers of shape (3, rows, columns), and their quantisation steps.
 
     Attributes
     ----------
@@ -43,18 +48,18 @@ class Quantized:
 
     @classmethod
     def of(cls, values: Floats, steps: Steps) -> "Quantized":
-        """The values, rounded to multiples of the steps."""
+        """The values, quantised with these steps."""
         return cls(quantize(values, steps), steps)
 
     @property
     def values(self) -> Floats:
-        """What the decoder sees of the values."""
+        """The dequantised values, as the decoder has them."""
         return dequantize(self.integers, self.steps)
 
 
 @dataclass(frozen=True)
 class CodedBlock:
-    """A block of frames as integers: all that is stored of it, apart from isolated vertices.
+    """A block of frames as integers: everything stored of it except isolated vertices.
 
     On eigen-trajectories a row belongs to a mode. On graph frequencies (`gft`) a row of
     coefficients is a frequency over time, and a row of anchors is an anchor over time.
@@ -64,7 +69,7 @@ class CodedBlock:
     basis : Quantized of shape (3, K, T), or None
         The dictionary: a row for each eigen-trajectory of each axis. None on graph frequencies.
     anchors : Quantized of shape (3, K, A), or (3, A, T) on graph frequencies, or None
-        Coefficients of the anchors' trajectories; their positions; or there are none.
+        Coefficients of the anchors' trajectories, or positions of the anchors.
     coefficients : Quantized of shape (3, K, V), or (3, K, T) on graph frequencies
     """
 
@@ -91,30 +96,30 @@ def analyse(
     mesh : MeshModel
     config : EncoderConfig
     before : Quantized, optional
-        Dictionary of the block before, which a tracked one starts from.
+        Dictionary of the block before, from which a tracked one starts.
     """
     method = variant_named(config.method)
     if method.basis is Basis.GRAPH:
         return _analyse_on_graph(matrices, mesh, config)
     basis = _dictionary(matrices, config, before)
-    # Onto the dictionary as the decoder will have it, rounding included.
+    # Onto the dictionary as the decoder has it, quantised.
     projected = project(np.swapaxes(basis.values, 1, 2), matrices)
     signal = _deltas(projected, mesh) if method.signal is Signal.DELTAS else projected
     return CodedBlock(
         basis=basis,
         # Deviation from Eq. 12: the anchors' K coefficients are sent, not their T positions:
-        # what lies outside the span of the K modes has no effect on the solution.
+        # components outside the span of the K modes have no effect on the solution.
         anchors=_fine(projected[:, :, mesh.anchors], ANCHOR_BITS) if method.has_anchors else None,
         coefficients=Quantized.of(signal, _coefficient_steps(signal, config)),
     )
 
 
 def synthesise(block: CodedBlock, mesh: MeshModel, method: Variant, order: Integers) -> FramesOf:
-    """A function that gives the frames of a block, vertices in the order that goes out.
+    """A function that returns frames of a block, vertices in output order.
 
-    On eigen-trajectories the system is solved once for the K columns of each axis, not for
-    frames: the Laplacian acts on vertices and the basis on frames, so that the order of the two
-    does not matter. The serial methods of the paper solve for each frame nevertheless.
+    On eigen-trajectories the system is solved once for the K columns of each axis, not for each
+    frame: the Laplacian acts on vertices and the basis on frames, so that the two commute. The
+    serial variants of the paper solve for each frame nevertheless.
 
     Parameters
     ----------
@@ -122,12 +127,12 @@ def synthesise(block: CodedBlock, mesh: MeshModel, method: Variant, order: Integ
     mesh : MeshModel
     method : Variant
     order : integer array of shape (V,)
-        Internal number of each vertex that goes out.
+        Internal number of each output vertex.
     """
     if method.is_serial:
         deltas_of, anchors_of = _signals_of_frames(block, mesh)
         return _frame_by_frame(mesh, deltas_of, anchors_of, order)
-    assert block.basis is not None  # only serial methods are without one
+    assert block.basis is not None  # only serial variants have none
     basis = np.swapaxes(block.basis.values, 1, 2)
     coefficients = block.coefficients.values
     if block.anchors is not None:
@@ -136,7 +141,7 @@ def synthesise(block: CodedBlock, mesh: MeshModel, method: Variant, order: Integ
 
 
 def modes_needed(matrices: Floats, config: EncoderConfig) -> int:
-    """Fewest modes that leave out at most the configured share of the energy of a block."""
+    """Smallest number of modes that keeps the configured share of the energy of a block."""
     return _modes_needed(autocorrelation(matrices), matrices, config)
 
 
@@ -187,7 +192,7 @@ def _solved(mesh: MeshModel, deltas: Floats, anchors: Floats) -> Floats:
 
 
 def _analyse_on_graph(matrices: Floats, mesh: MeshModel, config: EncoderConfig) -> CodedBlock:
-    """Each frame's deltas on the low frequencies of the graph (the paper's "per mesh" variant)."""
+    """A block whose deltas are projected on low graph frequencies (the paper's "per mesh")."""
     n_modes = config.n_modes or int(np.ceil(DEFAULT_FREQUENCIES * mesh.n_verts))
     frequencies = mesh.graph_fourier_basis(min(n_modes, mesh.n_verts))
     spectra = np.swapaxes(_deltas(matrices, mesh) @ frequencies, 1, 2)
@@ -200,8 +205,8 @@ def _analyse_on_graph(matrices: Floats, mesh: MeshModel, config: EncoderConfig) 
 
 
 def _signals_of_frames(block: CodedBlock, mesh: MeshModel) -> tuple[FramesOf, FramesOf]:
-    """Deltas of shape (3, frames, V), and anchors of shape (3, frames, A), of ranges of frames."""
-    assert block.anchors is not None  # serial methods solve a system
+    """Functions from frames to deltas of shape (3, frames, V) and anchors of (3, frames, A)."""
+    assert block.anchors is not None  # serial variants solve a system
     coefficients, anchors = block.coefficients.values, block.anchors.values
     if block.basis is None:
         frequencies = mesh.graph_fourier_basis(block.n_modes)
@@ -219,12 +224,12 @@ def _signals_of_frames(block: CodedBlock, mesh: MeshModel) -> tuple[FramesOf, Fr
 def _frame_by_frame(
     mesh: MeshModel, deltas_of: FramesOf, anchors_of: FramesOf, order: Integers
 ) -> FramesOf:
-    """Eq. 12 for one frame after another, the system built and factored anew for each."""
+    """A function that solves Eq. 12 frame by frame, with the system factored for each."""
 
     def frames_of(frames: slice) -> Floats:
         deltas, anchors = deltas_of(frames), anchors_of(frames)
         solved = [
-            mesh.reconstruct_anew(deltas[:, frame].T, anchors[:, frame].T).T
+            mesh.reconstruct_uncached(deltas[:, frame].T, anchors[:, frame].T).T
             for frame in range(deltas.shape[1])
         ]
         return np.stack(solved, axis=1)[:, :, order]

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from meshreel.codec.choices import choice_named
 from meshreel.codec.config import EncoderConfig
 from meshreel.errors import InvalidInputError
-from meshreel.paper.quantization.uniform import MAX_BITS, MIN_BITS
+from meshreel.paper.quantization import MAX_BITS, MIN_BITS
 from meshreel.paper.variants import Allocation, Basis, Decoding, Variant, variant_named
 
 DEFAULT_ENERGY = 0.99995

@@ -1,7 +1,7 @@
 """The seven variants of the paper: a table of choices.
 
-Each is a row: what is transformed, on which basis, and how it is decoded. The pipeline reads the
-choices, never the names.
+Each is a row of the signal, the basis and the way of decoding. The pipeline reads the choices,
+never the names.
 """
 
 from dataclasses import dataclass
@@ -13,14 +13,14 @@ TRACKED_BLOCK_FRAMES = 25
 
 
 class Signal(Enum):
-    """What is projected and quantised."""
+    """The signal that is projected and quantised."""
 
     DELTAS = "delta coordinates"
     VERTICES = "vertex coordinates"
 
 
 class Basis(Enum):
-    """What it is projected on."""
+    """The basis that the signal is projected on."""
 
     TRAJECTORIES = "eigen-trajectories of each block"
     TRACKED = "eigen-trajectories, tracked from block to block by orthogonal iterations"
@@ -28,7 +28,7 @@ class Basis(Enum):
 
 
 class Decoding(Enum):
-    """How vertices come back."""
+    """The way vertices are reconstructed."""
 
     ANCHORED = "least squares with anchors (Eq. 12)"
     LAPLACIAN = "L alone (Eq. 11)"
@@ -37,12 +37,12 @@ class Decoding(Enum):
 
 @dataclass(frozen=True)
 class Variant:
-    """A row of the table of variants.
+    """A variant of the paper: a row of the table.
 
     Attributes
     ----------
     name : str
-        What the user calls it.
+        Name for users.
     signal : Signal
     basis : Basis
     decoding : Decoding
@@ -50,9 +50,9 @@ class Variant:
         Whether the decoder builds and solves a system for each frame, as the paper's serial
         variants do, instead of one for all.
     bits : int
-        Bits of the largest coefficient where the user gives none.
+        Default bits of the largest coefficient.
     block_frames : int or None
-        Frames coded together where the user gives none; None is all.
+        Default number of frames per block; None is all.
     """
 
     name: str
@@ -65,7 +65,7 @@ class Variant:
 
     @property
     def has_anchors(self) -> bool:
-        """Whether anchors are chosen and sent once, for all blocks: each component needs one."""
+        """Whether anchors are chosen, and stored once for all blocks: each component needs one."""
         return self.decoding is not Decoding.PRODUCT
 
 
@@ -84,12 +84,12 @@ VARIANTS = (
 
 
 class Allocation(Enum):
-    """How a single number of bits is spread over the rows of coefficients."""
+    """The allocation of a single number of bits to the rows of coefficients."""
 
     ENERGY = "energy"
     CONSTANT = "constant"
 
 
 def variant_named(name: str) -> Variant:
-    """The variant of this name, which there is: the methods that exist are told before."""
+    """The variant of this name, which must exist."""
     return next(variant for variant in VARIANTS if variant.name == name)

@@ -1,1 +1,1 @@
-"""Eigen-trajectories of a matrix of frames: how to find them, project on them and come back."""
+"""Subspaces of trajectories: eigen-trajectories of a matrix of frames, projection, expansion."""

@@ -1,4 +1,4 @@
-"""Projection of frames on a basis of trajectories, and back."""
+"""Projection of frames on a basis of trajectories, and expansion."""
 
 import numpy as np
 import numpy.typing as npt
@@ -23,7 +23,7 @@ def project(basis: Floats, frames: Floats) -> Floats:
 
 
 def expand(basis: Floats, coefficients: Floats) -> Floats:
-    """Frames with these coefficients, ``U C``: undoes `project` within the span of the basis.
+    """Frames with these coefficients, ``U C``: inverts `project` within the span of the basis.
 
     Parameters
     ----------

@@ -9,13 +9,13 @@ from meshreel.runtime.threads import chunks, in_threads, one_blas_thread
 Floats = npt.NDArray[np.float64]
 
 RANK_TOLERANCE = 1e-13
-"""Eigenvalues of a Gram matrix below this share of the largest are rounding."""
+"""Eigenvalues of a Gram matrix below this share of the largest are rounding errors."""
 
 GRAM_COLUMNS = 2048
-"""Columns whose share of a Gram matrix is computed at once."""
+"""Number of columns whose contribution to a Gram matrix is computed at once."""
 
 SMALL_GRAM = 1000
-"""Up to this size all eigenvectors are found, in one BLAS thread; beyond, only those wanted."""
+"""Size up to which all eigenvectors are computed, in one BLAS thread; beyond, only those needed."""
 
 
 def autocorrelation(frames: Floats) -> Floats:
@@ -37,14 +37,14 @@ def eigen_trajectories(correlation: Floats, n_modes: int) -> tuple[Floats, Float
     """Leading eigenvalues and orthonormal eigenvectors, ``R = U Lambda U^T`` (paper Eq. 5).
 
     # Deviation from Eq. 5: the paper writes a singular value decomposition; R is symmetric and
-    # positive semi-definite, so its eigen-decomposition is the same thing and cheaper.
+    # positive semi-definite, so its eigen-decomposition is the same and cheaper.
 
     Parameters
     ----------
     correlation : float64 array of shape (..., T, T)
         Symmetric; from `autocorrelation`.
     n_modes : int
-        How many, K, in 1..T.
+        Number of modes, K, in 1..T.
 
     Returns
     -------
@@ -60,26 +60,26 @@ def eigen_trajectories(correlation: Floats, n_modes: int) -> tuple[Floats, Float
 def joint_trajectories(
     frames: npt.NDArray[np.floating], n_modes: int, least: float = 0.0
 ) -> tuple[Floats, Floats]:
-    """Leading singular values and time vectors of all three coordinates together.
+    """Leading singular values and temporal basis vectors of all three coordinates together.
 
-    A mode is one field on the mesh with a time vector for each axis, instead of a field and a
-    time vector for each axis: the singular vectors of the matrix of shape (3 T, V). The smaller
-    of its two Gram matrices is decomposed.
+    A mode is one field on the mesh with a temporal basis vector of 3 T numbers, instead of a field
+    and a basis vector of T numbers for each axis: the singular vectors of the matrix of shape
+    (3 T, V). The smaller of its two Gram matrices is decomposed.
 
     Parameters
     ----------
     frames : float array of shape (3, T, V)
-        Or (1, T, 3 V) for modes that are a field of three coordinates with one time vector.
-        Products of float32 are float64 too, a piece at a time.
+        Or (1, T, 3 V) for modes that are a field of three coordinates with one basis vector.
+        Products of float32 are float64 too, a chunk at a time.
     n_modes : int
         At most this many; fewer if the matrix has a lower rank.
     least : float, default 0
-        Only modes whose singular value exceeds this, but one at least.
+        Only modes whose singular value exceeds this, but at least one.
 
     Returns
     -------
     singular_values : float64 array of shape (K,), descending, positive
-    time_vectors : float64 array of shape (3 T, K), or (T, K), orthonormal, signs by `fix_signs`
+    basis : float64 array of shape (3 T, K), or (T, K), columns orthonormal, signs by `fix_signs`
     """
     stacked = frames.reshape(-1, frames.shape[2])
     is_wide = stacked.shape[0] <= stacked.shape[1]
@@ -87,12 +87,12 @@ def joint_trajectories(
     singular_values = np.sqrt(np.maximum(eigenvalues, 0.0))
     if is_wide:
         return singular_values, fix_signs(vectors)
-    scale = np.where(singular_values > 0, singular_values, 1.0)
-    return singular_values, fix_signs(stacked @ vectors / scale)
+    divisors = np.where(singular_values > 0, singular_values, 1.0)
+    return singular_values, fix_signs(stacked @ vectors / divisors)
 
 
 def _gram(wide: npt.NDArray[np.floating]) -> Floats:
-    """``A A^T`` of a wide matrix; summed in one order, however many cores there are."""
+    """``A A^T`` of a wide matrix; summed in the same order on any number of cores."""
     pieces = chunks(wide.shape[1], GRAM_COLUMNS)
     total = np.zeros((len(wide), len(wide)))
     parts: dict[int, Floats] = {}
@@ -109,7 +109,7 @@ def _gram(wide: npt.NDArray[np.floating]) -> Floats:
 
 
 def _leading(gram: Floats, n_modes: int, least: float) -> tuple[Floats, Floats]:
-    """Eigenvalues, descending, and eigenvectors of a Gram matrix whose root exceeds `least`."""
+    """Eigenvalues whose root exceeds `least`, descending, and eigenvectors of a Gram matrix."""
     if len(gram) <= SMALL_GRAM:
         with one_blas_thread():
             eigenvalues, vectors = np.linalg.eigh(gram)

@@ -1,7 +1,7 @@
-"""Positions of shape (T, V, 3) as one matrix of frames for each coordinate, and back.
+"""Conversion of positions of shape (T, V, 3) to matrices of frames, one per coordinate, and back.
 
-The matrices hold model coordinates moved to the origin and divided by the size, in float64, so
-that neither a far offset nor a small unit costs precision.
+The matrices hold model coordinates relative to the centre of the bounding box, divided by its
+diagonal, in float64, so that neither a far offset nor a small unit reduces precision.
 """
 
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ Floats = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class BoundingFrame:
-    """Where the model lies and how large it is: the bounding box of all frames.
+    """Centre and diagonal of the bounding box of all frames.
 
     Attributes
     ----------
@@ -32,16 +32,16 @@ class BoundingFrame:
 
 
 def bounding_frame(extent: Extent) -> BoundingFrame:
-    """The frame of positions that reach so far."""
+    """The bounding frame of positions of this extent."""
     x, y, z = (extent.low + (extent.high - extent.low) / 2).tolist()
     sides = extent.high - extent.low
-    largest = float(sides.max()) or 1.0  # taken out, for squares of tiny sides are 0
+    largest = float(sides.max()) or 1.0  # divided out: squares of tiny sides are 0
     return BoundingFrame((x, y, z), largest * float(np.linalg.norm(sides / largest)) or 1.0)
 
 
 @staged("coordinates")
 def to_matrices(vertices: npt.NDArray[np.floating], frame: BoundingFrame) -> Floats:
-    """Coordinate matrices A of shape (3, T, V), in diagonals from the centre."""
+    """Coordinate matrices A of shape (3, T, V), relative to the centre, in diagonals."""
     # A copy even where nothing needs converting: it is changed in place below.
     matrices = np.array(np.moveaxis(vertices, 2, 0), dtype=np.float64, order="C")
     matrices -= np.array(frame.origin)[:, None, None]
@@ -52,7 +52,7 @@ def to_matrices(vertices: npt.NDArray[np.floating], frame: BoundingFrame) -> Flo
 def from_matrices(
     matrices: Floats, frame: BoundingFrame, dtype: npt.DTypeLike
 ) -> npt.NDArray[np.floating]:
-    """Positions of shape (T, V, 3) in model units; undoes `to_matrices` up to rounding."""
+    """Positions of shape (T, V, 3) in model units; inverts `to_matrices` up to rounding."""
     vertices = np.empty((matrices.shape[1], matrices.shape[2], 3), dtype)
     for axis in range(3):
         vertices[:, :, axis] = matrices[axis] * frame.scale + frame.origin[axis]

@@ -118,7 +118,7 @@ def test_an_index_is_refused_when_it_contradicts_the_blocks(frames):
 
 def test_a_stream_is_refused_when_its_end_leads_elsewhere():
     wrong = write_section(Section.END, b"\0" * 8)
-    with pytest.raises(CorruptStreamError, match="where the index is"):
+    with pytest.raises(CorruptStreamError, match="point to the index"):
         read_stream(DATA[: -len(wrong)] + wrong)
 
 

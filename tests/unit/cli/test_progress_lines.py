@@ -11,7 +11,7 @@ from meshreel.runtime.progress import Count
 
 
 class Lines(io.StringIO):
-    """A text file that tells when it has so many lines."""
+    """A text file with an event that is set at a number of lines."""
 
     def __init__(self):
         super().__init__()

@@ -43,7 +43,7 @@ def test_error_falls_with_every_mode_when_the_step_is_fine(sequence):
 
 @pytest.mark.parametrize("n_modes", [1, 2, 3, 5])
 def test_error_is_at_most_what_so_many_modes_leave_out_when_others_rest(sequence, n_modes):
-    """What the leading singular vectors leave out, or less: the mean of the others is kept."""
+    """The error is at most that of the leading singular vectors: the mean of the others is kept."""
     data = encode(sequence, step=1e-6)
     decoded = decode(data, n_modes=n_modes).vertices
     low, high = (pick(sequence.vertices, axis=(0, 1)) for pick in (np.min, np.max))

@@ -1,4 +1,4 @@
-"""What the user asks of `reel`, and whether streams meet it."""
+"""Targets of `reel`, and whether streams meet them."""
 
 from functools import cache
 from itertools import pairwise
@@ -45,7 +45,7 @@ def encoded(name, **options):
 
 
 def measured(name, data):
-    """What a stream is by each measure, from outside."""
+    """Figures of a stream by each measure, computed independently."""
     sequence = SEQUENCES[name]
     quality = meshreel.compare(sequence, meshreel.decode(data))
     return {
@@ -68,7 +68,7 @@ def test_error_is_met_when_it_is_asked_for(name, aim, limit):
 @pytest.mark.parametrize("name", SEQUENCES)
 @pytest.mark.parametrize(("aim", "limit"), [("kg", 0.01), ("kg", 0.3), ("sted", 0.02)])
 def test_error_is_nearly_used_up_when_it_is_asked_for(name, aim, limit):
-    """What is given away costs bytes."""
+    """Unused tolerance costs bytes."""
     assert measured(name, encoded(name, **{aim: limit}))[aim] > 0.85 * limit
 
 

@@ -1,4 +1,4 @@
-"""What a listener hears of a search for the step that meets a target."""
+"""Progress of a search for the step that meets a target."""
 
 import pytest
 
@@ -7,21 +7,21 @@ from samples.meshes import waving_grid
 
 
 def heard(**target):
-    told = []
+    found = []
     meshreel.encode(
-        waving_grid(), **target, progress=lambda stage, share: told.append((stage, share))
+        waving_grid(), **target, progress=lambda stage, share: found.append((stage, share))
     )
-    return told
+    return found
 
 
 @pytest.mark.parametrize("target", [{"kg": 0.5}, {"size": 900}, {"max_error": 0.05}])
 @pytest.mark.parametrize("block_frames", [None, 4])
-def test_no_try_is_told_to_be_all_done_when_another_may_follow(target, block_frames):
-    told = heard(**target, block_frames=block_frames)
-    tries = {stage for stage, _ in told if stage.startswith("encoding, try")}
+def test_no_try_is_reported_as_done_when_another_may_follow(target, block_frames):
+    found = heard(**target, block_frames=block_frames)
+    tries = {stage for stage, _ in found if stage.startswith("encoding, try")}
     assert len(tries) > 1
-    assert all(share < 1 for stage, share in told if stage in tries)
-    assert all((stage, 0.0) in told for stage in tries)
+    assert all(share < 1 for stage, share in found if stage in tries)
+    assert all((stage, 0.0) in found for stage in tries)
 
 
 def test_the_only_try_is_told_to_be_all_done_when_it_is():

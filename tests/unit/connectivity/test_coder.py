@@ -1,4 +1,4 @@
-"""The whole room: every list comes back exactly, and damaged bytes are told."""
+"""The coder of connectivity: every face list is decoded exactly, damaged bytes are refused."""
 
 import dataclasses
 

@@ -1,4 +1,4 @@
-"""What this room believes about Draco, and what it does not let through."""
+"""Assumptions about Draco, and streams that are refused."""
 
 import DracoPy
 import numpy as np

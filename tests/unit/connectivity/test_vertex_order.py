@@ -46,7 +46,7 @@ def test_the_best_prediction_is_chosen_when_numbering_has_its_structure(meshes, 
 def test_the_mesh_predicts_when_its_vertices_are_numbered_in_another_order(meshes):
     faces, n_verts = meshes["torus"]
     order = np.random.default_rng(2).permutation(n_verts)
-    # The vertices come in random order, so that only neighbours tell the number.
+    # The vertices come in random order, so that only neighbours predict the number.
     prediction, data = encode_numbering(order, inverse_permutation(order)[faces])
     assert prediction == ALONG_MESH
     assert 8 * len(data) < 8.5 * n_verts
@@ -77,5 +77,5 @@ def test_decode_numbering_tells_when_numbers_repeat(prediction):
 
 
 def test_decode_numbering_tells_when_prediction_is_unknown():
-    with pytest.raises(CorruptStreamError, match="3 is no prediction"):
+    with pytest.raises(CorruptStreamError, match="prediction 3 is unknown"):
         decode_numbering(encode_integers([np.arange(3)]), 3, np.array([[0, 1, 2]]), 3)

@@ -30,7 +30,7 @@ def test_bits_come_back_when_reader_and_writer_learn_alike():
     np.testing.assert_array_equal(np.concatenate(back), bits)
 
 
-def test_size_is_near_the_entropy_when_contexts_tell_something():
+def test_size_is_near_the_entropy_when_contexts_are_informative():
     rng = np.random.default_rng(2)
     contexts = rng.integers(0, 2, 100_000)
     bits = rng.random(100_000) < np.array([0.02, 0.6])[contexts]

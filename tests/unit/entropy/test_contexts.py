@@ -2,38 +2,38 @@ import numpy as np
 import pytest
 
 from meshreel.entropy.contexts import (
-    LOG_STEPS,
-    MAX_SCALE,
+    LOG_PARTS,
+    MAX_MEAN_CLASS,
     N_EXPECTED,
     UNIT,
     Past,
     expected_classes,
-    mean_of_scale,
+    mean_class,
+    mean_of_class,
     near_classes,
     past_classes,
-    scale_of_mean,
 )
 
 
 @pytest.mark.parametrize("mean", [1, 2, 3, 100, 30_000])
-def test_scale_stands_for_the_mean_when_a_pass_is_not_empty(mean):
-    scale = scale_of_mean(np.full(10, mean))
-    assert 0.7 * mean < mean_of_scale(np.array(scale)) / UNIT < 1.3 * mean
+def test_class_is_near_the_mean_when_a_pass_is_not_empty(mean):
+    found = mean_class(np.full(10, mean))
+    assert 0.7 * mean < mean_of_class(np.array(found)) / UNIT < 1.3 * mean
 
 
-def test_scale_is_zero_only_when_a_pass_is_empty():
-    assert scale_of_mean(np.zeros(5, np.int64)) == 0
-    assert scale_of_mean(np.eye(1, 3_000_000, dtype=np.int64)[0]) == 1
+def test_class_is_zero_only_when_a_pass_is_empty():
+    assert mean_class(np.zeros(5, np.int64)) == 0
+    assert mean_class(np.eye(1, 3_000_000, dtype=np.int64)[0]) == 1
 
 
-def test_scale_has_an_end_when_magnitudes_are_huge():
-    assert scale_of_mean(np.full(1000, 2**31 - 1)) == MAX_SCALE
+def test_class_is_limited_when_magnitudes_are_huge():
+    assert mean_class(np.full(1000, 2**31 - 1)) == MAX_MEAN_CLASS
 
 
-def test_scales_come_back_when_their_own_means_are_classed():
-    for scale in range(42, MAX_SCALE + 1):  # below, means are no whole magnitudes
-        mean = int(mean_of_scale(np.array(scale)))
-        assert scale_of_mean(np.array([mean // UNIT, -(-mean // UNIT)])) == scale
+def test_classes_come_back_when_their_own_means_are_classed():
+    for found in range(42, MAX_MEAN_CLASS + 1):  # below, means are no whole magnitudes
+        mean = int(mean_of_class(np.array(found)))
+        assert mean_class(np.array([mean // UNIT, -(-mean // UNIT)])) == found
 
 
 def test_past_forgets_when_rows_go_by():
@@ -91,7 +91,7 @@ def test_expected_classes_are_those_of_each_integer_when_there_are_many():
 
 
 def test_expected_class_stays_in_its_range_when_evidence_is_extreme():
-    largest = int(mean_of_scale(np.array(MAX_SCALE)))
+    largest = int(mean_of_class(np.array(MAX_MEAN_CLASS)))
     assert expected(past=2**40, near=2**18, near_mean=0, mean=largest) == N_EXPECTED - 1
     assert expected(past=0, near=0, near_mean=100 * largest, mean=1) == 0
 
@@ -106,5 +106,5 @@ def test_near_classes_have_an_end_when_neighbours_are_large():
     assert near_classes(np.array([0, 1, 2, 3, 2**30])).tolist() == [0, 1, 2, 2, 2]
 
 
-def test_logarithm_steps_divide_into_half_octaves():
-    assert LOG_STEPS % 2 == 0
+def test_logarithm_parts_divide_into_half_octaves():
+    assert LOG_PARTS % 2 == 0

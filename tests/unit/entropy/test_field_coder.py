@@ -6,7 +6,7 @@ import pytest
 from meshreel.entropy.adaptive import BitWriter
 from meshreel.entropy.coder import encode_integers
 from meshreel.entropy.contexts import Contexts
-from meshreel.entropy.field_coder import FIRST_SCALE, decode_fields, encode_fields
+from meshreel.entropy.field_coder import FIRST_MEAN_CLASS, decode_fields, encode_fields
 from meshreel.entropy.tokens import MAX_MAGNITUDE
 from meshreel.entropy.value_model import ValueModel
 from meshreel.entropy.varint import write_varint
@@ -93,7 +93,7 @@ def test_fields_come_back_when_there_is_little_in_them(shape):
 
 
 @pytest.mark.parametrize("passes", [None, line_passes(40)])
-def test_scales_are_kept_above_zero_when_rows_alternate_with_empty_ones(passes):
+def test_mean_classes_are_kept_above_zero_when_rows_alternate_with_empty_ones(passes):
     fields = np.zeros((60, 40), int)
     fields[::2] = np.arange(30)[:, None] ** 4
     data = encode_fields(fields, passes)
@@ -101,7 +101,7 @@ def test_scales_are_kept_above_zero_when_rows_alternate_with_empty_ones(passes):
 
 
 def test_fields_come_back_when_some_passes_are_empty_and_others_are_not():
-    """An empty pass costs its scale only, and tells its neighbours nothing."""
+    """An empty pass costs its mean class only, and adds nothing to its neighbours."""
     fields = active_places(20, 500)
     fields[::3, ::2] = 0
     fields[1::3, 1::2] = 0
@@ -119,7 +119,7 @@ def test_first_rows_come_back_alike_when_the_last_batch_is_of_any_length(n_rows)
 
 
 def test_bytes_are_fewer_when_columns_of_different_magnitude_are_passes_of_their_own():
-    """A single row: nothing but the pass tells what is to be expected."""
+    """A single row: only the pass gives a context."""
     rng = np.random.default_rng(12)
     large = rng.permutation(3000) < 300
     fields = np.rint(rng.laplace(scale=np.where(large, 60.0, 0.2))).astype(int)[None]
@@ -130,13 +130,13 @@ def test_bytes_are_fewer_when_columns_of_different_magnitude_are_passes_of_their
     assert len(encode_fields(fields, apart)) < 0.5 * len(encode_fields(fields))
 
 
-def test_bytes_are_fewer_when_neighbours_tell_where_a_row_is_active():
+def test_bytes_are_fewer_when_neighbours_show_where_a_row_is_active():
     """A single row, active on a third of a line, in passes that do not know where."""
     place = np.arange(3000)
     rng = np.random.default_rng(13)
     scale = np.where((place > 1000) & (place < 2000), 3.0, 0.01)
     fields = np.rint(rng.laplace(scale=scale)).astype(int)[None]
-    alone = [as_pass(step.columns, [[]] * len(step.columns)) for step in line_passes(3000)]
+    alone = [as_pass(one.columns, [[]] * len(one.columns)) for one in line_passes(3000)]
     assert len(encode_fields(fields, line_passes(3000))) < 0.85 * len(encode_fields(fields, alone))
 
 
@@ -174,12 +174,14 @@ def test_decoding_raises_when_bytes_are_left_over():
 
 
 @pytest.mark.parametrize("change", [-48, 32])
-def test_decoding_raises_when_a_scale_leaves_its_range(change):
+def test_decoding_raises_when_a_mean_class_leaves_its_range(change):
     port, nothing = BitWriter(), np.zeros(1, np.int64)
-    contexts = Contexts(np.array([FIRST_SCALE + 1]), nothing, nothing, nothing)
+    contexts = Contexts(np.array([FIRST_MEAN_CLASS + 1]), nothing, nothing, nothing)
     ValueModel().code(port, np.array([change]), contexts)
     words = port.words()
-    with pytest.raises(CorruptStreamError, match=rf"scales \[\[{FIRST_SCALE + change}\]\]"):
+    with pytest.raises(
+        CorruptStreamError, match=rf"mean classes \[\[{FIRST_MEAN_CLASS + change}\]\]"
+    ):
         decode_fields(write_varint(len(words) // 4) + words, 1, 8)
 
 

@@ -98,7 +98,7 @@ def batches(n_rows):
 
 
 def decode_slowly(data, n_rows, n_columns, passes):
-    """Coarse integers of a payload, and the scales of each batch, pass and row.
+    """Coarse integers of a payload, and the mean classes of each batch, pass and row.
 
     Of each pass, `passes` has the neighbours of each of its columns.
     """
@@ -109,17 +109,17 @@ def decode_slowly(data, n_rows, n_columns, passes):
     agreement = {(i, j): 1 for near in passes for i in near for j in near[i]}
     past, past_mean = [0] * n_columns, [0] * n_columns
     before = [40] * len(passes)
-    tables, tables_of_scales = Tables(), Tables()
+    tables, tables_of_classes = Tables(), Tables()
     rows = [[0] * n_columns for _ in range(n_rows)]
-    all_scales = []
+    all_classes = []
     for first, end in batches(n_rows):
         length = end - first
-        changes = tables_of_scales.read(coder, [(41, 0, 0, 0)] * (len(passes) * length))
-        scales = [
+        changes = tables_of_classes.read(coder, [(41, 0, 0, 0)] * (len(passes) * length))
+        classes = [
             [before[place] + changes[place * length + r] for r in range(length)]
             for place in range(len(passes))
         ]
-        assert all(0 <= scale <= 70 for one in scales for scale in one)
+        assert all(0 <= one_class <= 70 for one in classes for one_class in one)
         batch, means = rows[first:end], [[0] * n_columns for _ in range(length)]
 
         def known_of(i, near, row, mean):
@@ -133,10 +133,10 @@ def decode_slowly(data, n_rows, n_columns, passes):
                 sum(agreement[i, j] * clamp(row[j], -2, 2) for j in near),
             )
 
-        for near, scales_here in zip(passes, scales, strict=True):
-            places = [(i, r) for i in near for r, scale in enumerate(scales_here) if scale]
+        for near, classes_here in zip(passes, classes, strict=True):
+            places = [(i, r) for i in near for r, one_class in enumerate(classes_here) if one_class]
             for i, r in places:
-                means[r][i] = mean_of(scales_here[r])
+                means[r][i] = mean_of(classes_here[r])
             known = [known_of(i, near[i], batch[r], means[r]) for i, r in places]
             read = tables.read(coder, known) if known else []
             for (i, r), value in zip(places, read, strict=True):
@@ -147,10 +147,10 @@ def decode_slowly(data, n_rows, n_columns, passes):
                 past_mean[i] += mean[i] - past_mean[i] // 8
             for i, j in agreement:
                 agreement[i, j] += clamp(row[i], -2, 2) * clamp(row[j], -2, 2)
-        before = [one[-1] for one in scales]
-        all_scales.append(scales)
+        before = [one[-1] for one in classes]
+        all_classes.append(classes)
     assert coder.is_empty()
-    return np.array(rows), all_scales
+    return np.array(rows), all_classes
 
 
 def grid_passes(side):
@@ -188,7 +188,7 @@ def lively_fields(scale, n_rows, n_columns=169):
 
 
 def fields_with_empty_passes(passes):
-    """Four empty rows turn scales to 0, so that those of the batch after may be 0 as well."""
+    """Four empty rows turn mean classes to 0, so that those of the batch after may be 0 as well."""
     n_columns = sum(map(len, passes))
     fields = np.rint(np.random.default_rng(9).laplace(scale=2.0, size=(21, n_columns))).astype(int)
     fields[[2, 3, 4, 5, 7, 10, 11, 12, 14, 19]] = 0
@@ -198,12 +198,12 @@ def fields_with_empty_passes(passes):
 
 
 def assert_read_alike(fields, passes, arrays):
-    """The scales that the second decoder saw."""
-    decoded, scales = decode_slowly(encode_fields(fields, arrays), *fields.shape, passes)
+    """The mean classes that the second decoder saw."""
+    decoded, classes = decode_slowly(encode_fields(fields, arrays), *fields.shape, passes)
     size = np.maximum(np.frexp(np.abs(fields))[1] - 2, 0)
     np.testing.assert_array_equal(np.abs(decoded), np.abs(fields) >> size << size)
     np.testing.assert_array_equal(np.sign(decoded), np.sign(fields))
-    return scales
+    return classes
 
 
 LENGTHS = [1, 5, 6, 7, 11, 12, 13, 16]
@@ -225,9 +225,9 @@ def test_payload_is_read_alike_when_there_is_a_single_pass(scale, n_rows):
 
 def test_payload_is_read_alike_when_passes_are_empty_in_some_rows_of_a_batch_or_in_all():
     passes = grid_passes(13)
-    scales = assert_read_alike(fields_with_empty_passes(passes), passes, as_arrays(passes))
-    assert [len(batch[0]) for batch in scales] == [1, 1, 1, 1, 1, 1, 6, 6, 3]
-    is_empty = [[[scale == 0 for scale in one] for one in batch] for batch in scales]
+    classes = assert_read_alike(fields_with_empty_passes(passes), passes, as_arrays(passes))
+    assert [len(batch[0]) for batch in classes] == [1, 1, 1, 1, 1, 1, 6, 6, 3]
+    is_empty = [[[one_class == 0 for one_class in one] for one in batch] for batch in classes]
     assert is_empty[6] == [
         [False, True, False, True, True, True],
         [False, True, False, False, True, True],
@@ -238,7 +238,7 @@ def test_payload_is_read_alike_when_passes_are_empty_in_some_rows_of_a_batch_or_
 
 
 def test_payload_is_read_alike_when_counts_are_halved():
-    """Sets so large that a context is halved, and then stands above the limit still."""
+    """Sets so large that counts of a context are halved and still exceed the limit."""
     fields = np.zeros((15, 700), int)
     for number, row in enumerate(fields):
         row[number :: 5 + 40 * (number % 2)] = 1 - 2 * (number % 3 == 0)

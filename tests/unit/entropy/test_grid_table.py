@@ -47,7 +47,7 @@ def test_grid_is_refused_when_its_numbers_are_whole():
         decode_table(coded, (4, 1), np.dtype(np.int32))
 
 
-def test_grid_is_told_when_it_ends_in_its_head():
+def test_decoding_raises_when_a_grid_ends_in_its_head():
     with pytest.raises(TruncatedStreamError):
         decode_table(b"\xfe\x08", (4, 1), SINGLE)
 

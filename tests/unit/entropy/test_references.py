@@ -37,7 +37,7 @@ def test_size_is_small_when_few_places_have_two_rows():
 
 def test_decoding_raises_when_a_place_has_nothing_to_repeat():
     data = b"\x00" + encode_integers([np.array([AGAIN]), np.array([AGAIN]), np.array([], int)])
-    with pytest.raises(CorruptStreamError, match="none before"):
+    with pytest.raises(CorruptStreamError, match="which has none"):
         decode_references(data, np.array([4, 4]))
 
 

@@ -1,7 +1,7 @@
 import numpy as np
 
 from meshreel.entropy.adaptive import BitReader, BitWriter
-from meshreel.entropy.contexts import N_EXPECTED, N_NEAR, N_PAST, UNIT, Contexts, mean_of_scale
+from meshreel.entropy.contexts import N_EXPECTED, N_NEAR, N_PAST, UNIT, Contexts, mean_of_class
 from meshreel.entropy.tokens import MAX_MAGNITUDE
 from meshreel.entropy.value_model import ValueModel, coarse, detail_widths
 
@@ -43,7 +43,7 @@ def cost_bits(values, expected):
 def test_first_guesses_are_good_when_magnitudes_are_as_expected():
     rng = np.random.default_rng(1)
     for expected in (32, 40, 46):
-        mean = mean_of_scale(np.array(expected)) / UNIT
+        mean = mean_of_class(np.array(expected)) / UNIT
         magnitudes = rng.geometric(1 / (1 + mean), 3000) - 1
         values = coarse(magnitudes * rng.choice([-1, 1], 3000))
         # The whole is one pass, so that nothing can be learnt.

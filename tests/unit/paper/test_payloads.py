@@ -60,7 +60,7 @@ def test_step_is_refused_when_it_is_not_a_positive_number(step):
 
 def test_steps_are_refused_when_their_number_fits_no_row():
     rows = Quantized(np.zeros((3, 4, 1), int), np.ones(3, np.float32))
-    with pytest.raises(CorruptStreamError, match="3 steps are announced for 4 rows"):
+    with pytest.raises(CorruptStreamError, match="3 quantisation steps are announced for 4 rows"):
         payloads.read_rows(payloads.write_rows(rows, shared=True), 4, 1, shared=True)
 
 

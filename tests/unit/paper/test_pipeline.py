@@ -3,7 +3,8 @@ import pytest
 
 from meshreel.codec.config import EncoderConfig
 from meshreel.geometry.connectivity import component_labels
-from meshreel.paper.mesh_model import MeshModel, choose_anchors
+from meshreel.paper.anchors import choose_anchors
+from meshreel.paper.mesh_model import MeshModel
 from meshreel.paper.pipeline import analyse, synthesise
 from meshreel.paper.settings import anchor_share
 from meshreel.paper.variants import variant_named

@@ -1,1 +1,1 @@
-"""Attributes, materials and images of a surface as sections of a stream."""
+"""Sections of the surface of a mesh: polygons, attributes, groups, parts, materials, images."""

@@ -1,4 +1,4 @@
-"""Materials and images to payloads of sections and back."""
+"""Payloads of the sections of materials and images, written and read."""
 
 import struct
 from collections.abc import Sequence
@@ -21,7 +21,7 @@ MATERIAL_NUMBERS = {
     "alpha_cutoff": 1,
 }
 TEXTURE_NUMBERS = {"offset": 2, "rotation": 1, "scale": 2}
-"""Numbers of each in the order of the stream, and how many they are."""
+"""Fields of numbers in the order of the stream, with their sizes."""
 
 ALPHA_MODES, WRAPS, FILTERS = tuple(AlphaMode), tuple(Wrap), tuple(Filter)
 """In the order of their codes."""
@@ -35,7 +35,7 @@ Choice = TypeVar("Choice")
 
 
 def write_material(material: Material) -> bytes:
-    """A material, of which only what is not usual takes bytes."""
+    """Payload of a material; only values other than the defaults take bytes."""
     flags = ALPHA_MODES.index(material.alpha_mode)
     flags |= DOUBLE_SIDED * material.double_sided | UNLIT * material.unlit
     textures = material.textures
@@ -46,7 +46,7 @@ def write_material(material: Material) -> bytes:
 
 
 def read_material(payload: bytes) -> Material:
-    """Undo `write_material`; whether its images are there is not checked.
+    """The material that `write_material` wrote; references to images are not checked.
 
     Raises
     ------
@@ -72,17 +72,17 @@ def read_material(payload: bytes) -> Material:
 
 
 def write_image(image: Image) -> bytes:
-    """An image: its name, what it is, and its bytes as they are."""
+    """Payload of an image: its name, type, and unchanged bytes."""
     return write_text(image.name) + write_text(image.mime_type) + image.data
 
 
 def read_image(payload: bytes) -> Image:
-    """Undo `write_image`.
+    """The image that `write_image` wrote.
 
     Raises
     ------
     CorruptStreamError, TruncatedStreamError
-        If it ends inside its name, or that is no text.
+        If it ends inside its name, or the name is not UTF-8.
     """
     name, position = read_text(payload, 0)
     mime_type, position = read_text(payload, position)
@@ -118,21 +118,21 @@ def _read_texture(payload: bytes, position: int) -> tuple[Texture, int]:
     return _read_numbers(payload, position, texture, TEXTURE_NUMBERS)
 
 
-def _write_numbers(one: Look, usual: Look, sizes: dict[str, int]) -> bytes:
-    """Which numbers are not the usual ones, and these."""
-    pairs = list(zip(_numbers(one, sizes), _numbers(usual, sizes), strict=True))
-    told = [number for number, (own, other) in enumerate(pairs) if own != other]
-    mask = sum(1 << number for number in told)
-    return write_varint(mask) + b"".join(NUMBER.pack(pairs[number][0]) for number in told)
+def _write_numbers(one: Look, default: Look, sizes: dict[str, int]) -> bytes:
+    """A mask of the numbers that are not defaults, and these numbers."""
+    pairs = list(zip(_numbers(one, sizes), _numbers(default, sizes), strict=True))
+    changed = [number for number, (own, other) in enumerate(pairs) if own != other]
+    mask = sum(1 << number for number in changed)
+    return write_varint(mask) + b"".join(NUMBER.pack(pairs[number][0]) for number in changed)
 
 
 def _read_numbers(
-    payload: bytes, position: int, usual: Look, sizes: dict[str, int]
+    payload: bytes, position: int, default: Look, sizes: dict[str, int]
 ) -> tuple[Look, int]:
-    numbers = _numbers(usual, sizes)
+    numbers = _numbers(default, sizes)
     mask, position = read_varint(payload, position)
     if mask >> len(numbers):
-        raise CorruptStreamError(f"a material tells of more than its {len(numbers)} numbers")
+        raise CorruptStreamError(f"a material sets more than its {len(numbers)} numbers")
     for number in range(len(numbers)):
         if mask >> number & 1:
             if position + NUMBER.size > len(payload):
@@ -145,7 +145,7 @@ def _read_numbers(
         name: value[0] if len(value) == 1 else tuple(value)
         for name, value in zip(sizes, values, strict=True)
     }
-    return replace(usual, **changes), position
+    return replace(default, **changes), position
 
 
 def _numbers(one: Material | Texture, sizes: dict[str, int]) -> list[float]:

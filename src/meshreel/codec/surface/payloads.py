@@ -1,4 +1,4 @@
-"""What a mesh carries beside positions and triangles, to sections of a stream and back."""
+"""Sections of a surface, written and read."""
 
 import struct
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -39,7 +39,7 @@ Faces = npt.NDArray[np.int32]
 
 KINDS = (Kind.UV, Kind.COLOR, Kind.OTHER)
 DOMAINS = (Domain.VERTEX, Domain.FACE, Domain.CORNER)
-"""In the order of their codes, as the number types are."""
+"""Choices in the order of their codes, as number types are in `VALUE_TYPES`."""
 
 START = struct.Struct("<d")
 
@@ -65,7 +65,7 @@ def surface_sections(
     surface : Surface
     faces : int32 array of shape (M, 3)
     uv_bits : int, optional
-        Bits of the grid that texture coordinates are rounded to. Default: they are exact.
+        Bits of the grid that texture coordinates are quantised to. Default: they are exact.
     """
     if surface.face_sizes is not None:
         sizes = surface.face_sizes
@@ -83,7 +83,7 @@ def surface_sections(
 
 
 def read_surface(sections: Iterable[tuple[Section, bytes]], faces: Faces, n_verts: int) -> Surface:
-    """The surface that `surface_sections` wrote; sections of other kinds are passed over.
+    """The surface that `surface_sections` wrote; sections of other kinds are ignored.
 
     Raises
     ------
@@ -127,10 +127,10 @@ def _all_of(
 
 
 def surface_in_order(surface: Surface, order: Order, internal_to_given: Integers) -> Surface:
-    """What is left of a surface in a stream that keeps so much of the order.
+    """The part of a surface that a stream with this choice of order holds.
 
-    What faces have needs their order, materials too; without that, only attributes of vertices are
-    left.
+    Attributes of faces and corners, groups and materials need the order of faces; without it, only
+    attributes of vertices remain.
 
     Parameters
     ----------
@@ -147,8 +147,8 @@ def surface_in_order(surface: Surface, order: Order, internal_to_given: Integers
     return Surface(attributes=tuple(kept))
 
 
-def what_order_loses(surface: Surface, order: Order) -> str:
-    """One sentence on what a stream that keeps so much of the order leaves out; maybe empty."""
+def order_loss_note(surface: Surface, order: Order) -> str:
+    """A note on what a stream with this choice of order leaves out; possibly empty."""
     if order is Order.KEEP:
         return ""
     lost = ["polygons"] if surface.face_sizes is not None else []
@@ -159,16 +159,16 @@ def what_order_loses(surface: Surface, order: Order) -> str:
     lost += [f"material {one.name!r}" for one in surface.materials]
     if n_images := len(surface.images):
         lost.append(f"{n_images} image{'s' if n_images > 1 else ''}")
-    return f"left out, for the order of faces is not kept: {', '.join(lost)}" if lost else ""
+    return f"left out, since the order of faces is not kept: {', '.join(lost)}" if lost else ""
 
 
 def write_start(start_s: float) -> bytes:
-    """The time of the first frame."""
+    """Payload of the time of the first frame."""
     return START.pack(start_s)
 
 
 def read_start(payload: bytes) -> float:
-    """Undo `write_start`.
+    """The time of the first frame, in seconds, that `write_start` wrote.
 
     Raises
     ------
@@ -235,7 +235,7 @@ def _read_attribute(payload: bytes, surface: Surface, faces: Faces, n_verts: int
     if coded:
         rows = decode_references(coded, _places(DOMAINS[domain], surface, faces, n_items))
         if len(rows) and not 0 <= rows.min() <= rows.max() < n_rows:
-            raise CorruptStreamError(f"attribute {name!r} refers to a value that is not there")
+            raise CorruptStreamError(f"attribute {name!r} refers to a value that does not exist")
         indices = rows.astype(np.int32)
     elif n_rows != n_items:
         raise CorruptStreamError(f"attribute {name!r} has {n_rows} values for {n_items} places")
@@ -244,7 +244,7 @@ def _read_attribute(payload: bytes, surface: Surface, faces: Faces, n_verts: int
 
 
 def _places(domain: Domain, surface: Surface, faces: Faces, n_items: int) -> Integers:
-    """Where each item is: corners of faces at their vertices, all others at one place."""
+    """The place of each item: corners of faces are at their vertices, all others at one place."""
     if domain is not Domain.CORNER:
         return np.zeros(n_items, np.int64)
     return join_fans(surface.sizes(len(faces)), faces)
@@ -264,10 +264,10 @@ def _read_groups(payload: bytes, n_faces: int) -> FaceGroups:
     for _ in range(n_labels):
         label, position = read_text(payload, position)
         labels.append(label)
-    (steps,) = decode_integers(payload[position:], [n_faces])
-    numbers = np.cumsum(steps)
+    (differences,) = decode_integers(payload[position:], [n_faces])
+    numbers = np.cumsum(differences)
     if n_faces and not -1 <= numbers.min() <= numbers.max() < n_labels:
-        raise CorruptStreamError(f"groups {name!r} name a group that is not there")
+        raise CorruptStreamError(f"groups {name!r} refer to a group that does not exist")
     return FaceGroups(name, tuple(labels), numbers.astype(np.int32))
 
 

@@ -1,4 +1,4 @@
-"""Text within the payloads of sections: its length in bytes, and UTF-8."""
+"""Text in payloads of sections: its length in bytes, and UTF-8."""
 
 from meshreel.entropy.varint import read_varint, write_varint
 from meshreel.errors import CorruptStreamError, TruncatedStreamError
@@ -11,7 +11,7 @@ def write_text(text: str) -> bytes:
 
 
 def read_text(payload: bytes, position: int) -> tuple[str, int]:
-    """Undo `write_text` at a position; also the position behind it.
+    """The text that `write_text` wrote at a position, and the position after it.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""How far texture coordinates of a stream are off."""
+"""Errors of the texture coordinates of a stream."""
 
 from dataclasses import dataclass
 
@@ -14,34 +14,34 @@ from meshreel.sequence import FrameSource
 from meshreel.surface import Attribute
 
 TEXELS = 4096
-"""On a side of the texture in whose texels errors are told."""
+"""Width of the texture in whose texels errors are given."""
 
 
 @dataclass(frozen=True)
 class UvErrors:
-    """How far texture coordinates are off.
+    """Errors of texture coordinates.
 
     Attributes
     ----------
     largest : float
-        The largest difference of a coordinate, where 1 is the width of a texture.
+        Largest error of a coordinate, where 1 is the width of a texture.
     """
 
     largest: float
 
     @property
     def texels(self) -> float:
-        """The same in texels of a texture of 4096 x 4096."""
+        """Largest error in texels of a texture of 4096 x 4096."""
         return self.largest * TEXELS
 
 
 def measure_uvs(sequence: FrameSource, data: bytes) -> UvErrors | None:
-    """Errors of the texture coordinates of a stream, measured; None if it has none.
+    """Measured errors of the texture coordinates of a stream; None if it has none.
 
     Parameters
     ----------
     sequence : FrameSource
-        That the stream was made of, with all of its surface.
+        The original of the stream, with all of its surface.
     data : bytes
     """
     stream = read_stream(data)

@@ -1,7 +1,8 @@
-"""Texture coordinates on a grid: quantised over the width of a texture.
+"""Quantisation of texture coordinates on a grid.
 
-The grid has 2^bits steps to that width, wherever coordinates are: what is in another tile stays
-there, borders of tiles and seams that meet stay where they are, and rounding again changes nothing.
+The quantisation step is the width of a texture divided by 2^bits, whatever the range of
+coordinates: coordinates stay in their tile, borders of tiles and matching seams are preserved, and
+quantising again changes nothing.
 """
 
 import numpy as np
@@ -29,7 +30,7 @@ def check_uv_bits(bits: int) -> None:
 
 
 def is_quantized(attribute: Attribute) -> bool:
-    """Whether quantising texture coordinates means an attribute."""
+    """Whether an attribute is among the texture coordinates that are quantised."""
     return attribute.kind is Kind.UV and attribute.values.dtype.kind == "f"
 
 
@@ -39,7 +40,7 @@ def has_uvs(surface: Surface) -> bool:
 
 
 def check_uvs(surface: Surface, bits: int) -> None:
-    """Refuse a surface that has no texture coordinates to quantise, or some that cannot be.
+    """Nothing if a surface has texture coordinates and all of them can be quantised.
 
     Raises
     ------
@@ -55,12 +56,12 @@ def check_uvs(surface: Surface, bits: int) -> None:
 
 
 def uv_integers(attribute: Attribute, bits: int) -> Integers:
-    """The nearest numbers of the grid, in its steps, of shape (N, C).
+    """Integers of the nearest grid values, of shape (N, C).
 
     Raises
     ------
     InvalidInputError
-        If a coordinate is not finite, or too large for so many bits.
+        If a coordinate is not finite, or too large for this many bits.
     """
     values = attribute.values.astype(np.float64)
     if not np.isfinite(values).all():

@@ -1,1 +1,1 @@
-"""Vertices from deltas: the sparse systems of the decoder and their solver."""
+"""Reconstruction of vertices from deltas: the sparse systems of the decoder and their solver."""

@@ -1,4 +1,4 @@
-"""The tree along which a sparse matrix is factored: what is eliminated together, and when."""
+"""The assembly tree of a multifrontal factorisation: fronts and their order."""
 
 from dataclasses import dataclass
 
@@ -9,21 +9,21 @@ from scipy.sparse import csc_array
 Integers = npt.NDArray[np.int64]
 
 SHARED_DEPTH = 5
-"""What is below nodes of this depth is factored as one piece of work."""
+"""Subtrees below nodes of this depth are factored as one task."""
 
 
 @dataclass(frozen=True)
 class Front:
-    """Unknowns that are eliminated together, in the order of elimination.
+    """A front: unknowns that are eliminated together.
 
     Attributes
     ----------
     start, stop : int
-        They are start..stop-1.
+        The unknowns are start..stop-1 in the order of elimination.
     rows : integer array of shape (B,)
-        Those behind them that eliminating them changes, ascending.
+        Later unknowns that the elimination updates, ascending.
     children : list of int
-        Fronts that change this one first, and all others through it.
+        Fronts whose first update is to this one.
     """
 
     start: int
@@ -33,23 +33,23 @@ class Front:
 
     @property
     def n_entries(self) -> int:
-        """Numbers that are kept of it."""
+        """Number of entries of the factor in this front."""
         size = self.stop - self.start
         return size * (size + len(self.rows))
 
 
 @dataclass(frozen=True)
 class Elimination:
-    """An order of the unknowns, made of nodes that are eliminated one after another.
+    """An elimination order of the unknowns, node after node.
 
     Attributes
     ----------
     order : integer array of shape (V,)
-        Which unknown comes when.
+        The unknowns in the order of elimination.
     nodes : integer array of shape (N,)
         Numbers of the nodes in the tree of `nested_dissection`, children before parents.
     ends : integer array of shape (N,)
-        Where each ends in the order.
+        End of each node in the order.
     """
 
     order: Integers
@@ -57,7 +57,7 @@ class Elimination:
     ends: Integers
 
     def waves(self) -> list[list[range]]:
-        """Pieces of work, each a range of fronts; those of a wave need none of the same wave."""
+        """Tasks, each a range of fronts; tasks of a wave are independent of each other."""
         depths = _depths(self.nodes)
         owners = self.nodes >> np.maximum(depths - SHARED_DEPTH, 0)
         firsts = np.flatnonzero(np.diff(owners, prepend=-1))
@@ -69,7 +69,7 @@ class Elimination:
 
 
 def elimination_of(nodes: Integers) -> Elimination:
-    """Subtree after subtree, children before parents.
+    """The elimination order of a dissection: subtree after subtree, children before parents.
 
     Parameters
     ----------
@@ -112,11 +112,11 @@ def fronts_of(lower: csc_array, ends: Integers) -> list[Front]:
 
 
 def _depths(nodes: Integers) -> Integers:
-    """How far below the root, which is node 1."""
+    """Depth of each node below the root, which is node 1."""
     return np.asarray(np.frexp(nodes.astype(np.float64))[1] - 1, np.int64)
 
 
 def _distinct(rows: Integers) -> Integers:
-    """Each once, ascending (np.unique hashes, which is slower here)."""
+    """The distinct rows, ascending (np.unique hashes, which is slower here)."""
     ascending = np.sort(rows)
     return ascending[np.diff(ascending, prepend=-1) > 0]

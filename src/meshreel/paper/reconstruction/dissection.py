@@ -1,4 +1,4 @@
-"""Nested dissection: an order in which a sparse symmetric matrix is factored with little fill."""
+"""Nested dissection: an order of elimination of a sparse symmetric matrix with little fill."""
 
 import numpy as np
 import numpy.typing as npt
@@ -11,36 +11,35 @@ Members = npt.NDArray[np.integer]
 Pairs = tuple[Members, Members]
 
 PART_SIZE = 128
-"""Parts of at most so many unknowns are not cut: as dense matrices they are fast enough."""
+"""Parts of at most this many unknowns are not cut: as dense matrices they are fast enough."""
 
 SMOOTHINGS = 20
-"""Steps that smooth what is cut by: distances in edges are jagged, and jagged cuts are longer."""
+"""Smoothing iterations of the function that is cut: distances in edges give jagged, longer cuts."""
 
 SKEW = 0.8
 """Weight of the distance from the second end. With weights of 1 whole regions of a regular mesh
 would be equally far from both: circles in edges are hexagons."""
 
 MIN_SHARE_PERCENT = 35
-"""What each side of a cut has at least; the cheapest cut of those is taken."""
+"""Smallest share of the unknowns on a side of a cut; the cheapest of these cuts is taken."""
 
 
 def nested_dissection(matrix: csc_array, graph: csr_array, part_size: int = PART_SIZE) -> Integers:
-    """A node of a binary tree for each unknown, such that only ancestors are coupled.
+    """The node of a binary tree that each unknown belongs to, such that only ancestors are coupled.
 
-    Node 1 is the root, and nodes 2k and 2k + 1 are below node k. The unknowns are cut in two,
-    and both sides in two, until they are small; those of one side that are coupled to the other
-    *separate* the two, belong to the node of the cut, and take no part in later ones. Two
-    unknowns are coupled in the matrix only if the node of one is an ancestor of the other's, or
-    the same, whatever the graph: it decides how good the cuts are.
+    Node 1 is the root, and nodes 2k and 2k + 1 are the children of node k. The unknowns are cut in
+    two recursively until parts are small; unknowns of one side that are coupled to the other are
+    the separator: they belong to the node of the cut and take no part in later cuts. Two unknowns
+    are coupled in the matrix only if the node of one is an ancestor of the other's, or the same.
+    This holds for any graph; the graph determines the quality of the cuts.
 
     Parameters
     ----------
     matrix : csc_array of shape (V, V)
-        Its pattern, which must be symmetric, says what is coupled.
+        Its pattern, which must be symmetric, is that of the couplings.
     graph : csr_array of shape (V, V)
-        Symmetric; distances are counted along its entries, whose values do not matter. The
-        fewer it has, the faster: the mesh is enough where the matrix couples neighbours of
-        neighbours.
+        Symmetric; distances are counted along its entries, whose values do not matter. Fewer
+        entries are faster: the mesh suffices where the matrix couples neighbours of neighbours.
     part_size : int
 
     Returns
@@ -98,9 +97,9 @@ def _cut(parts: Integers, edges: Pairs) -> Integers:
 
 
 def _along(parts: Integers, graph: csr_array) -> Integers:
-    """Part after part, piece after piece, and each piece from one end to the other.
+    """The order of all unknowns by part, connected piece, and position from end to end.
 
-    Connected pieces stay together, so that a cut parts at most one of them.
+    Connected pieces are contiguous, so that a cut divides at most one of them.
     """
     _, pieces = connected_components(graph, directed=False)
     members = _last_of_pieces(np.arange(len(parts)), pieces)
@@ -111,7 +110,7 @@ def _along(parts: Integers, graph: csr_array) -> Integers:
 
 
 def _edges_across(order: Integers, graph: csr_array) -> Integers:
-    """How many edges a cut behind each place of an order goes through."""
+    """Number of edges that a cut after each position of an order crosses."""
     n = len(order)
     place = np.empty(n, np.int64)
     place[order] = np.arange(n)
@@ -122,12 +121,12 @@ def _edges_across(order: Integers, graph: csr_array) -> Integers:
 
 
 def _cut_costs(n_edges: Integers, before: Integers, sizes: Integers) -> Floats:
-    """Edges cut for each unknown of the smaller side; infinite where that is too small.
+    """Cut edges per unknown of the smaller side; infinite where that side is too small.
 
     Parameters
     ----------
     n_edges, before, sizes : integer arrays of shape (V,)
-        Edges that are cut, unknowns of the part before the cut, unknowns of the part.
+        Cut edges, unknowns of the part before the cut, unknowns of the part.
     """
     smaller = np.minimum(before, sizes - before)
     allowed = (smaller > 0) & (smaller >= sizes * MIN_SHARE_PERCENT // 100)
@@ -145,7 +144,7 @@ def _within(parts: Integers, edges: Pairs) -> csr_array:
 
 
 def _across(graph: csr_array, members: Members, pieces: Members) -> Floats:
-    """How far each unknown is on its way from one end of its piece to the other, in edges.
+    """Position of each unknown between the two ends of its piece, in edges.
 
     The ends are found from any member of the piece.
     """
@@ -157,9 +156,10 @@ def _across(graph: csr_array, members: Members, pieces: Members) -> Floats:
 
 
 def _search(graph: csr_array, sources: Members) -> Pairs:
-    """The nearest first, and where each is reached from; every piece has one source.
+    """Breadth-first order and predecessors; every piece has one source.
 
-    One more node, number V, leads to all sources and makes one search of many; it is the first.
+    An additional node, number V, is connected to all sources, so that one search covers all pieces;
+    it is the first.
     """
     n = graph.shape[0]
     indptr = np.append(graph.indptr, graph.indptr[-1] + len(sources)).astype(np.int32)
@@ -170,7 +170,7 @@ def _search(graph: csr_array, sources: Members) -> Pairs:
 
 
 def _last_of_pieces(order: Members, pieces: Members) -> Members:
-    """In each piece, the unknown that comes last; in a search none is farther from the source."""
+    """The last unknown of each piece; in a search none is farther from the source."""
     last = np.empty(int(pieces.max()) + 1, np.int64)
     last[pieces[order]] = order
     return last
@@ -181,7 +181,7 @@ def _distances(order: Members, above: Members) -> Integers:
     n = len(order) - 1
     place = np.empty(n + 1, np.int64)
     place[order] = np.arange(n + 1)
-    # A layer ends behind the last node that is reached from the layer before.
+    # A layer ends after the last node that is reached from the layer before.
     n_reached = np.cumsum(np.bincount(place[above[order[1:]]], minlength=n + 1)).tolist()
     ends = [1]
     while ends[-1] <= n:
@@ -199,7 +199,7 @@ def _smoothed(values: Floats, graph: csr_array) -> Floats:
 
 
 def _separators(sides: Integers, couplings: Pairs) -> npt.NDArray[np.bool_]:
-    """Of both sides of each cut, the unknowns of one that are coupled to the other: the fewer."""
+    """Separators: the unknowns of one side coupled to the other, of the side with fewer of them."""
     one, other = (sides[ends] for ends in couplings)
     is_cut = (one != other) & (one > 0) & (other > 0)
     touching = np.zeros(len(sides), np.bool_)

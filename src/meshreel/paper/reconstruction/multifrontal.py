@@ -1,4 +1,4 @@
-"""Sparse Cholesky factorisation made of dense ones: the multifrontal method."""
+"""Multifrontal Cholesky factorisation: a sparse factorisation made of dense ones."""
 
 import numpy as np
 import numpy.typing as npt
@@ -15,36 +15,35 @@ Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
 
 MAX_ENTRIES_EACH = 1000
-"""Entries for each unknown beyond which large systems are not factored: meshes take 100 to 400."""
+"""Largest number of entries per unknown of large systems: meshes take 100 to 400."""
 
 FREE_ENTRIES = 1 << 26
-"""Entries that any system may take: half a gigabyte."""
+"""Entries that any system may have: half a gigabyte."""
 
 COLUMNS_AT_ONCE = 32
-"""Right-hand sides that one thread solves for at a time."""
+"""Right-hand sides that one thread solves at a time."""
 
 
 class MultifrontalSolver:
-    """Factor of a sparse symmetric positive definite matrix, ready for right-hand sides.
+    """Factor of a sparse symmetric positive definite matrix, for any number of right-hand sides.
 
-    Separators of nested dissection are dense when their turn comes: they are factored as dense
+    Separators of nested dissection are dense when they are eliminated: they are factored as dense
     matrices, on all cores, at ten times the speed of sparse arithmetic. The result does not
-    depend on how many cores there are.
+    depend on the number of cores.
 
     Parameters
     ----------
     matrix : csc_array of shape (V, V)
         Both triangles filled, float64.
     graph : csr_array of shape (V, V)
-        What distances are counted along (`nested_dissection`).
+        The graph of distances for `nested_dissection`.
     max_entries : int, optional
-        Limit on the numbers that are kept. Default: what a mesh of V vertices never needs.
+        Limit on the entries of the factor. Default: more than a mesh of V vertices needs.
 
     Raises
     ------
     SolverError
-        If it would take more than that, or the matrix is not positive definite to working
-        precision.
+        If the factor would have more, or the matrix is not positive definite to working precision.
 
     References
     ----------
@@ -76,11 +75,11 @@ class MultifrontalSolver:
         return solution
 
     def _substitute(self, values: Floats) -> None:
-        """Solve in place, forwards and then backwards."""
+        """Solve in place by forward and backward substitution."""
         done = list(zip(self._fronts, self._factors.own, self._factors.below, strict=True))
         for front, own, below in done:
             head = values[front.start : front.stop]
-            # Rows of a C array are columns of its transpose, which LAPACK takes.
+            # Rows of a C array are columns of its transpose, as LAPACK expects.
             head[:] = dtrsm(1.0, own, head.T, side=1, lower=1, trans_a=1, overwrite_b=1).T
             if len(front.rows):
                 values[front.rows] -= below @ head
@@ -92,7 +91,7 @@ class MultifrontalSolver:
 
 
 class _Factors:
-    """Columns of the Cholesky factor, front by front; upper triangles hold nothing of meaning."""
+    """Columns of the Cholesky factor, front by front; upper triangles are undefined."""
 
     def __init__(self, lower: csc_array, fronts: list[Front]) -> None:
         self._lower = lower
@@ -103,7 +102,7 @@ class _Factors:
         self._updates = [nothing] * len(fronts)
 
     def eliminate(self, numbers: range) -> None:
-        """Factor fronts whose children are done or among them, one after another."""
+        """Factor fronts one after another; their children are factored or among them."""
         for number in numbers:
             self._eliminate(number)
 
@@ -121,7 +120,7 @@ class _Factors:
         self.own[number], self.below[number], self._updates[number] = own, below, update
 
     def _assembled(self, front: Front) -> tuple[Floats, Floats, Floats]:
-        """The matrix of a front: its own square, the rows below, and what these pass on."""
+        """The frontal matrix: its own square, the rows below, and their update matrix."""
         size, n_rows = front.stop - front.start, len(front.rows)
         own, below, update = (
             np.zeros(shape, order="F") for shape in ((size, size), (n_rows, size), (n_rows, n_rows))
@@ -145,21 +144,21 @@ class _Factors:
     def _add_update(
         self, front: Front, child: int, own: Floats, below: Floats, update: Floats
     ) -> None:
-        rows, passed_on = self._fronts[child].rows, self._updates[child]
+        rows, updates = self._fronts[child].rows, self._updates[child]
         n_inside = int(np.searchsorted(rows, front.stop))
         inside = rows[:n_inside] - front.start
         outside = np.searchsorted(front.rows, rows[n_inside:])
-        _add_at(own, inside, inside, passed_on[:n_inside, :n_inside])
-        _add_at(below, outside, inside, passed_on[n_inside:, :n_inside])
-        _add_at(update, outside, outside, passed_on[n_inside:, n_inside:])
+        _add_at(own, inside, inside, updates[:n_inside, :n_inside])
+        _add_at(below, outside, inside, updates[n_inside:, :n_inside])
+        _add_at(update, outside, outside, updates[n_inside:, n_inside:])
         self._updates[child] = np.zeros((0, 0))
 
 
-def _add_at(target: Floats, rows: Integers, columns: Integers, values: Floats) -> None:
+def _add_at(matrix: Floats, rows: Integers, columns: Integers, values: Floats) -> None:
     """Add values at distinct rows and columns of a Fortran array (in place)."""
     # One flat index is twice as fast as two.
-    places = (columns[:, None] * target.shape[0] + rows).ravel()
-    target.T.reshape(-1)[places] += values.T.ravel()
+    places = (columns[:, None] * matrix.shape[0] + rows).ravel()
+    matrix.T.reshape(-1)[places] += values.T.ravel()
 
 
 def _lower_triangle(matrix: csc_array, order: Integers) -> csc_array:

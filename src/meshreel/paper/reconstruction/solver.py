@@ -1,4 +1,4 @@
-"""Sparse symmetric positive definite systems: factor once, solve many."""
+"""Solver of sparse symmetric positive definite systems: factor once, solve many."""
 
 from collections.abc import Callable
 
@@ -13,15 +13,15 @@ Floats = npt.NDArray[np.float64]
 Solve = Callable[[Floats], Floats]
 
 MIN_MULTIFRONTAL = 8000
-"""Unknowns from which on our own factorisation is the faster one (docs/codec.md)."""
+"""Number of unknowns from which our own factorisation is faster (docs/codec.md)."""
 
 
 class CholeskySolver:
-    """Factor of a sparse symmetric positive definite matrix, ready for right-hand sides.
+    """Factor of a sparse symmetric positive definite matrix, for any number of right-hand sides.
 
     From `MIN_MULTIFRONTAL` unknowns on it is our own (`MultifrontalSolver`). Smaller matrices,
-    those whose unknowns are coupled to too many others, and those at the edge of being singular
-    go to cholespy where it is installed, else to SciPy's sparse LU: the same result, slower.
+    those with too many couplings, and nearly singular ones are factored by cholespy where it is
+    installed, else by SciPy's sparse LU, which gives the same result more slowly.
 
     Parameters
     ----------
@@ -29,7 +29,7 @@ class CholeskySolver:
         Both triangles filled, float64.
     graph : csr_array of shape (V, V), optional
         Symmetric, with the same connected components and fewer entries: the mesh, where the
-        matrix couples neighbours of neighbours. By default the matrix.
+        matrix couples neighbours of neighbours. Default: the matrix.
 
     Raises
     ------

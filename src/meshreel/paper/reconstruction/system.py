@@ -28,7 +28,7 @@ class ReconstructionSystem:
     Raises
     ------
     SolverError
-        If a component has no anchor, which leaves its translation open.
+        If a component has no anchor, which leaves its translation undetermined.
     """
 
     def __init__(self, laplacian: csr_array, anchors: Integers) -> None:
@@ -67,6 +67,6 @@ def _check_anchored(laplacian: csr_array, anchors: Integers) -> None:
         sizes = np.bincount(labels, minlength=n_components)[missing]
         raise SolverError(
             f"the system [L; I_a] is singular: {len(missing)} of {n_components} connected "
-            f"components have no anchor (the first of them has {sizes[0]} vertices), so nothing "
-            "fixes their translation; give every component at least one anchor"
+            f"components have no anchor (the first of them has {sizes[0]} vertices), so their "
+            "translation is undetermined; give every component at least one anchor"
         )

@@ -1,1 +1,1 @@
-"""Bases of the paper's variants: projection, graph frequencies, tracking from block to block."""
+"""Bases of the paper's variants: graph frequencies, tracking from block to block, rank."""

@@ -24,12 +24,12 @@ GOLDEN_RATIO = (5**0.5 - 1) / 2
 
 
 def graph_fourier_basis(laplacian: csr_array, n_modes: int) -> Floats:
-    """Eigenvectors of the K smallest eigenvalues of L, in a column each: the basis of Eq. 6.
+    """Eigenvectors of the K smallest eigenvalues of L, one per column: the basis of Eq. 6.
 
-    Symmetric meshes, and meshes of several components, have equal eigenvalues, whose eigenvectors
-    are any rotation of each other: two machines would not find the same. Numbers in 0..0.001 that
-    follow the golden ratio are therefore added to the diagonal, which parts the eigenvalues and
-    moves the others by as little.
+    Symmetric meshes, and meshes of several components, have multiple eigenvalues, whose
+    eigenvectors are determined up to a rotation only: two machines would not find the same. Numbers
+    in 0..0.001 that follow the golden ratio are therefore added to the diagonal, which separates
+    these eigenvalues and changes all others by as little.
 
     Parameters
     ----------
@@ -45,7 +45,7 @@ def graph_fourier_basis(laplacian: csr_array, n_modes: int) -> Floats:
     Raises
     ------
     InvalidInputError
-        If memory or time would not do; names the vertices and the modes that would.
+        If it would take too much memory or time; names the largest possible number of modes.
     """
     n_verts = laplacian.shape[0]
     check_basis_size(n_verts, n_modes)
@@ -54,14 +54,14 @@ def graph_fourier_basis(laplacian: csr_array, n_modes: int) -> Floats:
     if n_modes > n_verts // 3:
         vectors = np.linalg.eigh(matrix.toarray())[1][:, :n_modes]
     else:
-        # Around a point below all eigenvalues, where the matrix to factor is definite.
+        # The shift lies below all eigenvalues, so that the factored matrix is definite.
         values, vectors = eigsh(matrix, k=n_modes, sigma=-0.01, v0=np.ones(n_verts))
         vectors = vectors[:, np.argsort(values)]
     return fix_signs(vectors)
 
 
 def check_basis_size(n_verts: int, n_modes: int) -> None:
-    """Nothing if a basis of this size can be found with the memory and time allowed.
+    """Nothing if a basis of this size is within the limits of memory and time.
 
     Raises
     ------
@@ -77,8 +77,6 @@ def check_basis_size(n_verts: int, n_modes: int) -> None:
         return
     possible = min(int((MAX_WORK / n_verts) ** 0.5), MAX_BASIS_BYTES // (16 * n_verts))
     raise InvalidInputError(
-        f"{n_modes} graph frequencies of {counted(n_verts, 'vertex')} need {n_bytes / 1e9:.1f} "
-        "GB and too "
-        f"much time; at most {min(possible, n_verts // 3)} of this mesh can be had (n_modes), or "
-        "another method"
+        f"{n_modes} graph frequencies of {counted(n_verts, 'vertex')} need {n_bytes / 1e9:.1f} GB "
+        f"or too much time; use at most {min(possible, n_verts // 3)} (n_modes=), or another method"
     )

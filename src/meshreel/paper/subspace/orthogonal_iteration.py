@@ -14,15 +14,15 @@ def advance_basis(correlation: Floats, basis: Floats, n_iterations: int) -> Floa
     """Orthonormal basis moved towards the leading eigenvectors of R (paper Alg. 1).
 
     Each iteration is ``U <- QR(R U)``. From the basis of the block before, which is close, few
-    are enough; from any other they converge to the same subspace, the slower the closer the
-    eigenvalues K and K + 1 are.
+    suffice; from any other they converge to the same subspace, more slowly the closer eigenvalues
+    K and K + 1 are.
 
     Parameters
     ----------
     correlation : float64 array of shape (..., T, T)
         Symmetric, positive semi-definite.
     basis : float64 array of shape (..., T, K)
-        Where to start.
+        Initial basis.
     n_iterations : int
         The paper's t_max - 1.
 
@@ -49,8 +49,9 @@ def advance_basis(correlation: Floats, basis: Floats, n_iterations: int) -> Floa
 def ritz_vectors(correlation: Floats, basis: Floats) -> Floats:
     """Eigenvectors of R within the span of a basis: the same span, its energy in few columns.
 
-    # Deviation from Alg. 1: orthogonal iterations find a subspace soon and its eigenvectors late.
-    # Until then neighbouring columns share what an eigenvector would hold alone, which costs bits.
+    # Deviation from Alg. 1: orthogonal iterations converge to a subspace soon and to its
+    # eigenvectors late. Until then neighbouring columns share the energy of an eigenvector, which
+    # costs bits.
 
     Parameters
     ----------
@@ -65,7 +66,7 @@ def ritz_vectors(correlation: Floats, basis: Floats) -> Floats:
     """
     within = np.swapaxes(basis, -1, -2) @ correlation @ basis
     largest = np.abs(within).max(axis=(-1, -2), keepdims=True)
-    # Columns beyond the rank stay as they are: rounding must not turn them at every block.
+    # Columns beyond the rank stay as they are: rounding must not rotate them at every block.
     within[np.abs(within) <= RANK_TOLERANCE * largest] = 0.0
     return np.asarray(basis @ np.linalg.eigh(within).eigenvectors[..., ::-1])
 
@@ -73,8 +74,8 @@ def ritz_vectors(correlation: Floats, basis: Floats) -> Floats:
 def align_basis(basis: Floats, reference: Floats) -> Floats:
     """The columns in the order and with the signs that are closest to a reference.
 
-    An eigenvector is one up to its sign, and two of nearly equal eigenvalue may change places
-    between blocks: the difference of two dictionaries is small only after this.
+    Eigenvectors are unique up to sign, and two of nearly equal eigenvalue may swap places between
+    blocks: differences of dictionaries are small only after this alignment.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""How many modes to keep."""
+"""The number of modes to keep."""
 
 import numpy as np
 import numpy.typing as npt
@@ -7,11 +7,11 @@ import numpy.typing as npt
 def modes_for_energy(
     eigenvalues: npt.NDArray[np.float64], total: float, shape_energy: float, share: float
 ) -> int:
-    """Smallest number of leading modes that leave out at most a share of the shape's energy.
+    """Smallest number of leading modes that keep a share of the shape's energy.
 
-    The energy of R contains that of the path of the whole model, which can be hundreds of times
-    that of its shape; it must not decide how well the shape is kept. Measured against the energy
-    about each frame's centroid, leaving out 1 - share makes a KG error of sqrt(1 - share).
+    The energy of R contains that of the translation of the whole model, which can be hundreds of
+    times that of its shape and must not determine the accuracy of the shape. Relative to the energy
+    about each frame's centroid, omitting 1 - share gives a KG error of sqrt(1 - share).
 
     Parameters
     ----------

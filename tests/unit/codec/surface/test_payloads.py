@@ -10,8 +10,8 @@ from meshreel.codec.choices import Order
 from meshreel.codec.surface.materials import write_material
 from meshreel.codec.surface.payloads import (
     SURFACE_SECTIONS,
+    order_loss_note,
     surface_in_order,
-    what_order_loses,
 )
 from meshreel.connectivity.coder import encode_connectivity
 from meshreel.errors import CorruptStreamError
@@ -67,13 +67,13 @@ def test_images_are_in_the_stream_as_they_are():
 
 
 def test_info_counts_images_and_materials_when_a_stream_has_some():
-    told = meshreel.info(meshreel.encode(dressed_sheet()))
+    stream = meshreel.info(meshreel.encode(dressed_sheet()))
     sizes = [len(image.data) for image in dressed_sheet().surface.images]
-    assert 0 <= told.budget_bytes["image"] - sum(sizes) < 80
-    assert told.budget_bytes["material"] < 400
-    assert sum(told.budget_bytes.values()) == told.size_bytes
-    assert told.images[0] == f"0: 'shade', image/png, {sizes[0]} bytes"
-    assert told.materials[1] == "gr\u00fcn: base color image 1"
+    assert 0 <= stream.budget_bytes["image"] - sum(sizes) < 80
+    assert stream.budget_bytes["material"] < 400
+    assert sum(stream.budget_bytes.values()) == stream.size_bytes
+    assert stream.images[0] == f"0: 'shade', image/png, {sizes[0]} bytes"
+    assert stream.materials[1] == "gr\u00fcn: base color image 1"
 
 
 def test_attributes_of_vertices_follow_them_when_the_order_is_dropped():
@@ -86,11 +86,11 @@ def test_attributes_of_vertices_follow_them_when_the_order_is_dropped():
 
 @pytest.mark.parametrize("order", [Order.VERTICES, Order.DROP])
 def test_what_is_lost_is_told_when_the_order_of_faces_is(order):
-    said = what_order_loses(dressed_sheets().surface, order)
+    said = order_loss_note(dressed_sheets().surface, order)
     looks = "material 'red', material 'gr\u00fcn', 2 images"
     assert said.endswith(f"polygons, uv 'st', groups 'material', parts, {looks}")
     left = surface_in_order(dressed_sheets().surface, order, np.arange(60))
-    assert what_order_loses(left, order) == ""
+    assert order_loss_note(left, order) == ""
     assert [one.name for one in left.attributes] == ["color"]
 
 
@@ -100,7 +100,7 @@ def test_everything_comes_back_when_the_order_of_faces_is_kept_for_nothing():
 
 
 def test_nothing_is_lost_when_the_order_is_kept():
-    assert what_order_loses(two_sheets().surface, Order.KEEP) == ""
+    assert order_loss_note(two_sheets().surface, Order.KEEP) == ""
 
 
 def test_start_follows_the_frames_when_only_some_are_decoded():

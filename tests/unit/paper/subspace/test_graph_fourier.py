@@ -40,7 +40,7 @@ def test_basis_is_refused_when_memory_or_time_would_not_do():
 
 
 def test_size_that_the_message_names_is_allowed_when_asked_for():
-    with pytest.raises(InvalidInputError, match="at most") as told:
+    with pytest.raises(InvalidInputError, match="at most") as caught:
         check_basis_size(50_000, 9_000)
-    possible = int(str(told.value).split("at most ")[1].split()[0])
+    possible = int(str(caught.value).split("at most ")[1].split()[0])
     check_basis_size(50_000, possible)

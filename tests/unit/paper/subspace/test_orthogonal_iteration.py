@@ -26,9 +26,9 @@ def subspace_angle(basis, reference):
     return np.sqrt(max(0.0, 1 - np.linalg.svd(basis[0].T @ reference[0])[1].min() ** 2))
 
 
-def iterations_to_reach(start, correlation, target, tolerance=1e-3):
+def iterations_to_reach(start, correlation, exact, tolerance=1e-3):
     for count in range(1, 200):
-        if subspace_angle(advance_basis(correlation, start, count), target) < tolerance:
+        if subspace_angle(advance_basis(correlation, start, count), exact) < tolerance:
             return count
     raise AssertionError("it does not converge")
 
@@ -49,9 +49,9 @@ def test_basis_stays_orthonormal_when_it_is_advanced(n_iterations):
 def test_warm_start_needs_fewer_steps_than_cold_when_blocks_are_coherent():
     _, before = eigen_trajectories(autocorrelation(coherent_frames(0.0)), 4)
     correlation = autocorrelation(coherent_frames(0.02))
-    _, target = eigen_trajectories(correlation, 4)
-    warm = iterations_to_reach(before, correlation, target)
-    assert warm < iterations_to_reach(random_basis(), correlation, target)
+    _, exact = eigen_trajectories(correlation, 4)
+    warm = iterations_to_reach(before, correlation, exact)
+    assert warm < iterations_to_reach(random_basis(), correlation, exact)
 
 
 def test_advance_refuses_when_blocks_have_unequal_lengths():

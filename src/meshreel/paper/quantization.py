@@ -1,0 +1,108 @@
+"""Uniform quantisation (paper Eq. 10), and the bits of each row of coefficients.
+
+# Deviation from Eq. 10: the paper leaves open what Q does, and how bits are spread over the k_l
+rows that are kept. Implemented are one step for all rows, a step for each row, and bits row by row.
+The first is the default, because the basis is orthonormal: equal steps give the least squared
+error for a number of bits.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from meshreel.errors import InvalidInputError
+
+Floats = npt.NDArray[np.float64]
+Integers = npt.NDArray[np.int64]
+Steps = npt.NDArray[np.float32]
+
+MIN_BITS = 2
+MAX_BITS = 24
+
+
+def uniform_step(largest: float, bits: int) -> float:
+    """Quantisation step that maps a magnitude to the largest signed integer of `bits` bits.
+
+    Parameters
+    ----------
+    largest : float
+    bits : int
+        2..24, or 0: no bits, and a step of 0.
+    """
+    return 0.0 if bits == 0 else largest / (2 ** (bits - 1) - 1)
+
+
+def step_for_all_rows(values: Floats, bits: int) -> Steps:
+    """One quantisation step for all rows, such that the largest magnitude takes `bits` bits.
+
+    A row of magnitude m then takes about bits - log2(largest / m): bits follow energy.
+
+    Parameters
+    ----------
+    values : float64 array of shape (3, rows, columns)
+
+    Returns
+    -------
+    float32 array of shape (1,)
+    """
+    largest = float(np.abs(values).max(initial=0.0))
+    return np.array([uniform_step(largest, bits)], np.float32)
+
+
+def steps_for_each_row(values: Floats, bits: int | Sequence[int]) -> Steps:
+    """A quantisation step for each row, such that its largest magnitude takes its bits.
+
+    Parameters
+    ----------
+    values : float64 array of shape (3, rows, columns)
+    bits : int, or one for each row
+        2..24, or 0 for a row that is omitted. Surplus entries of a list are ignored.
+
+    Returns
+    -------
+    float32 array of shape (rows,)
+
+    Raises
+    ------
+    InvalidInputError
+        If there are fewer numbers than rows.
+    """
+    magnitudes = _row_magnitudes(values)
+    each = list(bits) if isinstance(bits, Sequence) else [bits] * len(magnitudes)
+    if len(each) < len(magnitudes):
+        raise InvalidInputError(
+            f"bits lists {len(each)} rows; {len(magnitudes)} modes are kept; give bits for each, "
+            f"or n_modes={len(each)}"
+        )
+    pairs = zip(magnitudes, each, strict=False)
+    return np.array([uniform_step(float(size), number) for size, number in pairs], np.float32)
+
+
+def quantize(values: Floats, steps: Steps) -> Integers:
+    """Integers nearest to values / step (paper Eq. 10, for the rows that are kept).
+
+    Parameters
+    ----------
+    values : float64 array of shape (3, rows, columns)
+    steps : float32 array of shape (1,) or (rows,)
+        One for all rows, or one for each. Rows of step 0 become zeros. float32 as in the stream, so
+        that both sides compute with the same value.
+    """
+    wide = _broadcast(steps)
+    scaled = np.divide(values, wide, out=np.zeros_like(values), where=wide > 0)
+    return np.rint(scaled).astype(np.int64)
+
+
+def dequantize(integers: Integers, steps: Steps) -> Floats:
+    """Values of the integers, within half a step of those that were quantised."""
+    return np.asarray(integers * _broadcast(steps))
+
+
+def _row_magnitudes(values: Floats) -> Floats:
+    """Largest magnitude of each row over all axes, for values of shape (3, rows, columns)."""
+    return np.asarray(np.abs(values).max(axis=(0, 2), initial=0.0))
+
+
+def _broadcast(steps: Steps) -> Floats:
+    return steps.astype(np.float64)[None, :, None]
