@@ -19,7 +19,7 @@ def test_validated_drops_face_sizes_when_all_are_triangles():
     [
         (Surface(np.array([2, 4])), "face_sizes must be at least 3; face 0 has 2"),
         (Surface(np.array([4, 4])), "make 4 triangles as fans; the mesh has 160"),
-        (Surface(np.array([4.0, 4.0])), "whole numbers"),
+        (Surface(np.array([4.0, 4.0])), "must be integers"),
         (Surface(attributes=(replace(UV, values=UV.values[:5]),)), "5 values; vertex needs 99"),
         (Surface(attributes=(replace(UV, values=UV.values[:, 0]),)), "shape (N, 1..16)"),
         (Surface(attributes=(replace(UV, values=UV.values.astype(np.int64)),)), "int64"),
