@@ -6,9 +6,9 @@ from pathlib import Path
 from typing import Any, Protocol
 
 import meshreel
-from meshreel.evaluation.peers.draco import LEVEL, Draco
-from meshreel.evaluation.peers.integer_deltas import pack_frames, unpack_frames
-from meshreel.evaluation.peers.protocol import Shape
+from meshreel.evaluation.codecs.peers.draco import LEVEL, Draco
+from meshreel.evaluation.codecs.peers.integer_deltas import pack_frames, unpack_frames
+from meshreel.evaluation.codecs.peers.protocol import Shape
 from meshreel.sequence import Vertices
 
 DRACO_BITS = 10

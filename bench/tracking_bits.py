@@ -14,7 +14,7 @@ from meshreel.bitstream.layout import Section
 from meshreel.bitstream.reader import read_stream
 from meshreel.codec.methods import method_named
 from meshreel.codec.stored_blocks import stored_blocks
-from meshreel.evaluation.bjontegaard import bd_rate
+from meshreel.evaluation.rate_distortion import bd_rate
 from meshreel.metrics.kg import kg_error_percent
 from meshreel.paper import pipeline
 from meshreel.reel.agreed.payloads import read_basis, write_basis

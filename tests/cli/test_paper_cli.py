@@ -7,7 +7,7 @@ import sys
 import pytest
 
 import meshreel
-from meshreel.evaluation.store import MARKER
+from meshreel.evaluation.runs.store import MARKER
 from samples.commands import finished
 from samples.meshes import waving_grid
 

@@ -5,11 +5,11 @@ from pathlib import Path
 
 import pytest
 
-from meshreel.evaluation.results import SequenceResults
-from meshreel.evaluation.runner import run
-from meshreel.evaluation.settings import variants
-from meshreel.evaluation.store import Store
-from meshreel.evaluation.tables import rate_table
+from meshreel.evaluation.paper.measure import run
+from meshreel.evaluation.paper.results import SequenceResults
+from meshreel.evaluation.paper.settings import variants
+from meshreel.evaluation.paper.tables import rate_table
+from meshreel.evaluation.runs.store import Store
 from meshreel.formats.load import load
 
 pytestmark = [

@@ -7,8 +7,8 @@ from typing import Annotated
 import typer
 
 from meshreel.cli.completing import input_files
-from meshreel.evaluation.peers.registry import NONE, PEER_NAMES
-from meshreel.evaluation.sweeps import CODED_METHODS, DEFAULT_METHODS
+from meshreel.evaluation.codecs.peers.registry import NONE, PEER_NAMES
+from meshreel.evaluation.codecs.settings import CODED_METHODS, DEFAULT_METHODS
 
 
 def evaluate_command(
@@ -62,10 +62,10 @@ def evaluate_command(
     """
     from meshreel.cli.console import print_notes, progress_bar
     from meshreel.cli.reports import print_report
-    from meshreel.evaluation.evaluate import evaluate
-    from meshreel.evaluation.peers.registry import checked_peers
-    from meshreel.evaluation.recorded import read_recorded
-    from meshreel.evaluation.sweeps import checked_coded_methods
+    from meshreel.evaluation.codecs.peers.registry import checked_peers
+    from meshreel.evaluation.codecs.recorded import read_recorded
+    from meshreel.evaluation.codecs.settings import checked_coded_methods
+    from meshreel.evaluation.codecs.study import evaluate
     from meshreel.formats.load import load
     from meshreel.formats.sources import files_of_source
     from meshreel.rendering.plots import require_matplotlib

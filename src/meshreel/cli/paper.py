@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from meshreel.cli.completing import input_files
-from meshreel.evaluation.settings import METHOD_NAMES
+from meshreel.evaluation.paper.settings import METHOD_NAMES
 
 
 def paper_command(
@@ -48,8 +48,8 @@ def paper_command(
     """
     from meshreel.cli.console import print_notes, progress_bar
     from meshreel.cli.reports import print_report
-    from meshreel.evaluation.reproduce import reproduce
-    from meshreel.evaluation.settings import checked_methods
+    from meshreel.evaluation.paper.settings import checked_methods
+    from meshreel.evaluation.paper.study import reproduce
     from meshreel.flag import simulate_flag
     from meshreel.formats.load import load
     from meshreel.formats.sources import files_of_source

@@ -1,0 +1,98 @@
+"""The report on codecs: parts in their order."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from meshreel.evaluation.codecs.peers.protocol import Peer
+from meshreel.evaluation.codecs.results import CodecResults
+from meshreel.evaluation.codecs.tables import (
+    COMPARED,
+    bd_rate_parts,
+    lossless_table,
+    rate_table,
+    refusals,
+    runs_table,
+    seconds_table,
+)
+from meshreel.evaluation.paper.results import done
+from meshreel.evaluation.report.document import Bullets, Code, Heading, Paragraph, Part, Picture
+from meshreel.evaluation.report.publish import sequence_opening, write_documents
+from meshreel.evaluation.runs.machine import machines_text
+
+TITLE = "meshreel beside other codecs: rate, distortion, seconds"
+Measured = Sequence[tuple[CodecResults, Sequence[Picture]]]
+
+HOW = (
+    "**Rate.** Bits of everything by vertices and frames: three coordinates, connectivity, "
+    "headers. No codec has to keep the order of vertices and faces.",
+    "**Connectivity.** To codecs that do not code faces, the bytes and seconds of meshreel's coded "
+    "connectivity are added, once for the sequence. They are given the vertices in the order that "
+    "it leaves, or as they came where both are smaller together with that order stored. Draco "
+    "codes the connectivity in every frame.",
+    "**Errors.** Of every vertex against its original; Draco's order, which follows from the faces "
+    "alone, is found outside of the seconds and not counted. Draco leaves out degenerate and "
+    "repeated faces.",
+    "**Seconds.** Wall clock in one process, arrays in memory to bytes in memory and back, each "
+    "codec with its own default number of threads; the median of three runs where one takes less "
+    "than two seconds.",
+    "**BD-rate.** Mean difference of log rate over log error, where both envelopes have points "
+    "(in brackets), by piecewise cubic interpolation; -50 % is half the rate. Nothing is "
+    "extrapolated.",
+)
+
+
+def write_codec_report(
+    measured: Measured,
+    peers: Sequence[Peer],
+    notes: Sequence[str],
+    out: Path,
+    command: str,
+) -> tuple[Path, Path]:
+    """Write report.md and report.html; gives their paths.
+
+    Parameters
+    ----------
+    measured : sequence of (CodecResults, pictures)
+        Each sequence with its plots, which lie in `out`.
+    peers : sequence of Peer
+        Those that were asked for and are there.
+    notes : sequence of str
+        What was asked for and is not in the report.
+    out : Path
+    command : str
+        The command line that made it.
+    """
+    return write_documents(_parts(measured, peers, notes, command), out, TITLE)
+
+
+def _parts(
+    measured: Measured, peers: Sequence[Peer], notes: Sequence[str], command: str
+) -> list[Part]:
+    parts: list[Part] = [Heading(1, TITLE), Paragraph("Made by"), Code(command)]
+    machines = machines_text(r for results, _ in measured for r in done(results.measured))
+    parts += [Paragraph(machines)] if machines else []
+    if notes:
+        parts += [Heading(2, "Not measured"), Bullets(tuple(notes))]
+    for results, pictures in measured:
+        parts += _sequence_parts(results, pictures)
+    parts += [Heading(2, "How it was measured"), Bullets(HOW)]
+    if peers:
+        lines = tuple(f"`{peer.name}`: {peer.summary}" for peer in peers)
+        parts += [Heading(2, "Other codecs"), Bullets(lines)]
+    return parts
+
+
+def _sequence_parts(results: CodecResults, pictures: Sequence[Picture]) -> list[Part]:
+    parts: list[Part] = [
+        *sequence_opening(results.name, results.sequence),
+        *pictures,
+        rate_table(results),
+        Paragraph("'-': the codec has no points at either side of this error."),
+    ]
+    parts += [part for error in COMPARED for part in bd_rate_parts(results, error)]
+    lossless = lossless_table(results)
+    parts += [lossless] if lossless else []
+    parts += [seconds_table(results)]
+    refused = refusals(results)
+    parts += [Bullets(refused)] if refused else []
+    return [*parts, runs_table(results)]

@@ -1,0 +1,55 @@
+"""Rate-distortion plots of our methods, other codecs and recorded points."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from meshreel.evaluation.codecs.results import ERRORS, RECORDED, CodecResults, family
+from meshreel.evaluation.envelopes import Point
+from meshreel.evaluation.plots.axes import draw_envelopes
+from meshreel.evaluation.report.document import Picture
+from meshreel.evaluation.runs.store import file_name
+from meshreel.rendering.plots import blank_figure, save_figure
+
+TITLES = {
+    "kg_error_percent": "Rate and KG error",
+    "sted": "Rate and STED",
+    "max_error_percent": "Rate and largest error",
+}
+
+
+def draw_codecs(results: CodecResults, folder: Path) -> list[Picture]:
+    """A plot of rate against each error that has points."""
+    drawn = []
+    for error, axis_name in ERRORS.items():
+        curves = shown_curves(results.curves(error))
+        if not curves:
+            continue
+        figure = blank_figure(9.5, 5.6)
+        draw_envelopes(figure.add_subplot(), curves, axis_name)
+        path = folder / f"{results.slug}-{file_name(error)}.png"
+        save_figure(figure, path, overwrite=True)
+        drawn.append(Picture(path, f"{TITLES[error]}, {results.name}", _caption(curves), 1))
+    return drawn
+
+
+def shown_curves(curves: Mapping[str, Sequence[Point]]) -> dict[str, Sequence[Point]]:
+    """The curves without those recorded ones whose codec was measured here."""
+    measured = {family(label) for label in curves if not label.endswith(RECORDED)}
+    return {
+        label: points
+        for label, points in curves.items()
+        if not label.endswith(RECORDED) or family(label) not in measured
+    }
+
+
+def _caption(curves: Mapping[str, Sequence[Point]]) -> str:
+    text = (
+        "Rate of the whole with the order dropped. A point is a stream; a line joins those that no "
+        "other of its codec beats. Lossless codecs have no place on a log axis of errors."
+    )
+    if any(label.endswith(RECORDED) for label in curves):
+        text += (
+            " Dashed: recorded elsewhere; those of codecs that were measured here are left out, "
+            "and stand in the tables."
+        )
+    return text

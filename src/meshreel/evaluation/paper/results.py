@@ -1,0 +1,93 @@
+"""The results of one sequence, as tables, figures and findings read them."""
+
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+from meshreel.evaluation.paper.settings import ANCHORS, Setting
+from meshreel.evaluation.runs.store import Result
+
+
+@dataclass(frozen=True)
+class SequenceResults:
+    """Everything that was measured on one sequence.
+
+    Attributes
+    ----------
+    slug : str
+        Begins the names of its figures.
+    sequence : dict
+        Name, shape and hash.
+    variants, rows, sweep : list of results
+        Of the tables, of Fig. 3, and of the rate-distortion plots.
+    decompositions : result or None
+        Seconds of an eigen-decomposition, where `gft` was run.
+    """
+
+    slug: str
+    sequence: dict[str, Any]
+    variants: list[Result] = field(default_factory=list)
+    rows: list[Result] = field(default_factory=list)
+    sweep: list[Result] = field(default_factory=list)
+    decompositions: Result | None = None
+
+    @property
+    def name(self) -> str:
+        """What to call it."""
+        return str(self.sequence["name"]) or self.slug
+
+    def variant(self, label: str) -> Result | None:
+        """The variant of this label, None if it was not run or refused."""
+        return next((result for result in done(self.variants) if label_of_result(result) == label),
+                    None)  # fmt: skip
+
+    def points(self, figure: str) -> dict[str, list[tuple[float, float]]]:
+        """Points (rate with order dropped, error) of each method, by ascending rate.
+
+        Variants with other than the usual anchors are left out, and `pca-qs`, which has the
+        quality of `pca-qp`.
+        """
+        found: dict[str, set[tuple[float, float]]] = {}
+        for result in done([*self.sweep, *self.variants, *self.rows]):
+            error = result["quality"][figure]
+            usual = result["identity"]["setting"]["anchors"] in (0, ANCHORS)
+            if error is not None and usual and method_of_result(result) != "pca-qs":
+                points = found.setdefault(method_of_result(result), set())
+                points.add((result["rate_order_dropped_bpvf"], error))
+        return {method: sorted(points) for method, points in found.items()}
+
+
+def done(results: Iterable[Result]) -> list[Result]:
+    """The results that are not refusals."""
+    return [result for result in results if "refused" not in result]
+
+
+def method_of_result(result: Result) -> str:
+    """The method of its setting."""
+    return str(result["identity"]["setting"]["method"])
+
+
+def label_of_result(result: Result) -> str:
+    """What tables and figures call its setting."""
+    return setting_of_result(result).label
+
+
+def setting_of_result(result: Result) -> Setting:
+    """The setting that it is of."""
+    return Setting(**result["identity"]["setting"])
+
+
+def summary(result: Result) -> dict[str, Any]:
+    """The figures of a result that tables show, with its setting."""
+    setting = {"label": label_of_result(result), **asdict(setting_of_result(result))}
+    if "refused" in result:
+        return {**setting, "refused": result["refused"]}
+    return {
+        **setting,
+        "paper_count": result["paper_count"],
+        "rate_bpvf": result["rate_bpvf"],
+        "rate_order_dropped_bpvf": result["rate_order_dropped_bpvf"],
+        "encode_s": result["seconds"]["encode"],
+        "decode_s": result["seconds"]["decode"],
+        **{name: value for name, value in result["quality"].items() if name != "nmsve"},
+    }

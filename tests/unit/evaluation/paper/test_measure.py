@@ -1,0 +1,126 @@
+import json
+
+import numpy as np
+import pytest
+
+import meshreel
+from meshreel.errors import InvalidInputError
+from meshreel.evaluation.paper import measure
+from meshreel.evaluation.paper.settings import Setting
+from meshreel.evaluation.paper.study import reproduce
+from meshreel.evaluation.runs.store import Store
+from meshreel.flag import simulate_flag
+from samples.meshes import waving_grid
+
+SETTING = Setting("pca-qp", 4, anchors=0.05)
+
+
+@pytest.fixture
+def calls(monkeypatch):
+    """The options of every call of `encode` by the measure."""
+    made = []
+
+    def counted(sequence, **options):
+        made.append(options)
+        return meshreel.encode(sequence, **options)
+
+    monkeypatch.setattr(measure, "encode", counted)
+    return made
+
+
+@pytest.fixture
+def store(tmp_path):
+    return Store.for_sequence(tmp_path, waving_grid())
+
+
+def test_run_encodes_nothing_when_the_result_is_there(store, calls):
+    first = measure.run(waving_grid(), SETTING, store)
+    assert len(calls) == 2  # order kept, order dropped
+    assert measure.run(waving_grid(), SETTING, store) == first
+    assert len(calls) == 2
+
+
+def test_reproduce_encodes_nothing_when_it_runs_again(tmp_path, calls):
+    flag = simulate_flag(4, n_rows=4, n_columns=5)
+    texts = []
+    for _ in range(2):
+        texts.append(
+            reproduce([flag], tmp_path, methods=["v2v"], quick=True).html.read_text(
+                encoding="utf-8"
+            )
+        )
+        calls.append("run")
+    assert calls.index("run") > 0
+    assert calls[calls.index("run") :] == ["run", "run"]
+    assert texts[0] == texts[1]
+
+
+def test_run_encodes_again_when_the_content_differs(tmp_path, calls):
+    sequence = waving_grid()
+    moved = meshreel.MeshSequence(sequence.vertices + 1, sequence.faces, 25.0, "grid")
+    for each in (sequence, moved):
+        measure.run(each, SETTING, Store.for_sequence(tmp_path, each))
+    assert len(calls) == 4
+
+
+def test_run_encodes_again_when_the_version_differs(store, calls, monkeypatch):
+    measure.run(waving_grid(), SETTING, store)
+    monkeypatch.setattr("meshreel.evaluation.runs.store.__version__", "99")
+    measure.run(waving_grid(), SETTING, store)
+    assert len(calls) == 4
+
+
+@pytest.mark.parametrize("text", ["", "{", "[1]", '{"identity": {}}', "\udcff"])
+def test_run_encodes_again_when_the_stored_result_is_damaged(store, calls, text):
+    first = measure.run(waving_grid(), SETTING, store)
+    store.path(SETTING.key, "json").write_text(text, errors="surrogateescape")
+    again = measure.run(waving_grid(), SETTING, store)
+    assert len(calls) == 4
+    assert again["quality"] == first["quality"]
+
+
+def test_run_encodes_again_when_the_stream_is_missing(store, calls):
+    measure.run(waving_grid(), SETTING, store)
+    store.path(SETTING.key, "reel").unlink()
+    measure.run(waving_grid(), SETTING, store)
+    assert len(calls) == 4
+
+
+def test_result_agrees_with_the_stream_beside_it(store):
+    sequence = waving_grid()
+    result = measure.run(sequence, SETTING, store, shown_frame=3)
+    data = store.path(SETTING.key, "reel").read_bytes()
+    smallest = meshreel.encode(sequence, **SETTING.options(), order="drop")
+    decoded = meshreel.decode(data)
+    assert result["rate_bpvf"] == 8 * len(data) / (12 * 99)
+    assert result["rate_order_dropped_bpvf"] == 8 * len(smallest) / (12 * 99)
+    assert result["quality"] == meshreel.compare(sequence, decoded).as_dict()
+    np.testing.assert_array_equal(np.load(store.path(SETTING.key, "npy")), decoded.vertices[3])
+    assert set(result["machine"]) >= {"cpu", "cores", "python", "numpy", "scipy"}
+
+
+def test_refusal_is_the_result_when_the_method_refuses(store, monkeypatch):
+    def refuse(sequence, **options):
+        raise InvalidInputError("too many vertices")
+
+    monkeypatch.setattr(measure, "encode", refuse)
+    result = measure.run(waving_grid(), SETTING, store)
+    assert result["refused"] == "too many vertices"
+    assert store.find(SETTING) == result
+
+
+def test_short_work_is_timed_several_times_when_asked_for():
+    value, seconds = measure.timed(lambda: 5, 3)
+    assert value == 5
+    assert len(seconds) == 3
+
+
+def test_long_work_is_timed_once(monkeypatch):
+    monkeypatch.setattr(measure, "REPEAT_BELOW_S", 0.0)
+    assert len(measure.timed(lambda: 5, 3)[1]) == 1
+
+
+def test_results_are_valid_json_when_a_figure_is_not_finite():
+    figures = measure.finite({"a": [1.0, float("nan")], "b": {"c": float("inf")}, "d": "x"})
+    assert figures == {"a": [1.0, None], "b": {"c": None}, "d": "x"}
+    json.dumps(figures, allow_nan=False)
