@@ -1,4 +1,4 @@
-"""Rates of two codecs compared at equal error (BD-rate), and rates at given errors.
+"""Rate-distortion curves: lower envelopes, and two of them compared at equal error or rate.
 
 References
 ----------
@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
-from meshreel.evaluation.envelopes import Point, lower_envelope
+Point = tuple[float, float]  # rate, error
 
 
 @dataclass(frozen=True)
@@ -33,6 +33,32 @@ class RateDifference:
     low_error: float = 0.0
     high_error: float = 0.0
     reason: str = ""
+
+
+@dataclass(frozen=True)
+class Overlap:
+    """Two envelopes over the rates that both cover.
+
+    Attributes
+    ----------
+    low_bpvf, high_bpvf : float
+        The rates that both have.
+    error_ratio : float
+        Error of the first by that of the second at equal rate, geometric mean over log rate.
+    """
+
+    low_bpvf: float
+    high_bpvf: float
+    error_ratio: float
+
+
+def lower_envelope(points: Sequence[Point]) -> list[Point]:
+    """The points that no other beats in both rate and error, by ascending rate."""
+    kept: list[Point] = []
+    for rate, error in sorted(points):
+        if rate > 0 and error > 0 and (not kept or error < kept[-1][1]):
+            kept.append((rate, error))
+    return kept
 
 
 def bd_rate(codec: Sequence[Point], other: Sequence[Point]) -> RateDifference:
@@ -67,6 +93,25 @@ def rate_at_error(points: Sequence[Point], error: float) -> float | None:
     if len(errors) < 2 or not errors[0] <= wanted <= errors[-1]:
         return None
     return float(np.exp(PchipInterpolator(errors, rates)(wanted)))
+
+
+def compare_at_equal_rate(first: Sequence[Point], second: Sequence[Point]) -> Overlap | None:
+    """How the errors of two envelopes compare where their rates overlap; None if they do not.
+
+    Piecewise cubic (PCHIP) interpolation of log error over log rate, as for Bjontegaard's
+    figures; nothing is extrapolated.
+    """
+    curves = [np.log(np.array(lower_envelope(points))) for points in (first, second)]
+    if any(len(curve) < 2 for curve in curves):
+        return None
+    low = max(curve[0, 0] for curve in curves)
+    high = min(curve[-1, 0] for curve in curves)
+    if not low < high:
+        return None
+    rates = np.linspace(low, high, 101)
+    error, error_other = (PchipInterpolator(*curve.T)(rates) for curve in curves)
+    difference = float(np.mean(error - error_other))
+    return Overlap(float(np.exp(low)), float(np.exp(high)), float(np.exp(difference)))
 
 
 def _log_curve(points: Sequence[Point]) -> tuple[np.ndarray, np.ndarray]:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from meshreel.connectivity.coder import decode_connectivity, decode_order, encode_connectivity
-from meshreel.evaluation.paper.measure import REPEATS, timed
+from meshreel.evaluation.runs.timing import REPEATS, timed
 from meshreel.sequence import MeshSequence, Vertices
 
 

@@ -14,10 +14,18 @@ from meshreel.evaluation.codecs.tables import (
     runs_table,
     seconds_table,
 )
-from meshreel.evaluation.paper.results import done
-from meshreel.evaluation.report.document import Bullets, Code, Heading, Paragraph, Part, Picture
-from meshreel.evaluation.report.publish import sequence_opening, write_documents
+from meshreel.evaluation.report.document import (
+    Bullets,
+    Code,
+    Heading,
+    Paragraph,
+    Part,
+    Picture,
+    sequence_opening,
+)
+from meshreel.evaluation.report.publish import write_documents
 from meshreel.evaluation.runs.machine import machines_text
+from meshreel.evaluation.runs.store import done
 
 TITLE = "meshreel beside other codecs: rate, distortion, seconds"
 Measured = Sequence[tuple[CodecResults, Sequence[Picture]]]

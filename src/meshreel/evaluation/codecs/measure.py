@@ -1,6 +1,5 @@
 """Encode, decode, measure: a setting of a method or of a peer to one stored result."""
 
-import statistics
 from collections.abc import Callable
 from typing import Any
 
@@ -11,9 +10,10 @@ from meshreel.errors import MeshReelError
 from meshreel.evaluation.codecs.arrangements import Arrangement, Subject
 from meshreel.evaluation.codecs.peers.protocol import Peer, ReordersVertices, package_version
 from meshreel.evaluation.codecs.settings import MethodSetting
-from meshreel.evaluation.paper.measure import REPEATS, finite, timed
+from meshreel.evaluation.folder import file_name
 from meshreel.evaluation.runs.machine import machine_facts
-from meshreel.evaluation.runs.store import Result, Store, file_name
+from meshreel.evaluation.runs.store import Result, Store, finite
+from meshreel.evaluation.runs.timing import REPEATS, seconds_of, timed
 from meshreel.metrics.displacement import displacement_errors_percent
 from meshreel.metrics.kg import kg_error_percent
 from meshreel.metrics.rate import rate_bpvf
@@ -46,7 +46,7 @@ def run_method(
         n_connectivity = info(data).budget_bytes.get("connectivity", 0)
         return {
             **_sizes(sequence, len(data), n_connectivity),
-            "seconds": _seconds(encode_s, decode_s),
+            "seconds": seconds_of(encode_s, decode_s),
             "quality": errors_of(sequence, kept.vertices),
         }
 
@@ -100,7 +100,7 @@ def _measure_coder(
     return {
         **_sizes(source, size, n_connectivity),
         "vertex_order": faces.order if faces else None,
-        "seconds": _seconds(encode_s, decode_s),
+        "seconds": seconds_of(encode_s, decode_s),
         "quality": errors_of(original, decoded),
     }
 
@@ -147,13 +147,4 @@ def _sizes(sequence: MeshSequence, n_bytes: int, n_connectivity: int | None) -> 
         "size_bytes": n_bytes,
         "connectivity_bytes": n_connectivity,
         "rate_bpvf": rate_bpvf(n_bytes, sequence.n_verts, sequence.n_frames),
-    }
-
-
-def _seconds(encode_s: list[float], decode_s: list[float]) -> dict[str, Any]:
-    return {
-        "encode": statistics.median(encode_s),
-        "decode": statistics.median(decode_s),
-        "encode_runs": encode_s,
-        "decode_runs": decode_s,
     }

@@ -4,10 +4,10 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from meshreel.evaluation.codecs.results import ERRORS, RECORDED, CodecResults, family
-from meshreel.evaluation.envelopes import Point
+from meshreel.evaluation.folder import file_name
 from meshreel.evaluation.plots.axes import draw_envelopes
+from meshreel.evaluation.rate_distortion import Point
 from meshreel.evaluation.report.document import Picture
-from meshreel.evaluation.runs.store import file_name
 from meshreel.rendering.plots import blank_figure, save_figure
 
 TITLES = {

@@ -6,9 +6,8 @@ from typing import Any
 
 from meshreel.evaluation.codecs.measure import METHOD
 from meshreel.evaluation.codecs.recorded import RecordedPoint
-from meshreel.evaluation.envelopes import Point
-from meshreel.evaluation.paper.results import done
-from meshreel.evaluation.runs.store import Result
+from meshreel.evaluation.rate_distortion import Point
+from meshreel.evaluation.runs.store import Result, done
 
 ERRORS = {
     "kg_error_percent": "KG error (%)",

@@ -5,7 +5,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from meshreel.codec.methods import METHOD_NAMES
-from meshreel.evaluation.paper.settings import Setting, checked_names, sweep, variants
+from meshreel.evaluation.choices import checked_names
+from meshreel.evaluation.paper.settings import Setting, sweep, variants
 
 CODED_METHODS = METHOD_NAMES
 DEFAULT_METHODS = ("reel", "pca-qp", "v2v")

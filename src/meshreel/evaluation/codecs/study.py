@@ -15,8 +15,9 @@ from meshreel.evaluation.codecs.plots import draw_codecs
 from meshreel.evaluation.codecs.recorded import RecordedPoint, matching
 from meshreel.evaluation.codecs.results import CodecResults
 from meshreel.evaluation.codecs.settings import DEFAULT_METHODS, method_sweep
+from meshreel.evaluation.folder import claim_folder, unique_names
 from meshreel.evaluation.report.document import Picture
-from meshreel.evaluation.runs.store import Result, Store, claim_folder, unique_names
+from meshreel.evaluation.runs.store import Result, Store
 from meshreel.rendering.plots import require_matplotlib
 from meshreel.runtime.progress import Count, Progress, silent
 from meshreel.sequence import MeshSequence
@@ -90,7 +91,7 @@ def evaluate(
         If matplotlib is missing, or the folder holds something else.
     """
     require_matplotlib()
-    claim_folder(out, command, program=PROGRAM)
+    claim_folder(out, PROGRAM, command)
     drawn = out / "figures"
     drawn.mkdir(exist_ok=True)
     there = [peer for peer in peers if is_available(peer)]

@@ -3,11 +3,10 @@
 from collections.abc import Iterable, Sequence
 
 from meshreel.evaluation.codecs.results import ERRORS, RECORDED, CodecResults
-from meshreel.evaluation.paper.results import done
-from meshreel.evaluation.paper.tables import NONE, significant
 from meshreel.evaluation.rate_distortion import RateDifference, bd_rate, rate_at_error
+from meshreel.evaluation.report.cells import NONE, significant
 from meshreel.evaluation.report.document import Paragraph, Part, Table
-from meshreel.evaluation.runs.store import Result
+from meshreel.evaluation.runs.store import Result, done
 
 KG_LEVELS = (0.5, 0.2, 0.1)  # percent
 STED_LEVELS = (0.05, 0.02, 0.01)

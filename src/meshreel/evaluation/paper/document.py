@@ -7,7 +7,7 @@ from meshreel.evaluation.paper.decompositions import N_DECOMPOSITIONS
 from meshreel.evaluation.paper.findings import findings
 from meshreel.evaluation.paper.printed import SAME_CAPTURES, printed_rates
 from meshreel.evaluation.paper.remarks import CHOICES
-from meshreel.evaluation.paper.results import SequenceResults, done, setting_of_result
+from meshreel.evaluation.paper.results import SequenceResults, setting_of_result
 from meshreel.evaluation.paper.tables import (
     quality_table,
     rate_table,
@@ -22,9 +22,11 @@ from meshreel.evaluation.report.document import (
     Paragraph,
     Part,
     Picture,
+    sequence_opening,
 )
-from meshreel.evaluation.report.publish import sequence_opening, write_documents
+from meshreel.evaluation.report.publish import write_documents
 from meshreel.evaluation.runs.machine import machines_text
+from meshreel.evaluation.runs.store import done
 
 TITLE = "Fast Spatio-temporal Compression of Dynamic 3D Meshes: the evaluation again"
 

@@ -1,7 +1,7 @@
 """Methods compared where both have streams of the same rate."""
 
-from meshreel.evaluation.envelopes import compare_at_equal_rate
 from meshreel.evaluation.paper.results import SequenceResults
+from meshreel.evaluation.rate_distortion import compare_at_equal_rate
 
 FIGURES = (("kg_error_percent", "KG"), ("sted", "STED"), ("nmsve_mean", "NMSVE"))
 """Errors that are compared, and their names."""

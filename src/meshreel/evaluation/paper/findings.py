@@ -5,8 +5,8 @@ from collections.abc import Callable
 import numpy as np
 
 from meshreel.evaluation.paper.equal_rate import FIGURES, error_ratio, ratios_text
-from meshreel.evaluation.paper.results import SequenceResults, done, label_of_result
-from meshreel.evaluation.runs.store import Result
+from meshreel.evaluation.paper.results import SequenceResults, label_of_result
+from meshreel.evaluation.runs.store import Result, done
 
 EQUAL_WITHIN = 0.001
 """Relative difference of errors up to which two variants count as of equal quality."""

@@ -1,11 +1,6 @@
 """Encode, decode, measure: one setting of one sequence to one stored result."""
 
-import math
-import statistics
-import time
-from collections.abc import Callable
 from dataclasses import asdict
-from typing import Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -17,20 +12,18 @@ from meshreel.errors import MeshReelError
 from meshreel.evaluation.paper.count import paper_count
 from meshreel.evaluation.paper.settings import Setting
 from meshreel.evaluation.runs.machine import machine_facts
-from meshreel.evaluation.runs.store import Result, Store
+from meshreel.evaluation.runs.store import Result, Store, finite
+from meshreel.evaluation.runs.timing import REPEATS, seconds_of, timed
 from meshreel.metrics.compare import compare
 from meshreel.paper.decoder import bits_per_row, coded_blocks
 from meshreel.runtime.outputs.atomic import replace_when_done
 from meshreel.runtime.progress import Progress, silent
 from meshreel.sequence import MeshSequence
 
-REPEAT_BELOW_S = 2.0
-REPEATS = 3
 MEASURED = (
     "wall-clock seconds in one process, arrays in memory to bytes in memory and back, with "
     "connectivity and entropy coding, without files; the order of vertices and faces kept"
 )
-Value = TypeVar("Value")
 
 
 def run(
@@ -94,36 +87,10 @@ def _measure(
             "budget_order_dropped_bytes": smallest.budget_bytes,
             "paper_count": paper_count(setting, stream, coded_blocks(data)),
             "bits_per_row": [rows.tolist() for rows in bits_per_row(data)],
-            "seconds": {
-                "encode": statistics.median(encode_s),
-                "decode": statistics.median(decode_s),
-                "encode_runs": encode_s,
-                "decode_runs": decode_s,
-                "measured": MEASURED,
-            },
+            "seconds": {**seconds_of(encode_s, decode_s), "measured": MEASURED},
             "quality": finite(compare(sequence, decoded, progress=progress).as_dict()),
             "machine": machine_facts(),
         },
         data,
         decoded.vertices[shown_frame],
     )
-
-
-def timed(work: Callable[[], Value], n_repeats: int) -> tuple[Value, list[float]]:
-    """What the work gives, and the seconds of each run; long work is run once."""
-    seconds: list[float] = []
-    while True:
-        start = time.perf_counter()
-        value = work()
-        seconds.append(time.perf_counter() - start)
-        if len(seconds) >= n_repeats or seconds[0] >= REPEAT_BELOW_S:
-            return value, seconds
-
-
-def finite(value: Any) -> Any:
-    """The value with None in place of numbers that JSON has no word for."""
-    if isinstance(value, dict):
-        return {key: finite(item) for key, item in value.items()}
-    if isinstance(value, list):
-        return [finite(item) for item in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value

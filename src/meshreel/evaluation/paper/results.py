@@ -1,11 +1,10 @@
 """The results of one sequence, as tables, figures and findings read them."""
 
-from collections.abc import Iterable
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
 from meshreel.evaluation.paper.settings import ANCHORS, Setting
-from meshreel.evaluation.runs.store import Result
+from meshreel.evaluation.runs.store import Result, done
 
 
 @dataclass(frozen=True)
@@ -55,11 +54,6 @@ class SequenceResults:
                 points = found.setdefault(method_of_result(result), set())
                 points.add((result["rate_order_dropped_bpvf"], error))
         return {method: sorted(points) for method, points in found.items()}
-
-
-def done(results: Iterable[Result]) -> list[Result]:
-    """The results that are not refusals."""
-    return [result for result in results if "refused" not in result]
 
 
 def method_of_result(result: Result) -> str:

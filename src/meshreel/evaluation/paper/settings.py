@@ -4,7 +4,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from meshreel.errors import InvalidInputError
+from meshreel.evaluation.choices import checked_names
 
 MODES, BITS, ANCHORS = 20, 8, 0.01
 FEW_ANCHORS = 0.005
@@ -99,22 +99,6 @@ def checked_methods(names: Iterable[str]) -> tuple[str, ...]:
         If a name is unknown, or there is none.
     """
     return checked_names(names, METHOD_NAMES, "method")
-
-
-def checked_names(names: Iterable[str], known: Sequence[str], noun: str) -> tuple[str, ...]:
-    """The names in the order of the known ones, each once.
-
-    Raises
-    ------
-    InvalidInputError
-        If a name is unknown, or there is none.
-    """
-    wanted = set(names)
-    unknown = sorted(wanted - set(known))
-    if unknown or not wanted:
-        what = f"{noun} {unknown[0]!r} is unknown" if unknown else f"no {noun} is named"
-        raise InvalidInputError(f"{what}; choose from {', '.join(known)}")
-    return tuple(name for name in known if name in wanted)
 
 
 def equal_blocks(n_frames: int) -> int:

@@ -6,24 +6,26 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from meshreel.evaluation.folder import claim_folder, unique_names
 from meshreel.evaluation.paper.decompositions import time_decompositions
 from meshreel.evaluation.paper.document import write_report
 from meshreel.evaluation.paper.figures import diagrams, matrices, meshes
 from meshreel.evaluation.paper.measure import run
 from meshreel.evaluation.paper.results import (
     SequenceResults,
-    done,
     method_of_result,
     setting_of_result,
     summary,
 )
 from meshreel.evaluation.paper.settings import METHOD_NAMES, Setting, row_settings, sweep, variants
 from meshreel.evaluation.report.document import Picture
-from meshreel.evaluation.runs.store import Result, Store, claim_folder, unique_names
+from meshreel.evaluation.runs.store import Result, Store, done
 from meshreel.paper.decoder import coded_blocks
 from meshreel.rendering.plots import require_matplotlib
 from meshreel.runtime.progress import Count, Progress, silent
 from meshreel.sequence import MeshSequence
+
+PROGRAM = "meshreel paper"
 
 
 @dataclass(frozen=True)
@@ -61,7 +63,7 @@ def reproduce(
     *,
     methods: Sequence[str] = METHOD_NAMES,
     quick: bool = False,
-    command: str = "meshreel paper",
+    command: str = PROGRAM,
     progress: Progress = silent,
 ) -> Evaluation:
     """Run the paper's variants on the sequences and write the report of them.
@@ -86,7 +88,7 @@ def reproduce(
         If matplotlib is missing, or the folder holds something else.
     """
     require_matplotlib()
-    claim_folder(out, command)
+    claim_folder(out, PROGRAM, command)
     drawn = out / "figures"
     drawn.mkdir(exist_ok=True)
     measured = []

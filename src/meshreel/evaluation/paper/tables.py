@@ -11,12 +11,12 @@ from meshreel.evaluation.paper.printed import (
 )
 from meshreel.evaluation.paper.results import SequenceResults, label_of_result, method_of_result
 from meshreel.evaluation.paper.settings import ANCHORS, Setting
+from meshreel.evaluation.report.cells import NONE, number, scientific, significant
 from meshreel.evaluation.report.document import Table
 from meshreel.evaluation.runs.store import Result
 
 Printed = TypeVar("Printed")
 
-NONE = "-"
 RATES = ("q", "q_a", "q_d", "q_s")
 
 
@@ -70,7 +70,7 @@ def quality_table(results: SequenceResults) -> Table:
                 number(result["rate_order_dropped_bpvf"]),
                 significant(quality["kg_error_percent"]),
                 significant(quality["sted"]),
-                _scientific(quality["nmsve_mean"]),
+                scientific(quality["nmsve_mean"]),
                 significant(quality["max_error_percent"]),
                 significant(quality["normal_angle_mean_deg"]),
             ]
@@ -138,29 +138,6 @@ def refusals(results: SequenceResults) -> list[str]:
         for result in results.variants
         if "refused" in result
     ]
-
-
-def number(value: float | None) -> str:
-    """A rate with four decimals as the paper prints it."""
-    return NONE if value is None else f"{value:.4f}"
-
-
-def significant(value: float | None) -> str:
-    """Three significant digits, never with an exponent."""
-    if value is None:
-        return NONE
-    if value == 0:
-        return "0"
-    text = f"{value:.3g}"
-    return f"{float(text):.0f}" if abs(value) >= 1000 else _without_exponent(text)
-
-
-def _without_exponent(text: str) -> str:
-    return f"{float(text):.12f}".rstrip("0").rstrip(".") if "e" in text else text
-
-
-def _scientific(value: float | None) -> str:
-    return NONE if value is None else f"{value:.2e}"
 
 
 def settings_line(setting: Setting) -> str:

@@ -5,9 +5,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from meshreel.evaluation.envelopes import Point, lower_envelope
 from meshreel.evaluation.plots.labels import LineEnd, label_ends
 from meshreel.evaluation.plots.palette import line_style, point_marker
+from meshreel.evaluation.rate_distortion import Point, lower_envelope
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -1,8 +1,11 @@
-"""A report as a list of parts, and as Markdown."""
+"""The parts that a report is a list of."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
+
+from meshreel.counting import counted
 
 
 @dataclass(frozen=True)
@@ -66,30 +69,13 @@ class Picture:
 Part = Heading | Paragraph | Code | Bullets | Table | Picture
 
 
-def to_markdown(parts: Sequence[Part], folder: Path) -> str:
-    """The report as Markdown; pictures are named relative to the folder it will lie in."""
-    return "\n\n".join(_markdown(part, folder) for part in parts) + "\n"
-
-
-def _markdown(part: Part, folder: Path) -> str:
-    match part:
-        case Heading(level, text):
-            return f"{'#' * level} {text}"
-        case Paragraph(text):
-            return text
-        case Code(text):
-            return f"```\n{text}\n```"
-        case Bullets(items):
-            return "\n".join(f"- {item}" for item in items)
-        case Table():
-            return _markdown_table(part)
-        case Picture(path, title, caption):
-            name = path.relative_to(folder).as_posix()
-            return f"![{title}]({name})\n\n**{title}.** {caption}"
-
-
-def _markdown_table(table: Table) -> str:
-    lines = [table.header, ("---", *["---:"] * (len(table.header) - 1)), *table.rows]
-    cells = [[cell.replace("|", "\\|") for cell in line] for line in lines]
-    body = "\n".join("| " + " | ".join(line) + " |" for line in cells)
-    return f"**{table.title}**\n\n{body}"
+def sequence_opening(name: str, sequence: Mapping[str, Any]) -> list[Part]:
+    """The heading of a sequence and what it consists of, from its identity in the results."""
+    return [
+        Heading(2, name),
+        Paragraph(
+            f"{counted(sequence['n_frames'], 'frame')}, {counted(sequence['n_verts'], 'vertex')}, "
+            f"{counted(sequence['n_faces'], 'face')} (SHA-256 of the content begins with "
+            f"`{sequence['sha256'][:12]}`)."
+        ),
+    ]

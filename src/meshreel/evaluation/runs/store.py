@@ -2,23 +2,19 @@
 
 import hashlib
 import json
-import re
-from collections.abc import Sequence
+import math
+from collections.abc import Iterable
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 from meshreel import __version__
-from meshreel.errors import InvalidInputError
+from meshreel.evaluation.folder import file_name, write_text
 from meshreel.evaluation.paper.settings import Setting
-from meshreel.runtime.outputs.atomic import replace_when_done
 from meshreel.sequence import MeshSequence
 
 LAYOUT = 1
 """Of the JSON; results of another layout are computed again."""
-
-MARKER = "meshreel-paper.json"
-"""In the folders that `meshreel paper` makes; other commands put their name in its place."""
 
 Result = dict[str, Any]
 
@@ -76,10 +72,9 @@ class Store:
         return found
 
 
-def write_text(path: Path, text: str) -> None:
-    """Write a text file, whole or not at all, over what was there."""
-    with replace_when_done(path, overwrite=True) as temporary:
-        temporary.write_text(text, encoding="utf-8")
+def done(results: Iterable[Result]) -> list[Result]:
+    """The results that are not refusals."""
+    return [result for result in results if "refused" not in result]
 
 
 def sequence_identity(sequence: MeshSequence) -> dict[str, Any]:
@@ -98,55 +93,10 @@ def sequence_identity(sequence: MeshSequence) -> dict[str, Any]:
     }
 
 
-def file_name(name: str) -> str:
-    """A name as a part of file names: letters, digits, dots and dashes."""
-    return re.sub(r"[^A-Za-z0-9.]+", "-", name).strip("-.") or "sequence"
-
-
-def unique_names(sequences: Sequence[MeshSequence]) -> list[str]:
-    """Names for files, each once."""
-    names: list[str] = []
-    for sequence in sequences:
-        name, number = file_name(sequence.name), 1
-        while name in names:
-            number += 1
-            name = f"{file_name(sequence.name)}-{number}"
-        names.append(name)
-    return names
-
-
-def claim_folder(folder: Path, command: str, *, program: str = "meshreel paper") -> None:
-    """Make the folder of a report, or take one that an earlier run made.
-
-    Parameters
-    ----------
-    folder : Path
-    command : str
-        The command line, for who finds the folder.
-    program : str
-        The command that the folder belongs to.
-
-    Raises
-    ------
-    InvalidInputError
-        If it holds files and none of them says that this program made it.
-    """
-    if folder.exists() and not folder.is_dir():
-        raise InvalidInputError(f"{folder} is a file; name a folder")
-    marker = folder / f"{program.replace(' ', '-')}.json"
-    if folder.is_dir() and any(folder.iterdir()) and not _is_marker(marker, program):
-        raise InvalidInputError(
-            f"the folder {folder} holds files and no {marker.name} of an earlier run; "
-            "name an empty or a new folder"
-        )
-    folder.mkdir(parents=True, exist_ok=True)
-    facts = {"made_by": program, "version": __version__, "command": command}
-    write_text(marker, json.dumps(facts, indent=1))
-
-
-def _is_marker(path: Path, program: str) -> bool:
-    try:
-        facts = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        return False
-    return isinstance(facts, dict) and facts.get("made_by") == program
+def finite(value: Any) -> Any:
+    """The value with None in place of numbers that JSON has no word for."""
+    if isinstance(value, dict):
+        return {key: finite(item) for key, item in value.items()}
+    if isinstance(value, list):
+        return [finite(item) for item in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -1,5 +1,3 @@
-import json
-
 import numpy as np
 import pytest
 
@@ -107,20 +105,3 @@ def test_refusal_is_the_result_when_the_method_refuses(store, monkeypatch):
     result = measure.run(waving_grid(), SETTING, store)
     assert result["refused"] == "too many vertices"
     assert store.find(SETTING) == result
-
-
-def test_short_work_is_timed_several_times_when_asked_for():
-    value, seconds = measure.timed(lambda: 5, 3)
-    assert value == 5
-    assert len(seconds) == 3
-
-
-def test_long_work_is_timed_once(monkeypatch):
-    monkeypatch.setattr(measure, "REPEAT_BELOW_S", 0.0)
-    assert len(measure.timed(lambda: 5, 3)[1]) == 1
-
-
-def test_results_are_valid_json_when_a_figure_is_not_finite():
-    figures = measure.finite({"a": [1.0, float("nan")], "b": {"c": float("inf")}, "d": "x"})
-    assert figures == {"a": [1.0, None], "b": {"c": None}, "d": "x"}
-    json.dumps(figures, allow_nan=False)

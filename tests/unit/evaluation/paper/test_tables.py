@@ -1,12 +1,6 @@
 import pytest
 
-from meshreel.evaluation.paper.tables import (
-    quality_table,
-    rate_table,
-    refusals,
-    seconds_table,
-    significant,
-)
+from meshreel.evaluation.paper.tables import quality_table, rate_table, refusals, seconds_table
 
 
 @pytest.fixture
@@ -74,12 +68,3 @@ def test_refusal_is_told_with_its_reason(made_sequence, made_result, refused):
     assert refusals(made_sequence("samba", [made_result("pca"), refused])) == [
         "`gft` refused samba: 500 frequencies need 7 GB"
     ]
-
-
-@pytest.mark.parametrize(
-    ("value", "text"),
-    [(0.14472, "0.145"), (12.34, "12.3"), (37314.55, "37300"), (1.2e-5, "0.000012"), (0, "0"),
-     (None, "-"), (999.6, "1000"), (50.0, "50")],
-)  # fmt: skip
-def test_figures_have_three_digits_and_no_exponent(value, text):
-    assert significant(value) == text

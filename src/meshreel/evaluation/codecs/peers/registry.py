@@ -2,12 +2,12 @@
 
 from collections.abc import Iterable
 
+from meshreel.evaluation.choices import checked_names
 from meshreel.evaluation.codecs.peers.draco import Draco
 from meshreel.evaluation.codecs.peers.error_bounded import Sz3, Zfp
 from meshreel.evaluation.codecs.peers.integer_deltas import MeshOptimizer, Pcodec
 from meshreel.evaluation.codecs.peers.lossless import Blosc2, Npz
 from meshreel.evaluation.codecs.peers.protocol import Peer
-from meshreel.evaluation.paper.settings import checked_names
 
 PEERS: tuple[Peer, ...] = (
     Draco(),

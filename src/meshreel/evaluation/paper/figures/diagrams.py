@@ -6,17 +6,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from meshreel.evaluation.paper.results import (
-    SequenceResults,
-    done,
-    label_of_result,
-    method_of_result,
-)
+from meshreel.evaluation.paper.results import SequenceResults, label_of_result, method_of_result
 from meshreel.evaluation.plots.axes import draw_envelopes, plain_ticks, tidy
 from meshreel.evaluation.plots.labels import LineEnd, label_ends
 from meshreel.evaluation.plots.palette import line_style
 from meshreel.evaluation.report.document import Picture
-from meshreel.evaluation.runs.store import Result
+from meshreel.evaluation.runs.store import Result, done
 from meshreel.rendering.plots import blank_figure, save_figure
 
 if TYPE_CHECKING:

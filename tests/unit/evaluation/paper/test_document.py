@@ -3,8 +3,7 @@ import re
 import pytest
 
 from meshreel.evaluation.paper.document import report_parts, write_report
-from meshreel.evaluation.report.document import Paragraph, Table, to_markdown
-from meshreel.evaluation.report.html import to_html
+from meshreel.evaluation.report.document import Paragraph
 
 
 def test_html_needs_no_other_file(evaluation):
@@ -55,10 +54,3 @@ def test_jumping_is_told_from_handstand_when_it_is_evaluated(made_sequence, made
         part.text for part in report_parts([(results, [])], "x") if isinstance(part, Paragraph)
     ]
     assert any("another sequence" in text for text in texts)
-
-
-def test_tables_are_the_same_in_markdown_and_html(tmp_path):
-    table = Table("T", ("a", "b|c"), (("x", "1 < 2"),))
-    markdown = to_markdown([table], tmp_path)
-    assert "| a | b\\|c |\n| --- | ---: |\n| x | 1 < 2 |" in markdown
-    assert "<tr><td>x</td><td>1 &lt; 2</td></tr>" in to_html([table], "t")
