@@ -1,11 +1,10 @@
 """The vertices of a sequence in the orders that codecs without faces may take them in."""
 
-import statistics
 from dataclasses import dataclass
 from functools import cached_property
 
 from meshreel.connectivity.coder import decode_connectivity, decode_order, encode_connectivity
-from meshreel.evaluation.runs.timing import REPEATS, timed
+from meshreel.evaluation.runs.timing import REPEATS, seconds_of, timed
 from meshreel.sequence import MeshSequence, Vertices
 
 
@@ -32,15 +31,20 @@ class Arrangement:
 
 
 @dataclass(frozen=True, eq=False)
-class Subject:
-    """A sequence, and what all codecs without faces share of it."""
+class Arrangements:
+    """A sequence in both orders, each found when it is first asked for."""
 
     sequence: MeshSequence
 
     @cached_property
-    def arrangements(self) -> tuple[Arrangement, Arrangement]:
-        """In the order of the coded connectivity, and as given."""
-        return arranged(self.sequence, "coded"), arranged(self.sequence, "given")
+    def coded(self) -> Arrangement:
+        """In the order of the coded connectivity."""
+        return arranged(self.sequence, "coded")
+
+    @cached_property
+    def given(self) -> Arrangement:
+        """In the order of the sequence."""
+        return arranged(self.sequence, "given")
 
 
 def arranged(sequence: MeshSequence, order: str) -> Arrangement:
@@ -58,6 +62,5 @@ def arranged(sequence: MeshSequence, order: str) -> Arrangement:
         vertices: Vertices = sequence.vertices[:, coded.internal_to_given]
         sequence = MeshSequence(vertices.copy(), coded.internal_faces)
     size = len(coded.payload) + len(coded.order_payload)
-    return Arrangement(
-        order, sequence, size, statistics.median(encode_s), statistics.median(decode_s)
-    )
+    seconds = seconds_of(encode_s, decode_s)
+    return Arrangement(order, sequence, size, seconds["encode"], seconds["decode"])

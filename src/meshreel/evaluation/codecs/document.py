@@ -1,7 +1,6 @@
 """The report on codecs: parts in their order."""
 
 from collections.abc import Sequence
-from pathlib import Path
 
 from meshreel.evaluation.codecs.peers.protocol import Peer
 from meshreel.evaluation.codecs.results import CodecResults
@@ -14,21 +13,19 @@ from meshreel.evaluation.codecs.tables import (
     runs_table,
     seconds_table,
 )
+from meshreel.evaluation.pipeline import Measured
 from meshreel.evaluation.report.document import (
     Bullets,
-    Code,
+    Document,
     Heading,
     Paragraph,
     Part,
     Picture,
-    sequence_opening,
 )
-from meshreel.evaluation.report.publish import write_documents
-from meshreel.evaluation.runs.machine import machines_text
+from meshreel.evaluation.report.openings import report_opening, sequence_opening
 from meshreel.evaluation.runs.store import done
 
 TITLE = "meshreel beside other codecs: rate, distortion, seconds"
-Measured = Sequence[tuple[CodecResults, Sequence[Picture]]]
 
 HOW = (
     "**Rate.** Bits of everything by vertices and frames: three coordinates, connectivity, "
@@ -49,36 +46,23 @@ HOW = (
 )
 
 
-def write_codec_report(
-    measured: Measured,
-    peers: Sequence[Peer],
-    notes: Sequence[str],
-    out: Path,
-    command: str,
-) -> tuple[Path, Path]:
-    """Write report.md and report.html; gives their paths.
+def codec_document(
+    measured: Measured[CodecResults], peers: Sequence[Peer], notes: Sequence[str], command: str
+) -> Document:
+    """The report on sequences and their plots.
 
     Parameters
     ----------
     measured : sequence of (CodecResults, pictures)
-        Each sequence with its plots, which lie in `out`.
     peers : sequence of Peer
         Those that were asked for and are there.
     notes : sequence of str
         What was asked for and is not in the report.
-    out : Path
     command : str
         The command line that made it.
     """
-    return write_documents(_parts(measured, peers, notes, command), out, TITLE)
-
-
-def _parts(
-    measured: Measured, peers: Sequence[Peer], notes: Sequence[str], command: str
-) -> list[Part]:
-    parts: list[Part] = [Heading(1, TITLE), Paragraph("Made by"), Code(command)]
-    machines = machines_text(r for results, _ in measured for r in done(results.measured))
-    parts += [Paragraph(machines)] if machines else []
+    finished = (result for results, _ in measured for result in done(results.measured))
+    parts = report_opening(TITLE, "Made by", command, finished)
     if notes:
         parts += [Heading(2, "Not measured"), Bullets(tuple(notes))]
     for results, pictures in measured:
@@ -87,7 +71,7 @@ def _parts(
     if peers:
         lines = tuple(f"`{peer.name}`: {peer.summary}" for peer in peers)
         parts += [Heading(2, "Other codecs"), Bullets(lines)]
-    return parts
+    return Document(TITLE, tuple(parts))
 
 
 def _sequence_parts(results: CodecResults, pictures: Sequence[Picture]) -> list[Part]:

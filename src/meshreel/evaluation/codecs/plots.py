@@ -1,6 +1,7 @@
 """Rate-distortion plots of our methods, other codecs and recorded points."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 
 from meshreel.evaluation.codecs.results import ERRORS, RECORDED, CodecResults, family
@@ -17,19 +18,23 @@ TITLES = {
 }
 
 
-def draw_codecs(results: CodecResults, folder: Path) -> list[Picture]:
-    """A plot of rate against each error that has points."""
-    drawn = []
-    for error, axis_name in ERRORS.items():
+def drawings(results: CodecResults, folder: Path) -> Iterator[Callable[[], Picture]]:
+    """A function for each plot, of rate against an error that has points."""
+    for error in ERRORS:
         curves = shown_curves(results.curves(error))
-        if not curves:
-            continue
-        figure = blank_figure(9.5, 5.6)
-        draw_envelopes(figure.add_subplot(), curves, axis_name)
-        path = folder / f"{results.slug}-{file_name(error)}.png"
-        save_figure(figure, path, overwrite=True)
-        drawn.append(Picture(path, f"{TITLES[error]}, {results.name}", _caption(curves), 1))
-    return drawn
+        if curves:
+            yield partial(draw_curves, results, error, curves, folder)
+
+
+def draw_curves(
+    results: CodecResults, error: str, curves: Mapping[str, Sequence[Point]], folder: Path
+) -> Picture:
+    """The plot of curves of rate against this error."""
+    figure = blank_figure(9.5, 5.6)
+    draw_envelopes(figure.add_subplot(), curves, ERRORS[error])
+    path = folder / f"{results.slug}-{file_name(error)}.png"
+    save_figure(figure, path, overwrite=True)
+    return Picture(path, f"{TITLES[error]}, {results.name}", _caption(curves), 1)
 
 
 def shown_curves(curves: Mapping[str, Sequence[Point]]) -> dict[str, Sequence[Point]]:

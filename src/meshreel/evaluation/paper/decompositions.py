@@ -3,35 +3,31 @@
 import statistics
 import time
 
-from meshreel.evaluation.runs.store import Result, Store
+from meshreel.evaluation.runs.run import Outcome, Run
 from meshreel.geometry.laplacian import uniform_laplacian
 from meshreel.paper.subspace.graph_fourier import graph_fourier_basis
-from meshreel.runtime.progress import Progress, silent
+from meshreel.runtime.progress import Progress
 from meshreel.sequence import MeshSequence
 
 N_DECOMPOSITIONS = 2
-_KEY = "decompositions"
 
 
-def time_decompositions(
-    sequence: MeshSequence, n_modes: int, store: Store, *, progress: Progress = silent
-) -> Result:
-    """Seconds of a decomposition for so many graph frequencies, measured on two and stored.
+def decompositions_run(sequence: MeshSequence, n_modes: int) -> Run:
+    """The run that times decompositions for so many graph frequencies, two of them.
 
-    Returns
-    -------
-    dict with "n_modes", "seconds_each" (the mean) and "seconds", those of each
+    Its figures are "n_modes", "seconds" (of each) and "seconds_each" (their mean).
     """
-    what = {"n_modes": n_modes, "n_decompositions": N_DECOMPOSITIONS}
-    found = store.find_any(_KEY, what)
-    if found is not None:
-        return found
-    laplacian = uniform_laplacian(sequence.faces, sequence.n_verts)
-    seconds = []
-    for number in range(N_DECOMPOSITIONS):
-        progress("decomposition", number / N_DECOMPOSITIONS)
-        start = time.perf_counter()
-        graph_fourier_basis(laplacian, n_modes)
-        seconds.append(time.perf_counter() - start)
-    figures = {"n_modes": n_modes, "seconds": seconds, "seconds_each": statistics.mean(seconds)}
-    return store.write(_KEY, what, figures)
+
+    def measure(progress: Progress) -> Outcome:
+        laplacian = uniform_laplacian(sequence.faces, sequence.n_verts)
+        seconds = []
+        for number in range(N_DECOMPOSITIONS):
+            progress("decomposition", number / N_DECOMPOSITIONS)
+            start = time.perf_counter()
+            graph_fourier_basis(laplacian, n_modes)
+            seconds.append(time.perf_counter() - start)
+        mean = statistics.mean(seconds)
+        return Outcome({"n_modes": n_modes, "seconds": seconds, "seconds_each": mean})
+
+    setting = {"n_modes": n_modes, "n_decompositions": N_DECOMPOSITIONS}
+    return Run("decompositions", "decompositions", setting, measure)

@@ -1,13 +1,12 @@
-"""The report: parts in their order, written as Markdown and as HTML."""
+"""The report on the paper's evaluation: its parts in their order."""
 
 from collections.abc import Sequence
-from pathlib import Path
 
 from meshreel.evaluation.paper.decompositions import N_DECOMPOSITIONS
 from meshreel.evaluation.paper.findings import findings
 from meshreel.evaluation.paper.printed import SAME_CAPTURES, printed_rates
 from meshreel.evaluation.paper.remarks import CHOICES
-from meshreel.evaluation.paper.results import SequenceResults, setting_of_result
+from meshreel.evaluation.paper.results import PaperResults, setting_of_result
 from meshreel.evaluation.paper.tables import (
     quality_table,
     rate_table,
@@ -15,67 +14,43 @@ from meshreel.evaluation.paper.tables import (
     seconds_table,
     settings_line,
 )
+from meshreel.evaluation.pipeline import Measured
 from meshreel.evaluation.report.document import (
     Bullets,
-    Code,
+    Document,
     Heading,
     Paragraph,
     Part,
     Picture,
-    sequence_opening,
 )
-from meshreel.evaluation.report.publish import write_documents
-from meshreel.evaluation.runs.machine import machines_text
+from meshreel.evaluation.report.openings import report_opening, sequence_opening
 from meshreel.evaluation.runs.store import done
 
 TITLE = "Fast Spatio-temporal Compression of Dynamic 3D Meshes: the evaluation again"
 
 
-def write_report(
-    measured: Sequence[tuple[SequenceResults, Sequence[Picture]]], out: Path, command: str
-) -> tuple[Path, Path]:
-    """Write report.md and report.html; gives their paths.
-
-    Parameters
-    ----------
-    measured : sequence of (SequenceResults, pictures)
-        Each sequence with its figures, which lie in `out`.
-    out : Path
-    command : str
-        The command line that made it.
-    """
-    return write_documents(report_parts(measured, command), out, TITLE)
-
-
-def report_parts(
-    measured: Sequence[tuple[SequenceResults, Sequence[Picture]]], command: str
-) -> list[Part]:
-    """All parts of the report."""
+def paper_document(measured: Measured[PaperResults], command: str) -> Document:
+    """The report on sequences and their figures, made by a command line."""
+    finished = (result for results, _ in measured for result in done(results.variants))
     parts: list[Part] = [
-        Heading(1, TITLE),
-        Paragraph(
+        *report_opening(
+            TITLE,
             "The evaluation of G. Arvanitis, A. S. Lalos, K. Moustakas, made with meshreel. Every "
-            "figure is of a stream that was encoded to bytes and decoded from them. Made by"
+            "figure is of a stream that was encoded to bytes and decoded from them. Made by",
+            command,
+            finished,
         ),
-        Code(command),
-        *_machine(measured),
         Heading(2, "Variants"),
         Bullets(_variants(measured)),
     ]
     for results, pictures in measured:
         parts += _sequence_parts(results, pictures)
-    return [*parts, Heading(2, "Where the paper leaves a choice"), Bullets(CHOICES)]
+    parts += [Heading(2, "Where the paper leaves a choice"), Bullets(CHOICES)]
+    return Document(TITLE, tuple(parts))
 
 
-def _machine(measured: Sequence[tuple[SequenceResults, Sequence[Picture]]]) -> list[Part]:
-    """The machines that the seconds come from."""
-    text = machines_text(result for results, _ in measured for result in done(results.variants))
-    return [Paragraph(text)] if text else []
-
-
-def _variants(
-    measured: Sequence[tuple[SequenceResults, Sequence[Picture]]],
-) -> tuple[str, ...]:
+def _variants(measured: Measured[PaperResults]) -> tuple[str, ...]:
+    """The settings in words, each once."""
     lines: list[str] = []
     for results, _ in measured:
         for result in results.variants:
@@ -86,7 +61,7 @@ def _variants(
     return tuple(lines)
 
 
-def _sequence_parts(results: SequenceResults, pictures: Sequence[Picture]) -> list[Part]:
+def _sequence_parts(results: PaperResults, pictures: Sequence[Picture]) -> list[Part]:
     parts = sequence_opening(results.name, results.sequence)
     remark = SAME_CAPTURES.get(results.name.lower())
     if remark:
@@ -98,7 +73,7 @@ def _sequence_parts(results: SequenceResults, pictures: Sequence[Picture]) -> li
     return [*parts, Heading(3, "Figures"), *pictures]
 
 
-def _rate_note(results: SequenceResults) -> str:
+def _rate_note(results: PaperResults) -> str:
     text = (
         "q, q_a, q_d and q_s are the paper's count: one coordinate matrix of three, without "
         "connectivity. The last two columns are of the whole file."
@@ -108,7 +83,7 @@ def _rate_note(results: SequenceResults) -> str:
     return text
 
 
-def _seconds_note(results: SequenceResults) -> str:
+def _seconds_note(results: PaperResults) -> str:
     finished = done(results.variants)
     text = f"What is measured: {finished[0]['seconds']['measured']}. " if finished else ""
     text += "The median of three runs where one takes less than two seconds, else one run."

@@ -1,20 +1,20 @@
 """Methods compared where both have streams of the same rate."""
 
-from meshreel.evaluation.paper.results import SequenceResults
+from meshreel.evaluation.paper.results import PaperResults
 from meshreel.evaluation.rate_distortion import compare_at_equal_rate
 
 FIGURES = (("kg_error_percent", "KG"), ("sted", "STED"), ("nmsve_mean", "NMSVE"))
 """Errors that are compared, and their names."""
 
 
-def error_ratio(results: SequenceResults, figure: str, method: str, other: str) -> float | None:
+def error_ratio(results: PaperResults, figure: str, method: str, other: str) -> float | None:
     """Error of a method by that of another at equal rate; None where no rate is common."""
     points = results.points(figure)
     overlap = compare_at_equal_rate(points.get(method, []), points.get(other, []))
     return None if overlap is None else overlap.error_ratio
 
 
-def ratios_text(results: SequenceResults, method: str, other: str) -> str:
+def ratios_text(results: PaperResults, method: str, other: str) -> str:
     """Error ratios with the rates they are over, by figure; says where no rate is common."""
     found: list[str] = []
     for figure, name in FIGURES:

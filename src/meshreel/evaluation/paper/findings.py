@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 
 from meshreel.evaluation.paper.equal_rate import FIGURES, error_ratio, ratios_text
-from meshreel.evaluation.paper.results import SequenceResults, label_of_result
+from meshreel.evaluation.paper.results import PaperResults, label_of_result
 from meshreel.evaluation.runs.store import Result, done
 
 EQUAL_WITHIN = 0.001
@@ -15,9 +15,9 @@ SMALL_GAIN = 0.1
 """Share by which STED may fall while more rows count as showing little."""
 
 
-def findings(results: SequenceResults) -> list[str]:
+def findings(results: PaperResults) -> list[str]:
     """A sentence for each claim of the paper that the results of a sequence can judge."""
-    checks: tuple[Callable[[SequenceResults], str | None], ...] = (
+    checks: tuple[Callable[[PaperResults], str | None], ...] = (
         _serial_equals_parallel,
         _serial_seconds,
         _lowest_error,
@@ -32,7 +32,7 @@ def findings(results: SequenceResults) -> list[str]:
     return [sentence for check in checks if (sentence := check(results)) is not None]
 
 
-def _serial_equals_parallel(results: SequenceResults) -> str | None:
+def _serial_equals_parallel(results: PaperResults) -> str | None:
     serial, parallel = results.variant("pca-qs"), results.variant("pca-qp")
     if serial is None or parallel is None:
         return None
@@ -48,7 +48,7 @@ def _serial_equals_parallel(results: SequenceResults) -> str | None:
     )
 
 
-def _serial_seconds(results: SequenceResults) -> str | None:
+def _serial_seconds(results: PaperResults) -> str | None:
     serial, parallel = results.variant("pca-qs"), results.variant("pca-qp")
     if serial is None or parallel is None:
         return None
@@ -59,7 +59,7 @@ def _serial_seconds(results: SequenceResults) -> str | None:
     )
 
 
-def _lowest_error(results: SequenceResults) -> str | None:
+def _lowest_error(results: PaperResults) -> str | None:
     finished = sorted(done(results.variants), key=lambda result: _error(result, "nmsve_mean"))
     labels = [label_of_result(result) for result in finished]
     if len(finished) < 2 or not {"pca-qs", "pca-qp"} & set(labels):
@@ -75,7 +75,7 @@ def _lowest_error(results: SequenceResults) -> str | None:
     )
 
 
-def _blocks_seconds(results: SequenceResults) -> str | None:
+def _blocks_seconds(results: PaperResults) -> str | None:
     blocks, whole = results.variant("blocks"), results.variant("pca-qp")
     if blocks is None or whole is None:
         return None
@@ -88,7 +88,7 @@ def _blocks_seconds(results: SequenceResults) -> str | None:
     )
 
 
-def _blocks_quality(results: SequenceResults) -> str | None:
+def _blocks_quality(results: PaperResults) -> str | None:
     blocks, whole = results.variant("blocks"), results.variant("pca-qp")
     if blocks is None or whole is None:
         return None
@@ -105,7 +105,7 @@ def _blocks_quality(results: SequenceResults) -> str | None:
     )
 
 
-def _deltas_against_vertices(results: SequenceResults) -> str | None:
+def _deltas_against_vertices(results: PaperResults) -> str | None:
     if "v2v" not in results.points("sted"):
         return None
     judged = [
@@ -121,7 +121,7 @@ def _deltas_against_vertices(results: SequenceResults) -> str | None:
     )
 
 
-def _anchors_help(results: SequenceResults) -> str | None:
+def _anchors_help(results: PaperResults) -> str | None:
     without, anchored = results.variant("pca-q"), results.variant("pca-qp")
     if without is None or anchored is None:
         return None
@@ -140,7 +140,7 @@ def _anchors_help(results: SequenceResults) -> str | None:
     )
 
 
-def _few_anchors(results: SequenceResults) -> str | None:
+def _few_anchors(results: PaperResults) -> str | None:
     few, usual = results.variant("pca-qp 0.5 %"), results.variant("pca-qp")
     if few is None or usual is None:
         return None
@@ -153,7 +153,7 @@ def _few_anchors(results: SequenceResults) -> str | None:
     )
 
 
-def _rows_enough(results: SequenceResults) -> str | None:
+def _rows_enough(results: PaperResults) -> str | None:
     rows = {result["identity"]["setting"]["n_modes"]: result for result in done(results.rows)}
     if 20 not in rows or 30 not in rows:
         return None
@@ -169,7 +169,7 @@ def _rows_enough(results: SequenceResults) -> str | None:
     )
 
 
-def _steadiness(results: SequenceResults) -> str | None:
+def _steadiness(results: PaperResults) -> str | None:
     graph, temporal = results.variant("gft"), results.variant("pca-qp")
     if graph is None or temporal is None:
         return None

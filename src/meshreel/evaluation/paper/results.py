@@ -8,7 +8,7 @@ from meshreel.evaluation.runs.store import Result, done
 
 
 @dataclass(frozen=True)
-class SequenceResults:
+class PaperResults:
     """Everything that was measured on one sequence.
 
     Attributes
@@ -34,6 +34,10 @@ class SequenceResults:
     def name(self) -> str:
         """What to call it."""
         return str(self.sequence["name"]) or self.slug
+
+    def as_dict(self) -> dict[str, Any]:
+        """The sequence and the figures of its tables, in plain types."""
+        return {**self.sequence, "variants": [summary(result) for result in self.variants]}
 
     def variant(self, label: str) -> Result | None:
         """The variant of this label, None if it was not run or refused."""

@@ -9,7 +9,7 @@ from meshreel.evaluation.paper.printed import (
     printed_rates,
     printed_seconds,
 )
-from meshreel.evaluation.paper.results import SequenceResults, label_of_result, method_of_result
+from meshreel.evaluation.paper.results import PaperResults, label_of_result, method_of_result
 from meshreel.evaluation.paper.settings import ANCHORS, Setting
 from meshreel.evaluation.report.cells import NONE, number, scientific, significant
 from meshreel.evaluation.report.document import Table
@@ -20,7 +20,7 @@ Printed = TypeVar("Printed")
 RATES = ("q", "q_a", "q_d", "q_s")
 
 
-def rate_table(results: SequenceResults) -> Table:
+def rate_table(results: PaperResults) -> Table:
     """Table I: the paper's count, with its printed figures where there are, and true rates."""
     printed = printed_rates(results.name)
     header = ["variant"]
@@ -55,7 +55,7 @@ def _rate_cells(
     return cells + [number(rate) for rate in rates]
 
 
-def quality_table(results: SequenceResults) -> Table:
+def quality_table(results: PaperResults) -> Table:
     """The settings of the variants and the errors of their streams."""
     header = ("variant", "modes", "bits", "bpvf, order dropped", "KG error %", "STED",
               "NMSVE, mean", "largest error %", "normals, mean °")  # fmt: skip
@@ -78,7 +78,7 @@ def quality_table(results: SequenceResults) -> Table:
     return Table(f"Errors of the same streams, {results.name}", header, tuple(rows))
 
 
-def seconds_table(results: SequenceResults) -> Table:
+def seconds_table(results: PaperResults) -> Table:
     """Table II: seconds to process and encode, and to reconstruct."""
     printed = printed_seconds(results.name)
     header = ["variant", "processing and encoding, s", "reconstruction, s"]
@@ -106,7 +106,7 @@ def _seconds_cells(result: Result) -> list[str]:
     return [significant(result["seconds"][part]) for part in ("encode", "decode")]
 
 
-def _decomposed_each(result: Result, results: SequenceResults) -> list[str]:
+def _decomposed_each(result: Result, results: PaperResults) -> list[str]:
     """Seconds with a decomposition for each frame, extrapolated; none where it is not known."""
     if method_of_result(result) != "gft" or "refused" in result or results.decompositions is None:
         return []
@@ -131,7 +131,7 @@ def _filled(row: Sequence[str], result: Result, length: int) -> tuple[str, ...]:
     return (*row, *[mark] * (length - len(row)))
 
 
-def refusals(results: SequenceResults) -> list[str]:
+def refusals(results: PaperResults) -> list[str]:
     """Why variants have no figures, a sentence for each."""
     return [
         f"`{label_of_result(result)}` refused {results.name}: {result['refused']}"

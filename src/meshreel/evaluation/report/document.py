@@ -1,11 +1,7 @@
-"""The parts that a report is a list of."""
+"""The parts of a report."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
-
-from meshreel.counting import counted
 
 
 @dataclass(frozen=True)
@@ -69,13 +65,9 @@ class Picture:
 Part = Heading | Paragraph | Code | Bullets | Table | Picture
 
 
-def sequence_opening(name: str, sequence: Mapping[str, Any]) -> list[Part]:
-    """The heading of a sequence and what it consists of, from its identity in the results."""
-    return [
-        Heading(2, name),
-        Paragraph(
-            f"{counted(sequence['n_frames'], 'frame')}, {counted(sequence['n_verts'], 'vertex')}, "
-            f"{counted(sequence['n_faces'], 'face')} (SHA-256 of the content begins with "
-            f"`{sequence['sha256'][:12]}`)."
-        ),
-    ]
+@dataclass(frozen=True)
+class Document:
+    """A whole report; its title is that of the HTML page."""
+
+    title: str
+    parts: tuple[Part, ...]

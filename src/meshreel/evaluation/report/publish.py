@@ -7,6 +7,7 @@ from meshreel.evaluation.folder import write_text
 from meshreel.evaluation.report.document import (
     Bullets,
     Code,
+    Document,
     Heading,
     Paragraph,
     Part,
@@ -16,11 +17,11 @@ from meshreel.evaluation.report.document import (
 from meshreel.evaluation.report.html import to_html
 
 
-def write_documents(parts: Sequence[Part], out: Path, title: str) -> tuple[Path, Path]:
+def publish(document: Document, out: Path) -> tuple[Path, Path]:
     """Write report.md and report.html into the folder that holds the pictures; their paths."""
     markdown, html = out / "report.md", out / "report.html"
-    write_text(markdown, to_markdown(parts, out))
-    write_text(html, to_html(parts, title))
+    write_text(markdown, to_markdown(document.parts, out))
+    write_text(html, to_html(document.parts, document.title))
     return markdown, html
 
 

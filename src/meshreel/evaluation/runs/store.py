@@ -3,14 +3,14 @@
 import hashlib
 import json
 import math
-from collections.abc import Iterable
-from dataclasses import asdict, dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from meshreel import __version__
 from meshreel.evaluation.folder import file_name, write_text
-from meshreel.evaluation.paper.settings import Setting
+from meshreel.runtime.outputs.atomic import replace_when_done
 from meshreel.sequence import MeshSequence
 
 LAYOUT = 1
@@ -47,25 +47,28 @@ class Store:
             "setting": setting,
         }
 
-    def find(self, setting: Setting) -> Result | None:
-        """The result of a setting, None where it has to be computed."""
-        result = self.find_any(setting.key, asdict(setting))
-        if result is None or "refused" in result or self.path(setting.key, "reel").is_file():
-            return result
-        return None
+    def find(self, key: str, setting: Any, needs: Sequence[str] = ()) -> Result | None:
+        """The stored result of this key, None where it has to be computed.
 
-    def find_any(self, key: str, setting: Any) -> Result | None:
-        """The stored result of this key, None if it is missing, damaged or of something else."""
+        That is where it is missing, damaged or of something else, or where a file is missing
+        beside it that is needed; a refusal has no files.
+        """
         try:
             result = json.loads(self.path(key, "json").read_text(encoding="utf-8"))
         except (OSError, ValueError):
             return None
         if not isinstance(result, dict) or result.get("identity") != self.identity(setting):
             return None
-        return result
+        whole = all(self.path(key, ending).is_file() for ending in needs)
+        return result if whole or "refused" in result else None
 
-    def write(self, key: str, setting: Any, figures: Result) -> Result:
-        """Store figures under their identity; gives back what a later `find` will."""
+    def write(
+        self, key: str, setting: Any, figures: Result, files: Mapping[str, bytes] | None = None
+    ) -> Result:
+        """Store figures under their identity, files by ending before them; the stored result."""
+        for ending, data in (files or {}).items():
+            with replace_when_done(self.path(key, ending), overwrite=True) as temporary:
+                temporary.write_bytes(data)
         text = json.dumps({"identity": self.identity(setting), **figures}, indent=1)
         write_text(self.path(key, "json"), text)
         found: Result = json.loads(text)

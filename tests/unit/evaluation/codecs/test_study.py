@@ -10,16 +10,18 @@ from PIL import Image
 
 import meshreel
 from meshreel.connectivity.coder import encode_connectivity
-from meshreel.evaluation.codecs.arrangements import Subject
-from meshreel.evaluation.codecs.measure import run_method, run_peer
+from meshreel.evaluation.codecs.arrangements import Arrangements
+from meshreel.evaluation.codecs.measure import method_run, peer_run
 from meshreel.evaluation.codecs.peers.draco import Draco
 from meshreel.evaluation.codecs.peers.lossless import Npz
 from meshreel.evaluation.codecs.plots import shown_curves
 from meshreel.evaluation.codecs.recorded import RecordedPoint
 from meshreel.evaluation.codecs.results import CodecResults
 from meshreel.evaluation.codecs.settings import CODED_METHODS, MethodSetting, method_sweep
-from meshreel.evaluation.codecs.study import evaluate
+from meshreel.evaluation.codecs.study import CodecStudy
 from meshreel.evaluation.codecs.tables import bd_rate_parts, rate_table, refusals, seconds_table
+from meshreel.evaluation.pipeline import evaluate
+from meshreel.evaluation.runs.run import result_of
 from meshreel.evaluation.runs.store import Store
 from meshreel.flag import simulate_flag
 from meshreel.sequence import MeshSequence
@@ -60,15 +62,14 @@ def small_flag():
 @pytest.fixture(scope="module")
 def made(small_flag, tmp_path_factory):
     stray = replace(RECORDED[0], n_frames=9, codec="stray")
-    return evaluate(
-        [small_flag],
-        tmp_path_factory.mktemp("codecs"),
+    study = CodecStudy(
         methods=("pca-qp", "v2v"),
         peers=(Draco(), Npz(), Missing(), Broken()),
         recorded=[*RECORDED, stray],
         quick=True,
-        command="meshreel evaluate flag.npz",
     )
+    out = tmp_path_factory.mktemp("codecs")
+    return evaluate(study, [small_flag], out, command="meshreel evaluate flag.npz")
 
 
 @pytest.fixture(scope="module")
@@ -79,7 +80,7 @@ def results(made):
 def test_rate_of_a_method_is_that_of_a_stream_without_order_when_it_is_run(small_flag, tmp_path):
     store = Store.for_sequence(tmp_path, small_flag)
     setting = MethodSetting("v2v", (("n_modes", 4), ("bits", 10)))
-    result = run_method(Subject(small_flag), setting, store)
+    result = result_of(method_run(small_flag, setting), store)
     data = meshreel.encode(small_flag, "v2v", n_modes=4, bits=10, order="drop")
     assert result["size_bytes"] == len(data)
     assert result["rate_bpvf"] == pytest.approx(8 * len(data) / (72 * 8))
@@ -90,13 +91,12 @@ def test_rate_of_a_method_is_that_of_a_stream_without_order_when_it_is_run(small
 
 @pytest.mark.parametrize("order", ["coded", "given"])
 def test_rate_of_a_peer_counts_our_connectivity_when_it_codes_no_faces(small_flag, tmp_path, order):
-    subject = Subject(small_flag)
-    other = {"coded": 1, "given": 0}[order]
-    dear = replace(subject.arrangements[other], size_bytes=10**6)
-    arrangements = [*subject.arrangements]
-    arrangements[other] = dear
-    subject.__dict__["arrangements"] = tuple(arrangements)
-    result = run_peer(subject, Npz(), 0, Store.for_sequence(tmp_path, small_flag))
+    arrangements = Arrangements(small_flag)
+    other = {"coded": "given", "given": "coded"}[order]
+    dear = replace(getattr(arrangements, other), size_bytes=10**6)
+    arrangements.__dict__[other] = dear
+    store = Store.for_sequence(tmp_path, small_flag)
+    result = result_of(peer_run(arrangements, Npz(), 0), store)
     kept = "drop" if order == "coded" else "vertices"
     coded = encode_connectivity(small_flag.faces, 72, order=kept)
     places = coded.internal_to_given if order == "coded" else np.arange(72)
@@ -112,11 +112,13 @@ def test_run_is_read_again_when_it_is_stored_and_made_again_when_it_is_damaged(
     small_flag, tmp_path
 ):
     store = Store.for_sequence(tmp_path, small_flag)
-    first = run_peer(Subject(small_flag), Npz(), 0, store)
-    assert run_peer(Subject(small_flag), Broken("npz"), 0, store) == first
+    arrangements = Arrangements(small_flag)
+    first = result_of(peer_run(arrangements, Npz(), 0), store)
+    assert result_of(peer_run(arrangements, Broken("npz"), 0), store) == first
     path = store.path("npz", "json")
     path.write_text(path.read_text()[:-20])
-    assert run_peer(Subject(small_flag), Npz(), 0, store)["size_bytes"] == first["size_bytes"]
+    again = result_of(peer_run(arrangements, Npz(), 0), store)
+    assert again["size_bytes"] == first["size_bytes"]
     assert json.loads(path.read_text())["codec"] == "npz"
 
 
@@ -129,7 +131,7 @@ def test_refusal_is_kept_when_a_package_fails(results):
 
 
 def test_notes_name_package_and_extra_when_a_peer_is_missing(made):
-    (note,) = made.notes
+    (note,) = made.notes["not_measured"]
     assert "`future` was not measured: it needs the package package_of_the_future" in note
     assert "pip install 'meshreel[peers]'" in note
     assert note in made.markdown.read_text(encoding="utf-8")
@@ -137,12 +139,11 @@ def test_notes_name_package_and_extra_when_a_peer_is_missing(made):
 
 def test_notes_say_so_when_no_recorded_row_is_of_the_sequence(small_flag, tmp_path):
     stray = replace(RECORDED[0], n_verts=71)
-    made = evaluate(
-        [small_flag], tmp_path, methods=("v2v",), peers=(), recorded=[stray], quick=True
-    )
-    assert made.notes == [
+    study = CodecStudy(methods=("v2v",), peers=(), recorded=[stray], quick=True)
+    made = evaluate(study, [small_flag], tmp_path)
+    assert made.notes["not_measured"] == [
         "no recorded row is of flag with 72 vertices (n) and 8 frames (k)"
-    ]  # fmt: skip
+    ]
 
 
 def test_curves_hold_methods_peers_and_matching_rows_when_all_are_given(results):

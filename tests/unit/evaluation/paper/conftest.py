@@ -2,8 +2,9 @@
 
 import pytest
 
-from meshreel.evaluation.paper.results import SequenceResults
-from meshreel.evaluation.paper.study import reproduce
+from meshreel.evaluation.paper.results import PaperResults
+from meshreel.evaluation.paper.study import PaperStudy
+from meshreel.evaluation.pipeline import evaluate
 from meshreel.flag import simulate_flag
 
 
@@ -19,7 +20,7 @@ def folder(tmp_path_factory):
 
 @pytest.fixture(scope="session")
 def evaluation(flag, folder):
-    return reproduce([flag], folder, quick=True, command="meshreel paper --frames 12")
+    return evaluate(PaperStudy(quick=True), [flag], folder, command="meshreel paper --frames 12")
 
 
 @pytest.fixture(scope="session")
@@ -33,7 +34,7 @@ def pictures(evaluation):
 
 
 def _made_result(method, *, anchors=0.01, rate=1.0, error=1.0, seconds=(1.0, 1.0), n_frames=4):
-    """A stored result with these figures, as `runner.run` gives it."""
+    """A stored result with these figures, as a run of a variant gives it."""
     return {
         "identity": {
             "setting": {
@@ -80,6 +81,6 @@ def made_sequence():
         sequence = {
             "name": name, "n_frames": 175, "n_verts": 9971, "n_faces": 19938, "sha256": "0" * 64,
         }  # fmt: skip
-        return SequenceResults(name, sequence, list(variants), **others)
+        return PaperResults(name, sequence, list(variants), **others)
 
     return make

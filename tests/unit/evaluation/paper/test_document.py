@@ -2,8 +2,9 @@ import re
 
 import pytest
 
-from meshreel.evaluation.paper.document import report_parts, write_report
+from meshreel.evaluation.paper.document import paper_document
 from meshreel.evaluation.report.document import Paragraph
+from meshreel.evaluation.report.publish import publish
 
 
 def test_html_needs_no_other_file(evaluation):
@@ -41,7 +42,7 @@ def test_report_says_what_it_must(evaluation, words):
 def test_refusal_is_shown_when_a_variant_refused(made_sequence, made_result, tmp_path):
     refused = {**made_result("gft"), "refused": "too <many> vertices"}
     results = made_sequence("samba", [made_result("pca"), refused])
-    markdown, html = write_report([(results, [])], tmp_path, "meshreel paper")
+    markdown, html = publish(paper_document([(results, [])], "meshreel paper"), tmp_path)
     assert "`gft` refused samba: too <many> vertices" in markdown.read_text(encoding="utf-8")
     assert "<code>gft</code> refused samba: too &lt;many&gt; vertices" in html.read_text(
         encoding="utf-8"
@@ -50,7 +51,6 @@ def test_refusal_is_shown_when_a_variant_refused(made_sequence, made_result, tmp
 
 def test_jumping_is_told_from_handstand_when_it_is_evaluated(made_sequence, made_result):
     results = made_sequence("jumping", [made_result("pca")])
-    texts = [
-        part.text for part in report_parts([(results, [])], "x") if isinstance(part, Paragraph)
-    ]
+    parts = paper_document([(results, [])], "x").parts
+    texts = [part.text for part in parts if isinstance(part, Paragraph)]
     assert any("another sequence" in text for text in texts)

@@ -1,3 +1,5 @@
+from dataclasses import asdict
+
 import numpy as np
 import pytest
 
@@ -5,7 +7,9 @@ import meshreel
 from meshreel.errors import InvalidInputError
 from meshreel.evaluation.paper import measure
 from meshreel.evaluation.paper.settings import Setting
-from meshreel.evaluation.paper.study import reproduce
+from meshreel.evaluation.paper.study import PaperStudy
+from meshreel.evaluation.pipeline import evaluate
+from meshreel.evaluation.runs.run import result_of
 from meshreel.evaluation.runs.store import Store
 from meshreel.flag import simulate_flag
 from samples.meshes import waving_grid
@@ -15,7 +19,7 @@ SETTING = Setting("pca-qp", 4, anchors=0.05)
 
 @pytest.fixture
 def calls(monkeypatch):
-    """The options of every call of `encode` by the measure."""
+    """The options of every call of `encode` by the runs."""
     made = []
 
     def counted(sequence, **options):
@@ -32,18 +36,18 @@ def store(tmp_path):
 
 
 def test_run_encodes_nothing_when_the_result_is_there(store, calls):
-    first = measure.run(waving_grid(), SETTING, store)
+    first = result_of(measure.variant_run(waving_grid(), SETTING), store)
     assert len(calls) == 2  # order kept, order dropped
-    assert measure.run(waving_grid(), SETTING, store) == first
+    assert result_of(measure.variant_run(waving_grid(), SETTING), store) == first
     assert len(calls) == 2
 
 
-def test_reproduce_encodes_nothing_when_it_runs_again(tmp_path, calls):
+def test_evaluate_encodes_nothing_when_it_runs_again(tmp_path, calls):
     flag = simulate_flag(4, n_rows=4, n_columns=5)
     texts = []
     for _ in range(2):
         texts.append(
-            reproduce([flag], tmp_path, methods=["v2v"], quick=True).html.read_text(
+            evaluate(PaperStudy(["v2v"], quick=True), [flag], tmp_path).html.read_text(
                 encoding="utf-8"
             )
         )
@@ -57,36 +61,36 @@ def test_run_encodes_again_when_the_content_differs(tmp_path, calls):
     sequence = waving_grid()
     moved = meshreel.MeshSequence(sequence.vertices + 1, sequence.faces, 25.0, "grid")
     for each in (sequence, moved):
-        measure.run(each, SETTING, Store.for_sequence(tmp_path, each))
+        result_of(measure.variant_run(each, SETTING), Store.for_sequence(tmp_path, each))
     assert len(calls) == 4
 
 
 def test_run_encodes_again_when_the_version_differs(store, calls, monkeypatch):
-    measure.run(waving_grid(), SETTING, store)
+    result_of(measure.variant_run(waving_grid(), SETTING), store)
     monkeypatch.setattr("meshreel.evaluation.runs.store.__version__", "99")
-    measure.run(waving_grid(), SETTING, store)
+    result_of(measure.variant_run(waving_grid(), SETTING), store)
     assert len(calls) == 4
 
 
 @pytest.mark.parametrize("text", ["", "{", "[1]", '{"identity": {}}', "\udcff"])
 def test_run_encodes_again_when_the_stored_result_is_damaged(store, calls, text):
-    first = measure.run(waving_grid(), SETTING, store)
+    first = result_of(measure.variant_run(waving_grid(), SETTING), store)
     store.path(SETTING.key, "json").write_text(text, errors="surrogateescape")
-    again = measure.run(waving_grid(), SETTING, store)
+    again = result_of(measure.variant_run(waving_grid(), SETTING), store)
     assert len(calls) == 4
     assert again["quality"] == first["quality"]
 
 
 def test_run_encodes_again_when_the_stream_is_missing(store, calls):
-    measure.run(waving_grid(), SETTING, store)
+    result_of(measure.variant_run(waving_grid(), SETTING), store)
     store.path(SETTING.key, "reel").unlink()
-    measure.run(waving_grid(), SETTING, store)
+    result_of(measure.variant_run(waving_grid(), SETTING), store)
     assert len(calls) == 4
 
 
 def test_result_agrees_with_the_stream_beside_it(store):
     sequence = waving_grid()
-    result = measure.run(sequence, SETTING, store, shown_frame=3)
+    result = result_of(measure.variant_run(sequence, SETTING, shown_frame=3), store)
     data = store.path(SETTING.key, "reel").read_bytes()
     smallest = meshreel.encode(sequence, **SETTING.options(), order="drop")
     decoded = meshreel.decode(data)
@@ -102,6 +106,6 @@ def test_refusal_is_the_result_when_the_method_refuses(store, monkeypatch):
         raise InvalidInputError("too many vertices")
 
     monkeypatch.setattr(measure, "encode", refuse)
-    result = measure.run(waving_grid(), SETTING, store)
+    result = result_of(measure.variant_run(waving_grid(), SETTING), store)
     assert result["refused"] == "too many vertices"
-    assert store.find(SETTING) == result
+    assert store.find(SETTING.key, asdict(SETTING)) == result

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from meshreel.evaluation.paper.results import SequenceResults, label_of_result, method_of_result
+from meshreel.evaluation.paper.results import PaperResults, label_of_result, method_of_result
 from meshreel.evaluation.plots.axes import draw_envelopes, plain_ticks, tidy
 from meshreel.evaluation.plots.labels import LineEnd, label_ends
 from meshreel.evaluation.plots.palette import line_style
@@ -33,7 +33,7 @@ ERRORS = (
 )
 
 
-def draw_error_per_frame(results: SequenceResults, folder: Path) -> Picture:
+def draw_error_per_frame(results: PaperResults, folder: Path) -> Picture:
     """Fig. 4: NMSVE of every frame for all variants."""
     figure = blank_figure(9, 4.8)
     axes = figure.add_subplot()
@@ -61,7 +61,7 @@ def draw_error_per_frame(results: SequenceResults, folder: Path) -> Picture:
     return Picture(path, "Fig. 4", caption, 1)
 
 
-def draw_bits_per_row(results: SequenceResults, folder: Path) -> Picture:
+def draw_bits_per_row(results: PaperResults, folder: Path) -> Picture:
     """Fig. 5: bits per vertex of each row of coefficients, for all variants."""
     from matplotlib.ticker import MaxNLocator
 
@@ -92,7 +92,7 @@ def draw_bits_per_row(results: SequenceResults, folder: Path) -> Picture:
     return Picture(path, "Fig. 5", caption, len(groups))
 
 
-def draw_rate_distortion(results: SequenceResults, folder: Path) -> Picture:
+def draw_rate_distortion(results: PaperResults, folder: Path) -> Picture:
     """Rate against KG error, STED and mean NMSVE, with the lower envelope of each method."""
     figure = blank_figure(13, 4.6)
     for number, (key, name) in enumerate(ERRORS, 1):
