@@ -59,14 +59,14 @@ def evaluate_command(
 
     - `meshreel evaluate walk.npz --peers none --json`
     """
-    from meshreel.cli.reports import check_before_work, within, write_report
+    from meshreel.cli.reports import check_before_work, named, within, write_report
+    from meshreel.evaluation.choices import checked_names
     from meshreel.evaluation.codecs.peers.registry import checked_peers
     from meshreel.evaluation.codecs.recorded import read_recorded
-    from meshreel.evaluation.codecs.settings import checked_coded_methods
     from meshreel.evaluation.codecs.study import CodecStudy
 
-    chosen = checked_coded_methods(_names(methods))
-    others = checked_peers(_names(peers))
+    chosen = checked_names(named(methods), CODED_METHODS, "method")
+    others = checked_peers(named(peers))
     check_before_work(inputs, out, [reference] if reference else [])
     recorded = read_recorded(reference) if reference else []
     options: dict[str, str | None] = {}
@@ -80,7 +80,3 @@ def evaluate_command(
         options["--quick"] = None
     study = CodecStudy(chosen, others, recorded, quick)
     write_report(study, inputs, out, options, as_json=as_json)
-
-
-def _names(text: str) -> list[str]:
-    return [name.strip() for name in text.split(",") if name.strip()]

@@ -45,11 +45,11 @@ def paper_command(
 
     - `meshreel paper walk.npz --methods v2v,pca-qp --out walk-report`
     """
-    from meshreel.cli.reports import check_before_work, write_report
-    from meshreel.evaluation.paper.settings import checked_methods
+    from meshreel.cli.reports import check_before_work, named, write_report
+    from meshreel.evaluation.choices import checked_names
     from meshreel.evaluation.paper.study import PaperStudy
 
-    chosen = checked_methods(name.strip() for name in methods.split(","))
+    chosen = checked_names(named(methods), METHOD_NAMES, "method")
     check_before_work(inputs or [], out)
     options: dict[str, str | None] = {}
     if not inputs:

@@ -94,3 +94,8 @@ def within(path: str) -> str:
     """A path as given, but without folders outside the current one: a report travels."""
     inside = not Path(path).is_absolute() and ".." not in Path(path).parts
     return path if inside else Path(path).name
+
+
+def named(text: str) -> list[str]:
+    """The names of a list with commas."""
+    return [name.strip() for name in text.split(",") if name.strip()]

@@ -1,11 +1,9 @@
 """The settings of our own methods that are set against other codecs."""
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
 from meshreel.codec.methods import METHOD_NAMES
-from meshreel.evaluation.choices import checked_names
 from meshreel.evaluation.paper.settings import Setting, sweep, variants
 
 CODED_METHODS = METHOD_NAMES
@@ -40,17 +38,6 @@ class MethodSetting:
     def params(self) -> str:
         """The options in words; empty where all are left to the method."""
         return " ".join(f"{_SHORT.get(name, name)} {value}" for name, value in self.options)
-
-
-def checked_coded_methods(names: Iterable[str]) -> tuple[str, ...]:
-    """The methods of these names, in the order of `METHOD_NAMES`, each once.
-
-    Raises
-    ------
-    InvalidInputError
-        If a name is unknown, or there is none.
-    """
-    return checked_names(names, CODED_METHODS, "method")
 
 
 def method_sweep(method: str, n_frames: int, n_verts: int, *, quick: bool) -> list[MethodSetting]:

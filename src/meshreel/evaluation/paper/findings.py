@@ -4,9 +4,11 @@ from collections.abc import Callable
 
 import numpy as np
 
-from meshreel.evaluation.paper.equal_rate import FIGURES, error_ratio, ratios_text
 from meshreel.evaluation.paper.results import PaperResults, label_of_result
 from meshreel.evaluation.runs.store import Result, done
+
+FIGURES = (("kg_error_percent", "KG"), ("sted", "STED"), ("nmsve_mean", "NMSVE"))
+"""Errors that are compared, and their names."""
 
 EQUAL_WITHIN = 0.001
 """Relative difference of errors up to which two variants count as of equal quality."""
@@ -94,14 +96,14 @@ def _blocks_quality(results: PaperResults) -> str | None:
         return None
     errors = [_error(result, "kg_error_percent") for result in (blocks, whole)]
     rates = [result["rate_order_dropped_bpvf"] for result in (blocks, whole)]
-    ratio = error_ratio(results, "kg_error_percent", "blocks", "pca-qp")
-    inferior = errors[0] > errors[1] if ratio is None else ratio > 1
-    where = "at the settings of the tables" if ratio is None else "at equal rate"
+    overlap = results.at_equal_rate("kg_error_percent", "blocks", "pca-qp")
+    inferior = errors[0] > errors[1] if overlap is None else overlap.error_ratio > 1
+    where = "at the settings of the tables" if overlap is None else "at equal rate"
     return (
         f"**Blocks are inferior in quality: {_verdict(inferior)}**, by KG {where}. At the settings "
         f"of the tables: {errors[0]:.3g} % at {rates[0]:.3g} bpvf against {errors[1]:.3g} % at "
         f"{rates[1]:.3g}. At equal rate, errors as multiples of those of `pca-qp`: "
-        f"{ratios_text(results, 'blocks', 'pca-qp')}."
+        f"{_ratios_text(results, 'blocks', 'pca-qp')}."
     )
 
 
@@ -109,7 +111,7 @@ def _deltas_against_vertices(results: PaperResults) -> str | None:
     if "v2v" not in results.points("sted"):
         return None
     judged = [
-        f"`{method}` {ratios_text(results, method, 'v2v')}"
+        f"`{method}` {_ratios_text(results, method, 'v2v')}"
         for method in ("pca-qp", "pca-q", "blocks")
         if method in results.points("sted")
     ]
@@ -182,6 +184,21 @@ def _steadiness(results: PaperResults) -> str | None:
         f"deviation below 10 % of the mean). Over the frames it deviates by {100 * spread:.1f} % "
         f"of its mean, that of `pca-qp` by {100 * spread_other:.1f} %."
     )
+
+
+def _ratios_text(results: PaperResults, method: str, other: str) -> str:
+    """Error ratios with the rates they are over, by figure; says where no rate is common."""
+    found: list[str] = []
+    for figure, name in FIGURES:
+        overlap = results.at_equal_rate(figure, method, other)
+        if overlap is None:
+            found.append(f"{name} has no rates in common")
+            continue
+        rates = f"{overlap.low_bpvf:.2g} to {overlap.high_bpvf:.2g} bpvf"
+        found.append(f"{name} {overlap.error_ratio:.2f} ({rates})")
+    if all("no rates" in text for text in found):
+        return "no rates in common, not compared"
+    return ", ".join(found)
 
 
 def _error(result: Result, key: str) -> float:

@@ -4,6 +4,7 @@ from dataclasses import asdict, dataclass, field
 from typing import Any
 
 from meshreel.evaluation.paper.settings import ANCHORS, Setting
+from meshreel.evaluation.rate_distortion import Overlap, Point, compare_at_equal_rate
 from meshreel.evaluation.runs.store import Result, done
 
 
@@ -44,13 +45,13 @@ class PaperResults:
         return next((result for result in done(self.variants) if label_of_result(result) == label),
                     None)  # fmt: skip
 
-    def points(self, figure: str) -> dict[str, list[tuple[float, float]]]:
+    def points(self, figure: str) -> dict[str, list[Point]]:
         """Points (rate with order dropped, error) of each method, by ascending rate.
 
         Variants with other than the usual anchors are left out, and `pca-qs`, which has the
         quality of `pca-qp`.
         """
-        found: dict[str, set[tuple[float, float]]] = {}
+        found: dict[str, set[Point]] = {}
         for result in done([*self.sweep, *self.variants, *self.rows]):
             error = result["quality"][figure]
             usual = result["identity"]["setting"]["anchors"] in (0, ANCHORS)
@@ -58,6 +59,11 @@ class PaperResults:
                 points = found.setdefault(method_of_result(result), set())
                 points.add((result["rate_order_dropped_bpvf"], error))
         return {method: sorted(points) for method, points in found.items()}
+
+    def at_equal_rate(self, figure: str, method: str, other: str) -> Overlap | None:
+        """Errors of a method by those of another at equal rate; None where no rate is common."""
+        points = self.points(figure)
+        return compare_at_equal_rate(points.get(method, []), points.get(other, []))
 
 
 def method_of_result(result: Result) -> str:

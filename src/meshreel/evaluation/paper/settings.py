@@ -4,8 +4,6 @@ from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from meshreel.evaluation.choices import checked_names
-
 MODES, BITS, ANCHORS = 20, 8, 0.01
 FEW_ANCHORS = 0.005
 HIGH_BITS = 16  # of `pca`, whose coefficients the paper does not quantise coarsely
@@ -88,17 +86,6 @@ _QUICK_SWEEP = {
     "pca-qp": ((10, 20), (6, 8)),
     "blocks": ((2, 4), (6, 8)),
 }
-
-
-def checked_methods(names: Iterable[str]) -> tuple[str, ...]:
-    """The methods of these names, in the order of the table, each once.
-
-    Raises
-    ------
-    InvalidInputError
-        If a name is unknown, or there is none.
-    """
-    return checked_names(names, METHOD_NAMES, "method")
 
 
 def equal_blocks(n_frames: int) -> int:

@@ -1,11 +1,9 @@
 import pytest
 
 from meshreel.codec.methods import METHOD_NAMES as CODED
-from meshreel.errors import InvalidInputError
 from meshreel.evaluation.paper.settings import (
     METHOD_NAMES,
     Setting,
-    checked_methods,
     equal_blocks,
     row_settings,
     sweep,
@@ -39,15 +37,6 @@ def test_slow_methods_are_left_out_of_the_sweep():
     assert "pca-qs" not in methods
     assert methods.count("gft") == 2
     assert "gft" not in {setting.method for setting in sweep(175, 9971, quick=True)}
-
-
-def test_methods_are_in_the_order_of_the_table_when_named_otherwise():
-    assert checked_methods(["gft", "pca", "gft"]) == ("pca", "gft")
-
-
-def test_unknown_method_is_named_when_it_is_asked_for():
-    with pytest.raises(InvalidInputError, match="method 'pcaqp' is unknown; choose from pca,"):
-        checked_methods(["pcaqp"])
 
 
 def test_options_leave_out_what_the_method_decides():
