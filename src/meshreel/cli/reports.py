@@ -1,4 +1,4 @@
-"""What the commands that write a report have in common."""
+"""The way from inputs to a report, for the commands that write one."""
 
 import shlex
 from collections.abc import Mapping, Sequence

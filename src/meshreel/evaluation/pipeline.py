@@ -46,7 +46,7 @@ class Subject:
 
 
 class Study(Protocol[R]):
-    """What an evaluation runs on a sequence, and what it makes of the results."""
+    """Runs for a sequence, and tables, pictures and a report of their results."""
 
     @property
     def program(self) -> str:
@@ -80,7 +80,7 @@ class Evaluation(Generic[R]):
         The report.
     measured : list of (results, list of Picture)
     notes : dict of str to list of str
-        What was asked for and could not be had.
+        Lines on what was asked for and could not be had.
     """
 
     markdown: Path

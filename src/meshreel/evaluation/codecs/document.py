@@ -57,7 +57,7 @@ def codec_document(
     peers : sequence of Peer
         Those that were asked for and are there.
     notes : sequence of str
-        What was asked for and is not in the report.
+        Lines on what was asked for and is not in the report.
     command : str
         The command line that made it.
     """

@@ -1,4 +1,4 @@
-"""What was measured and recorded of one sequence, as its tables and plots read it."""
+"""Measured and recorded results of one sequence, as its tables and plots read them."""
 
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass, field
@@ -40,7 +40,7 @@ class CodecResults:
 
     @property
     def name(self) -> str:
-        """What to call it."""
+        """The name of the sequence in tables and plots."""
         return str(self.sequence["name"]) or self.slug
 
     @property

@@ -1,4 +1,4 @@
-"""What the figures say about the paper's claims: computed, each with its numbers."""
+"""The paper's claims judged by the results, each with its numbers."""
 
 from collections.abc import Callable
 

@@ -1,4 +1,4 @@
-"""What the paper leaves open or prints otherwise than it can be meant, and what was chosen."""
+"""Choices where the paper leaves one open, or prints otherwise than it can be meant."""
 
 LEDGER = "`docs/equations.md`"
 

@@ -33,7 +33,7 @@ class PaperResults:
 
     @property
     def name(self) -> str:
-        """What to call it."""
+        """The name of the sequence in tables and figures."""
         return str(self.sequence["name"]) or self.slug
 
     def as_dict(self) -> dict[str, Any]:
@@ -72,7 +72,7 @@ def method_of_result(result: Result) -> str:
 
 
 def label_of_result(result: Result) -> str:
-    """What tables and figures call its setting."""
+    """The label of its setting in tables and figures."""
     return setting_of_result(result).label
 
 

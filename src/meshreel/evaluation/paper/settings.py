@@ -51,7 +51,7 @@ class Setting:
 
     @property
     def label(self) -> str:
-        """What tables and figures call it: the method, and its anchors where they are few."""
+        """Its name in tables and figures: the method, and its anchors where they are few."""
         return f"{self.method} 0.5 %" if self.anchors == FEW_ANCHORS else self.method
 
     def options(self) -> dict[str, Any]:

@@ -91,7 +91,7 @@ class PaperStudy:
         yield partial(diagrams.draw_rate_distortion, results, folder)
 
     def notes(self, measured: Measured[PaperResults]) -> dict[str, list[str]]:
-        """Nothing: no variant needs what may be missing."""
+        """No lines: no variant needs a package that may be missing."""
         return {}
 
     def document(self, measured: Measured[PaperResults], command: str) -> Document:

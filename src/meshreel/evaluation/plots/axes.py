@@ -1,4 +1,4 @@
-"""What the diagrams share: envelopes on log axes, plain ticks, no frame."""
+"""Axes of all diagrams: envelopes on log axes, plain ticks, no frame."""
 
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
@@ -33,7 +33,7 @@ def draw_envelopes(axes: "Axes", curves: Mapping[str, Sequence[Point]], error_na
 
 
 def plain_ticks(axis: "Axis") -> None:
-    """Numbers such as 0.5 and 2e-05 along a log axis, in steps of 1, 2, 5."""
+    """Numbers such as 0.5 and 2e-05 along a log axis, at 1, 2 and 5 of each decade."""
     from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
     axis.set_major_locator(LogLocator(subs=(1, 2, 5)))

@@ -11,7 +11,7 @@ Value = TypeVar("Value")
 
 
 def timed(work: Callable[[], Value], n_repeats: int) -> tuple[Value, list[float]]:
-    """What the work gives, and the seconds of each run; long work is run once."""
+    """The value of the work, and the seconds of each run; long work is run once."""
     seconds: list[float] = []
     while True:
         start = time.perf_counter()

@@ -126,7 +126,7 @@ def _encode_frame(vertices: Vertices, faces: npt.NDArray[np.uint32], bits: int) 
 
 
 def _require_close(decoded: Vertices, original: Vertices, bits: int) -> None:
-    """Nothing if every coordinate is within half a step of its frame's box.
+    """Check that every coordinate is within half a quantisation step of its frame's box.
 
     Raises
     ------

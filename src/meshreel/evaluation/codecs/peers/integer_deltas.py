@@ -12,7 +12,7 @@ from meshreel.evaluation.codecs.peers.protocol import Shape
 from meshreel.sequence import MeshSequence, Vertices
 
 Words = npt.NDArray[np.uint16]
-HEAD = struct.Struct("<4d")  # origin and step
+HEAD = struct.Struct("<4d")  # origin and quantisation step
 N_QUICK = (10, 12)
 N_BITS = (8, 9, 10, 12, 14)
 
@@ -120,7 +120,7 @@ def quantized_deltas(vertices: Vertices, bits: int) -> tuple[bytes, Words]:
 
 
 def positions_of_deltas(head: bytes, deltas: Words, dtype: npt.DTypeLike) -> Vertices:
-    """The inverse of `quantized_deltas`, up to half a step."""
+    """The inverse of `quantized_deltas`, up to half a quantisation step."""
     *corner, step = HEAD.unpack(head)
     words = np.cumsum(deltas, axis=0, dtype=np.uint16)
     vertices: Vertices = (words * step + np.array(corner)).astype(np.dtype(dtype))

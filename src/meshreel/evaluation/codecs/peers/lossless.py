@@ -64,11 +64,11 @@ class Npz:
     has_faces: bool = False
 
     def sweep(self, *, quick: bool) -> tuple[float, ...]:
-        """Its one setting, which is none."""
+        """One placeholder: there is nothing to set."""
         return (0,)
 
     def params(self, setting: float) -> str:
-        """Nothing."""
+        """An empty text."""
         return ""
 
     def encode(self, sequence: MeshSequence, setting: float) -> bytes:

@@ -1,4 +1,4 @@
-"""What another codec has to offer to be measured."""
+"""The protocol of other codecs that can be measured."""
 
 from importlib.metadata import PackageNotFoundError, version
 from importlib.util import find_spec
@@ -16,7 +16,7 @@ class Peer(Protocol):
 
     @property
     def name(self) -> str:
-        """What tables and plots call it."""
+        """Its name in tables and plots."""
 
     @property
     def summary(self) -> str:
@@ -52,7 +52,7 @@ class ReordersVertices(Protocol):
     """A codec that gives vertices in an order of its own, which is found again to measure it."""
 
     def prepare(self, sequence: MeshSequence) -> MeshSequence:
-        """What is to be encoded in place of the sequence; not part of the seconds."""
+        """The sequence that is encoded in its place; not part of the seconds."""
 
     def restore(self, decoded: Vertices, prepared: MeshSequence, setting: float) -> Vertices:
         """The decoded positions in the order of the prepared sequence; not part of the seconds.
@@ -87,7 +87,7 @@ def is_available(peer: Peer) -> bool:
         return True
     try:
         return find_spec(peer.package) is not None
-    except ValueError:  # what stands in sys.modules is not a module
+    except ValueError:  # the entry of sys.modules is not a module
         return False
 
 
