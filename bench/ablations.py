@@ -1,4 +1,4 @@
-"""What each part of `reel` is worth: Bjontegaard rates of the method with one part changed.
+"""The worth of each part of `reel`: Bjontegaard rates of the method with one part changed.
 
     python bench/ablations.py samba.npz cow.npz --out ablations.json
 

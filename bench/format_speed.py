@@ -81,7 +81,7 @@ def why_not(found: FrameFormat | SequenceFormat) -> str:
 def case_of(
     found: FrameFormat | SequenceFormat, sequence: meshreel.MeshSequence, folder: Path
 ) -> Case:
-    """What is timed of a format; its files are written."""
+    """The tasks to time for a format; its files are written."""
     folder.mkdir()
     is_whole = isinstance(found, SequenceFormat)
     target = folder / f"sphere{'' if is_whole else '_%04d'}{found.ending}"

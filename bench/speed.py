@@ -65,7 +65,7 @@ def parsed_options() -> argparse.Namespace:
 
 
 def plan_of(options: argparse.Namespace) -> Plan:
-    """What to measure of every sequence."""
+    """The measurements to make on every sequence."""
     coders = coders_of(options.efforts, options.modes, with_paper=not options.without_paper)
     patience = Patience(options.repeats, options.seconds)
     return Plan(coders, options.modes, patience, options.serial, options.memory)

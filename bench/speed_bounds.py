@@ -1,4 +1,4 @@
-"""What speeds are to keep, and whether they do."""
+"""Bounds on speeds, and whether they hold."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -67,7 +67,7 @@ MOST_EXPONENT = {"vertices": 1.25, "frames": 1.2}
 
 
 def verdicts_on(result: Mapping[str, Any]) -> list[Verdict]:
-    """What is to be said of a sequence and the coders that were timed."""
+    """Verdicts on the coders that were timed on a sequence."""
     return [
         Verdict(
             f"{bound.sequence}, {bound.coder}: {RATIO_NAMES[bound.ratio].format(task=bound.task)}",
@@ -91,7 +91,7 @@ def is_steady(result: Mapping[str, Any], bound: Bound) -> bool:
 
 
 def verdicts_on_growth(growth: Mapping[str, Any]) -> list[Verdict]:
-    """What is to be said of the exponents of a series."""
+    """Verdicts on the exponents of a series."""
     most = MOST_EXPONENT[growth["of"]]
     return [
         Verdict(

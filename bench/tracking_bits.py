@@ -186,7 +186,7 @@ def rate_row(result: Mapping[str, Any]) -> list[str]:
 
 
 def reel_table(results: list[dict[str, Any]]) -> str:
-    """Rows: what the temporal bases take, and what cutting costs."""
+    """Rows: the share of the temporal bases, and the cost of cutting into blocks."""
     header = ["sequence", "block", "blocks", "file", "temporal bases, %", "in later blocks, %",
               "as differences, %", "file above uncut, %"]  # fmt: skip
     return table(header, map(reel_row, results))
@@ -207,7 +207,7 @@ def reel_row(result: Mapping[str, Any]) -> list[str]:
 
 
 def labels(result: Mapping[str, Any]) -> list[str]:
-    """What a row is about."""
+    """The cells that name a row."""
     return [result["sequence"], str(result["block_frames"])]
 
 
