@@ -61,12 +61,12 @@ def evaluate_command(
     """
     from meshreel.cli.reports import check_before_work, named, within, write_report
     from meshreel.evaluation.choices import checked_names
-    from meshreel.evaluation.codecs.peers.registry import checked_peers
+    from meshreel.evaluation.codecs.peers.registry import peers_named
     from meshreel.evaluation.codecs.recorded import read_recorded
     from meshreel.evaluation.codecs.study import CodecStudy
 
     chosen = checked_names(named(methods), CODED_METHODS, "method")
-    others = checked_peers(named(peers))
+    others = peers_named(named(peers))
     check_before_work(inputs, out, [reference] if reference else [])
     recorded = read_recorded(reference) if reference else []
     options: dict[str, str | None] = {}

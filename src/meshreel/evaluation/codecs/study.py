@@ -1,7 +1,7 @@
 """Our codec beside others as a study: methods, peers and recorded points on any sequences."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +9,7 @@ from meshreel.evaluation.codecs.arrangements import Arrangements
 from meshreel.evaluation.codecs.document import codec_document
 from meshreel.evaluation.codecs.measure import method_run, peer_run
 from meshreel.evaluation.codecs.peers.protocol import Peer, is_available, why_missing
-from meshreel.evaluation.codecs.peers.registry import PEERS
+from meshreel.evaluation.codecs.peers.registry import peers_named
 from meshreel.evaluation.codecs.plots import drawings
 from meshreel.evaluation.codecs.recorded import RecordedPoint, matching
 from meshreel.evaluation.codecs.results import CodecResults
@@ -40,7 +40,7 @@ class CodecStudy:
     """
 
     methods: Sequence[str] = DEFAULT_METHODS
-    peers: Sequence[Peer] = PEERS
+    peers: Sequence[Peer] = field(default_factory=peers_named)
     recorded: Sequence[RecordedPoint] = ()
     quick: bool = False
     program: str = "meshreel evaluate"

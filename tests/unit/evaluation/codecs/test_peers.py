@@ -18,7 +18,7 @@ from meshreel.evaluation.codecs.peers.protocol import (
     planar,
     why_missing,
 )
-from meshreel.evaluation.codecs.peers.registry import PEER_NAMES, PEERS, checked_peers
+from meshreel.evaluation.codecs.peers.registry import PEER_NAMES, peers_named
 from meshreel.flag import simulate_flag
 from meshreel.metrics.reference import bounding_box_reference
 from meshreel.sequence import MeshSequence
@@ -52,7 +52,7 @@ def promised(peer, sequence, setting):
 
 
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
-@pytest.mark.parametrize("peer", PEERS, ids=PEER_NAMES)
+@pytest.mark.parametrize("peer", peers_named(), ids=PEER_NAMES)
 def test_peer_keeps_its_bound_when_it_decodes_what_it_encoded(peer, small_flag, dtype):
     if not is_available(peer):
         pytest.skip(why_missing(peer))
@@ -66,7 +66,7 @@ def test_peer_keeps_its_bound_when_it_decodes_what_it_encoded(peer, small_flag, 
         assert worst <= (allowed + slack if allowed else 0)
 
 
-@pytest.mark.parametrize("peer", PEERS, ids=PEER_NAMES)
+@pytest.mark.parametrize("peer", peers_named(), ids=PEER_NAMES)
 def test_peer_takes_one_frame_when_there_is_no_more(peer, small_flag):
     if not is_available(peer):
         pytest.skip(why_missing(peer))
@@ -144,12 +144,16 @@ def test_frames_come_back_when_some_are_empty():
     assert unpack_frames(pack_frames(frames)) == frames
 
 
-def test_checked_peers_are_in_the_order_of_the_list_when_named_otherwise():
-    assert [peer.name for peer in checked_peers(["npz", "draco", "npz"])] == ["draco", "npz"]
-    assert checked_peers(["none"]) == ()
+def test_every_peer_is_found_under_its_name_when_all_are_asked_for():
+    assert tuple(peer.name for peer in peers_named()) == PEER_NAMES
+
+
+def test_peers_named_are_in_the_order_of_the_list_when_named_otherwise():
+    assert [peer.name for peer in peers_named(["npz", "draco", "npz"])] == ["draco", "npz"]
+    assert peers_named(["none"]) == ()
 
 
 @pytest.mark.parametrize("names", [["draco", "zip"], [], ["none", "draco"]])
-def test_checked_peers_say_what_there_is_when_a_name_is_wrong(names):
+def test_peers_named_say_what_there_is_when_a_name_is_wrong(names):
     with pytest.raises(InvalidInputError, match="choose from draco, sz3, zfp"):
-        checked_peers(names)
+        peers_named(names)

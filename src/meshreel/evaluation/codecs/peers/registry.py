@@ -1,29 +1,31 @@
-"""The one list of the codecs that can be measured."""
+"""The one list of the codecs that can be measured; their modules are imported when asked for."""
 
 from collections.abc import Iterable
+from importlib import import_module
+from typing import TYPE_CHECKING
 
 from meshreel.evaluation.choices import checked_names
-from meshreel.evaluation.codecs.peers.draco import Draco
-from meshreel.evaluation.codecs.peers.error_bounded import Sz3, Zfp
-from meshreel.evaluation.codecs.peers.integer_deltas import MeshOptimizer, Pcodec
-from meshreel.evaluation.codecs.peers.lossless import Blosc2, Npz
-from meshreel.evaluation.codecs.peers.protocol import Peer
 
-PEERS: tuple[Peer, ...] = (
-    Draco(),
-    Sz3(),
-    Zfp(),
-    MeshOptimizer(),
-    Pcodec(),
-    Blosc2(),
-    Npz(),
-)
-PEER_NAMES = tuple(peer.name for peer in PEERS)
+if TYPE_CHECKING:
+    from meshreel.evaluation.codecs.peers.protocol import Peer
+
+_PLACES = {
+    "draco": ("draco", "Draco"),
+    "sz3": ("error_bounded", "Sz3"),
+    "zfp": ("error_bounded", "Zfp"),
+    "meshopt": ("integer_deltas", "MeshOptimizer"),
+    "pco": ("integer_deltas", "Pcodec"),
+    "blosc2": ("lossless", "Blosc2"),
+    "npz": ("lossless", "Npz"),
+}
+"""Module and class of each, by name."""
+
+PEER_NAMES = tuple(_PLACES)
 NONE = "none"
 """Named in place of peers where none is wanted."""
 
 
-def checked_peers(names: Iterable[str]) -> tuple[Peer, ...]:
+def peers_named(names: Iterable[str] = PEER_NAMES) -> "tuple[Peer, ...]":
     """The peers of these names, in the order of the list; none for "none".
 
     Raises
@@ -34,5 +36,10 @@ def checked_peers(names: Iterable[str]) -> tuple[Peer, ...]:
     wanted = set(names)
     if wanted == {NONE}:
         return ()
-    chosen = checked_names(wanted, PEER_NAMES, "peer")
-    return tuple(peer for peer in PEERS if peer.name in chosen)
+    return tuple(_peer(name) for name in checked_names(wanted, PEER_NAMES, "peer"))
+
+
+def _peer(name: str) -> "Peer":
+    module, kind = _PLACES[name]
+    peer: Peer = getattr(import_module(f"meshreel.evaluation.codecs.peers.{module}"), kind)()
+    return peer
