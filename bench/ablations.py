@@ -1,4 +1,4 @@
-"""What each part of `reel` is worth: Bjontegaard rates of the method with one part changed.
+"""The worth of each part of `reel`: Bjontegaard rates of the method with one part changed.
 
     python bench/ablations.py samba.npz cow.npz --out ablations.json
 
@@ -23,7 +23,7 @@ import meshreel
 import meshreel.reel.agreed.weights as prediction
 import meshreel.reel.encoding.effort as effort
 from meshreel.entropy.passes import single_pass
-from meshreel.evaluation.bjontegaard import bd_rate
+from meshreel.evaluation.rate_distortion import bd_rate
 from meshreel.reel.agreed.mesh import FieldMesh
 from meshreel.reel.encoding.block_coder import FieldBlockCoder
 

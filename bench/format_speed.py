@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 
 import meshreel
-from meshreel.evaluation.machine import machine_facts, machine_line
+from meshreel.evaluation.runs.machine import machine_facts, machine_line
 from meshreel.formats.kinds import FrameFormat, SequenceFormat
 from meshreel.formats.registry import FORMATS, is_written
 from speed_inputs import waving_sphere
@@ -81,7 +81,7 @@ def why_not(found: FrameFormat | SequenceFormat) -> str:
 def case_of(
     found: FrameFormat | SequenceFormat, sequence: meshreel.MeshSequence, folder: Path
 ) -> Case:
-    """What is timed of a format; its files are written."""
+    """The tasks to time for a format; its files are written."""
     folder.mkdir()
     is_whole = isinstance(found, SequenceFormat)
     output = folder / f"sphere{'' if is_whole else '_%04d'}{found.ending}"

@@ -20,7 +20,7 @@ import numpy as np
 import numpy.typing as npt
 
 import meshreel
-from meshreel.evaluation.machine import machine_facts, machine_line
+from meshreel.evaluation.runs.machine import machine_facts, machine_line
 from meshreel.formats.frames.frame_stream import FrameStream
 from meshreel.formats.gltf.buffer_writer import BufferWriter
 from meshreel.formats.gltf.placement import place_frames

@@ -198,7 +198,7 @@ def draw_prediction(flag: Flag) -> Any:
 
 
 def draw_ablation() -> Any:
-    """What parts of the method save, from the table of docs/codec.md: a dot for each sequence."""
+    """Savings by parts of the method, from the table of docs/codec.md: a dot for each sequence."""
     text = (ROOT / "docs" / "codec.md").read_text(encoding="utf-8")
     table = text[text.index("| KG, STED |") :].split("\n\n")[0].splitlines()
     sequences = [cell.strip() for cell in table[0].split("|")[2:-1]]

@@ -1,4 +1,4 @@
-"""What readers make of all files under a folder: frames, vertices, faces and what they say.
+"""Contents of all files under a folder as readers find them: frames, vertices, faces, notes.
 
 python bench/read_files.py FOLDER
 """

@@ -18,7 +18,7 @@ import os
 from pathlib import Path
 from typing import Any
 
-from meshreel.evaluation.machine import machine_facts
+from meshreel.evaluation.runs.machine import machine_facts
 from speed_bounds import MOST_EXPONENT, Verdict, verdicts_on, verdicts_on_growth
 from speed_cases import Plan, measure
 from speed_coders import DEFAULT_EFFORT, OwnMethod, coders_of, reel_coder
@@ -65,7 +65,7 @@ def parsed_options() -> argparse.Namespace:
 
 
 def plan_of(options: argparse.Namespace) -> Plan:
-    """What to measure of every sequence."""
+    """The measurements to make on every sequence."""
     coders = coders_of(options.efforts, options.modes, with_paper=not options.without_paper)
     patience = Patience(options.repeats, options.seconds)
     return Plan(coders, options.modes, patience, options.serial, options.memory)

@@ -1,4 +1,4 @@
-"""What speeds are to keep, and whether they do."""
+"""Bounds on speeds, and whether they hold."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -13,7 +13,7 @@ from speed_trials import FLOORS, Trial, floor_tasks, serial_seconds
 
 @dataclass(frozen=True)
 class Plan:
-    """What to measure of a sequence.
+    """The measurements to make on a sequence.
 
     Attributes
     ----------
@@ -48,7 +48,7 @@ def measure(sequence: meshreel.MeshSequence, plan: Plan) -> dict[str, Any]:
 
 
 def facts(sequence: meshreel.MeshSequence) -> dict[str, Any]:
-    """What was measured."""
+    """Name and shape of a sequence."""
     return {
         "sequence": sequence.name,
         "n_frames": sequence.n_frames,

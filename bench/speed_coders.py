@@ -1,4 +1,4 @@
-"""What speeds are compared of: our methods, and Draco on every frame for itself."""
+"""Coders whose speeds are compared: our methods, and Draco on every frame for itself."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -6,9 +6,9 @@ from pathlib import Path
 from typing import Any, Protocol
 
 import meshreel
-from meshreel.evaluation.peers.draco import LEVEL, Draco
-from meshreel.evaluation.peers.integer_deltas import pack_frames, unpack_frames
-from meshreel.evaluation.peers.protocol import Shape
+from meshreel.evaluation.codecs.peers.draco import LEVEL, Draco
+from meshreel.evaluation.codecs.peers.integer_deltas import pack_frames, unpack_frames
+from meshreel.evaluation.codecs.peers.protocol import Shape
 from meshreel.sequence import Vertices
 
 DRACO_BITS = 10
@@ -24,10 +24,10 @@ class Coder(Protocol):
 
     @property
     def name(self) -> str:
-        """What the table calls it."""
+        """Its name in the table."""
 
     def prepare(self, sequence: meshreel.MeshSequence) -> meshreel.MeshSequence:
-        """What is encoded in place of the sequence; not timed."""
+        """The sequence that is encoded in its place; not timed."""
 
     def encode(self, sequence: meshreel.MeshSequence) -> bytes:
         """The prepared sequence as bytes."""
@@ -36,7 +36,7 @@ class Coder(Protocol):
         """The positions of every frame."""
 
     def open(self, path: Path, shape: Shape) -> FrameAt:
-        """What gives single frames of the stored bytes."""
+        """A function from a frame's number to its positions, which reads the stored bytes."""
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,7 @@ class OwnMethod:
         return meshreel.decode(data).vertices
 
     def open(self, path: Path, shape: Shape) -> FrameAt:
-        """What gives single frames of the stored bytes."""
+        """A function from a frame's number to its positions, which reads the stored bytes."""
         return meshreel.open(path).__getitem__
 
 
@@ -86,13 +86,13 @@ class DracoFrames:
         return self.codec.decode(data, shape, "float32")
 
     def open(self, path: Path, shape: Shape) -> FrameAt:
-        """What gives single frames of the stored bytes, in Draco's order."""
+        """A function from a frame's number to its positions, in Draco's order."""
         frames = unpack_frames(path.read_bytes())
         return lambda i: self.decode(pack_frames([frames[i]]), (1, *shape[1:]))[0]
 
 
 def reel_name(effort: int) -> str:
-    """What the table calls `reel` at this effort."""
+    """The name of `reel` at this effort in the table."""
     return f"reel, effort {effort}"
 
 

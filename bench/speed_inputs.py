@@ -39,7 +39,7 @@ def add_inputs(parser: argparse.ArgumentParser) -> None:
 
 
 def sources(options: argparse.Namespace) -> list[Source]:
-    """What was asked for: files first, then flags, then spheres."""
+    """Sources of the sequences asked for: files first, then flags, then spheres."""
     found: list[Source] = [partial(meshreel.load, path) for path in options.inputs]
     found += [partial(subdivided_once, path) for path in options.subdivided]
     found += [partial(meshreel.simulate_flag, n_frames) for n_frames in options.flag]

@@ -33,7 +33,7 @@ def peaks_mib(coder: Coder, sequence: meshreel.MeshSequence) -> dict[str, dict[s
 
 
 def in_child(work: Callable[..., Any], *arguments: Any) -> Any:
-    """What the work returns in a new process."""
+    """The value that the work returns in a new process."""
     with ProcessPoolExecutor(1, mp_context=PROCESSES) as pool:
         return pool.submit(work, *arguments).result()
 

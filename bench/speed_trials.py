@@ -1,4 +1,4 @@
-"""What is timed of a sequence: every coder, the floors, and decoding as the paper states it."""
+"""Tasks timed on a sequence: every coder, the floors, and decoding as the paper states it."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -48,7 +48,7 @@ class Trial:
         return {"encode": self.encode, "decode": lambda: self.coder.decode(self.data, self.shape)}
 
     def tasks(self) -> Tasks:
-        """What is timed, by name, in this order."""
+        """The tasks to time, by name, in this order."""
         middle = self.shape[0] // 2
         return {
             **self.coding_tasks(),
@@ -61,7 +61,7 @@ class Trial:
 
 
 def floor_tasks(sequence: meshreel.MeshSequence, n_modes: int) -> dict[str, Tasks]:
-    """What no encoder or decoder by modes can avoid, the least of it.
+    """The least work that no encoder or decoder by modes can avoid.
 
     To encode, the smaller Gram matrix and one projection for each axis; to decode, the product of
     basis and coefficients for each axis, and writing the frames. Both with the threads of BLAS and
@@ -70,7 +70,7 @@ def floor_tasks(sequence: meshreel.MeshSequence, n_modes: int) -> dict[str, Task
     frame = bounding_frame(sequence.extent)
     matrices = to_matrices(sequence.vertices, frame)
     n_frames, n_verts = matrices.shape[1:]
-    # Any orthonormal basis: what its numbers are does not change the seconds.
+    # Any orthonormal basis: its numbers do not change the seconds.
     columns = np.random.default_rng(0).normal(size=(3, n_frames, min(n_modes, n_frames)))
     basis = np.linalg.qr(columns).Q
     coefficients = project(basis, matrices)

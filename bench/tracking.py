@@ -23,7 +23,7 @@ from typing import Any
 import meshreel
 import tracking_basis
 import tracking_bits
-from meshreel.evaluation.machine import machine_facts, machine_line
+from meshreel.evaluation.runs.machine import machine_facts, machine_line
 from meshreel.runtime.threads import one_blas_thread
 from speed_inputs import Source, first_frames
 
@@ -34,7 +34,7 @@ LOOPS = 4
 
 @dataclass(frozen=True)
 class Part:
-    """What is measured of a sequence with one block length, and its tables."""
+    """A measurement on a sequence with one block length, and its tables."""
 
     measure: Callable[[meshreel.MeshSequence, int, list[int]], dict[str, Any]]
     tables: Callable[[list[dict[str, Any]]], str]
@@ -66,7 +66,7 @@ def cases(options: argparse.Namespace) -> Iterator[tuple[Source, list[int]]]:
 
 
 def results(options: argparse.Namespace) -> Iterator[dict[str, Any]]:
-    """What was measured of every sequence and block length that fit each other."""
+    """Measurements on every sequence and block length that fit each other."""
     for source, lengths in cases(options):
         sequence = source()
         for length in lengths:

@@ -14,7 +14,7 @@ from meshreel.bitstream.layout import Section
 from meshreel.bitstream.reader import read_stream
 from meshreel.codec.methods import method_named
 from meshreel.codec.stored_blocks import stored_blocks
-from meshreel.evaluation.bjontegaard import bd_rate
+from meshreel.evaluation.rate_distortion import bd_rate
 from meshreel.metrics.kg import kg_error_percent
 from meshreel.paper import pipeline
 from meshreel.reel.agreed.payloads import read_basis, write_basis
@@ -186,7 +186,7 @@ def rate_row(result: Mapping[str, Any]) -> list[str]:
 
 
 def reel_table(results: list[dict[str, Any]]) -> str:
-    """Rows: what the temporal bases take, and what cutting costs."""
+    """Rows: the share of the temporal bases, and the cost of cutting into blocks."""
     header = ["sequence", "block", "blocks", "file", "temporal bases, %", "in later blocks, %",
               "as differences, %", "file above uncut, %"]  # fmt: skip
     return table(header, map(reel_row, results))
@@ -207,7 +207,7 @@ def reel_row(result: Mapping[str, Any]) -> list[str]:
 
 
 def labels(result: Mapping[str, Any]) -> list[str]:
-    """What a row is about."""
+    """The cells that name a row."""
     return [result["sequence"], str(result["block_frames"])]
 
 

@@ -6,7 +6,7 @@ import sys
 import pytest
 
 import meshreel
-from meshreel.evaluation.recorded import COLUMNS
+from meshreel.evaluation.codecs.recorded import COLUMNS
 from meshreel.flag import simulate_flag
 from samples.commands import finished
 

@@ -7,7 +7,6 @@ import sys
 import pytest
 
 import meshreel
-from meshreel.evaluation.store import MARKER
 from samples.commands import finished
 from samples.meshes import waving_grid
 
@@ -54,7 +53,8 @@ def test_paper_keeps_a_foreign_folder_and_names_it_when_it_is_given(tmp_path, gr
     (folder / "notes.txt").touch()
     done = run(grid, "--out", folder, "--methods", "v2v")
     assert done.returncode == 1
-    assert done.stderr.startswith(f"meshreel: the folder {folder} holds files and no {MARKER}")
+    problem = f"meshreel: the folder {folder} holds files and no meshreel-paper.json"
+    assert done.stderr.startswith(problem)
     assert len(done.stderr.splitlines()) == 1
     assert [path.name for path in folder.iterdir()] == ["notes.txt"]
 

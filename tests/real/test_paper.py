@@ -5,11 +5,12 @@ from pathlib import Path
 
 import pytest
 
-from meshreel.evaluation.results import SequenceResults
-from meshreel.evaluation.runner import run
-from meshreel.evaluation.settings import variants
-from meshreel.evaluation.store import Store
-from meshreel.evaluation.tables import rate_table
+from meshreel.evaluation.paper.measure import variant_run
+from meshreel.evaluation.paper.results import PaperResults
+from meshreel.evaluation.paper.settings import variants
+from meshreel.evaluation.paper.tables import rate_table
+from meshreel.evaluation.runs.run import result_of
+from meshreel.evaluation.runs.store import Store
 from meshreel.formats.load import load
 
 pytestmark = [
@@ -25,7 +26,9 @@ def results(tmp_path_factory):
     sequence = load(Path(os.environ["MESHREEL_DATA"]) / "samba.npz")
     store = Store.for_sequence(tmp_path_factory.mktemp("results"), sequence)
     settings = variants(sequence.n_frames, QUICK_METHODS)
-    return SequenceResults("samba", store.sequence, [run(sequence, s, store) for s in settings])
+    return PaperResults(
+        "samba", store.sequence, [result_of(variant_run(sequence, s), store) for s in settings]
+    )
 
 
 @pytest.mark.parametrize(

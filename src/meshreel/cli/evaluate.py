@@ -1,14 +1,13 @@
 """`meshreel evaluate`: our methods beside other codecs, on any sequences."""
 
-import shlex
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from meshreel.cli.completing import input_files
-from meshreel.evaluation.peers.registry import NONE, PEER_NAMES
-from meshreel.evaluation.sweeps import CODED_METHODS, DEFAULT_METHODS
+from meshreel.evaluation.codecs.peers.registry import NONE, PEER_NAMES
+from meshreel.evaluation.codecs.settings import CODED_METHODS, DEFAULT_METHODS
 
 
 def evaluate_command(
@@ -60,53 +59,24 @@ def evaluate_command(
 
     - `meshreel evaluate walk.npz --peers none --json`
     """
-    from meshreel.cli.console import print_notes, progress_bar
-    from meshreel.cli.reports import print_report
-    from meshreel.evaluation.evaluate import evaluate
-    from meshreel.evaluation.peers.registry import checked_peers
-    from meshreel.evaluation.recorded import read_recorded
-    from meshreel.evaluation.sweeps import checked_coded_methods
-    from meshreel.formats.load import load
-    from meshreel.formats.sources import files_of_source
-    from meshreel.rendering.plots import require_matplotlib
-    from meshreel.runtime.outputs.checks import check_output_folder
+    from meshreel.cli.reports import check_before_work, named, within, write_report
+    from meshreel.evaluation.choices import checked_names
+    from meshreel.evaluation.codecs.peers.registry import peers_named
+    from meshreel.evaluation.codecs.recorded import read_recorded
+    from meshreel.evaluation.codecs.study import CodecStudy
 
-    chosen = checked_coded_methods(_names(methods))
-    others = checked_peers(_names(peers))
-    require_matplotlib()
-    files = [file for given in inputs for file in files_of_source(given)]
-    check_output_folder(out, inputs=[*files, *([reference] if reference else [])])
+    chosen = checked_names(named(methods), CODED_METHODS, "method")
+    others = peers_named(named(peers))
+    check_before_work(inputs, out, [reference] if reference else [])
     recorded = read_recorded(reference) if reference else []
-    notes: list[str] = []
-    with progress_bar() as progress:
-        sequences = [load(source, progress=progress, notes=notes) for source in inputs]
-        made = evaluate(
-            sequences, out,
-            methods=chosen, peers=others, recorded=recorded, quick=quick,
-            command=_command_line(inputs, out, methods, peers, reference, quick),
-            progress=progress,
-        )  # fmt: skip
-    print_notes([*notes, *made.notes])
-    print_report(made, out, notes, as_json=as_json)
-
-
-def _names(text: str) -> list[str]:
-    return [name.strip() for name in text.split(",") if name.strip()]
-
-
-def _command_line(
-    inputs: list[str], out: Path, methods: str, peers: str, reference: Path | None, quick: bool
-) -> str:
-    """The command that makes the report again."""
-    from meshreel.cli.reports import within
-
-    words = ["meshreel", "evaluate", *map(within, inputs), "--out", within(str(out))]
+    options: dict[str, str | None] = {}
     if methods != ",".join(DEFAULT_METHODS):
-        words += ["--methods", methods]
+        options["--methods"] = methods
     if peers != ",".join(PEER_NAMES):
-        words += ["--peers", peers]
+        options["--peers"] = peers
     if reference:
-        words += ["--reference", within(str(reference))]
+        options["--reference"] = within(str(reference))
     if quick:
-        words.append("--quick")
-    return shlex.join(words)
+        options["--quick"] = None
+    study = CodecStudy(chosen, others, recorded, quick)
+    write_report(study, inputs, out, options, as_json=as_json)

@@ -1,13 +1,12 @@
 """`meshreel paper`: the paper's evaluation on any sequences."""
 
-import shlex
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from meshreel.cli.completing import input_files
-from meshreel.evaluation.settings import METHOD_NAMES
+from meshreel.evaluation.paper.settings import METHOD_NAMES
 
 
 def paper_command(
@@ -46,45 +45,18 @@ def paper_command(
 
     - `meshreel paper walk.npz --methods v2v,pca-qp --out walk-report`
     """
-    from meshreel.cli.console import print_notes, progress_bar
-    from meshreel.cli.reports import print_report
-    from meshreel.evaluation.reproduce import reproduce
-    from meshreel.evaluation.settings import checked_methods
-    from meshreel.flag import simulate_flag
-    from meshreel.formats.load import load
-    from meshreel.formats.sources import files_of_source
-    from meshreel.rendering.plots import require_matplotlib
-    from meshreel.runtime.outputs.checks import check_output_folder
+    from meshreel.cli.reports import check_before_work, named, write_report
+    from meshreel.evaluation.choices import checked_names
+    from meshreel.evaluation.paper.study import PaperStudy
 
-    chosen = checked_methods(name.strip() for name in methods.split(","))
-    require_matplotlib()
-    files = [file for given in inputs or [] for file in files_of_source(given)]
-    check_output_folder(out, inputs=files)
-    notes: list[str] = []
-    with progress_bar() as progress:
-        if inputs:
-            sequences = [load(source, progress=progress, notes=notes) for source in inputs]
-        else:
-            sequences = [simulate_flag(frames, progress=progress)]
-        command = _command_line(inputs or [], out, frames, chosen, quick)
-        made = reproduce(
-            sequences, out, methods=chosen, quick=quick, command=command, progress=progress
-        )
-    print_notes(notes)
-    print_report(made, out, notes, as_json=as_json)
-
-
-def _command_line(
-    inputs: list[str], out: Path, frames: int, methods: tuple[str, ...], quick: bool
-) -> str:
-    """The command that makes the report again."""
-    from meshreel.cli.reports import within
-
-    words = ["meshreel", "paper", *map(within, inputs), "--out", within(str(out))]
+    chosen = checked_names(named(methods), METHOD_NAMES, "method")
+    check_before_work(inputs or [], out)
+    options: dict[str, str | None] = {}
     if not inputs:
-        words += ["--frames", str(frames)]
-    if methods != METHOD_NAMES:
-        words += ["--methods", ",".join(methods)]
+        options["--frames"] = str(frames)
+    if chosen != METHOD_NAMES:
+        options["--methods"] = ",".join(chosen)
     if quick:
-        words.append("--quick")
-    return shlex.join(words)
+        options["--quick"] = None
+    study = PaperStudy(chosen, quick)
+    write_report(study, inputs or [], out, options, flag_frames=frames, as_json=as_json)

@@ -1,1 +1,8 @@
-"""The paper's evaluation: variants run, results stored, tables, figures and report built."""
+"""Evaluations: sequences in, a report out.
+
+`pipeline` goes the whole way: the runs that a study plans (`runs/`), their results on disk, its
+plots and pictures (`plots/`), its document as Markdown and HTML (`report/`). There are two
+studies: `paper/` runs the paper's evaluation, `codecs/` sets our codec beside others. Each has
+the same rooms: settings, measure, results, tables, plots or figures, document, and `study`, which
+hands them to the pipeline.
+"""

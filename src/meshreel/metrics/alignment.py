@@ -12,7 +12,7 @@ from meshreel.sequence import FrameSource
 Floats = npt.NDArray[np.float64]
 
 MOST_FRAMES, MOST_VERTICES = 8, 4096
-"""What is looked at, evenly spaced; a turn of axes shows in few."""
+"""Samples of a sequence, evenly spaced; a turn of axes shows in few."""
 
 NOTICEABLE = 0.02
 """Differences of less than this share of the size are errors of a codec, not of axes."""
@@ -28,12 +28,12 @@ NAMED_TURNS: dict[tuple[str, ...], str] = {
 
 @dataclass(frozen=True)
 class Alignment:
-    """What was done to one sequence to give nearly the other.
+    """Turn, scale and shift that make of one sequence nearly the other.
 
     Attributes
     ----------
     axes : tuple of 3 str
-        What x, y and z of the second are in the first: ("x", "-z", "y").
+        The axes of the first that x, y and z of the second are, such as ("x", "-z", "y").
     scale : float
         Size of the second by that of the first.
     shift : tuple of 3 floats
@@ -111,9 +111,8 @@ def find_alignment(original: FrameSource, decoded: FrameSource) -> Alignment | N
 def _best_axes(products: Floats) -> tuple[tuple[int, ...], Floats, float]:
     """Order and signs of the axes that fit best, and their sum of products, of shape (3, 3)."""
     best: tuple[tuple[int, ...], Floats, float] | None = None
-    for order in permutations(
-        range(3)
-    ):  # the first is as it is, and stays unless another is better
+    # The first order is the identity, which stays unless another is better.
+    for order in permutations(range(3)):
         chosen = products[range(3), order]
         match = float(np.abs(chosen).sum())
         if best is None or match > best[2] * (1 + 1e-6):
@@ -124,7 +123,7 @@ def _best_axes(products: Floats) -> tuple[tuple[int, ...], Floats, float]:
 
 
 def _sampled(original: FrameSource, decoded: FrameSource) -> tuple[Floats, Floats, float]:
-    """Some frames and vertices of both, about the size of 1, and what they were multiplied by."""
+    """Some frames and vertices of both, about the size of 1, and the factor that made them so."""
     frames = np.unique(np.linspace(0, original.n_frames - 1, MOST_FRAMES).astype(int))
     verts = np.unique(np.linspace(0, original.n_verts - 1, MOST_VERTICES).astype(int))
     first, second = (

@@ -119,7 +119,7 @@ def compare(
 
 
 def require_comparable(original: FrameSource, decoded: FrameSource) -> None:
-    """Nothing if the sequences agree in frame count, vertex count and oriented triangles.
+    """Check that two sequences agree in frame count, vertex count and oriented triangles.
 
     Raises
     ------
@@ -141,7 +141,7 @@ def require_comparable(original: FrameSource, decoded: FrameSource) -> None:
 
 
 def require_same_triangles(faces: Faces, faces_hat: Faces, n_verts: int) -> None:
-    """Nothing if both lists hold the same oriented triangles equally often.
+    """Check that both lists hold the same oriented triangles equally often.
 
     Raises
     ------

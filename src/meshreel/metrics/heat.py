@@ -27,7 +27,7 @@ class Heat:
     Attributes
     ----------
     label : str
-        What its values are.
+        Names its values.
     unit : str
         Short, as it stands behind a number; empty if they have none.
     """

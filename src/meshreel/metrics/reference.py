@@ -81,7 +81,7 @@ def shared_reference(original: Vertices, decoded: Vertices) -> Reference:
 
 
 def require_same_shape(original: Vertices, decoded: Vertices) -> None:
-    """Nothing if the two arrays have the same shape (T, V, 3).
+    """Check that two arrays have the same shape (T, V, 3).
 
     Raises
     ------

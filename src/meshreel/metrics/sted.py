@@ -23,9 +23,9 @@ Integers = npt.NDArray[np.int64]
 TIME_STEP = 3e-4
 """dt, the length of a frame on the time axis, in diameters of the model."""
 TEMPORAL_WEIGHT = 9.144e-5
-"""c, what a unit of temporal error counts beside a unit of spatial error."""
+"""c, the weight of a unit of temporal error beside a unit of spatial error."""
 FRAMES_BEFORE, FRAMES_AFTER = 4, 5
-"""The window of a mean speed: steps f-4 to f+5 about step f, as many as there are."""
+"""The window of a mean speed: moves f-4 to f+5 about move f, as many as there are."""
 
 _BLOCK_VALUES = 1 << 18
 
@@ -106,7 +106,7 @@ def relative_edge_errors(
     Parameters
     ----------
     frame, displacement : float64 arrays of shape (V, 3)
-        Original positions, and what the decoded ones are off; from `paired_frames`.
+        Original positions, and the displacements of the decoded ones; from `paired_frames`.
     edges : integer array of shape (E, 2)
     """
     along = frame[edges[:, 1]] - frame[edges[:, 0]]
@@ -115,8 +115,8 @@ def relative_edge_errors(
     lengths, lengths_hat = _lengths(along), _lengths(along_hat)
     # l - l^ = (l^2 - l^^2) / (l + l^): small errors keep their digits.
     squares = np.einsum("ea,ea->e", change, along + along_hat)
-    scales = lengths * (lengths + lengths_hat)
-    return lengths, np.divide(squares, scales, out=np.zeros_like(squares), where=scales > 0)
+    sizes = lengths * (lengths + lengths_hat)
+    return lengths, np.divide(squares, sizes, out=np.zeros_like(squares), where=sizes > 0)
 
 
 def _temporal_error(original: Vertices, decoded: Vertices, reference: Reference) -> float:
@@ -132,17 +132,17 @@ def _temporal_error(original: Vertices, decoded: Vertices, reference: Reference)
     total = 0.0
     for start in range(0, n_verts, block):
         part = slice(start, start + block)
-        steps, steps_hat = (
+        moves, moves_hat = (
             np.diff(vertices[:, part].astype(np.float64) * reference.scale, axis=0)
             for vertices in (original, decoded)
         )
-        total += _sum_of_speed_errors(steps, steps_hat, TIME_STEP * unit)
+        total += _sum_of_speed_errors(moves, moves_hat, TIME_STEP * unit)
     return math.inf if math.isnan(total) else total / (n_verts * (n_frames - 1))
 
 
-def _sum_of_speed_errors(steps: Floats, steps_hat: Floats, time_step: float) -> float:
-    speeds, speeds_hat = _speeds(steps, time_step), _speeds(steps_hat, time_step)
-    squares = np.einsum("fva,fva->fv", steps - steps_hat, steps + steps_hat)
+def _sum_of_speed_errors(moves: Floats, moves_hat: Floats, time_step: float) -> float:
+    speeds, speeds_hat = _speeds(moves, time_step), _speeds(moves_hat, time_step)
+    squares = np.einsum("fva,fva->fv", moves - moves_hat, moves + moves_hat)
     errors = np.abs(squares) / (speeds + speeds_hat)
     return float((errors / _windowed_means(speeds)).sum())
 
@@ -161,5 +161,5 @@ def _lengths(vectors: Floats) -> Floats:
     return np.asarray(np.sqrt(np.einsum("ea,ea->e", vectors, vectors)))
 
 
-def _speeds(steps: Floats, time_step: float) -> Floats:
-    return np.asarray(np.sqrt(np.einsum("fva,fva->fv", steps, steps) + time_step**2))
+def _speeds(moves: Floats, time_step: float) -> Floats:
+    return np.asarray(np.sqrt(np.einsum("fva,fva->fv", moves, moves) + time_step**2))

@@ -70,9 +70,11 @@ class Camera:
         local = (vertices - self.eye) @ self.axes.T
         depths = local[..., 2]
         in_front = depths > 0
-        scale = np.divide(self.focal_px, depths, out=np.zeros_like(depths), where=in_front)
+        px_per_unit = np.divide(self.focal_px, depths, out=np.zeros_like(depths), where=in_front)
         centre = np.array([self.width, self.height]) / 2
-        points = np.where(in_front[..., None], local[..., :2] * scale[..., None] + centre, 0.0)
+        points = np.where(
+            in_front[..., None], local[..., :2] * px_per_unit[..., None] + centre, 0.0
+        )
         return points, depths
 
 

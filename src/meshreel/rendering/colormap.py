@@ -17,7 +17,7 @@ from meshreel.rendering.lettering import (
 
 Image = npt.NDArray[np.uint8]
 
-# Violet, blue, green, yellow: a path of even steps through OKLab (Ottosson 2020) whose lightness
+# Violet, blue, green, yellow: a path of even speed through OKLab (Ottosson 2020) whose lightness
 # rises all the way, so that it reads in grey and with every kind of colour vision.
 HEAT = np.array(
     [
@@ -154,7 +154,7 @@ def _round_ticks(low: float, high: float, n_most: int) -> list[float]:
         return [low]
     least = (high - low) / (n_most - 1)
     power = 10.0 ** np.floor(np.log10(least))
-    step = power * next(factor for factor in (1, 2, 5, 10) if factor * power >= least * (1 - 1e-9))
-    first, last = np.ceil(low / step - 1e-9), np.floor(high / step + 1e-9)
-    ticks = [float(number * step) + 0.0 for number in np.arange(first, last + 1)]
+    apart = power * next(factor for factor in (1, 2, 5, 10) if factor * power >= least * (1 - 1e-9))
+    first, last = np.ceil(low / apart - 1e-9), np.floor(high / apart + 1e-9)
+    ticks = [float(number * apart) + 0.0 for number in np.arange(first, last + 1)]
     return ticks if len(ticks) > 1 else [low, high]

@@ -145,15 +145,15 @@ def save_gif(
     InvalidInputError
         If the path cannot or must not be written.
     """
-    step = 1
-    while film.fps / step > GIF_MAX_FPS:
-        step += 1
+    stride = 1
+    while film.fps / stride > GIF_MAX_FPS:
+        stride += 1
     with (
         replace_when_done(path, overwrite=overwrite) as temporary,
         temporary.open("wb") as file,
     ):
         palette = _palette(film)
-        _write_gif(file, _told(film, step, progress), palette, step / film.fps)
+        _write_gif(file, _told(film, stride, progress), palette, stride / film.fps)
 
 
 def _write_gif(
@@ -181,8 +181,8 @@ def _write_gif(
 
 def _palette(film: Film) -> PillowImage.Image:
     """The background, and 255 colours that suit pictures from all over the film."""
-    step = -(-film.n_pictures // N_PALETTE_PICTURES)
-    samples = list(film.pictures(step))
+    stride = -(-film.n_pictures // N_PALETTE_PICTURES)
+    samples = list(film.pictures(stride))
     width, height = film.size
     sheet = PillowImage.new("RGB", (width, height * len(samples)))
     for number, sample in enumerate(samples):
@@ -196,8 +196,8 @@ def _palette(film: Film) -> PillowImage.Image:
     return palette
 
 
-def _told(film: Film, step: int, progress: Progress) -> Iterator[PillowImage.Image]:
-    total = -(-film.n_pictures // step)
-    for done, picture in enumerate(film.pictures(step), 1):
+def _told(film: Film, stride: int, progress: Progress) -> Iterator[PillowImage.Image]:
+    total = -(-film.n_pictures // stride)
+    for done, picture in enumerate(film.pictures(stride), 1):
         yield picture
         progress("drawing", Count(done, total, "pictures"))

@@ -7,7 +7,7 @@ from PIL import Image as PillowImage
 
 from meshreel.rendering.framing import framing_of
 from meshreel.rendering.layout import Place
-from meshreel.rendering.scenes import ChosenFrames, HeatScale, Scene
+from meshreel.rendering.scenes import ChosenFrames, HeatRange, Scene
 from meshreel.rendering.sheets import Sheet, plan_sheet
 from meshreel.rendering.shots import (
     ASPECT_FRAMES,
@@ -21,7 +21,7 @@ from meshreel.rendering.views import Turntable, View, swept_points, turntable
 from meshreel.runtime.progress import Progress, silent
 
 FILM_PX, GIF_PX = (1280, 720), (800, 450)
-"""What a picture takes at most when no size is given; a GIF has no room for large ones."""
+"""The largest picture when no size is given; a GIF has no room for large ones."""
 
 UNKNOWN_FPS = 24.0
 """At which a sequence plays whose frame rate is not known."""
@@ -34,7 +34,7 @@ class Film:
     Attributes
     ----------
     scene : Scene
-    scale : HeatScale or None
+    heat_range : HeatRange or None
     sheet : Sheet
     shots : sequence of Shot
         One for each picture.
@@ -43,7 +43,7 @@ class Film:
     """
 
     scene: Scene
-    scale: HeatScale | None
+    heat_range: HeatRange | None
     sheet: Sheet
     shots: Sequence[Shot]
     fps: float
@@ -58,10 +58,10 @@ class Film:
         """Width and height of each picture, in pixels."""
         return self.sheet.layout.size
 
-    def pictures(self, step: int = 1) -> Iterator[PillowImage.Image]:
-        """All pictures in order, or one of every `step`."""
-        shots = self.shots[::step]
-        drawn = draw_shots(self.scene, shots, self.scale)
+    def pictures(self, stride: int = 1) -> Iterator[PillowImage.Image]:
+        """All pictures in order, or one of every `stride`."""
+        shots = self.shots[::stride]
+        drawn = draw_shots(self.scene, shots, self.heat_range)
         for (number, _), views in zip(shots, drawn, strict=True):
             yield self.sheet.filled(views, frame_labels(self.scene, number))
 
@@ -105,9 +105,9 @@ def film(
         If the size is too small.
     """
     fps = scene.shown.fps or UNKNOWN_FPS
-    scale = scene.heat_scale(numbers, progress)
+    heat_range = scene.heat_range(numbers, progress)
     labels = [frame_labels(scene, number)[0] for number in numbers]
-    words = scene_words(scene, scale, labels)
+    words = scene_words(scene, heat_range, labels)
     frames = ChosenFrames(scene.framed, numbers)
     if turn_s is None:
         some = ChosenFrames(scene.framed, spread_frames(numbers, ASPECT_FRAMES))
@@ -119,10 +119,10 @@ def film(
         layout = plan_sheet(words, len(words.titles), view.aspect([swept]), size, most)
         circle = turntable(view, swept, *layout.view_size)
         shots = _circling(circle, numbers, max(1, round(turn_s * fps)))
-    return Film(scene, scale, Sheet(layout, words, scene.background), shots, fps)
+    return Film(scene, heat_range, Sheet(layout, words, scene.background), shots, fps)
 
 
 def _circling(circle: Turntable, numbers: Sequence[int], n_per_turn: int) -> list[Shot]:
-    cameras = [circle.camera(360 * step / n_per_turn) for step in range(n_per_turn)]
-    steps = range(max(len(numbers), n_per_turn))
-    return [(numbers[step % len(numbers)], cameras[step % n_per_turn]) for step in steps]
+    cameras = [circle.camera(360 * place / n_per_turn) for place in range(n_per_turn)]
+    pictures = range(max(len(numbers), n_per_turn))
+    return [(numbers[nth % len(numbers)], cameras[nth % n_per_turn]) for nth in pictures]

@@ -18,7 +18,7 @@ Place = tuple[int, int]
 
 @dataclass(frozen=True)
 class Parts:
-    """What a sheet is made of.
+    """The parts of a sheet.
 
     Parameters
     ----------
@@ -123,13 +123,13 @@ def plan_layout(size: Place, parts: Parts, font_px: float, aspect: float | None 
         whole = around[0] + parts.n_columns * width, around[1] + parts.n_rows * height
         size = whole[0] + whole[0] % 2, whole[1] + whole[1] % 2
     top = gap + parts.n_title_lines * line
-    step = height + gap + parts.n_label_lines * line
+    pitch = height + gap + parts.n_label_lines * line
     return Layout(
         size=size,
         view_size=(width, height),
         columns=tuple(gap + number * (width + gap) for number in range(parts.n_columns)),
-        rows=tuple(top + number * step for number in range(parts.n_rows)),
-        foot=top + parts.n_rows * step - gap // 2,
+        rows=tuple(top + number * pitch for number in range(parts.n_rows)),
+        foot=top + parts.n_rows * pitch - gap // 2,
         font=font, line=line, gap=gap,
     )  # fmt: skip
 

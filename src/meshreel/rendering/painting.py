@@ -21,7 +21,7 @@ _PIXELS_AT_ONCE = 1 << 16
 
 @dataclass(frozen=True)
 class SeenSurface:
-    """What shading needs of one frame of M faces; normals in camera axes."""
+    """The input of shading for one frame of M faces; normals in camera axes."""
 
     first: Floats  # (M, 2): the first corner of each face, pixels
     near: Floats  # (M, 3)
@@ -42,7 +42,7 @@ def seen_surface(
     smooth: bool,
     glow: float,
 ) -> SeenSurface:
-    """What shading needs of a frame, from where its corners fall and how near they are.
+    """The input of shading for a frame, from where its corners fall and how near they are.
 
     Parameters
     ----------

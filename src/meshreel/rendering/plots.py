@@ -33,7 +33,7 @@ def plot_error_per_frame(
     ----------
     path : Path
     title : str
-        What is compared.
+        Names what is compared.
     nmsve : float64 array of shape (T,)
     fps : float, default 0
         Frames per second; adds a second axis in seconds unless it is 0.

@@ -1,4 +1,4 @@
-"""What a picture shows of a mesh in one frame: itself, its original, and how far it is off."""
+"""Views of a mesh in one frame: itself, its original, and how far it is off."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ from meshreel.runtime.progress import Count, Progress, silent
 from meshreel.sequence import FrameSource
 
 HEAT_PERCENTILE = 99.5
-"""The colour scale ends at a round number above this percentile of all values shown."""
+"""The colours of a heat map end at a round number above this percentile of all values shown."""
 
 _N_QUANTILES = 1000
 """So many values of each frame stand for all of its vertices."""
@@ -31,7 +31,7 @@ WHITE: Color = (255, 255, 255)
 
 
 @dataclass(frozen=True)
-class HeatScale:
+class HeatRange:
     """The range of colours, the same for all frames.
 
     Attributes
@@ -104,14 +104,14 @@ class Scene:
 
     @property
     def framed(self) -> FrameSource:
-        """What the camera must see: the original, where there is one."""
+        """The sequence that the camera must see: the original, where there is one."""
         return self.original if self.original is not None else self.shown
 
     def read(self, number: int) -> list[Frame]:
         """The positions of a frame in each sequence, those of the original first."""
         return [_frame(source, number) for source in self._sources]
 
-    def heat_scale(self, numbers: Sequence[int], progress: Progress = silent) -> HeatScale | None:
+    def heat_range(self, numbers: Sequence[int], progress: Progress = silent) -> HeatRange | None:
         """The range of colours that suits these frames; None where there is no heat map.
 
         Parameters
@@ -131,25 +131,25 @@ class Scene:
             progress("measuring", Count(done, len(numbers), "frames"))
         high = round_up(float(np.percentile(quantiles, HEAT_PERCENTILE)))
         worst = int(np.argmax(most))
-        return HeatScale(high, most[worst], numbers[worst])
+        return HeatRange(high, most[worst], numbers[worst])
 
     def draw(
-        self, frames: Sequence[Frame], camera: Camera, scale: HeatScale | None = None
+        self, frames: Sequence[Frame], camera: Camera, heat_range: HeatRange | None = None
     ) -> list[Image]:
         """The views of a frame, in the order of their titles.
 
         Parameters
         ----------
         frames : sequence of float arrays of shape (V, 3)
-            What `read` gave.
+            From `read`.
         camera : Camera
-        scale : HeatScale, optional
-            From `heat_scale`.
+        heat_range : HeatRange, optional
+            From `heat_range`.
         """
         faces = [source.faces for source in self._sources]
         looks = [*zip(frames, faces, self._colors, [0.0] * len(frames), strict=True)]
-        if self._field is not None and scale is not None:
-            heat = colorize(self._field(*frames), 0.0, scale.high)
+        if self._field is not None and heat_range is not None:
+            heat = colorize(self._field(*frames), 0.0, heat_range.high)
             looks.append((frames[-1], self.shown.faces, heat, HEAT_GLOW))
         return [
             render(frame, faces, camera, colors=colors, background=self.background, glow=glow)

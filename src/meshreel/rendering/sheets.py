@@ -18,7 +18,7 @@ TALLEST_BAR_PX = 560
 
 @dataclass(frozen=True)
 class Words:
-    """What is written on a sheet, beside the colour bar of a heat map.
+    """The words on a sheet, beside the colour bar of a heat map.
 
     Parameters
     ----------

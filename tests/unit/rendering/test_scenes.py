@@ -10,9 +10,9 @@ from meshreel.sequence import MeshSequence
 from samples.meshes import quad_sheet, waving_grid
 
 
-def drawn(scene, number=3, scale=None):
+def drawn(scene, number=3, heat_range=None):
     camera = View().camera(scene.framed.vertices, 160, 120)
-    return scene.draw(scene.read(number), camera, scale)
+    return scene.draw(scene.read(number), camera, heat_range)
 
 
 def test_scene_names_the_option_when_there_is_heat_and_no_original(grid):
@@ -32,33 +32,33 @@ def test_scene_has_a_view_for_each_title_when_drawn(grid, lifted):
         (Scene(lifted, grid, "angle"), ["original", "decoded", HEATS["angle"].label]),
     ):
         assert scene.titles == titles
-        assert len(drawn(scene, scale=scene.heat_scale([3]))) == len(titles)
+        assert len(drawn(scene, heat_range=scene.heat_range([3]))) == len(titles)
 
 
 @pytest.mark.parametrize("kind", HEATS)
-def test_heat_scale_covers_nearly_all_values_when_frames_are_measured(kind, grid, lifted):
-    scale = Scene(lifted, grid, kind).heat_scale(range(12))
+def test_heat_range_covers_nearly_all_values_when_frames_are_measured(kind, grid, lifted):
+    heat_range = Scene(lifted, grid, kind).heat_range(range(12))
     diagonal = bounding_box_reference(grid.vertices).diagonal
     field = heat_field(kind, grid.faces, grid.n_verts, diagonal)
     values = np.concatenate(
         [field(*pair) for pair in zip(grid.vertices, lifted.vertices, strict=True)]
     )
-    assert scale.largest == values.max()
-    assert (values <= scale.high).mean() > 0.99
-    assert scale.high <= 2 * values.max()
+    assert heat_range.largest == values.max()
+    assert (values <= heat_range.high).mean() > 0.99
+    assert heat_range.high <= 2 * values.max()
 
 
 def test_heat_map_is_bright_where_vertices_are_off_and_dark_elsewhere(grid, lifted):
     same, off = Scene(grid, grid, "distance"), Scene(lifted, grid, "distance")
-    scale = off.heat_scale([3])
-    dark, bright = (drawn(scene, scale=scale)[2].astype(int) for scene in (same, off))
+    heat_range = off.heat_range([3])
+    dark, bright = (drawn(scene, heat_range=heat_range)[2].astype(int) for scene in (same, off))
     changed = np.abs(bright - dark).max(axis=2) > 60
     assert 0.02 < changed.mean() < 0.5
     assert np.abs(drawn(off)[0].astype(int) - drawn(same)[0]).max() == 0
 
 
-def test_scene_without_heat_has_no_scale(grid):
-    assert Scene(grid, grid).heat_scale([0]) is None
+def test_scene_without_heat_has_no_range(grid):
+    assert Scene(grid, grid).heat_range([0]) is None
 
 
 def test_scene_shows_the_colours_of_the_surface_when_there_are_any():

@@ -1,0 +1,1 @@
+"""Our codec beside other codecs: `meshreel evaluate`."""

@@ -1,0 +1,1 @@
+"""The paper's evaluation on any sequences: `meshreel paper`."""

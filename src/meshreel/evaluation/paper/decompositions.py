@@ -1,0 +1,33 @@
+"""Seconds of one eigen-decomposition of the graph Laplacian: the paper does one for each frame."""
+
+import statistics
+import time
+
+from meshreel.evaluation.runs.run import Outcome, Run
+from meshreel.geometry.laplacian import uniform_laplacian
+from meshreel.paper.subspace.graph_fourier import graph_fourier_basis
+from meshreel.runtime.progress import Progress
+from meshreel.sequence import MeshSequence
+
+N_DECOMPOSITIONS = 2
+
+
+def decompositions_run(sequence: MeshSequence, n_modes: int) -> Run:
+    """The run that times decompositions for so many graph frequencies, two of them.
+
+    Its figures are "n_modes", "seconds" (of each) and "seconds_each" (their mean).
+    """
+
+    def measure(progress: Progress) -> Outcome:
+        laplacian = uniform_laplacian(sequence.faces, sequence.n_verts)
+        seconds = []
+        for number in range(N_DECOMPOSITIONS):
+            progress("decomposition", number / N_DECOMPOSITIONS)
+            start = time.perf_counter()
+            graph_fourier_basis(laplacian, n_modes)
+            seconds.append(time.perf_counter() - start)
+        mean = statistics.mean(seconds)
+        return Outcome({"n_modes": n_modes, "seconds": seconds, "seconds_each": mean})
+
+    setting = {"n_modes": n_modes, "n_decompositions": N_DECOMPOSITIONS}
+    return Run("decompositions", "decompositions", setting, measure)

@@ -1,0 +1,155 @@
+"""Diagrams of stored results: Fig. 4, Fig. 5 and the rate-distortion plots."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from meshreel.evaluation.paper.results import PaperResults, label_of_result, method_of_result
+from meshreel.evaluation.plots.axes import draw_envelopes, plain_ticks, tidy
+from meshreel.evaluation.plots.labels import LineEnd, label_ends
+from meshreel.evaluation.plots.palette import line_style
+from meshreel.evaluation.report.document import Picture
+from meshreel.evaluation.runs.store import Result, done
+from meshreel.rendering.plots import blank_figure, save_figure
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+LOG_FROM_RATIO = 8.0
+"""Values whose largest is this many times the smallest are drawn on a log axis."""
+
+ROW_AXES = {
+    "": "row (eigen-trajectory)",
+    "blocks": "row (eigen-trajectory), block after block",
+    "gft": "row (graph frequency)",
+}
+
+ERRORS = (
+    ("kg_error_percent", "KG error (%)"),
+    ("sted", "STED"),
+    ("nmsve_mean", "NMSVE, mean over frames"),
+)
+
+
+def draw_error_per_frame(results: PaperResults, folder: Path) -> Picture:
+    """Fig. 4: NMSVE of every frame for all variants."""
+    figure = blank_figure(9, 4.8)
+    axes = figure.add_subplot()
+    ends: list[LineEnd] = []
+    values = []
+    for result in done(results.variants):
+        errors = np.array(result["quality"]["nmsve"], float)
+        label = label_of_result(result)
+        frames = np.arange(len(errors))
+        marker = "o" if len(errors) == 1 else None
+        axes.plot(frames, errors, marker=marker, **line_style(label))
+        ends.append((label, float(frames[-1]), float(errors[-1])))
+        values.append(errors)
+    _scale_axis(axes, np.concatenate(values))
+    axes.set(xlabel="frame", ylabel="NMSVE (positions in diagonals)")
+    axes.margins(x=0.01)
+    tidy(axes)
+    label_ends(axes, ends)
+    path = folder / f"{results.slug}-fig4-nmsve.png"
+    save_figure(figure, path, overwrite=True)
+    caption = (
+        "NMSVE of every frame, all variants at the settings of Table I. The wide line of `pca-qs` "
+        "lies below that of `pca-qp`."
+    )
+    return Picture(path, "Fig. 4", caption, 1)
+
+
+def draw_bits_per_row(results: PaperResults, folder: Path) -> Picture:
+    """Fig. 5: bits per vertex of each row of coefficients, for all variants."""
+    from matplotlib.ticker import MaxNLocator
+
+    groups: dict[str, list[Result]] = {}
+    for result in done(results.variants):
+        method = method_of_result(result)
+        groups.setdefault(method if method in ROW_AXES else "", []).append(result)
+    figure = blank_figure(9, 0.6 + 2.9 * len(groups))
+    for number, (name, group) in enumerate(groups.items(), 1):
+        axes = figure.add_subplot(len(groups), 1, number)
+        ends: list[LineEnd] = []
+        for labels, result in _equal_rows_together(group):
+            _draw_rows(axes, labels, result, results.sequence["n_verts"], ends)
+        _scale_axis(axes, np.concatenate([line.get_ydata() for line in axes.lines]))
+        axes.set(xlabel=ROW_AXES[name], ylabel="bits per vertex, one coordinate")
+        axes.xaxis.set_major_locator(MaxNLocator(integer=True))
+        tidy(axes)
+        label_ends(axes, ends)
+    path = folder / f"{results.slug}-fig5-bits-per-row.png"
+    save_figure(figure, path, overwrite=True)
+    caption = (
+        "Bits that a row of coefficients takes when it is entropy-coded by itself, by vertices: "
+        "mean of the three coordinates. Rows beyond those shown take none. Variants named "
+        "together have the same coefficients."
+    )
+    if "blocks" in groups:
+        caption += " Rows of `blocks` stand one block after another; shades part the blocks."
+    return Picture(path, "Fig. 5", caption, len(groups))
+
+
+def draw_rate_distortion(results: PaperResults, folder: Path) -> Picture:
+    """Rate against KG error, STED and mean NMSVE, with the lower envelope of each method."""
+    figure = blank_figure(13, 4.6)
+    for number, (key, name) in enumerate(ERRORS, 1):
+        axes = figure.add_subplot(1, len(ERRORS), number)
+        draw_envelopes(axes, results.points(key), name)
+    path = folder / f"{results.slug}-rate-distortion.png"
+    save_figure(figure, path, overwrite=True)
+    caption = (
+        "Rate of the whole file with the order of vertices and faces dropped, against three "
+        "errors. A point is a stream; a line joins those that no other of its method beats."
+    )
+    return Picture(path, "Rate and distortion", caption, len(ERRORS))
+
+
+def _equal_rows_together(group: Sequence[Result]) -> list[tuple[str, Result]]:
+    """Results of different rows, each with the labels of all that have them."""
+    found: list[tuple[str, Result]] = []
+    for result in group:
+        label = label_of_result(result)
+        for number, (labels, other) in enumerate(found):
+            if other["bits_per_row"] == result["bits_per_row"]:
+                found[number] = (f"{labels},\n{label}", result)
+                break
+        else:
+            found.append((label, result))
+    return found
+
+
+def _draw_rows(
+    axes: "Axes", labels: str, result: Result, n_verts: int, ends: list[LineEnd]
+) -> None:
+    """The line of a variant's rows; its names and its end are added to `ends`."""
+    style, position = line_style(label_of_result(result)), 0
+    n_blocks = len(result["bits_per_row"])
+    for number, rows in enumerate(result["bits_per_row"], 1):
+        bits = np.mean(rows, axis=0) / n_verts
+        places = np.arange(position, position + len(bits)) + 1
+        axes.plot(places, bits, marker="o" if len(bits) < 60 else None, markersize=3, **style)
+        if number % 2 == 0:
+            axes.axvspan(places[0] - 0.5, places[-1] + 0.5, color="#000000", alpha=0.06, lw=0)
+        if 1 < n_blocks <= 12:
+            axes.text(
+                float(places.mean()), 1.01, f"block {number}",
+                transform=axes.get_xaxis_transform(), ha="center", fontsize=8, color="#666666",
+            )  # fmt: skip
+        position += len(bits)
+    axes.set_xlim(0.5, position + 0.5)
+    ends.append((labels, float(position), float(bits[-1])))
+
+
+def _scale_axis(axes: "Axes", values: "np.typing.ArrayLike") -> None:
+    """A log axis where the values span enough, else one from zero."""
+    positive = np.asarray(values, float)
+    positive = positive[positive > 0]
+    if positive.size and positive.max() > LOG_FROM_RATIO * positive.min():
+        axes.set_yscale("log")
+        plain_ticks(axes.yaxis)
+        axes.set_ylim(positive.min() / 1.2, positive.max() * 1.2)
+    else:
+        axes.set_ylim(bottom=0)

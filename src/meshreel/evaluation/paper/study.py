@@ -1,0 +1,99 @@
+"""The paper's evaluation as a study: its variants, and the figures and the report of them."""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+
+from meshreel.evaluation.paper.decompositions import decompositions_run
+from meshreel.evaluation.paper.document import paper_document
+from meshreel.evaluation.paper.figures import diagrams, matrices, meshes
+from meshreel.evaluation.paper.measure import variant_run
+from meshreel.evaluation.paper.results import (
+    PaperResults,
+    method_of_result,
+    setting_of_result,
+)
+from meshreel.evaluation.paper.settings import METHOD_NAMES, row_settings, sweep, variants
+from meshreel.evaluation.pipeline import Measured, Subject
+from meshreel.evaluation.report.document import Document, Picture
+from meshreel.evaluation.runs.run import Run, result_of
+from meshreel.evaluation.runs.store import Result, done
+from meshreel.paper.decoder import coded_blocks
+from meshreel.runtime.progress import Progress
+from meshreel.sequence import MeshSequence
+
+
+@dataclass(frozen=True)
+class PaperStudy:
+    """The variants of the paper on any sequences.
+
+    Attributes
+    ----------
+    methods : sequence of str
+        Of `settings.METHOD_NAMES`.
+    quick : bool
+        Few points in the rate-distortion plots.
+    program : str
+    """
+
+    methods: Sequence[str] = METHOD_NAMES
+    quick: bool = False
+    program: str = "meshreel paper"
+
+    def plan(self, sequence: MeshSequence) -> dict[str, list[Run]]:
+        """The runs of the tables, of Fig. 3, and of the rate-distortion plots."""
+        n_frames, n_verts = sequence.n_frames, sequence.n_verts
+        frame = meshes.telling_frame(sequence)
+        groups = {
+            "variants": variants(n_frames, self.methods),
+            "rows": row_settings(n_frames, self.methods),
+            "sweep": sweep(n_frames, n_verts, self.methods, quick=self.quick),
+        }
+        return {
+            group: [
+                variant_run(sequence, setting, shown_frame=frame, repeat=group == "variants")
+                for setting in settings
+            ]
+            for group, settings in groups.items()
+        }
+
+    def collect(
+        self, subject: Subject, found: Mapping[str, list[Result]], progress: Progress
+    ) -> PaperResults:
+        """The results of all runs, with the seconds of decompositions where `gft` was run."""
+        groups = found["variants"], found["rows"], found["sweep"]
+        results = PaperResults(subject.slug, subject.store.sequence, *groups)
+        graph = results.variant("gft")
+        if graph is None:
+            return results
+        run = decompositions_run(subject.sequence, max(graph["stream"]["n_modes"]))
+        decompositions = done([result_of(run, subject.store, progress)])
+        return replace(results, decompositions=next(iter(decompositions), None))
+
+    def drawings(
+        self, subject: Subject, results: PaperResults, folder: Path
+    ) -> Iterator[Callable[[], Picture]]:
+        """A function for each figure, in the paper's order."""
+        sequence, slug, store = subject.sequence, subject.slug, subject.store
+        yield partial(matrices.draw_projected_deltas, sequence, slug, folder)
+        if done(results.rows):
+            yield partial(meshes.draw_row_counts, sequence, results.rows, store, slug, folder)
+        if not done(results.variants):
+            return
+        yield partial(diagrams.draw_error_per_frame, results, folder)
+        yield partial(diagrams.draw_bits_per_row, results, folder)
+        blocks = next((r for r in done(results.variants) if method_of_result(r) == "blocks"), None)
+        if blocks is not None:
+            data = store.path(setting_of_result(blocks).key, "reel").read_bytes()
+            yield partial(matrices.draw_dictionaries, coded_blocks(data), slug, folder)
+        yield partial(meshes.draw_variants, sequence, results.variants, store, slug, folder)
+        yield partial(diagrams.draw_rate_distortion, results, folder)
+
+    def notes(self, measured: Measured[PaperResults]) -> dict[str, list[str]]:
+        """No lines: no variant needs a package that may be missing."""
+        return {}
+
+    def document(self, measured: Measured[PaperResults], command: str) -> Document:
+        """The report: tables, findings and figures of each sequence."""
+        return paper_document(measured, command)

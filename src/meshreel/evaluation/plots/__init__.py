@@ -1,0 +1,1 @@
+"""How diagrams look: axes, names beside lines, colours."""

@@ -1,0 +1,1 @@
+"""Reports: their parts, and the files they become."""

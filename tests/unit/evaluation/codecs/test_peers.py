@@ -1,0 +1,159 @@
+"""Every peer whose package is there, held to what its setting promises."""
+
+import numpy as np
+import pytest
+
+from meshreel.errors import InvalidInputError
+from meshreel.evaluation.codecs.peers.draco import Draco, draco_order, separated
+from meshreel.evaluation.codecs.peers.integer_deltas import (
+    pack_frames,
+    positions_of_deltas,
+    quantized_deltas,
+    unpack_frames,
+)
+from meshreel.evaluation.codecs.peers.protocol import (
+    ReordersVertices,
+    interleaved,
+    is_available,
+    planar,
+    why_missing,
+)
+from meshreel.evaluation.codecs.peers.registry import PEER_NAMES, peers_named
+from meshreel.flag import simulate_flag
+from meshreel.metrics.reference import bounding_box_reference
+from meshreel.sequence import MeshSequence
+
+BOUND_BITS = {"draco", "meshopt", "pco"}
+LOSSLESS = {"blosc2", "npz"}
+
+
+@pytest.fixture(scope="module")
+def small_flag():
+    return simulate_flag(8, n_rows=8, n_columns=9)
+
+
+def round_trip(peer, sequence, setting):
+    """Vertices in the order of the sequence, from nothing but bytes, shape and type."""
+    source = peer.prepare(sequence) if isinstance(peer, ReordersVertices) else sequence
+    data = peer.encode(source, setting)
+    decoded = peer.decode(data, source.vertices.shape, source.vertices.dtype)
+    if isinstance(peer, ReordersVertices):
+        decoded = peer.restore(decoded, source, setting)
+    return decoded
+
+
+def promised(peer, sequence, setting):
+    """The largest error of a coordinate that a setting allows."""
+    if peer.name in LOSSLESS:
+        return 0.0
+    if peer.name in BOUND_BITS:
+        return 0.5001 * np.ptp(sequence.vertices, axis=(0, 1)).max() / (2**setting - 1)
+    return 1.0001 * setting * bounding_box_reference(sequence.vertices).diagonal
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+@pytest.mark.parametrize("peer", peers_named(), ids=PEER_NAMES)
+def test_peer_keeps_its_bound_when_it_decodes_what_it_encoded(peer, small_flag, dtype):
+    if not is_available(peer):
+        pytest.skip(why_missing(peer))
+    sequence = MeshSequence(small_flag.vertices.astype(dtype), small_flag.faces)
+    for setting in {*peer.sweep(quick=True), *peer.sweep(quick=False)}:
+        decoded = round_trip(peer, sequence, setting)
+        assert decoded.shape == sequence.vertices.shape
+        slack = 4 * np.finfo(np.float32).eps * np.abs(sequence.vertices).max()
+        worst = np.abs(decoded.astype(float) - sequence.vertices).max()
+        allowed = promised(peer, sequence, setting)
+        assert worst <= (allowed + slack if allowed else 0)
+
+
+@pytest.mark.parametrize("peer", peers_named(), ids=PEER_NAMES)
+def test_peer_takes_one_frame_when_there_is_no_more(peer, small_flag):
+    if not is_available(peer):
+        pytest.skip(why_missing(peer))
+    sequence = MeshSequence(small_flag.vertices[:1], small_flag.faces)
+    setting = peer.sweep(quick=True)[0]
+    worst = np.abs(round_trip(peer, sequence, setting).astype(float) - sequence.vertices).max()
+    assert worst <= promised(peer, sequence, setting) + 1e-5
+
+
+def test_draco_gives_every_vertex_back_when_positions_coincide(small_flag):
+    vertices = small_flag.vertices.copy()
+    vertices[:, 1:30:2] = vertices[:, :1]
+    vertices[3] = 0
+    sequence = MeshSequence(vertices, small_flag.faces)
+    decoded = round_trip(Draco(), sequence, 12)
+    assert np.abs(decoded - vertices).max() <= np.ptp(vertices) / 2**12
+
+
+def test_draco_says_so_when_it_leaves_out_vertices(small_flag):
+    vertices = np.concatenate([small_flag.vertices, small_flag.vertices[:, :2] + 1], axis=1)
+    sequence = MeshSequence(vertices, small_flag.faces)
+    with pytest.raises(InvalidInputError, match="leaves out 2 of 74 vertices"):
+        round_trip(Draco(), sequence, 10)
+
+
+def test_draco_says_so_when_decoded_positions_are_not_those_of_the_vertices(small_flag):
+    draco = Draco()
+    source = draco.prepare(small_flag)
+    decoded = draco.decode(draco.encode(source, 10), source.vertices.shape, np.float32)
+    with pytest.raises(InvalidInputError, match="cannot be told"):
+        draco.restore(decoded[:, ::-1], source, 10)
+
+
+def test_draco_order_names_every_vertex_once_when_the_surface_is_manifold(small_flag):
+    assert sorted(draco_order(small_flag)) == list(range(small_flag.n_verts))
+
+
+def test_separated_makes_all_positions_differ_when_many_are_equal():
+    frame = np.zeros((500, 3), np.float32)
+    frame[::3] = 1.5
+    apart = separated(frame)
+    assert len({row.tobytes() for row in apart}) == 500
+    assert np.abs(apart - frame).max() < 1e-4
+
+
+def test_separated_changes_nothing_when_all_positions_differ(small_flag):
+    frame = small_flag.vertices[0].astype(np.float32)
+    assert np.array_equal(separated(frame), frame)
+
+
+def test_quantized_deltas_come_back_within_half_a_step_when_added_up():
+    rng = np.random.default_rng(0)
+    vertices = 1e3 + rng.normal(size=(5, 7, 3))
+    head, deltas = quantized_deltas(vertices, 16)
+    step = np.ptp(vertices, axis=(0, 1)).max() / (2**16 - 1)
+    back = positions_of_deltas(head, deltas, np.float64)
+    assert np.abs(back - vertices).max() <= 0.5001 * step
+
+
+def test_quantized_deltas_are_zero_when_nothing_has_an_extent():
+    head, deltas = quantized_deltas(np.full((3, 4, 3), 2.5), 8)
+    assert not deltas.any()
+    assert (positions_of_deltas(head, deltas, np.float32) == 2.5).all()
+
+
+def test_layouts_are_inverse_when_arrays_are_not_square():
+    vertices = np.arange(2 * 5 * 3, dtype=np.float32).reshape(2, 5, 3)
+    rows = planar(vertices)
+    assert rows[1].tolist() == [*vertices[1, :, 0], *vertices[1, :, 1], *vertices[1, :, 2]]
+    assert np.array_equal(interleaved(rows, (2, 5, 3)), vertices)
+
+
+def test_frames_come_back_when_some_are_empty():
+    frames = [b"abc", b"", b"d"]
+    assert unpack_frames(pack_frames(frames)) == frames
+
+
+def test_every_peer_is_found_under_its_name_when_all_are_asked_for():
+    assert tuple(peer.name for peer in peers_named()) == PEER_NAMES
+
+
+def test_peers_named_are_in_the_order_of_the_list_when_named_otherwise():
+    assert [peer.name for peer in peers_named(["npz", "draco", "npz"])] == ["draco", "npz"]
+    assert peers_named(["none"]) == ()
+
+
+@pytest.mark.parametrize("names", [["draco", "zip"], [], ["none", "draco"]])
+def test_peers_named_say_what_there_is_when_a_name_is_wrong(names):
+    with pytest.raises(InvalidInputError, match="choose from draco, sz3, zfp"):
+        peers_named(names)

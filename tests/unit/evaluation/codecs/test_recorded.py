@@ -1,0 +1,70 @@
+import pytest
+
+from meshreel.errors import InvalidInputError
+from meshreel.evaluation.codecs.recorded import COLUMNS, matching, read_recorded
+
+ROW = {
+    "sequence": "flag", "n": "72", "k": "8", "m": "112", "codec": "famc", "params": "q=8, tr=1",
+    "bytes_total": "100", "bytes_connectivity": "20", "bpvf_total": "1.39",
+    "kg_error_percent": "0.5", "max_err_over_diag": "0.002", "enc_s": "1.5", "dec_s": "0.5",
+    "rms_err_over_diag": "0.001",
+}  # fmt: skip
+
+
+@pytest.fixture
+def write(tmp_path):
+    def write_rows(*rows, columns=COLUMNS):
+        lines = [",".join(columns)]
+        lines += [",".join(f'"{row[name]}"' for name in columns) for row in rows]
+        path = tmp_path / "rd.csv"
+        path.write_text("\n".join(lines))
+        return path
+
+    return write_rows
+
+
+def test_read_recorded_gives_figures_in_percent_when_the_file_is_whole(write):
+    (point,) = read_recorded(write(ROW))
+    assert (point.codec, point.params) == ("famc", "q=8, tr=1")
+    assert (point.n_verts, point.n_frames, point.rate_bpvf) == (72, 8, 1.39)
+    assert point.quality == pytest.approx(
+        {"kg_error_percent": 0.5, "max_error_percent": 0.2, "rms_error_percent": 0.1}
+    )
+    assert (point.encode_s, point.decode_s) == (1.5, 0.5)
+
+
+def test_matching_leaves_rows_out_when_name_or_shape_differ(write):
+    rows = [ROW, ROW | {"sequence": "cow"}, ROW | {"n": "71"}, ROW | {"k": "9"}]
+    points = read_recorded(write(*rows))
+    found = matching(points, {"name": "flag", "n_verts": 72, "n_frames": 8})
+    assert found == points[:1]
+
+
+def test_read_recorded_names_the_column_when_it_is_missing(write):
+    path = write(ROW, columns=[name for name in COLUMNS if name not in ("k", "enc_s")])
+    with pytest.raises(InvalidInputError, match="lacks the column k, enc_s; needed are sequence"):
+        read_recorded(path)
+
+
+@pytest.mark.parametrize(
+    ("column", "text"),
+    [("bpvf_total", "much"), ("n", "7.5"), ("enc_s", ""), ("kg_error_percent", "nan"),
+     ("dec_s", "-1"), ("max_err_over_diag", "inf")],
+)  # fmt: skip
+def test_read_recorded_names_line_and_column_when_a_number_is_bad(write, column, text):
+    with pytest.raises(InvalidInputError, match=f"line 3: column {column} must be .*{text!r}"):
+        read_recorded(write(ROW, ROW | {column: text}))
+
+
+def test_read_recorded_names_line_and_column_when_a_row_is_short(tmp_path):
+    path = tmp_path / "rd.csv"
+    path.write_text(",".join(COLUMNS) + "\nflag,72,8\n")
+    with pytest.raises(InvalidInputError, match="line 2: column codec is empty"):
+        read_recorded(path)
+
+
+def test_read_recorded_says_so_when_the_file_is_no_text(tmp_path):
+    path = tmp_path / "rd.csv"
+    path.write_bytes(b"\xff\xfe\x00\x80")
+    with pytest.raises(InvalidInputError, match="is not a CSV file in UTF-8"):
+        read_recorded(path)

@@ -1,0 +1,214 @@
+"""One small evaluation of codecs, from runs to the report."""
+
+import json
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+from PIL import Image
+
+import meshreel
+from meshreel.connectivity.coder import encode_connectivity
+from meshreel.evaluation.codecs.arrangements import Arrangements
+from meshreel.evaluation.codecs.measure import method_run, peer_run
+from meshreel.evaluation.codecs.peers.draco import Draco
+from meshreel.evaluation.codecs.peers.lossless import Npz
+from meshreel.evaluation.codecs.plots import shown_curves
+from meshreel.evaluation.codecs.recorded import RecordedPoint
+from meshreel.evaluation.codecs.results import CodecResults
+from meshreel.evaluation.codecs.settings import CODED_METHODS, MethodSetting, method_sweep
+from meshreel.evaluation.codecs.study import CodecStudy
+from meshreel.evaluation.codecs.tables import bd_rate_parts, rate_table, refusals, seconds_table
+from meshreel.evaluation.pipeline import evaluate
+from meshreel.evaluation.runs.run import result_of
+from meshreel.evaluation.runs.store import Store
+from meshreel.flag import simulate_flag
+from meshreel.sequence import MeshSequence
+
+
+@dataclass(frozen=True)
+class Missing(Npz):
+    name: str = "future"
+    package: str = "package_of_the_future"
+    extra: str = "peers"
+
+
+@dataclass(frozen=True)
+class Broken(Npz):
+    name: str = "broken"
+
+    def encode(self, sequence, setting):
+        raise RuntimeError("no memory of it")
+
+
+def recorded(codec, rate, error):
+    quality = {
+        "kg_error_percent": error, "max_error_percent": 3 * error, "rms_error_percent": error,
+    }  # fmt: skip
+    return RecordedPoint("flag", codec, "q", 72, 8, rate, quality, 1.0, 2.0)
+
+
+RECORDED = [
+    recorded(codec, rate, 20 / rate) for codec in ("famc", "draco_9") for rate in (2.0, 8.0, 80.0)
+]
+
+
+@pytest.fixture(scope="module")
+def small_flag():
+    return simulate_flag(8, n_rows=8, n_columns=9)
+
+
+@pytest.fixture(scope="module")
+def made(small_flag, tmp_path_factory):
+    stray = replace(RECORDED[0], n_frames=9, codec="stray")
+    study = CodecStudy(
+        methods=("pca-qp", "v2v"),
+        peers=(Draco(), Npz(), Missing(), Broken()),
+        recorded=[*RECORDED, stray],
+        quick=True,
+    )
+    out = tmp_path_factory.mktemp("codecs")
+    return evaluate(study, [small_flag], out, command="meshreel evaluate flag.npz")
+
+
+@pytest.fixture(scope="module")
+def results(made):
+    return made.measured[0][0]
+
+
+def test_rate_of_a_method_is_that_of_a_stream_without_order_when_it_is_run(small_flag, tmp_path):
+    store = Store.for_sequence(tmp_path, small_flag)
+    setting = MethodSetting("v2v", (("n_modes", 4), ("bits", 10)))
+    result = result_of(method_run(small_flag, setting), store)
+    data = meshreel.encode(small_flag, "v2v", n_modes=4, bits=10, order="drop")
+    assert result["size_bytes"] == len(data)
+    assert result["rate_bpvf"] == pytest.approx(8 * len(data) / (72 * 8))
+    kept = meshreel.decode(meshreel.encode(small_flag, "v2v", n_modes=4, bits=10))
+    quality = meshreel.compare(small_flag, kept).as_dict()
+    assert {name: quality[name] for name in result["quality"]} == pytest.approx(result["quality"])
+
+
+@pytest.mark.parametrize("order", ["coded", "given"])
+def test_rate_of_a_peer_counts_our_connectivity_when_it_codes_no_faces(small_flag, tmp_path, order):
+    arrangements = Arrangements(small_flag)
+    other = {"coded": "given", "given": "coded"}[order]
+    dear = replace(getattr(arrangements, other), size_bytes=10**6)
+    arrangements.__dict__[other] = dear
+    store = Store.for_sequence(tmp_path, small_flag)
+    result = result_of(peer_run(arrangements, Npz(), 0), store)
+    kept = "drop" if order == "coded" else "vertices"
+    coded = encode_connectivity(small_flag.faces, 72, order=kept)
+    places = coded.internal_to_given if order == "coded" else np.arange(72)
+    alone = Npz().encode(MeshSequence(small_flag.vertices[:, places], small_flag.faces), 0)
+    n_connectivity = len(coded.payload) + len(coded.order_payload)
+    assert result["vertex_order"] == order
+    assert result["connectivity_bytes"] == n_connectivity
+    assert result["size_bytes"] == len(alone) + n_connectivity
+    assert result["quality"]["max_error_percent"] == 0
+
+
+def test_run_is_read_again_when_it_is_stored_and_made_again_when_it_is_damaged(
+    small_flag, tmp_path
+):
+    store = Store.for_sequence(tmp_path, small_flag)
+    arrangements = Arrangements(small_flag)
+    first = result_of(peer_run(arrangements, Npz(), 0), store)
+    assert result_of(peer_run(arrangements, Broken("npz"), 0), store) == first
+    path = store.path("npz", "json")
+    path.write_text(path.read_text()[:-20])
+    again = result_of(peer_run(arrangements, Npz(), 0), store)
+    assert again["size_bytes"] == first["size_bytes"]
+    assert json.loads(path.read_text())["codec"] == "npz"
+
+
+def test_refusal_is_kept_when_a_package_fails(results):
+    refused = [result for result in results.measured if "refused" in result]
+    assert [result["codec"] for result in refused] == ["broken"]
+    assert refusals(results) == (
+        "`broken` has no figures for flag (its one setting): RuntimeError: no memory of it",
+    )
+
+
+def test_notes_name_package_and_extra_when_a_peer_is_missing(made):
+    (note,) = made.notes["not_measured"]
+    assert "`future` was not measured: it needs the package package_of_the_future" in note
+    assert "pip install 'meshreel[peers]'" in note
+    assert note in made.markdown.read_text(encoding="utf-8")
+
+
+def test_notes_say_so_when_no_recorded_row_is_of_the_sequence(small_flag, tmp_path):
+    stray = replace(RECORDED[0], n_verts=71)
+    study = CodecStudy(methods=("v2v",), peers=(), recorded=[stray], quick=True)
+    made = evaluate(study, [small_flag], tmp_path)
+    assert made.notes["not_measured"] == [
+        "no recorded row is of flag with 72 vertices (n) and 8 frames (k)"
+    ]
+
+
+def test_curves_hold_methods_peers_and_matching_rows_when_all_are_given(results):
+    labels = ["pca-qp", "v2v", "draco", "famc (recorded)", "draco_9 (recorded)"]
+    assert list(results.curves("kg_error_percent")) == labels
+    assert list(results.curves("sted")) == labels[:3]
+    assert list(shown_curves(results.curves("kg_error_percent"))) == labels[:4]
+
+
+def test_bd_rate_parts_have_a_row_for_each_codec_that_can_be_compared(results):
+    table = bd_rate_parts(results, "kg_error_percent")[0]
+    assert table.header == ("codec", "pca-qp", "v2v")
+    rows = {row[0]: row[1:] for row in table.rows}
+    assert "%" in rows["famc (recorded)"][0]
+
+
+def test_bd_rate_parts_say_who_is_left_out_when_no_error_is_common(results):
+    far = [recorded("far", rate, 1e-9 / rate) for rate in (1.0, 2.0)]
+    *_, paragraph = bd_rate_parts(replace(results, recorded=far), "kg_error_percent")
+    assert "far (recorded)" in paragraph.text
+    assert "(no common errors)" in paragraph.text
+
+
+def test_rate_table_gives_the_rate_when_an_error_lies_between_points():
+    points = [recorded("famc", rate, 0.4 / rate) for rate in (0.5, 1.0, 8.0)]
+    table = rate_table(CodecResults("flag", {"name": "flag"}, [], points))
+    assert table.rows == (("famc (recorded)", "0.8", "2", "4", "-", "-", "-"),)
+
+
+def test_seconds_table_counts_the_settings_of_each_codec(results):
+    assert [row[:2] for row in seconds_table(results).rows] == [
+        ("pca-qp", "2"), ("v2v", "2"), ("draco", "2"), ("npz", "1"),
+    ]  # fmt: skip
+
+
+def test_plots_show_something_when_they_are_drawn(made):
+    pictures = made.measured[0][1]
+    assert len(pictures) == 3
+    for picture in pictures:
+        with Image.open(picture.path) as image:
+            colors = image.convert("RGB").getcolors(maxcolors=1 << 24)
+        assert len(colors) > 50
+
+
+def test_report_holds_tables_and_the_command_when_it_is_written(made):
+    text = made.markdown.read_text(encoding="utf-8")
+    for part in ("meshreel evaluate flag.npz", "Bits per vertex and frame at equal error, flag",
+                 "BD-rate at equal KG error", "Lossless, flag", "Seconds, flag"):  # fmt: skip
+        assert part in text
+    assert made.html.read_text(encoding="utf-8").count("data:image/png;base64") == 3
+
+
+def test_all_figures_are_plain_when_they_are_asked_for(made):
+    figures = json.loads(json.dumps(made.as_dict()))
+    rates = [
+        run["rate_bpvf"] for run in figures["sequences"][0]["measured"] if "refused" not in run
+    ]
+    assert len(rates) == 7
+    assert all(math.isfinite(rate) and rate > 0 for rate in rates)
+
+
+@pytest.mark.parametrize("method", CODED_METHODS)
+def test_method_sweep_has_settings_that_encode_when_the_method_is_in_the_list(method, small_flag):
+    settings = method_sweep(method, small_flag.n_frames, small_flag.n_verts, quick=True)
+    assert settings
+    assert len({setting.params for setting in settings}) == len(settings)
+    decoded = meshreel.decode(meshreel.encode(small_flag, method, **dict(settings[0].options)))
+    assert np.isfinite(decoded.vertices).all()

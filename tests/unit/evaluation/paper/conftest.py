@@ -1,0 +1,86 @@
+"""One small evaluation that the tests of this folder read, and results made by hand."""
+
+import pytest
+
+from meshreel.evaluation.paper.results import PaperResults
+from meshreel.evaluation.paper.study import PaperStudy
+from meshreel.evaluation.pipeline import evaluate
+from meshreel.flag import simulate_flag
+
+
+@pytest.fixture(scope="session")
+def flag():
+    return simulate_flag(12, n_rows=10, n_columns=12)
+
+
+@pytest.fixture(scope="session")
+def folder(tmp_path_factory):
+    return tmp_path_factory.mktemp("report")
+
+
+@pytest.fixture(scope="session")
+def evaluation(flag, folder):
+    return evaluate(PaperStudy(quick=True), [flag], folder, command="meshreel paper --frames 12")
+
+
+@pytest.fixture(scope="session")
+def results(evaluation):
+    return evaluation.measured[0][0]
+
+
+@pytest.fixture(scope="session")
+def pictures(evaluation):
+    return evaluation.measured[0][1]
+
+
+def _made_result(method, *, anchors=0.01, rate=1.0, error=1.0, seconds=(1.0, 1.0), n_frames=4):
+    """A stored result with these figures, as a run of a variant gives it."""
+    return {
+        "identity": {
+            "setting": {
+                "method": method,
+                "n_modes": 20,
+                "bits": 8,
+                "anchors": anchors,
+                "block_frames": None,
+            }
+        },
+        "rate_bpvf": 1.1 * rate,
+        "rate_order_dropped_bpvf": rate,
+        "paper_count": {"q": 0.25, "q_a": None, "q_d": 0.28, "q_d_as_stored": 0.28, "q_s": 0.53},
+        "stream": {"n_modes": [20]},
+        "bits_per_row": [[[800.0] * 20] * 3],
+        "seconds": {"encode": seconds[0], "decode": seconds[1], "measured": "a clock"},
+        "quality": {
+            "kg_error_percent": error,
+            "sted": error / 100,
+            "sted_temporal": error / 50,
+            "nmsve": [error / 1000] * n_frames,
+            "nmsve_mean": error / 1000,
+            "max_error_percent": 2 * error,
+            "normal_angle_mean_deg": 3 * error,
+        },
+        "machine": {
+            "cpu": "a processor", "cores": 1, "platform": "x", "python": "3", "numpy": "2",
+            "scipy": "1", "meshreel": "0",
+        },
+    }  # fmt: skip
+
+
+@pytest.fixture
+def made_result():
+    """Makes results; see `_made_result`."""
+    return _made_result
+
+
+@pytest.fixture
+def made_sequence():
+    """Makes the results of a sequence of this name from those of its variants."""
+
+    def make(name, variants=(), **others):
+        sequence = {
+            "name": name, "n_frames": 175, "n_verts": 9971, "n_faces": 19938, "sha256": "0" * 64,
+        }  # fmt: skip
+        return PaperResults(name, sequence, list(variants), **others)
+
+    return make

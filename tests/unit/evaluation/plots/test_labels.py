@@ -1,0 +1,26 @@
+import numpy as np
+import pytest
+
+from meshreel.evaluation.plots.labels import spread
+
+
+def test_heights_stay_when_they_have_room():
+    assert spread([0.8, 0.1, 0.5], [0.1, 0.1, 0.1]) == pytest.approx([0.8, 0.1, 0.5])
+
+
+def test_equal_heights_are_moved_apart_about_their_place():
+    assert sorted(spread([0.5, 0.5, 0.5], [0.1] * 3)) == pytest.approx([0.4, 0.5, 0.6])
+
+
+def test_labels_do_not_overlap_when_their_rooms_differ():
+    rng = np.random.default_rng(3)
+    heights, needed = rng.uniform(0, 1, 12), rng.uniform(0.02, 0.12, 12)
+    placed = np.array(spread(list(heights), list(needed)))
+    order = np.argsort(placed)
+    gaps = np.diff(placed[order])
+    assert (gaps >= (needed[order][1:] + needed[order][:-1]) / 2 - 1e-12).all()
+    assert (order == np.argsort(heights)).all()
+
+
+def test_nothing_is_placed_when_there_are_no_labels():
+    assert spread([], []) == []

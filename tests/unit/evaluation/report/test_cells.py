@@ -1,0 +1,12 @@
+import pytest
+
+from meshreel.evaluation.report.cells import significant
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [(0.14472, "0.145"), (12.34, "12.3"), (37314.55, "37300"), (1.2e-5, "0.000012"), (0, "0"),
+     (None, "-"), (999.6, "1000"), (50.0, "50")],
+)  # fmt: skip
+def test_figures_have_three_digits_and_no_exponent(value, text):
+    assert significant(value) == text

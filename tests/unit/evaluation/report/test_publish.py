@@ -1,0 +1,10 @@
+from meshreel.evaluation.report.document import Table
+from meshreel.evaluation.report.html import to_html
+from meshreel.evaluation.report.publish import to_markdown
+
+
+def test_tables_are_the_same_in_markdown_and_html(tmp_path):
+    table = Table("T", ("a", "b|c"), (("x", "1 < 2"),))
+    markdown = to_markdown([table], tmp_path)
+    assert "| a | b\\|c |\n| --- | ---: |\n| x | 1 < 2 |" in markdown
+    assert "<tr><td>x</td><td>1 &lt; 2</td></tr>" in to_html([table], "t")

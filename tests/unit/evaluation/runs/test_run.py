@@ -1,0 +1,66 @@
+"""Runs that measure nothing but themselves."""
+
+import pytest
+
+from meshreel.errors import InvalidInputError
+from meshreel.evaluation.runs.run import Outcome, Run, result_of, run_all
+from meshreel.evaluation.runs.store import Store
+from samples.meshes import waving_grid
+
+
+@pytest.fixture
+def store(tmp_path):
+    return Store.for_sequence(tmp_path, waving_grid())
+
+
+def made(key, measure=lambda progress: Outcome({"figure": 1}), **others):
+    return Run(key, key, {"of": key}, measure, **others)
+
+
+def raising(error):
+    def measure(progress):
+        raise error
+
+    return measure
+
+
+def test_results_are_in_the_groups_of_the_plan_when_a_run_is_in_two(store):
+    calls = []
+    runs = {key: made(key, lambda _, key=key: Outcome({"key": calls.append(key)})) for key in "ab"}
+    found = run_all({"first": [runs["a"]], "rest": [runs["b"], runs["a"]]}, store)
+    assert calls == ["a", "b"]
+    assert found["rest"][1] == found["first"][0]
+
+
+def test_progress_counts_runs_and_names_stages_when_they_report(store):
+    told = []
+    run = made("a", lambda progress: Outcome({"figure": progress("encoding", 0.5)}))
+    run_all({"all": [run, run]}, store, lambda stage, share: told.append((stage, share.done)))
+    assert told == [("a", 0), ("a, encoding", 0), ("a", 1)]
+
+
+def test_error_of_the_library_is_a_refusal_with_the_facts_when_it_is_raised(store):
+    run = made("a", raising(InvalidInputError("too large")), facts={"codec": "x"})
+    result = result_of(run, store)
+    assert (result["codec"], result["refused"]) == ("x", "too large")
+    assert result_of(made("a"), store) == result
+
+
+@pytest.mark.parametrize("error", [RuntimeError("odd"), MemoryError()])
+@pytest.mark.parametrize("is_foreign", [True, False])
+def test_other_errors_are_refusals_only_when_the_package_is_foreign(store, error, is_foreign):
+    run = made("a", raising(error), is_foreign=is_foreign)
+    if is_foreign and not isinstance(error, MemoryError):
+        assert result_of(run, store)["refused"] == "RuntimeError: odd"
+        return
+    with pytest.raises(type(error)):
+        result_of(run, store)
+
+
+def test_run_is_done_again_when_a_file_it_needs_is_missing(store):
+    run = made("a", lambda _: Outcome({"figure": 1}, {"bin": b"xyz"}), needs=("bin",))
+    result_of(run, store)
+    assert store.path("a", "bin").read_bytes() == b"xyz"
+    store.path("a", "bin").unlink()
+    result_of(run, store)
+    assert store.path("a", "bin").is_file()
