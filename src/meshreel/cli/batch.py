@@ -31,18 +31,7 @@ FRAMES = ".obj .ply .off .stl .vtu .vtp .vtk"
 WORKERS = "Where it runs (give one)"
 
 
-@with_encode_options(
-    without=(
-        "n_modes",
-        "step",
-        "energy",
-        "bits",
-        "allocation",
-        "anchors",
-        "laplacian",
-        "n_iterations",
-    )
-)
+@with_encode_options()
 def batch_command(
     input_dir: Annotated[
         Path,

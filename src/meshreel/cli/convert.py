@@ -34,10 +34,7 @@ OF_ALL_OUTPUTS = ("max_error", "unit")
 """Options of encoding that have an effect on other outputs, too."""
 
 
-@with_encode_options(
-    without=("energy", "bits", "allocation", "anchors", "laplacian", "n_iterations"),
-    max_error=OutputErrorOption,
-)
+@with_encode_options(max_error=OutputErrorOption)
 def convert_command(
     context: typer.Context,
     inputs: Annotated[

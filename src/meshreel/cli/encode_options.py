@@ -21,23 +21,19 @@ PARAMETER = "encoding"
 CommandFunction = Callable[..., None]
 
 
-def with_encode_options(
-    *, without: Sequence[str] = (), **instead: Any
-) -> Callable[[CommandFunction], CommandFunction]:
-    """A decorator that gives a command the options of encoding.
+def with_encode_options(**instead: Any) -> Callable[[CommandFunction], CommandFunction]:
+    """A decorator that gives a command all options of encoding.
 
     They stand where the command has the parameter `encoding`, which gets them as a dictionary.
 
     Parameters
     ----------
-    without : sequence of str
-        Names of those that it does not take.
     **instead
         By name, annotations of options that mean more in this command than in others.
     """
 
     def decorate(command: CommandFunction) -> CommandFunction:
-        options = [option for option in all_options() if option.name not in without]
+        options = all_options()
         signature = inspect.signature(command)
         parameters: list[inspect.Parameter] = []
         for parameter in signature.parameters.values():

@@ -6,13 +6,15 @@ import pytest
 import typer.main
 from typer.testing import CliRunner
 
+import meshreel
 from meshreel.cli.app import app
 from meshreel.cli.encode_options import option_info, with_encode_options
 from meshreel.codec.options import all_options
 from meshreel.codec.targets import UNIT
+from sample_meshes import waving_grid
 
 OPTIONS = {option.name: option for option in all_options()}
-COMMANDS = ("encode",)
+COMMANDS = ("encode", "convert", "batch")
 
 
 def params(command):
@@ -80,3 +82,15 @@ def test_option_is_refused_when_it_is_no_number(flag, typed):
 
 def test_help_names_flags_in_place_of_keywords():
     assert "--max-error that is a length" in option_info(UNIT).help
+
+
+@pytest.mark.parametrize("command", ["encode", "convert"])
+def test_streams_are_those_of_python_when_options_of_a_variant_are_given(command, tmp_path):
+    given, written = tmp_path / "grid.npz", tmp_path / "grid.reel"
+    meshreel.save(waving_grid(), given)
+    typed = "--method pca-qp --modes 5 --bits 10 --anchors 0.02 --laplacian combinatorial"
+    done = CliRunner().invoke(app, [command, str(given), "-o", str(written), *typed.split()])
+    assert done.exit_code == 0, done.output
+    options = {"n_modes": 5, "bits": 10, "anchors": 0.02, "laplacian": "combinatorial"}
+    expected = meshreel.encode(given, "pca-qp", **options)
+    assert written.read_bytes() == expected
