@@ -1,4 +1,8 @@
-"""All options of encoding: those that every method takes, and those of the methods' own rooms."""
+"""All options of encoding: those that every method takes, and those of the methods' own rooms.
+
+The command line and the site read these rows. Fields of `EncoderConfig` and the signature of
+`encode` are in their source; `python docs/option_texts.py --write` writes them from the rows.
+"""
 
 from collections.abc import Iterable
 from difflib import get_close_matches

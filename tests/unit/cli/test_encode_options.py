@@ -11,7 +11,7 @@ from meshreel.cli.app import app
 from meshreel.cli.encode_options import option_info, with_encode_options
 from meshreel.codec.options import all_options
 from meshreel.codec.targets import UNIT
-from sample_meshes import waving_grid
+from samples.meshes import waving_grid
 
 OPTIONS = {option.name: option for option in all_options()}
 COMMANDS = ("encode", "convert", "batch")

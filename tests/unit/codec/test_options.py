@@ -8,7 +8,6 @@ from dataclasses import fields
 from typing import get_type_hints
 
 import pytest
-from sample_meshes import waving_grid
 
 import meshreel
 from meshreel.codec.config import EncoderConfig, config_of
@@ -20,6 +19,7 @@ from meshreel.entropy.grid_table import MAX_GRID_BITS
 from meshreel.errors import InvalidInputError
 from meshreel.reel.encoding.effort import EFFORTS
 from meshreel.reel.options import EFFORT_RANGE
+from samples.meshes import waving_grid
 
 OPTIONS = {option.name: option for option in all_options()}
 OTHERS = {"sequence", "attributes", "progress", "engine"}
