@@ -21,7 +21,7 @@ from meshreel.codec.options import all_options, methods_taking
 ROOT = Path(__file__).parents[1]
 CODEC = ROOT / "src" / "meshreel" / "codec"
 WIDTH = 100
-FIRST_GROUP = "All methods"
+PLAIN_GROUP = "How to code"
 
 
 def options_tables() -> str:
@@ -30,7 +30,7 @@ def options_tables() -> str:
     for option in all_options():
         groups.setdefault(option.group, []).append(option)
     return "\n\n".join(
-        f"**{name or FIRST_GROUP}**\n\n{_table(groups[name])}" for name in sorted(groups)
+        f"**{name or PLAIN_GROUP}**\n\n{_table(rows)}" for name, rows in groups.items()
     )
 
 
@@ -115,7 +115,8 @@ def _row(option: Option) -> str:
     shown = "all" if methods == METHOD_NAMES else ", ".join(f"`{name}`" for name in methods)
     kind = ", ".join(f'`"{name}"`' for name in option.names) or _type_text(option)
     if option.range is not None:
-        kind += f", {option.range}"
+        allowed = str(option.range).removeprefix("a whole number of ")
+        kind = ", ".join(filter(None, (kind, allowed, option.unit)))
     default = "" if option.default is None else f"`{_literal(option.default)}`"
     return _cells((f"`{option.name}`", f"`{option.flag}`", kind, default, shown, _help(option)))
 
