@@ -61,9 +61,9 @@ class EncoderConfig:
         for option in all_options():
             option.check(getattr(self, option.name))
         self._read_texts()
-        for option in all_options():
-            methods = methods_taking(option)
-            if self.method not in methods and getattr(self, option.name) != option.default:
+        chosen = (row for row in all_options() if getattr(self, row.name) != row.default)
+        for option in chosen:
+            if self.method not in (methods := methods_taking(option)):
                 raise InvalidInputError(
                     f"method {self.method} does not take {option.name}=; leave it out, or choose "
                     f"{' or '.join(methods)}"

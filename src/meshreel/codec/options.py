@@ -95,6 +95,7 @@ def options_of(method: str) -> tuple[Option, ...]:
     return tuple(row for row in all_options() if row in (*SHARED, *own_options(method)))
 
 
+@cache
 def methods_taking(option: Option) -> tuple[str, ...]:
     """Names of the methods that take an option."""
     return tuple(name for name in METHOD_NAMES if option in options_of(name))
