@@ -3,7 +3,8 @@
 `mkdocs build --strict` runs them (see mkdocs.yml).
 
 - CHANGELOG.md, CONTRIBUTING.md and the add-on's README are pages of the site, too.
-- A line ``<!-- options: encode -->`` becomes a table of the options of that command.
+- A line ``<!-- options: encode -->`` becomes a table of the options of that command, and
+  ``<!-- options of encoding -->`` those of `meshreel.encode` with the methods that take them.
 - A line ``::: meshreel.encode`` names what users import; it is documented where it is defined.
 """
 
@@ -16,6 +17,7 @@ import typer.main
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
 from mkdocs.structure.pages import Page
+from option_texts import options_tables
 
 import meshreel
 from meshreel.cli.app import app
@@ -29,6 +31,7 @@ OUTSIDE = {
 """Pages of the site that lie elsewhere in the repository, and their place on the site."""
 
 OPTIONS = re.compile(r"^<!-- options: (\w+) -->$", re.MULTILINE)
+OPTIONS_OF_ENCODING = "<!-- options of encoding -->"
 PUBLIC = re.compile(r"^::: meshreel\.(\w+)$", re.MULTILINE)
 LINK = re.compile(r"\]\(([^)#\s]+)(#[^)\s]*)?\)")
 
@@ -44,6 +47,7 @@ def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Fil
     """The text of a page with its links, tables of options and public names replaced."""
     markdown = LINK.sub(lambda found: _site_link(found, page.file.src_uri), markdown)
     markdown = OPTIONS.sub(lambda found: options_table(found[1]), markdown)
+    markdown = markdown.replace(OPTIONS_OF_ENCODING, options_tables())
     return PUBLIC.sub(lambda found: _definition(found[1]), markdown)
 
 

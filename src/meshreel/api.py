@@ -11,6 +11,7 @@ from typing import Any, Concatenate, ParamSpec, TypeVar
 from meshreel.codec import decoder, encoder
 from meshreel.codec import inspect as streams
 from meshreel.codec.inspect import StreamInfo
+from meshreel.codec.options import check_names
 from meshreel.codec.reel_file import ReelFile
 from meshreel.errors import InvalidInputError
 from meshreel.formats.file_errors import errors_naming, os_errors_naming
@@ -33,13 +34,14 @@ def _taking_files(
     encode: Callable[Concatenate[FrameSource, Options], bytes],
 ) -> Callable[Concatenate[AnySequence, Options], bytes]:
     """The function, for files too, with the same options: they are said in one place."""
+    signature = inspect.signature(encode)
 
     @wraps(encode, assigned=("__doc__", "__name__", "__qualname__"))
     def encode_any(sequence: Any, *args: Options.args, **kwargs: Options.kwargs) -> bytes:
+        check_names(kwargs, signature.parameters)
         source = _source(sequence, kwargs.get("memory"))
         return encode(source, *args, **kwargs)
 
-    signature = inspect.signature(encode)
     first, *others = signature.parameters.values()
     parameters = [first.replace(annotation="AnySequence"), *others]
     encode_any.__signature__ = signature.replace(parameters=parameters)  # type: ignore[attr-defined]

@@ -2,15 +2,16 @@
 
 import math
 import time
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 from meshreel import __version__
 from meshreel.codec.achieved import measure_stream
 from meshreel.codec.choices import Order
 from meshreel.codec.config import EncoderConfig
-from meshreel.codec.encoder import encode
+from meshreel.codec.encoder import encode_with
 from meshreel.codec.inspect import info
+from meshreel.codec.options import all_options
 from meshreel.codec.surface.payloads import order_loss_note
 from meshreel.codec.surface.uv_errors import measure_uvs
 from meshreel.codec.surface.uv_grid import has_uvs
@@ -59,8 +60,8 @@ class EncodeOptions:
 
     def as_dict(self) -> dict[str, Any]:
         """Those that are not the default, in plain types."""
-        chosen = {option.name: getattr(self.config, option.name) for option in fields(self.config)
-                  if getattr(self.config, option.name) != option.default}  # fmt: skip
+        values = {option: getattr(self.config, option.name) for option in all_options()}
+        chosen = {one.name: value for one, value in values.items() if value != one.default}
         if self.fps is not None:
             chosen["fps"] = self.fps
         if self.attributes != ALL:
@@ -113,7 +114,7 @@ def encode_input(
     )
     opened = open_for_encoding(source, options.config.memory_bytes, reading)
     sequence, config = _suited(opened, options, notes)
-    data = encode(sequence, **vars(config), engine=engine)
+    data = encode_with(config, sequence, engine=engine)
     achieved = measure_stream(sequence, data, order=config.order, with_sted=config.sted is not None)
     stream = info(data)
     if lost := order_loss_note(sequence.surface, Order[stream.order.upper()]):

@@ -5,22 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from meshreel.cli.encode_options import (
-    BlockFramesOption,
-    BpvfOption,
-    EffortOption,
-    KgOption,
-    MaxErrorOption,
-    MemoryOption,
-    MethodOption,
-    OrderOption,
-    QualityOption,
-    SizeOption,
-    StedOption,
-    TuneOption,
-    UnitOption,
-    UvBitsOption,
-)
+from meshreel.cli.encode_options import Encoding, with_encode_options
 from meshreel.cli.option_names import in_option_names
 from meshreel.cli.read_options import (
     AllowOutsideOption,
@@ -29,7 +14,7 @@ from meshreel.cli.read_options import (
     MergeOption,
     SkipBadOption,
 )
-from meshreel.codec.config import DEFAULT_METHOD, DEFAULT_ORDER, EncoderConfig
+from meshreel.codec.config import EncoderConfig
 from meshreel.surface_selection import ALL, listed_names
 
 if TYPE_CHECKING:
@@ -46,6 +31,7 @@ FRAMES = ".obj .ply .off .stl .vtu .vtp .vtk"
 WORKERS = "Where it runs (give one)"
 
 
+@with_encode_options()
 def batch_command(
     input_dir: Annotated[
         Path,
@@ -78,20 +64,8 @@ def batch_command(
             rich_help_panel=WORKERS,
         ),
     ] = None,
-    quality: QualityOption = None,
-    max_error: MaxErrorOption = None,
-    unit: UnitOption = None,
-    kg: KgOption = None,
-    sted: StedOption = None,
-    bpvf: BpvfOption = None,
-    size: SizeOption = None,
-    tune: TuneOption = None,
-    effort: EffortOption = None,
-    method: MethodOption = DEFAULT_METHOD,
-    order: OrderOption = DEFAULT_ORDER,
-    block_frames: BlockFramesOption = None,
-    memory: MemoryOption = None,
-    uv_bits: UvBitsOption = None,
+    *,
+    encoding: Encoding,
     attributes: AttributesOption = ALL,
     fps: FpsOption = None,
     merge: MergeOption = False,
@@ -128,22 +102,7 @@ def batch_command(
 
     if workers is not None and scheduler is not None:
         raise typer.BadParameter("--workers and --scheduler exclude each other; give one")
-    config = EncoderConfig(
-        method=method,
-        order=order,
-        block_frames=block_frames,
-        memory=memory,
-        quality=quality,
-        max_error=max_error,
-        kg=kg,
-        sted=sted,
-        bpvf=bpvf,
-        size=size,
-        tune=tune,
-        effort=effort,
-        unit=unit,
-        uv_bits=uv_bits,
-    )
+    config = EncoderConfig(**encoding)
     listed_names(attributes)  # refused now, before any work
     options = EncodeOptions(config, fps, merge, attributes, skip_bad, allow_outside)
     plan = plan_batch(input_dir, out_dir, options, force=force)

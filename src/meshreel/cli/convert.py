@@ -6,23 +6,7 @@ from typing import Annotated
 import typer
 
 from meshreel.cli.completing import input_files
-from meshreel.cli.encode_options import (
-    BlockFramesOption,
-    BpvfOption,
-    EffortOption,
-    KgOption,
-    MemoryOption,
-    MethodOption,
-    ModesOption,
-    OrderOption,
-    QualityOption,
-    SizeOption,
-    StedOption,
-    StepOption,
-    TuneOption,
-    UnitOption,
-    UvBitsOption,
-)
+from meshreel.cli.encode_options import Encoding, with_encode_options
 from meshreel.cli.read_options import (
     AllowOutsideOption,
     AttributesOption,
@@ -43,16 +27,14 @@ from meshreel.cli.write_options import (
     StartNumberOption,
     TargetsOption,
 )
-from meshreel.codec.config import DEFAULT_METHOD, DEFAULT_ORDER, EncoderConfig
+from meshreel.codec.config import EncoderConfig
 from meshreel.surface_selection import ALL
 
-STREAM_OPTIONS = {
-    "quality", "kg", "sted", "bpvf", "size", "step", "tune", "effort", "method", "modes", "order",
-    "block_frames", "memory", "uv_bits",
-}  # fmt: skip
-"""Options that have an effect only where the output is a .reel."""
+OF_ALL_OUTPUTS = ("max_error", "unit")
+"""Options of encoding that have an effect on other outputs, too."""
 
 
+@with_encode_options(max_error=OutputErrorOption)
 def convert_command(
     context: typer.Context,
     inputs: Annotated[
@@ -77,23 +59,9 @@ def convert_command(
     attributes: AttributesOption = ALL,
     split: SplitOption = False,
     targets: TargetsOption = None,
-    max_error: OutputErrorOption = None,
-    unit: UnitOption = None,
     normals: NormalsOption = None,
-    quality: QualityOption = None,
-    kg: KgOption = None,
-    sted: StedOption = None,
-    bpvf: BpvfOption = None,
-    size: SizeOption = None,
-    step: StepOption = None,
-    tune: TuneOption = None,
-    effort: EffortOption = None,
-    method: MethodOption = DEFAULT_METHOD,
-    modes: ModesOption = None,
-    order: OrderOption = DEFAULT_ORDER,
-    block_frames: BlockFramesOption = None,
-    memory: MemoryOption = None,
-    uv_bits: UvBitsOption = None,
+    *,
+    encoding: Encoding,
     force: ForceOption = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print what was done as JSON.")] = False,
 ) -> None:
@@ -131,30 +99,14 @@ def convert_command(
     from meshreel.formats.sources import files_of_source, natural_order
     from meshreel.formats.stretches import find_stretches
 
-    bound = checked_bound(max_error, unit)
+    own = {name: value for name, value in encoding.items() if name not in OF_ALL_OUTPUTS}
+    bound = checked_bound(encoding["max_error"], encoding["unit"])
     chosen = frame_slice(frames)
     if split and chosen is not None:
         raise typer.BadParameter("--split and --frames exclude each other; give one")
     if not is_stream(output):
-        refuse_stream_options(context, STREAM_OPTIONS, output)
-    config = EncoderConfig(
-        method=method,
-        n_modes=modes,
-        order=order,
-        block_frames=block_frames,
-        memory=memory,
-        quality=quality,
-        max_error=max_error if is_stream(output) else None,
-        unit=unit if is_stream(output) else None,
-        kg=kg,
-        sted=sted,
-        bpvf=bpvf,
-        size=size,
-        step=step,
-        tune=tune,
-        effort=effort,
-        uv_bits=uv_bits,
-    )
+        refuse_stream_options(context, own, output)
+    config = EncoderConfig(**(encoding if is_stream(output) else own))
     ordered = natural_order(Path(path) for path in inputs)
     source = inputs[0] if len(inputs) == 1 else ordered
     files = files_of_source(source, topology)

@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from meshreel.cli.completing import reel_files
-from meshreel.cli.encode_options import UnitOption
+from meshreel.cli.encode_options import option_info
 from meshreel.cli.write_options import (
     ForceOption,
     FramesOption,
@@ -16,6 +16,7 @@ from meshreel.cli.write_options import (
     StartNumberOption,
     TargetsOption,
 )
+from meshreel.codec.targets import UNIT
 
 
 def decode_command(
@@ -37,7 +38,7 @@ def decode_command(
     ] = None,
     targets: TargetsOption = None,
     max_error: GltfErrorOption = None,
-    unit: UnitOption = None,
+    unit: Annotated[str | None, option_info(UNIT)] = None,
     normals: NormalsOption = None,
     force: ForceOption = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print what was done as JSON.")] = False,

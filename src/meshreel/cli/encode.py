@@ -6,30 +6,7 @@ from typing import Annotated
 import typer
 
 from meshreel.cli.completing import input_files, streams
-from meshreel.cli.encode_options import (
-    AllocationOption,
-    AnchorsOption,
-    BitsOption,
-    BlockFramesOption,
-    BpvfOption,
-    EffortOption,
-    EnergyOption,
-    IterationsOption,
-    KgOption,
-    LaplacianOption,
-    MaxErrorOption,
-    MemoryOption,
-    MethodOption,
-    ModesOption,
-    OrderOption,
-    QualityOption,
-    SizeOption,
-    StedOption,
-    StepOption,
-    TuneOption,
-    UnitOption,
-    UvBitsOption,
-)
+from meshreel.cli.encode_options import Encoding, with_encode_options
 from meshreel.cli.read_options import (
     AllowOutsideOption,
     AttributesOption,
@@ -41,14 +18,7 @@ from meshreel.cli.read_options import (
     SplitOption,
     TopologyOption,
 )
-from meshreel.codec.config import (
-    DEFAULT_ALLOCATION,
-    DEFAULT_ITERATIONS,
-    DEFAULT_LAPLACIAN,
-    DEFAULT_METHOD,
-    DEFAULT_ORDER,
-    EncoderConfig,
-)
+from meshreel.codec.config import EncoderConfig
 from meshreel.surface_selection import ALL
 
 OTHER_OUTPUTS = (
@@ -58,6 +28,7 @@ OTHER_OUTPUTS = (
 """Advice where the output of `encode` is to be something else."""
 
 
+@with_encode_options()
 def encode_command(
     inputs: Annotated[
         list[str],
@@ -78,28 +49,8 @@ def encode_command(
             help="The .reel to write. Default: the input's name, in this folder.",
         ),
     ] = None,
-    quality: QualityOption = None,
-    max_error: MaxErrorOption = None,
-    unit: UnitOption = None,
-    kg: KgOption = None,
-    sted: StedOption = None,
-    bpvf: BpvfOption = None,
-    size: SizeOption = None,
-    step: StepOption = None,
-    tune: TuneOption = None,
-    effort: EffortOption = None,
-    method: MethodOption = DEFAULT_METHOD,
-    modes: ModesOption = None,
-    energy: EnergyOption = None,
-    bits: BitsOption = None,
-    allocation: AllocationOption = DEFAULT_ALLOCATION,
-    anchors: AnchorsOption = None,
-    laplacian: LaplacianOption = DEFAULT_LAPLACIAN,
-    order: OrderOption = DEFAULT_ORDER,
-    block_frames: BlockFramesOption = None,
-    memory: MemoryOption = None,
-    iterations: IterationsOption = DEFAULT_ITERATIONS,
-    uv_bits: UvBitsOption = None,
+    *,
+    encoding: Encoding,
     fps: FpsOption = None,
     object: ObjectOption = None,
     merge: MergeOption = False,
@@ -155,30 +106,7 @@ def encode_command(
 
     target = output or Path(f"{_stem(inputs[0])}.reel")
     check_ending(target, (".reel",), OTHER_OUTPUTS)
-    config = EncoderConfig(
-        method=method,
-        n_modes=modes,
-        energy=energy,
-        bits=_bits(bits),
-        allocation=allocation,
-        anchors=anchors,
-        laplacian=laplacian,
-        order=order,
-        block_frames=block_frames,
-        memory=memory,
-        n_iterations=iterations,
-        quality=quality,
-        max_error=max_error,
-        kg=kg,
-        sted=sted,
-        bpvf=bpvf,
-        size=size,
-        step=step,
-        tune=tune,
-        effort=effort,
-        unit=unit,
-        uv_bits=uv_bits,
-    )
+    config = EncoderConfig(**encoding)
     frames = natural_order(Path(path) for path in inputs)
     source = inputs[0] if len(inputs) == 1 else frames
     files = files_of_source(source, topology)
@@ -218,19 +146,6 @@ def encode_command(
         result.show()
     if profile:
         print_profile(times)
-
-
-def _bits(text: str | None) -> int | list[int] | None:
-    """One number, or one for each row, from '8' or '8,8,6'."""
-    if text is None:
-        return None
-    try:
-        numbers = [int(number) for number in text.split(",")]
-    except ValueError:
-        raise typer.BadParameter(
-            f"--bits takes a whole number, or several as in 8,8,6; got {text!r}"
-        ) from None
-    return numbers if len(numbers) > 1 else numbers[0]
 
 
 def _stem(source: str) -> str:

@@ -69,14 +69,14 @@ def encode_file(
     """Encode a sequence, write it and measure it."""
     from meshreel.codec.achieved import measure_stream
     from meshreel.codec.choices import Order
-    from meshreel.codec.encoder import encode
+    from meshreel.codec.encoder import encode_with
     from meshreel.codec.inspect import info
     from meshreel.codec.surface.payloads import order_loss_note
     from meshreel.codec.surface.uv_errors import measure_uvs
     from meshreel.runtime.outputs.atomic import replace_when_done
     from meshreel.runtime.profiling import stage
 
-    data = encode(sequence, **vars(config), progress=progress)
+    data = encode_with(config, sequence, progress=progress)
     with stage("writing"), replace_when_done(target, overwrite=force) as temporary:
         temporary.write_bytes(data)
     with_sted = config.sted is not None

@@ -9,6 +9,7 @@ if TYPE_CHECKING:
     from meshreel.codec.achieved import Achieved
     from meshreel.codec.inspect import StreamInfo
     from meshreel.codec.surface.uv_errors import UvErrors
+    from meshreel.formats.inspection import MeshInfo
     from meshreel.metrics.compare import Quality
     from meshreel.viewer.measuring import Measured
 
@@ -71,23 +72,12 @@ def info_rows(stream: "StreamInfo") -> dict[str, str]:
     rows = {
         "name": stream.name or "-",
         **size_rows(stream),
-        "frame rate": f"{stream.fps:g} fps" if stream.fps else "unknown",
+        "frame rate": fps_text(stream.fps),
         "positions": stream.vertex_type,
         "Laplacian": stream.laplacian,
         "order": stream.order,
     }
-    if stream.start_s:
-        rows["starts at"] = f"{stream.start_s:.6g} s"
-    if stream.n_polygons != stream.n_faces:
-        rows["polygons"] = f"{stream.n_polygons}, cut into triangles"
-    if stream.attributes:
-        rows["carries"] = "\n".join(stream.attributes)
-    if stream.parts:
-        rows["parts"] = "\n".join(stream.parts)
-    if stream.materials:
-        rows["materials"] = "\n".join(stream.materials)
-    if stream.images:
-        rows["images"] = "\n".join(stream.images)
+    rows |= carried_rows(stream)
     if len(stream.block_frames) > 1:
         rows["blocks"] = (
             f"{len(stream.block_frames)} of up to {counted(max(stream.block_frames), 'frame')}"
@@ -102,6 +92,22 @@ def info_rows(stream: "StreamInfo") -> dict[str, str]:
     if stream.max_error_percent:
         rows["promised"] = f"no vertex is off by more than {promise_text(stream)}"
     return rows
+
+
+def carried_rows(found: "StreamInfo | MeshInfo") -> dict[str, str]:
+    """Start, polygons, attributes, parts and materials of a stream or a mesh, where it has some."""
+    rows = {}
+    if found.start_s:
+        rows["starts at"] = f"{found.start_s:.6g} s"
+    if found.n_polygons != found.n_faces:
+        rows["polygons"] = f"{found.n_polygons}, cut into triangles"
+    lists = {
+        "carries": found.attributes,
+        "parts": found.parts,
+        "materials": found.materials,
+        "images": found.images,
+    }
+    return rows | {name: "\n".join(texts) for name, texts in lists.items() if texts}
 
 
 def quality_rows(quality: "Quality") -> dict[str, str]:
@@ -153,12 +159,17 @@ def measured_rows(measured: "Measured") -> dict[str, str]:
     }
 
 
-def mesh_text(stream: "StreamInfo") -> str:
+def mesh_text(found: "StreamInfo | MeshInfo") -> str:
     """Numbers of frames, vertices and faces."""
     return (
-        f"{counted(stream.n_frames, 'frame')}, {counted(stream.n_verts, 'vertex')}, "
-        f"{counted(stream.n_faces, 'face')}"
+        f"{counted(found.n_frames, 'frame')}, {counted(found.n_verts, 'vertex')}, "
+        f"{counted(found.n_faces, 'face')}"
     )
+
+
+def fps_text(fps: float) -> str:
+    """A frame rate, which 0 stands for if it is not known."""
+    return f"{fps:g} fps" if fps else "unknown"
 
 
 def modes_text(stream: "StreamInfo") -> str:

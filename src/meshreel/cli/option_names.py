@@ -2,21 +2,14 @@
 
 import re
 from collections.abc import Iterable
+from functools import cache
 
-RENAMED = {
-    "overwrite": "force",
-    "n_modes": "modes",
-    "n_frames": "frames",
-    "n_iterations": "iterations",
-}
-"""Keywords whose options are not called the same."""
+RENAMED = {"overwrite": "--force", "n_frames": "--frames"}
+"""Keywords whose options are not called the same, beside those of encoding."""
 
 _BOTH = re.compile(r"(--[a-z][a-z-]*(?: [^\s()]+)?) \(\w+=\w*\)")
 _CHOICE = re.compile(r"(?<![\w./'\"-])([a-z]\w*)=\"(\w+)\"")
 _KEYWORD = re.compile(r"(?<![\w./'\"-])([a-z]\w*)=(?:True|False)?(?=[\s),;:.]|$)")
-_NAME = re.compile(
-    r"(?<![\w./'\"=-])(n_modes|n_frames|n_iterations|max_error|block_frames)(?![\w./'\"=-])"
-)
 
 
 def in_option_names(message: str) -> str:
@@ -28,7 +21,7 @@ def in_option_names(message: str) -> str:
     message = _BOTH.sub(r"\1", message)
     message = _CHOICE.sub(lambda found: f"{_option(found[1])} {found[2]}", message)
     message = _KEYWORD.sub(lambda found: _option(found[1]), message)
-    return _NAME.sub(lambda found: _option(found[1]), message)
+    return _names().sub(lambda found: _option(found[1]), message)
 
 
 def all_in_option_names(notes: Iterable[str]) -> list[str]:
@@ -37,4 +30,19 @@ def all_in_option_names(notes: Iterable[str]) -> list[str]:
 
 
 def _option(keyword: str) -> str:
-    return f"--{RENAMED.get(keyword, keyword).replace('_', '-')}"
+    return _flags().get(keyword, f"--{keyword.replace('_', '-')}")
+
+
+@cache
+def _flags() -> dict[str, str]:
+    """The options of encoding by their keywords, and `RENAMED`."""
+    from meshreel.codec.options import all_options
+
+    return {**RENAMED, **{option.name: option.flag for option in all_options()}}
+
+
+@cache
+def _names() -> re.Pattern[str]:
+    """A keyword that no word of a sentence is: "n_modes"."""
+    keywords = "|".join(name for name in _flags() if "_" in name)
+    return re.compile(rf"(?<![\w./'\"=-])({keywords})(?![\w./'\"=-])")

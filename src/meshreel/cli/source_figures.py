@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from meshreel.cli.console import size_text
+from meshreel.cli.figures import carried_rows, fps_text, mesh_text
 from meshreel.counting import counted
 
 if TYPE_CHECKING:
@@ -50,25 +51,13 @@ def mesh_columns(found: "SourceInfo") -> list[Sequence[str]]:
 def _mesh_rows(mesh: "MeshInfo") -> dict[str, str]:
     rows = {
         "name": mesh.name or "-",
-        "sequence": f"{counted(mesh.n_frames, 'frame')}, {counted(mesh.n_verts, 'vertex')}, "
-        f"{counted(mesh.n_faces, 'face')}",
+        "sequence": mesh_text(mesh),
         "raw": size_text(mesh.raw_size_bytes),
-        "frame rate": f"{mesh.fps:g} fps" if mesh.fps else "unknown",
+        "frame rate": fps_text(mesh.fps),
         "duration": f"{mesh.duration_s:.4g} s" if mesh.duration_s else "unknown",
         "positions": mesh.vertex_type,
     }
-    if mesh.start_s:
-        rows["starts at"] = f"{mesh.start_s:.6g} s"
-    if mesh.n_polygons != mesh.n_faces:
-        rows["polygons"] = f"{mesh.n_polygons}, cut into triangles"
-    if mesh.attributes:
-        rows["carries"] = "\n".join(mesh.attributes)
-    if mesh.parts:
-        rows["parts"] = "\n".join(mesh.parts)
-    if mesh.materials:
-        rows["materials"] = "\n".join(mesh.materials)
-    if mesh.images:
-        rows["images"] = "\n".join(mesh.images)
+    rows |= carried_rows(mesh)
     if mesh.low is not None and mesh.high is not None:
         spans = zip("xyz", mesh.low, mesh.high, strict=True)
         rows["box"] = "\n".join(f"{axis} {low:.5g} to {high:.5g}" for axis, low, high in spans)

@@ -1,13 +1,13 @@
 """Options of commands that write files of other programs, and what such a command says."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from meshreel.cli.completing import output_files
-from meshreel.cli.encode_options import OF_ALL_FRAMES
+from meshreel.codec.targets import DIAGONAL_OF_ALL
 
 if TYPE_CHECKING:
     from meshreel.codec.reel_file import ReelFile
@@ -51,7 +51,7 @@ GltfErrorOption = Annotated[
         "--max-error",
         metavar="BOUND",
         help="The largest error that there may be: from the original, of a .reel that promises its "
-        f"own; else what morph targets add. 0.1 or 0.1%: percent {OF_ALL_FRAMES}; 0.5u: model "
+        f"own; else what morph targets add. 0.1 or 0.1%: percent {DIAGONAL_OF_ALL}; 0.5u: model "
         "units; 0.5mm: a length, see --unit.",
         rich_help_panel=GLTF,
     ),
@@ -62,7 +62,7 @@ OutputErrorOption = Annotated[
         "--max-error",
         metavar="BOUND",
         help="Of a .reel: no vertex of any frame is farther off. Of glTF: the largest error that "
-        f"morph targets may add. 0.1 or 0.1%: percent {OF_ALL_FRAMES}; 0.5u: model units; 0.5mm: "
+        f"morph targets may add. 0.1 or 0.1%: percent {DIAGONAL_OF_ALL}; 0.5u: model units; 0.5mm: "
         "a length, see --unit.",
     ),
 ]
@@ -113,13 +113,13 @@ def is_stream(output: str | Path) -> bool:
     return Path(output).suffix.lower() == ".reel"
 
 
-def refuse_stream_options(context: typer.Context, names: set[str], output: str) -> None:
+def refuse_stream_options(context: typer.Context, names: Iterable[str], output: str) -> None:
     """Refuse options of these names that were given, for they choose nothing in the output."""
-    for name in context.params:
-        source = context.get_parameter_source(name)
-        if name in names and source is not None and source.name == "COMMANDLINE":
+    for option in context.command.params:
+        source = context.get_parameter_source(option.name or "")
+        if option.name in names and source is not None and source.name == "COMMANDLINE":
             raise typer.BadParameter(
-                f"--{name.replace('_', '-')} has no effect on {output}; it is for .reel outputs"
+                f"{option.opts[0]} has no effect on {output}; it is for .reel outputs"
             )
 
 

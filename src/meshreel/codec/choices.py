@@ -1,9 +1,9 @@
 """Choices that a stream is made with, whatever its method, and their codes in it."""
 
-from enum import Enum, IntEnum
+from enum import IntEnum
 from typing import TypeVar
 
-from meshreel.errors import InvalidInputError, UnsupportedVersionError
+from meshreel.errors import UnsupportedVersionError
 
 
 class Laplacian(IntEnum):
@@ -21,25 +21,7 @@ class Order(IntEnum):
     DROP = 2
 
 
-Choice = TypeVar("Choice", bound=Enum)
-
-
 CodedChoice = TypeVar("CodedChoice", bound=IntEnum)
-
-
-def choice_named(choices: type[Choice], name: str) -> Choice:
-    """The member of an enumeration by its lower-case name.
-
-    Raises
-    ------
-    InvalidInputError
-        If there is none; says which there are.
-    """
-    for choice in choices:
-        if choice.name.lower() == name:
-            return choice
-    allowed = ", ".join(choice.name.lower() for choice in choices)
-    raise InvalidInputError(f"{choices.__name__.lower()} {name!r} is unknown; choose {allowed}")
 
 
 def choice_of_code(choices: type[CodedChoice], code: int) -> CodedChoice:

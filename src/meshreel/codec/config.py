@@ -1,22 +1,18 @@
 """What the user sets, checked."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
 
 from meshreel.codec.byte_sizes import bytes_of
-from meshreel.codec.choices import Laplacian, Order, choice_named
+from meshreel.codec.choices import Laplacian, Order
 from meshreel.codec.error_bounds import bound_of
 from meshreel.codec.methods import Method, method_named
-from meshreel.codec.surface.uv_grid import check_uv_bits
+from meshreel.codec.options import all_options, check_names, methods_taking
 from meshreel.codec.targets import Aim, Target, target_of
 from meshreel.counting import counted
 from meshreel.errors import InvalidInputError
 
-DEFAULT_METHOD = "reel"
-DEFAULT_LAPLACIAN = "normalized"
-DEFAULT_ORDER = "keep"
-DEFAULT_ALLOCATION = "energy"
-DEFAULT_ITERATIONS = 4
 MAX_BLOCK_POSITIONS = 1 << 26
 """Positions that are coded together at most, where nothing is said of memory."""
 
@@ -28,7 +24,9 @@ BYTES_OF_POSITION = 130.0
 
 @dataclass(frozen=True)
 class EncoderConfig:
-    """The options of `meshreel.encode`; see there.
+    """The options of `meshreel.encode`, checked: the rows of `codec.options.all_options`.
+
+    `python docs/option_texts.py --write` writes the fields.
 
     Raises
     ------
@@ -36,19 +34,10 @@ class EncoderConfig:
         If an option is out of range, or two exclude each other.
     """
 
-    method: str = DEFAULT_METHOD
-    n_modes: int | None = None
-    energy: float | None = None
-    bits: int | Sequence[int] | None = None
-    allocation: str = DEFAULT_ALLOCATION
-    anchors: float | None = None
-    laplacian: str = DEFAULT_LAPLACIAN
-    order: str = DEFAULT_ORDER
-    block_frames: int | None = None
-    memory: float | str | None = None
-    n_iterations: int = DEFAULT_ITERATIONS
+    method: str = "reel"
     quality: float | None = None
     max_error: float | str | None = None
+    unit: str | None = None
     kg: float | None = None
     sted: float | None = None
     bpvf: float | None = None
@@ -56,26 +45,30 @@ class EncoderConfig:
     step: float | None = None
     tune: str | None = None
     effort: int | None = None
-    unit: str | None = None
+    n_modes: int | None = None
+    order: str = "keep"
+    block_frames: int | None = None
+    memory: float | str | None = None
     uv_bits: int | None = None
+    energy: float | None = None
+    bits: int | Sequence[int] | None = None
+    allocation: str = "energy"
+    anchors: float | None = None
+    laplacian: str = "normalized"
+    n_iterations: int = 4
 
     def __post_init__(self) -> None:
+        for option in all_options():
+            option.check(getattr(self, option.name))
         self._read_texts()
-        # Names that do not exist are refused now, before any work.
-        method, _, _ = self.method_row, self.laplacian_choice, self.order_choice
-        for name, remedy in _TAKEN_BY.items():
-            if name not in method.options and getattr(self, name) != _DEFAULTS[name]:
+        chosen = (row for row in all_options() if getattr(self, row.name) != row.default)
+        for option in chosen:
+            if self.method not in (methods := methods_taking(option)):
                 raise InvalidInputError(
-                    f"method {method.name} does not take {name}=; leave it out, or choose {remedy}"
+                    f"method {self.method} does not take {option.name}=; leave it out, or choose "
+                    f"{' or '.join(methods)}"
                 )
-        if self.n_modes is not None:
-            _check_count("n_modes", self.n_modes)
-        method.check(self)
-        if self.block_frames is not None:
-            _check_count("block_frames", self.block_frames)
-        _check_count("n_iterations", self.n_iterations)
-        if self.uv_bits is not None:
-            check_uv_bits(self.uv_bits)
+        self.method_row.check(self)
 
     def _read_texts(self) -> None:
         """Put numbers in place of sizes such as "100kB", and of lengths what they are in units."""
@@ -101,12 +94,12 @@ class EncoderConfig:
     @property
     def laplacian_choice(self) -> Laplacian:
         """The Laplacian by its code."""
-        return choice_named(Laplacian, self.laplacian)
+        return Laplacian[self.laplacian.upper()]
 
     @property
     def order_choice(self) -> Order:
         """The order by its code."""
-        return choice_named(Order, self.order)
+        return Order[self.order.upper()]
 
     @property
     def memory_bytes(self) -> float | None:
@@ -142,18 +135,15 @@ class EncoderConfig:
 
 
 _TARGETS = tuple(aim.value for aim in Aim)
-_OF_PAPER = "a method of the paper such as pca-qp"
-_TAKEN_BY = {
-    "n_iterations": "blocks",
-    **dict.fromkeys(("energy", "bits", "anchors", "allocation"), _OF_PAPER),
-    "laplacian": "a method that codes deltas, such as pca-qp",
-    **dict.fromkeys((*_TARGETS, "tune", "effort"), "reel"),
-}
-"""Options that not every method takes, and a method that does."""
-
-_DEFAULTS = {option.name: option.default for option in fields(EncoderConfig)}
 
 
-def _check_count(name: str, value: int) -> None:
-    if not 1 <= value < float("inf") or int(value) != value:
-        raise InvalidInputError(f"{name} must be a whole number of at least 1; got {value}")
+def config_of(options: Mapping[str, Any]) -> EncoderConfig:
+    """The options of these names, checked.
+
+    Raises
+    ------
+    InvalidInputError
+        If there is no such option, naming the nearest, or as `EncoderConfig`.
+    """
+    check_names(options, (option.name for option in all_options()))
+    return EncoderConfig(**options)

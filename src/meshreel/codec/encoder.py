@@ -2,14 +2,8 @@
 
 from collections.abc import Sequence
 
-from meshreel.codec.config import (
-    DEFAULT_ALLOCATION,
-    DEFAULT_ITERATIONS,
-    DEFAULT_LAPLACIAN,
-    DEFAULT_METHOD,
-    DEFAULT_ORDER,
-    EncoderConfig,
-)
+from meshreel.codec.config import EncoderConfig
+from meshreel.codec.options import all_options
 from meshreel.codec.source import Source
 from meshreel.codec.surface.uv_grid import check_uvs
 from meshreel.runtime.engine.engine import Engine
@@ -20,20 +14,11 @@ from meshreel.surface_selection import ALL, Names, selected
 
 def encode(
     sequence: FrameSource,
-    method: str = DEFAULT_METHOD,
+    method: str = "reel",
     *,
-    n_modes: int | None = None,
-    energy: float | None = None,
-    bits: int | Sequence[int] | None = None,
-    allocation: str = DEFAULT_ALLOCATION,
-    anchors: float | None = None,
-    laplacian: str = DEFAULT_LAPLACIAN,
-    order: str = DEFAULT_ORDER,
-    block_frames: int | None = None,
-    memory: float | str | None = None,
-    n_iterations: int = DEFAULT_ITERATIONS,
     quality: float | None = None,
     max_error: float | str | None = None,
+    unit: str | None = None,
     kg: float | None = None,
     sted: float | None = None,
     bpvf: float | None = None,
@@ -41,8 +26,17 @@ def encode(
     step: float | None = None,
     tune: str | None = None,
     effort: int | None = None,
-    unit: str | None = None,
+    n_modes: int | None = None,
+    order: str = "keep",
+    block_frames: int | None = None,
+    memory: float | str | None = None,
     uv_bits: int | None = None,
+    energy: float | None = None,
+    bits: int | Sequence[int] | None = None,
+    allocation: str = "energy",
+    anchors: float | None = None,
+    laplacian: str = "normalized",
+    n_iterations: int = 4,
     attributes: Names = ALL,
     progress: Progress = silent,
     engine: Engine | None = None,
@@ -57,67 +51,73 @@ def encode(
     sequence : MeshSequence, or FrameSource
         Frames that are not in memory are read block by block. `meshreel.encode` also takes what
         `meshreel.load` reads, such as a path, and warns of what reading leaves out.
-    method : {"reel", "pca-qp", "pca", "pca-q", "v2v", "pca-qs", "blocks", "gft"}
-        `reel`: our own, several times smaller than the others. The rest are variants of the paper
-        (`paper.variants`). `pca-qp`: deltas on the eigen-trajectories of each axis, least
-        squares with anchors. `pca`, `pca-q`: without anchors, the first at 16 bits. `v2v`:
-        vertices instead of deltas. `pca-qs`: as `pca-qp`, decoded one frame after another.
-        `blocks`: eigen-trajectories of short blocks, tracked. `gft`: each frame's deltas on the
-        low frequencies of the graph.
-    n_modes : int, optional
-        With `reel`, at most this many modes. Else eigen-trajectories to keep of each axis (the
-        paper's k_l); at most as many as a block has frames are used. Excludes `energy`. With
-        `gft`, graph frequencies; default 5 % of the vertices.
-    energy : float, optional
-        Share of the shape's energy to keep, 0..1; it chooses the number of modes. What is left
-        out makes a KG error of sqrt(1 - energy). Default 0.99995, that is 0.7 %.
-    bits : int, or sequence of int, optional
-        Bits of the largest coefficient, 2..24; or bits of each row, where 0 leaves the row out.
-        Default 9 (`pca`: 16).
-    allocation : {"energy", "constant"}
-        How a single number of bits is spread over the rows: all share the step of the largest,
-        so that bits follow a row's energy; or each takes that many bits of its own range.
-    anchors : float, optional
-        Share of the vertices sent as anchors, 0..1, where the method has them; default 0.01.
-        Every connected component gets at least one: with 0 this is decoding by L alone (Eq. 11).
-    laplacian : {"normalized", "combinatorial"}
-        I - D^-1 C (Eq. 3), which measured better, or D - C (Eq. 1).
-    order : {"keep", "vertices", "drop"}
-        Keep vertices and faces in the order they came; or the vertices only (the faces too, where
-        that takes no more bytes); or neither, which gives the smallest stream.
-    block_frames : int, optional
-        Frames that are coded together. Default: all of them, as far as memory allows (`blocks`:
-        25).
-    memory : float or str, optional
-        Bytes that encoding may take, or text such as "1GiB", this program included: blocks
-        are cut to fit. Default: blocks of up to 67 million positions, which take some 8 GB.
-    n_iterations : int, default 4
-        Orthogonal iterations from one block to the next (`blocks`).
+    method : {"pca-qp", "pca", "pca-q", "v2v", "pca-qs", "blocks", "gft", "reel"}, default "reel"
+        How to code. `reel`: our own, several times smaller than the others, which are variants of
+        the paper. `pca-qp`: deltas on the eigen-trajectories of each axis, least squares with
+        anchors. `pca`, `pca-q`: without anchors, the first at 16 bits. `v2v`: vertices instead of
+        deltas. `pca-qs`: as `pca-qp`, decoded one frame after another. `blocks`: eigen-trajectories
+        of short blocks, tracked. `gft`: each frame's deltas on the low frequencies of the graph.
     quality : float, optional
-        1..100; every 12 points halve the error. It sets a step relative to the size of the model
-        itself, so that models of different sizes and travels look equally good.
+        1 to 100; every 12 points halve the error, which is relative to the model's size: the
+        diagonal of a frame's bounding box, the mean of all frames. Default: 80, if nothing else is
+        asked for.
     max_error : float or str, optional
-        Percent of the diagonal of the bounding box of all frames, as 0.1 or "0.1%"; or a length,
-        as "0.5u" in model units or "0.5mm", which needs `unit`. No vertex of any frame comes back
-        farther from where it was.
-    kg, sted : float, optional
-        The smallest stream found whose KG error in percent, or whose STED, is at most this.
-    bpvf : float, optional
-        The best stream found of at most so many bits for each vertex and frame; the whole stream
-        counts.
-    size : float or str, optional
-        The best stream found of at most so many bytes; a number, or text such as "100kB".
-    step : float, optional
-        Step of the fields as it acts on a position, in diagonals of the bounding box.
-    tune : {"visual", "geometry"}, optional
-        Serve STED, or KG and maximum error. Default: what the target asks for; else visual.
-    effort : int, optional
-        1..9, time against size; default 5.
+        No vertex of any frame farther from the original than this. Promised. 0.1 or 0.1%: percent
+        of the diagonal of the bounding box of all frames; 0.5u: model units; 0.5mm: a length, see
+        `unit`.
     unit : {"mm", "cm", "m", "km", "in", "ft"}, optional
         How long one unit of the model is, for a `max_error` that is a length.
+    kg : float, optional
+        Smallest file of at most this KG error, a share of the shape's extent. In percent.
+    sted : float, optional
+        Smallest file of at most this STED.
+    bpvf : float, optional
+        Best quality within so many bits for each vertex and frame. The whole stream counts.
+    size : float or str, optional
+        Best quality within this size, as in 100kB, 1MiB or 100000 (bytes).
+    step : float, optional
+        Step of rounding as it acts on a position, in diagonals of the bounding box of all frames.
+    tune : {"visual", "geometry"}, optional
+        What bits are spent on. visual: how the surface looks; geometry: where vertices are.
+        Default: what the target needs, else visual. visual serves STED, geometry KG and the largest
+        error.
+    effort : int, optional
+        1 to 9: time against size. Default: 5.
+    n_modes : int, optional
+        Modes to keep, 1 or more: of reel at most so many, else of each axis. Those of an axis are
+        eigen-trajectories (the paper's k_l); at most as many as a block has frames are used.
+        Excludes `energy`. With `gft`, graph frequencies; default 5 % of the vertices.
+    order : {"keep", "vertices", "drop"}, default "keep"
+        What to keep of the order of vertices and faces. keep: both; vertices: of the vertices;
+        drop: neither, for the smallest file. With vertices, the order of the faces is kept, too,
+        where that takes no more bytes.
+    block_frames : int, optional
+        Frames coded together; fewer take less memory and more bytes. Default: all, as far as memory
+        allows (blocks: 25).
+    memory : float or str, optional
+        Memory that encoding may take, as in 500MB or 1GiB; blocks of frames are cut to fit, and
+        frames stay in their files. Default: blocks of up to 67 million positions. This program
+        counts, too. Blocks of the default size take some 8 GB.
     uv_bits : int, optional
-        4..24: texture coordinates are rounded to a grid of 2^uv_bits steps to the width of a
-        texture, which takes far fewer bytes. Default: they come back exactly.
+        Round texture coordinates to a grid of 2^N steps to the width of a texture, N of 4 to 24; 12
+        is a texel of a 4096 texture. Default: exact.
+    energy : float, optional
+        Share of the shape's energy to keep, up to 1; chooses the number of modes. Default: 0.99995.
+        What is left out makes a KG error of sqrt(1 - energy), by default 0.7 %.
+    bits : int or sequence of int, optional
+        Bits of the largest coefficient, 2 to 24; or of each row, 0 to leave it out. Default: 9;
+        pca: 16.
+    allocation : {"energy", "constant"}, default "energy"
+        How one number of bits is spread over the rows. energy: all share the step of the largest,
+        so that bits follow a row's energy; constant: each takes that many bits of its own range.
+    anchors : float, optional
+        Share of the vertices sent as anchors, 0 to 1, where the method has them. Default: 0.01.
+        Every connected component gets at least one: with 0 this is decoding by L alone (Eq. 11).
+    laplacian : {"normalized", "combinatorial"}, default "normalized"
+        The matrix that makes deltas. normalized: I - D^-1 C (Eq. 3), which measured better;
+        combinatorial: D - C (Eq. 1).
+    n_iterations : int, default 4
+        Orthogonal iterations from block to block (blocks).
     attributes : str or sequence of str, default "all"
         Which attributes and groups of the surface to keep: "all", "none", or names; a kind such
         as "uv" or "color" names all of it. Polygons and parts are kept.
@@ -139,33 +139,28 @@ def encode(
     G. Arvanitis, A. S. Lalos, K. Moustakas, "Fast Spatio-temporal Compression of Dynamic 3D
     Meshes".
     """
-    config = EncoderConfig(
-        method=method,
-        n_modes=n_modes,
-        energy=energy,
-        bits=bits,
-        allocation=allocation,
-        anchors=anchors,
-        laplacian=laplacian,
-        order=order,
-        block_frames=block_frames,
-        memory=memory,
-        n_iterations=n_iterations,
-        quality=quality,
-        max_error=max_error,
-        kg=kg,
-        sted=sted,
-        bpvf=bpvf,
-        size=size,
-        step=step,
-        tune=tune,
-        effort=effort,
-        unit=unit,
-        uv_bits=uv_bits,
-    )
+    given = locals()
+    config = EncoderConfig(**{option.name: given[option.name] for option in all_options()})
+    return encode_with(config, sequence, attributes, progress, engine)
+
+
+def encode_with(
+    config: EncoderConfig,
+    sequence: FrameSource,
+    attributes: Names = ALL,
+    progress: Progress = silent,
+    engine: Engine | None = None,
+) -> bytes:
+    """The bytes of a stream, as `encode` gives them, of options that are checked already.
+
+    Raises
+    ------
+    InvalidInputError
+        If the mesh is too large for the method, or no stream meets the target.
+    """
     surface = selected(sequence.surface, attributes)
-    if uv_bits is not None:
-        check_uvs(surface, uv_bits)
+    if config.uv_bits is not None:
+        check_uvs(surface, config.uv_bits)
     progress("encoding connectivity", 0.0)
     source = Source(sequence, config, surface)
     return config.method_row.encode(source, progress, engine)

@@ -9,32 +9,33 @@ from dataclasses import dataclass
 from importlib import import_module
 from typing import TYPE_CHECKING, Protocol
 
-import numpy as np
-import numpy.typing as npt
-
-from meshreel.bitstream.layout import Section
-from meshreel.bitstream.writer import Sections
+from meshreel.codec.option import Option
 from meshreel.errors import InvalidInputError, UnsupportedVersionError
-from meshreel.subspace.trajectories import BoundingFrame
 
 if TYPE_CHECKING:
+    import numpy as np
+    import numpy.typing as npt
+
+    from meshreel.bitstream.layout import Section
+    from meshreel.bitstream.writer import Sections
     from meshreel.codec.config import EncoderConfig
     from meshreel.codec.decoded_block import DecodedBlock
     from meshreel.codec.open_stream import OpenStream
     from meshreel.codec.source import CodedMesh, Source
     from meshreel.runtime.engine.engine import Engine
     from meshreel.runtime.progress import Progress
+    from meshreel.subspace.trajectories import BoundingFrame
 
-Vertices = npt.NDArray[np.floating]
+    Vertices = npt.NDArray[np.floating]
 
 
 class BlockCoder(Protocol):
     """Codes blocks of frames one after another."""
 
-    def leading_sections(self) -> Iterator[tuple[Section, bytes]]:
+    def leading_sections(self) -> Iterator[tuple["Section", bytes]]:
         """The sections before the first block, behind those of the mesh."""
 
-    def code(self, vertices: Vertices) -> Sections:
+    def code(self, vertices: "Vertices") -> "Sections":
         """The sections of the next block.
 
         Integers are found now, bytes when the sections are taken.
@@ -67,10 +68,6 @@ class Method(Protocol):
         """Its name, as users write it."""
 
     @property
-    def options(self) -> frozenset[str]:
-        """Names of the options it takes beside those that every method takes."""
-
-    @property
     def block_frames(self) -> int | None:
         """Frames coded together where nothing is asked for; None: as many as there are."""
 
@@ -79,12 +76,12 @@ class Method(Protocol):
         """Whether blocks can be coded by different workers, once the first is there."""
 
     def check(self, config: "EncoderConfig") -> None:
-        """Nothing if the options it takes are in range and do not exclude each other.
+        """Nothing if the options it takes fit each other; each by itself is in range.
 
         Raises
         ------
         InvalidInputError
-            If they are not.
+            If they do not.
         """
 
     def check_live(self, config: "EncoderConfig") -> None:
@@ -114,7 +111,9 @@ class Method(Protocol):
             If no stream meets the target.
         """
 
-    def live_coder(self, mesh: "CodedMesh", frame: BoundingFrame, first: Vertices) -> BlockCoder:
+    def live_coder(
+        self, mesh: "CodedMesh", frame: "BoundingFrame", first: "Vertices"
+    ) -> BlockCoder:
         """The coder of frames that are not all there yet.
 
         Parameters
@@ -145,14 +144,18 @@ class Method(Protocol):
 
 @dataclass(frozen=True)
 class _Home:
-    """The name and code of a method, and the module whose `METHODS` maps its name to it."""
+    """The name and code of a method, and its room.
+
+    Of a room, `options.OPTIONS` maps the name to rows of options, and `method.METHODS` to the
+    method.
+    """
 
     name: str
     code: int
-    module: str
+    room: str
 
 
-_PAPER, _REEL = "meshreel.paper.method", "meshreel.reel.method"
+_PAPER, _REEL = "meshreel.paper", "meshreel.reel"
 _HOMES = (
     _Home("pca-qp", 0, _PAPER),
     _Home("pca", 1, _PAPER),
@@ -197,6 +200,13 @@ def method_of_code(code: int) -> Method:
     raise UnsupportedVersionError(f"method {code} is unknown to this build; upgrade meshreel")
 
 
+def own_options(name: str) -> tuple[Option, ...]:
+    """The options that a method of `METHOD_NAMES` takes beside those that every method takes."""
+    room = next(home.room for home in _HOMES if home.name == name)
+    rows: tuple[Option, ...] = import_module(f"{room}.options").OPTIONS[name]
+    return rows
+
+
 def _method_at(home: _Home) -> Method:
-    method: Method = import_module(home.module).METHODS[home.name]
+    method: Method = import_module(f"{home.room}.method").METHODS[home.name]
     return method

@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from meshreel.bitstream.writer import Sections
 from meshreel.codec.block_writer import BlockWriter
-from meshreel.codec.config import MAX_BLOCK_POSITIONS, EncoderConfig
+from meshreel.codec.config import MAX_BLOCK_POSITIONS, EncoderConfig, config_of
 from meshreel.codec.source import CodedMesh
 from meshreel.codec.surface.uv_grid import check_uvs
 from meshreel.counting import counted
@@ -280,9 +280,6 @@ def _checked_config(block_frames: int | str, options: dict[str, Any]) -> Encoder
     if isinstance(block_frames, str) and block_frames != "auto":
         raise InvalidInputError(f"block_frames must be a number or 'auto'; got {block_frames!r}")
     chosen = None if block_frames == "auto" else block_frames
-    try:
-        config = EncoderConfig(**options, block_frames=chosen)  # type: ignore[arg-type]
-    except TypeError as error:
-        raise InvalidInputError(f"an option is unknown: {error}") from None
+    config = config_of({**options, "block_frames": chosen})
     config.method_row.check_live(config)
     return config

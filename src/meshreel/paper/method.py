@@ -14,14 +14,12 @@ from meshreel.errors import InvalidInputError
 from meshreel.paper import settings
 from meshreel.paper.decoder import PaperBlockDecoder
 from meshreel.paper.encoder import PaperBlockCoder
-from meshreel.paper.variants import VARIANTS, Basis, Signal, Variant
+from meshreel.paper.variants import VARIANTS, Basis, Variant
 from meshreel.runtime.engine.engine import Engine
 from meshreel.runtime.progress import Count, Progress
 from meshreel.subspace.trajectories import BoundingFrame
 
 Vertices = npt.NDArray[np.floating]
-
-COMMON_OPTIONS = frozenset({"energy", "bits", "anchors", "allocation"})
 
 
 @dataclass(frozen=True)
@@ -36,13 +34,6 @@ class PaperMethod:
         return self.variant.name
 
     @property
-    def options(self) -> frozenset[str]:
-        """Names of the options it takes beside those that every method takes."""
-        of_deltas = {"laplacian"} if self.variant.signal is Signal.DELTAS else set()
-        of_tracking = {"n_iterations"} if self.variant.basis is Basis.TRACKED else set()
-        return COMMON_OPTIONS | of_deltas | of_tracking
-
-    @property
     def block_frames(self) -> int | None:
         """Default number of frames per block; None is all frames."""
         return self.variant.block_frames
@@ -53,7 +44,7 @@ class PaperMethod:
         return False
 
     def check(self, config: EncoderConfig) -> None:
-        """Nothing if its options are in range; raises as `settings.check`."""
+        """Nothing if its options fit each other; raises as `settings.check`."""
         settings.check(config)
 
     def check_live(self, config: EncoderConfig) -> None:

@@ -10,6 +10,7 @@ from meshreel.codec.config import EncoderConfig
 from meshreel.codec.frame_products import FramesOf, product_frames
 from meshreel.geometry.laplacian import delta_coordinates
 from meshreel.paper.mesh_model import MeshModel
+from meshreel.paper.options import DEFAULT_FREQUENCIES
 from meshreel.paper.quantization import (
     Steps,
     dequantize,
@@ -17,7 +18,7 @@ from meshreel.paper.quantization import (
     step_for_all_rows,
     steps_for_each_row,
 )
-from meshreel.paper.settings import DEFAULT_FREQUENCIES, allocation_of, bits_of, energy_share
+from meshreel.paper.settings import allocation_of, bits_of, energy_share
 from meshreel.paper.subspace.orthogonal_iteration import advance_basis, align_basis, ritz_vectors
 from meshreel.paper.subspace.rank import modes_for_energy
 from meshreel.paper.variants import Allocation, Basis, Signal, Variant, variant_named

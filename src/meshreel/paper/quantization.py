@@ -17,9 +17,6 @@ Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
 Steps = npt.NDArray[np.float32]
 
-MIN_BITS = 2
-MAX_BITS = 24
-
 
 def uniform_step(largest: float, bits: int) -> float:
     """Quantisation step that maps a magnitude to the largest signed integer of `bits` bits.

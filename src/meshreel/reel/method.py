@@ -28,21 +28,18 @@ class ReelMethod:
     """`reel`, as `codec.methods.Method` has it."""
 
     name = "reel"
-    options = frozenset({*(aim.value for aim in Aim), "tune", "effort"})
     block_frames = None
     codes_blocks_apart = True
 
     def check(self, config: EncoderConfig) -> None:
-        """Nothing if target, tune and effort are in range.
+        """Nothing if there is one target at most.
 
         Raises
         ------
         InvalidInputError
-            If they are not.
+            If there are several.
         """
-        from meshreel.reel.encoding.effort import choices_of
-
-        choices_of(config)
+        _ = config.target
 
     def check_live(self, config: EncoderConfig) -> None:
         """Nothing if the target can be met without knowing the frames to come.

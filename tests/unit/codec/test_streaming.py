@@ -192,7 +192,7 @@ def test_targets_are_refused_when_they_need_the_whole_sequence(target):
     [
         ({"block_frames": "all"}, "'auto'; got 'all'"),
         ({"max_latency_s": 0}, "above 0; got 0"),
-        ({"speed": 3}, "an option is unknown"),
+        ({"qualty": 3}, "option 'qualty' is unknown; did you mean 'quality'"),
         ({"fps": -1}, "fps"),
     ],
 )

@@ -8,25 +8,11 @@ quantising again changes nothing.
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.entropy.grid_table import LARGEST, MAX_GRID_BITS
+from meshreel.entropy.grid_table import LARGEST
 from meshreel.errors import InvalidInputError
 from meshreel.surface import Attribute, Kind, Surface
 
 Integers = npt.NDArray[np.int64]
-
-MIN_UV_BITS, MAX_UV_BITS = 4, MAX_GRID_BITS
-
-
-def check_uv_bits(bits: int) -> None:
-    """Refuse a number of bits that texture coordinates cannot be quantised to.
-
-    Raises
-    ------
-    InvalidInputError
-        Naming it.
-    """
-    if not MIN_UV_BITS <= bits <= MAX_UV_BITS or int(bits) != bits:
-        raise InvalidInputError(f"uv_bits must be {MIN_UV_BITS}..{MAX_UV_BITS}; got {bits}")
 
 
 def is_quantized(attribute: Attribute) -> bool:

@@ -2,14 +2,12 @@
 
 import math
 from dataclasses import dataclass
-from enum import Enum
 
 from meshreel.codec.config import EncoderConfig
 from meshreel.codec.targets import Aim, Target
 from meshreel.errors import InvalidInputError
 from meshreel.reel.encoding.analysis import FieldChoices
-
-DEFAULT_EFFORT = 5
+from meshreel.reel.options import DEFAULT_EFFORT, Tune
 
 FINEST_STEP = 1e-4
 """Step of quality 100, in diagonals of the model's own bounding box, the mean of all frames."""
@@ -50,30 +48,12 @@ class Effort:
     has_filters: bool = False
 
 
-class Tune(Enum):
-    """The error that bits are spent against."""
-
-    VISUAL = "visual"
-    GEOMETRY = "geometry"
-
-
 def tune_named(name: str | None, target: Target) -> Tune:
-    """The tune of this name; the one that serves the target where none is given.
-
-    Raises
-    ------
-    InvalidInputError
-        If there is none of this name.
-    """
-    if name is None:
-        serves_geometry = target.aim in (Aim.MAX_ERROR, Aim.KG)
-        return Tune.GEOMETRY if serves_geometry else Tune.VISUAL
-    for tune in Tune:
-        if tune.value == name:
-            return tune
-    raise InvalidInputError(
-        f"tune {name!r} is unknown; choose {', '.join(tune.value for tune in Tune)}"
-    )
+    """The tune of this name; the one that serves the target where none is given."""
+    if name is not None:
+        return Tune(name)
+    serves_geometry = target.aim in (Aim.MAX_ERROR, Aim.KG)
+    return Tune.GEOMETRY if serves_geometry else Tune.VISUAL
 
 
 EFFORTS = {
@@ -95,21 +75,13 @@ EFFORTS = {
 
 
 def choices_of(config: EncoderConfig) -> FieldChoices:
-    """The encoder's choices that the options mean, at some step; raises as `choices_for`."""
+    """The encoder's choices that the options mean, at some step."""
     effort = DEFAULT_EFFORT if config.effort is None else config.effort
     return choices_for(effort, tune_named(config.tune, config.target), config.n_modes)
 
 
 def choices_for(effort: int, tune: Tune, n_modes: int | None) -> FieldChoices:
-    """The encoder's choices for an effort and a tune, at some step.
-
-    Raises
-    ------
-    InvalidInputError
-        If the effort is not 1..9.
-    """
-    if not isinstance(effort, int | float) or effort not in EFFORTS:
-        raise InvalidInputError(f"effort must be 1..9; got {effort}")
+    """The encoder's choices for an effort and a tune, at some step."""
     spent = EFFORTS[int(effort)]
     is_visual = tune is Tune.VISUAL
     return FieldChoices(

@@ -1,0 +1,145 @@
+"""The table of options, and that what is made from it agrees with it."""
+
+import inspect
+import math
+import subprocess
+import sys
+from dataclasses import fields
+from typing import get_type_hints
+
+import pytest
+
+import meshreel
+from meshreel.codec.config import EncoderConfig, config_of
+from meshreel.codec.encoder import encode
+from meshreel.codec.methods import METHOD_NAMES
+from meshreel.codec.option import Option, Range
+from meshreel.codec.options import UV_BITS, all_options, check_names, methods_taking, options_of
+from meshreel.entropy.grid_table import MAX_GRID_BITS
+from meshreel.errors import InvalidInputError
+from meshreel.reel.encoding.effort import EFFORTS
+from meshreel.reel.options import EFFORT_RANGE
+from samples.meshes import waving_grid
+
+OPTIONS = {option.name: option for option in all_options()}
+OTHERS = {"sequence", "attributes", "progress", "engine"}
+"""Parameters of `encode` that are no options of coding."""
+
+ALLOWED = {
+    Range(1, 100): ([1, 80, 99.5, 100], [0.9, 100.1]),
+    Range(1, 9, is_whole=True): ([1, 9, 5.0], [0, 10, 2.5]),
+    Range(1, is_whole=True): ([1, 10**9], [0, 1.5]),
+    Range(0, is_open=True): ([1e-300, 1e300], [0, -1]),
+    Range(0, 1, is_open=True): ([1e-9, 1], [0, 1.1]),
+    Range(0, 1): ([0, 1], [-0.1, 1.1]),
+}
+NEVER = [math.nan, math.inf, -math.inf, "5", b"5", None, [5], {}]
+
+
+@pytest.mark.parametrize("allowed", ALLOWED, ids=str)
+def test_range_takes_what_is_inside_and_nothing_else(allowed):
+    inside, outside = ALLOWED[allowed]
+    for number in inside:
+        allowed.check(number, "it")
+    for number in [*outside, *NEVER]:
+        with pytest.raises(InvalidInputError, match=f"^it must be {allowed}, in percent; got"):
+            allowed.check(number, "it", "in percent")
+
+
+def test_names_of_options_are_distinct_in_python_and_on_the_command_line():
+    assert len(OPTIONS) == len(all_options())
+    assert len({option.flag for option in all_options()}) == len(all_options())
+
+
+@pytest.mark.parametrize("name", OPTIONS)
+def test_option_takes_its_default_and_says_what_it_is(name):
+    option = OPTIONS[name]
+    option.check(option.default)
+    assert option.help.endswith(".")
+    assert option.default in option.names or not option.names or option.default is None
+    assert option.names or option.range
+
+
+@pytest.mark.parametrize("name", OPTIONS)
+def test_config_refuses_what_the_table_does_not_allow(name):
+    option = OPTIONS[name]
+    with pytest.raises(InvalidInputError, match=rf"\b{name}\b"):
+        EncoderConfig(**{name: "none of them" if option.names else -1})
+
+
+@pytest.mark.parametrize("name", OPTIONS)
+@pytest.mark.parametrize("method", METHOD_NAMES)
+def test_option_is_refused_by_methods_that_do_not_take_it(method, name):
+    option = OPTIONS[name]
+    value = 0.5 if option.range is None else max(option.range.low, 1)
+    given = next((one for one in option.names if one != option.default), value)
+    if option in options_of(method) or name == "unit":
+        return
+    expected = f"method {method} does not take {name}=; .* {' or '.join(methods_taking(option))}$"
+    with pytest.raises(InvalidInputError, match=expected):
+        EncoderConfig(method, **{name: given})
+
+
+def test_every_option_is_taken_by_some_method():
+    assert all(methods_taking(option) for option in all_options())
+
+
+@pytest.mark.parametrize("function", [encode, meshreel.encode])
+def test_encode_has_the_options_of_the_table(function):
+    parameters = inspect.signature(function).parameters
+    assert set(parameters) == set(OPTIONS) | OTHERS
+    for name, option in OPTIONS.items():
+        assert parameters[name].default == option.default
+        assert parameters[name].annotation == option.annotation
+
+
+def test_config_has_the_options_of_the_table():
+    types = get_type_hints(EncoderConfig)
+    assert {(field.name, field.default) for field in fields(EncoderConfig)} == {
+        (name, option.default) for name, option in OPTIONS.items()
+    }
+    assert {name: types[name] for name in OPTIONS} == {
+        name: option.annotation for name, option in OPTIONS.items()
+    }
+
+
+@pytest.mark.parametrize("name", OPTIONS)
+def test_encode_hands_every_option_on(name):
+    option = OPTIONS[name]
+    with pytest.raises(InvalidInputError, match=rf"\b{name}\b"):
+        encode(waving_grid(1), **{name: "none of them" if option.names else -1})
+
+
+@pytest.mark.parametrize(
+    ("name", "advice"),
+    [("qualty", "did you mean 'quality'?"), ("modes", "did you mean 'n_modes'?"), ("zzz", "kg")],
+)
+def test_unknown_option_is_refused_with_the_nearest(name, advice):
+    for call in (config_of, lambda options: meshreel.encode(waving_grid(1), **options)):
+        with pytest.raises(InvalidInputError, match=f"option '{name}' is unknown") as refused:
+            call({name: 1})
+        assert advice in str(refused.value)
+
+
+def test_names_are_taken_when_they_are_known():
+    check_names(["kg", "order"], OPTIONS)
+
+
+def test_ranges_are_those_of_what_they_choose():
+    assert set(EFFORTS) == set(range(int(EFFORT_RANGE.low), int(EFFORT_RANGE.high) + 1))
+    assert UV_BITS.high == MAX_GRID_BITS
+
+
+def test_table_is_made_without_numerics():
+    """The command line shows its help before it needs any."""
+    code = (
+        "import sys; from meshreel.codec.options import all_options; all_options(); "
+        "print(*{'numpy', 'scipy', 'DracoPy'} & set(sys.modules))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
+    assert (done.stdout.strip(), done.stderr) == ("", "")
+
+
+def test_option_makes_its_flag_from_its_name():
+    assert Option("block_frames", int, "").flag == "--block-frames"
+    assert Option("n_modes", int, "", flag="--modes").flag == "--modes"
