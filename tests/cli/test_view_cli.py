@@ -11,11 +11,12 @@ import sys
 import time
 from contextlib import contextmanager
 from dataclasses import replace
+from unittest.mock import patch
 
 import pytest
 
 import meshreel
-from samples.commands import assert_fails, finished, run
+from samples.commands import assert_fails, run
 from samples.meshes import waving_grid
 from samples.packets import inlined, read_packet
 from samples.players import PAGE
@@ -53,8 +54,9 @@ def command(page, *arguments):
 
 
 def run_with(page, *arguments):
-    """The finished process of `meshreel ARGUMENTS`."""
-    return finished(command(page, *arguments))
+    """What `meshreel ARGUMENTS` says, with this page."""
+    with patch("meshreel.viewer.page.PAGE", page):
+        return run(*arguments)
 
 
 @contextmanager
