@@ -41,6 +41,7 @@ def states(out):
     return {name: record["state"] for name, record in records.items()}
 
 
+@pytest.mark.slow
 def test_batch_writes_streams_and_says_what_it_did(inputs, out):
     done = run(inputs, out, "--quality", 60, "--order", "drop", "--workers", 2)
     assert done.returncode == 0, done.stderr
@@ -51,12 +52,14 @@ def test_batch_writes_streams_and_says_what_it_did(inputs, out):
     assert sorted(path.name for path in out.iterdir()) == ["a.reel", "manifest.json", "walk.reel"]
 
 
+@pytest.mark.slow
 def test_batch_says_only_how_many_when_all_is_up_to_date(inputs, out):
     assert run(inputs, out).returncode == 0
     done = run(inputs, out)
     assert (done.returncode, done.stdout) == (0, "2 up to date, 0 encoded, 0 failed\n")
 
 
+@pytest.mark.slow
 def test_batch_takes_relative_folders(inputs, out):
     done = run("in", "out", cwd=inputs.parent)
     assert done.returncode == 0, done.stderr
@@ -73,6 +76,7 @@ def test_batch_ends_with_1_and_a_line_for_each_failure(inputs, out):
     assert states(out) == {"bad.npz": "failed", "walk.npz": "done", "a": "done"}
 
 
+@pytest.mark.slow
 def test_batch_prints_all_inputs_when_asked_for_json(inputs, out):
     assert run(inputs, out).returncode == 0
     (inputs / "bad.npz").write_bytes(b"no archive")
@@ -120,6 +124,7 @@ def a_stream_is_done(out):
     return (out / "manifest.json").exists() and "done" in states(out).values()
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not hasattr(os, "killpg"), reason="ctrl-C goes to a group of processes")
 def test_ctrl_c_leaves_whole_files_and_no_process(inputs, out):
     flag = meshreel.simulate_flag(100)

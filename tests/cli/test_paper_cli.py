@@ -36,6 +36,7 @@ def test_paper_writes_a_report_when_it_is_given_a_sequence(grid, tmp_path):
     assert (tmp_path / made["report"]["html"]).is_file()
 
 
+@pytest.mark.slow
 def test_paper_takes_the_flag_and_its_own_folder_again_when_run_twice(tmp_path):
     options = ("--frames", 2, "--methods", "v2v", "--quick", "--out", tmp_path / "r")
     texts = []

@@ -37,11 +37,15 @@ def said(tmp_path, monkeypatch, capsys):
     ("command", "stages"),
     [
         ("encode walk.npz -o a.reel --kg 0.5", ["encoding, try"]),
-        (PAPER, ["drawing", r"modes, \d+ bits, \w+.*: \d+ of \d+ runs"]),
-        (EVALUATE, [r"reel .*: \d+ of \d+ runs", ": drawing"]),
+        pytest.param(
+            PAPER,
+            ["drawing", r"modes, \d+ bits, \w+.*: \d+ of \d+ runs"],
+            marks=pytest.mark.slow,
+        ),
+        pytest.param(EVALUATE, [r"reel .*: \d+ of \d+ runs", ": drawing"], marks=pytest.mark.slow),
         ("render walk.reel -o a.gif --original walk.npz --heatmap distance", ["drawing: "]),
         ("batch . streams --workers 1", ["encoding, 1 at a time: 0 of 1 input"]),
-        ("demo --frames 20", ["simulating"]),
+        pytest.param("demo --frames 20", ["simulating"], marks=pytest.mark.slow),
     ],
 )
 def test_command_says_how_far_it_is_when_it_takes_long(said, command, stages):

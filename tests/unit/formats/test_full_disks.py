@@ -9,6 +9,7 @@ import pytest
 import meshreel
 from meshreel.formats.registry import FORMATS, SEQUENCE_FORMATS, is_written
 from samples.commands import assert_fails
+from samples.costs import slow_but
 from samples.meshes import waving_grid
 
 resource = pytest.importorskip("resource")
@@ -67,10 +68,13 @@ def limited():
 
 @pytest.mark.parametrize(
     ("ending", "limit"),
-    [
-        *((ending, limit) for ending in WRITTEN for limit in (300, 1000)),
-        *((ending, 20_000) for ending in WRITTEN if ending in LARGE),
-    ],
+    slow_but(
+        [(".obj", 1000), (".npz", 20_000)],
+        [
+            *((ending, limit) for ending in WRITTEN for limit in (300, 1000)),
+            *((ending, 20_000) for ending in WRITTEN if ending in LARGE),
+        ],
+    ),
 )
 def test_convert_names_the_file_and_leaves_none_when_it_grows_too_large(
     limited, reel, tmp_path, ending, limit
