@@ -100,9 +100,9 @@ def test_frames_of_a_sequence_cannot_be_written_to():
 
 def test_blocks_are_decoded_once_when_frames_are_chosen_in_any_order(monkeypatch):
     with ReelFile(BytesIO(encode(waving_grid(24), block_frames=4))) as reel:
-        decoded, block = [], reel._decoder.block
+        decoded, block = [], reel._blocks.block
         monkeypatch.setattr(
-            reel._decoder, "block", lambda number: decoded.append(number) or block(number)
+            reel._blocks, "block", lambda number: decoded.append(number) or block(number)
         )
         reel[[0, 23, 1, 22, 5, 2, 18, 9, 13]]
     assert decoded == sorted(set(decoded)) == [0, 1, 2, 3, 4, 5]
