@@ -1,7 +1,93 @@
-"""What holds for all tests."""
+"""What holds for all tests: which of them a run does, and on how many cores.
+
+`pytest` alone takes about a minute and asserts each promise once. It leaves out what is marked slow
+or real, and the folders that need other programs or real sequences; of a test with many cases it
+runs the first and the last, unless it is marked every_case, and of cases that are drawn at random a
+tenth. `pytest --all` does everything. A run that names files, folders or marks does all of these.
+"""
 
 import signal
+from collections import defaultdict
+from pathlib import Path
+
+import pytest
+
+from samples.costs import do_everything
+
+HERE = Path(__file__).parent
+LEFT_OUT = ("browser", "integration", "real")
+"""Folders whose tests start browsers and Blender, or read the real sequences."""
+
+MINUTE = (
+    "the tests of a minute. Left out: what is marked slow or real, "
+    f"tests/{{{','.join(LEFT_OUT)}}}, all but two cases of a test, nine tenths of random cases. "
+    "`pytest --all` runs everything"
+)
+COSTLY = ("slow", "real")
+MOST_WORKERS = 8
 
 # A shell has what it runs in the background ignore ctrl-C, and children of that inherit it.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+def pytest_addoption(parser):
+    parser.addoption("--all", action="store_true", dest="is_all", help="run slow tests too")
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_cmdline_main(config):
+    """All cores share the tests; what is named runs here, where a debugger works, unless `-n`."""
+    option = config.option
+    is_worker = hasattr(config, "workerinput")
+    if is_worker or not hasattr(option, "numprocesses"):  # xdist is not there
+        return
+    is_watched = option.file_or_dir or option.usepdb or option.trace or option.capture == "no"
+    if option.numprocesses is None and not is_watched:
+        option.numprocesses, option.maxprocesses = "auto", option.maxprocesses or MOST_WORKERS
+    if option.numprocesses and option.dist == "no":
+        option.dist = "worksteal"
+
+
+def _is_minute(config):
+    return not (config.option.is_all or config.option.file_or_dir or config.option.markexpr)
+
+
+def pytest_configure(config):
+    if not _is_minute(config):
+        do_everything()
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_sessionstart(session):
+    """Say first what is not run."""
+    config = session.config
+    reporter = config.pluginmanager.get_plugin("terminalreporter")
+    if reporter is None:  # a worker
+        return
+    named = "all tests" if config.option.is_all else "all tests that are named, slow ones too"
+    reporter.write_line(f"meshreel: {MINUTE if _is_minute(config) else named}.")
+
+
+def pytest_ignore_collect(collection_path, config):
+    """Leave folders out before anything in them is imported."""
+    left_out = _is_minute(config) and collection_path.parent == HERE
+    return True if left_out and collection_path.name in LEFT_OUT else None
+
+
+def pytest_collection_modifyitems(config, items):
+    if _is_minute(config):
+        kept = set(_quick(items))
+        config.hook.pytest_deselected(items=[one for one in items if one not in kept])
+        items[:] = [one for one in items if one in kept]
+
+
+def _quick(items):
+    """Those that are not costly, and of cases of one test the first and the last."""
+    cases = defaultdict(list)
+    for one in items:
+        if not any(one.get_closest_marker(mark) for mark in COSTLY):
+            cases[one.nodeid.partition("[")[0]].append(one)
+    for of_one in cases.values():
+        has_all = len(of_one) < 3 or of_one[0].get_closest_marker("every_case")
+        yield from of_one if has_all else (of_one[0], of_one[-1])

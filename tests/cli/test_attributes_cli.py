@@ -19,7 +19,7 @@ def sheets(tmp_path):
 
 def carried(path):
     surface = meshreel.load(path).surface
-    return [one.name for one in (*surface.attributes, *surface.groups)]
+    return [*(one.name for one in surface.attributes), *(one.name for one in surface.groups)]
 
 
 @pytest.mark.parametrize(
@@ -66,6 +66,7 @@ def test_encode_fails_when_there_are_no_coordinates_to_quantise(tmp_path):
     assert_fails(done, "no texture coordinates for --uv-bits to quantise")
 
 
+@pytest.mark.slow
 def test_batch_notes_inputs_when_options_choose_nothing_in_them(sheets, tmp_path):
     meshreel.save(waving_grid(), tmp_path / "grid.npz")
     out = tmp_path / "out"

@@ -1,4 +1,4 @@
-"""The program as a user runs it: a process of its own."""
+"""The program as a user runs it."""
 
 from dataclasses import replace
 

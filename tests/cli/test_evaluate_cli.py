@@ -8,13 +8,13 @@ import pytest
 import meshreel
 from meshreel.evaluation.codecs.recorded import COLUMNS
 from meshreel.flag import simulate_flag
-from samples.commands import finished
+from samples import commands
+from samples.commands import assert_fails
 
 
-def run(*arguments, cwd=None, before="pass"):
-    """The finished process of `meshreel evaluate ARGUMENTS`."""
-    program = f"import sys; {before}; from meshreel.cli import main; main()"
-    return finished([sys.executable, "-c", program, "evaluate", *map(str, arguments)], cwd=cwd)
+def run(*arguments, cwd=None):
+    """What `meshreel evaluate ARGUMENTS` says."""
+    return commands.run("evaluate", *arguments, cwd=cwd)
 
 
 @pytest.fixture
@@ -50,9 +50,10 @@ def test_evaluate_takes_stored_runs_when_it_is_run_again(grid, tmp_path):
     assert texts[0] == texts[1]
 
 
-def test_evaluate_names_the_extra_when_a_package_is_missing(grid, tmp_path):
+def test_evaluate_names_the_extra_when_a_package_is_missing(grid, tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "zfpy", None)
     options = ("--methods", "v2v", "--peers", "zfp", "--quick", "--out", tmp_path / "r")
-    done = run(grid, *options, before="sys.modules['zfpy'] = None")
+    done = run(grid, *options)
     assert done.returncode == 0, done.stderr
     assert "pip install 'meshreel[peers]'" in " ".join(done.stderr.split())
 
@@ -68,9 +69,7 @@ def test_evaluate_names_the_extra_when_a_package_is_missing(grid, tmp_path):
 )
 def test_evaluate_says_what_is_wrong_in_a_line_when_an_option_is(grid, tmp_path, options, message):
     done = run(grid, *options, "--out", tmp_path / "r")
-    assert done.returncode == 1
-    assert message in done.stderr
-    assert len(done.stderr.splitlines()) == 1
+    assert_fails(done, message)
     assert not (tmp_path / "r").exists()
 
 

@@ -1,20 +1,19 @@
 """`meshreel paper` as a user runs it."""
 
 import json
-import subprocess
 import sys
 
 import pytest
 
 import meshreel
-from samples.commands import finished
+from samples import commands
+from samples.commands import assert_fails
 from samples.meshes import waving_grid
 
 
 def run(*arguments, cwd=None):
-    """The finished process of `meshreel paper ARGUMENTS`."""
-    program = [sys.executable, "-c", "from meshreel.cli import main; main()", "paper"]
-    return finished([*program, *map(str, arguments)], cwd=cwd)
+    """What `meshreel paper ARGUMENTS` says."""
+    return commands.run("paper", *arguments, cwd=cwd)
 
 
 @pytest.fixture
@@ -36,6 +35,7 @@ def test_paper_writes_a_report_when_it_is_given_a_sequence(grid, tmp_path):
     assert (tmp_path / made["report"]["html"]).is_file()
 
 
+@pytest.mark.slow
 def test_paper_takes_the_flag_and_its_own_folder_again_when_run_twice(tmp_path):
     options = ("--frames", 2, "--methods", "v2v", "--quick", "--out", tmp_path / "r")
     texts = []
@@ -52,30 +52,19 @@ def test_paper_keeps_a_foreign_folder_and_names_it_when_it_is_given(tmp_path, gr
     folder.mkdir()
     (folder / "notes.txt").touch()
     done = run(grid, "--out", folder, "--methods", "v2v")
-    assert done.returncode == 1
-    problem = f"meshreel: the folder {folder} holds files and no meshreel-paper.json"
-    assert done.stderr.startswith(problem)
-    assert len(done.stderr.splitlines()) == 1
+    assert_fails(done, f"meshreel: the folder {folder} holds files and no meshreel-paper.json")
     assert [path.name for path in folder.iterdir()] == ["notes.txt"]
 
 
 def test_paper_names_the_methods_when_one_is_unknown(tmp_path):
     done = run("--methods", "pca-x", "--out", tmp_path / "r")
-    assert done.returncode == 1
-    assert "method 'pca-x' is unknown; choose from pca, pca-q, v2v" in done.stderr
+    assert_fails(done, "method 'pca-x' is unknown; choose from pca, pca-q, v2v")
     assert not (tmp_path / "r").exists()
 
 
-def test_paper_names_the_extra_before_work_when_matplotlib_is_missing(tmp_path):
-    program = (
-        "import sys; sys.modules['matplotlib.figure'] = None; sys.argv = ['meshreel', 'paper', "
-        f"'--out', {str(tmp_path / 'r')!r}]; from meshreel.cli import main; main()"
-    )
-    done = subprocess.run(
-        [sys.executable, "-c", program], capture_output=True, text=True, timeout=20
-    )
-    assert done.returncode == 1
-    assert "pip install 'meshreel[plot]'" in done.stderr
+def test_paper_names_the_extra_before_work_when_matplotlib_is_missing(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
+    assert_fails(run("--out", tmp_path / "r"), "pip install 'meshreel[plot]'")
     assert not (tmp_path / "r").exists()
 
 

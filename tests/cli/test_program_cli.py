@@ -1,6 +1,5 @@
 """How the program is started, completed by the shell, and explains its options."""
 
-import os
 import subprocess
 import sys
 
@@ -12,19 +11,17 @@ from samples.commands import run
 from samples.meshes import waving_grid
 
 
-def offered(line, cwd):
-    """What bash offers for the last word of a line."""
-    words = line.split(" ")
-    asked = {"COMP_WORDS": line, "COMP_CWORD": str(len(words) - 1)}
-    done = subprocess.run(
-        [sys.executable, "-m", "meshreel"],
-        env={**os.environ, **asked, "_MESHREEL_COMPLETE": "complete_bash"},
-        capture_output=True,
-        text=True,
-        cwd=cwd,
-        timeout=60,
-    )
-    return done.stdout.split()
+@pytest.fixture
+def offered(folder, monkeypatch):
+    """What bash offers for the last word of a line in a folder."""
+
+    def offer(line):
+        monkeypatch.setenv("COMP_WORDS", line)
+        monkeypatch.setenv("COMP_CWORD", str(len(line.split(" ")) - 1))
+        monkeypatch.setenv("_MESHREEL_COMPLETE", "complete_bash")
+        return run(cwd=folder).stdout.split()
+
+    return offer
 
 
 @pytest.fixture
@@ -82,12 +79,12 @@ def test_completion_script_completes_the_program_when_asked_for():
     assert "complete -o default -F _meshreel_completion meshreel" in done.stdout
 
 
-def test_completion_offers_every_command_when_none_is_typed(folder):
-    assert offered("meshreel ", folder) == list(COMMANDS)
+def test_completion_offers_every_command_when_none_is_typed(offered):
+    assert offered("meshreel ") == list(COMMANDS)
 
 
-def test_completion_offers_options_when_one_is_begun(folder):
-    assert offered("meshreel encode walk.npz --max", folder) == ["--max-error"]
+def test_completion_offers_options_when_one_is_begun(offered):
+    assert offered("meshreel encode walk.npz --max") == ["--max-error"]
 
 
 @pytest.mark.parametrize(
@@ -104,8 +101,8 @@ def test_completion_offers_options_when_one_is_begun(folder):
         ("meshreel render walk.reel --heatmap a", ["angle"]),
     ],
 )
-def test_completion_offers_files_endings_and_names_when_they_are_begun(folder, line, expected):
-    assert offered(line, folder) == expected
+def test_completion_offers_files_endings_and_names_when_they_are_begun(offered, line, expected):
+    assert offered(line) == expected
 
 
 @pytest.mark.parametrize("command", COMMANDS)

@@ -44,6 +44,7 @@ def test_compare_and_export_and_render_leave_it_out_when_told_to(half_bad, tmp_p
     assert png.stat().st_size > 0
 
 
+@pytest.mark.slow
 def test_batch_leaves_it_out_when_told_to(half_bad, tmp_path):
     meshreel.save(waving_grid(2), half_bad.parent / "plain.npz")
     done = run_json("batch", half_bad.parent, tmp_path / "out", "--skip-bad", "--workers", "1")

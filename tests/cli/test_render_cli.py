@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from PIL import Image
+from PIL import Image, ImageSequence
 
 import meshreel
 from meshreel.sequence import MeshSequence
@@ -60,7 +60,8 @@ def test_render_writes_a_film_of_the_turning_mesh_when_asked(flag, tmp_path):
     made = run_json("render", flag / "flag.npz", "-o", tmp_path / "a.gif", *options)
     assert (made["n_pictures"], made["fps"]) == (10, 20)
     with Image.open(tmp_path / "a.gif") as image:
-        assert (image.n_frames, image.size) == (10, (120, 90))
+        assert image.size == (120, 90)
+        assert len(list(ImageSequence.Iterator(image))) == 10
 
 
 def test_render_writes_a_film_at_the_rate_of_the_frames_when_asked(flag, tmp_path):
@@ -72,6 +73,7 @@ def test_render_writes_a_film_at_the_rate_of_the_frames_when_asked(flag, tmp_pat
     assert seconds == pytest.approx(7 / 30, abs=0.01)
 
 
+@pytest.mark.slow
 def test_render_draws_the_same_picture_when_run_again(flag, tmp_path):
     for name in ("a.png", "b.png"):
         assert run("render", flag / "flag.reel", "-o", tmp_path / name).returncode == 0

@@ -11,11 +11,12 @@ import sys
 import time
 from contextlib import contextmanager
 from dataclasses import replace
+from unittest.mock import patch
 
 import pytest
 
 import meshreel
-from samples.commands import assert_fails, finished, run
+from samples.commands import assert_fails, run
 from samples.meshes import waving_grid
 from samples.packets import inlined, read_packet
 from samples.players import PAGE
@@ -53,8 +54,9 @@ def command(page, *arguments):
 
 
 def run_with(page, *arguments):
-    """The finished process of `meshreel ARGUMENTS`."""
-    return finished(command(page, *arguments))
+    """What `meshreel ARGUMENTS` says, with this page."""
+    with patch("meshreel.viewer.page.PAGE", page):
+        return run(*arguments)
 
 
 @contextmanager
@@ -126,6 +128,7 @@ def test_view_shows_errors_in_the_words_of_compare_when_the_original_is_given(pa
         assert words.removesuffix(" (spatial part)") in done.stdout
 
 
+@pytest.mark.slow
 def test_view_is_stopped_while_it_measures_when_it_is_interrupted(page, tmp_path):
     sequence = waving_grid(400, 40, 40)
     meshreel.save(sequence, tmp_path / "long.npz")
@@ -140,6 +143,7 @@ def test_view_is_stopped_while_it_measures_when_it_is_interrupted(page, tmp_path
     assert (process.returncode, out, err) == (0, "stopped\n", "")
 
 
+@pytest.mark.slow
 def test_view_survives_when_requests_are_malformed_or_from_strangers(page, reel):
     with viewing(page, reel) as (process, port):
         for data in (
@@ -161,12 +165,14 @@ def test_view_survives_when_requests_are_malformed_or_from_strangers(page, reel)
     assert (process.returncode, err) == (0, "")
 
 
+@pytest.mark.slow
 def test_two_viewers_work_when_they_run_at_once(page, reel):
     with viewing(page, reel) as (_, first), viewing(page, reel) as (_, second):
         assert first != second
         assert get(first, "/api/block/0") == get(second, "/api/block/0")
 
 
+@pytest.mark.slow
 def test_view_names_the_port_when_it_is_in_use(page, reel):
     with viewing(page, reel) as (_, port):
         done = run_with(page, "view", reel, "--no-open", "--port", port)
@@ -240,6 +246,7 @@ def test_export_carries_the_original_when_it_is_given(page, reel, grid, tmp_path
     assert "api/heat/sted/11" in data
 
 
+@pytest.mark.slow
 def test_view_plays_what_is_whole_when_the_file_is_cut_off(page, tmp_path):
     data = meshreel.encode(replace(waving_grid(12), name=""), block_frames=4)
     (tmp_path / "cut.reel").write_bytes(data[:-150])

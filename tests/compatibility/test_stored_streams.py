@@ -21,6 +21,7 @@ HERE = Path(__file__).parent
 STREAMS = sorted(HERE.glob("*.reel"))
 
 
+@pytest.mark.every_case
 @pytest.mark.parametrize("path", STREAMS, ids=lambda path: path.stem)
 def test_stored_stream_decodes_to_what_it_always_did(path):
     decoded = meshreel.decode(path.read_bytes())

@@ -16,6 +16,7 @@ from meshreel.codec.stored_blocks import read_block
 from meshreel.entropy.varint import write_varint
 from meshreel.errors import CorruptStreamError, MeshReelError, TruncatedStreamError
 from meshreel.reel.agreed.payloads import read_layout, write_layout
+from samples.costs import draws
 from samples.materials import dressed_sheet
 from samples.meshes import irregular_sequence, two_sheets, waving_grid
 from samples.streams import parts_of, raw_stream
@@ -47,7 +48,7 @@ def test_every_truncation_is_told_when_a_stream_is_cut(name):
 @pytest.mark.parametrize("name", STREAMS)
 def test_byte_flips_are_told_when_they_hit_anywhere(name):
     rng = np.random.default_rng(2026)
-    for _ in range(2000):
+    for _ in range(draws(2000)):
         data = bytearray(STREAMS[name])
         data[rng.integers(len(data))] ^= rng.integers(1, 256)
         with pytest.raises(MeshReelError):
@@ -68,7 +69,7 @@ def test_hostile_payloads_give_our_error_or_a_mesh_when_checksums_are_made_to_fi
     """An attacker can compute checksums: the layers behind them must stand by themselves."""
     stream = read_stream(STREAMS[name])
     rng = np.random.default_rng(99)
-    for _ in range(1000):
+    for _ in range(draws(400)):
         parts = [(section, bytearray(payload)) for section, payload in parts_of(stream)]
         _mutate(parts[rng.integers(len(parts))][1], rng)
         data = raw_stream(stream.header, [(section, bytes(part)) for section, part in parts])
@@ -83,7 +84,7 @@ def test_hostile_payloads_give_our_error_or_a_mesh_when_checksums_are_made_to_fi
 def test_hostile_headers_give_our_error_or_a_mesh_when_checksums_are_made_to_fit(name):
     size = read_stream(STREAMS[name]).header_size_bytes
     rng = np.random.default_rng(5)
-    for _ in range(1000):
+    for _ in range(draws(400)):
         header = bytearray(STREAMS[name][: size - 4])
         _mutate(header, rng, keep_length=True)
         data = bytes(header) + struct.pack("<I", zlib.crc32(header)) + STREAMS[name][size:]
@@ -198,7 +199,7 @@ def test_damaged_corrections_give_our_error_or_a_mesh_when_checksums_are_made_to
     (first, *_) = [part for part in parts if part[0] is Section.CORRECTIONS]
     rng = np.random.default_rng(4)
     n_refused = 0
-    for _ in range(1500):
+    for _ in range(draws(1500)):
         payload = bytearray(first[1])
         _mutate(payload, rng)
         changed = (Section.CORRECTIONS, bytes(payload))
@@ -209,7 +210,7 @@ def test_damaged_corrections_give_our_error_or_a_mesh_when_checksums_are_made_to
             n_refused += 1
             continue
         assert np.isfinite(decoded.vertices).all()
-    assert 100 < n_refused < 1500
+    assert draws(100) < n_refused < draws(1500)
 
 
 @pytest.mark.parametrize("payload", [b"", b"\0" * 8, b"\xff" * 8, b"\0" * 9])
@@ -236,7 +237,7 @@ def test_damaged_materials_give_our_error_or_a_mesh_when_checksums_are_made_to_f
     (first, *_) = [part for part in parts if part[0] is Section.MATERIAL]
     rng = np.random.default_rng(8)
     n_refused = 0
-    for _ in range(1500):
+    for _ in range(draws(1500)):
         payload = bytearray(first[1])
         _mutate(payload, rng)
         changed = (Section.MATERIAL, bytes(payload))
@@ -247,7 +248,7 @@ def test_damaged_materials_give_our_error_or_a_mesh_when_checksums_are_made_to_f
             n_refused += 1
             continue
         assert len(decoded.surface.materials) == 2
-    assert 100 < n_refused < 1500
+    assert draws(100) < n_refused < draws(1500)
 
 
 def test_images_are_refused_when_a_material_shows_one_that_is_left_out():

@@ -12,7 +12,7 @@ from meshreel.cli.batch import FRAMES, WHOLE
 from meshreel.formats.registry import FRAME_FORMATS
 from samples.pages import PAGES, README, ROOT, name_of, parts_of, prose, snippets
 
-COMMANDS = typer.main.get_command(app).commands
+COMMANDS = typer.main.get_group(app).commands
 LANGUAGES = {"bash", "python", "js", "text"}
 every_page = pytest.mark.parametrize("page", PAGES, ids=name_of)
 

@@ -12,6 +12,8 @@ from integration.blender_session import ADD_ON_FOLDER
 def timeline():
     path = ADD_ON_FOLDER / "meshreel_blender" / "timeline.py"
     spec = importlib.util.spec_from_file_location("blender_timeline", path)
+    assert spec is not None
+    assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module

@@ -10,6 +10,7 @@ from meshreel.connectivity.traversal import decode_traversal, encode_traversal
 from meshreel.connectivity.triangles import lowest_rotation, sorted_order
 from meshreel.connectivity.vertex_order import inverse_permutation
 from meshreel.errors import MeshReelError
+from samples.costs import draws
 from samples.meshes import grid_faces
 
 orders = st.sampled_from(["keep", "vertices", "drop"])
@@ -51,7 +52,7 @@ def sorted_triangles(faces, n_verts):
     return lowest[sorted_order(lowest, n_verts)]
 
 
-@settings(max_examples=250, deadline=None)
+@settings(max_examples=draws(250), deadline=None)
 @given(meshes, orders)
 def test_mesh_comes_back_exactly_whatever_its_faces(mesh, order):
     faces, n_verts = mesh
@@ -69,7 +70,7 @@ def test_mesh_comes_back_exactly_whatever_its_faces(mesh, order):
     )
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=draws(150), deadline=None)
 @given(meshes)
 def test_traversal_comes_back_exactly_even_where_the_list_is_shorter(mesh):
     faces, n_verts = mesh
@@ -82,7 +83,7 @@ def test_traversal_comes_back_exactly_even_where_the_list_is_shorter(mesh):
     np.testing.assert_array_equal(decode_given_order(payload, decoded, n_verts)[1], faces)
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=draws(150), deadline=None)
 @given(meshes, st.integers(0, 2**32 - 1), st.booleans())
 def test_order_comes_back_exactly_whatever_the_internal_order(mesh, seed, keep_faces):
     faces, n_verts = mesh
@@ -96,7 +97,7 @@ def test_order_comes_back_exactly_whatever_the_internal_order(mesh, seed, keep_f
         np.testing.assert_array_equal(listed, faces)
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=draws(300), deadline=None)
 @given(st.binary(max_size=120), st.integers(1, 200), st.integers(1, 200))
 def test_any_bytes_give_a_mesh_or_our_error(data, n_verts, n_faces):
     for kind in (b"", b"\x00", b"\x01", b"\x02"):
@@ -108,7 +109,7 @@ def test_any_bytes_give_a_mesh_or_our_error(data, n_verts, n_faces):
         assert 0 <= faces.min() <= faces.max() < n_verts
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=draws(300), deadline=None)
 @given(meshes, st.data())
 def test_changed_bytes_give_a_mesh_or_our_error(mesh, data):
     faces, n_verts = mesh

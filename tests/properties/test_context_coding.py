@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 from meshreel.entropy.field_coder import decode_fields, encode_fields
 from meshreel.entropy.tokens import MAX_MAGNITUDE
 from meshreel.errors import CorruptStreamError
+from samples.costs import draws
 from samples.passes import as_pass
 
 integers = st.one_of(
@@ -39,15 +40,15 @@ def passes_of(draw, n_columns):
     return passes
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=draws(300), deadline=None)
 @given(fields_and_passes())
 def test_fields_come_back_exactly_whatever_they_hold(case):
     fields, passes = case
     data = encode_fields(fields, passes)
-    np.testing.assert_array_equal(decode_fields(data, *fields.shape, passes), fields)
+    np.testing.assert_array_equal(decode_fields(data, *fields.shape, passes=passes), fields)
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=draws(300), deadline=None)
 @given(st.binary(max_size=200), st.integers(0, 16), st.data())
 def test_any_bytes_give_fields_or_our_error(data, n_rows, drawn):
     n_columns = drawn.draw(st.integers(0, 40))
@@ -59,14 +60,14 @@ def test_any_bytes_give_fields_or_our_error(data, n_rows, drawn):
     assert decoded.shape == (n_rows, n_columns)
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=draws(200), deadline=None)
 @given(fields_and_passes(), st.data())
 def test_a_flipped_bit_gives_fields_or_our_error(case, drawn):
     fields, passes = case
     data = bytearray(encode_fields(fields, passes))
     data[drawn.draw(st.integers(0, len(data) - 1))] ^= 1 << drawn.draw(st.integers(0, 7))
     try:
-        decoded = decode_fields(bytes(data), *fields.shape, passes)
+        decoded = decode_fields(bytes(data), *fields.shape, passes=passes)
     except CorruptStreamError:
         return
     assert decoded.shape == fields.shape

@@ -6,6 +6,7 @@ from meshreel.entropy.bits import pack_bits, unpack_bits
 from meshreel.entropy.coder import decode_integers, encode_integers
 from meshreel.entropy.tokens import MAX_MAGNITUDE
 from meshreel.errors import MeshReelError
+from samples.costs import draws
 
 integers = st.one_of(
     st.integers(-3, 3), st.integers(-300, 300), st.integers(-MAX_MAGNITUDE, MAX_MAGNITUDE)
@@ -13,7 +14,7 @@ integers = st.one_of(
 rows = st.lists(st.lists(integers, max_size=60), max_size=6)
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=draws(200), deadline=None)
 @given(rows, st.data())
 def test_rows_come_back_exactly_whatever_they_hold(values, data):
     tables = data.draw(st.lists(st.integers(0, 3), min_size=len(values), max_size=len(values)))
@@ -22,7 +23,7 @@ def test_rows_come_back_exactly_whatever_they_hold(values, data):
     assert [row.tolist() for row in decoded] == values
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=draws(300), deadline=None)
 @given(st.binary(max_size=200), st.lists(st.integers(0, 500), max_size=4))
 def test_any_bytes_give_rows_or_our_error(data, lengths):
     try:
@@ -32,7 +33,7 @@ def test_any_bytes_give_rows_or_our_error(data, lengths):
     assert [len(row) for row in decoded] == lengths
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=draws(200), deadline=None)
 @given(st.lists(st.tuples(st.integers(0, 32), st.integers(0, 2**32 - 1)), max_size=80))
 def test_fields_come_back_exactly_whatever_their_widths(fields):
     widths = np.array([width for width, _ in fields], np.int64)

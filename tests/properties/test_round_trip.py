@@ -5,6 +5,7 @@ from hypothesis import strategies as st
 from meshreel.codec.decoder import decode
 from meshreel.codec.encoder import encode
 from meshreel.sequence import MeshSequence
+from samples.costs import draws
 
 
 @st.composite
@@ -24,7 +25,7 @@ def irregular_sequences(draw):
     return MeshSequence(vertices, np.array(faces))
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=draws(150), deadline=None)
 @given(irregular_sequences(), st.sampled_from(["normalized", "combinatorial"]))
 def test_any_mesh_comes_back_when_the_papers_method_keeps_all_modes(sequence, laplacian):
     data = encode(sequence, "pca-qp", n_modes=sequence.n_frames, bits=24, laplacian=laplacian)

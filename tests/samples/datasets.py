@@ -5,6 +5,7 @@ import numpy as np
 from meshreel.geometry.fans import triangulate_fans
 from meshreel.sequence import MeshSequence
 from meshreel.surface import PLAIN, Attribute, Domain, FaceGroups, Kind, Part, Surface
+from samples.costs import draws
 
 COUNTS = np.array([4, 3, 5, 3], np.int32)
 CORNERS = np.array([0, 1, 2, 3, 1, 4, 2, 5, 6, 7, 8, 9, 5, 7, 9], np.int32)
@@ -66,9 +67,9 @@ def assert_same_positions(found, expected):
 
 
 def damaged_versions(data, n_damaged=120, n_header=200, seed=1):
-    """Random truncations, changed bytes and changed header bytes of a file."""
+    """Random truncations, changed bytes and changed header bytes of a file: see `draws`."""
     rng = np.random.default_rng(seed)
-    for index in range(n_damaged):
+    for index in range(draws(n_damaged)):
         damaged = bytearray(data)
         if index % 3 == 0:
             del damaged[int(rng.integers(0, len(data))) :]

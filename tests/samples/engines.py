@@ -13,7 +13,7 @@ class InlineWorkers:
 
     def submit(self, function, /, *args):
         self.calls.append(args)
-        outcome = Future()
+        outcome: Future[object] = Future()
         try:
             outcome.set_result(function(*args))
         except Exception as error:

@@ -3,6 +3,7 @@
 import base64
 import json
 import struct
+from typing import Any
 
 import numpy as np
 
@@ -23,7 +24,11 @@ class Gltf:
     """A glTF file that grows; `json` is open to every change."""
 
     def __init__(self):
-        self.json = {"asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": []}]}
+        self.json: dict[str, Any] = {
+            "asset": {"version": "2.0"},
+            "scene": 0,
+            "scenes": [{"nodes": []}],
+        }
         self.data = bytearray()
 
     def add(self, kind, **values):
@@ -54,7 +59,9 @@ class Gltf:
 
     def mesh(self, positions=TRIANGLE, faces=None, targets=(), *, attributes=None, **more):
         """The number of a new mesh of one primitive; attributes are numbers of accessors."""
-        primitive = {"attributes": {"POSITION": self.accessor(positions), **(attributes or {})}}
+        primitive: dict[str, Any] = {
+            "attributes": {"POSITION": self.accessor(positions), **(attributes or {})}
+        }
         if faces is not None:
             primitive["indices"] = self.accessor(np.ravel(faces), "u2")
         if len(targets):

@@ -1,8 +1,27 @@
 """Every value of a JSON document, changed into odd ones."""
 
 import copy
+from typing import Any
 
-ODD = [-1, 0, 1, 3, 1 << 31, 1 << 70, 0.5, 1e308, -1e308, True, None, "x", "", [], {}, [0], [{}]]
+ODD: list[Any] = [
+    -1,
+    0,
+    1,
+    3,
+    1 << 31,
+    1 << 70,
+    0.5,
+    1e308,
+    -1e308,
+    True,
+    None,
+    "x",
+    "",
+    [],
+    {},
+    [0],
+    [{}],
+]
 DELETED = object()
 
 

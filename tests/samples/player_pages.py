@@ -24,7 +24,7 @@ def viewing(path, *options):
     process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment)
     try:
         told = next((line for line in process.stdout if "http://" in line), "")
-        yield process, re.search(r"http://\S+", told)[0]
+        yield process, re.findall(r"http://\S+", told)[0]
     finally:
         process.send_signal(signal.SIGINT)
         process.communicate(timeout=30)

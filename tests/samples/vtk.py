@@ -43,7 +43,10 @@ def poly_data(points=POINTS, polygons=POLYGONS):
     return add_data(mesh)
 
 
-def grid(points=POINTS, cells=tuple((7, one) for one in POLYGONS)):
+CELLS = [(7, polygon) for polygon in POLYGONS]
+
+
+def grid(points=POINTS, cells=CELLS):
     """An unstructured grid of cells of given types."""
     mesh = vtkUnstructuredGrid()
     mesh.SetPoints(vtk_points(points))

@@ -4,6 +4,7 @@ import inspect
 import pickle
 import pydoc
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -55,7 +56,8 @@ def test_encode_takes_folders_and_lists_of_frames(folder):
 
 
 def test_encode_takes_its_first_argument_by_name(folder):
-    assert meshreel.encode(sequence=folder / "grid.npz") == meshreel.encode(folder / "grid.npz")
+    encode: Any = meshreel.encode
+    assert encode(sequence=folder / "grid.npz") == meshreel.encode(folder / "grid.npz")
 
 
 @pytest.mark.parametrize("kind", [bytes, bytearray, memoryview])

@@ -2,6 +2,7 @@
 
 import ast
 import re
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -16,6 +17,7 @@ ROWS = re.findall(
 )
 
 
+@cache
 def docstrings(path):
     documented = ast.Module | ast.ClassDef | ast.FunctionDef
     nodes = [

@@ -39,6 +39,7 @@ def test_simulate_flag_begins_with_the_shorter_flag_when_longer(small_flag):
     np.testing.assert_array_equal(shorter.vertices, small_flag.vertices[:15])
 
 
+@pytest.mark.slow
 def test_simulate_flag_keeps_the_pole_still_when_the_wind_blows(flag):
     pole = flag.vertices[:, ::52]
     np.testing.assert_array_equal(pole, np.broadcast_to(pole[0], pole.shape))

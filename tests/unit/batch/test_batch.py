@@ -297,6 +297,7 @@ def check_deaths(inputs, out, engine, monkeypatch):
     assert files(out) == {MANIFEST_NAME, "walk.reel", "a/cloth.reel", "dies_once.reel"}
 
 
+@pytest.mark.slow
 def test_input_that_kills_its_workers_fails_alone(inputs, out, monkeypatch):
     with open_engine(2) as engine:
         check_deaths(inputs, out, engine, monkeypatch)

@@ -14,7 +14,7 @@ from meshreel.cli.option_names import all_in_option_names, in_option_names
 ROOT = Path(meshreel.__file__).parent
 OPTIONS = {
     option
-    for command in typer.main.get_command(app).commands.values()
+    for command in typer.main.get_group(app).commands.values()
     for param in command.params
     for option in param.opts
 }
@@ -30,13 +30,14 @@ def sentences(path):
         id(node.value) for node in ast.walk(tree)
         if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)
     }  # fmt: skip
+    left_out = pieces | documents
     for node in ast.walk(tree):
         if isinstance(node, ast.JoinedStr):
             yield "".join(
                 str(part.value) if isinstance(part, ast.Constant) else "fps" for part in node.values
             )
-        elif id(node) not in pieces | documents and isinstance(getattr(node, "value", 0), str):
-            yield node.value
+        elif isinstance(value := getattr(node, "value", 0), str) and id(node) not in left_out:
+            yield value
 
 
 MESSAGES = sorted(

@@ -13,6 +13,7 @@ from meshreel.formats.load import open_source
 from meshreel.formats.save import save
 from meshreel.reel.encoding.block_coder import coder_of
 from meshreel.runtime.engine.engine import Engine, open_engine
+from samples.costs import slow_but
 from samples.engines import InlineWorkers
 from samples.meshes import irregular_sequence, waving_grid
 from samples.waiting import TEST_S, time_limit
@@ -28,7 +29,9 @@ class PicklingWorkers(InlineWorkers):
         return pickle.loads(pickle.dumps(outcome.result())) and outcome
 
 
-@pytest.mark.parametrize("target", [{}, {"max_error": 0.4}, {"size": 3000}, {"step": 0.01}])
+@pytest.mark.parametrize(
+    "target", slow_but([{}], [{}, {"max_error": 0.4}, {"size": 3000}, {"step": 0.01}])
+)
 def test_bytes_are_the_same_when_workers_code_the_blocks(target):
     sequence = irregular_sequence(23)
     workers = PicklingWorkers()

@@ -19,6 +19,7 @@ from meshreel.reel.encoding.effort import (
     quality_step,
     tune_named,
 )
+from samples.costs import slow_but
 from samples.meshes import irregular_sequence, waving_grid
 
 SEQUENCES = {
@@ -57,7 +58,7 @@ def measured(name, data):
     }
 
 
-@pytest.mark.parametrize("name", SEQUENCES)
+@pytest.mark.parametrize("name", slow_but(["irregular"], SEQUENCES))
 @pytest.mark.parametrize(
     ("aim", "limit"), [(aim, limit) for aim, limits in ERRORS.items() for limit in limits]
 )
@@ -65,14 +66,14 @@ def test_error_is_met_when_it_is_asked_for(name, aim, limit):
     assert measured(name, encoded(name, **{aim: limit}))[aim] <= limit
 
 
-@pytest.mark.parametrize("name", SEQUENCES)
+@pytest.mark.parametrize("name", slow_but(["irregular"], SEQUENCES))
 @pytest.mark.parametrize(("aim", "limit"), [("kg", 0.01), ("kg", 0.3), ("sted", 0.02)])
 def test_error_is_nearly_used_up_when_it_is_asked_for(name, aim, limit):
     """Unused tolerance costs bytes."""
     assert measured(name, encoded(name, **{aim: limit}))[aim] > 0.85 * limit
 
 
-@pytest.mark.parametrize("name", SEQUENCES)
+@pytest.mark.parametrize("name", slow_but(["grid"], SEQUENCES))
 @pytest.mark.parametrize("aim", ["size", "bpvf"])
 @pytest.mark.parametrize("share", SHARES)
 def test_budget_is_met_when_it_is_asked_for(name, aim, share):
@@ -98,6 +99,7 @@ def test_size_is_that_of_a_rate_when_both_name_the_same_bytes():
     assert encoded("grid", bpvf=limit) == encoded("grid", size=800)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("aim", ["size", "bpvf"])
 def test_error_falls_when_the_budget_grows(aim):
     unit = measured("grid", encoded("grid"))[aim]
@@ -138,7 +140,10 @@ def test_quality_does_not_depend_on_the_travel_when_the_model_moves_away():
 
 @pytest.mark.parametrize(
     "options",
-    [{}, {"kg": 0.3}, {"sted": 0.02}, {"max_error": 0.05}, {"size": 700}, {"bpvf": 5.0}],
+    slow_but(
+        [{"max_error": 0.05}],
+        [{}, {"kg": 0.3}, {"sted": 0.02}, {"max_error": 0.05}, {"size": 700}, {"bpvf": 5.0}],
+    ),
     ids=str,
 )
 def test_bytes_are_the_same_when_a_target_is_pursued_twice(options):
@@ -182,7 +187,10 @@ def test_maximum_error_is_refused_when_last_bits_of_other_machines_reach_it():
     assert meshreel.compare(fine, decoded).max_error_percent <= least
 
 
-@pytest.mark.parametrize("options", [{"order": "drop"}, {"order": "vertices"}, {"block_frames": 5}])
+@pytest.mark.parametrize(
+    "options",
+    slow_but([{"order": "drop"}], [{"order": "drop"}, {"order": "vertices"}, {"block_frames": 5}]),
+)
 @pytest.mark.parametrize(("aim", "limit"), [("kg", 0.2), ("sted", 0.01), ("max_error", 0.05)])
 def test_error_is_met_when_vertices_are_reordered_or_frames_cut(options, aim, limit):
     grid = waving_grid()
@@ -215,7 +223,7 @@ def test_more_effort_takes_fewer_bytes_when_the_mesh_is_large_enough():
     assert high < low
 
 
-@pytest.mark.parametrize("effort", EFFORTS)
+@pytest.mark.parametrize("effort", slow_but([1, 9], EFFORTS))
 def test_error_is_met_whatever_the_effort(effort):
     assert measured("grid", encoded("grid", kg=0.3, effort=effort))["kg"] <= 0.3
 

@@ -83,13 +83,13 @@ def test_bytes_are_the_same_when_coded_twice():
 )
 def test_fields_come_back_when_they_are_unusual(fields, passes):
     data = encode_fields(fields, passes)
-    np.testing.assert_array_equal(decode_fields(data, *fields.shape, passes), fields)
+    np.testing.assert_array_equal(decode_fields(data, *fields.shape, passes=passes), fields)
 
 
 @pytest.mark.parametrize("shape", [(0, 0), (0, 4), (4, 0), (1, 1)])
 def test_fields_come_back_when_there_is_little_in_them(shape):
     data = encode_fields(np.zeros(shape, np.int8), None)
-    assert decode_fields(data, *shape, None).shape == shape
+    assert decode_fields(data, *shape, passes=None).shape == shape
 
 
 @pytest.mark.parametrize("passes", [None, line_passes(40)])
@@ -155,7 +155,7 @@ def test_writer_pads_when_nearly_nothing_is_coded():
 @pytest.mark.parametrize("shape", [(10**9, 1), (1, 10**12), (10**9, 0)])
 def test_more_integers_are_refused_when_the_bytes_cannot_hold_them(shape):
     with pytest.raises(CorruptStreamError, match="cannot hold"):
-        decode_fields(encode_fields(SMALL, None), *shape, None)
+        decode_fields(encode_fields(SMALL, None), *shape, passes=None)
 
 
 def test_encoding_refuses_when_an_integer_is_too_large():
@@ -170,7 +170,7 @@ def test_encoding_refuses_when_there_are_not_two_axes():
 
 def test_decoding_raises_when_bytes_are_left_over():
     with pytest.raises(CorruptStreamError, match="should end at byte"):
-        decode_fields(encode_fields(SMALL, None) + b"\0", *SMALL.shape, None)
+        decode_fields(encode_fields(SMALL, None) + b"\0", *SMALL.shape, passes=None)
 
 
 @pytest.mark.parametrize("change", [-48, 32])
@@ -216,7 +216,7 @@ def test_decoding_raises_when_the_data_end_early():
 )
 def test_stored_bytes_still_decode_when_libraries_change(stored, passes, fields):
     """The parse hangs on every rule of the contexts, and on how constriction rounds."""
-    decoded = decode_fields(bytes.fromhex(stored), *fields.shape, passes)
+    decoded = decode_fields(bytes.fromhex(stored), *fields.shape, passes=passes)
     np.testing.assert_array_equal(decoded, fields)
 
 

@@ -199,7 +199,7 @@ def fields_with_empty_passes(passes):
 
 def assert_read_alike(fields, passes, arrays):
     """The mean classes that the second decoder saw."""
-    decoded, classes = decode_slowly(encode_fields(fields, arrays), *fields.shape, passes)
+    decoded, classes = decode_slowly(encode_fields(fields, arrays), *fields.shape, passes=passes)
     size = np.maximum(np.frexp(np.abs(fields))[1] - 2, 0)
     np.testing.assert_array_equal(np.abs(decoded), np.abs(fields) >> size << size)
     np.testing.assert_array_equal(np.sign(decoded), np.sign(fields))

@@ -8,8 +8,9 @@ import pytest
 from meshreel.errors import MeshReelError
 from meshreel.formats.load import load, open_source
 from meshreel.formats.save import save
+from samples.costs import draws
 
-N_DAMAGED = 300
+N_DAMAGED = draws(300)
 
 MIXED_FACES = "4 0 1 2 3\n3 3 1 2\n"
 SQUARE = "0 0 0\n1 0 0\n1 1 0\n0 1 0.5\n"

@@ -1,5 +1,6 @@
 """Disks that become full while a file is written: one line that names it, and nothing left."""
 
+import json
 import subprocess
 import sys
 
@@ -8,16 +9,35 @@ import pytest
 import meshreel
 from meshreel.formats.registry import FORMATS, SEQUENCE_FORMATS, is_written
 from samples.commands import assert_fails
+from samples.costs import slow_but
 from samples.meshes import waving_grid
 
 resource = pytest.importorskip("resource")
 
-LIMITED = (
-    "import resource, sys; limit = int(sys.argv.pop(1)); "
-    "resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit)); "
-    "from meshreel.cli import main; main()"
-)
-"""The program, where no file may be larger; Python itself ignores the signal that comes of it."""
+FORKING = """
+import json, os, resource, sys
+from meshreel.cli import main
+
+for line in sys.stdin:
+    limit, words = json.loads(line)
+    reading, writing = os.pipe()
+    child = os.fork()
+    if not child:
+        os.dup2(writing, 2)
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+        os.close(writing)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
+        sys.argv = ["meshreel", *words]
+        main()
+    os.close(writing)
+    with open(reading, encoding="utf-8") as told:
+        errors = told.read()
+    code = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+    print(json.dumps([code, errors]), flush=True)
+"""
+"""The program for each line that comes, in a process of its own, where no file may be larger than
+the limit of the line; Python itself ignores the signal that comes of it. Imports are done once,
+and nothing else, for a process that has threads must not be forked."""
 
 LARGE = (".npz", ".abc", ".usd", ".usda", ".usdc", ".usdz", ".pc2", ".mdd", ".h5", ".vtkhdf")
 WRITTEN = [ending for ending, one in FORMATS.items() if is_written(one)]
@@ -30,25 +50,34 @@ def reel(tmp_path_factory):
     return path
 
 
-def limited(n_bytes, *arguments):
-    """The finished process of `meshreel ARGUMENTS`, none of whose files grows larger."""
-    return subprocess.run(
-        [sys.executable, "-c", LIMITED, str(n_bytes), *map(str, arguments)],
-        capture_output=True,
-        text=True,
-        timeout=120,
-    )
+@pytest.fixture(scope="module")
+def limited():
+    """Runs `meshreel ARGUMENTS` where no file grows larger than a number of bytes."""
+    command, pipe = [sys.executable, "-c", FORKING], subprocess.PIPE
+    with subprocess.Popen(command, stdin=pipe, stdout=pipe, text=True) as process:
+
+        def run(limit, *arguments):
+            words = [str(one) for one in arguments]
+            print(json.dumps([limit, words]), file=process.stdin, flush=True)
+            code, errors = json.loads(process.stdout.readline())
+            return subprocess.CompletedProcess(words, code, None, errors)
+
+        yield run
+        process.stdin.close()
 
 
 @pytest.mark.parametrize(
     ("ending", "limit"),
-    [
-        *((ending, limit) for ending in WRITTEN for limit in (300, 1000)),
-        *((ending, 20_000) for ending in WRITTEN if ending in LARGE),
-    ],
+    slow_but(
+        [(".obj", 1000), (".npz", 20_000)],
+        [
+            *((ending, limit) for ending in WRITTEN for limit in (300, 1000)),
+            *((ending, 20_000) for ending in WRITTEN if ending in LARGE),
+        ],
+    ),
 )
 def test_convert_names_the_file_and_leaves_none_when_it_grows_too_large(
-    reel, tmp_path, ending, limit
+    limited, reel, tmp_path, ending, limit
 ):
     extra = getattr(FORMATS[ending], "extra", None)
     if extra is not None and not extra.is_installed:

@@ -3,7 +3,7 @@ import sys
 
 import numpy as np
 import pytest
-from PIL import Image
+from PIL import Image, ImageSequence
 
 from meshreel.errors import FormatError, InvalidInputError
 from meshreel.rendering import film_files
@@ -23,8 +23,7 @@ def read_gif(path):
     """Pictures as arrays, and how long each is shown, in milliseconds."""
     with Image.open(path) as image:
         pictures, durations = [], []
-        for number in range(image.n_frames):
-            image.seek(number)
+        for _ in ImageSequence.Iterator(image):
             pictures.append(np.asarray(image.convert("RGB")).astype(int))
             durations.append(image.info["duration"])
         assert image.info["loop"] == 0

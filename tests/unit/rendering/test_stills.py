@@ -1,3 +1,5 @@
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -92,13 +94,14 @@ def test_still_is_refused_when_the_size_is_too_small(grid):
 
 
 def test_still_tells_how_many_views_are_drawn(grid, lifted):
-    heard = []
+    heard: list[tuple[str, Any]] = []
     still(
         Scene(lifted, grid, "angle"), [0, 4], FRONT, size=(600, 400),
-        progress=lambda stage, share: heard.append((stage, share.done, share.total, share.unit)),
+        progress=lambda *told: heard.append(told),
     )  # fmt: skip
-    assert heard[:2] == [("measuring", 1, 2, "frames"), ("measuring", 2, 2, "frames")]
-    assert heard[-1] == ("drawing", 6, 6, "views")
+    said = [(stage, share.done, share.total, share.unit) for stage, share in heard]
+    assert said[:2] == [("measuring", 1, 2, "frames"), ("measuring", 2, 2, "frames")]
+    assert said[-1] == ("drawing", 6, 6, "views")
 
 
 def test_labels_have_the_number_and_the_time_when_the_rate_is_known(grid):

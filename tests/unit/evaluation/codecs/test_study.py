@@ -3,6 +3,7 @@
 import json
 import math
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -30,8 +31,8 @@ from meshreel.sequence import MeshSequence
 @dataclass(frozen=True)
 class Missing(Npz):
     name: str = "future"
-    package: str = "package_of_the_future"
-    extra: str = "peers"
+    package: Any = "package_of_the_future"
+    extra: Any = "peers"
 
 
 @dataclass(frozen=True)

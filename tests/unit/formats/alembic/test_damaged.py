@@ -9,8 +9,9 @@ import pytest
 from meshreel.errors import FormatError, MeshReelError
 from meshreel.formats.load import load
 from samples import alembic as sample
+from samples.costs import draws
 
-N_DAMAGED = 250
+N_DAMAGED = draws(250)
 
 
 @pytest.fixture(scope="module")

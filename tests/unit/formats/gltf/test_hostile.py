@@ -10,10 +10,11 @@ import pytest
 
 from meshreel.errors import FormatError, MeshReelError
 from meshreel.formats.load import load, open_source
+from samples.costs import draws
 from samples.gltf import Gltf, glb, moving_triangle, rich_gltf
 from samples.json import DELETED, ODD, changed, places
 
-N_CHANGED = 500
+N_CHANGED = draws(500)
 
 
 def read_all(path):

@@ -8,9 +8,10 @@ from meshreel.formats.load import load
 from meshreel.formats.registry import FRAME_FORMATS
 from meshreel.formats.save import save
 from meshreel.surface import Kind
+from samples.costs import draws
 from samples.surfaces import attribute, rich_cube, two_cubes
 
-N_DAMAGED = 400
+N_DAMAGED = draws(400)
 ENDINGS = [found.ending for found in FRAME_FORMATS.values() if found.positions_like is not None]
 
 

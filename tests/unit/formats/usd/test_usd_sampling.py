@@ -32,8 +32,8 @@ def test_distinct_codes_refuse_when_codes_cannot_be_told_apart(code):
 
 
 def test_even_interval_is_exact_when_intervals_are_rounded():
-    assert even_interval(np.arange(100) * (1 / 3)) == pytest.approx(1 / 3, abs=1e-12)
-    assert even_interval(1001 + np.arange(100) * 1.0000000001) == 1
+    assert even_interval(np.arange(100.0) * (1 / 3)) == pytest.approx(1 / 3, abs=1e-12)
+    assert even_interval(1001 + np.arange(100.0) * 1.0000000001) == 1
     assert even_interval(np.array([1.0, 2, 4])) == 0
     assert even_interval(np.array([5.0])) == 0
 

@@ -70,8 +70,8 @@ def test_ritz_vectors_diagonalise_the_matrix_when_the_basis_is_any():
 def test_ritz_vectors_keep_the_span_when_the_basis_is_any():
     basis = random_basis()
     turned = ritz_vectors(autocorrelation(coherent_frames()), basis)
-    projectors = (one @ np.swapaxes(one, 1, 2) for one in (basis, turned))
-    np.testing.assert_allclose(*projectors, atol=1e-12)
+    before, after = (one @ np.swapaxes(one, 1, 2) for one in (basis, turned))
+    np.testing.assert_allclose(after, before, atol=1e-12)
 
 
 def test_ritz_vectors_leave_columns_alone_when_they_are_beyond_the_rank():

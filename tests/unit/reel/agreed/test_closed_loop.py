@@ -26,7 +26,7 @@ def truth():
 
 def rounded(wanted, step):
     """Values, predictions and residuals of a loop that rounds to the nearest."""
-    loop = ClosedLoop(predictors(), *wanted.shape, step)
+    loop = ClosedLoop(predictors(), *wanted.shape, step=step)
     predictions, residuals = [], []
     for level, rows in enumerate(LEVELS):
         predictions.append(loop.predict(level))

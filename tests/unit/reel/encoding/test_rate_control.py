@@ -107,6 +107,7 @@ def test_a_step_far_away_is_given_when_the_measure_never_reaches_the_limit(rises
     """A budget that all streams stay below: the best one found is given."""
     measure = (lambda step: min(step, 0.5)) if rises else (lambda step: min(1 / step, 0.5))
     step = meet_limit(measure, 1.0, 1.0, rises=rises)
+    assert step is not None
     assert measure(step) == 0.5
     assert max(step, 1 / step) <= FARTHEST_RATIO
 

@@ -177,9 +177,11 @@ def test_further_calls_fail_at_once_when_waiting_was_given_up(empty_cluster, wor
 
 
 def test_waiting_ends_when_the_engine_is_left_by_ctrl_c(empty_cluster, words):
+    waiting = []
+
     def interrupted():
         with open_engine(scheduler=empty_cluster.scheduler_address) as engine:
-            interrupted.outcome = engine.submit(square, 2)
+            waiting.append(engine.submit(square, 2))
             wait_until(lambda: "1 call waits" in words.text, "the word that a call waits")
             raise KeyboardInterrupt
 

@@ -157,11 +157,13 @@ def test_others_are_not_blamed_when_a_call_kills_its_workers(engine):
     assert isinstance(outcomes[4, 4].exception(), WorkerDiedError)
 
 
+@pytest.mark.slow
 def test_call_is_given_up_when_the_worker_dies_in_its_reply(engine):
     with pytest.raises(WorkerDiedError):
         engine.submit(die_within_a_long_reply).result(60)
 
 
+@pytest.mark.slow
 def test_worker_that_died_idle_is_replaced_without_blame(tmp_path):
     with open_engine(1) as engine:
         process = engine.submit(process_id).result(60)
@@ -184,8 +186,8 @@ def test_worker_has_all_cores_when_it_is_the_only_one():
 
 
 def test_ctrl_c_does_not_end_a_worker(engine):
-    children = {child.pid for child in multiprocessing.active_children()}
-    assert engine.submit(ignores_ctrl_c, 0.1).result(60) in children
+    survivor = engine.submit(ignores_ctrl_c, 0.1).result(60)
+    assert survivor in {child.pid for child in multiprocessing.active_children()}
 
 
 def test_processes_end_when_the_engine_is_closed():
@@ -208,7 +210,7 @@ def test_calls_under_way_are_finished_when_the_engine_is_closed():
     assert [outcome.result(0) for outcome in outcomes] == [0, 1, 4]
 
 
-def interrupted_engine():
+def interrupted_engine(left):
     with open_engine(1) as engine:
         process = engine.submit(process_id).result(60)
         outcomes = [engine.submit(slow_square, 1, 600) for _ in range(3)]
@@ -216,13 +218,14 @@ def interrupted_engine():
         try:
             raise KeyboardInterrupt
         finally:
-            interrupted_engine.left = process, outcomes
+            left.extend([process, outcomes])
 
 
 def test_calls_under_way_are_stopped_when_the_engine_is_left_by_an_exception():
+    left = []
     with pytest.raises(KeyboardInterrupt):
-        interrupted_engine()
-    process, outcomes = interrupted_engine.left
+        interrupted_engine(left)
+    process, outcomes = left
     assert ended(process)
     assert all(outcome.done() for outcome in outcomes)
     assert isinstance(outcomes[0].exception(), WorkerDiedError)
@@ -245,6 +248,7 @@ def test_engine_has_a_worker_for_each_core_when_none_are_named():
         assert engine.n_workers == n_cores()
 
 
+@pytest.mark.slow
 def test_engine_takes_workers_of_any_kind():
     engine = Engine(ProcessWorkers(1))
     assert list(engine.map_in_order(square, [(2,)])) == [4]
