@@ -18,7 +18,7 @@ COMMANDS = ("encode", "convert", "batch")
 
 
 def params(command):
-    return {one.name: one for one in typer.main.get_command(app).commands[command].params}
+    return {one.name: one for one in typer.main.get_group(app).commands[command].params}
 
 
 @pytest.mark.parametrize("name", OPTIONS)

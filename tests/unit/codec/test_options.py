@@ -5,7 +5,7 @@ import math
 import subprocess
 import sys
 from dataclasses import fields
-from typing import get_type_hints
+from typing import Any, get_type_hints
 
 import pytest
 
@@ -25,7 +25,7 @@ OPTIONS = {option.name: option for option in all_options()}
 OTHERS = {"sequence", "attributes", "progress", "engine"}
 """Parameters of `encode` that are no options of coding."""
 
-ALLOWED = {
+ALLOWED: dict[Range, tuple[list[float], list[float]]] = {
     Range(1, 100): ([1, 80, 99.5, 100], [0.9, 100.1]),
     Range(1, 9, is_whole=True): ([1, 9, 5.0], [0, 10, 2.5]),
     Range(1, is_whole=True): ([1, 10**9], [0, 1.5]),
@@ -33,7 +33,7 @@ ALLOWED = {
     Range(0, 1, is_open=True): ([1e-9, 1], [0, 1.1]),
     Range(0, 1): ([0, 1], [-0.1, 1.1]),
 }
-NEVER = [math.nan, math.inf, -math.inf, "5", b"5", None, [5], {}]
+NEVER: list[Any] = [math.nan, math.inf, -math.inf, "5", b"5", None, [5], {}]
 
 
 @pytest.mark.parametrize("allowed", ALLOWED, ids=str)

@@ -14,11 +14,11 @@ from meshreel.reel.agreed.payloads import MAX_COUNTS, MAX_STENCIL
 from meshreel.reel.encoding.effort import (
     EFFORTS,
     FINEST_STEP,
-    Tune,
     choices_for,
     quality_step,
     tune_named,
 )
+from meshreel.reel.options import Tune
 from samples.costs import slow_but
 from samples.meshes import irregular_sequence, waving_grid
 

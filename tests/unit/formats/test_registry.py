@@ -45,7 +45,8 @@ def functions():
         for field in fields(found):
             function, n_arguments = getattr(found, field.name), N_ARGUMENTS.get(field.name)
             if isinstance(function, partial):
-                function, n_arguments = function.func, n_arguments + len(function.args)
+                n_arguments += len(function.args)
+                function = function.func
             if isinstance(function, Lazy):
                 yield pytest.param(
                     function, n_arguments, id=f"{found.ending} {field.name} {function.place}"

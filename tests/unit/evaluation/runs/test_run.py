@@ -1,5 +1,7 @@
 """Runs that measure nothing but themselves."""
 
+from typing import Any
+
 import pytest
 
 from meshreel.errors import InvalidInputError
@@ -35,7 +37,11 @@ def test_results_are_in_the_groups_of_the_plan_when_a_run_is_in_two(store):
 def test_progress_counts_runs_and_names_stages_when_they_report(store):
     told = []
     run = made("a", lambda progress: Outcome({"figure": progress("encoding", 0.5)}))
-    run_all({"all": [run, run]}, store, lambda stage, share: told.append((stage, share.done)))
+
+    def listen(stage: str, share: Any) -> None:
+        told.append((stage, share.done))
+
+    run_all({"all": [run, run]}, store, listen)
     assert told == [("a", 0), ("a, encoding", 0), ("a", 1)]
 
 
