@@ -1,6 +1,7 @@
 """Disks that become full while a file is written: one line that names it, and nothing left."""
 
 import json
+import os
 import subprocess
 import sys
 
@@ -16,6 +17,7 @@ resource = pytest.importorskip("resource")
 
 FORKING = """
 import json, os, resource, sys
+import meshreel.cli.convert, meshreel.codec.decoder, meshreel.codec.encoder
 from meshreel.cli import main
 
 for line in sys.stdin:
@@ -54,7 +56,8 @@ def reel(tmp_path_factory):
 def limited():
     """Runs `meshreel ARGUMENTS` where no file grows larger than a number of bytes."""
     command, pipe = [sys.executable, "-c", FORKING], subprocess.PIPE
-    with subprocess.Popen(command, stdin=pipe, stdout=pipe, text=True) as process:
+    environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1"}
+    with subprocess.Popen(command, stdin=pipe, stdout=pipe, text=True, env=environment) as process:
 
         def run(limit, *arguments):
             words = [str(one) for one in arguments]
