@@ -7,6 +7,7 @@ import sys
 from dataclasses import fields
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -43,7 +44,8 @@ def functions():
     """The functions of all rows, and how many arguments each is called with."""
     for found in FORMATS.values():
         for field in fields(found):
-            function, n_arguments = getattr(found, field.name), N_ARGUMENTS.get(field.name)
+            function: Any = getattr(found, field.name)
+            n_arguments = N_ARGUMENTS.get(field.name)
             if isinstance(function, partial):
                 n_arguments += len(function.args)
                 function = function.func
