@@ -26,7 +26,7 @@ WHOLE = (
     ".npz .abc .usd .usda .usdc .usdz .glb .gltf .pc2 .mdd .h5 .hdf5 .hdf .vtkhdf .pvd .xdmf .xmf"
 )
 FRAMES = ".obj .ply .off .stl .vtu .vtp .vtk"
-"""What `batch.discovery` takes, written out: help comes without importing every format."""
+"""Inputs of `batch.discovery`, written out: help comes without importing every format."""
 
 WORKERS = "Where it runs (give one)"
 

@@ -14,7 +14,7 @@ from meshreel.codec.option import Option
 from meshreel.codec.options import all_options
 
 Encoding = dict[str, Any]
-"""What a command was given of the options of encoding, by their names in Python."""
+"""The options of encoding that a command was given, by their names in Python."""
 
 PARAMETER = "encoding"
 
@@ -56,7 +56,7 @@ def with_encode_options(**instead: Any) -> Callable[[CommandFunction], CommandFu
 
 
 def option_info(option: Option) -> OptionInfo:
-    """What Typer shows of an option: its flag, help, default, panel and completion."""
+    """Typer's description of an option: its flag, help, default, panel and completion."""
     help_text = option.help
     if option.names and not option.metavar:
         help_text = help_text.replace(".", f": {', '.join(option.names)}.", 1)

@@ -24,7 +24,7 @@ class EncodedFile:
     uv: "UvErrors | None" = None
 
     def figures(self) -> dict[str, Any]:
-        """What is printed as JSON."""
+        """Figures as they are printed as JSON."""
         from meshreel.cli.figures import size_figures, uv_figures
 
         figures = {"output": str(self.target), **size_figures(self.stream), **vars(self.achieved)}

@@ -166,7 +166,7 @@ def chosen_frames(chosen: slice | None, n_frames: int, notes: list[str]) -> rang
 
 
 def clamped_note(chosen: slice, n_frames: int) -> str | None:
-    """What to say of a range of frames that goes beyond the ends; None if it does not."""
+    """The note on a range of frames that goes beyond the ends; None if it does not."""
     from meshreel.frame_choice import slice_text
 
     ends = [end for end in (chosen.start, chosen.stop) if end is not None]
@@ -180,7 +180,7 @@ def clamped_note(chosen: slice, n_frames: int) -> str | None:
 
 
 def written_figures(written: list[Path], source: "Written", n_frames: int) -> dict[str, Any]:
-    """What a command that wrote files prints as JSON."""
+    """Figures of written files, as commands print them as JSON."""
     return {
         "outputs": [str(path) for path in written],
         "n_frames": n_frames,
@@ -192,7 +192,7 @@ def written_figures(written: list[Path], source: "Written", n_frames: int) -> di
 
 
 def print_written(figures: dict[str, Any]) -> None:
-    """What `written_figures` says, as a table."""
+    """The same as `written_figures`, as rows of a table."""
     from meshreel.cli.console import print_table, size_text
     from meshreel.counting import counted
 

@@ -14,7 +14,7 @@ class Laplacian(IntEnum):
 
 
 class Order(IntEnum):
-    """What is kept of the order in which vertices and faces came."""
+    """The part of the given order of vertices and faces that is kept."""
 
     KEEP = 0
     VERTICES = 1

@@ -1,4 +1,4 @@
-"""What the user sets, checked."""
+"""Options of encoding, checked."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -83,7 +83,7 @@ class EncoderConfig:
 
     @property
     def target(self) -> Target:
-        """What `reel` is to meet."""
+        """The target of `reel`: a rate, an error or a step."""
         return target_of(**{name: getattr(self, name) for name in _TARGETS})
 
     @property

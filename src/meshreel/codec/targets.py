@@ -11,7 +11,7 @@ DEFAULT_QUALITY = 80.0
 
 
 class Aim(Enum):
-    """What is to be met; the value is what the user calls it."""
+    """Kinds of targets; the value is the name of the option."""
 
     QUALITY = "quality"
     STEP = "step"
@@ -127,7 +127,7 @@ class Target:
 
     @property
     def bound(self) -> ErrorBound:
-        """What a largest error allows."""
+        """The bound of a largest error."""
         return ErrorBound(self.value, self.is_length)
 
 

@@ -8,7 +8,7 @@ LEVELS = [[4, 1], [], [0, 5, 6], [2, 3, 7]]
 
 
 def predictors():
-    """Weights of what earlier levels hold, far from any that foretell well."""
+    """Weights of what earlier levels hold, far from any that predict well."""
     rng = np.random.default_rng(1)
     known: list[int] = []
     result = []

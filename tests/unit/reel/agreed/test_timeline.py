@@ -30,8 +30,8 @@ def test_only_times_of_earlier_levels_have_weights_when_a_time_is_predicted(n_fr
         known[predictor.rows] = True
 
 
-def degree_foretold(predictor, place, n_frames):
-    """Highest degree up to which all powers of time are foretold at a place of a level."""
+def degree_predicted(predictor, place, n_frames):
+    """Highest degree up to which all powers of time are predicted at a place of a level."""
     time = np.arange(n_frames) - float(predictor.rows[place])
     for degree in range(5):
         wanted = float(degree == 0)
@@ -45,18 +45,18 @@ def known_around(time, half, n_frames):
 
 
 @every_length
-def test_polynomials_are_foretold_as_far_as_known_times_allow(n_frames):
+def test_polynomials_are_predicted_as_far_as_known_times_allow(n_frames):
     """Cubic ones inside; where the line ends, what lies ahead is what the last known time had."""
     half = COARSEST // 2
     for predictor in time_predictors(n_frames)[1:]:
         for place, time in enumerate(predictor.rows):
             known = known_around(time, half, n_frames)
             wanted = sum(known) - 1 if known[2] else 0
-            assert degree_foretold(predictor, place, n_frames) == wanted
+            assert degree_predicted(predictor, place, n_frames) == wanted
         half //= 2
 
 
-def test_cubic_curves_are_foretold_exactly_when_all_four_neighbours_are_known():
+def test_cubic_curves_are_predicted_exactly_when_all_four_neighbours_are_known():
     time = np.arange(100) / 10
     curve = time**3 - 20 * time**2 + 3 * time - 4
     n_inside, half = 0, COARSEST // 2
@@ -69,7 +69,7 @@ def test_cubic_curves_are_foretold_exactly_when_all_four_neighbours_are_known():
 
 
 def test_weights_are_those_of_the_nearest_when_a_time_lies_behind_all_known():
-    """Two frames: the second is foretold by the first alone."""
+    """Two frames: the second is predicted by the first alone."""
     *_, last = time_predictors(2)
     assert last.rows.tolist() == [1]
     assert last.weights.toarray().tolist() == [[1.0, 0.0]]

@@ -32,13 +32,13 @@ SMALL_ONES = stencils_of(
 )
 
 
-def foretold(stencils, weights, fields):
+def predicted(stencils, weights, fields):
     """Weighted means of the stencils, of shape (n, K)."""
     return np.einsum("ns,nsk->nk", weights, fields[stencils.stencil])
 
 
 def errors(stencils, weights, fields):
-    return np.abs(foretold(stencils, weights, fields) - fields[stencils.predicted])
+    return np.abs(predicted(stencils, weights, fields) - fields[stencils.predicted])
 
 
 def smooth_fields():
@@ -85,7 +85,7 @@ def test_penalty_is_one_for_the_nearest_and_grows_when_members_are_farther():
         assert (np.diff(stencils.penalty, axis=1) >= 0).all()
 
 
-def test_smooth_weights_foretell_far_better_when_compared_with_those_by_distance():
+def test_smooth_weights_predict_far_better_when_compared_with_those_by_distance():
     """Of a sheet, in the finest resolution: its bends count, not only what is near."""
     fields, stencils = smooth_fields(), GRID[-1]
     inside = (stencils.stencil >= 0).all(axis=1)
@@ -95,7 +95,7 @@ def test_smooth_weights_foretell_far_better_when_compared_with_those_by_distance
     assert smooth < 0.5 * errors(stencils, by_distance, fields)[inside].mean()
 
 
-def test_smooth_weights_foretell_better_than_the_nearest_when_scales_are_coarse():
+def test_smooth_weights_predict_better_than_the_nearest_when_resolutions_are_coarse():
     for stencils in GRID[-3:-1]:
         assert len(stencils.predicted) > 20
         nearest = np.eye(1, SIZE)[[0] * len(stencils.predicted)]
@@ -103,7 +103,7 @@ def test_smooth_weights_foretell_better_than_the_nearest_when_scales_are_coarse(
         assert smooth < 0.8 * errors(stencils, nearest, smooth_fields()).mean()
 
 
-def test_constant_fields_are_foretold_exactly_when_nothing_is_known():
+def test_constant_fields_are_predicted_exactly_when_nothing_is_known():
     ones = np.ones((ROWS * COLUMNS, 1))
     for stencils in GRID[1:]:
         assert errors(stencils, stencils.weights, ones).max() < 1e-10
@@ -118,7 +118,7 @@ def test_known_fields_are_reproduced_when_a_stencil_can():
     assert learned.mean() < 0.01 * spread.mean()
 
 
-def test_fields_that_vary_as_known_ones_do_are_foretold_well_when_the_sampling_is_uneven():
+def test_fields_that_vary_as_known_ones_do_are_predicted_well_when_the_sampling_is_uneven():
     """The point of learning: connectivity does not tell where vertices lie, known fields do."""
     rng = np.random.default_rng(5)
     x, y = X + 0.04 * rng.normal(size=X.shape), Y + 0.04 * rng.normal(size=Y.shape)
