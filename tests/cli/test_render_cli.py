@@ -80,6 +80,7 @@ def test_render_draws_the_same_picture_when_run_again(flag, tmp_path):
     assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()
 
 
+@pytest.mark.slow
 def test_render_shows_what_was_drawn_when_not_asked_for_json(flag, tmp_path):
     done = run("render", flag / "flag.reel", "-o", "a.png", "--frames", "0:4", cwd=tmp_path)
     assert done.returncode == 0
@@ -87,6 +88,7 @@ def test_render_shows_what_was_drawn_when_not_asked_for_json(flag, tmp_path):
         assert words in done.stdout
 
 
+@pytest.mark.slow
 def test_render_keeps_what_is_there_when_not_told_to_replace_it(flag, tmp_path):
     path = tmp_path / "a.png"
     path.write_bytes(b"mine")
@@ -125,6 +127,7 @@ def test_render_says_what_is_allowed_when_an_option_is_wrong(flag, options, word
     assert sorted(flag.iterdir()) == before
 
 
+@pytest.mark.slow
 def test_render_reads_frame_files_and_their_colours_when_there_are_any(tmp_path):
     grid = waving_grid(3)
     values = np.tile(np.array([[200, 40, 40]], np.uint8), (grid.n_verts, 1))

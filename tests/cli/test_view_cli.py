@@ -110,6 +110,7 @@ def test_view_serves_page_and_data_until_it_is_interrupted(page, reel):
     assert (process.returncode, out, err) == (0, "stopped\n", "")
 
 
+@pytest.mark.slow
 def test_view_shows_errors_in_the_words_of_compare_when_the_original_is_given(page, reel, grid):
     with viewing(page, reel, "--original", grid) as (process, port):
         for _ in range(300):

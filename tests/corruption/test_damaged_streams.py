@@ -192,6 +192,7 @@ def test_corrections_are_refused_when_they_come_before_any_block():
         decode(data)
 
 
+@pytest.mark.slow
 def test_damaged_corrections_give_our_error_or_a_mesh_when_checksums_are_made_to_fit():
     """Aimed at this section alone: of the others there are many more bytes."""
     stream = read_stream(STREAMS["reel corrected"])
@@ -230,6 +231,7 @@ def test_corrections_take_no_memory_when_their_number_is_a_lie():
         decode(data)
 
 
+@pytest.mark.slow
 def test_damaged_materials_give_our_error_or_a_mesh_when_checksums_are_made_to_fit():
     """Aimed at this section alone: of the others there are many more bytes."""
     stream = read_stream(STREAMS["materials"])

@@ -73,6 +73,7 @@ def test_an_archive_holds_every_sequence_within_the_promised_error(tmp_path, mon
     assert len((out / "archive.csv").read_text().splitlines()) == 3
 
 
+@pytest.mark.slow
 def test_a_live_recording_can_be_read_while_it_goes_on(tmp_path, monkeypatch, capsys):
     run_script("record.py", monkeypatch, tmp_path / "a.reel", "--seconds", "2.5")
     assert "can be read already" in capsys.readouterr().out

@@ -173,6 +173,7 @@ FILLING = """
 """
 
 
+@pytest.mark.slow
 def test_the_file_is_named_when_it_grows_too_large(tmp_path):
     pytest.importorskip("resource")
     path = tmp_path / "live.reel"

@@ -165,6 +165,7 @@ def test_bits_per_row_sum_to_the_section_when_rows_have_their_own_tables():
     assert rows.sum() == pytest.approx(section, rel=0.15)
 
 
+@pytest.mark.slow
 def test_graph_method_refuses_when_the_mesh_is_too_large():
     big = waving_grid(1, 400, 400)
     with pytest.raises(InvalidInputError, match="8000 graph frequencies of 160000 vertices"):

@@ -42,6 +42,7 @@ def test_run_encodes_nothing_when_the_result_is_there(store, calls):
     assert len(calls) == 2
 
 
+@pytest.mark.slow
 def test_evaluate_encodes_nothing_when_it_runs_again(tmp_path, calls):
     flag = simulate_flag(4, n_rows=4, n_columns=5)
     texts = []

@@ -167,6 +167,7 @@ def test_load_says_what_is_wrong_when_nodes_are_no_tree(tmp_path, change, messag
         load(tmp_path / "a.gltf")
 
 
+@pytest.mark.slow
 def test_load_reads_a_deep_tree_and_refuses_a_deeper_one(tmp_path):
     assert load(chain(400).save(tmp_path / "a.glb")).n_frames == 1
     with pytest.raises(FormatError, match="its path is longer than 4096 characters"):

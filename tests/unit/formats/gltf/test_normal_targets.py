@@ -55,6 +55,7 @@ def test_angle_is_that_of_the_bytes_when_normals_move(choice):
     assert moving.normals.angle_deg == pytest.approx(measured, rel=1e-2)
 
 
+@pytest.mark.slow
 def test_fewer_targets_turn_normals_when_these_need_be_near_only():
     flag = simulate_flag(60, n_rows=20, n_columns=20)
     near, exact = (

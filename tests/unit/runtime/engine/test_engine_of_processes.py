@@ -120,6 +120,7 @@ def test_map_in_order_refuses_when_nothing_may_be_in_flight(engine, in_flight):
         next(engine.map_in_order(square, [(1,)], in_flight=in_flight))
 
 
+@pytest.mark.slow
 def test_map_in_order_recovers_when_workers_are_killed_in_the_middle(engine, tmp_path):
     call = partial(die_once_if, folder=str(tmp_path), deadly={3, 4, 8})
     results = engine.map_in_order(call, [(number,) for number in range(12)])
