@@ -41,12 +41,12 @@ class Conversion:
     figures: list[dict[str, Any]] = field(default_factory=list)
     _streams: list["EncodedFile"] = field(default_factory=list)
 
-    def check(self, target: str | Path, wanted: range | None, *, first: int = 0) -> None:
-        """Refuse a target that cannot or must not be written, before the work.
+    def check(self, output: str | Path, wanted: range | None, *, first: int = 0) -> None:
+        """Refuse a output that cannot or must not be written, before the work.
 
         Parameters
         ----------
-        target : str or Path
+        output : str or Path
         wanted : range or None
             The frames, where they are known.
         first : int
@@ -55,10 +55,10 @@ class Conversion:
         from meshreel.formats.outputs import check_output
 
         check_output(
-            target,
+            output,
             None if wanted is None else len(wanted),
             overwrite=self.force,
-            start_number=self._number(target, wanted or range(1), first),
+            start_number=self._number(output, wanted or range(1), first),
             inputs=self.inputs,
             options=self.options,
         )
@@ -66,7 +66,7 @@ class Conversion:
     def write(
         self,
         sequence: "FrameSource",
-        target: str | Path,
+        output: str | Path,
         chosen: slice | None = None,
         *,
         first: int = 0,
@@ -77,27 +77,27 @@ class Conversion:
         from meshreel.formats.save import save_part
 
         wanted = chosen_frames(chosen, sequence.n_frames, self.notes)
-        if is_stream(target):
+        if is_stream(output):
             made = encode_file(
-                frames_of(sequence, wanted), Path(target), self.config, self.notes,
+                frames_of(sequence, wanted), Path(output), self.config, self.notes,
                 force=self.force, progress=self.progress,
             )  # fmt: skip
             self._streams.append(made)
-            figures = written_figures([made.target], sequence, len(wanted))
+            figures = written_figures([made.output], sequence, len(wanted))
             self.figures.append({**figures, **made.figures()})
             return
         written = save_part(
-            sequence, wanted, target,
-            overwrite=self.force, start_number=self._number(target, wanted, first),
+            sequence, wanted, output,
+            overwrite=self.force, start_number=self._number(output, wanted, first),
             inputs=self.inputs, options=self.options, progress=self.progress, notes=self.notes,
         )  # fmt: skip
         self.figures.append(written_figures(written, sequence, len(wanted)))
 
-    def _number(self, target: str | Path, wanted: range, first: int) -> int | None:
-        """Number of the first file of a target; None if it has no numbers."""
+    def _number(self, output: str | Path, wanted: range, first: int) -> int | None:
+        """Number of the first file of a output; None if it has no numbers."""
         from meshreel.formats.outputs import numbering
 
-        number = numbering(target, wanted, self.start_number)
+        number = numbering(output, wanted, self.start_number)
         return number if number is None else first + number
 
     def show(self) -> None:

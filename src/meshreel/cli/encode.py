@@ -104,13 +104,13 @@ def encode_command(
     from meshreel.runtime.outputs.checks import check_ending, check_output_path
     from meshreel.runtime.profiling import profiled
 
-    target = output or Path(f"{_stem(inputs[0])}.reel")
-    check_ending(target, (".reel",), OTHER_OUTPUTS)
+    stream_path = output or Path(f"{_stem(inputs[0])}.reel")
+    check_ending(stream_path, (".reel",), OTHER_OUTPUTS)
     config = EncoderConfig(**encoding)
     frames = natural_order(Path(path) for path in inputs)
     source = inputs[0] if len(inputs) == 1 else frames
     files = files_of_source(source, topology)
-    check_output_path(target, overwrite=force, inputs=files)
+    check_output_path(stream_path, overwrite=force, inputs=files)
     with progress_bar() as progress, profiled() as times:
         reading = ReadOptions(
             fps,
@@ -126,9 +126,13 @@ def encode_command(
         if split:
             stretches = find_stretches(source, loading_for(config.memory_bytes, reading))
             cut = len(stretches) > 1
-            pieces = [(one.open, one.path(target) if cut else target) for one in stretches]
+            pieces = [
+                (one.open, one.path(stream_path) if cut else stream_path) for one in stretches
+            ]
         else:
-            pieces = [(partial(open_for_encoding, source, config.memory_bytes, reading), target)]
+            pieces = [
+                (partial(open_for_encoding, source, config.memory_bytes, reading), stream_path)
+            ]
         for _, path in pieces:
             check_output_path(path, overwrite=force, inputs=files)
         results = [

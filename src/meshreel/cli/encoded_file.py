@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 class EncodedFile:
     """A stream that was written, and what it is worth."""
 
-    target: Path
+    output: Path
     stream: "StreamInfo"
     achieved: "Achieved"
     uv: "UvErrors | None" = None
@@ -27,7 +27,7 @@ class EncodedFile:
         """Figures as they are printed as JSON."""
         from meshreel.cli.figures import size_figures, uv_figures
 
-        figures = {"output": str(self.target), **size_figures(self.stream), **vars(self.achieved)}
+        figures = {"output": str(self.output), **size_figures(self.stream), **vars(self.achieved)}
         return figures | uv_figures(self.uv)
 
     def show(self) -> None:
@@ -37,7 +37,7 @@ class EncodedFile:
 
         rows = {**size_rows(self.stream), **achieved_rows(self.achieved, self.stream)}
         rows |= uv_rows(self.uv)
-        print_table(str(self.target), rows)
+        print_table(str(self.output), rows)
 
 
 def frames_of(sequence: "FrameSource", wanted: range) -> "FrameSource":
@@ -59,7 +59,7 @@ def frames_of(sequence: "FrameSource", wanted: range) -> "FrameSource":
 
 def encode_file(
     sequence: "FrameSource",
-    target: Path,
+    output: Path,
     config: EncoderConfig,
     notes: list[str],
     *,
@@ -77,7 +77,7 @@ def encode_file(
     from meshreel.runtime.profiling import stage
 
     data = encode_with(config, sequence, progress=progress)
-    with stage("writing"), replace_when_done(target, overwrite=force) as temporary:
+    with stage("writing"), replace_when_done(output, overwrite=force) as temporary:
         temporary.write_bytes(data)
     with_sted = config.sted is not None
     achieved = measure_stream(
@@ -87,4 +87,4 @@ def encode_file(
     if lost := order_loss_note(sequence.surface, Order[stream.order.upper()]):
         notes.append(lost)
     uv = None if config.uv_bits is None else measure_uvs(sequence, data)
-    return EncodedFile(target, stream, achieved, uv)
+    return EncodedFile(output, stream, achieved, uv)

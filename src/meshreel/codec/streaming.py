@@ -47,7 +47,7 @@ class Encoder:
     Parameters
     ----------
     faces : integer array of shape (M, 3)
-    target : path that ends in ``.reel``, or binary file that is open for writing
+    output : path that ends in ``.reel``, or binary file that is open for writing
         A file is not closed.
     fps : float, default 0
         Frames per second; 0 = unknown.
@@ -90,7 +90,7 @@ class Encoder:
     def __init__(
         self,
         faces: npt.ArrayLike,
-        target: str | os.PathLike[str] | BinaryIO,
+        output: str | os.PathLike[str] | BinaryIO,
         *,
         fps: float = 0.0,
         name: str = "",
@@ -115,11 +115,11 @@ class Encoder:
         self._since = 0.0
         self._writer: BlockWriter | None = None
         self._is_closed = False
-        self._path = Path(target) if isinstance(target, str | os.PathLike) else None
+        self._path = Path(output) if isinstance(output, str | os.PathLike) else None
         if self._path is not None:
             check_ending(self._path, (".reel",), "meshreel.save writes other formats")
             check_output_path(self._path, overwrite=overwrite)
-        self._file: BinaryIO = self._path.open("wb") if self._path else target  # type: ignore[assignment]
+        self._file: BinaryIO = self._path.open("wb") if self._path else output  # type: ignore[assignment]
         # A block is analysed while the bytes of the one before are written.
         self._analysis_thread = ThreadPoolExecutor(1, "meshreel-encoder")
         self._file_thread = ThreadPoolExecutor(1, "meshreel-writer")
