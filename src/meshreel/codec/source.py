@@ -1,8 +1,9 @@
 """Input of an encoder: a mesh in internal order, and frames divided into blocks."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,7 @@ import numpy.typing as npt
 
 from meshreel.bitstream.header import Header
 from meshreel.bitstream.layout import Section, VertexType
+from meshreel.bitstream.writer import Sections, whole_stream
 from meshreel.codec.choices import Order
 from meshreel.codec.config import EncoderConfig
 from meshreel.codec.methods import METHOD_CODES
@@ -191,6 +193,18 @@ class Source:
     def blocks(self) -> Iterator[Vertices]:
         """Positions of each block, of shape (T_b, V, 3) in internal order."""
         return (piece.read() for piece in self.pieces())
+
+    def stream(self, leading: Sections, blocks: Iterable[tuple[int, Sections]]) -> bytes:
+        """The bytes of a stream of the sequence.
+
+        Parameters
+        ----------
+        leading : iterable of (Section, bytes)
+            Sections of the method before the first block.
+        blocks : iterable of (int, sections)
+            Number of frames and sections of each block.
+        """
+        return whole_stream(self.header(), chain(self.mesh.leading_sections(), leading), blocks)
 
     def header(self) -> Header:
         """The header of the stream."""

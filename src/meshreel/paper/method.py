@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.bitstream.writer import Sections, whole_stream
+from meshreel.bitstream.writer import Sections
 from meshreel.codec.config import EncoderConfig
 from meshreel.codec.open_stream import OpenStream
 from meshreel.codec.source import CodedMesh, Source
@@ -69,8 +69,7 @@ class PaperMethod:
     def encode(self, source: Source, progress: Progress, engine: Engine | None) -> bytes:
         """The bytes of a stream of the source; the engine is not used."""
         coder = PaperBlockCoder(source.mesh, source.frame, source.blocks())
-        sections = (*source.mesh.leading_sections(), *coder.leading_sections())
-        return whole_stream(source.header(), sections, _coded(source, coder, progress))
+        return source.stream(coder.leading_sections(), _coded(source, coder, progress))
 
     def live_coder(self, mesh: CodedMesh, frame: BoundingFrame, first: Vertices) -> PaperBlockCoder:
         """The coder of live frames, of which the first block is known."""

@@ -3,11 +3,10 @@
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import chain
 
 import numpy as np
 
-from meshreel.bitstream.writer import Sections, whole_stream
+from meshreel.bitstream.writer import Sections
 from meshreel.codec.achieved import measure_stream
 from meshreel.codec.source import Source
 from meshreel.codec.targets import Aim
@@ -154,14 +153,13 @@ class WholeSequence:
     def _made(self, step: float, bound: float | None) -> Trial:
         self._tell(0)
         coder, meter = self._coder.with_step(step, bound), self._new_meter()
-        leading = chain(self._source.mesh.leading_sections(), coder.leading_sections())
         if self._engine is not None and meter is None:
             blocks = self._coded_elsewhere(coder, self._engine)
         else:
             blocks = self._coded(coder, meter)
             if self._is_cut:  # integers of a block are found while those before become bytes
                 blocks = one_ahead(blocks)
-        data = whole_stream(self._source.header(), leading, self._told(blocks))
+        data = self._source.stream(coder.leading_sections(), self._told(blocks))
         return Trial(data, None if meter is None else meter.value)
 
     def _coded(self, coder: FieldBlockCoder, meter: Meter | None) -> Iterator[tuple[int, Sections]]:
