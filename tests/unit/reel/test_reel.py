@@ -71,7 +71,7 @@ def values_before_filters(block, mesh, taps=None):
     for group in block.layout.groups:
         residuals = block.fields[group].T
         found.append(loop.learn(group).decode([residuals[level] for level in mesh.levels]))
-        loop.finish(loop.differences(), (block.taps if taps is None else taps)[group])
+        loop.finish((block.taps if taps is None else taps)[group])
     return np.hstack(found)
 
 

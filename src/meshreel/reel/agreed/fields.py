@@ -155,6 +155,7 @@ class FieldLoop:
         self._learner: WeightLearner | None = None
         self._latest = self.fields
         self._laplacian: csr_array | None = None
+        self._differences: Floats | None = None
 
     def learn(self, group: slice) -> ClosedLoop:
         """The closed loop over the levels of a group of modes.
@@ -164,6 +165,7 @@ class FieldLoop:
         n_columns = group.stop - group.start
         predictors = self._predictors()
         self._loop = ClosedLoop(predictors, self._mesh.n_verts, n_columns, self._step)
+        self._differences = None
         return self._loop
 
     def _predictors(self) -> list[Predictor]:
@@ -180,19 +182,23 @@ class FieldLoop:
 
         They come from a Laplacian that is learned from the first fields.
         """
+        if self._differences is not None:
+            return self._differences
         values = self._loop.values
         if self.fields.shape[1] < N_FILTER_FIELDS:
             first = np.hstack([self.fields, values])[:, :N_FILTER_FIELDS]
             noise = NOISE_OF_FILTERS * self._step**2
             self._laplacian = reproducing_laplacian(self._mesh.adjacency, first, noise)
         assert self._laplacian is not None  # the first group has fewer fields
-        return _repeated(self._laplacian, values)
+        self._differences = _repeated(self._laplacian, values)
+        return self._differences
 
-    def finish(self, differences: Floats | None = None, taps: Integers | None = None) -> None:
-        """End a group; one that is filtered with its differences, and taps of shape (k, N_TAPS)."""
+    def finish(self, taps: Integers | None = None) -> None:
+        """End a group; where it is filtered, with taps of shape (k, N_TAPS)."""
         self._latest = self._loop.values
-        if differences is not None and taps is not None:
-            self._latest = self._latest + np.einsum("kt,tvk->vk", TAP_STEP * taps, differences)
+        if taps is not None:
+            filtered = np.einsum("kt,tvk->vk", TAP_STEP * taps, self.differences())
+            self._latest = self._latest + filtered
         self.fields = np.hstack([self.fields, self._latest])
 
 
@@ -205,10 +211,7 @@ def decode_fields(block: FieldBlock, mesh: FieldMesh, key: KeyFields | None = No
     for group in block.layout.groups:
         fields = block.fields[group].T
         loop.learn(group).decode([fields[level] for level in mesh.levels])
-        if is_filtered:
-            loop.finish(loop.differences(), block.taps[group])
-        else:
-            loop.finish()
+        loop.finish(block.taps[group] if is_filtered else None)
     return loop.fields
 
 

@@ -217,11 +217,8 @@ def _quantized_fields(
             levels.add(level, prediction, residuals)
             integers[rows, group] = residuals
         if choices.has_filters:
-            differences = loop.differences()
-            taps[group] = _best_taps(fields - levels.values, differences)
-            loop.finish(differences, taps[group])
-        else:
-            loop.finish()
+            taps[group] = _best_taps(fields - levels.values, loop.differences())
+        loop.finish(taps[group] if choices.has_filters else None)
     return integers.T, taps, loop.fields
 
 
