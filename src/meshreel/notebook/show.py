@@ -23,20 +23,7 @@ MOST_HTML_BYTES = 64_000_000
 
 
 def show(shown: MeshSequence | ReelFile, *, block: bool | None = None) -> None:
-    """Play a sequence or a file: in the output of the cell in a notebook, else in the browser.
-
-    Parameters
-    ----------
-    shown : MeshSequence or ReelFile
-    block : bool, optional
-        Whether to wait for ctrl-C while the browser shows it. Default: in a script, whose end
-        would end the player, but not at a prompt.
-
-    Raises
-    ------
-    InvalidInputError
-        If the page of the player is not built, or the model is too large or small to be drawn.
-    """
+    """Play a sequence or a file; parameters and errors are those of `showing.show`."""
     if _is_notebook():
         display = import_module("IPython.display")
         display.display(display.HTML(player_html(shown, MOST_HTML_BYTES) or html_of(shown)))
