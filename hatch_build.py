@@ -1,11 +1,15 @@
-"""Builds the page of the player, so that wheels and sdists carry it; hatchling calls this.
+"""Builds the core and the page of the player; hatchling calls this.
 
-The page comes from `web/` through npm. Where that cannot be, everything else installs, and one line
-says so. An sdist carries the built page, and what is made from it needs no Node.
+The core comes from `core/` by a C compiler: that of the machine, or the package `ziglang`, which is
+asked for only where there is none. Without it nothing installs. The page comes from `web/` through
+npm. Where that cannot be, everything else installs, and one line says so. An sdist carries the
+built page, and what is made from it needs no Node.
 """
 
+import runpy
 import shutil
 import subprocess
+import sysconfig
 from pathlib import Path
 from typing import Any
 
@@ -15,22 +19,39 @@ PAGE = "src/meshreel/viewer/page/index.html"
 SOURCES = ("web/src", "web/build.mjs", "web/index.html", "web/package-lock.json", "web/style.css")
 COMMANDS = (("ci", "--no-audit", "--no-fund", "--fetch-retries=1"), ("run", "build"))
 TIME_LIMIT_S = 600
+BUILD_CORE = "core/build.py"
+COMPILER = "ziglang>=0.13"
 
 
-class PageBuildHook(BuildHookInterface):
-    """Has the page there, as far as possible, before files are collected."""
+class BuildHook(BuildHookInterface):
+    """Has the core and, as far as possible, the page there before files are collected."""
+
+    def dependencies(self) -> list[str]:
+        """What building needs beside hatchling: a compiler, where the machine has none."""
+        if self.target_name != "wheel":
+            return []
+        compiler = runpy.run_path(str(Path(self.root) / BUILD_CORE))["compiler"]()
+        return [] if compiler else [COMPILER]
 
     def initialize(self, version: str, build_data: dict[str, Any]) -> None:
-        """Build the page if it is missing or older than its sources, and add it.
+        """Build what is missing or older than its sources, and add it.
 
         Parameters
         ----------
         version : str
-            "standard" or "editable"; both need the page.
+            "standard" or "editable"; both need it.
         build_data : dict
-            What hatchling goes by; git ignores the page, so it is named here.
+            What hatchling goes by; git ignores what is built, so it is named here.
         """
         root = Path(self.root)
+        if self.target_name == "wheel":
+            core = runpy.run_path(str(root / BUILD_CORE))
+            if not core["is_current"]():
+                core["build"]()
+            build_data["artifacts"].append(f"/{core['TARGET'].relative_to(root).as_posix()}")
+            build_data["pure_python"] = False
+            platform = sysconfig.get_platform().replace("-", "_").replace(".", "_")
+            build_data["tag"] = f"py3-none-{platform}"
         if not is_current(root):
             problem = build(root)
             if problem:
