@@ -19,7 +19,7 @@ PAGE = "src/meshreel/viewer/page/index.html"
 SOURCES = ("web/src", "web/build.mjs", "web/index.html", "web/package-lock.json", "web/style.css")
 COMMANDS = (("ci", "--no-audit", "--no-fund", "--fetch-retries=1"), ("run", "build"))
 TIME_LIMIT_S = 600
-BUILD_CORE = "core/build.py"
+COMPILE_CORE = "core/compile.py"
 COMPILER = "ziglang>=0.13"
 
 
@@ -30,7 +30,7 @@ class BuildHook(BuildHookInterface):
         """What building needs beside hatchling: a compiler, where the machine has none."""
         if self.target_name != "wheel":
             return []
-        compiler = runpy.run_path(str(Path(self.root) / BUILD_CORE))["compiler"]()
+        compiler = runpy.run_path(str(Path(self.root) / COMPILE_CORE))["compiler"]()
         return [] if compiler else [COMPILER]
 
     def initialize(self, version: str, build_data: dict[str, Any]) -> None:
@@ -45,7 +45,7 @@ class BuildHook(BuildHookInterface):
         """
         root = Path(self.root)
         if self.target_name == "wheel":
-            core = runpy.run_path(str(root / BUILD_CORE))
+            core = runpy.run_path(str(root / COMPILE_CORE))
             if not core["is_current"]():
                 core["build"]()
             build_data["artifacts"].append(f"/{core['TARGET'].relative_to(root).as_posix()}")

@@ -31,7 +31,7 @@ def library() -> ctypes.CDLL:
         If it was not built, or from other sources than this package.
     """
     path = Path(__file__).with_name(NAME)
-    remedy = "install meshreel again, or run `python core/build.py` in a checkout"
+    remedy = "install meshreel again, or run `python core/compile.py` in a checkout"
     try:
         loaded = ctypes.CDLL(str(path))
     except OSError as error:
