@@ -8,7 +8,6 @@ from meshreel.bitstream.layout import (
     FORMAT_VERSION,
     MAGIC,
     MAX_NAME_BYTES,
-    OLDEST_VERSION,
     VertexType,
 )
 from meshreel.counting import counted
@@ -118,10 +117,15 @@ def _check_magic_and_version(data: bytes) -> None:
     if len(data) < len(MAGIC) + 2:
         raise _cut_off(data, _FIXED.size)
     (version,) = struct.unpack_from("<H", data, len(MAGIC))
-    if not OLDEST_VERSION <= version <= FORMAT_VERSION:
+    if 1 <= version < FORMAT_VERSION:
         raise UnsupportedVersionError(
-            f"the stream is format {version}; this build reads formats {OLDEST_VERSION} to "
-            f"{FORMAT_VERSION}; upgrade meshreel (or the file is damaged)"
+            f"the stream is format {version}, which meshreel wrote before its first release; this "
+            f"build reads format {FORMAT_VERSION}; encode the original again"
+        )
+    if version != FORMAT_VERSION:
+        raise UnsupportedVersionError(
+            f"the stream is format {version}; this build reads format {FORMAT_VERSION}; upgrade "
+            "meshreel (or the file is damaged)"
         )
 
 

@@ -6,9 +6,8 @@ from struct import Struct
 MAGIC = b"\x89REEL\r\n\x1a"
 """The high bit catches 7-bit transfers, CR LF catches newline conversion, 1A stops `type`."""
 
-FORMAT_VERSION = 2
-OLDEST_VERSION = 1
-"""Versions that this build reads, from the oldest to the one that it writes."""
+FORMAT_VERSION = 3
+"""The version that this build writes and reads; 1 and 2 were of builds before the first release."""
 
 OPTIONAL = 0x80
 """Bit of a section id: readers that do not know the section skip it."""
@@ -54,7 +53,7 @@ Readers refuse streams that announce more before they allocate; writers pad shor
 """
 
 INDEX_POSITION = Struct("<Q")
-"""Payload of the end marker: the byte at which the index begins (since version 2)."""
+"""Payload of the end marker: the byte at which the index begins."""
 
 MAX_NAME_BYTES = 4096
 """Longest name, in UTF-8."""

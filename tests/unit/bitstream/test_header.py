@@ -35,8 +35,16 @@ def test_reading_says_so_when_the_file_is_of_another_program():
 
 def test_reading_asks_for_an_upgrade_when_the_version_is_newer():
     data = bytearray(write_header(HEADER))
-    data[8] = 3
-    with pytest.raises(UnsupportedVersionError, match="format 3; this build reads formats 1 to 2"):
+    data[8] = 4
+    with pytest.raises(UnsupportedVersionError, match="format 4; this build reads format 3"):
+        read_header(bytes(data))
+
+
+@pytest.mark.parametrize("version", [1, 2])
+def test_reading_says_what_to_do_when_the_version_is_older_than_the_first_release(version):
+    data = bytearray(write_header(HEADER))
+    data[8] = version
+    with pytest.raises(UnsupportedVersionError, match=f"format {version}.*encode the original"):
         read_header(bytes(data))
 
 
