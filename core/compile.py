@@ -1,4 +1,4 @@
-"""Compiles the core into a shared library: `python core/compile.py` puts it where meshreel loads it.
+"""Compiles the core: `python core/compile.py` puts the library where meshreel loads it.
 
 The compiler is $CC, else cc, clang or gcc, else the one in the package `ziglang`.
 """

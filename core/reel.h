@@ -49,6 +49,50 @@ REEL_API int64_t reel_integers_decode(void *memory, size_t memory_size, const ui
                                       size_t size, const int64_t *lengths, const int32_t *tables,
                                       int64_t n_rows, int64_t n_tables, int32_t *values);
 
+/* ---- Prediction of fields over the mesh ---- */
+
+#define REEL_SMOOTH_FIELDS 16
+
+/* The hierarchy of a mesh. Vertices are numbered in coding order: coarsest resolution first, level
+   after level. Level 0 has no stencils; all other vertices have at least one in theirs. */
+typedef struct {
+    int64_t n_verts;
+    int64_t n_levels;
+    int64_t stencil_size;         /* S, 1..16 */
+    const int64_t *level_starts;  /* n_levels + 1 */
+    const int64_t *smooth_starts; /* n_levels: first row of the smooth fields of its resolution */
+    const int32_t *stencil;       /* n_verts x S: lower numbers, nearest first; -1 behind the last */
+    const uint8_t *hops;          /* n_verts x S: 1..3 edges of the resolution */
+    const float *smooth;          /* rows of REEL_SMOOTH_FIELDS: vertex v is row start + v */
+} reel_mesh;
+
+typedef struct {
+    int64_t n_verts;
+    int64_t n_modes;
+    int64_t n_learned;  /* modes that weights follow, of this block and of its key block */
+    int64_t n_key;      /* modes of the key block, or 0 */
+    int32_t *residuals; /* n_modes x n_verts */
+    double *values;     /* n_verts x n_modes, decoded, in quantisation steps */
+    const double *key;  /* n_verts x n_key, likewise */
+} reel_fields;
+
+/* What an encoder chooses by. */
+typedef struct {
+    int64_t first_shaped; /* first level whose noise is shaped */
+    double gain;          /* of noise shaping */
+    double price;         /* squared steps that a bit is worth; 0 rounds to the nearest */
+    const double *wanted; /* n_verts x n_modes, in quantisation steps */
+    double *counts;       /* n_modes x 2: zeros and ones so far; 0 at first */
+    double *zones;        /* n_modes, for its own use */
+} reel_choice;
+
+/* The values of vertices first..last-1, once those before are known. Those of one level do not
+   depend on each other, and may be found on several threads. The encoder finds residuals too. */
+REEL_API int64_t reel_predict_decode(const reel_mesh *mesh, reel_fields *fields, int64_t first,
+                                     int64_t last);
+REEL_API int64_t reel_predict_encode(const reel_mesh *mesh, reel_fields *fields,
+                                     const reel_choice *choice, int64_t first, int64_t last);
+
 #ifdef __cplusplus
 }
 #endif

@@ -12,7 +12,6 @@ from meshreel.bitstream.reader import read_stream
 from meshreel.codec.decoder import decode
 from meshreel.codec.encoder import encode
 from meshreel.codec.inspect import info
-from meshreel.codec.stored_blocks import read_block
 from meshreel.entropy.varint import write_varint
 from meshreel.errors import CorruptStreamError, MeshReelError, TruncatedStreamError
 from meshreel.reel.agreed.payloads import read_layout, write_layout
@@ -135,12 +134,11 @@ def referring_to(stream, number, reference, stencil_size=None):
     for section, payload in parts_of(stream):
         n_blocks += section is Section.BLOCK
         if section is Section.FIELDS and n_blocks == number:
-            _, n_modes = read_block(parts[-1][1])
-            layout, taps = read_layout(payload, n_modes)
+            layout = read_layout(payload)
             layout = replace(
                 layout, reference=reference, stencil_size=stencil_size or layout.stencil_size
             )
-            payload = write_layout(layout, taps)
+            payload = write_layout(layout)
         parts.append((section, payload))
     return raw_stream(stream.header, parts)
 
@@ -152,7 +150,7 @@ def referring_to(stream, number, reference, stencil_size=None):
         ((2, 3), "refers to one before the first"),
         ((2, 2**60), "refers to one before the first"),
         ((0, 1), "refers to one before the first"),
-        ((1, 1, 3), "stencils of 3|coded bits are left over"),
+        ((1, 1, 3), "stencils of 3|bits are left over"),
     ],
 )
 def test_a_reference_is_refused_when_it_leads_nowhere(changes, message):

@@ -18,7 +18,8 @@ NAME = {"win32": "reel.dll", "darwin": "libreel.dylib"}.get(sys.platform, "libre
 ALIGNMENT = 64
 NO_MEMORY, TRUNCATED, CORRUPT, INVALID = range(1, 5)
 
-Argument = int | bytes | npt.NDArray[Any] | None
+Argument = Any
+"""Integers, bytes, contiguous arrays, None; references of structures of ctypes."""
 
 
 @cache
@@ -50,7 +51,7 @@ def size_of(function: str, *arguments: int) -> int:
 
 
 def call(function: str, *arguments: Argument, what: str) -> int:
-    """What a function of the core returns, given integers, bytes, contiguous arrays or None.
+    """What a function of the core returns.
 
     The caller has checked number types and shapes.
 
@@ -102,4 +103,4 @@ def _passed(argument: Argument) -> Any:
     if isinstance(argument, np.ndarray):
         assert argument.flags.c_contiguous  # else what is passed is not what it shows
         return ctypes.c_void_p(argument.ctypes.data)
-    return ctypes.c_int64(argument)
+    return ctypes.c_int64(argument) if isinstance(argument, int) else argument

@@ -16,7 +16,7 @@ from meshreel.reel.agreed.fields import (
     FieldBlock,
     KeyFields,
     Layout,
-    key_fields,
+    decode_fields,
     synthesise_fields,
 )
 from meshreel.reel.agreed.mesh import FieldMesh
@@ -71,9 +71,9 @@ class ReelBlockDecoder:
     def _frames_of(self, number: int, stored: StoredBlock, order: Integers) -> ProductFrames:
         block, mesh = self._read(stored)
         key = self._key_of(number, block.layout)
-        basis, fields = synthesise_fields(block, mesh, key)
+        basis, fields, own = synthesise_fields(block, mesh, key)
         if key is None:
-            self._key = number, block.layout, key_fields(block.layout, mesh, fields)
+            self._key = number, block.layout, own
         if self._n_modes is not None:
             basis = resting_after(basis, self._n_modes)
         return product_frames(basis, fields[:, :, order])
@@ -105,8 +105,7 @@ class ReelBlockDecoder:
                 raise CorruptStreamError(
                     f"block {number} refers to block {wanted}, which refers to another itself"
                 )
-            _, fields = synthesise_fields(block, mesh)
-            self._key = wanted, block.layout, key_fields(block.layout, mesh, fields)
+            self._key = wanted, block.layout, KeyFields(decode_fields(block, mesh))
         _, key_layout, key = self._key
         if key_layout.stencil_size != layout.stencil_size:
             raise CorruptStreamError(

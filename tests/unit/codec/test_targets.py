@@ -10,7 +10,8 @@ import meshreel
 from meshreel.codec.targets import DEFAULT_QUALITY, Aim, Target, target_of
 from meshreel.connectivity.coder import encode_connectivity
 from meshreel.errors import InvalidInputError
-from meshreel.reel.agreed.payloads import MAX_COUNTS, MAX_STENCIL
+from meshreel.kernel.predict import MAX_STENCIL
+from meshreel.reel.agreed.payloads import MAX_LEARNED
 from meshreel.reel.encoding.effort import (
     EFFORTS,
     FINEST_STEP,
@@ -157,7 +158,7 @@ def test_budget_is_refused_with_what_was_reached_when_it_is_too_small(aim, limit
         encoded("grid", **{aim: limit})
     assert 'order="drop"' in str(refused.value)
     reached = float(str(refused.value).split("the best stream has ")[1].split(";")[0])
-    assert measured("grid", encoded("grid", **{aim: 1.001 * reached}))[aim] <= 1.001 * reached
+    assert measured("grid", encoded("grid", **{aim: 1.03 * reached}))[aim] <= 1.03 * reached
 
 
 @pytest.mark.parametrize(("aim", "limit"), [("kg", 1e-12), ("sted", 1e-12)])
@@ -276,9 +277,8 @@ def test_steps_of_quality_halve_with_twelve_points_and_end_at_the_finest():
 def test_choices_fit_into_the_format_whatever_the_effort(effort):
     for tune in Tune:
         choices = choices_for(effort, tune, None)
-        assert list(choices.group_ends) == sorted(set(choices.group_ends))
-        assert len(choices.group_ends) < MAX_COUNTS
-        assert choices.stencil_size <= MAX_STENCIL
+        assert 1 <= choices.stencil_size <= MAX_STENCIL
+        assert 0 <= choices.n_learned <= MAX_LEARNED
 
 
 def test_modes_are_no_more_than_asked_for_when_a_target_is_pursued():

@@ -1,7 +1,5 @@
 """The method `reel`."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -15,18 +13,9 @@ from meshreel.entropy import field_coder
 from meshreel.errors import InvalidInputError, UnsupportedVersionError
 from meshreel.paper.decoder import coded_blocks
 from meshreel.reel.agreed.blocks import write_field_block
-from meshreel.reel.agreed.fields import (
-    MAX_TAP,
-    N_TAPS,
-    FieldLoop,
-    decode_basis,
-    decode_fields,
-    group_ends,
-    synthesise_fields,
-)
+from meshreel.reel.agreed.fields import decode_basis, synthesise_fields
 from meshreel.reel.agreed.mesh import N_CONTEXT_NEIGHBOURS, FieldMesh
 from meshreel.reel.agreed.payloads import read_basis, read_layout
-from meshreel.reel.agreed.weights import WeightLearner
 from meshreel.reel.encoding.analysis import BlockFrames, FieldChoices, analyse_fields
 from meshreel.sequence import MeshSequence
 from meshreel.subspace.trajectories import bounding_frame, to_matrices
@@ -47,7 +36,7 @@ def matrices_of(sequence):
 def analysed(step=0.002, n_frames=12, sequence=None, **choices):
     sequence = waving_grid(n_frames, 12, 13, np.float64) if sequence is None else sequence
     mesh, matrices = field_mesh(sequence), matrices_of(sequence)
-    block, _, _ = analyse_fields(BlockFrames(matrices), mesh, FieldChoices(step, **choices))
+    block, *_ = analyse_fields(BlockFrames(matrices), mesh, FieldChoices(step, **choices))
     return matrices, mesh, block
 
 
@@ -64,15 +53,10 @@ def wanted_fields(block, matrices):
     return np.linalg.lstsq(decode_basis(block.basis), stacked, rcond=None)[0].T
 
 
-def values_before_filters(block, mesh, taps=None):
-    """Decoded fields before their filters, of shape (V, K)."""
-    found = []
-    loop = FieldLoop(mesh, block.layout)
-    for group in block.layout.groups:
-        residuals = block.fields[group].T
-        found.append(loop.learn(group).decode([residuals[level] for level in mesh.levels]))
-        loop.finish((block.taps if taps is None else taps)[group])
-    return np.hstack(found)
+def decoded_fields(block, mesh):
+    """Of shape (V, K), in internal order."""
+    _, fields, _ = synthesise_fields(block, mesh)
+    return fields[0].T
 
 
 def test_error_falls_with_the_step_when_it_is_made_finer():
@@ -89,13 +73,13 @@ def test_error_falls_with_the_step_when_it_is_made_finer():
 def test_fields_lie_within_half_a_step_of_the_truth_when_bits_are_free(step):
     """Closed loop: what earlier levels and groups got wrong is in what later ones send."""
     matrices, mesh, block = analysed(step, 30, price=0.0, feedback_gain=0.0)
-    error = np.abs(values_before_filters(block, mesh) - wanted_fields(block, matrices))
+    error = np.abs(decoded_fields(block, mesh) - wanted_fields(block, matrices))
     assert error.max() <= 0.5 * float(block.layout.step) * (1 + 1e-6)
 
 
 def test_fields_lie_within_a_step_of_the_truth_when_bits_have_a_price():
     matrices, mesh, block = analysed(0.002, 30, feedback_gain=0.0)
-    error = np.abs(values_before_filters(block, mesh) - wanted_fields(block, matrices))
+    error = np.abs(decoded_fields(block, mesh) - wanted_fields(block, matrices))
     assert error.max() <= float(block.layout.step) * (1 + 1e-6)
 
 
@@ -103,7 +87,7 @@ def test_first_level_is_rounded_to_the_nearest_when_bits_have_a_price():
     """Few values, on which all others build."""
     matrices, mesh, block = analysed(0.02, 30)
     first = mesh.levels[0]
-    error = np.abs(values_before_filters(block, mesh) - wanted_fields(block, matrices))[first]
+    error = np.abs(decoded_fields(block, mesh) - wanted_fields(block, matrices))[first]
     assert error.max() <= 0.5 * float(block.layout.step) * (1 + 1e-6)
 
 
@@ -131,69 +115,30 @@ def test_axes_of_time_vectors_come_one_after_another_when_integers_are_mode_by_m
 def test_integers_come_back_from_the_sections_when_a_block_is_written():
     _, mesh, block = analysed(0.0005, sequence=irregular_sequence(20))
     sections = dict(write_field_block(block, mesh))
-    layout, taps = read_layout(sections[Section.FIELDS], block.n_modes)
-    assert layout == block.layout
-    np.testing.assert_array_equal(taps, block.taps)
+    assert read_layout(sections[Section.FIELDS]) == block.layout
     times = read_basis(sections[Section.BASIS], block.n_modes, 20)
     np.testing.assert_array_equal(times, block.basis)
     coded = sections[Section.COEFFICIENTS]
     fields = field_coder.decode_fields(coded, block.n_modes, mesh.n_verts, mesh.passes)
-    np.testing.assert_array_equal(fields, block.fields)
+    np.testing.assert_array_equal(fields[:, mesh.order], block.fields)
 
 
 def test_frames_are_the_product_of_what_is_synthesised_when_the_step_is_fine():
     matrices, mesh, block = analysed(1e-5)
-    basis, fields = synthesise_fields(block, mesh)
+    basis, fields, _ = synthesise_fields(block, mesh)
     np.testing.assert_allclose(basis @ fields, matrices, atol=2e-4)
 
 
-def test_integers_are_smaller_when_weights_are_learned_from_earlier_groups():
-    """The point of the method: the same mode in a group of its own, and in the first."""
+def test_integers_are_smaller_when_weights_follow_earlier_modes():
+    """The point of the method: a mode predicted by weights that saw those before it."""
     sequence = noisy_grid(0.0, 40)
     bends = sequence.vertices * (1 + 0.3 * np.sin(9 * sequence.vertices[:1, :, :1]))
     sequence = MeshSequence(bends, sequence.faces)
-    _, _, learned = analysed(3e-4, sequence=sequence, group_ends=(1, 2, 3))
-    _, _, unlearned = analysed(3e-4, sequence=sequence, group_ends=())
+    _, _, learned = analysed(3e-4, sequence=sequence)
+    _, _, unlearned = analysed(3e-4, sequence=sequence, n_learned=0)
     assert learned.n_modes == unlearned.n_modes > 4
     bits = [np.log2(1 + np.abs(block.fields[3:])).sum() for block in (learned, unlearned)]
     assert bits[0] < 0.9 * bits[1]
-
-
-def test_filters_bring_fields_nearer_to_the_truth_when_rounding_is_coarse():
-    matrices, mesh, block = analysed(0.01, sequence=waving_grid(30, 24, 26, np.float64))
-    assert block.taps.any()
-    before = values_before_filters(block, mesh)
-    _, fields = synthesise_fields(block, mesh)
-    wanted = wanted_fields(block, matrices)
-    assert ((fields[0].T - wanted) ** 2).sum() < 0.95 * ((before - wanted) ** 2).sum()
-
-
-def test_filters_do_nothing_when_their_taps_are_zero():
-    _, mesh, block = analysed(0.01)
-    nothing = np.zeros_like(block.taps)
-    fields = decode_fields(replace(block, taps=nothing), mesh)
-    np.testing.assert_array_equal(fields, values_before_filters(block, mesh, nothing))
-
-
-def test_taps_stay_in_their_range_when_fields_are_mostly_noise():
-    _, _, block = analysed(0.05, sequence=noisy_grid(0.3))
-    assert block.taps.shape == (block.n_modes, N_TAPS)
-    assert np.abs(block.taps).max() <= MAX_TAP
-
-
-@pytest.mark.parametrize(
-    ("n_modes", "expected"),
-    [(1, (1,)), (2, (2,)), (3, (2, 3)), (8, (2, 4, 8)), (50, (2, 4, 8, 50))],
-)
-def test_groups_end_with_the_last_mode_whatever_their_number(n_modes, expected):
-    assert group_ends(n_modes, (2, 4, 8)) == expected
-
-
-def test_groups_hold_every_mode_once_when_cut():
-    _, _, block = analysed(3e-4, 30, group_ends=(1, 4))
-    modes = [range(one.start, one.stop) for one in block.layout.groups]
-    assert [tuple(one) for one in modes[:2]] == [(0,), (1, 2, 3)]
-    assert [mode for one in modes for mode in one] == list(range(block.n_modes))
 
 
 def test_passes_take_every_vertex_once_and_tell_of_it_by_earlier_ones_when_a_field_is_coded():
@@ -213,18 +158,6 @@ def test_levels_take_every_vertex_once_when_a_mesh_is_irregular():
     sequence = irregular_sequence()
     levels = np.concatenate(field_mesh(sequence).levels)
     assert sorted(levels) == list(range(sequence.n_verts))
-
-
-def test_predictors_only_use_earlier_levels_when_fields_are_known():
-    mesh = field_mesh(irregular_sequence())
-    fields = np.random.default_rng(1).normal(size=(mesh.n_verts, 3))
-    known = np.zeros(mesh.n_verts, bool)
-    predictors = mesh.predictors(WeightLearner(mesh.stencils).learn(fields, 0.01))
-    assert len(predictors) == len(mesh.levels)
-    for predictor, level in zip(predictors, mesh.levels, strict=True):
-        np.testing.assert_array_equal(predictor.rows, level)
-        assert known[predictor.weights.indices[predictor.weights.data != 0]].all()
-        known[level] = True
 
 
 def test_modes_are_no_more_than_asked_for_when_the_step_is_fine():

@@ -2,6 +2,8 @@
 
 from collections.abc import Iterator
 
+import numpy as np
+
 from meshreel.bitstream.layout import Section
 from meshreel.codec.corrections import Corrections
 from meshreel.codec.stored_blocks import StoredBlock, write_block
@@ -19,11 +21,11 @@ def write_field_block(
 ) -> Iterator[tuple[Section, bytes]]:
     """The sections of a block of `reel`."""
     yield Section.BLOCK, write_block(len(block.basis), block.n_modes)
-    yield Section.FIELDS, payloads.write_layout(block.layout, block.taps)
+    yield Section.FIELDS, payloads.write_layout(block.layout)
     yield Section.BASIS, payloads.write_basis(block.basis)
     if corrections is not None:
         yield Section.CORRECTIONS, payloads.write_corrections(corrections)
-    yield Section.COEFFICIENTS, encode_fields(block.fields, mesh.passes)
+    yield Section.COEFFICIENTS, encode_fields(block.fields[:, mesh.number], mesh.passes)
 
 
 def read_corrections(stored: StoredBlock, n_verts: int) -> Corrections | None:
@@ -39,7 +41,7 @@ def read_field_block(
 ) -> tuple[FieldBlock, FieldMesh]:
     """The block, and the mesh of its layout: that of the block before where it serves."""
     n_modes, n_frames = stored.n_modes, stored.n_frames
-    layout, taps = payloads.read_layout(stored.payload(Section.FIELDS), n_modes)
+    layout = payloads.read_layout(stored.payload(Section.FIELDS))
     serves = before is not None and before.stencil_size == layout.stencil_size
     field_mesh = (
         before if before is not None and serves else FieldMesh(faces, n_verts, layout.stencil_size)
@@ -48,8 +50,9 @@ def read_field_block(
     basis = payloads.read_basis(stored.payload(Section.BASIS), n_modes, n_frames)
     with stage("waiting"):
         resolutions.result()
-    stencils = in_background(lambda: field_mesh.stencils)
+    hierarchy = in_background(lambda: field_mesh.hierarchy)
     coded = stored.payload(Section.COEFFICIENTS)
     fields = decode_fields(coded, n_modes, n_verts, field_mesh.passes)
-    stencils.result()
-    return FieldBlock(layout, basis, fields, taps), field_mesh
+    hierarchy.result()
+    in_order = np.ascontiguousarray(fields[:, field_mesh.order], np.int32)
+    return FieldBlock(layout, basis, in_order), field_mesh

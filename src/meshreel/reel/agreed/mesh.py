@@ -10,9 +10,9 @@ from scipy.sparse import csr_array
 
 from meshreel.entropy.passes import Pass
 from meshreel.geometry.connectivity import adjacency_matrix
-from meshreel.reel.agreed.closed_loop import Predictor
+from meshreel.kernel.predict import Hierarchy
 from meshreel.reel.agreed.hierarchy import Resolution, build_hierarchy
-from meshreel.reel.agreed.weights import Stencils, joined_stencils, smooth_stencils
+from meshreel.reel.agreed.smooth import smooth_fields
 from meshreel.runtime.profiling import staged
 from meshreel.sequence import Faces
 
@@ -80,11 +80,39 @@ class FieldMesh:
         ]
 
     @cached_property
+    def order(self) -> Integers:
+        """The vertices in coding order: coarsest resolution first, level after level."""
+        return np.concatenate([resolution.predicted for resolution in self.resolutions])
+
+    @cached_property
+    def number(self) -> Integers:
+        """Place of each vertex in coding order."""
+        number = np.empty(self.n_verts, np.int64)
+        number[self.order] = np.arange(self.n_verts)
+        return number
+
+    @cached_property
     @staged("stencils")
-    def stencils(self) -> Stencils:
-        """Stencils of all levels, before any field is known."""
-        return joined_stencils(
-            [smooth_stencils(resolution) for resolution in self.resolutions], self.stencil_size
+    def hierarchy(self) -> Hierarchy:
+        """All that predicts fields, in coding order."""
+        number = self.number
+        stencil = np.full((self.n_verts, self.stencil_size), -1, np.int32)
+        hops = np.zeros((self.n_verts, self.stencil_size), np.uint8)
+        smooth, starts, n_rows = [], [], 0
+        for resolution in self.resolutions:
+            rows, size = number[resolution.predicted], resolution.stencil.shape[1]
+            near = resolution.stencil
+            stencil[rows, :size] = np.where(near >= 0, number[near], -1)
+            hops[rows, :size] = resolution.hops
+            smooth.append(smooth_fields(resolution)[np.argsort(number[resolution.members])])
+            starts += [n_rows] * len(resolution.levels)
+            n_rows += len(resolution.members)
+        return Hierarchy(
+            np.concatenate([[0], np.cumsum([len(level) for level in self.levels])]),
+            np.array(starts, np.int64),
+            stencil,
+            hops,
+            np.concatenate(smooth),
         )
 
     @cached_property
@@ -99,31 +127,6 @@ class FieldMesh:
             *(_pass_of_resolution(resolution) for resolution in self.resolutions[n_small:-1]),
             *_passes_of_levels(self.resolutions[-1]),
         ]
-
-    def predictors(self, weights: Floats) -> list[Predictor]:
-        """Predictors of all levels, for weights of the stencils."""
-        predictors, start = [], 0
-        for level, places in zip(self.levels, self._places, strict=True):
-            stop = start + len(level)
-            starts = np.arange(0, places.size + 1, self.stencil_size, dtype=np.int32)
-            matrix = csr_array(
-                (weights[start:stop].ravel(), places, starts),
-                shape=(len(level), self.n_verts),
-            )
-            predictors.append(Predictor(level, matrix))
-            start = stop
-        return predictors
-
-    @cached_property
-    def _places(self) -> list[npt.NDArray[np.int32]]:
-        """For each level the vertices of its stencils, one after another.
-
-        Where a stencil ends it is the vertex itself, whose weight is 0: all have the same length.
-        """
-        known = self.stencils
-        places = np.where(known.stencil >= 0, known.stencil, known.predicted[:, None])
-        ends = np.cumsum([len(level) for level in self.levels])
-        return [part.ravel() for part in np.split(places.astype(np.int32), ends[:-1])]
 
 
 @lru_cache(maxsize=2)

@@ -1,8 +1,6 @@
 """Integers to the payloads of sections and back: the layouts of `docs/format.md`."""
 
 import struct
-from collections.abc import Sequence
-from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
@@ -12,44 +10,39 @@ from meshreel.entropy.coder import decode_integers, encode_integers
 from meshreel.entropy.field_coder import decode_fields, encode_fields
 from meshreel.entropy.varint import read_varint, write_varint
 from meshreel.errors import CorruptStreamError, TruncatedStreamError, UnsupportedVersionError
-from meshreel.reel.agreed.fields import MAX_TAP, N_TAPS, Layout
+from meshreel.kernel.predict import MAX_STENCIL
+from meshreel.reel.agreed.fields import Layout
 from meshreel.reel.agreed.timeline import COARSEST, time_passes
 from meshreel.runtime.profiling import staged
 
 Integers = npt.NDArray[np.int64]
 
 
-ALONE, REFERRING = 4, 5
-"""Layouts of the sections of `reel`, without and with a key block; 1 to 3 were of the method in the
-making."""
+LAYOUT = 6
+"""Layout of the sections of `reel`; earlier ones were of the method in the making."""
 
-MAX_COUNTS = 32
-"""Most groups of modes."""
-
-MAX_STENCIL = 16
-"""Most vertices in a stencil."""
+MAX_LEARNED = 255
+"""Most modes that predictor weights follow."""
 
 MAX_STEP = 1e6
 """Steps are below this: a million diagonals times the square root of the frames."""
 
 
-def write_layout(layout: Layout, taps: Integers) -> bytes:
-    """How the fields of `reel` are cut and filtered; begins with the number of this layout."""
+def write_layout(layout: Layout) -> bytes:
+    """How the fields of `reel` are predicted; begins with the number of this layout."""
     return b"".join(
         [
-            bytes([REFERRING]) + write_varint(layout.reference)
-            if layout.reference
-            else bytes([ALONE]),
+            bytes([LAYOUT]),
+            write_varint(layout.reference),
             struct.pack("<f", layout.step),
-            _write_counts(layout.group_ends),
             write_varint(layout.stencil_size),
-            encode_integers(list(taps.T)),
+            write_varint(layout.n_learned),
         ]
     )
 
 
-def read_layout(payload: bytes, n_modes: int) -> tuple[Layout, Integers]:
-    """Undo `write_layout`: the layout, and taps of shape (K, N_TAPS).
+def read_layout(payload: bytes) -> Layout:
+    """Undo `write_layout`.
 
     Raises
     ------
@@ -60,30 +53,25 @@ def read_layout(payload: bytes, n_modes: int) -> tuple[Layout, Integers]:
     """
     if not payload:
         raise TruncatedStreamError("the layout of the fields is cut off")
-    if payload[0] not in (ALONE, REFERRING):
-        remedy = "upgrade meshreel" if payload[0] > REFERRING else "encode the original again"
+    if payload[0] != LAYOUT:
+        remedy = "upgrade meshreel" if payload[0] > LAYOUT else "encode the original again"
         raise UnsupportedVersionError(
-            f"the fields of the stream have layout {payload[0]}; this build reads {ALONE} and "
-            f"{REFERRING}; {remedy}"
+            f"the fields of the stream have layout {payload[0]}; this build reads {LAYOUT}; "
+            f"{remedy}"
         )
-    reference, position = read_varint(payload, 1) if payload[0] == REFERRING else (0, 1)
-    if payload[0] == REFERRING and not reference:
-        raise CorruptStreamError("a block refers to itself")
+    reference, position = read_varint(payload, 1)
     if len(payload) < position + 4:
         raise TruncatedStreamError("the layout of the fields is cut off")
     (step,) = struct.unpack_from("<f", payload, position)
-    ends, position = _read_counts(payload, position + 4)
-    stencil_size, position = read_varint(payload, position)
-    rises = all(a < b for a, b in pairwise((0, *ends))) and ends[-1] == n_modes
-    if not (rises and 1 <= stencil_size <= MAX_STENCIL and 0 < step < MAX_STEP):
+    stencil_size, position = read_varint(payload, position + 4)
+    n_learned, position = read_varint(payload, position)
+    is_sound = 1 <= stencil_size <= MAX_STENCIL and 0 < step < MAX_STEP
+    if not is_sound or n_learned > MAX_LEARNED or position != len(payload):
         raise CorruptStreamError(
-            f"fields of {n_modes} modes with groups to {ends}, stencils of {stencil_size} and step "
-            f"{step}"
+            f"fields with stencils of {stencil_size}, step {step} and weights that follow "
+            f"{n_learned} modes; {len(payload) - position} bytes are left over"
         )
-    taps = np.stack(decode_integers(payload[position:], [n_modes] * N_TAPS), axis=1)
-    if np.abs(taps).max() > MAX_TAP:
-        raise CorruptStreamError(f"a filter has a tap beyond {MAX_TAP}")
-    return Layout(np.float32(step), ends, stencil_size, reference), taps
+    return Layout(np.float32(step), stencil_size, n_learned, reference)
 
 
 @staged("temporal basis")
@@ -189,18 +177,3 @@ def _sum_up_from(steps: Integers, firsts: Integers) -> Integers:
     stretch[firsts] = 1
     before = (summed - steps)[firsts]
     return np.asarray(summed - before[np.cumsum(stretch) - 1])
-
-
-def _write_counts(counts: Sequence[int]) -> bytes:
-    return write_varint(len(counts)) + b"".join(map(write_varint, counts))
-
-
-def _read_counts(payload: bytes, position: int) -> tuple[tuple[int, ...], int]:
-    n_counts, position = read_varint(payload, position)
-    if not 1 <= n_counts <= MAX_COUNTS:
-        raise CorruptStreamError(f"{n_counts} groups of modes; 1 to {MAX_COUNTS} are allowed")
-    counts = []
-    for _ in range(n_counts):
-        count, position = read_varint(payload, position)
-        counts.append(count)
-    return tuple(counts), position

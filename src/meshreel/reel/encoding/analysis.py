@@ -5,18 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.kernel.predict import Choice, encode_values
 from meshreel.reel.agreed.closed_loop import ClosedLoop
-from meshreel.reel.agreed.fields import (
-    MAX_TAP,
-    N_TAPS,
-    TAP_STEP,
-    FieldBlock,
-    FieldLoop,
-    KeyFields,
-    Layout,
-    decode_basis,
-    group_ends,
-)
+from meshreel.reel.agreed.fields import FieldBlock, KeyFields, Layout, decode_basis
 from meshreel.reel.agreed.mesh import FieldMesh
 from meshreel.reel.agreed.timeline import time_predictors
 from meshreel.reel.encoding.rate_distortion import FAIR_PRICE, quantize_by_rate
@@ -29,10 +20,6 @@ Integers = npt.NDArray[np.int64]
 
 CHUNK_VERTICES = 2048
 """Vertices whose fields are found at once."""
-
-LARGEST_FEEDBACK = 8.0
-"""Quantisation steps of noise feedback beyond which there is none: real motion asks for up to 5.5,
-and weights that amplify rounding would ask for more from level to level."""
 
 
 @dataclass(frozen=True)
@@ -57,12 +44,8 @@ class FieldChoices:
         on instead of undoing it. Errors then vary smoothly over the mesh, and bits are saved.
     n_shaped_resolutions : int
         Resolutions, the finest ones, where noise is shaped: from coarser ones it would spread far.
-    has_filters : bool
-        Smooth decoded fields.
-    group_ends, stencil_size
-        As in `Layout`; the last group takes the modes that are left.
-    later_group_ends : tuple of int
-        Those of blocks that refer to a key block, whose weights are good from the first mode on.
+    stencil_size, n_learned
+        As in `Layout`.
     """
 
     position_step: float
@@ -72,10 +55,8 @@ class FieldChoices:
     price: float = FAIR_PRICE
     feedback_gain: float = 0.6
     n_shaped_resolutions: int = 2
-    has_filters: bool = True
-    group_ends: tuple[int, ...] = (1, 2, 3, 4, 6, 10)
-    stencil_size: int = 10
-    later_group_ends: tuple[int, ...] = (4,)
+    stencil_size: int = 16
+    n_learned: int = 32
 
 
 @dataclass
@@ -109,7 +90,7 @@ def analyse_fields(
     choices: FieldChoices,
     key: KeyFields | None = None,
     reference: int = 0,
-) -> tuple[FieldBlock, Floats, Floats]:
+) -> tuple[FieldBlock, Floats, Floats, KeyFields]:
     """A block of frames as integers, and the basis and fields that they decode to.
 
     Parameters
@@ -127,21 +108,24 @@ def analyse_fields(
     block : FieldBlock
     basis : float64 array of shape (3, T, K)
     fields : float64 array of shape (1, K, V)
+    own : KeyFields
+        What blocks that refer to this one go by.
     """
     matrices = frames.matrices
     n_frames = matrices.shape[1]
     step = np.float32(choices.position_step * np.sqrt(n_frames))
-    stencils = in_background(lambda: mesh.stencils)  # where they are not known yet
+    hierarchy = in_background(lambda: mesh.hierarchy)  # where it is not known yet
     basis = _quantized_basis(frames, float(step), choices)
     n_modes = basis.shape[1] // 3
     vectors = decode_basis(basis)
-    ends = group_ends(n_modes, choices.later_group_ends if key else choices.group_ends)
-    layout = Layout(step, ends, choices.stencil_size, reference)
-    stencils.result()
+    layout = Layout(step, choices.stencil_size, choices.n_learned, reference)
+    hierarchy.result()
     wanted = _projected(vectors, matrices)
-    residuals, taps, fields = _quantized_fields(wanted, layout, mesh, choices, key)
-    block = FieldBlock(layout, basis, residuals, taps)
-    return block, vectors.reshape(3, n_frames, n_modes), fields.T[None]
+    residuals, own = _quantized_fields(wanted, layout, mesh, choices, key)
+    block = FieldBlock(layout, basis, residuals)
+    fields = np.empty((n_modes, mesh.n_verts))
+    fields[:, mesh.order] = float(step) * own.values.T
+    return block, vectors.reshape(3, n_frames, n_modes), fields[None], own
 
 
 @staged("projection")
@@ -190,56 +174,22 @@ def _quantized_fields(
     mesh: FieldMesh,
     choices: FieldChoices,
     key: KeyFields | None,
-) -> tuple[Integers, Integers, Floats]:
-    """Residuals of shape (K, V), taps of shape (K, N_TAPS), and the fields that they decode to.
+) -> tuple[npt.NDArray[np.int32], KeyFields]:
+    """Residuals of shape (K, V), and the fields that they decode to, both in coding order.
 
     Parameters
     ----------
     wanted : float64 array of shape (V, K)
-        The fields to come near to. Those they decode to have the same shape.
+        The fields to come near to.
     """
-    n_verts, n_modes = wanted.shape
-    integers = np.zeros((n_verts, n_modes), np.int64)
-    taps = np.zeros((n_modes, N_TAPS), np.int64)
-    shaped = _shaped_levels(mesh, choices)
-    loop = FieldLoop(mesh, layout, key)
-    for group in layout.groups:
-        fields = np.ascontiguousarray(wanted[:, group])
-        levels = loop.learn(group)
-        for level, rows in enumerate(mesh.levels):
-            prediction = levels.predict(level)
-            aimed = fields[rows]
-            if level in shaped:
-                true_prediction = levels.predictors[level].weights @ fields
-                aimed = aimed + _feedback(prediction - true_prediction, layout, choices)
-            price = choices.price if level else 0.0
-            residuals = quantize_by_rate((aimed - prediction) / float(layout.step), price)
-            levels.add(level, prediction, residuals)
-            integers[rows, group] = residuals
-        if choices.has_filters:
-            taps[group] = _best_taps(fields - levels.values, loop.differences())
-        loop.finish(taps[group] if choices.has_filters else None)
-    return integers.T, taps, loop.fields
+    choice = Choice(_first_shaped(mesh, choices), choices.feedback_gain, choices.price)
+    known = None if key is None else key.values
+    in_steps = wanted[mesh.order] / float(layout.step)
+    residuals, values = encode_values(mesh.hierarchy, in_steps, choice, layout.n_learned, known)
+    return residuals, KeyFields(values)
 
 
-def _shaped_levels(mesh: FieldMesh, choices: FieldChoices) -> range:
-    """Levels whose noise is shaped: those of the finest resolutions, but never the first."""
+def _first_shaped(mesh: FieldMesh, choices: FieldChoices) -> int:
+    """The first level whose noise is shaped: of the finest resolutions, but never level 0."""
     n_plain = max(0, len(mesh.resolutions) - choices.n_shaped_resolutions)
-    first = len(mesh.levels_of(slice(n_plain)))
-    return range(max(first, 1), len(mesh.levels))
-
-
-def _feedback(prediction_error: Floats, layout: Layout, choices: FieldChoices) -> Floats:
-    """The share of the error of predictions that predicted values take on."""
-    feedback = choices.feedback_gain * prediction_error
-    feedback[np.abs(feedback) > LARGEST_FEEDBACK * float(layout.step)] = 0.0
-    return feedback
-
-
-def _best_taps(error: Floats, differences: Floats) -> Integers:
-    """Taps of shape (k, N_TAPS) that bring fields nearest to the truth, for their error (V, k)."""
-    gram = np.einsum("avk,bvk->kab", differences, differences)
-    moments = np.einsum("avk,vk->ka", differences, error)
-    solved = np.linalg.pinv(gram, hermitian=True) @ moments[:, :, None]
-    taps = np.clip(np.rint(solved[:, :, 0] / TAP_STEP), -MAX_TAP, MAX_TAP)
-    return np.asarray(taps, np.int64)
+    return max(1, len(mesh.levels_of(slice(n_plain))))

@@ -16,7 +16,7 @@ from meshreel.codec.source import CodedMesh, Piece
 from meshreel.codec.stored_blocks import StoredBlock, read_block
 from meshreel.errors import InvalidInputError
 from meshreel.reel.agreed.blocks import read_field_block, write_field_block
-from meshreel.reel.agreed.fields import FieldBlock, KeyFields, key_fields, synthesise_fields
+from meshreel.reel.agreed.fields import FieldBlock, KeyFields, decode_fields
 from meshreel.reel.agreed.mesh import Connectivity, FieldMesh, shared_field_mesh
 from meshreel.reel.encoding.analysis import BlockFrames, FieldChoices, analyse_fields
 from meshreel.reel.encoding.corrections import find_corrections, least_bound
@@ -85,7 +85,7 @@ class FieldBlockCoder:
         return len(frames.vertices), list(self.code(frames, key, reference).sections)
 
     def _code(self, frames: "FieldFrames", key: "KeyBlock | None", reference: int) -> "CodedFrames":
-        block, basis, fields = analyse_fields(
+        block, basis, fields, own = analyse_fields(
             frames.block, self.mesh, self.choices, None if key is None else key.fields, reference
         )
         frames_of: FramesOf = product_frames(basis, fields)
@@ -94,7 +94,7 @@ class FieldBlockCoder:
             errors = frames.block.matrices - frames_of(slice(None))
             corrections = find_corrections(errors, self.bound, frames.rounding)
             frames_of = corrected(frames_of, corrections, None)
-        key_block = KeyBlock(self.mesh, block, key_fields(block.layout, self.mesh, fields))
+        key_block = KeyBlock(self.mesh, block, own)
         return CodedFrames(
             sections=write_field_block(block, self.mesh, corrections),
             frames_of=frames_of,
@@ -156,8 +156,8 @@ def _decoded_key(
     stored = StoredBlock(0, n_frames, n_modes, own)
     with one_blas_thread():
         block, _ = read_field_block(stored, mesh.faces, mesh.n_verts, mesh)
-        _, fields = synthesise_fields(block, mesh)
-    return KeyBlock(mesh, block, key_fields(block.layout, mesh, fields))
+        fields = KeyFields(decode_fields(block, mesh))
+    return KeyBlock(mesh, block, fields)
 
 
 @dataclass(frozen=True)

@@ -32,20 +32,14 @@ class Effort:
 
     Attributes
     ----------
-    group_ends : tuple of int
-        Modes after which predictor weights are learned again.
     stencil_size : int
         Vertices that predict one.
-    later_group_ends : tuple of int
-        The same of blocks that refer to a key block.
-    has_filters : bool
-        Smooth decoded fields.
+    n_learned : int
+        Modes that predictor weights follow.
     """
 
-    group_ends: tuple[int, ...]
     stencil_size: int
-    later_group_ends: tuple[int, ...]
-    has_filters: bool = False
+    n_learned: int
 
 
 def tune_named(name: str | None, target: Target) -> Tune:
@@ -57,20 +51,15 @@ def tune_named(name: str | None, target: Target) -> Tune:
 
 
 EFFORTS = {
-    1: Effort((4,), 6, ()),
-    2: Effort((2, 6), 6, ()),
-    3: Effort((2, 6), 8, (4,)),
-    4: Effort((1, 2, 4, 10), 8, (4,)),
-    5: Effort((1, 2, 3, 4, 6, 10), 10, (4,)),
-    6: Effort((1, 2, 3, 4, 6, 10), 10, (1, 4, 10), has_filters=True),
-    7: Effort((1, 2, 3, 4, 6, 10, 16), 12, (1, 4, 10), has_filters=True),
-    8: Effort((1, 2, 3, 4, 5, 6, 8, 10, 14, 20), 14, (1, 2, 4, 6, 10, 16), has_filters=True),
-    9: Effort(
-        (1, 2, 3, 4, 5, 6, 7, 8, 10, 12, 14, 17, 20, 25),
-        16,
-        (1, 2, 3, 4, 6, 8, 10, 12, 14, 17, 20, 25),
-        has_filters=True,
-    ),
+    1: Effort(6, 4),
+    2: Effort(6, 8),
+    3: Effort(8, 12),
+    4: Effort(12, 16),
+    5: Effort(16, 32),
+    6: Effort(16, 48),
+    7: Effort(16, 64),
+    8: Effort(16, 128),
+    9: Effort(16, 255),
 }
 
 
@@ -91,10 +80,8 @@ def choices_for(effort: int, tune: Tune, n_modes: int | None) -> FieldChoices:
         least_rms=0.8 if is_visual else 0.5,
         feedback_gain=0.6 if is_visual else 0.5,
         n_shaped_resolutions=2 if is_visual else 1,
-        has_filters=spent.has_filters,
-        group_ends=spent.group_ends,
         stencil_size=spent.stencil_size,
-        later_group_ends=spent.later_group_ends,
+        n_learned=spent.n_learned,
     )
 
 

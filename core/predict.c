@@ -1,0 +1,124 @@
+/* Fields from their residuals: each vertex is predicted from its stencil, in closed loop, by
+   weights that follow the modes decoded so far. docs/format.md, "Prediction".
+
+   The weights of a vertex are the state of a Kalman filter: it starts with weights by distance,
+   observes smooth fields, then every mode that is decoded. Vertices of a level do not depend on
+   each other, so REEL_LANES of them go together. They are numbered in coding order: what predicts
+   a vertex has a lower number. Values are in quantisation steps. */
+
+#include "vectors.h"
+
+#define MOST 16 /* vertices of a stencil */
+
+#define PRIOR_VARIANCE 0.5F   /* of the weight of the nearest vertices */
+#define PRIOR_KEPT 0.15F      /* share of it that smooth fields leave in any case */
+#define SMOOTH_NOISE 0.004F   /* of a smooth field, by the mean squared offset of all together */
+#define SMOOTH_FLOOR 0x1p-24F /* its least: fields that are constant but for rounding tell nothing */
+#define ROUNDING_NOISE 0.3F   /* of a mode, in squared steps */
+#define RELATIVE_NOISE 0.001F /* and by its mean squared offset */
+#define SURPRISE 0.03125F     /* and by its squared error: what no weights explain teaches little */
+
+#define LARGEST_FEEDBACK 8.0  /* steps of noise feedback beyond which there is none */
+#define FADED_COUNT 60.0      /* what the counts of earlier levels weigh */
+#define COUNTED_BATCHES 8     /* after which the dead zone follows the counts */
+#define ROUNDED_DOWN 0.04     /* of a step: by how much magnitudes above 1 are rounded down */
+#define TOO_LARGE 1073741824.0
+
+#define FOR_LANES(l) for (int l = 0; l < REEL_LANES; l++)
+
+/* The dead zone of a mode, from how often 0 and 1 occurred; base-2 logarithm within 1 %. */
+static double dead_zone(double n_zeros, double n_ones, double price) {
+    union {
+        double number;
+        uint64_t bits;
+    } ratio = {(n_zeros + 0.5) / (0.5 * n_ones + 0.5)};
+    double octave = (double)((int64_t)(ratio.bits >> 52) - 1023);
+    ratio.bits = (ratio.bits & 0xFFFFFFFFFFFFFU) | 0x3FF0000000000000U;
+    double part = ratio.number - 1.0;
+    double zone = 0.5 + 0.5 * price * (octave + part * (1.3465 - 0.3465 * part));
+    return zone < 0.5 ? 0.5 : zone > 1.0 ? 1.0 : zone;
+}
+
+/* The residual of a value in steps; a mode's counts of zeros and ones, and its dead zone. */
+REEL_INLINE int32_t quantize(double scaled, bool is_plain, double *counts, double zone) {
+    double size = scaled < 0 ? -scaled : scaled;
+    int32_t found = 0;
+    if (size < zone) {
+        counts[0] += 1.0;
+        return 0;
+    }
+    if (size < 1.5) {
+        counts[1] += 1.0;
+    }
+    found = (int32_t)(size + (is_plain ? 0.5 : 0.5 - ROUNDED_DOWN));
+    found = found < 1 ? 1 : found;
+    return scaled < 0 ? -found : found;
+}
+
+/* Counts of the levels before weigh little; each level soon goes by its own. */
+static void fade(const reel_choice *choice, int64_t n_modes) {
+    for (int64_t k = 0; k < n_modes; k++) {
+        double *counts = choice->counts + 2 * k, sum = counts[0] + counts[1];
+        double share = sum > FADED_COUNT ? FADED_COUNT / sum : 1.0;
+        counts[0] *= share;
+        counts[1] *= share;
+    }
+}
+
+static void set_zones(const reel_choice *choice, int64_t n_modes, bool is_plain) {
+    for (int64_t k = 0; k < n_modes; k++) {
+        const double *counts = choice->counts + 2 * k;
+        choice->zones[k] = is_plain ? 0.5 : dead_zone(counts[0], counts[1], choice->price);
+    }
+}
+
+#define part reel_part_16
+#define PARTS (REEL_LANES / 4)
+#include "predict_lanes.h"
+#undef part
+#undef PARTS
+
+#if defined(REEL_WIDE)
+#define part reel_part_32
+#define PARTS (REEL_LANES / 8)
+#define lane lane_wide
+#define batch batch_wide
+#define load_batch load_batch_wide
+#define start_weights start_weights_wide
+#define add_variance add_variance_wide
+#define predict predict_wide
+#define observe observe_wide
+#define gather_smooth gather_smooth_wide
+#define observe_smooth observe_smooth_wide
+#define gather gather_wide
+#define observe_key observe_key_wide
+#define prepare prepare_wide
+#define choose choose_wide
+#define code_batch code_batch_wide
+#define code_level code_level_wide
+#define code code_wide
+REEL_WIDE_BEGIN
+#include "predict_lanes.h"
+REEL_WIDE_END
+#undef code
+#endif
+
+static int64_t run(const reel_mesh *mesh, reel_fields *fields, const reel_choice *choice,
+                   int64_t first, int64_t last) {
+#if defined(REEL_WIDE)
+    if (reel_has_wide()) {
+        return code_wide(mesh, fields, choice, first, last);
+    }
+#endif
+    return code(mesh, fields, choice, first, last);
+}
+
+int64_t reel_predict_decode(const reel_mesh *mesh, reel_fields *fields, int64_t first,
+                            int64_t last) {
+    return run(mesh, fields, NULL, first, last);
+}
+
+int64_t reel_predict_encode(const reel_mesh *mesh, reel_fields *fields, const reel_choice *choice,
+                            int64_t first, int64_t last) {
+    return run(mesh, fields, choice, first, last);
+}

@@ -1,0 +1,213 @@
+"""Prediction of fields over a mesh, by the core: residuals to values, and values to residuals."""
+
+import ctypes
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from meshreel.kernel.library import call
+from meshreel.runtime.threads import chunks, in_threads
+
+Floats = npt.NDArray[np.float64]
+Integers = npt.NDArray[np.int64]
+
+N_SMOOTH_FIELDS = 16
+MAX_STENCIL = 16
+
+CHUNK_VERTICES = 16384
+"""Vertices of a level that one thread takes; the encoder counts in each by itself, so that its
+choices do not depend on the number of threads."""
+
+
+class _Mesh(ctypes.Structure):
+    _fields_ = [
+        *((name, ctypes.c_int64) for name in ("n_verts", "n_levels", "stencil_size")),
+        *(
+            (name, ctypes.c_void_p)
+            for name in ("level_starts", "smooth_starts", "stencil", "hops", "smooth")
+        ),
+    ]
+
+
+class _Fields(ctypes.Structure):
+    _fields_ = [
+        *((name, ctypes.c_int64) for name in ("n_verts", "n_modes", "n_learned", "n_key")),
+        *((name, ctypes.c_void_p) for name in ("residuals", "values", "key")),
+    ]
+
+
+class _Choice(ctypes.Structure):
+    _fields_ = [
+        ("first_shaped", ctypes.c_int64),
+        ("gain", ctypes.c_double),
+        ("price", ctypes.c_double),
+        *((name, ctypes.c_void_p) for name in ("wanted", "counts", "zones")),
+    ]
+
+
+@dataclass(frozen=True)
+class Hierarchy:
+    """The vertices of a mesh in coding order, and what predicts each.
+
+    Attributes
+    ----------
+    level_starts : int64 array of shape (levels + 1,)
+    smooth_starts : int64 array of shape (levels,)
+        First row of the smooth fields of each level's resolution.
+    stencil : int32 array of shape (V, S)
+        Lower numbers, nearest first; -1 behind the last. Level 0 has none.
+    hops : uint8 array of shape (V, S)
+        How many edges of the resolution away they are, 1 to 3.
+    smooth : float32 array of shape (rows, N_SMOOTH_FIELDS)
+    """
+
+    level_starts: Integers
+    smooth_starts: Integers
+    stencil: npt.NDArray[np.int32]
+    hops: npt.NDArray[np.uint8]
+    smooth: npt.NDArray[np.float32]
+
+    @property
+    def n_verts(self) -> int:
+        """V."""
+        return len(self.stencil)
+
+    @property
+    def stretches(self) -> list[list[slice]]:
+        """Vertices in order; the parts of a stretch do not depend on each other.
+
+        A stretch is many small levels in one part, or a large level in several.
+        """
+        found: list[list[slice]] = [[]]
+        for start, stop in pairwise(self.level_starts.tolist()):
+            if stop - start > CHUNK_VERTICES:
+                parts = chunks(stop - start, CHUNK_VERTICES)
+                found += [[slice(start + one.start, start + one.stop) for one in parts], []]
+            else:
+                first = found[-1][0].start if found[-1] else start
+                found[-1] = [slice(first, stop)]
+        return [parts for parts in found if parts]
+
+
+@dataclass(frozen=True)
+class Choice:
+    """What an encoder of fields chooses by.
+
+    Attributes
+    ----------
+    first_shaped : int
+        First level whose noise is shaped.
+    gain : float
+        Of noise shaping.
+    price : float
+        Squared quantisation steps that a bit is worth; 0 rounds to the nearest.
+    """
+
+    first_shaped: int
+    gain: float
+    price: float
+
+
+def decode_values(
+    mesh: Hierarchy,
+    residuals: npt.NDArray[np.int32],
+    n_learned: int,
+    key: Floats | None = None,
+) -> Floats:
+    """Values of fields, of shape (V, K), in quantisation steps.
+
+    Parameters
+    ----------
+    mesh : Hierarchy
+    residuals : int32 array of shape (K, V)
+        In coding order, as everything here.
+    n_learned : int
+        Modes that the weights follow.
+    key : float64 array of shape (V, K of the key block), optional
+        Values of the key block.
+    """
+    return _run(mesh, residuals, n_learned, key, None, None)
+
+
+def encode_values(
+    mesh: Hierarchy,
+    wanted: Floats,
+    choice: Choice,
+    n_learned: int,
+    key: Floats | None = None,
+) -> tuple[npt.NDArray[np.int32], Floats]:
+    """Residuals of shape (K, V), and the values of shape (V, K) that they decode to.
+
+    Parameters
+    ----------
+    mesh : Hierarchy
+    wanted : float64 array of shape (V, K)
+        Values to come near to, in quantisation steps.
+    choice : Choice
+    n_learned, key
+        As of `decode_values`.
+
+    Raises
+    ------
+    InvalidInputError
+        If a residual is too large for a stream.
+    """
+    residuals = np.empty((wanted.shape[1], mesh.n_verts), np.int32)
+    values = _run(mesh, residuals, n_learned, key, np.ascontiguousarray(wanted), choice)
+    return residuals, values
+
+
+def _run(
+    mesh: Hierarchy,
+    residuals: npt.NDArray[np.int32],
+    n_learned: int,
+    key: Floats | None,
+    wanted: Floats | None,
+    choice: Choice | None,
+) -> Floats:
+    n_modes, n_verts = residuals.shape
+    values = np.empty((n_verts, n_modes))
+    core_mesh = _Mesh(
+        n_verts,
+        len(mesh.smooth_starts),
+        mesh.stencil.shape[1],
+        *map(_address, (mesh.level_starts, mesh.smooth_starts)),
+        *map(_address, (mesh.stencil, mesh.hops, mesh.smooth)),
+    )
+    n_key = 0 if key is None else key.shape[1]
+    fields = _Fields(n_verts, n_modes, n_learned, n_key, *map(_address, (residuals, values, key)))
+    counts = np.zeros((n_modes, 2))
+
+    def run(part: slice) -> Floats:
+        found = counts.copy()
+        given = [ctypes.byref(core_mesh), ctypes.byref(fields)]
+        if choice is None:
+            call("reel_predict_decode", *given, part.start, part.stop, what="fields")
+            return found
+        zones = np.empty(n_modes)
+        chosen = _Choice(
+            choice.first_shaped, choice.gain, choice.price, *map(_address, (wanted, found, zones))
+        )
+        given.append(ctypes.byref(chosen))
+        call("reel_predict_encode", *given, part.start, part.stop, what="fields")
+        return found
+
+    for parts in mesh.stretches:
+        results = [counts] * len(parts)
+
+        def fill(number: int, parts: list[slice] = parts, found: list[Floats] = results) -> None:
+            found[number] = run(parts[number])
+
+        in_threads(fill, range(len(parts)))
+        counts = np.sum(results, axis=0)
+    return values
+
+
+def _address(array: npt.NDArray[Any] | None) -> int | None:
+    if array is None:
+        return None
+    assert array.flags.c_contiguous  # else what is passed is not what it shows
+    return array.ctypes.data
