@@ -49,6 +49,29 @@ REEL_API int64_t reel_integers_decode(void *memory, size_t memory_size, const ui
                                       size_t size, const int64_t *lengths, const int32_t *tables,
                                       int64_t n_rows, int64_t n_tables, int32_t *values);
 
+/* What follows from connectivity.
+
+   The vertices next to each vertex of a mesh: those of v are near[starts[v]] .. near[starts[v + 1]
+   - 1], ascending, each once. `faces` has 3 n_faces numbers of vertices, at most (2^31 - 1) / 6
+   faces; `starts` has n_verts + 1 places, `near` 6 n_faces. Returns how many of `near` are used. */
+REEL_API size_t reel_adjacency_memory(int64_t n_verts, int64_t n_faces);
+REEL_API int64_t reel_adjacency(void *memory, size_t memory_size, const int32_t *faces,
+                                int64_t n_faces, int64_t n_verts, int32_t *starts, int32_t *near);
+
+/* The hierarchy of a graph, from `reel_adjacency`: all vertices level after level, `order`; where
+   each level begins, and the end, `level_starts`; the resolution of each level, 0 is the coarsest.
+   For each vertex, in this order, the stencil_size (1..REEL_MAX_STENCIL) vertices that predict it,
+   -1 where there are no more, how many edges away they are, and their smooth weights, unless
+   `weights` is NULL. Returns the number of levels. `n_near` is starts[n_verts]. */
+#define REEL_MAX_STENCIL 16
+#define REEL_MAX_RESOLUTIONS 20 /* above the coarsest */
+#define REEL_MAX_LEVELS (1 + 3 * REEL_MAX_RESOLUTIONS)
+REEL_API size_t reel_hierarchy_memory(int64_t n_verts, int64_t n_near, int64_t has_weights);
+REEL_API int64_t reel_hierarchy(void *memory, size_t memory_size, const int32_t *starts,
+                                const int32_t *near, int64_t n_verts, int64_t stencil_size,
+                                int32_t *order, int32_t *level_starts, int32_t *level_resolutions,
+                                int32_t *stencil, uint8_t *hops, double *weights);
+
 #ifdef __cplusplus
 }
 #endif

@@ -1,0 +1,54 @@
+/* Loops over lanes, compiled for the vectors that every machine of a kind has and, on x86-64, once
+   more for AVX2, which is asked for when they run.
+
+   A file with such loops includes its `..._lanes.h` once or twice, with LANES, TARGET and NAMED
+   defined: how many doubles a vector has, the attribute of each function, and the name of each.
+   Lanes do not know of one another, and nothing is fused: both give the same bits. */
+
+#ifndef REEL_CPU_H
+#define REEL_CPU_H
+
+#include "base.h"
+
+#if defined(__x86_64__)
+#define REEL_HAS_WIDE 1
+#define REEL_WIDE_TARGET __attribute__((target("avx2")))
+#endif
+
+typedef double reel_vector_2 __attribute__((vector_size(16), may_alias));
+typedef double reel_vector_4 __attribute__((vector_size(32), may_alias));
+
+#define REEL_JOIN_(a, b) a##b
+#define REEL_JOIN(a, b) REEL_JOIN_(a, b)
+
+#ifdef REEL_HAS_WIDE
+
+REEL_INLINE void reel_cpuid(uint32_t leaf, uint32_t *found) {
+    __asm__ volatile("cpuid"
+                     : "=a"(found[0]), "=b"(found[1]), "=c"(found[2]), "=d"(found[3])
+                     : "a"(leaf), "c"(0U));
+}
+
+/* Whether the processor has AVX2 and the system keeps its registers. */
+REEL_INLINE bool reel_is_wide(void) {
+    uint32_t found[4], low, high;
+    reel_cpuid(0, found);
+    if (found[0] < 7) {
+        return false;
+    }
+    reel_cpuid(1, found);
+    if (!(found[2] >> 27 & 1U) || !(found[2] >> 28 & 1U)) {
+        return false;
+    }
+    __asm__ volatile("xgetbv" : "=a"(low), "=d"(high) : "c"(0U));
+    reel_cpuid(7, found);
+    return (low & 6U) == 6U && (found[1] >> 5 & 1U);
+}
+
+#else
+
+REEL_INLINE bool reel_is_wide(void) { return false; }
+
+#endif
+
+#endif
