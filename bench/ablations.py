@@ -20,15 +20,16 @@ from unittest.mock import patch
 import numpy as np
 
 import meshreel
-import meshreel.reel.agreed.weights as prediction
 import meshreel.reel.encoding.effort as effort
 from meshreel.entropy.passes import single_pass
 from meshreel.evaluation.rate_distortion import bd_rate
 from meshreel.reel.agreed.mesh import FieldMesh
+from meshreel.reel.agreed.weights import Stencils
 from meshreel.reel.encoding.block_coder import FieldBlockCoder
 
 QUALITIES = (50, 65, 80, 95)
 CODE = FieldBlockCoder.code
+STENCILS: Any = vars(FieldMesh)["stencils"].func
 
 
 def choices(**changed: Any) -> Any:
@@ -49,16 +50,19 @@ def code_alone(coder: FieldBlockCoder, frames: Any, *_: Any) -> Any:
     return CODE(coder, frames)
 
 
-def no_smooth_fields(graph: Any) -> Any:
-    """Constant fields: weights then depend on distance alone."""
-    return np.zeros((graph.shape[0], 1))
+def stencils_by_distance(mesh: FieldMesh) -> Stencils:
+    """Stencils whose first weights depend on distance alone."""
+    usual: Stencils = STENCILS(mesh)
+    weights = (usual.stencil >= 0) / usual.penalty
+    sums = weights.sum(axis=1, keepdims=True)
+    return dataclasses.replace(usual, weights=weights / np.maximum(sums, 1e-300))
 
 
 VARIANTS: dict[str, list[Any]] = {
     "unchanged": [],
     "no learned weights": [choices(group_ends=())],
     "no smooth fields: first weights by distance": [
-        constant(prediction, "_smooth_fields", no_smooth_fields)
+        constant(FieldMesh, "stencils", property(stencils_by_distance))
     ],
     "with filters": [choices(has_filters=True)],
     "rounding to the nearest": [choices(price=0.0)],

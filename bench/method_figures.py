@@ -19,14 +19,10 @@ from matplotlib.collections import LineCollection
 from matplotlib.colors import CenteredNorm
 
 import meshreel
-from meshreel.geometry.connectivity import adjacency_matrix
-from meshreel.reel.agreed.hierarchy import Resolution, build_hierarchy
-from meshreel.reel.agreed.weights import (
-    Stencils,
-    WeightLearner,
-    joined_stencils,
-    smooth_stencils,
-)
+from meshreel.geometry.connectivity import undirected_edges
+from meshreel.reel.agreed.hierarchy import Resolution
+from meshreel.reel.agreed.mesh import FieldMesh
+from meshreel.reel.agreed.weights import Stencils, WeightLearner
 from meshreel.subspace.pca import joint_trajectories
 
 Floats = npt.NDArray[np.float64]
@@ -87,21 +83,20 @@ def analysed_flag(n_frames: int) -> Flag:
     _, vectors = joint_trajectories(matrices, N_MODES)
     step = QUALITY_80_STEP * np.sqrt(n_frames)
     fields = matrices.reshape(-1, sequence.n_verts).T @ vectors / step
-    resolutions = build_hierarchy(adjacency_matrix(sequence.faces, sequence.n_verts), STENCIL_SIZE)
-    stencils = joined_stencils(
-        [smooth_stencils(resolution) for resolution in resolutions], STENCIL_SIZE
-    )
+    mesh = FieldMesh(sequence.faces, sequence.n_verts, STENCIL_SIZE)
     flat = sequence.vertices[0, :, :2].astype(np.float64)
-    return Flag(flat, sequence.faces, vectors, fields, resolutions, stencils)
+    return Flag(flat, sequence.faces, vectors, fields, mesh.resolutions, mesh.stencils)
 
 
 def draw_hierarchy(flag: Flag) -> Any:
     """Four resolutions of a corner of the flag, with their levels."""
     figure, panels = plt.subplots(1, 4, figsize=(13, 3.9), layout="constrained")
     resolutions = flag.resolutions[::-1][:4]
+    edges = undirected_edges(flag.faces)
     for panel, number, resolution in zip(panels, range(4), resolutions, strict=True):
         is_kept = np.isin(resolution.members, np.concatenate(resolution.levels), invert=True)
-        draw_edges(panel, flag.flat[resolution.members], resolution)
+        draw_edges(panel, flag.flat, edges)
+        edges = coarser_edges(edges, resolution)
         dots(
             panel, flag.flat[resolution.members[is_kept]], KEPT_COLOUR, "on the coarser resolution"
         )
@@ -131,7 +126,7 @@ def draw_stencil(flag: Flag) -> Any:
     for panel, title, weights in zip(
         panels, titles, (stencils.weights[row], learned[row]), strict=True
     ):
-        draw_edges(panel, flag.flat, flag.resolutions[-1])
+        draw_edges(panel, flag.flat, undirected_edges(flag.faces))
         drawn = panel.scatter(
             *flag.flat[around].T, s=330, c=weights, cmap=SIGNED, norm=CenteredNorm(halfrange=0.6),
             edgecolors="#555555", zorder=3,
@@ -236,11 +231,23 @@ def rms(values: Floats) -> float:
     return float(np.sqrt(np.mean(values**2)))
 
 
-def draw_edges(panel: Any, places: Floats, resolution: Resolution) -> None:
-    """The edges of a resolution whose vertices are at these places."""
-    graph = resolution.adjacency.tocoo()
-    segments: Any = places[np.stack([graph.row, graph.col], axis=1)]
+def draw_edges(panel: Any, places: Floats, edges: Integers) -> None:
+    """Edges of shape (E, 2) between vertices that are at these places."""
+    segments: Any = places[edges]
     panel.add_collection(LineCollection(segments, colors="#BBBBBB", linewidths=0.6, zorder=1))
+
+
+def coarser_edges(edges: Integers, resolution: Resolution) -> Integers:
+    """Edges of the next coarser resolution: those between its cells."""
+    is_kept = np.zeros(resolution.members[-1] + 1, np.bool_)
+    is_kept[resolution.members] = True
+    is_kept[resolution.predicted] = False
+    cell = np.where(is_kept, np.arange(len(is_kept)), -1)
+    both = np.concatenate([edges, edges[:, ::-1]])
+    links = both[~is_kept[both[:, 0]] & is_kept[both[:, 1]]]
+    np.maximum.at(cell, links[:, 0], links[:, 1])
+    ends = np.sort(cell[edges], axis=1)
+    return np.unique(ends[ends[:, 0] < ends[:, 1]], axis=0)
 
 
 def dots(panel: Any, places: Floats, colour: str, label: str) -> None:

@@ -13,11 +13,9 @@
 #define BLOCK 4 /* places of a system that are worked on at once */
 
 #define RELATIVE_RIDGE 0.01
-/* Of signs of 1: without it, weights of tiny graphs, whose smooth fields are constant, would be
+/* For signs of 1: without it, weights of tiny graphs, whose smooth fields are constant, would be
    made of rounding. */
-#ifndef ABSOLUTE_RIDGE
 #define ABSOLUTE_RIDGE 1e-6
-#endif
 
 /* c_k = (2 if k > 0, else 1) exp(-12) I_k(12): exp(-12 (1 - w)) is the sum of c_k T_k(w). */
 static const double series[TERMS] = {
@@ -55,6 +53,7 @@ reel_smoother reel_take_smoother(reel_arena *arena, size_t n) {
         .fields = reel_take(arena, n, FIELDS * sizeof(double)),
         .others = reel_take(arena, n, FIELDS * sizeof(double)),
         .signs = reel_take(arena, n, sizeof(uint16_t)),
+        .wide = reel_is_wide(),
     };
 }
 
@@ -70,27 +69,25 @@ static void scatter_signs(uint16_t *signs, int32_t n) {
     }
 }
 
-static void step(const reel_smoother *own, const reel_graph *graph, double factor, double value,
-                 bool wide) {
+static void step(const reel_smoother *own, const reel_graph *graph, double factor, double value) {
 #ifdef REEL_HAS_WIDE
-    if (wide) {
+    if (own->wide) {
         step_4(own, graph, factor, value);
         return;
     }
 #endif
-    (void)wide;
     step_2(own, graph, factor, value);
 }
 
 /* Smooth fields of the graph: the series of the signs, by Clenshaw's sum from its last term on. */
-static const double *diffuse(const reel_smoother *smoother, const reel_graph *graph, bool wide) {
+static const double *diffuse(const reel_smoother *smoother, const reel_graph *graph) {
     reel_smoother turn = *smoother;
     size_t size = (size_t)graph->n * FIELDS * sizeof(double);
     reel_zero(turn.fields, size);
     reel_zero(turn.others, size);
     scatter_signs(turn.signs, graph->n);
     for (int term = TERMS - 1; term >= 0; term--) {
-        step(&turn, graph, term ? 2.0 : 1.0, series[term], wide);
+        step(&turn, graph, term ? 2.0 : 1.0, series[term]);
         double *latest = turn.fields;
         turn.fields = turn.others;
         turn.others = latest;
@@ -100,10 +97,9 @@ static const double *diffuse(const reel_smoother *smoother, const reel_graph *gr
 
 void reel_smooth_weights(const reel_smoother *smoother, const reel_graph *graph,
                          const reel_stencils *stencils, double *weights) {
-    bool wide = reel_is_wide();
-    const double *fields = diffuse(smoother, graph, wide);
+    const double *fields = diffuse(smoother, graph);
 #ifdef REEL_HAS_WIDE
-    if (wide) {
+    if (smoother->wide) {
         weigh_4(fields, stencils, weights);
         return;
     }

@@ -157,7 +157,7 @@ def test_budget_is_refused_with_what_was_reached_when_it_is_too_small(aim, limit
         encoded("grid", **{aim: limit})
     assert 'order="drop"' in str(refused.value)
     reached = float(str(refused.value).split("the best stream has ")[1].split(";")[0])
-    assert measured("grid", encoded("grid", **{aim: 1.001 * reached}))[aim] <= 1.001 * reached
+    assert measured("grid", encoded("grid", **{aim: 1.03 * reached}))[aim] <= 1.03 * reached
 
 
 @pytest.mark.parametrize(("aim", "limit"), [("kg", 1e-12), ("sted", 1e-12)])

@@ -1,7 +1,7 @@
 """A second decoder of the fields of `reel`, slow and written from the words of `docs/format.md`.
 
 Levels and stencils are taken from the library; `test_hierarchy.py` finds them a second way, and
-`test_prediction.py` the smooth weights.
+`test_smooth_weights.py` the smooth weights.
 """
 
 from dataclasses import replace
@@ -22,7 +22,7 @@ from meshreel.reel.agreed.fields import (
 )
 from meshreel.reel.agreed.mesh import N_CONTEXT_NEIGHBOURS, SMALL_RESOLUTION, FieldMesh
 from meshreel.reel.agreed.timeline import COARSEST
-from meshreel.reel.agreed.weights import KNOWN_RIDGE, smooth_stencils
+from meshreel.reel.agreed.weights import KNOWN_RIDGE
 from samples.meshes import irregular_sequence, waving_grid
 
 N_FRAMES, N_MODES, STEP = 21, 10, 0.125
@@ -52,8 +52,10 @@ def constrained(offsets, ridges, suggested):
 def values_of_a_group(known, integers, mesh):
     """Before the filters: of shape (V, k)."""
     values = np.zeros((len(known), len(integers)))
+    first = 0
     for resolution in mesh.resolutions:
-        smooth_weights = smooth_stencils(resolution).weights
+        smooth_weights = mesh.stencils.weights[first : first + len(resolution.predicted)]
+        first += len(resolution.predicted)
         for row, vertex in enumerate(resolution.predicted):
             size = int((resolution.stencil[row] >= 0).sum())
             near = resolution.stencil[row, :size]

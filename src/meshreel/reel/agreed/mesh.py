@@ -9,10 +9,10 @@ import numpy.typing as npt
 from scipy.sparse import csr_array
 
 from meshreel.entropy.passes import Pass
-from meshreel.geometry.connectivity import adjacency_matrix
+from meshreel.kernel.mesh import Hierarchy, Neighbours, hierarchy, neighbours
 from meshreel.reel.agreed.closed_loop import Predictor
-from meshreel.reel.agreed.hierarchy import Resolution, build_hierarchy
-from meshreel.reel.agreed.weights import Stencils, joined_stencils, smooth_stencils
+from meshreel.reel.agreed.hierarchy import Resolution, resolutions_of
+from meshreel.reel.agreed.weights import Stencils, penalties
 from meshreel.runtime.profiling import staged
 from meshreel.sequence import Faces
 
@@ -58,15 +58,26 @@ class FieldMesh:
         return shared_field_mesh, self.connectivity
 
     @cached_property
+    def neighbours(self) -> Neighbours:
+        """The vertices next to each vertex."""
+        return neighbours(self.faces, self.n_verts)
+
+    @cached_property
     def adjacency(self) -> csr_array:
         """Binary, of shape (V, V)."""
-        return adjacency_matrix(self.faces, self.n_verts)
+        found, shape = self.neighbours, (self.n_verts, self.n_verts)
+        return csr_array((np.ones(len(found.near)), found.near, found.starts), shape=shape)
 
     @cached_property
     @staged("hierarchy")
+    def hierarchy(self) -> Hierarchy:
+        """All vertices in coding order, their stencils and smooth weights."""
+        return hierarchy(self.neighbours, self.stencil_size)
+
+    @cached_property
     def resolutions(self) -> list[Resolution]:
         """The hierarchy of the vertices, from coarse to fine."""
-        return build_hierarchy(self.adjacency, self.stencil_size)
+        return resolutions_of(self.hierarchy)
 
     @cached_property
     def levels(self) -> list[Integers]:
@@ -80,12 +91,13 @@ class FieldMesh:
         ]
 
     @cached_property
-    @staged("stencils")
     def stencils(self) -> Stencils:
         """Stencils of all levels, before any field is known."""
-        return joined_stencils(
-            [smooth_stencils(resolution) for resolution in self.resolutions], self.stencil_size
-        )
+        found = self.hierarchy
+        return Stencils(
+            found.order.astype(np.int64), found.stencil.astype(np.int64),
+            penalties(found.stencil, found.hops), found.weights,
+        )  # fmt: skip
 
     @cached_property
     @staged("coding passes")

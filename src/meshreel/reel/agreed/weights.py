@@ -1,37 +1,24 @@
 """Predictor weights: the value of a vertex as a weighted sum over its stencil.
 
-Two sources, neither of which costs a bit. *Smooth fields*, made from connectivity alone, tell how
-whatever is smooth on this mesh varies from a stencil to its vertex. *Known fields*, decoded before,
-tell how this animation does.
+Two sources, neither of which costs a bit. *Smooth fields*, which the core makes from connectivity
+alone, tell how whatever is smooth on this mesh varies from a stencil to its vertex. *Known fields*,
+decoded before, tell how this animation does.
 """
 
-from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from scipy.sparse import csr_array
-from scipy.special import ive
 
-from meshreel.reel.agreed.hierarchy import Resolution, scattered
 from meshreel.runtime.profiling import staged
 from meshreel.runtime.threads import chunks, in_threads
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
 
-N_SMOOTH_FIELDS = 16
-DIFFUSION_TIME = 12.0
-"""Time for which noise diffuses over the graph of a resolution to become a smooth field."""
-
-CHEBYSHEV_DEGREE = 18
-"""Terms after which those that follow are below a thousandth at this time."""
-
-SMOOTH_RIDGE = 1e-2
 KNOWN_RIDGE = 1e-4
-"""Ridges, in mean squared offsets of a stencil."""
+"""Ridge, in mean squared offsets of a stencil."""
 
 CHUNK_VERTICES = 4096
 """Vertices whose weights are found at once: many for each call, but few enough for the cache."""
@@ -212,66 +199,7 @@ def _substitute(system: Floats, pivots: Floats) -> Floats:
     return solved
 
 
-def joined_stencils(parts: Sequence[Stencils], size: int) -> Stencils:
-    """The stencils of several resolutions as one, all of a size: smaller ones are filled up."""
-
-    def filled(values: npt.NDArray[Any], filling: float) -> npt.NDArray[Any]:
-        missing = size - values.shape[1]
-        return np.pad(values, ((0, 0), (0, missing)), constant_values=filling)
-
-    return Stencils(
-        np.concatenate([part.predicted for part in parts]),
-        np.concatenate([filled(part.stencil, -1) for part in parts]),
-        np.concatenate([filled(part.penalty, 1.0) for part in parts]),
-        np.concatenate([filled(part.weights, 0.0) for part in parts]),
-    )
-
-
-def smooth_stencils(resolution: Resolution) -> Stencils:
-    """Stencils of a resolution, with the weights that best reproduce smooth fields.
-
-    The smooth fields are noise that diffused over the graph of the resolution: exp(-t L) of random
-    signs, with L = I - D^-1 C.
-    """
-    place_of = np.zeros(resolution.members[-1] + 1, np.int64)
-    place_of[resolution.members] = np.arange(len(resolution.members))
-    is_there = resolution.stencil >= 0
-    predicted, stencil = (
-        place_of[resolution.predicted],
-        np.where(is_there, place_of[resolution.stencil], -1),
-    )
-    penalty = np.where(is_there, np.maximum(resolution.hops, 1) ** 2, 1e6).astype(np.float64)
-    weights = np.zeros(stencil.shape)
-    if stencil.shape[1]:
-        fields = np.ascontiguousarray(_smooth_fields(resolution.adjacency).T)
-        penalty /= penalty.min(axis=1, keepdims=True)
-
-        local = Stencils(predicted, stencil, penalty, weights)
-
-        def fill(rows: slice) -> None:
-            part = _Neighbours(local[rows])
-            part.add(fields)
-            weights[rows] = part.weights(SMOOTH_RIDGE * part.spread())
-
-        in_threads(fill, chunks(len(weights), CHUNK_VERTICES))
-    return Stencils(resolution.predicted, resolution.stencil, penalty, weights)
-
-
-def _smooth_fields(graph: csr_array) -> Floats:
-    """Fields of shape (N, N_SMOOTH_FIELDS): exp(-t (I - W)) of signs, W the neighbours' mean."""
-    n_verts = graph.shape[0]
-    degrees = np.diff(graph.indptr)
-    shares = np.repeat(1.0 / np.maximum(degrees, 1), degrees)
-    mean = csr_array((shares, graph.indices, graph.indptr), shape=graph.shape)
-    signs = scattered(np.arange(n_verts * N_SMOOTH_FIELDS)) >> np.uint64(63)
-    before = 2.0 * signs.reshape(n_verts, N_SMOOTH_FIELDS).astype(np.float64) - 1.0
-    # exp(-t (1 - w)) = sum_k c_k T_k(w), with c_k = (2 - [k = 0]) exp(-t) I_k(t).
-    current = np.asarray(mean @ before)
-    total = ive(0, DIFFUSION_TIME) * before
-    twice = 2.0 * mean
-    for degree in range(1, CHEBYSHEV_DEGREE + 1):
-        total += 2.0 * ive(degree, DIFFUSION_TIME) * current
-        following = twice @ current
-        following -= before
-        before, current = current, following
-    return np.asarray(total)
+def penalties(stencil: npt.NDArray[np.integer], hops: npt.NDArray[np.integer]) -> Floats:
+    """Cost of a unit of squared weight of stencils that reach so many edges, of shape (n, S)."""
+    cost = np.where(stencil >= 0, np.maximum(hops, 1).astype(np.float64) ** 2, 1e6)
+    return np.asarray(cost / cost.min(axis=1, keepdims=True))
