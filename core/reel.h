@@ -72,6 +72,29 @@ REEL_API int64_t reel_hierarchy(void *memory, size_t memory_size, const int32_t 
                                 int32_t *order, int32_t *level_starts, int32_t *level_resolutions,
                                 int32_t *stencil, uint8_t *hops, double *weights);
 
+/* How modes move, and the frames that they make.
+
+   Basis vectors of length 1 (or 0), n_modes at each of n_frames times on x, then y, then z, from
+   integers as they are coded: of each mode all times of x, then of y, then of z. */
+REEL_API size_t reel_basis_memory(int64_t n_frames);
+REEL_API int64_t reel_basis(void *memory, size_t memory_size, const int32_t *integers,
+                            int64_t n_modes, int64_t n_frames, double *basis);
+
+/* Frames wanted[0 .. n_wanted - 1] of a block, in the order of the vertices of the fields, or if
+   `order` is not NULL with vertex order[i] of the fields as vertex i. Corrections, unless
+   correction_starts is NULL: those of wanted frame i are from correction_starts[i] to the next,
+   each of a vertex as it is written, `corrected`, ascending, with three numbers of `moves`. The
+   placement is scale and origin. Layouts: positions x, y, z of each vertex as 4 or 8 byte floats;
+   or all x, then y, then z of the frames, neither scaled nor moved, as 8 byte floats. */
+enum reel_layout { REEL_AXES = 0, REEL_POSITIONS_4 = 4, REEL_POSITIONS_8 = 8 };
+REEL_API size_t reel_frames_memory(int64_t n_modes, int64_t n_wanted);
+REEL_API int64_t reel_frames(void *memory, size_t memory_size, const double *basis,
+                             const double *fields, const int32_t *order, int64_t n_frames,
+                             int64_t n_modes, int64_t n_verts, const int32_t *wanted,
+                             int64_t n_wanted, const int64_t *correction_starts,
+                             const int32_t *corrected, const double *moves,
+                             const double *placement, int64_t layout, void *out);
+
 #ifdef __cplusplus
 }
 #endif

@@ -36,7 +36,7 @@ static const double series[TERMS] = {
 
 #ifdef REEL_HAS_WIDE
 #define LANES 4
-#define TARGET REEL_WIDE_TARGET
+#define TARGET REEL_TARGET_4
 #define NAMED(name) name##_4
 #include "smooth_lanes.h"
 #undef LANES
@@ -53,7 +53,7 @@ reel_smoother reel_take_smoother(reel_arena *arena, size_t n) {
         .fields = reel_take(arena, n, FIELDS * sizeof(double)),
         .others = reel_take(arena, n, FIELDS * sizeof(double)),
         .signs = reel_take(arena, n, sizeof(uint16_t)),
-        .wide = reel_is_wide(),
+        .wide = reel_widest() >= 4,
     };
 }
 
