@@ -1,6 +1,8 @@
 """Smooth weights, checked against a second way from the words of docs/format.md."""
 
+import re
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -121,3 +123,74 @@ def test_smooth_weights_predict_better_than_the_nearest_when_resolutions_are_coa
         assert len(resolution.predicted) > 20
         nearest = np.eye(1, 10)[[0] * len(resolution.predicted)]
         assert errors(resolution, weights).mean() < 0.8 * errors(resolution, nearest).mean()
+
+
+def format_constants():
+    text = (Path(__file__).parents[4] / "docs" / "format.md").read_text(encoding="utf-8")
+    return [float.fromhex(word) for word in re.findall(r"0x1\.[0-9a-f]{13}p-\d+", text)]
+
+
+def exact_fields(graph):
+    """Step 2 of `docs/format.md`, in its order of operations: lists of shape (N, 16)."""
+    near = [np.flatnonzero(row).tolist() for row in graph]
+    signs = [
+        [1.0 if scattered(N_FIELDS * i + f) >> 63 else -1.0 for f in range(N_FIELDS)]
+        for i in range(len(near))
+    ]
+    later = before = [[0.0] * N_FIELDS for _ in near]  # b_{k+1} and b_{k+2}
+    for k in range(DEGREE, -1, -1):
+        now = []
+        for i, around in enumerate(near):
+            share = (2.0 if k else 1.0) / len(around) if around else 0.0
+            now.append([
+                (in_turn(0.0, [later[j][f] for j in around]) * share - before[i][f])
+                + CONSTANTS[k] * signs[i][f]
+                for f in range(N_FIELDS)
+            ])  # fmt: skip
+        later, before = now, later
+    return later
+
+
+def exact_weights(offsets, hops):
+    """Steps 3 to 5 of `docs/format.md` for the stencil of one vertex."""
+    n = range(len(offsets))
+    a = [[in_turn(0.0, np.multiply(u, v).tolist()) for v in offsets] for u in offsets]
+    ridge = 0.01 * (in_turn(0.0, [a[j][j] for j in n]) / len(n)) + 1e-6
+    for j in n:
+        a[j][j] += ridge * hops[j] ** 2
+    x, q, w = [1.0 for _ in n], [], [0.0 for _ in n]
+    for i in n:
+        g = [a[k][i] * q[k] for k in range(i)]
+        x[i] = in_turn(x[i], [-g[k] * x[k] for k in range(i)])
+        for j in n[i:]:
+            a[i][j] = in_turn(a[i][j], [-g[k] * a[k][j] for k in range(i)])
+        q.append(1.0 / a[i][i])
+    for i in reversed(n):
+        w[i] = q[i] * (x[i] - in_turn(0.0, [a[i][j] * w[j] for j in n[i + 1 :]]))
+    total = in_turn(0.0, w)
+    return [one / total for one in w]
+
+
+def in_turn(start, terms):
+    """A sum in the order of its terms; what `sum` does from Python 3.12 on is more exact."""
+    for term in terms:
+        start += term
+    return start
+
+
+CONSTANTS = format_constants()
+
+
+@pytest.mark.parametrize("size", [3, 10, 16])
+@pytest.mark.parametrize("name", MESHES)
+def test_smooth_weights_have_the_bits_of_the_format_when_found_in_its_order(name, size):
+    mesh = field_mesh(name, size)
+    found = zip(mesh.resolutions, weights_by_resolution(mesh), graphs_of(mesh), strict=True)
+    for resolution, weights, graph in list(found)[1:]:
+        fields = np.array(exact_fields(graph))
+        for row, vertex in enumerate(resolution.predicted):
+            stencil = resolution.stencil[row][resolution.stencil[row] >= 0]
+            near = fields[np.searchsorted(resolution.members, stencil)]
+            own = fields[np.searchsorted(resolution.members, vertex)]
+            wanted = exact_weights(near - own, resolution.hops[row].tolist())
+            assert weights[row, : len(wanted)].tolist() == wanted
