@@ -20,15 +20,16 @@ from unittest.mock import patch
 import numpy as np
 
 import meshreel
-import meshreel.reel.agreed.weights as prediction
 import meshreel.reel.encoding.effort as effort
 from meshreel.entropy.passes import single_pass
 from meshreel.evaluation.rate_distortion import bd_rate
+from meshreel.kernel.mesh import Hierarchy
 from meshreel.reel.agreed.mesh import FieldMesh
 from meshreel.reel.encoding.block_coder import FieldBlockCoder
 
 QUALITIES = (50, 65, 80, 95)
 CODE = FieldBlockCoder.code
+HIERARCHY: Any = vars(FieldMesh)["hierarchy"].func
 
 
 def choices(**changed: Any) -> Any:
@@ -49,18 +50,22 @@ def code_alone(coder: FieldBlockCoder, frames: Any, *_: Any) -> Any:
     return CODE(coder, frames)
 
 
-def no_smooth_fields(graph: Any) -> Any:
-    """Constant fields: weights then depend on distance alone."""
-    return np.zeros((graph.shape[0], 1))
+def no_smooth_fields(mesh: FieldMesh) -> Hierarchy:
+    """A hierarchy whose smooth fields are constant: first weights depend on distance alone."""
+    usual: Hierarchy = HIERARCHY(mesh)
+    return dataclasses.replace(usual, smooth=np.zeros_like(usual.smooth))
 
 
 VARIANTS: dict[str, list[Any]] = {
     "unchanged": [],
-    "no learned weights": [choices(group_ends=())],
+    "weights follow no modes": [choices(n_learned=0)],
+    "weights follow 12 modes": [choices(n_learned=12)],
+    "weights follow all modes": [choices(n_learned=255)],
+    "stencils of 8": [choices(stencil_size=8)],
+    "stencils of 12": [choices(stencil_size=12)],
     "no smooth fields: first weights by distance": [
-        constant(prediction, "_smooth_fields", no_smooth_fields)
+        constant(FieldMesh, "hierarchy", property(no_smooth_fields))
     ],
-    "with filters": [choices(has_filters=True)],
     "rounding to the nearest": [choices(price=0.0)],
     "no noise shaping": [choices(feedback_gain=0.0)],
     "noise shaping on all resolutions": [choices(n_shaped_resolutions=99)],

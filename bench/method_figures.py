@@ -19,24 +19,20 @@ from matplotlib.collections import LineCollection
 from matplotlib.colors import CenteredNorm
 
 import meshreel
-from meshreel.geometry.connectivity import adjacency_matrix
-from meshreel.reel.agreed.hierarchy import Resolution, build_hierarchy
-from meshreel.reel.agreed.weights import (
-    Stencils,
-    WeightLearner,
-    joined_stencils,
-    smooth_stencils,
-)
+from meshreel.geometry.connectivity import undirected_edges
+from meshreel.kernel.predict import Choice, encode_values
+from meshreel.reel.agreed.hierarchy import Resolution
+from meshreel.reel.agreed.mesh import FieldMesh
 from meshreel.subspace.pca import joint_trajectories
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
 
 ROOT = Path(__file__).parents[1]
-STENCIL_SIZE = 10
+STENCIL_SIZE = 16
 N_MODES = 24
 N_KNOWN = 10
-"""Fields that weights are learned from, as for the last group of modes at the default effort."""
+"""Fields that the weights of the figures have followed."""
 
 PREDICTED = 12
 """Number of the mode whose prediction is shown, from 0."""
@@ -66,8 +62,7 @@ class Flag:
     fields : float64 array of shape (V, K)
         In quantisation steps of quality 80.
     resolutions : list of Resolution
-    stencils : Stencils
-        Of all resolutions, with the weights that smooth fields suggest.
+    mesh : FieldMesh
     """
 
     flat: Floats
@@ -75,7 +70,7 @@ class Flag:
     vectors: Floats
     fields: Floats
     resolutions: list[Resolution]
-    stencils: Stencils
+    mesh: FieldMesh
 
 
 def analysed_flag(n_frames: int) -> Flag:
@@ -87,21 +82,40 @@ def analysed_flag(n_frames: int) -> Flag:
     _, vectors = joint_trajectories(matrices, N_MODES)
     step = QUALITY_80_STEP * np.sqrt(n_frames)
     fields = matrices.reshape(-1, sequence.n_verts).T @ vectors / step
-    resolutions = build_hierarchy(adjacency_matrix(sequence.faces, sequence.n_verts), STENCIL_SIZE)
-    stencils = joined_stencils(
-        [smooth_stencils(resolution) for resolution in resolutions], STENCIL_SIZE
-    )
+    mesh = FieldMesh(sequence.faces, sequence.n_verts, STENCIL_SIZE)
     flat = sequence.vertices[0, :, :2].astype(np.float64)
-    return Flag(flat, sequence.faces, vectors, fields, resolutions, stencils)
+    return Flag(flat, sequence.faces, vectors, fields, mesh.resolutions, mesh)
+
+
+def predictions(flag: Flag, fields: Floats, n_learned: int) -> Floats:
+    """What weights predict that followed some first fields; of shape (V, K), as the fields."""
+    mesh, order = flag.mesh.hierarchy, flag.mesh.order
+    plain = Choice(first_shaped=len(mesh.level_starts), gain=0.0, price=0.0)
+    residuals, values = encode_values(mesh, fields[order], plain, n_learned)
+    found = np.empty_like(fields)
+    found[order] = values - residuals.T
+    return found
+
+
+def weights_of(flag: Flag, row: int, n_learned: int) -> Floats:
+    """Weights of a stencil: what is predicted of fields that are 1 at one of its vertices."""
+    size = 1e6  # rounding does not count
+    peaks = np.zeros((flag.mesh.n_verts, STENCIL_SIZE))
+    peaks[flag.mesh.order[flag.mesh.hierarchy.stencil[row]], np.arange(STENCIL_SIZE)] = size
+    known = np.hstack([flag.fields[:, :n_learned], peaks])
+    target = flag.mesh.order[row]
+    return predictions(flag, known, n_learned)[target, n_learned:] / size
 
 
 def draw_hierarchy(flag: Flag) -> Any:
     """Four resolutions of a corner of the flag, with their levels."""
     figure, panels = plt.subplots(1, 4, figsize=(13, 3.9), layout="constrained")
     resolutions = flag.resolutions[::-1][:4]
+    edges = undirected_edges(flag.faces)
     for panel, number, resolution in zip(panels, range(4), resolutions, strict=True):
         is_kept = np.isin(resolution.members, np.concatenate(resolution.levels), invert=True)
-        draw_edges(panel, flag.flat[resolution.members], resolution)
+        draw_edges(panel, flag.flat, edges)
+        edges = coarser_edges(edges, resolution)
         dots(
             panel, flag.flat[resolution.members[is_kept]], KEPT_COLOUR, "on the coarser resolution"
         )
@@ -119,19 +133,18 @@ def draw_hierarchy(flag: Flag) -> Any:
 
 def draw_stencil(flag: Flag) -> Any:
     """A vertex of the finest resolution, its stencil, and two sets of predictor weights."""
-    stencils = flag.stencils
-    learned = WeightLearner(stencils).learn(flag.fields[:, :N_KNOWN], 1 / 12)
+    mesh, order = flag.mesh.hierarchy, flag.mesh.order
     corner = flag.flat.min(axis=0) + CROP_M / 2
-    finest = np.flatnonzero(np.isin(stencils.predicted, flag.resolutions[-1].levels[-1]))
-    near = flag.flat[stencils.predicted[finest]] - corner
-    row = finest[np.argmin(np.linalg.norm(near, axis=1))]
-    target, around = stencils.predicted[row], stencils.stencil[row]
+    finest = np.arange(mesh.level_starts[-2], mesh.n_verts)
+    finest = finest[(mesh.stencil[finest] >= 0).all(axis=1)]
+    row = int(finest[np.argmin(np.linalg.norm(flag.flat[order[finest]] - corner, axis=1))])
+    target, around = order[row], order[mesh.stencil[row]]
     figure, panels = plt.subplots(1, 2, figsize=(9.5, 4.6), layout="constrained")
-    titles = ("smooth weights, from connectivity", f"weights learned from {N_KNOWN} decoded fields")
+    titles = ("first weights, from connectivity", f"after {N_KNOWN} decoded fields")
     for panel, title, weights in zip(
-        panels, titles, (stencils.weights[row], learned[row]), strict=True
+        panels, titles, (weights_of(flag, row, 0), weights_of(flag, row, N_KNOWN)), strict=True
     ):
-        draw_edges(panel, flag.flat, flag.resolutions[-1])
+        draw_edges(panel, flag.flat, undirected_edges(flag.faces))
         drawn = panel.scatter(
             *flag.flat[around].T, s=330, c=weights, cmap=SIGNED, norm=CenteredNorm(halfrange=0.6),
             edgecolors="#555555", zorder=3,
@@ -169,22 +182,21 @@ def draw_modes(flag: Flag) -> Any:
 
 def draw_prediction(flag: Flag) -> Any:
     """A field, and the residuals that three sets of weights leave of it."""
-    stencils, field = flag.stencils, flag.fields[:, PREDICTED]
-    there = stencils.stencil >= 0
-    by_distance = there / stencils.penalty
-    by_distance /= np.maximum(by_distance.sum(axis=1, keepdims=True), 1e-12)
-    learned = WeightLearner(stencils).learn(flag.fields[:, :N_KNOWN], 1 / 12)
+    field, mesh, order = flag.fields[:, PREDICTED], flag.mesh.hierarchy, flag.mesh.order
+    near = (mesh.stencil >= 0) / np.maximum(mesh.hops, 1.0) ** 2
+    near /= np.maximum(near.sum(axis=1, keepdims=True), 1e-12)
+    by_distance = np.empty(len(field))
+    by_distance[order] = (near * field[order][mesh.stencil]).sum(axis=1)
+    wanted = np.stack(
+        [by_distance, *(predictions(flag, flag.fields, n)[:, PREDICTED] for n in (0, N_KNOWN))]
+    )
     figure, panels = plt.subplots(1, 4, figsize=(13, 3.4), layout="constrained")
     drawn = draw_field(panels[0], flag, field, None)
     panels[0].set_title(f"field of mode {PREDICTED + 1}\nrms {rms(field):.0f} steps", fontsize=10)
     figure.colorbar(drawn, ax=panels[0], shrink=0.8, location="bottom")
-    names = ("weights by distance", "smooth weights", "learned weights")
-    for panel, name, weights in zip(
-        panels[1:], names, (by_distance, stencils.weights, learned), strict=True
-    ):
-        residual = np.zeros(len(field))
-        predicted = (weights * np.where(there, field[stencils.stencil], 0)).sum(axis=1)
-        residual[stencils.predicted] = field[stencils.predicted] - predicted
+    names = ("weights by distance", "first weights", f"after {N_KNOWN} fields")
+    for panel, name, predicted in zip(panels[1:], names, wanted, strict=True):
+        residual = field - predicted
         fine = np.concatenate(flag.resolutions[-1].levels)
         drawn = draw_field(panel, flag, residual, 3.0)
         panel.set_title(
@@ -236,11 +248,23 @@ def rms(values: Floats) -> float:
     return float(np.sqrt(np.mean(values**2)))
 
 
-def draw_edges(panel: Any, places: Floats, resolution: Resolution) -> None:
-    """The edges of a resolution whose vertices are at these places."""
-    graph = resolution.adjacency.tocoo()
-    segments: Any = places[np.stack([graph.row, graph.col], axis=1)]
+def draw_edges(panel: Any, places: Floats, edges: Integers) -> None:
+    """Edges of shape (E, 2) between vertices that are at these places."""
+    segments: Any = places[edges]
     panel.add_collection(LineCollection(segments, colors="#BBBBBB", linewidths=0.6, zorder=1))
+
+
+def coarser_edges(edges: Integers, resolution: Resolution) -> Integers:
+    """Edges of the next coarser resolution: those between its cells."""
+    is_kept = np.zeros(resolution.members[-1] + 1, np.bool_)
+    is_kept[resolution.members] = True
+    is_kept[resolution.predicted] = False
+    cell = np.where(is_kept, np.arange(len(is_kept)), -1)
+    both = np.concatenate([edges, edges[:, ::-1]])
+    links = both[~is_kept[both[:, 0]] & is_kept[both[:, 1]]]
+    np.maximum.at(cell, links[:, 0], links[:, 1])
+    ends = np.sort(cell[edges], axis=1)
+    return np.unique(ends[ends[:, 0] < ends[:, 1]], axis=0)
 
 
 def dots(panel: Any, places: Floats, colour: str, label: str) -> None:

@@ -99,10 +99,11 @@ def measured_reel(
 
 
 def temporal_bases(data: bytes) -> list[Integers]:
-    """Quantised temporal basis of each block of `reel`, of shape (T, 3 K): x, y, z of each mode."""
+    """Residuals of the temporal basis of each block of `reel`, of shape (K, 3, T)."""
     blocks = stored_blocks(read_stream(data), method_named("reel"))
     return [
-        read_basis(block.payload(Section.BASIS), block.n_modes, block.n_frames) for block in blocks
+        read_basis(block.payload(Section.BASIS), block.n_modes, block.n_frames).astype(np.int64)
+        for block in blocks
     ]
 
 
@@ -113,16 +114,10 @@ def differences(blocks: list[Integers]) -> list[Integers]:
 
 def less_alike(block: Integers, before: Integers) -> Integers:
     """Modes of a block, each less that mode before, of either sign, that leaves least of it."""
-    rows, known = (modes_as_rows(one) for one in (block, before))
+    rows, known = (one.reshape(len(one), -1) for one in (block, before))
     candidates = np.concatenate([np.zeros_like(known[:1]), known, -known])
     left = np.abs(rows[:, None] - candidates).sum(axis=2)
-    found = rows - candidates[left.argmin(axis=1)]
-    return np.asarray(found.reshape(-1, len(block)).T)
-
-
-def modes_as_rows(times: Integers) -> Integers:
-    """A row of 3 T for each mode."""
-    return times.T.reshape(-1, 3 * len(times))
+    return (rows - candidates[left.argmin(axis=1)]).reshape(block.shape)
 
 
 def tables(results: list[dict[str, Any]]) -> str:

@@ -3,12 +3,13 @@
 
    The weights of a vertex are the state of a Kalman filter: it starts with weights by distance,
    observes smooth fields, then every mode that is decoded. Vertices of a level do not depend on
-   each other, so REEL_LANES of them go together. They are numbered in coding order: what predicts
+   each other, so REEL_BATCH of them go together. They are numbered in coding order: what predicts
    a vertex has a lower number. Values are in quantisation steps. */
 
-#include "vectors.h"
+#include "cpu.h"
 
-#define MOST 16 /* vertices of a stencil */
+#define REEL_BATCH 8 /* vertices that go together */
+#define MOST REEL_MAX_STENCIL
 
 #define PRIOR_VARIANCE 0.5F   /* of the weight of the nearest vertices */
 #define PRIOR_KEPT 0.15F      /* share of it that smooth fields leave in any case */
@@ -24,7 +25,7 @@
 #define ROUNDED_DOWN 0.04     /* of a step: by how much magnitudes above 1 are rounded down */
 #define TOO_LARGE 1073741824.0
 
-#define FOR_LANES(l) for (int l = 0; l < REEL_LANES; l++)
+#define FOR_LANES(l) for (int l = 0; l < REEL_BATCH; l++)
 
 /* The dead zone of a mode, from how often 0 and 1 occurred; base-2 logarithm within 1 %. */
 static double dead_zone(double n_zeros, double n_ones, double price) {
@@ -72,45 +73,32 @@ static void set_zones(const reel_choice *choice, int64_t n_modes, bool is_plain)
     }
 }
 
-#define part reel_part_16
-#define PARTS (REEL_LANES / 4)
+#define FLOATS 4
+#define TARGET
+#define NAMED(name) name##_4
 #include "predict_lanes.h"
-#undef part
-#undef PARTS
+#undef FLOATS
+#undef TARGET
+#undef NAMED
 
-#if defined(REEL_WIDE)
-#define part reel_part_32
-#define PARTS (REEL_LANES / 8)
-#define lane lane_wide
-#define batch batch_wide
-#define load_batch load_batch_wide
-#define start_weights start_weights_wide
-#define add_variance add_variance_wide
-#define predict predict_wide
-#define observe observe_wide
-#define gather_smooth gather_smooth_wide
-#define observe_smooth observe_smooth_wide
-#define gather gather_wide
-#define observe_key observe_key_wide
-#define prepare prepare_wide
-#define choose choose_wide
-#define code_batch code_batch_wide
-#define code_level code_level_wide
-#define code code_wide
-REEL_WIDE_BEGIN
+#ifdef REEL_HAS_WIDE
+#define FLOATS 8
+#define TARGET REEL_TARGET_4
+#define NAMED(name) name##_8
 #include "predict_lanes.h"
-REEL_WIDE_END
-#undef code
+#undef FLOATS
+#undef TARGET
+#undef NAMED
 #endif
 
 static int64_t run(const reel_mesh *mesh, reel_fields *fields, const reel_choice *choice,
                    int64_t first, int64_t last) {
-#if defined(REEL_WIDE)
-    if (reel_has_wide()) {
-        return code_wide(mesh, fields, choice, first, last);
+#ifdef REEL_HAS_WIDE
+    if (reel_widest() >= 4) {
+        return code_8(mesh, fields, choice, first, last);
     }
 #endif
-    return code(mesh, fields, choice, first, last);
+    return code_4(mesh, fields, choice, first, last);
 }
 
 int64_t reel_predict_decode(const reel_mesh *mesh, reel_fields *fields, int64_t first,

@@ -1,7 +1,11 @@
-/* What predict.c does with REEL_LANES vertices at once. It is included once for each kind of
-   registers, with `part` (a vector of floats) and PARTS (of them make a lane). A lane is one
+/* What predict.c does with REEL_BATCH vertices at once. It is included once for each kind of
+   registers; see cpu.h. FLOATS is how many floats a vector has; several make a lane. A lane is one
    vertex, and nothing is added up across lanes: the order of operations of a vertex is that of
    the code, and its bits are the same on all. No include guard. */
+
+#define PARTS (REEL_BATCH / FLOATS)
+#define part REEL_JOIN(reel_floats_, FLOATS)
+#define lane NAMED(lane)
 
 typedef part lane[PARTS];
 
@@ -10,17 +14,17 @@ typedef part lane[PARTS];
 
 typedef struct {
     int n_lanes; /* that are vertices of their own; others repeat the last */
-    int64_t own[REEL_LANES];
-    int32_t near[MOST][REEL_LANES]; /* a place that is not there repeats the first */
+    int64_t own[REEL_BATCH];
+    int32_t near[MOST][REEL_BATCH]; /* a place that is not there repeats the first */
     lane real[MOST];                /* 1, or 0 where a place is not there */
     lane prior[MOST];               /* variance by distance; 0 where a place is not there */
     lane weight[MOST];
     lane variance[MOST][MOST];      /* its lower triangle */
-} batch;
+} NAMED(batch);
 
-REEL_INLINE void load_batch(batch *b, const reel_mesh *mesh, int size, int64_t first,
+TARGET REEL_INLINE void NAMED(load_batch)(NAMED(batch) *b, const reel_mesh *mesh, int size, int64_t first,
                             int64_t last) {
-    b->n_lanes = last - first < REEL_LANES ? (int)(last - first) : REEL_LANES;
+    b->n_lanes = last - first < REEL_BATCH ? (int)(last - first) : REEL_BATCH;
     FOR_LANES(l) {
         int64_t own = first + (l < b->n_lanes ? l : b->n_lanes - 1);
         const int32_t *near = mesh->stencil + own * size;
@@ -37,7 +41,7 @@ REEL_INLINE void load_batch(batch *b, const reel_mesh *mesh, int size, int64_t f
 }
 
 /* Weights by distance. They add up to 1, whatever is learned. */
-REEL_INLINE void start_weights(batch *b, int size) {
+TARGET REEL_INLINE void NAMED(start_weights)(NAMED(batch) *b, int size) {
     lane sum = {0};
     for (int j = 0; j < size; j++) {
         FOR_PARTS(p) sum[p] += b->prior[j][p];
@@ -48,7 +52,7 @@ REEL_INLINE void start_weights(batch *b, int size) {
 }
 
 /* Adds a share of their variance by distance, which leaves their sum alone. */
-REEL_INLINE void add_variance(batch *b, int size, const lane *by_distance, float share) {
+TARGET REEL_INLINE void NAMED(add_variance)(NAMED(batch) *b, int size, const lane *by_distance, float share) {
     for (int i = 0; i < size; i++) {
         for (int j = 0; j < i; j++) {
             FOR_PARTS(p) b->variance[i][j][p] -= share * (by_distance[i][p] * b->prior[j][p]);
@@ -58,7 +62,7 @@ REEL_INLINE void add_variance(batch *b, int size, const lane *by_distance, float
     }
 }
 
-REEL_INLINE void predict(const batch *b, int size, const lane *offset, part *predicted) {
+TARGET REEL_INLINE void NAMED(predict)(const NAMED(batch) *b, int size, const lane *offset, part *predicted) {
     FOR_PARTS(p) predicted[p] = (part){0};
     for (int j = 0; j < size; j++) {
         FOR_PARTS(p) predicted[p] += b->weight[j][p] * offset[j][p];
@@ -67,7 +71,7 @@ REEL_INLINE void predict(const batch *b, int size, const lane *offset, part *pre
 
 /* The filter observes a field: the weights go towards what would have predicted it without the
    error. Offsets become those to the prediction. */
-REEL_INLINE void observe(batch *b, int size, lane *offset, const part *predicted,
+TARGET REEL_INLINE void NAMED(observe)(NAMED(batch) *b, int size, lane *offset, const part *predicted,
                          const part *error, const part *noise, float relative) {
     lane gain[MOST], total, energy = {0};
     for (int i = 0; i < size; i++) {
@@ -101,7 +105,7 @@ REEL_INLINE void observe(batch *b, int size, lane *offset, const part *predicted
 }
 
 /* Offsets of a smooth field to the first vertex of the stencil; that of the vertex itself. */
-REEL_INLINE void gather_smooth(const batch *b, int size, const float *smooth, lane *offset,
+TARGET REEL_INLINE void NAMED(gather_smooth)(const NAMED(batch) *b, int size, const float *smooth, lane *offset,
                                part *own) {
     FOR_LANES(l) {
         float base = smooth[(int64_t)b->near[0][l] * REEL_SMOOTH_FIELDS];
@@ -113,11 +117,11 @@ REEL_INLINE void gather_smooth(const batch *b, int size, const float *smooth, la
 }
 
 /* The filter observes the smooth fields of the resolution. */
-REEL_INLINE void observe_smooth(batch *b, int size, const float *smooth) {
+TARGET REEL_INLINE void NAMED(observe_smooth)(NAMED(batch) *b, int size, const float *smooth) {
     lane offset[REEL_SMOOTH_FIELDS][MOST], own[REEL_SMOOTH_FIELDS];
     lane noise = {0}, predicted, error;
     for (int f = 0; f < REEL_SMOOTH_FIELDS; f++) {
-        gather_smooth(b, size, smooth + f, offset[f], own[f]);
+        NAMED(gather_smooth)(b, size, smooth + f, offset[f], own[f]);
         for (int j = 0; j < size; j++) {
             FOR_PARTS(p) {
                 part apart = b->real[j][p] * (offset[f][j][p] - own[f][p]);
@@ -127,63 +131,63 @@ REEL_INLINE void observe_smooth(batch *b, int size, const float *smooth) {
     }
     FOR_PARTS(p) noise[p] = SMOOTH_NOISE / (float)size * noise[p] + SMOOTH_FLOOR;
     for (int f = 0; f < REEL_SMOOTH_FIELDS; f++) {
-        predict(b, size, offset[f], predicted);
+        NAMED(predict)(b, size, offset[f], predicted);
         FOR_PARTS(p) error[p] = own[f][p] - predicted[p];
-        observe(b, size, offset[f], predicted, error, noise, 0.0F);
+        NAMED(observe)(b, size, offset[f], predicted, error, noise, 0.0F);
     }
 }
 
 /* Offsets of values, which stand `stride` apart, to the first vertex of the stencil. */
-REEL_INLINE void gather(const batch *b, int size, const double *values, int64_t stride,
+TARGET REEL_INLINE void NAMED(gather)(const NAMED(batch) *b, int size, const double *values, int64_t stride,
                         double *base, lane *offset) {
     FOR_LANES(l) base[l] = values[b->near[0][l] * stride];
     for (int j = 0; j < size; j++) {
-        float found[REEL_LANES];
+        float found[REEL_BATCH];
         FOR_LANES(l) found[l] = (float)(values[b->near[j][l] * stride] - base[l]);
         reel_copy(offset[j], found, sizeof found);
     }
 }
 
 /* The filter observes the first modes of the key block. */
-REEL_INLINE void observe_key(batch *b, int size, const reel_fields *fields) {
+TARGET REEL_INLINE void NAMED(observe_key)(NAMED(batch) *b, int size, const reel_fields *fields) {
     lane offset[MOST], predicted, error, noise;
-    double base[REEL_LANES];
+    double base[REEL_BATCH];
     int64_t n_modes = fields->n_key < fields->n_learned ? fields->n_key : fields->n_learned;
     FOR_PARTS(p) noise[p] = ROUNDING_NOISE + (part){0};
     for (int64_t k = 0; k < n_modes; k++) {
         const double *key = fields->key + k;
-        gather(b, size, key, fields->n_key, base, offset);
-        predict(b, size, offset, predicted);
+        NAMED(gather)(b, size, key, fields->n_key, base, offset);
+        NAMED(predict)(b, size, offset, predicted);
         FOR_LANES(l) AT(error, l) = (float)(key[b->own[l] * fields->n_key] - base[l]);
         FOR_PARTS(p) error[p] -= predicted[p];
-        observe(b, size, offset, predicted, error, noise, RELATIVE_NOISE / (float)size);
+        NAMED(observe)(b, size, offset, predicted, error, noise, RELATIVE_NOISE / (float)size);
     }
 }
 
 /* What is known about the weights before the block. */
-REEL_INLINE void prepare(batch *b, int size, const reel_fields *fields, const float *smooth) {
+TARGET REEL_INLINE void NAMED(prepare)(NAMED(batch) *b, int size, const reel_fields *fields, const float *smooth) {
     lane by_distance[MOST];
-    start_weights(b, size);
+    NAMED(start_weights)(b, size);
     reel_copy(by_distance, b->weight, sizeof by_distance);
     for (int i = 0; i < size; i++) {
         reel_zero(b->variance[i], (size_t)(i + 1) * sizeof(lane));
     }
-    add_variance(b, size, by_distance, PRIOR_VARIANCE);
-    observe_smooth(b, size, smooth);
-    add_variance(b, size, by_distance, PRIOR_KEPT * PRIOR_VARIANCE);
-    observe_key(b, size, fields);
+    NAMED(add_variance)(b, size, by_distance, PRIOR_VARIANCE);
+    NAMED(observe_smooth)(b, size, smooth);
+    NAMED(add_variance)(b, size, by_distance, PRIOR_KEPT * PRIOR_VARIANCE);
+    NAMED(observe_key)(b, size, fields);
 }
 
 /* Chooses the residuals of a mode at the vertices of a batch; false if one is too large. */
-REEL_INLINE bool choose(const batch *b, int size, bool is_plain, bool is_shaped, int64_t k,
+TARGET REEL_INLINE bool NAMED(choose)(const NAMED(batch) *b, int size, bool is_plain, bool is_shaped, int64_t k,
                         reel_fields *fields, const reel_choice *choice, const double *expected) {
-    double base[REEL_LANES], aim[REEL_LANES];
+    double base[REEL_BATCH], aim[REEL_BATCH];
     const double *wanted = choice->wanted + k;
     FOR_LANES(l) aim[l] = wanted[b->own[l] * fields->n_modes];
     if (is_shaped) {
         lane offset[MOST], predicted;
-        gather(b, size, wanted, fields->n_modes, base, offset);
-        predict(b, size, offset, predicted);
+        NAMED(gather)(b, size, wanted, fields->n_modes, base, offset);
+        NAMED(predict)(b, size, offset, predicted);
         FOR_LANES(l) {
             double feedback = choice->gain * (expected[l] - (base[l] + (double)AT(predicted, l)));
             bool is_small = feedback <= LARGEST_FEEDBACK && feedback >= -LARGEST_FEEDBACK;
@@ -202,19 +206,19 @@ REEL_INLINE bool choose(const batch *b, int size, bool is_plain, bool is_shaped,
 }
 
 /* All modes at the vertices of a batch; false if a residual is too large. */
-REEL_INLINE bool code_batch(batch *b, int size, bool is_plain, bool is_shaped,
+TARGET REEL_INLINE bool NAMED(code_batch)(NAMED(batch) *b, int size, bool is_plain, bool is_shaped,
                             reel_fields *fields, const reel_choice *choice) {
     lane offset[MOST], predicted = {0}, error, noise;
-    double base[REEL_LANES] = {0}, expected[REEL_LANES];
+    double base[REEL_BATCH] = {0}, expected[REEL_BATCH];
     int64_t n_modes = fields->n_modes;
     FOR_PARTS(p) noise[p] = ROUNDING_NOISE + (part){0};
     for (int64_t k = 0; k < n_modes; k++) {
         if (size) {
-            gather(b, size, fields->values + k, n_modes, base, offset);
-            predict(b, size, offset, predicted);
+            NAMED(gather)(b, size, fields->values + k, n_modes, base, offset);
+            NAMED(predict)(b, size, offset, predicted);
         }
         FOR_LANES(l) expected[l] = base[l] + (double)AT(predicted, l);
-        if (choice && !choose(b, size, is_plain, is_shaped, k, fields, choice, expected)) {
+        if (choice && !NAMED(choose)(b, size, is_plain, is_shaped, k, fields, choice, expected)) {
             return false;
         }
         FOR_LANES(l) {
@@ -223,27 +227,27 @@ REEL_INLINE bool code_batch(batch *b, int size, bool is_plain, bool is_shaped,
             fields->values[b->own[l] * n_modes + k] = expected[l] + (double)residual;
         }
         if (size && k < fields->n_learned) {
-            observe(b, size, offset, predicted, error, noise, RELATIVE_NOISE / (float)size);
+            NAMED(observe)(b, size, offset, predicted, error, noise, RELATIVE_NOISE / (float)size);
         }
     }
     return true;
 }
 
-REEL_INLINE bool code_level(const reel_mesh *mesh, reel_fields *fields, const reel_choice *choice,
+TARGET REEL_INLINE bool NAMED(code_level)(const reel_mesh *mesh, reel_fields *fields, const reel_choice *choice,
                             int64_t level, int64_t first, int64_t last, int size) {
-    batch b;
+    NAMED(batch) b;
     const float *smooth = mesh->smooth + mesh->smooth_starts[level] * REEL_SMOOTH_FIELDS;
     bool is_shaped = choice && size && level >= choice->first_shaped;
     bool is_plain = choice && (level == 0 || choice->price == 0.0);
-    for (int64_t n = 0; first < last; first += REEL_LANES, n++) {
+    for (int64_t n = 0; first < last; first += REEL_BATCH, n++) {
         if (choice && n % COUNTED_BATCHES == 0) {
             set_zones(choice, fields->n_modes, is_plain);
         }
-        load_batch(&b, mesh, size, first, last);
+        NAMED(load_batch)(&b, mesh, size, first, last);
         if (size) {
-            prepare(&b, size, fields, smooth);
+            NAMED(prepare)(&b, size, fields, smooth);
         }
-        if (!code_batch(&b, size, is_plain, is_shaped, fields, choice)) {
+        if (!NAMED(code_batch)(&b, size, is_plain, is_shaped, fields, choice)) {
             return false;
         }
     }
@@ -251,7 +255,7 @@ REEL_INLINE bool code_level(const reel_mesh *mesh, reel_fields *fields, const re
 }
 
 /* Vertices first..last-1, level after level. Full stencils have code of their own. */
-static int64_t code(const reel_mesh *mesh, reel_fields *fields, const reel_choice *choice,
+TARGET static int64_t NAMED(code)(const reel_mesh *mesh, reel_fields *fields, const reel_choice *choice,
                     int64_t first, int64_t last) {
     for (int64_t level = 0; level < mesh->n_levels; level++) {
         int64_t start = mesh->level_starts[level], stop = mesh->level_starts[level + 1];
@@ -265,9 +269,9 @@ static int64_t code(const reel_mesh *mesh, reel_fields *fields, const reel_choic
             fade(choice, fields->n_modes);
         }
         bool done = size == MOST && choice
-                        ? code_level(mesh, fields, choice, level, start, stop, MOST)
-                    : size == MOST ? code_level(mesh, fields, NULL, level, start, stop, MOST)
-                                   : code_level(mesh, fields, choice, level, start, stop, size);
+                        ? NAMED(code_level)(mesh, fields, choice, level, start, stop, MOST)
+                    : size == MOST ? NAMED(code_level)(mesh, fields, NULL, level, start, stop, MOST)
+                                   : NAMED(code_level)(mesh, fields, choice, level, start, stop, size);
         if (!done) {
             return reel_failure(REEL_INVALID, (uint64_t)level);
         }
@@ -275,5 +279,8 @@ static int64_t code(const reel_mesh *mesh, reel_fields *fields, const reel_choic
     return 0;
 }
 
+#undef PARTS
+#undef part
+#undef lane
 #undef FOR_PARTS
 #undef AT

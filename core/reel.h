@@ -49,17 +49,43 @@ REEL_API int64_t reel_integers_decode(void *memory, size_t memory_size, const ui
                                       size_t size, const int64_t *lengths, const int32_t *tables,
                                       int64_t n_rows, int64_t n_tables, int32_t *values);
 
-/* ---- Prediction of fields over the mesh ---- */
+/* What follows from connectivity.
 
+   The vertices next to each vertex of a mesh: those of v are near[starts[v]] .. near[starts[v + 1]
+   - 1], ascending, each once. `faces` has 3 n_faces numbers of vertices, at most (2^31 - 1) / 6
+   faces; `starts` has n_verts + 1 places, `near` 6 n_faces. Returns how many of `near` are used. */
+REEL_API size_t reel_adjacency_memory(int64_t n_verts, int64_t n_faces);
+REEL_API int64_t reel_adjacency(void *memory, size_t memory_size, const int32_t *faces,
+                                int64_t n_faces, int64_t n_verts, int32_t *starts, int32_t *near);
+
+/* The hierarchy of a graph, from `reel_adjacency`: all vertices level after level, the coarsest
+   resolution first, `order`. This is the coding order; from here on vertices have their places in
+   it. Where each level begins, and the end, `level_starts`; the resolution of each level, 0 is the
+   coarsest. Of each vertex the stencil_size (1..REEL_MAX_STENCIL) ones that predict it, -1 where
+   there are no more, and how many edges of the resolution away they are. Level 0 has none, all
+   other vertices have at least one. The smooth fields of the resolutions but the coarsest, the
+   finest last: of vertex v in row smooth_starts[level] + v; at most REEL_SMOOTH_ROWS n_verts
+   rows. Returns the number of levels. `n_near` is starts[n_verts]. */
+#define REEL_MAX_STENCIL 16
+#define REEL_MAX_RESOLUTIONS 20 /* above the coarsest */
+#define REEL_MAX_LEVELS (1 + 3 * REEL_MAX_RESOLUTIONS)
 #define REEL_SMOOTH_FIELDS 16
+#define REEL_SMOOTH_ROWS 4
+REEL_API size_t reel_hierarchy_memory(int64_t n_verts, int64_t n_near);
+REEL_API int64_t reel_hierarchy(void *memory, size_t memory_size, const int32_t *starts,
+                                const int32_t *near, int64_t n_verts, int64_t stencil_size,
+                                int32_t *order, int32_t *level_starts, int32_t *level_resolutions,
+                                int64_t *smooth_starts, int32_t *stencil, uint8_t *hops,
+                                float *smooth);
 
-/* The hierarchy of a mesh. Vertices are numbered in coding order: coarsest resolution first, level
-   after level. Level 0 has no stencils; all other vertices have at least one in theirs. */
+/* Prediction of fields over the mesh.
+
+   The hierarchy of a mesh, from `reel_hierarchy`. Vertices are numbered in coding order. */
 typedef struct {
     int64_t n_verts;
     int64_t n_levels;
     int64_t stencil_size;         /* S, 1..16 */
-    const int64_t *level_starts;  /* n_levels + 1 */
+    const int32_t *level_starts;  /* n_levels + 1 */
     const int64_t *smooth_starts; /* n_levels: first row of the smooth fields of its resolution */
     const int32_t *stencil;       /* n_verts x S: lower numbers, nearest first; -1 behind the last */
     const uint8_t *hops;          /* n_verts x S: 1..3 edges of the resolution */
@@ -92,6 +118,29 @@ REEL_API int64_t reel_predict_decode(const reel_mesh *mesh, reel_fields *fields,
                                      int64_t last);
 REEL_API int64_t reel_predict_encode(const reel_mesh *mesh, reel_fields *fields,
                                      const reel_choice *choice, int64_t first, int64_t last);
+
+/* How modes move, and the frames that they make.
+
+   Basis vectors of length 1 (or 0), n_modes at each of n_frames times on x, then y, then z, from
+   integers as they are coded: of each mode all times of x, then of y, then of z. */
+REEL_API size_t reel_basis_memory(int64_t n_frames);
+REEL_API int64_t reel_basis(void *memory, size_t memory_size, const int32_t *integers,
+                            int64_t n_modes, int64_t n_frames, double *basis);
+
+/* Frames wanted[0 .. n_wanted - 1] of a block, in the order of the vertices of the fields, or if
+   `order` is not NULL with vertex order[i] of the fields as vertex i. Corrections, unless
+   correction_starts is NULL: those of wanted frame i are from correction_starts[i] to the next,
+   each of a vertex as it is written, `corrected`, ascending, with three numbers of `moves`. The
+   placement is scale and origin. Layouts: positions x, y, z of each vertex as 4 or 8 byte floats;
+   or all x, then y, then z of the frames, neither scaled nor moved, as 8 byte floats. */
+enum reel_layout { REEL_AXES = 0, REEL_POSITIONS_4 = 4, REEL_POSITIONS_8 = 8 };
+REEL_API size_t reel_frames_memory(int64_t n_modes, int64_t n_wanted);
+REEL_API int64_t reel_frames(void *memory, size_t memory_size, const double *basis,
+                             const double *fields, const int32_t *order, int64_t n_frames,
+                             int64_t n_modes, int64_t n_verts, const int32_t *wanted,
+                             int64_t n_wanted, const int64_t *correction_starts,
+                             const int32_t *corrected, const double *moves,
+                             const double *placement, int64_t layout, void *out);
 
 #ifdef __cplusplus
 }

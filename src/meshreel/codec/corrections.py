@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.codec.frame_products import FramesOf
+from meshreel.kernel.frames import Moves
 from meshreel.runtime.profiling import staged
 
 Floats = npt.NDArray[np.float64]
@@ -38,6 +39,14 @@ class Corrections:
     def moves(self) -> Floats:
         """Displacements of shape (N, 3), in diagonals."""
         return np.asarray(self.offsets * float(self.step))
+
+
+def moves_by_frame(corrections: Corrections, n_frames: int) -> Moves:
+    """The corrections of each frame of a block of so many, by ascending vertices."""
+    order = np.lexsort((corrections.vertices, corrections.frames))
+    starts = np.searchsorted(corrections.frames[order], np.arange(n_frames + 1))
+    vertices = corrections.vertices[order].astype(np.int32)
+    return Moves(starts.astype(np.int64), vertices, np.ascontiguousarray(corrections.moves[order]))
 
 
 @staged("corrections")

@@ -7,8 +7,9 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.codec.corrections import Corrections, corrected
+from meshreel.codec.corrections import Corrections, corrected, moves_by_frame
 from meshreel.codec.frame_products import FramesOf, ProductFrames
+from meshreel.kernel.frames import Moves
 from meshreel.runtime.profiling import staged
 from meshreel.runtime.threads import chunks, in_threads
 from meshreel.subspace.trajectories import BoundingFrame, from_matrices
@@ -18,6 +19,9 @@ Integers = npt.NDArray[np.int64]
 
 CHUNK_BYTES = 1 << 22
 """Size of the float64 frames that are computed at a time, which should fit into the cache."""
+
+LEAST_FRAMES = 32
+"""Frames that the core computes at a time, at least: it keeps to few vertices at once."""
 
 
 @dataclass(frozen=True)
@@ -64,6 +68,11 @@ class DecodedBlock:
             return self.frames_of
         return corrected(self.frames_of, self.corrections, None)
 
+    @cached_property
+    def _moves(self) -> Moves | None:
+        found = self.corrections
+        return None if found is None else moves_by_frame(found, self.n_frames)
+
     @staged("frames")
     def fill(self, out: Vertices, first: int, report: Callable[[int], None] | None = None) -> None:
         """Fill an array of shape (T, V, 3) with frames of this block, on all cores.
@@ -76,12 +85,20 @@ class DecodedBlock:
         report : callable, optional
             Called with the number of frames that are done.
         """
+        product = self.modes
+        is_direct = product is not None and product.is_joint and out.flags.c_contiguous
 
         def fill(piece: slice) -> None:
-            matrices = self._final_frames_of(slice(first + piece.start, first + piece.stop))
-            out[piece] = from_matrices(matrices, self.frame, out.dtype)
+            frames = range(first + piece.start, first + piece.stop)
+            if product is not None and is_direct:
+                moves = None if self._moves is None else self._moves.of_frames(frames)
+                product.fill(out[piece], frames, self.frame, moves)
+            else:
+                matrices = self._final_frames_of(slice(frames.start, frames.stop))
+                out[piece] = from_matrices(matrices, self.frame, out.dtype)
 
-        pieces = chunks(len(out), max(1, CHUNK_BYTES // (24 * out.shape[1])))
+        least = LEAST_FRAMES if is_direct else 1
+        pieces = chunks(len(out), max(least, CHUNK_BYTES // (24 * out.shape[1])))
         done = None if report is None else (lambda number: report(pieces[number - 1].stop))
         # Damaged values may overflow; the caller checks whether frames are finite.
         with np.errstate(over="ignore", invalid="ignore"):

@@ -9,13 +9,11 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.kernel.library import call
+from meshreel.kernel.mesh import Hierarchy
 from meshreel.runtime.threads import chunks, in_threads
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
-
-N_SMOOTH_FIELDS = 16
-MAX_STENCIL = 16
 
 CHUNK_VERTICES = 16384
 """Vertices of a level that one thread takes; the encoder counts in each by itself, so that its
@@ -46,50 +44,6 @@ class _Choice(ctypes.Structure):
         ("price", ctypes.c_double),
         *((name, ctypes.c_void_p) for name in ("wanted", "counts", "zones")),
     ]
-
-
-@dataclass(frozen=True)
-class Hierarchy:
-    """The vertices of a mesh in coding order, and what predicts each.
-
-    Attributes
-    ----------
-    level_starts : int64 array of shape (levels + 1,)
-    smooth_starts : int64 array of shape (levels,)
-        First row of the smooth fields of each level's resolution.
-    stencil : int32 array of shape (V, S)
-        Lower numbers, nearest first; -1 behind the last. Level 0 has none.
-    hops : uint8 array of shape (V, S)
-        How many edges of the resolution away they are, 1 to 3.
-    smooth : float32 array of shape (rows, N_SMOOTH_FIELDS)
-    """
-
-    level_starts: Integers
-    smooth_starts: Integers
-    stencil: npt.NDArray[np.int32]
-    hops: npt.NDArray[np.uint8]
-    smooth: npt.NDArray[np.float32]
-
-    @property
-    def n_verts(self) -> int:
-        """V."""
-        return len(self.stencil)
-
-    @property
-    def stretches(self) -> list[list[slice]]:
-        """Vertices in order; the parts of a stretch do not depend on each other.
-
-        A stretch is many small levels in one part, or a large level in several.
-        """
-        found: list[list[slice]] = [[]]
-        for start, stop in pairwise(self.level_starts.tolist()):
-            if stop - start > CHUNK_VERTICES:
-                parts = chunks(stop - start, CHUNK_VERTICES)
-                found += [[slice(start + one.start, start + one.stop) for one in parts], []]
-            else:
-                first = found[-1][0].start if found[-1] else start
-                found[-1] = [slice(first, stop)]
-        return [parts for parts in found if parts]
 
 
 @dataclass(frozen=True)
@@ -174,8 +128,11 @@ def _run(
         n_verts,
         len(mesh.smooth_starts),
         mesh.stencil.shape[1],
-        *map(_address, (mesh.level_starts, mesh.smooth_starts)),
-        *map(_address, (mesh.stencil, mesh.hops, mesh.smooth)),
+        _address(mesh.level_starts),
+        _address(mesh.smooth_starts),
+        _address(mesh.stencil),
+        _address(mesh.hops),
+        _address(mesh.smooth),
     )
     n_key = 0 if key is None else key.shape[1]
     fields = _Fields(n_verts, n_modes, n_learned, n_key, *map(_address, (residuals, values, key)))
@@ -195,7 +152,7 @@ def _run(
         call("reel_predict_encode", *given, part.start, part.stop, what="fields")
         return found
 
-    for parts in mesh.stretches:
+    for parts in stretches(mesh):
         results = [counts] * len(parts)
 
         def fill(number: int, parts: list[slice] = parts, found: list[Floats] = results) -> None:
@@ -211,3 +168,19 @@ def _address(array: npt.NDArray[Any] | None) -> int | None:
         return None
     assert array.flags.c_contiguous  # else what is passed is not what it shows
     return array.ctypes.data
+
+
+def stretches(mesh: Hierarchy) -> list[list[slice]]:
+    """Vertices in order; the parts of a stretch do not depend on each other.
+
+    A stretch is many small levels in one part, or a large level in several.
+    """
+    found: list[list[slice]] = [[]]
+    for start, stop in pairwise(mesh.level_starts.tolist()):
+        if stop - start > CHUNK_VERTICES:
+            parts = chunks(stop - start, CHUNK_VERTICES)
+            found += [[slice(start + one.start, start + one.stop) for one in parts], []]
+        else:
+            first = found[-1][0].start if found[-1] else start
+            found[-1] = [slice(first, stop)]
+    return [parts for parts in found if parts]

@@ -10,7 +10,7 @@ import meshreel
 from meshreel.codec.targets import DEFAULT_QUALITY, Aim, Target, target_of
 from meshreel.connectivity.coder import encode_connectivity
 from meshreel.errors import InvalidInputError
-from meshreel.kernel.predict import MAX_STENCIL
+from meshreel.kernel.mesh import MAX_STENCIL
 from meshreel.reel.agreed.payloads import MAX_LEARNED
 from meshreel.reel.encoding.effort import (
     EFFORTS,

@@ -99,19 +99,6 @@ def test_time_vectors_lie_near_the_truth_when_their_step_is_fine():
     assert np.abs(left).max() < 1e-4
 
 
-def test_time_vectors_have_length_one_when_they_do_something_and_else_none():
-    integers = np.random.default_rng(2).integers(-90, 91, (20, 3 * 4))
-    integers[:, 6:9] = 0
-    vectors = decode_basis(integers)
-    np.testing.assert_allclose(np.linalg.norm(vectors, axis=0), [1, 1, 0, 1], atol=1e-12)
-
-
-def test_axes_of_time_vectors_come_one_after_another_when_integers_are_mode_by_mode():
-    """A single frame: its integers are the vectors, but for their length."""
-    vectors = decode_basis(np.array([[3, 0, 4, 0, 5, 12]]))
-    np.testing.assert_allclose(vectors.T, [[3 / 5, 0, 4 / 5], [0, 5 / 13, 12 / 13]])
-
-
 def test_integers_come_back_from_the_sections_when_a_block_is_written():
     _, mesh, block = analysed(0.0005, sequence=irregular_sequence(20))
     sections = dict(write_field_block(block, mesh))

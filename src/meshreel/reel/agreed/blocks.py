@@ -20,7 +20,7 @@ def write_field_block(
     block: FieldBlock, mesh: FieldMesh, corrections: Corrections | None = None
 ) -> Iterator[tuple[Section, bytes]]:
     """The sections of a block of `reel`."""
-    yield Section.BLOCK, write_block(len(block.basis), block.n_modes)
+    yield Section.BLOCK, write_block(block.basis.shape[2], block.n_modes)
     yield Section.FIELDS, payloads.write_layout(block.layout)
     yield Section.BASIS, payloads.write_basis(block.basis)
     if corrections is not None:

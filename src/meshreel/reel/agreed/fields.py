@@ -9,10 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.kernel.frames import time_vectors
 from meshreel.kernel.predict import decode_values
-from meshreel.reel.agreed.closed_loop import ClosedLoop
 from meshreel.reel.agreed.mesh import FieldMesh
-from meshreel.reel.agreed.timeline import time_predictors
 from meshreel.runtime.profiling import staged
 
 Floats = npt.NDArray[np.float64]
@@ -49,14 +48,14 @@ class FieldBlock:
     Attributes
     ----------
     layout : Layout
-    basis : int64 array of shape (T, 3 K)
-        Residuals of the temporal basis; x, y and z of mode 1, of mode 2, ...
+    basis : int32 array of shape (K, 3, T)
+        Residuals of the temporal basis, as they are coded: the coarsest times are differences.
     fields : int32 array of shape (K, V)
         Residuals of the fields, in coding order.
     """
 
     layout: Layout
-    basis: Integers
+    basis: npt.NDArray[np.int32]
     fields: npt.NDArray[np.int32]
 
     @property
@@ -90,20 +89,9 @@ def decode_fields(block: FieldBlock, mesh: FieldMesh, key: KeyFields | None = No
 
 
 @staged("temporal basis")
-def decode_basis(residuals: Integers) -> Floats:
-    """Temporal basis of shape (3 T, K), each vector of length 1 (or 0), for residuals (T, 3 K)."""
-    n_frames = len(residuals)
-    predictors = time_predictors(n_frames)
-    loop = ClosedLoop(predictors, n_frames, residuals.shape[1], 1.0)
-    return unit_vectors(loop.decode([residuals[predictor.rows] for predictor in predictors]))
-
-
-def unit_vectors(values: Floats) -> Floats:
-    """Vectors of shape (3 T, K) and length 1 (or 0), for values of shape (T, 3 K)."""
-    n_frames, n_modes = len(values), values.shape[1] // 3
-    vectors = values.reshape(n_frames, n_modes, 3).transpose(2, 0, 1).reshape(-1, n_modes)
-    lengths = np.linalg.norm(vectors, axis=0)
-    return np.asarray(vectors / np.where(lengths > 0, lengths, 1.0))
+def decode_basis(coded: npt.NDArray[np.integer]) -> Floats:
+    """Temporal basis of shape (3 T, K), each vector of length 1 (or 0), for integers (K, 3, T)."""
+    return time_vectors(coded).reshape(-1, len(coded))
 
 
 def synthesise_fields(

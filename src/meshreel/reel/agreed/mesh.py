@@ -9,10 +9,8 @@ import numpy.typing as npt
 from scipy.sparse import csr_array
 
 from meshreel.entropy.passes import Pass
-from meshreel.geometry.connectivity import adjacency_matrix
-from meshreel.kernel.predict import Hierarchy
-from meshreel.reel.agreed.hierarchy import Resolution, build_hierarchy
-from meshreel.reel.agreed.smooth import smooth_fields
+from meshreel.kernel.mesh import Hierarchy, Neighbours, hierarchy, neighbours
+from meshreel.reel.agreed.hierarchy import Resolution, resolutions_of
 from meshreel.runtime.profiling import staged
 from meshreel.sequence import Faces
 
@@ -58,15 +56,26 @@ class FieldMesh:
         return shared_field_mesh, self.connectivity
 
     @cached_property
+    def neighbours(self) -> Neighbours:
+        """The vertices next to each vertex."""
+        return neighbours(self.faces, self.n_verts)
+
+    @cached_property
     def adjacency(self) -> csr_array:
         """Binary, of shape (V, V)."""
-        return adjacency_matrix(self.faces, self.n_verts)
+        found, shape = self.neighbours, (self.n_verts, self.n_verts)
+        return csr_array((np.ones(len(found.near)), found.near, found.starts), shape=shape)
 
     @cached_property
     @staged("hierarchy")
+    def hierarchy(self) -> Hierarchy:
+        """All vertices in coding order, and what predicts each."""
+        return hierarchy(self.neighbours, self.stencil_size)
+
+    @cached_property
     def resolutions(self) -> list[Resolution]:
         """The hierarchy of the vertices, from coarse to fine."""
-        return build_hierarchy(self.adjacency, self.stencil_size)
+        return resolutions_of(self.hierarchy)
 
     @cached_property
     def levels(self) -> list[Integers]:
@@ -79,10 +88,10 @@ class FieldMesh:
             level for resolution in self.resolutions[resolutions] for level in resolution.levels
         ]
 
-    @cached_property
-    def order(self) -> Integers:
+    @property
+    def order(self) -> npt.NDArray[np.int32]:
         """The vertices in coding order: coarsest resolution first, level after level."""
-        return np.concatenate([resolution.predicted for resolution in self.resolutions])
+        return self.hierarchy.order
 
     @cached_property
     def number(self) -> Integers:
@@ -90,30 +99,6 @@ class FieldMesh:
         number = np.empty(self.n_verts, np.int64)
         number[self.order] = np.arange(self.n_verts)
         return number
-
-    @cached_property
-    @staged("stencils")
-    def hierarchy(self) -> Hierarchy:
-        """All that predicts fields, in coding order."""
-        number = self.number
-        stencil = np.full((self.n_verts, self.stencil_size), -1, np.int32)
-        hops = np.zeros((self.n_verts, self.stencil_size), np.uint8)
-        smooth, starts, n_rows = [], [], 0
-        for resolution in self.resolutions:
-            rows, size = number[resolution.predicted], resolution.stencil.shape[1]
-            near = resolution.stencil
-            stencil[rows, :size] = np.where(near >= 0, number[near], -1)
-            hops[rows, :size] = resolution.hops
-            smooth.append(smooth_fields(resolution)[np.argsort(number[resolution.members])])
-            starts += [n_rows] * len(resolution.levels)
-            n_rows += len(resolution.members)
-        return Hierarchy(
-            np.concatenate([[0], np.cumsum([len(level) for level in self.levels])]),
-            np.array(starts, np.int64),
-            stencil,
-            hops,
-            np.concatenate(smooth),
-        )
 
     @cached_property
     @staged("coding passes")

@@ -10,9 +10,9 @@ from meshreel.entropy.coder import decode_integers, encode_integers
 from meshreel.entropy.field_coder import decode_fields, encode_fields
 from meshreel.entropy.varint import read_varint, write_varint
 from meshreel.errors import CorruptStreamError, TruncatedStreamError, UnsupportedVersionError
-from meshreel.kernel.predict import MAX_STENCIL
+from meshreel.kernel.mesh import MAX_STENCIL
 from meshreel.reel.agreed.fields import Layout
-from meshreel.reel.agreed.timeline import COARSEST, time_passes
+from meshreel.reel.agreed.timeline import time_passes
 from meshreel.runtime.profiling import staged
 
 Integers = npt.NDArray[np.int64]
@@ -75,21 +75,17 @@ def read_layout(payload: bytes) -> Layout:
 
 
 @staged("temporal basis")
-def write_basis(residuals: Integers) -> bytes:
-    """Bytes of residuals of the temporal basis, (T, 3 K); the coarsest times are differenced."""
-    n_frames = len(residuals)
-    rows = residuals.T.copy()
-    rows[:, ::COARSEST] = np.diff(rows[:, ::COARSEST], axis=1, prepend=0)
-    return encode_fields(rows.reshape(-1, 3 * n_frames), time_passes(n_frames))
+def write_basis(coded: npt.NDArray[np.integer]) -> bytes:
+    """Bytes of residuals of the temporal basis, (K, 3, T); the coarsest times are differences."""
+    n_modes, _, n_frames = coded.shape
+    return encode_fields(coded.reshape(n_modes, 3 * n_frames), time_passes(n_frames))
 
 
 @staged("temporal basis")
-def read_basis(payload: bytes, n_modes: int, n_frames: int) -> Integers:
+def read_basis(payload: bytes, n_modes: int, n_frames: int) -> npt.NDArray[np.int32]:
     """Undo `write_basis`."""
     coded = decode_fields(payload, n_modes, 3 * n_frames, time_passes(n_frames))
-    rows = coded.reshape(3 * n_modes, n_frames)
-    rows[:, ::COARSEST] = np.cumsum(rows[:, ::COARSEST], axis=1)
-    return rows.T
+    return coded.reshape(n_modes, 3, n_frames).astype(np.int32)
 
 
 @staged("corrections")

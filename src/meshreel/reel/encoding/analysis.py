@@ -9,7 +9,7 @@ from meshreel.kernel.predict import Choice, encode_values
 from meshreel.reel.agreed.closed_loop import ClosedLoop
 from meshreel.reel.agreed.fields import FieldBlock, KeyFields, Layout, decode_basis
 from meshreel.reel.agreed.mesh import FieldMesh
-from meshreel.reel.agreed.timeline import time_predictors
+from meshreel.reel.agreed.timeline import COARSEST, time_predictors
 from meshreel.reel.encoding.rate_distortion import FAIR_PRICE, quantize_by_rate
 from meshreel.runtime.profiling import staged
 from meshreel.runtime.threads import chunks, in_background, in_threads
@@ -116,7 +116,7 @@ def analyse_fields(
     step = np.float32(choices.position_step * np.sqrt(n_frames))
     hierarchy = in_background(lambda: mesh.hierarchy)  # where it is not known yet
     basis = _quantized_basis(frames, float(step), choices)
-    n_modes = basis.shape[1] // 3
+    n_modes = len(basis)
     vectors = decode_basis(basis)
     layout = Layout(step, choices.stencil_size, choices.n_learned, reference)
     hierarchy.result()
@@ -144,8 +144,10 @@ def _projected(vectors: Floats, matrices: Floats) -> Floats:
 
 
 @staged("temporal basis")
-def _quantized_basis(frames: BlockFrames, step: float, choices: FieldChoices) -> Integers:
-    """Residuals of the temporal basis, of shape (T, 3 K), without modes that are all 0."""
+def _quantized_basis(
+    frames: BlockFrames, step: float, choices: FieldChoices
+) -> npt.NDArray[np.int32]:
+    """Residuals of the temporal basis, of shape (K, 3, T), without modes that are all 0."""
     n_frames, n_verts = frames.matrices.shape[1:]
     strengths, vectors = frames.trajectories(choices.least_rms * step * float(np.sqrt(n_verts)))
     strengths, vectors = strengths[: choices.n_modes], vectors[:, : choices.n_modes]
@@ -164,7 +166,9 @@ def _quantized_basis(frames: BlockFrames, step: float, choices: FieldChoices) ->
     by_mode = integers.reshape(n_frames, n_kept, 3)
     does_something = np.asarray(by_mode.any(axis=(0, 2)))
     does_something[0] = True
-    return by_mode[:, does_something].reshape(n_frames, -1)
+    coded = by_mode[:, does_something].transpose(1, 2, 0).astype(np.int32)
+    coded[:, :, ::COARSEST] = np.diff(coded[:, :, ::COARSEST], axis=2, prepend=0)
+    return coded
 
 
 @staged("fields")

@@ -1,24 +1,22 @@
 """Resolutions and levels of vertices, checked against distances that SciPy finds."""
 
+from collections import Counter
 from itertools import pairwise
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from scipy.sparse.csgraph import connected_components, shortest_path
 
-from meshreel.geometry.connectivity import adjacency_matrix, component_labels
-from meshreel.reel.agreed.hierarchy import (
-    LARGEST_PASSAGE,
-    MAX_RESOLUTIONS,
-    N_COLOURS,
-    REACH,
-    build_hierarchy,
-    nearest_earlier,
-    scattered,
-)
+from meshreel.geometry.connectivity import component_labels
+from meshreel.kernel.mesh import MAX_RESOLUTIONS
+from meshreel.reel.agreed.mesh import FieldMesh
 from samples.meshes import grid_faces, octahedron_faces
+from samples.resolutions import coarser_graph, edges_of, graphs_of, scattered
 
 SIZE = 7
+N_COLOURS, REACH, LARGEST_PASSAGE, MOST_PATHS = 3, 3, 24, 15
 
 
 def several_components():
@@ -46,10 +44,12 @@ MESHES = {
     "grid": (grid_faces(20, 9), 180),
     "isolated": (np.zeros((1, 3), np.int64), 5),
 }
-SCALES = {
-    name: build_hierarchy(adjacency_matrix(faces, n_verts), SIZE)
+FIELD_MESHES = {
+    name: FieldMesh(np.asarray(faces, np.int32), n_verts, SIZE)
     for name, (faces, n_verts) in MESHES.items()
 }
+SCALES = {name: mesh.resolutions for name, mesh in FIELD_MESHES.items()}
+GRAPHS = {name: graphs_of(mesh) for name, mesh in FIELD_MESHES.items()}
 every_mesh = pytest.mark.parametrize("name", MESHES)
 
 
@@ -60,7 +60,9 @@ def place_of(resolution, vertices):
 
 
 def coarser_and_finer(name):
-    return list(pairwise(SCALES[name]))
+    """Pairs of resolutions, with the graph of the finer one and that of the coarser."""
+    scales = zip(pairwise(SCALES[name]), pairwise(GRAPHS[name]), strict=True)
+    return [(*resolutions, *graphs[::-1]) for resolutions, graphs in scales]
 
 
 @every_mesh
@@ -72,7 +74,7 @@ def test_levels_hold_every_vertex_once_when_all_scales_are_taken_together(name):
 
 @every_mesh
 def test_members_are_those_of_the_coarser_scale_and_the_targets_when_a_scale_follows(name):
-    for coarser, resolution in coarser_and_finer(name):
+    for coarser, resolution in pairwise(SCALES[name]):
         together = np.concatenate([coarser.members, resolution.predicted])
         assert sorted(together) == resolution.members.tolist()
         assert len(resolution.predicted) > 0
@@ -82,38 +84,35 @@ def test_members_are_those_of_the_coarser_scale_and_the_targets_when_a_scale_fol
 def test_finest_scale_is_the_mesh_when_the_coarsest_comes_first(name):
     finest = SCALES[name][-1]
     assert finest.members.tolist() == list(range(MESHES[name][1]))
-    assert abs(finest.adjacency - adjacency_matrix(*MESHES[name])).nnz == 0
+    found = FIELD_MESHES[name].adjacency.toarray() > 0
+    np.testing.assert_array_equal(found, GRAPHS[name][-1])
 
 
 @every_mesh
 def test_members_of_the_coarser_scale_are_independent_and_no_more_fit(name):
-    for coarser, resolution in coarser_and_finer(name):
+    for coarser, resolution, graph, _ in coarser_and_finer(name):
         kept, added = (
             place_of(resolution, coarser.members),
             place_of(resolution, resolution.predicted),
         )
-        assert resolution.adjacency[kept][:, kept].nnz == 0
-        assert (resolution.adjacency[added][:, kept].sum(axis=1) > 0).all()
+        assert not graph[np.ix_(kept, kept)].any()
+        assert graph[np.ix_(added, kept)].any(axis=1).all()
 
 
 @every_mesh
 def test_coarser_neighbours_are_at_most_three_edges_apart_when_cells_touch(name):
     """Cells have a radius of one edge; all who are two edges apart need not touch."""
-    for coarser, resolution in coarser_and_finer(name):
+    for coarser, resolution, graph, near in coarser_and_finer(name):
         kept = place_of(resolution, coarser.members)
-        dense = resolution.adjacency.toarray()  # older SciPy takes no sparse one with wide indices
-        distance = shortest_path(dense, unweighted=True)[np.ix_(kept, kept)]
-        near = coarser.adjacency.toarray() > 0
+        distance = shortest_path(graph, unweighted=True)[np.ix_(kept, kept)]
         assert set(distance[near]) <= {2, 3}
-        np.testing.assert_array_equal(near, near.T)
-        assert not near.diagonal().any()
 
 
 @every_mesh
 def test_components_stay_what_they_were_when_scales_grow_coarser(name):
     _, labels = component_labels(*MESHES[name])
-    for resolution in SCALES[name]:
-        n_here, here = connected_components(resolution.adjacency, directed=False)
+    for resolution, graph in zip(SCALES[name], GRAPHS[name], strict=True):
+        n_here, here = connected_components(graph, directed=False)
         pairs = set(zip(here.tolist(), labels[resolution.members].tolist(), strict=True))
         assert len(pairs) == n_here == labels.max() + 1
 
@@ -123,14 +122,15 @@ def test_coarsest_scale_has_one_vertex_of_each_component_when_no_edge_is_left(na
     _, labels = component_labels(*MESHES[name])
     coarsest = SCALES[name][0]
     assert sorted(labels[coarsest.predicted]) == list(range(labels.max() + 1))
-    assert coarsest.stencil.shape == (len(coarsest.predicted), 0)
+    assert (coarsest.stencil == -1).all()
+    assert not coarsest.hops.any()
     assert len(coarsest.levels) == 1
 
 
 def test_scales_have_an_end_when_they_hardly_grow_coarser():
     """A hub that is never kept: each resolution loses a vertex or two."""
     faces, n_verts = book(400)
-    resolutions = build_hierarchy(adjacency_matrix(faces, n_verts), SIZE)
+    resolutions = FieldMesh(faces.astype(np.int32), n_verts, SIZE).resolutions
     assert len(resolutions) <= MAX_RESOLUTIONS + 1
     assert sorted(np.concatenate([resolution.predicted for resolution in resolutions])) == list(
         range(n_verts)
@@ -139,26 +139,24 @@ def test_scales_have_an_end_when_they_hardly_grow_coarser():
 
 @every_mesh
 def test_no_two_neighbours_share_a_level_when_it_is_not_the_last_colour(name):
-    for resolution in SCALES[name]:
+    for resolution, graph in zip(SCALES[name], GRAPHS[name], strict=True):
         assert 1 <= len(resolution.levels) <= N_COLOURS
         for level in resolution.levels[: N_COLOURS - 1]:
             places = place_of(resolution, level)
-            assert resolution.adjacency[places][:, places].nnz == 0
+            assert not graph[np.ix_(places, places)].any()
 
 
 @every_mesh
 def test_each_level_takes_as_many_as_fit_when_others_come_later(name):
-    for resolution in SCALES[name]:
+    for resolution, graph in zip(SCALES[name], GRAPHS[name], strict=True):
         for number, level in enumerate(resolution.levels[:-1]):
             later = place_of(resolution, np.concatenate(resolution.levels[number + 1 :]))
-            assert (
-                resolution.adjacency[later][:, place_of(resolution, level)].sum(axis=1) > 0
-            ).all()
+            assert graph[np.ix_(later, place_of(resolution, level))].any(axis=1).all()
 
 
-def passable_distance(adjacency):
+def passable_distance(graph):
     """Edges from each vertex to each on paths that pass through no hub."""
-    dense = adjacency.toarray().astype(float)
+    dense = graph.astype(float)
     is_hub = dense.sum(axis=1) > LARGEST_PASSAGE
     onward = dense.copy()
     onward[is_hub] = 0
@@ -171,19 +169,20 @@ def passable_distance(adjacency):
 
 @every_mesh
 def test_stencils_are_the_nearest_of_earlier_levels_when_checked_by_distance(name):
-    for coarser, resolution in coarser_and_finer(name):
-        distance = passable_distance(resolution.adjacency)
+    for coarser, resolution, graph, _ in coarser_and_finer(name):
+        distance = passable_distance(graph)
         known, row = coarser.members, 0
         for level in resolution.levels:
             for vertex in level:
                 far = distance[
                     place_of(resolution, [vertex])[0], place_of(resolution, np.sort(known))
                 ]
-                order = np.argsort(far, kind="stable")[: (far <= REACH).sum()][:SIZE]
-                filling = SIZE - len(order)
-                wanted = [*np.sort(known)[order], *[-1] * filling]
-                assert resolution.stencil[row].tolist() == wanted
-                assert resolution.hops[row].tolist() == [*far[order], *[0] * filling]
+                wanted = np.sort(far[far <= REACH])[:SIZE]
+                found = resolution.stencil[row, : len(wanted)]
+                assert far[np.searchsorted(np.sort(known), found)].tolist() == wanted.tolist()
+                assert len(set(found.tolist())) == len(found)
+                filling = [0] * (SIZE - len(wanted))
+                assert resolution.hops[row].tolist() == [*wanted, *filling]
                 row += 1
             known = np.concatenate([known, level])
         assert row == len(resolution.stencil)
@@ -221,82 +220,98 @@ def test_some_stencils_are_full_and_some_are_not_when_the_meshes_here_are_taken(
 
 def test_scales_are_the_same_when_faces_come_in_another_order():
     faces, n_verts = MESHES["components"]
-    turned = np.roll(faces[::-1], 1, axis=1)
-    again = build_hierarchy(adjacency_matrix(turned, n_verts), SIZE)
+    turned = np.roll(faces[::-1], 1, axis=1).astype(np.int32)
+    again = FieldMesh(turned, n_verts, SIZE).resolutions
     for one, other in zip(SCALES["components"], again, strict=True):
         for name in ("members", "predicted", "stencil", "hops"):
             np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
 
 
 def test_stencils_begin_alike_when_they_may_be_longer():
-    adjacency = adjacency_matrix(*MESHES["components"])
-    for short, long in zip(SCALES["components"], build_hierarchy(adjacency, SIZE + 4), strict=True):
+    faces, n_verts = MESHES["components"]
+    longer = FieldMesh(faces.astype(np.int32), n_verts, SIZE + 4).resolutions
+    for short, long in zip(SCALES["components"], longer, strict=True):
         np.testing.assert_array_equal(long.stencil[:, :SIZE], short.stencil)
-
-
-@pytest.mark.parametrize("key_bits", [1, 12, 19])
-def test_nearest_are_the_same_when_predicted_are_looked_at_in_pieces(key_bits, monkeypatch):
-    graph = adjacency_matrix(*MESHES["components"])
-    rng = np.random.default_rng(2)
-    level_of, predicted = rng.integers(0, 4, 233), rng.permutation(233)[:90]
-    whole = nearest_earlier(graph, level_of, predicted, 4)
-    monkeypatch.setattr("meshreel.reel.agreed.hierarchy.KEY_BITS", key_bits)
-    for one, other in zip(nearest_earlier(graph, level_of, predicted, 4), whole, strict=True):
-        np.testing.assert_array_equal(one, other)
-
-
-def test_nothing_is_near_when_no_level_is_lower():
-    graph = adjacency_matrix(*MESHES["grid"])
-    stencil, hops = nearest_earlier(graph, np.zeros(180, np.int64), np.array([3, 8]), 2)
-    assert (stencil.tolist(), hops.tolist()) == ([[-1, -1]] * 2, [[0, 0]] * 2)
-
-
-def test_hash_is_that_of_the_format_when_computed_with_python_integers():
-    numbers = [0, 1, 2, 1000, 2**40, 2**62 + 3]
-    wanted = []
-    for number in numbers:
-        mixed = number * 0x9E3779B97F4A7C15 % 2**64
-        wanted.append((mixed ^ (mixed >> 31)) * 0xBF58476D1CE4E5B9 % 2**64)
-    assert scattered(np.array(numbers)).tolist() == wanted
 
 
 def test_the_vertex_of_the_highest_hash_is_kept_to_the_end_when_the_mesh_is_connected():
     """No vertex outranks it in any resolution."""
     (last,) = SCALES["grid"][0].members
-    assert last == np.argmax(scattered(np.arange(180)))
+    assert last == max(range(180), key=scattered)
 
 
 def taken_in_turn(near, among):
     """Vertices by falling hash, but none next to one that is taken."""
-    hashes = scattered(np.arange(max(near) + 1)).tolist()
     taken = set()
-    for vertex in sorted(among, key=lambda vertex: -hashes[vertex]):
+    for vertex in sorted(among, key=scattered, reverse=True):
         if not near[vertex] & taken:
             taken.add(vertex)
     return taken
 
 
-def levels_from_the_format(near):
-    """A second way to the levels, slow and written from the words of `docs/format.md`."""
-    resolutions = []
-    while any(near.values()) and len(resolutions) < MAX_RESOLUTIONS:
+def nearest_from_the_format(near, vertex, earlier):
+    """The stencil of a vertex, and how far away its vertices are."""
+    found, seen, ring = [], {vertex}, {vertex: 1}
+    for hops in range(1, REACH + 1):
+        passed = [v for v in ring if hops == 1 or len(near[v]) <= LARGEST_PASSAGE]
+        paths = Counter()
+        for one in passed:
+            paths.update(dict.fromkeys(near[one] - seen, ring[one]))
+        ring = paths
+        seen |= set(ring)
+        by_paths = sorted(set(ring) & earlier, key=lambda v: (-min(paths[v], MOST_PATHS), v))
+        found += [(v, hops) for v in by_paths]
+    found = found[:SIZE]
+    return found + [(-1, 0)] * (SIZE - len(found))
+
+
+def resolutions_from_the_format(near):
+    """Levels and stencils of all resolutions, slow and from the words of `docs/format.md`."""
+    resolutions, n_left = [], 4 * len(near)
+    while any(near.values()) and len(resolutions) < MAX_RESOLUTIONS and len(near) <= n_left:
+        n_left -= len(near)
         kept = taken_in_turn(near, near)
         left, levels = set(near) - kept, []
         for colour in range(N_COLOURS):
             levels.append(left if colour == N_COLOURS - 1 else taken_in_turn(near, left))
             left = left - levels[-1]
-        resolutions.append([sorted(level) for level in levels if level])
-        cell = {v: v if v in kept else max(near[v] & kept) for v in near}
-        coarser = {v: set() for v in kept}
-        for v, around in near.items():
-            coarser[cell[v]] |= {cell[other] for other in around} - {cell[v]}
-        near = coarser
-    return [[sorted(near)], *resolutions[::-1]]
+        stencils, earlier = [], set(kept)
+        for level in levels:
+            stencils += [nearest_from_the_format(near, v, earlier) for v in sorted(level)]
+            earlier |= level
+        resolutions.append(([sorted(level) for level in levels if level], stencils))
+        near = coarser_graph(near, kept)
+    return [([sorted(near)], [[(-1, 0)] * SIZE] * len(near)), *resolutions[::-1]]
+
+
+def assert_follows_the_format(faces, n_verts):
+    resolutions = FieldMesh(np.asarray(faces, np.int32), n_verts, SIZE).resolutions
+    wanted = resolutions_from_the_format(edges_of(faces, n_verts))
+    assert [[one.tolist() for one in found.levels] for found in resolutions] == [
+        levels for levels, _ in wanted
+    ]
+    for found, (_, stencils) in zip(resolutions, wanted, strict=True):
+        pairs = np.stack([found.stencil, found.hops], axis=2)
+        np.testing.assert_array_equal(pairs, np.reshape(stencils, (-1, SIZE, 2)))
 
 
 @every_mesh
-def test_levels_are_those_of_the_format_when_found_a_second_way(name):
-    adjacency = adjacency_matrix(*MESHES[name])
-    near = {v: set(adjacency[[v]].indices.tolist()) for v in range(MESHES[name][1])}
-    found = [[level.tolist() for level in resolution.levels] for resolution in SCALES[name]]
-    assert found == levels_from_the_format(near)
+def test_hierarchy_is_that_of_the_format_when_found_a_second_way(name):
+    assert_follows_the_format(*MESHES[name])
+
+
+@st.composite
+def tangled_meshes(draw):
+    """Faces among few vertices, at random: hubs, components, degenerate and repeated faces."""
+    n_verts = draw(st.integers(1, 120))
+    rng = np.random.default_rng(draw(st.integers(0, 2**32)))
+    n_faces, spread = draw(st.integers(1, 200)), draw(st.integers(1, 120))
+    faces = rng.integers(0, n_verts, (n_faces, 1)) + rng.integers(0, spread, (n_faces, 3))
+    if draw(st.booleans()):
+        faces[:, 0] = 0
+    return faces % n_verts, n_verts
+
+
+@given(tangled_meshes())
+def test_hierarchy_is_that_of_the_format_when_a_mesh_is_tangled(mesh):
+    assert_follows_the_format(*mesh)

@@ -1,0 +1,96 @@
+/* Smooth fields: what connectivity alone tells of how fields vary over a mesh.
+
+   docs/format.md, "Smooth fields". Random signs diffuse over the graph of a resolution. In IEEE
+   double, in the order of operations that is stated there, with nothing fused: both sides, on every
+   machine, find the same bits. */
+
+#include "smooth.h"
+#include "cpu.h"
+
+#define FIELDS REEL_SMOOTH_FIELDS
+#define TERMS 19
+
+/* c_k = (2 if k > 0, else 1) exp(-12) I_k(12): exp(-12 (1 - w)) is the sum of c_k T_k(w). */
+static const double series[TERMS] = {
+    0x1.dce1bdc8232d5p-4,  0x1.c88eca01f7548p-3,  0x1.90c9f17279f49p-3,  0x1.42f6243124030p-3,
+    0x1.de9dbeb3cfe63p-4,  0x1.46d873ea68172p-4,  0x1.9c7d66e0f2507p-5,  0x1.e26701e7bbbbcp-6,
+    0x1.062d4b88def08p-6,  0x1.09aa8fb7cfa0dp-7,  0x1.f76afdf819befp-9,  0x1.bf452f2e2734bp-10,
+    0x1.75ae4ae1d73adp-11, 0x1.265b91313fe79p-12, 0x1.b658c20e8fffep-14, 0x1.353e554609e80p-15,
+    0x1.9e56bbb81cef0p-17, 0x1.0824165a5f9acp-18, 0x1.411ce06b569e5p-20,
+};
+
+#define LANES 2
+#define TARGET
+#define NAMED(name) name##_2
+#include "smooth_lanes.h"
+#undef LANES
+#undef TARGET
+#undef NAMED
+
+#ifdef REEL_HAS_WIDE
+#define LANES 4
+#define TARGET REEL_TARGET_4
+#define NAMED(name) name##_4
+#include "smooth_lanes.h"
+#undef LANES
+#undef TARGET
+#undef NAMED
+#endif
+
+size_t reel_smoother_room(size_t n) {
+    return 2 * reel_room(n, FIELDS * sizeof(double)) + reel_room(n, sizeof(uint16_t));
+}
+
+reel_smoother reel_take_smoother(reel_arena *arena, size_t n) {
+    return (reel_smoother){
+        .fields = reel_take(arena, n, FIELDS * sizeof(double)),
+        .others = reel_take(arena, n, FIELDS * sizeof(double)),
+        .signs = reel_take(arena, n, sizeof(uint16_t)),
+        .wide = reel_widest() >= 4,
+    };
+}
+
+/* Random signs of all fields: bit f of a vertex is set for a 1, else it is a -1. */
+static void scatter_signs(uint16_t *signs, int32_t n) {
+    for (int32_t v = 0; v < n; v++) {
+        uint32_t bits = 0;
+        for (uint32_t field = 0; field < FIELDS; field++) {
+            uint64_t number = (uint64_t)v * FIELDS + field;
+            bits |= (uint32_t)(reel_scattered(number) >> 63) << field;
+        }
+        signs[v] = (uint16_t)bits;
+    }
+}
+
+static void step(const reel_smoother *own, const reel_graph *graph, double factor, double value) {
+#ifdef REEL_HAS_WIDE
+    if (own->wide) {
+        step_4(own, graph, factor, value);
+        return;
+    }
+#endif
+    step_2(own, graph, factor, value);
+}
+
+/* Smooth fields of the graph: the series of the signs, by Clenshaw's sum from its last term on. */
+static const double *diffuse(const reel_smoother *smoother, const reel_graph *graph) {
+    reel_smoother turn = *smoother;
+    size_t size = (size_t)graph->n * FIELDS * sizeof(double);
+    reel_zero(turn.fields, size);
+    reel_zero(turn.others, size);
+    scatter_signs(turn.signs, graph->n);
+    for (int term = TERMS - 1; term >= 0; term--) {
+        step(&turn, graph, term ? 2.0 : 1.0, series[term]);
+        double *latest = turn.fields;
+        turn.fields = turn.others;
+        turn.others = latest;
+    }
+    return turn.others;
+}
+
+void reel_smooth(const reel_smoother *smoother, const reel_graph *graph, float *rows) {
+    const double *fields = diffuse(smoother, graph);
+    for (size_t i = 0; i < (size_t)graph->n * FIELDS; i++) {
+        rows[i] = (float)fields[i];
+    }
+}

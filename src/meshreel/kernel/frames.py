@@ -1,0 +1,136 @@
+"""Basis vectors over time from integers, and frames from fields and basis vectors, by the core."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from meshreel.kernel.library import Argument, call, memory, size_of
+
+Floats = npt.NDArray[np.float64]
+Integers = npt.NDArray[np.integer]
+
+AXES = 0
+"""REEL_AXES of `core/reel.h`; layouts of positions are the bytes of a number."""
+
+
+@dataclass(frozen=True)
+class Moves:
+    """Displacements of single positions, in diagonals.
+
+    Attributes
+    ----------
+    starts : int64 array of shape (n + 1,)
+        Those of frame i are starts[i] : starts[i + 1] of the others.
+    vertices : int32 array of shape (N,)
+        Ascending in each frame.
+    displacements : float64 array of shape (N, 3)
+    """
+
+    starts: npt.NDArray[np.int64]
+    vertices: npt.NDArray[np.int32]
+    displacements: Floats
+
+    def of_frames(self, frames: range) -> "Moves":
+        """Those of a range of frames."""
+        return Moves(self.starts[frames.start : frames.stop + 1], self.vertices, self.displacements)
+
+
+def time_vectors(coded: Integers) -> Floats:
+    """Basis vectors of shape (3, T, K), each of length 1 (or 0).
+
+    Parameters
+    ----------
+    coded : integer array of shape (K, 3, T)
+        As in the stream: the coarsest times are differences.
+    """
+    n_modes, _, n_frames = coded.shape
+    basis = np.empty((3, n_frames, n_modes))
+    room = memory(size_of("reel_basis_memory", n_frames))
+    integers = np.ascontiguousarray(coded, np.int32)
+    call("reel_basis", room, len(room), integers, n_modes, n_frames, basis, what="basis vectors")
+    return basis
+
+
+def frame_axes(basis: Floats, fields: Floats, frames: range) -> Floats:
+    """Coordinate matrices of shape (3, frames, V): sums over the modes.
+
+    Parameters
+    ----------
+    basis : float64 array of shape (3, T, K)
+    fields : float64 array of shape (K, V)
+    frames : range
+    """
+    out = np.empty((3, len(frames), fields.shape[1]))
+    _frames(basis, fields, frames, None, None, None, out, AXES)
+    return out
+
+
+def fill_positions(
+    out: npt.NDArray[np.floating],
+    basis: Floats,
+    fields: Floats,
+    frames: range,
+    placement: Sequence[float],
+    moves: Moves | None = None,
+    order: Integers | None = None,
+) -> None:
+    """Fill an array with positions of frames: (sum over modes + move) times scale plus origin.
+
+    Parameters
+    ----------
+    out : contiguous float32 or float64 array of shape (n, V, 3)
+    basis : float64 array of shape (3, T, K)
+    fields : float64 array of shape (K, V)
+    frames : range
+        The n frames.
+    placement : 4 floats
+        Scale, and the origin.
+    moves : Moves, optional
+        Of these frames, and vertices of `out`.
+    order : integer array of shape (V,), optional
+        The vertex of the fields that each vertex of `out` is.
+
+    Raises
+    ------
+    InvalidInputError
+        If the order names a vertex that is not there, or a frame is not.
+    """
+    placed = np.array(placement, np.float64)
+    _frames(basis, fields, frames, order, moves, placed, out, out.itemsize)
+
+
+def _frames(
+    basis: Floats,
+    fields: Floats,
+    frames: range,
+    order: Integers | None,
+    moves: Moves | None,
+    placement: Floats | None,
+    out: npt.NDArray[np.floating],
+    layout: int,
+) -> None:
+    _, n_frames, n_modes = basis.shape
+    moved: tuple[Argument, ...] = (None, None, None)
+    if moves is not None:
+        moved = (moves.starts, moves.vertices, moves.displacements)
+    room = memory(size_of("reel_frames_memory", n_modes, len(frames)))
+    call(
+        "reel_frames",
+        room,
+        len(room),
+        np.ascontiguousarray(basis, np.float64),
+        np.ascontiguousarray(fields, np.float64),
+        None if order is None else np.ascontiguousarray(order, np.int32),
+        n_frames,
+        n_modes,
+        fields.shape[1],
+        np.array(frames, np.int32),
+        len(frames),
+        *moved,
+        placement,
+        layout,
+        out,
+        what="frames",
+    )

@@ -1,0 +1,115 @@
+"""Frames and basis vectors to the last bit, in the order of operations of docs/format.md."""
+
+import hypothesis.strategies as st
+import numpy as np
+import pytest
+from hypothesis import given
+
+from meshreel.errors import InvalidInputError
+from meshreel.kernel.frames import Moves, fill_positions, frame_axes, time_vectors
+
+PLACEMENT = (3.7, 0.1, -2.0, 5e3)
+
+
+def sums_of_the_format(basis, fields):
+    """Mode after mode, of shape (3, T, V)."""
+    sums = np.zeros((*basis.shape[:2], fields.shape[1]))
+    for mode, field in enumerate(fields):
+        sums += basis[:, :, mode, None] * field
+    return sums
+
+
+def positions_of_the_format(sums, dtype):
+    scale, *origin = PLACEMENT
+    return np.moveaxis(sums * scale + np.reshape(origin, (3, 1, 1)), 0, 2).astype(dtype)
+
+
+def block(n_frames, n_modes, n_verts, seed=0):
+    rng = np.random.default_rng(seed)
+    return rng.normal(size=(3, n_frames, n_modes)), rng.normal(size=(n_modes, n_verts))
+
+
+blocks = st.builds(
+    block, st.integers(1, 70), st.integers(0, 40), st.integers(1, 200), st.integers(0, 2**32)
+)
+
+
+@given(blocks, st.sampled_from([np.float32, np.float64]))
+def test_positions_are_those_of_the_format_when_all_frames_are_wanted(made, dtype):
+    basis, fields = made
+    out = np.empty((basis.shape[1], fields.shape[1], 3), dtype)
+    fill_positions(out, basis, fields, range(len(out)), PLACEMENT)
+    sums = sums_of_the_format(basis, fields)
+    np.testing.assert_array_equal(out, positions_of_the_format(sums, dtype))
+    np.testing.assert_array_equal(frame_axes(basis, fields, range(len(out))), sums)
+
+
+@given(blocks, st.data())
+def test_positions_are_the_same_when_frames_are_chosen_and_vertices_ordered(made, data):
+    basis, fields = made
+    frames = range(basis.shape[1])[data.draw(st.slices(basis.shape[1]))]
+    order = np.random.default_rng(1).permutation(fields.shape[1])
+    out = np.empty((len(frames), fields.shape[1], 3))
+    fill_positions(out, basis, fields, frames, PLACEMENT, order=order)
+    sums = sums_of_the_format(basis, fields)[:, list(frames)][:, :, order]
+    np.testing.assert_array_equal(out, positions_of_the_format(sums, np.float64))
+
+
+@given(blocks, st.floats(0, 1), st.integers(0, 2**32))
+def test_moves_are_added_before_positions_are_scaled(made, share, seed):
+    basis, fields = made
+    rng = np.random.default_rng(seed)
+    frames, vertices = np.nonzero(rng.random((basis.shape[1], fields.shape[1])) < share)
+    moves = rng.normal(size=(len(frames), 3))
+    starts = np.searchsorted(frames, np.arange(basis.shape[1] + 1))
+    found = Moves(starts, vertices.astype(np.int32), moves)
+    sums = sums_of_the_format(basis, fields)
+    sums[:, frames, vertices] += moves.T
+    wanted = positions_of_the_format(sums, np.float32)
+    out = np.empty(wanted.shape, np.float32)
+    fill_positions(out, basis, fields, range(len(out)), PLACEMENT, found)
+    np.testing.assert_array_equal(out, wanted)
+    later = range(len(out) // 2, len(out))
+    fill_positions(out[later.start :], basis, fields, later, PLACEMENT, found.of_frames(later))
+    np.testing.assert_array_equal(out, wanted)
+
+
+@pytest.mark.parametrize("order", [[0, 1, 3], [0, -1, 2]])
+def test_error_is_raised_when_the_order_names_a_vertex_that_is_not_there(order):
+    basis, fields = block(2, 2, 3)
+    with pytest.raises(InvalidInputError, match="frames cannot be coded"):
+        fill_positions(
+            np.empty((2, 3, 3)), basis, fields, range(2), PLACEMENT, order=np.array(order)
+        )
+
+
+@pytest.mark.parametrize("frames", [range(-1, 1), range(1, 3)])
+def test_error_is_raised_when_a_frame_is_not_there(frames):
+    with pytest.raises(InvalidInputError, match="frames cannot be coded"):
+        frame_axes(block(2, 2, 3)[0], block(2, 2, 3)[1], frames)
+
+
+def times_of_the_format(integers):
+    """The values of an axis: exact, as multiples of 1/256."""
+    n_frames, values = len(integers), np.zeros(len(integers))
+    values[::4] = np.cumsum(integers[::4])
+    for d in (2, 1):
+        for t in range(d, n_frames, 2 * d):
+            around = [one for one in (t - 3 * d, t - d, t + d, t + 3 * d) if 0 <= one < n_frames]
+            around = around if t + d < n_frames else [t - d]
+            at = np.array(around) - t
+            weights = [np.prod([u / (u - v) for u in at if u != v]) for v in at]
+            values[t] = np.rint(256 * np.dot(weights, values[around])) / 256 + integers[t]
+    return values
+
+
+@given(st.integers(1, 40), st.integers(1, 4), st.integers(0, 2**32))
+def test_basis_vectors_are_those_of_the_format_when_found_a_second_way(n_frames, n_modes, seed):
+    rng = np.random.default_rng(seed)
+    coded = rng.integers(-(10 ** rng.integers(1, 8)), 10**4, (n_modes, 3, n_frames))
+    coded *= rng.random((n_modes, 1, 1)) < 0.9
+    found = time_vectors(coded)
+    for mode, axes in enumerate(coded):
+        values = np.stack([times_of_the_format(axis) for axis in axes])
+        length = np.sqrt(np.cumsum(values.ravel() ** 2)[-1])  # a running sum has a stated order
+        np.testing.assert_array_equal(found[:, :, mode], values / (length or 1.0))

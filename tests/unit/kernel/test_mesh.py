@@ -1,0 +1,36 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from meshreel.errors import InvalidInputError
+from meshreel.kernel.mesh import MAX_STENCIL, hierarchy, neighbours
+from samples.meshes import grid_faces
+from samples.resolutions import edges_of
+
+
+@given(st.lists(st.tuples(*[st.integers(0, 19)] * 3), max_size=60))
+def test_neighbours_are_those_of_the_faces_when_some_are_degenerate(faces):
+    faces = np.array(faces, np.int32).reshape(-1, 3)
+    found = neighbours(faces, 20)
+    rows = np.split(found.near, found.starts[1:-1])
+    wanted = edges_of(faces, 20)
+    assert [row.tolist() for row in rows] == [sorted(wanted[v]) for v in range(20)]
+
+
+@pytest.mark.parametrize("vertex", [-1, 4, 2**31 - 1])
+def test_error_is_raised_when_a_face_names_a_vertex_that_is_not_there(vertex):
+    with pytest.raises(InvalidInputError, match="number 1 is beyond"):
+        neighbours(np.array([[0, 1, 2], [1, vertex, 3]]), 4)
+
+
+@pytest.mark.parametrize("size", [-1, 0, MAX_STENCIL + 1])
+def test_error_is_raised_when_a_stencil_has_a_size_that_cannot_be(size):
+    with pytest.raises(InvalidInputError):
+        hierarchy(neighbours(grid_faces(3, 3), 9), size)
+
+
+def test_hierarchy_is_one_level_when_there_is_no_edge():
+    found = hierarchy(neighbours(np.zeros((0, 3), np.int32), 3), 4)
+    assert (found.order.tolist(), found.level_starts.tolist()) == ([0, 1, 2], [0, 3])
+    assert (found.stencil == -1).all()
