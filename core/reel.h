@@ -93,6 +93,26 @@ REEL_API int64_t reel_predict_decode(const reel_mesh *mesh, reel_fields *fields,
 REEL_API int64_t reel_predict_encode(const reel_mesh *mesh, reel_fields *fields,
                                      const reel_choice *choice, int64_t first, int64_t last);
 
+/* ---- Residuals of fields to bits ---- */
+
+/* Fields: rows of integers of -(2^31-1)..2^31-1 over the same columns, row after row in `values`.
+   A row is coded column after column as `columns` lists them; pass i is those from
+   pass_starts[i] to pass_starts[i + 1]. Column columns[i] has the context neighbours near[j] for
+   j from near_starts[i] to near_starts[i + 1], at most 16, which are columns that come before it.
+   REEL_INVALID if they do not, or if the passes do not hold each column once. The caller bounds
+   the number of integers that are read. */
+REEL_API size_t reel_fields_memory(int64_t n_columns, int64_t n_passes, int64_t n_near);
+REEL_API int64_t reel_fields_encode(void *memory, size_t memory_size, int32_t *values,
+                                    int64_t n_rows, int64_t n_columns, const int32_t *columns,
+                                    const int64_t *pass_starts, int64_t n_passes,
+                                    const int64_t *near_starts, const int32_t *near, uint8_t *out,
+                                    size_t room);
+REEL_API int64_t reel_fields_decode(void *memory, size_t memory_size, const uint8_t *in,
+                                    size_t size, int64_t n_rows, int64_t n_columns,
+                                    const int32_t *columns, const int64_t *pass_starts,
+                                    int64_t n_passes, const int64_t *near_starts,
+                                    const int32_t *near, int32_t *values);
+
 #ifdef __cplusplus
 }
 #endif

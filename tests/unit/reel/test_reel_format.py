@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from meshreel.reel.agreed.fields import FieldBlock, Layout, synthesise_fields
-from meshreel.reel.agreed.mesh import N_CONTEXT_NEIGHBOURS, SMALL_RESOLUTION, FieldMesh
+from meshreel.reel.agreed.mesh import N_CONTEXT_NEIGHBOURS, FieldMesh
 from meshreel.reel.agreed.timeline import COARSEST
 from samples.meshes import irregular_sequence, waving_grid
 
@@ -50,36 +50,22 @@ def test_times_are_alike_when_a_second_decoder_follows_the_format():
 @pytest.mark.parametrize("sequence", [waving_grid(1, 20, 13), irregular_sequence(1)])
 def test_passes_are_those_of_the_format_when_found_a_second_way(sequence):
     _, mesh = sample_block(sequence)
-    *coarse, finest = mesh.resolutions
-    small = [
-        resolution
-        for resolution in coarse
-        if len(resolution.members) < sequence.n_verts / SMALL_RESOLUTION
-    ]
-    wanted = [{int(vertex): set() for resolution in small for vertex in resolution.predicted}]
-    known = set(wanted[0])
-    for resolution in coarse[len(small) :]:
-        near = zip(resolution.predicted.tolist(), resolution.stencil.tolist(), strict=True)
-        wanted.append({vertex: first_of(one, known) for vertex, one in near})
-        known |= set(wanted[-1])
-    row = 0
-    for level in finest.levels:
-        near = zip(level.tolist(), finest.stencil[row : row + len(level)].tolist(), strict=True)
-        wanted.append({vertex: first_of(one, known) for vertex, one in near})
-        known |= set(wanted[-1])
-        row += len(level)
-    found = [
-        {
-            int(column): set(step.indices[start:end].tolist())
-            for column, start, end in zip(
-                step.columns, step.indptr[:-1], step.indptr[1:], strict=True
+    assert len(mesh.passes) == len(mesh.resolutions)
+    for step, resolution in zip(mesh.passes, mesh.resolutions, strict=True):
+        edges = resolution.adjacency.tocoo()
+        next_to = set(
+            zip(
+                resolution.members[edges.row].tolist(),
+                resolution.members[edges.col].tolist(),
+                strict=True,
             )
-        }
-        for step in mesh.passes
-    ]
-    assert [list(one) for one in found if one] == [sorted(one) for one in wanted if one]
-    assert [one for one in found if one] == [one for one in wanted if one]
-
-
-def first_of(stencil, known):
-    return set([one for one in stencil if one in known][:N_CONTEXT_NEIGHBOURS])
+        )
+        wanted = []
+        for level in resolution.levels:
+            for vertex in level.tolist():
+                same = [one for one in level.tolist() if one < vertex and (vertex, one) in next_to]
+                stencil = [one for one in resolution.stencil[len(wanted)].tolist() if one >= 0]
+                wanted.append((vertex, (same + stencil)[:N_CONTEXT_NEIGHBOURS]))
+        near = np.split(step.indices, step.indptr[1:-1])
+        found = zip(step.columns.tolist(), (one.tolist() for one in near), strict=True)
+        assert list(found) == wanted

@@ -7,7 +7,7 @@ import numpy as np
 from meshreel.bitstream.layout import Section
 from meshreel.codec.corrections import Corrections
 from meshreel.codec.stored_blocks import StoredBlock, write_block
-from meshreel.entropy.field_coder import decode_fields, encode_fields
+from meshreel.kernel.fields import decode_fields, encode_fields
 from meshreel.reel.agreed import payloads
 from meshreel.reel.agreed.fields import FieldBlock
 from meshreel.reel.agreed.mesh import FieldMesh

@@ -8,8 +8,8 @@ import numpy as np
 import numpy.typing as npt
 from scipy.sparse import csr_array
 
-from meshreel.entropy.passes import Pass
-from meshreel.geometry.connectivity import adjacency_matrix
+from meshreel.geometry.connectivity import adjacency_matrix, neighbours_of
+from meshreel.kernel.fields import Pass
 from meshreel.kernel.predict import Hierarchy
 from meshreel.reel.agreed.hierarchy import Resolution, build_hierarchy
 from meshreel.reel.agreed.smooth import smooth_fields
@@ -22,11 +22,8 @@ Integers = npt.NDArray[np.int64]
 Connectivity = tuple[bytes, int, int]
 """Faces as the bytes of int32, number of vertices, stencil size."""
 
-SMALL_RESOLUTION = 25
-"""Resolutions with fewer than a 25th of the vertices are coded in one pass."""
-
-N_CONTEXT_NEIGHBOURS = 6
-"""Vertices of a stencil, the nearest ones, whose residuals are the context of a residual."""
+N_CONTEXT_NEIGHBOURS = 8
+"""Most vertices whose residuals are the context of a residual."""
 
 
 @dataclass(frozen=True)
@@ -119,14 +116,7 @@ class FieldMesh:
     @staged("coding passes")
     def passes(self) -> list[Pass]:
         """The order in which residuals of a field are coded, with context neighbours of each."""
-        sizes = np.array([len(resolution.members) for resolution in self.resolutions[:-1]])
-        n_small = int(np.sum(SMALL_RESOLUTION * sizes < self.n_verts))
-        small = np.sort(np.concatenate([np.zeros(0, np.int64), *self.levels_of(slice(n_small))]))
-        return [
-            _pass(small, np.zeros((len(small), 0), np.int64)),
-            *(_pass_of_resolution(resolution) for resolution in self.resolutions[n_small:-1]),
-            *_passes_of_levels(self.resolutions[-1]),
-        ]
+        return [_pass(resolution) for resolution in self.resolutions]
 
 
 @lru_cache(maxsize=2)
@@ -136,23 +126,33 @@ def shared_field_mesh(faces: bytes, n_verts: int, stencil_size: int) -> FieldMes
     return FieldMesh(triangles, n_verts, stencil_size)
 
 
-def _pass_of_resolution(resolution: Resolution) -> Pass:
-    """The levels of a resolution in one pass; context neighbours are of coarser resolutions."""
-    order = np.argsort(resolution.predicted)
-    predicted, near = resolution.predicted[order], resolution.stencil[order]
-    return _pass(predicted, np.where(np.isin(near, predicted), -1, near))
-
-
-def _passes_of_levels(resolution: Resolution) -> list[Pass]:
-    """A pass for each level of a resolution."""
-    ends = np.cumsum([len(level) for level in resolution.levels])
-    near = np.split(resolution.stencil, ends[:-1])
-    return [_pass(level, one) for level, one in zip(resolution.levels, near, strict=True)]
-
-
-def _pass(predicted: Integers, near: Integers) -> Pass:
-    """A pass whose columns have the first few of those near them that are vertices, not -1."""
+def _pass(resolution: Resolution) -> Pass:
+    """The vertices of all levels, with those next to them in their level, then their stencil."""
+    near = np.hstack([_before_in_level(resolution), resolution.stencil])
     is_there = near >= 0
     used = is_there & (np.cumsum(is_there, axis=1) <= N_CONTEXT_NEIGHBOURS)
     starts = np.concatenate([[0], np.cumsum(used.sum(axis=1))])
-    return Pass(predicted, starts, near[used])
+    return Pass(resolution.predicted, starts, near[used])
+
+
+def _before_in_level(resolution: Resolution) -> Integers:
+    """For each predicted vertex the first vertices of its level that are next to it and lower.
+
+    Of shape (n, N_CONTEXT_NEIGHBOURS), ascending; -1 where there are no more.
+    """
+    predicted = np.searchsorted(resolution.members, resolution.predicted)
+    level_of = np.full(len(resolution.members), -1)
+    level_of[predicted] = np.repeat(
+        np.arange(len(resolution.levels)), [len(level) for level in resolution.levels]
+    )
+    counts, near = neighbours_of(resolution.adjacency, predicted)
+    rows = np.repeat(np.arange(len(predicted)), counts)
+    is_before = (level_of[near] == level_of[predicted[rows]]) & (near < predicted[rows])
+    rows, near = rows[is_before], near[is_before]
+    order = np.lexsort((near, rows))
+    rows, near = rows[order], near[order]
+    places = np.arange(len(rows)) - np.searchsorted(rows, rows)
+    fits = places < N_CONTEXT_NEIGHBOURS
+    found = np.full((len(predicted), N_CONTEXT_NEIGHBOURS), -1)
+    found[rows[fits], places[fits]] = resolution.members[near[fits]]
+    return found

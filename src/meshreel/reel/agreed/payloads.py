@@ -7,9 +7,9 @@ import numpy.typing as npt
 
 from meshreel.codec.corrections import Corrections
 from meshreel.entropy.coder import decode_integers, encode_integers
-from meshreel.entropy.field_coder import decode_fields, encode_fields
 from meshreel.entropy.varint import read_varint, write_varint
 from meshreel.errors import CorruptStreamError, TruncatedStreamError, UnsupportedVersionError
+from meshreel.kernel.fields import decode_fields, encode_fields
 from meshreel.kernel.predict import MAX_STENCIL
 from meshreel.reel.agreed.fields import Layout
 from meshreel.reel.agreed.timeline import COARSEST, time_passes
