@@ -21,8 +21,8 @@ import numpy as np
 
 import meshreel
 import meshreel.reel.encoding.effort as effort
-from meshreel.entropy.passes import single_pass
 from meshreel.evaluation.rate_distortion import bd_rate
+from meshreel.kernel.fields import single_pass
 from meshreel.kernel.mesh import Hierarchy
 from meshreel.reel.agreed.mesh import FieldMesh
 from meshreel.reel.encoding.block_coder import FieldBlockCoder

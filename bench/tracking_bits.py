@@ -117,7 +117,7 @@ def less_alike(block: Integers, before: Integers) -> Integers:
     rows, known = (one.reshape(len(one), -1) for one in (block, before))
     candidates = np.concatenate([np.zeros_like(known[:1]), known, -known])
     left = np.abs(rows[:, None] - candidates).sum(axis=2)
-    return (rows - candidates[left.argmin(axis=1)]).reshape(block.shape)
+    return np.asarray((rows - candidates[left.argmin(axis=1)]).reshape(block.shape))
 
 
 def tables(results: list[dict[str, Any]]) -> str:

@@ -23,9 +23,8 @@ typedef struct {
 REEL_INLINE uint32_t reel_next_word(reel_port *port) {
     uint32_t word = 0;
     size_t left = port->position < port->size ? port->size - port->position : 0;
-    const uint8_t *in = port->in + port->position;
-    for (size_t i = 0; i < 4; i++) {
-        word = word << 8 | (i < left ? in[i] : 0U); /* behind the end all bytes are 0 */
+    for (size_t i = 0; i < 4; i++) { /* behind the end all bytes are 0 */
+        word = word << 8 | (i < left ? port->in[port->position + i] : 0U);
     }
     port->position += 4;
     return word;
@@ -63,6 +62,17 @@ REEL_INLINE void reel_put_word(reel_port *port) {
     }
 }
 
+/* The highest word of the range is 0: a word is written, or read. */
+REEL_INLINE void reel_renew(reel_port *port) {
+    if (port->writes) {
+        reel_put_word(port);
+        port->low <<= 32;
+    } else {
+        port->low = port->low << 32 | reel_next_word(port);
+    }
+    port->range <<= 32;
+}
+
 /* A bit that is 1 with probability ones / 65536, 0 < ones < 65536. */
 REEL_INLINE int reel_code_bit(reel_port *port, uint32_t ones, int bit) {
     uint64_t part = (port->range >> 16) * ones;
@@ -77,34 +87,41 @@ REEL_INLINE int reel_code_bit(reel_port *port, uint32_t ones, int bit) {
             port->low = low;
             port->range -= part;
         }
-        if (port->range < (uint64_t)1 << 32) {
-            reel_put_word(port);
-            port->low <<= 32;
-            port->range <<= 32;
-        }
-        return bit;
-    }
-    bit = port->low < part;
-    if (bit) {
-        port->range = part;
     } else {
-        port->low -= part;
-        port->range -= part;
+        bit = port->low < part;
+        if (bit) {
+            port->range = part;
+        } else {
+            port->low -= part;
+            port->range -= part;
+        }
     }
     if (port->range < (uint64_t)1 << 32) {
-        port->low = port->low << 32 | reel_next_word(port);
-        port->range <<= 32;
+        reel_renew(port);
     }
     return bit;
 }
 
-/* `count` bits (0..32), each as likely as not, highest first. */
+/* The lowest `count` bits (0..16) of a value, all as likely as not. */
 REEL_INLINE uint32_t reel_code_raw(reel_port *port, int count, uint32_t value) {
-    uint32_t found = 0;
-    for (int i = count - 1; i >= 0; i--) {
-        found = found << 1 | (uint32_t)reel_code_bit(port, 32768, (int)(value >> i & 1U));
+    uint32_t most = (1U << count) - 1;
+    port->range >>= count; /* at least 2^16 */
+    if (port->writes) {
+        value &= most;
+        uint64_t low = port->low + port->range * value;
+        if (low < port->low) {
+            reel_carry(port);
+        }
+        port->low = low;
+    } else {
+        uint64_t found = port->low / port->range;
+        value = found < most ? (uint32_t)found : most; /* above it in damaged bytes only */
+        port->low -= port->range * value;
     }
-    return found;
+    if (port->range < (uint64_t)1 << 32) {
+        reel_renew(port);
+    }
+    return value;
 }
 
 /* Ends a writer; the bytes of the stream, or a failure. The number of fewest bytes among the
@@ -158,11 +175,11 @@ typedef struct {
     uint16_t seen; /* bits so far, up to REEL_SLOW */
 } reel_model;
 
-#define REEL_QUICK 5   /* the quick one never moves by less than 2^-REEL_QUICK */
-#define REEL_SLOW 128  /* nor the slow one by less than 1 / (REEL_SLOW + 1.5) */
+#define REEL_QUICK 6   /* the quick one never moves by less than 2^-REEL_QUICK */
+#define REEL_SLOW 256  /* nor the slow one by less than 1 / (REEL_SLOW + 1.5) */
 #define REEL_LEAST 32U /* least probability of either value, by 65536 */
 
-/* 65536 / (n + 1.5) for n = 0..REEL_SLOW, rounded down. */
+/* 131072 / (2 n + 3) for n = 0..REEL_SLOW, rounded down. */
 static const uint16_t reel_rates[REEL_SLOW + 1] = {
     43690, 26214, 18724, 14563, 11915, 10082, 8738, 7710, 6898, 6241, 5698, 5242,
     4854, 4519, 4228, 3971, 3744, 3542, 3360, 3196, 3048, 2912, 2788, 2674,
@@ -174,7 +191,18 @@ static const uint16_t reel_rates[REEL_SLOW + 1] = {
     766, 757, 748, 740, 732, 724, 716, 708, 700, 693, 686, 679,
     672, 665, 658, 652, 645, 639, 633, 627, 621, 615, 609, 604,
     598, 593, 587, 582, 577, 572, 567, 562, 557, 553, 548, 543,
-    539, 534, 530, 526, 522, 518, 514, 510, 506,
+    539, 534, 530, 526, 522, 518, 514, 510, 506, 502, 498, 494,
+    490, 487, 483, 480, 476, 473, 469, 466, 463, 459, 456, 453,
+    450, 447, 444, 441, 438, 435, 432, 429, 426, 424, 421, 418,
+    416, 413, 410, 408, 405, 403, 400, 398, 395, 393, 391, 388,
+    386, 384, 382, 379, 377, 375, 373, 371, 369, 367, 365, 363,
+    361, 359, 357, 355, 353, 351, 349, 347, 345, 344, 342, 340,
+    338, 336, 335, 333, 331, 330, 328, 326, 325, 323, 322, 320,
+    318, 317, 315, 314, 312, 311, 309, 308, 306, 305, 304, 302,
+    301, 299, 298, 297, 295, 294, 293, 291, 290, 289, 288, 286,
+    285, 284, 283, 281, 280, 279, 278, 277, 275, 274, 273, 272,
+    271, 270, 269, 268, 266, 265, 264, 263, 262, 261, 260, 259,
+    258, 257, 256, 255, 254,
 };
 
 REEL_INLINE reel_model reel_model_of(uint32_t ones, int seen) {

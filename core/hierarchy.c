@@ -41,6 +41,7 @@ typedef struct {
     int32_t *order;
     int32_t *stencil;
     uint8_t *hops;
+    int32_t *contexts;
     float *smooth; /* rows of the members of each resolution, as they are found */
     int64_t n_rows;
     int32_t size;
@@ -273,12 +274,39 @@ static void list_levels(workshop *shop, result *all, int32_t begin, int32_t reso
     }
 }
 
+/* Context neighbours of a row: lower vertices of its level that are next to it, then its stencil. */
+static void list_contexts(const workshop *shop, int32_t v, const int32_t *stencil, int32_t size,
+                          int32_t *contexts) {
+    const reel_graph *graph = &shop->graph;
+    int32_t count = 0;
+    for (int32_t i = graph->starts[v]; i < graph->starts[v + 1] && count < REEL_CONTEXTS; i++) {
+        int32_t u = graph->near[i];
+        if (u < v && shop->states[u] == shop->states[v]) {
+            contexts[count++] = u;
+        }
+    }
+    for (int32_t j = 0; j < size && stencil[j] >= 0 && count < REEL_CONTEXTS; j++) {
+        contexts[count++] = stencil[j];
+    }
+    while (count < REEL_CONTEXTS) {
+        contexts[count++] = -1;
+    }
+}
+
+/* Places in the graph become vertices of the mesh. */
+static void name_members(const workshop *shop, int32_t *places, size_t count) {
+    for (size_t i = 0; i < count; i++) {
+        places[i] = places[i] < 0 ? -1 : shop->members[places[i]];
+    }
+}
+
 /* Stencils and smooth fields of the rows begin .. end - 1, whose vertices become those of the mesh. */
 static void predict_rows(workshop *shop, result *all, int32_t begin, int32_t end,
                          int32_t *sorted) {
     size_t size = (size_t)all->size, first = (size_t)begin * size;
     int32_t *order = all->order + begin, *stencil = all->stencil + first, n = end - begin;
     uint8_t *hops = all->hops + first;
+    int32_t *contexts = all->contexts + (size_t)begin * REEL_CONTEXTS;
     reel_zero(shop->marks, (size_t)shop->graph.n * sizeof *shop->marks);
     sort_rows(shop, sorted);
     reel_copy(shop->pending, shop->graph.starts, (size_t)shop->graph.n * sizeof *shop->pending);
@@ -290,15 +318,13 @@ static void predict_rows(workshop *shop, result *all, int32_t begin, int32_t end
             advance_ends(shop, sorted, level);
         }
         find_nearest(shop, sorted, i + 1, order[i], all->size, stencil + row, hops + row);
+        list_contexts(shop, order[i], stencil + row, all->size, contexts + i * REEL_CONTEXTS);
     }
     reel_smooth(&shop->smoother, &shop->graph, all->smooth + all->n_rows * REEL_SMOOTH_FIELDS);
     all->n_rows += shop->graph.n;
-    for (int32_t i = 0; i < n; i++) {
-        order[i] = shop->members[order[i]];
-    }
-    for (size_t i = 0; i < (size_t)n * size; i++) {
-        stencil[i] = stencil[i] < 0 ? -1 : shop->members[stencil[i]];
-    }
+    name_members(shop, order, (size_t)n);
+    name_members(shop, stencil, (size_t)n * size);
+    name_members(shop, contexts, (size_t)n * REEL_CONTEXTS);
 }
 
 /* Cells of the coarser resolution, in `marks`: of what is kept, its place there; of all else that
@@ -351,6 +377,11 @@ static void end_with(workshop *shop, result *all, int32_t resolution) {
     reel_copy(all->order, shop->members, n * sizeof *all->order);
     __builtin_memset(all->stencil, 0xFF, filled * sizeof *all->stencil);
     reel_zero(all->hops, filled);
+    reel_zero(shop->states, n);
+    for (int32_t v = 0; v < shop->graph.n; v++) {
+        list_contexts(shop, v, NULL, 0, all->contexts + v * REEL_CONTEXTS);
+    }
+    name_members(shop, all->contexts, n * REEL_CONTEXTS);
     all->counts[all->n_levels] = shop->graph.n;
     all->resolutions[all->n_levels++] = resolution;
 }
@@ -433,6 +464,9 @@ static void number_in_order(const result *all, int32_t n, int32_t n_levels, cons
     for (size_t i = 0; i < (size_t)n * (size_t)all->size; i++) {
         all->stencil[i] = all->stencil[i] < 0 ? -1 : numbers[all->stencil[i]];
     }
+    for (size_t i = 0; i < (size_t)n * REEL_CONTEXTS; i++) {
+        all->contexts[i] = all->contexts[i] < 0 ? -1 : numbers[all->contexts[i]];
+    }
     const size_t size = REEL_SMOOTH_FIELDS * sizeof *smooth;
     const float *row = all->smooth;
     for (int32_t i = n_levels - 1; i >= 0; i--) {
@@ -449,7 +483,7 @@ static void number_in_order(const result *all, int32_t n, int32_t n_levels, cons
 int64_t reel_hierarchy(void *memory, size_t memory_size, const int32_t *starts,
                        const int32_t *near, int64_t n_verts, int64_t stencil_size, int32_t *order,
                        int32_t *level_starts, int32_t *level_resolutions, int64_t *smooth_starts,
-                       int32_t *stencil, uint8_t *hops, float *smooth) {
+                       int32_t *stencil, uint8_t *hops, int32_t *contexts, float *smooth) {
     if (stencil_size < 1 || stencil_size > REEL_MAX_STENCIL || n_verts < 0 ||
         n_verts >= 1 << PLACE_BITS) {
         return reel_failure(REEL_INVALID, 0);
@@ -467,8 +501,8 @@ int64_t reel_hierarchy(void *memory, size_t memory_size, const int32_t *starts,
         shop.members[v] = v;
         shop.hashes[v] = reel_scattered((uint64_t)v);
     }
-    result all = {.order = order, .stencil = stencil, .hops = hops, .smooth = rows,
-                  .size = (int32_t)stencil_size};
+    result all = {.order = order, .stencil = stencil, .hops = hops, .contexts = contexts,
+                  .smooth = rows, .size = (int32_t)stencil_size};
     build(&shop, &all);
     int32_t n_levels = write_levels(&all, level_starts, level_resolutions, smooth_starts);
     number_in_order(&all, (int32_t)n, n_levels, level_starts, level_resolutions, smooth_starts,

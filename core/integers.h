@@ -37,7 +37,7 @@ REEL_INLINE uint32_t reel_code_count(reel_port *port, reel_integer_model *model,
     while (low > 0) {
         int here = low < 16 ? low : 16;
         low -= here;
-        found = found << here | reel_code_raw(port, here, value >> low & 0xFFFFU);
+        found = found << here | reel_code_raw(port, here, value >> low);
     }
     return found;
 }

@@ -63,7 +63,7 @@ REEL_API int64_t reel_adjacency(void *memory, size_t memory_size, const int32_t 
    it. Where each level begins, and the end, `level_starts`; the resolution of each level, 0 is the
    coarsest. Of each vertex the stencil_size (1..REEL_MAX_STENCIL) ones that predict it, -1 where
    there are no more, and how many edges of the resolution away they are. Level 0 has none, all
-   other vertices have at least one. The smooth fields of the resolutions but the coarsest, the
+   other vertices have at least one. The REEL_CONTEXTS context neighbours of each, likewise. The smooth fields of the resolutions but the coarsest, the
    finest last: of vertex v in row smooth_starts[level] + v; at most REEL_SMOOTH_ROWS n_verts
    rows. Returns the number of levels. `n_near` is starts[n_verts]. */
 #define REEL_MAX_STENCIL 16
@@ -71,12 +71,13 @@ REEL_API int64_t reel_adjacency(void *memory, size_t memory_size, const int32_t 
 #define REEL_MAX_LEVELS (1 + 3 * REEL_MAX_RESOLUTIONS)
 #define REEL_SMOOTH_FIELDS 16
 #define REEL_SMOOTH_ROWS 4
+#define REEL_CONTEXTS 8
 REEL_API size_t reel_hierarchy_memory(int64_t n_verts, int64_t n_near);
 REEL_API int64_t reel_hierarchy(void *memory, size_t memory_size, const int32_t *starts,
                                 const int32_t *near, int64_t n_verts, int64_t stencil_size,
                                 int32_t *order, int32_t *level_starts, int32_t *level_resolutions,
                                 int64_t *smooth_starts, int32_t *stencil, uint8_t *hops,
-                                float *smooth);
+                                int32_t *contexts, float *smooth);
 
 /* Prediction of fields over the mesh.
 
@@ -141,6 +142,25 @@ REEL_API int64_t reel_frames(void *memory, size_t memory_size, const double *bas
                              int64_t n_wanted, const int64_t *correction_starts,
                              const int32_t *corrected, const double *moves,
                              const double *placement, int64_t layout, void *out);
+/* ---- Residuals of fields to bits ---- */
+
+/* Fields: rows of integers of -(2^31-1)..2^31-1 over the same columns, row after row in `values`.
+   A row is coded column after column as `columns` lists them; pass i is those from
+   pass_starts[i] to pass_starts[i + 1]. Column columns[i] has the context neighbours near[j] for
+   j from near_starts[i] to near_starts[i + 1], at most 16, which are columns that come before it.
+   REEL_INVALID if they do not, or if the passes do not hold each column once. The caller bounds
+   the number of integers that are read. */
+REEL_API size_t reel_fields_memory(int64_t n_columns, int64_t n_passes, int64_t n_near);
+REEL_API int64_t reel_fields_encode(void *memory, size_t memory_size, int32_t *values,
+                                    int64_t n_rows, int64_t n_columns, const int32_t *columns,
+                                    const int64_t *pass_starts, int64_t n_passes,
+                                    const int64_t *near_starts, const int32_t *near, uint8_t *out,
+                                    size_t room);
+REEL_API int64_t reel_fields_decode(void *memory, size_t memory_size, const uint8_t *in,
+                                    size_t size, int64_t n_rows, int64_t n_columns,
+                                    const int32_t *columns, const int64_t *pass_starts,
+                                    int64_t n_passes, const int64_t *near_starts,
+                                    const int32_t *near, int32_t *values);
 
 #ifdef __cplusplus
 }

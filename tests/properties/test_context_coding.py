@@ -4,9 +4,8 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from meshreel.entropy.field_coder import decode_fields, encode_fields
-from meshreel.entropy.tokens import MAX_MAGNITUDE
 from meshreel.errors import CorruptStreamError
+from meshreel.kernel.fields import MAX_MAGNITUDE, decode_fields, encode_fields
 from samples.costs import draws
 from samples.passes import as_pass
 
@@ -27,15 +26,17 @@ def fields_and_passes(draw):
 
 @st.composite
 def passes_of(draw, n_columns):
-    """Every column once, in any passes; passes any columns of earlier passes, repeated too."""
+    """Every column once, in any passes; neighbours any columns before it, repeated too."""
     if draw(st.booleans()):
         return None
     order = draw(st.permutations(range(n_columns)))
     cuts = sorted(draw(st.lists(st.integers(0, n_columns), max_size=4)))
     passes = []
     for start, end in pairwise([0, *cuts, n_columns]):
-        one = st.lists(st.sampled_from(order[:start]), max_size=4) if start else st.just([])
-        near = draw(st.lists(one, min_size=end - start, max_size=end - start))
+        near = [
+            draw(st.lists(st.sampled_from(order[:place]), max_size=4)) if place else []
+            for place in range(start, end)
+        ]
         passes.append(as_pass(order[start:end], near))
     return passes
 
@@ -65,6 +66,7 @@ def test_any_bytes_give_fields_or_our_error(data, n_rows, drawn):
 def test_a_flipped_bit_gives_fields_or_our_error(case, drawn):
     fields, passes = case
     data = bytearray(encode_fields(fields, passes))
+    data += bytes(not data)  # there is something to flip
     data[drawn.draw(st.integers(0, len(data) - 1))] ^= 1 << drawn.draw(st.integers(0, 7))
     try:
         decoded = decode_fields(bytes(data), *fields.shape, passes=passes)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from meshreel.entropy.passes import Pass
+from meshreel.kernel.fields import Pass
 
 
 def as_pass(columns, near):

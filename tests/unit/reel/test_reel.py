@@ -9,12 +9,13 @@ from meshreel.codec.decoder import decode
 from meshreel.codec.encoder import encode
 from meshreel.codec.inspect import info
 from meshreel.connectivity.coder import encode_connectivity
-from meshreel.entropy import field_coder
 from meshreel.errors import InvalidInputError, UnsupportedVersionError
+from meshreel.kernel import fields as field_coder
+from meshreel.kernel.mesh import N_CONTEXTS
 from meshreel.paper.decoder import coded_blocks
 from meshreel.reel.agreed.blocks import write_field_block
 from meshreel.reel.agreed.fields import decode_basis, synthesise_fields
-from meshreel.reel.agreed.mesh import N_CONTEXT_NEIGHBOURS, FieldMesh
+from meshreel.reel.agreed.mesh import FieldMesh
 from meshreel.reel.agreed.payloads import read_basis, read_layout
 from meshreel.reel.encoding.analysis import BlockFrames, FieldChoices, analyse_fields
 from meshreel.sequence import MeshSequence
@@ -107,7 +108,7 @@ def test_integers_come_back_from_the_sections_when_a_block_is_written():
     np.testing.assert_array_equal(times, block.basis)
     coded = sections[Section.COEFFICIENTS]
     fields = field_coder.decode_fields(coded, block.n_modes, mesh.n_verts, mesh.passes)
-    np.testing.assert_array_equal(fields[:, mesh.order], block.fields)
+    np.testing.assert_array_equal(fields, block.fields)
 
 
 def test_frames_are_the_product_of_what_is_synthesised_when_the_step_is_fine():
@@ -132,12 +133,13 @@ def test_passes_take_every_vertex_once_and_tell_of_it_by_earlier_ones_when_a_fie
     for sequence in (waving_grid(), irregular_sequence()):
         known = set()
         for step in field_mesh(sequence).passes:
-            near = np.split(step.indices, step.indptr[1:-1]) if len(step.columns) else []
+            near = np.split(step.indices, step.indptr[1:-1])
             assert len(step.indptr) == len(step.columns) + 1
-            assert set(step.indices.tolist()) <= known
-            assert all(len(set(one.tolist())) == len(one) <= N_CONTEXT_NEIGHBOURS for one in near)
-            assert not known & set(step.columns.tolist())
-            known |= set(step.columns.tolist())
+            for column, told in zip(step.columns.tolist(), near, strict=True):
+                assert column not in known
+                assert set(told.tolist()) <= known
+                assert len(set(told.tolist())) == len(told) <= N_CONTEXTS
+                known.add(column)
         assert known == set(range(sequence.n_verts))
 
 

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from meshreel.reel.agreed.fields import FieldBlock, Layout
-from meshreel.reel.agreed.mesh import N_CONTEXT_NEIGHBOURS, SMALL_RESOLUTION, FieldMesh
+from meshreel.reel.agreed.mesh import FieldMesh
 from samples.meshes import irregular_sequence, waving_grid
+from samples.resolutions import graphs_of
 
 N_FRAMES, N_MODES, STEP = 21, 10, 0.125
 
@@ -24,36 +25,29 @@ def sample_block(sequence, stencil_size=7):
 @pytest.mark.parametrize("sequence", [waving_grid(1, 20, 13), irregular_sequence(1)])
 def test_passes_are_those_of_the_format_when_found_a_second_way(sequence):
     _, mesh = sample_block(sequence)
-    *coarse, finest = mesh.resolutions
-    small = [
-        resolution
-        for resolution in coarse
-        if len(resolution.members) < sequence.n_verts / SMALL_RESOLUTION
-    ]
-    wanted = [{int(vertex): set() for resolution in small for vertex in resolution.predicted}]
-    known = set(wanted[0])
-    for resolution in coarse[len(small) :]:
-        near = zip(resolution.predicted.tolist(), resolution.stencil.tolist(), strict=True)
-        wanted.append({vertex: first_of(one, known) for vertex, one in near})
-        known |= set(wanted[-1])
-    row = 0
-    for level in finest.levels:
-        near = zip(level.tolist(), finest.stencil[row : row + len(level)].tolist(), strict=True)
-        wanted.append({vertex: first_of(one, known) for vertex, one in near})
-        known |= set(wanted[-1])
-        row += len(level)
+    graphs = graphs_of(mesh)
+    number = mesh.number
+    wanted = []
+    for resolution, graph in zip(mesh.resolutions, graphs, strict=True):
+        place = {int(vertex): place for place, vertex in enumerate(resolution.members)}
+        row = 0
+        for level in resolution.levels:
+            for vertex in level.tolist():
+                lower = [one for one in level.tolist() if one < vertex]
+                same = [one for one in lower if graph[place[vertex], place[one]]]
+                stencil = [one for one in resolution.stencil[row].tolist() if one >= 0]
+                wanted.append(number[(same + stencil)[:8]].tolist())
+                row += 1
     found = [
-        {
-            int(column): set(step.indices[start:end].tolist())
-            for column, start, end in zip(
-                step.columns, step.indptr[:-1], step.indptr[1:], strict=True
-            )
-        }
+        one.tolist()
         for step in mesh.passes
+        for one in np.split(step.indices, step.indptr[1:-1])
+        if len(step.columns)
     ]
-    assert [list(one) for one in found if one] == [sorted(one) for one in wanted if one]
-    assert [one for one in found if one] == [one for one in wanted if one]
-
-
-def first_of(stencil, known):
-    return set([one for one in stencil if one in known][:N_CONTEXT_NEIGHBOURS])
+    assert np.concatenate([step.columns for step in mesh.passes]).tolist() == list(
+        range(mesh.n_verts)
+    )
+    assert [len(step.columns) for step in mesh.passes] == [
+        len(one.predicted) for one in mesh.resolutions
+    ]
+    assert found == wanted

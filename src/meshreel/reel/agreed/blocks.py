@@ -2,12 +2,10 @@
 
 from collections.abc import Iterator
 
-import numpy as np
-
 from meshreel.bitstream.layout import Section
 from meshreel.codec.corrections import Corrections
 from meshreel.codec.stored_blocks import StoredBlock, write_block
-from meshreel.entropy.field_coder import decode_fields, encode_fields
+from meshreel.kernel.fields import decode_fields, encode_fields
 from meshreel.reel.agreed import payloads
 from meshreel.reel.agreed.fields import FieldBlock
 from meshreel.reel.agreed.mesh import FieldMesh
@@ -25,7 +23,7 @@ def write_field_block(
     yield Section.BASIS, payloads.write_basis(block.basis)
     if corrections is not None:
         yield Section.CORRECTIONS, payloads.write_corrections(corrections)
-    yield Section.COEFFICIENTS, encode_fields(block.fields[:, mesh.number], mesh.passes)
+    yield Section.COEFFICIENTS, encode_fields(block.fields, mesh.passes)
 
 
 def read_corrections(stored: StoredBlock, n_verts: int) -> Corrections | None:
@@ -46,13 +44,10 @@ def read_field_block(
     field_mesh = (
         before if before is not None and serves else FieldMesh(faces, n_verts, layout.stencil_size)
     )
-    resolutions = in_background(lambda: field_mesh.resolutions)
+    passes = in_background(lambda: field_mesh.passes)
     basis = payloads.read_basis(stored.payload(Section.BASIS), n_modes, n_frames)
     with stage("waiting"):
-        resolutions.result()
-    hierarchy = in_background(lambda: field_mesh.hierarchy)
+        passes.result()
     coded = stored.payload(Section.COEFFICIENTS)
     fields = decode_fields(coded, n_modes, n_verts, field_mesh.passes)
-    hierarchy.result()
-    in_order = np.ascontiguousarray(fields[:, field_mesh.order], np.int32)
-    return FieldBlock(layout, basis, in_order), field_mesh
+    return FieldBlock(layout, basis, fields), field_mesh

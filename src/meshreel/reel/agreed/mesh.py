@@ -2,13 +2,14 @@
 
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 from scipy.sparse import csr_array
 
-from meshreel.entropy.passes import Pass
+from meshreel.kernel.fields import Pass
 from meshreel.kernel.mesh import Hierarchy, Neighbours, hierarchy, neighbours
 from meshreel.reel.agreed.hierarchy import Resolution, resolutions_of
 from meshreel.runtime.profiling import staged
@@ -19,12 +20,6 @@ Integers = npt.NDArray[np.int64]
 
 Connectivity = tuple[bytes, int, int]
 """Faces as the bytes of int32, number of vertices, stencil size."""
-
-SMALL_RESOLUTION = 25
-"""Resolutions with fewer than a 25th of the vertices are coded in one pass."""
-
-N_CONTEXT_NEIGHBOURS = 6
-"""Vertices of a stencil, the nearest ones, whose residuals are the context of a residual."""
 
 
 @dataclass(frozen=True)
@@ -103,15 +98,11 @@ class FieldMesh:
     @cached_property
     @staged("coding passes")
     def passes(self) -> list[Pass]:
-        """The order in which residuals of a field are coded, with context neighbours of each."""
-        sizes = np.array([len(resolution.members) for resolution in self.resolutions[:-1]])
-        n_small = int(np.sum(SMALL_RESOLUTION * sizes < self.n_verts))
-        small = np.sort(np.concatenate([np.zeros(0, np.int64), *self.levels_of(slice(n_small))]))
-        return [
-            _pass(small, np.zeros((len(small), 0), np.int64)),
-            *(_pass_of_resolution(resolution) for resolution in self.resolutions[n_small:-1]),
-            *_passes_of_levels(self.resolutions[-1]),
-        ]
+        """Vertices in coding order, a pass for each resolution, with context neighbours of each."""
+        found = self.hierarchy
+        is_last = np.diff(found.level_resolutions, append=-1) != 0
+        ends = found.level_starts[1:][is_last].tolist()
+        return [_pass(found.contexts, slice(*ends_of)) for ends_of in pairwise([0, *ends])]
 
 
 @lru_cache(maxsize=2)
@@ -121,23 +112,7 @@ def shared_field_mesh(faces: bytes, n_verts: int, stencil_size: int) -> FieldMes
     return FieldMesh(triangles, n_verts, stencil_size)
 
 
-def _pass_of_resolution(resolution: Resolution) -> Pass:
-    """The levels of a resolution in one pass; context neighbours are of coarser resolutions."""
-    order = np.argsort(resolution.predicted)
-    predicted, near = resolution.predicted[order], resolution.stencil[order]
-    return _pass(predicted, np.where(np.isin(near, predicted), -1, near))
-
-
-def _passes_of_levels(resolution: Resolution) -> list[Pass]:
-    """A pass for each level of a resolution."""
-    ends = np.cumsum([len(level) for level in resolution.levels])
-    near = np.split(resolution.stencil, ends[:-1])
-    return [_pass(level, one) for level, one in zip(resolution.levels, near, strict=True)]
-
-
-def _pass(predicted: Integers, near: Integers) -> Pass:
-    """A pass whose columns have the first few of those near them that are vertices, not -1."""
-    is_there = near >= 0
-    used = is_there & (np.cumsum(is_there, axis=1) <= N_CONTEXT_NEIGHBOURS)
-    starts = np.concatenate([[0], np.cumsum(used.sum(axis=1))])
-    return Pass(predicted, starts, near[used])
+def _pass(contexts: npt.NDArray[np.int32], columns: slice) -> Pass:
+    near = contexts[columns]
+    starts = np.concatenate([[0], np.cumsum((near >= 0).sum(axis=1))])
+    return Pass(np.arange(columns.start, columns.stop), starts, near[near >= 0])

@@ -7,9 +7,9 @@ import numpy.typing as npt
 
 from meshreel.codec.corrections import Corrections
 from meshreel.entropy.coder import decode_integers, encode_integers
-from meshreel.entropy.field_coder import decode_fields, encode_fields
 from meshreel.entropy.varint import read_varint, write_varint
 from meshreel.errors import CorruptStreamError, TruncatedStreamError, UnsupportedVersionError
+from meshreel.kernel.fields import decode_fields, encode_fields
 from meshreel.kernel.mesh import MAX_STENCIL
 from meshreel.reel.agreed.fields import Layout
 from meshreel.reel.agreed.timeline import time_passes
@@ -85,7 +85,7 @@ def write_basis(coded: npt.NDArray[np.integer]) -> bytes:
 def read_basis(payload: bytes, n_modes: int, n_frames: int) -> npt.NDArray[np.int32]:
     """Undo `write_basis`."""
     coded = decode_fields(payload, n_modes, 3 * n_frames, time_passes(n_frames))
-    return coded.reshape(n_modes, 3, n_frames).astype(np.int32)
+    return coded.reshape(n_modes, 3, n_frames)
 
 
 @staged("corrections")

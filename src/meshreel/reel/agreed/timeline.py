@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.sparse import csr_array
 
-from meshreel.entropy.passes import Pass
+from meshreel.kernel.fields import Pass
 from meshreel.reel.agreed.closed_loop import Predictor
 
 Floats = npt.NDArray[np.float64]
@@ -39,25 +39,31 @@ def time_predictors(n_frames: int) -> tuple[Predictor, ...]:
 def time_passes(n_frames: int) -> tuple[Pass, ...]:
     """The order in which residuals of a mode are coded, with the context neighbours of each.
 
-    Columns are x over time, then y and z. A level of times is a pass; the times that predict one
-    are its context neighbours.
+    Columns are x over time, then y and z. A level of times is a pass. Context neighbours are the
+    times around, if they are known, the two before of the level, and the time itself on the axes
+    before.
     """
-    passes = []
-    for predictor in time_predictors(n_frames):
-        weights = predictor.weights
-        starts, near = weights.indptr.astype(np.int64), weights.indices.astype(np.int64)
-        passes.append(
-            Pass(
-                _for_each_axis(predictor.rows, n_frames),
-                np.concatenate([starts, starts[1:] + starts[-1], starts[1:] + 2 * starts[-1]]),
-                _for_each_axis(near, n_frames),
-            )
-        )
+    passes, half = [], COARSEST // 2
+    for level, predictor in enumerate(time_predictors(n_frames)):
+        around = [-half, half] if level else []
+        passes.append(_pass(predictor.rows, [*around, -2 * half, -4 * half], n_frames))
+        half = half // 2 if level else half
     return tuple(passes)
 
 
-def _for_each_axis(times: Integers, n_frames: int) -> Integers:
-    return np.concatenate([times, times + n_frames, times + 2 * n_frames])
+def _pass(times: Integers, offsets: list[int], n_frames: int) -> Pass:
+    """A pass of times on all axes; context neighbours lie at offsets, and on axes before."""
+    others = times[:, None] + offsets
+    exists = (others >= 0) & (others < n_frames)
+    near = []
+    for axis in range(3):
+        on_axis = np.where(exists, others + n_frames * axis, -1)
+        same_time = np.where(np.arange(2) < axis, times[:, None] + n_frames * np.arange(2), -1)
+        near.append(np.hstack([on_axis, same_time]))
+    listed = np.concatenate(near)
+    starts = np.concatenate([[0], np.cumsum((listed >= 0).sum(axis=1))])
+    columns = np.concatenate([times + n_frames * axis for axis in range(3)])
+    return Pass(columns, starts, listed[listed >= 0])
 
 
 def _interpolation(rows: Integers, half: int, n_frames: int) -> csr_array:

@@ -63,7 +63,7 @@ def _next_place(
     if below is None or above is None:
         place, excess = below or above or (0.0, 0.0)
         # As if the measure were the step itself, and a little more with every trial.
-        leap = (1.0 + 0.3 * trial) * abs(excess) + 0.02
+        leap = (1.0 + 0.3 * trial) * abs(excess) + 0.02 * 1.5**trial
         return float(place + np.sign(-excess) * min(leap, LARGEST_LEAP))
     (low, short), (high, excess) = below, above
     if trial % 3 == 2:

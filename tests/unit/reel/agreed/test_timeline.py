@@ -82,13 +82,18 @@ def test_passes_take_every_time_of_every_axis_once_when_a_mode_is_coded(n_frames
 
 
 @every_length
-def test_a_time_is_told_of_by_those_that_predict_it_on_its_own_axis_when_coded(n_frames):
-    for step, predictor in zip(time_passes(n_frames), time_predictors(n_frames), strict=True):
+def test_a_time_is_told_of_by_times_around_and_before_and_other_axes_when_coded(n_frames):
+    known = set()
+    for level, step in enumerate(time_passes(n_frames)):
         near = np.split(step.indices, step.indptr[1:-1]) if len(step.columns) else []
-        told = dict(zip(step.columns.tolist(), (set(one.tolist()) for one in near), strict=True))
+        distance = (2, 2, 1)[level]
+        offsets = (-4, -2) if level == 0 else (-4, -2, -1, 1)
         assert len(step.indptr) == len(step.columns) + 1
-        for place, time in enumerate(predictor.rows.tolist()):
-            sources = predictor.weights[[place]].indices
-            for axis in range(3):
-                wanted = {int(source) + axis * n_frames for source in sources}
-                assert told[time + axis * n_frames] == wanted
+        for column, told in zip(step.columns.tolist(), near, strict=True):
+            axis, time = divmod(column, n_frames)
+            around = {time + distance * offset for offset in offsets} & set(range(n_frames))
+            wanted = {axis * n_frames + other for other in around}
+            wanted |= {other * n_frames + time for other in range(axis)}
+            assert len(told) == len(wanted)
+            assert set(told.tolist()) == wanted <= known
+            known.add(column)

@@ -1,0 +1,80 @@
+"""Fields are read alike by the core and by plain Python, written from `docs/format.md`."""
+
+import numpy as np
+import pytest
+
+from meshreel.kernel.fields import encode_fields
+from samples.passes import as_pass
+from samples.plain_fields import decode_fields_plainly
+
+
+def grid_passes(side):
+    """Columns of a square grid: every fourth, every second, the rest; near are earlier ones."""
+    place = {(x, y): y * side + x for y in range(side) for x in range(side)}
+    passes = []
+    for is_here in (
+        lambda x, y: x % 4 == y % 4 == 0,
+        lambda x, y: x % 2 == y % 2 == 0,
+        lambda x, y: False,
+        lambda x, y: True,
+    ):
+        known = {i for near in passes for i in near}
+        passes.append({})
+        for (x, y), i in place.items():
+            if is_here(x, y) and i not in known:
+                around = [place.get((x + a, y + b)) for a in (-2, -1, 0, 1, 2) for b in (-1, 0, 2)]
+                passes[-1][i] = [j for j in around if j in known]
+    return passes
+
+
+def lively_fields(scale, n_rows, n_columns=169):
+    """Of 16 rows in falling energy, some of them empty, the first ones."""
+    rng = np.random.default_rng(8)
+    smooth = np.exp(np.sin(np.arange(n_columns) / 9)) * scale * 0.8 ** np.arange(16)[:, None]
+    fields = np.rint(rng.laplace(scale=smooth) + smooth).astype(int)
+    fields[[4, 9, 14]] = 0
+    fields[[5, 10], ::2] = 0
+    fields[6, :3] = (100, -5000, 2**31 - 1)
+    return fields[:n_rows]
+
+
+def assert_read_alike(fields, passes):
+    arrays = [as_pass(list(near), list(near.values())) for near in passes]
+    decoded = decode_fields_plainly(encode_fields(fields, arrays), len(fields), passes)
+    assert decoded == fields.tolist()
+
+
+@pytest.mark.parametrize("n_rows", [1, 4, 5, 16])
+@pytest.mark.parametrize("scale", [0.2, 3.0])
+def test_payload_is_read_alike_when_a_second_decoder_follows_the_format(scale, n_rows):
+    passes = grid_passes(13)
+    assert [len(near) for near in passes] == [16, 33, 0, 120]
+    assert_read_alike(lively_fields(scale, n_rows), passes)
+
+
+@pytest.mark.parametrize("n_rows", [1, 16])
+@pytest.mark.parametrize("scale", [0.2, 3.0])
+def test_payload_is_read_alike_when_there_is_a_single_pass(scale, n_rows):
+    assert_read_alike(lively_fields(scale, n_rows), [{i: [] for i in range(169)}])
+
+
+def test_payload_is_read_alike_when_neighbours_lie_in_the_same_pass():
+    passes = [{i: list(range(max(0, i - 16), i, 1 + i % 3)) for i in range(169)}]
+    assert_read_alike(lively_fields(1.0, 12), passes)
+
+
+def test_payload_is_read_alike_when_rows_are_long():
+    """Sums of a row that are halved, models that are as slow as they get, weights far away."""
+    fields = np.zeros((6, 3000), int)
+    for number, row in enumerate(fields):
+        row[number :: 5 + 40 * (number % 2)] = 1 - 2 * (number % 3 == 0)
+    fields[4:] = np.random.default_rng(2).integers(-5000, 5000, (2, 3000))
+    assert_read_alike(fields, [{i: [i - 1] * (i > 0) for i in range(3000)}])
+
+
+def test_payload_is_read_alike_when_magnitudes_jump():
+    """Steps of the weights as large as they get, magnitudes beyond what contexts know."""
+    rng = np.random.default_rng(3)
+    jumps = rng.integers(0, 31, (12, 400)) * (rng.random((12, 400)) < 0.3)
+    fields = np.where(jumps > 0, 2**jumps, 0) * rng.choice([-1, 1], (12, 400))
+    assert_read_alike(fields, [{i: list(range(max(0, i - 4), i)) for i in range(400)}])
