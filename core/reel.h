@@ -49,6 +49,20 @@ REEL_API int64_t reel_integers_decode(void *memory, size_t memory_size, const ui
                                       size_t size, const int64_t *lengths, const int32_t *tables,
                                       int64_t n_rows, int64_t n_tables, int32_t *values);
 
+/* Faces of a mesh: `n_faces` rows of three corners 0..n_verts-1, both counts at most 2^26. The
+   writer gives the faces in the order and the numbers that the reader will find, and the given
+   vertex of each number; at most 24 bytes for each face and 256 more are written. `listed` keeps
+   faces and vertices in their given order, for more bytes. docs/format.md, CONNECTIVITY. */
+REEL_API size_t reel_connectivity_encode_memory(int64_t n_verts, int64_t n_faces);
+REEL_API size_t reel_connectivity_decode_memory(int64_t n_verts, int64_t n_faces);
+REEL_API int64_t reel_connectivity_encode(void *memory, size_t memory_size, const int32_t *faces,
+                                          int64_t n_faces, int64_t n_verts, int64_t listed,
+                                          int32_t *internal_faces, int32_t *internal_to_given,
+                                          uint8_t *out, size_t room);
+REEL_API int64_t reel_connectivity_decode(void *memory, size_t memory_size, const uint8_t *in,
+                                          size_t size, int64_t n_verts, int64_t n_faces,
+                                          int32_t *faces);
+
 #ifdef __cplusplus
 }
 #endif
