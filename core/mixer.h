@@ -1,8 +1,7 @@
 /* A bit that several models predict: their opinions are weighed, and the weights are learned.
 
-   docs/format.md, "Mixed bits". Opinions are added as logarithms of odds, in units of 1/256. A
-   model that has seen little has weights of its own; one that has seen nothing has no opinion,
-   and begins with what the others said. All in integers. */
+   docs/format.md, "Mixed bits". An opinion is the logarithm of odds, in units of 1/256. A model
+   that has seen nothing has no opinion, and begins with what the others say. All in integers. */
 
 #ifndef REEL_MIXER_H
 #define REEL_MIXER_H
@@ -10,32 +9,28 @@
 #include "bits.h"
 
 #define REEL_MOST_OPINIONS 8
-#define REEL_TRUST 6     /* classes of how much a model has seen */
-#define REEL_ODDS 2047   /* opinions lie within -REEL_ODDS..REEL_ODDS */
-#define REEL_SURE 24U    /* least probability of either value, by 65536 */
-#ifndef RATE
-#define RATE 15
-#endif
-#ifndef INHERIT
-#define INHERIT 2
-#endif
+#define REEL_ODDS 2047            /* opinions lie within -REEL_ODDS..REEL_ODDS */
+#define REEL_LEAST_MIXED 24U      /* least probability of either value, by 65536 */
+#define REEL_HEAVIEST (1 << 20)   /* weights lie within -REEL_HEAVIEST..REEL_HEAVIEST, by 65536 */
+#define REEL_WEIGHT_SHIFT 14      /* how slowly weights are learned */
 
 /* round(65536 / (1 + exp(-(i - 16) / 2))) for i = 0..32. */
-static const uint32_t reel_logistic[33] = {
-    22, 36, 60, 98, 162, 267, 439, 720, 1179, 1921, 3108,
-    4971, 7812, 11955, 17625, 24743, 32768, 40793, 47911, 53581, 57724, 60565,
+static const uint16_t reel_logistic[33] = {
+    22,    36,    60,    98,    162,   267,   439,   725,   1179,  1921,  3108,
+    4971,  7812,  11955, 17625, 24743, 32768, 40793, 47911, 53581, 57724, 60565,
     62428, 63615, 64357, 64816, 65097, 65269, 65374, 65438, 65476, 65500, 65514,
 };
 
-/* The probability by 65536 of odds within -REEL_ODDS - 1..REEL_ODDS + 1. */
+/* The probability by 65536 of odds within -REEL_ODDS..REEL_ODDS. */
 REEL_INLINE uint32_t reel_squash(int32_t odds) {
-    uint32_t place = (uint32_t)(odds + 2048);
-    uint32_t left = reel_logistic[place >> 7], right = reel_logistic[(place >> 7) + 1];
-    return (left * (128 - (place & 127U)) + right * (place & 127U)) >> 7;
+    uint32_t place = (uint32_t)(odds + 2048), above = place & 127U;
+    const uint16_t *row = &reel_logistic[place >> 7];
+    return (row[0] * (128U - above) + row[1] * above) >> 7;
 }
 
+/* Odds of probabilities by 4096: the inverse of `reel_squash`. */
 typedef struct {
-    int16_t odds[4096]; /* of probabilities, by 4096: the inverse of reel_squash */
+    int16_t odds[4096];
 } reel_odds_table;
 
 REEL_INLINE void reel_fill_odds(reel_odds_table *table) {
@@ -49,34 +44,38 @@ REEL_INLINE void reel_fill_odds(reel_odds_table *table) {
 }
 
 typedef struct {
-    int32_t weight[REEL_MOST_OPINIONS][REEL_TRUST]; /* by 65536 */
+    int32_t of[REEL_MOST_OPINIONS]; /* by 65536 */
 } reel_weights;
 
-REEL_INLINE int reel_trust(const reel_model *model) {
-    int bits = reel_length(model->seen); /* 0, 1, 2..3, 4..7, 8..15, more */
-    return bits < REEL_TRUST ? bits : REEL_TRUST - 1;
+REEL_INLINE int32_t reel_clamp(int64_t value, int32_t most) {
+    return value < -most ? -most : value > most ? most : (int32_t)value;
 }
 
-/* A bit that models[0..n-1] predict; all of them, and the weights, learn from it. */
+/* value / 2^shift, rounded down. */
+REEL_INLINE int64_t reel_halve(int64_t value, int shift) {
+    return value < 0 ? -((-value + ((int64_t)1 << shift) - 1) >> shift) : value >> shift;
+}
+
+/* A bit that models[0..n-1] predict; they and the weights learn from it. */
 REEL_INLINE int reel_mixed_bit(reel_port *port, const reel_odds_table *table,
                                reel_weights *weights, reel_model *const *models, int n, int bit) {
     int32_t odds[REEL_MOST_OPINIONS];
     int64_t sum = 0;
     for (int i = 0; i < n; i++) {
         odds[i] = models[i]->seen ? table->odds[reel_probability(models[i]) >> 4] : 0;
-        sum += (int64_t)odds[i] * weights->weight[i][reel_trust(models[i])];
+        sum += (int64_t)odds[i] * weights->of[i];
     }
-    sum >>= 16;
-    sum = sum < -REEL_ODDS ? -REEL_ODDS : sum > REEL_ODDS ? REEL_ODDS : sum;
-    uint32_t ones = reel_squash((int32_t)sum);
-    ones = ones < REEL_SURE ? REEL_SURE : ones > 65536U - REEL_SURE ? 65536U - REEL_SURE : ones;
+    uint32_t ones = reel_squash(reel_clamp(reel_halve(sum, 16), REEL_ODDS));
+    ones = ones < REEL_LEAST_MIXED            ? REEL_LEAST_MIXED
+           : ones > 65536U - REEL_LEAST_MIXED ? 65536U - REEL_LEAST_MIXED
+                                              : ones;
     bit = reel_code_bit(port, ones, bit);
     int32_t missed = (bit ? 65536 : 0) - (int32_t)ones;
     for (int i = 0; i < n; i++) {
+        int64_t change = reel_halve((int64_t)odds[i] * missed, REEL_WEIGHT_SHIFT);
+        weights->of[i] = reel_clamp(weights->of[i] + change, REEL_HEAVIEST);
         if (models[i]->seen == 0) {
-            *models[i] = reel_model_of(ones, INHERIT);
-        } else {
-            weights->weight[i][reel_trust(models[i])] += (odds[i] * missed) >> RATE;
+            *models[i] = reel_model_of(ones, 1);
         }
         reel_learn(models[i], bit);
     }

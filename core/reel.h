@@ -51,7 +51,7 @@ REEL_API int64_t reel_integers_decode(void *memory, size_t memory_size, const ui
 
 /* Faces of a mesh: `n_faces` rows of three corners 0..n_verts-1, both counts at most 2^26. The
    writer gives the faces in the order and the numbers that the reader will find, and the given
-   vertex of each number; at most 24 bytes for each face and 256 more are written. `listed` keeps
+   vertex of each number; at most 96 bytes for each face and 1024 more are written. `listed` keeps
    faces and vertices in their given order, for more bytes. docs/format.md, CONNECTIVITY. */
 REEL_API size_t reel_connectivity_encode_memory(int64_t n_verts, int64_t n_faces);
 REEL_API size_t reel_connectivity_decode_memory(int64_t n_verts, int64_t n_faces);

@@ -8,7 +8,7 @@
 #define NONE (-1)
 #define CANDIDATES 8 /* sides of an edge that are looked at for the best twin */
 
-/* A side of a given face, as given: ends low < high; `upward` if it goes from low to high. */
+/* Which sides are the same edge; here a side is one of a face as it is given. */
 typedef struct {
     const int32_t *faces;
     int32_t *order; /* sides, sorted by their ends */
@@ -70,6 +70,24 @@ static void join_edge(reel_joining *joining, int64_t start, int64_t end) {
             }
         }
     }
+}
+
+/* Lists the sides of faces that are not degenerate, none of them joined; how many they are. */
+static int64_t list_sides(reel_joining *joining, reel_surface *surface) {
+    int64_t n_sides = 0;
+    for (int32_t f = 0; f < surface->n_faces; f++) {
+        const int32_t *face = joining->faces + 3 * (int64_t)f;
+        surface->turned[f] = 0;
+        surface->flat[f] = face[0] == face[1] || face[1] == face[2] || face[2] == face[0];
+        surface->n_flat += surface->flat[f];
+        for (int32_t k = 0; k < 3; k++) {
+            joining->pair[3 * f + k] = NONE;
+            if (!surface->flat[f]) {
+                joining->order[n_sides++] = 3 * f + k;
+            }
+        }
+    }
+    return n_sides;
 }
 
 static void join_sides(reel_joining *joining, int64_t n_sides) {
@@ -183,6 +201,7 @@ static void name_points(reel_surface *surface, const int32_t *faces, uint8_t *us
             bool swaps = surface->turned[face] && corner;
             vertex = faces[3 * face + (swaps ? 3 - corner : corner)];
             surface->pinched |= used[vertex];
+            surface->n_used += !used[vertex];
             used[vertex] = 1;
         } else {
             surface->n_caps++;
@@ -216,19 +235,7 @@ bool reel_find_surface(reel_arena *arena, const int32_t *faces, int64_t n_faces,
     if (arena->failed) {
         return false;
     }
-    int64_t n_sides = 0;
-    for (int32_t f = 0; f < n_faces; f++) {
-        const int32_t *face = faces + 3 * (int64_t)f;
-        found->turned[f] = 0;
-        found->flat[f] = face[0] == face[1] || face[1] == face[2] || face[2] == face[0];
-        found->n_flat += found->flat[f];
-        for (int32_t k = 0; k < 3; k++) {
-            joining.pair[3 * f + k] = NONE;
-            if (!found->flat[f]) {
-                joining.order[n_sides++] = 3 * f + k;
-            }
-        }
-    }
+    int64_t n_sides = list_sides(&joining, found);
     sort_by(faces, high_of, joining.order, spare, n_sides, starts, n_verts);
     sort_by(faces, low_of, spare, joining.order, n_sides, starts, n_verts);
     if (n_sides) {

@@ -14,18 +14,19 @@
 #define REEL_MOST_ITEMS ((int64_t)1 << 26) /* vertices, and faces, of a mesh */
 
 typedef struct {
-    int64_t n_faces;  /* given ones, M; degenerate ones have no sides */
-    int64_t n_caps;   /* points that are no vertex */
+    int64_t n_faces;   /* given ones, M; degenerate ones have no sides */
+    int64_t n_flat;    /* degenerate ones among them */
     int64_t n_closing; /* faces M, M + 1, ... that are added: one for each open edge */
-    int64_t n_flat;   /* degenerate ones among the given */
-    bool turns;       /* some faces are turned over */
-    bool pinched;     /* some vertices are several points */
-    int32_t *twin;    /* of each side */
-    int32_t *point;   /* at which each side starts */
-    int32_t *vertex;  /* of each point; -1 of a cap */
-    int32_t *degree;  /* of each point: faces around it */
-    uint8_t *turned;  /* is the given face turned over, to go the way of its neighbours? */
-    uint8_t *flat;    /* is the given face degenerate? */
+    int64_t n_used;    /* vertices of faces that are not degenerate */
+    int64_t n_caps;    /* points that are no vertex */
+    bool turns;        /* some faces are turned over */
+    bool pinched;      /* some vertices are several points */
+    int32_t *twin;     /* of each side */
+    int32_t *point;    /* at which each side starts */
+    int32_t *vertex;   /* of each point; -1 of a cap */
+    int32_t *degree;   /* of each point: faces around it */
+    uint8_t *turned;   /* is the given face turned over, to go the way of its neighbours? */
+    uint8_t *flat;     /* is the given face degenerate? */
 } reel_surface;
 
 /* The side behind and before one of the same face. */

@@ -11,8 +11,8 @@ Integers = npt.NDArray[np.int64]
 MOST_ITEMS = 1 << 26
 """Most vertices, and most faces, of a mesh."""
 
-BYTES_EACH = 24
-MORE_BYTES = 256
+BYTES_EACH = 96
+MORE_BYTES = 1024
 
 
 def encode_faces(faces: Faces, n_verts: int, *, listed: bool) -> tuple[bytes, Integers, Faces]:
