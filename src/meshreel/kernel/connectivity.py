@@ -3,6 +3,7 @@
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.errors import CorruptStreamError
 from meshreel.kernel.library import call, memory, size_of
 
 Faces = npt.NDArray[np.int32]
@@ -61,6 +62,8 @@ def decode_faces(data: bytes, n_verts: int, n_faces: int) -> Faces:
     CorruptStreamError
         If the bytes are not those of so many faces on so many vertices.
     """
+    if max(n_verts, n_faces) > MOST_ITEMS:
+        raise CorruptStreamError(f"a mesh has at most {MOST_ITEMS} vertices and faces")
     faces = np.empty((n_faces, 3), np.int32)
     room = memory(size_of("reel_connectivity_decode_memory", n_verts, n_faces))
     call(
