@@ -204,13 +204,17 @@ int32_t reel_code_target(reel_walk *walk, int32_t n, int32_t m, int32_t target) 
 }
 
 void reel_start_walk_models(reel_walk_models *models) {
-    reel_zero(models, sizeof *models); /* models that are mixed have seen nothing */
+    reel_zero(models, sizeof *models); /* models that are mixed have seen nothing, but for one */
     reel_fill_odds(&models->odds);
     for (int i = 0; i < REEL_MOST_OPINIONS; i++) {
         for (int decision = 0; decision < REEL_DECISIONS; decision++) {
             models->degree_weights[decision].of[i] = 65536 / 4;
         }
         models->meets_weights.of[i] = 65536 / 4;
+    }
+    models->meets_weights.of[0] = 65536 / 2;
+    for (int length = 0; length <= LONGEST; length++) {
+        models->meets[length] = reel_model_of(512, 6);
     }
     models->is_cap = models->is_copy = models->is_far = reel_model_of(2048, 4);
     models->starts_open = models->is_behind = reel_model_of(32768, 0);

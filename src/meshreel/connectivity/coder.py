@@ -19,6 +19,8 @@ from meshreel.sequence import Faces
 Integers = npt.NDArray[np.int64]
 
 ORDERS = ("keep", "vertices", "drop")
+WALKS_WELL = 0.5
+"""Bytes for each face below which the list as it is given is not tried."""
 
 
 @dataclass(frozen=True)
@@ -70,7 +72,10 @@ def encode_connectivity(faces: Faces, n_verts: int, *, order: str = "keep") -> C
     """
     if order not in ORDERS:
         raise InvalidInputError(f"order must be one of {', '.join(ORDERS)}; got {order!r}")
-    listed, walked = (_code(faces, n_verts, order, listed=listed) for listed in (True, False))
+    walked = _code(faces, n_verts, order, listed=False)
+    if walked.size_bytes <= WALKS_WELL * len(faces):
+        return walked
+    listed = _code(faces, n_verts, order, listed=True)
     return min(walked, listed, key=lambda coded: coded.size_bytes)
 
 

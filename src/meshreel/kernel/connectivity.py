@@ -55,7 +55,9 @@ def encode_faces(faces: Faces, n_verts: int, *, listed: bool) -> tuple[bytes, In
 
 
 def decode_faces(data: bytes, n_verts: int, n_faces: int) -> Faces:
-    """The internal faces, of shape (M, 3), that `encode_faces` wrote; the caller bounds both counts.
+    """The internal faces, of shape (M, 3), that `encode_faces` wrote.
+
+    The caller bounds both counts.
 
     Raises
     ------
