@@ -16,7 +16,7 @@
 
 /* round(65536 / (1 + exp(-(i - 16) / 2))) for i = 0..32. */
 static const uint16_t reel_logistic[33] = {
-    22,    36,    60,    98,    162,   267,   439,   725,   1179,  1921,  3108,
+    22,    36,    60,    98,    162,   267,   439,   720,   1179,  1921,  3108,
     4971,  7812,  11955, 17625, 24743, 32768, 40793, 47911, 53581, 57724, 60565,
     62428, 63615, 64357, 64816, 65097, 65269, 65374, 65438, 65476, 65500, 65514,
 };
@@ -53,7 +53,7 @@ REEL_INLINE int32_t reel_clamp(int64_t value, int32_t most) {
 
 /* value / 2^shift, rounded down. */
 REEL_INLINE int64_t reel_halve(int64_t value, int shift) {
-    return value < 0 ? -((-value + ((int64_t)1 << shift) - 1) >> shift) : value >> shift;
+    return value < 0 ? -((((int64_t)1 << shift) - 1 - value) >> shift) : value >> shift;
 }
 
 /* A bit that models[0..n-1] predict; they and the weights learn from it. */
