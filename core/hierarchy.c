@@ -279,16 +279,16 @@ static void list_contexts(const workshop *shop, int32_t v, const int32_t *stenci
                           int32_t *contexts) {
     const reel_graph *graph = &shop->graph;
     int32_t count = 0;
-    for (int32_t i = graph->starts[v]; i < graph->starts[v + 1] && count < REEL_CONTEXTS; i++) {
+    for (int32_t i = graph->starts[v]; i < graph->starts[v + 1] && count < REEL_NEIGHBOURS; i++) {
         int32_t u = graph->near[i];
         if (u < v && shop->states[u] == shop->states[v]) {
             contexts[count++] = u;
         }
     }
-    for (int32_t j = 0; j < size && stencil[j] >= 0 && count < REEL_CONTEXTS; j++) {
+    for (int32_t j = 0; j < size && stencil[j] >= 0 && count < REEL_NEIGHBOURS; j++) {
         contexts[count++] = stencil[j];
     }
-    while (count < REEL_CONTEXTS) {
+    while (count < REEL_NEIGHBOURS) {
         contexts[count++] = -1;
     }
 }
@@ -306,7 +306,7 @@ static void predict_rows(workshop *shop, result *all, int32_t begin, int32_t end
     size_t size = (size_t)all->size, first = (size_t)begin * size;
     int32_t *order = all->order + begin, *stencil = all->stencil + first, n = end - begin;
     uint8_t *hops = all->hops + first;
-    int32_t *contexts = all->contexts + (size_t)begin * REEL_CONTEXTS;
+    int32_t *contexts = all->contexts + (size_t)begin * REEL_NEIGHBOURS;
     reel_zero(shop->marks, (size_t)shop->graph.n * sizeof *shop->marks);
     sort_rows(shop, sorted);
     reel_copy(shop->pending, shop->graph.starts, (size_t)shop->graph.n * sizeof *shop->pending);
@@ -318,13 +318,13 @@ static void predict_rows(workshop *shop, result *all, int32_t begin, int32_t end
             advance_ends(shop, sorted, level);
         }
         find_nearest(shop, sorted, i + 1, order[i], all->size, stencil + row, hops + row);
-        list_contexts(shop, order[i], stencil + row, all->size, contexts + i * REEL_CONTEXTS);
+        list_contexts(shop, order[i], stencil + row, all->size, contexts + i * REEL_NEIGHBOURS);
     }
     reel_smooth(&shop->smoother, &shop->graph, all->smooth + all->n_rows * REEL_SMOOTH_FIELDS);
     all->n_rows += shop->graph.n;
     name_members(shop, order, (size_t)n);
     name_members(shop, stencil, (size_t)n * size);
-    name_members(shop, contexts, (size_t)n * REEL_CONTEXTS);
+    name_members(shop, contexts, (size_t)n * REEL_NEIGHBOURS);
 }
 
 /* Cells of the coarser resolution, in `marks`: of what is kept, its place there; of all else that
@@ -379,9 +379,9 @@ static void end_with(workshop *shop, result *all, int32_t resolution) {
     reel_zero(all->hops, filled);
     reel_zero(shop->states, n);
     for (int32_t v = 0; v < shop->graph.n; v++) {
-        list_contexts(shop, v, NULL, 0, all->contexts + v * REEL_CONTEXTS);
+        list_contexts(shop, v, NULL, 0, all->contexts + v * REEL_NEIGHBOURS);
     }
-    name_members(shop, all->contexts, n * REEL_CONTEXTS);
+    name_members(shop, all->contexts, n * REEL_NEIGHBOURS);
     all->counts[all->n_levels] = shop->graph.n;
     all->resolutions[all->n_levels++] = resolution;
 }
@@ -464,7 +464,7 @@ static void number_in_order(const result *all, int32_t n, int32_t n_levels, cons
     for (size_t i = 0; i < (size_t)n * (size_t)all->size; i++) {
         all->stencil[i] = all->stencil[i] < 0 ? -1 : numbers[all->stencil[i]];
     }
-    for (size_t i = 0; i < (size_t)n * REEL_CONTEXTS; i++) {
+    for (size_t i = 0; i < (size_t)n * REEL_NEIGHBOURS; i++) {
         all->contexts[i] = all->contexts[i] < 0 ? -1 : numbers[all->contexts[i]];
     }
     const size_t size = REEL_SMOOTH_FIELDS * sizeof *smooth;

@@ -63,7 +63,7 @@ REEL_API int64_t reel_adjacency(void *memory, size_t memory_size, const int32_t 
    it. Where each level begins, and the end, `level_starts`; the resolution of each level, 0 is the
    coarsest. Of each vertex the stencil_size (1..REEL_MAX_STENCIL) ones that predict it, -1 where
    there are no more, and how many edges of the resolution away they are. Level 0 has none, all
-   other vertices have at least one. The REEL_CONTEXTS context neighbours of each, likewise. The smooth fields of the resolutions but the coarsest, the
+   other vertices have at least one. The REEL_NEIGHBOURS context neighbours of each, likewise. The smooth fields of the resolutions but the coarsest, the
    finest last: of vertex v in row smooth_starts[level] + v; at most REEL_SMOOTH_ROWS n_verts
    rows. Returns the number of levels. `n_near` is starts[n_verts]. */
 #define REEL_MAX_STENCIL 16
@@ -71,7 +71,7 @@ REEL_API int64_t reel_adjacency(void *memory, size_t memory_size, const int32_t 
 #define REEL_MAX_LEVELS (1 + 3 * REEL_MAX_RESOLUTIONS)
 #define REEL_SMOOTH_FIELDS 16
 #define REEL_SMOOTH_ROWS 4
-#define REEL_CONTEXTS 8
+#define REEL_NEIGHBOURS 8
 REEL_API size_t reel_hierarchy_memory(int64_t n_verts, int64_t n_near);
 REEL_API int64_t reel_hierarchy(void *memory, size_t memory_size, const int32_t *starts,
                                 const int32_t *near, int64_t n_verts, int64_t stencil_size,
@@ -161,6 +161,20 @@ REEL_API int64_t reel_fields_decode(void *memory, size_t memory_size, const uint
                                     const int32_t *columns, const int64_t *pass_starts,
                                     int64_t n_passes, const int64_t *near_starts,
                                     const int32_t *near, int32_t *values);
+
+/* Faces of a mesh: `n_faces` rows of three corners 0..n_verts-1, both counts at most 2^26. The
+   writer gives the faces in the order and the numbers that the reader will find, and the given
+   vertex of each number; at most 96 bytes for each face and 1024 more are written. `listed` keeps
+   faces and vertices in their given order, for more bytes. docs/format.md, CONNECTIVITY. */
+REEL_API size_t reel_connectivity_encode_memory(int64_t n_verts, int64_t n_faces);
+REEL_API size_t reel_connectivity_decode_memory(int64_t n_verts, int64_t n_faces);
+REEL_API int64_t reel_connectivity_encode(void *memory, size_t memory_size, const int32_t *faces,
+                                          int64_t n_faces, int64_t n_verts, int64_t listed,
+                                          int32_t *internal_faces, int32_t *internal_to_given,
+                                          uint8_t *out, size_t room);
+REEL_API int64_t reel_connectivity_decode(void *memory, size_t memory_size, const uint8_t *in,
+                                          size_t size, int64_t n_verts, int64_t n_faces,
+                                          int32_t *faces);
 
 #ifdef __cplusplus
 }

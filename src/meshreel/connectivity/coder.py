@@ -10,22 +10,17 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.connectivity.edgebreaker_extent import STANDARD, VALENCE
-from meshreel.connectivity.general import decode_face_list, encode_face_list
 from meshreel.connectivity.order import decode_given_order, encode_order
-from meshreel.connectivity.traversal import decode_traversal, encode_traversal
-from meshreel.errors import CorruptStreamError, InvalidInputError
+from meshreel.errors import InvalidInputError
+from meshreel.kernel.connectivity import decode_faces, encode_faces
 from meshreel.runtime.profiling import staged
 from meshreel.sequence import Faces
 
 Integers = npt.NDArray[np.int64]
 
-AS_LISTED, TRAVERSED_STANDARD, TRAVERSED_VALENCE = range(3)
-"""First byte of the payload: the face list as it is, or a traversal with one of two codings."""
-
-KIND_OF_CODING = {STANDARD: TRAVERSED_STANDARD, VALENCE: TRAVERSED_VALENCE}
-CODING_OF_KIND = {kind: coding for coding, kind in KIND_OF_CODING.items()}
 ORDERS = ("keep", "vertices", "drop")
+WALKS_WELL = 0.5
+"""Bytes for each face below which the list as it is given is not tried."""
 
 
 @dataclass(frozen=True)
@@ -58,7 +53,7 @@ class CodedConnectivity:
 
 @staged("connectivity")
 def encode_connectivity(faces: Faces, n_verts: int, *, order: str = "keep") -> CodedConnectivity:
-    """The coded face list: the smallest of the codings that this package has.
+    """The coded face list: as a walk over the surface, or as it is listed, whichever is smaller.
 
     Parameters
     ----------
@@ -73,15 +68,15 @@ def encode_connectivity(faces: Faces, n_verts: int, *, order: str = "keep") -> C
     Raises
     ------
     InvalidInputError
-        If `order` is none of these.
+        If `order` is none of these, or there are too many vertices or faces.
     """
     if order not in ORDERS:
         raise InvalidInputError(f"order must be one of {', '.join(ORDERS)}; got {order!r}")
-    listed = _code_as_listed(np.ascontiguousarray(faces, dtype=np.int32), n_verts)
-    traversed = _code_traversal(listed.internal_faces, n_verts, order)
-    if traversed is None:
-        return listed
-    return min(listed, traversed, key=lambda coded: len(coded.payload) + len(coded.order_payload))
+    walked = _code(faces, n_verts, order, listed=False)
+    if walked.size_bytes <= WALKS_WELL * len(faces):
+        return walked
+    listed = _code(faces, n_verts, order, listed=True)
+    return min(walked, listed, key=lambda coded: coded.size_bytes)
 
 
 @staged("connectivity")
@@ -100,13 +95,7 @@ def decode_connectivity(payload: bytes, n_verts: int, n_faces: int) -> Faces:
     CorruptStreamError
         If the payload is damaged or disagrees with `n_verts` or `n_faces`.
     """
-    if not payload:
-        raise CorruptStreamError("the connectivity is empty")
-    if payload[0] == AS_LISTED:
-        return decode_face_list(payload[1:], n_verts, n_faces)
-    if payload[0] not in CODING_OF_KIND:
-        raise CorruptStreamError(f"connectivity of kind {payload[0]} is not known; 0..2 are")
-    return decode_traversal(payload[1:], CODING_OF_KIND[payload[0]], n_verts, n_faces)
+    return decode_faces(payload, n_verts, n_faces)
 
 
 @staged("order")
@@ -134,18 +123,9 @@ def decode_order(
     return internal_to_given, faces.astype(np.int32)
 
 
-def _code_as_listed(faces: Faces, n_verts: int) -> CodedConnectivity:
-    payload = bytes([AS_LISTED]) + encode_face_list(faces, n_verts)
-    return CodedConnectivity(payload, b"", np.arange(n_verts), faces)
-
-
-def _code_traversal(faces: Faces, n_verts: int, order: str) -> CodedConnectivity | None:
-    traversal = encode_traversal(faces, n_verts)
-    if traversal is None:
-        return None
-    payload = bytes([KIND_OF_CODING[traversal.coding]]) + traversal.body
-    internal, back = traversal.internal_faces, traversal.internal_to_given
-    if order == "drop":
+def _code(faces: Faces, n_verts: int, order: str, *, listed: bool) -> CodedConnectivity:
+    payload, back, internal = encode_faces(faces, n_verts, listed=listed)
+    if listed or order == "drop":
         return CodedConnectivity(payload, b"", back, internal)
     order_payload = encode_order(faces, internal, back, keep_faces=order == "keep")
     return CodedConnectivity(payload, order_payload, back, internal)

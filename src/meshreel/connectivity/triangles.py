@@ -30,16 +30,6 @@ def sorted_order(lowest: Integers, n_verts: int) -> Integers:
     return np.lexsort((lowest[:, 2], lowest[:, 0] * n_verts + lowest[:, 1])).astype(np.int64)
 
 
-def repeats_before(faces: AnyFaces, n_verts: int) -> npt.NDArray[np.bool_]:
-    """True for a face that is the same oriented triangle as one before it."""
-    lowest, _ = lowest_rotation(faces, n_verts)
-    order = sorted_order(lowest, n_verts)
-    in_order = lowest[order]
-    repeated = np.zeros(len(faces), bool)
-    repeated[order[1:]] = (in_order[1:] == in_order[:-1]).all(axis=1)
-    return repeated
-
-
 def twin_sides(faces: AnyFaces, n_verts: int) -> Integers:
     """The opposite side of each side of each face; the side itself where there is none.
 

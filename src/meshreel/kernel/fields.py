@@ -42,9 +42,9 @@ class Pass:
         `MAX_NEAR`. All come before it, in this pass or in an earlier one.
     """
 
-    columns: Integers
-    indptr: Integers
-    indices: Integers
+    columns: npt.NDArray[np.integer]
+    indptr: npt.NDArray[np.integer]
+    indices: npt.NDArray[np.integer]
 
 
 def single_pass(n_columns: int) -> list[Pass]:

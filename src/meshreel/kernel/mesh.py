@@ -12,7 +12,7 @@ Hops = npt.NDArray[np.uint8]
 
 MAX_STENCIL = 16
 N_SMOOTH_FIELDS = 16
-N_CONTEXTS = 8
+N_NEIGHBOURS = 8
 MOST_SMOOTH_ROWS = 4
 MAX_RESOLUTIONS = 20
 MAX_LEVELS = 1 + 3 * MAX_RESOLUTIONS
@@ -55,7 +55,7 @@ class Hierarchy:
         Lower numbers, nearest first; -1 where there are no more. Level 0 has none.
     hops : uint8 array of shape (V, S)
         How many edges of the resolution away they are; 0 where there are no more.
-    contexts : int32 array of shape (V, N_CONTEXTS)
+    contexts : int32 array of shape (V, N_NEIGHBOURS)
         Context neighbours, lower numbers too; -1 where there are no more.
     smooth : float32 array of shape (rows, N_SMOOTH_FIELDS)
     """
@@ -109,7 +109,7 @@ def hierarchy(found: Neighbours, stencil_size: int) -> Hierarchy:
     n_verts = len(found.starts) - 1
     shape = (n_verts, max(stencil_size, 0))
     order, stencil = np.empty(n_verts, np.int32), np.empty(shape, np.int32)
-    hops, contexts = np.empty(shape, np.uint8), np.empty((n_verts, N_CONTEXTS), np.int32)
+    hops, contexts = np.empty(shape, np.uint8), np.empty((n_verts, N_NEIGHBOURS), np.int32)
     smooth = np.empty((MOST_SMOOTH_ROWS * n_verts, N_SMOOTH_FIELDS), np.float32)
     starts, resolutions = np.empty(MAX_LEVELS + 1, np.int32), np.empty(MAX_LEVELS, np.int32)
     smooth_starts = np.empty(MAX_LEVELS, np.int64)

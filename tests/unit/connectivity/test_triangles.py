@@ -3,7 +3,6 @@ import pytest
 
 from meshreel.connectivity.triangles import (
     lowest_rotation,
-    repeats_before,
     rotate_corners,
     sorted_order,
     twin_sides,
@@ -31,11 +30,6 @@ def test_rotate_corners_undoes_lowest_rotation_when_turned_back(mesh):
 def test_sorted_order_is_lexicographic_and_stable_when_faces_repeat():
     faces = np.array([[1, 2, 3], [0, 5, 2], [1, 2, 3], [0, 5, 1], [0, 2, 9]])
     assert sorted_order(faces, 10).tolist() == [4, 3, 1, 0, 2]
-
-
-def test_repeats_before_marks_all_but_the_first_when_turned():
-    faces = np.array([[0, 1, 2], [2, 1, 0], [1, 2, 0], [2, 0, 1], [0, 1, 3]])
-    assert repeats_before(faces, 4).tolist() == [False, False, True, True, False]
 
 
 def test_twin_sides_pair_the_sides_of_an_edge_when_two_faces_share_it():

@@ -11,7 +11,7 @@ from meshreel.codec.inspect import info
 from meshreel.connectivity.coder import encode_connectivity
 from meshreel.errors import InvalidInputError, UnsupportedVersionError
 from meshreel.kernel import fields as field_coder
-from meshreel.kernel.mesh import N_CONTEXTS
+from meshreel.kernel.mesh import N_NEIGHBOURS
 from meshreel.paper.decoder import coded_blocks
 from meshreel.reel.agreed.blocks import write_field_block
 from meshreel.reel.agreed.fields import decode_basis, synthesise_fields
@@ -138,7 +138,7 @@ def test_passes_take_every_vertex_once_and_tell_of_it_by_earlier_ones_when_a_fie
             for column, told in zip(step.columns.tolist(), near, strict=True):
                 assert column not in known
                 assert set(told.tolist()) <= known
-                assert len(set(told.tolist())) == len(told) <= N_CONTEXTS
+                assert len(set(told.tolist())) == len(told) <= N_NEIGHBOURS
                 known.add(column)
         assert known == set(range(sequence.n_verts))
 

@@ -1,0 +1,179 @@
+"""Walks over generated surfaces: how many bytes they take, and what they make of defects."""
+
+import numpy as np
+import pytest
+
+from meshreel.connectivity.triangles import lowest_rotation, sorted_order
+from meshreel.errors import CorruptStreamError, InvalidInputError
+from meshreel.kernel.connectivity import MOST_ITEMS, decode_faces, encode_faces
+from samples.meshes import grid_faces, octahedron_faces
+
+
+def rolled_grid(rows, columns):
+    """A torus of rows x columns vertices."""
+    index = np.arange(rows * columns).reshape(rows, columns)
+    right, below = np.roll(index, -1, 1), np.roll(index, -1, 0)
+    across = np.roll(right, -1, 0)
+    return np.stack([index, below, across, index, across, right], axis=-1).reshape(-1, 3)
+
+
+def subdivided(faces, times):
+    """Each face cut into four, `times` times."""
+    for _ in range(times):
+        ends = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]))
+        _, middles = np.unique(ends, axis=0, return_inverse=True)
+        a, b, c = faces.T
+        x, y, z = faces.max() + 1 + middles.reshape(3, -1)
+        faces = np.stack([a, x, z, x, b, y, z, y, c, x, y, z], axis=-1).reshape(-1, 3)
+    return faces
+
+
+def wheel(n_spokes):
+    """Two hubs with as many neighbours, as a closed surface."""
+    rim = 2 + np.arange(n_spokes)
+    following = np.roll(rim, -1)
+    above = np.stack([np.zeros_like(rim), rim, following], axis=-1)
+    return np.concatenate([above, np.stack([np.ones_like(rim), following, rim], axis=-1)])
+
+
+def moebius_strip(n_quads):
+    upper, lower = 2 * np.arange(n_quads), 2 * np.arange(n_quads) + 1
+    right, below = np.append(upper[1:], 1), np.append(lower[1:], 0)
+    return np.stack([upper, lower, right, right, lower, below], axis=-1).reshape(-1, 3)
+
+
+def fan(n_pages):
+    """As many faces at one edge, like pages of a book, each second one the other way round."""
+    pages = np.stack([np.zeros(n_pages, int), np.ones(n_pages, int), 2 + np.arange(n_pages)], -1)
+    pages[1::2, :2] = pages[1::2, 1::-1]
+    return pages
+
+
+def turned_over(faces, seed=1):
+    faces = faces.copy()
+    chosen = np.random.default_rng(seed).random(len(faces)) < 0.5
+    faces[chosen] = faces[chosen, ::-1]
+    return faces
+
+
+def copies(faces, n):
+    return np.concatenate([faces + i * (faces.max() + 1) for i in range(n)])
+
+
+def both_sides(faces):
+    return np.stack([faces, faces[:, ::-1]], axis=1).reshape(-1, 3)
+
+
+# Bytes that each takes, and some more.
+SURFACES = {
+    "one face": ([[0, 1, 2]], 6),
+    "sheet": (grid_faces(60, 60), 18),
+    "large sheet": (grid_faces(300, 300), 40),
+    "torus": (rolled_grid(60, 40), 14),
+    "torus turned over": (turned_over(rolled_grid(60, 40)), 630),
+    "sheet seen from both sides": (both_sides(grid_faces(20, 20)), 180),
+    "sphere": (subdivided(octahedron_faces(), 4), 24),
+    "large sphere": (subdivided(octahedron_faces(), 7), 36),
+    "wheel": (wheel(5000), 18),
+    "strip": (moebius_strip(100), 40),
+    "book": (fan(101), 70),
+    "many octahedra": (copies(octahedron_faces(), 40), 26),
+    "many faces": (np.arange(300).reshape(-1, 3), 12),
+}
+
+
+@pytest.fixture(params=SURFACES)
+def surface(request):
+    """Faces, the number of vertices, and the most bytes."""
+    faces, limit = SURFACES[request.param]
+    faces = np.array(faces, np.int32)
+    return faces, int(faces.max()) + 1, limit
+
+
+def sorted_triangles(faces, n_verts):
+    lowest, _ = lowest_rotation(faces, n_verts)
+    return lowest[sorted_order(lowest, n_verts)]
+
+
+def given_again(faces, n_verts):
+    """The faces in the internal order, as they are decoded, in given numbers."""
+    payload, internal_to_given, internal = encode_faces(faces, n_verts, listed=False)
+    np.testing.assert_array_equal(decode_faces(payload, n_verts, len(faces)), internal)
+    return internal_to_given[internal], internal_to_given
+
+
+def test_walk_takes_few_bytes_when_surface_is_simple(surface):
+    faces, n_verts, limit = surface
+    assert len(encode_faces(faces, n_verts, listed=False)[0]) <= limit
+
+
+def test_walk_gives_the_same_triangles_when_surface_is_simple(surface):
+    faces, n_verts, _ = surface
+    found, internal_to_given = given_again(faces, n_verts)
+    np.testing.assert_array_equal(
+        sorted_triangles(found, n_verts), sorted_triangles(faces, n_verts)
+    )
+    np.testing.assert_array_equal(np.sort(internal_to_given), np.arange(n_verts))
+
+
+@pytest.mark.parametrize("name", ["sheet", "torus", "large sphere", "wheel"])
+def test_every_vertex_but_the_first_has_a_lower_neighbour_when_surface_is_one(name):
+    faces = np.array(SURFACES[name][0], np.int32)
+    _, _, internal = encode_faces(faces, int(faces.max()) + 1, listed=False)
+    ends = np.concatenate([internal[:, [0, 1]], internal[:, [1, 2]], internal[:, [2, 0]]])
+    assert set(range(1, internal.max() + 1)) == set(ends.max(axis=1).tolist())
+
+
+def test_unused_vertices_are_numbered_last_when_there_are_some():
+    faces = np.array([[1, 4, 6], [6, 4, 8]], np.int32)
+    found, internal_to_given = given_again(faces, 10)
+    assert internal_to_given[4:].tolist() == [0, 2, 3, 5, 7, 9]
+    assert sorted(found[0]) != sorted(found[1])
+
+
+def test_degenerate_faces_come_last_when_there_are_some():
+    faces = np.array([[0, 0, 1], [0, 1, 2], [1, 4, 1], [1, 2, 0], [2, 1, 3]], np.int32)
+    found, _ = given_again(faces, 5)
+    assert found[3:].tolist() == [[0, 0, 1], [1, 4, 1]]
+
+
+def test_faces_stay_as_they_are_when_they_are_listed():
+    faces = np.random.default_rng(4).integers(0, 50, (300, 3)).astype(np.int32)
+    payload, internal_to_given, internal = encode_faces(faces, 50, listed=True)
+    np.testing.assert_array_equal(internal, faces)
+    np.testing.assert_array_equal(internal_to_given, np.arange(50))
+    np.testing.assert_array_equal(decode_faces(payload, 50, 300), faces)
+
+
+def test_there_may_be_no_face():
+    faces = np.zeros((0, 3), np.int32)
+    payload, internal_to_given, _ = encode_faces(faces, 3, listed=False)
+    assert internal_to_given.tolist() == [0, 1, 2]
+    assert decode_faces(payload, 3, 0).shape == (0, 3)
+
+
+@pytest.mark.parametrize("corner", [-1, 4, 2**31 - 1])
+def test_faces_are_refused_when_a_corner_is_no_vertex(corner):
+    with pytest.raises(InvalidInputError, match="number 1 "):
+        encode_faces(np.array([[0, 1, 2], [0, corner, 2]], np.int32), 4, listed=False)
+
+
+@pytest.mark.parametrize("counts", [(MOST_ITEMS + 1, 1), (1, MOST_ITEMS + 1)])
+def test_bytes_are_refused_when_too_many_items_are_announced(counts):
+    with pytest.raises(CorruptStreamError, match="at most"):
+        decode_faces(b"\xaa" * 30, *counts)
+
+
+def test_changed_bytes_give_faces_or_our_error(surface):
+    faces, n_verts, _ = surface
+    rng = np.random.default_rng(2)
+    payload = encode_faces(faces, n_verts, listed=False)[0]
+    for _ in range(200):
+        changed = bytearray(payload)
+        for _ in range(rng.integers(1, 4)):
+            changed[rng.integers(len(changed))] = rng.integers(256)
+        try:
+            found = decode_faces(bytes(changed), n_verts, len(faces))
+        except CorruptStreamError:
+            continue
+        assert 0 <= found.min() <= found.max() < n_verts
