@@ -4,8 +4,8 @@ from hypothesis import strategies as st
 
 from meshreel.entropy.bits import pack_bits, unpack_bits
 from meshreel.entropy.coder import decode_integers, encode_integers
-from meshreel.entropy.tokens import MAX_MAGNITUDE
 from meshreel.errors import MeshReelError
+from meshreel.kernel.integers import MAX_MAGNITUDE
 from samples.costs import draws
 
 integers = st.one_of(
