@@ -162,6 +162,22 @@ REEL_API int64_t reel_fields_decode(void *memory, size_t memory_size, const uint
                                     int64_t n_passes, const int64_t *near_starts,
                                     const int32_t *near, int32_t *values);
 
+/* Tables of numbers (patterns.c): n_rows x width values of `size` bytes (1: unsigned, 4, 8),
+   integers or floats (4 and 8). Rows are coded in `order`, which names each of 0..n_rows-1 once. The i-th
+   of them is expected from triples[3 starts[i]..3 starts[i + 1]) of rows a, b, c named before it in
+   `order`, all a + b - c; or a single one with c < 0, as a. At most 24 bytes for each number and
+   32 more for each row, and 32 more, are written. */
+REEL_API size_t reel_patterns_memory(int64_t width);
+REEL_API int64_t reel_patterns_encode(void *memory, size_t memory_size, void *values,
+                                      int64_t n_rows, int64_t width, int64_t size,
+                                      int64_t is_float, const int32_t *order,
+                                      const int64_t *starts, const int32_t *triples, uint8_t *out,
+                                      size_t room);
+REEL_API int64_t reel_patterns_decode(void *memory, size_t memory_size, const uint8_t *in,
+                                      size_t in_size, void *values, int64_t n_rows, int64_t width,
+                                      int64_t size, int64_t is_float, const int32_t *order,
+                                      const int64_t *starts, const int32_t *triples);
+
 #ifdef __cplusplus
 }
 #endif

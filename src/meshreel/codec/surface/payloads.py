@@ -25,6 +25,7 @@ from meshreel.entropy.varint import read_varint, write_varint
 from meshreel.errors import CorruptStreamError, InvalidInputError, TruncatedStreamError
 from meshreel.geometry.fans import join_fans
 from meshreel.surface import (
+    MAX_NUMBERS,
     VALUE_TYPES,
     Attribute,
     Domain,
@@ -220,6 +221,8 @@ def _read_attribute(payload: bytes, surface: Surface, faces: Faces, n_verts: int
     if len(payload) < 4:
         raise TruncatedStreamError("an attribute ends inside its first four bytes")
     kind, domain, number_type, width = payload[:4]
+    if not 1 <= width <= MAX_NUMBERS:
+        raise CorruptStreamError(f"values of {width} numbers; 1..{MAX_NUMBERS} are allowed")
     if kind >= len(KINDS) or domain >= len(DOMAINS) or number_type >= len(VALUE_TYPES):
         raise CorruptStreamError(
             f"an attribute is of kind {kind}, domain {domain} and number type {number_type}, "
