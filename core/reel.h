@@ -178,6 +178,22 @@ REEL_API int64_t reel_patterns_decode(void *memory, size_t memory_size, const ui
                                       int64_t size, int64_t is_float, const int32_t *order,
                                       const int64_t *starts, const int32_t *triples);
 
+/* The given order of a known mesh (order.c). `faces` are vertices of 0..n_verts-1; twins[side] is
+   the opposite side of each side 3 face + corner, or itself, an involution; n_faces is at most 2^29.
+   corners[i] is 3 face + first corner of the i-th given face, and sequence[i] the vertex that is
+   given as the i-th; they are filled in by the reader, and `sequence` comes back to the writer as
+   it was. Without faces, twins and corners are not used. At most 32 bytes for each vertex and face,
+   and 32 more, are written. */
+REEL_API size_t reel_order_memory(int64_t n_verts, int64_t n_faces);
+REEL_API int64_t reel_order_encode(void *memory, size_t memory_size, const int32_t *faces,
+                                   const int32_t *twins, int64_t n_verts, int64_t n_faces,
+                                   int64_t with_faces, int32_t *corners, int32_t *sequence,
+                                   uint8_t *out, size_t room);
+REEL_API int64_t reel_order_decode(void *memory, size_t memory_size, const uint8_t *in, size_t size,
+                                   const int32_t *faces, const int32_t *twins, int64_t n_verts,
+                                   int64_t n_faces, int64_t with_faces, int32_t *corners,
+                                   int32_t *sequence);
+
 #ifdef __cplusplus
 }
 #endif

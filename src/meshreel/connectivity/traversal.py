@@ -13,13 +13,13 @@ import numpy.typing as npt
 
 from meshreel.connectivity.draco import decode_surface, encode_surface
 from meshreel.connectivity.general import N_ROWS, face_differences, join_differences
+from meshreel.connectivity.permutation import inverse_permutation
 from meshreel.connectivity.triangles import (
     AnyFaces,
     lowest_rotation,
     repeats_before,
     sorted_order,
 )
-from meshreel.connectivity.vertex_order import inverse_permutation
 from meshreel.entropy.coder import decode_integers, encode_integers
 from meshreel.entropy.varint import read_varint, write_varint
 from meshreel.errors import CorruptStreamError

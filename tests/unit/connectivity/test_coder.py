@@ -99,10 +99,10 @@ def test_input_stays_as_it_was_when_coded(meshes):
     [
         ("torus", "drop", 0.7),
         ("shuffled torus", "drop", 0.7),
-        ("torus", "keep", 2.4),
-        ("grid", "keep", 5.0),
-        ("shuffled torus", "vertices", 11.5),  # 10.2 bits are in the order
-        ("shuffled torus", "keep", 39.0),  # 35.7 bits are in both orders and the corners
+        ("torus", "keep", 0.9),
+        ("grid", "keep", 2.0),
+        ("shuffled torus", "vertices", 11.2),  # 10.2 bits are in the order
+        ("shuffled torus", "keep", 38.5),  # 35.7 bits are in both orders and the corners
     ],
 )
 def test_size_is_near_what_the_order_holds_when_mesh_is_regular(
