@@ -79,6 +79,15 @@ class CodedMesh:
         """Given number of each internal vertex."""
         return self._connectivity.internal_to_given
 
+    @property
+    def output_faces(self) -> Faces:
+        """Faces as they go out when the stream is decoded."""
+        if self.order_kept is Order.KEEP:
+            return self.given_faces
+        if self.order_kept is Order.DROP:
+            return self.faces
+        return self.order[self.faces].astype(np.int32)
+
     def leading_sections(self) -> Iterator[tuple[Section, bytes]]:
         """The sections of connectivity, order, start and surface."""
         yield Section.CONNECTIVITY, self._connectivity.payload
@@ -91,7 +100,7 @@ class CodedMesh:
     @cached_property
     def _surface_sections(self) -> list[tuple[Section, bytes]]:
         kept = surface_in_order(self.surface, self.order_kept, self.order)
-        return list(surface_sections(kept, self.given_faces, self.config.uv_bits))
+        return list(surface_sections(kept, self.output_faces, self.config.uv_bits))
 
     def header(
         self,

@@ -1,6 +1,6 @@
 """Lossless coder of tables of numbers: as multiples of a fraction, or as they are."""
 
-from collections.abc import Sequence
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -13,6 +13,9 @@ from meshreel.errors import CorruptStreamError, TruncatedStreamError
 from meshreel.kernel.patterns import Expected
 
 Integers = npt.NDArray[np.integer]
+Numbers = npt.NDArray[Any]
+Along = Callable[[int], Expected]
+"""From which others each row is expected, given the number of rows."""
 
 AS_THEY_ARE = 255
 """First byte of a table of numbers that are not written as integers by another number."""
@@ -20,31 +23,27 @@ AS_THEY_ARE = 255
 INTEGER = np.dtype(np.int32)
 
 
-def encode_table(values: npt.NDArray[Any], expected: Sequence[Expected] = ()) -> bytes:
+def encode_table(values: Numbers, along: Along | None = None) -> bytes:
     """Bytes of a table of shape (N, C), exactly.
 
     Parameters
     ----------
     values : array of uint8, int32, float32 or float64
-    expected : sequence of Expected, optional
+    along : callable, optional
         From which others rows may be expected, besides nothing and the row before. The reader
         needs the same.
     """
-    forms = [(AS_THEY_ARE, values), *as_multiples(values)]
-    return min((_encode(code, numbers, expected) for code, numbers in forms), key=len)
+    return _shortest([(AS_THEY_ARE, values), *as_multiples(values)], along)
 
 
-def encode_grid_table(integers: Integers, bits: int, expected: Sequence[Expected] = ()) -> bytes:
+def encode_grid_table(integers: Integers, bits: int, along: Along | None = None) -> bytes:
     """Bytes of a table of shape (N, C) of integer multiples of 2^-bits."""
-    return _encode(GRID + bits, integers.astype(INTEGER), expected)
+    return _shortest([(GRID + bits, integers.astype(INTEGER))], along)
 
 
 def decode_table(
-    data: bytes,
-    shape: tuple[int, int],
-    dtype: np.dtype[Any],
-    expected: Sequence[Expected] = (),
-) -> npt.NDArray[Any]:
+    data: bytes, shape: tuple[int, int], dtype: np.dtype[Any], along: Along | None = None
+) -> Numbers:
     """The table that `encode_table` or `encode_grid_table` wrote.
 
     Nothing is allocated that the bytes cannot hold.
@@ -58,23 +57,28 @@ def decode_table(
         raise TruncatedStreamError("a table of values ends inside its first two bytes")
     (code, way), packed = data[:2], data[2:]
     require_room(packed, *shape)
-    ways = _ways(shape[0], expected)
+    ways = _ways(along)
     if way >= len(ways):
         raise CorruptStreamError(f"rows are expected in way {way}, which is unknown")
-    if code == AS_THEY_ARE:
-        return decode_numbers(packed, shape, dtype, ways[way])
-    if code not in CODES or dtype.kind != "f":
+    if code != AS_THEY_ARE and (code not in CODES or dtype.kind != "f"):
         raise CorruptStreamError(f"a table of {dtype} is written in form {code}, which is unknown")
-    return values_of(decode_numbers(packed, shape, INTEGER, ways[way]), code, dtype)
+    expected = ways[way](shape[0])
+    if code == AS_THEY_ARE:
+        return decode_numbers(packed, shape, dtype, expected)
+    return values_of(decode_numbers(packed, shape, INTEGER, expected), code, dtype)
 
 
-def _encode(code: int, numbers: npt.NDArray[Any], expected: Sequence[Expected]) -> bytes:
-    coded = (
-        bytes([code, way]) + encode_numbers(numbers, rows)
-        for way, rows in enumerate(_ways(len(numbers), expected))
+def _shortest(forms: list[tuple[int, Numbers]], along: Along | None) -> bytes:
+    """The shortest of all ways to write a table that has several forms."""
+    return min(
+        (
+            bytes([code, way]) + encode_numbers(numbers, expected)
+            for way, expected in enumerate(one(len(forms[0][1])) for one in _ways(along))
+            for code, numbers in forms
+        ),
+        key=len,
     )
-    return min(coded, key=len)
 
 
-def _ways(n_rows: int, expected: Sequence[Expected]) -> list[Expected]:
-    return [nothing_expected(n_rows), row_before_expected(n_rows), *expected]
+def _ways(along: Along | None) -> list[Along]:
+    return [nothing_expected, row_before_expected, *([along] if along else [])]

@@ -33,6 +33,38 @@ class Expected:
     triples: npt.NDArray[np.int32]
 
 
+def expected_along(faces: Numbers, twins: Numbers, n_rows: int) -> Expected:
+    """From which rows of a table each is expected, where faces say which are near each other.
+
+    Parameters
+    ----------
+    faces : integer array of shape (M, 3)
+        Rows of 0..N-1.
+    twins : integer array of shape (3 M,)
+        The opposite side of each side ``3 i + k`` of face i, or itself: an involution.
+    n_rows : int
+        N.
+    """
+    order = np.empty(n_rows, np.int32)
+    starts = np.empty(n_rows + 1, np.int64)
+    triples = np.empty((3 * len(faces) + n_rows, 3), np.int32)
+    room = memory(size_of("reel_expected_memory", n_rows, len(faces)))
+    n_triples = call(
+        "reel_expected_find",
+        room,
+        len(room),
+        np.ascontiguousarray(faces, np.int32),
+        np.ascontiguousarray(twins, np.int32),
+        n_rows,
+        len(faces),
+        order,
+        starts,
+        triples,
+        what="rows",
+    )
+    return Expected(order, starts, triples[:n_triples].copy())
+
+
 def encode_patterns(values: Numbers, expected: Expected) -> bytes:
     """Bytes of a table of shape (N, C) of uint8, int32, float32 or float64."""
     table = np.array(values, order="C")

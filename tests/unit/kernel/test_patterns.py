@@ -4,9 +4,10 @@ import pytest
 from hypothesis import given
 from hypothesis.extra.numpy import arrays
 
+from meshreel.connectivity.triangles import twin_sides
 from meshreel.entropy.expected import nothing_expected, row_before_expected, same_step_expected
 from meshreel.errors import MeshReelError
-from meshreel.kernel.patterns import Expected, decode_patterns, encode_patterns
+from meshreel.kernel.patterns import Expected, decode_patterns, encode_patterns, expected_along
 
 TYPES = ["u1", "i4", "f4", "f8"]
 SHAPES = st.tuples(st.integers(0, 30), st.integers(1, 4))
@@ -93,3 +94,37 @@ def test_mean_of_parallelograms_is_rounded_down_and_stays_in_range():
         return len(encode_patterns(np.vstack([first, np.array([last], np.uint8)]), expected))
 
     assert n_bytes(10, 255) <= min(n_bytes(a, b) for a in (9, 11, 12) for b in (250, 254))
+
+
+@given(
+    st.integers(1, 12).flatmap(
+        lambda n: st.tuples(
+            st.just(n), st.lists(st.tuples(*[st.integers(0, n - 1)] * 3), max_size=30)
+        )
+    )
+)
+def test_rows_are_expected_from_rows_before_them_whatever_the_faces_are(case):
+    n_rows, listed = case
+    faces = np.array(listed, np.int32).reshape(-1, 3)
+    twins = twin_sides(faces, n_rows) if len(faces) else np.zeros(0, np.int64)
+    found = expected_along(faces, twins, n_rows)
+    assert sorted(found.order) == list(range(n_rows))
+    place = np.argsort(found.order)
+    for i, (start, end) in enumerate(zip(found.starts[:-1], found.starts[1:], strict=True)):
+        triples = found.triples[start:end]
+        assert (place[triples[triples >= 0]] < i).all()
+        assert end - start <= 1 or (triples >= 0).all()
+
+
+def test_rows_of_a_grid_are_expected_at_parallelograms():
+    n = 20
+    index = np.arange(n * n).reshape(n, n)
+    a, b, c, d = index[:-1, :-1], index[:-1, 1:], index[1:, :-1], index[1:, 1:]
+    faces = np.concatenate(
+        [np.stack([a, c, b], axis=-1).reshape(-1, 3), np.stack([b, c, d], axis=-1).reshape(-1, 3)]
+    )
+    found = expected_along(faces, twin_sides(faces, n * n), n * n)
+    assert (found.triples[:, 2] < 0).sum() <= 3
+    rows, cols = np.divmod(np.arange(n * n, dtype=np.int32), n)
+    values = np.stack([7 * rows + 100 * cols, rows - 3 * cols], axis=1).astype(np.int32)
+    assert len(encode_patterns(values, found)) < 60
