@@ -194,3 +194,101 @@ def vertex_order(bits, n_verts, faces):
                 times.setdefault(one, len(times))
         h, g = way, h
     return found
+
+
+def along_faces(faces, twins, n_rows):
+    """Rows in the order in which they come, each with what it is expected from."""
+    came, visited, stacks = [], set(), ([], [], [], [])
+    every = [row for face in faces for row in face]
+    corners = [[c for c, one in enumerate(every) if one == row] for row in range(n_rows)]
+    known = set()
+
+    def turn(corner, by):
+        return corner // 3 * 3 + (corner + by) % 3
+
+    def parallelograms(row):
+        found = []
+        for corner in corners[row][:32]:
+            side = turn(corner, 1)
+            triple = every[side], every[turn(side, 1)], every[turn(twins[side], 2)]
+            if twins[side] != side and known.issuperset(triple) and len(found) < 8:
+                found.append(triple)
+        return found
+
+    def come(row, near):
+        if row not in known:
+            expected = parallelograms(row) or ([] if near is None else [(near,)])
+            came.append((row, expected))
+            known.add(row)
+
+    def push(side):
+        if twins[side] == side or twins[side] // 3 in visited:
+            return
+        row = every[turn(twins[side], 2)]
+        stacks[3 if row in known else min(3, len(parallelograms(row)))].append(side)
+
+    for i, face in enumerate(faces):
+        if i in visited:
+            continue
+        visited.add(i)
+        for k in range(3):
+            come(face[k], face[k - 1] if k else came[-1][0] if came else None)
+        for k in range(3):
+            push(3 * i + k)
+        while any(stacks):
+            twin = twins[next(stack for stack in reversed(stacks) if stack).pop()]
+            if twin // 3 in visited:
+                continue
+            visited.add(twin // 3)
+            come(every[turn(twin, 2)], every[twin])
+            push(turn(twin, 1))
+            push(turn(twin, 2))
+    for row in range(n_rows):
+        come(row, row - 1 if row else None)
+    return came
+
+
+def patterns(data, width, expected):
+    """Rows of int32 by number, read in the order and from what is expected."""
+    bits, rows, recent, again = Bits(data), {}, [], [0, 0]
+    past, signs = [0] * width, [0] * width
+    for row, sources in expected:
+        repeats = bool(recent) and bits.bit(("again", 2 * again[-2] + again[-1]))
+        again.append(int(repeats))
+        if repeats:
+            node = 1
+            for _ in range(6):
+                node = 2 * node + bits.bit(("which", node))
+            rows[row] = recent.pop(min(node - 64, len(recent) - 1))
+        else:
+            way = 0 if not sources else 1 if len(sources[0]) == 1 else 2
+            values, before = [], 0
+            for k in range(width):
+                e = (past[k] + 4).bit_length() - 1
+                context = way, min(47, 2 * (e - 2) + ((past[k] + 4) >> (e - 1) & 1))
+                length = 0
+                while length < 32 and bits.bit(("longer", length), context):
+                    length += 1
+                size = min(length, 1)
+                if length >= 2:
+                    size = 2 | bits.bit(("second", length), context)
+                if length >= 3:
+                    size = 2 * size | bits.bit(("third", length, size & 1))
+                for place in reversed(range(length - 3)):
+                    size = 2 * size | bits.bit(("low", place))
+                sign = 0
+                if size:
+                    sign = 1 + bits.bit(("negative", signs[k], before))
+                past[k] = past[k] // 2 + 2 * min(size, 1 << 48)
+                signs[k] = before = sign
+                origin = [
+                    one[0][k] if len(one) == 1 else one[0][k] + one[1][k] - one[2][k]
+                    for one in ([rows[r] for r in source] for source in sources)
+                ]
+                mean = (2 * sum(origin) + len(origin)) // (2 * len(origin)) if origin else 0
+                mean = min(max(mean, -(1 << 31)), (1 << 31) - 1)
+                value = (mean + (-size if sign == 2 else size) + (1 << 31)) % (1 << 32)
+                values.append(value - (1 << 31))
+            rows[row] = tuple(values)
+        recent = [rows[row], *recent][:64]
+    return [rows[row] for row in sorted(rows)]

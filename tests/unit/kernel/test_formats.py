@@ -6,8 +6,16 @@ import pytest
 from meshreel.connectivity.triangles import twin_sides
 from meshreel.kernel.integers import encode_rows
 from meshreel.kernel.order import encode_order
+from meshreel.kernel.patterns import encode_patterns, expected_along
 from samples.meshes import grid_faces, octahedron_faces
-from samples.plain_reader import Bits, face_order, integers, vertex_order
+from samples.plain_reader import (
+    Bits,
+    along_faces,
+    face_order,
+    integers,
+    patterns,
+    vertex_order,
+)
 
 
 def test_integers_are_read_as_the_format_says():
@@ -49,3 +57,16 @@ def test_orders_are_read_as_the_format_says(name, is_mixed):
     renamed = [[names.index(one) for one in face] for face in listed]
     in_names = vertex_order(both, n_verts, renamed)
     assert [names[one] for one in in_names] == sequence.tolist()
+
+
+@pytest.mark.parametrize("name", meshes())
+def test_numbers_along_faces_are_read_as_the_format_says(name):
+    faces, rng = meshes()[name], np.random.default_rng(6)
+    n_rows = int(faces.max()) + 3
+    values = np.cumsum(rng.integers(-300, 900, (n_rows, 2)), axis=0).astype(np.int32)
+    values[::5] = values[0]
+    values[3] = np.iinfo(np.int32).min, np.iinfo(np.int32).max
+    twins = twin_sides(faces, n_rows)
+    data = encode_patterns(values, expected_along(faces, twins, n_rows))
+    expected = along_faces(faces.tolist(), twins.tolist(), n_rows)
+    assert patterns(data, 2, expected) == [tuple(row) for row in values.tolist()]
