@@ -13,14 +13,14 @@ class Bit:
 
     def learn(self, bit):
         rate = 65536 * 2 // (2 * self.seen + 3)
-        quick = max(rate, 2048)
+        quick = max(rate, 1024)
         if bit:
             self.quick += (65535 - self.quick) * quick >> 16
             self.slow += (65535 - self.slow) * rate >> 16
         else:
             self.quick -= self.quick * quick >> 16
             self.slow -= self.slow * rate >> 16
-        self.seen = min(self.seen + 1, 128)
+        self.seen = min(self.seen + 1, 256)
 
 
 class Bits:
@@ -39,12 +39,23 @@ class Bits:
         else:
             self.number -= part
             self.range -= part
+        self.refill()
+        return int(bit)
+
+    def raw(self, n):
+        """Bits that are as likely as not."""
+        self.range >>= n
+        found = min(self.number // self.range, (1 << n) - 1)
+        self.number -= found * self.range
+        self.refill()
+        return found
+
+    def refill(self):
         if self.range < 1 << 32:
             word = self.data[self.position : self.position + 4].ljust(4, b"\0")
             self.position += 4
             self.number = self.number << 32 | int.from_bytes(word, "big")
             self.range <<= 32
-        return int(bit)
 
     def bit(self, name, context=None):
         """An adaptive bit, beside one in a context if there is one."""
@@ -70,8 +81,11 @@ class Bits:
             value = 2 | self.bit((name, "second", length), context)
         if length >= 3:
             value = 2 * value | self.bit((name, "third", length, value & 1))
-        for _ in range(length - 3):
-            value = 2 * value | self.coded(32768)
+        low = length - 3
+        while low > 0:
+            part = min(low, 16)
+            value = value << part | self.raw(part)
+            low -= part
         return -value if value and self.bit((name, "negative", sign), context) else value
 
 
