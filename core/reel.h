@@ -176,6 +176,45 @@ REEL_API int64_t reel_connectivity_decode(void *memory, size_t memory_size, cons
                                           size_t size, int64_t n_verts, int64_t n_faces,
                                           int32_t *faces);
 
+/* Tables of numbers (patterns.c): n_rows x width values of `size` bytes (1: unsigned, 4, 8),
+   integers or floats (4 and 8). Rows are coded in `order`, which names each of 0..n_rows-1 once.
+   The i-th of them is expected from triples[3 starts[i]..3 starts[i + 1]) of rows a, b, c named
+   before it in `order`, all a + b - c; or a single one with c < 0, as a. At most 24 bytes for each
+   number and 32 more for each row, and 32 more, are written. */
+REEL_API size_t reel_patterns_memory(int64_t width);
+REEL_API int64_t reel_patterns_encode(void *memory, size_t memory_size, void *values,
+                                      int64_t n_rows, int64_t width, int64_t size,
+                                      int64_t is_float, const int32_t *order,
+                                      const int64_t *starts, const int32_t *triples, uint8_t *out,
+                                      size_t room);
+REEL_API int64_t reel_patterns_decode(void *memory, size_t memory_size, const uint8_t *in,
+                                      size_t in_size, void *values, int64_t n_rows, int64_t width,
+                                      int64_t size, int64_t is_float, const int32_t *order,
+                                      const int64_t *starts, const int32_t *triples);
+
+/* From which rows each is expected (expected.c), as reel_patterns_encode takes it, where `faces`
+   are rows of 0..n_rows-1 and twins[side] is the opposite side of each side 3 face + corner, or
+   itself, an involution. There is room for 3 n_faces + n_rows triples; their number is returned. */
+REEL_API size_t reel_expected_memory(int64_t n_rows, int64_t n_faces);
+REEL_API int64_t reel_expected_find(void *memory, size_t memory_size, const int32_t *faces,
+                                    const int32_t *twins, int64_t n_rows, int64_t n_faces,
+                                    int32_t *order, int64_t *starts, int32_t *triples);
+
+/* The given order of a known mesh (order.c). `faces` are vertices of 0..n_verts-1, and `twins` as
+   above; n_faces is at most 2^29. corners[i] is 3 face + first corner of the i-th given face, and
+   sequence[i] the vertex that is given as the i-th; they are filled in by the reader, and
+   `sequence` comes back to the writer as it was. Without faces, twins and corners are not used. At
+   most 32 bytes for each vertex and face, and 32 more, are written. */
+REEL_API size_t reel_order_memory(int64_t n_verts, int64_t n_faces);
+REEL_API int64_t reel_order_encode(void *memory, size_t memory_size, const int32_t *faces,
+                                   const int32_t *twins, int64_t n_verts, int64_t n_faces,
+                                   int64_t with_faces, int32_t *corners, int32_t *sequence,
+                                   uint8_t *out, size_t room);
+REEL_API int64_t reel_order_decode(void *memory, size_t memory_size, const uint8_t *in, size_t size,
+                                   const int32_t *faces, const int32_t *twins, int64_t n_verts,
+                                   int64_t n_faces, int64_t with_faces, int32_t *corners,
+                                   int32_t *sequence);
+
 #ifdef __cplusplus
 }
 #endif

@@ -44,9 +44,7 @@ def test_manifest_keeps_what_it_said_when_wheels_are_listed(build):
 def test_requirements_are_those_of_the_library_but_what_blender_brings(build):
     found = sorted(build.requirements())
     assert found == [
-        "DracoPy>=1.7,<3",
         "cholespy>=2.0",
-        "constriction>=0.4,<0.6",
         "scipy>=1.12,<1.16",
         "threadpoolctl>=3.7",
     ]

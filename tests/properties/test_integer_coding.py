@@ -2,10 +2,9 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from meshreel.entropy.bits import pack_bits, unpack_bits
 from meshreel.entropy.coder import decode_integers, encode_integers
-from meshreel.entropy.tokens import MAX_MAGNITUDE
 from meshreel.errors import MeshReelError
+from meshreel.kernel.integers import MAX_MAGNITUDE
 from samples.costs import draws
 
 integers = st.one_of(
@@ -31,11 +30,3 @@ def test_any_bytes_give_rows_or_our_error(data, lengths):
     except MeshReelError:
         return
     assert [len(row) for row in decoded] == lengths
-
-
-@settings(max_examples=draws(200), deadline=None)
-@given(st.lists(st.tuples(st.integers(0, 32), st.integers(0, 2**32 - 1)), max_size=80))
-def test_fields_come_back_exactly_whatever_their_widths(fields):
-    widths = np.array([width for width, _ in fields], np.int64)
-    values = np.array([value & ((1 << width) - 1) for width, value in fields], np.int64)
-    np.testing.assert_array_equal(unpack_bits(pack_bits(values, widths), widths), values)

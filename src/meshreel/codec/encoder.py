@@ -89,8 +89,7 @@ def encode(
         Excludes `energy`. With `gft`, graph frequencies; default 5 % of the vertices.
     order : {"keep", "vertices", "drop"}, default "keep"
         What to keep of the order of vertices and faces. keep: both; vertices: of the vertices;
-        drop: neither, for the smallest file. With vertices, the order of the faces is kept, too,
-        where that takes no more bytes.
+        drop: neither, for the smallest file.
     block_frames : int, optional
         Frames coded together; fewer take less memory and more bytes. Default: all, as far as memory
         allows (blocks: 25).

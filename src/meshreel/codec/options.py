@@ -50,7 +50,6 @@ SHARED = (
         "drop: neither, for the smallest file.",
         default=DEFAULT_ORDER,
         names=tuple(order.name.lower() for order in Order),
-        more="With vertices, the order of the faces is kept, too, where that takes no more bytes.",
     ),
     Option(
         "block_frames",

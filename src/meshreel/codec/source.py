@@ -47,27 +47,14 @@ class CodedMesh:
     start_s: float = 0.0
 
     @cached_property
-    def _coded(self) -> tuple[Order, CodedConnectivity]:
-        """The order that is kept, and the coded connectivity."""
-        asked = self.config.order_choice
-        coded = self._encoded(asked)
-        if asked is not Order.VERTICES:
-            return asked, coded
-        # The order of vertices may be cheapest to code together with that of faces.
-        kept = self._encoded(Order.KEEP)
-        return (Order.KEEP, kept) if kept.size_bytes <= coded.size_bytes else (asked, coded)
-
-    def _encoded(self, order: Order) -> CodedConnectivity:
-        return encode_connectivity(self.given_faces, self.n_verts, order=order.name.lower())
-
-    @property
     def _connectivity(self) -> CodedConnectivity:
-        return self._coded[1]
+        order = self.order_kept.name.lower()
+        return encode_connectivity(self.given_faces, self.n_verts, order=order)
 
     @property
     def order_kept(self) -> Order:
-        """The order that is kept: as requested, or more if that takes no more bytes."""
-        return self._coded[0]
+        """The order that is kept."""
+        return self.config.order_choice
 
     @property
     def faces(self) -> Faces:
@@ -78,6 +65,15 @@ class CodedMesh:
     def order(self) -> Integers:
         """Given number of each internal vertex."""
         return self._connectivity.internal_to_given
+
+    @property
+    def output_faces(self) -> Faces:
+        """Faces as they go out when the stream is decoded."""
+        if self.order_kept is Order.KEEP:
+            return self.given_faces
+        if self.order_kept is Order.DROP:
+            return self.faces
+        return self.order[self.faces].astype(np.int32)
 
     def leading_sections(self) -> Iterator[tuple[Section, bytes]]:
         """The sections of connectivity, order, start and surface."""
@@ -91,7 +87,7 @@ class CodedMesh:
     @cached_property
     def _surface_sections(self) -> list[tuple[Section, bytes]]:
         kept = surface_in_order(self.surface, self.order_kept, self.order)
-        return list(surface_sections(kept, self.given_faces, self.config.uv_bits))
+        return list(surface_sections(kept, self.output_faces, self.config.uv_bits))
 
     def header(
         self,

@@ -1,29 +1,24 @@
-"""Coder of the given order of vertices and faces, for a mesh that is known without it.
-
-There are two ways, and the shorter is kept. Vertices first: their numbers are predicted from the
-mesh, and faces are located in the list sorted by these numbers. Faces first: they are located in
-the list of the connectivity coder, and vertex numbers are predicted from the order in which the
-faces first use the vertices, which is how many programs number them.
-"""
+"""Coder of the given order of vertices and faces, for a mesh that is known without it."""
 
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.connectivity.face_order import decode_face_order, encode_face_order, list_faces
-from meshreel.connectivity.triangles import AnyFaces, lowest_rotation, sorted_order
-from meshreel.connectivity.vertex_order import (
-    decode_numbering,
-    encode_numbering,
-    inverse_permutation,
+from meshreel.connectivity.permutation import inverse_permutation
+from meshreel.connectivity.triangles import (
+    CORNERS,
+    AnyFaces,
+    lowest_rotation,
+    sorted_order,
+    twin_sides,
 )
-from meshreel.entropy.varint import read_varint, write_varint
 from meshreel.errors import CorruptStreamError
-from meshreel.runtime.threads import in_threads
+from meshreel.kernel import order
 from meshreel.sequence import Faces
 
 Integers = npt.NDArray[np.int64]
 
-VERTICES_ONLY, VERTICES_FIRST, FACES_FIRST = range(3)
+VERTICES_ONLY, VERTICES_AND_FACES = 1, 2
+"""First byte: what follows in its order."""
 
 
 def encode_order(
@@ -41,30 +36,14 @@ def encode_order(
     keep_faces : bool
         False to keep the order of the vertices only.
     """
-    prediction, numbering = encode_numbering(internal_to_given, internal_faces)
-    if not keep_faces:
-        return _join(VERTICES_ONLY, prediction, numbering, b"")
     n_verts = len(internal_to_given)
-    coded: dict[int, bytes] = {}
-
-    def vertices_first() -> bytes:
-        sorted_faces, corners = _sorted_corners(faces, n_verts)
-        listing = encode_face_order(corners, sorted_faces, n_verts)
-        return _join(VERTICES_FIRST, prediction, numbering, listing)
-
-    def faces_first() -> bytes:
-        named = inverse_permutation(internal_to_given)[faces]
-        naming = naming_order(named, n_verts)
-        corners = _matching_corners(named, internal_faces, n_verts)
-        return _join(
-            FACES_FIRST,
-            *encode_numbering(internal_to_given[naming], inverse_permutation(naming)[named]),
-            encode_face_order(corners, internal_faces, n_verts),
-        )
-
-    ways = (vertices_first, faces_first)
-    in_threads(lambda way: coded.update({way: ways[way]()}), range(len(ways)))
-    return min((coded[way] for way in range(len(ways))), key=len)
+    sequence = inverse_permutation(internal_to_given)
+    if not keep_faces:
+        return bytes([VERTICES_ONLY]) + order.encode_order(internal_faces, None, None, sequence)
+    corners = _matching_corners(sequence[faces], internal_faces, n_verts)
+    twins = twin_sides(internal_faces, n_verts)
+    coded = order.encode_order(internal_faces, twins, corners, sequence)
+    return bytes([VERTICES_AND_FACES]) + coded
 
 
 def decode_given_order(
@@ -77,42 +56,25 @@ def decode_given_order(
     CorruptStreamError
         If the bytes are not those of an order of this mesh.
     """
-    kind, prediction, numbering, listing = _split(order_payload)
-    if kind == FACES_FIRST:
-        corners = decode_face_order(listing, internal_faces, n_verts)
-        named = list_faces(internal_faces, corners)
-        naming = naming_order(named, n_verts)
-        numbers = decode_numbering(
-            numbering, prediction, inverse_permutation(naming)[named], n_verts
-        )
-        internal_to_given = numbers[inverse_permutation(naming)]
-        return internal_to_given, internal_to_given[named]
-    internal_to_given = decode_numbering(numbering, prediction, internal_faces, n_verts)
-    given = internal_to_given[internal_faces]
-    if kind == VERTICES_ONLY:
-        if listing:
-            raise CorruptStreamError("there are faces in an order of vertices only")
-        return internal_to_given, given
-    lowest, _ = lowest_rotation(given, n_verts)
-    sorted_faces = lowest[sorted_order(lowest, n_verts)]
-    return internal_to_given, list_faces(
-        sorted_faces, decode_face_order(listing, sorted_faces, n_verts)
-    )
+    if not order_payload or order_payload[0] not in (VERTICES_ONLY, VERTICES_AND_FACES):
+        raise CorruptStreamError("the order is of an unknown kind")
+    if len(order_payload) > 1 and not order_payload[-1]:
+        raise CorruptStreamError("the order ends before its section does")
+    with_faces = order_payload[0] == VERTICES_AND_FACES
+    twins = twin_sides(internal_faces, n_verts) if with_faces else None
+    corners, sequence = order.decode_order(order_payload[1:], internal_faces, twins, n_verts)
+    internal_to_given = inverse_permutation(sequence.astype(np.int64))
+    listed = internal_faces if corners is None else list_faces(internal_faces, corners)
+    return internal_to_given, internal_to_given[listed]
 
 
-def naming_order(faces: AnyFaces, n_verts: int) -> Integers:
-    """All vertices in the order of their first use by faces; then unused ones, ascending."""
-    named, first = np.unique(faces, return_index=True)
-    rest = np.ones(n_verts, bool)
-    rest[named] = False
-    return np.concatenate([named[np.argsort(first)], np.flatnonzero(rest)]).astype(np.int64)
+def list_faces(known: AnyFaces, corners: npt.NDArray[np.integer]) -> Integers:
+    """The known faces in the order and with the first corners given by `corners`.
 
-
-def _sorted_corners(faces: AnyFaces, n_verts: int) -> tuple[Integers, Integers]:
-    """The sorted list of the triangles, and the first corner of each given face in it."""
-    lowest, front = lowest_rotation(faces, n_verts)
-    order = sorted_order(lowest, n_verts)
-    return lowest[order], 3 * inverse_permutation(order) + (-front) % 3
+    Corner k of known face i has the number ``3 i + k``.
+    """
+    first, turn = np.divmod(corners, 3)
+    return np.asarray(known, np.int64)[first[:, None], (turn[:, None] + CORNERS) % 3]
 
 
 def _matching_corners(faces: AnyFaces, known: AnyFaces, n_verts: int) -> Integers:
@@ -121,20 +83,6 @@ def _matching_corners(faces: AnyFaces, known: AnyFaces, n_verts: int) -> Integer
     known_lowest, known_front = lowest_rotation(known, n_verts)
     corners = np.empty(len(lowest), np.int64)
     known_order = sorted_order(known_lowest, n_verts)
-    order = sorted_order(lowest, n_verts)
-    corners[order] = 3 * known_order + (known_front[known_order] - front[order]) % 3
+    listed_order = sorted_order(lowest, n_verts)
+    corners[listed_order] = 3 * known_order + (known_front[known_order] - front[listed_order]) % 3
     return corners
-
-
-def _join(kind: int, prediction: int, numbering: bytes, listing: bytes) -> bytes:
-    return bytes([kind, prediction]) + write_varint(len(numbering)) + numbering + listing
-
-
-def _split(order_payload: bytes) -> tuple[int, int, bytes, bytes]:
-    if len(order_payload) < 2 or order_payload[0] > FACES_FIRST:
-        raise CorruptStreamError("the order is of an unknown kind")
-    size, start = read_varint(order_payload, 2)
-    if size > len(order_payload) - start:
-        raise CorruptStreamError(f"the vertex order needs {size} bytes; they are missing")
-    end = start + size
-    return order_payload[0], order_payload[1], order_payload[start:end], order_payload[end:]

@@ -1,43 +1,78 @@
-"""Lossless coder of numbers: differences of their bit patterns, deflated."""
+"""Lossless coder of numbers over time, from their bit patterns."""
 
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.entropy.deflate import deflate, inflate
+from meshreel.entropy.expected import row_before_expected, same_step_expected
+from meshreel.errors import CorruptStreamError
+from meshreel.kernel.patterns import Expected, decode_patterns, encode_patterns
+
+MAX_NUMBERS_PER_BYTE = 256
+"""A reader refuses more numbers a byte before it allocates; a writer pads with zero bytes."""
+
+EXPECTATIONS = (row_before_expected, same_step_expected)
+"""What is expected of a frame, by the first byte: the frame before, or the same motion again."""
 
 
 def encode_exact(values: npt.NDArray[Any]) -> bytes:
-    """Bytes of values of shape (T, ...) of 1, 4 or 8 bytes each, exactly.
-
-    The bit patterns are differenced along the first axis and split into byte planes, so that
-    values that are constant in time take almost no bytes.
-    """
-    patterns = np.ascontiguousarray(values).view(_pattern_type(values.dtype))
-    differences = patterns.copy()
-    differences[1:] -= patterns[:-1]
-    planes = differences.astype(differences.dtype.newbyteorder("<")).view(np.uint8)
-    planes = planes.reshape(-1, values.dtype.itemsize)
-    return deflate(np.ascontiguousarray(planes.T).tobytes())
+    """Bytes of values of shape (T, ...) of uint8, int32, float32 or float64, exactly."""
+    table = values.reshape(len(values), -1)
+    coded = (
+        bytes([way]) + encode_numbers(table, expected(len(table)))
+        for way, expected in enumerate(EXPECTATIONS)
+    )
+    return min(coded, key=len)
 
 
 def decode_exact(data: bytes, shape: tuple[int, ...], dtype: npt.DTypeLike) -> npt.NDArray[Any]:
-    """Values that `encode_exact` wrote; the caller bounds the shape.
+    """Values that `encode_exact` wrote; nothing is allocated that the bytes cannot hold.
 
     Raises
     ------
     CorruptStreamError
         If the bytes are not those of an array of this shape and type.
     """
-    dtype = np.dtype(dtype)
-    pattern = _pattern_type(dtype)
-    size_bytes = int(np.prod(shape)) * dtype.itemsize
-    raw = inflate(data, size_bytes, "exact values")
-    planes = np.frombuffer(raw, np.uint8).reshape(dtype.itemsize, -1)
-    differences = np.ascontiguousarray(planes.T).view(pattern.newbyteorder("<")).reshape(shape)
-    return np.cumsum(differences.astype(pattern), axis=0, dtype=pattern).view(dtype)
+    if not data or data[0] >= len(EXPECTATIONS):
+        raise CorruptStreamError("it is not known how exact values follow one another")
+    n_rows = shape[0]
+    width = int(np.prod(shape[1:], dtype=object))
+    require_room(data[1:], n_rows, width)
+    expected = EXPECTATIONS[data[0]](n_rows)
+    return decode_numbers(data[1:], (n_rows, width), np.dtype(dtype), expected).reshape(shape)
 
 
-def _pattern_type(dtype: np.dtype[Any]) -> np.dtype[Any]:
-    return np.dtype(f"u{dtype.itemsize}")
+def encode_numbers(table: npt.NDArray[Any], expected: Expected) -> bytes:
+    """Bytes of a table of shape (N, C), padded to as many as a reader wants to see."""
+    least = -(-table.size // MAX_NUMBERS_PER_BYTE)
+    return encode_patterns(table, expected).ljust(least, b"\0")
+
+
+def require_room(data: bytes, n_rows: int, width: int) -> None:
+    """Nothing if the bytes can hold a table of this shape.
+
+    Raises
+    ------
+    CorruptStreamError
+        Otherwise.
+    """
+    if n_rows * width > MAX_NUMBERS_PER_BYTE * len(data):
+        raise CorruptStreamError(
+            f"a table of {n_rows} x {width} values is announced; {len(data)} bytes cannot hold it"
+        )
+
+
+def decode_numbers(
+    data: bytes, shape: tuple[int, int], dtype: np.dtype[Any], expected: Expected
+) -> npt.NDArray[Any]:
+    """The table that `encode_numbers` wrote; `require_room` has bounded its shape.
+
+    Raises
+    ------
+    CorruptStreamError
+        If bytes are left over.
+    """
+    if len(data) > -(-shape[0] * shape[1] // MAX_NUMBERS_PER_BYTE) and not data[-1]:
+        raise CorruptStreamError("the numbers end before their section does")
+    return decode_patterns(data, shape, dtype, expected)

@@ -1,52 +1,49 @@
-"""Lossless coder of tables of numbers: as decimals, on a grid, or as bit patterns."""
+"""Lossless coder of tables of numbers: as multiples of a fraction, or as they are."""
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.entropy.coder import decode_integers, encode_integers
-from meshreel.entropy.deflate import MAX_RATIO
-from meshreel.entropy.exact import decode_exact, encode_exact
-from meshreel.entropy.grid_table import decode_grid, encode_grid
+from meshreel.entropy.exact import decode_numbers, encode_numbers, require_room
+from meshreel.entropy.expected import nothing_expected, row_before_expected
+from meshreel.entropy.multiples import CODES, GRID, as_multiples, values_of
 from meshreel.errors import CorruptStreamError, TruncatedStreamError
+from meshreel.kernel.patterns import Expected
 
-Integers = npt.NDArray[np.int64]
+Integers = npt.NDArray[np.integer]
+Numbers = npt.NDArray[Any]
+Along = Callable[[int], Expected]
+"""From which others each row is expected, given the number of rows."""
 
-MOST_PLACES = 9
-"""Most decimal places that are tried; values with more are coded as bit patterns."""
+AS_THEY_ARE = 255
+"""First byte of a table of numbers that are not written as integers by another number."""
 
-PATTERNS = 255
-"""Code in place of the number of decimal places: values are bit patterns."""
-
-GRID = 254
-"""Code in place of the number of decimal places: values are on a grid of 2^-bits."""
-
-LARGEST = 1 << 29
-"""Largest decimal without its point, so that differences can be coded."""
+INTEGER = np.dtype(np.int32)
 
 
-def encode_table(values: npt.NDArray[Any]) -> bytes:
+def encode_table(values: Numbers, along: Along | None = None) -> bytes:
     """Bytes of a table of shape (N, C), exactly.
 
-    Numbers in files are often decimals of a few places. Then their integer multiples of 10^-places
-    are coded, column by column, as differences.
+    Parameters
+    ----------
+    values : array of uint8, int32, float32 or float64
+    along : callable, optional
+        From which others rows may be expected, besides nothing and the row before. The reader
+        needs the same.
     """
-    patterns = bytes([PATTERNS]) + encode_exact(values)
-    found = _decimals(values)
-    if found is None:
-        return patterns
-    places, integers = found
-    decimals = bytes([places]) + encode_integers(list(np.diff(integers, axis=0, prepend=0).T))
-    return min(decimals, patterns, key=len)
+    return _shortest([(AS_THEY_ARE, values), *as_multiples(values)], along)
 
 
-def encode_grid_table(integers: Integers, bits: int) -> bytes:
+def encode_grid_table(integers: Integers, bits: int, along: Along | None = None) -> bytes:
     """Bytes of a table of shape (N, C) of integer multiples of 2^-bits."""
-    return bytes([GRID]) + encode_grid(integers, bits)
+    return _shortest([(GRID + bits, integers.astype(INTEGER))], along)
 
 
-def decode_table(data: bytes, shape: tuple[int, int], dtype: np.dtype[Any]) -> npt.NDArray[Any]:
+def decode_table(
+    data: bytes, shape: tuple[int, int], dtype: np.dtype[Any], along: Along | None = None
+) -> Numbers:
     """The table that `encode_table` or `encode_grid_table` wrote.
 
     Nothing is allocated that the bytes cannot hold.
@@ -56,41 +53,32 @@ def decode_table(data: bytes, shape: tuple[int, int], dtype: np.dtype[Any]) -> n
     CorruptStreamError, TruncatedStreamError
         If the bytes are not those of a table of this shape and type.
     """
-    if not data:
-        raise TruncatedStreamError("a table of values has no bytes")
-    places, packed = data[0], data[1:]
-    n_rows, width = shape
-    if places == GRID:
-        return decode_grid(packed, shape, dtype)
-    if places == PATTERNS:
-        if n_rows * width * dtype.itemsize > MAX_RATIO * len(packed):
-            raise CorruptStreamError(
-                f"a table of {n_rows} x {width} values is announced; {len(packed)} bytes "
-                "cannot hold it"
-            )
-        return decode_exact(packed, shape, dtype)
-    if places > MOST_PLACES:
-        raise CorruptStreamError(f"{places} decimal places; at most {MOST_PLACES} are allowed")
-    differences = decode_integers(packed, [n_rows] * width)
-    return _scaled(np.cumsum(np.stack(differences, axis=1), axis=0), places, dtype)
+    if len(data) < 2:
+        raise TruncatedStreamError("a table of values ends inside its first two bytes")
+    (code, way), packed = data[:2], data[2:]
+    require_room(packed, *shape)
+    ways = _ways(along)
+    if way >= len(ways):
+        raise CorruptStreamError(f"rows are expected in way {way}, which is unknown")
+    if code != AS_THEY_ARE and (code not in CODES or dtype.kind != "f"):
+        raise CorruptStreamError(f"a table of {dtype} is written in form {code}, which is unknown")
+    expected = ways[way](shape[0])
+    if code == AS_THEY_ARE:
+        return decode_numbers(packed, shape, dtype, expected)
+    return values_of(decode_numbers(packed, shape, INTEGER, expected), code, dtype)
 
 
-def _decimals(values: npt.NDArray[Any]) -> tuple[int, Integers] | None:
-    """The fewest decimal places that give exactly these values, and the integers; else None."""
-    if not np.isfinite(values).all():
-        return None
-    exact = values.astype(np.float64)
-    for places in range(MOST_PLACES + 1):
-        with np.errstate(over="ignore"):
-            rounded = np.rint(exact * 10.0**places)
-        if not (np.abs(rounded) <= LARGEST).all():  # nor for more places
-            return None
-        integers = rounded.astype(np.int64)
-        if _scaled(integers, places, values.dtype).tobytes() == values.tobytes():
-            return places, integers
-    return None
+def _shortest(forms: list[tuple[int, Numbers]], along: Along | None) -> bytes:
+    """The shortest of all ways to write a table that has several forms."""
+    return min(
+        (
+            bytes([code, way]) + encode_numbers(numbers, expected)
+            for way, expected in enumerate(one(len(forms[0][1])) for one in _ways(along))
+            for code, numbers in forms
+        ),
+        key=len,
+    )
 
 
-def _scaled(integers: Integers, places: int, dtype: np.dtype[Any]) -> npt.NDArray[Any]:
-    # One division of exact numbers and one rounding: the same on every machine.
-    return (integers / 10.0**places).astype(dtype)
+def _ways(along: Along | None) -> list[Along]:
+    return [nothing_expected, row_before_expected, *([along] if along else [])]

@@ -52,3 +52,4 @@ ALEMBIC = Extra("alembic", "alembic3d", "alembic3d")
 IMATH = Extra("alembic", "alembic3d", "imath")  # comes with it
 USD = Extra("usd", "usd-core", "pxr")
 HDF = Extra("hdf", "h5py", "h5py")
+DRACO = Extra("gltf", "DracoPy", "DracoPy")  # only files that Draco compressed need it

@@ -42,11 +42,11 @@ def write_coded_block(
             Section.ANCHORS,
             payloads.write_curves(block.anchors)
             if on_graph
-            else payloads.write_rows(block.anchors, shared=True),
+            else payloads.write_rows(block.anchors),
         )
     if exact:
         yield Section.EXACT, exact
-    yield Section.COEFFICIENTS, payloads.write_rows(block.coefficients, shared=on_graph)
+    yield Section.COEFFICIENTS, payloads.write_rows(block.coefficients)
 
 
 class Dictionaries:
@@ -119,13 +119,9 @@ def read_coded_block(
         return CodedBlock(
             None,
             payloads.read_curves(stored.payload(Section.ANCHORS), n_anchors, n_frames),
-            payloads.read_rows(coefficients, n_modes, n_frames, shared=True),
+            payloads.read_rows(coefficients, n_modes, n_frames),
         )
     anchors = None
     if method.has_anchors:
-        anchors = payloads.read_rows(
-            stored.payload(Section.ANCHORS), n_modes, n_anchors, shared=True
-        )
-    return CodedBlock(
-        basis, anchors, payloads.read_rows(coefficients, n_modes, mesh.n_verts, shared=False)
-    )
+        anchors = payloads.read_rows(stored.payload(Section.ANCHORS), n_modes, n_anchors)
+    return CodedBlock(basis, anchors, payloads.read_rows(coefficients, n_modes, mesh.n_verts))

@@ -58,19 +58,17 @@ def read_curves(payload: bytes, n_rows: int, n_frames: int) -> Quantized:
     return Quantized(summed.reshape(3, n_rows, n_frames), steps)
 
 
-def write_rows(rows: Quantized, *, shared: bool) -> bytes:
-    """Payload of rows of coefficients, whose tables are their own or shared by similar modes."""
+def write_rows(rows: Quantized) -> bytes:
+    """Payload of rows of coefficients; similar modes share a table."""
     n_rows, length = rows.integers.shape[1:]
-    tables = _shared_tables(n_rows, 0) if shared else None
     flat = list(rows.integers.reshape(3 * n_rows, length))
-    return _write_steps(rows.steps) + encode_integers(flat, tables)
+    return _write_steps(rows.steps) + encode_integers(flat, _shared_tables(n_rows, 0))
 
 
-def read_rows(payload: bytes, n_rows: int, length: int, *, shared: bool) -> Quantized:
+def read_rows(payload: bytes, n_rows: int, length: int) -> Quantized:
     """Rows that `write_rows` wrote, with integers of shape (3, rows, length)."""
     steps, coded = _read_steps(payload, n_rows)
-    tables = _shared_tables(n_rows, 0) if shared else None
-    rows = decode_integers(coded, [length] * (3 * n_rows), tables)
+    rows = decode_integers(coded, [length] * (3 * n_rows), _shared_tables(n_rows, 0))
     return Quantized(np.stack(rows).reshape(3, n_rows, length), steps)
 
 

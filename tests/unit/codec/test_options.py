@@ -15,7 +15,7 @@ from meshreel.codec.encoder import encode
 from meshreel.codec.methods import METHOD_NAMES
 from meshreel.codec.option import Option, Range
 from meshreel.codec.options import UV_BITS, all_options, check_names, methods_taking, options_of
-from meshreel.entropy.grid_table import MAX_GRID_BITS
+from meshreel.entropy.multiples import MAX_GRID_BITS
 from meshreel.errors import InvalidInputError
 from meshreel.reel.encoding.effort import EFFORTS
 from meshreel.reel.options import EFFORT_RANGE

@@ -157,12 +157,3 @@ def test_order_is_what_it_was_encoded_with_when_it_is_asked_for(order):
     shuffled = meshreel.MeshSequence(grid.vertices, faces)
     with ReelFile(BytesIO(encode(shuffled, order=order))) as reel:
         assert reel.order == order
-
-
-def test_order_of_faces_is_kept_too_when_that_takes_no_more_bytes():
-    flag = meshreel.simulate_flag(2)
-    data = encode(flag, order="vertices")
-    with ReelFile(BytesIO(data)) as reel:
-        assert reel.order == "keep"
-        np.testing.assert_array_equal(reel.faces, flag.faces)
-    assert data == encode(flag, order="keep")

@@ -4,9 +4,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from meshreel.entropy.tables import decode_table, encode_table
-from meshreel.errors import CorruptStreamError, MeshReelError
+from meshreel.entropy.multiples import CODES, GRID, LARGEST, MAX_GRID_BITS, values_of
+from meshreel.entropy.tables import decode_table, encode_grid_table, encode_table
+from meshreel.errors import CorruptStreamError, MeshReelError, TruncatedStreamError
 
+SINGLE = np.dtype(np.float32)
 SHAPES = st.tuples(st.integers(0, 12), st.integers(1, 4))
 
 
@@ -37,6 +39,39 @@ def test_signs_of_zero_come_back_when_all_else_is_decimal():
 def test_decimals_take_fewer_bytes_when_they_have_few_places():
     values = (np.random.default_rng(0).integers(0, 10**4, (5000, 2)) / 1e4).astype(np.float32)
     assert len(encode_table(values)) < 0.5 * values.nbytes
+
+
+@pytest.mark.parametrize("code", CODES)
+def test_multiples_take_what_their_integers_do_when_they_are_of_any_form(code):
+    integers = np.random.default_rng(code).integers(0, 200, (3000, 2)).astype(np.int32)
+    values = values_of(integers, code, SINGLE)
+    assert_comes_back(values)
+    assert len(encode_table(values)) < 1.05 * len(encode_table(integers)) + 8
+
+
+@given(
+    arrays(np.int64, SHAPES, elements=st.integers(-LARGEST, LARGEST)),
+    st.integers(0, MAX_GRID_BITS),
+    st.sampled_from(["f4", "f8"]),
+)
+def test_grid_comes_back_bit_by_bit_when_of_any_size(integers, bits, dtype):
+    values = values_of(integers.astype(np.int32), GRID + bits, np.dtype(dtype))
+    back = decode_table(encode_grid_table(integers, bits), integers.shape, np.dtype(dtype))
+    assert (back.dtype, back.tobytes()) == (values.dtype, values.tobytes())
+
+
+@pytest.mark.parametrize(
+    ("head", "dtype"), [(b"\x0c\0", "f4"), (b"\x59\0", "f4"), (b"\xff\2", "f4"), (b"\3\0", "u1")]
+)
+def test_table_is_refused_when_its_head_is_unknown(head, dtype):
+    coded = head + encode_table(np.arange(4, dtype=np.int32).reshape(4, 1))[2:]
+    with pytest.raises(CorruptStreamError, match="unknown"):
+        decode_table(coded, (4, 1), np.dtype(dtype))
+
+
+def test_decoding_raises_when_a_table_ends_in_its_head():
+    with pytest.raises(TruncatedStreamError):
+        decode_table(b"\xfe", (4, 1), SINGLE)
 
 
 def test_decoding_is_refused_when_more_is_announced_than_bytes_can_hold():

@@ -41,12 +41,11 @@ def test_basis_is_smaller_when_its_rows_are_smooth():
     assert sizes[0] < 0.5 * sizes[1]
 
 
-@pytest.mark.parametrize("shared", [False, True])
 @pytest.mark.parametrize("n_steps", [1, 5])
-def test_rows_come_back_when_written(shared, n_steps):
+def test_rows_come_back_when_written(n_steps):
     steps = np.arange(1, n_steps + 1).astype(np.float32)
     rows = Quantized(quantized(3, 5, 17).integers, steps)
-    back = payloads.read_rows(payloads.write_rows(rows, shared=shared), 5, 17, shared=shared)
+    back = payloads.read_rows(payloads.write_rows(rows), 5, 17)
     np.testing.assert_array_equal(back.integers, rows.integers)
     np.testing.assert_array_equal(back.steps, steps)
 
@@ -55,15 +54,15 @@ def test_rows_come_back_when_written(shared, n_steps):
 def test_step_is_refused_when_it_is_not_a_positive_number(step):
     rows = Quantized(np.zeros((3, 1, 1), int), np.array([step], np.float32))
     with pytest.raises(CorruptStreamError, match="step"):
-        payloads.read_rows(payloads.write_rows(rows, shared=True), 1, 1, shared=True)
+        payloads.read_rows(payloads.write_rows(rows), 1, 1)
 
 
 def test_steps_are_refused_when_their_number_fits_no_row():
     rows = Quantized(np.zeros((3, 4, 1), int), np.ones(3, np.float32))
     with pytest.raises(CorruptStreamError, match="3 quantisation steps are announced for 4 rows"):
-        payloads.read_rows(payloads.write_rows(rows, shared=True), 4, 1, shared=True)
+        payloads.read_rows(payloads.write_rows(rows), 4, 1)
 
 
 def test_steps_are_refused_when_the_payload_ends_inside():
     with pytest.raises(TruncatedStreamError):
-        payloads.read_rows(b"\1\0\0", 1, 1, shared=True)
+        payloads.read_rows(b"\1\0\0", 1, 1)

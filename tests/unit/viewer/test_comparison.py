@@ -121,7 +121,7 @@ def test_ranges_are_of_all_frames_when_they_are_measured(opened):
     for kind, heat in heats.items():
         values = [comparison.heat(kind, comparison.pair(number)) for number in range(12)]
         assert heat["maximum"] == np.max(values) >= first[kind]["maximum"]
-        assert heat["range"] == pytest.approx(np.percentile(values, 99.5), rel=0.05)
+        assert heat["range"] == pytest.approx(np.percentile(values, 99.5), rel=0.1)
         assert heat["range"] <= heat["maximum"]
 
 

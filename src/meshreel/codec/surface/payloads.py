@@ -3,7 +3,7 @@
 import struct
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -16,6 +16,7 @@ from meshreel.codec.surface.materials import (
     write_image,
     write_material,
 )
+from meshreel.codec.surface.nearness import along_faces, distinct_rows, places_of
 from meshreel.codec.surface.texts import read_text, write_text
 from meshreel.codec.surface.uv_grid import is_quantized, uv_integers
 from meshreel.entropy.coder import decode_integers, encode_integers
@@ -23,8 +24,8 @@ from meshreel.entropy.references import decode_references, encode_references
 from meshreel.entropy.tables import decode_table, encode_grid_table, encode_table
 from meshreel.entropy.varint import read_varint, write_varint
 from meshreel.errors import CorruptStreamError, InvalidInputError, TruncatedStreamError
-from meshreel.geometry.fans import join_fans
 from meshreel.surface import (
+    MAX_NUMBERS,
     VALUE_TYPES,
     Attribute,
     Domain,
@@ -40,6 +41,10 @@ Faces = npt.NDArray[np.int32]
 KINDS = (Kind.UV, Kind.COLOR, Kind.OTHER)
 DOMAINS = (Domain.VERTEX, Domain.FACE, Domain.CORNER)
 """Choices in the order of their codes, as number types are in `VALUE_TYPES`."""
+
+EACH, INDEXED, SHARED = range(3)
+"""Layouts of values: each item has its own row; the row of each is named; or it is named only to be
+written, and each item has its own again when it is read."""
 
 START = struct.Struct("<d")
 
@@ -64,6 +69,7 @@ def surface_sections(
     ----------
     surface : Surface
     faces : int32 array of shape (M, 3)
+        As they go out when the stream is decoded.
     uv_bits : int, optional
         Bits of the grid that texture coordinates are quantised to. Default: they are exact.
     """
@@ -203,51 +209,81 @@ def _write_attribute(
     attribute: Attribute, surface: Surface, faces: Faces, uv_bits: int | None
 ) -> bytes:
     kind, domain = KINDS.index(attribute.kind), DOMAINS.index(attribute.domain)
-    n_rows, width = attribute.values.shape
     number_type = VALUE_TYPES.index(attribute.values.dtype)
-    head = bytes([kind, domain, number_type, width]) + write_text(attribute.name)
-    references = b""
-    if attribute.indices is not None:
-        places = _places(attribute.domain, surface, faces, len(attribute.indices))
-        references = encode_references(attribute.indices, places)
-    framed = write_varint(n_rows) + write_varint(len(references)) + references
-    if uv_bits is not None and is_quantized(attribute):
-        return head + framed + encode_grid_table(uv_integers(attribute, uv_bits), uv_bits)
-    return head + framed + encode_table(attribute.values)
+    head = bytes([kind, domain, number_type, attribute.values.shape[1]])
+    return head + write_text(attribute.name) + _write_values(attribute, surface, faces, uv_bits)
+
+
+def _write_values(
+    attribute: Attribute, surface: Surface, faces: Faces, uv_bits: int | None
+) -> bytes:
+    """The shortest of the layouts that fit: how many rows, the row of each item, the rows."""
+    domain, indices = attribute.domain, attribute.indices
+    bits = uv_bits if is_quantized(attribute) else None
+    values = attribute.values if bits is None else uv_integers(attribute, bits)
+    places = places_of(domain, surface, faces, len(values if indices is None else indices))
+
+    def written(layout: int, rows: Integers | None, table: npt.NDArray[Any]) -> bytes:
+        references = b"" if rows is None else encode_references(rows, places)
+        counts = write_varint(len(table)) + write_varint(len(references))
+        along = along_faces(domain, rows, surface, faces)
+        coded = (
+            encode_table(table, along) if bits is None else encode_grid_table(table, bits, along)
+        )
+        return bytes([layout]) + counts + references + coded
+
+    if indices is not None:
+        return written(INDEXED, indices, values)
+    found = [written(EACH, None, values)]
+    if domain is Domain.CORNER:
+        first, rows = distinct_rows(values, places)
+        found.append(written(SHARED, rows, values[first]))
+    return min(found, key=len)
 
 
 def _read_attribute(payload: bytes, surface: Surface, faces: Faces, n_verts: int) -> Attribute:
     if len(payload) < 4:
         raise TruncatedStreamError("an attribute ends inside its first four bytes")
     kind, domain, number_type, width = payload[:4]
+    if not 1 <= width <= MAX_NUMBERS:
+        raise CorruptStreamError(f"values of {width} numbers; 1..{MAX_NUMBERS} are allowed")
     if kind >= len(KINDS) or domain >= len(DOMAINS) or number_type >= len(VALUE_TYPES):
         raise CorruptStreamError(
             f"an attribute is of kind {kind}, domain {domain} and number type {number_type}, "
             "one of which is unknown"
         )
     name, position = read_text(payload, 4)
-    n_rows, position = read_varint(payload, position)
+    layout, n_rows, rows, packed = _read_rows(
+        payload, position, DOMAINS[domain], surface, faces, n_verts
+    )
+    along = along_faces(DOMAINS[domain], rows, surface, faces)
+    values = decode_table(packed, (n_rows, width), VALUE_TYPES[number_type], along)
+    if rows is None:
+        return Attribute(name, KINDS[kind], DOMAINS[domain], values)
+    if layout == SHARED:
+        return Attribute(name, KINDS[kind], DOMAINS[domain], values[rows])
+    return Attribute(name, KINDS[kind], DOMAINS[domain], values, rows.astype(np.int32))
+
+
+def _read_rows(
+    payload: bytes, position: int, domain: Domain, surface: Surface, faces: Faces, n_verts: int
+) -> tuple[int, int, Integers | None, bytes]:
+    """Layout, number of rows, the row of each item (None: its own), and what follows."""
+    if position >= len(payload) or payload[position] not in (EACH, INDEXED, SHARED):
+        raise CorruptStreamError("it is not known how the values of an attribute are laid out")
+    layout = payload[position]
+    n_rows, position = read_varint(payload, position + 1)
     size_bytes, position = read_varint(payload, position)
     coded, packed = payload[position : position + size_bytes], payload[position + size_bytes :]
-    dtype = VALUE_TYPES[number_type]
-    n_items = surface.n_items(DOMAINS[domain], n_verts, len(faces))
-    indices = None
-    if coded:
-        rows = decode_references(coded, _places(DOMAINS[domain], surface, faces, n_items))
-        if len(rows) and not 0 <= rows.min() <= rows.max() < n_rows:
-            raise CorruptStreamError(f"attribute {name!r} refers to a value that does not exist")
-        indices = rows.astype(np.int32)
-    elif n_rows != n_items:
-        raise CorruptStreamError(f"attribute {name!r} has {n_rows} values for {n_items} places")
-    values = decode_table(packed, (n_rows, width), dtype)
-    return Attribute(name, KINDS[kind], DOMAINS[domain], values, indices)
-
-
-def _places(domain: Domain, surface: Surface, faces: Faces, n_items: int) -> Integers:
-    """The place of each item: corners of faces are at their vertices, all others at one place."""
-    if domain is not Domain.CORNER:
-        return np.zeros(n_items, np.int64)
-    return join_fans(surface.sizes(len(faces)), faces)
+    n_items = surface.n_items(domain, n_verts, len(faces))
+    if layout == EACH:
+        if n_rows != n_items or coded:
+            raise CorruptStreamError(f"an attribute has {n_rows} values for {n_items} places")
+        return layout, n_rows, None, packed
+    rows = decode_references(coded, places_of(domain, surface, faces, n_items))
+    if len(rows) and not 0 <= rows.min() <= rows.max() < n_rows:
+        raise CorruptStreamError("an attribute refers to a value that does not exist")
+    return layout, n_rows, rows, packed
 
 
 def _write_groups(groups: FaceGroups) -> bytes:

@@ -8,7 +8,7 @@ quantising again changes nothing.
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.entropy.grid_table import LARGEST
+from meshreel.entropy.multiples import LARGEST
 from meshreel.errors import InvalidInputError
 from meshreel.surface import Attribute, Kind, Surface
 

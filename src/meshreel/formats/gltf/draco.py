@@ -2,13 +2,13 @@
 
 from typing import Any
 
-import DracoPy
 import numpy as np
 import numpy.typing as npt
 
 from meshreel.counting import counted
 from meshreel.entropy.varint import read_varint
 from meshreel.errors import FormatError, MeshReelError
+from meshreel.formats.extras import DRACO as LIBRARY
 from meshreel.formats.gltf.accessors import WIDTHS, Accessors, Values, declared_type
 from meshreel.formats.gltf.document import DRACO
 from meshreel.formats.gltf.json_object import JsonObject
@@ -38,8 +38,9 @@ def decode_draco(primitive: JsonObject, accessors: Accessors) -> dict[str, Value
     n_corners = accessors.count(primitive, "indices")
     _check_counts(data, accessors.count(names, "POSITION"), n_corners, packed.place)
     accessors.reserve(4 * n_corners, packed.place)
+    library = LIBRARY.load()
     try:
-        mesh = DracoPy.decode(data)
+        mesh = library.decode(data)
         held = {one["unique_id"]: np.asarray(one["data"]) for one in mesh.attributes}
         corners = np.asarray(mesh.faces).reshape(-1, 1)
     except Exception as error:  # DracoPy raises TypeError, ValueError and types of its own

@@ -23,7 +23,7 @@ class Draco:
     name: str = "draco"
     summary: str = f"Draco, level {LEVEL}, each frame for itself with its connectivity"
     package: str = "DracoPy"
-    extra: None = None
+    extra: str = "peers"
     has_faces: bool = True
 
     def sweep(self, *, quick: bool) -> tuple[float, ...]:

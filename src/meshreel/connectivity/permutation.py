@@ -1,0 +1,13 @@
+"""Orders of 0..n-1, and back."""
+
+import numpy as np
+import numpy.typing as npt
+
+Integers = npt.NDArray[np.int64]
+
+
+def inverse_permutation(order: Integers) -> Integers:
+    """The index of each of 0..n-1 in `order`."""
+    inverse = np.empty(len(order), np.int64)
+    inverse[order] = np.arange(len(order))
+    return inverse

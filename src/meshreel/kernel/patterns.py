@@ -1,0 +1,119 @@
+"""Tables of numbers to bytes and back, exactly, by the core."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from meshreel.kernel.library import call, memory, size_of
+
+Numbers = npt.NDArray[Any]
+
+BYTES_EACH, BYTES_A_ROW = 24, 32
+"""Most bytes that a number takes, and a row besides."""
+
+
+@dataclass(frozen=True)
+class Expected:
+    """In which order the rows of a table are coded, and from which others each is expected.
+
+    Attributes
+    ----------
+    order : int32 array of shape (N,)
+        Each of 0..N-1 once.
+    starts : int64 array of shape (N + 1,)
+    triples : int32 array of shape (*, 3)
+        Row ``order[i]`` is expected at the mean of ``a + b - c`` of those of
+        ``starts[i]:starts[i + 1]``; at a single ``a`` where c is -1. All are rows before it.
+    """
+
+    order: npt.NDArray[np.int32]
+    starts: npt.NDArray[np.int64]
+    triples: npt.NDArray[np.int32]
+
+
+def expected_along(faces: Numbers, twins: Numbers, n_rows: int) -> Expected:
+    """From which rows of a table each is expected, where faces say which are near each other.
+
+    Parameters
+    ----------
+    faces : integer array of shape (M, 3)
+        Rows of 0..N-1.
+    twins : integer array of shape (3 M,)
+        The opposite side of each side ``3 i + k`` of face i, or itself: an involution.
+    n_rows : int
+        N.
+    """
+    order = np.empty(n_rows, np.int32)
+    starts = np.empty(n_rows + 1, np.int64)
+    triples = np.empty((3 * len(faces) + n_rows, 3), np.int32)
+    room = memory(size_of("reel_expected_memory", n_rows, len(faces)))
+    n_triples = call(
+        "reel_expected_find",
+        room,
+        len(room),
+        np.ascontiguousarray(faces, np.int32),
+        np.ascontiguousarray(twins, np.int32),
+        n_rows,
+        len(faces),
+        order,
+        starts,
+        triples,
+        what="rows",
+    )
+    return Expected(order, starts, triples[:n_triples].copy())
+
+
+def encode_patterns(values: Numbers, expected: Expected) -> bytes:
+    """Bytes of a table of shape (N, C) of uint8, int32, float32 or float64."""
+    table = np.array(values, order="C")
+    n_rows, width = table.shape
+    out = np.empty(BYTES_EACH * table.size + BYTES_A_ROW * (n_rows + 1), np.uint8)
+    room = memory(size_of("reel_patterns_memory", width))
+    size = call(
+        "reel_patterns_encode",
+        room,
+        len(room),
+        table,
+        *table.shape,
+        table.dtype.itemsize,
+        int(table.dtype.kind == "f"),
+        expected.order,
+        expected.starts,
+        expected.triples,
+        out,
+        len(out),
+        what="numbers",
+    )
+    return out[:size].tobytes()
+
+
+def decode_patterns(
+    data: bytes, shape: tuple[int, int], dtype: np.dtype[Any], expected: Expected
+) -> Numbers:
+    """The table that `encode_patterns` wrote; the caller bounds the shape.
+
+    Raises
+    ------
+    CorruptStreamError
+        If bytes are left over.
+    """
+    table = np.zeros(shape, dtype)
+    room = memory(size_of("reel_patterns_memory", shape[1]))
+    call(
+        "reel_patterns_decode",
+        room,
+        len(room),
+        data,
+        len(data),
+        table,
+        *shape,
+        dtype.itemsize,
+        int(dtype.kind == "f"),
+        expected.order,
+        expected.starts,
+        expected.triples,
+        what="numbers",
+    )
+    return table

@@ -1,0 +1,72 @@
+"""The core against readers that were written from docs/format.md alone."""
+
+import numpy as np
+import pytest
+
+from meshreel.connectivity.triangles import twin_sides
+from meshreel.kernel.integers import encode_rows
+from meshreel.kernel.order import encode_order
+from meshreel.kernel.patterns import encode_patterns, expected_along
+from samples.meshes import grid_faces, octahedron_faces
+from samples.plain_reader import (
+    Bits,
+    along_faces,
+    face_order,
+    integers,
+    patterns,
+    vertex_order,
+)
+
+
+def test_integers_are_read_as_the_format_says():
+    rng = np.random.default_rng(3)
+    rows = [
+        rng.integers(-(1 << 30), 1 << 30, 50),
+        np.rint(rng.laplace(scale=np.repeat([1, 40, 3000], 60))).astype(int),
+        np.zeros(300, int),
+    ]
+    assert integers(encode_rows(rows, [0, 1, 2]), [50, 180, 300]) == [row.tolist() for row in rows]
+
+
+def meshes():
+    rng = np.random.default_rng(4)
+    fan = np.array([[0, i, i + 1] for i in range(1, 30)])  # more than 16 neighbours
+    grid = np.asarray(grid_faces(7, 8))
+    random = rng.integers(0, 25, (40, 3))  # degenerate, repeated, not manifold
+    return {"fan": fan, "grid": grid, "random": random, "octahedron": octahedron_faces()}
+
+
+@pytest.mark.parametrize("name", meshes())
+@pytest.mark.parametrize("is_mixed", [False, True])
+def test_orders_are_read_as_the_format_says(name, is_mixed):
+    faces, rng = meshes()[name], np.random.default_rng(5)
+    n_verts, n_faces = int(faces.max()) + 2, len(faces)
+    corners, sequence = 3 * np.arange(n_faces) + 1, np.arange(n_verts)[::-1]
+    if is_mixed:
+        corners, sequence = rng.permutation(corners), rng.permutation(n_verts)
+        corners += rng.integers(-1, 2, n_faces)
+    alone = Bits(encode_order(faces, None, None, sequence))
+    assert vertex_order(alone, n_verts, faces.tolist()) == sequence.tolist()
+    twins = twin_sides(faces, n_verts)
+    both = Bits(encode_order(faces, twins, corners, sequence))
+    found = face_order(both, n_faces, twins.tolist())
+    assert found == corners.tolist()
+    listed = [[int(faces[c // 3, (c + k) % 3]) for k in range(3)] for c in found]
+    names = list(dict.fromkeys(one for face in listed for one in face))
+    names += [one for one in range(n_verts) if one not in names]
+    renamed = [[names.index(one) for one in face] for face in listed]
+    in_names = vertex_order(both, n_verts, renamed)
+    assert [names[one] for one in in_names] == sequence.tolist()
+
+
+@pytest.mark.parametrize("name", meshes())
+def test_numbers_along_faces_are_read_as_the_format_says(name):
+    faces, rng = meshes()[name], np.random.default_rng(6)
+    n_rows = int(faces.max()) + 3
+    values = np.cumsum(rng.integers(-300, 900, (n_rows, 2)), axis=0).astype(np.int32)
+    values[::5] = values[0]
+    values[3] = np.iinfo(np.int32).min, np.iinfo(np.int32).max
+    twins = twin_sides(faces, n_rows)
+    data = encode_patterns(values, expected_along(faces, twins, n_rows))
+    expected = along_faces(faces.tolist(), twins.tolist(), n_rows)
+    assert patterns(data, 2, expected) == [tuple(row) for row in values.tolist()]
