@@ -179,10 +179,17 @@ def test_maximum_error_is_refused_when_the_number_type_is_too_coarse():
         assert meshreel.compare(far, decoded).max_error_percent <= percent
 
 
-def test_maximum_error_is_refused_when_last_bits_of_other_machines_reach_it():
+@pytest.mark.parametrize("percent", [1e-7, 1e-12])
+def test_maximum_error_is_kept_down_to_the_last_bits_when_positions_are_float64(percent):
     fine = meshreel.MeshSequence(waving_grid().vertices.astype(np.float64), waving_grid().faces)
-    with pytest.raises(InvalidInputError, match="last bits; ask for at least") as refused:
-        meshreel.encode(fine, max_error=1e-7)
+    decoded = meshreel.decode(meshreel.encode(fine, max_error=percent))
+    assert meshreel.compare(fine, decoded).max_error_percent <= percent
+
+
+def test_maximum_error_is_refused_when_the_last_bits_of_float64_reach_it():
+    fine = meshreel.MeshSequence(waving_grid().vertices.astype(np.float64), waving_grid().faces)
+    with pytest.raises(InvalidInputError, match="percent of the diagonal; ask for") as refused:
+        meshreel.encode(fine, max_error=1e-14)
     least = float(str(refused.value).split("at least ")[1])
     decoded = meshreel.decode(meshreel.encode(fine, max_error=least))
     assert meshreel.compare(fine, decoded).max_error_percent <= least
@@ -265,6 +272,11 @@ def test_targets_are_all_named_when_several_have_a_number():
 def test_encoding_refuses_when_several_targets_are_given(one, other):
     with pytest.raises(InvalidInputError, match=f"{one}= and {other}= exclude each other"):
         meshreel.encode(waving_grid(2), **{one: 1.0, other: 1.0})
+
+
+def test_steps_are_taken_as_they_are_when_they_are_as_large_as_the_model():
+    sizes = [len(meshreel.encode(waving_grid(20, 12, 13), step=step)) for step in (0.1, 0.3)]
+    assert sizes[1] < sizes[0]
 
 
 def test_steps_of_quality_halve_with_twelve_points_and_end_at_the_finest():

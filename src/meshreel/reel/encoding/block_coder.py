@@ -247,6 +247,6 @@ def check_promise(bound: float, rounding: float, dtype: np.dtype[np.floating]) -
     remedy = "" if dtype == np.float64 else ", or give positions as float64"
     raise InvalidInputError(
         f"max_error {100 * bound:g} cannot be promised: positions of type {dtype} at these "
-        f"coordinates are rounded by up to {100 * rounding:.2g} percent of the diagonal, and "
-        f"machines differ in their last bits; ask for at least {101 * least:.2g}{remedy}"
+        f"coordinates are rounded by up to {100 * rounding:.2g} percent of the diagonal; "
+        f"ask for at least {101 * least:.2g}{remedy}"
     )

@@ -16,24 +16,19 @@ LARGEST_STEP = 1.0
 """Steps need not be larger: no vertex is farther than a diagonal from where it should be."""
 
 
-MARGIN = 1e-3
-"""Share of the bound that is kept free, for the last bits of another machine's arithmetic."""
-
-
-FLOOR = 2.0**-28
-"""Diagonals that are kept free at least, a 32nd of the unit of float32: weights that differ in
-their last bits move positions by 5e-13 diagonals on captured and simulated sequences, and by 2e-9
-where weights are so large that they amplify rounding."""
+FLOOR = 2.0**-48
+"""Diagonals that are kept free: for the last bits in which a position is moved and scaled. Frames
+are the same bits on every machine, so that nothing else is to be feared."""
 
 
 def allowed_error(bound: float, rounding: float) -> float:
     """The part of a bound that is left for errors of the codec, in diagonals."""
-    return bound - max(bound * MARGIN, FLOOR) - rounding
+    return bound - FLOOR - rounding
 
 
 def least_bound(rounding: float) -> float:
     """The bound, in diagonals, that leaves nothing for errors of the codec; see `allowed_error`."""
-    return max(rounding / (1.0 - MARGIN), rounding + FLOOR)
+    return rounding + FLOOR
 
 
 @staged("corrections")

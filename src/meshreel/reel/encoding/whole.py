@@ -141,9 +141,10 @@ class WholeSequence:
         """The stream of a step; with a bound in diagonals, corrected to keep it.
 
         Errors are no longer those of a moving surface where the step is as large as the model:
-        coarser ones are only tried to keep a budget.
+        a search for an error goes no farther. A budget may need more, and a step that was asked
+        for is taken as it is.
         """
-        if not self._target.aim.is_budget:
+        if self._target.aim in (Aim.KG, Aim.STED, Aim.MAX_ERROR):
             step = min(step, LARGEST_ERROR_STEP * self.own_diagonal)
         step = max(step, self.finest_step)
         if step not in self._trials:
