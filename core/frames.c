@@ -7,11 +7,14 @@
 #include "cpu.h"
 
 #define TILE 64     /* vertices */
+#define MODES 8     /* of which the fields of a vertex are read at once */
 #define TOGETHER 32 /* frames: all of a tile are written before the next tile */
 
 typedef struct {
     const double *basis;  /* 3 x n_frames x n_modes */
-    const double *fields; /* n_modes x n_verts */
+    const double *fields; /* of mode k at vertex v: [k mode_stride + v vertex_stride], in steps */
+    int64_t mode_stride, vertex_stride;
+    double step;
     const int32_t *order; /* the field's vertex of each vertex that is written, or NULL */
     int64_t n_frames, n_modes, n_verts;
     const int32_t *wanted; /* n_wanted frames */
@@ -153,7 +156,8 @@ size_t reel_frames_memory(int64_t n_modes, int64_t n_wanted) {
 }
 
 int64_t reel_frames(void *memory, size_t memory_size, const double *basis, const double *fields,
-                    const int32_t *order, int64_t n_frames, int64_t n_modes, int64_t n_verts,
+                    int64_t mode_stride, int64_t vertex_stride, double step, const int32_t *order,
+                    int64_t n_frames, int64_t n_modes, int64_t n_verts,
                     const int32_t *wanted, int64_t n_wanted, const int64_t *correction_starts,
                     const int32_t *corrected, const double *moves, const double *placement,
                     int64_t layout, void *out) {
@@ -169,7 +173,8 @@ int64_t reel_frames(void *memory, size_t memory_size, const double *basis, const
         }
         corrections[number] = correction_starts ? correction_starts[number] : 0;
     }
-    frames_job job = {basis, fields, order, n_frames, n_modes, n_verts, wanted, n_wanted,
+    frames_job job = {basis, fields, mode_stride, vertex_stride, step, order,
+                      n_frames, n_modes, n_verts, wanted, n_wanted,
                       correction_starts ? corrections : NULL, correction_starts, corrected, moves,
                       placement, layout, out, reel_widest()};
     return write_frames(&job, tile);

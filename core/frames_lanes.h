@@ -34,14 +34,22 @@ TARGET static void NAMED(sum_tile)(const frames_job *job, const double *tile, in
     }
 }
 
-/* Fields of the tile's vertices, as `sum_tile` reads them. */
+/* Fields of the tile's vertices, as `sum_tile` reads them. Rows of vertices are read a few modes at
+   a time, which are together in memory where the modes of a vertex are. */
 static void NAMED(pack_tile)(const frames_job *job, const int32_t *vertices, int count,
                              double *tile) {
-    for (int first = 0; first < TILE; first += ABREAST) {
-        for (int64_t mode = 0; mode < job->n_modes; mode++, tile += ABREAST) {
-            const double *field = job->fields + mode * job->n_verts;
+    double step = job->step;
+    for (int first = 0; first < TILE; first += ABREAST, tile += ABREAST * job->n_modes) {
+        for (int64_t begin = 0; begin < job->n_modes; begin += MODES) {
+            int64_t end = begin + MODES < job->n_modes ? begin + MODES : job->n_modes;
             for (int i = 0; i < ABREAST; i++) {
-                tile[i] = first + i < count ? field[vertices[first + i]] : 0.0;
+                bool is_there = first + i < count;
+                const double *field =
+                    job->fields + (is_there ? vertices[first + i] * job->vertex_stride : 0);
+                for (int64_t mode = begin; mode < end; mode++) {
+                    tile[mode * ABREAST + i] =
+                        is_there ? field[mode * job->mode_stride] * step : 0.0;
+                }
             }
         }
     }

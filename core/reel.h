@@ -129,7 +129,8 @@ REEL_API int64_t reel_basis(void *memory, size_t memory_size, const int32_t *int
                             int64_t n_modes, int64_t n_frames, double *basis);
 
 /* Frames wanted[0 .. n_wanted - 1] of a block, in the order of the vertices of the fields, or if
-   `order` is not NULL with vertex order[i] of the fields as vertex i. Corrections, unless
+   `order` is not NULL with vertex order[i] of the fields as vertex i. The field of mode k at vertex
+   v is step times fields[k mode_stride + v vertex_stride]. Corrections, unless
    correction_starts is NULL: those of wanted frame i are from correction_starts[i] to the next,
    each of a vertex as it is written, `corrected`, ascending, with three numbers of `moves`. The
    placement is scale and origin. Layouts: positions x, y, z of each vertex as 4 or 8 byte floats;
@@ -137,7 +138,8 @@ REEL_API int64_t reel_basis(void *memory, size_t memory_size, const int32_t *int
 enum reel_layout { REEL_AXES = 0, REEL_POSITIONS_4 = 4, REEL_POSITIONS_8 = 8 };
 REEL_API size_t reel_frames_memory(int64_t n_modes, int64_t n_wanted);
 REEL_API int64_t reel_frames(void *memory, size_t memory_size, const double *basis,
-                             const double *fields, const int32_t *order, int64_t n_frames,
+                             const double *fields, int64_t mode_stride, int64_t vertex_stride,
+                             double step, const int32_t *order, int64_t n_frames,
                              int64_t n_modes, int64_t n_verts, const int32_t *wanted,
                              int64_t n_wanted, const int64_t *correction_starts,
                              const int32_t *corrected, const double *moves,

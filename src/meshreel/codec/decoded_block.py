@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.codec.corrections import Corrections, corrected, moves_by_frame
-from meshreel.codec.frame_products import FramesOf, ProductFrames
+from meshreel.codec.frame_products import FramesOf, JointFrames, ProductFrames
 from meshreel.kernel.frames import Moves
 from meshreel.runtime.profiling import staged
 from meshreel.runtime.threads import chunks, in_threads
@@ -60,6 +60,8 @@ class DecodedBlock:
     @property
     def modes(self) -> ProductFrames | None:
         """Basis and coefficients whose product the frames are; None for blocks without."""
+        if isinstance(self.frames_of, JointFrames):
+            return self.frames_of.product
         return self.frames_of if isinstance(self.frames_of, ProductFrames) else None
 
     @cached_property
@@ -85,12 +87,12 @@ class DecodedBlock:
         report : callable, optional
             Called with the number of frames that are done.
         """
-        product = self.modes
-        is_direct = product is not None and product.is_joint and out.flags.c_contiguous
+        product = self.frames_of
+        is_direct = isinstance(product, JointFrames) and out.flags.c_contiguous
 
         def fill(piece: slice) -> None:
             frames = range(first + piece.start, first + piece.stop)
-            if product is not None and is_direct:
+            if isinstance(product, JointFrames) and is_direct:
                 moves = None if self._moves is None else self._moves.of_frames(frames)
                 product.fill(out[piece], frames, self.frame, moves)
             else:

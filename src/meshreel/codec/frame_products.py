@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -11,6 +12,7 @@ from meshreel.subspace.basis import expand
 from meshreel.subspace.trajectories import BoundingFrame
 
 Floats = npt.NDArray[np.float64]
+Integers = npt.NDArray[np.integer]
 
 FramesOf = Callable[[slice], Floats]
 """Returns coordinate matrices of shape (3, frames, V) of a range of frames of a block."""
@@ -19,9 +21,6 @@ FramesOf = Callable[[slice], Floats]
 @dataclass(frozen=True)
 class ProductFrames:
     """Frames as the product of a basis and coefficients, a `FramesOf`.
-
-    Where all axes have the same coefficients the core computes it, and every machine finds the
-    same bits.
 
     Attributes
     ----------
@@ -34,15 +33,44 @@ class ProductFrames:
 
     def __call__(self, frames: slice) -> Floats:
         """Coordinate matrices of shape (3, frames, V) of a range of frames."""
-        if self.is_joint:
+        if len(self.coefficients) == 1:
             numbers = range(*frames.indices(self.basis.shape[1]))
             return frame_axes(self.basis, self.coefficients[0], numbers)
         return expand(self.basis[:, frames], self.coefficients)
 
-    @property
-    def is_joint(self) -> bool:
-        """Whether all axes have the same coefficients."""
-        return len(self.coefficients) == 1
+
+@dataclass(frozen=True)
+class JointFrames:
+    """Frames as the product of a basis and fields that all axes share, a `FramesOf`.
+
+    The core computes it, and every machine finds the same bits.
+
+    Attributes
+    ----------
+    basis : float64 array of shape (3, T, K)
+    values : float64 array of shape (V, K)
+        Fields in steps.
+    step : float
+    order : integer array of shape (V,)
+        The row of `values` that each vertex of the frames has.
+    """
+
+    basis: Floats
+    values: Floats
+    step: float
+    order: Integers
+
+    def __call__(self, frames: slice) -> Floats:
+        """Coordinate matrices of shape (3, frames, V) of a range of frames."""
+        numbers = range(*frames.indices(self.basis.shape[1]))
+        return frame_axes(self.basis, self.values.T, numbers, step=self.step, order=self.order)
+
+    @cached_property
+    def product(self) -> ProductFrames:
+        """The same with the fields as coefficients of shape (1, K, V), in the order of vertices."""
+        fields = np.ascontiguousarray(self.values[self.order].T)
+        fields *= self.step
+        return ProductFrames(self.basis, fields[None])
 
     def fill(
         self,
@@ -53,11 +81,18 @@ class ProductFrames:
     ) -> None:
         """Fill a contiguous array of shape (n, V, 3) with positions of n frames, in model units.
 
-        The product has to be joint. The positions are those that `from_matrices` makes of
-        ``self(frames)``, to the last bit.
+        The positions are those that `from_matrices` makes of ``self(frames)``, to the last bit.
         """
-        placement = (frame.scale, *frame.origin)
-        fill_positions(out, self.basis, self.coefficients[0], frames, placement, moves)
+        fill_positions(
+            out,
+            self.basis,
+            self.values.T,
+            frames,
+            (frame.scale, *frame.origin),
+            moves,
+            step=self.step,
+            order=self.order,
+        )
 
 
 def product_frames(basis: Floats, coefficients: Floats) -> ProductFrames:

@@ -12,6 +12,7 @@ from meshreel.codec.methods import BlockDecoder, method_of_code
 from meshreel.codec.stored_blocks import StoredBlock, stored_block
 from meshreel.codec.surface.payloads import SURFACE_SECTIONS, read_start, read_surface
 from meshreel.connectivity.coder import decode_connectivity, decode_order
+from meshreel.connectivity.permutation import inverse_permutation
 from meshreel.sequence import Faces
 from meshreel.subspace.trajectories import BoundingFrame
 from meshreel.surface import PLAIN, Surface
@@ -84,7 +85,7 @@ class OpenStream:
             return np.arange(self.n_verts), self.internal_faces
         payload = self.stream.only(Section.ORDER)
         internal_to_given, faces = decode_order(payload, self.internal_faces, self.n_verts)
-        return np.argsort(internal_to_given), faces
+        return inverse_permutation(internal_to_given), faces
 
     @property
     def order(self) -> Integers:

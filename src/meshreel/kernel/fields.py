@@ -53,15 +53,89 @@ def single_pass(n_columns: int) -> list[Pass]:
     return [Pass(np.arange(n_columns), np.zeros(n_columns + 1, np.int64), nothing)]
 
 
+class CodingOrder(NamedTuple):
+    """In which order the columns of a row are coded, as the core takes it; see `core/reel.h`.
+
+    Attributes
+    ----------
+    n_columns : int
+    columns : int32 array of shape (n_columns,)
+    pass_starts : int64 array of shape (n_passes + 1,)
+    n_passes : int
+    near_starts : int64 array of shape (n_columns + 1,)
+    near : int32 array
+    """
+
+    n_columns: int
+    columns: npt.NDArray[np.int32]
+    pass_starts: Integers
+    n_passes: int
+    near_starts: Integers
+    near: npt.NDArray[np.int32]
+
+    @property
+    def memory(self) -> npt.NDArray[np.uint8]:
+        """Memory that the core needs."""
+        return memory(size_of("reel_fields_memory", self.n_columns, self.n_passes, len(self.near)))
+
+
+Passes = CodingOrder | Sequence[Pass]
+
+
+def order_of(passes: Sequence[Pass], n_columns: int) -> CodingOrder:
+    """The order that passes say, for `encode_fields` and `decode_fields`.
+
+    Raises
+    ------
+    InvalidInputError
+        If they are of another number of columns, or of neighbours.
+    """
+    none = np.zeros(0, np.int64)
+    columns = np.concatenate([none, *(one.columns for one in passes)])
+    n_near = np.concatenate([none, *(np.diff(one.indptr) for one in passes)])
+    near = np.concatenate([none, *(one.indices for one in passes)])
+    if len(columns) != n_columns or len(n_near) != n_columns or n_near.sum() != len(near):
+        raise InvalidInputError(
+            f"the passes have {len(columns)} columns and {len(near)} context neighbours; the "
+            f"fields have {n_columns} columns"
+        )
+    return CodingOrder(
+        n_columns,
+        columns.astype(np.int32),
+        np.cumsum([0, *(len(one.columns) for one in passes)], dtype=np.int64),
+        len(passes),
+        np.concatenate([[0], np.cumsum(n_near)]).astype(np.int64),
+        near.astype(np.int32),
+    )
+
+
+def order_of_rows(near: npt.NDArray[np.int32], pass_starts: Integers) -> CodingOrder:
+    """The order of columns as they are numbered.
+
+    Parameters
+    ----------
+    near : int32 array of shape (n_columns, n)
+        Context neighbours of each column; -1 behind the last.
+    pass_starts : int64 array
+        The first column of each pass, and the number of columns.
+    """
+    is_there = near >= 0
+    near_starts = np.zeros(len(near) + 1, np.int64)
+    np.cumsum(is_there.sum(axis=1), out=near_starts[1:])
+    columns = np.arange(len(near), dtype=np.int32)
+    n_passes = len(pass_starts) - 1
+    return CodingOrder(len(near), columns, pass_starts, n_passes, near_starts, near[is_there])
+
+
 @staged("entropy coding")
-def encode_fields(fields: npt.NDArray[np.integer], passes: Sequence[Pass] | None = None) -> bytes:
+def encode_fields(fields: npt.NDArray[np.integer], passes: Passes | None = None) -> bytes:
     """Bytes of rows of integers over the same columns.
 
     Parameters
     ----------
     fields : integer array of shape (rows, columns)
         Magnitudes up to `MAX_MAGNITUDE`. Rows that resemble those before take the fewest bytes.
-    passes : sequence of Pass, optional
+    passes : CodingOrder or sequence of Pass, optional
         The order in which each row is coded, and the context neighbours of each column. Columns of
         a pass should be alike in magnitude. The reader needs the same passes. Default: all columns
         in one.
@@ -81,7 +155,7 @@ def encode_fields(fields: npt.NDArray[np.integer], passes: Sequence[Pass] | None
     n_rows, n_columns = found.shape
     values = np.array(found, np.int32, order="C")  # a copy: the core writes what it codes
     out = np.empty(BYTES_EACH * values.size + BYTES_AT_FIRST, np.uint8)
-    order = _order(passes, n_columns)
+    order = _checked(passes, n_columns)
     room = order.memory
     size = call(
         "reel_fields_encode",
@@ -99,7 +173,7 @@ def encode_fields(fields: npt.NDArray[np.integer], passes: Sequence[Pass] | None
 
 @staged("entropy coding")
 def decode_fields(
-    data: bytes, n_rows: int, n_columns: int, passes: Sequence[Pass] | None = None
+    data: bytes, n_rows: int, n_columns: int, passes: Passes | None = None
 ) -> npt.NDArray[np.int32]:
     """Integers of shape (rows, columns) that `encode_fields` wrote, given the same passes.
 
@@ -114,7 +188,7 @@ def decode_fields(
             f"at most {MAX_INTEGERS_PER_BYTE} integers a byte are allowed"
         )
     values = np.empty((n_rows, n_columns), np.int32)
-    order = _order(passes, n_columns)
+    order = _checked(passes, n_columns)
     room = order.memory
     call(
         "reel_fields_decode",
@@ -130,41 +204,14 @@ def decode_fields(
     return values
 
 
-class _Order(NamedTuple):
-    """Passes as the core takes them, see `core/reel.h`."""
-
-    n_columns: int
-    columns: npt.NDArray[np.int32]
-    pass_starts: Integers
-    n_passes: int
-    near_starts: Integers
-    near: npt.NDArray[np.int32]
-
-    @property
-    def memory(self) -> npt.NDArray[np.uint8]:
-        """Memory that the core needs."""
-        return memory(size_of("reel_fields_memory", self.n_columns, self.n_passes, len(self.near)))
-
-
-def _order(passes: Sequence[Pass] | None, n_columns: int) -> _Order:
-    passes = single_pass(n_columns) if passes is None else passes
-    none = np.zeros(0, np.int64)
-    columns = np.concatenate([none, *(one.columns for one in passes)])
-    n_near = np.concatenate([none, *(np.diff(one.indptr) for one in passes)])
-    near = np.concatenate([none, *(one.indices for one in passes)])
-    if len(columns) != n_columns or len(n_near) != n_columns or n_near.sum() != len(near):
+def _checked(passes: Passes | None, n_columns: int) -> CodingOrder:
+    if not isinstance(passes, CodingOrder):
+        return order_of(single_pass(n_columns) if passes is None else passes, n_columns)
+    if passes.n_columns != n_columns:
         raise InvalidInputError(
-            f"the passes have {len(columns)} columns and {len(near)} context neighbours; the "
-            f"fields have {n_columns} columns"
+            f"the passes have {passes.n_columns} columns; the fields have {n_columns} columns"
         )
-    return _Order(
-        n_columns,
-        columns.astype(np.int32),
-        np.cumsum([0, *(len(one.columns) for one in passes)], dtype=np.int64),
-        len(passes),
-        np.concatenate([[0], np.cumsum(n_near)]).astype(np.int64),
-        near.astype(np.int32),
-    )
+    return passes
 
 
 def _least_size_bytes(n_rows: int, n_columns: int) -> int:

@@ -1,5 +1,6 @@
 """Basis vectors over time from integers, and frames from fields and basis vectors, by the core."""
 
+import ctypes
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -53,7 +54,14 @@ def time_vectors(coded: Integers) -> Floats:
     return basis
 
 
-def frame_axes(basis: Floats, fields: Floats, frames: range) -> Floats:
+def frame_axes(
+    basis: Floats,
+    fields: Floats,
+    frames: range,
+    *,
+    step: float = 1.0,
+    order: Integers | None = None,
+) -> Floats:
     """Coordinate matrices of shape (3, frames, V): sums over the modes.
 
     Parameters
@@ -61,9 +69,11 @@ def frame_axes(basis: Floats, fields: Floats, frames: range) -> Floats:
     basis : float64 array of shape (3, T, K)
     fields : float64 array of shape (K, V)
     frames : range
+    step, order
+        As of `fill_positions`.
     """
     out = np.empty((3, len(frames), fields.shape[1]))
-    _frames(basis, fields, frames, None, None, None, out, AXES)
+    _frames(basis, fields, frames, step, order, None, None, out, AXES)
     return out
 
 
@@ -74,6 +84,8 @@ def fill_positions(
     frames: range,
     placement: Sequence[float],
     moves: Moves | None = None,
+    *,
+    step: float = 1.0,
     order: Integers | None = None,
 ) -> None:
     """Fill an array with positions of frames: (sum over modes + move) times scale plus origin.
@@ -83,12 +95,15 @@ def fill_positions(
     out : contiguous float32 or float64 array of shape (n, V, 3)
     basis : float64 array of shape (3, T, K)
     fields : float64 array of shape (K, V)
+        The view of an array of shape (V, K) serves as well.
     frames : range
         The n frames.
     placement : 4 floats
         Scale, and the origin.
     moves : Moves, optional
         Of these frames, and vertices of `out`.
+    step : float
+        Fields are multiplied by it first.
     order : integer array of shape (V,), optional
         The vertex of the fields that each vertex of `out` is.
 
@@ -98,13 +113,14 @@ def fill_positions(
         If the order names a vertex that is not there, or a frame is not.
     """
     placed = np.array(placement, np.float64)
-    _frames(basis, fields, frames, order, moves, placed, out, out.itemsize)
+    _frames(basis, fields, frames, step, order, moves, placed, out, out.itemsize)
 
 
 def _frames(
     basis: Floats,
     fields: Floats,
     frames: range,
+    step: float,
     order: Integers | None,
     moves: Moves | None,
     placement: Floats | None,
@@ -115,13 +131,16 @@ def _frames(
     moved: tuple[Argument, ...] = (None, None, None)
     if moves is not None:
         moved = (moves.starts, moves.vertices, moves.displacements)
+    fields = np.asarray(fields, np.float64)
     room = memory(size_of("reel_frames_memory", n_modes, len(frames)))
     call(
         "reel_frames",
         room,
         len(room),
         np.ascontiguousarray(basis, np.float64),
-        np.ascontiguousarray(fields, np.float64),
+        ctypes.c_void_p(fields.ctypes.data),
+        *(stride // fields.itemsize for stride in fields.strides),
+        ctypes.c_double(step),
         None if order is None else np.ascontiguousarray(order, np.int32),
         n_frames,
         n_modes,

@@ -7,17 +7,18 @@ import numpy.typing as npt
 
 from meshreel.codec.corrections import Corrections
 from meshreel.codec.decoded_block import DecodedBlock
-from meshreel.codec.frame_products import ProductFrames, product_frames
+from meshreel.codec.frame_products import JointFrames
 from meshreel.codec.open_stream import OpenStream
 from meshreel.codec.stored_blocks import StoredBlock
+from meshreel.connectivity.permutation import inverse_permutation
 from meshreel.errors import CorruptStreamError, InvalidInputError
 from meshreel.reel.agreed.blocks import read_corrections, read_field_block
 from meshreel.reel.agreed.fields import (
     FieldBlock,
     KeyFields,
     Layout,
+    decode_basis,
     decode_fields,
-    synthesise_fields,
 )
 from meshreel.reel.agreed.mesh import FieldMesh
 
@@ -68,22 +69,23 @@ class ReelBlockDecoder:
             corrections=self._corrections(stored, order),
         )
 
-    def _frames_of(self, number: int, stored: StoredBlock, order: Integers) -> ProductFrames:
+    def _frames_of(self, number: int, stored: StoredBlock, order: Integers) -> JointFrames:
         block, mesh = self._read(stored)
         key = self._key_of(number, block.layout)
-        basis, fields, own = synthesise_fields(block, mesh, key)
+        basis = decode_basis(block.basis)
+        values = decode_fields(block, mesh, key)
         if key is None:
-            self._key = number, block.layout, own
+            self._key = number, block.layout, KeyFields(values)
         if self._n_modes is not None:
             basis = resting_after(basis, self._n_modes)
-        return product_frames(basis, fields[:, :, order])
+        return JointFrames(basis, values, float(block.layout.step), mesh.number[order])
 
     def _corrections(self, stored: StoredBlock, order: Integers) -> Corrections | None:
         """Corrections of vertices as they go out."""
         if self._n_modes is not None:
             return None
         found = read_corrections(stored, self._opened.n_verts)
-        return found and replace(found, vertices=np.argsort(order)[found.vertices])
+        return found and replace(found, vertices=inverse_permutation(order)[found.vertices])
 
     def _read(self, stored: StoredBlock) -> tuple[FieldBlock, FieldMesh]:
         opened = self._opened

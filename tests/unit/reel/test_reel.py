@@ -14,7 +14,7 @@ from meshreel.kernel import fields as field_coder
 from meshreel.kernel.mesh import N_NEIGHBOURS
 from meshreel.paper.decoder import coded_blocks
 from meshreel.reel.agreed.blocks import write_field_block
-from meshreel.reel.agreed.fields import decode_basis, synthesise_fields
+from meshreel.reel.agreed.fields import decode_basis, decode_fields
 from meshreel.reel.agreed.mesh import FieldMesh
 from meshreel.reel.agreed.payloads import read_basis, read_layout
 from meshreel.reel.encoding.analysis import BlockFrames, FieldChoices, analyse_fields
@@ -48,16 +48,20 @@ def noisy_grid(noise, n_frames=12):
     return MeshSequence(grid.vertices + tremble, grid.faces)
 
 
+def flat_basis(block):
+    """Of shape (3 T, K)."""
+    return decode_basis(block.basis).reshape(-1, block.n_modes)
+
+
 def wanted_fields(block, matrices):
     """Fields of shape (V, K) whose product with the decoded time vectors is nearest."""
     stacked = matrices.reshape(-1, matrices.shape[2])
-    return np.linalg.lstsq(decode_basis(block.basis), stacked, rcond=None)[0].T
+    return np.linalg.lstsq(flat_basis(block), stacked, rcond=None)[0].T
 
 
 def decoded_fields(block, mesh):
     """Of shape (V, K), in internal order."""
-    _, fields, _ = synthesise_fields(block, mesh)
-    return fields[0].T
+    return float(block.layout.step) * decode_fields(block, mesh)[mesh.number]
 
 
 def test_error_falls_with_the_step_when_it_is_made_finer():
@@ -94,7 +98,7 @@ def test_first_level_is_rounded_to_the_nearest_when_bits_have_a_price():
 
 def test_time_vectors_lie_near_the_truth_when_their_step_is_fine():
     matrices, _, block = analysed(1e-5, 30, basis_step=0.1)
-    vectors = decode_basis(block.basis)
+    vectors = flat_basis(block)
     stacked = matrices.reshape(-1, matrices.shape[2])
     left = stacked - vectors @ np.linalg.lstsq(vectors, stacked, rcond=None)[0]
     assert np.abs(left).max() < 1e-4
@@ -107,14 +111,14 @@ def test_integers_come_back_from_the_sections_when_a_block_is_written():
     times = read_basis(sections[Section.BASIS], block.n_modes, 20)
     np.testing.assert_array_equal(times, block.basis)
     coded = sections[Section.COEFFICIENTS]
-    fields = field_coder.decode_fields(coded, block.n_modes, mesh.n_verts, mesh.passes)
+    fields = field_coder.decode_fields(coded, block.n_modes, mesh.n_verts, mesh.coding_order)
     np.testing.assert_array_equal(fields, block.fields)
 
 
 def test_frames_are_the_product_of_what_is_synthesised_when_the_step_is_fine():
     matrices, mesh, block = analysed(1e-5)
-    basis, fields, _ = synthesise_fields(block, mesh)
-    np.testing.assert_allclose(basis @ fields, matrices, atol=2e-4)
+    basis, fields = decode_basis(block.basis), decoded_fields(block, mesh)
+    np.testing.assert_allclose(basis @ fields.T, matrices, atol=2e-4)
 
 
 def test_integers_are_smaller_when_weights_follow_earlier_modes():
@@ -132,15 +136,16 @@ def test_integers_are_smaller_when_weights_follow_earlier_modes():
 def test_passes_take_every_vertex_once_and_tell_of_it_by_earlier_ones_when_a_field_is_coded():
     for sequence in (waving_grid(), irregular_sequence()):
         known = set()
-        for step in field_mesh(sequence).passes:
-            near = np.split(step.indices, step.indptr[1:-1])
-            assert len(step.indptr) == len(step.columns) + 1
-            for column, told in zip(step.columns.tolist(), near, strict=True):
-                assert column not in known
-                assert set(told.tolist()) <= known
-                assert len(set(told.tolist())) == len(told) <= N_NEIGHBOURS
-                known.add(column)
+        order = field_mesh(sequence).coding_order
+        near = np.split(order.near, order.near_starts[1:-1])
+        for column, told in zip(order.columns.tolist(), near, strict=True):
+            assert column not in known
+            assert set(told.tolist()) <= known
+            assert len(set(told.tolist())) == len(told) <= N_NEIGHBOURS
+            known.add(column)
         assert known == set(range(sequence.n_verts))
+        assert order.pass_starts[0] == 0
+        assert order.pass_starts[-1] == sequence.n_verts
 
 
 def test_levels_take_every_vertex_once_when_a_mesh_is_irregular():

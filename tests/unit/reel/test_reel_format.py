@@ -38,16 +38,8 @@ def test_passes_are_those_of_the_format_when_found_a_second_way(sequence):
                 stencil = [one for one in resolution.stencil[row].tolist() if one >= 0]
                 wanted.append(number[(same + stencil)[:8]].tolist())
                 row += 1
-    found = [
-        one.tolist()
-        for step in mesh.passes
-        for one in np.split(step.indices, step.indptr[1:-1])
-        if len(step.columns)
-    ]
-    assert np.concatenate([step.columns for step in mesh.passes]).tolist() == list(
-        range(mesh.n_verts)
-    )
-    assert [len(step.columns) for step in mesh.passes] == [
-        len(one.predicted) for one in mesh.resolutions
-    ]
+    order = mesh.coding_order
+    found = [one.tolist() for one in np.split(order.near, order.near_starts[1:-1])]
+    assert order.columns.tolist() == list(range(mesh.n_verts))
+    assert np.diff(order.pass_starts).tolist() == [len(one.predicted) for one in mesh.resolutions]
     assert found == wanted

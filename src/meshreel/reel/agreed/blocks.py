@@ -23,7 +23,7 @@ def write_field_block(
     yield Section.BASIS, payloads.write_basis(block.basis)
     if corrections is not None:
         yield Section.CORRECTIONS, payloads.write_corrections(corrections)
-    yield Section.COEFFICIENTS, encode_fields(block.fields, mesh.passes)
+    yield Section.COEFFICIENTS, encode_fields(block.fields, mesh.coding_order)
 
 
 def read_corrections(stored: StoredBlock, n_verts: int) -> Corrections | None:
@@ -44,10 +44,10 @@ def read_field_block(
     field_mesh = (
         before if before is not None and serves else FieldMesh(faces, n_verts, layout.stencil_size)
     )
-    passes = in_background(lambda: field_mesh.passes)
+    order = in_background(lambda: field_mesh.coding_order)
     basis = payloads.read_basis(stored.payload(Section.BASIS), n_modes, n_frames)
     with stage("waiting"):
-        passes.result()
+        order.result()
     coded = stored.payload(Section.COEFFICIENTS)
-    fields = decode_fields(coded, n_modes, n_verts, field_mesh.passes)
+    fields = decode_fields(coded, n_modes, n_verts, field_mesh.coding_order)
     return FieldBlock(layout, basis, fields), field_mesh

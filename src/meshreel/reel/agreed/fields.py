@@ -90,20 +90,5 @@ def decode_fields(block: FieldBlock, mesh: FieldMesh, key: KeyFields | None = No
 
 @staged("temporal basis")
 def decode_basis(coded: npt.NDArray[np.integer]) -> Floats:
-    """Temporal basis of shape (3 T, K), each vector of length 1 (or 0), for integers (K, 3, T)."""
-    return time_vectors(coded).reshape(-1, len(coded))
-
-
-def synthesise_fields(
-    block: FieldBlock, mesh: FieldMesh, key: KeyFields | None = None
-) -> tuple[Floats, Floats, KeyFields]:
-    """Basis of shape (3, T, K) and fields of shape (1, K, V): frames are their product.
-
-    The fields are in internal order; the last is what blocks that refer to this one go by. The key
-    is of the block that this one refers to, if it does.
-    """
-    basis = decode_basis(block.basis)
-    values = decode_fields(block, mesh, key)
-    fields = np.empty((block.n_modes, mesh.n_verts))
-    fields[:, mesh.order] = float(block.layout.step) * values.T
-    return basis.reshape(3, -1, block.n_modes), fields[None], KeyFields(values)
+    """Temporal basis of shape (3, T, K), each vector of length 1 (or 0), for integers (K, 3, T)."""
+    return time_vectors(coded)

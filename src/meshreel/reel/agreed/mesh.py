@@ -2,14 +2,14 @@
 
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 from scipy.sparse import csr_array
 
-from meshreel.kernel.fields import Pass
+from meshreel.kernel.fields import CodingOrder, order_of_rows
+from meshreel.connectivity.permutation import inverse_permutation
 from meshreel.kernel.mesh import Hierarchy, Neighbours, hierarchy, neighbours
 from meshreel.reel.agreed.hierarchy import Resolution, resolutions_of
 from meshreel.runtime.profiling import staged
@@ -91,18 +91,16 @@ class FieldMesh:
     @cached_property
     def number(self) -> Integers:
         """Place of each vertex in coding order."""
-        number = np.empty(self.n_verts, np.int64)
-        number[self.order] = np.arange(self.n_verts)
-        return number
+        return inverse_permutation(self.order)
 
     @cached_property
     @staged("coding passes")
-    def passes(self) -> list[Pass]:
+    def coding_order(self) -> CodingOrder:
         """Vertices in coding order, a pass for each resolution, with context neighbours of each."""
         found = self.hierarchy
         is_last = np.diff(found.level_resolutions, append=-1) != 0
-        ends = found.level_starts[1:][is_last].tolist()
-        return [_pass(found.contexts, slice(*ends_of)) for ends_of in pairwise([0, *ends])]
+        ends = found.level_starts[1:][is_last]
+        return order_of_rows(found.contexts, np.concatenate([[0], ends]).astype(np.int64))
 
 
 @lru_cache(maxsize=2)
@@ -111,8 +109,3 @@ def shared_field_mesh(faces: bytes, n_verts: int, stencil_size: int) -> FieldMes
     triangles = np.frombuffer(faces, np.int32).reshape(-1, 3)
     return FieldMesh(triangles, n_verts, stencil_size)
 
-
-def _pass(contexts: npt.NDArray[np.int32], columns: slice) -> Pass:
-    near = contexts[columns]
-    starts = np.concatenate([[0], np.cumsum((near >= 0).sum(axis=1))])
-    return Pass(np.arange(columns.start, columns.stop), starts, near[near >= 0])

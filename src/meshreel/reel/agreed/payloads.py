@@ -12,7 +12,7 @@ from meshreel.errors import CorruptStreamError, TruncatedStreamError, Unsupporte
 from meshreel.kernel.fields import decode_fields, encode_fields
 from meshreel.kernel.mesh import MAX_STENCIL
 from meshreel.reel.agreed.fields import Layout
-from meshreel.reel.agreed.timeline import time_passes
+from meshreel.reel.agreed.timeline import time_order
 from meshreel.runtime.profiling import staged
 
 Integers = npt.NDArray[np.int64]
@@ -78,13 +78,13 @@ def read_layout(payload: bytes) -> Layout:
 def write_basis(coded: npt.NDArray[np.integer]) -> bytes:
     """Bytes of residuals of the temporal basis, (K, 3, T); the coarsest times are differences."""
     n_modes, _, n_frames = coded.shape
-    return encode_fields(coded.reshape(n_modes, 3 * n_frames), time_passes(n_frames))
+    return encode_fields(coded.reshape(n_modes, 3 * n_frames), time_order(n_frames))
 
 
 @staged("temporal basis")
 def read_basis(payload: bytes, n_modes: int, n_frames: int) -> npt.NDArray[np.int32]:
     """Undo `write_basis`."""
-    coded = decode_fields(payload, n_modes, 3 * n_frames, time_passes(n_frames))
+    coded = decode_fields(payload, n_modes, 3 * n_frames, time_order(n_frames))
     return coded.reshape(n_modes, 3, n_frames)
 
 

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.sparse import csr_array
 
-from meshreel.kernel.fields import Pass
+from meshreel.kernel.fields import CodingOrder, Pass, order_of
 from meshreel.reel.agreed.closed_loop import Predictor
 
 Floats = npt.NDArray[np.float64]
@@ -49,6 +49,12 @@ def time_passes(n_frames: int) -> tuple[Pass, ...]:
         passes.append(_pass(predictor.rows, [*around, -2 * half, -4 * half], n_frames))
         half = half // 2 if level else half
     return tuple(passes)
+
+
+@lru_cache(maxsize=8)
+def time_order(n_frames: int) -> CodingOrder:
+    """The passes of `time_passes`, as the core takes them."""
+    return order_of(time_passes(n_frames), 3 * n_frames)
 
 
 def _pass(times: Integers, offsets: list[int], n_frames: int) -> Pass:

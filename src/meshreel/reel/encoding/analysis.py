@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.codec.frame_products import JointFrames
 from meshreel.kernel.predict import Choice, encode_values
 from meshreel.reel.agreed.closed_loop import ClosedLoop
 from meshreel.reel.agreed.fields import FieldBlock, KeyFields, Layout, decode_basis
@@ -90,8 +91,8 @@ def analyse_fields(
     choices: FieldChoices,
     key: KeyFields | None = None,
     reference: int = 0,
-) -> tuple[FieldBlock, Floats, Floats, KeyFields]:
-    """A block of frames as integers, and the basis and fields that they decode to.
+) -> tuple[FieldBlock, JointFrames, KeyFields]:
+    """A block of frames as integers, and the frames that they decode to, in internal order.
 
     Parameters
     ----------
@@ -106,8 +107,7 @@ def analyse_fields(
     Returns
     -------
     block : FieldBlock
-    basis : float64 array of shape (3, T, K)
-    fields : float64 array of shape (1, K, V)
+    decoded : JointFrames
     own : KeyFields
         What blocks that refer to this one go by.
     """
@@ -120,12 +120,10 @@ def analyse_fields(
     vectors = decode_basis(basis)
     layout = Layout(step, choices.stencil_size, choices.n_learned, reference)
     hierarchy.result()
-    wanted = _projected(vectors, matrices)
+    wanted = _projected(vectors.reshape(-1, n_modes), matrices)
     residuals, own = _quantized_fields(wanted, layout, mesh, choices, key)
     block = FieldBlock(layout, basis, residuals)
-    fields = np.empty((n_modes, mesh.n_verts))
-    fields[:, mesh.order] = float(step) * own.values.T
-    return block, vectors.reshape(3, n_frames, n_modes), fields[None], own
+    return block, JointFrames(vectors, own.values, float(step), mesh.number), own
 
 
 @staged("projection")

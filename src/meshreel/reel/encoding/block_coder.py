@@ -11,7 +11,7 @@ import numpy.typing as npt
 from meshreel.bitstream.layout import Section
 from meshreel.codec.corrections import corrected
 from meshreel.codec.error_bounds import write_promise
-from meshreel.codec.frame_products import FramesOf, product_frames
+from meshreel.codec.frame_products import FramesOf
 from meshreel.codec.source import CodedMesh, Piece
 from meshreel.codec.stored_blocks import StoredBlock, read_block
 from meshreel.errors import InvalidInputError
@@ -85,10 +85,10 @@ class FieldBlockCoder:
         return len(frames.vertices), list(self.code(frames, key, reference).sections)
 
     def _code(self, frames: "FieldFrames", key: "KeyBlock | None", reference: int) -> "CodedFrames":
-        block, basis, fields, own = analyse_fields(
+        block, decoded, own = analyse_fields(
             frames.block, self.mesh, self.choices, None if key is None else key.fields, reference
         )
-        frames_of: FramesOf = product_frames(basis, fields)
+        frames_of: FramesOf = decoded
         corrections = None
         if self.bound is not None:
             errors = frames.block.matrices - frames_of(slice(None))
