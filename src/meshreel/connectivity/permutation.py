@@ -6,7 +6,7 @@ import numpy.typing as npt
 Integers = npt.NDArray[np.int64]
 
 
-def inverse_permutation(order: Integers) -> Integers:
+def inverse_permutation(order: npt.NDArray[np.integer]) -> Integers:
     """The index of each of 0..n-1 in `order`."""
     inverse = np.empty(len(order), np.int64)
     inverse[order] = np.arange(len(order))

@@ -8,8 +8,8 @@ import numpy as np
 import numpy.typing as npt
 from scipy.sparse import csr_array
 
-from meshreel.kernel.fields import CodingOrder, order_of_rows
 from meshreel.connectivity.permutation import inverse_permutation
+from meshreel.kernel.fields import CodingOrder, order_of_rows
 from meshreel.kernel.mesh import Hierarchy, Neighbours, hierarchy, neighbours
 from meshreel.reel.agreed.hierarchy import Resolution, resolutions_of
 from meshreel.runtime.profiling import staged
@@ -108,4 +108,3 @@ def shared_field_mesh(faces: bytes, n_verts: int, stencil_size: int) -> FieldMes
     """The mesh of this connectivity; the same object each time, so that work is done once."""
     triangles = np.frombuffer(faces, np.int32).reshape(-1, 3)
     return FieldMesh(triangles, n_verts, stencil_size)
-

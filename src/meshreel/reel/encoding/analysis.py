@@ -1,11 +1,13 @@
 """The encoder's side of `reel`: a block of frames to the integers of its modes."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
 
 from meshreel.codec.frame_products import JointFrames
+from meshreel.connectivity.permutation import inverse_permutation
 from meshreel.kernel.predict import Choice, encode_values
 from meshreel.reel.agreed.closed_loop import ClosedLoop
 from meshreel.reel.agreed.fields import FieldBlock, KeyFields, Layout, decode_basis
@@ -73,6 +75,20 @@ class BlockFrames:
     matrices: Floats
     _found: tuple[float, Floats, Floats] | None = None
 
+    @cached_property
+    def energy(self) -> float:
+        """Sum of all squared coordinates."""
+        return float(np.vdot(self.matrices, self.matrices))
+
+    @cached_property
+    def spread(self) -> float:
+        """Sum of the squared distances of all positions from the mean of their frame."""
+        total, n_verts = 0.0, self.matrices.shape[2]
+        for frame in self.matrices.reshape(-1, n_verts):
+            around = frame - frame[0]  # vertices in one place have no spread at all
+            total += float(around @ around) - float(around.sum()) ** 2 / n_verts
+        return total
+
     @staged("trajectories")
     def trajectories(self, least: float) -> tuple[Floats, Floats]:
         """Singular values above `least`, one at least, and basis vectors of shape (3 T, K)."""
@@ -85,14 +101,53 @@ class BlockFrames:
         return strengths[:n_kept], vectors[:, :n_kept]
 
 
+@dataclass(frozen=True)
+class AnalysedFields:
+    """A block of frames as integers.
+
+    Attributes
+    ----------
+    block : FieldBlock
+    decoded : JointFrames
+        The frames that they decode to, in internal order.
+    own : KeyFields
+        What blocks that refer to this one go by.
+    wanted : float64 array of shape (V, K)
+        The fields that were to be come near to, as `own`.
+    """
+
+    block: FieldBlock
+    decoded: JointFrames
+    own: KeyFields
+    wanted: Floats
+
+    def squared_error(self, energy: float) -> float:
+        """Sum of the squared distances of decoded positions, before they are rounded, from frames.
+
+        The wanted fields are those of the projection on the decoded basis: what it leaves, and
+        what the fields differ by, are at right angles. That needs no frames.
+
+        Parameters
+        ----------
+        energy : float
+            `BlockFrames.energy`.
+        """
+        vectors = self.decoded.basis.reshape(-1, self.block.n_modes)
+        gram = vectors.T @ vectors
+        projected = float(np.vdot(self.wanted.T @ self.wanted, gram))
+        error = self.wanted - self.own.values
+        coded = float(np.vdot(error.T @ error, gram))
+        return energy + self.decoded.step**2 * (coded - projected)
+
+
 def analyse_fields(
     frames: BlockFrames,
     mesh: FieldMesh,
     choices: FieldChoices,
     key: KeyFields | None = None,
     reference: int = 0,
-) -> tuple[FieldBlock, JointFrames, KeyFields]:
-    """A block of frames as integers, and the frames that they decode to, in internal order.
+) -> AnalysedFields:
+    """A block of frames as integers.
 
     Parameters
     ----------
@@ -103,13 +158,6 @@ def analyse_fields(
         Of the block that this one is to refer to.
     reference : int, default 0
         How many blocks before this one that is.
-
-    Returns
-    -------
-    block : FieldBlock
-    decoded : JointFrames
-    own : KeyFields
-        What blocks that refer to this one go by.
     """
     matrices = frames.matrices
     n_frames = matrices.shape[1]
@@ -120,22 +168,28 @@ def analyse_fields(
     vectors = decode_basis(basis)
     layout = Layout(step, choices.stencil_size, choices.n_learned, reference)
     hierarchy.result()
-    wanted = _projected(vectors.reshape(-1, n_modes), matrices)
+    wanted = _projected(vectors.reshape(-1, n_modes), matrices, mesh.order, float(step))
     residuals, own = _quantized_fields(wanted, layout, mesh, choices, key)
-    block = FieldBlock(layout, basis, residuals)
-    return block, JointFrames(vectors, own.values, float(step), mesh.number), own
+    decoded = JointFrames(vectors, own.values, float(step), mesh.number)
+    return AnalysedFields(FieldBlock(layout, basis, residuals), decoded, own, wanted)
 
 
 @staged("projection")
-def _projected(vectors: Floats, matrices: Floats) -> Floats:
-    """Fields of shape (V, K) whose product with the temporal basis is nearest to the frames."""
+def _projected(
+    vectors: Floats, matrices: Floats, order: npt.NDArray[np.int32], step: float
+) -> Floats:
+    """Fields of shape (V, K) whose product with the temporal basis is nearest to the frames.
+
+    In this order of vertices, and in steps.
+    """
     gram = vectors.T @ vectors  # rounding leaves the vectors not quite orthonormal
     inverse = np.linalg.pinv(gram, hermitian=True) @ vectors.T
     stacked = matrices.reshape(len(vectors), -1)
     fields = np.empty((stacked.shape[1], vectors.shape[1]))
+    places = inverse_permutation(order)
 
     def fill(piece: slice) -> None:
-        fields[piece] = (inverse @ stacked[:, piece]).T
+        fields[places[piece]] = (inverse @ stacked[:, piece]).T / step
 
     in_threads(fill, chunks(len(fields), CHUNK_VERTICES))
     return fields
@@ -182,12 +236,11 @@ def _quantized_fields(
     Parameters
     ----------
     wanted : float64 array of shape (V, K)
-        The fields to come near to.
+        The fields to come near to, in coding order and in steps.
     """
     choice = Choice(_first_shaped(mesh, choices), choices.feedback_gain, choices.price)
     known = None if key is None else key.values
-    in_steps = wanted[mesh.order] / float(layout.step)
-    residuals, values = encode_values(mesh.hierarchy, in_steps, choice, layout.n_learned, known)
+    residuals, values = encode_values(mesh.hierarchy, wanted, choice, layout.n_learned, known)
     return residuals, KeyFields(values)
 
 

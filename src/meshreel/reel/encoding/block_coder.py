@@ -9,22 +9,33 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.bitstream.layout import Section
-from meshreel.codec.corrections import corrected
 from meshreel.codec.error_bounds import write_promise
-from meshreel.codec.frame_products import FramesOf
 from meshreel.codec.source import CodedMesh, Piece
 from meshreel.codec.stored_blocks import StoredBlock, read_block
 from meshreel.errors import InvalidInputError
 from meshreel.reel.agreed.blocks import read_field_block, write_field_block
 from meshreel.reel.agreed.fields import FieldBlock, KeyFields, decode_fields
 from meshreel.reel.agreed.mesh import Connectivity, FieldMesh, shared_field_mesh
-from meshreel.reel.encoding.analysis import BlockFrames, FieldChoices, analyse_fields
+from meshreel.reel.encoding.analysis import (
+    AnalysedFields,
+    BlockFrames,
+    FieldChoices,
+    analyse_fields,
+)
 from meshreel.reel.encoding.corrections import find_corrections, least_bound
 from meshreel.reel.encoding.effort import choices_of
-from meshreel.runtime.threads import one_blas_thread
+from meshreel.runtime.threads import chunks, in_threads, one_blas_thread
 from meshreel.subspace.trajectories import BoundingFrame, to_matrices
 
 Vertices = npt.NDArray[np.floating]
+Floats = npt.NDArray[np.float64]
+
+DECODED_FRAMES = 64
+"""Frames that are decoded at once."""
+
+ROUNDING_BESIDE, ENERGY_BESIDE = 100.0, 1e-9
+"""Squared errors are told from fields if they are this many times the squared errors by rounding,
+and this share of all squared coordinates."""
 
 
 @dataclass(frozen=True)
@@ -85,20 +96,17 @@ class FieldBlockCoder:
         return len(frames.vertices), list(self.code(frames, key, reference).sections)
 
     def _code(self, frames: "FieldFrames", key: "KeyBlock | None", reference: int) -> "CodedFrames":
-        block, decoded, own = analyse_fields(
+        found = analyse_fields(
             frames.block, self.mesh, self.choices, None if key is None else key.fields, reference
         )
-        frames_of: FramesOf = decoded
         corrections = None
         if self.bound is not None:
-            errors = frames.block.matrices - frames_of(slice(None))
+            errors = frames.block.matrices - found.decoded(slice(None))
             corrections = find_corrections(errors, self.bound, frames.rounding)
-            frames_of = corrected(frames_of, corrections, None)
-        key_block = KeyBlock(self.mesh, block, own)
         return CodedFrames(
-            sections=write_field_block(block, self.mesh, corrections),
-            frames_of=frames_of,
-            key=key_block,
+            sections=write_field_block(found.block, self.mesh, corrections),
+            analysed=found,
+            key=KeyBlock(self.mesh, found.block, found.own),
         )
 
 
@@ -110,15 +118,42 @@ class CodedFrames:
     ----------
     sections : iterator of (Section, bytes)
         Their bytes are found when they are taken, which can be done once.
-    frames_of : FramesOf
-        Their decoded frames.
+    analysed : AnalysedFields
+        Fields, without corrections.
     key : KeyBlock
         The block, for others to refer to it.
     """
 
     sections: Iterator[tuple[Section, bytes]]
-    frames_of: FramesOf
+    analysed: AnalysedFields
     key: "KeyBlock"
+
+    def decoded(self, frames: "FieldFrames") -> Vertices:
+        """The positions that these frames decode to, without corrections."""
+        out = np.empty(frames.vertices.shape, frames.vertices.dtype)
+        pieces = chunks(len(out), DECODED_FRAMES)
+
+        def fill(piece: slice) -> None:
+            numbers = range(piece.start, piece.stop)
+            self.analysed.decoded.fill(out[piece], numbers, frames.frame)
+
+        in_threads(fill, pieces)
+        return out
+
+    def squared_error(self, frames: "FieldFrames") -> float:
+        """Sum of the squared distances of decoded positions from these frames, in diagonals.
+
+        Found from the fields, where that tells it exactly enough: rounding of positions only adds
+        what it does on average, and must be small beside the error; as must the last bits of the
+        energy.
+        """
+        found = self.analysed.squared_error(frames.block.energy)
+        by_rounding = frames.rounding**2 / 12.0 * frames.block.matrices[0].size
+        if found > max(ROUNDING_BESIDE * by_rounding, ENERGY_BESIDE * frames.block.energy):
+            return found + by_rounding
+        apart: Floats = self.decoded(frames).astype(np.float64) - frames.vertices
+        apart /= frames.frame.scale
+        return float(np.vdot(apart, apart))
 
 
 @dataclass(frozen=True)

@@ -1,22 +1,28 @@
 """Errors of a trial stream, gathered block after block as it is made."""
 
+import math
 from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.metrics.reference import relative
 from meshreel.metrics.sted import sted
-from meshreel.metrics.streamed import ErrorSums
-from meshreel.sequence import Extent, Faces
+from meshreel.reel.encoding.block_coder import CodedFrames, FieldFrames
+from meshreel.sequence import Faces
 
 Vertices = npt.NDArray[np.floating]
+
+
+SLACK = 1e-6
+"""Share by which errors that are found from fields may be too small."""
 
 
 class Meter(Protocol):
     """An error that is gathered over the blocks of a sequence."""
 
-    def add(self, original: Vertices, decoded: Vertices) -> None:
-        """Take in the next frames, of shape (T_b, V, 3)."""
+    def add(self, frames: FieldFrames, coded: CodedFrames) -> None:
+        """Take in the next frames, as they came and as they were coded."""
 
     @property
     def value(self) -> float:
@@ -24,25 +30,20 @@ class Meter(Protocol):
 
 
 class KgMeter:
-    """KG error in percent.
+    """KG error in percent, found from fields; frames are only decoded where errors are tiny."""
 
-    Parameters
-    ----------
-    extent : Extent
-        Of the whole original sequence.
-    """
+    def __init__(self) -> None:
+        self._error = self._spread = 0.0
 
-    def __init__(self, extent: Extent) -> None:
-        self._sums = ErrorSums(extent)
-
-    def add(self, original: Vertices, decoded: Vertices) -> None:
-        """Take in the next frames, of shape (T_b, V, 3)."""
-        self._sums.add(original, decoded)
+    def add(self, frames: FieldFrames, coded: CodedFrames) -> None:
+        """Take in the next frames, as they came and as they were coded."""
+        self._error += coded.squared_error(frames)
+        self._spread += frames.block.spread
 
     @property
     def value(self) -> float:
         """The error of all frames so far."""
-        return self._sums.errors.kg_error_percent
+        return 100.0 * (1.0 + SLACK) * relative(math.sqrt(self._error), math.sqrt(self._spread))
 
 
 class StedMeter:
@@ -57,12 +58,14 @@ class StedMeter:
         self._faces = faces
         self._blocks: list[tuple[Vertices, Vertices]] = []
 
-    def add(self, original: Vertices, decoded: Vertices) -> None:
-        """Take in the next frames, of shape (T_b, V, 3)."""
-        self._blocks.append((original, decoded))
+    def add(self, frames: FieldFrames, coded: CodedFrames) -> None:
+        """Take in the next frames, as they came and as they were coded."""
+        self._blocks.append((frames.vertices, coded.decoded(frames)))
 
     @property
     def value(self) -> float:
         """The error of all frames so far."""
+        if len(self._blocks) == 1:
+            return sted(*self._blocks[0], self._faces).sted
         original, decoded = map(np.concatenate, zip(*self._blocks, strict=True))
         return sted(original, decoded, self._faces).sted

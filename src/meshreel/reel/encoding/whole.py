@@ -1,7 +1,6 @@
 """Sequences that are all there: streams are made of them until one meets the target."""
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -25,28 +24,12 @@ from meshreel.reel.encoding.meters import KgMeter, Meter, StedMeter
 from meshreel.runtime.engine.engine import Engine
 from meshreel.runtime.progress import Count, Progress
 from meshreel.runtime.threads import one_ahead
-from meshreel.subspace.trajectories import from_matrices
 
 LARGEST_ERROR_STEP = 0.1
 """Coarsest step that is tried to meet an error, in sizes of the model."""
 
 KEPT_BYTES = 36
 """Memory of a position of a block that is kept: as it came, and as coordinate matrices."""
-
-
-@dataclass(frozen=True)
-class Trial:
-    """A stream made with a step.
-
-    Attributes
-    ----------
-    data : bytes
-    error : float or None
-        The error that is to be met, where one is.
-    """
-
-    data: bytes
-    error: float | None
 
 
 def encode(source: Source, progress: Progress, engine: Engine | None) -> bytes:
@@ -66,7 +49,7 @@ def encode(source: Source, progress: Progress, engine: Engine | None) -> bytes:
     """
     sequence = WholeSequence(source, progress, engine)
     step, bound = aimed(source.config.target, sequence)
-    data = sequence.trial(step, bound).data
+    data = sequence.stream(step, bound)
     if bound is not None:
         achieved = measure_stream(
             source.sequence, data, order=source.config.order, progress=progress
@@ -93,7 +76,9 @@ class WholeSequence:
         self._target = source.config.target
         self._progress = progress
         self._engine = engine
-        self._trials: dict[float, Trial] = {}
+        self._streams: dict[float, bytes] = {}
+        self._errors: dict[float, float] = {}
+        self._best: tuple[float, list[tuple[int, Sections]]] | None = None
         self._coder = coder_of(source.mesh, source.frame)
 
     @property
@@ -125,20 +110,27 @@ class WholeSequence:
 
     def size_bytes(self, step: float, bound: float) -> float:
         """Bytes of the stream with a step, corrected to keep a bound in diagonals."""
-        return len(self.trial(step, bound).data)
+        return len(self.stream(step, bound))
 
     def measured(self, step: float) -> float:
         """The error, the bytes or the bits for each vertex and frame, with a step."""
-        trial = self.trial(step)
-        if trial.error is not None:
-            return trial.error
+        if self._target.aim in (Aim.KG, Aim.STED):
+            return self._error(step)
+        size_bytes = len(self.stream(step))
         if self._target.aim is Aim.SIZE:
-            return float(len(trial.data))
+            return float(size_bytes)
         sequence = self._source.sequence
-        return rate_bpvf(len(trial.data), sequence.n_verts, sequence.n_frames)
+        return rate_bpvf(size_bytes, sequence.n_verts, sequence.n_frames)
 
-    def trial(self, step: float, bound: float | None = None) -> Trial:
-        """The stream of a step; with a bound in diagonals, corrected to keep it.
+    def stream(self, step: float, bound: float | None = None) -> bytes:
+        """The stream of a step; with a bound in diagonals, corrected to keep it."""
+        step = self._possible(step)
+        if step not in self._streams:
+            self._streams[step] = self._made(step, bound)
+        return self._streams[step]
+
+    def _possible(self, step: float) -> float:
+        """A step, or the nearest that makes sense.
 
         Errors are no longer those of a moving surface where the step is as large as the model:
         a search for an error goes no farther. A budget may need more, and a step that was asked
@@ -146,33 +138,50 @@ class WholeSequence:
         """
         if self._target.aim in (Aim.KG, Aim.STED, Aim.MAX_ERROR):
             step = min(step, LARGEST_ERROR_STEP * self.own_diagonal)
-        step = max(step, self.finest_step)
-        if step not in self._trials:
-            self._trials[step] = self._made(step, bound)
-        return self._trials[step]
+        return max(step, self.finest_step)
 
-    def _made(self, step: float, bound: float | None) -> Trial:
+    def _error(self, step: float) -> float:
+        """The error that is to be met, with a step.
+
+        Nothing becomes bytes; the integers of the best step so far are kept.
+        """
+        step = self._possible(step)
+        if step not in self._errors:
+            self._tell(0)
+            meter, blocks = self._new_meter(), KeyedBlocks(self._coder.with_step(step, None))
+            coded = list(self._told(self._metered(blocks, meter)))
+            self._errors[step] = meter.value
+            is_better = self._best is None or step > self._best[0]
+            if self._keeps_blocks and is_better and meter.value <= self._target.value:
+                self._best = step, coded
+        return self._errors[step]
+
+    def _metered(self, blocks: KeyedBlocks, meter: Meter) -> Iterator[tuple[int, Sections]]:
+        for frames in self._blocks():
+            coded = blocks.code(frames)
+            meter.add(frames, coded)
+            yield len(frames.vertices), coded.sections
+
+    def _made(self, step: float, bound: float | None) -> bytes:
         self._tell(0)
-        coder, meter = self._coder.with_step(step, bound), self._new_meter()
-        if self._engine is not None and meter is None:
+        coder = self._coder.with_step(step, bound)
+        blocks: Iterator[tuple[int, Sections]]
+        if self._best is not None and self._best[0] == step:
+            blocks = iter(self._best[1])
+            self._best = None  # sections can be taken once
+        elif self._engine is not None and not self._errors:
             blocks = self._coded_elsewhere(coder, self._engine)
         else:
-            blocks = self._coded(coder, meter)
+            blocks = self._coded(coder)
             if self._is_cut:  # integers of a block are found while those before become bytes
                 blocks = one_ahead(blocks)
-        data = self._source.stream(coder.leading_sections(), self._told(blocks))
-        return Trial(data, None if meter is None else meter.value)
+        return self._source.stream(coder.leading_sections(), self._told(blocks))
 
-    def _coded(self, coder: FieldBlockCoder, meter: Meter | None) -> Iterator[tuple[int, Sections]]:
+    def _coded(self, coder: FieldBlockCoder) -> Iterator[tuple[int, Sections]]:
         """Frames and sections of each block."""
         blocks = KeyedBlocks(coder)
         for frames in self._blocks():
-            coded = blocks.code(frames)
-            if meter is not None:
-                matrices = coded.frames_of(slice(None))
-                decoded = from_matrices(matrices, coder.frame, frames.vertices.dtype)
-                meter.add(frames.vertices, decoded)
-            yield len(frames.vertices), coded.sections
+            yield len(frames.vertices), blocks.code(frames).sections
 
     def _coded_elsewhere(
         self, coder: FieldBlockCoder, engine: Engine
@@ -214,12 +223,10 @@ class WholeSequence:
     def _kept_blocks(self) -> list[FieldFrames]:
         return [self._coder.frames(vertices) for vertices in self._source.blocks()]
 
-    def _new_meter(self) -> Meter | None:
-        """A meter of the error that is to be met, if one is."""
+    def _new_meter(self) -> Meter:
+        """A meter of the error that is to be met."""
         if self._target.aim is Aim.KG:
-            return KgMeter(self._source.sequence.extent)
-        if self._target.aim is not Aim.STED:
-            return None
+            return KgMeter()
         if not self._keeps_blocks:
             raise InvalidInputError(
                 "sted compares frames of the whole sequence, which do not fit into the memory "
@@ -237,7 +244,8 @@ class WholeSequence:
 
     def _tell(self, n_done: int) -> None:
         """Tell the listener of frames coded; nothing is all done while another try may follow."""
-        stage = "encoding" if self._is_one_try else f"encoding, try {len(self._trials) + 1}"
+        number = 1 + len(self._streams) + len(self._errors)
+        stage = "encoding" if self._is_one_try else f"encoding, try {number}"
         n_frames = self._source.sequence.n_frames
         if self._is_one_try or n_done < n_frames:
             self._progress(stage, Count(n_done, n_frames, "frames"))
