@@ -133,7 +133,11 @@ class Piece:
 
     def read(self) -> Vertices:
         """Positions of shape (stop - start, V, 3) in internal order."""
-        return self.sequence.read(self.start, self.stop).take(self.order, axis=1)
+        return self.given().take(self.order, axis=1)
+
+    def given(self) -> Vertices:
+        """The same in the given order."""
+        return self.sequence.read(self.start, self.stop)
 
     def __reduce__(self) -> tuple[Any, ...]:
         # Frames that another process cannot read are sent: these, and no others.

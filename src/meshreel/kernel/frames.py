@@ -116,6 +116,46 @@ def fill_positions(
     _frames(basis, fields, frames, step, order, moves, placed, out, out.itemsize)
 
 
+def coordinate_rows(
+    vertices: npt.NDArray[np.floating],
+    order: Integers | None,
+    piece: slice,
+    placement: Sequence[float],
+) -> Floats:
+    """Coordinates of some vertices, less the origin and divided by the scale.
+
+    Parameters
+    ----------
+    vertices : contiguous float32 or float64 array of shape (T, V, 3)
+    order : contiguous int32 array of shape (V,), or None
+        The vertex that stands at each place; None: its own.
+    piece : slice
+        Places, n of them.
+    placement : 4 floats
+        Scale, and the origin.
+
+    Returns
+    -------
+    float64 array of shape (3 T, n): x at all frames, then y, then z
+    """
+    n_frames, n_verts, _ = vertices.shape
+    out = np.empty((3 * n_frames, piece.stop - piece.start))
+    call(
+        "reel_coordinates",
+        vertices,
+        vertices.itemsize,
+        n_frames,
+        n_verts,
+        order,
+        piece.start,
+        piece.stop,
+        np.array(placement, np.float64),
+        out,
+        what="positions",
+    )
+    return out
+
+
 def _frames(
     basis: Floats,
     fields: Floats,

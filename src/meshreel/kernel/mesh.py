@@ -142,5 +142,5 @@ def hierarchy(found: Neighbours, stencil_size: int) -> Hierarchy:
         stencil,
         hops,
         contexts,
-        smooth[:n_rows].copy(),
+        smooth[:n_rows],  # the rest was never touched, and takes no memory
     )

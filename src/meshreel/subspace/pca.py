@@ -1,5 +1,7 @@
 """Eigen-trajectories: eigenvectors of the trajectory autocorrelation."""
 
+from collections.abc import Callable
+
 import numpy as np
 import numpy.typing as npt
 from scipy.linalg import eigh
@@ -82,23 +84,40 @@ def joint_trajectories(
     basis : float64 array of shape (3 T, K), or (T, K), columns orthonormal, signs by `fix_signs`
     """
     stacked = frames.reshape(-1, frames.shape[2])
-    is_wide = stacked.shape[0] <= stacked.shape[1]
-    eigenvalues, vectors = _leading(_gram(stacked if is_wide else stacked.T), n_modes, least)
+    if stacked.shape[0] <= stacked.shape[1]:
+        gram = gram_of_rows(lambda piece: stacked[:, piece], *stacked.shape)
+        return leading_trajectories(gram, n_modes, least)
+    gram = gram_of_rows(lambda piece: stacked.T[:, piece], *stacked.T.shape)
+    eigenvalues, vectors = _leading(gram, n_modes, least)
     singular_values = np.sqrt(np.maximum(eigenvalues, 0.0))
-    if is_wide:
-        return singular_values, fix_signs(vectors)
     divisors = np.where(singular_values > 0, singular_values, 1.0)
     return singular_values, fix_signs(stacked @ vectors / divisors)
 
 
-def _gram(wide: npt.NDArray[np.floating]) -> Floats:
-    """``A A^T`` of a wide matrix; summed in the same order on any number of cores."""
-    pieces = chunks(wide.shape[1], GRAM_COLUMNS)
-    total = np.zeros((len(wide), len(wide)))
+def leading_trajectories(gram: Floats, n_modes: int, least: float = 0.0) -> tuple[Floats, Floats]:
+    """Singular values and basis vectors as `joint_trajectories`, from the Gram matrix of rows."""
+    eigenvalues, vectors = _leading(gram, n_modes, least)
+    return np.sqrt(np.maximum(eigenvalues, 0.0)), fix_signs(vectors)
+
+
+def gram_of_rows(
+    columns: Callable[[slice], npt.NDArray[np.floating]], n_rows: int, n_columns: int
+) -> Floats:
+    """``A A^T`` of a wide matrix; summed in the same order on any number of cores.
+
+    Parameters
+    ----------
+    columns : callable
+        Gives some columns of A; called in any thread.
+    n_rows, n_columns : int
+        Of A.
+    """
+    pieces = chunks(n_columns, GRAM_COLUMNS)
+    total = np.zeros((n_rows, n_rows))
     parts: dict[int, Floats] = {}
 
     def multiply(piece: slice) -> None:
-        part = wide[:, piece].astype(np.float64, copy=False)
+        part = columns(piece).astype(np.float64, copy=False)
         parts[piece.start] = part @ part.T
 
     def add(n_done: int) -> None:

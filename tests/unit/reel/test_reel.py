@@ -37,7 +37,8 @@ def matrices_of(sequence):
 def analysed(step=0.002, n_frames=12, sequence=None, **choices):
     sequence = waving_grid(n_frames, 12, 13, np.float64) if sequence is None else sequence
     mesh, matrices = field_mesh(sequence), matrices_of(sequence)
-    block = analyse_fields(BlockFrames(matrices), mesh, FieldChoices(step, **choices)).block
+    frames = BlockFrames(sequence.vertices, bounding_frame(sequence.extent))
+    block = analyse_fields(frames, mesh, FieldChoices(step, **choices)).block
     return matrices, mesh, block
 
 

@@ -8,6 +8,7 @@ import numpy.typing as npt
 
 from meshreel.codec.frame_products import JointFrames
 from meshreel.connectivity.permutation import inverse_permutation
+from meshreel.kernel.frames import coordinate_rows
 from meshreel.kernel.predict import Choice, encode_values
 from meshreel.reel.agreed.closed_loop import ClosedLoop
 from meshreel.reel.agreed.fields import FieldBlock, KeyFields, Layout, decode_basis
@@ -16,10 +17,14 @@ from meshreel.reel.agreed.timeline import COARSEST, time_predictors
 from meshreel.reel.encoding.rate_distortion import FAIR_PRICE, quantize_by_rate
 from meshreel.runtime.profiling import staged
 from meshreel.runtime.threads import chunks, in_background, in_threads
-from meshreel.subspace.pca import joint_trajectories
+from meshreel.subspace.pca import gram_of_rows, joint_trajectories, leading_trajectories
+from meshreel.subspace.trajectories import BoundingFrame
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
+
+MOST_KEPT = 1 << 23
+"""Coordinates that are kept as float64; those of larger blocks are found anew where needed."""
 
 CHUNK_VERTICES = 2048
 """Vertices whose fields are found at once."""
@@ -68,34 +73,80 @@ class BlockFrames:
 
     Attributes
     ----------
-    matrices : float64 array of shape (3, T, V)
-        Coordinate matrices, in internal vertex order.
+    vertices : float array of shape (T, V, 3)
+        Positions, contiguous.
+    frame : BoundingFrame
+        What coordinates are relative to.
+    order : int32 array of shape (V,), or None
+        Number of each vertex in the internal order; None: they are in it.
     """
 
-    matrices: Floats
+    vertices: npt.NDArray[np.floating]
+    frame: BoundingFrame
+    order: npt.NDArray[np.int32] | None = None
     _found: tuple[float, Floats, Floats] | None = None
+
+    @property
+    def n_frames(self) -> int:
+        """T."""
+        return int(self.vertices.shape[0])
+
+    @property
+    def n_verts(self) -> int:
+        """V."""
+        return int(self.vertices.shape[1])
+
+    def coordinates(self, piece: slice, frames: slice = slice(None)) -> Floats:
+        """Coordinates of some vertices, in internal order: of shape (3 T, n), x before y and z."""
+        if self._is_small and frames == slice(None):
+            return self._all[:, piece]
+        placement = (self.frame.scale, *self.frame.origin)
+        return coordinate_rows(self.vertices[frames], self.order, piece, placement)
+
+    @property
+    def _is_small(self) -> bool:
+        return self.vertices.size <= MOST_KEPT
+
+    @cached_property
+    @staged("coordinates")
+    def _all(self) -> Floats:
+        placement = (self.frame.scale, *self.frame.origin)
+        everything = slice(0, self.n_verts)
+        return coordinate_rows(self.vertices, self.order, everything, placement)
+
+    @cached_property
+    def _gram(self) -> Floats:
+        return gram_of_rows(self.coordinates, 3 * self.n_frames, self.n_verts)
 
     @cached_property
     def energy(self) -> float:
         """Sum of all squared coordinates."""
-        return float(np.vdot(self.matrices, self.matrices))
+        if 3 * self.n_frames <= self.n_verts:
+            return float(np.trace(self._gram))
+        pieces = chunks(self.n_verts, CHUNK_VERTICES)
+        return sum(float(np.square(self.coordinates(piece)).sum()) for piece in pieces)
 
     @cached_property
     def spread(self) -> float:
         """Sum of the squared distances of all positions from the mean of their frame."""
-        total, n_verts = 0.0, self.matrices.shape[2]
-        for frame in self.matrices.reshape(-1, n_verts):
-            around = frame - frame[0]  # vertices in one place have no spread at all
-            total += float(around @ around) - float(around.sum()) ** 2 / n_verts
-        return total
+        first = self.coordinates(slice(0, 1))  # vertices in one place have no spread at all
+        sums, total = np.zeros(len(first)), 0.0
+        for piece in chunks(self.n_verts, CHUNK_VERTICES):
+            around = self.coordinates(piece) - first
+            sums += around.sum(axis=1)
+            total += float(np.vdot(around, around))
+        return total - float(sums @ sums) / self.n_verts
 
     @staged("trajectories")
     def trajectories(self, least: float) -> tuple[Floats, Floats]:
         """Singular values above `least`, one at least, and basis vectors of shape (3 T, K)."""
         if self._found is None or self._found[0] > least:
-            n_frames, n_verts = self.matrices.shape[1:]
-            limit = min(3 * n_frames, n_verts)
-            self._found = (least, *joint_trajectories(self.matrices, limit, least))
+            limit = min(3 * self.n_frames, self.n_verts)
+            if limit == self.n_verts:
+                rows = self.coordinates(slice(0, limit)).reshape(3, -1, limit)
+                self._found = (least, *joint_trajectories(rows, limit, least))
+            else:
+                self._found = (least, *leading_trajectories(self._gram, limit, least))
         _, strengths, vectors = self._found
         n_kept = max(1, int(np.sum(strengths > least)))
         return strengths[:n_kept], vectors[:, :n_kept]
@@ -159,8 +210,7 @@ def analyse_fields(
     reference : int, default 0
         How many blocks before this one that is.
     """
-    matrices = frames.matrices
-    n_frames = matrices.shape[1]
+    n_frames = frames.n_frames
     step = np.float32(choices.position_step * np.sqrt(n_frames))
     hierarchy = in_background(lambda: mesh.hierarchy)  # where it is not known yet
     basis = _quantized_basis(frames, float(step), choices)
@@ -168,7 +218,7 @@ def analyse_fields(
     vectors = decode_basis(basis)
     layout = Layout(step, choices.stencil_size, choices.n_learned, reference)
     hierarchy.result()
-    wanted = _projected(vectors.reshape(-1, n_modes), matrices, mesh.order, float(step))
+    wanted = _projected(vectors.reshape(-1, n_modes), frames, mesh.order, float(step))
     residuals, own = _quantized_fields(wanted, layout, mesh, choices, key)
     decoded = JointFrames(vectors, own.values, float(step), mesh.number)
     return AnalysedFields(FieldBlock(layout, basis, residuals), decoded, own, wanted)
@@ -176,7 +226,7 @@ def analyse_fields(
 
 @staged("projection")
 def _projected(
-    vectors: Floats, matrices: Floats, order: npt.NDArray[np.int32], step: float
+    vectors: Floats, frames: BlockFrames, order: npt.NDArray[np.int32], step: float
 ) -> Floats:
     """Fields of shape (V, K) whose product with the temporal basis is nearest to the frames.
 
@@ -184,12 +234,11 @@ def _projected(
     """
     gram = vectors.T @ vectors  # rounding leaves the vectors not quite orthonormal
     inverse = np.linalg.pinv(gram, hermitian=True) @ vectors.T
-    stacked = matrices.reshape(len(vectors), -1)
-    fields = np.empty((stacked.shape[1], vectors.shape[1]))
+    fields = np.empty((frames.n_verts, vectors.shape[1]))
     places = inverse_permutation(order)
 
     def fill(piece: slice) -> None:
-        fields[places[piece]] = (inverse @ stacked[:, piece]).T / step
+        fields[places[piece]] = (inverse @ frames.coordinates(piece)).T / step
 
     in_threads(fill, chunks(len(fields), CHUNK_VERTICES))
     return fields
@@ -200,8 +249,9 @@ def _quantized_basis(
     frames: BlockFrames, step: float, choices: FieldChoices
 ) -> npt.NDArray[np.int32]:
     """Residuals of the temporal basis, of shape (K, 3, T), without modes that are all 0."""
-    n_frames, n_verts = frames.matrices.shape[1:]
-    strengths, vectors = frames.trajectories(choices.least_rms * step * float(np.sqrt(n_verts)))
+    n_frames = frames.n_frames
+    least = choices.least_rms * step * float(np.sqrt(frames.n_verts))
+    strengths, vectors = frames.trajectories(least)
     strengths, vectors = strengths[: choices.n_modes], vectors[:, : choices.n_modes]
     n_kept = len(strengths)
     scaled = vectors * (strengths / (choices.basis_step * step))

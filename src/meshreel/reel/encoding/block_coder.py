@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.bitstream.layout import Section
+from meshreel.codec.corrections import Corrections
 from meshreel.codec.error_bounds import write_promise
 from meshreel.codec.source import CodedMesh, Piece
 from meshreel.codec.stored_blocks import StoredBlock, read_block
@@ -25,10 +26,14 @@ from meshreel.reel.encoding.analysis import (
 from meshreel.reel.encoding.corrections import find_corrections, least_bound
 from meshreel.reel.encoding.effort import choices_of
 from meshreel.runtime.threads import chunks, in_threads, one_blas_thread
-from meshreel.subspace.trajectories import BoundingFrame, to_matrices
+from meshreel.subspace.trajectories import BoundingFrame
 
 Vertices = npt.NDArray[np.floating]
 Floats = npt.NDArray[np.float64]
+Integers = npt.NDArray[np.int64]
+
+MOST_ERRORS = 1 << 21
+"""Positions that corrections are found for at once."""
 
 DECODED_FRAMES = 64
 """Frames that are decoded at once."""
@@ -66,9 +71,14 @@ class FieldBlockCoder:
         if self.bound is not None:
             yield Section.PROMISE, write_promise(100.0 * self.bound)
 
-    def frames(self, vertices: Vertices) -> "FieldFrames":
-        """A block of positions of shape (T_b, V, 3) in internal order, ready to be coded."""
-        return FieldFrames(vertices, BlockFrames(to_matrices(vertices, self.frame)), self.frame)
+    def frames(self, vertices: Vertices, order: Integers | None = None) -> "FieldFrames":
+        """A block of positions of shape (T_b, V, 3), ready to be coded.
+
+        They are in internal order, or `order` is the number of each internal vertex.
+        """
+        numbers = None if order is None else order.astype(np.int32)
+        given = np.ascontiguousarray(vertices)
+        return FieldFrames(BlockFrames(given, self.frame, numbers), self.frame)
 
     def code(
         self, frames: "FieldFrames", key: "KeyBlock | None" = None, reference: int = 0
@@ -92,8 +102,8 @@ class FieldBlockCoder:
         self, piece: Piece, key: "KeyBlock", reference: int
     ) -> tuple[int, list[tuple[Section, bytes]]]:
         """Number of frames and sections of a block that is still to be read."""
-        frames = self.frames(piece.read())
-        return len(frames.vertices), list(self.code(frames, key, reference).sections)
+        frames = self.frames(piece.given(), piece.order)
+        return frames.block.n_frames, list(self.code(frames, key, reference).sections)
 
     def _code(self, frames: "FieldFrames", key: "KeyBlock | None", reference: int) -> "CodedFrames":
         found = analyse_fields(
@@ -101,13 +111,29 @@ class FieldBlockCoder:
         )
         corrections = None
         if self.bound is not None:
-            errors = frames.block.matrices - found.decoded(slice(None))
-            corrections = find_corrections(errors, self.bound, frames.rounding)
+            corrections = _corrections(frames, found, self.bound)
         return CodedFrames(
             sections=write_field_block(found.block, self.mesh, corrections),
             analysed=found,
             key=KeyBlock(self.mesh, found.block, found.own),
         )
+
+
+def _corrections(frames: "FieldFrames", found: AnalysedFields, bound: float) -> Corrections:
+    """Corrections of a block, found for some frames after another."""
+    block, parts = frames.block, []
+    everything = slice(0, block.n_verts)
+    for some in chunks(block.n_frames, max(1, MOST_ERRORS // block.n_verts)):
+        errors = block.coordinates(everything, some).reshape(3, -1, block.n_verts)
+        errors -= found.decoded(some)
+        part = find_corrections(errors, bound, frames.rounding)
+        parts.append(replace(part, frames=part.frames + some.start))
+    vertices, numbers, offsets = (
+        np.concatenate([getattr(part, name) for part in parts])
+        for name in ("vertices", "frames", "offsets")
+    )
+    order = np.lexsort((numbers, vertices))
+    return Corrections(parts[0].step, vertices[order], numbers[order], offsets[order])
 
 
 @dataclass(frozen=True)
@@ -130,7 +156,7 @@ class CodedFrames:
 
     def decoded(self, frames: "FieldFrames") -> Vertices:
         """The positions that these frames decode to, without corrections."""
-        out = np.empty(frames.vertices.shape, frames.vertices.dtype)
+        out = np.empty(frames.block.vertices.shape, frames.block.vertices.dtype)
         pieces = chunks(len(out), DECODED_FRAMES)
 
         def fill(piece: slice) -> None:
@@ -148,7 +174,8 @@ class CodedFrames:
         energy.
         """
         found = self.analysed.squared_error(frames.block.energy)
-        by_rounding = frames.rounding**2 / 12.0 * frames.block.matrices[0].size
+        n_positions = frames.block.n_frames * frames.block.n_verts
+        by_rounding = float(frames.rounding**2) / 12.0 * n_positions
         if found > max(ROUNDING_BESIDE * by_rounding, ENERGY_BESIDE * frames.block.energy):
             return found + by_rounding
         apart: Floats = self.decoded(frames).astype(np.float64) - frames.vertices
@@ -201,21 +228,24 @@ class FieldFrames:
 
     Attributes
     ----------
-    vertices : float array of shape (T_b, V, 3)
-        In internal order.
     block : BlockFrames
     frame : BoundingFrame
     """
 
-    vertices: Vertices
     block: BlockFrames
     frame: BoundingFrame
+
+    @property
+    def vertices(self) -> Vertices:
+        """Positions of shape (T_b, V, 3), in internal order."""
+        found, order = self.block.vertices, self.block.order
+        return found if order is None else found.take(order, axis=1)
 
     @cached_property
     def rounding(self) -> float:
         """Largest error, in diagonals, that the number type of the positions alone makes."""
-        low, high = self.vertices.min(), self.vertices.max()
-        return largest_rounding(low, high, self.vertices.dtype, self.frame)
+        found = self.block.vertices
+        return largest_rounding(found.min(), found.max(), found.dtype, self.frame)
 
 
 class KeyedBlocks:

@@ -160,7 +160,7 @@ class WholeSequence:
         for frames in self._blocks():
             coded = blocks.code(frames)
             meter.add(frames, coded)
-            yield len(frames.vertices), coded.sections
+            yield frames.block.n_frames, coded.sections
 
     def _made(self, step: float, bound: float | None) -> bytes:
         self._tell(0)
@@ -181,16 +181,16 @@ class WholeSequence:
         """Frames and sections of each block."""
         blocks = KeyedBlocks(coder)
         for frames in self._blocks():
-            yield len(frames.vertices), blocks.code(frames).sections
+            yield frames.block.n_frames, blocks.code(frames).sections
 
     def _coded_elsewhere(
         self, coder: FieldBlockCoder, engine: Engine
     ) -> Iterator[tuple[int, Sections]]:
         """The same, where workers code all blocks but the first."""
         first, *others = self._source.pieces()
-        frames = coder.frames(first.read())
+        frames = coder.frames(first.given(), first.order)
         coded = KeyedBlocks(coder).code(frames)
-        yield len(frames.vertices), coded.sections
+        yield frames.block.n_frames, coded.sections
         items = ((piece, coded.key, number) for number, piece in enumerate(others, start=1))
         yield from engine.map_in_order(coder.code_piece, items)
 
@@ -198,7 +198,7 @@ class WholeSequence:
         """The blocks, ready to be coded: kept for further trials, or read anew for each."""
         if self._keeps_blocks:
             return self._kept_blocks
-        return map(self._coder.frames, self._source.blocks())
+        return self._read_blocks()
 
     @property
     def _is_cut(self) -> bool:
@@ -221,7 +221,11 @@ class WholeSequence:
 
     @cached_property
     def _kept_blocks(self) -> list[FieldFrames]:
-        return [self._coder.frames(vertices) for vertices in self._source.blocks()]
+        return list(self._read_blocks())
+
+    def _read_blocks(self) -> Iterator[FieldFrames]:
+        pieces = self._source.pieces()
+        return (self._coder.frames(piece.given(), piece.order) for piece in pieces)
 
     def _new_meter(self) -> Meter:
         """A meter of the error that is to be met."""
