@@ -89,10 +89,12 @@ class ReelBlockDecoder:
 
     def _read(self, stored: StoredBlock) -> tuple[FieldBlock, FieldMesh]:
         opened = self._opened
-        block, self._field_mesh = read_field_block(
+        block, mesh = read_field_block(
             stored, opened.internal_faces, opened.n_verts, self._field_mesh
         )
-        return block, self._field_mesh
+        if len(opened.stream.places) > 1:  # else the mesh has served
+            self._field_mesh = mesh
+        return block, mesh
 
     def _key_of(self, number: int, layout: Layout) -> KeyFields | None:
         """The fields that a block refers to, decoded now or kept from before."""

@@ -4,7 +4,6 @@ from collections.abc import Callable
 
 import numpy as np
 import numpy.typing as npt
-from scipy.linalg import eigh
 
 from meshreel.runtime.threads import chunks, in_threads, one_blas_thread
 
@@ -16,8 +15,12 @@ RANK_TOLERANCE = 1e-13
 GRAM_COLUMNS = 2048
 """Number of columns whose contribution to a Gram matrix is computed at once."""
 
-SMALL_GRAM = 1000
-"""Size up to which all eigenvectors are computed, in one BLAS thread; beyond, only those needed."""
+SMALL_GRAM = 200
+"""Size up to which all eigenvectors are computed; beyond, only the leading ones if they are few."""
+
+FIRST_COUNT, SPARE, SHARE_OF_GRAM, N_ITERATIONS = 64, 16, 0.3, 2
+"""Eigenvectors that are looked for at first; how many more are, so that these converge; the largest
+share of all that is worth it; and how often."""
 
 
 def autocorrelation(frames: Floats) -> Floats:
@@ -129,16 +132,32 @@ def gram_of_rows(
 
 def _leading(gram: Floats, n_modes: int, least: float) -> tuple[Floats, Floats]:
     """Eigenvalues whose root exceeds `least`, descending, and eigenvectors of a Gram matrix."""
-    if len(gram) <= SMALL_GRAM:
-        with one_blas_thread():
-            eigenvalues, vectors = np.linalg.eigh(gram)
-    else:
-        lowest = min(least**2, 0.5 * float(np.trace(gram)) / len(gram))
-        eigenvalues, vectors = eigh(gram, subset_by_value=(lowest, np.inf))
+    with one_blas_thread():
+        found = _few_leading(gram, least**2) if len(gram) > SMALL_GRAM else None
+        eigenvalues, vectors = found or np.linalg.eigh(gram)
     eigenvalues, vectors = eigenvalues[::-1], vectors[:, ::-1]
     floor = max(least**2, RANK_TOLERANCE * max(eigenvalues[0], 0.0))
     kept = max(1, min(n_modes, int(np.sum(eigenvalues > floor))))
     return eigenvalues[:kept], vectors[:, :kept]
+
+
+def _few_leading(gram: Floats, least: float) -> tuple[Floats, Floats] | None:
+    """Eigenvalues above `least`, and some more, ascending, with their eigenvectors.
+
+    By subspace iteration from a fixed start; None where too many are above. Eigenvectors whose
+    eigenvalues are nearly the same are only known together.
+    """
+    count = FIRST_COUNT
+    while count <= SHARE_OF_GRAM * len(gram):
+        start = np.random.default_rng(count).standard_normal((len(gram), count + SPARE))
+        vectors = np.linalg.qr(gram @ start)[0]
+        for _ in range(N_ITERATIONS):
+            vectors = np.linalg.qr(gram @ (gram @ vectors))[0]
+        eigenvalues, turned = np.linalg.eigh(vectors.T @ (gram @ vectors))
+        if eigenvalues[SPARE] < least:
+            return eigenvalues, vectors @ turned
+        count *= 2
+    return None
 
 
 def fix_signs(basis: Floats) -> Floats:
