@@ -95,7 +95,7 @@ static void start_tables(reel_tables *tables) {
 }
 
 /* A magnitude of 1..2^31-1. */
-static uint32_t code_size(reel_port *port, reel_tables *tables, int class, uint32_t size) {
+REEL_INLINE uint32_t code_size(reel_port *port, reel_tables *tables, int class, uint32_t size) {
     int length = 1, wanted = reel_length(size);
     while (length < MOST_BITS &&
            reel_bit(port, &tables->longer[length - 1][class], wanted > length)) {
@@ -118,7 +118,7 @@ REEL_INLINE int sign_of(int32_t value) { return (value > 0) - (value < 0); }
 
 /* Whether the value at a place is negative. Neighbours vote with their signs; how far each agrees
    with the place is learned from the rows in which neither is 0. */
-static int code_sign(reel_port *port, coder *f, int64_t place, int negative) {
+REEL_INLINE int code_sign(reel_port *port, coder *f, int64_t place, int negative) {
     int32_t vote = 0;
     for (int64_t i = f->starts[place]; i < f->starts[place + 1]; i++) {
         vote += f->agreement[i] * sign_of(f->values[f->near[i]]);
@@ -137,7 +137,7 @@ static int code_sign(reel_port *port, coder *f, int64_t place, int negative) {
 }
 
 /* A value that is not 0: its magnitude, then its sign. */
-static int32_t code_rest(reel_port *port, coder *f, int64_t place, int class,
+REEL_INLINE int32_t code_rest(reel_port *port, coder *f, int64_t place, int class,
                          int32_t value) {
     uint32_t size = value < 0 ? 0U - (uint32_t)value : (uint32_t)value;
     size = code_size(port, f->tables, class, size);
@@ -205,7 +205,7 @@ REEL_INLINE void note_magnitude(reel_recent *recent, int32_t magnitude, int32_t 
     recent->pass += (magnitude * ONE - recent->pass) >> 4;
 }
 
-static void code_row(reel_port *port, coder *f, int32_t *row) {
+REEL_INLINE void code_row(reel_port *port, coder *f, int32_t *row) {
     reel_recent recent = {.row = 256, .row_usual = 256};
     for (int64_t pass = 0; pass < f->n_passes; pass++) {
         int32_t bias = f->pass_bias[pass], inputs[N_INPUTS];
@@ -378,7 +378,7 @@ static enum reel_code prepare(coder *f, void *memory, size_t memory_size,
     return REEL_OK;
 }
 
-static int64_t code_rows(reel_port *port, coder *f, int32_t *values, int64_t n_rows) {
+REEL_INLINE int64_t code_rows(reel_port *port, coder *f, int32_t *values, int64_t n_rows) {
     for (int64_t row = 0; row < n_rows; row++) {
         code_row(port, f, values + row * f->n_places);
         end_row(f, row);
