@@ -128,6 +128,13 @@ REEL_API size_t reel_basis_memory(int64_t n_frames);
 REEL_API int64_t reel_basis(void *memory, size_t memory_size, const int32_t *integers,
                             int64_t n_modes, int64_t n_frames, double *basis);
 
+/* The integers of basis vectors near to wanted ones, n_modes x 3 x n_frames in steps; a bit is worth
+   `price` squared steps, 0 rounds to the nearest. REEL_INVALID if one is too large. */
+REEL_API size_t reel_basis_encode_memory(int64_t n_frames);
+REEL_API int64_t reel_basis_encode(void *memory, size_t memory_size, const double *wanted,
+                                   int64_t n_modes, int64_t n_frames, double price,
+                                   int32_t *integers);
+
 /* Frames wanted[0 .. n_wanted - 1] of a block, in the order of the vertices of the fields, or if
    `order` is not NULL with vertex order[i] of the fields as vertex i. The field of mode k at vertex
    v is step times fields[k mode_stride + v vertex_stride]. Corrections, unless

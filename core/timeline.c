@@ -3,9 +3,14 @@
    docs/format.md, "Times". A time is predicted from known ones around it by the polynomial through
    them. Values are multiples of 1/256, and exact as long as they stay below 2^44. */
 
-#include "base.h"
+#include "octaves.h"
 
 #define COARSEST 4 /* frames between the times that come first */
+
+#define N_ROUNDS 2           /* in which a dead zone follows the counts that it makes */
+#define FIRST_DEAD_ZONE 0.6
+#define ROUNDED_DOWN 0.04    /* of a step: by how much magnitudes above 1 are rounded down */
+#define TOO_LARGE 1073741824.0
 
 /* The prediction of a time from those d before and behind it, and 3 d. */
 REEL_INLINE double predict_time(const double *values, int64_t time, int64_t d, int64_t n_frames) {
@@ -64,6 +69,97 @@ int64_t reel_basis(void *memory, size_t memory_size, const int32_t *integers, in
         double size = sum > 0.0 ? __builtin_sqrt(sum) : 1.0;
         for (int64_t i = 0; i < length; i++) {
             basis[i * n_modes + mode] = values[i] / size;
+        }
+    }
+    return n_modes;
+}
+
+REEL_INLINE double size_of(double value) { return value < 0 ? -value : value; }
+
+/* Magnitudes below this become 0: the bits that a 1 costs more than a 0 are taken from how often
+   the two occur among `count` values, and are worth `price` squared steps each. */
+static double dead_zone(const double *scaled, int64_t count, double price) {
+    double zone = FIRST_DEAD_ZONE;
+    for (int round = 0; round < N_ROUNDS && price > 0.0; round++) {
+        double n_zeros = 0.0, n_ones = 0.0;
+        for (int64_t i = 0; i < count; i++) {
+            double size = size_of(scaled[i]);
+            n_zeros += size < zone ? 1.0 : 0.0;
+            n_ones += size >= zone && size < 1.5 ? 1.0 : 0.0;
+        }
+        /* Half an observation each, so that values without any have a length too. */
+        zone = 0.5 + 0.5 * price * reel_octaves((n_zeros + 0.5) / (0.5 * n_ones + 0.5));
+        zone = zone < 0.5 ? 0.5 : zone > 1.0 ? 1.0 : zone;
+    }
+    return price > 0.0 ? zone : 0.5;
+}
+
+/* The integer near to a value; false if it is too large. */
+REEL_INLINE bool quantize(double scaled, double zone, double price, int32_t *integer) {
+    double size = size_of(scaled);
+    if (!(size < TOO_LARGE)) {
+        return false;
+    }
+    int32_t found = (int32_t)(size + (price > 0.0 ? 0.5 - ROUNDED_DOWN : 0.5));
+    found = size < zone ? 0 : found < 1 ? 1 : found;
+    *integer = scaled < 0 ? -found : found;
+    return true;
+}
+
+/* Times d, 3 d, 5 d, ... of an axis. */
+static bool encode_level(const double *wanted, int64_t n_frames, int64_t d, double price,
+                         double *values, double *scaled, int32_t *integers) {
+    int64_t count = 0;
+    for (int64_t time = d; time < n_frames; time += 2 * d) {
+        scaled[count++] = wanted[time] - predict_time(values, time, d, n_frames);
+    }
+    double zone = dead_zone(scaled, count, price);
+    count = 0;
+    for (int64_t time = d; time < n_frames; time += 2 * d) {
+        if (!quantize(scaled[count++], zone, price, &integers[time])) {
+            return false;
+        }
+        values[time] = predict_time(values, time, d, n_frames) + integers[time];
+    }
+    return true;
+}
+
+static bool encode_times(const double *wanted, int64_t n_frames, double price, double *values,
+                         double *scaled, int32_t *integers) {
+    int32_t latest = 0;
+    for (int64_t time = 0; time < n_frames; time += COARSEST) {
+        int32_t here;
+        if (!quantize(wanted[time], 0.5, 0.0, &here)) {
+            return false;
+        }
+        values[time] = here;
+        integers[time] = here - latest;
+        latest = here;
+    }
+    for (int64_t d = COARSEST / 2; d; d /= 2) {
+        if (!encode_level(wanted, n_frames, d, price, values, scaled, integers)) {
+            return false;
+        }
+    }
+    return true;
+}
+
+size_t reel_basis_encode_memory(int64_t n_frames) {
+    return 2 * reel_room((size_t)n_frames, sizeof(double));
+}
+
+int64_t reel_basis_encode(void *memory, size_t memory_size, const double *wanted, int64_t n_modes,
+                          int64_t n_frames, double price, int32_t *integers) {
+    reel_arena arena = reel_arena_of(memory, memory_size);
+    double *values = reel_take(&arena, (size_t)n_frames, sizeof *values);
+    double *scaled = reel_take(&arena, (size_t)n_frames, sizeof *scaled);
+    if (arena.failed) {
+        return reel_failure(REEL_NO_MEMORY, 0);
+    }
+    for (int64_t row = 0; row < 3 * n_modes; row++) {
+        if (!encode_times(wanted + row * n_frames, n_frames, price, values, scaled,
+                          integers + row * n_frames)) {
+            return reel_failure(REEL_INVALID, (uint64_t)row);
         }
     }
     return n_modes;

@@ -54,6 +54,38 @@ def time_vectors(coded: Integers) -> Floats:
     return basis
 
 
+def encode_times(wanted: Floats, price: float) -> npt.NDArray[np.int32]:
+    """Integers of shape (K, 3, T), as in the stream, of basis vectors near to wanted ones.
+
+    Parameters
+    ----------
+    wanted : float64 array of shape (K, 3, T)
+        In steps.
+    price : float
+        Squared steps that a bit is worth; 0 rounds to the nearest.
+
+    Raises
+    ------
+    InvalidInputError
+        If an integer is too large for a stream.
+    """
+    n_modes, _, n_frames = wanted.shape
+    integers = np.empty(wanted.shape, np.int32)
+    room = memory(size_of("reel_basis_encode_memory", n_frames))
+    call(
+        "reel_basis_encode",
+        room,
+        len(room),
+        np.ascontiguousarray(wanted),
+        n_modes,
+        n_frames,
+        ctypes.c_double(price),
+        integers,
+        what="basis vectors",
+    )
+    return integers
+
+
 def frame_axes(
     basis: Floats,
     fields: Floats,

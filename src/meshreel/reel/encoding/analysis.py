@@ -1,5 +1,6 @@
 """The encoder's side of `reel`: a block of frames to the integers of its modes."""
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -8,13 +9,10 @@ import numpy.typing as npt
 
 from meshreel.codec.frame_products import JointFrames
 from meshreel.connectivity.permutation import inverse_permutation
-from meshreel.kernel.frames import coordinate_rows
+from meshreel.kernel.frames import coordinate_rows, encode_times
 from meshreel.kernel.predict import Choice, encode_values
-from meshreel.reel.agreed.closed_loop import ClosedLoop
 from meshreel.reel.agreed.fields import FieldBlock, KeyFields, Layout, decode_basis
 from meshreel.reel.agreed.mesh import FieldMesh
-from meshreel.reel.agreed.timeline import COARSEST, time_predictors
-from meshreel.reel.encoding.rate_distortion import FAIR_PRICE, quantize_by_rate
 from meshreel.runtime.profiling import staged
 from meshreel.runtime.threads import chunks, in_background, in_threads
 from meshreel.subspace.pca import gram_of_rows, joint_trajectories, leading_trajectories
@@ -22,6 +20,9 @@ from meshreel.subspace.trajectories import BoundingFrame
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
+
+FAIR_PRICE = 2.0 * math.log(2.0) / 12.0
+"""Lagrange multiplier of fine rounding: the squared steps of error that one more bit saves."""
 
 MOST_KEPT = 1 << 23
 """Coordinates that are kept as float64; those of larger blocks are found anew where needed."""
@@ -249,28 +250,14 @@ def _quantized_basis(
     frames: BlockFrames, step: float, choices: FieldChoices
 ) -> npt.NDArray[np.int32]:
     """Residuals of the temporal basis, of shape (K, 3, T), without modes that are all 0."""
-    n_frames = frames.n_frames
     least = choices.least_rms * step * float(np.sqrt(frames.n_verts))
     strengths, vectors = frames.trajectories(least)
     strengths, vectors = strengths[: choices.n_modes], vectors[:, : choices.n_modes]
-    n_kept = len(strengths)
     scaled = vectors * (strengths / (choices.basis_step * step))
-    wanted = scaled.reshape(3, n_frames, n_kept).transpose(1, 2, 0).reshape(n_frames, -1)
-    predictors = time_predictors(n_frames)
-    loop = ClosedLoop(predictors, n_frames, wanted.shape[1], 1.0)
-    integers = np.zeros(wanted.shape, np.int64)
-    for level, predictor in enumerate(predictors):
-        prediction = loop.predict(level)
-        price = choices.price if level else 0.0
-        residuals = quantize_by_rate(wanted[predictor.rows] - prediction, price)
-        loop.add(level, prediction, residuals)
-        integers[predictor.rows] = residuals
-    by_mode = integers.reshape(n_frames, n_kept, 3)
-    does_something = np.asarray(by_mode.any(axis=(0, 2)))
+    coded = encode_times(scaled.T.reshape(-1, 3, frames.n_frames), choices.price)
+    does_something = np.asarray(coded.any(axis=(1, 2)))
     does_something[0] = True
-    coded = by_mode[:, does_something].transpose(1, 2, 0).astype(np.int32)
-    coded[:, :, ::COARSEST] = np.diff(coded[:, :, ::COARSEST], axis=2, prepend=0)
-    return coded
+    return coded[does_something]
 
 
 @staged("fields")

@@ -1,0 +1,62 @@
+"""Basis vectors to integers: what an encoder chooses, decoded again."""
+
+import hypothesis.strategies as st
+import numpy as np
+import pytest
+from hypothesis import given
+
+from meshreel.errors import InvalidInputError
+from meshreel.kernel.frames import encode_times, time_vectors
+
+FAIR_PRICE = 2.0 * np.log(2.0) / 12.0
+
+
+def curves(n_modes, n_frames, size, seed):
+    """Random walks of shape (K, 3, T)."""
+    steps = np.random.default_rng(seed).normal(size=(n_modes, 3, n_frames))
+    return size * np.cumsum(steps, axis=2)
+
+
+def directions(values):
+    """Vectors of length 1 of shape (3, T, K)."""
+    lengths = np.sqrt(np.square(values).sum(axis=(1, 2), keepdims=True))
+    return np.moveaxis(values / np.where(lengths > 0, lengths, 1.0), 0, 2)
+
+
+@given(st.integers(1, 4), st.integers(1, 70), st.floats(1.0, 1e6), st.integers(0, 99))
+def test_vectors_come_back_within_half_a_step_when_bits_are_worth_nothing(n, n_frames, size, seed):
+    wanted = curves(n, n_frames, size, seed)
+    decoded = time_vectors(encode_times(wanted, 0.0))
+    length = np.sqrt(np.square(wanted).sum(axis=(1, 2)))
+    error = np.abs(decoded - directions(wanted)).max(axis=(0, 1))
+    assert (error <= (0.5 + 0.5 * np.sqrt(3 * n_frames)) / np.maximum(length, 1e-9) + 1e-9).all()
+
+
+def test_integers_are_fewer_when_bits_have_a_price():
+    wanted = curves(3, 200, 0.3, 1)
+    plain, by_rate = encode_times(wanted, 0.0), encode_times(wanted, FAIR_PRICE)
+    assert np.count_nonzero(by_rate) < 0.9 * np.count_nonzero(plain)
+    np.testing.assert_array_equal(by_rate[:, :, ::4], plain[:, :, ::4])
+
+
+def test_rare_ones_become_zeros_that_common_ones_do_not():
+    rare, common = np.zeros((1, 3, 400)), np.zeros((1, 3, 400))
+    rare[0, 0, 7] = 0.6
+    common[0, 0, 1::2] = 0.6
+    assert encode_times(rare, FAIR_PRICE)[0, 0, 7] == 0
+    assert np.count_nonzero(encode_times(common, FAIR_PRICE)[0, 0]) > 100
+
+
+def test_smooth_curves_need_no_integers_between_the_coarsest_times():
+    time = np.arange(101) / 10
+    curve = np.broadcast_to(np.rint(time**2), (1, 3, 101))
+    integers = encode_times(1e3 * np.array(curve), 0.0)
+    assert np.count_nonzero(integers[:, :, ::4]) > 50
+    assert encode_times(np.full((2, 3, 9), 7.0), 0.0).any(axis=2).sum() == 6
+    assert not encode_times(np.full((2, 3, 9), 7.0), 0.0)[:, :, 1:].any()
+
+
+@pytest.mark.parametrize("value", [1e12, np.inf, np.nan])
+def test_error_is_raised_when_an_integer_is_too_large(value):
+    with pytest.raises(InvalidInputError, match="basis vectors cannot be coded"):
+        encode_times(np.full((1, 3, 5), value), FAIR_PRICE)
