@@ -209,6 +209,12 @@ REEL_API int64_t reel_patterns_decode(void *memory, size_t memory_size, const ui
                                       int64_t size, int64_t is_float, const int32_t *order,
                                       const int64_t *starts, const int32_t *triples);
 
+/* The opposite side twins[3 i + k] of side k of face i, from corner k to the next, or itself. Where
+   more than two sides lie on an edge they are paired in their order. At most 2^29 faces. */
+REEL_API size_t reel_twins_memory(int64_t n_verts, int64_t n_faces);
+REEL_API int64_t reel_twins(void *memory, size_t memory_size, const int32_t *faces,
+                            int64_t n_faces, int64_t n_verts, int32_t *twins);
+
 /* From which rows each is expected (expected.c), as reel_patterns_encode takes it, where `faces`
    are rows of 0..n_rows-1 and twins[side] is the opposite side of each side 3 face + corner, or
    itself, an involution. There is room for 3 n_faces + n_rows triples; their number is returned. */

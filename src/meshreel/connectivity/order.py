@@ -5,7 +5,6 @@ import numpy.typing as npt
 
 from meshreel.connectivity.permutation import inverse_permutation
 from meshreel.connectivity.triangles import (
-    CORNERS,
     AnyFaces,
     lowest_rotation,
     sorted_order,
@@ -73,8 +72,10 @@ def list_faces(known: AnyFaces, corners: npt.NDArray[np.integer]) -> Integers:
 
     Corner k of known face i has the number ``3 i + k``.
     """
-    first, turn = np.divmod(corners, 3)
-    return np.asarray(known, np.int64)[first[:, None], (turn[:, None] + CORNERS) % 3]
+    given, listed = np.asarray(corners, np.int64), known.reshape(-1)
+    first = given - given % 3
+    sides = [given, first + (given - first + 1) % 3, first + (given - first + 2) % 3]
+    return np.stack([listed[side] for side in sides], axis=1).astype(np.int64)
 
 
 def _matching_corners(faces: AnyFaces, known: AnyFaces, n_verts: int) -> Integers:

@@ -3,6 +3,8 @@
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.kernel.order import opposite_sides
+
 Integers = npt.NDArray[np.int64]
 AnyFaces = npt.NDArray[np.int32] | npt.NDArray[np.int64]
 
@@ -44,16 +46,4 @@ def twin_sides(faces: AnyFaces, n_verts: int) -> Integers:
     int64 array of shape (3 M,), an involution. Where more than two sides lie on one edge, they
     are paired in their order, whatever their direction.
     """
-    wide = np.asarray(faces, np.int64)
-    ends = np.roll(wide, -1, axis=1)
-    edge = (np.minimum(wide, ends) * n_verts + np.maximum(wide, ends)).ravel()
-    order = np.argsort(edge, kind="stable")
-    edge = edge[order]
-    starts = np.flatnonzero(np.concatenate([[True], edge[1:] != edge[:-1]]))
-    sizes = np.diff(np.append(starts, len(edge)))
-    place = np.arange(len(edge)) - np.repeat(starts, sizes)
-    opens = np.flatnonzero((place % 2 == 0) & (place + 1 < np.repeat(sizes, sizes)))
-    twins = np.arange(len(edge))
-    twins[order[opens]] = order[opens + 1]
-    twins[order[opens + 1]] = order[opens]
-    return twins.astype(np.int64)
+    return opposite_sides(faces, n_verts).astype(np.int64)

@@ -15,6 +15,22 @@ BYTES_EACH = 32
 MOST_FACES = 1 << 29
 
 
+def opposite_sides(faces: AnyIntegers, n_verts: int) -> Integers:
+    """The opposite side of each side of faces of shape (M, 3), or itself; int32 of shape (3 M,).
+
+    Raises
+    ------
+    InvalidInputError
+        If there are too many faces, or one names a vertex that is not there.
+    """
+    n_faces = len(faces)
+    _require_few(n_faces)
+    twins = np.empty(3 * n_faces, np.int32)
+    room = memory(size_of("reel_twins_memory", n_verts, n_faces))
+    call("reel_twins", room, len(room), _passed(faces), n_faces, n_verts, twins, what="faces")
+    return twins
+
+
 def encode_order(
     faces: AnyIntegers,
     twins: AnyIntegers | None,

@@ -48,7 +48,8 @@ def in_threads(
     """
     with one_blas_thread():
         works = [_as_set_here(work) for _ in pieces]
-        is_alone = len(pieces) == 1 or threading.current_thread().name.startswith(POOL)
+        is_few = len(pieces) == 1 or n_cores() == 1
+        is_alone = is_few or threading.current_thread().name.startswith(POOL)
         in_order = map if is_alone else _pool().map
         results = in_order(lambda own, piece: own(piece), works, pieces)
         for number, _ in enumerate(results, start=1):
@@ -60,9 +61,9 @@ def in_background(work: Callable[[], Result]) -> "Future[Result]":
     """The future result of work that begins in a thread of its own.
 
     There is one such thread. Work that it asks for itself is done at once: it cannot wait for
-    itself.
+    itself. So is all work where there is one core.
     """
-    if not threading.current_thread().name.startswith(BACKGROUND):
+    if n_cores() > 1 and not threading.current_thread().name.startswith(BACKGROUND):
         return _background().submit(_as_set_here(work))
     done: Future[Result] = Future()
     try:
