@@ -24,7 +24,7 @@ Links = tuple[npt.NDArray[np.int64], npt.NDArray[np.int64], float, float]
 SIDE_M, FPS, SUBSTEPS = 1.6, 30.0, 16
 SPHERE_M, RADIUS_M, FLOOR_M = np.array([0.12, 0.0, -0.07]), 0.3, -0.42
 GRAVITY_M_PER_S2, DRAG_PER_S = 9.81, 0.6
-STRETCH, SHEAR, BENDING = 1.0, 0.25, 0.04
+STRETCH, SHEAR, BENDING = 1.0, 0.25, 0.25
 """Share of the change of a link's length that a substep undoes."""
 FRICTION = 0.35
 """Share of its way along the sphere or the floor that a vertex is held back by."""
@@ -51,23 +51,28 @@ def links_of(side: int) -> list[Links]:
 
 
 def held_outside(positions: Floats, before: Floats) -> None:
-    """Move vertices out of the sphere and the floor, and hold them back by friction."""
-    away = positions - SPHERE_M
-    distance_m = np.sqrt(np.einsum("va,va->v", away, away))
-    inside = distance_m < RADIUS_M
-    outwards = away[inside] / distance_m[inside, None]
-    positions[inside] = SPHERE_M + RADIUS_M * outwards
-    below = positions[:, 1] < FLOOR_M
-    positions[below, 1] = FLOOR_M
-    touching = inside | below
+    """Hold vertices back that touch the sphere or the floor, and move them out of both."""
+    touching = (distances_m(positions) < RADIUS_M) | (positions[:, 1] < FLOOR_M)
     positions[touching] -= FRICTION * (positions - before)[touching]
+    distance_m = distances_m(positions)
+    inside = distance_m < RADIUS_M
+    positions[inside] -= SPHERE_M
+    positions[inside] *= (RADIUS_M / distance_m[inside])[:, None]
+    positions[inside] += SPHERE_M
+    np.maximum(positions[:, 1], FLOOR_M, out=positions[:, 1])
+
+
+def distances_m(positions: Floats) -> Floats:
+    """Distances from the middle of the sphere."""
+    away = positions - SPHERE_M
+    return np.asarray(np.sqrt(np.einsum("va,va->v", away, away)))
 
 
 def simulate_cloth(n_frames: int = 60, side: int = 90) -> meshreel.MeshSequence:
     """The cloth in metres, y upwards; `side` x `side` vertices, equal at every call."""
     across, down = np.meshgrid(*2 * [np.linspace(-0.5, 0.5, side) * SIDE_M])
     # Not quite flat, so that it does not fall alike on all sides.
-    height = 0.24 + 0.01 * np.sin(9 * across + 4 * down) + 0.006 * np.cos(23 * down - 14 * across)
+    height = 0.33 + 0.01 * np.sin(9 * across + 4 * down) + 0.006 * np.cos(23 * down - 14 * across)
     positions = np.stack([across, height, down], axis=2).reshape(-1, 3)
     velocities = np.zeros_like(positions)
     links = links_of(side)
@@ -89,7 +94,9 @@ def simulate_cloth(n_frames: int = 60, side: int = 90) -> meshreel.MeshSequence:
             held_outside(positions, before)
             velocities = (positions - before) / substep_s
     corner = np.arange(side * side).reshape(side, side)
-    a, b, c, d = (x.ravel() for x in (corner[:-1, :-1], corner[:-1, 1:], corner[1:, :-1], corner[1:, 1:]))
+    a, b, c, d = (
+        x.ravel() for x in (corner[:-1, :-1], corner[:-1, 1:], corner[1:, :-1], corner[1:, 1:])
+    )
     faces = np.concatenate([np.stack([a, c, b], 1), np.stack([b, c, d], 1)])
     return meshreel.MeshSequence(frames, faces, fps=FPS, name="cloth")
 
