@@ -45,7 +45,9 @@ def main() -> None:
     jobs = [(source, quality) for source in arguments.sources for quality in qualities]
     with ProcessPoolExecutor(arguments.workers) as pool:
         found = list(pool.map(measured, *zip(*jobs, strict=True)))
-    print("| degrees, STED; RMS, largest %; ratio | " + " | ".join(f"{q:g}" for q in qualities))
+    print(
+        "| degrees, STED; RMS, largest %; ratio | " + " | ".join(f"{q:g}" for q in qualities) + " |"
+    )
     print("|---|" + "---|" * len(qualities))
     for source in arguments.sources:
         cells = [
