@@ -114,7 +114,7 @@ def animal(n_frames: int = 48, subdivisions: int = 6) -> meshreel.MeshSequence:
             2 * np.pi * phase + 3 * shape[:, 0]
         )
         frames[number] = posed
-    return meshreel.MeshSequence(frames, faces, fps=FPS, name="animal")
+    return meshreel.MeshSequence(frames, faces.astype(np.int32), fps=FPS, name="animal")
 
 
 def main() -> None:
