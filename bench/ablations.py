@@ -27,7 +27,7 @@ from meshreel.kernel.mesh import Hierarchy
 from meshreel.reel.agreed.mesh import FieldMesh
 from meshreel.reel.encoding.block_coder import FieldBlockCoder
 
-QUALITIES = (50, 65, 80, 95)
+QUALITIES = (30, 45, 60, 75)
 CODE = FieldBlockCoder.code
 HIERARCHY: Any = vars(FieldMesh)["hierarchy"].func
 

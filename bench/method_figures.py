@@ -37,8 +37,8 @@ N_KNOWN = 10
 PREDICTED = 12
 """Number of the mode whose prediction is shown, from 0."""
 
-QUALITY_80_STEP = 1e-4 * 2 ** (20 / 12)
-"""Quantisation step of a position at quality 80, in diagonals of the bounding box."""
+QUALITY_60_STEP = 1e-4 * 2 ** (20 / 12)
+"""Quantisation step of a position at quality 60, in diagonals of the bounding box."""
 
 CROP_M = 0.42
 """Side of the piece of the flag that is drawn enlarged."""
@@ -60,7 +60,7 @@ class Flag:
     vectors : float64 array of shape (3 T, K)
         Temporal basis.
     fields : float64 array of shape (V, K)
-        In quantisation steps of quality 80.
+        In quantisation steps of quality 60.
     resolutions : list of Resolution
     mesh : FieldMesh
     """
@@ -80,7 +80,7 @@ def analysed_flag(n_frames: int) -> Flag:
     positions = (sequence.vertices - (low + high) / 2) / sequence.extent.mean_diagonal
     matrices = np.ascontiguousarray(positions.astype(np.float64).transpose(2, 0, 1))
     _, vectors = joint_trajectories(matrices, N_MODES)
-    step = QUALITY_80_STEP * np.sqrt(n_frames)
+    step = QUALITY_60_STEP * np.sqrt(n_frames)
     fields = matrices.reshape(-1, sequence.n_verts).T @ vectors / step
     mesh = FieldMesh(sequence.faces, sequence.n_verts, STENCIL_SIZE)
     flat = sequence.vertices[0, :, :2].astype(np.float64)

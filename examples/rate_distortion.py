@@ -25,7 +25,7 @@ def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("sequence", nargs="?")
-    parser.add_argument("--qualities", default="50,60,70,80,90")
+    parser.add_argument("--qualities", default="40,50,60,70,80")
     arguments = parser.parse_args()
     named = arguments.sequence
     sequence = meshreel.load(named) if named else meshreel.simulate_flag(100)

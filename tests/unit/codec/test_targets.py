@@ -14,7 +14,7 @@ from meshreel.kernel.mesh import MAX_STENCIL
 from meshreel.reel.agreed.payloads import MAX_LEARNED
 from meshreel.reel.encoding.effort import (
     EFFORTS,
-    FINEST_STEP,
+    USUAL_STEP,
     choices_for,
     quality_step,
     tune_named,
@@ -280,7 +280,7 @@ def test_steps_are_taken_as_they_are_when_they_are_as_large_as_the_model():
 
 
 def test_steps_of_quality_halve_with_twelve_points_and_end_at_the_finest():
-    assert quality_step(100) == FINEST_STEP
+    assert quality_step(DEFAULT_QUALITY) == USUAL_STEP == 1e-4
     for quality in (88, 50, 13):
         assert quality_step(quality) == pytest.approx(2 * quality_step(quality + 12))
 
