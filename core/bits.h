@@ -20,6 +20,16 @@ typedef struct {
     bool failed; /* the writer has no more room */
 } reel_port;
 
+/* With REEL_DECODER_ONLY compilers know that nothing is written, and leave out all that would be. */
+REEL_INLINE bool reel_writes(const reel_port *port) {
+#ifdef REEL_DECODER_ONLY
+    (void)port;
+    return false;
+#else
+    return port->writes;
+#endif
+}
+
 REEL_INLINE uint32_t reel_next_word(reel_port *port) {
     uint32_t word = 0;
     size_t left = port->position < port->size ? port->size - port->position : 0;
@@ -64,7 +74,7 @@ REEL_INLINE void reel_put_word(reel_port *port) {
 
 /* The highest word of the range is 0: a word is written, or read. */
 REEL_INLINE void reel_renew(reel_port *port) {
-    if (port->writes) {
+    if (reel_writes(port)) {
         reel_put_word(port);
         port->low <<= 32;
     } else {
@@ -76,7 +86,7 @@ REEL_INLINE void reel_renew(reel_port *port) {
 /* A bit that is 1 with probability ones / 65536, 0 < ones < 65536. */
 REEL_INLINE int reel_code_bit(reel_port *port, uint32_t ones, int bit) {
     uint64_t part = (port->range >> 16) * ones;
-    if (port->writes) {
+    if (reel_writes(port)) {
         if (bit) {
             port->range = part;
         } else {
@@ -106,7 +116,7 @@ REEL_INLINE int reel_code_bit(reel_port *port, uint32_t ones, int bit) {
 REEL_INLINE uint32_t reel_code_raw(reel_port *port, int count, uint32_t value) {
     uint32_t most = (1U << count) - 1;
     port->range >>= count; /* at least 2^16 */
-    if (port->writes) {
+    if (reel_writes(port)) {
         value &= most;
         uint64_t low = port->low + port->range * value;
         if (low < port->low) {
@@ -165,7 +175,7 @@ REEL_INLINE int64_t reel_end_reader(const reel_port *port) {
 }
 
 REEL_INLINE int64_t reel_end(reel_port *port) {
-    return port->writes ? reel_end_writer(port) : reel_end_reader(port);
+    return reel_writes(port) ? reel_end_writer(port) : reel_end_reader(port);
 }
 
 /* An adaptive bit: probabilities of a 1 by 65536 that follow quickly and slowly. */

@@ -10,7 +10,7 @@ static void code_listed(reel_walk *walk, int32_t *faces, int64_t n_faces) {
         int32_t *face = faces + 3 * i;
         for (int k = 0; k < 3; k++) {
             int64_t base = k ? face[0] : above;
-            int32_t more = walk->port.writes ? (int32_t)(face[k] - base) : 0;
+            int32_t more = reel_writes(&walk->port) ? (int32_t)(face[k] - base) : 0;
             int64_t value =
                 base + reel_code_integer(&walk->port, &walk->models->corner[k], more);
             if (value < 0 || value >= walk->n_verts) {
@@ -70,7 +70,7 @@ static int64_t code_faces(reel_walk *walk, const int32_t *given) {
     walk->n_caps = code_amount(walk, surface->n_caps, 3 * walk->n_faces);
     walk->pinched = reel_code_raw(&walk->port, 1, surface->pinched);
     walk->turns = reel_code_raw(&walk->port, 1, surface->turns);
-    if (walk->port.writes) {
+    if (reel_writes(&walk->port)) {
         write_parts(walk);
         finish_names(walk, given);
     } else {

@@ -68,7 +68,7 @@ static void start_leaps(leap_model *model) {
 static int64_t code_leap(reel_port *port, leap_model *model, const reel_ranks *set, int64_t from,
                          int64_t to) {
     int64_t start = reel_ranks_below(set, from);
-    int64_t way = port->writes ? reel_ranks_below(set, to) - start : 0;
+    int64_t way = reel_writes(port) ? reel_ranks_below(set, to) - start : 0;
     way += way < -(set->size / 2) ? set->size : way > (set->size - 1) / 2 ? -set->size : 0;
     int32_t leap = (int32_t)way;
     uint32_t size = model->last < 0 ? 0U - (uint32_t)model->last : (uint32_t)model->last;
@@ -173,7 +173,7 @@ static int64_t best_time(const order *mesh, const face_state *state, int64_t fac
 /* The corner arrived at across an open side, or -1 - a face found anew. */
 static int32_t code_far(reel_port *port, const order *mesh, face_state *state, int64_t wanted) {
     face_models *models = state->models;
-    int64_t time = port->writes ? best_time(mesh, state, wanted) : -1;
+    int64_t time = reel_writes(port) ? best_time(mesh, state, wanted) : -1;
     if (state->open.size && reel_bit(port, &models->open[models->before[0]], time >= 0)) {
         time = code_leap(port, &models->leap, &state->open, state->place, time);
         state->place = time;
@@ -250,7 +250,7 @@ static int64_t code_faces(reel_port *port, reel_arena *arena, const order *mesh)
         return reel_failure(REEL_NO_MEMORY, 0);
     }
     for (int64_t i = 0; i < mesh->n_faces; i++) {
-        int32_t wanted = port->writes ? mesh->corners[i] : 0;
+        int32_t wanted = reel_writes(port) ? mesh->corners[i] : 0;
         int way;
         int32_t arrived = code_near(port, mesh, &state, i, wanted / 3, &way);
         if (arrived < 0) {
@@ -383,7 +383,7 @@ static int32_t code_near_vertex(reel_port *port, vertex_state *state, int64_t n_
 
 static int32_t code_far_vertex(reel_port *port, vertex_state *state, int32_t wanted, int *way) {
     vertex_models *models = state->models;
-    int64_t time = port->writes ? state->time[wanted] : -1, found;
+    int64_t time = reel_writes(port) ? state->time[wanted] : -1, found;
     if (state->open.size && reel_bit(port, &models->open[models->before[0]], time >= 0)) {
         *way = OPEN;
         found = code_leap(port, &models->leap, &state->open, state->place, time);
@@ -419,7 +419,7 @@ static int64_t code_vertices(reel_port *port, reel_arena *arena, const order *me
     }
     int32_t last = -1;
     for (int64_t i = 0; i < mesh->n_verts; i++) {
-        int32_t wanted = port->writes ? mesh->sequence[i] : -1;
+        int32_t wanted = reel_writes(port) ? mesh->sequence[i] : -1;
         int way;
         int32_t found = code_near_vertex(port, &state, mesh->n_verts, last, wanted, &way);
         if (found < 0) {
@@ -481,7 +481,7 @@ static int64_t code_order(reel_port *port, reel_arena arena, const order *mesh, 
     }
     name_vertices(mesh, faces, name_of, vertex_of);
     named.faces = faces;
-    if (port->writes) {
+    if (reel_writes(port)) {
         rename_all(mesh->sequence, mesh->n_verts, name_of);
     }
     failed = code_vertices(port, &arena, &named);

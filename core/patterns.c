@@ -221,8 +221,8 @@ static int recent_place(const pattern_models *models, const number_table *table,
     size_t size = (size_t)(table->width * table->size);
     for (int i = 0; i < models->n_recent; i++) {
         if (models->marks[i] == mark &&
-            !__builtin_memcmp(table->values + (size_t)models->recent[i] * size,
-                              table->values + (size_t)row * size, size)) {
+            reel_same(table->values + (size_t)models->recent[i] * size,
+                      table->values + (size_t)row * size, size)) {
             return i;
         }
     }
@@ -242,8 +242,8 @@ static void move_to_front(pattern_models *models, int place, int64_t row, uint32
 static bool code_again(reel_port *port, pattern_models *models, const number_table *table,
                        int64_t row) {
     int n = models->n_recent, place = 0;
-    uint32_t mark = port->writes ? mark_of(table, row) : 0;
-    if (port->writes) {
+    uint32_t mark = reel_writes(port) ? mark_of(table, row) : 0;
+    if (reel_writes(port)) {
         place = recent_place(models, table, row, mark);
     }
     bool again = n && reel_bit(port, &models->again[models->came_again & 3U], place < n);
@@ -258,7 +258,7 @@ static bool code_again(reel_port *port, pattern_models *models, const number_tab
         node = node << 1 | reel_bit(port, &models->which[node], place >> i & 1);
     }
     place = node - RECENT < n ? node - RECENT : n - 1; /* of damaged bytes, the last */
-    if (!port->writes) {
+    if (!reel_writes(port)) {
         size_t size = (size_t)(table->width * table->size);
         reel_copy(table->values + (size_t)row * size,
                   table->values + (size_t)models->recent[place] * size, size);

@@ -72,7 +72,7 @@ static void link_nodes(reel_walk *walk, int32_t n, int32_t next) {
 
 /* The writer's side of a node; the twin of a side on a ring is its node, as -1 - node. */
 static void set_side(reel_walk *walk, int32_t n, int32_t side) {
-    if (walk->port.writes) {
+    if (reel_writes(&walk->port)) {
         walk->side[n] = side;
         walk->surface.twin[side] = -1 - n;
     }
@@ -80,7 +80,7 @@ static void set_side(reel_walk *walk, int32_t n, int32_t side) {
 
 /* The sides behind the other two edges of the face that is on the left of the edge from n. */
 static int32_t side_behind(const reel_walk *walk, int32_t n, bool after) {
-    if (!walk->port.writes) {
+    if (!reel_writes(&walk->port)) {
         return REEL_NONE;
     }
     int32_t side = walk->side[n];
@@ -100,7 +100,7 @@ static bool add_face(reel_walk *walk, int32_t a, int32_t b, int32_t c) {
         walk->failed = true;
         return false;
     }
-    bool turned = walk->port.writes && walk->surface.turned[walk->side[a] / 3];
+    bool turned = reel_writes(&walk->port) && walk->surface.turned[walk->side[a] / 3];
     turned = reel_code_turned(walk, a, turned);
     int32_t *face = walk->faces + 3 * walk->n_done++;
     face[0] = u;
@@ -123,7 +123,7 @@ static void set_behind(reel_walk *walk, int32_t n, int32_t m, int32_t c, bool tu
 /* A node, in no ring yet, for a point that is first met; n and m are as in `reel_code_degree`. */
 static int32_t meet_point(reel_walk *walk, int32_t n, int32_t m, int32_t point) {
     int32_t vertex = REEL_CAP, degree = 0;
-    if (walk->port.writes) {
+    if (reel_writes(&walk->port)) {
         vertex = walk->surface.vertex[point];
         degree = walk->surface.degree[point];
         walk->met[point] = 1;
@@ -215,7 +215,7 @@ static void grow(reel_walk *walk, int32_t n) {
     int32_t m = walk->nodes[n].next;
     int32_t point = REEL_NONE, target = REEL_NONE, share = 0;
     bool meets = false;
-    if (walk->port.writes) {
+    if (reel_writes(&walk->port)) {
         int32_t third = reel_side_before(walk->side[n]);
         point = walk->surface.point[third];
         meets = walk->met[point];
@@ -258,7 +258,7 @@ static void fill(reel_walk *walk, int32_t n) {
 /* A ring of two nodes: the edge of a side, seen from both its faces. */
 static void start_part(reel_walk *walk, int32_t side) {
     int32_t other = REEL_NONE, points[2] = {REEL_NONE, REEL_NONE};
-    if (walk->port.writes) {
+    if (reel_writes(&walk->port)) {
         other = walk->surface.twin[side];
         points[0] = walk->surface.point[side];
         points[1] = walk->surface.point[other];

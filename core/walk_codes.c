@@ -128,7 +128,7 @@ bool reel_code_is_cap(reel_walk *walk, bool cap, bool starts) {
 
 /* The number of the vertex of a point that is first met: the next, unless it was met before. */
 int32_t reel_code_vertex(reel_walk *walk, int32_t vertex) {
-    int32_t known = walk->port.writes ? walk->name[vertex] : REEL_NONE;
+    int32_t known = reel_writes(&walk->port) ? walk->name[vertex] : REEL_NONE;
     if (walk->pinched && reel_bit(&walk->port, &walk->models->is_copy, known != REEL_NONE)) {
         int64_t found = walk->copied;
         found += reel_code_integer(&walk->port, &walk->models->copy, known - walk->copied);
@@ -140,7 +140,7 @@ int32_t reel_code_vertex(reel_walk *walk, int32_t vertex) {
         walk->failed = true;
         return 0;
     }
-    if (walk->port.writes) {
+    if (reel_writes(&walk->port)) {
         walk->name[vertex] = (int32_t)walk->n_named;
         walk->given[walk->n_named] = vertex;
     }
@@ -177,7 +177,7 @@ bool reel_code_meets(reel_walk *walk, int32_t n, int32_t m, bool meets) {
 int32_t reel_code_target(reel_walk *walk, int32_t n, int32_t m, int32_t target) {
     const reel_node *nodes = walk->nodes;
     int32_t offset = 0, ahead = nodes[m].next, back = nodes[n].prev;
-    if (walk->port.writes) {
+    if (reel_writes(&walk->port)) {
         while (offset < NEAR && ahead != target && back != target) {
             ahead = nodes[ahead].next;
             back = nodes[back].prev;
