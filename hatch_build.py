@@ -4,12 +4,16 @@ The core comes from `core/` by a C compiler: that of the machine, or the package
 asked for only where there is none. Without it nothing installs. The page comes from `web/` through
 npm. Where that cannot be, everything else installs, and one line says so. An sdist carries the
 built page, and what is made from it needs no Node.
+
+MESHREEL_TARGET names another machine that a wheel is for, one of `TARGETS` of `core/compile.py`;
+`core/wheels.py` sets it.
 """
 
+import os
 import runpy
 import shutil
 import subprocess
-import sysconfig
+import tempfile
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +24,10 @@ SOURCES = ("web/src", "web/build.mjs", "web/index.html", "web/package-lock.json"
 COMMANDS = (("ci", "--no-audit", "--no-fund", "--fetch-retries=1"), ("run", "build"))
 TIME_LIMIT_S = 600
 COMPILE_CORE = "core/compile.py"
-COMPILER = "ziglang>=0.13"
+# There is no such extra. pip names the requirement where it cannot be had, and so says what else
+# would do.
+COMPILER = "ziglang[or-install-gcc-or-clang]>=0.13"
+ELSEWHERE = "MESHREEL_TARGET"
 
 
 class BuildHook(BuildHookInterface):
@@ -30,8 +37,9 @@ class BuildHook(BuildHookInterface):
         """What building needs beside hatchling: a compiler, where the machine has none."""
         if self.target_name != "wheel":
             return []
-        compiler = runpy.run_path(str(Path(self.root) / COMPILE_CORE))["compiler"]()
-        return [] if compiler else [COMPILER]
+        core = runpy.run_path(str(Path(self.root) / COMPILE_CORE))
+        found = core["zig"]() if os.environ.get(ELSEWHERE) else core["compiler"]()
+        return [] if found else [COMPILER]
 
     def initialize(self, version: str, build_data: dict[str, Any]) -> None:
         """Build what is missing or older than its sources, and add it.
@@ -45,19 +53,42 @@ class BuildHook(BuildHookInterface):
         """
         root = Path(self.root)
         if self.target_name == "wheel":
-            core = runpy.run_path(str(root / COMPILE_CORE))
-            if not core["is_current"]():
-                core["build"]()
-            build_data["artifacts"].append(f"/{core['TARGET'].relative_to(root).as_posix()}")
-            build_data["pure_python"] = False
-            platform = sysconfig.get_platform().replace("-", "_").replace(".", "_")
-            build_data["tag"] = f"py3-none-{platform}"
+            try:
+                self.add_core(build_data)
+            except RuntimeError as error:
+                self.app.abort(f"meshreel cannot be built: {error}")
         if not is_current(root):
             problem = build(root)
             if problem:
                 kept = "is older than its sources" if (root / PAGE).exists() else "is left out"
                 self.app.display_warning(f"the page of `meshreel view` {kept}: {problem}")
         build_data["artifacts"].append(f"/{PAGE}")
+
+    def finalize(self, version: str, build_data: dict[str, Any], artifact_path: str) -> None:
+        """Remove a core that is for another machine."""
+        if hasattr(self, "work"):
+            self.work.cleanup()
+
+    def add_core(self, build_data: dict[str, Any]) -> None:
+        """Compile the core, unless that of the checkout is current, and name what it runs on.
+
+        Raises
+        ------
+        RuntimeError
+            If it cannot be compiled.
+        """
+        root, other = Path(self.root), os.environ.get(ELSEWHERE)
+        core = runpy.run_path(str(root / COMPILE_CORE))
+        if other:
+            target = core["TARGETS"][other]
+            self.work = tempfile.TemporaryDirectory()
+            library = core["build"](Path(self.work.name, target.library), target=other)
+            build_data["force_include"][str(library)] = f"meshreel/kernel/{target.library}"
+        else:
+            library = core["TARGET"] if core["is_current"]() else core["build"]()
+            build_data["artifacts"].append(f"/{library.relative_to(root).as_posix()}")
+        build_data["pure_python"] = False
+        build_data["tag"] = f"py3-none-{target.tag if other else core['wheel_tag']()}"
 
 
 def is_current(root: Path) -> bool:

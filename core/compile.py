@@ -1,27 +1,29 @@
 """Compiles the core: `python core/compile.py` puts the library where meshreel loads it.
 
-The compiler is $CC, else cc, clang or gcc, else the one in the package `ziglang`.
+The compiler is $CC, else cc, clang or gcc, else the one in the package `ziglang`. For other
+machines (--target) and for WebAssembly it is always ziglang's, which brings all that it needs.
 """
 
 import argparse
 import importlib.util
 import os
+import platform
 import shlex
 import shutil
 import subprocess
 import sys
+import sysconfig
+import tempfile
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 CORE = Path(__file__).resolve().parent
-LIBRARY = {"win32": "reel.dll", "darwin": "libreel.dylib"}.get(sys.platform, "libreel.so")
-TARGET = CORE.parent / "src" / "meshreel" / "kernel" / LIBRARY
-COMPILERS = ("cc", "clang", "gcc")
+KERNEL = CORE.parent / "src" / "meshreel" / "kernel"
+# gcc for Windows keeps wide vectors on stacks that it does not align for them.
+COMPILERS = () if sys.platform == "win32" else ("cc", "clang", "gcc")
 FLAGS = (
     "-std=c11",
-    "-O3",
-    "-fPIC",
-    "-shared",
     "-fvisibility=hidden",
     # What a stream means must not depend on the machine: no fused operations, no reordering.
     "-ffp-contract=off",
@@ -29,7 +31,100 @@ FLAGS = (
     "-fno-strict-aliasing",
 )
 WARNINGS = ("-Wall", "-Wextra", "-Wconversion", "-Wno-sign-conversion", "-Wshadow", "-Werror")
-TIME_LIMIT_S = 300
+SANITIZERS = ("-O1", "-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
+TIME_LIMIT_S = 600
+NO_COMPILER = "no C compiler is here: install gcc or clang, set CC, or `pip install ziglang`"
+
+# What a reader of streams calls; of the WebAssembly module the only functions.
+DECODER = (
+    "reel_abi",
+    "reel_adjacency",
+    "reel_adjacency_memory",
+    "reel_basis",
+    "reel_basis_memory",
+    "reel_connectivity_decode",
+    "reel_connectivity_decode_memory",
+    "reel_expected_find",
+    "reel_expected_memory",
+    "reel_fields_decode",
+    "reel_fields_memory",
+    "reel_frames",
+    "reel_frames_memory",
+    "reel_hierarchy",
+    "reel_hierarchy_memory",
+    "reel_integers_decode",
+    "reel_integers_memory",
+    "reel_order_decode",
+    "reel_order_memory",
+    "reel_patterns_decode",
+    "reel_patterns_memory",
+    "reel_predict_decode",
+)
+
+
+@dataclass(frozen=True)
+class Target:
+    """A kind of machine that the core is compiled for.
+
+    Attributes
+    ----------
+    library : str
+        The name of the file.
+    flags : tuple of str
+        Beside `FLAGS`.
+    triple : str
+        What zig calls it.
+    tag : str
+        The platform in the name of a wheel; of WebAssembly there are none.
+    """
+
+    library: str
+    flags: tuple[str, ...]
+    triple: str
+    tag: str = ""
+
+
+ELF = ("-O3", "-fPIC", "-shared")
+# Nothing of a C library is linked: the three functions that compilers call are in every process.
+LONE_ELF = (*ELF, "-nostdlib", "-s")
+MACH_O = ("-O3", "-fPIC", "-shared", "-Wl,-s", "-Wl,-install_name,@rpath/libreel.dylib")
+PE = ("-O3", "-shared", "-s")
+WASM = (
+    "-O3",
+    "-flto",
+    "-nostdlib",
+    "-msimd128",
+    "-mbulk-memory",
+    "-DREEL_DECODER_ONLY",
+    "-DREEL_INLINE=static inline",  # a third smaller
+    "-Wl,--no-entry",
+    "-Wl,--gc-sections",
+    "-Wl,--strip-all",
+    *(f"-Wl,--export={name}" for name in (*DECODER, "__heap_base")),
+)
+TARGETS = {
+    "linux-x86_64": Target(
+        "libreel.so",
+        LONE_ELF,
+        "x86_64-linux-gnu.2.17",
+        "manylinux_2_17_x86_64.manylinux2014_x86_64",
+    ),
+    "linux-aarch64": Target(
+        "libreel.so",
+        LONE_ELF,
+        "aarch64-linux-gnu.2.17",
+        "manylinux_2_17_aarch64.manylinux2014_aarch64",
+    ),
+    "macosx-arm64": Target("libreel.dylib", MACH_O, "aarch64-macos.11.0", "macosx_11_0_arm64"),
+    "macosx-x86_64": Target("libreel.dylib", MACH_O, "x86_64-macos.11.0", "macosx_11_0_x86_64"),
+    "win-amd64": Target("reel.dll", PE, "x86_64-windows-gnu", "win_amd64"),
+    "wasm": Target("reel.wasm", WASM, "wasm32-freestanding"),
+}
+HERE = {
+    "win32": Target("reel.dll", PE, ""),
+    "darwin": Target("libreel.dylib", ("-O3", "-fPIC", "-shared"), ""),
+}.get(sys.platform, Target("libreel.so", ELF, ""))
+TARGET = KERNEL / HERE.library
 
 
 def sources() -> list[Path]:
@@ -37,77 +132,104 @@ def sources() -> list[Path]:
     return sorted([*CORE.glob("*.c"), *CORE.glob("*.h")])
 
 
+def zig() -> list[str] | None:
+    """The command of the compiler in the package `ziglang`, or None where it is not there."""
+    if importlib.util.find_spec("ziglang") is None:
+        return None
+    return [sys.executable, "-m", "ziglang", "cc"]
+
+
 def compiler() -> list[str] | None:
-    """The command of a C compiler, or None where there is none."""
+    """The command of a C compiler for this machine, or None where there is none."""
     if os.environ.get("CC"):
         return shlex.split(os.environ["CC"])
     for name in COMPILERS:
         if shutil.which(name):
             return [name]
-    if importlib.util.find_spec("ziglang") is not None:
-        return [sys.executable, "-m", "ziglang", "cc"]
-    return None
+    found = zig()
+    # Zig alone compiles for the very processor it runs on.
+    return found and [*found, "-mcpu=baseline"]
 
 
-def command(target: Path, extra: Sequence[str] = ()) -> list[str]:
-    """The command that compiles the library.
+def command(output: Path, extra: Sequence[str] = (), target: str | None = None) -> list[str]:
+    """The command that compiles the library for this machine, or for a target.
 
     Raises
     ------
     RuntimeError
         If there is no compiler.
     """
-    found = compiler()
+    if target is None:
+        found, flags = compiler(), HERE.flags
+    else:
+        found, flags = zig(), (*TARGETS[target].flags, "-target", TARGETS[target].triple)
     if found is None:
-        raise RuntimeError(
-            "no C compiler is here; install gcc or clang, set CC, or `pip install ziglang`"
-        )
+        raise RuntimeError(NO_COMPILER if target is None else f"{target} needs the package ziglang")
     files = [str(file) for file in sources() if file.suffix == ".c"]
-    return [*found, *FLAGS, *extra, *files, "-o", str(target)]
+    return [*found, *FLAGS, *flags, *extra, *files, "-o", str(output)]
 
 
-def build(target: Path = TARGET, extra: Sequence[str] = ()) -> Path:
+def build(output: Path = TARGET, extra: Sequence[str] = (), target: str | None = None) -> Path:
     """Compile the library, whole or not at all.
 
     Raises
     ------
     RuntimeError
-        If there is no compiler, or it fails; the message has its first complaint.
+        If there is no compiler, or it fails; the message has what it says.
     """
-    unfinished = target.with_name(f".{target.name}.{os.getpid()}")
+    arguments = command(Path(output.name), extra, target)
+    output = output.resolve()
     try:
-        subprocess.run(
-            command(unfinished, extra),
-            check=True,
-            timeout=TIME_LIMIT_S,
-            capture_output=True,
-            text=True,
-        )
-        unfinished.replace(target)
+        with tempfile.TemporaryDirectory(dir=output.parent, prefix=".core-") as work:
+            subprocess.run(
+                arguments,
+                check=True,
+                cwd=work,  # some compilers write more than they are asked for
+                timeout=TIME_LIMIT_S,
+                capture_output=True,
+                text=True,
+            )
+            Path(work, output.name).replace(output)
+    except FileNotFoundError as error:
+        raise RuntimeError(f"there is no compiler {arguments[0]!r}, which CC names") from error
+    except subprocess.TimeoutExpired as error:
+        raise RuntimeError(f"the compiler {arguments[0]!r} takes for ever") from error
     except subprocess.CalledProcessError as error:
         raise RuntimeError(f"the compiler failed:\n{error.stderr}") from error
-    finally:
-        unfinished.unlink(missing_ok=True)
-    return target
+    return output
 
 
-def is_current(target: Path = TARGET) -> bool:
+def is_current(output: Path = TARGET) -> bool:
     """Whether the library is there and no source of it is newer."""
-    if not target.exists():
+    if not output.exists():
         return False
-    built = target.stat().st_mtime
+    built = output.stat().st_mtime
     return all(file.stat().st_mtime <= built for file in [*sources(), Path(__file__)])
+
+
+def wheel_tag() -> str:
+    """The platform in the name of a wheel whose core was compiled for this machine alone."""
+    name = sysconfig.get_platform()
+    if sys.platform == "darwin":  # Python may run on older and other machines; the core does not
+        system = max(int(platform.mac_ver()[0].split(".")[0] or 0), 11)
+        name = f"macosx-{system}-0-{platform.machine()}"
+    return name.replace("-", "_").replace(".", "_")
 
 
 def main() -> None:
     """Compile where it is asked for, or where meshreel loads it from."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("-o", "--output", type=Path, default=TARGET, help="the library to write")
+    parser.add_argument("-o", "--output", type=Path, help="the library to write")
+    parser.add_argument("--target", choices=TARGETS, help="another machine, by the package ziglang")
     parser.add_argument("--warnings", action="store_true", help="warnings are errors")
     parser.add_argument("flags", nargs="*", help="more flags for the compiler, behind --")
     given = parser.parse_args()
     extra = [*(WARNINGS if given.warnings else ()), *given.flags]
-    print(build(given.output, extra))
+    output = given.output or (Path(TARGETS[given.target].library) if given.target else TARGET)
+    try:
+        print(build(output, extra, given.target))
+    except RuntimeError as error:
+        sys.exit(str(error))
 
 
 if __name__ == "__main__":

@@ -1,0 +1,149 @@
+"""Makes a wheel for each kind of machine, and checks what is in it: `python core/wheels.py`.
+
+Needs the packages `hatchling` and `ziglang`. A wheel that fits this machine is also run; the core
+of the others is run where an emulator of their processor is there (qemu-aarch64).
+"""
+
+import argparse
+import os
+import platform
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+import zipfile
+from collections.abc import Sequence
+from pathlib import Path
+
+import compile as core
+from binaries import read_binary
+
+ROOT = core.CORE.parent
+PAGE = "meshreel/viewer/page/index.html"
+MACHINES = {
+    "linux-x86_64": ("ELF", "x86_64"),
+    "linux-aarch64": ("ELF", "aarch64"),
+    "macosx-arm64": ("Mach-O", "arm64"),
+    "macosx-x86_64": ("Mach-O", "x86_64"),
+    "win-amd64": ("PE", "amd64"),
+}
+MAY_IMPORT = {"bcmp", "memcmp", "memcpy", "memmove", "memset"}
+"""What an ELF library takes from the process that it is loaded into."""
+SYSTEM = re.compile(
+    r"kernel32\.dll|ntdll\.dll|ucrtbase\.dll|api-ms-win-crt-.*|/usr/lib/libSystem.*"
+)
+"""Libraries that are part of Windows and of macOS."""
+TRIAL = """
+import sys, numpy as np, meshreel
+assert meshreel.__file__.startswith(sys.argv[1]), meshreel.__file__
+steps = np.linspace(0, 1, 9)
+x, y = map(np.ravel, np.meshgrid(steps, steps))
+vertices = np.stack([np.stack([x, y, np.sin(6 * x + t)], 1) for t in range(8)])
+at = (np.arange(8)[:, None] * 9 + np.arange(8)).ravel()
+faces = np.concatenate([np.stack([at, at + 1, at + 9], 1), np.stack([at + 1, at + 10, at + 9], 1)])
+given = meshreel.MeshSequence(vertices, faces)
+error = np.abs(meshreel.decode(meshreel.encode(given)).vertices - given.vertices).max()
+assert error < 0.01, error
+"""
+
+
+def make_wheel(target: str, folder: Path) -> Path:
+    """The wheel for a kind of machine, in a folder.
+
+    Raises
+    ------
+    RuntimeError
+        If hatchling fails.
+    """
+    with tempfile.TemporaryDirectory() as work:
+        done = subprocess.run(
+            [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", work],
+            cwd=ROOT,
+            env={**os.environ, "MESHREEL_TARGET": target},
+            capture_output=True,
+            text=True,
+        )
+        if done.returncode:
+            raise RuntimeError(f"{target}: {done.stdout}{done.stderr}")
+        (made,) = Path(work).glob("*.whl")
+        return Path(shutil.move(made, folder / made.name))
+
+
+def declared() -> set[str]:
+    """The functions of `reel.h`."""
+    text = (core.CORE / "reel.h").read_text()
+    return set(re.findall(r"^REEL_API \w+ (reel_\w+)\(", text, re.MULTILINE))
+
+
+def faults(wheel: Path, target: str) -> list[str]:
+    """What is wrong with a wheel, in words."""
+    expected, found = core.TARGETS[target], []
+    if not wheel.name.endswith(f"-py3-none-{expected.tag}.whl"):
+        found.append(f"its name is {wheel.name}")
+    with zipfile.ZipFile(wheel) as archive:
+        names = archive.namelist()
+        own = [name for name in names if name.endswith((".so", ".dylib", ".dll"))]
+        if own != [f"meshreel/kernel/{expected.library}"]:
+            return [*found, f"its libraries are {own}"]
+        library = read_binary(archive.read(own[0]))
+        metadata = archive.read(next(name for name in names if name.endswith("/WHEEL"))).decode()
+    if PAGE not in names:
+        found.append("the page of the player is missing")
+    if "Root-Is-Purelib: false" not in metadata:
+        found.append("it claims to be for all machines")
+    if (library.kind, library.machine) != MACHINES[target]:
+        found.append(f"its library is {library.kind} for {library.machine}")
+    if lacking := declared() - library.exported:
+        found.append(f"its library lacks {sorted(lacking)}")
+    if foreign := {name for name in library.needed if not SYSTEM.fullmatch(name)}:
+        found.append(f"its library needs {sorted(foreign)}")
+    if library.kind == "ELF" and (more := library.imported - MAY_IMPORT):
+        found.append(f"its library takes {sorted(more)} from others")
+    return found
+
+
+def fits(target: str) -> bool:
+    """Whether a wheel is for this machine."""
+    system = {"linux": "linux", "darwin": "macosx", "win32": "win"}.get(sys.platform, "")
+    return target == f"{system}-{platform.machine().lower()}"
+
+
+def run_wheel(wheel: Path) -> None:
+    """Encode and decode by what is in a wheel.
+
+    Raises
+    ------
+    subprocess.CalledProcessError
+        If it does not work.
+    """
+    with tempfile.TemporaryDirectory() as work:
+        with zipfile.ZipFile(wheel) as archive:
+            archive.extractall(work)
+        environment = {**os.environ, "PYTHONPATH": work, "PYTHONSAFEPATH": "1"}
+        subprocess.run([sys.executable, "-c", TRIAL, work], check=True, env=environment)
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Make and check the wheels that are asked for."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("-o", "--output", type=Path, default=ROOT / "dist")
+    parser.add_argument("targets", nargs="*", help=f"of {', '.join(MACHINES)}; all of them if none")
+    given = parser.parse_args(arguments)
+    if core.zig() is None:
+        sys.exit("wheels for other machines need the package ziglang: pip install ziglang")
+    given.output.mkdir(parents=True, exist_ok=True)
+    bad = False
+    for target in given.targets or MACHINES:
+        wheel = make_wheel(target, given.output)
+        problems = faults(wheel, target)
+        if fits(target) and not problems:
+            run_wheel(wheel)
+        ran = "checked, and run" if fits(target) else "checked"
+        print(f"{wheel.name}: {'; '.join(problems) or ran}", flush=True)
+        bad |= bool(problems)
+    sys.exit(bad)
+
+
+if __name__ == "__main__":
+    main()
