@@ -1,0 +1,265 @@
+/* Bits of integers, of fields, of tables and of orders: there and back, then damaged. */
+
+#include "fuzz.h"
+
+#include <string.h>
+
+/* ---- integers ---- */
+
+typedef struct {
+    int64_t n_rows, n_tables, n_values;
+    int64_t *lengths;
+    int32_t *tables;
+} rows;
+
+static int32_t *decode_rows(const rows *all, fuzz_bytes from, int64_t *result) {
+    size_t size = reel_integers_memory(all->n_tables);
+    int32_t *values = fuzz_take(all->n_values, sizeof *values);
+    *result = reel_integers_decode(fuzz_take((int64_t)size, 1), size, from.bytes, from.size,
+                                   all->lengths, all->tables, all->n_rows, all->n_tables, values);
+    fuzz_claim_code(*result);
+    return values;
+}
+
+void fuzz_integers(void) {
+    int64_t n_rows = fuzz_below(6), n_tables = 1 + fuzz_below(3);
+    rows all = {.n_rows = n_rows, .n_tables = n_tables};
+    all.lengths = fuzz_take(all.n_rows, sizeof *all.lengths);
+    all.tables = fuzz_take(all.n_rows, sizeof *all.tables);
+    for (int64_t i = 0; i < all.n_rows; i++) {
+        all.lengths[i] = fuzz_below(120);
+        all.tables[i] = (int32_t)fuzz_below(all.n_tables);
+        all.n_values += all.lengths[i];
+    }
+    int32_t *values = fuzz_take(all.n_values, sizeof *values);
+    for (int64_t i = 0; i < all.n_values; i++) {
+        values[i] = fuzz_integer();
+    }
+    int64_t room = 16 * all.n_values + 16, result;
+    size_t size = reel_integers_memory(all.n_tables);
+    uint8_t *out = fuzz_take(room, 1);
+    result = reel_integers_encode(fuzz_take((int64_t)size, 1), size, values, all.lengths,
+                                  all.tables, all.n_rows, all.n_tables, out, (size_t)room);
+    fuzz_bytes bytes = fuzz_written(out, result);
+    int32_t *found = decode_rows(&all, bytes, &result);
+    FUZZ_CLAIM(result == (int64_t)bytes.size);
+    FUZZ_CLAIM(!memcmp(found, values, (size_t)all.n_values * sizeof *values));
+    for (int i = 0; i < 3; i++) {
+        found = decode_rows(&all, fuzz_mutated(bytes), &result);
+        fuzz_note(found, result < 0 ? 0 : all.n_values, sizeof *found);
+    }
+}
+
+/* ---- fields ---- */
+
+typedef struct {
+    int64_t n_rows, n_columns, n_passes;
+    int32_t *columns;
+    int64_t *pass_starts, *near_starts;
+    int32_t *near;
+} plan;
+
+static plan make_plan(void) {
+    int64_t n_rows = fuzz_below(6), n_columns = fuzz_below(80), n_passes = fuzz_below(5);
+    plan all = {.n_rows = n_rows, .n_columns = n_columns, .n_passes = n_passes};
+    all.n_passes += all.n_columns > 0 && all.n_passes == 0;
+    all.columns = fuzz_permutation(all.n_columns);
+    all.pass_starts = fuzz_take(all.n_passes + 1, sizeof(int64_t));
+    all.near_starts = fuzz_take(all.n_columns + 1, sizeof(int64_t));
+    int32_t *near = fuzz_take(16 * all.n_columns, sizeof *near);
+    int64_t n_near = 0, most = fuzz_below(17);
+    for (int64_t i = 0; i < all.n_columns; i++) {
+        all.near_starts[i] = n_near;
+        for (int64_t j = i ? fuzz_below(most + 1) : 0; j > 0; j--) {
+            near[n_near++] = all.columns[fuzz_below(i)];
+        }
+    }
+    all.near_starts[all.n_columns] = n_near;
+    for (int64_t i = 0; i <= all.n_passes; i++) {
+        all.pass_starts[i] = i ? all.n_columns * i / all.n_passes : 0;
+    }
+    all.near = fuzz_copy(near, n_near, sizeof *near);
+    return all;
+}
+
+static size_t plan_memory(const plan *all) {
+    return reel_fields_memory(all->n_columns, all->n_passes, all->near_starts[all->n_columns]);
+}
+
+static int32_t *decode_fields(const plan *all, fuzz_bytes from, int64_t *result) {
+    size_t size = plan_memory(all);
+    int32_t *values = fuzz_take(all->n_rows * all->n_columns, sizeof *values);
+    *result = reel_fields_decode(fuzz_take((int64_t)size, 1), size, from.bytes, from.size,
+                                 all->n_rows, all->n_columns, all->columns, all->pass_starts,
+                                 all->n_passes, all->near_starts, all->near, values);
+    fuzz_claim_code(*result);
+    return values;
+}
+
+/* A plan that breaks its rules is refused, or harmless. */
+static void spoil_plan(plan *all) {
+    int64_t n_near = all->near_starts[all->n_columns], kind = fuzz_below(4);
+    int64_t column = fuzz_below(all->n_columns), pass = fuzz_below(all->n_passes + 1);
+    if (kind == 0 && all->n_columns) {
+        all->columns[column] = (int32_t)(fuzz_below(4 * all->n_columns) - 3);
+    } else if (kind == 1 && n_near) {
+        int64_t place = fuzz_below(n_near);
+        all->near[place] = fuzz_integer();
+    } else if (kind == 2 && all->n_columns) { /* the last says how long the list is */
+        all->near_starts[column] = fuzz_integer();
+    } else {
+        all->pass_starts[pass] = fuzz_integer();
+    }
+}
+
+void fuzz_fields(void) {
+    plan all = make_plan();
+    int64_t n_values = all.n_rows * all.n_columns, room = 16 * n_values + 65536, result;
+    int32_t *values = fuzz_take(n_values, sizeof *values);
+    for (int64_t i = 0; i < n_values; i++) {
+        values[i] = fuzz_once_in(3) ? fuzz_integer() : 0;
+    }
+    size_t size = plan_memory(&all);
+    uint8_t *out = fuzz_take(room, 1);
+    result = reel_fields_encode(fuzz_take((int64_t)size, 1), size, values, all.n_rows,
+                                all.n_columns, all.columns, all.pass_starts, all.n_passes,
+                                all.near_starts, all.near, out, (size_t)room);
+    fuzz_bytes bytes = fuzz_written(out, result);
+    int32_t *found = decode_fields(&all, bytes, &result);
+    FUZZ_CLAIM(result == (int64_t)bytes.size);
+    FUZZ_CLAIM(!memcmp(found, values, (size_t)n_values * sizeof *values));
+    for (int i = 0; i < 3; i++) {
+        found = decode_fields(&all, fuzz_mutated(bytes), &result);
+        fuzz_note(found, result < 0 ? 0 : n_values, sizeof *found);
+    }
+    spoil_plan(&all);
+    decode_fields(&all, bytes, &result);
+}
+
+/* ---- tables ---- */
+
+typedef struct {
+    int64_t n_rows, width, item, is_float, n_triples;
+    int32_t *order;
+    int64_t *starts;
+    int32_t *triples;
+} expectation;
+
+static uint8_t *decode_table(const expectation *all, fuzz_bytes from, int64_t *result) {
+    size_t size = reel_patterns_memory(all->width);
+    uint8_t *values = fuzz_take(all->n_rows * all->width, (size_t)all->item);
+    *result = reel_patterns_decode(fuzz_take((int64_t)size, 1), size, from.bytes, from.size,
+                                   values, all->n_rows, all->width, all->item, all->is_float,
+                                   all->order, all->starts, all->triples);
+    fuzz_claim_code(*result);
+    return values;
+}
+
+/* From which rows others are expected, along the faces of a mesh. */
+static expectation expect_along(const fuzz_mesh *mesh) {
+    static const int64_t items[] = {1, 4, 8};
+    expectation all = {.n_rows = mesh->n_verts, .width = 1 + fuzz_below(4)};
+    all.item = items[fuzz_below(3)];
+    all.is_float = all.item == 8 || (all.item == 4 && fuzz_once_in(2));
+    all.order = fuzz_take(all.n_rows, sizeof *all.order);
+    all.starts = fuzz_take(all.n_rows + 1, sizeof *all.starts);
+    int64_t most = 3 * mesh->n_faces + all.n_rows;
+    int32_t *triples = fuzz_take(3 * most, sizeof *triples);
+    size_t size = reel_expected_memory(all.n_rows, mesh->n_faces);
+    all.n_triples = reel_expected_find(fuzz_take((int64_t)size, 1), size, mesh->faces, mesh->twins,
+                                       all.n_rows, mesh->n_faces, all.order, all.starts, triples);
+    FUZZ_CLAIM(all.n_triples >= 0 && all.n_triples <= most);
+    all.triples = fuzz_copy(triples, 3 * all.n_triples, sizeof *triples);
+    return all;
+}
+
+void fuzz_patterns(void) {
+    fuzz_mesh mesh = fuzz_any_mesh(60);
+    expectation all = expect_along(&mesh);
+    int64_t n_bytes = all.n_rows * all.width * all.item, result;
+    int64_t room = 24 * all.n_rows * all.width + 32 * all.n_rows + 32;
+    uint8_t *values = fuzz_take(n_bytes, 1), *out = fuzz_take(room, 1);
+    int64_t variety = 1 + fuzz_below(256);
+    for (int64_t i = 0; i < n_bytes; i++) {
+        values[i] = (uint8_t)fuzz_below(variety);
+    }
+    uint8_t *kept = fuzz_copy(values, n_bytes, 1);
+    size_t size = reel_patterns_memory(all.width);
+    result = reel_patterns_encode(fuzz_take((int64_t)size, 1), size, values, all.n_rows, all.width,
+                                  all.item, all.is_float, all.order, all.starts, all.triples, out,
+                                  (size_t)room);
+    fuzz_bytes bytes = fuzz_written(out, result);
+    uint8_t *found = decode_table(&all, bytes, &result);
+    FUZZ_CLAIM(result == (int64_t)bytes.size);
+    FUZZ_CLAIM(!memcmp(found, kept, (size_t)n_bytes));
+    for (int i = 0; i < 3; i++) {
+        found = decode_table(&all, fuzz_mutated(bytes), &result);
+        fuzz_note(found, result < 0 ? 0 : n_bytes, 1);
+    }
+}
+
+/* ---- orders ---- */
+
+static int64_t decode_order(const fuzz_mesh *mesh, bool with_faces, fuzz_bytes from,
+                            int32_t *corners, int32_t *sequence) {
+    size_t size = reel_order_memory(mesh->n_verts, mesh->n_faces);
+    int64_t result = reel_order_decode(fuzz_take((int64_t)size, 1), size, from.bytes, from.size,
+                                       mesh->faces, with_faces ? mesh->twins : NULL, mesh->n_verts,
+                                       mesh->n_faces, with_faces, corners, sequence);
+    fuzz_claim_code(result);
+    return result;
+}
+
+static int32_t *any_corners(int64_t n_faces) {
+    int32_t *found = fuzz_permutation(n_faces);
+    for (int64_t i = 0; i < n_faces; i++) {
+        found[i] = 3 * found[i] + (int32_t)fuzz_below(3);
+    }
+    return found;
+}
+
+/* All of 0..n-1 once, each by `share`. */
+static void claim_permutation(const int32_t *found, int64_t n, int32_t share) {
+    uint8_t *seen = fuzz_take(n, 1);
+    memset(seen, 0, (size_t)n);
+    for (int64_t i = 0; i < n; i++) {
+        FUZZ_CLAIM(found[i] >= 0 && found[i] / share < n && !seen[found[i] / share]);
+        seen[found[i] / share] = 1;
+    }
+}
+
+void fuzz_order(void) {
+    fuzz_mesh mesh = fuzz_any_mesh(60);
+    bool with_faces = !fuzz_once_in(3);
+    if (fuzz_once_in(4)) {
+        fuzz_pair_sides(&mesh);
+    }
+    int32_t *given_corners = with_faces ? any_corners(mesh.n_faces) : NULL;
+    int32_t *given_sequence = fuzz_permutation(mesh.n_verts);
+    int64_t room = 32 * (mesh.n_verts + mesh.n_faces) + 32, result;
+    int32_t *corners = with_faces ? fuzz_copy(given_corners, mesh.n_faces, 4) : NULL;
+    int32_t *sequence = fuzz_copy(given_sequence, mesh.n_verts, 4);
+    size_t size = reel_order_memory(mesh.n_verts, mesh.n_faces);
+    uint8_t *out = fuzz_take(room, 1);
+    result = reel_order_encode(fuzz_take((int64_t)size, 1), size, mesh.faces,
+                               with_faces ? mesh.twins : NULL, mesh.n_verts, mesh.n_faces,
+                               with_faces, corners, sequence, out, (size_t)room);
+    fuzz_bytes bytes = fuzz_written(out, result);
+    FUZZ_CLAIM(!memcmp(sequence, given_sequence, (size_t)mesh.n_verts * sizeof *sequence));
+    for (int i = 0; i < 4; i++) {
+        corners = with_faces ? fuzz_take(mesh.n_faces, sizeof *corners) : NULL;
+        sequence = fuzz_take(mesh.n_verts, sizeof *sequence);
+        result = decode_order(&mesh, with_faces, i ? fuzz_mutated(bytes) : bytes, corners, sequence);
+        FUZZ_CLAIM(i || result == (int64_t)bytes.size);
+        if (result >= 0) {
+            claim_permutation(sequence, mesh.n_verts, 1);
+            fuzz_note(sequence, mesh.n_verts, sizeof *sequence);
+        }
+        if (result >= 0 && with_faces) {
+            claim_permutation(corners, mesh.n_faces, 3);
+            fuzz_note(corners, mesh.n_faces, sizeof *corners);
+        }
+        FUZZ_CLAIM(i || !memcmp(sequence, given_sequence, (size_t)mesh.n_verts * 4));
+        FUZZ_CLAIM(i || !with_faces || !memcmp(corners, given_corners, (size_t)mesh.n_faces * 4));
+    }
+}
