@@ -20,7 +20,7 @@ typedef struct {
     bool failed; /* the writer has no more room */
 } reel_port;
 
-/* With REEL_DECODER_ONLY compilers know that nothing is written, and leave out all that would be. */
+/* With REEL_DECODER_ONLY compilers know that nothing is written, and leave out what would be. */
 REEL_INLINE bool reel_writes(const reel_port *port) {
 #ifdef REEL_DECODER_ONLY
     (void)port;
@@ -112,10 +112,10 @@ REEL_INLINE int reel_code_bit(reel_port *port, uint32_t ones, int bit) {
     return bit;
 }
 
-/* The lowest `count` bits (0..16) of a value, all as likely as not. */
+/* The lowest `count` bits (0..28) of a value, all as likely as not. */
 REEL_INLINE uint32_t reel_code_raw(reel_port *port, int count, uint32_t value) {
     uint32_t most = (1U << count) - 1;
-    port->range >>= count; /* at least 2^16 */
+    port->range >>= count; /* at least 2^4 */
     if (reel_writes(port)) {
         value &= most;
         uint64_t low = port->low + port->range * value;

@@ -274,7 +274,7 @@ static void list_levels(workshop *shop, result *all, int32_t begin, int32_t reso
     }
 }
 
-/* Context neighbours of a row: lower vertices of its level that are next to it, then its stencil. */
+/* Context neighbours of a row: lower vertices of its level next to it, then its stencil. */
 static void list_contexts(const workshop *shop, int32_t v, const int32_t *stencil, int32_t size,
                           int32_t *contexts) {
     const reel_graph *graph = &shop->graph;
@@ -300,7 +300,7 @@ static void name_members(const workshop *shop, int32_t *places, size_t count) {
     }
 }
 
-/* Stencils and smooth fields of the rows begin .. end - 1, whose vertices become those of the mesh. */
+/* Stencils and smooth fields of the rows begin .. end - 1; their vertices become the mesh's. */
 static void predict_rows(workshop *shop, result *all, int32_t begin, int32_t end,
                          int32_t *sorted) {
     size_t size = (size_t)all->size, first = (size_t)begin * size;
@@ -406,8 +406,8 @@ static void build(workshop *shop, result *all) {
 
 static size_t shop_room(size_t n, size_t n_near) {
     return 6 * reel_room(n + 1, sizeof(int32_t)) + 3 * reel_room(n + 4, sizeof(int32_t)) +
-           reel_room(n, sizeof(uint64_t)) + reel_room(n, 1) + 2 * reel_room(n_near, sizeof(int32_t)) +
-           reel_joiner_room(n, n_near / 2);
+           reel_room(n, sizeof(uint64_t)) + reel_room(n, 1) +
+           2 * reel_room(n_near, sizeof(int32_t)) + reel_joiner_room(n, n_near / 2);
 }
 
 static workshop open_shop(reel_arena *arena, size_t n, size_t n_near) {

@@ -22,8 +22,8 @@ typedef struct {
     lane variance[MOST][MOST];      /* its lower triangle */
 } NAMED(batch);
 
-TARGET REEL_INLINE void NAMED(load_batch)(NAMED(batch) *b, const reel_mesh *mesh, int size, int64_t first,
-                            int64_t last) {
+TARGET REEL_INLINE void NAMED(load_batch)(NAMED(batch) *b, const reel_mesh *mesh, int size,
+                                          int64_t first, int64_t last) {
     b->n_lanes = last - first < REEL_BATCH ? (int)(last - first) : REEL_BATCH;
     FOR_LANES(l) {
         int64_t own = first + (l < b->n_lanes ? l : b->n_lanes - 1);
@@ -52,7 +52,8 @@ TARGET REEL_INLINE void NAMED(start_weights)(NAMED(batch) *b, int size) {
 }
 
 /* Adds a share of their variance by distance, which leaves their sum alone. */
-TARGET REEL_INLINE void NAMED(add_variance)(NAMED(batch) *b, int size, const lane *by_distance, float share) {
+TARGET REEL_INLINE void NAMED(add_variance)(NAMED(batch) *b, int size, const lane *by_distance,
+                                            float share) {
     for (int i = 0; i < size; i++) {
         for (int j = 0; j < i; j++) {
             FOR_PARTS(p) b->variance[i][j][p] -= share * (by_distance[i][p] * b->prior[j][p]);
@@ -62,7 +63,8 @@ TARGET REEL_INLINE void NAMED(add_variance)(NAMED(batch) *b, int size, const lan
     }
 }
 
-TARGET REEL_INLINE void NAMED(predict)(const NAMED(batch) *b, int size, const lane *offset, part *predicted) {
+TARGET REEL_INLINE void NAMED(predict)(const NAMED(batch) *b, int size, const lane *offset,
+                                       part *predicted) {
     FOR_PARTS(p) predicted[p] = (part){0};
     for (int j = 0; j < size; j++) {
         FOR_PARTS(p) predicted[p] += b->weight[j][p] * offset[j][p];
@@ -71,8 +73,9 @@ TARGET REEL_INLINE void NAMED(predict)(const NAMED(batch) *b, int size, const la
 
 /* The filter observes a field: the weights go towards what would have predicted it without the
    error. Offsets become those to the prediction. */
-TARGET REEL_INLINE void NAMED(observe)(NAMED(batch) *b, int size, lane *offset, const part *predicted,
-                         const part *error, const part *noise, float relative) {
+TARGET REEL_INLINE void NAMED(observe)(NAMED(batch) *b, int size, lane *offset,
+                                       const part *predicted, const part *error,
+                                       const part *noise, float relative) {
     lane gain[MOST], total, energy = {0};
     for (int i = 0; i < size; i++) {
         FOR_PARTS(p) offset[i][p] = b->real[i][p] * (offset[i][p] - predicted[p]);
@@ -105,8 +108,8 @@ TARGET REEL_INLINE void NAMED(observe)(NAMED(batch) *b, int size, lane *offset, 
 }
 
 /* Offsets of a smooth field to the first vertex of the stencil; that of the vertex itself. */
-TARGET REEL_INLINE void NAMED(gather_smooth)(const NAMED(batch) *b, int size, const float *smooth, lane *offset,
-                               part *own) {
+TARGET REEL_INLINE void NAMED(gather_smooth)(const NAMED(batch) *b, int size, const float *smooth,
+                                             lane *offset, part *own) {
     FOR_LANES(l) {
         float base = smooth[(int64_t)b->near[0][l] * REEL_SMOOTH_FIELDS];
         AT(own, l) = smooth[b->own[l] * REEL_SMOOTH_FIELDS] - base;
@@ -138,8 +141,8 @@ TARGET REEL_INLINE void NAMED(observe_smooth)(NAMED(batch) *b, int size, const f
 }
 
 /* Offsets of values, which stand `stride` apart, to the first vertex of the stencil. */
-TARGET REEL_INLINE void NAMED(gather)(const NAMED(batch) *b, int size, const double *values, int64_t stride,
-                        double *base, lane *offset) {
+TARGET REEL_INLINE void NAMED(gather)(const NAMED(batch) *b, int size, const double *values,
+                                      int64_t stride, double *base, lane *offset) {
     FOR_LANES(l) base[l] = values[b->near[0][l] * stride];
     for (int j = 0; j < size; j++) {
         float found[REEL_BATCH];
@@ -165,7 +168,8 @@ TARGET REEL_INLINE void NAMED(observe_key)(NAMED(batch) *b, int size, const reel
 }
 
 /* What is known about the weights before the block. */
-TARGET REEL_INLINE void NAMED(prepare)(NAMED(batch) *b, int size, const reel_fields *fields, const float *smooth) {
+TARGET REEL_INLINE void NAMED(prepare)(NAMED(batch) *b, int size, const reel_fields *fields,
+                                       const float *smooth) {
     lane by_distance[MOST];
     NAMED(start_weights)(b, size);
     reel_copy(by_distance, b->weight, sizeof by_distance);
@@ -179,8 +183,9 @@ TARGET REEL_INLINE void NAMED(prepare)(NAMED(batch) *b, int size, const reel_fie
 }
 
 /* Chooses the residuals of a mode at the vertices of a batch; false if one is too large. */
-TARGET REEL_INLINE bool NAMED(choose)(const NAMED(batch) *b, int size, bool is_plain, bool is_shaped, int64_t k,
-                        reel_fields *fields, const reel_choice *choice, const double *expected) {
+TARGET REEL_INLINE bool NAMED(choose)(const NAMED(batch) *b, int size, bool is_plain,
+                                      bool is_shaped, int64_t k, reel_fields *fields,
+                                      const reel_choice *choice, const double *expected) {
     double base[REEL_BATCH], aim[REEL_BATCH];
     const double *wanted = choice->wanted + k;
     FOR_LANES(l) aim[l] = wanted[b->own[l] * fields->n_modes];
@@ -233,8 +238,9 @@ TARGET REEL_INLINE bool NAMED(code_batch)(NAMED(batch) *b, int size, bool is_pla
     return true;
 }
 
-TARGET REEL_INLINE bool NAMED(code_level)(const reel_mesh *mesh, reel_fields *fields, const reel_choice *choice,
-                            int64_t level, int64_t first, int64_t last, int size) {
+TARGET REEL_INLINE bool NAMED(code_level)(const reel_mesh *mesh, reel_fields *fields,
+                                          const reel_choice *choice, int64_t level, int64_t first,
+                                          int64_t last, int size) {
     NAMED(batch) b;
     const float *smooth = mesh->smooth + mesh->smooth_starts[level] * REEL_SMOOTH_FIELDS;
     bool is_shaped = choice && size && level >= choice->first_shaped;
@@ -255,8 +261,8 @@ TARGET REEL_INLINE bool NAMED(code_level)(const reel_mesh *mesh, reel_fields *fi
 }
 
 /* Vertices first..last-1, level after level. Full stencils have code of their own. */
-TARGET static int64_t NAMED(code)(const reel_mesh *mesh, reel_fields *fields, const reel_choice *choice,
-                    int64_t first, int64_t last) {
+TARGET static int64_t NAMED(code)(const reel_mesh *mesh, reel_fields *fields,
+                                  const reel_choice *choice, int64_t first, int64_t last) {
     for (int64_t level = 0; level < mesh->n_levels; level++) {
         int64_t start = mesh->level_starts[level], stop = mesh->level_starts[level + 1];
         start = start > first ? start : first;
@@ -270,8 +276,9 @@ TARGET static int64_t NAMED(code)(const reel_mesh *mesh, reel_fields *fields, co
         }
         bool done = size == MOST && choice
                         ? NAMED(code_level)(mesh, fields, choice, level, start, stop, MOST)
-                    : size == MOST ? NAMED(code_level)(mesh, fields, NULL, level, start, stop, MOST)
-                                   : NAMED(code_level)(mesh, fields, choice, level, start, stop, size);
+                    : size == MOST
+                        ? NAMED(code_level)(mesh, fields, NULL, level, start, stop, MOST)
+                        : NAMED(code_level)(mesh, fields, choice, level, start, stop, size);
         if (!done) {
             return reel_failure(REEL_INVALID, (uint64_t)level);
         }

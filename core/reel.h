@@ -63,9 +63,10 @@ REEL_API int64_t reel_adjacency(void *memory, size_t memory_size, const int32_t 
    it. Where each level begins, and the end, `level_starts`; the resolution of each level, 0 is the
    coarsest. Of each vertex the stencil_size (1..REEL_MAX_STENCIL) ones that predict it, -1 where
    there are no more, and how many edges of the resolution away they are. Level 0 has none, all
-   other vertices have at least one. The REEL_NEIGHBOURS context neighbours of each, likewise. The smooth fields of the resolutions but the coarsest, the
-   finest last: of vertex v in row smooth_starts[level] + v; at most REEL_SMOOTH_ROWS n_verts
-   rows. Returns the number of levels. `n_near` is starts[n_verts]. */
+   other vertices have at least one. The REEL_NEIGHBOURS context neighbours of each, likewise. The
+   smooth fields of the resolutions but the coarsest, the finest last: of vertex v in row
+   smooth_starts[level] + v; at most REEL_SMOOTH_ROWS n_verts rows. Returns the number of levels.
+   `n_near` is starts[n_verts]. */
 #define REEL_MAX_STENCIL 16
 #define REEL_MAX_RESOLUTIONS 20 /* above the coarsest */
 #define REEL_MAX_LEVELS (1 + 3 * REEL_MAX_RESOLUTIONS)
@@ -88,7 +89,7 @@ typedef struct {
     int64_t stencil_size;         /* S, 1..16 */
     const int32_t *level_starts;  /* n_levels + 1 */
     const int64_t *smooth_starts; /* n_levels: first row of the smooth fields of its resolution */
-    const int32_t *stencil;       /* n_verts x S: lower numbers, nearest first; -1 behind the last */
+    const int32_t *stencil;       /* n_verts x S: lower numbers, nearest first; -1 behind them */
     const uint8_t *hops;          /* n_verts x S: 1..3 edges of the resolution */
     const float *smooth;          /* rows of REEL_SMOOTH_FIELDS: vertex v is row start + v */
 } reel_mesh;
@@ -216,8 +217,9 @@ REEL_API int64_t reel_twins(void *memory, size_t memory_size, const int32_t *fac
                             int64_t n_faces, int64_t n_verts, int32_t *twins);
 
 /* From which rows each is expected (expected.c), as reel_patterns_encode takes it, where `faces`
-   are rows of 0..n_rows-1 and twins[side] is the opposite side of each side 3 face + corner, or
-   itself, an involution. There is room for 3 n_faces + n_rows triples; their number is returned. */
+   are rows of 0..n_rows-1 and twins[side] is the other side with the same two rows of each side
+   3 face + corner, or itself, an involution. There is room for 3 n_faces + n_rows triples; their
+   number is returned. */
 REEL_API size_t reel_expected_memory(int64_t n_rows, int64_t n_faces);
 REEL_API int64_t reel_expected_find(void *memory, size_t memory_size, const int32_t *faces,
                                     const int32_t *twins, int64_t n_rows, int64_t n_faces,

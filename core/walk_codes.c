@@ -56,7 +56,8 @@ static void find_contexts(const reel_walk *walk, int32_t n, int32_t m, uint32_t 
         here[1] = da << 6 | db << 3 | y;
         here[2] = free_class(a) << 6 | free_class(b) << 3 | fl;
         here[3] = fl << 6 | degree_class(walk->last[0]) << 3 | degree_class(walk->last[1]);
-        here[4] = node_class(&nodes[a->prev]) << 9 | da << 6 | db << 3 | node_class(&nodes[b->next]);
+        here[4] = node_class(&nodes[a->prev]) << 9 | da << 6 | db << 3 |
+                  node_class(&nodes[b->next]);
         here[5] = (uint32_t)left.steps << 6 | (uint32_t)right.steps << 4 | sum;
         here[6] = sum << 6 | da << 3 | y;
     }
@@ -219,9 +220,11 @@ void reel_start_walk_models(reel_walk_models *models) {
     models->is_cap = models->is_copy = models->is_far = reel_model_of(2048, 4);
     models->starts_open = models->is_behind = reel_model_of(32768, 0);
     models->turned[0] = models->turned[1] = reel_model_of(32768, 0);
-    reel_integer_model *integers[] = {&models->more_degree, &models->cap_degree, &models->offset,
-                                      &models->share,       &models->copy,       &models->amounts,
-                                      &models->corner[0],   &models->corner[1],  &models->corner[2]};
+    reel_integer_model *integers[] = {
+        &models->more_degree, &models->cap_degree, &models->offset,
+        &models->share,       &models->copy,       &models->amounts,
+        &models->corner[0],   &models->corner[1],  &models->corner[2],
+    };
     for (size_t i = 0; i < sizeof integers / sizeof *integers; i++) {
         reel_start_integers(integers[i]);
     }

@@ -249,7 +249,8 @@ void fuzz_order(void) {
     for (int i = 0; i < 4; i++) {
         corners = with_faces ? fuzz_take(mesh.n_faces, sizeof *corners) : NULL;
         sequence = fuzz_take(mesh.n_verts, sizeof *sequence);
-        result = decode_order(&mesh, with_faces, i ? fuzz_mutated(bytes) : bytes, corners, sequence);
+        fuzz_bytes from = i ? fuzz_mutated(bytes) : bytes;
+        result = decode_order(&mesh, with_faces, from, corners, sequence);
         FUZZ_CLAIM(i || result == (int64_t)bytes.size);
         if (result >= 0) {
             claim_permutation(sequence, mesh.n_verts, 1);

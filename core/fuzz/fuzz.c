@@ -2,9 +2,9 @@
    decoded again. A run is repeated in other memory, and has to find the same.
 
    Built for libFuzzer (-fsanitize=fuzzer), or with -DREEL_FUZZ_LOOP as a program of its own:
-   `fuzz [seconds [seed [first [count]]]]`, 0 seconds for no end. A failure names what runs it again.
-   A number stands for all that the runs have found: it is the same whatever compiler made the core
-   and wherever it runs. */
+   `fuzz [seconds [seed [first [count]]]]`, 0 seconds for no end. A failure names what runs it
+   again. A number stands for all that the runs have found: it is the same whatever compiler made
+   the core and wherever it runs. */
 
 #include "fuzz.h"
 
@@ -28,13 +28,9 @@ static uint8_t pool[POOL] __attribute__((aligned(GAP)));
 static size_t used;
 static int fill;
 
-static const struct {
-    const char *name;
-    void (*run)(void);
-} targets[] = {
-    {"integers", fuzz_integers},   {"fields", fuzz_fields},       {"connectivity", fuzz_connectivity},
-    {"order", fuzz_order},         {"patterns", fuzz_patterns},   {"hierarchy", fuzz_hierarchy},
-    {"frames", fuzz_frames},
+static void (*const targets[])(void) = {
+    fuzz_integers, fuzz_fields, fuzz_connectivity, fuzz_order,
+    fuzz_patterns, fuzz_hierarchy, fuzz_frames,
 };
 #define N_TARGETS (sizeof targets / sizeof *targets)
 
@@ -162,7 +158,7 @@ static uint64_t run_once(const uint8_t *data, size_t size, int filled) {
     fill = filled;
     ASAN_POISON_MEMORY_REGION(pool, used ? used : POOL);
     used = 0;
-    targets[fuzz_next() % N_TARGETS].run();
+    targets[fuzz_next() % N_TARGETS]();
     return noted;
 }
 

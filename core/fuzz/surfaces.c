@@ -1,4 +1,4 @@
-/* Connectivity there and back and damaged; hierarchies of any mesh, and fields predicted on them. */
+/* Connectivity there and back and damaged; hierarchies of any mesh, and fields on them. */
 
 #include "fuzz.h"
 
