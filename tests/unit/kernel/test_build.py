@@ -1,0 +1,162 @@
+"""How the core is compiled, and what is said where it cannot be."""
+
+import os
+import runpy
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from meshreel.kernel import library
+
+ROOT = Path(__file__).parents[3]
+COMPILE = ROOT / "core" / "compile.py"
+FUZZ = ROOT / "core" / "fuzz" / "run.py"
+
+
+@pytest.fixture
+def core(monkeypatch):
+    """`core/compile.py` on a machine without compilers, and without $CC."""
+    monkeypatch.delenv("CC", raising=False)
+    monkeypatch.setenv("PATH", "")
+    monkeypatch.setitem(sys.modules, "ziglang", None)
+    found = runpy.run_path(str(COMPILE))
+    found["compiler"].__globals__["COMPILERS"] = ("cc", "clang", "gcc")
+    found["compiler"].__globals__["zig"] = lambda: None
+    return found
+
+
+def install(folder, *names):
+    for name in names:
+        program = folder / name
+        program.write_text("#!/bin/sh\nexit 1\n")
+        program.chmod(0o755)
+
+
+needs_shell = pytest.mark.skipif(sys.platform == "win32", reason="programs end in .exe there")
+
+
+@needs_shell
+@pytest.mark.parametrize(
+    ("there", "chosen"),
+    [(["gcc", "clang", "cc"], "cc"), (["gcc", "clang"], "clang"), (["gcc"], "gcc")],
+)
+def test_the_compiler_is_that_of_the_machine_when_there_is_one(
+    core, monkeypatch, tmp_path, there, chosen
+):
+    install(tmp_path, *there)
+    monkeypatch.setenv("PATH", str(tmp_path))
+    core["compiler"].__globals__["zig"] = lambda: ["zig"]
+    assert core["compiler"]() == [chosen]
+
+
+@needs_shell
+def test_the_compiler_is_what_cc_names_with_its_flags_when_it_is_set(core, monkeypatch, tmp_path):
+    install(tmp_path, "cc")
+    monkeypatch.setenv("PATH", str(tmp_path))
+    monkeypatch.setenv("CC", "ccache 'my gcc' -m64")
+    assert core["compiler"]() == ["ccache", "my gcc", "-m64"]
+
+
+def test_zig_compiles_for_every_processor_of_a_kind_when_there_is_no_other(core):
+    core["compiler"].__globals__["zig"] = lambda: ["python", "-m", "ziglang", "cc"]
+    assert core["compiler"]() == ["python", "-m", "ziglang", "cc", "-mcpu=baseline"]
+
+
+def test_one_line_says_what_to_install_when_there_is_no_compiler(core, tmp_path):
+    with pytest.raises(RuntimeError) as told:
+        core["build"](tmp_path / "libreel.so")
+    assert str(told.value) == core["NO_COMPILER"]
+    assert "\n" not in core["NO_COMPILER"]
+    assert not list(tmp_path.iterdir())
+
+
+def test_one_line_names_the_compiler_when_cc_names_one_that_is_not_there(
+    core, monkeypatch, tmp_path
+):
+    monkeypatch.setenv("CC", "no-such-compiler")
+    with pytest.raises(RuntimeError, match=r"^there is no compiler 'no-such-compiler'.*$"):
+        core["build"](tmp_path / "libreel.so")
+
+
+@needs_shell
+def test_what_the_compiler_says_is_told_and_nothing_stays_when_it_fails(
+    core, monkeypatch, tmp_path
+):
+    program = tmp_path / "bad-cc"
+    program.write_text("#!/bin/sh\necho what is wrong >&2\nexit 1\n")
+    program.chmod(0o755)
+    monkeypatch.setenv("CC", str(program))
+    (tmp_path / "out").mkdir()
+    with pytest.raises(RuntimeError, match="what is wrong"):
+        core["build"](tmp_path / "out" / "libreel.so")
+    assert not list((tmp_path / "out").iterdir())
+
+
+def test_a_library_is_current_until_a_source_is_newer(core, tmp_path):
+    built = tmp_path / "libreel.so"
+    assert not core["is_current"](built)
+    newest = max(file.stat().st_mtime for file in [*core["sources"](), COMPILE])
+    built.touch()
+    os.utime(built, (newest + 1, newest + 1))
+    assert core["is_current"](built)
+    os.utime(built, (newest - 1, newest - 1))
+    assert not core["is_current"](built)
+
+
+def test_the_decoder_has_no_function_that_encodes(core):
+    header = (COMPILE.parent / "reel.h").read_text()
+    for name in core["DECODER"]:
+        assert f" {name}(" in header, name
+    encoders = ("encode", "_encode_memory")
+    assert not [name for name in core["DECODER"] if name.endswith(encoders)]
+
+
+def test_one_line_says_what_to_do_when_the_library_is_missing(monkeypatch, tmp_path):
+    monkeypatch.setattr(library, "__file__", str(tmp_path / "library.py"))
+    library.library.cache_clear()
+    with pytest.raises(ImportError, match=r"core/compile\.py") as told:
+        library.library()
+    library.library.cache_clear()
+    assert "\n" not in str(told.value)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["gcc", "clang"])
+def test_no_compiler_has_a_warning(monkeypatch, tmp_path, name):
+    if shutil.which(name) is None:
+        pytest.skip(f"needs {name}")
+    monkeypatch.setenv("CC", name)
+    core = runpy.run_path(str(COMPILE))
+    core["build"](tmp_path / "libreel.so", core["WARNINGS"])
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(
+    not (shutil.which("clang") or shutil.which("gcc")) or sys.platform == "win32",
+    reason="needs clang or gcc, with sanitizers",
+)
+def test_hostile_bytes_break_nothing():
+    """Some 20 s of what `core/fuzz` searches for hours."""
+    done = subprocess.run([sys.executable, FUZZ, "--seconds", "20"], capture_output=True, text=True)
+    assert not done.returncode, done.stdout + done.stderr
+
+
+@pytest.mark.slow
+def test_compilers_agree_on_all_that_is_found(tmp_path, monkeypatch):
+    """Whatever is encoded and decoded, also from damaged bytes, is one number."""
+    monkeypatch.syspath_prepend(str(COMPILE.parent))
+    fuzz = runpy.run_path(str(FUZZ))
+    compilers = [name for name in ("gcc", "clang") if shutil.which(name)]
+    if not compilers or sys.platform == "win32":
+        pytest.skip("needs gcc or clang")
+    found = set()
+    for name in compilers:
+        for level in ("-O0", "-O3"):
+            program = fuzz["build"](tmp_path / "fuzz", [name], (level, *fuzz["LOOP"]))
+            words = [program, "0", "7", "0", "300"]
+            told = subprocess.run(words, check=True, capture_output=True, text=True).stdout
+            found.add(told.splitlines()[-1])
+    assert len(found) == 1, found
