@@ -3,10 +3,12 @@
     python integrations/blender/build.py -o meshreel_blender.zip
     python integrations/blender/build.py -o meshreel_blender.zip --platform linux-x64
 
-Wheels of other packages come from pip's index; that of meshreel is built from this repository.
+Wheels of other packages come from pip's index; that of meshreel is built from this repository, for
+each platform by the compiler of the package ziglang, which pip fetches.
 """
 
 import argparse
+import os
 import re
 import subprocess
 import sys
@@ -31,6 +33,14 @@ PLATFORMS = {
     "macos-x64": [f"macosx_{version}_x86_64" for version in ("11_0", "10_15", "10_14", "10_9")],
 }
 """Blender's name of each platform, and the tags of wheels that run there."""
+
+TARGETS = {
+    "linux-x64": "linux-x86_64",
+    "windows-x64": "win-amd64",
+    "macos-arm64": "macosx-arm64",
+    "macos-x64": "macosx-x86_64",
+}
+"""What the core calls each platform, in `core/compile.py`."""
 
 NOT_NEEDED = frozenset({"numpy", "pillow", "rich", "typer"})
 """Blender brings NumPy; the others serve the command line and pictures."""
@@ -57,8 +67,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 def collect_wheels(platforms: Iterable[str], folder: Path) -> list[Path]:
     """The wheels that Blender needs on these platforms, downloaded or built into a folder."""
-    _pip("wheel", "--no-deps", "--wheel-dir", folder, REPOSITORY)
     for platform in platforms:
+        _pip("wheel", "--no-deps", "--wheel-dir", folder, REPOSITORY, target=TARGETS[platform])
         tags = [part for tag in PLATFORMS[platform] for part in ("--platform", tag)]
         _pip(
             "download", "--no-deps", "--only-binary", ":all:", "--python-version", PYTHON_VERSION,
@@ -110,9 +120,10 @@ def _toml_list(key: str, values: Iterable[str]) -> str:
     return f"\n{key} = [\n{lines}]\n"
 
 
-def _pip(*arguments: object) -> None:
+def _pip(*arguments: object, target: str = "") -> None:
     command = [sys.executable, "-m", "pip", "--quiet", "--disable-pip-version-check"]
-    subprocess.run([*command, *map(str, arguments)], check=True)
+    environment = {**os.environ, "MESHREEL_TARGET": target}
+    subprocess.run([*command, *map(str, arguments)], check=True, env=environment)
 
 
 if __name__ == "__main__":
