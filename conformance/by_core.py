@@ -11,9 +11,15 @@ from meshreel.codec.methods import METHOD_NAMES
 from meshreel.codec.open_stream import OpenStream
 from meshreel.codec.stored_blocks import stored_block
 from meshreel.codec.surface.materials import (
-    ALPHA_MODES, CHANNELS, FILTERS, MATERIAL_NUMBERS, SLOTS, TEXTURE_NUMBERS, WRAPS,
+    ALPHA_MODES,
+    CHANNELS,
+    FILTERS,
+    MATERIAL_NUMBERS,
+    TEXTURE_NUMBERS,
+    WRAPS,
 )  # fmt: skip
 from meshreel.entropy.exact import decode_exact
+from meshreel.materials import SLOTS
 from meshreel.paper.decoder import PaperBlockDecoder, stored_mesh
 from meshreel.reel.agreed.blocks import read_field_block
 from meshreel.reel.agreed.payloads import read_corrections
@@ -63,10 +69,17 @@ class Floats:
 def header_of(header, method):
     assert method in METHOD_NAMES
     return Header(
-        **{"n_frames": header.n_frames, "n_verts": header.n_verts, "n_faces": header.n_faces},
-        **{"fps": header.fps, "vertex_type": int(header.vertex_type), "method": method},
-        **{"laplacian": header.laplacian, "order": header.order, "origin": header.origin},
-        **{"scale": header.scale, "name": header.name},
+        n_frames=header.n_frames,
+        n_verts=header.n_verts,
+        n_faces=header.n_faces,
+        fps=header.fps,
+        vertex_type=int(header.vertex_type),
+        method=method,
+        laplacian=header.laplacian,
+        order=header.order,
+        origin=header.origin,
+        scale=header.scale,
+        name=header.name,
     )
 
 
@@ -104,11 +117,16 @@ def reel_block(opened, stored):
     block, _ = read_field_block(stored, opened.internal_faces, opened.n_verts, None)
     layout = block.layout
     found = {
-        **{"frames": stored.n_frames, "modes": block.n_modes, "reference": layout.reference},
-        **{"step": float(layout.step), "stencil": layout.stencil_size, "learned": layout.n_learned},
+        "frames": stored.n_frames,
+        "modes": block.n_modes,
+        "reference": layout.reference,
+        "step": float(layout.step),
+        "stencil": layout.stencil_size,
+        "learned": layout.n_learned,
         "basis": block.basis.reshape(block.n_modes, -1).tolist(),
         "coefficients": block.fields.tolist(),
-        **{"correction step": 0.0, "corrections": {}},
+        "correction step": 0.0,
+        "corrections": {},
     }
     if Section.CORRECTIONS in stored.sections:
         payload = stored.sections[Section.CORRECTIONS]
@@ -140,8 +158,11 @@ def surface_of(surface):
 def attribute_of(one):
     values = one.values.astype(one.values.dtype.newbyteorder("<"))
     return {
-        **{"name": one.name, "kind": str(one.kind), "domain": str(one.domain)},
-        **{"type": LETTERS[one.values.dtype.str[1:]], "width": values.shape[1]},
+        "name": one.name,
+        "kind": str(one.kind),
+        "domain": str(one.domain),
+        "type": LETTERS[one.values.dtype.str[1:]],
+        "width": values.shape[1],
         "values": [[row.tobytes()] for row in values],
         "rows": None if one.indices is None else one.indices.tolist(),
     }
@@ -167,9 +188,12 @@ def material_of(one):
 
 
 def texture_of(one):
-    filters = [0 if each is None else 1 + FILTERS.index(each) for each in (one.magnified, one.shrunk)]
+    filters = [
+        0 if each is None else 1 + FILTERS.index(each) for each in (one.magnified, one.shrunk)
+    ]
     return {
-        **{"image": one.image, "uv": one.uv},
+        "image": one.image,
+        "uv": one.uv,
         "wrap": [WRAPS.index(one.wrap_u), WRAPS.index(one.wrap_v)],
         "channels": "".join(letter for letter in CHANNELS if letter in one.channels),
         "filters": filters,

@@ -155,7 +155,9 @@ def seamed_uvs(sizes, triangles, dtype=np.float32, name="uv"):
         first, triangle = first + size, triangle + size - 2
     far = np.repeat(np.arange(len(sizes)) % 11 < 4, sizes)
     rows, indices = np.unique(at + n_verts * far, return_inverse=True)
-    plane = np.stack([rows % n_verts % 7, rows % n_verts // 7], 1) / 7.3 + 2.0 * (rows[:, None] >= n_verts)
+    plane = np.stack([rows % n_verts % 7, rows % n_verts // 7], 1) / 7.3 + 2.0 * (
+        rows[:, None] >= n_verts
+    )
     return attribute(name, "uv", "corner", plane.astype(dtype), indices)
 
 
@@ -165,6 +167,9 @@ def of_everything(dtype=np.float32, n_frames=5, **more):
     n_verts, n_faces, n_corners = int(triangles.max()) + 1, len(sizes), int(sizes.sum())
     rng = np.random.default_rng(6)
     smooth = np.sin(np.arange(n_verts)[:, None] / 9 + np.arange(4))
+    counted, half = np.arange(n_faces, dtype=np.int32), n_faces // 2
+    bytes_each = rng.integers(0, 256, (4, 3)) / 255.0
+    noise = rng.integers(-(2**31), 2**31, (n_verts, 16)).astype(np.int32)
     attributes = (
         seamed_uvs(sizes, triangles),
         seamed_uvs(sizes, triangles, np.float64, "fine"),
@@ -172,16 +177,14 @@ def of_everything(dtype=np.float32, n_frames=5, **more):
         attribute("light", "color", "corner", np.round(rng.random((n_corners, 3)), 2).astype("f4")),
         attribute("weights", "other", "vertex", smooth.astype(np.float64)),
         attribute("limits", "other", "vertex", extreme(n_verts)),
-        attribute("number", "other", "face", np.arange(n_faces, dtype=np.int32)[:, None] * 7 - 90),
-        attribute("of bytes", "color", "face", rng.integers(0, 256, (4, 3)).astype(np.uint8) / 255.0,
-                  rng.integers(0, 4, n_faces)),
-        attribute("wide", "other", "vertex", rng.integers(-(2**31), 2**31, (n_verts, 16)).astype("i4")),
+        attribute("number", "other", "face", counted[:, None] * 7 - 90),
+        attribute("of bytes", "color", "face", bytes_each, rng.integers(0, 4, n_faces)),
+        attribute("wide", "other", "vertex", noise),
         attribute("again", "other", "corner", rng.integers(0, 2, (n_corners, 1)).astype(np.int32)),
     )  # fmt: skip
-    half = n_faces // 2
     groups = (
-        FaceGroups("material", ("red", "gr\u00fcn", "unused"), (np.arange(n_faces) // 9 % 2).astype("i4")),
-        FaceGroups("group", ("one",), np.where(np.arange(n_faces) < half, -1, 0).astype(np.int32)),
+        FaceGroups("material", ("red", "gr\u00fcn", "unused"), counted // 9 % 2),
+        FaceGroups("group", ("one",), np.where(counted < half, -1, 0).astype(np.int32)),
     )  # fmt: skip
     surface = Surface(sizes, attributes, groups, (Part("/all", n_verts, n_faces),), *look())
     return moving(triangles, n_frames, dtype=dtype, surface=surface, **more)
@@ -198,9 +201,16 @@ def extreme(n):
 def look():
     """Materials that use everything, and their images."""
     red = Material(
-        **{"name": "red", "base_color": (1.0, 0.5, 0.25, 0.75), "metallic": 0.1, "roughness": 0.3},
-        **{"emissive": (0.5, 0.25, 0.0), "normal_scale": 0.5, "occlusion_strength": 0.75},
-        **{"alpha_mode": AlphaMode.MASK, "alpha_cutoff": 0.25, "double_sided": True},
+        name="red",
+        base_color=(1.0, 0.5, 0.25, 0.75),
+        metallic=0.1,
+        roughness=0.3,
+        emissive=(0.5, 0.25, 0.0),
+        normal_scale=0.5,
+        occlusion_strength=0.75,
+        alpha_mode=AlphaMode.MASK,
+        alpha_cutoff=0.25,
+        double_sided=True,
         base_color_texture=Texture(0, "uv", "rgba", Wrap.CLAMP, Wrap.MIRROR),
         metallic_texture=Texture(1, "uv", "b"),
         roughness_texture=Texture(1, "uv", "g", Wrap.BLACK, Wrap.METADATA),
@@ -211,7 +221,10 @@ def look():
     place = {"offset": (0.5, 0.25), "rotation": 0.5, "scale": (2.0, 4.0)}
     filters = {"magnified": Filter.NEAREST, "shrunk": Filter.LINEAR_MIPMAP_LINEAR}
     cloth = Material(
-        **{"name": "gr\u00fcn", "roughness": 0.5, "unlit": True, "alpha_mode": AlphaMode.BLEND},
+        name="gr\u00fcn",
+        roughness=0.5,
+        unlit=True,
+        alpha_mode=AlphaMode.BLEND,
         base_color_texture=Texture(1, "fine", **filters, **place),
     )
     images = (Image("", "image/png", bytes(range(64))), Image("b", "image/jpeg", b"\xff\xd8\xff"))
