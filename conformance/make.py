@@ -56,7 +56,16 @@ def encoded(name, sequence, **options):
     STREAMS[name] = lambda: meshreel.encode(sequence(), **options)
 
 
-def by_hand(faces, n_verts, blocks, *, vertex_type=4, order="drop", place=((0.0, 0.0, 0.0), 1.0)):
+def by_hand(
+    faces,
+    n_verts,
+    blocks,
+    *,
+    vertex_type=4,
+    order="drop",
+    place=((0.0, 0.0, 0.0), 1.0),
+    name="by hand",
+):
     """A stream of `reel` from integers.
 
     Parameters
@@ -77,7 +86,7 @@ def by_hand(faces, n_verts, blocks, *, vertex_type=4, order="drop", place=((0.0,
         order=("keep", "vertices", "drop").index(order),
         origin=place[0],
         scale=place[1],
-        name="by hand",
+        name=name,
     )
     leading = [(Section.CONNECTIVITY, coded.payload)]
     leading += [(Section.ORDER, coded.order_payload)] if order != "drop" else []
@@ -194,6 +203,13 @@ encoded(
     method="v2v",
     order="drop",
 )
+
+
+@stream
+def example():
+    """The worked example of the page."""
+    layout, basis = Layout(np.float32(0.5), 1, 0), np.array([[[3, 0], [0, -1], [0, 0]]])
+    return by_hand([[0, 1, 2]], 3, [(layout, basis, np.array([[4, -1, 2]]), None)], name="")
 
 
 @stream
