@@ -3,13 +3,14 @@
 `python -m conformance.example` prints the lines that stand in the page.
 """
 
+from contextlib import ExitStack
+from unittest.mock import patch
+
 from conformance import bits, connectivity, fields
 from conformance.connectivity import read_faces
 from conformance.container import NAMES, Payload, read_container, read_header, read_sections
 from conformance.fields import FieldReader
 from conformance.hierarchy import passes_of, resolutions_of
-
-READERS = (connectivity, fields)
 
 HEADER = (
     *(("magic", 8), ("version", 2), ("frames", 4), ("vertices", 4), ("faces", 4), ("fps", 8)),
@@ -59,14 +60,11 @@ class Traced(bits.BitStream):
 
 def traced(read):
     """The bits that a function reads, with the probability of each by 65536."""
-    Traced.notes, plain = [], bits.BitStream
-    for module in (bits, *READERS):
-        module.BitStream = Traced
-    try:
+    Traced.notes = []
+    with ExitStack() as patches:
+        for module in (connectivity, fields):
+            patches.enter_context(patch.object(module, "BitStream", Traced))
         found = read()
-    finally:
-        for module in (bits, *READERS):
-            module.BitStream = plain
     return found, " ".join(Traced.notes)
 
 

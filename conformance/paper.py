@@ -12,8 +12,10 @@ def read_anchors(payload, n_verts):
     payload = Payload(payload)
     n_anchors = payload.varint()
     need(n_anchors <= n_verts)
-    ((*gaps,),) = integers(payload.rest(), [n_anchors])
-    return list(accumulate(gaps))
+    (gaps,) = integers(payload.rest(), [n_anchors])
+    anchors = list(accumulate(gaps))
+    need(anchors == sorted(set(anchors)) and all(0 <= one < n_verts for one in anchors))
+    return anchors
 
 
 def table_of(row):

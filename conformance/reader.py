@@ -137,7 +137,7 @@ def read_reel_block(sections, header, faces, meshes):
         *(layout.varint(), layout.varint()),
     )
     layout.end()
-    need(1 <= size <= 16 and n_learned <= 255)
+    need(1 <= size <= 16 and n_learned <= 255 and 0 < step < 1e6)
     if size not in meshes:
         meshes[size] = resolutions_of(faces, header.n_verts, size)
     corrections = 0.0, {}

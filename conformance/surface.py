@@ -12,8 +12,8 @@ from conformance.rounding import single
 KINDS, DOMAINS = ("uv", "color", "other"), ("vertex", "face", "corner")
 EACH, INDEXED, SHARED = range(3)
 SLOTS = ("base_color", "metallic", "roughness", "normal", "occlusion", "emissive")
-MATERIAL_NUMBERS = (1, 1, 1, 1, 1, 1, 0, 0, 0, 1, 1, 0.5)
-TEXTURE_NUMBERS = (0, 0, 0, 1, 1)
+MATERIAL_NUMBERS = (1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 0.0, 0.0, 0.0, 1.0, 1.0, 0.5)
+TEXTURE_NUMBERS = (0.0, 0.0, 0.0, 1.0, 1.0)
 
 
 class Polygons:
@@ -186,7 +186,9 @@ def read_groups(payload, n_faces):
     name = payload.text()
     labels = [payload.text() for _ in range(payload.varint())]
     (differences,) = integers(payload.rest(), [n_faces])
-    return {"name": name, "labels": labels, "numbers": list(accumulate(differences))}
+    numbers = list(accumulate(differences))
+    need(all(-1 <= one < len(labels) for one in numbers), "there is no such group")
+    return {"name": name, "labels": labels, "numbers": numbers}
 
 
 def read_parts(payload):

@@ -72,7 +72,8 @@ def read_corrections(payload, n_frames, n_verts):
     """The step, and by frame and vertex the integers of a correction."""
     payload = Payload(payload)
     step, n_corrected, n = payload.number("f"), payload.varint(), payload.varint()
-    need(n_corrected <= n_verts and n_corrected <= n <= n_frames * n_verts)
+    need(0 < step < 1e6 and n_corrected <= n_verts)
+    need(n_corrected <= n <= n_frames * n_verts)
     lengths = [n_corrected, n_corrected, n, n, n, n]
     gaps, more, frames, *xyz = integers(payload.rest(), lengths, [0, 1, 2, 3, 3, 3])
     found, vertex, rows = {}, 0, iter(zip(frames, *xyz, strict=True))

@@ -4,9 +4,9 @@ import re
 from pathlib import Path
 
 from conformance.bits import LOGISTIC
-from conformance.check import FOLDER
 from conformance.example import example_lines
 from conformance.hierarchy import COEFFICIENTS
+from conformance.make import FOLDER
 
 PAGE = (Path(__file__).parents[2] / "docs" / "format.md").read_text("utf-8")
 MOST_LINES = 400
