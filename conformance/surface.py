@@ -46,7 +46,8 @@ class Polygons:
         vertices = [None] * self.n_corners
         for fan, triangle in zip(self.fans(), self.triangles, strict=True):
             for corner, vertex in zip(fan, triangle, strict=True):
-                vertices[corner] = vertex
+                if vertices[corner] is None:
+                    vertices[corner] = vertex
         return vertices
 
 
