@@ -1,6 +1,7 @@
 """Loads the core and calls its functions; other threads run while one does."""
 
 import ctypes
+import os
 import sys
 from functools import cache
 from pathlib import Path
@@ -14,6 +15,9 @@ from meshreel.errors import CorruptStreamError, InvalidInputError, TruncatedStre
 ABI = 1
 """REEL_ABI of the `core/reel.h` that the modules of this room are written for."""
 
+PLACE = "MESHREEL_CORE"
+"""Environment variable: a library to load instead of that of the package, to test other builds."""
+
 NAME = {"win32": "reel.dll", "darwin": "libreel.dylib"}.get(sys.platform, "libreel.so")
 ALIGNMENT = 64
 NO_MEMORY, TRUNCATED, CORRUPT, INVALID = range(1, 5)
@@ -24,14 +28,14 @@ Argument = Any
 
 @cache
 def library() -> ctypes.CDLL:
-    """The core.
+    """The core: that of the package, or the one that the environment variable `PLACE` names.
 
     Raises
     ------
     ImportError
         If it was not built, or from other sources than this package.
     """
-    path = Path(__file__).with_name(NAME)
+    path = Path(os.environ.get(PLACE) or Path(__file__).with_name(NAME))
     remedy = "install meshreel again, or run `python core/compile.py` in a checkout"
     try:
         loaded = ctypes.CDLL(str(path))

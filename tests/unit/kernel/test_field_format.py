@@ -1,11 +1,11 @@
-"""Fields are read alike by the core and by plain Python, written from `docs/format.md`."""
+"""Fields are read alike by the core and by the plain reader, written from `docs/format.md`."""
 
 import numpy as np
 import pytest
 
+from conformance.fields import FieldReader
 from meshreel.kernel.fields import encode_fields
 from samples.passes import as_pass
-from samples.plain_fields import decode_fields_plainly
 
 
 def grid_passes(side):
@@ -40,8 +40,11 @@ def lively_fields(scale, n_rows, n_columns=169):
 
 def assert_read_alike(fields, passes):
     arrays = [as_pass(list(near), list(near.values())) for near in passes]
-    decoded = decode_fields_plainly(encode_fields(fields, arrays), len(fields), passes)
-    assert decoded == fields.tolist()
+    reader = FieldReader(encode_fields(fields, arrays), passes)
+    for row, wanted in enumerate(fields.tolist()):
+        found = reader.read_row(row)
+        assert [found[i] for i in range(len(wanted))] == wanted
+    reader.stream.end()
 
 
 @pytest.mark.parametrize("n_rows", [1, 4, 5, 16])

@@ -1,21 +1,17 @@
-"""The core against readers that were written from docs/format.md alone."""
+"""The core against the plain reader, which was written from docs/format.md alone."""
 
 import numpy as np
 import pytest
 
+from conformance.bits import BitStream, NamedBits, integers
+from conformance.order import FaceOrder, read_vertices
+from conformance.patterns import read_patterns
+from conformance.surface import AlongFaces
 from meshreel.connectivity.triangles import twin_sides
 from meshreel.kernel.integers import encode_rows
 from meshreel.kernel.order import encode_order
 from meshreel.kernel.patterns import encode_patterns, expected_along
 from samples.meshes import grid_faces, octahedron_faces
-from samples.plain_reader import (
-    Bits,
-    along_faces,
-    face_order,
-    integers,
-    patterns,
-    vertex_order,
-)
 
 
 def test_integers_are_read_as_the_format_says():
@@ -45,17 +41,17 @@ def test_orders_are_read_as_the_format_says(name, is_mixed):
     if is_mixed:
         corners, sequence = rng.permutation(corners), rng.permutation(n_verts)
         corners += rng.integers(-1, 2, n_faces)
-    alone = Bits(encode_order(faces, None, None, sequence))
-    assert vertex_order(alone, n_verts, faces.tolist()) == sequence.tolist()
+    alone = NamedBits(BitStream(encode_order(faces, None, None, sequence)))
+    assert read_vertices(alone, n_verts, faces.tolist()) == sequence.tolist()
     twins = twin_sides(faces, n_verts)
-    both = Bits(encode_order(faces, twins, corners, sequence))
-    found = face_order(both, n_faces, twins.tolist())
+    both = NamedBits(BitStream(encode_order(faces, twins, corners, sequence)))
+    found = FaceOrder(both, n_faces, twins.tolist()).read()
     assert found == corners.tolist()
     listed = [[int(faces[c // 3, (c + k) % 3]) for k in range(3)] for c in found]
     names = list(dict.fromkeys(one for face in listed for one in face))
     names += [one for one in range(n_verts) if one not in names]
     renamed = [[names.index(one) for one in face] for face in listed]
-    in_names = vertex_order(both, n_verts, renamed)
+    in_names = read_vertices(both, n_verts, renamed)
     assert [names[one] for one in in_names] == sequence.tolist()
 
 
@@ -68,5 +64,6 @@ def test_numbers_along_faces_are_read_as_the_format_says(name):
     values[3] = np.iinfo(np.int32).min, np.iinfo(np.int32).max
     twins = twin_sides(faces, n_rows)
     data = encode_patterns(values, expected_along(faces, twins, n_rows))
-    expected = along_faces(faces.tolist(), twins.tolist(), n_rows)
-    assert patterns(data, 2, expected) == [tuple(row) for row in values.tolist()]
+    expected = AlongFaces(faces.tolist(), n_rows).find()
+    found = b"".join(one for row in read_patterns(data, 2, "i", expected) for one in row)
+    assert found == values.astype("<i4").tobytes()

@@ -3,10 +3,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from conformance.hierarchy import edges_of
 from meshreel.errors import InvalidInputError
 from meshreel.kernel.mesh import MAX_STENCIL, hierarchy, neighbours
 from samples.meshes import grid_faces
-from samples.resolutions import edges_of
 
 
 @given(st.lists(st.tuples(*[st.integers(0, 19)] * 3), max_size=60))
@@ -14,7 +14,7 @@ def test_neighbours_are_those_of_the_faces_when_some_are_degenerate(faces):
     faces = np.array(faces, np.int32).reshape(-1, 3)
     found = neighbours(faces, 20)
     rows = np.split(found.near, found.starts[1:-1])
-    wanted = edges_of(faces, 20)
+    wanted = edges_of(faces.tolist(), 20)
     assert [row.tolist() for row in rows] == [sorted(wanted[v]) for v in range(20)]
 
 

@@ -1,113 +1,25 @@
-"""Prediction by the core against a second decoder, slow and written from `docs/format.md`."""
+"""Prediction by the core against the plain reader, which is written from `docs/format.md`."""
 
 import numpy as np
 import pytest
 
+from conformance.hierarchy import resolutions_of
+from conformance.prediction import predict_fields
 from meshreel.errors import InvalidInputError
 from meshreel.kernel.predict import Choice, decode_values, encode_values
 from meshreel.reel.agreed.mesh import FieldMesh
 from samples.meshes import irregular_sequence, waving_grid
 
-F = np.float32
 PLAIN = Choice(first_shaped=1 << 30, gain=0.0, price=0.0)
 
 
-class Filter:
-    """The weights of one vertex, step by step as the format has it, in float32."""
-
-    def __init__(self, near, hops):
-        self.near = near
-        self.size = len(near)
-        self.prior = np.array([F(hops[0] ** 2) / F(hop**2) for hop in hops], F)
-        total = F(0)
-        for one in self.prior:
-            total += one
-        self.share = np.array([one / total for one in self.prior], F)
-        self.weights = self.share.copy()
-        self.variance = np.zeros((self.size, self.size), F)
-
-    def loosen(self, amount):
-        for i in range(self.size):
-            for j in range(i):
-                self.variance[i, j] -= amount * (self.share[i] * self.prior[j])
-            own = self.prior[i] - self.share[i] * self.prior[i]
-            self.variance[i, i] += amount * own
-
-    def predict(self, offsets):
-        found = F(0)
-        for weight, offset in zip(self.weights, offsets, strict=True):
-            found += weight * offset
-        return found
-
-    def observe(self, offsets, predicted, error, noise, relative):
-        apart = np.array([one - predicted for one in offsets], F)
-        gain = np.zeros(self.size, F)
-        for i in range(self.size):
-            row = F(0)
-            for j in range(i):
-                row += self.variance[i, j] * apart[j]
-                gain[j] += self.variance[i, j] * apart[i]
-            gain[i] = row + self.variance[i, i] * apart[i]
-        energy = F(0)
-        for one in apart:
-            energy += one * one
-        total = noise + relative * energy + F(0.03125) * (error * error)
-        for i in range(self.size):
-            total += apart[i] * gain[i]
-        factor = F(1) / total
-        for i in range(self.size):
-            scaled = gain[i] * factor
-            self.weights[i] += scaled * error
-            for j in range(i + 1):
-                self.variance[i, j] -= scaled * gain[j]
-
-
-def offsets_to_the_nearest(values, near, own):
-    base = values[near[0]]
-    return base, np.array([F(values[one] - base) for one in near]), F(values[own] - base)
-
-
-def prepared(mesh, vertex, smooth, key, n_learned):
-    size = int((mesh.stencil[vertex] >= 0).sum())
-    found = Filter(mesh.stencil[vertex, :size], mesh.hops[vertex, :size].astype(int))
-    found.loosen(F(0.5))
-    all_offsets, own = [], []
-    for field in smooth.T:
-        all_offsets.append(np.array([field[one] - field[found.near[0]] for one in found.near], F))
-        own.append(field[vertex] - field[found.near[0]])
-    noise = F(0)
-    for offsets, one in zip(all_offsets, own, strict=True):
-        for offset in offsets:
-            noise += (offset - one) * (offset - one)
-    noise = F(0.004) / F(mesh.stencil.shape[1]) * noise + F(2.0**-24)
-    for offsets, one in zip(all_offsets, own, strict=True):
-        predicted = found.predict(offsets)
-        found.observe(offsets, predicted, F(one - predicted), noise, F(0))
-    found.loosen(F(0.15) * F(0.5))
-    for field in () if key is None else key.T[:n_learned]:
-        _, offsets, one = offsets_to_the_nearest(field, found.near, vertex)
-        predicted = found.predict(offsets)
-        relative = F(0.001) / F(mesh.stencil.shape[1])
-        found.observe(offsets, predicted, F(one - predicted), F(0.3), relative)
-    return found
-
-
-def decode_slowly(mesh, residuals, n_learned, key=None):
-    values = np.zeros((mesh.n_verts, len(residuals)))
-    relative = F(0.001) / F(mesh.stencil.shape[1])
-    for level, start in enumerate(mesh.smooth_starts):
-        for vertex in range(mesh.level_starts[level], mesh.level_starts[level + 1]):
-            if not level:
-                values[vertex] = residuals[:, vertex]
-                continue
-            found = prepared(mesh, vertex, mesh.smooth[start:], key, n_learned)
-            for mode, residual in enumerate(residuals[:, vertex].tolist()):
-                base, offsets, _ = offsets_to_the_nearest(values[:, mode], found.near, vertex)
-                predicted = found.predict(offsets)
-                values[vertex, mode] = base + np.float64(predicted) + residual
-                if mode < n_learned:
-                    found.observe(offsets, predicted, F(residual), F(0.3), relative)
-    return values
+def decode_slowly(sequence, size, residuals, n_learned, key=None):
+    """What the plain reader finds, as `decode_values` gives it."""
+    resolutions = resolutions_of(sequence.faces.tolist(), sequence.n_verts, size)
+    order = [vertex.number for one in resolutions for vertex in one]
+    known = [] if key is None else [dict(zip(order, one, strict=True)) for one in key.T.tolist()]
+    fields = predict_fields(resolutions, residuals.tolist(), size, n_learned, known)
+    return np.array([[field[v] for field in fields] for v in order])
 
 
 def sample(sequence, size=7, n_modes=6, seed=3):
@@ -121,7 +33,7 @@ def sample(sequence, size=7, n_modes=6, seed=3):
 @pytest.mark.parametrize("sequence", [waving_grid(1, 8, 9), irregular_sequence(1)])
 def test_values_are_the_same_bits_when_a_second_decoder_follows_the_format(sequence, size):
     mesh, residuals = sample(sequence, size)
-    expected = decode_slowly(mesh, residuals, 4)
+    expected = decode_slowly(sequence, size, residuals, 4)
     np.testing.assert_array_equal(decode_values(mesh, residuals, 4), expected)
 
 
@@ -129,7 +41,7 @@ def test_values_are_the_same_bits_when_a_second_decoder_follows_the_format(seque
 def test_values_are_the_same_bits_when_weights_follow_a_key_block(n_learned):
     mesh, residuals = sample(waving_grid(1, 8, 9))
     key = decode_values(mesh, sample(waving_grid(1, 8, 9), seed=4)[1], 9)
-    expected = decode_slowly(mesh, residuals, n_learned, key)
+    expected = decode_slowly(waving_grid(1, 8, 9), 7, residuals, n_learned, key)
     np.testing.assert_array_equal(decode_values(mesh, residuals, n_learned, key), expected)
 
 

@@ -1,6 +1,5 @@
 """Resolutions and levels of vertices, checked against distances that SciPy finds."""
 
-from collections import Counter
 from itertools import pairwise
 
 import numpy as np
@@ -9,14 +8,20 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.sparse.csgraph import connected_components, shortest_path
 
+from conformance.hierarchy import (
+    coarser_graph,
+    edges_of,
+    passes_of,
+    resolutions_of,
+    scattered,
+)
 from meshreel.geometry.connectivity import component_labels
 from meshreel.kernel.mesh import MAX_RESOLUTIONS
 from meshreel.reel.agreed.mesh import FieldMesh
 from samples.meshes import grid_faces, octahedron_faces
-from samples.resolutions import coarser_graph, edges_of, graphs_of, scattered
 
 SIZE = 7
-N_COLOURS, REACH, LARGEST_PASSAGE, MOST_PATHS = 3, 3, 24, 15
+N_COLOURS, REACH, LARGEST_PASSAGE = 3, 3, 24
 
 
 def several_components():
@@ -35,6 +40,21 @@ def book(n_pages=40):
     """Triangles on a common edge: nearly all vertices are independent of each other."""
     pages = np.arange(2, n_pages + 2)
     return np.stack([np.zeros_like(pages), np.ones_like(pages), pages], axis=1), n_pages + 2
+
+
+def graphs_of(mesh):
+    """Dense adjacency of shape (N, N) of each resolution of a field mesh, from the coarsest."""
+    near, graphs, finer = edges_of(mesh.faces.tolist(), mesh.n_verts), [], None
+    for resolution in mesh.resolutions[::-1]:
+        if finer is not None:
+            near = coarser_graph(near, set(near) - set(finer.predicted.tolist()))
+        finer = resolution
+        members = sorted(near)
+        graph = np.zeros((len(members), len(members)), bool)
+        for place, v in enumerate(members):
+            graph[place, np.searchsorted(members, sorted(near[v]))] = True
+        graphs.append(graph)
+    return graphs[::-1]
 
 
 MESHES = {
@@ -240,59 +260,23 @@ def test_the_vertex_of_the_highest_hash_is_kept_to_the_end_when_the_mesh_is_conn
     assert last == max(range(180), key=scattered)
 
 
-def taken_in_turn(near, among):
-    """Vertices by falling hash, but none next to one that is taken."""
-    taken = set()
-    for vertex in sorted(among, key=scattered, reverse=True):
-        if not near[vertex] & taken:
-            taken.add(vertex)
-    return taken
-
-
-def nearest_from_the_format(near, vertex, earlier):
-    """The stencil of a vertex, and how far away its vertices are."""
-    found, seen, ring = [], {vertex}, {vertex: 1}
-    for hops in range(1, REACH + 1):
-        passed = [v for v in ring if hops == 1 or len(near[v]) <= LARGEST_PASSAGE]
-        paths = Counter()
-        for one in passed:
-            paths.update(dict.fromkeys(near[one] - seen, ring[one]))
-        ring = paths
-        seen |= set(ring)
-        by_paths = sorted(set(ring) & earlier, key=lambda v: (-min(paths[v], MOST_PATHS), v))
-        found += [(v, hops) for v in by_paths]
-    found = found[:SIZE]
-    return found + [(-1, 0)] * (SIZE - len(found))
-
-
-def resolutions_from_the_format(near):
-    """Levels and stencils of all resolutions, slow and from the words of `docs/format.md`."""
-    resolutions, n_left = [], 4 * len(near)
-    while any(near.values()) and len(resolutions) < MAX_RESOLUTIONS and len(near) <= n_left:
-        n_left -= len(near)
-        kept = taken_in_turn(near, near)
-        left, levels = set(near) - kept, []
-        for colour in range(N_COLOURS):
-            levels.append(left if colour == N_COLOURS - 1 else taken_in_turn(near, left))
-            left = left - levels[-1]
-        stencils, earlier = [], set(kept)
-        for level in levels:
-            stencils += [nearest_from_the_format(near, v, earlier) for v in sorted(level)]
-            earlier |= level
-        resolutions.append(([sorted(level) for level in levels if level], stencils))
-        near = coarser_graph(near, kept)
-    return [([sorted(near)], [[(-1, 0)] * SIZE] * len(near)), *resolutions[::-1]]
-
-
 def assert_follows_the_format(faces, n_verts):
-    resolutions = FieldMesh(np.asarray(faces, np.int32), n_verts, SIZE).resolutions
-    wanted = resolutions_from_the_format(edges_of(faces, n_verts))
-    assert [[one.tolist() for one in found.levels] for found in resolutions] == [
-        levels for levels, _ in wanted
-    ]
-    for found, (_, stencils) in zip(resolutions, wanted, strict=True):
-        pairs = np.stack([found.stencil, found.hops], axis=2)
-        np.testing.assert_array_equal(pairs, np.reshape(stencils, (-1, SIZE, 2)))
+    mesh = FieldMesh(np.asarray(faces, np.int32), n_verts, SIZE)
+    wanted = resolutions_of(np.asarray(faces).tolist(), n_verts, SIZE)
+    vertices = [vertex for one in wanted for vertex in one]
+    assert mesh.order.tolist() == [vertex.number for vertex in vertices]
+    stencils = np.stack([mesh.hierarchy.stencil, mesh.hierarchy.hops], axis=2)
+    for found, vertex in zip(stencils, vertices, strict=True):
+        pairs = [(mesh.number[v], hops) for v, hops in vertex.stencil]
+        np.testing.assert_array_equal(found, pairs + [(-1, 0)] * (SIZE - len(pairs)))
+    assert contexts_of(mesh.coding_order) == passes_of(wanted)
+
+
+def contexts_of(order):
+    """Context neighbours of the columns of each pass."""
+    rows = [row.tolist() for row in np.split(order.near, order.near_starts[1:-1])]
+    pairs = list(zip(order.columns.tolist(), rows, strict=True))
+    return [dict(pairs[start:stop]) for start, stop in pairwise(order.pass_starts.tolist())]
 
 
 @every_mesh

@@ -1,10 +1,6 @@
-"""A decoder of fields in plain Python, slow, and written from the words of `docs/format.md`."""
+"""Rows of fields from a bit stream: "Fields" of docs/format.md."""
 
-BYTE, WORD, ALL = 2**8, 2**32, 2**64
-
-
-def clip(number, low, high):
-    return max(low, min(high, number))
+from conformance.bits import BitStream, Model, clip, padded
 
 
 def log(number):
@@ -22,72 +18,12 @@ def share(n):
 
 def signed(number):
     """A number of -2^31..2^31-1, modulo 2^32."""
-    return (number + 2**31) % WORD - 2**31
-
-
-class BitStream:
-    """ "Bits": what is read from a bit stream."""
-
-    def __init__(self, data):
-        self.data, self.position = data, 8
-        self.left = int.from_bytes(data[:8].ljust(8, b"\0"), "big")
-        self.range = ALL - 1
-
-    def renew(self):
-        if self.range < WORD:
-            word = self.data[self.position : self.position + 4].ljust(4, b"\0")
-            self.position += 4
-            self.range = self.range * WORD % ALL
-            self.left = (self.left * WORD + int.from_bytes(word, "big")) % ALL
-
-    def bit(self, probability):
-        part = probability * (self.range // 65536)
-        bit = self.left < part
-        if bit:
-            self.range = part
-        else:
-            self.range -= part
-            self.left -= part
-        self.renew()
-        return int(bit)
-
-    def raw(self, n):
-        self.range //= 2**n
-        value = min(self.left // self.range, 2**n - 1)
-        self.left -= value * self.range
-        self.renew()
-        return value
-
-    def adaptive(self, model):
-        bit = self.bit(model.probability)
-        model.learn(bit)
-        return bit
-
-    def ends_well(self):
-        return not any(self.data[self.position :])
-
-
-class Model:
-    def __init__(self, guess, count):
-        self.quick = self.slow = guess
-        self.count = count
-
-    @property
-    def probability(self):
-        return clip((self.quick + self.slow) // 2, 32, 65504)
-
-    def learn(self, bit):
-        rate = 131072 // (2 * self.count + 3)
-        self.quick = moved(self.quick, max(rate, 1024), bit)
-        self.slow = moved(self.slow, rate, bit)
-        self.count = min(self.count + 1, 256)
-
-
-def moved(x, rate, bit):
-    return x + (65535 - x) * rate // 65536 if bit else x - x * rate // 65536
+    return (number + 2**31) % 2**32 - 2**31
 
 
 class Models:
+    """The adaptive bits, with what they begin with."""
+
     def __init__(self):
         self.any, self.longer, self.upper = {}, {}, {}
         for c in range(48):
@@ -101,14 +37,14 @@ class Models:
         self.wrong = [Model(32768, 8) for _ in range(16)]
 
 
-class Reader:
+class FieldReader:
     """Rows of fields, from the columns of each pass and the neighbours of each column.
 
     Parameters
     ----------
     data : bytes
     passes : list of dict of int to list of int
-        Of each pass, the neighbours of each of its columns, in order.
+        Of each pass, the neighbours of each of its columns, in coding order.
     """
 
     def __init__(self, data, passes):
@@ -157,8 +93,7 @@ class Reader:
         expected = clip(s + (total >> 16), 0, 383)
         value = 0
         if self.stream.adaptive(self.models.any[expected // 8]):
-            value = self.read_magnitude(expected // 8)
-            value = self.read_sign(i, value)
+            value = self.read_sign(i, self.read_magnitude(expected // 8))
         m = self.magnitudes[i] = min(abs(value), 4095)
         if value or share(expected) > 4096:
             error = min(m * (65536 - share(expected)), 2**19) - share(expected)
@@ -210,12 +145,10 @@ class Reader:
                 self.usual[i] = d * sum(log(self.sums[j][2] + 16) for j in near) >> 12
 
 
-def decode_fields_plainly(data, n_rows, passes):
-    """Rows of integers, lists of lists; `passes` as of `Reader`."""
-    reader = Reader(data, passes)
-    rows = []
-    for row in range(n_rows):
-        values = reader.read_row(row)
-        rows.append([values[i] for i in range(len(values))])
-    assert reader.stream.ends_well()
-    return rows
+def read_fields(data, n_rows, passes):
+    """Rows of integers by column: `fields(K, N)` of the page; passes as of `FieldReader`."""
+    n_columns = sum(map(len, passes))
+    reader = FieldReader(padded(data, n_rows * n_columns), passes)
+    rows = [reader.read_row(row) for row in range(n_rows)]
+    reader.stream.end()
+    return [[values[i] for i in range(n_columns)] for values in rows]

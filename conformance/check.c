@@ -1,0 +1,317 @@
+/* Decodes a stream with the core alone: `check IN.reel OUT`, for machines without Python.
+
+   OUT holds the internal faces (int32), and of `reel` for each block its basis and coefficients
+   (int32) and its positions (of the vertex type, vertices in internal order). Of other methods only
+   faces are decoded. Streams are those of conformance/streams: nothing that comes in is checked. */
+
+#include <stdbool.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "reel.h"
+
+enum { BLOCK = 16, BASIS = 17, COEFFICIENTS = 19, FIELDS = 21, CORRECTIONS = 22, REEL = 7 };
+
+typedef struct {
+    const uint8_t *at, *end;
+} bytes;
+
+static void fail(const char *what) {
+    fprintf(stderr, "%s failed\n", what);
+    exit(1);
+}
+
+static int64_t done(int64_t result, const char *what) {
+    if (result < 0) {
+        fail(what);
+    }
+    return result;
+}
+
+static void *room(size_t size) {
+    void *found = aligned_alloc(64, (size + 127) / 64 * 64);
+    if (!found) {
+        fail("memory");
+    }
+    return found;
+}
+
+static int64_t varint(bytes *in) {
+    int64_t value = 0;
+    for (int shift = 0;; shift += 7) {
+        value |= (int64_t)(*in->at & 127) << shift;
+        if (!(*in->at++ & 128)) {
+            return value;
+        }
+    }
+}
+
+static void take(bytes *in, void *to, size_t size) {
+    memcpy(to, in->at, size);
+    in->at += size;
+}
+
+/* What a stream has for all its blocks. */
+typedef struct {
+    uint32_t n_verts, n_faces;
+    uint8_t vertex_type, method;
+    double placement[4]; /* scale and origin */
+    int32_t *faces, *starts, *near;
+    int64_t n_near;
+} stream;
+
+/* The hierarchy of its mesh for a size of stencils. */
+typedef struct {
+    reel_mesh mesh;
+    int32_t *order, *columns, *near;
+    int64_t *pass_starts, *near_starts;
+    int64_t n_passes;
+} hierarchy;
+
+typedef struct {
+    int64_t n_frames, n_modes, reference, size, n_learned;
+    float step;
+    double *values; /* n_verts x n_modes */
+} block;
+
+static hierarchy hierarchy_of(const stream *s, int64_t size) {
+    int64_t n = s->n_verts;
+    hierarchy h = {.order = room(4 * n), .columns = room(4 * n), .near = room(32 * n)};
+    int32_t *levels = room(4 * (REEL_MAX_LEVELS + 1)), *resolutions = room(4 * REEL_MAX_LEVELS);
+    int64_t *smooth_starts = room(8 * REEL_MAX_LEVELS);
+    int32_t *stencil = room(4 * n * size), *contexts = room(32 * n);
+    uint8_t *hops = room(n * size);
+    float *smooth = room(4UL * REEL_SMOOTH_ROWS * REEL_SMOOTH_FIELDS * n);
+    size_t needed = reel_hierarchy_memory(n, s->n_near);
+    int64_t n_levels = done(
+        reel_hierarchy(room(needed), needed, s->starts, s->near, n, size, h.order, levels,
+                       resolutions, smooth_starts, stencil, hops, contexts, smooth),
+        "hierarchy");
+    h.mesh = (reel_mesh){n, n_levels, size, levels, smooth_starts, stencil, hops, smooth};
+    h.pass_starts = room(8 * (REEL_MAX_LEVELS + 1));
+    h.near_starts = room(8 * (n + 1));
+    h.pass_starts[0] = h.near_starts[0] = 0;
+    for (int64_t i = 0; i < n_levels; i++) {
+        if (i + 1 == n_levels || resolutions[i + 1] != resolutions[i]) {
+            h.pass_starts[++h.n_passes] = levels[i + 1];
+        }
+    }
+    int64_t count = 0;
+    for (int64_t i = 0; i < n; i++) {
+        h.columns[i] = (int32_t)i;
+        for (int k = 0; k < REEL_NEIGHBOURS && contexts[i * REEL_NEIGHBOURS + k] >= 0; k++) {
+            h.near[count++] = contexts[i * REEL_NEIGHBOURS + k];
+        }
+        h.near_starts[i + 1] = count;
+    }
+    return h;
+}
+
+static int32_t *read_fields(bytes in, int64_t n_rows, int64_t n_columns, const int32_t *columns,
+                            const int64_t *pass_starts, int64_t n_passes,
+                            const int64_t *near_starts, const int32_t *near, FILE *out) {
+    int32_t *values = room(4 * n_rows * n_columns);
+    size_t needed = reel_fields_memory(n_columns, n_passes, near_starts[n_columns]);
+    done(reel_fields_decode(room(needed), needed, in.at, (size_t)(in.end - in.at), n_rows,
+                            n_columns, columns, pass_starts, n_passes, near_starts, near, values),
+         "fields");
+    fwrite(values, 4, (size_t)(n_rows * n_columns), out);
+    return values;
+}
+
+/* "Passes by times" of the page. */
+static int32_t *read_basis(bytes in, int64_t n_modes, int64_t n, FILE *out) {
+    int32_t *columns = room(12 * n), *near = room(12 * n * 6);
+    int64_t *near_starts = room(8 * (3 * n + 1)), pass_starts[4] = {0}, n_passes = 0;
+    int64_t place = 0, count = 0;
+    const int64_t first[3] = {0, 2, 1}, apart[3] = {4, 4, 2}, d[3] = {2, 2, 1};
+    near_starts[0] = 0;
+    for (int level = 0; level < 3; level++) {
+        for (int64_t axis = 0; axis < 3; axis++) {
+            for (int64_t t = first[level]; t < n; t += apart[level]) {
+                int64_t others[4] = {t - d[level], t + d[level], t - 2 * d[level],
+                                     t - 4 * d[level]};
+                for (int k = level ? 0 : 2; k < 4; k++) {
+                    if (others[k] >= 0 && others[k] < n) {
+                        near[count++] = (int32_t)(axis * n + others[k]);
+                    }
+                }
+                for (int64_t before = 0; before < axis; before++) {
+                    near[count++] = (int32_t)(before * n + t);
+                }
+                columns[place++] = (int32_t)(axis * n + t);
+                near_starts[place] = count;
+            }
+        }
+        pass_starts[++n_passes] = place;
+    }
+    return read_fields(in, n_modes, 3 * n, columns, pass_starts, n_passes, near_starts, near, out);
+}
+
+/* Corrections by frame: where those of each begin, their vertices and how far they move. */
+typedef struct {
+    int64_t *starts;
+    int32_t *vertices;
+    double *moves;
+} corrections;
+
+static corrections read_corrections(bytes in, int64_t n_frames) {
+    float step;
+    take(&in, &step, 4);
+    int64_t n = varint(&in), all = varint(&in), total = 2 * n + 4 * all;
+    int64_t lengths[6] = {n, n, all, all, all, all};
+    const int32_t tables[6] = {0, 1, 2, 3, 3, 3};
+    int32_t *v = room(4 * total);
+    size_t needed = reel_integers_memory(4);
+    done(reel_integers_decode(room(needed), needed, in.at, (size_t)(in.end - in.at), lengths,
+                              tables, 6, 4, v),
+         "corrections");
+    int32_t *frames = v + 2 * n, *xyz = frames + all, *vertex_of = room(4 * all), vertex = 0;
+    for (int64_t i = 0, k = 0; i < n; i++) {
+        vertex += v[i];
+        for (int64_t j = 0; j <= v[n + i]; j++, k++) {
+            bool follows = j && frames[k] == 1;
+            frames[k] += j ? frames[k - 1] : 0;
+            for (int axis = 0; axis < 3; axis++) {
+                xyz[axis * all + k] += follows ? xyz[axis * all + k - 1] : 0;
+            }
+            vertex_of[k] = vertex;
+        }
+    }
+    corrections found = {room(8 * (n_frames + 1)), room(4 * all), room(24 * all)};
+    int64_t count = 0;
+    for (int64_t t = 0; t < n_frames; t++) { /* vertices ascend in the list, and so in a frame */
+        found.starts[t] = count;
+        for (int64_t k = 0; k < all; k++) {
+            if (frames[k] == t) {
+                found.vertices[count] = vertex_of[k];
+                for (int axis = 0; axis < 3; axis++) {
+                    found.moves[3 * count + axis] = xyz[axis * all + k] * (double)step;
+                }
+                count++;
+            }
+        }
+    }
+    found.starts[n_frames] = count;
+    return found;
+}
+
+static void write_frames(const stream *s, const hierarchy *h, const block *b,
+                         const int32_t *integers, bytes coded_moves, FILE *out) {
+    int64_t n = s->n_verts, n_modes = b->n_modes, n_frames = b->n_frames;
+    double *basis = room(24 * n_frames * n_modes), *fields = room(8 * n_modes * n);
+    size_t needed = reel_basis_memory(n_frames);
+    done(reel_basis(room(needed), needed, integers, n_modes, n_frames, basis), "basis");
+    for (int64_t i = 0; i < n; i++) {
+        for (int64_t mode = 0; mode < n_modes; mode++) {
+            fields[mode * n + h->order[i]] = (double)b->step * b->values[i * n_modes + mode];
+        }
+    }
+    corrections moved = {NULL, NULL, NULL};
+    if (coded_moves.at) {
+        moved = read_corrections(coded_moves, n_frames);
+    }
+    int32_t *wanted = room(4 * n_frames);
+    for (int64_t t = 0; t < n_frames; t++) {
+        wanted[t] = (int32_t)t;
+    }
+    uint8_t *positions = room((size_t)(3 * n_frames * n) * s->vertex_type);
+    needed = reel_frames_memory(n_modes, n_frames);
+    done(reel_frames(room(needed), needed, basis, fields, NULL, n_frames, n_modes, n, wanted,
+                     n_frames, moved.starts, moved.vertices, moved.moves, s->placement,
+                     s->vertex_type, positions),
+         "frames");
+    fwrite(positions, s->vertex_type, (size_t)(3 * n_frames * n), out);
+}
+
+static block read_block(const stream *s, const bytes *sections, const block *before, FILE *out) {
+    bytes head = sections[BLOCK], layout = sections[FIELDS];
+    block b = {.n_frames = varint(&head)};
+    b.n_modes = varint(&head);
+    layout.at++;
+    b.reference = varint(&layout);
+    take(&layout, &b.step, 4);
+    b.size = varint(&layout);
+    b.n_learned = varint(&layout);
+    hierarchy h = hierarchy_of(s, b.size);
+    int32_t *basis = read_basis(sections[BASIS], b.n_modes, b.n_frames, out);
+    int32_t *residuals = read_fields(sections[COEFFICIENTS], b.n_modes, s->n_verts, h.columns,
+                                     h.pass_starts, h.n_passes, h.near_starts, h.near, out);
+    const block *key = b.reference ? before - b.reference : NULL;
+    b.values = room(8UL * s->n_verts * (size_t)b.n_modes);
+    reel_fields fields = {s->n_verts, b.n_modes,   b.n_learned, key ? key->n_modes : 0,
+                          residuals,  b.values,    key ? key->values : NULL};
+    done(reel_predict_decode(&h.mesh, &fields, 0, s->n_verts), "prediction");
+    write_frames(s, &h, &b, basis, sections[CORRECTIONS], out);
+    return b;
+}
+
+static stream read_header(bytes *in) {
+    stream s;
+    uint16_t length;
+    memcpy(&s.n_verts, in->at + 14, 4);
+    memcpy(&s.n_faces, in->at + 18, 4);
+    s.vertex_type = in->at[30];
+    s.method = in->at[31];
+    memcpy(s.placement + 1, in->at + 34, 24);
+    memcpy(s.placement, in->at + 58, 8);
+    memcpy(&length, in->at + 66, 2);
+    in->at += 72 + length;
+    return s;
+}
+
+static void read_faces(stream *s, bytes in, FILE *out) {
+    s->faces = room(12UL * s->n_faces);
+    s->starts = room(4UL * (s->n_verts + 1));
+    s->near = room(24UL * s->n_faces);
+    size_t needed = reel_connectivity_decode_memory(s->n_verts, s->n_faces);
+    done(reel_connectivity_decode(room(needed), needed, in.at, (size_t)(in.end - in.at),
+                                  s->n_verts, s->n_faces, s->faces),
+         "connectivity");
+    fwrite(s->faces, 12, s->n_faces, out);
+    needed = reel_adjacency_memory(s->n_verts, s->n_faces);
+    s->n_near = done(reel_adjacency(room(needed), needed, s->faces, s->n_faces, s->n_verts,
+                                    s->starts, s->near),
+                     "adjacency");
+}
+
+static bytes whole_file(const char *name) {
+    FILE *file = fopen(name, "rb");
+    if (!file) {
+        fail("opening");
+    }
+    uint8_t *data = room(1 << 20);
+    size_t size = fread(data, 1, 1 << 20, file);
+    fclose(file);
+    return (bytes){data, data + size};
+}
+
+int main(int count, char **names) {
+    FILE *out = count == 3 ? fopen(names[2], "wb") : NULL;
+    if (!out) {
+        fail("usage: check IN.reel OUT");
+    }
+    bytes in = whole_file(names[1]), sections[256];
+    stream s = read_header(&in);
+    static block blocks[1000];
+    int n_blocks = 0;
+    memset(sections, 0, sizeof sections);
+    for (int id = -1; id != 0;) {
+        id = *in.at++;
+        int64_t size = varint(&in);
+        if (id == BLOCK) {
+            memset(sections, 0, sizeof sections);
+        }
+        sections[id] = (bytes){in.at, in.at + size};
+        if (id == 1) {
+            read_faces(&s, sections[id], out);
+        }
+        if (id == COEFFICIENTS && s.method == REEL) { /* the last of a block */
+            blocks[n_blocks] = read_block(&s, sections, blocks + n_blocks, out);
+            n_blocks++;
+        }
+        in.at += size + 4;
+    }
+    return fclose(out) ? 1 : 0;
+}

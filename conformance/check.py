@@ -1,0 +1,48 @@
+"""Whether the core decodes every stream of the folder to what is said beside it.
+
+`python -m conformance.check` prints what differs. With `--make` all streams are made again too, so
+that what encodes them is run; the results are thrown away. Another build of the core is chosen with
+the environment variable MESHREEL_CORE.
+"""
+
+import argparse
+import json
+import sys
+
+from conformance.by_core import read_by_core
+from conformance.description import describe
+from conformance.make import FOLDER, STREAMS
+
+
+def plain(description):
+    """A description as JSON gives it back."""
+    return json.loads(json.dumps(description))
+
+
+def wanted(name):
+    """What is said of a stream."""
+    return json.loads((FOLDER / f"{name}.json").read_text("utf-8"))
+
+
+def differences(name, read):
+    """Names of what `read` finds otherwise in a stream than is said."""
+    found = plain(describe(read((FOLDER / f"{name}.reel").read_bytes())))
+    said = wanted(name)
+    return sorted(key for key in found | said if found.get(key) != said.get(key))
+
+
+def main():
+    """Check all streams; exit with 1 if one differs."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--make", action="store_true", help="make all streams again, too")
+    given = parser.parse_args()
+    failed = {name: different for name in STREAMS if (different := differences(name, read_by_core))}
+    for name, different in failed.items():
+        print(f"{name}: {', '.join(different)}")
+    for make in STREAMS.values() if given.make else ():
+        make()
+    sys.exit(bool(failed))
+
+
+if __name__ == "__main__":
+    main()

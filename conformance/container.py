@@ -1,0 +1,172 @@
+"""Header and sections: the bytes of a stream, cut up and checked."""
+
+import struct
+import zlib
+from dataclasses import dataclass
+
+from conformance.bits import need
+
+METHODS = ("pca-qp", "pca", "pca-q", "v2v", "pca-qs", "blocks", "gft", "reel")
+NAMES = {
+    0: "END",
+    1: "CONNECTIVITY",
+    2: "ORDER",
+    3: "ANCHOR_VERTICES",
+    16: "BLOCK",
+    17: "BASIS",
+    18: "ANCHORS",
+    19: "COEFFICIENTS",
+    20: "EXACT",
+    21: "FIELDS",
+    22: "CORRECTIONS",
+    128: "PADDING",
+    129: "PROMISE",
+    130: "INDEX",
+    131: "POLYGONS",
+    132: "ATTRIBUTE",
+    133: "GROUPS",
+    134: "PARTS",
+    135: "START",
+    136: "MATERIAL",
+    137: "IMAGE",
+}
+MAGIC = b"\x89REEL\r\n\x1a"
+
+
+@dataclass
+class Header:
+    """The header, as it is stored."""
+
+    n_frames: int
+    n_verts: int
+    n_faces: int
+    fps: float
+    vertex_type: int
+    method: str
+    laplacian: int
+    order: int
+    origin: tuple
+    scale: float
+    name: str
+
+
+class Payload:
+    """Bytes that are taken from the front."""
+
+    def __init__(self, data):
+        self.data, self.position = data, 0
+
+    def take(self, n):
+        need(self.position + n <= len(self.data), "the bytes end too early")
+        found = self.data[self.position : self.position + n]
+        self.position += n
+        return found
+
+    def rest(self):
+        return self.take(len(self.data) - self.position)
+
+    def byte(self):
+        return self.take(1)[0]
+
+    def number(self, kind):
+        """A number of the kinds of `struct`, little-endian."""
+        return struct.unpack("<" + kind, self.take(struct.calcsize(kind)))[0]
+
+    def varint(self):
+        value = 0
+        for place in range(9):
+            byte = self.byte()
+            value += (byte % 128) << (7 * place)
+            if byte < 128:
+                return value
+        return need(False, "a varint does not end")
+
+    def text(self):
+        return self.take(self.varint()).decode()
+
+    def end(self):
+        need(self.position == len(self.data), "bytes are left over")
+
+
+def read_header(payload):
+    need(payload.take(8) == MAGIC and payload.number("H") == 3, "this is no stream of version 3")
+    n_frames, n_verts, n_faces = (payload.number("I") for _ in range(3))
+    fps, vertex_type, method = payload.number("d"), payload.byte(), payload.byte()
+    laplacian, order = payload.byte(), payload.byte()
+    origin, scale = tuple(payload.number("d") for _ in range(3)), payload.number("d")
+    name = payload.take(payload.number("H")).decode()
+    check(payload, 0)
+    need(vertex_type in (4, 8) and laplacian < 2 and order < 3 and n_verts and n_faces)
+    return Header(
+        n_frames, n_verts, n_faces, fps, vertex_type, METHODS[method], laplacian, order, origin,
+        scale, name,
+    )  # fmt: skip
+
+
+def check(payload, start):
+    """Refuse a wrong checksum of what stands between `start` and here."""
+    found = zlib.crc32(payload.data[start : payload.position])
+    need(payload.number("I") == found, "a checksum is wrong")
+
+
+def read_sections(payload):
+    """Number of the first byte, name and payload of each section up to END."""
+    while True:
+        start = payload.position
+        number = payload.byte()
+        section = payload.take(payload.varint())
+        check(payload, start)
+        need(number in NAMES or number >= 128, "a section is unknown")
+        if number in NAMES:
+            yield start, NAMES[number], section
+        if number == 0:
+            payload.end()
+            return
+
+
+@dataclass
+class Container:
+    """A stream cut up: sections before the blocks, and of each block by their names."""
+
+    header: Header
+    leading: list
+    blocks: list
+
+    def all_of(self, name):
+        return [payload for other, payload in self.leading if other == name]
+
+    def only(self, name):
+        (payload,) = self.all_of(name)
+        return payload
+
+
+def read_container(data):
+    """A whole stream, its index compared with its blocks."""
+    payload = Payload(data)
+    container = Container(read_header(payload), [], [])
+    index, begins = (None, b""), []
+    for start, name, section in read_sections(payload):
+        if name == "BLOCK":
+            container.blocks.append({})
+        if name in ("BLOCK", "INDEX", "END"):
+            begins.append(start)
+        if name in ("BASIS", "ANCHORS", "COEFFICIENTS", "EXACT", "FIELDS", "CORRECTIONS", "BLOCK"):
+            need(container.blocks and name not in container.blocks[-1], "a section is out of place")
+            container.blocks[-1][name] = section
+        elif name == "INDEX":
+            index = start, section
+        elif name == "END":
+            need(section == (b"" if index[0] is None else struct.pack("<Q", index[0])))
+        elif name != "PADDING":
+            need(not container.blocks, "a section stands behind the blocks")
+            container.leading.append((name, section))
+    lengths = [Payload(one["BLOCK"]).varint() for one in container.blocks]
+    need(container.header.n_frames in (0, sum(lengths)), "frames are missing")
+    if index[0] is not None:
+        places = Payload(index[1])
+        need(places.varint() == begins[0] and places.varint() == len(lengths))
+        for number, length in enumerate(lengths):
+            need(places.varint() == length)
+            need(places.varint() == begins[number + 1] - begins[number])
+        places.end()
+    return container

@@ -1,0 +1,346 @@
+"""Streams of every feature of the format, and what each holds.
+
+`python -m conformance.make` writes conformance/streams/NAME.reel and NAME.json for every name in
+`STREAMS` that is not there yet. What is there is never replaced, unless `--force` is given.
+"""
+
+import argparse
+import json
+import zlib
+from collections.abc import Callable
+from io import BytesIO
+from pathlib import Path
+
+import numpy as np
+
+import meshreel
+from conformance.by_core import read_by_core
+from conformance.description import describe
+from conformance.sources import (
+    book,
+    fan,
+    grid,
+    holes,
+    moving,
+    of_everything,
+    pinched,
+    shuffled,
+    sphere,
+    tangled,
+    together,
+    uneven,
+)
+from meshreel.bitstream.header import Header
+from meshreel.bitstream.layout import Section, VertexType
+from meshreel.bitstream.sections import write_section
+from meshreel.bitstream.writer import whole_stream
+from meshreel.codec.corrections import Corrections
+from meshreel.connectivity.coder import encode_connectivity
+from meshreel.reel.agreed.blocks import write_field_block
+from meshreel.reel.agreed.fields import FieldBlock, Layout
+from meshreel.reel.agreed.mesh import FieldMesh
+
+FOLDER = Path(__file__).with_name("streams")
+REEL = 7
+STREAMS: dict[str, Callable[[], bytes]] = {}
+
+
+def stream(make):
+    """The function, whose streams are made under its name."""
+    STREAMS[make.__name__] = make
+    return make
+
+
+def encoded(name, sequence, **options):
+    """A stream that is what encoding gives; the sequence is made when it is asked for."""
+    STREAMS[name] = lambda: meshreel.encode(sequence(), **options)
+
+
+def by_hand(
+    faces,
+    n_verts,
+    blocks,
+    *,
+    vertex_type=4,
+    order="drop",
+    place=((0.0, 0.0, 0.0), 1.0),
+    name="by hand",
+):
+    """A stream of `reel` from integers.
+
+    Parameters
+    ----------
+    blocks : list of (Layout, basis, fields, Corrections or None)
+        Basis of shape (K, 3, T), fields of shape (K, V).
+    """
+    coded = encode_connectivity(np.asarray(faces, np.int32), n_verts, order=order)
+    n_frames = sum(basis.shape[2] for _, basis, _, _ in blocks)
+    header = Header(
+        n_frames=n_frames,
+        n_verts=n_verts,
+        n_faces=len(faces),
+        fps=0.0,
+        vertex_type=VertexType(vertex_type),
+        method=REEL,
+        laplacian=0,
+        order=("keep", "vertices", "drop").index(order),
+        origin=place[0],
+        scale=place[1],
+        name=name,
+    )
+    leading = [(Section.CONNECTIVITY, coded.payload)]
+    leading += [(Section.ORDER, coded.order_payload)] if order != "drop" else []
+    written = []
+    for layout, basis, fields, corrections in blocks:
+        mesh = FieldMesh(coded.internal_faces, n_verts, layout.stencil_size)
+        block = FieldBlock(layout, basis.astype(np.int32), fields.astype(np.int32))
+        written.append((basis.shape[2], list(write_field_block(block, mesh, corrections))))
+    return whole_stream(header, leading, written)
+
+
+def integers(rng, shape, spread):
+    """Integers of which most are small, of a spread that falls from row to row."""
+    falling = spread * 0.6 ** np.arange(shape[0]).reshape(-1, *[1] * (len(shape) - 1))
+    return np.rint(rng.laplace(scale=falling, size=shape))
+
+
+def random_block(rng, layout, n_verts, n_modes=4, n_frames=6, *, spreads=(40.0, 30.0), moves=None):
+    """A block of integers by chance."""
+    basis = integers(rng, (n_modes, 3, n_frames), spreads[0])
+    return layout, basis, integers(rng, (n_modes, n_verts), spreads[1]), moves
+
+
+# Meshes of every kind, coded by `reel`.
+encoded("sheet", lambda: moving(grid(10, 11)))
+encoded("one_face", lambda: moving([[0, 1, 2]], 3))
+encoded("one_frame", lambda: moving(sphere(5, 8), 1), order="keep")
+encoded("two_frames", lambda: moving(grid(6, 6), 2), order="drop")
+encoded("sphere", lambda: moving(sphere(7, 12)), order="drop")
+encoded("torus", lambda: moving(shuffled(grid(9, 12, closed=(True, True)))), order="drop")
+encoded("tube", lambda: moving(grid(8, 12, closed=(False, True))), order="vertices")
+encoded("moebius", lambda: moving(grid(20, 4, closed=(True, False), turned=True)), order="drop")
+encoded("turned_over", lambda: moving(shuffled(sphere(6, 9), turns=True)), order="keep")
+encoded("holes", lambda: moving(holes(13, 13)), order="drop")
+encoded(
+    "handles",
+    lambda: moving(together(grid(6, 8, closed=(True, True)), grid(5, 7, closed=(True, True)))),
+    order="drop",
+)
+encoded(
+    "components",
+    lambda: moving(together(grid(6, 7), sphere(4, 7), [[0, 1, 2]], grid(3, 5)), n_more=3),
+)
+encoded("pinched", lambda: moving(pinched()), order="drop")
+encoded(
+    "not_manifold", lambda: moving(together(book(7), tangled(15, 24), grid(4, 5))), order="drop"
+)
+encoded(
+    "degenerate",
+    lambda: moving(
+        np.concatenate([grid(6, 6), [[3, 3, 4], [5, 5, 5], [7, 8, 7]], grid(3, 3)]), n_more=2
+    ),
+)
+encoded("tangled", lambda: moving(tangled(40, 60)), order="vertices")
+encoded("hub", lambda: moving(fan(60)), order="drop")
+encoded("hub_in_order", lambda: moving(shuffled(fan(45))), order="keep")
+encoded("uneven", lambda: moving(uneven()), order="drop")
+encoded("long_ring", lambda: moving(grid(3, 90, closed=(True, True)), 5), order="drop", effort=1)
+
+# Orders.
+encoded("order_shuffled", lambda: moving(shuffled(grid(9, 9)), 5), order="keep")
+encoded("order_of_vertices", lambda: moving(shuffled(sphere(6, 9)), 5), order="vertices")
+encoded(
+    "order_of_strips", lambda: moving(grid(4, 30)[np.argsort(np.arange(174) % 3, kind="stable")], 4)
+)
+
+# Efforts, tunes and targets.
+for effort in range(1, 10):
+    encoded(f"effort_{effort}", lambda: moving(sphere(5, 9), 9, rough=0.01), effort=effort)
+encoded("fine", lambda: moving(grid(7, 7), 12, rough=0.02), quality=100, order="drop")
+encoded("coarse", lambda: moving(grid(9, 9), 12), quality=5, order="drop")
+encoded("geometry", lambda: moving(grid(9, 9), 12), tune="geometry", order="drop")
+encoded("max_error", lambda: moving(sphere(5, 9), 12, rough=0.02), max_error=0.02)
+encoded(
+    "max_error_in_blocks",
+    lambda: moving(holes(8, 8), 14, rough=0.01, n_more=1),
+    max_error=0.3,
+    block_frames=5,
+)
+encoded("few_modes", lambda: moving(grid(8, 8), 12), n_modes=2, order="drop")
+encoded("blocks", lambda: moving(grid(8, 9), 17), block_frames=5, order="drop")
+encoded("blocks_of_one", lambda: moving(grid(5, 5), 4), block_frames=1, order="drop")
+
+# Number types and places.
+encoded("doubles", lambda: moving(grid(7, 8), dtype=np.float64), order="vertices")
+encoded("far_away", lambda: moving(grid(7, 8), dtype=np.float64, shape=(1e-3, 1e9)), order="drop")
+encoded("huge", lambda: moving(grid(7, 8), shape=(1e38, 0.0)), order="drop")
+encoded("tiny", lambda: moving(grid(7, 8), shape=(1e-40, 0.0)), order="drop")
+encoded("still", lambda: moving(grid(6, 6), 6, n_waves=0), order="drop")
+encoded("named", lambda: moving(grid(4, 4), 3, fps=23.976, name="N\u00e4me \u2603", start_s=41.7))
+
+# Attributes, groups, polygons, parts, materials, images.
+encoded("everything", lambda: of_everything(fps=25.0, start_s=-1.5))
+encoded("everything_quantised", lambda: of_everything(np.float64), uv_bits=10)
+encoded("attributes_of_vertices", of_everything, order="vertices")
+encoded("attributes_dropped_order", of_everything, order="drop", uv_bits=16)
+
+# The paper's methods.
+for method in ("pca-qp", "pca", "pca-q", "v2v", "pca-qs", "gft"):
+    encoded(f"paper_{method}", lambda: moving(grid(6, 7), 9, n_more=2), method=method)
+encoded("paper_blocks", lambda: moving(grid(6, 7), 17, n_more=1), method="blocks", block_frames=4)
+encoded(
+    "paper_steps",
+    lambda: moving(sphere(4, 7), 9),
+    method="pca-qp",
+    bits=[12, 9, 0],
+    n_modes=3,
+    laplacian="combinatorial",
+)
+encoded("paper_constant", lambda: moving(sphere(4, 7), 9), method="pca-qp", allocation="constant")
+encoded(
+    "paper_exact_doubles",
+    lambda: moving(grid(4, 4), 9, n_more=5, dtype=np.float64),
+    method="v2v",
+    order="drop",
+)
+
+
+@stream
+def example():
+    """The worked example of the page."""
+    layout, basis = Layout(np.float32(0.5), 1, 0), np.array([[[3, 0], [0, -1], [0, 0]]])
+    return by_hand([[0, 1, 2]], 3, [(layout, basis, np.array([[4, -1, 2]]), None)], name="")
+
+
+@stream
+def live():
+    """Written block by block, by a writer that does not know how many frames come."""
+    sequence, file = moving(grid(7, 8), 13, fps=24.0), BytesIO()
+    with meshreel.Encoder(sequence.faces, file, fps=24.0, block_frames=6) as encoder:
+        for frame in sequence.vertices:
+            encoder.push(frame)
+    return file.getvalue()
+
+
+@stream
+def live_with_bound():
+    """The same, with a largest error."""
+    sequence, file = moving(grid(5, 6), 9, rough=0.05), BytesIO()
+    with meshreel.Encoder(sequence.faces, file, block_frames=4, max_error=0.05) as encoder:
+        for frame in sequence.vertices:
+            encoder.push(frame)
+    return file.getvalue()
+
+
+@stream
+def no_index():
+    """Blocks that no index lists, and a section that readers may skip."""
+    data = meshreel.encode(moving(grid(5, 5), 6), block_frames=3, order="drop")
+    (position,) = np.frombuffer(data[-12:-4], "<u8").tolist()
+    unknown = bytearray(write_section(Section.PADDING, b"unknown"))
+    unknown[0] = 0xC0
+    checked = bytes(unknown[:-4])
+    unknown[-4:] = zlib.crc32(checked).to_bytes(4, "little")
+    return data[:position] + bytes(unknown) + write_section(Section.END, b"")
+
+
+def stencils(sizes, faces, n_learned, seed):
+    """Blocks of integers by chance, with stencils of these sizes."""
+    rng, n_verts = np.random.default_rng(seed), int(np.max(faces)) + 1
+    blocks = [random_block(rng, Layout(np.float32(0.01), one, n_learned), n_verts) for one in sizes]
+    return by_hand(faces, n_verts, blocks)
+
+
+STREAMS["stencils_1_to_5"] = lambda: stencils(range(1, 6), grid(6, 7), 3, 1)
+STREAMS["stencils_6_to_10"] = lambda: stencils(range(6, 11), sphere(4, 9), 0, 2)
+STREAMS["stencils_11_to_16"] = lambda: stencils(range(11, 17), uneven(n_verts=50), 9, 3)
+
+
+@stream
+def key_blocks():
+    """Weights that follow an earlier block; steps that differ; a key with fewer modes."""
+    rng, faces = np.random.default_rng(4), grid(6, 7)
+    layouts = [(0, 0.01), (1, 0.02), (2, 0.005), (0, 0.01), (1, 0.01)]
+    blocks = [
+        random_block(rng, Layout(np.float32(step), 9, 3, back), 42, 2 + number, 3 + number)
+        for number, (back, step) in enumerate(layouts)
+    ]
+    return by_hand(faces, 42, blocks, order="vertices")
+
+
+@stream
+def large_residuals():
+    """Integers up to the largest, and values that single precision does not hold."""
+    rng = np.random.default_rng(5)
+    layout, basis, fields, _ = random_block(rng, Layout(np.float32(1e-6), 8, 4), 64, 5, 9)
+    fields[0, ::7] = (2**31 - 1) * rng.choice([-1, 1], len(fields[0, ::7]))
+    fields[3] = 2.0 ** rng.integers(0, 31, 64)
+    basis[0, :, ::4] = [[2**30] * 3, [-(2**30), 2**31 - 1, 5], [0, 1, 2]]
+    return by_hand(grid(8, 8), 64, [(layout, basis, fields, None)], vertex_type=8)
+
+
+@stream
+def lively():
+    """Many modes of many values: what learns slowly and what is halved."""
+    rng, faces = np.random.default_rng(6), grid(14, 14)
+    fields = rng.integers(-5000, 5000, (4, 196)) * (rng.random((4, 196)) < 0.8)
+    fields[2] *= 20
+    basis = rng.integers(-4000, 4000, (4, 3, 30))
+    layout = Layout(np.float32(1e-4), 6, 2)
+    return by_hand(faces, 196, [(layout, basis, fields, None)])
+
+
+@stream
+def nothing_moves():
+    """Integers that are all 0, and padding up to what their number asks for."""
+    layout = Layout(np.float32(0.5), 5, 1)
+    return by_hand(grid(20, 20), 400, [(layout, np.zeros((2, 3, 5)), np.zeros((2, 400)), None)])
+
+
+@stream
+def corrections():
+    """Corrections in runs, alone, of the first and the last vertex and frame."""
+    rng, faces = np.random.default_rng(7), grid(5, 6)
+    wanted = sorted({(v, t) for v in (0, 7, 8, 29) for t in (*range(v % 3, 5), 6, 11)})
+    vertices, frames = np.array(wanted).T
+    moves = rng.integers(-9, 10, (len(wanted), 3)) * 10 ** rng.integers(0, 4, (len(wanted), 1))
+    found = Corrections(np.float32(0.003), vertices, frames, moves)
+    block = random_block(rng, Layout(np.float32(0.02), 7, 2), 30, 3, 12, moves=found)
+    return by_hand(faces, 30, [block], order="keep", place=((5.0, -0.1, 1e6), 3.7))
+
+
+@stream
+def many_resolutions():
+    """Leaves of a book that are kept one by one: more resolutions than are counted."""
+    rng, faces = np.random.default_rng(8), together(grid(14, 14), book(33))
+    n_verts = int(faces.max()) + 1
+    return by_hand(faces, n_verts, [random_block(rng, Layout(np.float32(0.01), 4, 1), n_verts, 2)])
+
+
+@stream
+def no_more_rows():
+    """Leaves of a book alone: resolutions end where they have four times the vertices."""
+    rng, faces = np.random.default_rng(9), book(30)
+    return by_hand(faces, 32, [random_block(rng, Layout(np.float32(0.01), 6, 2), 32, 3)])
+
+
+def main():
+    """Write what is missing."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--force", action="store_true", help="replace what is there")
+    parser.add_argument("names", nargs="*", help="of streams; all, if none is given")
+    given = parser.parse_args()
+    FOLDER.mkdir(exist_ok=True)
+    for name in given.names or STREAMS:
+        path = FOLDER / f"{name}.reel"
+        if path.exists() and not given.force:
+            continue
+        data = STREAMS[name]()
+        path.write_bytes(data)
+        described = json.dumps(describe(read_by_core(data)), indent=1, ensure_ascii=False)
+        path.with_suffix(".json").write_text(described + "\n", "utf-8")
+        print(f"{name}: {len(data)} bytes")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,87 @@
+"""Integers of the paper's methods: ANCHOR_VERTICES to EXACT of docs/format.md."""
+
+from itertools import accumulate
+
+from conformance.bits import integers, need
+from conformance.container import Payload
+from conformance.patterns import read_patterns, row_before, same_step
+
+
+def read_anchors(payload, n_verts):
+    """The anchors, ascending."""
+    payload = Payload(payload)
+    n_anchors = payload.varint()
+    need(n_anchors <= n_verts)
+    (gaps,) = integers(payload.rest(), [n_anchors])
+    anchors = list(accumulate(gaps))
+    need(anchors == sorted(set(anchors)) and all(0 <= one < n_verts for one in anchors))
+    return anchors
+
+
+def table_of(row):
+    """Of row r of an axis, counted from 0."""
+    return (row + 1).bit_length() - 1
+
+
+def read_rows(payload, n_rows, length):
+    """Steps, and plain rows: 3 n_rows lists."""
+    steps, payload = read_steps(payload, n_rows)
+    tables = [table_of(row) for row in range(n_rows)] * 3
+    return steps, integers(payload, [length] * (3 * n_rows), tables)
+
+
+def read_curves(payload, n_rows, n_frames):
+    """Steps, and rows over time: 3 n_rows lists."""
+    steps, payload = read_steps(payload, n_rows)
+    tables = [0] + [1 + table_of(row) for row in range(n_rows)] * 3
+    times, *rows = integers(payload, [3 * n_rows] + [n_frames] * (3 * n_rows), tables)
+    for number, differenced in enumerate(times):
+        need(0 <= differenced <= 2)
+        for _ in range(differenced):
+            rows[number] = list(accumulate(rows[number]))
+    return steps, rows
+
+
+def read_steps(payload, n_rows):
+    payload = Payload(payload)
+    n_steps = payload.varint()
+    need(n_steps in (1, n_rows))
+    return [payload.number("f") for _ in range(n_steps)], payload.rest()
+
+
+def read_exact(payload, n_frames, n_isolated, vertex_type):
+    """Positions of isolated vertices, a row of bytes for each frame and number."""
+    need(payload[0] in (0, 1))
+    expected = (row_before, same_step)[payload[0]](n_frames)
+    kind = "f" if vertex_type == 4 else "d"
+    return read_patterns(payload[1:], 3 * n_isolated, kind, expected)
+
+
+def read_block(sections, header, n_anchors, n_isolated, before):
+    """The integers of a block, by section; `before` is the block before."""
+    head = Payload(sections["BLOCK"])
+    n_frames, n_modes = head.varint(), head.varint()
+    head.end()
+    block = {"frames": n_frames, "modes": n_modes}
+    if header.method == "gft":
+        found = read_curves(sections["ANCHORS"], n_anchors, n_frames)
+        block["anchor steps"], block["anchors"] = found
+        found = read_rows(sections["COEFFICIENTS"], n_modes, n_frames)
+        block["coefficient steps"], block["coefficients"] = found
+    else:
+        block["basis steps"], rows = read_curves(sections["BASIS"], n_modes, n_frames)
+        if header.method == "blocks" and before and before["frames"] == n_frames:
+            need(len(before["basis"]) == len(rows), "dictionaries differ in their modes")
+            rows = [
+                [one + other for one, other in zip(row, known, strict=True)]
+                for row, known in zip(rows, before["basis"], strict=True)
+            ]
+        block["basis"] = rows
+        if header.method != "v2v":
+            found = read_rows(sections["ANCHORS"], n_modes, n_anchors)
+            block["anchor steps"], block["anchors"] = found
+        found = read_rows(sections["COEFFICIENTS"], n_modes, header.n_verts)
+        block["coefficient steps"], block["coefficients"] = found
+    if n_isolated:
+        block["exact"] = read_exact(sections["EXACT"], n_frames, n_isolated, header.vertex_type)
+    return block

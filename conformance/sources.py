@@ -1,0 +1,231 @@
+"""Meshes and motions that streams are made of: all generated, deterministic, small."""
+
+import numpy as np
+
+from meshreel.materials import AlphaMode, Filter, Image, Material, Texture, Wrap
+from meshreel.sequence import MeshSequence
+from meshreel.surface import Attribute, Domain, FaceGroups, Kind, Part, Surface
+
+
+def grid(rows, columns, *, closed=(False, False), turned=False):
+    """Triangles of a sheet; closed in either direction it is a tube or a torus."""
+    i, j = np.mgrid[0 : rows - (not closed[0]), 0 : columns - (not closed[1])].reshape(2, -1)
+
+    def at(a, b):
+        round_once = (a // rows) % 2
+        b = np.where(turned & (round_once == 1), columns - 1 - b, b)
+        return a % rows * columns + b % columns
+
+    a, b, c, d = at(i, j), at(i + 1, j), at(i, j + 1), at(i + 1, j + 1)
+    return np.concatenate([np.stack([a, b, c], 1), np.stack([c, b, d], 1)])
+
+
+def sphere(rows, columns):
+    """A closed surface: a tube with a fan at either end."""
+    body = grid(rows, columns, closed=(False, True))
+    ring = np.arange(columns)
+    first, last = rows * columns, rows * columns + 1
+    top = np.stack([np.full(columns, first), ring, (ring + 1) % columns], 1)
+    low = (rows - 1) * columns
+    bottom = np.stack([np.full(columns, last), low + (ring + 1) % columns, low + ring], 1)
+    return np.concatenate([body, top, bottom])
+
+
+def fan(n_rim):
+    """One vertex with all others around it."""
+    rim = np.arange(n_rim)
+    return np.stack([np.full(n_rim, n_rim), rim, (rim + 1) % n_rim], 1)
+
+
+def book(n_pages):
+    """Triangles at one edge."""
+    pages = np.arange(2, n_pages + 2)
+    return np.stack([np.zeros_like(pages), np.ones_like(pages), pages], 1)
+
+
+def holes(rows, columns, seed=1, share=0.25):
+    """A sheet of which a share of the triangles is missing."""
+    faces = grid(rows, columns)
+    return faces[np.random.default_rng(seed).random(len(faces)) >= share]
+
+
+def tangled(n_verts, n_faces, seed=2):
+    """Faces between vertices at random: degenerate, repeated, nothing that is a surface."""
+    return np.random.default_rng(seed).integers(0, n_verts, (n_faces, 3))
+
+
+def together(*meshes):
+    """Several meshes beside each other."""
+    found, n_verts = [], 0
+    for faces in meshes:
+        found.append(np.asarray(faces) + n_verts)
+        n_verts = int(found[-1].max()) + 1
+    return np.concatenate(found)
+
+
+def pinched():
+    """Three sheets that have a vertex in common, and nothing else."""
+    faces = together(grid(4, 4), grid(4, 4), grid(4, 4))
+    faces[faces == 16] = 5
+    faces[faces == 37] = 5
+    used = np.unique(faces)
+    return np.searchsorted(used, faces)
+
+
+def uneven(seed=3, n_verts=140):
+    """A closed surface with vertices of 3 to 20 and more neighbours: corners cut off again."""
+    rng = np.random.default_rng(seed)
+    faces = [[0, 1, 2], [0, 2, 3], [0, 3, 1], [1, 3, 2]]
+    for vertex in range(4, n_verts):
+        place = int(len(faces) * rng.random() ** 2)
+        a, b, c = faces[place]
+        faces[place] = [a, b, vertex]
+        faces += [[b, c, vertex], [c, a, vertex]]
+    return np.array(faces)
+
+
+def shuffled(faces, seed=4, *, turns=False):
+    """Faces in another order, each from another corner, vertices renamed."""
+    rng = np.random.default_rng(seed)
+    faces = rng.permutation(int(faces.max()) + 1)[faces[rng.permutation(len(faces))]]
+    faces = np.take_along_axis(faces, (rng.integers(0, 3, (len(faces), 1)) + range(3)) % 3, 1)
+    if turns:
+        over = rng.random(len(faces)) < 0.4
+        faces[over] = faces[over][:, ::-1]
+    return faces
+
+
+def moving(faces, n_frames=10, *, seed=5, n_more=0, dtype=np.float32, shape=(1.0, 0.0), rough=0.0,
+           n_waves=4, **more):  # fmt: skip
+    """A mesh whose vertices are smoothed noise and move in waves.
+
+    Parameters
+    ----------
+    n_more : int
+        Vertices that no face uses.
+    shape : pair of float
+        Size and offset in model units.
+    rough : float
+        What is noise in each frame, as a share of the size.
+    n_waves : int
+        Different motions.
+    """
+    faces, rng = np.asarray(faces, np.int32), np.random.default_rng(seed)
+    n_verts = int(faces.max()) + 1 + n_more
+    rest, waves = rng.normal(size=(n_verts, 3)), rng.normal(size=(n_waves, n_verts, 3)) / 3
+    ends = np.concatenate([faces, np.roll(faces, 1, axis=1), np.roll(faces, 2, axis=1)])[:, :2]
+    count = np.maximum(np.bincount(ends[:, 0], minlength=n_verts), 1)[:, None]
+    for field in (rest, *waves):
+        for _ in range(25):
+            total = np.zeros_like(field)
+            np.add.at(total, ends[:, 0], field[ends[:, 1]])
+            has_edge = np.bincount(ends[:, 0], minlength=n_verts)[:, None] > 0
+            field[:] = np.where(has_edge, 0.5 * field + 0.5 * total / count, field)
+        field /= np.abs(field).max()
+    phase = np.linspace(0, 2, n_frames)[:, None] * (1 + np.arange(n_waves))
+    vertices = rest + 0.3 * np.tensordot(np.sin(phase + np.arange(n_waves)), waves, 1)
+    vertices += rough * rng.normal(size=vertices.shape)
+    size, offset = shape
+    return MeshSequence((size * vertices + offset).astype(dtype), faces, **more)
+
+
+def sheet_of_quads(rows=6, columns=7):
+    """Polygons of a sheet: quads, a triangle and a pentagon, as sizes and triangles."""
+    corner = (np.arange(rows - 1)[:, None] * columns + np.arange(columns - 1)).ravel()
+    quads = np.stack([corner, corner + columns, corner + columns + 1, corner + 1], 1)
+    triangles = quads[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3)
+    n_verts = rows * columns
+    extra = [[0, n_verts, 1], [0, columns, n_verts], [0, n_verts, 1], [0, 1, 2], [0, 2, 3]]
+    sizes = np.concatenate([np.full(len(quads), 4), [3, 3, 5]])
+    return sizes.astype(np.int32), np.concatenate([triangles, extra])
+
+
+def attribute(name, kind, domain, values, indices=None):
+    indices = None if indices is None else np.asarray(indices, np.int32)
+    return Attribute(name, Kind(kind), Domain(domain), np.asarray(values), indices)
+
+
+def seamed_uvs(sizes, triangles, dtype=np.float32, name="uv"):
+    """Texture coordinates at corners, of which those of some faces lie elsewhere."""
+    n_corners, n_verts = int(sizes.sum()), int(triangles.max()) + 1
+    first, triangle, at = 0, 0, np.empty(n_corners, np.int64)
+    for size in sizes:
+        at[first], at[first + 1] = triangles[triangle][:2]
+        at[first + 2 : first + size] = triangles[triangle : triangle + size - 2, 2]
+        first, triangle = first + size, triangle + size - 2
+    far = np.repeat(np.arange(len(sizes)) % 11 < 4, sizes)
+    rows, indices = np.unique(at + n_verts * far, return_inverse=True)
+    plane = np.stack([rows % n_verts % 7, rows % n_verts // 7], 1) / 7.3 + 2.0 * (
+        rows[:, None] >= n_verts
+    )
+    return attribute(name, "uv", "corner", plane.astype(dtype), indices)
+
+
+def of_everything(dtype=np.float32, n_frames=5, **more):
+    """A sheet of polygons with attributes of each domain and number type, groups and parts."""
+    sizes, triangles = sheet_of_quads()
+    n_verts, n_faces, n_corners = int(triangles.max()) + 1, len(sizes), int(sizes.sum())
+    rng = np.random.default_rng(6)
+    smooth = np.sin(np.arange(n_verts)[:, None] / 9 + np.arange(4))
+    counted, half = np.arange(n_faces, dtype=np.int32), n_faces // 2
+    bytes_each = rng.integers(0, 256, (4, 3)) / 255.0
+    noise = rng.integers(-(2**31), 2**31, (n_verts, 16)).astype(np.int32)
+    attributes = (
+        seamed_uvs(sizes, triangles),
+        seamed_uvs(sizes, triangles, np.float64, "fine"),
+        attribute("paint", "color", "vertex", (127 * (1 + smooth)).astype(np.uint8)),
+        attribute("light", "color", "corner", np.round(rng.random((n_corners, 3)), 2).astype("f4")),
+        attribute("weights", "other", "vertex", smooth.astype(np.float64)),
+        attribute("limits", "other", "vertex", extreme(n_verts)),
+        attribute("number", "other", "face", counted[:, None] * 7 - 90),
+        attribute("of bytes", "color", "face", bytes_each, rng.integers(0, 4, n_faces)),
+        attribute("wide", "other", "vertex", noise),
+        attribute("again", "other", "corner", rng.integers(0, 2, (n_corners, 1)).astype(np.int32)),
+    )  # fmt: skip
+    groups = (
+        FaceGroups("material", ("red", "gr\u00fcn", "unused"), counted // 9 % 2),
+        FaceGroups("group", ("one",), np.where(counted < half, -1, 0).astype(np.int32)),
+    )  # fmt: skip
+    surface = Surface(sizes, attributes, groups, (Part("/all", n_verts, n_faces),), *look())
+    return moving(triangles, n_frames, dtype=dtype, surface=surface, **more)
+
+
+def extreme(n):
+    """Floats of every size and sign; infinite, none, the smallest."""
+    values = np.float32(10.0) ** (np.arange(n) % 77 - 38) * np.where(np.arange(n) % 3, 1, -1)
+    values[:6] = [np.inf, -np.inf, np.nan, 0.0, -0.0, 1e-45]
+    values[6:9] = np.finfo(np.float32).max
+    return np.stack([values, values[::-1]], 1).astype(np.float32)
+
+
+def look():
+    """Materials that use everything, and their images."""
+    red = Material(
+        name="red",
+        base_color=(1.0, 0.5, 0.25, 0.75),
+        metallic=0.1,
+        roughness=0.3,
+        emissive=(0.5, 0.25, 0.0),
+        normal_scale=0.5,
+        occlusion_strength=0.75,
+        alpha_mode=AlphaMode.MASK,
+        alpha_cutoff=0.25,
+        double_sided=True,
+        base_color_texture=Texture(0, "uv", "rgba", Wrap.CLAMP, Wrap.MIRROR),
+        metallic_texture=Texture(1, "uv", "b"),
+        roughness_texture=Texture(1, "uv", "g", Wrap.BLACK, Wrap.METADATA),
+        normal_texture=Texture(1, "uv"),
+        occlusion_texture=Texture(1, "uv", "r"),
+        emissive_texture=Texture(0, "uv"),
+    )
+    place = {"offset": (0.5, 0.25), "rotation": 0.5, "scale": (2.0, 4.0)}
+    filters = {"magnified": Filter.NEAREST, "shrunk": Filter.LINEAR_MIPMAP_LINEAR}
+    cloth = Material(
+        name="gr\u00fcn",
+        roughness=0.5,
+        unlit=True,
+        alpha_mode=AlphaMode.BLEND,
+        base_color_texture=Texture(1, "fine", **filters, **place),
+    )
+    images = (Image("", "image/png", bytes(range(64))), Image("b", "image/jpeg", b"\xff\xd8\xff"))
+    return (red, cloth), images

@@ -1,0 +1,107 @@
+"""Temporal basis, corrections and frames of `reel`: "Times", "Corrections", "Frames"."""
+
+from array import array
+from math import sqrt
+
+from conformance.bits import integers, need
+from conformance.container import Payload
+
+
+def levels_of(n_frames):
+    """Pairs of the distance d and the times of each level; that of level 0 is 2."""
+    levels = [(2, range(0, n_frames, 4)), (2, range(2, n_frames, 4)), (1, range(1, n_frames, 2))]
+    return [(d, times) for d, times in levels if times]
+
+
+def passes_by_times(n_frames):
+    """Context neighbours of each column, all times of x, then y, then z, by pass."""
+    passes = []
+    for d, times in levels_of(n_frames):
+        passes.append({})
+        for axis in range(3):
+            for t in times:
+                around = [] if times[0] == 0 else [t - d, t + d]
+                around += [t - 2 * d, t - 4 * d]
+                near = [axis * n_frames + u for u in around if 0 <= u < n_frames]
+                near += [before * n_frames + t for before in range(axis)]
+                passes[-1][axis * n_frames + t] = near
+    return passes
+
+
+def values_at_times(coded):
+    """Values of one axis from its integers."""
+    n_frames, v = len(coded), [0.0] * len(coded)
+    for d, times in levels_of(n_frames):
+        for t in times:
+            if times[0] == 0:
+                v[t] = (v[t - 4] if t else 0.0) + coded[t]
+                continue
+            a = v[t - 3 * d] if t >= 3 * d else None
+            b = v[t - d]
+            c = v[t + d] if t + d < n_frames else None
+            e = v[t + 3 * d] if t + 3 * d < n_frames else None
+            v[t] = predicted(a, b, c, e) + coded[t]
+    return v
+
+
+def predicted(a, b, c, e):
+    if c is None:
+        return b
+    if a is not None and e is not None:
+        return (9 * (b + c) - (a + e)) / 16
+    if a is not None:
+        return ((6 * b + 3 * c) - a) / 8
+    if e is not None:
+        return ((3 * b + 6 * c) - e) / 8
+    return (b + c) / 2
+
+
+def basis_vector(coded, n_frames):
+    """The 3 T_b numbers of a mode."""
+    values = []
+    for axis in range(3):
+        values += values_at_times(coded[axis * n_frames : (axis + 1) * n_frames])
+    total = 0.0
+    for one in values:
+        total += one * one
+    length = sqrt(total) or 1.0
+    return [one / length for one in values]
+
+
+def read_corrections(payload, n_frames, n_verts):
+    """The step, and by frame and vertex the integers of a correction."""
+    payload = Payload(payload)
+    step, n_corrected, n = payload.number("f"), payload.varint(), payload.varint()
+    need(0 < step < 1e6 and n_corrected <= n_verts)
+    need(n_corrected <= n <= n_frames * n_verts)
+    lengths = [n_corrected, n_corrected, n, n, n, n]
+    gaps, more, frames, *xyz = integers(payload.rest(), lengths, [0, 1, 2, 3, 3, 3])
+    found, vertex, rows = {}, 0, iter(zip(frames, *xyz, strict=True))
+    for gap, n_more in zip(gaps, more, strict=True):
+        vertex, frame, before = vertex + gap, 0, None
+        for _ in range(n_more + 1):
+            behind, *offset = next(rows)
+            frame += behind
+            if before is not None and behind == 1:
+                offset = [one + other for one, other in zip(offset, before, strict=True)]
+            found[frame, vertex] = before = offset
+    need(len(found) == n and next(rows, None) is None)
+    need(all(0 <= t < n_frames and 0 <= v < n_verts for t, v in found))
+    return step, found
+
+
+def frames_of(bases, fields, corrections, header, order):
+    """Positions as little-endian bytes, frame after frame, vertices as they go out."""
+    n_frames = len(bases[0]) // 3
+    step, moves = corrections
+    numbers = array("f" if header.vertex_type == 4 else "d")
+    for t in range(n_frames):
+        for v in order:
+            for axis in range(3):
+                total = 0.0
+                for basis, field in zip(bases, fields, strict=True):
+                    total += basis[axis * n_frames + t] * field[v]
+                if (t, v) in moves:
+                    total += moves[t, v][axis] * step
+                numbers.append(total * header.scale + header.origin[axis])
+    return numbers

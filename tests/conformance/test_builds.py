@@ -1,0 +1,170 @@
+"""Other builds of the core decode the same bits; streams and their makers run nearly all of it."""
+
+import hashlib
+import importlib.util
+import json
+import os
+import shutil
+import subprocess
+import sys
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from conformance.check import wanted
+from conformance.make import FOLDER, STREAMS
+from meshreel.bitstream.reader import read_stream
+from meshreel.codec.open_stream import OpenStream
+
+ROOT = Path(__file__).parents[2]
+LEAST_SHARE = 0.95
+TIME_LIMIT_S = 600
+
+pytestmark = pytest.mark.slow
+
+
+@cache
+def compile_core():
+    """The module core/compile.py."""
+    spec = importlib.util.spec_from_file_location("core_compile", ROOT / "core" / "compile.py")
+    found = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(found)
+    return found
+
+
+def need_programs(*names):
+    for name in names:
+        if shutil.which(name) is None:
+            pytest.skip(f"{name} is not here")
+
+
+def compiled(target, compiler, flags):
+    """What a compiler makes of the core, with its usual flags and these behind them."""
+    files = [str(file) for file in compile_core().sources() if file.suffix == ".c"]
+    usual = [flag for flag in compile_core().FLAGS if flag != "-shared"]
+    command = [compiler, *usual, *files, *flags, "-o", str(target)]
+    subprocess.run(command, check=True, cwd=target.parent, timeout=TIME_LIMIT_S)
+    return target
+
+
+def built(folder, compiler, *flags):
+    """A library of the core, compiled with these flags."""
+    need_programs(compiler)
+    return compiled(folder / "core.so", compiler, ["-shared", *flags])
+
+
+def check(library, *options):
+    """Run `conformance.check` with another library."""
+    paths = os.pathsep.join([str(ROOT), str(ROOT / "src")])
+    environment = {**os.environ, "MESHREEL_CORE": str(library), "PYTHONPATH": paths}
+    done = subprocess.run(
+        [sys.executable, "-m", "conformance.check", *options],
+        env=environment,
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        timeout=TIME_LIMIT_S,
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+@pytest.mark.parametrize(
+    ("compiler", "flags"),
+    [
+        ("gcc", ["-O0"]),
+        ("gcc", ["-O3"]),
+        ("clang", ["-O0"]),
+        ("clang", ["-O3"]),
+        ("gcc", ["-O3", "-DREEL_NARROW"]),
+        ("clang", ["-O3", "-DREEL_NARROW"]),
+    ],
+)
+def test_streams_hold_the_same_when_the_core_is_built_otherwise(compiler, flags, tmp_path):
+    check(built(tmp_path, compiler, *flags))
+
+
+def lines_of(folder):
+    """Of each file of the core, its lines that are code, and whether each was run."""
+    notes = [path.name for path in folder.glob("*.gcda")]
+    assert notes, "nothing was noted"
+    command = ["gcov", "--json-format", "--stdout", *notes]
+    done = subprocess.run(command, cwd=folder, check=True, capture_output=True, text=True)
+    lines = {}
+    for report in map(json.loads, filter(None, done.stdout.splitlines())):
+        for file in report["files"]:
+            of_file = lines.setdefault(Path(file["file"]).name, {})
+            for line in file["lines"]:
+                number = line["line_number"]
+                of_file[number] = of_file.get(number, False) or line["count"] > 0
+    return lines
+
+
+def test_streams_and_their_makers_run_nearly_all_lines_of_the_core(tmp_path):
+    if shutil.which("gcov") is None:
+        pytest.skip("gcov is not here")
+    flags = ["--coverage", "-O0", "-fprofile-update=atomic"]
+    check(built(tmp_path, "gcc", *flags), "--make")
+    lines = {
+        name: found for name, found in lines_of(tmp_path).items() if (ROOT / "core" / name).exists()
+    }
+    missed = {
+        name: [number for number, was_run in sorted(found.items()) if not was_run]
+        for name, found in lines.items()
+    }
+    n_lines, n_missed = (sum(map(len, one.values())) for one in (lines, missed))
+    print(f"{n_lines - n_missed} of {n_lines} lines were run; not: {missed}")
+    assert n_missed <= (1 - LEAST_SHARE) * n_lines, missed
+
+
+def hash_of(numbers, kind):
+    """SHA-256 of numbers as little-endian ones of a kind."""
+    return hashlib.sha256(np.asarray(numbers).astype(kind).tobytes()).hexdigest()
+
+
+def differs(name, decoded):
+    """Whether what `check.c` wrote of a stream is not what is said of it."""
+    said, begin = wanted(name), 0
+
+    def take(count, kind):
+        nonlocal begin
+        found = np.frombuffer(decoded, kind, count, begin)
+        begin += found.nbytes
+        return found
+
+    if hash_of(take(3 * said["faces"], "<i4"), "<i8") != said["hash of internal faces"]:
+        return True
+    if said["method"] != "reel":
+        return begin != len(decoded)
+    frames = []
+    for block in said["blocks"]:
+        n_frames, n_modes = block["frames"], block["modes"]
+        counts = {"basis": 3 * n_frames, "coefficients": said["vertices"]}
+        for part, count in counts.items():
+            if hash_of(take(n_modes * count, "<i4"), "<i8") != block[f"hash of {part}"]:
+                return True
+        kind = f"<f{said['vertex type']}"
+        frames.append(take(3 * n_frames * said["vertices"], kind).reshape(n_frames, -1, 3))
+    order = OpenStream(read_stream((FOLDER / f"{name}.reel").read_bytes())).order
+    positions = np.concatenate(frames)[:, order]
+    return hash_of(positions, kind) != said["hash of positions"] or begin != len(decoded)
+
+
+@pytest.mark.parametrize(
+    ("compiler", "runner"),
+    [("gcc", []), ("aarch64-linux-gnu-gcc", ["qemu-aarch64", "-L", "/usr/aarch64-linux-gnu"])],
+)
+@pytest.mark.parametrize("level", ["-O0", "-O3"])
+def test_streams_hold_the_same_when_the_core_alone_decodes_them(compiler, runner, level, tmp_path):
+    need_programs(compiler, *runner[:1])
+    core, check_c = ROOT / "core", ROOT / "conformance" / "check.c"
+    flags = [level, f"-I{core}", str(check_c)]
+    program = compiled(tmp_path / "check", compiler, flags)
+    failed = []
+    for name in STREAMS:
+        given = [str(FOLDER / f"{name}.reel"), str(tmp_path / "out")]
+        subprocess.run([*runner, str(program), *given], check=True, timeout=TIME_LIMIT_S)
+        if differs(name, (tmp_path / "out").read_bytes()):
+            failed.append(name)
+    assert failed == []

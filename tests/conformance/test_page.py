@@ -1,0 +1,27 @@
+"""What docs/format.md shows in bytes and numbers is what streams and the plain reader have."""
+
+import re
+from pathlib import Path
+
+from conformance.bits import LOGISTIC
+from conformance.example import example_lines
+from conformance.hierarchy import COEFFICIENTS
+from conformance.make import FOLDER
+
+PAGE = (Path(__file__).parents[2] / "docs" / "format.md").read_text("utf-8")
+MOST_LINES = 400
+
+
+def test_example_of_the_page_is_the_stream_that_is_stored():
+    shown = PAGE[PAGE.index("## A stream in bytes") :]
+    shown = shown.partition("```text\n")[2].partition("\n```")[0]
+    assert shown.split("\n") == example_lines((FOLDER / "example.reel").read_bytes())
+
+
+def test_numbers_of_the_page_are_those_of_the_plain_reader():
+    assert list(map(float.fromhex, re.findall(r"0x1\.\w+p-\d+", PAGE))) == COEFFICIENTS
+    assert ", ".join(map(str, LOGISTIC)) in PAGE
+
+
+def test_page_is_no_longer_than_is_promised():
+    assert len(PAGE.splitlines()) < MOST_LINES
