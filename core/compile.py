@@ -59,6 +59,8 @@ DECODER = (
     "reel_patterns_decode",
     "reel_patterns_memory",
     "reel_predict_decode",
+    "reel_twins",
+    "reel_twins_memory",
 )
 
 

@@ -47,6 +47,7 @@ void fuzz_frames(void) {
     for (int i = 0; i < 4; i++) {
         placement[i] = fuzz_float();
     }
+    bool by_mode = fuzz_once_in(2);
     int32_t *wanted = any_numbers(n_wanted, n_frames);
     int32_t *order = fuzz_once_in(2) ? any_numbers(n_verts, n_verts) : NULL;
     int64_t *starts = fuzz_once_in(2) ? any_starts(n_wanted) : NULL;
@@ -58,7 +59,8 @@ void fuzz_frames(void) {
     }
     size_t size = reel_frames_memory(n_modes, n_wanted), item = layout == 4 ? 4 : 8;
     void *out = fuzz_take(3 * n_wanted * n_verts, item);
-    int64_t result = reel_frames(fuzz_take((int64_t)size, 1), size, basis, fields, order, n_frames,
+    int64_t result = reel_frames(fuzz_take((int64_t)size, 1), size, basis, fields,
+                                 by_mode ? n_verts : 1, by_mode ? 1 : n_modes, 0.5, order, n_frames,
                                  n_modes, n_verts, wanted, n_wanted, starts, corrected, moves,
                                  placement, layout, out);
     fuzz_claim_code(result);

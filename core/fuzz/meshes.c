@@ -121,5 +121,11 @@ fuzz_mesh fuzz_any_mesh(int64_t most_verts) {
     mesh.faces = fuzz_copy(faces, 3 * mesh.n_faces, sizeof *faces);
     mesh.twins = fuzz_take(3 * mesh.n_faces, sizeof *mesh.twins);
     find_twins(&mesh);
+    size_t size = reel_twins_memory(mesh.n_verts, mesh.n_faces);
+    int32_t *twins = fuzz_take(3 * mesh.n_faces, sizeof *twins);
+    reel_twins(fuzz_take((int64_t)size, 1), size, mesh.faces, mesh.n_faces, mesh.n_verts, twins);
+    for (int64_t i = 0; i < 3 * mesh.n_faces; i++) {
+        FUZZ_CLAIM(twins[i] == mesh.twins[i]);
+    }
     return mesh;
 }

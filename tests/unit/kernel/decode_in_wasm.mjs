@@ -100,17 +100,11 @@ call("reel_integers_decode", [1], put(timeBytes), timeBytes.length,
 const basis = take(24 * K * T);
 call("reel_basis", [T], times, k, t, basis);
 
-const turned = take(8 * V * K); // modes by vertices
-const both = new Float64Array(core.memory.buffer);
-for (let i = 0; i < V; i++) {
-  for (let j = 0; j < K; j++) {
-    both[turned / 8 + j * V + i] = both[values / 8 + i * K + j];
-  }
-}
 const wanted = put(Int32Array.from({ length: T }, (_, i) => i));
 const placement = put(Float64Array.from(stream.placement));
 const positions = take(12 * T * V);
-call("reel_frames", [K, T], basis, turned, 0, t, k, v, wanted, t, 0, 0, 0, placement, 4n, positions);
+call("reel_frames", [K, T], basis, values, 1n, k, 1.0, 0, t, k, v, wanted, t, 0, 0, 0, placement,
+  4n, positions);
 
 console.log(JSON.stringify({
   faces: hash(faces, 12 * M),
