@@ -218,8 +218,8 @@ static void write_frames(const stream *s, const hierarchy *h, const block *b,
     }
     uint8_t *positions = room((size_t)(3 * n_frames * n) * s->vertex_type);
     needed = reel_frames_memory(n_modes, n_frames);
-    done(reel_frames(room(needed), needed, basis, fields, NULL, n_frames, n_modes, n, wanted,
-                     n_frames, moved.starts, moved.vertices, moved.moves, s->placement,
+    done(reel_frames(room(needed), needed, basis, fields, n, 1, 1.0, NULL, n_frames, n_modes, n,
+                     wanted, n_frames, moved.starts, moved.vertices, moved.moves, s->placement,
                      s->vertex_type, positions),
          "frames");
     fwrite(positions, s->vertex_type, (size_t)(3 * n_frames * n), out);
