@@ -7,6 +7,7 @@
    a vertex has a lower number. Values are in quantisation steps. */
 
 #include "cpu.h"
+#include "rounding.h"
 
 #define REEL_BATCH 8 /* vertices that go together */
 #define MOST REEL_MAX_STENCIL
@@ -22,38 +23,18 @@
 #define LARGEST_FEEDBACK 8.0  /* steps of noise feedback beyond which there is none */
 #define FADED_COUNT 60.0      /* what the counts of earlier levels weigh */
 #define COUNTED_BATCHES 8     /* after which the dead zone follows the counts */
-#define ROUNDED_DOWN 0.04     /* of a step: by how much magnitudes above 1 are rounded down */
-#define TOO_LARGE 1073741824.0
 
 #define FOR_LANES(l) for (int l = 0; l < REEL_BATCH; l++)
 
-/* The dead zone of a mode, from how often 0 and 1 occurred; base-2 logarithm within 1 %. */
-static double dead_zone(double n_zeros, double n_ones, double price) {
-    union {
-        double number;
-        uint64_t bits;
-    } ratio = {(n_zeros + 0.5) / (0.5 * n_ones + 0.5)};
-    double octave = (double)((int64_t)(ratio.bits >> 52) - 1023);
-    ratio.bits = (ratio.bits & 0xFFFFFFFFFFFFFU) | 0x3FF0000000000000U;
-    double part = ratio.number - 1.0;
-    double zone = 0.5 + 0.5 * price * (octave + part * (1.3465 - 0.3465 * part));
-    return zone < 0.5 ? 0.5 : zone > 1.0 ? 1.0 : zone;
-}
-
-/* The residual of a value in steps; a mode's counts of zeros and ones, and its dead zone. */
+/* The residual of a value in steps; a mode's counts of zeros and ones follow. */
 REEL_INLINE int32_t quantize(double scaled, bool is_plain, double *counts, double zone) {
-    double size = scaled < 0 ? -scaled : scaled;
-    int32_t found = 0;
+    double size = reel_magnitude(scaled);
     if (size < zone) {
         counts[0] += 1.0;
-        return 0;
-    }
-    if (size < 1.5) {
+    } else if (size < 1.5) {
         counts[1] += 1.0;
     }
-    found = (int32_t)(size + (is_plain ? 0.5 : 0.5 - ROUNDED_DOWN));
-    found = found < 1 ? 1 : found;
-    return scaled < 0 ? -found : found;
+    return reel_rounded(scaled, zone, is_plain);
 }
 
 /* Counts of the levels before weigh little; each level soon goes by its own. */
@@ -69,7 +50,8 @@ static void fade(const reel_choice *choice, int64_t n_modes) {
 static void set_zones(const reel_choice *choice, int64_t n_modes, bool is_plain) {
     for (int64_t k = 0; k < n_modes; k++) {
         const double *counts = choice->counts + 2 * k;
-        choice->zones[k] = is_plain ? 0.5 : dead_zone(counts[0], counts[1], choice->price);
+        choice->zones[k] =
+            is_plain ? REEL_NO_ZONE : reel_dead_zone(counts[0], counts[1], choice->price);
     }
 }
 

@@ -201,7 +201,7 @@ TARGET REEL_INLINE bool NAMED(choose)(const NAMED(batch) *b, int size, bool is_p
     }
     for (int l = 0; l < b->n_lanes; l++) {
         double scaled = aim[l] - expected[l];
-        if (!(scaled < TOO_LARGE && scaled > -TOO_LARGE)) {
+        if (!(scaled < REEL_TOO_LARGE && scaled > -REEL_TOO_LARGE)) {
             return false;
         }
         fields->residuals[k * fields->n_verts + b->own[l]] =

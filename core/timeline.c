@@ -3,14 +3,12 @@
    docs/format.md, "Times". A time is predicted from known ones around it by the polynomial through
    them. Values are multiples of 1/256, and exact as long as they stay below 2^44. */
 
-#include "octaves.h"
+#include "rounding.h"
 
 #define COARSEST 4 /* frames between the times that come first */
 
 #define N_ROUNDS 2           /* in which a dead zone follows the counts that it makes */
 #define FIRST_DEAD_ZONE 0.6
-#define ROUNDED_DOWN 0.04    /* of a step: by how much magnitudes above 1 are rounded down */
-#define TOO_LARGE 1073741824.0
 
 /* The prediction of a time from those d before and behind it, and 3 d. */
 REEL_INLINE double predict_time(const double *values, int64_t time, int64_t d, int64_t n_frames) {
@@ -74,8 +72,6 @@ int64_t reel_basis(void *memory, size_t memory_size, const int32_t *integers, in
     return n_modes;
 }
 
-REEL_INLINE double size_of(double value) { return value < 0 ? -value : value; }
-
 /* Magnitudes below this become 0: the bits that a 1 costs more than a 0 are taken from how often
    the two occur among `count` values, and are worth `price` squared steps each. */
 static double dead_zone(const double *scaled, int64_t count, double price) {
@@ -83,26 +79,21 @@ static double dead_zone(const double *scaled, int64_t count, double price) {
     for (int round = 0; round < N_ROUNDS && price > 0.0; round++) {
         double n_zeros = 0.0, n_ones = 0.0;
         for (int64_t i = 0; i < count; i++) {
-            double size = size_of(scaled[i]);
+            double size = reel_magnitude(scaled[i]);
             n_zeros += size < zone ? 1.0 : 0.0;
             n_ones += size >= zone && size < 1.5 ? 1.0 : 0.0;
         }
-        /* Half an observation each, so that values without any have a length too. */
-        zone = 0.5 + 0.5 * price * reel_octaves((n_zeros + 0.5) / (0.5 * n_ones + 0.5));
-        zone = zone < 0.5 ? 0.5 : zone > 1.0 ? 1.0 : zone;
+        zone = reel_dead_zone(n_zeros, n_ones, price);
     }
-    return price > 0.0 ? zone : 0.5;
+    return price > 0.0 ? zone : REEL_NO_ZONE;
 }
 
 /* The integer near to a value; false if it is too large. */
 REEL_INLINE bool quantize(double scaled, double zone, double price, int32_t *integer) {
-    double size = size_of(scaled);
-    if (!(size < TOO_LARGE)) {
+    if (!(reel_magnitude(scaled) < REEL_TOO_LARGE)) {
         return false;
     }
-    int32_t found = (int32_t)(size + (price > 0.0 ? 0.5 - ROUNDED_DOWN : 0.5));
-    found = size < zone ? 0 : found < 1 ? 1 : found;
-    *integer = scaled < 0 ? -found : found;
+    *integer = reel_rounded(scaled, zone, !(price > 0.0));
     return true;
 }
 
@@ -129,7 +120,7 @@ static bool encode_times(const double *wanted, int64_t n_frames, double price, d
     int32_t latest = 0;
     for (int64_t time = 0; time < n_frames; time += COARSEST) {
         int32_t here;
-        if (!quantize(wanted[time], 0.5, 0.0, &here)) {
+        if (!quantize(wanted[time], REEL_NO_ZONE, 0.0, &here)) {
             return false;
         }
         values[time] = here;

@@ -92,7 +92,7 @@ def test_fields_lie_within_a_step_of_the_truth_when_bits_have_a_price():
 def test_first_level_is_rounded_to_the_nearest_when_bits_have_a_price():
     """Few values, on which all others build."""
     matrices, mesh, block = analysed(0.02, 30)
-    first = mesh.levels[0]
+    first = mesh.resolutions[0].levels[0]
     error = np.abs(decoded_fields(block, mesh) - wanted_fields(block, matrices))[first]
     assert error.max() <= 0.5 * float(block.layout.step) * (1 + 1e-6)
 
@@ -151,8 +151,8 @@ def test_passes_take_every_vertex_once_and_tell_of_it_by_earlier_ones_when_a_fie
 
 def test_levels_take_every_vertex_once_when_a_mesh_is_irregular():
     sequence = irregular_sequence()
-    levels = np.concatenate(field_mesh(sequence).levels)
-    assert sorted(levels) == list(range(sequence.n_verts))
+    levels = [one.predicted for one in field_mesh(sequence).resolutions]
+    assert sorted(np.concatenate(levels)) == list(range(sequence.n_verts))
 
 
 def test_modes_are_no_more_than_asked_for_when_the_step_is_fine():

@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from scipy.sparse import csr_array
 
 from meshreel.connectivity.permutation import inverse_permutation
 from meshreel.kernel.fields import CodingOrder, order_of_rows
@@ -15,7 +14,6 @@ from meshreel.reel.agreed.hierarchy import Resolution, resolutions_of
 from meshreel.runtime.profiling import staged
 from meshreel.sequence import Faces
 
-Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
 
 Connectivity = tuple[bytes, int, int]
@@ -56,12 +54,6 @@ class FieldMesh:
         return neighbours(self.faces, self.n_verts)
 
     @cached_property
-    def adjacency(self) -> csr_array:
-        """Binary, of shape (V, V)."""
-        found, shape = self.neighbours, (self.n_verts, self.n_verts)
-        return csr_array((np.ones(len(found.near)), found.near, found.starts), shape=shape)
-
-    @cached_property
     @staged("hierarchy")
     def hierarchy(self) -> Hierarchy:
         """All vertices in coding order, and what predicts each."""
@@ -71,17 +63,6 @@ class FieldMesh:
     def resolutions(self) -> list[Resolution]:
         """The hierarchy of the vertices, from coarse to fine."""
         return resolutions_of(self.hierarchy)
-
-    @cached_property
-    def levels(self) -> list[Integers]:
-        """Vertices of each level, all resolutions in a row."""
-        return self.levels_of(slice(None))
-
-    def levels_of(self, resolutions: slice) -> list[Integers]:
-        """Vertices of each level of some resolutions."""
-        return [
-            level for resolution in self.resolutions[resolutions] for level in resolution.levels
-        ]
 
     @property
     def order(self) -> npt.NDArray[np.int32]:

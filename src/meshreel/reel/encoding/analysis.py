@@ -283,5 +283,6 @@ def _quantized_fields(
 
 def _first_shaped(mesh: FieldMesh, choices: FieldChoices) -> int:
     """The first level whose noise is shaped: of the finest resolutions, but never level 0."""
-    n_plain = max(0, len(mesh.resolutions) - choices.n_shaped_resolutions)
-    return max(1, len(mesh.levels_of(slice(n_plain))))
+    resolution_of = mesh.hierarchy.level_resolutions
+    first = resolution_of[-1] + 1 - choices.n_shaped_resolutions
+    return max(1, int(np.searchsorted(resolution_of, first)))

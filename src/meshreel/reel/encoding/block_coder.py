@@ -78,7 +78,7 @@ class FieldBlockCoder:
         """
         numbers = None if order is None else order.astype(np.int32)
         given = np.ascontiguousarray(vertices)
-        return FieldFrames(BlockFrames(given, self.frame, numbers), self.frame)
+        return FieldFrames(BlockFrames(given, self.frame, numbers))
 
     def code(
         self, frames: "FieldFrames", key: "KeyBlock | None" = None, reference: int = 0
@@ -161,7 +161,7 @@ class CodedFrames:
 
         def fill(piece: slice) -> None:
             numbers = range(piece.start, piece.stop)
-            self.analysed.decoded.fill(out[piece], numbers, frames.frame)
+            self.analysed.decoded.fill(out[piece], numbers, frames.block.frame)
 
         in_threads(fill, pieces)
         return out
@@ -179,7 +179,7 @@ class CodedFrames:
         if found > max(ROUNDING_BESIDE * by_rounding, ENERGY_BESIDE * frames.block.energy):
             return found + by_rounding
         apart: Floats = self.decoded(frames).astype(np.float64) - frames.vertices
-        apart /= frames.frame.scale
+        apart /= frames.block.frame.scale
         return float(np.vdot(apart, apart))
 
 
@@ -229,11 +229,9 @@ class FieldFrames:
     Attributes
     ----------
     block : BlockFrames
-    frame : BoundingFrame
     """
 
     block: BlockFrames
-    frame: BoundingFrame
 
     @property
     def vertices(self) -> Vertices:
@@ -245,7 +243,7 @@ class FieldFrames:
     def rounding(self) -> float:
         """Largest error, in diagonals, that the number type of the positions alone makes."""
         found = self.block.vertices
-        return largest_rounding(found.min(), found.max(), found.dtype, self.frame)
+        return largest_rounding(found.min(), found.max(), found.dtype, self.block.frame)
 
 
 class KeyedBlocks:
