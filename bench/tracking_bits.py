@@ -102,7 +102,7 @@ def temporal_bases(data: bytes) -> list[Integers]:
     """Residuals of the temporal basis of each block of `reel`, of shape (K, 3, T)."""
     blocks = stored_blocks(read_stream(data), method_named("reel"))
     return [
-        read_basis(block.payload(Section.BASIS), block.n_modes, block.n_frames).astype(np.int64)
+        read_basis(block.payload(Section.BASIS), block.n_modes, 3, block.n_frames).astype(np.int64)
         for block in blocks
     ]
 

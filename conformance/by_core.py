@@ -1,5 +1,7 @@
 """A stream as the package and its core decode it, in the shape of `conformance.reader.Reel`."""
 
+import warnings
+
 import numpy as np
 
 from conformance.container import Container, Header
@@ -9,7 +11,7 @@ from meshreel.bitstream.layout import Section
 from meshreel.bitstream.reader import read_stream
 from meshreel.codec.methods import METHOD_NAMES
 from meshreel.codec.open_stream import OpenStream
-from meshreel.codec.stored_blocks import stored_block
+from meshreel.codec.stored_blocks import stored_block, stored_track_block
 from meshreel.codec.surface.materials import (
     ALPHA_MODES,
     CHANNELS,
@@ -18,11 +20,13 @@ from meshreel.codec.surface.materials import (
     TEXTURE_NUMBERS,
     WRAPS,
 )  # fmt: skip
+from meshreel.codec.tracks import DOMAINS, KINDS
 from meshreel.entropy.exact import decode_exact
 from meshreel.materials import SLOTS
 from meshreel.paper.decoder import PaperBlockDecoder, stored_mesh
-from meshreel.reel.agreed.blocks import read_field_block
-from meshreel.reel.agreed.payloads import read_corrections
+from meshreel.reel.agreed.blocks import read_corrections, read_field_block
+from meshreel.reel.agreed.graphs import item_graph
+from meshreel.reel.decoder import TrackDecoder
 
 LETTERS = {"u1": "B", "i4": "i", "f4": "f", "f8": "d"}
 
@@ -30,7 +34,9 @@ LETTERS = {"u1": "B", "i4": "i", "f4": "f", "f8": "d"}
 def read_by_core(data):
     """A stream, decoded; as `conformance.reader.read`, so far as it is described."""
     stream = read_stream(data)
-    opened, sequence = OpenStream(stream), decode(data)
+    with warnings.catch_warnings():  # of further tracks, which are read below
+        warnings.simplefilter("ignore")
+        opened, sequence = OpenStream(stream), decode(data)
     blocks, anchors = read_blocks(opened)
     is_reel = opened.method.name == "reel"
     starts = [one.payload for one in stream.leading if one.id is Section.START]
@@ -47,6 +53,7 @@ def read_by_core(data):
         promise=numbers[1],
         anchors=anchors,
         positions=Floats(sequence.vertices) if is_reel else None,
+        tracks=tracks_of(opened),
     )
 
 
@@ -90,7 +97,8 @@ def read_blocks(opened):
         for number in range(len(opened.stream.places))
     ]
     if opened.method.name == "reel":
-        return [reel_block(opened, one) for one in stored], []
+        graph = opened.internal_faces, opened.n_verts
+        return [reel_block(graph, one) for one in stored], []
     decoder = opened.blocks()
     assert isinstance(decoder, PaperBlockDecoder)
     mesh = stored_mesh(opened, decoder._variant)
@@ -112,9 +120,36 @@ def read_blocks(opened):
     return blocks, mesh.anchors.tolist()
 
 
-def reel_block(opened, stored):
-    """The integers of a block of `reel`."""
-    block, _ = read_field_block(stored, opened.internal_faces, opened.n_verts, None)
+def tracks_of(opened):
+    """Of each further track what it is, its blocks, and its values."""
+    found = []
+    for number, header in enumerate(opened.tracks, start=1):
+        decoder, graph = TrackDecoder(opened, number), graph_of(opened, header)
+        blocks, values = [], []
+        for block in range(len(opened.stream.places)):
+            stored = stored_track_block(opened.stream, block, number, decoder.shape)
+            blocks.append(reel_block(graph, stored, header.n_columns))
+            values.append(decoder.block(block))
+        said = {
+            "name": header.name,
+            "unit": header.unit,
+            "kind": KINDS.index(header.kind),
+            "domain": DOMAINS.index(header.domain),
+        }
+        found.append((said, blocks, Floats(np.concatenate(values))))
+    return found
+
+
+def graph_of(opened, header):
+    """Faces and number of what has values."""
+    if header.domain == "vertex":
+        return opened.internal_faces, opened.n_verts
+    return item_graph(header.domain, opened.faces, opened.surface, opened.n_verts)
+
+
+def reel_block(graph, stored, n_columns=3):
+    """The integers of a track in a block of `reel`."""
+    block, _ = read_field_block(stored, graph[0], graph[1], None, n_columns)
     layout = block.layout
     found = {
         "frames": stored.n_frames,
@@ -128,9 +163,8 @@ def reel_block(opened, stored):
         "correction step": 0.0,
         "corrections": {},
     }
-    if Section.CORRECTIONS in stored.sections:
-        payload = stored.sections[Section.CORRECTIONS]
-        moves = read_corrections(payload, stored.n_frames, opened.n_verts)
+    moves = read_corrections(stored, graph[1], n_columns)
+    if moves is not None:
         at = zip(moves.frames.tolist(), moves.vertices.tolist(), strict=True)
         found["corrections"] = dict(zip(at, moves.offsets.tolist(), strict=True))
         found["correction step"] = float(moves.step)

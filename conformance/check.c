@@ -1,8 +1,9 @@
 /* Decodes a stream with the core alone: `check IN.reel OUT`, for machines without Python.
 
    OUT holds the internal faces (int32), and of `reel` for each block its basis and coefficients
-   (int32) and its positions (of the vertex type, vertices in internal order). Of other methods only
-   faces are decoded. Streams are those of conformance/streams: nothing that comes in is checked. */
+   (int32) and its positions (of the vertex type, vertices in internal order), then the same of
+   further tracks. Of other methods only faces are decoded, and no tracks of faces and corners.
+   Streams are those of conformance/streams: nothing that comes in is checked. */
 
 #include <stdbool.h>
 #include <stdio.h>
@@ -11,7 +12,8 @@
 
 #include "reel.h"
 
-enum { BLOCK = 16, BASIS = 17, COEFFICIENTS = 19, FIELDS = 21, CORRECTIONS = 22, REEL = 7 };
+enum { BLOCK = 16, BASIS = 17, COEFFICIENTS = 19, FIELDS = 21, CORRECTIONS = 22, TRACK_BLOCK = 23 };
+enum { TRACK = 138, REEL = 7, MOST_TRACKS = 8, MOST_BLOCKS = 100 };
 
 typedef struct {
     const uint8_t *at, *end;
@@ -55,8 +57,7 @@ static void take(bytes *in, void *to, size_t size) {
 /* What a stream has for all its blocks. */
 typedef struct {
     uint32_t n_verts, n_faces;
-    uint8_t vertex_type, method;
-    double placement[4]; /* scale and origin */
+    uint8_t method;
     int32_t *faces, *starts, *near;
     int64_t n_near;
 } stream;
@@ -68,6 +69,13 @@ typedef struct {
     int64_t *pass_starts, *near_starts;
     int64_t n_passes;
 } hierarchy;
+
+typedef struct {
+    bool is_of_vertices;
+    uint8_t number_type;
+    int64_t n_columns;
+    double *placement; /* scale and origin */
+} track;
 
 typedef struct {
     int64_t n_frames, n_modes, reference, size, n_learned;
@@ -121,32 +129,33 @@ static int32_t *read_fields(bytes in, int64_t n_rows, int64_t n_columns, const i
 }
 
 /* "Passes by times" of the page. */
-static int32_t *read_basis(bytes in, int64_t n_modes, int64_t n, FILE *out) {
-    int32_t *columns = room(12 * n), *near = room(12 * n * 6);
-    int64_t *near_starts = room(8 * (3 * n + 1)), pass_starts[4] = {0}, n_passes = 0;
+static int32_t *read_basis(bytes in, int64_t n_modes, int64_t width, int64_t n, FILE *out) {
+    int32_t *columns = room(4 * width * n), *near = room(4 * width * n * 6);
+    int64_t *near_starts = room(8 * (width * n + 1)), pass_starts[4] = {0}, n_passes = 0;
     int64_t place = 0, count = 0;
     const int64_t first[3] = {0, 2, 1}, apart[3] = {4, 4, 2}, d[3] = {2, 2, 1};
     near_starts[0] = 0;
     for (int level = 0; level < 3; level++) {
-        for (int64_t axis = 0; axis < 3; axis++) {
+        for (int64_t own = 0; own < width; own++) {
             for (int64_t t = first[level]; t < n; t += apart[level]) {
                 int64_t others[4] = {t - d[level], t + d[level], t - 2 * d[level],
                                      t - 4 * d[level]};
                 for (int k = level ? 0 : 2; k < 4; k++) {
                     if (others[k] >= 0 && others[k] < n) {
-                        near[count++] = (int32_t)(axis * n + others[k]);
+                        near[count++] = (int32_t)(own * n + others[k]);
                     }
                 }
-                for (int64_t before = 0; before < axis; before++) {
+                for (int64_t before = own < 2 ? 0 : own - 2; before < own; before++) {
                     near[count++] = (int32_t)(before * n + t);
                 }
-                columns[place++] = (int32_t)(axis * n + t);
+                columns[place++] = (int32_t)(own * n + t);
                 near_starts[place] = count;
             }
         }
         pass_starts[++n_passes] = place;
     }
-    return read_fields(in, n_modes, 3 * n, columns, pass_starts, n_passes, near_starts, near, out);
+    return read_fields(in, n_modes, width * n, columns, pass_starts, n_passes, near_starts, near,
+                       out);
 }
 
 /* Corrections by frame: where those of each begin, their vertices and how far they move. */
@@ -156,38 +165,42 @@ typedef struct {
     double *moves;
 } corrections;
 
-static corrections read_corrections(bytes in, int64_t n_frames) {
+static corrections read_corrections(bytes in, int64_t width, int64_t n_frames) {
     float step;
     take(&in, &step, 4);
-    int64_t n = varint(&in), all = varint(&in), total = 2 * n + 4 * all;
-    int64_t lengths[6] = {n, n, all, all, all, all};
-    const int32_t tables[6] = {0, 1, 2, 3, 3, 3};
+    int64_t n = varint(&in), all = varint(&in), total = 2 * n + (1 + width) * all;
+    int64_t *lengths = room(8 * (3 + width));
+    int32_t *tables = room(4 * (3 + width));
+    for (int32_t i = 0; i < 3 + width; i++) {
+        lengths[i] = i < 2 ? n : all;
+        tables[i] = i < 3 ? i : 3;
+    }
     int32_t *v = room(4 * total);
     size_t needed = reel_integers_memory(4);
     done(reel_integers_decode(room(needed), needed, in.at, (size_t)(in.end - in.at), lengths,
-                              tables, 6, 4, v),
+                              tables, 3 + width, 4, v),
          "corrections");
-    int32_t *frames = v + 2 * n, *xyz = frames + all, *vertex_of = room(4 * all), vertex = 0;
+    int32_t *frames = v + 2 * n, *offsets = frames + all, *vertex_of = room(4 * all), vertex = 0;
     for (int64_t i = 0, k = 0; i < n; i++) {
         vertex += v[i];
         for (int64_t j = 0; j <= v[n + i]; j++, k++) {
             bool follows = j && frames[k] == 1;
             frames[k] += j ? frames[k - 1] : 0;
-            for (int axis = 0; axis < 3; axis++) {
-                xyz[axis * all + k] += follows ? xyz[axis * all + k - 1] : 0;
+            for (int64_t c = 0; c < width; c++) {
+                offsets[c * all + k] += follows ? offsets[c * all + k - 1] : 0;
             }
             vertex_of[k] = vertex;
         }
     }
-    corrections found = {room(8 * (n_frames + 1)), room(4 * all), room(24 * all)};
+    corrections found = {room(8 * (n_frames + 1)), room(4 * all), room(8 * width * all)};
     int64_t count = 0;
     for (int64_t t = 0; t < n_frames; t++) { /* vertices ascend in the list, and so in a frame */
         found.starts[t] = count;
         for (int64_t k = 0; k < all; k++) {
             if (frames[k] == t) {
                 found.vertices[count] = vertex_of[k];
-                for (int axis = 0; axis < 3; axis++) {
-                    found.moves[3 * count + axis] = xyz[axis * all + k] * (double)step;
+                for (int64_t c = 0; c < width; c++) {
+                    found.moves[width * count + c] = offsets[c * all + k] * (double)step;
                 }
                 count++;
             }
@@ -197,12 +210,12 @@ static corrections read_corrections(bytes in, int64_t n_frames) {
     return found;
 }
 
-static void write_frames(const stream *s, const hierarchy *h, const block *b,
+static void write_frames(const stream *s, const track *of, const hierarchy *h, const block *b,
                          const int32_t *integers, bytes coded_moves, FILE *out) {
-    int64_t n = s->n_verts, n_modes = b->n_modes, n_frames = b->n_frames;
-    double *basis = room(24 * n_frames * n_modes), *fields = room(8 * n_modes * n);
-    size_t needed = reel_basis_memory(n_frames);
-    done(reel_basis(room(needed), needed, integers, n_modes, n_frames, basis), "basis");
+    int64_t n = s->n_verts, n_modes = b->n_modes, n_frames = b->n_frames, width = of->n_columns;
+    double *basis = room(8 * width * n_frames * n_modes), *fields = room(8 * n_modes * n);
+    size_t needed = reel_basis_memory(width, n_frames);
+    done(reel_basis(room(needed), needed, integers, n_modes, width, n_frames, basis), "basis");
     for (int64_t i = 0; i < n; i++) {
         for (int64_t mode = 0; mode < n_modes; mode++) {
             fields[mode * n + h->order[i]] = (double)b->step * b->values[i * n_modes + mode];
@@ -210,24 +223,29 @@ static void write_frames(const stream *s, const hierarchy *h, const block *b,
     }
     corrections moved = {NULL, NULL, NULL};
     if (coded_moves.at) {
-        moved = read_corrections(coded_moves, n_frames);
+        moved = read_corrections(coded_moves, width, n_frames);
     }
     int32_t *wanted = room(4 * n_frames);
     for (int64_t t = 0; t < n_frames; t++) {
         wanted[t] = (int32_t)t;
     }
-    uint8_t *positions = room((size_t)(3 * n_frames * n) * s->vertex_type);
-    needed = reel_frames_memory(n_modes, n_frames);
-    done(reel_frames(room(needed), needed, basis, fields, n, 1, 1.0, NULL, n_frames, n_modes, n,
-                     wanted, n_frames, moved.starts, moved.vertices, moved.moves, s->placement,
-                     s->vertex_type, positions),
+    size_t count = (size_t)(width * n_frames * n);
+    uint8_t *values = room(count * of->number_type);
+    needed = reel_frames_memory(width, n_modes, n_frames);
+    done(reel_frames(room(needed), needed, basis, fields, n, 1, 1.0, NULL, width, n_frames, n_modes,
+                     n, wanted, n_frames, moved.starts, moved.vertices, moved.moves, of->placement,
+                     of->number_type, values),
          "frames");
-    fwrite(positions, s->vertex_type, (size_t)(3 * n_frames * n), out);
+    fwrite(values, of->number_type, count, out);
 }
 
-static block read_block(const stream *s, const bytes *sections, const block *before, FILE *out) {
-    bytes head = sections[BLOCK], layout = sections[FIELDS];
-    block b = {.n_frames = varint(&head)};
+static block read_block(const stream *s, const track *of, const bytes *sections, int64_t n_frames,
+                        const block *before, FILE *out) {
+    bytes head = sections[sections[BLOCK].at ? BLOCK : TRACK_BLOCK], layout = sections[FIELDS];
+    if (sections[BLOCK].at) {
+        varint(&head);
+    }
+    block b = {.n_frames = n_frames};
     b.n_modes = varint(&head);
     layout.at++;
     b.reference = varint(&layout);
@@ -235,7 +253,7 @@ static block read_block(const stream *s, const bytes *sections, const block *bef
     b.size = varint(&layout);
     b.n_learned = varint(&layout);
     hierarchy h = hierarchy_of(s, b.size);
-    int32_t *basis = read_basis(sections[BASIS], b.n_modes, b.n_frames, out);
+    int32_t *basis = read_basis(sections[BASIS], b.n_modes, of->n_columns, n_frames, out);
     int32_t *residuals = read_fields(sections[COEFFICIENTS], b.n_modes, s->n_verts, h.columns,
                                      h.pass_starts, h.n_passes, h.near_starts, h.near, out);
     const block *key = b.reference ? before - b.reference : NULL;
@@ -243,22 +261,35 @@ static block read_block(const stream *s, const bytes *sections, const block *bef
     reel_fields fields = {s->n_verts, b.n_modes,   b.n_learned, key ? key->n_modes : 0,
                           residuals,  b.values,    key ? key->values : NULL};
     done(reel_predict_decode(&h.mesh, &fields, 0, s->n_verts), "prediction");
-    write_frames(s, &h, &b, basis, sections[CORRECTIONS], out);
+    write_frames(s, of, &h, &b, basis, sections[CORRECTIONS], out);
     return b;
 }
 
-static stream read_header(bytes *in) {
+static stream read_header(bytes *in, track *positions) {
     stream s;
     uint16_t length;
     memcpy(&s.n_verts, in->at + 14, 4);
     memcpy(&s.n_faces, in->at + 18, 4);
-    s.vertex_type = in->at[30];
+    *positions = (track){true, in->at[30], 3, room(32)};
     s.method = in->at[31];
-    memcpy(s.placement + 1, in->at + 34, 24);
-    memcpy(s.placement, in->at + 58, 8);
+    memcpy(positions->placement + 1, in->at + 34, 24);
+    memcpy(positions->placement, in->at + 58, 8);
     memcpy(&length, in->at + 66, 2);
     in->at += 72 + length;
     return s;
+}
+
+static track read_track(bytes in) {
+    track found = {.is_of_vertices = in.at[1] == 0, .number_type = in.at[2]};
+    in.at += 3;
+    for (int text = 0; text < 2; text++) { /* name and unit */
+        int64_t length = varint(&in);
+        in.at += length;
+    }
+    found.n_columns = varint(&in);
+    found.placement = room(8 * (1 + found.n_columns));
+    memcpy(found.placement, in.at, 8 * (1 + found.n_columns));
+    return found;
 }
 
 static void read_faces(stream *s, bytes in, FILE *out) {
@@ -293,23 +324,30 @@ int main(int count, char **names) {
         fail("usage: check IN.reel OUT");
     }
     bytes in = whole_file(names[1]), sections[256];
-    stream s = read_header(&in);
-    static block blocks[1000];
-    int n_blocks = 0;
+    track tracks[MOST_TRACKS];
+    stream s = read_header(&in, tracks);
+    static block blocks[MOST_TRACKS][MOST_BLOCKS];
+    int n_tracks = 1, number = 0, n_blocks = 0;
     memset(sections, 0, sizeof sections);
     for (int id = -1; id != 0;) {
         id = *in.at++;
         int64_t size = varint(&in);
-        if (id == BLOCK) {
+        if (id == BLOCK || id == TRACK_BLOCK) {
             memset(sections, 0, sizeof sections);
+            number = id == BLOCK ? 0 : number + 1;
+            n_blocks += id == BLOCK;
         }
         sections[id] = (bytes){in.at, in.at + size};
         if (id == 1) {
             read_faces(&s, sections[id], out);
+        } else if (id == TRACK) {
+            tracks[n_tracks++] = read_track(sections[id]);
         }
-        if (id == COEFFICIENTS && s.method == REEL) { /* the last of a block */
-            blocks[n_blocks] = read_block(&s, sections, blocks + n_blocks, out);
-            n_blocks++;
+        if (id == COEFFICIENTS && s.method == REEL && tracks[number].is_of_vertices) {
+            block *own = blocks[number] + n_blocks - 1; /* the section is the last of a track */
+            bytes head = sections[BLOCK];
+            int64_t n_frames = number ? blocks[0][n_blocks - 1].n_frames : varint(&head);
+            *own = read_block(&s, tracks + number, sections, n_frames, own, out);
         }
         in.at += size + 4;
     }

@@ -19,6 +19,7 @@ NAMES = {
     20: "EXACT",
     21: "FIELDS",
     22: "CORRECTIONS",
+    23: "TRACK_BLOCK",
     128: "PADDING",
     129: "PROMISE",
     130: "INDEX",
@@ -29,6 +30,7 @@ NAMES = {
     135: "START",
     136: "MATERIAL",
     137: "IMAGE",
+    138: "TRACK",
 }
 MAGIC = b"\x89REEL\r\n\x1a"
 
@@ -126,7 +128,7 @@ def read_sections(payload):
 
 @dataclass
 class Container:
-    """A stream cut up: sections before the blocks, and of each block by their names."""
+    """A stream cut up: sections before the blocks; of each block a dict of them for each track."""
 
     header: Header
     leading: list
@@ -140,33 +142,50 @@ class Container:
         return payload
 
 
+IN_BLOCKS = ("BASIS", "ANCHORS", "COEFFICIENTS", "EXACT", "FIELDS", "CORRECTIONS")
+
+
 def read_container(data):
     """A whole stream, its index compared with its blocks."""
     payload = Payload(data)
     container = Container(read_header(payload), [], [])
-    index, begins = (None, b""), []
+    index, begins, end = (None, b""), [], None
     for start, name, section in read_sections(payload):
         if name == "BLOCK":
-            container.blocks.append({})
-        if name in ("BLOCK", "INDEX", "END"):
-            begins.append(start)
-        if name in ("BASIS", "ANCHORS", "COEFFICIENTS", "EXACT", "FIELDS", "CORRECTIONS", "BLOCK"):
-            need(container.blocks and name not in container.blocks[-1], "a section is out of place")
-            container.blocks[-1][name] = section
-        elif name == "INDEX":
-            index = start, section
-        elif name == "END":
-            need(section == (b"" if index[0] is None else struct.pack("<Q", index[0])))
+            container.blocks.append([])
+            begins.append([])
+        if name in ("BLOCK", "TRACK_BLOCK"):
+            need(container.blocks and (name == "BLOCK") != bool(container.blocks[-1]))
+            container.blocks[-1].append({name: section})
+            begins[-1].append(start)
+        elif name in IN_BLOCKS:
+            need(container.blocks and name not in container.blocks[-1][-1], "out of place")
+            container.blocks[-1][-1][name] = section
+        elif name in ("INDEX", "END"):
+            end = start if end is None else end
+            if name == "INDEX":
+                index = start, section
+            else:
+                need(section == (b"" if index[0] is None else struct.pack("<Q", index[0])))
         elif name != "PADDING":
             need(not container.blocks, "a section stands behind the blocks")
             container.leading.append((name, section))
-    lengths = [Payload(one["BLOCK"]).varint() for one in container.blocks]
+    check_blocks(container, index[1], begins, end)
+    return container
+
+
+def check_blocks(container, index, begins, end):
+    """Refuse blocks without all tracks, and an index that says otherwise than the blocks."""
+    n_tracks = 1 + len(container.all_of("TRACK"))
+    need(all(len(block) == n_tracks for block in container.blocks), "a track is missing")
+    lengths = [Payload(block[0]["BLOCK"]).varint() for block in container.blocks]
     need(container.header.n_frames in (0, sum(lengths)), "frames are missing")
-    if index[0] is not None:
-        places = Payload(index[1])
-        need(places.varint() == begins[0] and places.varint() == len(lengths))
+    if index:
+        places = Payload(index)
+        need(places.varint() == begins[0][0] and places.varint() == len(lengths))
+        starts = [*(start for block in begins for start in block), end]
         for number, length in enumerate(lengths):
             need(places.varint() == length)
-            need(places.varint() == begins[number + 1] - begins[number])
+            for place in range(number * n_tracks, (number + 1) * n_tracks):
+                need(places.varint() == starts[place + 1] - starts[place])
         places.end()
-    return container

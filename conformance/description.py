@@ -34,7 +34,15 @@ def describe(reel):
     }
     if reel.positions is not None:
         found["hash of positions"] = sha(little_endian(reel.positions))
+    if reel.tracks:
+        found["tracks"] = [describe_track(*track) for track in reel.tracks]
     return found
+
+
+def describe_track(said, blocks, values):
+    """What a further track is, its blocks, and a hash of its values."""
+    described = [describe_block(block) for block in blocks]
+    return {**said, "blocks": described, "hash of values": sha(little_endian(values))}
 
 
 def describe_block(block):

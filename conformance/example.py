@@ -79,7 +79,7 @@ def example_lines(data):
     found.append(f"CONNECTIVITY: {notes} = {faces}")
     passes = passes_of(resolutions_of(faces, header.n_verts, 1))
     row, notes = traced(
-        lambda: FieldReader(container.blocks[0]["COEFFICIENTS"], passes).read_row(0)
+        lambda: FieldReader(container.blocks[0][0]["COEFFICIENTS"], passes).read_row(0)
     )
     found.append(f"COEFFICIENTS: {notes} = {[row[i] for i in range(len(row))]}")
     return found

@@ -24,6 +24,7 @@ from conformance.sources import (
     moving,
     of_everything,
     pinched,
+    sheet_of_quads,
     shuffled,
     sphere,
     tangled,
@@ -35,10 +36,15 @@ from meshreel.bitstream.layout import Section, VertexType
 from meshreel.bitstream.sections import write_section
 from meshreel.bitstream.writer import whole_stream
 from meshreel.codec.corrections import Corrections
+from meshreel.codec.tracks import TrackHeader, write_track
 from meshreel.connectivity.coder import encode_connectivity
-from meshreel.reel.agreed.blocks import write_field_block
+from meshreel.entropy.coder import encode_integers
+from meshreel.entropy.varint import write_varint
+from meshreel.reel.agreed.blocks import write_field_block, write_track_block
 from meshreel.reel.agreed.fields import FieldBlock, Layout
+from meshreel.reel.agreed.graphs import item_graph
 from meshreel.reel.agreed.mesh import FieldMesh
+from meshreel.surface import PLAIN, Domain, Surface
 
 FOLDER = Path(__file__).with_name("streams")
 REEL = 7
@@ -65,6 +71,8 @@ def by_hand(
     order="drop",
     place=((0.0, 0.0, 0.0), 1.0),
     name="by hand",
+    tracks=(),
+    surface=PLAIN,
 ):
     """A stream of `reel` from integers.
 
@@ -72,6 +80,10 @@ def by_hand(
     ----------
     blocks : list of (Layout, basis, fields, Corrections or None)
         Basis of shape (K, 3, T), fields of shape (K, V).
+    tracks : list of (TrackHeader, such blocks)
+        Further tracks; their bases have the shape (K, C, T).
+    surface : Surface
+        Its polygons are written; then the order has to be kept.
     """
     coded = encode_connectivity(np.asarray(faces, np.int32), n_verts, order=order)
     n_frames = sum(basis.shape[2] for _, basis, _, _ in blocks)
@@ -90,12 +102,33 @@ def by_hand(
     )
     leading = [(Section.CONNECTIVITY, coded.payload)]
     leading += [(Section.ORDER, coded.order_payload)] if order != "drop" else []
+    if surface.face_sizes is not None:
+        above = surface.face_sizes.astype(np.int64) - 3
+        payload = write_varint(len(above)) + encode_integers([above], [0])
+        leading.append((Section.POLYGONS, payload))
+    leading += [(Section.TRACK, write_track(track)) for track, _ in tracks]
+
+    def graph_of(track):
+        if track.domain == Domain.VERTEX:
+            return coded.internal_faces
+        return item_graph(track.domain, np.asarray(faces, np.int32), surface, n_verts).faces
+
     written = []
-    for layout, basis, fields, corrections in blocks:
-        mesh = FieldMesh(coded.internal_faces, n_verts, layout.stencil_size)
-        block = FieldBlock(layout, basis.astype(np.int32), fields.astype(np.int32))
-        written.append((basis.shape[2], list(write_field_block(block, mesh, corrections))))
+    for number, block in enumerate(blocks):
+        sections = [sections_of(write_field_block, coded.internal_faces, *block)]
+        sections += [
+            sections_of(write_track_block, graph_of(track), *others[number])
+            for track, others in tracks
+        ]
+        written.append((block[1].shape[2], [one for group in sections for one in group]))
     return whole_stream(header, leading, written)
+
+
+def sections_of(write, faces, layout, basis, fields, corrections):
+    """The sections of a track in a block."""
+    mesh = FieldMesh(faces, fields.shape[1], layout.stencil_size)
+    block = FieldBlock(layout, basis.astype(np.int32), fields.astype(np.int32))
+    return list(write(block, mesh, corrections))
 
 
 def integers(rng, shape, spread):
@@ -104,9 +137,11 @@ def integers(rng, shape, spread):
     return np.rint(rng.laplace(scale=falling, size=shape))
 
 
-def random_block(rng, layout, n_verts, n_modes=4, n_frames=6, *, spreads=(40.0, 30.0), moves=None):
+def random_block(
+    rng, layout, n_verts, n_modes=4, n_frames=6, *, spreads=(40.0, 30.0), moves=None, n_columns=3
+):
     """A block of integers by chance."""
-    basis = integers(rng, (n_modes, 3, n_frames), spreads[0])
+    basis = integers(rng, (n_modes, n_columns, n_frames), spreads[0])
     return layout, basis, integers(rng, (n_modes, n_verts), spreads[1]), moves
 
 
@@ -307,6 +342,88 @@ def corrections():
     found = Corrections(np.float32(0.003), vertices, frames, moves)
     block = random_block(rng, Layout(np.float32(0.02), 7, 2), 30, 3, 12, moves=found)
     return by_hand(faces, 30, [block], order="keep", place=((5.0, -0.1, 1e6), 3.7))
+
+
+@stream
+def tracks():
+    """Further tracks of one, two and seven columns, in blocks, with steps and keys of their own."""
+    rng, faces, n_verts, lengths = np.random.default_rng(10), grid(6, 7), 42, (5, 3, 6)
+
+    def blocks(n_columns, size, step, n_modes, moved=()):
+        return [
+            random_block(
+                rng,
+                Layout(np.float32(step), size, 3, number % 2),
+                n_verts,
+                min(n_modes, n_columns * length),
+                length,
+                n_columns=n_columns,
+                moves=moves(n_columns, length) if number in moved else None,
+            )
+            for number, length in enumerate(lengths)
+        ]
+
+    def moves(n_columns, length):
+        at = np.array(sorted((v, t) for v in (0, 3, 41) for t in range(v % 2, length, 2)))
+        offsets = rng.integers(-9, 10, (len(at), n_columns))
+        return Corrections(np.float32(0.25), at[:, 0], at[:, 1], offsets)
+
+    single, double = np.dtype(np.float32), np.dtype(np.float64)
+    stress = TrackHeader("stress", "Pa", "other", Domain.VERTEX, single, 3e5, (1e6,))
+    flow = TrackHeader("flow", "m/s", "velocity", Domain.VERTEX, double, 0.125, (0.0, -3.5))
+    many = TrackHeader("\u03c3", "", "other", Domain.VERTEX, single, 1.0, tuple(range(7)))
+    further = [
+        (stress, blocks(1, 9, 0.01, 4, moved=(1,))),
+        (flow, blocks(2, 9, 0.002, 5)),
+        (many, blocks(7, 4, 0.5, 12, moved=(0, 2))),
+    ]
+    return by_hand(faces, n_verts, blocks(3, 9, 0.01, 4), order="keep", tracks=further)
+
+
+def on_faces(faces, sizes, seed):
+    """A stream with tracks on faces and on their corners, of polygons of these sizes."""
+    rng, number = np.random.default_rng(seed), np.dtype(np.float32)
+    n_verts = int(np.max(faces)) + 1
+    layout = Layout(np.float32(0.01), 8, 3)
+    further = [
+        (
+            TrackHeader(f"of each {domain}", "K", "other", domain, number, 2.0, (0.0, 1.0)),
+            [random_block(rng, layout, n, n_columns=2)],
+        )
+        for domain, n in ((Domain.FACE, len(sizes)), (Domain.CORNER, sum(sizes)))
+    ]
+    return by_hand(
+        faces,
+        n_verts,
+        [random_block(rng, layout, n_verts)],
+        order="keep",
+        tracks=further,
+        surface=Surface(face_sizes=None if max(sizes) == 3 else np.asarray(sizes, np.int32)),
+    )
+
+
+@stream
+def tracks_of_triangles():
+    """Tracks on faces and corners of a mesh with an edge of five faces and a degenerate one."""
+    faces = together(shuffled(grid(5, 6)), book(5), [[0, 0, 1]])
+    return on_faces(faces, [3] * len(faces), 12)
+
+
+@stream
+def tracks_of_polygons():
+    """The same on faces of three to five corners."""
+    sizes, faces = sheet_of_quads()
+    return on_faces(faces, sizes.tolist(), 13)
+
+
+@stream
+def still_track():
+    """A track of zeros in few bytes, padded up to what its numbers ask for."""
+    rng, faces = np.random.default_rng(11), grid(12, 12)
+    wide = TrackHeader("wide", "", "color", Domain.VERTEX, np.dtype(np.float32), 1.0, (0.5,) * 64)
+    nothing = Layout(np.float32(0.5), 5, 1), np.zeros((1, 64, 6)), np.zeros((1, 144)), None
+    block = random_block(rng, Layout(np.float32(0.01), 5, 1), 144)
+    return by_hand(faces, 144, [block], tracks=[(wide, [nothing])])
 
 
 @stream

@@ -18,7 +18,7 @@ from conformance.fields import read_fields
 from conformance.hierarchy import edges_of, passes_of, resolutions_of
 from conformance.order import read_order
 from conformance.prediction import predict_fields
-from conformance.surface import read_surface
+from conformance.surface import graphs_of, polygons_of, read_surface
 from conformance.timeline import basis_vector, frames_of, passes_by_times, read_corrections
 
 
@@ -40,6 +40,8 @@ class Reel:
     anchors : list of int
     positions : array of float, or None
         Of `reel`, as they go out: frames, vertices, x y z. Of other methods integers are defined.
+    tracks : list
+        Of each further track what it is, its blocks, and its values like positions.
     """
 
     container: Container
@@ -52,6 +54,35 @@ class Reel:
     promise: float | None
     anchors: list
     positions: object
+    tracks: list
+
+
+@dataclass
+class Placement:
+    """How numbers of a track go out: their type, and scale and origins for what is decoded."""
+
+    number_type: int
+    scale: float
+    origin: tuple
+
+
+@dataclass
+class Items:
+    """What has values: n vertices, faces or corners; `order` is how they go out.
+
+    Those at a corner each of one of `faces` are next to each other. `found` keeps resolutions by
+    the size of stencils.
+    """
+
+    faces: list
+    n: int
+    order: object
+    found: dict
+
+    def resolutions(self, size):
+        if size not in self.found:
+            self.found[size] = resolutions_of(self.faces, self.n, size)
+        return self.found[size]
 
 
 def read(data):
@@ -68,14 +99,16 @@ def read(data):
     order, faces = list(range(header.n_verts)), internal
     if header.order < 2:
         order, faces = read_order(container.only("ORDER"), internal, header.n_verts)
-    blocks, anchors, positions = [], [], None
+    polygons = polygons_of(container, faces)
+    blocks, anchors, positions, tracks = [], [], None, []
     if header.method == "reel":
-        blocks, positions = read_reel_blocks(container, internal, order)
+        mesh = Items(internal, header.n_verts, order, {})
+        (_, blocks, positions), *tracks = read_reel_tracks(container, mesh, polygons)
     else:
         isolated = [v for v, near in edges_of(internal, header.n_verts).items() if not near]
         if header.method != "v2v":
             anchors = paper.read_anchors(container.only("ANCHOR_VERTICES"), header.n_verts)
-        for sections in container.blocks:
+        for (sections,) in container.blocks:
             before = blocks[-1] if blocks else None
             block = paper.read_block(sections, header, len(anchors), len(isolated), before)
             blocks.append(block)
@@ -85,11 +118,12 @@ def read(data):
         faces=faces,
         order=order,
         blocks=blocks,
-        surface=read_surface(container, faces),
+        surface=read_surface(container, polygons),
         anchors=anchors,
         start=number_of(container, "START"),
         promise=number_of(container, "PROMISE"),
         positions=positions,
+        tracks=tracks,
     )
 
 
@@ -103,34 +137,71 @@ def number_of(container, section):
     return None
 
 
-def read_reel_blocks(container, faces, order):
-    """Integers and positions of the blocks of `reel`."""
-    header, meshes, blocks, positions = container.header, {}, [], None
-    for sections in container.blocks:
-        block = read_reel_block(sections, header, faces, meshes)
-        key = ()
-        if block["reference"]:
-            need(block["reference"] <= len(blocks), "there is no key block")
-            other = blocks[-block["reference"]]
-            need(other["reference"] == 0 and other["stencil"] == block["stencil"])
-            key = other["values"]
-        block["values"] = predict_fields(
-            meshes[block["stencil"]], block["coefficients"], block["stencil"], block["learned"], key
-        )
-        blocks.append(block)
-        scaled = [{v: one * block["step"] for v, one in row.items()} for row in block["values"]]
-        bases = [basis_vector(row, block["frames"]) for row in block["basis"]]
-        corrections = block["correction step"], block["corrections"]
-        found = frames_of(bases, scaled, corrections, header, order)
-        positions = found if positions is None else positions + found
-    return blocks, positions
+def read_track(payload):
+    """The header of a further track, and how its numbers are placed."""
+    payload = Payload(payload)
+    kind, domain, number_type = payload.byte(), payload.byte(), payload.byte()
+    name, unit, n_columns = payload.text(), payload.text(), payload.varint()
+    need(kind < 6 and domain < 3 and number_type in (4, 8) and 1 <= n_columns <= 256)
+    scale, *origin = (payload.number("d") for _ in range(1 + n_columns))
+    payload.end()
+    said = {"name": name, "unit": unit, "kind": kind, "domain": domain}
+    return said, Placement(number_type, scale, tuple(origin))
 
 
-def read_reel_block(sections, header, faces, meshes):
-    """The integers of a block; `meshes` keeps resolutions by the size of stencils."""
-    head, layout = Payload(sections["BLOCK"]), Payload(sections["FIELDS"])
-    n_frames, n_modes = head.varint(), head.varint()
+def read_reel_tracks(container, mesh, polygons):
+    """Of positions and each further track: what it is, integers of its blocks, its values.
+
+    Parameters
+    ----------
+    container : Container
+    mesh : Items
+        The vertices.
+    polygons : Polygons
+    """
+    header, tracks = container.header, []
+    placed = Placement(header.vertex_type, header.scale, header.origin)
+    all_items = [mesh, *(Items(pairs, n, range(n), {}) for pairs, n in graphs_of(polygons))]
+    lengths = [Payload(block[0]["BLOCK"]).varint() for block in container.blocks]
+    further = [read_track(payload) for payload in container.all_of("TRACK")]
+    for number, (said, place) in enumerate([({"domain": 0}, placed), *further]):
+        blocks, values, items = [], None, all_items[said["domain"]]
+        for block, n_frames in zip(container.blocks, lengths, strict=True):
+            integers, found = read_reel_block(block[number], n_frames, place, blocks, items)
+            blocks.append(integers)
+            values = found if values is None else values + found
+        tracks.append((said, blocks, values))
+    return tracks
+
+
+def read_reel_block(group, n_frames, placed, blocks, items):
+    """Integers and values of a track in a block; `blocks` are those before."""
+    block = read_integers(group, n_frames, len(placed.origin), items)
+    key = ()
+    if block["reference"]:
+        need(block["reference"] <= len(blocks), "there is no key block")
+        other = blocks[-block["reference"]]
+        need(other["reference"] == 0 and other["stencil"] == block["stencil"])
+        key = other["values"]
+    resolutions = items.resolutions(block["stencil"])
+    block["values"] = predict_fields(
+        resolutions, block["coefficients"], block["stencil"], block["learned"], key
+    )
+    scaled = [{v: one * block["step"] for v, one in row.items()} for row in block["values"]]
+    bases = [basis_vector(row, n_frames) for row in block["basis"]]
+    corrections = block["correction step"], block["corrections"]
+    return block, frames_of(bases, scaled, corrections, placed, items.order)
+
+
+def read_integers(group, n_frames, n_columns, items):
+    """The integers of a track in a block."""
+    is_first = "BLOCK" in group
+    head, layout = Payload(group["BLOCK" if is_first else "TRACK_BLOCK"]), Payload(group["FIELDS"])
+    if is_first:
+        head.varint()
+    n_modes = head.varint()
     head.end()
+    need(1 <= n_modes <= n_columns * n_frames)
     need(layout.byte() == 6, "the fields have a layout that is not known")
     reference, step, size, n_learned = (
         *(layout.varint(), layout.number("f")),
@@ -138,11 +209,10 @@ def read_reel_block(sections, header, faces, meshes):
     )
     layout.end()
     need(1 <= size <= 16 and n_learned <= 255 and 0 < step < 1e6)
-    if size not in meshes:
-        meshes[size] = resolutions_of(faces, header.n_verts, size)
     corrections = 0.0, {}
-    if "CORRECTIONS" in sections:
-        corrections = read_corrections(sections["CORRECTIONS"], n_frames, header.n_verts)
+    if "CORRECTIONS" in group:
+        corrections = read_corrections(group["CORRECTIONS"], n_columns, n_frames, items.n)
+    passes = passes_of(items.resolutions(size))
     return {
         "frames": n_frames,
         "modes": n_modes,
@@ -150,8 +220,8 @@ def read_reel_block(sections, header, faces, meshes):
         "step": step,
         "stencil": size,
         "learned": n_learned,
-        "basis": read_fields(sections["BASIS"], n_modes, passes_by_times(n_frames)),
-        "coefficients": read_fields(sections["COEFFICIENTS"], n_modes, passes_of(meshes[size])),
+        "basis": read_fields(group["BASIS"], n_modes, passes_by_times(n_columns, n_frames)),
+        "coefficients": read_fields(group["COEFFICIENTS"], n_modes, passes),
         "correction step": corrections[0],
         "corrections": corrections[1],
     }

@@ -246,9 +246,32 @@ def read_image(payload):
     return {"name": payload.text(), "type": payload.text(), "data": payload.rest()}
 
 
-def read_surface(container, faces):
+def polygons_of(container, faces):
+    """What polygons the faces make up as they go out."""
+    return Polygons(next(iter(container.all_of("POLYGONS")), None), faces)
+
+
+def graphs_of(polygons):
+    """Of faces and of corners: pairs of those next to each other, and how many there are."""
+    fans, twins = polygons.fans(), twins_of(polygons.triangles)
+    of_triangle = [face for face, size in enumerate(polygons.sizes) for _ in range(size - 2)]
+    vertices = [vertex for triangle in polygons.triangles for vertex in triangle]
+    corners = [corner for fan in fans for corner in fan]
+    of_faces, of_corners = [], []
+    for side, twin in enumerate(twins):
+        end, twin_end = rotated(side, 1), rotated(twin, 1)
+        of_corners.append((corners[side], corners[end]))
+        if twin == side:
+            continue
+        of_faces.append((of_triangle[side // 3], of_triangle[twin // 3]))
+        if vertices[side] == vertices[twin_end]:
+            twin, twin_end = twin_end, twin
+        of_corners += [(corners[side], corners[twin]), (corners[end], corners[twin_end])]
+    return (of_faces, len(polygons.sizes)), (of_corners, polygons.n_corners)
+
+
+def read_surface(container, polygons):
     """All that is said of the faces and vertices as they go out."""
-    polygons = Polygons(next(iter(container.all_of("POLYGONS")), None), faces)
     n_verts = container.header.n_verts
     return {
         "polygons": None if polygons.is_plain else polygons.sizes,

@@ -1,4 +1,4 @@
-"""Temporal basis, corrections and frames of `reel`: "Times", "Corrections", "Frames"."""
+"""Temporal basis, corrections and frames of a track: "Times", "Corrections", "Frames"."""
 
 from array import array
 from math import sqrt
@@ -13,23 +13,23 @@ def levels_of(n_frames):
     return [(d, times) for d, times in levels if times]
 
 
-def passes_by_times(n_frames):
-    """Context neighbours of each column, all times of x, then y, then z, by pass."""
+def passes_by_times(n_columns, n_frames):
+    """Context neighbours of each time of each column of a track, column after column, by pass."""
     passes = []
     for d, times in levels_of(n_frames):
         passes.append({})
-        for axis in range(3):
+        for c in range(n_columns):
             for t in times:
                 around = [] if times[0] == 0 else [t - d, t + d]
                 around += [t - 2 * d, t - 4 * d]
-                near = [axis * n_frames + u for u in around if 0 <= u < n_frames]
-                near += [before * n_frames + t for before in range(axis)]
-                passes[-1][axis * n_frames + t] = near
+                near = [c * n_frames + u for u in around if 0 <= u < n_frames]
+                near += [before * n_frames + t for before in range(max(0, c - 2), c)]
+                passes[-1][c * n_frames + t] = near
     return passes
 
 
 def values_at_times(coded):
-    """Values of one axis from its integers."""
+    """Values of one column from its integers."""
     n_frames, v = len(coded), [0.0] * len(coded)
     for d, times in levels_of(n_frames):
         for t in times:
@@ -57,10 +57,10 @@ def predicted(a, b, c, e):
 
 
 def basis_vector(coded, n_frames):
-    """The 3 T_b numbers of a mode."""
+    """The C T_b numbers of a mode."""
     values = []
-    for axis in range(3):
-        values += values_at_times(coded[axis * n_frames : (axis + 1) * n_frames])
+    for first in range(0, len(coded), n_frames):
+        values += values_at_times(coded[first : first + n_frames])
     total = 0.0
     for one in values:
         total += one * one
@@ -68,15 +68,16 @@ def basis_vector(coded, n_frames):
     return [one / length for one in values]
 
 
-def read_corrections(payload, n_frames, n_verts):
+def read_corrections(payload, n_columns, n_frames, n_verts):
     """The step, and by frame and vertex the integers of a correction."""
     payload = Payload(payload)
     step, n_corrected, n = payload.number("f"), payload.varint(), payload.varint()
     need(0 < step < 1e6 and n_corrected <= n_verts)
     need(n_corrected <= n <= n_frames * n_verts)
-    lengths = [n_corrected, n_corrected, n, n, n, n]
-    gaps, more, frames, *xyz = integers(payload.rest(), lengths, [0, 1, 2, 3, 3, 3])
-    found, vertex, rows = {}, 0, iter(zip(frames, *xyz, strict=True))
+    lengths = [n_corrected, n_corrected, n, *[n] * n_columns]
+    numbers = integers(payload.rest(), lengths, [0, 1, 2, *[3] * n_columns])
+    gaps, more, frames, *moves = numbers
+    found, vertex, rows = {}, 0, iter(zip(frames, *moves, strict=True))
     for gap, n_more in zip(gaps, more, strict=True):
         vertex, frame, before = vertex + gap, 0, None
         for _ in range(n_more + 1):
@@ -90,18 +91,28 @@ def read_corrections(payload, n_frames, n_verts):
     return step, found
 
 
-def frames_of(bases, fields, corrections, header, order):
-    """Positions as little-endian bytes, frame after frame, vertices as they go out."""
-    n_frames = len(bases[0]) // 3
+def frames_of(bases, fields, corrections, placed, order):
+    """Values of the frames of a track, frame after frame, vertices as they go out.
+
+    Parameters
+    ----------
+    bases : list of list of float
+    fields : list of dict
+        Decoded, by vertex.
+    corrections : pair of the step, and of dict of (frame, vertex) to list of int
+    placed : Placement
+    order : list of int
+    """
+    n_frames = len(bases[0]) // len(placed.origin)
     step, moves = corrections
-    numbers = array("f" if header.vertex_type == 4 else "d")
+    numbers = array("f" if placed.number_type == 4 else "d")
     for t in range(n_frames):
         for v in order:
-            for axis in range(3):
+            for c, origin in enumerate(placed.origin):
                 total = 0.0
                 for basis, field in zip(bases, fields, strict=True):
-                    total += basis[axis * n_frames + t] * field[v]
+                    total += basis[c * n_frames + t] * field[v]
                 if (t, v) in moves:
-                    total += moves[t, v][axis] * step
-                numbers.append(total * header.scale + header.origin[axis])
+                    total += moves[t, v][c] * step
+                numbers.append(total * placed.scale + origin)
     return numbers

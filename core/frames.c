@@ -1,4 +1,4 @@
-/* Positions of frames: decoded fields times basis vectors.
+/* Values of frames, such as positions: decoded fields times basis vectors.
 
    docs/format.md, "Frames". In IEEE double, mode after mode, with nothing fused: every machine
    finds the same bits. Vertices are worked on in tiles, whose fields stay in the cache while frame
@@ -11,19 +11,19 @@
 #define TOGETHER 32 /* frames: all of a tile are written before the next tile */
 
 typedef struct {
-    const double *basis;  /* 3 x n_frames x n_modes */
+    const double *basis;  /* n_columns x n_frames x n_modes */
     const double *fields; /* of mode k at vertex v: [k mode_stride + v vertex_stride], in steps */
     int64_t mode_stride, vertex_stride;
     double step;
     const int32_t *order; /* the field's vertex of each vertex that is written, or NULL */
-    int64_t n_frames, n_modes, n_verts;
+    int64_t n_columns, n_frames, n_modes, n_verts;
     const int32_t *wanted; /* n_wanted frames */
     int64_t n_wanted;
     int64_t *corrections; /* for each wanted frame the next correction, or NULL */
     const int64_t *correction_starts;
     const int32_t *corrected;
     const double *moves;
-    const double *placement; /* scale, and the origin */
+    const double *placement; /* scale, and the origin of each column */
     int64_t layout;
     void *out;
     int widest;
@@ -80,17 +80,17 @@ static void correct(const frames_job *job, int64_t number, int64_t first, double
     int64_t next = job->corrections[number], end = job->correction_starts[number + 1];
     for (; next < end && job->corrected[next] < first + TILE; next++) {
         int64_t place = job->corrected[next] - first;
-        for (int axis = 0; axis < 3 && place >= 0; axis++) {
-            sums[axis][place] += job->moves[3 * next + axis];
+        for (int64_t column = 0; column < job->n_columns && place >= 0; column++) {
+            sums[column][place] += job->moves[job->n_columns * next + column];
         }
     }
     job->corrections[number] = next;
 }
 
-/* Writes positions in model units. */
-static void write_positions(const frames_job *job, int64_t number, int64_t first, int count,
-                            double (*sums)[TILE]) {
-    int64_t start = 3 * (number * job->n_verts + first);
+/* Writes values in model units, all columns of a vertex together. */
+static void write_values(const frames_job *job, int64_t number, int64_t first, int count,
+                         double (*sums)[TILE]) {
+    int64_t start = job->n_columns * (number * job->n_verts + first);
 #ifdef REEL_HAS_WIDE
     if (job->widest > 2) {
         (job->widest == 8 ? place_tile_8 : place_tile_4)(job, sums, start, count);
@@ -100,20 +100,20 @@ static void write_positions(const frames_job *job, int64_t number, int64_t first
     place_tile_2(job, sums, start, count);
 }
 
-/* Writes sums as they are, each axis by itself. */
-static void write_axes(const frames_job *job, int64_t number, int64_t first, int count,
-                       double (*sums)[TILE]) {
+/* Writes sums as they are, each column by itself. */
+static void write_columns(const frames_job *job, int64_t number, int64_t first, int count,
+                          double (*sums)[TILE]) {
     double *out = (double *)job->out + number * job->n_verts + first;
-    for (int axis = 0; axis < 3; axis++, out += job->n_wanted * job->n_verts) {
-        reel_copy(out, sums[axis], (size_t)count * sizeof *out);
+    for (int64_t column = 0; column < job->n_columns; column++) {
+        reel_copy(out, sums[column], (size_t)count * sizeof *out);
+        out += job->n_wanted * job->n_verts;
     }
 }
 
 /* The wanted frames begin .. end - 1 of the vertices first .. first + count - 1. */
 static int64_t write_tile(const frames_job *job, int64_t begin, int64_t end, int64_t first,
-                          int count, double *tile) {
+                          int count, double *tile, double (*sums)[TILE]) {
     int32_t vertices[TILE];
-    double sums[3][TILE] __attribute__((aligned(64)));
     for (int i = 0; i < count; i++) {
         vertices[i] = job->order ? job->order[first + i] : (int32_t)(first + i);
         if (vertices[i] < 0 || vertices[i] >= job->n_verts) {
@@ -126,22 +126,22 @@ static int64_t write_tile(const frames_job *job, int64_t begin, int64_t end, int
         if (job->corrections) {
             correct(job, number, first, sums);
         }
-        if (job->layout == REEL_AXES) {
-            write_axes(job, number, first, count, sums);
+        if (job->layout == REEL_COLUMNS) {
+            write_columns(job, number, first, count, sums);
         } else {
-            write_positions(job, number, first, count, sums);
+            write_values(job, number, first, count, sums);
         }
     }
     return 0;
 }
 
 /* All tiles of some frames after another. */
-static int64_t write_frames(const frames_job *job, double *tile) {
+static int64_t write_frames(const frames_job *job, double *tile, double (*sums)[TILE]) {
     for (int64_t begin = 0; begin < job->n_wanted; begin += TOGETHER) {
         int64_t end = job->n_wanted - begin < TOGETHER ? job->n_wanted : begin + TOGETHER;
         for (int64_t first = 0; first < job->n_verts; first += TILE) {
             int count = job->n_verts - first < TILE ? (int)(job->n_verts - first) : TILE;
-            int64_t failed = write_tile(job, begin, end, first, count, tile);
+            int64_t failed = write_tile(job, begin, end, first, count, tile, sums);
             if (failed) {
                 return failed;
             }
@@ -150,19 +150,21 @@ static int64_t write_frames(const frames_job *job, double *tile) {
     return job->n_wanted;
 }
 
-size_t reel_frames_memory(int64_t n_modes, int64_t n_wanted) {
+size_t reel_frames_memory(int64_t n_columns, int64_t n_modes, int64_t n_wanted) {
     return reel_room((size_t)n_modes * TILE, sizeof(double)) +
+           reel_room((size_t)n_columns * TILE, sizeof(double)) +
            reel_room((size_t)n_wanted, sizeof(int64_t));
 }
 
 int64_t reel_frames(void *memory, size_t memory_size, const double *basis, const double *fields,
                     int64_t mode_stride, int64_t vertex_stride, double step, const int32_t *order,
-                    int64_t n_frames, int64_t n_modes, int64_t n_verts,
+                    int64_t n_columns, int64_t n_frames, int64_t n_modes, int64_t n_verts,
                     const int32_t *wanted, int64_t n_wanted, const int64_t *correction_starts,
                     const int32_t *corrected, const double *moves, const double *placement,
                     int64_t layout, void *out) {
     reel_arena arena = reel_arena_of(memory, memory_size);
     double *tile = reel_take(&arena, (size_t)n_modes * TILE, sizeof *tile);
+    double(*sums)[TILE] = reel_take(&arena, (size_t)n_columns, sizeof *sums);
     int64_t *corrections = reel_take(&arena, (size_t)n_wanted, sizeof *corrections);
     if (arena.failed) {
         return reel_failure(REEL_NO_MEMORY, 0);
@@ -174,8 +176,8 @@ int64_t reel_frames(void *memory, size_t memory_size, const double *basis, const
         corrections[number] = correction_starts ? correction_starts[number] : 0;
     }
     frames_job job = {basis, fields, mode_stride, vertex_stride, step, order,
-                      n_frames, n_modes, n_verts, wanted, n_wanted,
+                      n_columns, n_frames, n_modes, n_verts, wanted, n_wanted,
                       correction_starts ? corrections : NULL, correction_starts, corrected, moves,
                       placement, layout, out, reel_widest()};
-    return write_frames(&job, tile);
+    return write_frames(&job, tile, sums);
 }

@@ -25,7 +25,7 @@
 extern "C" {
 #endif
 
-#define REEL_ABI 1 /* changes with every change of a function below */
+#define REEL_ABI 2 /* changes with every change of a function below */
 
 enum reel_code {
     REEL_OK = 0,
@@ -123,33 +123,36 @@ REEL_API int64_t reel_predict_encode(const reel_mesh *mesh, reel_fields *fields,
 
 /* How modes move, and the frames that they make.
 
-   Basis vectors of length 1 (or 0), n_modes at each of n_frames times on x, then y, then z, from
-   integers as they are coded: of each mode all times of x, then of y, then of z. */
-REEL_API size_t reel_basis_memory(int64_t n_frames);
+   A track has n_columns numbers at each vertex and frame; positions have x, y and z. Basis vectors
+   of length 1 (or 0): of each column n_frames times of n_modes numbers, from integers as they are
+   coded: of each mode all times of the first column, then of the next. */
+REEL_API size_t reel_basis_memory(int64_t n_columns, int64_t n_frames);
 REEL_API int64_t reel_basis(void *memory, size_t memory_size, const int32_t *integers,
-                            int64_t n_modes, int64_t n_frames, double *basis);
+                            int64_t n_modes, int64_t n_columns, int64_t n_frames, double *basis);
 
-/* The integers of basis vectors near to wanted ones, n_modes x 3 x n_frames in steps; a bit is worth
-   `price` squared steps, 0 rounds to the nearest. REEL_INVALID if one is too large. */
+/* The integers of basis vectors near to wanted ones, n_modes x n_columns x n_frames in steps; a bit
+   is worth `price` squared steps, 0 rounds to the nearest. REEL_INVALID if one is too large. */
 REEL_API size_t reel_basis_encode_memory(int64_t n_frames);
 REEL_API int64_t reel_basis_encode(void *memory, size_t memory_size, const double *wanted,
-                                   int64_t n_modes, int64_t n_frames, double price,
-                                   int32_t *integers);
+                                   int64_t n_modes, int64_t n_columns, int64_t n_frames,
+                                   double price, int32_t *integers);
 
 /* Frames wanted[0 .. n_wanted - 1] of a block, in the order of the vertices of the fields, or if
    `order` is not NULL with vertex order[i] of the fields as vertex i. The field of mode k at vertex
    v is step times fields[k mode_stride + v vertex_stride]. Corrections, unless
    correction_starts is NULL: those of wanted frame i are from correction_starts[i] to the next,
-   each of a vertex as it is written, `corrected`, ascending, with three numbers of `moves`. The
-   placement is scale and origin. Layouts: positions x, y, z of each vertex as 4 or 8 byte floats;
-   or all x, then y, then z of the frames, neither scaled nor moved, as 8 byte floats. */
-enum reel_layout { REEL_AXES = 0, REEL_POSITIONS_4 = 4, REEL_POSITIONS_8 = 8 };
-REEL_API size_t reel_frames_memory(int64_t n_modes, int64_t n_wanted);
+   each of a vertex as it is written, `corrected`, ascending, with n_columns numbers of `moves`. The
+   placement is the scale, and the origin of each column. Layouts: the values of each vertex
+   together, as 4 or 8 byte floats; or the first column of all frames, then the next, neither scaled
+   nor moved, as 8 byte floats. There is at least one column. */
+enum reel_layout { REEL_COLUMNS = 0, REEL_VALUES_4 = 4, REEL_VALUES_8 = 8 };
+REEL_API size_t reel_frames_memory(int64_t n_columns, int64_t n_modes, int64_t n_wanted);
 REEL_API int64_t reel_frames(void *memory, size_t memory_size, const double *basis,
                              const double *fields, int64_t mode_stride, int64_t vertex_stride,
-                             double step, const int32_t *order, int64_t n_frames,
-                             int64_t n_modes, int64_t n_verts, const int32_t *wanted,
-                             int64_t n_wanted, const int64_t *correction_starts,
+                             double step, const int32_t *order, int64_t n_columns,
+                             int64_t n_frames, int64_t n_modes, int64_t n_verts,
+                             const int32_t *wanted, int64_t n_wanted,
+                             const int64_t *correction_starts,
                              const int32_t *corrected, const double *moves,
                              const double *placement, int64_t layout, void *out);
 

@@ -29,7 +29,7 @@ REEL_INLINE double predict_time(const double *values, int64_t time, int64_t d, i
     return (before + behind) / 2.0;
 }
 
-/* The values of an axis over time. */
+/* The values of a column over time. */
 static void decode_times(const int32_t *integers, int64_t n_frames, double *values) {
     double latest = 0.0;
     for (int64_t time = 0; time < n_frames; time += COARSEST) {
@@ -43,23 +43,22 @@ static void decode_times(const int32_t *integers, int64_t n_frames, double *valu
     }
 }
 
-size_t reel_basis_memory(int64_t n_frames) {
-    return reel_room(3 * (size_t)n_frames, sizeof(double));
+size_t reel_basis_memory(int64_t n_columns, int64_t n_frames) {
+    return reel_room((size_t)n_columns * (size_t)n_frames, sizeof(double));
 }
 
 int64_t reel_basis(void *memory, size_t memory_size, const int32_t *integers, int64_t n_modes,
-                   int64_t n_frames, double *basis) {
+                   int64_t n_columns, int64_t n_frames, double *basis) {
     reel_arena arena = reel_arena_of(memory, memory_size);
-    int64_t length = 3 * n_frames;
+    int64_t length = n_columns * n_frames;
     double *values = reel_take(&arena, (size_t)length, sizeof *values);
     if (arena.failed) {
         return reel_failure(REEL_NO_MEMORY, 0);
     }
     for (int64_t mode = 0; mode < n_modes; mode++) {
         double sum = 0.0;
-        for (int axis = 0; axis < 3; axis++) {
-            decode_times(integers + mode * length + axis * n_frames, n_frames,
-                         values + axis * n_frames);
+        for (int64_t first = 0; first < length; first += n_frames) {
+            decode_times(integers + mode * length + first, n_frames, values + first);
         }
         for (int64_t i = 0; i < length; i++) {
             sum += values[i] * values[i];
@@ -97,7 +96,7 @@ REEL_INLINE bool quantize(double scaled, double zone, double price, int32_t *int
     return true;
 }
 
-/* Times d, 3 d, 5 d, ... of an axis. */
+/* Times d, 3 d, 5 d, ... of a column. */
 static bool encode_level(const double *wanted, int64_t n_frames, int64_t d, double price,
                          double *values, double *scaled, int32_t *integers) {
     int64_t count = 0;
@@ -140,14 +139,14 @@ size_t reel_basis_encode_memory(int64_t n_frames) {
 }
 
 int64_t reel_basis_encode(void *memory, size_t memory_size, const double *wanted, int64_t n_modes,
-                          int64_t n_frames, double price, int32_t *integers) {
+                          int64_t n_columns, int64_t n_frames, double price, int32_t *integers) {
     reel_arena arena = reel_arena_of(memory, memory_size);
     double *values = reel_take(&arena, (size_t)n_frames, sizeof *values);
     double *scaled = reel_take(&arena, (size_t)n_frames, sizeof *scaled);
     if (arena.failed) {
         return reel_failure(REEL_NO_MEMORY, 0);
     }
-    for (int64_t row = 0; row < 3 * n_modes; row++) {
+    for (int64_t row = 0; row < n_columns * n_modes; row++) {
         if (!encode_times(wanted + row * n_frames, n_frames, price, values, scaled,
                           integers + row * n_frames)) {
             return reel_failure(REEL_INVALID, (uint64_t)row);

@@ -1,17 +1,18 @@
-/* Basis vectors from any integers, and frames of any fields with any corrections. */
+/* Basis vectors from any integers and to them, coordinates, and frames of any fields with any
+   corrections. */
 
 #include "fuzz.h"
 
-static double *any_basis(int64_t n_modes, int64_t n_frames) {
-    int64_t n = 3 * n_modes * n_frames;
+static double *any_basis(int64_t n_modes, int64_t n_columns, int64_t n_frames) {
+    int64_t n = n_columns * n_modes * n_frames;
     int32_t *integers = fuzz_take(n, sizeof *integers);
     for (int64_t i = 0; i < n; i++) {
         integers[i] = fuzz_integer();
     }
-    size_t size = reel_basis_memory(n_frames);
+    size_t size = reel_basis_memory(n_columns, n_frames);
     double *basis = fuzz_take(n, sizeof *basis);
-    int64_t result = reel_basis(fuzz_take((int64_t)size, 1), size, integers, n_modes, n_frames,
-                                basis);
+    int64_t result = reel_basis(fuzz_take((int64_t)size, 1), size, integers, n_modes, n_columns,
+                                n_frames, basis);
     FUZZ_CLAIM(result == n_modes);
     fuzz_note_doubles(basis, n);
     return basis;
@@ -36,15 +37,17 @@ static int32_t *any_numbers(int64_t n, int64_t below) {
 }
 
 void fuzz_frames(void) {
-    static const int64_t layouts[] = {REEL_AXES, REEL_POSITIONS_4, REEL_POSITIONS_8};
+    static const int64_t layouts[] = {REEL_COLUMNS, REEL_VALUES_4, REEL_VALUES_8};
     int64_t n_modes = fuzz_below(5), n_frames = 1 + fuzz_below(40), n_verts = fuzz_below(150);
     int64_t n_wanted = fuzz_below(40), layout = layouts[fuzz_below(3)];
-    double *basis = any_basis(n_modes, n_frames), placement[4];
+    int64_t n_columns = fuzz_once_in(2) ? 3 : 1 + fuzz_below(8), n = n_columns * n_wanted * n_verts;
+    double *basis = any_basis(n_modes, n_columns, n_frames);
+    double *placement = fuzz_take(1 + n_columns, sizeof *placement);
     double *fields = fuzz_take(n_modes * n_verts, sizeof *fields);
     for (int64_t i = 0; i < n_modes * n_verts; i++) {
         fields[i] = fuzz_float();
     }
-    for (int i = 0; i < 4; i++) {
+    for (int64_t i = 0; i <= n_columns; i++) {
         placement[i] = fuzz_float();
     }
     bool by_mode = fuzz_once_in(2);
@@ -53,21 +56,62 @@ void fuzz_frames(void) {
     int64_t *starts = fuzz_once_in(2) ? any_starts(n_wanted) : NULL;
     int64_t n_moves = starts ? starts[n_wanted] : 0;
     int32_t *corrected = any_numbers(n_moves, n_verts + 1);
-    double *moves = fuzz_take(3 * n_moves, sizeof *moves);
-    for (int64_t i = 0; i < 3 * n_moves; i++) {
+    double *moves = fuzz_take(n_columns * n_moves, sizeof *moves);
+    for (int64_t i = 0; i < n_columns * n_moves; i++) {
         moves[i] = fuzz_float();
     }
-    size_t size = reel_frames_memory(n_modes, n_wanted), item = layout == 4 ? 4 : 8;
-    void *out = fuzz_take(3 * n_wanted * n_verts, item);
+    size_t size = reel_frames_memory(n_columns, n_modes, n_wanted), item = layout == 4 ? 4 : 8;
+    void *out = fuzz_take(n, item);
     int64_t result = reel_frames(fuzz_take((int64_t)size, 1), size, basis, fields,
-                                 by_mode ? n_verts : 1, by_mode ? 1 : n_modes, 0.5, order, n_frames,
-                                 n_modes, n_verts, wanted, n_wanted, starts, corrected, moves,
-                                 placement, layout, out);
+                                 by_mode ? n_verts : 1, by_mode ? 1 : n_modes, 0.5, order,
+                                 n_columns, n_frames, n_modes, n_verts, wanted, n_wanted, starts,
+                                 corrected, moves, placement, layout, out);
     fuzz_claim_code(result);
-    int64_t n_found = result < 0 ? 0 : 3 * n_wanted * n_verts;
+    int64_t n_found = result < 0 ? 0 : n;
     double *found = fuzz_take(n_found, sizeof *found);
     for (int64_t i = 0; i < n_found; i++) {
         found[i] = item == 4 ? (double)((const float *)out)[i] : ((const double *)out)[i];
     }
     fuzz_note_doubles(found, n_found);
+}
+
+/* Integers of any basis vectors, the nearest or by rate. */
+void fuzz_basis_encode(void) {
+    int64_t n_modes = fuzz_below(5), n_columns = 1 + fuzz_below(5), n_frames = 1 + fuzz_below(40);
+    int64_t n = n_modes * n_columns * n_frames;
+    double *wanted = fuzz_take(n, sizeof *wanted), price = fuzz_once_in(2) ? 0.0 : 0.12;
+    for (int64_t i = 0; i < n; i++) {
+        wanted[i] = fuzz_float();
+    }
+    size_t size = reel_basis_encode_memory(n_frames);
+    int32_t *integers = fuzz_take(n, sizeof *integers);
+    int64_t result = reel_basis_encode(fuzz_take((int64_t)size, 1), size, wanted, n_modes,
+                                       n_columns, n_frames, price, integers);
+    fuzz_claim_code(result);
+    fuzz_note(integers, result < 0 ? 0 : n, sizeof *integers);
+}
+
+/* Coordinates of any positions of some vertices, which may not be there. */
+void fuzz_coordinates(void) {
+    int64_t n_frames = fuzz_below(9), n_verts = fuzz_below(1200), size = fuzz_once_in(2) ? 4 : 8;
+    int64_t n = 3 * n_frames * n_verts, first = fuzz_below(n_verts + 2);
+    int64_t count = fuzz_below(n_verts + 3);
+    void *vertices = fuzz_take(n, (size_t)size);
+    double placement[4], *out = fuzz_take(3 * n_frames * count, sizeof *out);
+    for (int64_t i = 0; i < n; i++) {
+        double one = fuzz_float();
+        if (size == 4) {
+            ((float *)vertices)[i] = (float)one;
+        } else {
+            ((double *)vertices)[i] = one;
+        }
+    }
+    for (int i = 0; i < 4; i++) {
+        placement[i] = fuzz_float();
+    }
+    int32_t *order = fuzz_once_in(2) ? any_numbers(n_verts, n_verts) : NULL;
+    int64_t result = reel_coordinates(vertices, size, n_frames, n_verts, order, first,
+                                      first + count, placement, out);
+    fuzz_claim_code(result);
+    fuzz_note_doubles(out, result < 0 ? 0 : 3 * n_frames * count);
 }

@@ -30,7 +30,7 @@ static int fill;
 
 static void (*const targets[])(void) = {
     fuzz_integers, fuzz_fields, fuzz_connectivity, fuzz_order,
-    fuzz_patterns, fuzz_hierarchy, fuzz_frames,
+    fuzz_patterns, fuzz_hierarchy, fuzz_frames, fuzz_basis_encode, fuzz_coordinates,
 };
 #define N_TARGETS (sizeof targets / sizeof *targets)
 

@@ -75,5 +75,7 @@ void fuzz_order(void);
 void fuzz_patterns(void);
 void fuzz_hierarchy(void);
 void fuzz_frames(void);
+void fuzz_basis_encode(void);
+void fuzz_coordinates(void);
 
 #endif

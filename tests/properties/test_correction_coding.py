@@ -48,7 +48,7 @@ def assert_usable(found, n_frames, n_verts):
 def test_corrections_come_back_exactly_whatever_they_are(case):
     corrections, n_frames, n_verts = case
     payload = write_corrections(corrections)
-    assert_equal(read_corrections(payload, n_frames, n_verts), corrections)
+    assert_equal(read_corrections(payload, 3, n_frames, n_verts), corrections)
 
 
 @settings(max_examples=draws(200), deadline=None)
@@ -66,7 +66,7 @@ def test_corrections_given_stay_as_they_are_when_written(case):
 @given(st.binary(max_size=200), st.integers(1, 30), st.integers(1, 30))
 def test_any_bytes_give_corrections_or_our_error(data, n_frames, n_verts):
     try:
-        found = read_corrections(data, n_frames, n_verts)
+        found = read_corrections(data, 3, n_frames, n_verts)
     except CorruptStreamError:
         return
     assert_usable(found, n_frames, n_verts)
@@ -80,7 +80,7 @@ def test_flipped_bits_give_corrections_or_our_error(case, flips):
     for place, bit in flips:
         data[place % len(data)] ^= 1 << bit
     try:
-        found = read_corrections(bytes(data), n_frames, n_verts)
+        found = read_corrections(bytes(data), 3, n_frames, n_verts)
     except CorruptStreamError:
         return
     assert_usable(found, n_frames, n_verts)
@@ -93,7 +93,7 @@ def test_corrections_are_usable_or_refused_when_they_are_cut(case):
     payload = write_corrections(corrections)
     for size in range(len(payload)):
         try:
-            found = read_corrections(payload[:size], n_frames, n_verts)
+            found = read_corrections(payload[:size], 3, n_frames, n_verts)
         except CorruptStreamError:
             continue
         assert_usable(found, n_frames, n_verts)
@@ -105,7 +105,7 @@ def test_corrections_of_a_larger_block_are_refused_when_they_do_not_fit(case, n_
     corrections, _, _ = case
     fits = np.all(corrections.vertices < n_verts) and np.all(corrections.frames < n_frames)
     try:
-        found = read_corrections(write_corrections(corrections), n_frames, n_verts)
+        found = read_corrections(write_corrections(corrections), 3, n_frames, n_verts)
     except CorruptStreamError:
         assert not fits
         return

@@ -27,6 +27,7 @@ class Section(IntEnum):
     EXACT = 20
     FIELDS = 21
     CORRECTIONS = 22
+    TRACK_BLOCK = 23
     PROMISE = OPTIONAL | 1
     PADDING = OPTIONAL | 0
     INDEX = OPTIONAL | 2
@@ -37,6 +38,7 @@ class Section(IntEnum):
     START = OPTIONAL | 7
     MATERIAL = OPTIONAL | 8
     IMAGE = OPTIONAL | 9
+    TRACK = OPTIONAL | 10
 
 
 class VertexType(IntEnum):
@@ -51,6 +53,9 @@ MAX_POSITIONS_PER_BYTE = 256
 
 Readers refuse streams that announce more before they allocate; writers pad shorter streams.
 """
+
+MAX_NUMBERS_PER_BYTE = 768
+"""The same for the numbers of a further track in a block, by the bytes of its group."""
 
 INDEX_POSITION = Struct("<Q")
 """Payload of the end marker: the byte at which the index begins."""

@@ -1,7 +1,7 @@
 """Reader of the parts of a stream, each checked before it is used."""
 
 import os
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from io import BytesIO
@@ -9,7 +9,7 @@ from itertools import accumulate
 from typing import BinaryIO
 
 from meshreel.bitstream.header import LONGEST_HEADER, Header, read_header
-from meshreel.bitstream.index import BlockPlace, read_index
+from meshreel.bitstream.index import BlockPlace, first_block, read_index
 from meshreel.bitstream.layout import (
     INDEX_POSITION,
     MAX_POSITIONS_PER_BYTE,
@@ -93,19 +93,27 @@ class Stream:
             )
         return found[0]
 
-    def block(self, number: int) -> dict[Section, bytes]:
-        """Sections of a block, by id; checksums are verified.
+    @cached_property
+    def n_tracks(self) -> int:
+        """Tracks of each block: the positions, and those that a section announces."""
+        return _n_tracks(self.leading)
+
+    def block(self, number: int, track: int = 0) -> dict[Section, bytes]:
+        """Sections of a track in a block, by id; checksums are verified.
 
         Raises
         ------
         CorruptStreamError
             If its bytes are damaged, a section occurs twice, or one does not belong to a block.
         """
-        place = self.places[number]
+        first = Section.TRACK_BLOCK if track else Section.BLOCK
         sections: dict[Section, bytes] = {}
-        for stored in _sections(self.file, place.position, place.end):
-            if (stored.id is Section.BLOCK) != (not sections):
-                raise CorruptStreamError(f"block {number} does not begin with a section BLOCK")
+        for stored in _sections(self.file, *self.places[number].group(track)):
+            if (stored.id is first) != (not sections):
+                raise CorruptStreamError(
+                    f"block {number} does not begin with a section {first.name}"
+                    + (f" of track {track}" if track else "")
+                )
             if stored.id in BLOCK_SECTIONS:
                 if stored.id in sections:
                     raise CorruptStreamError(f"section {stored.id.name} is out of place")
@@ -158,9 +166,10 @@ def open_stream(file: BinaryIO) -> Stream:
     file.seek(0)
     header, header_size_bytes = read_header(file.read(LONGEST_HEADER))
     try:
-        places = _indexed_places(file, header_size_bytes, size_bytes)
-        opening = _sections(file, header_size_bytes, places[0].position)
+        index, position = _found_index(file, header_size_bytes, size_bytes)
+        opening = _sections(file, header_size_bytes, first_block(index))
         leading = tuple(opening)
+        places = _indexed_places(index, position, header_size_bytes, _n_tracks(leading))
         return Stream(file, size_bytes, header, header_size_bytes, leading, places, True)
     except (CorruptStreamError, TruncatedStreamError):
         scan = _scan(file, header_size_bytes, size_bytes)
@@ -180,12 +189,17 @@ def _check_index(scan: "_Scan") -> None:
     position, payload = scan.index or (0, b"")
     if scan.end_payload != (INDEX_POSITION.pack(position) if scan.index else b""):
         raise CorruptStreamError("the end marker does not point to the index")
-    if scan.index and read_index(payload, position) != scan.places:
+    if scan.index and read_index(payload, position, _n_tracks(scan.leading)) != scan.places:
         raise CorruptStreamError("the index contradicts the blocks")
 
 
-def _indexed_places(file: BinaryIO, start: int, size_bytes: int) -> tuple[BlockPlace, ...]:
-    """Positions of the blocks from the index, which the end marker points to.
+def _n_tracks(leading: Iterable[StoredSection]) -> int:
+    """Tracks of each block, by the sections before the first."""
+    return 1 + sum(stored.id is Section.TRACK for stored in leading)
+
+
+def _found_index(file: BinaryIO, start: int, size_bytes: int) -> tuple[bytes, int]:
+    """Payload and position of the index, which the end marker points to.
 
     Raises
     ------
@@ -199,7 +213,22 @@ def _indexed_places(file: BinaryIO, start: int, size_bytes: int) -> tuple[BlockP
     index, _ = read_section(file, position, size_bytes)
     if index is None or index.id is not Section.INDEX:
         raise CorruptStreamError(f"there is no index at byte {position}")
-    places = read_index(index.payload, position)
+    if not start <= first_block(index.payload) <= position:
+        raise CorruptStreamError("the index lists blocks inside the header")
+    return index.payload, position
+
+
+def _indexed_places(
+    index: bytes, position: int, start: int, n_tracks: int
+) -> tuple[BlockPlace, ...]:
+    """Positions of the blocks from the payload of the index at a position.
+
+    Raises
+    ------
+    CorruptStreamError
+        If it is damaged.
+    """
+    places = read_index(index, position, n_tracks)
     if not places or places[0].position < start:
         raise CorruptStreamError("the index lists no blocks, or blocks inside the header")
     return tuple(places)
@@ -252,14 +281,10 @@ def _scan(file: BinaryIO, start: int, size_bytes: int) -> _Scan:
     """The sections up to the end marker, or up to the first damaged one."""
     leading: list[StoredSection] = []
     places: list[BlockPlace] = []
-    block: tuple[int, int] | None = None  # frames and position of the current block
+    block: _OpenBlock | None = None
     index: tuple[int, bytes] | None = None
     last, position, end_payload, damage = None, start, b"", None
-
-    def close(end: int) -> None:
-        if block is not None:
-            places.append(BlockPlace(block[0], block[1], end - block[1]))
-
+    n_tracks = 1
     try:
         while last is not Section.END:
             stored, behind = read_section(file, position, size_bytes)
@@ -267,10 +292,15 @@ def _scan(file: BinaryIO, start: int, size_bytes: int) -> _Scan:
                 last = stored.id
                 if last in BLOCK_SECTIONS and last is not Section.BLOCK and block is None:
                     raise CorruptStreamError(f"section {last.name} is out of place")
+                if last is Section.TRACK_BLOCK and block is not None:
+                    block.begins.append(position)
                 if last in (Section.BLOCK, Section.INDEX, Section.END):
-                    close(position)
+                    if block is not None:
+                        places.append(block.place(position, n_tracks))
+                    elif not places:
+                        n_tracks = _n_tracks(leading)
                     is_block = last is Section.BLOCK
-                    block = (_n_frames(stored.payload), position) if is_block else None
+                    block = _OpenBlock(_n_frames(stored.payload), [position]) if is_block else None
                     if last is Section.INDEX:
                         index = position, stored.payload
                     end_payload = stored.payload
@@ -279,9 +309,36 @@ def _scan(file: BinaryIO, start: int, size_bytes: int) -> _Scan:
             position = behind
     except (CorruptStreamError, TruncatedStreamError) as error:
         damage = error
-        if last is Section.COEFFICIENTS:  # the last one of a block
-            close(position)
+        has_all = block is not None and len(block.begins) == n_tracks
+        if block is not None and has_all and last is Section.COEFFICIENTS:  # its last one
+            places.append(block.place(position, n_tracks))
     return _Scan(leading, places, position, index, end_payload, damage)
+
+
+@dataclass(frozen=True)
+class _OpenBlock:
+    """A block whose end has not come yet.
+
+    Attributes
+    ----------
+    n_frames : int
+    begins : list of int
+        Where the sections of each track begin.
+    """
+
+    n_frames: int
+    begins: list[int]
+
+    def place(self, end: int, n_tracks: int) -> BlockPlace:
+        """Position and sizes of the block, which ends here; it must have so many tracks."""
+        if len(self.begins) != n_tracks:
+            raise CorruptStreamError(
+                f"the block at byte {self.begins[0]} has {counted(len(self.begins), 'track')}; "
+                f"the stream announces {n_tracks}"
+            )
+        ends = [*self.begins[1:], end]
+        sizes = tuple(stop - start for start, stop in zip(self.begins, ends, strict=True))
+        return BlockPlace(self.n_frames, self.begins[0], sizes)
 
 
 def _n_frames(payload: bytes) -> int:

@@ -48,14 +48,19 @@ class StreamWriter:
         n_frames : int
         sections : iterable of (Section, bytes)
             BLOCK first and COEFFICIENTS last: a block whose last section is complete is complete.
+            Each TRACK_BLOCK begins the sections of a further track.
         """
-        (first, *others), start = list(sections), self._position
-        head = write_section(*first)
-        body = b"".join(write_section(*one) for one in others)
-        least = least_size_bytes(n_frames * self._header.n_verts)
-        self._write(head + _padding(least - len(head) - len(body)) + body)
+        groups: list[list[bytes]] = [[]]
+        for section, payload in sections:
+            if section is Section.TRACK_BLOCK:
+                groups.append([])
+            groups[-1].append(write_section(section, payload))
+        missing = least_size_bytes(n_frames * self._header.n_verts) - len(b"".join(groups[0]))
+        groups[0].insert(1, _padding(missing))
+        written, start = [b"".join(group) for group in groups], self._position
+        self._write(b"".join(written))
         self._file.flush()
-        self._places.append(BlockPlace(n_frames, start, self._position - start))
+        self._places.append(BlockPlace(n_frames, start, tuple(map(len, written))))
 
     def finish(self) -> None:
         """Write the index and the end marker; nothing may follow."""

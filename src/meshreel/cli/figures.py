@@ -87,6 +87,8 @@ def info_rows(stream: "StreamInfo") -> dict[str, str]:
             f"the later blocks take {size_text(later)}, {100 * later / stream.size_bytes:.0f} %; "
             "in one piece much of it would be saved"
         )
+    if stream.tracks:
+        rows["tracks"] = "\n".join(stream.tracks)
     if not stream.is_whole:
         rows["end"] = "cut off; this is what the whole blocks hold"
     if stream.max_error_percent:

@@ -94,7 +94,7 @@ class DecodedBlock:
             frames = range(first + piece.start, first + piece.stop)
             if isinstance(product, JointFrames) and is_direct:
                 moves = None if self._moves is None else self._moves.of_frames(frames)
-                product.fill(out[piece], frames, self.frame, moves)
+                product.fill(out[piece], frames, self.frame.placement, moves)
             else:
                 matrices = self._final_frames_of(slice(frames.start, frames.stop))
                 out[piece] = from_matrices(matrices, self.frame, out.dtype)

@@ -1,15 +1,14 @@
 """Frames of a block as the product of a basis and coefficients."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.kernel.frames import Moves, fill_positions, frame_axes
+from meshreel.kernel.frames import Moves, fill_values, frame_columns
 from meshreel.subspace.basis import expand
-from meshreel.subspace.trajectories import BoundingFrame
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.integer]
@@ -35,19 +34,20 @@ class ProductFrames:
         """Coordinate matrices of shape (3, frames, V) of a range of frames."""
         if len(self.coefficients) == 1:
             numbers = range(*frames.indices(self.basis.shape[1]))
-            return frame_axes(self.basis, self.coefficients[0], numbers)
+            return frame_columns(self.basis, self.coefficients[0], numbers)
         return expand(self.basis[:, frames], self.coefficients)
 
 
 @dataclass(frozen=True)
 class JointFrames:
-    """Frames as the product of a basis and fields that all axes share, a `FramesOf`.
+    """Frames as the product of a basis and fields that all columns share, a `FramesOf`.
 
     The core computes it, and every machine finds the same bits.
 
     Attributes
     ----------
-    basis : float64 array of shape (3, T, K)
+    basis : float64 array of shape (C, T, K)
+        C columns; positions have x, y and z.
     values : float64 array of shape (V, K)
         Fields in steps.
     step : float
@@ -63,7 +63,7 @@ class JointFrames:
     def __call__(self, frames: slice) -> Floats:
         """Coordinate matrices of shape (3, frames, V) of a range of frames."""
         numbers = range(*frames.indices(self.basis.shape[1]))
-        return frame_axes(self.basis, self.values.T, numbers, step=self.step, order=self.order)
+        return frame_columns(self.basis, self.values.T, numbers, step=self.step, order=self.order)
 
     @cached_property
     def product(self) -> ProductFrames:
@@ -76,19 +76,20 @@ class JointFrames:
         self,
         out: npt.NDArray[np.floating],
         frames: range,
-        frame: BoundingFrame,
+        placement: Sequence[float],
         moves: Moves | None = None,
     ) -> None:
-        """Fill a contiguous array of shape (n, V, 3) with positions of n frames, in model units.
+        """Fill a contiguous array of shape (n, V, C) with values of n frames, in model units.
 
-        The positions are those that `from_matrices` makes of ``self(frames)``, to the last bit.
+        The placement is the scale, and the origin of each column. Positions are those that
+        `from_matrices` makes of ``self(frames)``, to the last bit.
         """
-        fill_positions(
+        fill_values(
             out,
             self.basis,
             self.values.T,
             frames,
-            (frame.scale, *frame.origin),
+            placement,
             moves,
             step=self.step,
             order=self.order,

@@ -34,8 +34,8 @@ class StreamInfo:
     budget_bytes : dict of str to int
         Bytes of the header and of each kind of section; they sum to `size_bytes`.
     block_bytes : tuple of int
-        Size of the sections of each block. Each block has its own fields: a stream of a single
-        block would save most of the bytes of the later ones.
+        Size of the sections of the positions in each block. Each block has its own fields: a
+        stream of a single block would save most of the bytes of the later ones.
     max_error_percent : float or None
         Promised bound of the distance of vertices from the original, in percent of the diagonal.
     is_whole : bool
@@ -55,6 +55,9 @@ class StreamInfo:
         Names of materials with their textures, such as "skin: base color image 0".
     images : tuple of str
         Descriptions of images, such as "0: 'shade', image/png, 92 bytes".
+    tracks : tuple of str
+        Tracks beside the positions, such as "'stress': 1 x float32 of each vertex in Pa". This
+        build lists them only.
     """
 
     n_frames: int
@@ -81,6 +84,7 @@ class StreamInfo:
     diagonal: float
     materials: tuple[str, ...]
     images: tuple[str, ...]
+    tracks: tuple[str, ...]
 
     @property
     def ratio(self) -> float:
@@ -157,6 +161,7 @@ def stream_info(stream: Stream) -> StreamInfo:
         diagonal=header.scale,
         materials=described_materials(surface),
         images=described_images(surface),
+        tracks=tuple(map(str, opened.tracks)),
     )
 
 

@@ -1,5 +1,6 @@
 """An open stream and the parts that its blocks share: mesh, order, surface, time."""
 
+import warnings
 from functools import cached_property
 
 import numpy as np
@@ -11,6 +12,7 @@ from meshreel.codec.choices import Laplacian, Order, choice_of_code
 from meshreel.codec.methods import BlockDecoder, method_of_code
 from meshreel.codec.stored_blocks import StoredBlock, stored_block
 from meshreel.codec.surface.payloads import SURFACE_SECTIONS, read_start, read_surface
+from meshreel.codec.tracks import TrackHeader, read_track
 from meshreel.connectivity.coder import decode_connectivity, decode_order
 from meshreel.connectivity.permutation import inverse_permutation
 from meshreel.sequence import Faces
@@ -61,7 +63,15 @@ class OpenStream:
         ------
         InvalidInputError
             If `n_modes` is below 1, or not for this stream.
+
+        Warns
+        -----
+        UserWarning
+            If the stream has tracks beside the positions: they are left out.
         """
+        if self.tracks:
+            left_out = "; ".join(map(str, self.tracks))
+            warnings.warn(f"tracks beside the positions are left out: {left_out}", stacklevel=3)
         return self.method.decoder(self, n_modes)
 
     def stored(self, number: int) -> StoredBlock:
@@ -123,6 +133,12 @@ class OpenStream:
         """Time of the first frame, in seconds; raises as `surface`."""
         starts = [one.payload for one in self.stream.leading if one.id is Section.START]
         return read_start(starts[0]) if starts else 0.0
+
+    @cached_property
+    def tracks(self) -> tuple[TrackHeader, ...]:
+        """The tracks beside the positions; raises as `read_track`."""
+        leading = self.stream.leading
+        return tuple(read_track(one.payload) for one in leading if one.id is Section.TRACK)
 
     @property
     def dtype(self) -> np.dtype[np.floating]:

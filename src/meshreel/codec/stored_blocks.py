@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from meshreel.bitstream.layout import Section
+from meshreel.bitstream.layout import MAX_NUMBERS_PER_BYTE, Section
 from meshreel.bitstream.reader import Stream
 from meshreel.codec.methods import Method
 from meshreel.entropy.varint import read_varint, write_varint
@@ -17,6 +17,7 @@ class StoredBlock:
     ----------
     start, n_frames, n_modes : int
     sections : dict of Section to bytes
+        Of one track: the positions, if nothing else is said.
     """
 
     start: int
@@ -72,6 +73,45 @@ def stored_block(stream: Stream, method: Method, number: int) -> StoredBlock:
             f"a block of {n_frames} frames has {n_modes} modes; {limit} are possible"
         )
     return StoredBlock(stream.starts[number], n_frames, n_modes, sections)
+
+
+def stored_track_block(
+    stream: Stream, number: int, track: int, shape: tuple[int, int]
+) -> StoredBlock:
+    """A further track in a block of a stream.
+
+    Parameters
+    ----------
+    stream : Stream
+    number : int
+    track : int
+        From 1 on.
+    shape : tuple of 2 ints
+        Vertices, faces or corners that have values, and columns of the track.
+
+    Raises
+    ------
+    CorruptStreamError
+        If it is damaged, or has more modes than columns for each frame, or more numbers than its
+        bytes allow.
+    """
+    place = stream.places[number]
+    sections = stream.block(number, track)
+    n_modes, position = read_varint(sections[Section.TRACK_BLOCK], 0)
+    n_items, n_columns = shape
+    limit = n_columns * place.n_frames
+    if not 1 <= n_modes <= limit or position != len(sections[Section.TRACK_BLOCK]):
+        raise CorruptStreamError(
+            f"track {track} has {n_modes} modes in a block of {place.n_frames} frames; 1 to "
+            f"{limit} are possible"
+        )
+    n_numbers = limit * n_items
+    if n_numbers > MAX_NUMBERS_PER_BYTE * place.sizes[track]:
+        raise CorruptStreamError(
+            f"track {track} announces {n_numbers} numbers in {place.sizes[track]} bytes; at most "
+            f"{MAX_NUMBERS_PER_BYTE} a byte are allowed"
+        )
+    return StoredBlock(stream.starts[number], place.n_frames, n_modes, sections)
 
 
 def write_block(n_frames: int, n_modes: int) -> bytes:

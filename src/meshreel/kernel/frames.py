@@ -1,4 +1,7 @@
-"""Basis vectors over time from integers, and frames from fields and basis vectors, by the core."""
+"""Basis vectors over time from integers, and frames from fields and basis vectors, by the core.
+
+A track has C columns: positions have x, y and z.
+"""
 
 import ctypes
 from collections.abc import Sequence
@@ -12,8 +15,8 @@ from meshreel.kernel.library import Argument, call, memory, size_of
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.integer]
 
-AXES = 0
-"""REEL_AXES of `core/reel.h`; layouts of positions are the bytes of a number."""
+COLUMNS = 0
+"""REEL_COLUMNS of `core/reel.h`; layouts of values are the bytes of a number."""
 
 
 @dataclass(frozen=True)
@@ -26,7 +29,7 @@ class Moves:
         Those of frame i are starts[i] : starts[i + 1] of the others.
     vertices : int32 array of shape (N,)
         Ascending in each frame.
-    displacements : float64 array of shape (N, 3)
+    displacements : float64 array of shape (N, C)
     """
 
     starts: npt.NDArray[np.int64]
@@ -39,27 +42,37 @@ class Moves:
 
 
 def time_vectors(coded: Integers) -> Floats:
-    """Basis vectors of shape (3, T, K), each of length 1 (or 0).
+    """Basis vectors of shape (C, T, K), each of length 1 (or 0).
 
     Parameters
     ----------
-    coded : integer array of shape (K, 3, T)
+    coded : integer array of shape (K, C, T)
         As in the stream: the coarsest times are differences.
     """
-    n_modes, _, n_frames = coded.shape
-    basis = np.empty((3, n_frames, n_modes))
-    room = memory(size_of("reel_basis_memory", n_frames))
+    n_modes, n_columns, n_frames = coded.shape
+    basis = np.empty((n_columns, n_frames, n_modes))
+    room = memory(size_of("reel_basis_memory", n_columns, n_frames))
     integers = np.ascontiguousarray(coded, np.int32)
-    call("reel_basis", room, len(room), integers, n_modes, n_frames, basis, what="basis vectors")
+    call(
+        "reel_basis",
+        room,
+        len(room),
+        integers,
+        n_modes,
+        n_columns,
+        n_frames,
+        basis,
+        what="basis vectors",
+    )
     return basis
 
 
 def encode_times(wanted: Floats, price: float) -> npt.NDArray[np.int32]:
-    """Integers of shape (K, 3, T), as in the stream, of basis vectors near to wanted ones.
+    """Integers of shape (K, C, T), as in the stream, of basis vectors near to wanted ones.
 
     Parameters
     ----------
-    wanted : float64 array of shape (K, 3, T)
+    wanted : float64 array of shape (K, C, T)
         In steps.
     price : float
         Squared steps that a bit is worth; 0 rounds to the nearest.
@@ -69,7 +82,7 @@ def encode_times(wanted: Floats, price: float) -> npt.NDArray[np.int32]:
     InvalidInputError
         If an integer is too large for a stream.
     """
-    n_modes, _, n_frames = wanted.shape
+    n_modes, n_columns, n_frames = wanted.shape
     integers = np.empty(wanted.shape, np.int32)
     room = memory(size_of("reel_basis_encode_memory", n_frames))
     call(
@@ -78,6 +91,7 @@ def encode_times(wanted: Floats, price: float) -> npt.NDArray[np.int32]:
         len(room),
         np.ascontiguousarray(wanted),
         n_modes,
+        n_columns,
         n_frames,
         ctypes.c_double(price),
         integers,
@@ -86,7 +100,7 @@ def encode_times(wanted: Floats, price: float) -> npt.NDArray[np.int32]:
     return integers
 
 
-def frame_axes(
+def frame_columns(
     basis: Floats,
     fields: Floats,
     frames: range,
@@ -94,22 +108,22 @@ def frame_axes(
     step: float = 1.0,
     order: Integers | None = None,
 ) -> Floats:
-    """Coordinate matrices of shape (3, frames, V): sums over the modes.
+    """Matrices of shape (C, frames, V): sums over the modes.
 
     Parameters
     ----------
-    basis : float64 array of shape (3, T, K)
+    basis : float64 array of shape (C, T, K)
     fields : float64 array of shape (K, V)
     frames : range
     step, order
-        As of `fill_positions`.
+        As of `fill_values`.
     """
-    out = np.empty((3, len(frames), fields.shape[1]))
-    _frames(basis, fields, frames, step, order, None, None, out, AXES)
+    out = np.empty((len(basis), len(frames), fields.shape[1]))
+    _frames(basis, fields, frames, step, order, None, None, out, COLUMNS)
     return out
 
 
-def fill_positions(
+def fill_values(
     out: npt.NDArray[np.floating],
     basis: Floats,
     fields: Floats,
@@ -120,18 +134,18 @@ def fill_positions(
     step: float = 1.0,
     order: Integers | None = None,
 ) -> None:
-    """Fill an array with positions of frames: (sum over modes + move) times scale plus origin.
+    """Fill an array with values of frames: (sum over modes + move) times scale plus origin.
 
     Parameters
     ----------
-    out : contiguous float32 or float64 array of shape (n, V, 3)
-    basis : float64 array of shape (3, T, K)
+    out : contiguous float32 or float64 array of shape (n, V, C)
+    basis : float64 array of shape (C, T, K)
     fields : float64 array of shape (K, V)
         The view of an array of shape (V, K) serves as well.
     frames : range
         The n frames.
-    placement : 4 floats
-        Scale, and the origin.
+    placement : 1 + C floats
+        Scale, and the origin of each column.
     moves : Moves, optional
         Of these frames, and vertices of `out`.
     step : float
@@ -199,12 +213,12 @@ def _frames(
     out: npt.NDArray[np.floating],
     layout: int,
 ) -> None:
-    _, n_frames, n_modes = basis.shape
+    n_columns, n_frames, n_modes = basis.shape
     moved: tuple[Argument, ...] = (None, None, None)
     if moves is not None:
         moved = (moves.starts, moves.vertices, moves.displacements)
     fields = np.asarray(fields, np.float64)
-    room = memory(size_of("reel_frames_memory", n_modes, len(frames)))
+    room = memory(size_of("reel_frames_memory", n_columns, n_modes, len(frames)))
     call(
         "reel_frames",
         room,
@@ -214,6 +228,7 @@ def _frames(
         *(stride // fields.itemsize for stride in fields.strides),
         ctypes.c_double(step),
         None if order is None else np.ascontiguousarray(order, np.int32),
+        n_columns,
         n_frames,
         n_modes,
         fields.shape[1],

@@ -1,18 +1,21 @@
-"""The blocks of a stream of `reel` to frames."""
+"""The blocks of a stream of `reel` to frames, track by track."""
 
+from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.codec.corrections import Corrections
+from meshreel.codec.corrections import Corrections, moves_by_frame
 from meshreel.codec.decoded_block import DecodedBlock
 from meshreel.codec.frame_products import JointFrames
 from meshreel.codec.open_stream import OpenStream
-from meshreel.codec.stored_blocks import StoredBlock
+from meshreel.codec.stored_blocks import StoredBlock, stored_track_block
+from meshreel.codec.tracks import TrackHeader
 from meshreel.connectivity.permutation import inverse_permutation
 from meshreel.errors import CorruptStreamError, InvalidInputError
-from meshreel.reel.agreed.blocks import read_corrections, read_field_block
+from meshreel.reel.agreed.blocks import POSITION_COLUMNS, read_corrections, read_field_block
 from meshreel.reel.agreed.fields import (
     FieldBlock,
     KeyFields,
@@ -20,14 +23,17 @@ from meshreel.reel.agreed.fields import (
     decode_basis,
     decode_fields,
 )
+from meshreel.reel.agreed.graphs import ItemGraph, item_graph
 from meshreel.reel.agreed.mesh import FieldMesh
+from meshreel.surface import Domain
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
+Values = npt.NDArray[np.floating]
 
 
 class ReelBlockDecoder:
-    """Decodes the blocks of a stream in any order; the key block that others refer to is kept.
+    """Decodes the positions in the blocks of a stream, in any order.
 
     Parameters
     ----------
@@ -47,8 +53,8 @@ class ReelBlockDecoder:
             raise InvalidInputError(f"n_modes must be a whole number of at least 1; got {n_modes}")
         self._opened = opened
         self._n_modes = n_modes
-        self._field_mesh: FieldMesh | None = None
-        self._key: tuple[int, Layout, KeyFields] | None = None
+        graph = ItemGraph(opened.internal_faces, opened.n_verts)
+        self._track = _TrackReader(graph, opened.order, opened.stored, POSITION_COLUMNS)
 
     def block(self, number: int) -> DecodedBlock:
         """A block of the stream, decoded.
@@ -58,42 +64,112 @@ class ReelBlockDecoder:
         CorruptStreamError
             If it is damaged.
         """
-        stored, order = self._opened.stored(number), self._opened.order
+        stored = self._opened.stored(number)
         with np.errstate(over="ignore", invalid="ignore"):
-            frames_of = self._frames_of(number, stored, order)
+            found = self._track.modes(number, stored)
+        if self._n_modes is not None:
+            found = replace(found, basis=resting_after(found.basis, self._n_modes))
         return DecodedBlock(
             start=stored.start,
             n_frames=stored.n_frames,
-            frames_of=frames_of,
+            frames_of=found,
             frame=self._opened.frame,
-            corrections=self._corrections(stored, order),
+            corrections=None if self._n_modes is not None else self._track.corrections(stored),
         )
 
-    def _frames_of(self, number: int, stored: StoredBlock, order: Integers) -> JointFrames:
+
+class TrackDecoder:
+    """Decodes a further track in the blocks of a stream, in any order.
+
+    Parameters
+    ----------
+    opened : OpenStream
+    track : int
+        From 1 on.
+
+    Attributes
+    ----------
+    header : TrackHeader
+    shape : tuple of 2 ints
+        Vertices, faces or corners that have values, N, and columns, C.
+    """
+
+    def __init__(self, opened: OpenStream, track: int) -> None:
+        self.header: TrackHeader = opened.tracks[track - 1]
+        graph, order = ItemGraph(opened.internal_faces, opened.n_verts), opened.order
+        if self.header.domain is not Domain.VERTEX:
+            graph = item_graph(self.header.domain, opened.faces, opened.surface, opened.n_verts)
+            order = np.arange(graph.n_items)
+        self.shape = graph.n_items, self.header.n_columns
+        self._stored = partial(stored_track_block, opened.stream, track=track, shape=self.shape)
+        self._track = _TrackReader(graph, order, self._stored, self.header.n_columns)
+
+    def block(self, number: int) -> Values:
+        """Values of shape (T_b, N, C) in a block, in the order in which vertices or faces go out.
+
+        Raises
+        ------
+        CorruptStreamError
+            If it is damaged.
+        """
+        stored = self._stored(number)
+        found, corrections = self._track.modes(number, stored), self._track.corrections(stored)
+        moves = None if corrections is None else moves_by_frame(corrections, stored.n_frames)
+        out = np.empty((stored.n_frames, *self.shape), self.header.dtype)
+        with np.errstate(over="ignore", invalid="ignore"):
+            found.fill(out, range(stored.n_frames), self.header.placement, moves)
+        return out
+
+
+class _TrackReader:
+    """Reads a track in the blocks of a stream; the key block that others refer to is kept.
+
+    Parameters
+    ----------
+    graph : ItemGraph
+        That its values lie on; of the positions the internal faces and the vertices.
+    order : integer array of shape (N,)
+        The item of the graph that each value that goes out is of.
+    stored : callable
+        The track in a block, by its number, as it is stored.
+    n_columns : int
+    """
+
+    def __init__(
+        self,
+        graph: ItemGraph,
+        order: Integers,
+        stored: Callable[[int], StoredBlock],
+        n_columns: int,
+    ) -> None:
+        self._graph = graph
+        self._order = order
+        self._stored = stored
+        self._n_columns = n_columns
+        self._field_mesh: FieldMesh | None = None
+        self._key: tuple[int, Layout, KeyFields] | None = None
+
+    def modes(self, number: int, stored: StoredBlock) -> JointFrames:
+        """Modes of the track in a block, whose numbers and bytes these are."""
         block, mesh = self._read(stored)
         key = self._key_of(number, block.layout)
         basis = decode_basis(block.basis)
         values = decode_fields(block, mesh, key)
         if key is None:
             self._key = number, block.layout, KeyFields(values)
-        if self._n_modes is not None:
-            basis = resting_after(basis, self._n_modes)
-        return JointFrames(basis, values, float(block.layout.step), mesh.number[order])
+        step, order = float(block.layout.step), mesh.number[self._order]
+        return JointFrames(basis, values, step, order)
 
-    def _corrections(self, stored: StoredBlock, order: Integers) -> Corrections | None:
+    def corrections(self, stored: StoredBlock) -> Corrections | None:
         """Corrections of vertices as they go out."""
-        if self._n_modes is not None:
+        found = read_corrections(stored, self._graph.n_items, self._n_columns)
+        if found is None:
             return None
-        found = read_corrections(stored, self._opened.n_verts)
-        return found and replace(found, vertices=inverse_permutation(order)[found.vertices])
+        return replace(found, vertices=inverse_permutation(self._order)[found.vertices])
 
     def _read(self, stored: StoredBlock) -> tuple[FieldBlock, FieldMesh]:
-        opened = self._opened
-        block, mesh = read_field_block(
-            stored, opened.internal_faces, opened.n_verts, self._field_mesh
-        )
-        if len(opened.stream.places) > 1:  # else the mesh has served
-            self._field_mesh = mesh
+        block, mesh = read_field_block(stored, *self._graph, self._field_mesh, self._n_columns)
+        self._field_mesh = mesh
         return block, mesh
 
     def _key_of(self, number: int, layout: Layout) -> KeyFields | None:
@@ -104,7 +180,7 @@ class ReelBlockDecoder:
         if self._key is None or self._key[0] != wanted:
             if wanted < 0:
                 raise CorruptStreamError(f"block {number} refers to one before the first")
-            block, mesh = self._read(self._opened.stored(wanted))
+            block, mesh = self._read(self._stored(wanted))
             if block.layout.reference:
                 raise CorruptStreamError(
                     f"block {number} refers to block {wanted}, which refers to another itself"

@@ -30,6 +30,11 @@ class BoundingFrame:
     origin: tuple[float, float, float]
     scale: float
 
+    @property
+    def placement(self) -> tuple[float, ...]:
+        """Scale, and origin."""
+        return self.scale, *self.origin
+
 
 def bounding_frame(extent: Extent) -> BoundingFrame:
     """The bounding frame of positions of this extent."""

@@ -7,7 +7,7 @@ from hypothesis import given
 
 from conformance.timeline import basis_vector
 from meshreel.errors import InvalidInputError
-from meshreel.kernel.frames import Moves, fill_positions, frame_axes, time_vectors
+from meshreel.kernel.frames import Moves, fill_values, frame_columns, time_vectors
 
 PLACEMENT = (3.7, 0.1, -2.0, 5e3)
 
@@ -39,10 +39,10 @@ blocks = st.builds(
 def test_positions_are_those_of_the_format_when_all_frames_are_wanted(made, dtype):
     basis, fields = made
     out = np.empty((basis.shape[1], fields.shape[1], 3), dtype)
-    fill_positions(out, basis, fields, range(len(out)), PLACEMENT)
+    fill_values(out, basis, fields, range(len(out)), PLACEMENT)
     sums = sums_of_the_format(basis, fields)
     np.testing.assert_array_equal(out, positions_of_the_format(sums, dtype))
-    np.testing.assert_array_equal(frame_axes(basis, fields, range(len(out))), sums)
+    np.testing.assert_array_equal(frame_columns(basis, fields, range(len(out))), sums)
 
 
 @given(blocks, st.data())
@@ -51,7 +51,7 @@ def test_positions_are_the_same_when_frames_are_chosen_and_vertices_ordered(made
     frames = range(basis.shape[1])[data.draw(st.slices(basis.shape[1]))]
     order = np.random.default_rng(1).permutation(fields.shape[1])
     out = np.empty((len(frames), fields.shape[1], 3))
-    fill_positions(out, basis, fields, frames, PLACEMENT, order=order)
+    fill_values(out, basis, fields, frames, PLACEMENT, order=order)
     sums = sums_of_the_format(basis, fields)[:, list(frames)][:, :, order]
     np.testing.assert_array_equal(out, positions_of_the_format(sums, np.float64))
 
@@ -68,10 +68,10 @@ def test_moves_are_added_before_positions_are_scaled(made, share, seed):
     sums[:, frames, vertices] += moves.T
     wanted = positions_of_the_format(sums, np.float32)
     out = np.empty(wanted.shape, np.float32)
-    fill_positions(out, basis, fields, range(len(out)), PLACEMENT, found)
+    fill_values(out, basis, fields, range(len(out)), PLACEMENT, found)
     np.testing.assert_array_equal(out, wanted)
     later = range(len(out) // 2, len(out))
-    fill_positions(out[later.start :], basis, fields, later, PLACEMENT, found.of_frames(later))
+    fill_values(out[later.start :], basis, fields, later, PLACEMENT, found.of_frames(later))
     np.testing.assert_array_equal(out, wanted)
 
 
@@ -79,15 +79,13 @@ def test_moves_are_added_before_positions_are_scaled(made, share, seed):
 def test_error_is_raised_when_the_order_names_a_vertex_that_is_not_there(order):
     basis, fields = block(2, 2, 3)
     with pytest.raises(InvalidInputError, match="frames cannot be coded"):
-        fill_positions(
-            np.empty((2, 3, 3)), basis, fields, range(2), PLACEMENT, order=np.array(order)
-        )
+        fill_values(np.empty((2, 3, 3)), basis, fields, range(2), PLACEMENT, order=np.array(order))
 
 
 @pytest.mark.parametrize("frames", [range(-1, 1), range(1, 3)])
 def test_error_is_raised_when_a_frame_is_not_there(frames):
     with pytest.raises(InvalidInputError, match="frames cannot be coded"):
-        frame_axes(block(2, 2, 3)[0], block(2, 2, 3)[1], frames)
+        frame_columns(block(2, 2, 3)[0], block(2, 2, 3)[1], frames)
 
 
 @given(st.integers(1, 40), st.integers(1, 4), st.integers(0, 2**32))

@@ -15,7 +15,7 @@ import pytest
 
 from meshreel.kernel.connectivity import decode_faces, encode_faces
 from meshreel.kernel.fields import encode_fields
-from meshreel.kernel.frames import fill_positions, time_vectors
+from meshreel.kernel.frames import fill_values, time_vectors
 from meshreel.kernel.integers import encode_rows
 from meshreel.kernel.mesh import hierarchy, neighbours
 from meshreel.kernel.predict import decode_values
@@ -59,7 +59,7 @@ def test_the_module_decodes_the_same_bits_as_the_library(module, tmp_path):
     values = decode_values(found, residuals, n_modes)
     positions = np.empty((n_frames, n_verts, 3), np.float32)
     fields = np.ascontiguousarray(values.T)
-    fill_positions(positions, time_vectors(coded_times), fields, range(n_frames), placement)
+    fill_values(positions, time_vectors(coded_times), fields, range(n_frames), placement)
 
     text = {
         "connectivity": connectivity,

@@ -109,7 +109,7 @@ def test_integers_come_back_from_the_sections_when_a_block_is_written():
     _, mesh, block = analysed(0.0005, sequence=irregular_sequence(20))
     sections = dict(write_field_block(block, mesh))
     assert read_layout(sections[Section.FIELDS]) == block.layout
-    times = read_basis(sections[Section.BASIS], block.n_modes, 20)
+    times = read_basis(sections[Section.BASIS], block.n_modes, 3, 20)
     np.testing.assert_array_equal(times, block.basis)
     coded = sections[Section.COEFFICIENTS]
     fields = field_coder.decode_fields(coded, block.n_modes, mesh.n_verts, mesh.coding_order)

@@ -2,9 +2,10 @@
 
 from collections.abc import Iterator
 
-from meshreel.bitstream.layout import Section
+from meshreel.bitstream.layout import MAX_NUMBERS_PER_BYTE, Section
 from meshreel.codec.corrections import Corrections
 from meshreel.codec.stored_blocks import StoredBlock, write_block
+from meshreel.entropy.varint import write_varint
 from meshreel.kernel.fields import decode_fields, encode_fields
 from meshreel.reel.agreed import payloads
 from meshreel.reel.agreed.fields import FieldBlock
@@ -13,12 +14,36 @@ from meshreel.runtime.profiling import stage
 from meshreel.runtime.threads import in_background
 from meshreel.sequence import Faces
 
+POSITION_COLUMNS = 3
+"""Columns of the first track: x, y and z."""
+
 
 def write_field_block(
     block: FieldBlock, mesh: FieldMesh, corrections: Corrections | None = None
 ) -> Iterator[tuple[Section, bytes]]:
-    """The sections of a block of `reel`."""
+    """The sections of the positions in a block of `reel`, which begin the block."""
     yield Section.BLOCK, write_block(block.basis.shape[2], block.n_modes)
+    yield from _write_fields(block, mesh, corrections)
+
+
+def write_track_block(
+    block: FieldBlock, mesh: FieldMesh, corrections: Corrections | None = None
+) -> Iterator[tuple[Section, bytes]]:
+    """The sections of a further track in a block of `reel`, padded to what its numbers ask for."""
+    _, n_columns, n_frames = block.basis.shape
+    sections = list(_write_fields(block, mesh, corrections))
+    least = -(-n_columns * n_frames * mesh.n_verts // MAX_NUMBERS_PER_BYTE)
+    missing = least - sum(len(payload) for _, payload in sections)
+    yield Section.TRACK_BLOCK, write_varint(block.n_modes)
+    if missing > 0:
+        yield Section.PADDING, bytes(missing)
+    yield from sections
+
+
+def _write_fields(
+    block: FieldBlock, mesh: FieldMesh, corrections: Corrections | None
+) -> Iterator[tuple[Section, bytes]]:
+    """The sections that all tracks have."""
     yield Section.FIELDS, payloads.write_layout(block.layout)
     yield Section.BASIS, payloads.write_basis(block.basis)
     if corrections is not None:
@@ -26,18 +51,24 @@ def write_field_block(
     yield Section.COEFFICIENTS, encode_fields(block.fields, mesh.coding_order)
 
 
-def read_corrections(stored: StoredBlock, n_verts: int) -> Corrections | None:
-    """The corrections of a block of `reel`, if it has some."""
+def read_corrections(
+    stored: StoredBlock, n_verts: int, n_columns: int = POSITION_COLUMNS
+) -> Corrections | None:
+    """The corrections of a track in a block of `reel`, if it has some."""
     if Section.CORRECTIONS not in stored.sections:
         return None
     payload = stored.payload(Section.CORRECTIONS)
-    return payloads.read_corrections(payload, stored.n_frames, n_verts)
+    return payloads.read_corrections(payload, n_columns, stored.n_frames, n_verts)
 
 
 def read_field_block(
-    stored: StoredBlock, faces: Faces, n_verts: int, before: FieldMesh | None
+    stored: StoredBlock,
+    faces: Faces,
+    n_verts: int,
+    before: FieldMesh | None,
+    n_columns: int = POSITION_COLUMNS,
 ) -> tuple[FieldBlock, FieldMesh]:
-    """The block, and the mesh of its layout: that of the block before where it serves."""
+    """A track in a block, and the mesh of its layout: that of the block before where it serves."""
     n_modes, n_frames = stored.n_modes, stored.n_frames
     layout = payloads.read_layout(stored.payload(Section.FIELDS))
     serves = before is not None and before.stencil_size == layout.stencil_size
@@ -45,7 +76,7 @@ def read_field_block(
         before if before is not None and serves else FieldMesh(faces, n_verts, layout.stencil_size)
     )
     order = in_background(lambda: field_mesh.coding_order)
-    basis = payloads.read_basis(stored.payload(Section.BASIS), n_modes, n_frames)
+    basis = payloads.read_basis(stored.payload(Section.BASIS), n_modes, n_columns, n_frames)
     with stage("waiting"):
         order.result()
     coded = stored.payload(Section.COEFFICIENTS)

@@ -48,8 +48,9 @@ class FieldBlock:
     Attributes
     ----------
     layout : Layout
-    basis : int32 array of shape (K, 3, T)
-        Residuals of the temporal basis, as they are coded: the coarsest times are differences.
+    basis : int32 array of shape (K, C, T)
+        C columns, of positions x, y and z. Residuals of the temporal basis, as they are coded:
+        the coarsest times are differences.
     fields : int32 array of shape (K, V)
         Residuals of the fields, in coding order.
     """
@@ -90,5 +91,5 @@ def decode_fields(block: FieldBlock, mesh: FieldMesh, key: KeyFields | None = No
 
 @staged("temporal basis")
 def decode_basis(coded: npt.NDArray[np.integer]) -> Floats:
-    """Temporal basis of shape (3, T, K), each vector of length 1 (or 0), for integers (K, 3, T)."""
+    """Temporal basis of shape (C, T, K), each vector of length 1 (or 0), for integers (K, C, T)."""
     return time_vectors(coded)

@@ -76,16 +76,20 @@ def read_layout(payload: bytes) -> Layout:
 
 @staged("temporal basis")
 def write_basis(coded: npt.NDArray[np.integer]) -> bytes:
-    """Bytes of residuals of the temporal basis, (K, 3, T); the coarsest times are differences."""
-    n_modes, _, n_frames = coded.shape
-    return encode_fields(coded.reshape(n_modes, 3 * n_frames), time_order(n_frames))
+    """Bytes of residuals of the temporal basis, (K, C, T); the coarsest times are differences."""
+    n_modes, n_columns, n_frames = coded.shape
+    rows = coded.reshape(n_modes, n_columns * n_frames)
+    return encode_fields(rows, time_order(n_columns, n_frames))
 
 
 @staged("temporal basis")
-def read_basis(payload: bytes, n_modes: int, n_frames: int) -> npt.NDArray[np.int32]:
+def read_basis(
+    payload: bytes, n_modes: int, n_columns: int, n_frames: int
+) -> npt.NDArray[np.int32]:
     """Undo `write_basis`."""
-    coded = decode_fields(payload, n_modes, 3 * n_frames, time_order(n_frames))
-    return coded.reshape(n_modes, 3, n_frames)
+    order = time_order(n_columns, n_frames)
+    coded = decode_fields(payload, n_modes, n_columns * n_frames, order)
+    return coded.reshape(n_modes, n_columns, n_frames)
 
 
 @staged("corrections")
@@ -99,20 +103,19 @@ def write_corrections(corrections: Corrections) -> bytes:
     offsets = corrections.offsets.copy()
     offsets[follows] -= corrections.offsets[np.flatnonzero(follows) - 1]
     columns = [np.diff(vertices, prepend=0), counts - 1, frame_steps, *offsets.T]
+    tables = [0, 1, 2, *[3] * len(offsets.T)]
     return b"".join(
         [
             struct.pack("<f", corrections.step),
             write_varint(len(vertices)),
             write_varint(len(corrections.vertices)),
-            encode_integers(
-                [np.asarray(column, np.int64) for column in columns], [0, 1, 2, 3, 3, 3]
-            ),
+            encode_integers([np.asarray(column, np.int64) for column in columns], tables),
         ]
     )
 
 
 @staged("corrections")
-def read_corrections(payload: bytes, n_frames: int, n_verts: int) -> Corrections:
+def read_corrections(payload: bytes, n_columns: int, n_frames: int, n_verts: int) -> Corrections:
     """Undo `write_corrections`.
 
     Raises
@@ -130,8 +133,8 @@ def read_corrections(payload: bytes, n_frames: int, n_verts: int) -> Corrections
             f"{n_offsets} corrections of {n_corrected} vertices are announced, for {n_frames} "
             f"frames of {n_verts}"
         )
-    lengths = [n_corrected, n_corrected, *[n_offsets] * 4]
-    columns = decode_integers(payload[position:], lengths, [0, 1, 2, 3, 3, 3])
+    lengths = [n_corrected, n_corrected, n_offsets, *[n_offsets] * n_columns]
+    columns = decode_integers(payload[position:], lengths, [0, 1, 2, *[3] * n_columns])
     vertices, counts = np.cumsum(columns[0]), columns[1] + 1
     if np.any(counts < 1) or int(counts.sum()) != n_offsets:
         raise CorruptStreamError("the corrections of the vertices are not as many as announced")

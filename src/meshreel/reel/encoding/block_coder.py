@@ -161,7 +161,7 @@ class CodedFrames:
 
         def fill(piece: slice) -> None:
             numbers = range(piece.start, piece.stop)
-            self.analysed.decoded.fill(out[piece], numbers, frames.block.frame)
+            self.analysed.decoded.fill(out[piece], numbers, frames.block.frame.placement)
 
         in_threads(fill, pieces)
         return out

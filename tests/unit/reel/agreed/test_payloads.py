@@ -12,10 +12,11 @@ from meshreel.reel.agreed import payloads
 from meshreel.reel.agreed.fields import Layout
 
 
+@pytest.mark.parametrize("n_columns", [1, 3, 7])
 @pytest.mark.parametrize("n_frames", [1, 2, 8, 9, 50])
-def test_times_come_back_when_written(n_frames):
-    times = np.random.default_rng(4).integers(-300, 300, (5, 3, n_frames)).cumsum(axis=2)
-    back = payloads.read_basis(payloads.write_basis(times), 5, n_frames)
+def test_times_come_back_when_written(n_columns, n_frames):
+    times = np.random.default_rng(4).integers(-300, 300, (5, n_columns, n_frames)).cumsum(axis=2)
+    back = payloads.read_basis(payloads.write_basis(times), 5, n_columns, n_frames)
     np.testing.assert_array_equal(back, times)
 
 
@@ -23,7 +24,7 @@ def test_times_are_refused_when_bytes_are_too_few_for_them():
     payload = payloads.write_basis(np.zeros((2, 3, 4000), int))
     for size in (0, 1, len(payload) - 1):
         with pytest.raises(CorruptStreamError, match="cannot hold 2 x 12000 integers"):
-            payloads.read_basis(payload[:size], 2, 4000)
+            payloads.read_basis(payload[:size], 2, 3, 4000)
 
 
 def layout(step=0.25, size=10, n_learned=32, reference=0):
@@ -93,7 +94,7 @@ def written_raw(step, n_corrected, columns):
 
 
 def test_corrections_come_back_when_written():
-    back = payloads.read_corrections(payloads.write_corrections(corrections()), 9, 20)
+    back = payloads.read_corrections(payloads.write_corrections(corrections()), 3, 9, 20)
     assert back.step == np.float32(0.5)
     np.testing.assert_array_equal(back.vertices, corrections().vertices)
     np.testing.assert_array_equal(back.frames, corrections().frames)
@@ -103,13 +104,13 @@ def test_corrections_come_back_when_written():
 @pytest.mark.parametrize(("n_frames", "n_verts"), [(8, 20), (9, 19), (1, 3), (1, 1)])
 def test_corrections_are_refused_when_the_block_is_smaller(n_frames, n_verts):
     with pytest.raises(CorruptStreamError):
-        payloads.read_corrections(payloads.write_corrections(corrections()), n_frames, n_verts)
+        payloads.read_corrections(payloads.write_corrections(corrections()), 3, n_frames, n_verts)
 
 
 @pytest.mark.parametrize("step", [0.0, -1.0, np.nan, np.inf, payloads.MAX_STEP])
 def test_corrections_are_refused_when_their_step_is_none(step):
     with pytest.raises(CorruptStreamError):
-        payloads.read_corrections(payloads.write_corrections(corrections(step)), 9, 20)
+        payloads.read_corrections(payloads.write_corrections(corrections(step)), 3, 9, 20)
 
 
 NONE = [0, 0, 0]
@@ -133,13 +134,13 @@ NONE = [0, 0, 0]
 )
 def test_corrections_are_refused_when_they_contradict_themselves(n_corrected, columns):
     with pytest.raises(CorruptStreamError):
-        payloads.read_corrections(written_raw(0.5, n_corrected, columns), 9, 20)
+        payloads.read_corrections(written_raw(0.5, n_corrected, columns), 3, 9, 20)
 
 
 def test_corrections_are_refused_before_they_take_memory_when_too_many_are_announced():
     payload = struct.pack("<f", 0.5) + write_varint(1) + write_varint(2**60)
     with pytest.raises(CorruptStreamError, match="are announced, for 9 frames of 20"):
-        payloads.read_corrections(payload, 9, 20)
+        payloads.read_corrections(payload, 3, 9, 20)
 
 
 def test_runs_of_equal_offsets_take_few_bytes_when_written():

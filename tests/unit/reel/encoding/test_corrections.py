@@ -98,7 +98,7 @@ def test_steps_are_as_the_decoder_reads_them_when_corrections_are_found():
     """The step is rounded to float32 before offsets are: both sides move by the same."""
     corrections = find_corrections(some_errors(), 1 / 3, 0.0)
     assert corrections.step.dtype == np.float32
-    back = payloads.read_corrections(payloads.write_corrections(corrections), 7, 11)
+    back = payloads.read_corrections(payloads.write_corrections(corrections), 3, 7, 11)
     np.testing.assert_array_equal(back.moves, corrections.moves)
 
 

@@ -1,0 +1,171 @@
+"""Tracks beside the positions: what is said of them, read, skipped and refused."""
+
+from io import BytesIO
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import meshreel
+from meshreel.bitstream.layout import Section
+from meshreel.bitstream.reader import open_stream, read_stream
+from meshreel.codec.open_stream import OpenStream
+from meshreel.codec.tracks import MAX_COLUMNS, TrackHeader, read_track, write_track
+from meshreel.errors import CorruptStreamError, MeshReelError, TruncatedStreamError
+from meshreel.reel.decoder import TrackDecoder
+from meshreel.surface import Domain
+from samples.costs import draws
+from samples.streams import parts_of, raw_stream
+
+FOLDER = Path(__file__).parents[3] / "conformance" / "streams"
+NAMES = ("tracks", "tracks_of_triangles", "tracks_of_polygons", "still_track")
+STRESS = TrackHeader(
+    "stress", "Pa", "other", Domain.VERTEX, np.dtype(np.float32), 2.5, (1.0, -3.0, 0.0)
+)
+
+
+def stored(name):
+    return (FOLDER / f"{name}.reel").read_bytes()
+
+
+def decoded_tracks(data):
+    """All values of all further tracks of a stream."""
+    opened = OpenStream(read_stream(data))
+    decoders = [TrackDecoder(opened, number + 1) for number in range(len(opened.tracks))]
+    n_blocks = len(opened.stream.places)
+    return [np.concatenate([one.block(number) for number in range(n_blocks)]) for one in decoders]
+
+
+def test_what_is_said_of_a_track_comes_back_when_written():
+    assert read_track(write_track(STRESS)) == STRESS
+
+
+@pytest.mark.parametrize("place", [0, 1, 2])
+def test_a_track_is_refused_when_a_code_is_unknown(place):
+    payload = bytearray(write_track(STRESS))
+    payload[place] = 99
+    with pytest.raises(CorruptStreamError, match="99"):
+        read_track(bytes(payload))
+
+
+def test_a_track_is_refused_when_it_is_cut_off_or_longer():
+    payload = write_track(STRESS)
+    for size in range(len(payload)):
+        with pytest.raises((CorruptStreamError, TruncatedStreamError)):
+            read_track(payload[:size])
+    with pytest.raises(CorruptStreamError, match="3 origins"):
+        read_track(payload + b"\0")
+
+
+@pytest.mark.parametrize("n_columns", [0, MAX_COLUMNS + 1])
+def test_a_track_is_refused_when_it_has_no_columns_or_too_many(n_columns):
+    wide = TrackHeader("wide", "", "other", Domain.FACE, np.dtype("f8"), 1.0, (0.0,) * n_columns)
+    with pytest.raises(CorruptStreamError, match=f"{n_columns} columns"):
+        read_track(write_track(wide))
+
+
+@pytest.mark.parametrize("scale", [0.0, -1.0, float("nan"), float("inf")])
+def test_a_track_is_refused_when_its_scale_cannot_be(scale):
+    with pytest.raises(CorruptStreamError, match="scale"):
+        read_track(
+            write_track(TrackHeader("x", "", "other", Domain.FACE, np.dtype("f4"), scale, (0.0,)))
+        )
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_values_have_the_shapes_that_are_said_when_tracks_are_decoded(name):
+    opened = OpenStream(read_stream(stored(name)))
+    n_items = {
+        domain: opened.surface.n_items(domain, opened.n_verts, len(opened.faces))
+        for domain in Domain
+    }
+    found = decoded_tracks(stored(name))
+    assert len(found) == len(opened.tracks) > 0
+    for values, track in zip(found, opened.tracks, strict=True):
+        shape = opened.stream.n_frames, n_items[track.domain], track.n_columns
+        assert (values.shape, values.dtype) == (shape, track.dtype)
+        assert np.isfinite(values).all()
+
+
+def test_a_still_track_is_its_origin_when_it_is_decoded():
+    (values,) = decoded_tracks(stored("still_track"))
+    assert np.all(values == 0.5)
+
+
+def test_positions_are_the_same_with_tracks_and_a_warning_says_what_is_left_out():
+    data = stored("tracks")
+    stream = read_stream(data)
+    alone, is_position = [], True
+    for section, payload in parts_of(stream):
+        is_position = section is not Section.TRACK_BLOCK and (
+            is_position or section is Section.BLOCK
+        )
+        if is_position and section is not Section.TRACK:
+            alone.append((section, payload))
+    with pytest.warns(UserWarning, match="'stress': 1 x float32 of each vertex in Pa; 'flow'"):
+        whole = meshreel.decode(data)
+    np.testing.assert_array_equal(
+        whole.vertices, meshreel.decode(raw_stream(stream.header, alone)).vertices
+    )
+    assert [text.split(":")[0] for text in meshreel.info(data).tracks] == [
+        "'stress'",
+        "'flow'",
+        "'\u03c3'",
+    ]
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_bytes_of_a_track_alone_are_read_when_the_index_is_there(name):
+    opened = open_stream(BytesIO(stored(name)))
+    assert all(len(place.sizes) == opened.n_tracks for place in opened.places)
+    for place in opened.places:
+        assert place.group(opened.n_tracks - 1)[1] == place.end
+    assert opened.places == read_stream(stored(name)).places
+
+
+def test_a_block_counts_only_when_all_its_tracks_are_there():
+    data = stored("tracks")
+    place = read_stream(data).places[1]
+    for track in range(3):
+        _, end = place.group(track)
+        assert len(open_stream(BytesIO(data[:end])).places) == 1
+    assert len(open_stream(BytesIO(data[: place.end])).places) == 2
+
+
+def test_a_stream_is_refused_when_a_track_is_missing_in_a_block():
+    stream = read_stream(stored("tracks_of_triangles"))
+    parts = parts_of(stream)
+    last = max(number for number, one in enumerate(parts) if one[0] is Section.TRACK_BLOCK)
+    with pytest.raises(CorruptStreamError, match="has 2 tracks; the stream announces 3"):
+        read_stream(raw_stream(stream.header, parts[:last]))
+    track = next(one for one in parts if one[0] is Section.TRACK)
+    with pytest.raises(CorruptStreamError, match="has 3 tracks; the stream announces 4"):
+        read_stream(raw_stream(stream.header, [track, *parts]))
+
+
+def test_a_track_is_refused_when_it_announces_more_numbers_than_its_bytes_allow():
+    stream = read_stream(stored("still_track"))
+    parts = [one for one in parts_of(stream) if one[0] is not Section.PADDING]
+    with pytest.raises(CorruptStreamError, match="at most 768 a byte"):
+        decoded_tracks(raw_stream(stream.header, parts))
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_hostile_tracks_give_our_error_or_values_when_checksums_are_made_to_fit(name):
+    stream = read_stream(stored(name))
+    rng, n_decoded = np.random.default_rng(8), 0
+    parts = parts_of(stream)
+    first = next(number for number, one in enumerate(parts) if one[0] is Section.TRACK)
+    for _ in range(draws(100)):
+        changed = [(section, bytearray(payload)) for section, payload in parts]
+        payload = changed[rng.integers(first, len(parts))][1]
+        if payload and rng.integers(3):
+            payload[rng.integers(len(payload))] = rng.integers(256)
+        else:
+            del payload[rng.integers(len(payload) + 1) :]
+        data = raw_stream(stream.header, [(one, bytes(payload)) for one, payload in changed])
+        try:
+            n_decoded += len(decoded_tracks(data))
+        except MeshReelError:
+            continue
+    assert n_decoded
