@@ -98,12 +98,12 @@ const timeBytes = bytes("times");
 call("reel_integers_decode", [1], put(timeBytes), timeBytes.length,
   put(BigInt64Array.from([3n * k * t])), put(Int32Array.from([0])), 1n, 1n, times);
 const basis = take(24 * K * T);
-call("reel_basis", [T], times, k, t, basis);
+call("reel_basis", [3, T], times, k, 3n, t, basis);
 
 const wanted = put(Int32Array.from({ length: T }, (_, i) => i));
 const placement = put(Float64Array.from(stream.placement));
 const positions = take(12 * T * V);
-call("reel_frames", [K, T], basis, values, 1n, k, 1.0, 0, t, k, v, wanted, t, 0, 0, 0, placement,
+call("reel_frames", [3, K, T], basis, values, 1n, k, 1.0, 0, 3n, t, k, v, wanted, t, 0, 0, 0, placement,
   4n, positions);
 
 console.log(JSON.stringify({
