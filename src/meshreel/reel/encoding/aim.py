@@ -30,6 +30,10 @@ class Material(Protocol):
         """Of the model itself, the mean of all frames, in diagonals of the bounding box."""
 
     @property
+    def step_share(self) -> float:
+        """The step for this surface by the usual one of a quality; see `smoothness`."""
+
+    @property
     def rounding(self) -> float:
         """Largest error of a position, in diagonals, that its number type alone makes."""
 
@@ -59,7 +63,8 @@ def aimed(target: Target, material: Material) -> tuple[float, float | None]:
     if target.aim is Aim.STEP:
         return checked_step(target.value, material.finest_step), None
     if target.aim is Aim.QUALITY:
-        return max(material.finest_step, _step_of(target.value, material)), None
+        step = _step_of(target.value, material) * material.step_share
+        return max(material.finest_step, step), None
     if target.aim is Aim.MAX_ERROR:
         bound = _promised_bound(target, material)
         step = least_cost(lambda step: material.size_bytes(step, bound), bound / STEPS_OF_BOUND)

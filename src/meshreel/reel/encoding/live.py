@@ -19,6 +19,7 @@ from meshreel.reel.encoding.block_coder import (
     coder_of,
 )
 from meshreel.reel.encoding.effort import finest_step
+from meshreel.reel.encoding.smoothness import sampled_frames, step_share
 from meshreel.sequence import extent_of
 from meshreel.subspace.trajectories import BoundingFrame
 
@@ -48,6 +49,12 @@ class FirstBlock:
     def own_diagonal(self) -> float:
         """Of the model itself, in diagonals of the bounding box."""
         return extent_of(self.vertices).mean_diagonal / self.diagonal or 1.0
+
+    @property
+    def step_share(self) -> float:
+        """The step for this surface by the usual one of a quality."""
+        frames = self.vertices[sampled_frames(len(self.vertices))]
+        return step_share(self.coder.mesh.faces, self.coder.mesh.n_verts, frames)
 
     @property
     def rounding(self) -> float:

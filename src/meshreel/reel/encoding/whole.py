@@ -21,6 +21,7 @@ from meshreel.reel.encoding.block_coder import (
 )
 from meshreel.reel.encoding.effort import finest_step
 from meshreel.reel.encoding.meters import KgMeter, Meter, StedMeter
+from meshreel.reel.encoding.smoothness import sampled_frames, step_share
 from meshreel.runtime.engine.engine import Engine
 from meshreel.runtime.progress import Count, Progress
 from meshreel.runtime.threads import one_ahead
@@ -90,6 +91,14 @@ class WholeSequence:
     def own_diagonal(self) -> float:
         """Of the model itself, the mean of all frames, in diagonals of the bounding box."""
         return self._source.sequence.extent.mean_diagonal / self.diagonal or 1.0
+
+    @cached_property
+    def step_share(self) -> float:
+        """The step for this surface by the usual one of a quality."""
+        sequence, mesh = self._source.sequence, self._source.mesh
+        numbers = sampled_frames(sequence.n_frames)
+        frames = (sequence.read(number, number + 1)[0] for number in numbers)
+        return step_share(mesh.given_faces, mesh.n_verts, frames)
 
     @cached_property
     def rounding(self) -> float:
