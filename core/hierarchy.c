@@ -15,11 +15,9 @@
 typedef struct {
     reel_graph graph;
     int32_t *members; /* vertices of the graph, ascending */
-    uint64_t *hashes; /* of the members; a higher one goes first */
+    int32_t *ranked;  /* vertices of the graph by falling rank */
     uint8_t *states;  /* level of each: 0 if the coarser resolution has it, too */
-    int32_t *pending; /* thinning: higher neighbours that are still to be decided on */
     int32_t *cells;   /* which vertex of the coarser graph each belongs to */
-    int32_t *queue;   /* vertices to go on from */
     int32_t *starts[2]; /* of coarser graphs, in turn */
     int32_t *near[2];
     reel_joiner joiner;
@@ -41,43 +39,44 @@ typedef struct {
     int32_t resolutions[REEL_MAX_LEVELS];
 } result;
 
+/* The vertices 0 .. n - 1 by falling hash: by its highest bits, then each where it belongs among
+   those that share them, which are few. */
+static void rank_vertices(int32_t n, int32_t *ranked, int32_t *ends) {
+    int shift = 63 - reel_length((uint32_t)n >> 2); /* n + 1 are enough */
+    reel_zero(ends, ((size_t)n + 1) * sizeof *ends);
+    for (int32_t v = 0; v < n; v++) {
+        ends[~reel_scattered((uint64_t)v) >> shift]++;
+    }
+    for (int32_t i = 0; i < n; i++) {
+        ends[i + 1] += ends[i];
+    }
+    for (int32_t v = n - 1; v >= 0; v--) {
+        ranked[--ends[~reel_scattered((uint64_t)v) >> shift]] = v;
+    }
+    for (int32_t i = 1; i < n; i++) {
+        int32_t v = ranked[i], place = i;
+        uint64_t hash = reel_scattered((uint64_t)v);
+        for (; place > 0 && reel_scattered((uint64_t)ranked[place - 1]) < hash; place--) {
+            ranked[place] = ranked[place - 1];
+        }
+        ranked[place] = v;
+    }
+}
+
 /* Takes the highest among those left, and none next to one that is taken, as many as fit: they get
-   the state `colour`, the others among those left the next state. Ranks decide, not their order:
-   a vertex is taken once no higher neighbour can be. */
+   the state `colour`, the others among those left the next state. */
 static void thin(workshop *shop, uint8_t left, uint8_t colour) {
     const reel_graph *graph = &shop->graph;
-    uint8_t *states = shop->states, passed = (uint8_t)(left + 1);
-    const uint64_t *hashes = shop->hashes;
-    int32_t waiting = 0;
-    for (int32_t v = 0; v < graph->n; v++) {
+    uint8_t *states = shop->states;
+    for (int32_t i = 0; i < graph->n; i++) {
+        int32_t v = shop->ranked[i];
         if (states[v] != left) {
             continue;
         }
-        int32_t higher = 0;
-        for (int32_t i = graph->starts[v]; i < graph->starts[v + 1]; i++) {
-            int32_t u = graph->near[i];
-            higher += (states[u] == left) & (hashes[u] > hashes[v]);
-        }
-        shop->pending[v] = higher;
-        if (!higher) {
-            shop->queue[waiting++] = v;
-        }
-    }
-    while (waiting) {
-        int32_t v = shop->queue[--waiting];
         states[v] = colour;
-        for (int32_t i = graph->starts[v]; i < graph->starts[v + 1]; i++) {
-            int32_t u = graph->near[i];
-            if (states[u] != left) {
-                continue;
-            }
-            states[u] = passed;
-            for (int32_t k = graph->starts[u]; k < graph->starts[u + 1]; k++) {
-                int32_t w = graph->near[k];
-                if (states[w] == left && hashes[w] < hashes[u] && !--shop->pending[w]) {
-                    shop->queue[waiting++] = w;
-                }
-            }
+        for (int32_t k = graph->starts[v]; k < graph->starts[v + 1]; k++) {
+            uint8_t *state = &states[graph->near[k]];
+            *state = (uint8_t)(*state + (*state == left));
         }
     }
 }
@@ -167,14 +166,13 @@ static void predict_rows(workshop *shop, result *all, int32_t begin, int32_t end
 }
 
 /* Cells of the coarser resolution: of what is kept, its place there; of all else that
-   of the highest kept neighbour. Members and hashes become those of what is kept. */
+   of the highest kept neighbour. Members and ranks become those of what is kept. */
 static int32_t part_into_cells(workshop *shop) {
     const reel_graph *graph = &shop->graph;
     int32_t n_kept = 0, *cells = shop->cells;
     for (int32_t v = 0; v < graph->n; v++) {
         if (!shop->states[v]) {
             shop->members[n_kept] = shop->members[v];
-            shop->hashes[n_kept] = shop->hashes[v];
             cells[v] = n_kept++;
         }
     }
@@ -186,6 +184,12 @@ static int32_t part_into_cells(workshop *shop) {
             }
             cells[v] = cells[graph->near[last]];
         }
+    }
+    int32_t n_ranked = 0;
+    for (int32_t i = 0; i < graph->n; i++) {
+        int32_t v = shop->ranked[i];
+        shop->ranked[n_ranked] = cells[v]; /* stays if it is kept */
+        n_ranked += !shop->states[v];
     }
     return n_kept;
 }
@@ -244,19 +248,17 @@ static void build(workshop *shop, result *all) {
 }
 
 static size_t shop_room(size_t n, size_t n_near) {
-    return 6 * reel_room(n + 1, sizeof(int32_t)) + reel_room(n, sizeof(uint64_t)) +
-           reel_room(n, 1) + 2 * reel_room(n_near, sizeof(int32_t)) +
+    return 5 * reel_room(n + 1, sizeof(int32_t)) + reel_room(n, 1) +
+           2 * reel_room(n_near, sizeof(int32_t)) +
            reel_joiner_room(n, n_near / 2) + reel_searcher_room(n, n_near) + reel_smoother_room(n);
 }
 
 static workshop open_shop(reel_arena *arena, size_t n, size_t n_near) {
     return (workshop){
         .members = reel_take(arena, n + 1, sizeof(int32_t)),
-        .hashes = reel_take(arena, n, sizeof(uint64_t)),
+        .ranked = reel_take(arena, n + 1, sizeof(int32_t)),
         .states = reel_take(arena, n, 1),
-        .pending = reel_take(arena, n + 1, sizeof(int32_t)),
         .cells = reel_take(arena, n + 1, sizeof(int32_t)),
-        .queue = reel_take(arena, n + 1, sizeof(int32_t)),
         .starts = {reel_take(arena, n + 1, sizeof(int32_t)),
                    reel_take(arena, n + 1, sizeof(int32_t))},
         .near = {reel_take(arena, n_near, sizeof(int32_t)),
@@ -335,8 +337,8 @@ int64_t reel_hierarchy(void *memory, size_t memory_size, const int32_t *starts,
     shop.graph = (reel_graph){(int32_t)n, starts, near};
     for (int32_t v = 0; v < (int32_t)n; v++) {
         shop.members[v] = v;
-        shop.hashes[v] = reel_scattered((uint64_t)v);
     }
+    rank_vertices((int32_t)n, shop.ranked, shop.cells);
     result all = {.order = order, .stencil = stencil, .hops = hops, .contexts = contexts,
                   .smooth = rows, .size = (int32_t)stencil_size};
     build(&shop, &all);
