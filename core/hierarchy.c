@@ -1,15 +1,17 @@
-/* Vertices of a mesh in levels, each near those of earlier ones, and the stencils between them.
+/* Vertices of a mesh in levels, each near those of earlier ones: one resolution after another.
 
-   docs/format.md, "Resolutions" and "Stencils". All is integer arithmetic on connectivity. Time and
-   memory are linear in vertices and edges, whatever the mesh: stencils do not reach through hubs,
-   and a resolution is never larger than the one before. */
+   docs/format.md, "Resolutions". All is integer arithmetic on connectivity. Time and memory are
+   linear in vertices and edges, whatever the mesh: a resolution is never larger than the one
+   before. Stencils are found in stencils.c. */
 
 #include "adjacency.h"
 #include "smooth.h"
 #include "stencils.h"
 
-#define N_COLOURS 3        /* levels of a resolution: the last takes what the others leave */
-#define LEFT 8U            /* states from here on: not yet in a level, after so many thinnings */
+/* Levels of a resolution: the last takes what the others leave. */
+#define N_COLOURS (REEL_STATES - 1)
+
+#define LEFT 8U /* states from here on: not yet in a level, after so many thinnings */
 
 /* What one resolution after another is worked on with. */
 typedef struct {

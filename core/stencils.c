@@ -9,7 +9,6 @@
 #define REACH 3            /* how far a stencil reaches, in edges of its resolution */
 #define LARGEST_PASSAGE 24 /* stencils do not lead through vertices with more neighbours */
 #define MOST_PATHS 15      /* more do not make a vertex nearer */
-#define N_STATES 4
 #define CROWD 256          /* neighbours that are put side by side */
 #define FEW 48             /* numbers that are sorted without branches */
 #define WIDE 8             /* numbers that are copied and compared at once */
@@ -24,14 +23,15 @@ typedef struct {
 } crowd;
 
 size_t reel_searcher_room(size_t n, size_t n_near) {
-    return reel_room(n_near + WIDE, sizeof(int32_t)) + 3 * reel_room(n + 1, sizeof(int32_t)) +
-           reel_room(n, sizeof(uint64_t)) + reel_room(n + WIDE, sizeof(int32_t));
+    return reel_room(n_near + WIDE, sizeof(int32_t)) + 2 * reel_room(n + 1, sizeof(int32_t)) +
+           reel_room(n, sizeof(reel_ends)) + reel_room(n, sizeof(uint64_t)) +
+           reel_room(n + WIDE, sizeof(int32_t));
 }
 
 reel_searcher reel_take_searcher(reel_arena *arena, size_t n, size_t n_near) {
     return (reel_searcher){
         .rows = reel_take(arena, n_near + WIDE, sizeof(int32_t)),
-        .ends = reel_take(arena, n + 1, sizeof(int32_t)),
+        .ends = reel_take(arena, n, sizeof(reel_ends)),
         .seen = reel_take(arena, n, sizeof(uint64_t)),
         .ring = reel_take(arena, n + 1, sizeof(int32_t)),
         .next = reel_take(arena, n + 1, sizeof(int32_t)),
@@ -42,30 +42,19 @@ reel_searcher reel_take_searcher(reel_arena *arena, size_t n, size_t n_near) {
 /* Rows of neighbours by state: those of earlier levels then come first. */
 static void sort_rows(const reel_searcher *own, const reel_graph *graph, const uint8_t *states) {
     for (int32_t v = 0; v < graph->n; v++) {
-        int32_t places[N_STATES + 1] = {0}, begin = graph->starts[v], end = graph->starts[v + 1];
+        int32_t places[REEL_STATES + 1] = {0}, begin = graph->starts[v], end = graph->starts[v + 1];
         for (int32_t i = begin; i < end; i++) {
             places[states[graph->near[i]] + 1]++;
         }
         places[0] = begin;
-        for (int state = 0; state + 1 < N_STATES; state++) {
+        for (int state = 0; state < REEL_STATES - 1; state++) {
             places[state + 1] += places[state];
+            own->ends[v].of[state] = places[state + 1];
         }
         for (int32_t i = begin; i < end; i++) {
             int32_t u = graph->near[i];
             own->rows[places[states[u]]++] = u;
         }
-    }
-}
-
-/* Moves the end of the part of each row that a level may use, from the level before. */
-static void advance_ends(const reel_searcher *own, const reel_graph *graph, const uint8_t *states,
-                         uint8_t level) {
-    for (int32_t v = 0; v < graph->n; v++) {
-        int32_t end = own->ends[v];
-        while (end < graph->starts[v + 1] && states[own->rows[end]] < level) {
-            end++;
-        }
-        own->ends[v] = end;
     }
 }
 
@@ -89,16 +78,18 @@ REEL_INLINE void add_row(crowd *all, const int32_t *row, int32_t length, int32_t
 }
 
 /* Lists those of a crowd that this search has not seen; how many are listed then. All that belong
-   to the ring of the mark count their paths. */
+   to the ring of the mark count their paths. Masks, where compilers would make a choice a branch. */
 static int32_t list_new(const reel_searcher *own, uint64_t mark, crowd *all, int32_t n_next) {
-    for (int32_t i = 0; i < all->count; i++) {
+    uint64_t *marks = own->seen;
+    int32_t *next = own->next, count = all->count;
+    for (int32_t i = 0; i < count; i++) {
         int32_t w = all->vertices[i];
-        uint64_t seen = own->seen[w];
-        bool is_new = seen >> 34 != mark >> 34;
-        own->next[n_next] = w; /* stays if it is new */
-        n_next += is_new;
-        seen = is_new ? mark : seen;
-        own->seen[w] = seen + (seen >> 32 == mark >> 32 ? (uint64_t)all->paths[i] : 0);
+        uint64_t seen = marks[w], is_new = seen >> 34 != mark >> 34;
+        next[n_next] = w; /* stays if it is new */
+        n_next += (int32_t)is_new;
+        seen ^= (seen ^ mark) & (0 - is_new);
+        uint64_t belongs = seen >> 32 == mark >> 32;
+        marks[w] = seen + ((uint64_t)all->paths[i] & (0 - belongs));
     }
     all->count = 0;
     return n_next;
@@ -106,14 +97,14 @@ static int32_t list_new(const reel_searcher *own, uint64_t mark, crowd *all, int
 
 /* The ring behind that of n vertices; of the last one only vertices of earlier levels. */
 static int32_t grow_ring(reel_searcher *own, const reel_graph *graph, int32_t search, int distance,
-                         int32_t n) {
+                         uint8_t level, int32_t n) {
     int32_t n_next = 0;
     crowd all;
     all.count = 0;
     for (int32_t i = 0; i < n; i++) {
         int32_t u = own->ring[i], begin = graph->starts[u], end = graph->starts[u + 1];
         if (end - begin <= LARGEST_PASSAGE) {
-            int32_t last = distance < REACH ? end : own->ends[u];
+            int32_t last = distance < REACH ? end : own->ends[u].of[level - 1];
             add_row(&all, own->rows + begin, last - begin, paths_to(own, u));
         }
         if (all.count > CROWD) {
@@ -185,7 +176,7 @@ static void find_nearest(reel_searcher *own, const reel_graph *graph, const uint
     int32_t n_found = 0, n_ring = 0, sorted[FEW + 1];
     for (int distance = 1; distance <= REACH && n_found < size; distance++) {
         n_ring = distance == 1 ? begin_ring(own, graph, search, v)
-                               : grow_ring(own, graph, search, distance, n_ring);
+                               : grow_ring(own, graph, search, distance, states[v], n_ring);
         int32_t count = list_keys(own, states, states[v], n_ring), room = size - n_found;
         if (count <= FEW) {
             sort_few(own->found, count, sorted);
@@ -211,14 +202,8 @@ void reel_find_stencils(reel_searcher *own, const reel_graph *graph, const uint8
                         const int32_t *order, int32_t n, int32_t size, int32_t *stencil,
                         uint8_t *hops) {
     reel_zero(own->seen, (size_t)graph->n * sizeof *own->seen);
-    reel_copy(own->ends, graph->starts, (size_t)graph->n * sizeof *own->ends);
     sort_rows(own, graph, states);
-    uint8_t level = 0;
     for (int32_t i = 0; i < n; i++) {
-        if (states[order[i]] != level) {
-            level = states[order[i]];
-            advance_ends(own, graph, states, level);
-        }
         size_t row = (size_t)i * (size_t)size;
         find_nearest(own, graph, states, i + 1, order[i], size, stencil + row, hops + row);
     }
