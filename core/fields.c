@@ -128,10 +128,8 @@ REEL_INLINE int code_sign(reel_port *port, coder *f, int64_t place, int negative
     negative = reel_bit(port, model, negative ^ expected) ^ expected;
     for (int64_t i = f->starts[place]; i < f->starts[place + 1]; i++) {
         int sign = sign_of(f->values[f->near[i]]);
-        if (sign) {
-            int32_t seen = (negative ? -16 : 16) * sign - (f->agreement[i] >> 3);
-            f->agreement[i] = (int16_t)(f->agreement[i] + seen);
-        }
+        int32_t seen = (negative ? -16 : 16) * sign - (f->agreement[i] >> 3 & -(sign & 1));
+        f->agreement[i] = (int16_t)(f->agreement[i] + seen);
     }
     return negative;
 }
@@ -146,8 +144,9 @@ REEL_INLINE int32_t code_rest(reel_port *port, coder *f, int64_t place, int clas
     f->values[place] = (int16_t)(negative ? -magnitude : magnitude);
     for (int64_t i = f->later_starts[place]; i < f->later_starts[place + 1]; i++) {
         reel_near *one = &f->around[f->later[i]];
+        int32_t more = magnitude - one->largest;
         one->sum += magnitude;
-        one->largest = magnitude > one->largest ? magnitude : one->largest;
+        one->largest = (int16_t)(one->largest + (more & ~(more >> 31)));
     }
     return negative ? -(int32_t)size : (int32_t)size;
 }

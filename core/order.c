@@ -100,40 +100,49 @@ static int32_t arrival(const order *mesh, const face_state *state, int32_t side)
     return twin != side && reel_ranks_has(&state->unlisted, twin / 3) ? twin : -1;
 }
 
-/* Unlisted faces next to the last two, or next to these, without repetition; their number. */
-static int near_faces(const order *mesh, const face_state *state, int64_t listed, int32_t *arrivals,
-                      int *ways) {
-    int n = 0;
-    for (int way = 0; way < FAR; way++) {
-        int back = way < 6 ? way / 3 : (way - 6) / 6, by = way < 6 ? way % 3 : (way - 6) % 6 / 2;
-        if (back >= listed) {
-            continue;
-        }
-        int32_t arrived = arrival(mesh, state, side_of(mesh->corners[listed - 1 - back], by));
-        if (way >= 6 && arrived >= 0) {
-            arrived = arrival(mesh, state, side_of(arrived, 1 + way % 2));
-        }
-        bool again = arrived < 0;
-        for (int i = 0; i < n; i++) {
-            again = again || arrivals[i] / 3 == arrived / 3;
-        }
-        if (!again) {
-            arrivals[n] = arrived;
-            ways[n++] = way;
+/* Unlisted faces, without repetition: where each is arrived at, and on which way. */
+typedef struct {
+    int n, ways[FAR];
+    int32_t arrivals[FAR];
+} reached;
+
+static void reach(reached *near, int32_t arrived, int way) {
+    bool is_new = arrived >= 0;
+    for (int i = 0; is_new && i < near->n; i++) {
+        is_new = near->arrivals[i] / 3 != arrived / 3;
+    }
+    if (is_new) {
+        near->arrivals[near->n] = arrived;
+        near->ways[near->n++] = way;
+    }
+}
+
+/* Faces next to the last two, then those next to these. */
+static void near_faces(const order *mesh, const face_state *state, int64_t listed, reached *near) {
+    int n_first = listed < 2 ? 3 * (int)listed : 6;
+    int32_t first[6];
+    near->n = 0;
+    for (int way = 0; way < n_first; way++) {
+        first[way] = arrival(mesh, state, side_of(mesh->corners[listed - 1 - way / 3], way % 3));
+        reach(near, first[way], way);
+    }
+    for (int way = 0; way < n_first; way++) {
+        for (int by = 1; first[way] >= 0 && by <= 2; by++) {
+            reach(near, arrival(mesh, state, side_of(first[way], by)), 5 + 2 * way + by);
         }
     }
-    return n;
 }
 
 /* Tries the faces near the last two; the corner arrived at, or -1. `way` is what was found. */
 static int32_t code_near(reel_port *port, const order *mesh, face_state *state, int64_t listed,
                          int32_t wanted, int *way) {
     face_models *models = state->models;
-    int32_t arrivals[FAR];
-    int ways[FAR], n = near_faces(mesh, state, listed, arrivals, ways), wants = n;
+    reached near;
+    near_faces(mesh, state, listed, &near);
+    int n = near.n, wants = n;
     int before = models->before[0], earlier = models->before[1];
     for (int i = n - 1; i >= 0; i--) {
-        wants = arrivals[i] / 3 == wanted ? i : wants;
+        wants = near.arrivals[i] / 3 == wanted ? i : wants;
     }
     *way = FAR;
     if (n == 0 || !reel_bit_within(port, &models->is_near[before],
@@ -142,14 +151,14 @@ static int32_t code_near(reel_port *port, const order *mesh, face_state *state, 
     }
     int found = 0;
     for (; found < n - 1; found++) { /* the last one is what is left */
-        reel_model *all = &models->near[ways[found]][before];
-        reel_model *here = &models->near_within[ways[found]][before][earlier];
+        reel_model *all = &models->near[near.ways[found]][before];
+        reel_model *here = &models->near_within[near.ways[found]][before][earlier];
         if (reel_bit_within(port, all, here, found == wants)) {
             break;
         }
     }
-    *way = ways[found];
-    return arrivals[found];
+    *way = near.ways[found];
+    return near.arrivals[found];
 }
 
 /* The side through which a face is best reached: that whose rank is nearest to that of the last. */

@@ -35,6 +35,13 @@ static const double series[TERMS] = {
 #undef LANES
 #undef TARGET
 #undef NAMED
+#define LANES 8
+#define TARGET REEL_TARGET_8
+#define NAMED(name) name##_8
+#include "smooth_lanes.h"
+#undef LANES
+#undef TARGET
+#undef NAMED
 #endif
 
 size_t reel_smoother_room(size_t n) {
@@ -46,7 +53,7 @@ reel_smoother reel_take_smoother(reel_arena *arena, size_t n) {
         .fields = reel_take(arena, n, FIELDS * sizeof(double)),
         .others = reel_take(arena, n, FIELDS * sizeof(double)),
         .signs = reel_take(arena, n, sizeof(uint16_t)),
-        .wide = reel_widest() >= 4,
+        .lanes = reel_widest(),
     };
 }
 
@@ -62,33 +69,20 @@ static void scatter_signs(uint16_t *signs, int32_t n) {
     }
 }
 
-static void step(const reel_smoother *own, const reel_graph *graph, double factor, double value) {
+static const double *diffuse(const reel_smoother *own, const reel_graph *graph) {
 #ifdef REEL_HAS_WIDE
-    if (own->wide) {
-        step_4(own, graph, factor, value);
-        return;
+    if (own->lanes == 8) {
+        return diffuse_8(own, graph);
+    }
+    if (own->lanes == 4) {
+        return diffuse_4(own, graph);
     }
 #endif
-    step_2(own, graph, factor, value);
-}
-
-/* Smooth fields of the graph: the series of the signs, by Clenshaw's sum from its last term on. */
-static const double *diffuse(const reel_smoother *smoother, const reel_graph *graph) {
-    reel_smoother turn = *smoother;
-    size_t size = (size_t)graph->n * FIELDS * sizeof(double);
-    reel_zero(turn.fields, size);
-    reel_zero(turn.others, size);
-    scatter_signs(turn.signs, graph->n);
-    for (int term = TERMS - 1; term >= 0; term--) {
-        step(&turn, graph, term ? 2.0 : 1.0, series[term]);
-        double *latest = turn.fields;
-        turn.fields = turn.others;
-        turn.others = latest;
-    }
-    return turn.others;
+    return diffuse_2(own, graph);
 }
 
 void reel_smooth(const reel_smoother *smoother, const reel_graph *graph, float *rows) {
+    scatter_signs(smoother->signs, graph->n);
     const double *fields = diffuse(smoother, graph);
     for (size_t i = 0; i < (size_t)graph->n * FIELDS; i++) {
         rows[i] = (float)fields[i];

@@ -10,7 +10,7 @@ typedef struct {
     double *fields; /* n x REEL_SMOOTH_FIELDS */
     double *others; /* n x REEL_SMOOTH_FIELDS */
     uint16_t *signs;
-    bool wide; /* the machine has wider vectors */
+    int lanes; /* doubles of the machine's widest vectors */
 } reel_smoother;
 
 size_t reel_smoother_room(size_t n);

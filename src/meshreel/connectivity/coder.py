@@ -119,8 +119,7 @@ def decode_order(
     """
     if not order_payload:
         return np.arange(n_verts), internal_faces
-    internal_to_given, faces = decode_given_order(order_payload, internal_faces, n_verts)
-    return internal_to_given, faces.astype(np.int32)
+    return decode_given_order(order_payload, internal_faces, n_verts)
 
 
 def _code(faces: Faces, n_verts: int, order: str, *, listed: bool) -> CodedConnectivity:

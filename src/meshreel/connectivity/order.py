@@ -47,7 +47,7 @@ def encode_order(
 
 def decode_given_order(
     order_payload: bytes, internal_faces: AnyFaces, n_verts: int
-) -> tuple[Integers, Integers]:
+) -> tuple[Integers, Faces]:
     """Given number of each internal vertex, and the faces in given numbers.
 
     Raises
@@ -62,20 +62,22 @@ def decode_given_order(
     with_faces = order_payload[0] == VERTICES_AND_FACES
     twins = twin_sides(internal_faces, n_verts) if with_faces else None
     corners, sequence = order.decode_order(order_payload[1:], internal_faces, twins, n_verts)
-    internal_to_given = inverse_permutation(sequence.astype(np.int64))
-    listed = internal_faces if corners is None else list_faces(internal_faces, corners)
-    return internal_to_given, internal_to_given[listed]
+    internal_to_given = inverse_permutation(sequence)
+    named = internal_to_given.astype(np.int32).take(internal_faces)
+    return internal_to_given, named if corners is None else list_faces(named, corners)
 
 
-def list_faces(known: AnyFaces, corners: npt.NDArray[np.integer]) -> Integers:
+def list_faces(known: Faces, corners: npt.NDArray[np.integer]) -> Faces:
     """The known faces in the order and with the first corners given by `corners`.
 
     Corner k of known face i has the number ``3 i + k``.
     """
-    given, listed = np.asarray(corners, np.int64), known.reshape(-1)
-    first = given - given % 3
-    sides = [given, first + (given - first + 1) % 3, first + (given - first + 2) % 3]
-    return np.stack([listed[side] for side in sides], axis=1).astype(np.int64)
+    listed, turn = known.reshape(-1), corners % 3
+    faces = np.empty((len(corners), 3), known.dtype)
+    faces[:, 0] = listed.take(corners)
+    faces[:, 1] = listed.take(corners + 1 - 3 * (turn > 1))
+    faces[:, 2] = listed.take(corners + 2 - 3 * (turn > 0))
+    return faces
 
 
 def _matching_corners(faces: AnyFaces, known: AnyFaces, n_verts: int) -> Integers:
