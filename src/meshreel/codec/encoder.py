@@ -58,9 +58,9 @@ def encode(
         deltas. `pca-qs`: as `pca-qp`, decoded one frame after another. `blocks`: eigen-trajectories
         of short blocks, tracked. `gft`: each frame's deltas on the low frequencies of the graph.
     quality : float, optional
-        1 to 100; every 12 points halve the error, which is relative to the model's size: the
-        diagonal of a frame's bounding box, the mean of all frames. Default: 80, if nothing else is
-        asked for.
+        1 to 100; every 12 points halve the error, which is relative to the model's size, the
+        diagonal of a frame's bounding box, the mean of all frames, and smaller on smooth surfaces.
+        Default: 80, if nothing else is asked for.
     max_error : float or str, optional
         No vertex of any frame farther from the original than this. Promised. 0.1 or 0.1%: percent
         of the diagonal of the bounding box of all frames; 0.5u: model units; 0.5mm: a length, see
