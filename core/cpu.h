@@ -21,6 +21,7 @@ typedef double reel_vector_4 __attribute__((vector_size(32), may_alias));
 typedef double reel_vector_8 __attribute__((vector_size(64), may_alias));
 typedef float reel_floats_4 __attribute__((vector_size(16), may_alias));
 typedef float reel_floats_8 __attribute__((vector_size(32), may_alias));
+typedef float reel_floats_16 __attribute__((vector_size(64), may_alias));
 
 #define REEL_JOIN_(a, b) a##b
 #define REEL_JOIN(a, b) REEL_JOIN_(a, b)

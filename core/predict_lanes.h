@@ -9,18 +9,47 @@
 
 typedef part lane[PARTS];
 
+/* Doubles of a vector, and as many values of other types; they may lie anywhere. */
+#define WIDTH (FLOATS / 2)
+typedef double NAMED(doubles) __attribute__((vector_size(8 * WIDTH), may_alias, aligned(8)));
+typedef float NAMED(floats) __attribute__((vector_size(4 * WIDTH), may_alias, aligned(4)));
+typedef int32_t NAMED(integers) __attribute__((vector_size(4 * WIDTH), may_alias, aligned(4)));
+typedef int64_t NAMED(masks) __attribute__((vector_size(8 * WIDTH)));
+#define doubles NAMED(doubles)
+#define floats NAMED(floats)
+#define integers NAMED(integers)
+#define masks NAMED(masks)
+#define WHERE(mask, values) ((doubles)((mask) & (masks)(values))) /* else 0 */
+
+/* Numbers for a batch. */
+typedef union {
+    double number[REEL_BATCH];
+    doubles vector[REEL_BATCH / WIDTH];
+} NAMED(numbers);
+
+#define ROWS (FLOATS == 16 ? 4 : 1) /* of variances that go together: registers bound them */
 #define FOR_PARTS(p) for (int p = 0; p < PARTS; p++)
 #define AT(lanes, l) (((float *)(lanes))[l]) /* the core is built without strict aliasing */
 
+/* What is known about the weights. */
+typedef struct {
+    lane weight[MOST];
+    lane variance[TRIANGLE]; /* its rows, up to the diagonal */
+} NAMED(filter);
+
 typedef struct {
     int n_lanes; /* that are vertices of their own; others repeat the last */
-    int64_t own[REEL_BATCH];
-    int32_t near[MOST][REEL_BATCH]; /* a place that is not there repeats the first */
-    lane real[MOST];                /* 1, or 0 where a place is not there */
-    lane prior[MOST];               /* variance by distance; 0 where a place is not there */
-    lane weight[MOST];
-    lane variance[MOST][MOST];      /* its lower triangle */
+    int32_t near[PLACES][REEL_BATCH]; /* a place that is not there repeats the first */
+    lane real[MOST];                  /* 1, or 0 where a place is not there */
+    lane prior[MOST];                 /* variance by distance; 0 where a place is not there */
+    NAMED(filter) filter;
 } NAMED(batch);
+
+/* Of some fields, their values less those at the first vertex of the stencil. */
+typedef struct {
+    double base[AT_ONCE][REEL_BATCH]; /* the latter */
+    lane offset[AT_ONCE][PLACES];
+} NAMED(offsets);
 
 TARGET REEL_INLINE void NAMED(load_batch)(NAMED(batch) *b, const reel_mesh *mesh, int size,
                                           int64_t first, int64_t last) {
@@ -29,13 +58,13 @@ TARGET REEL_INLINE void NAMED(load_batch)(NAMED(batch) *b, const reel_mesh *mesh
         int64_t own = first + (l < b->n_lanes ? l : b->n_lanes - 1);
         const int32_t *near = mesh->stencil + own * size;
         const uint8_t *hops = mesh->hops + own * size;
-        b->own[l] = own;
+        const float *shares = by_hops[hops[0] & 3];
+        b->near[OWN][l] = (int32_t)own;
         for (int j = 0; j < size; j++) {
             bool is_there = near[j] >= 0;
             b->near[j][l] = is_there ? near[j] : near[0];
             AT(b->real[j], l) = is_there ? 1.0F : 0.0F;
-            AT(b->prior[j], l) =
-                is_there ? (float)(hops[0] * hops[0]) / (float)(hops[j] * hops[j]) : 0.0F;
+            AT(b->prior[j], l) = is_there ? shares[hops[j] & 3] : 0.0F;
         }
     }
 }
@@ -47,19 +76,19 @@ TARGET REEL_INLINE void NAMED(start_weights)(NAMED(batch) *b, int size) {
         FOR_PARTS(p) sum[p] += b->prior[j][p];
     }
     for (int j = 0; j < size; j++) {
-        FOR_PARTS(p) b->weight[j][p] = b->prior[j][p] / sum[p];
+        FOR_PARTS(p) b->filter.weight[j][p] = b->prior[j][p] / sum[p];
     }
 }
 
 /* Adds a share of their variance by distance, which leaves their sum alone. */
 TARGET REEL_INLINE void NAMED(add_variance)(NAMED(batch) *b, int size, const lane *by_distance,
                                             float share) {
-    for (int i = 0; i < size; i++) {
+    lane *row = b->filter.variance;
+    for (int i = 0; i < size; row += ++i) {
         for (int j = 0; j < i; j++) {
-            FOR_PARTS(p) b->variance[i][j][p] -= share * (by_distance[i][p] * b->prior[j][p]);
+            FOR_PARTS(p) row[j][p] -= share * (by_distance[i][p] * b->prior[j][p]);
         }
-        FOR_PARTS(p) b->variance[i][i][p] +=
-            share * (b->prior[i][p] - by_distance[i][p] * b->prior[i][p]);
+        FOR_PARTS(p) row[i][p] += share * (b->prior[i][p] - by_distance[i][p] * b->prior[i][p]);
     }
 }
 
@@ -67,7 +96,32 @@ TARGET REEL_INLINE void NAMED(predict)(const NAMED(batch) *b, int size, const la
                                        part *predicted) {
     FOR_PARTS(p) predicted[p] = (part){0};
     for (int j = 0; j < size; j++) {
-        FOR_PARTS(p) predicted[p] += b->weight[j][p] * offset[j][p];
+        FOR_PARTS(p) predicted[p] += b->filter.weight[j][p] * offset[j][p];
+    }
+}
+
+/* Variances times offsets: rows i..i + n - 1 of part p, and their columns below the diagonal. */
+TARGET REEL_INLINE void NAMED(add_rows)(const lane *variance, int p, int i, int n,
+                                        const lane *offset, lane *gain) {
+    const lane *rows[ROWS];
+    part sums[ROWS] = {0};
+    for (int r = 0; r < n; r++) {
+        rows[r] = variance + (i + r) * (i + r + 1) / 2;
+    }
+    for (int j = 0; j < i; j++) {
+        part sum = gain[j][p];
+        for (int r = 0; r < n; r++) {
+            sums[r] += rows[r][j][p] * offset[j][p];
+            sum += rows[r][j][p] * offset[i + r][p];
+        }
+        gain[j][p] = sum;
+    }
+    for (int r = 0; r < n; r++) {
+        for (int j = i; j < i + r; j++) {
+            sums[r] += rows[r][j][p] * offset[j][p];
+            gain[j][p] += rows[r][j][p] * offset[i + r][p];
+        }
+        gain[i + r][p] = sums[r] + rows[r][i + r][p] * offset[i + r][p];
     }
 }
 
@@ -77,17 +131,18 @@ TARGET REEL_INLINE void NAMED(observe)(NAMED(batch) *b, int size, lane *offset,
                                        const part *predicted, const part *error,
                                        const part *noise, float relative) {
     lane gain[MOST], total, energy = {0};
+    lane *variance = b->filter.variance;
     for (int i = 0; i < size; i++) {
         FOR_PARTS(p) offset[i][p] = b->real[i][p] * (offset[i][p] - predicted[p]);
-        FOR_PARTS(p) gain[i][p] = (part){0};
     }
-    for (int i = 0; i < size; i++) {
-        lane row = {0};
-        for (int j = 0; j < i; j++) {
-            FOR_PARTS(p) row[p] += b->variance[i][j][p] * offset[j][p];
-            FOR_PARTS(p) gain[j][p] += b->variance[i][j][p] * offset[i][p];
+    FOR_PARTS(p) {
+        int i = 0;
+        for (; i + ROWS <= size; i += ROWS) {
+            NAMED(add_rows)(variance, p, i, ROWS, offset, gain);
         }
-        FOR_PARTS(p) gain[i][p] = row[p] + b->variance[i][i][p] * offset[i][p];
+        for (; i < size; i++) {
+            NAMED(add_rows)(variance, p, i, 1, offset, gain);
+        }
     }
     for (int i = 0; i < size; i++) {
         FOR_PARTS(p) energy[p] += offset[i][p] * offset[i][p];
@@ -97,37 +152,90 @@ TARGET REEL_INLINE void NAMED(observe)(NAMED(batch) *b, int size, lane *offset,
         FOR_PARTS(p) total[p] += offset[i][p] * gain[i][p];
     }
     FOR_PARTS(p) total[p] = 1.0F / total[p];
+    lane scaled[MOST];
     for (int i = 0; i < size; i++) {
-        lane scaled;
-        FOR_PARTS(p) scaled[p] = gain[i][p] * total[p];
-        FOR_PARTS(p) b->weight[i][p] += scaled[p] * error[p];
-        for (int j = 0; j <= i; j++) {
-            FOR_PARTS(p) b->variance[i][j][p] -= scaled[p] * gain[j][p];
+        FOR_PARTS(p) scaled[i][p] = gain[i][p] * total[p];
+        FOR_PARTS(p) b->filter.weight[i][p] += scaled[i][p] * error[p];
+    }
+    FOR_PARTS(p) {
+        lane *row = variance;
+        for (int i = 0; i < size; row += ++i) {
+            for (int j = 0; j <= i; j++) {
+                row[j][p] -= scaled[i][p] * gain[j][p];
+            }
         }
     }
 }
 
-/* Offsets of a smooth field to the first vertex of the stencil; that of the vertex itself. */
-TARGET REEL_INLINE void NAMED(gather_smooth)(const NAMED(batch) *b, int size, const float *smooth,
-                                             lane *offset, part *own) {
-    FOR_LANES(l) {
-        float base = smooth[(int64_t)b->near[0][l] * REEL_SMOOTH_FIELDS];
-        AT(own, l) = smooth[b->own[l] * REEL_SMOOTH_FIELDS] - base;
-        for (int j = 0; j < size; j++) {
-            AT(offset[j], l) = smooth[(int64_t)b->near[j][l] * REEL_SMOOTH_FIELDS] - base;
+#if FLOATS == 16
+#define JOIN(a, b, ...) __builtin_shufflevector(a, b, __VA_ARGS__)
+#define SIDE_BY_SIDE(a, b) JOIN(a, b, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15)
+
+/* Eight floats of each of 16 vertices, of i and of i + 8 side by side, to eight lanes. */
+TARGET REEL_INLINE void NAMED(turn)(const part *rows, lane *lanes) {
+    part pairs[8], fours[8];
+    for (int i = 0; i < 8; i += 2) {
+        pairs[i] = JOIN(rows[i], rows[i + 1], 0, 16, 1, 17, 4, 20, 5, 21, 8, 24, 9, 25, 12, 28, 13,
+                        29);
+        pairs[i + 1] = JOIN(rows[i], rows[i + 1], 2, 18, 3, 19, 6, 22, 7, 23, 10, 26, 11, 27, 14,
+                            30, 15, 31);
+    }
+    for (int i = 0; i < 8; i++) {
+        int a = i / 4 * 4 + i / 2 % 2; /* pairs of rows 0..1 or 4..5; its place in a half */
+        fours[i] = i % 2 ? JOIN(pairs[a], pairs[a + 2], 2, 3, 18, 19, 6, 7, 22, 23, 10, 11, 26, 27,
+                                14, 15, 30, 31)
+                         : JOIN(pairs[a], pairs[a + 2], 0, 1, 16, 17, 4, 5, 20, 21, 8, 9, 24, 25,
+                                12, 13, 28, 29);
+    }
+    for (int i = 0; i < 4; i++) {
+        part a = fours[i], b = fours[i + 4];
+        lanes[i * PLACES][0] =
+            JOIN(a, b, 0, 1, 2, 3, 16, 17, 18, 19, 8, 9, 10, 11, 24, 25, 26, 27);
+        lanes[(i + 4) * PLACES][0] =
+            JOIN(a, b, 4, 5, 6, 7, 20, 21, 22, 23, 12, 13, 14, 15, 28, 29, 30, 31);
+    }
+}
+#endif
+
+/* Offsets of AT_ONCE smooth fields at a place. */
+TARGET REEL_INLINE void NAMED(gather_smooth)(const NAMED(batch) *b, const float *smooth, int place,
+                                             lane (*offset)[PLACES]) {
+#if FLOATS == 16
+    part rows[8];
+    for (int l = 0; l < 8; l++) {
+        floats halves[2];
+        for (int h = 0; h < 2; h++) {
+            int64_t at = b->near[place][l + 8 * h], base = b->near[0][l + 8 * h];
+            halves[h] = *(const floats *)(smooth + at * REEL_SMOOTH_FIELDS) -
+                        *(const floats *)(smooth + base * REEL_SMOOTH_FIELDS);
+        }
+        rows[l] = SIDE_BY_SIDE(halves[0], halves[1]);
+    }
+    NAMED(turn)(rows, offset[0] + place);
+#else
+    for (int f = 0; f < AT_ONCE; f++) {
+        FOR_LANES(l) {
+            int64_t at = b->near[place][l], base = b->near[0][l];
+            AT(offset[f][place], l) =
+                smooth[at * REEL_SMOOTH_FIELDS + f] - smooth[base * REEL_SMOOTH_FIELDS + f];
         }
     }
+#endif
 }
 
 /* The filter observes the smooth fields of the resolution. */
 TARGET REEL_INLINE void NAMED(observe_smooth)(NAMED(batch) *b, int size, const float *smooth) {
-    lane offset[REEL_SMOOTH_FIELDS][MOST], own[REEL_SMOOTH_FIELDS];
-    lane noise = {0}, predicted, error;
+    lane offset[REEL_SMOOTH_FIELDS][PLACES], noise = {0}, predicted, error;
+    for (int f = 0; f < REEL_SMOOTH_FIELDS; f += AT_ONCE) {
+        for (int j = 0; j < size; j++) {
+            NAMED(gather_smooth)(b, smooth + f, j, offset + f);
+        }
+        NAMED(gather_smooth)(b, smooth + f, OWN, offset + f);
+    }
     for (int f = 0; f < REEL_SMOOTH_FIELDS; f++) {
-        NAMED(gather_smooth)(b, size, smooth + f, offset[f], own[f]);
         for (int j = 0; j < size; j++) {
             FOR_PARTS(p) {
-                part apart = b->real[j][p] * (offset[f][j][p] - own[f][p]);
+                part apart = b->real[j][p] * (offset[f][j][p] - offset[f][OWN][p]);
                 noise[p] += apart * apart;
             }
         }
@@ -135,34 +243,71 @@ TARGET REEL_INLINE void NAMED(observe_smooth)(NAMED(batch) *b, int size, const f
     FOR_PARTS(p) noise[p] = SMOOTH_NOISE / (float)size * noise[p] + SMOOTH_FLOOR;
     for (int f = 0; f < REEL_SMOOTH_FIELDS; f++) {
         NAMED(predict)(b, size, offset[f], predicted);
-        FOR_PARTS(p) error[p] = own[f][p] - predicted[p];
+        FOR_PARTS(p) error[p] = offset[f][OWN][p] - predicted[p];
         NAMED(observe)(b, size, offset[f], predicted, error, noise, 0.0F);
     }
 }
 
-/* Offsets of values, which stand `stride` apart, to the first vertex of the stencil. */
+/* Offsets of n fields at a place. Vertices have their values side by side, `stride` apart. */
+TARGET REEL_INLINE void NAMED(gather_place)(const NAMED(batch) *b, const double *values,
+                                            int64_t stride, int n, int place,
+                                            NAMED(offsets) *found) {
+#if FLOATS == 16
+    if (n == AT_ONCE) {
+        part rows[8];
+        for (int l = 0; l < 8; l++) {
+            floats halves[2];
+            for (int h = 0; h < 2; h++) {
+                const double *at = values + b->near[place][l + 8 * h] * stride;
+                const double *base = values + b->near[0][l + 8 * h] * stride;
+                halves[h] = __builtin_convertvector(
+                    *(const doubles *)at - *(const doubles *)base, floats);
+            }
+            rows[l] = SIDE_BY_SIDE(halves[0], halves[1]);
+        }
+        NAMED(turn)(rows, found->offset[0] + place);
+        return;
+    }
+#endif
+    for (int m = 0; m < n; m++) {
+        float single[REEL_BATCH];
+        FOR_LANES(l) {
+            single[l] = (float)(values[b->near[place][l] * stride + m] - found->base[m][l]);
+        }
+        reel_copy(found->offset[m][place], single, sizeof single);
+    }
+}
+
+/* Offsets of the fields k..n_fields-1, at most AT_ONCE. */
 TARGET REEL_INLINE void NAMED(gather)(const NAMED(batch) *b, int size, const double *values,
-                                      int64_t stride, double *base, lane *offset) {
-    FOR_LANES(l) base[l] = values[b->near[0][l] * stride];
+                                      int64_t k, int64_t n_fields, bool with_own,
+                                      NAMED(offsets) *found) {
+    int n = n_fields - k < AT_ONCE ? (int)(n_fields - k) : AT_ONCE;
+    for (int m = 0; m < n; m++) {
+        FOR_LANES(l) found->base[m][l] = values[b->near[0][l] * n_fields + k + m];
+    }
     for (int j = 0; j < size; j++) {
-        float found[REEL_BATCH];
-        FOR_LANES(l) found[l] = (float)(values[b->near[j][l] * stride] - base[l]);
-        reel_copy(offset[j], found, sizeof found);
+        NAMED(gather_place)(b, values + k, n_fields, n, j, found);
+    }
+    if (with_own) {
+        NAMED(gather_place)(b, values + k, n_fields, n, OWN, found);
     }
 }
 
 /* The filter observes the first modes of the key block. */
 TARGET REEL_INLINE void NAMED(observe_key)(NAMED(batch) *b, int size, const reel_fields *fields) {
-    lane offset[MOST], predicted, error, noise;
-    double base[REEL_BATCH];
-    int64_t n_modes = fields->n_key < fields->n_learned ? fields->n_key : fields->n_learned;
+    NAMED(offsets) found;
+    lane predicted, error, noise;
+    int64_t n_key = fields->n_key;
+    int64_t n_modes = n_key < fields->n_learned ? n_key : fields->n_learned;
     FOR_PARTS(p) noise[p] = ROUNDING_NOISE + (part){0};
     for (int64_t k = 0; k < n_modes; k++) {
-        const double *key = fields->key + k;
-        NAMED(gather)(b, size, key, fields->n_key, base, offset);
+        lane *offset = found.offset[k % AT_ONCE];
+        if (k % AT_ONCE == 0) {
+            NAMED(gather)(b, size, fields->key, k, n_key, true, &found);
+        }
         NAMED(predict)(b, size, offset, predicted);
-        FOR_LANES(l) AT(error, l) = (float)(key[b->own[l] * fields->n_key] - base[l]);
-        FOR_PARTS(p) error[p] -= predicted[p];
+        FOR_PARTS(p) error[p] = offset[OWN][p] - predicted[p];
         NAMED(observe)(b, size, offset, predicted, error, noise, RELATIVE_NOISE / (float)size);
     }
 }
@@ -172,70 +317,220 @@ TARGET REEL_INLINE void NAMED(prepare)(NAMED(batch) *b, int size, const reel_fie
                                        const float *smooth) {
     lane by_distance[MOST];
     NAMED(start_weights)(b, size);
-    reel_copy(by_distance, b->weight, sizeof by_distance);
-    for (int i = 0; i < size; i++) {
-        reel_zero(b->variance[i], (size_t)(i + 1) * sizeof(lane));
-    }
+    reel_copy(by_distance, b->filter.weight, sizeof by_distance);
+    reel_zero(b->filter.variance, sizeof b->filter.variance);
     NAMED(add_variance)(b, size, by_distance, PRIOR_VARIANCE);
     NAMED(observe_smooth)(b, size, smooth);
     NAMED(add_variance)(b, size, by_distance, PRIOR_KEPT * PRIOR_VARIANCE);
     NAMED(observe_key)(b, size, fields);
 }
 
-/* Chooses the residuals of a mode at the vertices of a batch; false if one is too large. */
-TARGET REEL_INLINE bool NAMED(choose)(const NAMED(batch) *b, int size, bool is_plain,
-                                      bool is_shaped, int64_t k, reel_fields *fields,
-                                      const reel_choice *choice, const double *expected) {
-    double base[REEL_BATCH], aim[REEL_BATCH];
-    const double *wanted = choice->wanted + k;
-    FOR_LANES(l) aim[l] = wanted[b->own[l] * fields->n_modes];
-    if (is_shaped) {
-        lane offset[MOST], predicted;
-        NAMED(gather)(b, size, wanted, fields->n_modes, base, offset);
-        NAMED(predict)(b, size, offset, predicted);
-        FOR_LANES(l) {
-            double feedback = choice->gain * (expected[l] - (base[l] + (double)AT(predicted, l)));
-            bool is_small = feedback <= LARGEST_FEEDBACK && feedback >= -LARGEST_FEEDBACK;
-            aim[l] += is_small ? feedback : 0.0;
-        }
+/* Chooses residuals, given the values that they are to come near to and, where noise is shaped,
+   what these would be predicted as. Counts zeros and ones of each; false if one is too large. */
+TARGET REEL_INLINE bool NAMED(choose)(bool is_plain, const reel_choice *choice,
+                                      const doubles *zones, const doubles *expected,
+                                      const doubles *wanted, const doubles *would,
+                                      integers *residuals, doubles *zeros,
+                                      doubles *ones) {
+    const doubles none = {0}, one = none + 1.0;
+    doubles aim = *wanted;
+    if (would) {
+        doubles feedback = choice->gain * (*expected - *would);
+        aim += WHERE((feedback <= LARGEST_FEEDBACK) & (feedback >= -LARGEST_FEEDBACK), feedback);
+    }
+    doubles scaled = aim - *expected;
+    masks is_negative = scaled < none;
+    doubles size = WHERE(is_negative, -scaled) + WHERE(~is_negative, scaled);
+    masks is_fine = size < REEL_TOO_LARGE, is_zero = size < *zones;
+    *zeros += WHERE(is_zero, one);
+    *ones += WHERE(~is_zero & (size < LARGEST_ONE), one);
+    /* as reel_rounded, which see */
+    doubles raised = WHERE(is_fine, size) + (is_plain ? 0.5 : 0.5 - REEL_ROUNDED_DOWN);
+    integers whole = __builtin_convertvector(raised, integers);
+    doubles found = __builtin_convertvector(whole, doubles);
+    found = WHERE(~is_zero, found + WHERE(found < one, one));
+    found = WHERE(~is_negative, found) - WHERE(is_negative, found);
+    *residuals = __builtin_convertvector(found, integers);
+    int n_fine = 0;
+    for (int i = 0; i < WIDTH; i++) {
+        n_fine -= (int)is_fine[i];
+    }
+    return n_fine == WIDTH;
+}
+
+/* The same of a mode at the vertices of a batch. */
+TARGET REEL_INLINE bool NAMED(choose_lanes)(const NAMED(batch) *b, int size, bool is_plain,
+                                            int64_t k, reel_fields *fields,
+                                            const reel_choice *choice,
+                                            const NAMED(numbers) *expected,
+                                            const NAMED(offsets) *shaped) {
+    NAMED(numbers) aims, would, zones, zeros = {{0}}, ones = {{0}};
+    union {
+        int32_t number[REEL_BATCH];
+        integers vector[REEL_BATCH / WIDTH];
+    } residuals;
+    if (shaped) {
+        lane predicted;
+        NAMED(predict)(b, size, shaped->offset[k % AT_ONCE], predicted);
+        FOR_LANES(l) would.number[l] = shaped->base[k % AT_ONCE][l] + (double)AT(predicted, l);
+    }
+    FOR_LANES(l) {
+        aims.number[l] = choice->wanted[b->near[OWN][l] * fields->n_modes + k];
+        zones.number[l] = choice->zones[k];
+    }
+    bool is_fine = true;
+    for (int i = 0; i < REEL_BATCH / WIDTH; i++) {
+        is_fine &= NAMED(choose)(is_plain, choice, zones.vector + i, expected->vector + i,
+                                 aims.vector + i, shaped ? would.vector + i : NULL,
+                                 residuals.vector + i, zeros.vector + i, ones.vector + i);
     }
     for (int l = 0; l < b->n_lanes; l++) {
-        double scaled = aim[l] - expected[l];
-        if (!(scaled < REEL_TOO_LARGE && scaled > -REEL_TOO_LARGE)) {
+        choice->counts[2 * k] += zeros.number[l];
+        choice->counts[2 * k + 1] += ones.number[l];
+        fields->residuals[k * fields->n_verts + b->near[OWN][l]] = residuals.number[l];
+    }
+    return is_fine;
+}
+
+/* The first modes at the vertices of a batch; weights follow those that are learned. False if a
+   residual is too large. */
+TARGET REEL_INLINE bool NAMED(code_first)(NAMED(batch) *b, int size, bool is_plain, bool is_shaped,
+                                          int64_t n_first, reel_fields *fields,
+                                          const reel_choice *choice) {
+    NAMED(offsets) found, shaped;
+    lane predicted, error, noise;
+    NAMED(numbers) expected;
+    int64_t n_modes = fields->n_modes;
+    FOR_PARTS(p) noise[p] = ROUNDING_NOISE + (part){0};
+    for (int64_t k = 0; k < n_first; k++) {
+        int m = (int)(k % AT_ONCE);
+        if (!m) {
+            NAMED(gather)(b, size, fields->values, k, n_modes, false, &found);
+        }
+        if (!m && is_shaped) {
+            NAMED(gather)(b, size, choice->wanted, k, n_modes, false, &shaped);
+        }
+        NAMED(predict)(b, size, found.offset[m], predicted);
+        FOR_LANES(l) expected.number[l] = found.base[m][l] + (double)AT(predicted, l);
+        if (choice && !NAMED(choose_lanes)(b, size, is_plain, k, fields, choice, &expected,
+                                           is_shaped ? &shaped : NULL)) {
             return false;
         }
-        fields->residuals[k * fields->n_verts + b->own[l]] =
-            quantize(scaled, is_plain, choice->counts + 2 * k, choice->zones[k]);
+        FOR_LANES(l) {
+            int32_t residual = fields->residuals[k * fields->n_verts + b->near[OWN][l]];
+            AT(error, l) = (float)residual;
+            fields->values[b->near[OWN][l] * n_modes + k] = expected.number[l] + (double)residual;
+        }
+        if (k < fields->n_learned) {
+            NAMED(observe)(b, size, found.offset[m], predicted, error, noise,
+                           RELATIVE_NOISE / (float)size);
+        }
     }
     return true;
 }
 
+/* What WIDTH modes from k on are expected to be at a vertex of a batch. */
+TARGET REEL_INLINE void NAMED(expect)(const NAMED(batch) *b, int size, int l, const double *values,
+                                      int64_t stride, doubles *expected) {
+    const doubles *base = (const doubles *)(values + b->near[0][l] * stride);
+    floats sum = {0};
+    for (int j = 0; j < size; j++) {
+        const doubles *near = (const doubles *)(values + b->near[j][l] * stride);
+        sum += AT(b->filter.weight[j], l) * __builtin_convertvector(*near - *base, floats);
+    }
+    *expected = *base + __builtin_convertvector(sum, doubles);
+}
+
+/* Residuals that are `stride` apart. */
+TARGET REEL_INLINE integers NAMED(collect)(const int32_t *from, int64_t stride) {
+#if WIDTH == 2
+    return (integers){from[0], from[stride]};
+#elif WIDTH == 4
+    return (integers){from[0], from[stride], from[2 * stride], from[3 * stride]};
+#else
+    return (integers){from[0],          from[stride],     from[2 * stride], from[3 * stride],
+                      from[4 * stride], from[5 * stride], from[6 * stride], from[7 * stride]};
+#endif
+}
+
+/* WIDTH modes at the vertices of a batch, by weights that no longer change. */
+TARGET REEL_INLINE bool NAMED(code_settled)(const NAMED(batch) *b, int size, bool is_plain,
+                                            bool is_shaped, int64_t k, reel_fields *fields,
+                                            const reel_choice *choice) {
+    doubles expected, would, zeros = {0}, ones = {0};
+    integers residuals;
+    int64_t n_modes = fields->n_modes, n_verts = fields->n_verts;
+    bool is_fine = true;
+    for (int m = 0; choice && m < WIDTH; m++) {
+        zeros[m] = choice->counts[2 * (k + m)];
+        ones[m] = choice->counts[2 * (k + m) + 1];
+    }
+    for (int l = 0; l < b->n_lanes; l++) {
+        int64_t own = b->near[OWN][l];
+        int32_t *given = fields->residuals + k * n_verts + own;
+        NAMED(expect)(b, size, l, fields->values + k, n_modes, &expected);
+        if (is_shaped) {
+            NAMED(expect)(b, size, l, choice->wanted + k, n_modes, &would);
+        }
+        if (choice) {
+            is_fine &= NAMED(choose)(is_plain, choice, (const doubles *)(choice->zones + k),
+                                     &expected,
+                                     (const doubles *)(choice->wanted + own * n_modes + k),
+                                     is_shaped ? &would : NULL, &residuals, &zeros, &ones);
+            for (int m = 0; m < WIDTH; m++) {
+                given[m * n_verts] = residuals[m];
+            }
+        } else {
+            residuals = NAMED(collect)(given, n_verts);
+        }
+        *(doubles *)(fields->values + own * n_modes + k) =
+            expected + __builtin_convertvector(residuals, doubles);
+    }
+    for (int m = 0; choice && m < WIDTH; m++) {
+        choice->counts[2 * (k + m)] = zeros[m];
+        choice->counts[2 * (k + m) + 1] = ones[m];
+    }
+    return is_fine;
+}
+
 /* All modes at the vertices of a batch; false if a residual is too large. */
 TARGET REEL_INLINE bool NAMED(code_batch)(NAMED(batch) *b, int size, bool is_plain, bool is_shaped,
-                            reel_fields *fields, const reel_choice *choice) {
-    lane offset[MOST], predicted = {0}, error, noise;
-    double base[REEL_BATCH] = {0}, expected[REEL_BATCH];
-    int64_t n_modes = fields->n_modes;
-    FOR_PARTS(p) noise[p] = ROUNDING_NOISE + (part){0};
-    for (int64_t k = 0; k < n_modes; k++) {
-        if (size) {
-            NAMED(gather)(b, size, fields->values + k, n_modes, base, offset);
-            NAMED(predict)(b, size, offset, predicted);
-        }
-        FOR_LANES(l) expected[l] = base[l] + (double)AT(predicted, l);
-        if (choice && !NAMED(choose)(b, size, is_plain, is_shaped, k, fields, choice, expected)) {
-            return false;
-        }
-        FOR_LANES(l) {
-            int32_t residual = fields->residuals[k * fields->n_verts + b->own[l]];
-            AT(error, l) = (float)residual;
-            fields->values[b->own[l] * n_modes + k] = expected[l] + (double)residual;
-        }
-        if (size && k < fields->n_learned) {
-            NAMED(observe)(b, size, offset, predicted, error, noise, RELATIVE_NOISE / (float)size);
-        }
+                                          reel_fields *fields, const reel_choice *choice) {
+    int64_t n_modes = fields->n_modes, n_settled = n_modes - fields->n_learned;
+    int64_t n_first = n_settled < 0 ? n_modes : fields->n_learned + n_settled % WIDTH;
+    bool is_fine = NAMED(code_first)(b, size, is_plain, is_shaped, n_first, fields, choice);
+    for (int64_t k = n_first; is_fine && k < n_modes; k += WIDTH) {
+        is_fine = NAMED(code_settled)(b, size, is_plain, is_shaped, k, fields, choice);
     }
-    return true;
+    return is_fine;
+}
+
+/* Where the filter of a batch is kept. Those of a level lie behind all of the levels before. */
+TARGET REEL_INLINE NAMED(filter) *NAMED(place_of)(const reel_fields *fields, int64_t level,
+                                                  int64_t first) {
+    return (NAMED(filter) *)fields->prepared + first / REEL_BATCH + level;
+}
+
+TARGET REEL_INLINE void NAMED(prepare_level)(const reel_mesh *mesh, const reel_fields *fields,
+                                             int64_t level, int64_t first, int64_t last,
+                                             int size) {
+    NAMED(batch) b;
+    const float *smooth = mesh->smooth + mesh->smooth_starts[level] * REEL_SMOOTH_FIELDS;
+    for (; first < last; first += REEL_BATCH) {
+        NAMED(load_batch)(&b, mesh, size, first, last);
+        NAMED(prepare)(&b, size, fields, smooth);
+        *NAMED(place_of)(fields, level, first) = b.filter;
+    }
+}
+
+TARGET static void NAMED(keep)(const reel_mesh *mesh, const reel_fields *fields, int64_t level,
+                               int64_t first, int64_t last) {
+    int size = (int)mesh->stencil_size;
+    if (size == MOST) {
+        NAMED(prepare_level)(mesh, fields, level, first, last, MOST);
+    } else {
+        NAMED(prepare_level)(mesh, fields, level, first, last, size);
+    }
 }
 
 TARGET REEL_INLINE bool NAMED(code_level)(const reel_mesh *mesh, reel_fields *fields,
@@ -243,14 +538,16 @@ TARGET REEL_INLINE bool NAMED(code_level)(const reel_mesh *mesh, reel_fields *fi
                                           int64_t last, int size) {
     NAMED(batch) b;
     const float *smooth = mesh->smooth + mesh->smooth_starts[level] * REEL_SMOOTH_FIELDS;
-    bool is_shaped = choice && size && level >= choice->first_shaped;
-    bool is_plain = choice && (level == 0 || choice->price == 0.0);
+    bool is_shaped = choice && level >= choice->first_shaped;
+    bool is_plain = choice && choice->price == 0.0;
     for (int64_t n = 0; first < last; first += REEL_BATCH, n++) {
         if (choice && n % COUNTED_BATCHES == 0) {
             set_zones(choice, fields->n_modes, is_plain);
         }
         NAMED(load_batch)(&b, mesh, size, first, last);
-        if (size) {
+        if (fields->prepared) {
+            b.filter = *NAMED(place_of)(fields, level, first);
+        } else {
             NAMED(prepare)(&b, size, fields, smooth);
         }
         if (!NAMED(code_batch)(&b, size, is_plain, is_shaped, fields, choice)) {
@@ -260,30 +557,15 @@ TARGET REEL_INLINE bool NAMED(code_level)(const reel_mesh *mesh, reel_fields *fi
     return true;
 }
 
-/* Vertices first..last-1, level after level. Full stencils have code of their own. */
-TARGET static int64_t NAMED(code)(const reel_mesh *mesh, reel_fields *fields,
-                                  const reel_choice *choice, int64_t first, int64_t last) {
-    for (int64_t level = 0; level < mesh->n_levels; level++) {
-        int64_t start = mesh->level_starts[level], stop = mesh->level_starts[level + 1];
-        start = start > first ? start : first;
-        stop = stop < last ? stop : last;
-        if (start >= stop) {
-            continue;
-        }
-        int size = level ? (int)mesh->stencil_size : 0;
-        if (choice) {
-            fade(choice, fields->n_modes);
-        }
-        bool done = size == MOST && choice
-                        ? NAMED(code_level)(mesh, fields, choice, level, start, stop, MOST)
-                    : size == MOST
-                        ? NAMED(code_level)(mesh, fields, NULL, level, start, stop, MOST)
-                        : NAMED(code_level)(mesh, fields, choice, level, start, stop, size);
-        if (!done) {
-            return reel_failure(REEL_INVALID, (uint64_t)level);
-        }
-    }
-    return 0;
+/* Vertices first..last-1 of a level above the coarsest. Full stencils have code of their own. */
+TARGET static bool NAMED(code)(const reel_mesh *mesh, reel_fields *fields,
+                               const reel_choice *choice, int64_t level, int64_t first,
+                               int64_t last) {
+    int size = (int)mesh->stencil_size;
+    return size == MOST && choice
+               ? NAMED(code_level)(mesh, fields, choice, level, first, last, MOST)
+           : size == MOST ? NAMED(code_level)(mesh, fields, NULL, level, first, last, MOST)
+                          : NAMED(code_level)(mesh, fields, choice, level, first, last, size);
 }
 
 #undef PARTS
@@ -291,3 +573,10 @@ TARGET static int64_t NAMED(code)(const reel_mesh *mesh, reel_fields *fields,
 #undef lane
 #undef FOR_PARTS
 #undef AT
+#undef ROWS
+#undef WIDTH
+#undef doubles
+#undef floats
+#undef integers
+#undef masks
+#undef WHERE

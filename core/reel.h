@@ -102,6 +102,7 @@ typedef struct {
     int32_t *residuals; /* n_modes x n_verts */
     double *values;     /* n_verts x n_modes, decoded, in quantisation steps */
     const double *key;  /* n_verts x n_key, likewise */
+    void *prepared;     /* what reel_predict_prepare made of the mesh and the key, or NULL */
 } reel_fields;
 
 /* What an encoder chooses by. */
@@ -120,6 +121,14 @@ REEL_API int64_t reel_predict_decode(const reel_mesh *mesh, reel_fields *fields,
                                      int64_t last);
 REEL_API int64_t reel_predict_encode(const reel_mesh *mesh, reel_fields *fields,
                                      const reel_choice *choice, int64_t first, int64_t last);
+
+/* What is known about the weights of vertices first..last-1 before the first mode, for several
+   blocks with the same mesh, key block and n_learned: into fields->prepared, of as many bytes as
+   reel_predict_prepared states, 64 bytes aligned. Residuals and values are not used. It serves
+   where vertices are decoded or encoded from the same `first` on as here, on this machine. */
+REEL_API size_t reel_predict_prepared(int64_t n_verts, int64_t n_levels);
+REEL_API int64_t reel_predict_prepare(const reel_mesh *mesh, const reel_fields *fields,
+                                      int64_t first, int64_t last);
 
 /* How modes move, and the frames that they make.
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.kernel.library import call
+from meshreel.kernel.library import call, memory, size_of
 from meshreel.kernel.mesh import Hierarchy
 from meshreel.runtime.threads import chunks, in_threads
 
@@ -18,6 +18,12 @@ Integers = npt.NDArray[np.int64]
 CHUNK_VERTICES = 16384
 """Vertices of a level that one thread takes; the encoder counts in each by itself, so that its
 choices do not depend on the number of threads."""
+
+MOST_PREPARED = 1 << 16
+"""Vertices of meshes for which prepared weights are kept: 608 bytes each, 40 MB at most."""
+
+Prepared = npt.NDArray[np.uint8]
+"""What is known about the weights of all vertices before the first mode, as the core has it."""
 
 
 class _Mesh(ctypes.Structure):
@@ -33,7 +39,7 @@ class _Mesh(ctypes.Structure):
 class _Fields(ctypes.Structure):
     _fields_ = [
         *((name, ctypes.c_int64) for name in ("n_verts", "n_modes", "n_learned", "n_key")),
-        *((name, ctypes.c_void_p) for name in ("residuals", "values", "key")),
+        *((name, ctypes.c_void_p) for name in ("residuals", "values", "key", "prepared")),
     ]
 
 
@@ -70,6 +76,7 @@ def decode_values(
     residuals: npt.NDArray[np.int32],
     n_learned: int,
     key: Floats | None = None,
+    prepared: Prepared | None = None,
 ) -> Floats:
     """Values of fields, of shape (V, K), in quantisation steps.
 
@@ -82,8 +89,26 @@ def decode_values(
         Modes that the weights follow.
     key : float64 array of shape (V, K of the key block), optional
         Values of the key block.
+    prepared : Prepared, optional
+        `prepared_weights` of this mesh, key and `n_learned`; else they are found anew.
     """
-    return _run(mesh, residuals, n_learned, key, None, None)
+    return _run(mesh, residuals, n_learned, key, prepared, None, None)
+
+
+def prepared_weights(mesh: Hierarchy, n_learned: int, key: Floats | None = None) -> Prepared | None:
+    """What several blocks of the same key, or without any, begin with; None for a large mesh."""
+    if mesh.n_verts > MOST_PREPARED:
+        return None
+    found = memory(size_of("reel_predict_prepared", mesh.n_verts, len(mesh.smooth_starts)))
+    core_mesh = _mesh(mesh)
+    fields = _fields(mesh, 0, n_learned, None, None, key, found)
+
+    def fill(part: slice) -> None:
+        given = ctypes.byref(core_mesh), ctypes.byref(fields)
+        call("reel_predict_prepare", *given, part.start, part.stop, what="fields")
+
+    in_threads(fill, [part for parts in stretches(mesh) for part in parts])
+    return found
 
 
 def encode_values(
@@ -92,6 +117,7 @@ def encode_values(
     choice: Choice,
     n_learned: int,
     key: Floats | None = None,
+    prepared: Prepared | None = None,
 ) -> tuple[npt.NDArray[np.int32], Floats]:
     """Residuals of shape (K, V), and the values of shape (V, K) that they decode to.
 
@@ -101,7 +127,7 @@ def encode_values(
     wanted : float64 array of shape (V, K)
         Values to come near to, in quantisation steps.
     choice : Choice
-    n_learned, key
+    n_learned, key, prepared
         As of `decode_values`.
 
     Raises
@@ -110,22 +136,14 @@ def encode_values(
         If a residual is too large for a stream.
     """
     residuals = np.empty((wanted.shape[1], mesh.n_verts), np.int32)
-    values = _run(mesh, residuals, n_learned, key, np.ascontiguousarray(wanted), choice)
+    given = np.ascontiguousarray(wanted)
+    values = _run(mesh, residuals, n_learned, key, prepared, given, choice)
     return residuals, values
 
 
-def _run(
-    mesh: Hierarchy,
-    residuals: npt.NDArray[np.int32],
-    n_learned: int,
-    key: Floats | None,
-    wanted: Floats | None,
-    choice: Choice | None,
-) -> Floats:
-    n_modes, n_verts = residuals.shape
-    values = np.empty((n_verts, n_modes))
-    core_mesh = _Mesh(
-        n_verts,
+def _mesh(mesh: Hierarchy) -> _Mesh:
+    return _Mesh(
+        mesh.n_verts,
         len(mesh.smooth_starts),
         mesh.stencil.shape[1],
         _address(mesh.level_starts),
@@ -134,8 +152,35 @@ def _run(
         _address(mesh.hops),
         _address(mesh.smooth),
     )
+
+
+def _fields(
+    mesh: Hierarchy,
+    n_modes: int,
+    n_learned: int,
+    residuals: npt.NDArray[np.int32] | None,
+    values: Floats | None,
+    key: Floats | None,
+    prepared: Prepared | None,
+) -> _Fields:
     n_key = 0 if key is None else key.shape[1]
-    fields = _Fields(n_verts, n_modes, n_learned, n_key, *map(_address, (residuals, values, key)))
+    arrays = map(_address, (residuals, values, key, prepared))
+    return _Fields(mesh.n_verts, n_modes, n_learned, n_key, *arrays)
+
+
+def _run(
+    mesh: Hierarchy,
+    residuals: npt.NDArray[np.int32],
+    n_learned: int,
+    key: Floats | None,
+    prepared: Prepared | None,
+    wanted: Floats | None,
+    choice: Choice | None,
+) -> Floats:
+    n_modes, n_verts = residuals.shape
+    values = np.empty((n_verts, n_modes))
+    core_mesh = _mesh(mesh)
+    fields = _fields(mesh, n_modes, n_learned, residuals, values, key, prepared)
     counts = np.zeros((n_modes, 2))
 
     def run(part: slice) -> Floats:

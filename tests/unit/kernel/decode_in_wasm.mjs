@@ -88,7 +88,7 @@ let place = new DataView(core.memory.buffer);
 [levelStarts, smoothStarts, stencil, hops, smooth].forEach(
   (n, i) => place.setUint32(mesh + 24 + 4 * i, n, true));
 [V, K, K, 0].forEach((n, i) => place.setBigInt64(fields + 8 * i, BigInt(n), true));
-[residuals, values, 0].forEach((n, i) => place.setUint32(fields + 32 + 4 * i, n, true));
+[residuals, values, 0, 0].forEach((n, i) => place.setUint32(fields + 32 + 4 * i, n, true));
 if (core.reel_predict_decode(mesh, fields, 0n, v) !== 0n) {
   throw new Error("reel_predict_decode");
 }

@@ -6,7 +6,13 @@ import pytest
 from conformance.hierarchy import resolutions_of
 from conformance.prediction import predict_fields
 from meshreel.errors import InvalidInputError
-from meshreel.kernel.predict import Choice, decode_values, encode_values
+from meshreel.kernel.predict import (
+    MOST_PREPARED,
+    Choice,
+    decode_values,
+    encode_values,
+    prepared_weights,
+)
 from meshreel.reel.agreed.mesh import FieldMesh
 from samples.meshes import irregular_sequence, waving_grid
 
@@ -74,6 +80,45 @@ def test_values_do_not_depend_on_the_parts_of_a_level(monkeypatch):
     whole = decode_values(mesh, residuals, 5)
     monkeypatch.setattr("meshreel.kernel.predict.CHUNK_VERTICES", 16)
     np.testing.assert_array_equal(decode_values(mesh, residuals, 5), whole)
+
+
+@pytest.mark.parametrize("size", [7, 16])
+@pytest.mark.parametrize("has_key", [False, True])
+def test_values_are_the_same_bits_when_weights_are_prepared(size, has_key, monkeypatch):
+    monkeypatch.setattr("meshreel.kernel.predict.CHUNK_VERTICES", 32)
+    mesh, residuals = sample(waving_grid(1, 20, 31), size)
+    key = (
+        decode_values(mesh, sample(waving_grid(1, 20, 31), size, 11, 4)[1], 9) if has_key else None
+    )
+    prepared = prepared_weights(mesh, 5, key)
+    alone = decode_values(mesh, residuals, 5, key)
+    np.testing.assert_array_equal(decode_values(mesh, residuals, 5, key, prepared), alone)
+    choice = Choice(1, 0.6, 0.1)
+    for ours, expected in zip(
+        encode_values(mesh, 1.3 * alone, choice, 5, key, prepared),
+        encode_values(mesh, 1.3 * alone, choice, 5, key),
+        strict=True,
+    ):
+        np.testing.assert_array_equal(ours, expected)
+
+
+def test_weights_are_not_prepared_when_a_mesh_is_large(monkeypatch):
+    mesh, _ = sample(waving_grid(1, 8, 9))
+    monkeypatch.setattr("meshreel.kernel.predict.MOST_PREPARED", mesh.n_verts - 1)
+    assert prepared_weights(mesh, 5) is None
+    assert MOST_PREPARED * 608 <= 40e6
+
+
+@pytest.mark.parametrize("n_modes", [1, 2, 5, 8, 9, 19, 40])
+@pytest.mark.parametrize("n_learned", [0, 3, 16])
+def test_values_are_the_same_bits_when_many_modes_are_not_learned(n_modes, n_learned):
+    sequence = irregular_sequence(1)
+    mesh, residuals = sample(sequence, 16, n_modes)
+    expected = decode_slowly(sequence, 16, residuals, n_learned)
+    np.testing.assert_array_equal(decode_values(mesh, residuals, n_learned), expected)
+    chosen, values = encode_values(mesh, expected, PLAIN, n_learned)
+    np.testing.assert_array_equal(chosen, residuals)
+    np.testing.assert_array_equal(values, expected)
 
 
 @pytest.mark.parametrize("value", [1e10, -1e10, np.nan, np.inf])
