@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.kernel.frames import time_vectors
-from meshreel.kernel.predict import decode_values
+from meshreel.kernel.predict import Prepared, decode_values, prepared_weights
 from meshreel.reel.agreed.mesh import FieldMesh
 from meshreel.runtime.profiling import staged
 
@@ -65,7 +65,7 @@ class FieldBlock:
         return int(self.fields.shape[0])
 
 
-@dataclass(frozen=True)
+@dataclass
 class KeyFields:
     """Fields of a key block.
 
@@ -77,6 +77,17 @@ class KeyFields:
     """
 
     values: Floats
+    _prepared: tuple[int, Prepared | None] | None = None
+
+    def prepared(self, mesh: FieldMesh, n_learned: int) -> Prepared | None:
+        """What the weights of blocks that refer to it begin with; kept, so that it is found once.
+
+        None for a large mesh.
+        """
+        if self._prepared is None or self._prepared[0] != n_learned:
+            found = prepared_weights(mesh.hierarchy, n_learned, self.values)
+            self._prepared = n_learned, found
+        return self._prepared[1]
 
 
 @staged("fields")
@@ -85,8 +96,11 @@ def decode_fields(block: FieldBlock, mesh: FieldMesh, key: KeyFields | None = No
 
     The key is of the block that this one refers to.
     """
-    known = None if key is None else key.values
-    return decode_values(mesh.hierarchy, block.fields, block.layout.n_learned, known)
+    n_learned = block.layout.n_learned
+    if key is None:
+        return decode_values(mesh.hierarchy, block.fields, n_learned)
+    prepared = key.prepared(mesh, n_learned)
+    return decode_values(mesh.hierarchy, block.fields, n_learned, key.values, prepared)
 
 
 @staged("temporal basis")

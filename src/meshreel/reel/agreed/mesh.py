@@ -10,6 +10,7 @@ import numpy.typing as npt
 from meshreel.connectivity.permutation import inverse_permutation
 from meshreel.kernel.fields import CodingOrder, order_of_rows
 from meshreel.kernel.mesh import Hierarchy, Neighbours, hierarchy, neighbours
+from meshreel.kernel.predict import Prepared, prepared_weights
 from meshreel.reel.agreed.hierarchy import Resolution, resolutions_of
 from meshreel.runtime.profiling import staged
 from meshreel.sequence import Faces
@@ -58,6 +59,11 @@ class FieldMesh:
     def hierarchy(self) -> Hierarchy:
         """All vertices in coding order, and what predicts each."""
         return hierarchy(self.neighbours, self.stencil_size)
+
+    @cached_property
+    def prepared(self) -> Prepared | None:
+        """What the weights of blocks without a key begin with; None for a large mesh."""
+        return prepared_weights(self.hierarchy, 0)
 
     @cached_property
     def resolutions(self) -> list[Resolution]:

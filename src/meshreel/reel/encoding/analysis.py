@@ -10,7 +10,7 @@ import numpy.typing as npt
 from meshreel.codec.frame_products import JointFrames
 from meshreel.connectivity.permutation import inverse_permutation
 from meshreel.kernel.frames import coordinate_rows, encode_times
-from meshreel.kernel.predict import Choice, encode_values
+from meshreel.kernel.predict import Choice, Prepared, encode_values
 from meshreel.reel.agreed.fields import FieldBlock, KeyFields, Layout, decode_basis
 from meshreel.reel.agreed.mesh import FieldMesh
 from meshreel.runtime.profiling import staged
@@ -119,6 +119,11 @@ class BlockFrames:
     def _gram(self) -> Floats:
         return gram_of_rows(self.coordinates, 3 * self.n_frames, self.n_verts)
 
+    @property
+    def is_analysed(self) -> bool:
+        """Whether trajectories were found before."""
+        return self._found is not None
+
     @cached_property
     def energy(self) -> float:
         """Sum of all squared coordinates."""
@@ -213,6 +218,7 @@ def analyse_fields(
     """
     n_frames = frames.n_frames
     step = np.float32(choices.position_step * np.sqrt(n_frames))
+    is_trial = frames.is_analysed  # before, and not for the last time either
     hierarchy = in_background(lambda: mesh.hierarchy)  # where it is not known yet
     basis = _quantized_basis(frames, float(step), choices)
     n_modes = len(basis)
@@ -220,7 +226,8 @@ def analyse_fields(
     layout = Layout(step, choices.stencil_size, choices.n_learned, reference)
     hierarchy.result()
     wanted = _projected(vectors.reshape(-1, n_modes), frames, mesh.order, float(step))
-    residuals, own = _quantized_fields(wanted, layout, mesh, choices, key)
+    prepared = mesh.prepared if key is None and is_trial else None
+    residuals, own = _quantized_fields(wanted, layout, mesh, choices, key, prepared)
     decoded = JointFrames(vectors, own.values, float(step), mesh.number)
     return AnalysedFields(FieldBlock(layout, basis, residuals), decoded, own, wanted)
 
@@ -267,6 +274,7 @@ def _quantized_fields(
     mesh: FieldMesh,
     choices: FieldChoices,
     key: KeyFields | None,
+    prepared: Prepared | None,
 ) -> tuple[npt.NDArray[np.int32], KeyFields]:
     """Residuals of shape (K, V), and the fields that they decode to, both in coding order.
 
@@ -274,10 +282,16 @@ def _quantized_fields(
     ----------
     wanted : float64 array of shape (V, K)
         The fields to come near to, in coding order and in steps.
+    prepared : Prepared or None
+        Weights to begin with, where they are known and there is no key.
     """
     choice = Choice(_first_shaped(mesh, choices), choices.feedback_gain, choices.price)
-    known = None if key is None else key.values
-    residuals, values = encode_values(mesh.hierarchy, wanted, choice, layout.n_learned, known)
+    known = None
+    if key is not None:
+        known, prepared = key.values, key.prepared(mesh, layout.n_learned)
+    residuals, values = encode_values(
+        mesh.hierarchy, wanted, choice, layout.n_learned, known, prepared
+    )
     return residuals, KeyFields(values)
 
 
