@@ -25,7 +25,7 @@
 extern "C" {
 #endif
 
-#define REEL_ABI 2 /* changes with every change of a function below */
+#define REEL_ABI 3 /* changes with every change of a function below */
 
 enum reel_code {
     REEL_OK = 0,
