@@ -75,7 +75,7 @@ def first_filter(vertex, size):
         for one in z:
             apart = single(one - y)
             q = single(q + single(apart * apart))
-    q = single(single(single(single(0.004) / size) * q) + 2.0**-24)
+    q = single(single(single(single(0.0002) / size) * q) + 2.0**-40)
     for z, y in observed:
         p = found.predict(z)
         found.observe(z, p, single(y - p), q, 0.0)

@@ -18,8 +18,8 @@
 
 #define PRIOR_VARIANCE 0.5F   /* of the weight of the nearest vertices */
 #define PRIOR_KEPT 0.15F      /* share of it that smooth fields leave in any case */
-#define SMOOTH_NOISE 0.004F   /* of a smooth field, by the mean squared offset of all together */
-#define SMOOTH_FLOOR 0x1p-24F /* its least: fields constant but for rounding tell nothing */
+#define SMOOTH_NOISE 0.0002F  /* of a smooth field, by the mean squared offset of all together */
+#define SMOOTH_FLOOR 0x1p-40F /* its least: fields constant but for rounding tell nothing */
 #define ROUNDING_NOISE 0.3F   /* of a mode, in squared steps */
 #define RELATIVE_NOISE 0.001F /* and by its mean squared offset */
 #define SURPRISE 0.03125F     /* and by its squared error: what no weights explain teaches little */
