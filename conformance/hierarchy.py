@@ -4,7 +4,31 @@ from dataclasses import dataclass
 
 from conformance.rounding import single
 
-COEFFICIENTS = [
+SMALL_COEFFICIENTS = [
+    float.fromhex(one)
+    for one in [
+        "0x1.dce1bdc8232d5p-4",
+        "0x1.c88eca01f7548p-3",
+        "0x1.90c9f17279f49p-3",
+        "0x1.42f6243124030p-3",
+        "0x1.de9dbeb3cfe63p-4",
+        "0x1.46d873ea68172p-4",
+        "0x1.9c7d66e0f2507p-5",
+        "0x1.e26701e7bbbbcp-6",
+        "0x1.062d4b88def08p-6",
+        "0x1.09aa8fb7cfa0dp-7",
+        "0x1.f76afdf819befp-9",
+        "0x1.bf452f2e2734bp-10",
+        "0x1.75ae4ae1d73adp-11",
+        "0x1.265b91313fe79p-12",
+        "0x1.b658c20e8fffep-14",
+        "0x1.353e554609e80p-15",
+        "0x1.9e56bbb81cef0p-17",
+        "0x1.0824165a5f9acp-18",
+        "0x1.411ce06b569e5p-20",
+    ]
+]
+LARGE_COEFFICIENTS = [
     float.fromhex(one)
     for one in [
         "0x1.033015e9c7c3dp-4",
@@ -36,7 +60,7 @@ COEFFICIENTS = [
         "0x1.0eb08cb3ec0dap-15",
     ]
 ]
-N_SMOOTH = 16
+N_SMOOTH, SMALL_GRAPH = 16, 4096
 MOST_RESOLUTIONS, LARGEST_PASSAGE, MOST_PATHS, MOST_CONTEXTS = 20, 24, 15, 8
 
 
@@ -102,7 +126,8 @@ def smooth_fields(near):
         for i in range(len(members))
     ]
     after, before = [zero] * len(members), [zero] * len(members)  # b_{k+1}, b_{k+2}
-    for k in reversed(range(len(COEFFICIENTS))):
+    coefficients = LARGE_COEFFICIENTS if len(near) > SMALL_GRAPH else SMALL_COEFFICIENTS
+    for k in reversed(range(len(coefficients))):
         now = []
         for i, row in enumerate(rows):
             factor = (2.0 if k else 1.0) / len(row) if row else 0.0
@@ -111,7 +136,7 @@ def smooth_fields(near):
                 sums = [one + other for one, other in zip(sums, after[j], strict=True)]
             now.append(
                 [
-                    ((factor * n) - b) + COEFFICIENTS[k] * z
+                    ((factor * n) - b) + coefficients[k] * z
                     for n, b, z in zip(sums, before[i], signs[i], strict=True)
                 ]
             )

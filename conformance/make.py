@@ -156,6 +156,7 @@ encoded("tube", lambda: moving(grid(8, 12, closed=(False, True))), order="vertic
 encoded("moebius", lambda: moving(grid(20, 4, closed=(True, False), turned=True)), order="drop")
 encoded("turned_over", lambda: moving(shuffled(sphere(6, 9), turns=True)), order="keep")
 encoded("holes", lambda: moving(holes(13, 13)), order="drop")
+encoded("large_resolution", lambda: moving(grid(64, 65), 2), effort=1, quality=15, order="drop")
 encoded(
     "handles",
     lambda: moving(together(grid(6, 8, closed=(True, True)), grid(5, 7, closed=(True, True)))),

@@ -1,5 +1,6 @@
 """Values of fields from their residuals: "Prediction" of docs/format.md, in single precision."""
 
+from conformance.hierarchy import SMALL_GRAPH
 from conformance.rounding import single
 
 
@@ -75,7 +76,8 @@ def first_filter(vertex, size):
         for one in z:
             apart = single(one - y)
             q = single(q + single(apart * apart))
-    q = single(single(single(single(0.0002) / size) * q) + 2.0**-40)
+    noise = 0.0002 if len(vertex.smooth) > SMALL_GRAPH else 0.004
+    q = single(single(single(single(noise) / size) * q) + 2.0**-40)
     for z, y in observed:
         p = found.predict(z)
         found.observe(z, p, single(y - p), q, 0.0)

@@ -18,7 +18,8 @@
 
 #define PRIOR_VARIANCE 0.5F   /* of the weight of the nearest vertices */
 #define PRIOR_KEPT 0.15F      /* share of it that smooth fields leave in any case */
-#define SMOOTH_NOISE 0.0002F  /* of a smooth field, by the mean squared offset of all together */
+#define SMALL_NOISE 0.004F    /* of a smooth field, by the mean squared offset of all together */
+#define LARGE_NOISE 0.0002F   /* the same in resolutions of more than REEL_SMALL_GRAPH vertices */
 #define SMOOTH_FLOOR 0x1p-40F /* its least: fields constant but for rounding tell nothing */
 #define ROUNDING_NOISE 0.3F   /* of a mode, in squared steps */
 #define RELATIVE_NOISE 0.001F /* and by its mean squared offset */
@@ -66,6 +67,15 @@ static void set_zones(const reel_choice *choice, int64_t n_modes, bool is_plain)
         choice->zones[k] =
             is_plain ? REEL_NO_ZONE : reel_dead_zone(counts[0], counts[1], choice->price);
     }
+}
+
+/* The noise of smooth fields in the resolution of a level. */
+static float smooth_noise(const reel_mesh *mesh, int64_t level) {
+    int64_t start = mesh->smooth_starts[level];
+    while (level + 1 < mesh->n_levels && mesh->smooth_starts[level + 1] == start) {
+        level++;
+    }
+    return mesh->level_starts[level + 1] > REEL_SMALL_GRAPH ? LARGE_NOISE : SMALL_NOISE;
 }
 
 #define FLOATS 4

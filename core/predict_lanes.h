@@ -224,7 +224,8 @@ TARGET REEL_INLINE void NAMED(gather_smooth)(const NAMED(batch) *b, const float 
 }
 
 /* The filter observes the smooth fields of the resolution. */
-TARGET REEL_INLINE void NAMED(observe_smooth)(NAMED(batch) *b, int size, const float *smooth) {
+TARGET REEL_INLINE void NAMED(observe_smooth)(NAMED(batch) *b, int size, const float *smooth,
+                                              float smooth_noise) {
     lane offset[REEL_SMOOTH_FIELDS][PLACES], noise = {0}, predicted, error;
     for (int f = 0; f < REEL_SMOOTH_FIELDS; f += AT_ONCE) {
         for (int j = 0; j < size; j++) {
@@ -240,7 +241,7 @@ TARGET REEL_INLINE void NAMED(observe_smooth)(NAMED(batch) *b, int size, const f
             }
         }
     }
-    FOR_PARTS(p) noise[p] = SMOOTH_NOISE / (float)size * noise[p] + SMOOTH_FLOOR;
+    FOR_PARTS(p) noise[p] = smooth_noise / (float)size * noise[p] + SMOOTH_FLOOR;
     for (int f = 0; f < REEL_SMOOTH_FIELDS; f++) {
         NAMED(predict)(b, size, offset[f], predicted);
         FOR_PARTS(p) error[p] = offset[f][OWN][p] - predicted[p];
@@ -314,13 +315,13 @@ TARGET REEL_INLINE void NAMED(observe_key)(NAMED(batch) *b, int size, const reel
 
 /* What is known about the weights before the block. */
 TARGET REEL_INLINE void NAMED(prepare)(NAMED(batch) *b, int size, const reel_fields *fields,
-                                       const float *smooth) {
+                                       const float *smooth, float smooth_noise) {
     lane by_distance[MOST];
     NAMED(start_weights)(b, size);
     reel_copy(by_distance, b->filter.weight, sizeof by_distance);
     reel_zero(b->filter.variance, sizeof b->filter.variance);
     NAMED(add_variance)(b, size, by_distance, PRIOR_VARIANCE);
-    NAMED(observe_smooth)(b, size, smooth);
+    NAMED(observe_smooth)(b, size, smooth, smooth_noise);
     NAMED(add_variance)(b, size, by_distance, PRIOR_KEPT * PRIOR_VARIANCE);
     NAMED(observe_key)(b, size, fields);
 }
@@ -516,9 +517,10 @@ TARGET REEL_INLINE void NAMED(prepare_level)(const reel_mesh *mesh, const reel_f
                                              int size) {
     NAMED(batch) b;
     const float *smooth = mesh->smooth + mesh->smooth_starts[level] * REEL_SMOOTH_FIELDS;
+    float noise = smooth_noise(mesh, level);
     for (; first < last; first += REEL_BATCH) {
         NAMED(load_batch)(&b, mesh, size, first, last);
-        NAMED(prepare)(&b, size, fields, smooth);
+        NAMED(prepare)(&b, size, fields, smooth, noise);
         *NAMED(place_of)(fields, level, first) = b.filter;
     }
 }
@@ -538,6 +540,7 @@ TARGET REEL_INLINE bool NAMED(code_level)(const reel_mesh *mesh, reel_fields *fi
                                           int64_t last, int size) {
     NAMED(batch) b;
     const float *smooth = mesh->smooth + mesh->smooth_starts[level] * REEL_SMOOTH_FIELDS;
+    float noise = smooth_noise(mesh, level);
     bool is_shaped = choice && level >= choice->first_shaped;
     bool is_plain = choice && choice->price == 0.0;
     for (int64_t n = 0; first < last; first += REEL_BATCH, n++) {
@@ -548,7 +551,7 @@ TARGET REEL_INLINE bool NAMED(code_level)(const reel_mesh *mesh, reel_fields *fi
         if (fields->prepared) {
             b.filter = *NAMED(place_of)(fields, level, first);
         } else {
-            NAMED(prepare)(&b, size, fields, smooth);
+            NAMED(prepare)(&b, size, fields, smooth, noise);
         }
         if (!NAMED(code_batch)(&b, size, is_plain, is_shaped, fields, choice)) {
             return false;

@@ -71,6 +71,7 @@ REEL_API int64_t reel_adjacency(void *memory, size_t memory_size, const int32_t 
 #define REEL_MAX_RESOLUTIONS 20 /* above the coarsest */
 #define REEL_MAX_LEVELS (1 + 3 * REEL_MAX_RESOLUTIONS)
 #define REEL_SMOOTH_FIELDS 16
+#define REEL_SMALL_GRAPH 4096 /* vertices up to which smooth fields diffuse less far */
 #define REEL_SMOOTH_ROWS 4
 #define REEL_NEIGHBOURS 8
 REEL_API size_t reel_hierarchy_memory(int64_t n_verts, int64_t n_near);

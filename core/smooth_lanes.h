@@ -60,10 +60,11 @@ TARGET static const double *NAMED(diffuse)(const reel_smoother *own, const reel_
     double all[SIGN_CASES][LANES] __attribute__((aligned(64)));
     double *last = own->fields, *b = own->others;
     NAMED(fill_signs)(all);
-    NAMED(begin)(own, graph->n, series[TERMS - 1], all, last);
+    const series *chosen = graph->n > REEL_SMALL_GRAPH ? &large : &small;
+    NAMED(begin)(own, graph->n, chosen->terms[chosen->n_terms - 1], all, last);
     reel_zero(b, (size_t)graph->n * FIELDS * sizeof *b);
-    for (int term = TERMS - 2; term >= 0; term--) {
-        NAMED(step)(own, graph, term ? 2.0 : 1.0, series[term], all, last, b);
+    for (int term = chosen->n_terms - 2; term >= 0; term--) {
+        NAMED(step)(own, graph, term ? 2.0 : 1.0, chosen->terms[term], all, last, b);
         double *latest = b;
         b = last;
         last = latest;
