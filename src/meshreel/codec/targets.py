@@ -45,8 +45,8 @@ TARGET_OPTIONS = (
         Aim.QUALITY.value,
         float,
         f"{QUALITIES.words}; every 12 points halve the error, which is relative to the model's "
-        "size, the diagonal of a frame's bounding box, the mean of all frames, and smaller on smooth "
-        "surfaces.",
+        "size, the diagonal of a frame's bounding box, the mean of all frames, and smaller on "
+        "smooth surfaces.",
         default_text=f"{DEFAULT_QUALITY:g}, if nothing else is asked for",
         range=QUALITIES,
         group=GROUP,
