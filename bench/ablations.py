@@ -22,7 +22,7 @@ import numpy as np
 import meshreel
 import meshreel.reel.encoding.effort as effort
 from meshreel.evaluation.rate_distortion import bd_rate
-from meshreel.kernel.fields import single_pass
+from meshreel.kernel.fields import CodingOrder, order_of, single_pass
 from meshreel.kernel.mesh import Hierarchy
 from meshreel.reel.agreed.mesh import FieldMesh
 from meshreel.reel.encoding.block_coder import FieldBlockCoder
@@ -56,6 +56,11 @@ def no_smooth_fields(mesh: FieldMesh) -> Hierarchy:
     return dataclasses.replace(usual, smooth=np.zeros_like(usual.smooth))
 
 
+def one_pass(mesh: FieldMesh) -> CodingOrder:
+    """All vertices in coding order, in one pass, without context neighbours."""
+    return order_of(single_pass(mesh.n_verts), mesh.n_verts)
+
+
 VARIANTS: dict[str, list[Any]] = {
     "unchanged": [],
     "weights follow no modes": [choices(n_learned=0)],
@@ -70,7 +75,7 @@ VARIANTS: dict[str, list[Any]] = {
     "no noise shaping": [choices(feedback_gain=0.0)],
     "noise shaping on all resolutions": [choices(n_shaped_resolutions=99)],
     "one pass without context neighbours": [
-        constant(FieldMesh, "passes", property(lambda mesh: single_pass(mesh.n_verts)))
+        constant(FieldMesh, "coding_order", property(one_pass))
     ],
     "basis step 2 times that of the fields": [choices(basis_step=2.0)],
     "basis step 5 times that of the fields": [choices(basis_step=5.0)],
