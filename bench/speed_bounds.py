@@ -55,13 +55,13 @@ RATIO_NAMES = {
 OTHERS: dict[str, tuple[str, ...]] = {"by_draco": (DRACO,), "by_floor": FLOORS, "by_serial": ()}
 
 BOUNDS = [
-    Bound("samba", reel_name(DEFAULT_EFFORT), "by_draco", "encode", most=1.0),
-    Bound("samba", reel_name(DEFAULT_EFFORT), "by_draco", "decode", most=1.0),
-    Bound("samba", reel_name(DEFAULT_EFFORT), "by_floor", "encode", most=15.0),
-    Bound("samba", reel_name(DEFAULT_EFFORT), "by_floor", "decode", most=12.0),
-    Bound("samba", reel_name(DEFAULT_EFFORT), "by_serial", "decode", least=50.0),
-    Bound("samba", reel_name(FAST_EFFORT), "by_draco", "encode", most=1.0),
-    Bound("samba", reel_name(FAST_EFFORT), "by_draco", "decode", most=1.0),
+    Bound("samba", reel_name(DEFAULT_EFFORT), "by_draco", "encode", most=1 / 3),
+    Bound("samba", reel_name(DEFAULT_EFFORT), "by_draco", "decode", most=1 / 4),
+    Bound("samba", reel_name(DEFAULT_EFFORT), "by_floor", "encode", most=8.0),
+    Bound("samba", reel_name(DEFAULT_EFFORT), "by_floor", "decode", most=5.0),
+    Bound("samba", reel_name(DEFAULT_EFFORT), "by_serial", "decode", least=100.0),
+    Bound("samba", reel_name(FAST_EFFORT), "by_draco", "encode", most=1 / 3),
+    Bound("samba", reel_name(FAST_EFFORT), "by_draco", "decode", most=1 / 4),
 ]
 MOST_EXPONENT = {"vertices": 1.25, "frames": 1.2}
 
