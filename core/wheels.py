@@ -1,8 +1,8 @@
 """Makes a wheel for each kind of machine, and checks what is in it: `python core/wheels.py`.
 
-Needs the packages `hatchling` and `ziglang`. A wheel that fits this machine is also run. The library
-of that for Linux on arm64 is run on all conformance streams, where qemu-aarch64 and a compiler with
-its libraries are there (Debian: qemu-user, gcc-aarch64-linux-gnu).
+Needs the packages `hatchling` and `ziglang`. A wheel that fits this machine is also run. The
+library of that for Linux on arm64 is run on all conformance streams, where qemu-aarch64 and a
+compiler with its libraries are there (Debian: qemu-user, gcc-aarch64-linux-gnu).
 """
 
 import argparse

@@ -63,11 +63,12 @@ def step_share(faces: Faces, n_verts: int, frames: Iterable[Vertices]) -> float:
 
 def _turns_deg(faces: Faces, sides: Integers, twins: Integers, vertices: Vertices) -> Floats:
     """Angles between the normals on both sides of some edges, where both faces have an area."""
-    first, second = (face_normals(vertices, faces[one // 3]) for one in (sides, twins))
     corners = faces.reshape(-1)
     is_turned = corners[sides] == corners[twins]
-    cosines = np.einsum("ij,ij->i", first, second) * np.where(is_turned, -1.0, 1.0)
-    lengths = np.linalg.norm(first, axis=1) * np.linalg.norm(second, axis=1)
-    has_area = (lengths > 0) & np.isfinite(lengths)
+    with np.errstate(over="ignore", invalid="ignore"):  # of huge coordinates, which do not count
+        first, second = (face_normals(vertices, faces[one // 3]) for one in (sides, twins))
+        cosines = np.einsum("ij,ij->i", first, second) * np.where(is_turned, -1.0, 1.0)
+        lengths = np.linalg.norm(first, axis=1) * np.linalg.norm(second, axis=1)
+        has_area = (lengths > 0) & np.isfinite(lengths)
     turns = np.clip(cosines[has_area] / lengths[has_area], -1.0, 1.0)
     return np.asarray(np.degrees(np.arccos(turns)))

@@ -31,6 +31,7 @@ def test_the_step_is_as_usual_when_there_is_no_turn_to_be_found():
     assert step_share(FACES, 4, [flat]) == 1.0
     assert step_share(FACES[:1], 4, [hinge(4.0)]) == 1.0
     assert step_share(FACES, 4, [np.full((4, 3), 1e200)]) == 1.0
+    assert step_share(FACES, 4, [1e200 * hinge(4.0)]) == 1.0
 
 
 @pytest.mark.parametrize("n_frames", [1, 2, 3, 4, 5, 300])
