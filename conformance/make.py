@@ -248,24 +248,25 @@ def example():
     return by_hand([[0, 1, 2]], 3, [(layout, basis, np.array([[4, -1, 2]]), None)], name="")
 
 
-@stream
-def live():
-    """Written block by block, by a writer that does not know how many frames come."""
-    sequence, file = moving(grid(7, 8), 13, fps=24.0), BytesIO()
-    with meshreel.Encoder(sequence.faces, file, fps=24.0, block_frames=6) as encoder:
+def pushed(sequence, **options):
+    """A stream of frames that come one by one."""
+    file = BytesIO()
+    with meshreel.Encoder(sequence.faces, file, **options) as encoder:
         for frame in sequence.vertices:
             encoder.push(frame)
     return file.getvalue()
+
+
+@stream
+def live():
+    """Written block by block, by a writer that does not know how many frames come."""
+    return pushed(moving(grid(7, 8), 13, fps=24.0), fps=24.0, block_frames=6)
 
 
 @stream
 def live_with_bound():
     """The same, with a largest error."""
-    sequence, file = moving(grid(5, 6), 9, rough=0.05), BytesIO()
-    with meshreel.Encoder(sequence.faces, file, block_frames=4, max_error=0.05) as encoder:
-        for frame in sequence.vertices:
-            encoder.push(frame)
-    return file.getvalue()
+    return pushed(moving(grid(5, 6), 9, rough=0.05), block_frames=4, max_error=0.05)
 
 
 @stream

@@ -193,7 +193,7 @@ int64_t reel_predict_encode(const reel_mesh *mesh, reel_fields *fields, const re
     return run(mesh, fields, choice, first, last);
 }
 
-size_t reel_predict_prepared(int64_t n_verts, int64_t n_levels) {
+size_t reel_predict_prepare_memory(int64_t n_verts, int64_t n_levels) {
     return ((size_t)n_verts / REEL_BATCH + (size_t)n_levels) * sizeof(filter_4);
 }
 

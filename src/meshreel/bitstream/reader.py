@@ -93,18 +93,14 @@ class Stream:
             )
         return found[0]
 
-    @cached_property
-    def n_tracks(self) -> int:
-        """Tracks of each block: the positions, and those that a section announces."""
-        return _n_tracks(self.leading)
-
     def block(self, number: int, track: int = 0) -> dict[Section, bytes]:
         """Sections of a track in a block, by id; checksums are verified.
 
         Raises
         ------
         CorruptStreamError
-            If its bytes are damaged, a section occurs twice, or one does not belong to a block.
+            If its bytes are damaged, a section occurs twice or does not belong to a block, or
+            there is none that this build knows.
         """
         first = Section.TRACK_BLOCK if track else Section.BLOCK
         sections: dict[Section, bytes] = {}
@@ -118,6 +114,8 @@ class Stream:
                 if stored.id in sections:
                     raise CorruptStreamError(f"section {stored.id.name} is out of place")
                 sections[stored.id] = stored.payload
+        if not sections:  # all are optional ones that this build does not know
+            raise CorruptStreamError(f"block {number} has no section {first.name}")
         return sections
 
     def sections(self) -> Iterator[StoredSection]:
@@ -297,8 +295,6 @@ def _scan(file: BinaryIO, start: int, size_bytes: int) -> _Scan:
                 if last in (Section.BLOCK, Section.INDEX, Section.END):
                     if block is not None:
                         places.append(block.place(position, n_tracks))
-                    elif not places:
-                        n_tracks = _n_tracks(leading)
                     is_block = last is Section.BLOCK
                     block = _OpenBlock(_n_frames(stored.payload), [position]) if is_block else None
                     if last is Section.INDEX:
@@ -306,6 +302,7 @@ def _scan(file: BinaryIO, start: int, size_bytes: int) -> _Scan:
                     end_payload = stored.payload
                 elif block is None:
                     leading.append(stored)
+                    n_tracks += last is Section.TRACK
             position = behind
     except (CorruptStreamError, TruncatedStreamError) as error:
         damage = error

@@ -99,7 +99,7 @@ def prepared_weights(mesh: Hierarchy, n_learned: int, key: Floats | None = None)
     """What several blocks of the same key, or without any, begin with; None for a large mesh."""
     if mesh.n_verts > MOST_PREPARED:
         return None
-    found = memory(size_of("reel_predict_prepared", mesh.n_verts, len(mesh.smooth_starts)))
+    found = memory(size_of("reel_predict_prepare_memory", mesh.n_verts, len(mesh.smooth_starts)))
     core_mesh = _mesh(mesh)
     fields = _fields(mesh, 0, n_learned, None, None, key, found)
 

@@ -5,8 +5,15 @@ from io import BytesIO
 
 import pytest
 
-from meshreel.bitstream.header import Header
-from meshreel.bitstream.layout import MAX_POSITIONS_PER_BYTE, OPTIONAL, Section, VertexType
+from meshreel.bitstream.header import Header, write_header
+from meshreel.bitstream.index import BlockPlace, write_index
+from meshreel.bitstream.layout import (
+    INDEX_POSITION,
+    MAX_POSITIONS_PER_BYTE,
+    OPTIONAL,
+    Section,
+    VertexType,
+)
 from meshreel.bitstream.reader import open_stream, read_stream
 from meshreel.bitstream.sections import read_section, write_section
 from meshreel.bitstream.writer import StreamWriter, whole_stream
@@ -92,6 +99,19 @@ def test_a_damaged_block_is_told_when_it_is_read_through_the_index():
     assert stream.block(0)
     with pytest.raises(CorruptStreamError):
         stream.block(1)
+
+
+def test_a_block_is_refused_when_the_index_leads_to_nothing_that_is_known():
+    before = write_header(HEADER) + write_section(*LEADING[0])
+    unknown = bytes([OPTIONAL | 0x40, 2]) + b"ab"
+    unknown += struct.pack("<I", zlib.crc32(unknown))
+    index = write_index([BlockPlace(2, len(before), (len(unknown),))])
+    end = INDEX_POSITION.pack(len(before) + len(unknown))
+    behind = write_section(Section.INDEX, index) + write_section(Section.END, end)
+    stream = opened(before + unknown + behind)
+    assert [place.n_frames for place in stream.places] == [2]
+    with pytest.raises(CorruptStreamError, match="block 0 has no section BLOCK"):
+        stream.block(0)
 
 
 def test_frames_are_counted_when_the_header_does_not_know_them():
