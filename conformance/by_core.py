@@ -156,6 +156,7 @@ def reel_block(graph, stored, n_columns=3):
         "modes": block.n_modes,
         "reference": layout.reference,
         "step": float(layout.step),
+        "precision": 4 if layout.is_single else 8,
         "stencil": layout.stencil_size,
         "learned": layout.n_learned,
         "basis": block.basis.reshape(block.n_modes, -1).tolist(),

@@ -78,7 +78,7 @@ typedef struct {
 } track;
 
 typedef struct {
-    int64_t n_frames, n_modes, reference, size, n_learned;
+    int64_t n_frames, n_modes, precision, reference, size, n_learned;
     float step;
     double *values; /* n_verts x n_modes */
 } block;
@@ -231,8 +231,8 @@ static void write_frames(const stream *s, const track *of, const hierarchy *h, c
     }
     size_t count = (size_t)(width * n_frames * n);
     uint8_t *values = room(count * of->number_type);
-    needed = reel_frames_memory(width, n_modes, n_frames);
-    done(reel_frames(room(needed), needed, basis, fields, n, 1, 1.0, NULL, width, n_frames, n_modes,
+    needed = reel_frames_memory(width, n_frames, n_modes, n_frames);
+    done(reel_frames(room(needed), needed, basis, fields, n, 1, 1.0, b->precision, NULL, width, n_frames, n_modes,
                      n, wanted, n_frames, moved.starts, moved.vertices, moved.moves, of->placement,
                      of->number_type, values),
          "frames");
@@ -247,7 +247,7 @@ static block read_block(const stream *s, const track *of, const bytes *sections,
     }
     block b = {.n_frames = n_frames};
     b.n_modes = varint(&head);
-    layout.at++;
+    b.precision = *layout.at++;
     b.reference = varint(&layout);
     take(&layout, &b.step, 4);
     b.size = varint(&layout);

@@ -295,11 +295,13 @@ STREAMS["stencils_11_to_16"] = lambda: stencils(range(11, 17), uneven(n_verts=50
 
 @stream
 def key_blocks():
-    """Weights that follow an earlier block; steps that differ; a key with fewer modes."""
+    """Weights that follow an earlier block; steps and sums that differ; a key with fewer modes."""
     rng, faces = np.random.default_rng(4), grid(6, 7)
     layouts = [(0, 0.01), (1, 0.02), (2, 0.005), (0, 0.01), (1, 0.01)]
     blocks = [
-        random_block(rng, Layout(np.float32(step), 9, 3, back), 42, 2 + number, 3 + number)
+        random_block(
+            rng, Layout(np.float32(step), 9, 3, back, number % 2 == 0), 42, 2 + number, 3 + number
+        )
         for number, (back, step) in enumerate(layouts)
     ]
     return by_hand(faces, 42, blocks, order="vertices")
@@ -342,7 +344,9 @@ def corrections():
     vertices, frames = np.array(wanted).T
     moves = rng.integers(-9, 10, (len(wanted), 3)) * 10 ** rng.integers(0, 4, (len(wanted), 1))
     found = Corrections(np.float32(0.003), vertices, frames, moves)
-    block = random_block(rng, Layout(np.float32(0.02), 7, 2), 30, 3, 12, moves=found)
+    block = random_block(
+        rng, Layout(np.float32(0.02), 7, 2, is_single=True), 30, 3, 12, moves=found
+    )
     return by_hand(faces, 30, [block], order="keep", place=((5.0, -0.1, 1e6), 3.7))
 
 
@@ -355,7 +359,7 @@ def tracks():
         return [
             random_block(
                 rng,
-                Layout(np.float32(step), size, 3, number % 2),
+                Layout(np.float32(step), size, 3, number % 2, n_columns == 7),
                 n_verts,
                 min(n_modes, n_columns * length),
                 length,
@@ -386,7 +390,7 @@ def on_faces(faces, sizes, seed):
     """A stream with tracks on faces and on their corners, of polygons of these sizes."""
     rng, number = np.random.default_rng(seed), np.dtype(np.float32)
     n_verts = int(np.max(faces)) + 1
-    layout = Layout(np.float32(0.01), 8, 3)
+    layout = Layout(np.float32(0.01), 8, 3, is_single=max(sizes) > 3)
     further = [
         (
             TrackHeader(f"of each {domain}", "K", "other", domain, number, 2.0, (0.0, 1.0)),

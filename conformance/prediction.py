@@ -77,7 +77,7 @@ def first_filter(vertex, size):
             apart = single(one - y)
             q = single(q + single(apart * apart))
     noise = 0.0002 if len(vertex.smooth) > SMALL_GRAPH else 0.004
-    q = single(single(single(single(noise) / size) * q) + 2.0**-40)
+    q = single(single(single(single(noise) / size) * q) + 2.0**-32)
     for z, y in observed:
         p = found.predict(z)
         found.observe(z, p, single(y - p), q, 0.0)

@@ -190,7 +190,7 @@ def read_reel_block(group, n_frames, placed, blocks, items):
     scaled = [{v: one * block["step"] for v, one in row.items()} for row in block["values"]]
     bases = [basis_vector(row, n_frames) for row in block["basis"]]
     corrections = block["correction step"], block["corrections"]
-    return block, frames_of(bases, scaled, corrections, placed, items.order)
+    return block, frames_of(bases, scaled, block["precision"], corrections, placed, items.order)
 
 
 def read_integers(group, n_frames, n_columns, items):
@@ -202,7 +202,8 @@ def read_integers(group, n_frames, n_columns, items):
     n_modes = head.varint()
     head.end()
     need(1 <= n_modes <= n_columns * n_frames)
-    need(layout.byte() == 6, "the fields have a layout that is not known")
+    precision = layout.byte()
+    need(precision in (4, 8), "the fields have a layout that is not known")
     reference, step, size, n_learned = (
         *(layout.varint(), layout.number("f")),
         *(layout.varint(), layout.varint()),
@@ -218,6 +219,7 @@ def read_integers(group, n_frames, n_columns, items):
         "modes": n_modes,
         "reference": reference,
         "step": step,
+        "precision": precision,
         "stencil": size,
         "learned": n_learned,
         "basis": read_fields(group["BASIS"], n_modes, passes_by_times(n_columns, n_frames)),

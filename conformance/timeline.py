@@ -5,6 +5,7 @@ from math import sqrt
 
 from conformance.bits import integers, need
 from conformance.container import Payload
+from conformance.rounding import single
 
 
 def levels_of(n_frames):
@@ -91,7 +92,7 @@ def read_corrections(payload, n_columns, n_frames, n_verts):
     return step, found
 
 
-def frames_of(bases, fields, corrections, placed, order):
+def frames_of(bases, fields, precision, corrections, placed, order):
     """Values of the frames of a track, frame after frame, vertices as they go out.
 
     Parameters
@@ -99,19 +100,25 @@ def frames_of(bases, fields, corrections, placed, order):
     bases : list of list of float
     fields : list of dict
         Decoded, by vertex.
+    precision : int
+        Bytes of the numbers that products are summed up in.
     corrections : pair of the step, and of dict of (frame, vertex) to list of int
     placed : Placement
     order : list of int
     """
     n_frames = len(bases[0]) // len(placed.origin)
     step, moves = corrections
+    if precision == 4:
+        bases = [[single(one) for one in basis] for basis in bases]
+        fields = [{v: single(one) for v, one in field.items()} for field in fields]
+    rounded = single if precision == 4 else float
     numbers = array("f" if placed.number_type == 4 else "d")
     for t in range(n_frames):
         for v in order:
             for c, origin in enumerate(placed.origin):
                 total = 0.0
                 for basis, field in zip(bases, fields, strict=True):
-                    total += basis[c * n_frames + t] * field[v]
+                    total = rounded(total + rounded(basis[c * n_frames + t] * field[v]))
                 if (t, v) in moves:
                     total += moves[t, v][c] * step
                 numbers.append(total * placed.scale + origin)

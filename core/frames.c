@@ -1,17 +1,18 @@
 /* Values of frames, such as positions: decoded fields times basis vectors.
 
-   docs/format.md, "Frames". In IEEE double, mode after mode, with nothing fused: every machine
-   finds the same bits. Vertices are worked on in tiles, whose fields stay in the cache while frame
-   after frame is written. */
+   docs/format.md, "Frames". In IEEE double or single, mode after mode, with nothing fused: every
+   machine finds the same bits. Vertices are worked on in tiles, whose fields stay in the cache while
+   frame after frame is written. */
 
 #include "cpu.h"
 
 #define TILE 64     /* vertices */
 #define MODES 8     /* of which the fields of a vertex are read at once */
-#define TOGETHER 32 /* frames: all of a tile are written before the next tile */
+#define TOGETHER 256 /* frames: all of a tile are written before the next tile */
 
 typedef struct {
-    const double *basis;  /* n_columns x n_frames x n_modes */
+    const double *basis;       /* n_columns x n_frames x n_modes */
+    const float *single_basis; /* the same, if sums are in single precision, or NULL */
     const double *fields; /* of mode k at vertex v: [k mode_stride + v vertex_stride], in steps */
     int64_t mode_stride, vertex_stride;
     double step;
@@ -55,7 +56,7 @@ typedef struct {
 #undef NAMED
 #endif
 
-static void pack(const frames_job *job, const int32_t *vertices, int count, double *tile) {
+static void pack(const frames_job *job, const int32_t *vertices, int count, void *tile) {
 #ifdef REEL_HAS_WIDE
     if (job->widest > 2) {
         (job->widest == 8 ? pack_tile_8 : pack_tile_4)(job, vertices, count, tile);
@@ -65,7 +66,7 @@ static void pack(const frames_job *job, const int32_t *vertices, int count, doub
     pack_tile_2(job, vertices, count, tile);
 }
 
-static void sum(const frames_job *job, const double *tile, int64_t frame, double (*sums)[TILE]) {
+static void sum(const frames_job *job, const void *tile, int64_t frame, double (*sums)[TILE]) {
 #ifdef REEL_HAS_WIDE
     if (job->widest > 2) {
         (job->widest == 8 ? sum_tile_8 : sum_tile_4)(job, tile, frame, sums);
@@ -112,7 +113,7 @@ static void write_columns(const frames_job *job, int64_t number, int64_t first, 
 
 /* The wanted frames begin .. end - 1 of the vertices first .. first + count - 1. */
 static int64_t write_tile(const frames_job *job, int64_t begin, int64_t end, int64_t first,
-                          int count, double *tile, double (*sums)[TILE]) {
+                          int count, void *tile, double (*sums)[TILE]) {
     int32_t vertices[TILE];
     for (int i = 0; i < count; i++) {
         vertices[i] = job->order ? job->order[first + i] : (int32_t)(first + i);
@@ -136,7 +137,7 @@ static int64_t write_tile(const frames_job *job, int64_t begin, int64_t end, int
 }
 
 /* All tiles of some frames after another. */
-static int64_t write_frames(const frames_job *job, double *tile, double (*sums)[TILE]) {
+static int64_t write_frames(const frames_job *job, void *tile, double (*sums)[TILE]) {
     for (int64_t begin = 0; begin < job->n_wanted; begin += TOGETHER) {
         int64_t end = job->n_wanted - begin < TOGETHER ? job->n_wanted : begin + TOGETHER;
         for (int64_t first = 0; first < job->n_verts; first += TILE) {
@@ -150,20 +151,37 @@ static int64_t write_frames(const frames_job *job, double *tile, double (*sums)[
     return job->n_wanted;
 }
 
-size_t reel_frames_memory(int64_t n_columns, int64_t n_modes, int64_t n_wanted) {
-    return reel_room((size_t)n_modes * TILE, sizeof(double)) +
+/* Basis vectors in single precision. */
+static const float *rounded_basis(reel_arena *arena, const double *basis, size_t n) {
+    float *found = reel_take(arena, n, sizeof *found);
+    for (size_t i = 0; i < n && !arena->failed; i++) {
+        found[i] = (float)basis[i];
+    }
+    return found;
+}
+
+size_t reel_frames_memory(int64_t n_columns, int64_t n_frames, int64_t n_modes, int64_t n_wanted) {
+    return reel_room((size_t)(n_columns * n_frames * n_modes), sizeof(float)) +
+           reel_room((size_t)n_modes * TILE, sizeof(double)) +
            reel_room((size_t)n_columns * TILE, sizeof(double)) +
            reel_room((size_t)n_wanted, sizeof(int64_t));
 }
 
 int64_t reel_frames(void *memory, size_t memory_size, const double *basis, const double *fields,
-                    int64_t mode_stride, int64_t vertex_stride, double step, const int32_t *order,
-                    int64_t n_columns, int64_t n_frames, int64_t n_modes, int64_t n_verts,
+                    int64_t mode_stride, int64_t vertex_stride, double step, int64_t precision,
+                    const int32_t *order, int64_t n_columns, int64_t n_frames, int64_t n_modes, int64_t n_verts,
                     const int32_t *wanted, int64_t n_wanted, const int64_t *correction_starts,
                     const int32_t *corrected, const double *moves, const double *placement,
                     int64_t layout, void *out) {
+    if (precision != REEL_SUMS_4 && precision != REEL_SUMS_8) {
+        return reel_failure(REEL_INVALID, 0);
+    }
     reel_arena arena = reel_arena_of(memory, memory_size);
-    double *tile = reel_take(&arena, (size_t)n_modes * TILE, sizeof *tile);
+    const float *single_basis = NULL;
+    if (precision == REEL_SUMS_4) {
+        single_basis = rounded_basis(&arena, basis, (size_t)(n_columns * n_frames * n_modes));
+    }
+    void *tile = reel_take(&arena, (size_t)n_modes * TILE, sizeof(double));
     double(*sums)[TILE] = reel_take(&arena, (size_t)n_columns, sizeof *sums);
     int64_t *corrections = reel_take(&arena, (size_t)n_wanted, sizeof *corrections);
     if (arena.failed) {
@@ -175,7 +193,7 @@ int64_t reel_frames(void *memory, size_t memory_size, const double *basis, const
         }
         corrections[number] = correction_starts ? correction_starts[number] : 0;
     }
-    frames_job job = {basis, fields, mode_stride, vertex_stride, step, order,
+    frames_job job = {basis, single_basis, fields, mode_stride, vertex_stride, step, order,
                       n_columns, n_frames, n_modes, n_verts, wanted, n_wanted,
                       correction_starts ? corrections : NULL, correction_starts, corrected, moves,
                       placement, layout, out, reel_widest()};

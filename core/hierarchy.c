@@ -252,7 +252,7 @@ static void build(workshop *shop, result *all) {
 static size_t shop_room(size_t n, size_t n_near) {
     return 5 * reel_room(n + 1, sizeof(int32_t)) + reel_room(n, 1) +
            2 * reel_room(n_near, sizeof(int32_t)) +
-           reel_joiner_room(n, n_near / 2) + reel_searcher_room(n, n_near) + reel_smoother_room(n);
+           reel_joiner_room(n, n_near / 2) + reel_searcher_room(n, n_near) + reel_smoother_room(n, n_near);
 }
 
 static workshop open_shop(reel_arena *arena, size_t n, size_t n_near) {
@@ -267,7 +267,7 @@ static workshop open_shop(reel_arena *arena, size_t n, size_t n_near) {
                  reel_take(arena, n_near, sizeof(int32_t))},
         .joiner = reel_take_joiner(arena, n, n_near / 2),
         .searcher = reel_take_searcher(arena, n, n_near),
-        .smoother = reel_take_smoother(arena, n),
+        .smoother = reel_take_smoother(arena, n, n_near),
     };
 }
 

@@ -92,7 +92,10 @@ typedef struct {
     int64_t place, any; /* the time of the side last crossed by a leap; the face last found anew */
 } face_state;
 
-static int32_t side_of(int32_t corner, int by) { return corner / 3 * 3 + (corner % 3 + by) % 3; }
+/* The side so many corners (0..2) behind a corner of its face. */
+static int32_t side_of(int32_t corner, int by) {
+    return corner + by - (corner % 3 + by > 2 ? 3 : 0);
+}
 
 /* The corner where a side is arrived at from a face, or -1 where there is no unlisted face. */
 static int32_t arrival(const order *mesh, const face_state *state, int32_t side) {
@@ -100,60 +103,71 @@ static int32_t arrival(const order *mesh, const face_state *state, int32_t side)
     return twin != side && reel_ranks_has(&state->unlisted, twin / 3) ? twin : -1;
 }
 
-/* Unlisted faces, without repetition: where each is arrived at, and on which way. */
+/* Unlisted faces, without repetition: where each is arrived at, and on which way. They
+   are found one by one: most often one of the first is the next face. */
 typedef struct {
+    int32_t last[2]; /* corners of the last faces, the latest first */
+    int next_way, end;
+    int32_t first[6]; /* where ways 0..5 arrive, or -1 */
     int n, ways[FAR];
     int32_t arrivals[FAR];
 } reached;
 
-static void reach(reached *near, int32_t arrived, int way) {
-    bool is_new = arrived >= 0;
-    for (int i = 0; is_new && i < near->n; i++) {
-        is_new = near->arrivals[i] / 3 != arrived / 3;
+static reached start_near(const order *mesh, int64_t listed) {
+    reached near = {.end = listed < 2 ? (int)listed * 9 : FAR};
+    for (int i = 0; i < 2 && i < listed; i++) {
+        near.last[i] = mesh->corners[listed - 1 - i];
     }
-    if (is_new) {
-        near->arrivals[near->n] = arrived;
-        near->ways[near->n++] = way;
-    }
+    return near;
 }
 
-/* Faces next to the last two, then those next to these. */
-static void near_faces(const order *mesh, const face_state *state, int64_t listed, reached *near) {
-    int n_first = listed < 2 ? 3 * (int)listed : 6;
-    int32_t first[6];
-    near->n = 0;
-    for (int way = 0; way < n_first; way++) {
-        first[way] = arrival(mesh, state, side_of(mesh->corners[listed - 1 - way / 3], way % 3));
-        reach(near, first[way], way);
-    }
-    for (int way = 0; way < n_first; way++) {
-        for (int by = 1; first[way] >= 0 && by <= 2; by++) {
-            reach(near, arrival(mesh, state, side_of(first[way], by)), 5 + 2 * way + by);
+/* Faces next to the last two, then those next to these: whether there is one more. */
+static bool find_next(const order *mesh, const face_state *state, reached *near) {
+    int n_first = near->end / 3;
+    while (near->next_way < near->end) {
+        int way = near->next_way++;
+        int32_t arrived = -1;
+        if (way < n_first) {
+            arrived = arrival(mesh, state, side_of(near->last[way / 3], way % 3));
+            near->first[way] = arrived;
+        } else if (near->first[(way - n_first) / 2] >= 0) {
+            int32_t across = near->first[(way - n_first) / 2];
+            arrived = arrival(mesh, state, side_of(across, 1 + (way - n_first) % 2));
+        }
+        bool is_new = arrived >= 0;
+        for (int i = 0; is_new && i < near->n; i++) {
+            is_new = near->arrivals[i] / 3 != arrived / 3;
+        }
+        if (is_new) {
+            near->arrivals[near->n] = arrived;
+            near->ways[near->n++] = way < n_first ? way : way - n_first + 6;
+            return true;
         }
     }
+    return false;
 }
 
 /* Tries the faces near the last two; the corner arrived at, or -1. `way` is what was found. */
 static int32_t code_near(reel_port *port, const order *mesh, face_state *state, int64_t listed,
                          int32_t wanted, int *way) {
     face_models *models = state->models;
-    reached near;
-    near_faces(mesh, state, listed, &near);
-    int n = near.n, wants = n;
-    int before = models->before[0], earlier = models->before[1];
-    for (int i = n - 1; i >= 0; i--) {
-        wants = near.arrivals[i] / 3 == wanted ? i : wants;
+    reached near = start_near(mesh, listed);
+    int before = models->before[0], earlier = models->before[1], found = 0, wants = -1;
+    bool is_there = find_next(mesh, state, &near), is_last = false;
+    while (reel_writes(port) && wants < 0 && is_there) {
+        wants = near.arrivals[near.n - 1] / 3 == wanted ? near.n - 1 : -1;
+        is_there = wants >= 0 || find_next(mesh, state, &near);
     }
     *way = FAR;
-    if (n == 0 || !reel_bit_within(port, &models->is_near[before],
-                                   &models->is_near_within[before][earlier], wants < n)) {
+    if (!near.n || !reel_bit_within(port, &models->is_near[before],
+                                    &models->is_near_within[before][earlier], wants >= 0)) {
         return -1;
     }
-    int found = 0;
-    for (; found < n - 1; found++) { /* the last one is what is left */
+    for (;; found++) {
+        is_last = found + 1 == near.n && !find_next(mesh, state, &near); /* what is left */
         reel_model *all = &models->near[near.ways[found]][before];
         reel_model *here = &models->near_within[near.ways[found]][before][earlier];
-        if (reel_bit_within(port, all, here, found == wants)) {
+        if (is_last || reel_bit_within(port, all, here, found == wants)) {
             break;
         }
     }

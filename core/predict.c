@@ -20,7 +20,7 @@
 #define PRIOR_KEPT 0.15F      /* share of it that smooth fields leave in any case */
 #define SMALL_NOISE 0.004F    /* of a smooth field, by the mean squared offset of all together */
 #define LARGE_NOISE 0.0002F   /* the same in resolutions of more than REEL_SMALL_GRAPH vertices */
-#define SMOOTH_FLOOR 0x1p-40F /* its least: fields constant but for rounding tell nothing */
+#define SMOOTH_FLOOR 0x1p-32F /* its least: fields constant but for rounding tell nothing */
 #define ROUNDING_NOISE 0.3F   /* of a mode, in squared steps */
 #define RELATIVE_NOISE 0.001F /* and by its mean squared offset */
 #define SURPRISE 0.03125F     /* and by its squared error: what no weights explain teaches little */

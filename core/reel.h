@@ -25,7 +25,7 @@
 extern "C" {
 #endif
 
-#define REEL_ABI 3 /* changes with every change of a function below */
+#define REEL_ABI 4 /* changes with every change of a function below */
 
 enum reel_code {
     REEL_OK = 0,
@@ -149,18 +149,21 @@ REEL_API int64_t reel_basis_encode(void *memory, size_t memory_size, const doubl
 
 /* Frames wanted[0 .. n_wanted - 1] of a block, in the order of the vertices of the fields, or if
    `order` is not NULL with vertex order[i] of the fields as vertex i. The field of mode k at vertex
-   v is step times fields[k mode_stride + v vertex_stride]. Corrections, unless
+   v is step times fields[k mode_stride + v vertex_stride]. Fields and basis vectors are multiplied,
+   and the products summed up, in IEEE single or double. Corrections, unless
    correction_starts is NULL: those of wanted frame i are from correction_starts[i] to the next,
    each of a vertex as it is written, `corrected`, ascending, with n_columns numbers of `moves`. The
    placement is the scale, and the origin of each column. Layouts: the values of each vertex
    together, as 4 or 8 byte floats; or the first column of all frames, then the next, neither scaled
    nor moved, as 8 byte floats. There is at least one column. */
 enum reel_layout { REEL_COLUMNS = 0, REEL_VALUES_4 = 4, REEL_VALUES_8 = 8 };
-REEL_API size_t reel_frames_memory(int64_t n_columns, int64_t n_modes, int64_t n_wanted);
+enum reel_precision { REEL_SUMS_4 = 4, REEL_SUMS_8 = 8 };
+REEL_API size_t reel_frames_memory(int64_t n_columns, int64_t n_frames, int64_t n_modes,
+                                   int64_t n_wanted);
 REEL_API int64_t reel_frames(void *memory, size_t memory_size, const double *basis,
                              const double *fields, int64_t mode_stride, int64_t vertex_stride,
-                             double step, const int32_t *order, int64_t n_columns,
-                             int64_t n_frames, int64_t n_modes, int64_t n_verts,
+                             double step, int64_t precision, const int32_t *order,
+                             int64_t n_columns, int64_t n_frames, int64_t n_modes, int64_t n_verts,
                              const int32_t *wanted, int64_t n_wanted,
                              const int64_t *correction_starts,
                              const int32_t *corrected, const double *moves,

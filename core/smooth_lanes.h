@@ -1,71 +1,59 @@
-/* Smooth fields, LANES at a time; see smooth.c and cpu.h. */
+/* Smooth fields, LANES at a time; see smooth.c and cpu.h. Here LANES are floats. */
 
-#define VECTOR REEL_JOIN(reel_vector_, LANES)
+#define VECTOR REEL_JOIN(reel_floats_, LANES)
 #define PARTS (FIELDS / LANES)
-#define SIGN_CASES (1 << LANES)
 
-/* LANES signs at a time, as 1 and -1: bit 0 is that of the first. */
-TARGET static void NAMED(fill_signs)(double (*all)[LANES]) {
-    for (int bits = 0; bits < SIGN_CASES; bits++) {
-        for (int lane = 0; lane < LANES; lane++) {
-            all[bits][lane] = bits >> lane & 1 ? 1.0 : -1.0;
-        }
-    }
-}
+typedef uint32_t NAMED(words) __attribute__((vector_size(4 * LANES)));
 
-REEL_INLINE TARGET const VECTOR *NAMED(signs_of)(const double (*all)[LANES], uint32_t signs,
-                                                 int part) {
-    return (const VECTOR *)all[signs >> part * LANES & (SIGN_CASES - 1)];
-}
-
-/* The first term of the series: b becomes value Z, with the signs Z. */
-TARGET static void NAMED(begin)(const reel_smoother *own, int32_t n, double value,
-                                const double (*all)[LANES], double *b) {
-    for (int32_t v = 0; v < n; v++) {
-        VECTOR *row = (VECTOR *)(b + FIELDS * (size_t)v);
-        for (int part = 0; part < PARTS; part++) {
-            row[part] = *NAMED(signs_of)(all, own->signs[v], part) * value;
-        }
-    }
+/* A value times LANES signs: bit 0 of the part is that of the first, and set for a 1. */
+TARGET REEL_INLINE VECTOR NAMED(signed_as)(uint32_t signs, int part, NAMED(words) shifts,
+                                           VECTOR value) {
+    NAMED(words) bits = (NAMED(words)){0} + (~signs >> part * LANES);
+    return (VECTOR)((NAMED(words))value ^ bits >> shifts << 31);
 }
 
 /* A step of Clenshaw's sum at every vertex: b, which was two steps before, becomes
-   factor W last - b + value Z, with the means W. */
-TARGET static void NAMED(step)(const reel_smoother *own, const reel_graph *graph, double factor,
-                               double value, const double (*all)[LANES], const double *last,
-                               double *b) {
+   factor W last - b + value Z, with the means W and the signs Z. */
+TARGET static void NAMED(step)(const reel_smoother *own, const reel_graph *graph, float factor,
+                               float value, const float *last, float *b) {
+    NAMED(words) shifts;
+    for (int lane = 0; lane < LANES; lane++) {
+        shifts[lane] = (uint32_t)lane;
+    }
+    VECTOR values = value + (VECTOR){0};
+    const int32_t *near = own->near;
     for (int32_t v = 0; v < graph->n; v++) {
+        int32_t degree = reel_degree(graph, v);
         VECTOR sums[PARTS];
         for (int part = 0; part < PARTS; part++) {
             sums[part] = (VECTOR){0};
         }
-        for (int32_t i = graph->starts[v]; i < graph->starts[v + 1]; i++) {
-            const VECTOR *near = (const VECTOR *)(last + FIELDS * (size_t)graph->near[i]);
-            for (int part = 0; part < PARTS; part++) {
-                sums[part] += near[part];
+        for (int32_t left = degree; left > 0; left -= TOGETHER, near += TOGETHER) {
+            for (int i = 0; i < TOGETHER; i++) {
+                const VECTOR *one = (const VECTOR *)(last + FIELDS * (size_t)near[i]);
+                for (int part = 0; part < PARTS; part++) {
+                    sums[part] += one[part];
+                }
             }
         }
-        int32_t degree = reel_degree(graph, v);
-        double share = degree ? factor / degree : 0.0;
+        float share = degree ? factor / (float)degree : 0.0F;
         VECTOR *row = (VECTOR *)(b + FIELDS * (size_t)v);
         for (int part = 0; part < PARTS; part++) {
-            const VECTOR *z = NAMED(signs_of)(all, own->signs[v], part);
-            row[part] = (sums[part] * share - row[part]) + *z * value;
+            row[part] = (sums[part] * share - row[part]) +
+                        NAMED(signed_as)(own->signs[v], part, shifts, values);
         }
     }
 }
 
 /* Smooth fields of the graph: the series of the signs, by Clenshaw's sum from its last term on. */
-TARGET static const double *NAMED(diffuse)(const reel_smoother *own, const reel_graph *graph) {
-    double all[SIGN_CASES][LANES] __attribute__((aligned(64)));
-    double *last = own->fields, *b = own->others;
-    NAMED(fill_signs)(all);
+TARGET static const float *NAMED(diffuse)(const reel_smoother *own, const reel_graph *graph) {
+    float *last = own->fields, *b = own->others;
     const series *chosen = graph->n > REEL_SMALL_GRAPH ? &large : &small;
-    NAMED(begin)(own, graph->n, chosen->terms[chosen->n_terms - 1], all, last);
-    reel_zero(b, (size_t)graph->n * FIELDS * sizeof *b);
-    for (int term = chosen->n_terms - 2; term >= 0; term--) {
-        NAMED(step)(own, graph, term ? 2.0 : 1.0, chosen->terms[term], all, last, b);
-        double *latest = b;
+    reel_zero(last, ((size_t)graph->n + 1) * FIELDS * sizeof *last);
+    reel_zero(b, ((size_t)graph->n + 1) * FIELDS * sizeof *b);
+    for (int term = chosen->n_terms - 1; term >= 0; term--) {
+        NAMED(step)(own, graph, term ? 2.0F : 1.0F, chosen->terms[term], last, b);
+        float *latest = b;
         b = last;
         last = latest;
     }
@@ -74,4 +62,3 @@ TARGET static const double *NAMED(diffuse)(const reel_smoother *own, const reel_
 
 #undef VECTOR
 #undef PARTS
-#undef SIGN_CASES

@@ -51,6 +51,7 @@ void fuzz_frames(void) {
         placement[i] = fuzz_float();
     }
     bool by_mode = fuzz_once_in(2);
+    int64_t precision = fuzz_once_in(2) ? REEL_SUMS_4 : REEL_SUMS_8;
     int32_t *wanted = any_numbers(n_wanted, n_frames);
     int32_t *order = fuzz_once_in(2) ? any_numbers(n_verts, n_verts) : NULL;
     int64_t *starts = fuzz_once_in(2) ? any_starts(n_wanted) : NULL;
@@ -60,10 +61,10 @@ void fuzz_frames(void) {
     for (int64_t i = 0; i < n_columns * n_moves; i++) {
         moves[i] = fuzz_float();
     }
-    size_t size = reel_frames_memory(n_columns, n_modes, n_wanted), item = layout == 4 ? 4 : 8;
+    size_t size = reel_frames_memory(n_columns, n_frames, n_modes, n_wanted), item = layout == 4 ? 4 : 8;
     void *out = fuzz_take(n, item);
     int64_t result = reel_frames(fuzz_take((int64_t)size, 1), size, basis, fields,
-                                 by_mode ? n_verts : 1, by_mode ? 1 : n_modes, 0.5, order,
+                                 by_mode ? n_verts : 1, by_mode ? 1 : n_modes, 0.5, precision, order,
                                  n_columns, n_frames, n_modes, n_verts, wanted, n_wanted, starts,
                                  corrected, moves, placement, layout, out);
     fuzz_claim_code(result);

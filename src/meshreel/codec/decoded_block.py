@@ -11,7 +11,7 @@ from meshreel.codec.corrections import Corrections, corrected, moves_by_frame
 from meshreel.codec.frame_products import FramesOf, JointFrames, ProductFrames
 from meshreel.kernel.frames import Moves
 from meshreel.runtime.profiling import staged
-from meshreel.runtime.threads import chunks, in_threads
+from meshreel.runtime.threads import chunks, in_threads, n_cores
 from meshreel.subspace.trajectories import BoundingFrame, from_matrices
 
 Vertices = npt.NDArray[np.floating]
@@ -20,8 +20,8 @@ Integers = npt.NDArray[np.int64]
 CHUNK_BYTES = 1 << 22
 """Size of the float64 frames that are computed at a time, which should fit into the cache."""
 
-LEAST_FRAMES = 32
-"""Frames that the core computes at a time, at least: it keeps to few vertices at once."""
+LEAST_FRAMES, MOST_FRAMES = 32, 256
+"""Frames that the core computes at a time: for all of them it collects fields once."""
 
 
 @dataclass(frozen=True)
@@ -99,8 +99,10 @@ class DecodedBlock:
                 matrices = self._final_frames_of(slice(frames.start, frames.stop))
                 out[piece] = from_matrices(matrices, self.frame, out.dtype)
 
-        least = LEAST_FRAMES if is_direct else 1
-        pieces = chunks(len(out), max(least, CHUNK_BYTES // (24 * out.shape[1])))
+        n_together = max(1, CHUNK_BYTES // (24 * out.shape[1]))
+        if is_direct:
+            n_together = max(LEAST_FRAMES, min(-(-len(out) // n_cores()), MOST_FRAMES))
+        pieces = chunks(len(out), n_together)
         done = None if report is None else (lambda number: report(pieces[number - 1].stop))
         # Damaged values may overflow; the caller checks whether frames are finite.
         with np.errstate(over="ignore", invalid="ignore"):

@@ -53,17 +53,27 @@ class JointFrames:
     step : float
     order : integer array of shape (V,)
         The row of `values` that each vertex of the frames has.
+    is_single : bool, default False
+        Products are summed up in IEEE single precision, and not in double.
     """
 
     basis: Floats
     values: Floats
     step: float
     order: Integers
+    is_single: bool = False
 
     def __call__(self, frames: slice) -> Floats:
         """Coordinate matrices of shape (3, frames, V) of a range of frames."""
         numbers = range(*frames.indices(self.basis.shape[1]))
-        return frame_columns(self.basis, self.values.T, numbers, step=self.step, order=self.order)
+        return frame_columns(
+            self.basis,
+            self.values.T,
+            numbers,
+            step=self.step,
+            is_single=self.is_single,
+            order=self.order,
+        )
 
     @cached_property
     def product(self) -> ProductFrames:
@@ -92,6 +102,7 @@ class JointFrames:
             placement,
             moves,
             step=self.step,
+            is_single=self.is_single,
             order=self.order,
         )
 

@@ -18,6 +18,9 @@ Integers = npt.NDArray[np.integer]
 COLUMNS = 0
 """REEL_COLUMNS of `core/reel.h`; layouts of values are the bytes of a number."""
 
+SINGLE, DOUBLE = 4, 8
+"""REEL_SUMS_4 and REEL_SUMS_8."""
+
 
 @dataclass(frozen=True)
 class Moves:
@@ -106,6 +109,7 @@ def frame_columns(
     frames: range,
     *,
     step: float = 1.0,
+    is_single: bool = False,
     order: Integers | None = None,
 ) -> Floats:
     """Matrices of shape (C, frames, V): sums over the modes.
@@ -115,11 +119,12 @@ def frame_columns(
     basis : float64 array of shape (C, T, K)
     fields : float64 array of shape (K, V)
     frames : range
-    step, order
+    step, is_single, order
         As of `fill_values`.
     """
     out = np.empty((len(basis), len(frames), fields.shape[1]))
-    _frames(basis, fields, frames, step, order, None, None, out, COLUMNS)
+    precision = SINGLE if is_single else DOUBLE
+    _frames(basis, fields, frames, step, precision, order, None, None, out, COLUMNS)
     return out
 
 
@@ -132,6 +137,7 @@ def fill_values(
     moves: Moves | None = None,
     *,
     step: float = 1.0,
+    is_single: bool = False,
     order: Integers | None = None,
 ) -> None:
     """Fill an array with values of frames: (sum over modes + move) times scale plus origin.
@@ -150,6 +156,8 @@ def fill_values(
         Of these frames, and vertices of `out`.
     step : float
         Fields are multiplied by it first.
+    is_single : bool, default False
+        Sums over the modes are in IEEE single precision, and not in double.
     order : integer array of shape (V,), optional
         The vertex of the fields that each vertex of `out` is.
 
@@ -159,7 +167,8 @@ def fill_values(
         If the order names a vertex that is not there, or a frame is not.
     """
     placed = np.array(placement, np.float64)
-    _frames(basis, fields, frames, step, order, moves, placed, out, out.itemsize)
+    precision = SINGLE if is_single else DOUBLE
+    _frames(basis, fields, frames, step, precision, order, moves, placed, out, out.itemsize)
 
 
 def coordinate_rows(
@@ -207,6 +216,7 @@ def _frames(
     fields: Floats,
     frames: range,
     step: float,
+    precision: int,
     order: Integers | None,
     moves: Moves | None,
     placement: Floats | None,
@@ -218,7 +228,7 @@ def _frames(
     if moves is not None:
         moved = (moves.starts, moves.vertices, moves.displacements)
     fields = np.asarray(fields, np.float64)
-    room = memory(size_of("reel_frames_memory", n_columns, n_modes, len(frames)))
+    room = memory(size_of("reel_frames_memory", n_columns, n_frames, n_modes, len(frames)))
     call(
         "reel_frames",
         room,
@@ -227,6 +237,7 @@ def _frames(
         ctypes.c_void_p(fields.ctypes.data),
         *(stride // fields.itemsize for stride in fields.strides),
         ctypes.c_double(step),
+        precision,
         None if order is None else np.ascontiguousarray(order, np.int32),
         n_columns,
         n_frames,

@@ -157,8 +157,8 @@ class _TrackReader:
         values = decode_fields(block, mesh, key)
         if key is None:
             self._key = number, block.layout, KeyFields(values)
-        step, order = float(block.layout.step), mesh.number[self._order]
-        return JointFrames(basis, values, step, order)
+        layout, order = block.layout, mesh.number[self._order]
+        return JointFrames(basis, values, float(layout.step), order, layout.is_single)
 
     def corrections(self, stored: StoredBlock) -> Corrections | None:
         """Corrections of vertices as they go out."""

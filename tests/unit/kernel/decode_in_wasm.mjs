@@ -103,7 +103,7 @@ call("reel_basis", [3, T], times, k, 3n, t, basis);
 const wanted = put(Int32Array.from({ length: T }, (_, i) => i));
 const placement = put(Float64Array.from(stream.placement));
 const positions = take(12 * T * V);
-call("reel_frames", [3, K, T], basis, values, 1n, k, 1.0, 0, 3n, t, k, v, wanted, t, 0, 0, 0, placement,
+call("reel_frames", [3, T, K, T], basis, values, 1n, k, 1.0, 4n, 0, 3n, t, k, v, wanted, t, 0, 0, 0, placement,
   4n, positions);
 
 console.log(JSON.stringify({

@@ -12,12 +12,12 @@ from meshreel.kernel.frames import Moves, fill_values, frame_columns, time_vecto
 PLACEMENT = (3.7, 0.1, -2.0, 5e3)
 
 
-def sums_of_the_format(basis, fields):
+def sums_of_the_format(basis, fields, number=np.float64):
     """Mode after mode, of shape (3, T, V)."""
-    sums = np.zeros((*basis.shape[:2], fields.shape[1]))
-    for mode, field in enumerate(fields):
-        sums += basis[:, :, mode, None] * field
-    return sums
+    sums = np.zeros((*basis.shape[:2], fields.shape[1]), number)
+    for mode, field in enumerate(fields.astype(number)):
+        sums += basis[:, :, mode, None].astype(number) * field
+    return sums.astype(np.float64)
 
 
 def positions_of_the_format(sums, dtype):
@@ -35,14 +35,19 @@ blocks = st.builds(
 )
 
 
-@given(blocks, st.sampled_from([np.float32, np.float64]))
-def test_positions_are_those_of_the_format_when_all_frames_are_wanted(made, dtype):
+numbers = st.sampled_from([np.float32, np.float64])
+
+
+@given(blocks, numbers, numbers)
+def test_positions_are_those_of_the_format_when_all_frames_are_wanted(made, dtype, summed):
     basis, fields = made
+    is_single = summed is np.float32
     out = np.empty((basis.shape[1], fields.shape[1], 3), dtype)
-    fill_values(out, basis, fields, range(len(out)), PLACEMENT)
-    sums = sums_of_the_format(basis, fields)
+    fill_values(out, basis, fields, range(len(out)), PLACEMENT, is_single=is_single)
+    sums = sums_of_the_format(basis, fields, summed)
     np.testing.assert_array_equal(out, positions_of_the_format(sums, dtype))
-    np.testing.assert_array_equal(frame_columns(basis, fields, range(len(out))), sums)
+    found = frame_columns(basis, fields, range(len(out)), is_single=is_single)
+    np.testing.assert_array_equal(found, sums)
 
 
 @given(blocks, st.data())

@@ -59,7 +59,8 @@ def test_the_module_decodes_the_same_bits_as_the_library(module, tmp_path):
     values = decode_values(found, residuals, n_modes)
     positions = np.empty((n_frames, n_verts, 3), np.float32)
     fields = np.ascontiguousarray(values.T)
-    fill_values(positions, time_vectors(coded_times), fields, range(n_frames), placement)
+    times = time_vectors(coded_times)
+    fill_values(positions, times, fields, range(n_frames), placement, is_single=True)
 
     text = {
         "connectivity": connectivity,

@@ -199,18 +199,25 @@ def test_bytes_are_the_same_when_encoded_twice():
     assert encode(irregular_sequence(), "reel") == encode(irregular_sequence(), "reel")
 
 
-@pytest.mark.parametrize(
-    ("number", "remedy"), [(127, "upgrade meshreel"), (3, "encode the original again")]
-)
-def test_other_layouts_are_refused_when_another_build_wrote_them(number, remedy):
+@pytest.mark.parametrize("number", [127, 3])
+def test_other_layouts_are_refused_when_another_build_wrote_them(number):
     first = bytes([number])
     stream = read_stream(encode(waving_grid(), "reel"))
     sections = [
         (section, first + payload[1:] if section is Section.FIELDS else payload)
         for section, payload in parts_of(stream)
     ]
-    with pytest.raises(UnsupportedVersionError, match=f"layout {number}; .*; {remedy}"):
+    with pytest.raises(UnsupportedVersionError, match=f"layout {number}; .*; upgrade meshreel"):
         decode(raw_stream(stream.header, sections))
+
+
+@pytest.mark.parametrize(("step", "is_single"), [(2.0**-15, True), (2.0**-17, False)])
+def test_frames_are_summed_up_in_double_when_the_step_is_fine(step, is_single):
+    sequence = waving_grid()
+    data = encode(sequence, "reel", step=step)
+    assert read_layout(read_stream(data).block(0)[Section.FIELDS]).is_single is is_single
+    error = np.abs(decode(data).vertices - sequence.vertices).max()
+    assert error < 6 * step * np.linalg.norm(np.ptp(sequence.vertices, axis=(0, 1)))
 
 
 def test_blocks_of_the_papers_kind_are_refused_when_there_are_none():

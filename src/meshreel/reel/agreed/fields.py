@@ -33,12 +33,15 @@ class Layout:
     reference : int
         How many blocks before this one its key block is, whose fields its weights follow first;
         0: it has none, and can be a key block itself.
+    is_single : bool
+        Frames are summed up over the modes in IEEE single precision, and not in double.
     """
 
     step: np.float32
     stencil_size: int
     n_learned: int
     reference: int = 0
+    is_single: bool = False
 
 
 @dataclass(frozen=True)

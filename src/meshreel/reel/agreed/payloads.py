@@ -18,8 +18,8 @@ from meshreel.runtime.profiling import staged
 Integers = npt.NDArray[np.int64]
 
 
-LAYOUT = 6
-"""Layout of the sections of `reel`; earlier ones were of the method in the making."""
+SINGLE, DOUBLE = 4, 8
+"""Layouts of the sections of `reel`, by the bytes of the numbers that frames are summed up in."""
 
 MAX_LEARNED = 255
 """Most modes that predictor weights follow."""
@@ -29,10 +29,10 @@ MAX_STEP = 1e6
 
 
 def write_layout(layout: Layout) -> bytes:
-    """How the fields of `reel` are predicted; begins with the number of this layout."""
+    """How the fields of `reel` are predicted; begins with the number of the layout."""
     return b"".join(
         [
-            bytes([LAYOUT]),
+            bytes([SINGLE if layout.is_single else DOUBLE]),
             write_varint(layout.reference),
             struct.pack("<f", layout.step),
             write_varint(layout.stencil_size),
@@ -47,17 +47,16 @@ def read_layout(payload: bytes) -> Layout:
     Raises
     ------
     UnsupportedVersionError
-        If it is of a newer build, or of one from before the method was settled.
+        If it is of a newer build.
     CorruptStreamError
         If it contradicts itself.
     """
     if not payload:
         raise TruncatedStreamError("the layout of the fields is cut off")
-    if payload[0] != LAYOUT:
-        remedy = "upgrade meshreel" if payload[0] > LAYOUT else "encode the original again"
+    if payload[0] not in (SINGLE, DOUBLE):
         raise UnsupportedVersionError(
-            f"the fields of the stream have layout {payload[0]}; this build reads {LAYOUT}; "
-            f"{remedy}"
+            f"the fields of the stream have layout {payload[0]}; this build reads {SINGLE} and "
+            f"{DOUBLE}; upgrade meshreel"
         )
     reference, position = read_varint(payload, 1)
     if len(payload) < position + 4:
@@ -71,7 +70,8 @@ def read_layout(payload: bytes) -> Layout:
             f"fields with stencils of {stencil_size}, step {step} and weights that follow "
             f"{n_learned} modes; {len(payload) - position} bytes are left over"
         )
-    return Layout(np.float32(step), stencil_size, n_learned, reference)
+    is_single = payload[0] == SINGLE
+    return Layout(np.float32(step), stencil_size, n_learned, reference, is_single)
 
 
 @staged("temporal basis")

@@ -27,11 +27,13 @@ def test_times_are_refused_when_bytes_are_too_few_for_them():
             payloads.read_basis(payload[:size], 2, 3, 4000)
 
 
-def layout(step=0.25, size=10, n_learned=32, reference=0):
-    return Layout(np.float32(step), size, n_learned, reference)
+def layout(step=0.25, size=10, n_learned=32, reference=0, is_single=False):
+    return Layout(np.float32(step), size, n_learned, reference, is_single)
 
 
-@pytest.mark.parametrize("known", [layout(), layout(n_learned=0), layout(size=1, reference=300)])
+@pytest.mark.parametrize(
+    "known", [layout(), layout(n_learned=0), layout(size=1, reference=300), layout(is_single=True)]
+)
 def test_layout_comes_back_when_written(known):
     back = payloads.read_layout(payloads.write_layout(known))
     assert back == known
@@ -58,12 +60,10 @@ def test_layout_is_refused_when_bytes_are_missing_or_left_over():
         payloads.read_layout(payload + b"\0")
 
 
-@pytest.mark.parametrize(
-    ("number", "remedy"), [(0, "encode the original again"), (255, "upgrade meshreel")]
-)
-def test_layout_is_refused_as_that_of_another_build_when_its_number_differs(number, remedy):
+@pytest.mark.parametrize("number", [0, 6, 255])
+def test_layout_is_refused_as_that_of_another_build_when_its_number_differs(number):
     payload = payloads.write_layout(layout())
-    with pytest.raises(UnsupportedVersionError, match=f"layout {number}; .*; {remedy}$"):
+    with pytest.raises(UnsupportedVersionError, match=f"layout {number}; .*; upgrade meshreel$"):
         payloads.read_layout(bytes([number]) + payload[1:])
 
 
