@@ -151,11 +151,15 @@ def _few_leading(gram: Floats, least: float) -> tuple[Floats, Floats] | None:
     while count <= SHARE_OF_GRAM * len(gram):
         start = np.random.default_rng(count).standard_normal((len(gram), count + SPARE))
         vectors = np.linalg.qr(gram @ start)[0]
-        for _ in range(N_ITERATIONS):
-            vectors = np.linalg.qr(gram @ (gram @ vectors))[0]
-        eigenvalues, turned = np.linalg.eigh(vectors.T @ (gram @ vectors))
-        if eigenvalues[SPARE] < least:
-            return eigenvalues, vectors @ turned
+        moved = gram @ vectors
+        at_least = np.linalg.eigvalsh(vectors.T @ moved)  # Ritz values are never too large
+        if at_least[SPARE] < least:
+            for _ in range(N_ITERATIONS):
+                vectors = np.linalg.qr(gram @ moved)[0]
+                moved = gram @ vectors
+            eigenvalues, turned = np.linalg.eigh(vectors.T @ moved)
+            if eigenvalues[SPARE] < least:
+                return eigenvalues, vectors @ turned
         count *= 2
     return None
 

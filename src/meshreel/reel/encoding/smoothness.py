@@ -30,7 +30,7 @@ where modes fade slowly."""
 LEAST_SHARE = 0.2
 """Of the usual step, however smooth: normals then are off by less than is seen on a plain wall."""
 
-MOST_EDGES = 10_000
+MOST_EDGES = 4096
 N_FRAMES = 4
 """Samples that the turn is found from."""
 
