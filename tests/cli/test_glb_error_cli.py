@@ -36,7 +36,7 @@ def test_glb_is_within_the_error_that_is_stated_when_a_stream_promises_one(
 @pytest.mark.parametrize("command", ["decode", "convert"])
 def test_glb_is_refused_when_the_bound_is_below_the_promise(folder, tmp_path, command):
     done = run(command, folder / "kept.reel", "-o", tmp_path / "a.glb", "--max-error", 0.04)
-    assert_fails(done, "leaves nothing for morph targets", "may be 0.05 % of the diagonal off")
+    assert_fails(done, "leaves nothing for morph targets", "the stream may be 0.05", "off itself")
     assert list(tmp_path.iterdir()) == []
 
 
