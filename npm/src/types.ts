@@ -32,6 +32,8 @@ export interface ReelInfo {
   /** Largest displacement of any vertex that the encoder promises, in percent of the diagonal. */
   readonly promisePercent: number | null;
   readonly numberType: "float32" | "float64";
+  /** Quantities that change over time beside the positions; they are left out. */
+  readonly nTracks: number;
   readonly blocks: readonly BlockInfo[];
 }
 

@@ -1,0 +1,70 @@
+// Builds dist/: the core as WebAssembly, bundles of the scripts with it inside, declarations.
+//
+// The core is compiled by core/compile.py, which needs Python with the package `ziglang`; PYTHON
+// names the interpreter.
+
+import { build } from "esbuild";
+import { execFileSync } from "node:child_process";
+import { existsSync, mkdirSync, readFileSync, readdirSync, rmSync, statSync } from "node:fs";
+import { dirname, join } from "node:path";
+import { fileURLToPath } from "node:url";
+import { deflateSync, gzipSync } from "node:zlib";
+
+const here = dirname(fileURLToPath(import.meta.url));
+const core = join(here, "../core");
+const dist = join(here, "dist");
+const modules = join(here, "wasm");
+
+/** What pages import, by the name of its file in dist/. */
+const ENTRIES = { index: "src/index.ts" };
+
+function run(command, ...given) {
+  execFileSync(command, given, { cwd: here, stdio: "inherit" });
+}
+
+/** The bytes of a module, compiled where a source is newer. */
+function compiled(target, name) {
+  const path = join(modules, name);
+  const sources = readdirSync(core).filter((file) => /\.([ch]|py)$/.test(file));
+  const isNewer = (file) => statSync(join(core, file)).mtimeMs > statSync(path).mtimeMs;
+  if (!existsSync(path) || sources.some(isNewer)) {
+    mkdirSync(modules, { recursive: true });
+    const python = process.env.PYTHON ?? "python3";
+    run(python, join(core, "compile.py"), "--target", target, "-o", path);
+  }
+  return readFileSync(path);
+}
+
+const quick = compiled("wasm", "reel.wasm");
+const plain = compiled("wasm-plain", "reel_plain.wasm");
+
+rmSync(dist, { recursive: true, force: true });
+const { metafile } = await build({
+  entryPoints: Object.fromEntries(
+    Object.entries(ENTRIES).map(([name, file]) => [name, join(here, file)]),
+  ),
+  bundle: true,
+  splitting: true,
+  minify: true,
+  metafile: true,
+  format: "esm",
+  target: "es2022",
+  charset: "utf8",
+  legalComments: "none",
+  external: ["three"],
+  outdir: dist,
+  chunkNames: "[name]",
+  absWorkingDir: here,
+  define: {
+    // Deflated bytes in base 64 are packed by gzip to little more than the deflated bytes.
+    SIMD_WASM: JSON.stringify(deflateSync(quick, { level: 9 }).toString("base64")),
+    PLAIN_MODULE: JSON.stringify(plain.toString("base64")),
+  },
+});
+run("npx", "tsc", "--declaration", "--emitDeclarationOnly", "--outDir", "dist");
+
+for (const file of Object.keys(metafile.outputs)) {
+  const bytes = readFileSync(join(here, file));
+  const packed = gzipSync(bytes, { level: 9 }).length;
+  console.log(`${file}: ${bytes.length} bytes, ${packed} after gzip`);
+}
