@@ -1,0 +1,92 @@
+// Opens whatever bytes come from.
+
+import { InvalidInputError, SourceError } from "../errors";
+import type { ByteSource } from "../types";
+import { Address, partOf } from "./address";
+import { BlobSource, MemorySource } from "./memory";
+import { RemoteSource } from "./remote";
+import type { Server } from "./server";
+
+/** What can be opened: an address, a response of `fetch`, or the bytes themselves. */
+export type SourceInput = string | URL | Response | ArrayBuffer | Uint8Array | Blob;
+
+export interface SourceOptions {
+  /** Ends the opening and, later, all reads, with its reason: an `AbortError` by default. */
+  signal?: AbortSignal;
+  /** Sent with each request. Some make browsers ask the server first whether it allows them. */
+  headers?: HeadersInit;
+  /** As of `fetch`; "include" sends cookies to other sites too. */
+  credentials?: RequestCredentials;
+  /** How often a request is repeated where nothing new comes; 3 by default. */
+  retries?: number;
+  /** How long to wait for a server that sends nothing, in seconds; 20 by default. */
+  stallSeconds?: number;
+}
+
+/**
+ * Bytes of a file that are had when they are read.
+ *
+ * A server is asked for ranges. If it has none, the file comes as a whole and is kept in memory;
+ * what is here can be read while the rest is on its way. Connections that are cut are taken up
+ * where they ended.
+ *
+ * @param from - An address, a response whose body nobody has read, or bytes. Those in memory must
+ *   not change as long as the source is open.
+ * @throws InvalidInputError for what cannot be opened; SourceError where the server does not give
+ *   the file: the message says what to do.
+ */
+export async function openSource(
+  from: SourceInput,
+  { signal, headers, credentials, retries = 3, stallSeconds = 20 }: SourceOptions = {},
+): Promise<ByteSource> {
+  signal?.throwIfAborted();
+  if (from instanceof Blob) return new BlobSource(from);
+  if (from instanceof ArrayBuffer) return new MemorySource(new Uint8Array(from));
+  if (from instanceof Uint8Array) return new MemorySource(from);
+  const server = serverOf(from, { headers, credentials });
+  const nRetries = from instanceof Response ? 0 : retries;
+  const source = new RemoteSource(server, { retries: nRetries, stallMs: 1000 * stallSeconds });
+  const close = () => source.close(signal!.reason);
+  signal?.addEventListener("abort", close);
+  try {
+    // Once a byte is here, it is known whether there are ranges.
+    await source.read(0, 1);
+  } catch (error) {
+    source.close();
+    signal?.removeEventListener("abort", close);
+    throw error;
+  }
+  return source;
+}
+
+function serverOf(from: string | URL | Response, init: RequestInit): Server {
+  if (typeof from === "string" || from instanceof URL) return new Address(String(from), init);
+  if (from instanceof Response) return givenBody(from);
+  throw new InvalidInputError(
+    `a source cannot be opened from ${Object.prototype.toString.call(from)}; give an address, a` +
+      " Response, a Blob, an ArrayBuffer or a Uint8Array",
+  );
+}
+
+/** A response of the user's, which can be read once. */
+function givenBody(response: Response): Server {
+  const name = response.url || "the response";
+  const part = partOf(response);
+  if (response.bodyUsed) {
+    throw new InvalidInputError(`${name} has been read already; give one that has not`);
+  }
+  if (!response.ok || !part || part.start > 0 || part.end !== part.size) {
+    throw new SourceError(`${name} is not of a whole file (HTTP ${response.status})`);
+  }
+  let isGiven = false;
+  const ask = async () => {
+    if (isGiven) {
+      throw new SourceError(
+        `${name} cannot be asked for what is missing; open the address instead`,
+      );
+    }
+    isGiven = true;
+    return part;
+  };
+  return { name, size: part.size, hasRanges: false, ask };
+}
