@@ -38,6 +38,27 @@ function compiled(target, name) {
 const quick = compiled("wasm", "reel.wasm");
 const plain = compiled("wasm-plain", "reel_plain.wasm");
 
+/** The engine and all that it needs, inside one function: its text is the script of a worker. */
+const engineInside = {
+  name: "engine inside",
+  setup(bundler) {
+    bundler.onLoad({ filter: /[\\/]engine_function\.ts$/ }, async () => {
+      const { outputFiles } = await build({
+        entryPoints: [join(here, "src/engine/start.ts")],
+        bundle: true,
+        minify: true,
+        write: false,
+        format: "iife",
+        globalName: "engine",
+        // As old as can be: what bundlers would rewrite, they would rewrite with help from outside.
+        target: "es2020",
+      });
+      const script = outputFiles[0].text;
+      return { contents: `export function startEngine(port) {${script}engine.start(port);}` };
+    });
+  },
+};
+
 rmSync(dist, { recursive: true, force: true });
 const { metafile } = await build({
   entryPoints: Object.fromEntries(
@@ -53,6 +74,7 @@ const { metafile } = await build({
   legalComments: "none",
   external: ["three"],
   outdir: dist,
+  plugins: [engineInside],
   chunkNames: "[name]",
   absWorkingDir: here,
   define: {

@@ -1,8 +1,6 @@
 // What `import ... from "meshreel"` gives.
 
 export * from "./errors.js";
+export { type CallOptions, type OpenOptions, ReelFile } from "./file/reel_file.js";
+export type { SourceInput, SourceOptions } from "./source/open.js";
 export type * from "./types.js";
-export type { Core } from "./core/core.js";
-export { loadCore } from "./core/module.js";
-export type { DecodedBlock } from "./decode/decoded_block.js";
-export { MemoryReel } from "./decode/memory_reel.js";
