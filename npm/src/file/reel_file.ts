@@ -11,7 +11,8 @@ import { RemoteEngine } from "./remote_engine.js";
 export interface OpenOptions extends SourceOptions {
   /**
    * Whether frames are decoded in a worker, so that the page never waits for them. Default: true;
-   * without workers, as in Node, they are decoded on the thread that asks.
+   * where there are no workers, as in Node, or a content policy has no `worker-src blob:`, they are
+   * decoded on the thread that asks; `isInWorker` says which.
    */
   worker?: boolean;
 }
@@ -100,6 +101,11 @@ export class ReelFile implements OpenReel {
   async fields(block: number, { signal }: CallOptions = {}): Promise<BlockFields> {
     requireNumber("block", block, this.info.blocks.length);
     return this.engine.ask("fields", { block }, signal);
+  }
+
+  /** Whether frames are decoded in a worker, and not on the thread that asks. */
+  get isInWorker(): boolean {
+    return this.engine.isInWorker;
   }
 
   /** Lets all memory and connections go. Calls that are under way throw an `AbortError`. */

@@ -15,6 +15,7 @@ import type { ByteSource } from "../types.js";
 import { startEngine } from "./engine_function.js";
 
 interface Waiting {
+  readonly question: Question;
   resolve(answer: Answers[keyof Answers]): void;
   reject(reason: unknown): void;
 }
@@ -22,14 +23,16 @@ interface Waiting {
 /** A port to an engine, and how it ends. */
 interface Line {
   readonly port: Port;
+  readonly isWorker: boolean;
   close(): void;
 }
 
 export class RemoteEngine {
   private readonly waiting = new Map<number, Waiting>();
   private readonly reads = new Map<number, AbortController>();
-  private readonly line: Line;
+  private line: Line;
   private nQuestions = 0;
+  private hasAnswered = false;
   private closed: unknown = null;
 
   /**
@@ -40,8 +43,13 @@ export class RemoteEngine {
     private readonly source: ByteSource,
     inWorker: boolean,
   ) {
-    this.line = (inWorker && workerLine((error) => this.close(error))) || threadLine();
-    this.line.port.onmessage = ({ data }: MessageEvent<FromEngine>) => this.hear(data);
+    this.line = (inWorker && workerLine((reason) => this.lose(reason))) || threadLine();
+    this.listen();
+  }
+
+  /** Whether it works beside the page, and not on its thread. */
+  get isInWorker(): boolean {
+    return this.line.isWorker;
   }
 
   /** Asks, and gives the answer; a signal takes the question back. */
@@ -61,8 +69,9 @@ export class RemoteEngine {
     signal?.addEventListener("abort", cancel, { once: true });
     try {
       return await new Promise<Answers[Name]>((resolve, reject) => {
-        this.waiting.set(id, { resolve: resolve as Waiting["resolve"], reject });
-        this.say({ id, call, of } as Question);
+        const question = { id, call, of } as Question;
+        this.waiting.set(id, { question, resolve: resolve as Waiting["resolve"], reject });
+        this.say(question);
       });
     } finally {
       signal?.removeEventListener("abort", cancel);
@@ -80,11 +89,29 @@ export class RemoteEngine {
     this.reads.clear();
   }
 
+  private listen(): void {
+    this.line.port.onmessage = ({ data }: MessageEvent<FromEngine>) => this.hear(data);
+  }
+
+  /** Goes on without a worker that a content policy did not let begin; one that fell over is lost. */
+  private lose(reason: string): void {
+    if (this.closed) return;
+    if (this.hasAnswered) {
+      this.close(new errors.MeshReelError(`the worker that decodes has ended (${reason})`));
+      return;
+    }
+    this.line.close();
+    this.line = threadLine();
+    this.listen();
+    for (const { question } of this.waiting.values()) this.say(question);
+  }
+
   private say(message: ToEngine, transfer: Transferable[] = []): void {
     this.line.port.postMessage(message, transfer);
   }
 
   private hear(message: FromEngine): void {
+    this.hasAnswered = true;
     if ("read" in message) {
       void this.read(message.read, message.start, message.end);
     } else if ("drop" in message) {
@@ -112,26 +139,26 @@ export class RemoteEngine {
 }
 
 /** A worker whose script is the text of the engine; null where there can be none. */
-function workerLine(failed: (error: Error) => void): Line | null {
+function workerLine(failed: (reason: string) => void): Line | null {
   if (typeof Worker === "undefined") return null;
   const script = new Blob([`(${startEngine})(self)`], { type: "text/javascript" });
   const url = URL.createObjectURL(script);
+  const close = (): void => {
+    worker?.terminate();
+    URL.revokeObjectURL(url);
+  };
+  let worker: Worker | null = null;
   try {
-    const worker = new Worker(url);
-    worker.onerror = ({ message }) =>
-      failed(
-        new errors.MeshReelError(
-          `the worker that decodes has ended (${message || "no reason is given"}); if the page has ` +
-            "a content policy, allow worker-src blob:, or open with worker: false",
-        ),
-      );
-    return { port: worker, close: () => worker.terminate() };
+    worker = new Worker(url);
   } catch {
-    return null; // the content policy forbids it
-  } finally {
-    // Browsers have taken up the script when the worker is made.
-    setTimeout(() => URL.revokeObjectURL(url), 10_000);
+    close();
+    return null; // as a content policy may want it
   }
+  worker.onerror = (event) => {
+    event.preventDefault();
+    failed(event.message || "no reason is given");
+  };
+  return { port: worker, isWorker: true, close };
 }
 
 /** The engine on this thread. */
@@ -142,5 +169,5 @@ function threadLine(): Line {
     port1.close();
     port2.close();
   };
-  return { port: port1, close };
+  return { port: port1, isWorker: false, close };
 }
