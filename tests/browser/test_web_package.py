@@ -2,6 +2,10 @@
 
 import hashlib
 import json
+import shutil
+import subprocess
+from queue import Empty, Queue
+from tempfile import TemporaryDirectory
 
 import pytest
 
@@ -10,6 +14,7 @@ from conformance.make import FOLDER
 from samples.web_package import built_package, serving
 
 POLICY = "Content-Security-Policy"
+FIREFOX_S = 120
 WITHOUT_WORKERS = "default-src 'self'; script-src 'self' 'wasm-unsafe-eval'"
 
 HASHES = """async (names) => {
@@ -59,6 +64,33 @@ def test_positions_are_those_of_every_stream(new_page):
         found = page.evaluate(HASHES, sorted(said))
     wanted = {name: [one["hash of positions"], True] for name, one in said.items()}
     assert found == wanted
+
+
+@pytest.mark.skipif(shutil.which("firefox") is None, reason="needs Firefox")
+def test_positions_are_those_of_every_stream_in_firefox():
+    said = said_of_streams()
+    files = {f"/{name}.reel": (FOLDER / f"{name}.reel").read_bytes() for name in said}
+    script = f"""
+      const text = (error) => error.name + ": " + error.message;
+      ({HASHES})({json.dumps(sorted(said))})
+        .then((found) => found, (error) => ({{ error: text(error) }}))
+        .then((found) => fetch("/", {{ method: "POST", body: JSON.stringify(found) }}));
+    """
+    files["/all.html"] = f"<!doctype html><script type=module>{script}</script>".encode()
+    posted = Queue()
+    # The browser may still write into its profile while that is removed.
+    profiles = TemporaryDirectory(ignore_cleanup_errors=True)
+    with serving(files, posted=posted) as (url, _), profiles as profile:
+        command = ["firefox", "--headless", "--no-remote", "--profile", profile, f"{url}/all.html"]
+        process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        try:
+            found = json.loads(posted.get(timeout=FIREFOX_S))
+        except Empty:
+            pytest.fail(f"Firefox said nothing for {FIREFOX_S} s")
+        finally:
+            process.terminate()
+            process.wait()
+    assert found == {name: [one["hash of positions"], True] for name, one in said.items()}
 
 
 def test_a_policy_with_one_directive_is_enough(new_page, sheet):

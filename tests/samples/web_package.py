@@ -58,10 +58,11 @@ def _is_current():
 
 
 @contextmanager
-def serving(files, headers=None):
+def serving(files, headers=None, posted=None):
     """The address of a server of bytes by path, and the ranges that it was asked for.
 
-    `headers` come with every answer. The path "/" is an empty page.
+    `headers` come with every answer. The path "/" is an empty page. What a page posts is put into
+    the queue `posted`.
     """
     asked = []
 
@@ -95,6 +96,11 @@ def serving(files, headers=None):
                 self.send_header(name, value)
             self.end_headers()
             self.wfile.write(body)
+
+        def do_POST(self):
+            posted.put(self.rfile.read(int(self.headers["Content-Length"])))
+            self.send_response(204)
+            self.end_headers()
 
         def log_message(self, *given):
             pass
