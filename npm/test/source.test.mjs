@@ -118,22 +118,10 @@ describe("an honest server", { concurrency: true }, () => {
     const asked = server.requestsOf(address).slice(1).sort();
     assert.deepEqual(asked, [
       "bytes=100000-119999",
-      "bytes=120000-139999",
+      "bytes=120000-129999",
+      "bytes=130000-139999",
       "bytes=90000-99999",
     ]);
-  });
-
-  test("is asked once for neighbours that are read at the same time", async () => {
-    const address = server.address();
-    const source = await opened(address);
-    await Promise.all([
-      assertReads(source, 70_000, 71_000),
-      assertReads(source, 71_000, 72_000),
-      assertReads(source, 73_000, 74_000),
-      assertReads(source, 150_000, 151_000),
-    ]);
-    const asked = server.requestsOf(address).slice(1).sort();
-    assert.deepEqual(asked, ["bytes=150000-150999", "bytes=70000-73999"]);
   });
 
   test("gives no bytes for an empty read and behind the end", async () => {
@@ -159,7 +147,7 @@ describe("an honest server", { concurrency: true }, () => {
     const head = performance.now() - started;
     await assertReadsAsADecoder(source);
     const whole = performance.now() - started;
-    assert.ok(head < 200 && whole > 500, `head after ${head} ms, all after ${whole} ms`);
+    assert.ok(head < whole / 2, `head after ${head} ms, all after ${whole} ms`);
   });
 
   test("at 200 ms and 2 Mbit/s gives the head before all of the first range", async () => {
@@ -169,7 +157,7 @@ describe("an honest server", { concurrency: true }, () => {
     const head = performance.now() - started;
     await assertReads(source, 0, LEAD);
     const lead = performance.now() - started;
-    assert.ok(head < 100 && lead > 150, `head after ${head} ms, first range after ${lead} ms`);
+    assert.ok(head < lead / 2, `head after ${head} ms, first range after ${lead} ms`);
     await assertReadsAsADecoder(source);
   });
 
@@ -403,6 +391,59 @@ describe("a file that changes", { concurrency: true }, () => {
   }
 });
 
+describe("a server that misbehaves in many ways at once", { concurrency: 20 }, () => {
+  const CHOICES = {
+    ranges: ["yes", "yes", "yes", "no"],
+    validators: ["both", "etag", "modified", "none"],
+    cut: [0, 0, 5000, 30_000],
+    cuts: [1, 3],
+    chunked: ["no", "no", "yes"],
+    gzip: ["no", "no", "no", "yes", "ranges"],
+    lie: ["", "", "shortRange", "earlierRange", "laterRange", "whole", "wholeBody", "oldRange"]
+      .concat("noRange", "refused", "lengthLonger", "lengthShorter", "bodyShorter", "bodyLonger")
+      .concat("totalLarger", "totalSmaller"),
+    lieFrom: [0, 1, 2],
+    changeAfter: [1e9, 1e9, 1, 2, 3],
+    longer: [0, 1000],
+    status: [200, 200, 503],
+    failures: [1],
+  };
+  const OTHER = FILE.map((value) => value ^ 255);
+  const random = madeUpBytes(1e6);
+  let nDrawn = 0;
+  const draw = (below) => (random[nDrawn++] * 256 + random[nDrawn++]) % below;
+
+  for (let number = 0; number < Number(process.env.N_MIXED ?? 60); number++) {
+    const entries = Object.entries(CHOICES).map(([key, all]) => [key, all[draw(all.length)]]);
+    const behaviour = Object.fromEntries(entries);
+    const starts = [0, 1000, LEAD - 500, ...Array.from({ length: 4 }, () => draw(65536) * 3)];
+    test(`${number}: gives bytes of one version, or an error`, async () => {
+      const address = server.address(behaviour);
+      let version = null;
+      const read = async (source, start) => {
+        const bytes = await source.read(start, start + 20_000);
+        const end = Math.min(start + 20_000, source.size ?? Infinity);
+        assert.equal(bytes.length, Math.max(0, end - start));
+        const inBoth = Math.min(end, SIZE);
+        if (inBoth <= start) return;
+        const isOf = (file) =>
+          Buffer.compare(bytes.subarray(0, inBoth - start), file.subarray(start, inBoth)) === 0;
+        version ??= isOf(FILE) ? FILE : OTHER;
+        assert.ok(isOf(version), `wrong bytes ${start} to ${inBoth} from ${address}`);
+      };
+      const typed = (error) => {
+        if (!(error instanceof errors.SourceError)) throw error;
+      };
+      await inTime(address, (async () => {
+        const source = await openSource(address, { retries: 1, stallSeconds: 2 });
+        for (const start of starts.slice(0, 3)) await read(source, start).catch(typed);
+        await Promise.all(starts.slice(3).map((start) => read(source, start).catch(typed)));
+        source.close();
+      })().catch(typed));
+    });
+  }
+});
+
 describe("a server that gives no file", { concurrency: true }, () => {
   for (const [status, message, nAsked] of [
     [404, /127.0.0.1.*: HTTP 404; there is no such file, check the address/, 1],
@@ -419,10 +460,11 @@ describe("a server that gives no file", { concurrency: true }, () => {
   }
 
   test("at first is asked again", async () => {
-    for (const ranges of ["yes", "no"]) {
+    const reads = ["yes", "no"].map(async (ranges) => {
       const source = await opened(server.address({ status: 503, failures: 2, ranges }));
       await assertReadsAsADecoder(source);
-    }
+    });
+    await Promise.all(reads);
   });
 
   test("for it is not there gives an error", async () => {
@@ -448,7 +490,7 @@ describe("a server that gives no file", { concurrency: true }, () => {
 });
 
 describe("aborted work", { concurrency: true }, () => {
-  const slow = { latencyMs: 300 };
+  const slow = { latencyMs: 500 };
   const soon = () => new Promise((resolve) => setTimeout(resolve, 50));
 
   function isAborted(what, promise) {
@@ -468,7 +510,7 @@ describe("aborted work", { concurrency: true }, () => {
     setTimeout(() => controller.abort(), 50);
     const started = performance.now();
     await isAborted("the opening", opening);
-    assert.ok(performance.now() - started < 250);
+    assert.ok(performance.now() - started < 450);
   });
 
   test("ends at once: a pause before a new question", async () => {

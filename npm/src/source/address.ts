@@ -5,9 +5,6 @@ import { InvalidInputError, SourceError } from "../errors";
 import { changedError, PassingError, reasonOf } from "./server";
 import type { Answer, Server } from "./server";
 
-/** A server may not ask for a longer pause. */
-const LONGEST_PAUSE_MS = 20_000;
-
 /** What tells one version of a file from another. */
 interface Version {
   readonly etag: string | null;
@@ -54,7 +51,7 @@ export class Address implements Server {
         return this.ask(start, end, signal);
       }
     }
-    if (!response.ok) throw this.refusal(response);
+    if (!response.ok) throw this.refusal(status);
     if (part) this.check({ etag, modified, size: part.size });
     if (!part || part.start > start || (status === 206 && part.end! <= start)) {
       throw new SourceError(
@@ -88,7 +85,6 @@ export class Address implements Server {
       throw new PassingError(
         `${this.name} cannot be reached (${reasonOf(error)}); check the address and the network,` +
           " and, if it is of another site than the page, that it sends Access-Control-Allow-Origin",
-        0,
         { cause: error },
       );
     }
@@ -107,12 +103,11 @@ export class Address implements Server {
     if (!isSame || !isAsLong) throw changedError(this.name);
   }
 
-  private refusal({ status, headers }: Response): SourceError {
+  private refusal(status: number): SourceError {
     if (status === 416 && this.hasRanges) return changedError(this.name);
     const what = `${this.name}: HTTP ${status}`;
     if (status >= 500 || status === 429 || status === 408) {
-      const pauseMs = Math.min(1000 * Number(headers.get("retry-after")) || 0, LONGEST_PAUSE_MS);
-      return new PassingError(`${what}; the server has trouble, try again later`, pauseMs);
+      return new PassingError(`${what}; the server has trouble, try again later`);
     }
     if (status === 404 || status === 410) {
       return new SourceError(`${what}; there is no such file, check the address`);

@@ -5,7 +5,7 @@ import { changedError, PassingError, reasonOf } from "./server";
 import type { Answer, Patience, Server } from "./server";
 
 const FIRST_PAUSE_MS = 250;
-/** So many new bytes, and a connection that is cut does not count as a failure. */
+/** Where so many new bytes came, a connection that is cut does not count as a failure. */
 const PROGRESS_BYTES = 4096;
 /** What is kept of one download at most: a body without end must not fill the memory. */
 const LARGEST_BYTES = 2 ** 30;
@@ -13,8 +13,6 @@ const LARGEST_BYTES = 2 ** 30;
 export class Download {
   /** How many wait for some of it. */
   nReaders = 0;
-  /** Whether it can no longer be made longer. */
-  isAsked = false;
   private bytes = new Uint8Array(0);
   private nReceived = 0;
   /** Bytes that are what they seem to be, and may be given away. */
@@ -68,9 +66,6 @@ export class Download {
   }
 
   private async receiveAll(): Promise<void> {
-    // Whoever reads at the same time may still make it longer.
-    await undefined;
-    this.isAsked = true;
     let [nLeft, pauseMs] = [this.patience.retries, FIRST_PAUSE_MS];
     while (this.start + this.nSure < this.end) {
       const nBefore = this.nSure;
@@ -80,9 +75,10 @@ export class Download {
         if (!(error instanceof PassingError)) throw error;
         if (this.nSure - nBefore >= PROGRESS_BYTES) {
           [nLeft, pauseMs] = [this.patience.retries, FIRST_PAUSE_MS];
+          continue;
         }
         if (nLeft-- <= 0) throw error;
-        await pause(Math.max(pauseMs, error.pauseMs), this.stopping.signal);
+        await pause(pauseMs, this.stopping.signal);
         pauseMs *= 2;
       }
     }
@@ -92,7 +88,7 @@ export class Download {
   private async receive(): Promise<void> {
     const attempt = new AbortController();
     const stop = () => attempt.abort(this.stopping.signal.reason);
-    this.stopping.signal.addEventListener("abort", stop);
+    this.stopping.signal.addEventListener("abort", stop, { signal: attempt.signal });
     let timer: ReturnType<typeof setTimeout> | undefined;
     const watch = () => {
       clearTimeout(timer);
@@ -108,7 +104,6 @@ export class Download {
       throw attempt.signal.aborted ? attempt.signal.reason : error;
     } finally {
       clearTimeout(timer);
-      this.stopping.signal.removeEventListener("abort", stop);
       attempt.abort();
       this.nReceived = this.nSure;
     }
@@ -139,10 +134,9 @@ export class Download {
       this.wake();
       if (this.start + this.nSure >= this.end) return;
     }
-    if (answer.end !== null && at < answer.end) throw this.cut(at, "it ended early");
-    if (at < this.start + this.nReceived) throw changedError(name);
+    if (answer.end === null && at < this.start + this.nReceived) throw changedError(name);
     this.nSure = this.nReceived;
-    if (this.end === Infinity) this.end = at;
+    if (this.end === Infinity && at >= (answer.end ?? 0)) this.end = at;
     if (this.start + this.nSure < this.end) throw this.cut(at, "it ended early");
   }
 
@@ -178,7 +172,6 @@ export class Download {
     return new PassingError(
       `${this.server.name}: the connection was cut at byte ${at} (${reason});` +
         " check the network, and try again",
-      0,
       { cause },
     );
   }

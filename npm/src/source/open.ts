@@ -46,14 +46,12 @@ export async function openSource(
   const server = serverOf(from, { headers, credentials });
   const nRetries = from instanceof Response ? 0 : retries;
   const source = new RemoteSource(server, { retries: nRetries, stallMs: 1000 * stallSeconds });
-  const close = () => source.close(signal!.reason);
-  signal?.addEventListener("abort", close);
+  signal?.addEventListener("abort", () => source.close(signal.reason), { signal: source.closed });
   try {
     // Once a byte is here, it is known whether there are ranges.
     await source.read(0, 1);
   } catch (error) {
     source.close();
-    signal?.removeEventListener("abort", close);
     throw error;
   }
   return source;
@@ -72,8 +70,8 @@ function serverOf(from: string | URL | Response, init: RequestInit): Server {
 function givenBody(response: Response): Server {
   const name = response.url || "the response";
   const part = partOf(response);
-  if (response.bodyUsed) {
-    throw new InvalidInputError(`${name} has been read already; give one that has not`);
+  if (response.bodyUsed || response.body?.locked) {
+    throw new InvalidInputError(`${name} has been read already; give one that nobody reads`);
   }
   if (!response.ok || !part || part.start > 0 || part.end !== part.size) {
     throw new SourceError(`${name} is not of a whole file (HTTP ${response.status})`);

@@ -7,9 +7,6 @@ import type { Patience, Server } from "./server";
 
 /** What the first question is for. It is kept, for a reader goes over it in small steps. */
 const LEAD_BYTES = 65536;
-/** Reads at the same time, of which one begins so near behind another, are one question. */
-const JOINED_GAP_BYTES = 4096;
-const JOINED_BYTES = 2 ** 20;
 
 /** Some bytes, and the download that brings them. */
 interface Piece {
@@ -24,6 +21,8 @@ export class RemoteSource implements ByteSource {
   /** What else is on its way. */
   private readonly downloads = new Set<Download>();
   private readonly closing = new AbortController();
+  /** Aborted once the source is closed. */
+  readonly closed = this.closing.signal;
 
   constructor(
     private readonly server: Server,
@@ -47,7 +46,7 @@ export class RemoteSource implements ByteSource {
 
   async read(start: number, end: number, signal?: AbortSignal): Promise<Uint8Array> {
     signal?.throwIfAborted();
-    this.closing.signal.throwIfAborted();
+    this.closed.throwIfAborted();
     const pieces = this.plan(...checkedRange(start, end, this.size));
     try {
       const takes = pieces.map(({ download, start, end }) => download.take(start, end));
@@ -68,32 +67,18 @@ export class RemoteSource implements ByteSource {
     const pieces: Piece[] = [];
     for (let at = start; at < end; ) {
       const downloads = [this.lead, ...this.downloads];
-      const download =
-        downloads.find((other) => other.start <= at && at < other.end) ??
-        this.demand(at, Math.min(end, ...downloads.map((other) => startBehind(other, at))));
+      let download = downloads.find((other) => other.start <= at && at < other.end);
+      if (!download) {
+        const starts = downloads.map((other) => other.start).filter((other) => other > at);
+        download = new Download(this.server, at, Math.min(end, ...starts), this.patience);
+        this.downloads.add(download);
+      }
       download.nReaders += 1;
       const pieceEnd = Math.min(end, download.end);
       pieces.push({ download, start: at, end: pieceEnd });
       at = pieceEnd;
     }
     return pieces;
-  }
-
-  /** A download of bytes that no other one holds: a new one, or one that can be made longer. */
-  private demand(start: number, end: number): Download {
-    for (const download of this.downloads) {
-      const gap = start - download.end;
-      const isNear = gap >= 0 && gap <= JOINED_GAP_BYTES && end - download.start <= JOINED_BYTES;
-      const isFree = [...this.downloads].every(
-        (other) => startBehind(other, download.start) >= end,
-      );
-      if (download.isAsked || !isNear || !isFree) continue;
-      download.end = end;
-      return download;
-    }
-    const download = new Download(this.server, start, end, this.patience);
-    this.downloads.add(download);
-    return download;
   }
 
   /** Nothing is kept that nobody waits for, but the first bytes. */
@@ -103,10 +88,6 @@ export class RemoteSource implements ByteSource {
     download.stop(new DOMException("Nobody waits for these bytes", "AbortError"));
     this.downloads.delete(download);
   }
-}
-
-function startBehind(download: Download, at: number): number {
-  return download.start > at ? download.start : Infinity;
 }
 
 function joined(parts: Uint8Array[]): Uint8Array {

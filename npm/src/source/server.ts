@@ -28,17 +28,8 @@ export interface Server {
   ask(start: number, end: number, signal: AbortSignal): Promise<Answer>;
 }
 
-/** A failure that may pass: the network, or a server that has trouble. */
-export class PassingError extends SourceError {
-  /** Nobody should ask again before `pauseMs` have passed. */
-  constructor(
-    message: string,
-    readonly pauseMs = 0,
-    options?: ErrorOptions,
-  ) {
-    super(message, options);
-  }
-}
+/** A failure that may pass: of the network, or of a server that has trouble. */
+export class PassingError extends SourceError {}
 
 /** How long to try. */
 export interface Patience {
