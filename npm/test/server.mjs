@@ -8,7 +8,7 @@ import { gzipSync } from "node:zlib";
 
 /** What an address can say, and what it means where it does not. */
 const BEHAVIOUR = {
-  /** Whether there are ranges: "yes", "no". */
+  /** Whether there are ranges: "yes", "no", "cut" (no answer where they are asked for). */
   ranges: "yes",
   /** What tells versions apart: "both" ETag and Last-Modified, "etag", "modified", "none". */
   validators: "both",
@@ -137,6 +137,7 @@ async function serve(original, nBefore, request, response) {
   const headers = { "content-type": "application/octet-stream", ...corsHeaders(how.cors) };
   if (request.method === "OPTIONS") return void response.writeHead(204, headers).end();
   await sleep(how.latencyMs);
+  if (how.ranges === "cut" && request.headers.range) return void response.destroy();
   if (how.status !== 200 && nBefore < how.failures) {
     return void response.writeHead(how.status, headers).end("trouble");
   }

@@ -251,6 +251,14 @@ describe("a server that cuts connections", { concurrency: true }, () => {
     assert.deepEqual(server.requestsOf(address), asked);
   });
 
+  test("where ranges are asked for is asked for the whole file", async () => {
+    const address = server.address({ ranges: "cut" });
+    const source = await opened(address);
+    assert.equal(source.hasRanges, false);
+    await assertReadsAsADecoder(source);
+    assert.deepEqual(server.requestsOf(address), ["bytes=0-65535", null]);
+  });
+
   test("once is asked anew by the next read if it must not be by the first", async () => {
     const source = await opened(server.address({ cut: 1000, cuts: 1 }), { retries: 0 });
     await rejects("bytes that were cut", source.read(0, 5000), /cut at byte 1000 /);

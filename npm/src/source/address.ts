@@ -21,7 +21,6 @@ interface Part extends Answer {
 export class Address implements Server {
   hasRanges = true;
   private version: Version | null = null;
-  private cache: RequestCache = "default";
 
   /**
    * Sends nothing yet: the first question finds out what the server can do. It has to be for bytes
@@ -69,9 +68,7 @@ export class Address implements Server {
     try {
       const headers = new Headers(this.init.headers);
       if (range) headers.set("range", range);
-      // What the browser had kept of an older version must not be taken for the file.
-      const cache = this.version ? this.cache : "no-cache";
-      request = new Request(this.name, { ...this.init, headers, cache, signal });
+      request = new Request(this.name, { ...this.init, headers, signal });
     } catch (error) {
       throw new InvalidInputError(
         `${this.name} cannot be asked for (${reasonOf(error)}); give an address of http or https`,
@@ -80,8 +77,9 @@ export class Address implements Server {
     try {
       return await fetch(request);
     } catch (error) {
-      // Perhaps it was the browser's cache that failed: it is left out from now on.
-      this.cache = "no-store";
+      // Browsers do not say why: perhaps it was the range, which a server must allow to other sites
+      // and must not compress.
+      if (!this.version && !signal.aborted) this.hasRanges = !this.hasRanges;
       throw new PassingError(
         `${this.name} cannot be reached (${reasonOf(error)}); check the address and the network,` +
           " and, if it is of another site than the page, that it sends Access-Control-Allow-Origin",
