@@ -10,6 +10,8 @@ import { gzipSync } from "node:zlib";
 const BEHAVIOUR = {
   /** Whether there are ranges: "yes", "no", "cut" (no answer where they are asked for). */
   ranges: "yes",
+  /** Whether If-Range is heeded, as it must be where there are ranges: "yes", "no". */
+  ifRange: "yes",
   /** What tells versions apart: "both" ETag and Last-Modified, "etag", "modified", "none". */
   validators: "both",
   /** Before each answer. */
@@ -145,7 +147,7 @@ async function serve(original, nBefore, request, response) {
   if (/both|modified/.test(how.validators)) {
     headers["last-modified"] = new Date(isChanged ? 2e12 : 1e12).toUTCString();
   }
-  const answer = answerFor(file, request.headers.range, headers, how);
+  const answer = answerFor(file, rangeOf(request, headers, how), headers, how);
   if (how.lie && nBefore >= how.lieFrom) tell(how.lie, answer, file);
   await send(answer, nBefore, response, how);
 }
@@ -166,6 +168,12 @@ function corsHeaders(cors) {
   const headers = { "access-control-allow-origin": "*", "access-control-allow-headers": "*" };
   if (cors === "all") headers["access-control-expose-headers"] = "Content-Range, ETag";
   return headers;
+}
+
+function rangeOf(request, headers, how) {
+  const version = how.ifRange === "yes" ? request.headers["if-range"] : undefined;
+  const isOfIt = [undefined, headers.etag, headers["last-modified"]].includes(version);
+  return isOfIt ? request.headers.range : undefined;
 }
 
 function answerFor(file, asked, headers, how) {
