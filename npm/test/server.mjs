@@ -49,6 +49,10 @@ const BEHAVIOUR = {
 const LIES = {
   totalLarger: (answer, size) => sayRange(answer, size + 1000),
   totalSmaller: (answer, size) => sayRange(answer, size - 1000),
+  noVersion: ({ headers }) => {
+    delete headers.etag;
+    delete headers["last-modified"];
+  },
   noRange: ({ headers }) => delete headers["content-range"],
   oddRange: ({ headers }) => (headers["content-range"] = "bytes 1-0/0, 99999999999999999999"),
   /** Another range than was asked for, and says so. */

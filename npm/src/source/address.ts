@@ -18,6 +18,7 @@ interface Part extends Answer {
   readonly size: number | null;
 }
 
+/** A file that a server has. */
 export class Address implements Server {
   hasRanges = true;
   private version: Version | null = null;
@@ -53,11 +54,11 @@ export class Address implements Server {
     if (!response.ok) throw this.refusal(status);
     if (part) this.check({ etag, modified, size: part.size });
     if (!part || part.start > start || (status === 206 && part.end! <= start)) {
+      const said = (header: string) => `${header} "${headers.get(header) ?? ""}"`;
       throw new SourceError(
-        `${this.name}: the server was asked for ${range ?? "the file"} and answered HTTP ${status}` +
-          ` with Content-Range "${headers.get("content-range") ?? ""}" and Content-Length` +
-          ` "${headers.get("content-length") ?? ""}", which does not fit; it must send byte ranges` +
-          " as they are asked for, or none",
+        `${this.name}: the server was asked for ${range ?? "the file"} and answered HTTP` +
+          ` ${status} with ${said("Content-Range")} and ${said("Content-Length")}, which does not fit; it` +
+          " must send byte ranges as they are asked for, or none",
       );
     }
     return { ...part, end: part.end ?? this.size };

@@ -10,6 +10,7 @@ const PROGRESS_BYTES = 4096;
 /** What is kept of one download at most: a body without end must not fill the memory. */
 const LARGEST_BYTES = 2 ** 30;
 
+/** Consecutive bytes of a file, and how they come. */
 export class Download {
   /** How many wait for some of it. */
   nReaders = 0;
