@@ -57,8 +57,8 @@ export class Address implements Server {
       const said = (header: string) => `${header} "${headers.get(header) ?? ""}"`;
       throw new SourceError(
         `${this.name}: the server was asked for ${range ?? "the file"} and answered HTTP` +
-          ` ${status} with ${said("Content-Range")} and ${said("Content-Length")}, which does not fit; it` +
-          " must send byte ranges as they are asked for, or none",
+          ` ${status} with ${said("Content-Range")} and ${said("Content-Length")}, which does not` +
+          " fit; it must send byte ranges as they are asked for, or none",
       );
     }
     return { ...part, end: part.end ?? this.size };
