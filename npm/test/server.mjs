@@ -8,8 +8,10 @@ import { gzipSync } from "node:zlib";
 
 /** What an address can say, and what it means where it does not. */
 const BEHAVIOUR = {
-  /** Whether there are ranges: "yes", "no". */
+  /** Whether there are ranges: "yes", "no", "cut" (no answer where they are asked for). */
   ranges: "yes",
+  /** Whether If-Range is heeded, as it must be where there are ranges: "yes", "no". */
+  ifRange: "yes",
   /** What tells versions apart: "both" ETag and Last-Modified, "etag", "modified", "none". */
   validators: "both",
   /** Before each answer. */
@@ -47,6 +49,10 @@ const BEHAVIOUR = {
 const LIES = {
   totalLarger: (answer, size) => sayRange(answer, size + 1000),
   totalSmaller: (answer, size) => sayRange(answer, size - 1000),
+  noVersion: ({ headers }) => {
+    delete headers.etag;
+    delete headers["last-modified"];
+  },
   noRange: ({ headers }) => delete headers["content-range"],
   oddRange: ({ headers }) => (headers["content-range"] = "bytes 1-0/0, 99999999999999999999"),
   /** Another range than was asked for, and says so. */
@@ -137,6 +143,7 @@ async function serve(original, nBefore, request, response) {
   const headers = { "content-type": "application/octet-stream", ...corsHeaders(how.cors) };
   if (request.method === "OPTIONS") return void response.writeHead(204, headers).end();
   await sleep(how.latencyMs);
+  if (how.ranges === "cut" && request.headers.range) return void response.destroy();
   if (how.status !== 200 && nBefore < how.failures) {
     return void response.writeHead(how.status, headers).end("trouble");
   }
@@ -144,7 +151,7 @@ async function serve(original, nBefore, request, response) {
   if (/both|modified/.test(how.validators)) {
     headers["last-modified"] = new Date(isChanged ? 2e12 : 1e12).toUTCString();
   }
-  const answer = answerFor(file, request.headers.range, headers, how);
+  const answer = answerFor(file, rangeOf(request, headers, how), headers, how);
   if (how.lie && nBefore >= how.lieFrom) tell(how.lie, answer, file);
   await send(answer, nBefore, response, how);
 }
@@ -165,6 +172,12 @@ function corsHeaders(cors) {
   const headers = { "access-control-allow-origin": "*", "access-control-allow-headers": "*" };
   if (cors === "all") headers["access-control-expose-headers"] = "Content-Range, ETag";
   return headers;
+}
+
+function rangeOf(request, headers, how) {
+  const version = how.ifRange === "yes" ? request.headers["if-range"] : undefined;
+  const isOfIt = [undefined, headers.etag, headers["last-modified"]].includes(version);
+  return isOfIt ? request.headers.range : undefined;
 }
 
 function answerFor(file, asked, headers, how) {

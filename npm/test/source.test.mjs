@@ -37,8 +37,8 @@ before(async () => {
     format: "esm",
     write: false,
   });
-  const address = `data:text/javascript;base64,${Buffer.from(outputFiles[0].contents).toString("base64")}`;
-  ({ openSource, errors } = await import(address));
+  const script = Buffer.from(outputFiles[0].contents).toString("base64");
+  ({ openSource, errors } = await import(`data:text/javascript;base64,${script}`));
   server = await startServer(FILE);
 });
 after(() => server.close());
@@ -50,6 +50,34 @@ async function inTime(what, promise) {
     timer = setTimeout(() => reject(new Error(`waited ${LIMIT_MS} ms for ${what}`)), LIMIT_MS);
   });
   return Promise.race([promise, late]).finally(() => clearTimeout(timer));
+}
+
+/** A server whose answers are written out: each a function of the request and the response. */
+async function scripted(...answers) {
+  const asked = [];
+  const other = createServer((request, response) => {
+    asked.push(request.headers.range);
+    answers[asked.length - 1](request, response);
+  });
+  await new Promise((resolve) => other.listen(0, "127.0.0.1", resolve));
+  after(() => other.close().closeAllConnections());
+  return { address: `http://127.0.0.1:${other.address().port}/`, asked };
+}
+
+/** An answer that says that it holds a range, and what it does hold. */
+function sendsRange(start, end, bytes, headers = {}) {
+  return (request, response) => {
+    const range = { "content-range": `bytes ${start}-${end - 1}/${SIZE}`, etag: '"one"' };
+    response.writeHead(206, { ...range, ...headers }).write(bytes);
+    return response;
+  };
+}
+
+const sendsLead = (...all) => sendsRange(0, LEAD, FILE.subarray(0, LEAD))(...all).end();
+
+/** Cuts the connection once what was sent has gone out. */
+function cut(response) {
+  setTimeout(() => response.destroy(), 20);
 }
 
 function opened(address, options) {
@@ -118,22 +146,10 @@ describe("an honest server", { concurrency: true }, () => {
     const asked = server.requestsOf(address).slice(1).sort();
     assert.deepEqual(asked, [
       "bytes=100000-119999",
-      "bytes=120000-139999",
+      "bytes=120000-129999",
+      "bytes=130000-139999",
       "bytes=90000-99999",
     ]);
-  });
-
-  test("is asked once for neighbours that are read at the same time", async () => {
-    const address = server.address();
-    const source = await opened(address);
-    await Promise.all([
-      assertReads(source, 70_000, 71_000),
-      assertReads(source, 71_000, 72_000),
-      assertReads(source, 73_000, 74_000),
-      assertReads(source, 150_000, 151_000),
-    ]);
-    const asked = server.requestsOf(address).slice(1).sort();
-    assert.deepEqual(asked, ["bytes=150000-150999", "bytes=70000-73999"]);
   });
 
   test("gives no bytes for an empty read and behind the end", async () => {
@@ -159,7 +175,7 @@ describe("an honest server", { concurrency: true }, () => {
     const head = performance.now() - started;
     await assertReadsAsADecoder(source);
     const whole = performance.now() - started;
-    assert.ok(head < 200 && whole > 500, `head after ${head} ms, all after ${whole} ms`);
+    assert.ok(head < whole / 2, `head after ${head} ms, all after ${whole} ms`);
   });
 
   test("at 200 ms and 2 Mbit/s gives the head before all of the first range", async () => {
@@ -169,7 +185,7 @@ describe("an honest server", { concurrency: true }, () => {
     const head = performance.now() - started;
     await assertReads(source, 0, LEAD);
     const lead = performance.now() - started;
-    assert.ok(head < 100 && lead > 150, `head after ${head} ms, first range after ${lead} ms`);
+    assert.ok(head < lead / 2, `head after ${head} ms, first range after ${lead} ms`);
     await assertReadsAsADecoder(source);
   });
 
@@ -208,24 +224,21 @@ describe("an honest server", { concurrency: true }, () => {
   });
 
   test("gets the headers that the user gives", async () => {
-    const seen = [];
-    const other = createServer((request, response) => {
-      seen.push(request.headers.authorization);
+    let seen;
+    const { address } = await scripted((request, response) => {
+      seen = request.headers.authorization;
       response.end("bytes");
     });
-    await new Promise((resolve) => other.listen(0, "127.0.0.1", resolve));
-    const address = `http://127.0.0.1:${other.address().port}/`;
     const source = await opened(new URL(address), { headers: { Authorization: "Basic me" } });
     assert.equal(Buffer.from(await source.read(0, 10)).toString(), "bytes");
-    assert.deepEqual(seen, ["Basic me"]);
-    other.close();
+    assert.equal(seen, "Basic me");
   });
 });
 
 describe("a server that cuts connections", { concurrency: true }, () => {
   test("behind 20,000 bytes each time is asked for what is missing", async () => {
     const address = server.address({ cut: 20_000 });
-    const source = await opened(address);
+    const source = await opened(address, { retries: 0 });
     await assertReads(source, 0, LEAD);
     await assertReads(source, 100_000, 130_000);
     assert.deepEqual(server.requestsOf(address), [
@@ -263,6 +276,14 @@ describe("a server that cuts connections", { concurrency: true }, () => {
     assert.deepEqual(server.requestsOf(address), asked);
   });
 
+  test("where ranges are asked for is asked for the whole file", async () => {
+    const address = server.address({ ranges: "cut" });
+    const source = await opened(address);
+    assert.equal(source.hasRanges, false);
+    await assertReadsAsADecoder(source);
+    assert.deepEqual(server.requestsOf(address), ["bytes=0-65535", null]);
+  });
+
   test("once is asked anew by the next read if it must not be by the first", async () => {
     const source = await opened(server.address({ cut: 1000, cuts: 1 }), { retries: 0 });
     await rejects("bytes that were cut", source.read(0, 5000), /cut at byte 1000 /);
@@ -284,6 +305,25 @@ describe("a server that cuts connections", { concurrency: true }, () => {
       const whole = reading.then((source) => source.read(0, LEAD));
       await rejects("bytes", whole, new RegExp(`nothing came for 0.15 s behind byte ${end};`));
     }
+  });
+
+  test("or does not answer gives an error", async () => {
+    const address = server.address({ latencyMs: 400 });
+    const opening = openSource(address, { stallSeconds: 0.1, retries: 0 });
+    await rejects("the opening", opening, /^http:\S+: nothing came for 0.1 s behind byte 0;/);
+  });
+
+  test("is not believed what it has sent without a length", async () => {
+    const { address, asked } = await scripted(
+      sendsLead,
+      (...all) => cut(sendsRange(100_000, 110_000, FILE.subarray(0, 5000))(...all)),
+      (...all) => sendsRange(100_000, 102_000, FILE.subarray(100_000, 102_000))(...all).end(),
+      (...all) => sendsRange(102_000, 110_000, FILE.subarray(102_000, 110_000))(...all).end(),
+    );
+    const source = await opened(address);
+    await assertReads(source, 100_000, 110_000);
+    const again = "bytes=100000-109999";
+    assert.deepEqual(asked, ["bytes=0-65535", again, again, "bytes=102000-109999"]);
   });
 });
 
@@ -327,6 +367,8 @@ describe("a server that lies", { concurrency: true }, () => {
     [{ lie: "oldRange", lieFrom: 1 }, /Content-Range "bytes 0-99\/200000".*fit/],
     [{ lie: "wholeBody", lieFrom: 1 }, /Content-Length "200000".*fit/],
     [{ lie: "wholeBody", lieFrom: 1, chunked: "yes" }, /more bytes came .*announced, 10000;/],
+    [{ lie: "wholeBody", lieFrom: 1, chunked: "yes", rate: 100_000 }, /more bytes came/],
+    [{ lie: "noVersion", lieFrom: 1 }, /has changed/],
     [{ lie: "lengthLonger", lieFrom: 1 }, /Content-Length "11000".*fit/],
     [{ lie: "lengthShorter", lieFrom: 1 }, /Content-Length "9000".*fit/],
     [{ lie: "totalLarger", lieFrom: 1 }, /has changed since it was opened; open it again/],
@@ -383,6 +425,18 @@ describe("a file that changes", { concurrency: true }, () => {
     await assertReads(source, 0, 20_000);
   });
 
+  test("and is shorter than what came is noticed", async () => {
+    const { address } = await scripted(
+      (_, response) => {
+        response.writeHead(200).write(FILE.subarray(0, 70_000));
+        cut(response);
+      },
+      (_, response) => response.writeHead(200).end(FILE.subarray(0, 50_000)),
+    );
+    const source = await opened(address);
+    await rejects("the rest", source.read(0, SIZE), /has changed/);
+  });
+
   test("unnoticed by its server is taken as a whole, and so of one version", async () => {
     const source = await opened(server.address({ validators: "none", changeAfter: 2 }));
     await assertReadsAsADecoder(source);
@@ -403,6 +457,59 @@ describe("a file that changes", { concurrency: true }, () => {
   }
 });
 
+describe("a server that misbehaves in many ways at once", { concurrency: 20 }, () => {
+  const CHOICES = {
+    ranges: ["yes", "yes", "yes", "no"],
+    validators: ["both", "etag", "modified", "none"],
+    cut: [0, 0, 5000, 30_000],
+    cuts: [1, 3],
+    chunked: ["no", "no", "yes"],
+    gzip: ["no", "no", "no", "yes", "ranges"],
+    lie: ["", "", "shortRange", "earlierRange", "laterRange", "whole", "wholeBody", "oldRange"]
+      .concat("noRange", "refused", "lengthLonger", "lengthShorter", "bodyShorter", "bodyLonger")
+      .concat("totalLarger", "totalSmaller"),
+    lieFrom: [0, 1, 2],
+    changeAfter: [1e9, 1e9, 1, 2, 3],
+    longer: [0, 1000],
+    status: [200, 200, 503],
+    failures: [1],
+  };
+  const OTHER = FILE.map((value) => value ^ 255);
+  const random = madeUpBytes(1e6);
+  let nDrawn = 0;
+  const draw = (below) => (random[nDrawn++] * 256 + random[nDrawn++]) % below;
+
+  for (let number = 0; number < Number(process.env.N_MIXED ?? 60); number++) {
+    const entries = Object.entries(CHOICES).map(([key, all]) => [key, all[draw(all.length)]]);
+    const behaviour = Object.fromEntries(entries);
+    const starts = [0, 1000, LEAD - 500, ...Array.from({ length: 4 }, () => draw(65536) * 3)];
+    test(`${number}: gives bytes of one version, or an error`, async () => {
+      const address = server.address(behaviour);
+      let version = null;
+      const read = async (source, start) => {
+        const bytes = await source.read(start, start + 20_000);
+        const end = Math.min(start + 20_000, source.size ?? Infinity);
+        assert.equal(bytes.length, Math.max(0, end - start));
+        const inBoth = Math.min(end, SIZE);
+        if (inBoth <= start) return;
+        const isOf = (file) =>
+          Buffer.compare(bytes.subarray(0, inBoth - start), file.subarray(start, inBoth)) === 0;
+        version ??= isOf(FILE) ? FILE : OTHER;
+        assert.ok(isOf(version), `wrong bytes ${start} to ${inBoth} from ${address}`);
+      };
+      const typed = (error) => {
+        if (!(error instanceof errors.SourceError)) throw error;
+      };
+      await inTime(address, (async () => {
+        const source = await openSource(address, { retries: 1, stallSeconds: 2 });
+        for (const start of starts.slice(0, 3)) await read(source, start).catch(typed);
+        await Promise.all(starts.slice(3).map((start) => read(source, start).catch(typed)));
+        source.close();
+      })().catch(typed));
+    });
+  }
+});
+
 describe("a server that gives no file", { concurrency: true }, () => {
   for (const [status, message, nAsked] of [
     [404, /127.0.0.1.*: HTTP 404; there is no such file, check the address/, 1],
@@ -419,10 +526,14 @@ describe("a server that gives no file", { concurrency: true }, () => {
   }
 
   test("at first is asked again", async () => {
-    for (const ranges of ["yes", "no"]) {
+    const started = performance.now();
+    const reads = ["yes", "no"].map(async (ranges) => {
       const source = await opened(server.address({ status: 503, failures: 2, ranges }));
       await assertReadsAsADecoder(source);
-    }
+    });
+    await Promise.all(reads);
+    const passed = performance.now() - started;
+    assert.ok(passed > 740, `pauses of 250 and 500 ms took ${passed} ms`);
   });
 
   test("for it is not there gives an error", async () => {
@@ -448,7 +559,7 @@ describe("a server that gives no file", { concurrency: true }, () => {
 });
 
 describe("aborted work", { concurrency: true }, () => {
-  const slow = { latencyMs: 300 };
+  const slow = { latencyMs: 500 };
   const soon = () => new Promise((resolve) => setTimeout(resolve, 50));
 
   function isAborted(what, promise) {
@@ -468,7 +579,7 @@ describe("aborted work", { concurrency: true }, () => {
     setTimeout(() => controller.abort(), 50);
     const started = performance.now();
     await isAborted("the opening", opening);
-    assert.ok(performance.now() - started < 250);
+    assert.ok(performance.now() - started < 450);
   });
 
   test("ends at once: a pause before a new question", async () => {
@@ -492,7 +603,15 @@ describe("aborted work", { concurrency: true }, () => {
   });
 
   test("lets the connection go where nobody waits for it", async () => {
-    const address = server.address({ rate: 20_000 });
+    let isGone = false;
+    const { address, asked } = await scripted(
+      sendsLead,
+      (...all) => {
+        const bytes = FILE.subarray(100_000, 101_000);
+        sendsRange(100_000, 150_000, bytes)(...all).on("close", () => (isGone = true));
+      },
+      (...all) => sendsRange(100_000, 100_100, FILE.subarray(100_000, 100_100))(...all).end(),
+    );
     const source = await opened(address);
     const controller = new AbortController();
     const read = source.read(100_000, 150_000, controller.signal);
@@ -500,9 +619,10 @@ describe("aborted work", { concurrency: true }, () => {
     controller.abort();
     await isAborted("a read", read);
     await soon();
+    assert.ok(isGone);
     // Asked anew: the bytes that came before are not kept.
     await assertReads(source, 100_000, 100_100);
-    assert.deepEqual(server.requestsOf(address).slice(1), [
+    assert.deepEqual(asked.slice(1), [
       "bytes=100000-149999",
       "bytes=100000-100099",
     ]);
@@ -580,7 +700,8 @@ describe("other sources", { concurrency: true }, () => {
   }
 
   test("anything else is refused", async () => {
-    await rejects("the opening", openSource(7), /\[object Number\]; give/, errors.InvalidInputError);
-    await rejects("the opening", openSource(null), /\[object Null\]/, errors.InvalidInputError);
+    const type = errors.InvalidInputError;
+    await rejects("the opening", openSource(7), /\[object Number\]; give/, type);
+    await rejects("the opening", openSource(null), /\[object Null\]; give/, type);
   });
 });

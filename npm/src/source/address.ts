@@ -18,10 +18,10 @@ interface Part extends Answer {
   readonly size: number | null;
 }
 
+/** A file that a server has. */
 export class Address implements Server {
   hasRanges = true;
   private version: Version | null = null;
-  private cache: RequestCache = "default";
 
   /**
    * Sends nothing yet: the first question finds out what the server can do. It has to be for bytes
@@ -54,11 +54,11 @@ export class Address implements Server {
     if (!response.ok) throw this.refusal(status);
     if (part) this.check({ etag, modified, size: part.size });
     if (!part || part.start > start || (status === 206 && part.end! <= start)) {
+      const said = (header: string) => `${header} "${headers.get(header) ?? ""}"`;
       throw new SourceError(
-        `${this.name}: the server was asked for ${range ?? "the file"} and answered HTTP ${status}` +
-          ` with Content-Range "${headers.get("content-range") ?? ""}" and Content-Length` +
-          ` "${headers.get("content-length") ?? ""}", which does not fit; it must send byte ranges` +
-          " as they are asked for, or none",
+        `${this.name}: the server was asked for ${range ?? "the file"} and answered HTTP` +
+          ` ${status} with ${said("Content-Range")} and ${said("Content-Length")}, which does not` +
+          " fit; it must send byte ranges as they are asked for, or none",
       );
     }
     return { ...part, end: part.end ?? this.size };
@@ -69,9 +69,7 @@ export class Address implements Server {
     try {
       const headers = new Headers(this.init.headers);
       if (range) headers.set("range", range);
-      // What the browser had kept of an older version must not be taken for the file.
-      const cache = this.version ? this.cache : "no-cache";
-      request = new Request(this.name, { ...this.init, headers, cache, signal });
+      request = new Request(this.name, { ...this.init, headers, signal });
     } catch (error) {
       throw new InvalidInputError(
         `${this.name} cannot be asked for (${reasonOf(error)}); give an address of http or https`,
@@ -80,8 +78,9 @@ export class Address implements Server {
     try {
       return await fetch(request);
     } catch (error) {
-      // Perhaps it was the browser's cache that failed: it is left out from now on.
-      this.cache = "no-store";
+      // Browsers do not say why: perhaps it was the range, which a server must allow to other sites
+      // and must not compress.
+      if (!this.version && !signal.aborted) this.hasRanges = !this.hasRanges;
       throw new PassingError(
         `${this.name} cannot be reached (${reasonOf(error)}); check the address and the network,` +
           " and, if it is of another site than the page, that it sends Access-Control-Allow-Origin",

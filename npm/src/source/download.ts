@@ -5,11 +5,12 @@ import { changedError, PassingError, reasonOf } from "./server";
 import type { Answer, Patience, Server } from "./server";
 
 const FIRST_PAUSE_MS = 250;
-/** So many new bytes, and a connection that is cut does not count as a failure. */
+/** Where so many new bytes came, a connection that is cut does not count as a failure. */
 const PROGRESS_BYTES = 4096;
 /** What is kept of one download at most: a body without end must not fill the memory. */
 const LARGEST_BYTES = 2 ** 30;
 
+/** Consecutive bytes of a file, and how they come. */
 export class Download {
   /** How many wait for some of it. */
   nReaders = 0;
@@ -75,6 +76,7 @@ export class Download {
         if (!(error instanceof PassingError)) throw error;
         if (this.nSure - nBefore >= PROGRESS_BYTES) {
           [nLeft, pauseMs] = [this.patience.retries, FIRST_PAUSE_MS];
+          continue;
         }
         if (nLeft-- <= 0) throw error;
         await pause(pauseMs, this.stopping.signal);

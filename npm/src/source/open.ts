@@ -17,6 +17,11 @@ export interface SourceOptions {
   headers?: HeadersInit;
   /** As of `fetch`; "include" sends cookies to other sites too. */
   credentials?: RequestCredentials;
+  /**
+   * As of `fetch`; "no-store" by default: Chromium gives ranges of a changed file with the ETag of
+   * that in its cache, unless the server heeds If-Range. "default" is for servers that do.
+   */
+  cache?: RequestCache;
   /** How often a request is repeated where nothing new comes; 3 by default. */
   retries?: number;
   /** How long to wait for a server that sends nothing, in seconds; 20 by default. */
@@ -37,13 +42,20 @@ export interface SourceOptions {
  */
 export async function openSource(
   from: SourceInput,
-  { signal, headers, credentials, retries = 3, stallSeconds = 20 }: SourceOptions = {},
+  {
+    signal,
+    headers,
+    credentials,
+    cache = "no-store",
+    retries = 3,
+    stallSeconds = 20,
+  }: SourceOptions = {},
 ): Promise<ByteSource> {
   signal?.throwIfAborted();
   if (from instanceof Blob) return new BlobSource(from);
   if (from instanceof ArrayBuffer) return new MemorySource(new Uint8Array(from));
   if (from instanceof Uint8Array) return new MemorySource(from);
-  const server = serverOf(from, { headers, credentials });
+  const server = serverOf(from, { headers, credentials, cache });
   const nRetries = from instanceof Response ? 0 : retries;
   const source = new RemoteSource(server, { retries: nRetries, stallMs: 1000 * stallSeconds });
   signal?.addEventListener("abort", () => source.close(signal.reason), { signal: source.closed });

@@ -15,6 +15,7 @@ interface Piece {
   readonly end: number;
 }
 
+/** A file of which a server gives what is read. */
 export class RemoteSource implements ByteSource {
   /** The first bytes; all where the server has no ranges. */
   private readonly lead: Download;
