@@ -1,9 +1,9 @@
 // A file at an address, asked for by ranges where its server has them; what the server says about
 // it is not believed, but compared.
 
-import { InvalidInputError, SourceError } from "../errors";
-import { changedError, PassingError, reasonOf } from "./server";
-import type { Answer, Server } from "./server";
+import { InvalidInputError, SourceError } from "../errors.js";
+import { changedError, PassingError, reasonOf } from "./server.js";
+import type { Answer, Server } from "./server.js";
 
 /** What tells one version of a file from another. */
 interface Version {

@@ -1,8 +1,8 @@
 // A run of bytes on its way: grows as they come, and asks again for what is missing.
 
-import { SourceError } from "../errors";
-import { changedError, PassingError, reasonOf } from "./server";
-import type { Answer, Patience, Server } from "./server";
+import { SourceError } from "../errors.js";
+import { changedError, PassingError, reasonOf } from "./server.js";
+import type { Answer, Patience, Server } from "./server.js";
 
 const FIRST_PAUSE_MS = 250;
 /** Where so many new bytes came, a connection that is cut does not count as a failure. */

@@ -1,8 +1,8 @@
 // Bytes that are here already.
 
-import { InvalidInputError, SourceError } from "../errors";
-import type { ByteSource } from "../types";
-import { reasonOf } from "./server";
+import { InvalidInputError, SourceError } from "../errors.js";
+import type { ByteSource } from "../types.js";
+import { reasonOf } from "./server.js";
 
 /** Bytes in memory. What is read is a copy. */
 export class MemorySource implements ByteSource {

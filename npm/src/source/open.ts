@@ -1,11 +1,11 @@
 // Opens whatever bytes come from.
 
-import { InvalidInputError, SourceError } from "../errors";
-import type { ByteSource } from "../types";
-import { Address, partOf } from "./address";
-import { BlobSource, MemorySource } from "./memory";
-import { RemoteSource } from "./remote";
-import type { Server } from "./server";
+import { InvalidInputError, SourceError } from "../errors.js";
+import type { ByteSource } from "../types.js";
+import { Address, partOf } from "./address.js";
+import { BlobSource, MemorySource } from "./memory.js";
+import { RemoteSource } from "./remote.js";
+import type { Server } from "./server.js";
 
 /** What can be opened: an address, a response of `fetch`, or the bytes themselves. */
 export type SourceInput = string | URL | Response | ArrayBuffer | Uint8Array | Blob;

@@ -1,9 +1,9 @@
 // Bytes that come from a server when they are read.
 
-import type { ByteSource } from "../types";
-import { Download } from "./download";
-import { checkedRange } from "./memory";
-import type { Patience, Server } from "./server";
+import type { ByteSource } from "../types.js";
+import { Download } from "./download.js";
+import { checkedRange } from "./memory.js";
+import type { Patience, Server } from "./server.js";
 
 /** What the first question is for. It is kept, for a reader goes over it in small steps. */
 const LEAD_BYTES = 65536;

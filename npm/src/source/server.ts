@@ -1,6 +1,6 @@
 // What a download needs to know of who sends it.
 
-import { SourceError } from "../errors";
+import { SourceError } from "../errors.js";
 
 /** The answer to a question for the bytes from some position on. */
 export interface Answer {
