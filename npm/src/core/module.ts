@@ -1,9 +1,7 @@
 // The core as a WebAssembly module, from bytes that are part of the script.
 
+import { SIMD_WASM } from "./simd_wasm.js";
 import { Core } from "./core.js";
-
-/** The module with vectors, deflated, in base 64; build.mjs puts it here. */
-declare const SIMD_WASM: string;
 
 /** A module whose only function has a vector: valid where engines know vectors of 128 bits. */
 const PROBE = [

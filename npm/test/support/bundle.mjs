@@ -1,9 +1,10 @@
 // Modules of src/ for tests, and instances of the core.
 
 import { build } from "esbuild";
-import { readFileSync } from "node:fs";
+import { mkdtempSync, readFileSync, rmSync } from "node:fs";
+import { tmpdir } from "node:os";
 import { dirname, join } from "node:path";
-import { fileURLToPath } from "node:url";
+import { fileURLToPath, pathToFileURL } from "node:url";
 
 const here = dirname(fileURLToPath(import.meta.url));
 
@@ -12,15 +13,15 @@ export const PACKAGE = join(here, "../..");
 
 /** What internals.ts exports. */
 export async function loadInternals() {
-  const result = await build({
-    entryPoints: [join(here, "internals.ts")],
-    bundle: true,
-    format: "esm",
-    target: "es2022",
-    write: false,
-  });
-  const text = Buffer.from(result.outputFiles[0].text).toString("base64");
-  return import(`data:text/javascript;base64,${text}`);
+  const folder = mkdtempSync(join(tmpdir(), "meshreel-"));
+  try {
+    const outfile = join(folder, "internals.mjs");
+    const entryPoints = [join(here, "internals.ts")];
+    await build({ entryPoints, bundle: true, format: "esm", target: "es2022", outfile });
+    return await import(pathToFileURL(outfile).href);
+  } finally {
+    rmSync(folder, { recursive: true });
+  }
 }
 
 /** A new instance of a module that was built: "reel" has vectors, "reel_plain" has none. */
