@@ -1,0 +1,84 @@
+// Pictures on the GPU, by WebGL 2.
+
+import * as THREE from "three";
+
+import type { BlockFields } from "../../types";
+import { type HeldBlock, type Moment, withoutFields } from "../held_block";
+import type { Setting, Stage } from "../stage";
+import { AttributePass } from "./attribute_pass";
+import { cornerRows, NormalPass } from "./normal_pass";
+import { MODES_A_TEXEL, PositionPass } from "./position_pass";
+import { VertexGrid } from "./vertex_grid";
+
+/** What draws: a `WebGLRenderer`, or any other renderer of three.js. */
+export interface Renderer {
+  readonly domElement: EventTarget;
+}
+
+/** A renderer that can do this for a mesh: of WebGL 2, which draws into textures of floats. */
+export function canDecode(
+  renderer: Renderer,
+  { info, triangles }: Setting,
+): renderer is THREE.WebGLRenderer {
+  if (!isWebGL(renderer)) return false;
+  const { capabilities, extensions } = renderer;
+  const most = Math.max(new VertexGrid(info.nVerts).height, cornerRows(triangles));
+  return extensions.has("EXT_color_buffer_float") && most <= capabilities.maxTextureSize;
+}
+
+function isWebGL(renderer: Renderer): renderer is THREE.WebGLRenderer {
+  return "isWebGLRenderer" in renderer;
+}
+
+/** Computes positions and normals of pictures in passes over textures. */
+export class GpuStage implements Stage {
+  readonly isOnGpu = true;
+  private readonly positions: PositionPass;
+  private readonly normals: NormalPass;
+  private readonly attributes: AttributePass;
+  private readonly mostModes: number;
+
+  constructor(
+    renderer: THREE.WebGLRenderer,
+    { info, triangles, drawing, shift }: Setting,
+    geometry: THREE.BufferGeometry,
+  ) {
+    const gl = renderer.getContext() as WebGL2RenderingContext;
+    this.mostModes = MODES_A_TEXEL * gl.getParameter(gl.MAX_ARRAY_TEXTURE_LAYERS);
+    const grid = new VertexGrid(info.nVerts);
+    this.positions = new PositionPass(renderer, grid, shift);
+    const { texture } = this.positions.target;
+    this.normals = new NormalPass(renderer, grid, texture, triangles, info.diagonal);
+    this.attributes = new AttributePass(renderer, grid, drawing.sources, geometry);
+  }
+
+  canHold(block: BlockFields): boolean {
+    return block.nModes <= this.mostModes;
+  }
+
+  hold(block: BlockFields): HeldBlock {
+    const held = withoutFields(block);
+    this.positions.hold(block, held);
+    return held;
+  }
+
+  release(block: HeldBlock): void {
+    this.positions.release(block);
+  }
+
+  show(moment: Moment): void {
+    this.positions.run(moment);
+    this.normals.run();
+    this.attributes.run(this.positions.target.texture, this.normals.target.texture);
+  }
+
+  read(into: Float32Array): void {
+    this.positions.read(into);
+  }
+
+  dispose(): void {
+    this.positions.dispose();
+    this.normals.dispose();
+    this.attributes.dispose();
+  }
+}
