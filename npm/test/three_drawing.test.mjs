@@ -73,13 +73,12 @@ test("colours are turned from those of screens to light", () => {
   assert.deepEqual([...greys.attributes[0].values], [1, 1, 1, 0, 0, 0, 0, 0, 0, 1, 1, 1]);
 });
 
-test("texture coordinates that textures name come first", () => {
+test("the first four sets of texture coordinates are those of three.js", () => {
   const uvs = ["a", "b", "c", "d", "e"].map((name) =>
     attribute("texcoord", "vertex", 2, new Float32Array(8), name),
   );
-  const materials = [{ name: "m", textures: [{ uv: "e" }] }];
-  const drawing = drawingOf(surface({ attributes: uvs, materials }), 4);
-  assert.deepEqual(drawing.uvNames, ["e", "a", "b", "c"]);
+  const drawing = drawingOf(surface({ attributes: uvs }), 4);
+  assert.deepEqual(drawing.uvNames, ["a", "b", "c", "d"]);
   assert.deepEqual(drawing.attributes.map(({ name }) => name), ["uv", "uv1", "uv2", "uv3"]);
 });
 

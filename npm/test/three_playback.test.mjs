@@ -106,7 +106,7 @@ test("a picture between blocks is made of both", async () => {
 test("at most two blocks are held when all are played, forwards and backwards", async () => {
   for (const [loop, speed] of [["repeat", 1], ["repeat", -1], ["pingpong", 1.5], ["once", 1]]) {
     const stand = await started(5);
-    stand.player.loop = loop;
+    stand.player.clock.loop = loop;
     stand.player.clock.speed = speed;
     stand.player.play();
     for (let i = 0; i < 200; i++) {
@@ -202,7 +202,7 @@ test("a block that a server did not give is asked for again when it is played or
 
 test("the end is told, and playing begins at the start again, when it plays once", async () => {
   const stand = await started(1);
-  stand.player.loop = "once";
+  stand.player.clock.loop = "once";
   stand.player.play();
   stand.player.update(1);
   assert.deepEqual(stand.types, ["playing", "frame", "ended"]);

@@ -20,9 +20,8 @@ export function positionsOf(
   for (const { block, weights } of sharesOf(moment)) {
     addFields(fieldsOf(block), weights, into);
   }
-  const { vertices, offsets } = correctionsOf(moment);
-  for (let i = 0; i < vertices.length; i++) {
-    for (let axis = 0; axis < 3; axis++) into[3 * vertices[i] + axis] += offsets[3 * i + axis];
+  for (const [vertex, offset] of correctionsOf(moment)) {
+    for (let axis = 0; axis < 3; axis++) into[3 * vertex + axis] += offset[axis];
   }
   for (let i = 0; i < into.length; i++) into[i] += shift[i % 3];
   return into;

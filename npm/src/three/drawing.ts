@@ -29,8 +29,8 @@ export interface Drawing extends DrawnVertices {
 /** What is drawn of a surface of `nVerts` vertices. */
 export function drawingOf(surface: Surface, nVerts: number): Drawing {
   const corners = new Corners(surface);
-  const uvs = texcoordsOf(surface);
-  const columns = uvs.map((uv, i) => uvColumn(uv, i));
+  const uvs = surface.attributes.filter((one) => one.kind === "texcoord").slice(0, MOST_UVS);
+  const columns = uvs.map(uvColumn);
   const color = surface.attributes.find((one) => one.kind === "color");
   if (color) columns.push(colorColumn(color));
   const vertices = splitAtSeams(surface.triangles, nVerts, corners, columns);
@@ -39,14 +39,6 @@ export function drawingOf(surface: Surface, nVerts: number): Drawing {
     ...sortedByMaterial(surface, corners, vertices.index),
     uvNames: uvs.map((uv) => uv.name),
   };
-}
-
-/** Texture coordinates, those that textures name first. */
-function texcoordsOf(surface: Surface): Attribute[] {
-  const named = new Set(surface.materials.flatMap((one) => one.textures.map(({ uv }) => uv)));
-  const all = surface.attributes.filter((one) => one.kind === "texcoord");
-  const rank = (one: Attribute) => Number(!named.has(one.name));
-  return all.sort((a, b) => rank(a) - rank(b)).slice(0, MOST_UVS);
 }
 
 function uvColumn(attribute: Attribute, number: number): Column {
@@ -79,26 +71,19 @@ function linear(value: number): number {
 function sortedByMaterial(surface: Surface, corners: Corners, index: Uint32Array) {
   const groups = surface.groups.find((one) => one.name === "material");
   if (!groups) return { index, groups: [], order: null, materialNames: [null] };
-  const nNames = groups.labels.length + 1;
-  const nameOf = (triangle: number) => {
+  const materialNames = [...groups.labels, null];
+  const triangles: number[][] = materialNames.map(() => []);
+  for (let triangle = 0; 3 * triangle < index.length; triangle++) {
     const label = groups.ofFace[corners.polygonOf(triangle)];
-    return label in groups.labels ? label : nNames - 1;
-  };
-  const nTriangles = index.length / 3;
-  const starts = new Uint32Array(nNames + 1);
-  for (let triangle = 0; triangle < nTriangles; triangle++) starts[nameOf(triangle) + 1]++;
-  for (let name = 0; name < nNames; name++) starts[name + 1] += starts[name];
-  const order = new Uint32Array(nTriangles);
-  const next = starts.slice();
-  for (let triangle = 0; triangle < nTriangles; triangle++) {
-    order[next[nameOf(triangle)]++] = triangle;
+    (triangles[label] ?? triangles[groups.labels.length]).push(triangle);
   }
-  const sorted = new Uint32Array(index.length);
-  order.forEach((from, to) => sorted.set(index.subarray(3 * from, 3 * from + 3), 3 * to));
-  const stretches: Stretch[] = [];
-  for (let name = 0; name < nNames; name++) {
-    const count = 3 * (starts[name + 1] - starts[name]);
-    if (count) stretches.push({ start: 3 * starts[name], count, materialIndex: name });
-  }
-  return { index: sorted, groups: stretches, order, materialNames: [...groups.labels, null] };
+  const order = Uint32Array.from(triangles.flat());
+  const sorted = index.map((_, i) => index[3 * order[Math.floor(i / 3)] + (i % 3)]);
+  let start = 0;
+  const stretches = triangles.map(({ length }, materialIndex) => {
+    const stretch = { start, count: 3 * length, materialIndex };
+    start += stretch.count;
+    return stretch;
+  });
+  return { index: sorted, groups: stretches.filter(({ count }) => count), order, materialNames };
 }

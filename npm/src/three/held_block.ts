@@ -27,12 +27,6 @@ export interface Share {
   readonly weights: Float32Array;
 }
 
-/** Offsets of vertices, each of which comes once; three numbers for each. */
-export interface Corrections {
-  readonly vertices: Uint32Array;
-  readonly offsets: Float32Array;
-}
-
 /** The sums of fields that make the picture: of one block, or of the two that it lies between. */
 export function sharesOf(moment: Moment): Share[] {
   const { block, t, next, nextT, fraction } = moment;
@@ -53,42 +47,21 @@ function weightsOf({ nModes, weights }: HeldBlock, t: number): Float32Array {
   return weights.subarray(3 * nModes * t, 3 * nModes * (t + 1));
 }
 
-/** The corrections of the picture. */
-export function correctionsOf(moment: Moment): Corrections {
-  const here = ownCorrections(moment.block, moment.t);
-  if (moment.fraction === 0) return here;
-  const there = ownCorrections(moment.next, moment.nextT);
-  return blend(here, 1 - moment.fraction, there, moment.fraction);
-}
-
-function ownCorrections(block: HeldBlock, t: number): Corrections {
-  const [start, end] = [block.correctionStarts[t], block.correctionStarts[t + 1]];
-  return {
-    vertices: block.correctionVertices.subarray(start, end),
-    offsets: block.correctionOffsets.subarray(3 * start, 3 * end),
-  };
-}
-
-function blend(first: Corrections, a: number, second: Corrections, b: number): Corrections {
-  const most = first.vertices.length + second.vertices.length;
-  const vertices = new Uint32Array(most);
-  const offsets = new Float32Array(3 * most);
-  const places = new Map<number, number>();
-  const add = (from: Corrections, share: number) => {
-    for (let i = 0; i < from.vertices.length; i++) {
-      const vertex = from.vertices[i];
-      const place = places.get(vertex) ?? places.size;
-      places.set(vertex, place);
-      vertices[place] = vertex;
-      for (let axis = 0; axis < 3; axis++) {
-        offsets[3 * place + axis] += share * from.offsets[3 * i + axis];
-      }
+/** The corrections of the picture: an offset of three numbers for some vertices. */
+export function correctionsOf(moment: Moment): Map<number, number[]> {
+  const { block, t, next, nextT, fraction } = moment;
+  const sums = new Map<number, number[]>();
+  const add = (from: HeldBlock, frame: number, share: number) => {
+    for (let i = from.correctionStarts[frame]; i < from.correctionStarts[frame + 1]; i++) {
+      const vertex = from.correctionVertices[i];
+      const sum = sums.get(vertex) ?? [0, 0, 0];
+      sums.set(
+        vertex,
+        sum.map((one, axis) => one + share * from.correctionOffsets[3 * i + axis]),
+      );
     }
   };
-  add(first, a);
-  add(second, b);
-  return {
-    vertices: vertices.subarray(0, places.size),
-    offsets: offsets.subarray(0, 3 * places.size),
-  };
+  add(block, t, 1 - fraction);
+  if (fraction > 0) add(next, nextT, fraction);
+  return sums;
 }

@@ -35,96 +35,84 @@ export class Materials {
   /** By number in the groups of the drawing. */
   readonly list: readonly (Standard | THREE.MeshBasicMaterial)[];
   private readonly textures: THREE.Texture[] = [];
-  private readonly bitmaps: ImageBitmap[] = [];
+  /** By number of the image; one that several textures show is decoded once. */
+  private readonly images: Promise<THREE.Texture>[] = [];
   private isOver = false;
 
-  /** @param onError - is told of an image that cannot be shown */
+  /** @param onError - is told of a texture that cannot be shown */
   constructor(
-    surface: Surface,
+    private readonly surface: Surface,
     private readonly drawing: Drawing,
     isFlat: boolean,
     private readonly onError: (error: Error) => void,
   ) {
     const hasColors = drawing.attributes.some(({ name }) => name === "color");
-    const given = drawing.materialNames.map((name) =>
-      surface.materials.find((one) => one.name === name),
-    );
-    this.list = given.map((one) => {
-      const made = one ? materialOf(one) : plainMaterial(hasColors);
+    this.list = drawing.materialNames.map((name) => {
+      const given = surface.materials.find((one) => one.name === name);
+      const made = given ? materialOf(given) : plainMaterial(hasColors);
       made.vertexColors = hasColors;
       if ("flatShading" in made) made.flatShading = isFlat;
+      for (const texture of given?.textures ?? []) void this.dress(made, texture);
       return made;
-    });
-    surface.images.forEach((image, number) => {
-      const uses = given.flatMap((one, i) =>
-        (one?.textures ?? [])
-          .filter((texture) => texture.image === number)
-          .map((texture) => ({ texture, material: this.list[i] })),
-      );
-      if (uses.length) void this.load(image, uses);
     });
   }
 
   dispose(): void {
     this.isOver = true;
     for (const one of [...this.list, ...this.textures]) one.dispose();
-    for (const bitmap of this.bitmaps) bitmap.close();
-  }
-
-  private async load(
-    image: Image,
-    uses: readonly { texture: MaterialTexture; material: THREE.Material }[],
-  ): Promise<void> {
-    try {
-      const bitmap = await decoded(image);
-      if (this.isOver) return bitmap.close();
-      this.bitmaps.push(bitmap);
-      const shared = new THREE.Texture(bitmap);
-      for (const { texture, material } of uses) this.dress(material, texture, shared);
-    } catch (error) {
-      const reason = error instanceof Error ? error.message : String(error);
-      const name = image.name || image.mediaType;
-      if (!this.isOver) this.onError(new InvalidInputError(`cannot show image ${name}: ${reason}`));
+    for (const image of this.images) {
+      image?.then(
+        (texture) => (texture.image as ImageBitmap).close(),
+        () => {}, // it was told when it came
+      );
     }
   }
 
-  private dress(material: THREE.Material, given: MaterialTexture, shared: THREE.Texture): void {
+  private async dress(material: THREE.Material, given: MaterialTexture): Promise<void> {
     const slot = SLOTS[given.slot];
     if (!(slot in material)) return; // without light only the colour counts
-    const texture = shared.clone();
-    const channel = this.drawing.uvNames.indexOf(given.uv);
-    if (channel < 0) throw new InvalidInputError(`there are no texture coordinates ${given.uv}`);
-    texture.channel = channel;
-    texture.flipY = false; // it was flipped when it was decoded
-    texture.wrapS = WRAPS[given.wrapU] ?? THREE.RepeatWrapping;
-    texture.wrapT = WRAPS[given.wrapV] ?? THREE.RepeatWrapping;
-    texture.matrixAutoUpdate = false;
-    texture.matrix.copy(transformOf(given));
-    if (slot === "map" || slot === "emissiveMap") texture.colorSpace = THREE.SRGBColorSpace;
-    texture.needsUpdate = true;
-    this.textures.push(texture);
-    (material as Standard)[slot] = texture;
-    material.needsUpdate = true;
+    const image = this.surface.images[given.image];
+    try {
+      const shared = await (this.images[given.image] ??= decoded(image));
+      if (this.isOver) return;
+      const channel = this.drawing.uvNames.indexOf(given.uv);
+      if (channel < 0) throw new Error(`there are no texture coordinates ${given.uv}`);
+      const texture = shared.clone();
+      texture.channel = channel;
+      texture.wrapS = WRAPS[given.wrapU];
+      texture.wrapT = WRAPS[given.wrapV];
+      texture.matrixAutoUpdate = false;
+      texture.matrix.copy(transformOf(given));
+      if (slot === "map" || slot === "emissiveMap") texture.colorSpace = THREE.SRGBColorSpace;
+      texture.needsUpdate = true;
+      this.textures.push(texture);
+      (material as Standard)[slot] = texture;
+      material.needsUpdate = true;
+    } catch (error) {
+      if (!this.isOver) this.onError(new InvalidInputError(`cannot show ${image.name}: ${error}`));
+    }
   }
 }
 
-/** Without numbers beyond the bytes of the image: with v upwards, as texture coordinates are. */
-function decoded({ bytes, mediaType }: Image): Promise<ImageBitmap> {
+/** With v upwards, as texture coordinates are, and numbers as they are in the file. */
+async function decoded({ bytes, mediaType }: Image): Promise<THREE.Texture> {
   const blob = new Blob([bytes as Uint8Array<ArrayBuffer>], { type: mediaType });
-  return createImageBitmap(blob, {
+  const bitmap = await createImageBitmap(blob, {
     imageOrientation: "flipY",
     premultiplyAlpha: "none",
     colorSpaceConversion: "none",
   });
+  const texture = new THREE.Texture(bitmap);
+  texture.flipY = false;
+  return texture;
 }
 
 /** Of texture coordinates with v upwards; the file says it with v downwards, as glTF does. */
 function transformOf({ offset, rotation, scale }: MaterialTexture): THREE.Matrix3 {
   const [c, s] = [Math.cos(rotation), Math.sin(rotation)];
-  const flip = new THREE.Matrix3(1, 0, 0, 0, -1, 1, 0, 0, 1);
   const [x, y] = scale;
-  const down = new THREE.Matrix3(c * x, s * y, offset[0], -s * x, c * y, offset[1], 0, 0, 1);
-  return flip.clone().multiply(down).multiply(flip);
+  const [u, v] = offset;
+  return new THREE.Matrix3(c * x, -s * y, u + s * y, s * x, c * y, 1 - v - c * y, 0, 0, 1);
 }
 
 function plainMaterial(hasColors: boolean): Standard {
@@ -145,14 +133,11 @@ function materialOf(given: Material): Standard | THREE.MeshBasicMaterial {
     side: given.doubleSided ? THREE.DoubleSide : THREE.FrontSide,
   };
   if (given.unlit) return new THREE.MeshBasicMaterial(common);
-  const strength = Math.max(1, ...given.emissive);
-  const [r, g, b] = given.emissive.map((one) => one / strength);
   return new THREE.MeshStandardMaterial({
     ...common,
     metalness: given.metallic,
     roughness: given.roughness,
-    emissive: new THREE.Color(r, g, b),
-    emissiveIntensity: strength,
+    emissive: new THREE.Color(...given.emissive),
     normalScale: new THREE.Vector2(given.normalScale, given.normalScale),
     aoMapIntensity: given.occlusionStrength,
   });

@@ -3,7 +3,7 @@
 import { InvalidInputError } from "../errors";
 import type { BlockFields, BlockInfo, ReelInfo } from "../types";
 import { BlockWindow, MOST_HELD } from "./block_window";
-import { Clock, type Loop } from "./clock";
+import { Clock } from "./clock";
 import type { HeldBlock, Moment } from "./held_block";
 
 /** Frames per second to play at where the file does not say. */
@@ -43,10 +43,11 @@ export class Playback {
   readonly clock: Clock;
   /** Whether pictures between frames are shown. */
   isInterpolating = true;
+  isPlaying = false;
+  /** Whether the picture of the time is not there yet; at first it is not. */
+  isWaiting = true;
   private readonly window: BlockWindow<HeldBlock>;
   private readonly blocks: readonly BlockInfo[];
-  private isPlayed = false;
-  private isHeldUp = true;
   private hasScreen = false;
   private shown: { frame: number; fraction: number } | null = null;
 
@@ -78,35 +79,18 @@ export class Playback {
     );
   }
 
-  get isPlaying(): boolean {
-    return this.isPlayed;
-  }
-
-  /** Whether the picture of the time is not there yet; at first it is not. */
-  get isWaiting(): boolean {
-    return this.isHeldUp;
-  }
-
-  get loop(): Loop {
-    return this.clock.loop;
-  }
-
-  set loop(loop: Loop) {
-    this.clock.loop = loop;
-  }
-
   play(): void {
-    const wasHeldUp = this.isHeldUp;
+    const wasWaiting = this.isWaiting;
     this.window.retry();
-    if (this.isPlayed) return this.show();
+    if (this.isPlaying) return this.show();
     this.clock.rewind();
-    this.isPlayed = true;
+    this.isPlaying = true;
     this.show();
-    if (!wasHeldUp && !this.isHeldUp) this.send({ type: "playing" });
+    if (!wasWaiting && !this.isWaiting) this.send({ type: "playing" });
   }
 
   pause(): void {
-    this.isPlayed = false;
+    this.isPlaying = false;
   }
 
   /**
@@ -132,9 +116,9 @@ export class Playback {
     if (!(seconds >= 0 && seconds < Infinity)) {
       throw new InvalidInputError(`seconds must be a finite number from 0 on; got ${seconds}`);
     }
-    const isMoving = this.isPlayed && !this.isHeldUp;
+    const isMoving = this.isPlaying && !this.isWaiting;
     const passed = isMoving ? this.clock.advance(seconds) : null;
-    if (passed === "end") this.isPlayed = false;
+    if (passed === "end") this.isPlaying = false;
     this.show();
     if (passed === "loop") this.send({ type: "loop" });
     if (passed === "end") this.send({ type: "ended" });
@@ -150,7 +134,7 @@ export class Playback {
 
   /** Lets all blocks go for good. */
   dispose(): void {
-    this.isPlayed = false;
+    this.isPlaying = false;
     this.hasScreen = false;
     this.window.clear();
   }
@@ -163,10 +147,10 @@ export class Playback {
     const next = fraction > 0 ? this.blockOf(frame + 1) : number;
     const wanted = new Set([number, next, ...this.following(number, next)]);
     this.window.want([...wanted].slice(0, MOST_HELD));
-    if (this.window.isDamaged(number)) return this.setHeldUp(null);
+    if (this.window.isDamaged(number)) return this.setWaiting(null);
     const [block, nextBlock] = [this.window.get(number), this.window.get(next)];
-    if (!block || !nextBlock) return this.setHeldUp(block ? next : number);
-    this.setHeldUp(null);
+    if (!block || !nextBlock) return this.setWaiting(block ? next : number);
+    this.setWaiting(null);
     if (this.shown?.frame === frame && this.shown.fraction === fraction) return;
     this.shown = { frame, fraction };
     const nextT = fraction > 0 ? frame + 1 - nextBlock.start : frame - block.start;
@@ -193,8 +177,8 @@ export class Playback {
     for (let i = 0; i < count; i++) {
       after += step;
       if (after < 0 || after >= count) {
-        if (this.loop === "once") return [];
-        if (this.loop === "repeat") after = (after + count) % count;
+        if (this.clock.loop === "once") return [];
+        if (this.clock.loop === "repeat") after = (after + count) % count;
         else return [step > 0 ? number - 1 : next + 1].filter((one) => one in this.blocks);
       }
       if (!this.window.isDamaged(after)) return [after];
@@ -202,10 +186,10 @@ export class Playback {
     return [];
   }
 
-  private setHeldUp(block: number | null): void {
-    const wasHeldUp = this.isHeldUp;
-    this.isHeldUp = block !== null;
-    if (block !== null && !wasHeldUp) this.send({ type: "waiting", block });
-    if (block === null && wasHeldUp && this.isPlayed) this.send({ type: "playing" });
+  private setWaiting(block: number | null): void {
+    const wasWaiting = this.isWaiting;
+    this.isWaiting = block !== null;
+    if (block !== null && !wasWaiting) this.send({ type: "waiting", block });
+    if (block === null && wasWaiting && this.isPlaying) this.send({ type: "playing" });
   }
 }

@@ -73,7 +73,6 @@ export class ReelMesh extends THREE.Mesh<
   private stage: Stage | null = null;
   private drawer: THREE.WebGLRenderer | null = null;
   private isDisposed = false;
-  private readonly wantsGpu: boolean;
   private readonly ownsReel: boolean;
   private readonly picked = new THREE.Mesh();
   private isPickedStale = true;
@@ -93,7 +92,6 @@ export class ReelMesh extends THREE.Mesh<
     this.drawing = drawing;
     this.setting = { info, triangles: surface.triangles, drawing, shift };
     this.boundAll();
-    this.wantsGpu = options.gpu ?? true;
     this.ownsReel = options.ownsReel ?? false;
     (this.material as THREE.Material).dispose();
     const onError = (error: Error) => this.dispatchEvent({ type: "error", error, block: null });
@@ -118,7 +116,7 @@ export class ReelMesh extends THREE.Mesh<
       },
       (event) => this.dispatchEvent(event),
     );
-    if (!this.wantsGpu) this.useCpu();
+    if (options.gpu === false) this.useCpu();
     else if (options.renderer) this.setRenderer(options.renderer);
   }
 
@@ -205,11 +203,11 @@ export class ReelMesh extends THREE.Mesh<
 
   /** What happens at the end; "repeat" by default. */
   get loop(): Loop {
-    return this.playback.loop;
+    return this.playback.clock.loop;
   }
 
   set loop(loop: Loop) {
-    this.playback.loop = loop;
+    this.playback.clock.loop = loop;
   }
 
   /** Seconds of the animation in a second, 1 by default; backwards if negative. */
@@ -316,15 +314,11 @@ export class ReelMesh extends THREE.Mesh<
     const { geometry } = this.picked;
     const { sources } = this.drawing;
     if (!geometry.index) {
-      geometry.index = this.geometry.index;
-      geometry.groups = this.geometry.groups;
-      geometry.boundingBox = this.geometry.boundingBox;
-      geometry.boundingSphere = this.geometry.boundingSphere;
-      for (const { name } of this.drawing.attributes) {
-        geometry.setAttribute(name, this.geometry.getAttribute(name));
-      }
-      const positions = new Float32Array(3 * sources.length);
-      geometry.setAttribute("position", new THREE.BufferAttribute(positions, 3));
+      const { index, groups, boundingBox, boundingSphere, attributes } = this.geometry;
+      const { normal: _, ...others } = attributes;
+      const position = new THREE.BufferAttribute(new Float32Array(3 * sources.length), 3);
+      Object.assign(geometry, { index, groups, boundingBox, boundingSphere });
+      geometry.attributes = { ...others, position };
     }
     if (this.isPickedStale) {
       const positions = new Float32Array(3 * this.setting.info.nVerts);

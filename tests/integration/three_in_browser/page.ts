@@ -138,6 +138,7 @@ function furnish(stand: Stand, light: THREE.DirectionalLight | THREE.PointLight)
   light.position.set(-1, 1, 6);
   light.castShadow = true;
   light.shadow.mapSize.set(1024, 1024);
+  light.shadow.camera.far = 20;
   light.shadow.bias = -0.002;
   stand.scene.add(floor, light, new THREE.AmbientLight(0xffffff, 0.6));
   return floor;

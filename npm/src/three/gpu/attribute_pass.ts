@@ -3,14 +3,13 @@
 
 import * as THREE from "three";
 
-import { InvalidInputError } from "../../errors";
 import { PRECISION, type VertexGrid } from "./vertex_grid";
 
 const vertexShader = (grid: VertexGrid) => `#version 300 es
 ${PRECISION}${grid.glsl}
 uniform sampler2D positions;
 uniform sampler2D normals;
-in uint source;
+layout(location = 0) in uint source;
 out vec3 position;
 out vec3 normal;
 void main() {
@@ -24,7 +23,7 @@ ${PRECISION}
 out vec4 color;
 void main() { color = vec4(0.0); }`;
 
-const NAMES = ["position", "normal"] as const;
+const NAMES = ["position", "normal"];
 
 /** Copies what passes have computed into the attributes of a geometry. */
 export class AttributePass {
@@ -32,7 +31,8 @@ export class AttributePass {
   private readonly program: WebGLProgram;
   private readonly array: WebGLVertexArrayObject;
   private readonly feedback: WebGLTransformFeedback;
-  private readonly buffers: WebGLBuffer[];
+  private readonly source: WebGLBuffer;
+  private readonly buffers: readonly WebGLBuffer[];
 
   /** @param sources - the vertex, in the textures, of each vertex of the geometry */
   constructor(
@@ -42,28 +42,41 @@ export class AttributePass {
     geometry: THREE.BufferGeometry,
   ) {
     const gl = (this.gl = renderer.getContext() as WebGL2RenderingContext);
-    this.program = linked(gl, vertexShader(grid));
-    this.buffers = [...NAMES, "source"].map(() => gl.createBuffer());
     this.array = gl.createVertexArray();
+    this.source = gl.createBuffer();
+    gl.bindBuffer(gl.ARRAY_BUFFER, this.source);
+    gl.bufferData(gl.ARRAY_BUFFER, sources, gl.STATIC_DRAW);
     this.feedback = gl.createTransformFeedback();
-    this.fill();
+    gl.bindTransformFeedback(gl.TRANSFORM_FEEDBACK, this.feedback);
     const open = geometry as THREE.BufferGeometry<THREE.NormalOrGLBufferAttributes>;
-    NAMES.forEach((name, i) => {
-      const buffer = this.buffers[i];
+    this.buffers = NAMES.map((name, i) => {
+      const buffer = gl.createBuffer();
+      gl.bindBufferBase(gl.TRANSFORM_FEEDBACK_BUFFER, i, buffer);
+      gl.bufferData(gl.TRANSFORM_FEEDBACK_BUFFER, 12 * sources.length, gl.DYNAMIC_COPY);
       const attribute = new THREE.GLBufferAttribute(buffer, gl.FLOAT, 3, 4, sources.length);
       open.setAttribute(name, attribute);
+      return buffer;
     });
+    gl.bindTransformFeedback(gl.TRANSFORM_FEEDBACK, null);
+    gl.bindBuffer(gl.TRANSFORM_FEEDBACK_BUFFER, null);
+    this.program = linked(gl, vertexShader(grid));
+    renderer.state.useProgram(this.program);
+    gl.uniform1i(gl.getUniformLocation(this.program, "normals"), 1);
   }
 
   /** Must not be called while the renderer draws something else. */
-  run(positions: THREE.Texture, normals: THREE.Texture): void {
+  run(...textures: [positions: THREE.Texture, normals: THREE.Texture]): void {
     const { gl, renderer } = this;
-    const array = gl.getParameter(gl.VERTEX_ARRAY_BINDING) as WebGLVertexArrayObject | null;
     renderer.state.useProgram(this.program);
-    [positions, normals].forEach((texture, slot) => {
+    textures.forEach((texture, slot) => {
       renderer.state.bindTexture(gl.TEXTURE_2D, handleOf(renderer, texture), gl.TEXTURE0 + slot);
     });
+    const array = gl.getParameter(gl.VERTEX_ARRAY_BINDING) as WebGLVertexArrayObject | null;
     gl.bindVertexArray(this.array);
+    gl.bindBuffer(gl.ARRAY_BUFFER, this.source);
+    gl.enableVertexAttribArray(0);
+    gl.vertexAttribIPointer(0, 1, gl.UNSIGNED_INT, 0, 0);
+    gl.bindBuffer(gl.ARRAY_BUFFER, null); // what is written must not be bound elsewhere
     gl.bindTransformFeedback(gl.TRANSFORM_FEEDBACK, this.feedback);
     gl.enable(gl.RASTERIZER_DISCARD);
     gl.beginTransformFeedback(gl.POINTS);
@@ -79,31 +92,7 @@ export class AttributePass {
     gl.deleteProgram(this.program);
     gl.deleteVertexArray(this.array);
     gl.deleteTransformFeedback(this.feedback);
-    for (const buffer of this.buffers) gl.deleteBuffer(buffer);
-  }
-
-  private fill(): void {
-    const { gl, renderer, program, buffers, sources } = this;
-    const array = gl.getParameter(gl.VERTEX_ARRAY_BINDING) as WebGLVertexArrayObject | null;
-    gl.bindVertexArray(this.array);
-    gl.bindBuffer(gl.ARRAY_BUFFER, buffers[NAMES.length]);
-    gl.bufferData(gl.ARRAY_BUFFER, sources, gl.STATIC_DRAW);
-    const place = gl.getAttribLocation(program, "source");
-    gl.enableVertexAttribArray(place);
-    gl.vertexAttribIPointer(place, 1, gl.UNSIGNED_INT, 0, 0);
-    gl.bindVertexArray(array);
-    gl.bindTransformFeedback(gl.TRANSFORM_FEEDBACK, this.feedback);
-    NAMES.forEach((_, i) => {
-      gl.bindBuffer(gl.ARRAY_BUFFER, buffers[i]);
-      gl.bufferData(gl.ARRAY_BUFFER, 12 * sources.length, gl.DYNAMIC_COPY);
-      gl.bindBuffer(gl.ARRAY_BUFFER, null);
-      gl.bindBufferBase(gl.TRANSFORM_FEEDBACK_BUFFER, i, buffers[i]);
-    });
-    gl.bindTransformFeedback(gl.TRANSFORM_FEEDBACK, null);
-    gl.bindBuffer(gl.TRANSFORM_FEEDBACK_BUFFER, null);
-    renderer.state.useProgram(program);
-    gl.uniform1i(gl.getUniformLocation(program, "positions"), 0);
-    gl.uniform1i(gl.getUniformLocation(program, "normals"), 1);
+    for (const buffer of [this.source, ...this.buffers]) gl.deleteBuffer(buffer);
   }
 }
 
@@ -114,21 +103,16 @@ function handleOf(renderer: THREE.WebGLRenderer, texture: THREE.Texture): WebGLT
 
 function linked(gl: WebGL2RenderingContext, vertexSource: string): WebGLProgram {
   const program = gl.createProgram();
-  for (const [type, source] of [
-    [gl.VERTEX_SHADER, vertexSource],
-    [gl.FRAGMENT_SHADER, FRAGMENT],
-  ] as const) {
-    const shader = gl.createShader(type);
-    if (!shader) continue; // the context is lost, and comes back
+  const attach = (type: GLenum, source: string) => {
+    const shader = gl.createShader(type) as WebGLShader;
     gl.shaderSource(shader, source);
     gl.compileShader(shader);
     gl.attachShader(program, shader);
     gl.deleteShader(shader);
-  }
-  gl.transformFeedbackVaryings(program, NAMES as unknown as string[], gl.SEPARATE_ATTRIBS);
+  };
+  attach(gl.VERTEX_SHADER, vertexSource);
+  attach(gl.FRAGMENT_SHADER, FRAGMENT);
+  gl.transformFeedbackVaryings(program, NAMES, gl.SEPARATE_ATTRIBS);
   gl.linkProgram(program);
-  if (!gl.getProgramParameter(program, gl.LINK_STATUS) && !gl.isContextLost()) {
-    throw new InvalidInputError(`this graphics card refuses: ${gl.getProgramInfoLog(program)}`);
-  }
   return program;
 }

@@ -55,8 +55,8 @@ export class NormalPass {
     this.target = grid.target();
     const { ring, corner } = ringsOf(triangles, grid);
     const format = THREE.RGIntegerFormat;
-    const rings = dataTexture(ring, grid.width, grid.height, format);
-    const corners = dataTexture(corner, WIDTH, cornerRows(triangles), format);
+    const rings = dataTexture(ring, grid.width, format);
+    const corners = dataTexture(corner, WIDTH, format);
     this.textures = [rings, corners];
     this.pass = new Pass(normalShader(grid), {
       positions: { value: positions },

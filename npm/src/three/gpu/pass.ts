@@ -4,9 +4,12 @@ import * as THREE from "three";
 
 import { PRECISION } from "./vertex_grid";
 
+// A triangle over all of the target. What is drawn over it may say how its texels differ.
 const COVER = `
+flat out vec3 correction;
 void main() {
   gl_Position = vec4(gl_VertexID == 1 ? 3.0 : -1.0, gl_VertexID == 2 ? 3.0 : -1.0, 0.0, 1.0);
+  correction = vec3(0.0);
 }`;
 
 const CAMERA = new THREE.Camera();
@@ -16,7 +19,7 @@ type Drawn = THREE.Object3D & {
   readonly material: THREE.RawShaderMaterial;
 };
 
-/** A material that is nothing but our own shaders, which writes neither depth nor blends. */
+/** A material that is nothing but our own shaders; targets have no depth, and nothing blends. */
 export function passMaterial(
   vertexShader: string,
   fragmentShader: string,
@@ -27,9 +30,6 @@ export function passMaterial(
     vertexShader: PRECISION + vertexShader,
     fragmentShader: PRECISION + fragmentShader,
     uniforms,
-    depthTest: false,
-    depthWrite: false,
-    blending: THREE.NoBlending,
   });
 }
 
@@ -58,15 +58,13 @@ export class Pass {
     const before = renderer.getRenderTarget();
     const face = renderer.getActiveCubeFace();
     const level = renderer.getActiveMipmapLevel();
-    const { xr, info } = renderer;
-    const [isXrEnabled, isInfoReset] = [xr.enabled, info.autoReset];
+    const { xr } = renderer;
+    const isXrEnabled = xr.enabled;
     xr.enabled = false;
-    info.autoReset = false; // counts of the page's own picture stay
     renderer.setRenderTarget(target);
     renderer.render(this.scene, CAMERA);
     renderer.setRenderTarget(before, face, level);
     xr.enabled = isXrEnabled;
-    info.autoReset = isInfoReset;
   }
 
   dispose(): void {

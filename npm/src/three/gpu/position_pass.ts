@@ -5,7 +5,6 @@ import * as THREE from "three";
 
 import type { BlockFields } from "../../types";
 import {
-  type Corrections,
   correctionsOf,
   type HeldBlock,
   type Moment,
@@ -18,14 +17,19 @@ import { dataTexture, type VertexGrid } from "./vertex_grid";
 /** Modes of a texel of fields, which has four numbers. */
 export const MODES_A_TEXEL = 4;
 
+/** Texels in a row of corrections. */
+const WIDTH = 1024;
+
 // A picture may lie between the last frame of a block and the first of another.
-const SUM = `
+const POSITION = `
 uniform isampler2DArray fields;
 uniform isampler2DArray nextFields;
 uniform sampler2D weights;
 uniform int nGroups;
 uniform int nNextGroups;
 uniform vec3 shift;
+flat in vec3 correction;
+out vec4 position;
 vec3 product(ivec4 field, int group) {
   vec4 f = vec4(field);
   return vec3(
@@ -33,39 +37,28 @@ vec3 product(ivec4 field, int group) {
     dot(f, texelFetch(weights, ivec2(1, group), 0)),
     dot(f, texelFetch(weights, ivec2(2, group), 0)));
 }
-vec3 sumOfModes(ivec2 texel) {
-  vec3 sum = vec3(0.0);
+void main() {
+  ivec2 texel = ivec2(gl_FragCoord.xy);
+  vec3 sum = correction;
   for (int i = 0; i < nGroups; i++) sum += product(texelFetch(fields, ivec3(texel, i), 0), i);
   for (int i = 0; i < nNextGroups; i++) {
     sum += product(texelFetch(nextFields, ivec3(texel, i), 0), nGroups + i);
   }
-  return sum;
-}`;
-
-const POSITION = `${SUM}
-out vec4 position;
-void main() {
-  position = vec4(sumOfModes(ivec2(gl_FragCoord.xy)) + shift, 1.0);
+  position = vec4(sum + shift, 1.0);
 }`;
 
 // Corrected vertices are computed again, as points over their texels: no blending of floats, which
-// not every GPU can do.
+// not every GPU can do. A texel of corrections is the vertex, then the bits of three floats.
 const correctedVertex = (grid: VertexGrid) => `${grid.glsl}
-in uint vertex;
-in vec3 offset;
+uniform usampler2D corrections;
 flat out vec3 correction;
 void main() {
-  vec2 texel = vec2(texelOf(int(vertex))) + 0.5;
+  ivec2 place = ivec2(gl_VertexID & ${WIDTH - 1}, gl_VertexID >> ${Math.log2(WIDTH)});
+  uvec4 found = texelFetch(corrections, place, 0);
+  vec2 texel = vec2(texelOf(int(found.x))) + 0.5;
   gl_Position = vec4(texel / vec2(${grid.width}, ${grid.height}) * 2.0 - 1.0, 0.0, 1.0);
   gl_PointSize = 1.0;
-  correction = offset;
-}`;
-
-const CORRECTED = `${SUM}
-flat in vec3 correction;
-out vec4 position;
-void main() {
-  position = vec4(sumOfModes(ivec2(gl_FragCoord.xy)) + correction + shift, 1.0);
+  correction = uintBitsToFloat(found.yzw);
 }`;
 
 /** Computes positions of pictures. */
@@ -75,14 +68,16 @@ export class PositionPass {
   private readonly uniforms = {
     fields: { value: null as THREE.DataArrayTexture | null },
     nextFields: { value: null as THREE.DataArrayTexture | null },
-    weights: { value: null as THREE.DataTexture | null },
+    weights: { value: dataTexture(new Float32Array(12), 3, THREE.RGBAFormat) },
+    corrections: {
+      value: dataTexture(new Uint32Array(4 * WIDTH), WIDTH, THREE.RGBAIntegerFormat),
+    },
     nGroups: { value: 0 },
     nNextGroups: { value: 0 },
     shift: { value: new THREE.Vector3() },
   };
   private readonly pass = new Pass(POSITION, this.uniforms);
   private readonly corrected: THREE.Points<THREE.BufferGeometry, THREE.RawShaderMaterial>;
-  private capacity = 0;
 
   /** @param shift - is added to all positions, in model units */
   constructor(
@@ -92,7 +87,7 @@ export class PositionPass {
   ) {
     this.target = grid.target();
     this.uniforms.shift.value.set(...shift);
-    const material = passMaterial(correctedVertex(grid), CORRECTED, this.uniforms);
+    const material = passMaterial(correctedVertex(grid), POSITION, this.uniforms);
     this.corrected = new THREE.Points(new THREE.BufferGeometry(), material);
     this.pass.add(this.corrected);
   }
@@ -131,22 +126,15 @@ export class PositionPass {
 
   dispose(): void {
     for (const block of this.fields.keys()) this.release(block);
-    this.uniforms.weights.value?.dispose();
+    this.uniforms.weights.value.dispose();
+    this.uniforms.corrections.value.dispose();
     this.target.dispose();
     this.pass.dispose();
   }
 
   private setWeights(shares: readonly Share[]): void {
     const [nGroups, nNextGroups = 0] = shares.map(({ block }) => groupsOf(block.nModes));
-    const height = nGroups + nNextGroups;
-    let held = this.uniforms.weights.value;
-    if (!held || held.image.height < height) {
-      held?.dispose();
-      held = dataTexture(new Float32Array(12 * height), 3, height, THREE.RGBAFormat);
-      this.uniforms.weights.value = held;
-    }
-    const data = held.image.data as Float32Array;
-    data.fill(0);
+    const data = new Float32Array(12 * (nGroups + nNextGroups));
     let row = 0;
     for (const { block, weights } of shares) {
       weights.forEach((weight, i) => {
@@ -155,38 +143,40 @@ export class PositionPass {
       });
       row += groupsOf(block.nModes);
     }
-    held.needsUpdate = true;
+    replace(this.uniforms.weights, data);
     this.uniforms.nGroups.value = nGroups;
     this.uniforms.nNextGroups.value = nNextGroups;
   }
 
-  private setCorrections({ vertices, offsets }: Corrections): void {
-    const count = vertices.length;
-    this.corrected.visible = count > 0;
-    if (count > this.capacity) this.grow(2 * count);
-    const { geometry } = this.corrected;
-    for (const [name, values] of [
-      ["vertex", vertices],
-      ["offset", offsets],
-    ] as const) {
-      const attribute = geometry.getAttribute(name) as THREE.BufferAttribute | undefined;
-      if (!attribute || count === 0) continue;
-      attribute.array.set(values);
-      attribute.clearUpdateRanges();
-      attribute.addUpdateRange(0, values.length);
-      attribute.needsUpdate = true;
+  private setCorrections(corrections: Map<number, number[]>): void {
+    const { size } = corrections;
+    this.corrected.visible = size > 0;
+    if (size === 0) return;
+    this.corrected.geometry.setDrawRange(0, size);
+    const data = new Uint32Array(4 * WIDTH * Math.ceil(size / WIDTH));
+    const floats = new Float32Array(data.buffer);
+    let at = 0;
+    for (const [vertex, offset] of corrections) {
+      data[at] = vertex;
+      floats.set(offset, at + 1);
+      at += 4;
     }
-    geometry.setDrawRange(0, count);
+    replace(this.uniforms.corrections, data);
   }
+}
 
-  private grow(capacity: number): void {
-    const { geometry } = this.corrected;
-    geometry.dispose();
-    const vertex = new THREE.BufferAttribute(new Uint32Array(capacity), 1);
-    const offset = new THREE.BufferAttribute(new Float32Array(3 * capacity), 3);
-    geometry.setAttribute("vertex", vertex.setUsage(THREE.DynamicDrawUsage));
-    geometry.setAttribute("offset", offset.setUsage(THREE.DynamicDrawUsage));
-    this.capacity = capacity;
+/** Has a uniform hold these data, in a texture of the same width. */
+function replace(
+  uniform: { value: THREE.DataTexture },
+  data: Float32Array<ArrayBuffer> | Uint32Array<ArrayBuffer>,
+): void {
+  const { image, format } = uniform.value;
+  if (image.data?.length === data.length) {
+    image.data = data;
+    uniform.value.needsUpdate = true;
+  } else {
+    uniform.value.dispose();
+    uniform.value = dataTexture(data, image.width, format as THREE.PixelFormat);
   }
 }
 

@@ -44,16 +44,16 @@ ivec2 texelOf(int vertex) {
   }
 }
 
-/** A texture that is fetched from texel by texel. */
+/** A texture of floats or integers that is fetched from texel by texel. */
 export function dataTexture(
   data: Float32Array<ArrayBuffer> | Uint32Array<ArrayBuffer>,
   width: number,
-  height: number,
   format: THREE.PixelFormat,
 ): THREE.DataTexture {
   const type = data instanceof Uint32Array ? THREE.UnsignedIntType : THREE.FloatType;
+  const channels = format === THREE.RGIntegerFormat ? 2 : 4;
+  const height = data.length / width / channels;
   const texture = new THREE.DataTexture(data, width, height, format, type);
-  texture.unpackAlignment = 1;
   texture.needsUpdate = true;
   return texture;
 }
