@@ -29,6 +29,13 @@ WebGL2RenderingContext.prototype.getSupportedExtensions = function () {
 };
 """
 
+WITHOUT_FEEDBACK = """
+const given = WebGL2RenderingContext.prototype.transformFeedbackVaryings;
+WebGL2RenderingContext.prototype.transformFeedbackVaryings = function (program, names, mode) {
+  given.call(this, program, ["nothing"], mode);
+};
+"""
+
 pytestmark = pytest.mark.slow
 
 
@@ -115,6 +122,12 @@ def test_cpu_positions_and_normals_are_right_when_that_is_asked_for(ask):
 def test_cpu_stands_in_when_floats_cannot_be_drawn(ask):
     allowed = ["EXT_color_buffer_float extension not supported"]
     answer = ask("errors", PLACES, {}, before=WITHOUT_FLOAT_TARGETS, allowed=allowed)
+    assert not answer["isOnGpu"]
+    assert_right(answer["found"], 1e-6)
+
+
+def test_cpu_stands_in_when_the_driver_refuses(ask):
+    answer = ask("errors", PLACES, {}, before=WITHOUT_FEEDBACK)
     assert not answer["isOnGpu"]
     assert_right(answer["found"], 1e-6)
 

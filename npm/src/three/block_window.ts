@@ -13,90 +13,97 @@ export interface WindowListener {
 
 /** Blocks by number, the wanted ones of which are loaded, and all others let go. */
 export class BlockWindow<Block> {
-  private readonly held = new Map<number, Block>();
-  private readonly damaged = new Set<number>();
-  private readonly failed = new Set<number>();
-  private loading: { number: number; abort: AbortController } | null = null;
-  private wanted: readonly number[] = [];
+  readonly #load: (number: number, signal: AbortSignal) => Promise<Block>;
+  readonly #release: (block: Block) => void;
+  readonly #listener: WindowListener;
+  readonly #held = new Map<number, Block>();
+  readonly #damaged = new Set<number>();
+  readonly #failed = new Set<number>();
+  #loading: { number: number; abort: AbortController } | null = null;
+  #wanted: readonly number[] = [];
 
   /**
    * @param load - gives a block, or throws; its signal is aborted when the block is not wanted
    * @param release - frees what a block holds beyond memory
    */
   constructor(
-    private readonly load: (number: number, signal: AbortSignal) => Promise<Block>,
-    private readonly release: (block: Block) => void,
-    private readonly listener: WindowListener,
-  ) {}
+    load: (number: number, signal: AbortSignal) => Promise<Block>,
+    release: (block: Block) => void,
+    listener: WindowListener,
+  ) {
+    this.#load = load;
+    this.#release = release;
+    this.#listener = listener;
+  }
 
   /** The block if it is here. */
   get(number: number): Block | undefined {
-    return this.held.get(number);
+    return this.#held.get(number);
   }
 
   /** Whether the bytes of a block are damaged, so that it will never be there. */
   isDamaged(number: number): boolean {
-    return this.damaged.has(number);
+    return this.#damaged.has(number);
   }
 
   /** Has up to `MOST_HELD` blocks loaded, the first of them first, and no others. */
   want(numbers: readonly number[]): void {
-    this.wanted = numbers;
-    for (const [number, block] of this.held) {
-      if (!numbers.includes(number)) this.letGo(number, block);
+    this.#wanted = numbers;
+    for (const [number, block] of this.#held) {
+      if (!numbers.includes(number)) this.#letGo(number, block);
     }
-    const missing = numbers.find((number) => this.isMissing(number));
-    if (this.loading && this.loading.number !== missing) this.abort();
-    if (missing !== undefined && !this.loading) void this.start(missing);
+    const missing = numbers.find((number) => this.#isMissing(number));
+    if (this.#loading && this.#loading.number !== missing) this.#abort();
+    if (missing !== undefined && !this.#loading) void this.#start(missing);
   }
 
   /** Tries again what could not be had for another reason than damage. */
   retry(): void {
-    this.failed.clear();
+    this.#failed.clear();
   }
 
   /** Lets all blocks go, and aborts loading. */
   clear(): void {
-    this.abort();
-    this.wanted = [];
-    for (const [number, block] of this.held) this.letGo(number, block);
+    this.#abort();
+    this.#wanted = [];
+    for (const [number, block] of this.#held) this.#letGo(number, block);
   }
 
-  private isMissing(number: number): boolean {
-    return !this.held.has(number) && !this.damaged.has(number) && !this.failed.has(number);
+  #isMissing(number: number): boolean {
+    return !this.#held.has(number) && !this.#damaged.has(number) && !this.#failed.has(number);
   }
 
-  private letGo(number: number, block: Block): void {
-    this.held.delete(number);
-    this.release(block);
+  #letGo(number: number, block: Block): void {
+    this.#held.delete(number);
+    this.#release(block);
   }
 
-  private abort(): void {
-    this.loading?.abort.abort();
-    this.loading = null;
+  #abort(): void {
+    this.#loading?.abort.abort();
+    this.#loading = null;
   }
 
-  private async start(number: number): Promise<void> {
+  async #start(number: number): Promise<void> {
     const abort = new AbortController();
-    this.loading = { number, abort };
+    this.#loading = { number, abort };
     try {
-      const block = await this.load(number, abort.signal);
-      if (abort.signal.aborted) return this.release(block);
-      this.loading = null;
-      this.held.set(number, block);
-      this.listener.onHeld(number);
+      const block = await this.#load(number, abort.signal);
+      if (abort.signal.aborted) return this.#release(block);
+      this.#loading = null;
+      this.#held.set(number, block);
+      this.#listener.onHeld(number);
     } catch (thrown) {
       if (abort.signal.aborted) return;
-      this.loading = null;
+      this.#loading = null;
       const error = thrown instanceof Error ? thrown : new Error(String(thrown));
-      (isDamage(error) ? this.damaged : this.failed).add(number);
-      this.listener.onError(number, error);
+      (isDamage(error) ? this.#damaged : this.#failed).add(number);
+      this.#listener.onError(number, error);
     }
-    this.want(this.wanted);
+    this.want(this.#wanted);
   }
 }
 
 // By name: a page may hold this class twice, once in each module of the package.
 function isDamage(error: Error): boolean {
-  return error.name === "CorruptStreamError" || error.name === "TruncatedStreamError";
+  return /^(Corrupt|Truncated)StreamError$/.test(error.name);
 }

@@ -7,27 +7,29 @@ export type ItemOf = (corner: number) => number;
 
 /** Which vertex, face or corner of a polygon each corner of a triangle is. */
 export class Corners {
-  private readonly faceOf: Uint32Array | null;
-  private readonly cornerOf: Uint32Array | null;
+  readonly #surface: Surface;
+  readonly #faceOf: Uint32Array | null;
+  readonly #cornerOf: Uint32Array | null;
 
-  constructor(private readonly surface: Surface) {
+  constructor(surface: Surface) {
+    this.#surface = surface;
     const { faceSizes, triangles } = surface;
-    this.faceOf = faceSizes && new Uint32Array(triangles.length / 3);
-    this.cornerOf = faceSizes && new Uint32Array(triangles.length);
-    if (faceSizes && this.faceOf && this.cornerOf) {
-      fillFans(faceSizes, this.faceOf, this.cornerOf);
+    this.#faceOf = faceSizes && new Uint32Array(triangles.length / 3);
+    this.#cornerOf = faceSizes && new Uint32Array(triangles.length);
+    if (faceSizes && this.#faceOf && this.#cornerOf) {
+      fillFans(faceSizes, this.#faceOf, this.#cornerOf);
     }
   }
 
   /** The polygon of a triangle. */
   polygonOf(triangle: number): number {
-    return this.faceOf ? this.faceOf[triangle] : triangle;
+    return this.#faceOf ? this.#faceOf[triangle] : triangle;
   }
 
   /** Which item of the domain a corner of a triangle is. */
   items(domain: Attribute["domain"]): ItemOf {
-    const { cornerOf } = this;
-    if (domain === "vertex") return (corner) => this.surface.triangles[corner];
+    const cornerOf = this.#cornerOf;
+    if (domain === "vertex") return (corner) => this.#surface.triangles[corner];
     if (domain === "face") return (corner) => this.polygonOf(Math.floor(corner / 3));
     return (corner) => (cornerOf ? cornerOf[corner] : corner);
   }

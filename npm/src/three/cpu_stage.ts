@@ -11,27 +11,29 @@ const NO_FIELDS = new Int16Array();
 
 /** Computes positions and normals on the CPU, and has three.js send them to the GPU. */
 export class CpuStage implements Stage {
+  readonly #setting: Setting;
   readonly isOnGpu = false;
-  private readonly fields = new Map<HeldBlock, Int16Array>();
-  private readonly positions: Float32Array;
-  private readonly normals: Float32Array;
-  private readonly attributes: readonly (readonly [THREE.BufferAttribute, Float32Array])[];
+  readonly #fields = new Map<HeldBlock, Int16Array>();
+  readonly #positions: Float32Array;
+  readonly #normals: Float32Array;
+  readonly #attributes: readonly (readonly [THREE.BufferAttribute, Float32Array])[];
 
   constructor(
-    private readonly setting: Setting,
+    setting: Setting,
     geometry: THREE.BufferGeometry,
   ) {
+    this.#setting = setting;
     const { info, drawing } = setting;
-    this.positions = new Float32Array(3 * info.nVerts);
-    this.normals = new Float32Array(3 * info.nVerts);
+    this.#positions = new Float32Array(3 * info.nVerts);
+    this.#normals = new Float32Array(3 * info.nVerts);
     const attribute = (name: string) => {
       const made = new THREE.BufferAttribute(new Float32Array(3 * drawing.sources.length), 3);
       geometry.setAttribute(name, made.setUsage(THREE.DynamicDrawUsage));
       return made;
     };
-    this.attributes = [
-      [attribute("position"), this.positions],
-      [attribute("normal"), this.normals],
+    this.#attributes = [
+      [attribute("position"), this.#positions],
+      [attribute("normal"), this.#normals],
     ];
   }
 
@@ -41,31 +43,31 @@ export class CpuStage implements Stage {
 
   hold(block: BlockFields): HeldBlock {
     const held = withoutFields(block);
-    this.fields.set(held, block.fields);
+    this.#fields.set(held, block.fields);
     return held;
   }
 
   release(block: HeldBlock): void {
-    this.fields.delete(block);
+    this.#fields.delete(block);
   }
 
   show(moment: Moment): void {
-    const { triangles, drawing, shift } = this.setting;
-    const fieldsOf = (block: HeldBlock) => this.fields.get(block) ?? NO_FIELDS;
-    positionsOf(moment, fieldsOf, shift, this.positions);
-    normalsOf(this.positions, triangles, this.normals);
-    for (const [attribute, values] of this.attributes) {
+    const { triangles, drawing, shift } = this.#setting;
+    const fieldsOf = (block: HeldBlock) => this.#fields.get(block) ?? NO_FIELDS;
+    positionsOf(moment, fieldsOf, shift, this.#positions);
+    normalsOf(this.#positions, triangles, this.#normals);
+    for (const [attribute, values] of this.#attributes) {
       spread(values, drawing.sources, attribute.array as Float32Array);
       attribute.needsUpdate = true;
     }
   }
 
   read(into: Float32Array): void {
-    into.set(this.positions);
+    into.set(this.#positions);
   }
 
   dispose(): void {
-    this.fields.clear();
+    this.#fields.clear();
   }
 }
 

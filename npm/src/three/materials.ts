@@ -32,35 +32,41 @@ const PLAIN = 0x9eb0c4;
 
 /** The materials of a surface; their images appear as they are decoded. */
 export class Materials {
+  readonly #surface: Surface;
+  readonly #drawing: Drawing;
+  readonly #onError: (error: Error) => void;
   /** By number in the groups of the drawing. */
   readonly list: readonly (Standard | THREE.MeshBasicMaterial)[];
-  private readonly textures: THREE.Texture[] = [];
+  readonly #textures: THREE.Texture[] = [];
   /** By number of the image; one that several textures show is decoded once. */
-  private readonly images: Promise<THREE.Texture>[] = [];
-  private isOver = false;
+  readonly #images: Promise<THREE.Texture>[] = [];
+  #isOver = false;
 
   /** @param onError - is told of a texture that cannot be shown */
   constructor(
-    private readonly surface: Surface,
-    private readonly drawing: Drawing,
+    surface: Surface,
+    drawing: Drawing,
     isFlat: boolean,
-    private readonly onError: (error: Error) => void,
+    onError: (error: Error) => void,
   ) {
+    this.#surface = surface;
+    this.#drawing = drawing;
+    this.#onError = onError;
     const hasColors = drawing.attributes.some(({ name }) => name === "color");
     this.list = drawing.materialNames.map((name) => {
       const given = surface.materials.find((one) => one.name === name);
       const made = given ? materialOf(given) : plainMaterial(hasColors);
       made.vertexColors = hasColors;
       if ("flatShading" in made) made.flatShading = isFlat;
-      for (const texture of given?.textures ?? []) void this.dress(made, texture);
+      for (const texture of given?.textures ?? []) void this.#dress(made, texture);
       return made;
     });
   }
 
   dispose(): void {
-    this.isOver = true;
-    for (const one of [...this.list, ...this.textures]) one.dispose();
-    for (const image of this.images) {
+    this.#isOver = true;
+    for (const one of [...this.list, ...this.#textures]) one.dispose();
+    for (const image of this.#images) {
       image?.then(
         (texture) => (texture.image as ImageBitmap).close(),
         () => {}, // it was told when it came
@@ -68,14 +74,14 @@ export class Materials {
     }
   }
 
-  private async dress(material: THREE.Material, given: MaterialTexture): Promise<void> {
+  async #dress(material: THREE.Material, given: MaterialTexture): Promise<void> {
     const slot = SLOTS[given.slot];
     if (!(slot in material)) return; // without light only the colour counts
-    const image = this.surface.images[given.image];
+    const image = this.#surface.images[given.image];
     try {
-      const shared = await (this.images[given.image] ??= decoded(image));
-      if (this.isOver) return;
-      const channel = this.drawing.uvNames.indexOf(given.uv);
+      const shared = await (this.#images[given.image] ??= decoded(image));
+      if (this.#isOver) return;
+      const channel = this.#drawing.uvNames.indexOf(given.uv);
       if (channel < 0) throw new Error(`there are no texture coordinates ${given.uv}`);
       const texture = shared.clone();
       texture.channel = channel;
@@ -85,11 +91,11 @@ export class Materials {
       texture.matrix.copy(transformOf(given));
       if (slot === "map" || slot === "emissiveMap") texture.colorSpace = THREE.SRGBColorSpace;
       texture.needsUpdate = true;
-      this.textures.push(texture);
+      this.#textures.push(texture);
       (material as Standard)[slot] = texture;
       material.needsUpdate = true;
     } catch (error) {
-      if (!this.isOver) this.onError(new InvalidInputError(`cannot show ${image.name}: ${error}`));
+      if (!this.#isOver) this.#onError(new InvalidInputError(`cannot show ${image.name}: ${error}`));
     }
   }
 }

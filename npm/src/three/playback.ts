@@ -40,29 +40,33 @@ export interface Screen {
 
 /** Plays the blocks of a file on a screen. */
 export class Playback {
+  readonly #screen: Screen;
+  readonly #send: (event: PlaybackEvent) => void;
   readonly clock: Clock;
   /** Whether pictures between frames are shown. */
   isInterpolating = true;
   isPlaying = false;
   /** Whether the picture of the time is not there yet; at first it is not. */
   isWaiting = true;
-  private readonly window: BlockWindow<HeldBlock>;
-  private readonly blocks: readonly BlockInfo[];
-  private hasScreen = false;
-  private shown: { frame: number; fraction: number } | null = null;
+  readonly #window: BlockWindow<HeldBlock>;
+  readonly #blocks: readonly BlockInfo[];
+  #hasScreen = false;
+  #shown: { frame: number; fraction: number } | null = null;
 
   /** @throws InvalidInputError where the file has no frames. */
   constructor(
     info: ReelInfo,
     load: (block: number, signal: AbortSignal) => Promise<BlockFields>,
-    private readonly screen: Screen,
-    private readonly send: (event: PlaybackEvent) => void,
+    screen: Screen,
+    send: (event: PlaybackEvent) => void,
   ) {
-    this.blocks = info.blocks;
+    this.#screen = screen;
+    this.#send = send;
+    this.#blocks = info.blocks;
     const end = info.blocks.at(-1);
     if (!end) throw new InvalidInputError(`${info.name || "the reel"} has no frames to show`);
     this.clock = new Clock(end.start + end.nFrames, info.fps > 0 ? info.fps : DEFAULT_FPS);
-    this.window = new BlockWindow(
+    this.#window = new BlockWindow(
       async (number, signal) => {
         const block = await load(number, signal);
         signal.throwIfAborted();
@@ -81,12 +85,12 @@ export class Playback {
 
   play(): void {
     const wasWaiting = this.isWaiting;
-    this.window.retry();
+    this.#window.retry();
     if (this.isPlaying) return this.show();
     this.clock.rewind();
     this.isPlaying = true;
     this.show();
-    if (!wasWaiting && !this.isWaiting) this.send({ type: "playing" });
+    if (!wasWaiting && !this.isWaiting) this.#send({ type: "playing" });
   }
 
   pause(): void {
@@ -103,7 +107,7 @@ export class Playback {
       throw new InvalidInputError(`a time must be a finite number; got ${place}`);
     }
     this.clock.set(place);
-    this.window.retry();
+    this.#window.retry();
     this.show();
   }
 
@@ -120,58 +124,58 @@ export class Playback {
     const passed = isMoving ? this.clock.advance(seconds) : null;
     if (passed === "end") this.isPlaying = false;
     this.show();
-    if (passed === "loop") this.send({ type: "loop" });
-    if (passed === "end") this.send({ type: "ended" });
+    if (passed === "loop") this.#send({ type: "loop" });
+    if (passed === "end") this.#send({ type: "ended" });
   }
 
   /** Loads anew: the screen is there now, or has lost what it held. Nothing is loaded before. */
   restart(): void {
-    this.window.clear();
-    this.hasScreen = true;
-    this.shown = null;
+    this.#window.clear();
+    this.#hasScreen = true;
+    this.#shown = null;
     this.show();
   }
 
   /** Lets all blocks go for good. */
   dispose(): void {
     this.isPlaying = false;
-    this.hasScreen = false;
-    this.window.clear();
+    this.#hasScreen = false;
+    this.#window.clear();
   }
 
   /** Shows the picture of the time if it is there, and asks for what it needs and what follows. */
   show(): void {
-    if (!this.hasScreen) return;
-    const { frame, fraction } = this.pictureOfNow();
-    const number = this.blockOf(frame);
-    const next = fraction > 0 ? this.blockOf(frame + 1) : number;
-    const wanted = new Set([number, next, ...this.following(number, next)]);
-    this.window.want([...wanted].slice(0, MOST_HELD));
-    if (this.window.isDamaged(number)) return this.setWaiting(null);
-    const [block, nextBlock] = [this.window.get(number), this.window.get(next)];
-    if (!block || !nextBlock) return this.setWaiting(block ? next : number);
-    this.setWaiting(null);
-    if (this.shown?.frame === frame && this.shown.fraction === fraction) return;
-    this.shown = { frame, fraction };
+    if (!this.#hasScreen) return;
+    const { frame, fraction } = this.#pictureOfNow();
+    const number = this.#blockOf(frame);
+    const next = fraction > 0 ? this.#blockOf(frame + 1) : number;
+    const wanted = new Set([number, next, ...this.#following(number, next)]);
+    this.#window.want([...wanted].slice(0, MOST_HELD));
+    if (this.#window.isDamaged(number)) return this.#setWaiting(null);
+    const [block, nextBlock] = [this.#window.get(number), this.#window.get(next)];
+    if (!block || !nextBlock) return this.#setWaiting(block ? next : number);
+    this.#setWaiting(null);
+    if (this.#shown?.frame === frame && this.#shown.fraction === fraction) return;
+    this.#shown = { frame, fraction };
     const nextT = fraction > 0 ? frame + 1 - nextBlock.start : frame - block.start;
-    this.screen.show({ block, t: frame - block.start, next: nextBlock, nextT, fraction });
-    this.send({ type: "frame", frame, time: this.clock.time });
+    this.#screen.show({ block, t: frame - block.start, next: nextBlock, nextT, fraction });
+    this.#send({ type: "frame", frame, time: this.clock.time });
   }
 
   /** Nothing lies between a frame and one of a damaged block. */
-  private pictureOfNow(): { frame: number; fraction: number } {
+  #pictureOfNow(): { frame: number; fraction: number } {
     const { frame, fraction } = this.clock.at(this.isInterpolating);
-    const isAlone = fraction > 0 && this.window.isDamaged(this.blockOf(frame + 1));
+    const isAlone = fraction > 0 && this.#window.isDamaged(this.#blockOf(frame + 1));
     return { frame, fraction: isAlone ? 0 : fraction };
   }
 
-  private blockOf(frame: number): number {
-    return this.blocks.findLastIndex((block) => block.start <= frame);
+  #blockOf(frame: number): number {
+    return this.#blocks.findLastIndex((block) => block.start <= frame);
   }
 
   /** The block that comes after these, as it is played now; none behind the end. */
-  private following(number: number, next: number): number[] {
-    const count = this.blocks.length;
+  #following(number: number, next: number): number[] {
+    const count = this.#blocks.length;
     const step = this.clock.isForward ? 1 : -1;
     let after = step > 0 ? next : number;
     for (let i = 0; i < count; i++) {
@@ -179,17 +183,17 @@ export class Playback {
       if (after < 0 || after >= count) {
         if (this.clock.loop === "once") return [];
         if (this.clock.loop === "repeat") after = (after + count) % count;
-        else return [step > 0 ? number - 1 : next + 1].filter((one) => one in this.blocks);
+        else return [step > 0 ? number - 1 : next + 1].filter((one) => one in this.#blocks);
       }
-      if (!this.window.isDamaged(after)) return [after];
+      if (!this.#window.isDamaged(after)) return [after];
     }
     return [];
   }
 
-  private setWaiting(block: number | null): void {
+  #setWaiting(block: number | null): void {
     const wasWaiting = this.isWaiting;
     this.isWaiting = block !== null;
-    if (block !== null && !wasWaiting) this.send({ type: "waiting", block });
-    if (block === null && wasWaiting && this.isPlaying) this.send({ type: "playing" });
+    if (block !== null && !wasWaiting) this.#send({ type: "waiting", block });
+    if (block === null && wasWaiting && this.isPlaying) this.#send({ type: "playing" });
   }
 }

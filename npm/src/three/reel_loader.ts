@@ -19,16 +19,20 @@ export type ReelLoaderOptions = Omit<ReelMeshOptions, "ownsReel">;
  * plays, and with them the event "frame". `dispose()` of the mesh closes the file.
  */
 export class ReelLoader extends THREE.Loader<ReelMesh> {
+  readonly #open: OpenFunction;
+  readonly #options: ReelLoaderOptions = {};
   /**
    * @param open - opens files; `ReelFile.open`
    * @param options - of the meshes
    */
   constructor(
-    private readonly open: OpenFunction,
-    private readonly options: ReelLoaderOptions = {},
+    open: OpenFunction,
+    options: ReelLoaderOptions = {},
     manager?: THREE.LoadingManager,
   ) {
     super(manager);
+    this.#open = open;
+    this.#options = options;
   }
 
   /** Loads a file; progress is not told, for it comes in parts as it plays. */
@@ -41,7 +45,7 @@ export class ReelLoader extends THREE.Loader<ReelMesh> {
     const { manager } = this;
     const address = manager.resolveURL(THREE.LoaderUtils.resolveURL(url, this.path));
     manager.itemStart(url);
-    this.opened(address)
+    this.#opened(address)
       .then(onLoad)
       .catch((error: unknown) => {
         if (onError) onError(error);
@@ -57,14 +61,14 @@ export class ReelLoader extends THREE.Loader<ReelMesh> {
    * @throws what `ReelFile.open` throws
    */
   parse(data: ArrayBuffer): Promise<ReelMesh> {
-    return this.opened(data);
+    return this.#opened(data);
   }
 
-  private async opened(source: string | ArrayBuffer): Promise<ReelMesh> {
-    const reel = await this.open(source, {
+  async #opened(source: string | ArrayBuffer): Promise<ReelMesh> {
+    const reel = await this.#open(source, {
       headers: this.requestHeader,
       credentials: this.withCredentials ? "include" : "same-origin",
     });
-    return new ReelMesh(reel, { ...this.options, ownsReel: true });
+    return new ReelMesh(reel, { ...this.#options, ownsReel: true });
   }
 }

@@ -12,8 +12,8 @@ import { Materials } from "./materials";
 import { Playback, type PlaybackEvents } from "./playback";
 import type { Setting, Stage } from "./stage";
 
-/** How much closer than this a time is to a frame for it to be the frame. */
-const NEAR_FRAME = 1e-6;
+/** Of a frame: what is sought is rounded to these, so that seconds of a frame lead to it. */
+const PARTS = 1e6;
 
 /** How much positions may be off, of the diagonal, where the file does not say. */
 const UNKNOWN_PERCENT = 10;
@@ -66,16 +66,16 @@ export class ReelMesh extends THREE.Mesh<
   ReelMeshEventMap
 > {
   override readonly type = "ReelMesh";
-  private readonly drawing: Drawing;
-  private readonly setting: Setting;
-  private readonly playback: Playback;
-  private readonly materials: Materials | null;
-  private stage: Stage | null = null;
-  private drawer: THREE.WebGLRenderer | null = null;
-  private isDisposed = false;
-  private readonly ownsReel: boolean;
-  private readonly picked = new THREE.Mesh();
-  private isPickedStale = true;
+  readonly #drawing: Drawing;
+  readonly #setting: Setting;
+  readonly #playback: Playback;
+  readonly #materials: Materials | null;
+  #stage: Stage | null = null;
+  #drawer: THREE.WebGLRenderer | null = null;
+  #isDisposed = false;
+  readonly #ownsReel: boolean;
+  readonly #picked = new THREE.Mesh();
+  #isPickedStale = true;
 
   /** @throws InvalidInputError where the file has no frames. */
   constructor(
@@ -89,77 +89,76 @@ export class ReelMesh extends THREE.Mesh<
     const shift = [x - origin[0], y - origin[1], z - origin[2]] as const;
     super(geometryOf(drawing));
     this.name = info.name;
-    this.drawing = drawing;
-    this.setting = { info, triangles: surface.triangles, drawing, shift };
-    this.boundAll();
-    this.ownsReel = options.ownsReel ?? false;
-    (this.material as THREE.Material).dispose();
+    this.#drawing = drawing;
+    this.#setting = { info, triangles: surface.triangles, drawing, shift };
+    this.#boundAll();
+    this.#ownsReel = options.ownsReel ?? false;
     const onError = (error: Error) => this.dispatchEvent({ type: "error", error, block: null });
     const isFlat = options.flat ?? false;
-    this.materials = options.material ? null : new Materials(surface, drawing, isFlat, onError);
-    const made = [...(this.materials?.list ?? [])];
+    this.#materials = options.material ? null : new Materials(surface, drawing, isFlat, onError);
+    const made = [...(this.#materials?.list ?? [])];
     this.material = options.material ?? (drawing.groups.length ? made : made[0]);
-    this.playback = new Playback(
+    this.#playback = new Playback(
       info,
       (block, signal) => reel.fields(block, { signal }),
       {
         hold: (block) => {
-          if (!this.stage?.canHold(block)) this.useCpu();
-          return (this.stage as Stage).hold(block);
+          if (!this.#stage?.canHold(block)) this.#useCpu();
+          return (this.#stage as Stage).hold(block);
         },
-        release: (block) => this.stage?.release(block),
+        release: (block) => this.#stage?.release(block),
         show: (moment) => {
-          this.stage?.show(moment);
-          this.isPickedStale = true;
+          this.#stage?.show(moment);
+          this.#isPickedStale = true;
           this.geometry.setDrawRange(0, Infinity);
         },
       },
       (event) => this.dispatchEvent(event),
     );
-    if (options.gpu === false) this.useCpu();
+    if (options.gpu === false) this.#useCpu();
     else if (options.renderer) this.setRenderer(options.renderer);
   }
 
   // Nothing is computed while a renderer draws: its state is not ours then.
   override onBeforeRender = (renderer: THREE.WebGLRenderer): void => {
-    if (!this.stage) queueMicrotask(() => this.setRenderer(renderer));
+    if (!this.#stage) queueMicrotask(() => this.setRenderer(renderer));
   };
 
   /** Tells what draws the mesh; the first one counts. Blocks are loaded from now on. */
   setRenderer(renderer: Renderer): void {
-    if (this.stage || this.isDisposed) return;
-    if (!canDecode(renderer, this.setting)) return this.useCpu();
-    this.drawer = renderer;
-    renderer.domElement.addEventListener(RESTORED, this.useGpu);
-    this.useGpu();
+    if (this.#stage || this.#isDisposed) return;
+    if (!canDecode(renderer, this.#setting)) return this.#useCpu();
+    this.#drawer = renderer;
+    renderer.domElement.addEventListener(RESTORED, this.#useGpu);
+    this.#useGpu();
   }
 
   /** Whether positions are computed on the GPU; false as long as no renderer is known. */
   get isOnGpu(): boolean {
-    return this.stage?.isOnGpu ?? false;
+    return this.#stage?.isOnGpu ?? false;
   }
 
   /** The vertex of the file that each vertex of the geometry is: there are more, at seams. */
   get sources(): Uint32Array {
-    return this.drawing.sources;
+    return this.#drawing.sources;
   }
 
   /** Plays from the time on, or from the start if the end was reached. */
   play(): void {
-    this.playback.play();
+    this.#playback.play();
   }
 
   pause(): void {
-    this.playback.pause();
+    this.#playback.pause();
   }
 
   get isPlaying(): boolean {
-    return this.playback.isPlaying;
+    return this.#playback.isPlaying;
   }
 
   /** Whether the picture of the time has not been loaded yet. */
   get isWaiting(): boolean {
-    return this.playback.isWaiting;
+    return this.#playback.isWaiting;
   }
 
   /**
@@ -169,10 +168,9 @@ export class ReelMesh extends THREE.Mesh<
    * @throws InvalidInputError if it is not a finite number.
    */
   seek(to: number | { frame: number }): void {
-    if (typeof to !== "number") return this.playback.seek(to.frame);
-    const place = to * this.playback.clock.fps;
-    const frame = Math.round(place);
-    this.playback.seek(Math.abs(place - frame) < NEAR_FRAME ? frame : place);
+    const { clock } = this.#playback;
+    const place = typeof to === "number" ? to * clock.fps : to.frame;
+    this.#playback.seek(Math.round(place * PARTS) / PARTS);
   }
 
   /**
@@ -183,52 +181,52 @@ export class ReelMesh extends THREE.Mesh<
    * @throws InvalidInputError if it is negative or not finite.
    */
   update(deltaSeconds: number): void {
-    this.playback.update(deltaSeconds);
+    this.#playback.update(deltaSeconds);
   }
 
   /** Seconds since the first frame; `seek` changes it. */
   get time(): number {
-    return this.playback.clock.time;
+    return this.#playback.clock.time;
   }
 
   /** Seconds from the first frame to the end of the last. */
   get duration(): number {
-    return this.playback.clock.duration;
+    return this.#playback.clock.duration;
   }
 
   /** The frame of the time, from 0 on. */
   get frame(): number {
-    return this.playback.clock.at(false).frame;
+    return this.#playback.clock.at(false).frame;
   }
 
   /** What happens at the end; "repeat" by default. */
   get loop(): Loop {
-    return this.playback.clock.loop;
+    return this.#playback.clock.loop;
   }
 
   set loop(loop: Loop) {
-    this.playback.clock.loop = loop;
+    this.#playback.clock.loop = loop;
   }
 
   /** Seconds of the animation in a second, 1 by default; backwards if negative. */
   get speed(): number {
-    return this.playback.clock.speed;
+    return this.#playback.clock.speed;
   }
 
   set speed(speed: number) {
     if (!Number.isFinite(speed)) {
       throw new InvalidInputError(`speed must be a finite number; got ${speed}`);
     }
-    this.playback.clock.speed = speed;
+    this.#playback.clock.speed = speed;
   }
 
   /** Whether pictures between frames are shown; true by default. */
   get interpolate(): boolean {
-    return this.playback.isInterpolating;
+    return this.#playback.isInterpolating;
   }
 
   set interpolate(isOn: boolean) {
-    this.playback.isInterpolating = isOn;
+    this.#playback.isInterpolating = isOn;
   }
 
   /**
@@ -249,21 +247,21 @@ export class ReelMesh extends THREE.Mesh<
    */
   override raycast(raycaster: THREE.Raycaster, intersects: THREE.Intersection[]): void {
     if (this.geometry.drawRange.count === 0) return;
-    const picked = this.shownMesh();
+    const picked = this.#shownMesh();
     picked.matrixWorld.copy(this.matrixWorld);
     picked.material = this.material;
     const hits: THREE.Intersection[] = [];
     picked.raycast(raycaster, hits);
     for (const hit of hits) {
       const faceIndex = hit.faceIndex ?? 0;
-      const { order } = this.drawing;
+      const { order } = this.#drawing;
       intersects.push({ ...hit, object: this, faceIndex: order ? order[faceIndex] : faceIndex });
     }
   }
 
   /** Position of a vertex of the geometry in the picture that is shown. */
   override getVertexPosition(index: number, target: THREE.Vector3): THREE.Vector3 {
-    return this.shownMesh().getVertexPosition(index, target);
+    return this.#shownMesh().getVertexPosition(index, target);
   }
 
   /** Not possible: another `ReelMesh` of the same file is. */
@@ -273,36 +271,39 @@ export class ReelMesh extends THREE.Mesh<
 
   /** Frees all that the mesh has made, and aborts loading. It must not be used any more. */
   override dispose(): void {
-    this.isDisposed = true;
+    this.#isDisposed = true;
     this.dispatchEvent({ type: "dispose" });
-    this.playback.dispose();
-    this.drawer?.domElement.removeEventListener(RESTORED, this.useGpu);
-    this.stage?.dispose();
+    this.#playback.dispose();
+    this.#drawer?.domElement.removeEventListener(RESTORED, this.#useGpu);
+    this.#stage?.dispose();
     this.geometry.dispose();
-    this.picked.geometry.dispose();
-    this.materials?.dispose();
-    if (this.ownsReel) this.reel.close();
+    this.#materials?.dispose();
+    if (this.#ownsReel) this.reel.close();
   }
 
   /** Also when a lost context has come back, without what it held. */
-  private readonly useGpu = (): void => {
-    if (!this.drawer) return;
-    this.setStage(new GpuStage(this.drawer, this.setting, this.geometry));
+  readonly #useGpu = (): void => {
+    try {
+      const renderer = this.#drawer as THREE.WebGLRenderer;
+      this.#setStage(new GpuStage(renderer, this.#setting, this.geometry));
+    } catch {
+      this.#useCpu(); // the driver refuses
+    }
   };
 
-  private useCpu(): void {
-    this.setStage(new CpuStage(this.setting, this.geometry));
+  #useCpu(): void {
+    this.#setStage(new CpuStage(this.#setting, this.geometry));
   }
 
-  private setStage(stage: Stage): void {
-    this.stage?.dispose();
-    this.stage = stage;
-    this.playback.restart();
+  #setStage(stage: Stage): void {
+    this.#stage?.dispose();
+    this.#stage = stage;
+    this.#playback.restart();
   }
 
   /** Those of all frames, with what the decoded ones may be off. */
-  private boundAll(): void {
-    const { info, shift } = this.setting;
+  #boundAll(): void {
+    const { info, shift } = this.#setting;
     const radius = info.diagonal * (0.5 + (info.promisePercent ?? UNKNOWN_PERCENT) / 100);
     const sphere = new THREE.Sphere(new THREE.Vector3(...shift), radius);
     this.geometry.boundingSphere = sphere;
@@ -310,9 +311,9 @@ export class ReelMesh extends THREE.Mesh<
   }
 
   /** The same picture with positions that the CPU can read. */
-  private shownMesh(): THREE.Mesh {
-    const { geometry } = this.picked;
-    const { sources } = this.drawing;
+  #shownMesh(): THREE.Mesh {
+    const { geometry } = this.#picked;
+    const { sources } = this.#drawing;
     if (!geometry.index) {
       const { index, groups, boundingBox, boundingSphere, attributes } = this.geometry;
       const { normal: _, ...others } = attributes;
@@ -320,13 +321,13 @@ export class ReelMesh extends THREE.Mesh<
       Object.assign(geometry, { index, groups, boundingBox, boundingSphere });
       geometry.attributes = { ...others, position };
     }
-    if (this.isPickedStale) {
-      const positions = new Float32Array(3 * this.setting.info.nVerts);
-      this.stage?.read(positions);
+    if (this.#isPickedStale) {
+      const positions = new Float32Array(3 * this.#setting.info.nVerts);
+      this.#stage?.read(positions);
       spread(positions, sources, geometry.attributes.position.array as Float32Array);
-      this.isPickedStale = false;
+      this.#isPickedStale = false;
     }
-    return this.picked;
+    return this.#picked;
   }
 }
 

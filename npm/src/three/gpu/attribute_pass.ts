@@ -27,29 +27,39 @@ const NAMES = ["position", "normal"];
 
 /** Copies what passes have computed into the attributes of a geometry. */
 export class AttributePass {
-  private readonly gl: WebGL2RenderingContext;
-  private readonly program: WebGLProgram;
-  private readonly array: WebGLVertexArrayObject;
-  private readonly feedback: WebGLTransformFeedback;
-  private readonly source: WebGLBuffer;
-  private readonly buffers: readonly WebGLBuffer[];
+  readonly #renderer: THREE.WebGLRenderer;
+  readonly #sources: Uint32Array;
+  readonly #gl: WebGL2RenderingContext;
+  readonly #program: WebGLProgram;
+  readonly #array: WebGLVertexArrayObject;
+  readonly #feedback: WebGLTransformFeedback;
+  readonly #source: WebGLBuffer;
+  readonly #buffers: readonly WebGLBuffer[];
 
-  /** @param sources - the vertex, in the textures, of each vertex of the geometry */
+  /**
+   * @param sources - the vertex, in the textures, of each vertex of the geometry
+   * @throws Error if the driver refuses
+   */
   constructor(
-    private readonly renderer: THREE.WebGLRenderer,
+    renderer: THREE.WebGLRenderer,
     grid: VertexGrid,
-    private readonly sources: Uint32Array,
+    sources: Uint32Array,
     geometry: THREE.BufferGeometry,
   ) {
-    const gl = (this.gl = renderer.getContext() as WebGL2RenderingContext);
-    this.array = gl.createVertexArray();
-    this.source = gl.createBuffer();
-    gl.bindBuffer(gl.ARRAY_BUFFER, this.source);
+    this.#renderer = renderer;
+    this.#sources = sources;
+    const gl = (this.#gl = renderer.getContext() as WebGL2RenderingContext);
+    this.#program = linked(gl, vertexShader(grid));
+    renderer.state.useProgram(this.#program);
+    gl.uniform1i(gl.getUniformLocation(this.#program, "normals"), 1);
+    this.#array = gl.createVertexArray();
+    this.#source = gl.createBuffer();
+    gl.bindBuffer(gl.ARRAY_BUFFER, this.#source);
     gl.bufferData(gl.ARRAY_BUFFER, sources, gl.STATIC_DRAW);
-    this.feedback = gl.createTransformFeedback();
-    gl.bindTransformFeedback(gl.TRANSFORM_FEEDBACK, this.feedback);
+    this.#feedback = gl.createTransformFeedback();
+    gl.bindTransformFeedback(gl.TRANSFORM_FEEDBACK, this.#feedback);
     const open = geometry as THREE.BufferGeometry<THREE.NormalOrGLBufferAttributes>;
-    this.buffers = NAMES.map((name, i) => {
+    this.#buffers = NAMES.map((name, i) => {
       const buffer = gl.createBuffer();
       gl.bindBufferBase(gl.TRANSFORM_FEEDBACK_BUFFER, i, buffer);
       gl.bufferData(gl.TRANSFORM_FEEDBACK_BUFFER, 12 * sources.length, gl.DYNAMIC_COPY);
@@ -59,28 +69,25 @@ export class AttributePass {
     });
     gl.bindTransformFeedback(gl.TRANSFORM_FEEDBACK, null);
     gl.bindBuffer(gl.TRANSFORM_FEEDBACK_BUFFER, null);
-    this.program = linked(gl, vertexShader(grid));
-    renderer.state.useProgram(this.program);
-    gl.uniform1i(gl.getUniformLocation(this.program, "normals"), 1);
   }
 
   /** Must not be called while the renderer draws something else. */
   run(...textures: [positions: THREE.Texture, normals: THREE.Texture]): void {
-    const { gl, renderer } = this;
-    renderer.state.useProgram(this.program);
+    const [gl, renderer] = [this.#gl, this.#renderer];
+    renderer.state.useProgram(this.#program);
     textures.forEach((texture, slot) => {
       renderer.state.bindTexture(gl.TEXTURE_2D, handleOf(renderer, texture), gl.TEXTURE0 + slot);
     });
     const array = gl.getParameter(gl.VERTEX_ARRAY_BINDING) as WebGLVertexArrayObject | null;
-    gl.bindVertexArray(this.array);
-    gl.bindBuffer(gl.ARRAY_BUFFER, this.source);
+    gl.bindVertexArray(this.#array);
+    gl.bindBuffer(gl.ARRAY_BUFFER, this.#source);
     gl.enableVertexAttribArray(0);
     gl.vertexAttribIPointer(0, 1, gl.UNSIGNED_INT, 0, 0);
     gl.bindBuffer(gl.ARRAY_BUFFER, null); // what is written must not be bound elsewhere
-    gl.bindTransformFeedback(gl.TRANSFORM_FEEDBACK, this.feedback);
+    gl.bindTransformFeedback(gl.TRANSFORM_FEEDBACK, this.#feedback);
     gl.enable(gl.RASTERIZER_DISCARD);
     gl.beginTransformFeedback(gl.POINTS);
-    gl.drawArrays(gl.POINTS, 0, this.sources.length);
+    gl.drawArrays(gl.POINTS, 0, this.#sources.length);
     gl.endTransformFeedback();
     gl.disable(gl.RASTERIZER_DISCARD);
     gl.bindTransformFeedback(gl.TRANSFORM_FEEDBACK, null);
@@ -88,11 +95,11 @@ export class AttributePass {
   }
 
   dispose(): void {
-    const { gl } = this;
-    gl.deleteProgram(this.program);
-    gl.deleteVertexArray(this.array);
-    gl.deleteTransformFeedback(this.feedback);
-    for (const buffer of [this.source, ...this.buffers]) gl.deleteBuffer(buffer);
+    const gl = this.#gl;
+    gl.deleteProgram(this.#program);
+    gl.deleteVertexArray(this.#array);
+    gl.deleteTransformFeedback(this.#feedback);
+    for (const buffer of [this.#source, ...this.#buffers]) gl.deleteBuffer(buffer);
   }
 }
 
@@ -114,5 +121,8 @@ function linked(gl: WebGL2RenderingContext, vertexSource: string): WebGLProgram 
   attach(gl.FRAGMENT_SHADER, FRAGMENT);
   gl.transformFeedbackVaryings(program, NAMES, gl.SEPARATE_ATTRIBS);
   gl.linkProgram(program);
+  if (!gl.getProgramParameter(program, gl.LINK_STATUS)) {
+    throw new Error(gl.getProgramInfoLog(program) ?? "");
+  }
   return program;
 }

@@ -6,7 +6,8 @@ import type { BlockFields } from "../../types";
 import { type HeldBlock, type Moment, withoutFields } from "../held_block";
 import type { Setting, Stage } from "../stage";
 import { AttributePass } from "./attribute_pass";
-import { cornerRows, NormalPass } from "./normal_pass";
+import { cornerRows, normalPass } from "./normal_pass";
+import type { Pass } from "./pass";
 import { MODES_A_TEXEL, PositionPass } from "./position_pass";
 import { VertexGrid } from "./vertex_grid";
 
@@ -33,11 +34,12 @@ function isWebGL(renderer: Renderer): renderer is THREE.WebGLRenderer {
 /** Computes positions and normals of pictures in passes over textures. */
 export class GpuStage implements Stage {
   readonly isOnGpu = true;
-  private readonly positions: PositionPass;
-  private readonly normals: NormalPass;
-  private readonly attributes: AttributePass;
-  private readonly mostModes: number;
+  readonly #positions: PositionPass;
+  readonly #normals: Pass;
+  readonly #attributes: AttributePass;
+  readonly #mostModes: number;
 
+  /** @throws Error if the driver refuses */
   constructor(
     renderer: THREE.WebGLRenderer,
     { info, triangles, drawing, shift }: Setting,
@@ -47,41 +49,41 @@ export class GpuStage implements Stage {
     // Weights of two blocks are rows of a texture.
     const mostRows = renderer.capabilities.maxTextureSize / 2;
     const mostLayers = gl.getParameter(gl.MAX_ARRAY_TEXTURE_LAYERS) as number;
-    this.mostModes = MODES_A_TEXEL * Math.min(mostLayers, mostRows);
+    this.#mostModes = MODES_A_TEXEL * Math.min(mostLayers, mostRows);
     const grid = new VertexGrid(info.nVerts);
-    this.positions = new PositionPass(renderer, grid, shift);
-    const { texture } = this.positions.target;
-    this.normals = new NormalPass(renderer, grid, texture, triangles, info.diagonal);
-    this.attributes = new AttributePass(renderer, grid, drawing.sources, geometry);
+    this.#attributes = new AttributePass(renderer, grid, drawing.sources, geometry);
+    this.#positions = new PositionPass(renderer, grid, shift);
+    const { texture } = this.#positions.target;
+    this.#normals = normalPass(renderer, grid, texture, triangles, info.diagonal);
   }
 
   canHold(block: BlockFields): boolean {
-    return block.nModes <= this.mostModes;
+    return block.nModes <= this.#mostModes;
   }
 
   hold(block: BlockFields): HeldBlock {
     const held = withoutFields(block);
-    this.positions.hold(block, held);
+    this.#positions.hold(block, held);
     return held;
   }
 
   release(block: HeldBlock): void {
-    this.positions.release(block);
+    this.#positions.release(block);
   }
 
   show(moment: Moment): void {
-    this.positions.run(moment);
-    this.normals.run();
-    this.attributes.run(this.positions.target.texture, this.normals.target.texture);
+    this.#positions.run(moment);
+    this.#normals.run();
+    this.#attributes.run(this.#positions.target.texture, this.#normals.target.texture);
   }
 
   read(into: Float32Array): void {
-    this.positions.read(into);
+    this.#positions.read(into);
   }
 
   dispose(): void {
-    this.positions.dispose();
-    this.normals.dispose();
-    this.attributes.dispose();
+    this.#positions.dispose();
+    this.#normals.dispose();
+    this.#attributes.dispose();
   }
 }

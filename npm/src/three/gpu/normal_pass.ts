@@ -35,46 +35,28 @@ void main() {
 
 /** Rows of a texture of the corners of triangles. */
 export function cornerRows(triangles: Uint32Array): number {
-  return Math.max(1, Math.ceil(triangles.length / WIDTH));
+  return Math.ceil(triangles.length / WIDTH);
 }
 
-/** Computes normals from positions. */
-export class NormalPass {
-  readonly target: THREE.WebGLRenderTarget;
-  private readonly textures: THREE.DataTexture[];
-  private readonly pass: Pass;
-
-  /** @param diagonal - of the mesh, in model units */
-  constructor(
-    private readonly renderer: THREE.WebGLRenderer,
-    grid: VertexGrid,
-    positions: THREE.Texture,
-    triangles: Uint32Array,
-    diagonal: number,
-  ) {
-    this.target = grid.target();
-    const { ring, corner } = ringsOf(triangles, grid);
-    const format = THREE.RGIntegerFormat;
-    const rings = dataTexture(ring, grid.width, format);
-    const corners = dataTexture(corner, WIDTH, format);
-    this.textures = [rings, corners];
-    this.pass = new Pass(normalShader(grid), {
-      positions: { value: positions },
-      rings: { value: rings },
-      corners: { value: corners },
-      scale: { value: 1e4 / diagonal },
-    });
-  }
-
-  run(): void {
-    this.pass.run(this.renderer, this.target);
-  }
-
-  dispose(): void {
-    this.target.dispose();
-    this.pass.dispose();
-    for (const texture of this.textures) texture.dispose();
-  }
+/**
+ * A pass that computes normals from positions.
+ *
+ * @param diagonal - of the mesh, in model units
+ */
+export function normalPass(
+  renderer: THREE.WebGLRenderer,
+  grid: VertexGrid,
+  positions: THREE.Texture,
+  triangles: Uint32Array,
+  diagonal: number,
+): Pass {
+  const { ring, corner } = ringsOf(triangles, grid);
+  return new Pass(renderer, grid, normalShader(grid), {
+    positions: { value: positions },
+    rings: { value: dataTexture(ring, grid.width, THREE.RGIntegerFormat) },
+    corners: { value: dataTexture(corner, WIDTH, THREE.RGIntegerFormat) },
+    scale: { value: 1e4 / diagonal },
+  });
 }
 
 /** For each vertex where its corners start and how many it has; a corner names the other two. */

@@ -2,7 +2,7 @@
 
 import * as THREE from "three";
 
-import { PRECISION } from "./vertex_grid";
+import { PRECISION, type VertexGrid } from "./vertex_grid";
 
 // A triangle over all of the target. What is drawn over it may say how its texels differ.
 const COVER = `
@@ -33,13 +33,27 @@ export function passMaterial(
   });
 }
 
-/** Computes the texels of targets. */
+/** Computes the texels of a target. */
 export class Pass {
-  private readonly scene = new THREE.Scene();
-  private readonly drawn: Drawn[] = [];
+  readonly target: THREE.WebGLRenderTarget;
+  readonly #renderer: THREE.WebGLRenderer;
+  readonly #uniforms: Record<string, THREE.IUniform>;
+  readonly #scene = new THREE.Scene();
+  readonly #drawn: Drawn[] = [];
 
-  /** `fragmentShader` computes the texel at gl_FragCoord. */
-  constructor(fragmentShader: string, uniforms: Record<string, THREE.IUniform>) {
+  /**
+   * @param fragmentShader - computes the texel at gl_FragCoord
+   * @param uniforms - data textures of which are disposed of with the pass
+   */
+  constructor(
+    renderer: THREE.WebGLRenderer,
+    grid: VertexGrid,
+    fragmentShader: string,
+    uniforms: Record<string, THREE.IUniform>,
+  ) {
+    this.target = grid.target();
+    this.#renderer = renderer;
+    this.#uniforms = uniforms;
     const cover = new THREE.BufferGeometry();
     cover.setDrawRange(0, 3);
     this.add(new THREE.Mesh(cover, passMaterial(COVER, fragmentShader, uniforms)));
@@ -48,29 +62,33 @@ export class Pass {
   /** Draws something more into the target, after the texels are computed. */
   add(object: Drawn): void {
     object.frustumCulled = false;
-    object.renderOrder = this.drawn.length;
-    this.drawn.push(object);
-    this.scene.add(object);
+    object.renderOrder = this.#drawn.push(object);
+    this.#scene.add(object);
   }
 
   /** Must not be called while the renderer draws something else. */
-  run(renderer: THREE.WebGLRenderer, target: THREE.WebGLRenderTarget): void {
+  run(): void {
+    const renderer = this.#renderer;
     const before = renderer.getRenderTarget();
     const face = renderer.getActiveCubeFace();
     const level = renderer.getActiveMipmapLevel();
     const { xr } = renderer;
     const isXrEnabled = xr.enabled;
     xr.enabled = false;
-    renderer.setRenderTarget(target);
-    renderer.render(this.scene, CAMERA);
+    renderer.setRenderTarget(this.target);
+    renderer.render(this.#scene, CAMERA);
     renderer.setRenderTarget(before, face, level);
     xr.enabled = isXrEnabled;
   }
 
   dispose(): void {
-    for (const { geometry, material } of this.drawn) {
+    this.target.dispose();
+    for (const { geometry, material } of this.#drawn) {
       geometry.dispose();
       material.dispose();
+    }
+    for (const { value } of Object.values(this.#uniforms)) {
+      if (value instanceof THREE.DataTexture) value.dispose();
     }
   }
 }

@@ -31,11 +31,10 @@ uniform vec3 shift;
 flat in vec3 correction;
 out vec4 position;
 vec3 product(ivec4 field, int group) {
-  vec4 f = vec4(field);
-  return vec3(
-    dot(f, texelFetch(weights, ivec2(0, group), 0)),
-    dot(f, texelFetch(weights, ivec2(1, group), 0)),
-    dot(f, texelFetch(weights, ivec2(2, group), 0)));
+  return vec4(field) * mat3x4(
+    texelFetch(weights, ivec2(0, group), 0),
+    texelFetch(weights, ivec2(1, group), 0),
+    texelFetch(weights, ivec2(2, group), 0));
 }
 void main() {
   ivec2 texel = ivec2(gl_FragCoord.xy);
@@ -63,9 +62,10 @@ void main() {
 
 /** Computes positions of pictures. */
 export class PositionPass {
-  readonly target: THREE.WebGLRenderTarget;
-  private readonly fields = new Map<HeldBlock, THREE.DataArrayTexture>();
-  private readonly uniforms = {
+  readonly #renderer: THREE.WebGLRenderer;
+  readonly #grid: VertexGrid;
+  readonly #fields = new Map<HeldBlock, THREE.DataArrayTexture>();
+  readonly #uniforms = {
     fields: { value: null as THREE.DataArrayTexture | null },
     nextFields: { value: null as THREE.DataArrayTexture | null },
     weights: { value: dataTexture(new Float32Array(12), 3, THREE.RGBAFormat) },
@@ -76,63 +76,67 @@ export class PositionPass {
     nNextGroups: { value: 0 },
     shift: { value: new THREE.Vector3() },
   };
-  private readonly pass = new Pass(POSITION, this.uniforms);
-  private readonly corrected: THREE.Points<THREE.BufferGeometry, THREE.RawShaderMaterial>;
+  readonly #pass: Pass;
+  readonly #corrected: THREE.Points<THREE.BufferGeometry, THREE.RawShaderMaterial>;
 
   /** @param shift - is added to all positions, in model units */
   constructor(
-    private readonly renderer: THREE.WebGLRenderer,
-    private readonly grid: VertexGrid,
+    renderer: THREE.WebGLRenderer,
+    grid: VertexGrid,
     shift: readonly [number, number, number],
   ) {
-    this.target = grid.target();
-    this.uniforms.shift.value.set(...shift);
-    const material = passMaterial(correctedVertex(grid), POSITION, this.uniforms);
-    this.corrected = new THREE.Points(new THREE.BufferGeometry(), material);
-    this.pass.add(this.corrected);
+    this.#renderer = renderer;
+    this.#grid = grid;
+    this.#uniforms.shift.value.set(...shift);
+    const material = passMaterial(correctedVertex(grid), POSITION, this.#uniforms);
+    this.#corrected = new THREE.Points(new THREE.BufferGeometry(), material);
+    this.#pass = new Pass(renderer, grid, POSITION, this.#uniforms);
+    this.#pass.add(this.#corrected);
+  }
+
+  /** Positions of the picture, four numbers for each texel of the grid. */
+  get target(): THREE.WebGLRenderTarget {
+    return this.#pass.target;
   }
 
   /** Sends the fields of a block to the GPU; they are not kept elsewhere. */
   hold(block: BlockFields, held: HeldBlock): void {
-    const texture = fieldTexture(block, this.grid);
+    const texture = fieldTexture(block, this.#grid);
     texture.onUpdate = () => {
       texture.image.data = null;
     };
-    this.renderer.initTexture(texture);
-    this.fields.set(held, texture);
+    this.#renderer.initTexture(texture);
+    this.#fields.set(held, texture);
   }
 
   release(block: HeldBlock): void {
-    this.fields.get(block)?.dispose();
-    this.fields.delete(block);
+    this.#fields.get(block)?.dispose();
+    this.#fields.delete(block);
   }
 
   run(moment: Moment): void {
-    const { uniforms } = this;
-    uniforms.fields.value = this.fields.get(moment.block) ?? null;
-    uniforms.nextFields.value = this.fields.get(moment.next) ?? null;
-    this.setWeights(sharesOf(moment));
-    this.setCorrections(correctionsOf(moment));
-    this.pass.run(this.renderer, this.target);
+    const uniforms = this.#uniforms;
+    uniforms.fields.value = this.#fields.get(moment.block) ?? null;
+    uniforms.nextFields.value = this.#fields.get(moment.next) ?? null;
+    this.#setWeights(sharesOf(moment));
+    this.#setCorrections(correctionsOf(moment));
+    this.#pass.run();
   }
 
   /** Positions of the picture, read back: three numbers for each vertex. */
   read(into: Float32Array): void {
-    const { width, height, nTexels } = this.grid;
+    const { width, height, nTexels } = this.#grid;
     const texels = new Float32Array(nTexels * 4);
-    this.renderer.readRenderTargetPixels(this.target, 0, 0, width, height, texels);
+    this.#renderer.readRenderTargetPixels(this.target, 0, 0, width, height, texels);
     for (let i = 0; i < into.length; i++) into[i] = texels[4 * Math.floor(i / 3) + (i % 3)];
   }
 
   dispose(): void {
-    for (const block of this.fields.keys()) this.release(block);
-    this.uniforms.weights.value.dispose();
-    this.uniforms.corrections.value.dispose();
-    this.target.dispose();
-    this.pass.dispose();
+    for (const block of this.#fields.keys()) this.release(block);
+    this.#pass.dispose();
   }
 
-  private setWeights(shares: readonly Share[]): void {
+  #setWeights(shares: readonly Share[]): void {
     const [nGroups, nNextGroups = 0] = shares.map(({ block }) => groupsOf(block.nModes));
     const data = new Float32Array(12 * (nGroups + nNextGroups));
     let row = 0;
@@ -143,16 +147,16 @@ export class PositionPass {
       });
       row += groupsOf(block.nModes);
     }
-    replace(this.uniforms.weights, data);
-    this.uniforms.nGroups.value = nGroups;
-    this.uniforms.nNextGroups.value = nNextGroups;
+    replace(this.#uniforms.weights, data);
+    this.#uniforms.nGroups.value = nGroups;
+    this.#uniforms.nNextGroups.value = nNextGroups;
   }
 
-  private setCorrections(corrections: Map<number, number[]>): void {
+  #setCorrections(corrections: Map<number, number[]>): void {
     const { size } = corrections;
-    this.corrected.visible = size > 0;
+    this.#corrected.visible = size > 0;
     if (size === 0) return;
-    this.corrected.geometry.setDrawRange(0, size);
+    this.#corrected.geometry.setDrawRange(0, size);
     const data = new Uint32Array(4 * WIDTH * Math.ceil(size / WIDTH));
     const floats = new Float32Array(data.buffer);
     let at = 0;
@@ -161,7 +165,7 @@ export class PositionPass {
       floats.set(offset, at + 1);
       at += 4;
     }
-    replace(this.uniforms.corrections, data);
+    replace(this.#uniforms.corrections, data);
   }
 }
 
@@ -181,7 +185,7 @@ function replace(
 }
 
 function groupsOf(nModes: number): number {
-  return Math.max(1, Math.ceil(nModes / MODES_A_TEXEL));
+  return Math.ceil(nModes / MODES_A_TEXEL);
 }
 
 function fieldTexture(block: BlockFields, grid: VertexGrid): THREE.DataArrayTexture {

@@ -17,8 +17,8 @@ export class VertexGrid {
   readonly height: number;
 
   constructor(readonly nVerts: number) {
-    this.width = 2 ** Math.ceil(Math.log2(Math.sqrt(Math.max(1, nVerts))));
-    this.height = Math.max(1, Math.ceil(nVerts / this.width));
+    this.width = 2 ** Math.ceil(Math.log2(Math.sqrt(nVerts)));
+    this.height = Math.ceil(nVerts / this.width);
   }
 
   get nTexels(): number {
