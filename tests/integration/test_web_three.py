@@ -11,7 +11,12 @@ ROOT = Path(__file__).parents[2]
 MODULES = ROOT / "npm" / "node_modules"
 PAGE = Path(__file__).parent / "three_in_browser" / "page.ts"
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
-OPTIONS = ("--headless=new", "--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
+OPTIONS = (
+    "--headless=new",
+    "--no-sandbox",
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+)
 HTML = """<!doctype html><title>three</title><canvas width="640" height="480"></canvas>
 <script type="module">{script}</script>"""
 
@@ -73,7 +78,9 @@ def new_page(browser, script):
         page.on("pageerror", lambda error: errors.append(str(error)))
         page.add_init_script(before)
         body = HTML.replace("{script}", script.replace("</script", "<\\/script"))
-        page.route("http://page.test/", lambda route: route.fulfill(body=body, content_type="text/html"))
+        page.route(
+            "http://page.test/", lambda route: route.fulfill(body=body, content_type="text/html")
+        )
         page.goto("http://page.test/")
         page.wait_for_function("window.tests")
         return page
@@ -216,7 +223,3 @@ def test_bounds_hold_all_frames(ask):
     assert answer["isInside"]
     assert answer["off"] < 1e-5
     assert answer["duration"] == pytest.approx(1.8)
-
-
-def test_copies_are_refused(ask):
-    assert ask("copies") == "InvalidInputError"

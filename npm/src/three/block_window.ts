@@ -3,37 +3,33 @@
 /** The most blocks that are held. */
 export const MOST_HELD = 2;
 
-/** What a window of blocks tells. */
-export interface WindowListener {
-  /** A block is there. */
-  onHeld(number: number): void;
-  /** A block cannot be had. */
-  onError(number: number, error: Error): void;
-}
-
 /** Blocks by number, the wanted ones of which are loaded, and all others let go. */
 export class BlockWindow<Block> {
   readonly #load: (number: number, signal: AbortSignal) => Promise<Block>;
   readonly #release: (block: Block) => void;
-  readonly #listener: WindowListener;
+  readonly #onHeld: () => void;
+  readonly #onError: (number: number, error: Error) => void;
   readonly #held = new Map<number, Block>();
   readonly #damaged = new Set<number>();
   readonly #failed = new Set<number>();
   #loading: { number: number; abort: AbortController } | null = null;
-  #wanted: readonly number[] = [];
 
   /**
    * @param load - gives a block, or throws; its signal is aborted when the block is not wanted
    * @param release - frees what a block holds beyond memory
+   * @param onHeld - is told when another block is there, and says again what is wanted
+   * @param onError - is told of a block that cannot be had, and says again what is wanted
    */
   constructor(
     load: (number: number, signal: AbortSignal) => Promise<Block>,
     release: (block: Block) => void,
-    listener: WindowListener,
+    onHeld: () => void,
+    onError: (number: number, error: Error) => void,
   ) {
     this.#load = load;
     this.#release = release;
-    this.#listener = listener;
+    this.#onHeld = onHeld;
+    this.#onError = onError;
   }
 
   /** The block if it is here. */
@@ -48,7 +44,6 @@ export class BlockWindow<Block> {
 
   /** Has up to `MOST_HELD` blocks loaded, the first of them first, and no others. */
   want(numbers: readonly number[]): void {
-    this.#wanted = numbers;
     for (const [number, block] of this.#held) {
       if (!numbers.includes(number)) this.#letGo(number, block);
     }
@@ -65,7 +60,6 @@ export class BlockWindow<Block> {
   /** Lets all blocks go, and aborts loading. */
   clear(): void {
     this.#abort();
-    this.#wanted = [];
     for (const [number, block] of this.#held) this.#letGo(number, block);
   }
 
@@ -86,20 +80,20 @@ export class BlockWindow<Block> {
   async #start(number: number): Promise<void> {
     const abort = new AbortController();
     this.#loading = { number, abort };
+    let block: Block;
     try {
-      const block = await this.#load(number, abort.signal);
-      if (abort.signal.aborted) return this.#release(block);
-      this.#loading = null;
-      this.#held.set(number, block);
-      this.#listener.onHeld(number);
+      block = await this.#load(number, abort.signal);
     } catch (thrown) {
       if (abort.signal.aborted) return;
       this.#loading = null;
       const error = thrown instanceof Error ? thrown : new Error(String(thrown));
       (isDamage(error) ? this.#damaged : this.#failed).add(number);
-      this.#listener.onError(number, error);
+      return this.#onError(number, error);
     }
-    this.want(this.#wanted);
+    if (abort.signal.aborted) return this.#release(block);
+    this.#loading = null;
+    this.#held.set(number, block);
+    this.#onHeld();
   }
 }
 

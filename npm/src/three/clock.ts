@@ -83,12 +83,8 @@ export class Clock {
 
   #reflect(to: number): Passed {
     const last = this.nFrames - 1;
-    if (to >= 0 && to <= last) {
-      this.#place = to;
-      return null;
-    }
-    if (last === 0) {
-      this.#place = 0;
+    if ((to >= 0 && to <= last) || last === 0) {
+      this.#place = last && to;
       return null;
     }
     const lengths = Math.floor(to / last);

@@ -2,48 +2,34 @@
 
 import type { Attribute, Surface } from "../types";
 
-/** For each corner of each triangle, which item of a domain it is. */
+/** Which item of a domain a corner of a triangle is; corners are counted through. */
 export type ItemOf = (corner: number) => number;
 
+/** For each domain, which of its items corners are. */
+export type Corners = (domain: Attribute["domain"]) => ItemOf;
+
 /** Which vertex, face or corner of a polygon each corner of a triangle is. */
-export class Corners {
-  readonly #surface: Surface;
-  readonly #faceOf: Uint32Array | null;
-  readonly #cornerOf: Uint32Array | null;
-
-  constructor(surface: Surface) {
-    this.#surface = surface;
-    const { faceSizes, triangles } = surface;
-    this.#faceOf = faceSizes && new Uint32Array(triangles.length / 3);
-    this.#cornerOf = faceSizes && new Uint32Array(triangles.length);
-    if (faceSizes && this.#faceOf && this.#cornerOf) {
-      fillFans(faceSizes, this.#faceOf, this.#cornerOf);
-    }
-  }
-
-  /** The polygon of a triangle. */
-  polygonOf(triangle: number): number {
-    return this.#faceOf ? this.#faceOf[triangle] : triangle;
-  }
-
-  /** Which item of the domain a corner of a triangle is. */
-  items(domain: Attribute["domain"]): ItemOf {
-    const cornerOf = this.#cornerOf;
-    if (domain === "vertex") return (corner) => this.#surface.triangles[corner];
-    if (domain === "face") return (corner) => this.polygonOf(Math.floor(corner / 3));
-    return (corner) => (cornerOf ? cornerOf[corner] : corner);
-  }
+export function cornersOf({ faceSizes, triangles }: Surface): Corners {
+  const { faces, corners } = fansOf(faceSizes ?? [], triangles.length);
+  return (domain) => {
+    if (domain === "vertex") return (corner) => triangles[corner];
+    if (domain === "face") return (corner) => faces[corner] ?? Math.floor(corner / 3);
+    return (corner) => corners[corner] ?? corner;
+  };
 }
 
-/** A polygon is a fan of triangles from its first corner. */
-function fillFans(sizes: Uint32Array, faceOf: Uint32Array, cornerOf: Uint32Array): void {
-  let triangle = 0;
+/** Polygons are fans of triangles from their first corners. */
+function fansOf(sizes: ArrayLike<number>, nCorners: number) {
+  const faces = new Uint32Array(sizes.length && nCorners);
+  const corners = new Uint32Array(faces.length);
+  let to = 0;
   let first = 0;
-  sizes.forEach((size, face) => {
-    for (let second = 1; second < size - 1; second++, triangle++) {
-      faceOf[triangle] = face;
-      cornerOf.set([first, first + second, first + second + 1], 3 * triangle);
+  for (let face = 0; face < sizes.length; face++) {
+    for (let second = first + 1; second < first + sizes[face] - 1; second++, to += 3) {
+      faces.fill(face, to, to + 3);
+      corners.set([first, second, second + 1], to);
     }
-    first += size;
-  });
+    first += sizes[face];
+  }
+  return { faces, corners };
 }

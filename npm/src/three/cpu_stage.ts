@@ -73,10 +73,7 @@ export class CpuStage implements Stage {
 
 /** Three numbers of each source. */
 export function spread(values: Float32Array, sources: Uint32Array, into: Float32Array): void {
-  for (let i = 0; i < sources.length; i++) {
-    const from = 3 * sources[i];
-    into[3 * i] = values[from];
-    into[3 * i + 1] = values[from + 1];
-    into[3 * i + 2] = values[from + 2];
+  for (let i = 0; i < into.length; i++) {
+    into[i] = values[3 * sources[Math.floor(i / 3)] + (i % 3)];
   }
 }

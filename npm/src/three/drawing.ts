@@ -1,7 +1,7 @@
 // What is drawn of a surface, as it stays at all frames: vertices, triangles, groups, values.
 
 import type { Attribute, Surface } from "../types";
-import { Corners } from "./corners";
+import { type Corners, cornersOf } from "./corners";
 import { type Column, type DrawnVertices, splitAtSeams } from "./seams";
 
 /** Most sets of texture coordinates that three.js has. */
@@ -28,7 +28,7 @@ export interface Drawing extends DrawnVertices {
 
 /** What is drawn of a surface of `nVerts` vertices. */
 export function drawingOf(surface: Surface, nVerts: number): Drawing {
-  const corners = new Corners(surface);
+  const corners = cornersOf(surface);
   const uvs = surface.attributes.filter((one) => one.kind === "texcoord").slice(0, MOST_UVS);
   const columns = uvs.map(uvColumn);
   const color = surface.attributes.find((one) => one.kind === "color");
@@ -47,7 +47,7 @@ function uvColumn(attribute: Attribute, number: number): Column {
   for (let i = 0; i < uv.length; i++) {
     uv[i] = i % 2 < width ? values[(i >> 1) * width + (i % 2)] : 0;
   }
-  return { name: number ? `uv${number}` : "uv", domain, width: 2, values: uv };
+  return { name: `uv${number || ""}`, domain, width: 2, values: uv };
 }
 
 /** Colours of files are as screens show them; three.js counts in light. Opacity stays. */
@@ -73,8 +73,9 @@ function sortedByMaterial(surface: Surface, corners: Corners, index: Uint32Array
   if (!groups) return { index, groups: [], order: null, materialNames: [null] };
   const materialNames = [...groups.labels, null];
   const triangles: number[][] = materialNames.map(() => []);
+  const faceOf = corners("face");
   for (let triangle = 0; 3 * triangle < index.length; triangle++) {
-    const label = groups.ofFace[corners.polygonOf(triangle)];
+    const label = groups.ofFace[faceOf(3 * triangle)];
     (triangles[label] ?? triangles[groups.labels.length]).push(triangle);
   }
   const order = Uint32Array.from(triangles.flat());

@@ -28,23 +28,19 @@ export interface Share {
 }
 
 /** The sums of fields that make the picture: of one block, or of the two that it lies between. */
-export function sharesOf(moment: Moment): Share[] {
-  const { block, t, next, nextT, fraction } = moment;
-  const here = weightsOf(block, t);
+export function sharesOf({ block, t, next, nextT, fraction }: Moment): Share[] {
+  const here = weightsOf(block, t, 1 - fraction);
   if (fraction === 0) return [{ block, weights: here }];
-  const there = weightsOf(next, nextT);
-  if (block === next) {
-    const weights = here.map((weight, i) => (1 - fraction) * weight + fraction * there[i]);
-    return [{ block, weights }];
-  }
+  const there = weightsOf(next, nextT, fraction);
+  if (block === next) return [{ block, weights: here.map((one, i) => one + there[i]) }];
   return [
-    { block, weights: here.map((weight) => (1 - fraction) * weight) },
-    { block: next, weights: there.map((weight) => fraction * weight) },
+    { block, weights: here },
+    { block: next, weights: there },
   ];
 }
 
-function weightsOf({ nModes, weights }: HeldBlock, t: number): Float32Array {
-  return weights.subarray(3 * nModes * t, 3 * nModes * (t + 1));
+function weightsOf({ nModes, weights }: HeldBlock, t: number, share: number): Float32Array {
+  return weights.subarray(3 * nModes * t, 3 * nModes * (t + 1)).map((one) => share * one);
 }
 
 /** The corrections of the picture: an offset of three numbers for some vertices. */

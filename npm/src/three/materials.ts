@@ -36,7 +36,7 @@ export class Materials {
   readonly #drawing: Drawing;
   readonly #onError: (error: Error) => void;
   /** By number in the groups of the drawing. */
-  readonly list: readonly (Standard | THREE.MeshBasicMaterial)[];
+  readonly list: (Standard | THREE.MeshBasicMaterial)[];
   readonly #textures: THREE.Texture[] = [];
   /** By number of the image; one that several textures show is decoded once. */
   readonly #images: Promise<THREE.Texture>[] = [];
@@ -46,7 +46,7 @@ export class Materials {
   constructor(
     surface: Surface,
     drawing: Drawing,
-    isFlat: boolean,
+    isFlat: boolean | undefined,
     onError: (error: Error) => void,
   ) {
     this.#surface = surface;
@@ -57,7 +57,7 @@ export class Materials {
       const given = surface.materials.find((one) => one.name === name);
       const made = given ? materialOf(given) : plainMaterial(hasColors);
       made.vertexColors = hasColors;
-      if ("flatShading" in made) made.flatShading = isFlat;
+      if ("flatShading" in made) made.flatShading = !!isFlat;
       for (const texture of given?.textures ?? []) void this.#dress(made, texture);
       return made;
     });

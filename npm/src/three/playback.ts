@@ -73,12 +73,10 @@ export class Playback {
         return screen.hold(block);
       },
       (block) => screen.release(block),
-      {
-        onHeld: () => this.show(),
-        onError: (block, error) => {
-          send({ type: "error", error, block });
-          this.show();
-        },
+      () => this.show(),
+      (block, error) => {
+        send({ type: "error", error, block });
+        this.show();
       },
     );
   }

@@ -56,6 +56,8 @@ export interface ReelMeshOptions {
  * `WebGPURenderer`, and graphics cards that cannot draw into textures of floats get them from the
  * CPU; `isOnGpu` tells.
  *
+ * It cannot be cloned: make another one of the same file.
+ *
  * A page calls `update` each time before it draws. At most two blocks of frames are held: that of
  * the time and the one played next. A damaged block is passed over: the last picture stays for its
  * time, and the rest plays.
@@ -66,14 +68,12 @@ export class ReelMesh extends THREE.Mesh<
   ReelMeshEventMap
 > {
   override readonly type = "ReelMesh";
-  readonly #drawing: Drawing;
   readonly #setting: Setting;
   readonly #playback: Playback;
-  readonly #materials: Materials | null;
+  readonly #materials: Materials | undefined;
   #stage: Stage | null = null;
   #drawer: THREE.WebGLRenderer | null = null;
-  #isDisposed = false;
-  readonly #ownsReel: boolean;
+  readonly #ownsReel: boolean | undefined;
   readonly #picked = new THREE.Mesh();
   #isPickedStale = true;
 
@@ -89,15 +89,17 @@ export class ReelMesh extends THREE.Mesh<
     const shift = [x - origin[0], y - origin[1], z - origin[2]] as const;
     super(geometryOf(drawing));
     this.name = info.name;
-    this.#drawing = drawing;
     this.#setting = { info, triangles: surface.triangles, drawing, shift };
     this.#boundAll();
-    this.#ownsReel = options.ownsReel ?? false;
-    const onError = (error: Error) => this.dispatchEvent({ type: "error", error, block: null });
-    const isFlat = options.flat ?? false;
-    this.#materials = options.material ? null : new Materials(surface, drawing, isFlat, onError);
-    const made = [...(this.#materials?.list ?? [])];
-    this.material = options.material ?? (drawing.groups.length ? made : made[0]);
+    this.#ownsReel = options.ownsReel;
+    if (options.material) this.material = options.material;
+    else {
+      this.#materials = new Materials(surface, drawing, options.flat, (error) =>
+        this.dispatchEvent({ type: "error", error, block: null }),
+      );
+      const { list } = this.#materials;
+      this.material = drawing.groups.length ? list : list[0];
+    }
     this.#playback = new Playback(
       info,
       (block, signal) => reel.fields(block, { signal }),
@@ -126,7 +128,7 @@ export class ReelMesh extends THREE.Mesh<
 
   /** Tells what draws the mesh; the first one counts. Blocks are loaded from now on. */
   setRenderer(renderer: Renderer): void {
-    if (this.#stage || this.#isDisposed) return;
+    if (this.#stage) return;
     if (!canDecode(renderer, this.#setting)) return this.#useCpu();
     this.#drawer = renderer;
     renderer.domElement.addEventListener(RESTORED, this.#useGpu);
@@ -140,7 +142,7 @@ export class ReelMesh extends THREE.Mesh<
 
   /** The vertex of the file that each vertex of the geometry is: there are more, at seams. */
   get sources(): Uint32Array {
-    return this.#drawing.sources;
+    return this.#setting.drawing.sources;
   }
 
   /** Plays from the time on, or from the start if the end was reached. */
@@ -254,7 +256,7 @@ export class ReelMesh extends THREE.Mesh<
     picked.raycast(raycaster, hits);
     for (const hit of hits) {
       const faceIndex = hit.faceIndex ?? 0;
-      const { order } = this.#drawing;
+      const { order } = this.#setting.drawing;
       intersects.push({ ...hit, object: this, faceIndex: order ? order[faceIndex] : faceIndex });
     }
   }
@@ -264,15 +266,10 @@ export class ReelMesh extends THREE.Mesh<
     return this.#shownMesh().getVertexPosition(index, target);
   }
 
-  /** Not possible: another `ReelMesh` of the same file is. */
-  override clone(): this {
-    throw new InvalidInputError("a ReelMesh has no copies; make another one of the same reel");
-  }
-
   /** Frees all that the mesh has made, and aborts loading. It must not be used any more. */
   override dispose(): void {
-    this.#isDisposed = true;
     this.dispatchEvent({ type: "dispose" });
+    this.onBeforeRender = () => {};
     this.#playback.dispose();
     this.#drawer?.domElement.removeEventListener(RESTORED, this.#useGpu);
     this.#stage?.dispose();
@@ -283,12 +280,14 @@ export class ReelMesh extends THREE.Mesh<
 
   /** Also when a lost context has come back, without what it held. */
   readonly #useGpu = (): void => {
+    let stage: Stage;
     try {
       const renderer = this.#drawer as THREE.WebGLRenderer;
-      this.#setStage(new GpuStage(renderer, this.#setting, this.geometry));
+      stage = new GpuStage(renderer, this.#setting, this.geometry);
     } catch {
-      this.#useCpu(); // the driver refuses
+      return this.#useCpu(); // the driver refuses
     }
+    this.#setStage(stage);
   };
 
   #useCpu(): void {
@@ -313,7 +312,7 @@ export class ReelMesh extends THREE.Mesh<
   /** The same picture with positions that the CPU can read. */
   #shownMesh(): THREE.Mesh {
     const { geometry } = this.#picked;
-    const { sources } = this.#drawing;
+    const { sources } = this.#setting.drawing;
     if (!geometry.index) {
       const { index, groups, boundingBox, boundingSphere, attributes } = this.geometry;
       const { normal: _, ...others } = attributes;

@@ -39,7 +39,7 @@ export function splitAtSeams(
     ? firsts.map((corner) => triangles[corner])
     : Uint32Array.from({ length: nVerts }, (_, vertex) => vertex);
   const attributes = columns.map(({ name, domain, width, values }) => {
-    const itemOf = corners.items(domain);
+    const itemOf = corners(domain);
     const drawn = new Float32Array(sources.length * width);
     for (let i = 0; i < sources.length; i++) {
       const row = width * (domain === "vertex" || !firsts ? sources[i] : itemOf(firsts[i]));
@@ -54,7 +54,7 @@ export function splitAtSeams(
 function distinctCorners(triangles: Uint32Array, corners: Corners, columns: readonly Column[]) {
   const rows = columns.map(({ domain, width, values }) => {
     const bits = new Uint32Array(values.buffer, values.byteOffset, values.length);
-    return { itemOf: corners.items(domain), width, bits };
+    return { itemOf: corners(domain), width, bits };
   });
   const isSame = (a: number, b: number) =>
     triangles[a] === triangles[b] &&

@@ -387,18 +387,6 @@ const tests = {
     removed(mesh);
     return { isInside, off, duration };
   },
-
-  /** What a copy of a mesh is refused with. */
-  async copies() {
-    const mesh = new ReelMesh(await wavingGrid());
-    try {
-      mesh.clone();
-    } catch (error) {
-      return (error as Error).name;
-    } finally {
-      mesh.dispose();
-    }
-  },
 };
 
 Object.assign(window, { tests });

@@ -46,9 +46,9 @@ export class GpuStage implements Stage {
     geometry: THREE.BufferGeometry,
   ) {
     const gl = renderer.getContext() as WebGL2RenderingContext;
+    const mostLayers = gl.getParameter(gl.MAX_ARRAY_TEXTURE_LAYERS) as number;
     // Weights of two blocks are rows of a texture.
     const mostRows = renderer.capabilities.maxTextureSize / 2;
-    const mostLayers = gl.getParameter(gl.MAX_ARRAY_TEXTURE_LAYERS) as number;
     this.#mostModes = MODES_A_TEXEL * Math.min(mostLayers, mostRows);
     const grid = new VertexGrid(info.nVerts);
     this.#attributes = new AttributePass(renderer, grid, drawing.sources, geometry);
