@@ -17,7 +17,7 @@ const dist = join(here, "dist");
 const modules = join(here, "wasm");
 
 /** What pages import, by the name of its file in dist/. */
-const ENTRIES = { index: "src/index.ts" };
+const ENTRIES = { index: "src/index.ts", three: "src/three/index.ts" };
 
 function run(command, ...given) {
   execFileSync(command, given, { cwd: here, stdio: "inherit" });
@@ -85,7 +85,7 @@ const { metafile } = await build({
   external: ["three"],
   outdir: dist,
   plugins: [engineInside],
-  chunkNames: "[name]",
+  chunkNames: "[name]-[hash]",
   absWorkingDir: here,
   define: {
     // Deflated bytes in base 64 are packed by gzip to little more than the deflated bytes, and

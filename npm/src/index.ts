@@ -1,4 +1,6 @@
-// What `import ... from "meshreel"` gives.
+// What `import ... from "meshreel"` gives. First comes what brings the core: see simd_wasm.ts.
+
+import "./core/simd_wasm.js";
 
 export * from "./errors.js";
 export { type CallOptions, type OpenOptions, ReelFile } from "./file/reel_file.js";

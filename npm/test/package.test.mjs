@@ -28,12 +28,11 @@ function freshPackage() {
   return import(`${pathToFileURL(join(DIST, "index.js"))}?${Math.random()}`);
 }
 
-function firstFrames({ MemoryReel }, core) {
-  const reel = new MemoryReel(core, bytesOf("geometry"));
-  const frames = reel.info.blocks.flatMap((_, number) => {
-    const block = reel.decodeBlock(number);
-    return Array.from({ length: block.nFrames }, (_, t) => reel.frameOf(block, t));
-  });
+async function hashOfFrames({ ReelFile }) {
+  const reel = await ReelFile.open(bytesOf("geometry"));
+  const frames = [];
+  for (let number = 0; number < reel.info.nFrames; number++) frames.push(await reel.frame(number));
+  reel.close();
   return sha(...frames);
 }
 
@@ -46,9 +45,7 @@ test("the decoder is small enough for a page", () => {
 });
 
 test("the package decodes with vectors", async () => {
-  const loaded = await freshPackage();
-  const core = await loaded.loadCore();
-  assert.equal(firstFrames(loaded, core), said("geometry")["hash of positions"]);
+  assert.equal(await hashOfFrames(await freshPackage()), said("geometry")["hash of positions"]);
 });
 
 for (const missing of ["vectors", "DecompressionStream"]) {
@@ -63,9 +60,8 @@ for (const missing of ["vectors", "DecompressionStream"]) {
     const before = globalThis.DecompressionStream;
     if (missing !== "vectors") globalThis.DecompressionStream = undefined;
     try {
-      const loaded = await freshPackage();
-      const core = await loaded.loadCore();
-      assert.equal(firstFrames(loaded, core), said("geometry")["hash of positions"]);
+      const found = await hashOfFrames(await freshPackage());
+      assert.equal(found, said("geometry")["hash of positions"]);
       assert.deepEqual(sizes, [readFileSync(join(PACKAGE, "wasm/reel_plain.wasm")).length]);
     } finally {
       globalThis.DecompressionStream = before;
@@ -73,10 +69,9 @@ for (const missing of ["vectors", "DecompressionStream"]) {
   });
 }
 
-test("the module is compiled once, and every core has memory of its own", async (context) => {
-  const { loadCore } = await freshPackage();
+test("the module is compiled once for all files", async (context) => {
+  const loaded = await freshPackage();
   const compiled = context.mock.method(WebAssembly, "compile");
-  const [one, other] = await Promise.all([loadCore(), loadCore()]);
+  await Promise.all([hashOfFrames(loaded), hashOfFrames(loaded)]);
   assert.equal(compiled.mock.callCount(), 1);
-  assert.notEqual(one.functions.memory, other.functions.memory);
 });

@@ -1,7 +1,6 @@
 // The core as a WebAssembly module, from bytes that are part of the script.
 
 import { SIMD_WASM } from "./simd_wasm.js";
-import { Core } from "./core.js";
 
 /** A module whose only function has a vector: valid where engines know vectors of 128 bits. */
 const PROBE = [
@@ -26,11 +25,6 @@ export function loadModule(): Promise<WebAssembly.Module> {
     throw error;
   });
   return loading;
-}
-
-/** A new instance of the core, with memory of its own; throws as `loadModule`. */
-export async function loadCore(): Promise<Core> {
-  return new Core(await WebAssembly.instantiate(await loadModule()));
 }
 
 async function compile(): Promise<WebAssembly.Module> {

@@ -1,6 +1,6 @@
 // Corners of the triangles of a mesh, as vertices, faces and corners of its polygons.
 
-import type { Attribute, Surface } from "../types";
+import type { Attribute, Surface } from "../types.js";
 
 /** Which item of a domain a corner of a triangle is; corners are counted through. */
 export type ItemOf = (corner: number) => number;

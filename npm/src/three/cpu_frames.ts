@@ -1,6 +1,6 @@
 // Positions and normals without a GPU.
 
-import { correctionsOf, type HeldBlock, type Moment, sharesOf } from "./held_block";
+import { correctionsOf, type HeldBlock, type Moment, sharesOf } from "./held_block.js";
 
 /** The fields of the block of a share: nModes x nVerts. */
 export type FieldsOf = (block: HeldBlock) => Int16Array;

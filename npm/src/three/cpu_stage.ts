@@ -2,10 +2,10 @@
 
 import * as THREE from "three";
 
-import type { BlockFields } from "../types";
-import { normalsOf, positionsOf } from "./cpu_frames";
-import { type HeldBlock, type Moment, withoutFields } from "./held_block";
-import type { Setting, Stage } from "./stage";
+import type { BlockFields } from "../types.js";
+import { normalsOf, positionsOf } from "./cpu_frames.js";
+import { type HeldBlock, type Moment, withoutFields } from "./held_block.js";
+import type { Setting, Stage } from "./stage.js";
 
 const NO_FIELDS = new Int16Array();
 

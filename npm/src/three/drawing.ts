@@ -1,8 +1,8 @@
 // What is drawn of a surface, as it stays at all frames: vertices, triangles, groups, values.
 
-import type { Attribute, Surface } from "../types";
-import { type Corners, cornersOf } from "./corners";
-import { type Column, type DrawnVertices, splitAtSeams } from "./seams";
+import type { Attribute, Surface } from "../types.js";
+import { type Corners, cornersOf } from "./corners.js";
+import { type Column, type DrawnVertices, splitAtSeams } from "./seams.js";
 
 /** Most sets of texture coordinates that three.js has. */
 const MOST_UVS = 4;

@@ -1,6 +1,6 @@
 // Blocks without their fields: those are where they are summed up, on the GPU or the CPU.
 
-import type { BlockFields } from "../types";
+import type { BlockFields } from "../types.js";
 
 /** What of a block stays with the playing. */
 export type HeldBlock = Omit<BlockFields, "fields">;

@@ -2,9 +2,9 @@
 
 import * as THREE from "three";
 
-import { InvalidInputError } from "../errors";
-import type { Image, Material, MaterialTexture, Surface } from "../types";
-import type { Drawing } from "./drawing";
+import { InvalidInputError } from "../errors.js";
+import type { Image, Material, MaterialTexture, Surface } from "../types.js";
+import type { Drawing } from "./drawing.js";
 
 type Standard = THREE.MeshStandardMaterial;
 type MapSlot = "map" | "metalnessMap" | "roughnessMap" | "normalMap" | "aoMap" | "emissiveMap";

@@ -1,10 +1,10 @@
 // Playing: which picture is shown when, and what is told about it. Nothing here draws.
 
-import { InvalidInputError } from "../errors";
-import type { BlockFields, BlockInfo, ReelInfo } from "../types";
-import { BlockWindow, MOST_HELD } from "./block_window";
-import { Clock } from "./clock";
-import type { HeldBlock, Moment } from "./held_block";
+import { InvalidInputError } from "../errors.js";
+import type { BlockFields, BlockInfo, ReelInfo } from "../types.js";
+import { BlockWindow, MOST_HELD } from "./block_window.js";
+import { Clock } from "./clock.js";
+import type { HeldBlock, Moment } from "./held_block.js";
 
 /** Frames per second to play at where the file does not say. */
 export const DEFAULT_FPS = 24;

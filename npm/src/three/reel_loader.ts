@@ -2,8 +2,8 @@
 
 import * as THREE from "three";
 
-import type { OpenReel } from "../types";
-import { ReelMesh, type ReelMeshOptions } from "./reel_mesh";
+import type { OpenReel } from "../types.js";
+import { ReelMesh, type ReelMeshOptions } from "./reel_mesh.js";
 
 /** Opens a file at an address or in memory. */
 export type OpenFunction = (

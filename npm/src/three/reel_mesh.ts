@@ -2,15 +2,15 @@
 
 import * as THREE from "three";
 
-import { InvalidInputError } from "../errors";
-import type { OpenReel } from "../types";
-import type { Loop } from "./clock";
-import { CpuStage, spread } from "./cpu_stage";
-import { type Drawing, drawingOf } from "./drawing";
-import { canDecode, GpuStage, type Renderer } from "./gpu/gpu_stage";
-import { Materials } from "./materials";
-import { Playback, type PlaybackEvents } from "./playback";
-import type { Setting, Stage } from "./stage";
+import { InvalidInputError } from "../errors.js";
+import type { OpenReel } from "../types.js";
+import type { Loop } from "./clock.js";
+import { CpuStage, spread } from "./cpu_stage.js";
+import { type Drawing, drawingOf } from "./drawing.js";
+import { canDecode, GpuStage, type Renderer } from "./gpu/gpu_stage.js";
+import { Materials } from "./materials.js";
+import { Playback, type PlaybackEvents } from "./playback.js";
+import type { Setting, Stage } from "./stage.js";
 
 /** Of a frame: what is sought is rounded to these, so that seconds of a frame lead to it. */
 const PARTS = 1e6;

@@ -1,7 +1,7 @@
 // The vertices that are drawn: those of the file, split where values of corners differ.
 
-import type { Attribute } from "../types";
-import type { Corners } from "./corners";
+import type { Attribute } from "../types.js";
+import type { Corners } from "./corners.js";
 
 /** Values of an attribute of a mesh, as a GPU takes them. */
 export interface Column {

@@ -1,8 +1,8 @@
 // Where positions are computed: on the GPU or the CPU.
 
-import type { BlockFields, ReelInfo } from "../types";
-import type { Drawing } from "./drawing";
-import type { Screen } from "./playback";
+import type { BlockFields, ReelInfo } from "../types.js";
+import type { Drawing } from "./drawing.js";
+import type { Screen } from "./playback.js";
 
 /** Computes pictures into the attributes "position" and "normal" of a geometry. */
 export interface Stage extends Screen {

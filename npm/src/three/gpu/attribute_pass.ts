@@ -3,7 +3,7 @@
 
 import * as THREE from "three";
 
-import { PRECISION, type VertexGrid } from "./vertex_grid";
+import { PRECISION, type VertexGrid } from "./vertex_grid.js";
 
 const vertexShader = (grid: VertexGrid) => `#version 300 es
 ${PRECISION}${grid.glsl}

@@ -3,13 +3,13 @@
 import * as THREE from "three";
 
 import type { BlockFields } from "../../types";
-import { type HeldBlock, type Moment, withoutFields } from "../held_block";
-import type { Setting, Stage } from "../stage";
-import { AttributePass } from "./attribute_pass";
-import { cornerRows, normalPass } from "./normal_pass";
-import type { Pass } from "./pass";
-import { MODES_A_TEXEL, PositionPass } from "./position_pass";
-import { VertexGrid } from "./vertex_grid";
+import { type HeldBlock, type Moment, withoutFields } from "../held_block.js";
+import type { Setting, Stage } from "../stage.js";
+import { AttributePass } from "./attribute_pass.js";
+import { cornerRows, normalPass } from "./normal_pass.js";
+import type { Pass } from "./pass.js";
+import { MODES_A_TEXEL, PositionPass } from "./position_pass.js";
+import { VertexGrid } from "./vertex_grid.js";
 
 /** What draws: a `WebGLRenderer`, or any other renderer of three.js. */
 export interface Renderer {

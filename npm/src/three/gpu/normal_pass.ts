@@ -3,8 +3,8 @@
 
 import * as THREE from "three";
 
-import { Pass } from "./pass";
-import { dataTexture, type VertexGrid } from "./vertex_grid";
+import { Pass } from "./pass.js";
+import { dataTexture, type VertexGrid } from "./vertex_grid.js";
 
 /** Texels in a row of corners. */
 const WIDTH = 2048;

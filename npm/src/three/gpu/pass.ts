@@ -2,7 +2,7 @@
 
 import * as THREE from "three";
 
-import { PRECISION, type VertexGrid } from "./vertex_grid";
+import { PRECISION, type VertexGrid } from "./vertex_grid.js";
 
 // A triangle over all of the target. What is drawn over it may say how its texels differ.
 const COVER = `

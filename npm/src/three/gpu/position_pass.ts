@@ -10,9 +10,9 @@ import {
   type Moment,
   type Share,
   sharesOf,
-} from "../held_block";
-import { Pass, passMaterial } from "./pass";
-import { dataTexture, type VertexGrid } from "./vertex_grid";
+} from "../held_block.js";
+import { Pass, passMaterial } from "./pass.js";
+import { dataTexture, type VertexGrid } from "./vertex_grid.js";
 
 /** Modes of a texel of fields, which has four numbers. */
 export const MODES_A_TEXEL = 4;
