@@ -87,7 +87,8 @@ function roundedFields(
   const fields = new Int16Array((nModes + twice.length) * nVerts);
   for (let v = 0; v < nVerts; v++) {
     const row = rows[v] * nModes;
-    for (let k = 0; k < nModes; k++) fields[k * nVerts + v] = Math.round(values[row + k] / steps[k]);
+    for (let k = 0; k < nModes; k++)
+      fields[k * nVerts + v] = Math.round(values[row + k] / steps[k]);
     twice.forEach((k, i) => {
       const left = values[row + k] / steps[k] - fields[k * nVerts + v];
       fields[(nModes + i) * nVerts + v] = Math.round(left * FINER);
