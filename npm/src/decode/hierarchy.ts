@@ -140,7 +140,7 @@ function findNeighbours(
 function joinRows(near: Int32Array, starts: Uint32Array): number {
   let count = 0;
   starts.fill(0);
-  for (let i = 0; i < near.length; ) {
+  for (let i = 0; i < near.length;) {
     for (const end = i + NEIGHBOURS; i < end; i++) if (near[i] >= 0) near[count++] = near[i];
     starts[(2 * i) / NEIGHBOURS] = count;
   }
