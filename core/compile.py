@@ -94,8 +94,8 @@ ELF = ("-O3", "-fPIC", "-shared")
 LONE_ELF = (*ELF, "-nostdlib", "-s")
 MACH_O = ("-O3", "-fPIC", "-shared", "-Wl,-s", "-Wl,-install_name,@rpath/libreel.dylib")
 PE = ("-O3", "-shared", "-s")
-# What decoding takes most of its time in; the other files take an eighth of it.
-WASM_QUICK = ("fields.c", "predict.c")
+# Where it counts most: engines take long to make more than small code of loops over vectors.
+WASM_QUICK = ("predict.c", "smooth.c")
 # By itself the compiler of ziglang takes -Oz for -Os.
 SMALL = ("-Os", "-Xclang", "-Oz")
 PLAIN_WASM = (

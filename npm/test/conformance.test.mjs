@@ -63,8 +63,22 @@ for (const module of ["reel", "reel_plain"]) {
         const block = wanted.blocks[number];
         const { nModes, nFrames, layout, sections } = stored;
         assert.deepEqual(
-          [nFrames, nModes, layout.reference, layout.precision, layout.stencilSize, layout.nLearned],
-          [block.frames, block.modes, block.reference, block.precision, block.stencil, block.learned],
+          [
+            nFrames,
+            nModes,
+            layout.reference,
+            layout.precision,
+            layout.stencilSize,
+            layout.nLearned,
+          ],
+          [
+            block.frames,
+            block.modes,
+            block.reference,
+            block.precision,
+            block.stencil,
+            block.learned,
+          ],
         );
         const coefficients = core.during((scope) => {
           const { codingOrder, parts } = buildHierarchy(core, connectivity, layout.stencilSize);
@@ -89,7 +103,11 @@ for (const module of ["reel", "reel_plain"]) {
           assert.equal(rows.length, block["n corrections"]);
           // Ordered by vertex, then frame; each is (frame, vertex, offsets).
           rows.sort(([u, s], [v, t]) => u - v || s - t);
-          const integers = rows.flatMap(([vertex, frame, ...offsets]) => [frame, vertex, ...offsets]);
+          const integers = rows.flatMap(([vertex, frame, ...offsets]) => [
+            frame,
+            vertex,
+            ...offsets,
+          ]);
           assert.equal(hashOf(integers), block["hash of corrections"], name);
         }
       });

@@ -5,8 +5,16 @@ import { test } from "node:test";
 import { loadInternals, newCore } from "./support/bundle.mjs";
 import { bytesOf, sha } from "./support/streams.mjs";
 
-const { Core, MemoryReel, MeshReelError, Section, TruncatedStreamError, crc32, readHeader, sectionEnd } =
-  await loadInternals();
+const {
+  Core,
+  MemoryReel,
+  MeshReelError,
+  Section,
+  TruncatedStreamError,
+  crc32,
+  readHeader,
+  sectionEnd,
+} = await loadInternals();
 
 /** Small streams with every kind of section that is read. */
 const NAMES = ["example", "everything", "key_blocks", "max_error", "no_index", "named"];
@@ -55,7 +63,7 @@ test("a flipped bit gives an error, or leaves frames as they are", () => {
     let nErrors = 0;
     for (const place of sample(whole.length, 150)) {
       const bytes = whole.slice();
-      bytes[place] ^= 1 << place % 8;
+      bytes[place] ^= 1 << (place % 8);
       const { frames, failure } = decoded(bytes);
       assert.deepEqual(frames, wanted.slice(0, frames.length), `${name}, byte ${place}`);
       nErrors += failure !== null || frames.length < wanted.length;
@@ -80,7 +88,7 @@ test("a stream that is cut off gives its complete blocks, or an error", () => {
 /** Places of the payloads of a stream, with the section of each. */
 function payloadsOf(bytes) {
   const found = [];
-  for (let position = readHeader(bytes).sizeBytes; position < bytes.length; ) {
+  for (let position = readHeader(bytes).sizeBytes; position < bytes.length;) {
     const end = sectionEnd({ bytes, start: 0 }, position, bytes.length);
     let start = position + 1;
     while (bytes[start] & 0x80) start++;
@@ -131,7 +139,10 @@ test("sizes in the header that the bytes cannot hold are refused before memory i
 
 test("bytes of other files are named as such", () => {
   const file = new TextEncoder().encode("<html><body>not found</body></html>");
-  assert.throws(() => new MemoryReel(core, file), /not a \.reel stream: it starts with 3c 68 74 6d/);
+  assert.throws(
+    () => new MemoryReel(core, file),
+    /not a \.reel stream: it starts with 3c 68 74 6d/,
+  );
   assert.throws(() => new MemoryReel(core, new Uint8Array(0)), /the stream is empty \(0 bytes\)/);
 });
 

@@ -86,7 +86,9 @@ test("a block is decoded from its bytes and those of its key block alone", () =>
 });
 
 test("blocks are found as a file comes in", () => {
-  for (const name of ["key_blocks", "no_index", "live", "tracks"].filter((one) => REELS.includes(one))) {
+  for (const name of ["key_blocks", "no_index", "live", "tracks"].filter((one) =>
+    REELS.includes(one),
+  )) {
     const file = bytesOf(name);
     const wanted = readStream(file);
     const scan = new Scan(wanted.header.sizeBytes);

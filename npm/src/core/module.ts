@@ -40,6 +40,17 @@ function fromBase64(text: string): Uint8Array<ArrayBuffer> {
 }
 
 async function inflated(bytes: Uint8Array<ArrayBuffer>): Promise<ArrayBuffer> {
-  const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("deflate"));
-  return new Response(stream).arrayBuffer();
+  const { readable, writable } = new DecompressionStream("deflate");
+  const writer = writable.getWriter();
+  const parts: Uint8Array<ArrayBuffer>[] = [];
+  const collect = async (): Promise<void> => {
+    const reader = readable.getReader();
+    for (;;) {
+      const { done, value } = await reader.read();
+      if (done) return;
+      parts.push(value);
+    }
+  };
+  await Promise.all([writer.write(bytes), writer.close(), collect()]);
+  return new Blob(parts).arrayBuffer();
 }

@@ -61,8 +61,9 @@ function roughModes(steps: Float64Array, block: DecodedBlock): number[] {
   for (let t = 0; t < nFrames; t++) {
     let sum = 0;
     for (let k = 0; k < nModes; k++) {
-      const [x, y, z] = [0, 1, 2].map((axis) => basis[(axis * nFrames + t) * nModes + k]);
-      moves[k] = Math.hypot(x, y, z) * halves[k];
+      let square = 0;
+      for (let axis = 0; axis < 3; axis++) square += basis[(axis * nFrames + t) * nModes + k] ** 2;
+      moves[k] = Math.sqrt(square) * halves[k];
       sum += moves[k];
     }
     while (sum > ALLOWED_ERROR && found.length < nModes) {
@@ -85,13 +86,16 @@ function roundedFields(
   { nModes, nVerts, rows }: DecodedBlock,
 ): Int16Array {
   const fields = new Int16Array((nModes + twice.length) * nVerts);
+  const factors = steps.map((step) => 1 / step);
   for (let v = 0; v < nVerts; v++) {
     const row = rows[v] * nModes;
-    for (let k = 0; k < nModes; k++) fields[k * nVerts + v] = Math.round(values[row + k] / steps[k]);
-    twice.forEach((k, i) => {
-      const left = values[row + k] / steps[k] - fields[k * nVerts + v];
+    for (let k = 0; k < nModes; k++) {
+      fields[k * nVerts + v] = Math.round(values[row + k] * factors[k]);
+    }
+    for (let i = 0; i < twice.length; i++) {
+      const left = values[row + twice[i]] * factors[twice[i]] - fields[twice[i] * nVerts + v];
       fields[(nModes + i) * nVerts + v] = Math.round(left * FINER);
-    });
+    }
   }
   return fields;
 }

@@ -62,7 +62,12 @@ export function decodeConnectivity(
   });
   const isDropped = header.order === DROPPED;
   const order = isDropped ? new Uint8Array(0) : onlySection(leading, Section.ORDER);
-  return { nVerts, nFaces, internalFaces, ...decodeOrder(core, order, internalFaces, nVerts, nFaces) };
+  return {
+    nVerts,
+    nFaces,
+    internalFaces,
+    ...decodeOrder(core, order, internalFaces, nVerts, nFaces),
+  };
 }
 
 function decodeOrder(
@@ -74,7 +79,10 @@ function decodeOrder(
 ): Pick<Connectivity, "sequence" | "triangles"> {
   const faces = (): Uint32Array => core.uint32s(internalFaces, 3 * nFaces);
   if (!payload.length) {
-    return { sequence: Int32Array.from({ length: nVerts }, (_, v) => v), triangles: faces().slice() };
+    return {
+      sequence: Int32Array.from({ length: nVerts }, (_, v) => v),
+      triangles: faces().slice(),
+    };
   }
   const [kind] = payload;
   if (kind !== VERTICES_ONLY && kind !== VERTICES_AND_FACES) {
@@ -130,21 +138,20 @@ export function findTwins(
 /** The place of each of 0..n-1 in an order of them. */
 export function inverse(order: Int32Array): Int32Array {
   const places = new Int32Array(order.length);
-  order.forEach((number, place) => (places[number] = place));
+  for (let place = 0; place < order.length; place++) places[order[place]] = place;
   return places;
 }
 
 /** Faces with their vertices renamed, listed by their first corners, or in their order. */
-function listFaces(
-  faces: Uint32Array,
-  names: Int32Array,
-  corners: Int32Array | null,
-): Uint32Array {
+function listFaces(faces: Uint32Array, names: Int32Array, corners: Int32Array | null): Uint32Array {
   const found = new Uint32Array(faces.length);
   for (let i = 0; i < faces.length; i += 3) {
-    const first = corners ? corners[i / 3] : i;
-    const face = first - (first % 3);
-    for (let k = 0; k < 3; k++) found[i + k] = names[faces[face + ((first + k) % 3)]];
+    let corner = corners ? corners[i / 3] : i;
+    const last = corner - (corner % 3) + 2;
+    for (let k = i; k < i + 3; k++) {
+      found[k] = names[faces[corner]];
+      corner = corner === last ? last - 2 : corner + 1;
+    }
   }
   return found;
 }

@@ -77,7 +77,8 @@ export function buildHierarchy(
       return { nLevels, rows: sequence.map((vertex) => places[vertex]) };
     });
 
-    core.int32s(columns, nVerts).forEach((_, i, all) => (all[i] = i)); // in their order
+    const inOrder = core.int32s(columns, nVerts);
+    for (let i = 0; i < nVerts; i++) inOrder[i] = i;
     const starts = core.int32s(levels.starts, nLevels + 1);
     const resolutions = core.int32s(levels.resolutions, nLevels);
     const isMany = resolutions[nLevels - 1] > 0;
@@ -87,7 +88,10 @@ export function buildHierarchy(
     core.uint32s(mesh, 12).set([nVerts, 0, nLevels, 0, stencilSize, 0, ...pointers]);
 
     const ends = [...starts.subarray(1)].filter((_, i) => resolutions[i] !== resolutions[i + 1]);
-    const nNear = joinRows(core.int32s(near, NEIGHBOURS * nVerts), core.uint32s(nearStarts, 2 * nVerts + 2));
+    const nNear = joinRows(
+      core.int32s(near, NEIGHBOURS * nVerts),
+      core.uint32s(nearStarts, 2 * nVerts + 2),
+    );
     core.heap.shrink(near, 4 * nNear);
     const passStarts = take(8 * (ends.length + 1));
     core.uint32s(passStarts, 2 * ends.length + 2).set(int64s([0, ...ends]));
@@ -135,14 +139,10 @@ function findNeighbours(
  */
 function joinRows(near: Int32Array, starts: Uint32Array): number {
   let count = 0;
-  starts[0] = starts[1] = 0;
-  for (let i = 0; i < near.length; i++) {
-    if (near[i] >= 0) near[count++] = near[i];
-    if (i % NEIGHBOURS === NEIGHBOURS - 1) {
-      const row = (i + 1) / NEIGHBOURS;
-      starts[2 * row] = count;
-      starts[2 * row + 1] = 0;
-    }
+  starts.fill(0);
+  for (let i = 0; i < near.length;) {
+    for (const end = i + NEIGHBOURS; i < end; i++) if (near[i] >= 0) near[count++] = near[i];
+    starts[(2 * i) / NEIGHBOURS] = count;
   }
   return count;
 }

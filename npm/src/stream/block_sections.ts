@@ -1,10 +1,6 @@
 // A block of frames as it is stored: its sections, and what they say of how it is decoded.
 
-import {
-  CorruptStreamError,
-  TruncatedStreamError,
-  UnsupportedVersionError,
-} from "../errors.js";
+import { CorruptStreamError, TruncatedStreamError, UnsupportedVersionError } from "../errors.js";
 import { ByteReader } from "./byte_reader.js";
 import type { BlockPlace } from "./index_section.js";
 import { Section, isOfBlock, sectionName } from "./layout.js";

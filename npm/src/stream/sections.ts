@@ -74,7 +74,10 @@ export function sectionEnd(stretch: Stretch, position: number, end: number): num
     throw new TruncatedStreamError(`the stream ends at byte ${end}, before its end marker`);
   }
   const offset = position - stretch.start;
-  const head = stretch.bytes.subarray(offset, Math.min(offset + MOST_HEAD_BYTES, end - stretch.start));
+  const head = stretch.bytes.subarray(
+    offset,
+    Math.min(offset + MOST_HEAD_BYTES, end - stretch.start),
+  );
   const isWhole = head.length === Math.min(MOST_HEAD_BYTES, end - position);
   if (!isWhole && !head.subarray(1).some((byte) => byte < 0x80)) return null;
   const reader = new ByteReader(head, 1);
@@ -92,7 +95,7 @@ export function sectionEnd(stretch: Stretch, position: number, end: number): num
 /** All sections between two bytes of a stream that this build knows; throws as `readSection`. */
 export function readSections(stretch: Stretch, start: number, end: number): StoredSection[] {
   const found: StoredSection[] = [];
-  for (let position = start; position < end; ) {
+  for (let position = start; position < end;) {
     const section = readSection(stretch, position, end);
     if (section.isKnown) found.push(section);
     position = section.end;

@@ -26,7 +26,11 @@ export interface StoredAttribute extends Omit<Attribute, "values"> {
  *
  * @throws CorruptStreamError where it is damaged, or does not fit the mesh.
  */
-export function readAttribute(core: Core, payload: Uint8Array, polygons: Polygons): StoredAttribute {
+export function readAttribute(
+  core: Core,
+  payload: Uint8Array,
+  polygons: Polygons,
+): StoredAttribute {
   const reader = new ByteReader(payload);
   const head = reader.take(4, "an attribute ends inside its first four bytes");
   const [kind, domain, numberType, width] = head;

@@ -20,9 +20,7 @@ export function readGroups(
   const name = reader.text();
   const nLabels = reader.varint();
   if (nLabels > payload.length) {
-    throw new CorruptStreamError(
-      `${nLabels} labels are announced in ${payload.length} bytes`,
-    );
+    throw new CorruptStreamError(`${nLabels} labels are announced in ${payload.length} bytes`);
   }
   const labels = Array.from({ length: nLabels }, () => reader.text());
   const [ofFace] = decodeIntegers(core, reader.rest(), [nFaces]);

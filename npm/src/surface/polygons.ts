@@ -68,9 +68,7 @@ export function readSizes(core: Core, payload: Uint8Array, nTriangles: number): 
   const reader = new ByteReader(payload);
   const nFaces = reader.varint();
   if (nFaces > nTriangles) {
-    throw new CorruptStreamError(
-      `${nFaces} polygons are announced for ${nTriangles} triangles`,
-    );
+    throw new CorruptStreamError(`${nFaces} polygons are announced for ${nTriangles} triangles`);
   }
   const [above] = decodeIntegers(core, reader.rest(), [nFaces]);
   if (above.some((size) => size < 0 || size > nTriangles)) {

@@ -46,9 +46,7 @@ export function decodeReferences(
     last[places[i]] = i;
     if (kind === AGAIN) {
       if (before < 0) {
-        throw new CorruptStreamError(
-          "a reference repeats the last of its place, which has none",
-        );
+        throw new CorruptStreamError("a reference repeats the last of its place, which has none");
       }
       rows[i] = rows[before];
     } else if (kind === NEW) {
