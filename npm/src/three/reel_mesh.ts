@@ -51,10 +51,10 @@ export interface ReelMeshOptions {
 /**
  * A mesh that plays a file, in model units. It is paused at first, at time 0.
  *
- * Positions and normals are computed on the GPU, by WebGL 2, into the attributes of the geometry, so
- * that every material, shadow and effect works with them as with any mesh. Other renderers, such as
- * `WebGPURenderer`, and graphics cards that cannot draw into textures of floats get them from the
- * CPU; `isOnGpu` tells.
+ * Positions and normals are computed on the GPU, by WebGL 2, into the attributes of the geometry,
+ * so that every material, shadow and effect works with them as with any mesh. Other renderers, such
+ * as `WebGPURenderer`, and graphics cards that cannot draw into textures of floats get them from
+ * the CPU; `isOnGpu` tells.
  *
  * It cannot be cloned: make another one of the same file.
  *
@@ -164,8 +164,8 @@ export class ReelMesh extends THREE.Mesh<
   }
 
   /**
-   * Goes to a time: seconds since the first frame, or a frame, whose fractions lie on the way to the
-   * next. What is beyond the first or last frame is moved there.
+   * Goes to a time: seconds since the first frame, or a frame, whose fractions lie on the way to
+   * the next. What is beyond the first or last frame is moved there.
    *
    * @throws InvalidInputError if it is not a finite number.
    */
