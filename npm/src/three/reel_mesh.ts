@@ -5,7 +5,7 @@ import * as THREE from "three";
 import { InvalidInputError } from "../errors";
 import type { OpenReel } from "../types";
 import type { Loop } from "./clock";
-import { CpuStage, spread } from "./cpu_stage";
+import { CpuStage } from "./cpu_stage";
 import { type Drawing, drawingOf } from "./drawing";
 import { canDecode, GpuStage, type Renderer } from "./gpu/gpu_stage";
 import { Materials } from "./materials";
@@ -255,7 +255,7 @@ export class ReelMesh extends THREE.Mesh<
     const hits: THREE.Intersection[] = [];
     picked.raycast(raycaster, hits);
     for (const hit of hits) {
-      const faceIndex = hit.faceIndex ?? 0;
+      const faceIndex = hit.faceIndex as number;
       const { order } = this.#setting.drawing;
       intersects.push({ ...hit, object: this, faceIndex: order ? order[faceIndex] : faceIndex });
     }
@@ -312,18 +312,19 @@ export class ReelMesh extends THREE.Mesh<
   /** The same picture with positions that the CPU can read. */
   #shownMesh(): THREE.Mesh {
     const { geometry } = this.#picked;
-    const { sources } = this.#setting.drawing;
     if (!geometry.index) {
-      const { index, groups, boundingBox, boundingSphere, attributes } = this.geometry;
+      const { index, groups, boundingSphere, attributes } = this.geometry;
       const { normal: _, ...others } = attributes;
-      const position = new THREE.BufferAttribute(new Float32Array(3 * sources.length), 3);
-      Object.assign(geometry, { index, groups, boundingBox, boundingSphere });
-      geometry.attributes = { ...others, position };
+      const position = new THREE.BufferAttribute(new Float32Array(3 * this.sources.length), 3);
+      Object.assign(geometry, {
+        index,
+        groups,
+        boundingSphere,
+        attributes: { ...others, position },
+      });
     }
     if (this.#isPickedStale) {
-      const positions = new Float32Array(3 * this.#setting.info.nVerts);
-      this.#stage?.read(positions);
-      spread(positions, sources, geometry.attributes.position.array as Float32Array);
+      this.#stage?.read(geometry.attributes.position.array as Float32Array);
       this.#isPickedStale = false;
     }
     return this.#picked;
@@ -334,7 +335,9 @@ export class ReelMesh extends THREE.Mesh<
 function geometryOf(drawing: Drawing): THREE.BufferGeometry {
   const geometry = new THREE.BufferGeometry();
   geometry.setIndex(new THREE.BufferAttribute(drawing.index, 1));
-  for (const { name, width, values } of drawing.attributes) {
+  const none = { width: 3, values: new Float32Array(3) }; // until a stage brings its own
+  const [position, normal] = ["position", "normal"].map((name) => ({ name, ...none }));
+  for (const { name, width, values } of [position, normal, ...drawing.attributes]) {
     geometry.setAttribute(name, new THREE.BufferAttribute(values, width));
   }
   for (const { start, count, materialIndex } of drawing.groups) {

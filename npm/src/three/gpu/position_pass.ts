@@ -123,12 +123,14 @@ export class PositionPass {
     this.#pass.run();
   }
 
-  /** Positions of the picture, read back: three numbers for each vertex. */
-  read(into: Float32Array): void {
+  /** Positions of the picture at some vertices, read back: three numbers for each. */
+  read(vertices: Uint32Array, into: Float32Array): void {
     const { width, height, nTexels } = this.#grid;
     const texels = new Float32Array(nTexels * 4);
     this.#renderer.readRenderTargetPixels(this.target, 0, 0, width, height, texels);
-    for (let i = 0; i < into.length; i++) into[i] = texels[4 * Math.floor(i / 3) + (i % 3)];
+    for (let i = 0; i < into.length; i++) {
+      into[i] = texels[4 * vertices[Math.floor(i / 3)] + (i % 3)];
+    }
   }
 
   dispose(): void {
