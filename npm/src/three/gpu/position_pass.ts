@@ -68,10 +68,8 @@ export class PositionPass {
   readonly #uniforms = {
     fields: { value: null as THREE.DataArrayTexture | null },
     nextFields: { value: null as THREE.DataArrayTexture | null },
-    weights: { value: dataTexture(new Float32Array(12), 3, THREE.RGBAFormat) },
-    corrections: {
-      value: dataTexture(new Uint32Array(4 * WIDTH), WIDTH, THREE.RGBAIntegerFormat),
-    },
+    weights: { value: dataTexture(new Float32Array(12), 3) },
+    corrections: { value: dataTexture(new Uint32Array(4 * WIDTH), WIDTH) },
     nGroups: { value: 0 },
     nNextGroups: { value: 0 },
     shift: { value: new THREE.Vector3() },
@@ -176,13 +174,13 @@ function replace(
   uniform: { value: THREE.DataTexture },
   data: Float32Array<ArrayBuffer> | Uint32Array<ArrayBuffer>,
 ): void {
-  const { image, format } = uniform.value;
+  const { image } = uniform.value;
   if (image.data?.length === data.length) {
     image.data = data;
     uniform.value.needsUpdate = true;
   } else {
     uniform.value.dispose();
-    uniform.value = dataTexture(data, image.width, format as THREE.PixelFormat);
+    uniform.value = dataTexture(data, image.width);
   }
 }
 
