@@ -133,7 +133,7 @@ test("positions are sums of fields, corrections and the shift", () => {
   assert.deepEqual(positions(1, 1, 0), [102, 0, 10, 104.5, 0.25, 20, 106, 0, 30]);
 });
 
-test("positions between frames are on the way from one to the next, in a block and between two", () => {
+test("positions between frames are on the way, in a block and from one to the next", () => {
   const between = [101.5, 5, 5, 103.25, 10.125, 10, 104.5, 15, 15];
   assert.deepEqual(positions(0, 1, 0.5), between);
   assert.deepEqual(positions(0, 1, 0.5, { ...BLOCK }), between);

@@ -15,7 +15,8 @@ class Stand {
     this.held = new Set();
     this.mostHeld = 0;
     this.asked = [];
-    const blocks = Array.from({ length: nBlocks }, (_, i) => ({ start: FRAMES * i, nFrames: FRAMES }));
+    const nFrames = FRAMES;
+    const blocks = Array.from({ length: nBlocks }, (_, i) => ({ start: nFrames * i, nFrames }));
     const screen = {
       hold: (block) => {
         this.held.add(block.number);
@@ -76,7 +77,7 @@ test("nothing is loaded before there is a screen", async () => {
   assert.deepEqual([stand.asked, stand.events, stand.player.clock.time], [[], [], 0]);
 });
 
-test("the first frame is shown, and the block behind asked for, when the first has come", async () => {
+test("the first frame is shown when it has come, and the next block asked for", async () => {
   const stand = new Stand();
   stand.player.restart();
   assert.deepEqual(stand.asked.map((one) => one.number), [0]);
@@ -181,14 +182,15 @@ test("a damaged block is passed over, and told once, and the rest plays", async 
     await stand.answer();
   }
   const errors = stand.events.filter((event) => event.type === "error");
-  assert.deepEqual(errors.map(({ block, error }) => [block, error.name]), [[1, "CorruptStreamError"]]);
+  const told = errors.map(({ block, error }) => [block, error.name]);
+  assert.deepEqual(told, [[1, "CorruptStreamError"]]);
   assert.deepEqual([...new Set(stand.moments.flatMap(([a, , b]) => [a, b]))], [0, 2]);
   assert.equal(stand.asked.filter((one) => one.number === 1).length, 1);
   assert.ok(!stand.types.includes("waiting"));
   assert.equal(stand.types.filter((type) => type === "loop").length, 2);
 });
 
-test("a block that a server did not give is asked for again when it is played or sought", async () => {
+test("a block that a server did not give is asked for again when it is played", async () => {
   const stand = new Stand(1);
   stand.player.restart();
   await stand.answer({ 0: new Error("no connection") });

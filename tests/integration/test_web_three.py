@@ -156,6 +156,12 @@ def test_every_material_shows_the_frame_when_it_replaces_the_own(ask):
     assert answer == {"overridden": [255, 0, 0], "own": [0, 255, 0]}
 
 
+@pytest.mark.parametrize("is_given", [True, False])
+def test_renderer_for_webgpu_shows_the_frame(ask, is_given):
+    answer = ask("otherRenderer", is_given)
+    assert answer == {"isOnGpu": False, "color": [255, 0, 0]}
+
+
 def test_materials_of_the_file_are_shown_upright_when_they_have_images(ask):
     answer = ask("picture", 8.5)
     assert strongest(answer["top"]) == 1

@@ -7,8 +7,6 @@ import { normalsOf, positionsOf } from "./cpu_frames.js";
 import { type HeldBlock, type Moment, withoutFields } from "./held_block.js";
 import type { Setting, Stage } from "./stage.js";
 
-const NO_FIELDS = new Int16Array();
-
 /** Computes positions and normals on the CPU, and has three.js send them to the GPU. */
 export class CpuStage implements Stage {
   readonly #setting: Setting;
@@ -53,7 +51,7 @@ export class CpuStage implements Stage {
 
   show(moment: Moment): void {
     const { triangles, drawing, shift } = this.#setting;
-    const fieldsOf = (block: HeldBlock) => this.#fields.get(block) ?? NO_FIELDS;
+    const fieldsOf = (block: HeldBlock) => this.#fields.get(block) as Int16Array;
     positionsOf(moment, fieldsOf, shift, this.#positions);
     normalsOf(this.#positions, triangles, this.#normals);
     for (const [attribute, values] of this.#attributes) {
@@ -63,7 +61,7 @@ export class CpuStage implements Stage {
   }
 
   read(into: Float32Array): void {
-    into.set(this.#positions);
+    spread(this.#positions, this.#setting.drawing.sources, into);
   }
 
   dispose(): void {
@@ -72,7 +70,7 @@ export class CpuStage implements Stage {
 }
 
 /** Three numbers of each source. */
-export function spread(values: Float32Array, sources: Uint32Array, into: Float32Array): void {
+function spread(values: Float32Array, sources: Uint32Array, into: Float32Array): void {
   for (let i = 0; i < into.length; i++) {
     into[i] = values[3 * sources[Math.floor(i / 3)] + (i % 3)];
   }

@@ -95,7 +95,8 @@ export class Materials {
       (material as Standard)[slot] = texture;
       material.needsUpdate = true;
     } catch (error) {
-      if (!this.#isOver) this.#onError(new InvalidInputError(`cannot show ${image.name}: ${error}`));
+      if (this.#isOver) return;
+      this.#onError(new InvalidInputError(`cannot show ${image.name}: ${error}`));
     }
   }
 }

@@ -64,7 +64,7 @@ export class Playback {
     this.#send = send;
     this.#blocks = info.blocks;
     const end = info.blocks.at(-1);
-    if (!end) throw new InvalidInputError(`${info.name || "the reel"} has no frames to show`);
+    if (!end) throw new InvalidInputError(`the reel ${info.name} has no frames`);
     this.clock = new Clock(end.start + end.nFrames, info.fps > 0 ? info.fps : DEFAULT_FPS);
     this.#window = new BlockWindow(
       async (number, signal) => {

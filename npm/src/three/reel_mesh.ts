@@ -5,7 +5,7 @@ import * as THREE from "three";
 import { InvalidInputError } from "../errors.js";
 import type { OpenReel } from "../types.js";
 import type { Loop } from "./clock.js";
-import { CpuStage, spread } from "./cpu_stage.js";
+import { CpuStage } from "./cpu_stage.js";
 import { type Drawing, drawingOf } from "./drawing.js";
 import { canDecode, GpuStage, type Renderer } from "./gpu/gpu_stage.js";
 import { Materials } from "./materials.js";
@@ -51,10 +51,10 @@ export interface ReelMeshOptions {
 /**
  * A mesh that plays a file, in model units. It is paused at first, at time 0.
  *
- * Positions and normals are computed on the GPU, by WebGL 2, into the attributes of the geometry, so
- * that every material, shadow and effect works with them as with any mesh. Other renderers, such as
- * `WebGPURenderer`, and graphics cards that cannot draw into textures of floats get them from the
- * CPU; `isOnGpu` tells.
+ * Positions and normals are computed on the GPU, by WebGL 2, into the attributes of the geometry,
+ * so that every material, shadow and effect works with them as with any mesh. Other renderers, such
+ * as `WebGPURenderer`, and graphics cards that cannot draw into textures of floats get them from
+ * the CPU; `isOnGpu` tells.
  *
  * It cannot be cloned: make another one of the same file.
  *
@@ -164,8 +164,8 @@ export class ReelMesh extends THREE.Mesh<
   }
 
   /**
-   * Goes to a time: seconds since the first frame, or a frame, whose fractions lie on the way to the
-   * next. What is beyond the first or last frame is moved there.
+   * Goes to a time: seconds since the first frame, or a frame, whose fractions lie on the way to
+   * the next. What is beyond the first or last frame is moved there.
    *
    * @throws InvalidInputError if it is not a finite number.
    */
@@ -255,7 +255,7 @@ export class ReelMesh extends THREE.Mesh<
     const hits: THREE.Intersection[] = [];
     picked.raycast(raycaster, hits);
     for (const hit of hits) {
-      const faceIndex = hit.faceIndex ?? 0;
+      const faceIndex = hit.faceIndex as number;
       const { order } = this.#setting.drawing;
       intersects.push({ ...hit, object: this, faceIndex: order ? order[faceIndex] : faceIndex });
     }
@@ -312,18 +312,19 @@ export class ReelMesh extends THREE.Mesh<
   /** The same picture with positions that the CPU can read. */
   #shownMesh(): THREE.Mesh {
     const { geometry } = this.#picked;
-    const { sources } = this.#setting.drawing;
     if (!geometry.index) {
-      const { index, groups, boundingBox, boundingSphere, attributes } = this.geometry;
+      const { index, groups, boundingSphere, attributes } = this.geometry;
       const { normal: _, ...others } = attributes;
-      const position = new THREE.BufferAttribute(new Float32Array(3 * sources.length), 3);
-      Object.assign(geometry, { index, groups, boundingBox, boundingSphere });
-      geometry.attributes = { ...others, position };
+      const position = new THREE.BufferAttribute(new Float32Array(3 * this.sources.length), 3);
+      Object.assign(geometry, {
+        index,
+        groups,
+        boundingSphere,
+        attributes: { ...others, position },
+      });
     }
     if (this.#isPickedStale) {
-      const positions = new Float32Array(3 * this.#setting.info.nVerts);
-      this.#stage?.read(positions);
-      spread(positions, sources, geometry.attributes.position.array as Float32Array);
+      this.#stage?.read(geometry.attributes.position.array as Float32Array);
       this.#isPickedStale = false;
     }
     return this.#picked;
@@ -334,7 +335,9 @@ export class ReelMesh extends THREE.Mesh<
 function geometryOf(drawing: Drawing): THREE.BufferGeometry {
   const geometry = new THREE.BufferGeometry();
   geometry.setIndex(new THREE.BufferAttribute(drawing.index, 1));
-  for (const { name, width, values } of drawing.attributes) {
+  const none = { width: 3, values: new Float32Array(3) }; // until a stage brings its own
+  const [position, normal] = ["position", "normal"].map((name) => ({ name, ...none }));
+  for (const { name, width, values } of [position, normal, ...drawing.attributes]) {
     geometry.setAttribute(name, new THREE.BufferAttribute(values, width));
   }
   for (const { start, count, materialIndex } of drawing.groups) {

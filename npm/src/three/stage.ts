@@ -9,7 +9,7 @@ export interface Stage extends Screen {
   readonly isOnGpu: boolean;
   /** Whether a block is not too large for it. */
   canHold(block: BlockFields): boolean;
-  /** Positions of the vertices of the file, as they are shown, into an array of 3 nVerts. */
+  /** Positions as they are shown, three numbers for each vertex of the drawing. */
   read(into: Float32Array): void;
   dispose(): void;
 }

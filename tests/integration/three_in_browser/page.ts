@@ -1,6 +1,7 @@
 // What tests ask of `meshreel/three` in a page. Everything is given back as plain numbers.
 
 import * as THREE from "three";
+import { WebGPURenderer } from "three/webgpu";
 
 import { ReelLoader, ReelMesh, type ReelMeshOptions } from "../../../npm/src/three/index";
 import { type GridOptions, truth, wavingGrid } from "./waving_grid";
@@ -233,6 +234,32 @@ const tests = {
     const own = stand.pixel(...corner);
     removed(mesh);
     return { overridden, own, complaints: stand.complaints };
+  },
+
+  /** A colour of the mesh as the renderer for WebGPU draws it, with WebGL 2 behind it. */
+  async otherRenderer(isGiven: boolean) {
+    const other = document.body.appendChild(document.createElement("canvas"));
+    const renderer = new WebGPURenderer({ canvas: other, forceWebGL: true });
+    await renderer.init();
+    renderer.setSize(640, 480, false);
+    const stand = new Stand();
+    stand.scene.add(new THREE.AmbientLight(0xffffff, 3));
+    const red = new THREE.MeshBasicMaterial({ color: 0xff0000, side: THREE.DoubleSide });
+    const options = isGiven ? { renderer, material: red } : { material: red };
+    const mesh = new ReelMesh(await wavingGrid(), options);
+    stand.scene.add(mesh);
+    mesh.seek({ frame: 8.5 });
+    renderer.render(stand.scene, stand.camera);
+    await shown(mesh);
+    renderer.render(stand.scene, stand.camera);
+    const flat = new OffscreenCanvas(640, 480).getContext("2d") as OffscreenCanvasRenderingContext2D;
+    flat.drawImage(other, 0, 0);
+    const [x, y, z] = truth(8.5).slice(600, 603);
+    const [right, up] = stand.project(x, y, z);
+    const { data } = flat.getImageData(Math.floor(640 * right), Math.floor(480 * (1 - up)), 1, 1);
+    const { isOnGpu } = mesh;
+    removed(mesh);
+    return { isOnGpu, color: [...data.slice(0, 3)], complaints: stand.complaints };
   },
 
   /** Hits of rays from above through the middle of triangles, and how far they are off. */

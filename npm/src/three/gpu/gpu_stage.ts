@@ -37,6 +37,7 @@ export class GpuStage implements Stage {
   readonly #positions: PositionPass;
   readonly #normals: Pass;
   readonly #attributes: AttributePass;
+  readonly #sources: Uint32Array;
   readonly #mostModes: number;
 
   /** @throws Error if the driver refuses */
@@ -51,6 +52,7 @@ export class GpuStage implements Stage {
     const mostRows = renderer.capabilities.maxTextureSize / 2;
     this.#mostModes = MODES_A_TEXEL * Math.min(mostLayers, mostRows);
     const grid = new VertexGrid(info.nVerts);
+    this.#sources = drawing.sources;
     this.#attributes = new AttributePass(renderer, grid, drawing.sources, geometry);
     this.#positions = new PositionPass(renderer, grid, shift);
     const { texture } = this.#positions.target;
@@ -78,7 +80,7 @@ export class GpuStage implements Stage {
   }
 
   read(into: Float32Array): void {
-    this.#positions.read(into);
+    this.#positions.read(this.#sources, into);
   }
 
   dispose(): void {

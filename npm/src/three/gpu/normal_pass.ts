@@ -53,8 +53,8 @@ export function normalPass(
   const { ring, corner } = ringsOf(triangles, grid);
   return new Pass(renderer, grid, normalShader(grid), {
     positions: { value: positions },
-    rings: { value: dataTexture(ring, grid.width, THREE.RGIntegerFormat) },
-    corners: { value: dataTexture(corner, WIDTH, THREE.RGIntegerFormat) },
+    rings: { value: dataTexture(ring, grid.width, 2) },
+    corners: { value: dataTexture(corner, WIDTH, 2) },
     scale: { value: 1e4 / diagonal },
   });
 }

@@ -68,10 +68,8 @@ export class PositionPass {
   readonly #uniforms = {
     fields: { value: null as THREE.DataArrayTexture | null },
     nextFields: { value: null as THREE.DataArrayTexture | null },
-    weights: { value: dataTexture(new Float32Array(12), 3, THREE.RGBAFormat) },
-    corrections: {
-      value: dataTexture(new Uint32Array(4 * WIDTH), WIDTH, THREE.RGBAIntegerFormat),
-    },
+    weights: { value: dataTexture(new Float32Array(12), 3) },
+    corrections: { value: dataTexture(new Uint32Array(4 * WIDTH), WIDTH) },
     nGroups: { value: 0 },
     nNextGroups: { value: 0 },
     shift: { value: new THREE.Vector3() },
@@ -123,12 +121,14 @@ export class PositionPass {
     this.#pass.run();
   }
 
-  /** Positions of the picture, read back: three numbers for each vertex. */
-  read(into: Float32Array): void {
+  /** Positions of the picture at some vertices, read back: three numbers for each. */
+  read(vertices: Uint32Array, into: Float32Array): void {
     const { width, height, nTexels } = this.#grid;
     const texels = new Float32Array(nTexels * 4);
     this.#renderer.readRenderTargetPixels(this.target, 0, 0, width, height, texels);
-    for (let i = 0; i < into.length; i++) into[i] = texels[4 * Math.floor(i / 3) + (i % 3)];
+    for (let i = 0; i < into.length; i++) {
+      into[i] = texels[4 * vertices[Math.floor(i / 3)] + (i % 3)];
+    }
   }
 
   dispose(): void {
@@ -174,13 +174,13 @@ function replace(
   uniform: { value: THREE.DataTexture },
   data: Float32Array<ArrayBuffer> | Uint32Array<ArrayBuffer>,
 ): void {
-  const { image, format } = uniform.value;
+  const { image } = uniform.value;
   if (image.data?.length === data.length) {
     image.data = data;
     uniform.value.needsUpdate = true;
   } else {
     uniform.value.dispose();
-    uniform.value = dataTexture(data, image.width, format as THREE.PixelFormat);
+    uniform.value = dataTexture(data, image.width);
   }
 }
 

@@ -44,16 +44,21 @@ ivec2 texelOf(int vertex) {
   }
 }
 
-/** A texture of floats or integers that is fetched from texel by texel. */
+/** A texture of floats, or of 2 or 4 integers, that is fetched from texel by texel. */
 export function dataTexture(
   data: Float32Array<ArrayBuffer> | Uint32Array<ArrayBuffer>,
   width: number,
-  format: THREE.PixelFormat,
+  channels: 2 | 4 = 4,
 ): THREE.DataTexture {
-  const type = data instanceof Uint32Array ? THREE.UnsignedIntType : THREE.FloatType;
-  const channels = format === THREE.RGIntegerFormat ? 2 : 4;
-  const height = data.length / width / channels;
-  const texture = new THREE.DataTexture(data, width, height, format, type);
+  const isPair = channels === 2;
+  const texture = new THREE.DataTexture(data, width, data.length / width / channels);
+  texture.type = THREE.FloatType;
+  if (data instanceof Uint32Array) {
+    texture.type = THREE.UnsignedIntType;
+    texture.format = isPair ? THREE.RGIntegerFormat : THREE.RGBAIntegerFormat;
+    // Older versions of three.js do not know it from these.
+    texture.internalFormat = isPair ? "RG32UI" : "RGBA32UI";
+  }
   texture.needsUpdate = true;
   return texture;
 }
