@@ -41,6 +41,26 @@ WebGL2RenderingContext.prototype.transformFeedbackVaryings = function (program, 
 };
 """
 
+COUNTING = """
+window.alive = {};
+for (const kind of ["Buffer", "Texture", "Program", "VertexArray", "TransformFeedback",
+                    "Framebuffer", "Shader"]) {
+  const { prototype } = WebGL2RenderingContext;
+  const [make, free] = [prototype[`create${kind}`], prototype[`delete${kind}`]];
+  const alive = new Set();
+  prototype[`create${kind}`] = function (...given) {
+    const made = make.apply(this, given);
+    alive.add(made);
+    return made;
+  };
+  prototype[`delete${kind}`] = function (one) {
+    alive.delete(one);
+    free.call(this, one);
+  };
+  Object.defineProperty(window.alive, kind, { enumerable: true, get: () => alive.size });
+}
+"""
+
 pytestmark = pytest.mark.slow
 
 
@@ -189,13 +209,14 @@ def test_rays_hit_the_frame_that_is_shown(ask, options):
 
 
 def test_renderer_counts_as_before_when_meshes_are_disposed_of(ask):
-    answer = ask("disposal", 4)
+    answer = ask("disposal", 4, before=COUNTING)
     after = [one["after"] for one in answer["counts"]]
     assert after[1:] == after[:1] * 3
     assert after[0]["geometries"] == 1
     during = answer["counts"][-1]["during"]
     assert during["textures"] > after[-1]["textures"]
     assert during["programs"] > after[-1]["programs"]
+    assert during["TransformFeedback"] > after[-1]["TransformFeedback"] == 0
 
 
 def test_picture_comes_back_when_the_context_was_lost(ask):

@@ -306,7 +306,8 @@ const tests = {
     const floor = furnish(stand, new THREE.DirectionalLight(0xffffff, 3));
     floor.castShadow = true;
     const { memory, programs } = stand.renderer.info;
-    const count = () => ({ ...memory, programs: programs?.length });
+    const { alive } = window as unknown as { alive: Record<string, number> };
+    const count = () => ({ ...memory, programs: programs?.length, ...alive });
     stand.draw();
     const counts = [];
     for (let round = 0; round < rounds; round++) {
@@ -324,7 +325,6 @@ const tests = {
       stand.draw();
       counts.push({ during, after: count() });
     }
-    // A scene without lights' receivers compiles nothing new after the first round.
     return { counts, complaints: stand.complaints };
   },
 
