@@ -41,6 +41,13 @@ WebGL2RenderingContext.prototype.transformFeedbackVaryings = function (program, 
 };
 """
 
+FEW_LAYERS = """
+const given = WebGL2RenderingContext.prototype.getParameter;
+WebGL2RenderingContext.prototype.getParameter = function (name) {
+  return name === this.MAX_ARRAY_TEXTURE_LAYERS ? 2 : given.call(this, name);
+};
+"""
+
 COUNTING = """
 window.alive = {};
 for (const kind of ["Buffer", "Texture", "Program", "VertexArray", "TransformFeedback",
@@ -156,6 +163,12 @@ def test_cpu_stands_in_when_floats_cannot_be_drawn(ask):
 def test_cpu_stands_in_when_the_driver_refuses(ask):
     answer = ask("errors", PLACES, {}, before=WITHOUT_FEEDBACK)
     assert not answer["isOnGpu"]
+    assert_right(answer["found"], 1e-6)
+
+
+def test_cpu_takes_over_when_a_block_has_more_modes_than_textures_have_room_for(ask):
+    answer = ask("errors", PLACES, {}, before=FEW_LAYERS)
+    assert not answer["isOnGpu"]  # the second block has 9, and 8 have room
     assert_right(answer["found"], 1e-6)
 
 

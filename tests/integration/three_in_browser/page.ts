@@ -252,7 +252,8 @@ const tests = {
     renderer.render(stand.scene, stand.camera);
     await shown(mesh);
     renderer.render(stand.scene, stand.camera);
-    const flat = new OffscreenCanvas(640, 480).getContext("2d") as OffscreenCanvasRenderingContext2D;
+    const flat = document.createElement("canvas").getContext("2d") as CanvasRenderingContext2D;
+    [flat.canvas.width, flat.canvas.height] = [640, 480];
     flat.drawImage(other, 0, 0);
     const [x, y, z] = truth(8.5).slice(600, 603);
     const [right, up] = stand.project(x, y, z);
