@@ -41,6 +41,33 @@ WebGL2RenderingContext.prototype.transformFeedbackVaryings = function (program, 
 };
 """
 
+FEW_LAYERS = """
+const given = WebGL2RenderingContext.prototype.getParameter;
+WebGL2RenderingContext.prototype.getParameter = function (name) {
+  return name === this.MAX_ARRAY_TEXTURE_LAYERS ? 2 : given.call(this, name);
+};
+"""
+
+COUNTING = """
+window.alive = {};
+for (const kind of ["Buffer", "Texture", "Program", "VertexArray", "TransformFeedback",
+                    "Framebuffer", "Shader"]) {
+  const { prototype } = WebGL2RenderingContext;
+  const [make, free] = [prototype[`create${kind}`], prototype[`delete${kind}`]];
+  const alive = new Set();
+  prototype[`create${kind}`] = function (...given) {
+    const made = make.apply(this, given);
+    alive.add(made);
+    return made;
+  };
+  prototype[`delete${kind}`] = function (one) {
+    alive.delete(one);
+    free.call(this, one);
+  };
+  Object.defineProperty(window.alive, kind, { enumerable: true, get: () => alive.size });
+}
+"""
+
 pytestmark = pytest.mark.slow
 
 
@@ -139,6 +166,12 @@ def test_cpu_stands_in_when_the_driver_refuses(ask):
     assert_right(answer["found"], 1e-6)
 
 
+def test_cpu_takes_over_when_a_block_has_more_modes_than_textures_have_room_for(ask):
+    answer = ask("errors", PLACES, {}, before=FEW_LAYERS)
+    assert not answer["isOnGpu"]  # the second block has 9, and 8 have room
+    assert_right(answer["found"], 1e-6)
+
+
 def test_positions_are_right_when_the_model_is_far_away_and_brought_near(ask):
     center = [4e6, -3e6, 1e5]
     answer = ask("errors", PLACES, {"origin": center}, {"center": center})
@@ -189,13 +222,14 @@ def test_rays_hit_the_frame_that_is_shown(ask, options):
 
 
 def test_renderer_counts_as_before_when_meshes_are_disposed_of(ask):
-    answer = ask("disposal", 4)
+    answer = ask("disposal", 4, before=COUNTING)
     after = [one["after"] for one in answer["counts"]]
     assert after[1:] == after[:1] * 3
     assert after[0]["geometries"] == 1
     during = answer["counts"][-1]["during"]
     assert during["textures"] > after[-1]["textures"]
     assert during["programs"] > after[-1]["programs"]
+    assert during["TransformFeedback"] > after[-1]["TransformFeedback"] == 0
 
 
 def test_picture_comes_back_when_the_context_was_lost(ask):

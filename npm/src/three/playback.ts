@@ -42,9 +42,11 @@ export interface Screen {
 export class Playback {
   readonly #screen: Screen;
   readonly #send: (event: PlaybackEvent) => void;
+  /** The time, and how it passes. */
   readonly clock: Clock;
   /** Whether pictures between frames are shown. */
   isInterpolating = true;
+  /** Whether it plays, or will once it need not wait. */
   isPlaying = false;
   /** Whether the picture of the time is not there yet; at first it is not. */
   isWaiting = true;
@@ -81,6 +83,7 @@ export class Playback {
     );
   }
 
+  /** Plays on, or from the start if it has ended; asks again for what could not be had. */
   play(): void {
     const wasWaiting = this.isWaiting;
     this.#window.retry();
@@ -91,6 +94,7 @@ export class Playback {
     if (!wasWaiting && !this.isWaiting) this.#send({ type: "playing" });
   }
 
+  /** Stands still at the time. */
   pause(): void {
     this.isPlaying = false;
   }

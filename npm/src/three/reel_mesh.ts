@@ -145,20 +145,25 @@ export class ReelMesh extends THREE.Mesh<
     return this.#setting.drawing.sources;
   }
 
-  /** Plays from the time on, or from the start if the end was reached. */
+  /**
+   * Plays from the time on, or from the start if the end was reached. Blocks that could not be had,
+   * such as for want of a connection, are asked for again; damaged ones are not.
+   */
   play(): void {
     this.#playback.play();
   }
 
+  /** Stands still at the time. */
   pause(): void {
     this.#playback.pause();
   }
 
+  /** Whether it plays, or will as soon as it need not wait any more. */
   get isPlaying(): boolean {
     return this.#playback.isPlaying;
   }
 
-  /** Whether the picture of the time has not been loaded yet. */
+  /** Whether the picture of the time is not there yet; the last one stays, and so does the time. */
   get isWaiting(): boolean {
     return this.#playback.isWaiting;
   }

@@ -252,7 +252,8 @@ const tests = {
     renderer.render(stand.scene, stand.camera);
     await shown(mesh);
     renderer.render(stand.scene, stand.camera);
-    const flat = new OffscreenCanvas(640, 480).getContext("2d") as OffscreenCanvasRenderingContext2D;
+    const flat = document.createElement("canvas").getContext("2d") as CanvasRenderingContext2D;
+    [flat.canvas.width, flat.canvas.height] = [640, 480];
     flat.drawImage(other, 0, 0);
     const [x, y, z] = truth(8.5).slice(600, 603);
     const [right, up] = stand.project(x, y, z);
@@ -306,7 +307,8 @@ const tests = {
     const floor = furnish(stand, new THREE.DirectionalLight(0xffffff, 3));
     floor.castShadow = true;
     const { memory, programs } = stand.renderer.info;
-    const count = () => ({ ...memory, programs: programs?.length });
+    const { alive } = window as unknown as { alive: Record<string, number> };
+    const count = () => ({ ...memory, programs: programs?.length, ...alive });
     stand.draw();
     const counts = [];
     for (let round = 0; round < rounds; round++) {
@@ -324,7 +326,6 @@ const tests = {
       stand.draw();
       counts.push({ during, after: count() });
     }
-    // A scene without lights' receivers compiles nothing new after the first round.
     return { counts, complaints: stand.complaints };
   },
 
