@@ -16,9 +16,6 @@ const core = join(here, "../core");
 const dist = join(here, "dist");
 const modules = join(here, "wasm");
 
-/** What pages import, by the name of its file in dist/. */
-const ENTRIES = { index: "src/index.ts", three: "src/three/index.ts" };
-
 function run(command, ...given) {
   execFileSync(command, given, { cwd: here, stdio: "inherit" });
 }
@@ -69,24 +66,36 @@ const engineInside = {
   },
 };
 
-rmSync(dist, { recursive: true, force: true });
-const { metafile } = await build({
-  entryPoints: Object.fromEntries(
-    Object.entries(ENTRIES).map(([name, file]) => [name, join(here, file)]),
-  ),
+/** What `meshreel` exports is that of the script beside, wherever it is imported. */
+const indexBeside = {
+  name: "index beside",
+  setup(bundler) {
+    bundler.onResolve({ filter: /^\.\.(\/\.\.)*\/(index|errors)\.js$/ }, () => ({
+      path: "./index.js",
+      external: true,
+    }));
+  },
+};
+
+const common = {
   bundle: true,
-  splitting: true,
   minify: true,
   metafile: true,
   format: "esm",
   target: "es2022",
   charset: "utf8",
   legalComments: "none",
-  external: ["three"],
+  absWorkingDir: here,
+};
+
+rmSync(dist, { recursive: true, force: true });
+const decoder = await build({
+  ...common,
+  entryPoints: ["src/index.ts"],
+  splitting: true,
   outdir: dist,
   plugins: [engineInside],
-  chunkNames: "[name]-[hash]",
-  absWorkingDir: here,
+  chunkNames: "[name]",
   define: {
     // Deflated bytes in base 64 are packed by gzip to little more than the deflated bytes, and
     // zopfli, which takes its time, deflates to 5 % less than zlib does.
@@ -94,9 +103,17 @@ const { metafile } = await build({
     PLAIN_MODULE: JSON.stringify(plain.toString("base64")),
   },
 });
+const three = await build({
+  ...common,
+  entryPoints: ["src/three/index.ts"],
+  outfile: join(dist, "three.js"),
+  external: ["three"],
+  plugins: [indexBeside],
+});
 run("npx", "tsc", "--declaration", "--emitDeclarationOnly", "--outDir", "dist");
 
-for (const file of Object.keys(metafile.outputs)) {
+const files = [decoder, three].flatMap(({ metafile }) => Object.keys(metafile.outputs));
+for (const file of files) {
   const bytes = readFileSync(join(here, file));
   const packed = gzipSync(bytes, { level: 9 }).length;
   console.log(`${file}: ${bytes.length} bytes, ${packed} after gzip`);

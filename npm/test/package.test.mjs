@@ -9,8 +9,11 @@ import { gzipSync } from "node:zlib";
 import { PACKAGE } from "./support/bundle.mjs";
 import { bytesOf, said, sha } from "./support/streams.mjs";
 
-/** Of the decoder after gzip: module and scripts. */
-const MOST_BYTES = 40_000;
+/** Of the decoder after gzip: module, scripts, and how they get bytes from servers. */
+const MOST_BYTES = 46_500;
+
+/** Of the part for three.js. */
+const MOST_THREE_BYTES = 10_240;
 
 const DIST = join(PACKAGE, "dist");
 
@@ -42,6 +45,8 @@ test("the decoder is small enough for a page", () => {
   const sizeBytes = sizes.reduce((sum, size) => sum + size, 0);
   assert.ok(sizeBytes <= MOST_BYTES, `${sizeBytes} bytes`);
   assert.ok(![...found.keys()].includes("plain_wasm.js"), "the plain core comes with the other");
+  const three = gzipSync(readFileSync(join(DIST, "three.js")), { level: 9 }).length;
+  assert.ok(three <= MOST_THREE_BYTES, `${three} bytes`);
 });
 
 test("the package decodes with vectors", async () => {

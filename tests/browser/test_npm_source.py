@@ -11,6 +11,8 @@ from urllib.parse import urlencode
 import numpy as np
 import pytest
 
+from samples.web_package import built_package
+
 NPM = Path(__file__).parents[2] / "npm"
 ESBUILD = NPM / "node_modules" / ".bin" / "esbuild"
 SIZE = 200_000
@@ -39,8 +41,7 @@ def content():
 @pytest.fixture(scope="module")
 def page(browser, tmp_path_factory):
     """A page of a site that has the package's sources as a script."""
-    if not ESBUILD.exists():
-        pytest.skip("needs `npm ci` in npm/")
+    built_package()
     folder = tmp_path_factory.mktemp("site")
     (folder / "index.html").write_text("<!doctype html><title>Bytes</title>")
     bundle = ("--bundle", "--format=esm", "--log-level=error", f"--outfile={folder / 'source.js'}")

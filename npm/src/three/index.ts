@@ -2,5 +2,5 @@
 
 export type { Loop } from "./clock.js";
 export type { PlaybackEvents } from "./playback.js";
-export { type OpenFunction, ReelLoader, type ReelLoaderOptions } from "./reel_loader.js";
+export { ReelLoader, type ReelLoaderOptions } from "./reel_loader.js";
 export { ReelMesh, type ReelMeshEventMap, type ReelMeshOptions } from "./reel_mesh.js";

@@ -2,14 +2,8 @@
 
 import * as THREE from "three";
 
-import type { OpenReel } from "../types.js";
+import { ReelFile } from "../index.js";
 import { ReelMesh, type ReelMeshOptions } from "./reel_mesh.js";
-
-/** Opens a file at an address or in memory. */
-export type OpenFunction = (
-  source: string | ArrayBuffer,
-  options: { headers?: Record<string, string>; credentials?: RequestCredentials },
-) => Promise<OpenReel>;
 
 /** Options of a `ReelLoader`: those of its meshes. */
 export type ReelLoaderOptions = Omit<ReelMeshOptions, "ownsReel">;
@@ -19,19 +13,14 @@ export type ReelLoaderOptions = Omit<ReelMeshOptions, "ownsReel">;
  * plays, and with them the event "frame". `dispose()` of the mesh closes the file.
  */
 export class ReelLoader extends THREE.Loader<ReelMesh> {
-  readonly #open: OpenFunction;
-  readonly #options: ReelLoaderOptions = {};
+  readonly #options: ReelLoaderOptions;
+
   /**
-   * @param open - opens files; `ReelFile.open`
+   * @param manager - that tells of what is loaded
    * @param options - of the meshes
    */
-  constructor(
-    open: OpenFunction,
-    options: ReelLoaderOptions = {},
-    manager?: THREE.LoadingManager,
-  ) {
+  constructor(manager?: THREE.LoadingManager, options: ReelLoaderOptions = {}) {
     super(manager);
-    this.#open = open;
     this.#options = options;
   }
 
@@ -65,7 +54,7 @@ export class ReelLoader extends THREE.Loader<ReelMesh> {
   }
 
   async #opened(source: string | ArrayBuffer): Promise<ReelMesh> {
-    const reel = await this.#open(source, {
+    const reel = await ReelFile.open(source, {
       headers: this.requestHeader,
       credentials: this.withCredentials ? "include" : "same-origin",
     });

@@ -3,6 +3,7 @@
 import * as THREE from "three";
 import { WebGPURenderer } from "three/webgpu";
 
+import { ReelFile } from "../../../npm/src/index";
 import { ReelLoader, ReelMesh, type ReelMeshOptions } from "../../../npm/src/three/index";
 import { type GridOptions, truth, wavingGrid } from "./waving_grid";
 
@@ -359,8 +360,8 @@ const tests = {
   async events(damaged: number[]) {
     const stand = new Stand();
     const reel = await wavingGrid({ damaged });
-    const loader = new ReelLoader(async () => reel);
-    const mesh = await loader.loadAsync("grid.reel");
+    Object.assign(ReelFile, { open: async () => reel });
+    const mesh = await new ReelLoader().loadAsync("grid.reel");
     let isClosed = false;
     reel.close = () => {
       isClosed = true;
