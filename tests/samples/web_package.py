@@ -81,10 +81,10 @@ def serving(files, headers=None, posted=None):
             kinds = {".js": "text/javascript", ".reel": "application/octet-stream"}
             wanted = self.headers.get("Range")
             if wanted and path.endswith(".reel"):
-                first, _, last = wanted.removeprefix("bytes=").partition("-")
-                asked.append((int(first), min(int(last or len(body)), len(body) - 1)))
+                begin, _, end = wanted.removeprefix("bytes=").partition("-")
+                first, last = int(begin), min(int(end or len(body)), len(body) - 1)
+                asked.append((first, last))
                 self.send_response(206)
-                first, last = asked[-1]
                 self.send_header("Content-Range", f"bytes {first}-{last}/{len(body)}")
                 self.send_header("ETag", '"same"')
                 body = body[first : last + 1]

@@ -1,7 +1,6 @@
 """The package for pages: it is built, its types hold, and its own tests pass."""
 
 import re
-import shutil
 import subprocess
 from pathlib import Path
 
@@ -24,7 +23,7 @@ def built():
 def npm(*command):
     """What npm says; the test fails with it where it fails."""
     found = subprocess.run(
-        [shutil.which("npm"), *command],
+        ["npm", *command],
         cwd=PACKAGE,
         timeout=TIME_LIMIT_S,
         capture_output=True,
