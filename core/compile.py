@@ -78,12 +78,15 @@ class Target:
         What zig calls it.
     tag : str
         The platform in the name of a wheel; of WebAssembly there are none.
+    quick : tuple of str
+        The only files whose speed counts; all others are compiled to be small. None: all count.
     """
 
     library: str
     flags: tuple[str, ...]
     triple: str
     tag: str = ""
+    quick: tuple[str, ...] = ()
 
 
 ELF = ("-O3", "-fPIC", "-shared")
@@ -91,11 +94,14 @@ ELF = ("-O3", "-fPIC", "-shared")
 LONE_ELF = (*ELF, "-nostdlib", "-s")
 MACH_O = ("-O3", "-fPIC", "-shared", "-Wl,-s", "-Wl,-install_name,@rpath/libreel.dylib")
 PE = ("-O3", "-shared", "-s")
-WASM = (
+# Where it counts most: engines take long to make more than small code of loops over vectors.
+WASM_QUICK = ("predict.c", "smooth.c")
+# By itself the compiler of ziglang takes -Oz for -Os.
+SMALL = ("-Os", "-Xclang", "-Oz")
+PLAIN_WASM = (
     "-O3",
     "-flto",
     "-nostdlib",
-    "-msimd128",
     "-mbulk-memory",
     "-DREEL_DECODER_ONLY",
     "-DREEL_INLINE=static inline",  # a third smaller
@@ -104,6 +110,7 @@ WASM = (
     "-Wl,--strip-all",
     *(f"-Wl,--export={name}" for name in (*DECODER, "__heap_base")),
 )
+WASM = ("-msimd128", *PLAIN_WASM)
 TARGETS = {
     "linux-x86_64": Target(
         "libreel.so",
@@ -120,7 +127,9 @@ TARGETS = {
     "macosx-arm64": Target("libreel.dylib", MACH_O, "aarch64-macos.11.0", "macosx_11_0_arm64"),
     "macosx-x86_64": Target("libreel.dylib", MACH_O, "x86_64-macos.11.0", "macosx_11_0_x86_64"),
     "win-amd64": Target("reel.dll", PE, "x86_64-windows-gnu", "win_amd64"),
-    "wasm": Target("reel.wasm", WASM, "wasm32-freestanding"),
+    "wasm": Target("reel.wasm", WASM, "wasm32-freestanding", quick=WASM_QUICK),
+    # For engines without vectors.
+    "wasm-plain": Target("reel_plain.wasm", PLAIN_WASM, "wasm32-freestanding", quick=WASM_QUICK),
 }
 HERE = {
     "win32": Target("reel.dll", PE, ""),
@@ -153,8 +162,10 @@ def compiler() -> list[str] | None:
     return found and [*found, "-mcpu=baseline"]
 
 
-def command(output: Path, extra: Sequence[str] = (), target: str | None = None) -> list[str]:
-    """The command that compiles the library for this machine, or for a target.
+def commands(output: Path, extra: Sequence[str] = (), target: str | None = None) -> list[list[str]]:
+    """The commands that compile the library for this machine, or for a target.
+
+    They are run one after another in an empty folder.
 
     Raises
     ------
@@ -167,8 +178,16 @@ def command(output: Path, extra: Sequence[str] = (), target: str | None = None) 
         found, flags = zig(), (*TARGETS[target].flags, "-target", TARGETS[target].triple)
     if found is None:
         raise RuntimeError(NO_COMPILER if target is None else f"{target} needs the package ziglang")
-    files = [str(file) for file in sources() if file.suffix == ".c"]
-    return [*found, *FLAGS, *flags, *extra, *files, "-o", str(output)]
+    files = [file for file in sources() if file.suffix == ".c"]
+    quick = TARGETS[target].quick if target else ()
+    small = {file: f"{file.stem}.o" for file in files if quick and file.name not in quick}
+    compiled = [flag for flag in flags if not flag.startswith(("-Wl,", "-nostdlib"))]
+    objects = [
+        [*found, *FLAGS, *compiled, *extra, *SMALL, "-c", str(file), "-o", name]
+        for file, name in small.items()
+    ]
+    linked = [small.get(file, str(file)) for file in files]
+    return [*objects, [*found, *FLAGS, *flags, *extra, *linked, "-o", str(output)]]
 
 
 def build(output: Path = TARGET, extra: Sequence[str] = (), target: str | None = None) -> Path:
@@ -179,23 +198,25 @@ def build(output: Path = TARGET, extra: Sequence[str] = (), target: str | None =
     RuntimeError
         If there is no compiler, or it fails; the message has what it says.
     """
-    arguments = command(Path(output.name), extra, target)
+    steps = commands(Path(output.name), extra, target)
+    program = steps[0][0]
     output = output.resolve()
     try:
         with tempfile.TemporaryDirectory(dir=output.parent, prefix=".core-") as work:
-            subprocess.run(
-                arguments,
-                check=True,
-                cwd=work,  # some compilers write more than they are asked for
-                timeout=TIME_LIMIT_S,
-                capture_output=True,
-                text=True,
-            )
+            for arguments in steps:
+                subprocess.run(
+                    arguments,
+                    check=True,
+                    cwd=work,  # some compilers write more than they are asked for
+                    timeout=TIME_LIMIT_S,
+                    capture_output=True,
+                    text=True,
+                )
             Path(work, output.name).replace(output)
     except FileNotFoundError as error:
-        raise RuntimeError(f"there is no compiler {arguments[0]!r}, which CC names") from error
+        raise RuntimeError(f"there is no compiler {program!r}, which CC names") from error
     except subprocess.TimeoutExpired as error:
-        raise RuntimeError(f"the compiler {arguments[0]!r} takes for ever") from error
+        raise RuntimeError(f"the compiler {program!r} takes for ever") from error
     except subprocess.CalledProcessError as error:
         raise RuntimeError(f"the compiler failed:\n{error.stderr}") from error
     return output

@@ -7,8 +7,10 @@ import numpy as np
 import pytest
 
 import meshreel
+from meshreel.errors import InvalidInputError
 from meshreel.metrics.heat import heat_field
 from meshreel.rendering.colormap import HEAT, colorize
+from meshreel.viewer.page import page_text
 from samples.player_pages import (
     colors_of,
     covered,
@@ -37,6 +39,15 @@ def distance_percent(flag, decoded, frame):
     diagonal = diagonal_of(original.vertices)
     field = heat_field("distance", original.faces, original.n_verts, diagonal)
     return field(original.vertices[frame], decoded[frame])
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _player():
+    """Without the page that `web/` is built to, there is nothing to test."""
+    try:
+        page_text()
+    except InvalidInputError as error:
+        pytest.skip(str(error))
 
 
 @pytest.fixture

@@ -1,0 +1,120 @@
+// Builds dist/: the core as WebAssembly, bundles of the scripts with it inside, declarations.
+//
+// The core is compiled by core/compile.py, which needs Python with the package `ziglang`; PYTHON
+// names the interpreter.
+
+import zopfli from "@gfx/zopfli";
+import { build } from "esbuild";
+import { execFileSync } from "node:child_process";
+import { existsSync, mkdirSync, readFileSync, readdirSync, rmSync, statSync } from "node:fs";
+import { dirname, join } from "node:path";
+import { fileURLToPath } from "node:url";
+import { gzipSync } from "node:zlib";
+
+const here = dirname(fileURLToPath(import.meta.url));
+const core = join(here, "../core");
+const dist = join(here, "dist");
+const modules = join(here, "wasm");
+
+function run(command, ...given) {
+  execFileSync(command, given, { cwd: here, stdio: "inherit" });
+}
+
+/** The bytes of a module, compiled where a source is newer. */
+function compiled(target, name) {
+  const path = join(modules, name);
+  const sources = readdirSync(core).filter((file) => /\.([ch]|py)$/.test(file));
+  const isNewer = (file) => statSync(join(core, file)).mtimeMs > statSync(path).mtimeMs;
+  if (!existsSync(path) || sources.some(isNewer)) {
+    mkdirSync(modules, { recursive: true });
+    const python = process.env.PYTHON ?? "python3";
+    run(python, join(core, "compile.py"), "--target", target, "-o", path);
+  }
+  return readFileSync(path);
+}
+
+/** Bytes as a zlib stream, in base 64. */
+function deflated(bytes) {
+  return new Promise((resolve, reject) => {
+    zopfli.zlib(bytes, { numiterations: 15 }, (error, packed) =>
+      error ? reject(error) : resolve(Buffer.from(packed).toString("base64")),
+    );
+  });
+}
+
+const quick = compiled("wasm", "reel.wasm");
+const plain = compiled("wasm-plain", "reel_plain.wasm");
+
+/** The engine and all that it needs, inside one function: its text is the script of a worker. */
+const engineInside = {
+  name: "engine inside",
+  setup(bundler) {
+    bundler.onLoad({ filter: /[\\/]engine_function\.ts$/ }, async () => {
+      const { outputFiles } = await build({
+        entryPoints: [join(here, "src/engine/start.ts")],
+        bundle: true,
+        minify: true,
+        write: false,
+        format: "iife",
+        globalName: "engine",
+        // As old as can be: what bundlers would rewrite, they would rewrite with help from outside.
+        target: "es2020",
+      });
+      const script = outputFiles[0].text;
+      return { contents: `export function startEngine(port) {${script}engine.start(port);}` };
+    });
+  },
+};
+
+/** What `meshreel` exports is that of the script beside, wherever it is imported. */
+const indexBeside = {
+  name: "index beside",
+  setup(bundler) {
+    bundler.onResolve({ filter: /^\.\.(\/\.\.)*\/(index|errors)\.js$/ }, () => ({
+      path: "./index.js",
+      external: true,
+    }));
+  },
+};
+
+const common = {
+  bundle: true,
+  minify: true,
+  metafile: true,
+  format: "esm",
+  target: "es2022",
+  charset: "utf8",
+  legalComments: "none",
+  absWorkingDir: here,
+};
+
+rmSync(dist, { recursive: true, force: true });
+const decoder = await build({
+  ...common,
+  entryPoints: ["src/index.ts"],
+  splitting: true,
+  outdir: dist,
+  plugins: [engineInside],
+  chunkNames: "[name]",
+  define: {
+    // Deflated bytes in base 64 are packed by gzip to little more than the deflated bytes, and
+    // zopfli, which takes its time, deflates to 5 % less than zlib does.
+    SIMD_MODULE: JSON.stringify(await deflated(quick)),
+    PLAIN_MODULE: JSON.stringify(plain.toString("base64")),
+  },
+});
+const three = await build({
+  ...common,
+  entryPoints: ["src/three/index.ts"],
+  outfile: join(dist, "three.js"),
+  external: ["three"],
+  plugins: [indexBeside],
+});
+run("npx", "tsc", "--declaration", "--emitDeclarationOnly", "--outDir", "dist");
+
+const files = [decoder, three].flatMap(({ metafile }) => Object.keys(metafile.outputs));
+for (const file of files) {
+  const bytes = readFileSync(join(here, file));
+  const packed = gzipSync(bytes, { level: 9 }).length;
+  console.log(`${file}: ${bytes.length} bytes, ${packed} after gzip`);
+}

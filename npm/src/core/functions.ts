@@ -1,0 +1,160 @@
+// The functions of the core as WebAssembly has them; core/reel.h says what they do.
+
+type Address = number;
+type Count = bigint;
+
+/** What the module exports; sizes of memory and addresses are numbers, counts are bigints. */
+export interface Functions {
+  readonly memory: WebAssembly.Memory;
+  readonly __heap_base: WebAssembly.Global;
+  reel_abi(): Count;
+  reel_adjacency_memory(nVerts: Count, nFaces: Count): number;
+  reel_adjacency(
+    memory: Address,
+    memorySize: number,
+    faces: Address,
+    nFaces: Count,
+    nVerts: Count,
+    starts: Address,
+    near: Address,
+  ): Count;
+  reel_basis_memory(nColumns: Count, nFrames: Count): number;
+  reel_basis(
+    memory: Address,
+    memorySize: number,
+    integers: Address,
+    nModes: Count,
+    nColumns: Count,
+    nFrames: Count,
+    basis: Address,
+  ): Count;
+  reel_connectivity_decode_memory(nVerts: Count, nFaces: Count): number;
+  reel_connectivity_decode(
+    memory: Address,
+    memorySize: number,
+    data: Address,
+    sizeBytes: number,
+    nVerts: Count,
+    nFaces: Count,
+    faces: Address,
+  ): Count;
+  reel_expected_memory(nRows: Count, nFaces: Count): number;
+  reel_expected_find(
+    memory: Address,
+    memorySize: number,
+    faces: Address,
+    twins: Address,
+    nRows: Count,
+    nFaces: Count,
+    order: Address,
+    starts: Address,
+    triples: Address,
+  ): Count;
+  reel_fields_memory(nColumns: Count, nPasses: Count, nNear: Count): number;
+  reel_fields_decode(
+    memory: Address,
+    memorySize: number,
+    data: Address,
+    sizeBytes: number,
+    nRows: Count,
+    nColumns: Count,
+    columns: Address,
+    passStarts: Address,
+    nPasses: Count,
+    nearStarts: Address,
+    near: Address,
+    values: Address,
+  ): Count;
+  reel_frames_memory(nColumns: Count, nFrames: Count, nModes: Count, nWanted: Count): number;
+  reel_frames(
+    memory: Address,
+    memorySize: number,
+    basis: Address,
+    fields: Address,
+    modeStride: Count,
+    vertexStride: Count,
+    step: number,
+    precision: Count,
+    order: Address,
+    nColumns: Count,
+    nFrames: Count,
+    nModes: Count,
+    nVerts: Count,
+    wanted: Address,
+    nWanted: Count,
+    correctionStarts: Address,
+    corrected: Address,
+    moves: Address,
+    placement: Address,
+    layout: Count,
+    out: Address,
+  ): Count;
+  reel_hierarchy_memory(nVerts: Count, nNear: Count): number;
+  reel_hierarchy(
+    memory: Address,
+    memorySize: number,
+    starts: Address,
+    near: Address,
+    nVerts: Count,
+    stencilSize: Count,
+    order: Address,
+    levelStarts: Address,
+    levelResolutions: Address,
+    smoothStarts: Address,
+    stencil: Address,
+    hops: Address,
+    contexts: Address,
+    smooth: Address,
+  ): Count;
+  reel_integers_memory(nTables: Count): number;
+  reel_integers_decode(
+    memory: Address,
+    memorySize: number,
+    data: Address,
+    sizeBytes: number,
+    lengths: Address,
+    tables: Address,
+    nRows: Count,
+    nTables: Count,
+    values: Address,
+  ): Count;
+  reel_order_memory(nVerts: Count, nFaces: Count): number;
+  reel_order_decode(
+    memory: Address,
+    memorySize: number,
+    data: Address,
+    sizeBytes: number,
+    faces: Address,
+    twins: Address,
+    nVerts: Count,
+    nFaces: Count,
+    withFaces: Count,
+    corners: Address,
+    sequence: Address,
+  ): Count;
+  reel_patterns_memory(width: Count): number;
+  reel_patterns_decode(
+    memory: Address,
+    memorySize: number,
+    data: Address,
+    sizeBytes: number,
+    values: Address,
+    nRows: Count,
+    width: Count,
+    size: Count,
+    isFloat: Count,
+    order: Address,
+    starts: Address,
+    triples: Address,
+  ): Count;
+  reel_predict_decode(mesh: Address, fields: Address, first: Count, last: Count): Count;
+  reel_twins_memory(nVerts: Count, nFaces: Count): number;
+  reel_twins(
+    memory: Address,
+    memorySize: number,
+    faces: Address,
+    nFaces: Count,
+    nVerts: Count,
+    twins: Address,
+  ): Count;
+}

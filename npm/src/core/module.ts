@@ -1,0 +1,56 @@
+// The core as a WebAssembly module, from bytes that are part of the script.
+
+import { SIMD_WASM } from "./simd_wasm.js";
+
+/** A module whose only function has a vector: valid where engines know vectors of 128 bits. */
+const PROBE = [
+  0, 97, 115, 109, 1, 0, 0, 0, 1, 5, 1, 96, 0, 1, 123, 3, 2, 1, 0, 10, 10, 1, 8, 0, 65, 0, 253, 15,
+  253, 98, 11,
+];
+
+let loading: Promise<WebAssembly.Module> | undefined;
+
+/**
+ * The module of the core, compiled once for all that ask; it may be sent to workers.
+ *
+ * With vectors where the engine has them. Engines that have none, or cannot inflate, load a plain
+ * one: a second file beside this script, which decodes the same bits slower.
+ *
+ * @throws WebAssembly.CompileError where the content policy of the page forbids WebAssembly; it
+ * has to allow `script-src 'wasm-unsafe-eval'`.
+ */
+export function loadModule(): Promise<WebAssembly.Module> {
+  loading ??= compile().catch((error: unknown) => {
+    loading = undefined; // the file may come another time
+    throw error;
+  });
+  return loading;
+}
+
+async function compile(): Promise<WebAssembly.Module> {
+  const isQuick =
+    typeof DecompressionStream !== "undefined" && WebAssembly.validate(new Uint8Array(PROBE));
+  if (isQuick) return WebAssembly.compile(await inflated(fromBase64(SIMD_WASM)));
+  const { PLAIN_WASM } = await import("./plain_wasm.js");
+  return WebAssembly.compile(fromBase64(PLAIN_WASM));
+}
+
+function fromBase64(text: string): Uint8Array<ArrayBuffer> {
+  return Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
+}
+
+async function inflated(bytes: Uint8Array<ArrayBuffer>): Promise<ArrayBuffer> {
+  const { readable, writable } = new DecompressionStream("deflate");
+  const writer = writable.getWriter();
+  const parts: Uint8Array<ArrayBuffer>[] = [];
+  const collect = async (): Promise<void> => {
+    const reader = readable.getReader();
+    for (;;) {
+      const { done, value } = await reader.read();
+      if (done) return;
+      parts.push(value);
+    }
+  };
+  await Promise.all([writer.write(bytes), writer.close(), collect()]);
+  return new Blob(parts).arrayBuffer();
+}

@@ -1,0 +1,94 @@
+// Positions of frames, to the same bit as everywhere.
+
+import type { Core } from "../core/core.js";
+import { int64s } from "../core/int64.js";
+import { CorruptStreamError, InvalidInputError } from "../errors.js";
+import type { Header } from "../stream/header.js";
+import type { DecodedBlock } from "./decoded_block.js";
+
+/** Positions, x, y and z of each vertex, of the number type of the file. */
+export type Positions = Float32Array | Float64Array;
+
+/**
+ * Positions of a frame, of shape (V, 3), in model units.
+ *
+ * @param time - Number of the frame within the block.
+ * @param into - Is filled and returned where it is given; of the number type of the file.
+ * @throws InvalidInputError where there is no such frame, or `into` is of another type or length.
+ * @throws CorruptStreamError where positions are beyond all numbers.
+ */
+export function frameOf(
+  core: Core,
+  { vertexType, scale, origin }: Header,
+  block: DecodedBlock,
+  time: number,
+  into?: Positions,
+): Positions {
+  const { nVerts, nModes, nFrames, layout, basis, corrections, values } = block;
+  if (!(Number.isInteger(time) && time >= 0 && time < nFrames)) {
+    throw new InvalidInputError(`block ${block.number} has ${nFrames} frames; got frame ${time}`);
+  }
+  const length = 3 * nVerts;
+  const kind = vertexType === 4 ? Float32Array : Float64Array;
+  const out = into ?? new kind(length);
+  if (!(out instanceof kind) || out.length !== length) {
+    throw new InvalidInputError(`into must be a ${kind.name} of ${length} numbers`);
+  }
+  core.during((scope) => {
+    const vectors = new Float64Array(3 * nModes);
+    for (let axis = 0; axis < 3; axis++) {
+      const start = (axis * nFrames + time) * nModes;
+      vectors.set(basis.subarray(start, start + nModes), axis * nModes);
+    }
+    const [first, end] = corrections.starts.subarray(time, time + 2);
+    const isMoved = end > first;
+    const positions = scope.take(vertexType * length);
+    const modes = BigInt(nModes);
+    const size = core.functions.reel_frames_memory(3n, 1n, modes, 1n) >>> 0;
+    const result = core.functions.reel_frames(
+      scope.take(size),
+      size,
+      scope.put(vectors),
+      values.start,
+      1n,
+      modes,
+      layout.step,
+      BigInt(layout.precision),
+      scope.put(block.rows),
+      3n,
+      1n,
+      modes,
+      BigInt(nVerts),
+      scope.put(new Int32Array(1)),
+      1n,
+      isMoved ? scope.put(int64s([0, end - first])) : 0,
+      isMoved ? scope.put(corrections.vertices.subarray(first, end)) : 0,
+      isMoved ? scope.put(corrections.moves.subarray(3 * first, 3 * end)) : 0,
+      scope.put(Float64Array.of(scale, ...origin)),
+      BigInt(vertexType),
+      positions,
+    );
+    core.checked(result, "frames");
+    out.set(vertexType === 4 ? core.float32s(positions, length) : core.float64s(positions, length));
+  });
+  requireFinite(out, block);
+  return out;
+}
+
+/**
+ * Refuses numbers that no position can be.
+ *
+ * @throws CorruptStreamError where one is not finite.
+ */
+export function requireFinite(
+  numbers: Positions,
+  { start, nFrames }: Pick<DecodedBlock, "start" | "nFrames">,
+): void {
+  let sum = 0;
+  for (let i = 0; i < numbers.length; i++) sum += numbers[i] - numbers[i]; // NaN if it is not
+  if (sum !== 0) {
+    throw new CorruptStreamError(
+      `frames ${start}:${start + nFrames} decode to positions beyond all numbers`,
+    );
+  }
+}

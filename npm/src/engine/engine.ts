@@ -1,0 +1,96 @@
+// Decodes a stream whose bytes come when they are asked for; keeps two blocks.
+
+import { Core } from "../core/core.js";
+import { BlockDecoder } from "../decode/block_decoder.js";
+import { fieldsOf } from "../decode/block_fields.js";
+import type { DecodedBlock } from "../decode/decoded_block.js";
+import { frameOf, type Positions } from "../decode/frames.js";
+import { readInfo } from "../decode/info.js";
+import { type StoredBlock, readBlock } from "../stream/block_sections.js";
+import type { Stream } from "../stream/stream.js";
+import { readSurface } from "../surface/surface.js";
+import type { BlockFields, ReelInfo, Surface } from "../types.js";
+import { type Read, openStream } from "./opening.js";
+
+/** Decoded blocks that are kept: the one that is played, and the next. */
+const MOST_BLOCKS = 2;
+
+export class Engine {
+  readonly info: ReelInfo;
+  readonly surface: Surface;
+  private readonly decoder: BlockDecoder;
+  /** The one used last is the last. */
+  private blocks: DecodedBlock[] = [];
+
+  private constructor(
+    private readonly core: Core,
+    private readonly read: Read,
+    private readonly stream: Stream,
+  ) {
+    const { header, leading } = stream;
+    this.info = readInfo(stream);
+    this.decoder = new BlockDecoder(core, header, leading);
+    const { triangles } = this.decoder.connectivity;
+    this.surface = readSurface(core, leading, triangles, header.nVerts);
+  }
+
+  /**
+   * Reads what comes before the first block, and the index.
+   *
+   * @throws MeshReelError as `openStream` and the decoders.
+   */
+  static async open(
+    module: WebAssembly.Module,
+    read: Read,
+    size: number | null,
+    hasRanges: boolean,
+    signal: AbortSignal,
+  ): Promise<Engine> {
+    const stream = await openStream(read, size, hasRanges, signal);
+    return new Engine(new Core(await WebAssembly.instantiate(module)), read, stream);
+  }
+
+  /** Positions of a frame, which has to be there. */
+  async frame(number: number, signal: AbortSignal): Promise<Positions> {
+    const { starts, header } = this.stream;
+    const block = starts.findLastIndex((start) => start <= number);
+    return frameOf(this.core, header, await this.block(block, signal), number - starts[block]);
+  }
+
+  /** A block, which has to be there, for shaders. */
+  async fields(block: number, signal: AbortSignal): Promise<BlockFields> {
+    return fieldsOf(this.core, this.stream.header, await this.block(block, signal));
+  }
+
+  /** Whether a block of this number is there, and not decoded. */
+  lacks(number: number): boolean {
+    const isDecoded = this.blocks.some((block) => block.number === number);
+    return number < this.stream.places.length && !isDecoded;
+  }
+
+  /** A block, decoded now or kept from before. */
+  async block(number: number, signal: AbortSignal): Promise<DecodedBlock> {
+    const kept = this.blocks.find((block) => block.number === number);
+    const found = kept ?? (await this.decoded(number, signal));
+    this.blocks = [...this.blocks.filter((block) => block !== found), found];
+    return found;
+  }
+
+  private async decoded(number: number, signal: AbortSignal): Promise<DecodedBlock> {
+    const stored = await this.stored(number, signal);
+    const reference = number - stored.layout.reference;
+    const isKeyMissing = reference >= 0 && !this.decoder.hasKeyOf(stored);
+    const key = isKeyMissing ? await this.stored(reference, signal) : stored;
+    signal.throwIfAborted();
+    while (this.blocks.length >= MOST_BLOCKS) this.blocks.shift()!.close();
+    return this.decoder.decode(stored, () => key);
+  }
+
+  private async stored(number: number, signal: AbortSignal): Promise<StoredBlock> {
+    const { places, starts } = this.stream;
+    const place = places[number];
+    const end = place.position + place.sizes[0];
+    const bytes = await this.read(place.position, end, signal);
+    return readBlock(bytes, place, number, starts[number]);
+  }
+}

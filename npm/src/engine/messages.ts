@@ -1,0 +1,67 @@
+// What a reel and its engine say to each other. The engine runs in a worker, or beside the reel.
+
+import type { BlockFields, ReelInfo, Surface } from "../types.js";
+
+/** An error on its way: what is thrown on the other side has this name and these words. */
+export interface Failure {
+  readonly name: string;
+  readonly message: string;
+}
+
+/** What an engine is asked, by the name of the call, and what it answers. */
+export interface Calls {
+  open: { module: WebAssembly.Module; size: number | null; hasRanges: boolean };
+  frame: { number: number };
+  fields: { block: number };
+}
+export interface Answers {
+  open: { info: ReelInfo; surface: Surface };
+  frame: Float32Array | Float64Array;
+  fields: BlockFields;
+}
+
+export type Question = {
+  [Name in keyof Calls]: { readonly id: number; readonly call: Name; readonly of: Calls[Name] };
+}[keyof Calls];
+
+export type ToEngine =
+  | Question
+  /** Nobody waits for the answer any more. */
+  | { readonly cancel: number }
+  /** Bytes that it asked for. */
+  | { readonly read: number; readonly bytes: Uint8Array }
+  | { readonly read: number; readonly failure: Failure };
+
+export type FromEngine =
+  | { readonly id: number; readonly answer: Answers[keyof Answers] }
+  | { readonly id: number; readonly failure: Failure }
+  | { readonly read: number; readonly start: number; readonly end: number }
+  /** The bytes of this read are no longer needed. */
+  | { readonly drop: number };
+
+/** The end of a channel: of a worker, from inside or outside, or a port. */
+export interface Port {
+  onmessage: ((event: MessageEvent) => void) | null;
+  postMessage(message: unknown, transfer: Transferable[]): void;
+}
+
+/** Names of errors that are not of this package: aborted work, and memory that is not there. */
+const FOREIGN = ["AbortError", "RangeError", "CompileError"];
+
+export function failureOf(error: unknown): Failure {
+  if (!(error instanceof Error || error instanceof DOMException)) {
+    return { name: "Error", message: String(error) };
+  }
+  return { name: error.name, message: error.message };
+}
+
+/** The error that a failure stands for, of the class of `classes` that has its name. */
+export function errorOf(
+  { name, message }: Failure,
+  classes: readonly (new (message: string) => Error)[],
+): Error {
+  const own = classes.map((made) => new made(message)).find((error) => error.name === name);
+  if (own) return own;
+  if (name === FOREIGN[0]) return new DOMException(message, name) as unknown as Error;
+  return Object.assign(new Error(message), { name });
+}

@@ -1,0 +1,75 @@
+// A stream whose bytes are read as they are needed: first header and index, then what leads to the
+// first block.
+
+import { CorruptStreamError } from "../errors.js";
+import { readHeader } from "../stream/header.js";
+import { firstBlock, indexPayload, indexPosition, readIndex } from "../stream/index_section.js";
+import { END_SIZE_BYTES, LONGEST_HEADER } from "../stream/layout.js";
+import { readSections } from "../stream/sections.js";
+import { type Stream, checkedStream, nTracks, readStream } from "../stream/stream.js";
+
+/** The bytes `start` to `end - 1`, fewer where there are no more. */
+export type Read = (start: number, end: number, signal: AbortSignal) => Promise<Uint8Array>;
+
+/** What is read at first: of most files the connectivity is in it, of small ones everything. */
+const HEAD_BYTES = 65536;
+
+/** What is read from the end: of most files the index is in it. */
+const TAIL_BYTES = 4096;
+
+/**
+ * Header, sections before the first block and index of a stream. Where the index is missing or
+ * damaged, all is read, and blocks are found section by section.
+ *
+ * @param size - Bytes of the file, null if that is not known.
+ * @param hasRanges - Whether the end can be read before the rest.
+ * @throws CorruptStreamError, TruncatedStreamError, UnsupportedVersionError as `readStream`;
+ * SourceError from reading.
+ */
+export async function openStream(
+  read: Read,
+  size: number | null,
+  hasRanges: boolean,
+  signal: AbortSignal,
+): Promise<Stream> {
+  if (size !== null && hasRanges && size > HEAD_BYTES) {
+    const head = await read(0, HEAD_BYTES, signal);
+    const header = readHeader(head.subarray(0, LONGEST_HEADER));
+    try {
+      return await openByIndex(read, head, header, size, signal);
+    } catch (error) {
+      if (!(error instanceof CorruptStreamError)) throw error;
+    }
+  }
+  return readStream(await read(0, size ?? Number.MAX_SAFE_INTEGER, signal));
+}
+
+async function openByIndex(
+  read: Read,
+  head: Uint8Array,
+  header: ReturnType<typeof readHeader>,
+  size: number,
+  signal: AbortSignal,
+): Promise<Stream> {
+  const { sizeBytes } = header;
+  const tail = { start: size - TAIL_BYTES, bytes: await read(size - TAIL_BYTES, size, signal) };
+  const position = indexPosition(tail, sizeBytes, size);
+  const isInTail = position >= tail.start && position < size - END_SIZE_BYTES;
+  const rest = isInTail
+    ? tail
+    : { start: position, bytes: await read(Math.max(position, 0), size, signal) };
+  const index = indexPayload(rest, position, sizeBytes, size);
+  const first = firstBlock(index);
+  const before =
+    first <= head.length ? head : joined(head, await read(head.length, first, signal));
+  const leading = readSections({ start: 0, bytes: before }, sizeBytes, first);
+  const places = readIndex(index, position, nTracks(leading));
+  return checkedStream(header, leading, places, size, true);
+}
+
+function joined(first: Uint8Array, second: Uint8Array): Uint8Array {
+  const all = new Uint8Array(first.length + second.length);
+  all.set(first);
+  all.set(second, first.length);
+  return all;
+}

@@ -1,0 +1,8 @@
+// What `import ... from "meshreel"` gives. First comes what brings the core: see simd_wasm.ts.
+
+import "./core/simd_wasm.js";
+
+export * from "./errors.js";
+export { type CallOptions, type OpenOptions, ReelFile } from "./file/reel_file.js";
+export type { SourceInput, SourceOptions } from "./source/open.js";
+export type * from "./types.js";

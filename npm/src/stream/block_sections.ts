@@ -1,0 +1,155 @@
+// A block of frames as it is stored: its sections, and what they say of how it is decoded.
+
+import { CorruptStreamError, TruncatedStreamError, UnsupportedVersionError } from "../errors.js";
+import { ByteReader } from "./byte_reader.js";
+import type { BlockPlace } from "./index_section.js";
+import { Section, isOfBlock, sectionName } from "./layout.js";
+import { readSections } from "./sections.js";
+
+const SINGLE = 4;
+const DOUBLE = 8;
+const MAX_STENCIL = 16;
+const MAX_LEARNED = 255;
+const MAX_STEP = 1e6;
+
+/** How the fields of a block are predicted. */
+export interface Layout {
+  /** Bytes of the numbers that frames are summed up in. */
+  readonly precision: 4 | 8;
+  /** How many blocks before this one its key block is; 0 where it has none. */
+  readonly reference: number;
+  /** Quantisation step of the fields, in diagonals. */
+  readonly step: number;
+  readonly stencilSize: number;
+  /** Modes that predictor weights follow. */
+  readonly nLearned: number;
+}
+
+/** The positions in a block, as they are stored. */
+export interface StoredBlock {
+  readonly number: number;
+  /** Number of its first frame. */
+  readonly start: number;
+  readonly nFrames: number;
+  readonly nModes: number;
+  readonly layout: Layout;
+  /** Payloads by id. */
+  readonly sections: ReadonlyMap<number, Uint8Array>;
+}
+
+/**
+ * The positions in a block.
+ *
+ * @param bytes - Of its first group, or of the whole block: `place.sizes[0]` of them are read.
+ * @param place - Of the block in its stream.
+ * @param number - Of the block.
+ * @param start - Number of its first frame.
+ * @throws CorruptStreamError where they are damaged, or not those of this place.
+ * @throws UnsupportedVersionError where they are of a newer build.
+ */
+export function readBlock(
+  bytes: Uint8Array,
+  place: BlockPlace,
+  number: number,
+  start: number,
+): StoredBlock {
+  const sections = blockSections(bytes, place, number);
+  const [nFrames, nModes] = readCounts(sections.get(Section.BLOCK)!);
+  if (nFrames !== place.nFrames) {
+    throw new CorruptStreamError(
+      `block ${number} has ${nFrames} frames; the index has ${place.nFrames}`,
+    );
+  }
+  if (nModes > 3 * nFrames) {
+    throw new CorruptStreamError(
+      `a block of ${nFrames} frames has ${nModes} modes; ${3 * nFrames} are possible`,
+    );
+  }
+  const stored = { number, start, nFrames, nModes, sections };
+  return { ...stored, layout: readLayout(blockPayload(stored, Section.FIELDS)) };
+}
+
+/**
+ * The payload of a section of a block.
+ *
+ * @throws CorruptStreamError where the block has none.
+ */
+export function blockPayload(
+  { sections, start, nFrames }: Pick<StoredBlock, "sections" | "start" | "nFrames">,
+  id: number,
+): Uint8Array {
+  const found = sections.get(id);
+  if (found) return found;
+  throw new CorruptStreamError(
+    `the block of frames ${start}..${start + nFrames - 1} has no section ${sectionName(id)}`,
+  );
+}
+
+/**
+ * Checks a step of fields or corrections.
+ *
+ * @returns Whether it is in the range that the format allows.
+ */
+export function isStep(step: number): boolean {
+  return step > 0 && step < MAX_STEP;
+}
+
+function blockSections(
+  bytes: Uint8Array,
+  { position, sizes }: BlockPlace,
+  number: number,
+): Map<number, Uint8Array> {
+  const found = new Map<number, Uint8Array>();
+  for (const { id, payload } of readSections(
+    { bytes, start: position },
+    position,
+    position + sizes[0],
+  )) {
+    if ((id === Section.BLOCK) !== !found.size) {
+      throw new CorruptStreamError(`block ${number} does not begin with a section BLOCK`);
+    }
+    if (isOfBlock(id)) {
+      if (found.has(id)) {
+        throw new CorruptStreamError(`section ${sectionName(id)} is out of place`);
+      }
+      found.set(id, payload);
+    }
+  }
+  if (!found.size) throw new CorruptStreamError(`block ${number} has no section BLOCK`);
+  return found;
+}
+
+function readCounts(payload: Uint8Array): [number, number] {
+  const reader = new ByteReader(payload);
+  const [nFrames, nModes] = [reader.varint(), reader.varint()];
+  if (!nFrames || !nModes || reader.left) {
+    throw new CorruptStreamError(
+      `a block announces ${nFrames} frames and ${nModes} modes; each must be at least 1`,
+    );
+  }
+  return [nFrames, nModes];
+}
+
+function readLayout(payload: Uint8Array): Layout {
+  const cutOff = "the layout of the fields is cut off";
+  if (!payload.length) throw new TruncatedStreamError(cutOff);
+  const reader = new ByteReader(payload);
+  const precision = reader.byte(cutOff);
+  if (precision !== SINGLE && precision !== DOUBLE) {
+    throw new UnsupportedVersionError(
+      `the fields of the stream have layout ${precision}; this build reads ${SINGLE} and ` +
+        `${DOUBLE}; upgrade meshreel`,
+    );
+  }
+  const reference = reader.varint();
+  const step = reader.float32(cutOff);
+  const [stencilSize, nLearned] = [reader.varint(), reader.varint()];
+  const isSound = stencilSize >= 1 && stencilSize <= MAX_STENCIL && isStep(step);
+  if (!isSound || nLearned > MAX_LEARNED || reader.left) {
+    throw new CorruptStreamError(
+      `fields with stencils of ${stencilSize}, step ${step} and weights that follow ${nLearned} ` +
+        `modes; ${reader.left} bytes are left over`,
+    );
+  }
+  return { precision, reference, step, stencilSize, nLearned };
+}

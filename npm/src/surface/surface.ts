@@ -1,0 +1,54 @@
+// What a mesh is beside its positions: polygons, attributes, groups, materials and images.
+
+import type { Core } from "../core/core.js";
+import { CorruptStreamError } from "../errors.js";
+import { Section } from "../stream/layout.js";
+import type { StoredSection } from "../stream/sections.js";
+import type { Surface } from "../types.js";
+import { readAttribute, withOwnRows } from "./attributes.js";
+import { readGroups } from "./groups.js";
+import { readImage, readMaterial, requireFitting } from "./materials.js";
+import { Polygons, readSizes } from "./polygons.js";
+
+/**
+ * The surface of a mesh, from the sections before the first block.
+ *
+ * @param triangles - As they go out.
+ * @throws CorruptStreamError where a section is damaged, or does not fit the mesh.
+ */
+export function readSurface(
+  core: Core,
+  leading: readonly StoredSection[],
+  triangles: Uint32Array,
+  nVerts: number,
+): Surface {
+  const payloads = (id: number): Uint8Array[] =>
+    leading.filter((section) => section.id === id).map((section) => section.payload);
+  const polygons = readPolygons(core, payloads(Section.POLYGONS), triangles, nVerts);
+  const materials = payloads(Section.MATERIAL).map(readMaterial);
+  const images = payloads(Section.IMAGE).map(readImage);
+  requireFitting(materials, images.length);
+  return {
+    triangles,
+    faceSizes: polygons.sizes,
+    attributes: payloads(Section.ATTRIBUTE).map((payload) =>
+      withOwnRows(readAttribute(core, payload, polygons)),
+    ),
+    groups: payloads(Section.GROUPS).map((payload) => readGroups(core, payload, polygons.nFaces)),
+    materials,
+    images,
+  };
+}
+
+function readPolygons(
+  core: Core,
+  payloads: readonly Uint8Array[],
+  triangles: Uint32Array,
+  nVerts: number,
+): Polygons {
+  if (payloads.length > 1) {
+    throw new CorruptStreamError("the stream has section POLYGONS more than once");
+  }
+  const sizes = payloads.length ? readSizes(core, payloads[0], triangles.length / 3) : null;
+  return new Polygons(triangles, nVerts, sizes);
+}

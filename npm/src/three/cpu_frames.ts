@@ -1,0 +1,74 @@
+// Positions and normals without a GPU.
+
+import { correctionsOf, type HeldBlock, type Moment, sharesOf } from "./held_block.js";
+
+/** The fields of the block of a share: nModes x nVerts. */
+export type FieldsOf = (block: HeldBlock) => Int16Array;
+
+/**
+ * Positions of a picture, plus `shift`: three numbers for each vertex, in model units.
+ *
+ * @param into - gets them, and is given back
+ */
+export function positionsOf(
+  moment: Moment,
+  fieldsOf: FieldsOf,
+  shift: readonly number[],
+  into: Float32Array,
+): Float32Array {
+  into.fill(0);
+  for (const { block, weights } of sharesOf(moment)) {
+    addFields(fieldsOf(block), weights, into);
+  }
+  for (const [vertex, offset] of correctionsOf(moment)) {
+    for (let axis = 0; axis < 3; axis++) into[3 * vertex + axis] += offset[axis];
+  }
+  for (let i = 0; i < into.length; i++) into[i] += shift[i % 3];
+  return into;
+}
+
+function addFields(fields: Int16Array, weights: Float32Array, into: Float32Array): void {
+  const nVerts = into.length / 3;
+  for (let mode = 0; 3 * mode < weights.length; mode++) {
+    const [x, y, z] = weights.subarray(3 * mode, 3 * mode + 3);
+    const from = mode * nVerts;
+    for (let vertex = 0, to = 0; vertex < nVerts; vertex++, to += 3) {
+      const field = fields[from + vertex];
+      into[to] += x * field;
+      into[to + 1] += y * field;
+      into[to + 2] += z * field;
+    }
+  }
+}
+
+/**
+ * Smooth normals: of the faces around each vertex, by their areas; z upwards where there are none.
+ *
+ * @param into - gets three numbers for each vertex, and is given back
+ */
+export function normalsOf(
+  positions: Float32Array,
+  triangles: Uint32Array,
+  into: Float32Array,
+): Float32Array {
+  const sums = new Float64Array(positions.length);
+  for (let i = 0; i < triangles.length; i += 3) {
+    const [a, b, c] = [3 * triangles[i], 3 * triangles[i + 1], 3 * triangles[i + 2]];
+    for (let x = 0; x < 3; x++) {
+      const [y, z] = [(x + 1) % 3, (x + 2) % 3];
+      const normal =
+        (positions[b + y] - positions[a + y]) * (positions[c + z] - positions[a + z]) -
+        (positions[b + z] - positions[a + z]) * (positions[c + y] - positions[a + y]);
+      sums[a + x] += normal;
+      sums[b + x] += normal;
+      sums[c + x] += normal;
+    }
+  }
+  for (let at = 0; at < sums.length; at += 3) {
+    const size = Math.hypot(sums[at], sums[at + 1], sums[at + 2]);
+    for (let axis = 0; axis < 3; axis++) {
+      into[at + axis] = size > 0 ? sums[at + axis] / size : Number(axis === 2);
+    }
+  }
+  return into;
+}

@@ -1,0 +1,77 @@
+// Pictures without a GPU, or for renderers that are not WebGL 2.
+
+import * as THREE from "three";
+
+import type { BlockFields } from "../types.js";
+import { normalsOf, positionsOf } from "./cpu_frames.js";
+import { type HeldBlock, type Moment, withoutFields } from "./held_block.js";
+import type { Setting, Stage } from "./stage.js";
+
+/** Computes positions and normals on the CPU, and has three.js send them to the GPU. */
+export class CpuStage implements Stage {
+  readonly #setting: Setting;
+  readonly isOnGpu = false;
+  readonly #fields = new Map<HeldBlock, Int16Array>();
+  readonly #positions: Float32Array;
+  readonly #normals: Float32Array;
+  readonly #attributes: readonly (readonly [THREE.BufferAttribute, Float32Array])[];
+
+  constructor(
+    setting: Setting,
+    geometry: THREE.BufferGeometry,
+  ) {
+    this.#setting = setting;
+    const { info, drawing } = setting;
+    this.#positions = new Float32Array(3 * info.nVerts);
+    this.#normals = new Float32Array(3 * info.nVerts);
+    const attribute = (name: string) => {
+      const made = new THREE.BufferAttribute(new Float32Array(3 * drawing.sources.length), 3);
+      geometry.setAttribute(name, made.setUsage(THREE.DynamicDrawUsage));
+      return made;
+    };
+    this.#attributes = [
+      [attribute("position"), this.#positions],
+      [attribute("normal"), this.#normals],
+    ];
+  }
+
+  canHold(): boolean {
+    return true;
+  }
+
+  hold(block: BlockFields): HeldBlock {
+    const held = withoutFields(block);
+    this.#fields.set(held, block.fields);
+    return held;
+  }
+
+  release(block: HeldBlock): void {
+    this.#fields.delete(block);
+  }
+
+  show(moment: Moment): void {
+    const { triangles, drawing, shift } = this.#setting;
+    const fieldsOf = (block: HeldBlock) => this.#fields.get(block) as Int16Array;
+    positionsOf(moment, fieldsOf, shift, this.#positions);
+    normalsOf(this.#positions, triangles, this.#normals);
+    for (const [attribute, values] of this.#attributes) {
+      spread(values, drawing.sources, attribute.array as Float32Array);
+      attribute.needsUpdate = true;
+    }
+  }
+
+  read(into: Float32Array): void {
+    spread(this.#positions, this.#setting.drawing.sources, into);
+  }
+
+  dispose(): void {
+    this.#fields.clear();
+  }
+}
+
+/** Three numbers of each source. */
+function spread(values: Float32Array, sources: Uint32Array, into: Float32Array): void {
+  for (let i = 0; i < into.length; i++) {
+    into[i] = values[3 * sources[Math.floor(i / 3)] + (i % 3)];
+  }
+}

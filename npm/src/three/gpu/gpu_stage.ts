@@ -1,0 +1,91 @@
+// Pictures on the GPU, by WebGL 2.
+
+import * as THREE from "three";
+
+import type { BlockFields } from "../../types";
+import { type HeldBlock, type Moment, withoutFields } from "../held_block.js";
+import type { Setting, Stage } from "../stage.js";
+import { AttributePass } from "./attribute_pass.js";
+import { cornerRows, normalPass } from "./normal_pass.js";
+import type { Pass } from "./pass.js";
+import { MODES_A_TEXEL, PositionPass } from "./position_pass.js";
+import { VertexGrid } from "./vertex_grid.js";
+
+/** What draws: a `WebGLRenderer`, or any other renderer of three.js. */
+export interface Renderer {
+  readonly domElement: EventTarget;
+}
+
+/** A renderer that can do this for a mesh: of WebGL 2, which draws into textures of floats. */
+export function canDecode(
+  renderer: Renderer,
+  { info, triangles }: Setting,
+): renderer is THREE.WebGLRenderer {
+  if (!isWebGL(renderer)) return false;
+  const { capabilities, extensions } = renderer;
+  const most = Math.max(new VertexGrid(info.nVerts).height, cornerRows(triangles));
+  return extensions.has("EXT_color_buffer_float") && most <= capabilities.maxTextureSize;
+}
+
+function isWebGL(renderer: Renderer): renderer is THREE.WebGLRenderer {
+  return "isWebGLRenderer" in renderer;
+}
+
+/** Computes positions and normals of pictures in passes over textures. */
+export class GpuStage implements Stage {
+  readonly isOnGpu = true;
+  readonly #positions: PositionPass;
+  readonly #normals: Pass;
+  readonly #attributes: AttributePass;
+  readonly #sources: Uint32Array;
+  readonly #mostModes: number;
+
+  /** @throws Error if the driver refuses */
+  constructor(
+    renderer: THREE.WebGLRenderer,
+    { info, triangles, drawing, shift }: Setting,
+    geometry: THREE.BufferGeometry,
+  ) {
+    const gl = renderer.getContext() as WebGL2RenderingContext;
+    const mostLayers = gl.getParameter(gl.MAX_ARRAY_TEXTURE_LAYERS) as number;
+    // Weights of two blocks are rows of a texture.
+    const mostRows = renderer.capabilities.maxTextureSize / 2;
+    this.#mostModes = MODES_A_TEXEL * Math.min(mostLayers, mostRows);
+    const grid = new VertexGrid(info.nVerts);
+    this.#sources = drawing.sources;
+    this.#attributes = new AttributePass(renderer, grid, drawing.sources, geometry);
+    this.#positions = new PositionPass(renderer, grid, shift);
+    const { texture } = this.#positions.target;
+    this.#normals = normalPass(renderer, grid, texture, triangles, info.diagonal);
+  }
+
+  canHold(block: BlockFields): boolean {
+    return block.nModes <= this.#mostModes;
+  }
+
+  hold(block: BlockFields): HeldBlock {
+    const held = withoutFields(block);
+    this.#positions.hold(block, held);
+    return held;
+  }
+
+  release(block: HeldBlock): void {
+    this.#positions.release(block);
+  }
+
+  show(moment: Moment): void {
+    this.#positions.run(moment);
+    this.#normals.run();
+    this.#attributes.run(this.#positions.target.texture, this.#normals.target.texture);
+  }
+
+  read(into: Float32Array): void {
+    this.#positions.read(this.#sources, into);
+  }
+
+  dispose(): void {
+    this.#positions.dispose();
+    this.#normals.dispose();
+    this.#attributes.dispose();
+  }
+}

@@ -1,0 +1,353 @@
+// A mesh of three.js that plays a file.
+
+import * as THREE from "three";
+
+import { InvalidInputError } from "../errors.js";
+import type { OpenReel } from "../types.js";
+import type { Loop } from "./clock.js";
+import { CpuStage } from "./cpu_stage.js";
+import { type Drawing, drawingOf } from "./drawing.js";
+import { canDecode, GpuStage, type Renderer } from "./gpu/gpu_stage.js";
+import { Materials } from "./materials.js";
+import { Playback, type PlaybackEvents } from "./playback.js";
+import type { Setting, Stage } from "./stage.js";
+
+/** Of a frame: what is sought is rounded to these, so that seconds of a frame lead to it. */
+const PARTS = 1e6;
+
+/** How much positions may be off, of the diagonal, where the file does not say. */
+const UNKNOWN_PERCENT = 10;
+
+const RESTORED = "webglcontextrestored";
+
+/** Events of a `ReelMesh`, beside those of every object: see `PlaybackEvents`. */
+export interface ReelMeshEventMap extends THREE.Object3DEventMap, PlaybackEvents {}
+
+/** Options of a `ReelMesh`. */
+export interface ReelMeshOptions {
+  /**
+   * Material, or one for each label of the groups "material" of the file and one more, for faces
+   * without a label. The mesh does not dispose of it. Without it materials are those of the file.
+   */
+  material?: THREE.Material | THREE.Material[];
+  /** Whether materials of the mesh's own making show each triangle flat; false by default. */
+  flat?: boolean;
+  /**
+   * What draws the mesh: a `WebGLRenderer`, or any other. Without it the first renderer that draws
+   * the mesh is taken, and its first picture comes without the mesh.
+   */
+  renderer?: Renderer;
+  /** False: positions are computed on the CPU, whatever the renderer can do. True by default. */
+  gpu?: boolean;
+  /**
+   * Point of the model that lies at the origin of the mesh, in model units; (0, 0, 0) by default.
+   * For models far away from there, for which single precision is coarse, `reel.info.center`.
+   */
+  origin?: readonly [number, number, number];
+  /** Whether `dispose()` closes the file too; false by default. */
+  ownsReel?: boolean;
+}
+
+/**
+ * A mesh that plays a file, in model units. It is paused at first, at time 0.
+ *
+ * Positions and normals are computed on the GPU, by WebGL 2, into the attributes of the geometry,
+ * so that every material, shadow and effect works with them as with any mesh. Other renderers, such
+ * as `WebGPURenderer`, and graphics cards that cannot draw into textures of floats get them from
+ * the CPU; `isOnGpu` tells.
+ *
+ * It cannot be cloned: make another one of the same file.
+ *
+ * A page calls `update` each time before it draws. At most two blocks of frames are held: that of
+ * the time and the one played next. A damaged block is passed over: the last picture stays for its
+ * time, and the rest plays.
+ */
+export class ReelMesh extends THREE.Mesh<
+  THREE.BufferGeometry,
+  THREE.Material | THREE.Material[],
+  ReelMeshEventMap
+> {
+  override readonly type = "ReelMesh";
+  readonly #setting: Setting;
+  readonly #playback: Playback;
+  readonly #materials: Materials | undefined;
+  #stage: Stage | null = null;
+  #drawer: THREE.WebGLRenderer | null = null;
+  readonly #ownsReel: boolean | undefined;
+  readonly #picked = new THREE.Mesh();
+  #isPickedStale = true;
+
+  /** @throws InvalidInputError where the file has no frames. */
+  constructor(
+    readonly reel: OpenReel,
+    options: ReelMeshOptions = {},
+  ) {
+    const { info, surface } = reel;
+    const drawing = drawingOf(surface, info.nVerts);
+    const origin = options.origin ?? [0, 0, 0];
+    const [x, y, z] = info.center;
+    const shift = [x - origin[0], y - origin[1], z - origin[2]] as const;
+    super(geometryOf(drawing));
+    this.name = info.name;
+    this.#setting = { info, triangles: surface.triangles, drawing, shift };
+    this.#boundAll();
+    this.#ownsReel = options.ownsReel;
+    if (options.material) this.material = options.material;
+    else {
+      this.#materials = new Materials(surface, drawing, options.flat, (error) =>
+        this.dispatchEvent({ type: "error", error, block: null }),
+      );
+      const { list } = this.#materials;
+      this.material = drawing.groups.length ? list : list[0];
+    }
+    this.#playback = new Playback(
+      info,
+      (block, signal) => reel.fields(block, { signal }),
+      {
+        hold: (block) => {
+          if (!this.#stage?.canHold(block)) this.#useCpu();
+          return (this.#stage as Stage).hold(block);
+        },
+        release: (block) => this.#stage?.release(block),
+        show: (moment) => {
+          this.#stage?.show(moment);
+          this.#isPickedStale = true;
+          this.geometry.setDrawRange(0, Infinity);
+        },
+      },
+      (event) => this.dispatchEvent(event),
+    );
+    if (options.gpu === false) this.#useCpu();
+    else if (options.renderer) this.setRenderer(options.renderer);
+  }
+
+  // Nothing is computed while a renderer draws: its state is not ours then.
+  override onBeforeRender = (renderer: THREE.WebGLRenderer): void => {
+    if (!this.#stage) queueMicrotask(() => this.setRenderer(renderer));
+  };
+
+  /** Tells what draws the mesh; the first one counts. Blocks are loaded from now on. */
+  setRenderer(renderer: Renderer): void {
+    if (this.#stage) return;
+    if (!canDecode(renderer, this.#setting)) return this.#useCpu();
+    this.#drawer = renderer;
+    renderer.domElement.addEventListener(RESTORED, this.#useGpu);
+    this.#useGpu();
+  }
+
+  /** Whether positions are computed on the GPU; false as long as no renderer is known. */
+  get isOnGpu(): boolean {
+    return this.#stage?.isOnGpu ?? false;
+  }
+
+  /** The vertex of the file that each vertex of the geometry is: there are more, at seams. */
+  get sources(): Uint32Array {
+    return this.#setting.drawing.sources;
+  }
+
+  /**
+   * Plays from the time on, or from the start if the end was reached. Blocks that could not be had,
+   * such as for want of a connection, are asked for again; damaged ones are not.
+   */
+  play(): void {
+    this.#playback.play();
+  }
+
+  /** Stands still at the time. */
+  pause(): void {
+    this.#playback.pause();
+  }
+
+  /** Whether it plays, or will as soon as it need not wait any more. */
+  get isPlaying(): boolean {
+    return this.#playback.isPlaying;
+  }
+
+  /** Whether the picture of the time is not there yet; the last one stays, and so does the time. */
+  get isWaiting(): boolean {
+    return this.#playback.isWaiting;
+  }
+
+  /**
+   * Goes to a time: seconds since the first frame, or a frame, whose fractions lie on the way to
+   * the next. What is beyond the first or last frame is moved there.
+   *
+   * @throws InvalidInputError if it is not a finite number.
+   */
+  seek(to: number | { frame: number }): void {
+    const { clock } = this.#playback;
+    const place = typeof to === "number" ? to * clock.fps : to.frame;
+    this.#playback.seek(Math.round(place * PARTS) / PARTS);
+  }
+
+  /**
+   * Lets the time pass, if it plays, and computes what is shown then. To be called before each
+   * picture that the page draws.
+   *
+   * @param deltaSeconds - since the last call
+   * @throws InvalidInputError if it is negative or not finite.
+   */
+  update(deltaSeconds: number): void {
+    this.#playback.update(deltaSeconds);
+  }
+
+  /** Seconds since the first frame; `seek` changes it. */
+  get time(): number {
+    return this.#playback.clock.time;
+  }
+
+  /** Seconds from the first frame to the end of the last. */
+  get duration(): number {
+    return this.#playback.clock.duration;
+  }
+
+  /** The frame of the time, from 0 on. */
+  get frame(): number {
+    return this.#playback.clock.at(false).frame;
+  }
+
+  /** What happens at the end; "repeat" by default. */
+  get loop(): Loop {
+    return this.#playback.clock.loop;
+  }
+
+  set loop(loop: Loop) {
+    this.#playback.clock.loop = loop;
+  }
+
+  /** Seconds of the animation in a second, 1 by default; backwards if negative. */
+  get speed(): number {
+    return this.#playback.clock.speed;
+  }
+
+  set speed(speed: number) {
+    if (!Number.isFinite(speed)) {
+      throw new InvalidInputError(`speed must be a finite number; got ${speed}`);
+    }
+    this.#playback.clock.speed = speed;
+  }
+
+  /** Whether pictures between frames are shown; true by default. */
+  get interpolate(): boolean {
+    return this.#playback.isInterpolating;
+  }
+
+  set interpolate(isOn: boolean) {
+    this.#playback.isInterpolating = isOn;
+  }
+
+  /**
+   * Positions of a frame as the file has them: 3 numbers for each of its vertices, in model units.
+   *
+   * @throws what `OpenReel.frame` throws
+   */
+  positionsAt(
+    frame: number,
+    options?: { signal?: AbortSignal },
+  ): Promise<Float32Array | Float64Array> {
+    return this.reel.frame(frame, undefined, options);
+  }
+
+  /**
+   * Hits of the picture that is shown; none before there is one. `faceIndex` is the triangle of the
+   * file; `face` has vertices of the geometry, see `sources`.
+   */
+  override raycast(raycaster: THREE.Raycaster, intersects: THREE.Intersection[]): void {
+    if (this.geometry.drawRange.count === 0) return;
+    const picked = this.#shownMesh();
+    picked.matrixWorld.copy(this.matrixWorld);
+    picked.material = this.material;
+    const hits: THREE.Intersection[] = [];
+    picked.raycast(raycaster, hits);
+    for (const hit of hits) {
+      const faceIndex = hit.faceIndex as number;
+      const { order } = this.#setting.drawing;
+      intersects.push({ ...hit, object: this, faceIndex: order ? order[faceIndex] : faceIndex });
+    }
+  }
+
+  /** Position of a vertex of the geometry in the picture that is shown. */
+  override getVertexPosition(index: number, target: THREE.Vector3): THREE.Vector3 {
+    return this.#shownMesh().getVertexPosition(index, target);
+  }
+
+  /** Frees all that the mesh has made, and aborts loading. It must not be used any more. */
+  override dispose(): void {
+    this.dispatchEvent({ type: "dispose" });
+    this.onBeforeRender = () => {};
+    this.#playback.dispose();
+    this.#drawer?.domElement.removeEventListener(RESTORED, this.#useGpu);
+    this.#stage?.dispose();
+    this.geometry.dispose();
+    this.#materials?.dispose();
+    if (this.#ownsReel) this.reel.close();
+  }
+
+  /** Also when a lost context has come back, without what it held. */
+  readonly #useGpu = (): void => {
+    let stage: Stage;
+    try {
+      const renderer = this.#drawer as THREE.WebGLRenderer;
+      stage = new GpuStage(renderer, this.#setting, this.geometry);
+    } catch {
+      return this.#useCpu(); // the driver refuses
+    }
+    this.#setStage(stage);
+  };
+
+  #useCpu(): void {
+    this.#setStage(new CpuStage(this.#setting, this.geometry));
+  }
+
+  #setStage(stage: Stage): void {
+    this.#stage?.dispose();
+    this.#stage = stage;
+    this.#playback.restart();
+  }
+
+  /** Those of all frames, with what the decoded ones may be off. */
+  #boundAll(): void {
+    const { info, shift } = this.#setting;
+    const radius = info.diagonal * (0.5 + (info.promisePercent ?? UNKNOWN_PERCENT) / 100);
+    const sphere = new THREE.Sphere(new THREE.Vector3(...shift), radius);
+    this.geometry.boundingSphere = sphere;
+    this.geometry.boundingBox = sphere.getBoundingBox(new THREE.Box3());
+  }
+
+  /** The same picture with positions that the CPU can read. */
+  #shownMesh(): THREE.Mesh {
+    const { geometry } = this.#picked;
+    if (!geometry.index) {
+      const { index, groups, boundingSphere, attributes } = this.geometry;
+      const { normal: _, ...others } = attributes;
+      const position = new THREE.BufferAttribute(new Float32Array(3 * this.sources.length), 3);
+      Object.assign(geometry, {
+        index,
+        groups,
+        boundingSphere,
+        attributes: { ...others, position },
+      });
+    }
+    if (this.#isPickedStale) {
+      this.#stage?.read(geometry.attributes.position.array as Float32Array);
+      this.#isPickedStale = false;
+    }
+    return this.#picked;
+  }
+}
+
+/** Nothing is drawn of it until there is a picture. */
+function geometryOf(drawing: Drawing): THREE.BufferGeometry {
+  const geometry = new THREE.BufferGeometry();
+  geometry.setIndex(new THREE.BufferAttribute(drawing.index, 1));
+  const none = { width: 3, values: new Float32Array(3) }; // until a stage brings its own
+  const [position, normal] = ["position", "normal"].map((name) => ({ name, ...none }));
+  for (const { name, width, values } of [position, normal, ...drawing.attributes]) {
+    geometry.setAttribute(name, new THREE.BufferAttribute(values, width));
+  }
+  for (const { start, count, materialIndex } of drawing.groups) {
+    geometry.addGroup(start, count, materialIndex);
+  }
+  geometry.setDrawRange(0, 0);
+  return geometry;
+}

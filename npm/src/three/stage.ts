@@ -1,0 +1,25 @@
+// Where positions are computed: on the GPU or the CPU.
+
+import type { BlockFields, ReelInfo } from "../types.js";
+import type { Drawing } from "./drawing.js";
+import type { Screen } from "./playback.js";
+
+/** Computes pictures into the attributes "position" and "normal" of a geometry. */
+export interface Stage extends Screen {
+  readonly isOnGpu: boolean;
+  /** Whether a block is not too large for it. */
+  canHold(block: BlockFields): boolean;
+  /** Positions as they are shown, three numbers for each vertex of the drawing. */
+  read(into: Float32Array): void;
+  dispose(): void;
+}
+
+/** What stages need to know of a mesh. */
+export interface Setting {
+  readonly info: ReelInfo;
+  /** Of the file: 3 nFaces numbers of vertices. */
+  readonly triangles: Uint32Array;
+  readonly drawing: Drawing;
+  /** Is added to positions, which count from the centre of the file. */
+  readonly shift: readonly [number, number, number];
+}

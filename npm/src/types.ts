@@ -1,0 +1,146 @@
+// What the parts of the package agree on.
+
+/** Where bytes come from: an address, a response, a blob or memory. */
+export interface ByteSource {
+  /** Bytes in all; null as long as the source does not say. */
+  readonly size: number | null;
+  /** Whether parts can be had without what lies before them. */
+  readonly hasRanges: boolean;
+  /**
+   * The bytes `start` to `end - 1`, fewer where the source ends before.
+   *
+   * @throws SourceError where they cannot be had, or are of another file than before.
+   */
+  read(start: number, end: number, signal?: AbortSignal): Promise<Uint8Array>;
+  close(): void;
+}
+
+/** Facts of a stream. */
+export interface ReelInfo {
+  readonly name: string;
+  readonly nFrames: number;
+  readonly nVerts: number;
+  /** Triangles. */
+  readonly nFaces: number;
+  /** Frames per second; 0 where the file does not say. */
+  readonly fps: number;
+  /** Time of the first frame in seconds. */
+  readonly startS: number;
+  /** Of the bounding box of all frames, in model units. */
+  readonly center: readonly [number, number, number];
+  readonly diagonal: number;
+  /** Largest displacement of any vertex that the encoder promises, in percent of the diagonal. */
+  readonly promisePercent: number | null;
+  readonly numberType: "float32" | "float64";
+  /** Quantities that change over time beside the positions; they are left out. */
+  readonly nTracks: number;
+  readonly blocks: readonly BlockInfo[];
+}
+
+export interface BlockInfo {
+  /** Number of its first frame. */
+  readonly start: number;
+  readonly nFrames: number;
+  readonly sizeBytes: number;
+}
+
+/**
+ * A block of frames as small integers, for shaders: the position of vertex v at frame t of the
+ * block, relative to `ReelInfo.center`, is, in each axis, the sum over modes k of
+ * `fields[k nVerts + v] * weights[(t nModes + k) 3 + axis]`, plus its correction. In model units.
+ */
+export interface BlockFields {
+  readonly number: number;
+  readonly start: number;
+  readonly nFrames: number;
+  readonly nModes: number;
+  readonly nVerts: number;
+  /** nModes x nVerts, vertices as they go out. The first modes are the coarser animation. */
+  readonly fields: Int16Array;
+  /** nFrames x nModes x 3. Steps of the fields are multiplied in. */
+  readonly weights: Float32Array;
+  /** Corrections of frame t are correctionStarts[t] .. correctionStarts[t + 1] - 1. */
+  readonly correctionStarts: Uint32Array;
+  readonly correctionVertices: Uint32Array;
+  /** Three for each, in model units. */
+  readonly correctionOffsets: Float32Array;
+}
+
+/** A quantity that faces, corners or vertices have: texture coordinates, a colour. */
+export interface Attribute {
+  readonly name: string;
+  readonly kind: "texcoord" | "color" | "other";
+  readonly domain: "vertex" | "face" | "corner";
+  readonly width: number;
+  /** Rows of `width` numbers, one for each vertex, face or corner. */
+  readonly values: Uint8Array | Int32Array | Float32Array | Float64Array;
+}
+
+export interface Image {
+  readonly name: string;
+  /** Such as "image/png". */
+  readonly mediaType: string;
+  readonly bytes: Uint8Array;
+}
+
+/** How a slot of a material looks up an image. */
+export interface MaterialTexture {
+  readonly slot: "baseColor" | "metallic" | "roughness" | "normal" | "occlusion" | "emissive";
+  /** Number among `Surface.images`. */
+  readonly image: number;
+  /** Name of the attribute that holds its texture coordinates. */
+  readonly uv: string;
+  readonly offset: readonly [number, number];
+  readonly rotation: number;
+  readonly scale: readonly [number, number];
+  /** docs/format.md: 0 repeat, 1 mirror, 2 clamp, 3 black, 4 as the image says. */
+  readonly wrapU: number;
+  readonly wrapV: number;
+}
+
+/** Terms of materials in glTF 2.0. */
+export interface Material {
+  readonly name: string;
+  readonly alphaMode: "opaque" | "mask" | "blend";
+  readonly doubleSided: boolean;
+  readonly unlit: boolean;
+  readonly baseColor: readonly [number, number, number, number];
+  readonly metallic: number;
+  readonly roughness: number;
+  readonly emissive: readonly [number, number, number];
+  readonly normalScale: number;
+  readonly occlusionStrength: number;
+  readonly alphaCutoff: number;
+  readonly textures: readonly MaterialTexture[];
+}
+
+/** What the mesh is beside its positions; the same at all frames. */
+export interface Surface {
+  /** Triangles: 3 nFaces numbers of vertices. */
+  readonly triangles: Uint32Array;
+  /** Corners of each polygon, or null where all faces are triangles. */
+  readonly faceSizes: Uint32Array | null;
+  readonly attributes: readonly Attribute[];
+  /** Groups of faces, such as "material": labels, and that of each face, -1 for none. */
+  readonly groups: readonly { name: string; labels: readonly string[]; ofFace: Int32Array }[];
+  readonly materials: readonly Material[];
+  readonly images: readonly Image[];
+}
+
+/** What the other parts see of an open file; `ReelFile` is it. */
+export interface OpenReel {
+  readonly info: ReelInfo;
+  readonly surface: Surface;
+  /**
+   * Positions of a frame: nVerts x 3 in model units, of the type of the file, into `into` where it
+   * is given.
+   */
+  frame(
+    number: number,
+    into?: Float32Array | Float64Array,
+    options?: { signal?: AbortSignal },
+  ): Promise<Float32Array | Float64Array>;
+  /** A block for shaders. */
+  fields(block: number, options?: { signal?: AbortSignal }): Promise<BlockFields>;
+  close(): void;
+}

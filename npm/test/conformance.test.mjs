@@ -1,0 +1,249 @@
+// Every stream of conformance/ decodes to what is said of it, with and without vectors.
+
+import assert from "node:assert/strict";
+import { test } from "node:test";
+import { loadInternals, newCore } from "./support/bundle.mjs";
+import { OTHERS, REELS, bytesOf, hashOf, said, sha } from "./support/streams.mjs";
+
+const {
+  BlockDecoder,
+  Core,
+  MemoryReel,
+  Polygons,
+  Section,
+  UnsupportedVersionError,
+  buildHierarchy,
+  decodeFields,
+  readAttribute,
+  readBlock,
+  readCorrections,
+  readStream,
+} = await loadInternals();
+
+const LETTERS = { Uint8Array: "B", Int32Array: "i", Float32Array: "f", Float64Array: "d" };
+
+function positionsHash(reel) {
+  const frames = reel.info.blocks.flatMap((_, number) => {
+    const block = reel.decodeBlock(number);
+    const found = Array.from({ length: block.nFrames }, (_, t) => reel.frameOf(block, t));
+    block.close();
+    return found;
+  });
+  return sha(...frames);
+}
+
+for (const module of ["reel", "reel_plain"]) {
+  test(`positions are those of every stream, by ${module}`, () => {
+    assert.ok(REELS.length >= 69);
+    for (const name of REELS) {
+      const core = newCore(Core, module);
+      const reel = new MemoryReel(core, bytesOf(name));
+      assert.equal(positionsHash(reel), said(name)["hash of positions"], name);
+      reel.close();
+      assert.equal(core.heap.usedBytes, 0, `${name} leaves memory in use`);
+    }
+  });
+
+  test(`integers are those of every stream, by ${module}`, () => {
+    for (const name of REELS) {
+      const core = newCore(Core, module);
+      const stream = readStream(bytesOf(name));
+      const wanted = said(name);
+      const decoder = new BlockDecoder(core, stream.header, stream.leading);
+      const { connectivity } = decoder;
+      const { nFaces, nVerts, sequence, triangles } = connectivity;
+      const internal = core.int32s(connectivity.internalFaces, 3 * nFaces);
+      assert.equal(hashOf(internal), wanted["hash of internal faces"], name);
+      assert.equal(hashOf(triangles), wanted["hash of faces"], name);
+      assert.equal(hashOf(sequence), wanted["hash of order"], name);
+      const places = sequence.map((_, v) => v); // corrections are described in internal numbers
+      stream.places.forEach((place, number) => {
+        const bytes = bytesOf(name).subarray(place.position);
+        const stored = readBlock(bytes, place, number, stream.starts[number]);
+        const block = wanted.blocks[number];
+        const { nModes, nFrames, layout, sections } = stored;
+        assert.deepEqual(
+          [
+            nFrames,
+            nModes,
+            layout.reference,
+            layout.precision,
+            layout.stencilSize,
+            layout.nLearned,
+          ],
+          [
+            block.frames,
+            block.modes,
+            block.reference,
+            block.precision,
+            block.stencil,
+            block.learned,
+          ],
+        );
+        const coefficients = core.during((scope) => {
+          const { codingOrder, parts } = buildHierarchy(core, connectivity, layout.stencilSize);
+          const data = sections.get(Section.COEFFICIENTS);
+          const found = decodeFields(core, scope, data, nModes, nVerts, () => codingOrder);
+          const integers = core.int32s(found, nModes * nVerts).slice();
+          parts.forEach((part) => core.heap.give(part));
+          return integers;
+        });
+        assert.equal(hashOf(coefficients), block["hash of coefficients"], name);
+        if (block["n corrections"]) {
+          const payload = sections.get(Section.CORRECTIONS);
+          const step = new DataView(payload.buffer, payload.byteOffset).getFloat32(0, true);
+          const found = readCorrections(core, payload, nFrames, places);
+          const rows = [];
+          for (let t = 0; t < nFrames; t++) {
+            for (let i = found.starts[t]; i < found.starts[t + 1]; i++) {
+              const moves = found.moves.subarray(3 * i, 3 * i + 3);
+              rows.push([found.vertices[i], t, ...moves.map((move) => Math.round(move / step))]);
+            }
+          }
+          assert.equal(rows.length, block["n corrections"]);
+          // Ordered by vertex, then frame; each is (frame, vertex, offsets).
+          rows.sort(([u, s], [v, t]) => u - v || s - t);
+          const integers = rows.flatMap(([vertex, frame, ...offsets]) => [
+            frame,
+            vertex,
+            ...offsets,
+          ]);
+          assert.equal(hashOf(integers), block["hash of corrections"], name);
+        }
+      });
+      decoder.close();
+      assert.equal(core.heap.usedBytes, 0);
+    }
+  });
+
+  test(`surfaces are those of every stream, by ${module}`, () => {
+    for (const name of REELS) {
+      const core = newCore(Core, module);
+      const bytes = bytesOf(name);
+      const wanted = said(name);
+      const reel = new MemoryReel(core, bytes);
+      const { surface, info } = reel;
+      assert.equal(surface.faceSizes?.length ?? null, wanted.polygons, name);
+      if (surface.faceSizes) assert.equal(hashOf(surface.faceSizes), wanted["hash of polygons"]);
+      const polygons = new Polygons(surface.triangles, info.nVerts, surface.faceSizes);
+      const stored = readStream(bytes)
+        .leading.filter((section) => section.id === Section.ATTRIBUTE)
+        .map((section) => readAttribute(core, section.payload, polygons));
+      assert.deepEqual(
+        stored.map(({ name, kind, domain, width, table, rows }) => ({
+          name,
+          kind: kind === "texcoord" ? "uv" : kind,
+          domain,
+          type: LETTERS[table.constructor.name],
+          width,
+          "n rows": table.length / width,
+          "hash of values": sha(table),
+          "hash of rows": rows && hashOf(rows),
+        })),
+        wanted.attributes,
+        name,
+      );
+      surface.attributes.forEach(({ values, width, domain }, i) => {
+        const { table, rows } = stored[i];
+        assert.equal(values.length, width * polygons.count(domain));
+        const row = (rows?.at(-1) ?? table.length / width - 1) * width;
+        assert.deepEqual(values.subarray(-width), table.subarray(row, row + width));
+      });
+      assert.deepEqual(
+        surface.groups.map(({ name, labels, ofFace }) => ({
+          name,
+          labels,
+          "hash of numbers": hashOf(ofFace),
+        })),
+        wanted.groups,
+      );
+      assert.deepEqual(
+        surface.images.map(({ name, mediaType, bytes }) => ({
+          name,
+          type: mediaType,
+          hash: sha(bytes),
+        })),
+        wanted.images,
+      );
+      assert.deepEqual(
+        surface.materials.map((one) => ({
+          name: one.name,
+          "alpha mode": one.alphaMode,
+          numbers: [
+            ...one.baseColor,
+            one.metallic,
+            one.roughness,
+            ...one.emissive,
+            one.normalScale,
+            one.occlusionStrength,
+            one.alphaCutoff,
+          ],
+          "double sided": one.doubleSided,
+          unlit: one.unlit,
+          textures: one.textures.map((texture) => ({
+            image: texture.image,
+            uv: texture.uv,
+            wrap: [texture.wrapU, texture.wrapV],
+            numbers: [...texture.offset, texture.rotation, ...texture.scale],
+          })),
+        })),
+        wanted.materials.map(({ textures, ...one }) => ({
+          ...one,
+          textures: Object.values(textures).map(({ image, uv, wrap, numbers }) => ({
+            image,
+            uv,
+            wrap,
+            numbers,
+          })),
+        })),
+      );
+    }
+  });
+}
+
+test("facts are those of every stream", () => {
+  for (const name of REELS) {
+    const wanted = said(name);
+    const { info } = new MemoryReel(newCore(Core), bytesOf(name));
+    assert.deepEqual(
+      {
+        frames: info.nFrames,
+        vertices: info.nVerts,
+        faces: info.nFaces,
+        fps: info.fps,
+        name: info.name,
+        start: info.startS,
+        promise: info.promisePercent,
+        type: info.numberType,
+        tracks: info.nTracks,
+        blocks: info.blocks.map((block) => block.nFrames),
+      },
+      {
+        frames: wanted.frames,
+        vertices: wanted.vertices,
+        faces: wanted.faces,
+        fps: wanted.fps,
+        name: wanted.name,
+        start: wanted.start ?? 0,
+        promise: wanted.promise,
+        type: wanted["vertex type"] === 4 ? "float32" : "float64",
+        tracks: wanted.tracks?.length ?? 0,
+        blocks: wanted.blocks.map((block) => block.frames),
+      },
+      name,
+    );
+  }
+});
+
+test("methods of the paper are refused with what to do", () => {
+  assert.ok(OTHERS.length >= 8);
+  for (const name of OTHERS) {
+    assert.throws(
+      () => new MemoryReel(newCore(Core), bytesOf(name)),
+      (error) =>
+        error instanceof UnsupportedVersionError &&
+        error.message.includes(said(name).method) &&
+        error.message.includes("pages decode reel only: encode the original again"),
+    );
+  }
+});

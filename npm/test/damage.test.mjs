@@ -1,0 +1,156 @@
+// Damaged and hostile bytes give an error of the package, or frames that are right; never a hang.
+
+import assert from "node:assert/strict";
+import { test } from "node:test";
+import { loadInternals, newCore } from "./support/bundle.mjs";
+import { bytesOf, sha } from "./support/streams.mjs";
+
+const {
+  Core,
+  MemoryReel,
+  MeshReelError,
+  Section,
+  TruncatedStreamError,
+  crc32,
+  readHeader,
+  sectionEnd,
+} = await loadInternals();
+
+/** Small streams with every kind of section that is read. */
+const NAMES = ["example", "everything", "key_blocks", "max_error", "no_index", "named"];
+const core = newCore(Core);
+
+/**
+ * Hashes of all frames of a stream, up to the first error, and this error; null where there is none.
+ * Whatever happens, an error is of the package and no memory stays in use.
+ */
+function decoded(bytes) {
+  const frames = [];
+  let reel;
+  let failure = null;
+  try {
+    reel = new MemoryReel(core, bytes);
+    assert.ok(reel.surface.triangles.length);
+    reel.info.blocks.forEach((_, number) => {
+      const block = reel.decodeBlock(number);
+      try {
+        for (let t = 0; t < block.nFrames; t++) frames.push(sha(reel.frameOf(block, t)));
+        assert.equal(reel.fieldsOf(block).nFrames, block.nFrames);
+      } finally {
+        block.close();
+      }
+    });
+  } catch (error) {
+    if (!(error instanceof MeshReelError)) throw error;
+    assert.match(error.message, /\w+ \w+/);
+    failure = error;
+  }
+  reel?.close();
+  assert.equal(core.heap.usedBytes, 0);
+  return { frames, failure };
+}
+
+/** Numbers from 0 to n - 1, at most so many of them, evenly. */
+function sample(n, most) {
+  const count = Math.min(n, most);
+  return Array.from({ length: count }, (_, i) => Math.floor((i * n) / count));
+}
+
+test("a flipped bit gives an error, or leaves frames as they are", () => {
+  for (const name of NAMES) {
+    const whole = bytesOf(name);
+    const wanted = decoded(whole).frames;
+    let nErrors = 0;
+    for (const place of sample(whole.length, 150)) {
+      const bytes = whole.slice();
+      bytes[place] ^= 1 << (place % 8);
+      const { frames, failure } = decoded(bytes);
+      assert.deepEqual(frames, wanted.slice(0, frames.length), `${name}, byte ${place}`);
+      nErrors += failure !== null || frames.length < wanted.length;
+    }
+    assert.ok(nErrors > 50, `${name} is damaged without anything to say about it`);
+  }
+});
+
+test("a stream that is cut off gives its complete blocks, or an error", () => {
+  for (const name of ["key_blocks", "no_index", "everything"]) {
+    const whole = bytesOf(name);
+    const wanted = decoded(whole).frames;
+    for (const length of [...sample(whole.length, 200), whole.length - 1]) {
+      const { frames, failure } = decoded(whole.subarray(0, length));
+      assert.deepEqual(frames, wanted.slice(0, frames.length), `${name}, ${length} bytes`);
+      assert.ok(failure || frames.length, `${name}, ${length} bytes`);
+    }
+    assert.ok(decoded(whole.subarray(0, 20)).failure instanceof TruncatedStreamError);
+  }
+});
+
+/** Places of the payloads of a stream, with the section of each. */
+function payloadsOf(bytes) {
+  const found = [];
+  for (let position = readHeader(bytes).sizeBytes; position < bytes.length;) {
+    const end = sectionEnd({ bytes, start: 0 }, position, bytes.length);
+    let start = position + 1;
+    while (bytes[start] & 0x80) start++;
+    found.push({ id: bytes[position], position, start: start + 1, end });
+    position = end;
+  }
+  return found;
+}
+
+test("damage with right checksums gives an error of the package, or some frames", () => {
+  const random = randomNumbers(7);
+  const hostile = ["everything", "key_blocks", "max_error", "example", "handles", "not_manifold"];
+  let [nErrors, nFrames] = [0, 0];
+  for (const name of hostile) {
+    const whole = bytesOf(name);
+    const payloads = payloadsOf(whole).filter(({ start, end }) => end - 4 > start);
+    assert.ok(payloads.some(({ id }) => id === Section.COEFFICIENTS));
+    for (let turn = 0; turn < 150; turn++) {
+      const bytes = whole.slice();
+      const { position, start, end } = payloads[turn % payloads.length];
+      const nDamaged = 1 + Math.floor(3 * random());
+      for (let i = 0; i < nDamaged; i++) {
+        bytes[start + Math.floor((end - 4 - start) * random())] = Math.floor(256 * random());
+      }
+      const sum = crc32(bytes.subarray(position, end - 4));
+      new DataView(bytes.buffer).setUint32(end - 4, sum, true);
+      const { frames, failure } = decoded(bytes);
+      nErrors += failure !== null;
+      nFrames += frames.length;
+    }
+  }
+  assert.ok(nErrors > 50 && nFrames > 50);
+});
+
+test("sizes in the header that the bytes cannot hold are refused before memory is taken", () => {
+  const bytes = bytesOf("example");
+  const header = readHeader(bytes);
+  for (const place of [10, 14, 18]) {
+    const announced = bytes.slice();
+    const view = new DataView(announced.buffer);
+    view.setUint32(place, 0xffffffff, true);
+    view.setUint32(header.sizeBytes - 4, crc32(announced.subarray(0, header.sizeBytes - 4)), true);
+    const before = core.functions.memory.buffer.byteLength;
+    assert.throws(() => new MemoryReel(core, announced), MeshReelError);
+    assert.equal(core.functions.memory.buffer.byteLength, before);
+  }
+});
+
+test("bytes of other files are named as such", () => {
+  const file = new TextEncoder().encode("<html><body>not found</body></html>");
+  assert.throws(
+    () => new MemoryReel(core, file),
+    /not a \.reel stream: it starts with 3c 68 74 6d/,
+  );
+  assert.throws(() => new MemoryReel(core, new Uint8Array(0)), /the stream is empty \(0 bytes\)/);
+});
+
+/** Random numbers of 0..1, the same each time. */
+function randomNumbers(seed) {
+  let state = seed;
+  return () => {
+    state = (Math.imul(state, 1664525) + 1013904223) >>> 0;
+    return state / 2 ** 32;
+  };
+}

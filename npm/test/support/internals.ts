@@ -1,0 +1,26 @@
+// Modules of the package that tests look into.
+
+export { Core } from "../../src/core/core.js";
+export { Heap } from "../../src/core/heap.js";
+export { BlockDecoder } from "../../src/decode/block_decoder.js";
+export { readCorrections } from "../../src/decode/corrections.js";
+export { decodeFields } from "../../src/decode/fields.js";
+export { frameOf } from "../../src/decode/frames.js";
+export { buildHierarchy } from "../../src/decode/hierarchy.js";
+export { MemoryReel } from "../../src/decode/memory_reel.js";
+export * from "../../src/errors.js";
+export { readBlock } from "../../src/stream/block_sections.js";
+export { crc32 } from "../../src/stream/crc32.js";
+export { readHeader } from "../../src/stream/header.js";
+export {
+  firstBlock,
+  indexPayload,
+  indexPosition,
+  readIndex,
+} from "../../src/stream/index_section.js";
+export { END_SIZE_BYTES, LONGEST_HEADER, Section } from "../../src/stream/layout.js";
+export { Scan } from "../../src/stream/scan.js";
+export { readSections, sectionEnd } from "../../src/stream/sections.js";
+export { checkedStream, nTracks, readStream } from "../../src/stream/stream.js";
+export { readAttribute } from "../../src/surface/attributes.js";
+export { Polygons } from "../../src/surface/polygons.js";

@@ -1,0 +1,153 @@
+"""The package `meshreel` in a real browser: positions are those of Python, to the bit."""
+
+import hashlib
+import json
+import shutil
+import subprocess
+from queue import Empty, Queue
+from tempfile import TemporaryDirectory
+
+import pytest
+
+import meshreel
+from conformance.make import FOLDER
+from samples.web_package import built_package, serving
+
+POLICY = "Content-Security-Policy"
+FIREFOX_S = 120
+WITHOUT_WORKERS = "default-src 'self'; script-src 'self' 'wasm-unsafe-eval'"
+
+HASHES = """async (names) => {
+  const { ReelFile } = await import("/dist/index.js");
+  const found = {};
+  for (const name of names) {
+    const reel = await ReelFile.open(`/${name}.reel`);
+    const frames = [];
+    for (let i = 0; i < reel.info.nFrames; i++) frames.push(await reel.frame(i));
+    const bytes = await new Blob(frames).arrayBuffer();
+    const hash = new Uint8Array(await crypto.subtle.digest("SHA-256", bytes));
+    const text = Array.from(hash, (one) => one.toString(16).padStart(2, "0")).join("");
+    found[name] = [text, reel.isInWorker];
+    reel.close();
+  }
+  return found;
+}"""
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _package():
+    built_package()
+
+
+def said_of_streams():
+    """What is said of the streams that pages decode, by name."""
+    said = {path.stem: json.loads(path.read_text("utf-8")) for path in FOLDER.glob("*.json")}
+    return {name: one for name, one in said.items() if one["method"] == "reel"}
+
+
+def hash_of(sequence):
+    return hashlib.sha256(sequence.vertices.tobytes()).hexdigest()
+
+
+@pytest.fixture(scope="module")
+def sheet():
+    """A stream of many blocks that is larger than what is read at first."""
+    return meshreel.encode(meshreel.simulate_flag(120, n_rows=40, n_columns=40), block_frames=10)
+
+
+def test_positions_are_those_of_every_stream(new_page):
+    said = said_of_streams()
+    assert len(said) >= 69
+    files = {f"/{name}.reel": (FOLDER / f"{name}.reel").read_bytes() for name in said}
+    with serving(files) as (url, _):
+        page = new_page(url, is_shown=False)
+        found = page.evaluate(HASHES, sorted(said))
+    wanted = {name: [one["hash of positions"], True] for name, one in said.items()}
+    assert found == wanted
+
+
+@pytest.mark.skipif(shutil.which("firefox") is None, reason="needs Firefox")
+def test_positions_are_those_of_every_stream_in_firefox():
+    said = said_of_streams()
+    files = {f"/{name}.reel": (FOLDER / f"{name}.reel").read_bytes() for name in said}
+    script = f"""
+      const text = (error) => error.name + ": " + error.message;
+      ({HASHES})({json.dumps(sorted(said))})
+        .then((found) => found, (error) => ({{ error: text(error) }}))
+        .then((found) => fetch("/", {{ method: "POST", body: JSON.stringify(found) }}));
+    """
+    files["/all.html"] = f"<!doctype html><script type=module>{script}</script>".encode()
+    posted = Queue()
+    # The browser may still write into its profile while that is removed.
+    profiles = TemporaryDirectory(ignore_cleanup_errors=True)
+    with serving(files, posted=posted) as (url, _), profiles as profile:
+        command = ["firefox", "--headless", "--no-remote", "--profile", profile, f"{url}/all.html"]
+        process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        try:
+            found = json.loads(posted.get(timeout=FIREFOX_S))
+        except Empty:
+            pytest.fail(f"Firefox said nothing for {FIREFOX_S} s")
+        finally:
+            process.terminate()
+            process.wait()
+    assert found == {name: [one["hash of positions"], True] for name, one in said.items()}
+
+
+def test_a_policy_with_one_directive_is_enough(new_page, sheet):
+    with serving({"/sheet.reel": sheet}, {POLICY: WITHOUT_WORKERS}) as (url, _):
+        page = new_page(url, is_shown=False)
+        found = page.evaluate(HASHES, ["sheet"])
+    assert found == {"sheet": [hash_of(meshreel.decode(sheet)), False]}
+
+
+def test_frames_are_decoded_in_a_worker_where_the_policy_allows_it(new_page, sheet):
+    policy = f"{WITHOUT_WORKERS}; worker-src blob:"
+    with serving({"/sheet.reel": sheet}, {POLICY: policy}) as (url, _):
+        page = new_page(url, is_shown=False)
+        found = page.evaluate(HASHES, ["sheet"])
+    assert found == {"sheet": [hash_of(meshreel.decode(sheet)), True]}
+
+
+def test_only_the_blocks_that_are_asked_for_are_read(new_page, sheet):
+    with serving({"/sheet.reel": sheet}) as (url, asked):
+        page = new_page(url, is_shown=False)
+        page.evaluate(
+            """async () => {
+              const { ReelFile } = await import("/dist/index.js");
+              const reel = await ReelFile.open("/sheet.reel");
+              await reel.frame(reel.info.nFrames - 1);
+              reel.close();
+            }"""
+        )
+    n_read = sum(last - first + 1 for first, last in asked)
+    assert len(sheet) > 3 * 65536
+    assert n_read < len(sheet) / 2
+
+
+def test_errors_have_their_types(new_page, sheet):
+    damaged = bytearray(sheet)
+    damaged[len(sheet) // 2] ^= 1
+    files = {"/damaged.reel": bytes(damaged), "/text.reel": b"no reel at all" * 9}
+    with serving(files) as (url, _):
+        page = new_page(url, is_shown=False)
+        found = page.evaluate(
+            """async () => {
+              const meshreel = await import("/dist/index.js");
+              const nameOf = async (work) => work().then(() => "fine", (error) => error.name);
+              const reel = await meshreel.ReelFile.open("/damaged.reel");
+              const names = [];
+              for (const { start } of reel.info.blocks) {
+                names.push(await nameOf(() => reel.frame(start)));
+              }
+              reel.close();
+              return {
+                names,
+                missing: await nameOf(() => meshreel.ReelFile.open("/missing.reel")),
+                text: await nameOf(() => meshreel.ReelFile.open("/text.reel")),
+              };
+            }"""
+        )
+    assert found["missing"] == "SourceError"
+    assert found["text"] == "CorruptStreamError"
+    assert sorted(set(found["names"])) == ["CorruptStreamError", "fine"]
+    assert found["names"].count("CorruptStreamError") == 1

@@ -1,0 +1,267 @@
+"""`meshreel/three` in a browser, whose graphics are software, against numbers that are known."""
+
+import os
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from samples.web_package import built_package
+
+ROOT = Path(__file__).parents[2]
+MODULES = ROOT / "npm" / "node_modules"
+PAGE = Path(__file__).parent / "three_in_browser" / "page.ts"
+BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
+OPTIONS = (
+    "--headless=new",
+    "--no-sandbox",
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+)
+HTML = """<!doctype html><title>three</title><canvas width="640" height="480"></canvas>
+<script type="module">{script}</script>"""
+
+PLACES = [0, 2, 2.5, 4, 5, 5.25, 5.75, 6, 10.5, 11, 17, 0.5]
+"""In blocks and between them, forwards and back; frames 2, 4 and 6 have corrections."""
+
+WITHOUT_FLOAT_TARGETS = """
+const given = WebGL2RenderingContext.prototype.getExtension;
+WebGL2RenderingContext.prototype.getExtension = function (name) {
+  return name === "EXT_color_buffer_float" ? null : given.call(this, name);
+};
+const names = WebGL2RenderingContext.prototype.getSupportedExtensions;
+WebGL2RenderingContext.prototype.getSupportedExtensions = function () {
+  return names.call(this).filter((name) => name !== "EXT_color_buffer_float");
+};
+"""
+
+WITHOUT_FEEDBACK = """
+const given = WebGL2RenderingContext.prototype.transformFeedbackVaryings;
+WebGL2RenderingContext.prototype.transformFeedbackVaryings = function (program, names, mode) {
+  given.call(this, program, ["nothing"], mode);
+};
+"""
+
+FEW_LAYERS = """
+const given = WebGL2RenderingContext.prototype.getParameter;
+WebGL2RenderingContext.prototype.getParameter = function (name) {
+  return name === this.MAX_ARRAY_TEXTURE_LAYERS ? 2 : given.call(this, name);
+};
+"""
+
+COUNTING = """
+window.alive = {};
+for (const kind of ["Buffer", "Texture", "Program", "VertexArray", "TransformFeedback",
+                    "Framebuffer", "Shader"]) {
+  const { prototype } = WebGL2RenderingContext;
+  const [make, free] = [prototype[`create${kind}`], prototype[`delete${kind}`]];
+  const alive = new Set();
+  prototype[`create${kind}`] = function (...given) {
+    const made = make.apply(this, given);
+    alive.add(made);
+    return made;
+  };
+  prototype[`delete${kind}`] = function (one) {
+    alive.delete(one);
+    free.call(this, one);
+  };
+  Object.defineProperty(window.alive, kind, { enumerable: true, get: () => alive.size });
+}
+"""
+
+pytestmark = pytest.mark.slow
+
+
+@pytest.fixture(scope="module")
+def script():
+    built_package()
+    command = [MODULES / ".bin" / "esbuild", PAGE, "--bundle", "--format=esm", "--target=es2022"]
+    command += ["--define:SIMD_MODULE=null", "--define:PLAIN_MODULE=null"]  # nothing is decoded
+    environment = {**os.environ, "NODE_PATH": str(MODULES)}
+    done = subprocess.run(command, capture_output=True, env=environment, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+@pytest.fixture(scope="module")
+def browser():
+    driver = pytest.importorskip("playwright.sync_api", reason="needs playwright")
+    path = next(filter(None, map(shutil.which, BROWSERS)), None)
+    if path is None:
+        pytest.skip(f"needs one of {', '.join(BROWSERS)}")
+    with driver.sync_playwright() as playwright:
+        launched = playwright.chromium.launch(executable_path=path, args=OPTIONS)
+        yield launched
+        launched.close()
+
+
+@pytest.fixture
+def new_page(browser, script):
+    """Opens pages; an error in a script of theirs fails the test."""
+    pages, errors = [], []
+
+    def open_page(before=""):
+        page = browser.new_page()
+        pages.append(page)
+        page.on("pageerror", lambda error: errors.append(str(error)))
+        page.add_init_script(before)
+        body = HTML.replace("{script}", script.replace("</script", "<\\/script"))
+        page.route(
+            "http://page.test/", lambda route: route.fulfill(body=body, content_type="text/html")
+        )
+        page.goto("http://page.test/")
+        page.wait_for_function("window.tests")
+        return page
+
+    yield open_page
+    for page in pages:
+        page.close()
+    assert errors == []
+
+
+@pytest.fixture
+def ask(new_page):
+    """The answer of a test of the page."""
+
+    def answer(name, *given, before="", allowed=()):
+        found = new_page(before).evaluate(
+            "([name, given]) => tests[name](...given)", [name, list(given)]
+        )
+        if isinstance(found, dict):
+            complaints = found.pop("complaints", [])
+            assert [one for one in complaints if not any(map(one.__contains__, allowed))] == []
+        return found
+
+    return answer
+
+
+def assert_right(found, most=1e-4):
+    for place, errors in zip(PLACES, found, strict=True):
+        assert errors["position"] < most, place
+        assert errors["read"] < most, place
+        assert errors["normal"] < 10 * most, place
+
+
+def test_gpu_positions_and_normals_are_right_when_time_goes_anywhere(ask):
+    answer = ask("errors", PLACES, {})
+    assert answer["isOnGpu"]
+    assert_right(answer["found"], 1e-6)
+
+
+def test_cpu_positions_and_normals_are_right_when_that_is_asked_for(ask):
+    answer = ask("errors", PLACES, {"gpu": False})
+    assert not answer["isOnGpu"]
+    assert_right(answer["found"], 1e-6)
+
+
+def test_cpu_stands_in_when_floats_cannot_be_drawn(ask):
+    allowed = ["EXT_color_buffer_float extension not supported"]
+    answer = ask("errors", PLACES, {}, before=WITHOUT_FLOAT_TARGETS, allowed=allowed)
+    assert not answer["isOnGpu"]
+    assert_right(answer["found"], 1e-6)
+
+
+def test_cpu_stands_in_when_the_driver_refuses(ask):
+    answer = ask("errors", PLACES, {}, before=WITHOUT_FEEDBACK)
+    assert not answer["isOnGpu"]
+    assert_right(answer["found"], 1e-6)
+
+
+def test_cpu_takes_over_when_a_block_has_more_modes_than_textures_have_room_for(ask):
+    answer = ask("errors", PLACES, {}, before=FEW_LAYERS)
+    assert not answer["isOnGpu"]  # the second block has 9, and 8 have room
+    assert_right(answer["found"], 1e-6)
+
+
+def test_positions_are_right_when_the_model_is_far_away_and_brought_near(ask):
+    center = [4e6, -3e6, 1e5]
+    answer = ask("errors", PLACES, {"origin": center}, {"center": center})
+    assert_right(answer["found"], 1e-6)
+
+
+@pytest.mark.parametrize("is_point", [False, True])
+def test_shadow_falls_when_a_mesh_casts_one(ask, is_point):
+    answer = ask("shadow", is_point)
+    assert sum(answer["shaded"]) < 0.8 * sum(answer["lit"])
+
+
+def test_every_material_shows_the_frame_when_it_replaces_the_own(ask):
+    answer = ask("otherMaterials")
+    assert answer == {"overridden": [255, 0, 0], "own": [0, 255, 0]}
+
+
+@pytest.mark.parametrize("is_given", [True, False])
+def test_renderer_for_webgpu_shows_the_frame(ask, is_given):
+    answer = ask("otherRenderer", is_given)
+    assert answer == {"isOnGpu": False, "color": [255, 0, 0]}
+
+
+def test_materials_of_the_file_are_shown_upright_when_they_have_images(ask):
+    answer = ask("picture", 8.5)
+    assert strongest(answer["top"]) == 1
+    assert strongest(answer["left"]) == 0
+    assert strongest(answer["hem"]) == 2
+    assert strongest(answer["plain"]) == 2
+    assert min(answer["plain"]) > min(answer["hem"]) + 40
+
+
+def strongest(values):
+    return max(range(len(values)), key=values.__getitem__)
+
+
+@pytest.mark.parametrize("options", [{}, {"gpu": False}])
+def test_rays_hit_the_frame_that_is_shown(ask, options):
+    answer = ask("pick", 6.5, options)
+    assert answer["missed"] == 0
+    for hit in answer["found"]:
+        assert hit["count"] == 1
+        assert hit["off"] < 1e-5
+        assert hit["faceIndex"] == hit["triangle"]
+        assert hit["corners"] == hit["expected"]
+        assert hit["isMesh"]
+        assert hit["hasUv"]
+
+
+def test_renderer_counts_as_before_when_meshes_are_disposed_of(ask):
+    answer = ask("disposal", 4, before=COUNTING)
+    after = [one["after"] for one in answer["counts"]]
+    assert after[1:] == after[:1] * 3
+    assert after[0]["geometries"] == 1
+    during = answer["counts"][-1]["during"]
+    assert during["textures"] > after[-1]["textures"]
+    assert during["programs"] > after[-1]["programs"]
+    assert during["TransformFeedback"] > after[-1]["TransformFeedback"] == 0
+
+
+def test_picture_comes_back_when_the_context_was_lost(ask):
+    answer = ask("contextLoss")
+    assert max(answer["before"].values()) < 1e-5
+    assert max(answer["after"].values()) < 1e-5
+
+
+def test_whoever_draws_the_mesh_plays_it_when_no_renderer_is_given(ask):
+    answer = ask("events", [])
+    types = [event["type"] for event in answer["events"]]
+    assert answer["early"] == {"isOnGpu": False, "isWaiting": True, "hits": 0}
+    assert answer["hits"] == 1
+    assert answer["last"] == 17
+    assert answer["isClosed"]
+    assert types[:2] == ["playing", "frame"]
+    assert types[-1] == "ended"
+    assert "error" not in types
+
+
+def test_damaged_block_is_passed_over_when_the_rest_plays(ask):
+    answer = ask("events", [1])
+    errors = [event for event in answer["events"] if event["type"] == "error"]
+    assert [(one["block"], one["error"]) for one in errors] == [(1, "CorruptStreamError")]
+    frames = {event["frame"] for event in answer["events"] if event["type"] == "frame"}
+    assert frames == {*range(6), *range(11, 18)}
+
+
+def test_bounds_hold_all_frames(ask):
+    answer = ask("bounds")
+    assert answer["isInside"]
+    assert answer["off"] < 1e-5
+    assert answer["duration"] == pytest.approx(1.8)

@@ -1,0 +1,113 @@
+"""The package for pages, built once, and a server of files in ranges."""
+
+import fcntl
+import importlib.util
+import os
+import shutil
+import subprocess
+import sys
+import threading
+from contextlib import contextmanager
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+PACKAGE = ROOT / "npm"
+DIST = PACKAGE / "dist"
+BUILD_S = 300
+SOURCES = ("npm/src", "npm/build.mjs", "npm/package-lock.json", "npm/tsconfig.json", "core")
+
+
+def built_package():
+    """The folder of the built scripts; tests that ask are skipped where it cannot be built."""
+    if shutil.which("npm") is None:
+        pytest.skip("needs Node (npm)")
+    if importlib.util.find_spec("ziglang") is None:
+        pytest.skip("needs ziglang")
+    with (PACKAGE / ".building").open("w") as lock:  # several workers may ask at once
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        if not _is_current():
+            _npm("ci", "--no-audit", "--no-fund")
+            _npm("run", "build")
+            (DIST / "built").touch()
+    return DIST
+
+
+def _npm(*command):
+    environment = {**os.environ, "PYTHON": sys.executable}
+    done = subprocess.run(
+        ["npm", *command],
+        cwd=PACKAGE,
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=BUILD_S,
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+def _is_current():
+    if not (DIST / "built").exists():
+        return False
+    made = (DIST / "built").stat().st_mtime
+    paths = [ROOT / name for name in SOURCES]
+    files = [file for path in paths for file in [path, *path.rglob("*")] if file.is_file()]
+    return all(file.stat().st_mtime <= made for file in files)
+
+
+@contextmanager
+def serving(files, headers=None, posted=None):
+    """The address of a server of bytes by path, and the ranges that it was asked for.
+
+    `headers` come with every answer. The path "/" is an empty page. What a page posts is put into
+    the queue `posted`.
+    """
+    asked = []
+
+    class Handler(BaseHTTPRequestHandler):
+        def do_GET(self):
+            path = self.path.partition("?")[0]
+            body = files.get(path, b"<!doctype html><title>test</title>" if path == "/" else None)
+            if body is None and path.startswith("/dist/") and (DIST / path[6:]).is_file():
+                body = (DIST / path[6:]).read_bytes()
+            if body is None:
+                self.send_error(404)
+                return
+            self.answer(path, body)
+
+        def answer(self, path, body):
+            kinds = {".js": "text/javascript", ".reel": "application/octet-stream"}
+            wanted = self.headers.get("Range")
+            if wanted and path.endswith(".reel"):
+                begin, _, end = wanted.removeprefix("bytes=").partition("-")
+                first, last = int(begin), min(int(end or len(body)), len(body) - 1)
+                asked.append((first, last))
+                self.send_response(206)
+                self.send_header("Content-Range", f"bytes {first}-{last}/{len(body)}")
+                self.send_header("ETag", '"same"')
+                body = body[first : last + 1]
+            else:
+                self.send_response(200)
+            self.send_header("Content-Type", kinds.get(Path(path).suffix, "text/html"))
+            self.send_header("Content-Length", str(len(body)))
+            for name, value in (headers or {}).items():
+                self.send_header(name, value)
+            self.end_headers()
+            self.wfile.write(body)
+
+        def do_POST(self):
+            posted.put(self.rfile.read(int(self.headers["Content-Length"])))
+            self.send_response(204)
+            self.end_headers()
+
+        def log_message(self, *given):
+            pass
+
+    with ThreadingHTTPServer(("127.0.0.1", 0), Handler) as server:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        try:
+            yield f"http://127.0.0.1:{server.server_port}", asked
+        finally:
+            server.shutdown()

@@ -1,0 +1,48 @@
+"""The package for pages: it is built, its types hold, and its own tests pass."""
+
+import re
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from samples.web_package import built_package
+
+PACKAGE = Path(__file__).parents[3] / "npm"
+TIME_LIMIT_S = 600
+
+pytestmark = pytest.mark.slow
+
+
+@pytest.fixture(scope="module")
+def built():
+    """The folder of the built scripts."""
+    return built_package()
+
+
+def npm(*command):
+    """What npm says; the test fails with it where it fails."""
+    found = subprocess.run(
+        ["npm", *command],
+        cwd=PACKAGE,
+        timeout=TIME_LIMIT_S,
+        capture_output=True,
+        text=True,
+    )
+    assert not found.returncode, found.stdout + found.stderr
+    return found.stdout
+
+
+def test_the_package_is_built_with_both_cores(built):
+    for name in ("index.js", "three.js", "plain_wasm.js", "index.d.ts", "three/index.d.ts"):
+        assert (built / name).is_file(), name
+
+
+def test_the_types_of_the_package_hold(built):
+    npm("run", "check")
+
+
+def test_the_tests_of_the_package_pass(built):
+    told = npm("test")
+    assert re.search(r"^. pass [1-9]", told, re.MULTILINE), told
+    assert re.search(r"^. fail 0$", told, re.MULTILINE), told
