@@ -79,7 +79,7 @@ class Target:
     tag : str
         The platform in the name of a wheel; of WebAssembly there are none.
     quick : tuple of str
-        The only files whose speed counts; all others are compiled to be small. None: all count.
+        The only files whose speed counts, if any are named: all others are compiled to be small.
     """
 
     library: str

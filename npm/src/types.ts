@@ -7,7 +7,7 @@ export interface ByteSource {
   /** Whether parts can be had without what lies before them. */
   readonly hasRanges: boolean;
   /**
-   * The bytes `start` to `end - 1`, fewer where the source ends before.
+   * A copy of the bytes `start` to `end - 1`, fewer where the source ends before.
    *
    * @throws SourceError where they cannot be had, or are of another file than before.
    */

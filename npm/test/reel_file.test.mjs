@@ -49,6 +49,37 @@ test("frames are the same in any order, though two blocks are kept", async () =>
   });
 });
 
+/** A blob that notes where it is read. */
+function notedBlob(bytes) {
+  const blob = new Blob([bytes]);
+  const starts = [];
+  const slice = blob.slice.bind(blob);
+  blob.slice = (start, end) => {
+    starts.push(start);
+    return slice(start, end);
+  };
+  return { blob, starts };
+}
+
+const tick = () => new Promise((resolve) => setTimeout(resolve, 100));
+
+test("the next block is read when frames are asked for in order, and not before", async () => {
+  const { blob, starts } = notedBlob(bytesOf("blocks"));
+  await withReel(blob, async (reel) => {
+    const { blocks } = reel.info;
+    starts.length = 0;
+    const half = Math.ceil(blocks[0].nFrames / 2);
+    for (let number = 0; number < half; number++) await reel.frame(number);
+    await tick();
+    assert.equal(starts.length, 1, "a block that is not near was read");
+    for (let number = half; number < blocks[0].nFrames; number++) await reel.frame(number);
+    await tick();
+    assert.equal(starts.length, 2, "the next block was not read ahead");
+    await reel.frame(blocks[1].start);
+    assert.equal(starts.length, 2, "the next block was read again");
+  });
+});
+
 test("a frame comes into what is given, if that fits", async () => {
   await withReel(bytesOf("sphere"), async (reel) => {
     const into = new Float32Array(3 * reel.info.nVerts);

@@ -467,8 +467,9 @@ def test_pages_do_not_disturb_each_other_when_two_are_open(new_page, url, decode
 
 
 def test_page_says_so_when_the_server_is_gone(new_page, flag):
+    # Of the last block from the beginning: a page that plays asks for blocks ahead.
     with viewing(flag / "flag.reel") as (_, address):
-        page = new_page(address)
+        page = new_page(address, routes={"**/api/block/2": None})
     page.keyboard.press("End")
     page.get_by_role("alert").wait_for()
     assert "server does not answer" in page.get_by_role("alert").inner_text()

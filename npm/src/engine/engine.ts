@@ -21,6 +21,11 @@ export class Engine {
   private readonly decoder: BlockDecoder;
   /** The one used last is the last. */
   private blocks: DecodedBlock[] = [];
+  /** Those on their way. */
+  private readonly pending = new Map<number, Promise<DecodedBlock>>();
+  private lastFrame = -1;
+  /** Whether the last frames were asked for in order. */
+  private isPlayed = false;
 
   private constructor(
     private readonly core: Core,
@@ -54,6 +59,8 @@ export class Engine {
   async frame(number: number, signal: AbortSignal): Promise<Positions> {
     const { starts, header } = this.stream;
     const block = starts.findLastIndex((start) => start <= number);
+    this.isPlayed = number === this.lastFrame + 1;
+    this.lastFrame = number;
     return frameOf(this.core, header, await this.block(block, signal), number - starts[block]);
   }
 
@@ -62,17 +69,32 @@ export class Engine {
     return fieldsOf(this.core, this.stream.header, await this.block(block, signal));
   }
 
-  /** Whether a block of this number is there, and not decoded. */
-  lacks(number: number): boolean {
-    const isDecoded = this.blocks.some((block) => block.number === number);
-    return number < this.stream.places.length && !isDecoded;
+  /**
+   * Decodes the next block, where frames are asked for in order and are in the second half of one.
+   *
+   * What goes wrong is told when a frame of the block is asked for.
+   */
+  async goAhead(): Promise<void> {
+    const { places, starts } = this.stream;
+    const next = starts.findLastIndex((start) => start <= this.lastFrame) + 1;
+    const isNear = 2 * this.lastFrame >= starts[next - 1] + starts[next];
+    const isDecoded = this.blocks.some((block) => block.number === next);
+    if (!this.isPlayed || !isNear || isDecoded || this.pending.size || next >= places.length) return;
+    await this.block(next, new AbortController().signal).catch(() => {});
   }
 
-  /** A block, decoded now or kept from before. */
-  async block(number: number, signal: AbortSignal): Promise<DecodedBlock> {
+  /** A block: kept from before, on its way, or decoded now. */
+  private async block(number: number, signal: AbortSignal): Promise<DecodedBlock> {
     const kept = this.blocks.find((block) => block.number === number);
-    const found = kept ?? (await this.decoded(number, signal));
+    const found = kept ?? (await (this.pending.get(number) ?? this.begin(number, signal)));
+    signal.throwIfAborted();
     this.blocks = [...this.blocks.filter((block) => block !== found), found];
+    return found;
+  }
+
+  private begin(number: number, signal: AbortSignal): Promise<DecodedBlock> {
+    const found = this.decoded(number, signal).finally(() => this.pending.delete(number));
+    this.pending.set(number, found);
     return found;
   }
 
@@ -83,7 +105,9 @@ export class Engine {
     const key = isKeyMissing ? await this.stored(reference, signal) : stored;
     signal.throwIfAborted();
     while (this.blocks.length >= MOST_BLOCKS) this.blocks.shift()!.close();
-    return this.decoder.decode(stored, () => key);
+    const found = this.decoder.decode(stored, () => key);
+    this.blocks.push(found);
+    return found;
   }
 
   private async stored(number: number, signal: AbortSignal): Promise<StoredBlock> {

@@ -45,9 +45,9 @@ export interface Port {
   postMessage(message: unknown, transfer: Transferable[]): void;
 }
 
-/** Names of errors that are not of this package: aborted work, and memory that is not there. */
-const FOREIGN = ["AbortError", "RangeError", "CompileError"];
+const ABORTED = "AbortError";
 
+/** What is said of an error. */
 export function failureOf(error: unknown): Failure {
   if (!(error instanceof Error || error instanceof DOMException)) {
     return { name: "Error", message: String(error) };
@@ -62,6 +62,6 @@ export function errorOf(
 ): Error {
   const own = classes.map((made) => new made(message)).find((error) => error.name === name);
   if (own) return own;
-  if (name === FOREIGN[0]) return new DOMException(message, name) as unknown as Error;
+  if (name === ABORTED) return new DOMException(message, name) as unknown as Error;
   return Object.assign(new Error(message), { name });
 }

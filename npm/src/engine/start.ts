@@ -57,6 +57,7 @@ export function start(port: Port): void {
     } finally {
       aborts.delete(id);
     }
+    if (question.call === "frame") void engine?.goAhead();
   };
 
   port.onmessage = ({ data }: MessageEvent<ToEngine>) => {
