@@ -1,20 +1,13 @@
 """A real browser and players for it."""
 
-import shutil
 import subprocess
 
 import pytest
 
 import meshreel
+from samples.browser import driven_browser
 from samples.player_pages import COMMAND, put_to_rest, viewing
 
-BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
-OPTIONS = (  # software draws, so that no graphics card is needed
-    "--headless=new",
-    "--no-sandbox",
-    "--use-angle=swiftshader",
-    "--enable-unsafe-swiftshader",
-)
 ALLOWED_ERROR = 0.02
 """Tight for the flag, so that some vertices are corrected; loose, so that errors show."""
 
@@ -22,14 +15,8 @@ ALLOWED_ERROR = 0.02
 @pytest.fixture(scope="module")
 def browser():
     """A browser for all tests of a file; its event loop would be in the way of others."""
-    driver = pytest.importorskip("playwright.sync_api", reason="needs playwright")
-    path = next(filter(None, map(shutil.which, BROWSERS)), None)
-    if path is None:
-        pytest.skip(f"needs one of {', '.join(BROWSERS)}")
-    with driver.sync_playwright() as playwright:
-        launched = playwright.chromium.launch(executable_path=path, args=OPTIONS)
+    with driven_browser() as launched:
         yield launched
-        launched.close()
 
 
 def _answering(body):

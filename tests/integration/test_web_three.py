@@ -1,24 +1,17 @@
 """`meshreel/three` in a browser, whose graphics are software, against numbers that are known."""
 
 import os
-import shutil
 import subprocess
 from pathlib import Path
 
 import pytest
 
+from samples.browser import driven_browser
 from samples.web_package import built_package
 
 ROOT = Path(__file__).parents[2]
 MODULES = ROOT / "npm" / "node_modules"
 PAGE = Path(__file__).parent / "three_in_browser" / "page.ts"
-BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
-OPTIONS = (
-    "--headless=new",
-    "--no-sandbox",
-    "--use-angle=swiftshader",
-    "--enable-unsafe-swiftshader",
-)
 HTML = """<!doctype html><title>three</title><canvas width="640" height="480"></canvas>
 <script type="module">{script}</script>"""
 
@@ -86,14 +79,8 @@ def script():
 
 @pytest.fixture(scope="module")
 def browser():
-    driver = pytest.importorskip("playwright.sync_api", reason="needs playwright")
-    path = next(filter(None, map(shutil.which, BROWSERS)), None)
-    if path is None:
-        pytest.skip(f"needs one of {', '.join(BROWSERS)}")
-    with driver.sync_playwright() as playwright:
-        launched = playwright.chromium.launch(executable_path=path, args=OPTIONS)
+    with driven_browser() as launched:
         yield launched
-        launched.close()
 
 
 @pytest.fixture

@@ -1,4 +1,4 @@
-"""A browser without a screen that plays a glTF file with three.js, for tests."""
+"""Browsers without a screen: one that playwright drives, one that plays a glTF file."""
 
 import shutil
 import subprocess
@@ -11,6 +11,7 @@ from queue import Empty, Queue
 from tempfile import TemporaryDirectory
 
 import numpy as np
+import pytest
 
 FOLDER = Path(__file__).parents[1] / "integration" / "gltf_in_browser"
 FLAGS = [
@@ -22,10 +23,31 @@ FLAGS = [
 ]
 PATIENCE_S = 120
 
+DRIVEN = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
+DRAWN_BY_SOFTWARE = (  # so that no graphics card is needed
+    "--headless=new",
+    "--no-sandbox",
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+)
+
 
 def browser():
     """The path of a browser; None if there is none."""
     return shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("chrome")
+
+
+@contextmanager
+def driven_browser():
+    """A browser that playwright drives; tests that ask are skipped where there is none."""
+    driver = pytest.importorskip("playwright.sync_api", reason="needs playwright")
+    path = next(filter(None, map(shutil.which, DRIVEN)), None)
+    if path is None:
+        pytest.skip(f"needs one of {', '.join(DRIVEN)}")
+    with driver.sync_playwright() as playwright:
+        launched = playwright.chromium.launch(executable_path=path, args=DRAWN_BY_SOFTWARE)
+        yield launched
+        launched.close()
 
 
 def play(file, times_s):

@@ -7,7 +7,7 @@ export { readCorrections } from "../../src/decode/corrections.js";
 export { decodeFields } from "../../src/decode/fields.js";
 export { frameOf } from "../../src/decode/frames.js";
 export { buildHierarchy } from "../../src/decode/hierarchy.js";
-export { MemoryReel } from "../../src/decode/memory_reel.js";
+export { MemoryReel } from "./memory_reel.js";
 export * from "../../src/errors.js";
 export { readBlock } from "../../src/stream/block_sections.js";
 export { crc32 } from "../../src/stream/crc32.js";

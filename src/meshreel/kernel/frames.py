@@ -123,8 +123,7 @@ def frame_columns(
         As of `fill_values`.
     """
     out = np.empty((len(basis), len(frames), fields.shape[1]))
-    precision = SINGLE if is_single else DOUBLE
-    _frames(basis, fields, frames, step, precision, order, None, None, out, COLUMNS)
+    _frames(basis, fields, frames, step, is_single, order, None, None, out, COLUMNS)
     return out
 
 
@@ -167,8 +166,7 @@ def fill_values(
         If the order names a vertex that is not there, or a frame is not.
     """
     placed = np.array(placement, np.float64)
-    precision = SINGLE if is_single else DOUBLE
-    _frames(basis, fields, frames, step, precision, order, moves, placed, out, out.itemsize)
+    _frames(basis, fields, frames, step, is_single, order, moves, placed, out, out.itemsize)
 
 
 def coordinate_rows(
@@ -216,7 +214,7 @@ def _frames(
     fields: Floats,
     frames: range,
     step: float,
-    precision: int,
+    is_single: bool,
     order: Integers | None,
     moves: Moves | None,
     placement: Floats | None,
@@ -237,7 +235,7 @@ def _frames(
         ctypes.c_void_p(fields.ctypes.data),
         *(stride // fields.itemsize for stride in fields.strides),
         ctypes.c_double(step),
-        precision,
+        SINGLE if is_single else DOUBLE,
         None if order is None else np.ascontiguousarray(order, np.int32),
         n_columns,
         n_frames,

@@ -1,16 +1,16 @@
 // A stream that is in memory as a whole, decoded on the spot.
 
-import type { Core } from "../core/core.js";
-import { InvalidInputError } from "../errors.js";
-import { type StoredBlock, readBlock } from "../stream/block_sections.js";
-import { type Stream, readStream } from "../stream/stream.js";
-import { readSurface } from "../surface/surface.js";
-import type { BlockFields, ReelInfo, Surface } from "../types.js";
-import { BlockDecoder } from "./block_decoder.js";
-import { fieldsOf } from "./block_fields.js";
-import type { DecodedBlock } from "./decoded_block.js";
-import { type Positions, frameOf } from "./frames.js";
-import { readInfo } from "./info.js";
+import type { Core } from "../../src/core/core.js";
+import { InvalidInputError } from "../../src/errors.js";
+import { type StoredBlock, readBlock } from "../../src/stream/block_sections.js";
+import { type Stream, readStream } from "../../src/stream/stream.js";
+import { readSurface } from "../../src/surface/surface.js";
+import type { BlockFields, ReelInfo, Surface } from "../../src/types.js";
+import { BlockDecoder } from "../../src/decode/block_decoder.js";
+import { fieldsOf } from "../../src/decode/block_fields.js";
+import type { DecodedBlock } from "../../src/decode/decoded_block.js";
+import { type Positions, frameOf } from "../../src/decode/frames.js";
+import { readInfo } from "../../src/decode/info.js";
 
 /** A whole `.reel`: all calls return once they are done. */
 export class MemoryReel {
