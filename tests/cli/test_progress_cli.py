@@ -1,7 +1,9 @@
 """Long commands say how far they are where stderr is no terminal."""
 
+import io
 import re
-from functools import partial
+import time
+from contextlib import contextmanager
 
 import pytest
 
@@ -16,11 +18,30 @@ EVALUATE = "evaluate walk.npz --quick --methods reel --peers none --out e"
 LINE = re.compile(r"meshreel: .+ \(\d+:\d\d so far\)")
 
 
+PATIENCE_S = 20
+
+
 @pytest.fixture
 def said(tmp_path, monkeypatch, capsys):
-    """A function that gives the lines of a command, which come every hundredth of a second."""
-    often = partial(progress_lines, first_after_s=0.001, every_s=0.01)
-    monkeypatch.setattr(console, "progress_lines", often)
+    """A function that gives the lines of a command, each of whose stages lasts until a line."""
+    written = io.StringIO()
+
+    @contextmanager
+    def patient_lines():
+        stages = set()
+        with progress_lines(written, first_after_s=0.001, every_s=0.01) as report:
+
+            def report_and_wait(stage, fraction):
+                report(stage, fraction)
+                ends = time.monotonic() + PATIENCE_S
+                while stage not in stages and stage not in written.getvalue():
+                    assert time.monotonic() < ends, f"no line of `{stage}` in {PATIENCE_S} s"
+                    time.sleep(0.005)
+                stages.add(stage)
+
+            yield report_and_wait
+
+    monkeypatch.setattr(console, "progress_lines", patient_lines)
     monkeypatch.chdir(tmp_path)
     meshreel.save(waving_grid(6, 12, 14), tmp_path / "walk.npz")
     (tmp_path / "walk.reel").write_bytes(meshreel.encode(waving_grid(6, 12, 14)))
@@ -28,7 +49,7 @@ def said(tmp_path, monkeypatch, capsys):
     def run(*words):
         capsys.readouterr()
         app(list(words), prog_name="meshreel", standalone_mode=False)
-        return capsys.readouterr().err.splitlines()
+        return [*written.getvalue().splitlines(), *capsys.readouterr().err.splitlines()]
 
     return run
 
