@@ -54,9 +54,13 @@ export interface BlockFields {
   readonly start: number;
   readonly nFrames: number;
   readonly nModes: number;
+  /** Modes of the block: those behind them are finer parts of some of these. */
+  readonly nBlockModes: number;
   readonly nVerts: number;
   /** nModes x nVerts, vertices as they go out. The first modes are the coarser animation. */
   readonly fields: Int16Array;
+  /** Of each field, over all vertices. */
+  readonly means: Float64Array;
   /** nFrames x nModes x 3. Steps of the fields are multiplied in. */
   readonly weights: Float32Array;
   /** Corrections of frame t are correctionStarts[t] .. correctionStarts[t + 1] - 1. */

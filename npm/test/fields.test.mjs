@@ -69,10 +69,13 @@ test("small integers move no vertex by more than is allowed", () => {
 test("each mode uses all of its integers", () => {
   const reel = new MemoryReel(newCore(Core), bytesOf("geometry"));
   const block = reel.decodeBlock(0);
-  const { fields, nVerts } = reel.fieldsOf(block);
+  const { fields, means, nBlockModes, nVerts } = reel.fieldsOf(block);
+  assert.equal(nBlockModes, block.nModes);
   for (let k = 0; k < block.nModes; k++) {
     const field = fields.subarray(k * nVerts, (k + 1) * nVerts);
     assert.equal(Math.max(...field.map(Math.abs)), 32767);
+    const mean = field.reduce((sum, value) => sum + value, 0) / nVerts;
+    assert.equal(means[k], mean);
   }
 });
 

@@ -112,10 +112,15 @@ test("a vertex with many different values takes no more time than many vertices"
   assert.ok(performance.now() - start < 2000);
 });
 
+const { middleOf } = await moduleOf("held_block");
+
 /** Two modes and three vertices; the second frame has a correction of vertex 1. */
 const BLOCK = {
   nModes: 2,
+  nBlockModes: 2,
   nVerts: 3,
+  means: Float64Array.of(2, 20),
+  meanWeights: Float32Array.of(1.5, 0, 0, 0, 0.5, 0.5),
   weights: Float32Array.of(1, 0, 0, 0, 1, 0, 2, 0, 0, 0, 0, 1),
   correctionStarts: Uint32Array.of(0, 0, 1),
   correctionVertices: Uint32Array.of(1),
@@ -123,8 +128,8 @@ const BLOCK = {
 };
 const FIELDS = Int16Array.of(1, 2, 3, 10, 20, 30);
 
-function positions(t, nextT, fraction, next = BLOCK) {
-  const moment = { block: BLOCK, t, next, nextT, fraction };
+function positions(t, nextT, fraction, next = BLOCK, nMoving = Infinity) {
+  const moment = { block: BLOCK, t, next, nextT, fraction, nMoving };
   return [...positionsOf(moment, () => FIELDS, [100, 0, 0], new Float32Array(9))];
 }
 
@@ -137,6 +142,17 @@ test("positions between frames are on the way, in a block and from one to the ne
   const between = [101.5, 5, 5, 103.25, 10.125, 10, 104.5, 15, 15];
   assert.deepEqual(positions(0, 1, 0.5), between);
   assert.deepEqual(positions(0, 1, 0.5, { ...BLOCK }), between);
+});
+
+test("modes rest at their mean, and nothing is corrected, where fewer move than there are", () => {
+  assert.deepEqual(positions(1, 1, 0, BLOCK, 1), [102, 5, 5, 104, 10, 10, 106, 15, 15]);
+  assert.deepEqual(positions(1, 1, 0, BLOCK, 2), positions(1, 1, 0));
+});
+
+test("the middle is the mean of the vertices that are not corrected", () => {
+  const moment = { block: BLOCK, t: 0, next: BLOCK, nextT: 1, fraction: 0.5, nMoving: Infinity };
+  assert.deepEqual(middleOf(moment), [3, 10, 10]);
+  assert.deepEqual(middleOf({ ...moment, fraction: 0, nMoving: 1 }), [2, 10, 10]);
 });
 
 test("normals are of the faces around each vertex, by their areas", () => {

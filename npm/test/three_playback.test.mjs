@@ -24,8 +24,10 @@ class Stand {
         return block;
       },
       release: (block) => this.held.delete(block.number),
-      show: ({ block, t, next, nextT, fraction }) =>
-        this.moments.push([block.number, t, next.number, nextT, fraction]),
+      show: ({ block, t, next, nextT, fraction, nMoving }) => {
+        this.moments.push([block.number, t, next.number, nextT, fraction]);
+        this.nMoving = nMoving;
+      },
     };
     const load = (number, signal) =>
       new Promise((resolve, reject) => {
@@ -250,4 +252,14 @@ test("blocks are loaded anew when the screen has lost them", async () => {
   stand.player.restart();
   await stand.answer();
   assert.deepEqual(stand.moments, [[0, 2, 0, 2, 0], [0, 2, 0, 2, 0]]);
+});
+
+test("a frame is shown again at once where another number of modes is to move", async () => {
+  const stand = await started(2);
+  const { player, moments } = stand;
+  const shown = moments.length;
+  player.nMoving = 3;
+  assert.deepEqual([moments.length, stand.nMoving], [shown + 1, 3]);
+  player.nMoving = 3;
+  assert.equal(moments.length, shown + 1);
 });

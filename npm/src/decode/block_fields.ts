@@ -28,9 +28,11 @@ export function fieldsOf(core: Core, header: Header, block: DecodedBlock): Block
   const steps = finestSteps(values, block);
   const twice = roughModes(steps, block);
   const nModes = block.nModes + twice.length;
+  const fields = roundedFields(values, steps, twice, block);
   return {
-    ...{ number, start, nFrames, nModes, nVerts },
-    fields: roundedFields(values, steps, twice, block),
+    ...{ number, start, nFrames, nModes, nBlockModes: block.nModes, nVerts },
+    fields,
+    means: meansOf(fields, nModes, nVerts),
     weights: scaledWeights(steps, twice, block, header.scale),
     correctionStarts: corrections.starts.slice(),
     correctionVertices: Uint32Array.from(corrections.vertices),
@@ -98,6 +100,14 @@ function roundedFields(
     }
   }
   return fields;
+}
+
+function meansOf(fields: Int16Array, nModes: number, nVerts: number): Float64Array {
+  return Float64Array.from({ length: nModes }, (_, k) => {
+    let sum = 0;
+    for (let i = k * nVerts; i < (k + 1) * nVerts; i++) sum += fields[i];
+    return sum / nVerts;
+  });
 }
 
 function scaledWeights(

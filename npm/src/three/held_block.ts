@@ -3,12 +3,21 @@
 import type { BlockFields } from "../types.js";
 
 /** What of a block stays with the playing. */
-export type HeldBlock = Omit<BlockFields, "fields">;
+export interface HeldBlock extends Omit<BlockFields, "fields"> {
+  /** The mean of the weights over its frames: nModes x 3. */
+  readonly meanWeights: Float32Array;
+}
 
 /** The block without its fields. */
 export function withoutFields(block: BlockFields): HeldBlock {
   const { fields: _, ...rest } = block;
-  return rest;
+  return { ...rest, meanWeights: meanWeights(block) };
+}
+
+function meanWeights({ weights, nModes, nFrames }: BlockFields): Float32Array {
+  const sums = new Float64Array(3 * nModes);
+  weights.forEach((weight, i) => (sums[i % sums.length] += weight));
+  return Float32Array.from(sums, (sum) => sum / nFrames);
 }
 
 /** A picture: frame `t` of a block, or between that and frame `nextT` of the same or another. */
@@ -19,6 +28,8 @@ export interface Moment {
   readonly nextT: number;
   /** 0: the frame, up to 1: the next one. */
   readonly fraction: number;
+  /** Modes of each block that move; the others rest at their mean over the block. */
+  readonly nMoving: number;
 }
 
 /** A block, and how much of each mode is there: nModes x 3. */
@@ -28,10 +39,10 @@ export interface Share {
 }
 
 /** The sums of fields that make the picture: of one block, or of the two that it lies between. */
-export function sharesOf({ block, t, next, nextT, fraction }: Moment): Share[] {
-  const here = weightsOf(block, t, 1 - fraction);
+export function sharesOf({ block, t, next, nextT, fraction, nMoving }: Moment): Share[] {
+  const here = weightsOf(block, t, 1 - fraction, nMoving);
   if (fraction === 0) return [{ block, weights: here }];
-  const there = weightsOf(next, nextT, fraction);
+  const there = weightsOf(next, nextT, fraction, nMoving);
   if (block === next) return [{ block, weights: here.map((one, i) => one + there[i]) }];
   return [
     { block, weights: here },
@@ -39,15 +50,38 @@ export function sharesOf({ block, t, next, nextT, fraction }: Moment): Share[] {
   ];
 }
 
-function weightsOf({ nModes, weights }: HeldBlock, t: number, share: number): Float32Array {
-  return weights.subarray(3 * nModes * t, 3 * nModes * (t + 1)).map((one) => share * one);
+function weightsOf(block: HeldBlock, t: number, share: number, nMoving: number): Float32Array {
+  const { nModes, weights, meanWeights } = block;
+  const resting = isWhole(block, nMoving) ? Infinity : 3 * nMoving;
+  return weights
+    .subarray(3 * nModes * t, 3 * nModes * (t + 1))
+    .map((one, i) => share * (i < resting ? one : meanWeights[i]));
 }
 
-/** The corrections of the picture: an offset of three numbers for some vertices. */
+function isWhole({ nBlockModes }: HeldBlock, nMoving: number): boolean {
+  return nMoving >= nBlockModes;
+}
+
+/** The mean of all vertices in the picture, without its corrections; from the centre of the file. */
+export function middleOf(moment: Moment): [number, number, number] {
+  const middle: [number, number, number] = [0, 0, 0];
+  for (const { block, weights } of sharesOf(moment)) {
+    weights.forEach((weight, i) => {
+      middle[i % 3] += weight * block.means[Math.floor(i / 3)];
+    });
+  }
+  return middle;
+}
+
+/**
+ * The corrections of the picture: an offset of three numbers for some vertices. Blocks some modes
+ * of which rest have none.
+ */
 export function correctionsOf(moment: Moment): Map<number, number[]> {
-  const { block, t, next, nextT, fraction } = moment;
+  const { block, t, next, nextT, fraction, nMoving } = moment;
   const sums = new Map<number, number[]>();
   const add = (from: HeldBlock, frame: number, share: number) => {
+    if (!isWhole(from, nMoving)) return;
     for (let i = from.correctionStarts[frame]; i < from.correctionStarts[frame + 1]; i++) {
       const vertex = from.correctionVertices[i];
       const sum = sums.get(vertex) ?? [0, 0, 0];

@@ -46,6 +46,7 @@ export class Playback {
   readonly clock: Clock;
   /** Whether pictures between frames are shown. */
   isInterpolating = true;
+  #nMoving = Infinity;
   /** Whether it plays, or will once it need not wait. */
   isPlaying = false;
   /** Whether the picture of the time is not there yet; at first it is not. */
@@ -145,6 +146,18 @@ export class Playback {
     this.#window.clear();
   }
 
+  /** Modes of each block that move. */
+  get nMoving(): number {
+    return this.#nMoving;
+  }
+
+  set nMoving(count: number) {
+    if (count === this.#nMoving) return;
+    this.#nMoving = count;
+    this.#shown = null;
+    this.show();
+  }
+
   /** Shows the picture of the time if it is there, and asks for what it needs and what follows. */
   show(): void {
     if (!this.#hasScreen) return;
@@ -160,7 +173,8 @@ export class Playback {
     if (this.#shown?.frame === frame && this.#shown.fraction === fraction) return;
     this.#shown = { frame, fraction };
     const nextT = fraction > 0 ? frame + 1 - nextBlock.start : frame - block.start;
-    this.#screen.show({ block, t: frame - block.start, next: nextBlock, nextT, fraction });
+    const [t, nMoving] = [frame - block.start, this.#nMoving];
+    this.#screen.show({ block, t, next: nextBlock, nextT, fraction, nMoving });
     this.#send({ type: "frame", frame, time: this.clock.time });
   }
 

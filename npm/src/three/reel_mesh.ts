@@ -10,6 +10,7 @@ import { type Drawing, drawingOf } from "./drawing.js";
 import { canDecode, GpuStage, type Renderer } from "./gpu/gpu_stage.js";
 import { Materials } from "./materials.js";
 import { Playback, type PlaybackEvents } from "./playback.js";
+import { middleOf } from "./held_block.js";
 import type { Setting, Stage } from "./stage.js";
 
 /** Of a frame: what is sought is rounded to these, so that seconds of a frame lead to it. */
@@ -76,6 +77,7 @@ export class ReelMesh extends THREE.Mesh<
   readonly #ownsReel: boolean | undefined;
   readonly #picked = new THREE.Mesh();
   #isPickedStale = true;
+  readonly #middle = new THREE.Vector3();
 
   /** @throws InvalidInputError where the file has no frames. */
   constructor(
@@ -112,6 +114,7 @@ export class ReelMesh extends THREE.Mesh<
         show: (moment) => {
           this.#stage?.show(moment);
           this.#isPickedStale = true;
+          this.#middle.set(...middleOf(moment));
           this.geometry.setDrawRange(0, Infinity);
         },
       },
@@ -234,6 +237,30 @@ export class ReelMesh extends THREE.Mesh<
 
   set interpolate(isOn: boolean) {
     this.#playback.isInterpolating = isOn;
+  }
+
+  /**
+   * How many modes of each block move, most important first: with fewer than all, the others rest
+   * at their mean over the block, and vertices are not corrected. A coarser animation, that tells
+   * what a mode is good for. Infinity, by default, for all.
+   */
+  get modes(): number {
+    return this.#playback.nMoving;
+  }
+
+  set modes(count: number) {
+    if (!(count >= 1)) throw new InvalidInputError(`modes must be at least 1; got ${count}`);
+    this.#playback.nMoving = count;
+  }
+
+  /**
+   * The mean of all vertices in the picture that is shown, in model units from the origin of the
+   * mesh: what a camera follows. Nothing is read from the GPU. Corrections are left out.
+   *
+   * @param target - gets it, and is given back
+   */
+  getMiddle(target: THREE.Vector3): THREE.Vector3 {
+    return target.set(...this.#setting.shift).add(this.#middle);
   }
 
   /**
