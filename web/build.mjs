@@ -1,40 +1,72 @@
-// Builds the page: one HTML file with its scripts and styles inside, which needs nothing else.
+// Builds the page: its HTML with styles inside, and its script, beside it and packed.
+//
+// It stands on the package in ../npm, which has to be built first.
 import { build } from "esbuild";
 import { mkdir, readFile, rename, writeFile } from "node:fs/promises";
 import { dirname, join } from "node:path";
 import { fileURLToPath } from "node:url";
 
 const here = dirname(fileURLToPath(import.meta.url));
-const page = join(here, "../src/meshreel/viewer/page/index.html");
+const folder = join(here, "../src/meshreel/viewer/page");
+
+const common = {
+  bundle: true,
+  minify: true,
+  write: false,
+  format: "iife",
+  target: "es2022",
+  charset: "utf8",
+  legalComments: "none",
+};
+
+/** The package is a link to a folder that has a three.js of its own; there is to be one. */
+const oneThree = {
+  name: "one three",
+  setup(bundler) {
+    bundler.onResolve({ filter: /^three$/ }, ({ kind, resolveDir }) =>
+      resolveDir === here ? null : bundler.resolve("three", { kind, resolveDir: here }),
+    );
+  },
+};
+
+/** `import text from "./name.ts?script"` gives the text of a script: that of a worker. */
+const scriptText = {
+  name: "script text",
+  setup(bundler) {
+    bundler.onResolve({ filter: /\?script$/ }, ({ path, resolveDir }) => ({
+      path: join(resolveDir, path.replace("?script", "")),
+      namespace: "script",
+    }));
+    bundler.onLoad({ filter: /.*/, namespace: "script" }, async ({ path }) => ({
+      contents: await bundle(path),
+      loader: "text",
+    }));
+  },
+};
 
 async function bundle(entry) {
-  const result = await build({
-    entryPoints: [join(here, entry)],
-    bundle: true,
-    minify: true,
-    write: false,
-    format: "iife",
-    target: "es2022",
-    charset: "utf8",
-    legalComments: "none",
-  });
+  const result = await build({ ...common, entryPoints: [entry], plugins: [scriptText, oneThree] });
   return result.outputFiles[0].text;
 }
 
 const [template, script, style, license] = await Promise.all([
   readFile(join(here, "index.html"), "utf8"),
-  bundle("src/main.ts"),
-  bundle("style.css"),
+  bundle(join(here, "src/main.ts")),
+  bundle(join(here, "style.css")),
   readFile(join(here, "node_modules/three/LICENSE"), "utf8"),
 ]);
 
 // Functions, since "$&" in a bundle would mean something to replace().
 const html = template
   .replace("<!--license-->", () => `<!-- Contains three.js.\n${license.trim()}\n-->`)
-  .replace("<!--style-->", () => `<style>${style.replaceAll("</style", "<\\/style")}</style>`)
-  .replace("<!--script-->", () => `<script>${script.replaceAll("</script", "<\\/script")}</script>`);
+  .replace("<!--style-->", () => `<style>${style.replaceAll("</style", "<\\/style")}</style>`);
 
-await mkdir(dirname(page), { recursive: true });
-await writeFile(`${page}.new`, html);
-await rename(`${page}.new`, page);
-console.log(`${page}: ${Math.round(html.length / 1000)} kB`);
+await mkdir(folder, { recursive: true });
+for (const [name, text] of [
+  ["player.js", script.replaceAll("</script", "<\\/script")],
+  ["index.html", html],
+]) {
+  await writeFile(join(folder, `${name}.new`), text);
+  await rename(join(folder, `${name}.new`), join(folder, name));
+  console.log(`${name}: ${Math.round(text.length / 1000)} kB`);
+}

@@ -6,7 +6,7 @@ import pytest
 
 import meshreel
 from samples.browser import driven_browser
-from samples.player_pages import COMMAND, put_to_rest, viewing
+from samples.player_pages import COMMAND, put_to_rest, viewing, wait_until
 
 ALLOWED_ERROR = 0.02
 """Tight for the flag, so that some vertices are corrected; loose, so that errors show."""
@@ -41,6 +41,7 @@ def new_page(browser):
             page.route(pattern, _answering(body))
         page.goto(url)
         if is_shown:
+            wait_until(page, "window.player !== undefined")
             page.evaluate("player.ready")
         if is_shown and is_at_rest:
             put_to_rest(page)

@@ -13,26 +13,24 @@ from contextlib import contextmanager
 from dataclasses import replace
 from unittest.mock import patch
 
+import numpy as np
 import pytest
 
 import meshreel
 from samples.commands import assert_fails, run
 from samples.meshes import waving_grid
-from samples.packets import inlined, read_packet
-from samples.players import PAGE
+from samples.players import PAGE, carried, write_page
 
 WITH_PAGE = (
     "import sys; from pathlib import Path; from meshreel.viewer import page; "
-    "page.PAGE = Path(sys.argv.pop(1)); from meshreel.cli import main; main()"
+    "page.FOLDER = Path(sys.argv.pop(1)); from meshreel.cli import main; main()"
 )
 """The program, with another page than that of the package, which needs Node to be built."""
 
 
 @pytest.fixture
 def page(tmp_path):
-    path = tmp_path / "page.html"
-    path.write_text(PAGE)
-    return path
+    return write_page(tmp_path / "page")
 
 
 @pytest.fixture
@@ -55,7 +53,7 @@ def command(page, *arguments):
 
 def run_with(page, *arguments):
     """What `meshreel ARGUMENTS` says, with this page."""
-    with patch("meshreel.viewer.page.PAGE", page):
+    with patch("meshreel.viewer.page.FOLDER", page):
         return run(*arguments)
 
 
@@ -96,14 +94,14 @@ def get_json(port, path):
 
 def test_view_serves_page_and_data_until_it_is_interrupted(page, reel):
     with viewing(page, reel) as (process, port):
-        assert get(port, "/") == (200, PAGE.encode())
-        told = get_json(port, "/api/reel")
-        assert (told["name"], told["n_frames"], told["original"]) == ("grid", 12, None)
+        assert get(port, "/") == (200, PAGE.served.encode())
+        told = get_json(port, "/api/facts")
+        assert (told["name"], told["original"]) == ("grid", None)
         info = meshreel.info(reel.read_bytes())
         rows = dict(told["rows"])
         assert rows["ratio"] == f"{info.ratio:.1f} x smaller"
         assert rows["sequence"] == "12 frames, 99 vertices, 160 faces"
-        assert read_packet(get(port, "/api/block/0")[1])[0]["n_frames"] == 12
+        assert get(port, "/stream.reel") == (200, reel.read_bytes())
         assert get(port, "/api/original/0")[0] == 404
         process.send_signal(signal.SIGINT)
         out, err = process.communicate(timeout=30)
@@ -118,8 +116,7 @@ def test_view_shows_errors_in_the_words_of_compare_when_the_original_is_given(pa
             if plots["ready"]:
                 break
             time.sleep(0.1)
-        heat = read_packet(get(port, "/api/heat/angle/7")[1])[1]["values"]
-        assert heat.shape == (99,)
+        assert len(get(port, "/api/original/7")[1]) == 99 * 12
         process.send_signal(signal.SIGINT)
         process.communicate(timeout=30)
     assert process.returncode == 0
@@ -150,8 +147,8 @@ def test_view_survives_when_requests_are_malformed_or_from_strangers(page, reel)
         for data in (
             b"\x00\xff\r\n\r\n",
             b"GET /../../../etc/passwd HTTP/1.1\r\nHost: localhost\r\n\r\n",
-            b"GET /api/reel HTTP/1.1\r\nHost: evil.example\r\n\r\n",
-            b"POST /api/reel HTTP/1.1\r\nHost: localhost\r\nContent-Length: 3\r\n\r\nabc",
+            b"GET /api/facts HTTP/1.1\r\nHost: evil.example\r\n\r\n",
+            b"POST /api/facts HTTP/1.1\r\nHost: localhost\r\nContent-Length: 3\r\n\r\nabc",
             b"GET / HTTP/1.1",
         ):
             with socket.create_connection(("127.0.0.1", port), timeout=30) as client:
@@ -160,7 +157,7 @@ def test_view_survives_when_requests_are_malformed_or_from_strangers(page, reel)
                 received = b"".join(iter(lambda client=client: client.recv(4096), b""))
                 assert b"200 OK" not in received
                 assert b"root:" not in received
-        assert get(port, "/api/reel")[0] == 200
+        assert get(port, "/api/facts")[0] == 200
         process.send_signal(signal.SIGINT)
         _, err = process.communicate(timeout=30)
     assert (process.returncode, err) == (0, "")
@@ -170,7 +167,7 @@ def test_view_survives_when_requests_are_malformed_or_from_strangers(page, reel)
 def test_two_viewers_work_when_they_run_at_once(page, reel):
     with viewing(page, reel) as (_, first), viewing(page, reel) as (_, second):
         assert first != second
-        assert get(first, "/api/block/0") == get(second, "/api/block/0")
+        assert get(first, "/stream.reel") == get(second, "/stream.reel")
 
 
 @pytest.mark.slow
@@ -183,7 +180,7 @@ def test_view_names_the_port_when_it_is_in_use(page, reel):
 @pytest.mark.parametrize("name", ["view", "export"])
 def test_player_says_how_to_get_the_page_when_it_is_not_built(name, reel, tmp_path):
     output = ["-o", tmp_path / "p.html"] if name == "export" else ["--no-open"]
-    done = run_with(tmp_path / "none.html", name, reel, *output)
+    done = run_with(tmp_path / "none", name, reel, *output)
     assert_fails(done, "the page of the player is not built", "npm ci", "wheel")
 
 
@@ -225,7 +222,7 @@ def test_export_tells_its_size_when_it_is_done(page, reel, tmp_path):
     told, size_bytes = json.loads(done.stdout), target.stat().st_size
     assert (told["output"], told["size_bytes"]) == (str(target), size_bytes)
     assert list(told["parts"]) == ["player", "animation"]
-    assert inlined(target.read_text())["api/reel"]["n_frames"] == 12
+    assert carried(target.read_text())["stream"] == reel.read_bytes()
     table = run_with(page, "export", reel, "-o", target, "--force").stdout
     assert "size" in table
     assert "of which animation" in table
@@ -241,10 +238,53 @@ def test_export_carries_the_original_when_it_is_given(page, reel, grid, tmp_path
     target = tmp_path / "p.html"
     done = run_with(page, "export", reel, "-o", target, "--original", grid)
     assert (done.returncode, done.stderr) == (0, "")
-    data = inlined(target.read_text())
-    assert data["api/reel"]["original"]["name"] == "grid"
-    assert dict(data["api/plots"]["rows"])["KG error"].endswith(" %")
-    assert "api/heat/sted/11" in data
+    data = carried(target.read_text())
+    told = data["facts"]["original"]
+    assert told["name"] == "grid"
+    assert dict(told["rows"])["KG error"].endswith(" %")
+    original = meshreel.decode(data["original"]).vertices
+    assert abs(original - waving_grid().vertices).max() < 1e-3
+
+
+def test_export_says_so_when_the_stream_is_of_another_method(page, tmp_path):
+    (tmp_path / "old.reel").write_bytes(meshreel.encode(waving_grid(), method="pca-qp"))
+    done = run_with(page, "export", tmp_path / "old.reel", "-o", tmp_path / "p.html")
+    assert "old.reel holds pca-qp; it is encoded anew as reel" in done.stderr.replace("\n", " ")
+    data = carried((tmp_path / "p.html").read_text())
+    assert "encoded anew" in dict(data["facts"]["rows"])["shown"]
+    assert meshreel.info(data["stream"]).method == "reel"
+    before = meshreel.decode((tmp_path / "old.reel").read_bytes()).vertices
+    after = meshreel.decode(data["stream"]).vertices
+    assert abs(after - before).max() < 1.1e-5 * np.linalg.norm(np.ptp(before, axis=(0, 1)))
+
+
+def test_export_writes_parts_beside_the_page_when_it_is_split(page, reel, tmp_path):
+    site = tmp_path / "site"
+    site.mkdir()
+    done = run_with(page, "export", reel, "-o", site / "p.html", "--split", "--json")
+    assert (done.returncode, done.stderr) == (0, "")
+    assert sorted(path.name for path in site.iterdir()) == ["p.html", "p.reel", "player.js"]
+    assert (site / "p.reel").read_bytes() == reel.read_bytes()
+    told = json.loads(done.stdout)
+    assert told["size_bytes"] == sum(path.stat().st_size for path in site.iterdir())
+    again = run_with(page, "export", reel, "-o", site / "q.html", "--split")
+    assert again.returncode == 0  # the script is there already
+    (site / "p.reel").write_bytes(b"mine")
+    assert_fails(
+        run_with(page, "export", reel, "-o", site / "p.html", "--split"), "exists and is kept"
+    )
+
+
+def test_export_refuses_a_texture_when_it_cannot_be_shown(page, reel, tmp_path):
+    (tmp_path / "a.txt").write_text("no image")
+    (tmp_path / "a.png").write_bytes(b"image")
+    for name, words in [
+        ("a.txt", "no image or video"),
+        ("b.png", "is not there"),
+        ("a.png", "has no texture coordinates"),
+    ]:
+        target = ["-o", tmp_path / "p.html", "--texture", tmp_path / name]
+        assert_fails(run_with(page, "export", reel, *target), words)
 
 
 @pytest.mark.slow
@@ -252,7 +292,7 @@ def test_view_plays_what_is_whole_when_the_file_is_cut_off(page, tmp_path):
     data = meshreel.encode(replace(waving_grid(12), name=""), block_frames=4)
     (tmp_path / "cut.reel").write_bytes(data[:-150])
     with viewing(page, tmp_path / "cut.reel") as (_, port):
-        told = get_json(port, "/api/reel")
+        told = get_json(port, "/api/facts")
     assert (told["is_whole"], told["name"]) == (False, "cut")
-    assert 0 < told["n_frames"] < 12
+    assert 0 < len(told["n_modes"]) < 3
     assert "cut off" in dict(told["rows"])["end"]

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from meshreel.cli import main
-from meshreel.viewer.page import PAGE
+from meshreel.viewer.page import FOLDER
 from samples.pages import PAGES, name_of, parts_of, snippets
 
 N_FRAMES = 60
@@ -85,7 +85,7 @@ def test_a_snippet_says_what_it_needs_when_it_is_not_run():
 @pytest.mark.slow
 @pytest.mark.parametrize("page", [page for page in PAGES if snippets(page)], ids=name_of)
 def test_snippets_run_in_order(page, demo, tmp_path, monkeypatch):
-    if not PAGE.is_file():
+    if not (FOLDER / "index.html").is_file():
         pytest.skip("the page of the player is not built")
     monkeypatch.chdir(tmp_path)
     shutil.copytree(demo, tmp_path / demo.name)

@@ -31,7 +31,7 @@ def viewing(path, *options):
 
 
 def array_of(page, expression, dtype):
-    """A typed array of the page, whose rows are x, y, z or red, green, blue."""
+    """A typed array of the page."""
     text = page.evaluate(
         f"""() => {{
             const bytes = new Uint8Array(({expression}).buffer);
@@ -41,17 +41,17 @@ def array_of(page, expression, dtype):
             return btoa(text);
         }}"""
     )
-    return np.frombuffer(base64.b64decode(text), dtype).reshape(-1, 3)
+    return np.frombuffer(base64.b64decode(text), dtype)
 
 
 def positions_of(page):
     """Positions of shape (V, 3) that are drawn."""
-    return array_of(page, "player.positions()", np.float32)
+    return array_of(page, "player.positions()", np.float32).reshape(-1, 3)
 
 
-def colors_of(page):
-    """Colours of shape (V, 3) of the decoded mesh, without light."""
-    return array_of(page, "player.heatColors()", np.uint8)
+def values_of(page):
+    """Values of shape (V,) by which the decoded mesh is painted."""
+    return array_of(page, "player.heatValues()", np.float32)
 
 
 def show(page, frame):

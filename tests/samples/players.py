@@ -1,5 +1,8 @@
-"""A page that stands for the built one, and players of small streams."""
+"""A page that stands for the built one, what pages carry, and players of small streams."""
 
+import base64
+import json
+import re
 from contextlib import contextmanager
 from io import BytesIO
 
@@ -8,11 +11,30 @@ from meshreel.codec.reel_file import ReelFile
 from meshreel.viewer.api import Api
 from meshreel.viewer.comparison import Comparison
 from meshreel.viewer.original import Original
+from meshreel.viewer.page import Page
 
-PAGE = (
+PAGE = Page(
     "<!doctype html><html><head><!--meshreel-data--><title>p</title></head>"
-    '<body><script type="module">1 < 2 && "<\\/script>"</script></body></html>'
+    "<body><!--script--></body></html>",
+    '1 < 2 && "<\\/script>"',
 )
+
+
+def write_page(folder):
+    """Has the page in a folder, as a build leaves it."""
+    folder.mkdir()
+    (folder / "index.html").write_text(PAGE.html)
+    (folder / "player.js").write_text(PAGE.script)
+    return folder
+
+
+def carried(html):
+    """What an exported page carries; files inside it as bytes."""
+    (script,) = re.findall(r"<script>window\.MESHREEL=(.*?)</script>", html, re.S)
+    return {
+        name: base64.b64decode(part["base64"]) if "base64" in part else part
+        for name, part in json.loads(script).items()
+    }
 
 
 @contextmanager

@@ -3,11 +3,11 @@
 
 import { loadMeasured } from "./data";
 import { fillRows, input, part } from "./page";
-import { shortNumber } from "./heat_map";
+import { shortNumber } from "./heat/map";
 import type { Opening } from "./opening";
 import type { Player } from "./player";
 import { Plot } from "./plots";
-import type { Errors, HeatInfo, OriginalInfo } from "./reel";
+import type { Errors, HeatInfo, OriginalInfo } from "./facts";
 
 /** While playing, values are written this seldom: faster, nobody reads them. */
 const BETWEEN_VALUES_MS = 200;

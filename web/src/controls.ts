@@ -1,14 +1,14 @@
 // Controls and keys, and their actions.
 
 import { ComparisonPanel } from "./comparison";
-import { HeatBar } from "./heat_bar";
+import { HeatBar } from "./heat/bar";
 import { Labels } from "./labels";
 import type { Opening } from "./opening";
 import { Choice, input, part, showError } from "./page";
 import { Panel } from "./panel";
 import type { Arrangement, Look, Picture, Shading } from "./picture";
 import type { Player } from "./player";
-import type { Reel } from "./reel";
+import type { Reel } from "./facts";
 import { saveScreenshot } from "./screenshot";
 import type { Background, Stage } from "./stage";
 import { Timeline } from "./timeline";
@@ -69,7 +69,7 @@ function timelineKeys(timeline: Timeline, reel: Reel): Actions {
     ShiftArrowLeft: () => timeline.skip(-10),
     ShiftArrowRight: () => timeline.skip(10),
     Home: () => timeline.seek(0),
-    End: () => timeline.seek(reel.n_frames - 1),
+    End: () => timeline.seek(reel.file.info.nFrames - 1),
     "-": () => timeline.changeSpeed(-1),
     "+": () => timeline.changeSpeed(1),
     "=": () => timeline.changeSpeed(1),
@@ -98,8 +98,8 @@ function viewKeys(reel: Reel, stage: Stage, picture: Picture, player: Player): A
   const up = new Choice<"y" | "z">("up", reel.up, (axis) => stage.setUp(axis));
   const wire = tick("wire", choose("wire"));
   const follow = tick("follow", (isFollowed) => picture.setFollowed(isFollowed));
-  part("own-colors-row").hidden = !picture.paint.hasOwnColors;
-  tick("own-colors", choose("ownColors"));
+  part("own-look-row").hidden = !picture.hasOwnLook;
+  tick("own-look", choose("ownLook"));
   tick("smooth-play", (isSmooth) => player.setSmoothPlay(isSmooth));
   return {
     f: () => shading.next(),

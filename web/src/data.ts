@@ -1,35 +1,82 @@
-// Where the data come from: an exported page carries them, else the server has them.
+// Where the data come from: an exported page carries them or says where they are, else the server
+// has them.
 
-import { Packet } from "./packet";
-import type { Measured, Reel } from "./reel";
+import { ReelFile } from "meshreel";
+
+import type { Facts, Measured, Reel } from "./facts";
+
+/** A file inside the page, or beside it. */
+type Carried = { base64: string } | { url: string };
+
+/** What an exported page carries. */
+interface Exported {
+  facts: Facts;
+  stream: Carried;
+  /** Frames of the original, as a file of their own. */
+  original?: Carried;
+  texture?: Carried & { mediaType: string };
+}
 
 declare global {
   interface Window {
-    MESHREEL?: Record<string, unknown>;
+    MESHREEL?: Exported;
   }
 }
 
-/** Everything about the file that is not frames. */
-export async function loadReel(): Promise<Reel> {
-  const reel = (await loadJson("api/reel")) as Reel;
-  if (!Array.isArray(reel.blocks)) throw new Error("api/reel arrived damaged: it has no blocks.");
-  return reel;
+/** Frames of the original: positions (V, 3) from the centre of the file. */
+export interface Originals {
+  frame(number: number): Promise<Float32Array>;
+}
+
+/** The file, and what is said of it. */
+export async function openReel(): Promise<Reel> {
+  const { MESHREEL: exported } = window;
+  const facts = exported?.facts ?? ((await (await request("api/facts")).json()) as Facts);
+  const file = await ReelFile.open(exported ? carried(exported.stream) : "stream.reel");
+  return { ...facts, file };
 }
 
 /** Errors of all frames against the original, as far as they are measured. */
 export async function loadMeasured(): Promise<Measured> {
-  return (await loadJson("api/plots")) as Measured;
+  return (await request("api/plots")).json();
 }
 
-/** The packet at an address, from inside the page or from the server. */
-export async function loadPacket(url: string): Promise<Packet> {
-  const inline = window.MESHREEL?.[url];
-  if (typeof inline === "string") return new Packet(await inflate(inline, url), url);
-  return new Packet(await (await request(url)).arrayBuffer(), url);
+/** The frames of the original of a file that has one. */
+export async function openOriginals({ file }: Reel): Promise<Originals> {
+  const { nVerts, center } = file.info;
+  const given = window.MESHREEL?.original;
+  if (!given) {
+    return {
+      frame: async (number) => {
+        const url = `api/original/${number}`;
+        const positions = new Float32Array(await (await request(url)).arrayBuffer());
+        if (positions.length !== 3 * nVerts) throw new Error(`${url} arrived damaged.`);
+        return positions;
+      },
+    };
+  }
+  const original = await ReelFile.open(carried(given));
+  return {
+    frame: async (number) =>
+      Float32Array.from(await original.frame(number), (value, i) => value - center[i % 3]),
+  };
 }
 
-async function loadJson(url: string): Promise<unknown> {
-  return window.MESHREEL?.[url] ?? (await request(url)).json();
+/** Of an image or a video to put on the mesh, where the page carries one. */
+export function textureAddress(): { url: string; mediaType: string } | null {
+  const given = window.MESHREEL?.texture;
+  if (!given) return null;
+  const { mediaType } = given;
+  if ("url" in given) return { url: given.url, mediaType };
+  return { url: URL.createObjectURL(new Blob([bytesOf(given)], { type: mediaType })), mediaType };
+}
+
+function carried(given: Carried): string | Uint8Array {
+  return "url" in given ? given.url : bytesOf(given);
+}
+
+function bytesOf({ base64 }: { base64: string }): Uint8Array<ArrayBuffer> {
+  return Uint8Array.from(atob(base64), (letter) => letter.charCodeAt(0));
 }
 
 async function request(url: string): Promise<Response> {
@@ -45,16 +92,6 @@ async function request(url: string): Promise<Response> {
     throw new Error(`The server cannot give ${url}: ${reasonIn(await response.text())}`);
   }
   return response;
-}
-
-async function inflate(base64: string, url: string): Promise<ArrayBuffer> {
-  try {
-    const bytes = Uint8Array.from(atob(base64), (letter) => letter.charCodeAt(0));
-    const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("deflate-raw"));
-    return await new Response(stream).arrayBuffer();
-  } catch {
-    throw new Error(`${url} is damaged inside this page. Export the page again.`);
-  }
 }
 
 /** The reason in a refusal: JSON with an error, or plain text. */

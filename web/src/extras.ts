@@ -1,11 +1,13 @@
-// Data that come one frame at a time beside the modes: values of a heat map, and the original. The
-// errors of the mesh of fewer modes than all are computed here; the server has those of all modes.
+// Data that come one frame at a time beside the animation: the original, and from it the values of
+// a heat map, which a worker computes: of all modes ahead of the playback, of few as they are shown.
 
 import { Cache } from "./cache";
-import { loadPacket } from "./data";
-import { largest, type FrameErrors, type HeatFields } from "./heat_fields";
+import { openOriginals, type Originals } from "./data";
+import { playingFps, type Reel } from "./facts";
+import { largest, type FrameErrors } from "./heat/fields";
+import type { Answer } from "./heat/messages";
+import { Measurer } from "./heat/measurer";
 import type { Picture } from "./picture";
-import { playingFps, type Reel } from "./reel";
 
 const KEPT_BYTES = 128e6;
 const LEAST_KEPT = 8;
@@ -23,19 +25,25 @@ export class Extras {
   private readonly originals: Cache<Float32Array>;
   private readonly heats = new Map<string, Cache<Float32Array>>();
   private readonly ahead: Lookahead;
+  private opened: Promise<Originals> | null = null;
+  private measurer: Measurer | null = null;
   private shownOriginal = -1;
   private shownHeat = "";
+  /** What is being measured of few modes. */
+  private measuring = "";
   /** The largest value of few modes so far, of which kind and how many. */
   private seen = { key: "", largest: 0 };
 
+  /** `measured` is called when errors of few modes are there. */
   constructor(
     private readonly reel: Reel,
     private readonly picture: Picture,
-    private readonly fields: HeatFields,
-    private readonly decodedAt: (frame: number) => Float32Array | null,
+    private readonly measured: () => void,
+    private readonly failed: (error: unknown) => void,
   ) {
-    this.originals = frameCache("api/original", "positions", [reel.n_verts, 3]);
-    this.ahead = new Lookahead(reel.n_frames, playingFps(reel));
+    const load = async (frame: number) => (await (this.opened ??= openOriginals(reel))).frame(frame);
+    this.originals = new Cache(load, this.nKept(3));
+    this.ahead = new Lookahead(reel.file.info.nFrames, playingFps(reel));
   }
 
   /** Has heat painted anew, since its kind or its range has changed. */
@@ -44,24 +52,26 @@ export class Extras {
     if (this.heatKind === null) this.picture.setHeat(null);
   }
 
-  /** Fetches the data of a frame. */
+  /** Fetches the data of a frame; of few modes, of the frame that is shown. */
   async load(frame: number): Promise<void> {
     await Promise.all([
       this.heatCache()?.load(frame),
       this.needsOriginal ? this.originals.load(frame) : null,
     ]);
+    if (this.comparesFew && this.heatKey(frame) !== this.shownHeat) await this.measureFew(frame);
   }
 
   /** Fetches the data of the frames after this one, while it plays. */
-  prefetch(frame: number, speed: number, failed: (error: unknown) => void): void {
+  prefetch(frame: number, speed: number): void {
     const heats = this.heatCache();
-    if (heats) this.ahead.prefetch(heats, frame, speed, failed);
-    if (this.needsOriginal) this.ahead.prefetch(this.originals, frame, speed, failed);
+    if (heats) this.ahead.prefetch(heats, frame, speed, this.failed);
+    if (this.needsOriginal) this.ahead.prefetch(this.originals, frame, speed, this.failed);
   }
 
   /** Shows the data of a frame that are here; the rest stays. True if anything has changed. */
   show(frame: number): boolean {
-    const showsHeat = this.comparesFew ? this.showErrorsOfFew(frame) : this.showHeat(frame);
+    if (this.comparesFew) void this.measureFew(frame).catch(this.failed);
+    const showsHeat = !this.comparesFew && this.showHeat(frame);
     return this.showOriginal(frame) || showsHeat;
   }
 
@@ -88,17 +98,37 @@ export class Extras {
     return true;
   }
 
-  private showErrorsOfFew(frame: number): boolean {
-    const original = this.originals.peek(frame);
-    if (!original || this.heatKey(frame) === this.shownHeat) return false;
-    const decoded = this.decodedAt(frame);
-    if (!decoded) return false;
-    this.frameErrors = { frame, ...this.fields.errors(original, decoded) };
-    this.shownHeat = this.heatKey(frame);
-    if (this.heatKind === null) return true;
-    const values = this.fields.of(this.heatKind, original, decoded);
-    this.paint(values, this.rangeOfFew(largest(values)), frame);
-    return true;
+  /** Measures the shown frame, if its original is here, and shows that unless it is too late. */
+  private async measureFew(frame: number): Promise<void> {
+    const [original, key] = [this.originals.peek(frame), this.heatKey(frame)];
+    if (!original || key === this.shownHeat || this.measuring !== "") return;
+    this.measuring = key;
+    let answer: Answer;
+    try {
+      answer = await this.measure(this.heatKind, original, this.picture.positions());
+    } finally {
+      this.measuring = "";
+    }
+    if (key !== this.heatKey(frame)) return;
+    this.frameErrors = { frame, ...answer.errors };
+    this.shownHeat = key;
+    const { values } = answer;
+    if (values) this.paint(values, this.rangeOfFew(largest(values)), frame);
+    this.measured();
+  }
+
+  private measure(
+    kind: string | null,
+    original: Float32Array,
+    decoded: Float32Array,
+  ): Promise<Answer> {
+    const { file, original: info } = this.reel;
+    this.measurer ??= new Measurer({
+      triangles: file.surface.triangles,
+      nVerts: file.info.nVerts,
+      diagonal: info?.diagonal ?? file.info.diagonal,
+    });
+    return this.measurer.measure(kind, original, decoded);
   }
 
   private paint(values: Float32Array, range: number, frame: number): void {
@@ -127,27 +157,37 @@ export class Extras {
     return `${this.heatKind} ${this.fewModes} ${frame}`;
   }
 
-  /** Values that the server has measured; null where none are shown. */
+  /** Values of all modes; null where they are not shown. */
   private heatCache(): Cache<Float32Array> | null {
     const kind = this.heatKind;
     if (kind === null || this.comparesFew) return null;
     const cache =
-      this.heats.get(kind) ?? frameCache(`api/heat/${kind}`, "values", [this.reel.n_verts]);
+      this.heats.get(kind) ?? new Cache((frame) => this.heatOf(kind, frame), this.nKept(1));
     this.heats.set(kind, cache);
     return cache;
+  }
+
+  private async heatOf(kind: string, frame: number): Promise<Float32Array> {
+    const { center } = this.reel.file.info;
+    const [original, positions] = await Promise.all([
+      this.originals.load(frame),
+      this.reel.file.frame(frame),
+    ]);
+    const decoded = Float32Array.from(positions, (value, i) => value - center[i % 3]);
+    const { values } = await this.measure(kind, original, decoded);
+    return values as Float32Array;
+  }
+
+  /** Frames of so many numbers for each vertex that are kept. */
+  private nKept(width: number): number {
+    const bytes = 4 * width * Math.max(1, this.reel.file.info.nVerts);
+    return Math.max(LEAST_KEPT, Math.floor(KEPT_BYTES / bytes));
   }
 
   private fixedRange(): number {
     const info = this.reel.original?.heats.find((heat) => heat.kind === this.heatKind);
     return info?.range || info?.maximum || 1;
   }
-}
-
-function frameCache(url: string, name: string, shape: number[]): Cache<Float32Array> {
-  const bytes = 4 * shape.reduce((product, length) => product * length, 1);
-  const load = async (frame: number) =>
-    (await loadPacket(`${url}/${frame}`)).array(name, "float32", shape) as Float32Array;
-  return new Cache(load, Math.max(LEAST_KEPT, Math.floor(KEPT_BYTES / Math.max(1, bytes))));
 }
 
 /**

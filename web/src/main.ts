@@ -1,19 +1,17 @@
 // Puts the page together.
 
 import { connectControls } from "./controls";
-import { loadPacket, loadReel } from "./data";
-import { VertexGrid } from "./gpu/grid";
-import { HeatFields } from "./heat_fields";
+import { openReel } from "./data";
+import type { Reel } from "./facts";
 import { Opening } from "./opening";
 import { part, showError } from "./page";
 import { Picture, type Look } from "./picture";
 import { Player } from "./player";
-import type { Reel } from "./reel";
 import { Stage } from "./stage";
 import { exposeForTests } from "./window_player";
 
 async function start(): Promise<void> {
-  const reel = await loadReel();
+  const reel = await openReel();
   document.title = `${reel.name} – meshreel`;
   part("name").textContent = reel.name;
   const canvas = part<HTMLCanvasElement>("canvas");
@@ -21,21 +19,13 @@ async function start(): Promise<void> {
   canvas.addEventListener("webglcontextlost", () =>
     showError(new Error("The graphics card has dropped this page. Reload it.")),
   );
-  const packet = await loadPacket("api/faces");
-  const faces = packet.array("faces", "uint32", [reel.n_faces, 3]);
-  const colors = packet.shapeOf("colors");
-  const ownColors = colors && packet.array("colors", "uint8", [reel.n_verts, colors[1]]);
-  const grid = new VertexGrid(reel.n_verts);
-  const look = firstLook(reel);
-  const hasOriginal = reel.original !== null;
-  const picture = new Picture(stage, grid, faces, ownColors, hasOriginal, reel.diagonal, look);
+  const picture = new Picture(stage, reel, firstLook(reel));
   stage.setUp(reel.up);
-  const fields = new HeatFields(faces, reel.n_verts, reel.original?.diagonal ?? reel.diagonal);
-  const player = new Player(reel, grid, picture, fields);
+  const player = new Player(reel, picture);
   const opening = new Opening(reel, player);
   player.failed = showError;
   connectControls(reel, stage, picture, player, opening);
-  exposeForTests(player, picture, stage, opening);
+  exposeForTests(player, picture, opening);
   await player.seek(0);
   await opening.begin();
   if (picture.travelsFar()) part<HTMLInputElement>("follow").click();
@@ -45,7 +35,7 @@ function firstLook(reel: Reel): Look {
   return {
     shading: "flat",
     wire: false,
-    ownColors: true,
+    ownLook: true,
     background: "light",
     arrangement: reel.original ? "beside" : "decoded",
     isFollowed: false,

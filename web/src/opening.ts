@@ -2,7 +2,7 @@
 // heat map of distances on.
 
 import type { Player } from "./player";
-import type { Reel } from "./reel";
+import type { Reel } from "./facts";
 
 export class Opening {
   private isOver = false;
@@ -21,12 +21,12 @@ export class Opening {
   }
 
   async begin(): Promise<void> {
-    const { original, n_frames } = this.reel;
+    const { original, file } = this.reel;
     if (original) {
       const [nearest] = original.heats;
       await this.player.setHeat(nearest.kind);
       await this.toLargestError();
-    } else if (n_frames > 1 && !matchMedia("(prefers-reduced-motion: reduce)").matches) {
+    } else if (file.info.nFrames > 1 && !matchMedia("(prefers-reduced-motion: reduce)").matches) {
       this.player.play();
     }
   }

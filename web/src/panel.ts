@@ -2,7 +2,7 @@
 
 import { element, fillRows, input, part } from "./page";
 import type { Player } from "./player";
-import { mostModes, type Reel } from "./reel";
+import { mostModes, type Reel } from "./facts";
 
 export class Panel {
   private readonly modes = input("modes");

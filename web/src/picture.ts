@@ -1,13 +1,13 @@
 // The picture: the decoded mesh, the original beside or over it, heat, and how all is shaded.
 
+import { ReelMesh } from "meshreel/three";
 import * as THREE from "three";
 
 import { outermost } from "./camera";
-import { Decoder } from "./gpu/decoder";
-import type { VertexGrid } from "./gpu/grid";
-import { NormalPass } from "./gpu/normals";
-import { HEAT_MAP, OWN_COLORS, Paint, PLAIN } from "./gpu/paint";
-import { edgesOf, Surface } from "./gpu/surface";
+import { edgesOf } from "./edges";
+import type { Reel } from "./facts";
+import { Figure } from "./shading/figure";
+import { OriginalMesh } from "./shading/original";
 import type { Background, Stage } from "./stage";
 
 export type Shading = "flat" | "smooth";
@@ -16,7 +16,8 @@ export type Arrangement = "decoded" | "beside" | "over";
 export interface Look {
   shading: Shading;
   wire: boolean;
-  ownColors: boolean;
+  /** Colours and materials of the file, where it has some. */
+  ownLook: boolean;
   background: Background;
   arrangement: Arrangement;
   /** The mesh is kept in the middle, wherever it goes. */
@@ -42,65 +43,57 @@ const LIFT = { wire: 0.001, over: 0.02 };
 const ORIGINAL_INK: [number, number, number] = [0.93, 0.42, 0.1];
 
 export class Picture {
-  readonly decoder: Decoder;
-  readonly paint: Paint;
-  private readonly decoded: Surface;
-  private readonly original: Surface | null = null;
-  private readonly originalPositions: THREE.DataTexture | null = null;
-  private normals: NormalPass | null = null;
+  readonly mesh: ReelMesh;
+  /** Whether the file says how its faces look. */
+  readonly hasOwnLook: boolean;
+  private readonly decoded: Figure;
+  private readonly original: { mesh: OriginalMesh; figure: Figure } | null = null;
+  private readonly heat: THREE.BufferAttribute;
   private edgeIndex: THREE.BufferAttribute | null = null;
   private hasHeat = false;
-  /** The middle of the decoded mesh as it was drawn. */
-  private readonly centre = new THREE.Vector3();
 
   constructor(
     private readonly stage: Stage,
-    private readonly grid: VertexGrid,
-    private readonly faceVertices: Uint32Array,
-    ownColors: Uint8Array | null,
-    hasOriginal: boolean,
-    private readonly diagonal: number,
+    private readonly reel: Reel,
     readonly look: Look,
   ) {
-    this.decoder = new Decoder(stage.renderer, grid);
-    this.paint = new Paint(grid, ownColors);
-    const index = new THREE.BufferAttribute(faceVertices, 1);
-    this.decoded = new Surface(this.decoder.target.texture, grid, index, this.paint.uniforms);
+    const { file } = reel;
+    const { renderer } = stage;
+    this.mesh = new ReelMesh(file, { renderer, origin: file.info.center });
+    const { geometry, material, sources } = this.mesh;
+    this.hasOwnLook = "color" in geometry.attributes || file.surface.materials.length > 0;
+    this.heat = new THREE.BufferAttribute(new Float32Array(sources.length), 1);
+    geometry.setAttribute("heat", this.heat.setUsage(THREE.DynamicDrawUsage));
+    this.decoded = new Figure(this.mesh, material);
     stage.add(this.decoded.group);
-    if (hasOriginal) {
-      this.originalPositions = grid.floats(4);
-      const plain = { ...this.paint.uniforms, paintKind: { value: PLAIN } };
-      this.original = new Surface(this.originalPositions, grid, index, plain);
-      stage.add(this.original.group);
+    if (reel.original) {
+      const mesh = new OriginalMesh(this.mesh);
+      this.original = { mesh, figure: new Figure(mesh, material) };
+      stage.add(this.original.figure.group);
     }
     this.applyLook();
   }
 
   /** Takes over the changes in `look`. */
   applyLook(): void {
-    const { arrangement, background, wire } = this.look;
-    const own = this.paint.hasOwnColors && this.look.ownColors;
-    const paintKind = own ? OWN_COLORS : PLAIN;
-    this.paint.uniforms.paintKind.value = this.hasHeat ? HEAT_MAP : paintKind;
-    const ink = new THREE.Vector4(...INK[background], 0.45);
-    this.ruleLines(this.decoded, wire, ink, LIFT.wire);
-    const [decoded, original] = [this.decoded.group, this.original?.group];
-    if (this.original && original) {
+    const { arrangement, background, wire, shading } = this.look;
+    const isOwn = this.hasOwnLook && this.look.ownLook;
+    const isSmooth = shading === "smooth";
+    const ink = [...INK[background], 0.45] as const;
+    this.decoded.dress(isOwn && !this.hasHeat, isSmooth);
+    this.rule(this.decoded, wire, ink, LIFT.wire);
+    const { stage, decoded, original } = this;
+    if (original) {
       const isOver = arrangement === "over";
-      this.original.faces.visible = !isOver;
-      this.original.faces.material.uniforms.paintKind.value = paintKind;
-      const over = new THREE.Vector4(...ORIGINAL_INK, 0.4);
-      this.ruleLines(
-        this.original,
-        isOver || wire,
-        isOver ? over : ink,
-        isOver ? LIFT.over : LIFT.wire,
-      );
+      original.mesh.visible = !isOver;
+      original.figure.dress(isOwn, isSmooth);
+      if (isOver) this.rule(original.figure, true, [...ORIGINAL_INK, 0.4], LIFT.over);
+      else this.rule(original.figure, wire, ink, LIFT.wire);
     }
-    if (!original || arrangement === "decoded") this.stage.setViews([[decoded]]);
-    else
-      this.stage.setViews(arrangement === "over" ? [[decoded, original]] : [[decoded], [original]]);
-    this.stage.setBackground(background);
+    if (!original || arrangement === "decoded") stage.setViews([[decoded.group]]);
+    else if (arrangement === "over") stage.setViews([[decoded.group, original.figure.group]]);
+    else stage.setViews([[decoded.group], [original.figure.group]]);
+    stage.setBackground(background);
   }
 
   get needsOriginal(): boolean {
@@ -118,58 +111,84 @@ export class Picture {
     return this.stage.distanceTo(null) > NEARER * this.stage.distanceTo(this.pose());
   }
 
-  /** Takes over the positions that the decoder has just computed. */
-  decodedMoved(): void {
-    this.decoded.moved();
-  }
-
   setOriginal(positions: Float32Array): void {
-    if (!this.originalPositions) return;
-    const data = this.originalPositions.image.data as unknown as Float32Array;
-    for (let from = 0, to = 0; from < positions.length; from += 3, to += 4) {
-      data[to] = positions[from];
-      data[to + 1] = positions[from + 1];
-      data[to + 2] = positions[from + 2];
-    }
-    this.originalPositions.needsUpdate = true;
-    this.original?.moved();
+    this.original?.mesh.setPositions(positions);
   }
 
   /** Paints the decoded mesh by values, the hottest of which is given; null: no heat map. */
   setHeat(heat: { values: Float32Array; hottest: number } | null): void {
     const had = this.hasHeat;
     this.hasHeat = heat !== null;
-    if (heat) this.paint.setHeat(heat.values, heat.hottest);
+    this.decoded.faces.hottest = heat?.hottest ?? null;
+    if (heat) this.paint(heat.values);
     if (had !== this.hasHeat) this.applyLook();
   }
 
-  /** Draws all, where `centre` is the middle of the decoded mesh. */
-  draw(centre: THREE.Vector3): void {
-    this.centre.copy(centre);
-    this.stage.follow(this.look.isFollowed ? centre : null);
-    const isSmooth = this.look.shading === "smooth";
-    if (isSmooth) this.normals ??= new NormalPass(this.grid, this.faceVertices);
-    this.decoded.shade(this.stage.renderer, isSmooth ? this.normals : null);
-    if (this.needsOriginal)
-      this.original?.shade(this.stage.renderer, isSmooth ? this.normals : null);
+  /** Positions (V, 3) as they are drawn, from the centre of the file; read back from the GPU. */
+  positions(): Float32Array {
+    const positions = new Float32Array(3 * this.reel.file.info.nVerts);
+    const point = new THREE.Vector3();
+    this.mesh.sources.forEach((source, vertex) => {
+      this.mesh.getVertexPosition(vertex, point).toArray(positions, 3 * source);
+    });
+    return positions;
+  }
+
+  /** Values at each vertex by which it is painted; null where it is not. */
+  heatValues(): Float32Array | null {
+    if (!this.hasHeat) return null;
+    const values = new Float32Array(this.reel.file.info.nVerts);
+    this.mesh.sources.forEach((source, vertex) => (values[source] = this.heat.array[vertex]));
+    return values;
+  }
+
+  /** Draws all. */
+  draw(): void {
+    const { original } = this;
+    this.stage.follow(this.look.isFollowed ? this.middle() : null);
+    this.decoded.join();
+    if (original && this.needsOriginal) {
+      if (this.look.shading === "smooth") original.mesh.bend();
+      original.figure.join();
+    }
     this.stage.draw();
   }
 
-  private ruleLines(surface: Surface, visible: boolean, ink: THREE.Vector4, lift: number): void {
-    surface.lines.visible = visible;
-    surface.lines.material.uniforms.ink.value = ink;
-    surface.lines.material.uniforms.lift.value = lift * this.diagonal;
-    if (visible && !surface.lines.geometry.index) surface.lines.geometry.setIndex(this.edges());
+  private middle(): THREE.Vector3 {
+    return this.mesh.getMiddle(new THREE.Vector3());
+  }
+
+  private paint(values: Float32Array): void {
+    const painted = this.heat.array as Float32Array;
+    this.mesh.sources.forEach((source, vertex) => {
+      painted[vertex] = Number.isNaN(values[source]) ? -1 : values[source];
+    });
+    this.heat.needsUpdate = true;
+  }
+
+  private rule(
+    { lines }: Figure,
+    isVisible: boolean,
+    ink: readonly [number, number, number, number],
+    lift: number,
+  ): void {
+    lines.visible = isVisible;
+    lines.rule(ink, lift * this.reel.file.info.diagonal);
+    if (isVisible && !lines.geometry.index) lines.geometry.setIndex(this.edges());
   }
 
   /** The outermost points of the shown frame about its middle, with room around. */
   private pose(): THREE.Vector3[] {
-    const points = outermost(this.decoder.read());
-    return points.map((point) => point.sub(this.centre).multiplyScalar(ROOM));
+    const middle = this.middle();
+    return outermost(this.positions()).map((point) => point.sub(middle).multiplyScalar(ROOM));
   }
 
   private edges(): THREE.BufferAttribute {
-    this.edgeIndex ??= new THREE.BufferAttribute(edgesOf(this.faceVertices, this.grid.nVerts), 1);
+    const { index } = this.mesh.geometry;
+    this.edgeIndex ??= new THREE.BufferAttribute(
+      edgesOf(index?.array as Uint32Array, this.mesh.sources.length),
+      1,
+    );
     return this.edgeIndex;
   }
 }

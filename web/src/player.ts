@@ -1,15 +1,12 @@
-// Plays: knows which frame is due, has its data fetched, and draws when something has changed.
+// Plays: has the data of the frame fetched that is due, and draws when something has changed.
 
-import { Cache } from "./cache";
-import { Clock } from "./clock";
+import { CorruptStreamError, TruncatedStreamError } from "meshreel";
+import type { ReelMesh } from "meshreel/three";
+
 import { Extras } from "./extras";
-import type { FrameErrors, HeatFields } from "./heat_fields";
-import { ModeBlock } from "./gpu/mode_block";
-import type { VertexGrid } from "./gpu/grid";
+import { mostModes, type Reel } from "./facts";
+import type { FrameErrors } from "./heat/fields";
 import type { Picture } from "./picture";
-import { blockOf, mostModes, playingFps, type Reel } from "./reel";
-
-const BLOCK_BYTES = 256e6;
 
 export interface PlayerState {
   frame: number;
@@ -30,81 +27,101 @@ export interface PlayerState {
 }
 
 export class Player {
-  readonly clock: Clock;
   /** Called when anything in `state()` may have changed. */
   changed: () => void = () => {};
   failed: (error: unknown) => void = () => {};
   private nModes: number;
-  private isSmoothPlay = false;
-  private isBuffering = false;
   private isDirty = true;
   private isMeasuring = false;
   private nDrawn = 0;
   private drawMs = 0;
-  private readonly blocks: Cache<ModeBlock>;
+  private lastMs = 0;
+  private readonly mesh: ReelMesh;
   private readonly extras: Extras;
   private settling: Promise<void> | null = null;
 
   constructor(
     private readonly reel: Reel,
-    private readonly grid: VertexGrid,
     private readonly picture: Picture,
-    fields: HeatFields,
   ) {
-    this.clock = new Clock(reel.n_frames, playingFps(reel));
+    this.mesh = picture.mesh;
+    this.mesh.interpolate = false;
     this.nModes = mostModes(reel);
-    const blockBytes = Math.max(1, 4 * grid.nVerts * this.nModes);
-    this.blocks = new Cache(
-      (number) => this.loadBlock(number),
-      Math.max(3, Math.floor(BLOCK_BYTES / blockBytes)),
-      (block) => block.dispose(),
-    );
-    this.extras = new Extras(reel, picture, fields, (frame) => this.decodedAt(frame));
+    const dirty = () => {
+      this.isDirty = true;
+      this.changed();
+    };
+    this.extras = new Extras(reel, picture, dirty, (error) => this.fail(error));
+    this.mesh.addEventListener("frame", dirty);
+    this.mesh.addEventListener("waiting", () => this.changed());
+    this.mesh.addEventListener("playing", () => this.changed());
+    this.mesh.addEventListener("ended", () => this.pause());
+    this.mesh.addEventListener("error", ({ error, block }) => this.tell(error, block));
     requestAnimationFrame((now) => this.tick(now));
   }
 
   get frame(): number {
-    return Math.floor(this.clock.time);
+    return this.mesh.frame;
+  }
+
+  get isPlaying(): boolean {
+    return this.mesh.isPlaying;
+  }
+
+  get isLooping(): boolean {
+    return this.mesh.loop === "repeat";
+  }
+
+  set isLooping(isLooping: boolean) {
+    this.mesh.loop = isLooping ? "repeat" : "once";
+  }
+
+  set speed(speed: number) {
+    this.mesh.speed = speed;
   }
 
   state(): PlayerState {
+    const { mesh, extras } = this;
     return {
-      frame: this.frame,
-      playing: this.clock.isPlaying,
-      buffering: this.isBuffering,
+      frame: mesh.frame,
+      playing: mesh.isPlaying,
+      buffering: mesh.isWaiting,
       modes: this.nModes,
-      isFew: this.extras.fewModes !== null,
-      frameErrors: this.extras.frameErrors,
-      heat: this.extras.heatKind,
-      hottest: this.extras.hottest,
-      speed: this.clock.speed,
-      loop: this.clock.isLooping,
-      smoothPlay: this.isSmoothPlay,
-      perFrameRange: this.extras.isPerFrameRange,
+      isFew: extras.fewModes !== null,
+      frameErrors: extras.frameErrors,
+      heat: extras.heatKind,
+      hottest: extras.hottest,
+      speed: mesh.speed,
+      loop: this.isLooping,
+      smoothPlay: mesh.interpolate,
+      perFrameRange: extras.isPerFrameRange,
       drawMs: this.drawMs,
     };
   }
 
   play(): void {
-    this.clock.play();
+    this.mesh.play();
     this.changed();
   }
 
   pause(): void {
-    this.clock.pause();
-    void this.show().catch(this.failed);
+    this.mesh.pause();
+    void this.seek(this.mesh.frame).catch(this.failed);
   }
 
   /** Shows a frame exactly, with its heat and original; resolves once it is drawn. */
   async seek(frame: number): Promise<void> {
-    this.clock.time = Math.min(Math.max(0, Math.round(frame)), this.reel.n_frames - 1);
+    const last = this.reel.file.info.nFrames - 1;
+    this.mesh.seek({ frame: Math.min(Math.max(0, Math.round(frame)), last) });
     await this.show();
   }
 
   setModes(nModes: number): void {
     const most = mostModes(this.reel);
     this.nModes = Math.min(Math.max(1, Math.round(nModes)), most);
-    this.extras.fewModes = this.nModes < most ? this.nModes : null;
+    const isFew = this.nModes < most;
+    this.extras.fewModes = isFew ? this.nModes : null;
+    this.mesh.modes = isFew ? this.nModes : Infinity;
     this.redraw();
   }
 
@@ -121,29 +138,30 @@ export class Player {
   }
 
   setSmoothPlay(isSmooth: boolean): void {
-    this.isSmoothPlay = isSmooth;
+    this.mesh.interpolate = isSmooth;
     this.redraw();
   }
 
   /** Draws again at the next occasion, with the data that the look needs now. */
   redraw(): void {
     this.isDirty = true;
-    if (!this.clock.isPlaying) {
-      void this.settle().then(() => this.changed(), this.failed);
-    }
+    if (!this.isPlaying) void this.settle().then(() => this.changed(), this.failed);
     this.changed();
   }
 
   /** Draws at once, for a picture that is read from the canvas in the same moment. */
   drawNow(): void {
-    const block = this.blocks.peek(blockOf(this.reel, this.frame));
-    if (block) this.draw(block);
+    const started = performance.now();
+    this.picture.draw();
+    this.isDirty = false;
+    this.nDrawn++;
+    this.drawMs = performance.now() - started;
   }
 
   /** Positions (V, 3) in model units as they are drawn, read back from the GPU. */
   positions(): Float32Array {
-    const { origin } = this.reel;
-    return this.picture.decoder.read().map((value, i) => value + origin[i % 3]);
+    const { center } = this.reel.file.info;
+    return this.picture.positions().map((value, i) => value + center[i % 3]);
   }
 
   /** Frames presented per second, as fast as the machine draws them while it plays. */
@@ -154,7 +172,7 @@ export class Player {
     const started = performance.now();
     this.nDrawn = 0;
     await new Promise((resolve) => setTimeout(resolve, 1000 * seconds));
-    this.picture.decoder.wait();
+    this.picture.positions(); // which waits until the GPU has done its work
     const rate = (1000 * this.nDrawn) / (performance.now() - started);
     this.isMeasuring = false;
     this.pause();
@@ -163,98 +181,80 @@ export class Player {
 
   private async show(): Promise<void> {
     this.changed();
-    await this.blocks.load(blockOf(this.reel, this.frame));
+    await this.arrived();
     await this.settle();
     this.drawNow();
     this.changed();
+  }
+
+  /** Resolves when the picture of the time is there, or its block turns out to be damaged. */
+  private async arrived(): Promise<void> {
+    const { mesh } = this;
+    while (mesh.isWaiting) {
+      await new Promise<void>((resolve, reject) => {
+        const end = (error?: Error) => {
+          mesh.removeEventListener("frame", shown);
+          mesh.removeEventListener("error", failed);
+          if (error) reject(error);
+          else resolve();
+        };
+        const shown = () => end();
+        const failed = ({ error }: { error: Error }) => end(isDamage(error) ? undefined : error);
+        mesh.addEventListener("frame", shown);
+        mesh.addEventListener("error", failed);
+      });
+    }
   }
 
   // One at a time, and only for the frame that is wanted last: dragging does not flood the server.
   private async settle(): Promise<void> {
     this.settling ??= this.fetchShown().finally(() => (this.settling = null));
     await this.settling;
-    if (!this.clock.isPlaying && !this.extras.areOf(this.frame)) await this.settle();
+    if (!this.isPlaying && !this.mesh.isWaiting && !this.extras.areOf(this.frame)) {
+      await this.settle();
+    }
   }
 
   private async fetchShown(): Promise<void> {
-    const { frame } = this;
-    await Promise.all([this.blocks.load(blockOf(this.reel, frame)), this.extras.load(frame)]);
+    await this.extras.load(this.frame);
     this.extras.show(this.frame);
     this.isDirty = true;
   }
 
   private tick(nowMs: number): void {
     requestAnimationFrame((now) => this.tick(now));
+    const seconds = (nowMs - this.lastMs) / 1000;
+    this.lastMs = nowMs;
     try {
-      if (this.clock.isPlaying) this.playOn(nowMs);
-      if (!this.isDirty && !this.isMeasuring) return;
-      const block = this.blocks.peek(blockOf(this.reel, this.frame));
-      if (block) this.draw(block);
+      if (this.isPlaying) this.playOn(seconds);
+      if (this.isDirty || this.isMeasuring) this.drawNow();
     } catch (error) {
       this.fail(error);
     }
   }
 
-  private readonly fail = (error: unknown) => {
-    this.clock.isPlaying = false;
-    this.isBuffering = false;
+  private playOn(seconds: number): void {
+    this.mesh.update(seconds);
+    this.extras.prefetch(this.frame, this.mesh.speed);
+    if (this.extras.show(this.frame)) this.isDirty = true;
+  }
+
+  private fail(error: unknown): void {
+    this.mesh.pause();
     this.failed(error);
     this.changed();
-  };
-
-  private playOn(nowMs: number): void {
-    const number = blockOf(this.reel, this.frame);
-    this.isBuffering = this.blocks.peek(number) === undefined;
-    if (this.isBuffering) {
-      this.clock.hold(nowMs);
-      void this.blocks.load(number).catch(this.fail);
-      this.changed();
-      return;
-    }
-    const [before, time] = [this.frame, this.clock.time];
-    this.clock.advance(nowMs);
-    if (this.isSmoothPlay ? this.clock.time !== time : this.frame !== before) this.isDirty = true;
-    this.prefetch(number);
-    if (this.extras.show(this.frame)) this.isDirty = true;
-    if (this.frame !== before) this.changed();
-    if (!this.clock.isPlaying) this.pause();
   }
 
-  private prefetch(block: number): void {
-    const next = (block + 1) % this.reel.blocks.length;
-    if (!this.blocks.isKnown(next)) void this.blocks.load(next).catch(this.fail);
-    this.extras.prefetch(this.frame, this.clock.speed, this.fail);
+  /** Says what cannot be shown: a damaged block is passed over, for anything else it stops. */
+  private tell(error: Error, number: number | null): void {
+    if (number === null) return this.failed(error); // an image of a material
+    if (!isDamage(error)) return this.fail(error);
+    const { start, nFrames } = this.reel.file.info.blocks[number];
+    const frames = `Frames ${start} to ${start + nFrames - 1} are damaged and left out`;
+    this.failed(new Error(`${frames}: ${error.message}`));
   }
+}
 
-  private draw(block: ModeBlock): void {
-    const started = performance.now();
-    const t = this.frame - this.reel.blocks[blockOf(this.reel, this.frame)].start;
-    const isBetween = this.isSmoothPlay && this.clock.isPlaying && t + 1 < block.nFrames;
-    const fraction = isBetween ? this.clock.time - this.frame : 0;
-    const nModes = Math.min(this.nModes, block.nModes);
-    if (this.picture.decoder.decode(block, t, fraction, nModes)) this.picture.decodedMoved();
-    this.picture.draw(block.centreAt(t, fraction, nModes));
-    this.isDirty = false;
-    this.nDrawn++;
-    this.drawMs = performance.now() - started;
-  }
-
-  /** Positions (V, 3) of a frame relative to the origin, of the modes shown; null: not yet here. */
-  private decodedAt(frame: number): Float32Array | null {
-    const number = blockOf(this.reel, frame);
-    const block = this.blocks.peek(number);
-    if (!block) return null;
-    const t = frame - this.reel.blocks[number].start;
-    const { decoder } = this.picture;
-    if (decoder.decode(block, t, 0, Math.min(this.nModes, block.nModes))) {
-      this.picture.decodedMoved();
-    }
-    return decoder.read();
-  }
-
-  private async loadBlock(number: number): Promise<ModeBlock> {
-    const block = await ModeBlock.load(number, this.grid);
-    this.picture.decoder.prepare(block);
-    return block;
-  }
+function isDamage(error: Error): boolean {
+  return error instanceof CorruptStreamError || error instanceof TruncatedStreamError;
 }

@@ -1,8 +1,8 @@
 // Error of each frame as curves; a line marks the frame shown, and a click or a drag seeks.
 
-import { shortNumber, roundTicks } from "./heat_map";
+import { shortNumber, roundTicks } from "./heat/map";
 import { element } from "./page";
-import type { PlotInfo } from "./reel";
+import type { PlotInfo } from "./facts";
 
 const WIDTH = 280;
 const HEIGHT = 92;

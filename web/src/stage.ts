@@ -4,10 +4,7 @@ import * as THREE from "three";
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
 
 import { framePoints, makeCamera, setAspect, setDepthRange } from "./camera";
-import type { Reel } from "./reel";
-
-// Colours go to the screen as they are given; the shaders here light in the same space.
-THREE.ColorManagement.enabled = false;
+import type { Reel } from "./facts";
 
 export type Background = "light" | "dark" | "none";
 
@@ -31,6 +28,7 @@ export class Stage {
   private readonly swept: THREE.Vector3[];
   private framed: THREE.Vector3[];
   private views: THREE.Object3D[][] = [];
+  private background: Background = "light";
   /** Whether somebody has turned or moved the view. */
   private isMoved = false;
 
@@ -38,20 +36,22 @@ export class Stage {
     private readonly canvas: HTMLCanvasElement,
     reel: Reel,
   ) {
+    const { center, diagonal } = reel.file.info;
     this.renderer = makeRenderer(canvas);
-    const origin = new THREE.Vector3(...reel.origin);
+    const origin = new THREE.Vector3(...center);
     this.box = new THREE.Box3(
       new THREE.Vector3(...reel.low).sub(origin),
       new THREE.Vector3(...reel.high).sub(origin),
     );
     this.swept = reel.swept.map((point) => new THREE.Vector3(...point));
     this.framed = this.swept;
-    this.scene.add(this.world);
+    this.scene.add(this.world, this.camera, new THREE.HemisphereLight(0xffffff, 0x667788, 1.2));
+    this.camera.add(...lights());
     this.world.add(this.model);
     this.controls = new OrbitControls(this.camera, canvas);
     this.controls.zoomToCursor = true;
-    this.controls.minDistance = reel.diagonal * 0.01;
-    this.controls.maxDistance = reel.diagonal * 50 || 50;
+    this.controls.minDistance = diagonal * 0.01;
+    this.controls.maxDistance = diagonal * 50 || 50;
     this.controls.addEventListener("change", () => this.changed());
     this.controls.addEventListener("start", () => (this.isMoved = true));
     new ResizeObserver(() => this.resize()).observe(canvas.parentElement as HTMLElement);
@@ -98,7 +98,7 @@ export class Stage {
   }
 
   setBackground(background: Background): void {
-    this.renderer.setClearColor(...CLEAR[background]);
+    this.background = background;
     this.changed();
   }
 
@@ -122,6 +122,8 @@ export class Stage {
       this.renderer.setViewport(...(rectangle as [number, number, number, number]));
       this.renderer.setScissor(...(rectangle as [number, number, number, number]));
       this.model.children.forEach((object) => (object.visible = shown.includes(object)));
+      // Each time: passes over textures have it in their own colour space.
+      this.renderer.setClearColor(...CLEAR[this.background]);
       this.renderer.clear();
       this.renderer.render(this.scene, this.camera);
     });
@@ -161,8 +163,16 @@ function makeRenderer(canvas: HTMLCanvasElement): THREE.WebGLRenderer {
   }
   const renderer = new THREE.WebGLRenderer({ canvas, context });
   renderer.autoClear = false;
-  renderer.outputColorSpace = THREE.LinearSRGBColorSpace;
   return renderer;
+}
+
+/** For materials of files, from where the player's own light comes; they go with the camera. */
+function lights(): THREE.Object3D[] {
+  const key = new THREE.DirectionalLight(0xffffff, 2);
+  const fill = new THREE.DirectionalLight(0xffffff, 0.5);
+  key.position.set(-0.45, 0.65, 0.62);
+  fill.position.set(0.7, 0.1, 0.7);
+  return [key, key.target, fill, fill.target];
 }
 
 /** Whether no graphics card draws; smooth edges would then halve the frame rate. */

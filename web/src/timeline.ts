@@ -2,7 +2,7 @@
 
 import { input, part } from "./page";
 import type { Player } from "./player";
-import { secondsOf, type Reel } from "./reel";
+import { secondsOf, type Reel } from "./facts";
 
 export class Timeline {
   private readonly scrub = input("scrub");
@@ -15,26 +15,26 @@ export class Timeline {
     private readonly player: Player,
     private readonly reel: Reel,
   ) {
-    this.scrub.max = String(reel.n_frames - 1);
+    this.scrub.max = String(reel.file.info.nFrames - 1);
     this.scrub.addEventListener("input", () => this.seek(Number(this.scrub.value)));
     this.play.addEventListener("click", () => this.toggle());
     part("previous").addEventListener("click", () => this.skip(-1));
     part("next").addEventListener("click", () => this.skip(1));
     this.loop.addEventListener("click", () => this.toggleLoop());
-    this.speed.addEventListener("change", () => (player.clock.speed = Number(this.speed.value)));
+    this.speed.addEventListener("change", () => (player.speed = Number(this.speed.value)));
   }
 
   toggle(): void {
-    if (this.player.clock.isPlaying) this.player.pause();
+    if (this.player.isPlaying) this.player.pause();
     else this.player.play();
   }
 
   /** Pauses, so many frames from the one shown; at an end it starts at the other where it loops. */
   skip(count: number): void {
     this.player.pause();
-    const n = this.reel.n_frames;
+    const n = this.reel.file.info.nFrames;
     const frame = this.player.frame + count;
-    this.seek(this.player.clock.isLooping && Math.abs(count) === 1 ? (frame + n) % n : frame);
+    this.seek(this.player.isLooping && Math.abs(count) === 1 ? (frame + n) % n : frame);
   }
 
   seek(frame: number): void {
@@ -42,7 +42,7 @@ export class Timeline {
   }
 
   toggleLoop(): void {
-    this.player.clock.isLooping = !this.player.clock.isLooping;
+    this.player.isLooping = !this.player.isLooping;
     this.update();
   }
 
@@ -50,7 +50,7 @@ export class Timeline {
   changeSpeed(by: 1 | -1): void {
     const at = this.speed.selectedIndex + by;
     this.speed.selectedIndex = Math.min(Math.max(0, at), this.speed.options.length - 1);
-    this.player.clock.speed = Number(this.speed.value);
+    this.player.speed = Number(this.speed.value);
   }
 
   update(): void {
@@ -58,7 +58,7 @@ export class Timeline {
     const key = `${frame} ${playing} ${loop} ${buffering}`;
     if (key === this.shown) return;
     this.shown = key;
-    const last = this.reel.n_frames - 1;
+    const last = this.reel.file.info.nFrames - 1;
     const [now, end] = [secondsOf(this.reel, frame), secondsOf(this.reel, last)];
     this.scrub.value = String(frame);
     this.scrub.setAttribute("aria-valuetext", `frame ${frame} of ${last}, ${now.toFixed(2)} s`);

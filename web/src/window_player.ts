@@ -3,7 +3,6 @@
 import type { Opening } from "./opening";
 import type { Picture } from "./picture";
 import type { Player, PlayerState } from "./player";
-import type { Stage } from "./stage";
 
 export interface WindowPlayer {
   /** Resolves when the page has opened: the frame is shown that it opens at; rejects where it cannot be. */
@@ -15,8 +14,8 @@ export interface WindowPlayer {
   pause(): void;
   /** Positions (V, 3) in model units as drawn, read back from the GPU. */
   positions(): Float32Array;
-  /** Colours (V, 3) of the decoded mesh before light falls on them. */
-  heatColors(): Uint8Array;
+  /** Values by which each vertex is painted; null where there is no heat map. */
+  heatValues(): Float32Array | null;
   measureFps(seconds: number): Promise<number>;
   setModes(nModes: number): void;
   setHeat(kind: string | null): Promise<void>;
@@ -32,7 +31,6 @@ declare global {
 export function exposeForTests(
   player: Player,
   picture: Picture,
-  stage: Stage,
   opening: Opening,
 ): void {
   Object.assign(window.player, {
@@ -41,7 +39,7 @@ export function exposeForTests(
     play: () => player.play(),
     pause: () => player.pause(),
     positions: () => player.positions(),
-    heatColors: () => picture.paint.read(stage.renderer),
+    heatValues: () => picture.heatValues(),
     measureFps: (seconds: number) => player.measureFps(seconds),
     setModes: (nModes: number) => {
       player.setModes(nModes);

@@ -29,18 +29,37 @@ def export_command(
     force: Annotated[
         bool, typer.Option("--force", "-f", help="Replace the page if it exists.")
     ] = False,
+    split: Annotated[
+        bool,
+        typer.Option(
+            "--split", help="Write script, stream, original and texture as files beside the page."
+        ),
+    ] = False,
+    texture: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="An image, or a video that plays in step with the mesh, to show on it.",
+        ),
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print what was done as JSON.")] = False,
 ) -> None:
     """Write a .reel file and its player as one HTML file, to mail or to put on any web server.
 
-    Its modes are quantised so that no vertex moves by more than 0.01 % of the diagonal. With
-    --original the page holds every frame of the original too, which makes it many times larger.
+    The page holds the stream as it is. With --original it holds the frames of the original too,
+    encoded anew: they are off by a twentieth of what the heat map spans at most. With --split
+    the page has its parts beside it, which a server has to send: browsers fetch no files that lie
+    on a disk.
 
     Examples:
 
     - `meshreel export walk.reel -o walk.html`
 
     - `meshreel export walk.reel -o errors.html --original walk.npz`
+
+    - `meshreel export walk.reel -o site/index.html --split`
+
+    - `meshreel export person.reel -o person.html --texture person.mp4`
     """
     from meshreel.cli.console import print_json, print_notes, print_table, progress_bar, size_text
     from meshreel.cli.player import opened_player
@@ -48,13 +67,14 @@ def export_command(
     from meshreel.formats.options import ReadOptions
     from meshreel.formats.sources import files_of_source
     from meshreel.runtime.outputs.checks import check_ending, check_output_path
-    from meshreel.viewer.export import ALLOWED_ERROR, export_page
-    from meshreel.viewer.page import page_text
+    from meshreel.viewer.export import export_page
+    from meshreel.viewer.page import built_page
+    from meshreel.viewer.textures import texture_for
 
     check_ending(output, ENDINGS, OTHER_OUTPUTS)
     files = [source, *(files_of_source(original) if original else [])]
     check_output_path(output, overwrite=force, inputs=files)
-    page = page_text()
+    page = built_page()
     with progress_bar() as progress:
         reading = ReadOptions(
             object=object,
@@ -64,16 +84,24 @@ def export_command(
             progress=progress,
         )
         with (
-            opened_player(source, original, reading, allowed_error=ALLOWED_ERROR) as api,
+            opened_player(source, original, reading) as api,
             errors_naming(source),
         ):
-            parts = export_page(api, output, page=page, overwrite=force, progress=progress)
-    size_bytes = output.stat().st_size
+            parts = export_page(
+                api,
+                output,
+                page=page,
+                texture=texture_for(api.reel, texture) if texture else None,
+                split=split,
+                overwrite=force,
+                progress=progress,
+            )
+    size_bytes = sum(parts.values())
     print_notes(reading.notes)
     if as_json:
         notes = {"notes": reading.notes}
         print_json({"output": str(output), "size_bytes": size_bytes, "parts": parts, **notes})
         return
     rows = {f"of which {part}": size_text(size) for part, size in parts.items()}
-    stream = {"the stream itself": size_text(api.info.size_bytes)}
+    stream = {"the stream itself": size_text(source.stat().st_size)}
     print_table(str(output), {"size": size_text(size_bytes), **rows, **stream})

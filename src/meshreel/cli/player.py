@@ -31,14 +31,12 @@ OriginalOption = Annotated[
 
 
 @contextmanager
-def opened_player(
-    source: Path, original: str | None, reading: "ReadOptions", *, allowed_error: float = 0.0
-) -> Iterator["Api"]:
+def opened_player(source: Path, original: str | None, reading: "ReadOptions") -> Iterator["Api"]:
     """Interface of the player to a file, while the file is open."""
     from meshreel.cli.figures import measured_rows, player_rows
     from meshreel.formats.file_errors import errors_naming
     from meshreel.formats.reel.reading import open
-    from meshreel.viewer.api import Api
+    from meshreel.viewer.api import REENCODED, Api
 
     _check_original_is_there(original, reading)
     with open(source) as reel:
@@ -46,7 +44,9 @@ def opened_player(
             _ = reel.faces  # raises for damaged ones before the original is read
         comparison = _comparison(reel, original, reading) if original else None
         with errors_naming(source):
-            api = Api(reel, source.stem, player_rows, comparison, measured_rows, allowed_error)
+            api = Api(reel, source.stem, player_rows, comparison, measured_rows, reading.progress)
+        if api.is_reencoded:
+            reading.notes.append(f"{source} holds {api.method}; it is {REENCODED}")
         yield api
 
 

@@ -49,10 +49,10 @@ def view_command(
     from meshreel.cli.console import print_notes, progress_bar
     from meshreel.cli.player import opened_player
     from meshreel.formats.options import ReadOptions
-    from meshreel.viewer.page import page_text
+    from meshreel.viewer.page import built_page
     from meshreel.viewer.server import ViewerServer
 
-    page = page_text()
+    page = built_page()
     with ExitStack() as stack:
         with progress_bar() as progress:
             reading = ReadOptions(

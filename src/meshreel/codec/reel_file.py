@@ -57,6 +57,8 @@ class ReelFile:
         Time of the first frame, in seconds.
     dtype : numpy dtype
         Of the positions: float32 or float64.
+    method : str
+        How it was coded, as `meshreel.encode` calls it.
     order : str
         The order of vertices and faces that is kept: "keep" (all), "vertices" or "drop".
     frame : BoundingFrame
@@ -89,6 +91,7 @@ class ReelFile:
         promised = promised_percent(stream) if n_modes is None else None
         self.promised_error = None if promised is None else promised / 100 * self.frame.scale
         self.starts = tuple(stream.starts)
+        self.method = self._opened.method.name
         self.order = self._opened.order_kept.name.lower()
 
     @cached_property
@@ -222,6 +225,28 @@ class ReelFile:
             If it has no frame, or its frames are not consecutive.
         """
         return frame_range(chosen, self.n_frames)
+
+    def n_modes_of(self, number: int) -> int:
+        """Number of modes of a block; it is read, and not decoded.
+
+        Raises
+        ------
+        CorruptStreamError
+            If the block is damaged.
+        """
+        with self._lock:
+            return self._opened.stored(number).n_modes
+
+    @property
+    def size_bytes(self) -> int:
+        """Size of the stream, without what may follow its last complete block."""
+        return self._opened.stream.size_bytes
+
+    def stored(self, start: int, stop: int) -> bytes:
+        """Bytes of the stream as they are stored, such as a server sends them."""
+        with self._lock:
+            self._file.seek(start)
+            return self._file.read(max(0, min(stop, self.size_bytes) - start))
 
     @property
     def files(self) -> tuple[Path, ...]:

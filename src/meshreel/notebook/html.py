@@ -18,8 +18,7 @@ from meshreel.rendering.shots import spread_frames
 from meshreel.rendering.views import View, guess_up
 from meshreel.sequence import MeshSequence
 from meshreel.viewer.api import Api
-from meshreel.viewer.export import page_pieces
-from meshreel.viewer.page import page_text
+from meshreel.viewer.page import Page, base64_of, built_page
 
 MOST_PLAYED, MOST_ENCODED = 2_500_000, 300_000
 """Positions in all frames of a file, and of a sequence, which is encoded first, that are played
@@ -28,11 +27,8 @@ where nobody has asked: so many take a second or two."""
 MOST_HTML_BYTES = 4_000_000
 """Of a player in a notebook, which keeps all its output."""
 
-ALLOWED_ERROR = 1e-3
-"""How far rounding may move a vertex of the player in a notebook, in diagonals."""
-
 QUICK = 6
-"""How hard data are deflated: the hardest takes twice the time for a few percent."""
+"""How hard the player is deflated: the hardest takes twice the time for a few percent."""
 
 HEIGHT_PX = 440
 
@@ -68,18 +64,18 @@ def player_html(shown: MeshSequence | ReelFile, most_bytes: float = float("inf")
     """
     encoded = isinstance(shown, MeshSequence)
     try:
-        page = page_text()
+        page = built_page()
         opened = ReelFile(BytesIO(encode(shown))) if isinstance(shown, MeshSequence) else shown
         with opened if encoded else nullcontext():
-            api = Api(opened, shown.name, stream_rows, allowed_error=ALLOWED_ERROR)
-            text = _joined(api, page, most_bytes)
+            api = Api(opened, shown.name, stream_rows)
+            text = _page_text(api, page)
     except InvalidInputError:  # not built, or of a size that nobody can draw
         return None
-    if text is None:
+    if len(text) > most_bytes:
         return None
     rows = rows_of(shown)
     if encoded:
-        rows["shown"] = f"as encode() makes it by default, of {api.info.size_bytes:,} bytes"
+        rows["shown"] = f"as encode() makes it by default, of {api.reel.size_bytes:,} bytes"
     frame = (
         f'<iframe srcdoc="{escape(text)}" sandbox="allow-scripts allow-downloads" '
         f'allow="fullscreen" style="width: 100%; height: {HEIGHT_PX}px; border: 0"></iframe>'
@@ -87,14 +83,9 @@ def player_html(shown: MeshSequence | ReelFile, most_bytes: float = float("inf")
     return heading_and_rows(shown.name, rows) + frame
 
 
-def _joined(api: Api, page: str, most_bytes: float) -> str | None:
-    texts, size = [], 0
-    for _, text in page_pieces(api, page, level=QUICK):
-        texts.append(text)
-        size += len(text)
-        if size > most_bytes:
-            return None
-    return "".join(texts)
+def _page_text(api: Api, page: Page) -> str:
+    stream = {"base64": base64_of(api.reel.stored(0, api.reel.size_bytes))}
+    return page.whole({"facts": api.facts(), "stream": stream}, level=QUICK)
 
 
 def _picture_and_figures(shown: MeshSequence | ReelFile) -> str:

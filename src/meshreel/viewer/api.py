@@ -1,39 +1,35 @@
-"""Answers to the requests of the page: JSON, and packets of arrays."""
+"""What the page is told of a file, and of its original, beside the stream that it plays."""
 
-import json
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from meshreel.codec.inspect import StreamInfo
 from meshreel.codec.reel_file import ReelFile
-from meshreel.errors import InvalidInputError
-from meshreel.metrics.heat import HEATS
-from meshreel.surface import Domain, Kind, Surface
-from meshreel.viewer.block_packets import block_packet
+from meshreel.errors import CorruptStreamError, InvalidInputError
+from meshreel.runtime.progress import Progress, silent
 from meshreel.viewer.comparison import Comparison
 from meshreel.viewer.extent import reach_of
 from meshreel.viewer.measuring import Measured, Measuring
-from meshreel.viewer.modes import n_fields
-from meshreel.viewer.packets import packet
-from meshreel.viewer.rounding import rounded_to, two_digits
+from meshreel.viewer.page import json_text
+from meshreel.viewer.played import OFF_BY_PERCENT, played
 
 Rows = Mapping[str, str]
 """Names and figures in words, as the command line prints them."""
-
-KEPT_HEAT_BYTES = 1 << 26
-LEAST_KEPT_HEATS = 8
 
 SMALLEST_DIAGONAL, LARGEST_DIAGONAL = 1e-30, 1e30
 """Of what can be drawn: graphics cards count in float32."""
 
 JSON = "application/json"
 BINARY = "application/octet-stream"
+
+REENCODED = (
+    "encoded anew as reel, the only method that pages decode: off by up to "
+    f"{OFF_BY_PERCENT:g} % of the diagonal more"
+)
 
 
 @dataclass(frozen=True)
@@ -45,9 +41,7 @@ class Answer:
 
 
 class Api:
-    """Answers of one player. Blocks and heat maps are made when they are asked for.
-
-    Several threads may share one.
+    """Answers of one player. Several threads may share one.
 
     Parameters
     ----------
@@ -60,9 +54,17 @@ class Api:
         With the original.
     measured_rows : callable, optional
         Gives the errors of all frames in words.
-    allowed_error : float, default 0
-        How far rounding may move a vertex, in diagonals: as in `block_packet`, and of the original
-        too, whose heat maps have two digits then. 0: all is as fine as it can be.
+    progress : callable, optional
+        Of encoding a stream of another method than `reel` anew.
+
+    Attributes
+    ----------
+    reel : ReelFile
+        That which the page plays: see `meshreel.viewer.played`.
+    method : str
+        Of the file.
+    measuring : Measuring or None
+        Of the errors, where there is an original.
 
     Raises
     ------
@@ -79,7 +81,7 @@ class Api:
         rows_of: Callable[[StreamInfo], Rows],
         comparison: Comparison | None = None,
         measured_rows: Callable[[Measured], Rows] = lambda _: {},
-        allowed_error: float = 0.0,
+        progress: Progress = silent,
     ) -> None:
         diagonal = reel.frame.scale
         if not SMALLEST_DIAGONAL <= diagonal <= LARGEST_DIAGONAL:
@@ -87,62 +89,50 @@ class Api:
                 f"the model is {diagonal:.3g} units large; the player draws from "
                 f"{SMALLEST_DIAGONAL:g} to {LARGEST_DIAGONAL:g}: scale it before it is encoded"
             )
-        self.reel, self.comparison, self.info = reel, comparison, reel.info()
-        self._name, self._rows, self._measured_rows = name, rows_of(self.info), measured_rows
-        self._allowed_error = allowed_error
-        self._reach = reach_of(reel)
+        self.method = reel.method
+        self.reel, self.comparison = played(reel, progress), comparison
+        self._name, self._measured_rows = name, measured_rows
+        self._rows, self._budget = _figures(reel, rows_of)
+        if self.is_reencoded:
+            self._rows["shown"] = REENCODED
+        self._reach = reach_of(self.reel)
         self.measuring = None if comparison is None else Measuring(comparison)
-        n_kept = max(LEAST_KEPT_HEATS, KEPT_HEAT_BYTES // (4 * reel.n_verts))
-        self._heat = lru_cache(maxsize=n_kept)(self._new_heat)
+
+    @property
+    def is_reencoded(self) -> bool:
+        """Whether the page plays another stream than the file."""
+        return self.method != self.reel.method
 
     def answer(self, path: str) -> Answer | None:
-        """The answer to a path such as "api/block/0"; None if there is no such thing.
+        """The answer to a path such as "api/facts"; None if there is no such thing.
 
         Raises
         ------
         MeshReelError, OSError
-            If a frame or block cannot be decoded or read.
+            If a frame cannot be read.
         """
-        if path == "api/reel":
-            return _json(self.described())
-        if path == "api/faces":
-            return Answer(BINARY, self.faces())
+        if path == "api/facts":
+            return _json(self.facts())
         if path == "api/plots" and self.measuring:
             return _json(self.plots())
-        found = re.fullmatch(r"api/(block|original|heat/([a-z]+))/([0-9]{1,9})", path)
-        body = found and self._numbered(found[1], found[2] or "", int(found[3]))
-        return Answer(BINARY, body) if body else None
-
-    def _numbered(self, what: str, kind: str, number: int) -> bytes | None:
-        if what == "block":
-            return self.block(number) if number < len(self.reel.starts) - 1 else None
-        if self.comparison is None or number >= self.reel.n_frames:
+        found = re.fullmatch(r"api/original/([0-9]{1,9})", path)
+        if not found or self.comparison is None or int(found[1]) >= self.reel.n_frames:
             return None
-        if what == "original":
-            return self.original(number)
-        return self._heat(kind, number) if kind in HEATS else None
+        return Answer(BINARY, self.original(int(found[1])))
 
-    def described(self) -> dict[str, Any]:
-        """Facts of the file that the page needs before anything else."""
-        reel, reach = self.reel, self._reach
-        origin = np.array(reel.frame.origin)
+    def facts(self) -> dict[str, Any]:
+        """Facts of the file beside those that its stream holds."""
+        reach = self._reach
         return {
-            "name": reel.name or self._name,
-            "n_frames": reel.n_frames,
-            "n_verts": reel.n_verts,
-            "n_faces": reel.n_faces,
-            "fps": reel.fps,
-            "start_s": reel.start_s,
-            "origin": list(reel.frame.origin),
+            "name": self.reel.name or self._name,
             "low": reach.low.tolist(),
             "high": reach.high.tolist(),
-            "swept": (reach.swept - origin).tolist(),
-            "diagonal": reel.frame.scale,
+            "swept": (reach.swept - np.array(self.reel.frame.origin)).tolist(),
             "up": "y",
-            "is_whole": reel.is_whole,
-            "blocks": self._blocks(),
+            "is_whole": self.reel.is_whole,
+            "n_modes": [_n_modes(self.reel, number) for number in range(len(self.reel.starts) - 1)],
             "rows": [list(row) for row in self._rows.items()],
-            "budget": [list(row) for row in self.info.budget_bytes.items()],
+            "budget": [list(row) for row in self._budget.items()],
             "original": self._original(),
         }
 
@@ -162,44 +152,11 @@ class Api:
             "worst_frame": figures.worst_frame if is_ready else None,
         }
 
-    def faces(self) -> bytes:
-        """Triangles, and colours of vertices if there are some."""
-        arrays: dict[str, npt.NDArray[Any]] = {"faces": self.reel.faces.astype(np.uint32)}
-        colors = vertex_colors(self.reel.surface)
-        return packet(arrays if colors is None else {**arrays, "colors": colors})
-
-    def block(self, number: int) -> bytes:
-        """A block of frames."""
-        return block_packet(self.reel.block(number), self._allowed_error)
-
     def original(self, number: int) -> bytes:
-        """Positions of a frame of the original."""
+        """Positions of a frame of the original: float32, from the centre of the file."""
         assert self.comparison is not None  # asked for only with an original
         positions = self.comparison.original.frame(number) - np.array(self.reel.frame.origin)
-        if self._allowed_error:
-            positions = rounded_to(positions, self._allowed_error * self.reel.frame.scale)
-        return packet({"positions": positions.astype(np.float32)})
-
-    def heat(self, kind: str, number: int) -> bytes:
-        """Values of a heat map at the vertices of a frame."""
-        return self._heat(kind, number)
-
-    def _new_heat(self, kind: str, number: int) -> bytes:
-        assert self.comparison is not None  # asked for only with an original
-        values = self.comparison.heat(kind, self.comparison.pair(number)).astype(np.float32)
-        return packet({"values": two_digits(values) if self._allowed_error else values})
-
-    def _blocks(self) -> list[dict[str, int]]:
-        info = self.info
-        return [
-            {
-                "start": start,
-                "n_frames": info.block_frames[number],
-                "n_modes": n_fields(info, number),
-                "size_bytes": info.block_bytes[number],
-            }
-            for number, start in enumerate(self.reel.starts[:-1])
-        ]
+        return bytes(positions.astype("<f4").tobytes())
 
     def _original(self) -> dict[str, Any] | None:
         if self.comparison is None:
@@ -212,27 +169,24 @@ class Api:
         }
 
 
-def vertex_colors(surface: Surface) -> npt.NDArray[np.uint8] | None:
-    """Colours of shape (V, 3) or (V, 4), of the first attribute that gives some to vertices."""
-    for one in surface.attributes:
-        if one.kind is Kind.COLOR and one.domain is Domain.VERTEX:
-            values = one.per_item()
-            if values.dtype != np.uint8:
-                values = np.rint(255 * np.nan_to_num(values).clip(0, 1))
-            return values.astype(np.uint8)
-    return None
+def _figures(
+    reel: ReelFile, rows_of: Callable[[StreamInfo], Rows]
+) -> tuple[dict[str, str], dict[str, int]]:
+    """Figures in words, and bytes by kind of section; of a damaged file what is wrong with it."""
+    try:
+        info = reel.info()
+    except CorruptStreamError as error:
+        return {"damaged": str(error)}, {}
+    return dict(rows_of(info)), dict(info.budget_bytes)
+
+
+def _n_modes(reel: ReelFile, number: int) -> int:
+    """Modes of a block; none where it is damaged, and cannot be shown."""
+    try:
+        return reel.n_modes_of(number)
+    except CorruptStreamError:
+        return 0
 
 
 def _json(value: Mapping[str, Any]) -> Answer:
-    return Answer(JSON, json.dumps(finite(value), allow_nan=False).encode())
-
-
-def finite(value: Any) -> Any:
-    """The value as JSON can hold it: numbers that are not finite become null."""
-    if isinstance(value, Mapping):
-        return {key: finite(item) for key, item in value.items()}
-    if isinstance(value, list):
-        return [finite(item) for item in value]
-    if isinstance(value, float) and not np.isfinite(value):
-        return None
-    return value
+    return Answer(JSON, json_text(value).encode())

@@ -3,6 +3,8 @@
 import errno
 import ipaddress
 import json
+import re
+import secrets
 import socket
 import sys
 from collections.abc import Mapping
@@ -13,15 +15,19 @@ from typing import Any
 from urllib.parse import urlsplit
 
 from meshreel.errors import InvalidInputError, MeshReelError
-from meshreel.viewer.api import JSON, Answer, Api
-from meshreel.viewer.page import content_security_policy, page_text
+from meshreel.viewer.api import BINARY, JSON, Answer, Api
+from meshreel.viewer.page import POLICY, SCRIPT_NAME, Page, built_page
 
 LOCAL_HOST = "127.0.0.1"
 LOCAL_NAMES = {LOCAL_HOST, "localhost", "::1"}
 PATIENCE_S = 30.0
 """How long a client may say nothing before it is hung up on."""
 
+STREAM = "stream.reel"
+"""The name under which the page finds what it plays."""
+
 HTML = "text/html; charset=utf-8"
+SCRIPT = "text/javascript; charset=utf-8"
 TEXT = "text/plain; charset=utf-8"
 FORBIDDEN = "this player answers to local addresses; to open it elsewhere give --host"
 
@@ -37,8 +43,8 @@ class ViewerServer(ThreadingHTTPServer):
         who reach it.
     port : int, default 0
         0 takes a free one.
-    page : str, optional
-        HTML of the player; default that of the package.
+    page : Page, optional
+        The player; default that of the package.
 
     Raises
     ------
@@ -50,11 +56,13 @@ class ViewerServer(ThreadingHTTPServer):
     allow_reuse_address = sys.platform != "win32"  # there it would share a port that is taken
 
     def __init__(
-        self, api: Api, *, host: str = LOCAL_HOST, port: int = 0, page: str | None = None
+        self, api: Api, *, host: str = LOCAL_HOST, port: int = 0, page: Page | None = None
     ) -> None:
-        html = page_text() if page is None else page
-        self.api, self.page = api, html.encode()
-        self.policy = content_security_policy(html)
+        player = built_page() if page is None else page
+        self.api = api
+        self.page = Answer(HTML, player.served.encode())
+        self.script = Answer(SCRIPT, player.script.encode())
+        self.version = f'"{secrets.token_hex(8)}"'
         self.host, self._is_closed = host, False
         try:
             found = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
@@ -128,10 +136,12 @@ class _Handler(BaseHTTPRequestHandler):
             return
         path = self.path.partition("?")[0]
         if path in ("/", "/index.html"):
-            policy = {"Content-Security-Policy": self.server.policy}
-            self._send(HTTPStatus.OK, Answer(HTML, self.server.page), policy)
-            return
-        self._send(*self._answered(path))
+            policy = {"Content-Security-Policy": POLICY}
+            self._send(HTTPStatus.OK, self.server.page, policy)
+        elif path == f"/{STREAM}":
+            self._send_stream()
+        else:
+            self._send(*self._answered(path))
 
     do_HEAD = do_GET  # noqa: N815
 
@@ -142,7 +152,40 @@ class _Handler(BaseHTTPRequestHandler):
 
     do_POST = do_PUT = do_DELETE = do_PATCH = do_OPTIONS = _refuse  # noqa: N815
 
+    def _send_stream(self) -> None:
+        """Send the stream, or the one range of it that is asked for."""
+        reel = self.server.api.reel
+        size = reel.size_bytes
+        validators = {"ETag": self.server.version, "Accept-Ranges": "bytes"}
+        wanted = self._wanted_range(size)
+        if wanted is None:
+            answer = Answer(BINARY, reel.stored(0, size))
+            self._send(HTTPStatus.OK, answer, validators)
+        elif not wanted:
+            nothing = {"Content-Range": f"bytes */{size}", **validators}
+            self._send(HTTPStatus.REQUESTED_RANGE_NOT_SATISFIABLE, Answer(TEXT, b""), nothing)
+        else:
+            answer = Answer(BINARY, reel.stored(wanted.start, wanted.stop))
+            place = f"bytes {wanted.start}-{wanted.stop - 1}/{size}"
+            self._send(HTTPStatus.PARTIAL_CONTENT, answer, {"Content-Range": place, **validators})
+
+    def _wanted_range(self, size: int) -> range | None:
+        """The bytes that are asked for; None for all. What cannot be read counts as not said."""
+        found = re.fullmatch(r"bytes=([0-9]{0,18})-([0-9]{0,18})", self.headers.get("Range", ""))
+        if_range = self.headers.get("If-Range", self.server.version)
+        if not found or found[0] == "bytes=-" or if_range != self.server.version:
+            return None
+        first, last = found.groups()
+        if not first:
+            return range(max(0, size - int(last)), size)
+        stop = min(size, int(last) + 1) if last else size
+        if last and int(last) < int(first):
+            return None
+        return range(int(first), stop)
+
     def _answered(self, path: str) -> tuple[HTTPStatus, Answer]:
+        if path == f"/{SCRIPT_NAME}":
+            return HTTPStatus.OK, self.server.script
         try:
             answer = self.server.api.answer(path.removeprefix("/"))
         except (MeshReelError, OSError, MemoryError) as error:

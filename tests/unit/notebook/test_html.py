@@ -10,18 +10,18 @@ import pytest
 from PIL import Image
 
 import meshreel.notebook.html as notebook
+from meshreel.codec.decoder import decode
 from meshreel.codec.encoder import encode
 from meshreel.codec.reel_file import ReelFile
 from meshreel.errors import InvalidInputError
 from meshreel.sequence import MeshSequence
 from samples.meshes import waving_grid
-from samples.packets import inlined, played
-from samples.players import PAGE
+from samples.players import PAGE, carried
 
 
 @pytest.fixture(autouse=True)
 def _page(monkeypatch):
-    monkeypatch.setattr(notebook, "page_text", lambda: PAGE)
+    monkeypatch.setattr(notebook, "built_page", lambda: PAGE)
 
 
 @pytest.fixture
@@ -44,10 +44,9 @@ def picture_in(html):
 def test_player_in_a_frame_carries_the_animation_when_it_is_small(reel, kind):
     shown = reel if kind == "file" else waving_grid(12)
     html = shown._repr_html_()
-    data = inlined(framed_page(html))
-    found = played(data["api/block/0"]) + np.array(data["api/reel"]["origin"])
-    diagonal = data["api/reel"]["diagonal"]
-    assert np.linalg.norm(found - reel[:], axis=2).max() < 1.01e-3 * diagonal
+    data = carried(framed_page(html))
+    np.testing.assert_array_equal(decode(data["stream"]).vertices, reel[:])
+    assert data["facts"]["name"] == "grid"
 
 
 def test_figures_of_a_file_stand_above_its_player(reel):
@@ -77,7 +76,7 @@ def test_picture_is_shown_when_the_page_is_not_built(monkeypatch):
     def missing():
         raise InvalidInputError("the page of the player is not built")
 
-    monkeypatch.setattr(notebook, "page_text", missing)
+    monkeypatch.setattr(notebook, "built_page", missing)
     assert (picture_in(waving_grid(12)._repr_html_()) != 255).any()
 
 

@@ -20,7 +20,7 @@ PATIENCE_S = 20
 @pytest.fixture(autouse=True)
 def _page(monkeypatch):
     for module in ("meshreel.notebook.html", "meshreel.viewer.server"):
-        monkeypatch.setattr(f"{module}.page_text", lambda: PAGE)
+        monkeypatch.setattr(f"{module}.built_page", lambda: PAGE)
 
 
 @pytest.fixture
@@ -42,8 +42,8 @@ def test_browser_plays_a_file_when_nobody_is_in_a_notebook(opened, capsys):
         reel.show(block=False)
         address = opened.get(timeout=PATIENCE_S)
         assert address in capsys.readouterr().out
-        with urlopen(f"{address}api/reel", timeout=PATIENCE_S) as answer:
-            assert b'"n_frames": 4' in answer.read()
+        with urlopen(f"{address}stream.reel", timeout=PATIENCE_S) as answer:
+            assert answer.read() == encode(waving_grid(4))
 
 
 def test_browser_compares_a_sequence_with_what_encode_makes_of_it(opened):

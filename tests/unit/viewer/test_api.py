@@ -6,47 +6,33 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from meshreel.codec.decoder import decode
 from meshreel.codec.encoder import encode
 from meshreel.errors import InvalidInputError
 from meshreel.metrics.heat import HEATS
 from meshreel.sequence import MeshSequence
-from meshreel.surface import Attribute, Domain, Kind, Surface
-from meshreel.viewer.api import vertex_colors
 from samples.meshes import quad_sheet, waving_grid
-from samples.packets import read_packet
 from samples.players import opened_api
 
 KEYS = [
-    "name", "n_frames", "n_verts", "n_faces", "fps", "start_s", "origin", "low", "high",
-    "swept", "diagonal", "up", "is_whole", "blocks", "rows", "budget", "original",
+    "name", "low", "high", "swept", "up", "is_whole", "n_modes", "rows", "budget", "original",
 ]  # fmt: skip
 
 
 def asked(api, path):
-    """The answer to a path, taken apart."""
+    """The answer to a path, of JSON."""
     answer = api.answer(path)
-    if answer.content_type == "application/json":
-        return json.loads(answer.body)
-    return read_packet(answer.body)
+    assert answer.content_type == "application/json"
+    return json.loads(answer.body)
 
 
-def test_reel_is_described_by_its_header_when_it_is_asked_for():
-    sheet = quad_sheet(6)
-    with opened_api(sheet) as api:
-        told = asked(api, "api/reel")
-        info = api.info
+def test_facts_are_those_of_the_file_when_they_are_asked_for():
+    with opened_api(quad_sheet(6)) as api:
+        told = asked(api, "api/facts")
+        info = api.reel.info()
     assert list(told) == KEYS
-    assert (told["name"], told["n_frames"], told["n_verts"]) == ("sheet", 6, 30)
-    assert (told["n_faces"], told["fps"], told["is_whole"]) == (sheet.n_faces, 24.0, True)
-    assert told["start_s"] == sheet.start_s
-    assert told["blocks"] == [
-        {
-            "start": 0,
-            "n_frames": 6,
-            "n_modes": info.n_modes[0],
-            "size_bytes": info.block_bytes[0],
-        }
-    ]
+    assert (told["name"], told["is_whole"]) == ("sheet", True)
+    assert told["n_modes"] == list(info.n_modes)
     assert told["rows"] == [["size", "6 kB"]]
     assert sum(size for _, size in told["budget"]) == info.size_bytes
     assert told["original"] is None
@@ -54,29 +40,30 @@ def test_reel_is_described_by_its_header_when_it_is_asked_for():
 
 def test_name_is_that_of_the_file_when_the_stream_has_none():
     with opened_api(replace(waving_grid(3), name="")) as api:
-        assert asked(api, "api/reel")["name"] == "file"
+        assert asked(api, "api/facts")["name"] == "file"
 
 
 @pytest.mark.parametrize("block_frames", [None, 4])
 def test_box_holds_all_frames_when_they_are_in_one_block_or_several(block_frames):
     grid = waving_grid(12, dtype=np.float64)
     with opened_api(grid, encoding={"block_frames": block_frames, "max_error": 0.01}) as api:
-        told = asked(api, "api/reel")
+        told, diagonal = asked(api, "api/facts"), api.reel.frame.scale
         low, high = np.array(told["low"]), np.array(told["high"])
-    slack = 0.001 * told["diagonal"] if block_frames is None else 0.1 * told["diagonal"]
+    slack = 0.001 * diagonal if block_frames is None else 0.1 * diagonal
     np.testing.assert_allclose(low, grid.vertices.min(axis=(0, 1)), atol=slack)
     np.testing.assert_allclose(high, grid.vertices.max(axis=(0, 1)), atol=slack)
-    assert np.linalg.norm(high - low) == pytest.approx(told["diagonal"], rel=0.01)
+    assert np.linalg.norm(high - low) == pytest.approx(diagonal, rel=0.01)
 
 
 def test_swept_points_are_the_outermost_of_all_frames_when_there_is_one_block():
     grid = waving_grid(12, dtype=np.float64)
     with opened_api(grid, encoding={"max_error": 0.01}) as api:
-        told = asked(api, "api/reel")
-    swept = np.array(told["swept"]) + told["origin"]
+        told, origin = asked(api, "api/facts"), np.array(api.reel.frame.origin)
+        diagonal = api.reel.frame.scale
+    swept = np.array(told["swept"]) + origin
     for direction in ([1, 0, 0], [0, -1, 0], [1, 1, 0], [-1, 1, 1], [1, -1, 1]):
         farthest = (grid.vertices @ direction).max()
-        assert (swept @ direction).max() == pytest.approx(farthest, abs=1e-3 * told["diagonal"])
+        assert (swept @ direction).max() == pytest.approx(farthest, abs=1e-3 * diagonal)
 
 
 def test_swept_points_are_of_what_is_drawn_when_a_vertex_has_no_face():
@@ -84,45 +71,33 @@ def test_swept_points_are_of_what_is_drawn_when_a_vertex_has_no_face():
     away = np.full((3, 1, 3), 50.0)
     lonely = replace(grid, vertices=np.concatenate([grid.vertices, away], axis=1))
     with opened_api(lonely, encoding={"step": 1e-6}) as api:
-        told = asked(api, "api/reel")
-    swept = np.array(told["swept"]) + told["origin"]
+        told, origin = asked(api, "api/facts"), np.array(api.reel.frame.origin)
+    swept = np.array(told["swept"]) + origin
     assert swept.max() < 1.1 * grid.vertices.max()
 
 
-def test_faces_are_those_decoded_when_they_are_asked_for():
-    sheet = quad_sheet(2)
-    with opened_api(sheet) as api:
-        _, arrays = asked(api, "api/faces")
-    np.testing.assert_array_equal(arrays["faces"], sheet.faces)
-    np.testing.assert_array_equal(arrays["colors"], sheet.surface.attributes[1].values)
-    with opened_api(waving_grid(2)) as api:
-        assert list(asked(api, "api/faces")[1]) == ["faces"]
-
-
-def test_vertex_colors_are_bytes_when_they_were_shares():
-    values = np.array([[0, 0.5, 1], [2, -1, np.nan]])
-    color = Attribute("c", Kind.COLOR, Domain.VERTEX, values)
-    found = vertex_colors(Surface(attributes=(color,)))
-    np.testing.assert_array_equal(found, [[0, 128, 255], [255, 0, 0]])
-    at_corners = replace(color, domain=Domain.CORNER)
-    assert vertex_colors(Surface(attributes=(at_corners,))) is None
-
-
-def test_original_and_heats_are_told_frame_by_frame_when_there_is_one():
+def test_original_is_told_frame_by_frame_when_there_is_one():
     grid = waving_grid(5)
     with opened_api(grid, grid, encoding={"quality": 40}) as api:
-        told = asked(api, "api/reel")
-        _, original = asked(api, "api/original/3")
-        heats = {kind: asked(api, f"api/heat/{kind}/3")[1]["values"] for kind in HEATS}
-        pair = api.comparison.pair(3)
-        expected = {kind: api.comparison.heat(kind, pair) for kind in HEATS}
-    positions = original["positions"] + np.array(told["origin"])
-    np.testing.assert_allclose(positions, grid.vertices[3], atol=1e-6)
-    for kind, values in heats.items():
-        np.testing.assert_allclose(values, expected[kind], rtol=1e-6)
+        told = asked(api, "api/facts")
+        positions = np.frombuffer(api.answer("api/original/3").body, "<f4").reshape(-1, 3)
+        centre = np.array(api.reel.frame.origin)
+    np.testing.assert_allclose(positions + centre, grid.vertices[3], atol=1e-6)
     assert told["original"]["name"] == "grid"
     assert [heat["kind"] for heat in told["original"]["heats"]] == list(HEATS)
     assert (told["original"]["plots"], told["original"]["rows"]) == ([], [])
+
+
+def test_stream_is_encoded_anew_when_it_is_of_another_method():
+    grid = waving_grid(4)
+    with opened_api(grid, encoding={"method": "pca-qp"}) as api:
+        assert api.is_reencoded
+        assert api.reel.info().method == "reel"
+        told = asked(api, "api/facts")
+        decoded = decode(encode(grid, "pca-qp"))
+        off = np.linalg.norm(api.reel[:] - decoded.vertices, axis=2).max()
+        assert off < 1.01e-5 * api.reel.frame.scale
+    assert "encoded anew as reel" in dict(told["rows"])["shown"]
 
 
 def test_plots_are_told_when_all_frames_are_measured():
@@ -132,7 +107,7 @@ def test_plots_are_told_when_all_frames_are_measured():
         assert asked(api, "api/plots")["ready"] is False
         api.measuring.run()
         told = asked(api, "api/plots")
-        assert asked(api, "api/reel")["original"]["plots"] == told["plots"]
+        assert asked(api, "api/facts")["original"]["plots"] == told["plots"]
     assert (told["ready"], told["share"], told["error"]) == (True, 1.0, "")
     assert told["rows"] == [["KG", "1 %"]]
     assert [len(plot["values"]) for plot in told["plots"]] == [5, 5]
@@ -146,24 +121,16 @@ def test_worst_frame_is_that_of_the_largest_error_when_all_are_measured():
         assert asked(api, "api/plots")["worst_frame"] is None
         api.measuring.run()
         assert asked(api, "api/plots")["worst_frame"] == 3
-        assert asked(api, "api/reel")["original"]["worst_frame"] == 3
-
-
-def test_heat_is_computed_once_when_it_is_asked_for_twice(monkeypatch):
-    grid = waving_grid(3)
-    with opened_api(grid, grid) as api:
-        first = api.answer("api/heat/sted/1")
-        monkeypatch.setattr(type(api.comparison), "pair", None)
-        assert api.answer("api/heat/sted/1").body is first.body
+        assert asked(api, "api/facts")["original"]["worst_frame"] == 3
 
 
 @pytest.mark.parametrize(
     "path",
     [
-        "", "api", "api/", "api/block", "api/block/", "api/block/1", "api/block/-1",
-        "api/block/0x0", "api/block/99999999999999999999", "api/block/\u0660", "api/reel/",
-        "/api/reel", "API/reel", "api/block/0/", "api/original/5",
-        "api/heat/fire/0", "api/heat/sted/5", "api/heat/sted", "api/../page", "api/block/0\n",
+        "", "api", "api/", "api/original", "api/original/", "api/original/-1",
+        "api/original/0x0", "api/original/99999999999999999999", "api/original/\u0660",
+        "api/facts/", "/api/facts", "API/facts", "api/original/0/", "api/original/5",
+        "api/../page", "api/original/0\n",
     ],
 )  # fmt: skip
 def test_nothing_is_told_when_the_path_names_nothing(path):
@@ -172,7 +139,7 @@ def test_nothing_is_told_when_the_path_names_nothing(path):
         assert api.answer(path) is None
 
 
-@pytest.mark.parametrize("path", ["api/original/0", "api/heat/sted/0", "api/plots"])
+@pytest.mark.parametrize("path", ["api/original/0", "api/plots"])
 def test_nothing_is_told_of_an_original_when_there_is_none(path):
     with opened_api(waving_grid(2)) as api:
         assert api.answer(path) is None
@@ -190,5 +157,5 @@ def test_json_has_null_when_a_number_is_not_finite():
     with opened_api(waving_grid(2)) as api:
         nothing, everything = np.full(3, np.nan), np.full(3, np.inf)
         api._reach = replace(api._reach, low=nothing, high=everything)
-        told = asked(api, "api/reel")
+        told = asked(api, "api/facts")
     assert (told["low"], told["high"]) == ([None] * 3, [None] * 3)

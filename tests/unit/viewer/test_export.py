@@ -1,82 +1,66 @@
-"""A player as one file."""
+"""A player as one file, or as several."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from meshreel.codec.decoder import decode
+from meshreel.codec.encoder import encode
 from meshreel.errors import InvalidInputError
-from meshreel.metrics.heat import HEATS
 from meshreel.viewer import export
-from meshreel.viewer.export import ALLOWED_ERROR, export_page
-from samples.meshes import waving_grid
-from samples.packets import inlined, played, read_packet
-from samples.players import PAGE, opened_api
-
-COARSE = {"allowed_error": ALLOWED_ERROR}
+from meshreel.viewer.export import export_page
+from meshreel.viewer.textures import texture_for
+from samples.meshes import quad_sheet, waving_grid
+from samples.players import PAGE, carried, opened_api
 
 
 def exported(path, sequence, original=None, **options):
-    """Sizes, HTML, and what is in it."""
-    with opened_api(sequence, original, **COARSE, **options) as api:
+    """Sizes, what the page carries, and what the server would tell."""
+    with opened_api(sequence, original, **options) as api:
         sizes = export_page(api, path, page=PAGE)
-        described = api.described()
-    html = path.read_bytes().decode()
-    return sizes, html, inlined(html), json.loads(json.dumps(described))
+        facts = json.loads(json.dumps(api.facts()))
+    return sizes, carried(path.read_text()), facts
 
 
-def test_page_carries_what_the_server_would_tell_when_it_is_exported(tmp_path):
+def test_page_carries_the_stream_and_its_facts_when_it_is_exported(tmp_path):
     grid = waving_grid(9)
-    encoding = {"block_frames": 4}
-    sizes, html, data, described = exported(tmp_path / "p.html", grid, encoding=encoding)
-    assert list(data) == ["api/reel", "api/faces", *(f"api/block/{n}" for n in range(3))]
-    assert data["api/reel"] == described
-    np.testing.assert_array_equal(read_packet(data["api/faces"])[1]["faces"], grid.faces)
-    found = np.concatenate([played(data[f"api/block/{number}"]) for number in range(3)])
-    with opened_api(grid, encoding=encoding) as api:
-        expected = api.reel[:] - np.array(described["origin"])
-    assert np.linalg.norm(found - expected, axis=2).max() < 1e-4 * described["diagonal"]
-    before, behind = PAGE.split("<!--meshreel-data-->")
-    assert html.startswith(before + "<script>window.MESHREEL=")
-    assert html.endswith("</script>" + behind)
-    assert sizes["player"] == len(before + behind)
+    data = encode(grid, block_frames=4)
+    sizes, found, facts = exported(tmp_path / "p.html", grid, data=data)
+    assert found == {"facts": facts, "stream": data}
     assert list(sizes) == ["player", "animation"]
-    assert abs(len(html) - sum(sizes.values())) < 50
+    assert sum(sizes.values()) == (tmp_path / "p.html").stat().st_size
 
 
 def test_page_carries_the_original_when_there_is_one(tmp_path):
     grid = waving_grid(5)
     options = {"encoding": {"quality": 40}, "measured_rows": lambda _: {"KG": "1 %"}}
-    sizes, _, data, described = exported(tmp_path / "p.html", grid, grid, **options)
-    with opened_api(grid, grid, encoding=options["encoding"]) as api:
-        pairs = [api.comparison.pair(number) for number in range(5)]
-        heats = [api.comparison.heats(pair) for pair in pairs]
+    sizes, found, facts = exported(tmp_path / "p.html", grid, grid, **options)
+    told = found["facts"]["original"]
+    assert told["rows"] == [["KG", "1 %"]]
+    assert len(told["plots"][0]["values"]) == 5
     assert sizes["original"] > 0
-    assert data["api/plots"]["ready"] is True
-    assert data["api/reel"]["original"]["rows"] == [["KG", "1 %"]]
-    assert len(data["api/reel"]["original"]["plots"][0]["values"]) == 5
-    for number in range(5):
-        positions = read_packet(data[f"api/original/{number}"])[1]["positions"]
-        expected = grid.vertices[number] - np.array(described["origin"])
-        assert np.linalg.norm(positions - expected, axis=1).max() < 1e-4 * described["diagonal"]
-        for kind in HEATS:
-            values = read_packet(data[f"api/heat/{kind}/{number}"])[1]["values"]
-            np.testing.assert_allclose(values, heats[number][kind], rtol=0.004, atol=1e-12)
+    original = decode(found["original"])
+    np.testing.assert_array_equal(original.faces, grid.faces)
+    (shown,) = (heat for heat in told["heats"] if heat["kind"] == "distance")
+    off = np.linalg.norm(original.vertices - grid.vertices, axis=2).max()
+    assert (
+        off
+        <= shown["range"] / 20 / 100 * np.linalg.norm(np.ptp(grid.vertices, axis=(0, 1))) * 1.001
+    )
+    assert facts["original"] == told
 
 
-def test_names_cannot_end_the_script_when_they_try(tmp_path):
-    sequence = waving_grid(2)
-    object.__setattr__(sequence, "name", "</script><script>alert(1)</script>\u2028<!--")
-    _, html, data, _ = exported(tmp_path / "p.html", sequence)
-    assert "alert(1)</script>" not in html
-    assert data["api/reel"]["name"] == sequence.name
-
-
-def test_nothing_is_written_when_the_page_has_no_place_for_data(tmp_path):
-    told = "has no place for data; build it anew"
-    with opened_api(waving_grid(2)) as api, pytest.raises(InvalidInputError, match=told):
-        export_page(api, tmp_path / "p.html", page="<html></html>")
-    assert list(tmp_path.iterdir()) == []
+def test_original_is_in_the_order_of_the_file_when_that_was_dropped(tmp_path):
+    grid = waving_grid(3)
+    encoding = {"order": "drop", "max_error": 0.01}
+    _, found, _ = exported(tmp_path / "p.html", grid, grid, encoding=encoding)
+    original, stream = decode(found["original"]), decode(found["stream"])
+    np.testing.assert_array_equal(original.faces, stream.faces)
+    assert np.abs(original.vertices - stream.vertices).max() < 2e-4 * np.linalg.norm(
+        np.ptp(grid.vertices, axis=(0, 1))
+    )
 
 
 def test_a_file_is_kept_when_it_is_there_already(tmp_path):
@@ -92,7 +76,37 @@ def test_a_file_is_kept_when_it_is_there_already(tmp_path):
 def test_original_is_refused_when_it_would_be_too_large(tmp_path, monkeypatch):
     monkeypatch.setattr(export, "MOST_ORIGINAL_BYTES", 1000)
     grid = waving_grid(5)
-    told = r"would add 0\.0 GB .* leave --original out"
+    told = r"0\.0 GB of positions, too many for a page; leave --original out"
     with opened_api(grid, grid) as api, pytest.raises(InvalidInputError, match=told):
         export_page(api, tmp_path / "p.html", page=PAGE)
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("is_split", [False, True])
+def test_texture_goes_along_when_there_is_one(tmp_path, is_split):
+    picture = tmp_path / "in" / "skin.webm"
+    picture.parent.mkdir()
+    picture.write_bytes(b"moving picture")
+    out = tmp_path / "out"
+    out.mkdir()
+    with opened_api(quad_sheet(3)) as api:
+        sizes = export_page(
+            api, out / "p.html", page=PAGE, texture=texture_for(api.reel, picture), split=is_split
+        )
+    data = carried((out / "p.html").read_text())
+    if is_split:
+        assert data["texture"] == {"url": "skin.webm", "mediaType": "video/webm"}
+        assert data["stream"] == {"url": "p.reel"}
+        assert (out / "skin.webm").read_bytes() == b"moving picture"
+        assert (out / "player.js").read_text() == PAGE.script
+    else:
+        assert data["texture"] == b"moving picture"
+        assert [path.name for path in out.iterdir()] == ["p.html"]
+    assert sum(sizes.values()) == sum(path.stat().st_size for path in out.iterdir())
+
+
+def test_names_come_from_the_page_when_the_stream_is_split(tmp_path):
+    with opened_api(replace(waving_grid(2), name="")) as api:
+        export_page(api, tmp_path / "index.html", page=PAGE, split=True)
+    names = sorted(path.name for path in tmp_path.iterdir())
+    assert names == ["index.html", "index.reel", "player.js"]

@@ -1,43 +1,51 @@
-"""The page of the package, and what a browser lets it do."""
+"""The page of the package, and the forms in which it goes out."""
 
 import base64
-import hashlib
+import re
+import zlib
 
 import pytest
 
 from meshreel.errors import InvalidInputError
-from meshreel.viewer.page import content_security_policy, page_text
+from meshreel.viewer.page import Page, built_page
+from samples.players import PAGE, carried, write_page
 
 
-def hash_of(script):
-    return f"'sha256-{base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()}'"
+def test_page_and_script_are_read_when_they_are_there(tmp_path):
+    assert built_page(write_page(tmp_path / "page")) == PAGE
 
 
-def test_page_is_read_when_it_is_there(tmp_path):
-    (tmp_path / "index.html").write_text("<html>\u00e9</html>", encoding="utf-8")
-    assert page_text(tmp_path / "index.html") == "<html>\u00e9</html>"
-
-
-def test_error_says_how_to_get_the_page_when_it_is_not_built(tmp_path):
+@pytest.mark.parametrize("missing", ["index.html", "player.js"])
+def test_error_says_how_to_get_the_page_when_it_is_not_built(tmp_path, missing):
+    folder = write_page(tmp_path / "page")
+    (folder / missing).unlink()
     with pytest.raises(InvalidInputError, match=r"npm ci && npm run build.*wheel"):
-        page_text(tmp_path / "index.html")
+        built_page(folder)
 
 
-@pytest.mark.parametrize(
-    ("page", "scripts"),
-    [
-        ("<script>a()</script>", ["a()"]),
-        ('<script type="module" crossorigin>\nif (1 < 2) x = "</b>"\n</script>',
-         ['\nif (1 < 2) x = "</b>"\n']),
-        ("<SCRIPT>a</SCRIPT ><p></p><script>\r\nb\r</script>", ["a", "\nb\n"]),
-        ("<script></script>", [""]),
-    ],
-)  # fmt: skip
-def test_policy_allows_the_scripts_of_the_page_when_it_has_some(page, scripts):
-    policy = content_security_policy(page)
-    assert f"script-src {' '.join(map(hash_of, scripts))};" in policy
-    assert policy.startswith("default-src 'none';")
+@pytest.mark.parametrize("html", ["<html></html>", "<!--meshreel-data-->", "<!--script-->"])
+def test_page_is_refused_when_it_has_no_place_for_something(html):
+    with pytest.raises(InvalidInputError, match="has no place for data; build it anew"):
+        Page(html, "")
 
 
-def test_policy_allows_no_script_when_the_page_has_none():
-    assert "script-src 'none';" in content_security_policy("<p>script</p>")
+def test_script_is_beside_the_page_when_it_is_served():
+    assert PAGE.served == (
+        "<!doctype html><html><head><title>p</title></head>"
+        '<body><script src="player.js"></script></body></html>'
+    )
+
+
+def test_script_and_data_are_inside_the_page_when_it_is_whole():
+    html = PAGE.whole({"a": {"b": [1.5, float("nan")]}})
+    packed = re.search(r'<script id="packed" type="text/plain">([^<]*)</script>', html)[1]
+    assert zlib.decompress(base64.b64decode(packed), -15).decode() == PAGE.script
+    assert carried(html) == {"a": {"b": [1.5, None]}}
+
+
+@pytest.mark.parametrize("form", ["whole", "split"])
+def test_data_cannot_end_their_script_when_they_try(form):
+    name = "</script><script>alert(1)</script>\u2028<!--"
+    html = getattr(PAGE, form)({"facts": {"name": name}})
+    assert "alert(1)</script>" not in html
+    assert carried(html) == {"facts": {"name": name}}

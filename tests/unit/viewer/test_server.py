@@ -8,11 +8,11 @@ from contextlib import contextmanager
 
 import pytest
 
+from meshreel.codec.encoder import encode
 from meshreel.errors import CorruptStreamError, InvalidInputError
 from meshreel.viewer.api import Api
 from meshreel.viewer.server import ViewerServer
 from samples.meshes import waving_grid
-from samples.packets import read_packet
 from samples.players import PAGE, opened_api
 
 
@@ -64,23 +64,65 @@ def send(server, data, n_bytes=1 << 16):
 @pytest.mark.parametrize("path", ["/", "/index.html", "/?frame=3"])
 def test_page_is_served_with_a_policy_when_it_is_asked_for(server, path):
     status, headers, body = ask(server, path)
-    assert (status, body.decode()) == (200, PAGE)
+    assert (status, body.decode()) == (200, PAGE.served)
     assert headers["Content-Type"] == "text/html; charset=utf-8"
-    assert headers["Content-Security-Policy"] == server.policy
-    assert "sha256-" in server.policy
+    assert "script-src 'self' 'wasm-unsafe-eval';" in headers["Content-Security-Policy"]
+
+
+def test_script_is_served_when_it_is_asked_for(server):
+    status, headers, body = ask(server, "/player.js")
+    assert (status, body.decode()) == (200, PAGE.script)
+    assert headers["Content-Type"] == "text/javascript; charset=utf-8"
 
 
 def test_answers_are_those_of_the_api_when_they_are_asked_for(server, api):
-    status, headers, body = ask(server, "/api/reel")
+    status, headers, body = ask(server, "/api/facts")
     assert (status, headers["Content-Type"]) == (200, "application/json")
-    assert json.loads(body) == api.described()
-    status, headers, body = ask(server, "/api/block/0?again=1")
-    assert (status, headers["Content-Type"]) == (200, "application/octet-stream")
-    assert body == api.block(0)
-    assert read_packet(ask(server, "/api/faces")[2])[1]["faces"].shape == (160, 3)
+    assert json.loads(body) == api.facts()
 
 
-@pytest.mark.parametrize("path", ["/", "/api/reel", "/nothing"])
+SIZE = len(encode(waving_grid(4)))
+
+
+@pytest.mark.parametrize(
+    ("wanted", "start", "stop"),
+    [
+        ("bytes=0-9", 0, 10),
+        ("bytes=5-5", 5, 6),
+        ("bytes=7-", 7, SIZE),
+        ("bytes=-12", SIZE - 12, SIZE),
+        (f"bytes=-{SIZE + 5}", 0, SIZE),
+        (f"bytes=3-{SIZE + 100}", 3, SIZE),
+    ],
+)
+def test_part_of_the_stream_is_given_when_a_range_is_asked_for(server, wanted, start, stop):
+    status, headers, body = ask(server, "/stream.reel?x=1", Range=wanted)
+    assert (status, body) == (206, encode(waving_grid(4))[start:stop])
+    assert headers["Content-Range"] == f"bytes {start}-{stop - 1}/{SIZE}"
+    assert headers["ETag"] == server.version
+
+
+@pytest.mark.parametrize("wanted", ["bytes=9-5", "bytes=-", "bytes=0-1,4-5", "lines=1-2", "x", ""])
+def test_whole_stream_is_given_when_no_range_can_be_read(server, wanted):
+    status, headers, body = ask(server, "/stream.reel", Range=wanted)
+    assert (status, body) == (200, encode(waving_grid(4)))
+    assert headers["Accept-Ranges"] == "bytes"
+
+
+def test_whole_stream_is_given_when_another_version_was_meant(server):
+    asked = {"Range": "bytes=0-9", "If-Range": '"other"'}
+    assert ask(server, "/stream.reel", **asked)[0] == 200
+    assert ask(server, "/stream.reel", **{**asked, "If-Range": server.version})[0] == 206
+
+
+@pytest.mark.parametrize("wanted", [f"bytes={SIZE}-", f"bytes={SIZE + 3}-{SIZE + 9}", "bytes=-0"])
+def test_nothing_is_given_when_a_range_lies_behind_the_end(server, wanted):
+    status, headers, body = ask(server, "/stream.reel", Range=wanted)
+    assert (status, body) == (416, b"")
+    assert headers["Content-Range"] == f"bytes */{SIZE}"
+
+
+@pytest.mark.parametrize("path", ["/", "/api/facts", "/nothing"])
 def test_answers_are_not_kept_nor_lent_to_other_pages_when_they_are_given(server, path):
     headers = ask(server, path)[1]
     assert headers["Cache-Control"] == "no-store"
@@ -90,14 +132,14 @@ def test_answers_are_not_kept_nor_lent_to_other_pages_when_they_are_given(server
 
 
 def test_head_gives_the_length_alone_when_it_is_asked(server):
-    status, headers, body = ask(server, "/api/faces", "HEAD")
+    status, headers, body = ask(server, "/stream.reel", "HEAD")
     assert (status, body) == (200, b"")
-    assert int(headers["Content-Length"]) == len(ask(server, "/api/faces")[2])
+    assert int(headers["Content-Length"]) == len(ask(server, "/stream.reel")[2])
 
 
 @pytest.mark.parametrize("method", ["POST", "PUT", "DELETE", "PATCH", "OPTIONS"])
 def test_other_methods_are_refused_when_they_are_tried(server, method):
-    status, headers, _ = ask(server, "/api/reel", method, body=b"x" * 100)
+    status, headers, _ = ask(server, "/api/facts", method, body=b"x" * 100)
     assert (status, headers["Allow"]) == (405, "GET, HEAD")
 
 
@@ -106,8 +148,8 @@ def test_other_methods_are_refused_when_they_are_tried(server, method):
     [
         "/etc/passwd", "/../../../../etc/passwd", "/api/../../etc/passwd",
         "/%2e%2e/%2e%2e/etc/passwd", "/..%2f..%2fetc%2fpasswd", "/page/index.html", "//etc/passwd",
-        "/api/block/1", "/favicon.ico", "/api/reel%00", "/index.html/",
-        "http://127.0.0.1/api/reel", "/" + "a" * 5000,
+        "/api/original/1", "/favicon.ico", "/api/facts%00", "/index.html/",
+        "http://127.0.0.1/api/facts", "/" + "a" * 5000,
     ],
 )  # fmt: skip
 def test_nothing_is_found_when_the_path_is_not_one_of_its_own(server, path):
@@ -120,7 +162,7 @@ def test_nothing_is_found_when_the_path_is_not_one_of_its_own(server, path):
     "host", ["127.0.0.1", "localhost:8000", "LOCALHOST", "[::1]:80", "127.0.0.1:1"]
 )
 def test_requests_are_answered_when_they_name_a_local_host(server, host):
-    assert ask(server, "/api/reel", Host=host)[0] == 200
+    assert ask(server, "/api/facts", Host=host)[0] == 200
 
 
 @pytest.mark.parametrize(
@@ -131,20 +173,20 @@ def test_requests_are_answered_when_they_name_a_local_host(server, host):
     ],
 )  # fmt: skip
 def test_requests_are_refused_when_they_name_another_host(server, host):
-    status, _, body = ask(server, "/api/reel", Host=host)
+    status, _, body = ask(server, "/api/facts", Host=host)
     assert (status, body[:36]) == (403, b"this player answers to local address")
 
 
 def test_requests_are_refused_when_they_name_no_host(server):
-    assert send(server, b"GET /api/reel HTTP/1.0\r\n\r\n").startswith(b"HTTP/1.1 403 ")
+    assert send(server, b"GET /api/facts HTTP/1.0\r\n\r\n").startswith(b"HTTP/1.1 403 ")
 
 
 def test_addresses_are_answered_but_no_other_names_when_it_listens_everywhere(api):
     with serving(api, host="0.0.0.0") as server:
         assert not server.is_local
         assert server.url == f"http://127.0.0.1:{server.server_port}/"
-        assert ask(server, "/api/reel", Host="192.168.1.7:8000")[0] == 200
-        assert ask(server, "/api/reel", Host="evil.example")[0] == 403
+        assert ask(server, "/api/facts", Host="192.168.1.7:8000")[0] == 200
+        assert ask(server, "/api/facts", Host="evil.example")[0] == 403
 
 
 def test_its_own_name_is_answered_when_it_is_told_one(api):
@@ -172,46 +214,46 @@ def test_malformed_requests_are_told_so_when_they_come(server, data, status, cap
     received = send(server, data)
     assert status in received.split(b"\r\n")[0]
     assert b"<html" not in received.lower()
-    assert ask(server, "/api/reel")[0] == 200
+    assert ask(server, "/api/facts")[0] == 200
     assert capfd.readouterr() == ("", "")
 
 
 def test_a_body_is_not_taken_for_the_next_request_when_a_get_has_one(server):
-    inner = b"GET /api/reel HTTP/1.1\r\nHost: localhost\r\n\r\n"
+    inner = b"GET /api/facts HTTP/1.1\r\nHost: localhost\r\n\r\n"
     outer = b"GET /nothing HTTP/1.1\r\nHost: localhost\r\nContent-Length: %d\r\n\r\n" % len(inner)
     assert send(server, outer + inner).count(b"HTTP/1.1 ") == 1
 
 
 def test_several_requests_are_answered_when_they_come_on_one_connection(server):
-    request = b"GET /api/reel HTTP/1.1\r\nHost: localhost\r\n\r\n"
+    request = b"GET /api/facts HTTP/1.1\r\nHost: localhost\r\n\r\n"
     assert send(server, 3 * request).count(b"HTTP/1.1 200 OK") == 3
 
 
 def test_nothing_is_printed_when_clients_hang_up(server, capfd):
-    for data in (b"", b"GET / HT", b"GET /api/faces HTTP/1.1\r\nHost: localhost\r\n\r\n" * 50):
+    for data in (b"", b"GET / HT", b"GET /stream.reel HTTP/1.1\r\nHost: localhost\r\n\r\n" * 50):
         client = socket.create_connection(("127.0.0.1", server.server_port), timeout=10)
         # Closing resets the connection, so that writing to it fails.
         client.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, b"\1\0\0\0\0\0\0\0")
         client.sendall(data)
         client.close()
-    assert ask(server, "/api/reel")[0] == 200
+    assert ask(server, "/api/facts")[0] == 200
     assert capfd.readouterr() == ("", "")
 
 
-def test_damage_is_told_when_a_block_cannot_be_decoded(server, monkeypatch):
-    def damaged(self, number):
-        raise CorruptStreamError("block 0 is damaged")
+def test_damage_is_told_when_the_original_cannot_be_read(server, monkeypatch):
+    def damaged(self, path):
+        raise CorruptStreamError("frame 0 is damaged")
 
-    monkeypatch.setattr(Api, "block", damaged)
-    status, _, body = ask(server, "/api/block/0")
-    assert (status, json.loads(body)) == (500, {"error": "block 0 is damaged"})
+    monkeypatch.setattr(Api, "answer", damaged)
+    status, _, body = ask(server, "/api/original/0")
+    assert (status, json.loads(body)) == (500, {"error": "frame 0 is damaged"})
 
 
 def test_two_servers_work_when_they_run_at_once(server):
     with opened_api(waving_grid(7)) as other, serving(other) as second:
         assert second.server_port != server.server_port
-        assert json.loads(ask(second, "/api/reel")[2])["n_frames"] == 7
-        assert json.loads(ask(server, "/api/reel")[2])["n_frames"] == 4
+        assert ask(second, "/stream.reel")[2] == encode(waving_grid(7))
+        assert ask(server, "/stream.reel")[2] == encode(waving_grid(4))
 
 
 def test_error_names_the_port_when_it_is_in_use(server, api):

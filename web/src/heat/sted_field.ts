@@ -1,7 +1,7 @@
 // Local STED: the standard deviation, weighted by length, of the relative errors of all edges that
 // touch a vertex or one of its neighbours; as meshreel.metrics.edge_neighbourhoods has it.
 
-import { edgesOf } from "./gpu/surface";
+import { edgesOf } from "../edges";
 
 /** Sums of weights, of weighted values and of their squares, at each vertex. */
 type Moments = [Float64Array, Float64Array, Float64Array];

@@ -1,8 +1,8 @@
 // The bar of colours below a heat map: both ends with their numbers and unit, round numbers between.
 
-import { HEAT, roundTicks, shortNumber } from "./heat_map";
-import { part } from "./page";
-import type { HeatInfo } from "./reel";
+import { HEAT, roundTicks, shortNumber } from "./map";
+import { part } from "../page";
+import type { HeatInfo } from "../facts";
 
 const MOST_WIDTH = 320;
 const BAR = 14;

@@ -1,11 +1,6 @@
-// Facts of a file, as the server or an exported page gives them.
+// What the server, or an exported page, says of a file beside the file itself.
 
-export interface BlockInfo {
-  start: number;
-  n_frames: number;
-  n_modes: number;
-  size_bytes: number;
-}
+import type { ReelFile } from "meshreel";
 
 export interface HeatInfo {
   kind: string;
@@ -43,43 +38,38 @@ export interface Measured extends Errors {
   error: string;
 }
 
-export interface Reel {
+export interface Facts {
   name: string;
-  n_frames: number;
-  n_verts: number;
-  n_faces: number;
-  fps: number;
-  start_s: number;
-  origin: [number, number, number];
+  /** Of the box of all frames, in model units. */
   low: [number, number, number];
   high: [number, number, number];
-  /** The outermost of all positions of all frames, from the origin. */
+  /** The outermost of all positions of all frames, from the centre of the file. */
   swept: [number, number, number][];
-  diagonal: number;
   up: "y" | "z";
   is_whole: boolean;
-  blocks: BlockInfo[];
+  /** Of each block. */
+  n_modes: number[];
   rows: [string, string][];
   budget: [string, number][];
   original: OriginalInfo | null;
 }
 
+/** A file that is open, and what is said of it. */
+export interface Reel extends Facts {
+  readonly file: ReelFile;
+}
+
 /** Frames per second to play at; 24 where the file does not say. */
-export function playingFps(reel: Reel): number {
-  return reel.fps > 0 ? reel.fps : 24;
+export function playingFps({ file }: Reel): number {
+  return file.info.fps > 0 ? file.info.fps : 24;
 }
 
 /** Time of a frame in seconds, as the file counts it. */
 export function secondsOf(reel: Reel, frame: number): number {
-  return reel.start_s + frame / playingFps(reel);
-}
-
-/** Number of the block that holds a frame; -1 where none does. */
-export function blockOf(reel: Reel, frame: number): number {
-  return reel.blocks.findLastIndex((block) => block.start <= frame);
+  return reel.file.info.startS + frame / playingFps(reel);
 }
 
 /** The most modes that any block has. */
 export function mostModes(reel: Reel): number {
-  return reel.blocks.reduce((most, block) => Math.max(most, block.n_modes), 0);
+  return Math.max(0, ...reel.n_modes);
 }

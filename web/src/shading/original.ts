@@ -1,0 +1,68 @@
+// The original as a mesh of three.js, one frame after another.
+
+import * as THREE from "three";
+
+import type { ReelMesh } from "meshreel/three";
+
+/** A mesh with the faces, texture coordinates and colours of another, and positions of its own. */
+export class OriginalMesh extends THREE.Mesh {
+  private readonly sources: Uint32Array;
+  private readonly positions: THREE.BufferAttribute;
+  private readonly normals: THREE.BufferAttribute;
+  private areNormalsStale = true;
+
+  constructor(private readonly decoded: ReelMesh) {
+    super(new THREE.BufferGeometry());
+    const { index, groups, attributes } = decoded.geometry;
+    Object.assign(this.geometry, { index, groups, attributes: { ...attributes } });
+    this.sources = decoded.sources;
+    const made = ["position", "normal"].map((name) => {
+      const values = new Float32Array(3 * this.sources.length);
+      const attribute = new THREE.BufferAttribute(values, 3).setUsage(THREE.DynamicDrawUsage);
+      this.geometry.setAttribute(name, attribute);
+      return attribute;
+    });
+    [this.positions, this.normals] = made;
+  }
+
+  /** Takes positions (V, 3) of a frame. */
+  setPositions(positions: Float32Array): void {
+    spread(positions, this.sources, this.positions);
+    this.areNormalsStale = true;
+  }
+
+  /** Has normals that fit its positions, as smooth shading needs them. */
+  bend(): void {
+    if (!this.areNormalsStale) return;
+    this.areNormalsStale = false;
+    const { triangles } = this.decoded.reel.surface;
+    const places = this.decoded.geometry.index?.array as Uint32Array;
+    const sums = new Float32Array(3 * this.decoded.reel.info.nVerts);
+    const corners = [0, 1, 2].map(() => new THREE.Vector3());
+    const [ab, ac] = [new THREE.Vector3(), new THREE.Vector3()];
+    for (let i = 0; i < triangles.length; i += 3) {
+      const vertices = [0, 1, 2].map((corner) => places[i + corner]);
+      vertices.forEach((at, corner) => corners[corner].fromBufferAttribute(this.positions, at));
+      ab.subVectors(corners[1], corners[0]);
+      ab.cross(ac.subVectors(corners[2], corners[0]));
+      for (const at of vertices) {
+        const source = 3 * this.sources[at];
+        sums[source] += ab.x;
+        sums[source + 1] += ab.y;
+        sums[source + 2] += ab.z;
+      }
+    }
+    for (let at = 0; at < sums.length; at += 3) {
+      const size = Math.hypot(sums[at], sums[at + 1], sums[at + 2]) || 1;
+      for (let axis = 0; axis < 3; axis++) sums[at + axis] /= size;
+    }
+    spread(sums, this.sources, this.normals);
+  }
+}
+
+/** Three numbers of each source. */
+function spread(from: Float32Array, sources: Uint32Array, into: THREE.BufferAttribute): void {
+  const values = into.array as Float32Array;
+  for (let i = 0; i < values.length; i++) values[i] = from[3 * sources[Math.floor(i / 3)] + (i % 3)];
+  into.needsUpdate = true;
+}
