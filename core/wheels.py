@@ -22,7 +22,7 @@ from binaries import read_binary
 
 ROOT = core.CORE.parent
 CHECK = ROOT / "conformance" / "check.c"
-PAGE = "meshreel/viewer/page/index.html"
+PAGE = {"meshreel/viewer/page/index.html", "meshreel/viewer/page/player.js"}
 MACHINES = {
     "linux-x86_64": ("ELF", "x86_64"),
     "linux-aarch64": ("ELF", "aarch64"),
@@ -90,7 +90,7 @@ def faults(wheel: Path, target: str) -> list[str]:
             return [*found, f"its libraries are {own}"]
         library = read_binary(archive.read(own[0]))
         metadata = archive.read(next(name for name in names if name.endswith("/WHEEL"))).decode()
-    if PAGE not in names:
+    if not set(names) >= PAGE:
         found.append("the page of the player is missing")
     if "Root-Is-Purelib: false" not in metadata:
         found.append("it claims to be for all machines")

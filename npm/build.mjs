@@ -6,7 +6,7 @@
 import zopfli from "@gfx/zopfli";
 import { build } from "esbuild";
 import { execFileSync } from "node:child_process";
-import { existsSync, mkdirSync, readFileSync, readdirSync, rmSync, statSync } from "node:fs";
+import { existsSync, mkdirSync, readFileSync, readdirSync, rmSync, statSync, writeFileSync } from "node:fs";
 import { dirname, join } from "node:path";
 import { fileURLToPath } from "node:url";
 import { gzipSync } from "node:zlib";
@@ -111,6 +111,7 @@ const three = await build({
   plugins: [indexBeside],
 });
 run("npx", "tsc", "--declaration", "--emitDeclarationOnly", "--outDir", "dist");
+writeFileSync(join(dist, "built"), ""); // all is there
 
 const files = [decoder, three].flatMap(({ metafile }) => Object.keys(metafile.outputs));
 for (const file of files) {

@@ -31,7 +31,6 @@ def built_package():
         if not _is_current():
             _npm("ci", "--no-audit", "--no-fund")
             _npm("run", "build")
-            (DIST / "built").touch()
     return DIST
 
 

@@ -125,7 +125,7 @@ def _original_stream(api: Api, progress: Progress) -> bytes:
     assert api.measuring is not None
     original, reel = api.comparison.original, api.reel
     frames = [original.frame(number) for number in range(reel.n_frames)]
-    sequence = MeshSequence(np.array(frames, frames[0].dtype), reel.faces, fps=reel.fps)
+    sequence = MeshSequence(np.array(frames, np.float64), reel.faces, fps=reel.fps)
     (range_percent,) = (
         heat["range"]
         for heat in api.measuring.figures.described_heats()
@@ -136,7 +136,7 @@ def _original_stream(api: Api, progress: Progress) -> bytes:
 
 
 def _check_size(api: Api) -> None:
-    size = 12 * api.reel.n_frames * api.reel.n_verts
+    size = 24 * api.reel.n_frames * api.reel.n_verts
     if size > MOST_ORIGINAL_BYTES:
         raise InvalidInputError(
             f"the original has {size / 1e9:.1f} GB of positions, too many for a page; "
