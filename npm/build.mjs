@@ -110,7 +110,7 @@ const three = await build({
   external: ["three"],
   plugins: [indexBeside],
 });
-run("npx", "tsc", "--declaration", "--emitDeclarationOnly", "--outDir", "dist");
+run(process.execPath, "node_modules/typescript/bin/tsc", "--declaration", "--emitDeclarationOnly", "--outDir", "dist");
 writeFileSync(join(dist, "built"), ""); // all is there
 
 const files = [decoder, three].flatMap(({ metafile }) => Object.keys(metafile.outputs));
