@@ -2,6 +2,7 @@
 
 import re
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -22,6 +23,7 @@ from samples.player_pages import (
     wait_until,
 )
 
+AXE = Path(__file__).parents[2] / "web" / "node_modules" / "axe-core" / "axe.min.js"
 LAST = 35
 MOST_MODES = 1000
 FEW_MODES = 3
@@ -457,6 +459,24 @@ def test_controls_have_names_when_a_screen_reader_asks(compared):
         ).map((control) => control.id)"""
     )
     assert unnamed == []
+
+
+@pytest.mark.parametrize("width", [1280, 390])
+@pytest.mark.parametrize("look", ["", "dark", "help"])
+def test_axe_finds_no_barriers_when_it_looks(new_page, compared_url, width, look):
+    if not AXE.is_file():
+        pytest.skip("needs axe-core: npm ci in web/")
+    page = new_page(compared_url, width=width)
+    page.locator("#plots figure").first.wait_for()
+    page.evaluate("player.setHeat('distance')")
+    if look == "dark":
+        page.locator("[name=background][value=dark]").check()
+    if look == "help":
+        page.keyboard.press("?")
+    page.evaluate(AXE.read_text())
+    found = page.evaluate("axe.run()")
+    assert [(one["id"], one["help"]) for one in found["violations"]] == []
+    assert len(found["passes"]) > 10
 
 
 @pytest.mark.parametrize("height", [844, 600])

@@ -75,3 +75,4 @@ def demo_command(
     rows["largest error"] += f", in frame {of_all.frame}"
     print_table("The flag, compressed", rows)
     print_table("Written", {"original": str(raw), "stream": str(reel), "picture": str(picture)})
+    typer.echo(f"To see it move: meshreel view {reel} --original {raw}")
