@@ -11,6 +11,7 @@ from collections import defaultdict
 from pathlib import Path
 
 import pytest
+from hypothesis import settings
 
 from samples.costs import do_everything
 
@@ -25,6 +26,9 @@ MINUTE = (
 )
 COSTLY = ("slow", "real")
 MOST_WORKERS = 8
+
+settings.register_profile("meshreel", deadline=None)  # speed is measured in bench/
+settings.load_profile("meshreel")
 
 # A shell has what it runs in the background ignore ctrl-C, and children of that inherit it.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:

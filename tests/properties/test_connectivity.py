@@ -52,7 +52,7 @@ def sorted_triangles(faces, n_verts):
     return lowest[sorted_order(lowest, n_verts)]
 
 
-@settings(max_examples=draws(250), deadline=None)
+@settings(max_examples=draws(250))
 @given(meshes, orders)
 def test_mesh_comes_back_exactly_whatever_its_faces(mesh, order):
     faces, n_verts = mesh
@@ -70,7 +70,7 @@ def test_mesh_comes_back_exactly_whatever_its_faces(mesh, order):
     )
 
 
-@settings(max_examples=draws(250), deadline=None)
+@settings(max_examples=draws(250))
 @given(meshes, st.booleans())
 def test_each_way_gives_the_same_triangles_even_where_the_other_is_shorter(mesh, listed):
     faces, n_verts = mesh
@@ -83,7 +83,7 @@ def test_each_way_gives_the_same_triangles_even_where_the_other_is_shorter(mesh,
     np.testing.assert_array_equal(decode_given_order(order, internal, n_verts)[1], faces)
 
 
-@settings(max_examples=draws(150), deadline=None)
+@settings(max_examples=draws(150))
 @given(meshes, st.integers(0, 2**32 - 1), st.booleans())
 def test_order_comes_back_exactly_whatever_the_internal_order(mesh, seed, keep_faces):
     faces, n_verts = mesh
@@ -97,7 +97,7 @@ def test_order_comes_back_exactly_whatever_the_internal_order(mesh, seed, keep_f
         np.testing.assert_array_equal(listed, faces)
 
 
-@settings(max_examples=draws(300), deadline=None)
+@settings(max_examples=draws(300))
 @given(st.binary(max_size=120), st.integers(1, 200), st.integers(1, 200))
 def test_any_bytes_give_a_mesh_or_our_error(data, n_verts, n_faces):
     try:
@@ -108,7 +108,7 @@ def test_any_bytes_give_a_mesh_or_our_error(data, n_verts, n_faces):
     assert 0 <= faces.min() <= faces.max() < n_verts
 
 
-@settings(max_examples=draws(300), deadline=None)
+@settings(max_examples=draws(300))
 @given(meshes, st.data())
 def test_changed_bytes_give_a_mesh_or_our_error(mesh, data):
     faces, n_verts = mesh

@@ -41,7 +41,7 @@ def passes_of(draw, n_columns):
     return passes
 
 
-@settings(max_examples=draws(300), deadline=None)
+@settings(max_examples=draws(300))
 @given(fields_and_passes())
 def test_fields_come_back_exactly_whatever_they_hold(case):
     fields, passes = case
@@ -49,7 +49,7 @@ def test_fields_come_back_exactly_whatever_they_hold(case):
     np.testing.assert_array_equal(decode_fields(data, *fields.shape, passes=passes), fields)
 
 
-@settings(max_examples=draws(300), deadline=None)
+@settings(max_examples=draws(300))
 @given(st.binary(max_size=200), st.integers(0, 16), st.data())
 def test_any_bytes_give_fields_or_our_error(data, n_rows, drawn):
     n_columns = drawn.draw(st.integers(0, 40))
@@ -61,7 +61,7 @@ def test_any_bytes_give_fields_or_our_error(data, n_rows, drawn):
     assert decoded.shape == (n_rows, n_columns)
 
 
-@settings(max_examples=draws(200), deadline=None)
+@settings(max_examples=draws(200))
 @given(fields_and_passes(), st.data())
 def test_a_flipped_bit_gives_fields_or_our_error(case, drawn):
     fields, passes = case

@@ -43,7 +43,7 @@ def assert_usable(found, n_frames, n_verts):
     assert frames_of(slice(None)).shape == (3, n_frames, n_verts)
 
 
-@settings(max_examples=draws(300), deadline=None)
+@settings(max_examples=draws(300))
 @given(corrections_of_blocks())
 def test_corrections_come_back_exactly_whatever_they_are(case):
     corrections, n_frames, n_verts = case
@@ -51,7 +51,7 @@ def test_corrections_come_back_exactly_whatever_they_are(case):
     assert_equal(read_corrections(payload, 3, n_frames, n_verts), corrections)
 
 
-@settings(max_examples=draws(200), deadline=None)
+@settings(max_examples=draws(200))
 @given(corrections_of_blocks())
 def test_corrections_given_stay_as_they_are_when_written(case):
     corrections, _, _ = case
@@ -62,7 +62,7 @@ def test_corrections_given_stay_as_they_are_when_written(case):
         np.testing.assert_array_equal(array, copy)
 
 
-@settings(max_examples=draws(500), deadline=None)
+@settings(max_examples=draws(500))
 @given(st.binary(max_size=200), st.integers(1, 30), st.integers(1, 30))
 def test_any_bytes_give_corrections_or_our_error(data, n_frames, n_verts):
     try:
@@ -72,7 +72,7 @@ def test_any_bytes_give_corrections_or_our_error(data, n_frames, n_verts):
     assert_usable(found, n_frames, n_verts)
 
 
-@settings(max_examples=draws(500), deadline=None)
+@settings(max_examples=draws(500))
 @given(corrections_of_blocks(), st.lists(st.tuples(st.integers(0), st.integers(0, 7)), min_size=1))
 def test_flipped_bits_give_corrections_or_our_error(case, flips):
     corrections, n_frames, n_verts = case
@@ -86,7 +86,7 @@ def test_flipped_bits_give_corrections_or_our_error(case, flips):
     assert_usable(found, n_frames, n_verts)
 
 
-@settings(max_examples=draws(100), deadline=None)
+@settings(max_examples=draws(100))
 @given(corrections_of_blocks())
 def test_corrections_are_usable_or_refused_when_they_are_cut(case):
     corrections, n_frames, n_verts = case
@@ -99,7 +99,7 @@ def test_corrections_are_usable_or_refused_when_they_are_cut(case):
         assert_usable(found, n_frames, n_verts)
 
 
-@settings(max_examples=draws(300), deadline=None)
+@settings(max_examples=draws(300))
 @given(corrections_of_blocks(), st.integers(1, 12), st.integers(1, 9))
 def test_corrections_of_a_larger_block_are_refused_when_they_do_not_fit(case, n_frames, n_verts):
     corrections, _, _ = case

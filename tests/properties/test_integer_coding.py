@@ -13,7 +13,7 @@ integers = st.one_of(
 rows = st.lists(st.lists(integers, max_size=60), max_size=6)
 
 
-@settings(max_examples=draws(200), deadline=None)
+@settings(max_examples=draws(200))
 @given(rows, st.data())
 def test_rows_come_back_exactly_whatever_they_hold(values, data):
     tables = data.draw(st.lists(st.integers(0, 3), min_size=len(values), max_size=len(values)))
@@ -22,7 +22,7 @@ def test_rows_come_back_exactly_whatever_they_hold(values, data):
     assert [row.tolist() for row in decoded] == values
 
 
-@settings(max_examples=draws(300), deadline=None)
+@settings(max_examples=draws(300))
 @given(st.binary(max_size=200), st.lists(st.integers(0, 500), max_size=4))
 def test_any_bytes_give_rows_or_our_error(data, lengths):
     try:

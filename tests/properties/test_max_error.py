@@ -45,7 +45,7 @@ def assert_promise_is_kept(sequence, percent, **options):
     assert compare(sequence, decoded).max_error_percent <= percent
 
 
-@settings(max_examples=draws(120), deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=draws(120), suppress_health_check=[HealthCheck.too_slow])
 @given(odd_sequences(), st.sampled_from(PERCENTS), st.integers(1, 9), CUTS, FEW_MODES)
 @example(many_components(), 0.05, 5, None, None)
 @example(many_components(), 0.5, 1, 3, 1)
@@ -57,7 +57,7 @@ def test_largest_error_is_as_promised_whatever_the_mesh(
     assert_promise_is_kept(sequence, percent, **options)
 
 
-@settings(max_examples=draws(60), deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=draws(60), suppress_health_check=[HealthCheck.too_slow])
 @given(odd_sequences(np.float32), st.floats(0.1, 20.0), FEW_MODES)
 def test_largest_error_is_as_promised_when_it_is_near_the_spacing_of_the_number_type(
     sequence, spacings, n_modes
@@ -67,7 +67,7 @@ def test_largest_error_is_as_promised_when_it_is_near_the_spacing_of_the_number_
     assert_promise_is_kept(sequence, percent, n_modes=n_modes, effort=1)
 
 
-@settings(max_examples=draws(60), deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=draws(60), suppress_health_check=[HealthCheck.too_slow])
 @given(odd_sequences(), st.sampled_from(PERCENTS), CUTS, FEW_MODES, st.data())
 def test_part_is_as_promised_when_frames_are_chosen(sequence, percent, block_frames, n_modes, data):
     """Corrections fall on the frames that they are of."""

@@ -25,7 +25,7 @@ def irregular_sequences(draw):
     return MeshSequence(vertices, np.array(faces))
 
 
-@settings(max_examples=draws(150), deadline=None)
+@settings(max_examples=draws(150))
 @given(irregular_sequences(), st.sampled_from(["normalized", "combinatorial"]))
 def test_any_mesh_comes_back_when_the_papers_method_keeps_all_modes(sequence, laplacian):
     data = encode(sequence, "pca-qp", n_modes=sequence.n_frames, bits=24, laplacian=laplacian)
