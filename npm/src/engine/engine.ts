@@ -1,6 +1,6 @@
 // Decodes a stream whose bytes come when they are asked for; keeps two blocks.
 
-import { Core } from "../core/core.js";
+import type { Core } from "../core/core.js";
 import { BlockDecoder } from "../decode/block_decoder.js";
 import { fieldsOf } from "../decode/block_fields.js";
 import type { DecodedBlock } from "../decode/decoded_block.js";
@@ -45,14 +45,14 @@ export class Engine {
    * @throws MeshReelError as `openStream` and the decoders.
    */
   static async open(
-    module: WebAssembly.Module,
+    core: Promise<Core>,
     read: Read,
     size: number | null,
     hasRanges: boolean,
     signal: AbortSignal,
   ): Promise<Engine> {
     const stream = await openStream(read, size, hasRanges, signal);
-    return new Engine(new Core(await WebAssembly.instantiate(module)), read, stream);
+    return new Engine(await core, read, stream);
   }
 
   /** Positions of a frame, which has to be there. */
