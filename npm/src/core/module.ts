@@ -1,7 +1,6 @@
 // The core as a WebAssembly module, from bytes that are part of the script.
 
 import { SIMD_WASM } from "./simd_wasm.js";
-import { unpack } from "./unpack.js";
 
 /** A module whose only function has a vector: valid where engines know vectors of 128 bits. */
 const PROBE = [
@@ -14,8 +13,8 @@ let loading: Promise<WebAssembly.Module> | undefined;
 /**
  * The module of the core, compiled once for all that ask; it may be sent to workers.
  *
- * With vectors where the engine has them. Engines that have none load a plain one: a second file
- * beside this script, which decodes the same bits slower.
+ * With vectors where the engine has them. Engines that have none, or cannot inflate, load a plain
+ * one: a second file beside this script, which decodes the same bits slower.
  *
  * @throws WebAssembly.CompileError where the content policy of the page forbids WebAssembly; it
  * has to allow `script-src 'wasm-unsafe-eval'`.
@@ -29,10 +28,32 @@ export function loadModule(): Promise<WebAssembly.Module> {
 }
 
 async function compile(): Promise<WebAssembly.Module> {
-  const isQuick = WebAssembly.validate(new Uint8Array(PROBE));
-  const text = isQuick ? SIMD_WASM : (await import("./plain_wasm.js")).PLAIN_WASM;
+  const isQuick =
+    typeof DecompressionStream !== "undefined" && WebAssembly.validate(new Uint8Array(PROBE));
+  if (isQuick) return WebAssembly.compile(await inflated(fromBase64(SIMD_WASM)));
+  const { PLAIN_WASM } = await import("./plain_wasm.js");
+  return WebAssembly.compile(fromBase64(PLAIN_WASM));
+}
+
+function fromBase64(text: string): Uint8Array<ArrayBuffer> {
   const letters = atob(text);
-  const packed = new Uint8Array(letters.length);
-  for (let i = 0; i < packed.length; i++) packed[i] = letters.charCodeAt(i);
-  return WebAssembly.compile(unpack(packed));
+  const bytes = new Uint8Array(letters.length);
+  for (let i = 0; i < bytes.length; i++) bytes[i] = letters.charCodeAt(i);
+  return bytes;
+}
+
+async function inflated(bytes: Uint8Array<ArrayBuffer>): Promise<ArrayBuffer> {
+  const { readable, writable } = new DecompressionStream("deflate");
+  const writer = writable.getWriter();
+  const parts: Uint8Array<ArrayBuffer>[] = [];
+  const collect = async (): Promise<void> => {
+    const reader = readable.getReader();
+    for (;;) {
+      const { done, value } = await reader.read();
+      if (done) return;
+      parts.push(value);
+    }
+  };
+  await Promise.all([writer.write(bytes), writer.close(), collect()]);
+  return new Blob(parts).arrayBuffer();
 }
