@@ -79,7 +79,7 @@ class Target:
     tag : str
         The platform in the name of a wheel; of WebAssembly there are none.
     quick : tuple of str
-        The only files whose speed counts, if any are named: all others are compiled to be small.
+        If any files are named, all are compiled to be small, these a little less than all others.
     """
 
     library: str
@@ -94,10 +94,11 @@ ELF = ("-O3", "-fPIC", "-shared")
 LONE_ELF = (*ELF, "-nostdlib", "-s")
 MACH_O = ("-O3", "-fPIC", "-shared", "-Wl,-s", "-Wl,-install_name,@rpath/libreel.dylib")
 PE = ("-O3", "-shared", "-s")
-# Where it counts most: engines take long to make more than small code of loops over vectors.
+# Loops over vectors: as small as can be they would go through memory.
 WASM_QUICK = ("predict.c", "smooth.c")
-# By itself the compiler of ziglang takes -Oz for -Os.
-SMALL = ("-Os", "-Xclang", "-Oz")
+SMALL = ("-Os",)
+# The compiler of ziglang takes -Os for -Oz, but where it is told again.
+SMALLEST = ("-Os", "-Xclang", "-Oz")
 PLAIN_WASM = (
     "-O3",
     "-flto",
@@ -180,11 +181,12 @@ def commands(output: Path, extra: Sequence[str] = (), target: str | None = None)
         raise RuntimeError(NO_COMPILER if target is None else f"{target} needs the package ziglang")
     files = [file for file in sources() if file.suffix == ".c"]
     quick = TARGETS[target].quick if target else ()
-    small = {file: f"{file.stem}.o" for file in files if quick and file.name not in quick}
+    small = {file: f"{file.stem}.o" for file in files} if quick else {}
     compiled = [flag for flag in flags if not flag.startswith(("-Wl,", "-nostdlib"))]
     objects = [
-        [*found, *FLAGS, *compiled, *extra, *SMALL, "-c", str(file), "-o", name]
+        [*found, *FLAGS, *compiled, *extra, *size, "-c", str(file), "-o", name]
         for file, name in small.items()
+        for size in [SMALL if file.name in quick else SMALLEST]
     ]
     linked = [small.get(file, str(file)) for file in files]
     return [*objects, [*found, *FLAGS, *flags, *extra, *linked, "-o", str(output)]]

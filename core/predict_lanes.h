@@ -28,7 +28,8 @@ typedef union {
 } NAMED(numbers);
 
 #define ROWS (FLOATS == 16 ? 4 : 1) /* of variances that go together: registers bound them */
-#define FOR_PARTS(p) for (int p = 0; p < PARTS; p++)
+/* Unrolled, so that parts stay in registers where compilers are asked for small code. */
+#define FOR_PARTS(p) _Pragma("GCC unroll 4") for (int p = 0; p < PARTS; p++)
 #define AT(lanes, l) (((float *)(lanes))[l]) /* the core is built without strict aliasing */
 
 /* What is known about the weights. */
@@ -100,28 +101,30 @@ TARGET REEL_INLINE void NAMED(predict)(const NAMED(batch) *b, int size, const la
     }
 }
 
-/* Variances times offsets: rows i..i + n - 1 of part p, and their columns below the diagonal. */
-TARGET REEL_INLINE void NAMED(add_rows)(const lane *variance, int p, int i, int n,
-                                        const lane *offset, lane *gain) {
+/* Variances times offsets: rows i..i + n - 1, and their columns below the diagonal. */
+TARGET REEL_INLINE void NAMED(add_rows)(const lane *variance, int i, int n, const lane *offset,
+                                        lane *gain) {
     const lane *rows[ROWS];
-    part sums[ROWS] = {0};
+    lane sums[ROWS] = {0};
     for (int r = 0; r < n; r++) {
         rows[r] = variance + (i + r) * (i + r + 1) / 2;
     }
     for (int j = 0; j < i; j++) {
-        part sum = gain[j][p];
-        for (int r = 0; r < n; r++) {
-            sums[r] += rows[r][j][p] * offset[j][p];
-            sum += rows[r][j][p] * offset[i + r][p];
+        FOR_PARTS(p) {
+            part sum = gain[j][p];
+            for (int r = 0; r < n; r++) {
+                sums[r][p] += rows[r][j][p] * offset[j][p];
+                sum += rows[r][j][p] * offset[i + r][p];
+            }
+            gain[j][p] = sum;
         }
-        gain[j][p] = sum;
     }
     for (int r = 0; r < n; r++) {
         for (int j = i; j < i + r; j++) {
-            sums[r] += rows[r][j][p] * offset[j][p];
-            gain[j][p] += rows[r][j][p] * offset[i + r][p];
+            FOR_PARTS(p) sums[r][p] += rows[r][j][p] * offset[j][p];
+            FOR_PARTS(p) gain[j][p] += rows[r][j][p] * offset[i + r][p];
         }
-        gain[i + r][p] = sums[r] + rows[r][i + r][p] * offset[i + r][p];
+        FOR_PARTS(p) gain[i + r][p] = sums[r][p] + rows[r][i + r][p] * offset[i + r][p];
     }
 }
 
@@ -135,14 +138,12 @@ TARGET REEL_INLINE void NAMED(observe)(NAMED(batch) *b, int size, lane *offset,
     for (int i = 0; i < size; i++) {
         FOR_PARTS(p) offset[i][p] = b->real[i][p] * (offset[i][p] - predicted[p]);
     }
-    FOR_PARTS(p) {
-        int i = 0;
-        for (; i + ROWS <= size; i += ROWS) {
-            NAMED(add_rows)(variance, p, i, ROWS, offset, gain);
-        }
-        for (; i < size; i++) {
-            NAMED(add_rows)(variance, p, i, 1, offset, gain);
-        }
+    int done = 0;
+    for (; done + ROWS <= size; done += ROWS) {
+        NAMED(add_rows)(variance, done, ROWS, offset, gain);
+    }
+    for (; done < size; done++) {
+        NAMED(add_rows)(variance, done, 1, offset, gain);
     }
     for (int i = 0; i < size; i++) {
         FOR_PARTS(p) energy[p] += offset[i][p] * offset[i][p];
@@ -157,12 +158,10 @@ TARGET REEL_INLINE void NAMED(observe)(NAMED(batch) *b, int size, lane *offset,
         FOR_PARTS(p) scaled[i][p] = gain[i][p] * total[p];
         FOR_PARTS(p) b->filter.weight[i][p] += scaled[i][p] * error[p];
     }
-    FOR_PARTS(p) {
-        lane *row = variance;
-        for (int i = 0; i < size; row += ++i) {
-            for (int j = 0; j <= i; j++) {
-                row[j][p] -= scaled[i][p] * gain[j][p];
-            }
+    lane *row = variance;
+    for (int i = 0; i < size; row += ++i) {
+        for (int j = 0; j <= i; j++) {
+            FOR_PARTS(p) row[j][p] -= scaled[i][p] * gain[j][p];
         }
     }
 }
@@ -560,15 +559,21 @@ TARGET REEL_INLINE bool NAMED(code_level)(const reel_mesh *mesh, reel_fields *fi
     return true;
 }
 
-/* Vertices first..last-1 of a level above the coarsest. Full stencils have code of their own. */
+/* Vertices first..last-1 of a level above the coarsest. Full stencils have code of their own, but
+   where code has to be small. */
 TARGET static bool NAMED(code)(const reel_mesh *mesh, reel_fields *fields,
                                const reel_choice *choice, int64_t level, int64_t first,
                                int64_t last) {
     int size = (int)mesh->stencil_size;
+#ifdef REEL_DECODER_ONLY
+    (void)choice;
+    return NAMED(code_level)(mesh, fields, NULL, level, first, last, size);
+#else
     return size == MOST && choice
                ? NAMED(code_level)(mesh, fields, choice, level, first, last, MOST)
            : size == MOST ? NAMED(code_level)(mesh, fields, NULL, level, first, last, MOST)
                           : NAMED(code_level)(mesh, fields, choice, level, first, last, size);
+#endif
 }
 
 #undef PARTS

@@ -1,7 +1,9 @@
-/* Smooth fields, LANES at a time; see smooth.c and cpu.h. Here LANES are floats. */
+/* Smooth fields, LANES at a time; see smooth.c and cpu.h. Here LANES are floats. Parts of a row are
+   unrolled, so that they stay in registers where compilers are asked for small code. */
 
 #define VECTOR REEL_JOIN(reel_floats_, LANES)
 #define PARTS (FIELDS / LANES)
+#define FOR_PARTS(part) _Pragma("GCC unroll 4") for (int part = 0; part < PARTS; part++)
 
 typedef uint32_t NAMED(words) __attribute__((vector_size(4 * LANES)));
 
@@ -25,20 +27,20 @@ TARGET static void NAMED(step)(const reel_smoother *own, const reel_graph *graph
     for (int32_t v = 0; v < graph->n; v++) {
         int32_t degree = reel_degree(graph, v);
         VECTOR sums[PARTS];
-        for (int part = 0; part < PARTS; part++) {
+        FOR_PARTS(part) {
             sums[part] = (VECTOR){0};
         }
         for (int32_t left = degree; left > 0; left -= TOGETHER, near += TOGETHER) {
             for (int i = 0; i < TOGETHER; i++) {
                 const VECTOR *one = (const VECTOR *)(last + FIELDS * (size_t)near[i]);
-                for (int part = 0; part < PARTS; part++) {
+                FOR_PARTS(part) {
                     sums[part] += one[part];
                 }
             }
         }
         float share = degree ? factor / (float)degree : 0.0F;
         VECTOR *row = (VECTOR *)(b + FIELDS * (size_t)v);
-        for (int part = 0; part < PARTS; part++) {
+        FOR_PARTS(part) {
             row[part] = (sums[part] * share - row[part]) +
                         NAMED(signed_as)(own->signs[v], part, shifts, values);
         }
@@ -62,3 +64,4 @@ TARGET static const float *NAMED(diffuse)(const reel_smoother *own, const reel_g
 
 #undef VECTOR
 #undef PARTS
+#undef FOR_PARTS

@@ -132,6 +132,20 @@ describe("an honest server", { concurrency: true }, () => {
     ]);
   });
 
+  test("is asked for all of a small file, though only its first bytes are read", async () => {
+    const small = await startServer(FILE.slice(0, 100_000));
+    try {
+      const address = small.address();
+      const source = await opened(address);
+      await assertReads(source, 10, 5000);
+      const all = inTime("the rest", source.read(0, 100_000));
+      assert.deepEqual(await all, FILE.slice(0, 100_000));
+      assert.deepEqual(small.requestsOf(address), ["bytes=0-65535", "bytes=65536-99999"]);
+    } finally {
+      small.close();
+    }
+  });
+
   test("is asked once for bytes that several read at once", async () => {
     const address = server.address({ latencyMs: 30 });
     const source = await opened(address);

@@ -11,6 +11,9 @@ import pytest
 
 import meshreel
 from conformance.make import FOLDER
+from meshreel.bitstream.layout import Section
+from meshreel.bitstream.reader import read_stream
+from samples.streams import parts_of, raw_stream
 from samples.web_package import built_package, serving
 
 POLICY = "Content-Security-Policy"
@@ -151,3 +154,28 @@ def test_errors_have_their_types(new_page, sheet):
     assert found["text"] == "CorruptStreamError"
     assert sorted(set(found["names"])) == ["CorruptStreamError", "fine"]
     assert found["names"].count("CorruptStreamError") == 1
+
+
+def test_connectivity_that_is_not_sound_is_told_though_it_is_decoded_early(new_page, sheet):
+    stream = read_stream(sheet)
+    sections = parts_of(stream)
+    place = [number for number, _ in sections].index(Section.CONNECTIVITY)
+    payload = sections[place][1]
+    damaged = [*sections]
+    damaged[place] = (Section.CONNECTIVITY, payload[: len(payload) // 2])
+    files = {
+        "/sound.reel": raw_stream(stream.header, sections),
+        "/damaged.reel": raw_stream(stream.header, damaged),
+    }
+    assert min(map(len, files.values())) > 2 * 65536
+    with serving(files) as (url, _):
+        page = new_page(url, is_shown=False)
+        found = page.evaluate(HASHES, ["sound"])
+        error = page.evaluate(
+            """async () => {
+              const { ReelFile } = await import("/dist/index.js");
+              return ReelFile.open("/damaged.reel").then(() => "none", (error) => error.name);
+            }"""
+        )
+    assert found == {"sound": [hash_of(meshreel.decode(sheet)), True]}
+    assert error in ("CorruptStreamError", "TruncatedStreamError")

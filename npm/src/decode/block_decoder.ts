@@ -2,7 +2,7 @@
 
 import type { Core } from "../core/core.js";
 import { CorruptStreamError } from "../errors.js";
-import { type StoredBlock, blockPayload } from "../stream/block_sections.js";
+import { type Layout, type StoredBlock, blockPayload } from "../stream/block_sections.js";
 import type { Header } from "../stream/header.js";
 import { Section } from "../stream/layout.js";
 import type { StoredSection } from "../stream/sections.js";
@@ -38,6 +38,11 @@ export class BlockDecoder {
     this.connectivity = core.keeping((scope, keep) =>
       decodeConnectivity(core, scope, keep, header, leading),
     );
+  }
+
+  /** Makes ready what blocks with such fields need. */
+  prepare({ stencilSize }: Layout): void {
+    this.hierarchyOf(stencilSize);
   }
 
   /** Whether a block can be decoded without the bytes of its key block. */

@@ -7,7 +7,8 @@ import type { ReelInfo } from "../types.js";
 import { readPromise, readStart } from "./leading_numbers.js";
 
 const METHODS = ["pca-qp", "pca", "pca-q", "v2v", "pca-qs", "blocks", "gft"];
-const REEL = 7;
+/** The only method that is decoded here. */
+export const REEL = 7;
 const N_LAPLACIANS = 2;
 const N_ORDERS = 3;
 

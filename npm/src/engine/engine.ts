@@ -1,16 +1,16 @@
 // Decodes a stream whose bytes come when they are asked for; keeps two blocks.
 
-import { Core } from "../core/core.js";
+import type { Core } from "../core/core.js";
 import { BlockDecoder } from "../decode/block_decoder.js";
 import { fieldsOf } from "../decode/block_fields.js";
 import type { DecodedBlock } from "../decode/decoded_block.js";
 import { frameOf, type Positions } from "../decode/frames.js";
-import { readInfo } from "../decode/info.js";
+import { REEL, readInfo } from "../decode/info.js";
 import { type StoredBlock, readBlock } from "../stream/block_sections.js";
 import type { Stream } from "../stream/stream.js";
 import { readSurface } from "../surface/surface.js";
 import type { BlockFields, ReelInfo, Surface } from "../types.js";
-import { type Read, openStream } from "./opening.js";
+import { type Beginning, type Read, openStream } from "./opening.js";
 
 /** Decoded blocks that are kept: the one that is played, and the next. */
 const MOST_BLOCKS = 2;
@@ -31,10 +31,13 @@ export class Engine {
     private readonly core: Core,
     private readonly read: Read,
     private readonly stream: Stream,
+    early: EarlyDecoder | null,
   ) {
-    const { header, leading } = stream;
+    const { header, leading, places } = stream;
     this.info = readInfo(stream);
-    this.decoder = new BlockDecoder(core, header, leading);
+    const isEarly = early?.end === places[0].position;
+    if (!isEarly) early?.decoder.close();
+    this.decoder = isEarly ? early.decoder : new BlockDecoder(core, header, leading);
     const { triangles } = this.decoder.connectivity;
     this.surface = readSurface(core, leading, triangles, header.nVerts);
   }
@@ -45,14 +48,18 @@ export class Engine {
    * @throws MeshReelError as `openStream` and the decoders.
    */
   static async open(
-    module: WebAssembly.Module,
+    core: Promise<Core>,
     read: Read,
     size: number | null,
     hasRanges: boolean,
     signal: AbortSignal,
   ): Promise<Engine> {
-    const stream = await openStream(read, size, hasRanges, signal);
-    return new Engine(new Core(await WebAssembly.instantiate(module)), read, stream);
+    let early: EarlyDecoder | null = null;
+    const begin = async (beginning: Beginning): Promise<void> => {
+      early = earlyDecoder(await core, beginning);
+    };
+    const stream = await openStream(read, size, hasRanges, signal, begin);
+    return new Engine(await core, read, stream, early);
   }
 
   /** Positions of a frame, which has to be there. */
@@ -116,5 +123,29 @@ export class Engine {
     const end = place.position + place.sizes[0];
     const bytes = await this.read(place.position, end, signal);
     return readBlock(bytes, place, number, starts[number]);
+  }
+}
+
+/** A decoder that was made while the end of its stream was on its way. */
+interface EarlyDecoder {
+  readonly decoder: BlockDecoder;
+  /** Byte of the stream at which the first block begins. */
+  readonly end: number;
+}
+
+/** Decodes what leads to the blocks; null where that fails, which is told once all is here. */
+function earlyDecoder(
+  core: Core,
+  { header, leading, end, layout }: Beginning,
+): EarlyDecoder | null {
+  if (header.method !== REEL) return null;
+  let decoder: BlockDecoder | null = null;
+  try {
+    decoder = new BlockDecoder(core, header, leading);
+    decoder.prepare(layout);
+    return { decoder, end };
+  } catch {
+    decoder?.close();
+    return null;
   }
 }

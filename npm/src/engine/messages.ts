@@ -10,7 +10,7 @@ export interface Failure {
 
 /** What an engine is asked, by the name of the call, and what it answers. */
 export interface Calls {
-  open: { module: WebAssembly.Module; size: number | null; hasRanges: boolean };
+  open: { size: number | null; hasRanges: boolean };
   frame: { number: number };
   fields: { block: number };
 }
@@ -25,6 +25,8 @@ export type Question = {
 }[keyof Calls];
 
 export type ToEngine =
+  /** The core, which comes before all questions. */
+  | { readonly module: WebAssembly.Module }
   | Question
   /** Nobody waits for the answer any more. */
   | { readonly cancel: number }

@@ -1,5 +1,6 @@
 // The engine at its end of a channel: answers one question after another.
 
+import { Core } from "../core/core.js";
 import type { BlockFields } from "../types.js";
 import { Engine } from "./engine.js";
 import { type Answers, failureOf, type Port, type Question, type ToEngine } from "./messages.js";
@@ -14,6 +15,7 @@ export function start(port: Port): void {
   const reads = new Map<number, Waiting>();
   const aborts = new Map<number, AbortController>();
   let nReads = 0;
+  let core: Promise<Core>;
   let engine: Engine | null = null;
   let last: Promise<void> = Promise.resolve();
 
@@ -38,8 +40,8 @@ export function start(port: Port): void {
   const answerTo = async (question: Question, signal: AbortSignal): Promise<Answers[keyof Answers]> => {
     signal.throwIfAborted();
     if (question.call === "open") {
-      const { module, size, hasRanges } = question.of;
-      engine = await Engine.open(module, read, size, hasRanges, signal);
+      const { size, hasRanges } = question.of;
+      engine = await Engine.open(core, read, size, hasRanges, signal);
       return { info: engine.info, surface: engine.surface };
     }
     return question.call === "frame"
@@ -61,7 +63,10 @@ export function start(port: Port): void {
   };
 
   port.onmessage = ({ data }: MessageEvent<ToEngine>) => {
-    if ("cancel" in data) {
+    if ("module" in data) {
+      core = WebAssembly.instantiate(data.module).then((instance) => new Core(instance));
+      core.catch(() => {}); // opening says it
+    } else if ("cancel" in data) {
       aborts.get(data.cancel)?.abort();
     } else if ("read" in data) {
       const waiting = reads.get(data.read);

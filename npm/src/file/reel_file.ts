@@ -56,16 +56,17 @@ export class ReelFile implements OpenReel {
    *   has to allow `script-src 'wasm-unsafe-eval'`.
    */
   static async open(from: SourceInput, options: OpenOptions = {}): Promise<ReelFile> {
-    const [source, module] = await Promise.all([openSource(from, options), loadModule()]);
-    const engine = new RemoteEngine(source, options.worker ?? true);
+    // All that decodes gets ready while bytes are on their way.
+    const opening = openSource(from, options);
+    const engine = new RemoteEngine(opening, options.worker ?? true);
     try {
+      const [source] = await Promise.all([opening, engine.begin(loadModule())]);
       const { size, hasRanges } = source;
-      const question = { module, size, hasRanges };
-      const { info, surface } = await engine.ask("open", question, options.signal);
+      const { info, surface } = await engine.ask("open", { size, hasRanges }, options.signal);
       return new ReelFile(source, engine, info, surface);
     } catch (error) {
       engine.close(error);
-      source.close();
+      opening.then((source) => source.close()).catch(() => {});
       throw error;
     }
   }

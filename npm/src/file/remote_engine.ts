@@ -34,13 +34,14 @@ export class RemoteEngine {
   private nQuestions = 0;
   private hasAnswered = false;
   private closed: unknown = null;
+  private module: WebAssembly.Module | null = null;
 
   /**
    * @param source - Whose bytes it decodes.
    * @param inWorker - Whether it works in a worker; false: on this thread.
    */
   constructor(
-    private readonly source: ByteSource,
+    private readonly source: Promise<ByteSource>,
     inWorker: boolean,
   ) {
     this.line = (inWorker && workerLine((reason) => this.lose(reason))) || threadLine();
@@ -50,6 +51,12 @@ export class RemoteEngine {
   /** Whether it works beside the page, and not on its thread. */
   get isInWorker(): boolean {
     return this.line.isWorker;
+  }
+
+  /** Hands it the core: it gets ready. */
+  async begin(loading: Promise<WebAssembly.Module>): Promise<void> {
+    this.module = await loading;
+    if (!this.closed) this.say({ module: this.module });
   }
 
   /** Asks, and gives the answer; a signal takes the question back. */
@@ -103,6 +110,7 @@ export class RemoteEngine {
     this.line.close();
     this.line = threadLine();
     this.listen();
+    if (this.module) this.say({ module: this.module });
     for (const { question } of this.waiting.values()) this.say(question);
   }
 
@@ -128,7 +136,7 @@ export class RemoteEngine {
     const controller = new AbortController();
     this.reads.set(id, controller);
     try {
-      const bytes = await this.source.read(start, end, controller.signal);
+      const bytes = await (await this.source).read(start, end, controller.signal);
       if (!this.closed) this.say({ read: id, bytes }, [bytes.buffer]);
     } catch (error) {
       if (!this.closed) this.say({ read: id, failure: failureOf(error) });

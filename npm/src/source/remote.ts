@@ -7,6 +7,8 @@ import type { Patience, Server } from "./server.js";
 
 /** What the first question is for. It is kept, for a reader goes over it in small steps. */
 const LEAD_BYTES = 65536;
+/** Of files that are not larger, the rest follows unasked: all is here as soon as it can be. */
+const WHOLE_BYTES = 2 * LEAD_BYTES;
 
 /** Some bytes, and the download that brings them. */
 interface Piece {
@@ -31,7 +33,8 @@ export class RemoteSource implements ByteSource {
   ) {
     const ask: Server["ask"] = async (start, end, signal) => {
       const answer = await server.ask(start, end, signal);
-      this.lead.end = Math.min(server.hasRanges ? LEAD_BYTES : Infinity, server.size ?? Infinity);
+      const size = server.size ?? Infinity;
+      this.lead.end = server.hasRanges && size > WHOLE_BYTES ? LEAD_BYTES : size;
       return answer;
     };
     this.lead = new Download({ name: server.name, ask }, 0, LEAD_BYTES, patience);

@@ -130,7 +130,10 @@ function readCounts(payload: Uint8Array): [number, number] {
   return [nFrames, nModes];
 }
 
-function readLayout(payload: Uint8Array): Layout {
+/**
+ * How fields are predicted, from the payload of FIELDS; throws as `readBlock`.
+ */
+export function readLayout(payload: Uint8Array): Layout {
   const cutOff = "the layout of the fields is cut off";
   if (!payload.length) throw new TruncatedStreamError(cutOff);
   const reader = new ByteReader(payload);

@@ -1,0 +1,170 @@
+"""Time to the first frame in a browser: from the arrival of a stream's last byte to its positions.
+
+    python bench/web_first_frame.py samba.npz --pages 15 --out web_first_frame.json
+
+Every page is cold: a context of its own in headless Chromium, which compiles all anew. The
+package is imported, then the stream is opened and its first frame asked for, three ways: from
+memory, where nothing was ready before the bytes; and by an address, whose server answers at once
+or after a delay, so that the package gets ready in the meantime. A second stream on the same page
+shows what compiled code takes. Several builds (--dist) take turns, page after page, for machines
+are never quiet. The package has to be built: `npm run build` in npm/.
+"""
+
+import argparse
+import json
+import shutil
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+from statistics import median, quantiles
+from typing import Any
+
+import meshreel
+from meshreel.evaluation.runs.machine import machine_facts, machine_line
+from speed_tables import table
+
+ROOT = Path(__file__).parents[1]
+BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
+FLAGS = ["--headless=new", "--no-sandbox"]
+SETTLED_MS = 200
+"""What is left of loading a page is done, and what was decoded before let go, after so long."""
+
+HEADER = ["bytes come from", "build", "first frame ms", "quarter to three quarters",
+          "best", "from the call on", "second stream"]  # fmt: skip
+
+FIRST_FRAMES = """async ([build, inMemory, settledMs]) => {
+  const { ReelFile } = await import(`/${build}/index.js`);
+  const settled = () => new Promise((resolve) => setTimeout(resolve, settledMs));
+  const found = [];
+  for (const name of ["first", "second"]) {
+    await settled();
+    const address = new URL(`/${name}.reel`, location);
+    const bytes = inMemory ? await (await fetch(address)).arrayBuffer() : null;
+    const called = performance.now();
+    const reel = await ReelFile.open(bytes ?? address);
+    await reel.frame(0);
+    const done = performance.now();
+    const ends = performance.getEntriesByName(address.href).map((answer) => answer.responseEnd);
+    const arrived = bytes ? called : Math.max(...ends);
+    found.push({ fromArrival: done - arrived, fromCall: done - called, inWorker: reel.isInWorker });
+    reel.close();
+  }
+  return found;
+}"""
+
+
+@contextmanager
+def serving(stream: bytes, builds: list[Path], delay_s: float) -> Iterator[str]:
+    """The address of a server of the stream in ranges, each after a delay, and of scripts."""
+
+    class Handler(BaseHTTPRequestHandler):
+        wbufsize = -1  # header and body leave together
+
+        def do_GET(self) -> None:
+            kind, body, wanted = "text/html", b"<!doctype html>", self.headers.get("Range")
+            _, folder, *rest = self.path.split("/")
+            if rest:
+                kind, body = "text/javascript", builds[int(folder)].joinpath(*rest).read_bytes()
+            elif folder.endswith(".reel"):
+                time.sleep(delay_s)
+                kind, body = "application/octet-stream", stream
+            self.send_response(206 if wanted else 200)
+            if wanted:
+                begin, _, last = wanted.removeprefix("bytes=").partition("-")
+                body = body[int(begin) : int(last) + 1]
+                of_all = f"{begin}-{int(begin) + len(body) - 1}/{len(stream)}"
+                self.send_header("Content-Range", f"bytes {of_all}")
+                self.send_header("ETag", '"same"')
+            self.send_header("Content-Type", kind)
+            self.send_header("Content-Length", str(len(body)))
+            self.end_headers()
+            self.wfile.write(body)
+
+        def log_message(self, *given: object) -> None:
+            pass
+
+    with ThreadingHTTPServer(("127.0.0.1", 0), Handler) as server:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        yield f"http://127.0.0.1:{server.server_port}/"
+        server.shutdown()
+
+
+def measure(
+    browser: Any, url: str, n_builds: int, in_memory: bool, n_pages: int
+) -> list[list[Any]]:
+    """What pages of each build said, builds taking turns."""
+    found: list[list[Any]] = [[] for _ in range(n_builds)]
+    for _ in range(n_pages):
+        for build in range(n_builds):
+            context = browser.new_context()
+            page = context.new_page()
+            page.goto(url)
+            page.wait_for_load_state()
+            found[build].append(page.evaluate(FIRST_FRAMES, [build, in_memory, SETTLED_MS]))
+            context.close()
+    assert all(one["inWorker"] for pages in found for page in pages for one in page)
+    return found
+
+
+def row(way: str, build: Path, pages: list[Any]) -> list[str]:
+    """The cells of a build and a way that bytes come."""
+    first = [page[0]["fromArrival"] for page in pages]
+    low, _, high = quantiles(first, n=4)
+    return [
+        way,
+        str(build),
+        f"{median(first):.0f}",
+        f"{low:.0f}..{high:.0f}",
+        f"{min(first):.0f}",
+        f"{median(page[0]['fromCall'] for page in pages):.0f}",
+        f"{median(page[1]['fromArrival'] for page in pages):.0f}",
+    ]
+
+
+def main() -> None:
+    """Measure what the command line asks for; print a table, and write JSON where asked."""
+    from playwright.sync_api import sync_playwright
+
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("input", type=Path, help="a stream, or what is encoded by default to one")
+    parser.add_argument("--dist", type=Path, nargs="+", default=[ROOT / "npm" / "dist"])
+    parser.add_argument("--pages", type=int, default=15, help="of each build and way")
+    parser.add_argument("--delays-ms", default="0,50", help="of the server, before each answer")
+    parser.add_argument("--out", type=Path, help="write the figures here as JSON")
+    options = parser.parse_args()
+    if options.input.suffix == ".reel":
+        stream = options.input.read_bytes()
+    else:
+        stream = meshreel.encode(meshreel.load(options.input))
+    ways = [("memory", True, 0.0)]
+    for delay in map(float, options.delays_ms.split(",")):
+        ways.append((f"an address, {delay:g} ms", False, delay / 1000))
+    path = next(filter(None, map(shutil.which, BROWSERS)), None)
+    if path is None:
+        parser.error(f"needs one of {', '.join(BROWSERS)}")
+    results, rows = [], []
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=path, args=FLAGS)
+        for way, in_memory, delay_s in ways:
+            with serving(stream, options.dist, delay_s) as url:
+                found = measure(browser, url, len(options.dist), in_memory, options.pages)
+            for build, pages in zip(options.dist, found, strict=True):
+                results.append({"way": way, "build": str(build), "pages": pages})
+                rows.append(row(way, build, pages))
+        browser.close()
+    info = meshreel.info(stream)
+    print(
+        f"**{info.name}**: {info.n_frames} frames of {info.n_verts} vertices, {len(stream)} bytes. "
+        f"Medians of {options.pages} cold pages. {machine_line(machine_facts())}.\n"
+    )
+    print(table(HEADER, rows))
+    if options.out:
+        about = {"machine": machine_facts(), "stream_bytes": len(stream)}
+        options.out.write_text(json.dumps({**about, "results": results}, indent=2) + "\n")
+
+
+if __name__ == "__main__":
+    main()
