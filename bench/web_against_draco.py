@@ -84,7 +84,9 @@ def draco(sequence: meshreel.MeshSequence, bits: int) -> Way:
         # Vertices are rounded to the same grid, and stay in order.
         kept = DracoPy.encode(vertices, sequence.faces, preserve_order=True, **options)
         frames.append(DracoPy.decode(kept).points)
-    decoded = meshreel.MeshSequence(np.float32(frames), sequence.faces, fps=sequence.fps)
+    decoded = meshreel.MeshSequence(
+        np.asarray(frames, np.float32), sequence.faces, fps=sequence.fps
+    )
     errors = meshreel.compare(sequence, decoded)
     found = (errors.max_error_percent, errors.kg_error_percent)
     return Way(f"Draco, {bits} bits", "draco", files, address, *found)

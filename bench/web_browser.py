@@ -11,8 +11,7 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from typing import Any
 
-import psutil
-from playwright.sync_api import Browser, CDPSession, Page, sync_playwright
+from playwright.sync_api import Browser, CDPSession, ConsoleMessage, Page, sync_playwright
 
 ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "npm"
@@ -44,7 +43,8 @@ def bundled(script: str, folder: Path) -> bytes:
 
 def page_files(script: bytes) -> dict[str, bytes]:
     """What a server has: the page, its script, the decoder of Draco."""
-    html = b'<!doctype html><style>body{margin:0}</style><body><script type=module src="/p.js">'
+    head = b'<!doctype html><link rel=icon href="data:,"><style>body{margin:0}</style>'
+    html = head + b'<body><script type=module src="/p.js">'
     decoder = {f"/draco/{path.name}": path.read_bytes() for path in DRACO.glob("draco_*")}
     return {"/index.html": html + b"</script>", "/p.js": script, **decoder}
 
@@ -100,6 +100,12 @@ def opened(url: str, width: int = 640, height: int = 360) -> Iterator["Measured"
         page = browser.new_page(viewport={"width": width, "height": height})
         errors: list[str] = []
         page.on("pageerror", lambda error: errors.append(str(error)))
+
+        def note(said: ConsoleMessage) -> None:
+            if said.type == "error":
+                errors.append(said.text)
+
+        page.on("console", note)
         page.goto(url)
         page.wait_for_function("window.bench", timeout=10_000)
         yield Measured(browser, page, page.context.new_cdp_session(page))
@@ -124,7 +130,7 @@ class Measured:
     def main_thread_s(self) -> float:
         """Seconds that tasks of the page's thread took so far."""
         metrics = self._devtools.send("Performance.getMetrics")["metrics"]
-        return next(one["value"] for one in metrics if one["name"] == "TaskDuration")
+        return float(next(one["value"] for one in metrics if one["name"] == "TaskDuration"))
 
     @contextmanager
     def tasks_ms(self, into: list[float]) -> Iterator[None]:
@@ -153,12 +159,12 @@ class Measured:
         DevTools, which drive the page, have it keep what comes by network: nothing should.
         """
         for _ in range(2):
-            for thread in (self.page, *self.page.workers):
-                thread.evaluate("gc()")
+            self.page.evaluate("gc()")
+            for worker in self.page.workers:
+                worker.evaluate("gc()")
             self.page.wait_for_timeout(300)
         found = self._browser_devtools.send("SystemInfo.getProcessInfo")["processInfo"]
-        renderers = [psutil.Process(one["id"]) for one in found if one["type"] == "renderer"]
-        return max(process.memory_full_info().uss for process in renderers)
+        return max(_private_bytes(one["id"]) for one in found if one["type"] == "renderer")
 
     def slow_network(self, bits_a_second: float, latency_ms: float) -> None:
         """From now on bytes come at this speed."""
@@ -172,3 +178,9 @@ class Measured:
                 "uploadThroughput": bits_a_second / 8,
             },
         )
+
+
+def _private_bytes(process: int) -> int:
+    """Memory that no other process shares; Linux says so."""
+    lines = Path(f"/proc/{process}/smaps_rollup").read_text("utf-8").splitlines()
+    return 1024 * sum(int(line.split()[1]) for line in lines if line.startswith("Private_"))
