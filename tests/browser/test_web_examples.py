@@ -1,39 +1,100 @@
-"""The examples of the package for pages play."""
+"""The examples of the package for pages play, in Chromium and in Firefox."""
 
-import io
+import base64
+from queue import Queue
 
-import numpy as np
 import pytest
-from PIL import Image
 
 import meshreel
+from samples.firefox import require_screen, said_by
+from samples.npm_projects import EXAMPLES, built_example
+from samples.page_play import (
+    PATIENCE_MS,
+    PLAYED,
+    WATCHING,
+    assert_played,
+    assert_shown,
+    complaints_of,
+)
 from samples.web_package import DIST, PACKAGE, built_package, serving
 
-PATIENCE_MS = 60_000
+NAMES = ("plain", "react", "babylon")
+
+pytestmark = pytest.mark.slow
 
 
-@pytest.fixture(scope="module", autouse=True)
-def _package():
+@pytest.fixture(scope="module")
+def data():
+    return meshreel.encode(meshreel.simulate_flag(30, n_rows=20, n_columns=24))
+
+
+@pytest.fixture(scope="module")
+def pages(data, tmp_path_factory):
+    """The files of an example by path; each is made once."""
+    made = {}
+
+    def files_of(name):
+        if name not in made:
+            folder = tmp_path_factory.mktemp(name)
+            made[name] = plain() if name == "plain" else built_example(name, folder)
+            made[name]["/flag.reel"] = data
+            page = made[name]["/index.html"].decode()
+            watched = page.replace("<meta", f"<script>{WATCHING}</script><meta", 1)
+            made[name]["/index.html"] = watched.encode()
+        return made[name]
+
+    return files_of
+
+
+def plain():
     built_package()
-
-
-def test_the_example_without_a_bundler_plays(new_page):
-    flag = meshreel.simulate_flag(30, n_rows=20, n_columns=24)
     three = PACKAGE / "node_modules" / "three" / "build"
-    files = {
-        "/index.html": (PACKAGE / "examples" / "plain" / "index.html").read_bytes(),
-        "/flag.reel": meshreel.encode(flag),
+    return {
+        "/index.html": (EXAMPLES / "plain" / "index.html").read_bytes(),
         **{f"/meshreel/{path.name}": path.read_bytes() for path in DIST.glob("*.js")},
         **{f"/three/{path.name}": path.read_bytes() for path in three.glob("three*.js")},
     }
-    with serving(files) as (url, _):
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_example_plays_in_chromium(new_page, pages, data, name):
+    with serving(pages(name)) as (url, _):
         page = new_page(f"{url}/index.html", width=640, height=400, is_shown=False)
-        page.wait_for_function("window.mesh && mesh.frame > 3", timeout=PATIENCE_MS)
-        assert page.evaluate("mesh.isOnGpu && mesh.isPlaying")
-        page.evaluate("mesh.pause(), mesh.seek({ frame: 12 })")
-        page.wait_for_function("!mesh.isWaiting", timeout=PATIENCE_MS)
-        page.wait_for_timeout(500)
-        picture = np.asarray(Image.open(io.BytesIO(page.screenshot())).convert("RGB"), int)
-    background = picture[2, 2]
-    is_drawn = np.abs(picture - background).max(axis=2) > 12
-    assert 0.05 < is_drawn.mean() < 0.9
+        found = page.evaluate(PLAYED)
+        assert_shown(page.screenshot())
+    assert_played(found, data, name)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_example_plays_in_firefox(pages, data, name):
+    require_screen()
+    posted = Queue()
+    files = dict(pages(name))
+    telling = f"""<script type="module">
+      ({PLAYED})()
+        .catch((error) => ({{ error: String(error) }}))
+        .then((found) => fetch("/", {{ method: "POST", body: JSON.stringify(found) }}));
+    </script>"""
+    files["/index.html"] += telling.encode()
+    with serving(files, posted=posted) as (url, _):
+        found = said_by(f"{url}/index.html", posted)
+    assert "error" not in found, found
+    assert_played(found, data, name)
+    assert_shown(base64.b64decode(found["picture"].partition(",")[2]))
+
+
+def test_react_lets_all_go_when_the_component_goes_and_plays_again_when_it_comes(new_page, pages):
+    with serving(pages("react")) as (url, _):
+        page = new_page(f"{url}/index.html", width=640, height=400, is_shown=False)
+        page.evaluate(PLAYED)
+        assert len(page.workers) == 1
+        page.evaluate("mesh.addEventListener('dispose', () => (window.isGone = true))")
+        with page.workers[0].expect_event("close", timeout=PATIENCE_MS):
+            page.get_by_role("checkbox").click()
+        page.wait_for_function("window.isGone", timeout=PATIENCE_MS)
+        assert page.workers == []
+        page.evaluate("window.mesh = undefined")
+        page.get_by_role("checkbox").click()
+        found = page.evaluate(PLAYED)
+        assert len(page.workers) == 1
+    assert complaints_of(found, "react") == []

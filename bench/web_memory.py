@@ -1,0 +1,116 @@
+"""Memory and smoothness of a `.reel` in a page, over long play and many seeks.
+
+    python bench/web_memory.py samba.npz --out memory.json
+
+Frames are repeated to ten seconds in blocks of a second, so that blocks are decoded ahead all the
+time. In a headless Chromium, drawn by software: memory of the page's process after loops and seeks,
+then times between pictures and tasks of the page's thread while it plays, and while it stands
+still. The package has to be built (`npm run build` in `npm/`), with `playwright` installed.
+"""
+
+import argparse
+import json
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+
+import meshreel
+from meshreel.evaluation.runs.machine import machine_facts, machine_line
+from speed_tables import table
+from web_browser import Measured, bundled, opened, page_files, served
+
+DURATION_S = 10
+N_LOOPS = 100
+N_SEEKS = 1000
+PARTS = 5
+"""Memory is looked at after each of these parts of the loops, and of the seeks."""
+SPEED = 20.0
+PLAYED_LOOPS = 2
+PICTURE_MS = 1000 / 60
+
+
+def repeated(sequence: meshreel.MeshSequence, fps: float) -> meshreel.MeshSequence:
+    """Ten seconds, forwards and back."""
+    there = np.arange(sequence.n_frames)
+    and_back = np.concatenate([there, there[-2:0:-1]])
+    frames = np.resize(and_back, round(fps * DURATION_S))
+    return meshreel.MeshSequence(sequence.vertices[frames], sequence.faces, fps=fps)
+
+
+def memory(page: Measured, what: str) -> dict[str, Any]:
+    """What the page holds now."""
+    process_mb, gl_mb = page.memory_bytes() / 1e6, page.ask("glBytes") / 1e6
+    print(f"{what}: {process_mb:.1f} MB, {gl_mb:.2f} MB of WebGL", flush=True)
+    return {"after": what, "process_mb": process_mb, "gl_mb": gl_mb}
+
+
+def remembered(page: Measured) -> list[dict[str, Any]]:
+    """Memory after parts of the loops and seeks; the first part warms up."""
+    found = []
+    for part in range(1, PARTS + 1):
+        page.ask("loop", N_LOOPS // PARTS, SPEED)
+        found.append(memory(page, f"{part * N_LOOPS // PARTS} loops"))
+    for part in range(1, PARTS + 1):
+        page.ask("seek", N_SEEKS // PARTS)
+        found.append(memory(page, f"{part * N_SEEKS // PARTS} seeks"))
+    return found
+
+
+def smoothness(page: Measured, call: str, *given: float) -> dict[str, Any]:
+    """Times between pictures, and of tasks."""
+    tasks: list[float] = []
+    with page.tasks_ms(tasks):
+        answer = page.ask(call, *given)
+    intervals = np.array(answer["intervals"] if isinstance(answer, dict) else answer)
+    return {
+        "pictures": len(intervals),
+        "waits": answer["nWaits"] if isinstance(answer, dict) else 0,
+        "pictures dropped": int(np.sum(np.rint(intervals / PICTURE_MS) - 1)),
+        "longest_interval_ms": float(intervals.max()),
+        "tasks": len(tasks),
+        "long_tasks": sum(one > PICTURE_MS for one in tasks),
+        "longest_task_ms": max(tasks),
+    }
+
+
+def main() -> None:
+    """Measure what the command line asks for; print tables, and write JSON where asked."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("file", type=Path)
+    parser.add_argument("--fps", type=float, default=25.0)
+    parser.add_argument("--out", type=Path, help="write the figures here as JSON")
+    options = parser.parse_args()
+    sequence = repeated(meshreel.load(options.file), options.fps)
+    data = meshreel.encode(sequence, block_frames=round(options.fps))
+    with TemporaryDirectory() as folder:
+        files = page_files(bundled("memory.js", Path(folder)))
+    with served(files | {"/long.reel": data}) as server, opened(f"{server}/index.html") as page:
+        page.ask("still", 1)
+        before = memory(page, "nothing")
+        fields_mb = page.ask("open", "/long.reel") / 1e6
+        played = [memory(page, "opening"), *remembered(page)]
+        smooth = {
+            "plays": smoothness(page, "loop", PLAYED_LOOPS, 1),
+            "still": smoothness(page, "still", DURATION_S),
+        }
+    n_blocks = len(meshreel.info(data).block_frames)
+    print(f"\n**{options.file.stem}**: {sequence.n_frames} frames of {sequence.n_verts} vertices, "
+          f"{n_blocks} blocks, {len(data) / 1e6:.3f} MB; fields of a block {fields_mb:.2f} MB. "
+          f"{machine_line(machine_facts())}.\n")  # fmt: skip
+    lines = [
+        [one["after"], f"{one['process_mb'] - before['process_mb']:.1f}", f"{one['gl_mb']:.2f}"]
+        for one in played
+    ]
+    print(table(["after", "MB more than without", "MB of WebGL"], lines) + "\n")
+    titles = ["", *(key.replace("_", " ") for key in smooth["plays"])]
+    lines = [[how, *(f"{one:.4g}" for one in found.values())] for how, found in smooth.items()]
+    print(table(titles, lines))
+    if options.out:
+        facts = {"machine": machine_facts(), "fields_mb": fields_mb, "before": before}
+        options.out.write_text(json.dumps({**facts, "memory": played, **smooth}, indent=2) + "\n")
+
+
+if __name__ == "__main__":
+    main()
