@@ -105,10 +105,12 @@ const decoder = await build({
 });
 const three = await build({
   ...common,
-  entryPoints: ["src/three/index.ts"],
-  outfile: join(dist, "three.js"),
+  entryPoints: { three: "src/three/index.ts" },
+  splitting: true, // textures are a script of their own, which is loaded when one is set
+  outdir: dist,
   external: ["three"],
   plugins: [indexBeside],
+  chunkNames: "three_[name]",
 });
 run(process.execPath, "node_modules/typescript/bin/tsc", "--declaration", "--emitDeclarationOnly", "--outDir", "dist");
 writeFileSync(join(dist, "built"), ""); // all is there
