@@ -195,8 +195,10 @@ export class Playback {
    * Has something lead the time; null: the clock does again.
    *
    * @param nFrames - that are played, where these are fewer than the file has
+   * @throws InvalidInputError where time goes backwards, which it does for no leader.
    */
   setLeader(leader: Leader | null, nFrames = this.nFrames): void {
+    if (leader) requireForward(this.clock.loop, this.clock.speed);
     this.#leader = leader;
     this.clock.nFrames = nFrames;
     if (this.clock.place > nFrames - 1) this.clock.set(nFrames - 1);
@@ -318,7 +320,7 @@ export class Playback {
 }
 
 /** @throws InvalidInputError where time goes backwards, which videos cannot. */
-export function requireForward(loop: Loop, speed: number): void {
+function requireForward(loop: Loop, speed: number): void {
   if (loop !== "pingpong" && speed >= 0) return;
   const what = speed < 0 ? `the speed ${speed}` : 'the loop "pingpong"';
   throw new InvalidInputError(`a video plays forwards only, and its mesh with it; got ${what}`);

@@ -8,8 +8,8 @@ import type { Loop } from "./clock.js";
 import { CpuStage } from "./cpu_stage.js";
 import { type Drawing, drawingOf } from "./drawing.js";
 import { canDecode, GpuStage, type Renderer } from "./gpu/gpu_stage.js";
-import { Materials } from "./materials.js";
 import { middleOf } from "./held_block.js";
+import { Materials } from "./materials.js";
 import { Playback, type PlaybackEvent, type PlaybackEvents } from "./playback.js";
 import type { Setting, Stage } from "./stage.js";
 import type { TextureOptions, WornTexture } from "./texture/mesh_texture.js";
@@ -206,6 +206,11 @@ export class ReelMesh extends THREE.Mesh<
   /** Seconds from the first frame to the end of the last, or that of its video if it is shorter. */
   get duration(): number {
     return this.#playback.clock.duration;
+  }
+
+  /** Frames that are played: those of the file, or of its video if these are fewer. */
+  get nFrames(): number {
+    return this.#playback.clock.nFrames;
   }
 
   /** The frame of the time, from 0 on. */

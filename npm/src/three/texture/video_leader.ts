@@ -1,7 +1,7 @@
 // A video that leads a mesh: the mesh shows the frame of the picture that the video shows.
 
 import { InvalidInputError, MeshReelError } from "../../errors.js";
-import { type Leader, type Playback, type PlaybackEvent, requireForward } from "../playback.js";
+import type { Leader, Playback, PlaybackEvent } from "../playback.js";
 import { commonOf, placeOf, timeOf } from "./frame_times.js";
 import { videoError } from "./texture_source.js";
 import type { VideoPicture } from "./video_picture.js";
@@ -60,9 +60,13 @@ export class VideoLeader implements Leader {
   constructor(setting: VideoSetting) {
     this.#setting = setting;
     const { video, playback } = setting;
-    requireForward(playback.clock.loop, playback.clock.speed);
-    this.setSpeed(playback.clock.speed);
     this.#lead();
+    try {
+      this.setSpeed(playback.clock.speed);
+    } catch (error) {
+      playback.setLeader(null);
+      throw error;
+    }
     this.#wasLooping = video.loop;
     if (video.loop) playback.clock.loop = "repeat";
     video.loop = false; // loops are those of the mesh
