@@ -54,6 +54,8 @@ export class ReelPlayerElement extends PlayerAttributes {
   #isRefused = false;
   /** Whether it plays again when it is seen again. */
   #isAway = false;
+  /** Whether it would play by itself, but was not allowed to. */
+  #isHeldBack = false;
   #error: Error | null = null;
 
   constructor() {
@@ -137,7 +139,7 @@ export class ReelPlayerElement extends PlayerAttributes {
     if (this.#shown) return; // moved within the page
     this.upgrade();
     this.#build();
-    this.#refresh();
+    this.attributeChangedCallback();
   }
 
   disconnectedCallback(): void {
@@ -146,6 +148,7 @@ export class ReelPlayerElement extends PlayerAttributes {
     });
   }
 
+  /** Attributes are read together, once the script that changes them is done. */
   attributeChangedCallback(): void {
     if (!this.#shown || this.#isRefreshing) return;
     this.#isRefreshing = true;
@@ -172,7 +175,7 @@ export class ReelPlayerElement extends PlayerAttributes {
         this.#changed();
       },
       onSeen: (isSeen) => this.#see(isSeen),
-      onError: (error) => this.#fail(error, false),
+      onError: (error) => this.#fail(error),
     });
     const bar = new Bar(this, {
       toggle: () => this.#toggle(),
@@ -205,18 +208,18 @@ export class ReelPlayerElement extends PlayerAttributes {
   /** Does what the attributes say, as far as it is new. */
   #refresh(): void {
     const { view, bar, poster } = this.#shown as Shown;
+    view.canvas.setAttribute("aria-label", this.alt || NO_ALT);
     let next: PlayerSettings;
     try {
       next = settingsOf((name) => this.getAttribute(name));
       requireColor(next.background);
     } catch (error) {
       this.#isRefused = true;
-      return this.#fail(error as Error, false);
+      return this.#fail(error as Error);
     }
     if (this.#isRefused) this.#forgive();
     const last = this.#settings;
     this.#settings = next;
-    view.canvas.setAttribute("aria-label", next.alt || NO_ALT);
     view.camera.hasControls = next.cameraControls;
     this.#stage.style.backgroundColor = next.background ?? "";
     bar.element.hidden = !next.controls;
@@ -247,8 +250,9 @@ export class ReelPlayerElement extends PlayerAttributes {
       if (signal.aborted) return reel.close();
       mesh = new ReelMesh(reel, { ownsReel: true, origin: reel.info.center });
     } catch (error) {
-      if (!signal.aborted) this.#fail(error as Error, true);
-      return;
+      if (signal.aborted) return;
+      this.#loading = null;
+      return this.#fail(error as Error);
     }
     this.#loading = null;
     this.#settings ??= settings;
@@ -256,7 +260,9 @@ export class ReelPlayerElement extends PlayerAttributes {
     this.dispatchEvent(new Event("load"));
     await this.#dress(mesh, this.#settings);
     if (this.#mesh !== mesh || !this.#settings?.autoplay) return;
-    if (!matchMedia("(prefers-reduced-motion: reduce)").matches) this.play();
+    this.#isHeldBack = matchMedia("(prefers-reduced-motion: reduce)").matches;
+    if (this.#isHeldBack) this.#changed();
+    else this.play();
   }
 
   #begin(mesh: ReelMesh, settings: PlayerSettings): void {
@@ -266,7 +272,7 @@ export class ReelPlayerElement extends PlayerAttributes {
     this.#adapt(mesh, settings);
     mesh.seek(settings.start);
     view.add(mesh);
-    view.camera.fit(mesh.geometry.boundingSphere?.radius ?? 1);
+    view.camera.fit(mesh.reel.info.diagonal / 2 || 1);
     if (view.renderer) mesh.setRenderer(view.renderer);
     this.#changed();
   }
@@ -276,7 +282,7 @@ export class ReelPlayerElement extends PlayerAttributes {
     try {
       Object.assign(mesh, { loop, speed, interpolate });
     } catch (error) {
-      this.#fail(error as Error, false);
+      this.#fail(error as Error);
     }
     mesh.rotation.x = up === "z" ? -Math.PI / 2 : 0;
     if (mesh.video) mesh.video.muted = muted;
@@ -290,7 +296,7 @@ export class ReelPlayerElement extends PlayerAttributes {
       if (mesh.video) mesh.video.muted = muted;
       this.#shown?.view.invalidate();
     } catch (error) {
-      if ((error as Error).name !== "AbortError") this.#fail(error as Error, false);
+      if ((error as Error).name !== "AbortError") this.#fail(error as Error);
     }
   }
 
@@ -308,11 +314,12 @@ export class ReelPlayerElement extends PlayerAttributes {
     }
     mesh.addEventListener("warning", ({ message }) => {
       console.warn(`<reel-player>: ${message}`);
+      this.#isHeldBack = !mesh.isPlaying;
       this.#changed();
       this.dispatchEvent(new CustomEvent("warning", { detail: { message } }));
     });
     mesh.addEventListener("error", ({ error, block }) => {
-      this.#fail(error, false, block === null ? "" : `${framesOf(mesh, block)} are missing: `);
+      this.#fail(error, block === null ? "" : `${framesOf(mesh, block)} are missing: `);
     });
   }
 
@@ -320,7 +327,7 @@ export class ReelPlayerElement extends PlayerAttributes {
   #close(): void {
     this.#loading?.abort();
     this.#loading = null;
-    this.#isAway = false;
+    this.#isAway = this.#isHeldBack = false;
     const mesh = this.#mesh;
     this.#mesh = null;
     if (!mesh) return;
@@ -328,10 +335,9 @@ export class ReelPlayerElement extends PlayerAttributes {
     mesh.dispose();
   }
 
-  #fail(error: Error, isFatal: boolean, where = ""): void {
-    if (isFatal) this.#loading = null;
+  #fail(error: Error, where = ""): void {
     this.#error = error;
-    this.#shown?.messages.say(`${where}${error.message}`, isFatal);
+    this.#shown?.messages.say(`${where}${error.message}`, !this.#mesh);
     this.#changed();
     const { message } = error;
     this.dispatchEvent(new ErrorEvent("error", { error, message }));
@@ -375,9 +381,8 @@ export class ReelPlayerElement extends PlayerAttributes {
     const hasPicture = !!mesh && mesh.geometry.drawRange.count > 0;
     poster.hidden = hasPicture || !poster.hasAttribute("src");
     messages.wait(this.#loading !== null || (!!mesh && mesh.isWaiting && view.isSeen));
-    // Who has no bar has this button where playing by itself was not allowed.
-    const { autoplay, controls } = this.#settings ?? {};
-    start.element.hidden = isPlaying || controls || !autoplay || !hasPicture;
+    if (isPlaying) this.#isHeldBack = false;
+    start.element.hidden = !this.#isHeldBack || !!this.#settings?.controls;
     bar.show(mesh && stateOf(mesh, isPlaying));
     view.wake();
     if (isPlaying === this.#wasPlaying) return;
