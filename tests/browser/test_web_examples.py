@@ -37,3 +37,16 @@ def test_the_example_without_a_bundler_plays(new_page):
     background = picture[2, 2]
     is_drawn = np.abs(picture - background).max(axis=2) > 12
     assert 0.05 < is_drawn.mean() < 0.9
+
+
+def test_the_example_with_the_element_plays(new_page):
+    files = {
+        "/index.html": (PACKAGE / "examples" / "element" / "index.html").read_bytes(),
+        "/flag.reel": meshreel.encode(meshreel.simulate_flag(30, n_rows=20, n_columns=24)),
+        "/meshreel/player.js": (DIST / "player.js").read_bytes(),  # and nothing else
+    }
+    with serving(files) as (url, _):
+        page = new_page(f"{url}/index.html", width=640, height=400, is_shown=False)
+        player = "document.querySelector('reel-player')"
+        page.wait_for_function(f"{player}.mesh?.frame > 3", timeout=PATIENCE_MS)
+        assert not page.evaluate(f"{player}.paused")

@@ -4,7 +4,7 @@
 import * as THREE from "three";
 import { ReelLoader } from "meshreel/three";
 
-const [CELL, BITS, PIXELS, STEP] = [16, 10, 256, 4]; // of the video, and of the picture
+const [CELL, BITS, PIXELS, STEP] = [16, 12, 256, 4]; // of the video, and of the picture
 const LEFT = 13; // of the sheet at frame 0
 
 /** What is drawn: 1 unit is 256 pixels, as in the video. */

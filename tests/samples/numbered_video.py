@@ -1,6 +1,10 @@
 """A sheet that moves by its frame number, and videos whose pictures show theirs."""
 
+import io
+import re
 import subprocess
+from contextlib import redirect_stdout
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -8,8 +12,9 @@ import pytest
 from meshreel.sequence import MeshSequence
 from meshreel.surface import Attribute, Domain, Kind, Surface
 
+GUIDE = Path(__file__).parents[2] / "docs" / "guides" / "web.md"
 CELL = 16
-BITS = 10
+BITS = 12
 CODE = {"x": 0, "y": 0, "cell": CELL, "bits": BITS}
 SIZE = 256
 FPS = 30.0
@@ -36,16 +41,14 @@ def moving_sheet(n_frames=90, *, has_uv=True):
     )
 
 
-def baking(cell=CELL, bits=BITS):
-    """The filter of ffmpeg that puts numbers into pictures, as docs/guides/web.md has it."""
-    box = "drawbox=x={x}:y=0:w={w}:h={h}:color={color}:t=fill"
-    ones = [rf"gt(bitand(n\,{2**bit})\,0)" for bit in reversed(range(bits))]
-    white = [*ones, f"not(mod({'+'.join(ones)}\\,2))"]
-    cells = [
-        box.format(x=i * cell, w=cell, h=cell, color="white") + f":enable='{when}'"
-        for i, when in enumerate(white)
-    ]
-    return ",".join([box.format(x=0, w=(bits + 1) * cell, h=cell, color="black"), *cells])
+def baking():
+    """The filter of ffmpeg that puts numbers into pictures, as the guide makes it."""
+    program = re.search(r"```python\n(cell, bits = .*?)```", GUIDE.read_text("utf-8"), re.S)
+    printed = io.StringIO()
+    with redirect_stdout(printed):
+        exec(program[1], values := {})
+    assert (values["cell"], values["bits"]) == (CELL, BITS)
+    return printed.getvalue().strip()
 
 
 def numbered_video(path, n_frames=90, *, fps=FPS, has_sound=True, covered=()):

@@ -14,6 +14,7 @@ const CSS = `
 [hidden] { display: none !important; }
 .stage, .poster, canvas { position: absolute; inset: 0; width: 100%; height: 100%; }
 canvas { display: block; outline: none; }
+:host([controls]) :is(canvas, .poster) { height: calc(100% - 48px); }
 .poster { object-fit: contain; pointer-events: none; }
 canvas:focus-visible { box-shadow: inset 0 0 0 3px #1668b8, inset 0 0 0 5px #fff; }
 .bar {
@@ -22,9 +23,11 @@ canvas:focus-visible { box-shadow: inset 0 0 0 3px #1668b8, inset 0 0 0 5px #fff
   display: flex;
   align-items: center;
   gap: 6px;
+  box-sizing: border-box;
+  height: 48px;
   padding: 4px 8px;
   color: #fff;
-  background: #14181eee;
+  background: #14181e;
 }
 button {
   flex: none;

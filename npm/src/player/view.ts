@@ -53,11 +53,11 @@ export class View {
     this.camera = new PlayerCamera(this.canvas, () => this.invalidate());
     this.#light();
     this.#resizing = new ResizeObserver(() => this.#resize());
-    this.#resizing.observe(parent);
+    this.#resizing.observe(this.canvas);
     this.#looking = new IntersectionObserver(([...entries]) => {
       this.#see(entries.at(-1)?.isIntersecting ?? false);
     });
-    this.#looking.observe(parent);
+    this.#looking.observe(this.canvas);
     const { signal } = this.#listening;
     const lost = (event: Event) => {
       event.preventDefault(); // so that it may come back
