@@ -12,6 +12,9 @@ const SAME_S = 1e-3;
 /** The same for times of the page, in milliseconds. */
 const SAME_MS = 1;
 
+/** For so long after it was sought, Gecko may still show another picture than it tells of. */
+const SETTLING_MS = 100;
+
 /**
  * Browsers tell of the picture that a video shows after it was sought, but for some of those that
  * were shown before. If nothing is told for this long, the time of the video says which one it is.
@@ -51,6 +54,8 @@ export class VideoLeader implements Leader {
   #lastTime: number | null = null;
   /** Time of a picture that was told of, and is about to be shown. */
   #announced: number | null = null;
+  /** When its pictures are what is told of them, after it was sought. */
+  #settledMs = 0;
 
   /**
    * The length of the video must be known.
@@ -196,12 +201,14 @@ export class VideoLeader implements Leader {
     this.#asked = video.requestVideoFrameCallback((now, { mediaTime, expectedDisplayTime }) => {
       this.#ask();
       if (this.#isSought()) return;
-      if (this.#announced !== null) this.#take(this.#announced);
-      if (!announces(video) || expectedDisplayTime - now < SAME_MS) return this.#take(mediaTime);
+      if (!announces(video)) return this.#take(mediaTime);
+      if (this.#announced !== null && now >= this.#settledMs) this.#take(this.#announced);
+      const dueMs = Math.max(expectedDisplayTime, this.#settledMs);
+      if (dueMs - now < SAME_MS) return this.#take(mediaTime);
       this.#announced = mediaTime;
       const look = (refresh: number) => {
         if (this.#announced !== mediaTime || this.#isSought()) return;
-        if (expectedDisplayTime - refresh < SAME_MS) this.#take(mediaTime);
+        if (dueMs - refresh < SAME_MS) this.#take(mediaTime);
         else requestAnimationFrame(look);
       };
       requestAnimationFrame(look);
@@ -213,20 +220,21 @@ export class VideoLeader implements Leader {
     return this.#setting.video.seeking || this.#next !== null;
   }
 
-  /** Takes the picture of a time of the video, and has the mesh follow. */
+  /** Takes the picture that is shown, which is said to be of a time, and has the mesh follow. */
   #take(timeS: number): void {
     const { video, picture, playback, offset, send } = this.#setting;
     clearTimeout(this.#late);
     this.#announced = null;
     this.#lastTime = timeS;
+    let shownS: number;
     try {
-      picture.take(video);
+      shownS = picture.take(video, timeS);
     } catch (error) {
       return this.#fail(error as MeshReelError);
     }
     this.#isStalled = false;
     const { nFrames, fps } = playback.clock;
-    const seen = picture.isNumbered ? picture.readNumber() : placeOf(timeS - offset, fps);
+    const seen = picture.isNumbered ? picture.readNumber() : placeOf(shownS - offset, fps);
     const isOver = seen !== null && seen >= nFrames;
     if (seen !== null && !isOver) {
       this.picture = "taken";
@@ -235,7 +243,7 @@ export class VideoLeader implements Leader {
     picture.drop();
     this.picture = "unknown";
     if (isOver && !picture.isNumbered) return playback.finish();
-    send({ type: "unreadable", time: timeS });
+    send({ type: "unreadable", time: shownS });
     playback.show();
   }
 
@@ -270,6 +278,7 @@ export class VideoLeader implements Leader {
     const next = this.#next;
     this.#next = null;
     if (next !== null) return this.#go(next);
+    this.#settledMs = performance.now() + (announces(video) ? SETTLING_MS : 0);
     clearTimeout(this.#late);
     this.#late = setTimeout(() => {
       if (this.picture === "awaited" && !this.#isSought()) this.#take(video.currentTime);

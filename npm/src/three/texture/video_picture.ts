@@ -8,6 +8,9 @@ import { requireReadable } from "./texture_source.js";
 
 type Pen = CanvasRenderingContext2D;
 
+/** Times that are this near are the same; up to the other, times that mean nothing are so too. */
+const [SAME_S, EARLY_S] = [1e-3, 0.02];
+
 /**
  * The picture of a video that is shown, and one that was taken and waits for its mesh.
  *
@@ -21,6 +24,8 @@ export class VideoPicture {
   readonly #cells: { at: FrameNumber; pen: Pen } | null;
   #isWaiting = false;
   #isReadable = false;
+  /** Whether stills of the video have its times: in Chromium they do, in Firefox 153 not. */
+  #areStillsTimed = false;
 
   /** @param frameNumber - where pictures hold their numbers; null if they do not */
   constructor(frameNumber: FrameNumber | null) {
@@ -33,17 +38,23 @@ export class VideoPicture {
   }
 
   /**
-   * Takes the picture that the video shows now.
+   * Takes the picture that the video shows now, and gives its time in seconds.
    *
+   * @param timeS - of the picture, as the browser says
    * @throws SourceError where the page may not read the video.
    * @throws InvalidInputError where the cells of numbers lie outside of it.
    */
-  take(video: HTMLVideoElement): void {
+  take(video: HTMLVideoElement, timeS: number): number {
     const { videoWidth, videoHeight } = video;
     fit(this.#taken.canvas, videoWidth, videoHeight);
-    this.#taken.drawImage(video, 0, 0, videoWidth, videoHeight);
+    const still = stillOf(video);
+    this.#taken.drawImage(still ?? video, 0, 0, videoWidth, videoHeight);
+    const stillS = still ? still.timestamp / 1e6 : NaN;
+    still?.close();
     if (!this.#isReadable) this.#check(video);
     this.#isWaiting = true;
+    if (timeS > EARLY_S && Math.abs(stillS - timeS) < SAME_S) this.#areStillsTimed = true;
+    return this.#areStillsTimed && !Number.isNaN(stillS) ? stillS : timeS;
   }
 
   /** Whether pictures hold the numbers of their frames. */
@@ -96,6 +107,19 @@ export class VideoPicture {
       `cells of ${width} x ${height} pixels at (${x}, ${y}) do not lie in a video of ` +
         `${videoWidth} x ${videoHeight}`,
     );
+  }
+}
+
+/**
+ * A still of a video: its picture and the time of that, where a busy page would get the time of one
+ * picture and the pixels of the next. Null where there are none, as on pages without https.
+ */
+function stillOf(video: HTMLVideoElement): VideoFrame | null {
+  if (typeof VideoFrame === "undefined") return null;
+  try {
+    return new VideoFrame(video);
+  } catch {
+    return null; // it has no picture now, or may not be read, which is told where it is read
   }
 }
 
