@@ -77,6 +77,17 @@ const indexBeside = {
   },
 };
 
+/** The core without vectors is a script of its own, which `meshreel` has too. */
+const plainCoreBeside = {
+  name: "plain core beside",
+  setup(bundler) {
+    bundler.onResolve({ filter: /\/plain_wasm\.js$/ }, () => ({
+      path: "./plain_wasm.js",
+      external: true,
+    }));
+  },
+};
+
 const common = {
   bundle: true,
   minify: true,
@@ -89,6 +100,12 @@ const common = {
 };
 
 rmSync(dist, { recursive: true, force: true });
+const modulesInside = {
+  // Deflated bytes in base 64 are packed by gzip to little more than the deflated bytes, and
+  // zopfli, which takes its time, deflates to 5 % less than zlib does.
+  SIMD_MODULE: JSON.stringify(await deflated(quick)),
+  PLAIN_MODULE: JSON.stringify(plain.toString("base64")),
+};
 const decoder = await build({
   ...common,
   entryPoints: ["src/index.ts"],
@@ -96,24 +113,31 @@ const decoder = await build({
   outdir: dist,
   plugins: [engineInside],
   chunkNames: "[name]",
-  define: {
-    // Deflated bytes in base 64 are packed by gzip to little more than the deflated bytes, and
-    // zopfli, which takes its time, deflates to 5 % less than zlib does.
-    SIMD_MODULE: JSON.stringify(await deflated(quick)),
-    PLAIN_MODULE: JSON.stringify(plain.toString("base64")),
-  },
+  define: modulesInside,
 });
 const three = await build({
   ...common,
-  entryPoints: ["src/three/index.ts"],
-  outfile: join(dist, "three.js"),
+  entryPoints: { three: "src/three/index.ts" },
+  splitting: true, // textures are a script of their own, which is loaded when one is set
+  outdir: dist,
   external: ["three"],
   plugins: [indexBeside],
+  chunkNames: "three_[name]",
+});
+// For pages without a bundler: one script, with the decoder and what it takes of three.js inside.
+// The core for engines without vectors, which hardly any browser is, stays beside.
+const player = await build({
+  ...common,
+  entryPoints: ["src/player/index.ts"],
+  outfile: join(dist, "player.js"),
+  plugins: [engineInside, plainCoreBeside],
+  define: modulesInside,
+  legalComments: "eof", // the licence of three.js
 });
 run(process.execPath, "node_modules/typescript/bin/tsc", "--declaration", "--emitDeclarationOnly", "--outDir", "dist");
 writeFileSync(join(dist, "built"), ""); // all is there
 
-const files = [decoder, three].flatMap(({ metafile }) => Object.keys(metafile.outputs));
+const files = [decoder, three, player].flatMap(({ metafile }) => Object.keys(metafile.outputs));
 for (const file of files) {
   const bytes = readFileSync(join(here, file));
   const packed = gzipSync(bytes, { level: 9 }).length;

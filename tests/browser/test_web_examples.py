@@ -98,3 +98,17 @@ def test_react_lets_all_go_when_the_component_goes_and_plays_again_when_it_comes
         found = page.evaluate(PLAYED)
         assert len(page.workers) == 1
     assert complaints_of(found, "react") == []
+
+
+def test_the_example_with_the_element_plays(new_page, data):
+    built_package()
+    files = {
+        "/index.html": (PACKAGE / "examples" / "element" / "index.html").read_bytes(),
+        "/flag.reel": data,
+        "/meshreel/player.js": (DIST / "player.js").read_bytes(),  # and nothing else
+    }
+    with serving(files) as (url, _):
+        page = new_page(f"{url}/index.html", width=640, height=400, is_shown=False)
+        player = "document.querySelector('reel-player')"
+        page.wait_for_function(f"{player}.mesh?.frame > 3", timeout=PATIENCE_MS)
+        assert not page.evaluate(f"{player}.paused")

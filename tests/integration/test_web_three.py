@@ -8,6 +8,7 @@ import pytest
 
 from samples.browser import driven_browser
 from samples.web_package import built_package
+from samples.webgl import COUNTING
 
 ROOT = Path(__file__).parents[2]
 MODULES = ROOT / "npm" / "node_modules"
@@ -41,26 +42,6 @@ const given = WebGL2RenderingContext.prototype.getParameter;
 WebGL2RenderingContext.prototype.getParameter = function (name) {
   return name === this.MAX_ARRAY_TEXTURE_LAYERS ? 2 : given.call(this, name);
 };
-"""
-
-COUNTING = """
-window.alive = {};
-for (const kind of ["Buffer", "Texture", "Program", "VertexArray", "TransformFeedback",
-                    "Framebuffer", "Shader"]) {
-  const { prototype } = WebGL2RenderingContext;
-  const [make, free] = [prototype[`create${kind}`], prototype[`delete${kind}`]];
-  const alive = new Set();
-  prototype[`create${kind}`] = function (...given) {
-    const made = make.apply(this, given);
-    alive.add(made);
-    return made;
-  };
-  prototype[`delete${kind}`] = function (one) {
-    alive.delete(one);
-    free.call(this, one);
-  };
-  Object.defineProperty(window.alive, kind, { enumerable: true, get: () => alive.size });
-}
 """
 
 pytestmark = pytest.mark.slow

@@ -60,8 +60,8 @@ def _is_current():
 def serving(files, headers=None, posted=None):
     """The address of a server of bytes by path, and the ranges that it was asked for.
 
-    `headers` come with every answer. The path "/" is an empty page. What a page posts is put into
-    the queue `posted`.
+    `headers` come with every answer. Videos come in ranges too. The path "/" is an empty page.
+    What a page posts is put into the queue `posted`.
     """
     asked = []
 
@@ -77,12 +77,18 @@ def serving(files, headers=None, posted=None):
             self.answer(path, body)
 
         def answer(self, path, body):
-            kinds = {".js": "text/javascript", ".reel": "application/octet-stream"}
+            kinds = {
+                ".js": "text/javascript",
+                ".reel": "application/octet-stream",
+                ".webm": "video/webm",
+                ".png": "image/png",
+            }
             wanted = self.headers.get("Range")
-            if wanted and path.endswith(".reel"):
+            if wanted and path.endswith((".reel", ".webm")):
                 begin, _, end = wanted.removeprefix("bytes=").partition("-")
                 first, last = int(begin), min(int(end or len(body)), len(body) - 1)
-                asked.append((first, last))
+                if path.endswith(".reel"):
+                    asked.append((first, last))
                 self.send_response(206)
                 self.send_header("Content-Range", f"bytes {first}-{last}/{len(body)}")
                 self.send_header("ETag", '"same"')

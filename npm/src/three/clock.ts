@@ -26,13 +26,18 @@ export class Clock {
   #heading = 1;
 
   /**
-   * @param nFrames - at least 1
+   * @param nFrames - that are played, at least 1
    * @param fps - frames per second, above 0
    */
   constructor(
-    readonly nFrames: number,
+    public nFrames: number,
     readonly fps: number,
   ) {}
+
+  /** Frames since the first frame. */
+  get place(): number {
+    return this.#place;
+  }
 
   /** Seconds since the first frame. */
   get time(): number {
@@ -58,6 +63,11 @@ export class Clock {
   /** Sets the time, in frames; what lies outside is moved to the first or the last frame. */
   set(place: number): void {
     this.#place = Math.min(Math.max(place, 0), this.nFrames - 1);
+  }
+
+  /** Goes to where nothing more is played. */
+  finish(): void {
+    this.#place = this.nFrames;
   }
 
   /** Goes to where playing begins, if the time is where it ends. */

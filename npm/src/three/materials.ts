@@ -41,6 +41,10 @@ export class Materials {
   /** By number of the image; one that several textures show is decoded once. */
   readonly #images: Promise<THREE.Texture>[] = [];
   #isOver = false;
+  /** Those of faces about which the file says nothing. */
+  readonly #plain = new Set<THREE.Material>();
+  /** When all images that can be shown are. */
+  readonly dressed: Promise<unknown>;
 
   /** @param onError - is told of a texture that cannot be shown */
   constructor(
@@ -53,14 +57,22 @@ export class Materials {
     this.#drawing = drawing;
     this.#onError = onError;
     const hasColors = drawing.attributes.some(({ name }) => name === "color");
+    const dressing: Promise<void>[] = [];
     this.list = drawing.materialNames.map((name) => {
       const given = surface.materials.find((one) => one.name === name);
       const made = given ? materialOf(given) : plainMaterial(hasColors);
+      if (!given) this.#plain.add(made);
       made.vertexColors = hasColors;
       if ("flatShading" in made) made.flatShading = !!isFlat;
-      for (const texture of given?.textures ?? []) void this.#dress(made, texture);
+      for (const texture of given?.textures ?? []) dressing.push(this.#dress(made, texture));
       return made;
     });
+    this.dressed = Promise.all(dressing);
+  }
+
+  /** Whether the file says nothing of how it looks. */
+  isPlain(material: THREE.Material): boolean {
+    return this.#plain.has(material);
   }
 
   dispose(): void {

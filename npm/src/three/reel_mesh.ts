@@ -8,10 +8,12 @@ import type { Loop } from "./clock.js";
 import { CpuStage } from "./cpu_stage.js";
 import { type Drawing, drawingOf } from "./drawing.js";
 import { canDecode, GpuStage, type Renderer } from "./gpu/gpu_stage.js";
-import { Materials } from "./materials.js";
-import { Playback, type PlaybackEvents } from "./playback.js";
 import { middleOf } from "./held_block.js";
+import { Materials } from "./materials.js";
+import { Playback, type PlaybackEvent, type PlaybackEvents } from "./playback.js";
 import type { Setting, Stage } from "./stage.js";
+import type { TextureOptions, WornTexture } from "./texture/mesh_texture.js";
+import type { TextureSource } from "./texture/texture_source.js";
 
 /** Of a frame: what is sought is rounded to these, so that seconds of a frame lead to it. */
 const PARTS = 1e6;
@@ -75,6 +77,8 @@ export class ReelMesh extends THREE.Mesh<
   #stage: Stage | null = null;
   #drawer: THREE.WebGLRenderer | null = null;
   readonly #ownsReel: boolean | undefined;
+  #worn: WornTexture | null = null;
+  #wearing: AbortController | null = null;
   readonly #picked = new THREE.Mesh();
   #isPickedStale = true;
   readonly #middle = new THREE.Vector3();
@@ -199,9 +203,14 @@ export class ReelMesh extends THREE.Mesh<
     return this.#playback.clock.time;
   }
 
-  /** Seconds from the first frame to the end of the last. */
+  /** Seconds from the first frame to the end of the last, or that of its video if it is shorter. */
   get duration(): number {
     return this.#playback.clock.duration;
+  }
+
+  /** Frames that are played: those of the file, or of its video if these are fewer. */
+  get nFrames(): number {
+    return this.#playback.clock.nFrames;
   }
 
   /** The frame of the time, from 0 on. */
@@ -215,7 +224,7 @@ export class ReelMesh extends THREE.Mesh<
   }
 
   set loop(loop: Loop) {
-    this.#playback.clock.loop = loop;
+    this.#playback.setLoop(loop);
   }
 
   /** Seconds of the animation in a second, 1 by default; backwards if negative. */
@@ -224,10 +233,7 @@ export class ReelMesh extends THREE.Mesh<
   }
 
   set speed(speed: number) {
-    if (!Number.isFinite(speed)) {
-      throw new InvalidInputError(`speed must be a finite number; got ${speed}`);
-    }
-    this.#playback.clock.speed = speed;
+    this.#playback.setSpeed(speed);
   }
 
   /** Whether pictures between frames are shown; true by default. */
@@ -261,6 +267,50 @@ export class ReelMesh extends THREE.Mesh<
    */
   getMiddle(target: THREE.Vector3): THREE.Vector3 {
     return target.set(...this.#setting.shift).add(this.#middle);
+  }
+
+  /**
+   * Shows an image or a video in place of the images of the file, on all materials that the mesh
+   * has now; null: none. Texture coordinates and all else of the materials stay. The last call
+   * counts: one that is under way throws an `AbortError`.
+   *
+   * With a video, the mesh follows the picture that the video shows, and both are shown at once;
+   * `play`, `pause`, `seek`, `loop` and `speed` drive the video, whose sound plays, and its own
+   * controls drive the mesh. Where a block is not there yet, the video waits for it. Only what both
+   * have in common is played; if one is longer by more than a frame, the event "warning" says so.
+   * Both play forwards only. A video element is not disposed of with the mesh.
+   *
+   * @param source - an address, whose name says whether it is an image or a video (or `kind` does);
+   *   an element, a bitmap or a texture of three.js, whose orientation and colour space are its own
+   * @throws InvalidInputError where the file has no texture coordinates, or an option is of no use.
+   * @throws SourceError where the image or the video cannot be had, or the page may not read it.
+   */
+  async setTexture(source: TextureSource | null, options: TextureOptions = {}): Promise<void> {
+    this.#takeOff();
+    if (source === null) return;
+    const { signal } = (this.#wearing = new AbortController());
+    const { wear } = await import("./texture/mesh_texture.js");
+    signal.throwIfAborted();
+    const { material } = this;
+    const mesh = {
+      materials: Array.isArray(material) ? material : [material],
+      isPlain: (one: THREE.Material) => this.#materials?.isPlain(one) ?? false,
+      dressed: this.#materials?.dressed,
+      uvNames: this.#setting.drawing.uvNames,
+      playback: this.#playback,
+      send: (event: PlaybackEvent) => this.dispatchEvent(event),
+    };
+    this.#worn = await wear(mesh, source, options, signal);
+  }
+
+  /** What `setTexture` shows; null for nothing. */
+  get texture(): THREE.Texture | null {
+    return this.#worn?.texture ?? null;
+  }
+
+  /** The video that `setTexture` shows, for its sound; null where there is none. */
+  get video(): HTMLVideoElement | null {
+    return this.#worn?.video ?? null;
   }
 
   /**
@@ -301,6 +351,7 @@ export class ReelMesh extends THREE.Mesh<
   /** Frees all that the mesh has made, and aborts loading. It must not be used any more. */
   override dispose(): void {
     this.dispatchEvent({ type: "dispose" });
+    this.#takeOff();
     this.onBeforeRender = () => {};
     this.#playback.dispose();
     this.#drawer?.domElement.removeEventListener(RESTORED, this.#useGpu);
@@ -330,6 +381,12 @@ export class ReelMesh extends THREE.Mesh<
     this.#stage?.dispose();
     this.#stage = stage;
     this.#playback.restart();
+  }
+
+  #takeOff(): void {
+    this.#wearing?.abort();
+    this.#worn?.remove();
+    this.#worn = null;
   }
 
   /** Those of all frames, with what the decoded ones may be off. */

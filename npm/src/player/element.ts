@@ -1,0 +1,442 @@
+// <reel-player>: a file that plays in a page.
+
+import { InvalidInputError } from "../errors.js";
+import { ReelFile } from "../index.js";
+import { ReelMesh } from "../three/reel_mesh.js";
+import type { OpenReel } from "../types.js";
+import { PlayerAttributes } from "./attributes.js";
+import { Bar, type BarState } from "./bar.js";
+import { Messages } from "./messages.js";
+import { made, ShapeButton } from "./parts.js";
+import { ATTRIBUTES, type PlayerSettings, settingsOf } from "./settings.js";
+import { playerSheet } from "./sheet.js";
+import { View } from "./view.js";
+
+/** Label of the picture where the page gives none. */
+const NO_ALT = "Animated 3D model";
+
+/** Settings of the texture: one that changes brings it anew. */
+const OF_TEXTURE = ["texture", "kind", "offset", "frameNumber"] as const;
+
+/** All that is there while a player is in a page. */
+interface Shown {
+  readonly view: View;
+  readonly bar: Bar;
+  readonly messages: Messages;
+  readonly start: ShapeButton;
+  readonly poster: HTMLImageElement;
+}
+
+/**
+ * The element `<reel-player>`: opens a `.reel` file and plays it.
+ *
+ * Attributes, all of which are properties too: `src`, `alt`, `autoplay`, `loop` (or
+ * `loop="pingpong"`), `speed`, `start-time` or `start-frame`, `interpolate`, `camera-controls`,
+ * `controls`, `up`, `background`, `poster`, `texture`, `texture-kind`, `texture-offset`,
+ * `frame-number` and `muted`. Each may change at any time.
+ *
+ * Events, which do not bubble: `load` (the file is open), `play`, `pause`, `timeupdate` (another
+ * picture is shown), `waiting`, `playing`, `ended`, `warning` (a `CustomEvent` whose `detail` has
+ * the `message`) and `error` (an `ErrorEvent`). Errors are shown in the element as well.
+ *
+ * Out of sight it stands still. Taken out of the page, it frees all that it holds.
+ */
+export class ReelPlayerElement extends PlayerAttributes {
+  static readonly observedAttributes = ATTRIBUTES;
+  readonly #stage = made("div", "stage");
+  #shown: Shown | null = null;
+  #settings: PlayerSettings | null = null;
+  #loading: AbortController | null = null;
+  #mesh: ReelMesh | null = null;
+  #isRefreshing = false;
+  #wasPlaying = false;
+  /** Whether the attributes could not be understood. */
+  #isRefused = false;
+  /** Whether it plays again when it is seen again. */
+  #isAway = false;
+  /** Whether it would play by itself, but was not allowed to. */
+  #isHeldBack = false;
+  #error: Error | null = null;
+
+  constructor() {
+    super();
+    const root = this.attachShadow({ mode: "open" });
+    root.adoptedStyleSheets = [playerSheet()];
+    root.append(this.#stage);
+    root.addEventListener("keydown", (event) => this.#press(event as KeyboardEvent));
+  }
+
+  /** The file; null before it is open. */
+  get reel(): OpenReel | null {
+    return this.#mesh?.reel ?? null;
+  }
+
+  /** What three.js draws; null before the file is open. Its classes are those of this script. */
+  get mesh(): ReelMesh | null {
+    return this.#mesh;
+  }
+
+  /** What went wrong last; null for nothing since the file was asked for. */
+  get error(): Error | null {
+    return this.#error;
+  }
+
+  /** Seconds of the whole animation; NaN before the file is open. */
+  get duration(): number {
+    return this.#mesh?.duration ?? NaN;
+  }
+
+  /** Seconds since the first frame; 0 before the file is open. Setting it is `seek`. */
+  get currentTime(): number {
+    return this.#mesh?.time ?? 0;
+  }
+
+  set currentTime(seconds: number) {
+    this.seek(seconds);
+  }
+
+  /** Whether it stands still. Out of sight, it is not paused: it goes on when it is seen again. */
+  get paused(): boolean {
+    return !this.#isPlaying;
+  }
+
+  /**
+   * Plays on, or from the start if the end was reached.
+   *
+   * @throws InvalidInputError before the file is open: wait for the event `load`.
+   */
+  play(): void {
+    const mesh = this.#required();
+    if (this.#shown?.view.isSeen) mesh.play();
+    else this.#isAway = true;
+    this.#changed();
+  }
+
+  /** Stands still. Before the file is open this does away with `autoplay`. */
+  pause(): void {
+    this.#isAway = false;
+    if (this.#mesh) this.#mesh.pause();
+    else this.autoplay = false;
+    this.#changed();
+  }
+
+  /**
+   * Goes to a time: seconds since the first frame, or a frame.
+   *
+   * @throws InvalidInputError before the file is open, or if it is not a finite number.
+   */
+  seek(to: number | { frame: number }): void {
+    this.#required().seek(to);
+    this.#changed();
+  }
+
+  /** Has the camera look from where it did at first. */
+  resetCamera(): void {
+    this.#shown?.view.camera.reset();
+  }
+
+  connectedCallback(): void {
+    if (this.#shown) return; // moved within the page
+    this.upgrade();
+    this.#build();
+    this.attributeChangedCallback();
+  }
+
+  disconnectedCallback(): void {
+    queueMicrotask(() => {
+      if (!this.isConnected) this.#free();
+    });
+  }
+
+  /** Attributes are read together, once the script that changes them is done. */
+  attributeChangedCallback(): void {
+    if (!this.#shown || this.#isRefreshing) return;
+    this.#isRefreshing = true;
+    queueMicrotask(() => {
+      this.#isRefreshing = false;
+      if (this.#shown) this.#refresh();
+    });
+  }
+
+  get #isPlaying(): boolean {
+    return this.#isAway || (this.#mesh?.isPlaying ?? false);
+  }
+
+  #required(): ReelMesh {
+    if (this.#mesh) return this.#mesh;
+    throw new InvalidInputError('no file is open yet; wait for the event "load" of the player');
+  }
+
+  #build(): void {
+    const view = new View(this.#stage, {
+      isMoving: () => !!this.#mesh && (this.#mesh.isPlaying || this.#mesh.isWaiting),
+      pass: (seconds) => {
+        this.#mesh?.update(seconds);
+        this.#changed();
+      },
+      onSeen: (isSeen) => this.#see(isSeen),
+      onError: (error) => this.#fail(error),
+    });
+    const bar = new Bar(this, {
+      toggle: () => this.#toggle(),
+      seek: (frame) => this.seek({ frame }),
+      mute: () => {
+        const video = this.#mesh?.video;
+        if (video) this.muted = !video.muted;
+      },
+    });
+    const start = new ShapeButton("start", "play", "Play", () => this.#toggle());
+    const poster = made("img", "poster");
+    poster.alt = "";
+    const messages = new Messages();
+    const parts = [poster, start.element, messages.waiting, bar.element, messages.alert];
+    this.#stage.append(...parts);
+    this.#shown = { view, bar, start, poster, messages };
+  }
+
+  #free(): void {
+    if (!this.#shown) return;
+    const { view, bar } = this.#shown;
+    this.#close();
+    bar.dispose();
+    view.dispose();
+    this.#stage.replaceChildren();
+    this.#shown = null;
+    this.#settings = null;
+  }
+
+  /** Does what the attributes say, as far as it is new. */
+  #refresh(): void {
+    const { view, bar, poster } = this.#shown as Shown;
+    view.canvas.setAttribute("aria-label", this.alt || NO_ALT);
+    let next: PlayerSettings;
+    try {
+      next = settingsOf((name) => this.getAttribute(name));
+      requireColor(next.background);
+    } catch (error) {
+      this.#isRefused = true;
+      return this.#fail(error as Error);
+    }
+    if (this.#isRefused) this.#forgive();
+    const last = this.#settings;
+    this.#settings = next;
+    view.camera.hasControls = next.cameraControls;
+    this.#stage.style.backgroundColor = next.background ?? "";
+    bar.element.hidden = !next.controls;
+    if (poster.getAttribute("src") !== next.poster) {
+      if (next.poster === null) poster.removeAttribute("src");
+      else poster.src = next.poster;
+    }
+    if (!last || last.src !== next.src) {
+      this.#forgive();
+      void this.#open(next);
+    } else if (this.#mesh) {
+      this.#adapt(this.#mesh, next);
+      if (OF_TEXTURE.some((name) => !isSame(last[name], next[name]))) {
+        void this.#dress(this.#mesh, next);
+      }
+    }
+    this.#changed();
+  }
+
+  async #open(settings: PlayerSettings): Promise<void> {
+    this.#close();
+    if (settings.src === null) return;
+    const { signal } = (this.#loading = new AbortController());
+    this.#changed();
+    let mesh: ReelMesh;
+    try {
+      const reel = await ReelFile.open(settings.src, { signal });
+      if (signal.aborted) return reel.close();
+      mesh = new ReelMesh(reel, { ownsReel: true, origin: reel.info.center });
+    } catch (error) {
+      if (signal.aborted) return;
+      this.#loading = null;
+      return this.#fail(error as Error);
+    }
+    this.#loading = null;
+    this.#settings ??= settings;
+    this.#begin(mesh, this.#settings);
+    this.dispatchEvent(new Event("load"));
+    await this.#dress(mesh, this.#settings);
+    if (this.#mesh !== mesh || !this.#settings?.autoplay) return;
+    this.#isHeldBack = matchMedia("(prefers-reduced-motion: reduce)").matches;
+    if (this.#isHeldBack) this.#changed();
+    else this.play();
+  }
+
+  #begin(mesh: ReelMesh, settings: PlayerSettings): void {
+    const { view } = this.#shown as Shown;
+    this.#mesh = mesh;
+    this.#listen(mesh);
+    this.#adapt(mesh, settings);
+    mesh.seek(settings.start);
+    view.add(mesh);
+    view.camera.fit(mesh.reel.info.diagonal / 2 || 1);
+    if (view.renderer) mesh.setRenderer(view.renderer);
+    this.#changed();
+  }
+
+  /** Has a mesh play as the attributes say. */
+  #adapt(mesh: ReelMesh, { loop, speed, interpolate, up, muted }: PlayerSettings): void {
+    try {
+      Object.assign(mesh, { loop, speed, interpolate });
+    } catch (error) {
+      this.#fail(error as Error);
+    }
+    mesh.rotation.x = up === "z" ? -Math.PI / 2 : 0;
+    if (mesh.video) mesh.video.muted = muted;
+    this.#shown?.view.invalidate();
+  }
+
+  async #dress(mesh: ReelMesh, settings: PlayerSettings): Promise<void> {
+    const { texture, kind, offset, frameNumber, muted } = settings;
+    try {
+      await mesh.setTexture(texture, { kind, offset, frameNumber });
+      if (mesh.video) mesh.video.muted = muted;
+      this.#shown?.view.invalidate();
+    } catch (error) {
+      if ((error as Error).name !== "AbortError") this.#fail(error as Error);
+    }
+  }
+
+  #listen(mesh: ReelMesh): void {
+    mesh.addEventListener("frame", () => {
+      this.#shown?.view.invalidate();
+      this.#changed();
+      this.dispatchEvent(new Event("timeupdate"));
+    });
+    for (const type of ["waiting", "playing", "ended"] as const) {
+      mesh.addEventListener(type, () => {
+        this.#changed();
+        this.dispatchEvent(new Event(type));
+      });
+    }
+    mesh.addEventListener("warning", ({ message }) => {
+      console.warn(`<reel-player>: ${message}`);
+      this.#isHeldBack = !mesh.isPlaying;
+      this.#changed();
+      this.dispatchEvent(new CustomEvent("warning", { detail: { message } }));
+    });
+    mesh.addEventListener("error", ({ error, block }) => {
+      this.#fail(error, block === null ? "" : `${framesOf(mesh, block)} are missing: `);
+    });
+  }
+
+  /** Lets the file go, or what is under way. */
+  #close(): void {
+    this.#loading?.abort();
+    this.#loading = null;
+    this.#isAway = this.#isHeldBack = false;
+    const mesh = this.#mesh;
+    this.#mesh = null;
+    if (!mesh) return;
+    this.#shown?.view.remove(mesh);
+    mesh.dispose();
+  }
+
+  #fail(error: Error, where = ""): void {
+    this.#error = error;
+    this.#shown?.messages.say(`${where}${error.message}`, !this.#mesh);
+    this.#changed();
+    const { message } = error;
+    this.dispatchEvent(new ErrorEvent("error", { error, message }));
+  }
+
+  /** Takes back what was said to be wrong. */
+  #forgive(): void {
+    this.#isRefused = false;
+    this.#error = null;
+    this.#shown?.messages.clear();
+  }
+
+  /** Stands still out of sight, and goes on where it was. */
+  #see(isSeen: boolean): void {
+    const mesh = this.#mesh;
+    const renderer = this.#shown?.view.renderer;
+    if (!mesh) return;
+    if (renderer) mesh.setRenderer(renderer);
+    if (isSeen && this.#isAway) {
+      this.#isAway = false;
+      mesh.play();
+    } else if (!isSeen && mesh.isPlaying) {
+      this.#isAway = true;
+      mesh.pause();
+    }
+    this.#changed();
+  }
+
+  #toggle(): void {
+    if (!this.#mesh) return;
+    if (this.#isPlaying) this.pause();
+    else this.play();
+  }
+
+  /** Shows how things are, and tells of playing and pausing. */
+  #changed(): void {
+    if (!this.#shown) return;
+    const { view, bar, start, messages, poster } = this.#shown;
+    const mesh = this.#mesh;
+    const isPlaying = this.#isPlaying;
+    const hasPicture = !!mesh && mesh.geometry.drawRange.count > 0;
+    poster.hidden = hasPicture || !poster.hasAttribute("src");
+    messages.wait(this.#loading !== null || (!!mesh && mesh.isWaiting && view.isSeen));
+    if (isPlaying) this.#isHeldBack = false;
+    start.element.hidden = !this.#isHeldBack || !!this.#settings?.controls;
+    bar.show(mesh && stateOf(mesh, isPlaying));
+    view.wake();
+    if (isPlaying === this.#wasPlaying) return;
+    this.#wasPlaying = isPlaying;
+    this.dispatchEvent(new Event(isPlaying ? "play" : "pause"));
+  }
+
+  #press(event: KeyboardEvent): void {
+    if (event.ctrlKey || event.metaKey || event.altKey || !this.#shown || !this.#mesh) return;
+    const target = event.composedPath()[0];
+    const { view } = this.#shown;
+    const isHandled =
+      event.key === " " && !(target instanceof HTMLButtonElement)
+        ? this.#do(() => this.#toggle())
+        : target === view.canvas && (view.camera.press(event.key) || this.#step(event.key));
+    if (isHandled) event.preventDefault();
+  }
+
+  /** Goes to where a key says; false where it says nothing. */
+  #step(key: string): boolean {
+    const { frame, nFrames } = this.#required();
+    const places: Record<string, number> = {
+      Home: 0,
+      End: nFrames - 1,
+      ArrowLeft: frame - 1,
+      ArrowRight: frame + 1,
+      ",": frame - 1,
+      ".": frame + 1,
+    };
+    return key in places && this.#do(() => this.seek({ frame: places[key] }));
+  }
+
+  #do(action: () => void): true {
+    action();
+    return true;
+  }
+}
+
+function stateOf(mesh: ReelMesh, isPlaying: boolean): BarState {
+  const { frame, nFrames, time, duration, video } = mesh;
+  return { isPlaying, frame, nFrames, time, duration, isMuted: video?.muted ?? null };
+}
+
+function framesOf(mesh: ReelMesh, block: number): string {
+  const { start, nFrames } = mesh.reel.info.blocks[block];
+  return `Frames ${start} to ${start + nFrames - 1}`;
+}
+
+function isSame(one: unknown, other: unknown): boolean {
+  return JSON.stringify(one) === JSON.stringify(other);
+}
+
+/** @throws InvalidInputError where CSS has no such colour. */
+function requireColor(value: string | null): void {
+  if (value === null || CSS.supports("color", value)) return;
+  throw new InvalidInputError(`background is a color of CSS; got background="${value}"`);
+}

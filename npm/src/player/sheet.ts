@@ -1,0 +1,135 @@
+// How a player looks. A sheet of its own, which no content policy forbids.
+
+const CSS = `
+:host {
+  display: block;
+  position: relative;
+  width: 100%;
+  aspect-ratio: 16 / 9;
+  overflow: hidden;
+  font: 14px/1.4 system-ui, sans-serif;
+}
+:host([hidden]) { display: none; }
+:host(:fullscreen) { aspect-ratio: auto; width: 100%; height: 100%; background: #101418; }
+[hidden] { display: none !important; }
+.stage, .poster, canvas { position: absolute; inset: 0; width: 100%; height: 100%; }
+canvas { display: block; outline: none; }
+:host([controls]) :is(canvas, .poster) { height: calc(100% - 48px); }
+.poster { object-fit: contain; pointer-events: none; }
+canvas:focus-visible { box-shadow: inset 0 0 0 3px #1668b8, inset 0 0 0 5px #fff; }
+.bar {
+  position: absolute;
+  inset: auto 0 0 0;
+  display: flex;
+  align-items: center;
+  gap: 6px;
+  box-sizing: border-box;
+  height: 48px;
+  padding: 4px 8px;
+  color: #fff;
+  background: #14181e;
+}
+button {
+  flex: none;
+  font: inherit;
+  color: #fff;
+  background: none;
+  border: 0;
+  border-radius: 6px;
+  min-width: 40px;
+  min-height: 40px;
+  padding: 8px;
+  cursor: pointer;
+}
+button:hover { background: #ffffff26; }
+button:disabled, input:disabled { opacity: 0.5; cursor: default; }
+button:focus-visible, input:focus-visible { outline: 2px solid #8cc8ff; outline-offset: -2px; }
+svg { display: block; width: 24px; height: 24px; fill: currentColor; }
+input {
+  flex: 1;
+  min-width: 40px;
+  height: 32px;
+  margin: 0 4px;
+  accent-color: #8cc8ff;
+  border-radius: 6px;
+  cursor: pointer;
+}
+.text { flex: none; font-variant-numeric: tabular-nums; }
+.start {
+  position: absolute;
+  inset: 0;
+  margin: auto;
+  width: 72px;
+  height: 72px;
+  padding: 16px;
+  border-radius: 50%;
+  background: #14181eee;
+}
+.start:hover { background: #303a46; }
+.start svg { width: 40px; height: 40px; }
+.waiting, .alert p { margin: 0; }
+.waiting:not(:empty) {
+  position: absolute;
+  top: 12px;
+  right: 12px;
+  display: flex;
+  align-items: center;
+  gap: 8px;
+  padding: 6px 12px;
+  border-radius: 16px;
+  color: #fff;
+  background: #14181eee;
+  animation: appear 0s 0.2s both;
+}
+.waiting:not(:empty)::before {
+  content: "";
+  width: 12px;
+  height: 12px;
+  border: 2px solid #fff;
+  border-right-color: #ffffff33;
+  border-radius: 50%;
+  animation: turn 1s linear infinite;
+}
+@keyframes appear { from { visibility: hidden; } }
+@keyframes turn { to { rotate: 1turn; } }
+.alert:not(:empty) {
+  position: absolute;
+  top: 12px;
+  left: 12px;
+  right: 12px;
+  display: flex;
+  align-items: center;
+  gap: 12px;
+  max-width: 560px;
+  max-height: calc(100% - 80px);
+  overflow: auto;
+  box-sizing: border-box;
+  margin: 0 auto;
+  padding: 8px 8px 8px 16px;
+  border-left: 6px solid #ff8f85;
+  border-radius: 6px;
+  color: #fff;
+  background: #14181ef5;
+  overflow-wrap: anywhere;
+}
+.alert.fatal { padding: 14px 16px; }
+.alert p { flex: 1; }
+.alert button { text-decoration: underline; }
+@media (prefers-reduced-motion: reduce) {
+  .waiting:not(:empty)::before { animation: none; }
+}
+@media (forced-colors: active) {
+  .bar, .start, .waiting:not(:empty), .alert:not(:empty) { border: 1px solid; }
+}
+`;
+
+let sheet: CSSStyleSheet | null = null;
+
+/** The sheet that all players share. */
+export function playerSheet(): CSSStyleSheet {
+  if (!sheet) {
+    sheet = new CSSStyleSheet();
+    sheet.replaceSync(CSS);
+  }
+  return sheet;
+}

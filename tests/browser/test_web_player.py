@@ -1,0 +1,579 @@
+"""The element <reel-player> in a real browser."""
+
+import io
+import json
+import shutil
+import subprocess
+import time
+from queue import Empty, Queue
+from tempfile import TemporaryDirectory
+
+import numpy as np
+import pytest
+from PIL import Image
+
+import meshreel
+from samples.numbered_video import moving_sheet, numbered_video
+from samples.web_package import PACKAGE, built_package, serving
+from samples.webgl import COUNTING
+
+pytestmark = pytest.mark.slow
+
+POLICY = {
+    "Content-Security-Policy": "default-src 'self'; worker-src blob:; img-src 'self' data:;"
+    " script-src 'self' 'wasm-unsafe-eval'"
+}
+PAGE = """<!doctype html><html lang="en"><meta charset="utf-8"><title>A page</title>
+<link rel="icon" href="data:,"><link rel="stylesheet" href="/page.css">
+<script type="module" src="/dist/player.js"></script>
+<main><h1>A page</h1>{body}</main></html>"""
+FIREFOX_S = 120
+PATIENCE_S = 60
+
+GATE = """
+window.gate = new Promise((resolve) => (window.release = resolve));
+const given = window.fetch;
+window.fetch = async (address, ...more) => {
+  if ((address.url ?? address).includes("slow")) await window.gate;
+  return given(address, ...more);
+};
+"""
+"""Files that are called slow come once `release` is called."""
+
+DRAWING = """
+window.drawn = 0;
+for (const name of ["drawElements", "drawArrays"]) {
+  const given = WebGL2RenderingContext.prototype[name];
+  WebGL2RenderingContext.prototype[name] = function (...values) {
+    window.drawn++;
+    return given.apply(this, values);
+  };
+}
+"""
+
+HOLDING = """
+window.contexts = [];
+const given = HTMLCanvasElement.prototype.getContext;
+HTMLCanvasElement.prototype.getContext = function (kind, ...more) {
+  const made = given.call(this, kind, ...more);
+  if (kind === "webgl2" && made && !contexts.includes(made)) contexts.push(made);
+  return made;
+};
+window.workers = 0;
+const Given = window.Worker;
+window.Worker = class extends Given {
+  constructor(...given) { super(...given); window.workers++; }
+  terminate() { super.terminate(); window.workers--; }
+};
+"""
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _package():
+    built_package()
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory):
+    flag = meshreel.simulate_flag(45, n_rows=20, n_columns=30)
+    data = meshreel.encode(flag, max_error=0.02, block_frames=15)
+    damaged = bytearray(data)
+    damaged[len(data) // 2] ^= 1
+    sheet = meshreel.encode(moving_sheet(), max_error=0.01, block_frames=15)
+    film = numbered_video(tmp_path_factory.mktemp("film") / "walk.webm")
+    return {
+        "/page.css": b"body { margin: 0; font: 16px sans-serif; background: #fff }",
+        "/flag.reel": data,
+        "/slow.reel": data,
+        "/damaged.reel": bytes(damaged),
+        "/sheet.reel": sheet,
+        "/walk.webm": film,
+    }
+
+
+@pytest.fixture
+def shown(new_page, files):
+    """Opens a page with a body; `player` is its first player."""
+    servers = []
+
+    def show(body, **given):
+        server = serving({**files, "/page.html": PAGE.format(body=body).encode()}, POLICY)
+        url, _ = server.__enter__()
+        servers.append(server)
+        page = new_page(f"{url}/page.html", is_shown=False, **given)
+        until(page, "customElements.get('reel-player')")
+        page.evaluate("window.player = document.querySelector('reel-player')")
+        return page
+
+    yield show
+    for server in servers:
+        server.__exit__(None, None, None)
+
+
+def until(page, condition):
+    """Waits for something; not by `wait_for_function`, which the policy of the pages forbids."""
+    end = time.monotonic() + PATIENCE_S
+    while not page.evaluate(f"!!({condition})"):
+        assert time.monotonic() < end, f"waited {PATIENCE_S} s for {condition}"
+        page.wait_for_timeout(20)
+
+
+def settled(page):
+    """Waits until the file is open and its picture is there."""
+    until(page, "player.mesh && !player.mesh.isWaiting && player.mesh.geometry.drawRange.count > 0")
+    page.wait_for_timeout(200)
+
+
+def text_of(page, selector):
+    return page.evaluate(
+        "selector => player.shadowRoot.querySelector(selector).textContent", selector
+    )
+
+
+def picture(page):
+    return np.asarray(
+        Image.open(io.BytesIO(page.locator("reel-player").first.screenshot())).convert("RGB"), int
+    )
+
+
+def is_drawn(page):
+    """How much of the element is not white."""
+    return (np.abs(picture(page) - 255).max(axis=2) > 12).mean()
+
+
+def press(page, selector, *keys):
+    """Gives a part of the player the focus, and presses keys."""
+    page.evaluate("selector => player.shadowRoot.querySelector(selector).focus()", selector)
+    for key in keys:
+        page.keyboard.press(key)
+
+
+def test_one_script_and_one_element_play_a_file_under_a_strict_policy(shown):
+    page = shown('<reel-player src="/flag.reel" autoplay></reel-player>')
+    until(page, "player.mesh && player.mesh.frame > 3")
+    assert page.evaluate("[player.paused, player.mesh.isOnGpu]") == [False, True]
+    assert 0.05 < is_drawn(page) < 0.9
+    width, height = page.evaluate("[player.clientWidth, player.clientHeight]")
+    assert height == width * 9 // 16
+    until(page, "player.paused && player.currentTime === player.duration")
+
+
+def test_events_tell_what_happens(shown):
+    page = shown('<reel-player speed="2"></reel-player>')
+    page.evaluate(
+        """() => {
+          window.told = [];
+          for (const type of ["load", "play", "pause", "timeupdate", "playing", "ended", "error"]) {
+            player.addEventListener(type, () => {
+              if (told.at(-1) !== type) told.push(type);
+            });
+          }
+          player.src = "/flag.reel";
+          player.addEventListener("load", () => player.play());
+        }"""
+    )
+    until(page, "told.includes('ended')")
+    told = page.evaluate("told")
+    assert told[:2] == ["load", "play"]
+    assert told.index("play") < told.index("timeupdate") < told.index("ended")
+    assert "pause" in told
+    assert "error" not in told
+
+
+def test_methods_and_properties_do_what_their_names_say(shown):
+    page = shown('<reel-player src="/flag.reel" start-frame="12"></reel-player>')
+    settled(page)
+    assert page.evaluate("player.mesh.frame") == 12
+    found = page.evaluate(
+        """() => {
+          player.seek({ frame: 20 });
+          const frame = player.mesh.frame;
+          player.currentTime = 0.5;
+          const { currentTime, duration, reel, paused } = player;
+          Object.assign(player, { loop: true, speed: 0.5 });
+          Object.assign(player, { cameraControls: true, interpolate: false });
+          const names = player.getAttributeNames().sort();
+          return { frame, currentTime, duration, paused, n: reel.info.nFrames, names };
+        }"""
+    )
+    assert found["frame"] == 20
+    assert found["currentTime"] == pytest.approx(0.5)
+    assert found["duration"] == pytest.approx(45 / 30)
+    assert (found["paused"], found["n"]) == (True, 45)
+    names = ["camera-controls", "interpolate", "loop", "speed", "src", "start-frame"]
+    assert found["names"] == names
+    until(page, "player.mesh.loop === 'repeat' && player.mesh.speed === 0.5")
+    assert page.evaluate("[player.mesh.interpolate, player.loop]") == [False, True]
+
+
+def test_properties_count_when_they_were_set_before_the_element_was_there(shown):
+    page = shown("")
+    page.evaluate(
+        """() => {
+          const name = document.createElement("reel-player");
+          Object.defineProperty(name, "src", { value: "/flag.reel", configurable: true });
+          window.player = name;
+          document.querySelector("main").append(name);
+        }"""
+    )
+    settled(page)
+    assert page.evaluate("player.getAttribute('src')") == "/flag.reel"
+
+
+STATES = {
+    "playing": '<reel-player src="/flag.reel" autoplay loop controls camera-controls alt="A flag">',
+    "bare": '<reel-player src="/flag.reel">',
+    "missing": '<reel-player src="/missing.reel" controls>',
+    "refused": '<reel-player src="/flag.reel" loop="no" controls>',
+    "damaged": '<reel-player src="/damaged.reel" controls autoplay loop background="#123">',
+    "waiting": '<reel-player src="/slow.reel" controls>',
+    "textured": '<reel-player src="/sheet.reel" controls texture="/walk.webm">',
+}
+
+
+@pytest.mark.parametrize("state", STATES)
+def test_nobody_is_shut_out(shown, state):
+    page = shown(f"{STATES[state]}</reel-player>", script=GATE)
+    if state in ("missing", "refused"):
+        until(page, "player.error")
+    elif state == "damaged":
+        until(page, "player.error && player.mesh")
+    elif state == "waiting":
+        page.wait_for_timeout(500)
+    else:
+        settled(page)
+    axe = (PACKAGE / "node_modules" / "axe-core" / "axe.min.js").read_text("utf-8")
+    page.evaluate(axe)
+    found = page.evaluate("axe.run()")
+    said = [(one["id"], [node["html"] for node in one["nodes"]]) for one in found["violations"]]
+    assert said == []
+    looked = {one["id"] for one in found["passes"]}
+    assert {"role-img-alt", "button-name"} & looked
+    if state == "playing":
+        assert {"label", "color-contrast"} <= looked
+
+
+def test_keys_play_seek_and_turn(shown):
+    page = shown(
+        '<reel-player src="/flag.reel" controls camera-controls background="white"></reel-player>'
+    )
+    settled(page)
+    frame = "player.mesh.frame"
+    press(page, "input", "End")
+    until(page, f"{frame} === 44")
+    press(page, "input", "Home", "ArrowRight", "ArrowRight")
+    until(page, f"{frame} === 2")
+    words = page.evaluate("player.shadowRoot.querySelector('input').ariaValueText")
+    name = page.evaluate("player.shadowRoot.querySelector('input').getAttribute('aria-valuetext')")
+    assert words == name == "0.1 of 1.5 seconds, frame 2"
+    press(page, "canvas", "End")
+    until(page, f"{frame} === 44")
+    press(page, "canvas", "Home", ".", ".", ".", ",")
+    until(page, f"{frame} === 2")
+    press(page, "canvas", "Space")
+    until(page, "!player.paused")
+    press(page, "canvas", "Space")
+    until(page, "player.paused")
+    press(page, "canvas", "Home")
+    page.wait_for_timeout(300)
+    before = picture(page)
+    press(page, "canvas", "ArrowLeft", "ArrowLeft", "+")
+    page.wait_for_timeout(300)
+    turned = picture(page)
+    press(page, "canvas", "0")
+    page.wait_for_timeout(300)
+    assert page.evaluate(frame) == 0
+    assert np.abs(turned - before).max(axis=2).mean() > 1
+    assert np.abs(picture(page) - before).max(axis=2).mean() < 0.1
+
+
+def test_arrows_step_where_the_camera_is_not_theirs(shown):
+    page = shown('<reel-player src="/flag.reel"></reel-player>')
+    settled(page)
+    press(page, "canvas", "ArrowRight", "ArrowRight", "ArrowRight", "ArrowLeft")
+    until(page, "player.mesh.frame === 2")
+
+
+def test_everything_is_reached_by_the_tab_key_and_shows_it(shown):
+    page = shown('<reel-player src="/sheet.reel" controls texture="/walk.webm"></reel-player>')
+    settled(page)
+    until(page, "player.mesh.video")
+    page.wait_for_timeout(200)
+    reached = []
+    for _ in range(6):
+        page.keyboard.press("Tab")
+        reached.append(
+            page.evaluate(
+                """() => {
+                  const part = player.shadowRoot.activeElement;
+                  if (!part) return null;
+                  const { outlineStyle, boxShadow } = getComputedStyle(part);
+                  const isMarked = outlineStyle !== "none" || boxShadow !== "none";
+                  return [part.getAttribute("aria-label"), isMarked];
+                }"""
+            )
+        )
+    names = ["Animated 3D model", "Play", "Time", "Mute", "Full screen"]
+    assert [one for one in reached if one] == [[name, True] for name in names]
+
+
+def test_nothing_moves_by_itself_when_people_want_less_motion(shown):
+    page = shown("")
+    page.emulate_media(reduced_motion="reduce")
+    page.evaluate(
+        """() => {
+          window.player = document.createElement("reel-player");
+          Object.assign(player, { src: "/flag.reel", autoplay: true });
+          document.querySelector("main").append(player);
+        }"""
+    )
+    settled(page)
+    assert page.evaluate("[player.paused, player.currentTime]") == [True, 0]
+    page.locator("reel-player button.start").click()
+    until(page, "!player.paused && player.mesh.frame > 2")
+    assert page.locator("reel-player button.start").is_hidden()
+
+
+def test_waiting_is_seen(shown):
+    page = shown('<reel-player src="/slow.reel" autoplay></reel-player>', script=GATE)
+    page.wait_for_timeout(400)
+    assert text_of(page, ".waiting") == "Loading…"
+    assert page.locator("reel-player .waiting").is_visible()
+    page.evaluate("release()")
+    until(page, "player.mesh && player.mesh.frame > 1")
+    assert text_of(page, ".waiting") == ""
+
+
+ERRORS = {
+    'src="/missing.reel"': ("SourceError", "HTTP 404"),
+    'src="/page.css"': ("CorruptStreamError", ""),
+    'src="/flag.reel" speed="fast"': ("InvalidInputError", 'got speed="fast"'),
+    'src="/flag.reel" background="no color"': ("InvalidInputError", "background is a color"),
+    'src="/flag.reel" texture="/walk.webm"': ("InvalidInputError", "no texture coordinates"),
+    'src="/sheet.reel" texture="/missing.png"': ("SourceError", "cannot load the image"),
+    'src="/sheet.reel" texture="/missing.webm"': ("SourceError", "cannot play the video"),
+    'src="/sheet.reel" texture="/walk.webm" loop="pingpong"': ("InvalidInputError", "forwards"),
+}
+
+
+@pytest.mark.parametrize("attributes", ERRORS)
+def test_errors_are_seen_and_told(shown, attributes):
+    name, words = ERRORS[attributes]
+    page = shown("")
+    page.evaluate(
+        """(attributes) => {
+          document.querySelector("main").innerHTML = `<reel-player ${attributes}></reel-player>`;
+          window.player = document.querySelector("reel-player");
+          player.addEventListener("error", ({ error }) => (window.told = error));
+        }""",
+        attributes,
+    )
+    until(page, "player.error")
+    assert page.evaluate("player.error.name") == name
+    assert words in text_of(page, "[role=alert]")
+    assert page.locator("reel-player [role=alert]").is_visible()
+    assert page.evaluate("window.told === player.error")
+
+
+def test_what_was_wrong_is_forgotten_when_it_is_put_right(shown):
+    page = shown('<reel-player src="/flag.reel" loop="no"></reel-player>')
+    until(page, "player.error")
+    page.evaluate("player.loop = true")
+    settled(page)
+    assert page.evaluate("[player.error, player.mesh.loop]") == [None, "repeat"]
+    assert text_of(page, "[role=alert]") == ""
+    page.evaluate("player.src = '/missing.reel'")
+    until(page, "player.error && player.mesh === null")
+    page.evaluate("player.src = '/flag.reel'")
+    settled(page)
+    assert text_of(page, "[role=alert]") == ""
+
+
+def test_the_rest_plays_when_a_block_is_damaged(shown):
+    page = shown('<reel-player src="/damaged.reel" autoplay loop></reel-player>')
+    page.evaluate("player.addEventListener('timeupdate', () => (window.seen ??= new Set())"
+                  ".add(player.mesh.frame))")  # fmt: skip
+    until(page, "window.seen && seen.has(44) && player.error")
+    assert page.evaluate("player.error.name") == "CorruptStreamError"
+    assert text_of(page, "[role=alert] p").startswith("Frames 15 to 29 are missing: ")
+    assert not {*range(15, 30)} & {*page.evaluate("[...seen]")}
+    page.locator("reel-player [role=alert] button").click()
+    assert text_of(page, "[role=alert]") == ""
+
+
+def test_only_the_last_address_counts_when_it_changes(shown):
+    page = shown('<reel-player src="/slow.reel"></reel-player>', script=GATE + COUNTING)
+    page.evaluate(
+        "window.loads = 0; player.addEventListener('load', () => loads++);"
+        "player.src = '/sheet.reel'"
+    )
+    settled(page)
+    page.evaluate("release()")
+    page.wait_for_timeout(300)
+    assert page.evaluate("[loads, player.reel.info.name]") == [1, "sheet"]
+    counts = []
+    for name in ["flag", "sheet"] * 4:
+        page.evaluate(f"player.src = '/{name}.reel'")
+        until(page, f"player.reel && player.reel.info.nFrames === {45 if name == 'flag' else 90}")
+        settled(page)
+        counts.append(page.evaluate("({ ...alive })"))
+    assert counts[2:4] == counts[4:6] == counts[6:8]
+    page.evaluate("player.removeAttribute('src')")
+    until(page, "player.mesh === null")
+    assert page.evaluate("player.paused")
+
+
+def test_nothing_is_left_when_players_are_taken_out(shown):
+    page = shown("", script=HOLDING)
+    warnings = []
+    page.on("console", lambda message: warnings.append(message.text))
+    for _ in range(20):
+        page.evaluate(
+            """() => {
+              window.player = document.createElement("reel-player");
+              Object.assign(player, { src: "/sheet.reel", controls: true, texture: "/walk.webm" });
+              document.querySelector("main").append(player);
+            }"""
+        )
+        until(page, "player.mesh && player.mesh.geometry.drawRange.count > 0 && player.mesh.video")
+        page.evaluate("player.remove()")
+        until(page, "player.mesh === null")
+    found = page.evaluate(
+        "[contexts.length, contexts.every((one) => one.isContextLost()), workers]"
+    )
+    assert found == [20, True, 0]
+    assert page.evaluate("player.shadowRoot.querySelector('canvas')") is None
+    assert not [one for one in warnings if "Too many active WebGL contexts" in one]
+    page.evaluate("document.querySelector('main').append(player)")
+    settled(page)
+
+
+def test_a_player_that_is_moved_plays_on(shown):
+    page = shown('<reel-player src="/flag.reel" autoplay loop></reel-player><section></section>')
+    settled(page)
+    page.evaluate("window.before = player.mesh; document.querySelector('section').append(player)")
+    page.wait_for_timeout(300)
+    assert page.evaluate("player.mesh === before && !player.paused")
+
+
+def test_nothing_is_drawn_when_nothing_changes_or_nothing_is_seen(shown):
+    body = '<reel-player src="/flag.reel" loop></reel-player><div class="far"></div>'
+    page = shown(body, script=DRAWING)
+    page.evaluate("document.querySelector('.far').style.height = '4000px'")
+    settled(page)
+    before = page.evaluate("drawn")
+    page.wait_for_timeout(400)
+    assert page.evaluate("drawn") == before > 0
+    page.evaluate("player.play()")
+    until(page, f"drawn > {before} + 5")
+    page.evaluate("scrollTo(0, 3000)")
+    page.wait_for_timeout(300)
+    drawn, time = page.evaluate("[drawn, player.currentTime]")
+    page.wait_for_timeout(400)
+    assert page.evaluate("[drawn, player.currentTime]") == [drawn, time]
+    assert page.evaluate("[player.paused, player.mesh.isPlaying]") == [False, False]
+    page.evaluate("scrollTo(0, 0)")
+    until(page, f"drawn > {drawn} && player.mesh.isPlaying")
+
+
+def test_several_players_play_on_one_page(shown):
+    one = '<reel-player src="/flag.reel" autoplay loop></reel-player>'
+    page = shown(one * 3)
+    page.evaluate("for (const one of document.querySelectorAll('reel-player')) {"
+                  "one.style.width = '300px' }")  # fmt: skip
+    until(page, "[...document.querySelectorAll('reel-player')].every("
+                "({ mesh }) => mesh && mesh.frame > 3)")  # fmt: skip
+
+
+@pytest.mark.parametrize("is_chosen", [False, True])
+def test_the_wheel_scrolls_the_page_until_the_picture_is_chosen(shown, is_chosen):
+    body = '<reel-player src="/flag.reel" camera-controls></reel-player><div class="far"></div>'
+    page = shown(body)
+    page.evaluate("document.querySelector('.far').style.height = '4000px'")
+    settled(page)
+    before = is_drawn(page)  # which has the page scroll to where all of the player is seen
+    top = page.evaluate("scrollY")
+    page.mouse.move(640, 300)
+    if is_chosen:
+        page.mouse.click(640, 300)
+    page.mouse.wheel(0, 300)
+    page.wait_for_timeout(500)
+    assert (page.evaluate("scrollY") == top) == is_chosen
+    assert (is_drawn(page) < 0.9 * before) == is_chosen
+
+
+def test_the_canvas_has_the_pixels_of_the_screen_and_no_more_than_twice(shown):
+    page = shown('<reel-player src="/flag.reel"></reel-player>')
+    settled(page)
+    page.evaluate("player.style.width = '400px'")
+    until(page, "player.shadowRoot.querySelector('canvas').width === 400")
+    page.evaluate("Object.defineProperty(window, 'devicePixelRatio', { value: 3 })")
+    page.evaluate("player.style.width = '500px'")
+    until(page, "player.shadowRoot.querySelector('canvas').width === 1000")
+    assert page.evaluate("player.shadowRoot.querySelector('canvas').height") == 562
+
+
+def test_a_video_is_in_step_and_stands_still_out_of_sight(shown):
+    page = shown(
+        '<reel-player src="/sheet.reel" autoplay loop controls muted interpolate="false"'
+        ' texture="/walk.webm"></reel-player><div class="far"></div>'
+    )
+    page.evaluate("document.querySelector('.far').style.height = '4000px'")
+    page.evaluate(
+        """() => {
+          window.pairs = [];
+          player.addEventListener("timeupdate", () => {
+            const { texture, frame } = player.mesh;
+            if (!texture || texture.image.width < 256) return;
+            const pen = new OffscreenCanvas(208, 16).getContext("2d");
+            pen.drawImage(texture.image, 0, 0);
+            const { data } = pen.getImageData(0, 8, 208, 1);
+            let number = 0;
+            for (let i = 0; i < 12; i++) number = 2 * number + (data[4 * (16 * i + 8)] > 127);
+            pairs.push([frame, number]);
+          });
+        }"""
+    )
+    until(page, "pairs.length > 20")
+    pairs = page.evaluate("pairs")
+    assert [frame for frame, _ in pairs] == [number for _, number in pairs]
+    assert page.evaluate("player.mesh.video.muted")
+    page.locator("reel-player").get_by_label("Unmute").click()
+    until(page, "!player.mesh.video.muted && !player.muted")
+    page.evaluate("scrollTo(0, 3000)")
+    until(page, "player.mesh.video.paused && !player.paused")
+    page.evaluate("scrollTo(0, 0)")
+    until(page, "!player.mesh.video.paused")
+
+
+@pytest.mark.skipif(shutil.which("firefox") is None, reason="needs Firefox")
+def test_what_is_wrong_is_seen_where_there_is_no_webgl(files):
+    script = """
+      const player = document.querySelector("reel-player");
+      const end = performance.now() + 60000;
+      while (!(player.error && player.reel) && performance.now() < end) {
+        await new Promise((resolve) => setTimeout(resolve, 20));
+      }
+      const { error, reel } = player;
+      const alert = player.shadowRoot?.querySelector("[role=alert]")?.textContent;
+      const found = { error: error?.name, alert, n: reel?.info.nFrames };
+      await fetch("/", { method: "POST", body: JSON.stringify(found) });
+    """
+    body = f'<reel-player src="/flag.reel" controls></reel-player><script type=module>{script}'
+    posted = Queue()
+    # The browser may still write into its profile while that is removed.
+    profiles = TemporaryDirectory(ignore_cleanup_errors=True)
+    pages = {**files, "/all.html": PAGE.format(body=body + "</script>").encode()}
+    with serving(pages, posted=posted) as (url, _), profiles as profile:
+        command = ["firefox", "--headless", "--no-remote", "--profile", profile, f"{url}/all.html"]
+        process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        try:
+            found = json.loads(posted.get(timeout=FIREFOX_S))
+        except Empty:
+            pytest.fail(f"Firefox said nothing for {FIREFOX_S} s")
+        finally:
+            process.terminate()
+            process.wait()
+    assert found["error"] == "MeshReelError"
+    assert "WebGL 2" in found["alert"]
+    assert found["n"] == 45

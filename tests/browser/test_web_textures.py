@@ -1,0 +1,457 @@
+"""Images and videos on a mesh: the frame of the mesh is that of the picture that is shown."""
+
+import io
+import json
+import shutil
+import subprocess
+from pathlib import Path
+from queue import Empty, Queue
+from tempfile import TemporaryDirectory
+
+import numpy as np
+import pytest
+from PIL import Image
+
+import meshreel
+from samples.numbered_video import CODE, moving_sheet, numbered_video
+from samples.web_package import PACKAGE, built_package, serving
+
+PAGE = """<!doctype html><title>sheet</title><link rel="icon" href="data:,">
+<script type="importmap">{"imports": {"three": "/three/three.module.js",
+"meshreel": "/dist/index.js", "meshreel/three": "/dist/three.js"}}</script>
+<script type="module" src="/page.js"></script>"""
+SCRIPT = Path(__file__).parent / "textured_sheet.js"
+FIREFOX_S = 120
+NUMBERS = json.dumps(CODE)
+
+STEPS = """
+  const frames = [];
+  await stand.shown();
+  for (const frame of [40, 7, 89, 0, 61, 62, 63, 15, 14]) {
+    stand.mesh.seek({ frame });
+    const { mesh, video } = await stand.shown();
+    frames.push([frame, Math.round(mesh), video]);
+  }
+  stand.mesh.video.muted = true;
+  stand.mesh.play();
+  const loops = () => stand.events.filter(({ type }) => type === "loop").length;
+  await stand.until("two loops", () => loops() === 2);
+  stand.mesh.seek({ frame: 70 });
+  await stand.until("playing on", () => stand.mesh.frame > 72);
+  const { wrong, seen, events } = stand;
+  const bad = events.filter(({ type }) => type === "error" || type === "warning");
+  const n = new Set(seen.map(({ video }) => video)).size;
+  stand.dispose();
+  return { frames, wrong, n, bad };
+"""
+"""Seeks, plays, loops, and seeks while it plays."""
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _package():
+    built_package()
+
+
+@pytest.fixture(scope="module")
+def films(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("films")
+    made = {
+        "same": numbered_video(folder / "same.webm"),
+        "short": numbered_video(folder / "short.webm", 45),
+        "long": numbered_video(folder / "long.webm", 120),
+        "slow": numbered_video(folder / "slow.webm", 45, fps=15),
+        "covered": numbered_video(folder / "covered.webm", covered=range(20, 24)),
+    }
+    return {f"/{name}.webm": data for name, data in made.items()}
+
+
+@pytest.fixture(scope="module")
+def files(films):
+    three = PACKAGE / "node_modules" / "three" / "build"
+    sheet, plain = moving_sheet(), moving_sheet(has_uv=False)
+    return {
+        "/index.html": PAGE.encode(),
+        "/page.js": SCRIPT.read_bytes(),
+        "/sheet.reel": meshreel.encode(sheet, max_error=0.01, block_frames=15),
+        "/plain.reel": meshreel.encode(plain, max_error=0.01),
+        "/flag.png": two_colors(),
+        **films,
+        **{f"/three/{path.name}": path.read_bytes() for path in three.glob("three*.js")},
+    }
+
+
+@pytest.fixture(scope="module")
+def site(files):
+    with serving(files) as (url, _):
+        yield url
+
+
+@pytest.fixture
+def ask(new_page, site):
+    """The answer of a script that gets a stand of some file and texture."""
+
+    def answer(setting, body, **given):
+        page = new_page(f"{site}/index.html", is_shown=False, **given)
+        page.wait_for_function("!!window.made")
+        return page.evaluate(f"async () => {{ const stand = await made({setting});\n{body} }}")
+
+    return answer
+
+
+def two_colors():
+    """An orange image whose upper fourth is blue."""
+    pixels = np.full((64, 64, 3), (200, 100, 50), np.uint8)
+    pixels[:16] = (20, 40, 180)
+    file = io.BytesIO()
+    Image.fromarray(pixels).save(file, "png")
+    return file.getvalue()
+
+
+def assert_in_step(found):
+    assert [[frame] * 3 for frame, _, _ in found["frames"]] == found["frames"]
+    assert found["wrong"] == []
+    assert found["bad"] == []
+    assert found["n"] > 9
+
+
+@pytest.mark.slow
+def test_mesh_is_of_the_frame_of_each_picture_when_it_plays_seeks_and_loops(ask):
+    assert_in_step(ask('{ texture: "/same.webm" }', STEPS))
+
+
+@pytest.mark.slow
+def test_mesh_follows_the_video_when_its_pictures_are_not_told_of(ask):
+    script = "delete HTMLVideoElement.prototype.requestVideoFrameCallback"
+    found = ask('{ texture: "/same.webm" }', STEPS, script=script)
+    # The time of a video may be that of another picture by now, which is why this is no proof of
+    # more than that the mesh follows.
+    assert all(abs(mesh - video) <= 1 for _, mesh, video in found["frames"])
+    assert found["bad"] == []
+    assert found["n"] > 9
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(shutil.which("firefox") is None, reason="needs Firefox")
+@pytest.mark.parametrize("numbers", [False, True])
+def test_mesh_is_of_the_frame_of_each_picture_in_firefox(files, numbers):
+    options = f"frameNumber: {NUMBERS}" if numbers else ""
+    script = f"""
+      const text = (error) => error.name + ": " + error.message;
+      while (!window.made) await new Promise((resolve) => setTimeout(resolve, 10));
+      (async () => {{
+        const stand = await made({{
+          texture: "/same.webm", options: {{ {options} }}, isDrawn: false,
+        }});
+        {STEPS}
+      }})().then((found) => found, (error) => ({{ error: text(error) }}))
+        .then((found) => fetch("/", {{ method: "POST", body: JSON.stringify(found) }}));
+    """
+    body = PAGE + f"<script type=module>{script}</script>"
+    posted = Queue()
+    # The browser may still write into its profile while that is removed.
+    profiles = TemporaryDirectory(ignore_cleanup_errors=True)
+    pages = {**files, "/all.html": body.encode()}
+    with serving(pages, posted=posted) as (url, _), profiles as profile:
+        command = ["firefox", "--headless", "--no-remote", "--profile", profile, f"{url}/all.html"]
+        process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        try:
+            found = json.loads(posted.get(timeout=FIREFOX_S))
+        except Empty:
+            pytest.fail(f"Firefox said nothing for {FIREFOX_S} s")
+        finally:
+            process.terminate()
+            process.wait()
+    assert "error" not in found, found
+    assert [[frame] * 3 for frame, _, _ in found["frames"]] == found["frames"]
+    assert found["bad"] == []
+    assert found["n"] > 9
+    # Busy, Firefox tells times of other pictures than it draws: then only numbers can be believed.
+    assert found["wrong"] == [] or not numbers
+
+
+@pytest.mark.slow
+def test_video_drives_the_mesh_when_its_own_controls_are_used(ask):
+    found = ask(
+        '{ texture: "/same.webm" }',
+        """
+          const { mesh } = stand;
+          const { video } = mesh;
+          video.muted = true;
+          await stand.shown();
+          video.play();
+          await stand.until("the mesh plays", () => mesh.isPlaying && mesh.frame > 2);
+          video.playbackRate = 0.5;
+          await stand.until("the speed of the video", () => mesh.speed === 0.5);
+          video.pause();
+          await stand.until("the mesh stands", () => !mesh.isPlaying);
+          video.currentTime = 2.01;
+          await stand.until("frame 60", () => mesh.frame === 60 && !mesh.isWaiting);
+          const last = await stand.shown();
+          mesh.speed = 2;
+          return { last, rate: video.playbackRate, wrong: stand.wrong };
+        """,
+    )
+    assert found["last"]["video"] == 60
+    assert found["rate"] == 2
+    assert found["wrong"] == []
+
+
+@pytest.mark.slow
+def test_video_stands_still_when_a_block_is_not_there_yet(ask):
+    found = ask(
+        '{ texture: "/same.webm" }',
+        """
+          const { mesh } = stand;
+          const { video, reel } = mesh;
+          video.muted = true;
+          await stand.shown();
+          let release;
+          const gate = new Promise((resolve) => (release = resolve));
+          const fields = reel.fields.bind(reel);
+          reel.fields = async (block, options) => {
+            if (block === 3) await gate;
+            return fields(block, options);
+          };
+          mesh.play();
+          await stand.until("waiting", () => mesh.isWaiting && mesh.frame >= 45);
+          await stand.until("a video that stands", () => video.paused);
+          const time = video.currentTime;
+          await new Promise((resolve) => setTimeout(resolve, 300));
+          const waiting = { ...stand.seen.at(-1), isPlaying: mesh.isPlaying };
+          const isStill = video.currentTime === time;
+          release();
+          await stand.until("playing on", () => mesh.frame >= 60);
+          return { waiting, isStill, wrong: stand.wrong, isPlaying: !video.paused };
+        """,
+    )
+    assert found["waiting"]["isPlaying"]
+    assert found["waiting"]["video"] < 45
+    assert found["isStill"]
+    assert found["wrong"] == []
+    assert found["isPlaying"]
+
+
+@pytest.mark.slow
+def test_picture_stays_with_its_mesh_when_a_block_is_damaged(ask):
+    found = ask(
+        '{ texture: "/same.webm" }',
+        """
+          const { mesh } = stand;
+          const { video, reel } = mesh;
+          video.muted = true;
+          await stand.shown();
+          const fields = reel.fields.bind(reel);
+          reel.fields = async (block, options) => {
+            if (block !== 3) return fields(block, options);
+            throw Object.assign(new Error("damaged"), { name: "CorruptStreamError" });
+          };
+          mesh.play();
+          await stand.until("the block after", () => stand.seen.some(({ video }) => video >= 62));
+          return { frames: stand.seen.map(({ video }) => video), wrong: stand.wrong };
+        """,
+    )
+    assert not {*range(45, 60)} & {*found["frames"]}
+    assert found["wrong"] == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("film", "last"), [("short", 44), ("long", 89)])
+def test_only_what_both_have_is_played_when_one_is_longer(ask, film, last):
+    found = ask(
+        f'{{ texture: "/{film}.webm", loop: "once" }}',
+        """
+          const { mesh } = stand;
+          mesh.video.muted = true;
+          await stand.shown();
+          mesh.play();
+          const has = (wanted) => stand.events.some(({ type }) => type === wanted);
+          await stand.until("the end", () => has("ended"));
+          const { frame, duration, isPlaying } = mesh;
+          mesh.play();
+          await stand.until("playing anew", () => mesh.frame > 3 && mesh.frame < 30);
+          mesh.pause();
+          mesh.seek(100);
+          const end = await stand.shown();
+          return { frame, duration, isPlaying, end, events: stand.events, wrong: stand.wrong };
+        """,
+    )
+    assert (found["frame"], found["isPlaying"]) == (last, False)
+    assert found["duration"] == pytest.approx((last + 1) / 30)
+    assert found["end"]["video"] == last
+    assert found["wrong"] == []
+    warnings = [one["message"] for one in found["events"] if one["type"] == "warning"]
+    assert len(warnings) == 1
+    assert "are played, and the end of the" in warnings[0]
+
+
+@pytest.mark.slow
+def test_numbers_in_pictures_count_more_than_times(ask):
+    found = ask(
+        f'{{ texture: "/slow.webm", options: {{ frameNumber: {NUMBERS} }} }}',
+        """
+          stand.mesh.video.muted = true;
+          await stand.shown();
+          stand.mesh.play();
+          await stand.until("30 frames", () => stand.mesh.frame >= 30);
+          const { frame } = stand.mesh;
+          return { frame, time: stand.mesh.video.currentTime, wrong: stand.wrong };
+        """,
+    )
+    assert found["time"] == pytest.approx(found["frame"] / 15, abs=0.5)
+    assert found["wrong"] == []
+
+
+@pytest.mark.slow
+def test_last_picture_stays_when_a_number_cannot_be_read(ask):
+    found = ask(
+        f'{{ texture: "/covered.webm", options: {{ frameNumber: {NUMBERS} }} }}',
+        """
+          const { mesh } = stand;
+          mesh.video.muted = true;
+          await stand.shown();
+          mesh.seek({ frame: 10 });
+          await stand.shown();
+          mesh.seek({ frame: 21 });
+          await stand.until("word of it", () => stand.events.at(-1).type === "unreadable");
+          const kept = await stand.shown();
+          mesh.play();
+          await stand.until("playing on", () => mesh.frame >= 30);
+          return { kept, events: stand.events, wrong: stand.wrong, seen: stand.seen };
+        """,
+    )
+    told = [one["time"] for one in found["events"] if one["type"] == "unreadable"]
+    assert told[0] == pytest.approx(0.7, abs=0.002)
+    assert found["kept"] == {"mesh": 10, "video": 10}
+    assert not {*range(20, 24)} & {one["video"] for one in found["seen"]}
+    assert found["wrong"] == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "source",
+    [
+        '"/flag.png"',
+        'Object.assign(new Image(), { src: "/flag.png" })',
+        'await createImageBitmap(await (await fetch("/flag.png")).blob())',
+        'await new (await import("three")).TextureLoader().loadAsync("/flag.png")',
+    ],
+)
+def test_image_is_shown_upright_in_its_colors(ask, source):
+    found = ask(
+        "{}",
+        f"""
+          const texture = {source};
+          if (texture.isTexture) texture.colorSpace = "srgb";
+          await stand.until("a mesh", () => !stand.mesh.isWaiting);
+          await stand.mesh.setTexture(texture);
+          stand.screen.renderer.render(stand.screen.scene, stand.screen.camera);
+          const gl = stand.screen.renderer.getContext();
+          const colorAt = (x, y) => {{
+            const color = new Uint8Array(4);
+            gl.readPixels(x, y, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, color);
+            return [...color.slice(0, 3)];
+          }};
+          const found = [colorAt(100, 270), colorAt(100, 60)];
+          stand.mesh.setTexture(null);
+          const colors = stand.mesh.material.color.getHex();
+          return {{ found, map: stand.mesh.material.map, colors }};
+        """,
+    )
+    wanted = [[20, 40, 180], [200, 100, 50]]
+    assert np.abs(np.array(found["found"]) - wanted).max() <= 2
+    assert found["map"] is None
+    assert found["colors"] == 0x9EB0C4
+
+
+ERRORS = {
+    '"/same.webm"|reel: "/plain.reel"': "InvalidInputError: the file has no texture coordinates",
+    '"/missing.webm"': "SourceError: cannot play the video .*missing.webm: there is no such",
+    '"/sheet.reel", { kind: "video" }': "SourceError: cannot play the video",
+    '"/missing.png"': "SourceError: cannot load the image",
+    '"/walk"': "InvalidInputError: the name /walk does not say whether it is an image or a video",
+    '"/flag.png", { offset: 1 }': "InvalidInputError: offset is for videos only",
+    '"/flag.png", { uv: "map2" }': "InvalidInputError: the file has no texture coordinates map2",
+    'new Image(), { kind: "image" }': "InvalidInputError: kind is for addresses only",
+    '"/same.webm", { frameNumber: { x: 0, y: 0, cell: 1, bits: 9 } }': "InvalidInputError: frameN",
+    '"/same.webm"|loop: "pingpong"': "InvalidInputError: a video plays forwards only",
+    '"/same.webm"|speed: -1': "InvalidInputError: a video plays forwards only",
+    '"/same.webm"|speed: 1000': "InvalidInputError: this browser does not play videos at the speed",
+}
+
+
+@pytest.mark.slow
+def test_textures_that_cannot_be_are_refused_in_words(ask):
+    for call, words in ERRORS.items():
+        given, _, setting = call.partition("|")
+        script = f"return stand.mesh.setTexture({given}).then(() => 'fine', String)"
+        found = ask(f"{{ {setting} }}", script)
+        assert_matches(found, words)
+
+
+def assert_matches(text, words):
+    with pytest.raises(ValueError, match=words):
+        raise ValueError(text)
+
+
+@pytest.mark.slow
+def test_video_of_another_site_is_an_error_when_it_may_not_be_read(ask, films):
+    with serving(films) as (elsewhere, _):
+        found = ask(
+            "{}",
+            f"""
+              const video = document.createElement("video");
+              video.src = "{elsewhere}/same.webm";
+              await stand.mesh.setTexture(video);
+              const error = () => stand.events.find(({{ type }}) => type === "error");
+              await stand.until("an error", error);
+              const own = await stand.mesh.setTexture("{elsewhere}/same.webm")
+                .then(() => "fine", String);
+              return [error().error, own];
+            """,
+        )
+    assert_matches(found[0], "SourceError: this page may not read the video .*same.webm")
+    assert_matches(found[1], "SourceError: cannot play the video .*same.webm")
+
+
+@pytest.mark.slow
+def test_nothing_is_left_when_textures_change_and_the_mesh_is_disposed_of(ask):
+    found = ask(
+        "{}",
+        """
+          const { mesh, screen } = stand;
+          await stand.until("a mesh", () => !mesh.isWaiting);
+          const counts = [];
+          const count = () => {
+            screen.read();
+            counts.push(screen.renderer.info.memory.textures);
+          };
+          count();
+          const videos = [];
+          for (let round = 0; round < 3; round++) {
+            await mesh.setTexture("/same.webm");
+            videos.push(mesh.video);
+            await stand.shown();
+            count();
+            const aborted = mesh.setTexture("/long.webm").then(() => "fine", ({ name }) => name);
+            await mesh.setTexture("/flag.png");
+            videos.push(await aborted);
+            count();
+            mesh.setTexture(null);
+            count();
+          }
+          const given = document.createElement("video");
+          given.src = "/short.webm";
+          await mesh.setTexture(given);
+          stand.dispose();
+          return {
+            counts,
+            videos: videos.map((one) => (one.getAttribute ? one.getAttribute("src") : one)),
+            given: given.getAttribute("src"),
+          };
+        """,
+    )
+    counts = found["counts"][1:]  # three.js makes some of its own at first
+    assert counts == counts[:3] * 3
+    assert counts[:2] == [counts[2] + 1] * 2
+    assert found["videos"] == [None, "AbortError"] * 3
+    assert found["given"] == "/short.webm"

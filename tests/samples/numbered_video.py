@@ -1,0 +1,71 @@
+"""A sheet that moves by its frame number, and videos whose pictures show theirs."""
+
+import io
+import re
+import subprocess
+from contextlib import redirect_stdout
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from meshreel.sequence import MeshSequence
+from meshreel.surface import Attribute, Domain, Kind, Surface
+
+GUIDE = Path(__file__).parents[2] / "docs" / "guides" / "web.md"
+CELL = 16
+BITS = 12
+CODE = {"x": 0, "y": 0, "cell": CELL, "bits": BITS}
+SIZE = 256
+FPS = 30.0
+STEP = 1 / 64
+"""The sheet is 1 wide, and moves this far to the right in a frame."""
+
+
+def moving_sheet(n_frames=90, *, has_uv=True):
+    """A square in the plane z = 0 from (0, 0) to (1, 1), which moves to the right."""
+    n = 5
+    y, x = (one.ravel() / (n - 1) for one in np.indices((n, n)))
+    still = np.stack([x, y, np.zeros_like(x)], axis=1)
+    shift = np.arange(n_frames)[:, None, None] * np.array([STEP, 0, 0])
+    corner = (np.arange(n - 1)[:, None] * n + np.arange(n - 1)).ravel()
+    lower = np.stack([corner, corner + 1, corner + n], axis=1)
+    upper = np.stack([corner + 1, corner + n + 1, corner + n], axis=1)
+    uv = Attribute("st", Kind.UV, Domain.VERTEX, still[:, :2].astype(np.float32))
+    return MeshSequence(
+        (still + shift).astype(np.float32),
+        np.concatenate([lower, upper]).astype(np.int32),
+        FPS,
+        "sheet",
+        surface=Surface(attributes=(uv,) if has_uv else ()),
+    )
+
+
+def baking():
+    """The filter of ffmpeg that puts numbers into pictures, as the guide makes it."""
+    program = re.search(r"```python\n(cell, bits = .*?)```", GUIDE.read_text("utf-8"), re.S)
+    printed = io.StringIO()
+    with redirect_stdout(printed):
+        exec(program[1], values := {})
+    assert (values["cell"], values["bits"]) == (CELL, BITS)
+    return printed.getvalue().strip()
+
+
+def numbered_video(path, n_frames=90, *, fps=FPS, has_sound=True, covered=()):
+    """Writes a WebM film of numbered pictures; `covered`: frames whose numbers are hidden."""
+    imageio_ffmpeg = pytest.importorskip("imageio_ffmpeg", reason="needs imageio-ffmpeg")
+    seconds = n_frames / fps
+    picture = f"gradients=s={SIZE}x{SIZE}:r={fps}:d={seconds}:c0=0xd06030:c1=0x3060d0:speed=0.01"
+    filters = [baking()]
+    if covered:
+        frames = "+".join(rf"eq(n\,{frame})" for frame in covered)
+        hidden = f"x=0:y=0:w={CELL}:h={CELL}:color=gray:t=fill"
+        filters.append(f"drawbox={hidden}:enable='{frames}'")
+    sound = f"sine=frequency=440:duration={seconds}"
+    command = [imageio_ffmpeg.get_ffmpeg_exe(), "-v", "error", "-y", "-f", "lavfi", "-i", picture]
+    if has_sound:
+        command += ["-f", "lavfi", "-i", sound, "-c:a", "libopus"]
+    command += ["-vf", ",".join(filters), "-c:v", "libvpx", "-b:v", "2M", "-g", "15"]
+    command += ["-pix_fmt", "yuv420p", "-frames:v", str(n_frames), str(path)]
+    subprocess.run(command, check=True, capture_output=True, text=True, timeout=60)
+    return path.read_bytes()
