@@ -32,6 +32,11 @@ function weightsOf(start: number, nFrames: number, nModes: number): Float32Array
   });
 }
 
+function meanOf(fields: Int16Array, mode: number): number {
+  const field = fields.subarray(mode * N_VERTS, (mode + 1) * N_VERTS);
+  return field.reduce((sum, one) => sum + one, 0) / N_VERTS;
+}
+
 function blockOf(number: number): BlockFields {
   const [nFrames, nModes] = [FRAMES_OF_BLOCKS[number], MODES_OF_BLOCKS[number]];
   const start = FRAMES_OF_BLOCKS.slice(0, number).reduce((sum, one) => sum + one, 0);
@@ -43,13 +48,16 @@ function blockOf(number: number): BlockFields {
     starts.push(vertices.length);
   }
   const offsets = Float32Array.from({ length: 3 * vertices.length }, (_, i) => 0.1 * Math.cos(i));
+  const fields = fieldsOf(nModes);
   return {
     number,
     start,
     nFrames,
     nModes,
+    nBlockModes: nModes,
     nVerts: N_VERTS,
-    fields: fieldsOf(nModes),
+    fields,
+    means: Float64Array.from({ length: nModes }, (_, mode) => meanOf(fields, mode)),
     weights: weightsOf(start, nFrames, nModes),
     correctionStarts: Uint32Array.from(starts),
     correctionVertices: Uint32Array.from(vertices),
