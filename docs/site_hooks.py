@@ -5,6 +5,7 @@
 - CHANGELOG.md, CONTRIBUTING.md and the add-on's README are pages of the site, too.
 - A line ``<!-- options: encode -->`` becomes a table of the options of that command, and
   ``<!-- options of encoding -->`` those of `meshreel.encode` with the methods that take them.
+- A line ``<!-- live player -->`` becomes a flag that plays: the element of the package for pages.
 - A line ``::: meshreel.encode`` names what users import; it is documented where it is defined.
 """
 
@@ -15,8 +16,10 @@ from typing import Any
 
 import typer.main
 from mkdocs.config.defaults import MkDocsConfig
+from mkdocs.exceptions import PluginError
 from mkdocs.structure.files import File, Files
 from mkdocs.structure.pages import Page
+from mkdocs.utils import get_relative_url
 from option_texts import options_tables
 
 import meshreel
@@ -32,6 +35,11 @@ OUTSIDE = {
 
 OPTIONS = re.compile(r"^<!-- options: (\w+) -->$", re.MULTILINE)
 OPTIONS_OF_ENCODING = "<!-- options of encoding -->"
+LIVE_PLAYER = "<!-- live player -->"
+PLAYER_SCRIPT = ROOT / "npm" / "dist" / "player.js"
+PLAYER_FILES = ("player/player.js", "player/flag.reel")
+"""Places on the site."""
+
 PUBLIC = re.compile(r"^::: meshreel\.(\w+)$", re.MULTILINE)
 LINK = re.compile(r"\]\(([^)#\s]+)(#[^)\s]*)?\)")
 
@@ -40,6 +48,11 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     """The files of the site, with those that lie outside of docs/."""
     for source, place in OUTSIDE.items():
         files.append(File.generated(config, place, abs_src_path=str(ROOT / source)))
+    if not PLAYER_SCRIPT.is_file():
+        raise PluginError(f"{PLAYER_SCRIPT} is not built: npm ci && npm run build in npm/")
+    script, flag = PLAYER_FILES
+    files.append(File.generated(config, script, content=PLAYER_SCRIPT.read_bytes()))
+    files.append(File.generated(config, flag, content=meshreel.encode(meshreel.simulate_flag(150))))
     return files
 
 
@@ -48,7 +61,18 @@ def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Fil
     markdown = LINK.sub(lambda found: _site_link(found, page.file.src_uri), markdown)
     markdown = OPTIONS.sub(lambda found: options_table(found[1]), markdown)
     markdown = markdown.replace(OPTIONS_OF_ENCODING, options_tables())
+    markdown = markdown.replace(LIVE_PLAYER, live_player(page))
     return PUBLIC.sub(lambda found: _definition(found[1]), markdown)
+
+
+def live_player(page: Page) -> str:
+    """HTML of a player of the flag, for a page of the site."""
+    script, flag = (get_relative_url(file, page.url) for file in PLAYER_FILES)
+    return (
+        f'<script type="module" src="{script}"></script>\n'
+        f'<reel-player src="{flag}" alt="A flag in the wind" autoplay loop camera-controls '
+        "controls></reel-player>"
+    )
 
 
 def _site_link(found: re.Match[str], page: str) -> str:

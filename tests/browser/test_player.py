@@ -1,18 +1,22 @@
 """The player in a real browser, as people use it."""
 
 import re
+import subprocess
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 
 import meshreel
 from meshreel.errors import CorruptStreamError, InvalidInputError
 from meshreel.metrics.heat import heat_field
 from meshreel.rendering.colormap import HEAT
 from meshreel.viewer.page import built_page
+from samples.numbered_video import STEP, moving_sheet, numbered_video
 from samples.player_pages import (
+    COMMAND,
     covered,
     picture_of,
     positions_of,
@@ -527,6 +531,45 @@ def test_page_passes_over_a_block_and_says_so_when_it_is_damaged(new_page, flag,
         page.get_by_role("button", name="Play").click()
         wait_until(page, "player.state().frame > 26")
         assert state_of(page)["playing"]
+
+
+@pytest.fixture
+def textured(tmp_path):
+    """A function that exports a sheet with a texture, and gives the address of its page."""
+
+    def export(texture):
+        sheet = tmp_path / "sheet.reel"
+        sheet.write_bytes(meshreel.encode(moving_sheet()))
+        page = tmp_path / "sheet.html"
+        command = [*COMMAND, "export", sheet, "-o", page, "--texture", texture]
+        subprocess.run(list(map(str, command)), check=True, capture_output=True)
+        return page.as_uri()
+
+    return export
+
+
+def test_exported_page_shows_an_image_when_it_has_one(new_page, textured, tmp_path):
+    Image.new("RGB", (16, 16), (220, 30, 30)).save(tmp_path / "red.png")
+    page = new_page(textured(tmp_path / "red.png"))
+    red, green, blue = picture_of(page, "#canvas")[60:].transpose(2, 0, 1)
+    assert ((red - green > 100) & (red - blue > 100)).mean() > 0.05
+    page.get_by_label("Colours of the file").uncheck()
+    page.wait_for_timeout(300)
+    red, green, _ = picture_of(page, "#canvas")[60:].transpose(2, 0, 1)
+    assert (red - green > 100).mean() < 0.001
+
+
+def test_exported_page_plays_a_video_with_the_mesh_when_it_has_one(new_page, textured, tmp_path):
+    numbered_video(tmp_path / "moving.webm")
+    page = new_page(textured(tmp_path / "moving.webm"))
+    show(page, 40)
+    assert np.abs(positions_of(page)[0, 0] - 40 * STEP) < STEP / 10
+    red, _, blue = picture_of(page, "#canvas")[60:].transpose(2, 0, 1)
+    assert (np.abs(red - blue) > 40).mean() > 0.02
+    page.get_by_role("button", name="Play").click()
+    wait_until(page, "player.state().frame > 50")
+    page.get_by_role("button", name="Pause").click()
+    assert not page.get_by_role("alert").is_visible()
 
 
 def test_page_says_so_when_there_is_no_webgl(new_page, url):

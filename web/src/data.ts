@@ -62,13 +62,14 @@ export async function openOriginals({ file }: Reel): Promise<Originals> {
   };
 }
 
-/** Of an image or a video to put on the mesh, where the page carries one. */
-export function textureAddress(): { url: string; mediaType: string } | null {
+/** An image or a video to show on the mesh, where the page carries one. */
+export function carriedTexture(): { url: string; kind: "image" | "video" } | null {
   const given = window.MESHREEL?.texture;
   if (!given) return null;
   const { mediaType } = given;
-  if ("url" in given) return { url: given.url, mediaType };
-  return { url: URL.createObjectURL(new Blob([bytesOf(given)], { type: mediaType })), mediaType };
+  const kind = mediaType.startsWith("video/") ? "video" : "image";
+  if ("url" in given) return { url: given.url, kind };
+  return { url: URL.createObjectURL(new Blob([bytesOf(given)], { type: mediaType })), kind };
 }
 
 function carried(given: Carried): string | Uint8Array {

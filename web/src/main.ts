@@ -1,7 +1,7 @@
 // Puts the page together.
 
 import { connectControls } from "./controls";
-import { openReel } from "./data";
+import { carriedTexture, openReel } from "./data";
 import type { Reel } from "./facts";
 import { Opening } from "./opening";
 import { part, showError } from "./page";
@@ -19,13 +19,17 @@ async function start(): Promise<void> {
   canvas.addEventListener("webglcontextlost", () =>
     showError(new Error("The graphics card has dropped this page. Reload it.")),
   );
-  const picture = new Picture(stage, reel, firstLook(reel));
+  const texture = carriedTexture();
+  const picture = new Picture(stage, reel, firstLook(reel), texture !== null);
   stage.setUp(reel.up);
   const player = new Player(reel, picture);
   const opening = new Opening(reel, player);
   player.failed = showError;
   connectControls(reel, stage, picture, player, opening);
   exposeForTests(player, picture, opening);
+  if (texture) {
+    await picture.mesh.setTexture(texture.url, { kind: texture.kind }).catch(showError);
+  }
   await player.seek(0);
   await opening.begin();
   if (picture.travelsFar()) part<HTMLInputElement>("follow").click();

@@ -56,12 +56,14 @@ export class Picture {
     private readonly stage: Stage,
     private readonly reel: Reel,
     readonly look: Look,
+    hasTexture: boolean,
   ) {
     const { file } = reel;
     const { renderer } = stage;
     this.mesh = new ReelMesh(file, { renderer, origin: file.info.center });
     const { geometry, material, sources } = this.mesh;
-    this.hasOwnLook = "color" in geometry.attributes || file.surface.materials.length > 0;
+    const { materials } = file.surface;
+    this.hasOwnLook = hasTexture || "color" in geometry.attributes || materials.length > 0;
     this.heat = new THREE.BufferAttribute(new Float32Array(sources.length), 1);
     geometry.setAttribute("heat", this.heat.setUsage(THREE.DynamicDrawUsage));
     this.decoded = new Figure(this.mesh, material);

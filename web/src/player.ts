@@ -56,6 +56,7 @@ export class Player {
     this.mesh.addEventListener("waiting", () => this.changed());
     this.mesh.addEventListener("playing", () => this.changed());
     this.mesh.addEventListener("ended", () => this.pause());
+    this.mesh.addEventListener("warning", ({ message }) => this.failed(new Error(message)));
     this.mesh.addEventListener("error", ({ error, block }) => this.tell(error, block));
     requestAnimationFrame((now) => this.tick(now));
   }
