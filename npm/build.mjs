@@ -118,7 +118,7 @@ const decoder = await build({
 const three = await build({
   ...common,
   entryPoints: { three: "src/three/index.ts" },
-  splitting: true, // textures are a script of their own, which is loaded when one is set
+  splitting: true, // textures, and pictures without a GPU, are scripts that few load
   outdir: dist,
   external: ["three"],
   plugins: [indexBeside],

@@ -112,7 +112,7 @@ test("a vertex with many different values takes no more time than many vertices"
   assert.ok(performance.now() - start < 2000);
 });
 
-const { middleOf } = await moduleOf("held_block");
+const { middleOf, pictureOf } = await moduleOf("held_block");
 
 /** Two modes and three vertices; the second frame has a correction of vertex 1. */
 const BLOCK = {
@@ -130,7 +130,7 @@ const FIELDS = Int16Array.of(1, 2, 3, 10, 20, 30);
 
 function positions(t, nextT, fraction, next = BLOCK, nMoving = Infinity) {
   const moment = { block: BLOCK, t, next, nextT, fraction, nMoving };
-  return [...positionsOf(moment, () => FIELDS, [100, 0, 0], new Float32Array(9))];
+  return [...positionsOf(pictureOf(moment), () => FIELDS, [100, 0, 0], new Float32Array(9))];
 }
 
 test("positions are sums of fields, corrections and the shift", () => {
@@ -151,8 +151,8 @@ test("modes rest at their mean, and nothing is corrected, where fewer move than 
 
 test("the middle is the mean of the vertices that are not corrected", () => {
   const moment = { block: BLOCK, t: 0, next: BLOCK, nextT: 1, fraction: 0.5, nMoving: Infinity };
-  assert.deepEqual(middleOf(moment), [3, 10, 10]);
-  assert.deepEqual(middleOf({ ...moment, fraction: 0, nMoving: 1 }), [2, 10, 10]);
+  assert.deepEqual(middleOf(pictureOf(moment)), [3, 10, 10]);
+  assert.deepEqual(middleOf(pictureOf({ ...moment, fraction: 0, nMoving: 1 })), [2, 10, 10]);
 });
 
 test("normals are of the faces around each vertex, by their areas", () => {

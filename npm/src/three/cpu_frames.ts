@@ -1,6 +1,6 @@
 // Positions and normals without a GPU.
 
-import { correctionsOf, type HeldBlock, type Moment, sharesOf } from "./held_block.js";
+import type { HeldBlock, Picture } from "./held_block.js";
 
 /** The fields of the block of a share: nModes x nVerts. */
 export type FieldsOf = (block: HeldBlock) => Int16Array;
@@ -11,16 +11,16 @@ export type FieldsOf = (block: HeldBlock) => Int16Array;
  * @param into - gets them, and is given back
  */
 export function positionsOf(
-  moment: Moment,
+  { shares, corrections }: Picture,
   fieldsOf: FieldsOf,
   shift: readonly number[],
   into: Float32Array,
 ): Float32Array {
   into.fill(0);
-  for (const { block, weights } of sharesOf(moment)) {
+  for (const { block, weights } of shares) {
     addFields(fieldsOf(block), weights, into);
   }
-  for (const [vertex, offset] of correctionsOf(moment)) {
+  for (const [vertex, offset] of corrections) {
     for (let axis = 0; axis < 3; axis++) into[3 * vertex + axis] += offset[axis];
   }
   for (let i = 0; i < into.length; i++) into[i] += shift[i % 3];

@@ -4,7 +4,7 @@ import * as THREE from "three";
 
 import type { BlockFields } from "../types.js";
 import { normalsOf, positionsOf } from "./cpu_frames.js";
-import { type HeldBlock, type Moment, withoutFields } from "./held_block.js";
+import type { HeldBlock, Picture } from "./held_block.js";
 import type { Setting, Stage } from "./stage.js";
 
 /** Computes positions and normals on the CPU, and has three.js send them to the GPU. */
@@ -39,20 +39,18 @@ export class CpuStage implements Stage {
     return true;
   }
 
-  hold(block: BlockFields): HeldBlock {
-    const held = withoutFields(block);
+  hold(block: BlockFields, held: HeldBlock): void {
     this.#fields.set(held, block.fields);
-    return held;
   }
 
   release(block: HeldBlock): void {
     this.#fields.delete(block);
   }
 
-  show(moment: Moment): void {
+  show(picture: Picture): void {
     const { triangles, drawing, shift } = this.#setting;
     const fieldsOf = (block: HeldBlock) => this.#fields.get(block) as Int16Array;
-    positionsOf(moment, fieldsOf, shift, this.#positions);
+    positionsOf(picture, fieldsOf, shift, this.#positions);
     normalsOf(this.#positions, triangles, this.#normals);
     for (const [attribute, values] of this.#attributes) {
       spread(values, drawing.sources, attribute.array as Float32Array);

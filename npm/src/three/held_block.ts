@@ -38,8 +38,22 @@ export interface Share {
   readonly weights: Float32Array;
 }
 
-/** The sums of fields that make the picture: of one block, or of the two that it lies between. */
-export function sharesOf({ block, t, next, nextT, fraction, nMoving }: Moment): Share[] {
+/** What a picture is made of. */
+export interface Picture {
+  /** The sums of fields: of one block, or of the two that it lies between. */
+  readonly shares: readonly Share[];
+  /**
+   * An offset of three numbers for some vertices. Blocks some modes of which rest have none.
+   */
+  readonly corrections: ReadonlyMap<number, readonly number[]>;
+}
+
+/** What the picture of a moment is made of. */
+export function pictureOf(moment: Moment): Picture {
+  return { shares: sharesOf(moment), corrections: correctionsOf(moment) };
+}
+
+function sharesOf({ block, t, next, nextT, fraction, nMoving }: Moment): Share[] {
   const here = weightsOf(block, t, 1 - fraction, nMoving);
   if (fraction === 0) return [{ block, weights: here }];
   const there = weightsOf(next, nextT, fraction, nMoving);
@@ -62,10 +76,10 @@ function isWhole({ nBlockModes }: HeldBlock, nMoving: number): boolean {
   return nMoving >= nBlockModes;
 }
 
-/** The mean of all vertices in the picture, without its corrections; from the centre of the file. */
-export function middleOf(moment: Moment): [number, number, number] {
+/** The mean of all vertices in a picture, without its corrections; from the centre of the file. */
+export function middleOf({ shares }: Picture): [number, number, number] {
   const middle: [number, number, number] = [0, 0, 0];
-  for (const { block, weights } of sharesOf(moment)) {
+  for (const { block, weights } of shares) {
     weights.forEach((weight, i) => {
       middle[i % 3] += weight * block.means[Math.floor(i / 3)];
     });
@@ -73,11 +87,7 @@ export function middleOf(moment: Moment): [number, number, number] {
   return middle;
 }
 
-/**
- * The corrections of the picture: an offset of three numbers for some vertices. Blocks some modes
- * of which rest have none.
- */
-export function correctionsOf(moment: Moment): Map<number, number[]> {
+function correctionsOf(moment: Moment): Map<number, number[]> {
   const { block, t, next, nextT, fraction, nMoving } = moment;
   const sums = new Map<number, number[]>();
   const add = (from: HeldBlock, frame: number, share: number) => {

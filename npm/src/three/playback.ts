@@ -43,7 +43,7 @@ export type PlaybackEvent = {
 /** Where pictures go. */
 export interface Screen {
   /** Takes the fields of a block, which may come into pictures until it is released. */
-  hold(block: BlockFields): HeldBlock;
+  hold(block: BlockFields): HeldBlock | Promise<HeldBlock>;
   release(block: HeldBlock): void;
   show(moment: Moment): void;
 }

@@ -5,10 +5,9 @@ import * as THREE from "three";
 import { InvalidInputError } from "../errors.js";
 import type { OpenReel } from "../types.js";
 import type { Loop } from "./clock.js";
-import { CpuStage } from "./cpu_stage.js";
 import { type Drawing, drawingOf } from "./drawing.js";
 import { canDecode, GpuStage, type Renderer } from "./gpu/gpu_stage.js";
-import { middleOf } from "./held_block.js";
+import { middleOf, pictureOf, withoutFields } from "./held_block.js";
 import { Materials } from "./materials.js";
 import { Playback, type PlaybackEvent, type PlaybackEvents } from "./playback.js";
 import type { Setting, Stage } from "./stage.js";
@@ -75,6 +74,8 @@ export class ReelMesh extends THREE.Mesh<
   readonly #playback: Playback;
   readonly #materials: Materials | undefined;
   #stage: Stage | null = null;
+  #becomesCpu: Promise<void> | null = null;
+  #isDisposed = false;
   #drawer: THREE.WebGLRenderer | null = null;
   readonly #ownsReel: boolean | undefined;
   #worn: WornTexture | null = null;
@@ -110,21 +111,24 @@ export class ReelMesh extends THREE.Mesh<
       info,
       (block, signal) => reel.fields(block, { signal }),
       {
-        hold: (block) => {
-          if (!this.#stage?.canHold(block)) this.#useCpu();
-          return (this.#stage as Stage).hold(block);
+        hold: async (block) => {
+          if (!this.#stage?.canHold(block)) await this.#useCpu();
+          const held = withoutFields(block);
+          this.#stage?.hold(block, held);
+          return held;
         },
         release: (block) => this.#stage?.release(block),
         show: (moment) => {
-          this.#stage?.show(moment);
+          const picture = pictureOf(moment);
+          this.#stage?.show(picture);
           this.#isPickedStale = true;
-          this.#middle.set(...middleOf(moment));
+          this.#middle.set(...middleOf(picture));
           this.geometry.setDrawRange(0, Infinity);
         },
       },
       (event) => this.dispatchEvent(event),
     );
-    if (options.gpu === false) this.#useCpu();
+    if (options.gpu === false) void this.#useCpu();
     else if (options.renderer) this.setRenderer(options.renderer);
   }
 
@@ -135,8 +139,8 @@ export class ReelMesh extends THREE.Mesh<
 
   /** Tells what draws the mesh; the first one counts. Blocks are loaded from now on. */
   setRenderer(renderer: Renderer): void {
-    if (this.#stage) return;
-    if (!canDecode(renderer, this.#setting)) return this.#useCpu();
+    if (this.#stage || this.#becomesCpu) return;
+    if (!canDecode(renderer, this.#setting)) return void this.#useCpu();
     this.#drawer = renderer;
     renderer.domElement.addEventListener(RESTORED, this.#useGpu);
     this.#useGpu();
@@ -351,6 +355,7 @@ export class ReelMesh extends THREE.Mesh<
   /** Frees all that the mesh has made, and aborts loading. It must not be used any more. */
   override dispose(): void {
     this.dispatchEvent({ type: "dispose" });
+    this.#isDisposed = true;
     this.#takeOff();
     this.onBeforeRender = () => {};
     this.#playback.dispose();
@@ -368,16 +373,23 @@ export class ReelMesh extends THREE.Mesh<
       const renderer = this.#drawer as THREE.WebGLRenderer;
       stage = new GpuStage(renderer, this.#setting, this.geometry);
     } catch {
-      return this.#useCpu(); // the driver refuses
+      return void this.#useCpu(); // the driver refuses
     }
     this.#setStage(stage);
   };
 
-  #useCpu(): void {
-    this.#setStage(new CpuStage(this.#setting, this.geometry));
+  /** Few need it, so that it is a script of its own. */
+  #useCpu(): Promise<void> {
+    this.#becomesCpu ??= import("./cpu_stage.js").then(
+      ({ CpuStage }) => this.#setStage(new CpuStage(this.#setting, this.geometry)),
+      (error: Error) => this.dispatchEvent({ type: "error", error, block: null }),
+    );
+    return this.#becomesCpu;
   }
 
   #setStage(stage: Stage): void {
+    this.#becomesCpu = null;
+    if (this.#isDisposed) return stage.dispose();
     this.#stage?.dispose();
     this.#stage = stage;
     this.#playback.restart();

@@ -2,13 +2,17 @@
 
 import type { BlockFields, ReelInfo } from "../types.js";
 import type { Drawing } from "./drawing.js";
-import type { Screen } from "./playback.js";
+import type { HeldBlock, Picture } from "./held_block.js";
 
 /** Computes pictures into the attributes "position" and "normal" of a geometry. */
-export interface Stage extends Screen {
+export interface Stage {
   readonly isOnGpu: boolean;
   /** Whether a block is not too large for it. */
   canHold(block: BlockFields): boolean;
+  /** Takes the fields of a block, which may come into pictures until it is released. */
+  hold(block: BlockFields, held: HeldBlock): void;
+  release(block: HeldBlock): void;
+  show(picture: Picture): void;
   /** Positions as they are shown, three numbers for each vertex of the drawing. */
   read(into: Float32Array): void;
   dispose(): void;

@@ -3,7 +3,7 @@
 import * as THREE from "three";
 
 import type { BlockFields } from "../../types";
-import { type HeldBlock, type Moment, withoutFields } from "../held_block.js";
+import type { HeldBlock, Picture } from "../held_block.js";
 import type { Setting, Stage } from "../stage.js";
 import { AttributePass } from "./attribute_pass.js";
 import { cornerRows, normalPass } from "./normal_pass.js";
@@ -63,18 +63,16 @@ export class GpuStage implements Stage {
     return block.nModes <= this.#mostModes;
   }
 
-  hold(block: BlockFields): HeldBlock {
-    const held = withoutFields(block);
+  hold(block: BlockFields, held: HeldBlock): void {
     this.#positions.hold(block, held);
-    return held;
   }
 
   release(block: HeldBlock): void {
     this.#positions.release(block);
   }
 
-  show(moment: Moment): void {
-    this.#positions.run(moment);
+  show(picture: Picture): void {
+    this.#positions.run(picture);
     this.#normals.run();
     this.#attributes.run(this.#positions.target.texture, this.#normals.target.texture);
   }

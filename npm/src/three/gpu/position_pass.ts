@@ -4,13 +4,7 @@
 import * as THREE from "three";
 
 import type { BlockFields } from "../../types";
-import {
-  correctionsOf,
-  type HeldBlock,
-  type Moment,
-  type Share,
-  sharesOf,
-} from "../held_block.js";
+import type { HeldBlock, Picture, Share } from "../held_block.js";
 import { Pass, passMaterial } from "./pass.js";
 import { dataTexture, type VertexGrid } from "./vertex_grid.js";
 
@@ -112,12 +106,12 @@ export class PositionPass {
     this.#fields.delete(block);
   }
 
-  run(moment: Moment): void {
-    const uniforms = this.#uniforms;
-    uniforms.fields.value = this.#fields.get(moment.block) ?? null;
-    uniforms.nextFields.value = this.#fields.get(moment.next) ?? null;
-    this.#setWeights(sharesOf(moment));
-    this.#setCorrections(correctionsOf(moment));
+  run({ shares, corrections }: Picture): void {
+    const [fields, nextFields = fields] = shares.map(({ block }) => this.#fields.get(block) ?? null);
+    this.#uniforms.fields.value = fields;
+    this.#uniforms.nextFields.value = nextFields;
+    this.#setWeights(shares);
+    this.#setCorrections(corrections);
     this.#pass.run();
   }
 
@@ -152,7 +146,7 @@ export class PositionPass {
     this.#uniforms.nNextGroups.value = nNextGroups;
   }
 
-  #setCorrections(corrections: Map<number, number[]>): void {
+  #setCorrections(corrections: Picture["corrections"]): void {
     const { size } = corrections;
     this.#corrected.visible = size > 0;
     if (size === 0) return;
