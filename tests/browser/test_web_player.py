@@ -88,7 +88,16 @@ def files(tmp_path_factory):
         "/damaged.reel": bytes(damaged),
         "/sheet.reel": sheet,
         "/walk.webm": film,
+        "/walk.reel": meshreel.encode(walking_post(), max_error=0.02),
     }
+
+
+def walking_post():
+    """A high thin post that goes sideways by half its height, far from the origin."""
+    post = meshreel.simulate_flag(45, n_rows=20, n_columns=30)
+    vertices = np.array(post.vertices) * [0.3, 3, 1] + [700, 0, -300]
+    vertices[..., 0] += np.linspace(0, np.ptp(vertices[..., 1]) / 2, 45)[:, None]
+    return meshreel.MeshSequence(vertices, post.faces, fps=post.fps)
 
 
 @pytest.fixture
@@ -511,6 +520,24 @@ def test_the_canvas_has_the_pixels_of_the_screen_and_no_more_than_twice(shown):
     page.evaluate("player.style.width = '500px'")
     until(page, "player.shadowRoot.querySelector('canvas').width === 1000")
     assert page.evaluate("player.shadowRoot.querySelector('canvas').height") == 562
+
+
+@pytest.mark.parametrize("size", [(1280, 720), (390, 844)])
+@pytest.mark.parametrize(("up", "least"), [("y", 0.7), ("z", 0.5)])  # z: the post points at us
+def test_all_of_the_motion_is_seen_and_fills_the_picture(shown, size, up, least):
+    page = shown(f'<reel-player src="/walk.reel" up="{up}"></reel-player>')
+    page.set_viewport_size(dict(zip(("width", "height"), size, strict=True)))
+    page.evaluate("Object.assign(player.style, { display: 'block', height: '60vh' })")
+    settled(page)
+    seen = np.zeros(picture(page).shape[:2], bool)
+    for frame in range(0, 45, 4):
+        page.evaluate(f"player.mesh.seek({{ frame: {frame} }})")
+        settled(page)
+        seen |= (np.abs(picture(page) - 255) > 12).any(axis=2)
+    assert not seen[[0, -1]].any()
+    assert not seen[:, [0, -1]].any()
+    rows, columns = (np.flatnonzero(seen.any(axis=axis)) for axis in (1, 0))
+    assert max(np.ptp(rows) / len(seen), np.ptp(columns) / len(seen[0])) > least
 
 
 def test_a_video_is_in_step_and_stands_still_out_of_sight(shown):

@@ -3,11 +3,16 @@
 import { PerspectiveCamera, Vector3 } from "three";
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
 
+import type { Reach } from "./reach.js";
+
 /** Field of view upwards, in degrees. */
 const FOV = 30;
 
 /** From where it looks at first: a little from above. */
 const FROM = new Vector3(0, 0.2, 1).normalize();
+
+/** Share of the picture that a box fills; the rest is a margin. */
+const FILLED = 0.95;
 
 /** A press of a key turns it by this angle, in radians, or comes nearer by this factor. */
 const TURN = Math.PI / 18;
@@ -16,14 +21,14 @@ const STEP = 1.15;
 /** Distances that people may take, of that from which all is seen. */
 const [NEAREST, FARTHEST] = [0.1, 4];
 
-/** A camera that sees a ball around the origin, and turns around it. */
+/** A camera that sees a box around the origin, and turns around it. */
 export class PlayerCamera {
   readonly camera = new PerspectiveCamera(FOV);
   readonly #canvas: HTMLCanvasElement;
   readonly #onMoved: () => void;
   readonly #listening = new AbortController();
   #controls: OrbitControls | null = null;
-  #radius = 1;
+  #reach: Reach = [1, 1, 1];
   #isMoved = false;
 
   /** @param onMoved - is told when people have moved it */
@@ -58,9 +63,10 @@ export class PlayerCamera {
     this.#controls = controls;
   }
 
-  /** Looks at a ball around the origin so that all of it is seen. */
-  fit(radius: number): void {
-    this.#radius = radius;
+  /** Looks at a box around the origin, y upwards, so that all of it is seen. */
+  fit(reach: Reach): void {
+    this.#reach = reach;
+    const radius = Math.hypot(...reach);
     this.camera.near = radius / 100;
     this.camera.far = 100 * radius;
     this.reset();
@@ -111,11 +117,18 @@ export class PlayerCamera {
     this.hasControls = false;
   }
 
-  /** From where the ball fills the picture. */
+  /** From where the box fills the picture: that from which each of its corners is seen. */
   get #distance(): number {
-    const upwards = (FOV * Math.PI) / 360;
-    const sideways = Math.atan(Math.tan(upwards) * this.camera.aspect);
-    return this.#radius / Math.sin(Math.min(upwards, sideways));
+    const upwards = FILLED * Math.tan((FOV * Math.PI) / 360);
+    const sideways = upwards * this.camera.aspect;
+    const [x, y, z] = this.#reach;
+    const corners = [y, -y].flatMap((y) => [z, -z].map((z) => [y, z]));
+    const distances = corners.map(([y, z]) => {
+      const nearer = y * FROM.y + z * FROM.z;
+      const higher = Math.abs(y * FROM.z - z * FROM.y);
+      return nearer + Math.max(x / sideways, higher / upwards);
+    });
+    return Math.max(...distances);
   }
 
   #limit(controls: OrbitControls): void {

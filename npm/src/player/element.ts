@@ -8,6 +8,7 @@ import { PlayerAttributes } from "./attributes.js";
 import { Bar, type BarState } from "./bar.js";
 import { Messages } from "./messages.js";
 import { made, ShapeButton } from "./parts.js";
+import { type Reach, reachOf } from "./reach.js";
 import { ATTRIBUTES, type PlayerSettings, settingsOf } from "./settings.js";
 import { playerSheet } from "./sheet.js";
 import { View } from "./view.js";
@@ -48,6 +49,7 @@ export class ReelPlayerElement extends PlayerAttributes {
   #settings: PlayerSettings | null = null;
   #loading: AbortController | null = null;
   #mesh: ReelMesh | null = null;
+  #reach: Reach = [1, 1, 1];
   #isRefreshing = false;
   #wasPlaying = false;
   /** Whether the attributes could not be understood. */
@@ -232,6 +234,7 @@ export class ReelPlayerElement extends PlayerAttributes {
       void this.#open(next);
     } else if (this.#mesh) {
       this.#adapt(this.#mesh, next);
+      if (last.up !== next.up) this.#aim(next);
       if (OF_TEXTURE.some((name) => !isSame(last[name], next[name]))) {
         void this.#dress(this.#mesh, next);
       }
@@ -247,7 +250,11 @@ export class ReelPlayerElement extends PlayerAttributes {
     let mesh: ReelMesh;
     try {
       const reel = await ReelFile.open(settings.src, { signal });
+      // What is wrong with frames is told when they are shown.
+      const reach = await reachOf(reel, settings.start, { signal }).catch(() => null);
       if (signal.aborted) return reel.close();
+      const radius = reel.info.diagonal / 2;
+      this.#reach = reach ?? [radius, radius, radius];
       mesh = new ReelMesh(reel, { ownsReel: true, origin: reel.info.center });
     } catch (error) {
       if (signal.aborted) return;
@@ -272,9 +279,15 @@ export class ReelPlayerElement extends PlayerAttributes {
     this.#adapt(mesh, settings);
     mesh.seek(settings.start);
     view.add(mesh);
-    view.camera.fit(mesh.reel.info.diagonal / 2 || 1);
+    this.#aim(settings);
     if (view.renderer) mesh.setRenderer(view.renderer);
     this.#changed();
+  }
+
+  /** Has the camera look at all of the file. */
+  #aim({ up }: PlayerSettings): void {
+    const [x, y, z] = this.#reach;
+    this.#shown?.view.camera.fit(up === "z" ? [x, z, y] : [x, y, z]);
   }
 
   /** Has a mesh play as the attributes say. */

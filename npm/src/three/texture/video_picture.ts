@@ -8,8 +8,8 @@ import { requireReadable } from "./texture_source.js";
 
 type Pen = CanvasRenderingContext2D;
 
-/** Times that are this near are the same; up to the other, times that mean nothing are so too. */
-const [SAME_S, EARLY_S] = [1e-3, 0.02];
+/** Times that mean nothing are up to the first, or farther than the other from what is told. */
+const [EARLY_S, NEAR_S] = [0.02, 0.5];
 
 /**
  * The picture of a video that is shown, and one that was taken and waits for its mesh.
@@ -53,7 +53,7 @@ export class VideoPicture {
     still?.close();
     if (!this.#isReadable) this.#check(video);
     this.#isWaiting = true;
-    if (timeS > EARLY_S && Math.abs(stillS - timeS) < SAME_S) this.#areStillsTimed = true;
+    if (stillS > EARLY_S && Math.abs(stillS - timeS) < NEAR_S) this.#areStillsTimed = true;
     return this.#areStillsTimed && !Number.isNaN(stillS) ? stillS : timeS;
   }
 
