@@ -1,5 +1,5 @@
-/* Coordinates of some vertices as rows of frames, about a centre and in units of a size: what an
-   encoder analyses. No stream depends on it. */
+/* Values of some vertices, such as coordinates, as rows of frames, about a centre and in units of a
+   size: what an encoder analyses. No stream depends on it. */
 
 #include "base.h"
 
@@ -7,21 +7,22 @@
 
 typedef struct {
     const int32_t *order; /* NULL: as they are */
-    const double *placement; /* scale, and the origin */
-    int64_t first, n;
+    const double *placement; /* scale, and the origin of each column */
+    int64_t first, n, n_columns;
 } place;
 
 /* A frame of `count` vertices from `from` on, to rows that are `apart`. */
 #define DEFINE_ROWS(name, type)                                                                    \
     static void name(const type *frame, const place *at, int64_t from, int64_t count, double *out, \
                      int64_t apart) {                                                              \
-        double scale = at->placement[0], x0 = at->placement[1], y0 = at->placement[2];             \
-        double z0 = at->placement[3];                                                              \
-        for (int64_t i = from; i < from + count; i++) {                                            \
-            const type *one = frame + 3 * (at->order ? at->order[at->first + i] : at->first + i);  \
-            out[i] = ((double)one[0] - x0) / scale;                                                \
-            out[apart + i] = ((double)one[1] - y0) / scale;                                        \
-            out[2 * apart + i] = ((double)one[2] - z0) / scale;                                    \
+        for (int64_t column = 0; column < at->n_columns; column++) {                               \
+            const type *values = frame + column;                                                   \
+            double scale = at->placement[0], origin = at->placement[1 + column];                   \
+            double *row = out + column * apart;                                                    \
+            for (int64_t i = from; i < from + count; i++) {                                        \
+                int64_t vertex = at->order ? at->order[at->first + i] : at->first + i;             \
+                row[i] = ((double)values[at->n_columns * vertex] - origin) / scale;                \
+            }                                                                                      \
         }                                                                                          \
     }
 
@@ -29,9 +30,9 @@ DEFINE_ROWS(rows_of_floats, float)
 DEFINE_ROWS(rows_of_doubles, double)
 
 int64_t reel_coordinates(const void *vertices, int64_t size, int64_t n_frames, int64_t n_verts,
-                         const int32_t *order, int64_t first, int64_t last,
+                         int64_t n_columns, const int32_t *order, int64_t first, int64_t last,
                          const double *placement, double *out) {
-    if (first < 0 || first > last || last > n_verts) {
+    if (first < 0 || first > last || last > n_verts || n_columns < 1) {
         return reel_failure(REEL_INVALID, 0);
     }
     for (int64_t i = first; order && i < last; i++) {
@@ -39,17 +40,17 @@ int64_t reel_coordinates(const void *vertices, int64_t size, int64_t n_frames, i
             return reel_failure(REEL_INVALID, (uint64_t)i);
         }
     }
-    place at = {order, placement, first, last - first};
+    place at = {order, placement, first, last - first, n_columns};
     for (int64_t from = 0; from < at.n; from += TOGETHER) {
         int64_t count = at.n - from < TOGETHER ? at.n - from : TOGETHER;
         for (int64_t frame = 0; frame < n_frames; frame++) {
             double *rows = out + frame * at.n;
             if (size == 4) {
-                rows_of_floats((const float *)vertices + 3 * frame * n_verts, &at, from, count,
-                               rows, n_frames * at.n);
+                rows_of_floats((const float *)vertices + frame * n_verts * n_columns, &at, from,
+                               count, rows, n_frames * at.n);
             } else {
-                rows_of_doubles((const double *)vertices + 3 * frame * n_verts, &at, from, count,
-                                rows, n_frames * at.n);
+                rows_of_doubles((const double *)vertices + frame * n_verts * n_columns, &at, from,
+                                count, rows, n_frames * at.n);
             }
         }
     }

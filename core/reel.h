@@ -169,12 +169,14 @@ REEL_API int64_t reel_frames(void *memory, size_t memory_size, const double *bas
                              const int32_t *corrected, const double *moves,
                              const double *placement, int64_t layout, void *out);
 
-/* Coordinates of the vertices order[first..last-1] (or first..last-1, where `order` is NULL) of
-   positions of 4 or 8 byte floats, less the origin and divided by the scale of `placement`: rows of
-   x of all frames, then of y, of z, in `out`. Returns last - first. */
+/* Values of the vertices order[first..last-1] (or first..last-1, where `order` is NULL), such as
+   positions, which are 4 or 8 byte floats in columns: less the origin of their column and divided
+   by the scale of `placement`, as rows of the first column of all frames, then of the next, in
+   `out`. Returns last - first. */
 REEL_API int64_t reel_coordinates(const void *vertices, int64_t size, int64_t n_frames,
-                                  int64_t n_verts, const int32_t *order, int64_t first,
-                                  int64_t last, const double *placement, double *out);
+                                  int64_t n_verts, int64_t n_columns, const int32_t *order,
+                                  int64_t first, int64_t last, const double *placement,
+                                  double *out);
 
 /* ---- Residuals of fields to bits ---- */
 

@@ -92,13 +92,13 @@ void fuzz_basis_encode(void) {
     fuzz_note(integers, result < 0 ? 0 : n, sizeof *integers);
 }
 
-/* Coordinates of any positions of some vertices, which may not be there. */
+/* Coordinates of any values of some vertices, which may not be there. */
 void fuzz_coordinates(void) {
     int64_t n_frames = fuzz_below(9), n_verts = fuzz_below(1200), size = fuzz_once_in(2) ? 4 : 8;
-    int64_t n = 3 * n_frames * n_verts, first = fuzz_below(n_verts + 2);
-    int64_t count = fuzz_below(n_verts + 3);
+    int64_t n_columns = 1 + fuzz_below(4), n = n_columns * n_frames * n_verts;
+    int64_t first = fuzz_below(n_verts + 2), count = fuzz_below(n_verts + 3);
     void *vertices = fuzz_take(n, (size_t)size);
-    double placement[4], *out = fuzz_take(3 * n_frames * count, sizeof *out);
+    double placement[5], *out = fuzz_take(n_columns * n_frames * count, sizeof *out);
     for (int64_t i = 0; i < n; i++) {
         double one = fuzz_float();
         if (size == 4) {
@@ -107,12 +107,12 @@ void fuzz_coordinates(void) {
             ((double *)vertices)[i] = one;
         }
     }
-    for (int i = 0; i < 4; i++) {
+    for (int i = 0; i < 5; i++) {
         placement[i] = fuzz_float();
     }
     int32_t *order = fuzz_once_in(2) ? any_numbers(n_verts, n_verts) : NULL;
-    int64_t result = reel_coordinates(vertices, size, n_frames, n_verts, order, first,
+    int64_t result = reel_coordinates(vertices, size, n_frames, n_verts, n_columns, order, first,
                                       first + count, placement, out);
     fuzz_claim_code(result);
-    fuzz_note_doubles(out, result < 0 ? 0 : 3 * n_frames * count);
+    fuzz_note_doubles(out, result < 0 ? 0 : n_columns * n_frames * count);
 }

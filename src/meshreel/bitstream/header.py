@@ -56,7 +56,7 @@ class Header:
     method: int
     laplacian: int
     order: int
-    origin: tuple[float, float, float]
+    origin: tuple[float, ...]
     scale: float
     name: str = ""
 

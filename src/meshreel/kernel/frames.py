@@ -175,30 +175,31 @@ def coordinate_rows(
     piece: slice,
     placement: Sequence[float],
 ) -> Floats:
-    """Coordinates of some vertices, less the origin and divided by the scale.
+    """Values of some vertices, such as coordinates, less the origin and divided by the scale.
 
     Parameters
     ----------
-    vertices : contiguous float32 or float64 array of shape (T, V, 3)
+    vertices : contiguous float32 or float64 array of shape (T, V, C)
     order : contiguous int32 array of shape (V,), or None
         The vertex that stands at each place; None: its own.
     piece : slice
         Places, n of them.
-    placement : 4 floats
-        Scale, and the origin.
+    placement : 1 + C floats
+        Scale, and the origin of each column.
 
     Returns
     -------
-    float64 array of shape (3 T, n): x at all frames, then y, then z
+    float64 array of shape (C T, n): the first column at all frames, then the next
     """
-    n_frames, n_verts, _ = vertices.shape
-    out = np.empty((3 * n_frames, piece.stop - piece.start))
+    n_frames, n_verts, n_columns = vertices.shape
+    out = np.empty((n_columns * n_frames, piece.stop - piece.start))
     call(
         "reel_coordinates",
         vertices,
         vertices.itemsize,
         n_frames,
         n_verts,
+        n_columns,
         order,
         piece.start,
         piece.stop,

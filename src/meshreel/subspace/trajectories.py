@@ -17,31 +17,31 @@ Floats = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class BoundingFrame:
-    """Centre and diagonal of the bounding box of all frames.
+    """Centre and diagonal of the bounding box of all frames, of positions or of a track's values.
 
     Attributes
     ----------
-    origin : tuple of 3 floats
-        Centre of the box, in model units.
+    origin : tuple of C floats
+        Centre of the box, in model units; C is 3 for positions.
     scale : float
         Diagonal of the box in model units; 1 where the box is a point.
     """
 
-    origin: tuple[float, float, float]
+    origin: tuple[float, ...]
     scale: float
 
     @property
     def placement(self) -> tuple[float, ...]:
-        """Scale, and origin."""
+        """Scale, and the origin of each column."""
         return self.scale, *self.origin
 
 
 def bounding_frame(extent: Extent) -> BoundingFrame:
-    """The bounding frame of positions of this extent."""
-    x, y, z = (extent.low + (extent.high - extent.low) / 2).tolist()
+    """The bounding frame of positions, or of a track's values, of this extent."""
+    origin = tuple((extent.low + (extent.high - extent.low) / 2).tolist())
     sides = extent.high - extent.low
     largest = float(sides.max()) or 1.0  # divided out: squares of tiny sides are 0
-    return BoundingFrame((x, y, z), largest * float(np.linalg.norm(sides / largest)) or 1.0)
+    return BoundingFrame(origin, largest * float(np.linalg.norm(sides / largest)) or 1.0)
 
 
 @staged("coordinates")

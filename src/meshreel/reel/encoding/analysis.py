@@ -78,10 +78,10 @@ class BlockFrames:
 
     Attributes
     ----------
-    vertices : float array of shape (T, V, 3)
-        Positions, contiguous.
+    vertices : float array of shape (T, V, C)
+        Positions, or values of another track; contiguous.
     frame : BoundingFrame
-        What coordinates are relative to.
+        What they are relative to.
     order : int32 array of shape (V,), or None
         Number of each vertex in the internal order; None: they are in it.
     """
@@ -101,12 +101,16 @@ class BlockFrames:
         """V."""
         return int(self.vertices.shape[1])
 
+    @property
+    def n_columns(self) -> int:
+        """C."""
+        return int(self.vertices.shape[2])
+
     def coordinates(self, piece: slice, frames: slice = slice(None)) -> Floats:
-        """Coordinates of some vertices, in internal order: of shape (3 T, n), x before y and z."""
+        """Coordinates of some vertices, in internal order: of shape (C T, n), x before y and z."""
         if self._is_small and frames == slice(None):
             return self._all[:, piece]
-        placement = (self.frame.scale, *self.frame.origin)
-        return coordinate_rows(self.vertices[frames], self.order, piece, placement)
+        return coordinate_rows(self.vertices[frames], self.order, piece, self.frame.placement)
 
     @property
     def _is_small(self) -> bool:
@@ -115,13 +119,16 @@ class BlockFrames:
     @cached_property
     @staged("coordinates")
     def _all(self) -> Floats:
-        placement = (self.frame.scale, *self.frame.origin)
         everything = slice(0, self.n_verts)
-        return coordinate_rows(self.vertices, self.order, everything, placement)
+        return coordinate_rows(self.vertices, self.order, everything, self.frame.placement)
 
     @cached_property
     def _gram(self) -> Floats:
-        return gram_of_rows(self.coordinates, 3 * self.n_frames, self.n_verts)
+        return gram_of_rows(self.coordinates, self._n_rows, self.n_verts)
+
+    @property
+    def _n_rows(self) -> int:
+        return self.n_columns * self.n_frames
 
     @property
     def is_analysed(self) -> bool:
@@ -131,7 +138,7 @@ class BlockFrames:
     @cached_property
     def energy(self) -> float:
         """Sum of all squared coordinates."""
-        if 3 * self.n_frames <= self.n_verts:
+        if self._n_rows <= self.n_verts:
             return float(np.trace(self._gram))
         pieces = chunks(self.n_verts, CHUNK_VERTICES)
         return sum(float(np.square(self.coordinates(piece)).sum()) for piece in pieces)
@@ -149,11 +156,11 @@ class BlockFrames:
 
     @staged("trajectories")
     def trajectories(self, least: float) -> tuple[Floats, Floats]:
-        """Singular values above `least`, one at least, and basis vectors of shape (3 T, K)."""
+        """Singular values above `least`, one at least, and basis vectors of shape (C T, K)."""
         if self._found is None or self._found[0] > least:
-            limit = min(3 * self.n_frames, self.n_verts)
+            limit = min(self._n_rows, self.n_verts)
             if limit == self.n_verts:
-                rows = self.coordinates(slice(0, limit)).reshape(3, -1, limit)
+                rows = self.coordinates(slice(0, limit)).reshape(self.n_columns, -1, limit)
                 self._found = (least, *joint_trajectories(rows, limit, least))
             else:
                 self._found = (least, *leading_trajectories(self._gram, limit, least))
@@ -261,12 +268,13 @@ def _projected(
 def _quantized_basis(
     frames: BlockFrames, step: float, choices: FieldChoices
 ) -> npt.NDArray[np.int32]:
-    """Residuals of the temporal basis, of shape (K, 3, T), without modes that are all 0."""
+    """Residuals of the temporal basis, of shape (K, C, T), without modes that are all 0."""
     least = choices.least_rms * step * float(np.sqrt(frames.n_verts))
     strengths, vectors = frames.trajectories(least)
     strengths, vectors = strengths[: choices.n_modes], vectors[:, : choices.n_modes]
     scaled = vectors * (strengths / (choices.basis_step * step))
-    coded = encode_times(scaled.T.reshape(-1, 3, frames.n_frames), choices.price)
+    shape = (-1, frames.n_columns, frames.n_frames)
+    coded = encode_times(scaled.T.reshape(shape), choices.price)
     does_something = np.asarray(coded.any(axis=(1, 2)))
     does_something[0] = True
     return coded[does_something]

@@ -124,7 +124,8 @@ def _corrections(frames: "FieldFrames", found: AnalysedFields, bound: float) -> 
     block, parts = frames.block, []
     everything = slice(0, block.n_verts)
     for some in chunks(block.n_frames, max(1, MOST_ERRORS // block.n_verts)):
-        errors = block.coordinates(everything, some).reshape(3, -1, block.n_verts)
+        errors = block.coordinates(everything, some)
+        errors = errors.reshape(block.n_columns, -1, block.n_verts)
         errors -= found.decoded(some)
         part = find_corrections(errors, bound, frames.rounding)
         parts.append(replace(part, frames=part.frames + some.start))
@@ -279,7 +280,7 @@ def largest_rounding(
 ) -> float:
     """Largest error of a position between two coordinates, in diagonals, by its type alone."""
     spacing = float(np.spacing(np.maximum(abs(low), abs(high)).astype(dtype)))
-    return float(np.sqrt(3.0) * spacing / frame.scale)
+    return float(np.sqrt(len(frame.origin)) * spacing / frame.scale)
 
 
 def checked_frames(coder: FieldBlockCoder, vertices: Vertices) -> FieldFrames:

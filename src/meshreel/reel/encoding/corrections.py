@@ -37,7 +37,7 @@ def find_corrections(errors: Floats, bound: float, rounding: float) -> Correctio
 
     Parameters
     ----------
-    errors : float64 array of shape (3, T, V)
+    errors : float64 array of shape (C, T, V)
         True coordinates less decoded ones, in diagonals; vertices in internal order.
     bound : float
         In diagonals.

@@ -88,10 +88,10 @@ def choices_for(effort: int, tune: Tune, n_modes: int | None) -> FieldChoices:
     )
 
 
-def finest_step(n_verts: int) -> float:
+def finest_step(n_verts: int, n_columns: int = 3) -> float:
     """Steps below this would make integers too large for the stream."""
     # No singular value exceeds the norm, and no coordinate half a diagonal.
-    return 0.5 * math.sqrt(3.0 * n_verts) / LARGEST_INTEGER
+    return 0.5 * math.sqrt(n_columns * n_verts) / LARGEST_INTEGER
 
 
 def checked_step(step: float, finest: float) -> float:
