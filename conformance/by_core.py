@@ -1,7 +1,5 @@
 """A stream as the package and its core decode it, in the shape of `conformance.reader.Reel`."""
 
-import warnings
-
 import numpy as np
 
 from conformance.container import Container, Header
@@ -34,9 +32,7 @@ LETTERS = {"u1": "B", "i4": "i", "f4": "f", "f8": "d"}
 def read_by_core(data):
     """A stream, decoded; as `conformance.reader.read`, so far as it is described."""
     stream = read_stream(data)
-    with warnings.catch_warnings():  # of further tracks, which are read below
-        warnings.simplefilter("ignore")
-        opened, sequence = OpenStream(stream), decode(data)
+    opened, sequence = OpenStream(stream), decode(data)
     blocks, anchors = read_blocks(opened)
     is_reel = opened.method.name == "reel"
     starts = [one.payload for one in stream.leading if one.id is Section.START]
@@ -135,6 +131,7 @@ def tracks_of(opened):
             "unit": header.unit,
             "kind": KINDS.index(header.kind),
             "domain": DOMAINS.index(header.domain),
+            "bound": header.bound,
         }
         found.append((said, blocks, Floats(np.concatenate(values))))
     return found

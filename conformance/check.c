@@ -5,6 +5,7 @@
    further tracks. Of other methods only faces are decoded, and no tracks of faces and corners.
    Streams are those of conformance/streams: nothing that comes in is checked. */
 
+#include <math.h>
 #include <stdbool.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -71,7 +72,7 @@ typedef struct {
 } hierarchy;
 
 typedef struct {
-    bool is_of_vertices;
+    bool is_of_vertices, has_normals;
     uint8_t number_type;
     int64_t n_columns;
     double *placement; /* scale and origin */
@@ -210,6 +211,25 @@ static corrections read_corrections(bytes in, int64_t width, int64_t n_frames) {
     return found;
 }
 
+/* Divides normals by their lengths; one that is shorter than a half becomes 0. */
+static void to_unit_length(void *normals, uint8_t number_type, int64_t count) {
+    for (int64_t at = 0; at < count; at += 3) {
+        double one[3];
+        for (int i = 0; i < 3; i++) {
+            one[i] = number_type == 4 ? ((float *)normals)[at + i] : ((double *)normals)[at + i];
+        }
+        double length = sqrt((one[0] * one[0] + one[1] * one[1]) + one[2] * one[2]);
+        for (int i = 0; i < 3; i++) {
+            double found = length < 0.5 ? 0.0 : one[i] / length;
+            if (number_type == 4) {
+                ((float *)normals)[at + i] = (float)found;
+            } else {
+                ((double *)normals)[at + i] = found;
+            }
+        }
+    }
+}
+
 static void write_frames(const stream *s, const track *of, const hierarchy *h, const block *b,
                          const int32_t *integers, bytes coded_moves, FILE *out) {
     int64_t n = s->n_verts, n_modes = b->n_modes, n_frames = b->n_frames, width = of->n_columns;
@@ -236,6 +256,9 @@ static void write_frames(const stream *s, const track *of, const hierarchy *h, c
                      n, wanted, n_frames, moved.starts, moved.vertices, moved.moves, of->placement,
                      of->number_type, values),
          "frames");
+    if (of->has_normals) {
+        to_unit_length(values, of->number_type, (int64_t)count);
+    }
     fwrite(values, of->number_type, count, out);
 }
 
@@ -270,7 +293,7 @@ static stream read_header(bytes *in, track *positions) {
     uint16_t length;
     memcpy(&s.n_verts, in->at + 14, 4);
     memcpy(&s.n_faces, in->at + 18, 4);
-    *positions = (track){true, in->at[30], 3, room(32)};
+    *positions = (track){true, false, in->at[30], 3, room(32)};
     s.method = in->at[31];
     memcpy(positions->placement + 1, in->at + 34, 24);
     memcpy(positions->placement, in->at + 58, 8);
@@ -280,15 +303,15 @@ static stream read_header(bytes *in, track *positions) {
 }
 
 static track read_track(bytes in) {
-    track found = {.is_of_vertices = in.at[1] == 0, .number_type = in.at[2]};
-    in.at += 3;
+    track found = {.is_of_vertices = in.at[1] == 0, .has_normals = in.at[0] == 3, .number_type = in.at[2]};
+    in.at += 4;
     for (int text = 0; text < 2; text++) { /* name and unit */
         int64_t length = varint(&in);
         in.at += length;
     }
     found.n_columns = varint(&in);
     found.placement = room(8 * (1 + found.n_columns));
-    memcpy(found.placement, in.at, 8 * (1 + found.n_columns));
+    memcpy(found.placement, in.at + 8, 8 * (1 + found.n_columns)); /* behind the bound */
     return found;
 }
 

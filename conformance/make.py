@@ -376,7 +376,7 @@ def tracks():
 
     single, double = np.dtype(np.float32), np.dtype(np.float64)
     stress = TrackHeader("stress", "Pa", "other", Domain.VERTEX, single, 3e5, (1e6,))
-    flow = TrackHeader("flow", "m/s", "velocity", Domain.VERTEX, double, 0.125, (0.0, -3.5))
+    flow = TrackHeader("flow", "m/s", "vector", Domain.VERTEX, double, 0.125, (0.0, -3.5))
     many = TrackHeader("\u03c3", "", "other", Domain.VERTEX, single, 1.0, tuple(range(7)))
     further = [
         (stress, blocks(1, 9, 0.01, 4, moved=(1,))),
@@ -426,10 +426,25 @@ def tracks_of_polygons():
 def still_track():
     """A track of zeros in few bytes, padded up to what its numbers ask for."""
     rng, faces = np.random.default_rng(11), grid(12, 12)
-    wide = TrackHeader("wide", "", "color", Domain.VERTEX, np.dtype(np.float32), 1.0, (0.5,) * 64)
+    wide = TrackHeader("wide", "", "other", Domain.VERTEX, np.dtype(np.float32), 1.0, (0.5,) * 64)
     nothing = Layout(np.float32(0.5), 5, 1), np.zeros((1, 64, 6)), np.zeros((1, 144)), None
     block = random_block(rng, Layout(np.float32(0.01), 5, 1), 144)
     return by_hand(faces, 144, [block], tracks=[(wide, [nothing])])
+
+
+@stream
+def normals():
+    """Normals, some of which are none, and a scalar with a bound."""
+    rng, faces = np.random.default_rng(14), grid(5, 6)
+    layout = Layout(np.float32(0.05), 6, 2)
+    single = np.dtype(np.float32)
+    turned = TrackHeader("n", "", "normal", Domain.VERTEX, single, 1.5, (0.1, 0.2, 0.3), bound=0.5)
+    heat = TrackHeader("heat", "K", "scalar", Domain.VERTEX, single, 80.0, (300.0,), bound=0.25)
+    further = [
+        (track, [random_block(rng, layout, 30, 4, 4, n_columns=track.n_columns)])
+        for track in (turned, heat)
+    ]
+    return by_hand(faces, 30, [random_block(rng, layout, 30, 4, 4)], order="keep", tracks=further)
 
 
 @stream

@@ -5,6 +5,7 @@
 """
 
 import json
+import math
 import sys
 from dataclasses import dataclass
 from pathlib import Path
@@ -137,16 +138,34 @@ def number_of(container, section):
     return None
 
 
+NORMALS = 3
+"""Kind of a track of normals."""
+
+COLUMNS = {1: (2, 3), 2: (3,), NORMALS: (3,), 4: (3, 4), 5: (2,), 6: (1,)}
+"""Columns that tracks of some kinds may have."""
+
+
 def read_track(payload):
     """The header of a further track, and how its numbers are placed."""
     payload = Payload(payload)
-    kind, domain, number_type = payload.byte(), payload.byte(), payload.byte()
+    kind, domain, number_type, coding = (payload.byte() for _ in range(4))
     name, unit, n_columns = payload.text(), payload.text(), payload.varint()
-    need(kind < 6 and domain < 3 and number_type in (4, 8) and 1 <= n_columns <= 256)
-    scale, *origin = (payload.number("d") for _ in range(1 + n_columns))
+    need(kind < 7 and domain < 3 and coding == 0 and number_type in (4, 8))
+    need(n_columns in COLUMNS.get(kind, range(1, 257)), "a track has columns that it cannot have")
+    bound, scale, *origin = (payload.number("d") for _ in range(2 + n_columns))
     payload.end()
-    said = {"name": name, "unit": unit, "kind": kind, "domain": domain}
+    said = {"name": name, "unit": unit, "kind": kind, "domain": domain, "bound": bound}
     return said, Placement(number_type, scale, tuple(origin))
+
+
+def of_unit_length(normals):
+    """Normals divided by their length; 0 where that is below a half."""
+    for at in range(0, len(normals), 3):
+        x, y, z = normals[at : at + 3]
+        length = math.sqrt((x * x + y * y) + z * z)
+        for i, one in enumerate((x, y, z), start=at):
+            normals[i] = 0.0 if length < 0.5 else one / length
+    return normals
 
 
 def read_reel_tracks(container, mesh, polygons):
@@ -170,6 +189,8 @@ def read_reel_tracks(container, mesh, polygons):
             integers, found = read_reel_block(block[number], n_frames, place, blocks, items)
             blocks.append(integers)
             values = found if values is None else values + found
+        if said.get("kind") == NORMALS:
+            values = of_unit_length(values)
         tracks.append((said, blocks, values))
     return tracks
 

@@ -8,6 +8,7 @@
 
 MeshSequence      an animated mesh: vertices, faces, frames per second
 Surface           what it carries besides: polygons, Attribute (Domain, Kind), FaceGroups, Part
+Track             a quantity that changes over time, such as stress or velocity: TrackKind
 Material          how faces of a group look: Texture (Wrap, Filter), Image, AlphaMode
 load, save        files of all formats to a sequence and back
 encode, decode    a sequence or a file to the bytes of a .reel stream and back
@@ -71,6 +72,8 @@ __all__ = [
     "StreamInfo",
     "Surface",
     "Texture",
+    "Track",
+    "TrackKind",
     "TruncatedStreamError",
     "UnsupportedVersionError",
     "WorkerDiedError",
@@ -98,6 +101,8 @@ _HOMES = {
     "save": "formats.save",
     "simulate_flag": "flag",
     "StreamInfo": "codec.inspect",
+    "Track": "tracks",
+    "TrackKind": "tracks",
 }
 
 

@@ -23,6 +23,7 @@ from meshreel.metrics import compare as metrics
 from meshreel.metrics.compare import Quality
 from meshreel.runtime.progress import Progress, silent
 from meshreel.sequence import FrameSource, MeshSequence
+from meshreel.tracks import copied
 
 Options = ParamSpec("Options")
 Result = TypeVar("Result")
@@ -178,6 +179,7 @@ def _loaded(given: Any) -> MeshSequence:
         source.name,
         source.start_s,
         source.surface,
+        {name: copied(track, range(source.n_frames)) for name, track in source.tracks.items()},
     )
 
 
@@ -211,6 +213,7 @@ def _of_reel(reel: ReelFile, frames: slice | None) -> MeshSequence:
         reel.name,
         start_of(wanted, reel.start_s, reel.fps),
         reel.surface,
+        {name: copied(track, wanted) for name, track in reel.tracks.items()},
     )
 
 

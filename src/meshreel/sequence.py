@@ -1,7 +1,7 @@
 """MeshSequence: an animated triangle mesh of fixed connectivity."""
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, Protocol
 
@@ -13,6 +13,7 @@ from meshreel.errors import InvalidInputError
 from meshreel.frame_choice import FrameChoice, chosen_frames
 from meshreel.showing import notebook_html, show
 from meshreel.surface import PLAIN, Surface
+from meshreel.tracks import Track, TrackSource, tracks_of
 
 Vertices = npt.NDArray[np.float32] | npt.NDArray[np.float64]
 Faces = npt.NDArray[np.int32]
@@ -73,6 +74,10 @@ class FrameSource(Protocol):
         """Polygons, attributes, groups, parts and materials of the mesh."""
 
     @property
+    def tracks(self) -> Mapping[str, TrackSource]:
+        """Quantities that change over time, beside the positions, by their names."""
+
+    @property
     def dtype(self) -> np.dtype[np.floating]:
         """Number type of the positions: float32 or float64."""
 
@@ -111,12 +116,17 @@ class MeshSequence:
     surface : Surface, optional
         Polygons, texture coordinates, colours, materials and merged parts of the mesh. Default:
         none.
+    tracks : mapping of str to Track, or to arrays of shape (T, N) or (T, N, C), optional
+        Quantities that change over time, such as stress or velocity, by their names. An array is
+        of vertices, faces or corners, the first of which there are N. ``sequence.tracks[name]`` is
+        a `Track`. Default: none.
 
     Raises
     ------
     InvalidInputError
-        If an array has another shape or type, a value is not finite, a face refers to a vertex that
-        does not exist, the frame rate is negative or not finite, or the surface does not fit.
+        If an array has another shape or type, a position is not finite, a face refers to a vertex
+        that does not exist, the frame rate is negative or not finite, or the surface or a track
+        does not fit.
     """
 
     vertices: Vertices
@@ -125,6 +135,7 @@ class MeshSequence:
     name: str = ""
     start_s: float = 0.0
     surface: Surface = PLAIN
+    tracks: Mapping[str, Track] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         vertices = validate_vertices(self.vertices)
@@ -134,6 +145,8 @@ class MeshSequence:
         object.__setattr__(self, "start_s", validate_start(self.start_s))
         surface = self.surface.validated(len(vertices[0]), len(self.faces))
         object.__setattr__(self, "surface", surface)
+        tracks = tracks_of(self.tracks, self.n_frames, self.n_verts, self.n_faces, surface)
+        object.__setattr__(self, "tracks", tracks)
 
     @property
     def n_frames(self) -> int:
@@ -152,8 +165,9 @@ class MeshSequence:
 
     @property
     def raw_size_bytes(self) -> int:
-        """Bytes of the plain arrays: positions of every frame; faces and surface once."""
-        return int(self.vertices.nbytes + self.faces.nbytes + self.surface.size_bytes)
+        """Bytes of the plain arrays: positions and tracks; faces and surface once."""
+        of_tracks = sum(track.values.nbytes for track in self.tracks.values())
+        return int(self.vertices.nbytes + self.faces.nbytes + self.surface.size_bytes + of_tracks)
 
     @property
     def dtype(self) -> np.dtype[np.floating]:
@@ -193,9 +207,10 @@ class MeshSequence:
 
     def __repr__(self) -> str:
         name = f" {self.name!r}" if self.name else ""
+        tracks = f"; tracks {', '.join(self.tracks)}" if self.tracks else ""
         return (
             f"<MeshSequence{name}: {self.n_frames} frames, {self.n_verts} vertices, "
-            f"{self.n_faces} faces, {self.fps:g} fps, {self.vertices.dtype}>"
+            f"{self.n_faces} faces, {self.fps:g} fps, {self.vertices.dtype}{tracks}>"
         )
 
 

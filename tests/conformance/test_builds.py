@@ -175,7 +175,7 @@ def differs(name, decoded):
 def test_streams_hold_the_same_when_the_core_alone_decodes_them(compiler, runner, level, tmp_path):
     need_programs(compiler, *runner[:1])
     core, check_c = ROOT / "core", ROOT / "conformance" / "check.c"
-    flags = [level, f"-I{core}", str(check_c)]
+    flags = [level, f"-I{core}", str(check_c), "-lm"]
     program = compiled(tmp_path / "check", compiler, flags)
     failed = []
     for name in STREAMS:

@@ -44,6 +44,7 @@ def frames_of(sequence: "FrameSource", wanted: range) -> "FrameSource":
     """The wanted frames of a sequence, loaded unless they are all of it."""
     from meshreel.frame_choice import start_of
     from meshreel.sequence import MeshSequence
+    from meshreel.tracks import copied
 
     if wanted == range(sequence.n_frames):
         return sequence
@@ -54,6 +55,7 @@ def frames_of(sequence: "FrameSource", wanted: range) -> "FrameSource":
         sequence.name,
         start_of(wanted, sequence.start_s, sequence.fps),
         sequence.surface,
+        {name: copied(track, wanted) for name, track in sequence.tracks.items()},
     )
 
 

@@ -1,15 +1,18 @@
 """Decoding of a stream to a mesh sequence."""
 
 from itertools import pairwise
+from threading import RLock
 
 import numpy as np
 
 from meshreel.bitstream.reader import read_stream
 from meshreel.codec.open_stream import OpenStream
+from meshreel.codec.reel_track import tracks_of_stream
 from meshreel.errors import CorruptStreamError, InvalidInputError
 from meshreel.frame_choice import frame_range, start_of
 from meshreel.runtime.progress import Count, Progress, silent
 from meshreel.sequence import MeshSequence
+from meshreel.tracks import Track, copied
 
 
 def decode(
@@ -60,6 +63,10 @@ def decode(
 
             blocks.block(number).fill(vertices[before : last - wanted.start], first - start, report)
     progress("decoding", Count(len(wanted), len(wanted), "frames"))
+    tracks: dict[str, Track] = {}
+    for name, track in tracks_of_stream(opened, RLock()).items():
+        progress("decoding tracks", Count(len(tracks), len(opened.tracks), "tracks"))
+        tracks[name] = copied(track, wanted)
     try:
         return MeshSequence(
             vertices,
@@ -68,6 +75,7 @@ def decode(
             header.name,
             start_of(wanted, opened.start_s, header.fps),
             opened.surface,
+            tracks,
         )
     except InvalidInputError as error:
         raise CorruptStreamError(f"the stream decodes to an invalid mesh: {error}") from error

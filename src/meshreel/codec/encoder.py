@@ -6,6 +6,8 @@ from meshreel.codec.config import EncoderConfig
 from meshreel.codec.options import all_options
 from meshreel.codec.source import Source
 from meshreel.codec.surface.uv_grid import check_uvs
+from meshreel.codec.track_bounds import DROP, TrackBound, TrackTargets, track_bounds
+from meshreel.errors import InvalidInputError
 from meshreel.runtime.engine.engine import Engine
 from meshreel.runtime.progress import Progress, silent
 from meshreel.sequence import FrameSource
@@ -38,6 +40,7 @@ def encode(
     laplacian: str = "normalized",
     n_iterations: int = 4,
     attributes: Names = ALL,
+    tracks: TrackTargets | None = None,
     progress: Progress = silent,
     engine: Engine | None = None,
 ) -> bytes:
@@ -120,6 +123,11 @@ def encode(
     attributes : str or sequence of str, default "all"
         Which attributes and groups of the surface to keep: "all", "none", or names; a kind such
         as "uv" or "color" names all of it. Polygons and parts are kept.
+    tracks : mapping of str to str or float, optional
+        How exact tracks are to come back, by their names: "0.1%" of the range, "500Pa" or 500 in
+        units of the track, "0.5deg" (normals), "8bit" (colours), "exact", "drop". No value is
+        farther from the original; promised. Default: normals 0.5deg, colours 8bit, texture
+        coordinates half a texel of 4096, integers exact, all others 0.1%. `reel` only.
     progress : callable, optional
         Called with the stage and the share done, 0..1.
     engine : Engine, optional
@@ -140,13 +148,14 @@ def encode(
     """
     given = locals()
     config = EncoderConfig(**{option.name: given[option.name] for option in all_options()})
-    return encode_with(config, sequence, attributes, progress, engine)
+    return encode_with(config, sequence, attributes, tracks, progress, engine)
 
 
 def encode_with(
     config: EncoderConfig,
     sequence: FrameSource,
     attributes: Names = ALL,
+    tracks: TrackTargets | None = None,
     progress: Progress = silent,
     engine: Engine | None = None,
 ) -> bytes:
@@ -161,5 +170,25 @@ def encode_with(
     if config.uv_bits is not None:
         check_uvs(surface, config.uv_bits)
     progress("encoding connectivity", 0.0)
-    source = Source(sequence, config, surface)
+    source = Source(sequence, config, surface, kept_bounds(config, sequence, tracks))
     return config.method_row.encode(source, progress, engine)
+
+
+def kept_bounds(
+    config: EncoderConfig, sequence: FrameSource, targets: TrackTargets | None
+) -> dict[str, TrackBound]:
+    """How exact each track that is kept is to be.
+
+    Raises
+    ------
+    InvalidInputError
+        If a bound is not for its track, or the method has no tracks.
+    """
+    bounds = track_bounds(sequence.tracks, targets)
+    kept = {name: bound for name, bound in bounds.items() if bound != DROP}
+    if kept and not config.method_row.has_tracks:
+        names = ", ".join(kept)
+        raise InvalidInputError(
+            f"method {config.method} codes positions only; drop the tracks ({names}), or use reel"
+        )
+    return kept

@@ -7,7 +7,7 @@ imported when a stream or a user asks for it; nothing here, and nothing above, k
 from collections.abc import Iterator
 from dataclasses import dataclass
 from importlib import import_module
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 from meshreel.codec.option import Option
 from meshreel.errors import InvalidInputError, UnsupportedVersionError
@@ -60,6 +60,19 @@ class BlockDecoder(Protocol):
         """
 
 
+class TrackBlockDecoder(Protocol):
+    """Decodes a track in the blocks of a stream, in any order."""
+
+    def block(self, number: int) -> "npt.NDArray[Any]":
+        """Values of shape (T_b, N, C) in a block, in the order in which vertices or faces go out.
+
+        Raises
+        ------
+        CorruptStreamError
+            If it is damaged.
+        """
+
+
 class Method(Protocol):
     """A method of coding."""
 
@@ -70,6 +83,10 @@ class Method(Protocol):
     @property
     def block_frames(self) -> int | None:
         """Frames coded together where nothing is asked for; None: as many as there are."""
+
+    @property
+    def has_tracks(self) -> bool:
+        """Whether its streams hold tracks beside the positions."""
 
     @property
     def codes_blocks_apart(self) -> bool:
@@ -125,6 +142,9 @@ class Method(Protocol):
             The first block, in internal order: step and number of modes follow from it. It is not
             coded yet.
         """
+
+    def track_decoder(self, opened: "OpenStream", track: int) -> TrackBlockDecoder:
+        """The decoder of a track beside the positions, from 1 on."""
 
     def decoder(self, opened: "OpenStream", n_modes: int | None) -> BlockDecoder:
         """The decoder of a stream's blocks.

@@ -1,6 +1,5 @@
 """An open stream and the parts that its blocks share: mesh, order, surface, time."""
 
-import warnings
 from functools import cached_property
 
 import numpy as np
@@ -63,15 +62,7 @@ class OpenStream:
         ------
         InvalidInputError
             If `n_modes` is below 1, or not for this stream.
-
-        Warns
-        -----
-        UserWarning
-            If the stream has tracks beside the positions: they are left out.
         """
-        if self.tracks:
-            left_out = "; ".join(map(str, self.tracks))
-            warnings.warn(f"tracks beside the positions are left out: {left_out}", stacklevel=3)
         return self.method.decoder(self, n_modes)
 
     def stored(self, number: int) -> StoredBlock:

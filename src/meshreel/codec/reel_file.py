@@ -18,6 +18,7 @@ from meshreel.codec.decoded_block import DecodedBlock
 from meshreel.codec.inspect import StreamInfo, promised_percent, stream_info
 from meshreel.codec.methods import BlockDecoder
 from meshreel.codec.open_stream import OpenStream
+from meshreel.codec.reel_track import ReelTrack, tracks_of_stream
 from meshreel.errors import CorruptStreamError, InvalidInputError
 from meshreel.frame_choice import FrameChoice, chosen_frames, frame_range
 from meshreel.sequence import Faces
@@ -69,6 +70,8 @@ class ReelFile:
     promised_error : float or None
         Upper bound of the distance of vertices from the original, in model units; None if the
         stream has none, or only some of its modes are decoded.
+    tracks : dict of str to ReelTrack
+        Quantities that change over time, beside the positions, by their names.
     is_whole : bool
         False if the end of the file is missing: its encoder was interrupted, or is still running.
         The frames of all complete blocks are available.
@@ -82,7 +85,7 @@ class ReelFile:
         if n_modes is not None:  # which may not be for this stream: that is said now
             _ = self._blocks
         self._kept: OrderedDict[int, DecodedBlock] = OrderedDict()
-        self._lock = threading.Lock()
+        self._lock = threading.RLock()
         header = stream.header
         self.n_frames, self.n_verts, self.n_faces = stream.n_frames, header.n_verts, header.n_faces
         self.fps, self.name, self.is_whole = header.fps, header.name, stream.is_whole
@@ -110,6 +113,30 @@ class ReelFile:
         """Polygons, attributes, groups, parts and materials of the mesh."""
         with self._lock:
             return self._opened.surface
+
+    @cached_property
+    def tracks(self) -> dict[str, ReelTrack]:
+        """Quantities that change over time, beside the positions, by their names.
+
+        Raises
+        ------
+        CorruptStreamError
+            If two have one name.
+        """
+        return tracks_of_stream(self._opened, self._lock)
+
+    def track(self, name: str) -> ReelTrack:
+        """A track of this name, of which nothing is decoded yet.
+
+        Raises
+        ------
+        InvalidInputError
+            If there is none; says which there are.
+        """
+        if name in self.tracks:
+            return self.tracks[name]
+        there = f"there are {', '.join(self.tracks)}" if self.tracks else "it has none"
+        raise InvalidInputError(f"the file has no track {name!r}; {there}")
 
     def info(self) -> StreamInfo:
         """Contents of the file and bytes by section; no frame is decoded."""

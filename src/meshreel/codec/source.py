@@ -1,7 +1,7 @@
 """Input of an encoder: a mesh in internal order, and frames divided into blocks."""
 
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import chain
 from typing import Any
@@ -16,6 +16,7 @@ from meshreel.codec.choices import Order
 from meshreel.codec.config import EncoderConfig
 from meshreel.codec.methods import METHOD_CODES
 from meshreel.codec.surface.payloads import surface_in_order, surface_sections, write_start
+from meshreel.codec.track_bounds import TrackBound
 from meshreel.connectivity.coder import CodedConnectivity, encode_connectivity
 from meshreel.sequence import Faces, FrameSource, MeshSequence
 from meshreel.subspace.trajectories import BoundingFrame, bounding_frame
@@ -152,6 +153,22 @@ def _piece_of(vertices: Any, faces: Faces, order: Integers) -> Piece:
 
 
 @dataclass(frozen=True)
+class CodedTrack:
+    """A track as its sections.
+
+    Attributes
+    ----------
+    leading : tuple of Section and bytes
+        What is said of it before the first block.
+    blocks : sequence of lists of (Section, bytes)
+        Of each block.
+    """
+
+    leading: tuple[Section, bytes]
+    blocks: Sequence[list[tuple[Section, bytes]]]
+
+
+@dataclass(frozen=True)
 class Source:
     """A sequence and the options to encode it with.
 
@@ -161,11 +178,17 @@ class Source:
     config : EncoderConfig
     surface : Surface, optional
         Part of the sequence's surface that is coded. Default: all of it.
+    bounds : dict of str to TrackBound
+        How exact each of its tracks is to be; those that are not named are left out.
+    tracks : sequence of CodedTrack
+        Tracks that are coded already, which `stream` puts behind the positions.
     """
 
     sequence: FrameSource
     config: EncoderConfig
     surface: Surface | None = None
+    bounds: Mapping[str, TrackBound] = field(default_factory=dict)
+    tracks: Sequence["CodedTrack"] = ()
 
     @cached_property
     def mesh(self) -> CodedMesh:
@@ -204,7 +227,16 @@ class Source:
         blocks : iterable of (int, sections)
             Number of frames and sections of each block.
         """
-        return whole_stream(self.header(), chain(self.mesh.leading_sections(), leading), blocks)
+        of_tracks = (track.leading for track in self.tracks)
+        opening = chain(self.mesh.leading_sections(), of_tracks, leading)
+        return whole_stream(self.header(), opening, self._with_tracks(blocks))
+
+    def _with_tracks(
+        self, blocks: Iterable[tuple[int, Sections]]
+    ) -> Iterator[tuple[int, Sections]]:
+        """Frames and sections of each block, those of the tracks behind those of the positions."""
+        for number, (n_frames, sections) in enumerate(blocks):
+            yield n_frames, chain(sections, *(track.blocks[number] for track in self.tracks))
 
     def header(self) -> Header:
         """The header of the stream."""

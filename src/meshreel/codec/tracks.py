@@ -2,6 +2,7 @@
 
 import struct
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -9,15 +10,21 @@ from meshreel.codec.surface.texts import read_text, write_text
 from meshreel.entropy.varint import read_varint, write_varint
 from meshreel.errors import CorruptStreamError, TruncatedStreamError
 from meshreel.surface import Domain
+from meshreel.tracks import COLUMNS_OF, MAX_COLUMNS, TrackKind
+from meshreel.tracks import NUMBER_TYPES as ALL_NUMBER_TYPES
 
-MAX_COLUMNS = 256
-"""Most numbers of a track at a vertex and frame."""
-
-KINDS = ("other", "vector", "velocity", "normal", "color", "uv")
+KINDS = (
+    TrackKind.OTHER,
+    TrackKind.VECTOR,
+    TrackKind.VELOCITY,
+    TrackKind.NORMAL,
+    TrackKind.COLOR,
+    TrackKind.UV,
+    TrackKind.SCALAR,
+)
 DOMAINS = (Domain.VERTEX, Domain.FACE, Domain.CORNER)
-NUMBER_TYPES: dict[int, np.dtype[np.floating]] = {
-    4: np.dtype(np.float32),
-    8: np.dtype(np.float64),
+NUMBER_TYPES = {
+    dtype.itemsize + {"f": 0, "u": 16, "i": 32}[dtype.kind]: dtype for dtype in ALL_NUMBER_TYPES
 }
 """Choices by their codes."""
 
@@ -29,25 +36,31 @@ class TrackHeader:
     Attributes
     ----------
     name, unit : str
-    kind : str
-        One of `KINDS`.
+    kind : TrackKind
     domain : Domain
         Where its values are; faces are polygons, corners are theirs.
     dtype : numpy dtype
-        Of its numbers, float32 or float64.
+        Of its numbers.
     scale : float
         Positive.
     origin : tuple of C floats
         Numbers are scale times what is coded plus the origin of their column.
+    is_exact : bool
+        Whether its numbers come back as they were; scale and origin then mean nothing.
+    bound : float
+        Largest error of a value that the encoder has made sure of: in units of the track, of
+        normals in degrees; of colours of each number. 0 promises nothing.
     """
 
     name: str
     unit: str
-    kind: str
+    kind: TrackKind
     domain: Domain
-    dtype: np.dtype[np.floating]
+    dtype: np.dtype[Any]
     scale: float
     origin: tuple[float, ...]
+    is_exact: bool = False
+    bound: float = 0.0
 
     @property
     def n_columns(self) -> int:
@@ -66,10 +79,13 @@ class TrackHeader:
 
 def write_track(track: TrackHeader) -> bytes:
     """Payload of the section TRACK."""
-    codes = KINDS.index(track.kind), DOMAINS.index(track.domain), track.dtype.itemsize
-    numbers = np.array(track.placement, "<f8").tobytes()
-    named = write_text(track.name) + write_text(track.unit)
-    return bytes(codes) + named + write_varint(track.n_columns) + numbers
+    [number_type] = (code for code, dtype in NUMBER_TYPES.items() if dtype == track.dtype)
+    kind, domain = KINDS.index(track.kind), DOMAINS.index(track.domain)
+    said = bytes((kind, domain, number_type, track.is_exact))
+    said += write_text(track.name) + write_text(track.unit) + write_varint(track.n_columns)
+    if track.is_exact:
+        return said
+    return said + np.array((track.bound, *track.placement), "<f8").tobytes()
 
 
 def read_track(payload: bytes) -> TrackHeader:
@@ -80,22 +96,31 @@ def read_track(payload: bytes) -> TrackHeader:
     CorruptStreamError, TruncatedStreamError
         If it contradicts itself, or is cut off.
     """
-    if len(payload) < 3:
+    if len(payload) < 4:
         raise TruncatedStreamError("a track is cut off")
-    kind, domain, number_type = payload[:3]
-    name, position = read_text(payload, 3)
+    kind, domain, number_type, coding = payload[:4]
+    name, position = read_text(payload, 4)
     unit, position = read_text(payload, position)
     n_columns, position = read_varint(payload, position)
     known = kind < len(KINDS) and domain < len(DOMAINS) and number_type in NUMBER_TYPES
-    if not known or not 1 <= n_columns <= MAX_COLUMNS:
+    if not known or coding > 1 or not 1 <= n_columns <= MAX_COLUMNS:
         raise CorruptStreamError(
-            f"track {name!r} has kind {kind}, domain {domain}, number type {number_type} and "
-            f"{n_columns} columns; at most {MAX_COLUMNS} are allowed"
+            f"track {name!r} has kind {kind}, domain {domain}, number type {number_type}, coding "
+            f"{coding} and {n_columns} columns; at most {MAX_COLUMNS} are allowed"
         )
-    if len(payload) - position != 8 * (1 + n_columns):
-        raise CorruptStreamError(f"track {name!r} does not have one scale and {n_columns} origins")
-    scale, *origin = struct.unpack_from(f"<{1 + n_columns}d", payload, position)
-    if not (np.isfinite([scale, *origin]).all() and scale > 0):
-        raise CorruptStreamError(f"track {name!r} has a scale or origin that cannot be")
-    place = scale, tuple(origin)
-    return TrackHeader(name, unit, KINDS[kind], DOMAINS[domain], NUMBER_TYPES[number_type], *place)
+    dtype, is_exact = NUMBER_TYPES[number_type], coding == 1
+    if n_columns not in COLUMNS_OF[KINDS[kind]]:
+        raise CorruptStreamError(f"track {name!r} has {n_columns} columns; {KINDS[kind]} has not")
+    what = name, unit, KINDS[kind], DOMAINS[domain], dtype
+    n_numbers = 0 if is_exact else 2 + n_columns
+    if len(payload) - position != 8 * n_numbers or (dtype.kind != "f" and not is_exact):
+        raise CorruptStreamError(
+            f"track {name!r} of type {dtype} has {len(payload) - position} bytes of numbers; "
+            f"{8 * n_numbers} are needed"
+        )
+    if is_exact:
+        return TrackHeader(*what, 1.0, (0.0,) * n_columns, is_exact)
+    bound, scale, *origin = struct.unpack_from(f"<{n_numbers}d", payload, position)
+    if not (np.isfinite([bound, scale, *origin]).all() and scale > 0 and bound >= 0):
+        raise CorruptStreamError(f"track {name!r} has a bound, scale or origin that cannot be")
+    return TrackHeader(*what, scale, tuple(origin), is_exact, bound)

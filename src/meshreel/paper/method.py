@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import NoReturn
 
 import numpy as np
 import numpy.typing as npt
@@ -10,7 +11,7 @@ from meshreel.bitstream.writer import Sections
 from meshreel.codec.config import EncoderConfig
 from meshreel.codec.open_stream import OpenStream
 from meshreel.codec.source import CodedMesh, Source
-from meshreel.errors import InvalidInputError
+from meshreel.errors import CorruptStreamError, InvalidInputError
 from meshreel.paper import settings
 from meshreel.paper.decoder import PaperBlockDecoder
 from meshreel.paper.encoder import PaperBlockCoder
@@ -37,6 +38,11 @@ class PaperMethod:
     def block_frames(self) -> int | None:
         """Default number of frames per block; None is all frames."""
         return self.variant.block_frames
+
+    @property
+    def has_tracks(self) -> bool:
+        """False: it codes positions."""
+        return False
 
     @property
     def codes_blocks_apart(self) -> bool:
@@ -74,6 +80,16 @@ class PaperMethod:
     def live_coder(self, mesh: CodedMesh, frame: BoundingFrame, first: Vertices) -> PaperBlockCoder:
         """The coder of live frames, of which the first block is known."""
         return PaperBlockCoder(mesh, frame, [first])
+
+    def track_decoder(self, opened: OpenStream, track: int) -> NoReturn:
+        """None: there are none.
+
+        Raises
+        ------
+        CorruptStreamError
+            Always.
+        """
+        raise CorruptStreamError(f"a stream of method {self.name} has no tracks; one is announced")
 
     def decoder(self, opened: OpenStream, n_modes: int | None) -> PaperBlockDecoder:
         """The decoder of a stream's blocks.

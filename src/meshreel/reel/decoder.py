@@ -14,7 +14,7 @@ from meshreel.codec.open_stream import OpenStream
 from meshreel.codec.stored_blocks import StoredBlock, stored_track_block
 from meshreel.codec.tracks import TrackHeader
 from meshreel.connectivity.permutation import inverse_permutation
-from meshreel.errors import CorruptStreamError, InvalidInputError
+from meshreel.errors import CorruptStreamError, InvalidInputError, UnsupportedVersionError
 from meshreel.reel.agreed.blocks import POSITION_COLUMNS, read_corrections, read_field_block
 from meshreel.reel.agreed.fields import (
     FieldBlock,
@@ -26,10 +26,15 @@ from meshreel.reel.agreed.fields import (
 from meshreel.reel.agreed.graphs import ItemGraph, item_graph
 from meshreel.reel.agreed.mesh import FieldMesh
 from meshreel.surface import Domain
+from meshreel.tracks import TrackKind
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
 Values = npt.NDArray[np.floating]
+
+
+LEAST_LENGTH = 0.5
+"""A decoded normal that is shorter is that of a place that has none."""
 
 
 class ReelBlockDecoder:
@@ -113,12 +118,14 @@ class TrackDecoder:
             If it is damaged.
         """
         stored = self._stored(number)
+        if self.header.is_exact:
+            raise UnsupportedVersionError(f"track {self.header.name!r} is coded exactly")
         found, corrections = self._track.modes(number, stored), self._track.corrections(stored)
         moves = None if corrections is None else moves_by_frame(corrections, stored.n_frames)
         out = np.empty((stored.n_frames, *self.shape), self.header.dtype)
         with np.errstate(over="ignore", invalid="ignore"):
             found.fill(out, range(stored.n_frames), self.header.placement, moves)
-        return out
+            return of_unit_length(out) if self.header.kind is TrackKind.NORMAL else out
 
 
 class _TrackReader:
@@ -193,6 +200,16 @@ class _TrackReader:
                 f"has {key_layout.stencil_size}"
             )
         return key
+
+
+def of_unit_length(normals: Values) -> Values:
+    """Normals of shape (..., 3) divided by their length; 0 where that is below a half."""
+    x, y, z = np.moveaxis(normals.astype(np.float64), -1, 0)
+    lengths = np.sqrt((x * x + y * y) + z * z)
+    is_there = (lengths >= LEAST_LENGTH)[..., None]
+    found = np.zeros(normals.shape)
+    np.divide(normals, lengths[..., None], out=found, where=is_there)
+    return found.astype(normals.dtype)
 
 
 def resting_after(basis: Floats, n_modes: int) -> Floats:

@@ -15,7 +15,7 @@ from meshreel.runtime.progress import Progress
 from meshreel.subspace.trajectories import BoundingFrame
 
 if TYPE_CHECKING:
-    from meshreel.reel.decoder import ReelBlockDecoder
+    from meshreel.reel.decoder import ReelBlockDecoder, TrackDecoder
     from meshreel.reel.encoding.live import LiveCoder
 
 Vertices = npt.NDArray[np.floating]
@@ -30,6 +30,7 @@ class ReelMethod:
     name = "reel"
     block_frames = None
     codes_blocks_apart = True
+    has_tracks = True
 
     def check(self, config: EncoderConfig) -> None:
         """Nothing if there is one target at most.
@@ -82,6 +83,12 @@ class ReelMethod:
         from meshreel.reel.encoding.live import LiveCoder
 
         return LiveCoder(mesh, frame, first)
+
+    def track_decoder(self, opened: OpenStream, track: int) -> "TrackDecoder":
+        """The decoder of a track beside the positions, from 1 on."""
+        from meshreel.reel.decoder import TrackDecoder
+
+        return TrackDecoder(opened, track)
 
     def decoder(self, opened: OpenStream, n_modes: int | None) -> "ReelBlockDecoder":
         """The decoder of a stream's blocks; raises as `ReelBlockDecoder`."""

@@ -22,7 +22,7 @@ from meshreel.reel.options import EFFORT_RANGE
 from samples.meshes import waving_grid
 
 OPTIONS = {option.name: option for option in all_options()}
-OTHERS = {"sequence", "attributes", "progress", "engine"}
+OTHERS = {"sequence", "attributes", "tracks", "progress", "engine"}
 """Parameters of `encode` that are no options of coding."""
 
 ALLOWED: dict[Range, tuple[list[float], list[float]]] = {

@@ -1,7 +1,7 @@
 """Frames that stay in their files until they are asked for."""
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +17,7 @@ from meshreel.sequence import (
     validate_start,
 )
 from meshreel.surface import PLAIN, Surface
+from meshreel.tracks import TrackSource, check_tracks
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,12 +41,13 @@ class StoredFrames:
         Where the positions are.
     is_portable : bool, default False
         Whether `read_range` can be sent to another process, and reads there.
+    tracks : mapping of str to TrackSource, optional
 
     Raises
     ------
     InvalidInputError
         If a face names a vertex that is not there, the frame rate is negative or not finite, or
-        the surface does not fit.
+        the surface or a track does not fit.
     """
 
     n_frames: int
@@ -60,6 +62,7 @@ class StoredFrames:
     surface: Surface = PLAIN
     files: tuple[Path, ...] = ()
     is_portable: bool = False
+    tracks: Mapping[str, TrackSource] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "faces", read_only(validate_faces(self.faces, self.n_verts)))
@@ -67,6 +70,7 @@ class StoredFrames:
         object.__setattr__(self, "start_s", validate_start(self.start_s))
         surface = self.surface.validated(self.n_verts, len(self.faces))
         object.__setattr__(self, "surface", surface)
+        check_tracks(self.tracks, self.n_frames, self.n_verts, len(self.faces), surface)
 
     def read(self, start: int, stop: int) -> Vertices:
         """Positions of frames start..stop - 1, counted as in a slice of all frames."""

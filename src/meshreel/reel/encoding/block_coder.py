@@ -1,6 +1,6 @@
 """The method `reel`: a block of frames to the sections of a stream."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from typing import Any
@@ -31,6 +31,7 @@ from meshreel.subspace.trajectories import BoundingFrame
 Vertices = npt.NDArray[np.floating]
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
+SectionsOf = Callable[[FieldBlock, FieldMesh, Corrections | None], Iterator[tuple[Section, bytes]]]
 
 MOST_ERRORS = 1 << 21
 """Positions that corrections are found for at once."""
@@ -54,12 +55,18 @@ class FieldBlockCoder:
     choices : FieldChoices
     bound : float or None
         Largest error of a position, in diagonals of the frame; None promises nothing.
+    sections_of : callable
+        Gives the sections of a block, its mesh and corrections: of positions or of another track.
+    each_column : bool, default False
+        Whether the bound is of each number by itself, and not of the length of all.
     """
 
     mesh: FieldMesh
     frame: BoundingFrame
     choices: FieldChoices
     bound: float | None = None
+    sections_of: SectionsOf = write_field_block
+    each_column: bool = False
 
     def with_step(self, position_step: float, bound: float | None) -> "FieldBlockCoder":
         """The same with another step, as `FieldChoices` has it, and bound."""
@@ -72,7 +79,7 @@ class FieldBlockCoder:
             yield Section.PROMISE, write_promise(100.0 * self.bound)
 
     def frames(self, vertices: Vertices, order: Integers | None = None) -> "FieldFrames":
-        """A block of positions of shape (T_b, V, 3), ready to be coded.
+        """A block of positions of shape (T_b, V, 3), or of (T_b, N, C) values, ready to be coded.
 
         They are in internal order, or `order` is the number of each internal vertex.
         """
@@ -111,15 +118,17 @@ class FieldBlockCoder:
         )
         corrections = None
         if self.bound is not None:
-            corrections = _corrections(frames, found, self.bound)
+            corrections = _corrections(frames, found, self.bound, self.each_column)
         return CodedFrames(
-            sections=write_field_block(found.block, self.mesh, corrections),
+            sections=self.sections_of(found.block, self.mesh, corrections),
             analysed=found,
             key=KeyBlock(self.mesh, found.block, found.own),
         )
 
 
-def _corrections(frames: "FieldFrames", found: AnalysedFields, bound: float) -> Corrections:
+def _corrections(
+    frames: "FieldFrames", found: AnalysedFields, bound: float, each_column: bool
+) -> Corrections:
     """Corrections of a block, found for some frames after another."""
     block, parts = frames.block, []
     everything = slice(0, block.n_verts)
@@ -127,7 +136,7 @@ def _corrections(frames: "FieldFrames", found: AnalysedFields, bound: float) -> 
         errors = block.coordinates(everything, some)
         errors = errors.reshape(block.n_columns, -1, block.n_verts)
         errors -= found.decoded(some)
-        part = find_corrections(errors, bound, frames.rounding)
+        part = find_corrections(errors, bound, frames.rounding, each_column=each_column)
         parts.append(replace(part, frames=part.frames + some.start))
     vertices, numbers, offsets = (
         np.concatenate([getattr(part, name) for part in parts])

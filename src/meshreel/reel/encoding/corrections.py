@@ -9,7 +9,8 @@ from meshreel.runtime.profiling import staged
 Floats = npt.NDArray[np.float64]
 
 STEP_OF_BOUND = 1.1
-"""Step of corrections by the bound: half of it along each axis is 0.95 of the bound away."""
+"""Step of corrections by the bound: half of it along each of three axes is 0.95 of the bound
+away."""
 
 
 LARGEST_STEP = 1.0
@@ -32,8 +33,10 @@ def least_bound(rounding: float) -> float:
 
 
 @staged("corrections")
-def find_corrections(errors: Floats, bound: float, rounding: float) -> Corrections:
-    """Corrections that bring all positions of a block within a bound.
+def find_corrections(
+    errors: Floats, bound: float, rounding: float, *, each_column: bool = False
+) -> Corrections:
+    """Corrections that bring all positions, or values of another track, within a bound.
 
     Parameters
     ----------
@@ -43,10 +46,16 @@ def find_corrections(errors: Floats, bound: float, rounding: float) -> Correctio
         In diagonals.
     rounding : float
         Largest error of a position that comes from its number type alone.
+    each_column : bool, default False
+        Whether each number by itself has to be within the bound, and not the length of all.
     """
     allowed = allowed_error(bound, rounding)
-    step = np.float32(min(STEP_OF_BOUND * allowed, LARGEST_STEP))
-    squared = np.einsum("ctv,ctv->tv", errors, errors)
+    n_together = 1 if each_column else len(errors)
+    step = np.float32(min(STEP_OF_BOUND * np.sqrt(3.0 / n_together) * allowed, LARGEST_STEP))
+    if each_column:
+        squared = np.square(np.abs(errors).max(axis=0))
+    else:
+        squared = np.einsum("ctv,ctv->tv", errors, errors)
     vertices, frames = np.nonzero(allowed**2 < squared.T)
     offsets = np.rint(errors[:, frames, vertices].T / float(step)).astype(np.int64)
     return Corrections(step, vertices.astype(np.int64), frames.astype(np.int64), offsets)

@@ -1,6 +1,7 @@
 """Sequences that are all there: streams are made of them until one meets the target."""
 
 from collections.abc import Iterable, Iterator
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -22,6 +23,7 @@ from meshreel.reel.encoding.block_coder import (
 from meshreel.reel.encoding.effort import finest_step
 from meshreel.reel.encoding.meters import KgMeter, Meter, StedMeter
 from meshreel.reel.encoding.smoothness import sampled_frames, step_share
+from meshreel.reel.encoding.tracks import coded_tracks
 from meshreel.runtime.engine.engine import Engine
 from meshreel.runtime.progress import Count, Progress
 from meshreel.runtime.threads import one_ahead
@@ -48,6 +50,7 @@ def encode(source: Source, progress: Progress, engine: Engine | None) -> bytes:
     InvalidInputError
         If no stream meets the target.
     """
+    source = replace(source, tracks=coded_tracks(source, progress))
     sequence = WholeSequence(source, progress, engine)
     step, bound = aimed(source.config.target, sequence)
     data = sequence.stream(step, bound)

@@ -1,0 +1,243 @@
+"""Tracks beside the positions: found how fine they have to be, and coded block after block."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from meshreel.bitstream.layout import Section
+from meshreel.codec.choices import Order
+from meshreel.codec.source import CodedMesh, CodedTrack, Source
+from meshreel.codec.track_bounds import Measure, TrackBound
+from meshreel.codec.tracks import TrackHeader, write_track
+from meshreel.errors import InvalidInputError
+from meshreel.reel.agreed.blocks import write_track_block
+from meshreel.reel.agreed.graphs import ItemGraph, item_graph
+from meshreel.reel.agreed.mesh import FieldMesh
+from meshreel.reel.encoding.block_coder import (
+    FieldBlockCoder,
+    KeyedBlocks,
+    check_promise,
+    largest_rounding,
+)
+from meshreel.reel.encoding.effort import STEPS_OF_BOUND, choices_for, finest_step
+from meshreel.reel.encoding.rate_control import least_cost
+from meshreel.reel.options import DEFAULT_EFFORT, Tune
+from meshreel.runtime.progress import Count, Progress
+from meshreel.sequence import Extent
+from meshreel.subspace.trajectories import BoundingFrame, bounding_frame
+from meshreel.surface import Domain
+from meshreel.tracks import TrackKind, TrackSource, value_range
+
+Values = npt.NDArray[np.floating]
+Integers = npt.NDArray[np.int64]
+
+LARGEST_STEP = 0.1
+"""Coarsest step that is tried, in diagonals of the range: as of positions."""
+
+UNIT_LENGTH_TOLERANCE = 1e-3
+"""By how much the length of a normal may differ from 1; one of length 0 is none."""
+
+
+@dataclass(frozen=True)
+class TrackCoder:
+    """Codes blocks of a track.
+
+    Attributes
+    ----------
+    header : TrackHeader
+    order : int64 array of shape (N,), or None
+        Number of the value of each vertex in internal order; None: they are in it.
+    share : float
+        The bound, in diagonals of the range.
+    coder : FieldBlockCoder
+    """
+
+    header: TrackHeader
+    order: Integers | None
+    share: float
+    coder: FieldBlockCoder
+
+    @cached_property
+    def _blocks(self) -> KeyedBlocks:
+        return KeyedBlocks(self.coder)
+
+    def leading_section(self) -> tuple[Section, bytes]:
+        """What is said of the track before the first block."""
+        return Section.TRACK, write_track(self.header)
+
+    def code(self, values: Values) -> list[tuple[Section, bytes]]:
+        """The sections of the next block, of values of shape (T_b, N, C).
+
+        Raises
+        ------
+        InvalidInputError
+            If its numbers cannot be coded within the bound.
+        """
+        check_values(self.header.name, values, self.header)
+        return list(self._blocks.code(self.coder.frames(values, self.order)).sections)
+
+    def with_step(self, step: float) -> "TrackCoder":
+        """The same with another step, from its first block on."""
+        coder = self.coder
+        finest = finest_step(coder.mesh.n_verts, self.header.n_columns)
+        fitting = max(finest, min(step, LARGEST_STEP))
+        return replace(self, coder=coder.with_step(fitting, self.share))
+
+
+def coded_tracks(source: Source, progress: Progress) -> list[CodedTrack]:
+    """The tracks of a sequence that is all there, each within its bound.
+
+    Raises
+    ------
+    InvalidInputError
+        If a bound cannot be promised.
+    """
+    pieces = [slice(piece.start, piece.stop) for piece in source.pieces()]
+    found = []
+    for number, (name, bound) in enumerate(source.bounds.items()):
+        progress("encoding tracks", Count(number, len(source.bounds), "tracks"))
+        track = source.sequence.tracks[name]
+        found.append(coded_track(name, track, bound, source.mesh, pieces))
+    return found
+
+
+def coded_track(
+    name: str, track: TrackSource, bound: TrackBound, mesh: CodedMesh, pieces: Sequence[slice]
+) -> CodedTrack:
+    """A track of a sequence that is all there.
+
+    The step is the one that takes the fewest bytes, corrections included.
+
+    Parameters
+    ----------
+    name : str
+    track : TrackSource
+    bound : TrackBound
+    mesh : CodedMesh
+    pieces : sequence of slice
+        Frames of each block.
+
+    Raises
+    ------
+    InvalidInputError
+        If the bound cannot be promised.
+    """
+    coder = track_coder(name, track, bound, mesh, value_range(track))
+    smallest: list[list[tuple[Section, bytes]]] = []
+    least = math.inf
+
+    def size_bytes(step: float) -> float:
+        nonlocal smallest, least
+        tried = coder.with_step(step)
+        blocks = [tried.code(track.read(piece.start, piece.stop)) for piece in pieces]
+        size = float(sum(len(payload) for block in blocks for _, payload in block))
+        if size < least:
+            smallest, least = blocks, size
+        return size
+
+    least_cost(size_bytes, coder.share / STEPS_OF_BOUND)
+    return CodedTrack(coder.leading_section(), smallest)
+
+
+def track_coder(
+    name: str,
+    track: TrackSource,
+    bound: TrackBound,
+    mesh: CodedMesh,
+    extent: tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]],
+) -> TrackCoder:
+    """The coder of a track; its step is still to be set.
+
+    Parameters
+    ----------
+    name, track, bound, mesh
+        As of `coded_track`.
+    extent : two arrays of shape (C,)
+        Lowest and highest number of each column.
+    """
+    low, high = extent
+    frame = bounding_frame(Extent(low, high, 0.0))
+    allowed = length_allowed(bound, frame)
+    share = allowed / frame.scale
+    graph, order = _graph_of(name, track, mesh)
+    rounding = largest_rounding(float(low.min()), float(high.max()), track.dtype, frame)
+    try:
+        check_promise(share, rounding, track.dtype)
+    except InvalidInputError:
+        least = 1.01 * rounding * frame.scale
+        raise InvalidInputError(
+            f"track {name!r}: an error of {allowed:.3g} cannot be promised, since its numbers of "
+            f"type {track.dtype} are rounded by up to {least:.2g}; allow more, or ask for exact"
+        ) from None
+    effort = DEFAULT_EFFORT if mesh.config.effort is None else mesh.config.effort
+    choices = choices_for(effort, Tune.GEOMETRY, None)
+    header = TrackHeader(
+        name,
+        track.unit,
+        track.kind,
+        track.domain,
+        track.dtype,
+        frame.scale,
+        frame.origin,
+        bound=bound.amount if bound.measure is Measure.ANGLE else allowed,
+    )
+    coder = FieldBlockCoder(
+        FieldMesh(graph.faces, graph.n_items, choices.stencil_size),
+        frame,
+        choices,
+        sections_of=write_track_block,
+        each_column=bound.measure is Measure.NUMBER,
+    )
+    return TrackCoder(header, order, share, coder)
+
+
+def length_allowed(bound: TrackBound, frame: BoundingFrame) -> float:
+    """Largest length of the difference of two values (or of each number) that a bound allows."""
+    if bound.measure is Measure.SHARE:
+        return bound.amount / 100.0 * frame.scale
+    if bound.measure is Measure.ANGLE:
+        return math.sin(math.radians(bound.amount))
+    return bound.amount
+
+
+def check_values(name: str, values: Values, header: TrackHeader) -> None:
+    """Nothing if all values can be coded within a bound.
+
+    Raises
+    ------
+    InvalidInputError
+        Naming the first that is not finite, or, of normals, not of length 1 or 0.
+    """
+    is_finite = np.isfinite(values)
+    if not is_finite.all():
+        frame, item, column = np.argwhere(~is_finite)[0]
+        raise InvalidInputError(
+            f"track {name!r} has {values[frame, item, column]} at {header.domain} {item}; no bound "
+            "can be promised of that: ask for exact"
+        )
+    if header.kind is not TrackKind.NORMAL:
+        return
+    lengths = np.linalg.norm(values.astype(np.float64), axis=2)
+    is_off = (np.abs(lengths - 1.0) > UNIT_LENGTH_TOLERANCE) & (lengths != 0)
+    if is_off.any():
+        frame, item = np.argwhere(is_off)[0]
+        raise InvalidInputError(
+            f"track {name!r} has normals, which must have the length 1; that of {header.domain} "
+            f"{item} has {lengths[frame, item]:.6g}: divide by it, or call the kind vector"
+        )
+
+
+def _graph_of(name: str, track: TrackSource, mesh: CodedMesh) -> tuple[ItemGraph, Integers | None]:
+    if track.domain is Domain.VERTEX:
+        return ItemGraph(mesh.faces, mesh.n_verts), mesh.order
+    if mesh.order_kept is not Order.KEEP:
+        raise InvalidInputError(
+            f"track {name!r} is of each {track.domain}, whose order would be lost; keep it "
+            '(order="keep"), or drop the track'
+        )
+    graph = item_graph(track.domain, mesh.output_faces, mesh.surface, mesh.n_verts)
+    return graph, None

@@ -1,0 +1,87 @@
+"""Tracks of a sequence: what they are made of, and what is refused."""
+
+import numpy as np
+import pytest
+
+import meshreel
+from meshreel.errors import InvalidInputError
+from meshreel.surface import Domain, Surface
+from meshreel.tracks import MAX_COLUMNS, TrackKind, value_range
+from samples.meshes import grid_faces
+
+QUADS = Surface(face_sizes=np.full(9, 4, np.int32))
+
+
+def sequence(surface=None, tracks=None, **named):
+    given = {} if surface is None else {"surface": surface}
+    faces = grid_faces(4, 4)
+    return meshreel.MeshSequence(np.zeros((5, 16, 3)), faces, tracks=tracks or named, **given)
+
+
+def test_arrays_become_tracks_of_the_domain_that_has_as_many():
+    found = sequence(
+        a=np.zeros((5, 16)), b=np.zeros((5, 18, 3), np.float32), c=np.zeros((5, 54, 9), np.int16)
+    ).tracks
+    assert [one.domain for one in found.values()] == [Domain.VERTEX, Domain.FACE, Domain.CORNER]
+    kinds = [TrackKind.SCALAR, TrackKind.VECTOR, TrackKind.OTHER]
+    assert [one.kind for one in found.values()] == kinds
+    assert [one.shape for one in found.values()] == [(5, 16, 1), (5, 18, 3), (5, 54, 9)]
+    assert sequence(QUADS, x=np.zeros((5, 9))).tracks["x"].domain is Domain.FACE
+
+
+def test_values_are_kept_and_cannot_be_changed():
+    values = np.arange(80.0).reshape(5, 16)
+    track = sequence(x=values).tracks["x"]
+    np.testing.assert_array_equal(track[2][:, 0], values[2])
+    assert len(track) == 5
+    with pytest.raises(ValueError, match="read-only"):
+        track.values[0] = 1
+    assert sequence(on=np.ones((5, 16), bool)).tracks["on"].dtype == np.uint8
+
+
+REFUSED = {
+    "has 4 frames; the positions have 5": np.zeros((4, 16)),
+    "the mesh has 16 vertices, 18 faces and 54 corners": np.zeros((5, 17)),
+    r"values of shape \(5,\) are not of vertices, faces or corners": np.zeros(5),
+    r"none of them 0; got \(5, 16, 0\)": np.zeros((5, 16, 0)),
+    "must be bool, uint8, .* got complex128": np.zeros((5, 16), complex),
+    f"may have {MAX_COLUMNS} numbers; got 10000: make several": np.zeros((5, 16, 10000)),
+    "of each face; the mesh has 16 vert": meshreel.Track(np.zeros((5, 16)), "face"),
+}
+
+
+@pytest.mark.parametrize("words", REFUSED)
+def test_tracks_are_refused_when_they_do_not_fit(words):
+    with pytest.raises(InvalidInputError, match=f"track 'x'.*{words}"):
+        sequence(x=REFUSED[words])
+
+
+@pytest.mark.parametrize(
+    ("shape", "dtype", "given", "words"),
+    [
+        ((5, 16, 2), float, {"kind": "normal"}, "normal have 3 numbers; got 2"),
+        ((5, 16, 3), int, {"kind": "normal"}, "must be float32 or float64; got int64"),
+        ((5, 16), float, {"kind": "colour"}, "kind is one of scalar, .*; got 'colour'"),
+        ((5, 16), float, {"domain": "edge"}, "domain is one of vertex, face, corner; got 'edge'"),
+        ((5, 16, 4), float, {"kind": "vector"}, r"vector have 2 numbers \(2 or 3\); got 4"),
+    ],
+)
+def test_a_track_is_refused_when_it_cannot_be_of_its_kind(shape, dtype, given, words):
+    with pytest.raises(InvalidInputError, match=words):
+        meshreel.Track(np.zeros(shape, dtype), **given)
+
+
+def test_a_track_is_refused_when_it_has_no_name():
+    with pytest.raises(InvalidInputError, match="needs a name of its own; got ''"):
+        sequence(tracks={"": np.zeros((5, 16))})
+
+
+def test_range_is_of_finite_numbers_of_each_column():
+    values = np.zeros((5, 16, 2))
+    values[3, 4] = [7, np.nan]
+    values[1, 2] = [np.inf, -2]
+    low, high = value_range(meshreel.Track(values), 2)
+    assert low.tolist() == [0, -2]
+    assert high.tolist() == [7, 0]
+    low, high = value_range(meshreel.Track(np.full((2, 3), np.nan)))
+    assert np.isnan([low, high]).all()
