@@ -2,7 +2,7 @@
 
 import math
 import time
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 from meshreel import __version__
@@ -43,6 +43,8 @@ class EncodeOptions:
         Whether those of them that cannot be read are left out.
     allow_outside : bool
         Whether files are read that an input names outside of its folder.
+    tracks : dict of str to str, or None
+        How exact tracks are to come back. An input that lacks one gets a note.
     """
 
     config: EncoderConfig
@@ -51,6 +53,7 @@ class EncodeOptions:
     attributes: str = ALL
     skip_bad: bool = False
     allow_outside: bool = False
+    tracks: dict[str, float | str] | None = None
 
     @property
     def are_cut(self) -> bool:
@@ -66,6 +69,8 @@ class EncodeOptions:
             chosen["fps"] = self.fps
         if self.attributes != ALL:
             chosen["attributes"] = self.attributes
+        if self.tracks:
+            chosen["tracks"] = self.tracks
         flags = ("merge", "skip_bad", "allow_outside")
         return {**chosen, **{flag: True for flag in flags if getattr(self, flag)}}
 
@@ -114,7 +119,7 @@ def encode_input(
     )
     opened = open_for_encoding(source, options.config.memory_bytes, reading)
     sequence, config = _suited(opened, options, notes)
-    data = encode_with(config, sequence, engine=engine)
+    data = encode_with(config, sequence, tracks=_present(sequence, options, notes), engine=engine)
     achieved = measure_stream(sequence, data, order=config.order, with_sted=config.sted is not None)
     stream = info(data)
     if lost := order_loss_note(sequence.surface, Order[stream.order.upper()]):
@@ -125,7 +130,13 @@ def encode_input(
         "raw_size_bytes": stream.raw_size_bytes,
         "size_bytes": stream.size_bytes,
         "ratio": stream.ratio,
-        **{name: _finite(error) for name, error in asdict(achieved).items()},
+        "kg_error_percent": _finite(achieved.kg_error_percent),
+        "max_error_percent": _finite(achieved.max_error_percent),
+        "sted": _finite(achieved.sted),
+        "tracks": {
+            name: {"largest": _finite(one.largest), "rms": _finite(one.rms), "unit": one.unit}
+            for name, one in achieved.tracks.items()
+        },
         "uv_error": None if uv is None else uv.largest,
         "notes": notes,
     }
@@ -144,6 +155,16 @@ def _suited(
         notes.append("has no texture coordinates for uv_bits= to quantise")
         config = replace(config, uv_bits=None)
     return sequence, config
+
+
+def _present(
+    sequence: FrameSource, options: EncodeOptions, notes: list[str]
+) -> dict[str, float | str]:
+    """What is asked of the tracks that the input has."""
+    asked = options.tracks or {}
+    if missing := [name for name in asked if name not in sequence.tracks]:
+        notes.append(f"has no track {', '.join(missing)}")
+    return {name: bound for name, bound in asked.items() if name in sequence.tracks}
 
 
 def _finite(error: float | None) -> float | None:

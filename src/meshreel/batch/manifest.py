@@ -40,7 +40,7 @@ class Record:
         Why it failed.
     seconds : float or None
         To read, encode and measure it. This and what follows is None unless it is done.
-    raw_size_bytes, size_bytes, ratio, kg_error_percent, max_error_percent, sted
+    raw_size_bytes, size_bytes, ratio, kg_error_percent, max_error_percent, sted, tracks
         As `meshreel encode --json` gives them.
     uv_error : float or None
         The largest difference of a texture coordinate, where 1 is the width of a texture; None if
@@ -63,6 +63,7 @@ class Record:
     kg_error_percent: float | None = None
     max_error_percent: float | None = None
     sted: float | None = None
+    tracks: dict[str, Any] = field(default_factory=dict)
     uv_error: float | None = None
     notes: list[str] = field(default_factory=list)
 

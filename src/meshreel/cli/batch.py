@@ -14,6 +14,7 @@ from meshreel.cli.read_options import (
     MergeOption,
     SkipBadOption,
 )
+from meshreel.cli.track_options import TrackOption, track_targets
 from meshreel.codec.config import EncoderConfig
 from meshreel.surface_selection import ALL, listed_names
 
@@ -67,6 +68,7 @@ def batch_command(
     *,
     encoding: Encoding,
     attributes: AttributesOption = ALL,
+    track: TrackOption = None,
     fps: FpsOption = None,
     merge: MergeOption = False,
     skip_bad: SkipBadOption = False,
@@ -104,7 +106,8 @@ def batch_command(
         raise typer.BadParameter("--workers and --scheduler exclude each other; give one")
     config = EncoderConfig(**encoding)
     listed_names(attributes)  # refused now, before any work
-    options = EncodeOptions(config, fps, merge, attributes, skip_bad, allow_outside)
+    tracks = track_targets(track)
+    options = EncodeOptions(config, fps, merge, attributes, skip_bad, allow_outside, tracks)
     plan = plan_batch(input_dir, out_dir, options, force=force)
     report = _run(plan, workers, scheduler)
     print_notes([f"{name}: {note}" for name, one in report.encoded.items() for note in one.notes])

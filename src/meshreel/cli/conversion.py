@@ -1,6 +1,6 @@
 """Sequences written into other formats, or coded, and what is said of it."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -29,6 +29,8 @@ class Conversion:
     force : bool
     progress : Progress
     notes : list of str
+    tracks : mapping of str to str, or None
+        How exact tracks of streams are to come back.
     """
 
     inputs: Sequence[Path]
@@ -38,6 +40,7 @@ class Conversion:
     force: bool
     progress: Progress
     notes: list[str]
+    tracks: Mapping[str, float | str] | None = None
     figures: list[dict[str, Any]] = field(default_factory=list)
     _streams: list["EncodedFile"] = field(default_factory=list)
 
@@ -80,7 +83,7 @@ class Conversion:
         if is_stream(output):
             made = encode_file(
                 frames_of(sequence, wanted), Path(output), self.config, self.notes,
-                force=self.force, progress=self.progress,
+                tracks=self.tracks, force=self.force, progress=self.progress,
             )  # fmt: skip
             self._streams.append(made)
             figures = written_figures([made.output], sequence, len(wanted))

@@ -18,6 +18,7 @@ from meshreel.cli.read_options import (
     SplitOption,
     TopologyOption,
 )
+from meshreel.cli.track_options import TrackOption, track_targets
 from meshreel.cli.write_options import (
     ForceOption,
     FramesOption,
@@ -57,6 +58,7 @@ def convert_command(
     topology: TopologyOption = None,
     dataset: DatasetOption = None,
     attributes: AttributesOption = ALL,
+    track: TrackOption = None,
     split: SplitOption = False,
     targets: TargetsOption = None,
     normals: NormalsOption = None,
@@ -105,7 +107,7 @@ def convert_command(
     if split and chosen is not None:
         raise typer.BadParameter("--split and --frames exclude each other; give one")
     if not is_stream(output):
-        refuse_stream_options(context, own, output)
+        refuse_stream_options(context, {*own, "track"}, output)
     config = EncoderConfig(**(encoding if is_stream(output) else own))
     ordered = natural_order(Path(path) for path in inputs)
     source = inputs[0] if len(inputs) == 1 else ordered
@@ -124,6 +126,7 @@ def convert_command(
             force,
             progress,
             reading.notes,
+            track_targets(track),
         )
         # What is known of the output is checked before the input is read, which may take long.
         conversion.check(output, None if split else known_frames(files, chosen))

@@ -18,6 +18,7 @@ from meshreel.cli.read_options import (
     SplitOption,
     TopologyOption,
 )
+from meshreel.cli.track_options import TrackOption, track_targets
 from meshreel.codec.config import EncoderConfig
 from meshreel.surface_selection import ALL
 
@@ -59,6 +60,7 @@ def encode_command(
     topology: TopologyOption = None,
     dataset: DatasetOption = None,
     attributes: AttributesOption = ALL,
+    track: TrackOption = None,
     split: SplitOption = False,
     force: Annotated[
         bool, typer.Option("--force", "-f", help="Replace the output if it exists.")
@@ -88,6 +90,8 @@ def encode_command(
 
     - `meshreel encode character.glb --attributes none`
 
+    - `meshreel encode sim.vtkhdf --track stress=500Pa --track velocity=0.1% --track id=exact`
+
     - `meshreel encode huge_frames/ --memory 1GiB`
 
     - `meshreel encode walk.npz --method pca-qp --modes 30 --bits 10`
@@ -106,7 +110,7 @@ def encode_command(
 
     stream_path = output or Path(f"{_stem(inputs[0])}.reel")
     check_ending(stream_path, (".reel",), OTHER_OUTPUTS)
-    config = EncoderConfig(**encoding)
+    config, targets = EncoderConfig(**encoding), track_targets(track)
     frames = natural_order(Path(path) for path in inputs)
     source = inputs[0] if len(inputs) == 1 else frames
     files = files_of_source(source, topology)
@@ -136,7 +140,15 @@ def encode_command(
         for _, path in pieces:
             check_output_path(path, overwrite=force, inputs=files)
         results = [
-            encode_file(opened(), path, config, reading.notes, force=force, progress=progress)
+            encode_file(
+                opened(),
+                path,
+                config,
+                reading.notes,
+                tracks=targets,
+                force=force,
+                progress=progress,
+            )
             for opened, path in pieces
         ]
     print_notes(reading.notes)

@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     from meshreel.codec.achieved import Achieved
     from meshreel.codec.inspect import StreamInfo
     from meshreel.codec.surface.uv_errors import UvErrors
+    from meshreel.codec.track_bounds import TrackTargets
     from meshreel.runtime.progress import Progress
     from meshreel.sequence import FrameSource
 
@@ -27,7 +28,9 @@ class EncodedFile:
         """Figures as they are printed as JSON."""
         from meshreel.cli.figures import size_figures, uv_figures
 
-        figures = {"output": str(self.output), **size_figures(self.stream), **vars(self.achieved)}
+        tracks = {name: errors.as_dict() for name, errors in self.achieved.tracks.items()}
+        achieved = {**vars(self.achieved), "tracks": tracks}
+        figures = {"output": str(self.output), **size_figures(self.stream), **achieved}
         return figures | uv_figures(self.uv)
 
     def show(self) -> None:
@@ -65,6 +68,7 @@ def encode_file(
     config: EncoderConfig,
     notes: list[str],
     *,
+    tracks: "TrackTargets | None" = None,
     force: bool,
     progress: "Progress",
 ) -> EncodedFile:
@@ -78,7 +82,7 @@ def encode_file(
     from meshreel.runtime.outputs.atomic import replace_when_done
     from meshreel.runtime.profiling import stage
 
-    data = encode_with(config, sequence, progress=progress)
+    data = encode_with(config, sequence, tracks=tracks, progress=progress)
     with stage("writing"), replace_when_done(output, overwrite=force) as temporary:
         temporary.write_bytes(data)
     with_sted = config.sted is not None

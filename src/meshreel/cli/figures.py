@@ -1,5 +1,6 @@
 """Figures of streams and of quality, as text for tables."""
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from meshreel.cli.console import size_text
@@ -11,6 +12,7 @@ if TYPE_CHECKING:
     from meshreel.codec.surface.uv_errors import UvErrors
     from meshreel.formats.inspection import MeshInfo
     from meshreel.metrics.compare import Quality
+    from meshreel.metrics.track_errors import TrackErrors
     from meshreel.viewer.measuring import Measured
 
 
@@ -47,6 +49,26 @@ def achieved_rows(achieved: "Achieved", stream: "StreamInfo") -> dict[str, str]:
         rows["promised"] = promise_text(stream)
     if achieved.sted is not None:
         rows["STED"] = f"{achieved.sted:.5f}"
+    return rows | track_error_rows(achieved.tracks, promised_of(stream))
+
+
+def promised_of(stream: "StreamInfo") -> dict[str, float]:
+    """Bounds of the tracks of a stream, by their names."""
+    return {track.name: track.bound for track in stream.tracks}
+
+
+def track_error_rows(
+    tracks: "dict[str, TrackErrors]", promised: Mapping[str, float] | None = None
+) -> dict[str, str]:
+    """Errors of tracks, in their units, with what is promised of them."""
+    rows = {}
+    for name, errors in tracks.items():
+        unit = f" {errors.unit}" if errors.unit else ""
+        text = "exact"
+        if errors.largest:
+            text = f"largest error {errors.largest:.4g}{unit}, RMS {errors.rms:.4g}{unit}"
+        bound = (promised or {}).get(name)
+        rows[f"track {name}"] = f"{text}; promised {bound:.4g}{unit}" if bound else text
     return rows
 
 
@@ -88,7 +110,9 @@ def info_rows(stream: "StreamInfo") -> dict[str, str]:
             "in one piece much of it would be saved"
         )
     if stream.tracks:
-        rows["tracks"] = "\n".join(stream.tracks)
+        rows["tracks"] = "\n".join(
+            f"{track}, {size_text(track.size_bytes)}" for track in stream.tracks
+        )
     if not stream.is_whole:
         rows["end"] = "cut off; this is what the whole blocks hold"
     if stream.max_error_percent:
@@ -123,6 +147,7 @@ def quality_rows(quality: "Quality") -> dict[str, str]:
         "RMS error": f"{quality.rms_error_percent:.4f} % of the diagonal",
         "normals off by": f"{quality.normal_angle_mean_deg:.2f} degrees in the mean, "
         f"{quality.normal_angle_p95_deg:.2f} at the 95th percentile",
+        **track_error_rows(quality.tracks),
     }
 
 

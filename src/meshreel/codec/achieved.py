@@ -11,6 +11,7 @@ from meshreel.codec.reel_file import ReelFile
 from meshreel.connectivity.coder import encode_connectivity
 from meshreel.metrics.sted import sted
 from meshreel.metrics.streamed import streamed_errors
+from meshreel.metrics.track_errors import TrackErrors, errors_of_tracks
 from meshreel.runtime.profiling import staged
 from meshreel.runtime.progress import Count, Progress, silent
 from meshreel.sequence import FrameSource
@@ -28,11 +29,13 @@ class Achieved:
     kg_error_percent, max_error_percent : float
     sted : float or None
         None if it was not requested.
+    tracks : dict of str to TrackErrors
     """
 
     kg_error_percent: float
     max_error_percent: float
     sted: float | None
+    tracks: dict[str, TrackErrors]
 
 
 @staged("measuring")
@@ -56,10 +59,7 @@ def measure_stream(
         Whether to measure STED too, which holds all frames in memory.
     progress : callable, optional
     """
-    internal: Integers | None = None
-    if order == "drop":
-        connectivity = encode_connectivity(sequence.faces, sequence.n_verts, order="drop")
-        internal = np.argsort(connectivity.internal_to_given)
+    internal = _internal(sequence, order)
     runs: list[Vertices] = []
 
     def pieces(reel: ReelFile) -> Iterator[tuple[int, Vertices]]:
@@ -72,8 +72,24 @@ def measure_stream(
 
     with ReelFile(BytesIO(data)) as reel:
         errors = streamed_errors(sequence, pieces(reel))
+        tracks = errors_of_tracks(sequence.tracks, reel.tracks, internal)
     measured_sted = None
     if with_sted:
         vertices = sequence.read(0, sequence.n_frames)
         measured_sted = sted(vertices, np.concatenate(runs), sequence.faces).sted
-    return Achieved(errors.kg_error_percent, errors.max_error_percent, measured_sted)
+    return Achieved(errors.kg_error_percent, errors.max_error_percent, measured_sted, tracks)
+
+
+@staged("measuring")
+def measure_tracks(sequence: FrameSource, data: bytes, *, order: str) -> dict[str, TrackErrors]:
+    """Errors of the tracks of a stream; the parameters are those of `measure_stream`."""
+    with ReelFile(BytesIO(data)) as reel:
+        return errors_of_tracks(sequence.tracks, reel.tracks, _internal(sequence, order))
+
+
+def _internal(sequence: FrameSource, order: str) -> Integers | None:
+    """The decoded place of each vertex; None: its own."""
+    if order != "drop":
+        return None
+    connectivity = encode_connectivity(sequence.faces, sequence.n_verts, order="drop")
+    return np.argsort(connectivity.internal_to_given)

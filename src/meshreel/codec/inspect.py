@@ -9,6 +9,52 @@ from meshreel.codec.error_bounds import read_promise
 from meshreel.codec.open_stream import OpenStream
 from meshreel.codec.stored_blocks import stored_blocks
 from meshreel.surface_description import carried, described_images, described_materials
+from meshreel.tracks import TrackKind
+
+
+@dataclass(frozen=True)
+class TrackInfo:
+    """A track of a stream.
+
+    Attributes
+    ----------
+    name, kind, domain, unit : str
+    number_type : str
+        Such as "float32".
+    n_columns : int
+    is_exact : bool
+        Whether its numbers are those of the original.
+    bound : float
+        Largest error of a value that is promised, in its unit; of normals in degrees. 0: none is
+        promised, or it is exact.
+    size_bytes : int
+        Of its groups in all blocks.
+    raw_size_bytes : int
+        Of its values as they are decoded.
+    """
+
+    name: str
+    kind: str
+    domain: str
+    unit: str
+    number_type: str
+    n_columns: int
+    is_exact: bool
+    bound: float
+    size_bytes: int
+    raw_size_bytes: int
+
+    def __str__(self) -> str:
+        width = f"{self.n_columns} x " if self.n_columns > 1 else ""
+        unit = "deg" if self.kind == TrackKind.NORMAL else self.unit
+        promise = "exact" if self.is_exact else f"within {self.bound:.4g} {unit}".rstrip()
+        if not self.bound and not self.is_exact:
+            promise = "no bound"
+        return (
+            f"{self.name}: {self.kind} of each {self.domain}, {width}{self.number_type}"
+            + (f" in {self.unit}" if self.unit else "")
+            + f", {promise}"
+        )
 
 
 @dataclass(frozen=True)
@@ -55,9 +101,8 @@ class StreamInfo:
         Names of materials with their textures, such as "skin: base color image 0".
     images : tuple of str
         Descriptions of images, such as "0: 'shade', image/png, 92 bytes".
-    tracks : tuple of str
-        Tracks beside the positions, such as "'stress': 1 x float32 of each vertex in Pa". This
-        build lists them only.
+    tracks : tuple of TrackInfo
+        Tracks beside the positions.
     """
 
     n_frames: int
@@ -84,7 +129,7 @@ class StreamInfo:
     diagonal: float
     materials: tuple[str, ...]
     images: tuple[str, ...]
-    tracks: tuple[str, ...]
+    tracks: tuple[TrackInfo, ...]
 
     @property
     def ratio(self) -> float:
@@ -134,6 +179,7 @@ def stream_info(stream: Stream) -> StreamInfo:
     blocks = stored_blocks(stream, opened.method)
     surface = opened.surface
     positions = stream.n_frames * header.n_verts * 3
+    tracks = _tracks(opened)
     return StreamInfo(
         n_frames=stream.n_frames,
         n_verts=header.n_verts,
@@ -147,7 +193,10 @@ def stream_info(stream: Stream) -> StreamInfo:
         n_modes=tuple(block.n_modes for block in blocks),
         block_frames=tuple(block.n_frames for block in blocks),
         size_bytes=stream.size_bytes,
-        raw_size_bytes=positions * header.vertex_type + header.n_faces * 12 + surface.size_bytes,
+        raw_size_bytes=positions * header.vertex_type
+        + header.n_faces * 12
+        + surface.size_bytes
+        + sum(track.raw_size_bytes for track in tracks),
         budget_bytes=_budget(stream),
         block_bytes=tuple(
             sum(len(payload) for payload in block.sections.values()) for block in blocks
@@ -161,8 +210,30 @@ def stream_info(stream: Stream) -> StreamInfo:
         diagonal=header.scale,
         materials=described_materials(surface),
         images=described_images(surface),
-        tracks=tuple(map(str, opened.tracks)),
+        tracks=tracks,
     )
+
+
+def _tracks(opened: OpenStream) -> tuple[TrackInfo, ...]:
+    stream, found = opened.stream, []
+    for number, track in enumerate(opened.tracks, start=1):
+        n_faces = stream.header.n_faces
+        n_items = opened.surface.n_items(track.domain, opened.n_verts, n_faces)
+        found.append(
+            TrackInfo(
+                name=track.name,
+                kind=str(track.kind),
+                domain=str(track.domain),
+                unit=track.unit,
+                number_type=str(track.dtype),
+                n_columns=track.n_columns,
+                is_exact=track.is_exact,
+                bound=track.bound,
+                size_bytes=sum(place.sizes[number] for place in stream.places),
+                raw_size_bytes=stream.n_frames * n_items * track.n_columns * track.dtype.itemsize,
+            )
+        )
+    return tuple(found)
 
 
 def promised_percent(stream: Stream) -> float | None:

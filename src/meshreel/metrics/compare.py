@@ -14,8 +14,10 @@ from meshreel.metrics.nmsve import nmsve_per_frame
 from meshreel.metrics.normals import normal_angles
 from meshreel.metrics.reference import bounding_box_reference
 from meshreel.metrics.sted import sted
+from meshreel.metrics.track_errors import TrackErrors, errors_of_tracks
 from meshreel.runtime.progress import Progress, silent
 from meshreel.sequence import Faces, FrameSource, MeshSequence
+from meshreel.tracks import described_track
 
 Floats = npt.NDArray[np.float64]
 
@@ -37,6 +39,8 @@ class Quality:
     n_frames, n_verts : int
     diagonal : float
         Diagonal of the bounding box of the whole original sequence, in model units.
+    tracks : dict of str to TrackErrors
+        Errors of the tracks that both sequences have.
     """
 
     kg_error_percent: float
@@ -52,6 +56,7 @@ class Quality:
     n_frames: int
     n_verts: int
     diagonal: float
+    tracks: dict[str, TrackErrors]
 
     @property
     def nmsve_mean(self) -> float:
@@ -68,7 +73,9 @@ class Quality:
 
     def as_dict(self) -> dict[str, Any]:
         """Every figure by name in plain Python types; `nmsve` as a list, `nmsve_mean` added."""
-        return {**vars(self), "nmsve": self.nmsve.tolist(), "nmsve_mean": self.nmsve_mean}
+        tracks = {name: errors.as_dict() for name, errors in self.tracks.items()}
+        lists = {"nmsve": self.nmsve.tolist(), "tracks": tracks}
+        return {**vars(self), **lists, "nmsve_mean": self.nmsve_mean}
 
 
 def compare(
@@ -115,6 +122,7 @@ def compare(
         n_frames=original.n_frames,
         n_verts=original.n_verts,
         diagonal=bounding_box_reference(vertices).diagonal,
+        tracks=errors_of_tracks(original.tracks, decoded.tracks),
     )
 
 
@@ -126,6 +134,13 @@ def require_comparable(original: FrameSource, decoded: FrameSource) -> None:
     InvalidInputError
         Naming both counts, or the first face of the original that the decoded lacks.
     """
+    for name in original.tracks.keys() & decoded.tracks.keys():
+        one, other = original.tracks[name], decoded.tracks[name]
+        if (one.domain, one.shape[2]) != (other.domain, other.shape[2]):
+            raise InvalidInputError(
+                f"track {name!r} of the original is {described_track(one)}, of the decoded "
+                f"{described_track(other)}; only tracks of the same kind can be compared"
+            )
     for noun, count, count_hat in (
         ("vertex", original.n_verts, decoded.n_verts),
         ("frame", original.n_frames, decoded.n_frames),

@@ -9,11 +9,12 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.bitstream.layout import Section
+from meshreel.codec.achieved import measure_tracks
 from meshreel.codec.choices import Order
 from meshreel.codec.source import CodedMesh, CodedTrack, Source
 from meshreel.codec.track_bounds import Measure, TrackBound
-from meshreel.codec.tracks import TrackHeader, write_track
-from meshreel.errors import InvalidInputError
+from meshreel.codec.tracks import TrackHeader, read_track, write_track
+from meshreel.errors import InvalidInputError, SolverError
 from meshreel.reel.agreed.blocks import write_track_block
 from meshreel.reel.agreed.graphs import ItemGraph, item_graph
 from meshreel.reel.agreed.mesh import FieldMesh
@@ -37,6 +38,9 @@ Integers = npt.NDArray[np.int64]
 
 LARGEST_STEP = 0.1
 """Coarsest step that is tried, in diagonals of the range: as of positions."""
+
+SLACK = 1e-9
+"""Share by which an error may seem larger than it is, by the rounding of the measure."""
 
 UNIT_LENGTH_TOLERANCE = 1e-3
 """By how much the length of a normal may differ from 1; one of length 0 is none."""
@@ -103,6 +107,24 @@ def coded_tracks(source: Source, progress: Progress) -> list[CodedTrack]:
         track = source.sequence.tracks[name]
         found.append(coded_track(name, track, bound, source.mesh, pieces))
     return found
+
+
+def check_kept(source: Source, data: bytes) -> None:
+    """Nothing if every track of a stream is within its bound.
+
+    Raises
+    ------
+    SolverError
+        If one is not.
+    """
+    measured = measure_tracks(source.sequence, data, order=source.config.order)
+    for header in (read_track(track.leading[1]) for track in source.tracks):
+        found = measured[header.name].largest
+        if found > header.bound * (1.0 + SLACK):
+            raise SolverError(
+                f"track {header.name!r} decodes to errors of up to {found:g}, and {header.bound:g} "
+                "was promised; nothing is written; please report this sequence"
+            )
 
 
 def coded_track(

@@ -23,7 +23,7 @@ from meshreel.reel.encoding.block_coder import (
 from meshreel.reel.encoding.effort import finest_step
 from meshreel.reel.encoding.meters import KgMeter, Meter, StedMeter
 from meshreel.reel.encoding.smoothness import sampled_frames, step_share
-from meshreel.reel.encoding.tracks import coded_tracks
+from meshreel.reel.encoding.tracks import check_kept, coded_tracks
 from meshreel.runtime.engine.engine import Engine
 from meshreel.runtime.progress import Count, Progress
 from meshreel.runtime.threads import one_ahead
@@ -54,6 +54,8 @@ def encode(source: Source, progress: Progress, engine: Engine | None) -> bytes:
     sequence = WholeSequence(source, progress, engine)
     step, bound = aimed(source.config.target, sequence)
     data = sequence.stream(step, bound)
+    if source.tracks:
+        check_kept(source, data)
     if bound is not None:
         achieved = measure_stream(
             source.sequence, data, order=source.config.order, progress=progress

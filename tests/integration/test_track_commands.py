@@ -1,0 +1,79 @@
+"""Tracks on the command line: bounds asked for, printed and refused."""
+
+import json
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import meshreel
+from meshreel.cli.app import app
+from samples.meshes import waving_grid
+
+GRID = waving_grid(12)
+WAVES = np.sin(np.arange(12)[:, None] / 3 + np.arange(GRID.n_verts) / 20)
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    sequence = meshreel.MeshSequence(
+        GRID.vertices,
+        GRID.faces,
+        25,
+        tracks={"heat": meshreel.Track(300 + 20 * WAVES, unit="K"), "flow": WAVES[..., None] * 3},
+    )
+    (tmp_path / "a.reel").write_bytes(meshreel.encode(sequence, tracks={"heat": 1e-4}))
+    return tmp_path
+
+
+def run(*words):
+    return CliRunner().invoke(app, [*map(str, words)])
+
+
+def test_bounds_are_kept_and_printed(folder):
+    done = run("convert", "a.reel", "-o", "b.reel", "--track", "heat=0.5K", "--track", "flow=drop")
+    assert done.exit_code == 0, done.output
+    assert "track heat" in done.output
+    assert "promised 0.5 K" in done.output
+    with meshreel.open("b.reel") as reel:
+        assert list(reel.tracks) == ["heat"]
+    said = run("info", "b.reel").output
+    assert "heat: scalar of each vertex, float64 in K, within 0.5 K," in said
+    compared = json.loads(run("compare", "a.reel", "b.reel", "--json").stdout)
+    assert 0.1 < compared["tracks"]["heat"]["largest"] <= 0.5
+    assert "RMS" in run("compare", "a.reel", "b.reel").output
+
+
+def test_json_has_the_errors_of_tracks(folder):
+    done = run("convert", "a.reel", "-o", "b.reel", "--track", "heat=1%", "--json")
+    found = json.loads(done.stdout)["tracks"]
+    assert found["heat"]["unit"] == "K"
+    assert len(found["flow"]["rms_of_frames"]) == 12
+    [heat, _] = json.loads(run("info", "b.reel", "--json").stdout)["tracks"]
+    assert heat["bound"] == pytest.approx(0.01 * np.ptp(300 + 20 * WAVES), rel=1e-3)
+    assert 0 < heat["size_bytes"] < heat["raw_size_bytes"] / 8
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["b.reel", "--track", "heat"], "takes a name and a bound, as in stress=0.1%; got 'heat'"),
+        (["b.reel", "--track", "heat=1", "--track", "heat=2"], "names 'heat' twice"),
+        (["b.reel", "--track", "hat=1"], "did you mean 'heat'?"),
+        (["b.npz", "--track", "heat=1"], "--track has no effect on b.npz"),
+    ],
+)
+def test_what_cannot_be_is_refused_in_words(folder, words, told):
+    done = run("convert", "a.reel", "-o", *words)
+    assert done.exit_code != 0
+    assert told in " ".join(f"{done.output} {done.exception}".replace("│", " ").split())
+
+
+def test_batch_takes_bounds_and_says_which_input_lacks_a_track(folder):
+    (folder / "in").mkdir()
+    meshreel.save(GRID, "in/plain.npz")
+    bounds = ["--track", "heat=1K", "--workers", "1"]
+    done = run("batch", "in", "out", *bounds, "--json")
+    assert done.exit_code == 0, done.output
+    assert "has no track heat" in done.output

@@ -1,0 +1,82 @@
+"""Errors of tracks, in their units."""
+
+import numpy as np
+import pytest
+
+import meshreel
+from meshreel.errors import InvalidInputError
+from meshreel.metrics.track_errors import track_errors
+from meshreel.tracks import Track
+from samples.meshes import waving_grid
+
+
+def zeros(*shape, **given):
+    return Track(np.zeros(shape), **given)
+
+
+def changed(track, place, value):
+    values = track.values.copy()
+    values[place] = value
+    return Track(values, track.domain, track.kind, track.unit)
+
+
+def test_an_error_is_the_length_of_the_difference():
+    track = zeros(4, 6, 3, unit="m/s")
+    found = track_errors(track, changed(track, (2, 5), [3, 4, 0]))
+    assert (found.largest, found.unit) == (5, "m/s")
+    assert found.largest_of_frames.tolist() == [0, 0, 5, 0]
+    assert found.rms == pytest.approx(5 / np.sqrt(24))
+    assert found.rms_of_frames[2] == pytest.approx(5 / np.sqrt(6))
+
+
+def test_an_error_of_a_color_is_that_of_its_worst_number():
+    track = zeros(2, 3, 4, kind="color")
+    assert track_errors(track, changed(track, (0, 1), [0.1, -0.3, 0.2, 0])).largest == 0.3
+
+
+def test_an_error_of_a_normal_is_an_angle():
+    up = Track(np.tile([0.0, 0.0, 1.0], (1, 3, 1)), kind="normal")
+    turned = changed(up, (0, 1), [0, np.sin(0.2), np.cos(0.2)])
+    found = track_errors(up, turned)
+    assert (found.largest, found.unit) == (pytest.approx(np.degrees(0.2)), "deg")
+    assert track_errors(up, changed(up, (0, 0), [0, 0, 3])).largest == pytest.approx(0)
+    assert track_errors(up, changed(up, (0, 0), 0)).largest == 180
+    nothing = changed(up, (0, 0), 0)
+    assert track_errors(nothing, nothing).largest == 0
+
+
+def test_missing_values_are_equal_to_missing_ones_only():
+    track = changed(zeros(2, 3, 2), (0, 1, 0), np.nan)
+    assert track_errors(track, track).largest == 0
+    assert track_errors(track, zeros(2, 3, 2)).largest == np.inf
+    infinite = changed(zeros(2, 3, 2), (1, 1), np.inf)
+    assert track_errors(infinite, infinite).largest == 0
+
+
+def test_integers_are_compared_without_overflow():
+    high = Track(np.full((1, 2), 250, np.uint8))
+    assert track_errors(high, Track(np.full((1, 2), 3, np.uint8))).largest == 247
+
+
+def test_compare_has_the_errors_of_tracks_that_both_have():
+    grid = waving_grid(4)
+    one, other = (
+        meshreel.MeshSequence(grid.vertices, grid.faces, tracks=tracks)
+        for tracks in (
+            {"heat": zeros(4, grid.n_verts, unit="K"), "more": zeros(4, grid.n_verts)},
+            {"heat": changed(zeros(4, grid.n_verts, unit="K"), (3, 0), 2)},
+        )
+    )
+    quality = meshreel.compare(one, other)
+    assert list(quality.tracks) == ["heat"]
+    assert quality.as_dict()["tracks"]["heat"]["largest_of_frames"] == [0, 0, 0, 2]
+
+
+def test_compare_refuses_tracks_of_one_name_that_are_not_alike():
+    grid = waving_grid(4)
+    one, other = (
+        meshreel.MeshSequence(grid.vertices, grid.faces, tracks={"x": zeros(4, grid.n_verts, n)})
+        for n in (1, 3)
+    )
+    with pytest.raises(InvalidInputError, match="track 'x' of the original is scalar of each"):
+        meshreel.compare(one, other)
