@@ -1,6 +1,6 @@
 """Track: a quantity that changes over time, on the vertices, faces or corners of a mesh."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from enum import StrEnum
 from typing import Any, Protocol
 
@@ -198,6 +198,19 @@ def copied(track: TrackSource, frames: range) -> Track:
     """
     values = track.read(frames.start, frames.stop)
     return Track(values, track.domain, track.kind, track.unit)
+
+
+def joined(frames: Sequence[Mapping[str, Track]]) -> dict[str, Track]:
+    """Tracks of frames one after another, which all have the same ones."""
+    return {
+        name: Track(
+            np.concatenate([frame[name].values for frame in frames]),
+            first.domain,
+            first.kind,
+            first.unit,
+        )
+        for name, first in frames[0].items()
+    }
 
 
 def check_tracks(

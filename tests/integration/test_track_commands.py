@@ -21,7 +21,10 @@ def folder(tmp_path, monkeypatch):
         GRID.vertices,
         GRID.faces,
         25,
-        tracks={"heat": meshreel.Track(300 + 20 * WAVES, unit="K"), "flow": WAVES[..., None] * 3},
+        tracks={
+            "heat": meshreel.Track(300 + 20 * WAVES, unit="K"),
+            "flow": meshreel.Track(WAVES * 3),
+        },
     )
     (tmp_path / "a.reel").write_bytes(meshreel.encode(sequence, tracks={"heat": 1e-4}))
     return tmp_path

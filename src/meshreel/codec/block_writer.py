@@ -8,8 +8,10 @@ import numpy.typing as npt
 
 from meshreel.bitstream.writer import Sections, StreamWriter
 from meshreel.codec.source import CodedMesh
+from meshreel.codec.track_bounds import TrackTargets
 from meshreel.sequence import extent_of
 from meshreel.subspace.trajectories import bounding_frame
+from meshreel.tracks import Track
 
 Vertices = npt.NDArray[np.floating]
 
@@ -23,17 +25,28 @@ class BlockWriter:
     mesh : CodedMesh
     first : float array of shape (T_b, V, 3)
         The first block, from which bounding box and step follow; it is not written yet.
+    tracks : dict of str to Track
+        Its values beside the positions.
+    targets : mapping of str to str or float, or None
+        How exact these are to come back.
     fps : float
     name : str
     """
 
     def __init__(
-        self, file: BinaryIO, mesh: CodedMesh, first: Vertices, fps: float, name: str
+        self,
+        file: BinaryIO,
+        mesh: CodedMesh,
+        first: Vertices,
+        tracks: dict[str, Track],
+        targets: TrackTargets | None,
+        fps: float,
+        name: str,
     ) -> None:
         self._mesh = mesh
         frame = bounding_frame(extent_of(first))
         internal = first.take(mesh.order, axis=1)
-        self._coder = mesh.config.method_row.live_coder(mesh, frame, internal)
+        self._coder = mesh.config.method_row.live_coder(mesh, frame, internal, tracks, targets)
         leading = self._coder.leading_sections()
         header = mesh.header(frame, first.dtype, n_frames=0, fps=fps, name=name)
         self._writer = StreamWriter(file, header, chain(mesh.leading_sections(), leading))
@@ -43,12 +56,12 @@ class BlockWriter:
         """Bytes written so far."""
         return self._writer.size_bytes
 
-    def analyse(self, vertices: Vertices) -> Sections:
+    def analyse(self, vertices: Vertices, tracks: dict[str, Track]) -> Sections:
         """The sections of a block of shape (T_b, V, 3), in the given order of vertices.
 
         Integers are computed now, bytes when the sections are iterated.
         """
-        return self._coder.code(vertices.take(self._mesh.order, axis=1))
+        return self._coder.code(vertices.take(self._mesh.order, axis=1), tracks)
 
     def write(self, n_frames: int, sections: Sections) -> None:
         """Write a block."""

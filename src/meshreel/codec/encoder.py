@@ -6,8 +6,7 @@ from meshreel.codec.config import EncoderConfig
 from meshreel.codec.options import all_options
 from meshreel.codec.source import Source
 from meshreel.codec.surface.uv_grid import check_uvs
-from meshreel.codec.track_bounds import DROP, TrackBound, TrackTargets, track_bounds
-from meshreel.errors import InvalidInputError
+from meshreel.codec.track_bounds import TrackTargets, kept_bounds
 from meshreel.runtime.engine.engine import Engine
 from meshreel.runtime.progress import Progress, silent
 from meshreel.sequence import FrameSource
@@ -170,25 +169,5 @@ def encode_with(
     if config.uv_bits is not None:
         check_uvs(surface, config.uv_bits)
     progress("encoding connectivity", 0.0)
-    source = Source(sequence, config, surface, kept_bounds(config, sequence, tracks))
+    source = Source(sequence, config, surface, kept_bounds(config, sequence.tracks, tracks))
     return config.method_row.encode(source, progress, engine)
-
-
-def kept_bounds(
-    config: EncoderConfig, sequence: FrameSource, targets: TrackTargets | None
-) -> dict[str, TrackBound]:
-    """How exact each track that is kept is to be.
-
-    Raises
-    ------
-    InvalidInputError
-        If a bound is not for its track, or the method has no tracks.
-    """
-    bounds = track_bounds(sequence.tracks, targets)
-    kept = {name: bound for name, bound in bounds.items() if bound != DROP}
-    if kept and not config.method_row.has_tracks:
-        names = ", ".join(kept)
-        raise InvalidInputError(
-            f"method {config.method} codes positions only; drop the tracks ({names}), or use reel"
-        )
-    return kept

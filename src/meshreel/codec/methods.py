@@ -22,11 +22,14 @@ if TYPE_CHECKING:
     from meshreel.codec.decoded_block import DecodedBlock
     from meshreel.codec.open_stream import OpenStream
     from meshreel.codec.source import CodedMesh, Source
+    from meshreel.codec.track_bounds import TrackTargets
     from meshreel.runtime.engine.engine import Engine
     from meshreel.runtime.progress import Progress
     from meshreel.subspace.trajectories import BoundingFrame
+    from meshreel.tracks import Track
 
     Vertices = npt.NDArray[np.floating]
+    BlockTracks = dict[str, Track]
 
 
 class BlockCoder(Protocol):
@@ -35,7 +38,7 @@ class BlockCoder(Protocol):
     def leading_sections(self) -> Iterator[tuple["Section", bytes]]:
         """The sections before the first block, behind those of the mesh."""
 
-    def code(self, vertices: "Vertices") -> "Sections":
+    def code(self, vertices: "Vertices", tracks: "BlockTracks") -> "Sections":
         """The sections of the next block.
 
         Integers are found now, bytes when the sections are taken.
@@ -44,6 +47,8 @@ class BlockCoder(Protocol):
         ----------
         vertices : float array of shape (T_b, V, 3)
             In internal order.
+        tracks : dict of str to Track
+            Values of the same frames, in the given order.
         """
 
 
@@ -129,7 +134,12 @@ class Method(Protocol):
         """
 
     def live_coder(
-        self, mesh: "CodedMesh", frame: "BoundingFrame", first: "Vertices"
+        self,
+        mesh: "CodedMesh",
+        frame: "BoundingFrame",
+        first: "Vertices",
+        tracks: "BlockTracks",
+        targets: "TrackTargets | None",
     ) -> BlockCoder:
         """The coder of frames that are not all there yet.
 
@@ -141,6 +151,10 @@ class Method(Protocol):
         first : float array of shape (T_b, V, 3)
             The first block, in internal order: step and number of modes follow from it. It is not
             coded yet.
+        tracks : dict of str to Track
+            Values of the first block.
+        targets : mapping of str to str or float, or None
+            How exact tracks are to come back.
         """
 
     def track_decoder(self, opened: "OpenStream", track: int) -> TrackBlockDecoder:

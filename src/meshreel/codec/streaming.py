@@ -2,6 +2,7 @@
 
 import os
 import time
+from collections.abc import Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
@@ -16,12 +17,14 @@ from meshreel.codec.block_writer import BlockWriter
 from meshreel.codec.config import MAX_BLOCK_POSITIONS, EncoderConfig, config_of
 from meshreel.codec.source import CodedMesh
 from meshreel.codec.surface.uv_grid import check_uvs
+from meshreel.codec.track_bounds import TrackTargets, kept_bounds
 from meshreel.counting import counted
 from meshreel.errors import InvalidInputError
 from meshreel.runtime.outputs.atomic import os_errors_naming_output
 from meshreel.runtime.outputs.checks import check_ending, check_output_path
 from meshreel.sequence import validate_faces, validate_fps, validate_start, validate_vertices
 from meshreel.surface import PLAIN, Surface
+from meshreel.tracks import Track, described_track, joined, tracks_of
 
 Vertices = npt.NDArray[np.floating]
 
@@ -61,6 +64,9 @@ class Encoder:
         if that is unknown) and a block is coded in a sixteenth of its duration.
     overwrite : bool, default False
         Whether an existing file may be replaced.
+    tracks : mapping of str to str or float, optional
+        How exact tracks are to come back, as in `meshreel.encode`. Shares are of the range of the
+        first block.
     **options
         Options of `meshreel.encode`; of the targets only `quality`, `step` and `max_error`, since
         the others need the whole sequence.
@@ -99,6 +105,7 @@ class Encoder:
         block_frames: int | str = "auto",
         max_latency_s: float = 2.0,
         overwrite: bool = False,
+        tracks: TrackTargets | None = None,
         **options: Any,
     ) -> None:
         if not max_latency_s > 0:
@@ -109,6 +116,9 @@ class Encoder:
         self._start_s, self._surface = validate_start(start_s), surface
         self._max_latency_s = max_latency_s
         self._config = _checked_config(block_frames, options)
+        self._targets = tracks
+        self._tracks: list[dict[str, Track]] = []
+        self._described: dict[str, str] | None = None
         self._faces = np.asarray(faces)
         self._frames: list[Vertices] = []
         self._first: tuple[int, np.dtype[np.floating]] | None = None
@@ -126,27 +136,35 @@ class Encoder:
         self._analysing: Future[None] | None = None
         self._writing: Future[None] | None = None
 
-    def push(self, frame: npt.ArrayLike) -> None:
+    def push(
+        self, frame: npt.ArrayLike, tracks: Mapping[str, Track | npt.ArrayLike] | None = None
+    ) -> None:
         """Add a frame; waits only if a block is complete and the one before not coded yet.
 
         Parameters
         ----------
         frame : float32 or float64 array of shape (V, 3)
             Copied. V and type are those of the first frame.
+        tracks : mapping of str to Track of a single frame, or to arrays of shape (N,) or (N, C)
+            Values beside the positions, by their names; copied. Names, shapes and types are those
+            of the first frame, and so is what a `Track` says of kind and unit.
 
         Raises
         ------
         InvalidInputError
-            If the frame has another shape or type than the first, or is not finite: it is skipped,
-            and others can follow. If a block cannot be coded with these options.
+            If the frame or a track has another shape or type than at first, or a position is not
+            finite: it is skipped, and others can follow. If a block cannot be coded with these
+            options.
         """
         if self._is_closed:
             raise InvalidInputError("the encoder is closed; it takes no more frames")
         array = np.asarray(frame)
         self._check(array)
+        values = self._checked_tracks(tracks, len(array))
         if not self._frames:
             self._since = time.perf_counter()
         self._frames.append(np.array(array))
+        self._tracks.append(values)
         self.n_frames += 1
         if len(self._frames) == self._block_frames(array.shape[0]):
             self._code()
@@ -232,6 +250,28 @@ class Encoder:
                 f"the first has {self._first[0]} of type {self._first[1]}"
             )
 
+    def _checked_tracks(
+        self, given: Mapping[str, Track | npt.ArrayLike] | None, n_verts: int
+    ) -> dict[str, Track]:
+        """Copies of the tracks of a frame, which are those of the first."""
+        of_frame = {
+            name: one if isinstance(one, Track) else np.asarray(one)[None]
+            for name, one in dict(given or {}).items()
+        }
+        found = tracks_of(of_frame, 1, n_verts, len(self._faces), self._surface)
+        for name, track in found.items():
+            found[name] = Track(track.values.copy(), track.domain, track.kind, track.unit)
+        described = {name: described_track(track) for name, track in found.items()}
+        if self._described is None:
+            kept_bounds(self._config, found, self._targets)
+            self._described = described
+        elif self._described != described:
+            raise InvalidInputError(
+                f"frame {self.n_frames} has the tracks {described or 'none'}; the first has "
+                f"{self._described or 'none'}"
+            )
+        return found
+
     def _block_frames(self, n_verts: int) -> int:
         if self._config.block_frames is not None:
             return self._config.block_frames
@@ -246,14 +286,17 @@ class Encoder:
         """Start coding the frames of a block; raises errors of the block before."""
         self._wait()
         vertices, since, self._frames = np.stack(self._frames), self._since, []
+        tracks, self._tracks = joined(self._tracks), []
 
         def analyse() -> None:
             if self._writer is None:
                 n_verts = vertices.shape[1]
                 mesh = CodedMesh(self._faces, n_verts, self._config, self._surface, self._start_s)
                 with self._errors_naming_output():
-                    self._writer = BlockWriter(self._file, mesh, vertices, self._fps, self._name)
-            sections = self._writer.analyse(vertices)
+                    self._writer = BlockWriter(
+                        self._file, mesh, vertices, tracks, self._targets, self._fps, self._name
+                    )
+            sections = self._writer.analyse(vertices, tracks)
             if self._writing is not None:
                 self._writing.result()
             self._writing = self._file_thread.submit(write, self._writer, sections)

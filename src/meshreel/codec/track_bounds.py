@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from difflib import get_close_matches
 from enum import Enum
 
+from meshreel.codec.config import EncoderConfig
 from meshreel.errors import InvalidInputError
 from meshreel.tracks import TrackKind, TrackSource
 
@@ -80,6 +81,26 @@ def track_bounds(
         name: bound_of_track(asked[name], name, track) if name in asked else default_bound(track)
         for name, track in tracks.items()
     }
+
+
+def kept_bounds(
+    config: EncoderConfig, tracks: Mapping[str, TrackSource], targets: TrackTargets | None
+) -> dict[str, TrackBound]:
+    """The bound of each track that is kept.
+
+    Raises
+    ------
+    InvalidInputError
+        If a bound is not for its track, or the method has no tracks.
+    """
+    bounds = track_bounds(tracks, targets)
+    kept = {name: bound for name, bound in bounds.items() if bound != DROP}
+    if kept and not config.method_row.has_tracks:
+        names = ", ".join(kept)
+        raise InvalidInputError(
+            f"method {config.method} codes positions only; drop the tracks ({names}), or use reel"
+        )
+    return kept
 
 
 def default_bound(track: TrackSource) -> TrackBound:

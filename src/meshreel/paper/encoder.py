@@ -1,6 +1,6 @@
 """Encoder of blocks of frames with the paper's variants."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -19,6 +19,7 @@ from meshreel.paper.pipeline import Quantized, analyse, modes_needed
 from meshreel.paper.settings import anchor_share
 from meshreel.paper.variants import Basis, variant_named
 from meshreel.subspace.trajectories import BoundingFrame, to_matrices
+from meshreel.tracks import Track
 
 Vertices = npt.NDArray[np.floating]
 
@@ -47,13 +48,15 @@ class PaperBlockCoder:
         if self._variant.has_anchors:
             yield Section.ANCHOR_VERTICES, payloads.write_anchor_vertices(self._mesh.anchors)
 
-    def code(self, vertices: Vertices) -> Sections:
+    def code(self, vertices: Vertices, tracks: Mapping[str, Track] | None = None) -> Sections:
         """The sections of the next block.
 
         Parameters
         ----------
         vertices : float array of shape (T_b, V, 3)
             In internal order.
+        tracks : mapping, optional
+            Always empty: these methods code positions.
         """
         variant, mesh, n_frames = self._variant, self._mesh, len(vertices)
         before = tracked_from(variant, self._before, n_frames)

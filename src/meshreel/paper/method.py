@@ -11,6 +11,7 @@ from meshreel.bitstream.writer import Sections
 from meshreel.codec.config import EncoderConfig
 from meshreel.codec.open_stream import OpenStream
 from meshreel.codec.source import CodedMesh, Source
+from meshreel.codec.track_bounds import TrackTargets
 from meshreel.errors import CorruptStreamError, InvalidInputError
 from meshreel.paper import settings
 from meshreel.paper.decoder import PaperBlockDecoder
@@ -19,6 +20,7 @@ from meshreel.paper.variants import VARIANTS, Basis, Variant
 from meshreel.runtime.engine.engine import Engine
 from meshreel.runtime.progress import Count, Progress
 from meshreel.subspace.trajectories import BoundingFrame
+from meshreel.tracks import Track
 
 Vertices = npt.NDArray[np.floating]
 
@@ -77,8 +79,15 @@ class PaperMethod:
         coder = PaperBlockCoder(source.mesh, source.frame, source.blocks())
         return source.stream(coder.leading_sections(), _coded(source, coder, progress))
 
-    def live_coder(self, mesh: CodedMesh, frame: BoundingFrame, first: Vertices) -> PaperBlockCoder:
-        """The coder of live frames, of which the first block is known."""
+    def live_coder(
+        self,
+        mesh: CodedMesh,
+        frame: BoundingFrame,
+        first: Vertices,
+        tracks: dict[str, Track],
+        targets: TrackTargets | None,
+    ) -> PaperBlockCoder:
+        """The coder of live frames, of which the first block is known; it has no tracks."""
         return PaperBlockCoder(mesh, frame, [first])
 
     def track_decoder(self, opened: OpenStream, track: int) -> NoReturn:

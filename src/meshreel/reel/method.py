@@ -9,10 +9,12 @@ from meshreel.codec.config import MAX_BLOCK_POSITIONS, EncoderConfig
 from meshreel.codec.open_stream import OpenStream
 from meshreel.codec.source import CodedMesh, Source
 from meshreel.codec.targets import Aim
+from meshreel.codec.track_bounds import TrackTargets
 from meshreel.errors import InvalidInputError
 from meshreel.runtime.engine.engine import Engine
 from meshreel.runtime.progress import Progress
 from meshreel.subspace.trajectories import BoundingFrame
+from meshreel.tracks import Track
 
 if TYPE_CHECKING:
     from meshreel.reel.decoder import ReelBlockDecoder, TrackDecoder
@@ -78,11 +80,18 @@ class ReelMethod:
 
         return whole.encode(source, progress, engine)
 
-    def live_coder(self, mesh: CodedMesh, frame: BoundingFrame, first: Vertices) -> "LiveCoder":
+    def live_coder(
+        self,
+        mesh: CodedMesh,
+        frame: BoundingFrame,
+        first: Vertices,
+        tracks: dict[str, Track],
+        targets: TrackTargets | None,
+    ) -> "LiveCoder":
         """The coder of frames that are not all there yet; raises as `LiveCoder`."""
         from meshreel.reel.encoding.live import LiveCoder
 
-        return LiveCoder(mesh, frame, first)
+        return LiveCoder(mesh, frame, first, tracks, targets)
 
     def track_decoder(self, opened: OpenStream, track: int) -> "TrackDecoder":
         """The decoder of a track beside the positions, from 1 on."""

@@ -1,8 +1,9 @@
 """Live coding: the first block decides the quantisation step of all."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import chain
 
 import numpy as np
 import numpy.typing as npt
@@ -10,6 +11,7 @@ import numpy.typing as npt
 from meshreel.bitstream.layout import Section
 from meshreel.bitstream.writer import Sections
 from meshreel.codec.source import CodedMesh
+from meshreel.codec.track_bounds import DROP, TrackTargets, track_bounds
 from meshreel.reel.encoding.aim import aimed
 from meshreel.reel.encoding.block_coder import (
     FieldBlockCoder,
@@ -20,8 +22,10 @@ from meshreel.reel.encoding.block_coder import (
 )
 from meshreel.reel.encoding.effort import finest_step
 from meshreel.reel.encoding.smoothness import sampled_frames, step_share
+from meshreel.reel.encoding.tracks import live_track
 from meshreel.sequence import extent_of
 from meshreel.subspace.trajectories import BoundingFrame
+from meshreel.tracks import Track
 
 Vertices = npt.NDArray[np.floating]
 
@@ -94,28 +98,47 @@ class LiveCoder:
     frame : BoundingFrame
     first : float array of shape (T_b, V, 3)
         The first block, in internal order.
+    tracks : dict of str to Track
+        Values of the first block: bounds that are shares are of their range in it.
+    targets : mapping of str to str or float, or None
+        How exact they are to come back.
 
     Raises
     ------
     InvalidInputError
-        If the target cannot be met.
+        If a target cannot be met.
     """
 
-    def __init__(self, mesh: CodedMesh, frame: BoundingFrame, first: Vertices) -> None:
+    def __init__(
+        self,
+        mesh: CodedMesh,
+        frame: BoundingFrame,
+        first: Vertices,
+        tracks: Mapping[str, Track],
+        targets: TrackTargets | None,
+    ) -> None:
         coder = coder_of(mesh, frame)
         self._coder = coder.with_step(*aimed(mesh.config.target, FirstBlock(coder, first)))
         self._blocks = KeyedBlocks(self._coder)
+        self._tracks = {
+            name: live_track(name, tracks[name], bound, mesh)
+            for name, bound in track_bounds(tracks, targets).items()
+            if bound != DROP
+        }
 
     def leading_sections(self) -> Iterator[tuple[Section, bytes]]:
         """The sections before the first block, behind those of the mesh."""
-        return self._coder.leading_sections()
+        of_tracks = (track.leading_section() for track in self._tracks.values())
+        return chain(of_tracks, self._coder.leading_sections())
 
-    def code(self, vertices: Vertices) -> Sections:
-        """The sections of the next block, given in internal order.
+    def code(self, vertices: Vertices, tracks: Mapping[str, Track]) -> Sections:
+        """The sections of the next block, given in internal order; tracks in the given one.
 
         Raises
         ------
         InvalidInputError
-            If its number type does not allow the promised bound.
+            If its number type, or values of a track, do not allow the promised bound.
         """
-        return self._blocks.code(checked_frames(self._coder, vertices)).sections
+        sections = self._blocks.code(checked_frames(self._coder, vertices)).sections
+        others = [coder.code(tracks[name].values) for name, coder in self._tracks.items()]
+        return chain(sections, *others)

@@ -148,7 +148,26 @@ def coded_track(
     InvalidInputError
         If the bound cannot be promised.
     """
-    coder = track_coder(name, track, bound, mesh, value_range(track))
+    return _fitted(track_coder(name, track, bound, mesh, value_range(track)), track, pieces)[1]
+
+
+def live_track(name: str, first: TrackSource, bound: TrackBound, mesh: CodedMesh) -> TrackCoder:
+    """The coder of a track of which the first block is known: that decides the step of all.
+
+    Raises
+    ------
+    InvalidInputError
+        If the bound cannot be promised.
+    """
+    coder = track_coder(name, first, bound, mesh, value_range(first))
+    step, _ = _fitted(coder, first, [slice(0, first.shape[0])])
+    return coder.with_step(step)
+
+
+def _fitted(
+    coder: TrackCoder, track: TrackSource, pieces: Sequence[slice]
+) -> tuple[float, CodedTrack]:
+    """The step that takes the fewest bytes, corrections included, and the track coded with it."""
     smallest: list[list[tuple[Section, bytes]]] = []
     least = math.inf
 
@@ -161,8 +180,8 @@ def coded_track(
             smallest, least = blocks, size
         return size
 
-    least_cost(size_bytes, coder.share / STEPS_OF_BOUND)
-    return CodedTrack(coder.leading_section(), smallest)
+    step = least_cost(size_bytes, coder.share / STEPS_OF_BOUND)
+    return step, CodedTrack(coder.leading_section(), smallest)
 
 
 def track_coder(
