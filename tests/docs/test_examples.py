@@ -85,6 +85,19 @@ def test_a_cloth_falls_and_stays_outside_the_sphere_and_the_floor(tmp_path, monk
     assert np.linalg.norm(from_sphere, axis=2).min() > 0.3 - 1e-6
 
 
+def test_heat_spreads_and_comes_back_within_its_bounds(tmp_path, monkeypatch, capsys):
+    path = tmp_path / "sphere.reel"
+    shape = ["--vertices", "400", "--frames", "20"]
+    run_script("heat_on_a_sphere.py", monkeypatch, *shape, "--out", path)
+    assert (
+        "temperature: scalar of each vertex, float32 in K, within 0.1 K" in capsys.readouterr().out
+    )
+    with meshreel.open(path) as reel:
+        heat = reel.track("temperature")
+        assert np.ptp(heat[0]) > 1.4 * np.ptp(heat[-1])
+        assert reel.track("heat flow").shape == (20, reel.n_faces, 3)
+
+
 def test_an_animal_is_a_closed_surface_that_moves(tmp_path, monkeypatch, capsys):
     path = tmp_path / "animal.npz"
     run_script(
