@@ -62,7 +62,9 @@ def turned(points: Floats, time_s: float) -> Floats:
     speed = float(np.linalg.norm(TURN_RAD_PER_S))
     axis, angle = TURN_RAD_PER_S / speed, speed * time_s
     along = (points @ axis)[:, None] * axis
-    return along + np.cos(angle) * (points - along) + np.sin(angle) * np.cross(axis, points)
+    found: Floats = along + np.cos(angle) * (points - along)
+    found += np.sin(angle) * np.cross(axis, points)
+    return found
 
 
 def heat_flow(positions: Floats, faces: npt.NDArray[np.int32], temperature: Floats) -> Floats:
@@ -71,7 +73,7 @@ def heat_flow(positions: Floats, faces: npt.NDArray[np.int32], temperature: Floa
     normal = np.cross(b - a, c - a)
     squared = np.einsum("fa,fa->f", normal, normal)[:, None]
     ta, tb, tc = np.moveaxis(temperature[faces], 1, 0)[..., None]
-    gradient = (np.cross(normal, c - b) * ta + np.cross(normal, a - c) * tb) / squared
+    gradient: Floats = (np.cross(normal, c - b) * ta + np.cross(normal, a - c) * tb) / squared
     gradient += np.cross(normal, b - a) * tc / squared
     return -CONDUCTION_M2_PER_S * gradient
 
