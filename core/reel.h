@@ -228,6 +228,21 @@ REEL_API int64_t reel_patterns_decode(void *memory, size_t memory_size, const ui
                                       int64_t size, int64_t is_float, const int32_t *order,
                                       const int64_t *starts, const int32_t *triples);
 
+/* Numbers over time on a graph, exactly (exact.c): n_frames x n_items x width values of `size` bytes
+   (1, 2, 4, 8; floats 4, 8), at most 2^28 frames and 2^31 - 1 items, at least 1 of each. The
+   neighbours of each item are as of `reel_adjacency`. At most the bytes of the values and 16 more
+   are written; `values` come back to the writer as they were. */
+enum reel_type { REEL_UNSIGNED_INTEGERS = 0, REEL_SIGNED_INTEGERS = 1, REEL_FLOATS = 2 };
+REEL_API size_t reel_exact_memory(int64_t n_frames, int64_t n_items, int64_t width);
+REEL_API int64_t reel_exact_encode(void *memory, size_t memory_size, void *values,
+                                   int64_t n_frames, int64_t n_items, int64_t width, int64_t size,
+                                   int64_t type, const int32_t *starts, const int32_t *near,
+                                   uint8_t *out, size_t room);
+REEL_API int64_t reel_exact_decode(void *memory, size_t memory_size, const uint8_t *in,
+                                   size_t in_size, void *values, int64_t n_frames, int64_t n_items,
+                                   int64_t width, int64_t size, int64_t type,
+                                   const int32_t *starts, const int32_t *near);
+
 /* The opposite side twins[3 i + k] of side k of face i, from corner k to the next, or itself. Where
    more than two sides lie on an edge they are paired in their order. At most 2^29 faces. */
 REEL_API size_t reel_twins_memory(int64_t n_verts, int64_t n_faces);
