@@ -28,6 +28,8 @@ class Section(IntEnum):
     FIELDS = 21
     CORRECTIONS = 22
     TRACK_BLOCK = 23
+    VALUES = 24
+    MISSING = 25
     PROMISE = OPTIONAL | 1
     PADDING = OPTIONAL | 0
     INDEX = OPTIONAL | 2

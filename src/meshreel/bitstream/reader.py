@@ -25,6 +25,10 @@ BLOCK_SECTIONS = range(Section.BLOCK, Section.PADDING)
 """Ids of sections that belong to a block."""
 
 
+LAST_OF_A_GROUP = (Section.COEFFICIENTS, Section.VALUES)
+"""A group is complete when it has one of these."""
+
+
 @dataclass(frozen=True)
 class Stream:
     """A parsed stream; its blocks are read on demand.
@@ -307,7 +311,7 @@ def _scan(file: BinaryIO, start: int, size_bytes: int) -> _Scan:
     except (CorruptStreamError, TruncatedStreamError) as error:
         damage = error
         has_all = block is not None and len(block.begins) == n_tracks
-        if block is not None and has_all and last is Section.COEFFICIENTS:  # its last one
+        if block is not None and has_all and last in LAST_OF_A_GROUP:
             places.append(block.place(position, n_tracks))
     return _Scan(leading, places, position, index, end_payload, damage)
 

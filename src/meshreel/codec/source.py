@@ -167,6 +167,11 @@ class CodedTrack:
     leading: tuple[Section, bytes]
     blocks: Sequence[list[tuple[Section, bytes]]]
 
+    @property
+    def size_bytes(self) -> int:
+        """Of the payloads of all blocks."""
+        return sum(len(payload) for block in self.blocks for _, payload in block)
+
 
 @dataclass(frozen=True)
 class Source:

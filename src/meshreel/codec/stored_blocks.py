@@ -76,7 +76,7 @@ def stored_block(stream: Stream, method: Method, number: int) -> StoredBlock:
 
 
 def stored_track_block(
-    stream: Stream, number: int, track: int, shape: tuple[int, int]
+    stream: Stream, number: int, track: int, shape: tuple[int, int], *, is_exact: bool = False
 ) -> StoredBlock:
     """A further track in a block of a stream.
 
@@ -88,6 +88,8 @@ def stored_track_block(
         From 1 on.
     shape : tuple of 2 ints
         Vertices, faces or corners that have values, and columns of the track.
+    is_exact : bool, default False
+        Whether it has no modes.
 
     Raises
     ------
@@ -100,10 +102,11 @@ def stored_track_block(
     n_modes, position = read_varint(sections[Section.TRACK_BLOCK], 0)
     n_items, n_columns = shape
     limit = n_columns * place.n_frames
-    if not 1 <= n_modes <= limit or position != len(sections[Section.TRACK_BLOCK]):
+    least, most = (0, 0) if is_exact else (1, limit)
+    if not least <= n_modes <= most or position != len(sections[Section.TRACK_BLOCK]):
         raise CorruptStreamError(
-            f"track {track} has {n_modes} modes in a block of {place.n_frames} frames; 1 to "
-            f"{limit} are possible"
+            f"track {track} has {n_modes} modes in a block of {place.n_frames} frames; {least} to "
+            f"{most} are possible"
         )
     n_numbers = limit * n_items
     if n_numbers > MAX_NUMBERS_PER_BYTE * place.sizes[track]:

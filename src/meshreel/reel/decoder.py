@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -14,8 +15,14 @@ from meshreel.codec.open_stream import OpenStream
 from meshreel.codec.stored_blocks import StoredBlock, stored_track_block
 from meshreel.codec.tracks import TrackHeader
 from meshreel.connectivity.permutation import inverse_permutation
-from meshreel.errors import CorruptStreamError, InvalidInputError, UnsupportedVersionError
-from meshreel.reel.agreed.blocks import POSITION_COLUMNS, read_corrections, read_field_block
+from meshreel.errors import CorruptStreamError, InvalidInputError
+from meshreel.reel.agreed.blocks import (
+    POSITION_COLUMNS,
+    read_corrections,
+    read_exact_block,
+    read_field_block,
+    read_missing,
+)
 from meshreel.reel.agreed.fields import (
     FieldBlock,
     KeyFields,
@@ -30,7 +37,7 @@ from meshreel.tracks import TrackKind
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
-Values = npt.NDArray[np.floating]
+Values = npt.NDArray[Any]
 
 
 LEAST_LENGTH = 0.5
@@ -106,7 +113,15 @@ class TrackDecoder:
             graph = item_graph(self.header.domain, opened.faces, opened.surface, opened.n_verts)
             order = np.arange(graph.n_items)
         self.shape = graph.n_items, self.header.n_columns
-        self._stored = partial(stored_track_block, opened.stream, track=track, shape=self.shape)
+        self._order = order
+        self._mesh = FieldMesh(*graph, stencil_size=1)  # of which only the neighbours are asked for
+        self._stored = partial(
+            stored_track_block,
+            opened.stream,
+            track=track,
+            shape=self.shape,
+            is_exact=self.header.is_exact,
+        )
         self._track = _TrackReader(graph, order, self._stored, self.header.n_columns)
 
     def block(self, number: int) -> Values:
@@ -119,13 +134,19 @@ class TrackDecoder:
         """
         stored = self._stored(number)
         if self.header.is_exact:
-            raise UnsupportedVersionError(f"track {self.header.name!r} is coded exactly")
+            dtype, graph = self.header.dtype, self._mesh.neighbours
+            return read_exact_block(stored, self.shape, dtype, graph)[:, self._order]
         found, corrections = self._track.modes(number, stored), self._track.corrections(stored)
         moves = None if corrections is None else moves_by_frame(corrections, stored.n_frames)
         out = np.empty((stored.n_frames, *self.shape), self.header.dtype)
         with np.errstate(over="ignore", invalid="ignore"):
             found.fill(out, range(stored.n_frames), self.header.placement, moves)
-            return of_unit_length(out) if self.header.kind is TrackKind.NORMAL else out
+            if self.header.kind is TrackKind.NORMAL:
+                out = of_unit_length(out)
+        is_missing = read_missing(stored, self.shape, self._mesh.neighbours)
+        if is_missing is not None:
+            out[is_missing[:, self._order]] = np.nan
+        return out
 
 
 class _TrackReader:

@@ -1,18 +1,26 @@
 """Blocks of `reel` to sections and back."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
 
 from meshreel.bitstream.layout import MAX_NUMBERS_PER_BYTE, Section
 from meshreel.codec.corrections import Corrections
 from meshreel.codec.stored_blocks import StoredBlock, write_block
 from meshreel.entropy.varint import write_varint
+from meshreel.kernel.exact import decode_exact, encode_exact
 from meshreel.kernel.fields import decode_fields, encode_fields
+from meshreel.kernel.mesh import Neighbours
 from meshreel.reel.agreed import payloads
 from meshreel.reel.agreed.fields import FieldBlock
 from meshreel.reel.agreed.mesh import FieldMesh
 from meshreel.runtime.profiling import stage
 from meshreel.runtime.threads import in_background
 from meshreel.sequence import Faces
+
+Numbers = npt.NDArray[Any]
 
 POSITION_COLUMNS = 3
 """Columns of the first track: x, y and z."""
@@ -31,10 +39,46 @@ def write_track_block(
 ) -> Iterator[tuple[Section, bytes]]:
     """The sections of a further track in a block of `reel`, padded to what its numbers ask for."""
     _, n_columns, n_frames = block.basis.shape
-    sections = list(_write_fields(block, mesh, corrections))
-    least = -(-n_columns * n_frames * mesh.n_verts // MAX_NUMBERS_PER_BYTE)
+    n_numbers = n_columns * n_frames * mesh.n_verts
+    return _track_group(block.n_modes, n_numbers, _write_fields(block, mesh, corrections))
+
+
+def write_exact_block(values: Numbers, graph: Neighbours) -> Iterator[tuple[Section, bytes]]:
+    """The sections of a further track whose values, of shape (T_b, N, C), come back as they are."""
+    return _track_group(0, values.size, [(Section.VALUES, encode_exact(values, graph))])
+
+
+def read_exact_block(
+    stored: StoredBlock, shape: tuple[int, int], dtype: np.dtype[Any], graph: Neighbours
+) -> Numbers:
+    """The values of shape (T_b, N, C) that `write_exact_block` wrote; `shape` is (N, C)."""
+    return decode_exact(stored.payload(Section.VALUES), (stored.n_frames, *shape), dtype, graph)
+
+
+def write_missing(is_missing: npt.NDArray[np.bool_], graph: Neighbours) -> tuple[Section, bytes]:
+    """Which values, of shape (T_b, N, C), a block does not have."""
+    return Section.MISSING, encode_exact(is_missing, graph)
+
+
+def read_missing(
+    stored: StoredBlock, shape: tuple[int, int], graph: Neighbours
+) -> npt.NDArray[np.bool_] | None:
+    """Undo `write_missing`; None where a block has all its values."""
+    if Section.MISSING not in stored.sections:
+        return None
+    payload = stored.payload(Section.MISSING)
+    found = decode_exact(payload, (stored.n_frames, *shape), np.dtype(np.bool_), graph)
+    return found.astype(np.bool_, copy=False)
+
+
+def _track_group(
+    n_modes: int, n_numbers: int, given: Iterable[tuple[Section, bytes]]
+) -> Iterator[tuple[Section, bytes]]:
+    """The sections of a further track in a block, padded to what its numbers ask for."""
+    sections = list(given)
+    least = -(-n_numbers // MAX_NUMBERS_PER_BYTE)
     missing = least - sum(len(payload) for _, payload in sections)
-    yield Section.TRACK_BLOCK, write_varint(block.n_modes)
+    yield Section.TRACK_BLOCK, write_varint(n_modes)
     if missing > 0:
         yield Section.PADDING, bytes(missing)
     yield from sections

@@ -4,6 +4,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -12,10 +13,11 @@ from meshreel.bitstream.layout import Section
 from meshreel.codec.achieved import measure_tracks
 from meshreel.codec.choices import Order
 from meshreel.codec.source import CodedMesh, CodedTrack, Source
-from meshreel.codec.track_bounds import Measure, TrackBound
+from meshreel.codec.track_bounds import EXACT, Measure, TrackBound
 from meshreel.codec.tracks import TrackHeader, read_track, write_track
 from meshreel.errors import InvalidInputError, SolverError
-from meshreel.reel.agreed.blocks import write_track_block
+from meshreel.kernel.mesh import Neighbours, neighbours
+from meshreel.reel.agreed.blocks import write_exact_block, write_missing, write_track_block
 from meshreel.reel.agreed.graphs import ItemGraph, item_graph
 from meshreel.reel.agreed.mesh import FieldMesh
 from meshreel.reel.encoding.block_coder import (
@@ -33,8 +35,11 @@ from meshreel.subspace.trajectories import BoundingFrame, bounding_frame
 from meshreel.surface import Domain
 from meshreel.tracks import TrackKind, TrackSource, value_range
 
-Values = npt.NDArray[np.floating]
+Values = npt.NDArray[Any]
 Integers = npt.NDArray[np.int64]
+
+RAW_SHARE = 8
+"""Where a track takes more than one of so many of its raw bytes, it is coded exactly too."""
 
 LARGEST_STEP = 0.1
 """Coarsest step that is tried, in diagonals of the range: as of positions."""
@@ -47,8 +52,35 @@ UNIT_LENGTH_TOLERANCE = 1e-3
 
 
 @dataclass(frozen=True)
+class ExactTrackCoder:
+    """Codes blocks of a track whose values come back as they are.
+
+    Attributes
+    ----------
+    header : TrackHeader
+    order : int64 array of shape (N,), or None
+        Number of the value of each vertex in internal order; None: they are in it.
+    graph : Neighbours
+        Of its vertices, faces or corners.
+    """
+
+    header: TrackHeader
+    order: Integers | None
+    graph: Neighbours
+
+    def leading_section(self) -> tuple[Section, bytes]:
+        """What is said of the track before the first block."""
+        return Section.TRACK, write_track(self.header)
+
+    def code(self, values: Values) -> list[tuple[Section, bytes]]:
+        """The sections of the next block, of values of shape (T_b, N, C)."""
+        ordered = values if self.order is None else values.take(self.order, axis=1)
+        return list(write_exact_block(ordered, self.graph))
+
+
+@dataclass(frozen=True)
 class TrackCoder:
-    """Codes blocks of a track.
+    """Codes blocks of a track within a bound.
 
     Attributes
     ----------
@@ -82,7 +114,19 @@ class TrackCoder:
             If its numbers cannot be coded within the bound.
         """
         check_values(self.header.name, values, self.header)
-        return list(self._blocks.code(self.coder.frames(values, self.order)).sections)
+        is_missing = np.isnan(values)
+        if not is_missing.any():
+            return list(self._blocks.code(self.coder.frames(values, self.order)).sections)
+        frames = self.coder.frames(filled(values, is_missing, self.header.origin), self.order)
+        begin, *sections = self._blocks.code(frames).sections
+        ordered = is_missing if self.order is None else is_missing.take(self.order, axis=1)
+        return [begin, write_missing(ordered, self.coder.mesh.neighbours), *sections]
+
+    @property
+    def as_exact(self) -> ExactTrackCoder:
+        """The coder of the same track that changes nothing."""
+        header = exact_header(self.header.name, self.header, self.header.n_columns)
+        return ExactTrackCoder(header, self.order, self.coder.mesh.neighbours)
 
     def with_step(self, step: float) -> "TrackCoder":
         """The same with another step, from its first block on."""
@@ -148,10 +192,19 @@ def coded_track(
     InvalidInputError
         If the bound cannot be promised.
     """
-    return _fitted(track_coder(name, track, bound, mesh, value_range(track)), track, pieces)[1]
+    if bound == EXACT:
+        return _coded_exactly(exact_coder(name, track, mesh), track, pieces)
+    coder = track_coder(name, track, bound, mesh, value_range(track))
+    _, fitted = _fitted(coder, track, pieces)
+    if fitted.size_bytes * RAW_SHARE < math.prod(track.shape) * track.dtype.itemsize:
+        return fitted
+    exact = _coded_exactly(coder.as_exact, track, pieces)
+    return min(fitted, exact, key=lambda one: one.size_bytes)
 
 
-def live_track(name: str, first: TrackSource, bound: TrackBound, mesh: CodedMesh) -> TrackCoder:
+def live_track(
+    name: str, first: TrackSource, bound: TrackBound, mesh: CodedMesh
+) -> TrackCoder | ExactTrackCoder:
     """The coder of a track of which the first block is known: that decides the step of all.
 
     Raises
@@ -159,6 +212,8 @@ def live_track(name: str, first: TrackSource, bound: TrackBound, mesh: CodedMesh
     InvalidInputError
         If the bound cannot be promised.
     """
+    if bound == EXACT:
+        return exact_coder(name, first, mesh)
     coder = track_coder(name, first, bound, mesh, value_range(first))
     step, _ = _fitted(coder, first, [slice(0, first.shape[0])])
     return coder.with_step(step)
@@ -184,6 +239,43 @@ def _fitted(
     return step, CodedTrack(coder.leading_section(), smallest)
 
 
+def _coded_exactly(
+    coder: ExactTrackCoder, track: TrackSource, pieces: Sequence[slice]
+) -> CodedTrack:
+    blocks = [coder.code(track.read(piece.start, piece.stop)) for piece in pieces]
+    return CodedTrack(coder.leading_section(), blocks)
+
+
+def exact_coder(name: str, track: TrackSource, mesh: CodedMesh) -> ExactTrackCoder:
+    """The coder of a track whose values come back as they are."""
+    graph, order = _graph_of(name, track, mesh)
+    header = exact_header(name, track, track.shape[2])
+    return ExactTrackCoder(header, order, neighbours(*graph))
+
+
+def exact_header(name: str, track: TrackSource | TrackHeader, n_columns: int) -> TrackHeader:
+    """What is said of a track whose values come back as they are."""
+    what = name, track.unit, track.kind, track.domain, track.dtype
+    return TrackHeader(*what, 1.0, (0.0,) * n_columns, is_exact=True)
+
+
+def filled(values: Values, is_missing: npt.NDArray[np.bool_], origin: Sequence[float]) -> Values:
+    """Values of shape (T_b, N, C) with something smooth where they are missing.
+
+    Each takes those before and after it in time, on a straight line between them; one that is
+    missing in all frames the origin of its column.
+    """
+    found = values.copy()
+    times = np.arange(len(values))
+    for item, column in np.argwhere(is_missing.any(axis=0)):
+        here = is_missing[:, item, column]
+        known = found[~here, item, column]
+        found[here, item, column] = (
+            np.interp(times[here], times[~here], known) if len(known) else origin[column]
+        )
+    return found
+
+
 def track_coder(
     name: str,
     track: TrackSource,
@@ -200,7 +292,7 @@ def track_coder(
     extent : two arrays of shape (C,)
         Lowest and highest number of each column.
     """
-    low, high = extent
+    low, high = np.nan_to_num(extent[0]), np.nan_to_num(extent[1])  # where all is missing
     frame = bounding_frame(Extent(low, high, 0.0))
     allowed = length_allowed(bound, frame)
     share = allowed / frame.scale
@@ -251,11 +343,11 @@ def check_values(name: str, values: Values, header: TrackHeader) -> None:
     Raises
     ------
     InvalidInputError
-        Naming the first that is not finite, or, of normals, not of length 1 or 0.
+        Naming the first that is infinite, or, of normals, not of length 1 or 0.
     """
-    is_finite = np.isfinite(values)
-    if not is_finite.all():
-        frame, item, column = np.argwhere(~is_finite)[0]
+    is_infinite = np.isinf(values)
+    if is_infinite.any():
+        frame, item, column = np.argwhere(is_infinite)[0]
         raise InvalidInputError(
             f"track {name!r} has {values[frame, item, column]} at {header.domain} {item}; no bound "
             "can be promised of that: ask for exact"
