@@ -12,10 +12,22 @@ import {
 } from "../dist/index.js";
 import { loadInternals, newCore } from "./support/bundle.mjs";
 import { REELS, bytesOf, said, sha } from "./support/streams.mjs";
-import { largeTracks, withTrack } from "./support/track_streams.mjs";
+import { largeTracks, withTrack, withoutPadding } from "./support/track_streams.mjs";
 
-const { Core, Polygons, buildHierarchy, itemGraph, readStream } = await loadInternals();
+const {
+  Core,
+  MeshReelError,
+  Polygons,
+  Section,
+  TrackEngine,
+  buildHierarchy,
+  crc32,
+  itemGraph,
+  readSection,
+  readStream,
+} = await loadInternals();
 
+const { signal } = new AbortController();
 const WITH_TRACKS = REELS.filter((name) => said(name).tracks);
 
 async function withReel(from, work, options) {
@@ -256,6 +268,76 @@ test("damage in a track is an error of its block alone", async () => {
   });
 });
 
+test("a track of more numbers than its bytes can hold is refused", async () => {
+  await withReel(withoutPadding("still_track"), async (reel) => {
+    await assert.rejects(reel.track("wide").frame(0), {
+      name: "CorruptStreamError",
+      message: /track 1 announces 55296 numbers in \d+ bytes; at most 768 a byte are allowed/,
+    });
+    assert.equal(sha(...(await valuesOf(reel, reel))), said("still_track")["hash of positions"]);
+  });
+});
+
+/** Random numbers of 0..1, the same each time. */
+function randomNumbers(seed) {
+  let state = seed;
+  return () => {
+    state = (Math.imul(state, 1664525) + 1013904223) >>> 0;
+    return state / 2 ** 32;
+  };
+}
+
+/** Payloads that only tracks are made of: where they and their sections begin and end. */
+function payloadsOfTracks(bytes) {
+  const { header, places } = readStream(bytes);
+  const groups = places.map(({ position, sizes }) => {
+    const end = position + sizes.reduce((sum, size) => sum + size);
+    return [position + sizes[0], end];
+  });
+  const found = [];
+  for (const [first, last] of [[header.sizeBytes, places[0].position], ...groups]) {
+    for (let start = first; start < last;) {
+      const { id, payload, end } = readSection({ bytes, start: 0 }, start, last);
+      const isOfTrack = first > header.sizeBytes || id === Section.TRACK;
+      const begin = payload.byteOffset - bytes.byteOffset;
+      if (isOfTrack && payload.length) found.push({ start, begin, end });
+      start = end;
+    }
+  }
+  return found;
+}
+
+test("damage with right checksums gives an error of the package, or some values", async () => {
+  const random = randomNumbers(16);
+  let [nErrors, nValues] = [0, 0];
+  for (const name of WITH_TRACKS) {
+    const whole = bytesOf(name);
+    const payloads = payloadsOfTracks(whole);
+    const core = newCore(Core);
+    for (let turn = 0; turn < 100; turn++) {
+      const bytes = whole.slice();
+      const { start, begin, end } = payloads[turn % payloads.length];
+      bytes[begin + Math.floor((end - 4 - begin) * random())] = Math.floor(256 * random());
+      const sum = crc32(bytes.subarray(start, end - 4));
+      new DataView(bytes.buffer).setUint32(end - 4, sum, true);
+      const stream = readStream(bytes);
+      const engine = new TrackEngine(core, async (from, to) => bytes.slice(from, to), stream);
+      for (const track of said(name).tracks.keys()) {
+        try {
+          for (let t = 0; t < stream.starts.at(-1); t++) {
+            nValues += (await engine.values(track, t, signal)).length > 0;
+          }
+          for (const block of stream.places.keys()) await engine.fields(track, block, signal);
+        } catch (error) {
+          if (!(error instanceof MeshReelError)) throw error;
+          nErrors++;
+        }
+      }
+    }
+  }
+  assert.ok(nErrors > 50 && nValues > 500, `${nErrors} errors, ${nValues} values`);
+});
+
 test("a file that is closed answers nothing more of its tracks", async () => {
   const reel = await ReelFile.open(bytesOf("tracks"));
   const stress = reel.track("stress");
@@ -269,7 +351,6 @@ test("a file that is closed answers nothing more of its tracks", async () => {
 
 test("a question about a track that is taken back throws the reason", async () => {
   await withReel(bytesOf("tracks"), async (reel) => {
-    const { signal } = new AbortController();
     assert.equal((await reel.track("flow").frame(0, undefined, { signal })).length, 84);
     const aborted = AbortSignal.abort(new Error("not now"));
     await assert.rejects(reel.track("flow").frame(0, undefined, { signal: aborted }), /not now/);

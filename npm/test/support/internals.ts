@@ -11,6 +11,7 @@ export { buildHierarchy } from "../../src/decode/hierarchy.js";
 export { itemGraph } from "../../src/decode/item_graph.js";
 export { Items } from "../../src/decode/items.js";
 export { readTrack, readTrackBlock } from "../../src/decode/track.js";
+export { TrackEngine } from "../../src/engine/track_engine.js";
 export { MemoryReel } from "./memory_reel.js";
 export * from "../../src/errors.js";
 export { readBlock } from "../../src/stream/block_sections.js";

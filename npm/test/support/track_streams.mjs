@@ -1,4 +1,4 @@
-// The stream "tracks" of conformance/, changed: large, or with another TRACK.
+// Streams of conformance/ that have tracks, changed: large, with another TRACK, or not padded.
 
 import { loadInternals } from "./bundle.mjs";
 import { bytesOf } from "./streams.mjs";
@@ -15,8 +15,15 @@ export function largeTracks() {
   );
 }
 
+/** A stream without what it is padded with. */
+export function withoutPadding(name) {
+  return rewritten(bytesOf(name), (sections) =>
+    sections.filter(({ id }) => id !== Section.PADDING),
+  );
+}
+
 /**
- * The stream with something else in one of its sections TRACK.
+ * The stream "tracks" with something else in one of its sections TRACK.
  *
  * @param change - Codes `kind`, `domain`, `type`, `coding`; the `name`; `nColumns`;
  *   `bound`, `scale` or the first `origin`; how many bytes come `more`; or the `length` that is left.
