@@ -7,7 +7,7 @@ import zopfli from "@gfx/zopfli";
 import { build } from "esbuild";
 import { execFileSync } from "node:child_process";
 import { existsSync, mkdirSync, readFileSync, readdirSync, rmSync, statSync, writeFileSync } from "node:fs";
-import { dirname, join } from "node:path";
+import { basename, dirname, join } from "node:path";
 import { fileURLToPath } from "node:url";
 import { gzipSync } from "node:zlib";
 
@@ -45,13 +45,20 @@ function deflated(bytes) {
 const quick = compiled("wasm", "reel.wasm");
 const plain = compiled("wasm-plain", "reel_plain.wasm");
 
-/** The engine and all that it needs, inside one function: its text is the script of a worker. */
+/** Engines by the files of their functions: that of the positions, and that of further tracks. */
+const ENGINES = {
+  engine_function: { start: "start", name: "startEngine" },
+  track_engine_function: { start: "start_tracks", name: "startTrackEngine" },
+};
+
+/** An engine and all that it needs, inside one function: its text is the script of a worker. */
 const engineInside = {
   name: "engine inside",
   setup(bundler) {
-    bundler.onLoad({ filter: /[\\/]engine_function\.ts$/ }, async () => {
+    bundler.onLoad({ filter: /[\\/](track_)?engine_function\.ts$/ }, async ({ path }) => {
+      const { start, name } = ENGINES[basename(path, ".ts")];
       const { outputFiles } = await build({
-        entryPoints: [join(here, "src/engine/start.ts")],
+        entryPoints: [join(here, `src/engine/${start}.ts`)],
         bundle: true,
         minify: true,
         write: false,
@@ -61,7 +68,7 @@ const engineInside = {
         target: "es2020",
       });
       const script = outputFiles[0].text;
-      return { contents: `export function startEngine(port) {${script}engine.start(port);}` };
+      return { contents: `export function ${name}(port) {${script}engine.start(port);}` };
     });
   },
 };
@@ -77,12 +84,13 @@ const indexBeside = {
   },
 };
 
-/** The core without vectors is a script of its own, which `meshreel` has too. */
-const plainCoreBeside = {
-  name: "plain core beside",
+/** The core without vectors, and the engine of tracks, are scripts that `meshreel` has too. */
+const rareBeside = {
+  name: "rare scripts beside",
   setup(bundler) {
-    bundler.onResolve({ filter: /\/plain_wasm\.js$/ }, () => ({
-      path: "./plain_wasm.js",
+    const rare = /\/(plain_wasm|track_engine_function)\.js$/;
+    bundler.onResolve({ filter: rare }, ({ path }) => ({
+      path: `./${basename(path)}`,
       external: true,
     }));
   },
@@ -125,12 +133,13 @@ const three = await build({
   chunkNames: "three_[name]",
 });
 // For pages without a bundler: one script, with the decoder and what it takes of three.js inside.
-// The core for engines without vectors, which hardly any browser is, stays beside.
+// The core for engines without vectors, which hardly any browser is, stays beside; so does what
+// decodes tracks.
 const player = await build({
   ...common,
   entryPoints: ["src/player/index.ts"],
   outfile: join(dist, "player.js"),
-  plugins: [engineInside, plainCoreBeside],
+  plugins: [engineInside, rareBeside],
   define: modulesInside,
   legalComments: "eof", // the licence of three.js
 });

@@ -32,9 +32,49 @@ export interface ReelInfo {
   /** Largest displacement of any vertex that the encoder promises, in percent of the diagonal. */
   readonly promisePercent: number | null;
   readonly numberType: "float32" | "float64";
-  /** Quantities that change over time beside the positions; they are left out. */
-  readonly nTracks: number;
+  /** Quantities that change over time beside the positions; `ReelFile.track` gives their values. */
+  readonly tracks: readonly TrackInfo[];
   readonly blocks: readonly BlockInfo[];
+}
+
+/**
+ * A track: a quantity of vertices, faces or corners that changes over time. What is of a newer build
+ * is "unknown"; such a track is listed, and an error once it is asked for.
+ */
+export interface TrackInfo {
+  readonly name: string;
+  /** Such as "Pa"; empty where the file does not say. */
+  readonly unit: string;
+  readonly kind:
+    | "scalar"
+    | "vector"
+    | "velocity"
+    | "normal"
+    | "color"
+    | "uv"
+    | "other"
+    | "unknown";
+  /** What values are of; faces are polygons, and corners are theirs. */
+  readonly domain: "vertex" | "face" | "corner" | "unknown";
+  /** Numbers of a value. */
+  readonly nColumns: number;
+  /** Vertices, faces or corners that have a value at each frame. */
+  readonly nItems: number;
+  readonly numberType:
+    | "float32"
+    | "float64"
+    | "unknown"
+    /** Of tracks that are coded exactly. */
+    | `${"u" | ""}int${8 | 16 | 32 | 64}`;
+  /** Whether numbers are those of the original, which this build does not decode. */
+  readonly isExact: boolean;
+  /**
+   * Largest error of a value that the encoder promises: the length of the difference, in the unit of
+   * the track; of normals the angle in degrees; of colours that of each number. Null: none.
+   */
+  readonly promisedError: number | null;
+  /** In all blocks. */
+  readonly sizeBytes: number;
 }
 
 export interface BlockInfo {
@@ -68,6 +108,18 @@ export interface BlockFields {
   readonly correctionVertices: Uint32Array;
   /** Three for each, in model units. */
   readonly correctionOffsets: Float32Array;
+}
+
+/**
+ * A track in a block as small integers, for shaders: the number in column c of item i at frame t of
+ * the block is the sum over modes k of `fields[k nItems + i] * weights[(t nModes + k) nColumns + c]`,
+ * plus `origin[c]`, plus its correction; normals are not yet divided by their length. The rest is as
+ * in `BlockFields`, where items are vertices.
+ */
+export interface TrackFields extends BlockFields {
+  readonly nColumns: number;
+  /** Of each column. */
+  readonly origin: readonly number[];
 }
 
 /** A quantity that faces, corners or vertices have: texture coordinates, a colour. */
@@ -131,6 +183,21 @@ export interface Surface {
   readonly images: readonly Image[];
 }
 
+/** A track of an open file. */
+export interface OpenTrack {
+  readonly info: TrackInfo;
+  /**
+   * Values of a frame: nItems x nColumns, of the type of the track, into `into` where it is given.
+   */
+  frame(
+    number: number,
+    into?: Float32Array | Float64Array,
+    options?: { signal?: AbortSignal },
+  ): Promise<Float32Array | Float64Array>;
+  /** A block for shaders. */
+  fields(block: number, options?: { signal?: AbortSignal }): Promise<TrackFields>;
+}
+
 /** What the other parts see of an open file; `ReelFile` is it. */
 export interface OpenReel {
   readonly info: ReelInfo;
@@ -146,5 +213,7 @@ export interface OpenReel {
   ): Promise<Float32Array | Float64Array>;
   /** A block for shaders. */
   fields(block: number, options?: { signal?: AbortSignal }): Promise<BlockFields>;
+  /** @throws InvalidInputError where there is none of this name. */
+  track(name: string): OpenTrack;
   close(): void;
 }

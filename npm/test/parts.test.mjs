@@ -10,11 +10,13 @@ const {
   Core,
   END_SIZE_BYTES,
   Heap,
+  Items,
   LONGEST_HEADER,
   MemoryReel,
   Scan,
   SourceError,
   checkedStream,
+  decodeConnectivity,
   firstBlock,
   frameOf,
   indexPayload,
@@ -68,7 +70,8 @@ test("a block is decoded from its bytes and those of its key block alone", () =>
   };
   for (const number of stream.places.keys()) {
     const core = newCore(Core); // of a worker that has seen no other block
-    const decoder = new BlockDecoder(core, stream.header, stream.leading);
+    const mesh = new Items(core, decodeConnectivity(core, stream.header, stream.leading));
+    const decoder = new BlockDecoder(mesh, 3);
     const needsKey = !decoder.hasKeyOf(stored(number));
     const block = decoder.decode(stored(number), (key) => {
       assert.ok(needsKey);

@@ -34,9 +34,17 @@ TRIED = "Object.assign(window, { mesh });\n"
 pytestmark = pytest.mark.slow
 
 
+COLORED = "async () => (await mesh.colorBy('height')).range"
+"""Loads what decodes tracks, and what colours a mesh, as the bundler has put them."""
+
+
 @pytest.fixture(scope="module")
 def data():
-    return meshreel.encode(meshreel.simulate_flag(30, n_rows=20, n_columns=24))
+    flag = meshreel.simulate_flag(30, n_rows=20, n_columns=24)
+    tracks = {"height": flag.vertices[..., 2] + 10}
+    return meshreel.encode(
+        meshreel.MeshSequence(flag.vertices, flag.faces, fps=flag.fps, tracks=tracks)
+    )
 
 
 @pytest.fixture(scope="module")
@@ -58,6 +66,9 @@ def assert_plays(new_page, url, data):
     found = page.evaluate(PLAYED)
     assert_played(found, data)
     assert_shown(page.screenshot())
+    low, high = page.evaluate(COLORED)
+    heights = meshreel.decode(data).tracks["height"].values
+    assert heights.min() <= low < high <= heights.max()
     page.close()  # while the server is there
 
 

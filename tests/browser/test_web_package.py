@@ -37,6 +37,25 @@ HASHES = """async (names) => {
 }"""
 
 
+TRACK_HASHES = """async (names) => {
+  const { ReelFile } = await import("/dist/index.js");
+  const found = {};
+  for (const name of names) {
+    const reel = await ReelFile.open(`/${name}.reel`);
+    for (const { name: track } of reel.info.tracks) {
+      const frames = [];
+      for (let i = 0; i < reel.info.nFrames; i++) frames.push(await reel.track(track).frame(i));
+      const bytes = await new Blob(frames).arrayBuffer();
+      const hash = new Uint8Array(await crypto.subtle.digest("SHA-256", bytes));
+      const text = Array.from(hash, (one) => one.toString(16).padStart(2, "0")).join("");
+      found[`${name}: ${track}`] = text;
+    }
+    reel.close();
+  }
+  return found;
+}"""
+
+
 @pytest.fixture(scope="module", autouse=True)
 def _package():
     built_package()
@@ -46,6 +65,17 @@ def said_of_streams():
     """What is said of the streams that pages decode, by name."""
     said = {path.stem: json.loads(path.read_text("utf-8")) for path in FOLDER.glob("*.json")}
     return {name: one for name, one in said.items() if one["method"] == "reel"}
+
+
+def streams_with_tracks():
+    """Names of streams, and hashes of the values of each track of theirs."""
+    said = {name: one["tracks"] for name, one in said_of_streams().items() if one.get("tracks")}
+    hashes = {
+        f"{name}: {track['name']}": track["hash of values"]
+        for name, tracks in said.items()
+        for track in tracks
+    }
+    return sorted(said), hashes
 
 
 def hash_of(sequence):
@@ -69,13 +99,28 @@ def test_positions_are_those_of_every_stream(new_page):
     assert found == wanted
 
 
+@pytest.mark.parametrize("policy", ["worker-src blob:", "worker-src 'none'"])
+def test_values_of_tracks_are_those_of_every_stream(new_page, policy):
+    names, wanted = streams_with_tracks()
+    assert len(wanted) >= 8
+    files = {f"/{name}.reel": (FOLDER / f"{name}.reel").read_bytes() for name in names}
+    with serving(files, {POLICY: f"{WITHOUT_WORKERS}; {policy}"}) as (url, _):
+        page = new_page(url, is_shown=False)
+        assert page.evaluate(TRACK_HASHES, names) == wanted
+
+
 @pytest.mark.skipif(shutil.which("firefox") is None, reason="needs Firefox")
-def test_positions_are_those_of_every_stream_in_firefox():
+def test_positions_and_tracks_are_those_of_every_stream_in_firefox():
     said = said_of_streams()
+    with_tracks, hashes = streams_with_tracks()
     files = {f"/{name}.reel": (FOLDER / f"{name}.reel").read_bytes() for name in said}
     script = f"""
       const text = (error) => error.name + ": " + error.message;
-      ({HASHES})({json.dumps(sorted(said))})
+      const both = async () => ({{
+        ...(await ({HASHES})({json.dumps(sorted(said))})),
+        ...(await ({TRACK_HASHES})({json.dumps(with_tracks)})),
+      }});
+      both()
         .then((found) => found, (error) => ({{ error: text(error) }}))
         .then((found) => fetch("/", {{ method: "POST", body: JSON.stringify(found) }}));
     """
@@ -93,7 +138,8 @@ def test_positions_are_those_of_every_stream_in_firefox():
         finally:
             process.terminate()
             process.wait()
-    assert found == {name: [one["hash of positions"], True] for name, one in said.items()}
+    positions = {name: [one["hash of positions"], True] for name, one in said.items()}
+    assert found == {**positions, **hashes}
 
 
 def test_a_policy_with_one_directive_is_enough(new_page, sheet):

@@ -208,6 +208,104 @@ def test_picture_comes_back_when_the_context_was_lost(ask):
     assert max(answer["after"].values()) < 1e-5
 
 
+FRAMES = [0, 2.5, 5.5, 11, 17]
+"""In three blocks, and between two of them."""
+
+
+def assert_colored(answer, *, is_on_gpu=True, n_missing=1, most=5):
+    """Colours in the middle of triangles are right but for the half of a pixel, and 8 bits."""
+    assert answer["isOnGpu"] == is_on_gpu
+    assert answer["errors"] == []
+    for found in answer["found"]:
+        assert found["n"] > 300
+        assert found["off"] < most
+        assert found["nMissing"] >= n_missing
+        assert found["areGrey"]
+        assert found["nGrey"] <= 2
+    assert answer["unit"] == "Pa"
+    assert answer["bare"] == [0x30, 0x50, 0x70]
+    assert not answer["hasMap"]
+    assert answer["nBare"] == answer["nVertices"] == 24 * 16
+
+
+@pytest.mark.parametrize("gpu", [True, False])
+def test_colours_are_those_of_the_track_when_it_is_of_vertices(ask, gpu):
+    answer = ask("colors", "scalar", FRAMES, {}, {"gpu": gpu})
+    assert_colored(answer, is_on_gpu=gpu, n_missing=6)
+    low, high = answer["range"]
+    assert low == -high < 0
+    assert answer["component"] == 0
+    assert answer["nSplit"] == 24 * 16
+
+
+@pytest.mark.parametrize("gpu", [True, False])
+@pytest.mark.parametrize("name", ["faces", "corners"])
+@pytest.mark.parametrize("has_quads", [False, True])
+def test_colours_are_those_of_the_track_when_it_is_of_faces(ask, name, has_quads, gpu):
+    options = {"component": 0, "range": [-1.5, 2]}
+    answer = ask("colors", name, FRAMES, options, {"gpu": gpu}, {"hasQuads": has_quads})
+    assert_colored(answer, is_on_gpu=gpu)
+    assert answer["range"] == [-1.5, 2]
+    n_quads = 23 * 15
+    of_quads = 4 * n_quads if has_quads else 6 * n_quads
+    assert answer["nSplit"] == of_quads
+
+
+@pytest.mark.parametrize("gpu", [True, False])
+def test_colours_are_those_of_a_length_or_a_column_when_the_track_is_of_vectors(ask, gpu):
+    answer = ask("colors", "vector", FRAMES, {}, {"gpu": gpu})
+    assert answer["component"] == "magnitude"
+    assert answer["range"][0] >= 0
+    assert_colored(answer, is_on_gpu=gpu, n_missing=6)
+    answer = ask("colors", "vector", FRAMES, {"component": 2}, {"gpu": gpu})
+    assert answer["component"] == 2
+    assert_colored(answer, is_on_gpu=gpu, n_missing=6)
+
+
+def test_colours_are_right_when_numbers_are_far_from_0_or_beyond_the_range(ask):
+    assert_colored(ask("colors", "high", FRAMES, {}), n_missing=6, most=7)
+    options = {"range": [-0.2, 0.1], "map": ["#000000", "#ff0000", "#ffffff"]}
+    answer = ask("colors", "scalar", [0, 11], options)
+    assert answer["range"] == [-0.2, 0.1]
+    assert all(found["nGrey"] <= 2 for found in answer["found"])
+
+
+def test_colours_come_back_when_the_context_was_lost(ask):
+    assert_colored(ask("colors", "scalar", FRAMES, {}, {}, {}, True), n_missing=6)
+    assert_colored(ask("colors", "faces", FRAMES, {}, {}, {}, True))
+
+
+def test_track_is_grey_where_its_block_is_damaged_when_the_rest_plays(ask):
+    answer = ask("colors", "scalar", [2, 7, 12], {}, {}, {"damagedTracks": [1]})
+    assert set(answer["errors"]) == {1}
+    sound, damaged, behind = answer["found"]
+    assert max(sound["off"], behind["off"]) < 5
+    assert damaged["nGrey"] == damaged["n"] - damaged["nMissing"] > 300
+
+
+def test_colours_that_cannot_be_are_refused_with_what_is_possible(ask):
+    answer = ask(
+        "refusedColors",
+        [
+            ["many", {}],
+            ["many", {"component": "magnitude"}],
+            ["vector", {"component": 3}],
+            ["scalar", {"range": [1, 1]}],
+            ["scalar", {"map": "rainbow"}],
+            ["scalar", {"map": ["#fff"]}],
+        ],
+    )
+    many, length, column, span, name, short = answer["words"]
+    assert "has 5 columns: component must be one of 0 to 4; got" in many
+    assert "must be one of 0 to 4; got" in length
+    assert 'must be one of 0 to 2 or "magnitude"; got 3' in column
+    assert "range must be two finite numbers, low < high; got 1,1" in span
+    assert 'map must be "sequential", "diverging" or a list' in name
+    assert "two or more colours" in short
+    assert answer["last"] == ["AbortError", "high"]
+    assert "none has a map" in answer["other"]
+
+
 def test_whoever_draws_the_mesh_plays_it_when_no_renderer_is_given(ask):
     answer = ask("events", [])
     types = [event["type"] for event in answer["events"]]

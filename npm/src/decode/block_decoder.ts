@@ -1,49 +1,36 @@
 // Blocks of a stream to fields and basis vectors, in any order.
 
-import type { Core } from "../core/core.js";
 import { CorruptStreamError } from "../errors.js";
-import { type Layout, type StoredBlock, blockPayload } from "../stream/block_sections.js";
-import type { Header } from "../stream/header.js";
+import { type StoredBlock, blockPayload } from "../stream/block_sections.js";
 import { Section } from "../stream/layout.js";
-import type { StoredSection } from "../stream/sections.js";
-import { type Connectivity, decodeConnectivity, inverse } from "./connectivity.js";
+import { inverse } from "./connectivity.js";
 import { noCorrections, readCorrections } from "./corrections.js";
 import { DecodedBlock } from "./decoded_block.js";
 import { FieldValues } from "./field_values.js";
 import { decodeFields } from "./fields.js";
-import { type Hierarchy, buildHierarchy } from "./hierarchy.js";
+import type { Items } from "./items.js";
 import { decodeBasis } from "./times.js";
 
 const FIELDS_BYTES = 48;
 
+/** Columns of positions. */
+export const POSITION_COLUMNS = 3;
+
 /**
- * Decodes blocks of a stream. It keeps what follows from connectivity, and the fields of the last
- * key block: others refer to it.
+ * Decodes a track in the blocks of a stream: its positions, or a further one. It keeps the fields
+ * of the last key block: others refer to it.
  */
 export class BlockDecoder {
-  readonly connectivity: Connectivity;
-  private hierarchy: Hierarchy | null = null;
   private key: { readonly number: number; readonly values: FieldValues } | null = null;
 
   /**
-   * @param leading - Sections before the first block.
-   * @throws CorruptStreamError where connectivity or order are damaged.
-   * @throws MeshReelError where the mesh is too large for a page.
+   * @param items - That the values lie on; they are not closed with the decoder.
+   * @param nColumns - Numbers of a value.
    */
   constructor(
-    readonly core: Core,
-    readonly header: Header,
-    leading: readonly StoredSection[],
-  ) {
-    this.connectivity = core.keeping((scope, keep) =>
-      decodeConnectivity(core, scope, keep, header, leading),
-    );
-  }
-
-  /** Makes ready what blocks with such fields need. */
-  prepare({ stencilSize }: Layout): void {
-    this.hierarchyOf(stencilSize);
-  }
+    private readonly items: Items,
+    private readonly nColumns: number,
+  ) {}
 
   /** Whether a block can be decoded without the bytes of its key block. */
   hasKeyOf(stored: StoredBlock): boolean {
@@ -60,32 +47,29 @@ export class BlockDecoder {
    */
   decode(stored: StoredBlock, keyBlock: (number: number) => StoredBlock): DecodedBlock {
     const key = stored.layout.reference ? this.keyOf(stored, keyBlock) : null;
-    const { core, connectivity } = this;
+    const { items, nColumns } = this;
+    const { core, graph } = items;
     const { number, start, nFrames, nModes, layout } = stored;
     const basis = core.during((scope) => {
       const data = blockPayload(stored, Section.BASIS);
-      const found = decodeBasis(core, scope, data, nModes, nFrames);
-      return core.float64s(found, 3 * nFrames * nModes).slice();
+      const found = decodeBasis(core, scope, data, nModes, nColumns, nFrames);
+      return core.float64s(found, nColumns * nFrames * nModes).slice();
     });
     const moved = stored.sections.get(Section.CORRECTIONS);
     const corrections = moved
-      ? readCorrections(core, moved, nFrames, inverse(connectivity.sequence))
+      ? readCorrections(core, moved, nColumns, nFrames, inverse(graph.sequence))
       : noCorrections(nFrames);
     const values = this.decodeValues(stored, key);
     if (!key) this.keep(number, values.hold());
-    const { rows } = this.hierarchyOf(layout.stencilSize);
-    const { nVerts } = connectivity;
-    const made = [basis, corrections, values, rows] as const;
-    return new DecodedBlock(number, start, nFrames, nVerts, layout, ...made);
+    const { rows } = items.hierarchyOf(layout.stencilSize);
+    const made = [layout, basis, corrections, values, rows] as const;
+    return new DecodedBlock(number, start, nFrames, graph.nVerts, nColumns, ...made);
   }
 
-  /** Gives all memory back but that of blocks that are still open. */
+  /** Gives its memory back but that of blocks that are still open. */
   close(): void {
     this.key?.values.release();
     this.key = null;
-    this.hierarchy?.parts.forEach((part) => this.core.heap.give(part));
-    this.hierarchy = null;
-    this.core.heap.give(this.connectivity.internalFaces);
   }
 
   private keyOf(stored: StoredBlock, keyBlock: (number: number) => StoredBlock): FieldValues {
@@ -119,13 +103,14 @@ export class BlockDecoder {
   }
 
   private decodeValues(stored: StoredBlock, key: FieldValues | null): FieldValues {
-    const { core } = this;
+    const { items } = this;
+    const { core } = items;
     const { nModes, layout } = stored;
     const { stencilSize, nLearned } = layout;
-    const { nVerts } = this.connectivity;
+    const { nVerts } = items.graph;
     const data = blockPayload(stored, Section.COEFFICIENTS);
     return core.keeping((scope, keep) => {
-      const { mesh, codingOrder } = this.hierarchyOf(stencilSize);
+      const { mesh, codingOrder } = items.hierarchyOf(stencilSize);
       const residuals = decodeFields(core, scope, data, nModes, nVerts, () => codingOrder);
       const values = keep(scope.take(8 * nVerts * nModes));
       const fields = scope.take(FIELDS_BYTES);
@@ -135,15 +120,5 @@ export class BlockDecoder {
       core.checked(result, "fields");
       return new FieldValues(core, values, nModes, stencilSize);
     });
-  }
-
-  /** The hierarchy with stencils of so many vertices; that of the block before where it serves. */
-  private hierarchyOf(stencilSize: number): Hierarchy {
-    if (this.hierarchy?.stencilSize !== stencilSize) {
-      this.hierarchy?.parts.forEach((part) => this.core.heap.give(part));
-      this.hierarchy = null;
-      this.hierarchy = buildHierarchy(this.core, this.connectivity, stencilSize);
-    }
-    return this.hierarchy;
   }
 }

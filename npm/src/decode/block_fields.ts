@@ -1,7 +1,6 @@
 // A block as small integers, for shaders.
 
 import type { Core } from "../core/core.js";
-import type { Header } from "../stream/header.js";
 import type { BlockFields } from "../types.js";
 import type { DecodedBlock } from "./decoded_block.js";
 import { requireFinite } from "./frames.js";
@@ -9,8 +8,8 @@ import { requireFinite } from "./frames.js";
 /** Of an integer of 16 bits. */
 const LARGEST = 32767;
 
-/** How far rounding of the fields moves a vertex at most, in diagonals; rounding of the weights to
- * single precision adds less than a tenth of it. */
+/** How far rounding of the fields moves a vertex at most, in diagonals (a value of a track: in its
+ * scale); rounding of the weights to single precision adds less than a tenth of it. */
 const ALLOWED_ERROR = 0.9e-5;
 
 /** Rounding steps by which the second field of a mode is finer than the first. */
@@ -20,9 +19,10 @@ const FINER = 2 * LARGEST;
  * A block as small integers. Each mode uses all of them. Modes whose rounding would show come
  * twice: behind all others there is a field of what rounding has left of them.
  *
+ * @param scale - Of positions or of the track.
  * @throws CorruptStreamError where fields are beyond all numbers.
  */
-export function fieldsOf(core: Core, header: Header, block: DecodedBlock): BlockFields {
+export function fieldsOf(core: Core, scale: number, block: DecodedBlock): BlockFields {
   const { number, start, nFrames, nVerts, corrections } = block;
   const values = core.float64s(block.values.start, nVerts * block.nModes);
   const steps = finestSteps(values, block);
@@ -33,10 +33,10 @@ export function fieldsOf(core: Core, header: Header, block: DecodedBlock): Block
     ...{ number, start, nFrames, nModes, nBlockModes: block.nModes, nVerts },
     fields,
     means: meansOf(fields, nModes, nVerts),
-    weights: scaledWeights(steps, twice, block, header.scale),
+    weights: scaledWeights(steps, twice, block, scale),
     correctionStarts: corrections.starts.slice(),
     correctionVertices: Uint32Array.from(corrections.vertices),
-    correctionOffsets: Float32Array.from(corrections.moves, (move) => move * header.scale),
+    correctionOffsets: Float32Array.from(corrections.moves, (move) => move * scale),
   };
 }
 
@@ -56,7 +56,7 @@ function finestSteps(values: Float64Array, block: DecodedBlock): Float64Array {
 
 /** The modes that have to come twice, so that no vertex is moved by more than is allowed. */
 function roughModes(steps: Float64Array, block: DecodedBlock): number[] {
-  const { nModes, nFrames, basis, layout } = block;
+  const { nModes, nColumns, nFrames, basis, layout } = block;
   const halves = steps.map((step) => (step * layout.step) / 2);
   const found: number[] = [];
   const moves = new Float64Array(nModes);
@@ -64,7 +64,9 @@ function roughModes(steps: Float64Array, block: DecodedBlock): number[] {
     let sum = 0;
     for (let k = 0; k < nModes; k++) {
       let square = 0;
-      for (let axis = 0; axis < 3; axis++) square += basis[(axis * nFrames + t) * nModes + k] ** 2;
+      for (let axis = 0; axis < nColumns; axis++) {
+        square += basis[(axis * nFrames + t) * nModes + k] ** 2;
+      }
       moves[k] = Math.sqrt(square) * halves[k];
       sum += moves[k];
     }
@@ -113,16 +115,16 @@ function meansOf(fields: Int16Array, nModes: number, nVerts: number): Float64Arr
 function scaledWeights(
   steps: Float64Array,
   twice: readonly number[],
-  { nModes, nFrames, basis, layout }: DecodedBlock,
+  { nModes, nColumns, nFrames, basis, layout }: DecodedBlock,
   scale: number,
 ): Float32Array {
   const modes = [...steps.keys(), ...twice];
-  const weights = new Float32Array(3 * nFrames * modes.length);
+  const weights = new Float32Array(nColumns * nFrames * modes.length);
   let place = 0;
   for (let t = 0; t < nFrames; t++) {
     modes.forEach((k, i) => {
       const step = (steps[k] * layout.step * scale) / (i < nModes ? 1 : FINER);
-      for (let axis = 0; axis < 3; axis++) {
+      for (let axis = 0; axis < nColumns; axis++) {
         weights[place++] = step * basis[(axis * nFrames + t) * nModes + k];
       }
     });

@@ -12,26 +12,40 @@ const DROPPED = 2;
 const VERTICES_ONLY = 1;
 const VERTICES_AND_FACES = 2;
 
-/** What connectivity says. */
-export interface Connectivity {
+/** What values lie on: vertices, or faces or corners that are next to each other. */
+export interface ItemGraph {
   readonly nVerts: number;
   readonly nFaces: number;
-  /** Address of the faces as they are coded, which blocks refer to. */
+  /**
+   * Address of the faces as they are coded, which blocks refer to; the items at the corners of each
+   * are next to each other. Whoever asked for them gives them back.
+   */
   readonly internalFaces: number;
   /** Internal number of each vertex that goes out. */
   readonly sequence: Int32Array;
+}
+
+/** What connectivity says. */
+export interface Connectivity extends ItemGraph {
   /** Triangles as they go out. */
   readonly triangles: Uint32Array;
 }
 
 /**
- * The connectivity of a stream.
+ * The connectivity of a stream; its faces stay in the memory of the core.
  *
- * @param keep - Told of the memory that stays in use.
  * @throws CorruptStreamError where it is damaged.
  * @throws MeshReelError where the mesh is too large for a page.
  */
 export function decodeConnectivity(
+  core: Core,
+  header: Header,
+  leading: readonly StoredSection[],
+): Connectivity {
+  return core.keeping((scope, keep) => decodeWithin(core, scope, keep, header, leading));
+}
+
+function decodeWithin(
   core: Core,
   scope: Scope,
   keep: (start: number) => number,

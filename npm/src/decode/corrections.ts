@@ -12,7 +12,7 @@ export interface Corrections {
   readonly starts: Uint32Array;
   /** Vertices as they go out. */
   readonly vertices: Int32Array;
-  /** Three for each, in diagonals. */
+  /** One for each column, in diagonals. */
   readonly moves: Float64Array;
 }
 
@@ -32,6 +32,7 @@ export function noCorrections(nFrames: number): Corrections {
 export function readCorrections(
   core: Core,
   payload: Uint8Array,
+  nColumns: number,
   nFrames: number,
   places: Int32Array,
 ): Corrections {
@@ -46,8 +47,10 @@ export function readCorrections(
         `${nVerts}`,
     );
   }
-  const lengths = [nCorrected, nCorrected, count, count, count, count];
-  const rows = decodeIntegers(core, reader.rest(), lengths, [0, 1, 2, 3, 3, 3]);
+  const columns = Array.from({ length: nColumns }, () => count);
+  const lengths = [nCorrected, nCorrected, count, ...columns];
+  const tables = [0, 1, 2, ...columns.map(() => 3)];
+  const rows = decodeIntegers(core, reader.rest(), lengths, tables);
   const listed = listCorrections(rows, nFrames, places, isStep(step));
   return sorted(listed, rows.slice(3), step, nFrames);
 }
@@ -105,12 +108,13 @@ function sorted(
   nFrames: number,
 ): Corrections {
   const count = frames.length;
-  const moves = new Float64Array(3 * count);
+  const width = columns.length;
+  const moves = new Float64Array(width * count);
   columns.forEach((column, axis) => {
     let offset = 0;
     column.forEach((difference, i) => {
       offset = follows[i] ? offset + difference : difference;
-      moves[3 * i + axis] = offset * step;
+      moves[width * i + axis] = offset * step;
     });
   });
   const order = Array.from({ length: count }, (_, i) => i).sort(
@@ -119,8 +123,10 @@ function sorted(
   const starts = new Uint32Array(nFrames + 1);
   for (const frame of frames) starts[frame + 1]++;
   for (let t = 0; t < nFrames; t++) starts[t + 1] += starts[t];
-  const sortedMoves = new Float64Array(3 * count);
-  order.forEach((i, place) => sortedMoves.set(moves.subarray(3 * i, 3 * i + 3), 3 * place));
+  const sortedMoves = new Float64Array(width * count);
+  order.forEach((i, place) =>
+    sortedMoves.set(moves.subarray(width * i, width * (i + 1)), width * place),
+  );
   return { starts, vertices: Int32Array.from(order, (i) => vertices[i]), moves: sortedMoves };
 }
 

@@ -12,7 +12,7 @@ export class DecodedBlock {
   /**
    * @param number - Of the block.
    * @param start - Number of its first frame.
-   * @param basis - Basis vectors of shape (3, T, K).
+   * @param basis - Basis vectors of shape (C, T, K).
    * @param rows - Row of `values` of each vertex that goes out.
    */
   constructor(
@@ -20,6 +20,7 @@ export class DecodedBlock {
     readonly start: number,
     readonly nFrames: number,
     readonly nVerts: number,
+    readonly nColumns: number,
     readonly layout: Layout,
     readonly basis: Float64Array,
     readonly corrections: Corrections,

@@ -3,7 +3,7 @@
 import type { Core } from "../core/core.js";
 import type { Scope } from "../core/heap.js";
 import { int64s } from "../core/int64.js";
-import { type Connectivity, inverse } from "./connectivity.js";
+import { type ItemGraph, inverse } from "./connectivity.js";
 import type { CodingOrder } from "./fields.js";
 
 /** As in core/reel.h. */
@@ -25,13 +25,13 @@ export interface Hierarchy {
   readonly parts: readonly number[];
 }
 
-/** The hierarchy of a mesh; whoever asks gives its parts back. */
+/** The hierarchy of a mesh, or of its faces or corners; whoever asks gives its parts back. */
 export function buildHierarchy(
   core: Core,
-  connectivity: Connectivity,
+  items: ItemGraph,
   stencilSize: number,
 ): Hierarchy {
-  const { nVerts, sequence } = connectivity;
+  const { nVerts, sequence } = items;
   return core.keeping((scope, keep) => {
     const parts: number[] = [];
     const take = (sizeBytes: number): number => {
@@ -52,7 +52,7 @@ export function buildHierarchy(
     const smooth = take(SMOOTH_ROWS * SMOOTH_ROW_BYTES * nVerts);
 
     const { nLevels, rows } = core.during((inner) => {
-      const graph = findNeighbours(core, inner, connectivity);
+      const graph = findNeighbours(core, inner, items);
       const order = inner.take(4 * nVerts);
       const verts = BigInt(nVerts);
       const size = core.functions.reel_hierarchy_memory(verts, BigInt(graph.nNear)) >>> 0;
@@ -111,7 +111,7 @@ interface Graph {
 function findNeighbours(
   core: Core,
   scope: Scope,
-  { internalFaces, nVerts, nFaces }: Connectivity,
+  { internalFaces, nVerts, nFaces }: ItemGraph,
 ): Graph {
   const starts = scope.take(4 * (nVerts + 1));
   const near = scope.take(24 * nFaces);

@@ -2,7 +2,7 @@
 
 import { UnsupportedVersionError } from "../errors.js";
 import { blockSizeBytes } from "../stream/index_section.js";
-import { type Stream, nTracks } from "../stream/stream.js";
+import type { Stream } from "../stream/stream.js";
 import type { ReelInfo } from "../types.js";
 import { readPromise, readStart } from "./leading_numbers.js";
 
@@ -13,12 +13,12 @@ const N_LAPLACIANS = 2;
 const N_ORDERS = 3;
 
 /**
- * Facts of a stream.
+ * Facts of a stream, but for its tracks.
  *
  * @throws UnsupportedVersionError where this build does not decode it.
  * @throws CorruptStreamError where its numbers cannot be.
  */
-export function readInfo({ header, leading, places, starts }: Stream): ReelInfo {
+export function readInfo({ header, leading, places, starts }: Stream): Omit<ReelInfo, "tracks"> {
   const { method, laplacian, order } = header;
   if (method < METHODS.length) {
     throw new UnsupportedVersionError(
@@ -37,7 +37,6 @@ export function readInfo({ header, leading, places, starts }: Stream): ReelInfo 
     diagonal: scale,
     promisePercent: readPromise(leading),
     numberType: vertexType === 4 ? "float32" : "float64",
-    nTracks: nTracks(leading) - 1,
     blocks: places.map((place, i) => ({
       start: starts[i],
       nFrames: place.nFrames,

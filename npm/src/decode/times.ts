@@ -10,10 +10,8 @@ const COARSEST = 4;
 /** Columns whose time is a context neighbour of the same time. */
 const COLUMNS_BEFORE = 2;
 
-const N_COLUMNS = 3;
-
 /**
- * The address of basis vectors of shape (3, T, K), of doubles, in the scope.
+ * The address of basis vectors of shape (C, T, K), of doubles, in the scope.
  *
  * @throws CorruptStreamError where the bytes are not those of so many.
  */
@@ -22,14 +20,15 @@ export function decodeBasis(
   scope: Scope,
   data: Uint8Array,
   nModes: number,
+  nColumns: number,
   nFrames: number,
 ): number {
   return core.during((inner) => {
-    const nTimes = N_COLUMNS * nFrames;
-    const order = (): CodingOrder => timeOrder(inner, nFrames);
+    const nTimes = nColumns * nFrames;
+    const order = (): CodingOrder => timeOrder(inner, nColumns, nFrames);
     const integers = decodeFields(core, inner, data, nModes, nTimes, order);
     const basis = scope.take(8 * nModes * nTimes);
-    const counts = [BigInt(N_COLUMNS), BigInt(nFrames)] as const;
+    const counts = [BigInt(nColumns), BigInt(nFrames)] as const;
     const size = core.functions.reel_basis_memory(...counts) >>> 0;
     const memory = inner.take(size);
     const modes = BigInt(nModes);
@@ -43,13 +42,13 @@ export function decodeBasis(
  * The order in which residuals of a mode are coded, with the context neighbours of each:
  * docs/format.md, "Passes by times".
  */
-function timeOrder(scope: Scope, nFrames: number): CodingOrder {
+function timeOrder(scope: Scope, nAll: number, nFrames: number): CodingOrder {
   const columns: number[] = [];
   const passStarts = [0];
   const nearStarts = [0];
   const near: number[] = [];
   const addPass = (first: number, apart: number, offsets: readonly number[]): void => {
-    for (let column = 0; column < N_COLUMNS; column++) {
+    for (let column = 0; column < nAll; column++) {
       for (let time = first; time < nFrames; time += apart) {
         columns.push(column * nFrames + time);
         for (const offset of offsets) {
@@ -69,7 +68,7 @@ function timeOrder(scope: Scope, nFrames: number): CodingOrder {
     addPass(half, 2 * half, [-half, half, -2 * half, -4 * half]);
   }
   return {
-    nColumns: N_COLUMNS * nFrames,
+    nColumns: nAll * nFrames,
     columns: scope.put(Int32Array.from(columns)),
     nPasses: passStarts.length - 1,
     passStarts: scope.put(int64s(passStarts)),

@@ -1,45 +1,52 @@
-// Decodes a stream whose bytes come when they are asked for; keeps two blocks.
+// Decodes the positions of a stream whose bytes come when they are asked for.
 
 import type { Core } from "../core/core.js";
-import { BlockDecoder } from "../decode/block_decoder.js";
+import { BlockDecoder, POSITION_COLUMNS } from "../decode/block_decoder.js";
 import { fieldsOf } from "../decode/block_fields.js";
-import type { DecodedBlock } from "../decode/decoded_block.js";
+import { type Connectivity, decodeConnectivity } from "../decode/connectivity.js";
 import { frameOf, type Positions } from "../decode/frames.js";
 import { REEL, readInfo } from "../decode/info.js";
+import { Items } from "../decode/items.js";
+import { readTracks } from "../decode/track_infos.js";
 import { type StoredBlock, readBlock } from "../stream/block_sections.js";
+import { Section } from "../stream/layout.js";
 import type { Stream } from "../stream/stream.js";
 import { readSurface } from "../surface/surface.js";
 import type { BlockFields, ReelInfo, Surface } from "../types.js";
+import { KeptBlocks } from "./kept_blocks.js";
 import { type Beginning, type Read, openStream } from "./opening.js";
 
-/** Decoded blocks that are kept: the one that is played, and the next. */
-const MOST_BLOCKS = 2;
+/** Sections before the first block that further tracks need. */
+const OF_TRACKS: readonly number[] = [
+  Section.CONNECTIVITY,
+  Section.ORDER,
+  Section.POLYGONS,
+  Section.TRACK,
+];
 
 export class Engine {
   readonly info: ReelInfo;
   readonly surface: Surface;
-  private readonly decoder: BlockDecoder;
-  /** The one used last is the last. */
-  private blocks: DecodedBlock[] = [];
-  /** Those on their way. */
-  private readonly pending = new Map<number, Promise<DecodedBlock>>();
-  private lastFrame = -1;
-  /** Whether the last frames were asked for in order. */
-  private isPlayed = false;
+  private readonly blocks: KeptBlocks;
 
   private constructor(
     private readonly core: Core,
     private readonly read: Read,
     private readonly stream: Stream,
-    early: EarlyDecoder | null,
+    early: EarlyMesh | null,
   ) {
-    const { header, leading, places } = stream;
-    this.info = readInfo(stream);
+    const { header, leading, places, starts } = stream;
+    const info = readInfo(stream);
     const isEarly = early?.end === places[0].position;
-    if (!isEarly) early?.decoder.close();
-    this.decoder = isEarly ? early.decoder : new BlockDecoder(core, header, leading);
-    const { triangles } = this.decoder.connectivity;
-    this.surface = readSurface(core, leading, triangles, header.nVerts);
+    if (!isEarly) early?.mesh.close();
+    const mesh = isEarly ? early.mesh : new Items(core, decodeConnectivity(core, header, leading));
+    this.surface = readSurface(core, leading, mesh.graph.triangles, header.nVerts);
+    this.info = { ...info, tracks: readTracks(stream, this.surface.faceSizes) };
+    this.blocks = new KeptBlocks(
+      new BlockDecoder(mesh, POSITION_COLUMNS),
+      starts,
+      (number, signal) => this.stored(number, signal),
+    );
   }
 
   /**
@@ -54,9 +61,9 @@ export class Engine {
     hasRanges: boolean,
     signal: AbortSignal,
   ): Promise<Engine> {
-    let early: EarlyDecoder | null = null;
+    let early: EarlyMesh | null = null;
     const begin = async (beginning: Beginning): Promise<void> => {
-      early = earlyDecoder(await core, beginning);
+      early = earlyMesh(await core, beginning);
     };
     const stream = await openStream(read, size, hasRanges, signal, begin);
     return new Engine(await core, read, stream, early);
@@ -64,57 +71,25 @@ export class Engine {
 
   /** Positions of a frame, which has to be there. */
   async frame(number: number, signal: AbortSignal): Promise<Positions> {
-    const { starts, header } = this.stream;
-    const block = starts.findLastIndex((start) => start <= number);
-    this.isPlayed = number === this.lastFrame + 1;
-    this.lastFrame = number;
-    return frameOf(this.core, header, await this.block(block, signal), number - starts[block]);
+    return frameOf(this.core, this.stream.header, ...(await this.blocks.ofFrame(number, signal)));
   }
 
   /** A block, which has to be there, for shaders. */
   async fields(block: number, signal: AbortSignal): Promise<BlockFields> {
-    return fieldsOf(this.core, this.stream.header, await this.block(block, signal));
+    return fieldsOf(this.core, this.stream.header.scale, await this.blocks.block(block, signal));
   }
 
-  /**
-   * Decodes the next block, where frames are asked for in order and are in the second half of one.
-   *
-   * What goes wrong is told when a frame of the block is asked for.
-   */
+  /** What further tracks are decoded with, as a copy. */
+  ofTracks(): Stream {
+    const leading = this.stream.leading
+      .filter(({ id }) => OF_TRACKS.includes(id))
+      .map((section) => ({ ...section, payload: section.payload.slice() }));
+    return { ...this.stream, leading };
+  }
+
+  /** Decodes what is likely to be asked for next. */
   async goAhead(): Promise<void> {
-    const { places, starts } = this.stream;
-    const next = starts.findLastIndex((start) => start <= this.lastFrame) + 1;
-    const isNear = 2 * this.lastFrame >= starts[next - 1] + starts[next];
-    const isDecoded = this.blocks.some((block) => block.number === next);
-    if (!this.isPlayed || !isNear || isDecoded || this.pending.size || next >= places.length) return;
-    await this.block(next, new AbortController().signal).catch(() => {});
-  }
-
-  /** A block: kept from before, on its way, or decoded now. */
-  private async block(number: number, signal: AbortSignal): Promise<DecodedBlock> {
-    const kept = this.blocks.find((block) => block.number === number);
-    const found = kept ?? (await (this.pending.get(number) ?? this.begin(number, signal)));
-    signal.throwIfAborted();
-    this.blocks = [...this.blocks.filter((block) => block !== found), found];
-    return found;
-  }
-
-  private begin(number: number, signal: AbortSignal): Promise<DecodedBlock> {
-    const found = this.decoded(number, signal).finally(() => this.pending.delete(number));
-    this.pending.set(number, found);
-    return found;
-  }
-
-  private async decoded(number: number, signal: AbortSignal): Promise<DecodedBlock> {
-    const stored = await this.stored(number, signal);
-    const reference = number - stored.layout.reference;
-    const isKeyMissing = reference >= 0 && !this.decoder.hasKeyOf(stored);
-    const key = isKeyMissing ? await this.stored(reference, signal) : stored;
-    signal.throwIfAborted();
-    while (this.blocks.length >= MOST_BLOCKS) this.blocks.shift()!.close();
-    const found = this.decoder.decode(stored, () => key);
-    this.blocks.push(found);
-    return found;
+    await this.blocks.goAhead();
   }
 
   private async stored(number: number, signal: AbortSignal): Promise<StoredBlock> {
@@ -126,26 +101,23 @@ export class Engine {
   }
 }
 
-/** A decoder that was made while the end of its stream was on its way. */
-interface EarlyDecoder {
-  readonly decoder: BlockDecoder;
+/** A mesh that was made ready while the end of its stream was on its way. */
+interface EarlyMesh {
+  readonly mesh: Items<Connectivity>;
   /** Byte of the stream at which the first block begins. */
   readonly end: number;
 }
 
 /** Decodes what leads to the blocks; null where that fails, which is told once all is here. */
-function earlyDecoder(
-  core: Core,
-  { header, leading, end, layout }: Beginning,
-): EarlyDecoder | null {
+function earlyMesh(core: Core, { header, leading, end, layout }: Beginning): EarlyMesh | null {
   if (header.method !== REEL) return null;
-  let decoder: BlockDecoder | null = null;
+  let mesh: Items<Connectivity> | null = null;
   try {
-    decoder = new BlockDecoder(core, header, leading);
-    decoder.prepare(layout);
-    return { decoder, end };
+    mesh = new Items(core, decodeConnectivity(core, header, leading));
+    mesh.hierarchyOf(layout.stencilSize);
+    return { mesh, end };
   } catch {
-    decoder?.close();
+    mesh?.close();
     return null;
   }
 }

@@ -1,6 +1,7 @@
-// What a reel and its engine say to each other. The engine runs in a worker, or beside the reel.
+// What a reel and its engines say to each other. They run in workers, or beside the reel.
 
-import type { BlockFields, ReelInfo, Surface } from "../types.js";
+import type { Stream } from "../stream/stream.js";
+import type { BlockFields, ReelInfo, Surface, TrackFields } from "../types.js";
 
 /** An error on its way: what is thrown on the other side has this name and these words. */
 export interface Failure {
@@ -8,16 +9,28 @@ export interface Failure {
   readonly message: string;
 }
 
-/** What an engine is asked, by the name of the call, and what it answers. */
+/**
+ * What engines are asked, by the name of the call, and what they answer. That of the positions opens
+ * a file, and says what tracks are decoded with; that of the tracks is told so, and asked by the
+ * number of a track.
+ */
 export interface Calls {
   open: { size: number | null; hasRanges: boolean };
   frame: { number: number };
   fields: { block: number };
+  ofTracks: object;
+  openTracks: Stream;
+  values: { track: number; number: number };
+  trackFields: { track: number; block: number };
 }
 export interface Answers {
   open: { info: ReelInfo; surface: Surface };
   frame: Float32Array | Float64Array;
   fields: BlockFields;
+  ofTracks: Stream;
+  openTracks: object;
+  values: Float32Array | Float64Array;
+  trackFields: TrackFields;
 }
 
 export type Question = {

@@ -2,9 +2,12 @@
 
 import { loadModule } from "../core/module.js";
 import type { Positions } from "../decode/frames.js";
-import { InvalidInputError } from "../errors.js";
+import { CorruptStreamError, InvalidInputError } from "../errors.js";
+import { filled, requireFitting, requireNumber } from "./arguments.js";
 import { openSource, type SourceInput, type SourceOptions } from "../source/open.js";
 import type { BlockFields, ByteSource, OpenReel, ReelInfo, Surface } from "../types.js";
+import { startEngine } from "./engine_function.js";
+import { type CallOptions, ReelTrack } from "./reel_track.js";
 import { RemoteEngine } from "./remote_engine.js";
 
 /** How a file is opened. */
@@ -15,12 +18,6 @@ export interface OpenOptions extends SourceOptions {
    * decoded on the thread that asks; `isInWorker` says which.
    */
   worker?: boolean;
-}
-
-/** What a call may be given. */
-export interface CallOptions {
-  /** Takes the question back: the call then throws its reason, an `AbortError` by default. */
-  signal?: AbortSignal;
 }
 
 /**
@@ -35,9 +32,12 @@ export interface CallOptions {
  * reel.close();
  */
 export class ReelFile implements OpenReel {
+  private tracks: Promise<RemoteEngine> | null = null;
+
   private constructor(
     private readonly source: ByteSource,
     private readonly engine: RemoteEngine,
+    private readonly inWorker: boolean,
     /** Facts of the file. */
     readonly info: ReelInfo,
     /** What the mesh is beside its positions. */
@@ -58,12 +58,13 @@ export class ReelFile implements OpenReel {
   static async open(from: SourceInput, options: OpenOptions = {}): Promise<ReelFile> {
     // All that decodes gets ready while bytes are on their way.
     const opening = openSource(from, options);
-    const engine = new RemoteEngine(opening, options.worker ?? true);
+    const inWorker = options.worker ?? true;
+    const engine = new RemoteEngine(startEngine, opening, inWorker);
     try {
       const [source] = await Promise.all([opening, engine.begin(loadModule())]);
       const { size, hasRanges } = source;
       const { info, surface } = await engine.ask("open", { size, hasRanges }, options.signal);
-      return new ReelFile(source, engine, info, surface);
+      return new ReelFile(source, engine, inWorker, info, surface);
     } catch (error) {
       engine.close(error);
       opening.then((source) => source.close()).catch(() => {});
@@ -83,14 +84,34 @@ export class ReelFile implements OpenReel {
   async frame(number: number, into?: Positions, { signal }: CallOptions = {}): Promise<Positions> {
     const { nFrames, nVerts, numberType } = this.info;
     requireNumber("frame", number, nFrames);
-    const kind = numberType === "float32" ? Float32Array : Float64Array;
-    if (into && !(into instanceof kind && into.length === 3 * nVerts)) {
-      throw new InvalidInputError(`into must be a ${kind.name} of ${3 * nVerts} numbers`);
+    requireFitting(into, numberType, 3 * nVerts);
+    return filled(into, await this.engine.ask("frame", { number }, signal));
+  }
+
+  /**
+   * A track, whose values come when they are asked for.
+   *
+   * What decodes tracks is a script and a worker of its own: it is loaded with the first values, and
+   * positions never wait for it. Only bytes of tracks that are asked for are read.
+   *
+   * @example
+   * const stress = reel.track("stress");
+   * const values = await stress.frame(10); // info.nColumns numbers of each of info.nItems
+   *
+   * @throws InvalidInputError where there is none.
+   * @throws CorruptStreamError where two tracks of the file have one name.
+   */
+  track(name: string): ReelTrack {
+    const { tracks } = this.info;
+    const number = tracks.findIndex((one) => one.name === name);
+    if (number < 0) {
+      const names = tracks.map((one) => JSON.stringify(one.name)).join(", ") || "none";
+      throw new InvalidInputError(`there is no track ${JSON.stringify(name)}; there are: ${names}`);
     }
-    const positions = await this.engine.ask("frame", { number }, signal);
-    if (!into) return positions;
-    into.set(positions);
-    return into;
+    if (new Set(tracks.map((one) => one.name)).size < tracks.length) {
+      throw new CorruptStreamError("two tracks of the stream have one name");
+    }
+    return new ReelTrack(this.info, number, () => this.trackEngine());
   }
 
   /**
@@ -111,13 +132,33 @@ export class ReelFile implements OpenReel {
 
   /** Lets all memory and connections go. Calls that are under way throw an `AbortError`. */
   close(): void {
-    this.engine.close(new DOMException("The file was closed", "AbortError"));
+    const reason = new DOMException("The file was closed", "AbortError");
+    this.engine.close(reason);
+    this.tracks?.then((engine) => engine.close(reason)).catch(() => {});
     this.source.close();
   }
-}
 
-function requireNumber(what: string, number: number, count: number): void {
-  if (!(Number.isInteger(number) && number >= 0 && number < count)) {
-    throw new InvalidInputError(`there are ${what}s 0 to ${count - 1}; got ${what} ${number}`);
+  private trackEngine(): Promise<RemoteEngine> {
+    this.tracks ??= this.openTracks().catch((error: unknown) => {
+      this.tracks = null; // the script may come another time
+      throw error;
+    });
+    return this.tracks;
+  }
+
+  private async openTracks(): Promise<RemoteEngine> {
+    const [{ startTrackEngine }, stream] = await Promise.all([
+      import("./track_engine_function.js"),
+      this.engine.ask("ofTracks", {}),
+    ]);
+    const engine = new RemoteEngine(startTrackEngine, Promise.resolve(this.source), this.inWorker);
+    try {
+      await engine.begin(loadModule());
+      await engine.ask("openTracks", stream);
+      return engine;
+    } catch (error) {
+      engine.close(error);
+      throw error;
+    }
   }
 }

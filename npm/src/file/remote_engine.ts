@@ -12,7 +12,6 @@ import {
 } from "../engine/messages.js";
 import * as errors from "../errors.js";
 import type { ByteSource } from "../types.js";
-import { startEngine } from "./engine_function.js";
 
 interface Waiting {
   readonly question: Question;
@@ -37,14 +36,17 @@ export class RemoteEngine {
   private module: WebAssembly.Module | null = null;
 
   /**
+   * @param start - Begins it at its end of a channel; all that it needs is in the text of this.
    * @param source - Whose bytes it decodes.
    * @param inWorker - Whether it works in a worker; false: on this thread.
    */
   constructor(
+    private readonly start: (port: Port) => void,
     private readonly source: Promise<ByteSource>,
     inWorker: boolean,
   ) {
-    this.line = (inWorker && workerLine((reason) => this.lose(reason))) || threadLine();
+    const failed = (reason: string): void => this.lose(reason);
+    this.line = (inWorker && workerLine(start, failed)) || threadLine(start);
     this.listen();
   }
 
@@ -108,7 +110,7 @@ export class RemoteEngine {
       return;
     }
     this.line.close();
-    this.line = threadLine();
+    this.line = threadLine(this.start);
     this.listen();
     if (this.module) this.say({ module: this.module });
     for (const { question } of this.waiting.values()) this.say(question);
@@ -147,9 +149,12 @@ export class RemoteEngine {
 }
 
 /** A worker whose script is the text of the engine; null where there can be none. */
-function workerLine(failed: (reason: string) => void): Line | null {
+function workerLine(
+  start: (port: Port) => void,
+  failed: (reason: string) => void,
+): Line | null {
   if (typeof Worker === "undefined") return null;
-  const script = new Blob([`(${startEngine})(self)`], { type: "text/javascript" });
+  const script = new Blob([`(${start})(self)`], { type: "text/javascript" });
   const url = URL.createObjectURL(script);
   const close = (): void => {
     worker?.terminate();
@@ -170,9 +175,9 @@ function workerLine(failed: (reason: string) => void): Line | null {
 }
 
 /** The engine on this thread. */
-function threadLine(): Line {
+function threadLine(start: (port: Port) => void): Line {
   const { port1, port2 } = new MessageChannel();
-  startEngine(port2);
+  start(port2);
   const close = (): void => {
     port1.close();
     port2.close();

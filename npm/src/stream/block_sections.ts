@@ -25,7 +25,7 @@ export interface Layout {
   readonly nLearned: number;
 }
 
-/** The positions in a block, as they are stored. */
+/** A track in a block, as it is stored: the positions, or a further one. */
 export interface StoredBlock {
   readonly number: number;
   /** Number of its first frame. */
@@ -53,7 +53,7 @@ export function readBlock(
   number: number,
   start: number,
 ): StoredBlock {
-  const sections = blockSections(bytes, place, number);
+  const sections = groupSections(bytes, place.position, place.sizes[0], Section.BLOCK, number);
   const [nFrames, nModes] = readCounts(sections.get(Section.BLOCK)!);
   if (nFrames !== place.nFrames) {
     throw new CorruptStreamError(
@@ -94,19 +94,29 @@ export function isStep(step: number): boolean {
   return step > 0 && step < MAX_STEP;
 }
 
-function blockSections(
+/**
+ * The sections of a track in a block, by id; throws as `readBlock`.
+ *
+ * @param bytes - Of its group.
+ * @param position - Byte of the stream at which the group begins.
+ * @param first - The section that it begins with.
+ * @param number - Of the block.
+ * @param ofTrack - What is said of it where it does not, such as " of track 2".
+ */
+export function groupSections(
   bytes: Uint8Array,
-  { position, sizes }: BlockPlace,
+  position: number,
+  sizeBytes: number,
+  first: number,
   number: number,
+  ofTrack = "",
 ): Map<number, Uint8Array> {
   const found = new Map<number, Uint8Array>();
-  for (const { id, payload } of readSections(
-    { bytes, start: position },
-    position,
-    position + sizes[0],
-  )) {
-    if ((id === Section.BLOCK) !== !found.size) {
-      throw new CorruptStreamError(`block ${number} does not begin with a section BLOCK`);
+  const stretch = { bytes, start: position };
+  const name = sectionName(first);
+  for (const { id, payload } of readSections(stretch, position, position + sizeBytes)) {
+    if ((id === first) !== !found.size) {
+      throw new CorruptStreamError(`block ${number} does not begin with a section ${name}${ofTrack}`);
     }
     if (isOfBlock(id)) {
       if (found.has(id)) {
@@ -115,7 +125,7 @@ function blockSections(
       found.set(id, payload);
     }
   }
-  if (!found.size) throw new CorruptStreamError(`block ${number} has no section BLOCK`);
+  if (!found.size) throw new CorruptStreamError(`block ${number} has no section ${name}`);
   return found;
 }
 

@@ -49,6 +49,18 @@ export class Polygons {
     return found;
   }
 
+  /** The face at each corner of a triangle. */
+  facesOfTriangles(): Int32Array {
+    const found = new Int32Array(this.triangles.length);
+    if (!this.sizes) return found.map((_, i) => Math.floor(i / 3));
+    let place = 0;
+    this.sizes.forEach((size, face) => {
+      found.fill(face, place, place + 3 * (size - 2));
+      place += 3 * (size - 2);
+    });
+    return found;
+  }
+
   /** The vertex of each corner: that of the first triangle that has it. */
   verticesOfCorners(): Uint32Array {
     if (!this.sizes) return this.triangles;

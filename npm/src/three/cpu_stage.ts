@@ -5,11 +5,12 @@ import * as THREE from "three";
 import type { BlockFields } from "../types.js";
 import { normalsOf, positionsOf } from "./cpu_frames.js";
 import type { HeldBlock, Picture } from "./held_block.js";
-import type { Setting, Stage } from "./stage.js";
+import type { Setting, Stage, ValueSetup, ValueStage } from "./stage.js";
 
 /** Computes positions and normals on the CPU, and has three.js send them to the GPU. */
 export class CpuStage implements Stage {
   readonly #setting: Setting;
+  readonly #geometry: THREE.BufferGeometry;
   readonly isOnGpu = false;
   readonly #fields = new Map<HeldBlock, Int16Array>();
   readonly #positions: Float32Array;
@@ -21,6 +22,7 @@ export class CpuStage implements Stage {
     geometry: THREE.BufferGeometry,
   ) {
     this.#setting = setting;
+    this.#geometry = geometry;
     const { info, drawing } = setting;
     this.#positions = new Float32Array(3 * info.nVerts);
     this.#normals = new Float32Array(3 * info.nVerts);
@@ -60,6 +62,27 @@ export class CpuStage implements Stage {
 
   read(into: Float32Array): void {
     spread(this.#positions, this.#setting.drawing.sources, into);
+  }
+
+  values({ nItems, items, name, coordinates }: ValueSetup): ValueStage {
+    const geometry = this.#geometry;
+    const fields = new Map<HeldBlock, Int16Array>();
+    const sums = new Float32Array(3 * nItems);
+    const attribute = new THREE.BufferAttribute(new Float32Array(2 * items.length), 2);
+    geometry.setAttribute(name, attribute.setUsage(THREE.DynamicDrawUsage));
+    return {
+      hold: (block, held) => void fields.set(held, block.fields),
+      release: (block) => void fields.delete(block),
+      show(picture) {
+        positionsOf(picture, (block) => fields.get(block) as Int16Array, [0, 0, 0], sums);
+        items.forEach((item, i) => attribute.array.set(coordinates(sums, 3 * item), 2 * i));
+        attribute.needsUpdate = true;
+      },
+      dispose() {
+        geometry.dispose(); // the buffers of all that it has, which are sent again
+        geometry.deleteAttribute(name);
+      },
+    };
   }
 
   dispose(): void {

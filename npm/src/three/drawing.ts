@@ -24,21 +24,44 @@ export interface Drawing extends DrawnVertices {
   readonly materialNames: readonly (string | null)[];
   /** Names of the attributes that `uv`, `uv1`, ... are of. */
   readonly uvNames: readonly string[];
+  /** What each vertex is split for: its vertex of the file, or its face or corner. */
+  readonly items: Uint32Array;
 }
 
-/** What is drawn of a surface of `nVerts` vertices. */
-export function drawingOf(surface: Surface, nVerts: number): Drawing {
+/**
+ * What is drawn of a surface of `nVerts` vertices.
+ *
+ * @param split - Vertices have one face, or corner, each; `items` says which
+ */
+export function drawingOf(
+  surface: Surface,
+  nVerts: number,
+  split: "face" | "corner" | null = null,
+): Drawing {
   const corners = cornersOf(surface);
   const uvs = surface.attributes.filter((one) => one.kind === "texcoord").slice(0, MOST_UVS);
   const columns = uvs.map(uvColumn);
   const color = surface.attributes.find((one) => one.kind === "color");
   if (color) columns.push(colorColumn(color));
-  const vertices = splitAtSeams(surface.triangles, nVerts, corners, columns);
+  if (split) columns.push(numbersOf(split, surface));
+  const { attributes, ...vertices } = splitAtSeams(surface.triangles, nVerts, corners, columns);
+  const numbers = split && attributes[attributes.length - 1].values;
   return {
     ...vertices,
+    attributes: attributes.slice(0, uvs.length + (color ? 1 : 0)),
+    items: numbers ? new Uint32Array(numbers.buffer) : vertices.sources,
     ...sortedByMaterial(surface, corners, vertices.index),
     uvNames: uvs.map((uv) => uv.name),
   };
+}
+
+/** Faces or corners by their numbers, the bits of which pass for values: all are different. */
+function numbersOf(domain: "face" | "corner", { faceSizes, triangles }: Surface): Column {
+  const nTriangles = triangles.length / 3;
+  const nFaces = faceSizes?.length ?? nTriangles;
+  const count = domain === "face" ? nFaces : nTriangles + 2 * nFaces;
+  const numbers = Uint32Array.from({ length: count }, (_, number) => number);
+  return { name: "", domain, width: 1, values: new Float32Array(numbers.buffer) };
 }
 
 function uvColumn(attribute: Attribute, number: number): Column {

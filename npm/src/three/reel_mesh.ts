@@ -3,8 +3,9 @@
 import * as THREE from "three";
 
 import { InvalidInputError } from "../errors.js";
-import type { OpenReel } from "../types.js";
+import type { BlockFields, OpenReel } from "../types.js";
 import type { Loop } from "./clock.js";
+import type { ColorLegend, ColorOptions, TrackColors } from "./color/track_colors.js";
 import { type Drawing, drawingOf } from "./drawing.js";
 import { canDecode, GpuStage, type Renderer } from "./gpu/gpu_stage.js";
 import { middleOf, pictureOf, withoutFields } from "./held_block.js";
@@ -70,7 +71,7 @@ export class ReelMesh extends THREE.Mesh<
   ReelMeshEventMap
 > {
   override readonly type = "ReelMesh";
-  readonly #setting: Setting;
+  #setting: Setting;
   readonly #playback: Playback;
   readonly #materials: Materials | undefined;
   #stage: Stage | null = null;
@@ -80,6 +81,11 @@ export class ReelMesh extends THREE.Mesh<
   readonly #ownsReel: boolean | undefined;
   #worn: WornTexture | null = null;
   #wearing: AbortController | null = null;
+  #colors: TrackColors | null = null;
+  /** Of a block on its way, the fields of the track that colours the mesh. */
+  readonly #coloring = new WeakMap<BlockFields, BlockFields>();
+  /** What vertices of the geometry are split for. */
+  #split: TrackColors["split"] = null;
   readonly #picked = new THREE.Mesh();
   #isPickedStale = true;
   readonly #middle = new THREE.Vector3();
@@ -109,18 +115,26 @@ export class ReelMesh extends THREE.Mesh<
     }
     this.#playback = new Playback(
       info,
-      (block, signal) => reel.fields(block, { signal }),
+      (block, signal) => this.#load(block, signal),
       {
         hold: async (block) => {
-          if (!this.#stage?.canHold(block)) await this.#useCpu();
+          const colors = this.#coloring.get(block);
+          const canHold = (one: BlockFields) => this.#stage?.canHold(one);
+          if (!(canHold(block) && canHold(colors ?? block))) await this.#useCpu();
           const held = withoutFields(block);
           this.#stage?.hold(block, held);
+          if (colors) this.#colors?.hold(colors, withoutFields(colors), held);
           return held;
         },
-        release: (block) => this.#stage?.release(block),
+        release: (block) => {
+          this.#stage?.release(block);
+          this.#colors?.release(block);
+        },
         show: (moment) => {
           const picture = pictureOf(moment);
           this.#stage?.show(picture);
+          const ofColors = this.#colors?.momentOf(moment);
+          if (ofColors) this.#colors?.show(pictureOf(ofColors));
           this.#isPickedStale = true;
           this.#middle.set(...middleOf(picture));
           this.geometry.setDrawRange(0, Infinity);
@@ -291,6 +305,7 @@ export class ReelMesh extends THREE.Mesh<
    */
   async setTexture(source: TextureSource | null, options: TextureOptions = {}): Promise<void> {
     this.#takeOff();
+    void this.#setColors(null);
     if (source === null) return;
     const { signal } = (this.#wearing = new AbortController());
     const { wear } = await import("./texture/mesh_texture.js");
@@ -315,6 +330,50 @@ export class ReelMesh extends THREE.Mesh<
   /** The video that `setTexture` shows, for its sound; null where there is none. */
   get video(): HTMLVideoElement | null {
     return this.#worn?.video ?? null;
+  }
+
+  /**
+   * Shows a track in colours, on all materials that the mesh has now, in place of their colours and
+   * images; null: the mesh looks as before. The last call of this and `setTexture` counts: one that
+   * is under way throws an `AbortError`.
+   *
+   * Numbers are computed where positions are, and looked up in the map for each pixel; what has no
+   * number is grey. Pictures between frames have numbers between theirs. Blocks are loaded anew, with
+   * those of the track; for a track of faces or corners vertices of the geometry are split, so that
+   * `geometry` and `sources` are others then. A block of the track that cannot be had is grey, and
+   * told by the event "error".
+   *
+   * @example
+   * const { range, unit } = await mesh.colorBy("stress");
+   * await mesh.colorBy("velocity", { component: 2, range: [-1, 1] });
+   *
+   * @param name - of a track of the file
+   * @returns What the colours mean, for a legend; null without a track.
+   * @throws InvalidInputError where there is no such track, or an option does not fit it; where no
+   *   material has a map, or the file has four sets of texture coordinates or more.
+   * @throws what `OpenTrack.frame` throws
+   */
+  async colorBy(name: string, options?: ColorOptions): Promise<ColorLegend>;
+  async colorBy(name: null): Promise<null>;
+  async colorBy(name: string | null, options: ColorOptions = {}): Promise<ColorLegend | null> {
+    this.#takeOff();
+    if (name === null) {
+      await this.#setColors(null);
+      return null;
+    }
+    const { signal } = (this.#wearing = new AbortController());
+    const track = this.reel.track(name);
+    const { TrackColors } = await import("./color/track_colors.js");
+    signal.throwIfAborted();
+    const { info, drawing } = this.#setting;
+    const materials = Array.isArray(this.material) ? this.material : [this.material];
+    const onError = (error: Error, block: number) =>
+      this.dispatchEvent({ type: "error", error, block });
+    const mesh = { info, materials, uvNames: drawing.uvNames, onError };
+    const colors = await TrackColors.of(track, options, mesh, signal);
+    signal.throwIfAborted();
+    await this.#setColors(colors);
+    return colors.legend;
   }
 
   /**
@@ -357,6 +416,7 @@ export class ReelMesh extends THREE.Mesh<
     this.dispatchEvent({ type: "dispose" });
     this.#isDisposed = true;
     this.#takeOff();
+    this.#colors?.dispose();
     this.onBeforeRender = () => {};
     this.#playback.dispose();
     this.#drawer?.domElement.removeEventListener(RESTORED, this.#useGpu);
@@ -368,6 +428,7 @@ export class ReelMesh extends THREE.Mesh<
 
   /** Also when a lost context has come back, without what it held. */
   readonly #useGpu = (): void => {
+    this.#renewGeometry();
     let stage: Stage;
     try {
       const renderer = this.#drawer as THREE.WebGLRenderer;
@@ -381,7 +442,10 @@ export class ReelMesh extends THREE.Mesh<
   /** Few need it, so that it is a script of its own. */
   #useCpu(): Promise<void> {
     this.#becomesCpu ??= import("./cpu_stage.js").then(
-      ({ CpuStage }) => this.#setStage(new CpuStage(this.#setting, this.geometry)),
+      ({ CpuStage }) => {
+        this.#renewGeometry();
+        this.#setStage(new CpuStage(this.#setting, this.geometry));
+      },
       (error: Error) => this.dispatchEvent({ type: "error", error, block: null }),
     );
     return this.#becomesCpu;
@@ -392,7 +456,46 @@ export class ReelMesh extends THREE.Mesh<
     if (this.#isDisposed) return stage.dispose();
     this.#stage?.dispose();
     this.#stage = stage;
+    this.#restart(stage);
+  }
+
+  #restart(stage: Stage): void {
+    this.#colors?.begin(stage, this.#setting.drawing.items);
     this.#playback.restart();
+  }
+
+  async #load(number: number, signal: AbortSignal): Promise<BlockFields> {
+    const [block, colors] = await Promise.all([
+      this.reel.fields(number, { signal }),
+      this.#colors?.fields(number, signal),
+    ]);
+    if (colors) this.#coloring.set(block, colors);
+    return block;
+  }
+
+  async #setColors(colors: TrackColors | null): Promise<void> {
+    if (colors === this.#colors) return;
+    this.#colors?.dispose();
+    this.#colors = colors;
+    const stage = this.#stage;
+    if (!stage) return;
+    if ((colors?.split ?? null) === this.#split) this.#restart(stage);
+    else if (stage.isOnGpu) this.#useGpu();
+    else await this.#useCpu();
+  }
+
+  /** Has the geometry be such as a new stage and the colours need it. */
+  #renewGeometry(): void {
+    this.geometry.dispose(); // also buffers of attributes that others take the place of
+    const split = this.#colors?.split ?? null;
+    if (split === this.#split) return;
+    this.#split = split;
+    const { surface, info } = this.reel;
+    const drawing = drawingOf(surface, info.nVerts, split);
+    this.#setting = { ...this.#setting, drawing };
+    this.geometry = geometryOf(drawing);
+    this.#picked.geometry = new THREE.BufferGeometry();
+    this.#boundAll();
   }
 
   #takeOff(): void {
@@ -415,7 +518,10 @@ export class ReelMesh extends THREE.Mesh<
     const { geometry } = this.#picked;
     if (!geometry.index) {
       const { index, groups, boundingSphere, attributes } = this.geometry;
-      const { normal: _, ...others } = attributes;
+      // Those in memory that do not change.
+      const others = Object.fromEntries(
+        this.#setting.drawing.attributes.map(({ name }) => [name, attributes[name]]),
+      );
       const position = new THREE.BufferAttribute(new Float32Array(3 * this.sources.length), 3);
       Object.assign(geometry, {
         index,

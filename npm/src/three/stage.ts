@@ -15,6 +15,28 @@ export interface Stage {
   show(picture: Picture): void;
   /** Positions as they are shown, three numbers for each vertex of the drawing. */
   read(into: Float32Array): void;
+  /** Another attribute of the geometry, of other fields; whoever asks disposes of it. */
+  values(setup: ValueSetup): ValueStage;
+  dispose(): void;
+}
+
+/** An attribute of two numbers, made of sums of fields. */
+export interface ValueSetup {
+  readonly nItems: number;
+  /** The item of each vertex of the drawing. */
+  readonly items: Uint32Array;
+  /** Of the attribute. */
+  readonly name: string;
+  /** Sets the attribute from `value`, a vec3, in GLSL; `coordinates` does the same. */
+  readonly glsl: string;
+  coordinates(values: Float32Array, from: number): readonly [number, number];
+}
+
+/** Computes pictures into such an attribute; until the first it is all zero. */
+export interface ValueStage {
+  hold(block: BlockFields, held: HeldBlock): void;
+  release(block: HeldBlock): void;
+  show(picture: Picture): void;
   dispose(): void;
 }
 

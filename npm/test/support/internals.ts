@@ -3,10 +3,15 @@
 export { Core } from "../../src/core/core.js";
 export { Heap } from "../../src/core/heap.js";
 export { BlockDecoder } from "../../src/decode/block_decoder.js";
+export { decodeConnectivity } from "../../src/decode/connectivity.js";
 export { readCorrections } from "../../src/decode/corrections.js";
 export { decodeFields } from "../../src/decode/fields.js";
 export { frameOf } from "../../src/decode/frames.js";
 export { buildHierarchy } from "../../src/decode/hierarchy.js";
+export { itemGraph } from "../../src/decode/item_graph.js";
+export { Items } from "../../src/decode/items.js";
+export { readTrack, readTrackBlock } from "../../src/decode/track.js";
+export { TrackEngine } from "../../src/engine/track_engine.js";
 export { MemoryReel } from "./memory_reel.js";
 export * from "../../src/errors.js";
 export { readBlock } from "../../src/stream/block_sections.js";
@@ -20,7 +25,7 @@ export {
 } from "../../src/stream/index_section.js";
 export { END_SIZE_BYTES, LONGEST_HEADER, Section } from "../../src/stream/layout.js";
 export { Scan } from "../../src/stream/scan.js";
-export { readSections, sectionEnd } from "../../src/stream/sections.js";
+export { readSection, readSections, sectionEnd } from "../../src/stream/sections.js";
 export { checkedStream, nTracks, readStream } from "../../src/stream/stream.js";
 export { readAttribute } from "../../src/surface/attributes.js";
 export { Polygons } from "../../src/surface/polygons.js";

@@ -6,16 +6,20 @@ import { type StoredBlock, readBlock } from "../../src/stream/block_sections.js"
 import { type Stream, readStream } from "../../src/stream/stream.js";
 import { readSurface } from "../../src/surface/surface.js";
 import type { BlockFields, ReelInfo, Surface } from "../../src/types.js";
-import { BlockDecoder } from "../../src/decode/block_decoder.js";
+import { BlockDecoder, POSITION_COLUMNS } from "../../src/decode/block_decoder.js";
 import { fieldsOf } from "../../src/decode/block_fields.js";
+import { type Connectivity, decodeConnectivity } from "../../src/decode/connectivity.js";
 import type { DecodedBlock } from "../../src/decode/decoded_block.js";
 import { type Positions, frameOf } from "../../src/decode/frames.js";
 import { readInfo } from "../../src/decode/info.js";
+import { Items } from "../../src/decode/items.js";
+import { readTracks } from "../../src/decode/track_infos.js";
 
 /** A whole `.reel`: all calls return once they are done. */
 export class MemoryReel {
-  readonly info: ReelInfo;
+  private readonly facts: Omit<ReelInfo, "tracks">;
   private readonly stream: Stream;
+  private readonly mesh: Items<Connectivity>;
   private readonly decoder: BlockDecoder;
   private foundSurface: Surface | null = null;
 
@@ -33,14 +37,19 @@ export class MemoryReel {
     private readonly bytes: Uint8Array,
   ) {
     this.stream = readStream(bytes);
-    this.info = readInfo(this.stream);
-    this.decoder = new BlockDecoder(core, this.stream.header, this.stream.leading);
+    this.facts = readInfo(this.stream);
+    this.mesh = new Items(core, decodeConnectivity(core, this.stream.header, this.stream.leading));
+    this.decoder = new BlockDecoder(this.mesh, POSITION_COLUMNS);
+  }
+
+  get info(): ReelInfo {
+    return { ...this.facts, tracks: readTracks(this.stream, this.surface.faceSizes) };
   }
 
   /** What the mesh is beside its positions. @throws CorruptStreamError where it is damaged. */
   get surface(): Surface {
     const { leading, header } = this.stream;
-    const { triangles } = this.decoder.connectivity;
+    const { triangles } = this.mesh.graph;
     this.foundSurface ??= readSurface(this.core, leading, triangles, header.nVerts);
     return this.foundSurface;
   }
@@ -62,12 +71,13 @@ export class MemoryReel {
 
   /** A block for shaders. @throws CorruptStreamError where its fields are beyond all numbers. */
   fieldsOf(block: DecodedBlock): BlockFields {
-    return fieldsOf(this.core, this.stream.header, block);
+    return fieldsOf(this.core, this.stream.header.scale, block);
   }
 
   /** Gives its memory back, but that of blocks that are still open. */
   close(): void {
     this.decoder.close();
+    this.mesh.close();
   }
 
   private stored(number: number): StoredBlock {

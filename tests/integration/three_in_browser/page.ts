@@ -5,6 +5,8 @@ import { WebGPURenderer } from "three/webgpu";
 
 import { ReelFile } from "../../../npm/src/index";
 import { ReelLoader, ReelMesh, type ReelMeshOptions } from "../../../npm/src/three/index";
+import type { ColorOptions } from "../../../npm/src/three/index";
+import { cornersOf } from "../../../npm/src/three/corners";
 import { type GridOptions, truth, wavingGrid } from "./waving_grid";
 
 const canvas = document.querySelector("canvas") as HTMLCanvasElement;
@@ -126,6 +128,78 @@ async function made(stand: Stand, grid: GridOptions, options: ReelMeshOptions = 
 function removed(mesh: ReelMesh): void {
   mesh.removeFromParent();
   mesh.dispose();
+}
+
+/** Values of a track at a place of the time: what is shown of each item. */
+async function trackTruth(mesh: ReelMesh, name: string, place: number, component: unknown) {
+  const track = mesh.reel.track(name);
+  const { nColumns, nItems } = track.info;
+  const [here, there] = [
+    await track.frame(Math.floor(place)),
+    await track.frame(Math.min(Math.ceil(place), mesh.reel.info.nFrames - 1)),
+  ];
+  return Float64Array.from({ length: nItems }, (_, item) => {
+    const value = Array.from({ length: nColumns }, (_, column) => {
+      const at = item * nColumns + column;
+      return here[at] + (place % 1) * (there[at] - here[at]);
+    });
+    return component === "magnitude" ? Math.hypot(...value) : value[component as number];
+  });
+}
+
+/** In pixels: of triangles that are seen from the side, half a pixel shows. */
+const LEAST_AREA = 60;
+
+/** Colours in the middle of each triangle that is well seen, and values there. */
+function middleColors(
+  stand: Stand,
+  mesh: ReelMesh,
+  values: Float64Array,
+  domain: "vertex" | "face" | "corner",
+  [low, high]: readonly [number, number],
+  place: number,
+) {
+  const { surface } = mesh.reel;
+  const itemOf = cornersOf(surface)(domain);
+  const vertices = truth(place);
+  const found: { color: number[]; value: number }[] = [];
+  const ray = new THREE.Raycaster();
+  for (let triangle = 0; 3 * triangle < surface.triangles.length; triangle++) {
+    const middle = new THREE.Vector3();
+    const seen: [number, number][] = [];
+    let value = 0;
+    for (let corner = 3 * triangle; corner < 3 * triangle + 3; corner++) {
+      const vertex = surface.triangles[corner];
+      const [x, y, z] = vertices.slice(3 * vertex, 3 * vertex + 3);
+      middle.addScaledVector(new THREE.Vector3(x, y, z), 1 / 3);
+      seen.push(stand.project(x, y, z));
+      // What is beyond the range has the colours of its ends, at each corner.
+      const one = values[itemOf(corner)];
+      value += (one < low ? low : one > high ? high : one) / 3;
+    }
+    ray.setFromCamera(new THREE.Vector2(...middle.clone().project(stand.camera)), stand.camera);
+    const [[a, b], [c, d], [e, f]] = seen;
+    const area = (640 * 480 * Math.abs((c - a) * (f - b) - (e - a) * (d - b))) / 2;
+    const isBehind = ray.intersectObject(mesh)[0]?.faceIndex !== triangle;
+    if (area < LEAST_AREA || isBehind) continue;
+    found.push({ color: stand.pixel(...stand.project(middle.x, middle.y, middle.z)), value });
+  }
+  return found;
+}
+
+/** Has the context be lost and come back; `during` is called in between. */
+async function lostContext(stand: Stand, during = () => {}): Promise<void> {
+  const extension = stand.renderer.getContext().getExtension("WEBGL_lose_context");
+  const told = (type: string) =>
+    new Promise((resolve) => canvas.addEventListener(type, resolve, { once: true }));
+  const lost = told("webglcontextlost");
+  extension?.loseContext();
+  await lost;
+  during();
+  const restored = told("webglcontextrestored");
+  await new Promise((resolve) => setTimeout(resolve, 20));
+  extension?.restoreContext();
+  await restored;
 }
 
 /** A floor with a lamp above it that casts shadows. */
@@ -315,6 +389,8 @@ const tests = {
     for (let round = 0; round < rounds; round++) {
       const mesh = await made(stand, {}, { gpu: round !== 1 });
       mesh.castShadow = mesh.receiveShadow = true;
+      await mesh.colorBy("faces");
+      await mesh.colorBy("scalar");
       mesh.play();
       for (let i = 0; i < 30; i++) {
         mesh.update(0.1);
@@ -337,18 +413,10 @@ const tests = {
     mesh.seek({ frame: 7.5 });
     await shown(mesh);
     const before = errorsAt(stand, mesh, 7.5);
-    const extension = stand.renderer.getContext().getExtension("WEBGL_lose_context");
-    const told = (type: string) =>
-      new Promise((resolve) => canvas.addEventListener(type, resolve, { once: true }));
-    const lost = told("webglcontextlost");
-    extension?.loseContext();
-    await lost;
-    mesh.update(0);
-    stand.draw();
-    const restored = told("webglcontextrestored");
-    await new Promise((resolve) => setTimeout(resolve, 20));
-    extension?.restoreContext();
-    await restored;
+    await lostContext(stand, () => {
+      mesh.update(0);
+      stand.draw();
+    });
     await shown(mesh);
     stand.draw();
     const after = errorsAt(stand, mesh, 7.5);
@@ -394,6 +462,97 @@ const tests = {
       })),
       complaints: stand.complaints,
     };
+  },
+
+  /**
+   * Largest difference of colours from the right ones, at places of the time; `isLost`: with a
+   * context that was lost before.
+   */
+  async colors(
+    name: string,
+    places: number[],
+    options: ColorOptions,
+    of: ReelMeshOptions = {},
+    grid: GridOptions = {},
+    isLost = false,
+  ) {
+    const stand = new Stand();
+    const material = new THREE.MeshBasicMaterial({ color: 0x305070, side: THREE.DoubleSide });
+    const mesh = await made(stand, { isPlain: true, ...grid }, { material, ...of });
+    const nVertices = mesh.sources.length;
+    const errors = record(mesh);
+    const legend = await mesh.colorBy(name, options);
+    const { domain } = mesh.reel.track(name).info;
+    const found = [];
+    if (isLost) await lostContext(stand);
+    for (const place of places) {
+      mesh.seek({ frame: place });
+      await shown(mesh);
+      stand.draw();
+      const values = await trackTruth(mesh, name, place, legend.component);
+      const colors = middleColors(stand, mesh, values, domain as "vertex", legend.range, place);
+      const isGrey = (color: number[]) => color.every((one) => Math.abs(one - 128) < 2);
+      const numbers = colors.filter(({ value }) => !Number.isNaN(value));
+      const off = numbers.map(({ color, value }) => {
+        const right = legend.colorOf(value);
+        return Math.max(...color.map((one, i) => Math.abs(one - right[i])));
+      });
+      const missing = colors.filter(({ value }) => Number.isNaN(value));
+      found.push({
+        n: colors.length,
+        off: Math.max(...off),
+        nMissing: missing.length,
+        areGrey: missing.every(({ color }) => isGrey(color)),
+        nGrey: numbers.filter(({ color }) => isGrey(color)).length,
+      });
+    }
+    const nSplit = mesh.sources.length;
+    await mesh.colorBy(null);
+    await shown(mesh);
+    stand.draw();
+    const [x, y, z] = truth(places[places.length - 1]).slice(600, 603);
+    const bare = stand.pixel(...stand.project(x, y, z));
+    const { isOnGpu } = mesh;
+    const { range, component, unit } = legend;
+    const [hasMap, nBare] = [material.map !== null, mesh.sources.length];
+    removed(mesh);
+    return {
+      ...{ isOnGpu, found, range, component, unit, nVertices, nSplit, nBare, bare, hasMap },
+      errors: errors.filter(({ type }) => type === "error").map(({ block }) => block),
+      complaints: stand.complaints,
+    };
+  },
+
+  /** The picture of a lit mesh that is coloured, as bytes of a PNG. */
+  async coloredPicture(name: string, options: ColorOptions, place: number) {
+    const stand = new Stand();
+    furnish(stand, new THREE.DirectionalLight(0xffffff, 3));
+    const mesh = await made(stand, {});
+    await mesh.colorBy(name, options);
+    mesh.seek({ frame: place });
+    await shown(mesh);
+    stand.draw();
+    return { url: canvas.toDataURL(), complaints: stand.complaints };
+  },
+
+  /** What `colorBy` throws, by its names and options; and whether the last call counts. */
+  async refusedColors(calls: [name: string, options: object][]) {
+    const stand = new Stand();
+    const mesh = await made(stand, { isPlain: true });
+    const words = [];
+    for (const [name, options] of calls) {
+      words.push(await mesh.colorBy(name, options).then(String, (error: Error) => error.message));
+    }
+    const first = mesh.colorBy("scalar").then(
+      () => "done",
+      (error: Error) => error.name,
+    );
+    const second = await mesh.colorBy("high");
+    const last = [await first, second.name];
+    mesh.material = new THREE.ShaderMaterial();
+    const other = await mesh.colorBy("scalar").then(String, (error: Error) => error.message);
+    removed(mesh);
+    return { words, last, other };
   },
 
   /** Whether the box and the sphere of the geometry hold all frames. */

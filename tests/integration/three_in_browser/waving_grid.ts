@@ -1,6 +1,7 @@
 // A grid that waves, as an open file whose every number is known.
 
 import type { BlockFields, OpenReel, Surface } from "../../../npm/src/types";
+import { gridTrack, type TrackName } from "./grid_tracks";
 
 export const COLUMNS = 24;
 export const ROWS = 16;
@@ -175,12 +176,19 @@ export interface GridOptions {
   /** Numbers of blocks whose bytes are damaged. */
   damaged?: readonly number[];
   isPlain?: boolean;
+  /** Whether faces have four corners, and not three. */
+  hasQuads?: boolean;
+  /** Numbers of blocks in which tracks are damaged. */
+  damagedTracks?: readonly number[];
 }
 
 /** The grid as an open file. */
 export async function wavingGrid(options: GridOptions = {}): Promise<OpenReel> {
   const center = options.center ?? [0, 0, 0];
-  const surface = await surfaceOf();
+  const triangular = await surfaceOf();
+  const nQuads = triangular.triangles.length / 6;
+  const faceSizes = options.hasQuads ? new Uint32Array(nQuads).fill(4) : null;
+  const surface = { ...triangular, faceSizes };
   const bare = { ...surface, attributes: [], groups: [], materials: [], images: [] };
   let low = [Infinity, Infinity, Infinity];
   let high = [-Infinity, -Infinity, -Infinity];
@@ -202,6 +210,7 @@ export async function wavingGrid(options: GridOptions = {}): Promise<OpenReel> {
       diagonal: Math.hypot(...high.map((one, axis) => one - low[axis])),
       promisePercent: null,
       numberType: "float32",
+      tracks: [],
       blocks: BLOCKS.map(({ start, nFrames }) => ({ start, nFrames, sizeBytes: 1000 })),
     },
     surface: options.isPlain ? bare : surface,
@@ -212,6 +221,8 @@ export async function wavingGrid(options: GridOptions = {}): Promise<OpenReel> {
       }
       return structuredClone(BLOCKS[number]);
     },
+    track: (name) =>
+      gridTrack(name as TrackName, surface, BLOCKS, [COLUMNS, ROWS], options.damagedTracks),
     close() {},
   };
 }

@@ -1,29 +1,46 @@
-// Positions and normals from textures into buffers of vertices, as every material of three.js reads
-// them: no shader of a page is changed. WebGL calls this transform feedback.
+// What passes have computed, from textures into buffers of vertices, as every material of three.js
+// reads them: no shader of a page is changed. WebGL calls this transform feedback.
 
 import * as THREE from "three";
 
 import { PRECISION, type VertexGrid } from "./vertex_grid.js";
 
-const vertexShader = (grid: VertexGrid) => `#version 300 es
+/** Attributes of a geometry, and what they are made of. */
+export interface AttributeShader {
+  /** Names of the textures; NAME in GLSL is the texel of one at the vertex, a vec3. */
+  readonly textures: readonly string[];
+  /** Names of the attributes, and how many numbers they have. */
+  readonly attributes: readonly (readonly [name: string, width: 2 | 3])[];
+  /** Sets the attributes. */
+  readonly glsl: string;
+}
+
+/** Positions and normals. */
+export const SHAPE: AttributeShader = {
+  textures: ["positions", "normals"],
+  attributes: [
+    ["position", 3],
+    ["normal", 3],
+  ],
+  glsl: "position = positions; normal = normals;",
+};
+
+const vertexShader = (grid: VertexGrid, { textures, attributes, glsl }: AttributeShader) =>
+  `#version 300 es
 ${PRECISION}${grid.glsl}
-uniform sampler2D positions;
-uniform sampler2D normals;
+${textures.map((name) => `uniform sampler2D ${name}Texels;`).join("")}
+${attributes.map(([name, width]) => `out vec${width} ${name};`).join("")}
 layout(location = 0) in uint source;
-out vec3 position;
-out vec3 normal;
 void main() {
   ivec2 texel = texelOf(int(source));
-  position = texelFetch(positions, texel, 0).xyz;
-  normal = texelFetch(normals, texel, 0).xyz;
+  ${textures.map((name) => `vec3 ${name} = texelFetch(${name}Texels, texel, 0).xyz;`).join("")}
+  ${glsl}
 }`;
 
 const FRAGMENT = `#version 300 es
 ${PRECISION}
 out vec4 color;
 void main() { color = vec4(0.0); }`;
-
-const NAMES = ["position", "normal"];
 
 /** Copies what passes have computed into the attributes of a geometry. */
 export class AttributePass {
@@ -38,6 +55,7 @@ export class AttributePass {
 
   /**
    * @param sources - the vertex, in the textures, of each vertex of the geometry
+   * @param shader - of the attributes that the geometry gets
    * @throws Error if the driver refuses
    */
   constructor(
@@ -45,13 +63,18 @@ export class AttributePass {
     grid: VertexGrid,
     sources: Uint32Array,
     geometry: THREE.BufferGeometry,
+    shader: AttributeShader,
   ) {
     this.#renderer = renderer;
     this.#sources = sources;
     const gl = (this.#gl = renderer.getContext() as WebGL2RenderingContext);
-    this.#program = linked(gl, vertexShader(grid));
+    const { textures, attributes } = shader;
+    const names = attributes.map(([name]) => name);
+    this.#program = linked(gl, vertexShader(grid, shader), names);
     renderer.state.useProgram(this.#program);
-    gl.uniform1i(gl.getUniformLocation(this.#program, "normals"), 1);
+    textures.forEach((name, i) => {
+      gl.uniform1i(gl.getUniformLocation(this.#program, `${name}Texels`), i);
+    });
     this.#array = gl.createVertexArray();
     this.#source = gl.createBuffer();
     gl.bindBuffer(gl.ARRAY_BUFFER, this.#source);
@@ -59,11 +82,11 @@ export class AttributePass {
     this.#feedback = gl.createTransformFeedback();
     gl.bindTransformFeedback(gl.TRANSFORM_FEEDBACK, this.#feedback);
     const open = geometry as THREE.BufferGeometry<THREE.NormalOrGLBufferAttributes>;
-    this.#buffers = NAMES.map((name, i) => {
+    this.#buffers = attributes.map(([name, width], i) => {
       const buffer = gl.createBuffer();
       gl.bindBufferBase(gl.TRANSFORM_FEEDBACK_BUFFER, i, buffer);
-      gl.bufferData(gl.TRANSFORM_FEEDBACK_BUFFER, 12 * sources.length, gl.DYNAMIC_COPY);
-      const attribute = new THREE.GLBufferAttribute(buffer, gl.FLOAT, 3, 4, sources.length);
+      gl.bufferData(gl.TRANSFORM_FEEDBACK_BUFFER, 4 * width * sources.length, gl.DYNAMIC_COPY);
+      const attribute = new THREE.GLBufferAttribute(buffer, gl.FLOAT, width, 4, sources.length);
       open.setAttribute(name, attribute);
       return buffer;
     });
@@ -72,7 +95,7 @@ export class AttributePass {
   }
 
   /** Must not be called while the renderer draws something else. */
-  run(...textures: [positions: THREE.Texture, normals: THREE.Texture]): void {
+  run(...textures: readonly THREE.Texture[]): void {
     const [gl, renderer] = [this.#gl, this.#renderer];
     renderer.state.useProgram(this.#program);
     textures.forEach((texture, slot) => {
@@ -108,7 +131,11 @@ function handleOf(renderer: THREE.WebGLRenderer, texture: THREE.Texture): WebGLT
   return (renderer.properties.get(texture) as { __webglTexture: WebGLTexture }).__webglTexture;
 }
 
-function linked(gl: WebGL2RenderingContext, vertexSource: string): WebGLProgram {
+function linked(
+  gl: WebGL2RenderingContext,
+  vertexSource: string,
+  names: readonly string[],
+): WebGLProgram {
   const program = gl.createProgram();
   const attach = (type: GLenum, source: string) => {
     const shader = gl.createShader(type) as WebGLShader;
@@ -119,7 +146,7 @@ function linked(gl: WebGL2RenderingContext, vertexSource: string): WebGLProgram 
   };
   attach(gl.VERTEX_SHADER, vertexSource);
   attach(gl.FRAGMENT_SHADER, FRAGMENT);
-  gl.transformFeedbackVaryings(program, NAMES, gl.SEPARATE_ATTRIBS);
+  gl.transformFeedbackVaryings(program, names, gl.SEPARATE_ATTRIBS);
   gl.linkProgram(program);
   if (!gl.getProgramParameter(program, gl.LINK_STATUS)) {
     throw new Error(gl.getProgramInfoLog(program) ?? "");

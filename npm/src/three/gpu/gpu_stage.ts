@@ -4,8 +4,8 @@ import * as THREE from "three";
 
 import type { BlockFields } from "../../types";
 import type { HeldBlock, Picture } from "../held_block.js";
-import type { Setting, Stage } from "../stage.js";
-import { AttributePass } from "./attribute_pass.js";
+import type { Setting, Stage, ValueSetup, ValueStage } from "../stage.js";
+import { AttributePass, SHAPE } from "./attribute_pass.js";
 import { cornerRows, normalPass } from "./normal_pass.js";
 import type { Pass } from "./pass.js";
 import { MODES_A_TEXEL, PositionPass } from "./position_pass.js";
@@ -34,6 +34,8 @@ function isWebGL(renderer: Renderer): renderer is THREE.WebGLRenderer {
 /** Computes positions and normals of pictures in passes over textures. */
 export class GpuStage implements Stage {
   readonly isOnGpu = true;
+  readonly #renderer: THREE.WebGLRenderer;
+  readonly #geometry: THREE.BufferGeometry;
   readonly #positions: PositionPass;
   readonly #normals: Pass;
   readonly #attributes: AttributePass;
@@ -46,6 +48,8 @@ export class GpuStage implements Stage {
     { info, triangles, drawing, shift }: Setting,
     geometry: THREE.BufferGeometry,
   ) {
+    this.#renderer = renderer;
+    this.#geometry = geometry;
     const gl = renderer.getContext() as WebGL2RenderingContext;
     const mostLayers = gl.getParameter(gl.MAX_ARRAY_TEXTURE_LAYERS) as number;
     // Weights of two blocks are rows of a texture.
@@ -53,7 +57,7 @@ export class GpuStage implements Stage {
     this.#mostModes = MODES_A_TEXEL * Math.min(mostLayers, mostRows);
     const grid = new VertexGrid(info.nVerts);
     this.#sources = drawing.sources;
-    this.#attributes = new AttributePass(renderer, grid, drawing.sources, geometry);
+    this.#attributes = new AttributePass(renderer, grid, drawing.sources, geometry, SHAPE);
     this.#positions = new PositionPass(renderer, grid, shift);
     const { texture } = this.#positions.target;
     this.#normals = normalPass(renderer, grid, texture, triangles, info.diagonal);
@@ -79,6 +83,27 @@ export class GpuStage implements Stage {
 
   read(into: Float32Array): void {
     this.#positions.read(this.#sources, into);
+  }
+
+  values(setup: ValueSetup): ValueStage {
+    const { nItems, items, name, glsl } = setup;
+    const [renderer, geometry, grid] = [this.#renderer, this.#geometry, new VertexGrid(nItems)];
+    const shader = { textures: ["value"], attributes: [[name, 2]], glsl } as const;
+    const attribute = new AttributePass(renderer, grid, items, geometry, shader);
+    const sums = new PositionPass(renderer, grid, [0, 0, 0]);
+    return {
+      hold: (block, held) => sums.hold(block, held),
+      release: (block) => sums.release(block),
+      show(picture) {
+        sums.run(picture);
+        attribute.run(sums.target.texture);
+      },
+      dispose() {
+        geometry.deleteAttribute(name);
+        sums.dispose();
+        attribute.dispose();
+      },
+    };
   }
 
   dispose(): void {

@@ -1,0 +1,100 @@
+// Streams of conformance/ that have tracks, changed: large, with another TRACK, or not padded.
+
+import { loadInternals } from "./bundle.mjs";
+import { bytesOf } from "./streams.mjs";
+
+const { Section, crc32, readHeader, readSection } = await loadInternals();
+
+/** A stream of three blocks and tracks whose groups are each far larger than what holds an index. */
+export function largeTracks() {
+  return rewritten(bytesOf("tracks"), (sections) =>
+    sections.flatMap((one) => {
+      const isFirst = one.id === Section.BLOCK || one.id === Section.TRACK_BLOCK;
+      return isFirst ? [one, { id: Section.PADDING, payload: new Uint8Array(20_000) }] : [one];
+    }),
+  );
+}
+
+/** A stream without what it is padded with. */
+export function withoutPadding(name) {
+  return rewritten(bytesOf(name), (sections) =>
+    sections.filter(({ id }) => id !== Section.PADDING),
+  );
+}
+
+/**
+ * The stream "tracks" with something else in one of its sections TRACK.
+ *
+ * @param change - Codes `kind`, `domain`, `type`, `coding`; the `name`; `nColumns`;
+ *   `bound`, `scale` or the first `origin`; how many bytes come `more`; or the `length` that is left.
+ */
+export function withTrack(number, change) {
+  let count = 0;
+  return rewritten(bytesOf("tracks"), (sections) =>
+    sections.map((one) => {
+      if (one.id !== Section.TRACK || count++ !== number) return one;
+      return { ...one, payload: changed(one.payload, change) };
+    }),
+  );
+}
+
+function changed(before, change) {
+  const keys = ["kind", "domain", "type", "coding"];
+  const codes = keys.map((key, i) => change[key] ?? before[i]);
+  const unit = 5 + before[4];
+  const columns = unit + 1 + before[unit];
+  const name = new TextEncoder().encode(change.name ?? "");
+  const named = change.name ? [name.length, ...name] : before.slice(4, unit);
+  const names = [...named, ...before.slice(unit, columns)];
+  const numbers = before.slice(columns + 1);
+  const view = new DataView(numbers.buffer);
+  ["bound", "scale", "origin"].forEach((key, i) => {
+    if (change[key] !== undefined) view.setFloat64(8 * i, change[key], true);
+  });
+  const { nColumns = before[columns], more = 0, length } = change;
+  const all = [...codes, ...names, ...varint(nColumns), ...numbers, ...new Uint8Array(more)];
+  return Uint8Array.from(all.slice(0, length));
+}
+
+/** A stream with other sections, and an index of these. */
+function rewritten(bytes, change) {
+  const start = readHeader(bytes).sizeBytes;
+  const sections = [];
+  for (let position = start; position < bytes.length;) {
+    const section = readSection({ bytes, start: 0 }, position, bytes.length);
+    sections.push(section);
+    position = section.end;
+  }
+  const isOfEnd = ({ id }) => id === Section.INDEX || id === Section.END;
+  const parts = [bytes.slice(0, start)];
+  const blocks = [];
+  let position = start;
+  for (const { id, payload } of change(sections.filter((one) => !isOfEnd(one)))) {
+    if (id === Section.BLOCK) blocks.push({ position, nFrames: payload[0], sizes: [] });
+    if (id === Section.BLOCK || id === Section.TRACK_BLOCK) blocks.at(-1).sizes.push(0);
+    const written = sectionOf(id, payload);
+    parts.push(written);
+    position += written.length;
+    const sizes = blocks.at(-1)?.sizes;
+    if (sizes) sizes[sizes.length - 1] += written.length;
+  }
+  const listed = blocks.flatMap(({ nFrames, sizes }) => [nFrames, ...sizes]);
+  const index = [blocks[0].position, blocks.length, ...listed].flatMap(varint);
+  const end = new Uint8Array(8);
+  new DataView(end.buffer).setBigUint64(0, BigInt(position), true);
+  parts.push(sectionOf(Section.INDEX, Uint8Array.from(index)), sectionOf(Section.END, end));
+  return new Uint8Array(Buffer.concat(parts));
+}
+
+function sectionOf(id, payload) {
+  const head = Uint8Array.from([id, ...varint(payload.length), ...payload]);
+  const sum = new Uint8Array(4);
+  new DataView(sum.buffer).setUint32(0, crc32(head), true);
+  return Buffer.concat([head, sum]);
+}
+
+function varint(value) {
+  const bytes = [];
+  for (; value >= 128; value = Math.floor(value / 128)) bytes.push((value % 128) + 128);
+  return [...bytes, value];
+}

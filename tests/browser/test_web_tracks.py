@@ -1,0 +1,160 @@
+"""Tracks of a file in a page: values are those of Python, and the mesh has their colours."""
+
+import numpy as np
+import pytest
+
+import meshreel
+from meshreel.tracks import Track
+from samples.web_package import PACKAGE, built_package, serving
+
+N_ROWS, N_COLUMNS = 16, 18
+
+PAGE = """<!doctype html><title>tracks</title><link rel="icon" href="data:,">
+<script type="importmap">{"imports": {"three": "/three/three.module.js",
+"meshreel": "/dist/index.js", "meshreel/three": "/dist/three.js"}}</script>"""
+
+COLORED = """async ([name, frame, expected, options, gpu]) => {
+  const THREE = await import("three");
+  const { ReelLoader } = await import("meshreel/three");
+  const [width, height] = [900, 700];
+  const renderer = new THREE.WebGLRenderer({ preserveDrawingBuffer: true });
+  renderer.setSize(width, height, false);
+  const material = new THREE.MeshBasicMaterial({ side: THREE.DoubleSide });
+  const mesh = await new ReelLoader(undefined, { material, renderer, gpu }).loadAsync("/flag.reel");
+  const legend = await mesh.colorBy(name, options);
+  mesh.seek({ frame });
+  while (mesh.isWaiting) await new Promise((resolve) => setTimeout(resolve, 5));
+  const { center, radius } = mesh.geometry.boundingSphere;
+  const camera = new THREE.PerspectiveCamera(40, width / height, radius / 50, 20 * radius);
+  camera.position.copy(center).add(new THREE.Vector3(0.3, -2, 0.5).multiplyScalar(radius));
+  camera.up.set(0, 0, 1);
+  camera.lookAt(center);
+  camera.updateMatrixWorld();
+  const scene = new THREE.Scene();
+  scene.add(mesh);
+  renderer.render(scene, camera);
+  const gl = renderer.getContext();
+  const positions = await mesh.positionsAt(frame);
+  const { triangles } = mesh.reel.surface;
+  const isOfFaces = mesh.reel.track(name).info.domain === "face";
+  const ray = new THREE.Raycaster();
+  const colorAt = (place) => {
+    const color = new Uint8Array(4);
+    const [x, y] = [((place.x + 1) / 2) * width, ((place.y + 1) / 2) * height];
+    gl.readPixels(Math.floor(x), Math.floor(y), 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, color);
+    return [...color.slice(0, 3)];
+  };
+  const found = [];
+  expected.forEach((value, item) => {
+    const point = new THREE.Vector3();
+    const corners = isOfFaces ? [...triangles.slice(3 * item, 3 * item + 3)] : [item];
+    for (const vertex of corners) {
+      const [x, y, z] = positions.slice(3 * vertex, 3 * vertex + 3);
+      point.addScaledVector(new THREE.Vector3(x, y, z), 1 / corners.length);
+    }
+    const place = point.clone().project(camera);
+    ray.setFromCamera(new THREE.Vector2(place.x, place.y), camera);
+    const [hit] = ray.intersectObject(mesh);
+    const isSeen = hit && hit.point.distanceTo(point) < 1e-3 * radius;
+    if (isSeen && value !== null) found.push([item, colorAt(place), legend.colorOf(value)]);
+  });
+  const { isOnGpu } = mesh;
+  const { range, unit } = legend;
+  mesh.dispose();
+  renderer.dispose();
+  renderer.forceContextLoss();
+  return { found, isOnGpu, range, unit };
+}"""
+
+VALUES = """async (name) => {
+  const { ReelFile } = await import("meshreel");
+  const reel = await ReelFile.open("/flag.reel");
+  const track = reel.track(name);
+  const frames = [];
+  for (let i = 0; i < reel.info.nFrames; i++) frames.push(Array.from(await track.frame(i)));
+  reel.close();
+  return { frames, info: track.info };
+}"""
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _package():
+    built_package()
+
+
+@pytest.fixture(scope="module")
+def stream():
+    """A flag of three blocks, with stress at vertices, a number of each face, and velocity."""
+    flag = meshreel.simulate_flag(36, n_rows=N_ROWS, n_columns=N_COLUMNS)
+    vertices = flag.vertices.astype(np.float64)
+    times = np.arange(36)[:, None]
+    phase = 3 * vertices[..., 0] - 2 * vertices[..., 2] + 0.2 * times
+    middles = vertices[:, flag.faces].mean(axis=2)
+    single = np.float32
+    tracks = {
+        "stress": Track((2e6 * np.sin(phase)).astype(single), unit="Pa"),
+        "heat": Track((300 + 20 * middles[..., 2]).astype(single), domain="face", unit="K"),
+        "speed": Track(np.gradient(vertices, axis=0).astype(single), kind="vector", unit="m/s"),
+    }
+    sequence = meshreel.MeshSequence(flag.vertices, flag.faces, fps=24, tracks=tracks)
+    return meshreel.encode(sequence, quality=90, block_frames=12)
+
+
+@pytest.fixture(scope="module")
+def decoded(stream):
+    """Values of each track, of shape (T, N, C)."""
+    return {name: track.values for name, track in meshreel.decode(stream).tracks.items()}
+
+
+@pytest.fixture
+def page(new_page, stream):
+    three = PACKAGE / "node_modules" / "three" / "build"
+    files = {f"/three/{path.name}": path.read_bytes() for path in three.glob("three*.js")}
+    files |= {"/index.html": PAGE.encode(), "/flag.reel": stream}
+    with serving(files) as (url, _):
+        yield new_page(f"{url}/index.html", is_shown=False)
+
+
+def test_values_and_facts_are_those_of_python(page, decoded):
+    for name, values in decoded.items():
+        answer = page.evaluate(VALUES, name)
+        found = np.array(answer["frames"], values.dtype).reshape(values.shape)
+        assert found.tobytes() == values.tobytes()
+        assert answer["info"]["nItems"] == values.shape[1]
+        assert answer["info"]["promisedError"] > 0
+    assert answer["info"]["kind"] == "vector"
+    assert answer["info"]["unit"] == "m/s"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("gpu", [True, False])
+@pytest.mark.parametrize("frame", [0, 17])
+def test_mesh_has_the_colours_of_each_track(page, decoded, frame, gpu):
+    for name, options, shown in (
+        ("stress", {}, decoded["stress"][..., 0]),
+        ("heat", {"map": "sequential"}, decoded["heat"][..., 0]),
+        ("speed", {}, np.linalg.norm(decoded["speed"].astype(np.float64), axis=2)),
+        ("speed", {"component": 1, "range": [-0.02, 0.02]}, decoded["speed"][..., 1]),
+    ):
+        expected: list[float | None] = [float(value) for value in shown[frame]]
+        is_of_faces = name == "heat"
+        for vertex in [] if is_of_faces else range(len(expected)):
+            row, column = divmod(vertex, N_COLUMNS)  # colours at the rim may be those behind it
+            if row in (0, N_ROWS - 1) or column in (0, N_COLUMNS - 1):
+                expected[vertex] = None
+        answer = page.evaluate(COLORED, [name, frame, expected, options, gpu])
+        assert answer["isOnGpu"] == gpu
+        assert answer["unit"] == {"stress": "Pa", "heat": "K", "speed": "m/s"}[name]
+        found = answer["found"]
+        assert len(found) > 100
+        off = [np.abs(np.subtract(color, right)).max() for _, color, right in found]
+        assert np.median(off) <= 2
+        assert np.quantile(off, 0.95) < 20  # half a pixel of steep colours, where it is folded
+        if "range" in options:
+            assert answer["range"] == options["range"]
+        else:
+            first = shown[[0, 2, 3, 5, 6, 8, 9, 11]]  # 11 i / 7, rounded
+            low, high = first.min(), first.max()
+            if low < 0 < high:
+                low, high = -max(-low, high), max(-low, high)
+            assert answer["range"] == pytest.approx([low, high], rel=1e-6)
