@@ -46,7 +46,10 @@ class TrackErrors:
     @property
     def rms(self) -> float:
         """Root of the mean squared error of all frames."""
-        return float(np.sqrt(np.mean(np.square(self.rms_of_frames))))
+        scale = self.largest or 1.0
+        if not np.isfinite(scale):
+            return scale
+        return scale * float(np.sqrt(np.mean(np.square(self.rms_of_frames / scale))))
 
     def as_dict(self) -> dict[str, Any]:
         """Every figure by name in plain Python types."""
@@ -99,7 +102,10 @@ def track_errors(
         given = original.read(some.start, some.stop)
         errors = value_errors(given, there if places is None else there[:, places], original.kind)
         largest[some] = errors.max(axis=1)
-        rms[some] = np.sqrt(np.mean(np.square(errors), axis=1))
+        scales = np.where(np.isfinite(largest[some]), largest[some], 1.0)
+        scales[scales == 0] = 1.0  # divided out, as above
+        means = np.mean(np.square(errors / scales[:, None]), axis=1)
+        rms[some] = scales * np.sqrt(means)
     unit = "deg" if original.kind is TrackKind.NORMAL else original.unit
     return TrackErrors(largest, rms, unit)
 
@@ -114,8 +120,16 @@ def value_errors(original: Values, decoded: Values, kind: TrackKind) -> Floats:
         return np.asarray(apart.max(axis=2))
     if kind is TrackKind.NORMAL:
         return _angles(original, decoded, is_same.all(axis=2))
-    lengths: Floats = np.sqrt(np.square(apart).sum(axis=2))
-    return lengths
+    if apart.shape[2] == 1:
+        return np.asarray(apart[..., 0])
+    # The largest is divided out: squares of tiny numbers are 0, of huge ones infinite.
+    largest = apart.max(axis=2)
+    is_scaled = (largest > 0) & np.isfinite(largest)
+    shares = np.divide(
+        apart, largest[..., None], where=is_scaled[..., None], out=np.zeros_like(apart)
+    )
+    lengths = np.sqrt(np.square(shares).sum(axis=2))
+    return np.asarray(np.multiply(largest, lengths, where=is_scaled, out=largest.copy()))
 
 
 def _angles(original: Values, decoded: Values, is_same: npt.NDArray[np.bool_]) -> Floats:

@@ -80,3 +80,11 @@ def test_compare_refuses_tracks_of_one_name_that_are_not_alike():
     )
     with pytest.raises(InvalidInputError, match="track 'x' of the original is scalar of each"):
         meshreel.compare(one, other)
+
+
+@pytest.mark.parametrize("scale", [1e-200, 1e200])
+def test_errors_of_tiny_and_of_huge_numbers_are_told(scale):
+    track = zeros(4, 6, 3)
+    found = track_errors(track, changed(track, (2, 5), [3 * scale, 4 * scale, 0]))
+    assert found.largest == pytest.approx(5 * scale)
+    assert found.rms == pytest.approx(5 * scale / np.sqrt(24))

@@ -8,7 +8,7 @@ import pytest
 import meshreel
 from meshreel.codec.reel_file import ReelFile
 from meshreel.errors import InvalidInputError
-from samples.meshes import quad_sheet, waving_grid
+from samples.meshes import irregular_sequence, quad_sheet, waving_grid
 
 RNG = np.random.default_rng(3)
 
@@ -182,3 +182,20 @@ def test_a_sequence_has_the_same_frames_with_tracks_and_without():
     found = meshreel.decode(meshreel.encode(both, max_error=0.1))
     alone = meshreel.decode(meshreel.encode(moving, max_error=0.1))
     np.testing.assert_array_equal(found.vertices, alone.vertices)
+
+
+def test_bounds_are_kept_for_any_numbers_on_any_mesh():
+    odd = irregular_sequence()
+    shape = odd.n_frames, odd.n_verts
+    noise = np.random.default_rng(0).normal(size=shape)
+    tracks = {"far": 1e12 + noise, "tiny": 1e-200 * noise, "huge": 1e200 * noise}
+    tracks |= {"still": np.full(shape, 7.0), "wide": np.repeat(noise[..., None], 256, axis=2)}
+    whole = meshreel.MeshSequence(odd.vertices, odd.faces, tracks=tracks)
+    errors = meshreel.compare(whole, meshreel.encode(whole)).tracks
+    for name in ("far", "tiny", "huge"):
+        assert 0 < errors[name].largest <= 0.001 * np.ptp(tracks[name])
+    assert errors["still"].largest == 0
+    assert errors["wide"].largest <= 0.001 * 16 * np.ptp(noise)
+    first = {name: values[:1] for name, values in tracks.items()}
+    one = meshreel.MeshSequence(odd.vertices[:1], odd.faces, tracks=first)
+    assert meshreel.compare(one, meshreel.encode(one)).tracks["far"].largest <= 0.01
