@@ -8,6 +8,7 @@ import numpy.typing as npt
 
 from meshreel.counting import counted
 from meshreel.errors import FormatError
+from meshreel.formats.arrays.named_tracks import array_name
 from meshreel.formats.hdf.reading import (
     Dataset,
     Node,
@@ -43,12 +44,6 @@ POLY_DATA_GROUPS: dict[str, int | None] = {
     "Strips": STRIP,
 }
 """In the order in which steps list them."""
-
-
-def array_name(name: str) -> str:
-    """The name of an attribute or a group in HDF5, where some characters mean something."""
-    name = name.encode("utf-8", "replace").decode().replace("/", "_").replace("\0", "_")
-    return name.strip(".") or "unnamed"
 
 
 class VtkSteps:
