@@ -1,5 +1,6 @@
 """Track: a quantity that changes over time, on the vertices, faces or corners of a mesh."""
 
+import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
@@ -247,6 +248,29 @@ def copied(track: TrackSource, frames: range) -> Track:
     """
     values = track.read(frames.start, frames.stop)
     return Track(values, track.domain, track.kind, track.unit)
+
+
+def copied_together(tracks: Mapping[str, TrackSource]) -> dict[str, Track]:
+    """All frames of tracks, in memory; those of a frame are read one after the other.
+
+    Raises
+    ------
+    InvalidInputError
+        If the values of a track do not fit its kind.
+    """
+    values = {name: np.empty(track.shape, track.dtype) for name, track in tracks.items()}
+    for frame in range(max((track.shape[0] for track in tracks.values()), default=0)):
+        for name, track in tracks.items():
+            values[name][frame : frame + 1] = track.read(frame, frame + 1)
+    return {
+        name: Track(values[name], track.domain, track.kind, track.unit)
+        for name, track in tracks.items()
+    }
+
+
+def size_bytes(track: TrackSource) -> int:
+    """Size of all values of a track in memory."""
+    return math.prod(track.shape) * track.dtype.itemsize
 
 
 def check_tracks(

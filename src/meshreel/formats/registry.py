@@ -18,6 +18,7 @@ from meshreel.formats.kinds import (
     WriteOption,
     scene_format,
 )
+from meshreel.surface import Domain
 
 COMPANION = ".obj"
 """Ending of the mesh that is written beside a point cache, and looked for there."""
@@ -179,6 +180,7 @@ SEQUENCE_FORMATS = {
             Lazy("vtk.vtkhdf:read_vtkhdf"),
             Lazy("vtk.vtkhdf_writer:write_vtkhdf"),
             HDF,
+            holds_tracks=frozenset({Domain.VERTEX, Domain.FACE}),
         ),
         scene_format(
             ".pvd", "ParaView collection", Lazy("vtk.pvd:read_pvd"), None, names_files=True

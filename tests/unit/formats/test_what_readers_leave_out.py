@@ -92,7 +92,7 @@ def test_groups_and_field_data_are_named_when_a_vtkhdf_file_has_them(tmp_path):
     assert left_out(tmp_path / "a.vtkhdf") == [
         "groups: notes of the lab",
         "field data: mass",
-        "data that another program added: heat",
+        "arrays: heat of 99 rows; step 1 needs 99 from row 99 on",
     ]
 
 

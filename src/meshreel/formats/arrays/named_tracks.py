@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from meshreel.errors import InvalidInputError
 from meshreel.formats.frames.array_frames import Description
-from meshreel.formats.frames.stored_tracks import StoredTrack, Values
+from meshreel.formats.frames.stored_tracks import StoredTrack, Values, kind_said
 from meshreel.formats.notes import listed, note_left_out
 from meshreel.surface import Domain
 from meshreel.tracks import (
@@ -23,7 +23,6 @@ from meshreel.tracks import (
     Track,
     TrackKind,
     TrackSource,
-    check_kind,
     default_kind,
     described_sizes,
     domain_sizes,
@@ -202,14 +201,5 @@ def _track(one: Candidate, n_frames: int, sizes: Mapping[Domain, int]) -> NamedT
     if one.shape[0] != n_frames or not domains or not 1 <= n_columns <= MAX_COLUMNS:
         return None
     shape = n_frames, one.shape[1], n_columns
-    kind = _kind(one.kind, n_columns, dtype)
+    kind = kind_said(one.kind, n_columns, dtype) or default_kind(n_columns)
     return NamedTrack(one.name, one.place, domains[0], kind, one.unit, dtype, shape)
-
-
-def _kind(said: str, n_columns: int, dtype: np.dtype[Any]) -> TrackKind:
-    """The kind that a file says, if values can be of it."""
-    try:
-        check_kind(kind := TrackKind(said), n_columns, dtype)
-    except (ValueError, InvalidInputError):
-        return default_kind(n_columns)
-    return kind

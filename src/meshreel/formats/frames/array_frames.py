@@ -1,6 +1,5 @@
 """Frames that lie in a file as one array: loaded, or read when they are asked for."""
 
-import math
 import zlib
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
@@ -16,7 +15,7 @@ from meshreel.formats.frames.survey import FrameSurvey
 from meshreel.formats.options import ReadOptions
 from meshreel.sequence import Faces, FrameSource, MeshSequence, Vertices, validate_finite
 from meshreel.surface import PLAIN, Surface
-from meshreel.tracks import TrackSource, copied
+from meshreel.tracks import TrackSource, copied, size_bytes
 
 BLOCK_BYTES = 1 << 24  # of positions that are read together
 
@@ -66,7 +65,7 @@ class ArrayFrames:
             frames are read later too, if the file has changed meanwhile.
         """
         size = self.n_frames * self.n_verts * 3 * self.dtype.itemsize
-        size += sum(math.prod(one.shape) * one.dtype.itemsize for one in tracks.values())
+        size += sum(map(size_bytes, tracks.values()))
         most = options.max_loaded_bytes
         with errors_naming(self.path):
             if most is None or size <= most:

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.errors import InvalidInputError
 from meshreel.surface import Domain
 from meshreel.tracks import TrackKind, check_kind
 
@@ -49,3 +50,12 @@ class StoredTrack:
         """Values of frames start..stop - 1, counted as in a slice of all frames."""
         start, stop, _ = slice(start, stop).indices(self.shape[0])
         return self.read_range(start, max(start, stop))
+
+
+def kind_said(said: str, n_columns: int, dtype: np.dtype[Any]) -> TrackKind | None:
+    """The kind that a file says, if there is such a one and values may be of it; else None."""
+    try:
+        check_kind(kind := TrackKind(said), n_columns, dtype)
+    except (ValueError, InvalidInputError):
+        return None
+    return kind
