@@ -1,6 +1,8 @@
 """Track: a quantity that changes over time, on the vertices, faces or corners of a mesh."""
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any, Protocol
 
@@ -20,6 +22,9 @@ NUMBER_TYPES = tuple(
 
 MAX_COLUMNS = 256
 """Most numbers of a value."""
+
+BLOCK_BYTES = 1 << 24
+"""Bytes of values that are read together."""
 
 
 class TrackKind(StrEnum):
@@ -112,9 +117,9 @@ class Track:
     ) -> None:
         self.values = _checked_values(values)
         self.domain: Domain = _named(Domain, "domain", domain)
-        self.kind: TrackKind = _named(TrackKind, "kind", kind or _default_kind(self.values))
+        self.kind: TrackKind = _named(TrackKind, "kind", kind or default_kind(self.values.shape[2]))
         self.unit = unit
-        _check_kind(self)
+        check_kind(self.kind, self.shape[2], self.dtype)
 
     @property
     def dtype(self) -> np.dtype[Any]:
@@ -144,6 +149,51 @@ class Track:
 
     def __repr__(self) -> str:
         return f"<Track: {described_track(self)}, {counted(len(self), 'frame')}>"
+
+
+@dataclass(frozen=True, eq=False)
+class TrackPart:
+    """Some frames of a track, read on demand.
+
+    Parameters
+    ----------
+    whole : TrackSource
+    frames : range
+        Numbers of its frames, one after the other.
+    """
+
+    whole: TrackSource
+    frames: range
+
+    @property
+    def domain(self) -> Domain:
+        """Where its values are."""
+        return self.whole.domain
+
+    @property
+    def kind(self) -> TrackKind:
+        """What it means."""
+        return self.whole.kind
+
+    @property
+    def unit(self) -> str:
+        """The unit of its numbers, or nothing."""
+        return self.whole.unit
+
+    @property
+    def dtype(self) -> np.dtype[Any]:
+        """Number type."""
+        return self.whole.dtype
+
+    @property
+    def shape(self) -> tuple[int, int, int]:
+        """Frames, vertices or faces or corners, and numbers of each value: (T, N, C)."""
+        return (len(self.frames), *self.whole.shape[1:])
+
+    def read(self, start: int, stop: int) -> Values:
+        """Values of frames start..stop - 1 of the part, of shape (stop - start, N, C)."""
+        first = self.frames.start
+        return self.whole.read(first + start, first + stop)
 
 
 def described_track(track: TrackSource) -> str:
@@ -213,6 +263,29 @@ def joined(frames: Sequence[Mapping[str, Track]]) -> dict[str, Track]:
     }
 
 
+def copied_together(tracks: Mapping[str, TrackSource]) -> dict[str, Track]:
+    """All frames of tracks, in memory; those of a frame are read one after the other.
+
+    Raises
+    ------
+    InvalidInputError
+        If the values of a track do not fit its kind.
+    """
+    values = {name: np.empty(track.shape, track.dtype) for name, track in tracks.items()}
+    for frame in range(max((track.shape[0] for track in tracks.values()), default=0)):
+        for name, track in tracks.items():
+            values[name][frame : frame + 1] = track.read(frame, frame + 1)
+    return {
+        name: Track(values[name], track.domain, track.kind, track.unit)
+        for name, track in tracks.items()
+    }
+
+
+def size_bytes(track: TrackSource) -> int:
+    """Size of all values of a track in memory."""
+    return math.prod(track.shape) * track.dtype.itemsize
+
+
 def check_tracks(
     tracks: Mapping[str, TrackSource], n_frames: int, n_verts: int, n_faces: int, surface: Surface
 ) -> None:
@@ -225,6 +298,14 @@ def check_tracks(
 def domain_sizes(n_verts: int, n_faces: int, surface: Surface) -> dict[Domain, int]:
     """Number of vertices, polygons and corners of polygons."""
     return {domain: surface.n_items(domain, n_verts, n_faces) for domain in Domain}
+
+
+def track_blocks(track: TrackSource) -> Iterator[tuple[int, Values]]:
+    """All values of a track, some frames at a time, with the number of the first of them."""
+    n_frames, n_items, n_columns = track.shape
+    n_together = max(1, BLOCK_BYTES // (n_items * n_columns * track.dtype.itemsize))
+    for start in range(0, n_frames, n_together):
+        yield start, track.read(start, min(start + n_together, n_frames))
 
 
 def value_range(track: TrackSource, n_together: int = 64) -> tuple[Values, Values]:
@@ -253,7 +334,7 @@ def _check_size(name: str, track: TrackSource, n_frames: int, sizes: Mapping[Dom
     if sizes[track.domain] != n_items:
         raise InvalidInputError(
             f"track {name!r} has {counted(n_items, 'value')} of each frame, said to be of each "
-            f"{track.domain}; the mesh has {_described(sizes)}"
+            f"{track.domain}; the mesh has {described_sizes(sizes)}"
         )
 
 
@@ -266,11 +347,12 @@ def _fitting_domain(values: Any, sizes: Mapping[Domain, int]) -> Domain:
             return domain
     raise InvalidInputError(
         f"values of shape {shape} are not of vertices, faces or corners: the mesh has "
-        f"{_described(sizes)}"
+        f"{described_sizes(sizes)}"
     )
 
 
-def _described(sizes: Mapping[Domain, int]) -> str:
+def described_sizes(sizes: Mapping[Domain, int]) -> str:
+    """Numbers of vertices, faces and corners in words."""
     vertices, faces, corners = (sizes[domain] for domain in Domain)
     return (
         f"{counted(vertices, 'vertex')}, {counted(faces, 'face')} and {counted(corners, 'corner')}"
@@ -301,10 +383,11 @@ def _checked_values(given: Any) -> Values:
     return values
 
 
-def _default_kind(values: Values) -> TrackKind:
-    if values.shape[2] == 1:
+def default_kind(n_columns: int) -> TrackKind:
+    """The kind of values of so many numbers of which nothing else is known."""
+    if n_columns == 1:
         return TrackKind.SCALAR
-    return TrackKind.VECTOR if values.shape[2] in COLUMNS_OF[TrackKind.VECTOR] else TrackKind.OTHER
+    return TrackKind.VECTOR if n_columns in COLUMNS_OF[TrackKind.VECTOR] else TrackKind.OTHER
 
 
 def _named(choices: type[StrEnum], what: str, given: str) -> Any:
@@ -315,17 +398,24 @@ def _named(choices: type[StrEnum], what: str, given: str) -> Any:
         raise InvalidInputError(f"{what} is one of {allowed}; got {given!r}") from None
 
 
-def _check_kind(track: Track) -> None:
-    n_columns, allowed = track.shape[2], COLUMNS_OF[track.kind]
+def check_kind(kind: TrackKind, n_columns: int, dtype: np.dtype[Any]) -> None:
+    """Nothing if values of a kind may have so many numbers of a type.
+
+    Raises
+    ------
+    InvalidInputError
+        If they have another number of columns, or must be floats.
+    """
+    allowed = COLUMNS_OF[kind]
     if n_columns not in allowed:
         several = " or ".join(map(str, allowed))
         raise InvalidInputError(
-            f"values of the kind {track.kind} have {counted(allowed[0], 'number')}"
+            f"values of the kind {kind} have {counted(allowed[0], 'number')}"
             + (f" ({several})" if len(allowed) > 1 else "")
             + f"; got {n_columns}"
         )
-    needs_floats = track.kind in (TrackKind.NORMAL, TrackKind.VELOCITY, TrackKind.UV)
-    if needs_floats and track.dtype.kind != "f":
+    needs_floats = kind in (TrackKind.NORMAL, TrackKind.VELOCITY, TrackKind.UV)
+    if needs_floats and dtype.kind != "f":
         raise InvalidInputError(
-            f"values of the kind {track.kind} must be float32 or float64; got {track.dtype}"
+            f"values of the kind {kind} must be float32 or float64; got {dtype}"
         )

@@ -151,3 +151,15 @@ def test_glb_is_within_the_stated_error_when_its_stream_has_one(folder, tmp_path
     )
     assert measured <= total
     assert bound is None or total <= bound
+
+
+def test_field_of_warping_spheres_is_a_track_when_it_changes_over_time(odd):
+    h5py = pytest.importorskip("h5py")
+    notes = []
+    found = load(odd / "warping_spheres.vtkhdf", notes=notes)
+    [(name, track)] = found.tracks.items()
+    with h5py.File(odd / "warping_spheres.vtkhdf") as file:
+        stored = file["VTKHDF/PointData/SpatioTemporalHarmonics"][()]
+    assert (name, track.shape) == ("SpatioTemporalHarmonics", (100, found.n_verts, 1))
+    assert track.values.tobytes() == stored.tobytes()
+    assert notes == []

@@ -77,6 +77,7 @@ def decode_command(
     from meshreel.formats.save import save_frames
     from meshreel.frame_choice import start_of
     from meshreel.runtime.profiling import profiled
+    from meshreel.tracks import TrackPart
 
     chosen = frame_slice(frames)
     bound = checked_bound(max_error, unit)
@@ -102,6 +103,7 @@ def decode_command(
             name=reel.name,
             start_s=start_of(wanted, reel.start_s, reel.fps),
             surface=reel.surface,
+            tracks={name: TrackPart(track, wanted) for name, track in reel.tracks.items()},
             overwrite=force,
             start_number=numbering(output, wanted, start_number),
             inputs=[source],

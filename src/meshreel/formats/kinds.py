@@ -13,10 +13,15 @@ from meshreel.formats.options import ReadOptions, WriteOptions
 from meshreel.formats.scenes.scene_mesh import ReadMeshes
 from meshreel.formats.surfaces.polygons import PolygonMesh
 from meshreel.sequence import Faces, FrameSource, Vertices
-from meshreel.surface import Surface
+from meshreel.surface import Domain, Surface
 
 ReadOption = Literal["object", "merge", "topology", "dataset", "skip_bad", "allow_outside"]
 WriteOption = Literal["targets", "max_error", "normals"]
+
+
+NO_TRACKS: frozenset[Domain] = frozenset()
+ALL_TRACKS = frozenset(Domain)
+"""Domains whose tracks a file holds."""
 
 
 @dataclass(frozen=True)
@@ -112,6 +117,8 @@ class SequenceFormat:
         Whether a file holds materials and their images, not only labels of faces.
     has_image_folder : bool, default False
         Whether images are files in a folder beside, for the file cannot hold them itself.
+    holds_tracks : set of Domain
+        Of which tracks a file that is written holds; others are left out, with a note.
     """
 
     ending: str
@@ -125,6 +132,7 @@ class SequenceFormat:
     read_meshes: ReadMeshes | None = None
     holds_materials: bool = False
     has_image_folder: bool = False
+    holds_tracks: frozenset[Domain] = NO_TRACKS
 
 
 def scene_format(
@@ -138,6 +146,7 @@ def scene_format(
     writes: frozenset[WriteOption] = frozenset(),
     holds_materials: bool = False,
     has_image_folder: bool = False,
+    holds_tracks: frozenset[Domain] = NO_TRACKS,
 ) -> SequenceFormat:
     """A format whose files hold one or several meshes, the faces of which may change.
 
@@ -149,4 +158,5 @@ def scene_format(
         reads=frozenset(reads | ({"allow_outside"} if names_files else set())),
         writes=writes, read_meshes=read_meshes,
         holds_materials=holds_materials, has_image_folder=has_image_folder,
+        holds_tracks=holds_tracks,
     )  # fmt: skip

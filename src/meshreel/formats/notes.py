@@ -163,6 +163,24 @@ def note_unwritten_look(surface: Surface, ending: str, notes: list[str]) -> None
         notes.append(f"left out, for {ending} files do not hold it: {' and '.join(missing)}")
 
 
+def note_unwritten_tracks(
+    names: Iterable[str], ending: str, notes: list[str], which: str = "them"
+) -> None:
+    """Add a sentence to the notes on tracks that a file does not hold; nothing for none.
+
+    Parameters
+    ----------
+    names : iterable of str
+    ending : str
+        Of the file, with the dot.
+    notes : list of str
+    which : str
+        What it does not hold, such as "tracks of corners".
+    """
+    if found := list(names):
+        notes.append(f"tracks left out: {listed(found)}: {ending} does not hold {which}")
+
+
 def _named(one: Attribute | FaceGroups) -> str:
     if isinstance(one, FaceGroups):
         return f"groups {one.name!r}"

@@ -10,7 +10,15 @@ from typing import Any
 
 from meshreel.errors import FormatError
 from meshreel.formats.extras import ALEMBIC, HDF, USD
-from meshreel.formats.kinds import FrameFormat, Lazy, SequenceFormat, WriteOption, scene_format
+from meshreel.formats.kinds import (
+    ALL_TRACKS,
+    FrameFormat,
+    Lazy,
+    SequenceFormat,
+    WriteOption,
+    scene_format,
+)
+from meshreel.surface import Domain
 
 COMPANION = ".obj"
 """Ending of the mesh that is written beside a point cache, and looked for there."""
@@ -87,6 +95,7 @@ SEQUENCE_FORMATS = {
             Lazy("arrays.npz_frames:open_npz"),
             Lazy("arrays.npz:write_npz"),
             reads=frozenset({"dataset"}),
+            holds_tracks=ALL_TRACKS,
         ),
         SequenceFormat(
             ".reel",
@@ -95,6 +104,7 @@ SEQUENCE_FORMATS = {
             Lazy("reel.writing:write_reel"),
             writes=frozenset({"max_error"}),
             holds_materials=True,
+            holds_tracks=ALL_TRACKS,
         ),
         scene_format(
             ".abc",
@@ -160,6 +170,7 @@ SEQUENCE_FORMATS = {
                 Lazy("arrays.hdf:write_hdf"),
                 HDF,
                 frozenset({"dataset", "object", "merge", "skip_bad"}),
+                holds_tracks=ALL_TRACKS,
             )
             for ending in (".h5", ".hdf5", ".hdf")
         ),
@@ -169,6 +180,7 @@ SEQUENCE_FORMATS = {
             Lazy("vtk.vtkhdf:read_vtkhdf"),
             Lazy("vtk.vtkhdf_writer:write_vtkhdf"),
             HDF,
+            holds_tracks=frozenset({Domain.VERTEX, Domain.FACE}),
         ),
         scene_format(
             ".pvd", "ParaView collection", Lazy("vtk.pvd:read_pvd"), None, names_files=True

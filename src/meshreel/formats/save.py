@@ -1,6 +1,6 @@
 """A `MeshSequence`, or frames as they come, to files of other programs."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.counting import plural
 from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.frames.frame_stream import FrameStream
-from meshreel.formats.kinds import FrameFormat, SequenceFormat
-from meshreel.formats.notes import note_unwritten_look
+from meshreel.formats.kinds import NO_TRACKS, FrameFormat, SequenceFormat
+from meshreel.formats.notes import note_unwritten_look, note_unwritten_tracks
 from meshreel.formats.options import WriteOptions, origin_of
 from meshreel.formats.outputs import DEFAULT_OPTIONS, check_output, is_pattern, numbering
 from meshreel.formats.registry import FRAME_FORMATS, format_of
@@ -22,7 +23,8 @@ from meshreel.runtime.outputs.atomic import replace_all_when_done
 from meshreel.runtime.profiling import staged
 from meshreel.runtime.progress import Progress, silent
 from meshreel.sequence import FrameSource, Vertices
-from meshreel.surface import PLAIN, Surface
+from meshreel.surface import PLAIN, Domain, Surface
+from meshreel.tracks import TrackPart, TrackSource
 
 if TYPE_CHECKING:
     from meshreel.codec.reel_file import ReelFile
@@ -131,6 +133,7 @@ def save_part(
         name=sequence.name,
         start_s=start_of(wanted, sequence.start_s, sequence.fps),
         surface=sequence.surface,
+        tracks={name: TrackPart(track, wanted) for name, track in sequence.tracks.items()},
         overwrite=overwrite,
         start_number=numbering(output, wanted, start_number),
         inputs=(*inputs, *getattr(sequence, "files", ())),
@@ -150,6 +153,7 @@ def save_frames(
     name: str = "",
     start_s: float = 0.0,
     surface: Surface = PLAIN,
+    tracks: Mapping[str, TrackSource] | None = None,
     overwrite: bool = False,
     start_number: int | None = None,
     inputs: Iterable[Path] = (),
@@ -176,6 +180,8 @@ def save_frames(
         Of all blocks together.
     fps, name, start_s, surface
         As in `MeshSequence`.
+    tracks : mapping of str to TrackSource, optional
+        Of as many frames; those that the format does not hold are left out, with a note.
 
     Raises
     ------
@@ -204,6 +210,7 @@ def save_frames(
         surface=surface,
         progress=progress,
         notes=notes,
+        tracks=_held_tracks(found, tracks or {}, notes),
     )
     if not (isinstance(found, SequenceFormat) and found.holds_materials):
         note_unwritten_look(stream.surface, found.ending, stream.notes)
@@ -222,6 +229,22 @@ def save_frames(
         for frame, temporary in zip(stream.frames(), temporaries, strict=True):
             temporary.write_bytes(encode(frame))
     return paths
+
+
+def _held_tracks(
+    found: FrameFormat | SequenceFormat,
+    tracks: Mapping[str, TrackSource],
+    notes: list[str] | None,
+) -> dict[str, TrackSource]:
+    """The tracks that files of a format hold; the notes name the others."""
+    domains = found.holds_tracks if isinstance(found, SequenceFormat) else NO_TRACKS
+    told = notes if notes is not None else []
+    for missing in [one for one in Domain if one not in domains] if domains else []:
+        names = [name for name, track in tracks.items() if track.domain is missing]
+        note_unwritten_tracks(names, found.ending, told, f"tracks of {plural(missing)}")
+    if not domains:
+        note_unwritten_tracks(tracks, found.ending, told)
+    return {name: track for name, track in tracks.items() if track.domain in domains}
 
 
 def _image_paths(

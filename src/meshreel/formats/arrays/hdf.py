@@ -4,7 +4,7 @@ Files of others are read too: positions in any dataset (T, V, 3) or (V, 3, T), a
 scans have them, with ``faces`` beside it or in a group above.
 """
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Iterator
 from pathlib import Path, PurePosixPath
 from typing import Any
 
@@ -18,12 +18,19 @@ from meshreel.formats.arrays.named_arrays import (
     start_arrays,
     surface_arrays,
 )
+from meshreel.formats.arrays.named_tracks import (
+    FOLDER,
+    Candidate,
+    array_names,
+    named_tracks,
+)
 from meshreel.formats.arrays.position_layout import Layout, find_layout, has_positions
 from meshreel.formats.extras import HDF
 from meshreel.formats.file_errors import errors_naming
-from meshreel.formats.frames.array_frames import ArrayFrames
+from meshreel.formats.frames.array_frames import ArrayFrames, checksum
 from meshreel.formats.frames.frame_stream import FrameStream
 from meshreel.formats.frames.stored_frames import changed_error
+from meshreel.formats.hdf.described_tracks import describe_track, said_of, unit_of
 from meshreel.formats.hdf.reading import (
     Dataset,
     Node,
@@ -35,7 +42,7 @@ from meshreel.formats.hdf.reading import (
     require_dataset,
     write_array,
 )
-from meshreel.formats.hdf.writing import hdf_output
+from meshreel.formats.hdf.writing import HdfOutput, hdf_output
 from meshreel.formats.notes import note_kinds
 from meshreel.formats.options import ReadOptions, WriteOptions
 from meshreel.formats.registry import SEQUENCE_FORMATS
@@ -69,7 +76,9 @@ def open_hdf_sequence(path: Path, options: ReadOptions) -> FrameSource:
                 f"{positions.name} must be float32 or float64; got {positions.dtype}"
             )
         arrays = _named_arrays(root, positions)
-        _note_left_out(root, positions, arrays, options.notes)
+        candidates = list(_candidates_beside(root, positions))
+        places = [one.place for one in candidates]
+        _note_left_out(root, positions, arrays, places, options.notes)
         name = positions.name.rpartition("/")[2]
         layout = find_layout(
             positions.shape, arrays["faces"], positions.name, is_documented=name == POSITIONS
@@ -79,6 +88,13 @@ def open_hdf_sequence(path: Path, options: ReadOptions) -> FrameSource:
     if min(n_frames, n_verts) < 1:
         raise InvalidInputError(f"{path}: {positions.name} is empty: {positions.shape}")
     dtype = positions.dtype.newbyteorder("=")
+    with errors_naming(path), hdf_errors():
+        tracks = {
+            name: one.stored(_KeptNumbers(path, require_dataset(root, one.place)).read)
+            for name, one in named_tracks(
+                candidates, n_frames, n_verts, about, options.notes
+            ).items()
+        }
 
     def read(start: int, stop: int) -> Vertices:
         try:
@@ -91,7 +107,7 @@ def open_hdf_sequence(path: Path, options: ReadOptions) -> FrameSource:
         found: Vertices = np.ascontiguousarray(block, dtype)
         return found
 
-    return ArrayFrames(path, n_frames, n_verts, dtype, read).opened(about, options)
+    return ArrayFrames(path, n_frames, n_verts, dtype, read).opened(about, options, tracks)
 
 
 def write_hdf(path: Path, stream: FrameStream, options: WriteOptions) -> None:
@@ -116,6 +132,76 @@ def write_hdf(path: Path, stream: FrameStream, options: WriteOptions) -> None:
             write_array(output.root, name, array)
         for index, frame in output.frames(stream):
             vertices[index] = frame
+        _write_tracks(output, stream)
+
+
+def _write_tracks(output: HdfOutput, stream: FrameStream) -> None:
+    """Write each track into a dataset of the group of tracks, with what it is as attributes."""
+    if not stream.tracks:
+        return
+    group = output.root.create_group(FOLDER)
+    places = array_names(stream.tracks)
+    for name, track in stream.tracks.items():
+        frame_bytes = track.shape[1] * track.shape[2] * track.dtype.itemsize
+        chunk_frames = min(stream.n_frames, max(1, CHUNK_BYTES // frame_bytes))
+        dataset = group.create_dataset(
+            places[name], track.shape, track.dtype, chunks=(chunk_frames, *track.shape[1:])
+        )
+        describe_track(dataset, name, track)
+        for start, values in output.blocks(track):
+            dataset[start : start + len(values)] = values
+
+
+class _KeptNumbers:
+    """Numbers of a dataset by frames, which must stay as they were when they were first read."""
+
+    def __init__(self, path: Path, dataset: Dataset) -> None:
+        self._path, self._dataset = path, dataset
+        self._checksums: dict[int, int] = {}
+
+    def read(self, start: int, stop: int) -> npt.NDArray[Any]:
+        """Those of frames start..stop - 1."""
+        try:
+            block: Any = self._dataset[start:stop]
+        except (OSError, RuntimeError, ValueError) as error:
+            raise changed_error(f"{self._path} (frames {start} to {stop - 1})") from error
+        for index, frame in enumerate(block, start):
+            if self._checksums.setdefault(index, found := checksum(frame)) != found:
+                raise changed_error(f"{self._path} (frame {index})")
+        return np.asarray(block)
+
+
+def _candidates_beside(root: Node, positions: Dataset) -> Iterator[Candidate]:
+    """Datasets that may be tracks: beside the positions, or in the folder of tracks there."""
+    beside = positions.name.rpartition("/")[0]
+    for folder in (beside, f"{beside}/{FOLDER}"):
+        group = find_group(root, folder or "/")
+        for name in group if group is not None else ():
+            is_own = folder == beside and NAMED.fullmatch(name)
+            place = f"{folder}/{name}".lstrip("/")
+            if not is_own and f"/{place}" != positions.name:
+                yield from _candidate(group, name, place)
+
+
+def _candidate(group: Node, name: str, place: str) -> Iterator[Candidate]:
+    h5py = HDF.load()
+    if not isinstance(group.get(name, getlink=True), h5py.HardLink):
+        return
+    try:
+        dataset = find_dataset(group, name)
+    except FormatError:  # numbers that are not in the file: the notes name it
+        yield Candidate(place, name, (), np.dtype(object))
+        return
+    if dataset is not None:
+        yield Candidate(
+            place,
+            said_of(dataset, "name") or name,
+            dataset.shape,
+            dataset.dtype,
+            said_of(dataset, "domain"),
+            said_of(dataset, "kind"),
+            unit_of(dataset),
+        )
 
 
 def _find_positions(root: Node, options: ReadOptions) -> Dataset:
@@ -144,11 +230,16 @@ def _find_positions(root: Node, options: ReadOptions) -> Dataset:
 
 
 def _note_left_out(
-    root: Node, positions: Dataset, arrays: Collection[str], notes: list[str]
+    root: Node,
+    positions: Dataset,
+    arrays: Collection[str],
+    candidates: Collection[str],
+    notes: list[str],
 ) -> None:
-    """Add to the notes the datasets that are not of the sequence."""
+    """Add to the notes the datasets that are not of the sequence, and cannot be its tracks."""
     beside = positions.name.rpartition("/")[0]
     taken = {positions.name, *(f"{beside}/{name}" for name in arrays)}
+    taken |= {f"/{place}" for place in candidates}
     if "faces" not in (find_group(root, beside or "/") or ()):
         above = [f"{folder}/faces".replace("//", "/") for folder in _folders(positions)]
         taken |= {next((one for one in above if find_dataset(root, one) is not None), "")}
@@ -162,8 +253,9 @@ def _folders(dataset: Dataset) -> list[str]:
 
 
 def _candidates(root: Node) -> list[str]:
-    """Paths of all datasets that can hold positions."""
-    return _datasets(root, lambda node: node.dtype.kind == "f" and has_positions(node.shape))
+    """Paths of all datasets that can hold positions, and are no tracks."""
+    found = _datasets(root, lambda node: node.dtype.kind == "f" and has_positions(node.shape))
+    return [name for name in found if PurePosixPath(name).parent.name != FOLDER]
 
 
 def _datasets(root: Node, is_wanted: Callable[[Dataset], bool]) -> list[str]:

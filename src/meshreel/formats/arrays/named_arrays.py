@@ -18,9 +18,16 @@ name                            shape        what
 ``group_names``                 (G,)         text: what groups of faces are, as "material"
 ``group_0_labels`` ...          (L,)         text
 ``group_0_numbers`` ...         (P,)         label of each face; -1 is none
+``track_names``                 (K,)         text
+``track_kinds``                 (K,)         text: scalar, vector, velocity, ...
+``track_domains``               (K,)         text: vertex, face or corner
+``track_units``                 (K,)         text, such as Pa
+``tracks/NAME`` ...             (T, N, C)    of each track
 ==============================  ===========  ===========================================
 
-All but the first two may be left out.
+All but the first two may be left out. Any other array of shape (T, N) or (T, N, C), for T frames
+and N vertices, faces or corners, is a track of its name. In HDF5 files tracks have attributes in
+place of the arrays that describe them.
 """
 
 import re
@@ -40,6 +47,7 @@ Array = npt.NDArray[Any]
 NAMED = re.compile(
     r"faces|fps|start_s|name|face_sizes|part_(names|sizes)|attribute_(names|kinds|domains)"
     r"|attribute_\d+_(values|indices)|group_names|group_\d+_(labels|numbers)"
+    r"|track_(names|kinds|domains|units)"
 )
 """Names of all arrays but that of the positions."""
 
@@ -50,7 +58,7 @@ def surface_arrays(surface: Surface) -> dict[str, Array]:
     if surface.face_sizes is not None:
         arrays["face_sizes"] = surface.face_sizes
     if surface.parts:
-        arrays["part_names"] = _texts([part.name for part in surface.parts])
+        arrays["part_names"] = texts_array([part.name for part in surface.parts])
         sizes = [(part.n_verts, part.n_faces) for part in surface.parts]
         arrays["part_sizes"] = np.array(sizes, np.int64)
     return arrays | _attribute_arrays(surface.attributes) | _group_arrays(surface.groups)
@@ -96,7 +104,7 @@ def read_surface(arrays: Mapping[str, Array]) -> Surface:
         Naming the array that is missing, or not what its name says.
     """
     names, kinds, domains = (
-        _text_list(arrays, f"attribute_{what}") for what in ("names", "kinds", "domains")
+        text_list(arrays, f"attribute_{what}") for what in ("names", "kinds", "domains")
     )
     if not len(names) == len(kinds) == len(domains):
         raise FormatError(
@@ -116,10 +124,10 @@ def read_surface(arrays: Mapping[str, Array]) -> Surface:
     groups = tuple(
         FaceGroups(
             name,
-            tuple(_text_list(arrays, f"group_{index}_labels")),
+            tuple(text_list(arrays, f"group_{index}_labels")),
             _required(arrays, f"group_{index}_numbers"),
         )
-        for index, name in enumerate(_text_list(arrays, "group_names"))
+        for index, name in enumerate(text_list(arrays, "group_names"))
     )
     return Surface(arrays.get("face_sizes"), attributes, groups, _parts(arrays))
 
@@ -128,9 +136,9 @@ def _attribute_arrays(attributes: Sequence[Attribute]) -> dict[str, Array]:
     if not attributes:
         return {}
     arrays = {
-        "attribute_names": _texts([one.name for one in attributes]),
-        "attribute_kinds": _texts([one.kind for one in attributes]),
-        "attribute_domains": _texts([one.domain for one in attributes]),
+        "attribute_names": texts_array([one.name for one in attributes]),
+        "attribute_kinds": texts_array([one.kind for one in attributes]),
+        "attribute_domains": texts_array([one.domain for one in attributes]),
     }
     for index, one in enumerate(attributes):
         arrays[f"attribute_{index}_values"] = one.values
@@ -142,15 +150,15 @@ def _attribute_arrays(attributes: Sequence[Attribute]) -> dict[str, Array]:
 def _group_arrays(groups: Sequence[FaceGroups]) -> dict[str, Array]:
     if not groups:
         return {}
-    arrays = {"group_names": _texts([one.name for one in groups])}
+    arrays = {"group_names": texts_array([one.name for one in groups])}
     for index, one in enumerate(groups):
-        arrays[f"group_{index}_labels"] = _texts(one.labels)
+        arrays[f"group_{index}_labels"] = texts_array(one.labels)
         arrays[f"group_{index}_numbers"] = one.numbers
     return arrays
 
 
 def _parts(arrays: Mapping[str, Array]) -> tuple[Part, ...]:
-    names = _text_list(arrays, "part_names")
+    names = text_list(arrays, "part_names")
     sizes = arrays.get("part_sizes", np.empty((0, 2), np.int64))
     if sizes.shape != (len(names), 2) or sizes.dtype.kind not in "iu":
         raise FormatError(
@@ -161,7 +169,8 @@ def _parts(arrays: Mapping[str, Array]) -> tuple[Part, ...]:
     return tuple(Part(name, *row) for name, row in zip(names, rows, strict=True))
 
 
-def _texts(texts: Sequence[str]) -> Array:
+def texts_array(texts: Sequence[str]) -> Array:
+    """Texts as an array of shape (N,)."""
     return np.array([str(text) for text in texts], dtype=np.str_)
 
 
@@ -170,7 +179,14 @@ def _text(array: Array | None) -> str:
     return str(array.ravel()[0]) if is_text and array is not None else ""
 
 
-def _text_list(arrays: Mapping[str, Array], name: str) -> list[str]:
+def text_list(arrays: Mapping[str, Array], name: str) -> list[str]:
+    """The texts of an array; none if it is not there.
+
+    Raises
+    ------
+    FormatError
+        If it is no text of shape (N,).
+    """
     array = arrays.get(name)
     if array is None:
         return []

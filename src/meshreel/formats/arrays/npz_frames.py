@@ -1,5 +1,6 @@
-"""The frames of an ``.npz`` file that is not compressed, read when they are asked for."""
+"""The frames of an ``.npz`` file that is not compressed, and its tracks, read on demand."""
 
+import math
 import struct
 import zipfile
 import zlib
@@ -13,30 +14,31 @@ import numpy.typing as npt
 
 from meshreel.errors import FormatError
 from meshreel.formats.arrays.named_arrays import read_description
-from meshreel.formats.arrays.npz import (
-    POSITIONS,
-    archive_errors,
-    read_array_header,
-    read_arrays,
-    read_npz,
-)
+from meshreel.formats.arrays.named_tracks import NamedTrack
+from meshreel.formats.arrays.npz import POSITIONS, read_arrays, read_npz
+from meshreel.formats.arrays.npz_members import archive_errors, read_array_header, read_members
+from meshreel.formats.arrays.npz_tracks import find_tracks
 from meshreel.formats.arrays.position_layout import has_positions
 from meshreel.formats.file_errors import errors_naming, os_errors_naming
 from meshreel.formats.frames.stored_frames import StoredFrames, changed_error
 from meshreel.formats.frames.survey import FrameSurvey
 from meshreel.formats.options import ReadOptions
 from meshreel.runtime.progress import Count
-from meshreel.sequence import FrameSource, Vertices, validate_finite
+from meshreel.sequence import FrameSource, MeshSequence, validate_finite
+from meshreel.tracks import TrackSource
+
+Numbers = npt.NDArray[Any]
 
 LOCAL_HEADER = struct.Struct("<26xHH")  # of a member of a zip file; its name and an extra follow
 SURVEY_BYTES = 1 << 24  # of positions that are looked at together
 
 
 def open_npz(path: Path, options: ReadOptions) -> FrameSource:
-    """The sequence that `read_npz` gives, whose positions stay in the file if they can.
+    """The sequence that `read_npz` gives, whose positions and tracks stay in the file if they can.
 
     They can if they lie there plainly: not compressed, frame after frame. Then all of them are
     read once now, some at a time, for their extent and to check them against the archive's sum.
+    Tracks that do not lie so are loaded.
 
     Parameters
     ----------
@@ -49,25 +51,27 @@ def open_npz(path: Path, options: ReadOptions) -> FrameSource:
     FormatError, InvalidInputError
         As `read_npz`; when frames are read too, if the file has changed meanwhile.
     """
-    with archive_errors(path):
-        stored = _find_vertices(path, options)
-    if stored is None:
-        sequence = read_npz(path, options)
-        options.progress("reading", 1.0)
-        return sequence
-    positions = options.dataset or POSITIONS
-    arrays = read_arrays(path, positions, options.notes, with_positions=False)
+    positions, most = options.dataset or POSITIONS, options.max_loaded_bytes
+    stored = None if most is None else _find_vertices(path, positions)
+    if most is None or stored is None:
+        return _loaded(path, options)
+    arrays = read_arrays(path, positions, with_positions=False)
+    with errors_naming(path):
+        about = read_description(arrays, path.stem, options)
+    sizes = stored.shape[0], stored.shape[1]
+    tracks = find_tracks(path, arrays, positions, sizes, about, options.notes)
+    if stored.size_bytes + sum(one.size_bytes for one in tracks.values()) <= most:
+        return _loaded(path, options)
     survey = FrameSurvey()
     for start, vertices in stored.survey():
         with errors_naming(path):
             validate_finite(vertices, first_frame=start)
         survey.add(vertices)
-        options.progress("reading", Count(start + len(vertices), stored.n_frames, "frames"))
+        options.progress("reading", Count(start + len(vertices), sizes[0], "frames"))
     with errors_naming(path):
-        about = read_description(arrays, path.stem, options)
         return StoredFrames(
-            n_frames=stored.n_frames,
-            n_verts=stored.n_verts,
+            n_frames=sizes[0],
+            n_verts=sizes[1],
             faces=about.faces,
             fps=about.fps,
             name=about.name,
@@ -78,20 +82,38 @@ def open_npz(path: Path, options: ReadOptions) -> FrameSource:
             start_s=about.start_s,
             surface=about.surface,
             files=(path,),
+            tracks={name: _track(path, one) for name, one in tracks.items()},
         )
 
 
+def _loaded(path: Path, options: ReadOptions) -> MeshSequence:
+    sequence = read_npz(path, options)
+    options.progress("reading", 1.0)
+    return sequence
+
+
+def _track(path: Path, found: NamedTrack) -> TrackSource:
+    """A track that stays in the file, known to be as the archive says, or else a loaded one."""
+    stored = _find_plain(path, found.place)
+    if stored is None:
+        return found.loaded(read_members(path, [found.place])[found.place])
+    for _ in stored.survey():
+        pass
+    return found.stored(stored.read)
+
+
 @dataclass(frozen=True)
-class _StoredVertices:
-    """Positions of shape (T, V, 3) that lie plainly in a member of an archive.
+class _StoredArray:
+    """Numbers of frames that lie plainly in a member of an archive, frame after frame.
 
     Attributes
     ----------
     path : Path
     member : str
     start_byte : int
-        Where in the file the positions begin.
-    n_frames, n_verts : int
+        Where in the file the numbers begin.
+    shape : tuple of int
+        Its first axis is that of frames.
     dtype : dtype
         As in the file, in whatever byte order.
     member_checksum : int
@@ -103,82 +125,85 @@ class _StoredVertices:
     path: Path
     member: str
     start_byte: int
-    n_frames: int
-    n_verts: int
+    shape: tuple[int, ...]
     dtype: np.dtype[Any]
     member_checksum: int
     checksums: list[int] = field(repr=False)
 
-    def survey(self) -> Iterator[tuple[int, Vertices]]:
-        """All positions, as blocks with the number of their first frame.
+    @property
+    def size_bytes(self) -> int:
+        """Size of all frames."""
+        return self.shape[0] * self._frame_bytes
+
+    @property
+    def _frame_bytes(self) -> int:
+        return math.prod(self.shape[1:]) * self.dtype.itemsize
+
+    def survey(self) -> Iterator[tuple[int, Numbers]]:
+        """All numbers, as blocks with the number of their first frame.
 
         Raises
         ------
         FormatError
             When all have been seen, if they are not what was written into the archive.
         """
-        n_at_once = max(1, SURVEY_BYTES // (self.n_verts * 3 * self.dtype.itemsize))
-        for start in range(0, self.n_frames, n_at_once):
-            vertices = self._read(start, min(start + n_at_once, self.n_frames))
-            for frame in vertices:
+        n_frames, n_at_once = self.shape[0], max(1, SURVEY_BYTES // self._frame_bytes)
+        for start in range(0, n_frames, n_at_once):
+            numbers = self._read(start, min(start + n_at_once, n_frames))
+            for frame in numbers:
                 self.checksums.append(zlib.crc32(frame, self.checksums[-1]))
-            yield start, vertices.astype(self.dtype.newbyteorder("="), copy=False)
+            yield start, numbers.astype(self.dtype.newbyteorder("="), copy=False)
         if self.checksums[-1] != self.member_checksum:
             raise FormatError(
                 f"{self.path}: is damaged: {self.member} does not have its checksum; save it again"
             )
 
-    def read(self, start: int, stop: int) -> Vertices:
-        """Positions of frames start..stop - 1, as they were when they were surveyed."""
-        vertices = self._read(start, stop)
-        for index, frame in enumerate(vertices, start):
+    def read(self, start: int, stop: int) -> Numbers:
+        """Numbers of frames start..stop - 1, as they were when they were surveyed."""
+        numbers = self._read(start, stop)
+        for index, frame in enumerate(numbers, start):
             if zlib.crc32(frame, self.checksums[index]) != self.checksums[index + 1]:
                 raise changed_error(f"{self.path} (frame {index})")
-        return vertices.astype(self.dtype.newbyteorder("="), copy=False)
+        return numbers.astype(self.dtype.newbyteorder("="), copy=False)
 
-    def _read(self, start: int, stop: int) -> npt.NDArray[Any]:
-        width = self.n_verts * 3
-        offset = self.start_byte + start * width * self.dtype.itemsize
+    def _read(self, start: int, stop: int) -> Numbers:
+        width = math.prod(self.shape[1:])
+        offset = self.start_byte + start * self._frame_bytes
         with os_errors_naming(self.path):
             numbers = np.fromfile(self.path, self.dtype, (stop - start) * width, offset=offset)
         if len(numbers) < (stop - start) * width:
             raise changed_error(f"{self.path} (frame {start + len(numbers) // width})")
-        return numbers.reshape(-1, self.n_verts, 3)
+        return numbers.reshape(-1, *self.shape[1:])
 
 
-def _find_vertices(path: Path, options: ReadOptions) -> _StoredVertices | None:
+def _find_vertices(path: Path, positions: str) -> _StoredArray | None:
     """Where the vertices lie; None if they must be loaded, and are checked there."""
-    member, most = f"{options.dataset or POSITIONS}.npy", options.max_loaded_bytes
-    if most is None:
-        return None
-    with zipfile.ZipFile(path) as archive:
-        if member not in archive.namelist():
+    found = _find_plain(path, positions)
+    is_float = found is not None and found.dtype.kind == "f" and found.dtype.itemsize in (4, 8)
+    return found if found is not None and is_float and _is_frames_first(found.shape) else None
+
+
+def _find_plain(path: Path, name: str) -> _StoredArray | None:
+    """Where the numbers of an array lie; None if they are not there, or not plainly."""
+    member = f"{name}.npy"
+    with archive_errors(path):
+        with zipfile.ZipFile(path) as archive:
+            if member not in archive.namelist():
+                return None
+            info = archive.getinfo(member)
+            header = read_array_header(archive, info)
+        is_plain = info.compress_type == zipfile.ZIP_STORED and not header.is_fortran_ordered
+        if not is_plain or 0 in header.shape or not header.shape:
             return None
-        info = archive.getinfo(member)
-        header = read_array_header(archive, info)
-    is_plain = info.compress_type == zipfile.ZIP_STORED and not header.is_fortran_ordered
-    is_float = header.dtype.kind == "f" and header.dtype.itemsize in (4, 8)
-    if not (is_plain and is_float and _is_frames_first(header.shape)):
-        return None
-    if info.file_size - header.size_bytes <= most:
-        return None
-    with path.open("rb") as stream:
-        stream.seek(info.header_offset)
-        lengths = LOCAL_HEADER.unpack(stream.read(LOCAL_HEADER.size))
-        start_byte = stream.seek(sum(lengths), 1)
-        checksum = zlib.crc32(stream.read(header.size_bytes))
-    if start_byte + info.file_size > path.stat().st_size:
-        raise FormatError(f"{member} ends behind the end of the file")
-    return _StoredVertices(
-        path,
-        member,
-        start_byte + header.size_bytes,
-        header.shape[0],
-        header.shape[1],
-        header.dtype,
-        info.CRC,
-        [checksum],
-    )
+        with path.open("rb") as stream:
+            stream.seek(info.header_offset)
+            lengths = LOCAL_HEADER.unpack(stream.read(LOCAL_HEADER.size))
+            start_byte = stream.seek(sum(lengths), 1)
+            checksum = zlib.crc32(stream.read(header.size_bytes))
+        if start_byte + info.file_size > path.stat().st_size:
+            raise FormatError(f"{member} ends behind the end of the file")
+    start_byte += header.size_bytes
+    return _StoredArray(path, member, start_byte, header.shape, header.dtype, info.CRC, [checksum])
 
 
 def _is_frames_first(shape: tuple[int, ...]) -> bool:

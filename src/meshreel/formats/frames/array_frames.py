@@ -1,11 +1,13 @@
 """Frames that lie in a file as one array: loaded, or read when they are asked for."""
 
 import zlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from meshreel.formats.file_errors import errors_naming
 from meshreel.formats.frames.stored_frames import StoredFrames, changed_error
@@ -13,6 +15,7 @@ from meshreel.formats.frames.survey import FrameSurvey
 from meshreel.formats.options import ReadOptions
 from meshreel.sequence import Faces, FrameSource, MeshSequence, Vertices, validate_finite
 from meshreel.surface import PLAIN, Surface
+from meshreel.tracks import TrackSource, copied, size_bytes
 
 BLOCK_BYTES = 1 << 24  # of positions that are read together
 
@@ -50,8 +53,10 @@ class ArrayFrames:
     read: Callable[[int, int], Vertices]
     _checksums: dict[int, int] = field(default_factory=dict)
 
-    def opened(self, about: Description, options: ReadOptions) -> FrameSource:
-        """The sequence, loaded if the options say so; all frames are read once now.
+    def opened(
+        self, about: Description, options: ReadOptions, tracks: Mapping[str, TrackSource]
+    ) -> FrameSource:
+        """The sequence, loaded if the options say so; all positions are read once now.
 
         Raises
         ------
@@ -60,25 +65,36 @@ class ArrayFrames:
             frames are read later too, if the file has changed meanwhile.
         """
         size = self.n_frames * self.n_verts * 3 * self.dtype.itemsize
+        size += sum(map(size_bytes, tracks.values()))
         most = options.max_loaded_bytes
         with errors_naming(self.path):
             if most is None or size <= most:
-                return self._loaded(about, options)
-            return self._stored(about, options)
+                return self._loaded(about, options, tracks)
+            return self._stored(about, options, tracks)
 
-    def _loaded(self, about: Description, options: ReadOptions) -> MeshSequence:
+    def _loaded(
+        self, about: Description, options: ReadOptions, tracks: Mapping[str, TrackSource]
+    ) -> MeshSequence:
         vertices: Vertices = np.empty((self.n_frames, self.n_verts, 3), self.dtype)
         for start, block in self._blocks(options):
             vertices[start : start + len(block)] = block
         return MeshSequence(
-            vertices, about.faces, about.fps, about.name, about.start_s, about.surface
+            vertices,
+            about.faces,
+            about.fps,
+            about.name,
+            about.start_s,
+            about.surface,
+            {name: copied(one, range(self.n_frames)) for name, one in tracks.items()},
         )
 
-    def _stored(self, about: Description, options: ReadOptions) -> StoredFrames:
+    def _stored(
+        self, about: Description, options: ReadOptions, tracks: Mapping[str, TrackSource]
+    ) -> StoredFrames:
         survey = FrameSurvey()
         for start, block in self._blocks(options):
             survey.add(block)
-            self._checksums.update(enumerate(map(_checksum, block), start))
+            self._checksums.update(enumerate(map(checksum, block), start))
         return StoredFrames(
             n_frames=self.n_frames,
             n_verts=self.n_verts,
@@ -91,6 +107,7 @@ class ArrayFrames:
             start_s=about.start_s,
             surface=about.surface,
             files=(self.path,),
+            tracks=tracks,
         )
 
     def _blocks(self, options: ReadOptions) -> Iterator[tuple[int, Vertices]]:
@@ -105,10 +122,11 @@ class ArrayFrames:
     def _read_unchanged(self, start: int, stop: int) -> Vertices:
         block = self.read(start, stop)
         for index, frame in enumerate(block, start):
-            if _checksum(frame) != self._checksums[index]:
+            if checksum(frame) != self._checksums[index]:
                 raise changed_error(f"{self.path} (frame {index})")
         return block
 
 
-def _checksum(frame: Vertices) -> int:
+def checksum(frame: npt.NDArray[Any]) -> int:
+    """A number that tells whether the numbers of a frame are those that were read before."""
     return zlib.crc32(np.ascontiguousarray(frame).data)

@@ -1,6 +1,6 @@
 """Frames that come one after the other, to be written as they come."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from itertools import chain
 from typing import Any
 
@@ -20,6 +20,7 @@ from meshreel.sequence import (
     validate_vertices,
 )
 from meshreel.surface import PLAIN, Surface
+from meshreel.tracks import TrackSource, check_tracks, copied
 
 
 class FrameStream:
@@ -39,6 +40,8 @@ class FrameStream:
         Told of every frame that was done with.
     notes : list of str, optional
         Gains one sentence for each thing that a format cannot hold as it is.
+    tracks : mapping of str to TrackSource, optional
+        Those that the file is to hold.
 
     Attributes
     ----------
@@ -60,8 +63,8 @@ class FrameStream:
     Raises
     ------
     InvalidInputError
-        As `MeshSequence`; while frames pass too, if blocks differ in their vertex count or type,
-        a position is not finite, or there are not as many frames as were announced.
+        As `MeshSequence`, of tracks too; while frames pass too, if blocks differ in their vertex
+        count or type, a position is not finite, or there are not as many frames as were announced.
     """
 
     def __init__(
@@ -76,6 +79,7 @@ class FrameStream:
         surface: Surface = PLAIN,
         progress: Progress = silent,
         notes: list[str] | None = None,
+        tracks: Mapping[str, TrackSource] | None = None,
     ) -> None:
         arrays: Iterator[Any] = (np.asarray(block) for block in blocks)
         filled = (block for block in arrays if block.size > 0)
@@ -86,6 +90,8 @@ class FrameStream:
         self.faces = validate_faces(faces, self.n_verts)
         self.fps, self.name, self.start_s = validate_fps(fps), name, validate_start(start_s)
         self.surface = surface.validated(self.n_verts, len(self.faces))
+        self.tracks = dict(tracks or {})
+        check_tracks(self.tracks, n_frames, self.n_verts, len(self.faces), self.surface)
         self.first: Vertices = first[0]
         self.is_told = notes is not None
         self.notes = notes if notes is not None else []
@@ -105,7 +111,10 @@ class FrameStream:
     def gather(self) -> MeshSequence:
         """All frames in memory; they can be had only once."""
         vertices = np.concatenate(list(self._checked_blocks()))
-        return MeshSequence(vertices, self.faces, self.fps, self.name, self.start_s, self.surface)
+        tracks = {name: copied(one, range(self.n_frames)) for name, one in self.tracks.items()}
+        return MeshSequence(
+            vertices, self.faces, self.fps, self.name, self.start_s, self.surface, tracks
+        )
 
     def _checked_blocks(self) -> Iterator[Vertices]:
         n_seen = 0

@@ -13,6 +13,7 @@ from meshreel.formats.extras import HDF
 from meshreel.formats.frames.frame_stream import FrameStream
 from meshreel.formats.hdf.reading import Node
 from meshreel.sequence import Vertices
+from meshreel.tracks import TrackSource, Values, track_blocks
 
 
 class PatientFile(io.RawIOBase):
@@ -107,6 +108,12 @@ class HdfOutput:
         for numbered in enumerate(stream.frames()):
             self._file.check()
             yield numbered
+
+    def blocks(self, track: TrackSource) -> Iterator[tuple[int, Values]]:
+        """Values of a track, some frames at a time, with the number of the first of them."""
+        for block in track_blocks(track):
+            self._file.check()
+            yield block
 
 
 @contextmanager

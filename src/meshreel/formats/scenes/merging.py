@@ -1,15 +1,18 @@
 """Several meshes as one of several parts."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from meshreel.formats.scenes.merged_surfaces import merged_surface
+from meshreel.formats.scenes.merged_tracks import merged_tracks
 from meshreel.formats.scenes.scene_mesh import SceneMesh
+from meshreel.formats.scenes.timing import neighbours
 from meshreel.formats.surfaces.polygons import PolygonMesh
 from meshreel.surface import Surface
+from meshreel.tracks import TrackSource
 
 
 def merged_mesh(meshes: Sequence[SceneMesh], name: str, notes: list[str]) -> SceneMesh:
@@ -17,7 +20,8 @@ def merged_mesh(meshes: Sequence[SceneMesh], name: str, notes: list[str]) -> Sce
 
     Its frames are those of the mesh that has most of them within the time that any of them
     covers. A mesh that has no frame at such a time is between two of its own there, on a straight
-    line, and before its first or behind its last stays as it is.
+    line, and before its first or behind its last stays as it is; so are its tracks, if they are
+    floats that can be.
 
     Parameters
     ----------
@@ -39,8 +43,13 @@ def merged_mesh(meshes: Sequence[SceneMesh], name: str, notes: list[str]) -> Sce
         surfaces = [mesh.surface(number) for mesh, number in zip(meshes, numbers, strict=True)]
         return merged_surface([mesh.name for mesh in meshes], surfaces, frames, notes)
 
+    def tracks(frames: range) -> Mapping[str, TrackSource]:
+        places = [[neighbours(mesh.times_s, times[index]) for mesh in meshes] for index in frames]
+        return merged_tracks(meshes, places, notes)
+
     rates = {mesh.fps for mesh in meshes if mesh.fps}
-    return SceneMesh(name, times, frame, surface, rates.pop() if len(rates) == 1 else None)
+    fps = rates.pop() if len(rates) == 1 else None
+    return SceneMesh(name, times, frame, surface, fps, tracks)
 
 
 def united_times(times: Sequence[npt.NDArray[np.float64]]) -> npt.NDArray[np.float64]:
@@ -59,21 +68,14 @@ def united_times(times: Sequence[npt.NDArray[np.float64]]) -> npt.NDArray[np.flo
 
 
 def _at(mesh: SceneMesh, time_s: float) -> PolygonMesh:
-    times = mesh.times_s
-    after = int(np.searchsorted(times, time_s))
-    if after == 0 or after == len(times):
-        return mesh.frame(min(after, len(times) - 1))
-    before, interval = after - 1, times[after] - times[after - 1]
-    share = float((time_s - times[before]) / interval)
-    if share > 0.999:
-        return mesh.frame(after)
-    first = mesh.frame(before)
-    if share < 0.001:
+    place = neighbours(mesh.times_s, time_s)
+    first = mesh.frame(place.before)
+    if place.after == place.before:
         return first
-    second = mesh.frame(after)
+    second = mesh.frame(place.after)
     if second.difference(first):
         return first
-    blend = (1 - share) * first.vertices.astype(np.float64) + share * second.vertices
+    blend = (1 - place.share) * first.vertices.astype(np.float64) + place.share * second.vertices
     vertices: Any = blend.astype(first.vertices.dtype)
     return PolygonMesh(vertices, first.counts, first.corners)
 

@@ -1,6 +1,6 @@
 """Animated meshes of a file that holds one or several, each frame read when it is asked for."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NoReturn
@@ -12,11 +12,17 @@ from meshreel.errors import MeshReelError
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.surfaces.polygons import PolygonMesh
 from meshreel.surface import PLAIN, Surface
+from meshreel.tracks import TrackSource
 
 
 def no_surface(frame: int) -> Surface:
     """The surface of a mesh that has nothing but positions and faces, in any frame."""
     return PLAIN
+
+
+def no_tracks(frames: range) -> Mapping[str, TrackSource]:
+    """The tracks of a mesh that has none, in any frames."""
+    return {}
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,6 +43,9 @@ class SceneMesh:
         sizes, which the frame says. Only the first frame of a sequence is asked for them.
     fps : float, optional
         Frames per second, if the file says so; else it follows from the times.
+    tracks : function of a range of frame numbers, optional
+        What changes over time beside the positions in these frames, whose faces are the same and
+        which were all asked for before. Of a track, frame 0 is the first of the range.
     """
 
     name: str
@@ -44,6 +53,7 @@ class SceneMesh:
     frame: Callable[[int], PolygonMesh]
     surface: Callable[[int], Surface] = no_surface
     fps: float | None = None
+    tracks: Callable[[range], Mapping[str, TrackSource]] = no_tracks
 
 
 def readable_mesh(name: str, read: Callable[[], SceneMesh]) -> SceneMesh:

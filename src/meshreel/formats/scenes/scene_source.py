@@ -20,6 +20,7 @@ from meshreel.formats.surfaces.polygons import PolygonMesh
 from meshreel.geometry.fans import triangulate_fans
 from meshreel.runtime.progress import Count
 from meshreel.sequence import FrameSource, MeshSequence, Vertices, validate_finite
+from meshreel.tracks import copied_together, size_bytes
 
 
 def open_scene(read_meshes: ReadMeshes, path: Path, options: ReadOptions) -> FrameSource:
@@ -122,9 +123,13 @@ def sequence_of(mesh: SceneMesh, path: Path, options: ReadOptions) -> FrameSourc
         faces = triangulate_fans(first.counts, first.corners)
         surface = replace(mesh.surface(0), face_sizes=first.counts.astype(np.int32))
         name = mesh.name.rstrip("/").rpartition("/")[2]
-        if is_loaded:
+        tracks = mesh.tracks(range(n_frames))
+        size = first.vertices.nbytes * n_frames + sum(map(size_bytes, tracks.values()))
+        if is_loaded and (options.max_loaded_bytes is None or size <= options.max_loaded_bytes):
             vertices = np.stack(frames).astype(survey.dtype, copy=False)
-            return MeshSequence(vertices, faces, rate, name, timing.start_s, surface)
+            return MeshSequence(
+                vertices, faces, rate, name, timing.start_s, surface, copied_together(tracks)
+            )
         return StoredFrames(
             n_frames=n_frames,
             n_verts=len(first.vertices),
@@ -137,6 +142,7 @@ def sequence_of(mesh: SceneMesh, path: Path, options: ReadOptions) -> FrameSourc
             start_s=timing.start_s,
             surface=surface,
             files=(path,),
+            tracks=tracks,
         )
 
 
@@ -147,6 +153,7 @@ def part_of(mesh: SceneMesh, start: int, stop: int) -> SceneMesh:
         times_s=mesh.times_s[start:stop],
         frame=lambda index: mesh.frame(start + index),
         surface=lambda index: mesh.surface(start + index),
+        tracks=lambda frames: mesh.tracks(range(start + frames.start, start + frames.stop)),
         fps=mesh.fps or frame_times(mesh.times_s).fps,
     )
 

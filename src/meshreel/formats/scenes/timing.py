@@ -51,3 +51,42 @@ def frame_times(times_s: npt.NDArray[np.floating]) -> FrameTimes:
     expected = times[0] + np.arange(len(times)) / fps
     is_even = bool(np.abs(times - expected).max() <= max(1e-3 / fps, 2 * coarse))
     return FrameTimes(fps, float(times[0]), is_even)
+
+
+@dataclass(frozen=True)
+class Neighbours:
+    """The frames that a time is at or between.
+
+    Attributes
+    ----------
+    before, after : int
+        Numbers of frames; the same if the time is at one, before the first or behind the last.
+    share : float
+        How much of the way from the one to the other the time is.
+    """
+
+    before: int
+    after: int
+    share: float = 0.0
+
+    def shifted(self, by: int) -> "Neighbours":
+        """The same frames, counted from another one."""
+        return Neighbours(self.before + by, self.after + by, self.share)
+
+
+def neighbours(times_s: npt.NDArray[np.float64], time_s: float) -> Neighbours:
+    """The frames at ascending times that a time is at or between.
+
+    It is at one if it is nearer than a thousandth of the interval.
+    """
+    after = int(np.searchsorted(times_s, time_s))
+    if after == 0 or after == len(times_s):
+        nearest = min(after, len(times_s) - 1)
+        return Neighbours(nearest, nearest)
+    before, interval = after - 1, times_s[after] - times_s[after - 1]
+    share = float((time_s - times_s[before]) / interval)
+    if share > 0.999:
+        return Neighbours(after, after)
+    if share < 0.001:
+        return Neighbours(before, before)
+    return Neighbours(before, after, share)

@@ -1,6 +1,6 @@
 """Cells of VTK to the polygons of a surface: 2D cells as they are, the boundary of 3D cells."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,6 +12,7 @@ from meshreel.errors import FormatError
 from meshreel.formats.surfaces.polygons import PolygonMesh, polygon_mesh
 from meshreel.geometry.ragged import ragged_indices
 from meshreel.sequence import Vertices
+from meshreel.surface import Domain
 
 POLY_VERTEX, POLY_LINE, STRIP, POLYGON = 2, 4, 6, 7
 POINTS_AND_LINES = (0, 1, 2, 3, 4, 21, 35, 68, 75)
@@ -92,6 +93,15 @@ class CellSurface:
     corners: npt.NDArray[np.int32]
     cells: npt.NDArray[np.int64]
     kept: npt.NDArray[np.int64] | slice
+
+    @property
+    def taken(self) -> Mapping[Domain, npt.NDArray[np.int64] | slice]:
+        """Rows of the data of all points and of all cells that vertices and faces have."""
+        return {Domain.VERTEX: self.kept, Domain.FACE: self.cells}
+
+    def n_verts(self, n_points: int) -> int:
+        """How many of all points are vertices."""
+        return n_points if isinstance(self.kept, slice) else len(self.kept)
 
     def mesh(self, points: Vertices) -> PolygonMesh:
         """The polygons of points of shape (N, 3)."""

@@ -3,8 +3,10 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from meshreel.errors import FormatError
 from meshreel.formats.notes import listed, note_kinds, note_left_out
@@ -12,7 +14,7 @@ from meshreel.formats.surfaces.polygons import PolygonMesh
 from meshreel.formats.vtk.cells import Cells, CellSurface, find_surface
 from meshreel.formats.vtk.data_arrays import DataArray, surface_of_arrays
 from meshreel.sequence import Vertices
-from meshreel.surface import Kind, Surface
+from meshreel.surface import Domain, Kind, Surface
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,6 +59,21 @@ class VtkMesh:
             self.cell_surface,
             notes,
         )
+
+    def on_surface(self, array: DataArray, domain: Domain) -> npt.NDArray[Any]:
+        """The values of an array at the vertices or the polygons of the surface.
+
+        Raises
+        ------
+        FormatError
+            If it has another number of values than there are points or cells.
+        """
+        n_items = len(self.points) if domain is Domain.VERTEX else len(self.cells.types)
+        if len(array.values) != n_items:
+            raise FormatError(
+                f"array {array.name!r} has {len(array.values)} values; {n_items} are needed"
+            )
+        return array.values[self.cell_surface.taken[domain]]
 
     def look(self, notes: list[str]) -> Surface:
         """Texture coordinates and colours; other data of a simulation change over time."""

@@ -2,11 +2,12 @@
 
 import math
 import zlib
-from collections.abc import Callable, Sequence
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 from xml.etree.ElementTree import Element
 
 import numpy as np
@@ -15,17 +16,21 @@ import numpy.typing as npt
 from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.file_errors import errors_naming, os_errors_naming
 from meshreel.formats.named_files import path_beside
-from meshreel.formats.notes import note_moving
+from meshreel.formats.notes import note_left_out
 from meshreel.formats.options import ReadOptions
+from meshreel.formats.scenes.merged_tracks import merged_tracks
 from meshreel.formats.scenes.merging import merged_mesh
 from meshreel.formats.scenes.scene_mesh import SceneMesh, readable_mesh
+from meshreel.formats.scenes.timing import Neighbours
 from meshreel.formats.surfaces.polygons import PolygonMesh
 from meshreel.formats.vtk.data_arrays import DataArray
+from meshreel.formats.vtk.field_tracks import Field, Key, add_field, field_tracks
 from meshreel.formats.vtk.legacy import read_vtk_legacy
 from meshreel.formats.vtk.mesh import VtkMesh
 from meshreel.formats.vtk.xml_file import read_vtk_xml
 from meshreel.formats.vtk.xml_tree import parse_xml
-from meshreel.surface import Surface
+from meshreel.surface import Domain, Surface
+from meshreel.tracks import TrackSource
 
 Floats = npt.NDArray[np.float64]
 Read = TypeVar("Read")
@@ -88,7 +93,7 @@ def _scene_mesh(name: str, files: list[tuple[float, Path]], options: ReadOptions
         )
     times = np.array(list(pieces))
     frames = _PieceFrames(name, times, list(pieces.values()), options.notes)
-    return SceneMesh(name, times, frames.frame, frames.surface)
+    return SceneMesh(name, times, frames.frame, frames.surface, tracks=frames.tracks)
 
 
 class _PieceFrames:
@@ -120,6 +125,22 @@ class _PieceFrames:
         """As that of `_FileFrames`, with a part for each of several files."""
         return self._mesh(index).surface(0)
 
+    def tracks(self, frames: range) -> Mapping[str, TrackSource]:
+        """What changes over time in frames whose faces are the same."""
+        counts = {len(self._places[index]) for index in frames}
+        if len(counts) > 1:  # several files make the same faces as others of another number
+            note_left_out(self._notes, "fields of pieces whose number changes")
+            return {}
+        places = [[Neighbours(place, place) for place in self._places[index]] for index in frames]
+        if counts == {1}:
+            first = places[0][0].before
+            return self._pieces[0].tracks(range(first, first + len(frames)))
+        pieces = [
+            SceneMesh(f"/piece_{number}", self._times, piece.frame, tracks=piece.tracks)
+            for number, piece in enumerate(self._pieces[: counts.pop()])
+        ]
+        return merged_tracks(pieces, places, self._notes)
+
     def _mesh(self, index: int) -> SceneMesh:
         time = self._times[index : index + 1]
         meshes = []
@@ -139,40 +160,79 @@ class _FileFrames:
 
     def __init__(self, files: list[Path], notes: list[str]) -> None:
         self._files, self._notes = files, notes
-        self._checksums: dict[tuple[str, str], int] = {}
-        self._changing: set[tuple[str, str]] = set()
+        self._checksums: dict[Key, int] = {}
+        self._changing: set[Key] = set()
+        self._fields: dict[int, dict[Key, Field]] = {}
+        self._last: tuple[int, VtkMesh] | None = None
 
     def frame(self, index: int) -> PolygonMesh:
+        """The surface of a frame, whose data are compared with those of others."""
         mesh = self._read(index)
-        for key, array in _keyed(mesh):
-            checksum = zlib.crc32(np.ascontiguousarray(array.values).data)
-            if self._checksums.setdefault(key, checksum) != checksum:
-                self._changing.add(key)
+        fields: dict[Key, Field] = {}
         with errors_naming(self._files[index]):
+            for domain, array in _arrays(mesh):
+                values, key = array.values, (domain, array.name)
+                add_field(fields, key, Field(values.dtype, _width(values), array.role))
+                checksum = zlib.crc32(np.ascontiguousarray(values).data)
+                if self._checksums.setdefault(key, checksum) != checksum:
+                    self._changing.add(key)
+            self._fields[index] = fields
             return mesh.polygons
 
     def surface(self, index: int) -> Surface:
         """The data of a frame that were the same in all frames so far."""
-        mesh = self._read(index)
-        note_moving(self._notes, (name for _, name in sorted(self._changing)))
+        mesh, moving = self._read(index), self._moving()
         still = {
-            side: tuple(
-                one for key, one in _keyed(mesh) if key[0] == side and key not in self._changing
+            domain: tuple(
+                one
+                for side, one in _arrays(mesh)
+                if side is domain and (side, one.name) not in moving
             )
-            for side in ("points", "cells")
+            for domain in (Domain.VERTEX, Domain.FACE)
         }
         with errors_naming(self._files[index]):
-            mesh = replace(mesh, point_data=still["points"], cell_data=still["cells"])
+            mesh = replace(mesh, point_data=still[Domain.VERTEX], cell_data=still[Domain.FACE])
             return mesh.surface(self._notes)
 
+    def tracks(self, frames: range) -> Mapping[str, TrackSource]:
+        """What changed over time, or was not in all frames so far; of some frames."""
+        moving = self._moving()
+        fields = [
+            {key: field for key, field in self._fields[index].items() if key in moving}
+            for index in frames
+        ]
+        mesh = self._read(frames.start)
+        sizes = {Domain.VERTEX: len(mesh.polygons.vertices), Domain.FACE: len(mesh.polygons.counts)}
+
+        def read(index: int, key: Key) -> npt.NDArray[Any]:
+            path, mesh = self._files[frames[index]], self._read(frames[index])
+            [array] = [one for side, one in _arrays(mesh) if (side, one.name) == key]
+            with errors_naming(path):
+                return mesh.on_surface(array, key[0])
+
+        return field_tracks(fields, sizes, read, self._notes)
+
+    def _moving(self) -> set[Key]:
+        """Data that changed in the frames so far, or that some of them lack."""
+        everything = [key for fields in self._fields.values() for key in fields]
+        counts = Counter(everything)
+        return self._changing | {key for key in counts if counts[key] < len(self._fields)}
+
     def _read(self, index: int) -> VtkMesh:
-        path = self._files[index]
-        with os_errors_naming(path):
-            data = path.read_bytes()
-        with errors_naming(path):
-            return READERS[path.suffix.lower()](data)
+        if self._last is None or self._last[0] != index:
+            path = self._files[index]
+            with os_errors_naming(path):
+                data = path.read_bytes()
+            with errors_naming(path):
+                self._last = index, READERS[path.suffix.lower()](data)
+        return self._last[1]
 
 
-def _keyed(mesh: VtkMesh) -> list[tuple[tuple[str, str], DataArray]]:
-    at_points = [(("points", one.name), one) for one in mesh.point_data]
-    return at_points + [(("cells", one.name), one) for one in mesh.cell_data]
+def _arrays(mesh: VtkMesh) -> list[tuple[Domain, DataArray]]:
+    at_points = [(Domain.VERTEX, one) for one in mesh.point_data]
+    return at_points + [(Domain.FACE, one) for one in mesh.cell_data]
+
+
+def _width(values: npt.NDArray[Any]) -> int:
+    """Numbers of each value."""
+    return int(np.prod(values.shape[1:], dtype=np.int64))

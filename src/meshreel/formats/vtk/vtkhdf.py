@@ -5,7 +5,7 @@ of them, each of whose blocks is a mesh. A step says where its points and cells 
 connectivity that stays the same is stored, and read, once.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -29,6 +29,7 @@ from meshreel.formats.scenes.scene_mesh import SceneMesh, readable_mesh
 from meshreel.formats.surfaces.polygons import PolygonMesh
 from meshreel.formats.vtk.vtkhdf_steps import VtkSteps
 from meshreel.surface import Surface
+from meshreel.tracks import TrackSource
 
 ROOT = "VTKHDF"
 OWN = "meshreel"
@@ -109,7 +110,11 @@ def _scene_mesh(
             steps.note_data_besides(found)
             return found
 
-    return SceneMesh(name, steps.times_s, frame, surface, fps)
+    def tracks(frames: range) -> Mapping[str, TrackSource]:
+        with hdf_errors():
+            return steps.tracks(frames)
+
+    return SceneMesh(name, steps.times_s, frame, surface, fps, tracks)
 
 
 def _own_arrays(own: Node | None) -> dict[str, npt.NDArray[Any]]:

@@ -1,6 +1,8 @@
 """The time steps of a mesh in a VTKHDF file."""
 
+import math
 from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -8,16 +10,20 @@ import numpy.typing as npt
 
 from meshreel.counting import counted
 from meshreel.errors import FormatError
+from meshreel.formats.arrays.named_tracks import array_name
+from meshreel.formats.frames.stored_tracks import StoredTrack
+from meshreel.formats.hdf.described_tracks import said_of, unit_of
 from meshreel.formats.hdf.reading import (
     Dataset,
     Node,
     find_dataset,
     find_group,
+    hdf_errors,
     read_all,
     read_rows,
     require_dataset,
 )
-from meshreel.formats.notes import note_kinds, note_moving
+from meshreel.formats.notes import note_kinds, note_left_out
 from meshreel.formats.surfaces.polygons import PolygonMesh
 from meshreel.formats.vtk.cells import (
     POLY_LINE,
@@ -29,12 +35,14 @@ from meshreel.formats.vtk.cells import (
     find_surface,
 )
 from meshreel.formats.vtk.data_arrays import UNFIT, DataArray, surface_of_arrays
+from meshreel.formats.vtk.field_tracks import Field, Key, add_field, field_tracks
 from meshreel.formats.vtk.vtkhdf_cells import count_before, integers, read_cells
-from meshreel.surface import Surface
+from meshreel.surface import Domain, Surface
 
 Int64s = npt.NDArray[np.int64]
 
-DATA = ("PointData", "CellData")
+DATA = {"PointData": Domain.VERTEX, "CellData": Domain.FACE}
+PLACES = {domain: place for place, domain in DATA.items()}
 
 POLY_DATA_GROUPS: dict[str, int | None] = {
     "Vertices": POLY_VERTEX,
@@ -43,12 +51,6 @@ POLY_DATA_GROUPS: dict[str, int | None] = {
     "Strips": STRIP,
 }
 """In the order in which steps list them."""
-
-
-def array_name(name: str) -> str:
-    """The name of an attribute or a group in HDF5, where some characters mean something."""
-    name = name.encode("utf-8", "replace").decode().replace("/", "_").replace("\0", "_")
-    return name.strip(".") or "unnamed"
 
 
 class VtkSteps:
@@ -60,7 +62,7 @@ class VtkSteps:
     is_poly_data : bool
         Or else an unstructured grid.
     notes : list of str
-        Gains a sentence on arrays that change from step to step, which are left out.
+        Gains a sentence on what is left out.
 
     Raises
     ------
@@ -97,22 +99,63 @@ class VtkSteps:
     def surface(self, index: int) -> Surface:
         """The attributes of a step that are the same in all."""
         cells, surface = self._surface(index)
-        n_points, n_cells = self._points_of(index), len(cells.types)
-        points_at = int(self._point_starts[index, 0])
-        cells_at = int(self._cell_starts[index].sum())
-        moving: list[str] = []
-        at_points = list(self._arrays("PointData", index, points_at, n_points, moving))
-        at_cells = list(self._arrays("CellData", index, cells_at, n_cells, moving))
-        note_moving(self._notes, moving)
+        counts = self._points_of(index), len(cells.types)
+        at_points, at_cells = (
+            [
+                DataArray(one.name, read_rows(one.dataset, int(one.starts[index]), n), one.role)
+                for one in self._stored_arrays(place)
+                if not one.is_track
+            ]
+            for place, n in zip(DATA, counts, strict=True)
+        )
         self._note_field_data()
-        return surface_of_arrays(at_points, at_cells, n_points, n_cells, surface, self._notes)
+        return surface_of_arrays(at_points, at_cells, *counts, surface, self._notes)
+
+    def tracks(self, frames: range) -> dict[str, StoredTrack]:
+        """What changes over time in some steps, whose cells are the same."""
+        cells, surface = self._surface(frames.start)
+        counts = dict(zip(DATA, (self._points_of(frames.start), len(cells.types)), strict=True))
+        arrays: dict[Key, StepArray] = {}
+        fields: dict[Key, Field] = {}
+        for place, domain in DATA.items():
+            for one in self._stored_arrays(place):
+                if one.is_track and self._fits(one, frames, counts[place]):
+                    key = domain, said_of(one.dataset, "name") or one.name
+                    add_field(fields, key, one.field)
+                    arrays[key] = one
+
+        def read(index: int, key: Key) -> npt.NDArray[Any]:
+            step, domain = frames[index], key[0]
+            with hdf_errors():
+                cells, surface = self._surface(step)
+                is_at_points = domain is Domain.VERTEX
+                count = self._points_of(step) if is_at_points else len(cells.types)
+                rows = read_rows(arrays[key].dataset, int(arrays[key].starts[step]), count)
+                return rows[surface.taken[domain]]
+
+        n_verts = surface.n_verts(counts["PointData"])
+        sizes = {Domain.VERTEX: n_verts, Domain.FACE: len(surface.cells)}
+        return field_tracks([fields] * len(frames), sizes, read, self._notes)
+
+    def _fits(self, one: "StepArray", frames: range, count: int) -> bool:
+        """Whether an array has the rows of each of some steps; a note says if not."""
+        starts, n_rows = one.starts[frames.start : frames.stop], len(one.dataset)
+        bad = np.flatnonzero((starts < 0) | (starts + count > n_rows))
+        if len(bad):
+            step = int(bad[0])
+            note_left_out(
+                self._notes,
+                f"arrays: {one.name} of {counted(n_rows, 'row')}; step {frames[step]} needs "
+                f"{count} from row {starts[step]} on",
+            )
+        return len(bad) == 0
 
     def note_data_besides(self, surface: Surface) -> None:
         """Add to the notes what the group holds beside a surface, which stands elsewhere."""
         self._note_field_data()
         names = {one.name for one in surface.attributes} | {one.name for one in surface.groups}
         known = {array_name(name) for name in names}
-        data = [one for name in DATA for one in find_group(self._group, name) or ()]
+        data = [one.name for name in DATA for one in self._stored_arrays(name) if not one.is_track]
         # The writer adds low lines to the second of two with one name.
         others = [one for one in data if one not in known and one.rstrip("_") not in known]
         note_kinds(self._notes, "data that another program added", others)
@@ -194,30 +237,60 @@ class VtkSteps:
             np.concatenate([one.points for one in found]),
         )
 
-    def _arrays(
-        self, name: str, index: int, start: int, count: int, moving: list[str]
-    ) -> Iterator[DataArray]:
-        """Data that are the same in all steps, as they are in one; others are named in `moving`."""
-        group = find_group(self._group, name)
-        if group is None:
-            return
-        for one in group:
-            dataset = find_dataset(group, one)
-            if dataset is None or dataset.dtype.kind not in "iuf":
-                note_kinds(self._notes, UNFIT, [one])
+    def _stored_arrays(self, place: str) -> Iterator["StepArray"]:
+        """Arrays of numbers at points or cells; the notes name others."""
+        group = find_group(self._group, place)
+        n_steps = len(self.times_s)
+        for name in group if group is not None else ():
+            dataset = find_dataset(group, name)
+            if dataset is None or dataset.dtype.kind not in "iuf" or not dataset.shape:
+                note_kinds(self._notes, UNFIT, [name])
                 continue
-            offsets_name = f"Steps/{name}Offsets/{one}"
+            offsets_name = f"Steps/{place}Offsets/{name}"
             found = find_dataset(self._group, offsets_name)
-            offsets = None if found is None else integers(found).ravel()
-            if len(self.times_s) > 1 and (offsets is None or (offsets != offsets[0]).any()):
-                moving.append(one)
-                continue
-            if offsets is not None and len(offsets) != len(self.times_s):
-                raise FormatError(f"{offsets_name} has {len(offsets)} numbers")
-            first = start if offsets is None else int(offsets[index])
-            yield DataArray(one, read_rows(dataset, first, count), _role(dataset))
+            is_at_points = place == "PointData"
+            starts = self._point_starts[:, 0] if is_at_points else self._cell_starts.sum(axis=1)
+            starts = starts if found is None else integers(found).ravel()
+            if len(starts) != n_steps:
+                raise FormatError(f"{offsets_name} has {len(starts)} numbers")
+            yield StepArray(name, dataset, starts)
 
 
-def _role(dataset: Dataset) -> str:
-    value: Any = dataset.attrs.get("Attribute", b"")
-    return value.decode("ascii", "replace") if isinstance(value, bytes) else str(value)
+@dataclass(frozen=True, eq=False)
+class StepArray:
+    """Values at the points or cells of all steps, one after the other.
+
+    Parameters
+    ----------
+    name : str
+    dataset : Dataset
+        Of numbers.
+    starts : int64 array of shape (T,)
+        The first row of each step.
+    """
+
+    name: str
+    dataset: Dataset
+    starts: Int64s
+
+    @property
+    def is_track(self) -> bool:
+        """Whether it changes over time, or was written as what does."""
+        is_written_so = said_of(self.dataset, "domain") in set(Domain)
+        return is_written_so or bool((self.starts != self.starts[0]).any())
+
+    @property
+    def role(self) -> str:
+        """What it is active as."""
+        return said_of(self.dataset, "Attribute")
+
+    @property
+    def field(self) -> Field:
+        """What is known of it without its numbers."""
+        return Field(
+            self.dataset.dtype.newbyteorder("="),
+            math.prod(self.dataset.shape[1:]),
+            self.role,
+            said_of(self.dataset, "kind"),
+            unit_of(self.dataset),
+        )

@@ -7,15 +7,18 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.formats.arrays.named_arrays import surface_arrays
+from meshreel.formats.arrays.named_tracks import array_name
 from meshreel.formats.frames.frame_stream import FrameStream
+from meshreel.formats.hdf.described_tracks import describe_track
 from meshreel.formats.hdf.reading import Node, write_array
-from meshreel.formats.hdf.writing import hdf_output
+from meshreel.formats.hdf.writing import HdfOutput, hdf_output
 from meshreel.formats.options import WriteOptions
-from meshreel.formats.vtk.data_arrays import TEXTURE_COORDINATES
+from meshreel.formats.vtk.data_arrays import NORMALS, TEXTURE_COORDINATES
 from meshreel.formats.vtk.vtkhdf import OWN, ROOT
-from meshreel.formats.vtk.vtkhdf_steps import POLY_DATA_GROUPS, array_name
+from meshreel.formats.vtk.vtkhdf_steps import PLACES, POLY_DATA_GROUPS
 from meshreel.geometry.fans import join_fans
-from meshreel.surface import Attribute, Domain, Kind
+from meshreel.surface import Attribute, Kind
+from meshreel.tracks import TrackKind, TrackSource
 
 VERSION = (2, 3)
 FRAME_RATE = 24.0  # of what has none
@@ -25,8 +28,8 @@ CHUNK_ROWS = 1 << 14  # at least, so that small frames share a chunk
 def write_vtkhdf(path: Path, stream: FrameStream, options: WriteOptions) -> None:
     """Write a VTKHDF file, frame by frame.
 
-    Attributes of vertices and faces are data arrays; a group beside that of VTK holds all of the
-    surface for meshreel, with what VTK has no place for.
+    Attributes and tracks of vertices and faces are data arrays; a group beside that of VTK holds
+    all of the surface for meshreel, with what VTK has no place for.
     """
     with hdf_output(path) as output:
         file = output.root
@@ -48,6 +51,8 @@ def write_vtkhdf(path: Path, stream: FrameStream, options: WriteOptions) -> None
         for index, frame in output.frames(stream):
             points.resize((index + 1) * stream.n_verts, axis=0)
             points[index * stream.n_verts :] = frame
+        for name, track in stream.tracks.items():
+            _write_track(output, root, steps, name, track)
 
 
 def _write_faces(root: Node, stream: FrameStream) -> None:
@@ -80,14 +85,13 @@ def _write_steps(root: Node, stream: FrameStream) -> Node:
 
 def _write_data(root: Node, steps: Node, stream: FrameStream) -> None:
     """Write what VTK can hold of the surface: values at points and cells, and groups of cells."""
-    places = {Domain.VERTEX: "PointData", Domain.FACE: "CellData"}
-    for place in places.values():
+    for place in PLACES.values():
         root.create_group(place)
         steps.create_group(f"{place}Offsets")
-    first_uv = next((one for one in stream.surface.of_kind(Kind.UV) if one.domain in places), None)
+    first_uv = next((one for one in stream.surface.of_kind(Kind.UV) if one.domain in PLACES), None)
     for one in stream.surface.attributes:
-        if one.domain in places:
-            dataset = _add_array(root, steps, places[one.domain], one.name, one.per_item())
+        if one.domain in PLACES:
+            dataset = _add_array(root, steps, PLACES[one.domain], one.name, one.per_item())
             if one is first_uv:
                 dataset.attrs.create("Attribute", np.bytes_(TEXTURE_COORDINATES))
         else:
@@ -105,12 +109,36 @@ def _unseen(attribute: Attribute) -> str:
 
 def _add_array(root: Node, steps: Node, place: str, name: str, values: npt.NDArray[Any]) -> Node:
     """Write values that are the same in all steps."""
-    name = array_name(name)
-    while name in root[place]:
-        name += "_"
+    name = _free_name(root[place], name)
     dataset = root[place].create_dataset(name, data=values)
     steps[f"{place}Offsets"][name] = np.zeros(steps.attrs["NSteps"], np.int64)
     return dataset
+
+
+def _free_name(group: Node, name: str) -> str:
+    """A name for an array that no other of a group has."""
+    name = array_name(name)
+    while name in group:
+        name += "_"
+    return name
+
+
+def _write_track(output: HdfOutput, root: Node, steps: Node, name: str, track: TrackSource) -> None:
+    """Write the values of all steps one after the other, and where each begins."""
+    place = PLACES[track.domain]
+    array = _free_name(root[place], name)
+    n_frames, n_items, n_columns = track.shape
+    row = (n_columns,) if n_columns > 1 else ()
+    n_rows = n_frames * n_items
+    chunk = min(max(n_items, CHUNK_ROWS), n_rows), *row
+    dataset = root[place].create_dataset(array, (n_rows, *row), track.dtype, chunks=chunk)
+    describe_track(dataset, name, track)
+    if track.kind is TrackKind.NORMAL:
+        dataset.attrs.create("Attribute", np.bytes_(NORMALS))
+    steps[f"{place}Offsets"][array] = np.arange(n_frames, dtype=np.int64) * n_items
+    for start, values in output.blocks(track):
+        rows = slice(start * n_items, (start + len(values)) * n_items)
+        dataset[rows] = values.reshape(-1, *row)
 
 
 def _write_own(own: Node, stream: FrameStream) -> None:

@@ -53,7 +53,7 @@ def read_xdmf(path: Path, options: ReadOptions) -> Sequence[SceneMesh]:
 
 
 def _scene_mesh(name: str, times: npt.NDArray[np.float64], frames: GridFrames) -> SceneMesh:
-    return SceneMesh(name, times, frames.frame, frames.surface)
+    return SceneMesh(name, times, frames.frame, frames.surface, tracks=frames.tracks)
 
 
 def _is_collection(grid: Element, kind: str) -> bool:

@@ -1,21 +1,27 @@
 """The frames of a grid of an XDMF file."""
 
-from collections.abc import Iterator
+from functools import cached_property
 from typing import Any
 from xml.etree.ElementTree import Element
 
 import numpy as np
+import numpy.typing as npt
 
+from meshreel.counting import counted
 from meshreel.errors import FormatError
-from meshreel.formats.notes import note_kinds, note_moving
+from meshreel.formats.frames.stored_tracks import StoredTrack
+from meshreel.formats.notes import note_kinds, note_left_out
 from meshreel.formats.surfaces.polygons import PolygonMesh
 from meshreel.formats.vtk.cells import Cells, CellSurface, find_surface
 from meshreel.formats.vtk.data_arrays import DataArray, surface_of_arrays
+from meshreel.formats.vtk.field_tracks import Field, Key, add_field, field_tracks
 from meshreel.formats.vtk.xdmf_cells import read_cells
 from meshreel.formats.vtk.xdmf_items import DataItems
 from meshreel.formats.vtk.xml_tree import local_name
 from meshreel.sequence import Vertices
-from meshreel.surface import Surface
+from meshreel.surface import Domain, Surface
+
+CENTERS = {"node": Domain.VERTEX, "cell": Domain.FACE}
 
 
 class GridFrames:
@@ -29,7 +35,7 @@ class GridFrames:
     root : Element
         Of the document, in which grids may include parts of others.
     notes : list of str
-        Gains a sentence on data that change from step to step, which are left out.
+        Gains a sentence on what is left out.
     """
 
     def __init__(
@@ -50,18 +56,83 @@ class GridFrames:
         """The data of a step that all steps say alike."""
         n_points = len(self._points(index))
         cells, surface = self._surface(index, n_points)
-        n_cells = len(cells.types)
-        moving: list[str] = []
         at_points, at_cells = (
-            list(self._arrays(index, center, moving)) for center in ("node", "cell")
+            [
+                DataArray(name, self._items.read(self._items.item_of(attribute)))
+                for (center, name), attribute in self._attributes(index)
+                if center == wanted and (center, name) not in self._moving
+            ]
+            for wanted in CENTERS
         )
-        note_moving(self._notes, moving)
         self._note_left_out(index)
-        return surface_of_arrays(at_points, at_cells, n_points, n_cells, surface, self._notes)
+        return surface_of_arrays(
+            at_points, at_cells, n_points, len(cells.types), surface, self._notes
+        )
+
+    def tracks(self, frames: range) -> dict[str, StoredTrack]:
+        """What changes over time in some steps, whose faces are the same."""
+        fields = [self._fields(step) for step in frames]
+        n_points = len(self._points(frames.start))
+        surface = self._surface(frames.start, n_points)[1]
+
+        def read(index: int, key: Key) -> npt.NDArray[Any]:
+            step = frames[index]
+            attribute = dict(self._attributes(step))[_center_of(key[0]), key[1]]
+            n_points = len(self._points(step))
+            cells, surface = self._surface(step, n_points)
+            n_items = n_points if key[0] is Domain.VERTEX else len(cells.types)
+            values = self._items.read(self._items.item_of(attribute))
+            return values.reshape(n_items, -1)[surface.taken[key[0]]]
+
+        sizes = {Domain.VERTEX: surface.n_verts(n_points), Domain.FACE: len(surface.cells)}
+        return field_tracks(fields, sizes, read, self._notes)
+
+    def _fields(self, step: int) -> dict[Key, Field]:
+        """The arrays of a step that change over time; the notes name those that do not fit."""
+        moving = [one for one in self._attributes(step) if one[0] in self._moving]
+        if not moving:
+            return {}
+        n_points = len(self._points(step))
+        counts = n_points, len(self._surface(step, n_points)[0].types)
+        fields: dict[Key, Field] = {}
+        for (center, name), attribute in moving:
+            n_items = dict(zip(CENTERS, counts, strict=True))[center]
+            n_numbers, dtype = self._items.described(self._items.item_of(attribute))
+            if n_numbers == 0 or n_numbers % n_items:
+                note_left_out(
+                    self._notes,
+                    f"arrays: {name} of {counted(n_numbers, 'number')} in step {step}; those of "
+                    f"each {center} are {n_items}, or so many times a whole number",
+                )
+                continue
+            add_field(fields, (CENTERS[center], name), Field(dtype, n_numbers // n_items))
+        return fields
+
+    @cached_property
+    def _moving(self) -> set[tuple[str, str]]:
+        """Center and name of the data that not all steps say alike."""
+        steps: list[dict[tuple[str, str], list[Any]]] = []
+        for index in range(len(self._steps)):
+            keys: dict[tuple[str, str], list[Any]] = {}
+            for place, attribute in self._attributes(index):
+                keys.setdefault(place, []).append(self._items.key(self._items.item_of(attribute)))
+            steps.append(keys)
+        places = {place for keys in steps for place in keys}
+        return {
+            place
+            for place in places
+            if any(keys.get(place) != steps[0].get(place) for keys in steps)
+        }
+
+    def _attributes(self, index: int) -> list[tuple[tuple[str, str], Element]]:
+        """Center, name and element of the data of a step at nodes and cells."""
+        found = self._steps[index].findall("Attribute")
+        places = [(_center(one), one.get("Name", "")) for one in found]
+        return [pair for pair in zip(places, found, strict=True) if pair[0][0] in CENTERS]
 
     def _note_left_out(self, index: int) -> None:
         attributes = self._steps[index].findall("Attribute")
-        others = [one for one in attributes if _center(one) not in ("node", "cell")]
+        others = [one for one in attributes if _center(one) not in CENTERS]
         note_kinds(
             self._notes,
             "data that are not of nodes or cells",
@@ -114,26 +185,11 @@ class GridFrames:
             self._cached = key, cells, find_surface(cells, n_points)
         return self._cached[1:]
 
-    def _arrays(self, index: int, center: str, moving: list[str]) -> Iterator[DataArray]:
-        """Data that all steps have alike; names of others are added to `moving`."""
-        for attribute in self._steps[index].findall("Attribute"):
-            name = attribute.get("Name", "")
-            if _center(attribute) != center:
-                continue
-            key = self._key(index, name)
-            if any(self._key(other, name) != key for other in range(len(self._steps))):
-                moving.append(name)
-                continue
-            values = self._items.read(self._items.item_of(attribute))
-            yield DataArray(name, values)
-
-    def _key(self, index: int, name: str) -> Any:
-        attributes = self._steps[index].findall("Attribute")
-        return [
-            self._items.key(self._items.item_of(a)) for a in attributes if a.get("Name") == name
-        ]
-
 
 def _center(attribute: Element) -> str:
     """The domain of the values of an Attribute."""
     return attribute.get("Center", "Node").lower()
+
+
+def _center_of(domain: Domain) -> str:
+    return next(center for center, one in CENTERS.items() if one is domain)

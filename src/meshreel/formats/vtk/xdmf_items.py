@@ -95,6 +95,22 @@ class DataItems:
             raise FormatError(f"has {values.size} numbers in a DataItem of Dimensions {shape}")
         return values.reshape(shape) if shape else values
 
+    def described(self, item: Element) -> tuple[int, np.dtype[Any]]:
+        """How many numbers an item has, and of which type; those in HDF5 files are not read.
+
+        Raises
+        ------
+        FormatError
+            As `read`.
+        """
+        item = self.resolved(item)
+        shape, children = _shape(item), item.findall("DataItem")
+        stored = self.resolved(children[-1]) if children else item
+        if shape and stored.get("Format", "XML").upper() == "HDF":
+            return math.prod(shape), self._source(stored).dtype.newbyteorder("=")
+        values = self.read(item)
+        return values.size, values.dtype
+
     def _stored(self, item: Element) -> Array:
         source = self._source(item)
         if isinstance(source, np.ndarray):

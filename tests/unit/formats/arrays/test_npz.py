@@ -95,7 +95,7 @@ def test_read_npz_is_refused_when_the_archive_is_cut_short(tmp_path, keep):
 @pytest.fixture
 def packed(tmp_path, monkeypatch):
     """60 kB of a mesh that does not move, in 2 kB, where 10 kB is what any file may unpack to."""
-    monkeypatch.setattr("meshreel.formats.arrays.npz.LEAST_UNPACKED_BYTES", 10_000)
+    monkeypatch.setattr("meshreel.formats.arrays.npz_members.LEAST_UNPACKED_BYTES", 10_000)
     still = np.eye(3, dtype=np.float32)[None].repeat(1700, axis=0)
     np.savez_compressed(tmp_path / "still.npz", vertices=still, faces=FACES)
     return tmp_path / "still.npz"
@@ -120,7 +120,7 @@ def test_reading_takes_what_it_refused_when_it_is_saved_as_the_error_says(packed
 def test_reading_takes_what_is_within_the_least_when_it_unpacks_to_many_times_its_size(
     packed, monkeypatch
 ):
-    monkeypatch.setattr("meshreel.formats.arrays.npz.LEAST_UNPACKED_BYTES", 100_000)
+    monkeypatch.setattr("meshreel.formats.arrays.npz_members.LEAST_UNPACKED_BYTES", 100_000)
     assert read_npz(packed).n_frames == 1700
 
 

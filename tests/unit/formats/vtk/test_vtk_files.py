@@ -337,7 +337,7 @@ def test_reading_takes_times_and_files_of_a_collection_when_it_is_pvd(tmp_path, 
     assert (heat.domain, heat.values.ravel().tolist()) == (Domain.FACE, HEAT.tolist())
 
 
-def test_load_leaves_out_data_when_they_change_within_a_collection(tmp_path):
+def test_data_are_a_track_when_they_change_within_a_collection(tmp_path):
     write_series(tmp_path, 2, "f_{}.vtp")
     mesh = poly_data()
     mesh.GetCellData().GetArray("heat").SetValue(0, 9.0)
@@ -347,7 +347,7 @@ def test_load_leaves_out_data_when_they_change_within_a_collection(tmp_path):
     written(xml_writer("vtp"), poly_data(POINTS.astype(np.float32)), tmp_path / "f_0.vtp")
     found = load(path, notes=notes)
     assert {one.name for one in found.surface.attributes} == {"uv set", "paint"}
-    assert "left out: fields that change over time: heat" in notes
+    assert (list(found.tracks), notes) == (["heat"], [])
 
 
 def test_load_lists_the_parts_when_a_collection_has_several(tmp_path):

@@ -185,7 +185,10 @@ def test_load_joins_partitions_when_there_are_several(tmp_path):
     assert found.faces.tolist() == [[0, 1, 2], [0, 1, 2], [0, 2, 3], [7, 6, 5]]
     [still] = found.surface.attributes
     assert (still.name, still.values.ravel().tolist()) == ("still", list(range(8)))
-    assert "left out: fields that change over time: moving" in notes
+    moving = found.tracks["moving"]
+    assert (moving.domain, moving.kind) == ("vertex", "scalar")
+    assert moving.values.ravel().tolist() == list(range(24))
+    assert notes == []
 
 
 def test_load_lists_the_blocks_when_the_file_is_a_collection(tmp_path):

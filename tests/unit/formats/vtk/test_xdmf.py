@@ -211,7 +211,10 @@ def test_load_takes_data_that_stay_and_notes_others_when_there_are_both(tmp_path
         Domain.FACE,
         [0, 1, 2],
     )
-    assert "left out: fields that change over time: speed" in notes
+    assert found.tracks["speed"].values.tolist() == [
+        [[index]] * N_VERTS for index in range(len(POSITIONS))
+    ]
+    assert not any("speed" in note for note in notes)
 
 
 def test_load_follows_references_and_includes_when_faces_are_written_once(tmp_path):

@@ -1,0 +1,61 @@
+"""Tracks whose values stay in their files until they are asked for."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from meshreel.errors import InvalidInputError
+from meshreel.surface import Domain
+from meshreel.tracks import TrackKind, check_kind
+
+Values = npt.NDArray[Any]
+
+
+@dataclass(frozen=True, eq=False)
+class StoredTrack:
+    """A `TrackSource` whose values are in files.
+
+    Parameters
+    ----------
+    domain : Domain
+    kind : TrackKind
+    unit : str
+    dtype : dtype
+        One of `meshreel.tracks.NUMBER_TYPES`, in native byte order.
+    shape : tuple of int
+        Frames, places and numbers of each value: (T, N, C).
+    read_range : function of a start and a stop
+        Gives the values of frames start..stop - 1, of shape (stop - start, N, C).
+
+    Raises
+    ------
+    InvalidInputError
+        If values are not such as their kind has.
+    """
+
+    domain: Domain
+    kind: TrackKind
+    unit: str
+    dtype: np.dtype[Any]
+    shape: tuple[int, int, int]
+    read_range: Callable[[int, int], Values]
+
+    def __post_init__(self) -> None:
+        check_kind(self.kind, self.shape[2], self.dtype)
+
+    def read(self, start: int, stop: int) -> Values:
+        """Values of frames start..stop - 1, counted as in a slice of all frames."""
+        start, stop, _ = slice(start, stop).indices(self.shape[0])
+        return self.read_range(start, max(start, stop))
+
+
+def kind_said(said: str, n_columns: int, dtype: np.dtype[Any]) -> TrackKind | None:
+    """The kind that a file says, if there is such a one and values may be of it; else None."""
+    try:
+        check_kind(kind := TrackKind(said), n_columns, dtype)
+    except (ValueError, InvalidInputError):
+        return None
+    return kind

@@ -1,0 +1,42 @@
+"""Sequences with tracks of every domain, kind and type, and what must come back of them."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from meshreel.surface import Domain
+from meshreel.tracks import Track, domain_sizes
+from samples.meshes import quad_sheet
+
+
+def tracked_sheet(n_frames=6, domains=tuple(Domain)):
+    """The sheet of `quad_sheet` with tracks of these domains, some of their values not finite."""
+    sheet = quad_sheet(n_frames)
+    sizes = domain_sizes(sheet.n_verts, sheet.n_faces, sheet.surface)
+    rng = np.random.default_rng(5)
+    tracks = {}
+    for domain in domains:
+        shape = n_frames, sizes[domain]
+        heat = rng.normal(size=shape).astype(np.float32)
+        heat[0, :4] = [np.nan, np.inf, -np.inf, -0.0]
+        tracks |= {
+            f"heat of {domain}/s": Track(heat, domain, unit="K"),
+            f"flow_{domain}": Track(rng.normal(size=(*shape, 3)), domain, "velocity"),
+            f"shade_{domain}": Track(
+                rng.integers(0, 256, (*shape, 4)).astype(np.uint8), domain, "color"
+            ),
+            f"step_{domain}": Track(rng.integers(-(2**62), 2**62, shape), domain),
+            f"tensor_{domain}": Track(rng.normal(size=(*shape, 9)).astype(np.float32), domain),
+        }
+    return replace(sheet, tracks=tracks)
+
+
+def assert_same_tracks(found, expected):
+    """Both have the same tracks, bit for bit, whether they are in memory or not."""
+    assert set(found) == set(expected)
+    for name, track in expected.items():
+        other = found[name]
+        assert (other.domain, other.kind, other.unit) == (track.domain, track.kind, track.unit)
+        assert (other.shape, other.dtype) == (track.shape, track.dtype)
+        for start, stop in ((0, track.shape[0]), (track.shape[0] - 1, track.shape[0]), (0, 0)):
+            assert other.read(start, stop).tobytes() == track.read(start, stop).tobytes()

@@ -1,0 +1,258 @@
+"""Point and cell data over time that frames of XDMF and of collections each have of their own."""
+
+from itertools import chain
+from typing import Any
+
+import numpy as np
+import pytest
+
+from meshreel.errors import InvalidInputError
+from meshreel.formats.load import load, open_source
+from meshreel.formats.options import ReadOptions
+from meshreel.formats.stretches import find_stretches
+from meshreel.tracks import TrackKind
+
+pytest.importorskip("vtkmodules")
+from vtkmodules.util.numpy_support import numpy_to_vtk
+from vtkmodules.vtkIOXML import vtkXMLPolyDataWriter, vtkXMLUnstructuredGridWriter
+
+from samples.vtk import HEAT, POINTS, grid, poly_data, written
+
+RNG = np.random.default_rng(4)
+N_POINTS, N_CELLS = 10, 3
+
+XDMF = """<Xdmf Version="3.0"><Domain>
+<Grid Name="walk" GridType="Collection" CollectionType="Temporal">{}</Grid></Domain></Xdmf>"""
+STEP = """<Grid Name="body"><Time Value="{time}"/>
+<Topology TopologyType="Triangle"><DataItem Dimensions="3 3" NumberType="Int">{faces}</DataItem>
+</Topology><Geometry GeometryType="XYZ">{points}</Geometry>{more}</Grid>"""
+
+
+def words(values):
+    values = np.asarray(values)
+    kind = {"f": "Float", "i": "Int", "u": "UInt"}[values.dtype.kind]
+    facts = f'NumberType="{kind}" Precision="{values.itemsize}"'
+    dimensions = " ".join(map(str, values.shape))
+    text = " ".join(repr(one) for one in values.ravel().tolist())
+    return f'<DataItem Dimensions="{dimensions}" {facts} Format="XML">{text}</DataItem>'
+
+
+def xdmf(folder, frames):
+    """A collection of steps with arrays by center and name."""
+    steps = []
+    for index, arrays in enumerate(frames):
+        more = "".join(
+            f'<Attribute Name="{name}" Center="{center}">{words(values)}</Attribute>'
+            for (center, name), values in arrays
+        )
+        faces = "0 1 2 2 3 4 5 6 7"
+        steps.append(
+            STEP.format(time=index / 10, faces=faces, points=words(POINTS + index), more=more)
+        )
+    (folder / "a.xdmf").write_text(XDMF.format("".join(steps)))
+    return folder / "a.xdmf"
+
+
+def pvd(folder, frames, ending="vtp"):
+    """A collection of files that VTK writes, with arrays by center and name."""
+    rows = []
+    for index, arrays in enumerate(frames):
+        mesh = (poly_data if ending == "vtp" else grid)(POINTS + index)
+        mesh.GetCellData().RemoveArray("heat")
+        for (center, name), values in arrays:
+            array = numpy_to_vtk(np.ascontiguousarray(values), deep=True)
+            array.SetName(name)
+            (mesh.GetPointData() if center == "Node" else mesh.GetCellData()).AddArray(array)
+        writer = vtkXMLPolyDataWriter() if ending == "vtp" else vtkXMLUnstructuredGridWriter()
+        written(writer, mesh, folder / f"f_{index}.{ending}")
+        rows.append(f'<DataSet timestep="{index / 10}" file="f_{index}.{ending}"/>')
+    text = f'<VTKFile type="Collection"><Collection>{"".join(rows)}</Collection></VTKFile>'
+    (folder / "a.pvd").write_text(text)
+    return folder / "a.pvd"
+
+
+def vtu(folder, frames):
+    return pvd(folder, frames, "vtu")
+
+
+ALL = pytest.mark.parametrize("make", [xdmf, pvd, vtu])
+
+
+def given(center, name, values):
+    return [[((center, name), one)] for one in values]
+
+
+def joined(*columns):
+    return [list(chain(*row)) for row in zip(*columns, strict=True)]
+
+
+@ALL
+@pytest.mark.parametrize("read", [load, open_source])
+@pytest.mark.parametrize("dtype", ["f4", "f8", "i4", "i8", "u1"])
+@pytest.mark.parametrize("width", [1, 3, 9])
+def test_data_of_points_and_cells_are_tracks_when_they_change(tmp_path, make, read, dtype, width):
+    at_points, at_cells = (
+        (100 * RNG.random((4, n, width))).astype(dtype) for n in (N_POINTS, N_CELLS)
+    )
+    frames = joined(given("Node", "stress", at_points), given("Cell", "area", at_cells))
+    notes = []
+    tracks = read(make(tmp_path, frames), notes=notes).tracks
+    for name, values, domain in (("stress", at_points, "vertex"), ("area", at_cells, "face")):
+        assert (tracks[name].domain, tracks[name].dtype) == (domain, np.dtype(dtype))
+        assert tracks[name].read(0, 4).tobytes() == values.tobytes()
+        assert tracks[name].read(2, 4).tobytes() == values[2:].tobytes()
+    assert notes == []
+
+
+@ALL
+def test_numbers_stay_as_they_are_when_they_are_not_finite(tmp_path, make):
+    if make is xdmf:
+        values = RNG.random((2, N_POINTS))
+        values[0, :3] = np.nan, np.inf, -np.inf
+    else:
+        values = RNG.random((2, N_POINTS)).astype(np.float32)
+        values.view(np.uint32)[0, :3] = 0x7FC12345, 0x7F800000, 0xFF800000  # bits of a NaN
+    found = load(make(tmp_path, given("Node", "heat", values))).tracks["heat"]
+    assert found.values.tobytes() == values.tobytes()
+
+
+@ALL
+@pytest.mark.parametrize(
+    ("dtype", "read_as", "said"),
+    [("f4", "f4", ""), ("f8", "f8", ""), ("i4", "f8", ", as float64")],
+)
+def test_field_is_missing_in_the_other_frames_when_it_is_in_some_only(
+    tmp_path, make, dtype, read_as, said
+):
+    values = np.arange(3 * N_CELLS).reshape(3, N_CELLS).astype(dtype)
+    frames = given("Cell", "damage", values)
+    frames[1] = []
+    notes = []
+    track = load(make(tmp_path, frames), notes=notes).tracks["damage"]
+    assert track.dtype == read_as
+    assert np.array_equal(track[[0, 2]][..., 0], values[[0, 2]])
+    assert np.isnan(track[1]).all()
+    assert notes == [f"'damage' is in 2 of 3 frames, and NaN in the others{said}"]
+
+
+@ALL
+def test_array_is_an_attribute_when_it_is_the_same_in_all_frames(tmp_path, make):
+    found = load(make(tmp_path, given("Cell", "still", [HEAT] * 3)))
+    assert "still" in {one.name for one in found.surface.attributes}
+    assert not found.tracks
+
+
+@ALL
+def test_type_is_one_that_holds_all_when_frames_have_different_ones(tmp_path, make):
+    values: list[Any] = [
+        np.arange(N_POINTS, dtype=np.int16),
+        np.linspace(0, 1, N_POINTS, dtype=np.float32),
+    ]
+    if make is xdmf:
+        values[0] = values[0].astype(np.int8)
+    track = load(make(tmp_path, given("Node", "mix", values))).tracks["mix"]
+    assert track.dtype == np.float32
+    assert [row.ravel().tolist() for row in track] == [row.tolist() for row in values]
+
+
+@ALL
+def test_field_is_named_when_its_values_have_different_widths(tmp_path, make):
+    values = [np.zeros((N_POINTS, 2)), np.zeros((N_POINTS, 3))]
+    notes = []
+    assert not load(make(tmp_path, given("Node", "odd", values)), notes=notes).tracks
+    assert notes == ["left out: 'odd', of 2 and of 3 numbers in different frames"]
+
+
+@ALL
+def test_colours_and_normals_are_known_when_they_change(tmp_path, make):
+    shades = RNG.integers(0, 256, (2, N_POINTS, 3)).astype(np.uint8)
+    normals = RNG.normal(size=(2, N_CELLS, 3))
+    normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
+    frames = joined(given("Node", "shade", shades), given("Cell", "Normals", normals))
+    tracks = load(make(tmp_path, frames)).tracks
+    assert tracks["shade"].kind is TrackKind.COLOR
+    assert tracks["Normals"].kind is TrackKind.NORMAL
+    assert tracks["Normals"].values.tobytes() == normals.tobytes()
+
+
+@ALL
+def test_face_track_has_another_name_when_points_have_an_array_of_its_name(tmp_path, make):
+    frames = joined(
+        given("Node", "heat", RNG.random((2, N_POINTS))),
+        given("Cell", "heat", RNG.random((2, N_CELLS))),
+    )
+    tracks = load(make(tmp_path, frames)).tracks
+    assert {name: str(one.domain) for name, one in tracks.items()} == {
+        "heat": "vertex",
+        "heat (faces)": "face",
+    }
+
+
+def test_error_names_both_arrays_when_a_step_has_two_of_one_name(tmp_path):
+    heat = given("Node", "heat", RNG.random((2, N_POINTS)))
+    path = xdmf(tmp_path, joined(heat, given("Node", "heat", RNG.random((2, N_POINTS, 3)))))
+    with pytest.raises(InvalidInputError, match="two arrays 'heat' at points in a frame, of 1 and"):
+        load(path)
+
+
+def test_array_is_named_with_what_it_would_have_to_be_when_it_fits_no_points(tmp_path):
+    notes = []
+    path = xdmf(tmp_path, given("Node", "odd", RNG.random((2, N_POINTS - 1))))
+    assert not load(path, notes=notes).tracks
+    assert notes == [
+        f"left out: arrays: odd of 9 numbers in step {step}; those of each node are 10, or so many "
+        "times a whole number"
+        for step in (0, 1)
+    ]
+
+
+def test_values_of_cells_go_with_the_boundary_when_cells_are_solid(tmp_path):
+    corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 1, 1]], float)
+    cells = [(10, [0, 1, 2, 3]), (10, [1, 2, 3, 4])]
+    rows = []
+    for index in range(2):
+        mesh = grid(corners * (index + 1), cells)
+        array = numpy_to_vtk(np.array([1.0, 2.0]) + 10 * index, deep=True)
+        array.SetName("stress")
+        mesh.GetCellData().AddArray(array)
+        written(vtkXMLUnstructuredGridWriter(), mesh, tmp_path / f"f_{index}.vtu")
+        rows.append(f'<DataSet timestep="{index}" file="f_{index}.vtu"/>')
+    text = f'<VTKFile type="Collection"><Collection>{"".join(rows)}</Collection></VTKFile>'
+    (tmp_path / "a.pvd").write_text(text)
+    track = load(tmp_path / "a.pvd").tracks["stress"]
+    assert track[0].ravel().tolist() == [1, 1, 1, 2, 2, 2]
+    assert track[1].ravel().tolist() == [11, 11, 11, 12, 12, 12]
+
+
+@pytest.mark.parametrize("make", [pvd, vtu])
+def test_files_of_a_time_give_one_track_when_they_are_merged(tmp_path, make):
+    heat = RNG.random((2, N_POINTS))
+    whole = make(tmp_path, given("Node", "heat", heat))
+    text = whole.read_text()
+    one = tmp_path / "one"
+    one.mkdir()
+    other = make(one, [[], []])
+    rows = text.replace("</Collection></VTKFile>", "").partition("<Collection>")[2]
+    more = other.read_text().partition("<Collection>")[2].replace('file="', 'file="one/')
+    whole.write_text(f'<VTKFile type="Collection"><Collection>{rows}{more}')
+    notes = []
+    track = load(whole, merge=True, notes=notes).tracks["heat"]
+    assert track.shape == (2, 2 * N_POINTS, 1)
+    assert np.array_equal(track.values[:, :N_POINTS, 0], heat)
+    assert np.isnan(track.values[:, N_POINTS:]).all()
+    assert "track 'heat' is of 1 of 2 meshes, and NaN in the others" in notes
+
+
+def test_stretches_have_their_part_of_a_track_when_faces_change(tmp_path):
+    heat = RNG.random((3, N_POINTS))
+    path = pvd(tmp_path, given("Node", "heat", heat))
+    mesh = poly_data(POINTS, [[0, 1, 2], [2, 3, 4]])
+    mesh.GetCellData().RemoveArray("heat")
+    array = numpy_to_vtk(heat[2], deep=True)
+    array.SetName("heat")
+    mesh.GetPointData().AddArray(array)
+    written(vtkXMLPolyDataWriter(), mesh, tmp_path / "f_2.vtp")
+    stretches = find_stretches(path, ReadOptions())
+    found = [one.open().tracks["heat"].read(0, 3)[..., 0] for one in stretches]
+    assert [len(values) for values in found] == [2, 1]
+    assert np.array_equal(np.concatenate(found), heat)

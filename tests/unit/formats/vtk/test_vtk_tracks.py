@@ -1,0 +1,138 @@
+"""Point and cell data over time in files of VTK, and of meshreel in them."""
+
+import numpy as np
+import pytest
+
+from meshreel.errors import FormatError
+from meshreel.formats.frames.stored_frames import StoredFrames
+from meshreel.formats.load import load, open_source
+from meshreel.formats.save import save
+from meshreel.tracks import TrackKind
+from samples.meshes import assert_same_surface
+from samples.tracks import assert_same_tracks, tracked_sheet
+
+h5py = pytest.importorskip("h5py")
+
+HELD = ("vertex", "face")
+RNG = np.random.default_rng(2)
+
+
+def change(path, place, values, starts=None):
+    """Put values of all steps into a VTKHDF file, one step after the other."""
+    with h5py.File(path, "a") as file:
+        file[f"VTKHDF/{place}"] = values
+        if starts is not None:
+            side, name = place.split("/")
+            file[f"VTKHDF/Steps/{side}Offsets/{name}"] = starts
+
+
+@pytest.mark.parametrize("n_frames", [1, 6])
+@pytest.mark.parametrize("read", [load, open_source])
+def test_tracks_come_back_bit_for_bit_when_vtkhdf_was_saved(tmp_path, n_frames, read):
+    sheet, notes = tracked_sheet(n_frames, HELD), []
+    [path] = save(sheet, tmp_path / "a.vtkhdf")
+    found = read(path, notes=notes)
+    assert isinstance(found, StoredFrames) == (read is open_source)
+    assert_same_tracks(found.tracks, sheet.tracks)
+    assert_same_surface(found.surface, sheet.surface)
+    assert notes == []
+
+
+def test_tracks_come_back_when_only_what_vtk_knows_is_left_in_the_file(tmp_path):
+    sheet = tracked_sheet(6, HELD)
+    [path] = save(sheet, tmp_path / "a.vtkhdf")
+    with h5py.File(path, "a") as file:
+        del file["meshreel"]
+    assert_same_tracks(load(path).tracks, sheet.tracks)
+
+
+def test_tracks_of_corners_are_named_when_vtkhdf_has_no_place_for_them(tmp_path):
+    notes = []
+    [path] = save(tracked_sheet(), tmp_path / "a.vtkhdf", notes=notes)
+    names = "heat of corner/s, flow_corner, shade_corner, step_corner, tensor_corner"
+    said = f"tracks left out: {names}: .vtkhdf does not hold tracks of corners"
+    assert [note for note in notes if note.startswith("tracks")] == [said]
+    assert_same_tracks(load(path).tracks, tracked_sheet(6, HELD).tracks)
+
+
+def test_vtk_reads_the_tracks_of_every_step_when_vtkhdf_was_saved(tmp_path):
+    pytest.importorskip("vtkmodules")
+    from vtkmodules.util.numpy_support import vtk_to_numpy
+    from vtkmodules.vtkIOHDF import vtkHDFReader
+
+    sheet = tracked_sheet(4, HELD)
+    save(sheet, tmp_path / "a.vtkhdf")
+    reader = vtkHDFReader()
+    reader.SetFileName(str(tmp_path / "a.vtkhdf"))
+    reader.UpdateInformation()
+    for step in range(4):
+        reader.SetStep(step)
+        reader.Update()
+        output = reader.GetOutputDataObject(0)
+        for name, track in sheet.tracks.items():
+            data = output.GetPointData() if track.domain == "vertex" else output.GetCellData()
+            found = vtk_to_numpy(data.GetArray(name.replace("/", "_")))
+            assert found.dtype == track.dtype
+            assert found.tobytes() == track[step].tobytes()
+
+
+def test_arrays_are_tracks_when_another_program_added_them(tmp_path):
+    sheet = tracked_sheet(3, ())
+    [path] = save(sheet, tmp_path / "a.vtkhdf")
+    n_faces = sheet.surface.n_faces(sheet.n_faces)
+    flow = RNG.normal(size=(3 * 30, 3)).astype(np.float32)
+    change(path, "PointData/flow", flow)  # without offsets, it lies as the points do
+    area = RNG.integers(0, 9, 3 * n_faces)
+    change(path, "CellData/area", area, np.arange(3) * n_faces)
+    tracks = load(path).tracks
+    assert np.array_equal(tracks["flow"].values, flow.reshape(3, 30, 3))
+    assert (tracks["flow"].kind, tracks["flow"].domain) == (TrackKind.VECTOR, "vertex")
+    assert np.array_equal(tracks["area"].values[..., 0], area.reshape(3, n_faces))
+    assert tracks["area"].domain == "face"
+
+
+@pytest.mark.parametrize(("length", "kind"), [(1.0, "normal"), (2.0, "vector")])
+def test_vectors_called_normals_are_normals_when_they_are_of_unit_length(tmp_path, length, kind):
+    [path] = save(tracked_sheet(3, ()), tmp_path / "a.vtkhdf")
+    vectors = RNG.normal(size=(90, 3))
+    vectors /= np.linalg.norm(vectors, axis=1, keepdims=True)
+    vectors[80] *= length
+    change(path, "PointData/Normals", vectors)
+    assert load(path).tracks["Normals"].kind == kind
+
+
+def test_face_track_has_another_name_when_points_have_an_array_of_its_name(tmp_path):
+    sheet, notes = tracked_sheet(3, ()), []
+    [path] = save(sheet, tmp_path / "a.vtkhdf")
+    n_faces = sheet.surface.n_faces(sheet.n_faces)
+    change(path, "PointData/heat", np.arange(90.0), np.arange(3) * 30)
+    change(path, "CellData/heat", np.arange(3.0 * n_faces), np.arange(3) * n_faces)
+    tracks = load(path, notes=notes).tracks
+    assert {name: str(one.domain) for name, one in tracks.items()} == {
+        "heat": "vertex",
+        "heat (faces)": "face",
+    }
+    assert notes == ["'heat' is at points and at cells; that of faces is called 'heat (faces)'"]
+
+
+def test_array_is_named_with_the_rows_it_needs_when_it_is_too_short(tmp_path):
+    [path] = save(tracked_sheet(3, ()), tmp_path / "a.vtkhdf")
+    change(path, "PointData/heat", np.zeros(89), np.arange(3) * 30)
+    notes = []
+    assert not load(path, notes=notes).tracks
+    assert notes == ["left out: arrays: heat of 89 rows; step 2 needs 30 from row 60 on"]
+
+
+def test_error_says_so_when_offsets_are_not_as_many_as_steps(tmp_path):
+    [path] = save(tracked_sheet(3, ()), tmp_path / "a.vtkhdf")
+    change(path, "PointData/heat", np.zeros(90), np.arange(2) * 30)
+    with pytest.raises(FormatError, match="PointDataOffsets/heat has 2 numbers"):
+        load(path)
+
+
+def test_wide_arrays_are_named_when_tracks_cannot_have_so_many_numbers(tmp_path):
+    [path] = save(tracked_sheet(2, ()), tmp_path / "a.vtkhdf")
+    change(path, "PointData/spectrum", np.zeros((60, 257), np.uint8))
+    notes = []
+    assert not load(path, notes=notes).tracks
+    assert notes == ["left out: fields of text, or of more than 256 numbers: spectrum"]
