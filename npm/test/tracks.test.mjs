@@ -12,7 +12,13 @@ import {
 } from "../dist/index.js";
 import { loadInternals, newCore } from "./support/bundle.mjs";
 import { REELS, bytesOf, said, sha } from "./support/streams.mjs";
-import { largeTracks, withTrack, withoutPadding } from "./support/track_streams.mjs";
+import {
+  largeTracks,
+  withExactTrack,
+  withMissingValues,
+  withTrack,
+  withoutPadding,
+} from "./support/track_streams.mjs";
 
 const {
   Core,
@@ -265,6 +271,30 @@ test("damage in a track is an error of its block alone", async () => {
     assert.equal((await stress.frame(blocks[0].start)).length, 42);
     assert.equal((await stress.frame(blocks[2].start)).length, 42);
     assert.equal(sha(...(await valuesOf(reel, reel))), said("tracks")["hash of positions"]);
+  });
+});
+
+test("an exact track is listed where the stream has no index, and all else is decoded", async () => {
+  await withReel(withExactTrack(), async (reel) => {
+    assert.deepEqual(reel.info.tracks.map(({ isExact }) => isExact), [false, false, true]);
+    assert.equal(reel.info.blocks.length, 3);
+    await assert.rejects(reel.track("σ").frame(0), {
+      name: "UnsupportedVersionError",
+      message: /track 'σ' is coded exactly/,
+    });
+    assert.equal(sha(...(await valuesOf(reel, reel.track("flow")))), hashOf("tracks", "flow"));
+    assert.equal(sha(...(await valuesOf(reel, reel))), said("tracks")["hash of positions"]);
+  });
+});
+
+test("a block with missing values is refused, and others are decoded", async () => {
+  await withReel(withMissingValues(), async (reel) => {
+    const stress = reel.track("stress");
+    await assert.rejects(stress.frame(0), {
+      name: "UnsupportedVersionError",
+      message: /block 0 of track 1 has missing values/,
+    });
+    assert.equal((await stress.frame(13)).length, 42);
   });
 });
 

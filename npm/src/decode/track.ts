@@ -90,6 +90,7 @@ export function readTrack(payload: Uint8Array): Track {
  * @param position - Byte of the stream at which the group begins.
  * @param track - Number of the track, from 1 on.
  * @throws CorruptStreamError where it is damaged, or has more modes or numbers than can be.
+ * @throws UnsupportedVersionError where values are missing.
  */
 export function readTrackBlock(
   bytes: Uint8Array,
@@ -102,6 +103,11 @@ export function readTrackBlock(
   const id = Section.TRACK_BLOCK;
   const ofTrack = ` of track ${track}`;
   const sections = groupSections(bytes, position, sizes[track], id, number, ofTrack);
+  if (sections.has(Section.MISSING)) {
+    throw new UnsupportedVersionError(
+      `block ${number}${ofTrack} has missing values, which this build does not read; upgrade meshreel`,
+    );
+  }
   const reader = new ByteReader(sections.get(id)!);
   const nModes = reader.varint();
   const most = nColumns * nFrames;

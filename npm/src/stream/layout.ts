@@ -23,6 +23,8 @@ export const Section = {
   FIELDS: 21,
   CORRECTIONS: 22,
   TRACK_BLOCK: 23,
+  VALUES: 24,
+  MISSING: 25,
   PADDING: 128,
   PROMISE: 129,
   INDEX: 130,

@@ -58,7 +58,8 @@ export class Scan {
     } catch (error) {
       if (!(error instanceof CorruptStreamError)) throw error;
       this.damage = error;
-      if (this.last === Section.COEFFICIENTS && this.block?.begins.length === this.nTracks) {
+      const isBehindLast = this.last === Section.COEFFICIENTS || this.last === Section.VALUES;
+      if (isBehindLast && this.block?.begins.length === this.nTracks) {
         this.close(this.block);
       }
     }

@@ -15,6 +15,36 @@ export function largeTracks() {
   );
 }
 
+/** The stream "tracks" whose last track is exact, and whose end is missing, with its index. */
+export function withExactTrack() {
+  let nTracks = 0;
+  let place = 0;
+  const bytes = rewritten(bytesOf("tracks"), (sections) =>
+    sections.flatMap(({ id, payload }) => {
+      if (id === Section.TRACK && ++nTracks === 3) {
+        return [{ id, payload: changed(payload, { coding: 1, exact: true }) }];
+      }
+      place = id === Section.BLOCK ? 0 : place + (id === Section.TRACK_BLOCK);
+      if (nTracks < 3 || place < 3) return [{ id, payload }];
+      if (id === Section.TRACK_BLOCK) return [{ id, payload: new Uint8Array(1) }];
+      return id === Section.COEFFICIENTS ? [{ id: Section.VALUES, payload }] : [];
+    }),
+  );
+  const end = new DataView(bytes.buffer, bytes.byteOffset + bytes.length - 12);
+  return bytes.subarray(0, Number(end.getBigUint64(0, true)));
+}
+
+/** The stream "tracks" with a section MISSING in the first block of its first track. */
+export function withMissingValues() {
+  let count = 0;
+  return rewritten(bytesOf("tracks"), (sections) =>
+    sections.flatMap((one) => {
+      const isFirst = one.id === Section.TRACK_BLOCK && count++ === 0;
+      return isFirst ? [one, { id: Section.MISSING, payload: Uint8Array.of(1) }] : [one];
+    }),
+  );
+}
+
 /** A stream without what it is padded with. */
 export function withoutPadding(name) {
   return rewritten(bytesOf(name), (sections) =>
@@ -51,8 +81,8 @@ function changed(before, change) {
   ["bound", "scale", "origin"].forEach((key, i) => {
     if (change[key] !== undefined) view.setFloat64(8 * i, change[key], true);
   });
-  const { nColumns = before[columns], more = 0, length } = change;
-  const all = [...codes, ...names, ...varint(nColumns), ...numbers, ...new Uint8Array(more)];
+  const { nColumns = before[columns], more = 0, length, exact } = change;
+  const all = [...codes, ...names, ...varint(nColumns), ...(exact ? [] : numbers), ...new Uint8Array(more)];
   return Uint8Array.from(all.slice(0, length));
 }
 
