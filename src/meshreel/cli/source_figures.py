@@ -58,6 +58,8 @@ def _mesh_rows(mesh: "MeshInfo") -> dict[str, str]:
         "positions": mesh.vertex_type,
     }
     rows |= carried_rows(mesh)
+    if mesh.tracks:
+        rows["tracks"] = "\n".join(mesh.tracks)
     if mesh.low is not None and mesh.high is not None:
         spans = zip("xyz", mesh.low, mesh.high, strict=True)
         rows["box"] = "\n".join(f"{axis} {low:.5g} to {high:.5g}" for axis, low, high in spans)

@@ -1,6 +1,6 @@
 """The contents of a file of any format, without turning it into a sequence."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
@@ -20,6 +20,7 @@ from meshreel.formats.supported_options import check_read_options
 from meshreel.runtime.progress import Count, Progress
 from meshreel.sequence import FrameSource, bounding_boxes, validate_finite
 from meshreel.surface_description import carried, described_images, described_materials
+from meshreel.tracks import TrackSource, described_track
 
 
 @dataclass(frozen=True)
@@ -49,6 +50,8 @@ class MeshInfo:
         As in `meshreel.codec.inspect.StreamInfo`.
     problem : str or None
         Why it cannot be encoded as it is.
+    tracks : tuple of str
+        Quantities over time, such as "stress: scalar of each vertex, float32 in Pa".
     """
 
     name: str
@@ -66,6 +69,7 @@ class MeshInfo:
     materials: tuple[str, ...] = ()
     images: tuple[str, ...] = ()
     problem: str | None = None
+    tracks: tuple[str, ...] = ()
 
     @property
     def duration_s(self) -> float | None:
@@ -182,7 +186,12 @@ def _sequence_info(sequence: FrameSource) -> MeshInfo:
         tuple(part.name for part in sequence.surface.parts),
         described_materials(sequence.surface),
         described_images(sequence.surface),
+        tracks=_described(sequence.tracks),
     )
+
+
+def _described(tracks: Mapping[str, TrackSource]) -> tuple[str, ...]:
+    return tuple(f"{name}: {described_track(track)}" for name, track in tracks.items())
 
 
 def _scene_mesh_info(mesh: SceneMesh, options: ReadOptions, number: int, n_meshes: int) -> MeshInfo:
@@ -216,6 +225,7 @@ def _scene_mesh_info(mesh: SceneMesh, options: ReadOptions, number: int, n_meshe
         materials=described_materials(surface),
         images=described_images(surface),
         problem=problem,
+        tracks=() if problem else _described(mesh.tracks(range(n_frames))),
     )
 
 
