@@ -12,16 +12,16 @@
 #include "exact_order.h"
 
 #define TEMPORAL 2                     /* inputs of the filter beside the neighbours */
-#define INPUTS 16                      /* of the filter, and zeros behind them */
+#define INPUTS 12                      /* of the filter, and zeros behind them */
 #define N_NEAR 6                       /* neighbours that tell sizes, and means */
 #define N_VOTES 4                      /* neighbours whose rows may come again */
 #define N_SIZES (16 * 64)              /* sixteenths of an octave of an expected magnitude */
 #define N_CLASSES (N_SIZES / 4)
 #define N_STEPS 16                     /* away from the expected length */
 #define N_INPUTS 7                     /* of the regression of sizes */
+#define RAW_BITS 24                    /* at once */
 #define MOST_INPUT 128
 #define MOST_ERROR 64
-#define MOST_WEIGHT (1 << 20)
 #define WIDE 1000.0                    /* variance of weights that are not known */
 #define FADING (1.0 / 0.99)            /* of what is known about weights, in a frame */
 #define N_SAMPLES 64                   /* numbers of a frame that frames are compared by */
@@ -228,12 +228,14 @@ REEL_INLINE uint64_t code_difference(exact_coder *f, int class, uint64_t differe
         found = found << 1 | (uint64_t)reel_bit(f->port, &models->third[class][away][found & 1U],
                                                 (int)(magnitude >> low & 1U));
     }
-    while (low > 0) {
-        int part = low < 16 ? low : 16;
-        low -= part;
-        found = found << part | reel_code_raw(f->port, part, (uint32_t)(magnitude >> low & 0xFFFF));
+    for (; low >= RAW_BITS; low -= RAW_BITS) {
+        uint32_t part = (uint32_t)(magnitude >> (low - RAW_BITS));
+        found = found << RAW_BITS | reel_code_raw(f->port, RAW_BITS, part);
     }
-    return reel_code_raw(f->port, 1, (uint32_t)(difference >> 63)) ? 0 - found : found;
+    uint32_t rest = (uint32_t)(magnitude << 1 | difference >> 63); /* and the sign */
+    rest = reel_code_raw(f->port, low + 1, rest);
+    found = found << low | rest >> 1;
+    return rest & 1U ? 0 - found : found;
 }
 
 REEL_INLINE int class_of(int32_t size) {
@@ -281,7 +283,8 @@ REEL_INLINE int32_t expected_size(exact_coder *f, int64_t t, int64_t col, double
 REEL_INLINE void learn_size(exact_coder *f, const int32_t *inputs, int32_t missed) {
     missed = within(missed + 10, MOST_ERROR);
     for (int i = 0; i < N_INPUTS; i++) {
-        f->models->weights[i] = within(f->models->weights[i] + (missed * inputs[i] >> 3), MOST_WEIGHT);
+        uint32_t more = (uint32_t)(missed * inputs[i] >> 3);
+        f->models->weights[i] = (int32_t)((uint32_t)f->models->weights[i] + more);
     }
 }
 
@@ -314,12 +317,14 @@ static void end_filter(exact_coder *f) {
 
 /* The sum of products, of every fourth by itself. */
 REEL_INLINE double filter_sum(const double *a, const double *b) {
-    reel_vector_2 even = {0}, odd = {0};
+    double sums[4] = {0, 0, 0, 0};
     for (int i = 0; i < INPUTS; i += 4) {
-        even += *(const reel_vector_2 *)(a + i) * *(const reel_vector_2 *)(b + i);
-        odd += *(const reel_vector_2 *)(a + i + 2) * *(const reel_vector_2 *)(b + i + 2);
+        sums[0] += a[i] * b[i];
+        sums[1] += a[i + 1] * b[i + 1];
+        sums[2] += a[i + 2] * b[i + 2];
+        sums[3] += a[i + 3] * b[i + 3];
     }
-    return (even[0] + even[1]) + (odd[0] + odd[1]);
+    return (sums[0] + sums[1]) + (sums[2] + sums[3]);
 }
 
 /* Variance of the expected move, with gains on the way. */

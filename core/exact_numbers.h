@@ -134,7 +134,10 @@ REEL_INLINE bool reel_is_odd(const reel_numbers *numbers, uint64_t pattern) {
 
 /* By how many decades a magnitude is above those with all places. */
 REEL_INLINE int reel_decade_of(const reel_numbers *numbers, double magnitude) {
-    int decade = 0, most = numbers->places + REEL_MOST_PLACES;
+    int most = numbers->places + REEL_MOST_PLACES;
+    int octave = (int)(reel_bits_of(magnitude) >> 52) - 1023;
+    int decade = (octave * 1233 >> 12) - (numbers->digits - numbers->places); /* or the next */
+    decade = decade < 0 ? 0 : decade > most ? most : decade;
     while (decade < most &&
            magnitude >= reel_ten_to(numbers->digits - numbers->places + decade)) {
         decade++;
@@ -154,13 +157,14 @@ REEL_INLINE uint64_t reel_decimal_index(const reel_numbers *numbers, double magn
 }
 
 REEL_INLINE uint64_t reel_decimal_pattern(const reel_numbers *numbers, uint64_t index) {
-    uint64_t least = numbers->least_of_ten, decade = 0;
+    uint64_t least = numbers->least_of_ten;
+    int decade = 0;
     index = index < numbers->most ? index : numbers->most;
-    if (index >= 10 * least) {
-        decade = (index - least) / (9 * least);
+    for (; index >= 10 * least; index -= 9 * least) {
+        decade++;
     }
-    double count = (double)(index - decade * 9 * least);
-    int places = numbers->places - (int)decade;
+    double count = (double)index;
+    int places = numbers->places - decade;
     double value = places < 0 ? count * reel_ten_to(-places) : count / reel_ten_to(places);
     if (numbers->size == 8) {
         return reel_bits_of(value);

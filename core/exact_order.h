@@ -8,7 +8,7 @@
 
 #include "graph.h"
 
-#define REEL_MOST_NEAR 12   /* earlier items that expect one */
+#define REEL_MOST_NEAR 10   /* earlier items that expect one */
 #define REEL_QUEUES 4       /* by how many neighbours have come, the last of all that have more */
 #define REEL_MOST_PATHS 24  /* no path leads through an item with more neighbours */
 #define REEL_NOT_YET INT32_MAX

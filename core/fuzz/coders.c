@@ -264,3 +264,75 @@ void fuzz_order(void) {
         FUZZ_CLAIM(i || !with_faces || !memcmp(corners, given_corners, (size_t)mesh.n_faces * 4));
     }
 }
+
+/* ---- numbers over time on a graph ---- */
+
+/* Neighbours of some items: most are next to each other in their numbers. */
+static int32_t *any_neighbours(int64_t n_items, int32_t **near) {
+    int32_t *starts = fuzz_take(n_items + 1, sizeof *starts);
+    *near = fuzz_take(8 * n_items, sizeof **near);
+    int64_t most = fuzz_below(9);
+    starts[0] = 0;
+    for (int64_t i = 0; i < n_items; i++) {
+        int32_t at = starts[i];
+        for (int64_t j = fuzz_below(most + 1); j > 0; j--) {
+            int64_t other = fuzz_once_in(8) ? fuzz_below(n_items) : i + fuzz_below(7) - 3;
+            (*near)[at++] = (int32_t)(other < 0 || other >= n_items ? i : other);
+        }
+        starts[i + 1] = at;
+    }
+    return starts;
+}
+
+/* A number of a kind, as bytes: floats that are decimal, of few bits or any; or integers. */
+static void put_number(uint8_t *at, int64_t size, int64_t type, int64_t kind) {
+    uint64_t bits = fuzz_next();
+    double value = kind ? (double)(fuzz_integer() / 64) / 1000.0 : fuzz_float();
+    float single = value > 1e30 || value < -1e30 ? 1e30F : (float)value;
+    if (type == REEL_FLOATS && size == 8) {
+        memcpy(&bits, &value, sizeof bits);
+    } else if (type == REEL_FLOATS) {
+        bits = 0;
+        memcpy(&bits, &single, sizeof single);
+    } else if (kind) {
+        bits = (uint64_t)(int64_t)fuzz_integer();
+    }
+    memcpy(at, &bits, (size_t)size);
+}
+
+void fuzz_exact(void) {
+    int64_t type = fuzz_below(3), kind = fuzz_below(3), still = 1 + fuzz_below(4);
+    int64_t size = type == REEL_FLOATS ? 4 << fuzz_below(2) : 1 << fuzz_below(4);
+    int64_t n_frames = 1 + fuzz_below(9), n_items = 1 + fuzz_below(40), width = 1 + fuzz_below(4);
+    int64_t count = n_frames * n_items * width, row = n_items * width;
+    int32_t *near, *starts = any_neighbours(n_items, &near);
+    uint8_t *values = fuzz_take(count, (size_t)size);
+    for (int64_t i = 0; i < count; i++) {
+        if (i >= row && fuzz_below(still)) {
+            memcpy(values + i * size, values + (i - row) * size, (size_t)size);
+        } else {
+            put_number(values + i * size, size, type, kind);
+        }
+    }
+    uint8_t *given = fuzz_copy(values, count, (size_t)size);
+    size_t need = reel_exact_memory(n_frames, n_items, width);
+    int64_t room = count * size + 16;
+    uint8_t *out = fuzz_take(room, 1);
+    int64_t result =
+        reel_exact_encode(fuzz_take((int64_t)need, 1), need, values, n_frames, n_items, width, size,
+                          type, starts, near, out, (size_t)room);
+    fuzz_bytes bytes = fuzz_written(out, result);
+    FUZZ_CLAIM(!memcmp(values, given, (size_t)(count * size)));
+    for (int i = 0; i < 4; i++) {
+        fuzz_bytes from = i ? fuzz_mutated(bytes) : bytes;
+        uint8_t *back = fuzz_take(count, (size_t)size);
+        result = reel_exact_decode(fuzz_take((int64_t)need, 1), need, from.bytes, from.size, back,
+                                   n_frames, n_items, width, size, type, starts, near);
+        fuzz_claim_code(result);
+        FUZZ_CLAIM(i || result == (int64_t)bytes.size);
+        FUZZ_CLAIM(i || !memcmp(back, given, (size_t)(count * size)));
+        if (result >= 0) {
+            fuzz_note(back, count, (size_t)size);
+        }
+    }
+}

@@ -31,6 +31,7 @@ static int fill;
 static void (*const targets[])(void) = {
     fuzz_integers, fuzz_fields, fuzz_connectivity, fuzz_order,
     fuzz_patterns, fuzz_hierarchy, fuzz_frames, fuzz_basis_encode, fuzz_coordinates,
+    fuzz_exact,
 };
 #define N_TARGETS (sizeof targets / sizeof *targets)
 

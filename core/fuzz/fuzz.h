@@ -73,6 +73,7 @@ void fuzz_fields(void);
 void fuzz_connectivity(void);
 void fuzz_order(void);
 void fuzz_patterns(void);
+void fuzz_exact(void);
 void fuzz_hierarchy(void);
 void fuzz_frames(void);
 void fuzz_basis_encode(void);

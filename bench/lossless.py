@@ -1,0 +1,164 @@
+"""Exact coders of numbers over time: `python bench/lossless.py FILE...`, what meshreel loads.
+
+Prints bytes, ratio, and MB of values per second of one processor, for encoding and decoding, of the
+positions and of tracks that are derived from them. Needs the packages pcodec, fpzip, blosc2 and
+zstandard; what is not there is left out, and said.
+"""
+
+import argparse
+import importlib
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+import meshreel
+from meshreel.geometry.normals import vertex_normals
+from meshreel.kernel.exact import decode_exact, encode_exact
+from meshreel.kernel.mesh import Neighbours, neighbours
+
+Numbers = npt.NDArray[Any]
+Coder = tuple[Callable[[Numbers], Any], Callable[[Any], Any]]
+ZSTD_LEVEL = 19
+BLOSC_LEVEL = 9
+
+
+def ours(graph: Neighbours, shape: tuple[int, int, int], dtype: np.dtype[Any]) -> Coder:
+    return (
+        lambda values: encode_exact(values, graph),
+        lambda data: decode_exact(data, shape, dtype, graph),
+    )
+
+
+def peers(values: Numbers) -> Iterator[tuple[str, Coder]]:
+    """What others make of an array; each decodes to something of the same bytes."""
+    zstd = importable("zstandard")
+    if zstd:
+        coder = zstd.ZstdCompressor(level=ZSTD_LEVEL)
+        yield (
+            f"zstd -{ZSTD_LEVEL}",
+            (lambda v: coder.compress(v.tobytes()), zstd.ZstdDecompressor().decompress),
+        )
+    pcodec = importable("pcodec")
+    if pcodec and values.dtype.itemsize > 1:
+        simple, config = pcodec.standalone, pcodec.ChunkConfig(compression_level=12)
+        yield (
+            "pcodec",
+            (
+                lambda v: simple.simple_compress(v.ravel(), config),
+                simple.simple_decompress,
+            ),
+        )
+    fpzip = importable("fpzip")
+    if fpzip and values.dtype.kind == "f":
+        yield (
+            "fpzip",
+            (
+                lambda v: fpzip.compress(np.ascontiguousarray(v.transpose(2, 0, 1)), order="C"),
+                lambda data: np.ascontiguousarray(
+                    fpzip.decompress(data, order="C")[0].transpose(1, 2, 0)
+                ),
+            ),
+        )
+    blosc = importable("blosc2")
+    if blosc:
+        for name, kind in (
+            ("shuffle", blosc.Filter.SHUFFLE),
+            ("bitshuffle", blosc.Filter.BITSHUFFLE),
+        ):
+            yield f"blosc2 {name}", blosc_coder(blosc, kind)
+
+
+def blosc_coder(blosc: Any, kind: Any) -> Coder:
+    def encode(values: Numbers) -> Any:
+        return blosc.compress2(
+            values,
+            typesize=values.dtype.itemsize,
+            codec=blosc.Codec.ZSTD,
+            clevel=BLOSC_LEVEL,
+            filters=[kind],
+            nthreads=1,
+        )
+
+    return encode, lambda data: blosc.decompress2(data, nthreads=1)
+
+
+def importable(name: str) -> Any:
+    try:
+        return importlib.import_module(name)
+    except ImportError:
+        return None
+
+
+def derived(sequence: meshreel.MeshSequence) -> Iterator[tuple[str, Numbers]]:
+    """Positions, and tracks such as simulations have."""
+    positions = sequence.vertices
+    n_frames, n_verts = positions.shape[:2]
+    yield "positions", positions
+    normals = [vertex_normals(frame, sequence.faces) for frame in positions]
+    yield "normals", np.stack(normals).astype(np.float32)
+    yield "velocities", np.gradient(positions, axis=0).astype(positions.dtype)
+    ids = np.broadcast_to(np.arange(n_verts, dtype=np.int32) // 100, (n_frames, n_verts))
+    yield "constant ids", np.ascontiguousarray(ids)[..., None]
+    speed = np.linalg.norm(np.gradient(positions, axis=0), axis=2)
+    zones = np.digitize(speed, np.quantile(speed[::8], [0.5, 0.9])).astype(np.int32)
+    yield "zones of speed", zones[..., None]
+    yield "mask", (positions[..., :1] > np.quantile(positions[::8, :, 0], 0.9)).astype(np.uint8)
+
+
+def measured(values: Numbers, coder: Coder) -> tuple[int, float, float]:
+    """Bytes, and MB/s of encoding and decoding.
+
+    Raises
+    ------
+    RuntimeError
+        If other bytes come back.
+    """
+    started = time.process_time()
+    data = coder[0](values)
+    between = time.process_time()
+    back = coder[1](data)
+    ended = time.process_time()
+    if (back.tobytes() if isinstance(back, np.ndarray) else bytes(back)) != values.tobytes():
+        raise RuntimeError("other values came back")
+    size = values.nbytes / 1e6
+    return len(data), size / max(between - started, 1e-9), size / max(ended - between, 1e-9)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("files", nargs="+", type=Path)
+    parser.add_argument("--positions", action="store_true", help="no derived tracks")
+    parser.add_argument("--frames", type=int, help="the first so many; all if not given")
+    given = parser.parse_args()
+    missing = [n for n in ("zstandard", "pcodec", "fpzip", "blosc2") if not importable(n)]
+    if missing:
+        print(f"not installed, and left out: {', '.join(missing)}")
+    print(
+        f"{'file':14} {'values':14} {'coder':18} {'bytes':>10} {'ratio':>8} {'enc':>7} {'dec':>7}"
+    )
+    for file in given.files:
+        sequence = meshreel.load(file)
+        graph = neighbours(sequence.faces, sequence.vertices.shape[1])
+        for name, values in derived(sequence):
+            values = np.ascontiguousarray(values)
+            if given.frames:
+                values = values[: given.frames]
+            own = ours(graph, values.shape, values.dtype)
+            for coder_name, coder in [("meshreel", own), *peers(values)]:
+                size, encoded, decoded = measured(values, coder)
+                ratio = values.nbytes / size
+                print(
+                    f"{file.stem:14} {name:14} {coder_name:18} {size:10} {ratio:8.3f} "
+                    f"{encoded:7.1f} {decoded:7.1f}",
+                    flush=True,
+                )
+            if given.positions:
+                break
+
+
+if __name__ == "__main__":
+    main()
