@@ -123,14 +123,21 @@ def tracks_of(opened):
         decoder, graph = TrackDecoder(opened, number), graph_of(opened, header)
         blocks, values = [], []
         for block in range(len(opened.stream.places)):
-            stored = stored_track_block(opened.stream, block, number, decoder.shape)
-            blocks.append(reel_block(graph, stored, header.n_columns))
+            is_exact = header.is_exact
+            stored = stored_track_block(
+                opened.stream, block, number, decoder.shape, is_exact=is_exact
+            )
+            found_block = {"frames": stored.n_frames, "modes": 0}
+            if not is_exact:
+                found_block = reel_block(graph, stored, header.n_columns)
+            blocks.append(found_block)
             values.append(decoder.block(block))
         said = {
             "name": header.name,
             "unit": header.unit,
             "kind": KINDS.index(header.kind),
             "domain": DOMAINS.index(header.domain),
+            "coding": int(header.is_exact),
             "bound": header.bound,
         }
         found.append((said, blocks, Floats(np.concatenate(values))))

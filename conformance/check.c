@@ -14,6 +14,7 @@
 #include "reel.h"
 
 enum { BLOCK = 16, BASIS = 17, COEFFICIENTS = 19, FIELDS = 21, CORRECTIONS = 22, TRACK_BLOCK = 23 };
+enum { VALUES = 24, MISSING = 25 };
 enum { TRACK = 138, REEL = 7, MOST_TRACKS = 8, MOST_BLOCKS = 100 };
 
 typedef struct {
@@ -72,7 +73,7 @@ typedef struct {
 } hierarchy;
 
 typedef struct {
-    bool is_of_vertices, has_normals;
+    bool is_of_vertices, has_normals, is_exact;
     uint8_t number_type;
     int64_t n_columns;
     double *placement; /* scale and origin */
@@ -230,8 +231,34 @@ static void to_unit_length(void *normals, uint8_t number_type, int64_t count) {
     }
 }
 
+/* Exact values of the vertices: of a number type as TRACK says it. */
+static void *read_exact(const stream *s, bytes in, int64_t n_frames, int64_t width, int number_type) {
+    int size = number_type % 16; /* 16 and 32 more of integers */
+    int type = number_type < 16 ? REEL_FLOATS
+               : number_type < 32 ? REEL_UNSIGNED_INTEGERS : REEL_SIGNED_INTEGERS;
+    void *values = room((size_t)(n_frames * s->n_verts * width * size));
+    size_t needed = reel_exact_memory(n_frames, s->n_verts, width);
+    done(reel_exact_decode(room(needed), needed, in.at, (size_t)(in.end - in.at), values, n_frames,
+                           s->n_verts, width, size, type, s->starts, s->near),
+         "exact values");
+    return values;
+}
+
+/* Makes NaN of the values that are missing. */
+static void drop_missing(const stream *s, const track *of, bytes in, int64_t n_frames, void *values) {
+    int64_t count = n_frames * s->n_verts * of->n_columns;
+    uint8_t *is_missing = read_exact(s, in, n_frames, of->n_columns, 17);
+    for (int64_t i = 0; i < count; i++) {
+        if (is_missing[i] && of->number_type == 4) {
+            ((float *)values)[i] = NAN;
+        } else if (is_missing[i]) {
+            ((double *)values)[i] = NAN;
+        }
+    }
+}
+
 static void write_frames(const stream *s, const track *of, const hierarchy *h, const block *b,
-                         const int32_t *integers, bytes coded_moves, FILE *out) {
+                         const int32_t *integers, bytes coded_moves, bytes missing, FILE *out) {
     int64_t n = s->n_verts, n_modes = b->n_modes, n_frames = b->n_frames, width = of->n_columns;
     double *basis = room(8 * width * n_frames * n_modes), *fields = room(8 * n_modes * n);
     size_t needed = reel_basis_memory(width, n_frames);
@@ -259,6 +286,9 @@ static void write_frames(const stream *s, const track *of, const hierarchy *h, c
     if (of->has_normals) {
         to_unit_length(values, of->number_type, (int64_t)count);
     }
+    if (missing.at) {
+        drop_missing(s, of, missing, n_frames, values);
+    }
     fwrite(values, of->number_type, count, out);
 }
 
@@ -284,7 +314,7 @@ static block read_block(const stream *s, const track *of, const bytes *sections,
     reel_fields fields = {s->n_verts, b.n_modes,   b.n_learned, key ? key->n_modes : 0,
                           residuals,  b.values,    key ? key->values : NULL};
     done(reel_predict_decode(&h.mesh, &fields, 0, s->n_verts), "prediction");
-    write_frames(s, of, &h, &b, basis, sections[CORRECTIONS], out);
+    write_frames(s, of, &h, &b, basis, sections[CORRECTIONS], sections[MISSING], out);
     return b;
 }
 
@@ -293,7 +323,7 @@ static stream read_header(bytes *in, track *positions) {
     uint16_t length;
     memcpy(&s.n_verts, in->at + 14, 4);
     memcpy(&s.n_faces, in->at + 18, 4);
-    *positions = (track){true, false, in->at[30], 3, room(32)};
+    *positions = (track){true, false, false, in->at[30], 3, room(32)};
     s.method = in->at[31];
     memcpy(positions->placement + 1, in->at + 34, 24);
     memcpy(positions->placement, in->at + 58, 8);
@@ -304,12 +334,16 @@ static stream read_header(bytes *in, track *positions) {
 
 static track read_track(bytes in) {
     track found = {.is_of_vertices = in.at[1] == 0, .has_normals = in.at[0] == 3, .number_type = in.at[2]};
+    found.is_exact = in.at[3];
     in.at += 4;
     for (int text = 0; text < 2; text++) { /* name and unit */
         int64_t length = varint(&in);
         in.at += length;
     }
     found.n_columns = varint(&in);
+    if (found.is_exact) {
+        return found;
+    }
     found.placement = room(8 * (1 + found.n_columns));
     memcpy(found.placement, in.at + 8, 8 * (1 + found.n_columns)); /* behind the bound */
     return found;
@@ -371,6 +405,13 @@ int main(int count, char **names) {
             bytes head = sections[BLOCK];
             int64_t n_frames = number ? blocks[0][n_blocks - 1].n_frames : varint(&head);
             *own = read_block(&s, tracks + number, sections, n_frames, own, out);
+        }
+        if (id == VALUES && tracks[number].is_of_vertices) {
+            track *of = tracks + number;
+            int64_t n_frames = blocks[0][n_blocks - 1].n_frames;
+            int64_t one = of->number_type % 16;
+            void *values = read_exact(&s, sections[id], n_frames, of->n_columns, of->number_type);
+            fwrite(values, one, n_frames * s.n_verts * of->n_columns, out);
         }
         in.at += size + 4;
     }

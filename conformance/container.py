@@ -20,6 +20,8 @@ NAMES = {
     21: "FIELDS",
     22: "CORRECTIONS",
     23: "TRACK_BLOCK",
+    24: "VALUES",
+    25: "MISSING",
     128: "PADDING",
     129: "PROMISE",
     130: "INDEX",
@@ -142,7 +144,10 @@ class Container:
         return payload
 
 
-IN_BLOCKS = ("BASIS", "ANCHORS", "COEFFICIENTS", "EXACT", "FIELDS", "CORRECTIONS")
+IN_BLOCKS = (
+    *("BASIS", "ANCHORS", "COEFFICIENTS", "EXACT", "FIELDS", "CORRECTIONS"),
+    *("VALUES", "MISSING"),
+)
 
 
 def read_container(data):

@@ -44,7 +44,9 @@ from meshreel.reel.agreed.blocks import write_field_block, write_track_block
 from meshreel.reel.agreed.fields import FieldBlock, Layout
 from meshreel.reel.agreed.graphs import item_graph
 from meshreel.reel.agreed.mesh import FieldMesh
+from meshreel.sequence import MeshSequence
 from meshreel.surface import PLAIN, Domain, Surface
+from meshreel.tracks import Track
 
 FOLDER = Path(__file__).with_name("streams")
 REEL = 7
@@ -445,6 +447,46 @@ def normals():
         for track in (turned, heat)
     ]
     return by_hand(faces, 30, [random_block(rng, layout, 30, 4, 4)], order="keep", tracks=further)
+
+
+def with_exact_tracks(dtype, domain, n_items):
+    """A sheet with a track of numbers of this type, some of which are odd."""
+    rng, sheet = np.random.default_rng(15), moving(grid(5, 6), 7)
+    values = np.rint(40 + 9 * np.sin(np.arange(n_items)[:, None] / 4 + np.arange(2)))
+    values = values + np.arange(7)[:, None, None] + (rng.random((7, n_items, 2)) < 0.1)
+    values = values.astype(dtype)
+    if values.dtype.kind == "f":
+        values[2, 3] = [np.nan, -np.inf]
+        values[4] *= np.array(1.1, dtype)
+    tracks = {"x": Track(values, domain, "other")}
+    return MeshSequence(sheet.vertices, sheet.faces, tracks=tracks)
+
+
+for number_type in ("u1", "i2", "u4", "i8", "f4", "f8"):
+    encoded(
+        f"exact_{number_type}",
+        lambda dtype=number_type: with_exact_tracks(dtype, "vertex", 30),
+        order="keep" if number_type == "u1" else "drop",
+        block_frames=4,
+        tracks={"x": "exact"},
+    )
+for domain, n_items in (("face", 40), ("corner", 120)):
+    encoded(
+        f"exact_of_{domain}s",
+        lambda domain=domain, n_items=n_items: with_exact_tracks("i4", domain, n_items),
+    )
+
+
+@stream
+def missing_values():
+    """A scalar that some vertices do not have in some frames."""
+    sheet = moving(grid(5, 6), 7)
+    heat = np.sin(np.arange(7)[:, None] / 3 + np.arange(30) / 5).astype(np.float32)
+    heat[2:5, 4:9] = np.nan
+    heat[:, 11] = np.nan
+    tracks = {"heat": Track(heat, unit="K")}
+    gapped = MeshSequence(sheet.vertices, sheet.faces, tracks=tracks)
+    return meshreel.encode(gapped, order="vertices", block_frames=4)
 
 
 @stream

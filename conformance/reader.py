@@ -7,6 +7,7 @@
 import json
 import math
 import sys
+from array import array
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,6 +16,7 @@ from conformance.bits import need
 from conformance.connectivity import read_faces
 from conformance.container import Container, Payload, read_container
 from conformance.description import describe
+from conformance.exact import read_exact
 from conformance.fields import read_fields
 from conformance.hierarchy import edges_of, passes_of, resolutions_of
 from conformance.order import read_order
@@ -80,6 +82,12 @@ class Items:
     order: object
     found: dict
 
+    @property
+    def neighbours(self):
+        """Those next to each, ascending."""
+        near = edges_of(self.faces, self.n)
+        return [sorted(near[v]) for v in range(self.n)]
+
     def resolutions(self, size):
         if size not in self.found:
             self.found[size] = resolutions_of(self.faces, self.n, size)
@@ -138,6 +146,9 @@ def number_of(container, section):
     return None
 
 
+LETTERS = dict(zip((4, 8, 17, 18, 20, 24, 33, 34, 36, 40), "fdBHIQbhiq", strict=True))
+"""Number types as `struct` and `array` write them."""
+
 NORMALS = 3
 """Kind of a track of normals."""
 
@@ -150,12 +161,15 @@ def read_track(payload):
     payload = Payload(payload)
     kind, domain, number_type, coding = (payload.byte() for _ in range(4))
     name, unit, n_columns = payload.text(), payload.text(), payload.varint()
-    need(kind < 7 and domain < 3 and coding == 0 and number_type in (4, 8))
+    need(kind < 7 and domain < 3 and coding < 2 and number_type in LETTERS)
     need(n_columns in COLUMNS.get(kind, range(1, 257)), "a track has columns that it cannot have")
-    bound, scale, *origin = (payload.number("d") for _ in range(2 + n_columns))
+    bound, scale, origin = 0.0, 1.0, [0.0] * n_columns
+    if coding == 0:
+        need(number_type in (4, 8), "modes are of floats")
+        bound, scale, *origin = (payload.number("d") for _ in range(2 + n_columns))
     payload.end()
-    said = {"name": name, "unit": unit, "kind": kind, "domain": domain, "bound": bound}
-    return said, Placement(number_type, scale, tuple(origin))
+    said = {"name": name, "unit": unit, "kind": kind, "domain": domain, "coding": coding}
+    return said | {"bound": bound}, Placement(number_type, scale, tuple(origin))
 
 
 def of_unit_length(normals):
@@ -186,7 +200,8 @@ def read_reel_tracks(container, mesh, polygons):
     for number, (said, place) in enumerate([({"domain": 0}, placed), *further]):
         blocks, values, items = [], None, all_items[said["domain"]]
         for block, n_frames in zip(container.blocks, lengths, strict=True):
-            integers, found = read_reel_block(block[number], n_frames, place, blocks, items)
+            read = read_exact_block if said.get("coding") else read_reel_block
+            integers, found = read(block[number], n_frames, place, blocks, items)
             blocks.append(integers)
             values = found if values is None else values + found
         if said.get("kind") == NORMALS:
@@ -211,7 +226,36 @@ def read_reel_block(group, n_frames, placed, blocks, items):
     scaled = [{v: one * block["step"] for v, one in row.items()} for row in block["values"]]
     bases = [basis_vector(row, n_frames) for row in block["basis"]]
     corrections = block["correction step"], block["corrections"]
-    return block, frames_of(bases, scaled, block["precision"], corrections, placed, items.order)
+    values = frames_of(bases, scaled, block["precision"], corrections, placed, items.order)
+    if "MISSING" in group:
+        values = without_missing(values, group, n_frames, placed, items)
+    return block, values
+
+
+def read_exact_block(group, n_frames, placed, blocks, items):
+    """The same of an exact track, which has no modes."""
+    head = Payload(group["TRACK_BLOCK"])
+    need(head.varint() == 0, "an exact track has modes")
+    head.end()
+    letter, shape = LETTERS[placed.number_type], (n_frames, items.n, len(placed.origin))
+    rows = read_exact(group["VALUES"], shape, letter, items.neighbours)
+    numbers, size = array(letter), array(letter).itemsize
+    for frame in rows:
+        for item in items.order:
+            numbers.frombytes(b"".join(one.to_bytes(size, sys.byteorder) for one in frame[item]))
+    return {"frames": n_frames, "modes": 0}, numbers
+
+
+def without_missing(values, group, n_frames, placed, items):
+    """Values of a block, with NaN where the file says so."""
+    shape = n_frames, items.n, len(placed.origin)
+    rows = read_exact(group["MISSING"], shape, "B", items.neighbours)
+    flags = (flag for frame in rows for item in items.order for flag in frame[item])
+    for place, flag in enumerate(flags):
+        need(flag < 2, "a value is neither there nor missing")
+        if flag:
+            values[place] = math.nan
+    return values
 
 
 def read_integers(group, n_frames, n_columns, items):

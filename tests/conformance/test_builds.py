@@ -148,22 +148,23 @@ def differs(name, decoded):
         )
 
     opened = OpenStream(read_stream((FOLDER / f"{name}.reel").read_bytes()))
-    tracks = [(said["blocks"], 3, said["vertex type"], said["hash of positions"])]
+    floats = f"<f{said['vertex type']}"
+    tracks = [(said["blocks"], 3, floats, said["hash of positions"], False)]
     for header, of in zip(opened.tracks, said.get("tracks", []), strict=True):
         if header.domain is Domain.VERTEX:
-            kind = header.dtype.itemsize
-            tracks.append((of["blocks"], header.n_columns, kind, of["hash of values"]))
+            kind, wanted_hash = header.dtype.str, of["hash of values"]
+            tracks.append((of["blocks"], header.n_columns, kind, wanted_hash, header.is_exact))
     found = [[] for _ in tracks]
     for number in range(len(said["blocks"])):
-        for values, (blocks, width, kind, _) in zip(found, tracks, strict=True):
+        for values, (blocks, width, kind, _, is_exact) in zip(found, tracks, strict=True):
             block = blocks[number]
-            if not is_read(block, width):
+            if not is_exact and not is_read(block, width):
                 return True
-            taken = take(width * block["frames"] * said["vertices"], f"<f{kind}")
+            taken = take(width * block["frames"] * said["vertices"], kind)
             values.append(taken.reshape(block["frames"], -1, width)[:, opened.order])
     return begin != len(decoded) or any(
-        hash_of(np.concatenate(values), f"<f{kind}") != wanted_hash
-        for values, (_, _, kind, wanted_hash) in zip(found, tracks, strict=True)
+        hash_of(np.concatenate(values), kind) != wanted_hash
+        for values, (_, _, kind, wanted_hash, _) in zip(found, tracks, strict=True)
     )
 
 
