@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from meshreel.formats.extras import Extra
+from meshreel.formats.frames.field_tracks import Fields
 from meshreel.formats.frames.frame_stream import FrameStream
 from meshreel.formats.options import ReadOptions, WriteOptions
 from meshreel.formats.scenes.scene_mesh import ReadMeshes
@@ -72,6 +73,9 @@ class FrameFormat:
     parse_surface : function of the bytes of a file and a list of notes, optional
         Gives attributes, groups and parts of a file that `parse` reads, without face sizes. The
         notes gain a sentence on what is left out.
+    parse_fields : function of the bytes of a file, optional
+        Gives all that the file has at vertices and faces. What is not of the surface, or changes
+        from file to file, are tracks.
     is_decimal : bool, default False
         Whether positions are decimal text without a declared type.
     has_corners_only : bool, default False
@@ -84,6 +88,7 @@ class FrameFormat:
     encoder: Callable[[Faces, Surface, list[str]], Callable[[Vertices], bytes]] | None
     positions_like: Callable[[bytes, PolygonMesh], Callable[[bytes], Vertices | None]] | None = None
     parse_surface: Callable[[bytes, list[str]], Surface] | None = None
+    parse_fields: Callable[[bytes], Fields] | None = None
     is_decimal: bool = False
     has_corners_only: bool = False
 

@@ -187,7 +187,7 @@ def open_mesh_files(
 ) -> FrameSource:
     """The sequence whose frames are in files of their own, loaded if it is small enough."""
     most = options.max_loaded_bytes
-    loads = most is None or len(files) == 1 or len(files) * files.mesh(0).vertices.nbytes <= most
+    loads = most is None or len(files) == 1 or len(files) * files.frame_bytes <= most
     read: Callable[..., FrameSource] = read_frames if loads else open_frames
     return read(
         files,

@@ -68,6 +68,7 @@ FRAME_FORMATS = {
             Lazy("vtk.xml_file:parse_vtk_xml"),
             None,
             parse_surface=Lazy("vtk.xml_file:parse_vtk_xml_surface"),
+            parse_fields=Lazy("vtk.xml_file:parse_vtk_xml_fields"),
         ),
         FrameFormat(
             ".vtp",
@@ -75,6 +76,7 @@ FRAME_FORMATS = {
             Lazy("vtk.xml_file:parse_vtk_xml"),
             None,
             parse_surface=Lazy("vtk.xml_file:parse_vtk_xml_surface"),
+            parse_fields=Lazy("vtk.xml_file:parse_vtk_xml_fields"),
         ),
         FrameFormat(
             ".vtk",
@@ -82,6 +84,7 @@ FRAME_FORMATS = {
             Lazy("vtk.legacy:parse_vtk_legacy"),
             None,
             parse_surface=Lazy("vtk.legacy:parse_vtk_legacy_surface"),
+            parse_fields=Lazy("vtk.legacy:parse_vtk_legacy_fields"),
         ),
     )
 }

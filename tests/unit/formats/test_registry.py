@@ -22,6 +22,7 @@ N_ARGUMENTS = {
     "encoder": 3,
     "positions_like": 2,
     "parse_surface": 2,
+    "parse_fields": 1,
     "open": 2,
     "write": 3,
     "read_meshes": 2,

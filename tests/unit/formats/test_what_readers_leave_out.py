@@ -178,17 +178,16 @@ def test_few_frames_are_compared_when_files_are_large(tmp_path, monkeypatch):
     assert left_out(tmp_path) == ["changes over time of color, kept as in the first frame"]
 
 
-def test_fields_are_named_when_a_legacy_file_has_them(tmp_path):
+def test_field_data_and_tables_are_named_when_a_legacy_file_has_them(tmp_path):
     data = "FIELD all 1\nmass 1 1 float\n4\nPOINT_DATA 3\nSCALARS heat float 1\n"
     data += "LOOKUP_TABLE jet\n0 1 2\nLOOKUP_TABLE jet 1\n0 0 0 1\n"
     assert left_out(stored(tmp_path, "a.vtk", LEGACY.format(data=data))) == [
         "field data: mass",
         "colour tables: jet",
-        "fields: heat",
     ]
 
 
-def test_fields_and_text_are_named_when_an_xml_file_has_them(tmp_path):
+def test_field_data_and_text_are_named_when_an_xml_file_has_them(tmp_path):
     field = '<FieldData><DataArray type="Float64" Name="TimeValue">1</DataArray>'
     field += '<DataArray type="Float32" Name="mass">4</DataArray></FieldData>'
     data = '<PointData><Array type="String" Name="tag">65 0</Array>'
@@ -196,7 +195,6 @@ def test_fields_and_text_are_named_when_an_xml_file_has_them(tmp_path):
     assert left_out(stored(tmp_path, "a.vtp", XML.format(field=field, data=data))) == [
         "field data: mass",
         "arrays of text: tag",
-        "fields: heat",
     ]
 
 
@@ -307,3 +305,10 @@ def test_visibility_is_named_when_an_alembic_mesh_has_it(tmp_path):
     sample.AbcGeom.CreateVisibilityProperty(mesh, 0)
     del mesh, top
     assert left_out(tmp_path / "a.abc") == ["visibility of /m"]
+
+
+def test_fields_are_named_when_the_mesh_of_a_point_cache_has_them(tmp_path):
+    data = "POINT_DATA 3\nSCALARS heat float 1\nLOOKUP_TABLE default\n0 1 2\n"
+    mesh = stored(tmp_path, "a.vtk", LEGACY.format(data=data))
+    [cache, _] = save(load(mesh), tmp_path / "a.pc2")
+    assert left_out(cache, topology=mesh) == ["fields: heat"]

@@ -8,6 +8,7 @@ import numpy as np
 from meshreel.counting import counted
 from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.file_errors import errors_naming, os_errors_naming
+from meshreel.formats.notes import note_kinds
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.registry import COMPANION, FRAME_FORMATS
 from meshreel.geometry.fans import triangulate_fans
@@ -50,6 +51,10 @@ def read_topology(cache: Path, n_verts: int, options: ReadOptions) -> tuple[Face
         mesh = mesh_format.parse(data)
         parse_surface = mesh_format.parse_surface
         surface = parse_surface(data, options.notes) if parse_surface else PLAIN
+        if mesh_format.parse_fields is not None:
+            looks = {(one.domain, one.name) for one in surface.attributes}
+            others = (key[1] for key in mesh_format.parse_fields(data) if key not in looks)
+            note_kinds(options.notes, "fields", others)
     if len(mesh.vertices) != n_verts:
         raise InvalidInputError(
             f"{cache} has {counted(n_verts, 'vertex')} and {path} {len(mesh.vertices)}; "

@@ -3,20 +3,25 @@
 import zlib
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
+from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.file_errors import errors_naming, os_errors_naming
+from meshreel.formats.frames.field_tracks import Field, Fields, Key, described_field, field_tracks
 from meshreel.formats.frames.stored_frames import changed_error
+from meshreel.formats.frames.stored_tracks import StoredTrack
 from meshreel.formats.kinds import FrameFormat
 from meshreel.formats.notes import note_frozen
 from meshreel.formats.surfaces.polygons import PolygonMesh
 from meshreel.runtime.progress import Count, Progress
 from meshreel.sequence import Vertices, validate_finite
-from meshreel.surface import PLAIN, Surface
+from meshreel.surface import PLAIN, Domain, Surface
 from meshreel.surface_selection import differing_names
 
 COMPARED_BYTES, LEAST_COMPARED = 1 << 24, 3
@@ -38,6 +43,7 @@ class MeshFiles:
         self.paths = tuple(paths)
         self.format = found
         self._checksums: dict[int, int] = {}
+        self._last_fields: tuple[int, Fields] | None = None
         self._faces: tuple[npt.NDArray[np.int64], npt.NDArray[np.int32]] | None = None
         self._positions: Callable[[bytes], Vertices | None] = lambda data: None
 
@@ -94,11 +100,75 @@ class MeshFiles:
             Gains a sentence on what is left out, such as what differs in other frames.
         """
         first = self._surface(0, notes)
+        if self.format.parse_fields is not None:
+            moving = self._moving_fields
+            still = [one for one in first.attributes if (one.domain, one.name) not in moving]
+            return replace(first, attributes=tuple(still))
         differing: list[str] = []
         for index in self._looked_at():
             differing += differing_names(first, self._surface(index, []))
         note_frozen(notes, differing)
         return first
+
+    def tracks(self, notes: list[str]) -> dict[str, StoredTrack]:
+        """What frames have at vertices and faces, but for what is of the surface; raises as `mesh`.
+
+        All files are read once now, if the format has such, and again when values are asked for.
+
+        Parameters
+        ----------
+        notes : list of str
+            Gains a sentence on what only some frames have.
+        """
+        if self.format.parse_fields is None:
+            return {}
+        first, moving = self.mesh(0), self._moving_fields
+        looks = {(one.domain, one.name) for one in self._surface(0, []).attributes}
+        frames = [
+            {key: field for key, (field, _) in fields.items() if key in moving or key not in looks}
+            for fields in self._described_fields
+        ]
+
+        def read(index: int, key: Key) -> npt.NDArray[Any]:
+            return self._fields(index)[key][0]
+
+        sizes = {Domain.VERTEX: len(first.vertices), Domain.FACE: len(first.counts)}
+        return field_tracks(frames, sizes, read, notes)
+
+    @cached_property
+    def _described_fields(self) -> list[dict[Key, tuple[Field, int]]]:
+        """What is known of the arrays of each frame, and a number that tells their values."""
+        return [
+            {
+                key: (described_field(values, role), zlib.crc32(np.ascontiguousarray(values).data))
+                for key, (values, role) in self._fields(index).items()
+            }
+            for index in range(len(self))
+        ]
+
+    @cached_property
+    def _moving_fields(self) -> set[Key]:
+        """The arrays that change over time, or that only some frames have."""
+        frames = self._described_fields
+        keys = {key for fields in frames for key in fields}
+        sums = {
+            key: {fields[key][1] if key in fields else None for fields in frames} for key in keys
+        }
+        return {key for key in keys if len(sums[key]) > 1}
+
+    @property
+    def frame_bytes(self) -> int:
+        """Size of the positions and the tracks of the first frame in memory."""
+        of_fields = sum(values.nbytes for values, _ in self._fields(0).values())
+        return self.mesh(0).vertices.nbytes + of_fields
+
+    def _fields(self, index: int) -> Fields:
+        if self.format.parse_fields is None:
+            return {}
+        if self._last_fields is None or self._last_fields[0] != index:
+            with self._contents(index) as data:
+                self._last_fields = index, self.format.parse_fields(data)
+        return self._last_fields[1]
 
     def _surface(self, index: int, notes: list[str]) -> Surface:
         if self.format.parse_surface is None:

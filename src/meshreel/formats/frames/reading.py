@@ -16,6 +16,7 @@ from meshreel.geometry.fans import triangulate_fans
 from meshreel.runtime.progress import Progress
 from meshreel.sequence import Faces, MeshSequence, Vertices
 from meshreel.surface import PLAIN, Surface
+from meshreel.tracks import copied_together
 
 
 def read_frames(
@@ -56,7 +57,8 @@ def read_frames(
     else:
         faces, surface, frames = _surveyed(files, survey, progress, notes)
     vertices = _stack(frames, len(files)).astype(survey.dtype, copy=False)
-    return MeshSequence(vertices, faces, fps, name, start_s, surface)
+    tracks = copied_together(files.tracks(notes))
+    return MeshSequence(vertices, faces, fps, name, start_s, surface, tracks)
 
 
 def open_frames(
@@ -111,6 +113,7 @@ def open_frames(
         start_s=start_s,
         surface=surface,
         files=files.paths,
+        tracks=files.tracks(notes),
     )
 
 

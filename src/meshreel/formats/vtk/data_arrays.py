@@ -1,5 +1,6 @@
 """Data arrays of VTK, at points and cells, to attributes of a surface."""
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
@@ -8,16 +9,14 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.errors import FormatError
+from meshreel.formats.frames.field_tracks import COLOR_NAMES, NORMALS, UV_NAMES
 from meshreel.formats.notes import note_kinds, note_normals
 from meshreel.formats.vtk.cells import CellSurface
 from meshreel.surface import MAX_NUMBERS, VALUE_TYPES, Attribute, Domain, Kind, Surface
 
 TEXTURE_COORDINATES = "TCoords"
-NORMALS = "Normals"
 UNFIT = f"arrays of text, or of more than {MAX_NUMBERS} numbers"
 """Contents of arrays that attributes cannot hold."""
-UV_NAMES = {"uv", "uvmap", "st", "tcoords", "texturecoordinates", "texture coordinates"}
-COLOR_NAMES = {"color", "colors", "colour", "colours", "rgb", "rgba", "cd"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,7 +73,7 @@ def _attribute(
     if array.role == NORMALS or values.dtype.kind not in "iuf" or values.shape[1] > MAX_NUMBERS:
         return None
     values = _allowed(values[taken])
-    return Attribute(array.name, _kind(array, values), domain, values)
+    return Attribute(array.name, kind_of(array), domain, values)
 
 
 def _allowed(values: npt.NDArray[Any]) -> npt.NDArray[Any]:
@@ -88,8 +87,10 @@ def _allowed(values: npt.NDArray[Any]) -> npt.NDArray[Any]:
     return values.astype(np.int32 if is_small else np.float64)
 
 
-def _kind(array: DataArray, values: npt.NDArray[Any]) -> Kind:
-    width, is_float, name = values.shape[1], values.dtype.kind == "f", array.name.lower()
+def kind_of(array: DataArray) -> Kind:
+    """What an array means as an attribute."""
+    values, name = array.values, array.name.lower()
+    width, is_float = math.prod(values.shape[1:]), values.dtype.kind == "f"
     is_named_uv = array.role == TEXTURE_COORDINATES or name in UV_NAMES
     if width == 2 and is_float and is_named_uv:
         return Kind.UV

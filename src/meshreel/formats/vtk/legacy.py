@@ -11,10 +11,11 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.errors import FormatError
+from meshreel.formats.frames.field_tracks import NORMALS, Fields
 from meshreel.formats.notes import listed
 from meshreel.formats.surfaces.polygons import PolygonMesh
 from meshreel.formats.vtk.cells import POLY_LINE, POLY_VERTEX, POLYGON, STRIP, Cells
-from meshreel.formats.vtk.data_arrays import NORMALS, TEXTURE_COORDINATES, DataArray
+from meshreel.formats.vtk.data_arrays import TEXTURE_COORDINATES, DataArray
 from meshreel.formats.vtk.legacy_words import LegacyWords
 from meshreel.formats.vtk.mesh import VtkMesh
 from meshreel.sequence import Vertices
@@ -70,6 +71,11 @@ def parse_vtk_legacy_surface(data: bytes, notes: list[str]) -> Surface:
     Raises as `read_vtk_legacy`.
     """
     return read_vtk_legacy(data).look(notes)
+
+
+def parse_vtk_legacy_fields(data: bytes) -> Fields:
+    """All data of points and cells; raises as `read_vtk_legacy`, or if two have one name."""
+    return read_vtk_legacy(data).fields
 
 
 class _LegacyReader:

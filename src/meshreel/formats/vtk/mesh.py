@@ -1,7 +1,7 @@
 """The contents of a file of VTK at one time, and the polygons that it shows."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -9,10 +9,17 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.errors import FormatError
-from meshreel.formats.notes import listed, note_kinds, note_left_out
+from meshreel.formats.frames.field_tracks import (
+    Field,
+    Fields,
+    Key,
+    add_field,
+    described_field,
+)
+from meshreel.formats.notes import listed, note_left_out
 from meshreel.formats.surfaces.polygons import PolygonMesh
 from meshreel.formats.vtk.cells import Cells, CellSurface, find_surface
-from meshreel.formats.vtk.data_arrays import DataArray, surface_of_arrays
+from meshreel.formats.vtk.data_arrays import DataArray, kind_of, surface_of_arrays
 from meshreel.sequence import Vertices
 from meshreel.surface import Domain, Kind, Surface
 
@@ -77,9 +84,31 @@ class VtkMesh:
 
     def look(self, notes: list[str]) -> Surface:
         """Texture coordinates and colours; other data of a simulation change over time."""
-        attributes = self.surface(notes).attributes
-        note_kinds(notes, "fields", (one.name for one in attributes if one.kind is Kind.OTHER))
-        return Surface(attributes=tuple(one for one in attributes if one.kind is not Kind.OTHER))
+        at_points, at_cells = (
+            tuple(one for one in arrays if kind_of(one) is not Kind.OTHER)
+            for arrays in (self.point_data, self.cell_data)
+        )
+        return replace(self, point_data=at_points, cell_data=at_cells).surface(notes)
+
+    @property
+    def fields(self) -> Fields:
+        """All data of points and cells, on the surface.
+
+        Raises
+        ------
+        InvalidInputError
+            If two arrays at points, or at cells, have one name.
+        FormatError
+            If an array has another number of values than there are points or cells.
+        """
+        known: dict[Key, Field] = {}
+        found: dict[Key, tuple[npt.NDArray[Any], str]] = {}
+        sides = ((Domain.VERTEX, self.point_data), (Domain.FACE, self.cell_data))
+        for domain, array in ((domain, one) for domain, arrays in sides for one in arrays):
+            key, values = (domain, array.name), self.on_surface(array, domain)
+            add_field(known, key, described_field(values, array.role))
+            found[key] = values, array.role
+        return found
 
 
 def joined(meshes: Sequence[VtkMesh]) -> VtkMesh:

@@ -15,6 +15,13 @@ import numpy.typing as npt
 
 from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.file_errors import errors_naming, os_errors_naming
+from meshreel.formats.frames.field_tracks import (
+    Field,
+    Key,
+    add_field,
+    described_field,
+    field_tracks,
+)
 from meshreel.formats.named_files import path_beside
 from meshreel.formats.notes import note_left_out
 from meshreel.formats.options import ReadOptions
@@ -24,7 +31,6 @@ from meshreel.formats.scenes.scene_mesh import SceneMesh, readable_mesh
 from meshreel.formats.scenes.timing import Neighbours
 from meshreel.formats.surfaces.polygons import PolygonMesh
 from meshreel.formats.vtk.data_arrays import DataArray
-from meshreel.formats.vtk.field_tracks import Field, Key, add_field, field_tracks
 from meshreel.formats.vtk.legacy import read_vtk_legacy
 from meshreel.formats.vtk.mesh import VtkMesh
 from meshreel.formats.vtk.xml_file import read_vtk_xml
@@ -172,7 +178,7 @@ class _FileFrames:
         with errors_naming(self._files[index]):
             for domain, array in _arrays(mesh):
                 values, key = array.values, (domain, array.name)
-                add_field(fields, key, Field(values.dtype, _width(values), array.role))
+                add_field(fields, key, described_field(values, array.role))
                 checksum = zlib.crc32(np.ascontiguousarray(values).data)
                 if self._checksums.setdefault(key, checksum) != checksum:
                     self._changing.add(key)
@@ -231,8 +237,3 @@ class _FileFrames:
 def _arrays(mesh: VtkMesh) -> list[tuple[Domain, DataArray]]:
     at_points = [(Domain.VERTEX, one) for one in mesh.point_data]
     return at_points + [(Domain.FACE, one) for one in mesh.cell_data]
-
-
-def _width(values: npt.NDArray[Any]) -> int:
-    """Numbers of each value."""
-    return int(np.prod(values.shape[1:], dtype=np.int64))

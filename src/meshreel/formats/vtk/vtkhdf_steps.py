@@ -11,6 +11,7 @@ import numpy.typing as npt
 from meshreel.counting import counted
 from meshreel.errors import FormatError
 from meshreel.formats.arrays.named_tracks import array_name
+from meshreel.formats.frames.field_tracks import Field, Key, add_field, field_tracks
 from meshreel.formats.frames.stored_tracks import StoredTrack
 from meshreel.formats.hdf.described_tracks import said_of, unit_of
 from meshreel.formats.hdf.reading import (
@@ -35,7 +36,6 @@ from meshreel.formats.vtk.cells import (
     find_surface,
 )
 from meshreel.formats.vtk.data_arrays import UNFIT, DataArray, surface_of_arrays
-from meshreel.formats.vtk.field_tracks import Field, Key, add_field, field_tracks
 from meshreel.formats.vtk.vtkhdf_cells import count_before, integers, read_cells
 from meshreel.surface import Domain, Surface
 

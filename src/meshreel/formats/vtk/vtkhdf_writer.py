@@ -8,12 +8,13 @@ import numpy.typing as npt
 
 from meshreel.formats.arrays.named_arrays import surface_arrays
 from meshreel.formats.arrays.named_tracks import array_name
+from meshreel.formats.frames.field_tracks import NORMALS
 from meshreel.formats.frames.frame_stream import FrameStream
 from meshreel.formats.hdf.described_tracks import describe_track
 from meshreel.formats.hdf.reading import Node, write_array
 from meshreel.formats.hdf.writing import HdfOutput, hdf_output
 from meshreel.formats.options import WriteOptions
-from meshreel.formats.vtk.data_arrays import NORMALS, TEXTURE_COORDINATES
+from meshreel.formats.vtk.data_arrays import TEXTURE_COORDINATES
 from meshreel.formats.vtk.vtkhdf import OWN, ROOT
 from meshreel.formats.vtk.vtkhdf_steps import PLACES, POLY_DATA_GROUPS
 from meshreel.geometry.fans import join_fans

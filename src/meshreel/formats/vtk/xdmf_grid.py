@@ -9,12 +9,12 @@ import numpy.typing as npt
 
 from meshreel.counting import counted
 from meshreel.errors import FormatError
+from meshreel.formats.frames.field_tracks import Field, Key, add_field, field_tracks
 from meshreel.formats.frames.stored_tracks import StoredTrack
 from meshreel.formats.notes import note_kinds, note_left_out
 from meshreel.formats.surfaces.polygons import PolygonMesh
 from meshreel.formats.vtk.cells import Cells, CellSurface, find_surface
 from meshreel.formats.vtk.data_arrays import DataArray, surface_of_arrays
-from meshreel.formats.vtk.field_tracks import Field, Key, add_field, field_tracks
 from meshreel.formats.vtk.xdmf_cells import read_cells
 from meshreel.formats.vtk.xdmf_items import DataItems
 from meshreel.formats.vtk.xml_tree import local_name

@@ -14,10 +14,11 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.errors import FormatError
+from meshreel.formats.frames.field_tracks import NORMALS, Fields
 from meshreel.formats.notes import listed
 from meshreel.formats.surfaces.polygons import PolygonMesh
 from meshreel.formats.vtk.cells import POLY_LINE, POLY_VERTEX, POLYGON, STRIP, Cells
-from meshreel.formats.vtk.data_arrays import NORMALS, TEXTURE_COORDINATES, DataArray
+from meshreel.formats.vtk.data_arrays import TEXTURE_COORDINATES, DataArray
 from meshreel.formats.vtk.mesh import VtkMesh, joined
 from meshreel.formats.vtk.xml_arrays import UNPACKERS, ArrayCoding
 from meshreel.formats.vtk.xml_tree import parse_xml
@@ -87,6 +88,11 @@ def parse_vtk_xml_surface(data: bytes, notes: list[str]) -> Surface:
     Raises as `read_vtk_xml`.
     """
     return read_vtk_xml(data).look(notes)
+
+
+def parse_vtk_xml_fields(data: bytes) -> Fields:
+    """All data of points and cells; raises as `read_vtk_xml`, or if two have one name."""
+    return read_vtk_xml(data).fields
 
 
 def _coding(root: Element, appended: bytes, is_raw: bool) -> ArrayCoding:

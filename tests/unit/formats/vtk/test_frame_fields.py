@@ -14,6 +14,7 @@ from meshreel.tracks import TrackKind
 
 pytest.importorskip("vtkmodules")
 from vtkmodules.util.numpy_support import numpy_to_vtk
+from vtkmodules.vtkIOLegacy import vtkUnstructuredGridWriter
 from vtkmodules.vtkIOXML import vtkXMLPolyDataWriter, vtkXMLUnstructuredGridWriter
 
 from samples.vtk import HEAT, POINTS, grid, poly_data, written
@@ -53,16 +54,21 @@ def xdmf(folder, frames):
     return folder / "a.xdmf"
 
 
+def with_arrays(mesh, arrays):
+    """A mesh of VTK with these arrays at points and cells."""
+    mesh.GetCellData().RemoveArray("heat")
+    for (center, name), values in arrays:
+        array = numpy_to_vtk(np.ascontiguousarray(values), deep=True)
+        array.SetName(name)
+        (mesh.GetPointData() if center == "Node" else mesh.GetCellData()).AddArray(array)
+    return mesh
+
+
 def pvd(folder, frames, ending="vtp"):
     """A collection of files that VTK writes, with arrays by center and name."""
     rows = []
     for index, arrays in enumerate(frames):
-        mesh = (poly_data if ending == "vtp" else grid)(POINTS + index)
-        mesh.GetCellData().RemoveArray("heat")
-        for (center, name), values in arrays:
-            array = numpy_to_vtk(np.ascontiguousarray(values), deep=True)
-            array.SetName(name)
-            (mesh.GetPointData() if center == "Node" else mesh.GetCellData()).AddArray(array)
+        mesh = with_arrays((poly_data if ending == "vtp" else grid)(POINTS + index), arrays)
         writer = vtkXMLPolyDataWriter() if ending == "vtp" else vtkXMLUnstructuredGridWriter()
         written(writer, mesh, folder / f"f_{index}.{ending}")
         rows.append(f'<DataSet timestep="{index / 10}" file="f_{index}.{ending}"/>')
@@ -75,7 +81,23 @@ def vtu(folder, frames):
     return pvd(folder, frames, "vtu")
 
 
-ALL = pytest.mark.parametrize("make", [xdmf, pvd, vtu])
+def vtp_frames(folder, frames):
+    pvd(folder, frames)
+    return folder / "f_*.vtp"
+
+
+def vtk_frames(folder, frames):
+    """Legacy files that VTK writes."""
+    for index, arrays in enumerate(frames):
+        mesh = with_arrays(grid(POINTS + index), arrays)
+        writer = vtkUnstructuredGridWriter()
+        writer.SetFileTypeToBinary()
+        written(writer, mesh, folder / f"f_{index}.vtk")
+    return folder / "f_*.vtk"
+
+
+COLLECTIONS = pytest.mark.parametrize("make", [xdmf, pvd, vtu])
+ALL = pytest.mark.parametrize("make", [xdmf, pvd, vtu, vtp_frames, vtk_frames])
 
 
 def given(center, name, values):
@@ -135,11 +157,28 @@ def test_field_is_missing_in_the_other_frames_when_it_is_in_some_only(
     assert notes == [f"'damage' is in 2 of 3 frames, and NaN in the others{said}"]
 
 
-@ALL
+@COLLECTIONS
 def test_array_is_an_attribute_when_it_is_the_same_in_all_frames(tmp_path, make):
     found = load(make(tmp_path, given("Cell", "still", [HEAT] * 3)))
     assert "still" in {one.name for one in found.surface.attributes}
     assert not found.tracks
+
+
+@pytest.mark.parametrize("make", [vtp_frames, vtk_frames])
+@pytest.mark.parametrize("n_frames", [1, 3])
+def test_array_is_a_track_when_files_hold_a_frame_each(tmp_path, make, n_frames):
+    found = load(make(tmp_path, given("Cell", "still", [HEAT] * n_frames)))
+    assert {one.name for one in found.surface.attributes} == {"uv set", "paint"}
+    assert found.tracks["still"].values.tolist() == [HEAT[:, None].tolist()] * n_frames
+
+
+def test_loading_says_that_a_file_changed_when_its_track_is_read_later(tmp_path):
+    heat = given("Cell", "heat", RNG.random((2, N_CELLS)))
+    track = open_source(vtp_frames(tmp_path, heat)).tracks["heat"]
+    assert np.array_equal(track.read(0, 1).ravel(), heat[0][0][1])
+    vtp_frames(tmp_path, given("Cell", "heat", RNG.random((2, N_CELLS))))
+    with pytest.raises(InvalidInputError, match=r"f_1\.vtp \(frame 1\) changed"):
+        track.read(1, 2)
 
 
 @ALL

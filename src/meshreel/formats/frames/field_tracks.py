@@ -1,5 +1,6 @@
-"""Data arrays of VTK that change over time, to tracks whose values are read on demand."""
+"""Arrays that every frame has for itself, as in files of VTK, to tracks that are read on demand."""
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -10,13 +11,16 @@ import numpy.typing as npt
 from meshreel.errors import InvalidInputError
 from meshreel.formats.frames.stored_tracks import StoredTrack, kind_said
 from meshreel.formats.notes import note_kinds, note_left_out
-from meshreel.formats.vtk.data_arrays import COLOR_NAMES, NORMALS, UV_NAMES
 from meshreel.surface import Domain
 from meshreel.tracks import MAX_COLUMNS, NUMBER_TYPES, TrackKind, default_kind
 
 Values = npt.NDArray[Any]
 Key = tuple[Domain, str]
 """Where the values of an array are, and its name."""
+
+NORMALS = "Normals"
+UV_NAMES = {"uv", "uvmap", "st", "tcoords", "texturecoordinates", "texture coordinates"}
+COLOR_NAMES = {"color", "colors", "colour", "colours", "rgb", "rgba", "cd"}
 
 UNIT_LENGTH = 1e-3
 """How far the length of normals may be from 1, as rounded numbers of files are."""
@@ -44,8 +48,16 @@ class Field:
     unit: str = ""
 
 
+Fields = Mapping[Key, tuple[Values, str]]
+"""Numbers of the arrays of a frame on the surface, of shape (N,) or (N, C), and their roles."""
+
 ReadField = Callable[[int, Key], Values]
 """Gives the numbers of an array in a frame on the surface, of shape (N,) or (N, C)."""
+
+
+def described_field(values: Values, role: str) -> Field:
+    """What is known of an array of a frame."""
+    return Field(values.dtype, math.prod(values.shape[1:]), role)
 
 
 def add_field(fields: dict[Key, Field], key: Key, field: Field) -> None:
