@@ -230,12 +230,12 @@ test("facts are those of every stream", () => {
         start: wanted.start ?? 0,
         promise: wanted.promise,
         type: wanted["vertex type"] === 4 ? "float32" : "float64",
-        tracks: (wanted.tracks ?? []).map(({ name, unit, kind, domain, bound }) => ({
+        tracks: (wanted.tracks ?? []).map(({ name, unit, kind, domain, coding, bound }) => ({
           name,
           unit,
           kind: KINDS[kind],
           domain: DOMAINS[domain],
-          promisedError: bound || null,
+          promisedError: coding === 1 ? 0 : bound || null,
         })),
         blocks: wanted.blocks.map((block) => block.frames),
       },

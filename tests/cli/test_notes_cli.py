@@ -50,3 +50,13 @@ def test_manifest_has_what_was_left_out_when_a_batch_reads_a_file(odd, tmp_path)
     run_json("batch", tmp_path, tmp_path / "out", "--workers", "1")
     manifest = json.loads((tmp_path / "out" / "manifest.json").read_text())
     assert manifest["inputs"]["odd.npz"]["notes"] == [SAID]
+
+
+def test_report_is_on_positions_when_a_file_has_tracks(tmp_path):
+    grid = waving_grid()
+    arrays = {"vertices": grid.vertices, "faces": grid.faces, "heat": np.zeros((12, 99))}
+    np.savez(tmp_path / "a.npz", **arrays)
+    options = ["--out", "report", "--quick", "--methods", "pca"]
+    figures = run_json("paper", tmp_path / "a.npz", *options, cwd=tmp_path)
+    assert "left out: tracks, for the report is on positions: heat" in figures["notes"]
+    assert "drop the tracks" not in (tmp_path / "report" / "report.md").read_text()

@@ -2,6 +2,7 @@
 
 import shlex
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from itertools import chain
 from pathlib import Path
 
@@ -9,9 +10,11 @@ from meshreel.cli.console import print_json, print_notes, print_table, progress_
 from meshreel.evaluation.pipeline import Evaluation, R, Study, evaluate
 from meshreel.flag import simulate_flag
 from meshreel.formats.load import load
+from meshreel.formats.notes import listed, note_left_out
 from meshreel.formats.sources import files_of_source
 from meshreel.rendering.plots import require_matplotlib
 from meshreel.runtime.outputs.checks import check_output_folder
+from meshreel.sequence import MeshSequence
 
 
 def check_before_work(inputs: Sequence[str], out: Path, others: Sequence[Path] = ()) -> None:
@@ -62,12 +65,23 @@ def write_report(
     """
     notes: list[str] = []
     with progress_bar() as progress:
-        sequences = [load(source, progress=progress, notes=notes) for source in inputs]
+        sequences = [
+            _without_tracks(load(source, progress=progress, notes=notes), notes)
+            for source in inputs
+        ]
         sequences = sequences or [simulate_flag(flag_frames, progress=progress)]
         command = command_line(study.program, inputs, out, options)
         made = evaluate(study, sequences, out, command=command, progress=progress)
     print_notes([*notes, *chain.from_iterable(made.notes.values())])
     _print_report(made, out, notes, as_json=as_json)
+
+
+def _without_tracks(sequence: MeshSequence, notes: list[str]) -> MeshSequence:
+    """The sequence without tracks, which would count in the sizes of some methods only."""
+    if not sequence.tracks:
+        return sequence
+    note_left_out(notes, f"tracks, for the report is on positions: {listed(sequence.tracks)}")
+    return replace(sequence, tracks={})
 
 
 def _print_report(made: Evaluation[R], out: Path, notes: list[str], *, as_json: bool) -> None:

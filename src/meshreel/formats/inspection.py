@@ -44,14 +44,14 @@ class MeshInfo:
         Corners of the bounding box of all frames, in model units; None where it has a problem.
     attributes : tuple of str
         What goes along with the mesh: "uv 'st' of corners".
+    tracks : tuple of str
+        What changes over time beside the positions: "heat: scalar of each vertex, float32 in K".
     parts : tuple of str
         Names of the meshes that it was merged of.
     materials, images : tuple of str
         As in `meshreel.codec.inspect.StreamInfo`.
     problem : str or None
         Why it cannot be encoded as it is.
-    tracks : tuple of str
-        Quantities over time, such as "stress: scalar of each vertex, float32 in Pa".
     """
 
     name: str
@@ -68,8 +68,8 @@ class MeshInfo:
     parts: tuple[str, ...] = ()
     materials: tuple[str, ...] = ()
     images: tuple[str, ...] = ()
-    problem: str | None = None
     tracks: tuple[str, ...] = ()
+    problem: str | None = None
 
     @property
     def duration_s(self) -> float | None:
@@ -186,11 +186,11 @@ def _sequence_info(sequence: FrameSource) -> MeshInfo:
         tuple(part.name for part in sequence.surface.parts),
         described_materials(sequence.surface),
         described_images(sequence.surface),
-        tracks=_described(sequence.tracks),
+        _described_tracks(sequence.tracks),
     )
 
 
-def _described(tracks: Mapping[str, TrackSource]) -> tuple[str, ...]:
+def _described_tracks(tracks: Mapping[str, TrackSource]) -> tuple[str, ...]:
     return tuple(f"{name}: {described_track(track)}" for name, track in tracks.items())
 
 
@@ -224,8 +224,8 @@ def _scene_mesh_info(mesh: SceneMesh, options: ReadOptions, number: int, n_meshe
         parts=tuple(part.name for part in surface.parts),
         materials=described_materials(surface),
         images=described_images(surface),
+        tracks=_described_tracks(mesh.tracks(range(n_frames))) if problem is None else (),
         problem=problem,
-        tracks=() if problem else _described(mesh.tracks(range(n_frames))),
     )
 
 

@@ -10,6 +10,7 @@ from meshreel.formats.inspection import inspect_source
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.save import save
 from samples.meshes import quad_sheet, two_sheets, waving_grid
+from samples.tracks import tracked_sheet
 
 
 def only_mesh(source, **options):
@@ -37,6 +38,19 @@ def test_files_and_frames_are_counted_when_each_holds_a_frame(tmp_path):
     size = sum(path.stat().st_size for path in tmp_path.iterdir())
     assert (found.n_files, found.size_bytes, found.format) == (5, size, "Wavefront OBJ")
     assert (found.meshes[0].n_frames, found.meshes[0].duration_s) == (5, 0.5)
+
+
+@pytest.mark.parametrize("ending", [".npz", ".h5", ".vtkhdf"])
+def test_tracks_are_told_when_a_file_holds_some(tmp_path, ending):
+    pytest.importorskip("h5py")
+    save(tracked_sheet(3, ("vertex",)), tmp_path / f"a{ending}")
+    assert set(only_mesh(tmp_path / f"a{ending}").tracks) == {
+        "heat of vertex/s: scalar of each vertex, float32 in K",
+        "flow_vertex: velocity of each vertex, 3 x float64",
+        "shade_vertex: color of each vertex, 4 x uint8",
+        "step_vertex: scalar of each vertex, int64",
+        "tensor_vertex: other of each vertex, 9 x float32",
+    }
 
 
 def test_each_mesh_is_told_when_a_file_holds_several(tmp_path):
