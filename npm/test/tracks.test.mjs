@@ -34,7 +34,10 @@ const {
 } = await loadInternals();
 
 const { signal } = new AbortController();
-const WITH_TRACKS = REELS.filter((name) => said(name).tracks);
+/** Exact tracks, and blocks without all their values, are for a build to come. */
+const isToCome = (name) =>
+  name === "missing_values" || said(name).tracks?.some(({ coding }) => coding === 1);
+const WITH_TRACKS = REELS.filter((name) => said(name).tracks && !isToCome(name));
 
 async function withReel(from, work, options) {
   const reel = await ReelFile.open(from, options);
@@ -70,6 +73,18 @@ test("values of every track are those of Python, to the bit", async () => {
       for (const { name: track, "hash of values": hash } of said(name).tracks) {
         assert.equal(sha(...(await valuesOf(reel, reel.track(track)))), hash, `${name}: ${track}`);
       }
+    });
+  }
+});
+
+test("positions are there, and words for tracks that this build cannot read", async () => {
+  const names = REELS.filter(isToCome);
+  assert.ok(names.length >= 9);
+  for (const name of names) {
+    await withReel(bytesOf(name), async (reel) => {
+      assert.equal(sha(...(await valuesOf(reel, reel))), said(name)["hash of positions"], name);
+      const asked = async () => reel.track(reel.info.tracks[0].name).frame(0);
+      await assert.rejects(asked, { name: "UnsupportedVersionError" }, name);
     });
   }
 });

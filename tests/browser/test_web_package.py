@@ -68,8 +68,15 @@ def said_of_streams():
 
 
 def streams_with_tracks():
-    """Names of streams, and hashes of the values of each track of theirs."""
-    said = {name: one["tracks"] for name, one in said_of_streams().items() if one.get("tracks")}
+    """Names of streams, and hashes of the values of each track of theirs.
+
+    Exact tracks, and blocks without all their values, are for a build to come.
+    """
+    said = {
+        name: one["tracks"]
+        for name, one in said_of_streams().items()
+        if one.get("tracks") and name != "missing_values" and not one["tracks"][0]["coding"]
+    }
     hashes = {
         f"{name}: {track['name']}": track["hash of values"]
         for name, tracks in said.items()
