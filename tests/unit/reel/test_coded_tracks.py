@@ -7,7 +7,10 @@ import pytest
 
 import meshreel
 from meshreel.codec.reel_file import ReelFile
+from meshreel.codec.track_bounds import Measure, TrackBound
 from meshreel.errors import InvalidInputError
+from meshreel.reel.encoding.tracks import UNIT_LENGTH_TOLERANCE, length_allowed
+from meshreel.subspace.trajectories import BoundingFrame
 from samples.meshes import irregular_sequence, quad_sheet, waving_grid
 
 RNG = np.random.default_rng(3)
@@ -91,6 +94,13 @@ def test_normals_have_the_length_one_and_turn_by_no_more_than_the_bound():
     cosines = np.sum(there * np.delete(normals, 4, axis=1), axis=2)
     turns = np.degrees(np.arccos(np.clip(cosines, -1, 1)))
     assert 0.5 < turns.max() <= 2
+
+
+@pytest.mark.parametrize("degrees", [0.01, 0.5, 30])
+def test_an_angle_is_kept_when_a_normal_is_a_little_shorter_than_one(degrees):
+    box = BoundingFrame((0.0, 0.0, 0.0), 2.0)
+    apart = length_allowed(TrackBound(Measure.ANGLE, degrees), box)
+    assert np.degrees(np.arcsin(apart / (1 - UNIT_LENGTH_TOLERANCE))) <= degrees
 
 
 def test_colors_are_as_near_as_their_bits():

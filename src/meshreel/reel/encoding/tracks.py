@@ -333,7 +333,7 @@ def length_allowed(bound: TrackBound, frame: BoundingFrame) -> float:
     if bound.measure is Measure.SHARE:
         return bound.amount / 100.0 * frame.scale
     if bound.measure is Measure.ANGLE:
-        return math.sin(math.radians(bound.amount))
+        return math.sin(math.radians(bound.amount)) * (1.0 - UNIT_LENGTH_TOLERANCE)
     return bound.amount
 
 
