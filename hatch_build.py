@@ -32,6 +32,7 @@ PROJECTS = ("npm", "web")
 COMMANDS = (("ci", "--no-audit", "--no-fund", "--fetch-retries=1"), ("run", "build"))
 TIME_LIMIT_S = 600
 COMPILE_CORE = "core/compile.py"
+HEADER = "core/reader/meshreel.h"
 # There is no such extra. pip names the requirement where it cannot be had, and so says what else
 # would do.
 COMPILER = "ziglang[or-install-gcc-or-clang]>=0.13"
@@ -67,7 +68,7 @@ class BuildHook(BuildHookInterface):
         root = Path(self.root)
         if self.target_name == "wheel":
             try:
-                self.add_core(build_data)
+                self.add_core(version, build_data)
             except RuntimeError as error:
                 self.app.abort(f"meshreel cannot be built: {error}")
         if not is_current(root):
@@ -82,8 +83,10 @@ class BuildHook(BuildHookInterface):
         if hasattr(self, "work"):
             self.work.cleanup()
 
-    def add_core(self, build_data: dict[str, Any]) -> None:
+    def add_core(self, version: str, build_data: dict[str, Any]) -> None:
         """Compile the core, unless that of the checkout is current, and name what it runs on.
+
+        Its header for programs in C goes with it, but in a checkout stays where it is.
 
         Raises
         ------
@@ -100,6 +103,8 @@ class BuildHook(BuildHookInterface):
         else:
             library = core["TARGET"] if core["is_current"]() else core["build"]()
             build_data["artifacts"].append(f"/{library.relative_to(root).as_posix()}")
+        if version == "standard":
+            build_data["force_include"][str(root / HEADER)] = "meshreel/kernel/meshreel.h"
         build_data["pure_python"] = False
         build_data["tag"] = f"py3-none-{target.tag if other else core['wheel_tag']()}"
 

@@ -23,7 +23,7 @@ from meshreel.entropy.exact import decode_exact
 from meshreel.materials import SLOTS
 from meshreel.paper.decoder import PaperBlockDecoder, stored_mesh
 from meshreel.reel.agreed.blocks import read_corrections, read_field_block
-from meshreel.reel.agreed.graphs import item_graph
+from meshreel.reel.agreed.items import items_of
 from meshreel.reel.decoder import TrackDecoder
 
 LETTERS = {"u1": "B", "i4": "i", "f4": "f", "f8": "d"}
@@ -34,7 +34,7 @@ def read_by_core(data):
     stream = read_stream(data)
     opened, sequence = OpenStream(stream), decode(data)
     blocks, anchors = read_blocks(opened)
-    is_reel = opened.method.name == "reel"
+    is_ours = opened.method.name in ("reel", "lossless", "grid")
     starts = [one.payload for one in stream.leading if one.id is Section.START]
     promises = [one.payload for one in stream.leading if one.id is Section.PROMISE]
     numbers = [np.frombuffer(one[0], "<f8").item() if one else None for one in (starts, promises)]
@@ -48,7 +48,7 @@ def read_by_core(data):
         start=numbers[0],
         promise=numbers[1],
         anchors=anchors,
-        positions=Floats(sequence.vertices) if is_reel else None,
+        positions=Floats(sequence.vertices) if is_ours else None,
         tracks=tracks_of(opened),
     )
 
@@ -95,6 +95,8 @@ def read_blocks(opened):
     if opened.method.name == "reel":
         graph = opened.internal_faces, opened.n_verts
         return [reel_block(graph, one) for one in stored], []
+    if opened.method.name in ("lossless", "grid"):
+        return [{"frames": one.n_frames, "modes": one.n_modes} for one in stored], []
     decoder = opened.blocks()
     assert isinstance(decoder, PaperBlockDecoder)
     mesh = stored_mesh(opened, decoder._variant)
@@ -120,16 +122,15 @@ def tracks_of(opened):
     """Of each further track what it is, its blocks, and its values."""
     found = []
     for number, header in enumerate(opened.tracks, start=1):
-        decoder, graph = TrackDecoder(opened, number), graph_of(opened, header)
+        decoder, items = TrackDecoder(opened, number), items_of(opened, header)
         blocks, values = [], []
         for block in range(len(opened.stream.places)):
             is_exact = header.is_exact
-            stored = stored_track_block(
-                opened.stream, block, number, decoder.shape, is_exact=is_exact
-            )
+            shape = items.n_counted, header.n_coded
+            stored = stored_track_block(opened.stream, block, number, shape, is_exact=is_exact)
             found_block = {"frames": stored.n_frames, "modes": 0}
             if not is_exact:
-                found_block = reel_block(graph, stored, header.n_columns)
+                found_block = reel_block(items.graph, stored, header.n_coded)
             blocks.append(found_block)
             values.append(decoder.block(block))
         said = {
@@ -137,18 +138,12 @@ def tracks_of(opened):
             "unit": header.unit,
             "kind": KINDS.index(header.kind),
             "domain": DOMAINS.index(header.domain),
-            "coding": int(header.is_exact),
+            "coding": int(header.coding),
+            **({"rate": header.rate} if header.coding.has_rate else {}),
             "bound": header.bound,
         }
         found.append((said, blocks, Floats(np.concatenate(values))))
     return found
-
-
-def graph_of(opened, header):
-    """Faces and number of what has values."""
-    if header.domain == "vertex":
-        return opened.internal_faces, opened.n_verts
-    return item_graph(header.domain, opened.faces, opened.surface, opened.n_verts)
 
 
 def reel_block(graph, stored, n_columns=3):
@@ -168,6 +163,8 @@ def reel_block(graph, stored, n_columns=3):
         "correction step": 0.0,
         "corrections": {},
     }
+    if layout.n_reused:
+        found |= {"reused": layout.n_reused, "finer": float(layout.finer)}
     moves = read_corrections(stored, graph[1], n_columns)
     if moves is not None:
         at = zip(moves.frames.tolist(), moves.vertices.tolist(), strict=True)

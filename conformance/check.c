@@ -2,7 +2,8 @@
 
    OUT holds the internal faces (int32), and of `reel` for each block its basis and coefficients
    (int32) and its positions (of the vertex type, vertices in internal order), then the same of
-   further tracks. Of other methods only faces are decoded, and no tracks of faces and corners.
+   further tracks; of `lossless`, `grid` and exact tracks no integers. Of other methods only faces are
+   decoded, and no tracks of faces and corners.
    Streams are those of conformance/streams: nothing that comes in is checked. */
 
 #include <math.h>
@@ -15,7 +16,7 @@
 
 enum { BLOCK = 16, BASIS = 17, COEFFICIENTS = 19, FIELDS = 21, CORRECTIONS = 22, TRACK_BLOCK = 23 };
 enum { VALUES = 24, MISSING = 25 };
-enum { TRACK = 138, REEL = 7, MOST_TRACKS = 8, MOST_BLOCKS = 100 };
+enum { TRACK = 138, REEL = 7, LOSSLESS = 8, GRID = 9, MOST_TRACKS = 8, MOST_BLOCKS = 100 };
 
 typedef struct {
     const uint8_t *at, *end;
@@ -59,7 +60,8 @@ static void take(bytes *in, void *to, size_t size) {
 /* What a stream has for all its blocks. */
 typedef struct {
     uint32_t n_verts, n_faces;
-    uint8_t method;
+    uint8_t method, vertex_type;
+    void *positions; /* of the block */
     int32_t *faces, *starts, *near;
     int64_t n_near;
 } stream;
@@ -73,16 +75,21 @@ typedef struct {
 } hierarchy;
 
 typedef struct {
-    bool is_of_vertices, has_normals, is_exact;
-    uint8_t number_type;
-    int64_t n_columns;
+    bool is_of_vertices, has_normals;
+    uint8_t number_type, coding;
+    int64_t n_columns, n_coded;
     double *placement; /* scale and origin */
+    double rate;
 } track;
 
+enum { BY_MODES = 0, EXACT = 1, TURNS = 2, BACKWARD = 3, CENTRAL = 4, FORWARD = 5, EXACT_BACKWARD = 6 };
+
 typedef struct {
-    int64_t n_frames, n_modes, precision, reference, size, n_learned;
-    float step;
-    double *values; /* n_verts x n_modes */
+    bool is_of_positions;
+    int64_t n_frames, n_modes, precision, reference, size, n_learned, n_reused;
+    float step, finer;
+    double *values;  /* n_verts x n_modes */
+    double *lengths; /* of the fields that are reused */
 } block;
 
 static hierarchy hierarchy_of(const stream *s, int64_t size) {
@@ -244,6 +251,28 @@ static void *read_exact(const stream *s, bytes in, int64_t n_frames, int64_t wid
     return values;
 }
 
+/* Positions of `grid`: behind the step, integers, or if it is 0 what they stand for. */
+static void *read_grid(const stream *s, const track *of, bytes in, int64_t n_frames) {
+    double step;
+    memcpy(&step, in.at, 8);
+    in.at += 8;
+    if (step == 0) {
+        return read_exact(s, in, n_frames, 3, of->number_type);
+    }
+    const int32_t *places = read_exact(s, in, n_frames, 3, 36);
+    int64_t count = 3 * n_frames * s->n_verts;
+    void *values = room(count * of->number_type);
+    for (int64_t i = 0; i < count; i++) {
+        double value = places[i] * step * of->placement[0] + of->placement[1 + i % 3];
+        if (of->number_type == 4) {
+            ((float *)values)[i] = (float)value;
+        } else {
+            ((double *)values)[i] = value;
+        }
+    }
+    return values;
+}
+
 /* Makes NaN of the values that are missing. */
 static void drop_missing(const stream *s, const track *of, bytes in, int64_t n_frames, void *values) {
     int64_t count = n_frames * s->n_verts * of->n_columns;
@@ -257,12 +286,83 @@ static void drop_missing(const stream *s, const track *of, bytes in, int64_t n_f
     }
 }
 
-static void write_frames(const stream *s, const track *of, const hierarchy *h, const block *b,
+static double number_at(const void *values, int number_type, int64_t place) {
+    return number_type == 4 ? ((const float *)values)[place] : ((const double *)values)[place];
+}
+
+/* The difference of positions at a frame from those beside it: of number i of each frame. */
+static double difference(const stream *s, int coding, int64_t n_frames, int64_t t, int64_t i) {
+    int64_t first = t > 0 ? t - 1 : 0, second = t + 1 < n_frames ? t + 1 : t;
+    bool is_inside = t > 0 && t + 1 < n_frames;
+    if (is_inside && coding == BACKWARD) {
+        second = t;
+    } else if (is_inside && coding == FORWARD) {
+        first = t;
+    }
+    int64_t row = 3LL * s->n_verts;
+    double apart = number_at(s->positions, s->vertex_type, second * row + i) -
+                   number_at(s->positions, s->vertex_type, first * row + i);
+    return is_inside && coding == CENTRAL ? apart / 2.0 : apart;
+}
+
+/* Floats from the integers that lead to them from what differences of positions let expect. */
+static void move_places(const stream *s, const track *of, int64_t n_frames, void *places) {
+    int64_t row = 3LL * s->n_verts;
+    for (int64_t i = 0; i < row * n_frames; i++) {
+        double expected = of->rate * difference(s, of->coding - 3, n_frames, i / row, i % row);
+        if (of->number_type == 4) {
+            float rounded = isfinite((float)expected) ? (float)expected : 0.0F;
+            uint32_t bits, by;
+            memcpy(&bits, &rounded, 4);
+            memcpy(&by, (uint8_t *)places + 4 * i, 4);
+            bits = (bits >> 31 ? bits ^ 0x7FFFFFFFU : bits) + by;
+            bits = bits >> 31 ? bits ^ 0x7FFFFFFFU : bits;
+            memcpy((uint8_t *)places + 4 * i, &bits, 4);
+        } else {
+            double rounded = isfinite(expected) ? expected : 0.0;
+            uint64_t bits, by;
+            memcpy(&bits, &rounded, 8);
+            memcpy(&by, (uint8_t *)places + 8 * i, 8);
+            bits = (bits >> 63 ? bits ^ 0x7FFFFFFFFFFFFFFFU : bits) + by;
+            bits = bits >> 63 ? bits ^ 0x7FFFFFFFFFFFFFFFU : bits;
+            memcpy((uint8_t *)places + 8 * i, &bits, 8);
+        }
+    }
+}
+
+/* Values that positions let expect, changed by what is decoded. */
+static void *predicted(const stream *s, const track *of, const double *decoded, int64_t n_frames) {
+    int64_t n = s->n_verts, count = 3 * n * n_frames;
+    void *values = room((size_t)(count * of->number_type));
+    if (of->coding == TURNS) {
+        double *normals = room((size_t)(8 * count));
+        done(reel_normals(s->positions, s->vertex_type, n_frames, n, s->faces, s->n_faces, NULL, n,
+                          normals),
+             "normals");
+        done(reel_turned(normals, decoded, n * n_frames, of->number_type, values), "turning");
+        return values;
+    }
+    for (int64_t i = 0; i < count; i++) {
+        double apart = difference(s, of->coding, n_frames, i / (3 * n), i % (3 * n));
+        double found = of->rate * apart + decoded[i];
+        if (of->number_type == 4) {
+            ((float *)values)[i] = (float)found;
+        } else {
+            ((double *)values)[i] = found;
+        }
+    }
+    return values;
+}
+
+static void write_frames(stream *s, const track *of, const hierarchy *h, const block *b,
                          const int32_t *integers, bytes coded_moves, bytes missing, FILE *out) {
-    int64_t n = s->n_verts, n_modes = b->n_modes, n_frames = b->n_frames, width = of->n_columns;
+    int64_t n = s->n_verts, n_modes = b->n_modes, n_frames = b->n_frames, width = of->n_coded;
+    int64_t decoded_type = of->coding == BY_MODES ? of->number_type : 8;
     double *basis = room(8 * width * n_frames * n_modes), *fields = room(8 * n_modes * n);
     size_t needed = reel_basis_memory(width, n_frames);
-    done(reel_basis(room(needed), needed, integers, n_modes, width, n_frames, basis), "basis");
+    done(reel_basis(room(needed), needed, integers, n_modes, width, n_frames, b->lengths, b->n_reused,
+                    basis),
+         "basis");
     for (int64_t i = 0; i < n; i++) {
         for (int64_t mode = 0; mode < n_modes; mode++) {
             fields[mode * n + h->order[i]] = (double)b->step * b->values[i * n_modes + mode];
@@ -277,13 +377,19 @@ static void write_frames(const stream *s, const track *of, const hierarchy *h, c
         wanted[t] = (int32_t)t;
     }
     size_t count = (size_t)(width * n_frames * n);
-    uint8_t *values = room(count * of->number_type);
+    void *values = room(count * (size_t)decoded_type);
     needed = reel_frames_memory(width, n_frames, n_modes, n_frames);
     done(reel_frames(room(needed), needed, basis, fields, n, 1, 1.0, b->precision, NULL, width, n_frames, n_modes,
                      n, wanted, n_frames, moved.starts, moved.vertices, moved.moves, of->placement,
-                     of->number_type, values),
+                     decoded_type, values),
          "frames");
-    if (of->has_normals) {
+    if (b->is_of_positions) {
+        s->positions = values;
+    }
+    if (of->coding != BY_MODES) {
+        values = predicted(s, of, values, n_frames);
+        count = (size_t)(of->n_columns * n_frames * n);
+    } else if (of->has_normals) {
         to_unit_length(values, of->number_type, (int64_t)count);
     }
     if (missing.at) {
@@ -292,38 +398,63 @@ static void write_frames(const stream *s, const track *of, const hierarchy *h, c
     fwrite(values, of->number_type, count, out);
 }
 
-static block read_block(const stream *s, const track *of, const bytes *sections, int64_t n_frames,
+/* Fields of a block, behind the first ones of its key block. */
+static double *with_reused(double *own, int64_t n_own, const block *key, int64_t n_reused, int64_t n_verts) {
+    if (!n_reused) {
+        return own;
+    }
+    int64_t n_modes = n_reused + n_own;
+    double *all = room(8UL * (size_t)(n_verts * n_modes));
+    for (int64_t v = 0; v < n_verts; v++) {
+        memcpy(all + v * n_modes, key->values + v * key->n_modes, 8UL * (size_t)n_reused);
+        memcpy(all + v * n_modes + n_reused, own + v * n_own, 8UL * (size_t)n_own);
+    }
+    return all;
+}
+
+static block read_block(stream *s, const track *of, const bytes *sections, int64_t n_frames,
                         const block *before, FILE *out) {
     bytes head = sections[sections[BLOCK].at ? BLOCK : TRACK_BLOCK], layout = sections[FIELDS];
     if (sections[BLOCK].at) {
         varint(&head);
     }
-    block b = {.n_frames = n_frames};
+    block b = {.n_frames = n_frames, .is_of_positions = sections[BLOCK].at != NULL};
     b.n_modes = varint(&head);
     b.precision = *layout.at++;
     b.reference = varint(&layout);
     take(&layout, &b.step, 4);
     b.size = varint(&layout);
     b.n_learned = varint(&layout);
+    if (layout.at < layout.end) {
+        b.n_reused = varint(&layout);
+        take(&layout, &b.finer, 4);
+    }
+    int64_t n_own = b.n_modes - b.n_reused;
     hierarchy h = hierarchy_of(s, b.size);
-    int32_t *basis = read_basis(sections[BASIS], b.n_modes, of->n_columns, n_frames, out);
-    int32_t *residuals = read_fields(sections[COEFFICIENTS], b.n_modes, s->n_verts, h.columns,
+    int32_t *basis = read_basis(sections[BASIS], b.n_modes, of->n_coded, n_frames, out);
+    int32_t *residuals = read_fields(sections[COEFFICIENTS], n_own, s->n_verts, h.columns,
                                      h.pass_starts, h.n_passes, h.near_starts, h.near, out);
     const block *key = b.reference ? before - b.reference : NULL;
-    b.values = room(8UL * s->n_verts * (size_t)b.n_modes);
-    reel_fields fields = {s->n_verts, b.n_modes,   b.n_learned, key ? key->n_modes : 0,
-                          residuals,  b.values,    key ? key->values : NULL};
+    double *own = room(8UL * s->n_verts * (size_t)n_own);
+    reel_fields fields = {s->n_verts, n_own, b.n_learned, key ? key->n_modes : 0,
+                          residuals,  own,   key ? key->values : NULL};
     done(reel_predict_decode(&h.mesh, &fields, 0, s->n_verts), "prediction");
+    b.values = with_reused(own, n_own, key, b.n_reused, s->n_verts);
+    if (b.n_reused) {
+        b.lengths = room(8UL * (size_t)b.n_reused);
+        done(reel_lengths(key->values, s->n_verts, key->n_modes, b.n_reused, b.finer, b.lengths), "lengths");
+    }
     write_frames(s, of, &h, &b, basis, sections[CORRECTIONS], sections[MISSING], out);
     return b;
 }
 
 static stream read_header(bytes *in, track *positions) {
-    stream s;
+    stream s = {0};
     uint16_t length;
     memcpy(&s.n_verts, in->at + 14, 4);
     memcpy(&s.n_faces, in->at + 18, 4);
-    *positions = (track){true, false, false, in->at[30], 3, room(32)};
+    s.vertex_type = in->at[30];
+    *positions = (track){true, false, in->at[30], BY_MODES, 3, 3, room(32), 0.0};
     s.method = in->at[31];
     memcpy(positions->placement + 1, in->at + 34, 24);
     memcpy(positions->placement, in->at + 58, 8);
@@ -334,18 +465,29 @@ static stream read_header(bytes *in, track *positions) {
 
 static track read_track(bytes in) {
     track found = {.is_of_vertices = in.at[1] == 0, .has_normals = in.at[0] == 3, .number_type = in.at[2]};
-    found.is_exact = in.at[3];
+    found.coding = in.at[3];
     in.at += 4;
     for (int text = 0; text < 2; text++) { /* name and unit */
         int64_t length = varint(&in);
         in.at += length;
     }
     found.n_columns = varint(&in);
-    if (found.is_exact) {
+    found.n_coded = found.coding == TURNS ? 2 : found.n_columns;
+    if (found.coding >= EXACT_BACKWARD) {
+        memcpy(&found.rate, in.at, 8);
+    }
+    if (found.coding == EXACT || found.coding >= EXACT_BACKWARD) {
         return found;
     }
     found.placement = room(8 * (1 + found.n_columns));
-    memcpy(found.placement, in.at + 8, 8 * (1 + found.n_columns)); /* behind the bound */
+    for (int64_t i = 0; i <= found.n_columns; i++) {
+        found.placement[i] = 0.0;
+    }
+    int64_t given = found.coding == BY_MODES ? 1 + found.n_columns : 1;
+    memcpy(found.placement, in.at + 8, (size_t)(8 * given)); /* behind the bound */
+    if (found.coding >= BACKWARD) {
+        memcpy(&found.rate, in.at + 16, 8);
+    }
     return found;
 }
 
@@ -399,18 +541,28 @@ int main(int count, char **names) {
             read_faces(&s, sections[id], out);
         } else if (id == TRACK) {
             tracks[n_tracks++] = read_track(sections[id]);
+        } else if (id == BLOCK) {
+            bytes head = sections[id];
+            blocks[0][n_blocks - 1].n_frames = varint(&head);
         }
-        if (id == COEFFICIENTS && s.method == REEL && tracks[number].is_of_vertices) {
+        bool has_tracks = s.method == REEL || s.method == LOSSLESS || s.method == GRID;
+        if (id == COEFFICIENTS && has_tracks && tracks[number].is_of_vertices) {
             block *own = blocks[number] + n_blocks - 1; /* the section is the last of a track */
-            bytes head = sections[BLOCK];
-            int64_t n_frames = number ? blocks[0][n_blocks - 1].n_frames : varint(&head);
+            int64_t n_frames = blocks[0][n_blocks - 1].n_frames;
             *own = read_block(&s, tracks + number, sections, n_frames, own, out);
         }
         if (id == VALUES && tracks[number].is_of_vertices) {
             track *of = tracks + number;
             int64_t n_frames = blocks[0][n_blocks - 1].n_frames;
             int64_t one = of->number_type % 16;
-            void *values = read_exact(&s, sections[id], n_frames, of->n_columns, of->number_type);
+            int type = of->coding >= EXACT_BACKWARD ? of->number_type + 32 : of->number_type;
+            void *values = number == 0 && s.method == GRID
+                               ? read_grid(&s, of, sections[id], n_frames)
+                               : read_exact(&s, sections[id], n_frames, of->n_columns, type);
+            if (of->coding >= EXACT_BACKWARD) {
+                move_places(&s, of, n_frames, values);
+            }
+            s.positions = number ? s.positions : values;
             fwrite(values, one, n_frames * s.n_verts * of->n_columns, out);
         }
         in.at += size + 4;

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from conformance.bits import need
 
-METHODS = ("pca-qp", "pca", "pca-q", "v2v", "pca-qs", "blocks", "gft", "reel")
+METHODS = ("pca-qp", "pca", "pca-q", "v2v", "pca-qs", "blocks", "gft", "reel", "lossless", "grid")
 NAMES = {
     0: "END",
     1: "CONNECTIVITY",

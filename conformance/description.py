@@ -51,7 +51,7 @@ def describe_block(block):
     for name, value in block.items():
         if isinstance(value, int):
             found[name] = value
-        elif name == "step" or (name == "correction step" and value):
+        elif name in ("step", "finer") or (name == "correction step" and value):
             found[name] = value.hex()
         elif name.endswith(" steps"):
             found["hash of " + name] = sha(struct.pack(f"<{len(value)}f", *value))

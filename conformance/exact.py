@@ -72,6 +72,11 @@ class Numbers:
         self.scale = 8 * self.size
         self.largest = {"f": (2 - 2**-23) * 2.0**127, "d": (2 - 2**-52) * 2.0**1023}.get(kind)
 
+    @property
+    def rounding(self):
+        """The least variance of an error."""
+        return 2.0**-110 if self.is_float else 2.0 ** -(2 * self.scale + 4)
+
     def value(self, pattern):
         raw = struct.pack("<" + self.letter, pattern)
         return struct.unpack("<" + self.kind, raw)[0]
@@ -161,7 +166,7 @@ class Filter:
         return self.sum_of(self.gains, self.inputs)
 
     def observe(self, error, variance):
-        if not (variance < LARGE and error * error < LARGE):
+        if not (0 < variance < LARGE and error * error < LARGE):
             return False
         r = 1.0 / variance
         step = error * r
@@ -208,6 +213,7 @@ class Reader:
 
     def _read_head(self):
         numbers, self.odd, self.still = self.numbers, 0, 1
+        self.listed = self.kind == LABELS and self.bits.raw(1)
         if self.kind != LABELS:
             if numbers.is_float:
                 numbers.zeros, numbers.digits, numbers.places, scale = map(
@@ -224,7 +230,7 @@ class Reader:
                 self.lags[t] = lag if lag <= t else 0
 
     def _read_items(self):
-        self.order = visit(self.neighbours)
+        self.order = range(self.n_items) if self.listed else visit(self.neighbours)
         self.place = {item: place for place, item in enumerate(self.order)}
         items, frames, columns = self.n_items, self.n_frames, self.width
         self.known = [[[0.0] * columns for _ in range(frames)] for _ in range(items)]
@@ -248,7 +254,10 @@ class Reader:
                     if place[other] < place[item] and other not in here:
                         paths[other] += 1
         there = sorted(paths, key=lambda other: (-paths[other], -place[other]))
-        return (sorted(here, key=lambda other: -place[other]) + there)[:most]
+        found = (sorted(here, key=lambda other: -place[other]) + there)[:most]
+        if self.listed and item:
+            found = [item - 1, *(other for other in found if other != item - 1)][:most]
+        return found
 
     def _read_item(self, item):
         self.item, self.near = item, self._find_near(item)
@@ -351,7 +360,7 @@ class Reader:
             f.inputs.append(self._own_move(t - 1, t - 2, col) if t > 1 else 0.0)
             f.inputs.append(self._own_move(t - lag, t - 1, col) if lag else 0.0)
             value = base + f.move()
-            variance = (f.variance() + min(f.noise, 4 * f.quick)) + 2.0**-110
+            variance = (f.variance() + min(f.noise, 4 * f.quick)) + self.numbers.rounding
         else:
             value = base + mean([known[j][t][col] - known[j][t - 1][col] for j in near[:6]])
         index = 0
@@ -424,7 +433,7 @@ class Reader:
             return
         f.inputs = [self.known[j][0][col] - value for j in self.near] + [0.0, 0.0]
         squares, move = Filter.sum_of(f.inputs, f.inputs), f.move()
-        variance = (f.variance() + 0.2 * (squares / len(self.near))) + 2.0**-110
+        variance = (f.variance() + 0.2 * (squares / len(self.near))) + self.numbers.rounding
         f.observe((known - value) - move, variance)
 
     def _read_odd(self, t):
@@ -452,8 +461,6 @@ class Reader:
         k, low, found = clip(length - (c >> 2) + 3, 0, 7), length - 1, 1
         if low:
             low, found = low - 1, 2 | self._bit("second", c, k)
-        if low:
-            low, found = low - 1, found << 1 | self._bit("third", c, k, found & 1)
         while low >= 24:
             low, found = low - 24, found << 24 | self.bits.raw(24)
         rest = self.bits.raw(low + 1)

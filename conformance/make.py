@@ -8,6 +8,7 @@ import argparse
 import json
 import zlib
 from collections.abc import Callable
+from dataclasses import replace
 from io import BytesIO
 from pathlib import Path
 
@@ -36,11 +37,13 @@ from meshreel.bitstream.layout import Section, VertexType
 from meshreel.bitstream.sections import write_section
 from meshreel.bitstream.writer import whole_stream
 from meshreel.codec.corrections import Corrections
-from meshreel.codec.tracks import TrackHeader, write_track
+from meshreel.codec.tracks import Coding, TrackHeader, write_track
 from meshreel.connectivity.coder import encode_connectivity
 from meshreel.entropy.coder import encode_integers
 from meshreel.entropy.varint import write_varint
+from meshreel.geometry.fans import join_fans
 from meshreel.reel.agreed.blocks import write_field_block, write_track_block
+from meshreel.reel.agreed.expected import MovingSurface
 from meshreel.reel.agreed.fields import FieldBlock, Layout
 from meshreel.reel.agreed.graphs import item_graph
 from meshreel.reel.agreed.mesh import FieldMesh
@@ -144,7 +147,8 @@ def random_block(
 ):
     """A block of integers by chance."""
     basis = integers(rng, (n_modes, n_columns, n_frames), spreads[0])
-    return layout, basis, integers(rng, (n_modes, n_verts), spreads[1]), moves
+    n_own = n_modes - layout.n_reused
+    return layout, basis, integers(rng, (n_own, n_verts), spreads[1]), moves
 
 
 # Meshes of every kind, coded by `reel`.
@@ -197,11 +201,12 @@ for effort in range(1, 10):
 encoded("fine", lambda: moving(grid(7, 7), 12, rough=0.02), quality=100, order="drop")
 encoded("coarse", lambda: moving(grid(9, 9), 12), quality=5, order="drop")
 encoded("geometry", lambda: moving(grid(9, 9), 12), tune="geometry", order="drop")
-encoded("max_error", lambda: moving(sphere(5, 9), 12, rough=0.02), max_error=0.02)
+encoded("max_error", lambda: moving(sphere(5, 9), 12, rough=0.02), max_error=0.02, effort=5)
 encoded(
     "max_error_in_blocks",
     lambda: moving(holes(8, 8), 14, rough=0.01, n_more=1),
     max_error=0.3,
+    effort=5,
     block_frames=5,
 )
 encoded("few_modes", lambda: moving(grid(8, 8), 12), n_modes=2, order="drop")
@@ -307,6 +312,26 @@ def key_blocks():
         for number, (back, step) in enumerate(layouts)
     ]
     return by_hand(faces, 42, blocks, order="vertices")
+
+
+@stream
+def reused_fields():
+    """Blocks that move fields of their key: some or all of them, beside own ones or alone."""
+    rng, faces = np.random.default_rng(14), grid(6, 7)
+    kinds = [(0, 0.01, 0), (1, 0.02, 3), (2, 0.01, 5), (3, 0.004, 1), (0, 0.01, 0), (1, 0.01, 2)]
+    finer = np.float32(2.5)
+    blocks = [
+        random_block(
+            rng,
+            Layout(np.float32(step), 9, 2, back, number % 2 == 0, reused, finer if reused else 0),
+            42,
+            5,
+            4 + number,
+        )
+        for number, (back, step, reused) in enumerate(kinds)
+    ]
+    blocks[4][2][1] = 0  # a field of length 0
+    return by_hand(faces, 42, blocks)
 
 
 @stream
@@ -477,6 +502,89 @@ for domain, n_items in (("face", 40), ("corner", 120)):
     )
 
 
+def with_runs():
+    """A sheet whose faces have numbers in runs, as they are listed."""
+    sheet = moving(grid(5, 6), 5)
+    runs = np.arange(40, dtype=np.int32) // 3 * 5 % 7
+    values = np.broadcast_to(runs[:, None], (5, 40, 1)).copy()
+    values[3:, 20:] += 1
+    tracks = {"runs": Track(values, "face", "other")}
+    return MeshSequence(sheet.vertices, sheet.faces, tracks=tracks)
+
+
+encoded("exact_in_runs", with_runs, order="keep", tracks={"runs": "exact"})
+
+
+def with_signs(sequence):
+    """Positions that are rounded, so that many repeat, half of the zeros among them negative."""
+    rounded = np.round(10 * sequence.vertices) / 10
+    negative = np.random.default_rng(17).random(rounded.shape) < 0.5
+    return MeshSequence(np.where((rounded == 0) & negative, -rounded, rounded), sequence.faces)
+
+
+# Positions bit for bit.
+encoded("lossless", lambda: moving(grid(8, 9), 12, rough=0.001), lossless=True)
+encoded(
+    "lossless_doubles",
+    lambda: moving(sphere(5, 9), 9, dtype=np.float64, shape=(3.0, 1e5), rough=0.001),
+    method="lossless",
+    order="vertices",
+)
+encoded("lossless_one_frame", lambda: moving(sphere(6, 9), 1), lossless=True, order="drop")
+encoded(
+    "lossless_in_blocks",
+    lambda: with_signs(moving(together(grid(5, 6), sphere(4, 7), [[70, 70, 71]]), 11, n_more=2)),
+    lossless=True,
+    block_frames=6,
+)
+encoded("lossless_still", lambda: moving(grid(12, 12), 40, n_waves=0), lossless=True)
+encoded(
+    "lossless_with_tracks",
+    lambda: with_exact_tracks("f8", "vertex", 30),
+    lossless=True,
+    block_frames=4,
+)
+
+
+# Positions on a grid, and where that takes more bytes, as they are.
+encoded("grid", lambda: moving(grid(8, 9), 12, rough=0.001), method="grid", max_error=0.02)
+encoded(
+    "grid_doubles",
+    lambda: moving(sphere(5, 9), 9, dtype=np.float64, shape=(3.0, 1e5), rough=0.001),
+    method="grid",
+    max_error=0.001,
+    order="vertices",
+    block_frames=4,
+)
+encoded(
+    "grid_or_exact",
+    lambda: with_signs(moving(together(grid(5, 6), sphere(4, 7), [[70, 70, 71]]), 11, n_more=2)),
+    method="grid",
+    max_error=0.0001,
+)
+encoded(
+    "grid_with_tracks",
+    lambda: with_exact_tracks("f8", "vertex", 30),
+    method="grid",
+    max_error=0.01,
+    block_frames=4,
+    tracks={"x": "exact"},
+)
+
+
+@stream
+def grid_live():
+    """The same, written block by block."""
+    sheet = moving(grid(6, 7), 9, fps=24.0)
+    return pushed(sheet, fps=24.0, block_frames=4, method="grid", max_error=0.01)
+
+
+@stream
+def lossless_live():
+    """The same, written block by block."""
+    return pushed(moving(grid(6, 7), 9, fps=24.0), fps=24.0, block_frames=4, lossless=True)
+
+
 @stream
 def missing_values():
     """A scalar that some vertices do not have in some frames."""
@@ -487,6 +595,146 @@ def missing_values():
     tracks = {"heat": Track(heat, unit="K")}
     gapped = MeshSequence(sheet.vertices, sheet.faces, tracks=tracks)
     return meshreel.encode(gapped, order="vertices", block_frames=4)
+
+
+def turning(sheet, domain):
+    """Normals of a sheet near to those of its surface, as a program might have them."""
+    surface = MovingSurface(sheet.faces, sheet.faces, sheet.surface)
+    found = surface.normals(Domain(domain), sheet.vertices) + np.array([0.02, 0.0, -0.01])
+    return (found / np.linalg.norm(found, axis=2, keepdims=True)).astype(np.float32)
+
+
+@stream
+def predicted_tracks():
+    """Velocities by each kind of difference, some missing, and normals of the surface."""
+    sheet = moving(grid(5, 6), 7)
+    positions = sheet.vertices.astype(np.float64)
+    steps = 25 * (positions[1:] - positions[:-1])
+    before = np.concatenate([steps[:1], steps]).astype(np.float32)
+    behind = np.concatenate([steps, steps[-1:]])
+    around = (25 * np.gradient(positions, axis=0)).astype(np.float32)
+    around[2, 5:8] = np.nan
+    normals = turning(sheet, "vertex")
+    normals[3, 4] = np.nan
+    tracks = {
+        "before": Track(before, kind="velocity"),
+        "around": Track(around, kind="velocity"),
+        "behind": Track(behind, kind="velocity"),
+        "normals": Track(normals, kind="normal"),
+    }
+    whole = MeshSequence(sheet.vertices, sheet.faces, 25, tracks=tracks)
+    return meshreel.encode(whole, order="vertices", block_frames=6, max_error=0.001)
+
+
+@stream
+def predicted_from_exact_positions():
+    """A velocity and normals that positions without an error predict."""
+    sheet = moving(grid(5, 6), 7)
+    velocity = 30 * np.gradient(sheet.vertices, axis=0).astype(np.float32)
+    exactly = velocity.copy()
+    exactly[2, 3] = [np.nan, -0.0, -np.inf]
+    in_double = 25 * np.diff(sheet.vertices.astype(np.float64), axis=0, append=0)
+    tracks = {
+        "velocity": Track(velocity, kind="velocity"),
+        "normals": Track(turning(sheet, "vertex"), kind="normal"),
+        "exactly": Track(exactly, kind="velocity"),
+        "in double": Track(in_double, kind="velocity"),
+    }
+    whole = MeshSequence(sheet.vertices, sheet.faces, 25, tracks=tracks)
+    bounds = {"velocity": "0.1%", "normals": "0.5deg"}
+    return meshreel.encode(whole, lossless=True, block_frames=4, tracks=bounds)
+
+
+@stream
+def normals_of_polygons():
+    """Normals of faces and corners that are turned from those of a surface of polygons."""
+    sizes, faces = sheet_of_quads()
+    plain = moving(faces, 4)
+    surface = Surface(face_sizes=np.asarray(sizes, np.int32))
+    sheet = MeshSequence(plain.vertices, plain.faces, 25, surface=surface)
+    of_corners = turning(sheet, "corner")
+    of_corners *= 1 + np.float32(2**-20) * np.arange(of_corners.shape[1])[:, None]  # all differ
+    tracks = {
+        "face": Track(turning(sheet, "face"), "face", "normal"),
+        "corner": Track(of_corners.astype(np.float32), "corner", "normal"),
+    }
+    whole = MeshSequence(sheet.vertices, sheet.faces, 25, surface=surface, tracks=tracks)
+    return meshreel.encode(whole, max_error=0.001)
+
+
+def with_corners(sizes, faces, jump):
+    """A sheet with tracks of corners that are those of vertices, but on one half, by a jump.
+
+    A vertex is of no face. Velocities are there where nothing jumps.
+    """
+    plain = moving(faces, 16)
+    vertices = np.concatenate([plain.vertices, plain.vertices[:, :1] + 1], axis=1)
+    surface = Surface(face_sizes=np.asarray(sizes, np.int32) if max(sizes) > 3 else None)
+    sheet = MeshSequence(vertices, faces, 25, surface=surface)
+    of_corners = join_fans(sizes, np.asarray(faces))
+    side = np.repeat(np.arange(len(sizes)) > len(sizes) // 2, sizes)[:, None]
+    t, v, c = np.ogrid[:16, : sheet.n_verts, :2]
+    wave = (30 * np.sin(0.3 * t + 0.4 * v + c)).astype(np.float32)[:, of_corners]
+    wave += side * np.float32(jump) * (1 + np.arange(16, dtype=np.float32)[:, None, None] / 8)
+    gaps = wave.copy()
+    gaps[5:9, of_corners == 7] = np.nan
+    gaps[3, (of_corners == 9) & (side[:, 0] | (not jump)), 1] = np.nan
+    bare = MeshSequence(plain.vertices, faces, surface=surface)
+    normals = turning(bare, "corner")
+    normals[:, side[:, 0] & bool(jump)] *= np.array([1, -1, 1], np.float32)
+    tracks = {
+        "wave": Track(wave, "corner", "vector"),
+        "gaps": Track(gaps, "corner", "uv"),
+        "whole": Track(np.rint(wave[..., :1]).astype(np.int32), "corner"),
+        "normals": Track(normals, "corner", "normal"),
+    }
+    if not jump:
+        velocity = 25 * np.gradient(vertices, axis=0).astype(np.float32)[:, of_corners]
+        tracks["velocity"] = Track(velocity, "corner", "velocity")
+    return MeshSequence(vertices, faces, 25, surface=surface, tracks=tracks)
+
+
+@stream
+def corners_of_vertices():
+    """Tracks of corners that have the values of their vertices, of triangles."""
+    faces = shuffled(grid(5, 6))
+    whole = with_corners(np.full(len(faces), 3), faces, 0)
+    return meshreel.encode(whole, max_error=0.001, block_frames=9)
+
+
+@stream
+def exact_velocities_of_corners():
+    """Velocities of corners, to the bit, that are those of exact vertices."""
+    faces = shuffled(grid(5, 6))
+    whole = with_corners(np.full(len(faces), 3), faces, 0)
+    whole = replace(whole, tracks={"velocity": whole.tracks["velocity"]})
+    return meshreel.encode(whole, lossless=True, block_frames=9)
+
+
+@stream
+def corners_in_rows():
+    """Tracks of corners of polygons with seams, and one where each corner has its own values."""
+    sizes, faces = sheet_of_quads(4, 5)
+    whole = with_corners(sizes, faces, 9)
+    own = np.random.default_rng(18).random((16, len(whole.tracks["wave"][0])))
+    tracks = {**whole.tracks, "own": Track(own.astype(np.float32), "corner")}
+    whole = replace(whole, tracks=tracks)
+    return meshreel.encode(whole, max_error=0.001, block_frames=9)
+
+
+@stream
+def normals_at_the_pole():
+    """Normals of a flat surface, up or straight down, and ones turned so far that none is left."""
+    rng, faces = np.random.default_rng(16), grid(5, 6)
+    layout, single = Layout(np.float32(0.01), 6, 2), np.dtype(np.float32)
+    _, basis, fields, _ = random_block(rng, layout, 30, 4, 4)
+    basis[:, 2] = 0
+    near = TrackHeader("near", "", "normal", Domain.VERTEX, single, 1.0, (0.0,) * 3, Coding.TURNS)
+    further = [
+        (track, [random_block(rng, layout, 30, 4, 4, n_columns=2)])
+        for track in (near, replace(near, name="far", scale=1e154))
+    ]
+    return by_hand(faces, 30, [(layout, basis, fields, None)], tracks=further)
 
 
 @stream

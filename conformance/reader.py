@@ -6,12 +6,13 @@
 
 import json
 import math
+import struct
 import sys
 from array import array
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
-from conformance import paper
+from conformance import paper, predicted
 from conformance.bits import need
 from conformance.connectivity import read_faces
 from conformance.container import Container, Payload, read_container
@@ -21,8 +22,15 @@ from conformance.fields import read_fields
 from conformance.hierarchy import edges_of, passes_of, resolutions_of
 from conformance.order import read_order
 from conformance.prediction import predict_fields
-from conformance.surface import graphs_of, polygons_of, read_surface
-from conformance.timeline import basis_vector, frames_of, passes_by_times, read_corrections
+from conformance.rounding import single
+from conformance.surface import CornerRows, graphs_of, polygons_of, read_surface
+from conformance.timeline import (
+    basis_vector,
+    frames_of,
+    length_of,
+    passes_by_times,
+    read_corrections,
+)
 
 
 @dataclass
@@ -42,7 +50,8 @@ class Reel:
     start, promise : float, None if there is none
     anchors : list of int
     positions : array of float, or None
-        Of `reel`, as they go out: frames, vertices, x y z. Of other methods integers are defined.
+        Of `reel`, `lossless` and `grid`, as they go out: frames, vertices, x y z. Of other methods
+        integers are defined.
     tracks : list
         Of each further track what it is, its blocks, and its values like positions.
     """
@@ -74,13 +83,16 @@ class Items:
     """What has values: n vertices, faces or corners; `order` is how they go out.
 
     Those at a corner each of one of `faces` are next to each other. `found` keeps resolutions by
-    the size of stencils.
+    the size of stencils. Where corners share values, `corners` are the values that they have as
+    these go out; `vertices` are those of rows, as they go out.
     """
 
     faces: list
     n: int
     order: object
     found: dict
+    corners: object = None
+    vertices: object = None
 
     @property
     def neighbours(self):
@@ -110,7 +122,7 @@ def read(data):
         order, faces = read_order(container.only("ORDER"), internal, header.n_verts)
     polygons = polygons_of(container, faces)
     blocks, anchors, positions, tracks = [], [], None, []
-    if header.method == "reel":
+    if header.method in ("reel", "lossless", "grid"):
         mesh = Items(internal, header.n_verts, order, {})
         (_, blocks, positions), *tracks = read_reel_tracks(container, mesh, polygons)
     else:
@@ -149,10 +161,16 @@ def number_of(container, section):
 LETTERS = dict(zip((4, 8, 17, 18, 20, 24, 33, 34, 36, 40), "fdBHIQbhiq", strict=True))
 """Number types as `struct` and `array` write them."""
 
-NORMALS = 3
-"""Kind of a track of normals."""
+EXACT = 1
+"""Coding of an exact track."""
 
-COLUMNS = {1: (2, 3), 2: (3,), NORMALS: (3,), 4: (3, 4), 5: (2,), 6: (1,)}
+CORNERS, BY_VERTEX, BY_ROW = 2, 3, 4
+"""Domains of tracks of corners: each has its value, or its vertex has it, or its row."""
+
+VELOCITIES, NORMALS = 2, 3
+"""Kinds of tracks."""
+
+COLUMNS = {1: (2, 3), VELOCITIES: (3,), NORMALS: (3,), 4: (3, 4), 5: (2,), 6: (1,)}
 """Columns that tracks of some kinds may have."""
 
 
@@ -161,14 +179,24 @@ def read_track(payload):
     payload = Payload(payload)
     kind, domain, number_type, coding = (payload.byte() for _ in range(4))
     name, unit, n_columns = payload.text(), payload.text(), payload.varint()
-    need(kind < 7 and domain < 3 and coding < 2 and number_type in LETTERS)
+    need(kind < 7 and domain < 5 and coding < 9 and number_type in LETTERS)
     need(n_columns in COLUMNS.get(kind, range(1, 257)), "a track has columns that it cannot have")
-    bound, scale, origin = 0.0, 1.0, [0.0] * n_columns
-    if coding == 0:
-        need(number_type in (4, 8), "modes are of floats")
-        bound, scale, *origin = (payload.number("d") for _ in range(2 + n_columns))
-    payload.end()
     said = {"name": name, "unit": unit, "kind": kind, "domain": domain, "coding": coding}
+    bound, scale, origin = 0.0, 1.0, [0.0] * n_columns
+    if not predicted.is_exact(coding):
+        bound, scale = payload.number("d"), payload.number("d")
+    need(coding == EXACT or number_type in (4, 8), "modes and differences are of floats")
+    if coding == 0:
+        origin = [payload.number("d") for _ in range(n_columns)]
+    elif coding == predicted.TURNS:
+        need(kind == NORMALS, "what is turned is no normal")
+        origin = [0.0] * 2
+    elif coding != EXACT:
+        need(kind == VELOCITIES and domain in (0, BY_VERTEX), "differences are of vertices")
+        said["rate"] = payload.number("d")
+    if domain == BY_ROW:
+        said["rows"] = payload.rest()
+    payload.end()
     return said | {"bound": bound}, Placement(number_type, scale, tuple(origin))
 
 
@@ -195,49 +223,101 @@ def read_reel_tracks(container, mesh, polygons):
     header, tracks = container.header, []
     placed = Placement(header.vertex_type, header.scale, header.origin)
     all_items = [mesh, *(Items(pairs, n, range(n), {}) for pairs, n in graphs_of(polygons))]
+    all_items.append(replace(mesh, corners=polygons.vertices_of_corners()))
     lengths = [Payload(block[0]["BLOCK"]).varint() for block in container.blocks]
     further = [read_track(payload) for payload in container.all_of("TRACK")]
-    for number, (said, place) in enumerate([({"domain": 0}, placed), *further]):
-        blocks, values, items = [], None, all_items[said["domain"]]
+    positions = {"domain": 0, "coding": int(header.method != "reel")}
+    for number, (said, place) in enumerate([(positions, placed), *further]):
+        blocks, values, rows = [], None, said.pop("rows", None)
+        items = all_items[said["domain"]] if rows is None else of_rows(rows, mesh, all_items)
+        coding = said.get("coding", 0)
         for block, n_frames in zip(container.blocks, lengths, strict=True):
-            read = read_exact_block if said.get("coding") else read_reel_block
-            integers, found = read(block[number], n_frames, place, blocks, items)
+            read = read_exact_block if predicted.is_exact(coding) else read_reel_block
+            if said is positions and header.method == "grid":
+                read = read_grid_block
+            integers, found = read(block[number], n_frames, place, blocks, items, coding)
+            if coding > EXACT:
+                at, size = sum(one["frames"] for one in blocks), 3 * mesh.n
+                points = tracks[0][2][at * size : (at + n_frames) * size]
+                letter = LETTERS[place.number_type]
+                found = predicted.predicted_values(
+                    said, found, points, mesh, polygons, letter, items.vertices
+                )
+            elif said.get("kind") == NORMALS:
+                found = of_unit_length(found)
+            if "MISSING" in block[number]:
+                n_columns = len(found) // (n_frames * items.n)
+                found = without_missing(found, block[number], (n_frames, items.n, n_columns), items)
+            if items.corners is not None:
+                found = spread(found, n_frames, items)
             blocks.append(integers)
             values = found if values is None else values + found
-        if said.get("kind") == NORMALS:
-            values = of_unit_length(values)
-        tracks.append((said, blocks, values))
+        tracks.append((said | {"domain": min(said["domain"], CORNERS)}, blocks, values))
     return tracks
 
 
-def read_reel_block(group, n_frames, placed, blocks, items):
-    """Integers and values of a track in a block; `blocks` are those before."""
+def of_rows(payload, mesh, all_items):
+    """The rows that corners share."""
+    vertices = all_items[BY_VERTEX].corners
+    rows = CornerRows(payload, [mesh.order[vertex] for vertex in vertices], mesh.n)
+    of_row = dict(zip(mesh.order, range(mesh.n), strict=True))
+    of_row.update(zip(rows.of_corners, vertices, strict=True))
+    pairs = rows.pairs(all_items[CORNERS].faces)
+    return Items(pairs, rows.n, range(rows.n), {}, rows.of_corners, of_row)
+
+
+def spread(values, n_frames, items):
+    """Values of a block for each corner."""
+    width, found = len(values) // (n_frames * items.n), array(values.typecode)
+    for t in range(n_frames):
+        for item in items.corners:
+            place = (t * items.n + item) * width
+            found += values[place : place + width]
+    return found
+
+
+def read_reel_block(group, n_frames, placed, blocks, items, coding):
+    """Integers and values of a track in a block; `blocks` are those before.
+
+    Values of a track that is predicted are not rounded.
+    """
     block = read_integers(group, n_frames, len(placed.origin), items)
-    key = ()
+    key = []
     if block["reference"]:
         need(block["reference"] <= len(blocks), "there is no key block")
         other = blocks[-block["reference"]]
         need(other["reference"] == 0 and other["stencil"] == block["stencil"])
         key = other["values"]
+    n_reused = block.get("reused", 0)
+    need(n_reused <= len(key), "the key block has fewer fields than are reused")
+    reused = key[:n_reused]
     resolutions = items.resolutions(block["stencil"])
-    block["values"] = predict_fields(
+    block["values"] = reused + predict_fields(
         resolutions, block["coefficients"], block["stencil"], block["learned"], key
     )
     scaled = [{v: one * block["step"] for v, one in row.items()} for row in block["values"]]
-    bases = [basis_vector(row, n_frames) for row in block["basis"]]
+    # Fields have their vertices in the order in which they were decoded.
+    lengths = [length_of(field.values()) / block["finer"] for field in reused]
+    lengths += [None] * len(block["coefficients"])
+    bases = [
+        basis_vector(row, n_frames, length)
+        for row, length in zip(block["basis"], lengths, strict=True)
+    ]
     corrections = block["correction step"], block["corrections"]
-    values = frames_of(bases, scaled, block["precision"], corrections, placed, items.order)
-    if "MISSING" in group:
-        values = without_missing(values, group, n_frames, placed, items)
-    return block, values
+    if coding:
+        placed = replace(placed, number_type=8)
+    return block, frames_of(bases, scaled, block["precision"], corrections, placed, items.order)
 
 
-def read_exact_block(group, n_frames, placed, blocks, items):
-    """The same of an exact track, which has no modes."""
-    head = Payload(group["TRACK_BLOCK"])
-    need(head.varint() == 0, "an exact track has modes")
+def read_exact_block(group, n_frames, placed, blocks, items, coding):
+    """The same of an exact track, or of positions of `lossless`, which have no modes."""
+    head = Payload(group["BLOCK"] if "BLOCK" in group else group["TRACK_BLOCK"])
+    if "BLOCK" in group:
+        head.varint()
+    need(head.varint() == 0, "exact values have modes")
     head.end()
-    letter, shape = LETTERS[placed.number_type], (n_frames, items.n, len(placed.origin))
+    letter = LETTERS[placed.number_type if coding <= EXACT else placed.number_type + 32]
+    shape = (n_frames, items.n, len(placed.origin))
     rows = read_exact(group["VALUES"], shape, letter, items.neighbours)
     numbers, size = array(letter), array(letter).itemsize
     for frame in rows:
@@ -246,9 +326,25 @@ def read_exact_block(group, n_frames, placed, blocks, items):
     return {"frames": n_frames, "modes": 0}, numbers
 
 
-def without_missing(values, group, n_frames, placed, items):
+def read_grid_block(group, n_frames, placed, blocks, items, coding):
+    """The same of positions of `grid`: behind the step, integers, or what they stand for."""
+    (step,) = struct.unpack("<d", group["VALUES"][:8])
+    need(0 <= step <= 1, "the step of a grid is none")
+    rest = {**group, "VALUES": group["VALUES"][8:]}
+    if step == 0:
+        return read_exact_block(rest, n_frames, placed, blocks, items, coding)
+    whole = replace(placed, number_type=36)
+    found, places = read_exact_block(rest, n_frames, whole, blocks, items, coding)
+    numbers = array(LETTERS[placed.number_type])
+    for place, n in enumerate(places):
+        value = n * step * placed.scale + placed.origin[place % 3]
+        numbers.append(single(value) if placed.number_type == 4 else value)
+    need(all(map(math.isfinite, numbers)), "positions are not finite")
+    return found, numbers
+
+
+def without_missing(values, group, shape, items):
     """Values of a block, with NaN where the file says so."""
-    shape = n_frames, items.n, len(placed.origin)
     rows = read_exact(group["MISSING"], shape, "B", items.neighbours)
     flags = (flag for frame in rows for item in items.order for flag in frame[item])
     for place, flag in enumerate(flags):
@@ -273,6 +369,10 @@ def read_integers(group, n_frames, n_columns, items):
         *(layout.varint(), layout.number("f")),
         *(layout.varint(), layout.varint()),
     )
+    n_reused, finer = 0, 0.0
+    if reference and layout.position < len(layout.data):
+        n_reused, finer = layout.varint(), layout.number("f")
+        need(0 < n_reused <= n_modes and 0 < finer < 1e6)
     layout.end()
     need(1 <= size <= 16 and n_learned <= 255 and 0 < step < 1e6)
     corrections = 0.0, {}
@@ -287,8 +387,9 @@ def read_integers(group, n_frames, n_columns, items):
         "precision": precision,
         "stencil": size,
         "learned": n_learned,
+        **({"reused": n_reused, "finer": finer} if n_reused else {}),
         "basis": read_fields(group["BASIS"], n_modes, passes_by_times(n_columns, n_frames)),
-        "coefficients": read_fields(group["COEFFICIENTS"], n_modes, passes),
+        "coefficients": read_fields(group["COEFFICIENTS"], n_modes - n_reused, passes),
         "correction step": corrections[0],
         "corrections": corrections[1],
     }

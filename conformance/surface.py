@@ -270,6 +270,39 @@ def graphs_of(polygons):
     return (of_faces, len(polygons.sizes)), (of_corners, polygons.n_corners)
 
 
+class CornerRows:
+    """The rows that corners share: `of_corners`, and how many there are."""
+
+    def __init__(self, payload, vertices, n_verts):
+        payload = Payload(payload)
+        n_stored, last = payload.varint(), [[] for _ in range(n_verts)]
+        for corner, vertex in enumerate(vertices):
+            last[vertex].append(corner)
+        need(n_stored <= len(vertices), "rows are of more corners than there are")
+        has_seam, stored = integers(payload.rest(), [n_verts, n_stored])
+        need(all(one in (0, 1) for one in has_seam), "a vertex neither has a seam nor has none")
+        need(n_stored == sum(len(last[v]) - 1 for v in range(n_verts) if has_seam[v] and last[v]))
+        self.n, codes, self.of_corners = n_verts, iter(stored), [None] * len(vertices)
+        for vertex, corners in enumerate(last):
+            found = []
+            for _ in corners:
+                code = next(codes) if has_seam[vertex] and found else 0
+                found.append(self.row(code, found) if found else vertex)
+            for corner, row in zip(corners, found, strict=True):
+                self.of_corners[corner] = row
+
+    def row(self, code, before):
+        if code == 1:
+            self.n += 1
+            return self.n - 1
+        need(0 <= code <= len(before), "a corner has the row of none before")
+        return before[-max(code, 1)]
+
+    def pairs(self, pairs):
+        """Pairs of rows for pairs of corners."""
+        return [(self.of_corners[one], self.of_corners[other]) for one, other in pairs]
+
+
 def read_surface(container, polygons):
     """All that is said of the faces and vertices as they go out."""
     n_verts = container.header.n_verts

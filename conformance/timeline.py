@@ -57,16 +57,21 @@ def predicted(a, b, c, e):
     return (b + c) / 2
 
 
-def basis_vector(coded, n_frames):
-    """The C T_b numbers of a mode."""
+def basis_vector(coded, n_frames, length=None):
+    """The C T_b numbers of a mode; divided by their length, if no other is given."""
     values = []
     for first in range(0, len(coded), n_frames):
         values += values_at_times(coded[first : first + n_frames])
+    length = length or length_of(values)
+    return [one / length for one in values]
+
+
+def length_of(values):
+    """The root of the sum of the squares; 1 if it is 0."""
     total = 0.0
     for one in values:
         total += one * one
-    length = sqrt(total) or 1.0
-    return [one / length for one in values]
+    return sqrt(total) or 1.0
 
 
 def read_corrections(payload, n_columns, n_frames, n_verts):

@@ -19,6 +19,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 CORE = Path(__file__).resolve().parent
+READER = CORE / "reader"
 KERNEL = CORE.parent / "src" / "meshreel" / "kernel"
 # gcc for Windows keeps wide vectors on stacks that it does not align for them.
 COMPILERS = () if sys.platform == "win32" else ("cc", "clang", "gcc")
@@ -29,6 +30,7 @@ FLAGS = (
     "-ffp-contract=off",
     "-fno-math-errno",
     "-fno-strict-aliasing",
+    "-DMESHREEL_BUILD",
 )
 WARNINGS = ("-Wall", "-Wextra", "-Wconversion", "-Wno-sign-conversion", "-Wshadow", "-Werror")
 SANITIZERS = ("-O1", "-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
@@ -54,6 +56,7 @@ DECODER = (
     "reel_hierarchy_memory",
     "reel_integers_decode",
     "reel_integers_memory",
+    "reel_lengths",
     "reel_order_decode",
     "reel_order_memory",
     "reel_patterns_decode",
@@ -61,6 +64,14 @@ DECODER = (
     "reel_predict_decode",
     "reel_twins",
     "reel_twins_memory",
+)
+# Of the module that is loaded beside it, where a stream has exact values.
+EXACT_DECODER = (
+    "reel_abi",
+    "reel_adjacency",
+    "reel_adjacency_memory",
+    "reel_exact_decode",
+    "reel_exact_memory",
 )
 
 
@@ -78,14 +89,17 @@ class Target:
         What zig calls it.
     tag : str
         The platform in the name of a wheel; of WebAssembly there are none.
+    is_small : bool
+        Whether all files are compiled to be small.
     quick : tuple of str
-        If any files are named, all are compiled to be small, these a little less than all others.
+        Files that then are so a little less than all others.
     """
 
     library: str
     flags: tuple[str, ...]
     triple: str
     tag: str = ""
+    is_small: bool = False
     quick: tuple[str, ...] = ()
 
 
@@ -99,7 +113,7 @@ WASM_QUICK = ("predict.c", "smooth.c")
 SMALL = ("-Os",)
 # The compiler of ziglang takes -Os for -Oz, but where it is told again.
 SMALLEST = ("-Os", "-Xclang", "-Oz")
-PLAIN_WASM = (
+LEAN_WASM = (
     "-O3",
     "-flto",
     "-nostdlib",
@@ -109,9 +123,11 @@ PLAIN_WASM = (
     "-Wl,--no-entry",
     "-Wl,--gc-sections",
     "-Wl,--strip-all",
-    *(f"-Wl,--export={name}" for name in (*DECODER, "__heap_base")),
+    "-Wl,--export=__heap_base",
 )
+PLAIN_WASM = (*LEAN_WASM, *(f"-Wl,--export={name}" for name in DECODER))
 WASM = ("-msimd128", *PLAIN_WASM)
+EXACT_WASM = (*LEAN_WASM, *(f"-Wl,--export={name}" for name in EXACT_DECODER))
 TARGETS = {
     "linux-x86_64": Target(
         "libreel.so",
@@ -128,9 +144,13 @@ TARGETS = {
     "macosx-arm64": Target("libreel.dylib", MACH_O, "aarch64-macos.11.0", "macosx_11_0_arm64"),
     "macosx-x86_64": Target("libreel.dylib", MACH_O, "x86_64-macos.11.0", "macosx_11_0_x86_64"),
     "win-amd64": Target("reel.dll", PE, "x86_64-windows-gnu", "win_amd64"),
-    "wasm": Target("reel.wasm", WASM, "wasm32-freestanding", quick=WASM_QUICK),
+    "wasm": Target("reel.wasm", WASM, "wasm32-freestanding", is_small=True, quick=WASM_QUICK),
     # For engines without vectors.
-    "wasm-plain": Target("reel_plain.wasm", PLAIN_WASM, "wasm32-freestanding", quick=WASM_QUICK),
+    "wasm-plain": Target(
+        "reel_plain.wasm", PLAIN_WASM, "wasm32-freestanding", is_small=True, quick=WASM_QUICK
+    ),
+    # What decodes exact values, for all engines.
+    "wasm-exact": Target("reel_exact.wasm", EXACT_WASM, "wasm32-freestanding", is_small=True),
 }
 HERE = {
     "win32": Target("reel.dll", PE, ""),
@@ -140,8 +160,8 @@ TARGET = KERNEL / HERE.library
 
 
 def sources() -> list[Path]:
-    """The files of the core that the library is made of."""
-    return sorted([*CORE.glob("*.c"), *CORE.glob("*.h")])
+    """The files of the core and of the reader that the library is made of."""
+    return sorted(file for folder in (CORE, READER) for file in folder.glob("*.[ch]"))
 
 
 def zig() -> list[str] | None:
@@ -180,8 +200,11 @@ def commands(output: Path, extra: Sequence[str] = (), target: str | None = None)
     if found is None:
         raise RuntimeError(NO_COMPILER if target is None else f"{target} needs the package ziglang")
     files = [file for file in sources() if file.suffix == ".c"]
+    if target is not None and TARGETS[target].is_small:  # pages read streams by themselves
+        files = [file for file in files if file.parent == CORE]
     quick = TARGETS[target].quick if target else ()
-    small = {file: f"{file.stem}.o" for file in files} if quick else {}
+    is_small = target is not None and TARGETS[target].is_small
+    small = {file: f"{file.stem}.o" for file in files} if is_small else {}
     compiled = [flag for flag in flags if not flag.startswith(("-Wl,", "-nostdlib"))]
     objects = [
         [*found, *FLAGS, *compiled, *extra, *size, "-c", str(file), "-o", name]

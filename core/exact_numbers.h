@@ -23,7 +23,9 @@ typedef struct {
     int places;
     int scale; /* values are scaled by 2^-scale */
     double down, up; /* 2^-scale, 2^scale */
+    double rounding; /* least variance of an error, scaled */
     uint64_t least_of_ten; /* 10^(digits - 1) */
+    uint64_t steps; /* indices of a decade: 9 x least_of_ten */
     uint64_t most; /* index of decimal floats */
 } reel_numbers;
 
@@ -61,19 +63,21 @@ REEL_INLINE uint64_t reel_sign_bit(const reel_numbers *numbers) {
 }
 
 /* Scales by a power of two, within -REEL_MOST_SCALE..REEL_MOST_SCALE. */
-static void reel_set_scale(reel_numbers *numbers, int scale) {
+REEL_INLINE void reel_set_scale(reel_numbers *numbers, int scale) {
     numbers->scale = scale;
     numbers->down = reel_double_of((uint64_t)(1023 - scale) << 52);
     numbers->up = reel_double_of((uint64_t)(1023 + scale) << 52);
+    numbers->rounding = numbers->type == REEL_FLOATS ? 0x1p-110 : numbers->down * numbers->down / 16;
 }
 
-static void reel_set_decimal(reel_numbers *numbers, int digits, int places) {
+REEL_INLINE void reel_set_decimal(reel_numbers *numbers, int digits, int places) {
     numbers->digits = digits;
     numbers->places = places;
     numbers->least_of_ten = 1;
     for (int i = 1; i < digits; i++) {
         numbers->least_of_ten *= 10;
     }
+    numbers->steps = 9 * numbers->least_of_ten;
     uint64_t decades = (uint64_t)(places + REEL_MOST_PLACES);
     numbers->most = numbers->least_of_ten * (10 + 9 * decades) - 1;
 }
@@ -132,17 +136,18 @@ REEL_INLINE bool reel_is_odd(const reel_numbers *numbers, uint64_t pattern) {
 
 /* ---- decimal floats ---- */
 
-/* By how many decades a magnitude is above those with all places. */
-REEL_INLINE int reel_decade_of(const reel_numbers *numbers, double magnitude) {
+/* By how many decades a magnitude is above those with all places; that of another is tried first. */
+REEL_INLINE int reel_decade_of(const reel_numbers *numbers, double magnitude, int tried) {
+    int first = numbers->digits - numbers->places; /* of those below 10^this it is 0 */
     int most = numbers->places + REEL_MOST_PLACES;
-    int octave = (int)(reel_bits_of(magnitude) >> 52) - 1023;
-    int decade = (octave * 1233 >> 12) - (numbers->digits - numbers->places); /* or the next */
-    decade = decade < 0 ? 0 : decade > most ? most : decade;
-    while (decade < most &&
-           magnitude >= reel_ten_to(numbers->digits - numbers->places + decade)) {
-        decade++;
+    if (magnitude < reel_ten_to(first + tried) &&
+        (tried == 0 || magnitude >= reel_ten_to(first + tried - 1))) {
+        return tried;
     }
-    return decade;
+    int octave = (int)(reel_bits_of(magnitude) >> 52) - 1023;
+    int decade = (octave * 1233 >> 12) + 1 - first; /* or the next */
+    decade = decade < 0 ? 0 : decade > most ? most : decade;
+    return decade + (decade < most && magnitude >= reel_ten_to(first + decade));
 }
 
 REEL_INLINE uint64_t reel_decimal_index(const reel_numbers *numbers, double magnitude,
@@ -152,18 +157,19 @@ REEL_INLINE uint64_t reel_decimal_index(const reel_numbers *numbers, double magn
     if (!(count < 1e16)) {
         return numbers->most;
     }
-    uint64_t index = (uint64_t)(count + 0.5) + 9 * numbers->least_of_ten * (uint64_t)decade;
+    uint64_t index = (uint64_t)(int64_t)(count + 0.5) + numbers->steps * (uint64_t)decade;
     return index < numbers->most ? index : numbers->most;
 }
 
-REEL_INLINE uint64_t reel_decimal_pattern(const reel_numbers *numbers, uint64_t index) {
-    uint64_t least = numbers->least_of_ten;
-    int decade = 0;
+/* The magnitude with an index; a decade is tried first. */
+REEL_INLINE uint64_t reel_decimal_pattern(const reel_numbers *numbers, uint64_t index, int tried) {
+    uint64_t least = numbers->least_of_ten, steps = numbers->steps;
     index = index < numbers->most ? index : numbers->most;
-    for (; index >= 10 * least; index -= 9 * least) {
-        decade++;
+    int decade = tried;
+    if (index - (least + steps * (uint64_t)tried) >= steps) {
+        decade = index < least ? 0 : (int)((index - least) / steps);
     }
-    double count = (double)index;
+    double count = (double)(int64_t)(index - steps * (uint64_t)decade);
     int places = numbers->places - decade;
     double value = places < 0 ? count * reel_ten_to(-places) : count / reel_ten_to(places);
     if (numbers->size == 8) {
@@ -174,19 +180,24 @@ REEL_INLINE uint64_t reel_decimal_pattern(const reel_numbers *numbers, uint64_t 
 
 /* ---- all numbers ---- */
 
-/* The index of a number, modulo 2^64: below 0, -1 - that of the magnitude. */
-REEL_INLINE uint64_t reel_index_of(const reel_numbers *numbers, uint64_t pattern) {
-    if (numbers->type == REEL_UNSIGNED_INTEGERS) {
-        return pattern;
+/* An integer, modulo 2^64. */
+REEL_INLINE uint64_t reel_integer_of(const reel_numbers *numbers, uint64_t pattern) {
+    uint64_t sign = numbers->type == REEL_SIGNED_INTEGERS ? reel_sign_bit(numbers) : 0;
+    return (pattern ^ sign) - sign;
+}
+
+/* The index of a number, modulo 2^64: below 0, -1 - that of the magnitude. Of decimal floats a
+   decade is tried first, and that of the number left. */
+REEL_INLINE uint64_t reel_index_of(const reel_numbers *numbers, uint64_t pattern, int *decade) {
+    if (numbers->type != REEL_FLOATS) {
+        return reel_integer_of(numbers, pattern);
     }
     uint64_t sign = reel_sign_bit(numbers);
-    if (numbers->type == REEL_SIGNED_INTEGERS) {
-        return (pattern ^ sign) - sign;
-    }
     uint64_t index = pattern & (sign - 1);
     if (numbers->digits) {
         double magnitude = reel_float_value(numbers, index);
-        index = reel_decimal_index(numbers, magnitude, reel_decade_of(numbers, magnitude));
+        *decade = reel_decade_of(numbers, magnitude, *decade);
+        index = reel_decimal_index(numbers, magnitude, *decade);
     } else {
         index >>= numbers->shift;
     }
@@ -194,14 +205,14 @@ REEL_INLINE uint64_t reel_index_of(const reel_numbers *numbers, uint64_t pattern
 }
 
 /* The pattern with an index; of damaged bytes, any. */
-REEL_INLINE uint64_t reel_pattern_of(const reel_numbers *numbers, uint64_t index) {
+REEL_INLINE uint64_t reel_pattern_of(const reel_numbers *numbers, uint64_t index, int decade) {
     uint64_t sign = reel_sign_bit(numbers);
     if (numbers->type != REEL_FLOATS) {
         return index & (sign | (sign - 1));
     }
     bool negative = index >> 63;
     index = negative ? ~index : index;
-    uint64_t pattern = numbers->digits ? reel_decimal_pattern(numbers, index)
+    uint64_t pattern = numbers->digits ? reel_decimal_pattern(numbers, index, decade)
                                        : index << numbers->shift & (sign - 1);
     return negative ? pattern | sign : pattern;
 }
@@ -210,7 +221,7 @@ REEL_INLINE uint64_t reel_pattern_of(const reel_numbers *numbers, uint64_t index
 REEL_INLINE double reel_known_value(const reel_numbers *numbers, uint64_t pattern,
                                     double expected) {
     if (numbers->type != REEL_FLOATS) {
-        uint64_t index = reel_index_of(numbers, pattern);
+        uint64_t index = reel_integer_of(numbers, pattern);
         return (numbers->type == REEL_SIGNED_INTEGERS ? (double)(int64_t)index : (double)index) *
                numbers->down;
     }
@@ -230,9 +241,9 @@ REEL_INLINE uint64_t reel_nearest_float(const reel_numbers *numbers, double valu
 
 /* The index that is expected for a scaled value, and the size of a step of the index there, in
    sixteenths of octaves of scaled values. An integer is expected as far from that of `index` as the
-   value from its base. */
+   value from its base. Of decimal floats a decade is tried first, and that of the value left. */
 REEL_INLINE uint64_t reel_expected_index(const reel_numbers *numbers, double value, double base,
-                                         uint64_t index, int32_t *step) {
+                                         uint64_t index, int *decade, int32_t *step) {
     if (numbers->type != REEL_FLOATS) {
         double move = (value - base) * numbers->up;
         move = move < -0x1p62 ? -0x1p62 : move > 0x1p62 ? 0x1p62 : move;
@@ -243,9 +254,9 @@ REEL_INLINE uint64_t reel_expected_index(const reel_numbers *numbers, double val
     uint64_t sign = reel_sign_bit(numbers), size = pattern & (sign - 1), found;
     if (numbers->digits) {
         double magnitude = reel_float_value(numbers, size);
-        int decade = reel_decade_of(numbers, magnitude);
-        found = reel_decimal_index(numbers, magnitude, decade);
-        *step = 53 * (decade - numbers->places) - 16 * numbers->scale;
+        *decade = reel_decade_of(numbers, magnitude, *decade);
+        found = reel_decimal_index(numbers, magnitude, *decade);
+        *step = 53 * (*decade - numbers->places) - 16 * numbers->scale;
     } else {
         int mantissa = numbers->size == 8 ? 52 : 23, exponent = (int)(size >> mantissa);
         int least = numbers->size == 8 ? 1074 : 149;

@@ -19,6 +19,7 @@ typedef struct {
     int32_t *place;  /* of each item; REEL_NOT_YET */
     int32_t *queues; /* REEL_QUEUES x items */
     int32_t *counts; /* of each item, between calls 0 */
+    bool are_listed; /* items come in the order of their numbers */
 } reel_visits;
 
 REEL_INLINE size_t reel_visits_room(size_t n) {
@@ -33,7 +34,7 @@ REEL_INLINE void reel_take_visits(reel_visits *visits, reel_arena *arena, size_t
 }
 
 /* Whether the graph is one of its n items. */
-static bool reel_is_graph(const reel_graph *graph) {
+REEL_INLINE bool reel_is_graph(const reel_graph *graph) {
     if (graph->starts[0] != 0) {
         return false;
     }
@@ -56,7 +57,7 @@ typedef struct {
 } reel_queue_ends;
 
 /* The first item of the highest queue that has not come, or -1. */
-static int32_t reel_next_item(reel_visits *visits, reel_queue_ends *ends) {
+REEL_INLINE int32_t reel_next_item(reel_visits *visits, reel_queue_ends *ends) {
     for (int i = REEL_QUEUES - 1; i >= 0; i--) {
         const int32_t *queue = visits->queues + (int64_t)i * visits->graph.n;
         while (ends->first[i] < ends->end[i]) {
@@ -70,7 +71,8 @@ static int32_t reel_next_item(reel_visits *visits, reel_queue_ends *ends) {
 }
 
 /* An item comes; its neighbours that have not are queued by how many of theirs have. */
-static void reel_visit(reel_visits *visits, reel_queue_ends *ends, int32_t item, int32_t place) {
+REEL_INLINE void reel_visit(reel_visits *visits, reel_queue_ends *ends, int32_t item,
+                            int32_t place) {
     const reel_graph *graph = &visits->graph;
     visits->order[place] = item;
     visits->place[item] = place;
@@ -83,7 +85,15 @@ static void reel_visit(reel_visits *visits, reel_queue_ends *ends, int32_t item,
     }
 }
 
-static void reel_find_visits(reel_visits *visits) {
+REEL_INLINE void reel_list_visits(reel_visits *visits) {
+    for (int32_t i = 0; i < visits->graph.n; i++) {
+        visits->order[i] = visits->place[i] = i;
+        visits->counts[i] = 0;
+    }
+    visits->are_listed = true;
+}
+
+REEL_INLINE void reel_find_visits(reel_visits *visits) {
     int32_t n = visits->graph.n, seed = 0;
     reel_queue_ends ends = {0};
     for (int32_t i = 0; i < n; i++) {
@@ -100,6 +110,7 @@ static void reel_find_visits(reel_visits *visits) {
     for (int32_t i = 0; i < n; i++) {
         visits->counts[i] = 0;
     }
+    visits->are_listed = false;
 }
 
 /* Keeps the `most` of the highest keys, highest first. */
@@ -117,8 +128,8 @@ REEL_INLINE int reel_keep(int64_t *keys, int n, int most, int64_t key) {
 
 /* Counts the paths of two edges to each earlier place that is not next to the item; or lists these
    places, with the number of paths above the place in `keys`, and forgets the counts. */
-static int reel_walk_paths(reel_visits *visits, int32_t place, bool lists, int64_t *keys, int n,
-                           int most) {
+REEL_INLINE int reel_walk_paths(reel_visits *visits, int32_t place, bool lists, int64_t *keys,
+                                int n, int most) {
     const reel_graph *graph = &visits->graph;
     int32_t item = visits->order[place];
     for (int32_t i = graph->starts[item]; i < graph->starts[item + 1]; i++) {
@@ -143,7 +154,7 @@ static int reel_walk_paths(reel_visits *visits, int32_t place, bool lists, int64
 
 /* Earlier places that expect that at a place: next to it, the latest first; then those two edges
    away, first to which most paths lead, of these the latest. Returns how many. */
-static int reel_find_near(reel_visits *visits, int32_t place, int most, int32_t *found) {
+REEL_INLINE int reel_find_near(reel_visits *visits, int32_t place, int most, int32_t *found) {
     const reel_graph *graph = &visits->graph;
     int64_t keys[REEL_MOST_NEAR];
     int32_t item = visits->order[place], first = graph->starts[item], end = graph->starts[item + 1];
@@ -168,6 +179,20 @@ static int reel_find_near(reel_visits *visits, int32_t place, int most, int32_t 
     for (int32_t i = first; i < end; i++) {
         visits->counts[graph->near[i]] = 0;
     }
+    return n;
+}
+
+/* Puts the place before first among those that expect one. */
+REEL_INLINE int reel_put_first(int32_t before, int32_t *found, int n, int most) {
+    int at = 0;
+    while (at < n && found[at] != before) {
+        at++;
+    }
+    n += at == n && n < most;
+    for (at = at < n ? at : n - 1; at > 0; at--) {
+        found[at] = found[at - 1];
+    }
+    found[0] = before;
     return n;
 }
 

@@ -1,4 +1,6 @@
-/* The core of meshreel: what a .reel stream means. docs/format.md says it in words.
+/* The core of meshreel: what a .reel stream means. docs/format.md says it in words. It is called by
+   the package for Python and that for pages, which are of one version with it; programs that read
+   files in C or C++ have reader/meshreel.h, which stays as it is.
 
    Every function is pure: it reads and writes only the arrays that it is given, keeps nothing, and
    may run on several threads at once. Nothing is allocated: whoever calls gives `memory` of at
@@ -13,10 +15,10 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#if defined(_WIN32)
+#if defined(REEL_PRIVATE) /* in a library that offers meshreel.h alone */
+#define REEL_API
+#elif defined(_WIN32)
 #define REEL_API __declspec(dllexport)
-#elif defined(__wasm__)
-#define REEL_API __attribute__((visibility("default")))
 #else
 #define REEL_API __attribute__((visibility("default")))
 #endif
@@ -25,7 +27,7 @@
 extern "C" {
 #endif
 
-#define REEL_ABI 4 /* changes with every change of a function below */
+#define REEL_ABI 6 /* changes with every change of a function below */
 
 enum reel_code {
     REEL_OK = 0,
@@ -135,10 +137,15 @@ REEL_API int64_t reel_predict_prepare(const reel_mesh *mesh, const reel_fields *
 
    A track has n_columns numbers at each vertex and frame; positions have x, y and z. Basis vectors
    of length 1 (or 0): of each column n_frames times of n_modes numbers, from integers as they are
-   coded: of each mode all times of the first column, then of the next. */
+   coded: of each mode all times of the first column, then of the next. Vectors of the first
+   n_reused modes, whose fields are those of a key block, are divided by `lengths` instead: those of
+   the first modes of `values`, n_verts x n_modes, by `finer`, as reel_lengths finds them. */
 REEL_API size_t reel_basis_memory(int64_t n_columns, int64_t n_frames);
 REEL_API int64_t reel_basis(void *memory, size_t memory_size, const int32_t *integers,
-                            int64_t n_modes, int64_t n_columns, int64_t n_frames, double *basis);
+                            int64_t n_modes, int64_t n_columns, int64_t n_frames,
+                            const double *lengths, int64_t n_reused, double *basis);
+REEL_API int64_t reel_lengths(const double *values, int64_t n_verts, int64_t n_modes,
+                              int64_t n_reused, double finer, double *lengths);
 
 /* The integers of basis vectors near to wanted ones, n_modes x n_columns x n_frames in steps; a bit
    is worth `price` squared steps, 0 rounds to the nearest. REEL_INVALID if one is too large. */
@@ -177,6 +184,22 @@ REEL_API int64_t reel_coordinates(const void *vertices, int64_t size, int64_t n_
                                   int64_t n_verts, int64_t n_columns, const int32_t *order,
                                   int64_t first, int64_t last, const double *placement,
                                   double *out);
+
+/* Normals of a surface (normals.c): of each frame of positions, 4 or 8 byte floats, the sums of the
+   cross products of the sides of triangles, in the order of `faces`, divided by their length, or 0
+   where they have none; n_frames x n_items x 3 numbers. Triangle i is of the item items[i]; where
+   `items` is NULL, items are vertices, and it is of its three. Returns n_frames. */
+REEL_API int64_t reel_normals(const void *positions, int64_t size, int64_t n_frames,
+                              int64_t n_verts, const int32_t *faces, int64_t n_faces,
+                              const int32_t *items, int64_t n_items, double *normals);
+
+/* Normals turned by two numbers each, as 4 or 8 byte floats, those of length 0 stay; and the numbers
+   that turn them to given ones, REEL_INVALID at the first that cannot be reached: where only one
+   of both has a length, or near to the opposite. Returns `count`. docs/format.md, "Tracks". */
+REEL_API int64_t reel_turned(const double *normals, const double *turns, int64_t count,
+                             int64_t size, void *turned);
+REEL_API int64_t reel_turns(const double *normals, const void *turned, int64_t size, int64_t count,
+                            double *turns);
 
 /* ---- Residuals of fields to bits ---- */
 

@@ -47,8 +47,27 @@ size_t reel_basis_memory(int64_t n_columns, int64_t n_frames) {
     return reel_room((size_t)n_columns * (size_t)n_frames, sizeof(double));
 }
 
+int64_t reel_lengths(const double *values, int64_t n_verts, int64_t n_modes, int64_t n_reused,
+                     double finer, double *lengths) {
+    for (int64_t mode = 0; mode < n_reused; mode++) {
+        lengths[mode] = 0.0;
+    }
+    for (int64_t v = 0; v < n_verts; v++) {
+        const double *here = values + v * n_modes;
+        for (int64_t mode = 0; mode < n_reused; mode++) {
+            lengths[mode] += here[mode] * here[mode];
+        }
+    }
+    for (int64_t mode = 0; mode < n_reused; mode++) {
+        double size = lengths[mode] > 0.0 ? __builtin_sqrt(lengths[mode]) : 1.0;
+        lengths[mode] = size / finer;
+    }
+    return n_reused;
+}
+
 int64_t reel_basis(void *memory, size_t memory_size, const int32_t *integers, int64_t n_modes,
-                   int64_t n_columns, int64_t n_frames, double *basis) {
+                   int64_t n_columns, int64_t n_frames, const double *lengths, int64_t n_reused,
+                   double *basis) {
     reel_arena arena = reel_arena_of(memory, memory_size);
     int64_t length = n_columns * n_frames;
     double *values = reel_take(&arena, (size_t)length, sizeof *values);
@@ -64,6 +83,7 @@ int64_t reel_basis(void *memory, size_t memory_size, const int32_t *integers, in
             sum += values[i] * values[i];
         }
         double size = sum > 0.0 ? __builtin_sqrt(sum) : 1.0;
+        size = mode < n_reused ? lengths[mode] : size;
         for (int64_t i = 0; i < length; i++) {
             basis[i * n_modes + mode] = values[i] / size;
         }

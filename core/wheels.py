@@ -17,12 +17,14 @@ import zipfile
 from collections.abc import Sequence
 from pathlib import Path
 
+import abi
 import compile as core
 from binaries import read_binary
 
 ROOT = core.CORE.parent
 CHECK = ROOT / "conformance" / "check.c"
 PAGE = {"meshreel/viewer/page/index.html", "meshreel/viewer/page/player.js"}
+HEADER = "meshreel/kernel/meshreel.h"
 MACHINES = {
     "linux-x86_64": ("ELF", "x86_64"),
     "linux-aarch64": ("ELF", "aarch64"),
@@ -73,9 +75,9 @@ def make_wheel(target: str, folder: Path) -> Path:
 
 
 def declared() -> set[str]:
-    """The functions of `reel.h`."""
+    """The functions of `reel.h`, and of `meshreel.h`."""
     text = (core.CORE / "reel.h").read_text()
-    return set(re.findall(r"^REEL_API \w+ (reel_\w+)\(", text, re.MULTILINE))
+    return {*re.findall(r"^REEL_API \w+ (reel_\w+)\(", text, re.MULTILINE), *abi.functions()}
 
 
 def faults(wheel: Path, target: str) -> list[str]:
@@ -92,6 +94,8 @@ def faults(wheel: Path, target: str) -> list[str]:
         metadata = archive.read(next(name for name in names if name.endswith("/WHEEL"))).decode()
     if not set(names) >= PAGE:
         found.append("the page of the player is missing")
+    if HEADER not in names:
+        found.append(f"{HEADER} is missing")
     if "Root-Is-Purelib: false" not in metadata:
         found.append("it claims to be for all machines")
     if (library.kind, library.machine) != MACHINES[target]:

@@ -9,10 +9,17 @@ static double *any_basis(int64_t n_modes, int64_t n_columns, int64_t n_frames) {
     for (int64_t i = 0; i < n; i++) {
         integers[i] = fuzz_integer();
     }
+    int64_t n_reused = fuzz_below(n_modes + 1), n_verts = fuzz_below(4);
+    double *values = fuzz_take(n_verts * n_modes, sizeof *values);
+    for (int64_t i = 0; i < n_verts * n_modes; i++) {
+        values[i] = (double)fuzz_integer();
+    }
+    double *lengths = fuzz_take(n_reused, sizeof *lengths);
+    FUZZ_CLAIM(reel_lengths(values, n_verts, n_modes, n_reused, 4.0, lengths) == n_reused);
     size_t size = reel_basis_memory(n_columns, n_frames);
     double *basis = fuzz_take(n, sizeof *basis);
     int64_t result = reel_basis(fuzz_take((int64_t)size, 1), size, integers, n_modes, n_columns,
-                                n_frames, basis);
+                                n_frames, lengths, n_reused, basis);
     FUZZ_CLAIM(result == n_modes);
     fuzz_note_doubles(basis, n);
     return basis;

@@ -78,5 +78,6 @@ void fuzz_hierarchy(void);
 void fuzz_frames(void);
 void fuzz_basis_encode(void);
 void fuzz_coordinates(void);
+void fuzz_streams(void);
 
 #endif

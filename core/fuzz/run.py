@@ -30,7 +30,8 @@ def build(output: Path, compiler: Sequence[str], extra: Sequence[str] = LOOP) ->
         If it cannot be built.
     """
     flags = [flag for flag in core.FLAGS if not flag.startswith("-std")]
-    files = [str(file) for folder in (core.CORE, FUZZ) for file in sorted(folder.glob("*.c"))]
+    folders = (core.CORE, core.READER, FUZZ)
+    files = [str(file) for folder in folders for file in sorted(folder.glob("*.c"))]
     command = [*compiler, "-std=gnu11", *flags, *extra, *files, "-o", str(output)]
     subprocess.run(command, check=True)
     return output

@@ -18,7 +18,8 @@ open              a .reel file whose frames are decoded when they are asked for:
 Encoder           codes frames as they come
 simulate_flag     a sequence to try things on
 MeshReelError     the base of all errors: InvalidInputError, FormatError, CorruptStreamError,
-                  TruncatedStreamError, UnsupportedVersionError, SolverError, WorkerDiedError
+                  TruncatedStreamError, UnsupportedVersionError, SolverError, StoreError,
+                  WorkerDiedError
 """
 
 from importlib import import_module
@@ -35,6 +36,7 @@ if TYPE_CHECKING:
         InvalidInputError,
         MeshReelError,
         SolverError,
+        StoreError,
         TruncatedStreamError,
         UnsupportedVersionError,
         WorkerDiedError,
@@ -69,6 +71,7 @@ __all__ = [
     "Quality",
     "ReelFile",
     "SolverError",
+    "StoreError",
     "StreamInfo",
     "Surface",
     "Texture",

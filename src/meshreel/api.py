@@ -4,6 +4,7 @@ import inspect
 import os
 import warnings
 from collections.abc import Callable
+from contextlib import nullcontext
 from functools import wraps
 from pathlib import Path
 from typing import Any, Concatenate, ParamSpec, TypeVar
@@ -17,12 +18,16 @@ from meshreel.errors import InvalidInputError
 from meshreel.formats.file_errors import errors_naming, os_errors_naming
 from meshreel.formats.load import load, open_for_encoding
 from meshreel.formats.options import ReadOptions
+from meshreel.formats.reel.reading import open as open_reel
+from meshreel.formats.remote import at_hand
 from meshreel.formats.sources import AnyPath, Source
 from meshreel.frame_choice import start_of
 from meshreel.metrics import compare as metrics
 from meshreel.metrics.compare import Quality
 from meshreel.runtime.progress import Progress, silent
 from meshreel.sequence import FrameSource, MeshSequence
+from meshreel.stores.address import is_remote
+from meshreel.stores.transfer import read_whole
 from meshreel.tracks import copied
 
 Options = ParamSpec("Options")
@@ -40,8 +45,9 @@ def _taking_files(
     @wraps(encode, assigned=("__doc__", "__name__", "__qualname__"))
     def encode_any(sequence: Any, *args: Options.args, **kwargs: Options.kwargs) -> bytes:
         check_names(kwargs, signature.parameters)
-        source = _source(sequence, kwargs.get("memory"))
-        return encode(source, *args, **kwargs)
+        with at_hand(sequence) if _is_path(sequence) else nullcontext(sequence) as given:
+            source = _source(given, kwargs.get("memory"))
+            return encode(source, *args, **kwargs)
 
     first, *others = signature.parameters.values()
     parameters = [first.replace(annotation="AnySequence"), *others]
@@ -64,7 +70,8 @@ def decode(
     Parameters
     ----------
     data : bytes, path, or ReelFile
-        A whole stream, from `encode`, or the file that holds it.
+        A whole stream, from `encode`, or the file that holds it, or its address, such as
+        ``s3://bucket/walk.reel`` (extra ``[remote]``).
     frames : slice, optional
         Frames to give back, as Python slices count them, without a step; only the blocks that
         hold some of them are decoded. Default: all.
@@ -86,6 +93,9 @@ def decode(
         if n_modes is not None:
             raise InvalidInputError("n_modes of a ReelFile is chosen by meshreel.open")
         return _of_reel(data, frames)
+    if frames is not None and is_remote(data):
+        with open_reel(data, n_modes=n_modes) as reel:
+            return _of_reel(reel, frames)
     return _with_stream(
         data,
         "decode",
@@ -99,7 +109,8 @@ def info(data: Stream | AnyPath | ReelFile) -> StreamInfo:
     Parameters
     ----------
     data : bytes, path, or ReelFile
-        A whole stream, or the file that holds it.
+        A whole stream, or the file that holds it, or its address: of a remote file only the index
+        and the heads of sections are fetched, and checksums are not compared.
 
     Raises
     ------
@@ -110,6 +121,9 @@ def info(data: Stream | AnyPath | ReelFile) -> StreamInfo:
     """
     if isinstance(data, ReelFile):
         return data.info()
+    if is_remote(data):
+        with open_reel(data) as reel:
+            return reel.info()
     return _with_stream(data, "info", streams.info)
 
 
@@ -135,6 +149,10 @@ def compare(original: AnySequence, decoded: AnySequence, *, progress: Progress =
 
 def _with_stream(given: Any, function: str, use: Callable[[bytes], Result]) -> Result:
     """Result of a function of the bytes of a stream; errors name the file."""
+    if is_remote(given):
+        data = read_whole(given)
+        with errors_naming(given):
+            return use(data)
     if isinstance(given, str | os.PathLike):
         path = Path(given)
         if not path.is_file():
@@ -166,7 +184,8 @@ def _loaded(given: Any) -> MeshSequence:
     """All frames, in memory."""
     if _is_path(given):
         notes: list[str] = []
-        sequence = load(given, notes=notes)
+        with at_hand(given) as files:
+            sequence = load(files, notes=notes)
         _warn(notes)
         return sequence
     source = _sequence(given)

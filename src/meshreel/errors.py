@@ -31,3 +31,7 @@ class SolverError(MeshReelError):
 
 class WorkerDiedError(MeshReelError):
     """Work that was given up because its worker processes died."""
+
+
+class StoreError(MeshReelError):
+    """A remote file that is not there, or cannot be read or written."""

@@ -3,8 +3,9 @@
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from difflib import get_close_matches
 from enum import StrEnum
-from typing import Any, Protocol
+from typing import Any, Protocol, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -14,6 +15,7 @@ from meshreel.errors import InvalidInputError
 from meshreel.surface import Domain, Surface
 
 Values = npt.NDArray[Any]
+AnyTrack = TypeVar("AnyTrack")
 
 NUMBER_TYPES = tuple(
     np.dtype(name) for name in ("u1", "i1", "u2", "i2", "u4", "i4", "u8", "i8", "f4", "f8")
@@ -152,18 +154,15 @@ class Track:
 
 
 @dataclass(frozen=True, eq=False)
-class TrackPart:
-    """Some frames of a track, read on demand.
+class DerivedTrack:
+    """What a track read from another one has of it: all but the shape and the values.
 
     Parameters
     ----------
     whole : TrackSource
-    frames : range
-        Numbers of its frames, one after the other.
     """
 
     whole: TrackSource
-    frames: range
 
     @property
     def domain(self) -> Domain:
@@ -184,6 +183,20 @@ class TrackPart:
     def dtype(self) -> np.dtype[Any]:
         """Number type."""
         return self.whole.dtype
+
+
+@dataclass(frozen=True, eq=False)
+class TrackPart(DerivedTrack):
+    """Some frames of a track, read on demand.
+
+    Parameters
+    ----------
+    whole : TrackSource
+    frames : range
+        Numbers of its frames, one after the other.
+    """
+
+    frames: range
 
     @property
     def shape(self) -> tuple[int, int, int]:
@@ -236,6 +249,22 @@ def tracks_of(
         _check_size(name, track, n_frames, sizes)
         found[name] = track
     return found
+
+
+def named_track(tracks: Mapping[str, AnyTrack], name: str) -> AnyTrack:
+    """The track of a name.
+
+    Raises
+    ------
+    InvalidInputError
+        If there is none; says which there are.
+    """
+    if name in tracks:
+        return tracks[name]
+    near = get_close_matches(name, tracks, 1)
+    there = f"there are {', '.join(tracks)}" if tracks else "there are no tracks"
+    advice = f"did you mean {near[0]!r}?" if near else there
+    raise InvalidInputError(f"there is no track {name!r}; {advice}")
 
 
 def copied(track: TrackSource, frames: range) -> Track:

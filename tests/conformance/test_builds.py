@@ -74,11 +74,11 @@ def check(library, *options):
 @pytest.mark.parametrize(
     ("compiler", "flags"),
     [
+        # What is installed is compiled with -O3, by the compiler of the machine.
         ("gcc", ["-O0"]),
-        ("gcc", ["-O3"]),
+        ("gcc", ["-O2", "-DREEL_NARROW"]),
         ("clang", ["-O0"]),
         ("clang", ["-O3"]),
-        ("gcc", ["-O3", "-DREEL_NARROW"]),
         ("clang", ["-O3", "-DREEL_NARROW"]),
     ],
 )
@@ -136,29 +136,35 @@ def differs(name, decoded):
 
     if hash_of(take(3 * said["faces"], "<i4"), "<i8") != said["hash of internal faces"]:
         return True
-    if said["method"] != "reel":
+    if said["method"] not in ("reel", "lossless", "grid"):
         return begin != len(decoded)
 
     def is_read(block, width):
         """Whether the integers of a track in a block are as they should be."""
-        counts = {"basis": width * block["frames"], "coefficients": said["vertices"]}
+        n_own = block["modes"] - block.get("reused", 0)
+        counts = {
+            "basis": block["modes"] * width * block["frames"],
+            "coefficients": n_own * said["vertices"],
+        }
         return all(
-            hash_of(take(block["modes"] * count, "<i4"), "<i8") == block[f"hash of {part}"]
+            hash_of(take(count, "<i4"), "<i8") == block[f"hash of {part}"]
             for part, count in counts.items()
         )
 
     opened = OpenStream(read_stream((FOLDER / f"{name}.reel").read_bytes()))
     floats = f"<f{said['vertex type']}"
-    tracks = [(said["blocks"], 3, floats, said["hash of positions"], False)]
+    n_coded = 0 if said["method"] in ("lossless", "grid") else 3
+    tracks = [(said["blocks"], 3, floats, said["hash of positions"], n_coded)]
     for header, of in zip(opened.tracks, said.get("tracks", []), strict=True):
         if header.domain is Domain.VERTEX:
             kind, wanted_hash = header.dtype.str, of["hash of values"]
-            tracks.append((of["blocks"], header.n_columns, kind, wanted_hash, header.is_exact))
+            n_coded = 0 if header.is_exact else header.n_coded
+            tracks.append((of["blocks"], header.n_columns, kind, wanted_hash, n_coded))
     found = [[] for _ in tracks]
     for number in range(len(said["blocks"])):
-        for values, (blocks, width, kind, _, is_exact) in zip(found, tracks, strict=True):
+        for values, (blocks, width, kind, _, n_coded) in zip(found, tracks, strict=True):
             block = blocks[number]
-            if not is_exact and not is_read(block, width):
+            if n_coded and not is_read(block, n_coded):
                 return True
             taken = take(width * block["frames"] * said["vertices"], kind)
             values.append(taken.reshape(block["frames"], -1, width)[:, opened.order])
@@ -175,7 +181,7 @@ QEMU = ["qemu-aarch64", "-L", "/usr/aarch64-linux-gnu"]
 # What gcc makes at -O3 here is called from Python above.
 @pytest.mark.parametrize(
     ("level", "compiler", "runner"),
-    [("-O0", "gcc", []), ("-O0", ARM, QEMU), ("-O3", ARM, QEMU)],
+    [("-O0", "gcc", []), ("-O0", ARM, QEMU), ("-O2", ARM, QEMU)],
 )
 def test_streams_hold_the_same_when_the_core_alone_decodes_them(compiler, runner, level, tmp_path):
     need_programs(compiler, *runner[:1])

@@ -3,6 +3,7 @@
 import struct
 import zlib
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -20,6 +21,8 @@ from samples.materials import dressed_sheet
 from samples.meshes import irregular_sequence, two_sheets, waving_grid
 from samples.streams import parts_of, raw_stream
 
+ROOT = Path(__file__).parents[2]
+
 STREAMS = {
     "grid": encode(waving_grid(4, 4, 5), "pca-qp"),
     "irregular": encode(irregular_sequence(3), "pca-qp", n_modes=2),
@@ -32,6 +35,10 @@ STREAMS = {
     "surface": encode(two_sheets(2), step=0.01),
     "surface on a grid": encode(two_sheets(2), step=0.01, uv_bits=9),
     "materials": encode(dressed_sheet(2), step=0.01),
+    "lossless": encode(waving_grid(5, 4, 5), lossless=True, block_frames=3),
+    "lossless irregular": encode(irregular_sequence(3), lossless=True),
+    "on a grid": encode(waving_grid(5, 4, 5), "grid", max_error=0.01, block_frames=3),
+    "on a grid irregular": encode(irregular_sequence(3), "grid", max_error=1e-4),
     "serial": encode(waving_grid(3, 4, 5), "pca-qs", n_modes=2),
 }
 
@@ -121,9 +128,11 @@ def replaced(stream, changed, other):
 
 
 def test_a_section_left_out_is_told_when_the_rest_is_whole():
-    for name in ("irregular", "reel irregular"):
+    for name in ("irregular", "reel irregular", "lossless irregular", "on a grid irregular"):
         stream = read_stream(STREAMS[name])
-        for number in range(len(parts_of(stream))):
+        for number, (section, _) in enumerate(parts_of(stream)):
+            if section is Section.PROMISE:  # without it nothing is promised
+                continue
             with pytest.raises(CorruptStreamError):
                 decode(without(stream, number))
 
@@ -157,6 +166,19 @@ def test_a_reference_is_refused_when_it_leads_nowhere(changes, message):
     stream = read_stream(encode(waving_grid(9, 4, 5), step=0.003, block_frames=3))
     with pytest.raises(CorruptStreamError, match=message):
         decode(referring_to(stream, *changes))
+
+
+@pytest.mark.parametrize("n_reused", [6, 2**40])
+def test_fields_are_refused_when_more_are_reused_than_there_are_modes(n_reused):
+    data = (ROOT / "conformance" / "streams" / "reused_fields.reel").read_bytes()
+    stream = read_stream(data)
+    parts = []
+    for section, payload in parts_of(stream):
+        if section is Section.FIELDS and read_layout(payload).n_reused:
+            payload = write_layout(replace(read_layout(payload), n_reused=n_reused))
+        parts.append((section, payload))
+    with pytest.raises(CorruptStreamError, match=f"{n_reused} of 5 modes are reused"):
+        decode(raw_stream(stream.header, parts))
 
 
 def test_a_mesh_comes_out_when_a_block_no_longer_refers():

@@ -16,10 +16,17 @@ from meshreel.bitstream.layout import (
     Section,
     least_size_bytes,
 )
-from meshreel.bitstream.sections import END_SIZE_BYTES, StoredSection, read_section
+from meshreel.bitstream.sections import (
+    END_SIZE_BYTES,
+    SectionHead,
+    StoredSection,
+    read_head,
+    read_section,
+)
 from meshreel.counting import counted
 from meshreel.entropy.varint import read_varint
 from meshreel.errors import CorruptStreamError, MeshReelError, TruncatedStreamError
+from meshreel.stores.ranged_file import RangedFile
 
 BLOCK_SECTIONS = range(Section.BLOCK, Section.PADDING)
 """Ids of sections that belong to a block."""
@@ -121,6 +128,25 @@ class Stream:
         if not sections:  # all are optional ones that this build does not know
             raise CorruptStreamError(f"block {number} has no section {first.name}")
         return sections
+
+    @property
+    def is_remote(self) -> bool:
+        """Whether its bytes are fetched from elsewhere as they are needed."""
+        return isinstance(self.file, RangedFile)
+
+    def heads(self) -> Iterator[SectionHead]:
+        """Heads of all sections in order, the end marker included; no checksum is verified."""
+        position = self.header_size_bytes
+        end = self.size_bytes if self.is_whole else self.places[-1].end
+        while position < end:
+            head = read_head(self.file, position, end)
+            yield head
+            position += head.size_bytes
+
+    def payload(self, head: SectionHead) -> bytes:
+        """The payload of a section, whose checksum is not verified."""
+        self.file.seek(head.payload_start)
+        return self.file.read(head.payload_bytes)
 
     def sections(self) -> Iterator[StoredSection]:
         """All sections in order, the end marker included, without unknown optional ones."""
@@ -237,7 +263,9 @@ def _indexed_places(
 
 
 def _sections(file: BinaryIO, start: int, end: int) -> Iterator[StoredSection]:
-    """Sections between two positions, without unknown ones."""
+    """Sections between two positions, without unknown ones; of a remote file with one request."""
+    if isinstance(file, RangedFile):
+        file.fetch(start, end)
     position = start
     while position < end:
         stored, behind = read_section(file, position, end)

@@ -38,6 +38,54 @@ def write_section(section: Section, payload: bytes) -> bytes:
     return body + _CHECKSUM.pack(zlib.crc32(body))
 
 
+@dataclass(frozen=True)
+class SectionHead:
+    """A section by its id and length, without its payload.
+
+    Attributes
+    ----------
+    number : int
+        Its id, which this build need not know.
+    payload_start : int
+        Byte of the stream.
+    payload_bytes, size_bytes : int
+        Of the payload, and of the whole section.
+    """
+
+    number: int
+    payload_start: int
+    payload_bytes: int
+    size_bytes: int
+
+    @property
+    def id(self) -> Section | None:
+        """The id, if this build knows it."""
+        return Section(self.number) if self.number in list(Section) else None
+
+
+def read_head(file: BinaryIO, position: int, size_bytes: int) -> SectionHead:
+    """The head of the section at `position` of a stream of this many bytes.
+
+    Raises
+    ------
+    TruncatedStreamError
+        If the stream ends inside the section.
+    """
+    if position >= size_bytes:
+        raise TruncatedStreamError(f"the stream ends at byte {size_bytes}, before its end marker")
+    file.seek(position)
+    head = file.read(1 + MAX_BYTES)
+    length, start = read_varint(head, 1)
+    found = SectionHead(head[0], position + start, length, start + length + _CHECKSUM.size)
+    behind = position + found.size_bytes
+    if behind > size_bytes:
+        raise TruncatedStreamError(
+            f"the stream ends at byte {size_bytes}; section {_name(head[0])} at byte {position} "
+            f"needs {behind - size_bytes} more bytes"
+        )
+    return found
+
+
 def read_section(
     file: BinaryIO, position: int, size_bytes: int
 ) -> tuple[StoredSection | None, int]:
@@ -54,20 +102,10 @@ def read_section(
     UnsupportedVersionError
         If it is required and unknown.
     """
-    if position >= size_bytes:
-        raise TruncatedStreamError(f"the stream ends at byte {size_bytes}, before its end marker")
+    head = read_head(file, position, size_bytes)
+    number, behind = head.number, position + head.size_bytes
     file.seek(position)
-    head = file.read(1 + MAX_BYTES)
-    number = head[0]
-    length, start = read_varint(head, 1)
-    behind = position + start + length + _CHECKSUM.size
-    if behind > size_bytes:
-        raise TruncatedStreamError(
-            f"the stream ends at byte {size_bytes}; section {_name(number)} at byte {position} "
-            f"needs {behind - size_bytes} more bytes"
-        )
-    file.seek(position)
-    data = file.read(behind - position)
+    data = file.read(head.size_bytes)
     body, checksum = data[: -_CHECKSUM.size], data[-_CHECKSUM.size :]
     if _CHECKSUM.pack(zlib.crc32(body)) != checksum:
         raise CorruptStreamError(
@@ -75,7 +113,8 @@ def read_section(
             "the file is damaged"
         )
     if number in list(Section):
-        return StoredSection(Section(number), body[start:], len(data)), behind
+        payload = body[head.payload_start - position :]
+        return StoredSection(Section(number), payload, len(data)), behind
     if number & OPTIONAL:
         return None, behind
     raise UnsupportedVersionError(

@@ -1,14 +1,21 @@
 """Options of encoding, checked."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from meshreel.codec.byte_sizes import bytes_of
 from meshreel.codec.choices import Laplacian, Order
 from meshreel.codec.error_bounds import bound_of
 from meshreel.codec.methods import Method, method_named
-from meshreel.codec.options import all_options, check_names, methods_taking
+from meshreel.codec.option import Option
+from meshreel.codec.options import (
+    LOSSLESS_METHOD,
+    all_options,
+    check_names,
+    methods_taking,
+    options_of,
+)
 from meshreel.codec.targets import Aim, Target, target_of
 from meshreel.counting import counted
 from meshreel.errors import InvalidInputError
@@ -43,13 +50,14 @@ class EncoderConfig:
     bpvf: float | None = None
     size: float | str | None = None
     step: float | None = None
+    lossless: bool = False
     tune: str | None = None
     effort: int | None = None
     n_modes: int | None = None
+    uv_bits: int | None = None
     order: str = "keep"
     block_frames: int | None = None
     memory: float | str | None = None
-    uv_bits: int | None = None
     energy: float | None = None
     bits: int | Sequence[int] | None = None
     allocation: str = "energy"
@@ -61,14 +69,28 @@ class EncoderConfig:
         for option in all_options():
             option.check(getattr(self, option.name))
         self._read_texts()
-        chosen = (row for row in all_options() if getattr(self, row.name) != row.default)
+        chosen = [row for row in all_options() if getattr(self, row.name) != row.default]
         for option in chosen:
             if self.method not in (methods := methods_taking(option)):
                 raise InvalidInputError(
                     f"method {self.method} does not take {option.name}=; leave it out, or choose "
                     f"{' or '.join(methods)}"
                 )
+        if self.lossless:
+            self._become_lossless(chosen)
+        object.__setattr__(self, "lossless", self.method == LOSSLESS_METHOD)
         self.method_row.check(self)
+
+    def _become_lossless(self, chosen: Sequence[Option]) -> None:
+        """Make it the method that `lossless` asks for, unless another option is to change bits."""
+        taken = options_of(LOSSLESS_METHOD)
+        if idle := [f"{option.name}=" for option in chosen if option not in taken]:
+            have, them = ("has", "it") if len(idle) == 1 else ("have", "them")
+            raise InvalidInputError(
+                f"lossless= keeps every bit, so that {' and '.join(idle)} {have} no effect; leave "
+                f"{them} out, or lossless="
+            )
+        object.__setattr__(self, "method", LOSSLESS_METHOD)
 
     def _read_texts(self) -> None:
         """Put numbers in place of sizes such as "100kB", and of lengths what they are in units."""
@@ -124,14 +146,22 @@ class EncoderConfig:
             chosen = self.block_frames or method.longest_block(n_frames, n_verts)
         return min(chosen, n_frames)
 
+    def with_blocks_of(self, block_frames: int, n_verts: int) -> "EncoderConfig":
+        """The options with as much memory as blocks of so many frames need, and no more."""
+        return replace(self, memory=_memory_of_block(block_frames, n_verts))
+
     def _frames_in_memory(self, n_verts: int, memory: float) -> int:
-        needed = PROCESS_BYTES + n_verts * (BYTES_OF_VERTEX + BYTES_OF_POSITION)
+        needed = _memory_of_block(1, n_verts)
         if memory < needed:
             raise InvalidInputError(
                 f"memory of {memory / 1e6:.0f} MB is too little for {counted(n_verts, 'vertex')}; "
                 f"at least {needed / 1e6:.0f} MB is needed"
             )
         return 1 + int((memory - needed) / (BYTES_OF_POSITION * n_verts))
+
+
+def _memory_of_block(block_frames: int, n_verts: int) -> float:
+    return PROCESS_BYTES + n_verts * (BYTES_OF_VERTEX + BYTES_OF_POSITION * block_frames)
 
 
 _TARGETS = tuple(aim.value for aim in Aim)

@@ -1,8 +1,9 @@
-"""A decoded block, whose frames are computed on demand."""
+"""Decoded blocks: of modes, whose frames are computed on demand, and of positions as they were."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -22,6 +23,84 @@ CHUNK_BYTES = 1 << 22
 
 LEAST_FRAMES, MOST_FRAMES = 32, 256
 """Frames that the core computes at a time: for all of them it collects fields once."""
+
+
+class FrameBlock(Protocol):
+    """A decoded block of frames."""
+
+    @property
+    def start(self) -> int:
+        """Number of the first frame."""
+
+    @property
+    def n_frames(self) -> int:
+        """Number of frames."""
+
+    @property
+    def stop(self) -> int:
+        """Number of the frame after the last one."""
+
+    @property
+    def modes(self) -> ProductFrames | None:
+        """Basis and coefficients whose product the frames are; None for blocks without."""
+
+    @property
+    def corrections(self) -> Corrections | None:
+        """What moves single vertices, in output order, apart from the modes; None for nothing."""
+
+    def fill(self, out: Vertices, first: int, report: Callable[[int], None] | None = None) -> None:
+        """Fill an array of shape (T, V, 3) with frames of this block.
+
+        Parameters
+        ----------
+        out : float array of shape (T, V, 3)
+        first : int
+            Number of the first of these frames within the block.
+        report : callable, optional
+            Called with the number of frames that are done.
+        """
+
+
+@dataclass(frozen=True)
+class ExactBlock:
+    """A block whose positions are stored as they are.
+
+    Attributes
+    ----------
+    start : int
+        Number of the first frame.
+    vertices : float array of shape (T_b, V, 3)
+        Positions of all its frames, in output order.
+    """
+
+    start: int
+    vertices: Vertices
+
+    @property
+    def n_frames(self) -> int:
+        """Number of frames."""
+        return len(self.vertices)
+
+    @property
+    def stop(self) -> int:
+        """Number of the frame after the last one."""
+        return self.start + self.n_frames
+
+    @property
+    def modes(self) -> None:
+        """There are none."""
+        return None
+
+    @property
+    def corrections(self) -> None:
+        """There are none."""
+        return None
+
+    def fill(self, out: Vertices, first: int, report: Callable[[int], None] | None = None) -> None:
+        """Fill an array with frames of this block; as `FrameBlock.fill`."""
+        out[:] = self.vertices[first : first + len(out)]
+        if report is not None:
+            report(len(out))
 
 
 @dataclass(frozen=True)

@@ -61,7 +61,10 @@ def decode(
             def report(done: int, before: int = before) -> None:
                 progress("decoding", Count(before + done, len(wanted), "frames"))
 
-            blocks.block(number).fill(vertices[before : last - wanted.start], first - start, report)
+            found = vertices[before : last - wanted.start]
+            blocks.block(number).fill(found, first - start, report)
+            if n_modes is None and last - first == stop - start:
+                opened.keep_positions(number, found)
     progress("decoding", Count(len(wanted), len(wanted), "frames"))
     tracks: dict[str, Track] = {}
     for name, track in tracks_of_stream(opened, RLock()).items():

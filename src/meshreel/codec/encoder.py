@@ -25,13 +25,14 @@ def encode(
     bpvf: float | None = None,
     size: float | str | None = None,
     step: float | None = None,
+    lossless: bool = False,
     tune: str | None = None,
     effort: int | None = None,
     n_modes: int | None = None,
+    uv_bits: int | None = None,
     order: str = "keep",
     block_frames: int | None = None,
     memory: float | str | None = None,
-    uv_bits: int | None = None,
     energy: float | None = None,
     bits: int | Sequence[int] | None = None,
     allocation: str = "energy",
@@ -53,12 +54,15 @@ def encode(
     sequence : MeshSequence, or FrameSource
         Frames that are not in memory are read block by block. `meshreel.encode` also takes what
         `meshreel.load` reads, such as a path, and warns of what reading leaves out.
-    method : {"pca-qp", "pca", "pca-q", "v2v", "pca-qs", "blocks", "gft", "reel"}, default "reel"
-        How to code. `reel`: our own, several times smaller than the others, which are variants of
-        the paper. `pca-qp`: deltas on the eigen-trajectories of each axis, least squares with
-        anchors. `pca`, `pca-q`: without anchors, the first at 16 bits. `v2v`: vertices instead of
-        deltas. `pca-qs`: as `pca-qp`, decoded one frame after another. `blocks`: eigen-trajectories
-        of short blocks, tracked. `gft`: each frame's deltas on the low frequencies of the graph.
+    method : str, default "reel"
+        One of "pca-qp", "pca", "pca-q", "v2v", "pca-qs", "blocks", "gft", "reel", "lossless",
+        "grid". How to code. `reel`: our own, several times smaller than the others, which are
+        variants of the paper. `pca-qp`: deltas on the eigen-trajectories of each axis, least
+        squares with anchors. `pca`, `pca-q`: without anchors, the first at 16 bits. `v2v`: vertices
+        instead of deltas. `pca-qs`: as `pca-qp`, decoded one frame after another. `blocks`:
+        eigen-trajectories of short blocks, tracked. `gft`: each frame's deltas on the low
+        frequencies of the graph. `lossless`: every bit comes back. `grid`: positions are rounded to
+        a grid that keeps max_error=, and coded as `lossless` does.
     quality : float, optional
         1 to 100; every 12 points halve the error, which is relative to the model's size, the
         diagonal of a frame's bounding box, the mean of all frames, and smaller on smooth surfaces.
@@ -79,6 +83,10 @@ def encode(
         Best quality within this size, as in 100kB, 1MiB or 100000 (bytes).
     step : float, optional
         Step of rounding as it acts on a position, in diagonals of the bounding box of all frames.
+    lossless : bool, default False
+        Every number comes back bit for bit: positions and tracks. The order of vertices and faces
+        stays as well, unless `order` says otherwise. The same as method="lossless". `tracks` may
+        still name bounds, or drop tracks.
     tune : {"visual", "geometry"}, optional
         What bits are spent on. visual: how the surface looks; geometry: where vertices are.
         Default: what the target needs, else visual. visual serves STED, geometry KG and the largest
@@ -89,19 +97,20 @@ def encode(
         Modes to keep, 1 or more: of reel at most so many, else of each axis. Those of an axis are
         eigen-trajectories (the paper's k_l); at most as many as a block has frames are used.
         Excludes `energy`. With `gft`, graph frequencies; default 5 % of the vertices.
+    uv_bits : int, optional
+        Round texture coordinates to a grid of 2^N steps to the width of a texture, N of 4 to 24; 12
+        is a texel of a 4096 texture. Default: exact.
     order : {"keep", "vertices", "drop"}, default "keep"
         What to keep of the order of vertices and faces. keep: both; vertices: of the vertices;
         drop: neither, for the smallest file.
     block_frames : int, optional
         Frames coded together; fewer take less memory and more bytes. Default: all, as far as memory
-        allows (blocks: 25).
+        allows; of more than 1024 and 8 million positions, up to 512 (blocks: 25).
     memory : float or str, optional
         Memory that encoding may take, as in 500MB or 1GiB; blocks of frames are cut to fit, and
         frames stay in their files. Default: blocks of up to 67 million positions. This program
-        counts, too. Blocks of the default size take some 8 GB.
-    uv_bits : int, optional
-        Round texture coordinates to a grid of 2^N steps to the width of a texture, N of 4 to 24; 12
-        is a texel of a 4096 texture. Default: exact.
+        counts, too. Blocks of the default size take some 8 GB. Those of `lossless` and `grid` are
+        of up to 4 million positions, or 64 frames.
     energy : float, optional
         Share of the shape's energy to keep, up to 1; chooses the number of modes. Default: 0.99995.
         What is left out makes a KG error of sqrt(1 - energy), by default 0.7 %.
@@ -126,7 +135,8 @@ def encode(
         How exact tracks are to come back, by their names: "0.1%" of the range, "500Pa" or 500 in
         units of the track, "0.5deg" (normals), "8bit" (colours), "exact", "drop". No value is
         farther from the original; promised. Default: normals 0.5deg, colours 8bit, texture
-        coordinates half a texel of 4096, integers exact, all others 0.1%. `reel` only.
+        coordinates half a texel of 4096, integers exact, all others 0.1%. Positions come back finer
+        than asked where velocities and normals make the file smaller so. `reel` only.
     progress : callable, optional
         Called with the stage and the share done, 0..1.
     engine : Engine, optional

@@ -1,13 +1,14 @@
 """Information on a stream, without decoding a frame."""
 
+from collections import Counter
 from dataclasses import asdict, dataclass
 from typing import Any
 
 from meshreel.bitstream.layout import Section
-from meshreel.bitstream.reader import Stream, read_stream
+from meshreel.bitstream.reader import BLOCK_SECTIONS, Stream, read_stream
 from meshreel.codec.error_bounds import read_promise
 from meshreel.codec.open_stream import OpenStream
-from meshreel.codec.stored_blocks import stored_blocks
+from meshreel.codec.stored_blocks import read_block, stored_blocks
 from meshreel.surface_description import carried, described_images, described_materials
 from meshreel.tracks import TrackKind
 
@@ -28,7 +29,7 @@ class TrackInfo:
         Largest error of a value that is promised, in its unit; of normals in degrees. 0: none is
         promised, or it is exact.
     size_bytes : int
-        Of its groups in all blocks.
+        Of its groups in all blocks, and of what says which corners share values.
     raw_size_bytes : int
         Of its values as they are decoded.
     """
@@ -70,7 +71,8 @@ class StreamInfo:
     vertex_type : str
         "float32" or "float64".
     n_modes : tuple of int
-        Modes of each block of frames (of each axis, where axes have their own).
+        Modes of each block of frames (of each axis, where axes have their own); 0 in a lossless
+        stream.
     block_frames : tuple of int
         Frames of each block.
     size_bytes : int
@@ -83,7 +85,10 @@ class StreamInfo:
         Size of the sections of the positions in each block. Each block has its own fields: a
         stream of a single block would save most of the bytes of the later ones.
     max_error_percent : float or None
-        Promised bound of the distance of vertices from the original, in percent of the diagonal.
+        Promised bound of the distance of vertices from the original, in percent of the diagonal; 0
+        of a lossless stream.
+    is_lossless : bool
+        Whether positions are those of the original, bit for bit.
     is_whole : bool
         False if the end is missing: the other attributes are then of the complete blocks.
     start_s : float
@@ -121,6 +126,7 @@ class StreamInfo:
     budget_bytes: dict[str, int]
     block_bytes: tuple[int, ...]
     max_error_percent: float | None
+    is_lossless: bool
     is_whole: bool
     start_s: float
     n_polygons: int
@@ -167,7 +173,10 @@ def info(data: bytes) -> StreamInfo:
 
 
 def stream_info(stream: Stream) -> StreamInfo:
-    """Contents of a stream, and its bytes by section; all of it is read once.
+    """Contents of a stream, and its bytes by section.
+
+    All of it is read once; of a remote stream only the heads of its sections, and checksums of
+    blocks are not verified.
 
     Raises
     ------
@@ -176,7 +185,7 @@ def stream_info(stream: Stream) -> StreamInfo:
     """
     header = stream.header
     opened = OpenStream(stream)
-    blocks = stored_blocks(stream, opened.method)
+    sizes = _sizes_of_heads(stream) if stream.is_remote else _sizes(stream, opened)
     surface = opened.surface
     positions = stream.n_frames * header.n_verts * 3
     tracks = _tracks(opened)
@@ -190,18 +199,17 @@ def stream_info(stream: Stream) -> StreamInfo:
         laplacian=opened.laplacian.name.lower(),
         order=opened.order_kept.name.lower(),
         vertex_type=header.vertex_type.name.lower(),
-        n_modes=tuple(block.n_modes for block in blocks),
-        block_frames=tuple(block.n_frames for block in blocks),
+        n_modes=tuple(sizes.n_modes),
+        block_frames=tuple(place.n_frames for place in stream.places),
         size_bytes=stream.size_bytes,
         raw_size_bytes=positions * header.vertex_type
         + header.n_faces * 12
         + surface.size_bytes
         + sum(track.raw_size_bytes for track in tracks),
-        budget_bytes=_budget(stream),
-        block_bytes=tuple(
-            sum(len(payload) for payload in block.sections.values()) for block in blocks
-        ),
-        max_error_percent=promised_percent(stream),
+        budget_bytes=_budget(stream, sizes),
+        block_bytes=tuple(sizes.block_bytes),
+        max_error_percent=promised_percent(opened),
+        is_lossless=opened.method.is_lossless,
         is_whole=stream.is_whole,
         start_s=opened.start_s,
         n_polygons=surface.n_faces(header.n_faces),
@@ -229,28 +237,69 @@ def _tracks(opened: OpenStream) -> tuple[TrackInfo, ...]:
                 n_columns=track.n_columns,
                 is_exact=track.is_exact,
                 bound=track.bound,
-                size_bytes=sum(place.sizes[number] for place in stream.places),
+                size_bytes=sum(place.sizes[number] for place in stream.places) + len(track.rows),
                 raw_size_bytes=stream.n_frames * n_items * track.n_columns * track.dtype.itemsize,
             )
         )
     return tuple(found)
 
 
-def promised_percent(stream: Stream) -> float | None:
+def promised_percent(opened: OpenStream) -> float | None:
     """Error bound that a stream promises, in percent of the diagonal; None if it has none."""
-    for stored in stream.leading:
+    if opened.method.is_lossless:
+        return 0.0
+    for stored in opened.stream.leading:
         if stored.id is Section.PROMISE:
             return read_promise(stored.payload)
     return None
 
 
-def _budget(stream: Stream) -> dict[str, int]:
-    """Bytes by kind of section; framing includes padding."""
-    budget = {"header": stream.header_size_bytes}
-    framing = (Section.BLOCK, Section.PADDING, Section.INDEX, Section.END)
+@dataclass
+class _Sizes:
+    """Modes and bytes of the positions of each block, and bytes of each kind of section."""
+
+    n_modes: list[int]
+    block_bytes: list[int]
+    of_sections: Counter[Section]
+
+
+def _sizes(stream: Stream, opened: OpenStream) -> _Sizes:
+    """The sizes, from all bytes of the stream, whose checksums are verified."""
+    blocks = stored_blocks(stream, opened.method)
+    of_sections: Counter[Section] = Counter()
     for stored in stream.sections():
-        if stored.id not in framing:
-            name = stored.id.name.lower().replace("_", " ")
-            budget[name] = budget.get(name, 0) + stored.size_bytes
+        of_sections[stored.id] += stored.size_bytes
+    return _Sizes(
+        [block.n_modes for block in blocks],
+        [sum(len(payload) for payload in block.sections.values()) for block in blocks],
+        of_sections,
+    )
+
+
+def _sizes_of_heads(stream: Stream) -> _Sizes:
+    """The sizes, from the heads of sections and their shortest ones."""
+    sizes = _Sizes([], [], Counter())
+    is_of_positions = False
+    for head in stream.heads():
+        if head.id is None:
+            continue
+        sizes.of_sections[head.id] += head.size_bytes
+        if head.id is Section.BLOCK:
+            sizes.n_modes.append(read_block(stream.payload(head))[1])
+            sizes.block_bytes.append(0)
+        if head.id in (Section.BLOCK, Section.TRACK_BLOCK):
+            is_of_positions = head.id is Section.BLOCK
+        if is_of_positions and head.id in BLOCK_SECTIONS:
+            sizes.block_bytes[-1] += head.payload_bytes
+    return sizes
+
+
+def _budget(stream: Stream, sizes: _Sizes) -> dict[str, int]:
+    """Bytes by kind of section; framing includes padding."""
+    framing = (Section.BLOCK, Section.PADDING, Section.INDEX, Section.END)
+    budget = {"header": stream.header_size_bytes}
+    for section, size_bytes in sizes.of_sections.items():
+        if section not in framing:
+            budget[section.name.lower().replace("_", " ")] = size_bytes
     budget["framing"] = stream.size_bytes - sum(budget.values())
     return budget

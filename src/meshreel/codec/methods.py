@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from meshreel.bitstream.layout import Section
     from meshreel.bitstream.writer import Sections
     from meshreel.codec.config import EncoderConfig
-    from meshreel.codec.decoded_block import DecodedBlock
+    from meshreel.codec.decoded_block import FrameBlock
     from meshreel.codec.open_stream import OpenStream
     from meshreel.codec.source import CodedMesh, Source
     from meshreel.codec.track_bounds import TrackTargets
@@ -55,7 +55,7 @@ class BlockCoder(Protocol):
 class BlockDecoder(Protocol):
     """Decodes the blocks of a stream, in any order, and keeps what they share."""
 
-    def block(self, number: int) -> "DecodedBlock":
+    def block(self, number: int) -> "FrameBlock":
         """A block of the stream, decoded.
 
         Raises
@@ -92,6 +92,10 @@ class Method(Protocol):
     @property
     def has_tracks(self) -> bool:
         """Whether its streams hold tracks beside the positions."""
+
+    @property
+    def is_lossless(self) -> bool:
+        """Whether positions come back bit for bit."""
 
     @property
     def codes_blocks_apart(self) -> bool:
@@ -199,6 +203,8 @@ _HOMES = (
     _Home("blocks", 5, _PAPER),
     _Home("gft", 6, _PAPER),
     _Home("reel", 7, _REEL),
+    _Home("lossless", 8, _REEL),
+    _Home("grid", 9, _REEL),
 )
 
 METHOD_NAMES = tuple(home.name for home in _HOMES)

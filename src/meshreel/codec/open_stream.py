@@ -14,11 +14,13 @@ from meshreel.codec.surface.payloads import SURFACE_SECTIONS, read_start, read_s
 from meshreel.codec.tracks import TrackHeader, read_track
 from meshreel.connectivity.coder import decode_connectivity, decode_order
 from meshreel.connectivity.permutation import inverse_permutation
+from meshreel.errors import CorruptStreamError
 from meshreel.sequence import Faces
 from meshreel.subspace.trajectories import BoundingFrame
 from meshreel.surface import PLAIN, Surface
 
 Integers = npt.NDArray[np.int64]
+Vertices = npt.NDArray[np.floating]
 
 
 class OpenStream:
@@ -48,6 +50,7 @@ class OpenStream:
         self.method = method_of_code(stream.header.method)
         self.laplacian = choice_of_code(Laplacian, stream.header.laplacian)
         self.order_kept = choice_of_code(Order, stream.header.order)
+        self._positions: tuple[int, Vertices] | None = None
 
     def blocks(self, n_modes: int | None = None) -> BlockDecoder:
         """The decoder of its blocks.
@@ -68,6 +71,32 @@ class OpenStream:
     def stored(self, number: int) -> StoredBlock:
         """A block as it is stored; raises as `stored_block`."""
         return stored_block(self.stream, self.method, number)
+
+    def positions(self, number: int) -> Vertices:
+        """Positions of a block, of shape (T_b, V, 3), as they go out; those of the last are kept.
+
+        Raises
+        ------
+        CorruptStreamError
+            If the block is damaged.
+        """
+        if self._positions is None or self._positions[0] != number:
+            block = self._all_modes.block(number)
+            found = np.empty((block.n_frames, self.n_verts, 3), self.dtype)
+            block.fill(found, 0)
+            if not np.isfinite(found).all():
+                raise CorruptStreamError(f"block {number} decodes to positions beyond all numbers")
+            self.keep_positions(number, found)
+        assert self._positions is not None
+        return self._positions[1]
+
+    def keep_positions(self, number: int, positions: Vertices) -> None:
+        """Keep the positions of a block that are decoded already, for `positions`."""
+        self._positions = number, positions
+
+    @cached_property
+    def _all_modes(self) -> BlockDecoder:
+        return self.blocks()
 
     @property
     def n_verts(self) -> int:

@@ -70,6 +70,10 @@ class Range:
             raise InvalidInputError(f"{name} must be {allowed}; got {shown}")
 
 
+COUNT = Range(1, is_whole=True)
+"""How many of something, where there has to be one."""
+
+
 @dataclass(frozen=True)
 class Option:
     """A row of the table of options.
@@ -142,6 +146,8 @@ class Option:
         """
         if value is None and self.default is None:
             return
+        if self.type is bool and not isinstance(value, bool):
+            raise InvalidInputError(f"{self.name} must be True or False; got {value!r}")
         if self.names:
             if value not in self.names:
                 raise InvalidInputError(

@@ -10,14 +10,12 @@ from functools import cache
 
 from meshreel.codec.choices import Order
 from meshreel.codec.methods import METHOD_NAMES, own_options
-from meshreel.codec.option import Option, Range
+from meshreel.codec.option import COUNT, Option, Range
 from meshreel.errors import InvalidInputError
 
 DEFAULT_METHOD = "reel"
+LOSSLESS_METHOD = "lossless"
 DEFAULT_ORDER = "keep"
-COUNT = Range(1, is_whole=True)
-UV_BITS = Range(4, 24, is_whole=True)
-"""A float32 of up to 1 holds every number of a grid of 24 bits."""
 
 SHARED = (
     Option(
@@ -31,17 +29,8 @@ SHARED = (
         "anchors. `pca`, `pca-q`: without anchors, the first at 16 bits. `v2v`: vertices instead "
         "of deltas. `pca-qs`: as `pca-qp`, decoded one frame after another. `blocks`: "
         "eigen-trajectories of short blocks, tracked. `gft`: each frame's deltas on the low "
-        "frequencies of the graph.",
-    ),
-    Option(
-        "n_modes",
-        int,
-        "Modes to keep, 1 or more: of reel at most so many, else of each axis.",
-        range=COUNT,
-        flag="--modes",
-        more="Those of an axis are eigen-trajectories (the paper's k_l); at most as many as a "
-        "block has frames are used. Excludes `energy`. With `gft`, graph frequencies; default 5 % "
-        "of the vertices.",
+        "frequencies of the graph. `lossless`: every bit comes back. `grid`: positions are rounded "
+        "to a grid that keeps max_error=, and coded as `lossless` does.",
     ),
     Option(
         "order",
@@ -55,7 +44,8 @@ SHARED = (
         "block_frames",
         int,
         "Frames coded together; fewer take less memory and more bytes. Default: all, as far as "
-        "memory allows (blocks: 25).",
+        "memory allows; of more than 1024 and 8 million "
+        "positions, up to 512 (blocks: 25).",
         range=COUNT,
     ),
     Option(
@@ -66,15 +56,8 @@ SHARED = (
         range=Range(0, is_open=True),
         unit="in bytes",
         metavar="SIZE",
-        more="This program counts, too. Blocks of the default size take some 8 GB.",
-    ),
-    Option(
-        "uv_bits",
-        int,
-        "Round texture coordinates to a grid of 2^N steps to the width of a texture, N of "
-        f"{UV_BITS.words}; 12 is a texel of a 4096 texture. Default: exact.",
-        range=UV_BITS,
-        metavar="N",
+        more="This program counts, too. Blocks of the default size take some 8 GB. Those of "
+        "`lossless` and `grid` are of up to 4 million positions, or 64 frames.",
     ),
 )
 """Options that every method takes."""

@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.bitstream.reader import open_stream
-from meshreel.codec.decoded_block import DecodedBlock
+from meshreel.codec.decoded_block import FrameBlock
 from meshreel.codec.inspect import StreamInfo, promised_percent, stream_info
 from meshreel.codec.methods import BlockDecoder
 from meshreel.codec.open_stream import OpenStream
@@ -68,8 +68,8 @@ class ReelFile:
     starts : tuple of int
         First frame of each block, and the number of all frames.
     promised_error : float or None
-        Upper bound of the distance of vertices from the original, in model units; None if the
-        stream has none, or only some of its modes are decoded.
+        Upper bound of the distance of vertices from the original, in model units, 0 if positions
+        come back bit for bit; None if the stream has none, or only some of its modes are decoded.
     tracks : dict of str to ReelTrack
         Quantities that change over time, beside the positions, by their names.
     is_whole : bool
@@ -84,14 +84,14 @@ class ReelFile:
         self._n_modes = n_modes
         if n_modes is not None:  # which may not be for this stream: that is said now
             _ = self._blocks
-        self._kept: OrderedDict[int, DecodedBlock] = OrderedDict()
+        self._kept: OrderedDict[int, FrameBlock] = OrderedDict()
         self._lock = threading.RLock()
         header = stream.header
         self.n_frames, self.n_verts, self.n_faces = stream.n_frames, header.n_verts, header.n_faces
         self.fps, self.name, self.is_whole = header.fps, header.name, stream.is_whole
         self.dtype = self._opened.dtype
         self.start_s, self.frame = self._opened.start_s, self._opened.frame
-        promised = promised_percent(stream) if n_modes is None else None
+        promised = promised_percent(self._opened) if n_modes is None else None
         self.promised_error = None if promised is None else promised / 100 * self.frame.scale
         self.starts = tuple(stream.starts)
         self.method = self._opened.method.name
@@ -174,7 +174,7 @@ class ReelFile:
             )
         return frames
 
-    def block(self, number: int) -> DecodedBlock:
+    def block(self, number: int) -> FrameBlock:
         """A block of frames, decoded now or from the cache.
 
         Parameters

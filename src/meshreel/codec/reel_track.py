@@ -28,7 +28,8 @@ class ReelTrack:
 
     Its length is the number of frames. ``track[3]`` is the values of a frame, of shape (N, C); a
     slice, or a list of numbers, gives those of several, of shape (T, N, C). Nothing but this track
-    is read and decoded for it. Several threads may share one.
+    is read and decoded for it, and positions where they predict it: of velocities and normals.
+    Several threads may share one.
 
     Parameters
     ----------

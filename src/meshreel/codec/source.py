@@ -17,10 +17,13 @@ from meshreel.codec.config import EncoderConfig
 from meshreel.codec.methods import METHOD_CODES
 from meshreel.codec.surface.payloads import surface_in_order, surface_sections, write_start
 from meshreel.codec.track_bounds import TrackBound
+from meshreel.codec.tracks import Coding
 from meshreel.connectivity.coder import CodedConnectivity, encode_connectivity
+from meshreel.connectivity.permutation import inverse_permutation
 from meshreel.sequence import Faces, FrameSource, MeshSequence
 from meshreel.subspace.trajectories import BoundingFrame, bounding_frame
 from meshreel.surface import PLAIN, Surface
+from meshreel.tracks import TrackSource
 
 Vertices = npt.NDArray[np.floating]
 Integers = npt.NDArray[np.int64]
@@ -66,6 +69,18 @@ class CodedMesh:
     def order(self) -> Integers:
         """Given number of each internal vertex."""
         return self._connectivity.internal_to_given
+
+    @property
+    def goes_out_as_given(self) -> bool:
+        """Whether vertices go out in their given order, and not in the internal one."""
+        return self.order_kept is not Order.DROP
+
+    @cached_property
+    def output_order(self) -> Integers:
+        """Internal number of each vertex that goes out when the stream is decoded."""
+        if self.goes_out_as_given:
+            return inverse_permutation(self.order)
+        return np.arange(self.n_verts)
 
     @property
     def output_faces(self) -> Faces:
@@ -162,10 +177,16 @@ class CodedTrack:
         What is said of it before the first block.
     blocks : sequence of lists of (Section, bytes)
         Of each block.
+    prediction : tuple of Coding and float, or None
+        How decoded positions may predict it, and the rate, where that is still to be tried.
+    values : TrackSource or None
+        What is coded so, where that is still to be tried.
     """
 
     leading: tuple[Section, bytes]
     blocks: Sequence[list[tuple[Section, bytes]]]
+    prediction: tuple[Coding, float] | None = None
+    values: TrackSource | None = None
 
     @property
     def size_bytes(self) -> int:

@@ -58,8 +58,8 @@ def stored_block(stream: Stream, method: Method, number: int) -> StoredBlock:
     Raises
     ------
     CorruptStreamError
-        If it is damaged, has more modes than its method allows, or not the number of frames in the
-        index.
+        If it is damaged, has more or fewer modes than its method allows, or not the number of
+        frames in the index.
     """
     sections = stream.block(number)
     n_frames, n_modes = read_block(sections[Section.BLOCK])
@@ -68,9 +68,10 @@ def stored_block(stream: Stream, method: Method, number: int) -> StoredBlock:
             f"block {number} has {n_frames} frames; the index has {stream.places[number].n_frames}"
         )
     limit = method.most_modes(n_frames, stream.header.n_verts)
-    if n_modes > limit:
+    least = min(1, limit)
+    if not least <= n_modes <= limit:
         raise CorruptStreamError(
-            f"a block of {n_frames} frames has {n_modes} modes; {limit} are possible"
+            f"a block of {n_frames} frames has {n_modes} modes; {least} to {limit} are possible"
         )
     return StoredBlock(stream.starts[number], n_frames, n_modes, sections)
 
@@ -128,12 +129,13 @@ def read_block(payload: bytes) -> tuple[int, int]:
     Raises
     ------
     CorruptStreamError
-        If a number is 0, or bytes are left over.
+        If there are no frames, or bytes are left over.
     """
     n_frames, position = read_varint(payload, 0)
     n_modes, position = read_varint(payload, position)
-    if not (n_modes and n_frames) or position != len(payload):
+    if not n_frames or position != len(payload):
         raise CorruptStreamError(
-            f"a block announces {n_frames} frames and {n_modes} modes; each must be at least 1"
+            f"a block announces {n_frames} frames, at least 1 is needed, and has "
+            f"{len(payload) - position} bytes left over"
         )
     return n_frames, n_modes

@@ -23,6 +23,7 @@ from meshreel.errors import InvalidInputError
 from meshreel.runtime.outputs.atomic import os_errors_naming_output
 from meshreel.runtime.outputs.checks import check_ending, check_output_path
 from meshreel.sequence import validate_faces, validate_fps, validate_start, validate_vertices
+from meshreel.stores.address import refuse_address
 from meshreel.surface import PLAIN, Surface
 from meshreel.tracks import Track, described_track, joined, tracks_of
 
@@ -68,8 +69,8 @@ class Encoder:
         How exact tracks are to come back, as in `meshreel.encode`. Shares are of the range of the
         first block.
     **options
-        Options of `meshreel.encode`; of the targets only `quality`, `step` and `max_error`, since
-        the others need the whole sequence.
+        Options of `meshreel.encode`; of the targets only `quality`, `step`, `max_error` and
+        `lossless`, since the others need the whole sequence.
 
     Attributes
     ----------
@@ -84,6 +85,8 @@ class Encoder:
     InvalidInputError
         If an option is out of range or needs the whole sequence, there are no faces, the path does
         not end in ``.reel``, or the file exists.
+    StoreError
+        If the path is the address of a remote file.
     OSError
         Naming the file, if it cannot be written.
 
@@ -127,6 +130,7 @@ class Encoder:
         self._is_closed = False
         self._path = Path(output) if isinstance(output, str | os.PathLike) else None
         if self._path is not None:
+            refuse_address(output, "the file of an Encoder, which grows,")
             check_ending(self._path, (".reel",), "meshreel.save writes other formats")
             check_output_path(self._path, overwrite=overwrite)
         self._file: BinaryIO = self._path.open("wb") if self._path else output  # type: ignore[assignment]
@@ -147,7 +151,8 @@ class Encoder:
             Copied. V and type are those of the first frame.
         tracks : mapping of str to Track of a single frame, or to arrays of shape (N,) or (N, C)
             Values beside the positions, by their names; copied. Names, shapes and types are those
-            of the first frame, and so is what a `Track` says of kind and unit.
+            of the first frame, and so is what a `Track` says of kind and unit. Each corner is
+            coded by itself: which corners share their values in all frames is not known yet.
 
         Raises
         ------

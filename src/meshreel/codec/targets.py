@@ -32,6 +32,25 @@ ABOVE_ZERO = Range(0, is_open=True)
 QUALITIES = Range(1, 100)
 DIAGONAL_OF_ALL = "of the diagonal of the bounding box of all frames"
 
+LOSSLESS = Option(
+    "lossless",
+    bool,
+    "Every number comes back bit for bit: positions and tracks. The order of vertices and faces "
+    "stays as well, unless order= says otherwise.",
+    default=False,
+    group=GROUP,
+    more='The same as method="lossless". `tracks` may still name bounds, or drop tracks.',
+)
+MAX_ERROR = Option(
+    Aim.MAX_ERROR.value,
+    float | str,
+    "No vertex of any frame farther from the original than this. Promised. 0.1 or 0.1%: "
+    f"percent {DIAGONAL_OF_ALL}; 0.5u: model units; 0.5mm: a length, see unit=.",
+    range=ABOVE_ZERO,
+    unit="in percent",
+    group=GROUP,
+    metavar="BOUND",
+)
 UNIT = Option(
     "unit",
     str,
@@ -51,16 +70,7 @@ TARGET_OPTIONS = (
         range=QUALITIES,
         group=GROUP,
     ),
-    Option(
-        Aim.MAX_ERROR.value,
-        float | str,
-        "No vertex of any frame farther from the original than this. Promised. 0.1 or 0.1%: "
-        f"percent {DIAGONAL_OF_ALL}; 0.5u: model units; 0.5mm: a length, see unit=.",
-        range=ABOVE_ZERO,
-        unit="in percent",
-        group=GROUP,
-        metavar="BOUND",
-    ),
+    MAX_ERROR,
     UNIT,
     Option(
         Aim.KG.value,

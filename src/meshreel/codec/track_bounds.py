@@ -4,12 +4,11 @@ import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
-from difflib import get_close_matches
 from enum import Enum
 
 from meshreel.codec.config import EncoderConfig
 from meshreel.errors import InvalidInputError
-from meshreel.tracks import TrackKind, TrackSource
+from meshreel.tracks import TrackKind, TrackSource, named_track
 
 TrackTargets = Mapping[str, float | str]
 """What is asked of tracks, by their names."""
@@ -61,9 +60,19 @@ _BOUND = re.compile(r"=?\s*((?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:e[+-]?[0-9]{1,3})?)(.
 
 
 def track_bounds(
-    tracks: Mapping[str, TrackSource], targets: TrackTargets | None
+    tracks: Mapping[str, TrackSource],
+    targets: TrackTargets | None,
+    default: TrackBound | None = None,
 ) -> dict[str, TrackBound]:
     """The bound of each track of a sequence.
+
+    Parameters
+    ----------
+    tracks : mapping of str to TrackSource
+    targets : mapping of str to str or float, or None
+        What is asked of some of them.
+    default : TrackBound, optional
+        Of the others; that of their kind if it is not given.
 
     Raises
     ------
@@ -72,13 +81,11 @@ def track_bounds(
     """
     asked = dict(targets or {})
     for name in asked:
-        if name not in tracks:
-            near = get_close_matches(name, tracks, 1)
-            there = f"there are {', '.join(tracks)}" if tracks else "there are no tracks"
-            advice = f"did you mean {near[0]!r}?" if near else there
-            raise InvalidInputError(f"there is no track {name!r}; {advice}")
+        named_track(tracks, name)
     return {
-        name: bound_of_track(asked[name], name, track) if name in asked else default_bound(track)
+        name: bound_of_track(asked[name], name, track)
+        if name in asked
+        else default or default_bound(track)
         for name, track in tracks.items()
     }
 
@@ -93,7 +100,8 @@ def kept_bounds(
     InvalidInputError
         If a bound is not for its track, or the method has no tracks.
     """
-    bounds = track_bounds(tracks, targets)
+    default = EXACT if config.lossless else None
+    bounds = track_bounds(tracks, targets, default)
     kept = {name: bound for name, bound in bounds.items() if bound != DROP}
     if kept and not config.method_row.has_tracks:
         names = ", ".join(kept)

@@ -2,13 +2,14 @@
 
 import struct
 from dataclasses import dataclass
+from enum import IntEnum
 from typing import Any
 
 import numpy as np
 
 from meshreel.codec.surface.texts import read_text, write_text
 from meshreel.entropy.varint import read_varint, write_varint
-from meshreel.errors import CorruptStreamError, TruncatedStreamError
+from meshreel.errors import CorruptStreamError, TruncatedStreamError, UnsupportedVersionError
 from meshreel.surface import Domain
 from meshreel.tracks import COLUMNS_OF, MAX_COLUMNS, TrackKind
 from meshreel.tracks import NUMBER_TYPES as ALL_NUMBER_TYPES
@@ -23,10 +24,76 @@ KINDS = (
     TrackKind.SCALAR,
 )
 DOMAINS = (Domain.VERTEX, Domain.FACE, Domain.CORNER)
+LAST_DOMAIN = len(DOMAINS) - 1
 NUMBER_TYPES = {
     dtype.itemsize + {"f": 0, "u": 16, "i": 32}[dtype.kind]: dtype for dtype in ALL_NUMBER_TYPES
 }
 """Choices by their codes."""
+
+
+class Sharing(IntEnum):
+    """Which corners of faces always have equal values."""
+
+    NONE = 0
+    VERTICES = 1
+    ROWS = 2
+
+
+class Coding(IntEnum):
+    """How values of a track are stored."""
+
+    MODES = 0
+    EXACT = 1
+    TURNS = 2
+    BACKWARD = 3
+    CENTRAL = 4
+    FORWARD = 5
+    EXACT_BACKWARD = 6
+    EXACT_CENTRAL = 7
+    EXACT_FORWARD = 8
+
+    @property
+    def difference(self) -> "Coding | None":
+        """The kind of difference of positions over time, times a rate, that predicts velocities."""
+        if self in DIFFERENCES:
+            return self
+        return DIFFERENCES[EXACT_DIFFERENCES.index(self)] if self in EXACT_DIFFERENCES else None
+
+    @property
+    def has_rate(self) -> bool:
+        """Whether differences of positions over time, times a rate, predict the track."""
+        return self.difference is not None
+
+    @property
+    def is_predicted(self) -> bool:
+        """Whether what is coded is what decoded positions leave: of velocities, or of normals."""
+        return self is Coding.TURNS or self.has_rate
+
+    @property
+    def is_exact(self) -> bool:
+        """Whether every bit comes back."""
+        return self is Coding.EXACT or self in EXACT_DIFFERENCES
+
+    @property
+    def as_exact(self) -> "Coding":
+        """The coding by the same difference whose values come back exactly."""
+        return EXACT_DIFFERENCES[DIFFERENCES.index(self)]
+
+
+DIFFERENCES = Coding.BACKWARD, Coding.CENTRAL, Coding.FORWARD
+"""Of the position before, of those on both sides, of the one behind."""
+
+EXACT_DIFFERENCES = Coding.EXACT_BACKWARD, Coding.EXACT_CENTRAL, Coding.EXACT_FORWARD
+"""The same, of values that come back exactly."""
+
+TURN_COLUMNS = 2
+"""Numbers that turn a normal of the surface to that of a track."""
+
+KINDS_PREDICTED = {
+    Coding.TURNS: (TrackKind.NORMAL,),
+    **dict.fromkeys((*DIFFERENCES, *EXACT_DIFFERENCES), (TrackKind.VELOCITY,)),
+}
+"""Kinds of the tracks that are predicted from positions."""
 
 
 @dataclass(frozen=True)
@@ -44,12 +111,20 @@ class TrackHeader:
     scale : float
         Positive.
     origin : tuple of C floats
-        Numbers are scale times what is coded plus the origin of their column.
-    is_exact : bool
-        Whether its numbers come back as they were; scale and origin then mean nothing.
+        Numbers are scale times what is coded plus the origin of their column, which is 0 unless
+        they are coded by modes alone.
+    coding : Coding
+        If it is exact, scale and origin mean nothing.
     bound : float
         Largest error of a value that the encoder has made sure of: in units of the track, of
         normals in degrees; of colours of each number. 0 promises nothing.
+    rate : float
+        Of velocities that are predicted from positions: frames in the unit of time.
+    sharing : Sharing
+        Of corners: whether each has a value of its own, or one value is that of a vertex, or of a
+        row.
+    rows : bytes
+        What rows there are, as `write_corner_rows` writes it.
     """
 
     name: str
@@ -59,8 +134,21 @@ class TrackHeader:
     dtype: np.dtype[Any]
     scale: float
     origin: tuple[float, ...]
-    is_exact: bool = False
+    coding: Coding = Coding.MODES
     bound: float = 0.0
+    rate: float = 0.0
+    sharing: Sharing = Sharing.NONE
+    rows: bytes = b""
+
+    @property
+    def stored_domain(self) -> Domain:
+        """Where the values that are stored are; they are of rows where these are of corners."""
+        return Domain.VERTEX if self.sharing is Sharing.VERTICES else self.domain
+
+    @property
+    def is_exact(self) -> bool:
+        """Whether its numbers come back as they were."""
+        return self.coding.is_exact
 
     @property
     def n_columns(self) -> int:
@@ -68,9 +156,14 @@ class TrackHeader:
         return len(self.origin)
 
     @property
+    def n_coded(self) -> int:
+        """Columns of what is coded."""
+        return TURN_COLUMNS if self.coding is Coding.TURNS else self.n_columns
+
+    @property
     def placement(self) -> tuple[float, ...]:
-        """Scale, and origin of each column."""
-        return self.scale, *self.origin
+        """Scale, and origin of each column that is coded."""
+        return self.scale, *self.origin[: self.n_coded]
 
     def __str__(self) -> str:
         unit = f" in {self.unit}" if self.unit else ""
@@ -80,12 +173,17 @@ class TrackHeader:
 def write_track(track: TrackHeader) -> bytes:
     """Payload of the section TRACK."""
     [number_type] = (code for code, dtype in NUMBER_TYPES.items() if dtype == track.dtype)
-    kind, domain = KINDS.index(track.kind), DOMAINS.index(track.domain)
-    said = bytes((kind, domain, number_type, track.is_exact))
+    kind, domain = KINDS.index(track.kind), DOMAINS.index(track.domain) + track.sharing
+    said = bytes((kind, domain, number_type, track.coding))
     said += write_text(track.name) + write_text(track.unit) + write_varint(track.n_columns)
-    if track.is_exact:
-        return said
-    return said + np.array((track.bound, *track.placement), "<f8").tobytes()
+    numbers: tuple[float, ...] = ()
+    if track.coding is Coding.MODES:
+        numbers = track.bound, *track.placement
+    elif track.coding is Coding.TURNS:
+        numbers = track.bound, track.scale
+    elif track.coding.has_rate:
+        numbers = (track.rate,) if track.is_exact else (track.bound, track.scale, track.rate)
+    return said + np.array(numbers, "<f8").tobytes() + track.rows
 
 
 def read_track(payload: bytes) -> TrackHeader:
@@ -95,32 +193,51 @@ def read_track(payload: bytes) -> TrackHeader:
     ------
     CorruptStreamError, TruncatedStreamError
         If it contradicts itself, or is cut off.
+    UnsupportedVersionError
+        If it is of a kind, domain, number type or coding that this build does not know.
     """
     if len(payload) < 4:
         raise TruncatedStreamError("a track is cut off")
-    kind, domain, number_type, coding = payload[:4]
+    kind_code, domain_code, number_type, coding_code = payload[:4]
     name, position = read_text(payload, 4)
     unit, position = read_text(payload, position)
     n_columns, position = read_varint(payload, position)
-    known = kind < len(KINDS) and domain < len(DOMAINS) and number_type in NUMBER_TYPES
-    if not known or coding > 1 or not 1 <= n_columns <= MAX_COLUMNS:
-        raise CorruptStreamError(
-            f"track {name!r} has kind {kind}, domain {domain}, number type {number_type}, coding "
-            f"{coding} and {n_columns} columns; at most {MAX_COLUMNS} are allowed"
+    sharing = Sharing(min(max(0, domain_code - LAST_DOMAIN), max(Sharing)))
+    domain_code -= sharing
+    is_known = kind_code < len(KINDS) and domain_code < len(DOMAINS) and number_type in NUMBER_TYPES
+    if not is_known or coding_code >= len(Coding):
+        raise UnsupportedVersionError(
+            f"track {name!r} has kind {kind_code}, domain {payload[1]}, number type "
+            f"{number_type} and coding {coding_code}, one of which is unknown to this build; "
+            "upgrade meshreel"
         )
-    dtype, is_exact = NUMBER_TYPES[number_type], coding == 1
-    if n_columns not in COLUMNS_OF[KINDS[kind]]:
-        raise CorruptStreamError(f"track {name!r} has {n_columns} columns; {KINDS[kind]} has not")
-    what = name, unit, KINDS[kind], DOMAINS[domain], dtype
-    n_numbers = 0 if is_exact else 2 + n_columns
-    if len(payload) - position != 8 * n_numbers or (dtype.kind != "f" and not is_exact):
+    if not 1 <= n_columns <= MAX_COLUMNS:
+        raise CorruptStreamError(
+            f"track {name!r} has {n_columns} columns; at most {MAX_COLUMNS} are allowed"
+        )
+    kind, domain, coding = KINDS[kind_code], DOMAINS[domain_code], Coding(coding_code)
+    if n_columns not in COLUMNS_OF[kind] or n_columns > MAX_COLUMNS:
+        raise CorruptStreamError(f"track {name!r} has {n_columns} columns; {kind} has not")
+    is_of_vertices = domain is Domain.VERTEX or sharing is Sharing.VERTICES
+    may_be = is_of_vertices or not coding.has_rate
+    if coding.is_predicted and not (kind in KINDS_PREDICTED[coding] and may_be):
+        raise CorruptStreamError(f"track {name!r} is predicted as no {kind} of each {domain} is")
+    dtype = NUMBER_TYPES[number_type]
+    n_numbers = {Coding.MODES: 2 + n_columns, Coding.EXACT: 0, Coding.TURNS: 2}.get(
+        coding, 1 if coding.is_exact else 3
+    )
+    end = position + 8 * n_numbers
+    rows = payload[end:] if sharing is Sharing.ROWS else b""
+    if len(payload) - len(rows) != end or (dtype.kind != "f" and n_numbers):
         raise CorruptStreamError(
             f"track {name!r} of type {dtype} has {len(payload) - position} bytes of numbers; "
             f"{8 * n_numbers} are needed"
         )
-    if is_exact:
-        return TrackHeader(*what, 1.0, (0.0,) * n_columns, is_exact)
-    bound, scale, *origin = struct.unpack_from(f"<{n_numbers}d", payload, position)
-    if not (np.isfinite([bound, scale, *origin]).all() and scale > 0 and bound >= 0):
-        raise CorruptStreamError(f"track {name!r} has a bound, scale or origin that cannot be")
-    return TrackHeader(*what, scale, tuple(origin), is_exact, bound)
+    numbers = struct.unpack_from(f"<{n_numbers}d", payload, position)
+    bound, scale = (0.0, 1.0) if coding.is_exact else numbers[:2]
+    if not (np.isfinite([bound, scale, *numbers]).all() and scale > 0 and bound >= 0):
+        raise CorruptStreamError(f"track {name!r} has a bound, scale or number that cannot be")
+    origin = numbers[2:] if coding is Coding.MODES else (0.0,) * n_columns
+    what = name, unit, kind, domain, dtype, scale, tuple(origin), coding, bound
+    rate = numbers[-1] if coding.has_rate else 0.0
+    return TrackHeader(*what, rate=rate, sharing=sharing, rows=rows)

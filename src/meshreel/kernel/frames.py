@@ -44,14 +44,38 @@ class Moves:
         return Moves(self.starts[frames.start : frames.stop + 1], self.vertices, self.displacements)
 
 
-def time_vectors(coded: Integers) -> Floats:
+def lengths_of(values: Floats, n_modes: int, finer: float) -> Floats:
+    """Lengths of the first n_modes fields, of values of shape (V, K), divided by `finer`.
+
+    The length of a field that is 0 is 1.
+    """
+    lengths = np.empty(n_modes)
+    n_verts, n_there = values.shape
+    given = np.ascontiguousarray(values, np.float64)
+    call(
+        "reel_lengths",
+        given,
+        n_verts,
+        n_there,
+        n_modes,
+        ctypes.c_double(finer),
+        lengths,
+        what="lengths",
+    )
+    return lengths
+
+
+def time_vectors(coded: Integers, lengths: Floats | None = None) -> Floats:
     """Basis vectors of shape (C, T, K), each of length 1 (or 0).
 
     Parameters
     ----------
     coded : integer array of shape (K, C, T)
         As in the stream: the coarsest times are differences.
+    lengths : float64 array of shape (n,), optional
+        What the first n vectors are divided by instead of their own lengths.
     """
+    divisors = np.zeros(0) if lengths is None else lengths
     n_modes, n_columns, n_frames = coded.shape
     basis = np.empty((n_columns, n_frames, n_modes))
     room = memory(size_of("reel_basis_memory", n_columns, n_frames))
@@ -64,6 +88,8 @@ def time_vectors(coded: Integers) -> Floats:
         n_modes,
         n_columns,
         n_frames,
+        divisors,
+        len(divisors),
         basis,
         what="basis vectors",
     )

@@ -106,8 +106,12 @@ def track_errors(
         scales[scales == 0] = 1.0  # divided out, as above
         means = np.mean(np.square(errors / scales[:, None]), axis=1)
         rms[some] = scales * np.sqrt(means)
-    unit = "deg" if original.kind is TrackKind.NORMAL else original.unit
-    return TrackErrors(largest, rms, unit)
+    return TrackErrors(largest, rms, error_unit(original))
+
+
+def error_unit(track: TrackSource) -> str:
+    """The unit of errors of a track: its own; "deg" of normals."""
+    return "deg" if track.kind is TrackKind.NORMAL else track.unit
 
 
 def value_errors(original: Values, decoded: Values, kind: TrackKind) -> Floats:

@@ -56,8 +56,10 @@ class PaperBlockDecoder:
         stored, order = self._opened.stored(number), self._opened.order
         with np.errstate(over="ignore", invalid="ignore"):
             block = self.coded(stored, number)
-            frames_of = synthesise(block, self._mesh, self._variant, order)
+            # First, since it tells whether there are as many isolated vertices as the header says;
+            # what follows takes the longer, the more there are.
             exact = self._exact(stored)
+            frames_of = synthesise(block, self._mesh, self._variant, order)
         return DecodedBlock(
             start=stored.start,
             n_frames=stored.n_frames,

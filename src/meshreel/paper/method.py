@@ -47,6 +47,11 @@ class PaperMethod:
         return False
 
     @property
+    def is_lossless(self) -> bool:
+        """False: coefficients are rounded."""
+        return False
+
+    @property
     def codes_blocks_apart(self) -> bool:
         """False: a tracked basis is passed from each block to the next."""
         return False

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 from meshreel.codec.choices import Laplacian
 from meshreel.codec.option import Option, Range
+from meshreel.codec.rounding_options import ROUNDING
 from meshreel.paper.variants import (
     DEFAULT_BITS,
     FINE_BITS,
@@ -86,7 +87,7 @@ N_ITERATIONS = Option(
 def _options_of(variant: Variant) -> tuple[Option, ...]:
     of_deltas = (LAPLACIAN,) if variant.signal is Signal.DELTAS else ()
     of_tracking = (N_ITERATIONS,) if variant.basis is Basis.TRACKED else ()
-    return (ENERGY, BITS, ALLOCATION, ANCHORS, *of_deltas, *of_tracking)
+    return (*ROUNDING, ENERGY, BITS, ALLOCATION, ANCHORS, *of_deltas, *of_tracking)
 
 
 OPTIONS = {variant.name: _options_of(variant) for variant in VARIANTS}

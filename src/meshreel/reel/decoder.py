@@ -1,27 +1,37 @@
 """The blocks of a stream of `reel` to frames, track by track."""
 
-from collections.abc import Callable
-from dataclasses import replace
-from functools import partial
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.bitstream.layout import Section
 from meshreel.codec.corrections import Corrections, moves_by_frame
 from meshreel.codec.decoded_block import DecodedBlock
 from meshreel.codec.frame_products import JointFrames
 from meshreel.codec.open_stream import OpenStream
-from meshreel.codec.stored_blocks import StoredBlock, stored_track_block
+from meshreel.codec.stored_blocks import StoredBlock, read_block, stored_track_block
 from meshreel.codec.tracks import TrackHeader
 from meshreel.connectivity.permutation import inverse_permutation
 from meshreel.errors import CorruptStreamError, InvalidInputError
+from meshreel.kernel.frames import Moves
 from meshreel.reel.agreed.blocks import (
     POSITION_COLUMNS,
     read_corrections,
     read_exact_block,
     read_field_block,
     read_missing,
+)
+from meshreel.reel.agreed.expected import (
+    MovingSurface,
+    combined,
+    expected_places,
+    expected_values,
+    values_at,
 )
 from meshreel.reel.agreed.fields import (
     FieldBlock,
@@ -30,8 +40,11 @@ from meshreel.reel.agreed.fields import (
     decode_basis,
     decode_fields,
 )
-from meshreel.reel.agreed.graphs import ItemGraph, item_graph
+from meshreel.reel.agreed.graphs import ItemGraph
+from meshreel.reel.agreed.items import items_of
 from meshreel.reel.agreed.mesh import FieldMesh
+from meshreel.runtime.threads import chunks, in_threads
+from meshreel.subspace.trajectories import BoundingFrame
 from meshreel.surface import Domain
 from meshreel.tracks import TrackKind
 
@@ -42,6 +55,9 @@ Values = npt.NDArray[Any]
 
 LEAST_LENGTH = 0.5
 """A decoded normal that is shorter is that of a place that has none."""
+
+VALUES_AT_ONCE = 1 << 18
+"""Values that are combined with what is expected of them at once."""
 
 
 class ReelBlockDecoder:
@@ -66,7 +82,8 @@ class ReelBlockDecoder:
         self._opened = opened
         self._n_modes = n_modes
         graph = ItemGraph(opened.internal_faces, opened.n_verts)
-        self._track = _TrackReader(graph, opened.order, opened.stored, POSITION_COLUMNS)
+        mesh = shared_mesh(opened, Domain.VERTEX)
+        self._track = TrackReader(graph, opened.order, opened.stored, POSITION_COLUMNS, mesh)
 
     def block(self, number: int) -> DecodedBlock:
         """A block of the stream, decoded.
@@ -103,15 +120,13 @@ class TrackDecoder:
     ----------
     header : TrackHeader
     shape : tuple of 2 ints
-        Vertices, faces or corners that have values, N, and columns, C.
+        Vertices, faces, corners or rows of them that have stored values, n, and columns, C.
     """
 
     def __init__(self, opened: OpenStream, track: int) -> None:
         self.header: TrackHeader = opened.tracks[track - 1]
-        graph, order = ItemGraph(opened.internal_faces, opened.n_verts), opened.order
-        if self.header.domain is not Domain.VERTEX:
-            graph = item_graph(self.header.domain, opened.faces, opened.surface, opened.n_verts)
-            order = np.arange(graph.n_items)
+        self._items = items_of(opened, self.header)
+        graph, order = self._items.graph, self._items.order
         self.shape = graph.n_items, self.header.n_columns
         self._order = order
         self._mesh = FieldMesh(*graph, stencil_size=1)  # of which only the neighbours are asked for
@@ -119,10 +134,12 @@ class TrackDecoder:
             stored_track_block,
             opened.stream,
             track=track,
-            shape=self.shape,
+            shape=(self._items.n_counted, self.header.n_coded),
             is_exact=self.header.is_exact,
         )
-        self._track = _TrackReader(graph, order, self._stored, self.header.n_columns)
+        mesh = shared_mesh(opened, self.header.stored_domain, self.header.rows)
+        self._track = TrackReader(graph, order, self._stored, self.header.n_coded, mesh)
+        self._opened = opened
 
     def block(self, number: int) -> Values:
         """Values of shape (T_b, N, C) in a block, in the order in which vertices or faces go out.
@@ -132,24 +149,126 @@ class TrackDecoder:
         CorruptStreamError
             If it is damaged.
         """
+        found, spread = self._values(number), self._items.spread
+        return found if spread is None else found.take(spread, axis=1)
+
+    def _values(self, number: int) -> Values:
+        """Values that are stored, of shape (T_b, n, C)."""
         stored = self._stored(number)
         if self.header.is_exact:
-            dtype, graph = self.header.dtype, self._mesh.neighbours
-            return read_exact_block(stored, self.shape, dtype, graph)[:, self._order]
+            return self._exact(number, stored)
         found, corrections = self._track.modes(number, stored), self._track.corrections(stored)
         moves = None if corrections is None else moves_by_frame(corrections, stored.n_frames)
         out = np.empty((stored.n_frames, *self.shape), self.header.dtype)
         with np.errstate(over="ignore", invalid="ignore"):
-            found.fill(out, range(stored.n_frames), self.header.placement, moves)
-            if self.header.kind is TrackKind.NORMAL:
-                out = of_unit_length(out)
+            if self.header.coding.is_predicted:
+                self._fill_predicted(out, found, moves, self._opened.positions(number))
+            else:
+                found.fill(out, range(stored.n_frames), self.header.placement, moves)
+                if self.header.kind is TrackKind.NORMAL:
+                    out = of_unit_length(out)
         is_missing = read_missing(stored, self.shape, self._mesh.neighbours)
         if is_missing is not None:
             out[is_missing[:, self._order]] = np.nan
         return out
 
+    def _exact(self, number: int, stored: StoredBlock) -> Values:
+        header, graph = self.header, self._mesh.neighbours
+        if not header.coding.is_predicted:
+            return read_exact_block(stored, self.shape, header.dtype, graph)[:, self._order]
+        left = np.dtype(f"i{header.dtype.itemsize}")
+        found = read_exact_block(stored, self.shape, left, graph).take(self._order, axis=1)
+        positions = self._opened.positions(number)
 
-class _TrackReader:
+        def add(piece: slice) -> None:
+            with np.errstate(over="ignore", invalid="ignore"):
+                expected = expected_values(header, self._surface, positions, piece)
+            found[piece] += expected_places(header, expected)
+
+        in_threads(add, chunks(len(found), max(1, VALUES_AT_ONCE // self.shape[0])))
+        return values_at(found)
+
+    @cached_property
+    def _surface(self) -> MovingSurface:
+        opened = self._opened
+        internal = inverse_permutation(opened.order)[opened.internal_faces].astype(np.int32)
+        of_rows = self._items.vertex_of_row
+        return MovingSurface(internal, opened.faces, opened.surface, of_rows)
+
+    def _fill_predicted(
+        self, out: Values, found: JointFrames, moves: Moves | None, positions: Values
+    ) -> None:
+        """Fill values of a block with what positions let expect, changed by what is coded."""
+        header, surface = self.header, self._surface
+
+        def fill(piece: slice) -> None:
+            frames = range(piece.start, piece.stop)
+            coded = np.empty((len(frames), self.shape[0], header.n_coded))
+            of_piece = None if moves is None else moves.of_frames(frames)
+            found.fill(coded, frames, header.placement, of_piece)
+            expected = expected_values(header, surface, positions, piece)
+            combined(header, expected, coded, out[piece])
+
+        in_threads(fill, chunks(len(out), max(1, VALUES_AT_ONCE // self.shape[0])))
+
+
+class WrittenBlocks:
+    """Decodes positions of blocks that were written one after another, as a reader will.
+
+    Parameters
+    ----------
+    graph : ItemGraph
+        Faces and vertices, in internal order.
+    order : int64 array of shape (V,)
+        Internal number of each vertex that goes out.
+    frame : BoundingFrame
+    dtype : numpy dtype
+    """
+
+    def __init__(
+        self,
+        graph: ItemGraph,
+        order: Integers,
+        frame: BoundingFrame,
+        dtype: np.dtype[np.floating],
+    ) -> None:
+        self._frame, self._dtype = frame, dtype
+        self._n_read = 0
+        self._reader = TrackReader(graph, order, self._stored, POSITION_COLUMNS, SharedMesh())
+
+    def positions(self, sections: Iterable[tuple[Section, bytes]]) -> Values:
+        """Positions of the next block, of shape (T_b, V, 3), as they go out."""
+        own = dict(sections)
+        stored = StoredBlock(0, *read_block(own[Section.BLOCK]), own)
+        found = self._reader.modes(self._n_read, stored)
+        self._n_read += 1
+        moved = self._reader.corrections(stored)
+        block = DecodedBlock(0, stored.n_frames, found, self._frame, corrections=moved)
+        out = np.empty((stored.n_frames, len(found.order), POSITION_COLUMNS), self._dtype)
+        block.fill(out, 0)
+        return out
+
+    def _stored(self, number: int) -> StoredBlock:
+        """Never asked for: a block refers to the last key block, which the reader keeps."""
+        raise AssertionError(f"block {number} is not the last key block")
+
+
+@dataclass
+class SharedMesh:
+    """The mesh of the fields that were decoded last, for tracks that lie on the same graph."""
+
+    mesh: FieldMesh | None = None
+
+
+_SHARED: WeakKeyDictionary[OpenStream, dict[tuple[Domain, bytes], SharedMesh]] = WeakKeyDictionary()
+
+
+def shared_mesh(opened: OpenStream, domain: Domain, rows: bytes = b"") -> SharedMesh:
+    """The mesh of all tracks of a stream that are of its vertices, faces, corners or these rows."""
+    return _SHARED.setdefault(opened, {}).setdefault((domain, rows), SharedMesh())
+
+
+class TrackReader:
     """Reads a track in the blocks of a stream; the key block that others refer to is kept.
 
     Parameters
@@ -161,6 +280,8 @@ class _TrackReader:
     stored : callable
         The track in a block, by its number, as it is stored.
     n_columns : int
+    shared : SharedMesh
+        Of all tracks on the graph: its hierarchy is found once.
     """
 
     def __init__(
@@ -169,19 +290,20 @@ class _TrackReader:
         order: Integers,
         stored: Callable[[int], StoredBlock],
         n_columns: int,
+        shared: SharedMesh,
     ) -> None:
         self._graph = graph
         self._order = order
         self._stored = stored
         self._n_columns = n_columns
-        self._field_mesh: FieldMesh | None = None
+        self._shared = shared
         self._key: tuple[int, Layout, KeyFields] | None = None
 
     def modes(self, number: int, stored: StoredBlock) -> JointFrames:
         """Modes of the track in a block, whose numbers and bytes these are."""
         block, mesh = self._read(stored)
         key = self._key_of(number, block.layout)
-        basis = decode_basis(block.basis)
+        basis = decode_basis(block.basis, block.layout, key)
         values = decode_fields(block, mesh, key)
         if key is None:
             self._key = number, block.layout, KeyFields(values)
@@ -196,8 +318,8 @@ class _TrackReader:
         return replace(found, vertices=inverse_permutation(self._order)[found.vertices])
 
     def _read(self, stored: StoredBlock) -> tuple[FieldBlock, FieldMesh]:
-        block, mesh = read_field_block(stored, *self._graph, self._field_mesh, self._n_columns)
-        self._field_mesh = mesh
+        block, mesh = read_field_block(stored, *self._graph, self._shared.mesh, self._n_columns)
+        self._shared.mesh = mesh
         return block, mesh
 
     def _key_of(self, number: int, layout: Layout) -> KeyFields | None:
@@ -219,6 +341,11 @@ class _TrackReader:
             raise CorruptStreamError(
                 f"block {number} has stencils of {layout.stencil_size}; that which it refers to "
                 f"has {key_layout.stencil_size}"
+            )
+        if layout.n_reused > key.values.shape[1]:
+            raise CorruptStreamError(
+                f"block {number} reuses {layout.n_reused} fields; that which it refers to has "
+                f"{key.values.shape[1]}"
             )
         return key
 

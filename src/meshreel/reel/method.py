@@ -13,14 +13,26 @@ from meshreel.codec.track_bounds import TrackTargets
 from meshreel.errors import InvalidInputError
 from meshreel.runtime.engine.engine import Engine
 from meshreel.runtime.progress import Progress
+from meshreel.sequence import extent_of
 from meshreel.subspace.trajectories import BoundingFrame
 from meshreel.tracks import Track
 
 if TYPE_CHECKING:
-    from meshreel.reel.decoder import ReelBlockDecoder, TrackDecoder
-    from meshreel.reel.encoding.live import LiveCoder
+    from meshreel.codec.methods import BlockCoder, BlockDecoder
+    from meshreel.reel.decoder import TrackDecoder
+    from meshreel.reel.encoding.exact_positions import PositionCoder
 
 Vertices = npt.NDArray[np.floating]
+
+MAX_EXACT_POSITIONS, LEAST_EXACT_FRAMES = 1 << 22, 64
+"""Of a block of `lossless`: some 2 s of decoding; but as many frames as let it learn motions."""
+
+MOST_FRAMES_UNCUT, MOST_POSITIONS_UNCUT = 1024, 1 << 23
+"""Sequences of more frames and more positions are cut by `reel`: of small meshes any frame is there
+soon anyway."""
+
+FRAMES_OF_LONG = 512
+"""Most frames of a block of these."""
 
 LIVE_AIMS = (Aim.QUALITY, Aim.STEP, Aim.MAX_ERROR)
 """Targets that can be met without knowing the frames to come."""
@@ -33,6 +45,7 @@ class ReelMethod:
     block_frames = None
     codes_blocks_apart = True
     has_tracks = True
+    is_lossless = False
 
     def check(self, config: EncoderConfig) -> None:
         """Nothing if there is one target at most.
@@ -61,9 +74,12 @@ class ReelMethod:
     def longest_block(self, n_frames: int, n_verts: int) -> int:
         """Frames coded together where neither a number of frames nor memory is given.
 
-        As many as possible: every cut sends all fields again.
+        As many as possible: every cut sends all fields again, but those that blocks reuse. Long
+        sequences are cut so that time and memory do not grow, and a frame is there soon.
         """
         n_blocks = -(-n_frames * n_verts // MAX_BLOCK_POSITIONS)
+        if n_frames > MOST_FRAMES_UNCUT and n_frames * n_verts > MOST_POSITIONS_UNCUT:
+            n_blocks = max(n_blocks, -(-n_frames // FRAMES_OF_LONG))
         return -(-n_frames // n_blocks)
 
     def most_modes(self, n_frames: int, n_verts: int) -> int:
@@ -87,7 +103,7 @@ class ReelMethod:
         first: Vertices,
         tracks: dict[str, Track],
         targets: TrackTargets | None,
-    ) -> "LiveCoder":
+    ) -> "BlockCoder":
         """The coder of frames that are not all there yet; raises as `LiveCoder`."""
         from meshreel.reel.encoding.live import LiveCoder
 
@@ -99,11 +115,127 @@ class ReelMethod:
 
         return TrackDecoder(opened, track)
 
-    def decoder(self, opened: OpenStream, n_modes: int | None) -> "ReelBlockDecoder":
+    def decoder(self, opened: OpenStream, n_modes: int | None) -> "BlockDecoder":
         """The decoder of a stream's blocks; raises as `ReelBlockDecoder`."""
         from meshreel.reel.decoder import ReelBlockDecoder
 
         return ReelBlockDecoder(opened, n_modes)
 
 
-METHODS = {ReelMethod.name: ReelMethod()}
+class LosslessMethod(ReelMethod):
+    """`lossless`: positions bit for bit, and tracks as in `reel`."""
+
+    name = "lossless"
+    is_lossless = True
+
+    def check(self, config: EncoderConfig) -> None:
+        """Nothing: what it takes fits."""
+
+    def check_live(self, config: EncoderConfig) -> None:
+        """Nothing: every option can be used for frames that come one by one."""
+
+    def longest_block(self, n_frames: int, n_verts: int) -> int:
+        """Frames coded together where neither a number of frames nor memory is given.
+
+        To show one frame its whole block is decoded, which takes longer than with modes; and cuts
+        cost less.
+        """
+        together = max(LEAST_EXACT_FRAMES, MAX_EXACT_POSITIONS // n_verts)
+        together = max(1, min(together, MAX_BLOCK_POSITIONS // n_verts))
+        return -(-n_frames // -(-n_frames // together))
+
+    def most_modes(self, n_frames: int, n_verts: int) -> int:
+        """There are none."""
+        return 0
+
+    def encode(self, source: Source, progress: Progress, engine: Engine | None) -> bytes:
+        """The bytes of a stream of the source; raises as `exact_positions.encode`."""
+        from meshreel.reel.encoding import exact_positions
+
+        return exact_positions.encode(source, progress, engine)
+
+    def live_coder(
+        self,
+        mesh: CodedMesh,
+        frame: BoundingFrame,
+        first: Vertices,
+        tracks: dict[str, Track],
+        targets: TrackTargets | None,
+    ) -> "BlockCoder":
+        """The coder of frames that are not all there yet; raises as `LivePositionCoder`."""
+        from meshreel.reel.encoding.exact_positions import LivePositionCoder
+
+        return LivePositionCoder(
+            self._position_coder(mesh, frame, first), mesh, first, tracks, targets
+        )
+
+    def _position_coder(
+        self, mesh: CodedMesh, frame: BoundingFrame, first: Vertices
+    ) -> "PositionCoder":
+        from meshreel.reel.encoding.exact_positions import ExactPositionCoder
+
+        return ExactPositionCoder(mesh.faces, mesh.n_verts)
+
+    def decoder(self, opened: OpenStream, n_modes: int | None) -> "BlockDecoder":
+        """The decoder of a stream's blocks.
+
+        Raises
+        ------
+        InvalidInputError
+            If `n_modes` is given.
+        """
+        from meshreel.reel.exact_decoder import ExactBlockDecoder
+
+        self._check_modes(n_modes)
+        return ExactBlockDecoder(opened)
+
+    def _check_modes(self, n_modes: int | None) -> None:
+        if n_modes is not None:
+            raise InvalidInputError(
+                f"a stream of method {self.name} has no modes, and every bit is decoded; leave "
+                "n_modes= out"
+            )
+
+
+class GridMethod(LosslessMethod):
+    """`grid`: positions rounded to a grid that keeps a promise, then bit for bit."""
+
+    name = "grid"
+    is_lossless = False
+
+    def check(self, config: EncoderConfig) -> None:
+        """Nothing if there is a largest error.
+
+        Raises
+        ------
+        InvalidInputError
+            If there is none.
+        """
+        if config.max_error is None:
+            raise InvalidInputError(
+                f"method {self.name} rounds positions as far as a largest error allows; give "
+                "max_error="
+            )
+
+    def encode(self, source: Source, progress: Progress, engine: Engine | None) -> bytes:
+        """The bytes of a stream of the source; raises as `grid_positions.encode`."""
+        from meshreel.reel.encoding import grid_positions
+
+        return grid_positions.encode(source, progress, engine)
+
+    def _position_coder(
+        self, mesh: CodedMesh, frame: BoundingFrame, first: Vertices
+    ) -> "PositionCoder":
+        from meshreel.reel.encoding.grid_positions import grid_coder
+
+        return grid_coder(mesh, frame, extent_of(first), first.dtype)
+
+    def decoder(self, opened: OpenStream, n_modes: int | None) -> "BlockDecoder":
+        """The decoder of a stream's blocks; raises as that of `lossless`."""
+        from meshreel.reel.exact_decoder import GridBlockDecoder
+
+        self._check_modes(n_modes)
+        return GridBlockDecoder(opened)
+
+
+METHODS = {method.name: method for method in (ReelMethod(), LosslessMethod(), GridMethod())}

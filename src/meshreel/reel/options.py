@@ -3,7 +3,8 @@
 from enum import Enum
 
 from meshreel.codec.option import Option, Range
-from meshreel.codec.targets import TARGET_OPTIONS
+from meshreel.codec.rounding_options import ROUNDING
+from meshreel.codec.targets import LOSSLESS, MAX_ERROR, TARGET_OPTIONS, UNIT
 
 DEFAULT_EFFORT = 5
 EFFORT_RANGE = Range(1, 9, is_whole=True)
@@ -32,5 +33,9 @@ EFFORT = Option(
     range=EFFORT_RANGE,
 )
 
-OPTIONS = {"reel": (*TARGET_OPTIONS, TUNE, EFFORT)}
+OPTIONS = {
+    "reel": (*TARGET_OPTIONS, LOSSLESS, TUNE, EFFORT, *ROUNDING),
+    "lossless": (LOSSLESS,),
+    "grid": (MAX_ERROR, UNIT, *ROUNDING),
+}
 """By the name of the method."""

@@ -1,5 +1,6 @@
 """Eigen-trajectories: eigenvectors of the trajectory autocorrelation."""
 
+import math
 from collections.abc import Callable
 
 import numpy as np
@@ -11,6 +12,12 @@ Floats = npt.NDArray[np.float64]
 
 RANK_TOLERANCE = 1e-13
 """Eigenvalues of a Gram matrix below this share of the largest are rounding errors."""
+
+FAITHFUL = 3e-6
+"""Share of the largest singular value above which a Gram matrix tells others well."""
+
+ROUNDING = 1e-14
+"""Singular values below this share of the largest are rounding errors of the matrix itself."""
 
 GRAM_COLUMNS = 2048
 """Number of columns whose contribution to a Gram matrix is computed at once."""
@@ -101,6 +108,64 @@ def leading_trajectories(gram: Floats, n_modes: int, least: float = 0.0) -> tupl
     """Singular values and basis vectors as `joint_trajectories`, from the Gram matrix of rows."""
     eigenvalues, vectors = _leading(gram, n_modes, least)
     return np.sqrt(np.maximum(eigenvalues, 0.0)), fix_signs(vectors)
+
+
+def weak_trajectories(
+    columns: Callable[[slice], npt.NDArray[np.floating]],
+    gram: Floats,
+    n_columns: int,
+    least: float,
+) -> tuple[Floats, Floats]:
+    """Singular values above `least`, one at least, and left singular vectors of a wide matrix.
+
+    A Gram matrix has squares of singular values, of which the smallest vanish in the rounding of
+    the largest. Those are found again, from the Gram matrix of what the stronger modes leave.
+
+    Parameters
+    ----------
+    columns, n_columns
+        As of `gram_of_rows`.
+    gram : float64 array of shape (n_rows, n_rows)
+        What that gives.
+    least : float
+
+    Returns
+    -------
+    singular_values : float64 array of shape (K,), descending, positive
+    vectors : float64 array of shape (n_rows, K), columns orthonormal
+    """
+    n_rows = len(gram)
+    values, vectors = leading_trajectories(gram, n_rows, least)
+    largest = float(values[0])
+    if least >= math.sqrt(RANK_TOLERANCE) * largest or largest == 0.0:
+        return values, vectors
+    values, vectors = _above(values, vectors, FAITHFUL * largest)
+    least = max(least, ROUNDING * largest)
+    while len(values) < n_rows:
+        strong = vectors
+
+        def left(piece: slice, strong: Floats = strong) -> Floats:
+            part = columns(piece).astype(np.float64)
+            for _ in range(2):  # once is not enough where little is left
+                part -= strong @ (strong.T @ part)
+            return part
+
+        rest = gram_of_rows(left, n_rows, n_columns)
+        found, more = leading_trajectories(rest, n_rows - len(values), least)
+        cut = max(least, FAITHFUL * float(found[0]))
+        found, more = _above(found, more, cut)
+        more -= strong @ (strong.T @ more)
+        values = np.concatenate([values, found])
+        vectors = np.concatenate([strong, fix_signs(np.linalg.qr(more)[0])], axis=1)
+        if cut == least:
+            break
+    order = np.argsort(-values, kind="stable")
+    return values[order], vectors[:, order]
+
+
+def _above(values: Floats, vectors: Floats, least: float) -> tuple[Floats, Floats]:
+    count = int(np.sum(values > least))
+    return values[:count], vectors[:, :count]
 
 
 def gram_of_rows(

@@ -37,11 +37,16 @@ class BoundingFrame:
 
 
 def bounding_frame(extent: Extent) -> BoundingFrame:
-    """The bounding frame of positions, or of a track's values, of this extent."""
-    origin = tuple((extent.low + (extent.high - extent.low) / 2).tolist())
-    sides = extent.high - extent.low
+    """The bounding frame of positions, or of a track's values, of this extent; always finite."""
+    most = float(np.finfo(np.float64).max)
+    with np.errstate(over="ignore"):
+        sides = extent.high - extent.low
+    if not np.isfinite(sides).all():  # between the largest numbers of either sign
+        return BoundingFrame(tuple((extent.low / 2 + extent.high / 2).tolist()), most)
+    origin = tuple((extent.low + sides / 2).tolist())
     largest = float(sides.max()) or 1.0  # divided out: squares of tiny sides are 0
-    return BoundingFrame(origin, largest * float(np.linalg.norm(sides / largest)) or 1.0)
+    scale = largest * float(np.linalg.norm(sides / largest)) or 1.0
+    return BoundingFrame(origin, min(scale, most))
 
 
 @staged("coordinates")

@@ -110,3 +110,10 @@ def test_reel_cuts_into_equal_blocks_within_memory_when_none_is_asked_for(n_fram
 def test_reel_does_not_cut_when_memory_allows():
     assert EncoderConfig().frames_in_block(5000, 100) == 5000
     assert EncoderConfig(block_frames=30).frames_in_block(5000, 100) == 30
+
+
+def test_reel_cuts_long_sequences_of_many_vertices_into_equal_blocks():
+    assert EncoderConfig().frames_in_block(10_000, 10_000) == 500
+    assert EncoderConfig().frames_in_block(1024, 10_000) == 1024
+    assert EncoderConfig().frames_in_block(1025, 10_000) == 342
+    assert EncoderConfig().frames_in_block(1025, 1 << 12) == 1025

@@ -14,7 +14,8 @@ from meshreel.codec.config import EncoderConfig, config_of
 from meshreel.codec.encoder import encode
 from meshreel.codec.methods import METHOD_NAMES
 from meshreel.codec.option import Option, Range
-from meshreel.codec.options import UV_BITS, all_options, check_names, methods_taking, options_of
+from meshreel.codec.options import all_options, check_names, methods_taking, options_of
+from meshreel.codec.rounding_options import UV_BITS_RANGE
 from meshreel.entropy.multiples import MAX_GRID_BITS
 from meshreel.errors import InvalidInputError
 from meshreel.reel.encoding.effort import EFFORTS
@@ -57,7 +58,7 @@ def test_option_takes_its_default_and_says_what_it_is(name):
     option.check(option.default)
     assert option.help.endswith(".")
     assert option.default in option.names or not option.names or option.default is None
-    assert option.names or option.range
+    assert option.names or option.range or option.type is bool
 
 
 @pytest.mark.parametrize("name", OPTIONS)
@@ -73,6 +74,7 @@ def test_option_is_refused_by_methods_that_do_not_take_it(method, name):
     option = OPTIONS[name]
     value = 0.5 if option.range is None else max(option.range.low, 1)
     given = next((one for one in option.names if one != option.default), value)
+    given = True if option.type is bool else given
     if option in options_of(method) or name == "unit":
         return
     expected = f"method {method} does not take {name}=; .* {' or '.join(methods_taking(option))}$"
@@ -127,7 +129,7 @@ def test_names_are_taken_when_they_are_known():
 
 def test_ranges_are_those_of_what_they_choose():
     assert set(EFFORTS) == set(range(int(EFFORT_RANGE.low), int(EFFORT_RANGE.high) + 1))
-    assert UV_BITS.high == MAX_GRID_BITS
+    assert UV_BITS_RANGE.high == MAX_GRID_BITS
 
 
 def test_table_is_made_without_numerics():

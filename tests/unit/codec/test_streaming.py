@@ -34,7 +34,12 @@ def pushed(sequence, **options):
 
 @pytest.mark.parametrize(
     ("method", "options"),
-    [("reel", {}), ("reel", {"max_error": 0.4}), ("blocks", {"n_modes": 4}), ("pca-qp", {})],
+    [
+        ("reel", {}),
+        ("reel", {"max_error": 0.4, "effort": 5}),
+        ("blocks", {"n_modes": 4}),
+        ("pca-qp", {}),
+    ],
 )
 def test_frames_are_those_of_the_whole_when_one_block_holds_all(method, options):
     sequence = irregular_sequence(9)

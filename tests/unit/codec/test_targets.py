@@ -279,6 +279,22 @@ def test_steps_are_taken_as_they_are_when_they_are_as_large_as_the_model():
     assert sizes[1] < sizes[0]
 
 
+def test_modes_go_on_to_rise_when_the_promised_error_falls():
+    rng, time = np.random.default_rng(5), np.arange(30)[:, None, None]
+    sheet = waving_grid(1)
+    fields = rng.normal(size=(10, 1, *sheet.vertices.shape[1:])) * 10.0 ** -np.arange(10).reshape(
+        10, 1, 1, 1
+    )
+    waves = sum(field * np.cos((k + 1) * time / 9) for k, field in enumerate(fields))
+    sequence = meshreel.MeshSequence(sheet.vertices.astype(np.float64) + waves, sheet.faces)
+    errors = (1e-3, 1e-5, 1e-7)
+    counts = [
+        sum(meshreel.info(meshreel.encode(sequence, max_error=error)).n_modes) for error in errors
+    ]
+    assert counts[0] + 2 <= counts[1]
+    assert counts[1] + 2 <= counts[2]
+
+
 def test_steps_of_quality_halve_with_twelve_points_and_end_at_the_finest():
     assert quality_step(DEFAULT_QUALITY) == USUAL_STEP == 1e-4
     for quality in (88, 50, 13):

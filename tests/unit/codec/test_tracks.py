@@ -1,5 +1,6 @@
 """Tracks beside the positions: what is said of them, read, skipped and refused."""
 
+from dataclasses import replace
 from io import BytesIO
 from pathlib import Path
 
@@ -10,8 +11,16 @@ import meshreel
 from meshreel.bitstream.layout import Section
 from meshreel.bitstream.reader import open_stream, read_stream
 from meshreel.codec.open_stream import OpenStream
-from meshreel.codec.tracks import TrackHeader, read_track, write_track
-from meshreel.errors import CorruptStreamError, MeshReelError, TruncatedStreamError
+from meshreel.codec.reel_file import ReelFile
+from meshreel.codec.tracks import Coding, Sharing, TrackHeader, read_track, write_track
+from meshreel.errors import (
+    CorruptStreamError,
+    MeshReelError,
+    TruncatedStreamError,
+    UnsupportedVersionError,
+)
+from meshreel.kernel.mesh import hierarchy
+from meshreel.reel.agreed import mesh
 from meshreel.reel.decoder import TrackDecoder
 from meshreel.surface import Domain
 from meshreel.tracks import MAX_COLUMNS
@@ -19,7 +28,14 @@ from samples.costs import draws
 from samples.streams import parts_of, raw_stream
 
 FOLDER = Path(__file__).parents[3] / "conformance" / "streams"
-NAMES = ("tracks", "tracks_of_triangles", "tracks_of_polygons", "still_track")
+NAMES = (
+    "tracks",
+    "tracks_of_triangles",
+    "tracks_of_polygons",
+    "still_track",
+    "corners_of_vertices",
+    "corners_in_rows",
+)
 STRESS = TrackHeader(
     "stress", "Pa", "other", Domain.VERTEX, np.dtype(np.float32), 2.5, (1.0, -3.0, 0.0)
 )
@@ -45,8 +61,52 @@ def test_what_is_said_of_a_track_comes_back_when_written():
 def test_a_track_is_refused_when_a_code_is_unknown(place):
     payload = bytearray(write_track(STRESS))
     payload[place] = 99
-    with pytest.raises(CorruptStreamError, match="99"):
+    with pytest.raises(UnsupportedVersionError, match=r"99.* unknown to this build"):
         read_track(bytes(payload))
+
+
+@pytest.mark.parametrize("sharing", list(Sharing))
+@pytest.mark.parametrize("coding", [Coding.MODES, Coding.EXACT])
+def test_what_corners_share_comes_back_when_written(sharing, coding):
+    rows = b"some rows" if sharing is Sharing.ROWS else b""
+    plain = TrackHeader("x", "", "other", Domain.CORNER, np.dtype("f4"), 1.0, (0.0,) * 2, coding)
+    track = replace(plain, sharing=sharing, rows=rows)
+    assert read_track(write_track(track)) == track
+
+
+def predicted(coding, **changed):
+    kind = "normal" if coding is Coding.TURNS else "velocity"
+    single, nowhere = np.dtype(np.float32), (0.0, 0.0, 0.0)
+    numbers = (1.0, nowhere, coding, 0.0) if coding.is_exact else (2.5, nowhere, coding, 0.5)
+    plain = TrackHeader("v", "", kind, Domain.VERTEX, single, *numbers)
+    return replace(plain, **changed)
+
+
+@pytest.mark.parametrize("coding", [one for one in Coding if one.is_predicted])
+def test_what_is_said_of_a_predicted_track_comes_back_when_written(coding):
+    track = predicted(coding, rate=29.97 if coding.has_rate else 0.0)
+    assert read_track(write_track(track)) == track
+    assert len(track.placement) == 1 + (2 if coding is Coding.TURNS else 3)
+
+
+@pytest.mark.parametrize(
+    ("coding", "changed"),
+    [
+        (Coding.TURNS, {"kind": "velocity"}),
+        (Coding.BACKWARD, {"kind": "vector"}),
+        (Coding.CENTRAL, {"kind": "normal"}),
+        (Coding.FORWARD, {"domain": Domain.CORNER}),
+        (Coding.FORWARD, {"domain": Domain.CORNER, "sharing": Sharing.ROWS}),
+    ],
+)
+def test_a_track_is_refused_when_positions_do_not_predict_its_kind(coding, changed):
+    with pytest.raises(CorruptStreamError, match="is predicted as no"):
+        read_track(write_track(predicted(coding, **changed)))
+
+
+def test_a_track_is_refused_when_its_rate_cannot_be():
+    with pytest.raises(CorruptStreamError, match="number that cannot be"):
+        read_track(write_track(predicted(Coding.CENTRAL, rate=np.inf)))
 
 
 def test_a_track_is_refused_when_it_is_cut_off_or_longer():
@@ -85,7 +145,7 @@ def test_values_have_the_shapes_that_are_said_when_tracks_are_decoded(name):
     for values, track in zip(found, opened.tracks, strict=True):
         shape = opened.stream.n_frames, n_items[track.domain], track.n_columns
         assert (values.shape, values.dtype) == (shape, track.dtype)
-        assert np.isfinite(values).all()
+        assert np.isfinite(values).all() or track.name == "gaps"
 
 
 def test_a_still_track_is_its_origin_when_it_is_decoded():
@@ -166,3 +226,53 @@ def test_hostile_tracks_give_our_error_or_values_when_checksums_are_made_to_fit(
         except MeshReelError:
             continue
     assert n_decoded
+
+
+def test_hostile_rows_give_our_error_or_values_when_checksums_are_made_to_fit():
+    stream = read_stream(stored("corners_in_rows"))
+    header = next(one for one in OpenStream(stream).tracks if one.rows)
+    rng, n_decoded = np.random.default_rng(9), 0
+    parts = parts_of(stream)
+    place = next(number for number, one in enumerate(parts) if one[0] is Section.TRACK)
+    whole = write_track(header)
+    assert parts[place][1] == whole
+    for _ in range(draws(200)):
+        payload = bytearray(whole)
+        payload[-rng.integers(1, len(header.rows) + 1)] = rng.integers(256)
+        parts[place] = Section.TRACK, bytes(payload[: len(payload) - rng.integers(3) // 2])
+        try:
+            opened = OpenStream(read_stream(raw_stream(stream.header, parts)))
+            values = TrackDecoder(opened, 1).block(0)
+        except MeshReelError:
+            continue
+        n_decoded += 1
+        assert values.shape[1] == opened.surface.n_items(Domain.CORNER, 0, len(opened.faces))
+    assert n_decoded
+
+
+def test_the_hierarchy_is_found_once_when_positions_and_tracks_lie_on_the_same_vertices(
+    monkeypatch,
+):
+    plain = meshreel.simulate_flag(6, n_rows=7, n_columns=8)
+    height = plain.vertices[..., 1]
+    tracks = {"height": height, "slope": np.gradient(height, axis=0)}
+    data = meshreel.encode(
+        meshreel.MeshSequence(plain.vertices, plain.faces, tracks=tracks),
+        tracks=dict.fromkeys(tracks, "1%"),
+    )
+    assert not any(track.is_exact for track in meshreel.info(data).tracks)
+    found = []
+
+    def counted(*arguments):
+        found.append(arguments)
+        return hierarchy(*arguments)
+
+    monkeypatch.setattr(mesh, "hierarchy", counted)
+    with ReelFile(BytesIO(data)) as reel:
+        for name in tracks:
+            reel.track(name).read(0, 6)
+        reel.read(0, 6)
+    assert len(found) == 1
+    with ReelFile(BytesIO(data)) as reel:
+        reel.read(0, 6)
+    assert len(found) == 2

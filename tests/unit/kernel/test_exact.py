@@ -159,6 +159,14 @@ def test_a_mask_that_hardly_changes_takes_next_to_nothing():
     assert len(assert_comes_back(values, graph)) < 60
 
 
+@pytest.mark.parametrize("dtype", TYPES)
+def test_numbers_in_runs_of_the_items_take_next_to_nothing(dtype):
+    graph = neighbours(np.random.default_rng(1).integers(0, 1000, (2000, 3)), 1000)
+    runs = np.arange(1000).astype(dtype)[:, None] // np.array(100, dtype)
+    values = np.broadcast_to(np.floor(runs), (8, 1000, 1)).astype(dtype)
+    assert len(assert_comes_back(values, graph)) < 100
+
+
 def test_smooth_motion_takes_a_third_of_its_bytes():
     values = waves(100)
     assert len(assert_comes_back(values, lattice()[0])) < values.nbytes / 3

@@ -36,6 +36,7 @@ def kinds_of_values():
         "waves": waves,
         "noise": noise,
         "labels": labels,
+        "listed": np.broadcast_to(ITEMS // 7, (9, N_ITEMS, 3)),
         "stays": stays,
         "again": again,
         "constant": np.broadcast_to(noise[0], waves.shape),

@@ -9,9 +9,10 @@ import meshreel
 from meshreel.codec.reel_file import ReelFile
 from meshreel.codec.track_bounds import Measure, TrackBound
 from meshreel.errors import InvalidInputError
-from meshreel.reel.encoding.tracks import UNIT_LENGTH_TOLERANCE, length_allowed
+from meshreel.reel.encoding.track_coders import UNIT_LENGTH_TOLERANCE, length_allowed
 from meshreel.subspace.trajectories import BoundingFrame
 from samples.meshes import irregular_sequence, quad_sheet, waving_grid
+from samples.tracks import given_places
 
 RNG = np.random.default_rng(3)
 
@@ -58,10 +59,7 @@ def test_no_value_is_farther_off_than_the_bound(order, dtype, block_frames):
     bounds = {"heat": "0.5K", "flow": "1%", "many": 2}
     data = meshreel.encode(original, tracks=bounds, order=order, block_frames=block_frames)
     decoded = meshreel.decode(data)
-    places = slice(None)
-    if order == "drop":  # matched by where they are in the first frame
-        apart = original.vertices[0][:, None] - decoded.vertices[0][None]
-        places = np.linalg.norm(apart, axis=2).argmin(axis=0)
+    places = given_places(order, original.vertices, decoded.vertices)
     span = np.linalg.norm(np.ptp(original.tracks["flow"].values, axis=(0, 1)))
     allowed = {"heat": 0.5, "flow": 0.01 * span, "many": 2}
     for name, track in decoded.tracks.items():

@@ -17,7 +17,8 @@ from meshreel.reel.agreed.blocks import write_field_block
 from meshreel.reel.agreed.fields import decode_basis, decode_fields
 from meshreel.reel.agreed.mesh import FieldMesh
 from meshreel.reel.agreed.payloads import read_basis, read_layout
-from meshreel.reel.encoding.analysis import BlockFrames, FieldChoices, analyse_fields
+from meshreel.reel.encoding.analysis import FieldChoices, analyse_fields
+from meshreel.reel.encoding.block_frames import BlockFrames
 from meshreel.sequence import MeshSequence
 from meshreel.subspace.trajectories import bounding_frame, to_matrices
 from samples.meshes import irregular_sequence, kg_error_percent, waving_grid

@@ -3,7 +3,13 @@
 import numpy as np
 import pytest
 
-from meshreel.subspace.pca import autocorrelation, eigen_trajectories, fix_signs, joint_trajectories
+from meshreel.subspace.pca import (
+    autocorrelation,
+    eigen_trajectories,
+    fix_signs,
+    joint_trajectories,
+    weak_trajectories,
+)
 
 
 def frames(n_frames=9, n_verts=40):
@@ -63,3 +69,30 @@ def test_joint_modes_are_as_many_as_the_rank_when_nothing_moves():
     still = np.repeat(np.random.default_rng(0).normal(size=(3, 1, 30)), 9, axis=1)
     values, _ = joint_trajectories(still, 9)
     assert len(values) == 3
+
+
+@pytest.mark.parametrize("shape", [(30, 60), (40, 40)])
+def test_weak_modes_are_found_behind_strong_ones(shape):
+    rng = np.random.default_rng(3)
+    strengths = 10.0 ** -np.arange(0, 11, 0.5)
+    left, right = (np.linalg.qr(rng.normal(size=(n, len(strengths))))[0] for n in shape)
+    matrix = left * strengths @ right.T
+    least = 2e-10
+    values, vectors = weak_trajectories(
+        lambda piece: matrix[:, piece], matrix @ matrix.T, shape[1], least
+    )
+    np.testing.assert_allclose(values, strengths[strengths > least], rtol=1e-3)
+    assert np.abs(vectors.T @ vectors - np.eye(len(values))).max() < 1e-9
+    assert np.linalg.norm(matrix - vectors @ (vectors.T @ matrix)) < 2 * least
+
+
+def test_weak_modes_are_no_more_than_the_matrix_has():
+    rng = np.random.default_rng(4)
+    matrix = rng.normal(size=(12, 3)) @ rng.normal(size=(3, 50))
+    values, _ = weak_trajectories(lambda piece: matrix[:, piece], matrix @ matrix.T, 50, 1e-300)
+    assert len(values) == 3
+
+
+def test_weak_modes_of_nothing_are_one():
+    values, _ = weak_trajectories(lambda _: np.zeros((4, 9)), np.zeros((4, 4)), 9, 1e-9)
+    assert values.tolist() == [0.0]

@@ -10,15 +10,18 @@ from meshreel.bitstream.layout import MAX_NUMBERS_PER_BYTE, Section
 from meshreel.codec.corrections import Corrections
 from meshreel.codec.stored_blocks import StoredBlock, write_block
 from meshreel.entropy.varint import write_varint
+from meshreel.errors import CorruptStreamError
 from meshreel.kernel.exact import decode_exact, encode_exact
 from meshreel.kernel.fields import decode_fields, encode_fields
 from meshreel.kernel.mesh import Neighbours
 from meshreel.reel.agreed import payloads
 from meshreel.reel.agreed.fields import FieldBlock
+from meshreel.reel.agreed.grid import NO_GRID, PositionGrid, read_step, write_step
 from meshreel.reel.agreed.mesh import FieldMesh
 from meshreel.runtime.profiling import stage
 from meshreel.runtime.threads import in_background
 from meshreel.sequence import Faces
+from meshreel.subspace.trajectories import BoundingFrame
 
 Numbers = npt.NDArray[Any]
 
@@ -35,23 +38,86 @@ def write_field_block(
 
 
 def write_track_block(
-    block: FieldBlock, mesh: FieldMesh, corrections: Corrections | None = None
+    block: FieldBlock,
+    mesh: FieldMesh,
+    corrections: Corrections | None = None,
+    *,
+    n_counted: int = 0,
 ) -> Iterator[tuple[Section, bytes]]:
-    """The sections of a further track in a block of `reel`, padded to what its numbers ask for."""
+    """The sections of a further track in a block of `reel`, padded to what its numbers ask for.
+
+    These are numbers of so many items that are counted, where these are more than are stored.
+    """
     _, n_columns, n_frames = block.basis.shape
-    n_numbers = n_columns * n_frames * mesh.n_verts
+    n_numbers = n_columns * n_frames * max(n_counted, mesh.n_verts)
     return _track_group(block.n_modes, n_numbers, _write_fields(block, mesh, corrections))
 
 
-def write_exact_block(values: Numbers, graph: Neighbours) -> Iterator[tuple[Section, bytes]]:
-    """The sections of a further track whose values, of shape (T_b, N, C), come back as they are."""
-    return _track_group(0, values.size, [(Section.VALUES, encode_exact(values, graph))])
+def write_exact_positions(vertices: Numbers, graph: Neighbours) -> list[tuple[Section, bytes]]:
+    """The sections of a block of `lossless`: positions of shape (T_b, V, 3), in internal order."""
+    return [
+        (Section.BLOCK, write_block(len(vertices), 0)),
+        (Section.VALUES, encode_exact(vertices, graph)),
+    ]
+
+
+def write_grid_positions(
+    values: Numbers, step: float, graph: Neighbours
+) -> list[tuple[Section, bytes]]:
+    """The sections of a block of `grid`, in internal order.
+
+    Parameters
+    ----------
+    values : array of shape (T_b, V, 3)
+        Places of the grid; or positions that are to stay as they are.
+    step : float
+        Of the grid; or `NO_GRID`.
+    graph : Neighbours
+        Of the vertices.
+    """
+    return [
+        (Section.BLOCK, write_block(len(values), 0)),
+        (Section.VALUES, write_step(step) + encode_exact(values, graph)),
+    ]
+
+
+def read_grid_positions(
+    payload: bytes,
+    shape: tuple[int, int, int],
+    dtype: np.dtype[Any],
+    frame: BoundingFrame,
+    graph: Neighbours,
+) -> Numbers:
+    """Positions of shape (T_b, V, 3), of the payload VALUES that `write_grid_positions` wrote.
+
+    Raises
+    ------
+    CorruptStreamError
+        If it is damaged.
+    """
+    step, rest = read_step(payload)
+    if step == NO_GRID:
+        return decode_exact(rest, shape, dtype, graph)
+    numbers = decode_exact(rest, shape, np.int32, graph)
+    return PositionGrid(step, frame).positions(numbers, dtype)
+
+
+def write_exact_block(
+    values: Numbers, graph: Neighbours, n_counted: int = 0
+) -> Iterator[tuple[Section, bytes]]:
+    """The sections of a further track whose values, of shape (T_b, N, C), come back as they are.
+
+    Padded as in `write_track_block`.
+    """
+    n_frames, n_items, n_columns = values.shape
+    n_numbers = n_frames * max(n_counted, n_items) * n_columns
+    return _track_group(0, n_numbers, [(Section.VALUES, encode_exact(values, graph))])
 
 
 def read_exact_block(
     stored: StoredBlock, shape: tuple[int, int], dtype: np.dtype[Any], graph: Neighbours
 ) -> Numbers:
-    """The values of shape (T_b, N, C) that `write_exact_block` wrote; `shape` is (N, C)."""
+    """The values of shape (T_b, N, C) of an exact track, or positions; `shape` is (N, C)."""
     return decode_exact(stored.payload(Section.VALUES), (stored.n_frames, *shape), dtype, graph)
 
 
@@ -124,5 +190,8 @@ def read_field_block(
     with stage("waiting"):
         order.result()
     coded = stored.payload(Section.COEFFICIENTS)
-    fields = decode_fields(coded, n_modes, n_verts, field_mesh.coding_order)
+    n_own = n_modes - layout.n_reused
+    if n_own < 0:
+        raise CorruptStreamError(f"{layout.n_reused} of {n_modes} modes are reused")
+    fields = decode_fields(coded, n_own, n_verts, field_mesh.coding_order)
     return FieldBlock(layout, basis, fields), field_mesh

@@ -9,13 +9,16 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.kernel.frames import time_vectors
+from meshreel.kernel.frames import lengths_of, time_vectors
 from meshreel.kernel.predict import Prepared, decode_values, prepared_weights
 from meshreel.reel.agreed.mesh import FieldMesh
 from meshreel.runtime.profiling import staged
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
+
+
+NONE_REUSED = np.float32(0.0)
 
 
 @dataclass(frozen=True)
@@ -35,6 +38,10 @@ class Layout:
         0: it has none, and can be a key block itself.
     is_single : bool
         Frames are summed up over the modes in IEEE single precision, and not in double.
+    n_reused : int
+        Modes, the first ones, whose fields are those of the key block.
+    finer : float32
+        Steps of the vectors of these modes in one of a position; 0 where there are none.
     """
 
     step: np.float32
@@ -42,6 +49,8 @@ class Layout:
     n_learned: int
     reference: int = 0
     is_single: bool = False
+    n_reused: int = 0
+    finer: np.float32 = NONE_REUSED
 
 
 @dataclass(frozen=True)
@@ -54,8 +63,8 @@ class FieldBlock:
     basis : int32 array of shape (K, C, T)
         C columns, of positions x, y and z. Residuals of the temporal basis, as they are coded:
         the coarsest times are differences.
-    fields : int32 array of shape (K, V)
-        Residuals of the fields, in coding order.
+    fields : int32 array of shape (K - n_reused, V)
+        Residuals of the fields, in coding order; not of those that are reused.
     """
 
     layout: Layout
@@ -65,7 +74,7 @@ class FieldBlock:
     @property
     def n_modes(self) -> int:
         """K."""
-        return int(self.fields.shape[0])
+        return int(self.basis.shape[0])
 
 
 @dataclass
@@ -99,7 +108,20 @@ def decode_fields(block: FieldBlock, mesh: FieldMesh, key: KeyFields | None = No
 
     The key is of the block that this one refers to.
     """
+    return with_reused(_decode_own(block, mesh, key), block.layout.n_reused, key)
+
+
+def with_reused(own: Floats, n_reused: int, key: KeyFields | None) -> Floats:
+    """Fields of shape (V, K) behind the first ones of the key block."""
+    if key is None or not n_reused:
+        return own
+    return np.concatenate([key.values[:, :n_reused], own], axis=1)
+
+
+def _decode_own(block: FieldBlock, mesh: FieldMesh, key: KeyFields | None) -> Floats:
     n_learned = block.layout.n_learned
+    if not len(block.fields):
+        return np.empty((mesh.n_verts, 0))
     if key is None:
         return decode_values(mesh.hierarchy, block.fields, n_learned)
     prepared = key.prepared(mesh, n_learned)
@@ -107,6 +129,14 @@ def decode_fields(block: FieldBlock, mesh: FieldMesh, key: KeyFields | None = No
 
 
 @staged("temporal basis")
-def decode_basis(coded: npt.NDArray[np.integer]) -> Floats:
-    """Temporal basis of shape (C, T, K), each vector of length 1 (or 0), for integers (K, C, T)."""
-    return time_vectors(coded)
+def decode_basis(
+    coded: npt.NDArray[np.integer], layout: Layout | None = None, key: KeyFields | None = None
+) -> Floats:
+    """Temporal basis of shape (C, T, K), for integers (K, C, T).
+
+    Each vector has length 1 (or 0), but those of modes that a block of this layout reuses of its
+    key do not: integers of all of them do the same harm where they are rounded.
+    """
+    if layout is None or key is None or not layout.n_reused:
+        return time_vectors(coded)
+    return time_vectors(coded, lengths_of(key.values, layout.n_reused, float(layout.finer)))

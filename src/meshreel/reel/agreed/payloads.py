@@ -30,15 +30,16 @@ MAX_STEP = 1e6
 
 def write_layout(layout: Layout) -> bytes:
     """How the fields of `reel` are predicted; begins with the number of the layout."""
-    return b"".join(
-        [
-            bytes([SINGLE if layout.is_single else DOUBLE]),
-            write_varint(layout.reference),
-            struct.pack("<f", layout.step),
-            write_varint(layout.stencil_size),
-            write_varint(layout.n_learned),
-        ]
-    )
+    parts = [
+        bytes([SINGLE if layout.is_single else DOUBLE]),
+        write_varint(layout.reference),
+        struct.pack("<f", layout.step),
+        write_varint(layout.stencil_size),
+        write_varint(layout.n_learned),
+    ]
+    if layout.n_reused:
+        parts += [write_varint(layout.n_reused), struct.pack("<f", layout.finer)]
+    return b"".join(parts)
 
 
 def read_layout(payload: bytes) -> Layout:
@@ -64,6 +65,17 @@ def read_layout(payload: bytes) -> Layout:
     (step,) = struct.unpack_from("<f", payload, position)
     stencil_size, position = read_varint(payload, position + 4)
     n_learned, position = read_varint(payload, position)
+    n_reused, finer = 0, 0.0
+    if reference and position < len(payload):
+        n_reused, position = read_varint(payload, position)
+        if len(payload) < position + 4:
+            raise TruncatedStreamError("the layout of the fields is cut off")
+        (finer,) = struct.unpack_from("<f", payload, position)
+        position += 4
+        if not (n_reused and 0 < finer < MAX_STEP):
+            raise CorruptStreamError(
+                f"{n_reused} fields of the key block are reused, with vectors {finer} times as fine"
+            )
     is_sound = 1 <= stencil_size <= MAX_STENCIL and 0 < step < MAX_STEP
     if not is_sound or n_learned > MAX_LEARNED or position != len(payload):
         raise CorruptStreamError(
@@ -71,7 +83,10 @@ def read_layout(payload: bytes) -> Layout:
             f"{n_learned} modes; {len(payload) - position} bytes are left over"
         )
     is_single = payload[0] == SINGLE
-    return Layout(np.float32(step), stencil_size, n_learned, reference, is_single)
+    single = np.float32
+    return Layout(
+        single(step), stencil_size, n_learned, reference, is_single, n_reused, single(finer)
+    )
 
 
 @staged("temporal basis")

@@ -66,7 +66,7 @@ def aimed(target: Target, material: Material) -> tuple[float, float | None]:
         step = _step_of(target.value, material) * material.step_share
         return max(material.finest_step, step), None
     if target.aim is Aim.MAX_ERROR:
-        bound = _promised_bound(target, material)
+        bound = promised_bound(target, material.diagonal, material.rounding, material.dtype)
         step = least_cost(lambda step: material.size_bytes(step, bound), bound / STEPS_OF_BOUND)
         return max(material.finest_step, step), bound
     return _step_within_limit(target, material), None
@@ -76,11 +76,29 @@ def _step_of(quality: float, material: Material) -> float:
     return quality_step(quality) * material.own_diagonal
 
 
-def _promised_bound(target: Target, material: Material) -> float:
-    """The bound of a largest error, in diagonals, which the number type allows to promise."""
-    percent = target.bound.percent(material.diagonal)
+def promised_bound(
+    target: Target, diagonal: float, rounding: float, dtype: np.dtype[np.floating]
+) -> float:
+    """The bound of a largest error, in diagonals, which the number type allows to promise.
+
+    Parameters
+    ----------
+    target : Target
+    diagonal : float
+        Of the bounding box, in model units.
+    rounding : float
+        Largest error of a position, in diagonals, that the number type alone makes.
+    dtype : dtype
+        Of the positions.
+
+    Raises
+    ------
+    InvalidInputError
+        If it does not.
+    """
+    percent = target.bound.percent(diagonal)
     try:
-        check_promise(percent / 100.0, material.rounding, material.dtype)
+        check_promise(percent / 100.0, rounding, dtype)
     except InvalidInputError as error:
         if not target.is_length:
             raise

@@ -1,7 +1,7 @@
 """The encoder's side of `reel`: a block of frames to the integers of its modes."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -9,14 +9,20 @@ import numpy.typing as npt
 
 from meshreel.codec.frame_products import JointFrames
 from meshreel.connectivity.permutation import inverse_permutation
-from meshreel.kernel.frames import coordinate_rows, encode_times
+from meshreel.kernel.frames import encode_times
 from meshreel.kernel.predict import Choice, Prepared, encode_values
-from meshreel.reel.agreed.fields import FieldBlock, KeyFields, Layout, decode_basis
+from meshreel.reel.agreed.fields import (
+    FieldBlock,
+    KeyFields,
+    Layout,
+    decode_basis,
+    with_reused,
+)
 from meshreel.reel.agreed.mesh import FieldMesh
+from meshreel.reel.encoding.block_frames import CHUNK_VERTICES, LARGEST_INTEGER, BlockFrames
+from meshreel.reel.encoding.reuse import reuse_fields
 from meshreel.runtime.profiling import staged
 from meshreel.runtime.threads import chunks, in_background, in_threads
-from meshreel.subspace.pca import gram_of_rows, joint_trajectories, leading_trajectories
-from meshreel.subspace.trajectories import BoundingFrame
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
@@ -24,15 +30,12 @@ Integers = npt.NDArray[np.int64]
 FAIR_PRICE = 2.0 * math.log(2.0) / 12.0
 """Lagrange multiplier of fine rounding: the squared steps of error that one more bit saves."""
 
-MOST_KEPT = 1 << 23
-"""Coordinates that are kept as float64; those of larger blocks are found anew where needed."""
-
 LEAST_SINGLE_STEP = 2.0**-16
 """Step on a position, in diagonals, from which on frames are summed up in single precision: its
 rounding, some 1e-7 diagonals, then adds less than 0.1 % to the squared error."""
 
-CHUNK_VERTICES = 2048
-"""Vertices whose fields are found at once."""
+FEW_OWN = 0.25
+"""A block whose own modes are at most this share of those of its key is not tried without them."""
 
 
 @dataclass(frozen=True)
@@ -72,103 +75,6 @@ class FieldChoices:
     n_learned: int = 32
 
 
-@dataclass
-class BlockFrames:
-    """A block of frames with its trajectories, which do not change with the step.
-
-    Attributes
-    ----------
-    vertices : float array of shape (T, V, C)
-        Positions, or values of another track; contiguous.
-    frame : BoundingFrame
-        What they are relative to.
-    order : int32 array of shape (V,), or None
-        Number of each vertex in the internal order; None: they are in it.
-    """
-
-    vertices: npt.NDArray[np.floating]
-    frame: BoundingFrame
-    order: npt.NDArray[np.int32] | None = None
-    _found: tuple[float, Floats, Floats] | None = None
-
-    @property
-    def n_frames(self) -> int:
-        """T."""
-        return int(self.vertices.shape[0])
-
-    @property
-    def n_verts(self) -> int:
-        """V."""
-        return int(self.vertices.shape[1])
-
-    @property
-    def n_columns(self) -> int:
-        """C."""
-        return int(self.vertices.shape[2])
-
-    def coordinates(self, piece: slice, frames: slice = slice(None)) -> Floats:
-        """Coordinates of some vertices, in internal order: of shape (C T, n), x before y and z."""
-        if self._is_small and frames == slice(None):
-            return self._all[:, piece]
-        return coordinate_rows(self.vertices[frames], self.order, piece, self.frame.placement)
-
-    @property
-    def _is_small(self) -> bool:
-        return self.vertices.size <= MOST_KEPT
-
-    @cached_property
-    @staged("coordinates")
-    def _all(self) -> Floats:
-        everything = slice(0, self.n_verts)
-        return coordinate_rows(self.vertices, self.order, everything, self.frame.placement)
-
-    @cached_property
-    def _gram(self) -> Floats:
-        return gram_of_rows(self.coordinates, self._n_rows, self.n_verts)
-
-    @property
-    def _n_rows(self) -> int:
-        return self.n_columns * self.n_frames
-
-    @property
-    def is_analysed(self) -> bool:
-        """Whether trajectories were found before."""
-        return self._found is not None
-
-    @cached_property
-    def energy(self) -> float:
-        """Sum of all squared coordinates."""
-        if self._n_rows <= self.n_verts:
-            return float(np.trace(self._gram))
-        pieces = chunks(self.n_verts, CHUNK_VERTICES)
-        return sum(float(np.square(self.coordinates(piece)).sum()) for piece in pieces)
-
-    @cached_property
-    def spread(self) -> float:
-        """Sum of the squared distances of all positions from the mean of their frame."""
-        first = self.coordinates(slice(0, 1))  # vertices in one place have no spread at all
-        sums, total = np.zeros(len(first)), 0.0
-        for piece in chunks(self.n_verts, CHUNK_VERTICES):
-            around = self.coordinates(piece) - first
-            sums += around.sum(axis=1)
-            total += float(np.vdot(around, around))
-        return total - float(sums @ sums) / self.n_verts
-
-    @staged("trajectories")
-    def trajectories(self, least: float) -> tuple[Floats, Floats]:
-        """Singular values above `least`, one at least, and basis vectors of shape (C T, K)."""
-        if self._found is None or self._found[0] > least:
-            limit = min(self._n_rows, self.n_verts)
-            if limit == self.n_verts:
-                rows = self.coordinates(slice(0, limit)).reshape(self.n_columns, -1, limit)
-                self._found = (least, *joint_trajectories(rows, limit, least))
-            else:
-                self._found = (least, *leading_trajectories(self._gram, limit, least))
-        _, strengths, vectors = self._found
-        n_kept = max(1, int(np.sum(strengths > least)))
-        return strengths[:n_kept], vectors[:, :n_kept]
-
-
 @dataclass(frozen=True)
 class AnalysedFields:
     """A block of frames as integers.
@@ -179,33 +85,55 @@ class AnalysedFields:
     decoded : JointFrames
         The frames that they decode to, in internal order.
     own : KeyFields
-        What blocks that refer to this one go by.
-    wanted : float64 array of shape (V, K)
+        Its fields that are not reused: what blocks that refer to this one go by.
+    wanted : float64 array of shape (V, K - n_reused)
         The fields that were to be come near to, as `own`.
+    left : BlockFrames
+        What reused fields leave of the frames, all where there are none.
     """
 
     block: FieldBlock
     decoded: JointFrames
     own: KeyFields
     wanted: Floats
+    left: BlockFrames
 
-    def squared_error(self, energy: float) -> float:
+    @property
+    def squared_error(self) -> float:
         """Sum of the squared distances of decoded positions, before they are rounded, from frames.
 
         The wanted fields are those of the projection on the decoded basis: what it leaves, and
         what the fields differ by, are at right angles. That needs no frames.
-
-        Parameters
-        ----------
-        energy : float
-            `BlockFrames.energy`.
         """
-        vectors = self.decoded.basis.reshape(-1, self.block.n_modes)
+        n_own = self.wanted.shape[1]
+        if not n_own:
+            return self.left.energy
+        vectors = self.decoded.basis[:, :, self.block.layout.n_reused :].reshape(-1, n_own)
         gram = vectors.T @ vectors
         projected = float(np.vdot(self.wanted.T @ self.wanted, gram))
         error = self.wanted - self.own.values
         coded = float(np.vdot(error.T @ error, gram))
-        return energy + self.decoded.step**2 * (coded - projected)
+        return float(self.left.energy + self.decoded.step**2 * (coded - projected))
+
+    @cached_property
+    def cost(self) -> float:
+        """Bits of its integers, and those that would undo its error.
+
+        Rows of integers are taken to be coded by their mean magnitude alone.
+        """
+        block = self.block
+        basis = block.basis.reshape(block.n_modes, -1)
+        bits = _estimated_bits(basis) + _estimated_bits(block.fields)
+        return bits + self.squared_error / self.decoded.step**2 / FAIR_PRICE
+
+
+def _estimated_bits(rows: npt.NDArray[np.int32]) -> float:
+    """Bits of rows of integers whose magnitudes are spread geometrically, and of their signs."""
+    if not rows.size:
+        return 0.0
+    mean = np.abs(rows.astype(np.float64)).mean(axis=1)
+    magnitudes = np.log2(1.0 + mean) + mean * np.log2(1.0 + 1.0 / np.maximum(mean, 1e-300))
+    return float(np.sum(magnitudes + mean / (1.0 + mean)) * rows.shape[1])
 
 
 def analyse_fields(
@@ -223,7 +151,8 @@ def analyse_fields(
     mesh : FieldMesh
     choices : FieldChoices
     key : KeyFields, optional
-        Of the block that this one is to refer to.
+        Of the block that this one is to refer to. Where that takes fewer bits, its fields are
+        reused, and modes are found for what they leave.
     reference : int, default 0
         How many blocks before this one that is.
     """
@@ -231,17 +160,65 @@ def analyse_fields(
     step = np.float32(choices.position_step * np.sqrt(n_frames))
     is_trial = frames.is_analysed  # before, and not for the last time either
     hierarchy = in_background(lambda: mesh.hierarchy)  # where it is not known yet
-    basis = _quantized_basis(frames, float(step), choices)
-    n_modes = len(basis)
-    vectors = decode_basis(basis)
     is_single = choices.position_step >= LEAST_SINGLE_STEP
     layout = Layout(step, choices.stencil_size, choices.n_learned, reference, is_single)
+    reused = None
+    if key is not None:
+        reused = _reusing(frames, mesh, choices, key, layout)
+        n_own = 0 if reused is None else len(reused.block.fields)
+        if reused is not None and n_own <= FEW_OWN * key.values.shape[1]:
+            return reused
+    basis = _quantized_basis(frames, float(step), choices)
     hierarchy.result()
-    wanted = _projected(vectors.reshape(-1, n_modes), frames, mesh.order, float(step))
     prepared = mesh.prepared if key is None and is_trial else None
-    residuals, own = _quantized_fields(wanted, layout, mesh, choices, key, prepared)
-    decoded = JointFrames(vectors, own.values, float(step), mesh.number, is_single)
-    return AnalysedFields(FieldBlock(layout, basis, residuals), decoded, own, wanted)
+    alone = _with_basis(frames, basis, layout, mesh, choices, key, prepared)
+    if reused is None:
+        return alone
+    return min(alone, reused, key=lambda one: one.cost)
+
+
+def _with_basis(
+    left: BlockFrames,
+    basis: npt.NDArray[np.int32],
+    layout: Layout,
+    mesh: FieldMesh,
+    choices: FieldChoices,
+    key: KeyFields | None,
+    prepared: Prepared | None = None,
+    reused: npt.NDArray[np.int32] | None = None,
+) -> AnalysedFields:
+    """The integers of a block whose basis is known, and which are `reused` of those of its key."""
+    step = float(layout.step)
+    if len(basis):
+        own_vectors = decode_basis(basis).reshape(-1, len(basis))
+        wanted = _projected(own_vectors, left, mesh.order, step)
+        residuals, own = _quantized_fields(wanted, layout, mesh, choices, key, prepared)
+    else:
+        wanted = np.empty((left.n_verts, 0))
+        residuals, own = np.empty((0, left.n_verts), np.int32), KeyFields(wanted)
+    whole = basis if reused is None else np.concatenate([reused, basis])
+    vectors = decode_basis(whole, layout, key)
+    values = with_reused(own.values, layout.n_reused, key)
+    decoded = JointFrames(vectors, values, step, mesh.number, layout.is_single)
+    return AnalysedFields(FieldBlock(layout, whole, residuals), decoded, own, wanted, left)
+
+
+def _reusing(
+    frames: BlockFrames, mesh: FieldMesh, choices: FieldChoices, key: KeyFields, layout: Layout
+) -> AnalysedFields | None:
+    """A block that reuses fields of its key, with modes of what they leave; None: it cannot."""
+    if choices.n_modes is not None:  # a number of modes leaves no room for those of the key
+        return None
+    finer, step = np.float32(choices.basis_step), float(layout.step)
+    reused = reuse_fields(frames, key.values, mesh.number, step, float(finer), choices.price)
+    if reused is None:
+        return None
+    basis = _quantized_basis(reused.left, step, choices, may_be_none=True)
+    n_reused = len(reused.integers)
+    if n_reused + len(basis) > frames.n_columns * frames.n_frames:
+        return None
+    layout = replace(layout, n_reused=n_reused, finer=finer)
+    return _with_basis(reused.left, basis, layout, mesh, choices, key, None, reused.integers)
 
 
 @staged("projection")
@@ -266,17 +243,26 @@ def _projected(
 
 @staged("temporal basis")
 def _quantized_basis(
-    frames: BlockFrames, step: float, choices: FieldChoices
+    frames: BlockFrames, step: float, choices: FieldChoices, *, may_be_none: bool = False
 ) -> npt.NDArray[np.int32]:
-    """Residuals of the temporal basis, of shape (K, C, T), without modes that are all 0."""
+    """Residuals of the temporal basis, of shape (K, C, T), without modes that are all 0.
+
+    There is one at least, unless there may be none.
+    """
     least = choices.least_rms * step * float(np.sqrt(frames.n_verts))
     strengths, vectors = frames.trajectories(least)
+    if may_be_none:
+        vectors = vectors[:, strengths > least]
+        strengths = strengths[strengths > least]
     strengths, vectors = strengths[: choices.n_modes], vectors[:, : choices.n_modes]
-    scaled = vectors * (strengths / (choices.basis_step * step))
+    # Decoded vectors are normalised, so that a coarser step needs no telling.
+    scales = np.minimum(strengths / (choices.basis_step * step), LARGEST_INTEGER)
+    scaled = vectors * scales
     shape = (-1, frames.n_columns, frames.n_frames)
     coded = encode_times(scaled.T.reshape(shape), choices.price)
     does_something = np.asarray(coded.any(axis=(1, 2)))
-    does_something[0] = True
+    if not may_be_none:
+        does_something[0] = True
     return coded[does_something]
 
 

@@ -19,10 +19,10 @@ from meshreel.reel.agreed.fields import FieldBlock, KeyFields, decode_fields
 from meshreel.reel.agreed.mesh import Connectivity, FieldMesh, shared_field_mesh
 from meshreel.reel.encoding.analysis import (
     AnalysedFields,
-    BlockFrames,
     FieldChoices,
     analyse_fields,
 )
+from meshreel.reel.encoding.block_frames import BlockFrames
 from meshreel.reel.encoding.corrections import find_corrections, least_bound
 from meshreel.reel.encoding.effort import choices_of
 from meshreel.runtime.threads import chunks, in_threads, one_blas_thread
@@ -38,6 +38,10 @@ MOST_ERRORS = 1 << 21
 
 DECODED_FRAMES = 64
 """Frames that are decoded at once."""
+
+MOST_OWN = 2.0
+"""A block with more than so many times the modes of its key, beside those that it reuses, is not
+helped by it, and becomes a key block itself."""
 
 ROUNDING_BESIDE, ENERGY_BESIDE = 100.0, 1e-9
 """Squared errors are told from fields if they are this many times the squared errors by rounding,
@@ -105,17 +109,19 @@ class FieldBlockCoder:
         with one_blas_thread():
             return self._code(frames, key, reference)
 
-    def code_piece(
-        self, piece: Piece, key: "KeyBlock", reference: int
-    ) -> tuple[int, list[tuple[Section, bytes]]]:
-        """Number of frames and sections of a block that is still to be read."""
+    def code_piece(self, piece: Piece, key: "KeyBlock", reference: int) -> "CodedPiece":
+        """A block that is still to be read, coded."""
         frames = self.frames(piece.given(), piece.order)
-        return frames.block.n_frames, list(self.code(frames, key, reference).sections)
+        coded = self.code(frames, key, reference)
+        new_key = coded.key if coded.is_key else None
+        return CodedPiece(frames.block.n_frames, list(coded.sections), new_key)
 
     def _code(self, frames: "FieldFrames", key: "KeyBlock | None", reference: int) -> "CodedFrames":
         found = analyse_fields(
             frames.block, self.mesh, self.choices, None if key is None else key.fields, reference
         )
+        if key is not None and len(found.block.fields) > MOST_OWN * key.block.n_modes:
+            found = analyse_fields(frames.block, self.mesh, self.choices)
         corrections = None
         if self.bound is not None:
             corrections = _corrections(frames, found, self.bound, self.each_column)
@@ -147,6 +153,23 @@ def _corrections(
 
 
 @dataclass(frozen=True)
+class CodedPiece:
+    """A block of frames as bytes.
+
+    Attributes
+    ----------
+    n_frames : int
+    sections : list of (Section, bytes)
+    key : KeyBlock or None
+        The block, where the following ones are to refer to it.
+    """
+
+    n_frames: int
+    sections: list[tuple[Section, bytes]]
+    key: "KeyBlock | None"
+
+
+@dataclass(frozen=True)
 class CodedFrames:
     """A block of frames as integers.
 
@@ -163,6 +186,11 @@ class CodedFrames:
     sections: Iterator[tuple[Section, bytes]]
     analysed: AnalysedFields
     key: "KeyBlock"
+
+    @property
+    def is_key(self) -> bool:
+        """Whether it refers to no block, so that others may refer to it."""
+        return not self.analysed.block.layout.reference
 
     def decoded(self, frames: "FieldFrames") -> Vertices:
         """The positions that these frames decode to, without corrections."""
@@ -183,7 +211,7 @@ class CodedFrames:
         what it does on average, and must be small beside the error; as must the last bits of the
         energy.
         """
-        found = self.analysed.squared_error(frames.block.energy)
+        found = self.analysed.squared_error
         n_positions = frames.block.n_frames * frames.block.n_verts
         by_rounding = float(frames.rounding**2) / 12.0 * n_positions
         if found > max(ROUNDING_BESIDE * by_rounding, ENERGY_BESIDE * frames.block.energy):
@@ -257,7 +285,9 @@ class FieldFrames:
 
 
 class KeyedBlocks:
-    """Blocks coded one after another; all but the first refer to it, their key block.
+    """Blocks coded one after another, each of which refers to the last key block.
+
+    The first block is one, and so are those that the last one does not help with.
 
     Parameters
     ----------
@@ -267,13 +297,14 @@ class KeyedBlocks:
     def __init__(self, coder: FieldBlockCoder) -> None:
         self._coder = coder
         self._key: KeyBlock | None = None
-        self._n_coded = 0
+        self._n_behind = 0
 
     def code(self, frames: FieldFrames) -> CodedFrames:
         """The next block, coded."""
-        coded = self._coder.code(frames, self._key, self._n_coded)
-        self._key = self._key or coded.key
-        self._n_coded += 1
+        coded = self._coder.code(frames, self._key, self._n_behind)
+        if coded.is_key:
+            self._key, self._n_behind = coded.key, 0
+        self._n_behind += 1
         return coded
 
 
@@ -317,9 +348,9 @@ def check_promise(bound: float, rounding: float, dtype: np.dtype[np.floating]) -
     least = least_bound(rounding)
     if bound > least:
         return
-    remedy = "" if dtype == np.float64 else ", or give positions as float64"
+    remedy = "" if dtype == np.float64 else "give positions as float64, "
     raise InvalidInputError(
         f"max_error {100 * bound:g} cannot be promised: positions of type {dtype} at these "
         f"coordinates are rounded by up to {100 * rounding:.2g} percent of the diagonal; "
-        f"ask for at least {101 * least:.2g}{remedy}"
+        f"{remedy}ask for every bit (lossless), or for at least {101 * least:.2g}"
     )

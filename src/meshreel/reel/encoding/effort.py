@@ -7,6 +7,7 @@ from meshreel.codec.config import EncoderConfig
 from meshreel.codec.targets import DEFAULT_QUALITY, Aim, Target
 from meshreel.errors import InvalidInputError
 from meshreel.reel.encoding.analysis import FieldChoices
+from meshreel.reel.encoding.block_frames import LARGEST_INTEGER
 from meshreel.reel.options import DEFAULT_EFFORT, Tune
 
 USUAL_STEP = 1e-4
@@ -19,9 +20,6 @@ POINTS_PER_HALVING = 12.0
 
 STEPS_OF_BOUND = 14.0
 """Where the search for a largest error begins: rarer errors than this are cheaply corrected."""
-
-LARGEST_INTEGER = 2.0**29
-"""Quantised values stay below this, with room for residuals that are larger."""
 
 
 def quality_step(quality: float) -> float:
@@ -88,10 +86,11 @@ def choices_for(effort: int, tune: Tune, n_modes: int | None) -> FieldChoices:
     )
 
 
-def finest_step(n_verts: int, n_columns: int = 3) -> float:
-    """Steps below this would make integers too large for the stream."""
-    # No singular value exceeds the norm, and no coordinate half a diagonal.
-    return 0.5 * math.sqrt(n_columns * n_verts) / LARGEST_INTEGER
+def finest_step(n_columns: int = 3) -> float:
+    """Steps below this would make integers of fields too large for the stream."""
+    # A field has at a vertex at most the length of its trajectory, and no coordinate exceeds half
+    # a diagonal.
+    return 0.5 * math.sqrt(n_columns) / LARGEST_INTEGER
 
 
 def checked_step(step: float, finest: float) -> float:

@@ -11,7 +11,9 @@ import numpy.typing as npt
 from meshreel.bitstream.layout import Section
 from meshreel.bitstream.writer import Sections
 from meshreel.codec.source import CodedMesh
-from meshreel.codec.track_bounds import DROP, TrackTargets, track_bounds
+from meshreel.codec.track_bounds import TrackTargets
+from meshreel.reel.agreed.graphs import ItemGraph
+from meshreel.reel.decoder import WrittenBlocks
 from meshreel.reel.encoding.aim import aimed
 from meshreel.reel.encoding.block_coder import (
     FieldBlockCoder,
@@ -22,7 +24,7 @@ from meshreel.reel.encoding.block_coder import (
 )
 from meshreel.reel.encoding.effort import finest_step
 from meshreel.reel.encoding.smoothness import sampled_frames, step_share
-from meshreel.reel.encoding.tracks import live_track
+from meshreel.reel.encoding.tracks import live_tracks
 from meshreel.sequence import extent_of
 from meshreel.subspace.trajectories import BoundingFrame
 from meshreel.tracks import Track
@@ -73,7 +75,7 @@ class FirstBlock:
     @property
     def finest_step(self) -> float:
         """The finest step that it can be coded with."""
-        return finest_step(self.vertices.shape[1])
+        return finest_step()
 
     @cached_property
     def _frames(self) -> FieldFrames:
@@ -117,14 +119,24 @@ class LiveCoder:
         tracks: Mapping[str, Track],
         targets: TrackTargets | None,
     ) -> None:
+        self._mesh, self._dtype = mesh, first.dtype
         coder = coder_of(mesh, frame)
         self._coder = coder.with_step(*aimed(mesh.config.target, FirstBlock(coder, first)))
         self._blocks = KeyedBlocks(self._coder)
-        self._tracks = {
-            name: live_track(name, tracks[name], bound, mesh)
-            for name, bound in track_bounds(tracks, targets).items()
-            if bound != DROP
-        }
+
+        def decoded() -> Vertices:
+            coded = KeyedBlocks(self._coder).code(self._coder.frames(first))
+            return self._written().positions(coded.sections)
+
+        self._tracks = live_tracks(mesh, tracks, targets, decoded)
+        is_predicted = any(one.header.coding.is_predicted for one in self._tracks.values())
+        self._decoder = self._written() if is_predicted else None
+
+    def _written(self) -> WrittenBlocks:
+        """The decoder of positions that are still to be written."""
+        mesh = self._mesh
+        graph = ItemGraph(mesh.faces, mesh.n_verts)
+        return WrittenBlocks(graph, mesh.output_order, self._coder.frame, self._dtype)
 
     def leading_sections(self) -> Iterator[tuple[Section, bytes]]:
         """The sections before the first block, behind those of the mesh."""
@@ -139,6 +151,12 @@ class LiveCoder:
         InvalidInputError
             If its number type, or values of a track, do not allow the promised bound.
         """
-        sections = self._blocks.code(checked_frames(self._coder, vertices)).sections
-        others = [coder.code(tracks[name].values) for name, coder in self._tracks.items()]
+        sections: Sections = self._blocks.code(checked_frames(self._coder, vertices)).sections
+        positions = None
+        if self._decoder is not None:
+            sections = list(sections)
+            positions = self._decoder.positions(sections)
+        others = [
+            coder.code(tracks[name].values, positions) for name, coder in self._tracks.items()
+        ]
         return chain(sections, *others)

@@ -73,7 +73,9 @@ def _next_place(
     return low + (high - low) * (aim - short) / (excess - short)
 
 
-def least_cost(cost: Callable[[float], float], start: float, *, n_trials: int = 6) -> float:
+def least_cost(
+    cost: Callable[[float], float], start: float, *, n_trials: int = 6, ratio: float = 1.5
+) -> float:
     """A step of low cost, by descent over ratios of steps that grow finer.
 
     Parameters
@@ -83,8 +85,9 @@ def least_cost(cost: Callable[[float], float], start: float, *, n_trials: int = 
     start : float
     n_trials : int, default 6
         How often the cost is asked for.
+    ratio : float, default 1.5
+        Of the first two steps that are tried; above 1.
     """
-    ratio = 1.5
     best, least = start, cost(start)
     tried = {start}
     for _ in range(n_trials - 1):

@@ -1,5 +1,6 @@
 """Sequences that are all there: streams are made of them until one meets the target."""
 
+import math
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from functools import cached_property
@@ -16,14 +17,18 @@ from meshreel.reel.encoding.aim import aimed
 from meshreel.reel.encoding.block_coder import (
     FieldBlockCoder,
     FieldFrames,
+    KeyBlock,
     KeyedBlocks,
     coder_of,
     largest_rounding,
 )
 from meshreel.reel.encoding.effort import finest_step
+from meshreel.reel.encoding.following_tracks import FollowingTracks
+from meshreel.reel.encoding.grid_positions import may_lie_on_grid, on_grid
 from meshreel.reel.encoding.meters import KgMeter, Meter, StedMeter
+from meshreel.reel.encoding.rate_control import least_cost
 from meshreel.reel.encoding.smoothness import sampled_frames, step_share
-from meshreel.reel.encoding.tracks import check_kept, coded_tracks
+from meshreel.reel.encoding.tracks import coded_tracks
 from meshreel.runtime.engine.engine import Engine
 from meshreel.runtime.progress import Count, Progress
 from meshreel.runtime.threads import one_ahead
@@ -53,9 +58,17 @@ def encode(source: Source, progress: Progress, engine: Engine | None) -> bytes:
     source = replace(source, tracks=coded_tracks(source, progress))
     sequence = WholeSequence(source, progress, engine)
     step, bound = aimed(source.config.target, sequence)
+    following = FollowingTracks(source, progress) if source.tracks else None
+    if following is not None:
+        step = sequence.step_for_tracks(following, step, bound)
     data = sequence.stream(step, bound)
-    if source.tracks:
-        check_kept(source, data)
+    other = None
+    if bound is not None and may_lie_on_grid(source, len(data)):
+        other = on_grid(source, progress, engine)
+    if following is not None:
+        data = following.stream(data)
+    if other is not None:
+        data = min(data, other, key=len)
     if bound is not None:
         achieved = measure_stream(
             source.sequence, data, order=source.config.order, progress=progress
@@ -120,7 +133,7 @@ class WholeSequence:
     @cached_property
     def finest_step(self) -> float:
         """The finest step that it can be coded with."""
-        return finest_step(self._source.mesh.n_verts)
+        return finest_step()
 
     def size_bytes(self, step: float, bound: float) -> float:
         """Bytes of the stream with a step, corrected to keep a bound in diagonals."""
@@ -135,6 +148,30 @@ class WholeSequence:
             return float(size_bytes)
         sequence = self._source.sequence
         return rate_bpvf(size_bytes, sequence.n_verts, sequence.n_frames)
+
+    def step_for_tracks(
+        self, following: FollowingTracks, step: float, bound: float | None
+    ) -> float:
+        """A step, or a finer one with which positions and the tracks that follow take fewer bytes.
+
+        Velocities and normals are predicted from decoded positions, the better the finer these are.
+        A step that was asked for stays, and so does one that meets a budget.
+        """
+        if self._target.aim is Aim.STEP or self._target.aim.is_budget:
+            return step
+        coarsest = self.stream(step, bound)
+        sizes = {step: following.size_bytes(coarsest)}
+        if not following.may_want_finer(coarsest, sizes[step]):
+            return step
+
+        def cost(finer: float) -> float:
+            if finer > step:
+                return math.inf
+            if finer not in sizes:
+                sizes[finer] = following.size_bytes(self.stream(finer, bound))
+            return sizes[finer]
+
+        return least_cost(cost, step, ratio=2.0)
 
     def stream(self, step: float, bound: float | None = None) -> bytes:
         """The stream of a step; with a bound in diagonals, corrected to keep it."""
@@ -200,13 +237,25 @@ class WholeSequence:
     def _coded_elsewhere(
         self, coder: FieldBlockCoder, engine: Engine
     ) -> Iterator[tuple[int, Sections]]:
-        """The same, where workers code all blocks but the first."""
+        """The same, where workers code all blocks but the first.
+
+        Where one of them becomes a key block, what was begun behind it is begun anew.
+        """
         first, *others = self._source.pieces()
         frames = coder.frames(first.given(), first.order)
-        coded = KeyedBlocks(coder).code(frames)
+        coded = coder.code(frames)
         yield frames.block.n_frames, coded.sections
-        items = ((piece, coded.key, number) for number, piece in enumerate(others, start=1))
-        yield from engine.map_in_order(coder.code_piece, items)
+        key: KeyBlock | None = coded.key
+        while others:
+            items = ((piece, key, number) for number, piece in enumerate(others, start=1))
+            n_coded = 0
+            for found in engine.map_in_order(coder.code_piece, items):
+                yield found.n_frames, found.sections
+                n_coded += 1
+                if found.key is not None:
+                    key = found.key
+                    break
+            others = others[n_coded:]
 
     def _blocks(self) -> Iterable[FieldFrames]:
         """The blocks, ready to be coded: kept for further trials, or read anew for each."""

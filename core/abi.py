@@ -1,0 +1,92 @@
+"""Prints what programs rely on that were compiled with `reader/meshreel.h`: `python core/abi.py`.
+
+Functions, the values of codes, and where the fields of structures lie are stored in
+`reader/abi.txt`; a test compares them. A line that changes or goes breaks programs: MESHREEL_ABI
+has to be raised with it. `--write` stores them anew.
+"""
+
+import argparse
+import re
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import compile as core
+
+HEADER = core.READER / "meshreel.h"
+STORED = core.READER / "abi.txt"
+
+
+def functions() -> list[str]:
+    """Names of the functions that the header declares."""
+    return sorted(re.findall(r"^MESHREEL_API [\w *]*?(\w+)\(", HEADER.read_text(), re.MULTILINE))
+
+
+def structures() -> dict[str, list[str]]:
+    """Names of the structures whose fields are known to programs, and of their fields."""
+    text = re.sub(r"/\*.*?\*/", "", HEADER.read_text(), flags=re.DOTALL)
+    found = {}
+    for name, body in re.findall(r"typedef struct (\w+) \{(.*?)\n\}", text, re.DOTALL):
+        lines = [line for line in body.split(";") if line.strip()]
+        fields = [re.findall(r"\(\*(\w+)\)\(", line) or _names(line) for line in lines]
+        found[name] = [field for line in fields for field in line]
+    return found
+
+
+def _names(declaration: str) -> list[str]:
+    """`int a, *b, c[3]` declares a, b and c."""
+    return [re.findall(r"(\w+)(?:\[\d+\])?$", part.strip())[0] for part in declaration.split(",")]
+
+
+def _program() -> str:
+    """A program that tells values and places."""
+    codes = re.findall(r"^    (MESHREEL_\w+) = ", HEADER.read_text(), re.MULTILINE)
+    lines = [f'    printf("code {code} %d\\n", (int){code});' for code in codes]
+    for name, fields in structures().items():
+        lines.append(f'    printf("size {name} %zu\\n", sizeof({name}));')
+        for field in fields:
+            place = f"offsetof({name}, {field})"
+            lines.append(f'    printf("offset {name}.{field} %zu\\n", {place});')
+    includes = f'#include <stdio.h>\n#include "{HEADER.as_posix()}"\n'
+    start = '    printf("abi %d\\n", MESHREEL_ABI);'
+    return "\n".join([includes, "int main(void) {", start, *lines, "    return 0;", "}", ""])
+
+
+def described() -> str:
+    """What programs rely on, one thing a line.
+
+    Raises
+    ------
+    RuntimeError
+        If there is no compiler.
+    """
+    compiler = core.compiler()
+    if compiler is None:
+        raise RuntimeError(core.NO_COMPILER)
+    with tempfile.TemporaryDirectory() as work:
+        source, program = Path(work, "abi.c"), Path(work, "abi.exe")
+        source.write_text(_program())
+        subprocess.run([*compiler, str(source), "-o", str(program)], check=True)
+        done = subprocess.run([program], check=True, capture_output=True, text=True)
+    first, *others = done.stdout.splitlines()
+    return "\n".join([first, *(f"function {name}" for name in functions()), *others, ""])
+
+
+def main() -> None:
+    """Print it, or store it."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--write", action="store_true", help="store it")
+    given = parser.parse_args()
+    try:
+        found = described()
+    except RuntimeError as error:
+        sys.exit(str(error))
+    if given.write:
+        STORED.write_text(found)
+    else:
+        print(found, end="")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,147 @@
+"""A block of frames as the encoder of `reel` takes it: coordinates, and their trajectories."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from meshreel.kernel.frames import coordinate_rows
+from meshreel.runtime.profiling import staged
+from meshreel.runtime.threads import chunks, in_threads
+from meshreel.subspace.pca import fix_signs, gram_of_rows, weak_trajectories
+from meshreel.subspace.trajectories import BoundingFrame
+
+Floats = npt.NDArray[np.float64]
+
+MOST_KEPT = 1 << 23
+"""Coordinates that are kept as float64; those of larger blocks are found anew where needed."""
+
+LARGEST_INTEGER = 2.0**29
+"""Quantised values stay below this, with room for residuals that are larger."""
+
+CHUNK_VERTICES = 2048
+"""Vertices whose fields are found at once."""
+
+
+@dataclass
+class BlockFrames:
+    """A block of frames with its trajectories, which do not change with the step.
+
+    Attributes
+    ----------
+    vertices : float array of shape (T, V, C)
+        Positions, or values of another track; contiguous.
+    frame : BoundingFrame
+        What they are relative to.
+    order : int32 array of shape (V,), or None
+        Number of each vertex in the internal order; None: they are in it.
+    taken : tuple of float64 arrays of shapes (C, T, R) and (V, R), or None
+        Vectors and fields, in internal order, whose product is taken away from coordinates.
+    """
+
+    vertices: npt.NDArray[np.floating]
+    frame: BoundingFrame
+    order: npt.NDArray[np.int32] | None = None
+    taken: tuple[Floats, Floats] | None = None
+    _found: tuple[float, Floats, Floats] | None = None
+
+    @property
+    def n_frames(self) -> int:
+        """T."""
+        return int(self.vertices.shape[0])
+
+    @property
+    def n_verts(self) -> int:
+        """V."""
+        return int(self.vertices.shape[1])
+
+    @property
+    def n_columns(self) -> int:
+        """C."""
+        return int(self.vertices.shape[2])
+
+    def coordinates(self, piece: slice, frames: slice = slice(None)) -> Floats:
+        """Coordinates of some vertices, in internal order: of shape (C T, n), x before y and z."""
+        if self._is_small and frames == slice(None):
+            return self._all[:, piece]
+        return self._rows(piece, frames)
+
+    def _rows(self, piece: slice, frames: slice = slice(None)) -> Floats:
+        placement = self.frame.placement
+        rows = coordinate_rows(self.vertices[frames], self.order, piece, placement)
+        if self.taken is not None:
+            vectors, fields = self.taken
+            rows -= vectors[:, frames].reshape(len(rows), -1) @ fields[piece].T
+        return rows
+
+    @property
+    def _is_small(self) -> bool:
+        return self.vertices.size <= MOST_KEPT
+
+    @cached_property
+    @staged("coordinates")
+    def _all(self) -> Floats:
+        if self.taken is None:
+            return self._rows(slice(0, self.n_verts))
+        found = np.empty((self._n_rows, self.n_verts))
+
+        def fill(piece: slice) -> None:
+            found[:, piece] = self._rows(piece)
+
+        in_threads(fill, chunks(self.n_verts, CHUNK_VERTICES))
+        return found
+
+    @cached_property
+    def _gram(self) -> Floats:
+        return gram_of_rows(self.coordinates, self._n_rows, self.n_verts)
+
+    @property
+    def _n_rows(self) -> int:
+        return self.n_columns * self.n_frames
+
+    @property
+    def is_analysed(self) -> bool:
+        """Whether trajectories were found before."""
+        return self._found is not None
+
+    @cached_property
+    def energy(self) -> float:
+        """Sum of all squared coordinates."""
+        if self._n_rows <= self.n_verts:
+            return float(np.trace(self._gram))
+        pieces = chunks(self.n_verts, CHUNK_VERTICES)
+        return sum(float(np.square(self.coordinates(piece)).sum()) for piece in pieces)
+
+    @cached_property
+    def spread(self) -> float:
+        """Sum of the squared distances of all positions from the mean of their frame."""
+        first = self.coordinates(slice(0, 1))  # vertices in one place have no spread at all
+        sums, total = np.zeros(len(first)), 0.0
+        for piece in chunks(self.n_verts, CHUNK_VERTICES):
+            around = self.coordinates(piece) - first
+            sums += around.sum(axis=1)
+            total += float(np.vdot(around, around))
+        return total - float(sums @ sums) / self.n_verts
+
+    @staged("trajectories")
+    def trajectories(self, least: float) -> tuple[Floats, Floats]:
+        """Singular values above `least`, one at least, and basis vectors of shape (C T, K)."""
+        if self._found is None or self._found[0] > least:
+            self._found = (least, *self._trajectories(least))
+        _, strengths, vectors = self._found
+        n_kept = max(1, int(np.sum(strengths > least)))
+        return strengths[:n_kept], vectors[:, :n_kept]
+
+    def _trajectories(self, least: float) -> tuple[Floats, Floats]:
+        if self._n_rows < self.n_verts:
+            return weak_trajectories(self.coordinates, self._gram, self.n_verts, least)
+        rows = self.coordinates(slice(0, self.n_verts))
+
+        def frames(piece: slice) -> Floats:
+            return np.asarray(rows.T[:, piece])
+
+        gram = gram_of_rows(frames, self.n_verts, self._n_rows)
+        strengths, fields = weak_trajectories(frames, gram, self._n_rows, least)
+        divisors = np.where(strengths > 0, strengths, 1.0)
+        return strengths, fix_signs(rows @ fields / divisors)

@@ -1,0 +1,192 @@
+"""The library for C and C++: built, installed, found, linked, and run by other programs."""
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import meshreel
+
+ROOT = Path(__file__).parents[3]
+CORE, EXAMPLE = ROOT / "core", ROOT / "examples" / "engine"
+SOURCE = EXAMPLE / "frames" / "frames.c"
+STREAM = ROOT / "conformance" / "streams" / "key_blocks.reel"
+TIME_LIMIT_S = 300
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(sys.platform == "win32", reason="tried where libraries are .so or .dylib"),
+]
+
+
+def need(*programs):
+    for program in programs:
+        if shutil.which(program) is None:
+            pytest.skip(f"needs {program}")
+
+
+def run(*command, **environment):
+    """What a program prints; it must not fail."""
+    done = subprocess.run(
+        list(map(str, command)),
+        capture_output=True,
+        timeout=TIME_LIMIT_S,
+        env={**os.environ, **environment},
+    )
+    assert done.returncode == 0, (done.stdout + done.stderr).decode()
+    return done.stdout
+
+
+@pytest.fixture(scope="module", params=["gcc", "clang"])
+def installed(request, tmp_path_factory):
+    """Where the library is installed, and its compiler."""
+    need("cmake", request.param)
+    build, prefix = tmp_path_factory.mktemp("build"), tmp_path_factory.mktemp("prefix")
+    given = f"-DCMAKE_C_COMPILER={request.param}", "-DCMAKE_BUILD_TYPE=Debug"
+    run("cmake", "-S", CORE, "-B", build, "-DCMAKE_INSTALL_LIBDIR=lib", *given)
+    run("cmake", "--build", build, "--parallel", "2")
+    run("cmake", "--install", build, "--prefix", prefix)
+    return prefix, request.param
+
+
+@pytest.fixture(scope="module")
+def wanted():
+    """What it has to write."""
+    return np.ascontiguousarray(meshreel.decode(STREAM).vertices).tobytes()
+
+
+def flags_of(prefix, *names):
+    """What pkg-config says of packages."""
+    need("pkg-config")
+    paths = os.pathsep.join(
+        [str(prefix / "lib" / "pkgconfig"), os.environ.get("PKG_CONFIG_PATH", "")]
+    )
+    return run("pkg-config", "--cflags", "--libs", *names, PKG_CONFIG_PATH=paths).decode().split()
+
+
+def has_sdl():
+    """Whether the library that the example draws by is there."""
+    command = ["pkg-config", "--exists", "sdl2"]
+    return bool(shutil.which("pkg-config")) and not subprocess.run(command, check=False).returncode
+
+
+def test_a_program_finds_the_library_by_pkg_config_and_decodes_the_same_bits(
+    installed, wanted, tmp_path
+):
+    prefix, compiler = installed
+    moved = tmp_path / "elsewhere"
+    shutil.copytree(prefix, moved, symlinks=True)
+    program = tmp_path / "program"
+    at_run_time = f"-Wl,-rpath,{moved / 'lib'}"
+    run(compiler, SOURCE, *flags_of(moved, "meshreel"), at_run_time, "-o", program)
+    assert run(program, STREAM) == wanted
+
+
+def test_a_program_in_cpp_links_the_static_library(installed, wanted, tmp_path):
+    prefix, compiler = installed
+    cpp = {"gcc": "g++", "clang": "clang++"}[compiler]
+    need(cpp)
+    program = tmp_path / "program"
+    strict = "-std=c++11", "-Wall", "-Wextra", "-Wpedantic", "-Werror"
+    given = "-x", "c++", SOURCE, "-x", "none", prefix / "lib" / "libmeshreel.a"
+    run(cpp, *strict, f"-I{prefix / 'include'}", *given, "-o", program)
+    assert run(program, STREAM) == wanted
+
+
+@pytest.mark.parametrize("installed", ["gcc"], indirect=True)
+def test_a_program_finds_the_libraries_by_cmake(installed, wanted, tmp_path):
+    prefix, compiler = installed
+    given = f"-DCMAKE_PREFIX_PATH={prefix}", f"-DCMAKE_C_COMPILER={compiler}"
+    run("cmake", "-S", SOURCE.parent, "-B", tmp_path, *given)
+    run("cmake", "--build", tmp_path)
+    for program in ("frames", "frames_alone"):
+        assert run(tmp_path / program, STREAM) == wanted
+
+
+def test_a_program_links_the_library_of_the_package_as_the_command_says(wanted, tmp_path):
+    need("cc")
+    program = tmp_path / "program"
+    flags = run(sys.executable, "-m", "meshreel", "core", "--cflags", "--libs").decode().split()
+    run("cc", SOURCE, *flags, "-o", program)
+    assert run(program, STREAM) == wanted
+
+
+def test_the_shared_library_offers_what_the_header_declares_and_needs_no_other(
+    installed, monkeypatch
+):
+    monkeypatch.syspath_prepend(str(CORE))
+    from abi import functions
+    from binaries import read_binary
+    from wheels import MAY_IMPORT
+
+    prefix, _ = installed
+    if sys.platform == "darwin":
+        pytest.skip("names of libraries differ")
+    library = read_binary((prefix / "lib" / "libmeshreel.so").read_bytes())
+    assert {name for name in library.exported if not name.startswith("_")} == set(functions())
+    checks = {"__stack_chk_fail"}  # which some systems have compilers add
+    assert library.imported <= MAY_IMPORT | checks
+    number = re.search(r"MESHREEL_ABI (\d+)", (CORE / "reader" / "meshreel.h").read_text())[1]
+    assert (prefix / "lib" / f"libmeshreel.so.{number}").exists()
+
+
+def test_what_programs_rely_on_is_as_it_is_stored(monkeypatch):
+    """A line that differs breaks programs: raise MESHREEL_ABI, and see core/abi.py."""
+    monkeypatch.syspath_prepend(str(CORE))
+    from abi import STORED, described
+
+    need("cc")
+    assert described() == STORED.read_text()
+
+
+def test_the_example_plays_a_file_in_a_window(installed, tmp_path):
+    prefix, compiler = installed
+    if not has_sdl():
+        pytest.skip("needs SDL 2 (Debian: libsdl2-dev)")
+    program = tmp_path / "play"
+    warnings = "-Wall", "-Wextra", "-Werror"
+    found = flags_of(prefix, "meshreel", "sdl2")
+    at_run_time = f"-Wl,-rpath,{prefix / 'lib'}"
+    run(compiler, *warnings, EXAMPLE / "play.c", *found, at_run_time, "-o", program)
+    shown = run(program, STREAM, "3", SDL_VIDEODRIVER="dummy")  # without a screen
+    assert shown == b"3 frames of 42 vertices\n"
+
+
+@pytest.mark.parametrize("installed", ["gcc"], indirect=True)
+def test_the_example_is_built_by_cmake(installed, tmp_path):
+    prefix, compiler = installed
+    if not has_sdl():
+        pytest.skip("needs SDL 2 (Debian: libsdl2-dev)")
+    given = f"-DCMAKE_PREFIX_PATH={prefix}", f"-DCMAKE_C_COMPILER={compiler}"
+    run("cmake", "-S", EXAMPLE, "-B", tmp_path, *given)
+    run("cmake", "--build", tmp_path)
+    assert run(tmp_path / "play", STREAM, "1", SDL_VIDEODRIVER="dummy")
+
+
+def test_what_the_guide_shows_compiles(tmp_path):
+    need("cc")
+    page = (ROOT / "docs" / "guides" / "engines.md").read_text(encoding="utf-8")
+    (shown,) = re.findall(r"^```c\n(.*?)^```", page, re.DOTALL | re.MULTILINE)
+    include, body = shown.split("\n", 1)
+    given = "void *bytes, size_t size, uint32_t frame, float *positions, float *normals"
+    program = tmp_path / "shown.c"
+    program.write_text(f"{include}\n#include <stdlib.h>\nvoid play({given}) {{\n{body}}}\n")
+    warnings = "-Wall", "-Wno-unused-variable", "-Werror"
+    run("cc", "-fsyntax-only", *warnings, f"-I{CORE / 'reader'}", program)
+
+
+def test_versions_and_flags_are_those_of_the_package(monkeypatch):
+    monkeypatch.syspath_prepend(str(CORE))
+    from compile import FLAGS
+
+    header = (CORE / "reader" / "meshreel.h").read_text()
+    assert f'#define MESHREEL_VERSION "{meshreel.__version__}"' in header
+    recipe = (CORE / "CMakeLists.txt").read_text()
+    said_otherwise = {"-std=c11", "-fvisibility=hidden", "-DMESHREEL_BUILD"}
+    assert [flag for flag in FLAGS if flag not in recipe] == [
+        flag for flag in FLAGS if flag in said_otherwise
+    ]
