@@ -44,6 +44,7 @@ function deflated(bytes) {
 
 const quick = compiled("wasm", "reel.wasm");
 const plain = compiled("wasm-plain", "reel_plain.wasm");
+const exact = compiled("wasm-exact", "reel_exact.wasm");
 
 /** Engines by the files of their functions: that of the positions, and that of further tracks. */
 const ENGINES = {
@@ -84,11 +85,11 @@ const indexBeside = {
   },
 };
 
-/** The core without vectors, and the engine of tracks, are scripts that `meshreel` has too. */
+/** Cores that few need, and the engine of tracks, are scripts that `meshreel` has too. */
 const rareBeside = {
   name: "rare scripts beside",
   setup(bundler) {
-    const rare = /\/(plain_wasm|track_engine_function)\.js$/;
+    const rare = /\/(plain_wasm|exact_wasm|track_engine_function)\.js$/;
     bundler.onResolve({ filter: rare }, ({ path }) => ({
       path: `./${basename(path)}`,
       external: true,
@@ -113,6 +114,7 @@ const modulesInside = {
   // zopfli, which takes its time, deflates to 5 % less than zlib does.
   SIMD_MODULE: JSON.stringify(await deflated(quick)),
   PLAIN_MODULE: JSON.stringify(plain.toString("base64")),
+  EXACT_MODULE: JSON.stringify(exact.toString("base64")),
 };
 const decoder = await build({
   ...common,
@@ -134,7 +136,7 @@ const three = await build({
 });
 // For pages without a bundler: one script, with the decoder and what it takes of three.js inside.
 // The core for engines without vectors, which hardly any browser is, stays beside; so does what
-// decodes tracks.
+// decodes tracks and exact values.
 const player = await build({
   ...common,
   entryPoints: ["src/player/index.ts"],

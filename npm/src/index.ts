@@ -4,6 +4,6 @@ import "./core/simd_wasm.js";
 
 export * from "./errors.js";
 export { type OpenOptions, ReelFile } from "./file/reel_file.js";
-export { type CallOptions, ReelTrack } from "./file/reel_track.js";
+export { type CallOptions, type FieldsOptions, ReelTrack } from "./file/reel_track.js";
 export type { SourceInput, SourceOptions } from "./source/open.js";
 export type * from "./types.js";

@@ -17,6 +17,8 @@ export interface ByteSource {
 
 /** Facts of a stream. */
 export interface ReelInfo {
+  /** Positions are sums of modes; exact; or exact places of a grid. */
+  readonly method: "reel" | "lossless" | "grid";
   readonly name: string;
   readonly nFrames: number;
   readonly nVerts: number;
@@ -34,6 +36,7 @@ export interface ReelInfo {
   readonly numberType: "float32" | "float64";
   /** Quantities that change over time beside the positions; `ReelFile.track` gives their values. */
   readonly tracks: readonly TrackInfo[];
+  /** Frames that `fields` gives at once. */
   readonly blocks: readonly BlockInfo[];
 }
 
@@ -66,28 +69,51 @@ export interface TrackInfo {
     | "unknown"
     /** Of tracks that are coded exactly. */
     | `${"u" | ""}int${8 | 16 | 32 | 64}`;
-  /** Whether numbers are those of the original, which this build does not decode. */
+  /** Whether numbers are those of the original, bit for bit. */
   readonly isExact: boolean;
   /**
    * Largest error of a value that the encoder promises: the length of the difference, in the unit of
    * the track; of normals the angle in degrees; of colours that of each number. Null: none.
    */
   readonly promisedError: number | null;
-  /** In all blocks. */
+  /** In all blocks, with what says which corners share values. */
   readonly sizeBytes: number;
 }
 
+/**
+ * Numbers of a track, in the array of their type; integers of 64 bits are bigints. A number that is
+ * missing is NaN.
+ */
+export type TrackValues =
+  | Float32Array
+  | Float64Array
+  | Int8Array
+  | Int16Array
+  | Int32Array
+  | Uint8Array
+  | Uint16Array
+  | Uint32Array
+  | BigInt64Array
+  | BigUint64Array;
+
+/**
+ * A block of the file; where the method is not "reel", whose blocks may have thousands of frames, a
+ * part of one, of up to 32.
+ */
 export interface BlockInfo {
   /** Number of its first frame. */
   readonly start: number;
   readonly nFrames: number;
+  /** Of a part its share of the block. */
   readonly sizeBytes: number;
 }
 
 /**
  * A block of frames as small integers, for shaders: the position of vertex v at frame t of the
  * block, relative to `ReelInfo.center`, is, in each axis, the sum over modes k of
- * `fields[k nVerts + v] * weights[(t nModes + k) 3 + axis]`, plus its correction. In model units.
+ * `fields[k nVerts + v] * weights[(t nModes + k) 3 + axis]`, plus its correction. In model units,
+ * within 1e-5 of the diagonal of what `frame` gives. Where the method is not "reel", each axis at
+ * each frame is a mode, and the last mode is 1 everywhere.
  */
 export interface BlockFields {
   readonly number: number;
@@ -113,10 +139,13 @@ export interface BlockFields {
 /**
  * A track in a block as small integers, for shaders: the number in column c of item i at frame t of
  * the block is the sum over modes k of `fields[k nItems + i] * weights[(t nModes + k) nColumns + c]`,
- * plus `origin[c]`, plus its correction; normals are not yet divided by their length. The rest is as
- * in `BlockFields`, where items are vertices.
+ * plus `origin[c]`, plus its correction; normals are not yet divided by their length. Where a number
+ * is missing, that correction is NaN. Of a track that is exact, or predicted from positions, each
+ * column at each frame is a mode, rounded to a part in 65534 of its range there, and the last mode
+ * is 1 everywhere. The rest is as in `BlockFields`, where items are vertices.
  */
 export interface TrackFields extends BlockFields {
+  /** Columns that were asked for: c counts these. */
   readonly nColumns: number;
   /** Of each column. */
   readonly origin: readonly number[];
@@ -191,11 +220,14 @@ export interface OpenTrack {
    */
   frame(
     number: number,
-    into?: Float32Array | Float64Array,
+    into?: TrackValues,
     options?: { signal?: AbortSignal },
-  ): Promise<Float32Array | Float64Array>;
+  ): Promise<TrackValues>;
   /** A block for shaders. */
-  fields(block: number, options?: { signal?: AbortSignal }): Promise<TrackFields>;
+  fields(
+    block: number,
+    options?: { signal?: AbortSignal; columns?: readonly number[] },
+  ): Promise<TrackFields>;
 }
 
 /** What the other parts see of an open file; `ReelFile` is it. */

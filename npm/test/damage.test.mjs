@@ -2,17 +2,20 @@
 
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { loadInternals, newCore } from "./support/bundle.mjs";
-import { bytesOf, sha } from "./support/streams.mjs";
+import { exactModule, loadInternals, newCore } from "./support/bundle.mjs";
+import { EXACTS, bytesOf, sha } from "./support/streams.mjs";
 
 const {
   Core,
   MemoryReel,
   MeshReelError,
+  POSITIONS,
   Section,
+  TrackEngine,
   TruncatedStreamError,
   crc32,
   readHeader,
+  readStream,
   sectionEnd,
 } = await loadInternals();
 
@@ -121,6 +124,79 @@ test("damage with right checksums gives an error of the package, or some frames"
     }
   }
   assert.ok(nErrors > 50 && nFrames > 50);
+});
+
+/**
+ * Frames of a stream of exact positions, each by its hash or null where its block is damaged, and
+ * the last error, which is of the package.
+ */
+async function exactlyDecoded(bytes) {
+  const { signal } = new AbortController();
+  const read = async (from, to) => bytes.slice(from, to);
+  const frames = [];
+  let failure = null;
+  const attempt = async (work) => {
+    try {
+      return await work();
+    } catch (error) {
+      if (!(error instanceof MeshReelError)) throw error;
+      failure = error;
+      return null;
+    }
+  };
+  await attempt(async () => {
+    const { info } = new MemoryReel(core, bytes);
+    const engine = new TrackEngine(newCore(Core), read, readStream(bytes), async () => exactModule());
+    for (let t = 0; t < info.nFrames; t++) {
+      const found = await attempt(() => engine.values(POSITIONS, t, signal));
+      if (found) assert.ok(found.every(Number.isFinite));
+      frames.push(found && sha(found));
+    }
+    for (const [number, { nFrames }] of info.blocks.entries()) {
+      const fields = await attempt(() => engine.fields(POSITIONS, number, [0, 1, 2], signal));
+      if (fields) assert.equal(fields.nFrames, nFrames);
+    }
+  });
+  return { frames, failure };
+}
+
+test("a flipped bit in exact positions gives an error, or leaves frames as they are", async () => {
+  for (const name of EXACTS) {
+    const whole = bytesOf(name);
+    const wanted = (await exactlyDecoded(whole)).frames;
+    assert.ok(!wanted.includes(null));
+    let nErrors = 0;
+    for (const place of sample(whole.length, 60)) {
+      const bytes = whole.slice();
+      bytes[place] ^= 1 << (place % 8);
+      const { frames, failure } = await exactlyDecoded(bytes);
+      frames.forEach((one, t) => assert.ok(one === null || one === wanted[t], `${name}, ${place}`));
+      nErrors += failure !== null || frames.length < wanted.length;
+    }
+    assert.ok(nErrors > 5, `${name} is damaged without anything to say about it`);
+  }
+});
+
+test("damage in exact positions with right checksums gives an error of the package", async () => {
+  const random = randomNumbers(11);
+  let [nErrors, nFrames] = [0, 0];
+  for (const name of EXACTS) {
+    const whole = bytesOf(name);
+    const payloads = payloadsOf(whole).filter(({ start, end }) => end - 4 > start);
+    const values = payloads.filter(({ id }) => id === Section.VALUES || id === Section.BLOCK);
+    for (let turn = 0; turn < 60; turn++) {
+      const bytes = whole.slice();
+      const of = turn % 2 ? values : payloads;
+      const { position, start, end } = of[(turn >> 1) % of.length];
+      bytes[start + Math.floor((end - 4 - start) * random())] = Math.floor(256 * random());
+      const sum = crc32(bytes.subarray(position, end - 4));
+      new DataView(bytes.buffer).setUint32(end - 4, sum, true);
+      const { frames, failure } = await exactlyDecoded(bytes);
+      nErrors += failure !== null;
+      nFrames += frames.filter((one) => one !== null).length;
+    }
+  }
+  assert.ok(nErrors > 50 && nFrames > 50, `${nErrors} errors, ${nFrames} frames`);
 });
 
 test("sizes in the header that the bytes cannot hold are refused before memory is taken", () => {

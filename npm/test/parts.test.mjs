@@ -58,7 +58,7 @@ test("a stream in parts is the stream", () => {
   }
 });
 
-test("a block is decoded from its bytes and those of its key block alone", () => {
+test("a block is decoded from its bytes and those of its key block alone", async () => {
   const file = bytesOf("key_blocks");
   const stream = openInParts(file);
   const reel = new MemoryReel(newCore(Core), file);
@@ -72,13 +72,16 @@ test("a block is decoded from its bytes and those of its key block alone", () =>
     const core = newCore(Core); // of a worker that has seen no other block
     const mesh = new Items(core, decodeConnectivity(core, stream.header, stream.leading));
     const decoder = new BlockDecoder(mesh, 3);
-    const needsKey = !decoder.hasKeyOf(stored(number));
-    const block = decoder.decode(stored(number), (key) => {
-      assert.ok(needsKey);
-      nKeys++;
+    const { reference } = stored(number).layout;
+    const asked = [];
+    const decode = await decoder.prepare(stored(number), async (key) => {
+      asked.push(key);
       return stored(key);
     });
-    assert.ok(decoder.hasKeyOf(stored(number)));
+    const block = decode();
+    assert.deepEqual(asked, reference ? [number - reference] : []);
+    nKeys += asked.length;
+    await decoder.prepare(stored(number), () => assert.fail("the key block is kept"));
     const wanted = reel.decodeBlock(number);
     for (let t = 0; t < block.nFrames; t++) {
       assert.deepEqual(frameOf(core, stream.header, block, t), reel.frameOf(wanted, t));

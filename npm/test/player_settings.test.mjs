@@ -24,6 +24,10 @@ test("defaults hold when there are no attributes", () => {
     background: null,
     poster: null,
     texture: null,
+    track: null,
+    component: undefined,
+    range: undefined,
+    map: undefined,
     kind: undefined,
     offset: undefined,
     frameNumber: undefined,
@@ -69,7 +73,20 @@ test("every attribute is understood", () => {
     offset: 0.25,
     frameNumber: { x: 0, y: 8, cell: 16, bits: 12 },
     muted: true,
+    track: null,
+    component: undefined,
+    range: undefined,
+    map: undefined,
   });
+});
+
+test("a track comes with what is shown of it", () => {
+  const track = { track: "u", "track-range": "2%:98%", "track-colormap": "diverging" };
+  for (const [given, component] of [["2", 2], ["magnitude", "magnitude"], ["y", "y"]]) {
+    const { map, range, ...found } = said({ ...track, "track-component": given });
+    assert.deepEqual([found.track, found.component], ["u", component]);
+    assert.deepEqual([range, map], ["2%:98%", "diverging"]);
+  }
 });
 
 test("loop alone repeats", () => {
@@ -88,6 +105,9 @@ test("what is not understood is refused in words", () => {
     [{ interpolate: "no" }, /interpolate is "true" or "false"/],
     [{ "texture-kind": "video" }, /texture-kind is for a texture only/],
     [{ muted: "" }, /muted is for a texture only/],
+    [{ "track-range": "0:1" }, /track-range is for a track only; add track/],
+    [{ track: "u", texture: "a.png" }, /texture and track both say what is on the model/],
+    [{ track: "u", "track-colormap": "jet" }, /track-colormap is "sequential" or "diverging"/],
     [{ texture: "a.png", "texture-kind": "film" }, /texture-kind is "image" or "video"/],
     [{ texture: "a.mp4", "frame-number": "0 0 16" }, /frame-number is four numbers/],
   ];

@@ -4,8 +4,8 @@ import assert from "node:assert/strict";
 import { test } from "node:test";
 import { moduleOf } from "./three_modules.mjs";
 
-const { colorAt, colorsOf, textureOf } = await moduleOf("color/color_map");
-const { checkedRange, sampledRange, shownOf } = await moduleOf("color/color_range");
+const { about0, colorAt, colorsOf, textureOf } = await moduleOf("color/color_map");
+const { rangeEnds, shownOf, shownRange } = await moduleOf("color/color_range");
 
 /** Lightness, and two coordinates of hue: OKLab, in which distances are as they look. */
 function labOf(color) {
@@ -71,51 +71,94 @@ function trackOf(frames, nColumns = 1) {
     asked.push(number);
     return frames[number];
   };
-  return { info: { name: "track", nColumns }, frame, asked };
+  return { info: { name: "track", nColumns, nItems: frames[0].length / nColumns }, frame, asked };
 }
 
 const { signal } = new AbortController();
-const ALONE = { columns: [0], isMagnitude: false };
+const ALONE = { columns: [0], as: "number" };
+const FULL = rangeEnds("0%:100%");
 
-test("a range follows from eight frames of the first block, its ends among them", async () => {
+/** The range of a track of 30 frames, 22 of which are the first block. */
+function rangeOf(track, ends, isOfFile = false, shown = ALONE) {
+  const blocks = [{ start: 0, nFrames: 22 }];
+  return shownRange(track, { blocks, nFrames: 30 }, shown, ends, isOfFile, signal);
+}
+
+test("percentiles are of eight frames of the first block, its ends among them", async () => {
   const frames = Array.from({ length: 30 }, (_, t) => [2 + t, 5]);
   const track = trackOf(frames);
-  assert.deepEqual(await sampledRange(track, { start: 0, nFrames: 22 }, ALONE, signal), [2, 23]);
+  assert.deepEqual(await rangeOf(track, FULL), [2, 23]);
   assert.deepEqual(track.asked, [0, 3, 6, 9, 12, 15, 18, 21]);
-  const short = trackOf(frames);
-  assert.deepEqual(await sampledRange(short, { start: 0, nFrames: 1 }, ALONE, signal), [2, 5]);
-  assert.deepEqual(short.asked, [0]);
+  const one = { blocks: [{ start: 0, nFrames: 1 }], nFrames: 1 };
+  assert.deepEqual(await shownRange(track, one, ALONE, FULL, false, signal), [2, 5]);
 });
 
-test("a range is as far on both sides of 0 where there are numbers on both", async () => {
-  const rangeOf = (values, shown = ALONE, nColumns = 1) =>
-    sampledRange(trackOf([values], nColumns), { start: 0, nFrames: 1 }, shown, signal);
-  assert.deepEqual(await rangeOf([-1, 3]), [-3, 3]);
-  assert.deepEqual(await rangeOf([-4, 3]), [-4, 4]);
-  assert.deepEqual(await rangeOf([-4, 0]), [-4, 0]);
-  assert.deepEqual(await rangeOf([NaN, 2, Infinity, 6]), [2, 6]);
-  assert.deepEqual(await rangeOf([NaN]), [0, 1]);
-  assert.deepEqual(await rangeOf([8, 8]), [4, 12]);
-  assert.deepEqual(await rangeOf([0]), [-0.5, 0.5]);
-  const length = { columns: [0, 1], isMagnitude: true };
-  assert.deepEqual(await rangeOf([3, 4, -6, 8], length, 2), [5, 10]);
-  assert.deepEqual(await rangeOf([3, 4, -6, 8], { columns: [1], isMagnitude: false }, 2), [4, 8]);
+test("percentiles of a file are of eight of its frames, or of all where they are its ends", async () => {
+  const frames = Array.from({ length: 30 }, (_, t) => Float32Array.of(t, 10 * (t === 13)));
+  const track = trackOf(frames);
+  assert.deepEqual(await rangeOf(track, rangeEnds("40%:100%"), true), [0, 29]);
+  assert.equal(track.asked.length, 30);
+  const few = trackOf(frames);
+  await rangeOf(few, rangeEnds("2%:98%"), true);
+  assert.deepEqual(few.asked, [0, 4, 8, 12, 17, 21, 25, 29]);
 });
 
-test("what is shown of a value is its column or its length", () => {
-  const shown = (nColumns, component) => shownOf({ name: "u", nColumns }, component);
+test("a percentile lies between numbers as those of NumPy do", async () => {
+  const values = Float64Array.from({ length: 101 }, (_, i) => 100 - i);
+  const alone = trackOf(Array.from({ length: 30 }, () => values));
+  assert.deepEqual(await rangeOf(alone, rangeEnds("2%:98%")), [2, 98]);
+  assert.deepEqual(await rangeOf(alone, rangeEnds("-7:50%")), [-7, 50]);
+  await assert.rejects(rangeOf(alone, rangeEnds("50%:7")), /would be 50 to 7; give another/);
+});
+
+test("percentiles on both sides of 0 are as far from it; numbers that are given stay", async () => {
+  const of = (values, ends = FULL, shown = ALONE, nColumns = 1) =>
+    rangeOf(trackOf(Array(30).fill(values), nColumns), ends, false, shown);
+  assert.deepEqual(await of([-1, 3]), [-3, 3]);
+  assert.deepEqual(await of([-4, 3]), [-4, 4]);
+  assert.deepEqual(await of([-4, 0]), [-4, 0]);
+  assert.deepEqual(await of([-4, 3], rangeEnds([-1, 3])), [-1, 3]);
+  assert.deepEqual(await of([NaN, 2, Infinity, 6]), [2, 6]);
+  assert.deepEqual(await of([NaN]), [0, 1]);
+  assert.deepEqual(await of([8, 8]), [4, 12]);
+  assert.deepEqual(await of([0]), [-0.5, 0.5]);
+  assert.deepEqual(await of(BigInt64Array.of(-(2n ** 40n), 2n)), [-(2 ** 40), 2 ** 40]);
+  const length = { columns: [0, 1], as: "magnitude" };
+  assert.deepEqual(await of([3, 4, -6, 8], FULL, length, 2), [5, 10]);
+  assert.deepEqual(await of([3, 4, -6, 8], FULL, { columns: [1], as: "number" }, 2), [4, 8]);
+});
+
+test("what is shown of a value is its column, its length or its colour", () => {
+  const shown = (nColumns, component, kind = "other") =>
+    shownOf({ name: "u", kind, nColumns }, component);
   assert.deepEqual(shown(1), ALONE);
-  assert.deepEqual(shown(1, "magnitude"), { columns: [0], isMagnitude: true });
-  assert.deepEqual(shown(3), { columns: [0, 1, 2], isMagnitude: true });
-  assert.deepEqual(shown(9, 8), { columns: [8], isMagnitude: false });
-  for (const [nColumns, component] of [[4], [4, "magnitude"], [2, 2], [2, -1], [2, 0.5], [2, "x"]]) {
+  assert.deepEqual(shown(1, "magnitude"), { columns: [0], as: "magnitude" });
+  assert.deepEqual(shown(3), { columns: [0, 1, 2], as: "magnitude" });
+  assert.deepEqual(shown(3, "y"), { columns: [1], as: "number" });
+  assert.deepEqual(shown(9, 8), { columns: [8], as: "number" });
+  assert.deepEqual(shown(3, undefined, "normal"), { columns: [0], as: "number" });
+  assert.deepEqual(shown(4, undefined, "color"), { columns: [0, 1, 2], as: "color" });
+  assert.deepEqual(shown(4, 3, "color"), { columns: [3], as: "number" });
+  for (const [nColumns, component] of [[4], [4, "magnitude"], [2, 2], [2, -1], [2, 0.5], [2, "z"]]) {
     assert.throws(() => shown(nColumns, component), /component must be one of 0 to/);
   }
+  assert.throws(() => shown(2, "z"), { message: /one of 0 to 1, "x", "y", "magnitude"; got z/ });
 });
 
-test("a range is two finite numbers, the first less than the second", () => {
-  assert.deepEqual(checkedRange([-1, 2]), [-1, 2]);
-  for (const range of [[1, 1], [2, 1], [NaN, 1], [0, Infinity], [1], [0, 1, 2]]) {
-    assert.throws(() => checkedRange(range), /range must be two finite numbers/);
+test("a range is two ends, numbers or percentiles, low first", () => {
+  const number = (amount) => ({ amount, isPercent: false });
+  assert.deepEqual(rangeEnds([-1, 2]), [number(-1), number(2)]);
+  assert.deepEqual(rangeEnds("0:5e2"), [number(0), number(500)]);
+  assert.deepEqual(rangeEnds(" 2% : 40"), [{ amount: 2, isPercent: true }, number(40)]);
+  const wrong = [[1, 1], [2, 1], [NaN, 1], [0, Infinity], [1], [0, 1, 2]];
+  for (const range of [...wrong, "", ":", "1:", "3", "9%:8%", "-1%:5", "0:101%", "a:b", "1:2:3"]) {
+    assert.throws(() => rangeEnds(range), /range must be two finite numbers/, String(range));
   }
+});
+
+test("a diverging map keeps 0 in its middle, however far the ends are", () => {
+  const colors = about0(colorsOf("diverging"), -1, 3);
+  assert.deepEqual(colorAt(colors, 0.25).map((one) => Math.abs(one - 238) < 3), [true, true, true]);
+  assert.deepEqual(colorAt(colors, 1), colorAt(colorsOf("diverging"), 1));
+  assert.deepEqual(colorAt(colors, 0), colorAt(colorsOf("diverging"), 1 / 3));
 });

@@ -10,8 +10,8 @@ import {
   TruncatedStreamError,
   UnsupportedVersionError,
 } from "../dist/index.js";
-import { loadInternals, newCore } from "./support/bundle.mjs";
-import { REELS, bytesOf, said, sha } from "./support/streams.mjs";
+import { exactModule, loadInternals, newCore } from "./support/bundle.mjs";
+import { PLAYED, bytesOf, said, sha } from "./support/streams.mjs";
 import {
   largeTracks,
   withExactTrack,
@@ -34,10 +34,7 @@ const {
 } = await loadInternals();
 
 const { signal } = new AbortController();
-/** Exact tracks, and blocks without all their values, are for a build to come. */
-const isToCome = (name) =>
-  name === "missing_values" || said(name).tracks?.some(({ coding }) => coding === 1);
-const WITH_TRACKS = REELS.filter((name) => said(name).tracks && !isToCome(name));
+const WITH_TRACKS = PLAYED.filter((name) => said(name).tracks);
 
 async function withReel(from, work, options) {
   const reel = await ReelFile.open(from, options);
@@ -67,7 +64,6 @@ function notedBlob(bytes) {
 }
 
 test("values of every track are those of Python, to the bit", async () => {
-  assert.ok(WITH_TRACKS.length >= 4);
   for (const name of WITH_TRACKS) {
     await withReel(bytesOf(name), async (reel) => {
       for (const { name: track, "hash of values": hash } of said(name).tracks) {
@@ -77,28 +73,32 @@ test("values of every track are those of Python, to the bit", async () => {
   }
 });
 
-test("positions are there, and words for tracks that this build cannot read", async () => {
-  const names = REELS.filter(isToCome);
-  assert.ok(names.length >= 9);
-  for (const name of names) {
-    await withReel(bytesOf(name), async (reel) => {
-      assert.equal(sha(...(await valuesOf(reel, reel))), said(name)["hash of positions"], name);
-      const asked = async () => reel.track(reel.info.tracks[0].name).frame(0);
-      await assert.rejects(asked, { name: "UnsupportedVersionError" }, name);
-    });
-  }
-});
+const ARRAYS = {
+  float32: Float32Array,
+  float64: Float64Array,
+  uint8: Uint8Array,
+  uint32: Uint32Array,
+  int16: Int16Array,
+  int32: Int32Array,
+  int64: BigInt64Array,
+};
 
 test("facts of a track say the shape and type of its values", async () => {
+  const types = new Set();
+  let nMissing = 0;
   for (const name of WITH_TRACKS) {
     await withReel(bytesOf(name), async (reel) => {
       for (const info of reel.info.tracks) {
         const values = await reel.track(info.name).frame(0);
         assert.equal(values.length, info.nItems * info.nColumns);
-        assert.equal(values instanceof Float32Array, info.numberType === "float32");
+        assert.equal(values.constructor, ARRAYS[info.numberType], `${name}: ${info.numberType}`);
+        types.add(info.numberType);
+        if (!info.isExact) nMissing += values.filter(Number.isNaN).length;
       }
     });
   }
+  assert.deepEqual([...types].sort(), Object.keys(ARRAYS).sort());
+  assert.ok(nMissing > 0);
   await withReel(bytesOf("tracks"), ({ info }) => {
     assert.deepEqual(info.tracks[1], {
       name: "flow",
@@ -210,18 +210,22 @@ test("fields and weights make values within 1e-5 of the scale", async () => {
 
 const CASES = [
   ["a kind", { kind: 7 }, UnsupportedVersionError, /kind 7.*upgrade meshreel/, { kind: "unknown" }],
-  ["a coding", { coding: 2 }, UnsupportedVersionError, /coding 2/, { isExact: false }],
-  ["exact numbers", { coding: 1 }, UnsupportedVersionError, /coded exactly/, { promisedError: 0 }],
+  ["a coding", { coding: 9 }, UnsupportedVersionError, /coding 9/, { isExact: false }],
+  ["turns", { coding: 2 }, CorruptStreamError, /predicted as no other of each vertex/, {}],
+  ["a rate", { coding: 4 }, CorruptStreamError, /predicted as no other of each vertex/, {}],
+  ["an exact rate", { coding: 6 }, CorruptStreamError, /predicted as no other/, { isExact: true }],
+  ["a bound and exact", { coding: 1 }, CorruptStreamError, /has 24 bytes.*0 are/, { promisedError: 0 }],
   ["integers", { type: 34 }, UnsupportedVersionError, /number type 34/, { numberType: "int16" }],
-  ["bytes", { coding: 1, type: 17 }, UnsupportedVersionError, /exactly/, { numberType: "uint8" }],
-  ["a domain", { domain: 3 }, UnsupportedVersionError, /domain 3/, { domain: "unknown", nItems: 0 }],
+  ["bytes", { coding: 1, type: 17 }, CorruptStreamError, /type uint8/, { numberType: "uint8" }],
+  ["modes, though exact", { coding: 1, exact: true }, CorruptStreamError, /0 to 0 are/, { isExact: true }],
+  ["a domain", { domain: 5 }, UnsupportedVersionError, /domain 5/, { domain: "unknown", nItems: 0 }],
   ["a type", { type: 2 }, UnsupportedVersionError, /number type 2/, { numberType: "unknown" }],
   ["more behind it", { more: 1 }, CorruptStreamError, /has 25 bytes of numbers; 24 are needed/, {}],
   ["no columns", { nColumns: 0 }, CorruptStreamError, /0 columns; at most 256/, { nColumns: 0 }],
   ["257 columns", { nColumns: 257 }, CorruptStreamError, /257 columns/, { nColumns: 257 }],
   ["columns of another kind", { kind: 2 }, CorruptStreamError, /1 columns; velocity has not/, {}],
-  ["a bound below 0", { bound: -1 }, CorruptStreamError, /a bound, scale or origin that/, {}],
-  ["no scale", { scale: 0 }, CorruptStreamError, /a bound, scale or origin that cannot be/, {}],
+  ["a bound below 0", { bound: -1 }, CorruptStreamError, /a bound, scale, origin or rate that/, {}],
+  ["no scale", { scale: 0 }, CorruptStreamError, /a bound, scale, origin or rate that cannot be/, {}],
   ["an origin of NaN", { origin: NaN }, CorruptStreamError, /that cannot be/, {}],
 ];
 
@@ -289,27 +293,102 @@ test("damage in a track is an error of its block alone", async () => {
   });
 });
 
-test("an exact track is listed where the stream has no index, and all else is decoded", async () => {
+test("an exact track is found where the stream has no index, and all else is decoded", async () => {
   await withReel(withExactTrack(), async (reel) => {
     assert.deepEqual(reel.info.tracks.map(({ isExact }) => isExact), [false, false, true]);
     assert.equal(reel.info.blocks.length, 3);
     await assert.rejects(reel.track("σ").frame(0), {
-      name: "UnsupportedVersionError",
-      message: /track 'σ' is coded exactly/,
+      name: "CorruptStreamError", // its values are the coefficients of modes
+      message: /the values are (damaged|cut off)/,
     });
     assert.equal(sha(...(await valuesOf(reel, reel.track("flow")))), hashOf("tracks", "flow"));
     assert.equal(sha(...(await valuesOf(reel, reel))), said("tracks")["hash of positions"]);
   });
 });
 
-test("a block with missing values is refused, and others are decoded", async () => {
+test("a block is an error where what says that values are missing is damaged", async () => {
   await withReel(withMissingValues(), async (reel) => {
     const stress = reel.track("stress");
     await assert.rejects(stress.frame(0), {
-      name: "UnsupportedVersionError",
-      message: /block 0 of track 1 has missing values/,
+      name: "CorruptStreamError",
+      message: /block 0 of a track says 255 of whether a value is missing; 0 and 1 are allowed/,
     });
     assert.equal((await stress.frame(13)).length, 42);
+  });
+});
+
+test("fields of exact values, and of missing ones, make the same numbers", async () => {
+  let [nExact, nMissing] = [0, 0];
+  for (const name of WITH_TRACKS) {
+    await withReel(bytesOf(name), async (reel) => {
+      for (const info of reel.info.tracks) {
+        const track = reel.track(info.name);
+        const columns = [info.nColumns - 1];
+        for (const [number, { start, nFrames }] of reel.info.blocks.entries()) {
+          const block = await track.fields(number, { columns });
+          assert.equal(block.nColumns, 1);
+          const frames = [];
+          for (let t = 0; t < nFrames; t++) frames.push(await track.frame(start + t));
+          const wanted = frames.map((values) =>
+            Array.from({ length: info.nItems }, (_, i) =>
+              Number(values[i * info.nColumns + columns[0]]),
+            ),
+          );
+          const finite = wanted.flat().filter(Number.isFinite);
+          const most = finite.reduce((largest, one) => Math.max(largest, Math.abs(one)), 0);
+          const found = sumsOf(block);
+          if (info.kind === "normal" && !info.isExact) continue; // not yet divided by their length
+          wanted.forEach((values, t) =>
+            values.forEach((value, i) => {
+              if (Number.isFinite(value)) {
+                const off = Math.abs(found[t][i] - value);
+                assert.ok(off <= 2e-5 * most, `${name} ${info.name}: ${value}, ${found[t][i]}`);
+              } else {
+                assert.ok(Object.is(found[t][i], value), `${name}: ${value}, ${found[t][i]}`);
+                nMissing++;
+              }
+            }),
+          );
+          nExact += info.isExact;
+        }
+      }
+    });
+  }
+  assert.ok(nExact >= 8 && nMissing > 0, `${nExact} exact blocks, ${nMissing} values missing`);
+});
+
+/** Numbers that the only column of fields makes, frame after frame. */
+function sumsOf({ nFrames, nModes, nVerts, origin, fields, weights, ...corrections }) {
+  const { correctionStarts, correctionVertices, correctionOffsets } = corrections;
+  return Array.from({ length: nFrames }, (_, t) => {
+    const sums = new Float64Array(nVerts).fill(origin[0]);
+    for (let k = 0; k < nModes; k++) {
+      for (let i = 0; i < nVerts; i++) sums[i] += weights[t * nModes + k] * fields[k * nVerts + i];
+    }
+    for (let j = correctionStarts[t]; j < correctionStarts[t + 1]; j++) {
+      sums[correctionVertices[j]] += correctionOffsets[j];
+    }
+    return sums;
+  });
+}
+
+test("columns of an exact track as fields are at most four, and all are there", async () => {
+  const names = WITH_TRACKS.filter((name) =>
+    said(name).tracks.some(({ coding }) => coding === 1),
+  );
+  assert.ok(names.length >= 8);
+  await withReel(bytesOf("tracks"), async (reel) => {
+    await assert.rejects(reel.track("flow").fields(0, { columns: [2] }), {
+      name: "InvalidInputError",
+      message: "there are columns 0 to 1; got column 2",
+    });
+  });
+  await withReel(bytesOf("exact_f4"), async (reel) => {
+    const track = reel.track(reel.info.tracks[0].name);
+    await assert.rejects(track.fields(0, { columns: [0, 0, 0, 0, 0] }), {
+      name: "InvalidInputError",
+      message: /at most 4 columns are fields at once; got 5/,
+    });
   });
 });
 
@@ -366,13 +445,16 @@ test("damage with right checksums gives an error of the package, or some values"
       const sum = crc32(bytes.subarray(start, end - 4));
       new DataView(bytes.buffer).setUint32(end - 4, sum, true);
       const stream = readStream(bytes);
-      const engine = new TrackEngine(core, async (from, to) => bytes.slice(from, to), stream);
+      const read = async (from, to) => bytes.slice(from, to);
+      const engine = new TrackEngine(core, read, stream, async () => exactModule());
       for (const track of said(name).tracks.keys()) {
         try {
           for (let t = 0; t < stream.starts.at(-1); t++) {
             nValues += (await engine.values(track, t, signal)).length > 0;
           }
-          for (const block of stream.places.keys()) await engine.fields(track, block, signal);
+          for (const block of stream.places.keys()) {
+            await engine.fields(track, block, [0], signal);
+          }
         } catch (error) {
           if (!(error instanceof MeshReelError)) throw error;
           nErrors++;

@@ -6,27 +6,27 @@ import {
   MeshReelError,
   TruncatedStreamError,
 } from "../errors.js";
-import type { Functions } from "./functions.js";
+import type { Functions, SharedFunctions } from "./functions.js";
 import { Heap, Scope } from "./heap.js";
 
 /** REEL_ABI of the `core/reel.h` that this package is written for. */
-const ABI = 4n;
+const ABI = 6n;
 
 const TRUNCATED = 2;
 const CORRUPT = 3;
 const INVALID = 4;
 
 /** The C functions that decode streams, and the linear memory that they work in. */
-export class Core {
-  readonly functions: Functions;
+export class Core<Exports extends SharedFunctions = Functions> {
+  readonly functions: Exports;
   readonly heap: Heap;
 
   /**
-   * @param instance - Of the module that `loadModule` gives, or of the same bytes.
+   * @param instance - Of the module that `loadModule` gives, or of that for exact values.
    * @throws MeshReelError where it was built from other sources than this package.
    */
   constructor(instance: WebAssembly.Instance) {
-    this.functions = instance.exports as unknown as Functions;
+    this.functions = instance.exports as unknown as Exports;
     const found = this.functions.reel_abi();
     if (found !== ABI) {
       throw new MeshReelError(`the core has interface ${found}; this meshreel needs ${ABI}`);

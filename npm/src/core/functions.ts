@@ -3,8 +3,11 @@
 type Address = number;
 type Count = bigint;
 
-/** What the module exports; sizes of memory and addresses are numbers, counts are bigints. */
-export interface Functions {
+/**
+ * What every module of the core exports; sizes of memory and addresses are numbers, counts are
+ * bigints.
+ */
+export interface SharedFunctions {
   readonly memory: WebAssembly.Memory;
   readonly __heap_base: WebAssembly.Global;
   reel_abi(): Count;
@@ -18,6 +21,29 @@ export interface Functions {
     starts: Address,
     near: Address,
   ): Count;
+}
+
+/** What the module for exact values exports beside it. */
+export interface ExactFunctions extends SharedFunctions {
+  reel_exact_memory(nFrames: Count, nItems: Count, width: Count): number;
+  reel_exact_decode(
+    memory: Address,
+    memorySize: number,
+    data: Address,
+    sizeBytes: number,
+    values: Address,
+    nFrames: Count,
+    nItems: Count,
+    width: Count,
+    size: Count,
+    type: Count,
+    starts: Address,
+    near: Address,
+  ): Count;
+}
+
+/** What the module for all else exports beside it. */
+export interface Functions extends SharedFunctions {
   reel_basis_memory(nColumns: Count, nFrames: Count): number;
   reel_basis(
     memory: Address,
@@ -26,7 +52,17 @@ export interface Functions {
     nModes: Count,
     nColumns: Count,
     nFrames: Count,
+    lengths: Address,
+    nReused: Count,
     basis: Address,
+  ): Count;
+  reel_lengths(
+    values: Address,
+    nVerts: Count,
+    nModes: Count,
+    nReused: Count,
+    finer: number,
+    lengths: Address,
   ): Count;
   reel_connectivity_decode_memory(nVerts: Count, nFaces: Count): number;
   reel_connectivity_decode(

@@ -32,17 +32,27 @@ export class BlockDecoder {
     private readonly nColumns: number,
   ) {}
 
-  /** Whether a block can be decoded without the bytes of its key block. */
-  hasKeyOf(stored: StoredBlock): boolean {
-    const { reference } = stored.layout;
-    return !reference || this.key?.number === stored.number - reference;
+  /**
+   * What decodes a block, once all that it needs is there; throws then as `decode`.
+   *
+   * @param read - Reads the key block, where it is not the one that is kept.
+   */
+  async prepare(
+    stored: StoredBlock,
+    read: (number: number) => Promise<StoredBlock>,
+  ): Promise<() => DecodedBlock> {
+    const { number, layout } = stored;
+    const wanted = number - layout.reference;
+    const isHere = wanted === number || wanted < 0 || this.key?.number === wanted;
+    const key = isHere ? stored : await read(wanted);
+    return () => this.decode(stored, () => key);
   }
 
   /**
    * A block, which whoever asks closes.
    *
    * @param stored - As `readBlock` gives it.
-   * @param keyBlock - The key block as it is stored; asked for where `hasKeyOf` says so.
+   * @param keyBlock - The key block as it is stored, where it is not the one that is kept.
    * @throws CorruptStreamError where one of both is damaged.
    */
   decode(stored: StoredBlock, keyBlock: (number: number) => StoredBlock): DecodedBlock {
@@ -50,9 +60,18 @@ export class BlockDecoder {
     const { items, nColumns } = this;
     const { core, graph } = items;
     const { number, start, nFrames, nModes, layout } = stored;
+    const { nReused, finer } = layout;
+    const nKey = key?.nModes ?? 0;
+    if (nReused > Math.min(nKey, nModes)) {
+      throw new CorruptStreamError(`block ${number} reuses ${nReused} fields; there are ${nKey}`);
+    }
+    const reused =
+      key && nReused
+        ? { values: key.start, nVerts: graph.nVerts, nModes: nKey, nReused, finer }
+        : null;
     const basis = core.during((scope) => {
       const data = blockPayload(stored, Section.BASIS);
-      const found = decodeBasis(core, scope, data, nModes, nColumns, nFrames);
+      const found = decodeBasis(core, scope, data, nModes, nColumns, nFrames, reused);
       return core.float64s(found, nColumns * nFrames * nModes).slice();
     });
     const moved = stored.sections.get(Section.CORRECTIONS);
@@ -106,19 +125,39 @@ export class BlockDecoder {
     const { items } = this;
     const { core } = items;
     const { nModes, layout } = stored;
-    const { stencilSize, nLearned } = layout;
+    const { stencilSize, nLearned, nReused } = layout;
     const { nVerts } = items.graph;
     const data = blockPayload(stored, Section.COEFFICIENTS);
+    const nOwn = nModes - nReused;
     return core.keeping((scope, keep) => {
       const { mesh, codingOrder } = items.hierarchyOf(stencilSize);
-      const residuals = decodeFields(core, scope, data, nModes, nVerts, () => codingOrder);
+      const residuals = decodeFields(core, scope, data, nOwn, nVerts, () => codingOrder);
       const values = keep(scope.take(8 * nVerts * nModes));
+      const own = nReused ? scope.take(8 * nVerts * nOwn) : values;
       const fields = scope.take(FIELDS_BYTES);
-      const counts = [nVerts, 0, nModes, 0, nLearned, 0, key?.nModes ?? 0, 0];
-      core.uint32s(fields, 12).set([...counts, residuals, values, key?.start ?? 0, 0]);
+      const counts = [nVerts, 0, nOwn, 0, nLearned, 0, key?.nModes ?? 0, 0];
+      core.uint32s(fields, 12).set([...counts, residuals, own, key?.start ?? 0, 0]);
       const result = core.functions.reel_predict_decode(mesh, fields, 0n, BigInt(nVerts));
       core.checked(result, "fields");
+      if (key && nReused) this.join(values, key, nReused, own, nOwn);
       return new FieldValues(core, values, nModes, stencilSize);
     });
+  }
+
+  /** Puts fields of a block behind the first ones of its key block, vertex by vertex. */
+  private join(
+    values: number,
+    key: FieldValues,
+    nReused: number,
+    own: number,
+    nOwn: number,
+  ): void {
+    const { core, graph } = this.items;
+    const nModes = nReused + nOwn;
+    for (let v = 0; v < graph.nVerts; v++) {
+      const all = core.float64s(values + 8 * v * nModes, nModes);
+      all.set(core.float64s(key.start + 8 * v * key.nModes, nReused));
+      all.set(core.float64s(own + 8 * v * nOwn, nOwn), nReused);
+    }
   }
 }

@@ -40,7 +40,8 @@ export function fieldsOf(core: Core, scale: number, block: DecodedBlock): BlockF
   };
 }
 
-/** Steps, in those of the block, in which the largest value of each mode is the largest integer. */
+/** Steps, in those of the block, in which the largest value of each mode is the largest integer; 0
+ * where all values are. */
 function finestSteps(values: Float64Array, block: DecodedBlock): Float64Array {
   const { nModes } = block;
   const largest = new Float64Array(nModes);
@@ -51,7 +52,7 @@ function finestSteps(values: Float64Array, block: DecodedBlock): Float64Array {
     }
   }
   requireFinite(largest, block);
-  return largest.map((size) => (size > 0 ? size / LARGEST : 1));
+  return largest.map((size) => size / LARGEST);
 }
 
 /** The modes that have to come twice, so that no vertex is moved by more than is allowed. */
@@ -90,7 +91,7 @@ function roundedFields(
   { nModes, nVerts, rows }: DecodedBlock,
 ): Int16Array {
   const fields = new Int16Array((nModes + twice.length) * nVerts);
-  const factors = steps.map((step) => 1 / step);
+  const factors = steps.map((step) => (step ? 1 / step : 0));
   for (let v = 0; v < nVerts; v++) {
     const row = rows[v] * nModes;
     for (let k = 0; k < nModes; k++) {

@@ -1,10 +1,10 @@
 // All vertices of a mesh from coarse to fine, and what predicts each, by the core.
 
 import type { Core } from "../core/core.js";
-import type { Scope } from "../core/heap.js";
 import { int64s } from "../core/int64.js";
 import { type ItemGraph, inverse } from "./connectivity.js";
 import type { CodingOrder } from "./fields.js";
+import { findNeighbours } from "./neighbours.js";
 
 /** As in core/reel.h. */
 const MAX_LEVELS = 61;
@@ -52,7 +52,7 @@ export function buildHierarchy(
     const smooth = take(SMOOTH_ROWS * SMOOTH_ROW_BYTES * nVerts);
 
     const { nLevels, rows } = core.during((inner) => {
-      const graph = findNeighbours(core, inner, items);
+      const graph = findNeighbours(core, inner, items.internalFaces, items);
       const order = inner.take(4 * nVerts);
       const verts = BigInt(nVerts);
       const size = core.functions.reel_hierarchy_memory(verts, BigInt(graph.nNear)) >>> 0;
@@ -98,36 +98,6 @@ export function buildHierarchy(
     const passes = { nPasses: ends.length, passStarts };
     const codingOrder = { nColumns: nVerts, columns, ...passes, nearStarts, nNear, near };
     return { stencilSize, mesh, rows, codingOrder, parts };
-  });
-}
-
-interface Graph {
-  readonly starts: number;
-  readonly near: number;
-  readonly nNear: number;
-}
-
-/** The vertices next to each vertex, in the scope. */
-function findNeighbours(
-  core: Core,
-  scope: Scope,
-  { internalFaces, nVerts, nFaces }: ItemGraph,
-): Graph {
-  const starts = scope.take(4 * (nVerts + 1));
-  const near = scope.take(24 * nFaces);
-  return core.during((inner) => {
-    const [verts, faces] = [BigInt(nVerts), BigInt(nFaces)];
-    const size = core.functions.reel_adjacency_memory(verts, faces) >>> 0;
-    const result = core.functions.reel_adjacency(
-      inner.take(size),
-      size,
-      internalFaces,
-      faces,
-      verts,
-      starts,
-      near,
-    );
-    return { starts, near, nNear: core.checked(result, "faces") };
   });
 }
 

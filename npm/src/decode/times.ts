@@ -10,8 +10,20 @@ const COARSEST = 4;
 /** Columns whose time is a context neighbour of the same time. */
 const COLUMNS_BEFORE = 2;
 
+/** Fields of a key block that move in another. */
+export interface Reused {
+  /** Address of the values of the key block, of shape (V, K). */
+  readonly values: number;
+  readonly nVerts: number;
+  readonly nModes: number;
+  /** The first so many of them move. */
+  readonly nReused: number;
+  readonly finer: number;
+}
+
 /**
- * The address of basis vectors of shape (C, T, K), of doubles, in the scope.
+ * The address of basis vectors of shape (C, T, K), of doubles, in the scope. Each has the length 1
+ * (or 0), but not those of fields that are reused.
  *
  * @throws CorruptStreamError where the bytes are not those of so many.
  */
@@ -22,6 +34,7 @@ export function decodeBasis(
   nModes: number,
   nColumns: number,
   nFrames: number,
+  reused: Reused | null,
 ): number {
   return core.during((inner) => {
     const nTimes = nColumns * nFrames;
@@ -32,7 +45,14 @@ export function decodeBasis(
     const size = core.functions.reel_basis_memory(...counts) >>> 0;
     const memory = inner.take(size);
     const modes = BigInt(nModes);
-    const result = core.functions.reel_basis(memory, size, integers, modes, ...counts, basis);
+    const nReused = BigInt(reused?.nReused ?? 0);
+    const lengths = inner.take(8 * Number(nReused));
+    if (reused) {
+      const of = [BigInt(reused.nVerts), BigInt(reused.nModes), nReused] as const;
+      core.functions.reel_lengths(reused.values, ...of, reused.finer, lengths);
+    }
+    const found = [integers, modes, ...counts, lengths, nReused, basis] as const;
+    const result = core.functions.reel_basis(memory, size, ...found);
     core.checked(result, "basis vectors");
     return basis;
   });

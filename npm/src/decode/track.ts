@@ -11,7 +11,17 @@ import { ByteReader } from "../stream/byte_reader.js";
 import type { BlockPlace } from "../stream/index_section.js";
 import { Section } from "../stream/layout.js";
 import type { Placement } from "./frames.js";
-import { BOUNDED, DOMAINS, EXACT, KINDS } from "./track_infos.js";
+import { FLOATS, NUMBER_TYPES, type NumberType } from "./number_types.js";
+import { BACKWARD, TURN_COLUMNS, TURNS } from "./predicted.js";
+import {
+  DOMAINS,
+  EXACT,
+  EXACT_FORWARD,
+  IN_ROWS,
+  KINDS,
+  OF_VERTICES,
+  isExactCoding,
+} from "./track_infos.js";
 
 const MAX_COLUMNS = 256;
 
@@ -28,11 +38,29 @@ const COLUMNS_OF: Partial<Record<(typeof KINDS)[number], readonly number[]>> = {
 /** The numbers of a track in a block are at most so many for each byte of its group. */
 const MAX_NUMBERS_PER_BYTE = 768;
 
-/** What a track is, and how its numbers lie in their range. */
-export interface Track extends Placement {
+/** What a track is. */
+export interface Track {
   readonly kind: (typeof KINDS)[number];
   readonly domain: (typeof DOMAINS)[number];
+  readonly nColumns: number;
+  readonly numbers: NumberType;
+  readonly coding: number;
+  /** Columns that are coded: fewer than it has, where normals are turned. */
+  readonly nCoded: number;
+  /** Whether what is decoded changes what positions let expect, exactly or not. */
+  readonly isPredicted: boolean;
+  /** Of velocities that are predicted. */
+  readonly rate: number;
+  /** Whether corners have the values of their vertices, or of rows. */
+  readonly shared: "vertices" | "rows" | null;
+  /** What rows there are, as it is stored. */
+  readonly rows: Uint8Array;
+  /** How decoded numbers lie in their range; null of a track that is coded exactly. */
+  readonly placement: Placement | null;
 }
+
+/** A track in a block, as it is stored. */
+export type StoredTrackBlock = Omit<StoredBlock, "layout">;
 
 /**
  * A track, from the payload of its section TRACK.
@@ -46,13 +74,10 @@ export function readTrack(payload: Uint8Array): Track {
   const name = `track '${reader.text()}'`;
   reader.text();
   const nColumns = reader.varint();
-  if (coding === EXACT) {
-    throw new UnsupportedVersionError(
-      `${name} is coded exactly, which this build does not read; upgrade meshreel`,
-    );
-  }
-  const isKnown = kind in KINDS && domain in DOMAINS && coding === BOUNDED;
-  if (!isKnown || (numberType !== 4 && numberType !== 8)) {
+  const isExact = isExactCoding(coding);
+  const numbers = NUMBER_TYPES.get(numberType);
+  const isKnown = kind in KINDS && domain in DOMAINS && coding <= EXACT_FORWARD;
+  if (!isKnown || !numbers || !(coding === EXACT || numbers.type === FLOATS)) {
     throw new UnsupportedVersionError(
       `${name} has kind ${kind}, domain ${domain}, number type ${numberType} and coding ` +
         `${coding}, one of which is unknown to this build; upgrade meshreel`,
@@ -67,19 +92,39 @@ export function readTrack(payload: Uint8Array): Track {
   if (columns && !columns.includes(nColumns)) {
     throw new CorruptStreamError(`${name} has ${nColumns} columns; ${KINDS[kind]} has not`);
   }
-  const nNumbers = 2 + nColumns;
-  if (reader.left !== 8 * nNumbers) {
+  const isPredicted = coding >= TURNS;
+  const hasRate = coding >= BACKWARD;
+  const [kindName, domainName] = [KINDS[kind], DOMAINS[domain]];
+  const isOfKind = hasRate
+    ? kindName === "velocity" && (domainName === "vertex" || domain === OF_VERTICES)
+    : !isPredicted || kindName === "normal";
+  if (!isOfKind) {
     throw new CorruptStreamError(
-      `${name} of type float${8 * numberType} has ${reader.left} bytes of numbers; ` +
+      `${name} is predicted as no ${kindName} of each ${domainName} is`,
+    );
+  }
+  const nNumbers = (isExact ? 0 : 2) + (isPredicted || isExact ? Number(hasRate) : nColumns);
+  if (domain === IN_ROWS ? reader.left < 8 * nNumbers : reader.left !== 8 * nNumbers) {
+    throw new CorruptStreamError(
+      `${name} of type ${numbers.name} has ${reader.left} bytes of numbers; ` +
         `${8 * nNumbers} are needed`,
     );
   }
-  const numbers = Array.from({ length: nNumbers }, () => reader.float64(""));
-  const [bound, scale, ...origin] = numbers;
-  if (!(bound >= 0 && scale > 0 && numbers.every(Number.isFinite))) {
-    throw new CorruptStreamError(`${name} has a bound, scale or origin that cannot be`);
+  const placed = Array.from({ length: nNumbers }, () => reader.float64(""));
+  const [bound, scale, ...others] = isExact ? [0, 1, ...placed] : placed;
+  if (!(bound >= 0 && scale > 0 && placed.every(Number.isFinite))) {
+    throw new CorruptStreamError(`${name} has a bound, scale, origin or rate that cannot be`);
   }
-  return { kind: KINDS[kind], domain: DOMAINS[domain], vertexType: numberType, scale, origin };
+  const nCoded = coding === TURNS ? TURN_COLUMNS : nColumns;
+  const origin = isPredicted ? Array<number>(nCoded).fill(0) : others;
+  const vertexType = isPredicted ? 8 : (numbers.sizeBytes as 4 | 8);
+  return {
+    ...{ kind: kindName, domain: domainName, nColumns, numbers, coding, nCoded, isPredicted },
+    rate: hasRate ? others[0] : 0,
+    shared: domain === OF_VERTICES ? "vertices" : domain === IN_ROWS ? "rows" : null,
+    rows: reader.rest(),
+    placement: isExact ? null : { vertexType, scale, origin },
+  };
 }
 
 /**
@@ -89,8 +134,8 @@ export function readTrack(payload: Uint8Array): Track {
  * @param place - Of the block in its stream.
  * @param position - Byte of the stream at which the group begins.
  * @param track - Number of the track, from 1 on.
+ * @param isExact - Whether it has values, and no modes.
  * @throws CorruptStreamError where it is damaged, or has more modes or numbers than can be.
- * @throws UnsupportedVersionError where values are missing.
  */
 export function readTrackBlock(
   bytes: Uint8Array,
@@ -99,29 +144,31 @@ export function readTrackBlock(
   track: number,
   [number, start]: [number: number, start: number],
   [nItems, nColumns]: [nItems: number, nColumns: number],
-): StoredBlock {
+  isExact: boolean,
+): StoredTrackBlock {
   const id = Section.TRACK_BLOCK;
   const ofTrack = ` of track ${track}`;
   const sections = groupSections(bytes, position, sizes[track], id, number, ofTrack);
-  if (sections.has(Section.MISSING)) {
-    throw new UnsupportedVersionError(
-      `block ${number}${ofTrack} has missing values, which this build does not read; upgrade meshreel`,
-    );
-  }
   const reader = new ByteReader(sections.get(id)!);
   const nModes = reader.varint();
-  const most = nColumns * nFrames;
-  if (!(nModes >= 1 && nModes <= most) || reader.left) {
+  const nNumbers = nColumns * nFrames;
+  const [least, most] = isExact ? [0, 0] : [1, nNumbers];
+  if (!(nModes >= least && nModes <= most) || reader.left) {
     throw new CorruptStreamError(
-      `track ${track} has ${nModes} modes in a block of ${nFrames} frames; 1 to ${most} are possible`,
+      `track ${track} has ${nModes} modes in a block of ${nFrames} frames; ${least} to ${most} ` +
+        "are possible",
     );
   }
-  if (most * nItems > MAX_NUMBERS_PER_BYTE * sizes[track]) {
+  if (nNumbers * nItems > MAX_NUMBERS_PER_BYTE * sizes[track]) {
     throw new CorruptStreamError(
-      `track ${track} announces ${most * nItems} numbers in ${sizes[track]} bytes; at most ` +
+      `track ${track} announces ${nNumbers * nItems} numbers in ${sizes[track]} bytes; at most ` +
         `${MAX_NUMBERS_PER_BYTE} a byte are allowed`,
     );
   }
-  const stored = { number, start, nFrames, nModes, sections };
+  return { number, start, nFrames, nModes, sections };
+}
+
+/** What `readTrackBlock` gave of a track with modes, with how these are predicted. */
+export function withLayout(stored: StoredTrackBlock): StoredBlock {
   return { ...stored, layout: readLayout(blockPayload(stored, Section.FIELDS)) };
 }

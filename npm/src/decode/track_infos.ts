@@ -15,14 +15,23 @@ export const KINDS = [
   "uv",
   "scalar",
 ] as const;
-export const DOMAINS = ["vertex", "face", "corner"] as const;
+/** Where values are, by their codes; corners may share those of their vertices, or of rows. */
+export const DOMAINS = ["vertex", "face", "corner", "corner", "corner"] as const;
+export const OF_VERTICES = 3;
+export const IN_ROWS = 4;
 
 /** Kinds of numbers, by the high bits of the code of a number type; the low ones are its bytes. */
 const NUMBERS = ["float", "uint", "int"];
 
-/** Codings of values: with bounds, or exactly. */
-export const BOUNDED = 0;
+/** Codings of values that are those of the original; all others have bounds. */
 export const EXACT = 1;
+export const EXACT_BACKWARD = 6;
+export const EXACT_FORWARD = 8;
+
+/** Whether values of a coding, which may be unknown, come back bit for bit. */
+export function isExactCoding(coding: number): boolean {
+  return coding === EXACT || (coding >= EXACT_BACKWARD && coding <= EXACT_FORWARD);
+}
 
 const UNKNOWN = "unknown";
 
@@ -36,7 +45,7 @@ export function readTracks(stream: Stream, faceSizes: Uint32Array | null): Track
     .map(({ payload }, i) => {
       const [kind, domain, numberType, coding] = payload;
       const isOf = DOMAINS[domain];
-      const isExact = coding === EXACT;
+      const isExact = isExactCoding(coding);
       const { bound, ...named } = readName(payload, coding);
       return {
         ...named,
@@ -46,7 +55,7 @@ export function readTracks(stream: Stream, faceSizes: Uint32Array | null): Track
         domain: isOf ?? UNKNOWN,
         nItems: counts[isOf] ?? 0,
         numberType: numberTypeOf(numberType),
-        sizeBytes: places.reduce((sum, { sizes }) => sum + sizes[i + 1], 0),
+        sizeBytes: places.reduce((sum, { sizes }) => sum + sizes[i + 1], named.sizeBytes),
       };
     });
 }
@@ -58,15 +67,19 @@ function numberTypeOf(code: number): TrackInfo["numberType"] {
   return kind && isKnown ? (`${kind}${8 * nBytes}` as TrackInfo["numberType"]) : UNKNOWN;
 }
 
-/** Name, unit, columns and bound; less of a section that ends before. */
+/** Name, unit, columns and bound, and the size of rows; less of a section that ends before. */
 function readName(payload: Uint8Array, coding: number) {
-  const found = { name: "", unit: "", nColumns: 0, bound: 0 };
+  const found = { name: "", unit: "", nColumns: 0, bound: 0, sizeBytes: 0 };
   try {
     const reader = new ByteReader(payload, 4);
     found.name = reader.text();
     found.unit = reader.text();
     found.nColumns = reader.varint();
-    if (coding === BOUNDED) found.bound = reader.float64("");
+    if (payload[1] === IN_ROWS) {
+      const nNumbers = [2 + found.nColumns, 0][coding] ?? 2;
+      found.sizeBytes = Math.max(0, reader.left - 8 * nNumbers);
+    }
+    if (!isExactCoding(coding)) found.bound = reader.float64("");
   } catch (error) {
     if (!(error instanceof CorruptStreamError)) throw error;
   }

@@ -4,9 +4,11 @@ import type { Core } from "../core/core.js";
 import { BlockDecoder, POSITION_COLUMNS } from "../decode/block_decoder.js";
 import { fieldsOf } from "../decode/block_fields.js";
 import { type Connectivity, decodeConnectivity } from "../decode/connectivity.js";
+import type { DecodedBlock } from "../decode/decoded_block.js";
 import { frameOf, type Positions } from "../decode/frames.js";
-import { REEL, readInfo } from "../decode/info.js";
+import { readInfo } from "../decode/info.js";
 import { Items } from "../decode/items.js";
+import { REEL } from "../decode/methods.js";
 import { readTracks } from "../decode/track_infos.js";
 import { type StoredBlock, readBlock } from "../stream/block_sections.js";
 import { Section } from "../stream/layout.js";
@@ -27,7 +29,7 @@ const OF_TRACKS: readonly number[] = [
 export class Engine {
   readonly info: ReelInfo;
   readonly surface: Surface;
-  private readonly blocks: KeptBlocks;
+  private readonly blocks: KeptBlocks<DecodedBlock>;
 
   private constructor(
     private readonly core: Core,
@@ -42,10 +44,9 @@ export class Engine {
     const mesh = isEarly ? early.mesh : new Items(core, decodeConnectivity(core, header, leading));
     this.surface = readSurface(core, leading, mesh.graph.triangles, header.nVerts);
     this.info = { ...info, tracks: readTracks(stream, this.surface.faceSizes) };
-    this.blocks = new KeptBlocks(
-      new BlockDecoder(mesh, POSITION_COLUMNS),
-      starts,
-      (number, signal) => this.stored(number, signal),
+    const decoder = new BlockDecoder(mesh, POSITION_COLUMNS);
+    this.blocks = new KeptBlocks(starts, async (number, signal) =>
+      decoder.prepare(await this.stored(number, signal), (key) => this.stored(key, signal)),
     );
   }
 

@@ -1,36 +1,41 @@
 // Decoded blocks of a track: two are kept, and the next is decoded ahead while frames are played.
 
-import type { BlockDecoder } from "../decode/block_decoder.js";
-import type { DecodedBlock } from "../decode/decoded_block.js";
-import type { StoredBlock } from "../stream/block_sections.js";
-
 /** Decoded blocks that are kept: the one that is played, and the next. */
 const MOST_BLOCKS = 2;
 
-export class KeptBlocks {
+/** A decoded block; `close` gives its memory back. */
+export interface ClosableBlock {
+  readonly number: number;
+  close(): void;
+}
+
+/** Gets all that a block needs; what comes decodes it. */
+export type Prepare<Block> = (number: number, signal: AbortSignal) => Promise<() => Block>;
+
+export class KeptBlocks<Block extends ClosableBlock> {
   /** The one used last is the last. */
-  private blocks: DecodedBlock[] = [];
+  private blocks: Block[] = [];
   /** Those on their way. */
-  private readonly pending = new Map<number, Promise<DecodedBlock>>();
+  private readonly pending = new Map<number, Promise<Block>>();
   private lastFrame = -1;
   /** Whether the last frames were asked for in order. */
   private isPlayed = false;
 
-  /**
-   * @param starts - First frame of each block, and the number of all frames.
-   * @param stored - Reads a block.
-   */
+  /** @param starts - First frame of each block, and the number of all frames. */
   constructor(
-    private readonly decoder: BlockDecoder,
     private readonly starts: readonly number[],
-    private readonly stored: (number: number, signal: AbortSignal) => Promise<StoredBlock>,
+    private readonly prepare: Prepare<Block>,
   ) {}
 
-  /** The block of a frame, which has to be there, and the number of the frame within it. */
-  async ofFrame(number: number, signal: AbortSignal): Promise<[DecodedBlock, number]> {
+  /**
+   * The block of a frame, which has to be there, and the number of the frame within it.
+   *
+   * @param count - Frames of the block from there on that are asked for.
+   */
+  async ofFrame(number: number, signal: AbortSignal, count = 1): Promise<[Block, number]> {
     const block = this.starts.findLastIndex((start) => start <= number);
     this.isPlayed = number === this.lastFrame + 1;
-    this.lastFrame = number;
+    this.lastFrame = number + count - 1;
     return [await this.block(block, signal), number - this.starts[block]];
   }
 
@@ -50,7 +55,7 @@ export class KeptBlocks {
   }
 
   /** A block: kept from before, on its way, or decoded now. */
-  async block(number: number, signal: AbortSignal): Promise<DecodedBlock> {
+  async block(number: number, signal: AbortSignal): Promise<Block> {
     const kept = this.blocks.find((block) => block.number === number);
     const found = kept ?? (await (this.pending.get(number) ?? this.begin(number, signal)));
     signal.throwIfAborted();
@@ -58,20 +63,17 @@ export class KeptBlocks {
     return found;
   }
 
-  private begin(number: number, signal: AbortSignal): Promise<DecodedBlock> {
+  private begin(number: number, signal: AbortSignal): Promise<Block> {
     const found = this.decoded(number, signal).finally(() => this.pending.delete(number));
     this.pending.set(number, found);
     return found;
   }
 
-  private async decoded(number: number, signal: AbortSignal): Promise<DecodedBlock> {
-    const stored = await this.stored(number, signal);
-    const reference = number - stored.layout.reference;
-    const isKeyMissing = reference >= 0 && !this.decoder.hasKeyOf(stored);
-    const key = isKeyMissing ? await this.stored(reference, signal) : stored;
+  private async decoded(number: number, signal: AbortSignal): Promise<Block> {
+    const decode = await this.prepare(number, signal);
     signal.throwIfAborted();
     while (this.blocks.length >= MOST_BLOCKS) this.blocks.shift()!.close();
-    const found = this.decoder.decode(stored, () => key);
+    const found = decode();
     this.blocks.push(found);
     return found;
   }

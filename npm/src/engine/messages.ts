@@ -1,7 +1,7 @@
 // What a reel and its engines say to each other. They run in workers, or beside the reel.
 
 import type { Stream } from "../stream/stream.js";
-import type { BlockFields, ReelInfo, Surface, TrackFields } from "../types.js";
+import type { BlockFields, ReelInfo, Surface, TrackFields, TrackValues } from "../types.js";
 
 /** An error on its way: what is thrown on the other side has this name and these words. */
 export interface Failure {
@@ -12,7 +12,7 @@ export interface Failure {
 /**
  * What engines are asked, by the name of the call, and what they answer. That of the positions opens
  * a file, and says what tracks are decoded with; that of the tracks is told so, and asked by the
- * number of a track.
+ * number of a track. For frames and fields of positions without modes it is asked, too.
  */
 export interface Calls {
   open: { size: number | null; hasRanges: boolean };
@@ -21,7 +21,7 @@ export interface Calls {
   ofTracks: object;
   openTracks: Stream;
   values: { track: number; number: number };
-  trackFields: { track: number; block: number };
+  trackFields: { track: number; block: number; columns: readonly number[] };
 }
 export interface Answers {
   open: { info: ReelInfo; surface: Surface };
@@ -29,7 +29,7 @@ export interface Answers {
   fields: BlockFields;
   ofTracks: Stream;
   openTracks: object;
-  values: Float32Array | Float64Array;
+  values: TrackValues;
   trackFields: TrackFields;
 }
 
@@ -47,10 +47,16 @@ export type ToEngine =
   | { readonly read: number; readonly bytes: Uint8Array }
   | { readonly read: number; readonly failure: Failure };
 
+/** Bytes that an engine asks for. */
+export type Wanted =
+  | { readonly start: number; readonly end: number }
+  /** The module that decodes exact values. */
+  | { readonly exact: true };
+
 export type FromEngine =
   | { readonly id: number; readonly answer: Answers[keyof Answers] }
   | { readonly id: number; readonly failure: Failure }
-  | { readonly read: number; readonly start: number; readonly end: number }
+  | ({ readonly read: number } & Wanted)
   /** The bytes of this read are no longer needed. */
   | { readonly drop: number };
 

@@ -2,15 +2,20 @@
 
 import { Core } from "../core/core.js";
 import type { BlockFields } from "../types.js";
-import { type Answers, failureOf, type Port, type Question, type ToEngine } from "./messages.js";
+import { type Answers, failureOf, type Port, type Question, type ToEngine, type Wanted } from "./messages.js";
 import type { Read } from "./opening.js";
 
-/** Answers a question. */
+/**
+ * Answers a question.
+ *
+ * @param readExact - Gives the bytes of the module that decodes exact values.
+ */
 export type AnswerTo = (
   question: Question,
   core: Promise<Core>,
   read: Read,
   signal: AbortSignal,
+  readExact: () => Promise<Uint8Array>,
 ) => Promise<Answers[keyof Answers]>;
 
 interface Waiting {
@@ -30,7 +35,7 @@ export function serve(port: Port, answerTo: AnswerTo, goAhead: () => void): void
   let core: Promise<Core>;
   let last: Promise<void> = Promise.resolve();
 
-  const read = (from: number, to: number, signal: AbortSignal): Promise<Uint8Array> =>
+  const ask = (what: Wanted, signal: AbortSignal): Promise<Uint8Array> =>
     new Promise((resolve, reject) => {
       signal.throwIfAborted();
       const id = nReads++;
@@ -45,7 +50,7 @@ export function serve(port: Port, answerTo: AnswerTo, goAhead: () => void): void
         resolve: (bytes) => (settled(), resolve(bytes)),
         reject: (reason) => (settled(), reject(reason)),
       });
-      port.postMessage({ read: id, start: from, end: to }, []);
+      port.postMessage({ read: id, ...what }, []);
     });
 
   const work = async (question: Question, controller: AbortController): Promise<void> => {
@@ -53,7 +58,10 @@ export function serve(port: Port, answerTo: AnswerTo, goAhead: () => void): void
     try {
       const { signal } = controller;
       signal.throwIfAborted();
-      const answer = await answerTo(question, core, read, signal);
+      const read: Read = (start, end, ending) => ask({ start, end }, ending);
+      const answer = await answerTo(question, core, read, signal, () =>
+        ask({ exact: true }, signal),
+      );
       port.postMessage({ id, answer }, buffersOf(answer));
     } catch (error) {
       port.postMessage({ id, failure: failureOf(error) }, []);

@@ -2,7 +2,7 @@
 
 import type { Positions } from "../decode/frames.js";
 import { InvalidInputError } from "../errors.js";
-import type { TrackInfo } from "../types.js";
+import type { TrackInfo, TrackValues } from "../types.js";
 
 /** @throws InvalidInputError where there is no such number. */
 export function requireNumber(what: string, number: number, count: number): void {
@@ -13,20 +13,23 @@ export function requireNumber(what: string, number: number, count: number): void
 
 /** @throws InvalidInputError where `into` is given, and of another type or length. */
 export function requireFitting(
-  into: Positions | undefined,
+  into: TrackValues | undefined,
   numberType: TrackInfo["numberType"],
   length: number,
 ): void {
-  if (!numberType.startsWith("float")) return; // whoever decodes it says more
-  const kind = numberType === "float32" ? Float32Array : Float64Array;
-  if (into && !(into instanceof kind && into.length === length)) {
-    throw new InvalidInputError(`into must be a ${kind.name} of ${length} numbers`);
+  const big = /int64/.test(numberType) ? "Big" : "";
+  const kind = `${big}${numberType[0].toUpperCase()}${numberType.slice(1)}Array`;
+  if (into && (into[Symbol.toStringTag] !== kind || into.length !== length)) {
+    throw new InvalidInputError(`into must be a ${kind} of ${length} numbers`);
   }
 }
 
 /** The numbers, in `into` where that is given. */
-export function filled(into: Positions | undefined, numbers: Positions): Positions {
+export function filled<Numbers extends TrackValues>(
+  into: Numbers | undefined,
+  numbers: Numbers,
+): Numbers {
   if (!into) return numbers;
-  into.set(numbers);
+  (into as Positions).set(numbers as Positions);
   return into;
 }

@@ -24,7 +24,8 @@ export interface OpenOptions extends SourceOptions {
  * A `.reel` file that is open.
  *
  * Connectivity and index are read when it is opened, blocks of frames when they are needed; two
- * decoded blocks are kept. Positions are the same bits as those of the Python package.
+ * decoded blocks are kept. Positions are the same bits as those of the Python package. Those of the
+ * methods "lossless" and "grid" are decoded by what decodes tracks: see `track`.
  *
  * @example
  * const reel = await ReelFile.open("walk.reel");
@@ -51,7 +52,8 @@ export class ReelFile implements OpenReel {
    *   that was dropped; or bytes.
    * @throws SourceError where the bytes cannot be had.
    * @throws CorruptStreamError, TruncatedStreamError where they are no `.reel`, or damaged.
-   * @throws UnsupportedVersionError where a newer version is needed, or the method is not `reel`.
+   * @throws UnsupportedVersionError where a newer version is needed, or the method is one of the
+   *   paper's.
    * @throws WebAssembly.CompileError where the content policy of the page forbids WebAssembly; it
    *   has to allow `script-src 'wasm-unsafe-eval'`.
    */
@@ -85,7 +87,7 @@ export class ReelFile implements OpenReel {
     const { nFrames, nVerts, numberType } = this.info;
     requireNumber("frame", number, nFrames);
     requireFitting(into, numberType, 3 * nVerts);
-    return filled(into, await this.engine.ask("frame", { number }, signal));
+    return filled(into, await (await this.positions()).ask("frame", { number }, signal));
   }
 
   /**
@@ -117,12 +119,12 @@ export class ReelFile implements OpenReel {
   /**
    * A block of frames as small integers, for shaders.
    *
-   * @param block - Number of the block, from 0 on.
+   * @param block - Number of the block in `info.blocks`, from 0 on.
    * @throws InvalidInputError, CorruptStreamError, SourceError as `frame`.
    */
   async fields(block: number, { signal }: CallOptions = {}): Promise<BlockFields> {
     requireNumber("block", block, this.info.blocks.length);
-    return this.engine.ask("fields", { block }, signal);
+    return (await this.positions()).ask("fields", { block }, signal);
   }
 
   /** Whether frames are decoded in a worker, and not on the thread that asks. */
@@ -136,6 +138,11 @@ export class ReelFile implements OpenReel {
     this.engine.close(reason);
     this.tracks?.then((engine) => engine.close(reason)).catch(() => {});
     this.source.close();
+  }
+
+  /** What decodes positions. */
+  private positions(): RemoteEngine | Promise<RemoteEngine> {
+    return this.info.method === "reel" ? this.engine : this.trackEngine();
   }
 
   private trackEngine(): Promise<RemoteEngine> {

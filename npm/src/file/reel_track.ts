@@ -1,7 +1,6 @@
 // A track of an open file: its values when they are asked for.
 
-import type { Positions } from "../decode/frames.js";
-import type { OpenTrack, ReelInfo, TrackFields, TrackInfo } from "../types.js";
+import type { OpenTrack, ReelInfo, TrackFields, TrackInfo, TrackValues } from "../types.js";
 import { filled, requireFitting, requireNumber } from "./arguments.js";
 import type { RemoteEngine } from "./remote_engine.js";
 
@@ -9,6 +8,12 @@ import type { RemoteEngine } from "./remote_engine.js";
 export interface CallOptions {
   /** Takes the question back: the call then throws its reason, an `AbortError` by default. */
   signal?: AbortSignal;
+}
+
+/** What `ReelTrack.fields` may be given. */
+export interface FieldsOptions extends CallOptions {
+  /** The columns that are wanted. Default: all. */
+  columns?: readonly number[];
 }
 
 /**
@@ -34,7 +39,8 @@ export class ReelTrack implements OpenTrack {
 
   /**
    * Values of a frame, of shape (nItems, nColumns): vertices, faces or corners in their order, in the
-   * unit of the track; float32 or float64, as in the file.
+   * unit of the track, in the array of its number type: `Float32Array`, `Uint8Array`, ...; integers
+   * of 64 bits are bigints in a `BigInt64Array` or `BigUint64Array`. Numbers that are missing are NaN.
    *
    * @param number - From 0 on.
    * @param into - Is filled and returned where it is given.
@@ -43,7 +49,11 @@ export class ReelTrack implements OpenTrack {
    * @throws CorruptStreamError where the track or its block is damaged; all else can be decoded.
    * @throws SourceError where the bytes cannot be had.
    */
-  async frame(number: number, into?: Positions, { signal }: CallOptions = {}): Promise<Positions> {
+  async frame(
+    number: number,
+    into?: TrackValues,
+    { signal }: CallOptions = {},
+  ): Promise<TrackValues> {
     const { nItems, nColumns, numberType } = this.info;
     requireNumber("frame", number, this.reel.nFrames);
     requireFitting(into, numberType, nItems * nColumns);
@@ -54,12 +64,17 @@ export class ReelTrack implements OpenTrack {
   /**
    * A block of the track as small integers, for shaders.
    *
-   * @param block - Number of the block, from 0 on.
+   * @param block - Number of the block in `info.blocks` of the file, from 0 on.
+   * @throws InvalidInputError where an exact track has too many modes: more than 4 columns are asked
+   *   for at once.
    * @throws InvalidInputError, UnsupportedVersionError, CorruptStreamError, SourceError as `frame`.
    */
-  async fields(block: number, { signal }: CallOptions = {}): Promise<TrackFields> {
+  async fields(block: number, { signal, columns }: FieldsOptions = {}): Promise<TrackFields> {
+    const { nColumns } = this.info;
     requireNumber("block", block, this.reel.blocks.length);
+    for (const column of columns ?? []) requireNumber("column", column, nColumns);
     const engine = await this.engine();
-    return engine.ask("trackFields", { track: this.number, block }, signal);
+    const wanted = columns ?? Array.from({ length: nColumns }, (_, column) => column);
+    return engine.ask("trackFields", { track: this.number, block, columns: wanted }, signal);
   }
 }

@@ -9,6 +9,7 @@ import {
   type Port,
   type Question,
   type ToEngine,
+  type Wanted,
 } from "../engine/messages.js";
 import * as errors from "../errors.js";
 import type { ByteSource } from "../types.js";
@@ -123,7 +124,7 @@ export class RemoteEngine {
   private hear(message: FromEngine): void {
     this.hasAnswered = true;
     if ("read" in message) {
-      void this.read(message.read, message.start, message.end);
+      void this.read(message);
     } else if ("drop" in message) {
       this.reads.get(message.drop)?.abort();
     } else {
@@ -134,11 +135,15 @@ export class RemoteEngine {
     }
   }
 
-  private async read(id: number, start: number, end: number): Promise<void> {
+  private async read(wanted: Wanted & { read: number }): Promise<void> {
+    const id = wanted.read;
     const controller = new AbortController();
     this.reads.set(id, controller);
     try {
-      const bytes = await (await this.source).read(start, end, controller.signal);
+      const bytes =
+        "exact" in wanted
+          ? (await import("../core/exact_wasm.js")).exactModule()
+          : await (await this.source).read(wanted.start, wanted.end, controller.signal);
       if (!this.closed) this.say({ read: id, bytes }, [bytes.buffer]);
     } catch (error) {
       if (!this.closed) this.say({ read: id, failure: failureOf(error) });

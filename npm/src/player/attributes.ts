@@ -46,6 +46,14 @@ export abstract class PlayerAttributes extends Element {
   declare frameNumber: string | null;
   /** Plays the video without its sound. */
   declare muted: boolean;
+  /** Name of a track that the model has the colours of. */
+  declare track: string | null;
+  /** Of its values: "x", "y", "z", a number from 0 on, or "magnitude". */
+  declare trackComponent: string | null;
+  /** Where its colours end, such as "0:500" or "2%:98%". */
+  declare trackRange: string | null;
+  /** "sequential" or "diverging". */
+  declare trackColormap: string | null;
 
   /** Takes properties that were set before the element was defined. */
   protected upgrade(): void {

@@ -6,6 +6,7 @@ import { ReelMesh } from "../three/reel_mesh.js";
 import type { OpenReel } from "../types.js";
 import { PlayerAttributes } from "./attributes.js";
 import { Bar, type BarState } from "./bar.js";
+import { Legend } from "./legend.js";
 import { Messages } from "./messages.js";
 import { made, ShapeButton } from "./parts.js";
 import { type Reach, reachOf } from "./reach.js";
@@ -16,14 +17,18 @@ import { View } from "./view.js";
 /** Label of the picture where the page gives none. */
 const NO_ALT = "Animated 3D model";
 
-/** Settings of the texture: one that changes brings it anew. */
-const OF_TEXTURE = ["texture", "kind", "offset", "frameNumber"] as const;
+/** Settings of what is on the model: one that changes brings it anew. */
+const OF_DRESS = [
+  ...["texture", "kind", "offset", "frameNumber"],
+  ...["track", "component", "range", "map"],
+] as (keyof PlayerSettings)[];
 
 /** All that is there while a player is in a page. */
 interface Shown {
   readonly view: View;
   readonly bar: Bar;
   readonly messages: Messages;
+  readonly legend: Legend;
   readonly start: ShapeButton;
   readonly poster: HTMLImageElement;
 }
@@ -34,7 +39,8 @@ interface Shown {
  * Attributes, all of which are properties too: `src`, `alt`, `autoplay`, `loop` (or
  * `loop="pingpong"`), `speed`, `start-time` or `start-frame`, `interpolate`, `camera-controls`,
  * `controls`, `up`, `background`, `poster`, `texture`, `texture-kind`, `texture-offset`,
- * `frame-number` and `muted`. Each may change at any time.
+ * `frame-number`, `muted`, `track`, `track-component`, `track-range` and `track-colormap`. Each may
+ * change at any time.
  *
  * Events, which do not bubble: `load` (the file is open), `play`, `pause`, `timeupdate` (another
  * picture is shown), `waiting`, `playing`, `ended`, `warning` (a `CustomEvent` whose `detail` has
@@ -191,9 +197,10 @@ export class ReelPlayerElement extends PlayerAttributes {
     const poster = made("img", "poster");
     poster.alt = "";
     const messages = new Messages();
-    const parts = [poster, start.element, messages.waiting, bar.element, messages.alert];
-    this.#stage.append(...parts);
-    this.#shown = { view, bar, start, poster, messages };
+    const legend = new Legend();
+    this.#stage.append(poster, legend.element, start.element);
+    this.#stage.append(messages.waiting, bar.element, messages.alert);
+    this.#shown = { view, bar, start, poster, messages, legend };
   }
 
   #free(): void {
@@ -235,7 +242,7 @@ export class ReelPlayerElement extends PlayerAttributes {
     } else if (this.#mesh) {
       this.#adapt(this.#mesh, next);
       if (last.up !== next.up) this.#aim(next);
-      if (OF_TEXTURE.some((name) => !isSame(last[name], next[name]))) {
+      if (OF_DRESS.some((name) => !isSame(last[name], next[name]))) {
         void this.#dress(this.#mesh, next);
       }
     }
@@ -304,8 +311,14 @@ export class ReelPlayerElement extends PlayerAttributes {
 
   async #dress(mesh: ReelMesh, settings: PlayerSettings): Promise<void> {
     const { texture, kind, offset, frameNumber, muted } = settings;
+    const { track, component, range, map } = settings;
+    this.#shown?.legend.show(null);
     try {
-      await mesh.setTexture(texture, { kind, offset, frameNumber });
+      if (track === null) await mesh.setTexture(texture, { kind, offset, frameNumber });
+      else {
+        const legend = await mesh.colorBy(track, { component, range, map });
+        this.#shown?.legend.show(legend, mesh.reel.track(track).info.nColumns);
+      }
       if (mesh.video) mesh.video.muted = muted;
       this.#shown?.view.invalidate();
     } catch (error) {
@@ -344,6 +357,7 @@ export class ReelPlayerElement extends PlayerAttributes {
     const mesh = this.#mesh;
     this.#mesh = null;
     if (!mesh) return;
+    this.#shown?.legend.show(null);
     this.#shown?.view.remove(mesh);
     mesh.dispose();
   }

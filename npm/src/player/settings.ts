@@ -2,6 +2,7 @@
 
 import { InvalidInputError } from "../errors.js";
 import type { Loop } from "../three/clock.js";
+import type { Component } from "../three/color/color_range.js";
 import type { FrameNumber } from "../three/texture/frame_number.js";
 import type { Kind } from "../three/texture/texture_source.js";
 
@@ -28,6 +29,11 @@ export interface PlayerSettings {
   readonly offset: number | undefined;
   readonly frameNumber: FrameNumber | undefined;
   readonly muted: boolean;
+  /** The track that the model has the colours of. */
+  readonly track: string | null;
+  readonly component: Component | undefined;
+  readonly range: string | undefined;
+  readonly map: "sequential" | "diverging" | undefined;
 }
 
 /** Names of the attributes. */
@@ -50,6 +56,10 @@ export const ATTRIBUTES = [
   "texture-offset",
   "frame-number",
   "muted",
+  "track",
+  "track-component",
+  "track-range",
+  "track-colormap",
 ] as const;
 
 /** One of the attributes. */
@@ -58,8 +68,9 @@ export type AttributeName = (typeof ATTRIBUTES)[number];
 /** The value of an attribute; null where it is not there. */
 type Given = (name: AttributeName) => string | null;
 
-/** Those that say something of the texture. */
+/** Those that say something of the texture, or of the track. */
 const OF_TEXTURE = ["texture-kind", "texture-offset", "frame-number", "muted"] as const;
+const OF_TRACK = ["track-component", "track-range", "track-colormap"] as const;
 
 /**
  * What attributes say.
@@ -67,10 +78,13 @@ const OF_TEXTURE = ["texture-kind", "texture-offset", "frame-number", "muted"] a
  * @throws InvalidInputError where a value is none of those that are allowed, or has no effect.
  */
 export function settingsOf(given: Given): PlayerSettings {
-  const texture = given("texture");
-  const useless = OF_TEXTURE.find((name) => given(name) !== null);
-  if (texture === null && useless) {
-    throw new InvalidInputError(`${useless} is for a texture only; add texture, or leave it away`);
+  const [texture, track] = [given("texture"), given("track")];
+  if (texture === null) refuse(given, OF_TEXTURE, "texture");
+  if (track === null) refuse(given, OF_TRACK, "track");
+  if (texture !== null && track !== null) {
+    throw new InvalidInputError(
+      "texture and track both say what is on the model; leave one of them away",
+    );
   }
   return {
     src: given("src"),
@@ -90,7 +104,26 @@ export function settingsOf(given: Given): PlayerSettings {
     offset: numberOf(given, "texture-offset"),
     frameNumber: frameNumberOf(given("frame-number")),
     muted: isThere(given, "muted"),
+    track,
+    component: componentOf(given("track-component")),
+    range: given("track-range") ?? undefined,
+    map: choiceOf(given, "track-colormap", ["sequential", "diverging"]),
   };
+}
+
+/** @throws InvalidInputError where one of these is there, which has no effect. */
+function refuse(given: Given, names: readonly AttributeName[], without: string): void {
+  const useless = names.find((name) => given(name) !== null);
+  if (!useless) return;
+  throw new InvalidInputError(
+    `${useless} is for a ${without} only; add ${without}, or leave it away`,
+  );
+}
+
+/** A component, which whoever shows the track checks. */
+function componentOf(value: string | null): Component | undefined {
+  if (value === null) return undefined;
+  return /^\d+$/.test(value) ? Number(value) : (value as Component);
 }
 
 /** HTML takes `loop="false"` for `loop`; who writes that means something else. */

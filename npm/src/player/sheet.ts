@@ -55,6 +55,22 @@ input {
   cursor: pointer;
 }
 .text { flex: none; font-variant-numeric: tabular-nums; }
+.legend {
+  position: absolute;
+  left: 12px;
+  top: 12px;
+  box-sizing: border-box;
+  width: clamp(110px, 34%, 180px);
+  padding: 6px 10px;
+  border-radius: 6px;
+  font-size: 12px;
+  color: #fff;
+  background: #14181eee;
+  pointer-events: none;
+}
+.legend span { display: block; overflow-wrap: anywhere; }
+.legend .colors { height: 10px; margin: 4px 0 2px; border-radius: 2px; forced-color-adjust: none; }
+.legend .ends { display: flex; justify-content: space-between; gap: 8px; }
 .start {
   position: absolute;
   inset: 0;
@@ -119,7 +135,7 @@ input {
   .waiting:not(:empty)::before { animation: none; }
 }
 @media (forced-colors: active) {
-  .bar, .start, .waiting:not(:empty), .alert:not(:empty) { border: 1px solid; }
+  .bar, .legend, .start, .waiting:not(:empty), .alert:not(:empty) { border: 1px solid; }
 }
 `;
 

@@ -23,6 +23,10 @@ export interface Layout {
   readonly stencilSize: number;
   /** Modes that predictor weights follow. */
   readonly nLearned: number;
+  /** Modes, the first ones, whose fields are those of the key block. */
+  readonly nReused: number;
+  /** Steps of the vectors of these modes in one of a position; 0 where there are none. */
+  readonly finer: number;
 }
 
 /** A track in a block, as it is stored: the positions, or a further one. */
@@ -53,6 +57,23 @@ export function readBlock(
   number: number,
   start: number,
 ): StoredBlock {
+  const stored = readPositions(bytes, place, number, start);
+  const { nFrames, nModes } = stored;
+  if (!nModes) {
+    throw new CorruptStreamError(
+      `a block announces ${nFrames} frames and ${nModes} modes; each must be at least 1`,
+    );
+  }
+  return { ...stored, layout: readLayout(blockPayload(stored, Section.FIELDS)) };
+}
+
+/** The same, with any number of modes, and without how fields are predicted; exact ones have none. */
+export function readPositions(
+  bytes: Uint8Array,
+  place: BlockPlace,
+  number: number,
+  start: number,
+): Omit<StoredBlock, "layout"> {
   const sections = groupSections(bytes, place.position, place.sizes[0], Section.BLOCK, number);
   const [nFrames, nModes] = readCounts(sections.get(Section.BLOCK)!);
   if (nFrames !== place.nFrames) {
@@ -65,8 +86,7 @@ export function readBlock(
       `a block of ${nFrames} frames has ${nModes} modes; ${3 * nFrames} are possible`,
     );
   }
-  const stored = { number, start, nFrames, nModes, sections };
-  return { ...stored, layout: readLayout(blockPayload(stored, Section.FIELDS)) };
+  return { number, start, nFrames, nModes, sections };
 }
 
 /**
@@ -132,9 +152,9 @@ export function groupSections(
 function readCounts(payload: Uint8Array): [number, number] {
   const reader = new ByteReader(payload);
   const [nFrames, nModes] = [reader.varint(), reader.varint()];
-  if (!nFrames || !nModes || reader.left) {
+  if (!nFrames || reader.left) {
     throw new CorruptStreamError(
-      `a block announces ${nFrames} frames and ${nModes} modes; each must be at least 1`,
+      `a block announces ${nFrames} frames and ${nModes} modes, and ${reader.left} bytes are left`,
     );
   }
   return [nFrames, nModes];
@@ -157,6 +177,14 @@ export function readLayout(payload: Uint8Array): Layout {
   const reference = reader.varint();
   const step = reader.float32(cutOff);
   const [stencilSize, nLearned] = [reader.varint(), reader.varint()];
+  let [nReused, finer] = [0, 0];
+  if (reference && reader.left) {
+    nReused = reader.varint();
+    finer = reader.float32(cutOff);
+    if (!nReused || !isStep(finer)) {
+      throw new CorruptStreamError(`${nReused} fields are reused, with vectors ${finer} as fine`);
+    }
+  }
   const isSound = stencilSize >= 1 && stencilSize <= MAX_STENCIL && isStep(step);
   if (!isSound || nLearned > MAX_LEARNED || reader.left) {
     throw new CorruptStreamError(
@@ -164,5 +192,5 @@ export function readLayout(payload: Uint8Array): Layout {
         `modes; ${reader.left} bytes are left over`,
     );
   }
-  return { precision, reference, step, stencilSize, nLearned };
+  return { precision, reference, step, stencilSize, nLearned, nReused, finer };
 }

@@ -31,6 +31,7 @@ function addFields(fields: Int16Array, weights: Float32Array, into: Float32Array
   const nVerts = into.length / 3;
   for (let mode = 0; 3 * mode < weights.length; mode++) {
     const [x, y, z] = weights.subarray(3 * mode, 3 * mode + 3);
+    if (x === 0 && y === 0 && z === 0) continue; // as most are of exact tracks
     const from = mode * nVerts;
     for (let vertex = 0, to = 0; vertex < nVerts; vertex++, to += 3) {
       const field = fields[from + vertex];

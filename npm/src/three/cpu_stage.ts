@@ -64,23 +64,25 @@ export class CpuStage implements Stage {
     spread(this.#positions, this.#setting.drawing.sources, into);
   }
 
-  values({ nItems, items, name, coordinates }: ValueSetup): ValueStage {
+  values({ nItems, items, name, width, coordinates }: ValueSetup): ValueStage {
     const geometry = this.#geometry;
     const fields = new Map<HeldBlock, Int16Array>();
     const sums = new Float32Array(3 * nItems);
-    const attribute = new THREE.BufferAttribute(new Float32Array(2 * items.length), 2);
+    const before = geometry.getAttribute(name);
+    const attribute = new THREE.BufferAttribute(new Float32Array(width * items.length), width);
     geometry.setAttribute(name, attribute.setUsage(THREE.DynamicDrawUsage));
     return {
       hold: (block, held) => void fields.set(held, block.fields),
       release: (block) => void fields.delete(block),
       show(picture) {
         positionsOf(picture, (block) => fields.get(block) as Int16Array, [0, 0, 0], sums);
-        items.forEach((item, i) => attribute.array.set(coordinates(sums, 3 * item), 2 * i));
+        items.forEach((item, i) => attribute.array.set(coordinates(sums, 3 * item), width * i));
         attribute.needsUpdate = true;
       },
       dispose() {
         geometry.dispose(); // the buffers of all that it has, which are sent again
         geometry.deleteAttribute(name);
+        if (before) geometry.setAttribute(name, before);
       },
     };
   }

@@ -2,7 +2,8 @@
 
 export type { Loop } from "./clock.js";
 export type { ColorMap } from "./color/color_map.js";
-export type { ColorLegend, ColorOptions } from "./color/track_colors.js";
+export type { Component } from "./color/color_range.js";
+export type { ColorAttribute, ColorLegend, ColorOptions } from "./color/track_colors.js";
 export type { PlaybackEvents } from "./playback.js";
 export { ReelLoader, type ReelLoaderOptions } from "./reel_loader.js";
 export { ReelMesh, type ReelMeshEventMap, type ReelMeshOptions } from "./reel_mesh.js";

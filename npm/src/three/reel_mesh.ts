@@ -3,9 +3,14 @@
 import * as THREE from "three";
 
 import { InvalidInputError } from "../errors.js";
-import type { BlockFields, OpenReel } from "../types.js";
+import type { BlockFields, OpenReel, TrackValues } from "../types.js";
 import type { Loop } from "./clock.js";
-import type { ColorLegend, ColorOptions, TrackColors } from "./color/track_colors.js";
+import type {
+  ColorAttribute,
+  ColorLegend,
+  ColorOptions,
+  TrackColors,
+} from "./color/track_colors.js";
 import { type Drawing, drawingOf } from "./drawing.js";
 import { canDecode, GpuStage, type Renderer } from "./gpu/gpu_stage.js";
 import { middleOf, pictureOf, withoutFields } from "./held_block.js";
@@ -266,13 +271,18 @@ export class ReelMesh extends THREE.Mesh<
   /**
    * How many modes of each block move, most important first: with fewer than all, the others rest
    * at their mean over the block, and vertices are not corrected. A coarser animation, that tells
-   * what a mode is good for. Infinity, by default, for all.
+   * what a mode is good for. Infinity, by default, for all. Only files of the method "reel" have
+   * modes: others throw an `InvalidInputError`, but for Infinity.
    */
   get modes(): number {
     return this.#playback.nMoving;
   }
 
   set modes(count: number) {
+    const { method } = this.reel.info;
+    if (method !== "reel" && count < Infinity) {
+      throw new InvalidInputError(`files of the method ${method} have no modes; got ${count}`);
+    }
     if (!(count >= 1)) throw new InvalidInputError(`modes must be at least 1; got ${count}`);
     this.#playback.nMoving = count;
   }
@@ -374,6 +384,19 @@ export class ReelMesh extends THREE.Mesh<
     signal.throwIfAborted();
     await this.#setColors(colors);
     return colors.legend;
+  }
+
+  /**
+   * Other values of the track that colours the mesh, such as those of an original, in its colours:
+   * the attribute of another mesh with the index and vertices of this `geometry`. The material of
+   * that mesh takes over `map` and `vertexColors` of this one, until the next `colorBy`.
+   *
+   * @param values - of a frame: each vertex, face or corner of the file has its row of numbers
+   * @throws InvalidInputError where no track colours the mesh, or it has not so many numbers.
+   */
+  colorsOf(values: TrackValues): ColorAttribute {
+    if (!this.#colors) throw new InvalidInputError("no track colours the mesh; see colorBy");
+    return this.#colors.attributeOf(values, this.#setting.drawing.items);
   }
 
   /**

@@ -20,16 +20,18 @@ export interface Stage {
   dispose(): void;
 }
 
-/** An attribute of two numbers, made of sums of fields. */
+/** An attribute of two or three numbers, made of sums of fields. */
 export interface ValueSetup {
   readonly nItems: number;
   /** The item of each vertex of the drawing. */
   readonly items: Uint32Array;
-  /** Of the attribute. */
+  /** Of the attribute; one that was there before comes back. */
   readonly name: string;
+  /** Its numbers. */
+  readonly width: 2 | 3;
   /** Sets the attribute from `value`, a vec3, in GLSL; `coordinates` does the same. */
   readonly glsl: string;
-  coordinates(values: Float32Array, from: number): readonly [number, number];
+  coordinates(values: Float32Array, from: number): readonly number[];
 }
 
 /** Computes pictures into such an attribute; until the first it is all zero. */

@@ -24,6 +24,11 @@ export async function loadInternals() {
   }
 }
 
+/** The bytes of the module that decodes exact values. */
+export function exactModule() {
+  return readFileSync(join(PACKAGE, "wasm/reel_exact.wasm"));
+}
+
 /** A new instance of a module that was built: "reel" has vectors, "reel_plain" has none. */
 export function newCore(Core, name = "reel") {
   const module = new WebAssembly.Module(readFileSync(join(PACKAGE, "wasm", `${name}.wasm`)));

@@ -21,9 +21,21 @@ export function bytesOf(name) {
   return new Uint8Array(readFileSync(join(FOLDER, `${name}.reel`)));
 }
 
-/** Names of the streams that pages decode, and of the others. */
+/** Names of the streams whose positions have modes, and are exact: pages decode both; of the others. */
 export const REELS = all.filter((name) => said(name).method === "reel");
-export const OTHERS = all.filter((name) => said(name).method !== "reel");
+export const EXACTS = all.filter((name) => ["lossless", "grid"].includes(said(name).method));
+export const PLAYED = [...REELS, ...EXACTS];
+export const OTHERS = all.filter((name) => !PLAYED.includes(name));
+
+/** Frames in each of `info.blocks`, of what is said of a stream. */
+export function framesOfBlocks({ method, blocks }) {
+  const most = method === "reel" ? Infinity : 32;
+  return blocks.flatMap(({ frames }) => {
+    const parts = [];
+    for (let left = frames; left > 0; left -= most) parts.push(Math.min(left, most));
+    return parts;
+  });
+}
 
 /** SHA-256 of arrays, one after another. */
 export function sha(...arrays) {

@@ -3,7 +3,7 @@
 import { loadInternals } from "./bundle.mjs";
 import { bytesOf } from "./streams.mjs";
 
-const { Section, crc32, readHeader, readSection } = await loadInternals();
+const { Section, crc32, readHeader, readSection, readStream } = await loadInternals();
 
 /** A stream of three blocks and tracks whose groups are each far larger than what holds an index. */
 export function largeTracks() {
@@ -34,13 +34,15 @@ export function withExactTrack() {
   return bytes.subarray(0, Number(end.getBigUint64(0, true)));
 }
 
-/** The stream "tracks" with a section MISSING in the first block of its first track. */
+/** The stream "tracks" with a section MISSING, of bytes of 255, in a block of its first track. */
 export function withMissingValues() {
+  const nFlags = 42 * readStream(bytesOf("tracks")).places[0].nFrames;
+  const payload = new Uint8Array(nFlags + 1).fill(255);
   let count = 0;
   return rewritten(bytesOf("tracks"), (sections) =>
     sections.flatMap((one) => {
       const isFirst = one.id === Section.TRACK_BLOCK && count++ === 0;
-      return isFirst ? [one, { id: Section.MISSING, payload: Uint8Array.of(1) }] : [one];
+      return isFirst ? [one, { id: Section.MISSING, payload }] : [one];
     }),
   );
 }

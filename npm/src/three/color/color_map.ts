@@ -51,6 +51,18 @@ export function colorsOf(map: ColorMap): Colors {
   });
 }
 
+/**
+ * Those of a map about 0, as far as a range goes: what is in its middle stays at 0, and both sides
+ * are as far from it as the farther end.
+ */
+export function about0(colors: Colors, low: number, high: number): Colors {
+  const most = Math.max(-low, high);
+  return Array.from({ length: N_COLORS }, (_, i) => {
+    const value = low + ((high - low) * i) / (N_COLORS - 1);
+    return colorAt(colors, (value / most + 1) / 2);
+  });
+}
+
 /** The colour at a place of a map, 0..1; places outside are those at its ends. */
 export function colorAt(colors: Colors, place: number): [number, number, number] {
   if (Number.isNaN(place)) return [...MISSING];

@@ -3,10 +3,18 @@
 import * as THREE from "three";
 
 import { InvalidInputError } from "../../errors.js";
-import type { BlockFields, BlockInfo, OpenTrack, ReelInfo, TrackFields } from "../../types.js";
+import type {
+  BlockFields,
+  BlockInfo,
+  OpenTrack,
+  ReelInfo,
+  TrackFields,
+  TrackValues,
+} from "../../types.js";
 import type { HeldBlock, Moment } from "../held_block.js";
-import type { Stage, ValueStage } from "../stage.js";
+import type { Stage, ValueSetup, ValueStage } from "../stage.js";
 import {
+  about0,
   colorAt,
   type ColorMap,
   type Colors,
@@ -17,7 +25,14 @@ import {
   SCALE,
   textureOf,
 } from "./color_map.js";
-import { checkedRange, sampledRange, type Shown, shownOf } from "./color_range.js";
+import {
+  type Component,
+  DEFAULT_RANGE,
+  rangeEnds,
+  type Shown,
+  shownOf,
+  shownRange,
+} from "./color_range.js";
 
 /** Sets of texture coordinates that three.js has. */
 const MOST_UVS = 4;
@@ -35,13 +50,21 @@ export interface ColorOptions {
    */
   map?: ColorMap;
   /**
-   * The numbers at the ends of the map; what is beyond has the colours of the ends. Default: the
-   * least and the largest number in eight frames of the first block, and, if they lie on both sides
-   * of 0, as far on both.
+   * The numbers at the ends of the map; what is beyond has the colours of the ends. Two numbers, or a
+   * text such as "0:500" or "2%:98%", whose percentiles are of eight frames of the first block and,
+   * if they lie on both sides of 0, as far on both. Default: "2%:98%"; of normals -1 to 1.
    */
-  range?: readonly [number, number];
-  /** A column, from 0 on, or the length of up to three. Default: the column, or the length. */
-  component?: number | "magnitude";
+  range?: readonly [number, number] | string;
+  /**
+   * Whether percentiles are of eight frames of the whole file (of all its frames, if one is 0 or
+   * 100), the blocks of which are read for them. Default: false.
+   */
+  isOfFile?: boolean;
+  /**
+   * A column, from 0 on, the same as "x", "y" or "z" of up to three, or their length, "magnitude".
+   * Default: the column; of colours these; of normals "x"; else the length.
+   */
+  component?: Component;
 }
 
 /** What colours mean: for a legend. */
@@ -49,10 +72,20 @@ export interface ColorLegend {
   readonly name: string;
   /** Such as "Pa"; empty where the file does not say. */
   readonly unit: string;
-  readonly range: readonly [number, number];
-  readonly component: number | "magnitude";
+  /** Null where the track has colours, which are shown as they are. */
+  readonly range: readonly [number, number] | null;
+  readonly component: number | "magnitude" | "color";
   /** Red, green and blue of a number, 0..255; grey of NaN. */
   colorOf(value: number): [number, number, number];
+}
+
+/** An attribute of a geometry that has the colours of values, by the map of the material. */
+export interface ColorAttribute {
+  /** "color", or texture coordinates such as "uv1". */
+  readonly name: string;
+  /** Numbers of each vertex. */
+  readonly width: 2 | 3;
+  readonly values: Float32Array;
 }
 
 /** What is coloured. */
@@ -65,14 +98,21 @@ export interface ColoredMesh {
   readonly onError: (error: Error, block: number) => void;
 }
 
-/** A material with a map. */
-type Dressed = THREE.Material & { map: THREE.Texture | null; color?: THREE.Color };
+/** Options that say how numbers are shown. */
+const OF_NUMBERS = ["range", "map", "isOfFile"] as const;
+
+/** A material, perhaps with a map. */
+type Dressed = THREE.Material & { map?: THREE.Texture | null; color?: THREE.Color };
+
+/** Grey of what has no colour, as light. */
+const NO_COLOR = 0.2158;
 
 /** Colours of a mesh by a track, from `begin` until `dispose`. */
 export class TrackColors {
   readonly legend: ColorLegend;
   readonly #track: OpenTrack;
   readonly #shown: Shown;
+  readonly #range: readonly [number, number];
   readonly #mesh: ColoredMesh;
   readonly #channel: number;
   readonly #materials: readonly Dressed[];
@@ -92,17 +132,20 @@ export class TrackColors {
   ) {
     this.#track = track;
     this.#shown = shown;
+    this.#range = range;
     this.#mesh = mesh;
     this.#channel = mesh.uvNames.length;
-    this.#materials = dressedOf(mesh);
+    this.#materials = dressedOf(mesh, shown);
     this.#texture = textureOf(colors);
     this.#texture.channel = this.#channel;
     const [low, high] = range;
+    const { name, unit, kind } = track.info;
+    const { as, columns } = shown;
     this.legend = {
-      name: track.info.name,
-      unit: track.info.unit,
-      range,
-      component: shown.isMagnitude ? "magnitude" : shown.columns[0],
+      name,
+      unit: kind === "normal" || as === "color" ? "" : unit, // parts of a length of 1; colours
+      range: as === "color" ? null : range,
+      component: as === "number" ? columns[0] : as,
       colorOf: (value) => colorAt(colors, (value - low) / (high - low)),
     };
   }
@@ -119,14 +162,30 @@ export class TrackColors {
     mesh: ColoredMesh,
     signal: AbortSignal,
   ): Promise<TrackColors> {
-    const given = options.range && checkedRange(options.range);
-    if (options.map !== undefined) colorsOf(options.map);
+    const { map, isOfFile = false } = options;
+    const isNormal = track.info.kind === "normal" && options.component !== "magnitude";
+    const ends = rangeEnds(options.range ?? (isNormal ? [-1, 1] : DEFAULT_RANGE));
+    if (map !== undefined) colorsOf(map);
     await track.frame(0, undefined, { signal }); // says what is wrong with the track
     const shown = shownOf(track.info, options.component);
-    dressedOf(mesh);
-    const range = given ?? (await sampledRange(track, mesh.info.blocks[0], shown, signal));
-    const usual = range[0] < 0 && range[1] > 0 ? "diverging" : "sequential";
-    return new TrackColors(track, shown, range, colorsOf(options.map ?? usual), mesh);
+    dressedOf(mesh, shown);
+    if (shown.as === "color") {
+      const useless = OF_NUMBERS.find((key) => options[key] !== undefined);
+      if (useless) {
+        throw new InvalidInputError(
+          `track ${JSON.stringify(track.info.name)} has colours, which are shown as they are; leave` +
+            ` ${useless} out, or show one of their numbers by component`,
+        );
+      }
+      return new TrackColors(track, shown, [0, whiteOf(track)], colorsOf("sequential"), mesh);
+    }
+    const range = await shownRange(track, mesh.info, shown, ends, isOfFile, signal);
+    const is0Inside = range[0] < 0 && range[1] > 0;
+    const name = map ?? (is0Inside ? "diverging" : "sequential");
+    const colors = colorsOf(name);
+    const isAbout0 = name === "diverging" && is0Inside;
+    const shownColors = isAbout0 ? about0(colors, ...range) : colors;
+    return new TrackColors(track, shown, range, shownColors, mesh);
   }
 
   /** What the vertices of the drawing have to be split for; null for nothing. */
@@ -143,16 +202,43 @@ export class TrackColors {
   begin(stage: Stage, items: Uint32Array): void {
     this.#values?.dispose();
     this.#held.clear();
-    const { isMagnitude } = this.#shown;
-    const [low, high] = this.legend.range;
+    const { nItems } = this.#track.info;
+    this.#values = stage.values({ nItems, items, ...this.#attribute() });
+  }
+
+  /** The attribute of vertices of a drawing, from values of the track at a frame. */
+  attributeOf(values: TrackValues, items: Uint32Array): ColorAttribute {
+    const { nItems, nColumns } = this.#track.info;
+    if (values.length !== nItems * nColumns) {
+      throw new InvalidInputError(
+        `values must be the ${nItems} x ${nColumns} numbers of a frame; got ${values.length}`,
+      );
+    }
+    const { name, width, coordinates } = this.#attribute();
+    const { columns } = this.#shown;
+    const parts = new Float32Array(3 * nItems);
+    for (let item = 0; item < nItems; item++) {
+      columns.forEach((column, axis) => {
+        parts[3 * item + axis] = this.#partOf(Number(values[item * nColumns + column]));
+      });
+    }
+    const found = new Float32Array(width * items.length);
+    items.forEach((item, i) => found.set(coordinates(parts, 3 * item), width * i));
+    return { name, width, values: found };
+  }
+
+  /** What shaders make of parts of the range, as `#places` has them. */
+  #attribute(): Omit<ValueSetup, "nItems" | "items"> {
+    if (this.#shown.as === "color") return COLOR_ATTRIBUTE;
+    const isMagnitude = this.#shown.as === "magnitude";
+    const [low, high] = this.#range;
     // All is in parts of the range, so that no unit is too large or too small for shaders.
     const lowest = low / (high - low);
     const name = `uv${this.#channel || ""}`;
     const place = isMagnitude ? `length(value) - ${float(lowest)}` : "value.x";
-    this.#values = stage.values({
-      nItems: this.#track.info.nItems,
-      items,
+    return {
       name,
+      width: 2,
       glsl: `${name} = all(lessThan(abs(value), vec3(${float(MISSING)})))
         ? vec2(clamp(${place}, 0.0, 1.0) * ${float(SCALE)} + ${float(OFFSET)}, ${float(ROW)})
         : vec2(${NOWHERE.map(float)});`,
@@ -162,13 +248,21 @@ export class TrackColors {
         const at = isMagnitude ? Math.hypot(x, y, z) - lowest : x;
         return isThere ? [Math.min(Math.max(at, 0), 1) * SCALE + OFFSET, ROW] : NOWHERE;
       },
-    });
+    };
+  }
+
+  /** A number in parts of the range: of magnitudes from 0 on, else from its low end. */
+  #partOf(value: number): number {
+    const [low, high] = this.#range;
+    const part = (value - (this.#shown.as === "magnitude" ? 0 : low)) / (high - low);
+    return Number.isFinite(part) ? part : BEYOND;
   }
 
   /** The track in a block, or that it is missing there, which is told. */
   async fields(block: number, signal: AbortSignal): Promise<BlockFields> {
     try {
-      return this.#places(await this.#track.fields(block, { signal }));
+      const { columns } = this.#shown;
+      return this.#places(await this.#track.fields(block, { signal, columns }));
     } catch (error) {
       signal.throwIfAborted();
       this.#mesh.onError(error as Error, block);
@@ -210,36 +304,37 @@ export class TrackColors {
   #dress(): void {
     for (const material of this.#materials) {
       const { map, vertexColors } = material;
+      const maps = (one: typeof map) => ("map" in material ? { map: one } : {});
       const color = material.color?.clone();
       this.#undress.push(() => {
-        Object.assign(material, { map, vertexColors, needsUpdate: true });
+        Object.assign(material, maps(map), { vertexColors, needsUpdate: true });
         if (color) material.color?.copy(color);
       });
-      Object.assign(material, { map: this.#texture, vertexColors: false, needsUpdate: true });
+      const isColor = this.#shown.as === "color";
+      const worn = maps(isColor ? null : this.#texture);
+      Object.assign(material, worn, { vertexColors: isColor, needsUpdate: true });
       material.color?.set(0xffffff);
     }
   }
 
   /** Columns that are shown as the three axes of positions, in parts of the range. */
   #places(block: TrackFields): BlockFields {
-    const { columns, isMagnitude } = this.#shown;
     const { nColumns, origin, nFrames, nModes, nBlockModes, nVerts } = block;
-    const [low, high] = this.legend.range;
+    const [low, high] = this.#range;
     const axes = (numbers: Float32Array) => {
       const found = new Float32Array((numbers.length / nColumns) * 3);
       for (let row = 0; 3 * row < found.length; row++) {
-        columns.forEach((column, axis) => {
-          found[3 * row + axis] = numbers[row * nColumns + column] / (high - low);
-        });
+        for (let axis = 0; axis < nColumns; axis++) {
+          const part = numbers[row * nColumns + axis] / (high - low);
+          found[3 * row + axis] = Number.isFinite(part) ? part : BEYOND;
+        }
       }
       return found;
     };
     // One more mode, which rests: the origin of each column, from the low end of the range on.
     const weights = axes(block.weights);
     const resting = [0, 0, 0];
-    columns.forEach((column, axis) => {
-      resting[axis] = (origin[column] - (isMagnitude ? 0 : low)) / (high - low);
-    });
+    origin.forEach((one, axis) => (resting[axis] = this.#partOf(one)));
     const all = new Float32Array(3 * (nModes + 1) * nFrames);
     for (let t = 0; t < nFrames; t++) {
       all.set(weights.subarray(3 * nModes * t, 3 * nModes * (t + 1)), 3 * (nModes + 1) * t);
@@ -269,8 +364,30 @@ function missingFields({ start, nFrames }: BlockInfo, number: number, nItems: nu
   };
 }
 
+/** The number of a colour that is all there. */
+function whiteOf({ info }: OpenTrack): number {
+  return { uint8: 255, uint16: 65535 }[info.numberType as string] ?? 1;
+}
+
+/** Colours as they are; three.js counts in light, and files as screens show them. */
+const COLOR_ATTRIBUTE = {
+  name: "color",
+  width: 3,
+  glsl: `bool isThere = all(lessThan(abs(value), vec3(${float(MISSING)})));
+    vec3 screen = clamp(value, 0.0, 1.0);
+    vec3 light = mix(pow((screen + 0.055) / 1.055, vec3(2.4)), screen / 12.92,
+      vec3(lessThanEqual(screen, vec3(0.04045))));
+    color = isThere ? light : vec3(${float(NO_COLOR)});`,
+  coordinates(values: Float32Array, from: number) {
+    const [...color] = values.subarray(from, from + 3);
+    const isThere = color.every((one) => Math.abs(one) < MISSING);
+    return color.map((one) => (isThere ? lightOf(one) : NO_COLOR));
+  },
+} as const;
+
 /** The materials that can show colours. @throws InvalidInputError where none can. */
-function dressedOf({ materials, uvNames }: ColoredMesh): Dressed[] {
+function dressedOf({ materials, uvNames }: ColoredMesh, { as }: Shown): readonly Dressed[] {
+  if (as === "color") return materials;
   if (uvNames.length >= MOST_UVS) {
     throw new InvalidInputError(
       `the file has ${MOST_UVS} or more sets of texture coordinates, which are all that three.js` +
@@ -283,6 +400,12 @@ function dressedOf({ materials, uvNames }: ColoredMesh): Dressed[] {
     "no material of the mesh can show colours of a track: none has a map; use one such as" +
       " MeshStandardMaterial",
   );
+}
+
+/** Light of a colour as screens show it, 0..1. */
+function lightOf(value: number): number {
+  const shown = Math.min(Math.max(value, 0), 1);
+  return shown <= 0.04045 ? shown / 12.92 : ((shown + 0.055) / 1.055) ** 2.4;
 }
 
 /** A number in GLSL. */

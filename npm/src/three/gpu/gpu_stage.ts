@@ -86,9 +86,10 @@ export class GpuStage implements Stage {
   }
 
   values(setup: ValueSetup): ValueStage {
-    const { nItems, items, name, glsl } = setup;
+    const { nItems, items, name, width, glsl } = setup;
     const [renderer, geometry, grid] = [this.#renderer, this.#geometry, new VertexGrid(nItems)];
-    const shader = { textures: ["value"], attributes: [[name, 2]], glsl } as const;
+    const shader = { textures: ["value"], attributes: [[name, width]], glsl } as const;
+    const before = geometry.getAttribute(name) as THREE.BufferAttribute | undefined;
     const attribute = new AttributePass(renderer, grid, items, geometry, shader);
     const sums = new PositionPass(renderer, grid, [0, 0, 0]);
     return {
@@ -100,6 +101,7 @@ export class GpuStage implements Stage {
       },
       dispose() {
         geometry.deleteAttribute(name);
+        if (before) geometry.setAttribute(name, before);
         sums.dispose();
         attribute.dispose();
       },
