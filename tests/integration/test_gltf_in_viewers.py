@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import meshreel
 from meshreel.flag import simulate_flag
 from meshreel.formats.gltf.seams import split_at_seams
 from meshreel.formats.gltf.write import write_glb, write_gltf
@@ -21,6 +22,8 @@ from meshreel.surface import Attribute, Domain, FaceGroups, Kind, Part, Surface
 from samples.browser import FOLDER, browser, play
 from samples.glb import largest_error_percent, stream_of
 from samples.materials import look, png
+from samples.meshes import quad_sheet
+from samples.vat_player import PLAYERS
 
 MODULES = FOLDER / "node_modules"
 
@@ -125,6 +128,18 @@ def test_validator_has_nothing_to_say_when_a_file_is_written(tmp_path, case):
     paths = [tmp_path / "a.glb", tmp_path / "a.gltf"]
     for path, write in zip(paths, (write_glb, write_gltf), strict=True):
         write(path, stream_of(make()), WriteOptions(**options))
+    for report in reports_of(*paths):
+        messages = [one for one in report["issues"]["messages"] if not is_harmless(one)]
+        assert (messages, report["issues"]["truncated"]) == ([], False)
+
+
+@needs_node
+def test_validator_has_nothing_to_say_of_meshes_of_vertex_animation_textures(tmp_path):
+    paths = []
+    for layout in PLAYERS:
+        folder = tmp_path / f"{layout}.vat"
+        meshreel.save(quad_sheet(), folder, options=WriteOptions(layout=layout))
+        paths += folder.glob("*.glb")
     for report in reports_of(*paths):
         messages = [one for one in report["issues"]["messages"] if not is_harmless(one)]
         assert (messages, report["issues"]["truncated"]) == ([], False)

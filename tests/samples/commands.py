@@ -59,9 +59,10 @@ def run_json(*arguments, cwd=None):
 
 
 def assert_fails(done, *words):
-    """One line on stderr that holds the words, exit code 1, no traceback."""
+    """One line on stderr, beside those of progress, that holds the words; exit code 1."""
     assert done.returncode == 1
-    assert len(done.stderr.strip().splitlines()) == 1
-    assert done.stderr.startswith("meshreel: ")
+    stderr = PROGRESS_LINE.sub("", done.stderr)
+    assert len(stderr.strip().splitlines()) == 1, stderr
+    assert stderr.startswith("meshreel: ")
     for word in words:
-        assert word in done.stderr
+        assert word in stderr

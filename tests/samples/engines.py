@@ -20,5 +20,8 @@ class InlineWorkers:
             outcome.set_exception(error)
         return outcome
 
+    def submit_elsewhere(self, error, function, /, *args):
+        return self.submit(function, *args)
+
     def close(self, *, at_once):
         pass

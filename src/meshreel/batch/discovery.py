@@ -8,6 +8,8 @@ from pathlib import Path
 from meshreel.errors import InvalidInputError
 from meshreel.formats.registry import FRAME_FORMATS, SEQUENCE_FORMATS
 from meshreel.formats.sources import natural_order
+from meshreel.stores.address import is_remote, name_of
+from meshreel.stores.listing import RemoteFile, files_below
 
 OUTPUT_ENDING = ".reel"
 WHOLE_SEQUENCES = tuple(ending for ending in SEQUENCE_FORMATS if ending != OUTPUT_ENDING)
@@ -21,18 +23,27 @@ class BatchInput:
     ----------
     name : str
         Its path within the folder of inputs, with slashes; "." is that folder itself.
-    source : Path
+    source : Path, or str of a remote one
         Absolute: a file of a whole sequence, or a folder of frames.
     files : tuple of Path
-        The files that it consists of.
+        The files that it consists of, if they are on this machine.
     output : str
         Path of the stream within the folder of outputs, with slashes.
+    remote_files : tuple of RemoteFile
+        The files that it consists of, if they are in a store.
     """
 
     name: str
-    source: Path
+    source: Path | str
     files: tuple[Path, ...]
     output: str
+    remote_files: tuple[RemoteFile, ...] = ()
+
+    @property
+    def size_bytes(self) -> int:
+        """Of all its files."""
+        here = sum(path.stat().st_size for path in self.files)
+        return here + sum(file.size_bytes for file in self.remote_files)
 
     def fingerprint(self) -> str:
         """A hash of the names, sizes and times of change of its files; their bytes are not read."""
@@ -40,10 +51,12 @@ class BatchInput:
         for path in self.files:
             facts = path.stat()
             digest.update(f"{path.name}\0{facts.st_size}\0{facts.st_mtime_ns}\0".encode())
+        for file in self.remote_files:
+            digest.update(f"{name_of(file.name)}\0{file.size_bytes}\0{file.version}\0".encode())
         return digest.hexdigest()
 
 
-def find_inputs(folder: Path, *, but_not: Path | None = None) -> list[BatchInput]:
+def find_inputs(folder: Path | str, *, but_not: Path | str | None = None) -> list[BatchInput]:
     """Every sequence in a folder and its sub-folders, in natural order.
 
     Each file of a whole sequence is one, and each folder that holds frame files. Hidden files and
@@ -51,8 +64,8 @@ def find_inputs(folder: Path, *, but_not: Path | None = None) -> list[BatchInput
 
     Parameters
     ----------
-    folder : Path
-    but_not : Path, optional
+    folder : Path, or str of a remote folder
+    but_not : Path or str, optional
         A sub-folder that is passed over: that of the outputs.
 
     Raises
@@ -60,22 +73,62 @@ def find_inputs(folder: Path, *, but_not: Path | None = None) -> list[BatchInput
     InvalidInputError
         If there is no such folder, or no sequence in it.
     """
-    if not folder.is_dir():
-        raise InvalidInputError(f"there is no folder {str(folder)!r}; name the folder of inputs")
-    top = folder.absolute()
-    passed_over = but_not.resolve() if but_not else None
-    found = [
-        one
-        for place in _folders_under(top)
-        if place == top or place.resolve() != passed_over
-        for one in _inputs_in(place, top)
-    ]
+    if is_remote(folder):
+        found = list(_remote_inputs(folder, but_not))
+    else:
+        found = list(_local_inputs(Path(folder), None if is_remote(but_not) else but_not))
     if not found:
         raise InvalidInputError(
             f"there is no sequence under {folder}; looked for {', '.join(WHOLE_SEQUENCES)} files "
             f"and for folders of frames ({', '.join(FRAME_FORMATS)})"
         )
     return found
+
+
+def _local_inputs(folder: Path, but_not: Path | str | None) -> Iterator[BatchInput]:
+    if not folder.is_dir():
+        raise InvalidInputError(f"there is no folder {str(folder)!r}; name the folder of inputs")
+    top = folder.absolute()
+    passed_over = Path(but_not).resolve() if but_not else None
+    for place in _folders_under(top):
+        if place == top or not (place.resolve() == passed_over or _is_of_pieces(place)):
+            yield from _inputs_in(place, top)
+
+
+def _remote_inputs(folder: str, but_not: Path | str | None) -> Iterator[BatchInput]:
+    """As `_local_inputs`, of what a store lists."""
+    top = folder.rstrip("/")
+    passed_over = f"{but_not}".rstrip("/") + "/" if is_remote(but_not) else None
+    by_folder: dict[Path, dict[Path, RemoteFile]] = {}
+    for file in files_below(top):
+        is_hidden = any(part.startswith(".") for part in Path(file.name).parts)
+        is_output = passed_over is not None and f"{top}/{file.name}".startswith(passed_over)
+        if not is_hidden and not (is_output and passed_over != f"{top}/"):
+            path = Path(file.name)
+            by_folder.setdefault(path.parent, {})[path] = file
+    for place in natural_order(by_folder):
+        files = by_folder[place]
+        named = _companions(list(by_folder.get(place.parent, {}))) if place.name else set()
+        if not any(one.parent == place and one in files for one in named):
+            yield from _remote_inputs_in(top, place, files)
+
+
+def _remote_inputs_in(top: str, place: Path, files: dict[Path, RemoteFile]) -> Iterator[BatchInput]:
+    beside = _companions(list(files))
+    order = [path for path in natural_order(files) if path not in beside]
+    frames = [path for path in order if path.suffix.lower() in FRAME_FORMATS]
+    if frames:
+        output = place.parent / f"{place.name or name_of(top)}{OUTPUT_ENDING}"
+        yield BatchInput(
+            place.as_posix(), f"{top}/{place.as_posix()}".removesuffix("/."), (),
+            output.as_posix(), tuple(files[path] for path in frames),
+        )  # fmt: skip
+    for path in order:
+        if path.suffix.lower() in WHOLE_SEQUENCES:
+            parts = [files[path], *(files[one] for one in _companions([path]) if one in files)]
+            output = place / f"{path.stem}{OUTPUT_ENDING}"
+            address = f"{top}/{path.as_posix()}"
+            yield BatchInput(path.as_posix(), address, (), output.as_posix(), tuple(parts))
 
 
 def _folders_under(folder: Path, above: tuple[Path, ...] = ()) -> Iterator[Path]:
@@ -101,18 +154,36 @@ def _inputs_in(folder: Path, top: Path) -> Iterator[BatchInput]:
         output = place.parent / f"{place.name or folder.resolve().name}{OUTPUT_ENDING}"
         yield BatchInput(place.as_posix(), folder, frames, output.as_posix())
     for path in files:
-        if path.suffix.lower() in WHOLE_SEQUENCES:
+        if path.suffix.lower() in WHOLE_SEQUENCES and path not in beside:
             output = place / f"{path.stem}{OUTPUT_ENDING}"
-            parts = (path, *(one for one in _companions([path]) if one.exists()))
+            parts = (path, *(part for one in _companions([path]) for part in _parts(one, path)))
             yield BatchInput((place / path.name).as_posix(), path, parts, output.as_posix())
 
 
 def _companions(files: list[Path]) -> set[Path]:
-    """Meshes that belong to a sequence of the same name beside them, as the faces of its frames."""
+    """Files that belong to a sequence beside them: the mesh of a cache, numbers, a first piece."""
     formats = [(path, SEQUENCE_FORMATS.get(path.suffix.lower())) for path in files]
-    return {
+    meshes = {
         path.with_suffix(found.companion) for path, found in formats if found and found.companion
     }
+    return meshes.union(
+        *(found.files_beside(path, 1) for path, found in formats if found and found.files_beside)
+    )
+
+
+def _parts(companion: Path, path: Path) -> list[Path]:
+    """The companion of a file if it is there, with all pieces if it is one in a folder of them."""
+    if not companion.exists():
+        return []
+    if companion.parent == path.parent:
+        return [companion]
+    return natural_order(one for one in _visible(companion.parent) if one.is_file())
+
+
+def _is_of_pieces(folder: Path) -> bool:
+    """Whether a folder has the pieces of a sequence that a file beside it names, as we write it."""
+    beside = [path for path in _visible(folder.parent) if path.is_file()]
+    return any(one.parent == folder and one.exists() for one in _companions(beside))
 
 
 def _visible(folder: Path) -> list[Path]:

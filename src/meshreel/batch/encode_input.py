@@ -15,14 +15,19 @@ from meshreel.codec.options import all_options
 from meshreel.codec.surface.payloads import order_loss_note
 from meshreel.codec.surface.uv_errors import measure_uvs
 from meshreel.codec.surface.uv_grid import has_uvs
-from meshreel.errors import InvalidInputError
+from meshreel.counting import counted
+from meshreel.errors import InvalidInputError, WorkerDiedError
 from meshreel.formats.frames.selection import with_surface
 from meshreel.formats.load import open_for_encoding
 from meshreel.formats.options import ReadOptions
+from meshreel.formats.remote import at_hand
 from meshreel.formats.supported_options import supports
 from meshreel.runtime.engine.engine import Engine
 from meshreel.sequence import FrameSource
 from meshreel.surface_selection import ALL, chosen, describe_missing, missing_names
+
+BLOCK_SHARES = (1.0, 1 / 4, 1 / 16)
+"""Of the frames of a block, those that are tried, one after the other, while memory runs out."""
 
 
 @dataclass(frozen=True)
@@ -45,6 +50,9 @@ class EncodeOptions:
         Whether files are read that an input names outside of its folder.
     tracks : dict of str to str, or None
         How exact tracks are to come back. An input that lacks one gets a note.
+    block_share : float
+        Of the frames that the config codes together, how many are; below 1 where memory ran out
+        before. Positions then stay in their files, and a note says so.
     """
 
     config: EncoderConfig
@@ -54,6 +62,19 @@ class EncodeOptions:
     skip_bad: bool = False
     allow_outside: bool = False
     tracks: dict[str, float | str] | None = None
+    block_share: float = 1.0
+
+    def smaller(self, error: BaseException) -> "EncodeOptions | None":
+        """The options with smaller blocks after an error; None if that is no help.
+
+        The death of a worker takes long, and happens no more often than it must: the smallest
+        blocks are next.
+        """
+        following = BLOCK_SHARES[BLOCK_SHARES.index(self.block_share) + 1 :]
+        if not following or not isinstance(error, MemoryError | WorkerDiedError):
+            return None
+        is_death = isinstance(error, WorkerDiedError)
+        return replace(self, block_share=following[-1 if is_death else 0])
 
     @property
     def are_cut(self) -> bool:
@@ -93,7 +114,7 @@ class Encoded:
 def encode_input(
     source: str, options: EncodeOptions, version: str, engine: Engine | None = None
 ) -> Encoded:
-    """The stream of the sequence at a path, measured.
+    """The stream of the sequence at a path or an address, measured.
 
     It writes nothing: a worker that is stopped leaves nothing behind, and one on another machine
     needs to see the inputs only. With an engine it is called where that is, and its workers code
@@ -117,7 +138,24 @@ def encode_input(
         skip_bad=options.skip_bad and supports(source, "skip_bad"),
         allow_outside=options.allow_outside and supports(source, "allow_outside"),
     )
-    opened = open_for_encoding(source, options.config.memory_bytes, reading)
+    with at_hand(source) as files:
+        opened = open_for_encoding(files, _memory(options), reading)
+        return _measured(opened, options, notes, began, engine)
+
+
+def _memory(options: EncodeOptions) -> float | None:
+    """Bytes that encoding may take; none of them for loaded frames, once memory ran out."""
+    return options.config.memory_bytes if options.block_share == 1 else 0.0
+
+
+def _measured(
+    opened: FrameSource,
+    options: EncodeOptions,
+    notes: list[str],
+    began: float,
+    engine: Engine | None,
+) -> Encoded:
+    """The stream of an opened input, and its figures."""
     sequence, config = _suited(opened, options, notes)
     data = encode_with(config, sequence, tracks=_present(sequence, options, notes), engine=engine)
     achieved = measure_stream(sequence, data, order=config.order, with_sted=config.sted is not None)
@@ -154,7 +192,21 @@ def _suited(
     if config.uv_bits is not None and not has_uvs(sequence.surface):
         notes.append("has no texture coordinates for uv_bits= to quantise")
         config = replace(config, uv_bits=None)
+    if options.block_share < 1:
+        config = _with_smaller_blocks(config, sequence, options.block_share, notes)
     return sequence, config
+
+
+def _with_smaller_blocks(
+    config: EncoderConfig, sequence: FrameSource, share: float, notes: list[str]
+) -> EncoderConfig:
+    n_together = config.frames_in_block(sequence.n_frames, sequence.n_verts)
+    n_frames = max(1, int(share * n_together))
+    notes.append(
+        f"memory was too little for blocks of {counted(n_together, 'frame')}; coded in blocks of "
+        f"{n_frames}, which take more bytes"
+    )
+    return config.with_blocks_of(n_frames, sequence.n_verts)
 
 
 def _present(

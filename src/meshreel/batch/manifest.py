@@ -1,14 +1,15 @@
 """The outcome of each input of a batch, on disk after each of them."""
 
 import json
-import os
+from collections import Counter
+from collections.abc import Iterable
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
 from meshreel import __version__
+from meshreel.batch.out_folder import OutFolder, out_folder
 from meshreel.errors import InvalidInputError
-from meshreel.runtime.outputs.atomic import replace_when_done
 
 MANIFEST_NAME = "manifest.json"
 MADE_BY = "meshreel batch"
@@ -69,35 +70,92 @@ class Record:
 
 
 @dataclass(frozen=True)
+class Summary:
+    """All records in a few figures.
+
+    Attributes
+    ----------
+    done, failed, pending : int
+        Records in each state.
+    raw_size_bytes, size_bytes : int
+        Of all that are done.
+    ratio : float or None
+        The first divided by the second; None if none is done.
+    kg_error_percent, max_error_percent : float or None
+        The largest of those done.
+    """
+
+    done: int
+    failed: int
+    pending: int
+    raw_size_bytes: int
+    size_bytes: int
+    ratio: float | None
+    kg_error_percent: float | None
+    max_error_percent: float | None
+
+
+def summary_of(records: Iterable[Record]) -> Summary:
+    """The summary of records."""
+    listed = list(records)
+    states = Counter(record.state for record in listed)
+    done = [record for record in listed if record.state == DONE]
+    raw, size = (sum(sizes) for sizes in (
+        (record.raw_size_bytes or 0 for record in done), (record.size_bytes or 0 for record in done)
+    ))  # fmt: skip
+    return Summary(
+        states[DONE], states[FAILED], states[PENDING], raw, size, raw / size if size else None,
+        max((one.kg_error_percent or 0.0 for one in done), default=None),
+        max((one.max_error_percent or 0.0 for one in done), default=None),
+    )  # fmt: skip
+
+
+@dataclass(frozen=True)
 class Manifest:
     """The records of a folder of outputs.
 
     Attributes
     ----------
-    path : Path
+    folder : OutFolder
     input_dir : str
         Folder of the inputs as seen from that of the outputs.
     records : dict of str to Record
         By the name of the input; those of inputs that are gone are kept.
     """
 
-    path: Path
+    folder: OutFolder
     input_dir: str
     records: dict[str, Record]
+    _lines: dict[str, tuple[Record, str]] = field(default_factory=dict, repr=False)
 
     def write(self) -> None:
         """Write it, whole or not at all, over what was there."""
-        facts = {
+        head = {
             "made_by": MADE_BY,
             "layout": LAYOUT,
             "input_dir": self.input_dir,
-            "inputs": {name: asdict(record) for name, record in self.records.items()},
+            "summary": asdict(summary_of(self.records.values())),
         }
-        with replace_when_done(self.path, overwrite=True) as temporary:
-            temporary.write_text(json.dumps(facts, indent=1), encoding="utf-8")
+        lines = ",\n".join(self._line(name, record) for name, record in self.records.items())
+        text = json.dumps(head, indent=1).removesuffix("\n}")
+        text = f'{text},\n "inputs": {{\n{lines}\n }}\n}}'
+        self.folder.write(MANIFEST_NAME, text.encode(), overwrite=True)
+
+    @property
+    def name(self) -> str:
+        """Its path or address."""
+        return self.folder.called(MANIFEST_NAME)
+
+    def _line(self, name: str, record: Record) -> str:
+        """A record as a line of JSON, made anew only when it has changed: most never do again."""
+        kept, line = self._lines.get(name, (None, ""))
+        if kept is not record:
+            line = f"  {json.dumps(name)}: {json.dumps(asdict(record))}"
+            self._lines[name] = record, line
+        return line
 
 
-def read_manifest(input_dir: Path, out_dir: Path, *, force: bool = False) -> Manifest:
+def read_manifest(input_dir: Path | str, out_dir: Path | str, *, force: bool = False) -> Manifest:
     """The manifest of a folder of outputs; without records where there is none yet.
 
     Raises
@@ -105,32 +163,27 @@ def read_manifest(input_dir: Path, out_dir: Path, *, force: bool = False) -> Man
     InvalidInputError
         If there is a file of its name that is something else, or it is of another folder of
         inputs and not `force`.
+    StoreError
+        If a remote folder cannot be read.
     """
-    path = out_dir / MANIFEST_NAME
-    seen_from_out = _seen_from(out_dir, input_dir)
-    if not path.exists():
-        return Manifest(path, seen_from_out, {})
+    folder = out_folder(out_dir)
+    seen_from_out = folder.seen_to(input_dir)
+    manifest = Manifest(folder, seen_from_out, {})
+    if not folder.has(MANIFEST_NAME):
+        return manifest
     try:
-        facts = json.loads(path.read_text(encoding="utf-8"))
+        facts = json.loads(folder.read(MANIFEST_NAME))
         if (facts["made_by"], facts["layout"]) != (MADE_BY, LAYOUT):
             raise ValueError
         records = {str(name): Record(**record) for name, record in facts["inputs"].items()}
     except (ValueError, TypeError, KeyError, AttributeError):
         raise InvalidInputError(
-            f"{path} is not a manifest that this build of {MADE_BY} wrote; move it away, or name "
-            "another folder for the outputs"
+            f"{manifest.name} is not a manifest that this build of {MADE_BY} wrote; move it away, "
+            "or name another folder for the outputs"
         ) from None
     if facts.get("input_dir") != seen_from_out and not force:
         raise InvalidInputError(
-            f"{path} is of the inputs in {facts.get('input_dir')}, seen from there, not of "
-            f"{input_dir}; name another folder for the outputs, or use --force"
+            f"{manifest.name} is of the inputs in {facts.get('input_dir')}, seen from there, not "
+            f"of {input_dir}; name another folder for the outputs, or use --force"
         )
-    return Manifest(path, seen_from_out, records)
-
-
-def _seen_from(out_dir: Path, input_dir: Path) -> str:
-    """A path that stays true when both folders are moved together."""
-    try:
-        return Path(os.path.relpath(input_dir.resolve(), out_dir.resolve())).as_posix()
-    except ValueError:  # on another drive
-        return input_dir.resolve().as_posix()
+    return Manifest(folder, seen_from_out, records)

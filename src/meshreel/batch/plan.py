@@ -7,8 +7,9 @@ from pathlib import Path
 from meshreel.batch.discovery import BatchInput, find_inputs
 from meshreel.batch.encode_input import EncodeOptions
 from meshreel.batch.manifest import DONE, FAILED, PENDING, Manifest, Record, read_manifest
+from meshreel.batch.out_folder import OutFolder, out_folder
+from meshreel.batch.report import check_report
 from meshreel.formats.supported_options import check_supported
-from meshreel.runtime.outputs.checks import check_output_folder
 
 
 @dataclass(frozen=True)
@@ -17,7 +18,9 @@ class Plan:
 
     Attributes
     ----------
-    input_dir, out_dir : Path
+    input_dir : Path or str
+    folder : OutFolder
+        Of the outputs.
     options : EncodeOptions
     manifest : Manifest
         Of earlier runs.
@@ -31,8 +34,8 @@ class Plan:
         Those of them whose outputs are there already.
     """
 
-    input_dir: Path
-    out_dir: Path
+    input_dir: Path | str
+    folder: OutFolder
     options: EncodeOptions
     manifest: Manifest
     up_to_date: list[str]
@@ -42,7 +45,11 @@ class Plan:
 
 
 def plan_batch(
-    input_dir: Path, out_dir: Path, options: EncodeOptions, *, force: bool = False
+    input_dir: Path | str,
+    out_dir: Path | str,
+    options: EncodeOptions,
+    *,
+    force: bool = False,
 ) -> Plan:
     """The plan of a run: inputs that are new, changed or failed before are to be encoded.
 
@@ -51,7 +58,7 @@ def plan_batch(
 
     Parameters
     ----------
-    input_dir, out_dir : Path
+    input_dir, out_dir : Path, or str of a remote folder
         The second need not exist; nothing is written yet.
     options : EncodeOptions
     force : bool, default False
@@ -63,27 +70,28 @@ def plan_batch(
         If there is nothing to encode, the folder of outputs belongs to something else, or an
         option has no effect on any input.
     """
-    check_output_folder(out_dir)
+    out_folder(out_dir).check()
     inputs = find_inputs(input_dir, but_not=out_dir)
     check_supported(
         [one.source for one in inputs],
         skip_bad=options.skip_bad, allow_outside=options.allow_outside,
     )  # fmt: skip
     manifest = read_manifest(input_dir, out_dir, force=force)
-    plan = Plan(input_dir, out_dir, options, manifest, [], {}, {}, set())
+    check_report(manifest.folder, force=force)
+    plan = Plan(input_dir, manifest.folder, options, manifest, [], {}, {}, set())
     rivals = _rivals(inputs)
     for one in inputs:
         earlier = manifest.records.get(one.name)
         record = Record(PENDING, one.output, True, one.fingerprint(), options.as_dict())
-        is_there = (out_dir / one.output).exists()
+        folder, is_there = plan.folder, plan.folder.has(one.output)
         if one in rivals:
             plan.refused[one.name] = _refused(record, earlier, rivals[one])
-        elif not force and _is_up_to_date(record, earlier, out_dir):
+        elif not force and _is_up_to_date(record, earlier, folder):
             plan.up_to_date.append(one.name)
-        elif is_there and _is_one_of(out_dir / one.output, one.files):
-            plan.refused[one.name] = _refused(record, earlier, _is_input(out_dir / one.output))
+        elif is_there and folder.is_one_of(one.output, one.files):
+            plan.refused[one.name] = _refused(record, earlier, _is_input(folder.called(one.output)))
         elif is_there and not force and not _owns(earlier):
-            plan.refused[one.name] = _refused(record, earlier, _exists(out_dir / one.output))
+            plan.refused[one.name] = _refused(record, earlier, _exists(folder.called(one.output)))
         else:
             plan.to_encode[one] = record
             plan.replaced.update([one] if is_there else [])
@@ -100,27 +108,22 @@ def _owns(earlier: Record | None) -> bool:
     return earlier is not None and earlier.owns_output
 
 
-def _is_up_to_date(record: Record, earlier: Record | None, out_dir: Path) -> bool:
+def _is_up_to_date(record: Record, earlier: Record | None, folder: OutFolder) -> bool:
     if earlier is None or earlier.state != DONE:
         return False
-    output = out_dir / record.output
     unchanged = (earlier.output, earlier.fingerprint, earlier.options) == (
         record.output,
         record.fingerprint,
         record.options,
     )
-    return unchanged and output.is_file() and output.stat().st_size == earlier.size_bytes
+    return unchanged and folder.size_bytes(record.output) == earlier.size_bytes
 
 
-def _exists(output: Path) -> str:
+def _exists(output: str) -> str:
     return f"{output} exists and was not made of this input; it is kept unless --force is given"
 
 
-def _is_one_of(output: Path, files: tuple[Path, ...]) -> bool:
-    return any(output.samefile(file) for file in files)
-
-
-def _is_input(output: Path) -> str:
+def _is_input(output: str) -> str:
     return f"{output} is the input under another name, which is never replaced; remove the link"
 
 

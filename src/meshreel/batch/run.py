@@ -10,12 +10,12 @@ from typing import Any
 
 from meshreel import __version__
 from meshreel.batch.discovery import BatchInput
-from meshreel.batch.encode_input import Encoded, encode_input
+from meshreel.batch.encode_input import Encoded, EncodeOptions, encode_input
 from meshreel.batch.manifest import DONE, FAILED, Record
 from meshreel.batch.plan import Plan
+from meshreel.batch.report import write_report
 from meshreel.errors import MeshReelError
 from meshreel.runtime.engine.engine import Engine
-from meshreel.runtime.outputs.atomic import replace_when_done
 from meshreel.runtime.progress import Count, Progress, silent
 from meshreel.runtime.threads import in_background
 
@@ -59,7 +59,8 @@ def run_batch(plan: Plan, engine: Engine | None, *, progress: Progress = silent)
     """Encode the inputs of a plan; the failure of one does not keep the others from it.
 
     Streams and manifest are written here, each whole or not at all, after each input: what was
-    finished stays when the run is stopped.
+    finished stays when the run is stopped. A page with all figures is written at the end, or when
+    the run is stopped.
 
     Parameters
     ----------
@@ -71,14 +72,22 @@ def run_batch(plan: Plan, engine: Engine | None, *, progress: Progress = silent)
     """
     run = _Run(plan)
     run.begin()
-    if engine is not None:
-        outcomes = _spread(plan, engine) if _is_spread(plan, engine) else _one_each(plan, engine)
-        progress(_stage(engine), Count(0, len(plan.to_encode), "inputs"))
-        for n_done, (one, outcome) in enumerate(outcomes, start=1):
-            # In a thread, which ctrl-C does not reach: a stream is not written without its record.
-            in_background(partial(run.finish, one, outcome)).result()
-            progress(_stage(engine), Count(n_done, len(plan.to_encode), "inputs"))
+    try:
+        if engine is not None:
+            _encode_all(run, plan, engine, progress)
+    finally:
+        write_report(plan.manifest)
     return run.report()
+
+
+def _encode_all(run: "_Run", plan: Plan, engine: Engine, progress: Progress) -> None:
+    outcomes = _spread(plan, engine) if _is_spread(plan, engine) else _one_each(plan, engine)
+    progress(_stage(engine), Count(0, len(plan.to_encode), "inputs"))
+    for n_done, (one, outcome) in enumerate(outcomes, start=1):
+        # In a thread, which ctrl-C does not reach: a stream is not written without its record.
+        in_background(partial(run.finish, one, outcome)).result()
+        del outcome  # its stream is written; the next may take long
+        progress(_stage(engine), Count(n_done, len(plan.to_encode), "inputs"))
 
 
 def _is_spread(plan: Plan, engine: Engine) -> bool:
@@ -88,20 +97,39 @@ def _is_spread(plan: Plan, engine: Engine) -> bool:
 
 def _one_each(plan: Plan, engine: Engine) -> Iterator[tuple[BatchInput, "Future[Encoded]"]]:
     """The inputs as they come to an end; each is a worker's."""
-    by_source = {str(one.source): one for one in plan.to_encode}
+    by_source = {str(one.source): one for one in _long_ones_first(plan)}
     items = [(source, plan.options, __version__) for source in by_source]
-    for item, outcome in engine.as_completed(encode_input, items):
+    for item, outcome in engine.as_completed(encode_input, items, again=_in_smaller_blocks):
         yield by_source[item[0]], outcome
+
+
+def _long_ones_first(plan: Plan) -> list[BatchInput]:
+    """The inputs by the bytes of their files: a long one that began last would run alone."""
+    return sorted(plan.to_encode, key=lambda one: -one.size_bytes)
+
+
+Item = tuple[str, EncodeOptions, str]
+
+
+def _in_smaller_blocks(item: Item, error: BaseException) -> Item | None:
+    """The call with smaller blocks, where a worker's memory was too little; else None."""
+    source, options, version = item
+    smaller = options.smaller(error)
+    return None if smaller is None else (source, smaller, version)
 
 
 def _spread(plan: Plan, engine: Engine) -> Iterator[tuple[BatchInput, "Future[Encoded]"]]:
     """One input after another; all workers code its blocks."""
-    for one in plan.to_encode:
-        outcome: Future[Encoded] = Future()
-        try:
-            outcome.set_result(encode_input(str(one.source), plan.options, __version__, engine))
-        except Exception as error:
-            outcome.set_exception(error)
+    for one in _long_ones_first(plan):
+        following: Item | None = (str(one.source), plan.options, __version__)
+        while following is not None:
+            item, following = following, None
+            outcome: Future[Encoded] = Future()
+            try:
+                outcome.set_result(encode_input(*item, engine))
+            except Exception as error:
+                outcome.set_exception(error)
+                following = _in_smaller_blocks(item, error)
         yield one, outcome
 
 
@@ -118,7 +146,6 @@ class _Run:
 
     def begin(self) -> None:
         """Claim the outputs to come, so that a run stopped at any point knows its own."""
-        self._plan.out_dir.mkdir(parents=True, exist_ok=True)
         records = self._plan.manifest.records
         records.update(self._plan.refused)
         records.update({one.name: record for one, record in self._plan.to_encode.items()})
@@ -153,21 +180,19 @@ class _Run:
         )  # fmt: skip
 
     def _write_stream(self, one: BatchInput, data: bytes) -> None:
-        path = self._plan.out_dir / one.output
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with replace_when_done(path, overwrite=one in self._plan.replaced) as temporary:
-            temporary.write_bytes(data)
+        self._plan.folder.write(one.output, data, overwrite=one in self._plan.replaced)
 
 
-def _reason_of(error: BaseException, name: str, input_dir: Path) -> str:
+def _reason_of(error: BaseException, name: str, input_dir: Path | str) -> str:
     """The error in one line, without the name of its input; paths are relative to the inputs."""
     if isinstance(error, MeshReelError):
         text = str(error)
     elif isinstance(error, MemoryError):
-        text = "not enough memory; fewer --workers or a shorter --block-frames need less"
+        text = "not enough memory, in smaller blocks either; fewer --workers need less"
     elif isinstance(error, OSError) and error.filename:
         text = f"{error.strerror or error}: {error.filename}"
     else:
         text = f"{type(error).__name__}: {error}"
-    text = text.replace(f"{input_dir.absolute()}{os.sep}", "").removeprefix(f"{name}: ")
+    top = f"{input_dir.absolute()}{os.sep}" if isinstance(input_dir, Path) else f"{input_dir}/"
+    text = text.replace(top, "").removeprefix(f"{name}: ")
     return " ".join(text.split())

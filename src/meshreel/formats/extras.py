@@ -53,3 +53,5 @@ IMATH = Extra("alembic", "alembic3d", "imath")  # comes with it
 USD = Extra("usd", "usd-core", "pxr")
 HDF = Extra("hdf", "h5py", "h5py")
 DRACO = Extra("gltf", "DracoPy", "DracoPy")  # only files that Draco compressed need it
+PNG = Extra("textures", "imagecodecs", "imagecodecs")  # of 16 bits a channel
+OPEN_EXR = Extra("textures", "OpenEXR", "OpenEXR")

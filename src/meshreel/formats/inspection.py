@@ -12,6 +12,7 @@ from meshreel.formats.kinds import SequenceFormat
 from meshreel.formats.load import open_for_inspection
 from meshreel.formats.notes import LEFT_OUT
 from meshreel.formats.options import ReadOptions
+from meshreel.formats.remote import at_hand
 from meshreel.formats.scenes.scene_mesh import SceneMesh
 from meshreel.formats.scenes.scene_source import wanted_meshes
 from meshreel.formats.scenes.timing import frame_times
@@ -141,16 +142,17 @@ def inspect_source(source: Source, options: ReadOptions) -> SourceInfo:
     InvalidInputError, FormatError
         As `meshreel.load`, but of a file that holds several meshes a bad one only has a `problem`.
     """
-    found = find_files(source)
-    check_read_options(found.format, options)
-    meshes = tuple(_infos(found, options))
-    return SourceInfo(
-        found.format.title,
-        sum(path.stat().st_size for path in found.paths),
-        len(found.paths),
-        meshes,
-        tuple(dict.fromkeys(options.notes)),
-    )
+    with at_hand(source, options.notes) as files:
+        found = find_files(files)
+        check_read_options(found.format, options)
+        meshes = tuple(_infos(found, options))
+        return SourceInfo(
+            found.format.title,
+            sum(path.stat().st_size for path in found.paths),
+            len(found.paths),
+            meshes,
+            tuple(dict.fromkeys(options.notes)),
+        )
 
 
 def _infos(found: SourceFiles, options: ReadOptions) -> Iterator[MeshInfo]:

@@ -1,4 +1,4 @@
-"""The two kinds of formats: files that hold a frame each, and files that hold a whole sequence."""
+"""The kinds of formats: files that hold a frame each or a whole sequence, and folders of files."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -13,11 +13,11 @@ from meshreel.formats.frames.frame_stream import FrameStream
 from meshreel.formats.options import ReadOptions, WriteOptions
 from meshreel.formats.scenes.scene_mesh import ReadMeshes
 from meshreel.formats.surfaces.polygons import PolygonMesh
-from meshreel.sequence import Faces, FrameSource, Vertices
+from meshreel.sequence import FrameSource, Vertices
 from meshreel.surface import Domain, Surface
 
 ReadOption = Literal["object", "merge", "topology", "dataset", "skip_bad", "allow_outside"]
-WriteOption = Literal["targets", "max_error", "normals"]
+WriteOption = Literal["targets", "max_error", "normals", "lossless", "layout", "textures"]
 
 
 NO_TRACKS: frozenset[Domain] = frozenset()
@@ -67,6 +67,8 @@ class FrameFormat:
     encoder : function of the faces, the surface and a list of notes, or None
         Gives a function from the positions of a frame to the bytes of its file; None if files of
         this format are only read. The notes gain a sentence on what such a file does not hold.
+        Where it holds tracks, it takes them too, by their names, and gives a function from the
+        positions and the values of each track in the frame, by its name, of shape (N, C).
     positions_like : function of the bytes of a file and the mesh that it holds, optional
         Gives a function from the bytes of another file to its positions, for one that `parse`
         would give the same faces; else, or if it does not look so at once, None.
@@ -74,23 +76,30 @@ class FrameFormat:
         Gives attributes, groups and parts of a file that `parse` reads, without face sizes. The
         notes gain a sentence on what is left out.
     parse_fields : function of the bytes of a file, optional
-        Gives all that the file has at vertices and faces. What is not of the surface, or changes
-        from file to file, are tracks.
+        Gives all that the file has at vertices, faces and corners. What changes from file to file,
+        or is said to be one, is a track.
+    same_fields : function of the bytes of a file, optional
+        Gives a function from the bytes of another file to whether it certainly has the same fields,
+        known without reading them.
     is_decimal : bool, default False
         Whether positions are decimal text without a declared type.
     has_corners_only : bool, default False
         Whether every triangle has three vertices of its own, which must be welded.
+    holds_tracks : set of Domain
+        Of which tracks files that are written hold some; others are left out, with a note.
     """
 
     ending: str
     title: str
     parse: Callable[[bytes], PolygonMesh]
-    encoder: Callable[[Faces, Surface, list[str]], Callable[[Vertices], bytes]] | None
+    encoder: Callable[..., Callable[..., bytes]] | None
     positions_like: Callable[[bytes, PolygonMesh], Callable[[bytes], Vertices | None]] | None = None
     parse_surface: Callable[[bytes, list[str]], Surface] | None = None
     parse_fields: Callable[[bytes], Fields] | None = None
+    same_fields: Callable[[bytes], Callable[[bytes], bool]] | None = None
     is_decimal: bool = False
     has_corners_only: bool = False
+    holds_tracks: frozenset[Domain] = NO_TRACKS
 
 
 @dataclass(frozen=True)
@@ -124,6 +133,9 @@ class SequenceFormat:
         Whether images are files in a folder beside, for the file cannot hold them itself.
     holds_tracks : set of Domain
         Of which tracks a file that is written holds; others are left out, with a note.
+    files_beside : function of a path and a number of frames, optional
+        Gives the files that are written beside, for the file names them; the `FrameStream` says
+        where `write` puts them.
     """
 
     ending: str
@@ -138,6 +150,35 @@ class SequenceFormat:
     holds_materials: bool = False
     has_image_folder: bool = False
     holds_tracks: frozenset[Domain] = NO_TRACKS
+    files_beside: Callable[[Path, int], list[Path]] | None = None
+
+
+@dataclass(frozen=True)
+class FolderFormat:
+    """A format whose sequences are folders of files of several kinds; they are written only.
+
+    Parameters
+    ----------
+    ending : str
+        Of the folder, in lower case, with the dot.
+    title : str
+        What people call it.
+    files : function of the path of the folder and `WriteOptions`
+        Gives the files that will be written. It refuses options that choose nothing there is.
+    write : function of a folder, the stem of names in it, a `FrameStream` and `WriteOptions`
+        Writes these files, under the same names, into that folder.
+    extra : Extra
+        The library that writing needs.
+    writes : set of WriteOption
+        Options of writing that have an effect on such a folder.
+    """
+
+    ending: str
+    title: str
+    files: Callable[[Path, WriteOptions], list[Path]]
+    write: Callable[[Path, str, FrameStream, WriteOptions], None]
+    extra: Extra
+    writes: frozenset[WriteOption] = frozenset()
 
 
 def scene_format(
@@ -152,6 +193,7 @@ def scene_format(
     holds_materials: bool = False,
     has_image_folder: bool = False,
     holds_tracks: frozenset[Domain] = NO_TRACKS,
+    files_beside: Callable[[Path, int], list[Path]] | None = None,
 ) -> SequenceFormat:
     """A format whose files hold one or several meshes, the faces of which may change.
 
@@ -163,5 +205,5 @@ def scene_format(
         reads=frozenset(reads | ({"allow_outside"} if names_files else set())),
         writes=writes, read_meshes=read_meshes,
         holds_materials=holds_materials, has_image_folder=has_image_folder,
-        holds_tracks=holds_tracks,
+        holds_tracks=holds_tracks, files_beside=files_beside,
     )  # fmt: skip

@@ -10,6 +10,7 @@ from meshreel.formats.frames.reading import open_frames, read_frames
 from meshreel.formats.frames.selection import with_attributes
 from meshreel.formats.kinds import SequenceFormat
 from meshreel.formats.options import ReadOptions
+from meshreel.formats.remote import at_hand
 from meshreel.formats.sources import Source, SourceFiles, find_files
 from meshreel.formats.supported_options import check_read_options
 from meshreel.runtime.profiling import staged
@@ -41,10 +42,12 @@ def load(
     Parameters
     ----------
     source : str, Path, or list or tuple of them
-        A file that holds a whole animation, such as ``.npz .reel .abc .usd .glb`` (`meshreel
-        formats` lists them all); one static mesh (``.obj .ply .off .stl``), which gives one
-        frame; a folder of frames of one ending; a pattern such as ``dir/*.obj``; or frame files
-        in their order. Folders and patterns are read in natural order (frame_2 before frame_10).
+        Files of this machine, or addresses such as ``s3://bucket/walk.abc`` (extra ``[remote]``),
+        which are downloaded. A file that holds a whole animation, such as ``.npz .reel .abc .usd
+        .glb`` (`meshreel formats` lists them all); one static mesh (``.obj .ply .off .stl``),
+        which gives one frame; a folder of frames of one ending; a pattern such as ``dir/*.obj``;
+        or frame files in their order. Folders and patterns are read in natural order (frame_2
+        before frame_10).
     fps : float, optional
         Frames per second, in place of what the file says; frame files say nothing, which is 0.
         Of a glTF file, or a USD file with keyed transforms or skins, how often its motion is
@@ -86,12 +89,15 @@ def load(
     FormatError
         If a file is of an unknown kind, is not what its ending says, or needs a library that is
         not installed.
+    StoreError
+        If a remote file is not there or cannot be reached.
     """
     options = ReadOptions(
         fps, object, merge, _path(topology), dataset, None, progress,
         notes if notes is not None else [], attributes, skip_bad, allow_outside,
     )  # fmt: skip
-    sequence = _opened(find_files(source), options)
+    with at_hand(source, options.notes) as files:
+        sequence = _opened(find_files(files), options)
     if not isinstance(sequence, MeshSequence):
         raise TypeError(f"a {type(sequence).__name__} was opened where all was to be loaded")
     return sequence

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 from meshreel.errors import FormatError
+from meshreel.formats.remote import fetch_beside
 
 
 def path_beside(named_in: Path, given: str, *, allow_outside: bool) -> Path:
@@ -28,7 +29,7 @@ def path_beside(named_in: Path, given: str, *, allow_outside: bool) -> Path:
         raise FormatError(f"names the file {given[:80]!r}, which is no path ({error})") from error
     if not (allow_outside or is_within(found, folder)):
         raise outside_error(given)
-    if not is_file:
+    if not is_file and not fetch_beside(found):
         raise FormatError(f"names the file {given!r}, which is not there")
     return found
 

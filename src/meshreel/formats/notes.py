@@ -1,11 +1,18 @@
 """Sentences on what is left out of an input or an output, in the same words for every format."""
 
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 
 from meshreel.surface import Attribute, FaceGroups, Surface
 
 LEFT_OUT = "left out: "
 """How a note begins that names something of the input that is in no output."""
+
+
+NORMALS_LEFT_OUT = f"{LEFT_OUT}normals, which programs compute"
+"""The note on stored normals."""
+
+UNCHANGING = "what is no track, for it is not seen to change"
+"""A kind of things that are left out: velocities and the like of one frame."""
 
 
 def note_left_out(notes: list[str], what: str) -> None:
@@ -49,7 +56,7 @@ def note_kinds(notes: list[str], kind: str, names: Iterable[str]) -> None:
 
 def note_normals(notes: list[str]) -> None:
     """Add to the notes that stored normals are left out."""
-    note_left_out(notes, "normals, which programs compute")
+    note_left_out(notes, NORMALS_LEFT_OUT.removeprefix(LEFT_OUT))
 
 
 def describe_cages(names: Sequence[str]) -> str:
@@ -179,6 +186,28 @@ def note_unwritten_tracks(
     """
     if found := list(names):
         notes.append(f"tracks left out: {listed(found)}: {ending} does not hold {which}")
+
+
+def note_track_name(name: str, called: str, ending: str, notes: list[str]) -> None:
+    """Add to the notes, once, that a track has another name in a file; nothing if it has not."""
+    note = f"track {name!r} is called {called!r} in {ending} files"
+    if name != called and note not in notes:
+        notes.append(note)
+
+
+def note_track_type(name: str, given: object, written: object, notes: list[str]) -> None:
+    """Add to the notes, once, that numbers of a track change their type; nothing if they do not."""
+    note = f"track {name!r} is written as {written}, not {given}"
+    if given != written and note not in notes:
+        notes.append(note)
+
+
+def note_unwritten_units(units: Mapping[str, str], ending: str, notes: list[str]) -> None:
+    """Add a sentence to the notes on units of tracks, by their names, that a file cannot hold."""
+    found = [f"{name} ({unit})" for name, unit in units.items() if unit]
+    note = f"units left out: {listed(found)}: {ending} does not hold them"
+    if found and note not in notes:
+        notes.append(note)
 
 
 def _named(one: Attribute | FaceGroups) -> str:

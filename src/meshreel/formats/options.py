@@ -87,19 +87,29 @@ def origin_of(sequence: "FrameSource | ReelFile") -> Origin | None:
 
 @dataclass(frozen=True)
 class WriteOptions:
-    """How a file is written; glTF has all choices, and ``.reel`` has `max_error`.
+    """How a file is written; which choices a format has is said with each.
 
     Parameters
     ----------
     targets : int, optional
-        How many morph targets the animation is made of.
+        Of glTF: how many morph targets the animation is made of.
     max_error : float or str, optional
-        How far no vertex may be off: percent of the diagonal of the bounding box of all frames, or
-        text that `meshreel.codec.error_bounds.bound_of` reads, such as "0.5u" for model units.
+        Of glTF, ``.vat`` and ``.reel``: how far no vertex may be off: percent of the diagonal of
+        the bounding box of all frames, or text that `meshreel.codec.error_bounds.bound_of` reads,
+        such as "0.5u" for model units.
         From the original, if the origin says how far off the frames are already.
     normals : bool, optional
-        Whether there are normals, moved by all morph targets. Default: smooth surfaces have them,
-        moved by as many targets as bring them near.
+        Of glTF: whether there are normals, moved by all morph targets. Default: smooth surfaces
+        have them, moved by as many targets as bring them near. Of ``.vat``: whether there is a
+        texture of them (default); of the layout "pca" as of glTF.
+    lossless : bool, default False
+        Of ``.reel``: whether positions and tracks come back bit for bit; excludes `max_error`.
+    layout : str, optional
+        Of ``.vat``: whose shaders play the textures, one of
+        `meshreel.formats.vat.layouts.LAYOUT_NAMES`; default "openvat".
+    textures : str, optional
+        Of ``.vat``: "exr" (default) for half floats, full ones if the error needs them; "png" for 8
+        bits, 16 if the error needs them. Not of the layout "pca".
     origin : Origin, optional
         Of frames that were decoded; default: they are the original.
     """
@@ -107,4 +117,7 @@ class WriteOptions:
     targets: int | None = None
     max_error: float | str | None = None
     normals: bool | None = None
+    lossless: bool = False
+    layout: str | None = None
+    textures: str | None = None
     origin: Origin | None = None

@@ -6,9 +6,15 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from meshreel.errors import FormatError, InvalidInputError
-from meshreel.formats.kinds import SequenceFormat
+from meshreel.formats.kinds import FolderFormat, SequenceFormat
+from meshreel.formats.notes import listed
 from meshreel.formats.options import WriteOptions
-from meshreel.formats.registry import FORMATS, format_of, is_written
+from meshreel.formats.registry import (
+    FOLDER_FORMATS,
+    format_of,
+    is_written,
+    written_endings,
+)
 from meshreel.formats.sources import AnyPath
 from meshreel.formats.supported_options import check_write_options
 from meshreel.runtime.outputs.checks import check_output_paths
@@ -56,13 +62,23 @@ def check_output(
         file that holds one, or an option or `start_number` has no effect.
     """
     path = Path(output)
+    if (found := FOLDER_FORMATS.get(path.suffix.lower())) is not None:
+        return _check_folder(
+            path, found, start_number, options, overwrite=overwrite, inputs=list(inputs)
+        )
     if path.is_dir() or str(output).endswith(("/", os.sep)):
         raise FormatError(
             f"{str(output)!r} is a folder, which says no format; give a pattern such as "
-            f"{path / 'frame_%04d.obj'}"
+            f"{path / 'frame_%04d.obj'}, or a name that ends in {', '.join(FOLDER_FORMATS)}"
         )
     paths = _files_of(path, n_frames, start_number)
-    check_write_options(format_of(path), options)
+    check_write_options(chosen := format_of(path), options)
+    inputs = list(inputs)
+    if isinstance(chosen, SequenceFormat) and chosen.files_beside is not None:
+        check_output_paths([path], overwrite=overwrite, inputs=inputs)
+        beside = chosen.files_beside(path, n_frames or 1)
+        check_output_paths(beside, overwrite=overwrite, inputs=inputs, makes_folder=True)
+        return [path, *beside]
     check_output_paths(paths, overwrite=overwrite, inputs=inputs, makes_folder=is_pattern(path))
     return paths
 
@@ -85,13 +101,45 @@ def numbering(output: AnyPath, wanted: range, start_number: int | None) -> int |
     return wanted.start if start_number is None and is_pattern(output) else start_number
 
 
+def _check_folder(
+    path: Path,
+    found: FolderFormat,
+    start_number: int | None,
+    options: WriteOptions,
+    *,
+    overwrite: bool,
+    inputs: list[Path],
+) -> list[Path]:
+    """The files of a folder, as `check_output` gives them.
+
+    Files of another run among them are refused: programs take what they find in a folder.
+    """
+    _check_start_number(path, start_number)
+    if NUMBER_FIELD.search(path.name):
+        raise InvalidInputError(
+            f"{path} has a number field, but a {found.ending} folder holds all frames; "
+            f"give a name such as {path.with_name(f'frames{path.suffix}')}"
+        )
+    check_write_options(found, options)
+    found.extra.load()
+    paths = found.files(path, options)
+    check_output_paths(paths, overwrite=overwrite, inputs=inputs, makes_folder=True)
+    endings = {one.suffix for one in paths} | {".png", ".exr"}
+    others = set(path.iterdir()) - set(paths) if path.is_dir() else set()
+    if alike := sorted(one.name for one in others if one.suffix.lower() in endings):
+        raise InvalidInputError(
+            f"{path} holds files that these are not to be mixed with: {listed(alike)}; "
+            "remove them, or name another folder"
+        )
+    return paths
+
+
 def _files_of(path: Path, n_frames: int | None, start_number: int | None) -> list[Path]:
     fields = list(NUMBER_FIELD.finditer(path.name))
     if not is_written(found := format_of(path)):
-        written = [one.ending for one in FORMATS.values() if is_written(one)]
         raise FormatError(
             f"{path}: {found.ending} files are read, but not written; "
-            f"written are {', '.join(written)}"
+            f"written are {', '.join(written_endings())}"
         )
     _check_start_number(path, start_number)
     if isinstance(found, SequenceFormat):

@@ -9,9 +9,10 @@ from pathlib import Path
 from typing import Any
 
 from meshreel.errors import FormatError
-from meshreel.formats.extras import ALEMBIC, HDF, USD
+from meshreel.formats.extras import ALEMBIC, HDF, OPEN_EXR, USD
 from meshreel.formats.kinds import (
     ALL_TRACKS,
+    FolderFormat,
     FrameFormat,
     Lazy,
     SequenceFormat,
@@ -23,6 +24,9 @@ from meshreel.surface import Domain
 COMPANION = ".obj"
 """Ending of the mesh that is written beside a point cache, and looked for there."""
 
+NOT_OF_CORNERS = frozenset({Domain.VERTEX, Domain.FACE})
+"""Domains of the tracks that VTK has a place for."""
+
 FRAME_FORMATS = {
     found.ending: found
     for found in (
@@ -33,7 +37,10 @@ FRAME_FORMATS = {
             Lazy("meshes.obj_writing:obj_encoder"),
             Lazy("meshes.obj:obj_positions_like"),
             Lazy("meshes.obj_surface:parse_obj_surface"),
+            Lazy("meshes.obj_surface:parse_obj_fields"),
+            Lazy("meshes.obj:obj_same_fields"),
             is_decimal=True,
+            holds_tracks=ALL_TRACKS,
         ),
         FrameFormat(
             ".ply",
@@ -42,6 +49,8 @@ FRAME_FORMATS = {
             Lazy("meshes.ply_writing:ply_encoder"),
             Lazy("meshes.ply:ply_positions_like"),
             Lazy("meshes.ply_surface:parse_ply_surface"),
+            Lazy("meshes.ply_surface:parse_ply_fields"),
+            holds_tracks=ALL_TRACKS,
         ),
         FrameFormat(
             ".off",
@@ -66,17 +75,19 @@ FRAME_FORMATS = {
             ".vtu",
             "VTK cells",
             Lazy("vtk.xml_file:parse_vtk_xml"),
-            None,
+            Lazy("vtk.xml_writing:vtu_encoder"),
             parse_surface=Lazy("vtk.xml_file:parse_vtk_xml_surface"),
             parse_fields=Lazy("vtk.xml_file:parse_vtk_xml_fields"),
+            holds_tracks=NOT_OF_CORNERS,
         ),
         FrameFormat(
             ".vtp",
             "VTK polygons",
             Lazy("vtk.xml_file:parse_vtk_xml"),
-            None,
+            Lazy("vtk.xml_writing:vtp_encoder"),
             parse_surface=Lazy("vtk.xml_file:parse_vtk_xml_surface"),
             parse_fields=Lazy("vtk.xml_file:parse_vtk_xml_fields"),
+            holds_tracks=NOT_OF_CORNERS,
         ),
         FrameFormat(
             ".vtk",
@@ -105,7 +116,7 @@ SEQUENCE_FORMATS = {
             "meshreel",
             Lazy("reel.reading:open_reel"),
             Lazy("reel.writing:write_reel"),
-            writes=frozenset({"max_error"}),
+            writes=frozenset({"max_error", "lossless"}),
             holds_materials=True,
             holds_tracks=ALL_TRACKS,
         ),
@@ -115,6 +126,7 @@ SEQUENCE_FORMATS = {
             Lazy("alembic.meshes:read_meshes"),
             Lazy("alembic.write:write_alembic"),
             ALEMBIC,
+            holds_tracks=ALL_TRACKS,
         ),
         *(
             scene_format(
@@ -126,6 +138,7 @@ SEQUENCE_FORMATS = {
                 names_files=True,
                 holds_materials=True,
                 has_image_folder=ending != ".usdz",
+                holds_tracks=ALL_TRACKS,
             )
             for ending, title in (
                 (".usd", "USD"),
@@ -183,16 +196,47 @@ SEQUENCE_FORMATS = {
             Lazy("vtk.vtkhdf:read_vtkhdf"),
             Lazy("vtk.vtkhdf_writer:write_vtkhdf"),
             HDF,
-            holds_tracks=frozenset({Domain.VERTEX, Domain.FACE}),
+            holds_tracks=NOT_OF_CORNERS,
         ),
         scene_format(
-            ".pvd", "ParaView collection", Lazy("vtk.pvd:read_pvd"), None, names_files=True
+            ".pvd",
+            "ParaView collection",
+            Lazy("vtk.pvd:read_pvd"),
+            Lazy("vtk.xml_writing:write_pvd"),
+            names_files=True,
+            holds_tracks=NOT_OF_CORNERS,
+            files_beside=Lazy("vtk.xml_writing:pvd_pieces"),
         ),
-        scene_format(".xdmf", "XDMF", Lazy("vtk.xdmf:read_xdmf"), None, HDF, names_files=True),
-        scene_format(".xmf", "XDMF", Lazy("vtk.xdmf:read_xdmf"), None, HDF, names_files=True),
+        *(
+            scene_format(
+                ending,
+                "XDMF",
+                Lazy("vtk.xdmf:read_xdmf"),
+                Lazy("vtk.xdmf_writing:write_xdmf"),
+                HDF,
+                names_files=True,
+                holds_tracks=NOT_OF_CORNERS,
+                files_beside=Lazy("vtk.xdmf_writing:xdmf_numbers"),
+            )
+            for ending in (".xdmf", ".xmf")
+        ),
     )
 }
 FORMATS: dict[str, FrameFormat | SequenceFormat] = {**FRAME_FORMATS, **SEQUENCE_FORMATS}
+FOLDER_FORMATS = {
+    found.ending: found
+    for found in (
+        FolderFormat(
+            ".vat",
+            "vertex animation textures",
+            Lazy("vat.folder:vat_files"),
+            Lazy("vat.folder:write_vat"),
+            OPEN_EXR,
+            frozenset({"layout", "textures", "max_error", "normals"}),
+        ),
+    )
+}
+"""Formats of outputs that are folders."""
 
 
 def format_of(path: Path) -> FrameFormat | SequenceFormat:
@@ -209,6 +253,22 @@ def format_of(path: Path) -> FrameFormat | SequenceFormat:
             f"{path}: the ending {ending or '(none)'} is not known; known are {', '.join(FORMATS)}"
         )
     return FORMATS[ending]
+
+
+def output_format_of(path: Path) -> FrameFormat | SequenceFormat | FolderFormat:
+    """The format that the ending of an output stands for, which may be a folder.
+
+    Raises
+    ------
+    FormatError
+        If it is none of those known.
+    """
+    return FOLDER_FORMATS.get(path.suffix.lower()) or format_of(path)
+
+
+def written_endings() -> list[str]:
+    """The endings of all outputs that can be written."""
+    return [*(one.ending for one in FORMATS.values() if is_written(one)), *FOLDER_FORMATS]
 
 
 def holds_meshes(path: str | os.PathLike[str]) -> bool:
@@ -228,13 +288,13 @@ def described_formats() -> list[dict[str, Any]]:
         {
             "ending": one.ending,
             "title": one.title,
-            "holds": "all frames" if isinstance(one, SequenceFormat) else "one frame",
-            "reads": True,
-            "writes": is_written(one),
+            "holds": "one frame" if isinstance(one, FrameFormat) else "all frames",
+            "reads": not isinstance(one, FolderFormat),
+            "writes": isinstance(one, FolderFormat) or is_written(one),
             "extra": extra.name if extra else None,
             "library": extra.library if extra else None,
             "is_installed": extra is None or extra.is_installed,
         }
-        for one in FORMATS.values()
-        for extra in [one.extra if isinstance(one, SequenceFormat) else None]
+        for one in (*FORMATS.values(), *FOLDER_FORMATS.values())
+        for extra in [None if isinstance(one, FrameFormat) else one.extra]
     ]

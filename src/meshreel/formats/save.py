@@ -11,11 +11,12 @@ import numpy.typing as npt
 from meshreel.counting import plural
 from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.frames.frame_stream import FrameStream
-from meshreel.formats.kinds import NO_TRACKS, FrameFormat, SequenceFormat
+from meshreel.formats.kinds import NO_TRACKS, FolderFormat, FrameFormat, SequenceFormat
 from meshreel.formats.notes import note_unwritten_look, note_unwritten_tracks
 from meshreel.formats.options import WriteOptions, origin_of
 from meshreel.formats.outputs import DEFAULT_OPTIONS, check_output, is_pattern, numbering
-from meshreel.formats.registry import FRAME_FORMATS, format_of
+from meshreel.formats.registry import FRAME_FORMATS, output_format_of
+from meshreel.formats.remote import uploaded
 from meshreel.formats.sources import AnyPath
 from meshreel.formats.surfaces.images import image_folder, image_names
 from meshreel.frame_choice import start_of
@@ -39,8 +40,8 @@ def save(
     options: WriteOptions = DEFAULT_OPTIONS,
     progress: Progress = silent,
     notes: list[str] | None = None,
-) -> list[Path]:
-    """The files written, in the order of the frames.
+) -> list[Path] | list[str]:
+    """The files written, in the order of the frames; of a remote output their addresses.
 
     All files appear together when the last one is complete; on an error none does.
 
@@ -51,9 +52,11 @@ def save(
         states is that against the original, as far as the stream promises one.
     output : str or Path
         ``name.npz``, ``.reel``, ``.abc``, ``.usd``, ``.glb`` and others for all frames in one
-        file (`meshreel formats` lists them); a pattern with a number field such as
+        file (`meshreel formats` lists them), or an address that ends so, such as
+        ``s3://bucket/walk.glb`` (extra ``[remote]``); a pattern with a number field such as
         ``dir/frame_%04d.obj`` for a file a frame, whose folder is made if it is missing; or
-        ``name.obj`` for a sequence of one frame. Images of ``name.usdc`` go into a folder
+        ``name.obj`` for a sequence of one frame; or ``name.vat`` for a folder of vertex animation
+        textures. Images of ``name.usdc`` go into a folder
         ``name_textures``.
     overwrite : bool, default False
         Whether files that are there already may be replaced. Those that the sequence is read from
@@ -78,17 +81,21 @@ def save(
     ------
     FormatError, InvalidInputError
         As `meshreel.formats.outputs.check_output`, before anything is written.
+    StoreError
+        If a remote output cannot be written.
     """
-    return save_part(
-        sequence,
-        range(sequence.n_frames),
-        output,
-        overwrite=overwrite,
-        start_number=start_number,
-        options=options,
-        progress=progress,
-        notes=notes,
-    )
+    with uploaded(output, overwrite=overwrite) as target:
+        written = save_part(
+            sequence,
+            range(sequence.n_frames),
+            target.local,
+            overwrite=overwrite,
+            start_number=start_number,
+            options=options,
+            progress=progress,
+            notes=notes,
+        )
+    return [target.name(path) for path in written] if target.is_remote else written
 
 
 @staged("writing")
@@ -199,7 +206,7 @@ def save_frames(
         inputs=inputs,
         options=options,
     )
-    found = format_of(paths[0])
+    found = output_format_of(Path(output))
     stream = FrameStream(
         blocks,
         faces,
@@ -212,32 +219,43 @@ def save_frames(
         notes=notes,
         tracks=_held_tracks(found, tracks or {}, notes),
     )
-    if not (isinstance(found, SequenceFormat) and found.holds_materials):
+    if isinstance(found, FrameFormat) or (
+        isinstance(found, SequenceFormat) and not found.holds_materials
+    ):
         note_unwritten_look(stream.surface, found.ending, stream.notes)
     images = _image_paths(found, paths[0], stream)
     with replace_all_when_done(
-        [*images, *paths], overwrite=overwrite, makes_folder=bool(images) or is_pattern(output)
+        [*images, *paths],
+        overwrite=overwrite,
+        makes_folder=bool(images) or is_pattern(output) or len(paths) > 1,
     ) as hidden:
+        if isinstance(found, FolderFormat):
+            found.write(hidden[0].parent, Path(output).stem, stream, options)
+            progress("writing", 1.0)
+            return paths
         for path, image in zip(hidden, stream.surface.images[: len(images)], strict=False):
             path.write_bytes(image.data)
         temporaries = hidden[len(images) :]
         if isinstance(found, SequenceFormat):
+            if found.files_beside is not None:
+                names = [path.relative_to(paths[0].parent).as_posix() for path in paths[1:]]
+                stream.beside = list(zip(names, temporaries[1:], strict=True))
             _write_sequence(found, temporaries, stream, options)
             progress("writing", 1.0)
             return [*paths, *images]
-        encode = _encoder(found, stream)
-        for frame, temporary in zip(stream.frames(), temporaries, strict=True):
-            temporary.write_bytes(encode(frame))
+        encode = frame_encoder(found, stream)
+        for index, (frame, temporary) in enumerate(zip(stream.frames(), temporaries, strict=True)):
+            temporary.write_bytes(encode(index, frame))
     return paths
 
 
 def _held_tracks(
-    found: FrameFormat | SequenceFormat,
+    found: FrameFormat | SequenceFormat | FolderFormat,
     tracks: Mapping[str, TrackSource],
     notes: list[str] | None,
 ) -> dict[str, TrackSource]:
     """The tracks that files of a format hold; the notes name the others."""
-    domains = found.holds_tracks if isinstance(found, SequenceFormat) else NO_TRACKS
+    domains = NO_TRACKS if isinstance(found, FolderFormat) else found.holds_tracks
     told = notes if notes is not None else []
     for missing in [one for one in Domain if one not in domains] if domains else []:
         names = [name for name, track in tracks.items() if track.domain is missing]
@@ -248,7 +266,7 @@ def _held_tracks(
 
 
 def _image_paths(
-    found: FrameFormat | SequenceFormat, path: Path, stream: FrameStream
+    found: FrameFormat | SequenceFormat | FolderFormat, path: Path, stream: FrameStream
 ) -> list[Path]:
     """Where the images go if they go into files of their own, which the stream is told."""
     images = stream.surface.images
@@ -266,12 +284,17 @@ def _write_sequence(
     if found.write is None:  # the output was checked
         raise FormatError(f"{found.ending} files are read, but not written")
     if found.companion:
-        encode = _encoder(FRAME_FORMATS[found.companion], stream)
-        paths[1].write_bytes(encode(stream.first))
+        encode = frame_encoder(FRAME_FORMATS[found.companion], stream)
+        paths[1].write_bytes(encode(0, stream.first))
     found.write(paths[0], stream, options)
 
 
-def _encoder(found: FrameFormat, stream: FrameStream) -> Callable[[Vertices], bytes]:
+def frame_encoder(found: FrameFormat, stream: FrameStream) -> Callable[[int, Vertices], bytes]:
+    """A function from the number and the positions of a frame to the bytes of its file."""
     if found.encoder is None:  # the output was checked
         raise FormatError(f"{found.ending} files are read, but not written")
-    return found.encoder(stream.faces, stream.surface, stream.notes)
+    if not found.holds_tracks:
+        encode = found.encoder(stream.faces, stream.surface, stream.notes)
+        return lambda index, frame: encode(frame)
+    encode_all = found.encoder(stream.faces, stream.surface, stream.notes, stream.tracks)
+    return lambda index, frame: encode_all(frame, stream.values(index))

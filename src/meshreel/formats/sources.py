@@ -11,6 +11,7 @@ from pathlib import Path
 from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.kinds import FrameFormat, SequenceFormat
 from meshreel.formats.registry import FORMATS, FRAME_FORMATS, format_of
+from meshreel.stores.address import refuse_address
 
 AnyPath = str | os.PathLike[str]
 Source = AnyPath | Sequence[AnyPath]
@@ -51,7 +52,11 @@ def find_files(source: Source) -> SourceFiles:
         If there is no such file or folder, the pattern matches nothing, or the list is empty.
     FormatError
         If the files are of no known format or of several.
+    StoreError
+        If it is a remote address.
     """
+    for one in [source] if isinstance(source, str | os.PathLike) else source:
+        refuse_address(one, "what is opened here")
     if not isinstance(source, str | os.PathLike):
         return _from_list([Path(path) for path in source])
     path = Path(source)

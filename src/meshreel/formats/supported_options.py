@@ -7,10 +7,16 @@ from pathlib import Path
 from typing import get_args
 
 from meshreel.errors import InvalidInputError
-from meshreel.formats.kinds import FrameFormat, ReadOption, SequenceFormat, WriteOption
+from meshreel.formats.kinds import (
+    FolderFormat,
+    FrameFormat,
+    ReadOption,
+    SequenceFormat,
+    WriteOption,
+)
 from meshreel.formats.notes import listed
 from meshreel.formats.options import ReadOptions, WriteOptions
-from meshreel.formats.registry import FORMATS
+from meshreel.formats.registry import FOLDER_FORMATS, FORMATS
 
 
 def supports(path: str | os.PathLike[str], option: ReadOption) -> bool:
@@ -53,7 +59,9 @@ def check_read_options(found: FrameFormat | SequenceFormat, options: ReadOptions
     _check(found, asked)
 
 
-def check_write_options(found: FrameFormat | SequenceFormat, options: WriteOptions) -> None:
+def check_write_options(
+    found: FrameFormat | SequenceFormat | FolderFormat, options: WriteOptions
+) -> None:
     """Refuse options that have no effect on writing files of a format.
 
     Raises
@@ -65,20 +73,24 @@ def check_write_options(found: FrameFormat | SequenceFormat, options: WriteOptio
     _check(found, [one.name for one in choices if getattr(options, one.name) != one.default])
 
 
-def _check(found: FrameFormat | SequenceFormat, asked: Iterable[str]) -> None:
+def _check(found: FrameFormat | SequenceFormat | FolderFormat, asked: Iterable[str]) -> None:
     for option in asked:
         if option not in _supported(found):
-            raise _no_effect(option, f"a {found.ending} file")
+            kind = "folder" if isinstance(found, FolderFormat) else "file"
+            raise _no_effect(option, f"a {found.ending} {kind}")
 
 
-def _supported(found: FrameFormat | SequenceFormat) -> frozenset[str]:
+def _supported(found: FrameFormat | SequenceFormat | FolderFormat) -> frozenset[str]:
     """The options of reading and writing that a format supports."""
+    if isinstance(found, FolderFormat):
+        return found.writes
     return found.reads | found.writes if isinstance(found, SequenceFormat) else frozenset()
 
 
 def _no_effect(option: str, inputs: str) -> InvalidInputError:
     """The error for an option, as people write it in a command and in Python."""
-    allowed = [one.ending for one in FORMATS.values() if option in _supported(one)]
+    every = (*FORMATS.values(), *FOLDER_FORMATS.values())
+    allowed = [one.ending for one in every if option in _supported(one)]
     return InvalidInputError(
         f"--{option.replace('_', '-')} ({option}=) has no effect on {inputs}; "
         f"it is for {', '.join(allowed)}"

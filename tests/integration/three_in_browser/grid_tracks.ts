@@ -38,6 +38,24 @@ function itemsOf(domain: string, nVerts: number, { triangles, faceSizes }: Surfa
   return found;
 }
 
+/** Some columns of the fields of a block. */
+function columnsOf(block: TrackFields, wanted?: readonly number[]): TrackFields {
+  if (!wanted) return block;
+  const { nColumns, origin, weights, correctionOffsets } = block;
+  const chosen = (rows: Float32Array) =>
+    Float32Array.from({ length: (rows.length / nColumns) * wanted.length }, (_, i) => {
+      const [row, column] = [Math.floor(i / wanted.length), wanted[i % wanted.length]];
+      return rows[row * nColumns + column];
+    });
+  return {
+    ...block,
+    nColumns: wanted.length,
+    origin: wanted.map((column) => origin[column]),
+    weights: chosen(weights),
+    correctionOffsets: chosen(correctionOffsets),
+  };
+}
+
 /** A track as of an open file; blocks that are `damaged` cannot be had. */
 export function gridTrack(
   name: TrackName,
@@ -101,8 +119,8 @@ export function gridTrack(
       });
       return found;
     },
-    fields: async (number) => {
-      if (!damaged.includes(number)) return block(number);
+    fields: async (number, { columns: wanted } = {}) => {
+      if (!damaged.includes(number)) return columnsOf(block(number), wanted);
       throw Object.assign(new Error(`track in block ${number}`), { name: "CorruptStreamError" });
     },
   };

@@ -3,6 +3,7 @@
 import json
 import os
 import signal
+from pathlib import Path
 
 import pytest
 
@@ -10,9 +11,10 @@ import meshreel
 from meshreel.batch.encode_input import EncodeOptions, encode_input
 from meshreel.batch.manifest import MANIFEST_NAME
 from meshreel.batch.plan import plan_batch
+from meshreel.batch.report import REPORT_NAME
 from meshreel.batch.run import run_batch
 from meshreel.codec.config import EncoderConfig
-from meshreel.errors import InvalidInputError
+from meshreel.errors import InvalidInputError, WorkerDiedError
 from meshreel.runtime.engine.engine import Engine, open_engine
 from samples.clusters import local_cluster
 from samples.engines import InlineWorkers
@@ -52,7 +54,7 @@ def files(out):
 def test_run_writes_the_streams_that_encode_gives_in_the_same_sub_folders(inputs, out):
     report = run(inputs, out)
     assert report.summary == "0 up to date, 2 encoded, 0 failed"
-    assert files(out) == {MANIFEST_NAME, "walk.reel", "a/cloth.reel"}
+    assert files(out) == {MANIFEST_NAME, REPORT_NAME, "walk.reel", "a/cloth.reel"}
     for name, stream in (("walk.npz", "walk.reel"), ("a/cloth", "a/cloth.reel")):
         expected = meshreel.encode(meshreel.load(inputs / name), quality=60)
         assert (out / stream).read_bytes() == expected
@@ -151,7 +153,7 @@ def test_failing_input_is_reported_and_the_others_go_on(inputs, out):
     assert facts(out)["bad.npz"]["state"] == "failed"
     assert facts(out)["bad.npz"]["error"].startswith("is not a numpy archive")
     assert facts(out)["bad.npz"]["size_bytes"] is None
-    assert files(out) == {MANIFEST_NAME, "walk.reel", "a/cloth.reel"}
+    assert files(out) == {MANIFEST_NAME, REPORT_NAME, "walk.reel", "a/cloth.reel"}
 
 
 def test_failed_input_is_tried_again(inputs, out):
@@ -294,7 +296,7 @@ def check_deaths(inputs, out, engine, monkeypatch):
     assert set(report.encoded) == {"walk.npz", "a/cloth", "dies_once.npz"}
     assert set(report.failed) == {"deadly.npz"}
     assert "died of it" in report.failed["deadly.npz"].error
-    assert files(out) == {MANIFEST_NAME, "walk.reel", "a/cloth.reel", "dies_once.reel"}
+    assert files(out) == {MANIFEST_NAME, REPORT_NAME, "walk.reel", "a/cloth.reel", "dies_once.reel"}
 
 
 @pytest.mark.slow
@@ -362,3 +364,67 @@ def test_input_that_kills_its_workers_fails_alone_on_a_cluster(
     inputs, out, monkeypatch, cluster_engine
 ):
     check_deaths(inputs, out, cluster_engine, monkeypatch)
+
+
+class TightWorkers(InlineWorkers):
+    """Workers whose memory is too little for blocks of the share that is asked for at first."""
+
+    def __init__(self, error, least_share):
+        super().__init__()
+        self.error, self.least_share, self.elsewhere = error, least_share, []
+
+    def submit(self, function, /, source, options, version):
+        def call():
+            is_large = source.endswith("walk.npz") and options.block_share > self.least_share
+            if is_large:
+                raise self.error
+            return function(source, options, version)
+
+        return super().submit(call)
+
+    def submit_elsewhere(self, error, function, /, *args):
+        self.elsewhere.append(args[1].block_share)
+        return self.submit(function, *args)
+
+
+@pytest.mark.parametrize(
+    ("error", "shares"),
+    [(MemoryError(), [1 / 4, 1 / 16]), (WorkerDiedError("died of it"), [1 / 16])],
+)
+def test_input_is_tried_in_smaller_blocks_elsewhere_when_memory_ran_out(inputs, out, error, shares):
+    meshreel.save(waving_grid(40), inputs / "walk.npz", overwrite=True)
+    workers = TightWorkers(error, 1 / 16)
+    report = run_batch(plan_batch(inputs, out, OPTIONS), Engine(workers))
+    assert report.summary == "0 up to date, 2 encoded, 0 failed"
+    assert workers.elsewhere == shares
+    [note] = report.encoded["walk.npz"].notes
+    assert "too little for blocks of 40 frames; coded in blocks of 2" in note
+    assert set(meshreel.info(out / "walk.reel").block_frames) == {2}
+    assert report.encoded["a/cloth"].notes == []
+    assert run(inputs, out).summary == "2 up to date, 0 encoded, 0 failed"
+
+
+def test_input_fails_alone_when_memory_is_too_little_for_small_blocks_too(inputs, out):
+    report = run_batch(plan_batch(inputs, out, OPTIONS), Engine(TightWorkers(MemoryError(), 0)))
+    assert set(report.encoded) == {"a/cloth"}
+    assert "not enough memory, in smaller blocks either" in report.failed["walk.npz"].error
+
+
+def test_long_inputs_are_encoded_first(inputs, out):
+    for name, n_frames in (("b", 30), ("c", 60), ("d", 20)):
+        meshreel.save(waving_grid(n_frames), inputs / f"{name}.npz")
+    workers = InlineWorkers()
+    run_batch(plan_batch(inputs, out, OPTIONS), Engine(workers))
+    names = [Path(source).stem for source, *_ in workers.calls]
+    assert [name for name in names if name in "bcd"] == ["c", "b", "d"]
+
+
+def test_manifest_sums_up_its_records(inputs, out):
+    (inputs / "bad.npz").write_bytes(b"no archive")
+    run(inputs, out)
+    found = json.loads((out / MANIFEST_NAME).read_text())
+    done = [one for one in found["inputs"].values() if one["state"] == "done"]
+    assert found["summary"]["done"] == 2
+    assert found["summary"]["failed"] == 1
+    assert found["summary"]["size_bytes"] == sum(one["size_bytes"] for one in done)
+    assert found["summary"]["max_error_percent"] == max(one["max_error_percent"] for one in done)

@@ -6,6 +6,8 @@ import pytest
 
 from meshreel.batch.discovery import find_inputs
 from meshreel.errors import InvalidInputError
+from meshreel.formats.save import save
+from samples.meshes import waving_grid
 
 
 @pytest.fixture
@@ -120,3 +122,17 @@ def test_fingerprint_stays_when_the_folder_is_moved(folder):
     put(folder.with_name("moved"), "cloth/readme.txt")
     [after] = find_inputs(folder.with_name("moved"))
     assert after.fingerprint() == old
+
+
+@pytest.mark.parametrize("ending", [".pvd", ".xdmf"])
+def test_files_that_a_sequence_names_are_part_of_it_when_we_wrote_them(tmp_path, ending):
+    if ending == ".xdmf":
+        pytest.importorskip("h5py")
+    written = save(waving_grid(3), tmp_path / f"walk{ending}")
+    [found] = find_inputs(tmp_path)
+    assert found.name == f"walk{ending}"
+    assert set(found.files) == set(written)
+    written[0].unlink()
+    assert [one.name for one in find_inputs(tmp_path)] == [
+        "walk_frames" if ending == ".pvd" else "walk.xdmf.h5"
+    ]

@@ -20,7 +20,8 @@ ENDINGS = [one.ending for one in WRITTEN]
 APPROXIMATE = {".glb", ".gltf", ".reel"}
 TRIANGLES = {".glb", ".gltf", ".stl"}
 TIMELESS = {".pc2"}
-WITHOUT_UV = {".off", ".stl", ".ply"}
+WITHOUT_UV = {".off", ".stl", ".ply", ".pvd", ".vtp", ".vtu", ".xdmf", ".xmf"}
+"""Of corners, which the sheet has."""
 ERROR = 1e-3
 """Of the diagonal; what formats that approximate are asked for, twice over."""
 

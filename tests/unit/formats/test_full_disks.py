@@ -4,11 +4,18 @@ import json
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
 import meshreel
-from meshreel.formats.registry import FORMATS, SEQUENCE_FORMATS, is_written
+from meshreel.formats.registry import (
+    FOLDER_FORMATS,
+    FORMATS,
+    FRAME_FORMATS,
+    is_written,
+    output_format_of,
+)
 from samples.commands import assert_fails
 from samples.costs import slow_but
 from samples.meshes import waving_grid
@@ -41,8 +48,20 @@ for line in sys.stdin:
 the limit of the line; Python itself ignores the signal that comes of it. Imports are done once,
 and nothing else, for a process that has threads must not be forked."""
 
-LARGE = (".npz", ".abc", ".usd", ".usda", ".usdc", ".usdz", ".pc2", ".mdd", ".h5", ".vtkhdf")
-WRITTEN = [ending for ending, one in FORMATS.items() if is_written(one)]
+LARGE = (
+    ".vat",
+    ".npz",
+    ".abc",
+    ".usd",
+    ".usda",
+    ".usdc",
+    ".usdz",
+    ".pc2",
+    ".mdd",
+    ".h5",
+    ".vtkhdf",
+)
+WRITTEN = [*(ending for ending, one in FORMATS.items() if is_written(one)), *FOLDER_FORMATS]
 
 
 @pytest.fixture(scope="module")
@@ -82,10 +101,10 @@ def limited():
 def test_convert_names_the_file_and_leaves_none_when_it_grows_too_large(
     limited, reel, tmp_path, ending, limit
 ):
-    extra = getattr(FORMATS[ending], "extra", None)
+    extra = getattr(output_format_of(Path(f"walk{ending}")), "extra", None)
     if extra is not None and not extra.is_installed:
         pytest.skip(f"{extra.library} is not installed")
-    name = f"walk{ending}" if ending in SEQUENCE_FORMATS else f"walk_%d{ending}"
+    name = f"walk_%d{ending}" if ending in FRAME_FORMATS else f"walk{ending}"
     done = limited(limit, "convert", reel, "-o", tmp_path / name)
     assert_fails(done, "walk")
     assert list(tmp_path.iterdir()) == []

@@ -136,6 +136,7 @@ def test_save_refuses_a_start_when_it_has_no_effect(tmp_path, make_sequence, nam
     [
         ("a.npz", WriteOptions(targets=3), r"--targets \(targets=\).* \.npz .* \.glb, \.gltf"),
         ("a.reel", WriteOptions(normals=True), r"--normals .* \.reel file"),
+        ("a.glb", WriteOptions(lossless=True), r"--lossless .* \.glb file; it is for \.reel$"),
         ("f_%d.obj", WriteOptions(max_error=1), r"--max-error .* \.reel, \.glb, \.gltf"),
     ],
 )
@@ -153,6 +154,21 @@ def test_save_keeps_and_notes_the_error_when_it_writes_a_stream(tmp_path, make_s
     found = meshreel.compare(waving_grid(), load(path)).max_error_percent
     assert found <= 0.2
     assert notes[0].startswith(f"coded with a largest error of {found:.4f} % of the diagonal")
+
+
+def test_save_writes_a_lossless_stream_when_it_is_asked_for_one(tmp_path):
+    notes = []
+    path = tmp_path / "a.reel"
+    save(waving_grid(), path, options=WriteOptions(lossless=True), notes=notes)
+    assert path.read_bytes() == meshreel.encode(waving_grid(), lossless=True)
+    assert notes == ["coded bit for bit"]
+    with pytest.raises(InvalidInputError, match="lossless= keeps every bit, so that max_error="):
+        save(
+            waving_grid(),
+            path,
+            overwrite=True,
+            options=WriteOptions(lossless=True, max_error=1),
+        )
 
 
 @pytest.mark.parametrize("name", ["a.npz", "a.h5", "f_%d.ply"])

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -5,8 +7,10 @@ from meshreel.errors import InvalidInputError
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.save import save
 from meshreel.formats.stretches import find_stretches
+from meshreel.tracks import Track
 from samples.datasets import positions_of
 from samples.meshes import quad_sheet, waving_grid
+from samples.tracks import assert_same_tracks
 
 
 @pytest.fixture
@@ -41,3 +45,16 @@ def test_stretches_are_one_when_faces_never_change(tmp_path):
 def test_stretches_are_refused_when_nothing_is_there(tmp_path):
     with pytest.raises(InvalidInputError, match="there is no file"):
         find_stretches(tmp_path / "none.abc", ReadOptions())
+
+
+@pytest.mark.parametrize("ending", [".ply", ".vtp"])
+def test_each_stretch_has_its_tracks_when_faces_change(tmp_path, ending):
+    rng = np.random.default_rng(4)
+    wholes = []
+    for name, sheet in (("a", waving_grid(3)), ("b", quad_sheet(2))):
+        heat = rng.random((sheet.n_frames, sheet.n_verts)).astype(np.float32)
+        wholes.append(replace(sheet, tracks={"heat": Track(heat)}))
+        save(wholes[-1], tmp_path / f"{name}_%02d{ending}")
+    found = [one.open() for one in find_stretches(tmp_path, ReadOptions())]
+    for one, whole in zip(found, wholes, strict=True):
+        assert_same_tracks(one.tracks, whole.tracks)

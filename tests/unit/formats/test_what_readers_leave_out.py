@@ -144,26 +144,17 @@ def test_spare_bytes_are_named_when_an_stl_file_uses_them(tmp_path):
     ]
 
 
-@pytest.mark.parametrize("changed", [1, 2, 4])
-def test_changes_are_named_when_colours_of_frames_differ(tmp_path, changed):
-    texts = [OBJ.format(a=" 1 0 0" if i == changed else " 0 0 1", u=0) for i in range(5)]
+def test_changes_are_named_when_materials_of_frames_differ(tmp_path):
+    texts = [OBJ.format(a="", u=0).replace("f 1/1", f"usemtl m{i}\nf 1/1") for i in range(3)]
     changing_frames(tmp_path, ".obj", texts)
-    said = left_out(tmp_path)
-    assert said == ["changes over time of color, kept as in the first frame"]
+    assert left_out(tmp_path) == ["changes over time of material, kept as in the first frame"]
 
 
-def test_changes_are_named_when_coordinates_of_frames_differ(tmp_path):
-    changing_frames(tmp_path, ".obj", [OBJ.format(a="", u=i / 9) for i in range(3)])
-    assert left_out(tmp_path) == ["changes over time of uv, kept as in the first frame"]
-
-
-def test_changes_are_named_when_columns_of_frames_differ(tmp_path):
-    rows = "0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n"
-    plain = PLY.format(properties="", face_properties="", elements="") + rows
-    heat = PLY.format(properties="property float heat\n", face_properties="", elements="")
-    heat += "0 0 0 1\n1 0 0 2\n0 1 0 3\n3 0 1 2\n"
-    changing_frames(tmp_path, ".ply", [plain, heat, plain])
-    assert left_out(tmp_path) == ["changes over time of heat, kept as in the first frame"]
+def test_changes_are_named_when_colours_of_off_files_differ(tmp_path):
+    rows = "0 0 0 {0}\n1 0 0 {0}\n0 1 0 {0}\n3 0 1 2\n"
+    texts = ["COFF\n3 1 0\n" + rows.format(f"{i} 0 0 255") for i in range(3)]
+    changing_frames(tmp_path, ".off", texts)
+    assert left_out(tmp_path) == ["changes over time of color, kept as in the first frame"]
 
 
 def test_nothing_is_named_when_frames_carry_the_same(tmp_path):
@@ -173,8 +164,9 @@ def test_nothing_is_named_when_frames_carry_the_same(tmp_path):
 
 def test_few_frames_are_compared_when_files_are_large(tmp_path, monkeypatch):
     monkeypatch.setattr("meshreel.formats.frames.mesh_files.COMPARED_BYTES", 1)
-    texts = [OBJ.format(a=f" 0 0 {i / 64}", u=0) for i in range(40)]
-    changing_frames(tmp_path, ".obj", texts)
+    rows = "0 0 0 {0}\n1 0 0 {0}\n0 1 0 {0}\n3 0 1 2\n"
+    texts = ["COFF\n3 1 0\n" + rows.format(f"{i} 0 0 255") for i in range(40)]
+    changing_frames(tmp_path, ".off", texts)
     assert left_out(tmp_path) == ["changes over time of color, kept as in the first frame"]
 
 
@@ -268,7 +260,7 @@ def test_what_a_stage_holds_is_named_when_it_is_not_taken(tmp_path):
         "1 Camera, 1 DistantLight",
         "primvars for a whole mesh: tag",
         "normals, which programs compute",
-        "fields that change over time: velocities",
+        "what is no track, for it is not seen to change: velocities",
         "primvars that do not fit their faces: part",
     ]
 

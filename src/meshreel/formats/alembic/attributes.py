@@ -1,6 +1,6 @@
 """Texture coordinates, colours, other attributes and groups of an Alembic mesh."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 
 import numpy as np
 import numpy.typing as npt
@@ -10,9 +10,12 @@ from meshreel.formats.alembic.ogawa import damaged
 from meshreel.formats.alembic.params import GeometryParam
 from meshreel.formats.alembic.time_sampling import between
 from meshreel.formats.alembic.winding import turned_corners
-from meshreel.formats.notes import note_frozen, note_kinds, note_moving, note_normals
+from meshreel.formats.notes import UNCHANGING, note_kinds, note_moving, note_normals
 from meshreel.formats.surfaces.polygons import PolygonMesh
-from meshreel.surface import MAX_NUMBERS, Attribute, Domain, FaceGroups, Kind, Surface
+from meshreel.surface import MAX_NUMBERS, Attribute, Domain, FaceGroups, Surface
+
+NORMALS, VELOCITIES = "N", ".velocities"
+"""Names of properties of a mesh."""
 
 NO_GROUP = ""
 """Label of faces that are in no group."""
@@ -21,12 +24,16 @@ Properties = Mapping[str, Property]
 
 
 def read_attributes(
-    geometry: Properties, mesh: PolygonMesh, time_s: float, notes: list[str]
+    geometry: Properties,
+    mesh: PolygonMesh,
+    time_s: float,
+    notes: list[str],
+    moving: Collection[str] = (),
 ) -> Surface:
     """The surface of a mesh at a time; notes gain a sentence on what is left out of it.
 
-    Numbers become attributes, and texts of faces become groups. What changes over time cannot be
-    carried, but for texture coordinates and colours, which are taken as they are at that time.
+    Numbers become attributes, and texts of faces become groups. Texts that change over time cannot
+    be carried.
 
     Parameters
     ----------
@@ -36,28 +43,32 @@ def read_attributes(
         Its faces, in meshreel's order.
     time_s : float
     notes : list of str
+    moving : collection of str, optional
+        Names of the properties that are passed over, for they are tracks.
     """
     own = [geometry["uv"]] if "uv" in geometry else []
     other = geometry[".arbGeomParams"].properties if ".arbGeomParams" in geometry else {}
     attributes: list[Attribute] = []
     groups: list[FaceGroups] = []
-    held, moving, whole, unfit = (list[str]() for _ in range(4))
+    changing, whole, unfit = (list[str]() for _ in range(3))
     for found in [*own, *other.values()]:
         param = GeometryParam(found, time_s)
+        if found.header.name in moving:
+            continue
         if param.domain is None and found not in own:
             whole.append(param.name)
         elif (attribute := _attribute(param, mesh)) is not None:
             attributes.append(attribute)
-            held += [] if param.is_constant else [param.name]
         elif (sorted_faces := _groups(param, mesh)) is not None:
             groups.append(sorted_faces)
         else:
-            (unfit if param.is_constant else moving).append(param.name)
-    note_frozen(notes, held)
-    note_moving(notes, [*moving, *(["velocities"] if ".velocities" in geometry else [])])
+            (unfit if param.is_constant else changing).append(param.name)
+    note_moving(notes, changing)
+    if VELOCITIES in geometry and VELOCITIES not in moving:
+        note_kinds(notes, UNCHANGING, ["velocities"])
     note_kinds(notes, "values for a whole mesh", whole)
     note_kinds(notes, "what is neither numbers nor a text for each face", unfit)
-    if "N" in geometry:
+    if NORMALS in geometry and NORMALS not in moving:
         note_normals(notes)
     return Surface(attributes=tuple(attributes), groups=tuple(groups))
 
@@ -90,27 +101,27 @@ def read_face_sets(
 
 
 def _attribute(param: GeometryParam, mesh: PolygonMesh) -> Attribute | None:
-    if param.width > MAX_NUMBERS or (param.kind is Kind.OTHER and not param.is_constant):
+    if param.width > MAX_NUMBERS:
         return None
     if (values := param.numbers()) is None:
         return None
     indices = param.indices(len(values))
-    domain = _domain(param, len(values) if indices is None else len(indices), mesh)
+    domain = domain_of(param.domain, len(values) if indices is None else len(indices), mesh)
     if domain is Domain.CORNER:
         turned = turned_corners(mesh.counts)
         values, indices = (values[turned], None) if indices is None else (values, indices[turned])
     return None if domain is None else Attribute(param.name, param.kind, domain, values, indices)
 
 
-def _domain(param: GeometryParam, n_values: int, mesh: PolygonMesh) -> Domain | None:
+def domain_of(said: Domain | None, n_values: int, mesh: PolygonMesh) -> Domain | None:
     """The domain that the file says, or another one that has as many items."""
     n_items = {
         Domain.VERTEX: len(mesh.vertices),
         Domain.CORNER: len(mesh.corners),
         Domain.FACE: len(mesh.counts),
     }
-    said = [param.domain] if param.domain else []
-    return next((one for one in [*said, *n_items] if n_items[one] == n_values), None)
+    first = [said] if said else []
+    return next((one for one in [*first, *n_items] if n_items[one] == n_values), None)
 
 
 def _groups(param: GeometryParam, mesh: PolygonMesh) -> FaceGroups | None:

@@ -1,6 +1,6 @@
 """The meshes of an Alembic file."""
 
-from collections.abc import Hashable
+from collections.abc import Hashable, Mapping
 from dataclasses import replace
 from functools import cached_property, partial
 from pathlib import Path
@@ -22,6 +22,7 @@ from meshreel.formats.alembic.hierarchy import (
 )
 from meshreel.formats.alembic.ogawa import damaged
 from meshreel.formats.alembic.time_sampling import Times, between
+from meshreel.formats.alembic.track_reading import MeshTracks
 from meshreel.formats.alembic.transforms import Matrix, placed, world_matrix
 from meshreel.formats.alembic.winding import turned_corners
 from meshreel.formats.notes import GatheredNote, describe_cages, note_left_out
@@ -32,6 +33,7 @@ from meshreel.formats.scenes.timing import frame_times
 from meshreel.formats.surfaces.polygons import PolygonMesh, polygon_mesh
 from meshreel.sequence import Vertices
 from meshreel.surface import Surface
+from meshreel.tracks import TrackSource
 
 POINTS, CORNERS, COUNTS = "P", ".faceIndices", ".faceCounts"
 
@@ -83,6 +85,7 @@ class _AnimatedMesh:
         self._points, self._corners, self._counts = (
             self._properties[name] for name in (POINTS, CORNERS, COUNTS)
         )
+        self._carried = MeshTracks(node.path, self._properties, notes)
         self._times_s = self._sample_times()
         self._known: tuple[Hashable, PolygonMesh] | None = None
 
@@ -91,21 +94,37 @@ class _AnimatedMesh:
         sampling, fps = self._points.sampling, None
         if len(self._times_s) == 1 and sampling.is_uniform and self._points.header.sampling:
             fps = frame_times(sampling.times(2)).fps  # a single frame says no rate otherwise
-        return SceneMesh(self._node.path, self._times_s, self._frame, self._surface, fps)
+        return SceneMesh(
+            self._node.path, self._times_s, self._frame, self._surface, fps, self._tracks
+        )
 
     def _sample_times(self) -> Times:
-        """When points, faces or a transform above change."""
+        """When points, faces or a transform above change; if none does, what the mesh carries."""
         own = (self._points, self._corners, self._counts)
         above = (one for transform in self._node.chain for one in transform.times_s)
-        return united_times([*(one.times_s for one in own), *above])
+        times = united_times([*(one.times_s for one in own), *above])
+        return times if len(times) > 1 else united_times([times, *self._carried.times_s])
 
     def _frame(self, index: int) -> PolygonMesh:
         time_s = float(self._times_s[index])
         points = self._points_at(time_s)
         faces = self._faces_at(time_s, points)
-        is_moved = any(transform.times_s for transform in self._node.chain)
-        world = world_matrix(self._node.chain, time_s) if is_moved else self._still_world
-        return PolygonMesh(placed(points, world), faces.counts, faces.corners)
+        return PolygonMesh(placed(points, self._world(time_s)), faces.counts, faces.corners)
+
+    def _tracks(self, frames: range) -> Mapping[str, TrackSource]:
+        times = self._times_s[frames.start : frames.stop]
+        first = float(times[0])
+        mesh = self._faces_at(first, self._points_at(first))
+        return self._carried.tracks(
+            times, mesh, self._world, self._times_s, is_moved=self._is_moved
+        )
+
+    @cached_property
+    def _is_moved(self) -> bool:
+        return any(transform.times_s for transform in self._node.chain)
+
+    def _world(self, time_s: float) -> Matrix:
+        return world_matrix(self._node.chain, time_s) if self._is_moved else self._still_world
 
     @cached_property
     def _still_world(self) -> Matrix:
@@ -139,7 +158,8 @@ class _AnimatedMesh:
     def _surface(self, index: int) -> Surface:
         time_s = float(self._times_s[index])
         mesh = self._faces_at(time_s, self._points_at(time_s))
-        surface = read_attributes(self._properties, mesh, time_s, self._notes)
+        moving = self._carried.moving
+        surface = read_attributes(self._properties, mesh, time_s, self._notes, moving)
         if "visible" in self._node.object.properties:
             note_left_out(self._notes, f"visibility of {self._node.path}")
         if self._node.schema == SUBDIVISION:

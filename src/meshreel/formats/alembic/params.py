@@ -8,7 +8,7 @@ import numpy.typing as npt
 
 from meshreel.formats.alembic.archive import Property
 from meshreel.formats.alembic.ogawa import damaged
-from meshreel.formats.alembic.time_sampling import between
+from meshreel.formats.alembic.time_sampling import Times, between
 from meshreel.surface import VALUE_TYPES, Domain, Kind
 
 DOMAINS = {"vtx": Domain.VERTEX, "var": Domain.VERTEX, "uni": Domain.FACE, "fvr": Domain.CORNER}
@@ -74,6 +74,35 @@ class GeometryParam:
         if len(numbers) % self.width:
             raise damaged(f"{self.name} has {len(numbers)} numbers, {self.width} to a value")
         return _allowed(numbers.reshape(-1, self.width))
+
+    def every_number(self) -> npt.NDArray[Any] | None:
+        """Values of all items, of shape (N, width), in a type of tracks; None if none fits."""
+        if self._values.header.dtype is None or self.width == 0:
+            return None
+        numbers = self._values.numbers(self._sample(self._values)).ravel()
+        if numbers.dtype == np.float16:
+            numbers = numbers.astype(np.float32)
+        if len(numbers) == 0 or len(numbers) % self.width:
+            return None
+        values = numbers.astype(numbers.dtype.newbyteorder("=")).reshape(-1, self.width)
+        indices = self.indices(len(values))
+        return values if indices is None else values[indices]
+
+    @property
+    def times_s(self) -> Times:
+        """When its values or the indices of them are sampled, ascending."""
+        times = [self._values.times_s, *([self._rows.times_s] if self._rows is not None else [])]
+        moving = [one for one in times if len(one) > 1]
+        return np.unique(np.concatenate(moving)) if moving else times[0][:1]
+
+    def said(self, what: str) -> str:
+        """An entry of its metadata; empty if there is none."""
+        return self.found.header.metadata.get(what, "")
+
+    @property
+    def meaning(self) -> str:
+        """What the file says that its numbers are: "vector", "normal" and others."""
+        return self._values.header.metadata.get("interpretation", "")
 
     def texts(self) -> list[str]:
         """Values that are texts."""

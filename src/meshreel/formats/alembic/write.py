@@ -1,8 +1,10 @@
 """A sequence into an Alembic file, frame by frame."""
 
+import math
 import os
 import shutil
 import tempfile
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -20,10 +22,12 @@ from meshreel.formats.alembic.write_attributes import (
     write_attributes,
     write_groups,
 )
+from meshreel.formats.alembic.write_tracks import TrackWriter, held_tracks
 from meshreel.formats.extras import ALEMBIC
 from meshreel.formats.frames.frame_stream import FrameStream
 from meshreel.formats.options import WriteOptions
 from meshreel.formats.scenes.parts import PartMesh, split_parts
+from meshreel.tracks import TrackSource, Values
 
 ASSUMED_FPS = 24.0
 
@@ -63,14 +67,16 @@ def _write_archive(path: Path, stream: FrameStream, rounding: Rounding) -> None:
     sampling = archive.addTimeSampling(_time_sampling(stream))
     parts = list(split_parts(stream.faces, stream.surface, stream.n_verts, stream.name))
     transforms = _Transforms(archive.getTop(), rounding.shift)
+    tracks = held_tracks(stream)
     writers = [
-        _PartWriter(part, transforms.above(place), place[-1], sampling, stream.notes)
+        _PartWriter(part, transforms.above(place), place[-1], sampling, tracks, stream.notes)
         for part, place in zip(parts, object_paths([one.name for one in parts]), strict=True)
     ]
-    for frame in stream.frames():
+    for index, frame in enumerate(stream.frames()):
         rounded = rounding.add(frame)
+        values = {name: one.read(index, index + 1)[0] for name, one in tracks.items()}
         for writer in writers:
-            writer.add(rounded)
+            writer.add(rounded, values)
 
 
 def _time_sampling(stream: FrameStream) -> Any:
@@ -123,24 +129,34 @@ class _PartWriter:
     name : str
     sampling : int
         Number of the time sampling of its positions.
+    tracks : mapping of str to TrackSource
     notes : list of str
         Gains a sentence for what the file cannot hold as it is.
     """
 
     def __init__(
-        self, part: PartMesh, parent: Any, name: str, sampling: int, notes: list[str]
+        self,
+        part: PartMesh,
+        parent: Any,
+        name: str,
+        sampling: int,
+        tracks: Mapping[str, TrackSource],
+        notes: list[str],
     ) -> None:
         self._part, self._notes, self._has_faces = part, notes, False
+        self._tracks = TrackWriter(part, tracks, sampling, notes)
         self._schema = ALEMBIC.load("AbcGeom").OPolyMesh(parent, name, sampling).getSchema()
 
-    def add(self, frame: npt.NDArray[np.float32]) -> None:
-        """Write its positions of the next frame, given those of the whole, of shape (V, 3)."""
+    def add(self, frame: npt.NDArray[np.float32], values: Mapping[str, Values]) -> None:
+        """Write the next frame, given positions of shape (V, 3) and track values of the whole."""
         sample = ALEMBIC.load("AbcGeom").OPolyMeshSchemaSample()
         sample.setPositions(library_array("V3f", frame[self._part.verts]))
+        self._tracks.add_to(sample, values)
         if self._has_faces:  # which repeat by themselves
             self._schema.set(sample)
         else:
             self._add_first(sample)
+        self._tracks.add_others(self._schema, values)
 
     def _add_first(self, sample: Any) -> None:
         counts, attributes = self._part.counts, self._part.surface.attributes
@@ -151,6 +167,7 @@ class _PartWriter:
         if texture is not None:
             self._schema.setUVSourceName(texture.name)
             sample.setUVs(texture_sample(texture, counts, self._notes))
+        self._tracks.begin(self._schema)
         self._schema.set(sample)
         others = [one for one in attributes if one is not texture]
         write_attributes(self._schema, others, counts, self._notes)
@@ -188,5 +205,7 @@ def _most_bytes(stream: FrameStream) -> int:
     n_parts = max(1, len(stream.surface.parts))
     n_corners = 3 * len(stream.faces)
     once = 4 * (n_corners + len(stream.faces)) + 4 * stream.surface.size_bytes
-    each = 12 * stream.n_verts + BYTES_OF_SAMPLE * n_parts
-    return int(once + each * stream.n_frames + BYTES_OF_PART * n_parts)
+    n_numbers = sum(math.prod(one.shape[1:]) for one in stream.tracks.values())
+    n_arrays = n_parts * (1 + len(stream.tracks))
+    each = 12 * stream.n_verts + 8 * n_numbers + BYTES_OF_SAMPLE * n_arrays
+    return int(once + each * stream.n_frames + BYTES_OF_PART * n_arrays)

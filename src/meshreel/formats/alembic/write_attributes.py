@@ -53,7 +53,7 @@ def write_attributes(
         values = _converted(attribute, kind, notes)
         param = getattr(geometry, f"O{kind}GeomParam")(
             schema.getArbGeomParams(), name, attribute.indices is not None,
-            _scope(attribute.domain), extent,
+            scope_of(attribute.domain), extent,
         )  # fmt: skip
         param.set(_sample(kind, attribute, values, counts))
 
@@ -84,10 +84,10 @@ def _write_texts(schema: Any, groups: FaceGroups) -> None:
     sample = geometry.OStringGeomParamSample()
     sample.setVals(text_array([*groups.labels, ""]))
     sample.setIndices(library_array("Uint32", numbers))
-    sample.setScope(_scope(Domain.FACE))
+    sample.setScope(scope_of(Domain.FACE))
     name = groups.name.replace("/", "_")
     parent = schema.getArbGeomParams()
-    geometry.OStringGeomParam(parent, name, True, _scope(Domain.FACE), 1).set(sample)
+    geometry.OStringGeomParam(parent, name, True, scope_of(Domain.FACE), 1).set(sample)
 
 
 def _kind_of(attribute: Attribute) -> tuple[str, int]:
@@ -124,9 +124,10 @@ def _sample(kind: str, attribute: Attribute, values: npt.NDArray[Any], counts: I
     sample.setVals(library_array(kind, values if kind[0] in "VC" else values.ravel()))
     if indices is not None:
         sample.setIndices(library_array("Uint32", indices))
-    sample.setScope(_scope(attribute.domain))
+    sample.setScope(scope_of(attribute.domain))
     return sample
 
 
-def _scope(domain: Domain) -> Any:
+def scope_of(domain: Domain) -> Any:
+    """What the library calls a domain."""
     return getattr(ALEMBIC.load("AbcGeom").GeometryScope, SCOPES[domain])

@@ -56,6 +56,8 @@ def archive_errors(path: Path) -> Iterator[None]:
         yield
     except FormatError as error:
         raise FormatError(f"{path}: {error}") from None
+    except MemoryError:  # of a file whose headers fit it; a batch tries it with less
+        raise
     # On damaged bytes zipfile, zlib and numpy raise nearly every type of exception there is.
     except Exception as error:
         raise FormatError(

@@ -1,6 +1,5 @@
 """Arrays that every frame has for itself, as in files of VTK, to tracks that are read on demand."""
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -8,6 +7,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.counting import plural
 from meshreel.errors import InvalidInputError
 from meshreel.formats.frames.stored_tracks import StoredTrack, kind_said
 from meshreel.formats.notes import note_kinds, note_left_out
@@ -21,6 +21,9 @@ Key = tuple[Domain, str]
 NORMALS = "Normals"
 UV_NAMES = {"uv", "uvmap", "st", "tcoords", "texturecoordinates", "texture coordinates"}
 COLOR_NAMES = {"color", "colors", "colour", "colours", "rgb", "rgba", "cd"}
+
+SUFFIXES = {Domain.VERTEX: "_", Domain.FACE: " (faces)", Domain.CORNER: " (corners)"}
+"""What tells names of arrays apart that are there at several places."""
 
 UNIT_LENGTH = 1e-3
 """How far the length of normals may be from 1, as rounded numbers of files are."""
@@ -39,6 +42,8 @@ class Field:
         What it is active as: "TCoords", "Normals" and others.
     kind, unit : str, default ""
         What the file says of it as a track.
+    is_track : bool, default False
+        Whether the file says that it is a track, even if it never changes.
     """
 
     dtype: np.dtype[Any]
@@ -46,18 +51,14 @@ class Field:
     role: str = ""
     kind: str = ""
     unit: str = ""
+    is_track: bool = False
 
 
-Fields = Mapping[Key, tuple[Values, str]]
-"""Numbers of the arrays of a frame on the surface, of shape (N,) or (N, C), and their roles."""
+Fields = Mapping[Key, tuple[Values, Field]]
+"""The arrays of a frame on the surface: numbers, of shape (N,) or (N, C), and what is known."""
 
 ReadField = Callable[[int, Key], Values]
 """Gives the numbers of an array in a frame on the surface, of shape (N,) or (N, C)."""
-
-
-def described_field(values: Values, role: str) -> Field:
-    """What is known of an array of a frame."""
-    return Field(values.dtype, math.prod(values.shape[1:]), role)
 
 
 def add_field(fields: dict[Key, Field], key: Key, field: Field) -> None:
@@ -94,7 +95,7 @@ def field_tracks(
     frames : sequence of mappings
         Arrays of each frame.
     sizes : mapping of Domain to int
-        Vertices and faces.
+        Vertices, faces and, where arrays are of corners, these.
     read : function of the number of a frame and the key of an array in it
     notes : list of str
     """
@@ -105,9 +106,10 @@ def field_tracks(
             continue
         name = key[1]
         while name in found:
-            name += " (faces)"
+            name += SUFFIXES[key[0]]
         if name != key[1]:
-            notes.append(f"{key[1]!r} is at points and at cells; that of faces is called {name!r}")
+            where = "at points and at cells" if key[0] is Domain.FACE else "also at corners"
+            notes.append(f"{key[1]!r} is {where}; that of {plural(key[0])} is called {name!r}")
         found[name] = track
     return found
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Iterator, Mapping
 from itertools import chain
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -20,7 +21,7 @@ from meshreel.sequence import (
     validate_vertices,
 )
 from meshreel.surface import PLAIN, Surface
-from meshreel.tracks import TrackSource, check_tracks, copied
+from meshreel.tracks import TrackSource, Values, check_tracks, copied
 
 
 class FrameStream:
@@ -59,6 +60,8 @@ class FrameStream:
     image_folder : str
         Name of the folder beside the file that is to have the images of the surface, in files of
         the names of `meshreel.formats.surfaces.image_files.image_names`; empty if there is none.
+    beside : list of tuple of str and Path
+        Files to be written beside the file, for it names them: by which name, and where to.
 
     Raises
     ------
@@ -98,6 +101,7 @@ class FrameStream:
         self._blocks: Iterator[Vertices] = chain([first], filled)
         self.progress = progress
         self.image_folder = ""
+        self.beside: list[tuple[str, Path]] = []
 
     def frames(self) -> Iterator[Vertices]:
         """Positions of each frame, of shape (V, 3); they can be had only once."""
@@ -107,6 +111,10 @@ class FrameStream:
                 yield frame
                 index += 1
                 self.progress("writing", Count(index, self.n_frames, "frames"))
+
+    def values(self, index: int) -> dict[str, Values]:
+        """Values of each track in a frame, of shape (N, C); they are read now."""
+        return {name: track.read(index, index + 1)[0] for name, track in self.tracks.items()}
 
     def gather(self) -> MeshSequence:
         """All frames in memory; they can be had only once."""

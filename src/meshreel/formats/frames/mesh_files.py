@@ -13,11 +13,11 @@ import numpy.typing as npt
 
 from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.file_errors import errors_naming, os_errors_naming
-from meshreel.formats.frames.field_tracks import Field, Fields, Key, described_field, field_tracks
+from meshreel.formats.frames.field_tracks import NORMALS, Field, Fields, Key, field_tracks
 from meshreel.formats.frames.stored_frames import changed_error
 from meshreel.formats.frames.stored_tracks import StoredTrack
 from meshreel.formats.kinds import FrameFormat
-from meshreel.formats.notes import note_frozen
+from meshreel.formats.notes import NORMALS_LEFT_OUT, note_frozen
 from meshreel.formats.surfaces.polygons import PolygonMesh
 from meshreel.runtime.progress import Count, Progress
 from meshreel.sequence import Vertices, validate_finite
@@ -99,19 +99,22 @@ class MeshFiles:
         notes : list of str
             Gains a sentence on what is left out, such as what differs in other frames.
         """
-        first = self._surface(0, notes)
-        if self.format.parse_fields is not None:
-            moving = self._moving_fields
-            still = [one for one in first.attributes if (one.domain, one.name) not in moving]
-            return replace(first, attributes=tuple(still))
+        said: list[str] = []
+        first, moving = self._surface(0, said), self._moving_fields
+        fields = self._described_fields[0].items()
+        if any(key in moving and field.role == NORMALS for key, (field, _) in fields):
+            said = [note for note in said if note != NORMALS_LEFT_OUT]
+        notes += [note for note in said if note not in notes]
         differing: list[str] = []
         for index in self._looked_at():
             differing += differing_names(first, self._surface(index, []))
-        note_frozen(notes, differing)
-        return first
+        names = {name for _, name in moving}
+        note_frozen(notes, (name for name in differing if name not in names))
+        still = [one for one in first.attributes if (one.domain, one.name) not in moving]
+        return replace(first, attributes=tuple(still))
 
     def tracks(self, notes: list[str]) -> dict[str, StoredTrack]:
-        """What frames have at vertices and faces, but for what is of the surface; raises as `mesh`.
+        """What frames have at vertices, faces and corners that changes; raises as `mesh`.
 
         All files are read once now, if the format has such, and again when values are asked for.
 
@@ -123,43 +126,59 @@ class MeshFiles:
         if self.format.parse_fields is None:
             return {}
         first, moving = self.mesh(0), self._moving_fields
-        looks = {(one.domain, one.name) for one in self._surface(0, []).attributes}
         frames = [
-            {key: field for key, (field, _) in fields.items() if key in moving or key not in looks}
+            {key: field for key, (field, _) in fields.items() if key in moving}
             for fields in self._described_fields
         ]
 
         def read(index: int, key: Key) -> npt.NDArray[Any]:
             return self._fields(index)[key][0]
 
-        sizes = {Domain.VERTEX: len(first.vertices), Domain.FACE: len(first.counts)}
+        counts = len(first.vertices), len(first.counts), len(first.corners)
+        sizes = dict(zip(Domain, counts, strict=True))
         return field_tracks(frames, sizes, read, notes)
 
     @cached_property
     def _described_fields(self) -> list[dict[Key, tuple[Field, int]]]:
         """What is known of the arrays of each frame, and a number that tells their values."""
-        return [
-            {
-                key: (described_field(values, role), zlib.crc32(np.ascontiguousarray(values).data))
-                for key, (values, role) in self._fields(index).items()
-            }
-            for index in range(len(self))
-        ]
+        if self.format.parse_fields is None:
+            return [{} for _ in self.paths]
+        are_same = self._same_fields
+        found: list[dict[Key, tuple[Field, int]]] = []
+        for index in range(len(self)):
+            if index and are_same is not None:
+                with self._contents(index) as data:
+                    if are_same(data):
+                        found.append(found[0])
+                        continue
+            fields = self._fields(index).items()
+            found.append({key: (field, _sum(values)) for key, (values, field) in fields})
+        return found
+
+    @cached_property
+    def _same_fields(self) -> Callable[[bytes], bool] | None:
+        """Whether the bytes of a file have the fields of the first, if that can be told."""
+        if self.format.same_fields is None or len(self) < 2:
+            return None
+        with self._contents(0) as data:
+            return self.format.same_fields(data)
 
     @cached_property
     def _moving_fields(self) -> set[Key]:
-        """The arrays that change over time, or that only some frames have."""
+        """The arrays that change over time, that only some frames have, or that are said to."""
         frames = self._described_fields
         keys = {key for fields in frames for key in fields}
         sums = {
             key: {fields[key][1] if key in fields else None for fields in frames} for key in keys
         }
-        return {key for key in keys if len(sums[key]) > 1}
+        said = {key for fields in frames for key, (field, _) in fields.items() if field.is_track}
+        return said | {key for key in keys if len(sums[key]) > 1}
 
     @property
     def frame_bytes(self) -> int:
         """Size of the positions and the tracks of the first frame in memory."""
-        of_fields = sum(values.nbytes for values, _ in self._fields(0).values())
+        moving = self._moving_fields
+        of_fields = sum(one.nbytes for key, (one, _) in self._fields(0).items() if key in moving)
         return self.mesh(0).vertices.nbytes + of_fields
 
     def _fields(self, index: int) -> Fields:
@@ -209,3 +228,8 @@ class MeshFiles:
             if not data:
                 raise FormatError(f"is empty; expected a mesh in {self.format.ending} format")
             yield data
+
+
+def _sum(values: npt.NDArray[Any]) -> int:
+    """A number that tells values from others."""
+    return zlib.crc32(np.ascontiguousarray(values).data)

@@ -1,4 +1,4 @@
-"""The error that morph targets may add to that of decoded frames, and the total."""
+"""The error that targets or textures may add to that of decoded frames, and the total."""
 
 import math
 from dataclasses import dataclass
@@ -10,12 +10,12 @@ from meshreel.formats.options import Origin
 
 @dataclass(frozen=True)
 class ErrorBudget:
-    """How far off targets may be, and what else frames are off by.
+    """How far off targets or textures may be, and what else frames are off by.
 
     Parameters
     ----------
     added : float
-        What targets may add, in model units; 0 for as little as may be.
+        What they may add, in model units; 0 for as little as may be.
     diagonal : float
         What percents are of, in model units.
     origin : Origin, optional
@@ -31,7 +31,7 @@ class ErrorBudget:
         return 100 * length / (self.diagonal or 1.0)
 
     def describe(self, added: float) -> list[str]:
-        """Sentences on the error against the original, where targets add so much to that of frames.
+        """Sentences on the error against the original, where so much is added to that of frames.
 
         None where the frames are the original.
         """
@@ -50,9 +50,14 @@ class ErrorBudget:
 
 
 def share_budget(
-    allowed: float, diagonal: float, origin: Origin | None, *, is_total: bool
+    allowed: float,
+    diagonal: float,
+    origin: Origin | None,
+    *,
+    is_total: bool,
+    spender: str = "morph targets",
 ) -> ErrorBudget:
-    """The budget of targets; what the stream may be off is taken from a bound on the total.
+    """The budget of targets or textures; what the stream may be off is taken from the total.
 
     Parameters
     ----------
@@ -63,7 +68,9 @@ def share_budget(
         is known, percents are of that of the original if it is smaller.
     origin : Origin, optional
     is_total : bool
-        Whether the error against the original must keep what is allowed, or only what targets add.
+        Whether the error against the original must keep what is allowed, or only what is added.
+    spender : str, default "morph targets"
+        What adds the error, for messages.
 
     Raises
     ------
@@ -79,7 +86,7 @@ def share_budget(
     left = budget.added - origin.error - MARGIN * smaller
     if left <= 0:
         raise InvalidInputError(
-            f"max_error {allowed:g} % leaves nothing for morph targets: the stream may be "
+            f"max_error {allowed:g} % leaves nothing for {spender}: the stream may be "
             f"{_up(budget.percent(origin.error))} % of the diagonal off itself; allow more than "
             "that, or encode the original with a smaller max_error"
         )

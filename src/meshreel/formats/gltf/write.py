@@ -3,7 +3,6 @@
 import base64
 import json
 import math
-import struct
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,6 +14,7 @@ from meshreel.codec.error_bounds import bound_of
 from meshreel.counting import counted
 from meshreel.errors import InvalidInputError
 from meshreel.formats.frames.frame_stream import FrameStream
+from meshreel.formats.gltf.container_writer import write_container
 from meshreel.formats.gltf.error_budget import ErrorBudget, share_budget
 from meshreel.formats.gltf.moving_mesh import Wanted
 from meshreel.formats.gltf.normal_targets import NormalChoice
@@ -38,9 +38,6 @@ WHY_FLAT = "creases are much of it (--normals, normals=True, writes them all the
 
 TOO_FEW_TARGETS = "they need two targets or more"
 
-MAX_BYTES = (1 << 32) - 1
-MAGIC, VERSION, JSON_CHUNK, BINARY_CHUNK = b"glTF", 2, b"JSON", b"BIN\0"
-
 
 def write_glb(path: Path, stream: FrameStream, options: WriteOptions) -> None:
     """Write a ``.glb`` file, which holds everything.
@@ -53,23 +50,12 @@ def write_glb(path: Path, stream: FrameStream, options: WriteOptions) -> None:
         If the options are out of range, or the error that they allow cannot be kept.
     """
     achieved = _achieve(stream, options)
-    buffer = achieved.scene.buffer
-    document = achieved.scene.document | {"buffers": [{"byteLength": buffer.size_bytes}]}
-    text = json.dumps(document, ensure_ascii=False, separators=(",", ":")).encode()
-    text += b" " * (-len(text) % 4)
-    size = 12 + 8 + len(text) + 8 + buffer.size_bytes
-    if size > MAX_BYTES:
-        raise InvalidInputError(
-            f"the file would have {size} bytes; a .glb file has at most {MAX_BYTES}; "
-            "allow a larger error (max_error), or fewer targets"
-        )
+    scene = achieved.scene
+    size = write_container(
+        path, scene.document, scene.buffer, "allow a larger error (max_error), or fewer targets"
+    )
     _note_achieved(stream.notes, achieved, size)
-    _note_normals(stream.notes, achieved.scene, options)
-    with path.open("wb") as file:
-        file.write(MAGIC + struct.pack("<2I", VERSION, size))
-        file.write(struct.pack("<I", len(text)) + JSON_CHUNK + text)
-        file.write(struct.pack("<I", buffer.size_bytes) + BINARY_CHUNK)
-        file.writelines(buffer.pieces)
+    _note_normals(stream.notes, scene, options)
 
 
 def write_gltf(path: Path, stream: FrameStream, options: WriteOptions) -> None:

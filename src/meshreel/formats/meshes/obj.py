@@ -20,6 +20,9 @@ from meshreel.formats.text.token_lines import TokenLines, split_lines
 from meshreel.geometry.ragged import ragged_indices
 from meshreel.sequence import Vertices
 
+N_POSITION = 3
+FIRST_VERTEX = re.compile(rb"^[ \t]*v[ \t]([^\r\n#]*)", re.MULTILINE)
+FIELD_LINE = re.compile(rb"^[ \t]*(f|vt)[ \t]", re.MULTILINE)
 END_OF_SEGMENT = re.compile(rb"\nv(?!t)")
 
 
@@ -74,6 +77,31 @@ def obj_positions_like(first: bytes, mesh: PolygonMesh) -> Callable[[bytes], Ver
         return None
 
     return positions
+
+
+def obj_same_fields(first: bytes) -> Callable[[bytes], bool]:
+    """A function from the bytes of another file to whether it certainly has the same fields.
+
+    So it is if faces and texture coordinates are the same text, and neither file has normals or
+    colours of vertices.
+    """
+    segments = _same_segments(first)
+    counts_back = any(b" -" in segment for segment in segments)
+    can_differ = not segments or counts_back or _has_moving_lines(first)
+
+    def are_same(data: bytes) -> bool:
+        if can_differ or _has_moving_lines(data) or b"\\" in data:
+            return False
+        rest = _without(segments, data)
+        return rest is not None and FIELD_LINE.search(rest) is None
+
+    return are_same
+
+
+def _has_moving_lines(data: bytes) -> bool:
+    """Whether there are normals, or a first vertex that more than three numbers follow."""
+    found = FIRST_VERTEX.search(data)
+    return b"vn" in data or found is None or len(found[1].split()) > N_POSITION
 
 
 def _same_segments(data: bytes) -> list[bytes]:

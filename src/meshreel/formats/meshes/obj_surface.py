@@ -1,13 +1,18 @@
 """Attributes and groups of an OBJ file.
 
 Texture coordinates (``vt``, and the second number of ``v/vt/vn``), colours of vertices (``v`` with
-six numbers), ``usemtl``, ``g`` and ``o``. Passed over: normals, smoothing groups and the name of
-the material library.
+six numbers), ``usemtl``, ``g`` and ``o``; normals (``vn``) where they change from frame to frame.
+Passed over: smoothing groups and the name of the material library.
 """
+
+from contextlib import suppress
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.errors import FormatError
+from meshreel.formats.frames.field_tracks import NORMALS, Field, Fields, Key
 from meshreel.formats.meshes.obj import obj_mesh
 from meshreel.formats.notes import note_left_out, note_normals
 from meshreel.formats.text.token_lines import TokenLines, split_lines
@@ -18,6 +23,9 @@ Int64s = npt.NDArray[np.int64]
 
 STATEMENTS = {"material": b"usemtl", "group": b"g", "object": b"o"}
 """The kinds of groups of faces, and the statement that begins one."""
+
+NORMALS_NAME = "normals"
+"""What tracks of normals are called."""
 
 N_COLORED = 6
 """Numbers of a vertex with a colour."""
@@ -62,15 +70,71 @@ def parse_obj_surface(data: bytes, notes: list[str] | None = None) -> Surface:
     )
 
 
-def _texture_coordinates(lines: TokenLines, face_lines: Int64s) -> Attribute | None:
-    counts = lines.counts[face_lines] - 1
-    is_row = lines.begins_with(b"vt")
+def parse_obj_fields(data: bytes) -> Fields:
+    """Texture coordinates, colours and normals of the bytes of an OBJ file, in float32.
+
+    Normals are of vertices if every corner names that of the number of its vertex, else of corners;
+    they are missing where a corner names none. Normals that are no numbers are none.
+
+    Raises
+    ------
+    FormatError
+        As `parse_obj_surface`.
+    """
+    lines = split_lines(data, continuation=True)
+    face_lines = np.flatnonzero(lines.begins_with(b"f"))
+    found: dict[Key, tuple[npt.NDArray[Any], Field]] = {}
+    for one in (_texture_coordinates(lines, face_lines), _colors(lines)):
+        if one is not None:
+            values = one.per_item()
+            field = Field(values.dtype, values.shape[1], "", one.kind)
+            found[one.domain, one.name] = values, field
+    with suppress(FormatError):
+        if (normals := _normals(lines, face_lines)) is not None:
+            domain, values = normals
+            found[domain, NORMALS_NAME] = values, Field(values.dtype, 3, NORMALS)
+    return found
+
+
+def _normals(
+    lines: TokenLines, face_lines: Int64s
+) -> tuple[Domain, npt.NDArray[np.float32]] | None:
+    """Where normals are, and which; None if no corner names one."""
+    is_row = lines.begins_with(b"vn")
     row_lines = np.flatnonzero(is_row)
+    if not len(row_lines):
+        return None
+    rows, is_there = _rows(lines, face_lines, is_row, 2)
+    if not is_there.any():
+        return None
+    is_whole = lines.counts[row_lines] > len("xyz")
+    values = np.full((len(row_lines) + 1, 3), np.nan, np.float32)  # the last is that of none
+    places = lines.first[row_lines[is_whole]][:, None] + np.arange(1, 4)
+    values[np.flatnonzero(is_whole)] = lines.floats(places)
+    n_verts = int(lines.begins_with(b"v").sum())
+    is_of_verts = is_there.all() and len(row_lines) == n_verts
+    if is_of_verts and (rows == obj_mesh(lines).corners).all():
+        return Domain.VERTEX, values[:-1]
+    rows[~is_there] = len(row_lines)
+    return Domain.CORNER, values[rows]
+
+
+def _rows(
+    lines: TokenLines, face_lines: Int64s, is_row: npt.NDArray[np.bool_], n_slashes: int
+) -> tuple[Int64s, npt.NDArray[np.bool_]]:
+    """The row that each corner names behind so many slashes, and whether it is there."""
+    counts = lines.counts[face_lines] - 1
     words = ragged_indices(lines.first[face_lines] + 1, counts)
-    written, has_one = lines.integers_after_slash(words)
+    written, has_one = lines.integers_after_slash(words, n_slashes)
     n_above = np.repeat(np.cumsum(is_row)[face_lines], counts)
     rows = np.where(written < 0, n_above + written, written - 1)
-    is_there = has_one & (rows >= 0) & (rows < len(row_lines))
+    return rows, has_one & (rows >= 0) & (rows < int(is_row.sum()))
+
+
+def _texture_coordinates(lines: TokenLines, face_lines: Int64s) -> Attribute | None:
+    is_row = lines.begins_with(b"vt")
+    row_lines = np.flatnonzero(is_row)
+    rows, is_there = _rows(lines, face_lines, is_row, 1)
     if not is_there.any():
         return None
     values = _texture_rows(lines, row_lines)

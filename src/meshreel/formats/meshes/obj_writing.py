@@ -2,53 +2,77 @@
 
 Written: positions, with colours of vertices if there are any; texture coordinates; polygons; the
 groups that `meshreel.formats.meshes.obj_surface` reads; and parts as objects. Colours are floats of
-three numbers.
+three numbers. Of tracks, colours and normals of each frame, and its texture coordinates.
 """
 
 import re
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from meshreel.formats.meshes.obj_surface import STATEMENTS
+from meshreel.formats.meshes.obj_tracks import ObjTrack, held_tracks
 from meshreel.formats.notes import note_unwritten
 from meshreel.formats.text.decimal_text import face_rows, number_rows, vertex_rows
 from meshreel.geometry.fans import join_fans
 from meshreel.sequence import Faces, Vertices
 from meshreel.surface import PLAIN, Attribute, Domain, FaceGroups, Kind, Surface
+from meshreel.tracks import TrackKind, TrackSource
+
+Values = npt.NDArray[Any]
 
 
 def obj_encoder(
-    faces: Faces, surface: Surface = PLAIN, notes: list[str] | None = None
-) -> Callable[[Vertices], bytes]:
-    """A function from the positions of a frame, of shape (V, 3), to the bytes of its OBJ file.
+    faces: Faces,
+    surface: Surface = PLAIN,
+    notes: list[str] | None = None,
+    tracks: Mapping[str, TrackSource] | None = None,
+) -> Callable[..., bytes]:
+    """A function from the positions and track values of a frame to the bytes of its OBJ file.
 
-    Float32 and float64 positions read back exactly. All but positions is written out once.
+    Float32 and float64 positions read back exactly. What does not change is written out once.
 
     Parameters
     ----------
     faces : int32 array of shape (M, 3)
     surface : Surface, optional
     notes : list of str, optional
-        Gains a sentence on what an OBJ file does not hold of the surface.
+        Gains a sentence on what an OBJ file does not hold.
+    tracks : mapping of str to TrackSource, optional
+        The function takes their values, of shape (N, C), by their names, beside positions of
+        shape (V, 3).
     """
+    told = notes if notes is not None else []
     uv, colors, groups = _texture_coordinates(surface), _colors(surface), _groups(surface)
     note_unwritten(surface, (uv, colors, *groups), ".obj", notes, parts=True)
-    texture = "" if uv is None else "".join(f"vt {row}\n" for row in number_rows(uv.values))
-    objects = list(_objects(surface, _face_lines(faces, surface, uv), groups))
-    objects[0] = replace(objects[0], faces=texture.encode() + objects[0].faces)
-    suffixes = None if colors is None else _color_rows(colors)
+    moving = held_tracks(tracks or {}, uv, colors, told)
+    rows = _Rows.of(surface, faces, uv, moving)
+    texture = "" if uv is None else _lines("vt", uv.values)
+    objects = list(_objects(surface, _face_lines(faces, surface, rows), groups))
+    still = None if colors is None else _color_rows(colors.per_item())
 
-    def encode(vertices: Vertices) -> bytes:
+    def encode(vertices: Vertices, values: Mapping[str, Values] | None = None) -> bytes:
+        given = values or {}
+        own = {kind: one.shown(given[one.name]) for kind, one in moving.items()}
+        suffixes = _color_rows(own[TrackKind.COLOR]) if TrackKind.COLOR in own else still
+        changing = [(TrackKind.UV, "vt"), (TrackKind.NORMAL, "vn")]
+        head = texture + "".join(_lines(word, own[kind]) for kind, word in changing if kind in own)
         pieces = []
         for one in objects:
-            own = None if suffixes is None else suffixes[one.verts]
-            positions = vertex_rows(vertices[one.verts], prefix="v ", suffixes=own)
-            pieces += [one.head, positions, one.faces]
+            ends = None if suffixes is None else suffixes[one.verts]
+            positions = vertex_rows(vertices[one.verts], prefix="v ", suffixes=ends)
+            pieces += [one.head, positions, head.encode(), one.faces]
+            head = ""
         return b"".join(pieces)
 
     return encode
+
+
+def _lines(word: str, values: Values) -> str:
+    return "".join(f"{word} {row}\n" for row in number_rows(values))
 
 
 @dataclass(frozen=True)
@@ -91,14 +115,47 @@ def _statement(name: str, label: str) -> str:
     return " ".join([STATEMENTS[name].decode(), *words]) + "\n"
 
 
-def _face_lines(faces: Faces, surface: Surface, uv: Attribute | None) -> list[str]:
+@dataclass(frozen=True)
+class _Rows:
+    """What corners name of texture coordinates and normals: the number of a line, from 1 on."""
+
+    texture: Values | None
+    normal: Values | None
+
+    @classmethod
+    def of(
+        cls,
+        surface: Surface,
+        faces: Faces,
+        uv: Attribute | None,
+        moving: Mapping[TrackKind, ObjTrack],
+    ) -> "_Rows":
+        """Those of a surface and tracks."""
+        corners = join_fans(surface.sizes(len(faces)), faces)
+        every = np.arange(len(corners))
+
+        def rows_of(domain: Domain) -> Values:
+            return (corners if domain is Domain.VERTEX else every) + 1
+
+        texture = None
+        if uv is not None:
+            rows = np.arange(len(uv.values)) if uv.indices is None else uv.indices
+            texture = (rows[corners] if uv.domain is Domain.VERTEX else rows) + 1
+        if TrackKind.UV in moving:
+            texture = rows_of(moving[TrackKind.UV].domain)
+        normals = moving.get(TrackKind.NORMAL)
+        return cls(texture, None if normals is None else rows_of(normals.domain))
+
+
+def _face_lines(faces: Faces, surface: Surface, rows: _Rows) -> list[str]:
     counts = surface.sizes(len(faces))
     corners = join_fans(counts, faces)
-    words = map(str, (corners + 1).tolist())
-    if uv is not None:
-        rows = np.arange(len(uv.values)) if uv.indices is None else uv.indices
-        rows = rows[corners] if uv.domain is Domain.VERTEX else rows
-        words = map("{}/{}".format, words, (rows + 1).tolist())
+    words: Iterable[str] = map(str, (corners + 1).tolist())
+    if rows.texture is not None:
+        words = map("{}/{}".format, words, rows.texture.tolist())
+    if rows.normal is not None:
+        words = map(f"{{}}{'/' if rows.texture is not None else '//'}{{}}".format, words,
+                    rows.normal.tolist())  # fmt: skip
     return [f"f {row}\n" for row in face_rows(counts, words)]
 
 
@@ -119,8 +176,8 @@ def _colors(surface: Surface) -> Attribute | None:
     return None
 
 
-def _color_rows(colors: Attribute) -> list[str]:
-    values = colors.per_item()[:, :3]
+def _color_rows(colors: Values) -> list[str]:
+    values = colors[:, :3]
     if values.dtype.kind != "f":
         values = (values / 255).astype(np.float32)
     return number_rows(values)

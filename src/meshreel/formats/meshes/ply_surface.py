@@ -1,8 +1,8 @@
 """Attributes of a PLY file.
 
 Colours, texture coordinates, and every other number of a vertex or a face under its own name;
-texture coordinates of corners as the list ``texcoord`` of a face. Normals are passed over, and so
-are other lists and other elements.
+texture coordinates of corners as the list ``texcoord`` of a face. Normals are read where they
+change from frame to frame; other lists and other elements are passed over.
 """
 
 from collections.abc import Iterator, Sequence
@@ -11,6 +11,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.formats.frames.field_tracks import NORMALS as NORMALS_ROLE
+from meshreel.formats.frames.field_tracks import Field, Fields, Key
 from meshreel.formats.meshes.ply import INDEX_NAMES, ply_mesh
 from meshreel.formats.meshes.ply_header import PlyProperty, read_ply_header
 from meshreel.formats.meshes.ply_tables import STRIPS, PlyTable, read_ply_tables
@@ -21,6 +23,7 @@ COLOR_NAMES = ("red", "green", "blue", "alpha")
 UV_NAMES = (("s", "t"), ("u", "v"), ("texture_u", "texture_v"), ("texture_s", "texture_t"))
 CORNER_UV_NAME = "texcoord"
 NORMALS = ("nx", "ny", "nz")
+NORMALS_NAME = "normals"
 PASSED_OVER = ("x", "y", "z", *NORMALS)
 
 Values = npt.NDArray[Any]
@@ -47,6 +50,39 @@ def parse_ply_surface(data: bytes, notes: list[str] | None = None) -> Surface:
     return Surface(None, (*attributes, *([corner_uv] if corner_uv is not None else [])))
 
 
+def parse_ply_fields(data: bytes) -> Fields:
+    """All numbers of vertices, faces and corners of the bytes of a PLY file, in their own types.
+
+    Raises
+    ------
+    FormatError
+        As `parse_ply_surface`.
+    """
+    tables = read_ply_tables(data)
+    vertices, found = tables["vertex"], dict[Key, tuple[Values, Field]]()
+    left = {one.name: one for one in vertices.element.properties if not one.count_code}
+    if _are_alike(left, NORMALS, ("f4", "f8")):
+        values = np.stack([vertices.numbers(left[name]) for name in NORMALS], axis=1)
+        _add_field(found, (Domain.VERTEX, NORMALS_NAME), values, "", NORMALS_ROLE)
+    for table, domain in ((vertices, Domain.VERTEX), (tables.get("face"), Domain.FACE)):
+        for name, kind, values in () if table is None else _columns(table, domain):
+            _add_field(found, (domain, name), values, "" if kind is Kind.OTHER else kind)
+    if "face" in tables:
+        uv = _corner_coordinates(tables["face"], ply_mesh(tables).counts)
+        if uv is not None:
+            _add_field(found, (Domain.CORNER, uv.name), uv.values, uv.kind)
+    return found
+
+
+def _add_field(
+    found: dict[Key, tuple[Values, Field]], key: Key, values: Values, kind: str, role: str = ""
+) -> None:
+    """Add numbers, under a name that none of the others has."""
+    while key in found:
+        key = key[0], f"{key[1]}_"
+    found[key] = values, Field(values.dtype, values.shape[1], role, kind)
+
+
 def _note_left_out(tables: dict[str, PlyTable], notes: list[str], *, has_corner_uv: bool) -> None:
     shape = ("vertex", "face") if "face" in tables else ("vertex", STRIPS)
     names = {column.name for column in tables["vertex"].element.properties}
@@ -65,6 +101,13 @@ def _note_left_out(tables: dict[str, PlyTable], notes: list[str], *, has_corner_
 
 
 def _attributes(table: PlyTable, domain: Domain) -> Iterator[Attribute]:
+    """What the rows of a table hold, in types that attributes can have."""
+    for name, kind, values in _columns(table, domain):
+        wide_enough = (one for one in VALUE_TYPES if np.can_cast(values.dtype, one))
+        yield Attribute(name, kind, domain, values.astype(next(wide_enough)))
+
+
+def _columns(table: PlyTable, domain: Domain) -> Iterator[tuple[str, Kind, Values]]:
     """Colour, texture coordinates, and all other numbers of the rows of a table."""
     left = {
         column.name: column
@@ -73,14 +116,14 @@ def _attributes(table: PlyTable, domain: Domain) -> Iterator[Attribute]:
     }
     for names in (COLOR_NAMES, COLOR_NAMES[:3]):
         if _are_alike(left, names, ("u1", "f4", "f8")):
-            yield Attribute("color", Kind.COLOR, domain, _taken(table, left, names))
+            yield "color", Kind.COLOR, _taken(table, left, names)
             break
     for pair in UV_NAMES if domain is Domain.VERTEX else ():
         if _are_alike(left, pair, ("f4", "f8")):
-            yield Attribute("uv", Kind.UV, domain, _taken(table, left, pair))
+            yield "uv", Kind.UV, _taken(table, left, pair)
             break
     for name in tuple(left):
-        yield Attribute(name, Kind.OTHER, domain, _taken(table, left, [name]))
+        yield name, Kind.OTHER, _taken(table, left, [name])
 
 
 def _are_alike(columns: dict[str, PlyProperty], names: Sequence[str], codes: Sequence[str]) -> bool:
@@ -90,10 +133,8 @@ def _are_alike(columns: dict[str, PlyProperty], names: Sequence[str], codes: Seq
 
 
 def _taken(table: PlyTable, columns: dict[str, PlyProperty], names: Sequence[str]) -> Values:
-    """The numbers of those columns, which are removed, in a type that attributes can have."""
-    values = np.stack([table.numbers(columns.pop(name)) for name in names], axis=1)
-    wide_enough = (one for one in VALUE_TYPES if np.can_cast(values.dtype, one))
-    return values.astype(next(wide_enough))
+    """The numbers of those columns, which are removed."""
+    return np.stack([table.numbers(columns.pop(name)) for name in names], axis=1)
 
 
 def _corner_coordinates(table: PlyTable, counts: npt.NDArray[np.int64]) -> Attribute | None:

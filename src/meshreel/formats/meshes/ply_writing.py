@@ -1,58 +1,80 @@
 """A frame to the bytes of a PLY file, binary little endian.
 
 Written: positions as float or double, polygons, colours and texture coordinates, and single
-numbers of vertices and of faces under their own names.
+numbers of vertices and of faces under their own names; tracks in the same way.
 """
 
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from meshreel.formats.meshes.ply import INDEX_NAMES
-from meshreel.formats.meshes.ply_surface import COLOR_NAMES, CORNER_UV_NAME, PASSED_OVER, UV_NAMES
+from meshreel.formats.meshes.ply_surface import COLOR_NAMES, CORNER_UV_NAME, UV_NAMES
+from meshreel.formats.meshes.ply_tracks import RESERVED, held_tracks
 from meshreel.formats.notes import note_unwritten
 from meshreel.geometry.fans import join_fans
 from meshreel.geometry.ragged import ragged_indices
 from meshreel.sequence import Faces, Vertices
 from meshreel.surface import PLAIN, Attribute, Domain, Kind, Surface
+from meshreel.tracks import TrackSource
 
-TYPE_NAMES = {"<u1": "uchar", "<i4": "int", "<f4": "float", "<f8": "double"}
-RESERVED = {*PASSED_OVER, *COLOR_NAMES, *(name for names in UV_NAMES for name in names)}
-RESERVED |= {*INDEX_NAMES, CORNER_UV_NAME}
+TYPE_NAMES = {
+    "<u1": "uchar", "<i1": "char", "<u2": "ushort", "<i2": "short", "<u4": "uint", "<i4": "int",
+    "<f4": "float", "<f8": "double",
+}  # fmt: skip
 
 HEADER_BEGIN = ("ply", "format binary_little_endian 1.0")
 
-Column = tuple[str, npt.NDArray[Any]]
+Values = npt.NDArray[Any]
+Column = tuple[str, Values]
 Lists = tuple[npt.NDArray[np.int64], npt.NDArray[Any]]
 
 
 def ply_encoder(
-    faces: Faces, surface: Surface = PLAIN, notes: list[str] | None = None
-) -> Callable[[Vertices], bytes]:
-    """A function from the positions of a frame, of shape (V, 3), to the bytes of its PLY file.
+    faces: Faces,
+    surface: Surface = PLAIN,
+    notes: list[str] | None = None,
+    tracks: Mapping[str, TrackSource] | None = None,
+) -> Callable[..., bytes]:
+    """A function from the positions and track values of a frame to the bytes of its PLY file.
 
-    Float32 and float64 positions read back exactly. All but positions is written out once.
+    Float32 and float64 positions read back exactly. What does not change is written out once.
 
     Parameters
     ----------
     faces : int32 array of shape (M, 3)
     surface : Surface, optional
     notes : list of str, optional
-        Gains a sentence on what a PLY file does not hold of the surface.
+        Gains a sentence on what a PLY file does not hold.
+    tracks : mapping of str to TrackSource, optional
+        The function takes their values, of shape (N, C), by their names, beside positions of
+        shape (V, 3).
     """
     of_verts, of_faces = _held(surface, Domain.VERTEX), _held(surface, Domain.FACE)
     of_corners = _held(surface, Domain.CORNER)
     note_unwritten(surface, (*of_verts, *of_faces, *of_corners), ".ply", notes)
     columns = [column for one in of_verts for column in _columns(one)]
-    face_header, face_bytes = _face_table(faces, surface, of_faces, of_corners)
+    still = [column for one in of_faces for column in _columns(one)]
+    lists = [one.per_item() for one in of_corners]
+    held = (*of_verts, *of_faces, *of_corners)
+    moving = held_tracks(tracks or {}, held, notes if notes is not None else [])
+    own = {domain: [one for one in moving if one.domain is domain] for domain in Domain}
+    face_table = _face_table(faces, surface, still, lists)
 
-    def encode(vertices: Vertices) -> bytes:
+    def encode(vertices: Vertices, values: Mapping[str, Values] | None = None) -> bytes:
+        given = values or {}
+        face_header, face_bytes = face_table
+        if own[Domain.FACE] or own[Domain.CORNER]:
+            of_frame = [pair for one in own[Domain.FACE] for pair in one.columns(given[one.name])]
+            pairs = [given[one.name] for one in own[Domain.CORNER]]
+            face_header, face_bytes = _face_table(faces, surface, still + of_frame, lists + pairs)
+        changing = [pair for one in own[Domain.VERTEX] for pair in one.columns(given[one.name])]
         is_single = vertices.dtype == np.float32
         positions = vertices.astype("f4" if is_single else "f8", copy=False)
-        fields = [*zip("xyz", positions.T, strict=True), *columns]
+        fields = [*zip("xyz", positions.T, strict=True), *columns, *changing]
         rows = np.empty(len(vertices), [(name, _code(values)) for name, values in fields])
         for name, values in fields:
             rows[name] = values
@@ -64,19 +86,19 @@ def ply_encoder(
 
 
 def _face_table(
-    faces: Faces, surface: Surface, of_faces: list[Attribute], of_corners: list[Attribute]
+    faces: Faces, surface: Surface, columns: list[Column], of_corners: list[Values]
 ) -> tuple[list[str], bytes]:
     """The lines of the header that declare faces, and the faces."""
     counts = surface.sizes(len(faces)).astype(np.int64)
     lists = [(INDEX_NAMES[0], counts, join_fans(counts, faces))]
-    lists += [(CORNER_UV_NAME, 2 * counts, one.per_item().ravel()) for one in of_corners]
+    lists += [(CORNER_UV_NAME, 2 * counts, pairs.ravel()) for pairs in of_corners]
     header, fields = [f"element face {len(counts)}"], list[Lists]()
     for name, lengths, values in lists:
         count_code = "<u1" if lengths.max() < 256 else "<i4"
         code = _code(values)
         header.append(f"property list {TYPE_NAMES[count_code]} {TYPE_NAMES[code]} {name}")
         fields += [(np.ones_like(counts), lengths.astype(count_code)), (lengths, values)]
-    for name, values in (column for one in of_faces for column in _columns(one)):
+    for name, values in columns:
         header.append(f"property {TYPE_NAMES[_code(values)]} {name}")
         fields.append((np.ones_like(counts), values))
     return [*header, "end_header"], _interleaved(fields)

@@ -4,12 +4,15 @@ import os
 from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
+from typing import BinaryIO
 
 from meshreel.codec.decoder import decode
 from meshreel.codec.reel_file import ReelFile
 from meshreel.formats.file_errors import errors_naming
 from meshreel.formats.options import Origin, ReadOptions, origin_of
 from meshreel.sequence import MeshSequence
+from meshreel.stores.address import is_remote, plain
+from meshreel.stores.ranged_file import open_ranged
 
 
 def open(path: str | os.PathLike[str], *, n_modes: int | None = None) -> ReelFile:
@@ -18,6 +21,8 @@ def open(path: str | os.PathLike[str], *, n_modes: int | None = None) -> ReelFil
     Parameters
     ----------
     path : str or path
+        Of a file, or an address such as ``s3://bucket/walk.reel`` (extra ``[remote]``): then only
+        what is asked for is fetched, each block with one request.
     n_modes : int, optional
         Only the first so many modes of each block move, and the others rest at their mean over
         the block: a coarser animation. Streams of `reel` only; corrections are left out then.
@@ -30,6 +35,8 @@ def open(path: str | os.PathLike[str], *, n_modes: int | None = None) -> ReelFil
         If it is not a stream that this build reads, or not even its first block is whole.
     OSError
         If the file cannot be read.
+    StoreError
+        If a remote file is not there, cannot be reached, or its server gives no ranges of bytes.
 
     Examples
     --------
@@ -39,16 +46,21 @@ def open(path: str | os.PathLike[str], *, n_modes: int | None = None) -> ReelFil
     ...         show(frame)
     """
     with ExitStack() as on_error:
-        file = on_error.enter_context(Path(path).open("rb"))
-        with errors_naming(Path(path)):
+        remote = is_remote(path)
+        file = on_error.enter_context(open_ranged(str(path)) if remote else _opened(Path(path)))
+        with errors_naming(path):
             reel = ReelFile(file, n_modes)
         on_error.pop_all()
     return reel
 
 
+def _opened(path: Path) -> BinaryIO:
+    return path.open("rb")
+
+
 def origin_of_file(path: str | os.PathLike[str]) -> Origin | None:
     """The origin that a `.reel` file states for its frames; None for any other file."""
-    if Path(path).suffix.lower() != ".reel":
+    if Path(plain(path)).suffix.lower() != ".reel":
         return None
     with open(path) as reel:
         return origin_of(reel)

@@ -15,9 +15,11 @@ def write_reel(path: Path, stream: FrameStream, options: WriteOptions) -> None:
     What the options leave open is as `encode` does it by default.
     """
     sequence = stream.gather()
-    data = encode(sequence, max_error=options.max_error)
+    data = encode(sequence, max_error=options.max_error, lossless=options.lossless)
     path.write_bytes(data)
-    if stream.is_told:
+    if options.lossless:
+        stream.notes.append("coded bit for bit")
+    elif stream.is_told:
         achieved = measure_stream(sequence, data, order=DEFAULT_ORDER)
         stream.notes.append(
             f"coded with a largest error of {achieved.max_error_percent:.4f} % of the diagonal "

@@ -1,6 +1,6 @@
 """The parts of a mesh that was made of several, each by itself."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,6 +24,8 @@ class PartMesh:
         Its faces, as in `PolygonMesh`, in its own vertices.
     surface : Surface
         Its attributes and groups; without parts. Only group labels in use are kept.
+    items : mapping of Domain to slice
+        Its vertices, faces and corners among those of the whole.
     """
 
     name: str
@@ -31,6 +33,7 @@ class PartMesh:
     counts: npt.NDArray[np.int32]
     corners: npt.NDArray[np.int32]
     surface: Surface
+    items: Mapping[Domain, slice]
 
 
 def split_parts(faces: Faces, surface: Surface, n_verts: int, name: str) -> Iterator[PartMesh]:
@@ -50,7 +53,9 @@ def split_parts(faces: Faces, surface: Surface, n_verts: int, name: str) -> Iter
         pieces = list(_pieces(parts, counts))
     for part, piece in zip(parts, pieces, strict=True):
         own = corners[piece.corners] - np.int32(piece.verts.start)
-        yield PartMesh(part.name, piece.verts, counts[piece.faces], own, _cut(surface, piece))
+        items = {domain: piece.of(domain) for domain in Domain}
+        cut = _cut(surface, piece)
+        yield PartMesh(part.name, piece.verts, counts[piece.faces], own, cut, items)
 
 
 @dataclass(frozen=True)

@@ -127,9 +127,16 @@ class TokenLines:
         return values
 
     def integers_after_slash(
-        self, tokens: Integers
+        self, tokens: Integers, n_slashes: int = 1
     ) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.bool_]]:
-        """The integer behind the first slash of each word, as 7 of ``3/7/1``; where there is one.
+        """The integer behind a slash of each word, as 7 of ``3/7/1``; and where there is one.
+
+        Parameters
+        ----------
+        tokens : integer array of shape (number of tokens,)
+            Numbers of words.
+        n_slashes : int, default 1
+            Behind which slash: 2 is 1 of ``3/7/1``.
 
         Raises
         ------
@@ -137,8 +144,8 @@ class TokenLines:
             Naming the first word with something else there, and its line.
         """
         codes = self._codes()
-        slashes = np.append(np.flatnonzero(codes == ord("/")), len(codes) - 1)
-        begins = slashes[np.searchsorted(slashes, self.starts[tokens])] + 1
+        slashes = np.append(np.flatnonzero(codes == ord("/")), [len(codes) - 1] * n_slashes)
+        begins = slashes[np.searchsorted(slashes, self.starts[tokens]) + n_slashes - 1] + 1
         ends = self.ends[tokens]
         is_there = begins < ends
         is_there[is_there] = codes[begins[is_there]] != ord("/")

@@ -1,5 +1,6 @@
 """A mesh of a stage, frame by frame, as polygons in world space."""
 
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -15,10 +16,11 @@ from meshreel.formats.usd.mesh_notes import MeshNotes
 from meshreel.formats.usd.mesh_shape import MeshShape
 from meshreel.formats.usd.primitives import PrimitiveShape
 from meshreel.formats.usd.primvars import read_attributes
+from meshreel.formats.usd.quantities import quantities
 from meshreel.formats.usd.sampling import Samples, distinct_codes
 from meshreel.formats.usd.skinning import Skin
 from meshreel.formats.usd.subsets import read_groups
-from meshreel.formats.usd.transforms import Transforms, mirrors, placed
+from meshreel.formats.usd.transforms import Matrix, Transforms, mirrors, placed
 from meshreel.sequence import Vertices
 from meshreel.surface import Surface
 
@@ -53,17 +55,23 @@ class StageMesh:
     @property
     def path(self) -> str:
         """Where it is in the stage."""
-        return str(self._prim.GetPath())
+        return str(self.prim.GetPath())
 
     @cached_property
     def samples(self) -> Samples:
-        """The time codes where what gives its positions has samples; none if nothing moves it."""
+        """The time codes where what gives its positions has samples; none if nothing moves it.
+
+        Where nothing does, they are those of what it carries.
+        """
         keys = (
-            self.transforms.codes(self._prim)
+            self.transforms.codes(self.prim)
             if self.skin is None
             else self.skin.codes(self.transforms)
         )
-        return Samples(distinct_codes(self.shape.stored), distinct_codes(keys + self.shape.keys))
+        stored, keys = self.shape.stored, keys + self.shape.keys
+        if len(distinct_codes(stored + keys)) < 2:
+            stored = stored + [code for one in quantities(self.prim) for code in one.codes]
+        return Samples(distinct_codes(stored), distinct_codes(keys))
 
     def frame(self, code: float) -> PolygonMesh:
         """The mesh in world space at a time code.
@@ -77,34 +85,48 @@ class StageMesh:
             points = self.shape.points(code)
             if self.skin is not None:
                 points = self.skin.deformed(points, code)
-            world = placed(points, self.transforms.world(self._space, code))
+            world = placed(points, self.world(code))
             if not self.shape.has_one_topology:
                 return self._polygons(world, code)
             if len(self._first.vertices) != len(world):  # so indices must be looked at again
                 return polygon_mesh(world, self._first.counts, self._first.corners)
             return replace(self._first, vertices=world)
 
-    def surface(self, code: float) -> Surface:
-        """Attributes and groups at a time code."""
+    def surface(self, code: float, moving: Collection[str] = ()) -> Surface:
+        """Attributes and groups at a time code, but for what moves, by its name in the file."""
         with usd_errors(f"USD cannot read what {self.path} carries at time code {code:g}"):
             mesh = self._whole(self.shape.points(code), code)
-            order = flipped_corners(mesh.counts) if self._is_flipped else None
-            materials = MeshMaterials(self._prim, self.materials)
+            order = flipped_corners(mesh.counts) if self.is_flipped else None
+            materials = MeshMaterials(self.prim, self.materials)
             notes = self.notes.plain
-            groups = read_groups(self._prim, code, len(mesh.counts), materials, notes)
-            attributes = read_attributes(self._prim, code, mesh, order, notes)
+            groups = read_groups(self.prim, code, len(mesh.counts), materials, notes)
+            attributes = read_attributes(self.prim, code, mesh, order, notes, moving)
             surface = Surface(None, attributes, groups, (), *materials.look())
             solid = self.shape.solid_faces(len(mesh.counts), code)
             self.notes.add(self.shape, solid)
             return surface if solid is None else surface_of(surface, solid, mesh.counts)
 
+    def whole(self, code: float) -> PolygonMesh:
+        """All its faces at a time code, holes too, counter-clockwise, with points as they are."""
+        return self._whole(self.shape.points(code), code)
+
+    def world(self, code: float) -> Matrix:
+        """The transform to the world at a time code."""
+        return self.transforms.world(self._space, code)
+
     @property
-    def _prim(self) -> Any:
+    def prim(self) -> Any:
+        """The prim that it is."""
         return self.shape.prim
 
     @property
+    def has_moving_transform(self) -> bool:
+        """Whether it, or something above it, is moved."""
+        return len(self.transforms.codes(self._space)) > 1
+
+    @property
     def _space(self) -> Any:
-        return self._prim if self.skin is None else self.skin.space
+        return self.prim if self.skin is None else self.skin.space
 
     @cached_property
     def _start(self) -> float:
@@ -115,9 +137,9 @@ class StageMesh:
         return self._polygons(self.shape.points(self._start), self._start)
 
     @cached_property
-    def _is_flipped(self) -> bool:
+    def is_flipped(self) -> bool:
         """Whether corners have to be taken backwards to go around counter-clockwise."""
-        world = self.transforms.world(self._space, self._start)
+        world = self.world(self._start)
         return self.shape.is_left_handed != mirrors(world)
 
     def _polygons(self, vertices: Vertices, code: float) -> PolygonMesh:
@@ -129,7 +151,7 @@ class StageMesh:
     def _whole(self, vertices: Vertices, code: float) -> PolygonMesh:
         """All faces at a time code, counter-clockwise."""
         found = self.shape.polygons(vertices, code)
-        if not self._is_flipped:
+        if not self.is_flipped:
             return found
         return replace(found, corners=found.corners[flipped_corners(found.counts)])
 

@@ -30,6 +30,11 @@ class MeshWriter:
     stage : Usd.Stage
     path : str
     part : PartMesh
+
+    Attributes
+    ----------
+    prim : Usd.Prim
+    part : PartMesh
     """
 
     def __init__(self, stage: Any, path: str, part: PartMesh) -> None:
@@ -39,7 +44,7 @@ class MeshWriter:
         mesh.CreateFaceVertexCountsAttr(arrays.IntArray.FromNumpy(part.counts))
         mesh.CreateFaceVertexIndicesAttr(arrays.IntArray.FromNumpy(part.corners))
         mesh.CreateSubdivisionSchemeAttr(geometry.Tokens.none)
-        self.prim = mesh.GetPrim()
+        self.prim, self.part = mesh.GetPrim(), part
         self._points, self._extent = mesh.CreatePointsAttr(), mesh.CreateExtentAttr()
         self._verts, self._array = part.verts, arrays.Vec3fArray
 
@@ -88,7 +93,7 @@ def write_surface(
         Gains a sentence where numbers have another type in USD.
     """
     api = USD.load("UsdGeom").PrimvarsAPI(prim)
-    for attribute, name in _named(surface):
+    for attribute, name in named_attributes(surface):
         _write_attribute(api, attribute, name, notes)
     subsets: set[str] = set()
     for groups in surface.groups:
@@ -102,11 +107,11 @@ def write_surface(
 
 def uv_primvars(surface: Surface) -> dict[str, str]:
     """The primvar that texture coordinates of a name are written as."""
-    names = [(one.name, name) for one, name in _named(surface) if one.kind is Kind.UV]
+    names = [(one.name, name) for one, name in named_attributes(surface) if one.kind is Kind.UV]
     return dict(reversed(names))
 
 
-def _named(surface: Surface) -> list[tuple[Attribute, str]]:
+def named_attributes(surface: Surface) -> list[tuple[Attribute, str]]:
     """Attributes with the names that they get, those that keep theirs first."""
     names = {id(one): prim_name(one.name) for one in surface.attributes}
     for kind, main in MAIN_NAMES.items():

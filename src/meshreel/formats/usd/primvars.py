@@ -1,6 +1,7 @@
 """Primvars of a mesh as attributes: texture coordinates, colours and other numbers."""
 
 import re
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -8,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.formats.extras import USD
-from meshreel.formats.notes import note_frozen, note_kinds, note_moving, note_normals
+from meshreel.formats.notes import UNCHANGING, note_kinds, note_normals
 from meshreel.formats.surfaces.polygons import PolygonMesh
 from meshreel.surface import MAX_NUMBERS, VALUE_TYPES, Attribute, Domain, Kind
 
@@ -49,6 +50,7 @@ def read_attributes(
     mesh: PolygonMesh,
     order: npt.NDArray[np.int64] | None,
     notes: list[str],
+    moving: Collection[str] = (),
 ) -> tuple[Attribute, ...]:
     """Attributes of a mesh at a time code: texture coordinates, colours, others.
 
@@ -62,7 +64,9 @@ def read_attributes(
     order : int64 array, optional
         The corner of the file that each corner of the mesh is.
     notes : list of str
-        Gains a sentence for each primvar that does not fit, or that moves.
+        Gains a sentence for each primvar that does not fit.
+    moving : collection of str, optional
+        Names of what is passed over, for it is a track.
     """
     n_items = {
         Domain.VERTEX: len(mesh.vertices),
@@ -70,7 +74,7 @@ def read_attributes(
         Domain.CORNER: len(mesh.corners),
     }
     found, unfit = {}, []
-    for one in _candidates(prim, notes):
+    for one in _candidates(prim, notes, moving):
         attribute = _attribute(one, code, n_items)
         if attribute is None:
             unfit.append(one.name)
@@ -84,41 +88,40 @@ def read_attributes(
     return tuple(ordered)
 
 
-def _candidates(prim: Any, notes: list[str]) -> list[_Found]:
-    chosen, moving, settings = [], [], []
+def _candidates(prim: Any, notes: list[str], moving: Collection[str]) -> list[_Found]:
+    chosen, settings = [], []
     for primvar in USD.load("UsdGeom").PrimvarsAPI(prim).FindPrimvarsWithInheritance():
         name = str(primvar.GetPrimvarName())
         interpolation = str(primvar.GetInterpolation())
-        kind = _kind(str(primvar.GetTypeName()), name)
+        kind = primvar_kind(str(primvar.GetTypeName()), name)
         is_constant = interpolation == "constant"
         # Beside a colour, what is the same everywhere is a setting and not of the surface.
         is_setting = is_constant and kind is not Kind.COLOR and name != "displayOpacity"
-        if DERIVED.match(name):
+        if DERIVED.match(name) or name in moving:
             continue
         if is_setting or interpolation not in DOMAINS:
             settings.append(name)
             continue
-        if primvar.ValueMightBeTimeVarying():
-            moving.append(name)
         chosen.append(_Found(primvar, name, kind, is_constant))
-    note_frozen(notes, moving)
     note_kinds(notes, "primvars for a whole mesh", settings)
-    _note_derived(prim, notes)
+    _note_derived(prim, notes, moving)
     return chosen
 
 
-def _note_derived(prim: Any, notes: list[str]) -> None:
-    """Add to the notes normals and velocities, which follow from the positions."""
+def _note_derived(prim: Any, notes: list[str], moving: Collection[str]) -> None:
+    """Add to the notes normals and velocities that are no tracks."""
     mesh = USD.load("UsdGeom").Mesh(prim)
     primvar = USD.load("UsdGeom").PrimvarsAPI(prim).FindPrimvarWithInheritance("normals")
-    if mesh.GetNormalsAttr().HasAuthoredValue() or primvar.HasAuthoredValue():
+    is_given = mesh.GetNormalsAttr().HasAuthoredValue() or primvar.HasAuthoredValue()
+    if is_given and "normals" not in moving:
         note_normals(notes)
-    for attribute in (mesh.GetVelocitiesAttr(), mesh.GetAccelerationsAttr()):
-        if attribute.HasAuthoredValue():
-            note_moving(notes, [attribute.GetName()])
+    rates = (mesh.GetVelocitiesAttr(), mesh.GetAccelerationsAttr())
+    still = [str(one.GetName()) for one in rates if one.HasAuthoredValue()]
+    note_kinds(notes, UNCHANGING, (name for name in still if name not in moving))
 
 
-def _kind(type_name: str, name: str) -> Kind:
+def primvar_kind(type_name: str, name: str) -> Kind:
+    """What a primvar of a type and a name means."""
     if type_name.startswith("texCoord2"):
         return Kind.UV
     if re.match(r"(float|double|half)2\[", type_name) and UV_NAME.match(name):

@@ -24,6 +24,7 @@ from meshreel.formats.usd.mesh_reading import StageMesh
 from meshreel.formats.usd.sampling import Codes, Samples, even_interval, frame_grid, snapped
 from meshreel.formats.usd.skinning import find_skins
 from meshreel.formats.usd.stage import codes_per_frame, open_stage
+from meshreel.formats.usd.track_reading import MeshTracks
 from meshreel.formats.usd.transforms import Transforms
 from meshreel.sequence import validate_fps
 
@@ -58,12 +59,14 @@ def read_meshes(path: Path, options: ReadOptions) -> list[SceneMesh]:
 
     def scene_mesh(mesh: StageMesh) -> SceneMesh:
         with usd_errors(f"USD cannot read {mesh.path}"):
-            return _scene_mesh(mesh, codes_of(mesh), rate, has_rate=has_rate)
+            return _scene_mesh(mesh, codes_of(mesh), rate, notes, has_rate=has_rate)
 
     return [readable_mesh(mesh.path, partial(scene_mesh, mesh)) for mesh in meshes]
 
 
-def _scene_mesh(mesh: StageMesh, codes: Codes, rate: float, *, has_rate: bool) -> SceneMesh:
+def _scene_mesh(
+    mesh: StageMesh, codes: Codes, rate: float, notes: list[str], *, has_rate: bool
+) -> SceneMesh:
     fps = None
     if interval := even_interval(codes):
         fps = rate / interval
@@ -71,12 +74,14 @@ def _scene_mesh(mesh: StageMesh, codes: Codes, rate: float, *, has_rate: bool) -
         fps = rate
     if not len(codes):
         codes = np.zeros(1)
+    carried = MeshTracks(mesh, codes, notes)
     return SceneMesh(
         mesh.path,
         snapped(codes) / rate,
         lambda index: mesh.frame(float(codes[index])),
-        lambda index: mesh.surface(float(codes[index])),
+        lambda index: mesh.surface(float(codes[index]), carried.moving),
         fps,
+        carried.tracks,
     )
 
 

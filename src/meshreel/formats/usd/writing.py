@@ -6,6 +6,7 @@ them however long the sequence is; text and packages are made of that file.
 
 import re
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +26,7 @@ from meshreel.formats.usd.mesh_writing import MeshWriter, uv_primvars, write_sur
 from meshreel.formats.usd.prim_names import mesh_paths
 from meshreel.formats.usd.sampling import snapped
 from meshreel.formats.usd.texture_writing import TextureWriter
+from meshreel.formats.usd.track_writing import TrackWriter, part_tracks
 from meshreel.sequence import Corners
 
 UNSAVED_BYTES = 1 << 25
@@ -91,20 +93,31 @@ def _write_binary(path: Path, stream: FrameStream, *, is_package: bool) -> None:
         is_package=is_package,
     )
     meshes = _write_meshes(stage, stream, origin, textures)
+    tracks = [track for mesh in meshes for track in part_tracks(mesh, stream)]
     n_unsaved, is_rounded = 0, False
-    for code, frame in zip(codes, stream.frames(), strict=True):
+    for index, (code, frame) in enumerate(zip(codes, stream.frames(), strict=True)):
         local = frame - origin if origin.any() else frame
         single = local.astype(np.float32, copy=False)
         is_rounded = is_rounded or not np.array_equal(single, local)
         for mesh in meshes:
             mesh.write_points(single, code)
-        n_unsaved += single.nbytes
+        n_unsaved += single.nbytes + _write_tracks(tracks, stream, index, code)
         if n_unsaved > UNSAVED_BYTES:
             stage.GetRootLayer().Save()
             n_unsaved = 0
     stage.GetRootLayer().Save()
     if is_rounded:
         stream.notes.append("positions are rounded to float32, as USD has them")
+
+
+def _write_tracks(
+    tracks: Sequence[TrackWriter], stream: FrameStream, index: int, code: float | None
+) -> int:
+    """Write the values of a frame; gives their size in bytes."""
+    values = stream.values(index)
+    for one in tracks:
+        one.write(values[one.name], code)
+    return sum(one.nbytes for one in values.values())
 
 
 def _write_basis(stage: Any, stream: FrameStream) -> list[float | None]:

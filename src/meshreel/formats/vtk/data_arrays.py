@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.errors import FormatError
-from meshreel.formats.frames.field_tracks import COLOR_NAMES, NORMALS, UV_NAMES
+from meshreel.formats.frames.field_tracks import COLOR_NAMES, NORMALS, UV_NAMES, Field
 from meshreel.formats.notes import note_kinds, note_normals
 from meshreel.formats.vtk.cells import CellSurface
 from meshreel.surface import MAX_NUMBERS, VALUE_TYPES, Attribute, Domain, Kind, Surface
@@ -29,11 +29,31 @@ class DataArray:
     values : array of shape (N,) or (N, C)
     role : str, default ""
         What it is active as: "TCoords", "Normals" and others.
+    kind, unit : str, default ""
+        What the file says of it, as attribute or track.
+    is_track : bool, default False
+        Whether the file says that it is a track, even if it never changes.
     """
 
     name: str
     values: npt.NDArray[Any]
     role: str = ""
+    kind: str = ""
+    unit: str = ""
+    is_track: bool = False
+
+    @property
+    def is_look(self) -> bool:
+        """Whether it is an attribute in a file of one frame: by what it means, or what is said."""
+        is_said = bool(self.kind) and not self.is_track
+        return is_said or kind_of(self) is not Kind.OTHER
+
+    @property
+    def field(self) -> Field:
+        """What is known of it without its numbers."""
+        width = math.prod(self.values.shape[1:])
+        kind, unit = self.kind, self.unit
+        return Field(self.values.dtype, width, self.role, kind, unit, self.is_track)
 
 
 def surface_of_arrays(
@@ -91,9 +111,10 @@ def kind_of(array: DataArray) -> Kind:
     """What an array means as an attribute."""
     values, name = array.values, array.name.lower()
     width, is_float = math.prod(values.shape[1:]), values.dtype.kind == "f"
-    is_named_uv = array.role == TEXTURE_COORDINATES or name in UV_NAMES
-    if width == 2 and is_float and is_named_uv:
+    is_uv = array.kind == Kind.UV or array.role == TEXTURE_COORDINATES
+    if width == 2 and is_float and (is_uv or name in UV_NAMES):
         return Kind.UV
-    if width in (3, 4) and (values.dtype == np.uint8 or (is_float and name in COLOR_NAMES)):
+    is_color = array.kind == Kind.COLOR or name in COLOR_NAMES
+    if width in (3, 4) and (values.dtype == np.uint8 or (is_float and is_color)):
         return Kind.COLOR
     return Kind.OTHER

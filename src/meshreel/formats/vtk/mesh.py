@@ -14,14 +14,13 @@ from meshreel.formats.frames.field_tracks import (
     Fields,
     Key,
     add_field,
-    described_field,
 )
 from meshreel.formats.notes import listed, note_left_out
 from meshreel.formats.surfaces.polygons import PolygonMesh
 from meshreel.formats.vtk.cells import Cells, CellSurface, find_surface
-from meshreel.formats.vtk.data_arrays import DataArray, kind_of, surface_of_arrays
+from meshreel.formats.vtk.data_arrays import DataArray, surface_of_arrays
 from meshreel.sequence import Vertices
-from meshreel.surface import Domain, Kind, Surface
+from meshreel.surface import Domain, Surface
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,9 +82,9 @@ class VtkMesh:
         return array.values[self.cell_surface.taken[domain]]
 
     def look(self, notes: list[str]) -> Surface:
-        """Texture coordinates and colours; other data of a simulation change over time."""
+        """Texture coordinates, colours and what is said to be one; other data change over time."""
         at_points, at_cells = (
-            tuple(one for one in arrays if kind_of(one) is not Kind.OTHER)
+            tuple(one for one in arrays if one.is_look)
             for arrays in (self.point_data, self.cell_data)
         )
         return replace(self, point_data=at_points, cell_data=at_cells).surface(notes)
@@ -102,12 +101,15 @@ class VtkMesh:
             If an array has another number of values than there are points or cells.
         """
         known: dict[Key, Field] = {}
-        found: dict[Key, tuple[npt.NDArray[Any], str]] = {}
+        found: dict[Key, tuple[npt.NDArray[Any], Field]] = {}
         sides = ((Domain.VERTEX, self.point_data), (Domain.FACE, self.cell_data))
         for domain, array in ((domain, one) for domain, arrays in sides for one in arrays):
             key, values = (domain, array.name), self.on_surface(array, domain)
-            add_field(known, key, described_field(values, array.role))
-            found[key] = values, array.role
+            # What is not of the surface is a track, also where it does not change.
+            is_track = array.is_track or not array.is_look
+            field = replace(array.field, is_track=is_track)
+            add_field(known, key, field)
+            found[key] = values, field
         return found
 
 
@@ -151,5 +153,5 @@ def _joined_data(data: Sequence[tuple[DataArray, ...]]) -> tuple[DataArray, ...]
         same = [one for arrays in data for one in arrays if one.name == first.name]
         if len(same) == len(data) and len({one.values.shape[1:] for one in same}) == 1:
             values = np.concatenate([one.values for one in same])
-            found.append(DataArray(first.name, values, first.role))
+            found.append(replace(first, values=values))
     return tuple(found)

@@ -19,7 +19,6 @@ from meshreel.formats.frames.field_tracks import (
     Field,
     Key,
     add_field,
-    described_field,
     field_tracks,
 )
 from meshreel.formats.named_files import path_beside
@@ -178,7 +177,7 @@ class _FileFrames:
         with errors_naming(self._files[index]):
             for domain, array in _arrays(mesh):
                 values, key = array.values, (domain, array.name)
-                add_field(fields, key, described_field(values, array.role))
+                add_field(fields, key, array.field)
                 checksum = zlib.crc32(np.ascontiguousarray(values).data)
                 if self._checksums.setdefault(key, checksum) != checksum:
                     self._changing.add(key)
@@ -219,10 +218,12 @@ class _FileFrames:
         return field_tracks(fields, sizes, read, self._notes)
 
     def _moving(self) -> set[Key]:
-        """Data that changed in the frames so far, or that some of them lack."""
-        everything = [key for fields in self._fields.values() for key in fields]
-        counts = Counter(everything)
-        return self._changing | {key for key in counts if counts[key] < len(self._fields)}
+        """Data that changed in the frames so far, that some of them lack, or that are tracks."""
+        everything = [pair for fields in self._fields.values() for pair in fields.items()]
+        counts = Counter(key for key, _ in everything)
+        said = {key for key, field in everything if field.is_track}
+        some = {key for key in counts if counts[key] < len(self._fields)}
+        return self._changing | said | some
 
     def _read(self, index: int) -> VtkMesh:
         if self._last is None or self._last[0] != index:

@@ -22,6 +22,8 @@ from meshreel.sequence import Vertices
 from meshreel.surface import Domain, Surface
 
 CENTERS = {"node": Domain.VERTEX, "cell": Domain.FACE}
+TRACK_KIND, ATTRIBUTE_KIND, UNIT = "track_kind", "attribute_kind", "unit"
+"""XML attributes of our own: what data mean, whether they are a track, and its unit."""
 
 
 class GridFrames:
@@ -58,7 +60,9 @@ class GridFrames:
         cells, surface = self._surface(index, n_points)
         at_points, at_cells = (
             [
-                DataArray(name, self._items.read(self._items.item_of(attribute)))
+                DataArray(
+                    name, self._items.read(self._items.item_of(attribute)), "", *_said(attribute)
+                )
                 for (center, name), attribute in self._attributes(index)
                 if center == wanted and (center, name) not in self._moving
             ]
@@ -105,12 +109,13 @@ class GridFrames:
                     f"each {center} are {n_items}, or so many times a whole number",
                 )
                 continue
-            add_field(fields, (CENTERS[center], name), Field(dtype, n_numbers // n_items))
+            field = Field(dtype, n_numbers // n_items, "", *_said(attribute))
+            add_field(fields, (CENTERS[center], name), field)
         return fields
 
     @cached_property
     def _moving(self) -> set[tuple[str, str]]:
-        """Center and name of the data that not all steps say alike."""
+        """Center and name of the data that not all steps say alike, or that are tracks."""
         steps: list[dict[tuple[str, str], list[Any]]] = []
         for index in range(len(self._steps)):
             keys: dict[tuple[str, str], list[Any]] = {}
@@ -118,7 +123,13 @@ class GridFrames:
                 keys.setdefault(place, []).append(self._items.key(self._items.item_of(attribute)))
             steps.append(keys)
         places = {place for keys in steps for place in keys}
-        return {
+        said = {
+            place
+            for index in range(len(self._steps))
+            for place, attribute in self._attributes(index)
+            if TRACK_KIND in attribute.attrib
+        }
+        return said | {
             place
             for place in places
             if any(keys.get(place) != steps[0].get(place) for keys in steps)
@@ -184,6 +195,12 @@ class GridFrames:
             cells = read_cells(name, self._items.read(item), int(width) if width.isdecimal() else 0)
             self._cached = key, cells, find_surface(cells, n_points)
         return self._cached[1:]
+
+
+def _said(attribute: Element) -> tuple[str, str]:
+    """Kind and unit of data, or nothing."""
+    kind = attribute.get(TRACK_KIND, attribute.get(ATTRIBUTE_KIND, ""))
+    return kind, attribute.get(UNIT, "")
 
 
 def _center(attribute: Element) -> str:

@@ -150,7 +150,9 @@ class DataItems:
         if kind == "XML":
             return self._written(item, text)
         if kind == "HDF":
-            file, _, name = text.partition(":")
+            file, colon, name = text.rpartition(":/")
+            if not colon:  # names of files may have colons too
+                file, _, name = text.partition(":")
             with hdf_errors():
                 return require_dataset(self._file(self._beside(file)), name)
         if kind == "BINARY":

@@ -29,6 +29,10 @@ Int64s = npt.NDArray[np.int64]
 APPENDED = re.compile(rb"<AppendedData([^>]*)>\s*_")
 TIMES = ("TimeValue", "TIME", "CYCLE")
 """Field data that say when a file is."""
+TRACK_KIND, ATTRIBUTE_KIND = "track_kind", "attribute_kind"
+"""XML attributes of our own: what an array means, and whether it is a track."""
+UNITS = "UNITS_LABEL"
+"""What VTK calls the unit of the numbers of an array."""
 GROUPS = {"Verts": POLY_VERTEX, "Lines": POLY_LINE, "Polys": POLYGON, "Strips": STRIP}
 
 
@@ -173,13 +177,25 @@ def _named(group: Element, name: str, coding: ArrayCoding) -> npt.NDArray[Any]:
     raise FormatError(f"{group.tag} has no array {name!r}")
 
 
+def _unit(element: Element) -> str:
+    found = element.find(f"InformationKey[@name='{UNITS}']")
+    return "" if found is None else " ".join((found.text or "").split())
+
+
 def _data(group: Element | None, coding: ArrayCoding) -> tuple[DataArray, ...]:
     if group is None:
         return ()
     roles = {group.get(role, ""): role for role in (TEXTURE_COORDINATES, NORMALS)}
     named = [(element.get("Name", ""), element) for element in group.findall("DataArray")]
     return tuple(
-        DataArray(name, coding.read(element), roles.get(name, ""))
+        DataArray(
+            name,
+            coding.read(element),
+            roles.get(name, ""),
+            element.get(TRACK_KIND, element.get(ATTRIBUTE_KIND, "")),
+            _unit(element),
+            TRACK_KIND in element.attrib,
+        )
         for name, element in named
         if not name.startswith("vtkGhost") and not _is_text(element)
     )

@@ -31,6 +31,9 @@ ANSWER_S = 10.0
 MAX_WAIT_S = 3600.0
 """Seconds that calls wait for a cluster without workers, unless another number is given."""
 
+_WORKER = "meshreel_worker"
+"""Attribute of an error of memory: the address of the worker."""
+
 CLOSE_S = 30.0
 """Seconds that closing waits for a result that is just coming in."""
 
@@ -40,6 +43,7 @@ class _Call:
     """A call, its outcome to come, and the task that it is on the cluster.
 
     `is_suspect` where workers died that had it: it may have been another that they died of.
+    `not_on` is the address of a worker that is not to do it, if there are others.
     """
 
     function: Callable[..., Any]
@@ -47,6 +51,7 @@ class _Call:
     outcome: "Future[Any]" = field(default_factory=Future)
     task: Any = None
     is_suspect: bool = False
+    not_on: str | None = None
     _is_settled: bool = False
     _settling: threading.Lock = field(default_factory=threading.Lock)
 
@@ -123,7 +128,20 @@ class DaskWorkers:
 
     def submit(self, function: Callable[..., Result], /, *args: Any) -> "Future[Result]":
         """The outcome to come of one call on the cluster."""
-        call = _Call(function, args)
+        return self._submitted(_Call(function, args))
+
+    def submit_elsewhere(
+        self, error: BaseException, function: Callable[..., Result], /, *args: Any
+    ) -> "Future[Result]":
+        """As `submit`, on another worker than that whose memory was too little for the error.
+
+        Where workers died of it, it is a suspect from the start.
+        """
+        is_suspect = isinstance(error, WorkerDiedError)
+        not_on = getattr(error, _WORKER, None)
+        return self._submitted(_Call(function, args, is_suspect=is_suspect, not_on=not_on))
+
+    def _submitted(self, call: _Call) -> "Future[Any]":
         refusal = self._watch.refusal()
         if refusal is not None:
             call.fail(WorkerDiedError(refusal))
@@ -152,11 +170,22 @@ class DaskWorkers:
             self._leave(call)
             return
         try:
-            call.task = self._client.submit(_in_share, call.function, call.args, pure=False)
+            others = self._others(call.not_on)
+            call.task = self._client.submit(
+                _in_share, call.function, call.args,
+                pure=False, workers=others, allow_other_workers=bool(others),
+            )  # fmt: skip
             call.task.add_done_callback(partial(self._end, call))
         except Exception as error:
             call.fail(error)
             self._leave(call)
+
+    def _others(self, not_on: str | None) -> list[str] | None:
+        """Addresses of the workers but one; None, which means any, where there are no others."""
+        if not_on is None:
+            return None
+        running = self._client.sync(self._client.scheduler.ncores_running)
+        return [address for address in running if address != not_on] or None
 
     def _end(self, call: _Call, task: Any) -> None:
         """Give the call the outcome of its task; set a suspect aside, to be called again alone."""
@@ -238,4 +267,8 @@ def _in_share(function: Callable[..., Result], args: tuple[Any, ...]) -> Result:
     if n_threads < n_cores():
         limit_cores(n_threads)
     with one_blas_thread():
-        return function(*args)
+        try:
+            return function(*args)
+        except MemoryError as error:
+            setattr(error, _WORKER, get_worker().address)
+            raise

@@ -34,6 +34,14 @@ class Workers(Protocol):
         there were none for too long.
         """
 
+    def submit_elsewhere(
+        self, error: BaseException, function: Callable[..., Result], /, *args: Any
+    ) -> "Future[Result]":
+        """As `submit`, for work that failed with an error: not where it was, if there are others.
+
+        Of a process that ran out of memory, a new one is another.
+        """
+
     def close(self, *, at_once: bool) -> None:
         """Let the workers go; `at_once`, without waiting for calls that still run."""
 
@@ -114,22 +122,42 @@ class Engine(AbstractContextManager["Engine"]):
         items: Iterable[Arguments],
         *,
         in_flight: int | None = None,
+        again: Callable[[Arguments, BaseException], Arguments | None] | None = None,
     ) -> "Iterator[tuple[Arguments, Future[Result]]]":
         """Each item with the outcome of ``function(*item)``, as they come to an end.
 
         A call that fails does not end the others: ask the outcome for its `result` or its
-        `exception`. Parameters as for `map_in_order`.
+        `exception`.
+
+        Parameters
+        ----------
+        function, items, in_flight
+            As for `map_in_order`.
+        again : callable, optional
+            Takes an item and the error of its call, and gives the item of another try, or None
+            where there is none. That is done once all items are handed out, and on another worker
+            if there is one.
         """
         remaining = iter(items)
+        tries: deque[tuple[Arguments, BaseException]] = deque()
         pending: dict[Future[Result], Arguments] = {}
         try:
             while True:
                 for item in islice(remaining, self._room(in_flight, len(pending))):
                     pending[self.submit(function, *item)] = item
+                for _ in range(min(len(tries), self._room(in_flight, len(pending)))):
+                    item, failure = tries.popleft()
+                    pending[self._workers.submit_elsewhere(failure, function, *item)] = item
                 if not pending:
                     return
                 for outcome in _wait_for_any(pending):
-                    yield pending.pop(outcome), outcome
+                    item, error = pending.pop(outcome), outcome.exception() if again else None
+                    another = again(item, error) if again and error else None
+                    if another is None or error is None:
+                        yield item, outcome
+                    else:
+                        tries.append((another, error))
+                    del outcome  # its result may be large, and the next is waited for
         finally:
             _cancel(pending)
 

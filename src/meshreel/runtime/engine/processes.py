@@ -70,6 +70,12 @@ class ProcessWorkers:
         """The outcome to come of one call in one of the processes."""
         return self._threads.submit(self._call, function, args)
 
+    def submit_elsewhere(
+        self, error: BaseException, function: Callable[..., Result], /, *args: Any
+    ) -> "Future[Result]":
+        """As `submit`: a process that died, or ran out of memory, has been replaced."""
+        return self.submit(function, *args)
+
     def close(self, *, at_once: bool) -> None:
         """End the processes, after the calls handed out or, `at_once`, in the middle of them."""
         if at_once:
@@ -89,6 +95,9 @@ class ProcessWorkers:
                 result: Result = process.call(function, args)
             except _ProcessDiedError:
                 ending = process.end()
+            except MemoryError:
+                process.end()  # so that the next call begins with all memory that there is
+                raise
             else:
                 return result
         raise WorkerDiedError(
@@ -157,6 +166,7 @@ class _ServingProcess:
 def _serve(connection: Connection, n_cores: int) -> None:
     """Answer requests until the connection is closed, by the parent or by its death."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # ctrl-C is the parent's, which ends this one
+    threading.Thread(target=_end_with_parent, name="meshreel-parent", daemon=True).start()
     limit_cores(n_cores)
     os.environ.update(dict.fromkeys(BLAS_THREADS, "1"))  # for a BLAS that calls load
     while True:
@@ -169,6 +179,14 @@ def _serve(connection: Connection, n_cores: int) -> None:
             connection.send_bytes(reply)
         except OSError:
             return
+
+
+def _end_with_parent() -> None:
+    """End this process, in the middle of a call, when the parent was killed."""
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)
 
 
 def _reply(request: bytes) -> bytes:

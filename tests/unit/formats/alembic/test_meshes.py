@@ -63,22 +63,6 @@ def test_load_reads_the_cage_when_a_mesh_is_to_be_subdivided(tmp_path):
     assert "left out: subdivision of /m, whose cage is read" in notes
 
 
-def test_load_keeps_the_first_colours_when_they_change_over_time(tmp_path):
-    mesh = sample.add_mesh(sample.archive(tmp_path / "a.abc").getTop(), "m", MOVES)
-    scope = sample.AbcGeom.GeometryScope.kFacevaryingScope
-    parent = mesh.getSchema().getArbGeomParams()
-    param = sample.AbcGeom.OC3fGeomParam(parent, "Cd", False, scope, 1)
-    for red in (0.25, 0.75):
-        colours = sample.imath.C3fArray(sample.imath.Color3f(red, 0, 0), 8)
-        param.set(sample.AbcGeom.OC3fGeomParamSample(colours, scope))
-    del mesh, parent, param
-    notes = []
-    [found] = load(tmp_path / "a.abc", notes=notes).surface.attributes
-    assert (found.kind, found.domain) == (Kind.COLOR, Domain.CORNER)
-    np.testing.assert_array_equal(found.values, np.tile(np.float32([0.25, 0, 0]), (8, 1)))
-    assert "left out: changes over time of Cd, kept as in the first frame" in notes
-
-
 def test_load_refuses_a_file_when_objects_are_nested_without_end(tmp_path):
     parent = sample.archive(tmp_path / "a.abc").getTop()
     for _ in range(300):
@@ -140,20 +124,20 @@ def test_load_says_how_to_convert_when_the_file_is_of_the_older_kind(tmp_path):
         load(tmp_path / "a.abc")
 
 
-def test_load_leaves_a_note_when_attributes_cannot_be_carried(tmp_path):
+def test_attributes_are_those_that_do_not_change_when_others_do(tmp_path):
     mesh = sample.add_mesh(sample.archive(tmp_path / "a.abc").getTop(), "m", MOVES)
     add_floats(mesh, "speed", [np.arange(6), np.arange(6) * 2])
     add_floats(mesh, "weight", [np.arange(6)])
     del mesh
-    notes = []
-    [attribute] = load(tmp_path / "a.abc", notes=notes).surface.attributes
+    found = load(tmp_path / "a.abc")
+    [attribute] = found.surface.attributes
     assert (attribute.name, attribute.kind, attribute.domain) == (
         "weight",
         Kind.OTHER,
         Domain.VERTEX,
     )
     np.testing.assert_array_equal(attribute.values, np.arange(6, dtype=np.float32)[:, np.newaxis])
-    assert notes[-1] == "left out: fields that change over time: speed"
+    assert list(found.tracks) == ["speed"]
 
 
 def test_load_gives_groups_of_their_own_when_face_sets_overlap(tmp_path):

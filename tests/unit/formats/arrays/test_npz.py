@@ -15,7 +15,7 @@ from samples.datasets import (
     positions_of,
     surfaced_sequence,
 )
-from samples.meshes import assert_same_surface
+from samples.meshes import assert_same_surface, waving_grid
 
 FACES = np.array([[0, 1, 2]])
 VERTICES = np.eye(3, dtype=np.float32)[None].repeat(2, axis=0)
@@ -204,3 +204,14 @@ def test_load_raises_only_our_errors_when_a_surface_is_damaged(tmp_path):
         path.write_bytes(damaged)
         with contextlib.suppress(MeshReelError):
             load(path)
+
+
+def test_lack_of_memory_is_not_taken_for_damage(tmp_path, monkeypatch):
+    save(waving_grid(), tmp_path / "walk.npz")
+
+    def failing(*args, **options):
+        raise MemoryError
+
+    monkeypatch.setattr("meshreel.formats.arrays.npz_members.np.load", failing)
+    with pytest.raises(MemoryError):
+        load(tmp_path / "walk.npz")

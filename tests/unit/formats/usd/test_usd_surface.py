@@ -161,14 +161,6 @@ def test_attributes_are_left_out_when_primvars_do_not_fit(surface_of, body):
     assert is_setting or "normals" in body or any("left out" in note for note in notes)
 
 
-def test_attributes_are_those_of_the_first_frame_when_primvars_move(surface_of):
-    notes = []
-    body = "color3f[] primvars:displayColor.timeSamples = { 1: [(1, 0, 0)], 2: [(0, 1, 0)] }"
-    (found,) = surface_of(body, notes=notes).attributes
-    np.testing.assert_array_equal(found.values, [[1, 0, 0]])
-    assert "left out: changes over time of displayColor, kept as in the first frame" in notes
-
-
 MATERIALS = 'def Material "red" { }\ndef Material "b" (displayName = "blåt") { }'
 
 

@@ -520,8 +520,7 @@ def test_load_names_the_file_when_it_is_cut_short(tmp_path, name, share):
         load(path)
 
 
-@pytest.mark.parametrize("ending", ["vtu", "vtp", "vtk", "pvd", "xdmf", "xmf"])
-def test_save_is_refused_before_work_when_files_are_only_read(tmp_path, ending):
-    message = rf"a\.{ending}: \.{ending} files are read, but not written; written are \.obj, "
+def test_save_is_refused_before_work_when_files_are_only_read(tmp_path):
+    message = r"a\.vtk: \.vtk files are read, but not written; written are \.obj, "
     with pytest.raises(FormatError, match=message):
-        save(plain_sequence(n_frames=1), tmp_path / f"a.{ending}")
+        save(plain_sequence(n_frames=1), tmp_path / "a.vtk")

@@ -1,0 +1,61 @@
+/* Plays a .reel file in a window, frame by frame: `play FILE [FRAMES]`, by SDL 2 and meshreel.h. */
+#include <SDL.h>
+#include <meshreel.h>
+#include <stdio.h>
+#include <stdlib.h>
+
+enum { SIZE = 640 };
+static float *positions, *normals;
+
+static void need(int code) {
+    if (code != MESHREEL_OK) {
+        fprintf(stderr, "%s\n", meshreel_words(code));
+        exit(1);
+    }
+}
+static float depth(const uint32_t *t) {
+    return positions[3 * t[0] + 2] + positions[3 * t[1] + 2] + positions[3 * t[2] + 2];
+}
+static int farthest_first(const void *one, const void *other) {
+    return (depth(one) > depth(other)) - (depth(one) < depth(other));
+}
+
+int main(int count, char **words) {
+    size_t size = 0, corners = sizeof(uint32_t[3]);
+    void *bytes = count > 1 ? SDL_LoadFile(words[1], &size) : NULL;
+    meshreel_source source = {bytes, size, NULL, NULL};
+    meshreel_info info;
+    const meshreel_file *file;
+    meshreel_decoder *decoder;
+    need(meshreel_inspect(&source, &info)); /* says how much memory the others need */
+    need(meshreel_open(&source, malloc(info.file_bytes), info.file_bytes, &file));
+    need(meshreel_begin(file, malloc(info.decoder_bytes), info.decoder_bytes, &decoder));
+    positions = malloc(info.n_verts * sizeof(float[3]));
+    normals = malloc(info.n_verts * sizeof(float[3]));
+    SDL_Vertex *drawn = calloc(info.n_verts, sizeof *drawn);
+    int *triangles = SDL_memcpy(malloc(info.n_triangles * corners), meshreel_triangles(file),
+                                info.n_triangles * corners); /* to be sorted */
+    SDL_Init(SDL_INIT_VIDEO);
+    SDL_Window *window = SDL_CreateWindow("meshreel", 0, 0, SIZE, SIZE, 0);
+    SDL_Renderer *renderer = SDL_CreateRenderer(window, -1, 0);
+    double fps = info.fps > 0 ? info.fps : 25, scale = SIZE / info.diagonal;
+    long most = count > 2 ? atol(words[2]) : -1, shown = 0;
+    for (SDL_Event event = {0}; event.type != SDL_QUIT && shown != most; shown++) {
+        uint32_t frame = (uint32_t)(SDL_GetTicks() * fps / 1000) % info.n_frames;
+        need(meshreel_decode(decoder, frame, positions));
+        need(meshreel_normals(decoder, positions, normals));
+        for (uint32_t v = 0; v < info.n_verts; v++) { /* seen along z, and lit from there */
+            const float *at = positions + 3 * v, light = SDL_fabsf(normals[3 * v + 2]);
+            drawn[v].position.x = (float)(SIZE / 2 + scale * (at[0] - info.centre[0]));
+            drawn[v].position.y = (float)(SIZE / 2 - scale * (at[1] - info.centre[1]));
+            drawn[v].color = (SDL_Color){(Uint8)(255 * light), (Uint8)(200 * light), 90, 255};
+        }
+        qsort(triangles, info.n_triangles, corners, farthest_first);
+        SDL_RenderClear(renderer);
+        SDL_RenderGeometry(renderer, NULL, drawn, (int)info.n_verts, triangles,
+                           (int)(3 * info.n_triangles));
+        SDL_RenderPresent(renderer);
+        SDL_PollEvent(&event);
+    }
+    return printf("%ld frames of %u vertices\n", shown, info.n_verts) < 0;
+}

@@ -1,0 +1,1 @@
+"""Vertex animation textures: motion as images, which shaders of game engines play."""

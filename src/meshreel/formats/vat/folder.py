@@ -1,0 +1,88 @@
+"""A folder of vertex animation textures: which files it holds, and how they are written."""
+
+from pathlib import Path
+
+from meshreel.codec.error_bounds import bound_of
+from meshreel.errors import InvalidInputError
+from meshreel.formats.extras import OPEN_EXR, PNG
+from meshreel.formats.frames.frame_stream import FrameStream
+from meshreel.formats.options import WriteOptions
+from meshreel.formats.vat.layouts import DEFAULT_LAYOUT, LAYOUT_NAMES, LAYOUTS, PCA
+from meshreel.formats.vat.pca.write import PcaNames, write_pca
+from meshreel.formats.vat.plain import write_plain
+from meshreel.formats.vat.plain_layout import FileNames, PlainLayout
+from meshreel.formats.vat.textures import TexelType
+
+TEXEL_TYPES = {
+    "exr": (TexelType.HALF, TexelType.FLOAT),
+    "png": (TexelType.BITS_8, TexelType.BITS_16),
+}
+"""By what `--textures` takes: those of the files, the smallest first."""
+
+DEFAULT_TEXTURES = "exr"
+
+
+def vat_files(path: Path, options: WriteOptions) -> list[Path]:
+    """The files that a folder will hold.
+
+    Raises
+    ------
+    InvalidInputError
+        If there is no such layout or kind of textures, or the error bound is none.
+    FormatError
+        If the library that writes the textures is not installed.
+    """
+    if options.max_error is not None:
+        bound_of(options.max_error)
+    if options.layout == PCA:
+        return _pca_files(path, options)
+    kind = options.textures or DEFAULT_TEXTURES
+    if kind not in TEXEL_TYPES:
+        raise InvalidInputError(
+            f"--textures (textures=) is one of {', '.join(TEXEL_TYPES)}; got {kind!r}"
+        )
+    names = _names(path.stem, options)
+    (PNG if kind == "png" else OPEN_EXR).load()
+    given = (names.mesh, names.positions, names.normals, names.data)
+    return [path / name for name in given if name is not None]
+
+
+def write_vat(folder: Path, stem: str, stream: FrameStream, options: WriteOptions) -> None:
+    """Write the files of a folder; the notes of the stream gain what was achieved.
+
+    All frames are read into memory.
+
+    Raises
+    ------
+    InvalidInputError
+        If no texture keeps the error that is allowed, or it would be larger than GPUs hold them.
+    """
+    if options.layout == PCA:
+        write_pca(folder, PcaNames.of(stem), stream, options)
+        return
+    types = TEXEL_TYPES[options.textures or DEFAULT_TEXTURES]
+    write_plain(folder, _names(stem, options), stream, options, _layout(options), types)
+
+
+def _pca_files(path: Path, options: WriteOptions) -> list[Path]:
+    if options.textures is not None:
+        raise InvalidInputError(
+            "--textures (textures=) has no effect on the layout pca, whose texture is a PNG of 8 "
+            "bits; leave it out"
+        )
+    PNG.load()
+    names = PcaNames.of(path.stem)
+    return [path / name for name in (names.mesh, names.texture, names.data)]
+
+
+def _names(stem: str, options: WriteOptions) -> FileNames:
+    ending = TEXEL_TYPES[options.textures or DEFAULT_TEXTURES][0].ending
+    return _layout(options).names(stem, ending, normals=options.normals is not False)
+
+
+def _layout(options: WriteOptions) -> PlainLayout:
+    name = options.layout or DEFAULT_LAYOUT
+    if name not in LAYOUTS:
+        allowed = ", ".join(LAYOUT_NAMES)
+        raise InvalidInputError(f"--layout (layout=) is one of {allowed}; got {name!r}")
+    return LAYOUTS[name]

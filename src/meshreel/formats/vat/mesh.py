@@ -1,0 +1,171 @@
+"""The mesh at rest, in a glTF file whose second texture coordinates lead to the texels."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from meshreel.formats.gltf.buffer_writer import BufferWriter, Json
+from meshreel.formats.gltf.container_writer import write_container
+from meshreel.formats.gltf.material_writer import Materials
+from meshreel.formats.gltf.mesh_writer import write_mesh
+from meshreel.formats.gltf.moving_mesh import MovingMesh
+from meshreel.formats.gltf.node_tree import NodeTree
+from meshreel.formats.gltf.normal_targets import NormalTargets
+from meshreel.formats.gltf.placement import Placement
+from meshreel.formats.gltf.seams import Primitive, SplitVertices, split_at_seams
+from meshreel.formats.scenes.parts import PartMesh, split_parts
+from meshreel.formats.vat.axes import MeshSpace
+from meshreel.formats.vat.motion import UP
+from meshreel.sequence import Faces
+from meshreel.surface import Attribute, Domain, Kind, Surface
+
+Doubles = npt.NDArray[np.float64]
+Singles = npt.NDArray[np.float32]
+
+TEXEL_COORDINATES = "VAT_UV"
+"""Name of the texture coordinates, TEXCOORD_1 of the file."""
+
+CORNER_EDGE = 0.01
+"""Length of the edges of the triangles in the corners of a box, in model units."""
+
+
+class RestMesh:
+    """The mesh at rest, as it will be written.
+
+    Parameters
+    ----------
+    faces : int32 array of shape (M, 3)
+    surface : Surface
+    n_verts : int
+
+    Attributes
+    ----------
+    used : int64 array of shape (V,)
+        The vertices that faces use, ascending.
+    faces : int32 array of shape (M, 3)
+        In these vertices.
+    """
+
+    def __init__(self, faces: Faces, surface: Surface, n_verts: int) -> None:
+        self._n_verts = n_verts
+        self._whole_faces, self._surface = faces, replace(surface, parts=())
+        is_used = np.zeros(n_verts, bool)
+        is_used[faces] = True
+        self.used = np.flatnonzero(is_used)
+        self._number = np.cumsum(is_used) - 1
+        self.faces = self._number[faces].astype(np.int32)
+
+    def write(
+        self,
+        path: Path,
+        rest: Singles,
+        normals: Singles,
+        texcoords: Doubles,
+        placement: Placement,
+        space: MeshSpace,
+        corners: tuple[Singles, Singles] | None,
+        notes: list[str],
+    ) -> int:
+        """Write a ``.glb`` file, and give its size in bytes.
+
+        Parameters
+        ----------
+        path : Path
+        rest, normals : float32 arrays of shape (V, 3)
+        texcoords : float64 array of shape (V, 2)
+            Of the texels of the first frame; v is 0 at the bottom.
+        placement : Placement
+            Where the node stands.
+        space : MeshSpace
+            Where the file has vertices, which the node turns and scales into ours.
+        corners : tuple of two float32 arrays of shape (3,), optional
+            Of a box that the mesh is to fill: a small triangle in each, of vertices that shaders
+            hide, since their v is 0. In the axes of the file.
+        notes : list of str
+            Gains a sentence for each thing of a material that glTF cannot have.
+        """
+        surface = self._with_texcoords(texcoords)
+        normals = space.axes.turn(normals)
+        rest = (space.axes.turn(rest) * space.axes.scale).astype(np.float32)
+        buffer = BufferWriter()
+        materials = Materials(surface, buffer, notes)
+        split = split_at_seams(self._whole(surface)).renumbered(self._number)
+        if corners is not None:
+            split, rest, normals = _with_corners(split, rest, normals, corners)
+        still = NormalTargets(
+            normals, np.empty((0, *normals.shape), np.int8), np.empty(0, np.int64)
+        )
+        moving = MovingMesh(placement, rest, None, still, np.zeros(1))
+        name = path.stem
+        tree = NodeTree()
+        node = tree.add(name, 0, placement)
+        if space.rotation is not None:
+            turned = {"rotation": list(space.rotation), "scale": [1 / space.axes.scale] * 3}
+            tree.nodes[node] |= turned
+        meshes = [write_mesh(name, split, moving, buffer, materials)]
+        document: Json = {
+            "asset": {"version": "2.0", "generator": "meshreel"},
+            "scene": 0,
+            "scenes": [{"name": name, "nodes": tree.roots}],
+            "nodes": tree.nodes,
+            "meshes": meshes,
+            **materials.document(),
+            "accessors": buffer.accessors,
+            "bufferViews": buffer.views,
+        }
+        materials.note_unused()
+        used = {
+            "extensionsUsed": sorted(materials.textures.used | materials.textures.required),
+            "extensionsRequired": sorted(materials.textures.required),
+        }
+        document |= {key: names for key, names in used.items() if names}
+        return write_container(path, document, buffer, "leave out attributes (--attributes)")
+
+    def _whole(self, surface: Surface) -> PartMesh:
+        [whole] = split_parts(self._whole_faces, surface, self._n_verts, "")
+        return whole
+
+    def _with_texcoords(self, texcoords: Doubles) -> Surface:
+        """The surface with these as the second texture coordinates; the first are zeros if none."""
+        rows = np.zeros((self._n_verts, 2))
+        rows[self.used] = texcoords
+        added = Attribute(TEXEL_COORDINATES, Kind.UV, Domain.VERTEX, rows)
+        given = list(self._surface.attributes)
+        places = [place for place, one in enumerate(given) if one.kind is Kind.UV]
+        if not places:
+            none = np.zeros((self._n_verts, 2), np.float32)
+            given.insert(0, Attribute("uv", Kind.UV, Domain.VERTEX, none))
+            places = [0]
+        given.insert(places[0] + 1, added)
+        return replace(self._surface, attributes=tuple(given))
+
+
+def _with_corners(
+    split: SplitVertices, rest: Singles, normals: Singles, corners: tuple[Singles, Singles]
+) -> tuple[SplitVertices, Singles, Singles]:
+    """The mesh with a triangle in each of two corners, among the last of its primitives."""
+    low, high = corners
+    edges = CORNER_EDGE * np.array([[0, 0, 0], [0, 1, 0], [0, 0, 1]], np.float32)
+    positions = np.concatenate([high - edges, low + edges]).astype(np.float32)
+    n_split, n_verts = len(split.sources), len(rest)
+    attributes = {
+        name: np.concatenate([values, np.zeros((6, values.shape[1]), values.dtype)])
+        for name, values in split.attributes.items()
+    }
+    attributes["TEXCOORD_1"][-6:] = (0, 1)  # downwards in the file: v is 0 at the bottom
+    *others, last = split.primitives
+    added = np.arange(6).reshape(2, 3) + (n_split - last.verts.start)
+    grown = Primitive(
+        last.material,
+        slice(last.verts.start, n_split + 6),
+        np.concatenate([last.triangles, added]),
+    )
+    return (
+        SplitVertices(
+            np.concatenate([split.sources, n_verts + np.arange(6)]), attributes, (*others, grown)
+        ),
+        np.concatenate([rest, positions]),
+        np.concatenate([normals, np.tile(np.array([UP], np.float32), (6, 1))]),
+    )

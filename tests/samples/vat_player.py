@@ -1,0 +1,247 @@
+"""Plays folders of vertex animation textures as the shaders of programs do, in float32.
+
+Written from those programs' sources, and of nothing but the files: see
+docs/guides/vertex_textures.md. Vectors come back in the axes and units of the glTF file.
+"""
+
+import json
+import struct
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from meshreel.formats.vat.textures import read_texture
+
+F = np.float32
+
+
+def read_glb(path):
+    """The attributes of the first mesh, its primitives joined, its triangles, and its node."""
+    data = Path(path).read_bytes()
+    assert data[:4] == b"glTF"
+    size = struct.unpack("<I", data[12:16])[0]
+    document, binary = json.loads(data[20 : 20 + size]), data[28 + size :]
+
+    def values(number):
+        accessor = document["accessors"][number]
+        view = document["bufferViews"][accessor["bufferView"]]
+        dtype = {5126: "<f4", 5123: "<u2", 5125: "<u4", 5121: "<u1"}[accessor["componentType"]]
+        width = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}[accessor["type"]]
+        start = view.get("byteOffset", 0) + accessor.get("byteOffset", 0)
+        item = np.dtype(dtype).itemsize
+        stride = view.get("byteStride", width * item)
+        return np.ndarray((accessor["count"], width), dtype, binary, start, (stride, item)).copy()
+
+    blocks, triangles, n_verts = [], [], 0
+    for primitive in document["meshes"][0]["primitives"]:
+        block = {name: values(number) for name, number in primitive["attributes"].items()}
+        triangles.append(values(primitive["indices"]).reshape(-1, 3).astype(int) + n_verts)
+        n_verts += len(block["POSITION"])
+        blocks.append(block)
+    joined = {name: np.concatenate([one[name] for one in blocks]) for name in blocks[0]}
+    return joined, np.concatenate(triangles), document["nodes"][0]
+
+
+def texels_at(image, u, v):
+    """Nearest texels, as floats from 0 to 1 of integers; v is 0 at the top. Wraps as GPUs do."""
+    height, width = image.shape[:2]
+    column = np.floor((u % 1) * F(width)).astype(int)
+    row = np.floor((v % 1) * F(height)).astype(int)
+    found = image[row, column]
+    if found.dtype.kind == "u":
+        return found.astype(F) / F(np.iinfo(found.dtype).max)
+    return found.astype(F)
+
+
+def rotated(vector, quaternions):
+    """A vector turned by each of the quaternions x y z w."""
+    axis, w = quaternions[:, :3], quaternions[:, 3:]
+    vector = np.broadcast_to(np.asarray(vector, F), axis.shape)
+    return vector + F(2) * np.cross(axis, np.cross(axis, vector) + w * vector)
+
+
+def only(folder, pattern):
+    [found] = sorted(Path(folder).glob(pattern))
+    return found
+
+
+class Player:
+    """A folder; gives positions and normals of the vertices of its mesh in each frame.
+
+    Attributes
+    ----------
+    n_frames : int
+        As the shader has it.
+    is_hidden : bool array
+        Of the vertices of the mesh: those that the shader collapses into a point.
+    """
+
+    def __init__(self, folder):
+        self.mesh, self.triangles, self.node = read_glb(only(folder, "*.glb"))
+        self.data = json.loads(only(folder, "*.json").read_text("utf-8"))
+        self.rest = self.mesh["POSITION"]
+        self.u, self.v = self.mesh["TEXCOORD_1"].T
+        self.is_hidden = np.zeros(len(self.rest), bool)
+
+    @property
+    def shift(self):
+        """Where the node of the mesh stands."""
+        return np.array(self.node.get("translation", [0, 0, 0]), float)
+
+
+class OpenVatPlayer(Player):
+    """The shader for Godot, which is for the glTF file."""
+
+    def __init__(self, folder):
+        super().__init__(folder)
+        self.image = read_texture(only(folder, "*_vat.*"))
+        remap = self.data["os-remap"]
+        self.n_frames = remap["Frames"]
+        self.low, self.high = np.array(remap["Min"], F), np.array(remap["Max"], F)
+
+    def positions(self, frame):
+        found = texels_at(self.image, self.u, self.v + F(frame) * (F(1) / F(len(self.image))))
+        found = self.low + found * (self.high - self.low)
+        return self.rest + from_blender(found)
+
+    def normals(self, frame):
+        v = self.v + F(frame) * (F(1) / F(len(self.image))) + F(0.5)
+        return from_blender(F(2) * texels_at(self.image, self.u, v) - F(1))
+
+
+class OpenVatUnityPlayer(OpenVatPlayer):
+    """The shader graph for Unity: hundredths in Blender's axes, of which importers mirror x."""
+
+    def __init__(self, folder):
+        super().__init__(folder)
+        self.object_rest, self.upwards = mirrored(self.rest), 1 - self.v
+        self.rest = self.placed(self.object_rest)
+
+    def sample(self, frame, lower):
+        v = self.upwards - F(frame) / F(len(self.image)) - F(lower)
+        return texels_at(self.image, self.u, 1 - v)
+
+    def positions(self, frame):
+        found = self.low + self.sample(frame, 0) * (self.high - self.low)
+        return self.placed(self.object_rest + mirrored(found * F(0.01)))
+
+    def normals(self, frame):
+        return rotated_by_node(mirrored(mirrored(F(2) * self.sample(frame, 0.5) - F(1))), self.node)
+
+    def placed(self, points):
+        """Points of the mesh in Unity, in glTF's axes: the node scales and turns them."""
+        return rotated_by_node(mirrored(points) * np.array(self.node["scale"], F), self.node)
+
+
+def rotated_by_node(vectors, node):
+    axis, w = np.array(node["rotation"][:3], F), F(node["rotation"][3])
+    return vectors + F(2) * np.cross(axis, np.cross(axis, vectors) + w * vectors)
+
+
+def from_blender(vectors):
+    return np.stack([vectors[:, 0], vectors[:, 2], -vectors[:, 1]], axis=1)
+
+
+class LabsPlayer(Player):
+    """The players for three.js and Babylon, which read the JSON and glTF's axes."""
+
+    def __init__(self, folder):
+        super().__init__(folder)
+        self.positions_image = read_texture(only(folder, "*_pos.*"))
+        rotations = sorted(Path(folder).glob("*_rot.*"))
+        self.rotations_image = read_texture(rotations[0]) if rotations else None
+        [self.about] = self.data
+        self.high = np.array([self.about[f"Bound Max {axis}"] for axis in "XYZ"], F)
+        self.low = np.array([self.about[f"Bound Min {axis}"] for axis in "XYZ"], F)
+        self.n_frames = self.about["Frame Count"]
+        self.is_raw = bool(self.about["Use HDR Textures"])
+        self.is_hidden = self.v > 1 - F(0.5) / F(self.n_frames)
+
+    def ratios(self):
+        low, high = self.low * F(10), self.high * F(10)
+        return 1 - (np.ceil(low[2]) - low[2]), 1 - (np.ceil(high[0]) - high[0])
+
+    def texcoords(self, frame):
+        ratio_u, ratio_v = self.ratios()
+        return self.u * ratio_u, (self.v + F(frame) / F(self.n_frames)) * ratio_v
+
+    def offsets(self, frame):
+        found = texels_at(self.positions_image, *self.texcoords(frame))
+        return found if self.is_raw else found * (self.high - self.low) + self.low
+
+    def quaternions(self, frame):
+        found = texels_at(self.rotations_image, *self.texcoords(frame))
+        return found if self.is_raw else (found - F(0.5)) * F(2)
+
+    def positions(self, frame):
+        return self.rest + self.offsets(frame)
+
+    def normals(self, frame):
+        return rotated((0, 1, 0), self.quaternions(frame))
+
+
+class UnityPlayer(LabsPlayer):
+    """The shader graph for Unity, whose importers mirror x and turn v upwards."""
+
+    def __init__(self, folder):
+        super().__init__(folder)
+        upwards = 1 - self.v
+        self.is_hidden = upwards <= F(0.1)
+        self.is_raw = (F(10) * self.high[2]) % 1 >= 0.5
+
+    def ratios(self):
+        low, high = self.low * F(10), self.high * F(10)
+        return 1 - (np.ceil(low[2]) - low[2]), 1 - (-high[0]) % 1
+
+    def positions(self, frame):
+        return self.rest + mirrored(self.offsets(frame))
+
+    def normals(self, frame):
+        return mirrored(rotated((0, 1, 0), self.quaternions(frame)))
+
+
+def mirrored(vectors):
+    return vectors * np.array([-1, 1, 1], F)
+
+
+class UnrealPlayer(LabsPlayer):
+    """The material for Unreal: centimetres, z upwards, and all else read from the mesh's bounds."""
+
+    def __init__(self, folder):
+        super().__init__(folder)
+        corners = to_unreal(self.rest) * F(100)
+        self.low, self.high = corners.min(axis=0), corners.max(axis=0)
+        # In axes of Houdini, whose y is Unreal's z.
+        low, high = self.low[[0, 2, 1]] / F(10), self.high[[0, 2, 1]] / F(10)
+        code = high[2] - np.floor(high[2])
+        hundreds = round(100 * float(code))
+        self.is_raw = code >= 0.499
+        hundreds = 0 if hundreds % 25 == 0 or hundreds % 10 == 0 else hundreds % 50
+        hundreds -= hundreds // 10
+        rows = 100 * hundreds + round(100 * float(np.ceil(low[1]) - low[1]))
+        self.n_frames = round(len(self.positions_image) / rows)
+        self.is_hidden = self.v >= F(0.99999)
+
+    def ratios(self):
+        return 1.0, 1.0
+
+    def positions(self, frame):
+        return self.rest + to_unreal(self.offsets(frame)) / F(100)
+
+    def normals(self, frame):
+        return to_unreal(rotated((0, 0, 1), self.quaternions(frame)))
+
+
+def to_unreal(vectors):
+    """Unreal's axes from glTF's, or back."""
+    return vectors[:, [0, 2, 1]]
+
+
+PLAYERS: dict[str, Any] = {
+    "openvat": OpenVatPlayer,
+    "openvat-unity": OpenVatUnityPlayer,
+    "labs": LabsPlayer,
+    "labs-unity": UnityPlayer,
+    "labs-unreal": UnrealPlayer,
+}

@@ -1,0 +1,97 @@
+"""A web server on this machine that gives ranges of files, counts, and fails as it is told to."""
+
+import re
+import threading
+from contextlib import contextmanager
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+
+
+class WebServer:
+    """Files of a folder at `address`.
+
+    `requests` lists what was asked for: method, path, and the range or None; `sent_bytes` counts
+    the bytes of all answers. `faults` says how it fails: "no ranges" ignores them, "no length"
+    says nothing of sizes, "cut" ends answers to GET in the middle, "short" answers ranges with
+    half of them, "refuse" wants credentials.
+    """
+
+    def __init__(self, folder):
+        self.folder, self.requests, self.sent_bytes, self.faults = Path(folder), [], 0, set()
+        server = self
+
+        class Handler(BaseHTTPRequestHandler):
+            protocol_version = "HTTP/1.1"
+
+            def do_HEAD(self):
+                self.answer(with_body=False)
+
+            def do_GET(self):
+                self.answer(with_body=True)
+
+            def answer(self, *, with_body):
+                server.answer(self, with_body=with_body)
+
+            def log_message(self, *args):
+                pass
+
+        self._httpd = ThreadingHTTPServer(("127.0.0.1", 0), Handler)
+        self._httpd.daemon_threads = True
+        self.address = f"http://127.0.0.1:{self._httpd.server_port}"
+
+    def answer(self, handler, *, with_body):
+        asked = handler.headers.get("Range")
+        self.requests.append((handler.command, handler.path, asked))
+        path = self.folder / handler.path.split("?")[0].lstrip("/")
+        if "refuse" in self.faults or not path.is_file():
+            handler.send_response(403 if "refuse" in self.faults else 404)
+            handler.send_header("Content-Length", "0")
+            handler.end_headers()
+            return
+        data = path.read_bytes()
+        if asked and "no ranges" not in self.faults:
+            first, last = map(int, re.fullmatch(r"bytes=(\d+)-(\d+)", asked).groups())
+            last = min(last, len(data) - 1)
+            handler.send_response(206)
+            handler.send_header("Content-Range", f"bytes {first}-{last}/{len(data)}")
+            data = data[first : last + 1]
+            if "short" in self.faults:
+                data = data[: len(data) // 2]
+        else:
+            handler.send_response(200)
+        if "no ranges" not in self.faults:
+            handler.send_header("Accept-Ranges", "bytes")
+        if "no length" in self.faults:
+            handler.send_header("Connection", "close")
+        else:
+            handler.send_header("Content-Length", str(len(data)))
+        handler.end_headers()
+        if not with_body:
+            return
+        if "cut" in self.faults:
+            data = data[: len(data) // 2]
+            handler.close_connection = True
+        handler.wfile.write(data)
+        self.sent_bytes += len(data)
+
+    def ranges(self):
+        """The ranges that were asked for, as pairs of the first byte and that after the last."""
+        found = [re.fullmatch(r"bytes=(\d+)-(\d+)", one) for _, _, one in self.requests if one]
+        return [(int(one[1]), int(one[2]) + 1) for one in found]
+
+    def forget(self):
+        self.requests.clear()
+        self.sent_bytes = 0
+
+
+@contextmanager
+def web_server(folder):
+    server = WebServer(folder)
+    thread = threading.Thread(target=server._httpd.serve_forever, args=(0.02,), daemon=True)
+    thread.start()
+    try:
+        yield server
+    finally:
+        server._httpd.shutdown()
+        thread.join()
+        server._httpd.server_close()

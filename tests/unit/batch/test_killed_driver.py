@@ -1,0 +1,79 @@
+"""A batch whose driver is killed is taken up where it was, and its workers end with it."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import meshreel
+from samples.meshes import waving_grid
+from samples.waiting import wait_until
+
+TESTS = Path(__file__).parents[2]
+
+
+def python_path():
+    return {**os.environ, "PYTHONPATH": os.pathsep.join([*sys.path, str(TESTS)])}
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="the driver is a fork, for many moments")
+def test_rerun_completes_the_batch_whenever_its_driver_was_killed(tmp_path):
+    inputs = tmp_path / "in"
+    inputs.mkdir()
+    sequences = {"a": waving_grid(3), "b": waving_grid(2)}
+    for name, sequence in sequences.items():
+        meshreel.save(sequence, inputs / f"{name}.npz")
+    done = subprocess.run(
+        [sys.executable, "-m", "samples.kill_moments", inputs, tmp_path, "7"],
+        capture_output=True, text=True, timeout=140, env=python_path(), check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    seen = [json.loads(line) for line in done.stdout.splitlines()]
+    assert [one["killed"] for one in seen] == [True] * (len(seen) - 1) + [False]
+    assert len(seen) > 4
+    expected = {
+        f"{name}.reel": meshreel.encode(meshreel.load(inputs / f"{name}.npz"), quality=40).hex()
+        for name in sequences
+    }
+    for one in seen:
+        assert one["states"] == ["done", "done"]
+        assert one["streams"] == expected
+        assert one["others"] == ["manifest.json", "report.html"]
+
+
+WORKING = """
+import os, sys, time
+from meshreel.runtime.engine.engine import open_engine
+from samples.tasks import slow_square, process_id
+if __name__ == "__main__":
+    engine = open_engine(1)
+    print(engine.submit(process_id).result(), flush=True)
+    engine.submit(slow_square, 1, 600)
+    time.sleep(600)
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not Path("/proc").is_dir(), reason="processes are looked for in /proc")
+def test_worker_ends_in_the_middle_of_a_call_when_its_driver_is_killed(tmp_path):
+    program = tmp_path / "working.py"
+    program.write_text(WORKING)
+    with subprocess.Popen(
+        [sys.executable, program], stdout=subprocess.PIPE, text=True, env=python_path()
+    ) as driver:
+        worker = int(driver.stdout.readline())
+        assert is_running(worker)
+        driver.kill()
+        driver.wait()
+        wait_until(lambda: not is_running(worker), "the worker to end")
+
+
+def is_running(process):
+    try:
+        return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except OSError:
+        return False

@@ -1,0 +1,332 @@
+"""Properties of Alembic meshes that change over time as tracks, read and written."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+pytest.importorskip("alembic3d")
+import imath
+from alembic3d import Abc, AbcGeom
+
+from meshreel.formats.load import load, open_source
+from meshreel.formats.save import save
+from meshreel.surface import Domain
+from meshreel.tracks import Track, domain_sizes
+from samples import alembic as sample
+from samples.meshes import quad_sheet, two_sheets
+from samples.tracks import assert_same_tracks, tracked_sheet
+
+RNG = np.random.default_rng(9)
+N_FRAMES = 3
+MOVES = RNG.normal(size=(N_FRAMES, 6, 3)).astype(np.float32)
+TURNED = [3, 2, 1, 0, 7, 6, 5, 4]
+"""The corner of the file that each corner is, for faces go around the other way."""
+
+SCOPES = {"Vertex": ("vertex", 6), "Varying": ("vertex", 6), "Uniform": ("face", 2),
+          "Facevarying": ("corner", 8)}  # fmt: skip
+
+
+def scope(name):
+    return getattr(AbcGeom.GeometryScope, f"k{name}Scope")
+
+
+def array_of(kind, values):
+    if kind[0] == "C":
+        array = getattr(imath, f"{kind}Array")(len(values))
+        for channel, numbers in zip("rgba", values.T, strict=False):
+            np.asarray(getattr(array, channel))[:] = numbers
+        return array
+    name = {"N3f": "V3f"}.get(kind, kind)
+    return getattr(imath, f"{name}ArrayFromBuffer")(np.ascontiguousarray(values))
+
+
+def add_param(parent, kind, name, values, scope_name, sampling):
+    """A property that has a sample for each of these."""
+    param = getattr(AbcGeom, f"O{kind}GeomParam")(
+        parent, name, False, scope(scope_name), 1, Abc.Argument(sampling)
+    )
+    for one in values:
+        made = getattr(AbcGeom, f"O{kind}GeomParamSample")()
+        made.setVals(array_of({"Int32": "Int"}.get(kind, kind), one))
+        made.setScope(scope(scope_name))
+        param.set(made)
+
+
+def file_with(path, fill, frames=MOVES):
+    """An Alembic file of a mesh at 10 frames a second, filled with what it carries."""
+    archive = sample.archive(path)
+    samplings = {
+        step_s: archive.addTimeSampling(sample.uniform(step_s, 0.0)) for step_s in (0.05, 0.1, 0.2)
+    }
+    mesh = sample.add_mesh(archive.getTop(), "m", frames, samplings[0.1])
+    fill(mesh.getSchema(), samplings)
+    return path
+
+
+@pytest.mark.parametrize("read", [load, open_source])
+@pytest.mark.parametrize("scope_name", SCOPES)
+@pytest.mark.parametrize(
+    ("kind", "dtype", "width", "track_kind"),
+    [
+        ("Float", "f4", 1, "scalar"),
+        ("Double", "f8", 1, "scalar"),
+        ("Int32", "i4", 1, "scalar"),
+        ("V3f", "f4", 3, "vector"),
+        ("V3d", "f8", 3, "vector"),
+        ("V2f", "f4", 2, "uv"),
+        ("C3f", "f4", 3, "color"),
+        ("C4f", "f4", 4, "color"),
+    ],
+)
+def test_parameters_are_tracks_when_they_change(
+    tmp_path, read, scope_name, kind, dtype, width, track_kind
+):
+    domain, n_items = SCOPES[scope_name]
+    values = (100 * RNG.random((N_FRAMES, n_items, width))).astype(dtype)
+    given = values[..., 0] if width == 1 else values
+
+    def fill(schema, samplings):
+        add_param(schema.getArbGeomParams(), kind, "stuff", given, scope_name, samplings[0.1])
+
+    notes = []
+    found = read(file_with(tmp_path / "a.abc", fill), notes=notes)
+    [(name, track)] = found.tracks.items()
+    assert (name, track.kind, track.domain) == ("stuff", track_kind, domain)
+    expected = values[:, TURNED] if domain == "corner" else values
+    assert track.read(0, N_FRAMES).tobytes() == np.ascontiguousarray(expected).tobytes()
+    assert found.surface.attributes == ()
+    assert notes == []
+
+
+def test_parameters_stay_attributes_when_all_samples_are_the_same(tmp_path):
+    values = np.tile(RNG.random(6).astype(np.float32), (N_FRAMES, 1))
+
+    def fill(schema, samplings):
+        add_param(schema.getArbGeomParams(), "Float", "heat", values, "Vertex", samplings[0.1])
+
+    found = load(file_with(tmp_path / "a.abc", fill))
+    assert found.tracks == {}
+    assert [one.name for one in found.surface.attributes] == ["heat"]
+
+
+def test_values_are_between_samples_when_frames_are(tmp_path):
+    heat, paint = (RNG.random((2, 6, *rest)).astype(np.float32) for rest in ((), (3,)))
+
+    def fill(schema, samplings):
+        slow = samplings[0.2]
+        add_param(schema.getArbGeomParams(), "Float", "heat", heat, "Vertex", slow)
+        add_param(schema.getArbGeomParams(), "C3f", "paint", paint, "Vertex", slow)
+
+    tracks = load(file_with(tmp_path / "a.abc", fill)).tracks
+    middle = heat.astype(float).mean(axis=0).astype(np.float32)
+    np.testing.assert_allclose(tracks["heat"][:, :, 0], [heat[0], middle, heat[1]], rtol=1e-6)
+    assert np.array_equal(tracks["paint"].values, paint[[0, 0, 1]])
+
+
+def test_mesh_has_the_frames_of_its_colours_when_it_does_not_move(tmp_path):
+    paint = RNG.random((5, 6, 3)).astype(np.float32)
+
+    def fill(schema, samplings):
+        add_param(schema.getArbGeomParams(), "C3f", "Cd", paint, "Vertex", samplings[0.1])
+
+    found = load(file_with(tmp_path / "a.abc", fill, MOVES[:1]))
+    assert (found.n_frames, found.fps) == (5, 10)
+    assert np.array_equal(found.vertices, np.tile(MOVES[:1], (5, 1, 1)))
+    assert np.array_equal(found.tracks["Cd"].values, paint)
+
+
+def test_samples_are_named_when_positions_have_none_there(tmp_path):
+    def fill(schema, samplings):
+        heat = RNG.random((7, 6)).astype(np.float32)
+        fast = samplings[0.05]
+        add_param(schema.getArbGeomParams(), "Float", "heat", heat, "Vertex", fast)
+
+    notes = []
+    load(file_with(tmp_path / "a.abc", fill), notes=notes)
+    assert notes == ["left out: samples where positions have no frame: heat (4 of 7)"]
+
+
+def test_values_are_missing_when_they_do_not_fit_in_some_frames(tmp_path):
+    def fill(schema, samplings):
+        parent = schema.getArbGeomParams()
+        heat = [np.ones(6, np.float32), np.zeros(5, np.float32), np.full(6, 2, np.float32)]
+        add_param(parent, "Float", "heat", heat, "Vertex", samplings[0.1])
+        add_param(parent, "Float", "bad", RNG.random((3, 5)).astype("f4"), "Vertex", samplings[0.1])
+
+    notes = []
+    [(name, track)] = load(file_with(tmp_path / "a.abc", fill), notes=notes).tracks.items()
+    assert name == "heat"
+    assert np.isnan(track[1]).all()
+    assert (track[0] == 1).all()
+    assert (track[2] == 2).all()
+    assert notes == [
+        "left out: what does not fit the mesh, or is no numbers: bad",
+        "'heat' is in 2 of 3 frames, and NaN in the others",
+    ]
+
+
+def test_normals_and_velocities_are_turned_as_the_mesh_is(tmp_path):
+    normals, speeds = RNG.normal(size=(2, N_FRAMES, 6, 3))
+    normals /= np.linalg.norm(normals, axis=2, keepdims=True)
+    linear = np.array([[0, 2, 0], [-1, 0, 0], [0, 0, 3.0]])
+    rows = np.eye(4)
+    rows[:3, :3], rows[3, :3] = linear, [5, 6, 7]
+    path = tmp_path / "a.abc"
+    archive = sample.archive(path)
+    transform = [([("kMatrixOperation", sample.matrix(rows))], True)]
+    above = sample.add_transform(archive.getTop(), "t", transform)
+    mesh = AbcGeom.OPolyMesh(above, "m")
+    mesh.getSchema().setTimeSampling(sample.uniform(0.1, 0.0))
+    for frame in range(N_FRAMES):
+        made = AbcGeom.OPolyMeshSchemaSample()
+        made.setPositions(sample.points_array(MOVES[frame]))
+        made.setFaceIndices(sample.int_array(sample.QUADS.ravel()))
+        made.setFaceCounts(sample.int_array([4, 4]))
+        made.setVelocities(sample.points_array(speeds[frame]))
+        own = AbcGeom.ON3fGeomParamSample()
+        own.setVals(sample.points_array(normals[frame]))
+        own.setScope(scope("Vertex"))
+        made.setNormals(own)
+        mesh.getSchema().set(made)
+    del mesh, above, archive
+    notes = []
+    tracks = load(path, notes=notes).tracks
+    expected = normals @ np.linalg.inv(linear).T
+    expected /= np.linalg.norm(expected, axis=2, keepdims=True)
+    assert (tracks["N"].kind, tracks["velocities"].kind) == ("normal", "velocity")
+    np.testing.assert_allclose(tracks["N"].values, expected, atol=1e-6)
+    np.testing.assert_allclose(tracks["velocities"].values, speeds @ linear, atol=1e-5)
+    assert notes == []
+
+
+def as_written(tracks):
+    """Tracks as a file holds them: colours of bytes as float32, velocities of vertices too."""
+    shown = {}
+    for name, track in tracks.items():
+        values, called = track.values, name
+        if track.kind == "color":
+            values = (values / 255).astype(np.float32)
+        if track.kind == "velocity" and track.domain is Domain.VERTEX:
+            values, called = values.astype(np.float32), "velocities"
+        shown[called] = Track(values, track.domain, track.kind, track.unit)
+    return shown
+
+
+@pytest.mark.parametrize("n_frames", [2, 5])
+def test_tracks_come_back_when_alembic_was_saved(tmp_path, n_frames):
+    sheet, notes = tracked_sheet(n_frames), []
+    small = {
+        name: Track(track.values >> 33, track.domain) if name.startswith("step") else track
+        for name, track in sheet.tracks.items()
+    }
+    save(replace(sheet, tracks=small), tmp_path / "a.abc", notes=notes)
+    found = load(tmp_path / "a.abc")
+    assert_same_tracks(found.tracks, as_written(small))
+    assert "track 'flow_vertex' is called 'velocities' in .abc files" in notes
+    assert not any("units" in note for note in notes)
+    assert "track 'shade_face' is written as float32, not uint8" in notes
+    assert {one.kind for one in found.surface.attributes} == {"uv", "color"}
+
+
+def test_numbers_beyond_32_bits_are_named_when_alembic_is_saved(tmp_path):
+    notes = []
+    save(tracked_sheet(2), tmp_path / "a.abc", notes=notes)
+    assert (
+        "tracks left out: step_vertex, step_face, step_corner: .abc does not hold numbers beyond "
+        "32 bits, which its library does not take"
+    ) in notes
+    assert not any(name.startswith("step") for name in load(tmp_path / "a.abc").tracks)
+
+
+@pytest.mark.parametrize("dtype", ["u1", "i1", "i2", "u2", "i4", "u4", "i8", "u8", "f4", "f8"])
+@pytest.mark.parametrize("width", [1, 2, 3, 9])
+def test_numbers_of_every_type_come_back_when_alembic_was_saved(tmp_path, dtype, width):
+    sheet = quad_sheet(3)
+    values = (250 * RNG.random((3, sheet.n_verts, width)) - 120 * (dtype[0] != "u")).astype(dtype)
+    tracks = {"a = b; c": Track(values, kind="other", unit="m/s²")}
+    save(replace(sheet, tracks=tracks), tmp_path / "a.abc")
+    [(name, track)] = load(tmp_path / "a.abc").tracks.items()
+    assert (name, track.kind, track.unit) == ("a _ b_ c", "other", "m/s²")
+    assert track.dtype == {"i1": "i4", "i2": "i4", "u2": "i4"}.get(dtype, dtype)
+    assert np.array_equal(track.values, values)
+
+
+def test_track_comes_back_when_it_never_changes(tmp_path):
+    sheet = quad_sheet(3)
+    tracks = {"id": Track(np.tile(np.arange(sheet.n_verts, dtype="i4"), (3, 1)))}
+    save(replace(sheet, tracks=tracks), tmp_path / "a.abc")
+    assert_same_tracks(load(tmp_path / "a.abc").tracks, tracks)
+
+
+def test_each_part_has_its_values_when_there_are_several(tmp_path):
+    sheet = two_sheets()
+    sizes = domain_sizes(sheet.n_verts, sheet.n_faces, sheet.surface)
+    tracks = {
+        f"of {domain}": Track(RNG.random((sheet.n_frames, size)), domain)
+        for domain, size in sizes.items()
+    }
+    save(replace(sheet, tracks=tracks), tmp_path / "a.abc")
+    assert_same_tracks(load(tmp_path / "a.abc", merge=True).tracks, tracks)
+
+
+def test_the_library_has_what_was_saved(tmp_path):
+    sheet = replace(quad_sheet(3), start_s=0.0)
+    surface = replace(sheet.surface, attributes=())
+    normals = RNG.normal(size=(3, sheet.n_verts, 3))
+    normals = (normals / np.linalg.norm(normals, axis=2, keepdims=True)).astype(np.float32)
+    corners = domain_sizes(sheet.n_verts, sheet.n_faces, surface)[Domain.CORNER]
+    tracks = {
+        "N": Track(normals, kind="normal"),
+        "velocities": Track(RNG.normal(size=normals.shape).astype("f4"), kind="velocity"),
+        "map1": Track(RNG.random((3, corners, 2)).astype("f4"), "corner", "uv"),
+        "Cd": Track(RNG.random((3, sheet.n_verts, 4)).astype("f4"), kind="color"),
+    }
+    save(replace(sheet, surface=surface, tracks=tracks), tmp_path / "a.abc")
+    archive = Abc.IArchive(str(tmp_path / "a.abc"))
+    above = archive.getTop().children[0]
+    mesh = AbcGeom.IPolyMesh(above, above.children[0].getName()).getSchema()
+    colours = AbcGeom.IC4fGeomParam(mesh.getArbGeomParams(), "Cd")
+    assert mesh.getUVsParam().getNumSamples() == 3
+    for frame in range(3):
+        chosen = Abc.ISampleSelector(frame / sheet.fps)
+        got = mesh.getValue(chosen)
+        speeds = np.array([list(one) for one in got.getVelocities()], np.float32)
+        assert np.array_equal(speeds, tracks["velocities"][frame])
+        shown = mesh.getNormalsParam().getExpandedValue(chosen).getVals()
+        assert np.array_equal(np.array([list(one) for one in shown], np.float32), normals[frame])
+        own = colours.getExpandedValue(chosen).getVals()
+        rows = np.array([[one.r, one.g, one.b, one.a] for one in own], np.float32)
+        assert np.array_equal(rows, tracks["Cd"][frame])
+    assert_same_tracks(load(tmp_path / "a.abc").tracks, tracks)
+
+
+def test_units_are_named_when_alembic_has_no_place_for_them(tmp_path):
+    sheet, notes = quad_sheet(3), []
+    speed = Track(RNG.normal(size=(3, sheet.n_verts, 3)).astype("f4"), kind="velocity", unit="m/s")
+    heat = Track(RNG.normal(size=(3, sheet.n_verts)), unit="K")
+    save(
+        replace(sheet, tracks={"velocities": speed, "heat": heat}), tmp_path / "a.abc", notes=notes
+    )
+    assert [note for note in notes if "units" in note] == [
+        "units left out: velocities (m/s): .abc does not hold them"
+    ]
+    assert load(tmp_path / "a.abc").tracks["heat"].unit == "K"
+
+
+def test_one_has_another_name_when_two_parameters_have_the_same(tmp_path):
+    heat = RNG.random((N_FRAMES, 6)).astype(np.float32)
+
+    def fill(schema, samplings):
+        parent = schema.getArbGeomParams()
+        add_param(parent, "Float", "velocities", heat, "Vertex", samplings[0.1])
+
+    path = file_with(tmp_path / "a.abc", fill)
+    sheet = load(path)
+    speed = Track(RNG.normal(size=(N_FRAMES, 6, 3)).astype("f4"), kind="velocity")
+    save(replace(sheet, tracks={**sheet.tracks, "v": speed}), path.with_name("b.abc"))
+    notes = []
+    found = load(path.with_name("b.abc"), notes=notes).tracks
+    assert np.array_equal(found["velocities"].values[..., 0], heat)
+    assert np.array_equal(found["velocities_"].values, speed.values)
+    assert any("has 'velocities' twice; one is called 'velocities_'" in note for note in notes)

@@ -1,0 +1,309 @@
+"""Colours, normals, texture coordinates and other numbers of PLY and OBJ frames as tracks."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from meshreel.formats.frames.stored_frames import StoredFrames
+from meshreel.formats.load import load, open_source
+from meshreel.formats.meshes.obj import obj_same_fields
+from meshreel.formats.meshes.obj_surface import parse_obj_fields
+from meshreel.formats.save import save
+from meshreel.surface import Attribute, Domain, Kind
+from meshreel.tracks import Track, domain_sizes
+from samples.meshes import quad_sheet, two_sheets
+from samples.tracks import assert_same_tracks
+
+RNG = np.random.default_rng(12)
+N_FRAMES = 4
+READ = pytest.mark.parametrize("read", [load, open_source])
+
+PLY = """ply
+format ascii 1.0
+element vertex 3
+property float x
+property float y
+property float z
+{vertex}element face 1
+property list uchar int vertex_indices
+{face}end_header
+"""
+
+
+def bare(sheet):
+    return replace(sheet, surface=replace(sheet.surface, attributes=(), groups=()))
+
+
+def normals_of(shape, dtype=np.float32):
+    normals = RNG.normal(size=(*shape, 3))
+    return (normals / np.linalg.norm(normals, axis=-1, keepdims=True)).astype(dtype)
+
+
+def sizes_of(sheet):
+    return domain_sizes(sheet.n_verts, sheet.n_faces, sheet.surface)
+
+
+def frames_of(folder, ending, texts):
+    for number, text in enumerate(texts):
+        (folder / f"f_{number}{ending}").write_text(text)
+    return folder
+
+
+@READ
+@pytest.mark.parametrize("dtype", ["u1", "i1", "i2", "u2", "i4", "u4", "f4", "f8"])
+def test_numbers_come_back_bit_for_bit_when_ply_frames_were_saved(tmp_path, read, dtype):
+    sheet = quad_sheet(N_FRAMES)
+    n_faces = sizes_of(sheet)[Domain.FACE]
+    given = [(250 * RNG.random((N_FRAMES, n))).astype(dtype) for n in (sheet.n_verts, n_faces)]
+    if dtype[0] == "f":
+        given[0][0, :3] = np.nan, np.inf, -0.0
+    tracks = {"stress": Track(given[0]), "flag": Track(given[1], "face")}
+    save(replace(sheet, tracks=tracks), tmp_path / "f_%02d.ply")
+    notes = []
+    found = read(tmp_path, notes=notes)
+    assert isinstance(found, StoredFrames) == (read is open_source)
+    assert_same_tracks(found.tracks, tracks)
+    assert {one.name for one in found.surface.attributes} == {"color", "uv"}
+    assert notes == []
+
+
+@READ
+@pytest.mark.parametrize("dtype", ["f4", "f8"])
+def test_colours_normals_and_coordinates_come_back_when_ply_frames_were_saved(
+    tmp_path, read, dtype
+):
+    sheet = bare(quad_sheet(N_FRAMES))
+    sizes = sizes_of(sheet)
+    shape = N_FRAMES, sheet.n_verts
+    tracks = {
+        "color": Track(RNG.integers(0, 256, (*shape, 4)).astype("u1"), kind="color"),
+        "normals": Track(normals_of(shape, dtype), kind="normal"),
+        "uv": Track(RNG.random((*shape, 2)).astype(dtype), kind="uv"),
+    }
+    save(replace(sheet, tracks=tracks), tmp_path / "a" / "f_%02d.ply")
+    assert_same_tracks(read(tmp_path / "a").tracks, tracks)
+    tracks = {
+        "color": Track(
+            RNG.random((N_FRAMES, sizes[Domain.FACE], 3)).astype(dtype), "face", "color"
+        ),
+        "uv": Track(RNG.random((N_FRAMES, sizes[Domain.CORNER], 2)).astype(dtype), "corner", "uv"),
+    }
+    save(replace(sheet, tracks=tracks), tmp_path / "b" / "f_%02d.ply")
+    assert_same_tracks(read(tmp_path / "b").tracks, tracks)
+
+
+def test_trimesh_reads_the_colours_and_normals_of_each_frame_when_ply_was_saved(tmp_path):
+    trimesh = pytest.importorskip("trimesh")
+    sheet = bare(two_sheets())
+    shape = sheet.n_frames, sheet.n_verts
+    colors, normals = RNG.integers(0, 256, (*shape, 4)).astype("u1"), normals_of(shape)
+    stress = RNG.random(shape).astype("f4")
+    tracks = {
+        "color": Track(colors, kind="color"),
+        "normals": Track(normals, kind="normal"),
+        "stress": Track(stress),
+    }
+    paths = save(replace(sheet, tracks=tracks), tmp_path / "f_%02d.ply")
+    for frame, path in enumerate(paths):
+        found = trimesh.load(path, process=False)
+        assert np.array_equal(found.visual.vertex_colors, colors[frame])
+        raw = found.metadata["_ply_raw"]["vertex"]["data"]
+        assert np.array_equal(raw["stress"], stress[frame])
+        assert np.array_equal(np.stack([raw[n] for n in ("nx", "ny", "nz")], 1), normals[frame])
+
+
+def test_reasons_are_said_when_ply_cannot_hold_tracks(tmp_path):
+    sheet = quad_sheet(2)
+    shape, notes = (2, sheet.n_verts), []
+    corners = sizes_of(sheet)[Domain.CORNER]
+    tracks = {
+        "flow": Track(RNG.normal(size=(*shape, 3)), kind="velocity"),
+        "tensor": Track(RNG.normal(size=(*shape, 9))),
+        "wear": Track(RNG.normal(size=(2, corners)), "corner"),
+        "paint": Track(RNG.random((*shape, 3)), kind="color"),
+        "hash": Track(RNG.integers(2**40, 2**41, shape)),
+        "id": Track(RNG.integers(0, 99, shape)),
+        "heat flux": Track(RNG.random(shape), unit="W/m²"),
+        "red": Track(RNG.random(shape)),
+    }
+    save(replace(sheet, tracks=tracks), tmp_path / "f_%02d.ply", notes=notes)
+    said = [note for note in notes if not note.startswith("left out")]
+    assert said == [
+        "track 'id' is written as int32, not int64",
+        "track 'heat flux' is called 'heat_flux' in .ply files",
+        "track 'red' is called 'red_' in .ply files",
+        "tracks left out: flow, tensor, wear: .ply does not hold vectors, or values of several "
+        "numbers that are no colours, normals or coordinates",
+        "tracks left out: paint: .ply does not hold more than one colour, normal or texture "
+        "coordinate at a place",
+        "tracks left out: hash: .ply does not hold whole numbers beyond 32 bits",
+        "units left out: heat flux (W/m²): .ply does not hold them",
+    ]
+    found = load(tmp_path).tracks
+    assert set(found) == {"id", "heat_flux", "red_"}
+    assert np.array_equal(found["id"].values, tracks["id"].values)
+
+
+@READ
+def test_property_is_missing_in_the_other_frames_when_it_is_in_some_only(tmp_path, read):
+    rows = "0 0 0{a}\n1 0 0{b}\n0 1 0{c}\n3 0 1 2\n"
+    plain = PLY.format(vertex="", face="") + rows.format(a="", b="", c="")
+    heat = PLY.format(vertex="property float heat\n", face="") + rows.format(a=" 1", b=" 2", c=" 3")
+    notes = []
+    found = read(frames_of(tmp_path, ".ply", [plain, heat, plain]), notes=notes)
+    values = found.tracks["heat"].read(0, 3)[..., 0]
+    assert np.array_equal(values, [[np.nan] * 3, [1, 2, 3], [np.nan] * 3], equal_nan=True)
+    assert notes == ["'heat' is in 1 of 3 frames, and NaN in the others"]
+
+
+def test_properties_stay_attributes_when_they_do_not_change(tmp_path):
+    rows = "0 0 {0} 1 0 0 1\n1 0 0 2 0 0 1\n0 1 0 3 0 0 1\n3 0 1 2 7\n"
+    more = "".join(f"property float {name}\n" for name in ("heat", "nx", "ny", "nz"))
+    text = PLY.format(vertex=more, face="property int id\n") + rows
+    notes = []
+    texts = [text.replace("{0}", str(i)) for i in range(3)]
+    found = load(frames_of(tmp_path, ".ply", texts), notes=notes)
+    assert found.tracks == {}
+    assert [one.name for one in found.surface.attributes] == ["heat", "id"]
+    assert notes == ["left out: normals, which programs compute"]
+
+
+@READ
+@pytest.mark.parametrize("domain", [Domain.VERTEX, Domain.CORNER])
+@pytest.mark.parametrize("make", [lambda n: quad_sheet(n), lambda n: two_sheets(n)])
+def test_colours_and_normals_come_back_when_obj_frames_were_saved(tmp_path, read, domain, make):
+    sheet = bare(make(N_FRAMES))
+    n_items = sizes_of(sheet)[domain]
+    tracks = {
+        "color": Track(RNG.random((N_FRAMES, sheet.n_verts, 3)).astype("f4"), kind="color"),
+        "normals": Track(normals_of((N_FRAMES, n_items)), domain, "normal"),
+    }
+    notes = []
+    save(replace(sheet, tracks=tracks), tmp_path / "f_%02d.obj", notes=notes)
+    found = read(tmp_path, notes=notes)
+    assert_same_tracks(found.tracks, tracks)
+    assert np.array_equal(found.read(0, N_FRAMES), sheet.vertices)
+    assert notes == []
+
+
+@READ
+def test_coordinates_of_corners_come_back_when_obj_frames_were_saved(tmp_path, read):
+    sheet = bare(quad_sheet(N_FRAMES))
+    uv = RNG.random((N_FRAMES, sizes_of(sheet)[Domain.CORNER], 2)).astype("f4")
+    normals = normals_of((N_FRAMES, sheet.n_verts))
+    tracks = {"uv": Track(uv, "corner", "uv"), "normals": Track(normals, kind="normal")}
+    save(replace(sheet, tracks=tracks), tmp_path / "f_%02d.obj")
+    assert_same_tracks(read(tmp_path).tracks, tracks)
+
+
+def test_trimesh_reads_the_normals_and_colours_of_each_frame_when_obj_was_saved(tmp_path):
+    trimesh = pytest.importorskip("trimesh")
+    sheet = bare(quad_sheet(2))
+    shape = 2, sheet.n_verts
+    normals, colors = normals_of(shape), RNG.integers(0, 256, (*shape, 3)) / 255
+    tracks = {"normals": Track(normals, kind="normal"), "color": Track(colors, kind="color")}
+    for frame, path in enumerate(save(replace(sheet, tracks=tracks), tmp_path / "f_%02d.obj")):
+        found = trimesh.load(path, process=False, maintain_order=True)
+        np.testing.assert_allclose(found.vertices, sheet.vertices[frame], atol=1e-7)
+        np.testing.assert_allclose(found.vertex_normals, normals[frame], atol=1e-6)
+        shown = found.visual.vertex_colors[:, :3] / 255
+        np.testing.assert_allclose(shown, colors[frame], atol=1 / 255)
+
+
+def test_reasons_are_said_when_obj_cannot_hold_tracks(tmp_path):
+    sheet = quad_sheet(2)
+    shape, notes = (2, sheet.n_verts), []
+    tracks = {
+        "stress": Track(RNG.random(shape)),
+        "Cd": Track(RNG.random((*shape, 4)), kind="color"),
+        "N": Track(normals_of(shape, np.float64), kind="normal", unit="1"),
+    }
+    only_uv = tuple(one for one in sheet.surface.attributes if one.kind is Kind.UV)
+    shown = replace(sheet, surface=replace(sheet.surface, attributes=only_uv), tracks=tracks)
+    save(shown, tmp_path / "f_%02d.obj", notes=notes)
+    assert [note for note in notes if not note.startswith("left out")] == [
+        "track 'Cd' is called 'color' in .obj files",
+        "track 'Cd' is written as float32, not float64",
+        "the fourth number of track 'Cd' left out: .obj has three",
+        "track 'N' is called 'normals' in .obj files",
+        "track 'N' is written as float32, not float64",
+        "tracks left out: stress: .obj does not hold tracks but colours of vertices, normals and "
+        "texture coordinates",
+        "units left out: N (1): .obj does not hold them",
+    ]
+    found = load(tmp_path)
+    assert set(found.tracks) == {"color", "normals"}
+    assert [one.kind for one in found.surface.attributes] == [Kind.UV]
+
+
+def test_colours_of_the_surface_are_kept_when_a_track_is_another_colour(tmp_path):
+    sheet, notes = bare(quad_sheet(2)), []
+    colors = Attribute("paint", Kind.COLOR, Domain.VERTEX, np.full((sheet.n_verts, 3), 0.5, "f4"))
+    tracks = {"glow": Track(RNG.random((2, sheet.n_verts, 3)).astype("f4"), kind="color")}
+    surface = replace(sheet.surface, attributes=(colors,))
+    sheet = replace(sheet, surface=surface, tracks=tracks)
+    save(sheet, tmp_path / "f_%02d.obj", notes=notes)
+    assert "tracks left out: glow: .obj does not hold more than one colour" in notes[0]
+    assert load(tmp_path).tracks == {}
+
+
+CORNERS = "v 0 0 0\nv 1 0 0\nv 0 1 0\n{}"
+
+
+@pytest.mark.parametrize(
+    ("text", "domain", "expected"),
+    [
+        (
+            "vn 0 0 1\nvn 0 1 0\nvn 1 0 0\nf 1//1 2//2 3//3\n",
+            "vertex",
+            [[0, 0, 1], [0, 1, 0], [1, 0, 0]],
+        ),
+        ("vn 0 0 1\nf 1//1 2//1 3//1\n", "corner", [[0, 0, 1]] * 3),
+        ("vt 0 0\nvn 0 0 1\nf 1/1/-1 2/1/1 3/1/-1\n", "corner", [[0, 0, 1]] * 3),
+        ("vn 0 0 1\nf 1//1 2 3//5\n", "corner", [[0, 0, 1], [np.nan] * 3, [np.nan] * 3]),
+        ("vn 0 0\nvn 0 0 1\nf 1//1 2//2 3//2\n", "corner", [[np.nan] * 3, [0, 0, 1], [0, 0, 1]]),
+    ],
+)
+def test_normals_are_those_that_corners_name_when_an_obj_file_has_some(text, domain, expected):
+    [(key, (values, field))] = [
+        one for one in parse_obj_fields(CORNERS.format(text).encode()).items() if one[0][1] != "uv"
+    ]
+    assert key == (domain, "normals")
+    assert field.role == "Normals"
+    assert np.array_equal(values, np.float32(expected), equal_nan=True)
+
+
+def test_there_are_no_normals_when_those_of_an_obj_file_are_no_numbers():
+    text = CORNERS.format("vn 0 0 -nan(ind)\nf 1//1 2//1 3//1\n")
+    assert parse_obj_fields(text.encode()) == {}
+
+
+PLAIN = "v 0 0 {0}\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nf 1/1 2/2 3/1\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "is_same"),
+    [
+        (PLAIN.format(5), True),
+        (PLAIN.format(5).replace("vt 1 0", "vt 1 1"), False),
+        (PLAIN.format(5).replace("f 1/1", "f 1/2"), False),
+        (PLAIN.format(5) + "vn 0 0 1\n", False),
+        (PLAIN.format("5 1 0 0"), False),
+        (PLAIN.format(5) + "f\t1/1 2/2 3/2\n", False),
+        (PLAIN.format(5).replace("\n", "\r"), False),
+        (PLAIN.format("\\\n5"), False),
+    ],
+)
+def test_fields_are_known_to_be_the_same_only_when_the_text_is(text, is_same):
+    assert obj_same_fields(PLAIN.format(0).encode())(text.encode()) == is_same
+
+
+def test_coordinates_are_tracks_when_they_change_in_one_frame_of_many(tmp_path):
+    texts = [PLAIN.format(i) for i in range(6)]
+    texts[4] = texts[4].replace("vt 1 0", "vt 1 0.5")
+    found = load(frames_of(tmp_path, ".obj", texts))
+    assert found.surface.attributes == ()
+    expected = np.tile(np.float32([[0, 0], [1, 0], [0, 0]]), (6, 1, 1))
+    expected[4, 1, 1] = 0.5
+    assert np.array_equal(found.tracks["uv"].values, expected)

@@ -1,0 +1,325 @@
+"""Time-sampled primvars, normals and velocities of USD files as tracks, read and written."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+pytest.importorskip("pxr")
+from pxr import Gf, Sdf, Usd, UsdGeom, Vt
+
+import meshreel
+from meshreel.formats.load import load, open_source
+from meshreel.formats.save import save
+from meshreel.surface import Domain, Part
+from meshreel.tracks import Track, domain_sizes
+from samples.meshes import quad_sheet, two_sheets
+from samples.tracks import assert_same_tracks, tracked_sheet
+
+RNG = np.random.default_rng(8)
+COUNTS, CORNERS = [4, 4], [0, 1, 4, 3, 1, 2, 5, 4]
+SIZES = {"vertex": 6, "varying": 6, "uniform": 2, "faceVarying": 8}
+DOMAINS = {"vertex": "vertex", "varying": "vertex", "uniform": "face", "faceVarying": "corner"}
+POINTS = RNG.normal(size=(4, 6, 3)).astype(np.float32)
+
+
+def new_mesh(path, points=POINTS):
+    """A stage with a mesh of two quads, whose points have a sample for each code from 1 on."""
+    stage = Usd.Stage.CreateNew(str(path))
+    stage.SetTimeCodesPerSecond(10)
+    mesh = UsdGeom.Mesh.Define(stage, "/world/m")
+    mesh.CreateFaceVertexCountsAttr(COUNTS)
+    mesh.CreateFaceVertexIndicesAttr(CORNERS)
+    mesh.CreateSubdivisionSchemeAttr("none")
+    for number, frame in enumerate(points):
+        code = Usd.TimeCode.Default() if len(points) == 1 else number + 1
+        mesh.CreatePointsAttr().Set(Vt.Vec3fArray.FromNumpy(frame), code)
+    return stage, mesh
+
+
+def add_primvar(mesh, name, kind, values, interpolation, codes=None):
+    """A primvar that has a sample for each code."""
+    declared = Sdf.ValueTypeNames.Find(f"{kind}[]")
+    primvar = UsdGeom.PrimvarsAPI(mesh).CreatePrimvar(name, declared, interpolation)
+    array = getattr(Vt, declared.type.pythonClass.__name__)
+    for code, one in zip(codes or range(1, len(values) + 1), values, strict=True):
+        primvar.Set(array.FromNumpy(np.ascontiguousarray(one)), code)
+    return primvar
+
+
+def as_usd(values, dtype):
+    return np.ascontiguousarray(values, dtype)
+
+
+@pytest.mark.parametrize("read", [load, open_source])
+@pytest.mark.parametrize("interpolation", SIZES)
+@pytest.mark.parametrize(
+    ("kind", "dtype", "width", "name", "track_kind"),
+    [
+        ("float", "f4", 1, "stress", "scalar"),
+        ("double", "f8", 1, "stress", "scalar"),
+        ("int", "i4", 1, "id", "scalar"),
+        ("int64", "i8", 1, "id", "scalar"),
+        ("vector3f", "f4", 3, "flow", "vector"),
+        ("color3f", "f4", 3, "displayColor", "color"),
+        ("color4f", "f4", 4, "paint", "color"),
+        ("texCoord2f", "f4", 2, "st", "uv"),
+        ("float2", "f4", 2, "map1", "uv"),
+    ],
+)
+def test_primvars_are_tracks_when_they_change(
+    tmp_path, read, interpolation, kind, dtype, width, name, track_kind
+):
+    stage, mesh = new_mesh(tmp_path / "a.usdc")
+    shape = (4, SIZES[interpolation], width)
+    values = (100 * RNG.random(shape)).astype(dtype)
+    add_primvar(mesh, name, kind, values[..., 0] if width == 1 else values, interpolation)
+    stage.Save()
+    notes = []
+    found = read(tmp_path / "a.usdc", notes=notes)
+    [(found_name, track)] = found.tracks.items()
+    assert (found_name, track.kind, track.domain) == (name, track_kind, DOMAINS[interpolation])
+    assert track.dtype == np.dtype(dtype)
+    assert track.read(0, 4).tobytes() == values.tobytes()
+    assert track.read(2, 3).tobytes() == values[2:3].tobytes()
+    assert found.surface.attributes == ()
+    assert [note for note in notes if "left out" in note] == []
+
+
+def test_primvars_stay_attributes_when_all_samples_are_the_same(tmp_path):
+    stage, mesh = new_mesh(tmp_path / "a.usdc")
+    uv = np.tile(RNG.random((8, 2)).astype(np.float32), (4, 1, 1))
+    add_primvar(mesh, "st", "texCoord2f", uv, "faceVarying")
+    add_primvar(mesh, "heat", "float", RNG.random((1, 6)).astype(np.float32), "vertex")
+    stage.Save()
+    found = load(tmp_path / "a.usdc")
+    assert found.tracks == {}
+    assert [one.name for one in found.surface.attributes] == ["st", "heat"]
+
+
+def test_values_have_their_indices_followed_when_primvars_have_some(tmp_path):
+    stage, mesh = new_mesh(tmp_path / "a.usdc")
+    values = RNG.random((4, 3, 3)).astype(np.float32)
+    primvar = add_primvar(mesh, "paint", "color3f", values, "vertex")
+    rows = [[0, 1, 2, 2, 1, 0], [0, 0, 0, 1, 1, 2], [2, 2, 2, 2, 2, 2], [1, 0, 1, 0, 1, 0]]
+    for code, indices in enumerate(rows):
+        primvar.SetIndices(Vt.IntArray(indices), code + 1)
+    stage.Save()
+    expected = np.stack([one[row] for one, row in zip(values, rows, strict=True)])
+    assert np.array_equal(load(tmp_path / "a.usdc").tracks["paint"].values, expected)
+
+
+def test_colour_of_all_is_that_of_each_vertex_when_it_changes(tmp_path):
+    stage, mesh = new_mesh(tmp_path / "a.usdc")
+    values = RNG.random((4, 1, 3)).astype(np.float32)
+    add_primvar(mesh, "displayColor", "color3f", values, "constant")
+    stage.Save()
+    found = load(tmp_path / "a.usdc").tracks["displayColor"]
+    assert np.array_equal(found.values, np.repeat(values, 6, axis=1))
+
+
+def test_opacity_is_the_fourth_number_when_both_change(tmp_path):
+    stage, mesh = new_mesh(tmp_path / "a.usdc")
+    values = RNG.random((4, 6, 4)).astype(np.float32)
+    add_primvar(mesh, "displayColor", "color3f", values[..., :3], "vertex")
+    add_primvar(mesh, "displayOpacity", "float", values[..., 3], "vertex")
+    stage.Save()
+    [(name, track)] = load(tmp_path / "a.usdc").tracks.items()
+    assert (name, track.kind) == ("displayColor", "color")
+    assert np.array_equal(track.values, values)
+
+
+def test_mesh_has_the_frames_of_its_colours_when_it_does_not_move(tmp_path):
+    stage, mesh = new_mesh(tmp_path / "a.usdc", POINTS[:1])
+    values = RNG.random((5, 6, 3)).astype(np.float32)
+    add_primvar(mesh, "displayColor", "color3f", values, "vertex")
+    stage.Save()
+    found = load(tmp_path / "a.usdc")
+    assert (found.n_frames, found.fps, found.start_s) == (5, 10, 0.1)
+    assert np.array_equal(found.tracks["displayColor"].values, values)
+
+
+def test_samples_are_named_when_positions_have_none_there(tmp_path):
+    stage, mesh = new_mesh(tmp_path / "a.usdc")
+    codes = [1, 2, 3, 4, 4.5, 6]
+    add_primvar(mesh, "heat", "float", RNG.random((6, 6)).astype(np.float32), "vertex", codes)
+    stage.Save()
+    notes = []
+    assert "heat" in load(tmp_path / "a.usdc", notes=notes).tracks
+    assert "left out: samples where positions have no frame: heat (2 of 6)" in notes
+
+
+def test_values_are_missing_when_they_do_not_fit_in_some_frames(tmp_path):
+    stage, mesh = new_mesh(tmp_path / "a.usdc")
+    add_primvar(mesh, "heat", "float", list(np.ones((3, 6), np.float32)), "vertex", [1, 2, 4])
+    UsdGeom.PrimvarsAPI(mesh).GetPrimvar("heat").Set(Vt.FloatArray([1, 2]), 3)
+    add_primvar(mesh, "bad", "float", RNG.random((4, 5)).astype(np.float32), "vertex")
+    stage.Save()
+    notes = []
+    [(name, track)] = load(tmp_path / "a.usdc", notes=notes).tracks.items()
+    assert name == "heat"
+    assert np.isnan(track[2]).all()
+    assert not np.isnan(track.values[[0, 1, 3]]).any()
+    assert "'heat' is in 3 of 4 frames, and NaN in the others" in notes
+    assert "left out: primvars that do not fit their faces: bad" in notes
+
+
+@pytest.mark.parametrize("as_primvar", [False, True])
+def test_normals_and_velocities_are_turned_as_the_mesh_is(tmp_path, as_primvar):
+    stage, mesh = new_mesh(tmp_path / "a.usdc")
+    matrix = Gf.Matrix4d(0, 2, 0, 0, -1, 0, 0, 0, 0, 0, 3, 0, 5, 6, 7, 1)
+    UsdGeom.Xformable(mesh).AddTransformOp().Set(matrix)
+    normals = RNG.normal(size=(4, 6, 3))
+    normals /= np.linalg.norm(normals, axis=2, keepdims=True)
+    velocities = RNG.normal(size=(4, 6, 3)).astype(np.float32)
+    if as_primvar:
+        add_primvar(mesh, "normals", "normal3f", normals.astype("f4"), "vertex")
+    else:
+        mesh.SetNormalsInterpolation("vertex")
+    for code in range(4):
+        if not as_primvar:
+            one = as_usd(normals[code], "f4")
+            mesh.CreateNormalsAttr().Set(Vt.Vec3fArray.FromNumpy(one), code + 1)
+        mesh.CreateVelocitiesAttr().Set(Vt.Vec3fArray.FromNumpy(velocities[code]), code + 1)
+    stage.Save()
+    notes = []
+    tracks = load(tmp_path / "a.usdc", notes=notes).tracks
+    linear = np.array(matrix)[:3, :3]
+    expected = normals @ np.linalg.inv(linear).T
+    expected /= np.linalg.norm(expected, axis=2, keepdims=True)
+    assert (tracks["normals"].kind, tracks["velocities"].kind) == ("normal", "velocity")
+    np.testing.assert_allclose(tracks["normals"].values, expected, atol=1e-6)
+    np.testing.assert_allclose(tracks["velocities"].values, velocities @ linear, atol=1e-5)
+    assert not any("normals" in note or "velocities" in note for note in notes)
+
+
+def test_corners_are_in_the_order_of_the_faces_when_these_are_left_handed(tmp_path):
+    stage, mesh = new_mesh(tmp_path / "a.usdc")
+    mesh.CreateOrientationAttr("leftHanded")
+    corners = np.tile(np.array(CORNERS, np.int32), (4, 1))
+    corners[1:] += 10 * np.arange(1, 4)[:, None]
+    add_primvar(mesh, "corner", "int", corners, "faceVarying")
+    stage.Save()
+    found = load(tmp_path / "a.usdc")
+    quads = found.tracks["corner"].values[0, :, 0].reshape(2, 4)
+    assert quads.tolist() == [[0, 3, 4, 1], [1, 4, 5, 2]]
+    assert np.array_equal(found.faces[0], quads[0, :3])
+
+
+def test_faces_that_are_holes_have_no_values(tmp_path):
+    stage, mesh = new_mesh(tmp_path / "a.usdc")
+    mesh.CreateHoleIndicesAttr([0])
+    add_primvar(mesh, "area", "int", np.arange(8, dtype="i4").reshape(4, 2), "uniform")
+    add_primvar(mesh, "mark", "int", np.arange(32, dtype="i4").reshape(4, 8), "faceVarying")
+    stage.Save()
+    tracks = load(tmp_path / "a.usdc").tracks
+    assert tracks["area"].values[..., 0].tolist() == [[1], [3], [5], [7]]
+    assert tracks["mark"].values[1, :, 0].tolist() == [12, 13, 14, 15]
+
+
+def plain_types(sheet):
+    """The sheet with its tracks as USD holds them: no bytes of colours, no float64 velocities."""
+    shown = {}
+    for name, track in sheet.tracks.items():
+        values = track.values
+        if track.kind == "color":
+            values = (values / 255.0).astype(np.float32)
+        if track.kind == "velocity" and track.domain is Domain.VERTEX:
+            values = values.astype(np.float32)
+        shown[name] = Track(values, track.domain, track.kind, track.unit)
+    return replace(sheet, tracks=shown)
+
+
+@pytest.mark.parametrize("ending", ["usda", "usdc", "usdz"])
+@pytest.mark.parametrize("n_frames", [1, 5])
+def test_tracks_come_back_bit_for_bit_when_usd_was_saved(tmp_path, ending, n_frames):
+    sheet, notes = plain_types(tracked_sheet(n_frames)), []
+    save(sheet, tmp_path / f"x.{ending}", notes=notes)
+    found = load(tmp_path / f"x.{ending}")
+    assert np.array_equal(found.vertices, sheet.vertices.astype(np.float32))
+    assert_same_tracks(found.tracks, sheet.tracks)
+    assert not any("track" in note for note in notes)
+    assert {one.name for one in found.surface.attributes} == {"st", "displayColor"}
+
+
+def test_each_part_has_its_values_when_there_are_several(tmp_path):
+    sheet = two_sheets()
+    sizes = domain_sizes(sheet.n_verts, sheet.n_faces, sheet.surface)
+    tracks = {
+        f"of {domain}": Track(RNG.random((sheet.n_frames, size)), domain)
+        for domain, size in sizes.items()
+    }
+    sheet = replace(sheet, tracks=tracks)
+    assert len(sheet.surface.parts) == 2
+    assert all(isinstance(one, Part) for one in sheet.surface.parts)
+    save(sheet, tmp_path / "x.usdc")
+    found = meshreel.load(tmp_path / "x.usdc", merge=True)
+    assert_same_tracks(found.tracks, tracks)
+
+
+def test_usd_has_normals_velocities_and_colours_over_time_when_they_were_saved(tmp_path):
+    sheet = replace(quad_sheet(3), surface=replace(quad_sheet(3).surface, attributes=()))
+    n_verts = sheet.n_verts
+    normals = RNG.normal(size=(3, n_verts, 3))
+    normals /= np.linalg.norm(normals, axis=2, keepdims=True)
+    colors = RNG.random((3, n_verts, 4)).astype(np.float32)
+    speeds = RNG.normal(size=(3, n_verts, 3)).astype(np.float32)
+    uv = RNG.random((3, n_verts, 2))
+    tracks = {
+        "N": Track(normals.astype(np.float32), kind="normal"),
+        "Cd": Track(colors, kind="color"),
+        "v": Track(speeds, kind="velocity", unit="m/s"),
+        "map": Track(uv, kind="uv"),
+        "stress": Track(RNG.random((3, n_verts)).astype(np.float32), unit="Pa"),
+    }
+    save(replace(sheet, tracks=tracks, start_s=0.0), tmp_path / "x.usdc")
+    stage = Usd.Stage.Open(str(tmp_path / "x.usdc"))
+    [prim] = [one for one in stage.Traverse() if one.IsA(UsdGeom.Mesh)]
+    mesh, api = UsdGeom.Mesh(prim), UsdGeom.PrimvarsAPI(prim)
+    assert mesh.GetNormalsInterpolation() == "vertex"
+    assert mesh.GetVelocitiesAttr().GetTimeSamples() == [0, 1, 2]
+    stress = api.GetPrimvar("stress")
+    assert (stress.GetInterpolation(), stress.GetTypeName()) == ("vertex", "float[]")
+    for code in range(3):
+        assert np.array_equal(mesh.GetNormalsAttr().Get(code), tracks["N"][code])
+        assert np.array_equal(mesh.GetVelocitiesAttr().Get(code), speeds[code])
+        assert np.array_equal(api.GetPrimvar("displayColor").Get(code), colors[code, :, :3])
+        assert np.array_equal(api.GetPrimvar("displayOpacity").Get(code), colors[code, :, 3])
+        assert np.array_equal(api.GetPrimvar("st").Get(code), uv[code])
+        assert np.array_equal(stress.Get(code), tracks["stress"][code][:, 0])
+    assert_same_tracks(load(tmp_path / "x.usdc").tracks, tracks)
+
+
+@pytest.mark.parametrize("n_frames", [1, 3])
+def test_save_passes_every_validator_of_usd_when_there_are_tracks(tmp_path, n_frames):
+    validation = pytest.importorskip("pxr.UsdValidation")
+    sheet = tracked_sheet(n_frames)
+    normals = np.tile(np.array([0.0, 0, 1], np.float32), (n_frames, sheet.n_verts, 1))
+    sheet = replace(sheet, tracks={**sheet.tracks, "N": Track(normals, kind="normal")})
+    save(sheet, tmp_path / "x.usdc")
+    stage = Usd.Stage.Open(str(tmp_path / "x.usdc"))
+    every = validation.ValidationRegistry().GetOrLoadAllValidators()
+    found = validation.ValidationContext(every).Validate(stage)
+    assert [(error.GetName(), error.GetMessage()) for error in found] == []
+
+
+@pytest.mark.parametrize(
+    ("values", "kind", "written_as"),
+    [
+        (RNG.integers(0, 256, (2, 30, 3)).astype("u1"), "color", "float32, not uint8"),
+        (RNG.normal(size=(2, 30, 3)), "velocity", "float32, not float64"),
+        (RNG.integers(0, 9, (2, 30)).astype("i2"), "scalar", "int32, not int16"),
+    ],
+)
+def test_type_is_said_when_usd_has_another(tmp_path, values, kind, written_as):
+    sheet, notes = quad_sheet(2), []
+    surface = replace(sheet.surface, attributes=())
+    save(
+        replace(sheet, surface=surface, tracks={"x": Track(values, kind=kind)}),
+        tmp_path / "x.usdc",
+        notes=notes,
+    )
+    assert f"track 'x' is written as {written_as}, as USD has it" in notes
+    scale = 255 if values.dtype == np.uint8 else 1
+    found = load(tmp_path / "x.usdc").tracks["x"].values
+    np.testing.assert_allclose(found, np.atleast_3d(values).reshape(found.shape) / scale, rtol=1e-6)

@@ -1,0 +1,101 @@
+"""The store of s3, as moto serves it on this machine, with the library that users have."""
+
+import gc
+import warnings
+
+import fsspec
+import numpy as np
+import pytest
+
+import meshreel
+from samples.meshes import waving_grid
+
+pytestmark = [
+    pytest.mark.slow,
+    # Of s3fs, aiobotocore and moto, and of what they leave to be collected.
+    pytest.mark.filterwarnings("ignore"),
+]
+
+
+@pytest.fixture(scope="module")
+def bucket():
+    """The address of an empty bucket; settings are those of the environment, as users give them."""
+    pytest.importorskip("s3fs", reason="the extra [remote] is not installed")
+    server_of = pytest.importorskip("moto.server", reason="moto is not installed")
+    server = server_of.ThreadedMotoServer(port=0, verbose=False)
+    server.start()
+    host, port = server.get_host_and_port()
+    with pytest.MonkeyPatch.context() as settings:
+        settings.setenv("AWS_ENDPOINT_URL", f"http://{host}:{port}")
+        settings.setenv("AWS_ACCESS_KEY_ID", "testing")
+        settings.setenv("AWS_SECRET_ACCESS_KEY", "testing")
+        settings.setenv("AWS_DEFAULT_REGION", "us-east-1")
+        settings.setenv("AWS_EC2_METADATA_DISABLED", "true")
+        for name in ("AWS_PROFILE", "AWS_CONFIG_FILE", "AWS_SHARED_CREDENTIALS_FILE"):
+            settings.setenv(name, "") if name != "AWS_PROFILE" else settings.delenv(name, False)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            store = fsspec.filesystem("s3")
+            store.mkdir("walks")
+            yield "s3://walks"
+            type(store).clear_instance_cache()
+            gc.collect()
+    server.stop()
+
+
+def test_sequence_goes_to_s3_and_comes_back(bucket):
+    walk = waving_grid(40)
+    assert meshreel.save(walk, f"{bucket}/walk.npz") == [f"{bucket}/walk.npz"]
+    data = meshreel.encode(f"{bucket}/walk.npz", quality=60, block_frames=8)
+    assert data == meshreel.encode(walk, quality=60, block_frames=8)
+    with fsspec.open(f"{bucket}/walk.reel", "wb") as file:
+        file.write(data)
+    decoded = meshreel.decode(data)
+    with meshreel.open(f"{bucket}/walk.reel") as reel:
+        assert np.array_equal(reel[25], decoded.vertices[25])
+    assert meshreel.info(f"{bucket}/walk.reel") == meshreel.info(data)
+    assert np.array_equal(meshreel.decode(f"{bucket}/walk.reel").vertices, decoded.vertices)
+
+
+def test_frames_go_to_s3_and_come_back_in_order(bucket):
+    walk = waving_grid(11)
+    written = meshreel.save(walk, f"{bucket}/frames/f_%d.ply")
+    assert written[10] == f"{bucket}/frames/f_10.ply"
+    for source in (f"{bucket}/frames", f"{bucket}/frames/", f"{bucket}/frames/f_*.ply", written):
+        assert np.array_equal(meshreel.load(source).vertices, walk.vertices)
+
+
+def test_object_is_kept_unless_it_may_be_replaced(bucket):
+    walk = waving_grid(3)
+    meshreel.save(walk, f"{bucket}/kept.npz")
+    with pytest.raises(meshreel.InvalidInputError, match="exists"):
+        meshreel.save(waving_grid(4), f"{bucket}/kept.npz")
+    assert meshreel.load(f"{bucket}/kept.npz").n_frames == 3
+    meshreel.save(waving_grid(4), f"{bucket}/kept.npz", overwrite=True)
+    assert meshreel.load(f"{bucket}/kept.npz").n_frames == 4
+
+
+def test_object_and_bucket_that_are_not_there_are_said(bucket):
+    for address in (f"{bucket}/none.reel", "s3://no-such-bucket/walk.reel"):
+        with pytest.raises(meshreel.StoreError, match=f"there is no {address}"):
+            meshreel.open(address)
+    with pytest.raises(meshreel.StoreError, match="there is no bucket s3://no-such-bucket"):
+        meshreel.save(waving_grid(2), "s3://no-such-bucket/walk.npz")
+
+
+def test_missing_credentials_are_said(bucket, monkeypatch):
+    monkeypatch.delenv("AWS_ACCESS_KEY_ID")
+    monkeypatch.delenv("AWS_SECRET_ACCESS_KEY")
+    type(fsspec.filesystem("s3")).clear_instance_cache()
+    with pytest.raises(meshreel.StoreError, match=r"credentials.*AWS_ACCESS_KEY_ID"):
+        meshreel.open(f"{bucket}/walk.reel")
+    type(fsspec.filesystem("s3")).clear_instance_cache()
+
+
+def test_store_that_is_not_there_is_said(bucket, monkeypatch):
+    monkeypatch.setenv("AWS_ENDPOINT_URL", "http://127.0.0.1:9")
+    monkeypatch.setenv("AWS_MAX_ATTEMPTS", "1")
+    type(fsspec.filesystem("s3")).clear_instance_cache()
+    with pytest.raises(meshreel.StoreError, match="cannot be reached"):
+        meshreel.open(f"{bucket}/walk.reel")
+    type(fsspec.filesystem("s3")).clear_instance_cache()
