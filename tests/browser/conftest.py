@@ -19,6 +19,10 @@ def browser():
         yield launched
 
 
+def _webgl_errors(text):
+    return [text] if "WebGL: INVALID" in text else []
+
+
 def _answering(body):
     """Answers with these bytes; None: as if no server were there."""
     return lambda route: route.abort() if body is None else route.fulfill(body=body)
@@ -26,7 +30,7 @@ def _answering(body):
 
 @pytest.fixture
 def new_page(browser):
-    """Opens pages; an error in a script of theirs fails the test."""
+    """Opens pages; an error in a script of theirs, or in what they ask of WebGL, fails the test."""
     contexts, errors = [], []
 
     def open_page(
@@ -36,6 +40,7 @@ def new_page(browser):
         contexts.append(context)
         page = context.new_page()
         page.on("pageerror", lambda error: errors.append(str(error)))
+        page.on("console", lambda said: errors.extend(_webgl_errors(said.text)))
         page.add_init_script(script)
         for pattern, body in (routes or {}).items():
             page.route(pattern, _answering(body))
@@ -59,7 +64,7 @@ def flag(tmp_path_factory):
     folder = tmp_path_factory.mktemp("flag")
     sequence = meshreel.simulate_flag(36, n_rows=16, n_columns=18)
     meshreel.save(sequence, folder / "original.npz")
-    data = meshreel.encode(sequence, max_error=ALLOWED_ERROR, block_frames=12)
+    data = meshreel.encode(sequence, max_error=ALLOWED_ERROR, effort=5, block_frames=12)
     (folder / "flag.reel").write_bytes(data)
     return folder
 

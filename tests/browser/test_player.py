@@ -533,6 +533,28 @@ def test_page_passes_over_a_block_and_says_so_when_it_is_damaged(new_page, flag,
         assert state_of(page)["playing"]
 
 
+@pytest.mark.parametrize("method", ["lossless", "grid"])
+def test_exported_page_draws_exact_positions_without_a_slider_of_modes(new_page, tmp_path, method):
+    flag = meshreel.simulate_flag(40, n_rows=9, n_columns=11)
+    options = {"max_error": 0.02} if method == "grid" else {}
+    data = meshreel.encode(flag, method, **options)
+    (tmp_path / "exact.reel").write_bytes(data)
+    command = [*COMMAND, "export", "exact.reel", "-o", "exact.html"]
+    done = subprocess.run(command, check=True, capture_output=True, text=True, cwd=tmp_path)
+    assert "encoded anew" not in done.stderr
+    page = new_page((tmp_path / "exact.html").as_uri())
+    vertices = meshreel.decode(data).vertices
+    for frame in (0, 31, 32, 39):
+        show(page, frame)
+        off = np.abs(positions_of(page) - vertices[frame]).max()
+        assert off < 2e-5 * diagonal_of(vertices)
+    assert page.locator("#detail").is_hidden()
+    page.keyboard.press("[")
+    assert state_of(page)["isFew"] is False
+    page.keyboard.press("?")
+    assert page.locator("#help dt.of-modes").is_hidden()
+
+
 @pytest.fixture
 def textured(tmp_path):
     """A function that exports a sheet with a texture, and gives the address of its page."""

@@ -76,10 +76,10 @@ def _package():
 @pytest.fixture(scope="module")
 def files(tmp_path_factory):
     flag = meshreel.simulate_flag(45, n_rows=20, n_columns=30)
-    data = meshreel.encode(flag, max_error=0.02, block_frames=15)
+    data = meshreel.encode(flag, max_error=0.02, effort=5, block_frames=15)
     damaged = bytearray(data)
     damaged[len(data) // 2] ^= 1
-    sheet = meshreel.encode(moving_sheet(), max_error=0.01, block_frames=15)
+    sheet = meshreel.encode(moving_sheet(), max_error=0.01, effort=5, block_frames=15)
     film = numbered_video(tmp_path_factory.mktemp("film") / "walk.webm")
     return {
         "/page.css": b"body { margin: 0; font: 16px sans-serif; background: #fff }",
@@ -88,8 +88,21 @@ def files(tmp_path_factory):
         "/damaged.reel": bytes(damaged),
         "/sheet.reel": sheet,
         "/walk.webm": film,
-        "/walk.reel": meshreel.encode(walking_post(), max_error=0.02),
+        "/stress.reel": meshreel.encode(stressed_flag(), max_error=0.02, effort=5),
+        "/walk.reel": meshreel.encode(walking_post(), max_error=0.02, effort=5),
     }
+
+
+def stressed_flag():
+    """A flag with stress, exact numbers of parts, and colours."""
+    flag = meshreel.simulate_flag(20, n_rows=20, n_columns=30)
+    x = flag.vertices[..., 0]
+    tracks = {
+        "stress": meshreel.Track((400 * np.sin(3 * x)).astype(np.float32), unit="Pa"),
+        "part": meshreel.Track((5 * x).astype(np.int16)),
+        "paint": meshreel.Track(np.stack([0 * x + 1, 0 * x, 0 * x], -1), kind="color"),
+    }
+    return meshreel.MeshSequence(flag.vertices, flag.faces, fps=24, tracks=tracks)
 
 
 def walking_post():
@@ -237,6 +250,7 @@ STATES = {
     "damaged": '<reel-player src="/damaged.reel" controls autoplay loop background="#123">',
     "waiting": '<reel-player src="/slow.reel" controls>',
     "textured": '<reel-player src="/sheet.reel" controls texture="/walk.webm">',
+    "track": '<reel-player src="/stress.reel" track="stress" controls>',
 }
 
 
@@ -430,6 +444,43 @@ def test_only_the_last_address_counts_when_it_changes(shown):
     page.evaluate("player.removeAttribute('src')")
     until(page, "player.mesh === null")
     assert page.evaluate("player.paused")
+
+
+LEGEND = "player.shadowRoot.querySelector('.legend')"
+
+
+def test_a_track_is_shown_in_colours_with_a_legend(shown):
+    page = shown(
+        '<reel-player src="/stress.reel" track="stress" track-range="-400:400"></reel-player>'
+    )
+    settled(page)
+    until(page, f"!{LEGEND}.hidden")
+    label = f"{LEGEND}.getAttribute('aria-label')"
+    assert page.evaluate(label) == "Colours: stress (Pa) from -400 to 400"
+    colors = picture(page)
+    red, blue = colors[..., 0] - colors[..., 2], colors[..., 2] - colors[..., 0]
+    assert (red > 60).mean() > 0.02
+    assert (blue > 60).mean() > 0.02
+    page.evaluate("Object.assign(player, { track: 'part', trackRange: '0%:100%' })")
+    until(page, f"{label}.includes('part')")
+    assert page.evaluate(label).startswith("Colours: part from 0 to ")
+    page.evaluate("Object.assign(player, { track: 'paint', trackComponent: 'x' })")
+    until(page, f"{label}.startsWith('Colours: paint, x from ')")
+    page.evaluate("Object.assign(player, { trackComponent: null, trackRange: null })")
+    until(page, f"{label} === 'Colours: paint'")
+    page.wait_for_timeout(300)
+    colors = picture(page)
+    assert ((colors[..., 0] > 100) & (colors[..., 1:].max(axis=2) < 60)).mean() > 0.1
+    page.evaluate("player.track = null")
+    until(page, f"{LEGEND}.hidden")
+    assert page.evaluate("player.error") is None
+
+
+def test_a_track_that_is_not_there_is_an_error_with_those_that_are(shown):
+    page = shown('<reel-player src="/stress.reel" track="strain"></reel-player>')
+    until(page, "player.error")
+    assert 'there are: "stress", "part", "paint"' in text_of(page, "[role=alert]")
+    assert page.evaluate(f"{LEGEND}.hidden")
 
 
 def test_nothing_is_left_when_players_are_taken_out(shown):

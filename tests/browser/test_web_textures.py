@@ -72,8 +72,8 @@ def files(films):
     return {
         "/index.html": PAGE.encode(),
         "/page.js": SCRIPT.read_bytes(),
-        "/sheet.reel": meshreel.encode(sheet, max_error=0.01, block_frames=15),
-        "/plain.reel": meshreel.encode(plain, max_error=0.01),
+        "/sheet.reel": meshreel.encode(sheet, max_error=0.01, effort=5, block_frames=15),
+        "/plain.reel": meshreel.encode(plain, max_error=0.01, effort=5),
         "/flag.png": two_colors(),
         **films,
         **{f"/three/{path.name}": path.read_bytes() for path in three.glob("three*.js")},

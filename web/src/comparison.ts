@@ -7,7 +7,7 @@ import { shortNumber } from "./heat/map";
 import type { Opening } from "./opening";
 import type { Player } from "./player";
 import { Plot } from "./plots";
-import type { Errors, HeatInfo, OriginalInfo } from "./facts";
+import { type Errors, type HeatInfo, heatsOf, isOfTrack, type OriginalInfo } from "./facts";
 
 /** While playing, values are written this seldom: faster, nobody reads them. */
 const BETWEEN_VALUES_MS = 200;
@@ -25,8 +25,9 @@ export class ComparisonPanel {
     private readonly opening: Opening,
   ) {
     part("compare").hidden = false;
-    for (const { kind, label } of original.heats) {
-      this.heat.append(new Option(label.split(/[,:]/)[0], kind));
+    for (const { kind, label } of heatsOf(original)) {
+      const name = isOfTrack(kind) ? label.replace(/, up to [^,]*$/, "") : label.split(/[,:]/)[0];
+      this.heat.append(new Option(name, kind));
     }
     this.heat.addEventListener("change", () => this.chooseHeat());
     this.perFrame.addEventListener("change", () => {
@@ -39,7 +40,7 @@ export class ComparisonPanel {
   /** The heat map that is chosen. */
   get heatInfo(): HeatInfo | null {
     const { heat } = this.player.state();
-    return this.original.heats.find(({ kind }) => kind === heat) ?? null;
+    return heatsOf(this.original).find(({ kind }) => kind === heat) ?? null;
   }
 
   /** Takes the next heat map of the list, or none. */

@@ -12,6 +12,7 @@ import type { Reel } from "./facts";
 import { saveScreenshot } from "./screenshot";
 import type { Background, Stage } from "./stage";
 import { Timeline } from "./timeline";
+import { TrackPanel } from "./tracks/panel";
 
 const PHONE = "(max-width: 720px)";
 
@@ -22,16 +23,21 @@ export function connectControls(
   picture: Picture,
   player: Player,
   opening: Opening,
-): void {
+): TrackPanel {
   const timeline = new Timeline(player, reel);
   const panel = new Panel(player, reel);
   const comparison = reel.original && new ComparisonPanel(player, reel.original, opening);
+  const tracks = new TrackPanel(reel, picture, player);
+  part("canvas").addEventListener("dblclick", ({ clientX, clientY }) => {
+    if (player.hasTrack) tracks.pick(picture.picked(clientX, clientY));
+  });
   const actions: Actions = {
     ...timelineKeys(timeline, reel),
     ...viewKeys(reel, stage, picture, player),
     "[": () => player.setModes(player.state().modes - 1),
     "]": () => player.setModes(player.state().modes + 1),
     h: () => comparison?.nextHeat(),
+    t: () => tracks.next(),
     g: toggleFullscreen,
     p: togglePanel,
     "?": () => part<HTMLDialogElement>("help").showModal(),
@@ -52,13 +58,15 @@ export function connectControls(
     timeline.update();
     panel.update();
     comparison?.update();
+    tracks.update(player.frame, player.isPlaying);
     const { hottest, isFew, perFrameRange } = player.state();
     const heat = comparison?.heatInfo ?? null;
     const isClipped = heat !== null && !isFew && !perFrameRange && hottest < heat.maximum;
     bar.update(heat, hottest, isClipped, isFew ? panel.modesText : "");
-    labels.update(picture.look.arrangement, stage.isUpright);
+    labels.update(picture.look.arrangement, stage.isUpright, player.isTrackMissing);
   };
   stage.changed = () => player.redraw();
+  return tracks;
 }
 
 function timelineKeys(timeline: Timeline, reel: Reel): Actions {

@@ -1,7 +1,7 @@
 // Where the data come from: an exported page carries them or says where they are, else the server
 // has them.
 
-import { ReelFile } from "meshreel";
+import { ReelFile, type TrackValues } from "meshreel";
 
 import type { Facts, Measured, Reel } from "./facts";
 
@@ -23,9 +23,12 @@ declare global {
   }
 }
 
-/** Frames of the original: positions (V, 3) from the centre of the file. */
+/** Frames of the original. */
 export interface Originals {
+  /** Positions (V, 3) from the centre of the file. */
   frame(number: number): Promise<Float32Array>;
+  /** Values of a track, as those of the file. */
+  values(track: string, number: number): Promise<TrackValues>;
 }
 
 /** The file, and what is said of it. */
@@ -42,7 +45,7 @@ export async function loadMeasured(): Promise<Measured> {
 }
 
 /** The frames of the original of a file that has one. */
-export async function openOriginals({ file }: Reel): Promise<Originals> {
+export async function openOriginals({ file, original: info }: Reel): Promise<Originals> {
   const { nVerts, center } = file.info;
   const given = window.MESHREEL?.original;
   if (!given) {
@@ -53,12 +56,26 @@ export async function openOriginals({ file }: Reel): Promise<Originals> {
         if (positions.length !== 3 * nVerts) throw new Error(`${url} arrived damaged.`);
         return positions;
       },
+      values: async (track, number) => {
+        const url = `api/original_track/${info?.tracks.indexOf(track)}/${number}`;
+        const bytes = await (await request(url)).arrayBuffer();
+        const { nItems, nColumns } = file.track(track).info;
+        const width = bytes.byteLength / (nItems * nColumns);
+        if (width === 4) return new Float32Array(bytes);
+        if (width === 8) return new Float64Array(bytes);
+        throw new Error(`${url} arrived damaged.`);
+      },
     };
   }
   const original = await ReelFile.open(carried(given));
   return {
     frame: async (number) =>
       Float32Array.from(await original.frame(number), (value, i) => value - center[i % 3]),
+    values: (track, number) => {
+      // A track that is not carried along is the same in the file.
+      const isCarried = original.info.tracks.some(({ name }) => name === track);
+      return (isCarried ? original : file).track(track).frame(number);
+    },
   };
 }
 

@@ -3,10 +3,13 @@
 
 import { Cache } from "./cache";
 import { openOriginals, type Originals } from "./data";
-import { playingFps, type Reel } from "./facts";
+import { heatsOf, isOfTrack, playingFps, type Reel } from "./facts";
+import type { TrackValues } from "meshreel";
+
 import { largest, type FrameErrors } from "./heat/fields";
 import type { Answer } from "./heat/messages";
 import { Measurer } from "./heat/measurer";
+import { trackErrors } from "./heat/track_errors";
 import type { Picture } from "./picture";
 
 const KEPT_BYTES = 128e6;
@@ -23,11 +26,14 @@ export class Extras {
   /** Of the frame shown with few modes, beside an original. */
   frameErrors: (FrameErrors & { frame: number }) | null = null;
   private readonly originals: Cache<Float32Array>;
+  /** Values of the track that colours the original. */
+  private originalValues: Cache<TrackValues> | null = null;
   private readonly heats = new Map<string, Cache<Float32Array>>();
   private readonly ahead: Lookahead;
   private opened: Promise<Originals> | null = null;
   private measurer: Measurer | null = null;
   private shownOriginal = -1;
+  private shownValues = -1;
   private shownHeat = "";
   /** What is being measured of few modes. */
   private measuring = "";
@@ -41,8 +47,7 @@ export class Extras {
     private readonly measured: () => void,
     private readonly failed: (error: unknown) => void,
   ) {
-    const load = async (frame: number) => (await (this.opened ??= openOriginals(reel))).frame(frame);
-    this.originals = new Cache(load, this.nKept(3));
+    this.originals = new Cache(async (frame) => (await this.source()).frame(frame), this.nKept(3));
     this.ahead = new Lookahead(reel.file.info.nFrames, playingFps(reel));
   }
 
@@ -52,11 +57,23 @@ export class Extras {
     if (this.heatKind === null) this.picture.setHeat(null);
   }
 
+  /** Colours the original by a track of its own; null: by none. To be called when that changes. */
+  setTrack(track: string | null): void {
+    const isThere = track !== null && this.reel.original?.tracks.includes(track);
+    this.shownValues = -1;
+    this.originalValues = null;
+    if (!isThere) return;
+    const { nItems, nColumns } = this.reel.file.track(track).info;
+    const load = async (frame: number) => (await this.source()).values(track, frame);
+    this.originalValues = new Cache(load, keptFrames(2 * nItems * nColumns));
+  }
+
   /** Fetches the data of a frame; of few modes, of the frame that is shown. */
   async load(frame: number): Promise<void> {
     await Promise.all([
       this.heatCache()?.load(frame),
       this.needsOriginal ? this.originals.load(frame) : null,
+      this.neededValues?.load(frame),
     ]);
     if (this.comparesFew && this.heatKey(frame) !== this.shownHeat) await this.measureFew(frame);
   }
@@ -66,24 +83,37 @@ export class Extras {
     const heats = this.heatCache();
     if (heats) this.ahead.prefetch(heats, frame, speed, this.failed);
     if (this.needsOriginal) this.ahead.prefetch(this.originals, frame, speed, this.failed);
+    if (this.neededValues) this.ahead.prefetch(this.neededValues, frame, speed, this.failed);
   }
 
   /** Shows the data of a frame that are here; the rest stays. True if anything has changed. */
   show(frame: number): boolean {
     if (this.comparesFew) void this.measureFew(frame).catch(this.failed);
     const showsHeat = !this.comparesFew && this.showHeat(frame);
-    return this.showOriginal(frame) || showsHeat;
+    const showsValues = this.showValues(frame);
+    return this.showOriginal(frame) || showsHeat || showsValues;
   }
 
   /** Whether all that is shown is of this frame. */
   areOf(frame: number): boolean {
     const isPainted = this.heatKind !== null || this.comparesFew;
     const isHeatRight = !isPainted || this.shownHeat === this.heatKey(frame);
-    return isHeatRight && (!this.picture.needsOriginal || this.shownOriginal === frame);
+    const areValuesRight = !this.neededValues || this.shownValues === frame;
+    const isOriginalRight = !this.picture.needsOriginal || this.shownOriginal === frame;
+    return isHeatRight && areValuesRight && isOriginalRight;
+  }
+
+  private source(): Promise<Originals> {
+    return (this.opened ??= openOriginals(this.reel));
+  }
+
+  /** Values that are wanted now; null: none. */
+  private get neededValues(): Cache<TrackValues> | null {
+    return this.picture.showsOriginal ? this.originalValues : null;
   }
 
   private get comparesFew(): boolean {
-    return this.fewModes !== null && this.reel.original !== null;
+    return this.fewModes !== null && this.reel.original !== null && !isOfTrack(this.heatKind);
   }
 
   private get needsOriginal(): boolean {
@@ -153,6 +183,14 @@ export class Extras {
     return true;
   }
 
+  private showValues(frame: number): boolean {
+    const values = this.neededValues?.peek(frame);
+    if (!values || frame === this.shownValues) return false;
+    this.picture.setOriginalValues(values);
+    this.shownValues = frame;
+    return true;
+  }
+
   private heatKey(frame: number): string {
     return `${this.heatKind} ${this.fewModes} ${frame}`;
   }
@@ -168,6 +206,7 @@ export class Extras {
   }
 
   private async heatOf(kind: string, frame: number): Promise<Float32Array> {
+    if (isOfTrack(kind)) return this.errorsOfTrack(kind, frame);
     const { center } = this.reel.file.info;
     const [original, positions] = await Promise.all([
       this.originals.load(frame),
@@ -178,16 +217,31 @@ export class Extras {
     return values as Float32Array;
   }
 
+  private async errorsOfTrack(kind: string, frame: number): Promise<Float32Array> {
+    const { file, original } = this.reel;
+    const { track } = original?.track_heats.find((heat) => heat.kind === kind) as { track: string };
+    const [given, decoded] = await Promise.all([
+      this.source().then((source) => source.values(track, frame)),
+      file.track(track).frame(frame),
+    ]);
+    return trackErrors(file.track(track).info, file.surface, file.info.nVerts, given, decoded);
+  }
+
   /** Frames of so many numbers for each vertex that are kept. */
   private nKept(width: number): number {
-    const bytes = 4 * width * Math.max(1, this.reel.file.info.nVerts);
-    return Math.max(LEAST_KEPT, Math.floor(KEPT_BYTES / bytes));
+    return keptFrames(width * this.reel.file.info.nVerts);
   }
 
   private fixedRange(): number {
-    const info = this.reel.original?.heats.find((heat) => heat.kind === this.heatKind);
+    const { original } = this.reel;
+    const info = original && heatsOf(original).find((heat) => heat.kind === this.heatKind);
     return info?.range || info?.maximum || 1;
   }
+}
+
+/** Frames of so many numbers that are kept. */
+function keptFrames(nNumbers: number): number {
+  return Math.max(LEAST_KEPT, Math.floor(KEPT_BYTES / (4 * Math.max(1, nNumbers))));
 }
 
 /**

@@ -2,17 +2,23 @@
 
 import type { ReelFile } from "meshreel";
 
+import type { TrackLook } from "./tracks/look";
+
 export interface HeatInfo {
   kind: string;
   label: string;
   unit: string;
   maximum: number;
   range: number;
+  /** Whose error it is, where it is of a track. */
+  track?: string;
 }
 
 export interface PlotInfo {
   label: string;
   values: (number | null)[];
+  /** Whether they are of a track, and no errors. */
+  isOfTrack?: boolean;
 }
 
 /** Ranges are of the first frame, and plots and rows are empty, until all frames are measured. */
@@ -28,6 +34,20 @@ export interface OriginalInfo extends Errors {
   name: string;
   /** Of the box of all its frames, in model units. */
   diagonal: number;
+  /** Tracks that it has as the file has them. */
+  tracks: string[];
+  /** Errors of those that are not exact in the file. */
+  track_heats: HeatInfo[];
+}
+
+/** All heat maps that can be shown. */
+export function heatsOf(original: OriginalInfo): HeatInfo[] {
+  return [...original.heats, ...original.track_heats];
+}
+
+/** Whether a heat map is of a track. */
+export function isOfTrack(kind: string | null): kind is string {
+  return kind?.startsWith("track ") ?? false;
 }
 
 export interface Measured extends Errors {
@@ -52,6 +72,8 @@ export interface Facts {
   rows: [string, string][];
   budget: [string, number][];
   original: OriginalInfo | null;
+  /** The track that it opens with; null for none. */
+  colored_by: TrackLook | null;
 }
 
 /** A file that is open, and what is said of it. */

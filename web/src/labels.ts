@@ -6,14 +6,17 @@ import type { Arrangement } from "./picture";
 export class Labels {
   private shown = "";
 
-  /** At the top middle of each view; `isUpright` where views lie below each other. */
-  update(arrangement: Arrangement, isUpright: boolean): void {
-    const key = `${arrangement} ${isUpright}`;
+  /**
+   * At the top middle of each view; `isUpright` where views lie below each other, `lacks` where the
+   * original has not the track that colours the other.
+   */
+  update(arrangement: Arrangement, isUpright: boolean, lacks: boolean): void {
+    const key = `${arrangement} ${isUpright} ${lacks}`;
     if (key === this.shown) return;
     this.shown = key;
     const texts = {
       decoded: [],
-      beside: ["decoded", "original"],
+      beside: ["decoded", lacks ? "original, which lacks these values" : "original"],
       over: ["decoded", "original, as lines"],
     }[arrangement];
     const isBelow = arrangement === "beside" && isUpright;

@@ -25,13 +25,14 @@ async function start(): Promise<void> {
   const player = new Player(reel, picture);
   const opening = new Opening(reel, player);
   player.failed = showError;
-  connectControls(reel, stage, picture, player, opening);
-  exposeForTests(player, picture, opening);
+  const tracks = connectControls(reel, stage, picture, player, opening);
+  exposeForTests(player, picture, opening, tracks);
   if (texture) {
     await picture.mesh.setTexture(texture.url, { kind: texture.kind }).catch(showError);
   }
   await player.seek(0);
   await opening.begin();
+  if (reel.colored_by) await tracks.show(reel.colored_by).catch(showError);
   if (picture.travelsFar()) part<HTMLInputElement>("follow").click();
 }
 

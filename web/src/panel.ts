@@ -17,6 +17,8 @@ export class Panel {
       : [["end", "missing: the file was cut off"]];
     fillRows(part("rows"), [...reel.rows, ...missing]);
     fillBudget(reel.budget);
+    const hasModes = reel.file.info.method === "reel";
+    for (const one of document.querySelectorAll<HTMLElement>(".of-modes")) one.hidden = !hasModes;
     this.modes.max = String(mostModes(reel));
     this.modes.addEventListener("input", () => player.setModes(Number(this.modes.value)));
   }

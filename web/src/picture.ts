@@ -1,6 +1,7 @@
 // The picture: the decoded mesh, the original beside or over it, heat, and how all is shaded.
 
-import { ReelMesh } from "meshreel/three";
+import type { TrackValues } from "meshreel";
+import { type ColorLegend, ReelMesh } from "meshreel/three";
 import * as THREE from "three";
 
 import { outermost } from "./camera";
@@ -9,6 +10,8 @@ import type { Reel } from "./facts";
 import { Figure } from "./shading/figure";
 import { OriginalMesh } from "./shading/original";
 import type { Background, Stage } from "./stage";
+import { componentOf, type TrackLook, USUAL_RANGE } from "./tracks/look";
+import { type Picked, pickedBy } from "./tracks/pick";
 
 export type Shading = "flat" | "smooth";
 export type Arrangement = "decoded" | "beside" | "over";
@@ -41,6 +44,7 @@ const INK: Record<Background, [number, number, number]> = {
  */
 const LIFT = { wire: 0.001, over: 0.02 };
 const ORIGINAL_INK: [number, number, number] = [0.93, 0.42, 0.1];
+const MARKER: [number, number, number] = [1, 0.1, 0.6];
 
 export class Picture {
   readonly mesh: ReelMesh;
@@ -48,9 +52,16 @@ export class Picture {
   readonly hasOwnLook: boolean;
   private readonly decoded: Figure;
   private readonly original: { mesh: OriginalMesh; figure: Figure } | null = null;
-  private readonly heat: THREE.BufferAttribute;
-  private edgeIndex: THREE.BufferAttribute | null = null;
+  private heat: THREE.BufferAttribute;
   private hasHeat = false;
+  private isTracked = false;
+  /** Whether the original has the colours of the track. */
+  private isOriginalTracked = false;
+  private readonly marker = new THREE.Points(
+    new THREE.BufferGeometry().setFromPoints([new THREE.Vector3()]),
+    new THREE.PointsMaterial({ size: 11, sizeAttenuation: false, depthTest: false }),
+  );
+  private marked: number | null = null;
 
   constructor(
     private readonly stage: Stage,
@@ -67,6 +78,11 @@ export class Picture {
     this.heat = new THREE.BufferAttribute(new Float32Array(sources.length), 1);
     geometry.setAttribute("heat", this.heat.setUsage(THREE.DynamicDrawUsage));
     this.decoded = new Figure(this.mesh, material);
+    this.marker.frustumCulled = false;
+    this.marker.renderOrder = 2;
+    this.marker.visible = false;
+    this.marker.material.color.setRGB(...MARKER);
+    this.decoded.group.add(this.marker);
     stage.add(this.decoded.group);
     if (reel.original) {
       const mesh = new OriginalMesh(this.mesh);
@@ -82,15 +98,17 @@ export class Picture {
     const isOwn = this.hasOwnLook && this.look.ownLook;
     const isSmooth = shading === "smooth";
     const ink = [...INK[background], 0.45] as const;
-    this.decoded.dress(isOwn && !this.hasHeat, isSmooth);
-    this.rule(this.decoded, wire, ink, LIFT.wire);
+    const own = isOwn ? "own" : "plain";
+    this.decoded.dress(this.hasHeat ? "plain" : this.isTracked ? "track" : own, isSmooth);
+    this.rule(this.decoded, this.mesh, wire, ink, LIFT.wire);
     const { stage, decoded, original } = this;
     if (original) {
       const isOver = arrangement === "over";
       original.mesh.visible = !isOver;
-      original.figure.dress(isOwn, isSmooth);
-      if (isOver) this.rule(original.figure, true, [...ORIGINAL_INK, 0.4], LIFT.over);
-      else this.rule(original.figure, wire, ink, LIFT.wire);
+      original.figure.dress(this.isOriginalTracked ? "track" : own, isSmooth);
+      if (isOver) {
+        this.rule(original.figure, original.mesh, true, [...ORIGINAL_INK, 0.4], LIFT.over);
+      } else this.rule(original.figure, original.mesh, wire, ink, LIFT.wire);
     }
     if (!original || arrangement === "decoded") stage.setViews([[decoded.group]]);
     else if (arrangement === "over") stage.setViews([[decoded.group, original.figure.group]]);
@@ -100,6 +118,11 @@ export class Picture {
 
   get needsOriginal(): boolean {
     return this.original !== null && this.look.arrangement !== "decoded";
+  }
+
+  /** Whether faces of the original are seen. */
+  get showsOriginal(): boolean {
+    return this.original !== null && this.look.arrangement === "beside";
   }
 
   /** Turns following on or off, and frames the shown frame, or all that the mesh sweeps. */
@@ -117,6 +140,17 @@ export class Picture {
     this.original?.mesh.setPositions(positions);
   }
 
+  /** Colours the original by values of a frame of the track that colours the mesh. */
+  setOriginalValues(values: TrackValues): void {
+    const { original, decoded, mesh } = this;
+    if (!original) return;
+    original.mesh.setColors(mesh.colorsOf(values));
+    if (this.isOriginalTracked) return;
+    this.isOriginalTracked = true;
+    original.figure.track.takeColors(decoded.track);
+    this.applyLook();
+  }
+
   /** Paints the decoded mesh by values, the hottest of which is given; null: no heat map. */
   setHeat(heat: { values: Float32Array; hottest: number } | null): void {
     const had = this.hasHeat;
@@ -124,6 +158,45 @@ export class Picture {
     this.decoded.faces.hottest = heat?.hottest ?? null;
     if (heat) this.paint(heat.values);
     if (had !== this.hasHeat) this.applyLook();
+  }
+
+  /**
+   * Shows a track in colours in place of the look of the file; null: none. The last call counts: one
+   * that is under way throws an `AbortError`.
+   */
+  async setTrack(look: TrackLook | null): Promise<ColorLegend | null> {
+    this.isOriginalTracked = false;
+    if (!look) {
+      this.isTracked = false;
+      await this.mesh.colorBy(null);
+      this.refit();
+      this.applyLook();
+      return null;
+    }
+    const { track, component, range, colormap } = look;
+    const { kind } = this.reel.file.track(track).info;
+    const isColor = kind === "color" && (component ?? "color") === "color";
+    const usual = kind === "normal" ? undefined : USUAL_RANGE;
+    this.isTracked = true;
+    this.applyLook(); // colours dress the material that the mesh wears
+    const legend = await this.mesh.colorBy(track, {
+      component: component === null || isColor ? undefined : componentOf(component),
+      ...(isColor ? {} : { range: range ?? usual, isOfFile: true }),
+      ...(colormap ? { map: colormap } : {}),
+    });
+    this.refit();
+    return legend;
+  }
+
+  /** What of the mesh lies at a place of the page; null: nothing. */
+  picked(clientX: number, clientY: number): Picked | null {
+    const ray = this.stage.rayAt(clientX, clientY);
+    return ray && pickedBy(ray, this.mesh);
+  }
+
+  /** Marks a vertex of the file while nothing plays; null: none. */
+  mark(vertex: number | null): void {
+    this.marked = vertex === null ? null : this.mesh.sources.indexOf(vertex);
   }
 
   /** Positions (V, 3) as they are drawn, from the centre of the file; read back from the GPU. */
@@ -149,11 +222,28 @@ export class Picture {
     const { original } = this;
     this.stage.follow(this.look.isFollowed ? this.middle() : null);
     this.decoded.join();
+    this.marker.visible = this.marked !== null && !this.mesh.isPlaying;
+    if (this.marker.visible) {
+      this.mesh.getVertexPosition(this.marked as number, this.marker.position);
+    }
     if (original && this.needsOriginal) {
       if (this.look.shading === "smooth") original.mesh.bend();
       original.figure.join();
     }
     this.stage.draw();
+  }
+
+  /** Has heat and lines fit the geometry, whose vertices a track may have split. */
+  private refit(): void {
+    const { geometry, sources } = this.mesh;
+    this.original?.mesh.refit();
+    if (geometry.getAttribute("heat") === this.heat) return;
+    const vertex = this.marked;
+    this.heat = new THREE.BufferAttribute(new Float32Array(sources.length), 1);
+    geometry.setAttribute("heat", this.heat.setUsage(THREE.DynamicDrawUsage));
+    for (const figure of [this.decoded, this.original?.figure]) figure?.lines.geometry.setIndex(null);
+    if (vertex !== null) this.marked = null;
+    this.applyLook();
   }
 
   private middle(): THREE.Vector3 {
@@ -170,27 +260,22 @@ export class Picture {
 
   private rule(
     { lines }: Figure,
+    { geometry }: THREE.Mesh,
     isVisible: boolean,
     ink: readonly [number, number, number, number],
     lift: number,
   ): void {
     lines.visible = isVisible;
     lines.rule(ink, lift * this.reel.file.info.diagonal);
-    if (isVisible && !lines.geometry.index) lines.geometry.setIndex(this.edges());
+    if (!isVisible || lines.geometry.index) return;
+    const nVerts = geometry.getAttribute("position").count;
+    const edges = edgesOf(geometry.index?.array as Uint32Array, nVerts);
+    lines.geometry.setIndex(new THREE.BufferAttribute(edges, 1));
   }
 
   /** The outermost points of the shown frame about its middle, with room around. */
   private pose(): THREE.Vector3[] {
     const middle = this.middle();
     return outermost(this.positions()).map((point) => point.sub(middle).multiplyScalar(ROOM));
-  }
-
-  private edges(): THREE.BufferAttribute {
-    const { index } = this.mesh.geometry;
-    this.edgeIndex ??= new THREE.BufferAttribute(
-      edgesOf(index?.array as Uint32Array, this.mesh.sources.length),
-      1,
-    );
-    return this.edgeIndex;
   }
 }

@@ -1,12 +1,13 @@
 // Plays: has the data of the frame fetched that is due, and draws when something has changed.
 
 import { CorruptStreamError, TruncatedStreamError } from "meshreel";
-import type { ReelMesh } from "meshreel/three";
+import type { ColorLegend, ReelMesh } from "meshreel/three";
 
 import { Extras } from "./extras";
 import { mostModes, type Reel } from "./facts";
 import type { FrameErrors } from "./heat/fields";
 import type { Picture } from "./picture";
+import type { TrackLook } from "./tracks/look";
 
 export interface PlayerState {
   frame: number;
@@ -126,7 +127,38 @@ export class Player {
     this.redraw();
   }
 
+  /** The track whose colours the mesh has, or will have. */
+  private track: string | null = null;
+
+  get hasTrack(): boolean {
+    return this.track !== null;
+  }
+
+  /** Whether the original has not the track that colours the mesh. */
+  get isTrackMissing(): boolean {
+    const { original } = this.reel;
+    return this.track !== null && original !== null && !original.tracks.includes(this.track);
+  }
+
+  /** Colours the mesh by a track, in place of a heat map; null: by none. */
+  async setTrack(look: TrackLook | null): Promise<ColorLegend | null> {
+    this.track = look?.track ?? null;
+    if (look) {
+      this.extras.heatKind = null;
+      this.extras.forgetHeat();
+    }
+    this.extras.setTrack(null);
+    const legend = await this.picture.setTrack(look).catch((error: Error) => {
+      if (error.name !== "AbortError") throw error;
+      return null;
+    });
+    this.extras.setTrack(legend?.name ?? null);
+    await this.show();
+    return legend;
+  }
+
   async setHeat(kind: string | null): Promise<void> {
+    if (kind !== null && this.hasTrack) await this.setTrack(null);
     this.extras.heatKind = kind;
     this.extras.forgetHeat();
     await this.show();

@@ -24,7 +24,7 @@ export class Plot {
     private readonly info: PlotInfo,
     seek: (frame: number) => void,
   ) {
-    const axis = new Axis(info.values);
+    const axis = new Axis(info.values, info.isOfTrack ?? false);
     const caption = element("figcaption");
     caption.append(element("span", axis.isLog ? `${info.label} (log)` : info.label), this.output);
     this.svg = svg("svg", { viewBox: `0 0 ${WIDTH} ${HEIGHT}`, role: "img" }) as SVGSVGElement;
@@ -45,6 +45,11 @@ export class Plot {
     field.append(this.svg, this.cursor);
     this.figure.append(caption, field);
     this.listen(seek);
+  }
+
+  /** What it shows. */
+  get values(): readonly (number | null)[] {
+    return this.info.values;
   }
 
   /** Moves the line to a frame; its value is written where there is time to read it. */
@@ -92,19 +97,27 @@ export class Plot {
   }
 }
 
-/** Where a value is drawn: linear from zero, or logarithmic where values span decades. */
+/**
+ * Where a value is drawn: errors linear from zero, or logarithmic where they span decades; tracks
+ * from their least to their largest value.
+ */
 class Axis {
   readonly isLog: boolean;
   readonly ticks: number[];
   private readonly low: number;
   private readonly high: number;
 
-  constructor(values: (number | null)[]) {
+  constructor(values: (number | null)[], isOfTrack: boolean) {
     const shown = values.filter((value) => value !== null && Number.isFinite(value)) as number[];
     const most = shown.reduce((a, b) => Math.max(a, b), 0) || 1;
     const least = shown.filter((value) => value > 0).reduce((a, b) => Math.min(a, b), most);
-    this.isLog = most > SPAN_OF_LOG * least;
-    if (this.isLog) {
+    this.isLog = !isOfTrack && most > SPAN_OF_LOG * least;
+    if (isOfTrack) {
+      const [low, high] = [Math.min(...shown), Math.max(...shown)];
+      const room = shown.length ? 0.06 * (high - low) || Math.abs(low) / 2 || 0.5 : 0.5;
+      [this.low, this.high] = shown.length ? [low - room, high + room] : [0, 1];
+      this.ticks = roundTicks(this.low, this.high, 4);
+    } else if (this.isLog) {
       this.low = Math.max(Math.floor(Math.log10(least)), Math.log10(most) - 8);
       this.high = Math.ceil(Math.log10(most));
       const decades = this.high - this.low;

@@ -97,6 +97,19 @@ export class Stage {
     return framePoints(camera, this.turned(this.inTheMiddle(points))).distanceTo(camera.position);
   }
 
+  /** The ray into the model at a place of the page; null beside the canvas. */
+  rayAt(clientX: number, clientY: number): THREE.Raycaster | null {
+    const { left, top, width, height } = this.canvas.getBoundingClientRect();
+    const n = Math.max(1, this.views.length);
+    const [w, h] = this.isUpright ? [width, height / n] : [width / n, height];
+    const [x, y] = [clientX - left, clientY - top];
+    if (!(x >= 0 && x < width && y >= 0 && y < height)) return null;
+    const ray = new THREE.Raycaster();
+    const place = new THREE.Vector2((2 * (x % w)) / w - 1, 1 - (2 * (y % h)) / h);
+    ray.setFromCamera(place, this.camera);
+    return ray;
+  }
+
   setBackground(background: Background): void {
     this.background = background;
     this.changed();

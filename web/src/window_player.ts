@@ -3,6 +3,8 @@
 import type { Opening } from "./opening";
 import type { Picture } from "./picture";
 import type { Player, PlayerState } from "./player";
+import type { TrackLook } from "./tracks/look";
+import type { TrackPanel } from "./tracks/panel";
 
 export interface WindowPlayer {
   /** Resolves when the page has opened: the frame is shown that it opens at; rejects where it cannot be. */
@@ -19,6 +21,10 @@ export interface WindowPlayer {
   measureFps(seconds: number): Promise<number>;
   setModes(nModes: number): void;
   setHeat(kind: string | null): Promise<void>;
+  /** Colours the mesh by a track. */
+  setTrack(look: TrackLook | null): Promise<void>;
+  /** Values of the plot at a vertex, face or corner; null where there is none. */
+  probed(): readonly (number | null)[] | null;
   state(): PlayerState;
 }
 
@@ -32,6 +38,7 @@ export function exposeForTests(
   player: Player,
   picture: Picture,
   opening: Opening,
+  tracks: TrackPanel,
 ): void {
   Object.assign(window.player, {
     takeOver: () => opening.end(),
@@ -46,6 +53,8 @@ export function exposeForTests(
       player.drawNow();
     },
     setHeat: (kind: string | null) => player.setHeat(kind),
+    setTrack: (look: TrackLook | null) => tracks.show(look),
+    probed: () => tracks.probe.values,
     state: () => player.state(),
   });
 }

@@ -28,18 +28,51 @@ HEAT = np.array(
     ],
     np.uint8,
 )  # fmt: skip
+
+# Blue, light grey, red: both sides of 0 are alike in lightness, and grow darker evenly.
+DIVERGING = np.array(
+    [
+        (6, 72, 156), (43, 94, 168), (71, 115, 179), (98, 135, 190), (125, 155, 200),
+        (153, 176, 210), (181, 197, 220), (209, 217, 229), (238, 238, 238), (229, 212, 210),
+        (219, 187, 182), (208, 161, 155), (196, 136, 128), (184, 111, 102), (170, 86, 76),
+        (156, 59, 51), (141, 27, 23),
+    ],
+    np.uint8,
+)  # fmt: skip
 NOT_A_NUMBER = (150, 150, 150)
 
+COLORMAPS = {"sequential": HEAT, "diverging": DIVERGING}
+"""Maps by the names that users give them; those of the player's page are the same."""
 
-def colorize(values: npt.ArrayLike, low: float, high: float) -> Image:
-    """Colours of numbers: violet at `low` and below, over green, to yellow at `high` and above.
+
+def check_colormap(name: str) -> None:
+    """Nothing if there is a map of this name.
+
+    Raises
+    ------
+    InvalidInputError
+        If there is none.
+    """
+    if name not in COLORMAPS:
+        raise InvalidInputError(f"--colormap is {' or '.join(COLORMAPS)}; got {name!r}")
+
+
+def colorize(values: npt.ArrayLike, low: float, high: float, colormap: str | None = None) -> Image:
+    """Colours of numbers from `low` and below to `high` and above.
+
+    The sequential map runs from violet over green to yellow. The diverging one runs from blue over
+    light grey to red; where 0 is between `low` and `high` it is the light grey, and the darkest
+    colour is at the end that is farther from 0.
 
     Parameters
     ----------
     values : array of shape (N,)
         NaN becomes grey.
     low, high : float
-        Finite; where they are equal, all numbers up to them are violet.
+        Finite; where they are equal, all numbers up to them have the first colour.
+    colormap : str, optional
+        One of `COLORMAPS`. Default: "diverging" if 0 is between `low` and `high`, else
+        "sequential".
 
     Returns
     -------
@@ -48,17 +81,24 @@ def colorize(values: npt.ArrayLike, low: float, high: float) -> Image:
     Raises
     ------
     InvalidInputError
-        If the values are not a line, or `low` is not below `high`.
+        If the values are not a line, `low` is not below `high`, or there is no such map.
     """
     numbers = np.asarray(values, np.float64)
     if numbers.ndim != 1:
         raise InvalidInputError(f"values must have shape (N,); got {numbers.shape}")
     _check_range(low, high)
+    is_0_inside = low < 0 < high
+    name = colormap or ("diverging" if is_0_inside else "sequential")
+    check_colormap(name)
+    colors = COLORMAPS[name]
+    if name == "diverging" and is_0_inside:
+        high = max(-low, high)
+        low = -high
     width = high - low if high > low else 1.0
     known = ~np.isnan(numbers)
     position = (np.clip(np.where(known, numbers, low), low, low + width) - low) / width
-    ticks = np.linspace(0, 1, len(HEAT))
-    channels = [np.interp(position, ticks, HEAT[:, channel]) for channel in range(3)]
+    ticks = np.linspace(0, 1, len(colors))
+    channels = [np.interp(position, ticks, colors[:, channel]) for channel in range(3)]
     return np.where(known[:, None], np.rint(np.stack(channels, axis=1)), NOT_A_NUMBER).astype(
         np.uint8
     )
@@ -69,6 +109,7 @@ def draw_color_bar(
     high: float,
     *,
     unit: str = "",
+    colormap: str | None = None,
     height: int = 800,
     background: Ink = (255, 255, 255),
     ink: Ink = INK,
@@ -83,6 +124,8 @@ def draw_color_bar(
         As given to `colorize`.
     unit : str
         Written behind the numbers at the ends.
+    colormap : str, optional
+        As given to `colorize`.
     height : int
         In pixels, at least 80; the width follows from the labels.
     background, ink : three integers
@@ -95,7 +138,7 @@ def draw_color_bar(
     Raises
     ------
     InvalidInputError
-        If `low` is not below `high`, or the height is too small.
+        If `low` is not below `high`, the height is too small, or there is no such map.
     """
     _check_range(low, high)
     if height < 80:
@@ -104,14 +147,16 @@ def draw_color_bar(
     line = line_height_px(font)
     ticks = _ticks_with_ends(low, high, 6 if height >= 240 else 3)
     short = spell_out({"degrees": "°"}.get(unit, unit))
-    ends = (ticks[0], ticks[-1])
-    labels = [f"{tick:.4g} {short}".strip() if tick in ends else f"{tick:.4g}" for tick in ticks]
+    labels = [short_number(tick, high - low) for tick in ticks]
+    for end in {0, len(labels) - 1}:
+        labels[end] = f"{labels[end]} {short}".strip()
     bar_width, pad = line, line // 2
     widest = max(font.getlength(label) for label in labels)
     width = round(bar_width + 4 * pad + widest)
     top, bottom = line, height - line
     picture = PillowImage.new("RGB", (width, height), background)
-    column = colorize(np.linspace(1, 0, bottom - top), 0, 1)[:, None]
+    shown = np.linspace(high, low, bottom - top) if high > low else np.full(bottom - top, low)
+    column = colorize(shown, low, high, colormap)[:, None]
     picture.paste(PillowImage.fromarray(np.repeat(column, bar_width, axis=1)), (pad, top))
     canvas = ImageDraw.Draw(picture)
     for tick, label in zip(ticks, labels, strict=True):
@@ -146,6 +191,16 @@ def _ticks_with_ends(low: float, high: float, n_most: int) -> list[float]:
     apart = 0.5 * (high - low) / n_most
     inner = [tick for tick in _round_ticks(low, high, n_most) if low + apart < tick < high - apart]
     return [low, *inner, high]
+
+
+def short_number(value: float, span: float) -> str:
+    """A number with four digits, or as many as tell it from others in a range so wide."""
+    if not span > 0:
+        return f"{value:.4g}"
+    n_decimals = 4 - int(np.ceil(np.log10(span)))
+    rounded = round(value, n_decimals) + 0.0  # no -0
+    n_digits = int(np.ceil(np.log10(max(abs(rounded), span)))) + n_decimals
+    return f"{rounded:.{max(n_digits, 4)}g}"
 
 
 def _round_ticks(low: float, high: float, n_most: int) -> list[float]:

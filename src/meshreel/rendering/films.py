@@ -7,7 +7,7 @@ from PIL import Image as PillowImage
 
 from meshreel.rendering.framing import framing_of
 from meshreel.rendering.layout import Place
-from meshreel.rendering.scenes import ChosenFrames, HeatRange, Scene
+from meshreel.rendering.scenes import ChosenFrames, Scales, Scene
 from meshreel.rendering.sheets import Sheet, plan_sheet
 from meshreel.rendering.shots import (
     ASPECT_FRAMES,
@@ -34,7 +34,7 @@ class Film:
     Attributes
     ----------
     scene : Scene
-    heat_range : HeatRange or None
+    scales : Scales
     sheet : Sheet
     shots : sequence of Shot
         One for each picture.
@@ -43,7 +43,7 @@ class Film:
     """
 
     scene: Scene
-    heat_range: HeatRange | None
+    scales: Scales
     sheet: Sheet
     shots: Sequence[Shot]
     fps: float
@@ -61,7 +61,7 @@ class Film:
     def pictures(self, stride: int = 1) -> Iterator[PillowImage.Image]:
         """All pictures in order, or one of every `stride`."""
         shots = self.shots[::stride]
-        drawn = draw_shots(self.scene, shots, self.heat_range)
+        drawn = draw_shots(self.scene, shots, self.scales)
         for (number, _), views in zip(shots, drawn, strict=True):
             yield self.sheet.filled(views, frame_labels(self.scene, number))
 
@@ -105,9 +105,9 @@ def film(
         If the size is too small.
     """
     fps = scene.shown.fps or UNKNOWN_FPS
-    heat_range = scene.heat_range(numbers, progress)
+    scales = scene.scales(numbers, progress)
     labels = [frame_labels(scene, number)[0] for number in numbers]
-    words = scene_words(scene, heat_range, labels)
+    words = scene_words(scene, scales, labels)
     frames = ChosenFrames(scene.framed, numbers)
     if turn_s is None:
         some = ChosenFrames(scene.framed, spread_frames(numbers, ASPECT_FRAMES))
@@ -119,7 +119,7 @@ def film(
         layout = plan_sheet(words, len(words.titles), view.aspect([swept]), size, most)
         circle = turntable(view, swept, *layout.view_size)
         shots = _circling(circle, numbers, max(1, round(turn_s * fps)))
-    return Film(scene, heat_range, Sheet(layout, words, scene.background), shots, fps)
+    return Film(scene, scales, Sheet(layout, words, scene.background), shots, fps)
 
 
 def _circling(circle: Turntable, numbers: Sequence[int], n_per_turn: int) -> list[Shot]:

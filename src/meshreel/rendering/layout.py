@@ -1,4 +1,4 @@
-"""Where the parts of a sheet stand: views in a grid, words around them, a colour bar beside."""
+"""Where the parts of a sheet stand: views in a grid, words around them, colour bars beside."""
 
 from dataclasses import dataclass
 
@@ -28,8 +28,8 @@ class Parts:
         Above the columns; 0 for no titles.
     n_label_lines : int
         Under each view.
-    bar_width_px : int
-        Of a colour bar at the right; 0 for none.
+    bars : tuple of (column, width in pixels)
+        Colour bars, each to the right of a column of views, by ascending columns.
     n_caption_lines : int
         At the foot.
     """
@@ -38,14 +38,14 @@ class Parts:
     n_columns: int
     n_title_lines: int = 0
     n_label_lines: int = 0
-    bar_width_px: int = 0
+    bars: tuple[tuple[int, int], ...] = ()
     n_caption_lines: int = 0
 
     @property
     def is_bare(self) -> bool:
         """Whether it is one view and nothing else, which fills the sheet."""
         words = self.n_title_lines + self.n_label_lines + self.n_caption_lines
-        return self.n_rows == self.n_columns == 1 and not (words + self.bar_width_px)
+        return self.n_rows == self.n_columns == 1 and not (words or self.bars)
 
 
 @dataclass(frozen=True)
@@ -58,6 +58,8 @@ class Layout:
         Width and height, of the sheet and of each view.
     columns, rows : tuple of int
         Left of each column and top of each row of views.
+    bars : tuple of int
+        Left of each colour bar.
     foot : int
         Where the caption begins.
     font : Font
@@ -70,6 +72,7 @@ class Layout:
     view_size: Place
     columns: tuple[int, ...]
     rows: tuple[int, ...]
+    bars: tuple[int, ...]
     foot: int
     font: Font
     line: int
@@ -124,11 +127,16 @@ def plan_layout(size: Place, parts: Parts, font_px: float, aspect: float | None 
         size = whole[0] + whole[0] % 2, whole[1] + whole[1] % 2
     top = gap + parts.n_title_lines * line
     pitch = height + gap + parts.n_label_lines * line
+    columns = tuple(
+        gap + number * (width + gap) + sum(bar + gap for place, bar in parts.bars if place < number)
+        for number in range(parts.n_columns)
+    )
     return Layout(
         size=size,
         view_size=(width, height),
-        columns=tuple(gap + number * (width + gap) for number in range(parts.n_columns)),
+        columns=columns,
         rows=tuple(top + number * pitch for number in range(parts.n_rows)),
+        bars=tuple(columns[column] + width + gap for column, _ in parts.bars),
         foot=top + parts.n_rows * pitch - gap // 2,
         font=font, line=line, gap=gap,
     )  # fmt: skip
@@ -136,7 +144,7 @@ def plan_layout(size: Place, parts: Parts, font_px: float, aspect: float | None 
 
 def _around(parts: Parts, line: int, gap: int) -> Place:
     """Width and height of all that is not views."""
-    bar = parts.bar_width_px + gap if parts.bar_width_px else 0
+    bar = sum(bar_width + gap for _, bar_width in parts.bars)
     n_lines = parts.n_title_lines + parts.n_rows * parts.n_label_lines + parts.n_caption_lines
     return gap * (parts.n_columns + 1) + bar, gap * (parts.n_rows + 1) + n_lines * line
 

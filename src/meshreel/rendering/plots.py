@@ -1,5 +1,6 @@
 """Plots of figures over frames; they need the extra [plot]."""
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -10,6 +11,7 @@ from meshreel.errors import InvalidInputError
 from meshreel.runtime.outputs.atomic import replace_when_done
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 LINE_COLOR = "#4B0092"
@@ -62,14 +64,69 @@ def plot_error_per_frame(
     else:
         axes.set_ylim(bottom=0)
         axes.yaxis.set_major_formatter("{x:g}")
+    _finish(axes, title, fps)
+    save_figure(figure, path, overwrite=overwrite)
+
+
+def plot_over_time(
+    path: Path,
+    title: str,
+    label: str,
+    frames: Sequence[int],
+    lines: Mapping[str, npt.NDArray[np.float64]],
+    *,
+    fps: float = 0.0,
+    start_s: float = 0.0,
+    overwrite: bool = False,
+) -> None:
+    """Write a PNG with numbers of each frame, a line for each name.
+
+    Parameters
+    ----------
+    path : Path
+    title : str
+        Says where the numbers are from.
+    label : str
+        What they are, with their unit.
+    frames : sequence of int
+        Numbers of the T frames.
+    lines : mapping of str to float64 array of shape (T,)
+        By name, which is written beside where there are several; NaN leaves a gap.
+    fps, start_s : float, default 0
+        Frames per second and time of frame 0; add a second axis in seconds unless fps is 0.
+
+    Raises
+    ------
+    InvalidInputError
+        If matplotlib is not installed, or the path cannot be written.
+    """
+    figure = blank_figure(8, 4.5)
+    axes = figure.add_subplot()
+    # The last lies on top, and is narrower, so that both are seen where they coincide.
+    styles = (("#8C8C8C", 4.0), (LINE_COLOR, 1.5))[-len(lines) :]
+    for (name, numbers), (color, width) in zip(lines.items(), styles, strict=True):
+        marker = "o" if len(frames) == 1 else None
+        axes.plot(frames, numbers, color=color, linewidth=width, marker=marker, label=name)
+    axes.set(xlabel="frame", ylabel=label)
+    axes.ticklabel_format(axis="y", useOffset=False)
+    if len(lines) > 1:
+        axes.legend(frameon=False)
+    _finish(axes, title, fps, start_s)
+    save_figure(figure, path, overwrite=overwrite)
+
+
+def _finish(axes: "Axes", title: str, fps: float, start_s: float = 0.0) -> None:
+    """Title and grid, no frame at the top and the right, and seconds below frames."""
     axes.set_title(title, loc="left", fontsize="medium")
     axes.grid(alpha=0.3)
     axes.spines[["top", "right"]].set_visible(False)
     if fps > 0:
-        there_and_back = lambda n: np.divide(n, fps), lambda s: np.multiply(s, fps)
+        there_and_back = (
+            lambda n: start_s + np.divide(n, fps),
+            lambda s: np.multiply(np.subtract(s, start_s), fps),
+        )
         seconds = axes.secondary_xaxis(-0.16, functions=there_and_back)
         seconds.set_xlabel("seconds")
-    save_figure(figure, path, overwrite=overwrite)
 
 
 def require_matplotlib() -> Any:

@@ -12,20 +12,30 @@ from meshreel.metrics.heat import HEATS, Field, heat_field
 from meshreel.metrics.reference import reference_of_box
 from meshreel.rendering.camera import Camera
 from meshreel.rendering.colormap import colorize, round_up
+from meshreel.rendering.item_colors import colors_of_items
 from meshreel.rendering.painting import Color, Image
 from meshreel.rendering.rasterizer import CLAY, render
 from meshreel.rendering.surface_colors import surface_colors
+from meshreel.rendering.track_colors import (
+    FrameNumbers,
+    TrackColors,
+    TrackLook,
+    TrackScale,
+    Values,
+)
 from meshreel.runtime.progress import Count, Progress, silent
 from meshreel.sequence import FrameSource
+from meshreel.tracks import TrackSource, named_track
 
 HEAT_PERCENTILE = 99.5
 """The colours of a heat map end at a round number above this percentile of all values shown."""
 
-_N_QUANTILES = 1000
-"""So many values of each frame stand for all of its vertices."""
+TRACK_HEAT = "track"
+HEAT_NAMES = (*HEATS, TRACK_HEAT)
+"""What a heat map can show: how far vertices are off, or the values of the track."""
 
-HEAT_GLOW = 0.9
-"""Heat maps keep so much of their colours in light and shade: a fold is no error."""
+GLOW = 0.9
+"""Colours that stand for numbers keep so much of themselves in light and shade."""
 
 WHITE: Color = (255, 255, 255)
 
@@ -52,6 +62,40 @@ class HeatRange:
 Frame = npt.NDArray[np.floating]
 
 
+@dataclass(frozen=True)
+class Scales:
+    """What colours mean in all frames.
+
+    Attributes
+    ----------
+    heat : HeatRange or None
+        Of the heat map, if there is one.
+    track : TrackScale or None
+        Of the track, if it is shown by colours that stand for its numbers.
+    """
+
+    heat: HeatRange | None = None
+    track: TrackScale | None = None
+
+
+NO_SCALES = Scales()
+
+
+@dataclass(frozen=True, eq=False)
+class Moment:
+    """A frame of a scene, in each of its sequences, that of the original first.
+
+    Attributes
+    ----------
+    positions : list of float arrays of shape (V, 3)
+    values : list of arrays of shape (N, C)
+        Of the track; empty without one.
+    """
+
+    positions: list[Frame]
+    values: list[Values]
+
+
 class Scene:
     """A mesh to be drawn, alone or beside its original and the heat map of their difference.
 
@@ -61,14 +105,16 @@ class Scene:
     original : FrameSource, optional
         Of the same frames, vertices and triangles.
     heat : str, optional
-        One of `meshreel.metrics.heat.HEATS`; needs the original.
+        One of `HEAT_NAMES`; needs the original.
     background : three integers
         sRGB in 0..255.
+    track : TrackLook, optional
+        Colours the mesh by a track, and the original by that of the same name.
 
     Raises
     ------
     InvalidInputError
-        If the original is another mesh, or there is none to show heat by.
+        If the original is another mesh, there is none to show heat by, or no such track.
     """
 
     def __init__(
@@ -78,41 +124,72 @@ class Scene:
         heat: str | None = None,
         *,
         background: Color = WHITE,
+        track: TrackLook | None = None,
     ) -> None:
         if heat is not None and original is None:
             raise InvalidInputError(
                 "a heat map shows how far a mesh is from its original; name that (--original)"
             )
+        if heat == TRACK_HEAT and track is None:
+            raise InvalidInputError("a heat map of a track needs its name (--track)")
         self.shown, self.original, self.heat, self.background = shown, original, heat, background
         self._sources = [shown] if original is None else [original, shown]
         self._colors = [_colors_of(source) for source in self._sources]
         if original is not None:
             require_comparable(original, shown)
+        self.track: TrackColors | None = None
+        self._tracks: list[TrackSource] = []
+        if track is not None:
+            self.track = TrackColors(track, named_track(shown.tracks, track.name))
+            self._tracks = [named_track(source.tracks, track.name) for source in self._sources]
         self._field: Field | None = None
-        if original is not None and heat is not None:
+        if original is not None and heat is not None and heat != TRACK_HEAT:
             extent = original.extent
             diagonal = reference_of_box(extent.low, extent.high).diagonal
             self._field = heat_field(heat, original.faces, original.n_verts, diagonal)
+
+    @property
+    def track_column(self) -> int:
+        """The last column of views that are coloured by the track."""
+        return -1 if self.original is None else 1
 
     @property
     def titles(self) -> list[str]:
         """A title for each view; an empty one for a mesh by itself."""
         if self.original is None:
             return [""]
-        heat = [HEATS[self.heat].label] if self.heat else []
-        return ["original", "decoded", *heat]
+        of_track = f": {self.track.title}" if self.track is not None else ""
+        heat = [self._heat_label] if self.heat else []
+        return [f"original{of_track}", f"decoded{of_track}", *heat]
+
+    @property
+    def _heat_label(self) -> str:
+        if self.track is not None and self.heat == TRACK_HEAT:
+            unit = f", {self.track.error_unit}" if self.track.error_unit else ""
+            return f"error of {self.track.name}{unit}"
+        return HEATS[self.heat].label if self.heat else ""
+
+    @property
+    def heat_unit(self) -> str:
+        """The unit of the heat map; empty if it has none."""
+        if self.track is not None and self.heat == TRACK_HEAT:
+            return self.track.error_unit
+        return HEATS[self.heat].unit if self.heat else ""
 
     @property
     def framed(self) -> FrameSource:
         """The sequence that the camera must see: the original, where there is one."""
         return self.original if self.original is not None else self.shown
 
-    def read(self, number: int) -> list[Frame]:
-        """The positions of a frame in each sequence, those of the original first."""
-        return [_frame(source, number) for source in self._sources]
+    def read(self, number: int) -> Moment:
+        """A frame of each sequence."""
+        return Moment(
+            [_frame(source, number) for source in self._sources],
+            [np.asarray(track.read(number, number + 1)[0]) for track in self._tracks],
+        )
 
-    def heat_range(self, numbers: Sequence[int], progress: Progress = silent) -> HeatRange | None:
-        """The range of colours that suits these frames; None where there is no heat map.
+    def scales(self, numbers: Sequence[int], progress: Progress = silent) -> Scales:
+        """The ranges of colours that suit these frames.
 
         Parameters
         ----------
@@ -120,41 +197,74 @@ class Scene:
             Of frames, at least one.
         progress : Progress, default silent
         """
-        if self._field is None:
-            return None
-        shares = (np.arange(_N_QUANTILES) + 0.5) / _N_QUANTILES
-        quantiles, most = [], []
+        if self.heat is None and self.track is None:
+            return NO_SCALES
+        of_track, of_heat, most = FrameNumbers(), FrameNumbers(), []
         for done, number in enumerate(numbers, 1):
-            values = self._field(*self.read(number))
-            quantiles.append(np.quantile(values, shares).astype(np.float32))
-            most.append(float(values.max()))
+            moment = self.read(number)
+            if self.track is not None and not self.track.shows_colors:
+                for values in moment.values:
+                    of_track.add(self.track.numbers(values))
+            if self.heat is not None:
+                heat = self._heat(moment)
+                of_heat.add(heat)
+                most.append(float(np.max(heat, initial=0.0, where=~np.isnan(heat))))
             progress("measuring", Count(done, len(numbers), "frames"))
-        high = round_up(float(np.percentile(quantiles, HEAT_PERCENTILE)))
-        worst = int(np.argmax(most))
-        return HeatRange(high, most[worst], numbers[worst])
+        range_of_heat = None
+        if self.heat is not None:
+            worst = int(np.argmax(most))
+            high = round_up(of_heat.percentile(HEAT_PERCENTILE))
+            range_of_heat = HeatRange(high, most[worst], numbers[worst])
+        return Scales(range_of_heat, None if self.track is None else self.track.scale(of_track))
 
-    def draw(
-        self, frames: Sequence[Frame], camera: Camera, heat_range: HeatRange | None = None
-    ) -> list[Image]:
+    def draw(self, moment: Moment, camera: Camera, scales: Scales = NO_SCALES) -> list[Image]:
         """The views of a frame, in the order of their titles.
 
         Parameters
         ----------
-        frames : sequence of float arrays of shape (V, 3)
+        moment : Moment
             From `read`.
         camera : Camera
-        heat_range : HeatRange, optional
-            From `heat_range`.
+        scales : Scales, optional
+            From `scales`.
         """
-        faces = [source.faces for source in self._sources]
-        looks = [*zip(frames, faces, self._colors, [0.0] * len(frames), strict=True)]
-        if self._field is not None and heat_range is not None:
-            heat = colorize(self._field(*frames), 0.0, heat_range.high)
-            looks.append((frames[-1], self.shown.faces, heat, HEAT_GLOW))
-        return [
-            render(frame, faces, camera, colors=colors, background=self.background, glow=glow)
-            for frame, faces, colors, glow in looks
+        colors, glow = self._colors, 0.0
+        if self.track is not None:
+            colors, glow = self._track_colors(self.track, moment, scales.track), GLOW
+        looks = [
+            (positions, source.faces, given, glow)
+            for positions, source, given in zip(
+                moment.positions, self._sources, colors, strict=True
+            )
         ]
+        if scales.heat is not None:
+            heat = colorize(self._heat(moment), 0.0, scales.heat.high)
+            if self.track is not None and self.heat == TRACK_HEAT:
+                heat = self._of_items(self.track, heat, self.shown)
+            looks.append((moment.positions[-1], self.shown.faces, heat, GLOW))
+        return [
+            render(frame, faces, camera, colors=given, background=self.background, glow=glow)
+            for frame, faces, given, glow in looks
+        ]
+
+    def _heat(self, moment: Moment) -> npt.NDArray[np.float64]:
+        """How far each vertex, or each value of the track, is off in a frame."""
+        if self._field is not None:
+            return self._field(*moment.positions)
+        assert self.track is not None  # checked at the beginning
+        return self.track.errors(*moment.values)
+
+    def _track_colors(
+        self, track: TrackColors, moment: Moment, scale: TrackScale | None
+    ) -> list[npt.ArrayLike]:
+        return [
+            self._of_items(track, track.colors(values, scale), source)
+            for values, source in zip(moment.values, self._sources, strict=True)
+        ]
+
+    @staticmethod
+    def _of_items(track: TrackColors, colors: Image, source: FrameSource) -> Image:
+        return colors_of_items(colors, track.domain, source.surface, source.faces)
 
 
 def _colors_of(source: FrameSource) -> npt.ArrayLike:

@@ -1,4 +1,4 @@
-"""Sheets of views with titles, labels, a caption and a colour bar, filled again for each frame."""
+"""Sheets of views with titles, labels, a caption and colour bars, filled again for each frame."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -17,8 +17,30 @@ TALLEST_BAR_PX = 560
 
 
 @dataclass(frozen=True)
+class Bar:
+    """A colour bar.
+
+    Parameters
+    ----------
+    low, high : float
+        Numbers at its ends.
+    unit : str
+    column : int, optional
+        Of the views that it stands to the right of. Default: the last.
+    colormap : str, optional
+        As `colorize` takes it.
+    """
+
+    low: float
+    high: float
+    unit: str = ""
+    column: int = -1
+    colormap: str | None = None
+
+
+@dataclass(frozen=True)
 class Words:
-    """The words on a sheet, beside the colour bar of a heat map.
+    """The words on a sheet, with the numbers of its colour bars.
 
     Parameters
     ----------
@@ -28,16 +50,14 @@ class Words:
         At the foot.
     widest_label : str
         Of those that will stand below the views; empty for none.
-    bar_high : float
-        Where the colours end, which begin at 0; 0 for no colour bar.
-    bar_unit : str
+    bars : tuple of Bar
+        By ascending columns.
     """
 
     titles: tuple[str, ...] = ("",)
     caption: str = ""
     widest_label: str = ""
-    bar_high: float = 0.0
-    bar_unit: str = ""
+    bars: tuple[Bar, ...] = ()
 
 
 def plan_sheet(
@@ -66,12 +86,15 @@ def plan_sheet(
     n_rows = n_views // n_columns
     if n_columns == 1:
         n_rows, n_columns = grid_shape(n_views, size or most, aspect)
-    bar_width = _bar(words, TALLEST_BAR_PX, (0, 0, 0)).shape[1] if words.bar_high else 0
+    bars = tuple(
+        (bar.column % n_columns, _drawn(bar, TALLEST_BAR_PX, (0, 0, 0)).shape[1])
+        for bar in words.bars
+    )
     n_lines = np.zeros(3, int)  # of titles, of each label, of the caption
     font_px = sheet_font_px(size or most)
     while True:
         n_titles, n_labels, n_captions = map(int, n_lines)
-        parts = Parts(n_rows, n_columns, n_titles, n_labels, bar_width, n_captions)
+        parts = Parts(n_rows, n_columns, n_titles, n_labels, bars, n_captions)
         layout = plan_layout(size or most, parts, font_px, aspect if size is None else None)
         needed = [
             max(len(_fitted(title, layout)) for title in words.titles),
@@ -107,10 +130,10 @@ class Sheet:
             self._centre(canvas, (left + width / 2, top), lines)
         caption = _caption_lines(words.caption, layout)
         draw_lines(canvas, (layout.gap, layout.foot), caption, layout.font, ink=self._ink)
-        if words.bar_high:
-            bar = _bar(words, max(min(layout.body_height, TALLEST_BAR_PX), 80), background)
-            place = layout.columns[-1] + width + layout.gap, layout.rows[0]
-            self._blank.paste(PillowImage.fromarray(bar), place)
+        height = max(min(layout.body_height, TALLEST_BAR_PX), 80)
+        for bar, left in zip(words.bars, layout.bars, strict=True):
+            drawn = PillowImage.fromarray(_drawn(bar, height, background))
+            self._blank.paste(drawn, (left, layout.rows[0]))
 
     def filled(self, views: Sequence[Image], labels: Sequence[str] = ()) -> PillowImage.Image:
         """The sheet with views, row by row, and a label below each.
@@ -155,8 +178,9 @@ def _caption_lines(caption: str, layout: Layout) -> list[str]:
     return wrap_text(caption, layout.font, layout.size[0] - 2 * layout.gap)
 
 
-def _bar(words: Words, height: int, background: Color) -> Image:
+def _drawn(bar: Bar, height: int, background: Color) -> Image:
     return draw_color_bar(
-        0.0, words.bar_high,
-        unit=words.bar_unit, height=height, background=background, ink=ink_on(background),
+        bar.low, bar.high,
+        unit=bar.unit, colormap=bar.colormap, height=height, background=background,
+        ink=ink_on(background),
     )  # fmt: skip

@@ -4,11 +4,10 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from meshreel.metrics.heat import HEATS
 from meshreel.rendering.camera import Camera
 from meshreel.rendering.painting import Image
-from meshreel.rendering.scenes import Frame, HeatRange, Scene
-from meshreel.rendering.sheets import Words
+from meshreel.rendering.scenes import NO_SCALES, Moment, Scales, Scene
+from meshreel.rendering.sheets import Bar, Words
 from meshreel.runtime.threads import in_threads, n_cores, one_blas_thread
 
 Shot = tuple[int, Camera]
@@ -19,7 +18,7 @@ ASPECT_FRAMES = 16
 
 
 def draw_shots(
-    scene: Scene, shots: Sequence[Shot], heat_range: HeatRange | None = None
+    scene: Scene, shots: Sequence[Shot], scales: Scales = NO_SCALES
 ) -> Iterator[list[Image]]:
     """The views of each shot in order; as many shots are drawn at once as there are cores.
 
@@ -27,23 +26,23 @@ def draw_shots(
     ----------
     scene : Scene
     shots : sequence of Shot
-    heat_range : HeatRange, optional
-        Needed where the scene has a heat map.
+    scales : Scales, optional
+        Needed where colours stand for numbers.
     """
     together = n_cores()
     for start in range(0, len(shots), together):
         # Read here: not every file can be read by several threads.
         some = [(scene.read(number), camera) for number, camera in shots[start : start + together]]
-        yield from _draw_at_once(scene, some, heat_range)
+        yield from _draw_at_once(scene, some, scales)
 
 
 def _draw_at_once(
-    scene: Scene, some: Sequence[tuple[list[Frame], Camera]], heat_range: HeatRange | None
+    scene: Scene, some: Sequence[tuple[Moment, Camera]], scales: Scales
 ) -> list[list[Image]]:
     drawn: list[list[Image]] = [[] for _ in some]
 
     def draw(place: int) -> None:
-        drawn[place] = scene.draw(*some[place], heat_range)
+        drawn[place] = scene.draw(*some[place], scales)
 
     with one_blas_thread():
         in_threads(draw, range(len(some)))
@@ -69,18 +68,26 @@ def frame_labels(scene: Scene, number: int) -> list[str]:
 
 
 def scene_words(
-    scene: Scene, heat_range: HeatRange | None, labels: Sequence[str] = (), caption: str = ""
+    scene: Scene, scales: Scales, labels: Sequence[str] = (), caption: str = ""
 ) -> Words:
     """The words about a scene: titles, the ends of its colours, labels and a caption."""
     titles, widest = tuple(scene.titles), max(labels, key=len, default="")
-    if heat_range is None or scene.heat is None:
-        return Words(titles, caption, widest)
-    unit = HEATS[scene.heat].unit
-    high, largest = heat_range.high, heat_range.largest
-    above = f"Yellow: {_number(high, unit)} and more. " if largest > high else ""
-    most = f"The largest value shown is {_number(largest, unit)}, in frame {heat_range.frame}."
-    caption = f"{caption}\n{above}{most}" if caption else above + most
-    return Words(titles, caption, widest, high, unit)
+    bars, lines = [], [caption] if caption else []
+    if scene.track is not None and scales.track is not None:
+        track, scale = scene.track, scales.track
+        bar = Bar(scale.low, scale.high, track.unit, scene.track_column, track.colormap)
+        bars.append(bar)
+        lines.append(track.caption(scale))
+    if scales.heat is not None:
+        high, largest, unit = scales.heat.high, scales.heat.largest, scene.heat_unit
+        bars.append(Bar(0.0, high, unit))
+        what, yellow = "value", "Yellow"
+        if scene.track is not None:
+            what, yellow = "error", "Yellow errors"
+        above = f"{yellow}: {_number(high, unit)} and more. " if largest > high else ""
+        most = f"The largest {what} shown is {_number(largest, unit)}, in frame"
+        lines.append(f"{above}{most} {scales.heat.frame}.")
+    return Words(titles, "\n".join(lines), widest, tuple(bars))
 
 
 def _number(value: float, unit: str) -> str:

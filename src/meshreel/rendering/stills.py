@@ -55,15 +55,15 @@ def still(
         If the size is too small.
     """
     n_views = len(numbers) * len(scene.titles)
-    heat_range = scene.heat_range(numbers, progress)
+    scales = scene.scales(numbers, progress)
     labels = [label for number in numbers for label in frame_labels(scene, number)]
-    words = scene_words(scene, heat_range, labels if n_views > 1 else (), caption)
+    words = scene_words(scene, scales, labels if n_views > 1 else (), caption)
     some = ChosenFrames(scene.framed, spread_frames(numbers, ASPECT_FRAMES))
     framing = framing_of(view, some, is_followed=is_followed)
     layout = plan_sheet(words, n_views, framing.aspect(some), size, STILL_PX)
     cameras = framing.cameras(ChosenFrames(scene.framed, numbers), *layout.view_size)
     views: list[Image] = []
-    for drawn in draw_shots(scene, list(zip(numbers, cameras, strict=True)), heat_range):
+    for drawn in draw_shots(scene, list(zip(numbers, cameras, strict=True)), scales):
         views += drawn
         progress("drawing", Count(len(views), n_views, "views"))
     return Sheet(layout, words, scene.background).filled(views, labels if n_views > 1 else ())

@@ -3,9 +3,9 @@
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.geometry.fans import fan_corners
+from meshreel.rendering.item_colors import colors_of_items
 from meshreel.sequence import Faces
-from meshreel.surface import Domain, Kind, Surface
+from meshreel.surface import Kind, Surface
 
 
 def surface_colors(surface: Surface, faces: Faces) -> npt.NDArray[np.float32] | None:
@@ -30,10 +30,4 @@ def surface_colors(surface: Surface, faces: Faces) -> npt.NDArray[np.float32] | 
     if found[0].values.dtype != np.uint8:
         values = 255 * np.nan_to_num(values)
     values = np.clip(values, 0, 255)
-    if found[0].domain is Domain.VERTEX:
-        return values
-    sizes = surface.sizes(len(faces))
-    if found[0].domain is Domain.CORNER:
-        return np.asarray(values[fan_corners(sizes)])
-    of_triangles = np.repeat(values, sizes - 2, axis=0)
-    return np.repeat(of_triangles[:, np.newaxis], 3, axis=1)
+    return np.asarray(colors_of_items(values, found[0].domain, surface, faces))

@@ -11,11 +11,13 @@ from meshreel.codec.inspect import StreamInfo
 from meshreel.codec.reel_file import ReelFile
 from meshreel.errors import CorruptStreamError, InvalidInputError
 from meshreel.runtime.progress import Progress, silent
+from meshreel.viewer.coloring import Coloring
 from meshreel.viewer.comparison import Comparison
 from meshreel.viewer.extent import reach_of
 from meshreel.viewer.measuring import Measured, Measuring
 from meshreel.viewer.page import json_text
-from meshreel.viewer.played import OFF_BY_PERCENT, played
+from meshreel.viewer.played import encoded_anew, played
+from meshreel.viewer.track_comparison import TrackComparison
 
 Rows = Mapping[str, str]
 """Names and figures in words, as the command line prints them."""
@@ -25,11 +27,6 @@ SMALLEST_DIAGONAL, LARGEST_DIAGONAL = 1e-30, 1e30
 
 JSON = "application/json"
 BINARY = "application/octet-stream"
-
-REENCODED = (
-    "encoded anew as reel, the only method that pages decode: off by up to "
-    f"{OFF_BY_PERCENT:g} % of the diagonal more"
-)
 
 
 @dataclass(frozen=True)
@@ -56,6 +53,8 @@ class Api:
         Gives the errors of all frames in words.
     progress : callable, optional
         Of encoding a stream of another method than `reel` anew.
+    coloring : Coloring, optional
+        The track that the page opens with.
 
     Attributes
     ----------
@@ -65,11 +64,14 @@ class Api:
         Of the file.
     measuring : Measuring or None
         Of the errors, where there is an original.
+    tracks : TrackComparison or None
+        Likewise.
 
     Raises
     ------
     InvalidInputError
-        If the model is too large or too small to be drawn.
+        If the model is too large or too small to be drawn, or there is no such track, or it
+        cannot be shown so.
     CorruptStreamError
         If the first block is damaged.
     """
@@ -82,7 +84,12 @@ class Api:
         comparison: Comparison | None = None,
         measured_rows: Callable[[Measured], Rows] = lambda _: {},
         progress: Progress = silent,
+        coloring: Coloring | None = None,
     ) -> None:
+        if coloring is not None:
+            coloring.check(reel.track(coloring.track))
+        self._coloring = coloring
+        self.tracks = TrackComparison(reel, comparison.original) if comparison else None
         diagonal = reel.frame.scale
         if not SMALLEST_DIAGONAL <= diagonal <= LARGEST_DIAGONAL:
             raise InvalidInputError(
@@ -94,7 +101,7 @@ class Api:
         self._name, self._measured_rows = name, measured_rows
         self._rows, self._budget = _figures(reel, rows_of)
         if self.is_reencoded:
-            self._rows["shown"] = REENCODED
+            self._rows["shown"] = encoded_anew(self.method)
         self._reach = reach_of(self.reel)
         self.measuring = None if comparison is None else Measuring(comparison)
 
@@ -115,10 +122,20 @@ class Api:
             return _json(self.facts())
         if path == "api/plots" and self.measuring:
             return _json(self.plots())
-        found = re.fullmatch(r"api/original/([0-9]{1,9})", path)
-        if not found or self.comparison is None or int(found[1]) >= self.reel.n_frames:
+        found = re.fullmatch(r"api/(original|original_track/([0-9]{1,4}))/([0-9]{1,9})", path)
+        if not found or self.comparison is None or int(found[3]) >= self.reel.n_frames:
             return None
-        return Answer(BINARY, self.original(int(found[1])))
+        frame = int(found[3])
+        if found[2] is None:
+            return Answer(BINARY, self.original(frame))
+        return self._original_track(int(found[2]), frame)
+
+    def _original_track(self, number: int, frame: int) -> Answer | None:
+        """Values of a track of the original, float32 or float64 of shape (N, C)."""
+        tracks = self.tracks
+        if tracks is None or number >= len(tracks.names):
+            return None
+        return Answer(BINARY, tracks.given(tracks.names[number], frame).tobytes())
 
     def facts(self) -> dict[str, Any]:
         """Facts of the file beside those that its stream holds."""
@@ -134,6 +151,7 @@ class Api:
             "rows": [list(row) for row in self._rows.items()],
             "budget": [list(row) for row in self._budget.items()],
             "original": self._original(),
+            "colored_by": self._coloring.described() if self._coloring else None,
         }
 
     def plots(self) -> dict[str, Any]:
@@ -165,6 +183,8 @@ class Api:
         return {
             "name": self.comparison.original.name,
             "diagonal": self.comparison.reference.diagonal,
+            "tracks": self.tracks.names if self.tracks else [],
+            "track_heats": self.tracks.described() if self.tracks else [],
             **{key: errors[key] for key in ("heats", "plots", "rows", "worst_frame")},
         }
 

@@ -4,29 +4,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from meshreel.codec.encoder import encode
-from meshreel.errors import InvalidInputError
 from meshreel.runtime.outputs.atomic import replace_all_when_done
 from meshreel.runtime.outputs.checks import check_output_paths
 from meshreel.runtime.progress import Progress, silent
-from meshreel.sequence import MeshSequence
 from meshreel.viewer.api import Api
+from meshreel.viewer.original_stream import OriginalStream, original_stream
 from meshreel.viewer.page import SCRIPT_NAME, Page, base64_of, built_page
 from meshreel.viewer.textures import Texture
-
-SHARE_OF_RANGE = 1 / 20
-"""How far the original in a page may be off, as a share of the range of the map of distances."""
-
-DISTANCE = "distance"
-"""The heat map of distances of vertices, in percent of the diagonal."""
-
-LEAST_PERCENT = 1e-5
-"""Of the diagonal: the original is never nearer than this."""
-
-MOST_ORIGINAL_BYTES = 1 << 30
-"""Of positions of the original, which are encoded in memory."""
 
 
 @dataclass(frozen=True)
@@ -48,13 +32,15 @@ def export_page(
     split: bool = False,
     overwrite: bool = False,
     progress: Progress = silent,
+    notes: list[str] | None = None,
 ) -> dict[str, int]:
     """Write the player of a file as one HTML file, or with its parts beside it.
 
     Parameters
     ----------
     api : Api
-        If it has an original, frames of that go along, encoded anew: `SHARE_OF_RANGE`.
+        If it has an original, frames and tracks of that go along, encoded anew:
+        `meshreel.viewer.original_stream`.
     path : Path
         The page. All files appear when all are written.
     page : Page, optional
@@ -66,12 +52,14 @@ def export_page(
         the same bytes already are kept.
     overwrite : bool, default False
     progress : callable, optional
+    notes : list of str, optional
+        Gets what a person has to know of the page.
 
     Returns
     -------
     dict of str to int
-        Bytes of the "player", of the "animation", and of "original" and "texture" if there are
-        some, as they lie in the page or beside it.
+        Bytes of the "player", of the "animation", and of "original", "tracks of the original" and
+        "texture" if there are some, as they lie in the page or beside it.
 
     Raises
     ------
@@ -80,8 +68,14 @@ def export_page(
         large for a page.
     """
     player = built_page() if page is None else page
-    parts = _parts(api, path.stem, texture, progress)
+    original = original_stream(api, progress) if api.measuring is not None else None
+    parts = _parts(api, path.stem, original, texture)
     facts = api.facts()  # with errors, which are measured by now
+    if original is not None:
+        _keep_carried(facts["original"], original.names)
+        if notes is not None and original.left_out:
+            names = ", ".join(original.left_out)
+            notes.append(f"tracks of the original too large for a page, and left out: {names}")
     if not split:
         carried = {part.what: _carried(part, base64=base64_of(part.data)) for part in parts}
         files = {path: player.whole({"facts": facts, **_renamed(carried)}).encode()}
@@ -94,7 +88,12 @@ def export_page(
         sizes = {part.what: len(part.data) for part in parts}
     total = sum(map(len, files.values()))
     _write(files, path, overwrite=overwrite)
-    return {"player": total - sum(sizes.values()), **sizes}
+    rest = total - sum(sizes.values())
+    if original is not None and original.tracks_bytes:
+        of_tracks = round(sizes["original"] * original.tracks_bytes / len(original.data))
+        sizes["original"] -= of_tracks
+        sizes["tracks of the original"] = of_tracks
+    return {"player": rest, **sizes}
 
 
 def split_files(path: Path, *, original: bool, texture: Texture | None) -> list[Path]:
@@ -105,43 +104,23 @@ def split_files(path: Path, *, original: bool, texture: Texture | None) -> list[
     return [path, *(path.parent / name for name in names)]
 
 
-def _parts(api: Api, stem: str, texture: Texture | None, progress: Progress) -> list[Part]:
+def _keep_carried(told: dict[str, Any], names: list[str]) -> None:
+    """Has the page offer tracks of the original that it carries only."""
+    told["tracks"] = names
+    told["track_heats"] = [heat for heat in told["track_heats"] if heat["track"] in names]
+
+
+def _parts(
+    api: Api, stem: str, original: OriginalStream | None, texture: Texture | None
+) -> list[Part]:
     stream = api.reel.stored(0, api.reel.size_bytes)
     parts = [Part("animation", f"{stem}.reel", stream)]
-    if api.measuring is not None:
-        _check_size(api)
-        api.measuring.run(progress)
-        data = _original_stream(api, progress)
-        parts.append(Part("original", f"{stem}-original.reel", data))
+    if original is not None:
+        parts.append(Part("original", f"{stem}-original.reel", original.data))
     if texture is not None:
         data = texture.path.read_bytes()
         parts.append(Part("texture", texture.path.name, data, texture.media_type))
     return parts
-
-
-def _original_stream(api: Api, progress: Progress) -> bytes:
-    """The original as a stream that is much nearer to it than the file."""
-    assert api.comparison is not None  # its errors have been measured
-    assert api.measuring is not None
-    original, reel = api.comparison.original, api.reel
-    frames = [original.frame(number) for number in range(reel.n_frames)]
-    sequence = MeshSequence(np.array(frames, np.float64), reel.faces, fps=reel.fps)
-    (range_percent,) = (
-        heat["range"]
-        for heat in api.measuring.figures.described_heats()
-        if heat["kind"] == DISTANCE
-    )
-    near = max(LEAST_PERCENT, SHARE_OF_RANGE * range_percent)
-    return encode(sequence, max_error=near, progress=progress)
-
-
-def _check_size(api: Api) -> None:
-    size = 24 * api.reel.n_frames * api.reel.n_verts
-    if size > MOST_ORIGINAL_BYTES:
-        raise InvalidInputError(
-            f"the original has {size / 1e9:.1f} GB of positions, too many for a page; "
-            "leave --original out, or use meshreel view"
-        )
 
 
 def _carried(part: Part, **where: str) -> dict[str, Any]:

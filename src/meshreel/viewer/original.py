@@ -1,6 +1,8 @@
 """The original animation that a file was made from."""
 
 import threading
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -10,8 +12,11 @@ from meshreel.connectivity.coder import encode_connectivity
 from meshreel.errors import InvalidInputError
 from meshreel.metrics.compare import require_same_triangles
 from meshreel.sequence import FrameSource, Vertices
+from meshreel.surface import Domain
+from meshreel.tracks import TrackSource
 
 Integers = npt.NDArray[np.int64]
+Values = npt.NDArray[Any]
 
 
 class Original:
@@ -50,6 +55,19 @@ class Original:
         with self._lock:  # frames may come from a file that is open
             positions: Vertices = self._source.read(number, number + 1)[0]
         return positions if self._order is None else positions[self._order]
+
+    @property
+    def tracks(self) -> Mapping[str, TrackSource]:
+        """Its tracks, by name."""
+        return self._source.tracks
+
+    def values(self, name: str, number: int) -> Values:
+        """Values of a track at a frame, of shape (N, C), in the order in which the file decodes."""
+        track = self._source.tracks[name]
+        with self._lock:
+            values: Values = track.read(number, number + 1)[0]
+        is_ordered = self._order is None or track.domain is not Domain.VERTEX
+        return values if is_ordered else values[self._order]
 
 
 def _require_same_counts(source: FrameSource, reel: ReelFile) -> None:

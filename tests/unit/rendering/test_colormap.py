@@ -2,7 +2,15 @@ import numpy as np
 import pytest
 
 from meshreel.errors import InvalidInputError
-from meshreel.rendering.colormap import HEAT, NOT_A_NUMBER, colorize, draw_color_bar, round_up
+from meshreel.rendering.colormap import (
+    DIVERGING,
+    HEAT,
+    NOT_A_NUMBER,
+    colorize,
+    draw_color_bar,
+    round_up,
+    short_number,
+)
 
 
 def cie_lightness(colors):
@@ -84,3 +92,50 @@ def test_draw_color_bar_refuses_a_height_when_labels_cannot_fit():
 )
 def test_round_up_gives_a_number_that_a_colour_bar_can_end_at(value, rounded):
     assert round_up(value) == pytest.approx(rounded)
+
+
+def test_colorize_is_grey_at_0_and_alike_on_both_sides_when_0_is_inside():
+    low, middle, high, beyond = colorize([-2.0, 0.0, 2.0, 4.0], -2, 4)
+    assert middle.tolist() == DIVERGING[8].tolist()
+    assert beyond.tolist() == DIVERGING[-1].tolist()
+    assert low.tolist() == DIVERGING[4].tolist()
+    assert high.tolist() == DIVERGING[12].tolist()
+
+
+def test_diverging_colors_are_as_light_on_both_sides_of_the_middle():
+    lightness = cie_lightness(DIVERGING)
+    np.testing.assert_allclose(lightness, lightness[::-1], atol=2.5)
+    assert (np.diff(lightness[:9]) > 4).all()
+
+
+@pytest.mark.parametrize(
+    ("value", "span", "text"),
+    [
+        (289.8312, 177, "289.8"),
+        (2.389e-6, 6.6, "0"),
+        (-1e-9, 6.6, "0"),
+        (293.02134, 0.4, "293.0213"),
+        (1234567.0, 3e6, "1.235e+06"),
+        (0.70001, 1e-5, "0.70001"),
+        (500.0, 0.0, "500"),
+    ],
+)
+def test_short_number_has_the_digits_that_tell_it_from_others(value, span, text):
+    assert short_number(value, span) == text
+
+
+def test_colorize_takes_the_map_that_is_named():
+    np.testing.assert_array_equal(colorize([-1.0, 3.0], -1, 3, "sequential"), HEAT[[0, -1]])
+    np.testing.assert_array_equal(colorize([2.0, 6.0], 2, 6, "diverging"), DIVERGING[[0, -1]])
+
+
+def test_bar_is_in_the_colours_of_the_map_when_one_is_named():
+    bar = draw_color_bar(0, 1, colormap="diverging", height=300).reshape(-1, 3)
+    for color in DIVERGING[[0, -1]]:
+        assert (bar == color).all(axis=1).any()
+    assert not (bar == HEAT[-1]).all(axis=1).any()
+
+
+def test_colorize_refuses_a_map_when_there_is_none_of_its_name():
+    with pytest.raises(InvalidInputError, match="sequential or diverging; got 'jet'"):
+        colorize([0.0], 0, 1, "jet")

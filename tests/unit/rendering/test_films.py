@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from meshreel.rendering.films import UNKNOWN_FPS, film
-from meshreel.rendering.scenes import Scene
+from meshreel.rendering.scenes import Moment, Scene
 from meshreel.rendering.views import View
 from meshreel.sequence import MeshSequence
 
@@ -49,7 +49,9 @@ def test_film_reads_a_frame_only_when_its_picture_is_asked_for(grid, monkeypatch
     made = film(scene, range(12), VIEW, size=SIZE)
     read = []
     monkeypatch.setattr(
-        Scene, "read", lambda self, number: read.append(number) or [grid.vertices[number]]
+        Scene,
+        "read",
+        lambda self, number: read.append(number) or Moment([grid.vertices[number]], []),
     )
     next(made.pictures())
     assert 0 in read

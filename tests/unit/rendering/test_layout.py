@@ -17,14 +17,14 @@ def boxes(layout):
     [
         Parts(1, 1),
         Parts(2, 4, n_label_lines=1),
-        Parts(3, 3, n_title_lines=2, n_label_lines=1, bar_width_px=60, n_caption_lines=2),
+        Parts(3, 3, n_title_lines=2, n_label_lines=1, bars=((1, 40), (2, 60)), n_caption_lines=2),
     ],
 )
 def test_views_lie_apart_inside_the_sheet_when_it_is_planned(parts, aspect):
     layout = plan_layout((900, 700), parts, 14, aspect)
     for left, top, right, bottom in boxes(layout):
         assert min(left, top) >= 0
-        assert right <= layout.size[0] - parts.bar_width_px
+        assert right <= layout.size[0] - sum(width for column, width in parts.bars if column == 2)
         assert bottom + parts.n_label_lines * layout.line <= layout.size[1]
     for one, other in combinations(boxes(layout), 2):
         assert one[2] <= other[0] or other[2] <= one[0] or one[3] <= other[1] or other[3] <= one[1]

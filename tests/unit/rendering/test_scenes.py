@@ -4,15 +4,19 @@ import pytest
 from meshreel.errors import InvalidInputError
 from meshreel.metrics.heat import HEATS, heat_field
 from meshreel.metrics.reference import bounding_box_reference
-from meshreel.rendering.scenes import Scene
+from meshreel.rendering.scenes import NO_SCALES, Scene
+from meshreel.rendering.shots import scene_words
+from meshreel.rendering.track_colors import TrackLook
 from meshreel.rendering.views import View
 from meshreel.sequence import MeshSequence
+from meshreel.surface import Domain
+from meshreel.tracks import Track
 from samples.meshes import quad_sheet, waving_grid
 
 
-def drawn(scene, number=3, heat_range=None):
+def drawn(scene, number=3, scales=NO_SCALES):
     camera = View().camera(scene.framed.vertices, 160, 120)
-    return scene.draw(scene.read(number), camera, heat_range)
+    return scene.draw(scene.read(number), camera, scales)
 
 
 def test_scene_names_the_option_when_there_is_heat_and_no_original(grid):
@@ -32,12 +36,12 @@ def test_scene_has_a_view_for_each_title_when_drawn(grid, lifted):
         (Scene(lifted, grid, "angle"), ["original", "decoded", HEATS["angle"].label]),
     ):
         assert scene.titles == titles
-        assert len(drawn(scene, heat_range=scene.heat_range([3]))) == len(titles)
+        assert len(drawn(scene, scales=scene.scales([3]))) == len(titles)
 
 
 @pytest.mark.parametrize("kind", HEATS)
 def test_heat_range_covers_nearly_all_values_when_frames_are_measured(kind, grid, lifted):
-    heat_range = Scene(lifted, grid, kind).heat_range(range(12))
+    heat_range = Scene(lifted, grid, kind).scales(range(12)).heat
     diagonal = bounding_box_reference(grid.vertices).diagonal
     field = heat_field(kind, grid.faces, grid.n_verts, diagonal)
     values = np.concatenate(
@@ -50,15 +54,15 @@ def test_heat_range_covers_nearly_all_values_when_frames_are_measured(kind, grid
 
 def test_heat_map_is_bright_where_vertices_are_off_and_dark_elsewhere(grid, lifted):
     same, off = Scene(grid, grid, "distance"), Scene(lifted, grid, "distance")
-    heat_range = off.heat_range([3])
-    dark, bright = (drawn(scene, heat_range=heat_range)[2].astype(int) for scene in (same, off))
+    scales = off.scales([3])
+    dark, bright = (drawn(scene, scales=scales)[2].astype(int) for scene in (same, off))
     changed = np.abs(bright - dark).max(axis=2) > 60
     assert 0.02 < changed.mean() < 0.5
     assert np.abs(drawn(off)[0].astype(int) - drawn(same)[0]).max() == 0
 
 
 def test_scene_without_heat_has_no_range(grid):
-    assert Scene(grid, grid).heat_range([0]) is None
+    assert Scene(grid, grid).scales([0]) == NO_SCALES
 
 
 def test_scene_shows_the_colours_of_the_surface_when_there_are_any():
@@ -67,3 +71,72 @@ def test_scene_shows_the_colours_of_the_surface_when_there_are_any():
     colored, grey = (drawn(Scene(one))[0].astype(int) for one in (sheet, plain))
     spread = [np.ptp(view, axis=2)[(view != 255).any(axis=2)].mean() for view in (colored, grey)]
     assert spread[0] > 2 * spread[1]
+
+
+def with_track(sequence, values, domain="vertex", surface=None, **facts):
+    tracks = {"heat": Track(values, domain, **facts)}
+    surface = surface or sequence.surface
+    return MeshSequence(
+        sequence.vertices, sequence.faces, sequence.fps, surface=surface, tracks=tracks
+    )
+
+
+@pytest.mark.parametrize("domain", ["vertex", "face", "corner"])
+def test_scene_has_the_colours_of_a_track_where_its_values_are(domain, grid):
+    sizes = {"vertex": grid.n_verts, "face": grid.n_faces, "corner": 3 * grid.n_faces}
+    low = np.zeros((12, sizes[domain]), np.float32)
+    high = low + np.float32(1)
+    scenes = [
+        Scene(with_track(grid, values, domain), track=TrackLook("heat", range="0:1"))
+        for values in (low, high)
+    ]
+    views = [drawn(scene, scales=scene.scales([3]))[0] for scene in scenes]
+    inside = (views[0] != 255).any(axis=2)
+    middle = [np.median(view[inside], axis=0) for view in views]
+    assert middle[0][2] > 1.5 * middle[0][1]  # violet
+    assert middle[1][1] > 1.5 * middle[1][2]  # yellow
+
+
+def test_scene_of_faces_is_flat_in_each_polygon_when_these_have_values():
+    sheet = quad_sheet()
+    n_polygons = sheet.surface.n_items(Domain.FACE, sheet.n_verts, sheet.n_faces)
+    assert n_polygons < sheet.n_faces
+    values = np.arange(sheet.n_frames * n_polygons, dtype=np.float32).reshape(-1, n_polygons)
+    scene = Scene(with_track(sheet, values, "face", sheet.surface), track=TrackLook("heat"))
+    view = drawn(scene, 0, scene.scales([0]))[0]
+    assert len(np.unique(view[(view != 255).any(axis=2)], axis=0)) >= n_polygons
+
+
+def test_scene_shows_the_error_of_a_track_in_its_unit_when_asked_for(grid):
+    values = np.tile(np.linspace(0, 10, grid.n_verts, dtype=np.float32), (12, 1))
+    off = values.copy()
+    off[5, 7] += 2
+    scene = Scene(
+        with_track(grid, off, unit="Pa"),
+        with_track(grid, values, unit="Pa"),
+        "track",
+        track=TrackLook("heat"),
+    )
+    assert scene.titles == ["original: heat", "decoded: heat", "error of heat, Pa"]
+    scales = scene.scales(range(12))
+    assert scales.heat.largest == pytest.approx(2.0)
+    assert scales.heat.frame == 5
+    words = scene_words(scene, scales)
+    assert [(bar.unit, bar.column) for bar in words.bars] == [("Pa", 1), ("Pa", -1)]
+    assert "The largest error shown is 2 Pa, in frame 5." in words.caption
+    views = drawn(scene, 5, scales)
+    assert len(views) == 3
+    assert np.abs(views[2].astype(int) - drawn(scene, 4, scales)[2]).max() > 60
+
+
+def test_scene_says_so_when_a_track_is_not_there_or_another(grid):
+    values = np.zeros((12, grid.n_verts), np.float32)
+    other = np.zeros((12, grid.n_faces), np.float32)
+    with pytest.raises(InvalidInputError, match="there is no track 'heta'; did you mean 'heat'"):
+        Scene(with_track(grid, values), track=TrackLook("heta"))
+    with pytest.raises(InvalidInputError, match="there are no tracks"):
+        Scene(with_track(grid, values), grid, track=TrackLook("heat"))
+    with pytest.raises(InvalidInputError, match="of the original is scalar of each face"):
+        Scene(with_track(grid, values), with_track(grid, other, "face"), track=TrackLook("heat"))
+    with pytest.raises(InvalidInputError, match="needs its name"):
+        Scene(with_track(grid, values), with_track(grid, values), "track")

@@ -3,7 +3,7 @@ import pytest
 
 from meshreel.rendering.layout import MIN_VIEW_PX
 from meshreel.rendering.lettering import INK
-from meshreel.rendering.sheets import LIGHT_INK, Sheet, Words, ink_on, plan_sheet
+from meshreel.rendering.sheets import LIGHT_INK, Bar, Sheet, Words, ink_on, plan_sheet
 
 WHITE, NIGHT = (255, 255, 255), (20, 22, 30)
 LONG = "a title of many words that has to be broken into several lines to fit above its view"
@@ -16,7 +16,7 @@ def blank_views(layout, n_views, color):
 
 @pytest.mark.parametrize("background", [WHITE, NIGHT])
 def test_words_leave_the_views_alone_when_the_sheet_is_filled(background):
-    words = Words(("first", LONG), "a caption " * 30, "frame 17, 0.68 s", 0.5, "%")
+    words = Words(("first", LONG), "a caption " * 30, "frame 17, 0.68 s", (Bar(0, 0.5, "%"),))
     layout = plan_sheet(words, 6, 1.3, None, (700, 600))
     sheet = Sheet(layout, words, background)
     labels = ["frame 17, 0.68 s"] * 6
@@ -34,7 +34,7 @@ def test_words_leave_the_views_alone_when_the_sheet_is_filled(background):
 
 
 def test_color_bar_stands_right_of_the_views_when_there_is_one():
-    words = Words(("", ""), "", "", 0.5, "%")
+    words = Words(("", ""), bars=(Bar(0, 0.5, "%"),))
     layout = plan_sheet(words, 2, 1.0, None, (700, 400))
     picture = np.asarray(Sheet(layout, words, WHITE).filled([]))
     right = picture[:, layout.columns[-1] + layout.view_size[0] :]

@@ -11,11 +11,15 @@ from meshreel.codec.encoder import encode
 from meshreel.errors import InvalidInputError
 from meshreel.metrics.heat import HEATS
 from meshreel.sequence import MeshSequence
+from meshreel.tracks import Track
+from meshreel.viewer import played
+from meshreel.viewer.coloring import Coloring
 from samples.meshes import quad_sheet, waving_grid
 from samples.players import opened_api
 
 KEYS = [
     "name", "low", "high", "swept", "up", "is_whole", "n_modes", "rows", "budget", "original",
+    "colored_by",
 ]  # fmt: skip
 
 
@@ -88,13 +92,17 @@ def test_original_is_told_frame_by_frame_when_there_is_one():
     assert (told["original"]["plots"], told["original"]["rows"]) == ([], [])
 
 
-def test_stream_is_encoded_anew_when_it_is_of_another_method():
+@pytest.mark.parametrize("method", ["pca-qp", "lossless"])
+def test_stream_is_encoded_anew_when_it_is_of_another_method_or_too_long(method, monkeypatch):
+    monkeypatch.setattr(played, "MOST_EXACT_POSITIONS", 4 * 99 - 1)
     grid = waving_grid(4)
-    with opened_api(grid, encoding={"method": "pca-qp"}) as api:
+    far = MeshSequence(grid.vertices + np.float32(3e4), grid.faces, grid.fps)
+    grid = far if method == "lossless" else grid
+    with opened_api(grid, encoding={"method": method}) as api:
         assert api.is_reencoded
         assert api.reel.info().method == "reel"
         told = asked(api, "api/facts")
-        decoded = decode(encode(grid, "pca-qp"))
+        decoded = decode(encode(grid, method))
         off = np.linalg.norm(api.reel[:] - decoded.vertices, axis=2).max()
         assert off < 1.01e-5 * api.reel.frame.scale
     assert "encoded anew as reel" in dict(told["rows"])["shown"]
@@ -159,3 +167,90 @@ def test_json_has_null_when_a_number_is_not_finite():
         api._reach = replace(api._reach, low=nothing, high=everything)
         told = asked(api, "api/facts")
     assert (told["low"], told["high"]) == ([None] * 3, [None] * 3)
+
+
+def with_tracks(grid):
+    """The grid with a track of vertices, one of faces, one that is exact, and one of its own."""
+    height = grid.vertices[:, :, 2].astype(np.float32)
+    heat = grid.vertices[:, grid.faces, 0].mean(axis=2).astype(np.float32)
+    tracks = {
+        "height": Track(height, unit="m"),
+        "heat": Track(heat, domain="face"),
+        "part": Track((9 * height).astype(np.int32)),
+    }
+    return replace(grid, tracks=tracks)
+
+
+def test_track_that_the_page_opens_with_is_told():
+    grid = with_tracks(waving_grid(4))
+    with opened_api(grid, coloring=Coloring("height", range="0:1")) as api:
+        wanted = {"track": "height", "component": None, "range": "0:1", "colormap": None}
+        assert asked(api, "api/facts")["colored_by"] == wanted
+    with opened_api(grid) as api:
+        assert asked(api, "api/facts")["colored_by"] is None
+    unknown = pytest.raises(InvalidInputError, match="no track 'hight'; there are height, heat")
+    with unknown, opened_api(grid, coloring=Coloring("hight")):
+        pass
+
+
+def test_tracks_of_the_original_are_told_when_there_is_one():
+    grid = with_tracks(waving_grid(4))
+    with opened_api(grid, grid, encoding={"tracks": {"height": "5%", "heat": "3%"}}) as api:
+        told = asked(api, "api/facts")["original"]
+        bound = api.reel.track("height").promised_error
+        values = [
+            np.frombuffer(api.answer(f"api/original_track/{i}/2").body, "<f8" if i == 2 else "<f4")
+            for i in range(3)
+        ]
+        assert api.answer("api/original_track/3/0") is None
+        assert api.answer("api/original_track/0/4") is None
+    assert told["tracks"] == ["height", "heat", "part"]
+    assert [heat["kind"] for heat in told["track_heats"]] == ["track 0", "track 1"]
+    assert [heat["track"] for heat in told["track_heats"]] == ["height", "heat"]
+    first = told["track_heats"][0]
+    assert first["label"].startswith("error of height, up to ")
+    assert (first["unit"], first["range"]) == ("m", bound)
+    for name, found in zip(told["tracks"], values, strict=True):
+        np.testing.assert_array_equal(found, grid.tracks[name].values[2].ravel())
+
+
+def test_tracks_of_the_original_follow_vertices_when_the_order_is_dropped():
+    grid = replace(with_tracks(waving_grid(4)), tracks={})
+    height = Track(grid.vertices[:, :, 2].astype(np.float32))
+    grid = replace(grid, tracks={"height": height})
+    with opened_api(grid, grid, encoding={"order": "drop"}) as api:
+        given = np.frombuffer(api.answer("api/original_track/0/3").body, "<f4")
+        errors = np.abs(given - api.reel.track("height")[3].ravel())
+        bound = api.reel.track("height").promised_error
+    assert 0 < errors.max() <= bound
+
+
+def test_tracks_are_not_compared_when_they_are_of_another_kind():
+    grid = with_tracks(waving_grid(4))
+    height = grid.tracks["height"].values
+    others = {"height": Track(height, kind="other"), "heat": height, "part": height}
+    with opened_api(grid, replace(grid, tracks=others)) as api:
+        told = asked(api, "api/facts")["original"]
+        assert (told["tracks"], told["track_heats"]) == ([], [])
+        assert api.answer("api/original_track/0/0") is None
+
+
+@pytest.mark.parametrize("encoding", [{"method": "lossless"}, {"method": "grid", "max_error": 1}])
+def test_stream_is_played_as_it_is_when_its_positions_are_exact(encoding):
+    grid = waving_grid(4)
+    data = encode(grid, **encoding)
+    with opened_api(grid, data=data) as api:
+        assert not api.is_reencoded
+        assert api.reel.stored(0, api.reel.size_bytes) == data
+        told = asked(api, "api/facts")
+    assert "shown" not in dict(told["rows"])
+    assert told["n_modes"] == [0]
+
+
+def test_tracks_of_a_lossless_file_are_exact_when_it_is_encoded_anew(monkeypatch):
+    monkeypatch.setattr(played, "MOST_EXACT_POSITIONS", 0)
+    grid = with_tracks(waving_grid(4))
+    with opened_api(grid, encoding={"lossless": True}, coloring=Coloring("heat")) as api:
+        assert api.is_reencoded
+        for name, track in grid.tracks.items():
+            np.testing.assert_array_equal(api.reel.track(name).read(0, 4), track.values)

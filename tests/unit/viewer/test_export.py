@@ -9,7 +9,8 @@ import pytest
 from meshreel.codec.decoder import decode
 from meshreel.codec.encoder import encode
 from meshreel.errors import InvalidInputError
-from meshreel.viewer import export
+from meshreel.tracks import Track
+from meshreel.viewer import original_stream
 from meshreel.viewer.export import export_page
 from meshreel.viewer.textures import texture_for
 from samples.meshes import quad_sheet, waving_grid
@@ -74,12 +75,74 @@ def test_a_file_is_kept_when_it_is_there_already(tmp_path):
 
 
 def test_original_is_refused_when_it_would_be_too_large(tmp_path, monkeypatch):
-    monkeypatch.setattr(export, "MOST_ORIGINAL_BYTES", 1000)
+    monkeypatch.setattr(original_stream, "MOST_ORIGINAL_BYTES", 1000)
     grid = waving_grid(5)
     told = r"0\.0 GB of positions, too many for a page; leave --original out"
     with opened_api(grid, grid) as api, pytest.raises(InvalidInputError, match=told):
         export_page(api, tmp_path / "p.html", page=PAGE)
     assert list(tmp_path.iterdir()) == []
+
+
+def with_tracks(grid, sign=1):
+    """The grid with a track of vertices, normals, one of faces that is exact, and integers."""
+    height = grid.vertices[:, :, 2].astype(np.float32)
+    heat = grid.vertices[:, grid.faces, 0].mean(axis=2).astype(np.float32)
+    normals = np.stack([np.cos(height), np.sin(height), 0 * height], axis=-1)
+    tracks = {
+        "height": Track(height, unit="m"),
+        "normals": Track(normals, kind="normal"),
+        "heat": Track(sign * heat, domain="face"),
+        "part": Track(sign * (9 * height).astype(np.int32)),
+    }
+    return replace(grid, tracks=tracks)
+
+
+ENCODING = {"tracks": {"height": "5%", "heat": "exact"}}
+
+
+def test_tracks_of_the_original_go_along_as_near_as_maps_of_their_errors_need(tmp_path):
+    grid = with_tracks(waving_grid(5))
+    sizes, found, facts = exported(tmp_path / "p.html", grid, grid, encoding=ENCODING)
+    original = decode(found["original"])
+    assert list(original.tracks) == ["height", "normals"]  # others are the same in the file
+    assert found["facts"]["original"]["tracks"] == ["height", "normals", "heat", "part"]
+    assert found["facts"]["original"] == facts["original"]
+    ranges = [heat["range"] for heat in facts["original"]["track_heats"]]
+    off = np.abs(original.tracks["height"].values - grid.tracks["height"].values).max()
+    assert 0 < off <= ranges[0] / 20
+    chords = original.tracks["normals"].values - grid.tracks["normals"].values
+    assert np.linalg.norm(chords, axis=2).max() <= 1.01 * np.radians(ranges[1] / 20)
+    assert sizes["tracks of the original"] > 0
+    assert sum(sizes.values()) == (tmp_path / "p.html").stat().st_size
+
+
+def test_exact_tracks_of_the_original_go_along_when_they_differ(tmp_path):
+    grid, other = (with_tracks(waving_grid(5), sign) for sign in (1, -1))
+    _, found, _ = exported(tmp_path / "p.html", grid, other, encoding=ENCODING)
+    original = decode(found["original"])
+    for name in ("heat", "part"):
+        np.testing.assert_array_equal(original.tracks[name].values, other.tracks[name].values)
+
+
+def test_tracks_of_polygons_go_along(tmp_path):
+    sheet = quad_sheet(3)
+    heat = np.random.default_rng(0).random((3, sheet.surface.n_faces(sheet.n_faces)))
+    sheet = replace(sheet, tracks={"heat": Track(heat.astype(np.float32), domain="face")})
+    _, found, _ = exported(tmp_path / "p.html", sheet, sheet)
+    assert decode(found["original"]).tracks["heat"].shape == (3, heat.shape[1], 1)
+
+
+def test_tracks_are_left_out_and_named_when_there_is_no_room(tmp_path, monkeypatch):
+    grid = with_tracks(waving_grid(5))
+    room = 24 * 5 * grid.n_verts + 4 * 5 * grid.n_verts
+    monkeypatch.setattr(original_stream, "MOST_ORIGINAL_BYTES", room)
+    notes = []
+    with opened_api(grid, grid, encoding=ENCODING) as api:
+        export_page(api, tmp_path / "p.html", page=PAGE, notes=notes)
+    told = carried((tmp_path / "p.html").read_text())["facts"]["original"]
+    assert told["tracks"] == ["height", "heat", "part"]
+    assert [heat["track"] for heat in told["track_heats"]] == ["height"]
+    assert notes == ["tracks of the original too large for a page, and left out: normals"]
 
 
 @pytest.mark.parametrize("is_split", [False, True])

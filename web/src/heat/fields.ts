@@ -61,8 +61,9 @@ export class HeatFields {
   }
 }
 
+/** Of those that are finite. */
 export function largest(values: Float32Array): number {
-  return values.reduce((most, value) => (value > most ? value : most), 0);
+  return values.reduce((most, value) => (value > most && value < Infinity ? value : most), 0);
 }
 
 type Vector = [number, number, number];

@@ -4,14 +4,19 @@ import * as THREE from "three";
 
 import { BEHIND_LINES, FaceMaterial } from "./faces";
 import { EdgeLines } from "./lines";
+import { TrackMaterial } from "../tracks/material";
 
 /** Materials of the file, which want light. */
 export type OwnMaterials = THREE.Material | THREE.Material[];
+
+/** What faces wear. */
+export type Worn = "own" | "plain" | "track";
 
 export class Figure {
   readonly group = new THREE.Group();
   readonly lines = new EdgeLines();
   readonly faces = new FaceMaterial();
+  readonly track = new TrackMaterial();
 
   constructor(
     private readonly mesh: THREE.Mesh,
@@ -22,9 +27,9 @@ export class Figure {
     this.group.add(mesh, this.lines);
   }
 
-  /** Shows its own materials, or the player's. */
-  dress(isOwn: boolean, isSmooth: boolean): void {
-    this.mesh.material = isOwn ? this.own : this.faces;
+  /** Shows its own materials, the player's, or that of a track. */
+  dress(worn: Worn, isSmooth: boolean): void {
+    this.mesh.material = { own: this.own, plain: this.faces, track: this.track }[worn];
     this.faces.isSmooth = isSmooth;
     for (const material of [this.own].flat()) {
       if (!("flatShading" in material) || material.flatShading === !isSmooth) continue;

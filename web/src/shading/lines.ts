@@ -37,6 +37,7 @@ export class EdgeLines extends THREE.LineSegments<THREE.BufferGeometry, THREE.Ra
     this.visible = false;
     this.renderOrder = 1;
     this.frustumCulled = false;
+    this.geometry.boundingSphere = new THREE.Sphere(); // positions are on the GPU; none is found
   }
 
   /** Draws in this ink, nearer to the eye by `lift`, in model units. */

@@ -2,33 +2,49 @@
 
 import * as THREE from "three";
 
-import type { ReelMesh } from "meshreel/three";
+import type { ColorAttribute, ReelMesh } from "meshreel/three";
 
 /** A mesh with the faces, texture coordinates and colours of another, and positions of its own. */
 export class OriginalMesh extends THREE.Mesh {
-  private readonly sources: Uint32Array;
-  private readonly positions: THREE.BufferAttribute;
-  private readonly normals: THREE.BufferAttribute;
+  private sources!: Uint32Array;
+  private positions!: THREE.BufferAttribute;
+  private normals!: THREE.BufferAttribute;
+  /** Of the frame that is shown, of shape (V, 3). */
+  private shown: Float32Array | null = null;
+  private colors: THREE.BufferAttribute | null = null;
   private areNormalsStale = true;
 
   constructor(private readonly decoded: ReelMesh) {
-    super(new THREE.BufferGeometry());
-    const { index, groups, attributes } = decoded.geometry;
+    super();
+    this.refit();
+  }
+
+  /** Takes the geometry of the other mesh anew, which has changed. */
+  refit(): void {
+    this.letGo();
+    this.geometry = new THREE.BufferGeometry();
+    const { index, groups, attributes } = this.decoded.geometry;
     Object.assign(this.geometry, { index, groups, attributes: { ...attributes } });
-    this.sources = decoded.sources;
-    const made = ["position", "normal"].map((name) => {
-      const values = new Float32Array(3 * this.sources.length);
-      const attribute = new THREE.BufferAttribute(values, 3).setUsage(THREE.DynamicDrawUsage);
-      this.geometry.setAttribute(name, attribute);
-      return attribute;
-    });
-    [this.positions, this.normals] = made;
+    this.sources = this.decoded.sources;
+    this.colors = null;
+    const made = (name: string) =>
+      this.attribute(name, 3, new Float32Array(3 * this.sources.length));
+    [this.positions, this.normals] = [made("position"), made("normal")];
+    if (this.shown) this.setPositions(this.shown);
   }
 
   /** Takes positions (V, 3) of a frame. */
   setPositions(positions: Float32Array): void {
+    this.shown = positions;
     spread(positions, this.sources, this.positions);
     this.areNormalsStale = true;
+  }
+
+  /** Takes colours of a frame, which a material reads. */
+  setColors({ name, width, values }: ColorAttribute): void {
+    this.colors ??= this.attribute(name, width, values);
+    this.colors.array.set(values);
+    this.colors.needsUpdate = true;
   }
 
   /** Has normals that fit its positions, as smooth shading needs them. */
@@ -36,7 +52,7 @@ export class OriginalMesh extends THREE.Mesh {
     if (!this.areNormalsStale) return;
     this.areNormalsStale = false;
     const { triangles } = this.decoded.reel.surface;
-    const places = this.decoded.geometry.index?.array as Uint32Array;
+    const places = this.geometry.index?.array as Uint32Array;
     const sums = new Float32Array(3 * this.decoded.reel.info.nVerts);
     const corners = [0, 1, 2].map(() => new THREE.Vector3());
     const [ab, ac] = [new THREE.Vector3(), new THREE.Vector3()];
@@ -57,6 +73,21 @@ export class OriginalMesh extends THREE.Mesh {
       for (let axis = 0; axis < 3; axis++) sums[at + axis] /= size;
     }
     spread(sums, this.sources, this.normals);
+  }
+
+  /** Frees what is its own alone: the rest is in use by the other mesh. */
+  private letGo(): void {
+    const own = Object.entries(this.geometry.attributes).filter(([, attribute]) =>
+      [this.positions, this.normals, this.colors].includes(attribute as THREE.BufferAttribute),
+    );
+    Object.assign(this.geometry, { index: null, attributes: Object.fromEntries(own) });
+    this.geometry.dispose();
+  }
+
+  private attribute(name: string, width: number, values: Float32Array): THREE.BufferAttribute {
+    const made = new THREE.BufferAttribute(values, width).setUsage(THREE.DynamicDrawUsage);
+    this.geometry.setAttribute(name, made);
+    return made;
   }
 }
 

@@ -1,0 +1,84 @@
+"""Tracks over time at one place."""
+
+import numpy as np
+import pytest
+from matplotlib.colors import to_rgb
+from PIL import Image
+
+from meshreel.errors import InvalidInputError
+from meshreel.rendering import track_plots
+from meshreel.rendering.track_colors import TrackLook
+from meshreel.rendering.track_plots import plot_track
+from meshreel.sequence import MeshSequence
+from meshreel.tracks import Track
+
+
+def heated(grid, values, unit="K", **facts):
+    tracks = {"heat": Track(np.asarray(values, np.float32), unit=unit, **facts)}
+    return MeshSequence(grid.vertices, grid.faces, 25.0, "grid", 2.0, tracks=tracks)
+
+
+@pytest.fixture
+def plotted(monkeypatch):
+    """What is plotted, in place of a file."""
+    found = {}
+
+    def keep(path, title, label, frames, lines, **facts):
+        found.update(title=title, label=label, frames=list(frames), lines=lines, **facts)
+
+    monkeypatch.setattr(track_plots, "plot_over_time", keep)
+    return found
+
+
+def test_plot_has_the_numbers_of_both_when_there_is_an_original(grid, plotted, tmp_path):
+    values = np.arange(12 * 99).reshape(12, 99)
+    original, shown = heated(grid, values), heated(grid, values + 0.5)
+    plot_track(tmp_path / "a.png", TrackLook("heat"), 7, shown, original, [2, 5])
+    assert plotted["title"] == "heat at vertex 7 of grid"
+    assert (plotted["label"], plotted["frames"]) == ("heat, K", [2, 5])
+    lines = {name: line.tolist() for name, line in plotted["lines"].items()}
+    assert lines == {"original": [205, 502], "decoded": [205.5, 502.5]}
+    assert (plotted["fps"], plotted["start_s"]) == (25, 2)
+
+
+def test_plot_has_one_component_of_all_frames_when_it_is_named(grid, plotted, tmp_path):
+    values = np.zeros((12, grid.n_faces, 3))
+    values[:, 4, 1] = np.arange(12)
+    plot_track(tmp_path / "a.png", TrackLook("heat", "y"), 4, heated(grid, values, domain="face"))
+    assert plotted["title"] == "heat, y at face 4 of grid"
+    assert plotted["lines"]["decoded"].tolist() == list(range(12))
+
+
+@pytest.mark.parametrize(
+    ("place", "look", "message"),
+    [
+        (99, TrackLook("heat"), "has values of vertex 0 to 98; got 99"),
+        (-1, TrackLook("heat"), "got -1"),
+        (0, TrackLook("cold"), "there is no track 'cold'"),
+    ],
+)
+def test_plot_is_refused_when_there_is_no_such_place_or_track(grid, tmp_path, place, look, message):
+    with pytest.raises(InvalidInputError, match=message):
+        plot_track(tmp_path / "a.png", look, place, heated(grid, np.zeros((12, 99))))
+
+
+def test_plot_asks_for_a_component_when_a_track_has_colours(grid, tmp_path):
+    painted = heated(grid, np.zeros((12, 99, 3)), kind="color")
+    with pytest.raises(InvalidInputError, match="--component 0"):
+        plot_track(tmp_path / "a.png", TrackLook("heat"), 0, painted)
+
+
+@pytest.mark.parametrize("n_frames", [1, 12])
+def test_plot_draws_a_line_for_each_name_when_written(grid, tmp_path, n_frames):
+    values = np.sin(np.arange(12)[:, None] / 2 + np.arange(99))
+    values[5] = np.nan
+    shown, original = heated(grid, values), heated(grid, values + 0.2)
+    plot_track(tmp_path / "a.png", TrackLook("heat"), 3, shown, original, range(n_frames))
+    with Image.open(tmp_path / "a.png") as image:
+        pixels = np.asarray(image.convert("RGB")).reshape(-1, 3)
+    for color in (rgb_of("#8C8C8C"), rgb_of("#4B0092")):
+        assert (np.abs(pixels.astype(int) - color).max(axis=1) < 8).sum() > 20
+
+
+def rgb_of(name):
+    return np.round(255 * np.array(to_rgb(name))).astype(int)

@@ -1,0 +1,30 @@
+// Faces in the colours of a track: hardly lit, so that a colour stays that of the legend.
+
+import * as THREE from "three";
+
+import { BEHIND_LINES } from "../shading/faces";
+
+/** A material that `ReelMesh.colorBy` dresses, and whose folds still show. */
+export class TrackMaterial extends THREE.MeshBasicMaterial {
+  constructor() {
+    super({ side: THREE.DoubleSide, ...BEHIND_LINES });
+  }
+
+  /** Reads colours as another one does, from attributes of the same names. */
+  takeColors({ map, vertexColors }: TrackMaterial): void {
+    Object.assign(this, { map, vertexColors, needsUpdate: true });
+  }
+
+  override onBeforeCompile(shader: THREE.WebGLProgramParametersWithUniforms): void {
+    shader.vertexShader = `varying vec3 vSeen;\n${shader.vertexShader}`.replace(
+      "#include <project_vertex>",
+      "#include <project_vertex>\nvSeen = mvPosition.xyz;",
+    );
+    shader.fragmentShader = `varying vec3 vSeen;\n${shader.fragmentShader}`.replace(
+      "#include <opaque_fragment>",
+      `vec3 facing = normalize(cross(dFdx(vSeen), dFdy(vSeen)));
+      outgoingLight *= 0.82 + 0.18 * max(dot(facing, normalize(vec3(-0.45, 0.65, 0.62))), 0.0);
+      #include <opaque_fragment>`,
+    );
+  }
+}
