@@ -86,7 +86,7 @@ def case_of(
     is_whole = isinstance(found, SequenceFormat)
     output = folder / f"sphere{'' if is_whole else '_%04d'}{found.ending}"
     write = partial(meshreel.save, sequence, output, overwrite=True)
-    paths = write()
+    paths = [Path(path) for path in write()]
     source = paths[0] if is_whole else paths
     return Case(found.ending, paths, partial(meshreel.load, source), write)
 

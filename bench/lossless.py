@@ -1,8 +1,9 @@
 """Exact coders of numbers over time: `python bench/lossless.py FILE...`, what meshreel loads.
 
-Prints bytes, ratio, and MB of values per second of one processor, for encoding and decoding, of the
-positions and of tracks that are derived from them. Needs the packages pcodec, fpzip, blosc2 and
-zstandard; what is not there is left out, and said.
+Prints bytes, ratio, and MB of values per second of one processor, for encoding and decoding: of
+whole files (`meshreel.encode(sequence, lossless=True)`, which decodes what it has coded; of others
+the positions, with the faces by zstd), of the positions, and of tracks that are derived from them.
+Needs the packages pcodec, fpzip, blosc2 and zstandard; what is not there is left out, and said.
 """
 
 import argparse
@@ -30,6 +31,13 @@ def ours(graph: Neighbours, shape: tuple[int, int, int], dtype: np.dtype[Any]) -
     return (
         lambda values: encode_exact(values, graph),
         lambda data: decode_exact(data, shape, dtype, graph),
+    )
+
+
+def our_file(sequence: meshreel.MeshSequence) -> Coder:
+    return (
+        lambda _: meshreel.encode(sequence, lossless=True),
+        lambda data: meshreel.decode(data).vertices,
     )
 
 
@@ -109,6 +117,12 @@ def derived(sequence: meshreel.MeshSequence) -> Iterator[tuple[str, Numbers]]:
     yield "mask", (positions[..., :1] > np.quantile(positions[::8, :, 0], 0.9)).astype(np.uint8)
 
 
+def bytes_of_faces(faces: Numbers) -> int:
+    """What faces add to the files of others."""
+    coder = importable("zstandard").ZstdCompressor(level=ZSTD_LEVEL)
+    return len(coder.compress(faces.tobytes()))
+
+
 def measured(values: Numbers, coder: Coder) -> tuple[int, float, float]:
     """Bytes, and MB/s of encoding and decoding.
 
@@ -128,10 +142,22 @@ def measured(values: Numbers, coder: Coder) -> tuple[int, float, float]:
     return len(data), size / max(between - started, 1e-9), size / max(ended - between, 1e-9)
 
 
+def report(
+    file: Path, values: str, coder: str, raw: int, size: int, encoded: float, decoded: float
+) -> None:
+    """Print a row; speeds are MB/s of values."""
+    print(
+        f"{file.stem:14} {values:14} {coder:18} {size:10} {raw / size:8.3f} "
+        f"{encoded:7.1f} {decoded:7.1f}",
+        flush=True,
+    )
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("files", nargs="+", type=Path)
     parser.add_argument("--positions", action="store_true", help="no derived tracks")
+    parser.add_argument("--whole", action="store_true", help="whole files alone")
     parser.add_argument("--frames", type=int, help="the first so many; all if not given")
     given = parser.parse_args()
     missing = [n for n in ("zstandard", "pcodec", "fpzip", "blosc2") if not importable(n)]
@@ -142,6 +168,16 @@ def main() -> None:
     )
     for file in given.files:
         sequence = meshreel.load(file)
+        bare = meshreel.MeshSequence(sequence.vertices[: given.frames], sequence.faces)
+        others = []
+        if importable("zstandard"):
+            beside = bytes_of_faces(bare.faces)
+            others = [(name, coder, beside) for name, coder in peers(bare.vertices)]
+        for coder_name, coder, more in [("meshreel", our_file(bare), 0), *others]:
+            size, *speeds = measured(bare.vertices, coder)
+            report(file, "whole file", coder_name, bare.raw_size_bytes, size + more, *speeds)
+        if given.whole:
+            continue
         graph = neighbours(sequence.faces, sequence.vertices.shape[1])
         for name, values in derived(sequence):
             values = np.ascontiguousarray(values)
@@ -149,13 +185,7 @@ def main() -> None:
                 values = values[: given.frames]
             own = ours(graph, values.shape, values.dtype)
             for coder_name, coder in [("meshreel", own), *peers(values)]:
-                size, encoded, decoded = measured(values, coder)
-                ratio = values.nbytes / size
-                print(
-                    f"{file.stem:14} {name:14} {coder_name:18} {size:10} {ratio:8.3f} "
-                    f"{encoded:7.1f} {decoded:7.1f}",
-                    flush=True,
-                )
+                report(file, name, coder_name, values.nbytes, *measured(values, coder))
             if given.positions:
                 break
 

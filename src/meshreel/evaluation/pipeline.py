@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Generic, Protocol, TypeVar
 
+from meshreel.documents.parts import Document, Picture
 from meshreel.evaluation.folder import claim_folder, unique_names
-from meshreel.evaluation.report.document import Document, Picture
 from meshreel.evaluation.report.publish import publish
 from meshreel.evaluation.runs.run import Run, run_all
 from meshreel.evaluation.runs.store import Result, Store

@@ -30,7 +30,9 @@ def stream_rows(info: StreamInfo) -> Rows:
         "file": f"{_size(info.size_bytes)}, {info.ratio:.0f} x smaller than {raw}",
         "rate": f"{info.rate_bpvf:.3f} bits per vertex and frame",
     }
-    if info.max_error_percent:
+    if info.is_lossless:
+        rows["promised"] = "every position as it was, bit for bit"
+    elif info.max_error_percent:
         rows["promised"] = f"no vertex is off by more than {info.max_error_percent:g} %"
     if not info.is_whole:
         rows["end"] = "cut off; this is what the whole blocks hold"

@@ -2,6 +2,13 @@
 
 from collections.abc import Sequence
 
+from meshreel.documents.parts import (
+    Bullets,
+    Document,
+    Paragraph,
+    Part,
+    Picture,
+)
 from meshreel.evaluation.codecs.peers.protocol import Peer
 from meshreel.evaluation.codecs.results import CodecResults
 from meshreel.evaluation.codecs.tables import (
@@ -14,15 +21,8 @@ from meshreel.evaluation.codecs.tables import (
     seconds_table,
 )
 from meshreel.evaluation.pipeline import Measured
-from meshreel.evaluation.report.document import (
-    Bullets,
-    Document,
-    Heading,
-    Paragraph,
-    Part,
-    Picture,
-)
-from meshreel.evaluation.report.openings import report_opening, sequence_opening
+from meshreel.evaluation.report.codecs import codecs_document
+from meshreel.evaluation.report.openings import sequence_opening
 from meshreel.evaluation.runs.store import done
 
 TITLE = "meshreel beside other codecs: rate, distortion, seconds"
@@ -61,17 +61,9 @@ def codec_document(
     command : str
         The command line that made it.
     """
-    finished = (result for results, _ in measured for result in done(results.measured))
-    parts = report_opening(TITLE, "Made by", command, finished)
-    if notes:
-        parts += [Heading(2, "Not measured"), Bullets(tuple(notes))]
-    for results, pictures in measured:
-        parts += _sequence_parts(results, pictures)
-    parts += [Heading(2, "How it was measured"), Bullets(HOW)]
-    if peers:
-        lines = tuple(f"`{peer.name}`: {peer.summary}" for peer in peers)
-        parts += [Heading(2, "Other codecs"), Bullets(lines)]
-    return Document(TITLE, tuple(parts))
+    finished = (one for results, _ in measured for one in done(results.measured))
+    body = (part for results, pictures in measured for part in _sequence_parts(results, pictures))
+    return codecs_document(TITLE, command, finished, body, how=HOW, peers=peers, notes=notes)
 
 
 def _sequence_parts(results: CodecResults, pictures: Sequence[Picture]) -> list[Part]:

@@ -12,6 +12,9 @@ DEFAULT_METHODS = ("reel", "pca-qp", "v2v")
 # Options of `reel`, which the paper's sweep has no row for.
 _STEPS: tuple[float, ...] = (1.6e-3, 8e-4, 4e-4, 2e-4, 1e-4, 5e-5, 2.5e-5, 1.25e-5)
 _WAYS: tuple[tuple[str, int], ...] = (("visual", 5), ("visual", 9), ("geometry", 9))
+
+# Of grids, in percent of the diagonal: they are not for coarser ones.
+_LARGEST_ERRORS = (1e-3, 3e-4, 1e-4)
 _SHORT = {"n_modes": "modes", "block_frames": "frames"}
 
 
@@ -44,6 +47,8 @@ def method_sweep(method: str, n_frames: int, n_verts: int, *, quick: bool) -> li
     """The settings of a method, for a sequence of so many frames and vertices."""
     if method == "reel":
         return _reel_sweep(quick=quick)
+    if method == "grid":
+        return [MethodSetting("grid", (("max_error", error),)) for error in _LARGEST_ERRORS]
     usual = variants(n_frames, (method,))
     found = sweep(n_frames, n_verts, (method,), quick=quick) or usual
     return [_of_paper(setting) for setting in found] or [MethodSetting(method)]

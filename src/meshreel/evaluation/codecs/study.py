@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from meshreel.documents.parts import Document, Picture
 from meshreel.evaluation.codecs.arrangements import Arrangements
 from meshreel.evaluation.codecs.document import codec_document
 from meshreel.evaluation.codecs.measure import method_run, peer_run
@@ -15,7 +16,6 @@ from meshreel.evaluation.codecs.recorded import RecordedPoint, matching
 from meshreel.evaluation.codecs.results import CodecResults
 from meshreel.evaluation.codecs.settings import DEFAULT_METHODS, method_sweep
 from meshreel.evaluation.pipeline import Measured, Subject
-from meshreel.evaluation.report.document import Document, Picture
 from meshreel.evaluation.runs.run import Run
 from meshreel.evaluation.runs.store import Result
 from meshreel.runtime.progress import Progress

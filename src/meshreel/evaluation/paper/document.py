@@ -2,6 +2,14 @@
 
 from collections.abc import Sequence
 
+from meshreel.documents.parts import (
+    Bullets,
+    Document,
+    Heading,
+    Paragraph,
+    Part,
+    Picture,
+)
 from meshreel.evaluation.paper.decompositions import N_DECOMPOSITIONS
 from meshreel.evaluation.paper.findings import findings
 from meshreel.evaluation.paper.printed import SAME_CAPTURES, printed_rates
@@ -15,14 +23,6 @@ from meshreel.evaluation.paper.tables import (
     settings_line,
 )
 from meshreel.evaluation.pipeline import Measured
-from meshreel.evaluation.report.document import (
-    Bullets,
-    Document,
-    Heading,
-    Paragraph,
-    Part,
-    Picture,
-)
 from meshreel.evaluation.report.openings import report_opening, sequence_opening
 from meshreel.evaluation.runs.store import done
 

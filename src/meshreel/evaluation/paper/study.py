@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
+from meshreel.documents.parts import Document, Picture
 from meshreel.evaluation.paper.decompositions import decompositions_run
 from meshreel.evaluation.paper.document import paper_document
 from meshreel.evaluation.paper.figures import diagrams, matrices, meshes
@@ -16,7 +17,6 @@ from meshreel.evaluation.paper.results import (
 )
 from meshreel.evaluation.paper.settings import METHOD_NAMES, row_settings, sweep, variants
 from meshreel.evaluation.pipeline import Measured, Subject
-from meshreel.evaluation.report.document import Document, Picture
 from meshreel.evaluation.runs.run import Run, result_of
 from meshreel.evaluation.runs.store import Result, done
 from meshreel.paper.decoder import coded_blocks

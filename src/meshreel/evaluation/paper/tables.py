@@ -3,6 +3,8 @@
 from collections.abc import Mapping, Sequence
 from typing import TypeVar
 
+from meshreel.documents.cells import NONE, number, scientific, significant
+from meshreel.documents.parts import Table
 from meshreel.evaluation.paper.printed import (
     PrintedRates,
     PrintedSeconds,
@@ -11,8 +13,6 @@ from meshreel.evaluation.paper.printed import (
 )
 from meshreel.evaluation.paper.results import PaperResults, label_of_result, method_of_result
 from meshreel.evaluation.paper.settings import ANCHORS, Setting
-from meshreel.evaluation.report.cells import NONE, number, scientific, significant
-from meshreel.evaluation.report.document import Table
 from meshreel.evaluation.runs.store import Result
 
 Printed = TypeVar("Printed")

@@ -14,7 +14,12 @@ if TYPE_CHECKING:
     from matplotlib.axis import Axis
 
 
-def draw_envelopes(axes: "Axes", curves: Mapping[str, Sequence[Point]], error_name: str) -> None:
+def draw_envelopes(
+    axes: "Axes",
+    curves: Mapping[str, Sequence[Point]],
+    error_name: str,
+    rate_name: str = "bits per vertex and frame",
+) -> None:
     """Points of (rate, error) by label on log axes, with a line along each lower envelope."""
     ends: list[LineEnd] = []
     for label, points in curves.items():
@@ -25,7 +30,7 @@ def draw_envelopes(axes: "Axes", curves: Mapping[str, Sequence[Point]], error_na
         if envelope:
             axes.plot(*np.array(envelope).T, marker=marker, markersize=5, **style)
             ends.append((label, *envelope[-1]))
-    axes.set(xscale="log", yscale="log", xlabel="bits per vertex and frame", ylabel=error_name)
+    axes.set(xscale="log", yscale="log", xlabel=rate_name, ylabel=error_name)
     plain_ticks(axes.xaxis)
     plain_ticks(axes.yaxis)
     tidy(axes)

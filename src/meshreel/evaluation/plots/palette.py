@@ -13,6 +13,8 @@ METHOD_COLORS = {
     "gft": "#000000",
     "reel": "#4B0092",
     "reel-geometry": "#A679D2",
+    "lossless": "#1B7F79",
+    "grid": "#5C7A29",
 }
 
 # Muted, so that our methods stand out; recorded ones are dashed as well.
@@ -22,6 +24,7 @@ CODEC_COLORS = {
     "zfp": "#8C8C8C",
     "meshopt": "#B0518A",
     "pco": "#3B7D80",
+    "fpzip": "#8E5572",
     "famc": "#1F1F5F",
     "vdmc_tm4_motion": "#6B8E23",
     "gltfpack_cc": "#A0785A",
@@ -37,6 +40,7 @@ CODEC_MARKERS = {
     "zfp": "D",
     "meshopt": "v",
     "pco": "P",
+    "fpzip": "*",
     "famc": "X",
     "vdmc_tm4_motion": "<",
     "gltfpack_cc": ">",

@@ -4,7 +4,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from meshreel.counting import counted
-from meshreel.evaluation.report.document import Code, Heading, Paragraph, Part
+from meshreel.documents.parts import Code, Heading, Paragraph, Part
 from meshreel.evaluation.runs.machine import machines_text
 
 

@@ -3,8 +3,8 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from meshreel.evaluation.folder import write_text
-from meshreel.evaluation.report.document import (
+from meshreel.documents.html import to_html
+from meshreel.documents.parts import (
     Bullets,
     Code,
     Document,
@@ -14,7 +14,7 @@ from meshreel.evaluation.report.document import (
     Picture,
     Table,
 )
-from meshreel.evaluation.report.html import to_html
+from meshreel.evaluation.folder import write_text
 
 
 def publish(document: Document, out: Path) -> tuple[Path, Path]:

@@ -2,8 +2,8 @@ import re
 
 import pytest
 
+from meshreel.documents.parts import Paragraph
 from meshreel.evaluation.paper.document import paper_document
-from meshreel.evaluation.report.document import Paragraph
 from meshreel.evaluation.report.publish import publish
 
 

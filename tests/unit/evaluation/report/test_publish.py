@@ -1,5 +1,5 @@
-from meshreel.evaluation.report.document import Table
-from meshreel.evaluation.report.html import to_html
+from meshreel.documents.html import to_html
+from meshreel.documents.parts import Table
 from meshreel.evaluation.report.publish import to_markdown
 
 

@@ -1,12 +1,12 @@
 """Error-bounded compressors of float arrays: zfp and SZ3."""
 
 from dataclasses import dataclass
-from importlib import import_module
 
 import numpy as np
 import numpy.typing as npt
 
 from meshreel.errors import InvalidInputError
+from meshreel.evaluation.codecs.peers.arrays import sz3_array, sz3_bytes, zfp_array, zfp_bytes
 from meshreel.evaluation.codecs.peers.protocol import Shape, interleaved, planar
 from meshreel.metrics.reference import bounding_box_reference
 from meshreel.sequence import MeshSequence, Vertices
@@ -37,16 +37,11 @@ class Zfp:
 
     def encode(self, sequence: MeshSequence, setting: float) -> bytes:
         """One zfp stream."""
-        zfpy = import_module("zfpy")
-
-        tolerance = _tolerance(sequence, setting)
-        return bytes(zfpy.compress_numpy(planar(sequence.vertices), tolerance=tolerance))
+        return zfp_bytes(planar(sequence.vertices), _tolerance(sequence, setting))
 
     def decode(self, data: bytes, shape: Shape, dtype: npt.DTypeLike) -> Vertices:
         """Positions in the order given."""
-        zfpy = import_module("zfpy")
-
-        return interleaved(zfpy.decompress_numpy(data), shape)
+        return interleaved(zfp_array(data), shape)
 
 
 @dataclass(frozen=True)
@@ -75,22 +70,13 @@ class Sz3:
 
     def encode(self, sequence: MeshSequence, setting: float) -> bytes:
         """One SZ3 stream."""
-        pysz = import_module("pysz")
-        config = pysz.szConfig()
-        config.errorBoundMode = pysz.szErrorBoundMode.ABS
-        config.absErrorBound = _tolerance(sequence, setting)
-        config.cmprAlgo = pysz.szAlgorithm.LORENZO_REG
-        compressed, _ = pysz.sz.compress(planar(sequence.vertices), config)
-        return bytes(compressed)
+        tolerance = _tolerance(sequence, setting)
+        return sz3_bytes(planar(sequence.vertices), tolerance, "LORENZO_REG")
 
     def decode(self, data: bytes, shape: Shape, dtype: npt.DTypeLike) -> Vertices:
         """Positions in the order given."""
-        pysz = import_module("pysz")
-
         n_frames, n_verts, _ = shape
-        compressed = np.frombuffer(data, np.uint8)
-        rows, _ = pysz.sz.decompress(compressed, np.dtype(dtype), (n_frames, 3 * n_verts))
-        return interleaved(rows, shape)
+        return interleaved(sz3_array(data, (n_frames, 3 * n_verts), dtype), shape)
 
 
 def _tolerance(sequence: MeshSequence, share: float) -> float:

@@ -8,6 +8,7 @@ from importlib import import_module
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.evaluation.codecs.peers.arrays import pcodec_array, pcodec_bytes
 from meshreel.evaluation.codecs.peers.protocol import Shape
 from meshreel.sequence import MeshSequence, Vertices
 
@@ -87,17 +88,12 @@ class Pcodec:
 
     def encode(self, sequence: MeshSequence, setting: float) -> bytes:
         """One pcodec file."""
-        pcodec = import_module("pcodec")
-
         head, deltas = quantized_deltas(sequence.vertices, int(setting))
-        numbers = np.ascontiguousarray(deltas.transpose(2, 0, 1)).view(np.int16).ravel()
-        return head + bytes(pcodec.standalone.simple_compress(numbers, pcodec.ChunkConfig()))
+        return head + pcodec_bytes(np.ascontiguousarray(deltas.transpose(2, 0, 1)).view(np.int16))
 
     def decode(self, data: bytes, shape: Shape, dtype: npt.DTypeLike) -> Vertices:
         """Positions in the order given."""
-        standalone = import_module("pcodec").standalone
-
-        numbers = standalone.simple_decompress(data[HEAD.size :])
+        numbers = pcodec_array(data[HEAD.size :])
         n_frames, n_verts, _ = shape
         deltas = np.asarray(numbers, np.int16).view(np.uint16).reshape(3, n_frames, n_verts)
         return positions_of_deltas(data[: HEAD.size], deltas.transpose(1, 2, 0), dtype)

@@ -11,16 +11,12 @@ from meshreel.sequence import MeshSequence, Vertices
 Shape = tuple[int, int, int]
 
 
-class Peer(Protocol):
-    """A codec of vertex positions, at one setting after another."""
+class Packaged(Protocol):
+    """What needs a package."""
 
     @property
     def name(self) -> str:
         """Its name in tables and plots."""
-
-    @property
-    def summary(self) -> str:
-        """How it is used, in one line."""
 
     @property
     def package(self) -> str | None:
@@ -29,6 +25,14 @@ class Peer(Protocol):
     @property
     def extra(self) -> str | None:
         """The extra of meshreel that brings the package; None where it is always there."""
+
+
+class Peer(Packaged, Protocol):
+    """A codec of vertex positions, at one setting after another."""
+
+    @property
+    def summary(self) -> str:
+        """How it is used, in one line."""
 
     @property
     def has_faces(self) -> bool:
@@ -81,7 +85,7 @@ def interleaved(rows: Vertices, shape: Shape) -> Vertices:
     return vertices.copy()
 
 
-def is_available(peer: Peer) -> bool:
+def is_available(peer: Packaged) -> bool:
     """Whether its package can be imported."""
     if peer.package is None:
         return True
@@ -91,13 +95,13 @@ def is_available(peer: Peer) -> bool:
         return False
 
 
-def why_missing(peer: Peer) -> str:
+def why_missing(peer: Packaged) -> str:
     """A line that names the package and what brings it."""
     source = f"pip install 'meshreel[{peer.extra}]'" if peer.extra else "reinstall meshreel"
     return f"`{peer.name}` was not measured: it needs the package {peer.package} ({source})"
 
 
-def package_version(peer: Peer) -> str:
+def package_version(peer: Packaged) -> str:
     """The version of its package; empty where it needs none or none is told."""
     try:
         return version(peer.package) if peer.package else ""

@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from meshreel.documents.parts import Picture
 from meshreel.evaluation.paper.results import PaperResults, label_of_result, method_of_result
 from meshreel.evaluation.plots.axes import draw_envelopes, plain_ticks, tidy
 from meshreel.evaluation.plots.labels import LineEnd, label_ends
 from meshreel.evaluation.plots.palette import line_style
-from meshreel.evaluation.report.document import Picture
 from meshreel.evaluation.runs.store import Result, done
 from meshreel.rendering.plots import blank_figure, save_figure
 

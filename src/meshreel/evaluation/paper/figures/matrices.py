@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.evaluation.report.document import Picture
+from meshreel.documents.parts import Picture
 from meshreel.geometry.laplacian import delta_coordinates, uniform_laplacian
 from meshreel.paper.pipeline import CodedBlock
 from meshreel.rendering.plots import blank_figure, save_figure

@@ -8,8 +8,8 @@ import numpy.typing as npt
 from PIL import Image as PillowImage
 
 from meshreel.codec.decoder import decode
+from meshreel.documents.parts import Picture
 from meshreel.evaluation.paper.results import label_of_result, method_of_result, setting_of_result
-from meshreel.evaluation.report.document import Picture
 from meshreel.evaluation.runs.store import Result, Store, done
 from meshreel.metrics.heat import vertex_normal_angle_deg
 from meshreel.rendering.camera import Camera, fit_camera

@@ -62,6 +62,23 @@ class Picture:
     n_panels: int
 
 
+@dataclass(frozen=True)
+class Drawing:
+    """A drawing that only a page holds, not Markdown.
+
+    Attributes
+    ----------
+    svg : str
+        An element ``<svg>``.
+    title : str
+    caption : str
+    """
+
+    svg: str
+    title: str
+    caption: str
+
+
 Part = Heading | Paragraph | Code | Bullets | Table | Picture
 
 

@@ -5,9 +5,10 @@ import re
 from collections.abc import Sequence
 from html import escape
 
-from meshreel.evaluation.report.document import (
+from meshreel.documents.parts import (
     Bullets,
     Code,
+    Drawing,
     Heading,
     Paragraph,
     Part,
@@ -22,28 +23,29 @@ h1, h2, h3 { line-height: 1.25; margin: 2.2em 0 0.6em; } h1 { margin-top: 0; }
 p, li { max-width: 48rem; }
 code, pre { font-family: ui-monospace, monospace; font-size: 0.92em; }
 pre { background: #f3f4f7; padding: 0.8rem 1rem; overflow-x: auto; }
-.scroll { overflow-x: auto; }
+.scroll { overflow-x: auto; margin: 1rem 0; }
 table { border-collapse: collapse; font-size: 0.88rem; font-variant-numeric: tabular-nums; }
 caption { text-align: left; font-weight: 600; padding: 0.4rem 0; }
 th, td { padding: 0.3rem 0.7rem; border-bottom: 1px solid #dde0e6; text-align: right; }
 th:first-child, td:first-child { text-align: left; white-space: nowrap; }
 th { vertical-align: bottom; }
-figure { margin: 1.6rem 0; } img { max-width: 100%; height: auto; }
+figure { margin: 1.6rem 0; } img, svg { max-width: 100%; height: auto; }
 figcaption { font-size: 0.92rem; color: #5c6370; max-width: 48rem; }
 """.strip()
 
 
-def to_html(parts: Sequence[Part], title: str) -> str:
-    """The report as HTML with its pictures and its style within it."""
+def to_html(parts: Sequence[Part | Drawing], title: str, made_by: str = "meshreel") -> str:
+    """The report as HTML with its pictures and its style within it, and the command it is of."""
     body = "\n".join(_html(part) for part in parts)
     return (
         f'<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
+        f'<meta name="generator" content="{escape(made_by)}">\n'
         f'<meta name="viewport" content="width=device-width">\n<title>{escape(title)}</title>\n'
         f"<style>\n{_STYLE}\n</style>\n</head>\n<body>\n{body}\n</body>\n</html>\n"
     )
 
 
-def _html(part: Part) -> str:
+def _html(part: Part | Drawing) -> str:
     match part:
         case Heading(level, text):
             return f"<h{level}>{_inline(text)}</h{level}>"
@@ -55,13 +57,18 @@ def _html(part: Part) -> str:
             return f"<ul>{''.join(f'<li>{_inline(item)}</li>' for item in items)}</ul>"
         case Table():
             return _table(part)
+        case Drawing(svg, title, caption):
+            return f"<figure>{svg}{_captioned(title, caption)}</figure>"
         case Picture(path, title, caption):
             data = base64.b64encode(path.read_bytes()).decode("ascii")
             return (
                 f'<figure><img alt="{escape(title)}" src="data:image/png;base64,{data}">'
-                f"<figcaption><strong>{escape(title)}.</strong> {_inline(caption)}</figcaption>"
-                "</figure>"
+                f"{_captioned(title, caption)}</figure>"
             )
+
+
+def _captioned(title: str, caption: str) -> str:
+    return f"<figcaption><strong>{escape(title)}.</strong> {_inline(caption)}</figcaption>"
 
 
 def _table(table: Table) -> str:

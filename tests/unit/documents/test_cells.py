@@ -1,6 +1,6 @@
 import pytest
 
-from meshreel.evaluation.report.cells import significant
+from meshreel.documents.cells import significant
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,143 @@
+"""Memory and times of `meshreel batch` over many sequences of mixed sizes.
+
+    python bench/batch.py --inputs 1000                  # two processes of this machine
+    python bench/batch.py --inputs 1000 --dask           # two workers of a Dask cluster
+
+Sequences are synthetic: a grid in waves, of 100 to 4,000 vertices and 8 to 100 frames, drawn with a
+fixed seed. The resident memory of the program and of its workers is read every 0.2 s, and printed
+for each tenth of the inputs done: what grows over time grows from row to row. It is private memory
+(USS), without what processes share. Needs psutil, which Dask brings.
+"""
+
+import argparse
+import contextlib
+import json
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import psutil
+
+import meshreel
+
+TENTHS = 10
+LOOK_EVERY_S = 0.2
+
+
+def write_inputs(folder: Path, n_inputs: int) -> None:
+    """So many sequences of mixed sizes; few are large."""
+    rng = np.random.default_rng(17)
+    for number in range(n_inputs):
+        side = round(10 * (4000 / 100) ** (rng.random() ** 2 / 2))
+        n_frames = round(8 * (100 / 8) ** rng.random())
+        meshreel.save(waves(side, n_frames, rng.random(4)), folder / f"s{number:04d}.npz")
+
+
+def waves(side: int, n_frames: int, drawn: Any) -> meshreel.MeshSequence:
+    """A grid of side x side vertices in waves, with some noise of its own."""
+    x, y = np.meshgrid(np.linspace(0, 1, side), np.linspace(0, 1, side), indexing="ij")
+    t = np.linspace(0, 1 + drawn[0], n_frames)[:, None, None]
+    slow = np.sin(6 * (x * (1 + drawn[1]) + y * drawn[2] - t))
+    z = 0.1 * slow + 0.02 * np.sin(40 * x * y + 9 * t)
+    still = np.broadcast_to(np.stack([x, y], -1), (n_frames, side, side, 2))
+    vertices = np.concatenate([still, z[..., None]], -1).reshape(n_frames, -1, 3)
+    corner = (np.arange(side - 1)[:, None] * side + np.arange(side - 1)).reshape(-1, 1)
+    faces = np.concatenate(
+        [corner + np.array([0, side, 1]), corner + np.array([1, side, side + 1])]
+    )
+    return meshreel.MeshSequence(vertices.astype(np.float32), faces, 25.0)
+
+
+@contextlib.contextmanager
+def dask_cluster(n_workers: int) -> Iterator[tuple[str, list[int]]]:
+    """Address of a cluster on this machine, and the processes of its workers."""
+    import distributed
+
+    local_cluster: Any = distributed.LocalCluster
+    with local_cluster(
+        n_workers=n_workers, threads_per_worker=1, dashboard_address=None, silence_logs=50
+    ) as cluster:
+        yield cluster.scheduler_address, [worker.pid for worker in cluster.workers.values()]
+
+
+def watch(program: "subprocess.Popen[bytes]", workers: list[int], manifest: Path) -> list[Any]:
+    """Memory of the program and of each worker in MiB, with how many streams are there."""
+    out = manifest.parent
+    samples: list[Any] = []
+    while program.poll() is None:
+        n_done = sum(1 for _ in out.glob("*.reel"))
+        of_workers = workers or [child.pid for child in children_of(program.pid)]
+        samples.append((n_done, mib(program.pid), sorted(map(mib, of_workers), reverse=True)[:2]))
+        time.sleep(LOOK_EVERY_S)
+    return samples
+
+
+def children_of(process: int) -> list[psutil.Process]:
+    with contextlib.suppress(psutil.NoSuchProcess):
+        return list(psutil.Process(process).children())
+    return []
+
+
+def mib(process: int) -> float:
+    with contextlib.suppress(psutil.NoSuchProcess, psutil.AccessDenied):
+        return float(psutil.Process(process).memory_full_info().uss) / 2**20
+    return 0.0
+
+
+def print_growth(samples: list[Any], n_inputs: int) -> None:
+    """The largest of each tenth."""
+    print("inputs done | program MiB | workers MiB, largest in this tenth")
+    for tenth in range(TENTHS):
+        low, high = n_inputs * tenth // TENTHS, n_inputs * (tenth + 1) // TENTHS
+        here = [one for one in samples if low <= one[0] < high]
+        if here:
+            workers = [
+                max(rank)
+                for rank in zip(*(one[2] for one in here if len(one[2]) == 2), strict=True)
+            ]
+            texts = ", ".join(f"{one:.0f}" for one in workers)
+            print(f"{low:4d} to {high:4d} | {max(one[1] for one in here):.0f} | {texts}")
+
+
+def main() -> None:
+    """Write inputs, run the batch, print what was seen."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
+    parser.add_argument("--inputs", type=int, default=1000)
+    parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--keep", type=Path, help="copy the report into this file")
+    parser.add_argument("--dask", action="store_true", help="on a Dask cluster")
+    chosen = parser.parse_args()
+    with tempfile.TemporaryDirectory() as place, contextlib.ExitStack() as stack:
+        inputs, out = Path(place) / "in", Path(place) / "out"
+        inputs.mkdir()
+        out.mkdir()
+        write_inputs(inputs, chosen.inputs)
+        where = ["--workers", str(chosen.workers)]
+        workers: list[int] = []
+        if chosen.dask:
+            address, workers = stack.enter_context(dask_cluster(chosen.workers))
+            where = ["--scheduler", address]
+        began = time.perf_counter()
+        command = [sys.executable, "-m", "meshreel", "batch", inputs, out, *where]
+        program = subprocess.Popen(list(map(str, command)), stdout=subprocess.DEVNULL)
+        samples = watch(program, workers, out / "manifest.json")
+        seconds = time.perf_counter() - began
+        records = json.loads((out / "manifest.json").read_text())["inputs"].values()
+        work = sum(one["seconds"] or 0 for one in records)
+        if chosen.keep:
+            shutil.copyfile(out / "report.html", chosen.keep)
+        states = {
+            state: sum(one["state"] == state for one in records) for state in ("done", "failed")
+        }
+        print(f"{states}, {seconds:.1f} s; of the workers {work:.1f} s")
+        print_growth(samples, chosen.inputs)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,167 @@
+"""Long sequences made of short ones: performances looped, mixed, turned and held, frame by frame.
+
+Frames are made when they are read, so that a sequence of any length takes no memory.
+"""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+import meshreel
+from meshreel.sequence import Extent, bounding_boxes, extent_of_boxes
+from meshreel.surface import PLAIN, Surface
+from meshreel.tracks import TrackSource
+
+Floats = npt.NDArray[np.float64]
+Vertices = npt.NDArray[np.floating]
+
+AT_ONCE = 64
+"""Frames that are made at once."""
+
+KINDS = {
+    "loops": ("loop",),
+    "mixed": ("loop", "mix", "turn", "mix", "slow", "hold"),
+    "held": ("hold", "slow", "hold", "loop"),
+}
+"""Kinds of scenes, by the name of the whole; the next one is drawn from these."""
+
+
+@dataclass(frozen=True)
+class Scenes:
+    """What is shown in each frame.
+
+    Attributes
+    ----------
+    lower, upper : float array of shape (T,)
+        Frame of the performance that the lower and the upper half of the body are taken from.
+    turn : float array of shape (T,)
+        Angle around the upright axis, in radians.
+    starts : list of int
+        First frame of each scene.
+    """
+
+    lower: Floats
+    upper: Floats
+    turn: Floats
+    starts: list[int]
+
+
+def scenes_of(kinds: Iterable[str], n_frames: int, n_base: int, seed: int) -> Scenes:
+    """Scenes of 60 to 800 frames, of kinds drawn from these."""
+    rng, names = np.random.default_rng(seed), list(kinds)
+    lower, upper, turn = (np.zeros(n_frames) for _ in range(3))
+    starts, start, angle = [], 0, 0.0
+    while start < n_frames:
+        kind = names[int(rng.integers(len(names)))]
+        length = min(int(60 * (800 / 60) ** rng.random()), n_frames - start)
+        part = slice(start, start + length)
+        starts.append(start)
+        lower[part] = upper[part] = there_and_back(
+            _speeds(kind, length, rng), n_base, rng, is_short=kind != "loop"
+        )
+        if kind == "mix":
+            upper[part] = there_and_back(_speeds(kind, length, rng), n_base, rng, is_short=True)
+        if kind == "turn":
+            turn[part] = angle + np.cumsum(0.03 * _wavy(length, rng))
+            angle = float(turn[start + length - 1])
+        else:
+            turn[part] = angle
+        start += length
+    return Scenes(lower, upper, turn, starts)
+
+
+def _speeds(kind: str, length: int, rng: np.random.Generator) -> Floats:
+    """Frames of the performance for each frame: 0.5 to 1.5, a tenth of it, or none."""
+    factor = {"hold": 0.0, "slow": 0.1}.get(kind, 1.0)
+    return factor * (1.0 + 0.5 * _wavy(length, rng))
+
+
+def _wavy(length: int, rng: np.random.Generator) -> Floats:
+    """A smooth curve in -1..1."""
+    times, phases = np.arange(length), rng.random(2) * 2 * np.pi
+    return np.asarray(np.sin(times / 37.0 + phases[0]) * np.cos(times / 101.0 + phases[1]))
+
+
+def there_and_back(
+    speeds: Floats, n_base: int, rng: np.random.Generator, *, is_short: bool
+) -> Floats:
+    """Places in the performance, or in a stretch of it of a third, forwards and backwards."""
+    length = (n_base - 1) / 3.0 if is_short else n_base - 1.0
+    first = rng.random() * (n_base - 1.0 - length)
+    place = (rng.random() * 2 * length + np.cumsum(speeds)) % (2 * length)
+    return np.asarray(first + np.minimum(place, 2 * length - place))
+
+
+class LongSequence:
+    """A `FrameSource` of frames that are made when they are read.
+
+    Parameters
+    ----------
+    base : MeshSequence
+        The performance.
+    kind : str
+        Of `KINDS`.
+    n_frames : int
+    seed : int, default 1
+    """
+
+    def __init__(
+        self, base: meshreel.MeshSequence, kind: str, n_frames: int, seed: int = 1
+    ) -> None:
+        self.n_frames, self.n_verts, self.faces = n_frames, base.n_verts, base.faces
+        self.fps, self.start_s, self.dtype = base.fps or 25.0, 0.0, np.dtype(np.float32)
+        self.name = f"{base.name}, {kind}"
+        self.surface: Surface = PLAIN
+        self.tracks: Mapping[str, TrackSource] = {}
+        self.is_portable = True
+        self.scenes = scenes_of(KINDS[kind], n_frames, base.n_frames, seed)
+        vertices = base.vertices.astype(np.float32)
+        self._centres = vertices.mean(axis=1, keepdims=True)
+        self._shapes = vertices - self._centres
+        mean = self._shapes.mean(axis=0)
+        self._up = int(np.argmax(np.ptp(mean, axis=0)))
+        height = (mean[:, self._up] - mean[:, self._up].min()) / np.ptp(mean[:, self._up])
+        self._is_upper = (1.0 / (1.0 + np.exp(-20.0 * (height - 0.5)))).astype(np.float32)[:, None]
+
+    def read(self, start: int, stop: int) -> Vertices:
+        """Positions of frames start..stop - 1, of shape (stop - start, V, 3)."""
+        out = np.empty((stop - start, self.n_verts, 3), np.float32)
+        for number in range(start, stop):
+            self._fill(out[number - start], number)
+        return out
+
+    def _fill(self, out: Vertices, number: int) -> None:
+        scenes = self.scenes
+        centre, shape = (
+            _between(frames, scenes.lower[number]) for frames in (self._centres, self._shapes)
+        )
+        if scenes.upper[number] != scenes.lower[number]:
+            shape += self._is_upper * (_between(self._shapes, scenes.upper[number]) - shape)
+        shape += centre
+        angle = scenes.turn[number]
+        first, second = (axis for axis in range(3) if axis != self._up)
+        cosine, sine = np.float32(np.cos(angle)), np.float32(np.sin(angle))
+        out[:, self._up] = shape[:, self._up]
+        out[:, first] = cosine * shape[:, first] - sine * shape[:, second]
+        out[:, second] = sine * shape[:, first] + cosine * shape[:, second]
+
+    @cached_property
+    def extent(self) -> Extent:
+        """Extent of the positions of all frames."""
+        boxes = [
+            bounding_boxes(self.read(start, min(start + AT_ONCE, self.n_frames)))
+            for start in range(0, self.n_frames, AT_ONCE)
+        ]
+        low, high = (np.concatenate(corners) for corners in zip(*boxes, strict=True))
+        return extent_of_boxes(low, high)
+
+
+def _between(frames: Vertices, place: float) -> Any:
+    """A frame at a place between two."""
+    first = min(int(place), len(frames) - 2)
+    share = np.float32(place - first)
+    return (np.float32(1.0) - share) * frames[first] + share * frames[first + 1]

@@ -1,0 +1,1 @@
+"""A track of ours beside compressors of arrays, at equal largest error."""

@@ -1,0 +1,190 @@
+"""One small evaluation of tracks, from runs to the report."""
+
+import json
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+
+import meshreel
+from meshreel.errors import InvalidInputError
+from meshreel.evaluation.pipeline import evaluate
+from meshreel.evaluation.tracks.measure import NEAR, coarsest_tolerance
+from meshreel.evaluation.tracks.peers import Pcodec
+from meshreel.evaluation.tracks.settings import level_of, levels_of
+from meshreel.evaluation.tracks.study import TrackStudy, with_track_alone
+from meshreel.evaluation.tracks.tables import refusals, runs_table, share_of_best, size_table
+
+
+@dataclass(frozen=True)
+class Steps:
+    """Numbers in steps of its tolerance, as bytes: an error of half of it."""
+
+    name: str = "steps"
+    summary: str = "steps of twice what is asked for"
+    package: Any = None
+    extra: Any = None
+    grain: float = 1.02
+    is_reversible: bool = False
+
+    def encode(self, values, tolerance):
+        steps = np.rint(values / tolerance).astype(np.int16)
+        return np.float64(tolerance).tobytes() + steps.tobytes()
+
+    def decode(self, data, shape, dtype):
+        steps = np.frombuffer(data[8:], np.int16).reshape(shape)
+        return (steps * np.frombuffer(data[:8])[0]).astype(dtype)
+
+
+@dataclass(frozen=True)
+class Worse(Steps):
+    name: str = "worse"
+    is_reversible: bool = True
+
+    def encode(self, values, tolerance):
+        return b"?"
+
+    def decode(self, data, shape, dtype):
+        return np.full(shape, 1e6, dtype)
+
+
+@dataclass(frozen=True)
+class Missing(Pcodec):
+    name: str = "future"
+    package: str = "package_of_the_future"
+
+
+@pytest.fixture(scope="module")
+def waving():
+    flag = meshreel.simulate_flag(12, n_rows=8, n_columns=9)
+    at = flag.vertices.astype(float)
+    tracks = {
+        "height": meshreel.Track(at[..., 1].astype(np.float32), unit="m"),
+        "speed": meshreel.Track(np.gradient(at, axis=0).astype(np.float32), kind="velocity"),
+        "flags": meshreel.Track((at[..., 1] > 0).astype(np.uint8)),
+    }
+    return meshreel.MeshSequence(flag.vertices, flag.faces, 25, "flag", tracks=tracks)
+
+
+@pytest.fixture(scope="module")
+def made(waving, tmp_path_factory):
+    out = tmp_path_factory.mktemp("track")
+    study = TrackStudy("height", (Steps(), Worse(), Missing()), quick=True)
+    return evaluate(study, [waving], out, command="meshreel evaluate flag.npz --track height")
+
+
+@pytest.fixture(scope="module")
+def results(made):
+    return made.measured[0][0]
+
+
+def test_ours_is_the_track_of_a_stream_when_it_is_measured(waving, results):
+    (found,) = [
+        one for one in results.measured if one["codec"] == "reel" and one["level"] == "0.1%"
+    ]
+    data = meshreel.encode(with_track_alone(waving, "height"), tracks={"height": "0.1%"})
+    (track,) = meshreel.info(data).tracks
+    assert found["size_bytes"] == track.size_bytes
+    assert found["largest_error"] == meshreel.compare(waving, data).tracks["height"].largest
+    plain = meshreel.encode(with_track_alone(waving, "height"), tracks={"height": "drop"})
+    assert results.positions_bytes == len(plain)
+
+
+def test_errors_are_within_the_limit_and_near_it_when_a_tolerance_is_searched_for(waving, results):
+    span = np.ptp(waving.tracks["height"].values)
+    for one in results.measured:
+        if "refused" in one or one["level"] == "exact":
+            continue
+        limit = float(one["level"].rstrip("%")) / 100 * span
+        assert one["limit"] == pytest.approx(limit)
+        assert one["largest_error"] <= one["limit"]
+        if one["codec"] == "steps":
+            assert one["largest_error"] >= NEAR * 0.9 * limit
+            assert one["tolerance"] > 1.5 * limit
+
+
+def test_refusals_say_why_when_a_codec_keeps_no_bound(results):
+    lines = refusals(results)
+    assert len(lines) == 5
+    assert any("`worse`" in line and "no tolerance was found" in line for line in lines)
+    assert any("`worse`" in line and "exact: it does not give every" in line for line in lines)
+    assert any("`steps`" in line and "no mode that gives every number back" in line
+               for line in lines)  # fmt: skip
+
+
+def test_tables_have_sizes_and_shares_when_there_are_results(results):
+    table = size_table(results)
+    assert table.header == ("codec", "1 %", "0.1 %", "0.01 %", "exact")
+    assert [row[0] for row in table.rows] == ["reel", "steps", "reel by the best of the others"]
+    assert table.rows[1][1:] == ("1,736", "1,736", "1,736", "-")
+    ours = results.size_bytes("reel", "1%")
+    assert share_of_best(results, "1%") == ours / 1736
+    assert share_of_best(results, "exact") is None
+    assert runs_table(results).header[3] == "largest error, m"
+    assert results.bits_per_number(1736) == pytest.approx(8 * 1736 / (12 * 72))
+
+
+def test_report_holds_plot_tables_and_bytes_of_positions_when_it_is_written(made, results):
+    text = made.markdown.read_text(encoding="utf-8")
+    for part in (
+        "meshreel evaluate flag.npz --track height",
+        "`height` is scalar of each vertex, float32 in m: 3,456 bytes as they are. Positions, "
+        f"faces and order take {results.positions_bytes:,} bytes beside it.",
+        "Bytes of the track at equal largest error, flag, height",
+        "`future` was not measured: it needs the package package_of_the_future",
+        "`steps`: steps of twice what is asked for",
+    ):
+        assert part in text
+    ((_, (picture,)),) = made.measured
+    with Image.open(picture.path) as image:
+        assert len(image.convert("RGB").getcolors(maxcolors=1 << 24)) > 50
+    figures = json.loads(json.dumps(made.as_dict()))
+    assert figures["sequences"][0]["track"]["described"] == "scalar of each vertex, float32 in m"
+
+
+def test_stored_runs_are_of_the_values_of_the_track_when_these_change(waving, made):
+    out = made.markdown.parent
+    values = waving.tracks["height"].values * 2
+    other = with_track_alone(waving, "height")
+    other = meshreel.MeshSequence(
+        other.vertices, other.faces, 25, "flag", tracks={"height": meshreel.Track(values, unit="m")}
+    )
+    again = evaluate(TrackStudy("height", (), quick=True), [other], out)
+    (first, _) = made.measured[0]
+    (second, _) = again.measured[0]
+    assert second.track["sha256"] != first.track["sha256"]
+    assert second.measured[0]["limit"] == pytest.approx(2 * first.measured[0]["limit"])
+
+
+def test_levels_are_those_of_the_kind_when_a_track_has_one(waving):
+    unit = np.tile(np.float32([0, 0, 1]), (2, 5, 1))
+    of = {kind: meshreel.Track(unit, kind=kind) for kind in ("normal", "color", "vector")}
+    assert [one.text for one in levels_of(of["normal"], quick=True)] == ["2deg", "0.5deg", "exact"]
+    assert [one.limit for one in levels_of(of["color"], quick=True)] == [0.5 / 63, 0.5 / 255, 0.0]
+    assert [one.text for one in levels_of(of["vector"], quick=True)] == ["exact"]  # no range
+    assert [one.text for one in levels_of(waving.tracks["flags"], quick=False)] == ["exact"]
+    assert level_of("0.5m", waving.tracks["height"]).limit == 0.5
+
+
+def test_level_is_refused_when_the_track_is_dropped(waving):
+    with pytest.raises(InvalidInputError, match="dropped cannot be measured"):
+        level_of("drop", waving.tracks["height"])
+
+
+def test_coarsest_tolerance_is_the_last_grain_when_errors_come_in_powers_of_two():
+    tried = []
+
+    def largest_error(tolerance):
+        tried.append(tolerance)
+        return 0.1 * 2.0 ** np.floor(np.log2(tolerance))
+
+    found = coarsest_tolerance(largest_error, 1.0, 1.0, 2.0)
+    assert 8 <= found < 16
+    assert len(tried) <= 5
+
+
+def test_study_says_which_tracks_there_are_when_it_is_asked_for_another(waving, tmp_path):
+    with pytest.raises(InvalidInputError, match="there is no track 'hight'; did you mean 'height'"):
+        evaluate(TrackStudy("hight", ()), [waving], tmp_path / "r")
