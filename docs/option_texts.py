@@ -80,10 +80,13 @@ def _annotation(given: Any) -> str:
 
 def _described(option: Option) -> str:
     """An option as numpydoc has a parameter."""
-    kind = f"{{{', '.join(map(_literal, option.names))}}}" if option.names else _type_text(option)
-    head = f"{option.name} : {kind}, "
-    head += "optional" if option.default is None else f"default {_literal(option.default)}"
-    lines = [head, *(f"    {line}" for line in _wrapped(_help(option)))]
+    names, text = ", ".join(map(_literal, option.names)), _help(option)
+    default = "optional" if option.default is None else f"default {_literal(option.default)}"
+    head = f"{option.name} : {{{names}}}, {default}"
+    if not names or len(head) > WIDTH - 4:
+        head = f"{option.name} : {_type_text(option)}, {default}"
+        text = f"One of {names}. {text}" if names else text
+    lines = [head, *(f"    {line}" for line in _wrapped(text))]
     return textwrap.indent("\n".join(lines), "    ") + "\n"
 
 
@@ -111,8 +114,10 @@ def _table(options: list[Option]) -> str:
 
 
 def _row(option: Option) -> str:
-    methods = methods_taking(option)
-    shown = "all" if methods == METHOD_NAMES else ", ".join(f"`{name}`" for name in methods)
+    shown = ", ".join(f"`{name}`" for name in methods_taking(option))
+    others = [name for name in METHOD_NAMES if name not in methods_taking(option)]
+    if len(others) < 2:
+        shown = f"all but `{others[0]}`" if others else "all"
     kind = ", ".join(f'`"{name}"`' for name in option.names) or _type_text(option)
     if option.range is not None:
         allowed = str(option.range).removeprefix("a whole number of ")

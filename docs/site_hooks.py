@@ -2,7 +2,7 @@
 
 `mkdocs build --strict` runs them (see mkdocs.yml).
 
-- CHANGELOG.md, CONTRIBUTING.md and the add-on's README are pages of the site, too.
+- CHANGELOG.md, CONTRIBUTING.md and the READMEs of integrations are pages of the site, too.
 - A line ``<!-- options: encode -->`` becomes a table of the options of that command, and
   ``<!-- options of encoding -->`` those of `meshreel.encode` with the methods that take them.
 - A line ``<!-- live player -->`` becomes a flag that plays: the element of the package for pages.
@@ -30,6 +30,7 @@ OUTSIDE = {
     "CHANGELOG.md": "changelog.md",
     "CONTRIBUTING.md": "contributing.md",
     "integrations/blender/README.md": "guides/blender-add-on.md",
+    "integrations/pca-textures/README.md": "guides/pca-texture-shaders.md",
 }
 """Pages of the site that lie elsewhere in the repository, and their place on the site."""
 

@@ -49,7 +49,9 @@ def test_batch_writes_streams_and_says_what_it_did(inputs, out):
     assert "walk.npz" in done.stdout
     expected = meshreel.encode(meshreel.load(inputs / "walk.npz"), quality=60, order="drop")
     assert (out / "walk.reel").read_bytes() == expected
-    assert sorted(path.name for path in out.iterdir()) == ["a.reel", "manifest.json", "walk.reel"]
+    assert sorted(path.name for path in out.iterdir()) == [
+        "a.reel", "manifest.json", "report.html", "walk.reel",
+    ]  # fmt: skip
 
 
 @pytest.mark.slow
@@ -149,7 +151,9 @@ def test_ctrl_c_leaves_whole_files_and_no_process(inputs, out):
     assert set(found.values()) == {"done", "pending"}
     done = {name for name, state in found.items() if state == "done"}
     files = {path.name for path in out.iterdir()}
-    assert files == {"manifest.json"} | {f"{name.split('.')[0]}.reel" for name in done}
+    assert files == {"manifest.json", "report.html"} | {
+        f"{name.split('.')[0]}.reel" for name in done
+    }
     for name in done:
         meshreel.load(out / f"{name.split('.')[0]}.reel")
 

@@ -126,3 +126,11 @@ def test_info_lists_materials_and_images_when_a_stream_has_some(dressed):
     assert figures["budget_bytes"]["image"] > 200
     shown = " ".join(run("info", dressed).stdout.split())
     assert "0: 'shade', image/png" in shown
+
+
+def test_frames_of_a_collection_are_counted_when_one_is_written(tmp_path):
+    meshreel.save(waving_grid(3), tmp_path / "walk.npz")
+    done = run("convert", "walk.npz", "-o", "walk.pvd", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "walk.pvd, frames in walk_frames" in " ".join(done.stdout.split())
+    assert len(list((tmp_path / "walk_frames").iterdir())) == 3

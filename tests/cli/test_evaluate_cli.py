@@ -2,6 +2,7 @@
 
 import json
 import sys
+from dataclasses import replace
 
 import pytest
 
@@ -86,3 +87,39 @@ def test_help_shows_examples_when_asked_for():
     assert done.returncode == 0
     text = " ".join(done.stdout.split())
     assert "meshreel evaluate walk.npz --methods pca-qp --peers draco,sz3" in text
+
+
+@pytest.fixture
+def warm(tmp_path):
+    grid = simulate_flag(5, n_rows=6, n_columns=7)
+    tracks = {"height": meshreel.Track(grid.vertices[..., 1], unit="m")}
+    meshreel.save(replace(grid, tracks=tracks), tmp_path / "warm.npz")
+    return tmp_path / "warm.npz"
+
+
+def test_evaluate_measures_one_track_when_it_is_named(warm, tmp_path):
+    options = ("--track", "height", "--peers", "pco", "--quick")
+    done = run("warm.npz", *options, "--out", "r", "--json", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    (sequence,) = json.loads(done.stdout)["sequences"]
+    assert sequence["track"]["name"] == "height"
+    assert {result["codec"] for result in sequence["measured"]} == {"reel", "pco"}
+    command = "meshreel evaluate warm.npz --out r --track height --peers pco --quick"
+    assert command in (tmp_path / "r" / "report.md").read_text()
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (("--track", "hight"), "there is no track 'hight'; did you mean 'height'?"),
+        (("--track", "height", "--methods", "reel"), "--methods is about positions"),
+        (("--track", "height", "--reference", "rd.csv"), "--reference is about positions"),
+        (("--track", "height", "--peers", "draco"), "peer 'draco' is unknown; choose from sz3"),
+    ],
+)
+def test_evaluate_says_what_is_wrong_when_a_track_cannot_be_measured(
+    warm, tmp_path, options, message
+):
+    done = run(warm, *options, "--out", tmp_path / "r")
+    assert_fails(done, message)
+    assert not (tmp_path / "r").exists()

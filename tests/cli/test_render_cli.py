@@ -5,6 +5,7 @@ import pytest
 from PIL import Image, ImageSequence
 
 import meshreel
+from meshreel.rendering.colormap import DIVERGING, HEAT
 from meshreel.sequence import MeshSequence
 from samples.commands import assert_fails, run, run_json
 from samples.meshes import waving_grid
@@ -141,3 +142,91 @@ def test_render_reads_frame_files_and_their_colours_when_there_are_any(tmp_path)
             picture = np.asarray(image.convert("RGB")).astype(int)
         seen = (picture != 255).any(axis=2)
         assert least <= np.ptp(picture[seen], axis=1).mean() <= most
+
+
+@pytest.fixture(scope="module")
+def warm(flag):
+    """The folder with warm.npz and warm.reel, which carry a height and a velocity."""
+    plain = meshreel.load(flag / "flag.npz")
+    velocity = np.gradient(plain.vertices, axis=0)
+    tracks = {
+        "height": meshreel.Track(plain.vertices[..., 1], unit="m"),
+        "speed": meshreel.Track(velocity, kind="velocity", unit="m/s"),
+    }
+    sequence = MeshSequence(plain.vertices, plain.faces, plain.fps, tracks=tracks)
+    meshreel.save(sequence, flag / "warm.npz")
+    (flag / "warm.reel").write_bytes(meshreel.encode(sequence, tracks={"height": "3%"}))
+    return flag
+
+
+def test_render_colours_the_mesh_by_a_track_when_it_is_named(warm, tmp_path):
+    options = ["--track", "speed", "--component", "y", "--range", "5%:95%", "--frames", 6]
+    made = run_json("render", warm / "warm.reel", "-o", tmp_path / "a.png", *options)
+    run_json("render", warm / "warm.reel", "-o", tmp_path / "plain.png", "--frames", 6)
+    assert made["frames"] == [6]
+    vivid = []
+    for name in ("a.png", "plain.png"):
+        with Image.open(tmp_path / name) as image:
+            vivid.append((np.ptp(np.asarray(image.convert("RGB")).astype(int), axis=2) > 60).mean())
+    assert vivid[0] > 0.2 > vivid[1]
+
+
+@pytest.mark.parametrize(
+    ("colormap", "ends"), [(None, DIVERGING), ("diverging", DIVERGING), ("sequential", HEAT)]
+)
+def test_bar_beside_a_track_has_the_colours_of_its_map(warm, tmp_path, colormap, ends):
+    options = ["--track", "speed", "--component", "y", "--frames", 6]
+    options += ["--colormap", colormap] if colormap else []
+    run_json("render", warm / "warm.reel", "-o", tmp_path / "a.png", *options)
+    with Image.open(tmp_path / "a.png") as image:
+        picture = np.asarray(image.convert("RGB"))
+    for color in ends[[0, -1]]:
+        assert (picture == color).all(axis=2).sum() > 10
+
+
+def test_render_shows_the_error_of_a_track_when_given_the_original(warm, tmp_path):
+    run_json(
+        "render", warm / "warm.reel", "-o", tmp_path / "a.gif", "--frames", "2:4",
+        "--original", warm / "warm.npz", "--track", "height", "--heatmap", "track",
+    )  # fmt: skip
+    with Image.open(tmp_path / "a.gif") as image:
+        assert len(list(ImageSequence.Iterator(image))) == 2
+
+
+def test_render_plots_a_track_at_a_vertex_when_asked(warm, tmp_path):
+    options = ["--track", "speed", "--at", 5, "--original", warm / "warm.npz", "--frames", "2:9"]
+    made = run_json("render", warm / "warm.reel", "-o", tmp_path / "a.png", *options)
+    assert made["plotted_frames"] == 7
+    assert inked(tmp_path / "a.png").any()
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--track", "hight"], "there is no track 'hight'; did you mean 'height'?"),
+        (["--component", "x"], "--component says how a track is shown; name it with --track"),
+        (["--range", "0:1"], "--range says how a track is shown; name it with --track"),
+        (["--colormap", "diverging"], "--colormap says how a track is shown; name it with"),
+        (["--track", "height", "--colormap", "jet"], "is sequential or diverging; got 'jet'"),
+        (
+            ["--track", "height", "--at", 5, "--colormap", "diverging"],
+            "--colormap has no effect on a plot",
+        ),
+        (["--track", "height", "--range", "1:0"], "a range is LOW:HIGH, low first"),
+        (
+            ["--track", "speed", "--component", "w"],
+            "--component is 0 to 2, x, y, z, magnitude",
+        ),
+        (["--at", 5], "--at says how a track is shown; name it with --track"),
+        (["--track", "height", "--at", 320], "has values of vertex 0 to 319; got 320"),
+        (["--track", "height", "--at", 5, "--size", "9x9"], "--size has no effect on a plot"),
+        (["--track", "height", "--at", 5, "--view", "top"], "--view has no effect on a plot"),
+        (["--track", "height", "--at", 5, "-o", "a.gif"], "--at draws a plot over time; write"),
+        (["--track", "height", "--heatmap", "track"], "name that with --original"),
+        (["--original", "warm.npz", "--heatmap", "track"], "shows the error of a track; name it"),
+    ],
+)
+def test_render_says_what_is_wrong_when_a_track_cannot_be_shown(warm, tmp_path, options, message):
+    done = run("render", warm / "warm.reel", "-o", tmp_path / "a.png", *options, cwd=warm)
+    assert_fails(done, message)
+    assert not (tmp_path / "a.png").exists()

@@ -296,3 +296,34 @@ def test_view_plays_what_is_whole_when_the_file_is_cut_off(page, tmp_path):
     assert (told["is_whole"], told["name"]) == (False, "cut")
     assert 0 < len(told["n_modes"]) < 3
     assert "cut off" in dict(told["rows"])["end"]
+
+
+@pytest.fixture
+def tracked(tmp_path):
+    """A stream with a track of vertices."""
+    grid = waving_grid()
+    tracks = {"height": meshreel.Track(grid.vertices[:, :, 2].astype(np.float32), unit="m")}
+    path = tmp_path / "tracked.reel"
+    path.write_bytes(meshreel.encode(replace(grid, tracks=tracks)))
+    return path
+
+
+def test_view_and_export_tell_the_page_the_track_that_is_named(page, tracked, tmp_path):
+    options = ["--track", "height", "--range", "0:2", "--component", "0", "--colormap", "diverging"]
+    wanted = {"track": "height", "component": "0", "range": "0:2", "colormap": "diverging"}
+    with viewing(page, tracked, *options) as (_, port):
+        assert get_json(port, "/api/facts")["colored_by"] == wanted
+    output = tmp_path / "page.html"
+    assert run_with(page, "export", tracked, "-o", output, *options).returncode == 0
+    assert carried(output.read_text("utf-8"))["facts"]["colored_by"] == wanted
+
+
+@pytest.mark.parametrize("command", ["view", "export"])
+def test_track_that_is_not_there_is_refused_with_those_that_are(page, tracked, tmp_path, command):
+    more = ["-o", tmp_path / "page.html"] if command == "export" else []
+    done = run_with(page, command, tracked, *more, "--track", "hight")
+    assert_fails(done, "tracked.reel: the file has no track 'hight'; there are height")
+    done = run_with(page, command, tracked, *more, "--range", "0:1")
+    assert_fails(done, "--range says how a track is shown; name it with --track")
+    done = run_with(page, command, tracked, *more, "--track", "height", "--range", "1:0")
+    assert_fails(done, "tracked.reel: a range is LOW:HIGH")

@@ -13,7 +13,7 @@ from meshreel.formats.registry import FRAME_FORMATS
 from samples.pages import PAGES, README, ROOT, name_of, parts_of, prose, snippets
 
 COMMANDS = typer.main.get_group(app).commands
-LANGUAGES = {"bash", "html", "js", "python", "text"}
+LANGUAGES = {"bash", "c", "html", "js", "python", "text"}
 every_page = pytest.mark.parametrize("page", PAGES, ids=name_of)
 
 

@@ -75,7 +75,7 @@ def demo(tmp_path_factory):
 def test_a_snippet_says_what_it_needs_when_it_is_not_run():
     of_others = [snippet for page in PAGES for snippet in snippets(page) if snippet.needs]
     assert of_others
-    known = r"Blender|Houdini|Maya|ParaView|three\.js|npm|Dask|checkout"
+    known = r"Blender|Houdini|Maya|ParaView|three\.js|npm|Dask|bucket|checkout"
     for snippet in of_others:
         assert re.search(known, snippet.needs), snippet.text
     elsewhere = {"js"} & {s.language for p in PAGES for s in snippets(p) if not s.needs}

@@ -35,18 +35,20 @@ WORKERS = "Where it runs (give one)"
 @with_encode_options()
 def batch_command(
     input_dir: Annotated[
-        Path,
+        str,
         typer.Argument(
             metavar="INPUT_DIR",
             help=f"Every file under it that holds an animation ({WHOLE}) is a sequence, and every "
-            f"folder that holds frames ({FRAMES}).",
+            f"folder that holds frames ({FRAMES}). Or a remote folder (s3://, gs://), whose inputs "
+            "each worker downloads.",
         ),
     ],
     out_dir: Annotated[
-        Path,
+        str,
         typer.Argument(
             metavar="OUT_DIR",
-            help="Gets a .reel for each, in the same sub-folders; made if missing.",
+            help="Gets a .reel for each, in the same sub-folders; made if missing. Or a remote "
+            "folder.",
         ),
     ],
     workers: Annotated[
@@ -61,7 +63,8 @@ def batch_command(
         str | None,
         typer.Option(
             metavar="ADDRESS",
-            help="A Dask scheduler, whose workers see INPUT_DIR at the same path (needs [dask]).",
+            help="A Dask scheduler, whose workers see INPUT_DIR at the same path or address (needs "
+            "[dask]).",
             rich_help_panel=WORKERS,
         ),
     ] = None,
@@ -97,6 +100,8 @@ def batch_command(
     - `meshreel batch captures/ streams/ --max-error 0.1 --workers 4`
 
     - `meshreel batch captures/ streams/ --scheduler tcp://10.0.0.5:8786`
+
+    - `meshreel batch s3://captures s3://streams`
     """
     from meshreel.batch.encode_input import EncodeOptions
     from meshreel.batch.plan import plan_batch
@@ -108,13 +113,13 @@ def batch_command(
     listed_names(attributes)  # refused now, before any work
     tracks = track_targets(track)
     options = EncodeOptions(config, fps, merge, attributes, skip_bad, allow_outside, tracks)
-    plan = plan_batch(input_dir, out_dir, options, force=force)
+    plan = plan_batch(_folder(input_dir), _folder(out_dir), options, force=force)
     report = _run(plan, workers, scheduler)
     print_notes([f"{name}: {note}" for name, one in report.encoded.items() for note in one.notes])
     for name, record in report.failed.items():
         typer.echo(f"meshreel: {name}: {in_option_names(record.error or '')}", err=True)
     if as_json:
-        print_json({"manifest": str(plan.manifest.path), **report.as_dict()})
+        print_json({"manifest": plan.manifest.name, **report.as_dict()})
     else:
         _print_report(report, out_dir)
     if report.failed:
@@ -141,18 +146,25 @@ def _run(plan: "Plan", workers: int | None, scheduler: str | None) -> "BatchRepo
         raise
 
 
-def _print_report(report: "BatchReport", out_dir: Path) -> None:
+def _folder(given: str) -> Path | str:
+    """A path, or an address as it is."""
+    from meshreel.stores.address import is_remote
+
+    return given.rstrip("/") if is_remote(given) else Path(given)
+
+
+def _print_report(report: "BatchReport", out_dir: str) -> None:
     from meshreel.cli.console import print_columns
 
     if report.encoded:
         headings = ("encoded", "raw", "file", "smaller", "KG error %", "largest error %", "s")
         rows = [_row(name, record) for name, record in report.encoded.items()]
-        print_columns(str(out_dir), headings, rows)
+        print_columns(out_dir, headings, rows)
     typer.echo(report.summary)
 
 
 def _row(name: str, record: "Record") -> tuple[str, ...]:
-    from meshreel.cli.console import size_text
+    from meshreel.documents.cells import size_text
 
     return (
         name,

@@ -19,16 +19,29 @@ COMMANDS = (
     "export",
     "render",
     "demo",
+    "core",
     "paper",
     "evaluate",
 )
 """In the order of help; `encode` is the function `encode_command` of `meshreel.cli.encode`."""
+
+TAKE_ADDRESSES = frozenset({"encode", "batch", "decode", "convert", "info", "compare"})
+"""Commands whose files may be remote."""
 
 MARKUP: Final = "markdown"
 
 
 class Command(TyperCommand):
     """A command whose help shows no type beside its flags."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Take its words; addresses only where they have an effect."""
+        from meshreel.stores.address import refuse_address
+
+        if self.name not in TAKE_ADDRESSES:
+            for given in args:
+                refuse_address(given, f"what `meshreel {self.name}` reads and writes")
+        return list(super().parse_args(ctx, args))
 
     def get_params(self, ctx: Any) -> list[Any]:
         """Its arguments and options."""

@@ -30,9 +30,23 @@ def reel_files(incomplete: str) -> list[str]:
 
 def output_files(incomplete: str) -> list[str]:
     """The incomplete name with every ending that can be written: "walk." gives "walk.abc"."""
-    from meshreel.formats.registry import FORMATS, is_written
+    from meshreel.formats.registry import written_endings
 
-    return with_endings(incomplete, [one.ending for one in FORMATS.values() if is_written(one)])
+    return with_endings(incomplete, written_endings())
+
+
+def layout_names(incomplete: str) -> list[str]:
+    """Layouts of vertex animation textures that begin so."""
+    from meshreel.formats.vat.layouts import LAYOUT_NAMES
+
+    return names_of(LAYOUT_NAMES)(incomplete)
+
+
+def texture_kinds(incomplete: str) -> list[str]:
+    """Kinds of textures that begin so."""
+    from meshreel.formats.vat.folder import TEXEL_TYPES
+
+    return names_of(TEXEL_TYPES)(incomplete)
 
 
 def pages(incomplete: str) -> list[str]:

@@ -171,12 +171,3 @@ def print_notes(notes: list[str]) -> None:
     console = Console(stderr=True, highlight=False)
     for note in all_in_option_names(notes):
         console.print(f"note: {note}", markup=False, soft_wrap=not console.is_terminal)
-
-
-def size_text(size_bytes: float) -> str:
-    """A size in a readable unit: 1234567 gives '1.23 MB'."""
-    for unit in ("B", "kB", "MB"):
-        if size_bytes < 999.5:
-            return f"{size_bytes:.3g} {unit}"
-        size_bytes /= 1000
-    return f"{size_bytes:.3g} GB"

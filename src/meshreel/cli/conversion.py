@@ -1,5 +1,6 @@
 """Sequences written into other formats, or coded, and what is said of it."""
 
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -11,6 +12,7 @@ from meshreel.runtime.progress import Progress
 
 if TYPE_CHECKING:
     from meshreel.cli.encoded_file import EncodedFile
+    from meshreel.formats.remote import Output
     from meshreel.sequence import FrameSource
 
 
@@ -20,6 +22,8 @@ class Conversion:
 
     Parameters
     ----------
+    target : Output
+        What the outputs are called.
     inputs : sequence of Path
         Never replaced.
     options : WriteOptions
@@ -33,6 +37,7 @@ class Conversion:
         How exact tracks of streams are to come back.
     """
 
+    target: "Output"
     inputs: Sequence[Path]
     options: WriteOptions
     config: EncoderConfig
@@ -44,12 +49,14 @@ class Conversion:
     figures: list[dict[str, Any]] = field(default_factory=list)
     _streams: list["EncodedFile"] = field(default_factory=list)
 
-    def check(self, output: str | Path, wanted: range | None, *, first: int = 0) -> None:
+    def check(
+        self, output: "str | os.PathLike[str]", wanted: range | None, *, first: int = 0
+    ) -> None:
         """Refuse a output that cannot or must not be written, before the work.
 
         Parameters
         ----------
-        output : str or Path
+        output : str or path
         wanted : range or None
             The frames, where they are known.
         first : int
@@ -69,7 +76,7 @@ class Conversion:
     def write(
         self,
         sequence: "FrameSource",
-        output: str | Path,
+        output: "str | os.PathLike[str]",
         chosen: slice | None = None,
         *,
         first: int = 0,
@@ -84,9 +91,10 @@ class Conversion:
             made = encode_file(
                 frames_of(sequence, wanted), Path(output), self.config, self.notes,
                 tracks=self.tracks, force=self.force, progress=self.progress,
+                name=self.target.name(output),
             )  # fmt: skip
             self._streams.append(made)
-            figures = written_figures([made.output], sequence, len(wanted))
+            figures = written_figures([Path(output)], sequence, len(wanted), self.target)
             self.figures.append({**figures, **made.figures()})
             return
         written = save_part(
@@ -94,9 +102,9 @@ class Conversion:
             overwrite=self.force, start_number=self._number(output, wanted, first),
             inputs=self.inputs, options=self.options, progress=self.progress, notes=self.notes,
         )  # fmt: skip
-        self.figures.append(written_figures(written, sequence, len(wanted)))
+        self.figures.append(written_figures(written, sequence, len(wanted), self.target))
 
-    def _number(self, output: str | Path, wanted: range, first: int) -> int | None:
+    def _number(self, output: "str | os.PathLike[str]", wanted: range, first: int) -> int | None:
         """Number of the first file of a output; None if it has no numbers."""
         from meshreel.formats.outputs import numbering
 

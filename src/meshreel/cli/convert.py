@@ -22,11 +22,13 @@ from meshreel.cli.track_options import TrackOption, track_targets
 from meshreel.cli.write_options import (
     ForceOption,
     FramesOption,
+    LayoutOption,
     NormalsOption,
     OutputErrorOption,
     OutputOption,
     StartNumberOption,
     TargetsOption,
+    TexturesOption,
 )
 from meshreel.codec.config import EncoderConfig
 from meshreel.surface_selection import ALL
@@ -44,7 +46,7 @@ def convert_command(
             metavar="INPUT",
             autocompletion=input_files,
             help="A file that holds an animation, a folder or a quoted glob of frames, or the "
-            "frame files.",
+            "frame files. Or addresses (s3://, gs://, https://), which are downloaded.",
         ),
     ],
     output: OutputOption,
@@ -62,6 +64,8 @@ def convert_command(
     split: SplitOption = False,
     targets: TargetsOption = None,
     normals: NormalsOption = None,
+    layout: LayoutOption = None,
+    textures: TexturesOption = None,
     *,
     encoding: Encoding,
     force: ForceOption = False,
@@ -82,12 +86,17 @@ def convert_command(
 
     - `meshreel convert walk.npz -o walk.glb --max-error 0.05`
 
+    - `meshreel convert walk.npz -o walk.vat/ --layout labs --max-error 0.05`
+
     - `meshreel convert walk.abc -o part.reel --frames 100:200 --max-error 0.1`
 
     - `meshreel convert walk.abc -o out/frame_%04d.obj --start-number 1001`
     """
+    from contextlib import ExitStack
+
     from meshreel.cli.console import print_json, print_notes, progress_bar
     from meshreel.cli.conversion import Conversion
+    from meshreel.cli.given_files import given_source
     from meshreel.cli.write_options import (
         checked_bound,
         frame_slice,
@@ -98,7 +107,8 @@ def convert_command(
     from meshreel.formats.load import loading_for, open_for_encoding
     from meshreel.formats.options import ReadOptions, WriteOptions
     from meshreel.formats.reel.reading import origin_of_file
-    from meshreel.formats.sources import files_of_source, natural_order
+    from meshreel.formats.remote import at_hand, uploaded
+    from meshreel.formats.sources import files_of_source
     from meshreel.formats.stretches import find_stretches
 
     own = {name: value for name, value in encoding.items() if name not in OF_ALL_OUTPUTS}
@@ -109,42 +119,46 @@ def convert_command(
     if not is_stream(output):
         refuse_stream_options(context, {*own, "track"}, output)
     config = EncoderConfig(**(encoding if is_stream(output) else own))
-    ordered = natural_order(Path(path) for path in inputs)
-    source = inputs[0] if len(inputs) == 1 else ordered
-    files = files_of_source(source, topology)
-    with progress_bar() as progress:
+    notes: list[str] = []
+    with ExitStack() as stack:
+        target = stack.enter_context(uploaded(output, overwrite=force))
+        source = stack.enter_context(at_hand(given_source(inputs), notes))
+        files = files_of_source(source, topology)
+        progress = stack.enter_context(progress_bar())
         reading = ReadOptions(
             fps, object, merge, topology, dataset, progress=progress,
-            attributes=attributes, skip_bad=skip_bad, allow_outside=allow_outside,
+            attributes=attributes, skip_bad=skip_bad, allow_outside=allow_outside, notes=notes,
         )  # fmt: skip
-        origin = origin_of_file(inputs[0]) if len(inputs) == 1 else None
+        origin = origin_of_file(files[0]) if len(inputs) == 1 else None
         conversion = Conversion(
+            target,
             files,
-            WriteOptions(targets, bound, normals, origin),
+            WriteOptions(targets, bound, normals, layout=layout, textures=textures, origin=origin),
             config,
             start_number,
             force,
             progress,
-            reading.notes,
+            notes,
             track_targets(track),
         )
         # What is known of the output is checked before the input is read, which may take long.
-        conversion.check(output, None if split else known_frames(files, chosen))
+        conversion.check(target.local, None if split else known_frames(files, chosen))
         if split:
             stretches = find_stretches(source, loading_for(config.memory_bytes, reading))
             cut = len(stretches) > 1
-            pieces = [(one, one.path(Path(output)) if cut else Path(output)) for one in stretches]
+            whole = Path(target.local)
+            pieces = [(one, one.path(whole) if cut else whole) for one in stretches]
             for one, path in pieces:
                 conversion.check(path, range(one.stop - one.start), first=one.start)
             for one, path in pieces:
                 conversion.write(one.open(), path, first=one.start)
         else:
             conversion.write(
-                open_for_encoding(source, config.memory_bytes, reading), output, chosen
+                open_for_encoding(source, config.memory_bytes, reading), target.local, chosen
             )
-    print_notes(reading.notes)
+    print_notes(notes)
     if as_json:
         done = conversion.figures
-        print_json({**({"stretches": done} if split else done[0]), "notes": reading.notes})
+        print_json({**({"stretches": done} if split else done[0]), "notes": notes})
         return
     conversion.show()

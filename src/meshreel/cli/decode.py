@@ -11,19 +11,24 @@ from meshreel.cli.write_options import (
     ForceOption,
     FramesOption,
     GltfErrorOption,
+    LayoutOption,
     NormalsOption,
     OutputOption,
     StartNumberOption,
     TargetsOption,
+    TexturesOption,
 )
 from meshreel.codec.targets import UNIT
 
 
 def decode_command(
     source: Annotated[
-        Path,
+        str,
         typer.Argument(
-            metavar="FILE.reel", autocompletion=reel_files, help="The stream to decode."
+            metavar="FILE.reel",
+            autocompletion=reel_files,
+            help="The stream to decode, or its address (s3://, gs://, https://): with --frames "
+            "only the blocks that hold them are fetched.",
         ),
     ],
     output: OutputOption,
@@ -40,6 +45,8 @@ def decode_command(
     max_error: GltfErrorOption = None,
     unit: Annotated[str | None, option_info(UNIT)] = None,
     normals: NormalsOption = None,
+    layout: LayoutOption = None,
+    textures: TexturesOption = None,
     force: ForceOption = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print what was done as JSON.")] = False,
     profile: Annotated[bool, typer.Option("--profile", help="Print seconds by stage.")] = False,
@@ -54,10 +61,13 @@ def decode_command(
 
     - `meshreel decode walk.reel -o walk.glb --max-error 0.05`
 
+    - `meshreel decode walk.reel -o walk.vat/`
+
     - `meshreel decode walk.reel -o out/frame_%04d.obj --frames 10:20`
 
     - `meshreel decode walk.reel -o preview.npz --modes 8`
     """
+    from contextlib import nullcontext
     from dataclasses import replace
 
     from meshreel.cli.console import print_json, print_notes, progress_bar
@@ -74,44 +84,52 @@ def decode_command(
     from meshreel.formats.options import WriteOptions, origin_of
     from meshreel.formats.outputs import check_output, numbering
     from meshreel.formats.reel.reading import open
+    from meshreel.formats.remote import file_at_hand, uploaded
     from meshreel.formats.save import save_frames
     from meshreel.frame_choice import start_of
     from meshreel.runtime.profiling import profiled
+    from meshreel.stores.address import is_remote
     from meshreel.tracks import TrackPart
 
     chosen = frame_slice(frames)
     bound = checked_bound(max_error, unit)
     refuse_stream(output)
-    options = WriteOptions(targets, bound, normals)
-    check_output(
-        output, overwrite=force, start_number=start_number, inputs=[source], options=options
-    )
+    options = WriteOptions(targets, bound, normals, layout=layout, textures=textures)
     notes: list[str] = []
     with (
-        progress_bar() as progress,
-        profiled() as times,
-        open(source, n_modes=modes) as reel,
-        errors_naming(source),
+        uploaded(output, overwrite=force) as target,
+        file_at_hand(source, notes) if chosen is None else nullcontext(source) as stream,
     ):
-        wanted = chosen_frames(chosen, reel.n_frames, notes)
-        written = save_frames(
-            (run for _, run in reel.pieces(wanted)),
-            reel.faces,
-            output,
-            n_frames=len(wanted),
-            fps=reel.fps,
-            name=reel.name,
-            start_s=start_of(wanted, reel.start_s, reel.fps),
-            surface=reel.surface,
-            tracks={name: TrackPart(track, wanted) for name, track in reel.tracks.items()},
-            overwrite=force,
-            start_number=numbering(output, wanted, start_number),
-            inputs=[source],
-            options=replace(options, origin=origin_of(reel)),
-            progress=progress,
-            notes=notes,
-        )
-        figures = written_figures(written, reel, len(wanted))
+        inputs = [] if is_remote(source) else [Path(source)]
+        check_output(
+            target.local,
+            overwrite=force, start_number=start_number, inputs=inputs, options=options,
+        )  # fmt: skip
+        with (
+            progress_bar() as progress,
+            profiled() as times,
+            open(stream, n_modes=modes) as reel,
+            errors_naming(source),
+        ):
+            wanted = chosen_frames(chosen, reel.n_frames, notes)
+            written = save_frames(
+                (run for _, run in reel.pieces(wanted)),
+                reel.faces,
+                target.local,
+                n_frames=len(wanted),
+                fps=reel.fps,
+                name=reel.name,
+                start_s=start_of(wanted, reel.start_s, reel.fps),
+                surface=reel.surface,
+                tracks={name: TrackPart(track, wanted) for name, track in reel.tracks.items()},
+                overwrite=force,
+                start_number=numbering(target.local, wanted, start_number),
+                inputs=inputs,
+                options=replace(options, origin=origin_of(reel)),
+                progress=progress,
+                notes=notes,
+            )
+            figures = written_figures(written, reel, len(wanted), target)
     if not reel.is_whole:
         notes.append(f"{source} is cut off: these are the frames of its complete blocks")
     print_notes(notes)

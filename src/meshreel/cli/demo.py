@@ -61,7 +61,7 @@ def demo_command(
             f"KG error {quality.kg_error_percent:.2f} %"
         )
         scene = Scene(decoded, sequence, "distance")
-        of_all = scene.heat_range(range(frames), progress)
+        of_all = scene.scales(range(frames), progress).heat
         assert of_all is not None  # the scene has a heat map
         poses = sorted({*telling_frames(range(frames), POSES - 1), of_all.frame})
         image = still(scene, poses, View(), caption=caption, progress=progress)

@@ -38,16 +38,18 @@ def encode_command(
             autocompletion=input_files,
             help="A file that holds an animation (.abc, .usd, .glb, .npz, ...: see `meshreel "
             "formats`), a folder or a quoted glob of frames, or the frame files (.obj, .ply, "
-            ".off, .stl); put in natural order.",
+            ".off, .stl); put in natural order. Or addresses (s3://, gs://, https://), which are "
+            "downloaded.",
         ),
     ],
     output: Annotated[
-        Path | None,
+        str | None,
         typer.Option(
             "--output",
             "-o",
             autocompletion=streams,
-            help="The .reel to write. Default: the input's name, in this folder.",
+            help="The .reel to write, or its address (s3://...). Default: the input's name, in "
+            "this folder.",
         ),
     ] = None,
     *,
@@ -84,6 +86,8 @@ def encode_command(
 
     - `meshreel encode shot.usdc --merge -o shot.reel`
 
+    - `meshreel encode walk.npz --lossless`
+
     - `meshreel encode walk.npz --size 100kB --order drop --effort 9`
 
     - `meshreel encode character.glb --uv-bits 12`
@@ -96,26 +100,32 @@ def encode_command(
 
     - `meshreel encode walk.npz --method pca-qp --modes 30 --bits 10`
     """
+    from contextlib import ExitStack
     from functools import partial
 
     from meshreel.cli.console import print_json, print_notes, progress_bar
     from meshreel.cli.encoded_file import encode_file
+    from meshreel.cli.given_files import given_source, output_stem
     from meshreel.cli.profile import print_profile, profile_figures
     from meshreel.formats.load import loading_for, open_for_encoding
     from meshreel.formats.options import ReadOptions
-    from meshreel.formats.sources import files_of_source, natural_order
+    from meshreel.formats.remote import at_hand, uploaded
+    from meshreel.formats.sources import files_of_source
     from meshreel.formats.stretches import find_stretches
     from meshreel.runtime.outputs.checks import check_ending, check_output_path
     from meshreel.runtime.profiling import profiled
 
-    stream_path = output or Path(f"{_stem(inputs[0])}.reel")
-    check_ending(stream_path, (".reel",), OTHER_OUTPUTS)
+    given_output = output or f"{output_stem(inputs[0])}.reel"
+    check_ending(Path(given_output), (".reel",), OTHER_OUTPUTS)
     config, targets = EncoderConfig(**encoding), track_targets(track)
-    frames = natural_order(Path(path) for path in inputs)
-    source = inputs[0] if len(inputs) == 1 else frames
-    files = files_of_source(source, topology)
-    check_output_path(stream_path, overwrite=force, inputs=files)
-    with progress_bar() as progress, profiled() as times:
+    notes: list[str] = []
+    with ExitStack() as stack:
+        target = stack.enter_context(uploaded(given_output, overwrite=force))
+        stream_path = Path(target.local)
+        source = stack.enter_context(at_hand(given_source(inputs), notes))
+        files = files_of_source(source, topology)
+        check_output_path(stream_path, overwrite=force, inputs=files)
+        progress, times = stack.enter_context(progress_bar()), stack.enter_context(profiled())
         reading = ReadOptions(
             fps,
             object,
@@ -126,6 +136,7 @@ def encode_command(
             attributes=attributes,
             skip_bad=skip_bad,
             allow_outside=allow_outside,
+            notes=notes,
         )
         if split:
             stretches = find_stretches(source, loading_for(config.memory_bytes, reading))
@@ -148,25 +159,18 @@ def encode_command(
                 tracks=targets,
                 force=force,
                 progress=progress,
+                name=target.name(path),
             )
             for opened, path in pieces
         ]
-    print_notes(reading.notes)
+    print_notes(notes)
     if as_json:
         outputs = [result.figures() for result in results]
         figures = {"stretches": outputs} if split else outputs[0]
         timing = {"profile": profile_figures(times)} if profile else {}
-        print_json({**figures, "notes": reading.notes, **timing})
+        print_json({**figures, "notes": notes, **timing})
         return
     for result in results:
         result.show()
     if profile:
         print_profile(times)
-
-
-def _stem(source: str) -> str:
-    """The name of an output for this input: of a file its stem, of a glob its folder's."""
-    path = Path(source).resolve()
-    if any(mark in path.name for mark in "*?["):
-        return path.parent.name
-    return path.name if path.is_dir() else path.stem

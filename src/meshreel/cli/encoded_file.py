@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 class EncodedFile:
     """A stream that was written, and what it is worth."""
 
-    output: Path
+    output: str
     stream: "StreamInfo"
     achieved: "Achieved"
     uv: "UvErrors | None" = None
@@ -30,7 +30,7 @@ class EncodedFile:
 
         tracks = {name: errors.as_dict() for name, errors in self.achieved.tracks.items()}
         achieved = {**vars(self.achieved), "tracks": tracks}
-        figures = {"output": str(self.output), **size_figures(self.stream), **achieved}
+        figures = {"output": self.output, **size_figures(self.stream), **achieved}
         return figures | uv_figures(self.uv)
 
     def show(self) -> None:
@@ -40,7 +40,7 @@ class EncodedFile:
 
         rows = {**size_rows(self.stream), **achieved_rows(self.achieved, self.stream)}
         rows |= uv_rows(self.uv)
-        print_table(str(self.output), rows)
+        print_table(self.output, rows)
 
 
 def frames_of(sequence: "FrameSource", wanted: range) -> "FrameSource":
@@ -71,8 +71,9 @@ def encode_file(
     tracks: "TrackTargets | None" = None,
     force: bool,
     progress: "Progress",
+    name: str,
 ) -> EncodedFile:
-    """Encode a sequence, write it and measure it."""
+    """Encode a sequence, write it and measure it; the file is called by the name given."""
     from meshreel.codec.achieved import measure_stream
     from meshreel.codec.choices import Order
     from meshreel.codec.encoder import encode_with
@@ -93,4 +94,4 @@ def encode_file(
     if lost := order_loss_note(sequence.surface, Order[stream.order.upper()]):
         notes.append(lost)
     uv = None if config.uv_bits is None else measure_uvs(sequence, data)
-    return EncodedFile(output, stream, achieved, uv)
+    return EncodedFile(name, stream, achieved, uv)

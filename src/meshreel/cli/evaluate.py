@@ -8,6 +8,7 @@ import typer
 from meshreel.cli.completing import input_files
 from meshreel.evaluation.codecs.peers.registry import NONE, PEER_NAMES
 from meshreel.evaluation.codecs.settings import CODED_METHODS, DEFAULT_METHODS
+from meshreel.evaluation.tracks.peers import TRACK_PEER_NAMES
 
 
 def evaluate_command(
@@ -23,14 +24,30 @@ def evaluate_command(
     out: Annotated[
         Path, typer.Option(help="Folder for results, plots and report; made if missing.")
     ] = Path("evaluation"),
+    track: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME",
+            help="A track of the sequences, measured alone beside compressors of arrays, at equal "
+            "largest error. Default: the positions.",
+        ),
+    ] = None,
     methods: Annotated[
-        str,
-        typer.Option(metavar="A,B,...", help=f"Our methods, of {', '.join(CODED_METHODS)}."),
-    ] = ",".join(DEFAULT_METHODS),
+        str | None,
+        typer.Option(
+            metavar="A,B,...",
+            help=f"Our methods, of {', '.join(CODED_METHODS)}. Default: "
+            f"{','.join(DEFAULT_METHODS)}.",
+        ),
+    ] = None,
     peers: Annotated[
-        str,
-        typer.Option(metavar="A,B,...", help=f"Other codecs; '{NONE}' for none of them."),
-    ] = ",".join(PEER_NAMES),
+        str | None,
+        typer.Option(
+            metavar="A,B,...",
+            help=f"Other codecs; '{NONE}' for none of them. Default: {','.join(PEER_NAMES)}; of a "
+            f"track {','.join(TRACK_PEER_NAMES)}.",
+        ),
+    ] = None,
     reference: Annotated[
         Path | None,
         typer.Option(
@@ -45,6 +62,8 @@ def evaluate_command(
 ) -> None:
     """Rate, distortion and seconds of our methods beside other codecs, on your data.
 
+    With --track, of one track instead of the positions.
+
     Writes report.md, report.html, figures/ and results/ (each run as JSON). Runs that the folder
     has already are not done again. Codecs come with the extras [peers] and [meshopt]; those that
     are missing are named in the report. Drawing needs the extra [plot].
@@ -58,25 +77,41 @@ def evaluate_command(
     - `meshreel evaluate walk.npz --methods pca-qp --peers draco,sz3`
 
     - `meshreel evaluate walk.npz --peers none --json`
+
+    - `meshreel evaluate crash.vtkhdf --track stress --quick`
     """
     from meshreel.cli.reports import check_before_work, named, within, write_report
     from meshreel.evaluation.choices import checked_names
     from meshreel.evaluation.codecs.peers.registry import peers_named
     from meshreel.evaluation.codecs.recorded import read_recorded
     from meshreel.evaluation.codecs.study import CodecStudy
+    from meshreel.evaluation.tracks.peers import TRACK_PEERS, track_peers_named
+    from meshreel.evaluation.tracks.study import TrackStudy
 
-    chosen = checked_names(named(methods), CODED_METHODS, "method")
-    others = peers_named(named(peers))
-    check_before_work(inputs, out, [reference] if reference else [])
-    recorded = read_recorded(reference) if reference else []
-    options: dict[str, str | None] = {}
-    if methods != ",".join(DEFAULT_METHODS):
-        options["--methods"] = methods
-    if peers != ",".join(PEER_NAMES):
-        options["--peers"] = peers
-    if reference:
-        options["--reference"] = within(str(reference))
+    if track is not None and (methods is not None or reference is not None):
+        given = "--methods" if methods is not None else "--reference"
+        raise typer.BadParameter(
+            f"{given} is about positions; it has no effect with --track, leave it out"
+        )
+    chosen: tuple[str, ...] = DEFAULT_METHODS
+    if methods is not None:
+        chosen = checked_names(named(methods), CODED_METHODS, "method")
+    options: dict[str, str | None] = {
+        "--track": track,
+        "--methods": methods,
+        "--peers": peers,
+        "--reference": within(str(reference)) if reference else None,
+    }
+    options = {name: value for name, value in options.items() if value is not None}
     if quick:
         options["--quick"] = None
-    study = CodecStudy(chosen, others, recorded, quick)
-    write_report(study, inputs, out, options, as_json=as_json)
+    if track is not None:
+        arrays = track_peers_named(named(peers)) if peers is not None else TRACK_PEERS
+        check_before_work(inputs, out)
+        study = TrackStudy(track, arrays, quick)
+        write_report(study, inputs, out, options, track=track, as_json=as_json)
+        return
+    others = peers_named(named(peers)) if peers is not None else peers_named()
+    check_before_work(inputs, out, [reference] if reference else [])
+    recorded = read_recorded(reference) if reference else []
+    write_report(CodecStudy(chosen, others, recorded, quick), inputs, out, options, as_json=as_json)

@@ -6,8 +6,9 @@ from typing import Annotated
 import typer
 
 from meshreel.cli.completing import pages
-from meshreel.cli.player import OriginalOption, SourceArgument
+from meshreel.cli.player import OriginalOption, ShownTrackOption, SourceArgument
 from meshreel.cli.read_options import AllowOutsideOption, MergeOption, ObjectOption, SkipBadOption
+from meshreel.cli.track_options import ColormapOption, ComponentOption, RangeOption
 
 ENDINGS = (".html", ".htm")
 OTHER_OUTPUTS = "`meshreel decode` writes other formats, `meshreel render` pictures and films"
@@ -22,6 +23,10 @@ def export_command(
         ),
     ],
     original: OriginalOption = None,
+    track: ShownTrackOption = None,
+    component: ComponentOption = None,
+    range: RangeOption = None,
+    colormap: ColormapOption = None,
     object: ObjectOption = None,
     merge: MergeOption = False,
     skip_bad: SkipBadOption = False,
@@ -46,8 +51,8 @@ def export_command(
 ) -> None:
     """Write a .reel file and its player as one HTML file, to mail or to put on any web server.
 
-    The page holds the stream as it is. With --original it holds the frames of the original too,
-    encoded anew: they are off by a twentieth of what the heat map spans at most. With --split
+    The page holds the stream as it is. With --original it holds frames and tracks of the original
+    too, encoded anew: they are off by a twentieth of what the heat map spans at most. With --split
     the page has its parts beside it, which a server has to send: browsers fetch no files that lie
     on a disk.
 
@@ -57,12 +62,15 @@ def export_command(
 
     - `meshreel export walk.reel -o errors.html --original walk.npz`
 
+    - `meshreel export crash.reel -o crash.html --track stress --range 2%:98%`
+
     - `meshreel export walk.reel -o site/index.html --split`
 
     - `meshreel export person.reel -o person.html --texture person.mp4`
     """
-    from meshreel.cli.console import print_json, print_notes, print_table, progress_bar, size_text
-    from meshreel.cli.player import opened_player
+    from meshreel.cli.console import print_json, print_notes, print_table, progress_bar
+    from meshreel.cli.player import coloring_of, opened_player
+    from meshreel.documents.cells import size_text
     from meshreel.formats.file_errors import errors_naming
     from meshreel.formats.options import ReadOptions
     from meshreel.formats.sources import files_of_source
@@ -71,6 +79,7 @@ def export_command(
     from meshreel.viewer.page import built_page
     from meshreel.viewer.textures import texture_for
 
+    coloring = coloring_of(track, component, range, colormap)
     check_ending(output, ENDINGS, OTHER_OUTPUTS)
     files = [source, *(files_of_source(original) if original else [])]
     check_output_path(output, overwrite=force, inputs=files)
@@ -84,7 +93,7 @@ def export_command(
             progress=progress,
         )
         with (
-            opened_player(source, original, reading) as api,
+            opened_player(source, original, reading, coloring) as api,
             errors_naming(source),
         ):
             parts = export_page(
@@ -95,6 +104,7 @@ def export_command(
                 split=split,
                 overwrite=force,
                 progress=progress,
+                notes=reading.notes,
             )
     size_bytes = sum(parts.values())
     print_notes(reading.notes)

@@ -3,8 +3,8 @@
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-from meshreel.cli.console import size_text
 from meshreel.counting import counted
+from meshreel.documents.cells import size_text
 
 if TYPE_CHECKING:
     from meshreel.codec.achieved import Achieved
@@ -14,6 +14,9 @@ if TYPE_CHECKING:
     from meshreel.metrics.compare import Quality
     from meshreel.metrics.track_errors import TrackErrors
     from meshreel.viewer.measuring import Measured
+
+EVERY_BIT = "every position as it was, bit for bit"
+"""What a lossless stream promises."""
 
 
 def size_figures(stream: "StreamInfo") -> dict[str, Any]:
@@ -30,7 +33,7 @@ def size_rows(stream: "StreamInfo") -> dict[str, str]:
     """Raw size, file size, ratio and rate."""
     return {
         "sequence": mesh_text(stream),
-        "method": f"{stream.method}, {modes_text(stream)}",
+        "method": method_text(stream),
         "raw": size_text(stream.raw_size_bytes),
         "file": size_text(stream.size_bytes),
         "ratio": f"{stream.ratio:.1f} x smaller",
@@ -45,7 +48,9 @@ def achieved_rows(achieved: "Achieved", stream: "StreamInfo") -> dict[str, str]:
         "KG error": f"{achieved.kg_error_percent:.4f} %",
         "largest error": error_text(achieved.max_error_percent, stream.diagonal),
     }
-    if promised:
+    if stream.is_lossless:
+        rows["promised"] = EVERY_BIT
+    elif promised:
         rows["promised"] = promise_text(stream)
     if achieved.sted is not None:
         rows["STED"] = f"{achieved.sted:.5f}"
@@ -115,7 +120,9 @@ def info_rows(stream: "StreamInfo") -> dict[str, str]:
         )
     if not stream.is_whole:
         rows["end"] = "cut off; this is what the whole blocks hold"
-    if stream.max_error_percent:
+    if stream.is_lossless:
+        rows["promised"] = EVERY_BIT
+    elif stream.max_error_percent:
         rows["promised"] = f"no vertex is off by more than {promise_text(stream)}"
     return rows
 
@@ -197,6 +204,11 @@ def mesh_text(found: "StreamInfo | MeshInfo") -> str:
 def fps_text(fps: float) -> str:
     """A frame rate, which 0 stands for if it is not known."""
     return f"{fps:g} fps" if fps else "unknown"
+
+
+def method_text(stream: "StreamInfo") -> str:
+    """The method of a stream, with what it made of the positions."""
+    return f"{stream.method}, {modes_text(stream)}" if any(stream.n_modes) else stream.method
 
 
 def modes_text(stream: "StreamInfo") -> str:

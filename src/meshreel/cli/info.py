@@ -27,7 +27,8 @@ def info_command(
             metavar="FILE",
             autocompletion=input_files,
             help="A .reel, another file that holds an animation (see `meshreel formats`), a "
-            "folder or a quoted glob of frames, or the frame files.",
+            "folder or a quoted glob of frames, or the frame files. Or an address (s3://, gs://, "
+            "https://): of a .reel only its index and the heads of its sections are fetched.",
         ),
     ],
     fps: FpsOption = None,
@@ -51,19 +52,18 @@ def info_command(
 
     - `meshreel info frames/ --json`
     """
+    from meshreel.cli.given_files import given_source
     from meshreel.formats.options import ReadOptions
-    from meshreel.formats.sources import natural_order
 
-    if len(inputs) == 1 and _is_stream(Path(inputs[0])):
+    if len(inputs) == 1 and _is_stream(inputs[0]):
         if fps is not None or object or merge or skip_bad or allow_outside or topology or dataset:
             raise typer.BadParameter(
                 "a .reel holds one mesh and is read completely; leave the options of inputs out"
             )
-        _show_stream(Path(inputs[0]), as_json=as_json)
+        _show_stream(inputs[0], as_json=as_json)
         return
-    frames = natural_order(Path(path) for path in inputs)
     _show_source(
-        inputs[0] if len(inputs) == 1 else frames,
+        given_source(inputs),
         ReadOptions(
             fps, object, merge, topology, dataset, skip_bad=skip_bad, allow_outside=allow_outside
         ),
@@ -71,19 +71,21 @@ def info_command(
     )
 
 
-def _is_stream(path: Path) -> bool:
+def _is_stream(given: str) -> bool:
     """Whether a file is a stream, by its name or its first bytes."""
     from meshreel.bitstream.layout import MAGIC
+    from meshreel.stores.address import is_remote, plain
 
+    path = Path(plain(given))
     if path.suffix.lower() == ".reel":
         return True
-    if not path.is_file():
+    if is_remote(given) or not path.is_file():
         return False
     with path.open("rb") as file:
         return file.read(len(MAGIC)) == MAGIC
 
 
-def _show_stream(path: Path, *, as_json: bool) -> None:
+def _show_stream(path: str, *, as_json: bool) -> None:
     from meshreel.cli.console import print_bars, print_json, print_table
     from meshreel.cli.figures import info_rows
     from meshreel.formats.file_errors import errors_naming
@@ -94,11 +96,13 @@ def _show_stream(path: Path, *, as_json: bool) -> None:
     if as_json:
         print_json(stream.as_dict())
         return
-    print_table(str(path), info_rows(stream))
+    print_table(path, info_rows(stream))
     print_bars("bytes", stream.budget_bytes)
 
 
-def _show_source(source: "str | list[Path]", options: "ReadOptions", *, as_json: bool) -> None:
+def _show_source(
+    source: "str | list[Path] | list[str]", options: "ReadOptions", *, as_json: bool
+) -> None:
     from dataclasses import replace
 
     from meshreel.cli.console import (
@@ -112,7 +116,7 @@ def _show_source(source: "str | list[Path]", options: "ReadOptions", *, as_json:
     from meshreel.formats.inspection import inspect_source
     from meshreel.formats.notes import LEFT_OUT
 
-    title = source if isinstance(source, str) else f"{source[0]} to {source[-1].name}"
+    title = source if isinstance(source, str) else f"{source[0]} to {Path(source[-1]).name}"
     with progress_bar() as progress:
         found = inspect_source(source, replace(options, progress=progress))
     print_notes([note for note in found.notes if as_json or not note.startswith(LEFT_OUT)])

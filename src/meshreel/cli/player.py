@@ -8,11 +8,13 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from meshreel.cli.completing import input_files, reel_files
+from meshreel.cli.track_options import COLORS
 
 if TYPE_CHECKING:
     from meshreel.codec.reel_file import ReelFile
     from meshreel.formats.options import ReadOptions
     from meshreel.viewer.api import Api
+    from meshreel.viewer.coloring import Coloring
     from meshreel.viewer.comparison import Comparison
 
 SourceArgument = Annotated[
@@ -29,14 +31,52 @@ OriginalOption = Annotated[
     ),
 ]
 
+ShownTrackOption = Annotated[
+    str | None,
+    typer.Option(
+        "--track",
+        metavar="NAME",
+        help="Open with the mesh coloured by a track, such as stress; tracks of colours as they "
+        "are.",
+        rich_help_panel=COLORS,
+    ),
+]
+
+
+def coloring_of(
+    track: str | None, component: str | None, range: str | None, colormap: str | None
+) -> "Coloring | None":
+    """The track that the page opens with.
+
+    Raises
+    ------
+    typer.BadParameter
+        If options say how a track is shown, and none is named.
+    """
+    from meshreel.viewer.coloring import Coloring
+
+    if track is not None:
+        return Coloring(track, component, range, colormap)
+    given = {"--component": component, "--range": range, "--colormap": colormap}
+    for name, value in given.items():
+        if value is not None:
+            raise typer.BadParameter(f"{name} says how a track is shown; name it with --track")
+    return None
+
 
 @contextmanager
-def opened_player(source: Path, original: str | None, reading: "ReadOptions") -> Iterator["Api"]:
+def opened_player(
+    source: Path,
+    original: str | None,
+    reading: "ReadOptions",
+    coloring: "Coloring | None" = None,
+) -> Iterator["Api"]:
     """Interface of the player to a file, while the file is open."""
     from meshreel.cli.figures import measured_rows, player_rows
     from meshreel.formats.file_errors import errors_naming
     from meshreel.formats.reel.reading import open
-    from meshreel.viewer.api import REENCODED, Api
+    from meshreel.viewer.api import Api
+    from meshreel.viewer.played import encoded_anew
 
     _check_original_is_there(original, reading)
     with open(source) as reel:
@@ -44,9 +84,10 @@ def opened_player(source: Path, original: str | None, reading: "ReadOptions") ->
             _ = reel.faces  # raises for damaged ones before the original is read
         comparison = _comparison(reel, original, reading) if original else None
         with errors_naming(source):
-            api = Api(reel, source.stem, player_rows, comparison, measured_rows, reading.progress)
+            rows = player_rows, comparison, measured_rows
+            api = Api(reel, source.stem, *rows, reading.progress, coloring)
         if api.is_reencoded:
-            reading.notes.append(f"{source} holds {api.method}; it is {REENCODED}")
+            reading.notes.append(f"{source} holds {api.method}; it is {encoded_anew(api.method)}")
         yield api
 
 

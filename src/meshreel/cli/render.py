@@ -13,9 +13,13 @@ from meshreel.cli.read_options import (
     ObjectOption,
     SkipBadOption,
 )
+from meshreel.cli.track_options import COLORS, ColormapOption, ComponentOption, RangeOption
 from meshreel.counting import counted
 
 if TYPE_CHECKING:
+    from meshreel.rendering.scenes import Scene
+    from meshreel.rendering.views import View
+    from meshreel.runtime.progress import Progress
     from meshreel.sequence import FrameSource
 
 LOOK = "Look"
@@ -23,6 +27,7 @@ ENDINGS = (".png", ".mp4", ".gif")
 SHEET_FRAMES, COMPARED_FRAMES = 8, 3
 """Frames on a contact sheet, and rows of a comparison, where they are not listed."""
 MAX_TURN_S = 3600.0
+VIEW, BACKGROUND = "30,12", "white"
 
 
 def render_command(
@@ -55,18 +60,39 @@ def render_command(
     heatmap: Annotated[
         str | None,
         typer.Option(
-            metavar="distance|angle|sted",
-            autocompletion=names_of(["distance", "angle", "sted"]),
-            help="Colour the decoded mesh by its error: vertex distance, angle between normals, or "
-            "local STED.",
+            metavar="distance|angle|sted|track",
+            autocompletion=names_of(["distance", "angle", "sted", "track"]),
+            help="Colour the decoded mesh by its error: vertex distance, angle between normals, "
+            "local STED, or that of the values of --track, in its unit.",
         ),
     ] = None,
+    track: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME",
+            help="Colour the mesh by a track, such as stress, with the numbers beside; tracks of "
+            "colours as they are.",
+            rich_help_panel=COLORS,
+        ),
+    ] = None,
+    component: ComponentOption = None,
+    range: RangeOption = None,
+    colormap: ColormapOption = None,
     frames: Annotated[
         str | None,
         typer.Option(
             metavar="A:B|N,N,...",
             help="Only frames A to B - 1, or those listed. Of a range, a picture shows "
             f"{SHEET_FRAMES} ({COMPARED_FRAMES} beside an original), evenly spaced.",
+        ),
+    ] = None,
+    at: Annotated[
+        int | None,
+        typer.Option(
+            metavar="INDEX",
+            help="Plot it over time at this vertex (face, corner: where its values are) instead "
+            "of drawing the mesh; a .png, needs [plot].",
+            rich_help_panel=COLORS,
         ),
     ] = None,
     turntable: Annotated[
@@ -80,7 +106,7 @@ def render_command(
             help="Direction of view: front, side, top, or degrees to the right and up.",
             rich_help_panel=LOOK,
         ),
-    ] = "30,12",
+    ] = VIEW,
     up: Annotated[
         str | None,
         typer.Option(
@@ -108,7 +134,7 @@ def render_command(
     background: Annotated[
         str,
         typer.Option(metavar="COLOR", help="A name, or #rrggbb.", rich_help_panel=LOOK),
-    ] = "white",
+    ] = BACKGROUND,
     fps: FpsOption = None,
     object: ObjectOption = None,
     merge: MergeOption = False,
@@ -122,7 +148,8 @@ def render_command(
     """Draw an animation into a picture or a film.
 
     A .png shows frames side by side with their numbers and times; one frame alone fills it. With
-    --original, each frame has a row: original, decoded and, with --heatmap, the error.
+    --original, each frame has a row: original, decoded and, with --heatmap, the error. --track
+    colours the mesh by a quantity that it carries.
 
     Examples:
 
@@ -134,31 +161,42 @@ def render_command(
 
     - `meshreel render walk.reel -o walk.mp4 --original walk.npz --heatmap angle`
 
+    - `meshreel render crash.reel -o stress.png --track stress --range 0:500`
+
+    - `meshreel render crash.reel -o stress.png --track stress --at 120`
+
     - `meshreel render walk.reel -o turn.gif --frames 17 --turntable 4`
     """
     from meshreel.cli.console import print_json, print_notes, progress_bar
     from meshreel.cli.render_options import (
+        check_plot,
         color_named,
         frame_numbers,
         is_range,
         picture_size,
+        track_look,
     )
     from meshreel.formats.load import MAX_LOADED_BYTES, open_source
     from meshreel.formats.registry import holds_meshes
     from meshreel.formats.sources import files_of_source
     from meshreel.formats.supported_options import check_supported, supports
-    from meshreel.rendering.film_files import save_film
-    from meshreel.rendering.films import FILM_PX, GIF_PX, film
-    from meshreel.rendering.picture import save_png
     from meshreel.rendering.scenes import Scene
-    from meshreel.rendering.shots import spread_frames, telling_frames
-    from meshreel.rendering.stills import still
+    from meshreel.rendering.track_plots import plot_track
     from meshreel.rendering.views import guess_up, parse_view
     from meshreel.runtime.outputs.checks import check_output_path
 
     ending = _checked_ending(output)
     is_film = ending != ".png"
     _check_together(original, heatmap, turntable, follow, is_film=is_film)
+    look = track_look(track, component, range, colormap, heatmap, at)
+    if at is not None:
+        given = {
+            "--range": range, "--colormap": colormap, "--heatmap": heatmap,
+            "--turntable": turntable, "--up": up, "--follow": follow, "--size": size,
+            "--view": view if view != VIEW else None,
+            "--background": background if background != BACKGROUND else None,
+        }  # fmt: skip
+        check_plot(given, is_film=is_film)
     files = [file for given in (source, original) if given for file in files_of_source(given)]
     check_output_path(output, overwrite=force, inputs=files)
     wanted_size, color = picture_size(size), color_named(background)
@@ -179,35 +217,65 @@ def render_command(
                 max_loaded_bytes=MAX_LOADED_BYTES, progress=progress, notes=notes,
             )  # fmt: skip
 
-        shown = opened(source)
-        scene = Scene(shown, opened(original) if original else None, heatmap, background=color)
+        shown, beside = opened(source), opened(original) if original else None
         numbers = frame_numbers(frames, shown.n_frames, notes)
-        seen = parse_view(view, up or guess_up(scene.framed.extent))
-        if is_film:
-            made = film(
-                scene, numbers, seen,
-                turn_s=turntable, size=wanted_size,
-                most=GIF_PX if ending == ".gif" else FILM_PX,
-                is_followed=follow, progress=progress,
-            )  # fmt: skip
-            save_film(made, output, overwrite=force, progress=progress)
-            figures = {"size_px": list(made.size), "n_pictures": made.n_pictures, "fps": made.fps}
+        if look is not None and at is not None:
+            numbers = sorted(set(numbers))
+            plot_track(output, look, at, shown, beside, numbers, overwrite=force, progress=progress)
+            figures: dict[str, Any] = {"plotted_frames": len(numbers)}
         else:
-            if is_range(frames) and original:
-                numbers = telling_frames(numbers, COMPARED_FRAMES)
-            elif is_range(frames):
-                numbers = spread_frames(numbers, SHEET_FRAMES)
-            picture = still(
-                scene, numbers, seen, size=wanted_size, is_followed=follow, progress=progress
-            )
-            save_png(picture, output, overwrite=force)
-            figures = {"size_px": list(picture.size), "frames": numbers}
+            scene = Scene(shown, beside, heatmap, background=color, track=look)
+            seen = parse_view(view, up or guess_up(scene.framed.extent))
+            figures = _drawn(
+                scene, numbers, seen, output,
+                size=wanted_size, turn_s=turntable, follow=follow,
+                is_range=is_range(frames), force=force, progress=progress,
+            )  # fmt: skip
     print_notes(notes)
     figures = {"output": str(output), **figures, "size_bytes": output.stat().st_size}
     if as_json:
         print_json({**figures, "notes": notes})
         return
     _print_drawn(figures)
+
+
+def _drawn(
+    scene: "Scene",
+    numbers: list[int],
+    seen: "View",
+    output: Path,
+    *,
+    size: tuple[int, int] | None,
+    turn_s: float | None,
+    follow: bool | None,
+    is_range: bool,
+    force: bool,
+    progress: "Progress",
+) -> dict[str, Any]:
+    """Draw a picture or a film into its file, and say what was drawn."""
+    from meshreel.rendering.film_files import save_film
+    from meshreel.rendering.films import FILM_PX, GIF_PX, film
+    from meshreel.rendering.picture import save_png
+    from meshreel.rendering.shots import spread_frames, telling_frames
+    from meshreel.rendering.stills import still
+
+    ending = output.suffix.lower()
+    if ending != ".png":
+        made = film(
+            scene, numbers, seen,
+            turn_s=turn_s, size=size,
+            most=GIF_PX if ending == ".gif" else FILM_PX,
+            is_followed=follow, progress=progress,
+        )  # fmt: skip
+        save_film(made, output, overwrite=force, progress=progress)
+        return {"size_px": list(made.size), "n_pictures": made.n_pictures, "fps": made.fps}
+    if is_range and scene.original is not None:
+        numbers = telling_frames(numbers, COMPARED_FRAMES)
+    elif is_range:
+        numbers = spread_frames(numbers, SHEET_FRAMES)
+    picture = still(scene, numbers, seen, size=size, is_followed=follow, progress=progress)
+    save_png(picture, output, overwrite=force)
+    return {"size_px": list(picture.size), "frames": numbers}
 
 
 def _checked_ending(output: Path) -> str:
@@ -229,10 +297,10 @@ def _check_together(
     *,
     is_film: bool,
 ) -> None:
-    from meshreel.metrics.heat import HEATS
+    from meshreel.rendering.scenes import HEAT_NAMES
 
-    if heatmap is not None and heatmap not in HEATS:
-        raise typer.BadParameter(f"--heatmap takes {', '.join(HEATS)}; got {heatmap!r}")
+    if heatmap is not None and heatmap not in HEAT_NAMES:
+        raise typer.BadParameter(f"--heatmap takes {', '.join(HEAT_NAMES)}; got {heatmap!r}")
     if heatmap is not None and original is None:
         raise typer.BadParameter(
             "--heatmap shows the error of FILE relative to its original; name that with --original"
@@ -252,8 +320,13 @@ def _check_together(
 
 
 def _print_drawn(figures: dict[str, Any]) -> None:
-    from meshreel.cli.console import print_table, size_text
+    from meshreel.cli.console import print_table
+    from meshreel.documents.cells import size_text
 
+    if "plotted_frames" in figures:
+        rows = {"plot": counted(figures["plotted_frames"], "frame")}
+        print_table(figures["output"], {**rows, "size": size_text(figures["size_bytes"])})
+        return
     width, height = figures["size_px"]
     rows = {"picture": f"{width} x {height} pixels"}
     if "fps" in figures:

@@ -1,10 +1,15 @@
-"""Parsing of the options of `meshreel render`: frames, size, colour."""
+"""Parsing of the options of `meshreel render`: frames, size, colour, track."""
 
 import re
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
 import typer
 
 from meshreel.cli.write_options import clamped_note
+
+if TYPE_CHECKING:
+    from meshreel.rendering.track_colors import TrackLook
 
 
 def is_range(text: str | None) -> bool:
@@ -67,3 +72,47 @@ def color_named(text: str) -> tuple[int, int, int]:
         raise typer.BadParameter(
             f"--background takes a name such as white or black, or #rrggbb; got {text!r}"
         ) from None
+
+
+def track_look(
+    track: str | None,
+    component: str | None,
+    ends: str | None,
+    colormap: str | None,
+    heatmap: str | None,
+    at: int | None,
+) -> "TrackLook | None":
+    """How a track is to be shown; None where none is named."""
+    from meshreel.rendering.colormap import check_colormap
+    from meshreel.rendering.scenes import TRACK_HEAT
+    from meshreel.rendering.track_colors import TrackLook, parse_range
+
+    if track is None:
+        given = {
+            "--component": component, "--range": ends, "--colormap": colormap, "--at": at,
+        }  # fmt: skip
+        without = next((name for name, value in given.items() if value is not None), None)
+        if heatmap == TRACK_HEAT:
+            raise typer.BadParameter("--heatmap track shows the error of a track; name it: --track")
+        if without:
+            raise typer.BadParameter(f"{without} says how a track is shown; name it with --track")
+        return None
+    if ends is not None:
+        parse_range(ends)
+    if colormap is not None:
+        check_colormap(colormap)
+    return TrackLook(track, component, ends, colormap)
+
+
+def check_plot(given: Mapping[str, object], *, is_film: bool) -> None:
+    """Nothing if all that is given has a use for a plot over time, and it can be drawn."""
+    from meshreel.rendering.plots import require_matplotlib
+
+    without = next((name for name, value in given.items() if value is not None), None)
+    if without:
+        raise typer.BadParameter(
+            f"{without} has no effect on a plot over time (--at); leave one of the two out"
+        )
+    if is_film:
+        raise typer.BadParameter("--at draws a plot over time; write a .png")
+    require_matplotlib()

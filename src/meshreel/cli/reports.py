@@ -8,6 +8,7 @@ from pathlib import Path
 
 from meshreel.cli.console import print_json, print_notes, print_table, progress_bar
 from meshreel.evaluation.pipeline import Evaluation, R, Study, evaluate
+from meshreel.evaluation.tracks.study import with_track_alone
 from meshreel.flag import simulate_flag
 from meshreel.formats.load import load
 from meshreel.formats.notes import listed, note_left_out
@@ -46,6 +47,7 @@ def write_report(
     options: Mapping[str, str | None],
     *,
     flag_frames: int = 0,
+    track: str | None = None,
     as_json: bool,
 ) -> None:
     """Run a study on the inputs, and say where its report lies.
@@ -60,13 +62,15 @@ def write_report(
         Those beside `--out` that make the same report again; None for a switch.
     flag_frames : int
         Frames of the flag.
+    track : str, optional
+        The track that the study is on; sequences keep it alone. Default: none.
     as_json : bool
         Print all figures.
     """
     notes: list[str] = []
     with progress_bar() as progress:
         sequences = [
-            _without_tracks(load(source, progress=progress, notes=notes), notes)
+            _to_study(load(source, progress=progress, notes=notes), track, notes)
             for source in inputs
         ]
         sequences = sequences or [simulate_flag(flag_frames, progress=progress)]
@@ -76,8 +80,10 @@ def write_report(
     _print_report(made, out, notes, as_json=as_json)
 
 
-def _without_tracks(sequence: MeshSequence, notes: list[str]) -> MeshSequence:
-    """The sequence without tracks, which would count in the sizes of some methods only."""
+def _to_study(sequence: MeshSequence, track: str | None, notes: list[str]) -> MeshSequence:
+    """The sequence with one track, or none: they would count in the sizes of some methods only."""
+    if track is not None:
+        return with_track_alone(sequence, track)
     if not sequence.tracks:
         return sequence
     note_left_out(notes, f"tracks, for the report is on positions: {listed(sequence.tracks)}")

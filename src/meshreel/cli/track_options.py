@@ -1,9 +1,11 @@
-"""How exact tracks are to be, as options of commands."""
+"""How exact tracks are to be, and how they are shown, as options of commands."""
 
 from collections.abc import Sequence
 from typing import Annotated
 
 import typer
+
+from meshreel.cli.completing import names_of
 
 TrackOption = Annotated[
     list[str] | None,
@@ -14,6 +16,38 @@ TrackOption = Annotated[
         "stress=500Pa or =500 (in its unit), normal=0.5deg, colour=8bit, id=exact, velocity=drop. "
         "Default: normals 0.5deg, colours 8bit, integers exact, all others 0.1%.",
         rich_help_panel="What to meet (give one)",
+    ),
+]
+
+COLORS = "Colours of a track"
+ComponentOption = Annotated[
+    str | None,
+    typer.Option(
+        metavar="x|y|z|magnitude|INDEX",
+        autocompletion=names_of(["x", "y", "z", "magnitude"]),
+        help="Which number of its values; INDEX from 0 on. Default: the magnitude of vectors, x of "
+        "normals.",
+        rich_help_panel=COLORS,
+    ),
+]
+RangeOption = Annotated[
+    str | None,
+    typer.Option(
+        metavar="LOW:HIGH",
+        help="Numbers or percentiles where the colours end, as 0:500 or 2%:98%. Percentiles are of "
+        "the frames shown, and as far on both sides of 0 where they lie on both. Default: 2%:98%; "
+        "of normals -1:1.",
+        rich_help_panel=COLORS,
+    ),
+]
+ColormapOption = Annotated[
+    str | None,
+    typer.Option(
+        metavar="sequential|diverging",
+        autocompletion=names_of(["sequential", "diverging"]),
+        help="Violet to yellow, or blue over grey to red. Default: the second if 0 is inside the "
+        "range.",
+        rich_help_panel=COLORS,
     ),
 ]
 

@@ -4,8 +4,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from meshreel.cli.player import OriginalOption, SourceArgument
+from meshreel.cli.player import OriginalOption, ShownTrackOption, SourceArgument
 from meshreel.cli.read_options import AllowOutsideOption, MergeOption, ObjectOption, SkipBadOption
+from meshreel.cli.track_options import ColormapOption, ComponentOption, RangeOption
 
 if TYPE_CHECKING:
     from meshreel.viewer.server import ViewerServer
@@ -14,6 +15,10 @@ if TYPE_CHECKING:
 def view_command(
     source: SourceArgument,
     original: OriginalOption = None,
+    track: ShownTrackOption = None,
+    component: ComponentOption = None,
+    range: RangeOption = None,
+    colormap: ColormapOption = None,
     object: ObjectOption = None,
     merge: MergeOption = False,
     skip_bad: SkipBadOption = False,
@@ -42,16 +47,19 @@ def view_command(
 
     - `meshreel view walk.reel --original walk.npz`
 
+    - `meshreel view crash.reel --track stress --range 0:500`
+
     - `meshreel view walk.reel --no-open --port 8000`
     """
     from contextlib import ExitStack, closing
 
     from meshreel.cli.console import print_notes, progress_bar
-    from meshreel.cli.player import opened_player
+    from meshreel.cli.player import coloring_of, opened_player
     from meshreel.formats.options import ReadOptions
     from meshreel.viewer.page import built_page
     from meshreel.viewer.server import ViewerServer
 
+    coloring = coloring_of(track, component, range, colormap)
     page = built_page()
     with ExitStack() as stack:
         with progress_bar() as progress:
@@ -62,7 +70,7 @@ def view_command(
                 allow_outside=allow_outside,
                 progress=progress,
             )
-            api = stack.enter_context(opened_player(source, original, reading))
+            api = stack.enter_context(opened_player(source, original, reading, coloring))
         server = stack.enter_context(ViewerServer(api, host=host, port=port, page=page))
         print_notes(reading.notes)
         if api.measuring is not None:

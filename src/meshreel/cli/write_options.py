@@ -1,21 +1,24 @@
 """Options of commands that write files of other programs, and what such a command says."""
 
+import os
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from meshreel.cli.completing import output_files
+from meshreel.cli.completing import layout_names, output_files, texture_kinds
 from meshreel.codec.targets import DIAGONAL_OF_ALL
 
 if TYPE_CHECKING:
     from meshreel.codec.reel_file import ReelFile
+    from meshreel.formats.remote import Output
     from meshreel.sequence import FrameSource
 
     Written = FrameSource | ReelFile
 
 GLTF = "glTF output"
+TEXTURES = "Vertex animation textures (.vat output)"
 
 OutputOption = Annotated[
     str,
@@ -24,7 +27,9 @@ OutputOption = Annotated[
         "-o",
         autocompletion=output_files,
         help="A file for all frames (.abc, .usdc, .glb, .npz, ...: see `meshreel formats`), or a "
-        "pattern such as out/frame_%04d.obj for a file a frame, whose folder is made if missing.",
+        "pattern such as out/frame_%04d.obj for a file a frame, whose folder is made if missing; "
+        "or a folder such as walk.vat/ of vertex animation textures. Or an address that ends so "
+        "(s3://, gs://).",
     ),
 ]
 FramesOption = Annotated[
@@ -51,8 +56,8 @@ GltfErrorOption = Annotated[
         "--max-error",
         metavar="BOUND",
         help="The largest error that there may be: from the original, of a .reel that promises its "
-        f"own; else what morph targets add. 0.1 or 0.1%: percent {DIAGONAL_OF_ALL}; 0.5u: model "
-        "units; 0.5mm: a length, see --unit.",
+        "own; else what morph targets or textures add. 0.1 or 0.1%: percent "
+        f"{DIAGONAL_OF_ALL}; 0.5u: model units; 0.5mm: a length, see --unit.",
         rich_help_panel=GLTF,
     ),
 ]
@@ -61,9 +66,9 @@ OutputErrorOption = Annotated[
     typer.Option(
         "--max-error",
         metavar="BOUND",
-        help="Of a .reel: no vertex of any frame is farther off. Of glTF: the largest error that "
-        f"morph targets may add. 0.1 or 0.1%: percent {DIAGONAL_OF_ALL}; 0.5u: model units; 0.5mm: "
-        "a length, see --unit.",
+        help="Of a .reel: no vertex of any frame is farther off. Of glTF and .vat: the largest "
+        f"error that morph targets or textures may add. 0.1 or 0.1%: percent {DIAGONAL_OF_ALL}; "
+        "0.5u: model units; 0.5mm: a length, see --unit.",
     ),
 ]
 NormalsOption = Annotated[
@@ -72,9 +77,33 @@ NormalsOption = Annotated[
         "--normals/--no-normals",
         help="Write normals for all meshes, turned by all targets; or none, so that viewers shade "
         "faces flat. Default: smooth meshes have them, turned by as many targets as bring them "
-        "within some 3.5 degrees in the mean.",
+        "within some 3.5 degrees in the mean. Of a .vat: the normals of every frame (default), or "
+        "none; of the layout pca as of glTF.",
         show_default=False,
         rich_help_panel=GLTF,
+    ),
+]
+LayoutOption = Annotated[
+    str | None,
+    typer.Option(
+        metavar="NAME",
+        autocompletion=layout_names,
+        help="Whose shaders play the textures: openvat, openvat-unity, labs (glTF's axes), "
+        "labs-unity or labs-unreal; or pca, a texture of a fraction of the size, for shaders of "
+        "meshreel. Default: openvat.",
+        show_default=False,
+        rich_help_panel=TEXTURES,
+    ),
+]
+TexturesOption = Annotated[
+    str | None,
+    typer.Option(
+        metavar="KIND",
+        autocompletion=texture_kinds,
+        help="exr: half floats, or full ones if --max-error needs them; png: 8 bits, or 16. "
+        "Default: exr, which engines read as it is. Not for the layout pca.",
+        show_default=False,
+        rich_help_panel=TEXTURES,
     ),
 ]
 ForceOption = Annotated[bool, typer.Option("--force", "-f", help="Replace outputs that exist.")]
@@ -108,7 +137,7 @@ def frame_slice(text: str | None) -> slice | None:
     return slice(start, stop)
 
 
-def is_stream(output: str | Path) -> bool:
+def is_stream(output: "str | os.PathLike[str]") -> bool:
     """Whether an output is a .reel."""
     return Path(output).suffix.lower() == ".reel"
 
@@ -179,10 +208,12 @@ def clamped_note(chosen: slice, n_frames: int) -> str | None:
     )
 
 
-def written_figures(written: list[Path], source: "Written", n_frames: int) -> dict[str, Any]:
+def written_figures(
+    written: list[Path], source: "Written", n_frames: int, target: "Output"
+) -> dict[str, Any]:
     """Figures of written files, as commands print them as JSON."""
     return {
-        "outputs": [str(path) for path in written],
+        "outputs": [target.name(path) for path in written],
         "n_frames": n_frames,
         "n_verts": source.n_verts,
         "n_faces": len(source.faces),
@@ -193,13 +224,17 @@ def written_figures(written: list[Path], source: "Written", n_frames: int) -> di
 
 def print_written(figures: dict[str, Any]) -> None:
     """The same as `written_figures`, as rows of a table."""
-    from meshreel.cli.console import print_table, size_text
+    from meshreel.cli.console import print_table
     from meshreel.counting import counted
+    from meshreel.documents.cells import size_text
+    from meshreel.formats.registry import FRAME_FORMATS
 
-    first, last = Path(figures["outputs"][0]), Path(figures["outputs"][-1])
-    title = str(first) if first == last else f"{first} to {last.name}"
+    named = figures["outputs"]
+    first, last = Path(named[0]), Path(named[-1])
+    title = named[0] if first == last else f"{named[0]} to {last.name}"
     if last.parent != first.parent:
-        title = f"{first}, images in {last.parent.name}"
+        what = "frames" if last.suffix in FRAME_FORMATS else "images"
+        title = f"{named[0]}, {what} in {last.parent.name}"
     print_table(
         title,
         {

@@ -1,0 +1,129 @@
+"""--lossless on the command line: every bit comes back, which is printed, and what is refused."""
+
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import meshreel
+from meshreel.cli.app import app
+from meshreel.cli.option_names import in_option_names
+from samples.meshes import waving_grid
+
+GRID = waving_grid(8)
+HEAT = np.random.default_rng(1).normal(300, 20, (8, GRID.n_verts)).astype(np.float32)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    path = tmp_path_factory.mktemp("lossless")
+    tracks = {"heat": meshreel.Track(HEAT, unit="K")}
+    sequence = meshreel.MeshSequence(GRID.vertices, GRID.faces, 25, tracks=tracks)
+    meshreel.save(sequence, path / "walk.npz")
+    (path / "walk.reel").write_bytes(meshreel.encode(sequence, lossless=True))
+    return path
+
+
+@pytest.fixture(autouse=True)
+def there(folder, monkeypatch):
+    monkeypatch.chdir(folder)
+
+
+def run(*words):
+    return CliRunner().invoke(app, [*map(str, words)])
+
+
+def told_by(done):
+    """What is printed, with an error as the program prints it."""
+    error = in_option_names(str(done.exception or ""))
+    return " ".join(f"{done.output} {error}".replace("\u2502", " ").split())
+
+
+def assert_same_positions(found):
+    assert found.vertices.dtype == GRID.vertices.dtype
+    assert found.vertices.tobytes() == GRID.vertices.tobytes()
+    np.testing.assert_array_equal(found.faces, GRID.faces)
+
+
+@pytest.mark.parametrize("command", ["encode", "convert"])
+def test_every_bit_comes_back_and_that_is_printed(command):
+    done = run(command, "walk.npz", "-o", f"{command}.reel", "--lossless")
+    assert done.exit_code == 0, done.output
+    said = told_by(done)
+    assert "method lossless raw" in said
+    assert "promised every position as it was, bit for bit" in said
+    assert "largest error 0.0000 % of the diagonal, 0 model units" in said
+    assert "track heat exact" in said
+    decoded = meshreel.decode(f"{command}.reel")
+    assert_same_positions(decoded)
+    assert decoded.tracks["heat"].values.tobytes() == HEAT.tobytes()
+
+
+def test_figures_are_those_of_no_error():
+    done = run("encode", "walk.npz", "-o", "json.reel", "--lossless", "--json")
+    found = json.loads(done.stdout)
+    assert (found["method"], found["n_modes"], found["max_error_percent"]) == ("lossless", [0], 0)
+    info = json.loads(run("info", "json.reel", "--json").stdout)
+    assert info["is_lossless"] is True
+    assert info["max_error_percent"] == 0
+    assert 0 < info["budget_bytes"]["values"] < info["size_bytes"]
+    compared = json.loads(run("compare", "walk.npz", "json.reel", "--json").stdout)
+    assert compared["max_error_percent"] == 0
+    assert compared["tracks"]["heat"]["largest"] == 0
+
+
+def test_info_says_it():
+    said = told_by(run("info", "walk.reel"))
+    assert "method lossless" in said
+    assert "promised every position as it was, bit for bit" in said
+    assert "heat: scalar of each vertex, float32 in K, exact" in said
+
+
+def test_tracks_keep_bounds_that_are_asked_for():
+    bound = ["--track", "heat=0.5K"]
+    done = run("encode", "walk.npz", "-o", "bound.reel", "--lossless", *bound)
+    assert "promised 0.5 K" in done.output
+    decoded = meshreel.decode("bound.reel")
+    assert_same_positions(decoded)
+    assert 0 < np.abs(decoded.tracks["heat"].values[..., 0] - HEAT).max() <= 0.5
+    run("encode", "walk.npz", "-o", "drop.reel", "--lossless", "--track", "heat=drop")
+    assert meshreel.decode("drop.reel").tracks == {}
+
+
+def test_frames_are_decoded_to_files():
+    assert run("decode", "walk.reel", "-o", "back.npz").exit_code == 0
+    assert_same_positions(meshreel.load("back.npz"))
+    done = run("decode", "walk.reel", "-o", "back.glb", "--max-error", "0.1")
+    assert done.exit_code == 0, done.output
+
+
+def test_batch_takes_it():
+    Path("in").mkdir()
+    shutil.copy("walk.npz", "in")
+    done = run("batch", "in", "out", "--lossless", "--workers", "1", "--json")
+    assert done.exit_code == 0, done.output
+    assert_same_positions(meshreel.decode("out/walk.reel"))
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["encode", "walk.npz", "--lossless", "--quality", "80"], "that --quality has no effect"),
+        (["encode", "walk.npz", "--lossless", "--modes", "3"], "so that --modes has no effect"),
+        (["encode", "walk.npz", "--lossless", "--uv-bits", "12"], "that --uv-bits has no effect"),
+        (
+            ["convert", "walk.npz", "-o", "a.reel", "--lossless", "--max-error", "1mm", "--unit=m"],
+            "--lossless keeps every bit, so that --max-error has no effect; leave it out",
+        ),
+        (["encode", "walk.npz", "--lossless", "--method", "v2v"], "v2v does not take --lossless"),
+        (["convert", "walk.npz", "-o", "a.glb", "--lossless"], "--lossless has no effect on a.glb"),
+        (["decode", "walk.reel", "-o", "a.npz", "--modes", "2"], "lossless has no modes"),
+    ],
+)
+def test_what_has_no_effect_is_refused_in_words(words, told):
+    done = run(*words)
+    assert done.exit_code != 0
+    assert told in told_by(done)

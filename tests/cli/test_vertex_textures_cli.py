@@ -1,0 +1,39 @@
+"""`meshreel decode` and `convert` into folders of vertex animation textures."""
+
+import pytest
+
+import meshreel
+from meshreel.formats.options import WriteOptions
+from samples.commands import assert_fails, run, run_json
+from samples.meshes import waving_grid
+
+
+@pytest.mark.slow
+def test_decode_writes_the_folder_and_says_what_the_files_achieve(tmp_path):
+    stream = tmp_path / "walk.reel"
+    meshreel.save(waving_grid(), stream, options=WriteOptions(max_error=0.05))
+    done = run("decode", stream, "-o", f"{tmp_path}/walk.vat/", "--max-error", "0.2")
+    assert done.returncode == 0
+    names = {one.name for one in (tmp_path / "walk.vat").iterdir()}
+    assert names == {"walk.glb", "walk_vat.exr", "walk-remap_info.json"}
+    for said in ("the largest error added is", "half-float EXR", "of video memory", "degrees"):
+        assert said in done.stderr
+    again = run("decode", stream, "-o", f"{tmp_path}/walk.vat/")
+    assert_fails(again, "exists and is kept")
+
+
+def test_convert_takes_layout_and_textures(tmp_path):
+    meshreel.save(waving_grid(), tmp_path / "walk.npz")
+    figures = run_json(
+        "convert", "walk.npz", "-o", "out.vat", "--layout", "labs-unity", "--textures", "png",
+        "--no-normals", cwd=tmp_path,
+    )  # fmt: skip
+    assert figures["outputs"] == [
+        "out.vat/out_mesh.glb",
+        "out.vat/out_pos.png",
+        "out.vat/out_data.json",
+    ]
+    files = (tmp_path / "out.vat").iterdir()
+    assert figures["size_bytes"] == sum(one.stat().st_size for one in files)
+    refused = run("convert", "walk.npz", "-o", "out.glb", "--layout", "labs", cwd=tmp_path)
+    assert_fails(refused, "--layout", "has no effect on a .glb file", ".vat")
