@@ -11,6 +11,10 @@
 #define REEL_INLINE static inline __attribute__((always_inline))
 #endif
 
+#ifndef REEL_CALLED
+#define REEL_CALLED static __attribute__((noinline))
+#endif
+
 #define REEL_ALIGNMENT 64
 
 /* Failures: see reel.h. */

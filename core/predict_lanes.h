@@ -130,9 +130,9 @@ TARGET REEL_INLINE void NAMED(add_rows)(const lane *variance, int i, int n, cons
 
 /* The filter observes a field: the weights go towards what would have predicted it without the
    error. Offsets become those to the prediction. */
-TARGET REEL_INLINE void NAMED(observe)(NAMED(batch) *b, int size, lane *offset,
-                                       const part *predicted, const part *error,
-                                       const part *noise, float relative) {
+TARGET REEL_INLINE void NAMED(observe_places)(NAMED(batch) *b, int size, lane *offset,
+                                              const part *predicted, const part *error,
+                                              const part *noise, float relative) {
     lane gain[MOST], total, energy = {0};
     lane *variance = b->filter.variance;
     for (int i = 0; i < size; i++) {
@@ -164,6 +164,34 @@ TARGET REEL_INLINE void NAMED(observe)(NAMED(batch) *b, int size, lane *offset,
             FOR_PARTS(p) row[j][p] -= scaled[i][p] * gain[j][p];
         }
     }
+}
+
+/* The same, called: it is most of the work, and in every place that needs it compilers would take
+   minutes. Full stencils have code of their own, but where code has to be small. */
+TARGET REEL_CALLED void NAMED(observe_any)(NAMED(batch) *b, int size, lane *offset,
+                                           const part *predicted, const part *error,
+                                           const part *noise, float relative) {
+    NAMED(observe_places)(b, size, offset, predicted, error, noise, relative);
+}
+
+#ifndef REEL_DECODER_ONLY
+TARGET REEL_CALLED void NAMED(observe_full)(NAMED(batch) *b, lane *offset, const part *predicted,
+                                            const part *error, const part *noise,
+                                            float relative) {
+    NAMED(observe_places)(b, MOST, offset, predicted, error, noise, relative);
+}
+#endif
+
+TARGET REEL_INLINE void NAMED(observe)(NAMED(batch) *b, int size, lane *offset,
+                                       const part *predicted, const part *error,
+                                       const part *noise, float relative) {
+#ifndef REEL_DECODER_ONLY
+    if (size == MOST) {
+        NAMED(observe_full)(b, offset, predicted, error, noise, relative);
+        return;
+    }
+#endif
+    NAMED(observe_any)(b, size, offset, predicted, error, noise, relative);
 }
 
 #if FLOATS == 16
@@ -279,7 +307,7 @@ TARGET REEL_INLINE void NAMED(gather_place)(const NAMED(batch) *b, const double 
 }
 
 /* Offsets of the fields k..n_fields-1, at most AT_ONCE. */
-TARGET REEL_INLINE void NAMED(gather)(const NAMED(batch) *b, int size, const double *values,
+TARGET REEL_CALLED void NAMED(gather)(const NAMED(batch) *b, int size, const double *values,
                                       int64_t k, int64_t n_fields, bool with_own,
                                       NAMED(offsets) *found) {
     int n = n_fields - k < AT_ONCE ? (int)(n_fields - k) : AT_ONCE;
@@ -313,7 +341,7 @@ TARGET REEL_INLINE void NAMED(observe_key)(NAMED(batch) *b, int size, const reel
 }
 
 /* What is known about the weights before the block. */
-TARGET REEL_INLINE void NAMED(prepare)(NAMED(batch) *b, int size, const reel_fields *fields,
+TARGET REEL_CALLED void NAMED(prepare)(NAMED(batch) *b, int size, const reel_fields *fields,
                                        const float *smooth, float smooth_noise) {
     lane by_distance[MOST];
     NAMED(start_weights)(b, size);
