@@ -1,5 +1,7 @@
 """Rows of fields from a bit stream: "Fields" of docs/format.md."""
 
+from collections import defaultdict
+
 from conformance.bits import BitStream, Model, clip, padded
 
 
@@ -35,6 +37,7 @@ class Models:
                 self.upper[k + 1, c] = Model(65536 * g // (65536 + g), 32)
                 t = t * t // 65536
         self.wrong = [Model(32768, 8) for _ in range(16)]
+        self.stirs = [[[Model(16384, 8) for _ in range(16)] for _ in "01"] for _ in "01"]
 
 
 class FieldReader:
@@ -55,17 +58,33 @@ class FieldReader:
         self.agreement = {(i, j): 16 for i, near in self.near.items() for j in near}
         self.weights = [0, 0, 16384, 16384, 8192, 8192, 24576, 8192, -16384]
         self.means, self.bias = [32768] * len(passes), [0] * len(passes)
+        self.quiet = defaultdict(int)
 
     def read_row(self, row):
         """Values of a row, by column."""
-        self.values, self.magnitudes = {}, {}
+        self.values, self.magnitudes, coded = {}, dict.fromkeys(self.near, 0), set()
         self.a = self.b = 256
         self.g = self.h = 0
         for number, one in enumerate(self.passes):
-            for i in one:
-                self.values[i] = self.read_value(number, i)
-        self.end_row(row)
+            columns, before = list(one), 1
+            for start in range(0, len(columns), 64):
+                group, place = columns[start : start + 64], (number, start)
+                if len(group) == 64 and self.quiet[place] and self.is_still(group, place, before):
+                    self.values |= dict.fromkeys(group, 0)
+                    self.g = self.h = 0
+                    self.means[number] >>= 4
+                else:
+                    for i in group:
+                        self.values[i] = self.read_value(number, i)
+                    coded.update(group)
+                before = int(any(self.values[i] for i in group))
+                self.quiet[place] = 0 if before else min(self.quiet[place] + 1, 15)
+        self.end_row(row, coded)
         return self.values
+
+    def is_still(self, group, place, before):
+        near = int(any(self.magnitudes[j] for i in group for j in self.near[i]))
+        return not self.stream.adaptive(self.models.stirs[before][near][self.quiet[place]])
 
     def inputs(self, number, i):
         fast, middle, slow = self.sums[i]
@@ -135,12 +154,13 @@ class FieldReader:
             self.a, self.b = self.a >> 1 | 1, self.b >> 1 | 1
         self.means[number] += (4096 * m - self.means[number]) >> 4
 
-    def end_row(self, row):
-        for i, sums in self.sums.items():
+    def end_row(self, row, coded):
+        for i in coded:
+            sums = self.sums[i]
             for n in range(3):
                 sums[n] += (4096 * self.magnitudes[i] - sums[n]) >> (n + 1)
         for place, (i, near) in enumerate(self.near.items()):
-            if row < 4 or place % 4 == row % 4:
+            if i in coded and (row < 4 or place % 4 == row % 4):
                 d = 4096 // len(near) if near else 0
                 self.usual[i] = d * sum(log(self.sums[j][2] + 16) for j in near) >> 12
 

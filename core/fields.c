@@ -6,7 +6,8 @@
    size is the context of the bits that say how large it is. Its sign follows the neighbours'.
 
    Columns are renumbered by place: the order in which they are coded. A value that is not 0 is
-   pushed to the places that it is a neighbour of; the many zeros cost nothing there. */
+   pushed to the places that it is a neighbour of; the many zeros cost nothing there. Groups of
+   places that are 0 row after row are one bit each, and are left as they are. */
 
 #include "bits.h"
 
@@ -19,13 +20,18 @@
 #define N_VOTES 13              /* bits of the largest vote, and 0 */
 #define N_INPUTS 9              /* of the regression */
 #define WELL_KNOWN 4096         /* sizes below a 15th are only learned from what is not 0 */
-#define STRIDE 4 /* a row refreshes what is usual near one place in so many; the first rows all */
+#define GROUP 64            /* places of a pass that may be 0 together */
+#define N_QUIET 16          /* rows in which a group was 0, at most, plus 1 */
+#define STRIDE 4 /* a row refreshes what is usual near one place in so many, the first rows all;
+                    a power of 2 */
 
 typedef struct {
     reel_model any[N_CLASSES];               /* is it not 0? */
     reel_model longer[MOST_BITS][N_CLASSES]; /* by length so far, less 1: is it longer? */
     reel_model upper[MOST_BITS][N_CLASSES];  /* by length, less 2: the second highest bit */
     reel_model wrong[N_VOTES];               /* by the vote: does the sign differ from it? */
+    reel_model stirs[2][2][N_QUIET]; /* is a quiet group no longer 0? by the group before it, by its
+                                        neighbours, by rows that it was 0 */
     uint16_t surplus[N_SIZES];               /* m / (1 + m) of each size m, by 65536 */
 } reel_tables;
 
@@ -49,6 +55,7 @@ typedef struct {
     int16_t *slow, *fast, *middle;   /* logarithms of the sums, the last two less the first */
     int16_t *usual;                  /* mean of `slow` of the neighbours */
     int32_t *pass_means, *pass_bias; /* mean magnitude, first weight */
+    uint8_t *quiet; /* for each GROUP places: rows before in which they were 0, N_QUIET - 1 at most */
     reel_tables *tables;
     int32_t weights[N_INPUTS];
 } coder;
@@ -91,6 +98,9 @@ static void start_tables(reel_tables *tables) {
     }
     for (int i = 0; i < N_VOTES; i++) {
         tables->wrong[i] = reel_model_of(32768, 8);
+    }
+    for (int i = 0; i < 4 * N_QUIET; i++) {
+        tables->stirs[i / N_QUIET / 2][i / N_QUIET % 2][i % N_QUIET] = reel_model_of(16384, 8);
     }
 }
 
@@ -204,37 +214,36 @@ REEL_INLINE void note_magnitude(reel_recent *recent, int32_t magnitude, int32_t 
     recent->pass += (magnitude * ONE - recent->pass) >> 4;
 }
 
-REEL_INLINE void code_row(reel_port *port, coder *f, int32_t *row) {
-    reel_recent recent = {.row = 256, .row_usual = 256};
-    for (int64_t pass = 0; pass < f->n_passes; pass++) {
-        int32_t bias = f->pass_bias[pass], inputs[N_INPUTS];
-        recent.pass = f->pass_means[pass];
-        for (int64_t place = f->pass_starts[pass]; place < f->pass_starts[pass + 1]; place++) {
-            find_inputs(f, place, &recent, inputs);
-            int size = expected_size(f->weights, bias, inputs, f->slow[place]);
-            int32_t surplus = f->tables->surplus[size], magnitude = 0;
-            int32_t *value = &row[f->columns[place]];
-            if (reel_bit(port, &f->tables->any[size >> 3], *value != 0)) {
-                *value = code_rest(port, f, place, size >> 3, *value);
-                magnitude = f->values[place] < 0 ? -f->values[place] : f->values[place];
-                learn_size(f->weights, &bias, inputs, surplus, magnitude);
-            } else {
-                *value = f->values[place] = 0;
-                if (surplus > WELL_KNOWN) {
-                    learn_size(f->weights, &bias, inputs, surplus, 0);
-                }
+/* Some places of a pass; whether all are 0. */
+REEL_INLINE bool code_places(reel_port *port, coder *f, int32_t *row, int64_t first, int64_t last,
+                             reel_recent *recent, int32_t *bias) {
+    int32_t inputs[N_INPUTS], all = 0;
+    for (int64_t place = first; place < last; place++) {
+        find_inputs(f, place, recent, inputs);
+        int size = expected_size(f->weights, *bias, inputs, f->slow[place]);
+        int32_t surplus = f->tables->surplus[size], magnitude = 0;
+        int32_t *value = &row[f->columns[place]];
+        if (reel_bit(port, &f->tables->any[size >> 3], *value != 0)) {
+            *value = code_rest(port, f, place, size >> 3, *value);
+            magnitude = f->values[place] < 0 ? -f->values[place] : f->values[place];
+            learn_size(f->weights, bias, inputs, surplus, magnitude);
+        } else {
+            *value = f->values[place] = 0;
+            if (surplus > WELL_KNOWN) {
+                learn_size(f->weights, bias, inputs, surplus, 0);
             }
-            note_magnitude(&recent, magnitude, f->sums[2][place]);
         }
-        f->pass_means[pass] = recent.pass;
-        f->pass_bias[pass] = bias;
+        note_magnitude(recent, magnitude, f->sums[2][place]);
+        all |= magnitude;
     }
+    return !all;
 }
 
 /* Sums in which older rows count less and less; restrict, so that compilers use vectors. */
-static void add_row(int64_t n, const int16_t *restrict values, int32_t *restrict fast_sums,
-                    int32_t *restrict middle_sums, int32_t *restrict slow_sums,
-                    int16_t *restrict fast, int16_t *restrict middle, int16_t *restrict slow) {
+REEL_INLINE void add_row(int64_t n, const int16_t *restrict values, int32_t *restrict fast_sums,
+                         int32_t *restrict middle_sums, int32_t *restrict slow_sums,
+                         int16_t *restrict fast, int16_t *restrict middle,
+                         int16_t *restrict slow) {
     for (int64_t i = 0; i < n; i++) {
         int32_t magnitude = (values[i] < 0 ? -values[i] : values[i]) * ONE;
         fast_sums[i] += (magnitude - fast_sums[i]) >> 1;
@@ -247,20 +256,70 @@ static void add_row(int64_t n, const int16_t *restrict values, int32_t *restrict
     }
 }
 
-static void end_row(coder *f, int64_t row) {
-    add_row(f->n_places, f->values, f->sums[0], f->sums[1], f->sums[2], f->fast, f->middle,
-            f->slow);
-    for (int64_t i = 0; i < f->n_places; i++) {
+/* Forgets what neighbours have in this row. */
+REEL_INLINE void clear_around(coder *f, int64_t first, int64_t last) {
+    for (int64_t i = first; i < last; i++) {
         f->around[i].sum = 0;
         f->around[i].largest = 0;
     }
+}
+
+/* What places that were coded are expected to have in the next row. Their neighbours are earlier
+   places, which are up to date. */
+REEL_INLINE void end_places(coder *f, int64_t row, int64_t first, int64_t last) {
+    add_row(last - first, f->values + first, f->sums[0] + first, f->sums[1] + first,
+            f->sums[2] + first, f->fast + first, f->middle + first, f->slow + first);
+    clear_around(f, first, last);
     int64_t stride = row < STRIDE ? 1 : STRIDE;
-    for (int64_t i = row % stride; i < f->n_places; i += stride) {
+    for (int64_t i = first + ((row - first) & (stride - 1)); i < last; i += stride) {
         int32_t sum = 0;
         for (int64_t j = f->starts[i]; j < f->starts[i + 1]; j++) {
             sum += f->slow[f->near[j]];
         }
         f->usual[i] = (int16_t)(sum * f->around[i].share >> 12);
+    }
+}
+
+/* Whether a group that was 0 in the row before is 0 again, as one bit. Nothing is learned there. */
+REEL_INLINE bool code_stillness(reel_port *port, coder *f, const int32_t *row, int64_t first,
+                                int quiet, bool is_stirred) {
+    int any = 0, pushed = 0;
+    for (int64_t i = first; i < first + GROUP; i++) {
+        pushed |= f->around[i].sum;
+    }
+    for (int64_t i = first; reel_writes(port) && i < first + GROUP; i++) {
+        any |= row[f->columns[i]];
+    }
+    reel_model *model = &f->tables->stirs[is_stirred][pushed != 0][quiet];
+    return !reel_bit(port, model, any != 0);
+}
+
+/* A row; what is decoded is 0 before. */
+REEL_INLINE void code_row(reel_port *port, coder *f, int64_t number, int32_t *row) {
+    reel_recent recent = {.row = 256, .row_usual = 256};
+    for (int64_t pass = 0; pass < f->n_passes; pass++) {
+        int32_t bias = f->pass_bias[pass];
+        int64_t first = f->pass_starts[pass], end = f->pass_starts[pass + 1];
+        bool is_stirred = true; /* the group before */
+        recent.pass = f->pass_means[pass];
+        for (; end - first >= GROUP; first += GROUP) {
+            uint8_t *quiet = &f->quiet[first / GROUP];
+            bool is_zero = *quiet && code_stillness(port, f, row, first, *quiet, is_stirred);
+            if (is_zero) {
+                clear_around(f, first, first + GROUP);
+                recent.local = recent.local_usual = 0;
+                recent.pass >>= 4;
+            } else {
+                is_zero = code_places(port, f, row, first, first + GROUP, &recent, &bias);
+                end_places(f, number, first, first + GROUP);
+            }
+            *quiet = (uint8_t)(!is_zero ? 0 : *quiet < N_QUIET - 1 ? *quiet + 1 : *quiet);
+            is_stirred = !is_zero;
+        }
+        code_places(port, f, row, first, end, &recent, &bias);
+        end_places(f, number, first, end);
+        f->pass_means[pass] = recent.pass;
+        f->pass_bias[pass] = bias;
     }
 }
 
@@ -315,6 +374,7 @@ static void start_fields(coder *f) {
         f->slow[i] = f->usual[i] = 16 * 12; /* the logarithm of ONE */
         f->fast[i] = f->middle[i] = f->values[i] = 0;
     }
+    reel_zero(f->quiet, (size_t)f->n_places / GROUP + 1);
     for (int64_t i = 0; i < f->n_passes; i++) {
         f->pass_means[i] = 8 * ONE;
         f->pass_bias[i] = 0;
@@ -339,6 +399,7 @@ static void take_fields(reel_arena *arena, coder *f, size_t n_near) {
     }
     f->pass_means = reel_take(arena, n_passes, sizeof *f->pass_means);
     f->pass_bias = reel_take(arena, n_passes, sizeof *f->pass_bias);
+    f->quiet = reel_take(arena, n / GROUP + 1, sizeof *f->quiet);
     f->tables = reel_take(arena, 1, sizeof *f->tables);
 }
 
@@ -347,7 +408,8 @@ size_t reel_fields_memory(int64_t n_columns, int64_t n_passes, int64_t n_near) {
     return 2 * reel_room(n + 1, sizeof(int64_t)) + 2 * reel_room(near, sizeof(int32_t)) +
            reel_room(near, sizeof(int16_t)) + reel_room(n, sizeof(reel_near)) +
            5 * reel_room(n, sizeof(int16_t)) + 3 * reel_room(n, sizeof(int32_t)) +
-           2 * reel_room((size_t)n_passes, sizeof(int32_t)) + reel_room(1, sizeof(reel_tables));
+           2 * reel_room((size_t)n_passes, sizeof(int32_t)) +
+           reel_room(n / GROUP + 1, sizeof(uint8_t)) + reel_room(1, sizeof(reel_tables));
 }
 
 /* Readies the fields, with the order and the neighbours that the caller gave. */
@@ -379,8 +441,7 @@ static enum reel_code prepare(coder *f, void *memory, size_t memory_size,
 
 REEL_INLINE int64_t code_rows(reel_port *port, coder *f, int32_t *values, int64_t n_rows) {
     for (int64_t row = 0; row < n_rows; row++) {
-        code_row(port, f, values + row * f->n_places);
-        end_row(f, row);
+        code_row(port, f, row, values + row * f->n_places);
     }
     return reel_end(port);
 }
@@ -417,5 +478,6 @@ int64_t reel_fields_decode(void *memory, size_t memory_size, const uint8_t *in, 
         return reel_failure(code, 0);
     }
     reel_port port = reel_reader(in, size);
+    reel_zero(values, (size_t)(n_rows * n_columns) * sizeof *values);
     return code_rows(&port, &f, values, n_rows);
 }

@@ -27,7 +27,7 @@
 extern "C" {
 #endif
 
-#define REEL_ABI 6 /* changes with every change of a function below */
+#define REEL_ABI 7 /* changes with every change of a function below */
 
 enum reel_code {
     REEL_OK = 0,
