@@ -23,6 +23,10 @@ LARGEST_INTEGER = 2.0**29
 CHUNK_VERTICES = 2048
 """Vertices whose fields are found at once."""
 
+SKETCHED = 64
+"""Columns of a sketch by rows. What K modes from a sketch leave is larger by a share of about
+K / columns, which is less than 1 / 64."""
+
 
 @dataclass
 class BlockFrames:
@@ -92,8 +96,29 @@ class BlockFrames:
         in_threads(fill, chunks(self.n_verts, CHUNK_VERTICES))
         return found
 
+    @property
+    def _n_sketched(self) -> int:
+        """Columns of the sketch that trajectories are found from; 0: from all vertices."""
+        pieces = SKETCHED * self._n_rows // CHUNK_VERTICES + 1
+        return CHUNK_VERTICES * pieces if 2 * CHUNK_VERTICES * pieces <= self.n_verts else 0
+
+    def _sketch(self, piece: slice) -> Floats:
+        """Some columns of a matrix whose product with its transpose is nearly that of all vertices.
+
+        Each is the sum of some vertices with signs drawn at random (a "count sketch": Charikar,
+        Chen and Farach-Colton, 2002; of matrices Clarkson and Woodruff, 2013). All vertices count.
+        """
+        found = np.zeros((self._n_rows, piece.stop - piece.start))
+        for start in range(piece.start, self.n_verts, self._n_sketched):
+            part = self.coordinates(slice(start, min(start + found.shape[1], self.n_verts)))
+            signs = np.random.default_rng(start).integers(0, 2, part.shape[1]) * 2.0 - 1.0
+            found[:, : part.shape[1]] += part * signs
+        return found
+
     @cached_property
     def _gram(self) -> Floats:
+        if self._n_sketched:
+            return gram_of_rows(self._sketch, self._n_rows, self._n_sketched)
         return gram_of_rows(self.coordinates, self._n_rows, self.n_verts)
 
     @property
@@ -108,7 +133,7 @@ class BlockFrames:
     @cached_property
     def energy(self) -> float:
         """Sum of all squared coordinates."""
-        if self._n_rows <= self.n_verts:
+        if self._n_rows <= self.n_verts and not self._n_sketched:
             return float(np.trace(self._gram))
         pieces = chunks(self.n_verts, CHUNK_VERTICES)
         return sum(float(np.square(self.coordinates(piece)).sum()) for piece in pieces)
@@ -134,6 +159,8 @@ class BlockFrames:
         return strengths[:n_kept], vectors[:, :n_kept]
 
     def _trajectories(self, least: float) -> tuple[Floats, Floats]:
+        if self._n_sketched:
+            return weak_trajectories(self._sketch, self._gram, self._n_sketched, least)
         if self._n_rows < self.n_verts:
             return weak_trajectories(self.coordinates, self._gram, self.n_verts, least)
         rows = self.coordinates(slice(0, self.n_verts))
