@@ -131,7 +131,8 @@ static int32_t *read_fields(bytes in, int64_t n_rows, int64_t n_columns, const i
     int32_t *values = room(4 * n_rows * n_columns);
     size_t needed = reel_fields_memory(n_columns, n_passes, near_starts[n_columns]);
     done(reel_fields_decode(room(needed), needed, in.at, (size_t)(in.end - in.at), n_rows,
-                            n_columns, columns, pass_starts, n_passes, near_starts, near, values),
+                            n_rows, n_columns, columns, pass_starts, n_passes, near_starts, near,
+                            values),
          "fields");
     fwrite(values, 4, (size_t)(n_rows * n_columns), out);
     return values;

@@ -439,11 +439,10 @@ static enum reel_code prepare(coder *f, void *memory, size_t memory_size,
     return REEL_OK;
 }
 
-REEL_INLINE int64_t code_rows(reel_port *port, coder *f, int32_t *values, int64_t n_rows) {
+REEL_INLINE void code_rows(reel_port *port, coder *f, int32_t *values, int64_t n_rows) {
     for (int64_t row = 0; row < n_rows; row++) {
         code_row(port, f, row, values + row * f->n_places);
     }
-    return reel_end(port);
 }
 
 int64_t reel_fields_encode(void *memory, size_t memory_size, int32_t *values, int64_t n_rows,
@@ -463,12 +462,13 @@ int64_t reel_fields_encode(void *memory, size_t memory_size, int32_t *values, in
         }
     }
     reel_port port = reel_writer(out, room);
-    return code_rows(&port, &f, values, n_rows);
+    code_rows(&port, &f, values, n_rows);
+    return reel_end(&port);
 }
 
 int64_t reel_fields_decode(void *memory, size_t memory_size, const uint8_t *in, size_t size,
-                           int64_t n_rows, int64_t n_columns, const int32_t *columns,
-                           const int64_t *pass_starts, int64_t n_passes,
+                           int64_t n_rows, int64_t n_wanted, int64_t n_columns,
+                           const int32_t *columns, const int64_t *pass_starts, int64_t n_passes,
                            const int64_t *near_starts, const int32_t *near, int32_t *values) {
     coder f = {.n_places = n_columns, .n_passes = n_passes};
     f.pass_starts = pass_starts;
@@ -478,6 +478,7 @@ int64_t reel_fields_decode(void *memory, size_t memory_size, const uint8_t *in, 
         return reel_failure(code, 0);
     }
     reel_port port = reel_reader(in, size);
-    reel_zero(values, (size_t)(n_rows * n_columns) * sizeof *values);
-    return code_rows(&port, &f, values, n_rows);
+    reel_zero(values, (size_t)(n_wanted * n_columns) * sizeof *values);
+    code_rows(&port, &f, values, n_wanted);
+    return n_wanted < n_rows ? (int64_t)size : reel_end(&port);
 }

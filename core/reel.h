@@ -207,8 +207,9 @@ REEL_API int64_t reel_turns(const double *normals, const void *turned, int64_t s
    A row is coded column after column as `columns` lists them; pass i is those from
    pass_starts[i] to pass_starts[i + 1]. Column columns[i] has the context neighbours near[j] for
    j from near_starts[i] to near_starts[i + 1], at most 16, which are columns that come before it.
-   REEL_INVALID if they do not, or if the passes do not hold each column once. The caller bounds
-   the number of integers that are read. */
+   REEL_INVALID if they do not, or if the passes do not hold each column once. The first n_wanted
+   rows are read; where these are not all, what follows is not looked at. The caller bounds the
+   number of integers that are read. */
 REEL_API size_t reel_fields_memory(int64_t n_columns, int64_t n_passes, int64_t n_near);
 REEL_API int64_t reel_fields_encode(void *memory, size_t memory_size, int32_t *values,
                                     int64_t n_rows, int64_t n_columns, const int32_t *columns,
@@ -216,10 +217,11 @@ REEL_API int64_t reel_fields_encode(void *memory, size_t memory_size, int32_t *v
                                     const int64_t *near_starts, const int32_t *near, uint8_t *out,
                                     size_t room);
 REEL_API int64_t reel_fields_decode(void *memory, size_t memory_size, const uint8_t *in,
-                                    size_t size, int64_t n_rows, int64_t n_columns,
-                                    const int32_t *columns, const int64_t *pass_starts,
-                                    int64_t n_passes, const int64_t *near_starts,
-                                    const int32_t *near, int32_t *values);
+                                    size_t size, int64_t n_rows, int64_t n_wanted,
+                                    int64_t n_columns, const int32_t *columns,
+                                    const int64_t *pass_starts, int64_t n_passes,
+                                    const int64_t *near_starts, const int32_t *near,
+                                    int32_t *values);
 
 /* Faces of a mesh: `n_faces` rows of three corners 0..n_verts-1, both counts at most 2^26. The
    writer gives the faces in the order and the numbers that the reader will find, and the given

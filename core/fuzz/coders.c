@@ -90,8 +90,9 @@ static int32_t *decode_fields(const plan *all, fuzz_bytes from, int64_t *result)
     size_t size = plan_memory(all);
     int32_t *values = fuzz_take(all->n_rows * all->n_columns, sizeof *values);
     *result = reel_fields_decode(fuzz_take((int64_t)size, 1), size, from.bytes, from.size,
-                                 all->n_rows, all->n_columns, all->columns, all->pass_starts,
-                                 all->n_passes, all->near_starts, all->near, values);
+                                 all->n_rows, all->n_rows, all->n_columns, all->columns,
+                                 all->pass_starts, all->n_passes, all->near_starts, all->near,
+                                 values);
     fuzz_claim_code(*result);
     return values;
 }

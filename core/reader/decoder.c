@@ -143,9 +143,9 @@ static int decode_rows(const meshreel_file *file, reel_stretch coded, int64_t n_
         return failed ? failed : MESHREEL_NO_MEMORY;
     }
     return reel_code_of(reel_fields_decode(memory, needed, bytes, (size_t)coded.length, n_rows,
-                                           order->n_columns, order->columns, order->pass_starts,
-                                           order->n_passes, order->near_starts, order->near,
-                                           values));
+                                           n_rows, order->n_columns, order->columns,
+                                           order->pass_starts, order->n_passes, order->near_starts,
+                                           order->near, values));
 }
 
 static int decode_basis(meshreel_decoder *own, const reel_group *group) {

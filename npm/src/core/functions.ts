@@ -93,6 +93,7 @@ export interface Functions extends SharedFunctions {
     data: Address,
     sizeBytes: number,
     nRows: Count,
+    nWanted: Count,
     nColumns: Count,
     columns: Address,
     passStarts: Address,

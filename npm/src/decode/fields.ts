@@ -48,6 +48,7 @@ export function decodeFields(
       inner.put(data),
       data.length,
       BigInt(nRows),
+      BigInt(nRows),
       BigInt(nColumns),
       columns,
       passStarts,

@@ -37,8 +37,8 @@ def decode_command(
     modes: Annotated[
         int | None,
         typer.Option(
-            help="Decode only this number of leading modes; the others are held at their mean: a "
-            "coarser animation. Default: all."
+            help="Only this number of leading modes move; further ones, up to the 16th at least, "
+            "are held at their mean: a coarser animation, decoded faster. Default: all."
         ),
     ] = None,
     targets: TargetsOption = None,

@@ -20,7 +20,7 @@ from meshreel.codec.targets import Aim, Target, target_of
 from meshreel.counting import counted
 from meshreel.errors import InvalidInputError
 
-MAX_BLOCK_POSITIONS = 1 << 26
+MAX_BLOCK_POSITIONS = 1 << 28
 """Positions that are coded together at most, where nothing is said of memory."""
 
 PROCESS_BYTES = 100e6

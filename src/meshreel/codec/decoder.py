@@ -32,9 +32,9 @@ def decode(
         Frames to give back, as Python slices count them, without a step; only the blocks that
         hold some of them are decoded. Default: all.
     n_modes : int, optional
-        Number of leading modes of each block to decode; the others are held at their mean over the
-        block: a coarser animation. Default: all. Streams of `reel` only; corrections are then
-        omitted.
+        Number of leading modes of each block that move; further ones, up to the 16th at least, are
+        held at their mean over the block: a coarser animation. Default: all. Streams of `reel`
+        only; corrections are then omitted.
     progress : callable, optional
         Called with the stage and the share done, 0..1.
 

@@ -58,8 +58,8 @@ class OpenStream:
         Parameters
         ----------
         n_modes : int, optional
-            Of `reel`, number of leading modes of each block that are decoded; the others are held
-            at their mean over the block. Corrections are omitted.
+            Of `reel`, number of leading modes of each block that move; further ones, up to the
+            16th at least, are held at their mean over the block. Corrections are omitted.
 
         Raises
         ------

@@ -173,9 +173,15 @@ def encode_fields(fields: npt.NDArray[np.integer], passes: Passes | None = None)
 
 @staged("entropy coding")
 def decode_fields(
-    data: bytes, n_rows: int, n_columns: int, passes: Passes | None = None
+    data: bytes,
+    n_rows: int,
+    n_columns: int,
+    passes: Passes | None = None,
+    n_wanted: int | None = None,
 ) -> npt.NDArray[np.int32]:
     """Integers of shape (rows, columns) that `encode_fields` wrote, given the same passes.
+
+    Only the first `n_wanted` rows, where these are fewer.
 
     Raises
     ------
@@ -187,7 +193,8 @@ def decode_fields(
             f"{len(data)} bytes cannot hold {n_rows} x {n_columns} integers; "
             f"at most {MAX_INTEGERS_PER_BYTE} integers a byte are allowed"
         )
-    values = np.empty((n_rows, n_columns), np.int32)
+    n_wanted = n_rows if n_wanted is None else min(n_wanted, n_rows)
+    values = np.empty((n_wanted, n_columns), np.int32)
     order = _checked(passes, n_columns)
     room = order.memory
     call(
@@ -197,6 +204,7 @@ def decode_fields(
         data,
         len(data),
         n_rows,
+        n_wanted,
         *order,
         values,
         what="fields",

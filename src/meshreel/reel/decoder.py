@@ -56,6 +56,9 @@ Values = npt.NDArray[Any]
 LEAST_LENGTH = 0.5
 """A decoded normal that is shorter is that of a place that has none."""
 
+AT_REST = 16
+"""Modes whose means over a block are in the shape that few of them move."""
+
 VALUES_AT_ONCE = 1 << 18
 """Values that are combined with what is expected of them at once."""
 
@@ -67,8 +70,10 @@ class ReelBlockDecoder:
     ----------
     opened : OpenStream
     n_modes : int or None
-        Only the first so many modes of each block move; the others rest at their mean over the
-        block, and corrections, which belong to all modes together, are left out.
+        Only the first so many modes of each block move, and corrections, which belong to all modes
+        together, are left out. Further ones of the first `AT_REST` rest at their mean over the
+        block. Weaker ones count only in blocks that refer to another; key blocks need not be read
+        so far.
 
     Raises
     ------
@@ -81,6 +86,7 @@ class ReelBlockDecoder:
             raise InvalidInputError(f"n_modes must be a whole number of at least 1; got {n_modes}")
         self._opened = opened
         self._n_modes = n_modes
+        self._n_wanted = None if n_modes is None else max(n_modes, AT_REST)
         graph = ItemGraph(opened.internal_faces, opened.n_verts)
         mesh = shared_mesh(opened, Domain.VERTEX)
         self._track = TrackReader(graph, opened.order, opened.stored, POSITION_COLUMNS, mesh)
@@ -95,7 +101,7 @@ class ReelBlockDecoder:
         """
         stored = self._opened.stored(number)
         with np.errstate(over="ignore", invalid="ignore"):
-            found = self._track.modes(number, stored)
+            found = self._track.modes(number, stored, self._n_wanted)
         if self._n_modes is not None:
             found = replace(found, basis=resting_after(found.basis, self._n_modes))
         return DecodedBlock(
@@ -299,13 +305,16 @@ class TrackReader:
         self._shared = shared
         self._key: tuple[int, Layout, KeyFields] | None = None
 
-    def modes(self, number: int, stored: StoredBlock) -> JointFrames:
-        """Modes of the track in a block, whose numbers and bytes these are."""
-        block, mesh = self._read(stored)
+    def modes(self, number: int, stored: StoredBlock, n_wanted: int | None = None) -> JointFrames:
+        """Modes of the track in a block, whose numbers and bytes these are.
+
+        Only the first `n_wanted`, unless the block refers to another.
+        """
+        block, mesh = self._read(stored, n_wanted)
         key = self._key_of(number, block.layout)
         basis = decode_basis(block.basis, block.layout, key)
         values = decode_fields(block, mesh, key)
-        if key is None:
+        if key is None and block.n_modes == stored.n_modes:
             self._key = number, block.layout, KeyFields(values)
         layout, order = block.layout, mesh.number[self._order]
         return JointFrames(basis, values, float(layout.step), order, layout.is_single)
@@ -317,8 +326,12 @@ class TrackReader:
             return None
         return replace(found, vertices=inverse_permutation(self._order)[found.vertices])
 
-    def _read(self, stored: StoredBlock) -> tuple[FieldBlock, FieldMesh]:
-        block, mesh = read_field_block(stored, *self._graph, self._shared.mesh, self._n_columns)
+    def _read(
+        self, stored: StoredBlock, n_wanted: int | None = None
+    ) -> tuple[FieldBlock, FieldMesh]:
+        block, mesh = read_field_block(
+            stored, *self._graph, self._shared.mesh, self._n_columns, n_wanted
+        )
         self._shared.mesh = mesh
         return block, mesh
 

@@ -205,6 +205,18 @@ def test_large_magnitudes_cost_their_lower_bits_and_little_more():
     assert len(encode_fields(fields)) < 1.02 * fields.size * 21 / 8
 
 
+@pytest.mark.parametrize("n_wanted", [1, 3, 39])
+def test_first_rows_are_read_whatever_follows_when_only_these_are_wanted(n_wanted):
+    fields = active_places(40, 600)
+    coded = encode_fields(fields)
+    first = decode_fields(coded, 40, 600, n_wanted=n_wanted)
+    np.testing.assert_array_equal(first, fields[:n_wanted])
+    damaged = coded[:-12] + bytes(range(200, 212))
+    if n_wanted < 39:
+        np.testing.assert_array_equal(decode_fields(damaged, 40, 600, n_wanted=n_wanted), first)
+    np.testing.assert_array_equal(decode_fields(coded, 40, 600, n_wanted=99), fields)
+
+
 STORED = {
     "passes": "96451492cb129a83ae4ec204d559437e",
     "alone": "ba6314cb17b4f3ddbf17a2eb02a6b5d5",

@@ -24,8 +24,9 @@ def open(path: str | os.PathLike[str], *, n_modes: int | None = None) -> ReelFil
         Of a file, or an address such as ``s3://bucket/walk.reel`` (extra ``[remote]``): then only
         what is asked for is fetched, each block with one request.
     n_modes : int, optional
-        Only the first so many modes of each block move, and the others rest at their mean over
-        the block: a coarser animation. Streams of `reel` only; corrections are left out then.
+        Only the first so many modes of each block move; further ones, up to the 16th at least,
+        rest at their mean over the block: a coarser animation. Streams of `reel` only; corrections
+        are left out then.
 
     Raises
     ------

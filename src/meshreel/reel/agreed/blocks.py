@@ -177,8 +177,12 @@ def read_field_block(
     n_verts: int,
     before: FieldMesh | None,
     n_columns: int = POSITION_COLUMNS,
+    n_wanted: int | None = None,
 ) -> tuple[FieldBlock, FieldMesh]:
-    """A track in a block, and the mesh of its layout: that of the block before where it serves."""
+    """A track in a block, and the mesh of its layout: that of the block before where it serves.
+
+    Only the first `n_wanted` modes, unless the block refers to another.
+    """
     n_modes, n_frames = stored.n_modes, stored.n_frames
     layout = payloads.read_layout(stored.payload(Section.FIELDS))
     serves = before is not None and before.stencil_size == layout.stencil_size
@@ -193,5 +197,6 @@ def read_field_block(
     n_own = n_modes - layout.n_reused
     if n_own < 0:
         raise CorruptStreamError(f"{layout.n_reused} of {n_modes} modes are reused")
-    fields = decode_fields(coded, n_own, n_verts, field_mesh.coding_order)
-    return FieldBlock(layout, basis, fields), field_mesh
+    n_wanted = None if layout.reference else n_wanted
+    fields = decode_fields(coded, n_own, n_verts, field_mesh.coding_order, n_wanted)
+    return FieldBlock(layout, basis[: layout.n_reused + len(fields)], fields), field_mesh
