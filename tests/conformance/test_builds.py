@@ -207,9 +207,7 @@ QEMU = ["qemu-aarch64", "-L", "/usr/aarch64-linux-gnu"]
 
 
 # What gcc makes at -O3 here is called from Python above.
-@pytest.mark.parametrize(
-    ("level", "compiler", "runner"), [("-O0", "gcc", []), ("-O2", ARM, QEMU)]
-)
+@pytest.mark.parametrize(("level", "compiler", "runner"), [("-O0", "gcc", []), ("-O2", ARM, QEMU)])
 def test_streams_hold_the_same_when_the_core_alone_decodes_them(compiler, runner, level, tmp_path):
     need_programs(compiler, *runner[:1])
     core, check_c = ROOT / "core", ROOT / "conformance" / "check.c"
