@@ -5,10 +5,11 @@
 
 import zopfli from "@gfx/zopfli";
 import { build } from "esbuild";
-import { execFileSync } from "node:child_process";
+import { execFile, execFileSync } from "node:child_process";
 import { existsSync, mkdirSync, readFileSync, readdirSync, rmSync, statSync, writeFileSync } from "node:fs";
 import { basename, dirname, join } from "node:path";
 import { fileURLToPath } from "node:url";
+import { promisify } from "node:util";
 import { gzipSync } from "node:zlib";
 
 const here = dirname(fileURLToPath(import.meta.url));
@@ -16,19 +17,21 @@ const core = join(here, "../core");
 const dist = join(here, "dist");
 const modules = join(here, "wasm");
 
+const started = promisify(execFile);
+
 function run(command, ...given) {
   execFileSync(command, given, { cwd: here, stdio: "inherit" });
 }
 
 /** The bytes of a module, compiled where a source is newer. */
-function compiled(target, name) {
+async function compiled(target, name) {
   const path = join(modules, name);
   const sources = readdirSync(core).filter((file) => /\.([ch]|py)$/.test(file));
   const isNewer = (file) => statSync(join(core, file)).mtimeMs > statSync(path).mtimeMs;
   if (!existsSync(path) || sources.some(isNewer)) {
     mkdirSync(modules, { recursive: true });
     const python = process.env.PYTHON ?? "python3";
-    run(python, join(core, "compile.py"), "--target", target, "-o", path);
+    await started(python, [join(core, "compile.py"), "--target", target, "-o", path]);
   }
   return readFileSync(path);
 }
@@ -42,9 +45,11 @@ function deflated(bytes) {
   });
 }
 
-const quick = compiled("wasm", "reel.wasm");
-const plain = compiled("wasm-plain", "reel_plain.wasm");
-const exact = compiled("wasm-exact", "reel_exact.wasm");
+const [quick, plain, exact] = await Promise.all([
+  compiled("wasm", "reel.wasm"),
+  compiled("wasm-plain", "reel_plain.wasm"),
+  compiled("wasm-exact", "reel_exact.wasm"),
+]);
 
 /** Engines by the files of their functions: that of the positions, and that of further tracks. */
 const ENGINES = {

@@ -100,6 +100,7 @@ def test_frames_are_decoded_to_files():
     assert done.exit_code == 0, done.output
 
 
+@pytest.mark.slow
 def test_batch_takes_it():
     Path("in").mkdir()
     shutil.copy("walk.npz", "in")

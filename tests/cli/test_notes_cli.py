@@ -46,12 +46,14 @@ def test_json_of_export_has_what_was_left_out_of_the_original(odd, tmp_path):
     assert SAID in figures["notes"]
 
 
+@pytest.mark.slow
 def test_manifest_has_what_was_left_out_when_a_batch_reads_a_file(odd, tmp_path):
     run_json("batch", tmp_path, tmp_path / "out", "--workers", "1")
     manifest = json.loads((tmp_path / "out" / "manifest.json").read_text())
     assert manifest["inputs"]["odd.npz"]["notes"] == [SAID]
 
 
+@pytest.mark.slow
 def test_report_is_on_positions_when_a_file_has_tracks(tmp_path):
     grid = waving_grid()
     arrays = {"vertices": grid.vertices, "faces": grid.faces, "heat": np.zeros((12, 99))}

@@ -42,6 +42,7 @@ def test_render_fills_the_picture_when_one_frame_is_asked(flag, tmp_path):
     assert 0.3 < inked(tmp_path / "a.png").mean() < 0.9
 
 
+@pytest.mark.slow
 def test_render_draws_rows_with_heat_and_a_color_bar_when_given_the_original(flag, tmp_path):
     made = run_json(
         "render", flag / "flag.reel", "-o", tmp_path / "a.png",
@@ -65,6 +66,7 @@ def test_render_writes_a_film_of_the_turning_mesh_when_asked(flag, tmp_path):
         assert len(list(ImageSequence.Iterator(image))) == 10
 
 
+@pytest.mark.slow
 def test_render_writes_a_film_at_the_rate_of_the_frames_when_asked(flag, tmp_path):
     ffmpeg = pytest.importorskip("imageio_ffmpeg")
     made = run_json("render", flag / "flag.reel", "-o", tmp_path / "a.mp4", "--frames", "2:9")

@@ -308,6 +308,7 @@ def tracked(tmp_path):
     return path
 
 
+@pytest.mark.slow
 def test_view_and_export_tell_the_page_the_track_that_is_named(page, tracked, tmp_path):
     options = ["--track", "height", "--range", "0:2", "--component", "0", "--colormap", "diverging"]
     wanted = {"track": "height", "component": "0", "range": "0:2", "colormap": "diverging"}

@@ -5,13 +5,20 @@ from meshreel.errors import InvalidInputError
 from meshreel.flag import simulate_flag
 from meshreel.geometry.connectivity import boundary_edges, component_labels, undirected_edges
 from meshreel.geometry.normals import face_normals
+from samples.costs import slow_but
 
 SMALL = {"n_rows": 14, "n_columns": 20}
 
 
+@pytest.fixture(scope="module", params=slow_but([28], [28, 52]))
+def side(request):
+    """Rows and columns of a flag."""
+    return request.param
+
+
 @pytest.fixture(scope="module")
-def flag():
-    return simulate_flag(100)
+def flag(side):
+    return simulate_flag(100, n_rows=side, n_columns=side)
 
 
 @pytest.fixture(scope="module")
@@ -40,29 +47,29 @@ def test_simulate_flag_begins_with_the_shorter_flag_when_longer(small_flag):
 
 
 @pytest.mark.slow
-def test_simulate_flag_keeps_the_pole_still_when_the_wind_blows(flag):
-    pole = flag.vertices[:, ::52]
+def test_simulate_flag_keeps_the_pole_still_when_the_wind_blows(flag, side):
+    pole = flag.vertices[:, ::side]
     np.testing.assert_array_equal(pole, np.broadcast_to(pole[0], pole.shape))
 
 
-def test_simulate_flag_stretches_no_edge_by_a_tenth_when_it_flutters(flag):
-    stretch = edge_lengths(flag, flag.vertices) / edge_lengths(flag, rest_positions(52, 52))
+def test_simulate_flag_stretches_no_edge_by_a_tenth_when_it_flutters(flag, side):
+    stretch = edge_lengths(flag, flag.vertices) / edge_lengths(flag, rest_positions(side, side))
     assert stretch.max() < 1.1
 
 
-def test_simulate_flag_crushes_no_edge_when_it_flutters(flag):
-    stretch = edge_lengths(flag, flag.vertices) / edge_lengths(flag, rest_positions(52, 52))
+def test_simulate_flag_crushes_no_edge_when_it_flutters(flag, side):
+    stretch = edge_lengths(flag, flag.vertices) / edge_lengths(flag, rest_positions(side, side))
     assert stretch.min() > 0.8
 
 
-def test_simulate_flag_swings_its_whole_free_edge_when_it_flutters(flag):
-    free_edge = flag.vertices[:, 51::52]
+def test_simulate_flag_swings_its_whole_free_edge_when_it_flutters(flag, side):
+    free_edge = flag.vertices[:, side - 1 :: side]
     reach = np.linalg.norm(np.ptp(free_edge, axis=0), axis=1)
     assert reach.min() > 0.2
 
 
-def test_simulate_flag_still_moves_when_long_unfurled(flag):
-    late = np.linalg.norm(np.ptp(flag.vertices[60:, 51::52], axis=0), axis=1)
+def test_simulate_flag_still_moves_when_long_unfurled(flag, side):
+    late = np.linalg.norm(np.ptp(flag.vertices[60:, side - 1 :: side], axis=0), axis=1)
     assert late.min() > 0.2
 
 
@@ -77,17 +84,17 @@ def test_simulate_flag_stays_within_its_reach_when_it_flutters(flag):
     assert to_corner.max() < 1.02 * np.hypot(1.5, 1.0)
 
 
-def test_simulate_flag_has_several_folds_when_crossed_from_corner_to_corner(flag):
+def test_simulate_flag_has_several_folds_when_crossed_from_corner_to_corner(flag, side):
     """From the lower pole corner to the upper free one the line crosses ridges and valleys."""
-    grid = flag.vertices[30:, :, 2].reshape(-1, 52, 52)
-    slope = np.diff(grid[:, np.arange(51, -1, -1), np.arange(52)], axis=1)
+    grid = flag.vertices[30:, :, 2].reshape(-1, side, side)
+    slope = np.diff(grid[:, np.arange(side)[::-1], np.arange(side)], axis=1)
     ridges_and_valleys = (np.diff(np.sign(slope), axis=1) != 0).sum(axis=1)
     assert np.median(ridges_and_valleys) >= 4
 
 
-def test_simulate_flag_is_one_sheet_when_its_faces_are_followed(flag):
+def test_simulate_flag_is_one_sheet_when_its_faces_are_followed(flag, side):
     assert component_labels(flag.faces, flag.n_verts)[0] == 1
-    assert len(boundary_edges(flag.faces)) == 4 * 51
+    assert len(boundary_edges(flag.faces)) == 4 * (side - 1)
 
 
 def test_simulate_flag_faces_one_way_when_at_rest():
@@ -95,7 +102,8 @@ def test_simulate_flag_faces_one_way_when_at_rest():
     assert (face_normals(flat.vertices[0], flat.faces)[:, 2] > 0).all()
 
 
-def test_simulate_flag_is_in_single_precision_metres_at_30_fps_when_default(flag):
+def test_simulate_flag_is_in_single_precision_metres_at_30_fps_when_default():
+    flag = simulate_flag(1)
     assert (flag.vertices.dtype, flag.n_verts, flag.n_faces) == (np.float32, 2704, 5202)
     assert (flag.fps, flag.name) == (30.0, "flag")
 

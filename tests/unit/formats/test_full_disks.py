@@ -23,9 +23,16 @@ from samples.meshes import waving_grid
 resource = pytest.importorskip("resource")
 
 FORKING = """
-import json, os, resource, sys
+import importlib, json, os, pkgutil, resource, sys
 import meshreel.cli.convert, meshreel.codec.decoder, meshreel.codec.encoder
+import meshreel.formats, meshreel.reel.decoder
 from meshreel.cli import main
+
+for found in pkgutil.walk_packages(meshreel.formats.__path__, "meshreel.formats."):
+    try:
+        importlib.import_module(found.name)
+    except ImportError:  # of a library that is not installed
+        pass
 
 for line in sys.stdin:
     limit, words = json.loads(line)
@@ -75,7 +82,8 @@ def reel(tmp_path_factory):
 def limited():
     """Runs `meshreel ARGUMENTS` where no file grows larger than a number of bytes."""
     command, pipe = [sys.executable, "-c", FORKING], subprocess.PIPE
-    environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1"}
+    # Or a compiled module would be cut off at the limit, and stay so.
+    environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1", "PYTHONDONTWRITEBYTECODE": "1"}
     with subprocess.Popen(command, stdin=pipe, stdout=pipe, text=True, env=environment) as process:
 
         def run(limit, *arguments):

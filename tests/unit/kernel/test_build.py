@@ -125,13 +125,13 @@ def test_one_line_says_what_to_do_when_the_library_is_missing(monkeypatch, tmp_p
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["gcc", "clang"])
-def test_no_compiler_has_a_warning(monkeypatch, tmp_path, name):
+@pytest.mark.parametrize(("name", "level"), [("gcc", "-O2"), ("clang", "-O1")])
+def test_no_compiler_has_a_warning(monkeypatch, tmp_path, name, level):
     if shutil.which(name) is None:
         pytest.skip(f"needs {name}")
     monkeypatch.setenv("CC", name)
     core = runpy.run_path(str(COMPILE))
-    core["build"](tmp_path / "libreel.so", [*core["WARNINGS"], "-O2"])  # all warnings, sooner
+    core["build"](tmp_path / "libreel.so", [*core["WARNINGS"], level])  # all warnings, sooner
 
 
 @pytest.mark.slow
@@ -140,25 +140,6 @@ def test_no_compiler_has_a_warning(monkeypatch, tmp_path, name):
     reason="needs clang or gcc, with sanitizers",
 )
 def test_hostile_bytes_break_nothing():
-    """Some 20 s of what `core/fuzz` searches for hours."""
-    done = subprocess.run([sys.executable, FUZZ, "--seconds", "20"], capture_output=True, text=True)
+    """Some 10 s of what `core/fuzz` searches for hours."""
+    done = subprocess.run([sys.executable, FUZZ, "--seconds", "10"], capture_output=True, text=True)
     assert not done.returncode, done.stdout + done.stderr
-
-
-@pytest.mark.slow
-def test_compilers_agree_on_all_that_is_found(tmp_path, monkeypatch):
-    """Whatever is encoded and decoded, also from damaged bytes, is one number."""
-    monkeypatch.syspath_prepend(str(COMPILE.parent))
-    fuzz = runpy.run_path(str(FUZZ))
-    levels = {"gcc": ("-O0", "-O2"), "clang": ("-O0", "-O3")}  # gcc takes a minute for -O3
-    compilers = [name for name in levels if shutil.which(name)]
-    if not compilers or sys.platform == "win32":
-        pytest.skip("needs gcc or clang")
-    found = set()
-    for name in compilers:
-        for level in levels[name]:
-            program = fuzz["build"](tmp_path / "fuzz", [name], (level, *fuzz["LOOP"]))
-            words = [program, "0", "7", "0", "300"]
-            told = subprocess.run(words, check=True, capture_output=True, text=True).stdout
-            found.add(told.splitlines()[-1])
-    assert len(found) == 1, found

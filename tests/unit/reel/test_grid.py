@@ -107,6 +107,7 @@ def test_tracks_and_attributes_stay_with_a_grid_that_is_chosen():
     assert (np.squeeze(found) == np.squeeze(heat.values)).all()
 
 
+@pytest.mark.slow
 def test_workers_give_the_same_bytes():
     sequence = waving_grid(12)
     alone = meshreel.encode(sequence, "grid", max_error=0.01, block_frames=5)

@@ -4,7 +4,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.sparse.csgraph import connected_components, shortest_path
 
@@ -18,6 +18,7 @@ from conformance.hierarchy import (
 from meshreel.geometry.connectivity import component_labels
 from meshreel.kernel.mesh import MAX_RESOLUTIONS
 from meshreel.reel.agreed.mesh import FieldMesh
+from samples.costs import draws
 from samples.meshes import grid_faces, octahedron_faces
 
 SIZE = 7
@@ -299,5 +300,6 @@ def tangled_meshes(draw):
 
 
 @given(tangled_meshes())
+@settings(max_examples=draws(60))
 def test_hierarchy_is_that_of_the_format_when_a_mesh_is_tangled(mesh):
     assert_follows_the_format(*mesh)

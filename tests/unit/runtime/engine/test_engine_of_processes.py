@@ -150,6 +150,7 @@ def test_call_is_given_up_when_it_killed_two_workers(engine):
     assert engine.submit(square, 5).result(60) == 25
 
 
+@pytest.mark.slow
 def test_others_are_not_blamed_when_a_call_kills_its_workers(engine):
     items = [(number, 4) for number in range(30)]
     outcomes = dict(engine.as_completed(die_or_square, items))
@@ -181,6 +182,7 @@ def test_workers_share_the_cores_and_have_one_blas_thread_each():
     assert set(blas) == {1}
 
 
+@pytest.mark.slow
 def test_worker_has_all_cores_when_it_is_the_only_one():
     with open_engine(1) as engine:
         assert engine.submit(cores_and_blas_threads).result(60)[0] == n_cores()
@@ -191,12 +193,14 @@ def test_ctrl_c_does_not_end_a_worker(engine):
     assert survivor in {child.pid for child in multiprocessing.active_children()}
 
 
+@pytest.mark.slow
 def test_processes_end_when_the_engine_is_closed():
     with open_engine(1) as engine:
         process = engine.submit(process_id).result(60)
     assert ended(process)
 
 
+@pytest.mark.slow
 def test_process_is_killed_when_it_does_not_end_by_itself(monkeypatch):
     monkeypatch.setattr("meshreel.runtime.engine.processes.END_S", 0.2)
     with open_engine(1) as engine:
