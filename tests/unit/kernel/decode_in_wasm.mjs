@@ -77,8 +77,8 @@ const passes = put(BigInt64Array.from([0n, v]));
 const none = put(new BigInt64Array(V + 1));
 const residuals = take(4 * K * V);
 const fieldBytes = bytes("fields");
-call("reel_fields_decode", [V, 1, 0], put(fieldBytes), fieldBytes.length, k, v, columns, passes,
-  1n, none, none, residuals);
+call("reel_fields_decode", [V, 1, 0], put(fieldBytes), fieldBytes.length, k, k, v, columns,
+  passes, 1n, none, none, residuals);
 
 const values = take(8 * V * K);
 const mesh = take(64);
