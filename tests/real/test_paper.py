@@ -30,12 +30,12 @@ def results_in(folder):
     )
 
 
-def check_that_the_dictionary_rate_is_the_printed_one_when_there_is_one_block(results):
+def check_that_the_dictionary_rate_is_the_printed_one(results):
     for label in ("pca-q", "v2v", "pca-qp"):
         assert results.variant(label)["paper_count"]["q_d"] == pytest.approx(0.2808, abs=5e-5)
 
 
-def check_that_the_anchor_rate_is_the_printed_one_up_to_an_anchor_when_they_are_one_percent(
+def check_that_the_anchor_rate_is_the_printed_one_up_to_an_anchor(
     results,
 ):
     # Printed is 0.1595, which would be 99.4 anchors; here they are 100.
@@ -43,24 +43,24 @@ def check_that_the_anchor_rate_is_the_printed_one_up_to_an_anchor_when_they_are_
     assert found == pytest.approx(0.1595, abs=16 / 9971)
 
 
-def check_that_the_table_holds_the_printed_figures_when_the_sequence_is_samba(results):
+def check_that_the_table_holds_the_printed_figures(results):
     assert "q, paper" in rate_table(results).header
 
 
-def check_that_deltas_are_smoother_than_vertices_when_rates_are_alike(results):
+def check_that_deltas_are_smoother_than_vertices(results):
     deltas, vertices = results.variant("pca-qp"), results.variant("v2v")
     assert deltas["rate_order_dropped_bpvf"] < vertices["rate_order_dropped_bpvf"]
     assert deltas["quality"]["sted"] < 0.5 * vertices["quality"]["sted"]
 
 
-def check_that_anchors_take_away_most_of_the_error_when_they_are_added(results):
+def check_that_anchors_take_away_most_of_the_error(results):
     without, with_anchors = (
         results.variant(label)["quality"]["kg_error_percent"] for label in ("pca-q", "pca-qp")
     )
     assert with_anchors < 0.3 * without
 
 
-def check_that_blocks_cost_more_when_each_has_its_own_rows(results):
+def check_that_blocks_cost_more(results):
     blocks, whole = (results.variant(label)["paper_count"]["q"] for label in ("blocks", "pca-qp"))
     assert 1.2 * whole < blocks < 3 * whole
 
@@ -68,9 +68,9 @@ def check_that_blocks_cost_more_when_each_has_its_own_rows(results):
 def test_claims_hold_on_samba(tmp_path):
     """All of them in one test: the results take minutes, and workers do not share them."""
     results = results_in(tmp_path)
-    check_that_the_dictionary_rate_is_the_printed_one_when_there_is_one_block(results)
-    check_that_the_anchor_rate_is_the_printed_one_up_to_an_anchor_when_they_are_one_percent(results)
-    check_that_the_table_holds_the_printed_figures_when_the_sequence_is_samba(results)
-    check_that_deltas_are_smoother_than_vertices_when_rates_are_alike(results)
-    check_that_anchors_take_away_most_of_the_error_when_they_are_added(results)
-    check_that_blocks_cost_more_when_each_has_its_own_rows(results)
+    check_that_the_dictionary_rate_is_the_printed_one(results)
+    check_that_the_anchor_rate_is_the_printed_one_up_to_an_anchor(results)
+    check_that_the_table_holds_the_printed_figures(results)
+    check_that_deltas_are_smoother_than_vertices(results)
+    check_that_anchors_take_away_most_of_the_error(results)
+    check_that_blocks_cost_more(results)
