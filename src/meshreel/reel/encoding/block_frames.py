@@ -1,5 +1,6 @@
 """A block of frames as the encoder of `reel` takes it: coordinates, and their trajectories."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -115,11 +116,17 @@ class BlockFrames:
             found[:, : part.shape[1]] += part * signs
         return found
 
+    @property
+    def _telling_columns(self) -> tuple[Callable[[slice], Floats], int]:
+        """Columns that trajectories are found from, and how many they are."""
+        if self._n_sketched:
+            return self._sketch, self._n_sketched
+        return self.coordinates, self.n_verts
+
     @cached_property
     def _gram(self) -> Floats:
-        if self._n_sketched:
-            return gram_of_rows(self._sketch, self._n_rows, self._n_sketched)
-        return gram_of_rows(self.coordinates, self._n_rows, self.n_verts)
+        columns, n_columns = self._telling_columns
+        return gram_of_rows(columns, self._n_rows, n_columns)
 
     @property
     def _n_rows(self) -> int:
@@ -159,10 +166,9 @@ class BlockFrames:
         return strengths[:n_kept], vectors[:, :n_kept]
 
     def _trajectories(self, least: float) -> tuple[Floats, Floats]:
-        if self._n_sketched:
-            return weak_trajectories(self._sketch, self._gram, self._n_sketched, least)
         if self._n_rows < self.n_verts:
-            return weak_trajectories(self.coordinates, self._gram, self.n_verts, least)
+            columns, n_columns = self._telling_columns
+            return weak_trajectories(columns, self._gram, n_columns, least)
         rows = self.coordinates(slice(0, self.n_verts))
 
         def frames(piece: slice) -> Floats:
