@@ -1,6 +1,7 @@
 """A real browser and players for it."""
 
 import subprocess
+from pathlib import Path
 
 import pytest
 
@@ -10,6 +11,19 @@ from samples.player_pages import COMMAND, put_to_rest, viewing, wait_until
 
 ALLOWED_ERROR = 0.02
 """Tight for the flag, so that some vertices are corrected; loose, so that errors show."""
+
+
+def pytest_collection_modifyitems(config, items):
+    """
+    Where tests may run again, as in `.ci/run`, those in pages do so once, which is reported.
+
+    Pages play in real time, and are drawn without a GPU beside other tests.
+    """
+    if not config.getoption("reruns", 0):
+        return
+    for item in items:
+        if Path(__file__).parent in item.path.parents:
+            item.add_marker(pytest.mark.flaky(reruns=1, only_rerun=".*"))
 
 
 @pytest.fixture(scope="module")

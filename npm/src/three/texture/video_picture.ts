@@ -24,8 +24,11 @@ export class VideoPicture {
   readonly #cells: { at: FrameNumber; pen: Pen } | null;
   #isWaiting = false;
   #isReadable = false;
-  /** Whether stills of the video have its times: in Chromium they do, in Firefox 153 not. */
-  #areStillsTimed = false;
+  /**
+   * Whether stills of the video have its times: in Chromium they do, also at the first picture,
+   * whose time tells nothing; in Firefox 153 not.
+   */
+  #areStillsTimed = "userAgentData" in navigator;
 
   /** @param frameNumber - where pictures hold their numbers; null if they do not */
   constructor(frameNumber: FrameNumber | null) {
