@@ -6,6 +6,7 @@ import zipfile
 import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from io import RawIOBase
 from pathlib import Path
 from typing import Any
 
@@ -24,13 +25,14 @@ from meshreel.formats.frames.stored_frames import StoredFrames, changed_error
 from meshreel.formats.frames.survey import FrameSurvey
 from meshreel.formats.options import ReadOptions
 from meshreel.runtime.progress import Count
+from meshreel.runtime.threads import chunks, in_threads, one_ahead
 from meshreel.sequence import FrameSource, MeshSequence, validate_finite
 from meshreel.tracks import TrackSource
 
 Numbers = npt.NDArray[Any]
 
 LOCAL_HEADER = struct.Struct("<26xHH")  # of a member of a zip file; its name and an extra follow
-SURVEY_BYTES = 1 << 24  # of positions that are looked at together
+READ_BYTES = 1 << 24  # of frames that are read together
 
 
 def open_npz(path: Path, options: ReadOptions) -> FrameSource:
@@ -147,33 +149,59 @@ class _StoredArray:
         FormatError
             When all have been seen, if they are not what was written into the archive.
         """
-        n_frames, n_at_once = self.shape[0], max(1, SURVEY_BYTES // self._frame_bytes)
-        for start in range(0, n_frames, n_at_once):
-            numbers = self._read(start, min(start + n_at_once, n_frames))
-            for frame in numbers:
-                self.checksums.append(zlib.crc32(frame, self.checksums[-1]))
-            yield start, numbers.astype(self.dtype.newbyteorder("="), copy=False)
+        yield from one_ahead(self._summed())
         if self.checksums[-1] != self.member_checksum:
             raise FormatError(
                 f"{self.path}: is damaged: {self.member} does not have its checksum; save it again"
             )
 
+    def _summed(self) -> Iterator[tuple[int, Numbers]]:
+        """The blocks of `survey`, whose checksums are added."""
+        for piece in self._pieces(0, self.shape[0]):
+            numbers = np.empty((piece.stop - piece.start, *self.shape[1:]), self.dtype)
+            self._fill(numbers, piece.start)
+            for frame in numbers:
+                self.checksums.append(zlib.crc32(frame, self.checksums[-1]))
+            yield piece.start, self._native(numbers)
+
     def read(self, start: int, stop: int) -> Numbers:
         """Numbers of frames start..stop - 1, as they were when they were surveyed."""
-        numbers = self._read(start, stop)
-        for index, frame in enumerate(numbers, start):
-            if zlib.crc32(frame, self.checksums[index]) != self.checksums[index + 1]:
-                raise changed_error(f"{self.path} (frame {index})")
+        numbers = np.empty((stop - start, *self.shape[1:]), self.dtype)
+
+        def fill(piece: slice) -> None:
+            part = numbers[piece.start - start : piece.stop - start]
+            self._fill(part, piece.start)
+            for index, frame in enumerate(part, piece.start):
+                if zlib.crc32(frame, self.checksums[index]) != self.checksums[index + 1]:
+                    raise changed_error(f"{self.path} (frame {index})")
+
+        in_threads(fill, self._pieces(start, stop))
+        return self._native(numbers)
+
+    def _pieces(self, start: int, stop: int) -> list[slice]:
+        n_at_once = max(1, READ_BYTES // self._frame_bytes)
+        return [
+            slice(start + one.start, start + one.stop) for one in chunks(stop - start, n_at_once)
+        ]
+
+    def _native(self, numbers: Numbers) -> Numbers:
         return numbers.astype(self.dtype.newbyteorder("="), copy=False)
 
-    def _read(self, start: int, stop: int) -> Numbers:
-        width = math.prod(self.shape[1:])
-        offset = self.start_byte + start * self._frame_bytes
-        with os_errors_naming(self.path):
-            numbers = np.fromfile(self.path, self.dtype, (stop - start) * width, offset=offset)
-        if len(numbers) < (stop - start) * width:
-            raise changed_error(f"{self.path} (frame {start + len(numbers) // width})")
-        return numbers.reshape(-1, *self.shape[1:])
+    def _fill(self, numbers: Numbers, start: int) -> None:
+        """Fill numbers of shape (n, ...) with those of the frames from `start` on."""
+        with os_errors_naming(self.path), self.path.open("rb", buffering=0) as stream:
+            stream.seek(self.start_byte + start * self._frame_bytes)
+            n_read = _read_into(stream, numbers.reshape(-1).view(np.uint8).data)
+        if n_read < numbers.nbytes:
+            raise changed_error(f"{self.path} (frame {start + n_read // self._frame_bytes})")
+
+
+def _read_into(stream: RawIOBase, room: memoryview) -> int:
+    """Bytes that are read into a room, which is full unless the file ends before."""
+    n_read = 0
+    while n_read < len(room) and (count := stream.readinto(room[n_read:])):
+        n_read += count
+    return n_read
 
 
 def _find_vertices(path: Path, positions: str) -> _StoredArray | None:
