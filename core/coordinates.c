@@ -8,6 +8,7 @@
 typedef struct {
     const int32_t *order; /* NULL: as they are */
     const double *placement; /* scale, and the origin of each column */
+    const double *signs;     /* NULL: rows are written, not added to with a sign */
     int64_t first, n, n_columns;
 } place;
 
@@ -21,7 +22,8 @@ typedef struct {
             double *row = out + column * apart;                                                    \
             for (int64_t i = from; i < from + count; i++) {                                        \
                 int64_t vertex = at->order ? at->order[at->first + i] : at->first + i;             \
-                row[i] = ((double)values[at->n_columns * vertex] - origin) / scale;                \
+                double value = ((double)values[at->n_columns * vertex] - origin) / scale;          \
+                row[i] = at->signs ? row[i] + at->signs[i] * value : value;                        \
             }                                                                                      \
         }                                                                                          \
     }
@@ -31,7 +33,7 @@ DEFINE_ROWS(rows_of_doubles, double)
 
 int64_t reel_coordinates(const void *vertices, int64_t size, int64_t n_frames, int64_t n_verts,
                          int64_t n_columns, const int32_t *order, int64_t first, int64_t last,
-                         const double *placement, double *out) {
+                         const double *placement, const double *signs, double *out) {
     if (first < 0 || first > last || last > n_verts || n_columns < 1) {
         return reel_failure(REEL_INVALID, 0);
     }
@@ -40,7 +42,7 @@ int64_t reel_coordinates(const void *vertices, int64_t size, int64_t n_frames, i
             return reel_failure(REEL_INVALID, (uint64_t)i);
         }
     }
-    place at = {order, placement, first, last - first, n_columns};
+    place at = {order, placement, signs, first, last - first, n_columns};
     for (int64_t from = 0; from < at.n; from += TOGETHER) {
         int64_t count = at.n - from < TOGETHER ? at.n - from : TOGETHER;
         for (int64_t frame = 0; frame < n_frames; frame++) {

@@ -27,7 +27,7 @@
 extern "C" {
 #endif
 
-#define REEL_ABI 7 /* changes with every change of a function below */
+#define REEL_ABI 8 /* changes with every change of a function below */
 
 enum reel_code {
     REEL_OK = 0,
@@ -179,11 +179,12 @@ REEL_API int64_t reel_frames(void *memory, size_t memory_size, const double *bas
 /* Values of the vertices order[first..last-1] (or first..last-1, where `order` is NULL), such as
    positions, which are 4 or 8 byte floats in columns: less the origin of their column and divided
    by the scale of `placement`, as rows of the first column of all frames, then of the next, in
-   `out`. Returns last - first. */
+   `out`; where there are `signs`, one of each vertex, times these and added to what is there.
+   Returns last - first. */
 REEL_API int64_t reel_coordinates(const void *vertices, int64_t size, int64_t n_frames,
                                   int64_t n_verts, int64_t n_columns, const int32_t *order,
                                   int64_t first, int64_t last, const double *placement,
-                                  double *out);
+                                  const double *signs, double *out);
 
 /* Normals of a surface (normals.c): of each frame of positions, 4 or 8 byte floats, the sums of the
    cross products of the sides of triangles, in the order of `faces`, divided by their length, or 0

@@ -118,8 +118,15 @@ void fuzz_coordinates(void) {
         placement[i] = fuzz_float();
     }
     int32_t *order = fuzz_once_in(2) ? any_numbers(n_verts, n_verts) : NULL;
+    double *signs = fuzz_once_in(2) ? fuzz_take(count, sizeof *signs) : NULL;
+    for (int64_t i = 0; signs && i < count; i++) {
+        signs[i] = fuzz_once_in(2) ? 1.0 : -1.0;
+    }
+    for (int64_t i = 0; signs && i < n_columns * n_frames * count; i++) {
+        out[i] = 0.0;
+    }
     int64_t result = reel_coordinates(vertices, size, n_frames, n_verts, n_columns, order, first,
-                                      first + count, placement, out);
+                                      first + count, placement, signs, out);
     fuzz_claim_code(result);
     fuzz_note_doubles(out, result < 0 ? 0 : n_columns * n_frames * count);
 }

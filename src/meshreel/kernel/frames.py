@@ -217,8 +217,35 @@ def coordinate_rows(
     -------
     float64 array of shape (C T, n): the first column at all frames, then the next
     """
-    n_frames, n_verts, n_columns = vertices.shape
+    n_frames, _, n_columns = vertices.shape
     out = np.empty((n_columns * n_frames, piece.stop - piece.start))
+    _coordinates(vertices, order, piece, placement, None, out)
+    return out
+
+
+def add_coordinate_rows(
+    vertices: npt.NDArray[np.floating],
+    order: Integers | None,
+    piece: slice,
+    placement: Sequence[float],
+    signs: Floats,
+    out: Floats,
+) -> None:
+    """Add what `coordinate_rows` gives, times a sign of each place, shape (n,), to contiguous rows
+    of shape (C T, n).
+    """
+    _coordinates(vertices, order, piece, placement, signs, out)
+
+
+def _coordinates(
+    vertices: npt.NDArray[np.floating],
+    order: Integers | None,
+    piece: slice,
+    placement: Sequence[float],
+    signs: Floats | None,
+    out: Floats,
+) -> None:
+    n_frames, n_verts, n_columns = vertices.shape
     call(
         "reel_coordinates",
         vertices,
@@ -230,10 +257,10 @@ def coordinate_rows(
         piece.start,
         piece.stop,
         np.array(placement, np.float64),
+        signs,
         out,
         what="positions",
     )
-    return out
 
 
 def _frames(

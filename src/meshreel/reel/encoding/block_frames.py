@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.kernel.frames import coordinate_rows
+from meshreel.kernel.frames import add_coordinate_rows, coordinate_rows
 from meshreel.runtime.profiling import staged
 from meshreel.runtime.threads import chunks, in_threads
 from meshreel.subspace.pca import fix_signs, gram_of_rows, weak_trajectories
@@ -110,10 +110,18 @@ class BlockFrames:
         Chen and Farach-Colton, 2002; of matrices Clarkson and Woodruff, 2013). All vertices count.
         """
         found = np.zeros((self._n_rows, piece.stop - piece.start))
+        placement = self.frame.placement
         for start in range(piece.start, self.n_verts, self._n_sketched):
-            part = self.coordinates(slice(start, min(start + found.shape[1], self.n_verts)))
-            signs = np.random.default_rng(start).integers(0, 2, part.shape[1]) * 2.0 - 1.0
-            found[:, : part.shape[1]] += part * signs
+            part = slice(start, min(start + found.shape[1], self.n_verts))
+            count = part.stop - start
+            signs = np.random.default_rng(start).integers(0, 2, count) * 2.0 - 1.0
+            sums = found if count == found.shape[1] else np.zeros((len(found), count))
+            add_coordinate_rows(self.vertices, self.order, part, placement, signs, sums)
+            if self.taken is not None:
+                vectors, fields = self.taken
+                sums -= vectors.reshape(len(sums), -1) @ (fields[part].T * signs)
+            if sums is not found:
+                found[:, :count] += sums
         return found
 
     @property
