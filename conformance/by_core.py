@@ -148,7 +148,7 @@ def tracks_of(opened):
 
 def reel_block(graph, stored, n_columns=3):
     """The integers of a track in a block of `reel`."""
-    block, _ = read_field_block(stored, graph[0], graph[1], None, n_columns)
+    block, _, _ = read_field_block(stored, graph[0], graph[1], None, n_columns)
     layout = block.layout
     found = {
         "frames": stored.n_frames,

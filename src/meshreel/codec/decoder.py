@@ -51,7 +51,6 @@ def decode(
     wanted = frame_range(frames, stream.n_frames)
     opened = OpenStream(stream)
     blocks = opened.blocks(n_modes)
-    faces = opened.faces
     vertices = np.empty((len(wanted), header.n_verts, 3), opened.dtype)
     for number, (start, stop) in enumerate(pairwise(stream.starts)):
         first, last = max(start, wanted.start), min(stop, wanted.stop)
@@ -73,7 +72,7 @@ def decode(
     try:
         return MeshSequence(
             vertices,
-            faces,
+            opened.faces,
             header.fps,
             header.name,
             start_of(wanted, opened.start_s, header.fps),

@@ -19,9 +19,6 @@ CHUNK_VERTICES = 16384
 """Vertices of a level that one thread takes; the encoder counts in each by itself, so that its
 choices do not depend on the number of threads."""
 
-MOST_PREPARED = 1 << 16
-"""Vertices of meshes for which prepared weights are kept: 608 bytes each, 40 MB at most."""
-
 Prepared = npt.NDArray[np.uint8]
 """What is known about the weights of all vertices before the first mode, as the core has it."""
 
@@ -95,10 +92,8 @@ def decode_values(
     return _run(mesh, residuals, n_learned, key, prepared, None, None)
 
 
-def prepared_weights(mesh: Hierarchy, n_learned: int, key: Floats | None = None) -> Prepared | None:
-    """What several blocks of the same key, or without any, begin with; None for a large mesh."""
-    if mesh.n_verts > MOST_PREPARED:
-        return None
+def prepared_weights(mesh: Hierarchy, n_learned: int, key: Floats | None = None) -> Prepared:
+    """What several blocks of the same key, or without any, begin with: 608 bytes a vertex."""
     found = memory(size_of("reel_predict_prepare_memory", mesh.n_verts, len(mesh.smooth_starts)))
     core_mesh = _mesh(mesh)
     fields = _fields(mesh, 0, n_learned, None, None, key, found)

@@ -1,6 +1,7 @@
 """The blocks of a stream of `reel` to frames, track by track."""
 
 from collections.abc import Callable, Iterable
+from concurrent.futures import Future
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import Any
@@ -19,6 +20,7 @@ from meshreel.codec.tracks import TrackHeader
 from meshreel.connectivity.permutation import inverse_permutation
 from meshreel.errors import CorruptStreamError, InvalidInputError
 from meshreel.kernel.frames import Moves
+from meshreel.kernel.predict import Prepared
 from meshreel.reel.agreed.blocks import (
     POSITION_COLUMNS,
     read_corrections,
@@ -89,7 +91,9 @@ class ReelBlockDecoder:
         self._n_wanted = None if n_modes is None else max(n_modes, AT_REST)
         graph = ItemGraph(opened.internal_faces, opened.n_verts)
         mesh = shared_mesh(opened, Domain.VERTEX)
-        self._track = TrackReader(graph, opened.order, opened.stored, POSITION_COLUMNS, mesh)
+        self._track = TrackReader(
+            graph, lambda: opened.order, opened.stored, POSITION_COLUMNS, mesh
+        )
 
     def block(self, number: int) -> DecodedBlock:
         """A block of the stream, decoded.
@@ -144,7 +148,7 @@ class TrackDecoder:
             is_exact=self.header.is_exact,
         )
         mesh = shared_mesh(opened, self.header.stored_domain, self.header.rows)
-        self._track = TrackReader(graph, order, self._stored, self.header.n_coded, mesh)
+        self._track = TrackReader(graph, lambda: order, self._stored, self.header.n_coded, mesh)
         self._opened = opened
 
     def block(self, number: int) -> Values:
@@ -240,7 +244,9 @@ class WrittenBlocks:
     ) -> None:
         self._frame, self._dtype = frame, dtype
         self._n_read = 0
-        self._reader = TrackReader(graph, order, self._stored, POSITION_COLUMNS, SharedMesh())
+        self._reader = TrackReader(
+            graph, lambda: order, self._stored, POSITION_COLUMNS, SharedMesh()
+        )
 
     def positions(self, sections: Iterable[tuple[Section, bytes]]) -> Values:
         """Positions of the next block, of shape (T_b, V, 3), as they go out."""
@@ -281,8 +287,9 @@ class TrackReader:
     ----------
     graph : ItemGraph
         That its values lie on; of the positions the internal faces and the vertices.
-    order : integer array of shape (N,)
-        The item of the graph that each value that goes out is of.
+    order : callable
+        Gives the item of the graph that each value that goes out is of, an integer array of shape
+        (N,); called while the hierarchy is found.
     stored : callable
         The track in a block, by its number, as it is stored.
     n_columns : int
@@ -293,7 +300,7 @@ class TrackReader:
     def __init__(
         self,
         graph: ItemGraph,
-        order: Integers,
+        order: Callable[[], Integers],
         stored: Callable[[int], StoredBlock],
         n_columns: int,
         shared: SharedMesh,
@@ -310,13 +317,13 @@ class TrackReader:
 
         Only the first `n_wanted`, unless the block refers to another.
         """
-        block, mesh = self._read(stored, n_wanted)
+        block, mesh, weights = self._read(stored, n_wanted)
         key = self._key_of(number, block.layout)
         basis = decode_basis(block.basis, block.layout, key)
-        values = decode_fields(block, mesh, key)
+        values = decode_fields(block, mesh, key, weights)
         if key is None and block.n_modes == stored.n_modes:
             self._key = number, block.layout, KeyFields(values)
-        layout, order = block.layout, mesh.number[self._order]
+        layout, order = block.layout, mesh.number[self._order()]
         return JointFrames(basis, values, float(layout.step), order, layout.is_single)
 
     def corrections(self, stored: StoredBlock) -> Corrections | None:
@@ -324,16 +331,16 @@ class TrackReader:
         found = read_corrections(stored, self._graph.n_items, self._n_columns)
         if found is None:
             return None
-        return replace(found, vertices=inverse_permutation(self._order)[found.vertices])
+        return replace(found, vertices=inverse_permutation(self._order())[found.vertices])
 
     def _read(
         self, stored: StoredBlock, n_wanted: int | None = None
-    ) -> tuple[FieldBlock, FieldMesh]:
-        block, mesh = read_field_block(
-            stored, *self._graph, self._shared.mesh, self._n_columns, n_wanted
+    ) -> tuple[FieldBlock, FieldMesh, Future[Prepared] | None]:
+        found = read_field_block(
+            stored, *self._graph, self._shared.mesh, self._n_columns, n_wanted, self._order
         )
-        self._shared.mesh = mesh
-        return block, mesh
+        self._shared.mesh = found[1]
+        return found
 
     def _key_of(self, number: int, layout: Layout) -> KeyFields | None:
         """The fields that a block refers to, decoded now or kept from before."""
@@ -343,12 +350,12 @@ class TrackReader:
         if self._key is None or self._key[0] != wanted:
             if wanted < 0:
                 raise CorruptStreamError(f"block {number} refers to one before the first")
-            block, mesh = self._read(self._stored(wanted))
+            block, mesh, weights = self._read(self._stored(wanted))
             if block.layout.reference:
                 raise CorruptStreamError(
                     f"block {number} refers to block {wanted}, which refers to another itself"
                 )
-            self._key = wanted, block.layout, KeyFields(decode_fields(block, mesh))
+            self._key = wanted, block.layout, KeyFields(decode_fields(block, mesh, weights=weights))
         _, key_layout, key = self._key
         if key_layout.stencil_size != layout.stencil_size:
             raise CorruptStreamError(

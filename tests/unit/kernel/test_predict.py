@@ -7,7 +7,6 @@ from conformance.hierarchy import resolutions_of
 from conformance.prediction import predict_fields
 from meshreel.errors import InvalidInputError
 from meshreel.kernel.predict import (
-    MOST_PREPARED,
     Choice,
     decode_values,
     encode_values,
@@ -100,13 +99,6 @@ def test_values_are_the_same_bits_when_weights_are_prepared(size, has_key, monke
         strict=True,
     ):
         np.testing.assert_array_equal(ours, expected)
-
-
-def test_weights_are_not_prepared_when_a_mesh_is_large(monkeypatch):
-    mesh, _ = sample(waving_grid(1, 8, 9))
-    monkeypatch.setattr("meshreel.kernel.predict.MOST_PREPARED", mesh.n_verts - 1)
-    assert prepared_weights(mesh, 5) is None
-    assert MOST_PREPARED * 608 <= 40e6
 
 
 @pytest.mark.parametrize("n_modes", [1, 2, 5, 8, 9, 19, 40])

@@ -1,6 +1,8 @@
 """Blocks of `reel` to sections and back."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import Future
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -14,12 +16,13 @@ from meshreel.errors import CorruptStreamError
 from meshreel.kernel.exact import decode_exact, encode_exact
 from meshreel.kernel.fields import decode_fields, encode_fields
 from meshreel.kernel.mesh import Neighbours
+from meshreel.kernel.predict import Prepared, prepared_weights
 from meshreel.reel.agreed import payloads
 from meshreel.reel.agreed.fields import FieldBlock
 from meshreel.reel.agreed.grid import NO_GRID, PositionGrid, read_step, write_step
 from meshreel.reel.agreed.mesh import FieldMesh
 from meshreel.runtime.profiling import stage
-from meshreel.runtime.threads import in_background
+from meshreel.runtime.threads import in_background, n_cores
 from meshreel.sequence import Faces
 from meshreel.subspace.trajectories import BoundingFrame
 
@@ -178,10 +181,29 @@ def read_field_block(
     before: FieldMesh | None,
     n_columns: int = POSITION_COLUMNS,
     n_wanted: int | None = None,
-) -> tuple[FieldBlock, FieldMesh]:
-    """A track in a block, and the mesh of its layout: that of the block before where it serves.
+    meanwhile: Callable[[], object] | None = None,
+) -> tuple[FieldBlock, FieldMesh, Future[Prepared] | None]:
+    """A track in a block, the mesh of its layout, and what its weights begin with.
 
-    Only the first `n_wanted` modes, unless the block refers to another.
+    Parameters
+    ----------
+    stored : StoredBlock
+    faces, n_verts
+        Of the graph.
+    before : FieldMesh or None
+        The mesh of the block before, which is given back where it serves.
+    n_columns : int
+    n_wanted : int, optional
+        Only the first so many modes, unless the block refers to another.
+    meanwhile : callable, optional
+        Called while the hierarchy is found.
+
+    Returns
+    -------
+    FieldBlock
+    FieldMesh
+    Future of Prepared, or None
+        Begun here, where that takes long, there are cores for it, and no key block tells it.
     """
     n_modes, n_frames = stored.n_modes, stored.n_frames
     layout = payloads.read_layout(stored.payload(Section.FIELDS))
@@ -191,12 +213,17 @@ def read_field_block(
     )
     order = in_background(lambda: field_mesh.coding_order)
     basis = payloads.read_basis(stored.payload(Section.BASIS), n_modes, n_columns, n_frames)
+    if meanwhile is not None:
+        meanwhile()
     with stage("waiting"):
         order.result()
+    weights = None
+    if field_mesh.is_large and not layout.reference and n_cores() > 1:
+        weights = in_background(partial(prepared_weights, field_mesh.hierarchy, 0))
     coded = stored.payload(Section.COEFFICIENTS)
     n_own = n_modes - layout.n_reused
     if n_own < 0:
         raise CorruptStreamError(f"{layout.n_reused} of {n_modes} modes are reused")
     n_wanted = None if layout.reference else n_wanted
     fields = decode_fields(coded, n_own, n_verts, field_mesh.coding_order, n_wanted)
-    return FieldBlock(layout, basis[: layout.n_reused + len(fields)], fields), field_mesh
+    return FieldBlock(layout, basis[: layout.n_reused + len(fields)], fields), field_mesh, weights

@@ -4,6 +4,7 @@ A mode is one field on the mesh with a basis vector over time for each axis. The
 are predicted vertex after vertex over a hierarchy of the mesh, in closed loop; the core does it.
 """
 
+from concurrent.futures import Future
 from dataclasses import dataclass
 
 import numpy as np
@@ -97,18 +98,32 @@ class KeyFields:
         None for a large mesh.
         """
         if self._prepared is None or self._prepared[0] != n_learned:
-            found = prepared_weights(mesh.hierarchy, n_learned, self.values)
+            found = None
+            if not mesh.is_large:
+                found = prepared_weights(mesh.hierarchy, n_learned, self.values)
             self._prepared = n_learned, found
         return self._prepared[1]
 
 
 @staged("fields")
-def decode_fields(block: FieldBlock, mesh: FieldMesh, key: KeyFields | None = None) -> Floats:
+def decode_fields(
+    block: FieldBlock,
+    mesh: FieldMesh,
+    key: KeyFields | None = None,
+    weights: "Future[Prepared] | None" = None,
+) -> Floats:
     """Decoded fields of shape (V, K), in coding order and in steps.
 
-    The key is of the block that this one refers to.
+    Parameters
+    ----------
+    block : FieldBlock
+    mesh : FieldMesh
+    key : KeyFields, optional
+        Of the block that this one refers to.
+    weights : Future of Prepared, optional
+        What the weights begin with, where there is no key; else they are found on the way.
     """
-    return with_reused(_decode_own(block, mesh, key), block.layout.n_reused, key)
+    return with_reused(_decode_own(block, mesh, key, weights), block.layout.n_reused, key)
 
 
 def with_reused(own: Floats, n_reused: int, key: KeyFields | None) -> Floats:
@@ -118,12 +133,18 @@ def with_reused(own: Floats, n_reused: int, key: KeyFields | None) -> Floats:
     return np.concatenate([key.values[:, :n_reused], own], axis=1)
 
 
-def _decode_own(block: FieldBlock, mesh: FieldMesh, key: KeyFields | None) -> Floats:
+def _decode_own(
+    block: FieldBlock,
+    mesh: FieldMesh,
+    key: KeyFields | None,
+    weights: "Future[Prepared] | None",
+) -> Floats:
     n_learned = block.layout.n_learned
     if not len(block.fields):
         return np.empty((mesh.n_verts, 0))
     if key is None:
-        return decode_values(mesh.hierarchy, block.fields, n_learned)
+        begun = None if weights is None else weights.result()
+        return decode_values(mesh.hierarchy, block.fields, n_learned, prepared=begun)
     prepared = key.prepared(mesh, n_learned)
     return decode_values(mesh.hierarchy, block.fields, n_learned, key.values, prepared)
 

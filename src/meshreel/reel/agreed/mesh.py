@@ -17,6 +17,9 @@ from meshreel.sequence import Faces
 
 Integers = npt.NDArray[np.int64]
 
+MOST_PREPARED = 1 << 16
+"""Vertices of meshes for which prepared weights are kept: 608 bytes each, 40 MB at most."""
+
 Connectivity = tuple[bytes, int, int]
 """Faces as the bytes of int32, number of vertices, stencil size."""
 
@@ -60,10 +63,15 @@ class FieldMesh:
         """All vertices in coding order, and what predicts each."""
         return hierarchy(self.neighbours, self.stencil_size)
 
+    @property
+    def is_large(self) -> bool:
+        """Whether prepared weights are too many to be kept from one block for others."""
+        return self.n_verts > MOST_PREPARED
+
     @cached_property
     def prepared(self) -> Prepared | None:
         """What the weights of blocks without a key begin with; None for a large mesh."""
-        return prepared_weights(self.hierarchy, 0)
+        return None if self.is_large else prepared_weights(self.hierarchy, 0)
 
     @cached_property
     def resolutions(self) -> list[Resolution]:

@@ -255,8 +255,8 @@ def _decoded_key(
     n_frames, n_modes = read_block(own[Section.BLOCK])
     stored = StoredBlock(0, n_frames, n_modes, own)
     with one_blas_thread():
-        block, _ = read_field_block(stored, mesh.faces, mesh.n_verts, mesh)
-        fields = KeyFields(decode_fields(block, mesh))
+        block, _, weights = read_field_block(stored, mesh.faces, mesh.n_verts, mesh)
+        fields = KeyFields(decode_fields(block, mesh, weights=weights))
     return KeyBlock(mesh, block, fields)
 
 
