@@ -65,7 +65,11 @@ def said(tmp_path, monkeypatch, capsys):
         ),
         pytest.param(EVALUATE, [r"reel .*: \d+ of \d+ runs", ": drawing"], marks=pytest.mark.slow),
         ("render walk.reel -o a.gif --original walk.npz --heatmap distance", ["drawing: "]),
-        ("batch . streams --workers 1", ["encoding, 1 at a time: 0 of 1 input"]),
+        pytest.param(
+            "batch . streams --workers 1",
+            ["encoding, 1 at a time: 0 of 1 input"],
+            marks=pytest.mark.slow,
+        ),
         pytest.param("demo --frames 20", ["simulating"], marks=pytest.mark.slow),
     ],
 )

@@ -10,6 +10,9 @@ from meshreel.sequence import MeshSequence
 from samples.commands import assert_fails, run, run_json
 from samples.meshes import waving_grid
 
+SMALL = ("--size", "480x360")
+"""Less to draw than by default."""
+
 
 @pytest.fixture(scope="module")
 def flag(tmp_path_factory):
@@ -162,9 +165,9 @@ def warm(flag):
 
 
 def test_render_colours_the_mesh_by_a_track_when_it_is_named(warm, tmp_path):
-    options = ["--track", "speed", "--component", "y", "--range", "5%:95%", "--frames", 6]
+    options = ["--track", "speed", "--component", "y", "--range", "5%:95%", "--frames", 6, *SMALL]
     made = run_json("render", warm / "warm.reel", "-o", tmp_path / "a.png", *options)
-    run_json("render", warm / "warm.reel", "-o", tmp_path / "plain.png", "--frames", 6)
+    run_json("render", warm / "warm.reel", "-o", tmp_path / "plain.png", *SMALL, "--frames", 6)
     assert made["frames"] == [6]
     vivid = []
     for name in ("a.png", "plain.png"):
@@ -177,7 +180,7 @@ def test_render_colours_the_mesh_by_a_track_when_it_is_named(warm, tmp_path):
     ("colormap", "ends"), [(None, DIVERGING), ("diverging", DIVERGING), ("sequential", HEAT)]
 )
 def test_bar_beside_a_track_has_the_colours_of_its_map(warm, tmp_path, colormap, ends):
-    options = ["--track", "speed", "--component", "y", "--frames", 6]
+    options = ["--track", "speed", "--component", "y", "--frames", 6, *SMALL]
     options += ["--colormap", colormap] if colormap else []
     run_json("render", warm / "warm.reel", "-o", tmp_path / "a.png", *options)
     with Image.open(tmp_path / "a.png") as image:
@@ -189,7 +192,7 @@ def test_bar_beside_a_track_has_the_colours_of_its_map(warm, tmp_path, colormap,
 def test_render_shows_the_error_of_a_track_when_given_the_original(warm, tmp_path):
     run_json(
         "render", warm / "warm.reel", "-o", tmp_path / "a.gif", "--frames", "2:4",
-        "--original", warm / "warm.npz", "--track", "height", "--heatmap", "track",
+        "--original", warm / "warm.npz", "--track", "height", "--heatmap", "track", *SMALL,
     )  # fmt: skip
     with Image.open(tmp_path / "a.gif") as image:
         assert len(list(ImageSequence.Iterator(image))) == 2
