@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
-from samples.costs import do_everything
+from samples.costs import do_everything, draws
 
 HERE = Path(__file__).parent
 LEFT_OUT = ("browser", "integration", "real")
@@ -28,6 +28,7 @@ COSTLY = ("slow", "real")
 MOST_WORKERS = 8
 
 settings.register_profile("meshreel", deadline=None)  # speed is measured in bench/
+settings.register_profile("minute", settings.get_profile("meshreel"), max_examples=draws(100))
 settings.load_profile("meshreel")
 
 # A shell has what it runs in the background ignore ctrl-C, and children of that inherit it.
@@ -58,7 +59,9 @@ def _is_minute(config):
 
 
 def pytest_configure(config):
-    if not _is_minute(config):
+    if _is_minute(config):
+        settings.load_profile("minute")
+    else:
         do_everything()
 
 

@@ -10,7 +10,7 @@ from meshreel.sequence import MeshSequence
 from samples.commands import assert_fails, run, run_json
 from samples.meshes import waving_grid
 
-SMALL = ("--size", "480x360")
+SMALL = ("--size", "800x450")
 """Less to draw than by default."""
 
 
@@ -30,6 +30,7 @@ def inked(path):
         return (np.asarray(image.convert("RGB")) != 255).any(axis=2)
 
 
+@pytest.mark.slow
 def test_render_draws_a_contact_sheet_when_nothing_more_is_asked(flag, tmp_path):
     made = run_json("render", flag / "flag.reel", "-o", tmp_path / "a.png")
     assert made["frames"] == [0, 2, 3, 5, 6, 8, 9, 11]

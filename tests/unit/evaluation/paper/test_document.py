@@ -7,6 +7,7 @@ from meshreel.evaluation.paper.document import paper_document
 from meshreel.evaluation.report.publish import publish
 
 
+@pytest.mark.slow
 def test_html_needs_no_other_file(evaluation):
     html = evaluation.html.read_text(encoding="utf-8")
     sources = re.findall(r"""(?:src|href)\s*=\s*["']([^"']*)""", html)
@@ -15,12 +16,14 @@ def test_html_needs_no_other_file(evaluation):
     assert not re.search(r"<link|<script|@import|url\(", html)
 
 
+@pytest.mark.slow
 def test_markdown_names_pictures_that_are_there(evaluation, folder):
     names = re.findall(r"!\[[^]]*\]\(([^)]*)\)", evaluation.markdown.read_text(encoding="utf-8"))
     assert len(names) == 7
     assert all((folder / name).is_file() for name in names)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "words",
     [

@@ -22,10 +22,12 @@ PANELS = {
 }
 
 
+@pytest.mark.slow
 def test_every_figure_is_drawn_with_its_panels(pictures):
     assert {picture.title: picture.n_panels for picture in pictures} == PANELS
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", range(len(PANELS)))
 def test_figure_is_a_picture_that_shows_something(pictures, number):
     with Image.open(pictures[number].path) as image:
@@ -37,6 +39,7 @@ def test_figure_is_a_picture_that_shows_something(pictures, number):
     assert commonest < 0.98 * sum(count for count, _ in colors)
 
 
+@pytest.mark.slow
 def test_every_label_of_fig_4_is_a_variant(results):
     assert [result["identity"]["setting"]["method"] for result in results.variants] == [
         "pca", "pca-q", "v2v", "pca-qs", "pca-qp", "pca-qp", "blocks", "gft",
