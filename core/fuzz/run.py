@@ -40,10 +40,10 @@ def build(output: Path, compiler: Sequence[str], extra: Sequence[str] = LOOP) ->
     return output
 
 
-def guarded(compiler: str, level: str) -> Path:
+def guarded(compiler: str, extra: Sequence[str]) -> Path:
     """What sanitizers watch; built where temporary files are, named by its compiler."""
     program = Path(tempfile.mkdtemp(), f"fuzz-{compiler}")
-    return build(program, [compiler], (*GUARDED, level, *LOOP))
+    return build(program, [compiler], (*GUARDED, *extra, *LOOP))
 
 
 def main() -> None:
@@ -53,7 +53,7 @@ def main() -> None:
     parser.add_argument("--seed", default="1")
     parser.add_argument("--first", default="0", help="number of the first run of a seed")
     parser.add_argument("--count", default=str((1 << 64) - 1), help="of runs")
-    parser.add_argument("--level", default="-O1", help="-O0 is built soonest, and runs slowest")
+    parser.add_argument("--plain", action="store_true", help="built soon by -O0, and run slowly")
     parser.add_argument("--libfuzzer", type=Path, metavar="FOLDER")
     given = parser.parse_args()
     found = next((name for name in ("clang", "gcc") if shutil.which(name)), None)
@@ -65,7 +65,7 @@ def main() -> None:
         program = build(Path(tempfile.mkdtemp(), "fuzz"), [found], extra)
         words = [str(given.libfuzzer), f"-max_total_time={given.seconds}", "-max_len=4096"]
     else:
-        program = guarded(found, given.level)
+        program = guarded(found, ["-O0"] if given.plain else [])
         words = [given.seconds, given.seed, given.first, given.count]
     try:
         sys.exit(subprocess.run([program, *words]).returncode)
