@@ -6,6 +6,7 @@ runs the first and the last, unless it is marked every_case, and of cases that a
 tenth. `pytest --all` does everything. A run that names files, folders or marks does all of these.
 """
 
+import re
 import signal
 from collections import defaultdict
 from pathlib import Path
@@ -18,6 +19,9 @@ from samples.costs import do_everything, draws
 HERE = Path(__file__).parent
 LEFT_OUT = ("browser", "integration", "real")
 """Folders whose tests start browsers and Blender, or read the real sequences."""
+
+ALL_SLOW = re.compile(r"^pytestmark = (\[\s*)?pytest\.mark\.slow\b", re.MULTILINE)
+"""What marks every test of a module slow."""
 
 MINUTE = (
     "the tests of a minute. Left out: what is marked slow or real, "
@@ -77,9 +81,13 @@ def pytest_sessionstart(session):
 
 
 def pytest_ignore_collect(collection_path, config):
-    """Leave folders out before anything in them is imported."""
-    left_out = _is_minute(config) and collection_path.parent == HERE
-    return True if left_out and collection_path.name in LEFT_OUT else None
+    """Leave folders and modules out before anything in them is imported."""
+    if not _is_minute(config):
+        return None
+    if collection_path.parent == HERE and collection_path.name in LEFT_OUT:
+        return True
+    is_module = collection_path.suffix == ".py"
+    return True if is_module and ALL_SLOW.search(collection_path.read_text("utf-8")) else None
 
 
 def pytest_collection_modifyitems(config, items):
