@@ -18,6 +18,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -66,16 +67,17 @@ class BuildHook(BuildHookInterface):
             What hatchling goes by; git ignores what is built, so it is named here.
         """
         root = Path(self.root)
-        if self.target_name == "wheel":
-            try:
-                self.add_core(version, build_data)
-            except RuntimeError as error:
-                self.app.abort(f"meshreel cannot be built: {error}")
-        if not is_current(root):
-            problem = build(root)
-            if problem:
-                kept = "is older than its sources" if is_built(root) else "is left out"
-                self.app.display_warning(f"the page of `meshreel view` {kept}: {problem}")
+        with ThreadPoolExecutor(1) as beside:
+            page = None if is_current(root) else beside.submit(build, root)
+            if self.target_name == "wheel":
+                try:
+                    self.add_core(version, build_data)
+                except RuntimeError as error:
+                    self.app.abort(f"meshreel cannot be built: {error}")
+            problem = page.result() if page else ""
+        if problem:
+            kept = "is older than its sources" if is_built(root) else "is left out"
+            self.app.display_warning(f"the page of `meshreel view` {kept}: {problem}")
         build_data["artifacts"].extend(f"/{file}" for file in PAGE)
 
     def finalize(self, version: str, build_data: dict[str, Any], artifact_path: str) -> None:

@@ -6,6 +6,7 @@ runs the first and the last, unless it is marked every_case, and of cases that a
 tenth. `pytest --all` does everything. A run that names files, folders or marks does all of these.
 """
 
+import re
 import signal
 from collections import defaultdict
 from pathlib import Path
@@ -13,11 +14,14 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
-from samples.costs import do_everything
+from samples.costs import do_everything, draws
 
 HERE = Path(__file__).parent
 LEFT_OUT = ("browser", "integration", "real")
 """Folders whose tests start browsers and Blender, or read the real sequences."""
+
+ALL_SLOW = re.compile(r"^pytestmark = (\[\s*)?pytest\.mark\.slow\b", re.MULTILINE)
+"""What marks every test of a module slow."""
 
 MINUTE = (
     "the tests of a minute. Left out: what is marked slow or real, "
@@ -28,6 +32,7 @@ COSTLY = ("slow", "real")
 MOST_WORKERS = 8
 
 settings.register_profile("meshreel", deadline=None)  # speed is measured in bench/
+settings.register_profile("minute", settings.get_profile("meshreel"), max_examples=draws(100))
 settings.load_profile("meshreel")
 
 # A shell has what it runs in the background ignore ctrl-C, and children of that inherit it.
@@ -58,7 +63,9 @@ def _is_minute(config):
 
 
 def pytest_configure(config):
-    if not _is_minute(config):
+    if _is_minute(config):
+        settings.load_profile("minute")
+    else:
         do_everything()
 
 
@@ -74,9 +81,13 @@ def pytest_sessionstart(session):
 
 
 def pytest_ignore_collect(collection_path, config):
-    """Leave folders out before anything in them is imported."""
-    left_out = _is_minute(config) and collection_path.parent == HERE
-    return True if left_out and collection_path.name in LEFT_OUT else None
+    """Leave folders and modules out before anything in them is imported."""
+    if not _is_minute(config):
+        return None
+    if collection_path.parent == HERE and collection_path.name in LEFT_OUT:
+        return True
+    is_module = collection_path.suffix == ".py"
+    return True if is_module and ALL_SLOW.search(collection_path.read_text("utf-8")) else None
 
 
 def pytest_collection_modifyitems(config, items):

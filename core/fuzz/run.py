@@ -40,9 +40,10 @@ def build(output: Path, compiler: Sequence[str], extra: Sequence[str] = LOOP) ->
     return output
 
 
-def guarded(compiler: str) -> Path:
+def guarded(compiler: str, extra: Sequence[str]) -> Path:
     """What sanitizers watch; built where temporary files are, named by its compiler."""
-    return build(Path(tempfile.mkdtemp(), f"fuzz-{compiler}"), [compiler], (*GUARDED, *LOOP))
+    program = Path(tempfile.mkdtemp(), f"fuzz-{compiler}")
+    return build(program, [compiler], (*GUARDED, *extra, *LOOP))
 
 
 def main() -> None:
@@ -52,6 +53,7 @@ def main() -> None:
     parser.add_argument("--seed", default="1")
     parser.add_argument("--first", default="0", help="number of the first run of a seed")
     parser.add_argument("--count", default=str((1 << 64) - 1), help="of runs")
+    parser.add_argument("--plain", action="store_true", help="built soon by -O0, and run slowly")
     parser.add_argument("--libfuzzer", type=Path, metavar="FOLDER")
     given = parser.parse_args()
     found = next((name for name in ("clang", "gcc") if shutil.which(name)), None)
@@ -63,7 +65,7 @@ def main() -> None:
         program = build(Path(tempfile.mkdtemp(), "fuzz"), [found], extra)
         words = [str(given.libfuzzer), f"-max_total_time={given.seconds}", "-max_len=4096"]
     else:
-        program = guarded(found)
+        program = guarded(found, ["-O0"] if given.plain else [])
         words = [given.seconds, given.seed, given.first, given.count]
     try:
         sys.exit(subprocess.run([program, *words]).returncode)

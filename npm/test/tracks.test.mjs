@@ -438,7 +438,7 @@ test("damage with right checksums gives an error of the package, or some values"
     const whole = bytesOf(name);
     const payloads = payloadsOfTracks(whole);
     const core = newCore(Core);
-    for (let turn = 0; turn < 40; turn++) {
+    for (let turn = 0; turn < 20; turn++) {
       const bytes = whole.slice();
       const { start, begin, end } = payloads[turn % payloads.length];
       bytes[begin + Math.floor((end - 4 - begin) * random())] = Math.floor(256 * random());

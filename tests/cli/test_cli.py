@@ -178,7 +178,7 @@ def test_compare_draws_a_plot_when_asked_for(grid, reel, tmp_path):
 
 
 def test_demo_writes_stream_and_picture_when_run(tmp_path):
-    figures = run_json("demo", "--out", tmp_path / "demo", "--frames", 8)
+    figures = run_json("demo", "--out", tmp_path / "demo", "--frames", 4)
     assert {path.name for path in (tmp_path / "demo").iterdir()} == {
         "flag.npz", "flag.png", "flag.reel",
     }  # fmt: skip

@@ -41,6 +41,7 @@ def test_evaluate_writes_a_report_when_it_is_given_a_sequence(grid, tmp_path):
     assert all((tmp_path / name).stat().st_size > 5000 for name in sequence["figures"])
 
 
+@pytest.mark.slow
 def test_evaluate_takes_stored_runs_when_it_is_run_again(grid, tmp_path):
     options = (grid, "--methods", "v2v", "--peers", "none", "--quick", "--out", tmp_path / "r")
     texts = []
@@ -51,6 +52,7 @@ def test_evaluate_takes_stored_runs_when_it_is_run_again(grid, tmp_path):
     assert texts[0] == texts[1]
 
 
+@pytest.mark.slow
 def test_evaluate_names_the_extra_when_a_package_is_missing(grid, tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "zfpy", None)
     options = ("--methods", "v2v", "--peers", "zfp", "--quick", "--out", tmp_path / "r")

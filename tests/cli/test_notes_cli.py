@@ -30,9 +30,15 @@ def odd(tmp_path):
         ("encode", ["-o", "a.reel"]),
         ("convert", ["-o", "a.h5"]),
         ("compare", ["plain.npz"]),
-        ("render", ["-o", "a.png", "--frames", "1"]),
-        ("paper", ["--out", "report", "--quick", "--methods", "pca"]),
-        ("evaluate", ["--out", "report", "--quick", "--methods", "reel", "--peers", "blosc2"]),
+        ("render", ["-o", "a.png", "--frames", "1", "--size", "160x120"]),
+        pytest.param(
+            "paper", ["--out", "report", "--quick", "--methods", "pca"], marks=pytest.mark.slow
+        ),
+        pytest.param(
+            "evaluate",
+            ["--out", "report", "--quick", "--methods", "reel", "--peers", "blosc2"],
+            marks=pytest.mark.slow,
+        ),
     ],
 )
 def test_json_has_what_was_left_out_when_a_command_reads_a_file(odd, tmp_path, command, options):

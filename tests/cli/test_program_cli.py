@@ -62,6 +62,7 @@ def test_program_imports_nothing_to_compute_with_when_its_version_is_asked_for()
     assert "numpy" not in found
 
 
+@pytest.mark.slow
 def test_program_imports_no_codec_when_it_describes_a_file_that_is_no_stream(folder):
     found = imported("info", folder / "walk.npz")
     assert not {name for name in found if name.startswith(("meshreel.codec", "meshreel.reel"))}

@@ -64,8 +64,15 @@ def said(tmp_path, monkeypatch, capsys):
             marks=pytest.mark.slow,
         ),
         pytest.param(EVALUATE, [r"reel .*: \d+ of \d+ runs", ": drawing"], marks=pytest.mark.slow),
-        ("render walk.reel -o a.gif --original walk.npz --heatmap distance", ["drawing: "]),
-        ("batch . streams --workers 1", ["encoding, 1 at a time: 0 of 1 input"]),
+        (
+            "render walk.reel -o a.gif --size 400x200 --original walk.npz --heatmap distance",
+            ["drawing: "],
+        ),
+        pytest.param(
+            "batch . streams --workers 1",
+            ["encoding, 1 at a time: 0 of 1 input"],
+            marks=pytest.mark.slow,
+        ),
         pytest.param("demo --frames 20", ["simulating"], marks=pytest.mark.slow),
     ],
 )

@@ -10,6 +10,9 @@ from meshreel.sequence import MeshSequence
 from samples.commands import assert_fails, run, run_json
 from samples.meshes import waving_grid
 
+SMALL = ("--size", "800x450")
+"""Less to draw than by default."""
+
 
 @pytest.fixture(scope="module")
 def flag(tmp_path_factory):
@@ -27,6 +30,7 @@ def inked(path):
         return (np.asarray(image.convert("RGB")) != 255).any(axis=2)
 
 
+@pytest.mark.slow
 def test_render_draws_a_contact_sheet_when_nothing_more_is_asked(flag, tmp_path):
     made = run_json("render", flag / "flag.reel", "-o", tmp_path / "a.png")
     assert made["frames"] == [0, 2, 3, 5, 6, 8, 9, 11]
@@ -162,9 +166,9 @@ def warm(flag):
 
 
 def test_render_colours_the_mesh_by_a_track_when_it_is_named(warm, tmp_path):
-    options = ["--track", "speed", "--component", "y", "--range", "5%:95%", "--frames", 6]
+    options = ["--track", "speed", "--component", "y", "--range", "5%:95%", "--frames", 6, *SMALL]
     made = run_json("render", warm / "warm.reel", "-o", tmp_path / "a.png", *options)
-    run_json("render", warm / "warm.reel", "-o", tmp_path / "plain.png", "--frames", 6)
+    run_json("render", warm / "warm.reel", "-o", tmp_path / "plain.png", *SMALL, "--frames", 6)
     assert made["frames"] == [6]
     vivid = []
     for name in ("a.png", "plain.png"):
@@ -177,7 +181,7 @@ def test_render_colours_the_mesh_by_a_track_when_it_is_named(warm, tmp_path):
     ("colormap", "ends"), [(None, DIVERGING), ("diverging", DIVERGING), ("sequential", HEAT)]
 )
 def test_bar_beside_a_track_has_the_colours_of_its_map(warm, tmp_path, colormap, ends):
-    options = ["--track", "speed", "--component", "y", "--frames", 6]
+    options = ["--track", "speed", "--component", "y", "--frames", 6, *SMALL]
     options += ["--colormap", colormap] if colormap else []
     run_json("render", warm / "warm.reel", "-o", tmp_path / "a.png", *options)
     with Image.open(tmp_path / "a.png") as image:
@@ -189,7 +193,7 @@ def test_bar_beside_a_track_has_the_colours_of_its_map(warm, tmp_path, colormap,
 def test_render_shows_the_error_of_a_track_when_given_the_original(warm, tmp_path):
     run_json(
         "render", warm / "warm.reel", "-o", tmp_path / "a.gif", "--frames", "2:4",
-        "--original", warm / "warm.npz", "--track", "height", "--heatmap", "track",
+        "--original", warm / "warm.npz", "--track", "height", "--heatmap", "track", *SMALL,
     )  # fmt: skip
     with Image.open(tmp_path / "a.gif") as image:
         assert len(list(ImageSequence.Iterator(image))) == 2

@@ -15,6 +15,7 @@ from meshreel.errors import MeshReelError
 from meshreel.kernel.normals import surface_normals
 from samples import c_reader
 from samples.c_reader import Decoder, File, RefusalError, by_calls, in_memory, inspect
+from samples.costs import draws
 
 OF_THE_PAPER = [name for name in STREAMS if name.startswith("paper_")]
 OF_POSITIONS = [name for name in STREAMS if name not in OF_THE_PAPER]
@@ -167,14 +168,14 @@ def test_what_cannot_be_read_is_told_apart_from_damage():
 @pytest.mark.parametrize("name", ["two_frames", "live_with_bound"])
 def test_a_stream_that_is_cut_off_holds_the_same_frames_as_for_the_package(name):
     data = stored(name)
-    for size in range(0, len(data), 1 + len(data) // 300):
+    for size in range(0, len(data), 1 + len(data) // draws(300)):
         compare_leniently(data[:size])
 
 
 @pytest.mark.parametrize("name", ["corrections", "grid_live", "lossless_in_blocks", "key_blocks"])
 def test_a_damaged_stream_is_refused_or_the_same_frames_as_for_the_package(name):
     rng, data = np.random.default_rng(7), stored(name)
-    for place in rng.choice(len(data), min(len(data), 60), replace=False):
+    for place in rng.choice(len(data), min(len(data), draws(60)), replace=False):
         damaged = bytearray(data)
         damaged[place] ^= 1 << int(rng.integers(8))
         compare_leniently(bytes(damaged))

@@ -45,7 +45,7 @@ def assert_promise_is_kept(sequence, percent, **options):
     assert compare(sequence, decoded).max_error_percent <= percent
 
 
-@settings(max_examples=draws(120), suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=draws(80), suppress_health_check=[HealthCheck.too_slow])
 @given(odd_sequences(), st.sampled_from(PERCENTS), st.integers(1, 9), CUTS, FEW_MODES)
 @example(many_components(), 0.05, 5, None, None)
 @example(many_components(), 0.5, 1, 3, 1)

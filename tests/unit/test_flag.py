@@ -23,7 +23,7 @@ def flag(side):
 
 @pytest.fixture(scope="module")
 def small_flag():
-    return simulate_flag(40, **SMALL)
+    return simulate_flag(20, **SMALL)
 
 
 def edge_lengths(flag, positions):
@@ -37,13 +37,13 @@ def rest_positions(n_rows, n_columns):
 
 
 def test_simulate_flag_is_bit_equal_when_run_twice(small_flag):
-    again = simulate_flag(40, **SMALL)
+    again = simulate_flag(20, **SMALL)
     assert again.vertices.tobytes() == small_flag.vertices.tobytes()
 
 
 def test_simulate_flag_begins_with_the_shorter_flag_when_longer(small_flag):
-    shorter = simulate_flag(15, **SMALL)
-    np.testing.assert_array_equal(shorter.vertices, small_flag.vertices[:15])
+    shorter = simulate_flag(8, **SMALL)
+    np.testing.assert_array_equal(shorter.vertices, small_flag.vertices[:8])
 
 
 @pytest.mark.slow
@@ -108,14 +108,14 @@ def test_simulate_flag_is_in_single_precision_metres_at_30_fps_when_default():
     assert (flag.fps, flag.name) == (30.0, "flag")
 
 
-@pytest.mark.parametrize("shape", [(3, 3), (3, 40), (31, 4), (120, 5)])
+@pytest.mark.parametrize("shape", [(3, 3), (120, 5), (31, 4), (3, 40)])
 def test_simulate_flag_stays_bounded_when_the_grid_is_unusual(shape):
     odd = simulate_flag(20, n_rows=shape[0], n_columns=shape[1])
     stretch = edge_lengths(odd, odd.vertices) / edge_lengths(odd, rest_positions(*shape))
     assert stretch.max() < 1.1
 
 
-@pytest.mark.parametrize("fps", [1.0, 24, 1000])
+@pytest.mark.parametrize("fps", [24, 1.0, 1000])
 def test_simulate_flag_stays_bounded_when_the_frame_rate_is_unusual(fps):
     odd = simulate_flag(4, n_rows=8, n_columns=12, fps=fps)
     stretch = edge_lengths(odd, odd.vertices) / edge_lengths(odd, rest_positions(8, 12))

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 import meshreel
+from samples.sources import statements
 
 ROOT = Path(meshreel.__file__).parent
 HOUSE = (Path(__file__).parents[2] / "docs" / "house.md").read_text(encoding="utf-8")
@@ -25,7 +26,7 @@ SHOWN = {"showing"}
 def imported_rooms(source):
     """Rooms of meshreel that a module's text imports, wherever in it."""
     rooms = set()
-    for node in ast.walk(ast.parse(source)):
+    for node in statements(ast.parse(source)):
         names = []
         if isinstance(node, ast.ImportFrom) and node.module:
             names = [node.module]
@@ -63,7 +64,7 @@ def imported_modules(folder):
     nodes = [
         node
         for path in (ROOT / folder).rglob("*.py")
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        for node in statements(ast.parse(path.read_text(encoding="utf-8")))
     ]
     return {node.module for node in nodes if isinstance(node, ast.ImportFrom) and node.module}
 
@@ -77,14 +78,14 @@ def test_every_room_has_a_floor_when_the_package_is_listed():
     assert {room_of(path) for path in MODULES} == set(FLOOR_OF)
 
 
-def run_nodes(tree):
-    """Nodes of a module but for what only type checkers see."""
+def run_statements(tree):
+    """Statements of a module but for what only type checkers see."""
     tree.body = [
         node
         for node in tree.body
         if not (isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING")
     ]
-    return ast.walk(tree)
+    return statements(tree)
 
 
 def test_picture_of_the_house_is_that_of_its_table():
@@ -99,7 +100,7 @@ def test_modules_have_no_import_cycle_when_sorted():
         name = ".".join(path.relative_to(ROOT.parent).with_suffix("").parts)
         graph[name] = {
             node.module
-            for node in run_nodes(ast.parse(path.read_text(encoding="utf-8")))
+            for node in run_statements(ast.parse(path.read_text(encoding="utf-8")))
             if isinstance(node, ast.ImportFrom)
             and (node.module or "").startswith("meshreel.")
             and not (node.module.startswith("meshreel.notebook.") and room_of(path) in SHOWN)

@@ -23,15 +23,15 @@ KEYWORD_LEFT = re.compile(r"(?<![\w./'\"-])[a-z]\w*=(?:True|False|\"\w+\")?(?=[\
 
 def sentences(path):
     """The strings of a module that are no docstrings; "fps" stands for what is filled in."""
-    tree = ast.parse(path.read_text(encoding="utf-8"))
-    pieces = {id(part) for node in ast.walk(tree) if isinstance(node, ast.JoinedStr)
+    nodes = [*ast.walk(ast.parse(path.read_text(encoding="utf-8")))]
+    pieces = {id(part) for node in nodes if isinstance(node, ast.JoinedStr)
               for part in ast.walk(node)}  # fmt: skip
     documents = {
-        id(node.value) for node in ast.walk(tree)
+        id(node.value) for node in nodes
         if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)
     }  # fmt: skip
     left_out = pieces | documents
-    for node in ast.walk(tree):
+    for node in nodes:
         if isinstance(node, ast.JoinedStr):
             yield "".join(
                 str(part.value) if isinstance(part, ast.Constant) else "fps" for part in node.values
@@ -40,27 +40,28 @@ def sentences(path):
             yield value
 
 
-MESSAGES = sorted(
-    {
+@pytest.fixture(scope="module")
+def messages():
+    """Those of the library that name keywords."""
+    return {
         text
         for path in ROOT.rglob("*.py")
         if "cli" not in path.relative_to(ROOT).parts
         for text in sentences(path)
         if " " in text and text[0] != "<" and in_option_names(text) != text
     }
-)
 
 
-def test_messages_that_name_keywords_are_found_in_the_library():
-    assert len(MESSAGES) > 15
-    assert any("overwrite=True" in text for text in MESSAGES)
+def test_messages_that_name_keywords_are_found_in_the_library(messages):
+    assert len(messages) > 15
+    assert any("overwrite=True" in text for text in messages)
 
 
-@pytest.mark.parametrize("text", MESSAGES)
-def test_message_names_options_that_exist_when_the_command_line_says_it(text):
-    said = in_option_names(text)
-    assert not KEYWORD_LEFT.search(said)
-    assert set(re.findall(r"--[a-z][a-z-]*", said)) <= OPTIONS
+def test_messages_name_options_that_exist_when_the_command_line_says_them(messages):
+    said = [in_option_names(text) for text in sorted(messages)]
+    assert [text for text in said if KEYWORD_LEFT.search(text)] == []
+    named = [(text, set(re.findall(r"--[a-z][a-z-]*", text))) for text in said]
+    assert [(text, names - OPTIONS) for text, names in named if names - OPTIONS] == []
 
 
 @pytest.mark.parametrize(

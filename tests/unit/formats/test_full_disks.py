@@ -1,8 +1,5 @@
 """Disks that become full while a file is written: one line that names it, and nothing left."""
 
-import json
-import os
-import subprocess
 import sys
 from pathlib import Path
 
@@ -16,44 +13,11 @@ from meshreel.formats.registry import (
     is_written,
     output_format_of,
 )
-from samples.commands import assert_fails
+from samples.commands import assert_fails, run
 from samples.costs import slow_but
 from samples.meshes import waving_grid
 
 resource = pytest.importorskip("resource")
-
-FORKING = """
-import importlib, json, os, pkgutil, resource, sys
-import meshreel.cli.convert, meshreel.codec.decoder, meshreel.codec.encoder
-import meshreel.formats, meshreel.reel.decoder
-from meshreel.cli import main
-
-for found in pkgutil.walk_packages(meshreel.formats.__path__, "meshreel.formats."):
-    try:
-        importlib.import_module(found.name)
-    except ImportError:  # of a library that is not installed
-        pass
-
-for line in sys.stdin:
-    limit, words = json.loads(line)
-    reading, writing = os.pipe()
-    child = os.fork()
-    if not child:
-        os.dup2(writing, 2)
-        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
-        os.close(writing)
-        resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
-        sys.argv = ["meshreel", *words]
-        main()
-    os.close(writing)
-    with open(reading, encoding="utf-8") as told:
-        errors = told.read()
-    code = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
-    print(json.dumps([code, errors]), flush=True)
-"""
-"""The program for each line that comes, in a process of its own, where no file may be larger than
-the limit of the line; Python itself ignores the signal that comes of it. Imports are done once,
-and nothing else, for a process that has threads must not be forked."""
 
 LARGE = (
     ".vat",
@@ -78,22 +42,24 @@ def reel(tmp_path_factory):
     return path
 
 
-@pytest.fixture(scope="module")
-def limited():
-    """Runs `meshreel ARGUMENTS` where no file grows larger than a number of bytes."""
-    command, pipe = [sys.executable, "-c", FORKING], subprocess.PIPE
+@pytest.fixture
+def limited(monkeypatch):
+    """Runs `meshreel ARGUMENTS` where no file grows larger than a number of bytes.
+
+    Python itself ignores the signal that comes of it.
+    """
     # Or a compiled module would be cut off at the limit, and stay so.
-    environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1", "PYTHONDONTWRITEBYTECODE": "1"}
-    with subprocess.Popen(command, stdin=pipe, stdout=pipe, text=True, env=environment) as process:
+    monkeypatch.setattr(sys, "dont_write_bytecode", True)
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
 
-        def run(limit, *arguments):
-            words = [str(one) for one in arguments]
-            print(json.dumps([limit, words]), file=process.stdin, flush=True)
-            code, errors = json.loads(process.stdout.readline())
-            return subprocess.CompletedProcess(words, code, None, errors)
+    def limited_run(limit, *arguments):
+        resource.setrlimit(resource.RLIMIT_FSIZE, (limit, before[1]))
+        try:
+            return run(*arguments)
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, before)
 
-        yield run
-        process.stdin.close()
+    return limited_run
 
 
 @pytest.mark.parametrize(

@@ -115,7 +115,7 @@ def test_save_frames_asks_for_no_frame_when_the_folder_does_not_exist(write, out
 
 @pytest.mark.parametrize("output", ["f_%03d.ply", "f_%03d.stl", "a.npz"])
 def test_save_frames_takes_a_tenth_of_the_whole_when_frames_come_one_by_one(tmp_path, output):
-    n_frames, n_verts = 400, 3000
+    n_frames, n_verts = 200, 3000
     faces = np.arange(n_verts).reshape(-1, 3)
 
     def write():

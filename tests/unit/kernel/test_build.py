@@ -125,7 +125,8 @@ def test_one_line_says_what_to_do_when_the_library_is_missing(monkeypatch, tmp_p
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("name", "level"), [("gcc", "-O2"), ("clang", "-O1")])
+# Gcc finds some of what it warns of as it optimises; clang all of it before.
+@pytest.mark.parametrize(("name", "level"), [("gcc", "-O2"), ("clang", "-O0")])
 def test_no_compiler_has_a_warning(monkeypatch, tmp_path, name, level):
     if shutil.which(name) is None:
         pytest.skip(f"needs {name}")
@@ -141,5 +142,6 @@ def test_no_compiler_has_a_warning(monkeypatch, tmp_path, name, level):
 )
 def test_hostile_bytes_break_nothing():
     """Some 10 s of what `core/fuzz` searches for hours."""
-    done = subprocess.run([sys.executable, FUZZ, "--seconds", "10"], capture_output=True, text=True)
+    given = ["--seconds", "10", "--plain"]
+    done = subprocess.run([sys.executable, FUZZ, *given], capture_output=True, text=True)
     assert not done.returncode, done.stdout + done.stderr

@@ -6,6 +6,7 @@ import pytest
 from meshreel.errors import CorruptStreamError, InvalidInputError
 from meshreel.kernel.exact import TYPES, decode_exact, encode_exact
 from meshreel.kernel.mesh import Neighbours, neighbours
+from samples.costs import draws
 
 LATTICE_ROWS, LATTICE_COLUMNS = 9, 11
 
@@ -233,7 +234,7 @@ def test_damaged_bytes_are_refused_or_give_values(dtype):
         values[2, 3:8] = np.nan
     data = encode_exact(values, graph)
     n_given = 0
-    for _ in range(300):
+    for _ in range(draws(300)):
         damaged = bytearray(data[: random.integers(len(data)) if random.random() < 0.3 else None])
         for _ in range(random.integers(1, 4)):
             if damaged:

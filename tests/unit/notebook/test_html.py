@@ -15,6 +15,7 @@ from meshreel.codec.encoder import encode
 from meshreel.codec.reel_file import ReelFile
 from meshreel.errors import InvalidInputError
 from meshreel.sequence import MeshSequence
+from samples.costs import slow_but
 from samples.meshes import waving_grid
 from samples.players import PAGE, carried
 
@@ -61,7 +62,7 @@ def test_sequence_says_that_it_is_shown_as_encoded_when_it_plays():
     assert f"as encode() makes it by default, of {size:,} bytes" in waving_grid(12)._repr_html_()
 
 
-@pytest.mark.parametrize("limit", ["MOST_PLAYED", "MOST_HTML_BYTES"])
+@pytest.mark.parametrize("limit", slow_but(["MOST_HTML_BYTES"], ["MOST_PLAYED", "MOST_HTML_BYTES"]))
 def test_picture_and_figures_are_shown_when_the_player_would_be_large(reel, monkeypatch, limit):
     monkeypatch.setattr(notebook, limit, 100)
     html = reel._repr_html_()
@@ -80,6 +81,7 @@ def test_picture_is_shown_when_the_page_is_not_built(monkeypatch):
     assert (picture_in(waving_grid(12)._repr_html_()) != 255).any()
 
 
+@pytest.mark.slow
 def test_picture_is_small_and_soon_there_when_the_mesh_is_large():
     large = waving_grid(40, 120, 120)
     assert large.n_frames * large.n_verts > notebook.MOST_ENCODED

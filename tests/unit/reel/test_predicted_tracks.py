@@ -158,8 +158,8 @@ def test_velocities_that_are_missing_stay_so_when_they_are_predicted():
     assert apart.max() <= headers(data)["v"].bound
 
 
-@pytest.mark.parametrize("domain", list(Domain))
 @pytest.mark.parametrize("block_frames", [None, 5])
+@pytest.mark.parametrize("domain", list(Domain))
 def test_normals_are_turned_from_those_of_the_surface(domain, block_frames):
     sheet = quad_sheet(12)
     of_vertices = normals_of(sheet)

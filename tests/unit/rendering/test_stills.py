@@ -29,7 +29,10 @@ def test_still_is_filled_by_the_mesh_when_it_shows_one_frame(grid):
 
 
 def test_still_has_a_mesh_for_each_frame_when_it_shows_several(grid):
-    one, many = (inked(still(Scene(grid), numbers, FRONT)).mean() for numbers in ([0], range(8)))
+    one, many = (
+        inked(still(Scene(grid), numbers, FRONT, size=(640, 480))).mean()
+        for numbers in ([0], range(8))
+    )
     assert 0.3 < many < one
 
 
@@ -72,7 +75,9 @@ def test_heat_map_is_nearly_as_bright_in_a_fold_as_beside_it(grid):
 
 def test_still_is_the_same_when_it_is_drawn_again(grid, lifted):
     scene = Scene(lifted, grid, "sted")
-    first, second = (still(scene, [0, 5], FRONT, caption="twice").tobytes() for _ in range(2))
+    first, second = (
+        still(scene, [0, 5], FRONT, size=(640, 480), caption="twice").tobytes() for _ in range(2)
+    )
     assert first == second
 
 

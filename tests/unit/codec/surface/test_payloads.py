@@ -19,6 +19,7 @@ from meshreel.connectivity.coder import encode_connectivity
 from meshreel.errors import CorruptStreamError, MeshReelError
 from meshreel.materials import Image, Material, Texture
 from meshreel.surface import Attribute, Domain, Kind, Surface
+from samples.costs import draws
 from samples.materials import dressed_sheet, dressed_sheets
 from samples.meshes import assert_same_surface, quad_sheet, two_sheets, waving_grid
 from samples.streams import parts_of, raw_stream
@@ -134,7 +135,7 @@ def test_reading_gives_our_error_or_a_surface_when_bytes_are_changed():
     for is_shared in (False, True):
         given = sheet_with_uvs(6, is_shared=is_shared)
         ((_, payload),) = surface_sections(given.surface, given.faces, None)
-        for _ in range(300):
+        for _ in range(draws(300)):
             broken = bytearray(payload)
             for place in rng.integers(0, len(broken), 1 + rng.integers(3)):
                 broken[place] ^= rng.integers(1, 256)

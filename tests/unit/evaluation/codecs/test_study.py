@@ -138,6 +138,7 @@ def test_notes_name_package_and_extra_when_a_peer_is_missing(made):
     assert note in made.markdown.read_text(encoding="utf-8")
 
 
+@pytest.mark.slow
 def test_notes_say_so_when_no_recorded_row_is_of_the_sequence(small_flag, tmp_path):
     stray = replace(RECORDED[0], n_verts=71)
     study = CodecStudy(methods=("v2v",), peers=(), recorded=[stray], quick=True)

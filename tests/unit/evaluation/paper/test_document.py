@@ -7,6 +7,7 @@ from meshreel.evaluation.paper.document import paper_document
 from meshreel.evaluation.report.publish import publish
 
 
+@pytest.mark.slow
 def test_html_needs_no_other_file(evaluation):
     html = evaluation.html.read_text(encoding="utf-8")
     sources = re.findall(r"""(?:src|href)\s*=\s*["']([^"']*)""", html)
@@ -15,15 +16,19 @@ def test_html_needs_no_other_file(evaluation):
     assert not re.search(r"<link|<script|@import|url\(", html)
 
 
+@pytest.mark.slow
 def test_markdown_names_pictures_that_are_there(evaluation, folder):
     names = re.findall(r"!\[[^]]*\]\(([^)]*)\)", evaluation.markdown.read_text(encoding="utf-8"))
     assert len(names) == 7
     assert all((folder / name).is_file() for name in names)
 
 
-@pytest.mark.parametrize(
-    "words",
-    [
+@pytest.mark.slow
+def test_report_says_what_it_must(evaluation):
+    markdown, html = (
+        path.read_text(encoding="utf-8") for path in (evaluation.markdown, evaluation.html)
+    )
+    for words in (
         "meshreel paper --frames 12",
         "Table I, flag",
         "Table II, flag",
@@ -32,11 +37,9 @@ def test_markdown_names_pictures_that_are_there(evaluation, folder):
         "Extrapolated from 2 decompositions",
         "docs/equations.md",
         "NumPy",
-    ],
-)
-def test_report_says_what_it_must(evaluation, words):
-    assert words in evaluation.markdown.read_text(encoding="utf-8")
-    assert words in evaluation.html.read_text(encoding="utf-8")
+    ):
+        assert words in markdown, words
+        assert words in html, words
 
 
 def test_refusal_is_shown_when_a_variant_refused(made_sequence, made_result, tmp_path):

@@ -144,6 +144,7 @@ def test_report_holds_plot_tables_and_bytes_of_positions_when_it_is_written(made
     assert figures["sequences"][0]["track"]["described"] == "scalar of each vertex, float32 in m"
 
 
+@pytest.mark.slow
 def test_stored_runs_are_of_the_values_of_the_track_when_these_change(waving, made):
     out = made.markdown.parent
     values = waving.tracks["height"].values * 2

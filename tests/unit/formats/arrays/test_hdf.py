@@ -242,7 +242,7 @@ def test_load_is_refused_when_the_file_is_cut_short(tmp_path, keep):
 def test_load_raises_only_our_errors_when_files_are_damaged(tmp_path):
     [path] = save(surfaced_sequence(), tmp_path / "a.h5")
     damaged_path = tmp_path / "b.h5"
-    for damaged in damaged_versions(path.read_bytes(), 300, n_header=3000):
+    for damaged in damaged_versions(path.read_bytes(), 150, n_header=3000):
         damaged_path.write_bytes(damaged)
         with contextlib.suppress(MeshReelError):
             load(damaged_path)

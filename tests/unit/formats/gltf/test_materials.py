@@ -14,6 +14,7 @@ from meshreel.formats.load import load
 from meshreel.formats.options import WriteOptions
 from meshreel.formats.save import save
 from meshreel.materials import AlphaMode, Filter, Image, Material, Texture, Wrap
+from samples.costs import draws
 from samples.glb import Glb, stream_of, written
 from samples.gltf import SQUARE, SQUARE_FACES, Gltf
 from samples.json import DELETED, ODD, changed, places
@@ -387,11 +388,12 @@ def test_load_raises_only_our_errors_when_any_value_of_a_material_is_changed(tmp
     cases = [(place, value) for place in places(looks) for value in (*ODD, DELETED)]
     rng, n_read, other = np.random.default_rng(2), 0, Gltf()
     other.data = file.data
-    for number in rng.choice(len(cases), 400, replace=False):
+    n_tried = draws(400)
+    for number in rng.choice(len(cases), n_tried, replace=False):
         other.json = {**file.json, **changed(looks, *cases[number])}
         with contextlib.suppress(MeshReelError):
             n_read += load(other.save(tmp_path / "a.glb")).n_faces == 2
-    assert n_read > 300
+    assert n_read > 3 * n_tried // 4
 
 
 def test_look_is_left_out_when_its_light_is_no_number(surface_of):

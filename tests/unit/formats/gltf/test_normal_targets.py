@@ -21,7 +21,7 @@ def angles_deg(moving, vertices, faces):
 
 
 def test_fit_normals_follow_when_a_flag_flutters():
-    flag = simulate_flag(40, n_rows=20, n_columns=20)
+    flag = simulate_flag(30, n_rows=16, n_columns=16)
     moving = fit_part(flag.vertices, flag.faces, Wanted(None, 0.002, normals=NormalChoice.ALL))
     angles = angles_deg(moving, flag.vertices, flag.faces)
     assert (angles.mean() < 1, angles.max() < 10, moving.errors.max() <= 0.002) == (True,) * 3
@@ -49,7 +49,7 @@ def test_still_normals_point_along_z_when_no_face_has_an_area():
 
 @pytest.mark.parametrize("choice", [NormalChoice.SMOOTH, NormalChoice.ALL])
 def test_angle_is_that_of_the_bytes_when_normals_move(choice):
-    flag = simulate_flag(40, n_rows=20, n_columns=20)
+    flag = simulate_flag(24, n_rows=12, n_columns=12)
     moving = fit_part(flag.vertices, flag.faces, Wanted(None, 0.002, normals=choice))
     measured = angles_deg(moving, flag.vertices, flag.faces).mean()
     assert moving.normals.angle_deg == pytest.approx(measured, rel=1e-2)

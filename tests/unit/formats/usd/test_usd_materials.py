@@ -13,6 +13,7 @@ from meshreel.errors import InvalidInputError, MeshReelError
 from meshreel.formats.load import load
 from meshreel.formats.save import save
 from meshreel.materials import AlphaMode, Image, Material, Texture, Wrap
+from samples.costs import draws
 from samples.materials import dressed_sheet, dressed_sheets, jpeg, look, png
 
 ENDINGS = ["usd", "usda", "usdc", "usdz"]
@@ -354,14 +355,15 @@ def test_load_raises_only_our_errors_when_a_network_is_changed(tmp_path):
     text = NETWORK.format(surface=surface, texture=texture, mesh="", file="./skin.png").encode()
     rng, n_read = np.random.default_rng(5), 0
     start = text.index(b"def Material")
-    for _ in range(300):
+    n_tried = draws(300)
+    for _ in range(n_tried):
         data = bytearray(text)
         for place in rng.integers(start, len(data), rng.choice([1, 3])):
             data[place] = rng.choice(np.frombuffer(b' 0-:"<>{}@.xr\xff', np.uint8))
         (tmp_path / "x.usda").write_bytes(data)
         with contextlib.suppress(MeshReelError):
             n_read += load(tmp_path / "x.usda").n_faces == 1
-    assert n_read > 20
+    assert n_read > n_tried // 15
 
 
 def test_shaders_in_a_ring_are_told_when_a_file_has_them(read):

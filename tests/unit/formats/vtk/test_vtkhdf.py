@@ -383,7 +383,7 @@ def test_load_is_refused_when_a_dataset_is_named_in_vtkhdf(tmp_path):
 def test_load_raises_only_our_errors_when_files_are_damaged(tmp_path):
     [path] = save(surfaced_sequence(), tmp_path / "a.vtkhdf")
     damaged_path = tmp_path / "b.vtkhdf"
-    for damaged in damaged_versions(path.read_bytes(), 300, n_header=20_000):
+    for damaged in damaged_versions(path.read_bytes(), 150, n_header=20_000):
         damaged_path.write_bytes(damaged)
         with contextlib.suppress(MeshReelError):
             load(damaged_path)

@@ -33,7 +33,7 @@ def left_by(vectors, rows):
 @pytest.mark.parametrize("n_modes", [1, 4, 11])
 def test_modes_of_a_sketch_leave_little_more_than_the_best(frames, n_modes):
     rows = rows_of(frames)
-    best = np.linalg.svd(rows)[0][:, :n_modes]
+    best = np.linalg.svd(rows, full_matrices=False)[0][:, :n_modes]
     _, vectors = BlockFrames(frames, UNIT).trajectories(0.0)
     found = vectors[:, :n_modes]
     np.testing.assert_allclose(found.T @ found, np.eye(n_modes), atol=1e-9)
