@@ -7,7 +7,7 @@ from collections.abc import Callable
 from contextlib import nullcontext
 from functools import wraps
 from pathlib import Path
-from typing import Any, Concatenate, ParamSpec, TypeVar
+from typing import TYPE_CHECKING, Any, Concatenate, ParamSpec, TypeVar
 
 from meshreel.codec import decoder, encoder
 from meshreel.codec import inspect as streams
@@ -22,13 +22,14 @@ from meshreel.formats.reel.reading import open as open_reel
 from meshreel.formats.remote import at_hand
 from meshreel.formats.sources import AnyPath, Source
 from meshreel.frame_choice import start_of
-from meshreel.metrics import compare as metrics
-from meshreel.metrics.compare import Quality
 from meshreel.runtime.progress import Progress, silent
 from meshreel.sequence import FrameSource, MeshSequence
 from meshreel.stores.address import is_remote
 from meshreel.stores.transfer import read_whole
 from meshreel.tracks import copied
+
+if TYPE_CHECKING:
+    from meshreel.metrics.compare import Quality
 
 Options = ParamSpec("Options")
 Result = TypeVar("Result")
@@ -127,7 +128,9 @@ def info(data: Stream | AnyPath | ReelFile) -> StreamInfo:
     return _with_stream(data, "info", streams.info)
 
 
-def compare(original: AnySequence, decoded: AnySequence, *, progress: Progress = silent) -> Quality:
+def compare(
+    original: AnySequence, decoded: AnySequence, *, progress: Progress = silent
+) -> "Quality":
     """Every quality figure of a decoded sequence, computed in float64.
 
     Parameters
@@ -144,7 +147,9 @@ def compare(original: AnySequence, decoded: AnySequence, *, progress: Progress =
         If there is no such file, or frame counts, vertex counts or triangles differ, naming both
         or the first face.
     """
-    return metrics.compare(_loaded(original), _loaded(decoded), progress=progress)
+    from meshreel.metrics.compare import compare as measure  # which takes half a second
+
+    return measure(_loaded(original), _loaded(decoded), progress=progress)
 
 
 def _with_stream(given: Any, function: str, use: Callable[[bytes], Result]) -> Result:
