@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Concatenate, ParamSpec, TypeVar
 
 from meshreel.codec import decoder, encoder
 from meshreel.codec import inspect as streams
+from meshreel.codec.byte_sizes import bytes_of
 from meshreel.codec.inspect import StreamInfo
 from meshreel.codec.options import check_names
 from meshreel.codec.reel_file import ReelFile
@@ -179,7 +180,8 @@ def _source(given: Any, memory: Any) -> FrameSource:
     """Frames to be encoded, which may stay in their files."""
     if _is_path(given):
         notes: list[str] = []
-        source = open_for_encoding(given, memory, ReadOptions(notes=notes))
+        most = None if memory is None else bytes_of(memory, "memory")
+        source = open_for_encoding(given, most, ReadOptions(notes=notes))
         _warn(notes)
         return source
     return _sequence(given)

@@ -55,6 +55,13 @@ def test_encode_takes_folders_and_lists_of_frames(folder):
     assert meshreel.encode(frames) == expected
 
 
+def test_encode_takes_memory_in_words_for_files(folder):
+    data = meshreel.encode(folder / "grid.npz", memory="1GB")
+    assert data == meshreel.encode(folder / "grid.npz")
+    with pytest.raises(InvalidInputError, match="memory= takes a size such as 100kB"):
+        meshreel.encode(folder / "grid.npz", memory="much")
+
+
 def test_encode_takes_its_first_argument_by_name(folder):
     encode: Any = meshreel.encode
     assert encode(sequence=folder / "grid.npz") == meshreel.encode(folder / "grid.npz")

@@ -200,13 +200,14 @@ def _suited(
 def _with_smaller_blocks(
     config: EncoderConfig, sequence: FrameSource, share: float, notes: list[str]
 ) -> EncoderConfig:
-    n_together = config.frames_in_block(sequence.n_frames, sequence.n_verts)
+    number_bytes = sequence.dtype.itemsize
+    n_together = config.frames_in_block(sequence.n_frames, sequence.n_verts, number_bytes)
     n_frames = max(1, int(share * n_together))
     notes.append(
         f"memory was too little for blocks of {counted(n_together, 'frame')}; coded in blocks of "
         f"{n_frames}, which take more bytes"
     )
-    return config.with_blocks_of(n_frames, sequence.n_verts)
+    return config.with_blocks_of(n_frames, sequence.n_verts, number_bytes)
 
 
 def _present(

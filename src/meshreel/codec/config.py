@@ -1,5 +1,6 @@
 """Options of encoding, checked."""
 
+from bisect import bisect_right
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -21,12 +22,7 @@ from meshreel.counting import counted
 from meshreel.errors import InvalidInputError
 
 MAX_BLOCK_POSITIONS = 1 << 28
-"""Positions that are coded together at most, where nothing is said of memory."""
-
-PROCESS_BYTES = 100e6
-BYTES_OF_VERTEX = 4000.0
-BYTES_OF_POSITION = 130.0
-"""Memory of the program itself, of what is known of a vertex, and of a position of a block."""
+"""Positions that are coded together at most, where no number of frames is asked for."""
 
 
 @dataclass(frozen=True)
@@ -128,40 +124,50 @@ class EncoderConfig:
         """Bytes that encoding may take; None where nothing is said."""
         return None if self.memory is None else float(self.memory)
 
-    def frames_in_block(self, n_frames: int, n_verts: int) -> int:
+    def frames_in_block(self, n_frames: int, n_verts: int, number_bytes: int) -> int:
         """Frames coded together, of a sequence of so many frames and vertices.
 
         `reel` cuts as little as memory allows: every cut sends all fields again.
+
+        Parameters
+        ----------
+        n_frames, n_verts : int
+        number_bytes : int
+            Size of a coordinate.
 
         Raises
         ------
         InvalidInputError
             If memory does not allow one.
         """
-        method = self.method_row
-        if self.memory is not None:
-            chosen = self.block_frames or method.block_frames or n_frames
-            chosen = min(chosen, self._frames_in_memory(n_verts, float(self.memory)))
-        else:
-            chosen = self.block_frames or method.longest_block(n_frames, n_verts)
-        return min(chosen, n_frames)
+        chosen = self.block_frames or self.method_row.longest_block(n_frames, n_verts)
+        chosen = min(chosen, n_frames)
+        if self.memory is None:
+            return chosen
+        memory = float(self.memory)
 
-    def with_blocks_of(self, block_frames: int, n_verts: int) -> "EncoderConfig":
-        """The options with as much memory as blocks of so many frames need, and no more."""
-        return replace(self, memory=_memory_of_block(block_frames, n_verts))
+        def needed(block_frames: int) -> float:
+            is_whole = block_frames >= n_frames
+            return self._block_bytes(block_frames, n_verts, number_bytes, is_whole=is_whole)
 
-    def _frames_in_memory(self, n_verts: int, memory: float) -> int:
-        needed = _memory_of_block(1, n_verts)
-        if memory < needed:
+        if needed(chosen) <= memory:
+            return chosen
+        if memory < needed(1):
             raise InvalidInputError(
                 f"memory of {memory / 1e6:.0f} MB is too little for {counted(n_verts, 'vertex')}; "
-                f"at least {needed / 1e6:.0f} MB is needed"
+                f"at least {needed(1) / 1e6:.0f} MB is needed"
             )
-        return 1 + int((memory - needed) / (BYTES_OF_POSITION * n_verts))
+        return bisect_right(range(1, chosen), memory, key=needed)
 
+    def with_blocks_of(self, block_frames: int, n_verts: int, number_bytes: int) -> "EncoderConfig":
+        """The options with as much memory as blocks of so many frames need, and no more."""
+        return replace(self, memory=self._block_bytes(block_frames, n_verts, number_bytes))
 
-def _memory_of_block(block_frames: int, n_verts: int) -> float:
-    return PROCESS_BYTES + n_verts * (BYTES_OF_VERTEX + BYTES_OF_POSITION * block_frames)
+    def _block_bytes(
+        self, block_frames: int, n_verts: int, number_bytes: int, *, is_whole: bool = False
+    ) -> float:
+        row = self.method_row
+        return row.block_bytes(block_frames, n_verts, number_bytes, is_whole=is_whole)
 
 
 _TARGETS = tuple(aim.value for aim in Aim)

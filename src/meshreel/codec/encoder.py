@@ -108,8 +108,8 @@ def encode(
         allows; of more than 1024 and 8 million positions, up to 512 (blocks: 25).
     memory : float or str, optional
         Memory that encoding may take, as in 500MB or 1GiB; blocks of frames are cut to fit, and
-        frames stay in their files. Default: blocks of up to 67 million positions. This program
-        counts, too. Blocks of the default size take some 8 GB. Those of `lossless` and `grid` are
+        frames stay in their files. Default: blocks of up to 268 million positions. This program
+        counts, too. Blocks of the default size take some 6 GB. Those of `lossless` and `grid` are
         of up to 4 million positions, or 64 frames.
     energy : float, optional
         Share of the shape's energy to keep, up to 1; chooses the number of modes. Default: 0.99995.

@@ -120,7 +120,21 @@ class Method(Protocol):
         """
 
     def longest_block(self, n_frames: int, n_verts: int) -> int:
-        """Frames coded together where neither a number of frames nor memory is given."""
+        """Frames coded together where no number of them is given, and memory allows it."""
+
+    def block_bytes(
+        self, block_frames: int, n_verts: int, number_bytes: int, *, is_whole: bool
+    ) -> float:
+        """Memory that encoding takes with blocks of so many frames.
+
+        Parameters
+        ----------
+        block_frames, n_verts : int
+        number_bytes : int
+            Size of a coordinate.
+        is_whole : bool
+            Whether there is no further block, which would be read meanwhile.
+        """
 
     def most_modes(self, n_frames: int, n_verts: int) -> int:
         """Modes that a block of so many frames can have at most."""

@@ -52,11 +52,11 @@ SHARED = (
         "memory",
         float | str,
         "Memory that encoding may take, as in 500MB or 1GiB; blocks of frames are cut to fit, and "
-        "frames stay in their files. Default: blocks of up to 67 million positions.",
+        "frames stay in their files. Default: blocks of up to 268 million positions.",
         range=Range(0, is_open=True),
         unit="in bytes",
         metavar="SIZE",
-        more="This program counts, too. Blocks of the default size take some 8 GB. Those of "
+        more="This program counts, too. Blocks of the default size take some 6 GB. Those of "
         "`lossless` and `grid` are of up to 4 million positions, or 64 frames.",
     ),
 )

@@ -231,7 +231,9 @@ class Source:
     @property
     def block_frames(self) -> int:
         """Number of frames per block; the last block may have fewer."""
-        return self.config.frames_in_block(self.sequence.n_frames, self.sequence.n_verts)
+        return self.config.frames_in_block(
+            self.sequence.n_frames, self.sequence.n_verts, self.sequence.dtype.itemsize
+        )
 
     def pieces(self) -> Iterator[Piece]:
         """The range of frames of each block."""

@@ -24,6 +24,9 @@ from meshreel.tracks import Track
 
 Vertices = npt.NDArray[np.floating]
 
+PROCESS_BYTES, BYTES_OF_VERTEX, BYTES_OF_POSITION = 100e6, 4000.0, 130.0
+"""Memory of the program itself, of what is known of a vertex, and of a position of a block."""
+
 
 @dataclass(frozen=True)
 class PaperMethod:
@@ -64,8 +67,14 @@ class PaperMethod:
         """Nothing: every option can be used for live frames."""
 
     def longest_block(self, n_frames: int, n_verts: int) -> int:
-        """Frames per block where neither their number nor a limit of memory is given."""
+        """Frames per block where their number is not given, and memory allows it."""
         return self.block_frames or n_frames
+
+    def block_bytes(
+        self, block_frames: int, n_verts: int, number_bytes: int, *, is_whole: bool
+    ) -> float:
+        """Memory that encoding takes with blocks of so many frames, whatever numbers they have."""
+        return PROCESS_BYTES + n_verts * (BYTES_OF_VERTEX + BYTES_OF_POSITION * block_frames)
 
     def most_modes(self, n_frames: int, n_verts: int) -> int:
         """Largest number of modes of a block of this many frames."""

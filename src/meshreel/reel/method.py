@@ -34,6 +34,17 @@ soon anyway."""
 FRAMES_OF_LONG = 512
 """Most frames of a block of these."""
 
+PROCESS_BYTES, BYTES_OF_FRAME, BYTES_OF_PAIR = 110e6, 2e5, 200.0
+"""Memory of the program itself, of a frame (pieces of it in threads), and of two frames (their
+correlation). What these and the following come from: docs/benchmarks.md, "Large meshes"."""
+
+BYTES_OF_VERTEX, BYTES_OF_MODE, BYTES_OF_COMPARED_MODE, MOST_MODES = 1500.0, 10.0, 50.0, 150
+"""Of what is known of a vertex, and of a mode at a vertex: more where a block is coded with and
+without reused modes. There may be more modes; a block of few frames has fewer."""
+
+BYTES_OF_KEPT, MOST_KEPT = 52.0, 2.8e6
+"""Of coordinates of a position, which are kept for so many, beside the position as it came."""
+
 LIVE_AIMS = (Aim.QUALITY, Aim.STEP, Aim.MAX_ERROR)
 """Targets that can be met without knowing the frames to come."""
 
@@ -72,7 +83,7 @@ class ReelMethod:
             )
 
     def longest_block(self, n_frames: int, n_verts: int) -> int:
-        """Frames coded together where neither a number of frames nor memory is given.
+        """Frames coded together where no number of them is given, and memory allows it.
 
         As many as possible: every cut sends all fields again, but those that blocks reuse. Long
         sequences are cut so that time and memory do not grow, and a frame is there soon.
@@ -81,6 +92,25 @@ class ReelMethod:
         if n_frames > MOST_FRAMES_UNCUT and n_frames * n_verts > MOST_POSITIONS_UNCUT:
             n_blocks = max(n_blocks, -(-n_frames // FRAMES_OF_LONG))
         return -(-n_frames // n_blocks)
+
+    def block_bytes(
+        self, block_frames: int, n_verts: int, number_bytes: int, *, is_whole: bool
+    ) -> float:
+        """Memory that encoding takes with blocks of so many frames.
+
+        `number_bytes` is the size of a coordinate; with a block that is the whole sequence no other
+        is read meanwhile.
+        """
+        n_positions, n_modes = block_frames * n_verts, min(3 * block_frames, MOST_MODES)
+        of_mode, n_blocks = (BYTES_OF_MODE, 1) if is_whole else (BYTES_OF_COMPARED_MODE, 2)
+        return (
+            PROCESS_BYTES
+            + BYTES_OF_FRAME * block_frames
+            + BYTES_OF_PAIR * block_frames**2
+            + (BYTES_OF_VERTEX + of_mode * n_modes) * n_verts
+            + BYTES_OF_KEPT * min(n_positions, MOST_KEPT)
+            + 3 * number_bytes * n_blocks * n_positions
+        )
 
     def most_modes(self, n_frames: int, n_verts: int) -> int:
         """Modes that a block of so many frames can have at most."""
@@ -135,7 +165,7 @@ class LosslessMethod(ReelMethod):
         """Nothing: every option can be used for frames that come one by one."""
 
     def longest_block(self, n_frames: int, n_verts: int) -> int:
-        """Frames coded together where neither a number of frames nor memory is given.
+        """Frames coded together where no number of them is given, and memory allows it.
 
         To show one frame its whole block is decoded, which takes longer than with modes; and cuts
         cost less.

@@ -101,19 +101,39 @@ def test_config_says_what_is_allowed_when_an_option_is_wrong(options, message):
 @pytest.mark.parametrize("n_frames", [1, 2, 1000, 1001])
 def test_reel_cuts_into_equal_blocks_within_memory_when_none_is_asked_for(n_frames):
     n_verts = MAX_BLOCK_POSITIONS // 300
-    size = EncoderConfig().frames_in_block(n_frames, n_verts)
+    size = EncoderConfig().frames_in_block(n_frames, n_verts, 4)
     assert size * n_verts <= MAX_BLOCK_POSITIONS
     n_blocks = -(-n_frames // size)
     assert n_blocks == -(-n_frames * n_verts // MAX_BLOCK_POSITIONS)
 
 
 def test_reel_does_not_cut_when_memory_allows():
-    assert EncoderConfig().frames_in_block(5000, 100) == 5000
-    assert EncoderConfig(block_frames=30).frames_in_block(5000, 100) == 30
+    assert EncoderConfig().frames_in_block(5000, 100, 4) == 5000
+    assert EncoderConfig(block_frames=30).frames_in_block(5000, 100, 4) == 30
+
+
+@pytest.mark.parametrize("number_bytes", [4, 8])
+@pytest.mark.parametrize("method", ["reel", "lossless", "pca-qp"])
+def test_blocks_are_as_long_as_memory_allows(method, number_bytes):
+    config = EncoderConfig(method=method, memory="500MB", block_frames=5000)
+    size = config.frames_in_block(5000, 10_000, number_bytes)
+    assert 20 < size < 5000
+    for block_frames, is_enough in ((size, True), (size + 1, False)):
+        needed = config.with_blocks_of(block_frames, 10_000, number_bytes).memory
+        assert (needed <= 500e6) == is_enough
+
+
+def test_a_million_vertices_and_200_frames_are_one_block_in_6_gigabytes():
+    assert EncoderConfig(memory="6GB").frames_in_block(200, 10**6, 4) == 200
+    assert EncoderConfig(memory="6GB").frames_in_block(201, 10**6, 8) < 200
+
+
+def test_much_memory_changes_no_blocks():
+    assert EncoderConfig(memory="1TB").frames_in_block(10_000, 10_000, 4) == 500
 
 
 def test_reel_cuts_long_sequences_of_many_vertices_into_equal_blocks():
-    assert EncoderConfig().frames_in_block(10_000, 10_000) == 500
-    assert EncoderConfig().frames_in_block(1024, 10_000) == 1024
-    assert EncoderConfig().frames_in_block(1025, 10_000) == 342
-    assert EncoderConfig().frames_in_block(1025, 1 << 12) == 1025
+    assert EncoderConfig().frames_in_block(10_000, 10_000, 4) == 500
+    assert EncoderConfig().frames_in_block(1024, 10_000, 4) == 1024
+    assert EncoderConfig().frames_in_block(1025, 10_000, 4) == 342
+    assert EncoderConfig().frames_in_block(1025, 1 << 12, 4) == 1025
