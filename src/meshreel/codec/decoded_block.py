@@ -21,7 +21,7 @@ Integers = npt.NDArray[np.int64]
 CHUNK_BYTES = 1 << 22
 """Size of the float64 frames that are computed at a time, which should fit into the cache."""
 
-LEAST_FRAMES, MOST_FRAMES = 32, 256
+LEAST_FRAMES, MOST_FRAMES = 8, 256
 """Frames that the core computes at a time: for all of them it collects fields once."""
 
 

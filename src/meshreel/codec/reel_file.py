@@ -30,8 +30,9 @@ Vertices = npt.NDArray[np.floating]
 N_KEPT_BLOCKS = 3
 """Number of decoded blocks that are cached, so that seeking across a border costs nothing."""
 
-READ_AHEAD_BYTES = 1 << 23
-"""Size of the frames that an iteration decodes at a time."""
+READ_AHEAD_BYTES, LEAST_TOGETHER = 1 << 23, 16
+"""Size of the frames that an iteration decodes at a time, and how many there are at least: the
+fields of large meshes are collected once for all of them."""
 
 
 class ReelFile:
@@ -228,7 +229,8 @@ class ReelFile:
         """
         frames = range(self.n_frames) if wanted is None else wanted
         starts = self.starts
-        n_together = max(1, READ_AHEAD_BYTES // (self.n_verts * 3 * self.dtype.itemsize))
+        frame_bytes = self.n_verts * 3 * self.dtype.itemsize
+        n_together = max(LEAST_TOGETHER, READ_AHEAD_BYTES // frame_bytes)
         first, last = self._number_of(frames.start), self._number_of(frames.stop - 1)
         with ThreadPoolExecutor(1, "meshreel-ahead") as ahead:
             following = ahead.submit(copy_context().run, self.block, first)
