@@ -148,7 +148,9 @@ class EncoderConfig:
 
         def needed(block_frames: int) -> float:
             is_whole = block_frames >= n_frames
-            return self._block_bytes(block_frames, n_verts, number_bytes, is_whole=is_whole)
+            return self.method_row.block_bytes(
+                block_frames, n_verts, number_bytes, is_whole=is_whole
+            )
 
         if needed(chosen) <= memory:
             return chosen
@@ -160,14 +162,9 @@ class EncoderConfig:
         return bisect_right(range(1, chosen), memory, key=needed)
 
     def with_blocks_of(self, block_frames: int, n_verts: int, number_bytes: int) -> "EncoderConfig":
-        """The options with as much memory as blocks of so many frames need, and no more."""
-        return replace(self, memory=self._block_bytes(block_frames, n_verts, number_bytes))
-
-    def _block_bytes(
-        self, block_frames: int, n_verts: int, number_bytes: int, *, is_whole: bool = False
-    ) -> float:
-        row = self.method_row
-        return row.block_bytes(block_frames, n_verts, number_bytes, is_whole=is_whole)
+        """The options with blocks of so many frames at most, and as much memory as these need."""
+        needed = self.method_row.block_bytes(block_frames, n_verts, number_bytes, is_whole=False)
+        return replace(self, block_frames=block_frames, memory=needed)
 
 
 _TARGETS = tuple(aim.value for aim in Aim)

@@ -128,6 +128,12 @@ def test_a_million_vertices_and_200_frames_are_one_block_in_6_gigabytes():
     assert EncoderConfig(memory="6GB").frames_in_block(201, 10**6, 8) < 200
 
 
+@pytest.mark.parametrize("n_verts", [100, 10**6])
+def test_smaller_blocks_are_smaller_where_all_in_one_would_take_less(n_verts):
+    config = EncoderConfig().with_blocks_of(100, n_verts, 4)
+    assert config.frames_in_block(200, n_verts, 4) == 100
+
+
 def test_much_memory_changes_no_blocks():
     assert EncoderConfig(memory="1TB").frames_in_block(10_000, 10_000, 4) == 500
 
