@@ -22,8 +22,9 @@ from meshreel.codec.tracks import DOMAINS, KINDS
 from meshreel.entropy.exact import decode_exact
 from meshreel.materials import SLOTS
 from meshreel.paper.decoder import PaperBlockDecoder, stored_mesh
-from meshreel.reel.agreed.blocks import read_corrections, read_field_block
+from meshreel.reel.agreed.blocks import layout_of, read_corrections, read_field_block
 from meshreel.reel.agreed.items import items_of
+from meshreel.reel.agreed.mesh import FieldMesh
 from meshreel.reel.decoder import TrackDecoder
 
 LETTERS = {"u1": "B", "i4": "i", "f4": "f", "f8": "d"}
@@ -148,17 +149,18 @@ def tracks_of(opened):
 
 def reel_block(graph, stored, n_columns=3):
     """The integers of a track in a block of `reel`."""
-    block, _, _ = read_field_block(stored, graph[0], graph[1], None, n_columns)
-    layout = block.layout
+    layout = layout_of(stored)
+    mesh = FieldMesh(graph[0], graph[1], layout.stencil_size)
+    block = read_field_block(stored, layout, mesh, n_columns=n_columns)
     found = {
         "frames": stored.n_frames,
-        "modes": block.n_modes,
+        "modes": stored.n_modes,
         "reference": layout.reference,
         "step": float(layout.step),
         "precision": 4 if layout.is_single else 8,
         "stencil": layout.stencil_size,
         "learned": layout.n_learned,
-        "basis": block.basis.reshape(block.n_modes, -1).tolist(),
+        "basis": block.basis.reshape(stored.n_modes, -1).tolist(),
         "coefficients": block.fields.tolist(),
         "correction step": 0.0,
         "corrections": {},

@@ -128,7 +128,8 @@ REEL_API int64_t reel_predict_encode(const reel_mesh *mesh, reel_fields *fields,
 /* What is known about the weights of vertices first..last-1 before the first mode, for several
    blocks with the same mesh, key block and n_learned: into fields->prepared, of as many bytes as
    reel_predict_prepare_memory states, 64 bytes aligned. Residuals and values are not used. It serves
-   where vertices are decoded or encoded from the same `first` on as here, on this machine. */
+   where each `first` here and there is the first vertex of a level, or multiples of 16 behind it,
+   on this machine. */
 REEL_API size_t reel_predict_prepare_memory(int64_t n_verts, int64_t n_levels);
 REEL_API int64_t reel_predict_prepare(const reel_mesh *mesh, const reel_fields *fields,
                                       int64_t first, int64_t last);

@@ -1,6 +1,7 @@
 """Prediction of fields over a mesh, by the core: residuals to values, and values to residuals."""
 
 import ctypes
+from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
@@ -10,7 +11,7 @@ import numpy.typing as npt
 
 from meshreel.kernel.library import call, memory, size_of
 from meshreel.kernel.mesh import Hierarchy
-from meshreel.runtime.threads import chunks, in_threads
+from meshreel.runtime.threads import chunks, in_threads, n_cores
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
@@ -18,6 +19,13 @@ Integers = npt.NDArray[np.int64]
 CHUNK_VERTICES = 16384
 """Vertices of a level that one thread takes; the encoder counts in each by itself, so that its
 choices do not depend on the number of threads."""
+
+BATCH_VERTICES = 16
+"""Vertices that the core takes at once: parts are whole numbers of these, for what is prepared in
+one way of parting a level serves in every other."""
+
+LEAST_VERTICES = 512
+"""Fewest of a level that one thread takes where nothing is counted: about a millisecond."""
 
 Prepared = npt.NDArray[np.uint8]
 """What is known about the weights of all vertices before the first mode, as the core has it."""
@@ -102,7 +110,7 @@ def prepared_weights(mesh: Hierarchy, n_learned: int, key: Floats | None = None)
         given = ctypes.byref(core_mesh), ctypes.byref(fields)
         call("reel_predict_prepare", *given, part.start, part.stop, what="fields")
 
-    in_threads(fill, [part for parts in stretches(mesh) for part in parts])
+    in_threads(fill, [part for parts in stretches(mesh, _decoded_apart) for part in parts])
     return found
 
 
@@ -192,7 +200,7 @@ def _run(
         call("reel_predict_encode", *given, part.start, part.stop, what="fields")
         return found
 
-    for parts in stretches(mesh):
+    for parts in stretches(mesh, _decoded_apart if choice is None else _counted_apart):
         results = [counts] * len(parts)
 
         def fill(number: int, parts: list[slice] = parts, found: list[Floats] = results) -> None:
@@ -210,17 +218,30 @@ def _address(array: npt.NDArray[Any] | None) -> int | None:
     return array.ctypes.data
 
 
-def stretches(mesh: Hierarchy) -> list[list[slice]]:
+def stretches(mesh: Hierarchy, size_of_parts: Callable[[int], int]) -> list[list[slice]]:
     """Vertices in order; the parts of a stretch do not depend on each other.
 
-    A stretch is many small levels in one part, or a large level in several.
+    A stretch is many small levels in one part, or a large level in several, of a size that follows
+    from that of the level.
     """
     found: list[list[slice]] = [[]]
     for start, stop in pairwise(mesh.level_starts.tolist()):
-        if stop - start > CHUNK_VERTICES:
-            parts = chunks(stop - start, CHUNK_VERTICES)
+        size = size_of_parts(stop - start)
+        if stop - start > size:
+            parts = chunks(stop - start, size)
             found += [[slice(start + one.start, start + one.stop) for one in parts], []]
         else:
             first = found[-1][0].start if found[-1] else start
             found[-1] = [slice(first, stop)]
     return [parts for parts in found if parts]
+
+
+def _counted_apart(_: int) -> int:
+    """Vertices in a part of a level in which the encoder counts."""
+    return CHUNK_VERTICES
+
+
+def _decoded_apart(n_verts: int) -> int:
+    """Vertices in a part of a level of so many that is only decoded: some parts for each core."""
+    size = min(max(LEAST_VERTICES, n_verts // (4 * n_cores())), CHUNK_VERTICES)
+    return -(-size // BATCH_VERTICES) * BATCH_VERTICES

@@ -1,7 +1,6 @@
 """The blocks of a stream of `reel` to frames, track by track."""
 
 from collections.abc import Callable, Iterable
-from concurrent.futures import Future
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import Any
@@ -20,9 +19,10 @@ from meshreel.codec.tracks import TrackHeader
 from meshreel.connectivity.permutation import inverse_permutation
 from meshreel.errors import CorruptStreamError, InvalidInputError
 from meshreel.kernel.frames import Moves
-from meshreel.kernel.predict import Prepared
 from meshreel.reel.agreed.blocks import (
     POSITION_COLUMNS,
+    ReadBlock,
+    layout_of,
     read_corrections,
     read_exact_block,
     read_field_block,
@@ -36,16 +36,14 @@ from meshreel.reel.agreed.expected import (
     values_at,
 )
 from meshreel.reel.agreed.fields import (
-    FieldBlock,
     KeyFields,
     Layout,
     decode_basis,
-    decode_fields,
 )
 from meshreel.reel.agreed.graphs import ItemGraph
 from meshreel.reel.agreed.items import items_of
 from meshreel.reel.agreed.mesh import FieldMesh
-from meshreel.runtime.threads import chunks, in_threads
+from meshreel.runtime.threads import chunks, in_background, in_threads
 from meshreel.subspace.trajectories import BoundingFrame
 from meshreel.surface import Domain
 from meshreel.tracks import TrackKind
@@ -317,14 +315,15 @@ class TrackReader:
 
         Only the first `n_wanted`, unless the block refers to another.
         """
-        block, mesh, weights = self._read(stored, n_wanted)
-        key = self._key_of(number, block.layout)
-        basis = decode_basis(block.basis, block.layout, key)
-        values = decode_fields(block, mesh, key, weights)
-        if key is None and block.n_modes == stored.n_modes:
-            self._key = number, block.layout, KeyFields(values)
-        layout, order = block.layout, mesh.number[self._order()]
-        return JointFrames(basis, values, float(layout.step), order, layout.is_single)
+        layout = layout_of(stored)
+        key = self._key_of(number, layout)
+        mesh, read = self._read(stored, layout, key, n_wanted)
+        basis = in_background(lambda: decode_basis(read.basis, layout, key))
+        values = read.values(mesh, key)
+        if key is None and values.shape[1] == stored.n_modes:
+            self._key = number, layout, KeyFields(values)
+        order = mesh.number[self._order()]
+        return JointFrames(basis.result(), values, float(layout.step), order, layout.is_single)
 
     def corrections(self, stored: StoredBlock) -> Corrections | None:
         """Corrections of vertices as they go out."""
@@ -334,13 +333,24 @@ class TrackReader:
         return replace(found, vertices=inverse_permutation(self._order())[found.vertices])
 
     def _read(
-        self, stored: StoredBlock, n_wanted: int | None = None
-    ) -> tuple[FieldBlock, FieldMesh, Future[Prepared] | None]:
-        found = read_field_block(
-            stored, *self._graph, self._shared.mesh, self._n_columns, n_wanted, self._order
+        self,
+        stored: StoredBlock,
+        layout: Layout,
+        key: KeyFields | None,
+        n_wanted: int | None = None,
+    ) -> tuple[FieldMesh, ReadBlock]:
+        mesh = self._shared.mesh
+        if mesh is None or mesh.stencil_size != layout.stencil_size:
+            mesh = self._shared.mesh = FieldMesh(*self._graph, layout.stencil_size)
+        return mesh, read_field_block(
+            stored,
+            layout,
+            mesh,
+            key,
+            n_columns=self._n_columns,
+            n_wanted=n_wanted,
+            meanwhile=self._order,
         )
-        self._shared.mesh = found[1]
-        return found
 
     def _key_of(self, number: int, layout: Layout) -> KeyFields | None:
         """The fields that a block refers to, decoded now or kept from before."""
@@ -350,12 +360,14 @@ class TrackReader:
         if self._key is None or self._key[0] != wanted:
             if wanted < 0:
                 raise CorruptStreamError(f"block {number} refers to one before the first")
-            block, mesh, weights = self._read(self._stored(wanted))
-            if block.layout.reference:
+            stored = self._stored(wanted)
+            key_layout = layout_of(stored)
+            if key_layout.reference:
                 raise CorruptStreamError(
                     f"block {number} refers to block {wanted}, which refers to another itself"
                 )
-            self._key = wanted, block.layout, KeyFields(decode_fields(block, mesh, weights=weights))
+            mesh, read = self._read(stored, key_layout, None)
+            self._key = wanted, key_layout, KeyFields(read.values(mesh))
         _, key_layout, key = self._key
         if key_layout.stencil_size != layout.stencil_size:
             raise CorruptStreamError(

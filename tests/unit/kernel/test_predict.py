@@ -77,7 +77,7 @@ def test_weights_stay_small_when_parts_of_a_mesh_move_apart():
 def test_values_do_not_depend_on_the_parts_of_a_level(monkeypatch):
     mesh, residuals = sample(waving_grid(1, 20, 31), 16)
     whole = decode_values(mesh, residuals, 5)
-    monkeypatch.setattr("meshreel.kernel.predict.CHUNK_VERTICES", 16)
+    monkeypatch.setattr("meshreel.kernel.predict.LEAST_VERTICES", 1)
     np.testing.assert_array_equal(decode_values(mesh, residuals, 5), whole)
 
 
@@ -85,6 +85,7 @@ def test_values_do_not_depend_on_the_parts_of_a_level(monkeypatch):
 @pytest.mark.parametrize("has_key", [False, True])
 def test_values_are_the_same_bits_when_weights_are_prepared(size, has_key, monkeypatch):
     monkeypatch.setattr("meshreel.kernel.predict.CHUNK_VERTICES", 32)
+    monkeypatch.setattr("meshreel.kernel.predict.LEAST_VERTICES", 1)
     mesh, residuals = sample(waving_grid(1, 20, 31), size)
     key = (
         decode_values(mesh, sample(waving_grid(1, 20, 31), size, 11, 4)[1], 9) if has_key else None

@@ -14,7 +14,7 @@ from meshreel.kernel import fields as field_coder
 from meshreel.kernel.mesh import N_NEIGHBOURS
 from meshreel.paper.decoder import coded_blocks
 from meshreel.reel.agreed.blocks import write_field_block
-from meshreel.reel.agreed.fields import decode_basis, decode_fields
+from meshreel.reel.agreed.fields import decode_basis, decoded_values
 from meshreel.reel.agreed.mesh import FieldMesh
 from meshreel.reel.agreed.payloads import read_basis, read_layout
 from meshreel.reel.encoding.analysis import FieldChoices, analyse_fields
@@ -63,7 +63,7 @@ def wanted_fields(block, matrices):
 
 def decoded_fields(block, mesh):
     """Of shape (V, K), in internal order."""
-    return float(block.layout.step) * decode_fields(block, mesh)[mesh.number]
+    return float(block.layout.step) * decoded_values(block.fields, block.layout, mesh)[mesh.number]
 
 
 def test_error_falls_with_the_step_when_it_is_made_finer():

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future
+from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
@@ -18,14 +19,14 @@ from meshreel.kernel.fields import decode_fields, encode_fields
 from meshreel.kernel.mesh import Neighbours
 from meshreel.kernel.predict import Prepared, prepared_weights
 from meshreel.reel.agreed import payloads
-from meshreel.reel.agreed.fields import FieldBlock
+from meshreel.reel.agreed.fields import FieldBlock, KeyFields, Layout, decoded_values
 from meshreel.reel.agreed.grid import NO_GRID, PositionGrid, read_step, write_step
 from meshreel.reel.agreed.mesh import FieldMesh
 from meshreel.runtime.profiling import stage
 from meshreel.runtime.threads import in_background, n_cores
-from meshreel.sequence import Faces
 from meshreel.subspace.trajectories import BoundingFrame
 
+Floats = npt.NDArray[np.float64]
 Numbers = npt.NDArray[Any]
 
 POSITION_COLUMNS = 3
@@ -174,56 +175,104 @@ def read_corrections(
     return payloads.read_corrections(payload, n_columns, stored.n_frames, n_verts)
 
 
+@dataclass(frozen=True)
+class ReadBlock:
+    """A track in a block, of which some may still be on its way.
+
+    Attributes
+    ----------
+    layout : Layout
+    coming : Future of an int32 array of shape (K, C, T)
+        Residuals of the temporal basis.
+    fields : int32 array of shape (K - n_reused, V)
+    weights : Future of Prepared, or None
+        What its weights begin with; None where it is found on the way as fast.
+    """
+
+    layout: Layout
+    coming: Future[npt.NDArray[np.int32]]
+    fields: npt.NDArray[np.int32]
+    weights: Future[Prepared | None] | None
+
+    @property
+    def basis(self) -> npt.NDArray[np.int32]:
+        """Residuals of the temporal basis, waited for."""
+        with stage("waiting"):
+            return self.coming.result()
+
+    def values(self, mesh: FieldMesh, key: KeyFields | None = None) -> Floats:
+        """Decoded fields of shape (V, K), in coding order and in steps."""
+        return decoded_values(self.fields, self.layout, mesh, key, self.weights)
+
+
+def layout_of(stored: StoredBlock) -> Layout:
+    """How the fields of a track in a block are predicted.
+
+    Raises
+    ------
+    CorruptStreamError, UnsupportedVersionError
+        As `payloads.read_layout`; and if more modes are reused than there are.
+    """
+    layout = payloads.read_layout(stored.payload(Section.FIELDS))
+    if layout.n_reused > stored.n_modes:
+        raise CorruptStreamError(f"{layout.n_reused} of {stored.n_modes} modes are reused")
+    return layout
+
+
 def read_field_block(
     stored: StoredBlock,
-    faces: Faces,
-    n_verts: int,
-    before: FieldMesh | None,
+    layout: Layout,
+    mesh: FieldMesh,
+    key: KeyFields | None = None,
+    *,
     n_columns: int = POSITION_COLUMNS,
     n_wanted: int | None = None,
     meanwhile: Callable[[], object] | None = None,
-) -> tuple[FieldBlock, FieldMesh, Future[Prepared] | None]:
-    """A track in a block, the mesh of its layout, and what its weights begin with.
+) -> ReadBlock:
+    """A track in a block, whose two bit streams are read at the same time.
 
     Parameters
     ----------
     stored : StoredBlock
-    faces, n_verts
-        Of the graph.
-    before : FieldMesh or None
-        The mesh of the block before, which is given back where it serves.
+    layout : Layout
+        Its layout.
+    mesh : FieldMesh
+        Of this layout.
+    key : KeyFields, optional
+        Of the block that it refers to; only what its weights begin with needs it.
     n_columns : int
     n_wanted : int, optional
         Only the first so many modes, unless the block refers to another.
     meanwhile : callable, optional
         Called while the hierarchy is found.
 
-    Returns
-    -------
-    FieldBlock
-    FieldMesh
-    Future of Prepared, or None
-        Begun here, where that takes long, there are cores for it, and no key block tells it.
     """
     n_modes, n_frames = stored.n_modes, stored.n_frames
-    layout = payloads.read_layout(stored.payload(Section.FIELDS))
-    serves = before is not None and before.stencil_size == layout.stencil_size
-    field_mesh = (
-        before if before is not None and serves else FieldMesh(faces, n_verts, layout.stencil_size)
-    )
-    order = in_background(lambda: field_mesh.coding_order)
-    basis = payloads.read_basis(stored.payload(Section.BASIS), n_modes, n_columns, n_frames)
-    if meanwhile is not None:
-        meanwhile()
-    with stage("waiting"):
-        order.result()
-    weights = None
-    if field_mesh.is_large and not layout.reference and n_cores() > 1:
-        weights = in_background(partial(prepared_weights, field_mesh.hierarchy, 0))
-    coded = stored.payload(Section.COEFFICIENTS)
-    n_own = n_modes - layout.n_reused
-    if n_own < 0:
-        raise CorruptStreamError(f"{layout.n_reused} of {n_modes} modes are reused")
     n_wanted = None if layout.reference else n_wanted
-    fields = decode_fields(coded, n_own, n_verts, field_mesh.coding_order, n_wanted)
-    return FieldBlock(layout, basis[: layout.n_reused + len(fields)], fields), field_mesh, weights
+
+    def beside() -> npt.NDArray[np.int32]:
+        times = stored.payload(Section.BASIS)
+        basis = payloads.read_basis(times, n_modes, n_columns, n_frames, n_wanted)
+        if meanwhile is not None:
+            meanwhile()
+        return basis
+
+    coming = in_background(beside)
+    order = mesh.coding_order
+    weights = _begun_weights(mesh, layout, key)
+    coded = stored.payload(Section.COEFFICIENTS)
+    fields = decode_fields(coded, n_modes - layout.n_reused, mesh.n_verts, order, n_wanted)
+    return ReadBlock(layout, coming, fields, weights)
+
+
+def _begun_weights(
+    mesh: FieldMesh, layout: Layout, key: KeyFields | None
+) -> Future[Prepared | None] | None:
+    """What weights begin with, being found; None where they are found on the way as fast."""
+    if n_cores() == 1 or (key is not None and key.is_prepared(layout.n_learned)):
+        return None
+    if key is not None:
+        return in_background(partial(key.prepared, mesh, layout.n_learned))
+    if mesh.is_large and not layout.reference:
+        return in_background(partial(prepared_weights, mesh.hierarchy, 0))
+    return None

@@ -6,6 +6,7 @@ are predicted vertex after vertex over a hierarchy of the mesh, in closed loop; 
 
 from concurrent.futures import Future
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 import numpy.typing as npt
@@ -14,6 +15,7 @@ from meshreel.kernel.frames import lengths_of, time_vectors
 from meshreel.kernel.predict import Prepared, decode_values, prepared_weights
 from meshreel.reel.agreed.mesh import FieldMesh
 from meshreel.runtime.profiling import staged
+from meshreel.runtime.threads import in_background
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
@@ -92,6 +94,10 @@ class KeyFields:
     values: Floats
     _prepared: tuple[int, Prepared | None] | None = None
 
+    def is_prepared(self, n_learned: int) -> bool:
+        """Whether `prepared` is found already."""
+        return self._prepared is not None and self._prepared[0] == n_learned
+
     def prepared(self, mesh: FieldMesh, n_learned: int) -> Prepared | None:
         """What the weights of blocks that refer to it begin with; kept, so that it is found once.
 
@@ -106,24 +112,34 @@ class KeyFields:
 
 
 @staged("fields")
-def decode_fields(
-    block: FieldBlock,
+def decoded_values(
+    residuals: npt.NDArray[np.int32],
+    layout: Layout,
     mesh: FieldMesh,
     key: KeyFields | None = None,
-    weights: "Future[Prepared] | None" = None,
+    weights: "Future[Prepared | None] | None" = None,
 ) -> Floats:
     """Decoded fields of shape (V, K), in coding order and in steps.
 
     Parameters
     ----------
-    block : FieldBlock
+    residuals : int32 array of shape (K - n_reused, V)
+        As in `FieldBlock`.
+    layout : Layout
     mesh : FieldMesh
     key : KeyFields, optional
         Of the block that this one refers to.
     weights : Future of Prepared, optional
-        What the weights begin with, where there is no key; else they are found on the way.
+        What the weights begin with; else they are found on the way.
     """
-    return with_reused(_decode_own(block, mesh, key, weights), block.layout.n_reused, key)
+    n_reused = layout.n_reused
+    if key is None or not n_reused:
+        return _own(residuals, layout, mesh, key, weights)
+    found = np.empty((mesh.n_verts, n_reused + len(residuals)))
+    reused = in_background(partial(np.copyto, found[:, :n_reused], key.values[:, :n_reused]))
+    found[:, n_reused:] = _own(residuals, layout, mesh, key, weights)
+    reused.result()
+    return found
 
 
 def with_reused(own: Floats, n_reused: int, key: KeyFields | None) -> Floats:
@@ -133,20 +149,21 @@ def with_reused(own: Floats, n_reused: int, key: KeyFields | None) -> Floats:
     return np.concatenate([key.values[:, :n_reused], own], axis=1)
 
 
-def _decode_own(
-    block: FieldBlock,
+def _own(
+    residuals: npt.NDArray[np.int32],
+    layout: Layout,
     mesh: FieldMesh,
     key: KeyFields | None,
-    weights: "Future[Prepared] | None",
+    weights: "Future[Prepared | None] | None",
 ) -> Floats:
-    n_learned = block.layout.n_learned
-    if not len(block.fields):
+    if not len(residuals):
         return np.empty((mesh.n_verts, 0))
-    if key is None:
-        begun = None if weights is None else weights.result()
-        return decode_values(mesh.hierarchy, block.fields, n_learned, prepared=begun)
-    prepared = key.prepared(mesh, n_learned)
-    return decode_values(mesh.hierarchy, block.fields, n_learned, key.values, prepared)
+    if weights is not None:
+        prepared = weights.result()
+    else:
+        prepared = None if key is None else key.prepared(mesh, layout.n_learned)
+    values = None if key is None else key.values
+    return decode_values(mesh.hierarchy, residuals, layout.n_learned, values, prepared)
 
 
 @staged("temporal basis")

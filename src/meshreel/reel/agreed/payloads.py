@@ -99,12 +99,12 @@ def write_basis(coded: npt.NDArray[np.integer]) -> bytes:
 
 @staged("temporal basis")
 def read_basis(
-    payload: bytes, n_modes: int, n_columns: int, n_frames: int
+    payload: bytes, n_modes: int, n_columns: int, n_frames: int, n_wanted: int | None = None
 ) -> npt.NDArray[np.int32]:
-    """Undo `write_basis`."""
+    """Undo `write_basis`; only the first `n_wanted` modes, where these are fewer."""
     order = time_order(n_columns, n_frames)
-    coded = decode_fields(payload, n_modes, n_columns * n_frames, order)
-    return coded.reshape(n_modes, n_columns, n_frames)
+    coded = decode_fields(payload, n_modes, n_columns * n_frames, order, n_wanted)
+    return coded.reshape(len(coded), n_columns, n_frames)
 
 
 @staged("corrections")

@@ -14,8 +14,8 @@ from meshreel.codec.error_bounds import write_promise
 from meshreel.codec.source import CodedMesh, Piece
 from meshreel.codec.stored_blocks import StoredBlock, read_block
 from meshreel.errors import InvalidInputError
-from meshreel.reel.agreed.blocks import read_field_block, write_field_block
-from meshreel.reel.agreed.fields import FieldBlock, KeyFields, decode_fields
+from meshreel.reel.agreed.blocks import layout_of, read_field_block, write_field_block
+from meshreel.reel.agreed.fields import FieldBlock, KeyFields
 from meshreel.reel.agreed.mesh import Connectivity, FieldMesh, shared_field_mesh
 from meshreel.reel.encoding.analysis import (
     AnalysedFields,
@@ -255,9 +255,9 @@ def _decoded_key(
     n_frames, n_modes = read_block(own[Section.BLOCK])
     stored = StoredBlock(0, n_frames, n_modes, own)
     with one_blas_thread():
-        block, _, weights = read_field_block(stored, mesh.faces, mesh.n_verts, mesh)
-        fields = KeyFields(decode_fields(block, mesh, weights=weights))
-    return KeyBlock(mesh, block, fields)
+        read = read_field_block(stored, layout_of(stored), mesh)
+        fields = KeyFields(read.values(mesh))
+    return KeyBlock(mesh, FieldBlock(read.layout, read.basis, read.fields), fields)
 
 
 @dataclass(frozen=True)
