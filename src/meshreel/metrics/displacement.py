@@ -3,9 +3,8 @@
 import math
 from dataclasses import dataclass
 
-import numpy as np
-
-from meshreel.metrics.reference import Floats, paired_frames, relative, shared_reference
+from meshreel.metrics.frame_sums import FrameSums, sums_of_frames
+from meshreel.metrics.reference import relative, shared_reference
 from meshreel.sequence import Vertices
 
 
@@ -39,13 +38,11 @@ class DisplacementSums:
         self._total = self._largest = 0.0
         self._n_positions = 0
 
-    @np.errstate(over="ignore", invalid="ignore")
-    def add(self, displacement: Floats) -> None:
-        """Take in one more frame: displacements of shape (V, 3)."""
-        squares = np.einsum("va,va->v", displacement, displacement)
-        self._total += float(squares.sum())
-        self._largest = max(self._largest, float(squares.max()))
-        self._n_positions += len(squares)
+    def add(self, frame: FrameSums) -> None:
+        """Take in one more frame."""
+        self._total += frame.error
+        self._largest = max(self._largest, frame.largest)
+        self._n_positions += frame.n_verts
 
     @property
     def errors(self) -> DisplacementErrors:
@@ -57,7 +54,6 @@ class DisplacementSums:
         )
 
 
-@np.errstate(over="ignore", invalid="ignore")
 def displacement_errors_percent(original: Vertices, decoded: Vertices) -> DisplacementErrors:
     """RMS and largest vertex displacement, in percent of the bounding-box diagonal.
 
@@ -75,6 +71,6 @@ def displacement_errors_percent(original: Vertices, decoded: Vertices) -> Displa
     """
     reference = shared_reference(original, decoded)
     sums = DisplacementSums(reference.diagonal_scaled)
-    for _, displacement in paired_frames(original, decoded, reference):
-        sums.add(displacement)
+    for frame in sums_of_frames(original, decoded, reference):
+        sums.add(frame)
     return sums.errors

@@ -2,15 +2,8 @@
 
 import math
 
-import numpy as np
-
-from meshreel.metrics.reference import (
-    Floats,
-    paired_frames,
-    relative,
-    shared_reference,
-    sum_of_squares,
-)
+from meshreel.metrics.frame_sums import FrameSums, sums_of_frames
+from meshreel.metrics.reference import relative, shared_reference
 from meshreel.sequence import Vertices
 
 
@@ -20,13 +13,10 @@ class KgSums:
     def __init__(self) -> None:
         self._error = self._spread = 0.0
 
-    @np.errstate(over="ignore", invalid="ignore")
-    def add(self, frame: Floats, displacement: Floats) -> None:
-        """Take in one more frame of `paired_frames`, all of the same reference."""
-        about_centre = frame - frame[0]  # first vertex first: coincident vertices give exact zeros
-        about_centre -= about_centre.mean(axis=0)
-        self._error += sum_of_squares(displacement)
-        self._spread += sum_of_squares(about_centre)
+    def add(self, frame: FrameSums) -> None:
+        """Take in one more frame, all of the same reference."""
+        self._error += frame.error
+        self._spread += frame.spread
 
     @property
     def percent(self) -> float:
@@ -34,7 +24,6 @@ class KgSums:
         return 100 * relative(math.sqrt(self._error), math.sqrt(self._spread))
 
 
-@np.errstate(over="ignore", invalid="ignore")
 def kg_error_percent(original: Vertices, decoded: Vertices) -> float:
     """KG error in percent, ``100 ||G - G^||_F / ||G - E(G)||_F`` over all frames.
 
@@ -59,6 +48,6 @@ def kg_error_percent(original: Vertices, decoded: Vertices) -> float:
     form for sequences in their "Compression of soft-body animation sequences", 2004.
     """
     sums = KgSums()
-    for pair in paired_frames(original, decoded, shared_reference(original, decoded)):
-        sums.add(*pair)
+    for frame in sums_of_frames(original, decoded, shared_reference(original, decoded)):
+        sums.add(frame)
     return sums.percent

@@ -7,9 +7,14 @@ import numpy as np
 
 from meshreel.errors import InvalidInputError
 from meshreel.metrics.displacement import DisplacementSums
+from meshreel.metrics.frame_sums import sums_of_frames
 from meshreel.metrics.kg import KgSums
-from meshreel.metrics.reference import paired_frames, reference_of_box, require_same_shape
+from meshreel.metrics.reference import reference_of_box, require_same_shape
+from meshreel.runtime.threads import chunks
 from meshreel.sequence import Extent, FrameSource, Vertices
+
+BYTES_AT_ONCE = 1 << 23
+"""Size of the frames of the original that are read at a time."""
 
 
 @dataclass(frozen=True)
@@ -43,7 +48,6 @@ class ErrorSums:
         self._displacements = DisplacementSums(self._reference.diagonal_scaled)
         self._n_frames = 0
 
-    @np.errstate(over="ignore", invalid="ignore")
     def add(self, original: Vertices, decoded: Vertices) -> None:
         """Take in the next frames of both sequences, of shape (T, V, 3), V at least 1.
 
@@ -53,9 +57,9 @@ class ErrorSums:
             If the shapes differ.
         """
         require_same_shape(original, decoded)
-        for frame, displacement in paired_frames(original, decoded, self._reference):
-            self._kg.add(frame, displacement)
-            self._displacements.add(displacement)
+        for frame in sums_of_frames(original, decoded, self._reference):
+            self._kg.add(frame)
+            self._displacements.add(frame)
         self._n_frames += len(original)
 
     @property
@@ -86,7 +90,7 @@ def streamed_errors(
     Parameters
     ----------
     original : FrameSource
-        Read a frame at a time.
+        Some frames of which are read at a time.
     decoded_blocks : iterable of (int, float array of shape (T, V, 3))
         The number of the first frame of a block, and its positions in the vertex order of the
         original. Blocks may come in any order, but every frame must come once.
@@ -108,8 +112,8 @@ def streamed_errors(
         if has_come[start:stop].any():
             raise InvalidInputError(f"a frame of {start} to {stop - 1} was decoded before")
         has_come[start:stop] = True
-        for index, frame in enumerate(decoded, start):
-            sums.add(original.read(index, index + 1), frame[np.newaxis])
+        for run in chunks(len(decoded), max(1, BYTES_AT_ONCE // max(1, decoded[:1].nbytes))):
+            sums.add(original.read(start + run.start, start + run.stop), decoded[run])
     if not has_come.all():
         raise InvalidInputError(f"frame {int(np.argmin(has_come))} of the original was not decoded")
     return sums.errors
