@@ -8,10 +8,11 @@ found again, some dozens of times. That is the alternating direction method of m
 multipliers are bounded, for K grows meanwhile, and before it is large enough there is no such
 matrix. Targets are rounded to integers in every round: what that costs is known, and made up for.
 
-Frames are displacements from the base mesh, of shape (T, 3 V); lengths have their units.
+Frames are displacements from the base mesh, of shape (T, 3 V); lengths have their units. While
+targets are looked for, x of all vertices comes before y and z: NumPy is three times as fast then.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -79,14 +80,15 @@ def fit_morphs(moves: Floats, bound: float) -> Morphs:
 
     Where rounding to int16 is too coarse for that, those with the least error that was found.
     """
-    search = _Search(moves)
-    best = _grow(search, _start(moves, START * bound), min(moves.shape), bound)
+    by_axes = _axes_first(moves)
+    search = _Search(by_axes)
+    best = _grow(search, _start(by_axes, START * bound), min(moves.shape), bound)
     n_failed = 0
     while best.error <= bound and n_failed < PATIENCE and len(best.targets) > 1:
         n_targets = len(best.targets) - max(1, len(best.targets) // ONE_OF)
         found = search.round(n_targets, bound)
         best, n_failed = (found, 0) if found.error <= bound else (best, n_failed + 1)
-    return best
+    return _vertices_first(best)
 
 
 def _grow(search: "_Search", n_targets: int, n_most: int, bound: float) -> Morphs:
@@ -104,7 +106,7 @@ def _grow(search: "_Search", n_targets: int, n_most: int, bound: float) -> Morph
 
 def fit_given_morphs(moves: Floats, n_targets: int, bound: float) -> Morphs:
     """The targets of a given number with the least error that is found, or one within `bound`."""
-    search = _Search(moves)
+    search = _Search(_axes_first(moves))
     best = search.round(min(n_targets, *moves.shape), bound)
     aim = FIRST_AIM * best.error
     for _ in range(GIVEN_ROUNDS):
@@ -113,7 +115,7 @@ def fit_given_morphs(moves: Floats, n_targets: int, bound: float) -> Morphs:
         found = search.round(n_targets, max(bound, aim))
         best = min(best, found, key=lambda one: one.error)
         aim = min(aim, NEXT_AIM * best.error) if best.error <= aim else aim
-    return best
+    return _vertices_first(best)
 
 
 def measure(targets: IntegerTargets, weights: Floats, moves: Floats) -> Morphs:
@@ -121,8 +123,8 @@ def measure(targets: IntegerTargets, weights: Floats, moves: Floats) -> Morphs:
     errors = np.empty(len(moves), np.float32)
 
     def compare(frames: slice) -> None:
-        misses = moves[frames] - weights[frames] @ targets.values
-        errors[frames] = _lengths(misses.reshape(len(misses), -1, 3)).max(axis=1)
+        misses = _axes_first(moves[frames] - weights[frames] @ targets.values)
+        errors[frames] = _lengths(misses).max(axis=1)
 
     in_threads(compare, chunks(len(moves), FRAMES_AT_ONCE))
     return Morphs(targets, weights, errors)
@@ -154,21 +156,47 @@ class _Search:
     def _correct(self, frames: slice, made: Floats, bound: float) -> Floats:
         """The largest error of each frame; aims and excess are those of the next round."""
         moves, excess = self._moves[frames], self._excess[frames]
-        misses = (moves - made).reshape(len(moves), -1, 3)
+        misses = moves - made
         errors: Floats = _lengths(misses).max(axis=1)
-        misses += excess.reshape(misses.shape)
-        distances = np.maximum(_lengths(misses), np.finfo(np.float32).tiny)[..., None]
-        within = np.minimum(1, NARROWED * bound / distances) * misses
+        misses += excess
+        distances = np.maximum(_lengths(misses), np.finfo(np.float32).tiny)
+        within = _scaled(misses, np.minimum(1, NARROWED * bound / distances))
         misses -= within
-        misses *= np.minimum(1, bound / np.maximum(distances - NARROWED * bound, 1e-30))
-        excess[:] = misses.reshape(excess.shape)
-        self._aims[frames] = moves - within.reshape(moves.shape) + excess
+        misses = _scaled(
+            misses, np.minimum(1, bound / np.maximum(distances - NARROWED * bound, 1e-30))
+        )
+        excess[:] = misses
+        self._aims[frames] = moves - within + excess
         return errors
 
 
-def _lengths(vectors: Floats) -> Floats:
-    """Lengths of vectors of shape (..., 3)."""
-    return np.asarray(np.sqrt(np.einsum("...c,...c->...", vectors, vectors)))
+def _axes_first(moves: Floats) -> Floats:
+    """Moves of shape (T, 3 V) whose axes alternate, those of an axis after the other."""
+    by_vertices = moves.reshape(len(moves), -1, 3)
+    return np.ascontiguousarray(by_vertices.transpose(0, 2, 1)).reshape(moves.shape)
+
+
+def _vertices_first(found: Morphs) -> Morphs:
+    """The opposite, of targets."""
+    integers = found.targets.integers
+    by_vertices = integers.reshape(len(integers), 3, -1).transpose(0, 2, 1)
+    ordered = np.ascontiguousarray(by_vertices).reshape(integers.shape)
+    return replace(found, targets=replace(found.targets, integers=ordered))
+
+
+def _lengths(moves: Floats) -> Floats:
+    """Lengths of moves, an axis after the other, of shape (T, V)."""
+    x, y, z = (axis for axis in moves.reshape(len(moves), 3, -1).swapaxes(0, 1))
+    squares = x * x
+    squares += y * y
+    squares += z * z
+    return np.asarray(np.sqrt(squares, out=squares))
+
+
+def _scaled(moves: Floats, factors: Floats) -> Floats:
+    """Moves, an axis after the other, times factors of shape (T, V)."""
+    by_axes = moves.reshape(len(moves), 3, -1)
+    return np.asarray(by_axes * factors[:, np.newaxis]).reshape(moves.shape)
 
 
 def _start(moves: Floats, error: float) -> int:
@@ -192,7 +220,7 @@ def _is_within(moves: Floats, weights: Floats, fields: Floats, error: float) -> 
     def compare(frames: slice) -> None:
         if not exceeding:
             misses = moves[frames] - weights[frames] @ fields
-            if _lengths(misses.reshape(len(misses), -1, 3)).max() > error:
+            if _lengths(misses).max() > error:
                 exceeding.append(frames)
 
     in_threads(compare, chunks(len(moves), FRAMES_AT_ONCE))

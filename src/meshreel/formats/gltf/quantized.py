@@ -7,6 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.runtime.threads import chunks, in_threads
+from meshreel.subspace.least_squares import solve_gram
 
 Floats = npt.NDArray[np.float32]
 
@@ -95,8 +96,7 @@ def best_weights(targets: IntegerTargets, frames: Floats) -> Floats:
         products[rows] = values[rows] @ frames.T
 
     in_threads(multiply, chunks(len(targets), TARGETS_AT_ONCE))
-    weights = np.linalg.lstsq(gram, products, rcond=None)[0]
-    return np.ascontiguousarray(weights.T, dtype=np.float32)
+    return np.ascontiguousarray(solve_gram(gram, products).T, dtype=np.float32)
 
 
 def project(time_vectors: Floats, frames: Floats) -> Floats:

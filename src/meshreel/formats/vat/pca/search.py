@@ -31,6 +31,7 @@ from meshreel.formats.vat.pca.digits import (
 from meshreel.formats.vat.pca.repair import Misses, repaired
 from meshreel.runtime.progress import Progress
 from meshreel.runtime.threads import chunks, in_threads
+from meshreel.subspace.least_squares import solve_gram
 from meshreel.subspace.pca import Floats, gram_of_rows, leading_trajectories
 
 Singles = npt.NDArray[np.float32]
@@ -225,7 +226,7 @@ def _rounded(
     for own_gram, own_products in parts:  # in order, so that the sums are the same on every machine
         gram += own_gram
         products += own_products
-    weights = np.linalg.lstsq(gram, products, rcond=None)[0].T / scales
+    weights = solve_gram(gram, products).T / scales
     return Fields(integers, np.ascontiguousarray(weights, np.float32), n_digits[own])
 
 
