@@ -10,7 +10,7 @@ import argparse
 import dataclasses
 import json
 from collections.abc import Iterator
-from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures import Future, ProcessPoolExecutor
 from contextlib import ExitStack, contextmanager
 from functools import partial
 from pathlib import Path
@@ -53,7 +53,9 @@ def code_alone(coder: FieldBlockCoder, frames: Any, *_: Any) -> Any:
 def no_smooth_fields(mesh: FieldMesh) -> Hierarchy:
     """A hierarchy whose smooth fields are constant: first weights depend on distance alone."""
     usual: Hierarchy = HIERARCHY(mesh)
-    return dataclasses.replace(usual, smooth=np.zeros_like(usual.smooth))
+    constant: Future[Any] = Future()
+    constant.set_result(np.zeros_like(usual.smooth))
+    return dataclasses.replace(usual, coming_smooth=constant)
 
 
 def one_pass(mesh: FieldMesh) -> CodingOrder:

@@ -30,10 +30,10 @@ typedef struct {
 /* Of all resolutions: rows are filled from the end, as the finest is found first. */
 typedef struct {
     int32_t *order;
-    int32_t *stencil;
+    int32_t *stencil; /* or NULL, then without hops and contexts */
     uint8_t *hops;
     int32_t *contexts;
-    float *smooth; /* rows of the members of each resolution, as they are found */
+    float *smooth; /* or NULL; rows of the members of each resolution, as they are found */
     int64_t n_rows;
     int32_t size;
     int32_t n_levels;
@@ -149,7 +149,7 @@ static void name_members(const workshop *shop, int32_t *places, size_t count) {
     }
 }
 
-/* Stencils and smooth fields of the rows begin .. end - 1; their vertices become the mesh's. */
+/* Stencils of the rows begin .. end - 1; their vertices become the mesh's. */
 static void predict_rows(workshop *shop, result *all, int32_t begin, int32_t end) {
     size_t size = (size_t)all->size, n = (size_t)(end - begin);
     int32_t *order = all->order + begin, *stencil = all->stencil + (size_t)begin * size;
@@ -160,9 +160,6 @@ static void predict_rows(workshop *shop, result *all, int32_t begin, int32_t end
         list_contexts(shop, order[i], stencil + i * size, all->size,
                       contexts + i * REEL_NEIGHBOURS);
     }
-    reel_smooth(&shop->smoother, &shop->graph, all->smooth + all->n_rows * REEL_SMOOTH_FIELDS);
-    all->n_rows += shop->graph.n;
-    name_members(shop, order, n);
     name_members(shop, stencil, n * size);
     name_members(shop, contexts, n * REEL_NEIGHBOURS);
 }
@@ -220,13 +217,15 @@ static void coarsen(workshop *shop, int turn) {
 static void end_with(workshop *shop, result *all, int32_t resolution) {
     size_t n = (size_t)shop->graph.n, filled = n * (size_t)all->size;
     reel_copy(all->order, shop->members, n * sizeof *all->order);
-    __builtin_memset(all->stencil, 0xFF, filled * sizeof *all->stencil);
-    reel_zero(all->hops, filled);
-    reel_zero(shop->states, n);
-    for (int32_t v = 0; v < shop->graph.n; v++) {
-        list_contexts(shop, v, NULL, 0, all->contexts + v * REEL_NEIGHBOURS);
+    if (all->stencil) {
+        __builtin_memset(all->stencil, 0xFF, filled * sizeof *all->stencil);
+        reel_zero(all->hops, filled);
+        reel_zero(shop->states, n);
+        for (int32_t v = 0; v < shop->graph.n; v++) {
+            list_contexts(shop, v, NULL, 0, all->contexts + v * REEL_NEIGHBOURS);
+        }
+        name_members(shop, all->contexts, n * REEL_NEIGHBOURS);
     }
-    name_members(shop, all->contexts, n * REEL_NEIGHBOURS);
     all->counts[all->n_levels] = shop->graph.n;
     all->resolutions[all->n_levels++] = resolution;
 }
@@ -242,7 +241,15 @@ static void build(workshop *shop, result *all) {
             n_kept += !shop->states[v];
         }
         list_levels(shop, all, n_kept, resolution);
-        predict_rows(shop, all, n_kept, end);
+        if (all->stencil) {
+            predict_rows(shop, all, n_kept, end);
+        }
+        if (all->smooth) {
+            float *rows = all->smooth + all->n_rows * REEL_SMOOTH_FIELDS;
+            reel_smooth(&shop->smoother, &shop->graph, rows);
+        }
+        name_members(shop, all->order + n_kept, (size_t)(end - n_kept));
+        all->n_rows += shop->graph.n;
         coarsen(shop, resolution & 1);
         end = n_kept;
     }
@@ -295,19 +302,20 @@ static int32_t write_levels(const result *all, int32_t *starts, int32_t *resolut
     return n;
 }
 
-/* Vertices get their places in coding order; so do the rows of smooth fields. */
-static void number_in_order(const result *all, int32_t n, int32_t n_levels, const int32_t *starts,
-                            const int32_t *resolutions, const int64_t *smooth_starts,
-                            int32_t *numbers, float *smooth) {
-    for (int32_t i = 0; i < n; i++) {
-        numbers[all->order[i]] = i;
-    }
+/* The vertices of stencils and contexts become places in coding order. */
+static void number_stencils(const result *all, int32_t n, const int32_t *numbers) {
     for (size_t i = 0; i < (size_t)n * (size_t)all->size; i++) {
         all->stencil[i] = all->stencil[i] < 0 ? -1 : numbers[all->stencil[i]];
     }
     for (size_t i = 0; i < (size_t)n * REEL_NEIGHBOURS; i++) {
         all->contexts[i] = all->contexts[i] < 0 ? -1 : numbers[all->contexts[i]];
     }
+}
+
+/* Rows of smooth fields get their places in coding order. */
+static void place_smooth(const result *all, int32_t n, int32_t n_levels, const int32_t *starts,
+                         const int32_t *resolutions, const int64_t *smooth_starts,
+                         const int32_t *numbers, float *smooth) {
     const size_t size = REEL_SMOOTH_FIELDS * sizeof *smooth;
     const float *row = all->smooth;
     for (int32_t i = n_levels - 1; i >= 0; i--) {
@@ -342,10 +350,19 @@ int64_t reel_hierarchy(void *memory, size_t memory_size, const int32_t *starts,
     }
     rank_vertices((int32_t)n, shop.ranked, shop.cells);
     result all = {.order = order, .stencil = stencil, .hops = hops, .contexts = contexts,
-                  .smooth = rows, .size = (int32_t)stencil_size};
+                  .smooth = smooth ? rows : NULL, .size = (int32_t)stencil_size};
     build(&shop, &all);
     int32_t n_levels = write_levels(&all, level_starts, level_resolutions, smooth_starts);
-    number_in_order(&all, (int32_t)n, n_levels, level_starts, level_resolutions, smooth_starts,
-                    shop.members, smooth);
+    int32_t *numbers = shop.members;
+    for (int32_t i = 0; i < (int32_t)n; i++) {
+        numbers[order[i]] = i;
+    }
+    if (stencil) {
+        number_stencils(&all, (int32_t)n, numbers);
+    }
+    if (smooth) {
+        place_smooth(&all, (int32_t)n, n_levels, level_starts, level_resolutions, smooth_starts,
+                     numbers, smooth);
+    }
     return n_levels;
 }

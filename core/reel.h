@@ -27,7 +27,7 @@
 extern "C" {
 #endif
 
-#define REEL_ABI 8 /* changes with every change of a function below */
+#define REEL_ABI 9 /* changes with every change of a function below */
 
 enum reel_code {
     REEL_OK = 0,
@@ -67,8 +67,9 @@ REEL_API int64_t reel_adjacency(void *memory, size_t memory_size, const int32_t 
    there are no more, and how many edges of the resolution away they are. Level 0 has none, all
    other vertices have at least one. The REEL_NEIGHBOURS context neighbours of each, likewise. The
    smooth fields of the resolutions but the coarsest, the finest last: of vertex v in row
-   smooth_starts[level] + v; at most REEL_SMOOTH_ROWS n_verts rows. Returns the number of levels.
-   `n_near` is starts[n_verts]. */
+   smooth_starts[level] + v; at most REEL_SMOOTH_ROWS n_verts rows. Where `smooth` is NULL they are
+   not found, and where `stencil` is NULL nothing but them, the order and the levels: two calls may
+   so share the work. Returns the number of levels. `n_near` is starts[n_verts]. */
 #define REEL_MAX_STENCIL 16
 #define REEL_MAX_RESOLUTIONS 20 /* above the coarsest */
 #define REEL_MAX_LEVELS (1 + 3 * REEL_MAX_RESOLUTIONS)

@@ -1,14 +1,20 @@
 """What the core derives from connectivity: neighbours, and a hierarchy of the vertices."""
 
+from concurrent.futures import Future
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
 from meshreel.kernel.library import call, memory, size_of
+from meshreel.runtime.threads import in_background, n_cores
 
 Integers = npt.NDArray[np.int32]
 Hops = npt.NDArray[np.uint8]
+Smooth = npt.NDArray[np.float32]
+
+_Levels = tuple[Integers, Integers, Integers, npt.NDArray[np.int64]]
+_Stencils = tuple[Integers, Hops, Integers]
 
 MAX_STENCIL = 16
 N_SMOOTH_FIELDS = 16
@@ -17,6 +23,9 @@ MOST_SMOOTH_ROWS = 4
 MAX_RESOLUTIONS = 20
 MAX_LEVELS = 1 + 3 * MAX_RESOLUTIONS
 """As in `core/reel.h`."""
+
+LEAST_APART = 4096
+"""Vertices of a mesh whose smooth fields are worth a thread: levels are then found twice."""
 
 
 @dataclass(frozen=True)
@@ -57,7 +66,7 @@ class Hierarchy:
         How many edges of the resolution away they are; 0 where there are no more.
     contexts : int32 array of shape (V, N_NEIGHBOURS)
         Context neighbours, lower numbers too; -1 where there are no more.
-    smooth : float32 array of shape (rows, N_SMOOTH_FIELDS)
+    coming_smooth : Future of a float32 array of shape (rows, N_SMOOTH_FIELDS)
     """
 
     order: Integers
@@ -67,12 +76,17 @@ class Hierarchy:
     stencil: Integers
     hops: Hops
     contexts: Integers
-    smooth: npt.NDArray[np.float32]
+    coming_smooth: Future[Smooth]
 
     @property
     def n_verts(self) -> int:
         """V."""
         return len(self.order)
+
+    @property
+    def smooth(self) -> Smooth:
+        """The smooth fields, waited for: they may be found while `order` is used already."""
+        return self.coming_smooth.result()
 
 
 def neighbours(faces: npt.NDArray[np.integer], n_verts: int) -> Neighbours:
@@ -101,11 +115,27 @@ def neighbours(faces: npt.NDArray[np.integer], n_verts: int) -> Neighbours:
 def hierarchy(found: Neighbours, stencil_size: int) -> Hierarchy:
     """The hierarchy of the vertices of a mesh, with stencils of so many vertices.
 
+    Of a large mesh smooth fields are found in the background.
+
     Raises
     ------
     InvalidInputError
         If `stencil_size` is not in 1..`MAX_STENCIL`.
     """
+    if len(found.starts) <= LEAST_APART or n_cores() == 1:
+        levels, stencils, smooth = _hierarchy(found, stencil_size)
+        coming: Future[Smooth] = Future()
+        coming.set_result(smooth)
+        return Hierarchy(*levels, *stencils, coming)
+    coming = in_background(lambda: _hierarchy(found, stencil_size, has_stencils=False)[2])
+    levels, stencils, _ = _hierarchy(found, stencil_size, has_smooth=False)
+    return Hierarchy(*levels, *stencils, coming)
+
+
+def _hierarchy(
+    found: Neighbours, stencil_size: int, *, has_stencils: bool = True, has_smooth: bool = True
+) -> tuple[_Levels, _Stencils, Smooth]:
+    """The parts of a hierarchy; those that are not wanted are not filled."""
     n_verts = len(found.starts) - 1
     shape = (n_verts, max(stencil_size, 0))
     order, stencil = np.empty(n_verts, np.int32), np.empty(shape, np.int32)
@@ -126,21 +156,14 @@ def hierarchy(found: Neighbours, stencil_size: int) -> Hierarchy:
         starts,
         resolutions,
         smooth_starts,
-        stencil,
+        stencil if has_stencils else None,
         hops,
         contexts,
-        smooth,
+        smooth if has_smooth else None,
         what="stencils",
     )
     finest = smooth_starts[n_levels - 1]
     n_rows = finest + n_verts if resolutions[n_levels - 1] else 0
-    return Hierarchy(
-        order,
-        starts[: n_levels + 1],
-        resolutions[:n_levels],
-        smooth_starts[:n_levels],
-        stencil,
-        hops,
-        contexts,
-        smooth[:n_rows],  # the rest was never touched, and takes no memory
-    )
+    levels = order, starts[: n_levels + 1], resolutions[:n_levels], smooth_starts[:n_levels]
+    # What was never touched takes no memory.
+    return levels, (stencil, hops, contexts), smooth[:n_rows]

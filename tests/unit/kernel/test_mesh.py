@@ -34,3 +34,15 @@ def test_hierarchy_is_one_level_when_there_is_no_edge():
     found = hierarchy(neighbours(np.zeros((0, 3), np.int32), 3), 4)
     assert (found.order.tolist(), found.level_starts.tolist()) == ([0, 1, 2], [0, 3])
     assert (found.stencil == -1).all()
+
+
+@pytest.mark.parametrize("n_rows", [2, 30, 70])
+def test_hierarchy_is_the_same_when_smooth_fields_are_found_apart(n_rows, monkeypatch):
+    found = neighbours(grid_faces(n_rows, 65), n_rows * 65)
+    monkeypatch.setattr("meshreel.kernel.mesh.n_cores", lambda: 1)
+    together = hierarchy(found, 7)
+    monkeypatch.setattr("meshreel.kernel.mesh.n_cores", lambda: 2)
+    monkeypatch.setattr("meshreel.kernel.mesh.LEAST_APART", 0)
+    apart = hierarchy(found, 7)
+    for name in ("order", "level_starts", "smooth_starts", "stencil", "hops", "contexts", "smooth"):
+        np.testing.assert_array_equal(getattr(apart, name), getattr(together, name), name)
