@@ -1,6 +1,7 @@
 """A real browser and players for it."""
 
 import subprocess
+from collections import defaultdict
 from pathlib import Path
 
 import pytest
@@ -42,22 +43,50 @@ def _answering(body):
     return lambda route: route.abort() if body is None else route.fulfill(body=body)
 
 
+class Tab:
+    """A page that tests have one after another: to open one anew takes longer than most of them."""
+
+    def __init__(self, browser, script, routes):
+        self.errors, self.is_gone = [], False
+        self.context = browser.new_context()
+        self.page = self.context.new_page()
+        self.page.on("pageerror", lambda error: self.errors.append(str(error)))
+        self.page.on("console", lambda said: self.errors.extend(_webgl_errors(said.text)))
+        self.page.on("crash", lambda _: setattr(self, "is_gone", True))
+        self.page.add_init_script(script)
+        for pattern, body in routes.items():
+            self.page.route(pattern, _answering(body))
+
+    def clear(self):
+        """Leave what is there, with its workers and its sound; whether it can be had again."""
+        if not (self.is_gone or self.errors or self.page.is_closed()):
+            self.page.mouse.move(0, 0)
+            self.page.emulate_media(reduced_motion="null")
+            self.page.goto("about:blank")
+            return not self.errors
+        self.context.close()
+        return False
+
+
+@pytest.fixture(scope="module")
+def tabs(browser):
+    """Tabs that no test has, by the script that runs in them before all others."""
+    return defaultdict(list)
+
+
 @pytest.fixture
-def new_page(browser):
+def new_page(browser, tabs):
     """Opens pages; an error in a script of theirs, or in what they ask of WebGL, fails the test."""
-    contexts, errors = [], []
+    taken = []
 
     def open_page(
         url, *, width=1280, height=720, script="", routes=None, is_shown=True, is_at_rest=True
     ):
-        context = browser.new_context(viewport={"width": width, "height": height})
-        contexts.append(context)
-        page = context.new_page()
-        page.on("pageerror", lambda error: errors.append(str(error)))
-        page.on("console", lambda said: errors.extend(_webgl_errors(said.text)))
-        page.add_init_script(script)
-        for pattern, body in (routes or {}).items():
-            page.route(pattern, _answering(body))
+        free = [] if routes else tabs[script]
+        tab = free.pop() if free else Tab(browser, script, routes or {})
+        taken.append((tab, None if routes else script))
+        page = tab.page
+        page.set_viewport_size({"width": width, "height": height})
         page.goto(url)
         if is_shown:
             wait_until(page, "window.player !== undefined")
@@ -67,8 +96,10 @@ def new_page(browser):
         return page
 
     yield open_page
-    for context in contexts:
-        context.close()
+    errors = [error for tab, _ in taken for error in tab.errors]
+    for tab, script in taken:
+        if tab.clear() and script is not None:
+            tabs[script].append(tab)
     assert errors == []
 
 
