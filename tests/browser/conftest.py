@@ -1,7 +1,6 @@
 """A real browser and players for it."""
 
 import subprocess
-from collections import defaultdict
 from pathlib import Path
 
 import pytest
@@ -9,6 +8,7 @@ import pytest
 import meshreel
 from samples.browser import driven_browser
 from samples.player_pages import COMMAND, put_to_rest, viewing, wait_until
+from samples.tabs import Tabs
 
 ALLOWED_ERROR = 0.02
 """Tight for the flag, so that some vertices are corrected; loose, so that errors show."""
@@ -34,58 +34,20 @@ def browser():
         yield launched
 
 
-def _webgl_errors(text):
-    return [text] if "WebGL: INVALID" in text else []
-
-
-def _answering(body):
-    """Answers with these bytes; None: as if no server were there."""
-    return lambda route: route.abort() if body is None else route.fulfill(body=body)
-
-
-class Tab:
-    """A page that tests have one after another: to open one anew takes longer than most of them."""
-
-    def __init__(self, browser, script, routes):
-        self.errors, self.is_gone = [], False
-        self.context = browser.new_context()
-        self.page = self.context.new_page()
-        self.page.on("pageerror", lambda error: self.errors.append(str(error)))
-        self.page.on("console", lambda said: self.errors.extend(_webgl_errors(said.text)))
-        self.page.on("crash", lambda _: setattr(self, "is_gone", True))
-        self.page.add_init_script(script)
-        for pattern, body in routes.items():
-            self.page.route(pattern, _answering(body))
-
-    def clear(self):
-        """Leave what is there, with its workers and its sound; whether it can be had again."""
-        if not (self.is_gone or self.errors or self.page.is_closed()):
-            self.page.mouse.move(0, 0)
-            self.page.emulate_media(reduced_motion="null")
-            self.page.goto("about:blank")
-            return not self.errors
-        self.context.close()
-        return False
-
-
 @pytest.fixture(scope="module")
 def tabs(browser):
-    """Tabs that no test has, by the script that runs in them before all others."""
-    return defaultdict(list)
+    """Tabs for all tests of a file."""
+    return Tabs(browser)
 
 
 @pytest.fixture
-def new_page(browser, tabs):
+def new_page(tabs):
     """Opens pages; an error in a script of theirs, or in what they ask of WebGL, fails the test."""
-    taken = []
 
     def open_page(
         url, *, width=1280, height=720, script="", routes=None, is_shown=True, is_at_rest=True
     ):
-        free = [] if routes else tabs[script]
-        tab = free.pop() if free else Tab(browser, script, routes or {})
-        taken.append((tab, None if routes else script))
-        page = tab.page
+        page = tabs.take(script, routes or {})
         page.set_viewport_size({"width": width, "height": height})
         page.goto(url)
         if is_shown:
@@ -96,11 +58,7 @@ def new_page(browser, tabs):
         return page
 
     yield open_page
-    errors = [error for tab, _ in taken for error in tab.errors]
-    for tab, script in taken:
-        if tab.clear() and script is not None:
-            tabs[script].append(tab)
-    assert errors == []
+    assert tabs.give_back() == []
 
 
 @pytest.fixture(scope="module")
