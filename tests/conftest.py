@@ -8,7 +8,6 @@ tenth. `pytest --all` does everything. A run that names files, folders or marks 
 
 import re
 import signal
-from collections import defaultdict
 from pathlib import Path
 
 import pytest
@@ -90,19 +89,22 @@ def pytest_ignore_collect(collection_path, config):
     return True if is_module and ALL_SLOW.search(collection_path.read_text("utf-8")) else None
 
 
-def pytest_collection_modifyitems(config, items):
-    if _is_minute(config):
-        kept = set(_quick(items))
-        config.hook.pytest_deselected(items=[one for one in items if one not in kept])
-        items[:] = [one for one in items if one in kept]
+@pytest.hookimpl(wrapper=True)
+def pytest_pycollect_makeitem(collector):
+    """Leave out tests and cases where they are found: what follows takes long for ten thousand."""
+    made = yield
+    if not (isinstance(made, list) and _is_minute(collector.config)):
+        return made
+    kept = list(_quick(made))
+    if len(kept) < len(made):
+        left_out = [one for one in made if not any(one is other for other in kept)]
+        collector.config.hook.pytest_deselected(items=left_out)
+    return kept
 
 
 def _quick(items):
-    """Those that are not costly, and of cases of one test the first and the last."""
-    cases = defaultdict(list)
-    for one in items:
-        if not any(one.get_closest_marker(mark) for mark in COSTLY):
-            cases[one.nodeid.partition("[")[0]].append(one)
-    for of_one in cases.values():
-        has_all = len(of_one) < 3 or of_one[0].get_closest_marker("every_case")
-        yield from of_one if has_all else (of_one[0], of_one[-1])
+    """Of the cases of a test those that are not costly, and of these the first and the last."""
+    cases = [one for one in items if not any(one.get_closest_marker(mark) for mark in COSTLY)]
+    if len(cases) < 3 or cases[0].get_closest_marker("every_case"):
+        return cases
+    return [cases[0], cases[-1]]

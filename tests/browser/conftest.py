@@ -8,6 +8,7 @@ import pytest
 import meshreel
 from samples.browser import driven_browser
 from samples.player_pages import COMMAND, put_to_rest, viewing, wait_until
+from samples.tabs import Tabs
 
 ALLOWED_ERROR = 0.02
 """Tight for the flag, so that some vertices are corrected; loose, so that errors show."""
@@ -33,31 +34,21 @@ def browser():
         yield launched
 
 
-def _webgl_errors(text):
-    return [text] if "WebGL: INVALID" in text else []
-
-
-def _answering(body):
-    """Answers with these bytes; None: as if no server were there."""
-    return lambda route: route.abort() if body is None else route.fulfill(body=body)
+@pytest.fixture(scope="module")
+def tabs(browser):
+    """Tabs for all tests of a file."""
+    return Tabs(browser)
 
 
 @pytest.fixture
-def new_page(browser):
+def new_page(tabs):
     """Opens pages; an error in a script of theirs, or in what they ask of WebGL, fails the test."""
-    contexts, errors = [], []
 
     def open_page(
         url, *, width=1280, height=720, script="", routes=None, is_shown=True, is_at_rest=True
     ):
-        context = browser.new_context(viewport={"width": width, "height": height})
-        contexts.append(context)
-        page = context.new_page()
-        page.on("pageerror", lambda error: errors.append(str(error)))
-        page.on("console", lambda said: errors.extend(_webgl_errors(said.text)))
-        page.add_init_script(script)
-        for pattern, body in (routes or {}).items():
-            page.route(pattern, _answering(body))
+        page = tabs.take(script, routes or {})
+        page.set_viewport_size({"width": width, "height": height})
         page.goto(url)
         if is_shown:
             wait_until(page, "window.player !== undefined")
@@ -67,9 +58,7 @@ def new_page(browser):
         return page
 
     yield open_page
-    for context in contexts:
-        context.close()
-    assert errors == []
+    assert tabs.give_back() == []
 
 
 @pytest.fixture(scope="module")

@@ -6,16 +6,25 @@ import signal
 import subprocess
 import sys
 import urllib.request
+from functools import partial
 from pathlib import Path
 
 import pytest
 
+from meshreel import flag
 from meshreel.cli import main
+from meshreel.rendering import films, stills
 from meshreel.viewer.page import FOLDER
 from samples.pages import PAGES, name_of, parts_of, snippets
 
 N_FRAMES = 60
 """Frames of the flag here, all that snippets name among them; the demo has 300."""
+
+SIZE = {"n_rows": 25, "n_columns": 30}
+"""Of the flag here; the demo has four times its vertices."""
+
+PICTURE_PX = (480, 300)
+"""Of pictures and films, unless a snippet says it; by default they have ten times as many."""
 
 DEMO = ["meshreel", "demo"]
 
@@ -68,6 +77,7 @@ def demo(tmp_path_factory):
     folder = tmp_path_factory.mktemp("demo")
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
+        patch.setattr(flag, "simulate_flag", partial(flag.simulate_flag, **SIZE))
         run_program([*DEMO, "--frames", str(N_FRAMES)], patch)
     return folder / "meshreel-demo"
 
@@ -88,6 +98,8 @@ def test_snippets_run_in_order(page, demo, tmp_path, monkeypatch):
     if not (FOLDER / "index.html").is_file():
         pytest.skip("the page of the player is not built")
     monkeypatch.chdir(tmp_path)
+    for module, name in ((films, "FILM_PX"), (films, "GIF_PX"), (stills, "STILL_PX")):
+        monkeypatch.setattr(module, name, PICTURE_PX)
     shutil.copytree(demo, tmp_path / demo.name)
     for snippet in snippets(page):
         if snippet.language in ("bash", "python") and not snippet.needs:

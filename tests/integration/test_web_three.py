@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from samples.browser import driven_browser
+from samples.tabs import Tabs
 from samples.web_package import built_package
 from samples.webgl import COUNTING
 
@@ -64,28 +65,27 @@ def browser():
         yield launched
 
 
+@pytest.fixture(scope="module")
+def tabs(browser):
+    return Tabs(browser, is_webgl_watched=False)  # a context that was lost complains
+
+
 @pytest.fixture
-def new_page(browser, script):
+def new_page(tabs, script):
     """Opens pages; an error in a script of theirs fails the test."""
-    pages, errors = [], []
+    address, body = (
+        "http://page.test/",
+        HTML.replace("{script}", script.replace("</script", "<\\/script")),
+    )
 
     def open_page(before=""):
-        page = browser.new_page()
-        pages.append(page)
-        page.on("pageerror", lambda error: errors.append(str(error)))
-        page.add_init_script(before)
-        body = HTML.replace("{script}", script.replace("</script", "<\\/script"))
-        page.route(
-            "http://page.test/", lambda route: route.fulfill(body=body, content_type="text/html")
-        )
-        page.goto("http://page.test/")
+        page = tabs.take(before, {address: body})
+        page.goto(address)
         page.wait_for_function("window.tests")
         return page
 
     yield open_page
-    for page in pages:
-        page.close()
-    assert errors == []
+    assert tabs.give_back() == []
 
 
 @pytest.fixture

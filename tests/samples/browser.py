@@ -20,6 +20,7 @@ FLAGS = [
     "--disable-dev-shm-usage",
     "--use-angle=swiftshader",
     "--enable-unsafe-swiftshader",
+    "--disable-gpu-compositing",
 ]
 PATIENCE_S = 120
 
@@ -29,6 +30,7 @@ DRAWN_BY_SOFTWARE = (  # so that no graphics card is needed
     "--no-sandbox",
     "--use-angle=swiftshader",
     "--enable-unsafe-swiftshader",
+    "--disable-gpu-compositing",  # which, drawn by software, costs more than what it saves
 )
 
 

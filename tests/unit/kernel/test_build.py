@@ -125,17 +125,6 @@ def test_one_line_says_what_to_do_when_the_library_is_missing(monkeypatch, tmp_p
 
 
 @pytest.mark.slow
-# Gcc finds some of what it warns of as it optimises; clang all of it before.
-@pytest.mark.parametrize(("name", "level"), [("gcc", "-O2"), ("clang", "-O0")])
-def test_no_compiler_has_a_warning(monkeypatch, tmp_path, name, level):
-    if shutil.which(name) is None:
-        pytest.skip(f"needs {name}")
-    monkeypatch.setenv("CC", name)
-    core = runpy.run_path(str(COMPILE))
-    core["build"](tmp_path / "libreel.so", [*core["WARNINGS"], level])  # all warnings, sooner
-
-
-@pytest.mark.slow
 @pytest.mark.skipif(
     not (shutil.which("clang") or shutil.which("gcc")) or sys.platform == "win32",
     reason="needs clang or gcc, with sanitizers",
