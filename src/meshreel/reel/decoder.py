@@ -21,11 +21,11 @@ from meshreel.errors import CorruptStreamError, InvalidInputError
 from meshreel.kernel.frames import Moves
 from meshreel.reel.agreed.blocks import (
     POSITION_COLUMNS,
-    ReadBlock,
     layout_of,
     read_corrections,
     read_exact_block,
     read_field_block,
+    read_fields,
     read_missing,
 )
 from meshreel.reel.agreed.expected import (
@@ -39,6 +39,7 @@ from meshreel.reel.agreed.fields import (
     KeyFields,
     Layout,
     decode_basis,
+    decoded_values,
 )
 from meshreel.reel.agreed.graphs import ItemGraph
 from meshreel.reel.agreed.items import items_of
@@ -317,32 +318,8 @@ class TrackReader:
         """
         layout = layout_of(stored)
         key = self._key_of(number, layout)
-        mesh, read = self._read(stored, layout, key, n_wanted)
-        basis = in_background(lambda: decode_basis(read.basis, layout, key))
-        values = read.values(mesh, key)
-        if key is None and values.shape[1] == stored.n_modes:
-            self._key = number, layout, KeyFields(values)
-        order = mesh.number[self._order()]
-        return JointFrames(basis.result(), values, float(layout.step), order, layout.is_single)
-
-    def corrections(self, stored: StoredBlock) -> Corrections | None:
-        """Corrections of vertices as they go out."""
-        found = read_corrections(stored, self._graph.n_items, self._n_columns)
-        if found is None:
-            return None
-        return replace(found, vertices=inverse_permutation(self._order())[found.vertices])
-
-    def _read(
-        self,
-        stored: StoredBlock,
-        layout: Layout,
-        key: KeyFields | None,
-        n_wanted: int | None = None,
-    ) -> tuple[FieldMesh, ReadBlock]:
-        mesh = self._shared.mesh
-        if mesh is None or mesh.stencil_size != layout.stencil_size:
-            mesh = self._shared.mesh = FieldMesh(*self._graph, layout.stencil_size)
-        return mesh, read_field_block(
+        mesh = self._mesh(layout)
+        read = read_field_block(
             stored,
             layout,
             mesh,
@@ -351,6 +328,27 @@ class TrackReader:
             n_wanted=n_wanted,
             meanwhile=self._order,
         )
+        coming = in_background(lambda: decode_basis(read.basis, layout, key))
+        values = read.values(mesh, key)
+        if key is None and values.shape[1] == stored.n_modes:
+            self._key = number, layout, KeyFields(values)
+        basis = coming.result()
+        order = mesh.number[self._order()]
+        return JointFrames(basis, values, float(layout.step), order, layout.is_single)
+
+    def corrections(self, stored: StoredBlock) -> Corrections | None:
+        """Corrections of vertices as they go out."""
+        found = read_corrections(stored, self._graph.n_items, self._n_columns)
+        if found is None:
+            return None
+        return replace(found, vertices=inverse_permutation(self._order())[found.vertices])
+
+    def _mesh(self, layout: Layout) -> FieldMesh:
+        """The mesh of a layout: that of the track that was read last, where it serves."""
+        mesh = self._shared.mesh
+        if mesh is None or mesh.stencil_size != layout.stencil_size:
+            mesh = self._shared.mesh = FieldMesh(*self._graph, layout.stencil_size)
+        return mesh
 
     def _key_of(self, number: int, layout: Layout) -> KeyFields | None:
         """The fields that a block refers to, decoded now or kept from before."""
@@ -366,8 +364,10 @@ class TrackReader:
                 raise CorruptStreamError(
                     f"block {number} refers to block {wanted}, which refers to another itself"
                 )
-            mesh, read = self._read(stored, key_layout, None)
-            self._key = wanted, key_layout, KeyFields(read.values(mesh))
+            mesh = self._mesh(key_layout)
+            residuals, weights = read_fields(stored, key_layout, mesh)
+            values = decoded_values(residuals, key_layout, mesh, weights=weights)
+            self._key = wanted, key_layout, KeyFields(values)
         _, key_layout, key = self._key
         if key_layout.stencil_size != layout.stencil_size:
             raise CorruptStreamError(

@@ -245,7 +245,6 @@ def read_field_block(
         Only the first so many modes, unless the block refers to another.
     meanwhile : callable, optional
         Called while the hierarchy is found.
-
     """
     n_modes, n_frames = stored.n_modes, stored.n_frames
     n_wanted = None if layout.reference else n_wanted
@@ -258,11 +257,22 @@ def read_field_block(
         return basis
 
     coming = in_background(beside)
+    return ReadBlock(layout, coming, *read_fields(stored, layout, mesh, key, n_wanted))
+
+
+def read_fields(
+    stored: StoredBlock,
+    layout: Layout,
+    mesh: FieldMesh,
+    key: KeyFields | None = None,
+    n_wanted: int | None = None,
+) -> tuple[npt.NDArray[np.int32], Future[Prepared | None] | None]:
+    """Fields of a track in a block and what their weights begin with, as of `ReadBlock`."""
     order = mesh.coding_order
     weights = _begun_weights(mesh, layout, key)
     coded = stored.payload(Section.COEFFICIENTS)
-    fields = decode_fields(coded, n_modes - layout.n_reused, mesh.n_verts, order, n_wanted)
-    return ReadBlock(layout, coming, fields, weights)
+    n_own = stored.n_modes - layout.n_reused
+    return decode_fields(coded, n_own, mesh.n_verts, order, n_wanted), weights
 
 
 def _begun_weights(
