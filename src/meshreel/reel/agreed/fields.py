@@ -5,8 +5,7 @@ are predicted vertex after vertex over a hierarchy of the mesh, in closed loop; 
 """
 
 from concurrent.futures import Future
-from dataclasses import dataclass
-from functools import partial
+from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
@@ -15,7 +14,6 @@ from meshreel.kernel.frames import lengths_of, time_vectors
 from meshreel.kernel.predict import Prepared, decode_values, prepared_weights
 from meshreel.reel.agreed.mesh import FieldMesh
 from meshreel.runtime.profiling import staged
-from meshreel.runtime.threads import in_background
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
@@ -92,23 +90,23 @@ class KeyFields:
     """
 
     values: Floats
-    _prepared: tuple[int, Prepared | None] | None = None
+    _prepared: dict[int, Prepared | None] = field(default_factory=dict)
 
     def is_prepared(self, n_learned: int) -> bool:
         """Whether `prepared` is found already."""
-        return self._prepared is not None and self._prepared[0] == n_learned
+        return n_learned in self._prepared
 
     def prepared(self, mesh: FieldMesh, n_learned: int) -> Prepared | None:
         """What the weights of blocks that refer to it begin with; kept, so that it is found once.
 
         None for a large mesh.
         """
-        if self._prepared is None or self._prepared[0] != n_learned:
+        if not self.is_prepared(n_learned):
             found = None
             if not mesh.is_large:
                 found = prepared_weights(mesh.hierarchy, n_learned, self.values)
-            self._prepared = n_learned, found
-        return self._prepared[1]
+            self._prepared = {n_learned: found}  # those of the last number alone: they are large
+        return self._prepared[n_learned]
 
 
 @staged("fields")
@@ -132,14 +130,7 @@ def decoded_values(
     weights : Future of Prepared, optional
         What the weights begin with; else they are found on the way.
     """
-    n_reused = layout.n_reused
-    if key is None or not n_reused:
-        return _own(residuals, layout, mesh, key, weights)
-    found = np.empty((mesh.n_verts, n_reused + len(residuals)))
-    reused = in_background(partial(np.copyto, found[:, :n_reused], key.values[:, :n_reused]))
-    found[:, n_reused:] = _own(residuals, layout, mesh, key, weights)
-    reused.result()
-    return found
+    return with_reused(_own(residuals, layout, mesh, key, weights), layout.n_reused, key)
 
 
 def with_reused(own: Floats, n_reused: int, key: KeyFields | None) -> Floats:
