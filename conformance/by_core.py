@@ -7,6 +7,7 @@ from conformance.reader import Reel
 from meshreel import decode
 from meshreel.bitstream.layout import Section
 from meshreel.bitstream.reader import read_stream
+from meshreel.codec.choices import Laplacian
 from meshreel.codec.methods import METHOD_NAMES
 from meshreel.codec.open_stream import OpenStream
 from meshreel.codec.stored_blocks import stored_block, stored_track_block
@@ -21,7 +22,7 @@ from meshreel.codec.surface.materials import (
 from meshreel.codec.tracks import DOMAINS, KINDS
 from meshreel.entropy.exact import decode_exact
 from meshreel.materials import SLOTS
-from meshreel.paper.decoder import PaperBlockDecoder, stored_mesh
+from meshreel.paper.decoder import PaperBlockDecoder, stored_mesh, stored_shape
 from meshreel.reel.agreed.blocks import layout_of, read_corrections, read_field_block
 from meshreel.reel.agreed.items import items_of
 from meshreel.reel.agreed.mesh import FieldMesh
@@ -49,9 +50,18 @@ def read_by_core(data):
         start=numbers[0],
         promise=numbers[1],
         anchors=anchors,
+        shape=shape_of(opened),
         positions=Floats(sequence.vertices) if is_ours else None,
         tracks=tracks_of(opened),
     )
+
+
+def shape_of(opened):
+    """Steps and integers of the shape that cotangent weights are measured in."""
+    if opened.laplacian is not Laplacian.COTANGENT:
+        return None
+    shape = stored_shape(opened)
+    return shape.steps.tolist(), shape.integers.reshape(3, -1).tolist()
 
 
 class Floats:
@@ -105,7 +115,13 @@ def read_blocks(opened):
     for number, one in enumerate(stored):
         coded = decoder.coded(one, number)
         block = {"frames": one.n_frames, "modes": one.n_modes}
-        parts = {"basis": coded.basis, "anchor": coded.anchors, "coefficient": coded.coefficients}
+        anchors = coded.anchors
+        parts = {
+            "basis": coded.basis,
+            "anchor": anchors and anchors.coefficients,
+            "anchor residual": anchors and anchors.residuals,
+            "coefficient": coded.coefficients,
+        }
         for name, part in parts.items():
             if part is not None:
                 plural = name if name == "basis" else name + "s"

@@ -12,6 +12,7 @@ NAMES = {
     1: "CONNECTIVITY",
     2: "ORDER",
     3: "ANCHOR_VERTICES",
+    4: "SHAPE",
     16: "BLOCK",
     17: "BASIS",
     18: "ANCHORS",
@@ -22,6 +23,7 @@ NAMES = {
     23: "TRACK_BLOCK",
     24: "VALUES",
     25: "MISSING",
+    26: "ANCHOR_RESIDUALS",
     128: "PADDING",
     129: "PROMISE",
     130: "INDEX",
@@ -100,7 +102,7 @@ def read_header(payload):
     origin, scale = tuple(payload.number("d") for _ in range(3)), payload.number("d")
     name = payload.take(payload.number("H")).decode()
     check(payload, 0)
-    need(vertex_type in (4, 8) and laplacian < 2 and order < 3 and n_verts and n_faces)
+    need(vertex_type in (4, 8) and laplacian < 3 and order < 3 and n_verts and n_faces)
     return Header(
         n_frames, n_verts, n_faces, fps, vertex_type, METHODS[method], laplacian, order, origin,
         scale, name,
@@ -146,7 +148,7 @@ class Container:
 
 IN_BLOCKS = (
     *("BASIS", "ANCHORS", "COEFFICIENTS", "EXACT", "FIELDS", "CORRECTIONS"),
-    *("VALUES", "MISSING"),
+    *("VALUES", "MISSING", "ANCHOR_RESIDUALS"),
 )
 
 

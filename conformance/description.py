@@ -30,6 +30,7 @@ def describe(reel):
         "hash of order": hash_of(reel.order),
         "hash of anchors": hash_of(reel.anchors) if reel.anchors else None,
         "blocks": [describe_block(block) for block in reel.blocks],
+        **describe_shape(reel.shape),
         **describe_surface(surface),
     }
     if reel.positions is not None:
@@ -61,9 +62,20 @@ def describe_block(block):
             found["hash of corrections"] = hash_of(rows((*at, *by) for at, by in ordered))
         elif name == "exact":
             found["hash of exact"] = sha(b"".join(number for row in value for number in row))
-        elif name in ("basis", "anchors", "coefficients"):
+        elif name in ("basis", "anchors", "anchor residuals", "coefficients"):
             found["hash of " + name] = hash_of(rows(value))
     return found
+
+
+def describe_shape(shape):
+    """Hashes of the shape that cotangent weights are measured in, where there is one."""
+    if shape is None:
+        return {}
+    steps, integers = shape
+    return {
+        "hash of shape steps": sha(struct.pack(f"<{len(steps)}f", *steps)),
+        "hash of shape": hash_of(rows(integers)),
+    }
 
 
 def describe_surface(surface):

@@ -232,6 +232,19 @@ for method in ("pca-qp", "pca", "pca-q", "v2v", "pca-qs", "gft"):
     encoded(f"paper_{method}", lambda: moving(grid(6, 7), 9, n_more=2), method=method)
 encoded("paper_blocks", lambda: moving(grid(6, 7), 17, n_more=1), method="blocks", block_frames=4)
 encoded(
+    "paper_whole_dictionaries",
+    lambda: moving(grid(6, 7), 17, n_more=1),
+    method="blocks",
+    block_frames=4,
+    choices={"dictionary": "whole", "anchor_values": "coefficients"},
+)
+encoded(
+    "paper_cotangent",
+    lambda: moving(grid(6, 7), 9, n_more=2),
+    method="pca-qp",
+    laplacian="cotangent",
+)
+encoded(
     "paper_steps",
     lambda: moving(sphere(4, 7), 9),
     method="pca-qp",

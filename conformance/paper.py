@@ -23,6 +23,11 @@ def table_of(row):
     return (row + 1).bit_length() - 1
 
 
+def read_shape(payload, n_verts):
+    """Steps and integers of the positions that cotangent weights are measured in: x, y and z."""
+    return read_curves(payload, 1, n_verts)
+
+
 def read_rows(payload, n_rows, length):
     """Steps, and plain rows: 3 n_rows lists."""
     steps, payload = read_steps(payload, n_rows)
@@ -63,23 +68,32 @@ def read_block(sections, header, n_anchors, n_isolated, before):
     n_frames, n_modes = head.varint(), head.varint()
     head.end()
     block = {"frames": n_frames, "modes": n_modes}
-    if header.method == "gft":
-        found = read_curves(sections["ANCHORS"], n_anchors, n_frames)
+    has_anchors, has_residuals = header.method not in ("v2v", "gft"), header.method == "gft"
+    if has_anchors:
+        need(sections["ANCHORS"][0] in (0, 1))
+        has_residuals = sections["ANCHORS"][0] == 1
+        found = read_rows(sections["ANCHORS"][1:], n_modes, n_anchors)
         block["anchor steps"], block["anchors"] = found
+    if has_residuals:
+        need(header.method in ("pca-qp", "pca-qs", "blocks", "gft"))
+        found = read_curves(sections["ANCHOR_RESIDUALS"], n_anchors, n_frames)
+        block["anchor residual steps"], block["anchor residuals"] = found
+    if header.method == "gft":
         found = read_rows(sections["COEFFICIENTS"], n_modes, n_frames)
         block["coefficient steps"], block["coefficients"] = found
     else:
-        block["basis steps"], rows = read_curves(sections["BASIS"], n_modes, n_frames)
-        if header.method == "blocks" and before and before["frames"] == n_frames:
-            need(len(before["basis"]) == len(rows), "dictionaries differ in their modes")
+        basis, is_difference = sections["BASIS"], False
+        if header.method == "blocks":
+            need(basis[0] in (0, 1))
+            basis, is_difference = basis[1:], basis[0] == 1
+        block["basis steps"], rows = read_curves(basis, n_modes, n_frames)
+        if is_difference:
+            need(before and before["frames"] == n_frames and len(before["basis"]) == len(rows))
             rows = [
                 [one + other for one, other in zip(row, known, strict=True)]
                 for row, known in zip(rows, before["basis"], strict=True)
             ]
         block["basis"] = rows
-        if header.method != "v2v":
-            found = read_rows(sections["ANCHORS"], n_modes, n_anchors)
-            block["anchor steps"], block["anchors"] = found
         found = read_rows(sections["COEFFICIENTS"], n_modes, header.n_verts)
         block["coefficient steps"], block["coefficients"] = found
     if n_isolated:

@@ -49,6 +49,8 @@ class Reel:
     surface : dict
     start, promise : float, None if there is none
     anchors : list of int
+    shape : tuple of list and list, or None
+        Steps and integers of the shape that cotangent weights are measured in.
     positions : array of float, or None
         Of `reel`, `lossless` and `grid`, as they go out: frames, vertices, x y z. Of other methods
         integers are defined.
@@ -65,6 +67,7 @@ class Reel:
     start: float | None
     promise: float | None
     anchors: list
+    shape: tuple | None
     positions: object
     tracks: list
 
@@ -121,7 +124,7 @@ def read(data):
     if header.order < 2:
         order, faces = read_order(container.only("ORDER"), internal, header.n_verts)
     polygons = polygons_of(container, faces)
-    blocks, anchors, positions, tracks = [], [], None, []
+    blocks, anchors, shape, positions, tracks = [], [], None, None, []
     if header.method in ("reel", "lossless", "grid"):
         mesh = Items(internal, header.n_verts, order, {})
         (_, blocks, positions), *tracks = read_reel_tracks(container, mesh, polygons)
@@ -129,6 +132,8 @@ def read(data):
         isolated = [v for v, near in edges_of(internal, header.n_verts).items() if not near]
         if header.method != "v2v":
             anchors = paper.read_anchors(container.only("ANCHOR_VERTICES"), header.n_verts)
+        if header.laplacian == COTANGENT:
+            shape = paper.read_shape(container.only("SHAPE"), header.n_verts)
         for (sections,) in container.blocks:
             before = blocks[-1] if blocks else None
             block = paper.read_block(sections, header, len(anchors), len(isolated), before)
@@ -141,6 +146,7 @@ def read(data):
         blocks=blocks,
         surface=read_surface(container, polygons),
         anchors=anchors,
+        shape=shape,
         start=number_of(container, "START"),
         promise=number_of(container, "PROMISE"),
         positions=positions,
@@ -160,6 +166,9 @@ def number_of(container, section):
 
 LETTERS = dict(zip((4, 8, 17, 18, 20, 24, 33, 34, 36, 40), "fdBHIQbhiq", strict=True))
 """Number types as `struct` and `array` write them."""
+
+COTANGENT = 2
+"""Laplacian of cotangent weights."""
 
 EXACT = 1
 """Coding of an exact track."""

@@ -10,7 +10,7 @@ test says when they are not what the table of options says.
 import re
 import sys
 import textwrap
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, get_args, get_origin
 
@@ -95,10 +95,13 @@ def _wrapped(text: str) -> list[str]:
 
 
 def _type_text(option: Option) -> str:
-    return " or ".join(
-        f"sequence of {get_args(one)[0].__name__}" if get_origin(one) else one.__name__
-        for one in option.types
-    )
+    return " or ".join(map(_type_name, option.types))
+
+
+def _type_name(kind: Any) -> str:
+    if get_origin(kind) is Mapping:
+        return "mapping"
+    return f"sequence of {get_args(kind)[0].__name__}" if get_origin(kind) else kind.__name__
 
 
 def _help(option: Option) -> str:

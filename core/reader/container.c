@@ -40,7 +40,7 @@ static int check_numbers(const reel_outline *outline, uint32_t laplacian) {
         return MESHREEL_CORRUPT;
     }
     if (outline->n_verts > REEL_MOST_VERTS || outline->n_faces > REEL_MOST_VERTS ||
-        outline->method > LAST_METHOD || laplacian > 1 || outline->order > REEL_ORDER_DROPPED) {
+        outline->method > LAST_METHOD || laplacian > 2 || outline->order > REEL_ORDER_DROPPED) {
         return MESHREEL_UNSUPPORTED;
     }
     return outline->method < REEL_METHOD_REEL ? MESHREEL_METHOD : MESHREEL_OK;

@@ -3,7 +3,7 @@
 #include "group.h"
 
 #define FIRST REEL_BLOCK
-#define N_IDS (REEL_MISSING + 1 - FIRST)
+#define N_IDS (REEL_ANCHOR_RESIDUALS + 1 - FIRST)
 #define MOST_LEARNED 255U
 #define MOST_STEP 1e6F
 

@@ -109,8 +109,8 @@ int reel_section_at(const meshreel_source *source, uint64_t at, uint64_t limit,
 }
 
 bool reel_is_known(uint32_t id) {
-    uint32_t last = id & REEL_OPTIONAL ? REEL_TRACK : REEL_MISSING;
-    bool is_gap = id > REEL_ANCHOR_VERTICES && id < REEL_BLOCK;
+    uint32_t last = id & REEL_OPTIONAL ? REEL_TRACK : REEL_ANCHOR_RESIDUALS;
+    bool is_gap = id > REEL_SHAPE && id < REEL_BLOCK;
     return id <= last && !is_gap;
 }
 

@@ -7,7 +7,7 @@ import { readPromise, readStart } from "./leading_numbers.js";
 import { METHODS, REEL } from "./methods.js";
 import { piecesOf } from "./pieces.js";
 
-const N_LAPLACIANS = 2;
+const N_LAPLACIANS = 3;
 const N_ORDERS = 3;
 
 /**

@@ -20,6 +20,7 @@ class Section(IntEnum):
     CONNECTIVITY = 1
     ORDER = 2
     ANCHOR_VERTICES = 3
+    SHAPE = 4
     BLOCK = 16
     BASIS = 17
     ANCHORS = 18
@@ -30,6 +31,7 @@ class Section(IntEnum):
     TRACK_BLOCK = 23
     VALUES = 24
     MISSING = 25
+    ANCHOR_RESIDUALS = 26
     PROMISE = OPTIONAL | 1
     PADDING = OPTIONAL | 0
     INDEX = OPTIONAL | 2

@@ -91,15 +91,18 @@ def _type_typed(option: Option) -> Any:
 def _value(option: Option, typed: Any) -> Any:
     """The value of an option for Python."""
     is_list = any(get_origin(one) is Sequence for one in option.types)
-    return _integers(option.flag, typed) if is_list and typed is not None else typed
+    return _numbers(option, typed) if is_list and typed is not None else typed
 
 
-def _integers(flag: str, text: str) -> int | list[int]:
-    """One number, or several, from '8' or '8,8,6'."""
+def _numbers(option: Option, text: str) -> float | list[int]:
+    """One number, or several whole ones, from '8' or '8,8,6'."""
+    single = float if float in option.types else int
     try:
-        numbers = [int(number) for number in text.split(",")]
+        if "," in text:
+            return [int(number) for number in text.split(",") if number.strip()]
+        return single(text)
     except ValueError:
+        one = "a number" if single is float else "a whole number"
         raise typer.BadParameter(
-            f"{flag} takes a whole number, or several as in 8,8,6; got {text!r}"
+            f"{option.flag} takes {one}, or several whole ones as in 8,8,6; got {text!r}"
         ) from None
-    return numbers if len(numbers) > 1 else numbers[0]

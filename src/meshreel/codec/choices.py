@@ -11,6 +11,7 @@ class Laplacian(IntEnum):
 
     NORMALIZED = 0
     COMBINATORIAL = 1
+    COTANGENT = 2
 
 
 class Order(IntEnum):

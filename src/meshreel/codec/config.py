@@ -57,7 +57,8 @@ class EncoderConfig:
     energy: float | None = None
     bits: int | Sequence[int] | None = None
     allocation: str = "energy"
-    anchors: float | None = None
+    anchors: float | Sequence[int] | None = None
+    choices: str | Mapping[str, object] | None = None
     laplacian: str = "normalized"
     n_iterations: int = 4
 

@@ -32,9 +32,10 @@ def decode(
         Frames to give back, as Python slices count them, without a step; only the blocks that
         hold some of them are decoded. Default: all.
     n_modes : int, optional
-        Number of leading modes of each block that move; further ones, up to the 16th at least, are
-        held at their mean over the block: a coarser animation. Default: all. Streams of `reel`
-        only; corrections are then omitted.
+        Number of leading modes of each block to use: a coarser animation. Default: all. In streams
+        of `reel` further modes, up to the 16th at least, are held at their mean over the block, and
+        corrections are omitted. The paper's methods leave further rows of coefficients out (the
+        paper's k_l). Streams of `lossless` and `grid` have no modes.
     progress : callable, optional
         Called with the stage and the share done, 0..1.
 

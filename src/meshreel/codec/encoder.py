@@ -1,6 +1,6 @@
 """A mesh sequence to the bytes of a stream."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from meshreel.codec.config import EncoderConfig
 from meshreel.codec.options import all_options
@@ -36,7 +36,8 @@ def encode(
     energy: float | None = None,
     bits: int | Sequence[int] | None = None,
     allocation: str = "energy",
-    anchors: float | None = None,
+    anchors: float | Sequence[int] | None = None,
+    choices: str | Mapping[str, object] | None = None,
     laplacian: str = "normalized",
     n_iterations: int = 4,
     attributes: Names = ALL,
@@ -120,12 +121,19 @@ def encode(
     allocation : {"energy", "constant"}, default "energy"
         How one number of bits is spread over the rows. energy: all share the step of the largest,
         so that bits follow a row's energy; constant: each takes that many bits of its own range.
-    anchors : float, optional
-        Share of the vertices sent as anchors, 0 to 1, where the method has them. Default: 0.01.
-        Every connected component gets at least one: with 0 this is decoding by L alone (Eq. 11).
-    laplacian : {"normalized", "combinatorial"}, default "normalized"
+    anchors : float or sequence of int, optional
+        Share of the vertices sent as anchors, 0 to 1, where the method has them; or their numbers.
+        Default: 0.01. Every connected component gets at least one: with 0 this is decoding by L
+        alone (Eq. 11).
+    choices : str or mapping, optional
+        What the paper leaves open: values of anchor-values, anchor-set, anchor-seed, anchor-bits,
+        dictionary-bits, quantize, dictionary and rotation, separated by commas. Such as
+        `"anchor-values=coefficients,anchor-bits=16"`, or a mapping; `meshreel.paper.PaperChoices`
+        describes each.
+    laplacian : {"normalized", "combinatorial", "cotangent"}, default "normalized"
         The matrix that makes deltas. normalized: I - D^-1 C (Eq. 3), which measured better;
-        combinatorial: D - C (Eq. 1).
+        combinatorial: D - C (Eq. 1); cotangent: I - D^-1 W with the cotangent weights of the first
+        frame, which is sent too.
     n_iterations : int, default 4
         Orthogonal iterations from block to block (blocks).
     attributes : str or sequence of str, default "all"

@@ -139,9 +139,6 @@ class Method(Protocol):
     def most_modes(self, n_frames: int, n_verts: int) -> int:
         """Modes that a block of so many frames can have at most."""
 
-    def n_joint_modes(self, n_modes: int, n_frames: int, n_verts: int) -> int:
-        """Modes of all axes together that a block of K modes is played with, at most."""
-
     def encode(self, source: "Source", progress: "Progress", engine: "Engine | None") -> bytes:
         """The bytes of a stream of the source.
 

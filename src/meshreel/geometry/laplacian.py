@@ -18,6 +18,9 @@ RELATIVE_RIDGE = 1e-3
 CHUNK_VERTICES = 1024
 """Number of vertices whose weights are computed at once."""
 
+MIN_COTANGENT_WEIGHT, MAX_COTANGENT_WEIGHT = 0.05, 20.0
+"""Bounds of a cotangent weight: obtuse triangles make it negative, and slivers huge."""
+
 
 def uniform_laplacian(faces: Faces, n_verts: int, *, normalized: bool = False) -> csr_array:
     """Uniform Laplacian, ``L = D - C`` with binary adjacency C (paper Eq. 1).
@@ -42,6 +45,49 @@ def uniform_laplacian(faces: Faces, n_verts: int, *, normalized: bool = False) -
         return laplacian
     inverse = np.divide(1.0, degrees, out=np.zeros_like(degrees), where=degrees > 0)
     return csr_array(diags_array(inverse) @ laplacian)
+
+
+def cotangent_laplacian(faces: Faces, shape: npt.NDArray[np.floating]) -> csr_array:
+    """Cotangent Laplacian with rows of unit weight, ``L = I - D^-1 W``.
+
+    An edge weighs half the sum of the cotangents of the angles opposite to it, at least 0.05 and at
+    most 20. Faces without area add nothing to it.
+
+    Parameters
+    ----------
+    faces : integer array of shape (M, 3)
+    shape : float array of shape (V, 3)
+        The positions that angles are measured in.
+
+    Returns
+    -------
+    csr_array of shape (V, V), float64; rows sum to zero, and are empty for isolated vertices.
+
+    References
+    ----------
+    U. Pinkall, K. Polthier, "Computing discrete minimal surfaces and their conjugates", 1993.
+    """
+    n_verts = len(shape)
+    adjacency = adjacency_matrix(faces, n_verts)
+    rows, columns, halves = [], [], []
+    for corner in range(3):
+        apex, start, end = (faces[:, (corner + k) % 3] for k in range(3))
+        to_start, to_end = (shape[one].astype(np.float64) - shape[apex] for one in (start, end))
+        area = np.linalg.norm(np.cross(to_start, to_end), axis=1)
+        dot = np.einsum("ij,ij->i", to_start, to_end)
+        rows.append(start)
+        columns.append(end)
+        halves.append(np.divide(dot, 2 * area, out=np.zeros_like(dot), where=area > 0))
+    places = np.concatenate(rows), np.concatenate(columns)
+    weights = csr_array((np.concatenate(halves), places), shape=(n_verts, n_verts))
+    of_edges = csr_array(weights + weights.T).multiply(adjacency).tocsr()
+    bounded = csr_array(adjacency)
+    at = np.repeat(np.arange(n_verts), np.diff(bounded.indptr))
+    found = np.asarray(of_edges[at, bounded.indices]).ravel()
+    bounded.data = np.clip(found, MIN_COTANGENT_WEIGHT, MAX_COTANGENT_WEIGHT)
+    sums = bounded.sum(axis=1)
+    inverse = np.divide(1.0, sums, out=np.zeros_like(sums), where=sums > 0)
+    return csr_array(diags_array((sums > 0).astype(np.float64)) - diags_array(inverse) @ bounded)
 
 
 def delta_coordinates(laplacian: csr_array, columns: npt.NDArray[np.floating]) -> Floats:

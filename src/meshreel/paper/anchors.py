@@ -1,9 +1,12 @@
-"""Anchor vertices, spread uniformly over a mesh."""
+"""Anchor vertices: spread uniformly over a mesh, drawn at random, or given."""
+
+from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
 from scipy.sparse import csr_array
 
+from meshreel.errors import InvalidInputError
 from meshreel.geometry.connectivity import (
     adjacency_matrix,
     component_labels,
@@ -17,21 +20,70 @@ Integers = npt.NDArray[np.int64]
 
 
 @staged("anchors")
-def choose_anchors(faces: Faces, n_verts: int, share: float) -> Integers:
-    """Anchors spread uniformly over the mesh, ascending: a share of the vertices that have edges.
+def choose_anchors(
+    faces: Faces, n_verts: int, share: float, rng: np.random.Generator | None = None
+) -> Integers:
+    """Choose a share of the vertices that have edges as anchors, in ascending order.
 
     Every component with an edge gets at least one, whatever the share.
+
+    Parameters
+    ----------
+    faces : integer array of shape (M, 3)
+    n_verts : int
+    share : float
+        0..1.
+    rng : Generator, optional
+        Draws them at random. Default: farthest-point samples.
     """
-    n_components, _ = component_labels(faces, n_verts)
+    n_components, labels = component_labels(faces, n_verts)
     isolated = isolated_vertices(faces, n_verts)
     connected = np.setdiff1d(np.arange(n_verts), isolated, assume_unique=True)
     n_anchors = max(n_components - len(isolated), int(np.ceil(share * len(connected))))
+    if rng is not None:
+        shuffled = rng.permutation(connected)
+        _, first = np.unique(labels[shuffled], return_index=True)  # one in each component
+        others = np.delete(shuffled, first)
+        return np.sort(np.concatenate([shuffled[first], others[: n_anchors - len(first)]]))
     adjacency = adjacency_matrix(faces, n_verts)[connected][:, connected]
     return np.sort(connected[farthest_points(csr_array(adjacency), n_anchors)])
 
 
+def check_anchors(anchors: Sequence[int], faces: Faces, n_verts: int) -> Integers:
+    """Return given anchors in ascending order.
+
+    Raises
+    ------
+    InvalidInputError
+        If one is not a vertex, is given twice or has no edge, or a component has none.
+    """
+    vertices = np.array(sorted(anchors), np.int64)
+    if len(vertices) == 0 or vertices[0] < 0 or vertices[-1] >= n_verts:
+        raise InvalidInputError(
+            f"anchors must be vertices 0..{n_verts - 1}, at least one; got {list(anchors)[:5]}"
+        )
+    if np.any(np.diff(vertices) == 0):
+        twice = vertices[1:][np.diff(vertices) == 0][0]
+        raise InvalidInputError(f"anchors lists vertex {twice} twice; list it once")
+    isolated = isolated_vertices(faces, n_verts)
+    without_edge = np.intersect1d(vertices, isolated)
+    if len(without_edge):
+        raise InvalidInputError(
+            f"vertex {without_edge[0]} has no edge and cannot be an anchor; leave it out"
+        )
+    _, labels = component_labels(faces, n_verts)
+    missing = np.setdiff1d(labels, np.concatenate([labels[vertices], labels[isolated]]))
+    if len(missing):
+        vertex = int(np.flatnonzero(labels == missing[0])[0])
+        raise InvalidInputError(
+            f"{len(missing)} connected components have no anchor, among them that of vertex "
+            f"{vertex}; list a vertex of each"
+        )
+    return vertices
+
+
 def farthest_points(adjacency: csr_array, n_points: int) -> Integers:
-    """Farthest-point samples: each the most edges away from all samples before it.
+    """Return farthest-point samples: each the most edges away from all samples before it.
 
     Connected components without a sample come first, so that each has one if `n_points` is at least
     the number of components. Ties go to the lowest vertex: the samples depend on connectivity

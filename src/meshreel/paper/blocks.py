@@ -7,8 +7,8 @@ from meshreel.codec.stored_blocks import StoredBlock, write_block
 from meshreel.errors import CorruptStreamError
 from meshreel.paper import payloads
 from meshreel.paper.mesh_model import MeshModel
-from meshreel.paper.pipeline import CodedBlock, Quantized
-from meshreel.paper.variants import Basis, Variant
+from meshreel.paper.pipeline import Anchors, CodedBlock, Quantized
+from meshreel.paper.variants import Basis, Decoding, Variant
 
 
 def write_coded_block(
@@ -18,7 +18,7 @@ def write_coded_block(
     before: Quantized | None,
     exact: bytes = b"",
 ) -> Iterator[tuple[Section, bytes]]:
-    """The sections of a block.
+    """Yield the sections of a block.
 
     Parameters
     ----------
@@ -26,24 +26,23 @@ def write_coded_block(
     n_frames : int
     method : Variant
     before : Quantized or None
-        Dictionary of the block before, if this one's is stored as a difference from it.
+        Dictionary of the block before, if this one's is stored as the difference from it.
     exact : bytes, optional
         Positions of isolated vertices.
     """
     yield Section.BLOCK, write_block(n_frames, block.n_modes)
     if block.basis is not None:
-        integers = (
-            block.basis.integers if before is None else block.basis.integers - before.integers
-        )
-        yield Section.BASIS, payloads.write_curves(Quantized(integers, block.basis.steps))
-    on_graph = method.basis is Basis.GRAPH
-    if block.anchors is not None:
-        yield (
-            Section.ANCHORS,
-            payloads.write_curves(block.anchors)
-            if on_graph
-            else payloads.write_rows(block.anchors),
-        )
+        basis = block.basis
+        if before is not None:
+            basis = Quantized(basis.integers - before.integers, basis.steps)
+        is_tracked = method.basis is Basis.TRACKED
+        kind = bytes([before is not None]) if is_tracked else b""
+        yield Section.BASIS, kind + payloads.write_curves(basis)
+    if block.anchors is not None and block.anchors.coefficients is not None:
+        follows = bytes([block.anchors.residuals is not None])
+        yield Section.ANCHORS, follows + payloads.write_rows(block.anchors.coefficients)
+    if block.anchors is not None and block.anchors.residuals is not None:
+        yield Section.ANCHOR_RESIDUALS, payloads.write_curves(block.anchors.residuals)
     if exact:
         yield Section.EXACT, exact
     yield Section.COEFFICIENTS, payloads.write_rows(block.coefficients)
@@ -77,32 +76,41 @@ class Dictionaries:
         if self._method.basis is Basis.GRAPH:
             return None
         if self._method.basis is not Basis.TRACKED:
-            return _read_dictionary(self._blocks(number), None)
+            stored = self._blocks(number)
+            return _read_dictionary(stored, stored.payload(Section.BASIS))
         first, before = -1, None
         if self._found is not None and self._found[0] <= number:
             first, before = self._found
         for one in range(first + 1, number + 1):
-            stored = self._blocks(one)
-            before = _read_dictionary(stored, tracked_from(self._method, before, stored.n_frames))
+            before = _read_tracked_dictionary(self._blocks(one), before)
             self._found = one, before
         return before
 
 
-def _read_dictionary(stored: StoredBlock, before: Quantized | None) -> Quantized:
-    basis = payloads.read_curves(stored.payload(Section.BASIS), stored.n_modes, stored.n_frames)
-    if before is None:
+def _read_dictionary(stored: StoredBlock, payload: bytes) -> Quantized:
+    return payloads.read_curves(payload, stored.n_modes, stored.n_frames)
+
+
+def _read_tracked_dictionary(stored: StoredBlock, before: Quantized | None) -> Quantized:
+    """A dictionary that is stored whole, or as the difference from the one before."""
+    payload = stored.payload(Section.BASIS)
+    if payload[:1] not in (b"\0", b"\1"):
+        raise CorruptStreamError("a tracked dictionary begins with neither 0 (whole) nor 1")
+    basis = _read_dictionary(stored, payload[1:])
+    if payload[0] == 0:
         return basis
-    if before.integers.shape != basis.integers.shape:
+    if before is None or before.integers.shape != basis.integers.shape:
         raise CorruptStreamError(
-            f"a block of {stored.n_modes} modes cannot follow one of {before.integers.shape[1]}"
+            f"the dictionary of the block at frame {stored.start} is a difference from one of "
+            "another shape"
         )
     return Quantized(before.integers + basis.integers, basis.steps)
 
 
 def tracked_from(method: Variant, before: Quantized | None, n_frames: int) -> Quantized | None:
-    """The dictionary from which a block's is a difference; None if it is stored as it is.
+    """Return the dictionary that orthogonal iterations start from; None for a decomposition.
 
-    The dictionary of a block of another length (usually the last) is stored as it is.
+    A block of another length than the one before (usually the last) cannot be tracked.
     """
     if method.basis is not Basis.TRACKED or before is None:
         return None
@@ -112,16 +120,26 @@ def tracked_from(method: Variant, before: Quantized | None, n_frames: int) -> Qu
 def read_coded_block(
     stored: StoredBlock, mesh: MeshModel, method: Variant, basis: Quantized | None
 ) -> CodedBlock:
-    """The integers of a block of the paper's variants, given its dictionary."""
-    n_frames, n_modes, n_anchors = stored.n_frames, stored.n_modes, len(mesh.anchors)
-    coefficients = stored.payload(Section.COEFFICIENTS)
-    if method.basis is Basis.GRAPH:
-        return CodedBlock(
-            None,
-            payloads.read_curves(stored.payload(Section.ANCHORS), n_anchors, n_frames),
-            payloads.read_rows(coefficients, n_modes, n_frames),
-        )
-    anchors = None
-    if method.has_anchors:
-        anchors = payloads.read_rows(stored.payload(Section.ANCHORS), n_modes, n_anchors)
-    return CodedBlock(basis, anchors, payloads.read_rows(coefficients, n_modes, mesh.n_verts))
+    """Read the integers of a block of the paper's variants, given its dictionary."""
+    n_modes, on_graph = stored.n_modes, method.basis is Basis.GRAPH
+    row_length = stored.n_frames if on_graph else mesh.n_verts
+    coefficients = payloads.read_rows(stored.payload(Section.COEFFICIENTS), n_modes, row_length)
+    anchors = _read_anchors(stored, len(mesh.anchors), method) if method.has_anchors else None
+    return CodedBlock(basis, anchors, coefficients)
+
+
+def _read_anchors(stored: StoredBlock, n_anchors: int, method: Variant) -> Anchors:
+    coefficients = residuals = None
+    has_residuals = method.basis is Basis.GRAPH
+    if not has_residuals:
+        payload = stored.payload(Section.ANCHORS)
+        if payload[:1] not in (b"\0", b"\1"):
+            raise CorruptStreamError("anchors begin with neither 0 nor 1, which residuals follow")
+        coefficients = payloads.read_rows(payload[1:], stored.n_modes, n_anchors)
+        has_residuals = payload[0] == 1
+    if has_residuals:
+        if method.decoding is not Decoding.ANCHORED:
+            raise CorruptStreamError(f"a block of {method.name} has residuals of anchors")
+        payload = stored.payload(Section.ANCHOR_RESIDUALS)
+        residuals = payloads.read_curves(payload, n_anchors, stored.n_frames)
+    return Anchors(coefficients, residuals)

@@ -7,6 +7,7 @@ import numpy.typing as npt
 
 from meshreel.bitstream.layout import Section
 from meshreel.bitstream.reader import read_stream
+from meshreel.codec.choices import Laplacian
 from meshreel.codec.decoded_block import DecodedBlock
 from meshreel.codec.open_stream import OpenStream
 from meshreel.codec.stored_blocks import StoredBlock, stored_blocks
@@ -15,8 +16,8 @@ from meshreel.entropy.exact import decode_exact
 from meshreel.errors import InvalidInputError
 from meshreel.paper.blocks import Dictionaries, read_coded_block
 from meshreel.paper.mesh_model import MeshModel
-from meshreel.paper.payloads import read_anchor_vertices
-from meshreel.paper.pipeline import CodedBlock, synthesise
+from meshreel.paper.payloads import read_anchor_vertices, read_curves
+from meshreel.paper.pipeline import CodedBlock, Quantized, synthesise
 from meshreel.paper.variants import Variant
 
 Vertices = npt.NDArray[np.floating]
@@ -29,11 +30,14 @@ class PaperBlockDecoder:
     ----------
     opened : OpenStream
     variant : Variant
+    n_modes : int, optional
+        Rows of coefficients to use of each block (the paper's k_l). Default: all.
     """
 
-    def __init__(self, opened: OpenStream, variant: Variant) -> None:
+    def __init__(self, opened: OpenStream, variant: Variant, n_modes: int | None = None) -> None:
         self._opened = opened
         self._variant = variant
+        self._n_modes = n_modes
         self._dictionaries = Dictionaries(opened.stored, variant)
 
     @cached_property
@@ -56,6 +60,8 @@ class PaperBlockDecoder:
         stored, order = self._opened.stored(number), self._opened.order
         with np.errstate(over="ignore", invalid="ignore"):
             block = self.coded(stored, number)
+            if self._n_modes is not None:
+                block = block.truncated(self._n_modes)
             # First, since it tells whether there are as many isolated vertices as the header says;
             # what follows takes the longer, the more there are.
             exact = self._exact(stored)
@@ -79,11 +85,18 @@ class PaperBlockDecoder:
 
 def stored_mesh(opened: OpenStream, variant: Variant) -> MeshModel:
     """The mesh model of a stream: connectivity and anchors, in internal order."""
-    anchors = np.zeros(0, np.int64)
+    anchors, shape = np.zeros(0, np.int64), None
     if variant.has_anchors:
         payload = opened.stream.only(Section.ANCHOR_VERTICES)
         anchors = read_anchor_vertices(payload, opened.n_verts)
-    return MeshModel(opened.internal_faces, opened.n_verts, anchors, opened.laplacian)
+    if opened.laplacian is Laplacian.COTANGENT:
+        shape = stored_shape(opened).values[:, 0].T
+    return MeshModel(opened.internal_faces, opened.n_verts, anchors, opened.laplacian, shape)
+
+
+def stored_shape(opened: OpenStream) -> Quantized:
+    """The shape of (3, 1, V) that the cotangent weights of a stream are measured in."""
+    return read_curves(opened.stream.only(Section.SHAPE), 1, opened.n_verts)
 
 
 def coded_blocks(data: bytes) -> list[CodedBlock]:

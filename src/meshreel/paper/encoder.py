@@ -1,27 +1,34 @@
 """Encoder of blocks of frames with the paper's variants."""
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from itertools import chain
 
 import numpy as np
 import numpy.typing as npt
 
 from meshreel.bitstream.layout import Section
 from meshreel.bitstream.writer import Sections
+from meshreel.codec.choices import Laplacian
 from meshreel.codec.config import EncoderConfig
 from meshreel.codec.source import CodedMesh
+from meshreel.connectivity.permutation import inverse_permutation
 from meshreel.entropy.exact import encode_exact
 from meshreel.paper import payloads
-from meshreel.paper.anchors import choose_anchors
+from meshreel.paper.anchors import check_anchors, choose_anchors
 from meshreel.paper.blocks import tracked_from, write_coded_block
 from meshreel.paper.mesh_model import MeshModel
 from meshreel.paper.pipeline import Quantized, analyse, modes_needed
-from meshreel.paper.settings import anchor_share
+from meshreel.paper.quantization import step_for_all_rows
+from meshreel.paper.settings import choices, chosen_anchors
 from meshreel.paper.variants import Basis, variant_named
 from meshreel.subspace.trajectories import BoundingFrame, to_matrices
 from meshreel.tracks import Track
 
 Vertices = npt.NDArray[np.floating]
+
+SHAPE_BITS = 12
+"""Bits of the largest coordinate of the shape that cotangent weights are measured in."""
 
 
 class PaperBlockCoder:
@@ -39,14 +46,22 @@ class PaperBlockCoder:
     def __init__(self, mesh: CodedMesh, frame: BoundingFrame, foreseen: Iterable[Vertices]) -> None:
         self._frame = frame
         self._variant = variant_named(mesh.config.method)
-        self._config = _with_modes_for_all(mesh.config, frame, foreseen)
-        self._mesh = _mesh_model(mesh, self._config)
+        blocks = iter(foreseen)
+        first = next(blocks)
+        self._config = _with_modes_for_all(mesh.config, frame, chain([first], blocks))
+        self._shape: Quantized | None = None
+        if mesh.config.laplacian_choice is Laplacian.COTANGENT:
+            coordinates = to_matrices(first[:1], frame)
+            self._shape = Quantized.of(coordinates, step_for_all_rows(coordinates, SHAPE_BITS))
+        self._mesh = _mesh_model(mesh, self._config, self._shape)
         self._before: Quantized | None = None
 
     def leading_sections(self) -> Iterator[tuple[Section, bytes]]:
         """The sections between the connectivity and the first block."""
         if self._variant.has_anchors:
             yield Section.ANCHOR_VERTICES, payloads.write_anchor_vertices(self._mesh.anchors)
+        if self._shape is not None:
+            yield Section.SHAPE, payloads.write_curves(self._shape)
 
     def code(self, vertices: Vertices, tracks: Mapping[str, Track] | None = None) -> Sections:
         """The sections of the next block.
@@ -62,15 +77,29 @@ class PaperBlockCoder:
         before = tracked_from(variant, self._before, n_frames)
         block = analyse(to_matrices(vertices, self._frame), mesh, self._config, before)
         self._before = block.basis
+        if choices(self._config).dictionary == "whole":
+            before = None
         exact = encode_exact(vertices[:, mesh.isolated]) if len(mesh.isolated) else b""
         return write_coded_block(block, n_frames, variant, before, exact)
 
 
-def _mesh_model(mesh: CodedMesh, config: EncoderConfig) -> MeshModel:
+def _mesh_model(mesh: CodedMesh, config: EncoderConfig, shape: Quantized | None) -> MeshModel:
     anchors = np.zeros(0, np.int64)
     if variant_named(config.method).has_anchors:
-        anchors = choose_anchors(mesh.faces, mesh.n_verts, anchor_share(config))
-    return MeshModel(mesh.faces, mesh.n_verts, anchors, config.laplacian_choice)
+        anchors = _anchors(mesh, config)
+    positions = None if shape is None else shape.values[:, 0].T
+    return MeshModel(mesh.faces, mesh.n_verts, anchors, config.laplacian_choice, positions)
+
+
+def _anchors(mesh: CodedMesh, config: EncoderConfig) -> npt.NDArray[np.int64]:
+    """The anchors in internal order."""
+    chosen = chosen_anchors(config)
+    if isinstance(chosen, Sequence):
+        given = check_anchors(chosen, mesh.given_faces, mesh.n_verts)
+        return np.sort(inverse_permutation(mesh.order)[given])
+    picked = choices(config)
+    rng = np.random.default_rng(picked.anchor_seed) if picked.anchor_set == "random" else None
+    return choose_anchors(mesh.faces, mesh.n_verts, chosen, rng)
 
 
 def _with_modes_for_all(

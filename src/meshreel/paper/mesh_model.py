@@ -9,7 +9,7 @@ from scipy.sparse import csr_array
 
 from meshreel.codec.choices import Laplacian
 from meshreel.geometry.connectivity import isolated_vertices
-from meshreel.geometry.laplacian import uniform_laplacian
+from meshreel.geometry.laplacian import cotangent_laplacian, uniform_laplacian
 from meshreel.paper.reconstruction.system import ReconstructionSystem
 from meshreel.paper.subspace.graph_fourier import graph_fourier_basis
 from meshreel.runtime.profiling import staged
@@ -31,12 +31,15 @@ class MeshModel:
     anchors : integer array of shape (A,)
         Ascending; at least one in each component that has an edge.
     laplacian_choice : Laplacian
+    shape : float64 array of shape (V, 3), or None
+        Positions that cotangent weights are measured in, as the decoder has them.
     """
 
     faces: Faces
     n_verts: int
     anchors: Integers
     laplacian_choice: Laplacian
+    shape: Floats | None = None
 
     @cached_property
     def isolated(self) -> Integers:
@@ -46,6 +49,9 @@ class MeshModel:
     @cached_property
     def laplacian(self) -> csr_array:
         """L of shape (V, V)."""
+        if self.laplacian_choice is Laplacian.COTANGENT:
+            assert self.shape is not None  # the stream has one
+            return cotangent_laplacian(self.faces, self.shape)
         return uniform_laplacian(
             self.faces,
             self.n_verts,
@@ -57,7 +63,7 @@ class MeshModel:
         return graph_fourier_basis(uniform_laplacian(self.faces, self.n_verts), n_modes)
 
     def reconstruct(self, deltas: Floats, anchor_values: Floats) -> Floats:
-        """Values at all vertices, of shape (V, K), by Eq. 12; 0 at isolated vertices.
+        """Solve Eq. 12: values at all vertices, of shape (V, K); 0 at isolated vertices.
 
         The system is factored once, at the first call.
 
@@ -69,8 +75,14 @@ class MeshModel:
         return self._solve(self._system, deltas, anchor_values)
 
     def reconstruct_uncached(self, deltas: Floats, anchor_values: Floats) -> Floats:
-        """The same as `reconstruct`, with a system that is factored for this call alone."""
+        """Solve as `reconstruct`, with a system that is factored for this call alone."""
         return self._solve(self._new_system(), deltas, anchor_values)
+
+    @cached_property
+    def anchor_responses(self) -> Floats:
+        """Solutions of Eq. 12, of shape (V, A), for zero deltas and each anchor in turn at 1."""
+        n_anchors = len(self.anchors)
+        return self.reconstruct(np.zeros((self.n_verts, n_anchors)), np.eye(n_anchors))
 
     @cached_property
     def _system(self) -> ReconstructionSystem:

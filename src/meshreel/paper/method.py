@@ -10,9 +10,10 @@ import numpy.typing as npt
 from meshreel.bitstream.writer import Sections
 from meshreel.codec.config import EncoderConfig
 from meshreel.codec.open_stream import OpenStream
+from meshreel.codec.option import COUNT
 from meshreel.codec.source import CodedMesh, Source
 from meshreel.codec.track_bounds import TrackTargets
-from meshreel.errors import CorruptStreamError, InvalidInputError
+from meshreel.errors import CorruptStreamError
 from meshreel.paper import settings
 from meshreel.paper.decoder import PaperBlockDecoder
 from meshreel.paper.encoder import PaperBlockCoder
@@ -80,14 +81,6 @@ class PaperMethod:
         """Largest number of modes of a block of this many frames."""
         return n_verts if self.variant.basis is Basis.GRAPH else n_frames
 
-    def n_joint_modes(self, n_modes: int, n_frames: int, n_verts: int) -> int:
-        """Largest number of modes of all axes together with which a block of K modes is played.
-
-        Modes of an axis displace along this axis only. Frames that are decoded one by one have no
-        modes; they are decomposed for playing.
-        """
-        return min(3 * n_frames, n_verts) if self.variant.is_serial else 3 * n_modes
-
     def encode(self, source: Source, progress: Progress, engine: Engine | None) -> bytes:
         """The bytes of a stream of the source; the engine is not used."""
         coder = PaperBlockCoder(source.mesh, source.frame, source.blocks())
@@ -115,18 +108,16 @@ class PaperMethod:
         raise CorruptStreamError(f"a stream of method {self.name} has no tracks; one is announced")
 
     def decoder(self, opened: OpenStream, n_modes: int | None) -> PaperBlockDecoder:
-        """The decoder of a stream's blocks.
+        """The decoder of a stream's blocks, which uses the first rows of coefficients only.
 
         Raises
         ------
         InvalidInputError
-            If `n_modes` is given.
+            If `n_modes` is below 1.
         """
         if n_modes is not None:
-            raise InvalidInputError(
-                f"a stream of method {self.name} is decoded with all its modes; leave n_modes= out"
-            )
-        return PaperBlockDecoder(opened, self.variant)
+            COUNT.check(n_modes, "n_modes")
+        return PaperBlockDecoder(opened, self.variant, n_modes)
 
 
 def _coded(

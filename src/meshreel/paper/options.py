@@ -1,6 +1,6 @@
 """Options of the paper's variants alone: their defaults and ranges."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from meshreel.codec.choices import Laplacian
 from meshreel.codec.option import Option, Range
@@ -55,14 +55,25 @@ ALLOCATION = Option(
 )
 ANCHORS = Option(
     "anchors",
-    float,
-    "Share of the vertices sent as anchors, 0 to 1, where the method has them.",
+    float | Sequence[int],
+    "Share of the vertices sent as anchors, 0 to 1, where the method has them; or their numbers.",
     default_text=str(DEFAULT_ANCHORS),
     range=Range(0, 1),
     unit="a share of the vertices (0.01 = 1 %)",
     group=GROUP,
+    metavar="SHARE or N,N...",
     more="Every connected component gets at least one: with 0 this is decoding by L alone "
     "(Eq. 11).",
+)
+CHOICES = Option(
+    "choices",
+    str | Mapping[str, object],
+    "What the paper leaves open: values of anchor-values, anchor-set, anchor-seed, anchor-bits, "
+    "dictionary-bits, quantize, dictionary and rotation, separated by commas.",
+    group=GROUP,
+    metavar="NAME=VALUE[,...]",
+    more='Such as `"anchor-values=coefficients,anchor-bits=16"`, or a mapping; '
+    "`meshreel.paper.PaperChoices` describes each.",
 )
 LAPLACIAN = Option(
     "laplacian",
@@ -71,7 +82,8 @@ LAPLACIAN = Option(
     default=Laplacian.NORMALIZED.name.lower(),
     names=tuple(laplacian.name.lower() for laplacian in Laplacian),
     group=GROUP,
-    more="normalized: I - D^-1 C (Eq. 3), which measured better; combinatorial: D - C (Eq. 1).",
+    more="normalized: I - D^-1 C (Eq. 3), which measured better; combinatorial: D - C (Eq. 1); "
+    "cotangent: I - D^-1 W with the cotangent weights of the first frame, which is sent too.",
 )
 N_ITERATIONS = Option(
     "n_iterations",
@@ -87,7 +99,7 @@ N_ITERATIONS = Option(
 def _options_of(variant: Variant) -> tuple[Option, ...]:
     of_deltas = (LAPLACIAN,) if variant.signal is Signal.DELTAS else ()
     of_tracking = (N_ITERATIONS,) if variant.basis is Basis.TRACKED else ()
-    return (*ROUNDING, ENERGY, BITS, ALLOCATION, ANCHORS, *of_deltas, *of_tracking)
+    return (*ROUNDING, ENERGY, BITS, ALLOCATION, ANCHORS, CHOICES, *of_deltas, *of_tracking)
 
 
 OPTIONS = {variant.name: _options_of(variant) for variant in VARIANTS}

@@ -1,7 +1,7 @@
 """The paper's method: analysis of frames to integers and synthesis from them."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -18,10 +18,18 @@ from meshreel.paper.quantization import (
     step_for_all_rows,
     steps_for_each_row,
 )
-from meshreel.paper.settings import allocation_of, bits_of, energy_share
+from meshreel.paper.settings import allocation_of, anchor_bits, bits_of, choices, energy_share
 from meshreel.paper.subspace.orthogonal_iteration import advance_basis, align_basis, ritz_vectors
 from meshreel.paper.subspace.rank import modes_for_energy
-from meshreel.paper.variants import Allocation, Basis, Signal, Variant, variant_named
+from meshreel.paper.variants import (
+    FINE_BITS,
+    Allocation,
+    Basis,
+    Decoding,
+    Signal,
+    Variant,
+    variant_named,
+)
 from meshreel.runtime.profiling import staged
 from meshreel.subspace.basis import expand, project
 from meshreel.subspace.pca import autocorrelation, eigen_trajectories
@@ -29,14 +37,13 @@ from meshreel.subspace.pca import autocorrelation, eigen_trajectories
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
 
-
-BASIS_BITS = 16
-ANCHOR_BITS = 16
+PREDICTION_STEP_RATIO = 8
+"""Step of the coefficients that predict anchor positions, in steps of these positions."""
 
 
 @dataclass(frozen=True)
 class Quantized:
-    """Integers of shape (3, rows, columns), and their quantisation steps.
+    """Integers of shape (3, rows, columns), and their quantization steps.
 
     Attributes
     ----------
@@ -49,13 +56,47 @@ class Quantized:
 
     @classmethod
     def of(cls, values: Floats, steps: Steps) -> "Quantized":
-        """The values, quantised with these steps."""
+        """Quantize values with these steps."""
         return cls(quantize(values, steps), steps)
 
     @property
     def values(self) -> Floats:
-        """The dequantised values, as the decoder has them."""
+        """The dequantized values, as the decoder has them."""
         return dequantize(self.integers, self.steps)
+
+
+@dataclass(frozen=True)
+class Anchors:
+    """Anchors of a block: coefficients on its modes, and what these leave of their positions.
+
+    Positions are the product of basis and coefficients plus the residuals. One of the two may be
+    missing: without residuals only motion within the span of the modes is sent; on graph
+    frequencies (`gft`) nothing predicts the positions.
+
+    Attributes
+    ----------
+    coefficients : Quantized of shape (3, K, A), or None
+    residuals : Quantized of shape (3, A, T), or None
+    """
+
+    coefficients: Quantized | None
+    residuals: Quantized | None
+
+    def positions(self, basis: Quantized | None) -> Floats:
+        """Decoded positions of the anchors, of shape (3, T, A).
+
+        Parameters
+        ----------
+        basis : Quantized of shape (3, K, T), or None
+            The dictionary of the block, if there are coefficients.
+        """
+        predicted: Floats | float = 0.0
+        if self.coefficients is not None:
+            assert basis is not None  # coefficients are on its modes
+            predicted = expand(_columns(basis), self.coefficients.values)
+        if self.residuals is None:
+            return np.asarray(predicted)
+        return np.asarray(predicted + np.swapaxes(self.residuals.values, 1, 2))
 
 
 @dataclass(frozen=True)
@@ -63,19 +104,18 @@ class CodedBlock:
     """A block of frames as integers: everything stored of it except isolated vertices.
 
     On eigen-trajectories a row belongs to a mode. On graph frequencies (`gft`) a row of
-    coefficients is a frequency over time, and a row of anchors is an anchor over time.
+    coefficients is a frequency over time.
 
     Attributes
     ----------
     basis : Quantized of shape (3, K, T), or None
         The dictionary: a row for each eigen-trajectory of each axis. None on graph frequencies.
-    anchors : Quantized of shape (3, K, A), or (3, A, T) on graph frequencies, or None
-        Coefficients of the anchors' trajectories, or positions of the anchors.
+    anchors : Anchors or None
     coefficients : Quantized of shape (3, K, V), or (3, K, T) on graph frequencies
     """
 
     basis: Quantized | None
-    anchors: Quantized | None
+    anchors: Anchors | None
     coefficients: Quantized
 
     @property
@@ -83,12 +123,23 @@ class CodedBlock:
         """Modes of each axis, or graph frequencies, K."""
         return int(self.coefficients.integers.shape[1])
 
+    def truncated(self, n_modes: int) -> "CodedBlock":
+        """The block with the first rows of coefficients only (the paper's k_l).
+
+        Anchors whose positions were sent keep all of their motion; of others, coefficients of the
+        same modes remain.
+        """
+        anchors = self.anchors
+        if anchors is not None and anchors.coefficients is not None and anchors.residuals is None:
+            anchors = Anchors(_first_rows(anchors.coefficients, n_modes), None)
+        return replace(self, anchors=anchors, coefficients=_first_rows(self.coefficients, n_modes))
+
 
 @staged("analysis")
 def analyse(
     matrices: Floats, mesh: MeshModel, config: EncoderConfig, before: Quantized | None = None
 ) -> CodedBlock:
-    """A block of frames as integers.
+    """Return a block of frames as integers.
 
     Parameters
     ----------
@@ -103,24 +154,32 @@ def analyse(
     if method.basis is Basis.GRAPH:
         return _analyse_on_graph(matrices, mesh, config)
     basis = _dictionary(matrices, config, before)
-    # Onto the dictionary as the decoder has it, quantised.
-    projected = project(np.swapaxes(basis.values, 1, 2), matrices)
-    signal = _deltas(projected, mesh) if method.signal is Signal.DELTAS else projected
-    return CodedBlock(
-        basis=basis,
-        # Deviation from Eq. 12: the anchors' K coefficients are sent, not their T positions:
-        # components outside the span of the K modes have no effect on the solution.
-        anchors=_fine(projected[:, :, mesh.anchors], ANCHOR_BITS) if method.has_anchors else None,
-        coefficients=Quantized.of(signal, _coefficient_steps(signal, config)),
-    )
+    # Onto the dictionary as the decoder has it, quantized.
+    projected = project(_columns(basis), matrices)
+    anchors = None
+    if method.has_anchors:
+        at_anchors = projected[:, :, mesh.anchors], matrices[:, :, mesh.anchors]
+        anchors = _coded_anchors(*at_anchors, basis, config)
+    if choices(config).quantize == "deltas":
+        # The other reading of variant (ii): quantized deltas are projected, and hardly rounded.
+        deltas = _deltas(matrices, mesh)
+        rounded = Quantized.of(deltas, _coefficient_steps(deltas, config))
+        signal = project(_columns(basis), rounded.values)
+        coefficients = _fine(signal, FINE_BITS)
+    else:
+        signal = _deltas(projected, mesh) if method.signal is Signal.DELTAS else projected
+        coefficients = Quantized.of(signal, _coefficient_steps(signal, config))
+    return CodedBlock(basis, anchors, coefficients)
 
 
 def synthesise(block: CodedBlock, mesh: MeshModel, method: Variant, order: Integers) -> FramesOf:
-    """A function that returns frames of a block, vertices in output order.
+    """Return a function that gives frames of a block, vertices in output order.
 
-    On eigen-trajectories the system is solved once for the K columns of each axis, not for each
-    frame: the Laplacian acts on vertices and the basis on frames, so that the two commute. The
-    serial variants of the paper solve for each frame nevertheless.
+    On eigen-trajectories the system is solved for the K columns of each axis, not for each frame:
+    the Laplacian acts on vertices and the basis on frames, so that the two commute. The solution
+    is linear in the anchors as well: what their residuals add is solved for each anchor or for
+    each frame, whichever are fewer. The serial variants of the paper solve for each frame
+    nevertheless.
 
     Parameters
     ----------
@@ -134,11 +193,18 @@ def synthesise(block: CodedBlock, mesh: MeshModel, method: Variant, order: Integ
         deltas_of, anchors_of = _signals_of_frames(block, mesh)
         return _frame_by_frame(mesh, deltas_of, anchors_of, order)
     assert block.basis is not None  # only serial variants have none
-    basis = np.swapaxes(block.basis.values, 1, 2)
-    coefficients = block.coefficients.values
+    basis, fields = _columns(block.basis), block.coefficients.values
     if block.anchors is not None:
-        coefficients = _solved(mesh, coefficients, block.anchors.values)
-    return product_frames(basis, coefficients[:, :, order])
+        assert block.anchors.coefficients is not None  # on eigen-trajectories they always are
+        values = block.anchors.coefficients.values
+        # Anchors keep the modes that a truncated block drops.
+        fields = np.pad(fields, ((0, 0), (0, values.shape[1] - fields.shape[1]), (0, 0)))
+        fields = _solved(mesh, fields, values)
+        if block.anchors.residuals is not None:
+            responses = _residual_responses(mesh, block.anchors.residuals)
+            basis = np.concatenate([basis, responses[0]], axis=2)
+            fields = np.concatenate([fields, responses[1]], axis=1)
+    return product_frames(basis[:, :, : fields.shape[1]], fields[:, :, order])
 
 
 def modes_needed(matrices: Floats, config: EncoderConfig) -> int:
@@ -150,12 +216,14 @@ def _dictionary(matrices: Floats, config: EncoderConfig, before: Quantized | Non
     """Eigen-trajectories as integers of shape (3, K, T)."""
     correlation = autocorrelation(matrices)
     if before is not None:
-        start = np.swapaxes(before.values, 1, 2)
-        tracked = ritz_vectors(correlation, advance_basis(correlation, start, config.n_iterations))
+        start = _columns(before)
+        tracked = advance_basis(correlation, start, config.n_iterations)
+        if choices(config).rotation == "ritz":
+            tracked = ritz_vectors(correlation, tracked)
         return Quantized.of(np.swapaxes(align_basis(tracked, start), 1, 2), before.steps)
     n_modes = config.n_modes or _modes_needed(correlation, matrices, config)
     _, basis = eigen_trajectories(correlation, min(n_modes, matrices.shape[1]))
-    return _fine(np.swapaxes(basis, 1, 2), BASIS_BITS)
+    return _fine(np.swapaxes(basis, 1, 2), choices(config).dictionary_bits)
 
 
 def _modes_needed(correlation: Floats, matrices: Floats, config: EncoderConfig) -> int:
@@ -171,6 +239,55 @@ def _deltas(rows: Floats, mesh: MeshModel) -> Floats:
     return np.stack([delta_coordinates(mesh.laplacian, axis.T).T for axis in rows])
 
 
+def _coded_anchors(
+    coefficients: Floats, positions: Floats, basis: Quantized, config: EncoderConfig
+) -> Anchors:
+    """The anchors of a block on eigen-trajectories.
+
+    Parameters
+    ----------
+    coefficients : float64 array of shape (3, K, A)
+    positions : float64 array of shape (3, T, A)
+    basis : Quantized of shape (3, K, T)
+    config : EncoderConfig
+    """
+    is_exact = variant_named(config.method).decoding is Decoding.ANCHORED
+    if not is_exact or choices(config).anchor_values == "coefficients":
+        # Deviation from Eq. 12, on request: motion outside the span of the modes is not sent, and
+        # least squares spreads what is missing over the mesh. Without anchors (Eq. 11) the one
+        # vertex of each component translates it; its own residual would move all of it.
+        return Anchors(_fine(coefficients, anchor_bits(config)), None)
+    steps = step_for_all_rows(positions, anchor_bits(config))
+    coded = Quantized.of(coefficients, steps * np.float32(PREDICTION_STEP_RATIO))
+    left = positions - Anchors(coded, None).positions(basis)
+    return Anchors(coded, Quantized.of(np.swapaxes(left, 1, 2), steps))
+
+
+def _residual_responses(mesh: MeshModel, residuals: Quantized) -> tuple[Floats, Floats]:
+    """Basis of shape (3, T, N) and fields of (3, N, V) whose product the residuals add to frames.
+
+    There is a field for each anchor, the same for all axes, or one for each frame.
+    """
+    values = residuals.values
+    n_anchors, n_frames = values.shape[1:]
+    if n_anchors <= 3 * n_frames:
+        responses = np.broadcast_to(mesh.anchor_responses.T, (3, n_anchors, mesh.n_verts))
+        return np.swapaxes(values, 1, 2), responses
+    nothing = np.zeros((3, n_frames, mesh.n_verts))
+    frames = np.broadcast_to(np.eye(n_frames), (3, n_frames, n_frames))
+    return frames, _solved(mesh, nothing, np.swapaxes(values, 1, 2))
+
+
+def _columns(basis: Quantized) -> Floats:
+    """The basis vectors of a dictionary as columns, of shape (3, T, K)."""
+    return np.swapaxes(basis.values, 1, 2)
+
+
+def _first_rows(values: Quantized, n_rows: int) -> Quantized:
+    steps = values.steps if len(values.steps) == 1 else values.steps[:n_rows]
+    return Quantized(values.integers[:, :n_rows], steps)
+
+
 def _fine(values: Floats, bits: int) -> Quantized:
     return Quantized.of(values, step_for_all_rows(values, bits))
 
@@ -183,7 +300,7 @@ def _coefficient_steps(values: Floats, config: EncoderConfig) -> Steps:
 
 
 def _solved(mesh: MeshModel, deltas: Floats, anchors: Floats) -> Floats:
-    """Coefficients of the vertices, of shape (3, K, V): Eq. 12 for all columns at once."""
+    """Fields of shape (3, K, V) that solve Eq. 12, for all columns at once."""
     n_modes, n_verts = deltas.shape[1:]
     columns = mesh.reconstruct(
         deltas.reshape(3 * n_modes, n_verts).T,
@@ -200,7 +317,7 @@ def _analyse_on_graph(matrices: Floats, mesh: MeshModel, config: EncoderConfig) 
     positions = np.swapaxes(matrices[:, :, mesh.anchors], 1, 2)
     return CodedBlock(
         basis=None,
-        anchors=_fine(positions, ANCHOR_BITS),
+        anchors=Anchors(None, _fine(positions, anchor_bits(config))),
         coefficients=Quantized.of(spectra, _coefficient_steps(spectra, config)),
     )
 
@@ -208,24 +325,21 @@ def _analyse_on_graph(matrices: Floats, mesh: MeshModel, config: EncoderConfig) 
 def _signals_of_frames(block: CodedBlock, mesh: MeshModel) -> tuple[FramesOf, FramesOf]:
     """Functions from frames to deltas of shape (3, frames, V) and anchors of (3, frames, A)."""
     assert block.anchors is not None  # serial variants solve a system
-    coefficients, anchors = block.coefficients.values, block.anchors.values
+    coefficients, anchors = block.coefficients.values, block.anchors.positions(block.basis)
     if block.basis is None:
         frequencies = mesh.graph_fourier_basis(block.n_modes)
         return (
             lambda frames: np.swapaxes(coefficients[:, :, frames], 1, 2) @ frequencies.T,
-            lambda frames: np.swapaxes(anchors[:, :, frames], 1, 2),
+            lambda frames: anchors[:, frames],
         )
-    basis = np.swapaxes(block.basis.values, 1, 2)
-    return (
-        lambda frames: expand(basis[:, frames], coefficients),
-        lambda frames: expand(basis[:, frames], anchors),
-    )
+    basis = _columns(block.basis)[:, :, : block.n_modes]
+    return lambda frames: expand(basis[:, frames], coefficients), lambda frames: anchors[:, frames]
 
 
 def _frame_by_frame(
     mesh: MeshModel, deltas_of: FramesOf, anchors_of: FramesOf, order: Integers
 ) -> FramesOf:
-    """A function that solves Eq. 12 frame by frame, with the system factored for each."""
+    """Return a function that solves Eq. 12 frame by frame, with the system factored for each."""
 
     def frames_of(frames: slice) -> Floats:
         deltas, anchors = deltas_of(frames), anchors_of(frames)

@@ -1,4 +1,4 @@
-"""Uniform quantisation (paper Eq. 10), and the bits of each row of coefficients.
+"""Uniform quantization (paper Eq. 10), and the bits of each row of coefficients.
 
 # Deviation from Eq. 10: the paper leaves open what Q does, and how bits are spread over the k_l
 rows that are kept. Implemented are one step for all rows, a step for each row, and bits row by row.

@@ -4,8 +4,20 @@ from collections.abc import Sequence
 
 from meshreel.codec.config import EncoderConfig
 from meshreel.errors import InvalidInputError
+from meshreel.paper.choices import PaperChoices, choices_of
 from meshreel.paper.options import BITS_RANGE, DEFAULT_ANCHORS, DEFAULT_ENERGY
-from meshreel.paper.variants import Allocation, Basis, Decoding, Variant, variant_named
+from meshreel.paper.variants import (
+    FINE_BITS,
+    Allocation,
+    Basis,
+    Decoding,
+    Signal,
+    Variant,
+    variant_named,
+)
+
+EXTRA_ANCHOR_BITS = 4
+"""Bits of an anchor position beyond those of a coefficient of the deltas (docs/codec.md)."""
 
 
 def energy_share(config: EncoderConfig) -> float:
@@ -23,20 +35,37 @@ def allocation_of(config: EncoderConfig) -> Allocation:
     return Allocation(config.allocation)
 
 
-def anchor_share(config: EncoderConfig) -> float:
-    """Share of the vertices that are anchors; 0 is one for each component."""
+def choices(config: EncoderConfig) -> PaperChoices:
+    """What the paper leaves open."""
+    return choices_of(config.choices)
+
+
+def chosen_anchors(config: EncoderConfig) -> float | Sequence[int]:
+    """The anchors as vertices, or their share of the vertices; 0 is one for each component."""
     if variant_named(config.method).decoding is not Decoding.ANCHORED:
         return 0.0
     return DEFAULT_ANCHORS if config.anchors is None else config.anchors
 
 
+def anchor_bits(config: EncoderConfig) -> int:
+    """Bits of the largest position of an anchor, or of its largest coefficient."""
+    chosen, variant = choices(config), variant_named(config.method)
+    if chosen.anchor_bits is not None:
+        return chosen.anchor_bits
+    if variant.decoding is not Decoding.ANCHORED or chosen.anchor_values == "coefficients":
+        return FINE_BITS
+    bits = bits_of(config)
+    largest = max(bits) if isinstance(bits, Sequence) else bits
+    return min(largest + EXTRA_ANCHOR_BITS, int(BITS_RANGE.high))
+
+
 def check(config: EncoderConfig) -> None:
-    """Nothing if the options of the variant fit each other; each by itself is in range.
+    """Raise an error unless the options of the variant fit each other.
 
     Raises
     ------
     InvalidInputError
-        If they do not, or a list of bits has some that are out of range.
+        If they exclude each other, one has no effect, or a list has values out of range.
     """
     variant = variant_named(config.method)
     if config.n_modes is not None and config.energy is not None:
@@ -47,11 +76,41 @@ def check(config: EncoderConfig) -> None:
             "give n_modes="
         )
     _check_bits(config, variant)
-    if config.anchors and variant.decoding is not Decoding.ANCHORED:
+    _check_choices(config, variant)
+    has_anchors = isinstance(config.anchors, Sequence) or bool(config.anchors)
+    if has_anchors and variant.decoding is not Decoding.ANCHORED:
         raise InvalidInputError(
             f"method {variant.name} decodes with {variant.decoding.value}, without anchors; leave "
             "anchors out, or choose pca-qp"
         )
+
+
+def _check_choices(config: EncoderConfig, variant: Variant) -> None:
+    """Raise an error for a choice that has no effect."""
+    chosen = choices(config)
+    changed, reasons = chosen.changed, dict[str, str]()
+    if variant.decoding is not Decoding.ANCHORED:
+        for name in ("anchor_values", "anchor_set", "anchor_seed"):
+            reasons[name] = f"method {variant.name} has no anchors"
+    if not variant.has_anchors:
+        reasons["anchor_bits"] = f"method {variant.name} has no anchors"
+    if variant.basis is Basis.GRAPH:
+        reasons["anchor_values"] = "method gft sends positions of its anchors"
+        reasons["dictionary_bits"] = "method gft sends no dictionary"
+    if variant.basis is not Basis.TRACKED:
+        for name in ("dictionary", "rotation"):
+            reasons[name] = f"method {variant.name} does not track its dictionary; choose blocks"
+    if variant.signal is not Signal.DELTAS or variant.basis is Basis.GRAPH:
+        reasons["quantize"] = f"method {variant.name} does not project deltas on eigen-trajectories"
+    elif isinstance(config.bits, Sequence) or allocation_of(config) is Allocation.CONSTANT:
+        reasons["quantize"] = "deltas of all frames have one step; give one number of bits"
+    if isinstance(config.anchors, Sequence):
+        reasons["anchor_set"] = "anchors= lists the vertices"
+    if chosen.anchor_set != "random" or isinstance(config.anchors, Sequence):
+        reasons["anchor_seed"] = "it is the seed of anchor_set=random"
+    for name in changed:
+        if name in reasons:
+            raise InvalidInputError(f"choice {name} has no effect: {reasons[name]}; leave it out")
 
 
 def _check_bits(config: EncoderConfig, variant: Variant) -> None:

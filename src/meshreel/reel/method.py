@@ -116,10 +116,6 @@ class ReelMethod:
         """Modes that a block of so many frames can have at most."""
         return 3 * n_frames
 
-    def n_joint_modes(self, n_modes: int, n_frames: int, n_verts: int) -> int:
-        """The modes of a block, which are of all axes together."""
-        return n_modes
-
     def encode(self, source: Source, progress: Progress, engine: Engine | None) -> bytes:
         """The bytes of a stream of the source; raises as `whole.encode`."""
         from meshreel.reel.encoding import whole

@@ -58,7 +58,7 @@ def test_option_takes_its_default_and_says_what_it_is(name):
     option.check(option.default)
     assert option.help.endswith(".")
     assert option.default in option.names or not option.names or option.default is None
-    assert option.names or option.range or option.type is bool
+    assert option.names or option.range or option.metavar or option.type is bool
 
 
 @pytest.mark.parametrize("name", OPTIONS)

@@ -51,8 +51,10 @@ def paper_count(setting: Setting, stream: StreamInfo, blocks: Sequence[CodedBloc
 def _n_anchors(block: CodedBlock) -> int:
     if block.anchors is None:
         return 0
-    # On trajectories an anchor is a column of coefficients, on graph frequencies a row of places.
-    return int(block.anchors.integers.shape[1 if block.basis is None else 2])
+    if block.anchors.residuals is not None:
+        return int(block.anchors.residuals.integers.shape[1])
+    assert block.anchors.coefficients is not None
+    return int(block.anchors.coefficients.integers.shape[2])
 
 
 def _dictionary_bits(

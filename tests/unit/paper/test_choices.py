@@ -1,0 +1,193 @@
+"""Choices that the paper leaves open: what each changes, and which are refused."""
+
+import numpy as np
+import pytest
+
+from meshreel.codec.decoder import decode
+from meshreel.codec.encoder import encode
+from meshreel.codec.inspect import info
+from meshreel.errors import InvalidInputError
+from meshreel.paper.choices import PaperChoices, choices_of
+from meshreel.paper.decoder import coded_blocks
+from samples.meshes import irregular_sequence, kg_error_percent, waving_grid
+
+
+def error(**options):
+    sequence = waving_grid(20)
+    options = {"method": "pca-qp", "n_modes": 2, "bits": 12, "anchors": 0.05} | options
+    return kg_error_percent(sequence.vertices, decode(encode(sequence, **options)).vertices)
+
+
+def test_anchor_positions_reduce_the_error_where_anchors_sample_what_modes_leave():
+    sequence = waving_grid(20, 40, 40)  # 5 % are some 20 anchors a wave
+    positions, coefficients = (
+        encode(sequence, "pca-qp", n_modes=2, bits=12, anchors=0.05, choices=choices)
+        for choices in (None, {"anchor_values": "coefficients"})
+    )
+    errors = [
+        kg_error_percent(sequence.vertices, decode(data).vertices)
+        for data in (positions, coefficients)
+    ]
+    assert errors[0] < 0.8 * errors[1]
+
+
+def test_anchor_positions_come_back_to_half_a_step():
+    sequence = waving_grid(20, dtype=np.float64)
+    anchors, bits = [3, 50, 77], 14
+    options = {"n_modes": 2, "choices": {"anchor_bits": bits}, "order": "vertices"}
+    data = encode(sequence, "pca-qp", anchors=anchors, **options)
+    (block,) = coded_blocks(data)
+    assert block.anchors is not None
+    found = block.anchors.positions(block.basis)
+    frame = info(data)
+    center, diagonal = sequence.extent.low / 2 + sequence.extent.high / 2, frame.diagonal
+    wanted = np.moveaxis(sequence.vertices[:, anchors] - center, 2, 0) / diagonal
+    step = np.abs(wanted).max() / (2 ** (bits - 1) - 1)
+    # The anchors are stored in internal order.
+    ordered, expected = (np.sort(one.reshape(-1, 3), axis=1) for one in (found, wanted))
+    np.testing.assert_allclose(ordered, expected, atol=0.51 * step)
+
+
+@pytest.mark.every_case
+def test_text_and_mapping_mean_the_same():
+    given = "anchor-values=coefficients, dictionary-bits=12"
+    assert choices_of(given) == PaperChoices(anchor_values="coefficients", dictionary_bits=12)
+    assert choices_of({"anchor_set": "random", "anchor_seed": 3}).changed == {
+        "anchor_set": "random",
+        "anchor_seed": 3,
+    }
+    assert choices_of(None) == PaperChoices()
+
+
+REFUSED = {
+    "anchor_valeus=positions": "choice 'anchor_valeus' is unknown; did you mean 'anchor_values'?",
+    "anchor-values=places": "choice anchor_values must be 'positions' or 'coefficients'",
+    "dictionary-bits=25": r"choice dictionary_bits must be 2\.\.24; got 25",
+    "anchor-bits=": "choices are NAME=VALUE, separated by commas",
+}
+
+
+@pytest.mark.every_case
+@pytest.mark.parametrize("text", REFUSED)
+def test_choices_are_refused_in_words(text):
+    with pytest.raises(InvalidInputError, match=REFUSED[text]):
+        encode(waving_grid(3), "pca-qp", choices=text)
+
+
+IDLE = {
+    "v2v": {"anchor_values": "coefficients"},
+    "pca": {"anchor_set": "random"},
+    "pca-q": {"anchor_values": "coefficients"},
+    "pca-qp": {"dictionary": "whole"},
+    "pca-qs": {"anchor_seed": 4},
+    "gft": {"dictionary_bits": 12},
+}
+
+
+@pytest.mark.every_case
+@pytest.mark.parametrize("method", IDLE)
+def test_a_choice_without_effect_is_an_error(method):
+    with pytest.raises(InvalidInputError, match="has no effect"):
+        encode(waving_grid(3), method, choices=IDLE[method])
+
+
+def test_choices_are_refused_by_methods_that_are_not_of_the_paper():
+    with pytest.raises(InvalidInputError, match="method reel does not take choices="):
+        encode(waving_grid(3), choices={"anchor_bits": 12})
+
+
+def test_random_anchors_follow_their_seed_and_reach_every_component():
+    sequence = irregular_sequence()
+
+    def stream(seed):
+        choices = {"anchor_set": "random", "anchor_seed": seed}
+        return encode(sequence, "pca-qp", n_modes=8, bits=24, anchors=0.3, choices=choices)
+
+    assert stream(1) == stream(1) != stream(2)
+    assert kg_error_percent(sequence.vertices, decode(stream(1)).vertices) < 0.5
+
+
+def test_given_anchors_are_exact_where_their_bits_are_many():
+    sequence = waving_grid(20)
+    anchors = [5, 40, 98]
+    choices = {"anchor_bits": 24}
+    data = encode(sequence, "pca-qp", n_modes=1, bits=4, anchors=anchors, choices=choices)
+    assert len(coded_blocks(data)[0].anchors.residuals.integers[0]) == 3
+    errors = np.linalg.norm(decode(data).vertices - sequence.vertices, axis=2).mean(axis=0)
+    # Weight 1 like all rows of L, so not exact in the solution; but nearer than others.
+    assert errors[anchors].max() < np.median(errors)
+
+
+@pytest.mark.every_case
+@pytest.mark.parametrize(
+    ("anchors", "words"),
+    [
+        ([0, 36], "vertex 0 has no edge"),
+        ([1, 1, 35], "lists vertex 1 twice"),
+        ([2], "1 connected components have no anchor, among them that of vertex 31"),
+        ([2, 99], r"anchors must be vertices 0\.\.37"),
+        ([], "at least one"),
+    ],
+)
+def test_given_anchors_are_refused_when_they_cannot_be(anchors, words):
+    with pytest.raises(InvalidInputError, match=words):
+        encode(irregular_sequence(), "pca-qp", anchors=anchors)
+
+
+def test_whole_dictionaries_decode_to_the_same_frames_as_differences():
+    options = {"n_modes": 3, "block_frames": 10}
+    sequence = waving_grid(34)
+    difference = encode(sequence, "blocks", **options)
+    whole = encode(sequence, "blocks", choices={"dictionary": "whole"}, **options)
+    assert difference != whole
+    np.testing.assert_array_equal(decode(difference).vertices, decode(whole).vertices)
+
+
+def test_fewer_dictionary_bits_make_a_smaller_basis_and_a_larger_error():
+    coarse = {"dictionary_bits": 6}
+    sizes = [
+        info(encode(waving_grid(20), "v2v", n_modes=6, choices=choices)).budget_bytes["basis"]
+        for choices in (coarse, None)
+    ]
+    assert sizes[0] < 0.7 * sizes[1]
+    assert error(choices=coarse) > error()
+
+
+def test_quantized_deltas_cost_bits_of_fine_coefficients_and_keep_the_error_of_coarse_deltas():
+    sequence = waving_grid(20)
+    coarse, fine, projected = (
+        encode(sequence, "pca-q", n_modes=8, bits=bits, choices=choices)
+        for bits, choices in ((5, None), (16, None), (5, {"quantize": "deltas"}))
+    )
+    sizes = [info(data).budget_bytes["coefficients"] for data in (coarse, projected)]
+    assert sizes[0] < 0.7 * sizes[1]
+    errors = [
+        kg_error_percent(sequence.vertices, decode(data).vertices) for data in (projected, fine)
+    ]
+    assert errors[0] > 10 * errors[1]
+
+
+@pytest.mark.every_case
+@pytest.mark.parametrize("method", ["pca-qp", "pca-qs", "blocks", "pca"])
+def test_frames_come_back_with_cotangent_weights(method):
+    sequence = irregular_sequence(7)
+    options = {"n_modes": 7, "bits": 24, "laplacian": "cotangent"}
+    data = encode(sequence, method, **options)
+    assert info(data).budget_bytes["shape"] > 0
+    assert kg_error_percent(sequence.vertices, decode(data).vertices) < 0.5
+
+
+@pytest.mark.every_case
+@pytest.mark.parametrize("method", ["pca-qp", "pca-qs", "v2v", "pca-q", "blocks", "gft"])
+def test_first_rows_decode_to_what_encoding_them_alone_gives(method):
+    """`decode(n_modes=)` is Eq. 10 with a smaller k_l."""
+    sequence = waving_grid(20, dtype=np.float64)
+    choices = {} if method == "gft" else {"dictionary_bits": 24}
+    if method in ("pca-qp", "pca-qs", "blocks", "gft"):
+        choices["anchor_bits"] = 24
+    options = {"bits": 20, "choices": choices}
+    many = encode(sequence, method, n_modes=8, **options)
+    few = encode(sequence, method, n_modes=3, **options)
+    found, wanted = decode(many, n_modes=3).vertices, decode(few).vertices
+    np.testing.assert_allclose(found, wanted, atol=2e-4)
+    assert np.abs(found - decode(many).vertices).max() > 1e-3
