@@ -59,7 +59,7 @@ class PaperBlockDecoder:
         """
         stored, order = self._opened.stored(number), self._opened.order
         with np.errstate(over="ignore", invalid="ignore"):
-            block = self.coded(stored, number)
+            block = self.coded(stored, number).values
             if self._n_modes is not None:
                 block = block.truncated(self._n_modes)
             # First, since it tells whether there are as many isolated vertices as the header says;

@@ -82,21 +82,59 @@ class Anchors:
     coefficients: Quantized | None
     residuals: Quantized | None
 
-    def positions(self, basis: Quantized | None) -> Floats:
-        """Decoded positions of the anchors, of shape (3, T, A).
 
-        Parameters
-        ----------
-        basis : Quantized of shape (3, K, T), or None
-            The dictionary of the block, if there are coefficients.
-        """
+@dataclass(frozen=True)
+class BlockValues:
+    """A block of frames as the decoder has it: dequantized values.
+
+    Attributes
+    ----------
+    basis : float64 array of shape (3, T, K), or None
+        Eigen-trajectories of each axis as columns. None on graph frequencies (`gft`).
+    coefficients : float64 array of shape (3, K, V), or (3, K, T) on graph frequencies
+        Possibly fewer rows than the basis has columns (`truncated`).
+    anchor_coefficients : float64 array of shape (3, K, A), or None
+        Coefficients of the anchors on the leading modes.
+    anchor_residuals : float64 array of shape (3, A, T), or None
+        Anchor positions less their prediction from the coefficients.
+    """
+
+    basis: Floats | None
+    coefficients: Floats
+    anchor_coefficients: Floats | None
+    anchor_residuals: Floats | None
+
+    @property
+    def n_modes(self) -> int:
+        """Number of rows of coefficients of each axis, K."""
+        return int(self.coefficients.shape[1])
+
+    @property
+    def anchor_positions(self) -> Floats | None:
+        """Positions of the anchors, of shape (3, T, A); None for a method without anchors."""
         predicted: Floats | float = 0.0
-        if self.coefficients is not None:
-            assert basis is not None  # coefficients are on its modes
-            predicted = expand(_columns(basis), self.coefficients.values)
-        if self.residuals is None:
+        if self.anchor_coefficients is not None:
+            assert self.basis is not None  # the coefficients refer to its modes
+            n_modes = self.anchor_coefficients.shape[1]
+            predicted = expand(self.basis[:, :, :n_modes], self.anchor_coefficients)
+        elif self.anchor_residuals is None:
+            return None
+        if self.anchor_residuals is None:
             return np.asarray(predicted)
-        return np.asarray(predicted + np.swapaxes(self.residuals.values, 1, 2))
+        return np.asarray(predicted + np.swapaxes(self.anchor_residuals, 1, 2))
+
+    def truncated(self, n_modes: int) -> "BlockValues":
+        """The block with the first rows of coefficients only (the paper's k_l).
+
+        Anchors whose positions were sent keep all of their motion; of others, coefficients of the
+        same modes remain.
+        """
+        anchors = self.anchor_coefficients
+        if anchors is not None and self.anchor_residuals is None:
+            anchors = anchors[:, :n_modes]
+        return replace(
+            self, coefficients=self.coefficients[:, :n_modes], anchor_coefficients=anchors
+        )
 
 
 @dataclass(frozen=True)
@@ -123,16 +161,16 @@ class CodedBlock:
         """Modes of each axis, or graph frequencies, K."""
         return int(self.coefficients.integers.shape[1])
 
-    def truncated(self, n_modes: int) -> "CodedBlock":
-        """The block with the first rows of coefficients only (the paper's k_l).
-
-        Anchors whose positions were sent keep all of their motion; of others, coefficients of the
-        same modes remain.
-        """
-        anchors = self.anchors
-        if anchors is not None and anchors.coefficients is not None and anchors.residuals is None:
-            anchors = Anchors(_first_rows(anchors.coefficients, n_modes), None)
-        return replace(self, anchors=anchors, coefficients=_first_rows(self.coefficients, n_modes))
+    @property
+    def values(self) -> BlockValues:
+        """The dequantized values, as the decoder has them."""
+        coefficients = residuals = None
+        if self.anchors is not None and self.anchors.coefficients is not None:
+            coefficients = self.anchors.coefficients.values
+        if self.anchors is not None and self.anchors.residuals is not None:
+            residuals = self.anchors.residuals.values
+        basis = None if self.basis is None else _columns(self.basis)
+        return BlockValues(basis, self.coefficients.values, coefficients, residuals)
 
 
 @staged("analysis")
@@ -172,7 +210,7 @@ def analyse(
     return CodedBlock(basis, anchors, coefficients)
 
 
-def synthesise(block: CodedBlock, mesh: MeshModel, method: Variant, order: Integers) -> FramesOf:
+def synthesise(block: BlockValues, mesh: MeshModel, method: Variant, order: Integers) -> FramesOf:
     """Return a function that gives frames of a block, vertices in output order.
 
     On eigen-trajectories the system is solved for the K columns of each axis, not for each frame:
@@ -183,7 +221,7 @@ def synthesise(block: CodedBlock, mesh: MeshModel, method: Variant, order: Integ
 
     Parameters
     ----------
-    block : CodedBlock
+    block : BlockValues
     mesh : MeshModel
     method : Variant
     order : integer array of shape (V,)
@@ -193,15 +231,15 @@ def synthesise(block: CodedBlock, mesh: MeshModel, method: Variant, order: Integ
         deltas_of, anchors_of = _signals_of_frames(block, mesh)
         return _frame_by_frame(mesh, deltas_of, anchors_of, order)
     assert block.basis is not None  # only serial variants have none
-    basis, fields = _columns(block.basis), block.coefficients.values
-    if block.anchors is not None:
-        assert block.anchors.coefficients is not None  # on eigen-trajectories they always are
-        values = block.anchors.coefficients.values
+    basis, fields = block.basis, block.coefficients
+    if method.has_anchors:
+        values = block.anchor_coefficients
+        assert values is not None  # on eigen-trajectories they always are
         # Anchors keep the modes that a truncated block drops.
         fields = np.pad(fields, ((0, 0), (0, values.shape[1] - fields.shape[1]), (0, 0)))
         fields = _solved(mesh, fields, values)
-        if block.anchors.residuals is not None:
-            responses = _residual_responses(mesh, block.anchors.residuals)
+        if block.anchor_residuals is not None:
+            responses = _residual_responses(mesh, block.anchor_residuals)
             basis = np.concatenate([basis, responses[0]], axis=2)
             fields = np.concatenate([fields, responses[1]], axis=1)
     return product_frames(basis[:, :, : fields.shape[1]], fields[:, :, order])
@@ -259,16 +297,16 @@ def _coded_anchors(
         return Anchors(_fine(coefficients, anchor_bits(config)), None)
     steps = step_for_all_rows(positions, anchor_bits(config))
     coded = Quantized.of(coefficients, steps * np.float32(PREDICTION_STEP_RATIO))
-    left = positions - Anchors(coded, None).positions(basis)
+    left = positions - expand(_columns(basis), coded.values)
     return Anchors(coded, Quantized.of(np.swapaxes(left, 1, 2), steps))
 
 
-def _residual_responses(mesh: MeshModel, residuals: Quantized) -> tuple[Floats, Floats]:
+def _residual_responses(mesh: MeshModel, values: Floats) -> tuple[Floats, Floats]:
     """Basis of shape (3, T, N) and fields of (3, N, V) whose product the residuals add to frames.
 
-    There is a field for each anchor, the same for all axes, or one for each frame.
+    There is a field for each anchor, the same for all axes, or one for each frame. The residuals
+    have shape (3, A, T).
     """
-    values = residuals.values
     n_anchors, n_frames = values.shape[1:]
     if n_anchors <= 3 * n_frames:
         responses = np.broadcast_to(mesh.anchor_responses.T, (3, n_anchors, mesh.n_verts))
@@ -281,11 +319,6 @@ def _residual_responses(mesh: MeshModel, residuals: Quantized) -> tuple[Floats, 
 def _columns(basis: Quantized) -> Floats:
     """The basis vectors of a dictionary as columns, of shape (3, T, K)."""
     return np.swapaxes(basis.values, 1, 2)
-
-
-def _first_rows(values: Quantized, n_rows: int) -> Quantized:
-    steps = values.steps if len(values.steps) == 1 else values.steps[:n_rows]
-    return Quantized(values.integers[:, :n_rows], steps)
 
 
 def _fine(values: Floats, bits: int) -> Quantized:
@@ -322,17 +355,18 @@ def _analyse_on_graph(matrices: Floats, mesh: MeshModel, config: EncoderConfig) 
     )
 
 
-def _signals_of_frames(block: CodedBlock, mesh: MeshModel) -> tuple[FramesOf, FramesOf]:
+def _signals_of_frames(block: BlockValues, mesh: MeshModel) -> tuple[FramesOf, FramesOf]:
     """Functions from frames to deltas of shape (3, frames, V) and anchors of (3, frames, A)."""
-    assert block.anchors is not None  # serial variants solve a system
-    coefficients, anchors = block.coefficients.values, block.anchors.positions(block.basis)
+    anchors = block.anchor_positions
+    assert anchors is not None  # serial variants solve a system
+    coefficients = block.coefficients
     if block.basis is None:
         frequencies = mesh.graph_fourier_basis(block.n_modes)
         return (
             lambda frames: np.swapaxes(coefficients[:, :, frames], 1, 2) @ frequencies.T,
             lambda frames: anchors[:, frames],
         )
-    basis = _columns(block.basis)[:, :, : block.n_modes]
+    basis = block.basis[:, :, : block.n_modes]
     return lambda frames: expand(basis[:, frames], coefficients), lambda frames: anchors[:, frames]
 
 

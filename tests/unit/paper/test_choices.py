@@ -37,8 +37,8 @@ def test_anchor_positions_come_back_to_half_a_step():
     options = {"n_modes": 2, "choices": {"anchor_bits": bits}, "order": "vertices"}
     data = encode(sequence, "pca-qp", anchors=anchors, **options)
     (block,) = coded_blocks(data)
-    assert block.anchors is not None
-    found = block.anchors.positions(block.basis)
+    found = block.values.anchor_positions
+    assert found is not None
     frame = info(data)
     center, diagonal = sequence.extent.low / 2 + sequence.extent.high / 2, frame.diagonal
     wanted = np.moveaxis(sequence.vertices[:, anchors] - center, 2, 0) / diagonal
@@ -191,3 +191,15 @@ def test_first_rows_decode_to_what_encoding_them_alone_gives(method):
     found, wanted = decode(many, n_modes=3).vertices, decode(few).vertices
     np.testing.assert_allclose(found, wanted, atol=2e-4)
     assert np.abs(found - decode(many).vertices).max() > 1e-3
+
+
+@pytest.mark.every_case
+@pytest.mark.parametrize("method", ["pca-qp", "pca-qs"])
+def test_coefficients_of_anchors_are_truncated_with_those_of_the_deltas(method):
+    """Parallel and serial decoders solve Eq. 12 for the same leading modes."""
+    choices = {"anchor_values": "coefficients", "dictionary_bits": 24, "anchor_bits": 24}
+    sequence = waving_grid(20, dtype=np.float64)
+    many, few = (
+        encode(sequence, method, n_modes=n_modes, bits=20, choices=choices) for n_modes in (8, 3)
+    )
+    np.testing.assert_allclose(decode(many, n_modes=3).vertices, decode(few).vertices, atol=2e-4)

@@ -18,7 +18,7 @@ def round_trip(sequence, config):
     mesh = MeshModel(faces, sequence.n_verts, anchors, config.laplacian_choice)
     matrices = to_matrices(sequence.vertices, bounding_frame(sequence.extent))
     frames_of = synthesise(
-        analyse(matrices, mesh, config),
+        analyse(matrices, mesh, config).values,
         mesh,
         variant_named(config.method),
         np.arange(sequence.n_verts),
