@@ -17,6 +17,7 @@ info              what a stream holds, and where its bytes go: StreamInfo
 open              a .reel file whose frames are decoded when they are asked for: ReelFile
 Encoder           codes frames as they come
 simulate_flag     a sequence to try things on
+paper             the paper's seven methods for experiments: their streams as arrays, their steps
 MeshReelError     the base of all errors: InvalidInputError, FormatError, CorruptStreamError,
                   TruncatedStreamError, UnsupportedVersionError, SolverError, StoreError,
                   WorkerDiedError
@@ -26,6 +27,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from meshreel import paper as paper
     from meshreel.api import compare, decode, encode, info
     from meshreel.codec.inspect import StreamInfo
     from meshreel.codec.reel_file import ReelFile
@@ -111,6 +113,8 @@ _HOMES = {
 
 def __getattr__(name: str) -> Any:
     """A public name, imported when it is first asked for: the command line starts fast."""
+    if name == "paper":
+        return import_module("meshreel.paper")
     if name not in __all__:
         raise AttributeError(f"module 'meshreel' has no attribute {name!r}")
     home = import_module(f"meshreel.{_HOMES.get(name, 'errors')}")

@@ -1,1 +1,122 @@
-"""The paper's seven variants: subspaces, quantisation, solver, and their blocks in a stream."""
+"""The paper's seven variants, for experiments: streams as arrays, and the steps of the method.
+
+    import meshreel
+
+    data = meshreel.encode(sequence, "pca-qp", n_modes=20)
+    stream = meshreel.paper.read(data)
+    vertices = stream.reconstruct()
+
+METHODS               the names of the seven variants
+read                  a stream as arrays: PaperStream, PaperBlock
+PaperChoices          what the paper leaves open, as `meshreel.encode(choices=)` takes it
+bounding_frame        the units of the coordinate matrices: BoundingFrame
+to_matrices           positions to coordinate matrices A; from_matrices inverts it
+uniform_laplacian     L = D - C, or its rows divided by the degrees (Eqs. 1 to 3)
+cotangent_laplacian   L with cotangent weights
+delta_coordinates     L applied to columns (Eqs. 4 and 8)
+autocorrelation       R = A A^T (Eq. 7)
+eigen_trajectories    the leading eigenvectors of R (Eq. 5)
+advance_basis         orthogonal iterations (Alg. 1); then ritz_vectors, align_basis
+graph_fourier_basis   low-frequency eigenvectors of a Laplacian, the basis of gft (Eq. 6)
+project               U^T A (Eqs. 6 and 9); expand inverts it
+step_for_all_rows     quantization steps of coefficients (Eq. 10); steps_for_each_row
+quantize              integers of coefficients (Eq. 10); dequantize inverts it
+choose_anchors        farthest-point or random anchors
+ReconstructionSystem  least squares with anchors (Eqs. 11 and 12)
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from meshreel.geometry.laplacian import (
+        cotangent_laplacian,
+        delta_coordinates,
+        uniform_laplacian,
+    )
+    from meshreel.paper.anchors import choose_anchors
+    from meshreel.paper.choices import PaperChoices
+    from meshreel.paper.quantization import (
+        dequantize,
+        quantize,
+        step_for_all_rows,
+        steps_for_each_row,
+    )
+    from meshreel.paper.reconstruction.system import ReconstructionSystem
+    from meshreel.paper.stream import PaperBlock, PaperStream, read
+    from meshreel.paper.subspace.graph_fourier import graph_fourier_basis
+    from meshreel.paper.subspace.orthogonal_iteration import (
+        advance_basis,
+        align_basis,
+        ritz_vectors,
+    )
+    from meshreel.paper.variants import METHODS
+    from meshreel.subspace.basis import expand, project
+    from meshreel.subspace.pca import autocorrelation, eigen_trajectories
+    from meshreel.subspace.trajectories import (
+        BoundingFrame,
+        bounding_frame,
+        from_matrices,
+        to_matrices,
+    )
+
+__all__ = [
+    "METHODS",
+    "BoundingFrame",
+    "PaperBlock",
+    "PaperChoices",
+    "PaperStream",
+    "ReconstructionSystem",
+    "advance_basis",
+    "align_basis",
+    "autocorrelation",
+    "bounding_frame",
+    "choose_anchors",
+    "cotangent_laplacian",
+    "delta_coordinates",
+    "dequantize",
+    "eigen_trajectories",
+    "expand",
+    "from_matrices",
+    "graph_fourier_basis",
+    "project",
+    "quantize",
+    "read",
+    "ritz_vectors",
+    "step_for_all_rows",
+    "steps_for_each_row",
+    "to_matrices",
+    "uniform_laplacian",
+]
+
+_STEPS = ("dequantize", "quantize", "step_for_all_rows", "steps_for_each_row")
+_UNITS = ("BoundingFrame", "bounding_frame", "from_matrices", "to_matrices")
+_ITERATIONS = ("advance_basis", "align_basis", "ritz_vectors")
+_LAPLACIANS = ("cotangent_laplacian", "delta_coordinates", "uniform_laplacian")
+
+_HOMES = {
+    **dict.fromkeys(_LAPLACIANS, "geometry.laplacian"),
+    **dict.fromkeys(_STEPS, "paper.quantization"),
+    **dict.fromkeys(_UNITS, "subspace.trajectories"),
+    **dict.fromkeys(_ITERATIONS, "paper.subspace.orthogonal_iteration"),
+    **dict.fromkeys(("PaperBlock", "PaperStream", "read"), "paper.stream"),
+    **dict.fromkeys(("autocorrelation", "eigen_trajectories"), "subspace.pca"),
+    **dict.fromkeys(("expand", "project"), "subspace.basis"),
+    "METHODS": "paper.variants",
+    "PaperChoices": "paper.choices",
+    "ReconstructionSystem": "paper.reconstruction.system",
+    "choose_anchors": "paper.anchors",
+    "graph_fourier_basis": "paper.subspace.graph_fourier",
+}
+
+
+def __getattr__(name: str) -> Any:
+    """Import a public name at its first use: modules of this package are read at every start."""
+    if name not in _HOMES:
+        raise AttributeError(f"module 'meshreel.paper' has no attribute {name!r}")
+    home = import_module(f"meshreel.{_HOMES[name]}")
+    return globals().setdefault(name, getattr(home, name))
+
+
+def __dir__() -> list[str]:
+    return sorted({*__all__, *(name for name in globals() if name.startswith("__"))})

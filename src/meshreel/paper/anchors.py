@@ -35,6 +35,10 @@ def choose_anchors(
         0..1.
     rng : Generator, optional
         Draws them at random. Default: farthest-point samples.
+
+    Returns
+    -------
+    int64 array of shape (A,), ascending
     """
     n_components, labels = component_labels(faces, n_verts)
     isolated = isolated_vertices(faces, n_verts)

@@ -18,7 +18,7 @@ from meshreel.paper.blocks import Dictionaries, read_coded_block
 from meshreel.paper.mesh_model import MeshModel
 from meshreel.paper.payloads import read_anchor_vertices, read_curves
 from meshreel.paper.pipeline import CodedBlock, Quantized, synthesise
-from meshreel.paper.variants import Variant
+from meshreel.paper.variants import METHODS, Variant
 
 Vertices = npt.NDArray[np.floating]
 
@@ -41,13 +41,14 @@ class PaperBlockDecoder:
         self._dictionaries = Dictionaries(opened.stored, variant)
 
     @cached_property
-    def _mesh(self) -> MeshModel:
+    def mesh(self) -> MeshModel:
+        """Connectivity, anchors and Laplacian, in internal order; raises as `stored_mesh`."""
         return stored_mesh(self._opened, self._variant)
 
     def coded(self, stored: StoredBlock, number: int) -> CodedBlock:
         """The integers of a block, with its complete dictionary."""
         basis = self._dictionaries.of(number)
-        return read_coded_block(stored, self._mesh, self._variant, basis)
+        return read_coded_block(stored, self.mesh, self._variant, basis)
 
     def block(self, number: int) -> DecodedBlock:
         """A block of the stream, decoded.
@@ -64,22 +65,28 @@ class PaperBlockDecoder:
                 block = block.truncated(self._n_modes)
             # First, since it tells whether there are as many isolated vertices as the header says;
             # what follows takes the longer, the more there are.
-            exact = self._exact(stored)
-            frames_of = synthesise(block, self._mesh, self._variant, order)
+            exact = self.exact(stored)
+            frames_of = synthesise(block, self.mesh, self._variant, order)
         return DecodedBlock(
             start=stored.start,
             n_frames=stored.n_frames,
             frames_of=frames_of,
             frame=self._opened.frame,
             exact=exact,
-            exact_places=np.argsort(order)[self._mesh.isolated],
+            exact_places=np.argsort(order)[self.mesh.isolated],
         )
 
-    def _exact(self, stored: StoredBlock) -> Vertices | None:
-        """Positions of isolated vertices."""
-        if not len(self._mesh.isolated):
+    def exact(self, stored: StoredBlock) -> Vertices | None:
+        """Positions of the N isolated vertices of a block, of shape (T_b, N, 3); None without any.
+
+        Raises
+        ------
+        CorruptStreamError
+            If they are damaged.
+        """
+        if not len(self.mesh.isolated):
             return None
-        shape = (stored.n_frames, len(self._mesh.isolated), 3)
+        shape = (stored.n_frames, len(self.mesh.isolated), 3)
         return decode_exact(stored.payload(Section.EXACT), shape, self._opened.dtype)
 
 
@@ -99,20 +106,35 @@ def stored_shape(opened: OpenStream) -> Quantized:
     return read_curves(opened.stream.only(Section.SHAPE), 1, opened.n_verts)
 
 
+def open_paper_stream(data: bytes) -> tuple[OpenStream, PaperBlockDecoder]:
+    """Open a stream of one of the paper's methods, with the decoder of its blocks.
+
+    Raises
+    ------
+    InvalidInputError
+        If another method made the stream.
+    CorruptStreamError, TruncatedStreamError, UnsupportedVersionError
+        If the bytes are not a whole stream that this build reads.
+    """
+    opened = OpenStream(read_stream(data))
+    decoder = opened.blocks()
+    if not isinstance(decoder, PaperBlockDecoder):
+        raise InvalidInputError(
+            f"the stream has method {opened.method.name}, not one of the paper's: "
+            f"{', '.join(METHODS)}; encode the sequence with one of these, or use meshreel.decode"
+        )
+    return opened, decoder
+
+
 def coded_blocks(data: bytes) -> list[CodedBlock]:
     """The integers of every block of a stream, with complete dictionaries.
 
     Raises
     ------
-    InvalidInputError
-        If the stream is of `reel`, whose blocks are others.
-    CorruptStreamError, TruncatedStreamError, UnsupportedVersionError
-        If the bytes are not a whole stream that this build reads.
+    InvalidInputError, CorruptStreamError, TruncatedStreamError, UnsupportedVersionError
+        As `open_paper_stream`.
     """
-    opened = OpenStream(read_stream(bytes(data)))
-    decoder = opened.blocks()
-    if not isinstance(decoder, PaperBlockDecoder):
-        raise InvalidInputError(f"method {opened.method.name} has no blocks of the paper's kind")
+    opened, decoder = open_paper_stream(bytes(data))
     stored = stored_blocks(opened.stream, opened.method)
     return [decoder.coded(block, number) for number, block in enumerate(stored)]
 

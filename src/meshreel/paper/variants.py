@@ -82,6 +82,9 @@ VARIANTS = (
     Variant("gft", _D, Basis.GRAPH, _A, is_serial=True),
 )
 
+METHODS = tuple(variant.name for variant in VARIANTS)
+"""Names of the seven variants, as `meshreel.encode` takes them."""
+
 
 class Allocation(Enum):
     """The allocation of a single number of bits to the rows of coefficients."""

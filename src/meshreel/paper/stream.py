@@ -1,0 +1,378 @@
+"""Streams of the paper's methods as arrays: basis, coefficients and anchors of each block."""
+
+import os
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+from scipy.sparse import csr_array
+
+from meshreel.codec.decoded_block import DecodedBlock
+from meshreel.codec.option import COUNT
+from meshreel.codec.stored_blocks import StoredBlock, stored_blocks
+from meshreel.connectivity.permutation import inverse_permutation
+from meshreel.counting import counted
+from meshreel.errors import CorruptStreamError, InvalidInputError
+from meshreel.paper.decoder import PaperBlockDecoder, open_paper_stream
+from meshreel.paper.mesh_model import MeshModel
+from meshreel.paper.pipeline import BlockValues, Quantized, synthesise
+from meshreel.paper.quantization import Steps
+from meshreel.paper.variants import Basis, variant_named
+from meshreel.sequence import Faces
+from meshreel.subspace.trajectories import BoundingFrame
+
+Floats = npt.NDArray[np.float64]
+Integers = npt.NDArray[np.int64]
+Vertices = npt.NDArray[np.floating]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class PaperBlock:
+    """A block of frames as the decoder has it, dequantized, vertices in output order.
+
+    The first axis of all arrays but `isolated_positions` is x, y, z. Values are in units of
+    `PaperStream.scale`, relative to `PaperStream.origin`.
+
+    Attributes
+    ----------
+    start : int
+        Number of the first frame.
+    n_frames : int
+        Number of frames, T.
+    basis : float64 array of shape (3, T, K), or None
+        Eigen-trajectories U as columns (Eq. 5), rounded to `basis_steps`. None for `gft`, whose
+        basis is `PaperStream.graph_fourier_basis`.
+    coefficients : float64 array of shape (3, K, V), or (3, K, T) for `gft`
+        Projected delta coordinates ``U^T (L A^T)^T`` after quantization (Eqs. 9 and 10); for `v2v`,
+        projected coordinates ``U^T A``; for `gft`, the deltas of each frame on graph frequencies.
+    anchor_coefficients : float64 array of shape (3, K, A), or None
+        Coefficients of the anchors' positions on the basis. None for `v2v` and `gft`.
+    anchor_residuals : float64 array of shape (3, A, T), or None
+        Anchor positions less the product of basis and coefficients. None where the stream has only
+        the coefficients: `v2v`, `pca`, `pca-q`, and ``choices={"anchor_values": "coefficients"}``.
+    isolated_positions : float array of shape (T, N, 3), or None
+        Positions of `PaperStream.isolated` in model units, exact. None without isolated vertices.
+    basis_steps, coefficient_steps, anchor_coefficient_steps, anchor_residual_steps : float32 arrays
+        Quantization steps, of shape (1,) for all rows or (rows,) for each. None where the array
+        is None.
+    """
+
+    start: int
+    n_frames: int
+    basis: Floats | None
+    coefficients: Floats
+    anchor_coefficients: Floats | None
+    anchor_residuals: Floats | None
+    isolated_positions: Vertices | None
+    basis_steps: Steps | None
+    coefficient_steps: Steps
+    anchor_coefficient_steps: Steps | None
+    anchor_residual_steps: Steps | None
+
+    @property
+    def n_modes(self) -> int:
+        """Number of modes of each axis, or of graph frequencies, K."""
+        return self._values.n_modes
+
+    @property
+    def anchor_positions(self) -> Floats | None:
+        """Decoded positions of the anchors (Eq. 12), of shape (3, T, A); None for `v2v`."""
+        return self._values.anchor_positions
+
+    def __repr__(self) -> str:
+        last = self.start + self.n_frames - 1
+        return f"<PaperBlock: frames {self.start}..{last}, {counted(self.n_modes, 'mode')}>"
+
+    @property
+    def _values(self) -> BlockValues:
+        return BlockValues(
+            self.basis, self.coefficients, self.anchor_coefficients, self.anchor_residuals
+        )
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class PaperStream:
+    """A stream of one of the paper's seven methods as arrays; from `read`.
+
+    Vertex numbers are those of the decoded sequence (output order). `reconstruct` computes with the
+    arrays of `blocks`: reconstruct from changed arrays with ``dataclasses.replace``.
+
+    Attributes
+    ----------
+    method : str
+        One of `METHODS`.
+    faces : integer array of shape (M, 3)
+    blocks : tuple of PaperBlock
+        In the order of their frames.
+    origin : tuple of 3 floats
+        Center of the bounding box of all frames, in model units.
+    scale : float
+        Diagonal of that box, in model units: a position is ``origin + scale * value``.
+    dtype : dtype
+        Number type of reconstructed positions, that of the encoded sequence.
+    order : integer array of shape (V,)
+        Internal number of each vertex; `MeshModel` and the bytes have this order.
+    mesh : MeshModel
+        Connectivity, anchors and Laplacian in internal order, with the factored system.
+    """
+
+    method: str
+    faces: Faces
+    blocks: tuple[PaperBlock, ...]
+    origin: tuple[float, ...]
+    scale: float
+    dtype: np.dtype[np.floating]
+    order: Integers
+    mesh: MeshModel
+
+    @property
+    def n_frames(self) -> int:
+        """Number of frames of all blocks, T."""
+        return sum(block.n_frames for block in self.blocks)
+
+    @property
+    def n_verts(self) -> int:
+        """Number of vertices, V."""
+        return self.mesh.n_verts
+
+    @property
+    def anchors(self) -> Integers:
+        """Vertex numbers of the anchors, ascending; the order of all arrays of anchors.
+
+        `pca` and `pca-q` have one in each connected component, `v2v` has none.
+        """
+        return np.sort(self._output_numbers(self.mesh.anchors))
+
+    @property
+    def isolated(self) -> Integers:
+        """Vertices without an edge, ascending: deltas do not determine them."""
+        return np.sort(self._output_numbers(self.mesh.isolated))
+
+    @cached_property
+    def laplacian(self) -> csr_array:
+        """The Laplacian L of the deltas, of shape (V, V); `v2v` does not use it."""
+        permuted = csr_array(self.mesh.laplacian[self.order][:, self.order])
+        permuted.sort_indices()
+        return permuted
+
+    def graph_fourier_basis(self, n_modes: int) -> Floats:
+        """Low-frequency eigenvectors of D - C, which `gft` projects deltas on (Eq. 6).
+
+        Parameters
+        ----------
+        n_modes : int
+            K, in 1..V; `PaperBlock.n_modes` for all rows of a block.
+
+        Returns
+        -------
+        float64 array of shape (V, K), columns orthonormal, by ascending frequency
+
+        Raises
+        ------
+        InvalidInputError
+            If `n_modes` is out of range, or the basis would take too much memory or time.
+        """
+        return np.asarray(self.mesh.graph_fourier_basis(n_modes)[self.order])
+
+    def reconstruct(self, n_modes: int | None = None) -> Vertices:
+        """Vertex positions of all frames, from the arrays of the blocks (Eq. 11 or 12).
+
+        Parameters
+        ----------
+        n_modes : int, optional
+            Leading rows of coefficients to use of each block (the paper's k_l). Default: all.
+
+        Returns
+        -------
+        float array of shape (T, V, 3), in model units
+            The vertices of ``meshreel.decode(data, n_modes=n_modes)``.
+
+        Raises
+        ------
+        InvalidInputError
+            If `n_modes` is below 1.
+        CorruptStreamError
+            If positions are not finite.
+        SolverError
+            If the system is singular to working precision.
+        """
+        if n_modes is not None:
+            COUNT.check(n_modes, "n_modes")
+        vertices = np.empty((self.n_frames, self.n_verts, 3), self.dtype)
+        done = 0
+        for block in self.blocks:
+            self._decoded(block, n_modes).fill(vertices[done : done + block.n_frames], 0)
+            done += block.n_frames
+        if not np.isfinite(vertices).all():
+            raise CorruptStreamError(
+                "the blocks reconstruct to positions that are not finite; the stream is damaged"
+            )
+        return vertices
+
+    def __repr__(self) -> str:
+        sizes = [
+            counted(self.n_frames, "frame"),
+            counted(self.n_verts, "vertex"),
+            counted(len(self.mesh.anchors), "anchor"),
+            counted(len(self.blocks), "block"),
+        ]
+        return f"<PaperStream {self.method}: {', '.join(sizes)}>"
+
+    def _decoded(self, block: PaperBlock, n_modes: int | None) -> DecodedBlock:
+        """The block in the form of the decoder, which computes in internal order."""
+        _check_shapes(block, self)
+        variant, coefficients = variant_named(self.method), block.coefficients
+        if variant.basis is not Basis.GRAPH:
+            coefficients = np.take(coefficients, inverse_permutation(self.order), axis=2)
+        anchors = inverse_permutation(self._anchor_order)
+        values = BlockValues(
+            block.basis,
+            coefficients,
+            _taken(block.anchor_coefficients, anchors, axis=2),
+            _taken(block.anchor_residuals, anchors, axis=1),
+        )
+        if n_modes is not None:
+            values = values.truncated(n_modes)
+        # Values of a damaged stream may overflow; `reconstruct` checks the positions.
+        with np.errstate(over="ignore", invalid="ignore"):
+            frames_of = synthesise(values, self.mesh, variant, self.order)
+        return DecodedBlock(
+            start=block.start,
+            n_frames=block.n_frames,
+            frames_of=frames_of,
+            frame=BoundingFrame(self.origin, self.scale),
+            exact=block.isolated_positions,
+            exact_places=self.isolated,
+        )
+
+    def _output_numbers(self, vertices: Integers) -> Integers:
+        """Output numbers of vertices in internal order."""
+        return inverse_permutation(self.order)[vertices]
+
+    @property
+    def _anchor_order(self) -> Integers:
+        """Place of each anchor among those of the mesh, which are in internal order."""
+        return np.argsort(self._output_numbers(self.mesh.anchors))
+
+
+def read(data: bytes | bytearray | memoryview | str | os.PathLike[str]) -> PaperStream:
+    """Read a stream of one of the paper's methods as arrays.
+
+    Parameters
+    ----------
+    data : bytes or path
+        A whole stream, from `meshreel.encode` with one of `METHODS`, or the path of a `.reel` file.
+
+    Returns
+    -------
+    PaperStream
+
+    Raises
+    ------
+    InvalidInputError
+        If the file cannot be read, or another method made the stream.
+    CorruptStreamError, TruncatedStreamError, UnsupportedVersionError
+        If the bytes are not a whole stream that this build reads.
+
+    Examples
+    --------
+    >>> stream = meshreel.paper.read(meshreel.encode(sequence, "pca-qp"))
+    >>> vertices = stream.reconstruct()
+    """
+    opened, decoder = open_paper_stream(_bytes_of(data))
+    stream = PaperStream(
+        method=opened.method.name,
+        faces=opened.faces,
+        blocks=(),
+        origin=opened.frame.origin,
+        scale=opened.frame.scale,
+        dtype=opened.dtype,
+        order=opened.order,
+        mesh=decoder.mesh,
+    )
+    stored = stored_blocks(opened.stream, opened.method)
+    with np.errstate(over="ignore", invalid="ignore"):  # `reconstruct` checks the positions
+        blocks = tuple(_block(stream, decoder, one, number) for number, one in enumerate(stored))
+    return replace(stream, blocks=blocks)
+
+
+def _bytes_of(data: bytes | bytearray | memoryview | str | os.PathLike[str]) -> bytes:
+    if isinstance(data, bytes | bytearray | memoryview):
+        return bytes(data)
+    if not isinstance(data, str | os.PathLike):
+        raise InvalidInputError(
+            "read takes the bytes of a .reel stream, or the path of a .reel file; got "
+            f"{type(data).__name__}"
+        )
+    try:
+        return Path(data).read_bytes()
+    except OSError as error:
+        raise InvalidInputError(
+            f"{data} cannot be read: {error.strerror}; give the path of a .reel file"
+        ) from error
+
+
+def _block(
+    stream: PaperStream, decoder: PaperBlockDecoder, stored: StoredBlock, number: int
+) -> PaperBlock:
+    """Return a stored block as arrays in output order."""
+    coded = decoder.coded(stored, number)
+    values, anchors, exact = coded.values, coded.anchors, decoder.exact(stored)
+    coefficients = values.coefficients
+    if values.basis is not None:
+        coefficients = np.take(coefficients, stream.order, axis=2)
+    if exact is not None:
+        exact = exact[:, np.argsort(stream._output_numbers(stream.mesh.isolated))]
+    return PaperBlock(
+        start=stored.start,
+        n_frames=stored.n_frames,
+        basis=values.basis,
+        coefficients=coefficients,
+        anchor_coefficients=_taken(values.anchor_coefficients, stream._anchor_order, axis=2),
+        anchor_residuals=_taken(values.anchor_residuals, stream._anchor_order, axis=1),
+        isolated_positions=exact,
+        basis_steps=_steps_of(coded.basis),
+        coefficient_steps=coded.coefficients.steps,
+        anchor_coefficient_steps=_steps_of(None if anchors is None else anchors.coefficients),
+        anchor_residual_steps=_steps_of(None if anchors is None else anchors.residuals),
+    )
+
+
+def _taken(values: Floats | None, places: Integers, axis: int) -> Floats | None:
+    return None if values is None else np.take(values, places, axis)
+
+
+def _steps_of(quantized: Quantized | None) -> Steps | None:
+    return None if quantized is None else quantized.steps
+
+
+def _check_shapes(block: PaperBlock, stream: PaperStream) -> None:
+    """Raise an error if arrays of a block, which may have been replaced, do not fit the stream.
+
+    Raises
+    ------
+    InvalidInputError
+    """
+    variant, n_modes, n_frames = variant_named(stream.method), block.n_modes, block.n_frames
+    on_graph, n_anchors = variant.basis is Basis.GRAPH, len(stream.mesh.anchors)
+    n_columns, n_isolated = n_frames if on_graph else stream.n_verts, len(stream.mesh.isolated)
+    on_modes = variant.has_anchors and not on_graph
+    wanted = {
+        "basis": None if on_graph else (3, n_frames, n_modes),
+        "coefficients": (3, n_modes, n_columns),
+        "anchor_coefficients": (3, n_modes, n_anchors) if on_modes else None,
+        "anchor_residuals": (3, n_anchors, n_frames) if variant.has_anchors else None,
+        "isolated_positions": (n_frames, n_isolated, 3) if n_isolated else None,
+    }
+    for name, shape in wanted.items():
+        found = getattr(block, name)
+        is_optional = name == "anchor_residuals" and on_modes
+        if (found is None and is_optional) or (None if found is None else found.shape) == shape:
+            continue
+        raise InvalidInputError(
+            f"{name} of the block at frame {block.start} must "
+            f"{'be None' if shape is None else f'have shape {shape}'} for a stream of "
+            f"{stream.method}; got {'None' if found is None else f'shape {found.shape}'}"
+        )
