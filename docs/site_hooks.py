@@ -11,6 +11,7 @@
 
 import inspect
 import re
+from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
@@ -41,7 +42,7 @@ PLAYER_SCRIPT = ROOT / "npm" / "dist" / "player.js"
 PLAYER_FILES = ("player/player.js", "player/flag.reel")
 """Places on the site."""
 
-PUBLIC = re.compile(r"^::: meshreel\.(\w+)$", re.MULTILINE)
+PUBLIC = re.compile(r"^::: meshreel\.([\w.]+)$", re.MULTILINE)
 LINK = re.compile(r"\]\(([^)#\s]+)(#[^)\s]*)?\)")
 
 
@@ -134,6 +135,7 @@ def _row(option: Any) -> str:
 
 def _definition(name: str) -> str:
     """What mkdocstrings is to document for a public name, under the name that users import."""
-    found: Any = inspect.unwrap(getattr(meshreel, name))
-    options = f"    options:\n      heading: meshreel.{name}\n      toc_label: {name}"
+    found: Any = inspect.unwrap(attrgetter(name)(meshreel))
+    label = name.rpartition(".")[2]
+    options = f"    options:\n      heading: meshreel.{name}\n      toc_label: {label}"
     return f"::: {found.__module__}.{found.__qualname__}\n{options}"

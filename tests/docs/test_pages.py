@@ -83,6 +83,12 @@ def test_every_public_name_has_its_place_in_the_reference():
     assert sorted(listed) == sorted(meshreel.__all__)
 
 
+def test_every_name_of_the_paper_package_has_its_place_in_the_reference():
+    text = (ROOT / "docs/api.md").read_text(encoding="utf-8")
+    listed = re.findall(r"^::: meshreel\.paper\.(\w+)$", text, re.MULTILINE)
+    assert sorted([*listed, "METHODS"]) == sorted(meshreel.paper.__all__)
+
+
 def test_every_command_has_its_table_of_options():
     text = (ROOT / "docs/options.md").read_text(encoding="utf-8")
     tables = re.findall(r"^<!-- options: (\w+) -->$", text, re.MULTILINE)

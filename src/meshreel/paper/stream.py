@@ -50,8 +50,8 @@ class PaperBlock:
     anchor_coefficients : float64 array of shape (3, K, A), or None
         Coefficients of the anchors' positions on the basis. None for `v2v` and `gft`.
     anchor_residuals : float64 array of shape (3, A, T), or None
-        Anchor positions less the product of basis and coefficients. None where the stream has only
-        the coefficients: `v2v`, `pca`, `pca-q`, and ``choices={"anchor_values": "coefficients"}``.
+        Anchor positions less the product of basis and coefficients. None for `v2v`, and where the
+        stream has coefficients only: `pca`, `pca-q`, ``choices={"anchor_values": "coefficients"}``.
     isolated_positions : float array of shape (T, N, 3), or None
         Positions of `PaperStream.isolated` in model units, exact. None without isolated vertices.
     basis_steps, coefficient_steps, anchor_coefficient_steps, anchor_residual_steps : float32 arrays
@@ -177,7 +177,10 @@ class PaperStream:
         return np.asarray(self.mesh.graph_fourier_basis(n_modes)[self.order])
 
     def reconstruct(self, n_modes: int | None = None) -> Vertices:
-        """Vertex positions of all frames, from the arrays of the blocks (Eq. 11 or 12).
+        """Vertex positions of all frames, from the arrays of the blocks.
+
+        Least squares with the anchors (Eq. 12), or with one vertex of each component for `pca` and
+        `pca-q` (Eq. 11); the product of basis and coefficients for `v2v`.
 
         Parameters
         ----------
@@ -192,7 +195,7 @@ class PaperStream:
         Raises
         ------
         InvalidInputError
-            If `n_modes` is below 1.
+            If `n_modes` is below 1, or a replaced array has the wrong shape.
         CorruptStreamError
             If positions are not finite.
         SolverError

@@ -83,7 +83,7 @@ VARIANTS = (
 )
 
 METHODS = tuple(variant.name for variant in VARIANTS)
-"""Names of the seven variants, as `meshreel.encode` takes them."""
+"""Names of the seven variants, as `meshreel.encode(method=)` takes them."""
 
 
 class Allocation(Enum):
