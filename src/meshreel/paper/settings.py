@@ -76,7 +76,11 @@ def check(config: EncoderConfig) -> None:
             "give n_modes="
         )
     _check_bits(config, variant)
-    _check_choices(config, variant)
+    chosen = choices(config)
+    reasons = ineffective_choices(config, chosen)
+    for name in chosen.changed:
+        if name in reasons:
+            raise InvalidInputError(f"choice {name} has no effect: {reasons[name]}; leave it out")
     has_anchors = isinstance(config.anchors, Sequence) or bool(config.anchors)
     if has_anchors and variant.decoding is not Decoding.ANCHORED:
         raise InvalidInputError(
@@ -85,10 +89,9 @@ def check(config: EncoderConfig) -> None:
         )
 
 
-def _check_choices(config: EncoderConfig, variant: Variant) -> None:
-    """Raise an error for a choice that has no effect."""
-    chosen = choices(config)
-    changed, reasons = chosen.changed, dict[str, str]()
+def ineffective_choices(config: EncoderConfig, chosen: PaperChoices) -> dict[str, str]:
+    """Choices that have no effect on streams of these options, and why."""
+    variant, reasons = variant_named(config.method), dict[str, str]()
     if variant.decoding is not Decoding.ANCHORED:
         for name in ("anchor_values", "anchor_set", "anchor_seed"):
             reasons[name] = f"method {variant.name} has no anchors"
@@ -108,9 +111,7 @@ def _check_choices(config: EncoderConfig, variant: Variant) -> None:
         reasons["anchor_set"] = "anchors= lists the vertices"
     if chosen.anchor_set != "random" or isinstance(config.anchors, Sequence):
         reasons["anchor_seed"] = "it is the seed of anchor_set=random"
-    for name in changed:
-        if name in reasons:
-            raise InvalidInputError(f"choice {name} has no effect: {reasons[name]}; leave it out")
+    return reasons
 
 
 def _check_bits(config: EncoderConfig, variant: Variant) -> None:

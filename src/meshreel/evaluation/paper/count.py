@@ -7,6 +7,8 @@ anchors, n_b blocks of k_f frames.
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from meshreel.codec.inspect import StreamInfo
 from meshreel.evaluation.paper.settings import Setting
 from meshreel.paper.pipeline import CodedBlock
@@ -16,22 +18,31 @@ Count = dict[str, float | None]
 
 
 def paper_count(setting: Setting, stream: StreamInfo, blocks: Sequence[CodedBlock]) -> Count:
-    """The paper's q, q_a, q_d and q_s of a stream, each None where the method has no such part.
+    """Count the paper's q, q_a, q_d and q_s of a stream; None where the method has no such part.
 
-    q is a third of the bits that the coefficients take in the stream, over n k. q_a and q_d are
-    the formulas of Eq. 13 with 16 bits, for dictionaries of k x k; for `blocks` the bits of an
-    entry are the mean of those in the stream, and q_d stands as printed and as stored.
+    q and q_a are a third of the bits that coefficients and anchors take in the stream, over n k.
+    q_d is the formula of Eq. 13 with 16 bits, for dictionaries of k x k; for `blocks` the bits of
+    an entry are the mean of those in the stream, and q_d stands as printed and as stored.
 
     Returns
     -------
-    dict with "q", "q_a", "q_d", "q_d_as_stored", "q_s" in bits per vertex and frame (q_s is the
-    sum with q_d as printed), and "dictionary_bits", those of an entry
+    dict of bits per vertex and frame: "q"; "q_fixed", what the coefficients would take without
+    entropy coding, at the bits of the largest of each row; "q_a"; "q_a_printed", 16 bits for each
+    position as the paper assumes; "q_d"; "q_d_as_stored"; "q_s", the sum of q, q_a and q_d. And
+    "dictionary_bits", those of an entry
     """
     n_verts, n_frames = stream.n_verts, stream.n_frames
-    q = paper_coefficients_bpvf(8 * stream.budget_bytes["coefficients"] / 3, n_verts, n_frames)
-    q_a = None
+    budget = stream.budget_bytes
+
+    def stream_bpvf(*parts: str) -> float:
+        bits = 8 * sum(budget.get(part, 0) for part in parts) / 3
+        return paper_coefficients_bpvf(bits, n_verts, n_frames)
+
+    q = stream_bpvf("coefficients")
+    q_a = printed_a = None
     if setting.anchors > 0:
-        q_a = paper_anchors_bpvf(_n_anchors(blocks[0]), n_verts)
+        q_a = stream_bpvf("anchors", "anchor residuals")
+        printed_a = paper_anchors_bpvf(_n_anchors(blocks[0]), n_verts)
     bits = _dictionary_bits(setting, stream, blocks)
     printed = stored = None
     if bits is not None:
@@ -40,12 +51,24 @@ def paper_count(setting: Setting, stream: StreamInfo, blocks: Sequence[CodedBloc
         stored = paper_dictionary_bpvf_as_stored(*sizes, bits=bits)
     return {
         "q": q,
+        "q_fixed": fixed_length_bits(blocks) / 3 / (n_verts * n_frames),
         "q_a": q_a,
+        "q_a_printed": printed_a,
         "q_d": printed,
         "q_d_as_stored": stored,
         "q_s": q + (q_a or 0) + (printed or 0),
         "dictionary_bits": bits,
     }
+
+
+def fixed_length_bits(blocks: Sequence[CodedBlock]) -> float:
+    """Bits of all coefficients if each row took those of its largest integer and a sign."""
+    total = 0.0
+    for block in blocks:
+        largest = np.abs(block.coefficients.integers).max(axis=2)
+        bits = np.where(largest > 0, np.frexp(largest.astype(float))[1] + 1, 0)
+        total += float(bits.sum()) * block.coefficients.integers.shape[2]
+    return total
 
 
 def _n_anchors(block: CodedBlock) -> int:

@@ -12,10 +12,11 @@ from meshreel.documents.parts import (
 )
 from meshreel.evaluation.paper.decompositions import N_DECOMPOSITIONS
 from meshreel.evaluation.paper.findings import findings
-from meshreel.evaluation.paper.printed import SAME_CAPTURES, printed_rates
+from meshreel.evaluation.paper.printed import REMARKS, printed_rates
 from meshreel.evaluation.paper.remarks import CHOICES
 from meshreel.evaluation.paper.results import PaperResults, setting_of_result
 from meshreel.evaluation.paper.tables import (
+    alternatives_table,
     quality_table,
     rate_table,
     refusals,
@@ -26,6 +27,10 @@ from meshreel.evaluation.pipeline import Measured
 from meshreel.evaluation.report.openings import report_opening, sequence_opening
 from meshreel.evaluation.runs.store import done
 
+ALTERNATIVES_NOTE = (
+    "Each row makes one choice otherwise that the paper leaves open (`choices=`); the settings are "
+    "else those of the tables."
+)
 TITLE = "Fast Spatio-temporal Compression of Dynamic 3D Meshes: the evaluation again"
 
 
@@ -63,12 +68,15 @@ def _variants(measured: Measured[PaperResults]) -> tuple[str, ...]:
 
 def _sequence_parts(results: PaperResults, pictures: Sequence[Picture]) -> list[Part]:
     parts = sequence_opening(results.name, results.sequence)
-    remark = SAME_CAPTURES.get(results.name.lower())
+    remark = REMARKS.get(results.name.lower())
     if remark:
         parts.append(Paragraph(remark))
-    parts += [Heading(3, "Findings"), Bullets(tuple(findings(results)) or ("None to compare.",))]
+    judged = tuple(finding.text for finding in findings(results))
+    parts += [Heading(3, "Findings"), Bullets(judged or ("None to compare.",))]
     parts += [Heading(3, "Rates and errors"), rate_table(results), Paragraph(_rate_note(results))]
     parts += [quality_table(results), *(Paragraph(text) for text in refusals(results))]
+    if results.alternatives:
+        parts += [alternatives_table(results), Paragraph(ALTERNATIVES_NOTE)]
     parts += [Heading(3, "Seconds"), seconds_table(results), Paragraph(_seconds_note(results))]
     return [*parts, Heading(3, "Figures"), *pictures]
 
@@ -76,7 +84,8 @@ def _sequence_parts(results: PaperResults, pictures: Sequence[Picture]) -> list[
 def _rate_note(results: PaperResults) -> str:
     text = (
         "q, q_a, q_d and q_s are the paper's count: one coordinate matrix of three, without "
-        "connectivity. The last two columns are of the whole file."
+        "connectivity. q and q_a are what the stream carries; 'q, fixed length' is without entropy "
+        "coding, 'q_a at 16 bits' is 16 n_c / n. The last two columns are of the whole file."
     )
     if printed_rates(results.name):
         text += " The columns named 'paper' are printed there; it has no row for `gft`."

@@ -1,4 +1,4 @@
-"""Choices where the paper leaves one open, or prints otherwise than it can be meant."""
+"""Choices where the paper leaves one open, or contradicts itself."""
 
 LEDGER = "`docs/equations.md`"
 
@@ -11,13 +11,19 @@ CHOICES = (
     "stored' is with n_b; both with the mean bits of an entry in the stream for `blocks`, 16 bits "
     f"for all others ({LEDGER}, Eq. 13).",
     "**One coordinate of three.** The paper's q_d = 16 k / n is one k x k dictionary, and so its "
-    "count is of one coordinate matrix, without connectivity. q is a third of the bits of all "
-    "coefficients; q_a and q_d are the formulas of Eq. 13. The column 'bpvf of the file' has 8 "
-    "times all bytes by vertices and frames: three coordinates, connectivity, order, headers. "
-    "Dictionaries are stored with k_l columns of the k that Eq. 13 counts.",
-    "**Anchors.** The paper prints q_a = 16 n_c / n for v2v, too. Decoding by a product uses none "
-    "and none are sent, so it stands as '-' here. For n = 9971 it prints 0.1595, which is of 99.4 "
-    "anchors; here they are a whole number, rounded up.",
+    "count is of one coordinate matrix, without connectivity. q and q_a are a third of the bits "
+    "that all coefficients and anchors take in the stream; q_d is the formula of Eq. 13. The "
+    "column 'bpvf of the file' is 8 times all bytes over vertices and frames: three coordinates, "
+    "connectivity, order, headers. Dictionaries are stored with k_l columns of the k that Eq. 13 "
+    "counts.",
+    "**Anchors.** Eq. 12 has the positions of the anchors in all frames, and Table I counts 16 "
+    "bits for each. They are sent so, predicted from the modes, with 4 bits more than the deltas "
+    "have; the column 'q_a at 16 bits' has the paper's count. The paper prints q_a for v2v, too: "
+    "decoding by a product uses no anchors and none are sent, so '-' stands here. For n = 9971 it "
+    "prints 0.1595, which is 99.4 anchors; here their number is rounded up.",
+    "**Variant (ii)** is worded as the projection of quantized deltas, while Eq. 10 quantizes "
+    "projected deltas. `pca-q` follows Eq. 10; `pca-q (quantized deltas)` is the other reading, "
+    "which sends its projections at 16 bits.",
     "**NMSVE.** The paper gives no normalisation. Positions are divided by the diagonal of the "
     "first frame's bounding box, and a frame's error by 2 n: the figures compare with each other, "
     f"not with the axis of the paper's Fig. 4 ({LEDGER}).",
@@ -27,11 +33,12 @@ CHOICES = (
     "**What Q is.** Eq. 10 leaves it open. One step serves all rows, such that the largest "
     "coefficient takes the given bits; the coefficients are entropy-coded, so that q is what they "
     f"take in the file and not the given bits ({LEDGER}, Eq. 10).",
-    "**k_l and bits.** The paper prints neither for its tables. Taken are 20 rows, beyond which "
-    "it finds its Fig. 3 not to get better, and 8 bits, 16 for `pca`. `v2v` has 11 bits and "
-    "`blocks` 4 rows in each block, so that their q stand to that of `pca-q` about as they do in "
-    "its Table I. So q beside q says little; errors at equal rate are in the diagrams of rate and "
-    "distortion.",
+    "**k_l and bits.** The paper prints neither for its tables. The default is 20 rows, beyond "
+    "which its Fig. 3 shows no improvement, and 8 bits, 16 for `pca`; 11 bits for `v2v` and 4 rows "
+    "in each block of `blocks`, so that their q relate to that of `pca-q` about as in its Table I. "
+    "Comparing q with q therefore says little; the rate-distortion diagrams have errors at equal "
+    "rate. Without entropy coding its Samba rates are nearly 8 rows at 16 and at 4 bits: "
+    "`--preset printed`.",
     "**Per mesh.** `gft` takes the low graph frequencies of every frame. L is the same for all "
     "frames, so one decomposition serves all; the paper does one for each.",
 )

@@ -3,7 +3,7 @@
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
-from meshreel.evaluation.paper.settings import ANCHORS, Setting
+from meshreel.evaluation.paper.settings import ANCHORS, COEFFICIENTS, Setting
 from meshreel.evaluation.rate_distortion import Overlap, Point, compare_at_equal_rate
 from meshreel.evaluation.runs.store import Result, done
 
@@ -20,6 +20,10 @@ class PaperResults:
         Name, shape and hash.
     variants, rows, sweep : list of results
         Of the tables, of Fig. 3, and of the rate-distortion plots.
+    alternatives : list of results
+        Variants with one choice made otherwise that the paper leaves open.
+    claims : dict of str to result
+        Of the runs in `claims`, by name: "dictionaries", "quiet blocks", "long sequence".
     decompositions : result or None
         Seconds of an eigen-decomposition, where `gft` was run.
     """
@@ -29,6 +33,8 @@ class PaperResults:
     variants: list[Result] = field(default_factory=list)
     rows: list[Result] = field(default_factory=list)
     sweep: list[Result] = field(default_factory=list)
+    alternatives: list[Result] = field(default_factory=list)
+    claims: dict[str, Result] = field(default_factory=dict)
     decompositions: Result | None = None
 
     @property
@@ -38,32 +44,36 @@ class PaperResults:
 
     def as_dict(self) -> dict[str, Any]:
         """The sequence and the figures of its tables, in plain types."""
-        return {**self.sequence, "variants": [summary(result) for result in self.variants]}
+        return {
+            **self.sequence,
+            "variants": [summary(result) for result in self.variants],
+            "alternatives": [summary(result) for result in self.alternatives],
+        }
 
     def variant(self, label: str) -> Result | None:
-        """The variant of this label, None if it was not run or refused."""
-        return next((result for result in done(self.variants) if label_of_result(result) == label),
-                    None)  # fmt: skip
+        """The variant or alternative of this label, None if it was not run or refused."""
+        results = done([*self.variants, *self.alternatives])
+        return next((result for result in results if label_of_result(result) == label), None)
 
     def points(self, figure: str) -> dict[str, list[Point]]:
-        """Points (rate with order dropped, error) of each method, by ascending rate.
+        """Points (rate with order dropped, error) by label, by ascending rate.
 
-        Variants with other than the usual anchors are left out, and `pca-qs`, which has the
-        quality of `pca-qp`.
+        Left out are variants with another share of anchors, choices other than coefficients of
+        anchors, and `pca-qs`, which has the quality of `pca-qp`.
         """
         found: dict[str, set[Point]] = {}
         for result in done([*self.sweep, *self.variants, *self.rows]):
-            error = result["quality"][figure]
-            usual = result["identity"]["setting"]["anchors"] in (0, ANCHORS)
-            if error is not None and usual and method_of_result(result) != "pca-qs":
-                points = found.setdefault(method_of_result(result), set())
+            setting, error = setting_of_result(result), result["quality"][figure]
+            is_usual = setting.anchors in (0, ANCHORS) and setting.choices in ("", COEFFICIENTS)
+            if error is not None and is_usual and setting.method != "pca-qs":
+                points = found.setdefault(setting.label, set())
                 points.add((result["rate_order_dropped_bpvf"], error))
-        return {method: sorted(points) for method, points in found.items()}
+        return {label: sorted(points) for label, points in found.items()}
 
-    def at_equal_rate(self, figure: str, method: str, other: str) -> Overlap | None:
-        """Errors of a method by those of another at equal rate; None where no rate is common."""
+    def at_equal_rate(self, figure: str, label: str, other: str) -> Overlap | None:
+        """Errors of a variant over those of another at equal rate; None without common rates."""
         points = self.points(figure)
-        return compare_at_equal_rate(points.get(method, []), points.get(other, []))
+        return compare_at_equal_rate(points.get(label, []), points.get(other, []))
 
 
 def method_of_result(result: Result) -> str:
@@ -93,5 +103,7 @@ def summary(result: Result) -> dict[str, Any]:
         "rate_order_dropped_bpvf": result["rate_order_dropped_bpvf"],
         "encode_s": result["seconds"]["encode"],
         "decode_s": result["seconds"]["decode"],
+        "encode_processor_s": result["seconds"]["encode_processor"],
+        "decode_processor_s": result["seconds"]["decode_processor"],
         **{name: value for name, value in result["quality"].items() if name != "nmsve"},
     }

@@ -1,26 +1,46 @@
-"""Which variants are run, with what settings; the one table of them."""
+"""Which streams the paper's evaluation makes: variants, alternatives, and sweeps of rate."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
+from meshreel.codec.config import EncoderConfig
+from meshreel.errors import InvalidInputError
+from meshreel.paper.choices import choices_of
+from meshreel.paper.settings import ineffective_choices
+
 MODES, BITS, ANCHORS = 20, 8, 0.01
 FEW_ANCHORS = 0.005
-HIGH_BITS = 16  # of `pca`, whose coefficients the paper does not quantise coarsely
+HIGH_BITS = 16  # of `pca`, whose coefficients the paper does not quantize coarsely
 BLOCK_FRAMES = 25  # at most; the blocks of a sequence are of equal length up to one frame
 BLOCK_MODES, VERTEX_BITS = 4, 11
-"""Modes of each block, and bits of `v2v`. The paper does not print its own; with these q stands to
-that of `pca-q` about as in its Table I, where it is 1.4 to 1.7 and 2.0 to 2.4 times as large."""
 
 ROW_COUNTS = (2, 5, 10, 20, 30)
 """The k_l of the paper's Fig. 3."""
 
 LOW_FREQUENCIES = (0.01, 0.02)  # shares of the vertices: points of gft beside its default
 
+COEFFICIENTS = "anchor-values=coefficients"
+QUANTIZED_DELTAS = "quantize=deltas"
+WHOLE_DICTIONARIES = "dictionary=whole"
+FINE_ANCHORS = "anchor-bits=16"
+NO_ROTATION = "rotation=none"
+RANDOM_ANCHORS = tuple(f"anchor-set=random,anchor-seed={seed}" for seed in (1, 2, 3))
+
+WORDS = {
+    COEFFICIENTS: "coefficients of anchors",
+    QUANTIZED_DELTAS: "quantized deltas",
+    WHOLE_DICTIONARIES: "whole dictionaries",
+    FINE_ANCHORS: "anchors of 16 bits",
+    NO_ROTATION: "without rotation",
+    **{one: f"random anchors {number}" for number, one in enumerate(RANDOM_ANCHORS, 1)},
+}
+"""Names of the choices that the report compares."""
+
 
 @dataclass(frozen=True)
 class Setting:
-    """One way to encode.
+    """A variant with its options.
 
     Attributes
     ----------
@@ -32,6 +52,11 @@ class Setting:
         Share of the vertices; 0 where the method is decoded without them.
     block_frames : int or None
         None codes all frames together.
+    choices : str
+        What the paper leaves open, as `meshreel.encode` takes it; empty for the defaults.
+    laplacian : str
+    shared : str
+        Choices that all streams of a report have in common; `choices` takes precedence.
     """
 
     method: str
@@ -39,37 +64,107 @@ class Setting:
     bits: int = BITS
     anchors: float = 0.0
     block_frames: int | None = None
+    choices: str = ""
+    laplacian: str = "normalized"
+    shared: str = ""
 
     @property
     def key(self) -> str:
         """The stem of its files."""
         modes = "default" if self.n_modes is None else self.n_modes
         frames = "all" if self.block_frames is None else self.block_frames
+        more = "".join(
+            f"_{text.replace('=', '-').replace(',', '_')}"
+            for text in (self._all_choices, self.laplacian)
+            if text and text != "normalized"
+        )
         return (
-            f"{self.method}_modes-{modes}_bits-{self.bits}_anchors-{self.anchors:g}_frames-{frames}"
+            f"{self.method}_modes-{modes}_bits-{self.bits}_anchors-{self.anchors:g}"
+            f"_frames-{frames}{more}"
         )
 
     @property
     def label(self) -> str:
-        """Its name in tables and figures: the method, and its anchors where they are few."""
-        return f"{self.method} 0.5 %" if self.anchors == FEW_ANCHORS else self.method
+        """Its name in tables and figures: the method, and how it differs from the usual one."""
+        remarks = [WORDS.get(self.choices, self.choices)] if self.choices else []
+        if self.anchors == FEW_ANCHORS:
+            remarks.append("0.5 %")
+        if self.laplacian != "normalized":
+            remarks.append(self.laplacian)
+        return f"{self.method} ({', '.join(remarks)})" if remarks else self.method
 
     def options(self) -> dict[str, Any]:
         """Keyword arguments of `meshreel.encode`."""
-        return {name: value for name, value in asdict(self).items() if value is not None}
+        given = {name: value for name, value in asdict(self).items() if value is not None}
+        del given["shared"]
+        given["choices"] = self._all_choices
+        usual = {"choices": "", "laplacian": "normalized"}
+        return {name: value for name, value in given.items() if value != usual.get(name)}
+
+    @property
+    def _all_choices(self) -> str:
+        parts = [choices_of(text or None).changed for text in (self.shared, self.choices)]
+        return ",".join(f"{name}={value}" for name, value in (parts[0] | parts[1]).items())
 
 
-_VARIANTS = (
-    Setting("pca", bits=HIGH_BITS),
-    Setting("pca-q"),
-    Setting("v2v", bits=VERTEX_BITS),
-    Setting("pca-qs", anchors=ANCHORS),
-    Setting("pca-qp", anchors=FEW_ANCHORS),
-    Setting("pca-qp", anchors=ANCHORS),
-    Setting("blocks", BLOCK_MODES, anchors=ANCHORS, block_frames=BLOCK_FRAMES),
-    Setting("gft", None, anchors=ANCHORS),
+@dataclass(frozen=True)
+class TableSettings:
+    """Modes, bits and anchors of the streams in Tables I and II.
+
+    Attributes
+    ----------
+    modes : int
+        Rows of coefficients of each axis, the paper's k_l.
+    bits : int
+        Of quantized coefficients; `pca` has 16.
+    vertex_bits : int
+        Of `v2v`, whose coefficients are those of vertices.
+    block_modes : int
+        Rows in each block of `blocks`.
+    anchors : float
+        Share of the vertices.
+    choices : str
+        What the paper leaves open, for every variant on which it has an effect.
+    """
+
+    modes: int = MODES
+    bits: int = BITS
+    vertex_bits: int = VERTEX_BITS
+    block_modes: int = BLOCK_MODES
+    anchors: float = ANCHORS
+    choices: str = ""
+
+    def setting(self, method: str) -> Setting:
+        """The setting of a variant before it is fitted to a sequence."""
+        has_anchors = method not in ("pca", "pca-q", "v2v")
+        found = Setting(
+            method=method,
+            n_modes={"blocks": self.block_modes, "gft": None}.get(method, self.modes),
+            bits={"pca": HIGH_BITS, "v2v": self.vertex_bits}.get(method, self.bits),
+            anchors=self.anchors if has_anchors else 0.0,
+            block_frames=BLOCK_FRAMES if method == "blocks" else None,
+        )
+        return _with(found, shared=_effective(self.choices, method))
+
+
+PRINTED = TableSettings(modes=8, bits=4, vertex_bits=10, block_modes=2, choices=FINE_ANCHORS)
+"""Close to the q that Table I prints for Samba: 8 rows of 16 and of 4 bits in 175 frames are .7314
+and .1829, 8 rows of 10 bits .4571, and 2 rows of 4 bits in blocks of 25 .32."""
+
+USUAL = TableSettings()
+PRESETS = {"usual": USUAL, "printed": PRINTED}
+
+METHOD_NAMES = ("pca", "pca-q", "v2v", "pca-qs", "pca-qp", "blocks", "gft")
+
+_ALTERNATIVES = (
+    ("pca-q", QUANTIZED_DELTAS),
+    ("pca-qp", COEFFICIENTS),
+    ("pca-qp", FINE_ANCHORS),
+    *(("pca-qp", choices) for choices in RANDOM_ANCHORS),
+    ("blocks", COEFFICIENTS),
+    ("blocks", WHOLE_DICTIONARIES),
+    ("blocks", NO_ROTATION),
 )
-METHOD_NAMES = tuple(dict.fromkeys(variant.method for variant in _VARIANTS))
 
 # Modes and bits of the rate-distortion sweep. pca-qs is left out: it has the quality of pca-qp.
 _SWEEP = {
@@ -94,9 +189,34 @@ def equal_blocks(n_frames: int) -> int:
     return -(-n_frames // n_blocks)
 
 
-def variants(n_frames: int, methods: Sequence[str] = METHOD_NAMES) -> list[Setting]:
+def variants(
+    n_frames: int, methods: Sequence[str] = METHOD_NAMES, table: TableSettings = USUAL
+) -> list[Setting]:
     """The settings of the tables, for a sequence of so many frames."""
-    return [_fitted(setting, n_frames) for setting in _VARIANTS if setting.method in methods]
+    found = []
+    for method in METHOD_NAMES:
+        usual = table.setting(method)
+        if method == "pca-qp" and table.anchors == ANCHORS:
+            found.append(_with(usual, anchors=FEW_ANCHORS))
+        found.append(usual)
+    return [_fitted(setting, n_frames) for setting in found if setting.method in methods]
+
+
+def alternatives(
+    n_frames: int, methods: Sequence[str] = METHOD_NAMES, table: TableSettings = USUAL
+) -> list[Setting]:
+    """Variants with one of the choices that the paper leaves open made otherwise."""
+    found = []
+    for method, choices in _ALTERNATIVES:
+        if method in methods:
+            found.append(_fitted(_with(table.setting(method), choices=choices), n_frames))
+    if "pca-qp" in methods:
+        found += [
+            _fitted(_with(table.setting("pca-qp"), laplacian=laplacian), n_frames)
+            for laplacian in ("combinatorial", "cotangent")
+        ]
+    made = {setting.key for setting in variants(n_frames, methods, table)}
+    return [setting for setting in found if setting.key not in made]
 
 
 def row_settings(n_frames: int, methods: Sequence[str] = METHOD_NAMES) -> list[Setting]:
@@ -110,13 +230,14 @@ def row_settings(n_frames: int, methods: Sequence[str] = METHOD_NAMES) -> list[S
 def sweep(
     n_frames: int, n_verts: int, methods: Sequence[str] = METHOD_NAMES, *, quick: bool = False
 ) -> list[Setting]:
-    """The settings of the rate-distortion plots."""
-    table = _QUICK_SWEEP if quick else _SWEEP
-    usual = {setting.method: setting for setting in _VARIANTS}
+    """The settings of the rate-distortion plots: anchors as positions and as coefficients."""
+    rates = _QUICK_SWEEP if quick else _SWEEP
+    usual = {method: USUAL.setting(method) for method in rates}
     points = [
-        Setting(method, modes, bits, usual[method].anchors, usual[method].block_frames)
-        for method, (mode_counts, bit_counts) in table.items()
+        _with(usual[method], n_modes=modes, bits=bits, choices=choices)
+        for method, (mode_counts, bit_counts) in rates.items()
         if method in methods
+        for choices in (("", COEFFICIENTS) if usual[method].anchors else ("",))
         for modes in mode_counts
         for bits in bit_counts
     ]
@@ -126,13 +247,44 @@ def sweep(
     return _distinct(_fitted(setting, n_frames) for setting in points)
 
 
+def check_table(table: TableSettings, methods: Sequence[str]) -> None:
+    """Raise an error for settings that are out of range, or that no method takes.
+
+    Raises
+    ------
+    InvalidInputError
+        Says which.
+    """
+    settings = [table.setting(method) for method in methods]
+    for setting in settings:
+        EncoderConfig(**setting.options())
+    wanted = set(choices_of(table.choices or None).changed)
+    taken = {name for one in settings for name in choices_of(one.shared or None).changed}
+    if wanted - taken:
+        raise InvalidInputError(
+            f"choice {sorted(wanted - taken)[0]} has no effect on {', '.join(methods)}; leave it "
+            "out, or add a method"
+        )
+
+
+def _effective(choices: str, method: str) -> str:
+    """Those of the choices that have an effect on a method."""
+    given = choices_of(choices or None)
+    idle = ineffective_choices(EncoderConfig(method), given)
+    return ",".join(f"{name}={one}" for name, one in given.changed.items() if name not in idle)
+
+
+def _with(setting: Setting, **changes: Any) -> Setting:
+    return Setting(**{**asdict(setting), **changes})
+
+
 def _fitted(setting: Setting, n_frames: int) -> Setting:
     """The setting for a sequence of so many frames: no more modes than frames in a block."""
     frames = setting.block_frames and equal_blocks(n_frames)
     modes = setting.n_modes
     if modes is not None and setting.method != "gft":
         modes = min(modes, frames or n_frames)
-    return Setting(setting.method, modes, setting.bits, setting.anchors, frames)
+    return _with(setting, n_modes=modes, block_frames=frames)
 
 
 def _distinct(settings: Iterable[Setting]) -> list[Setting]:

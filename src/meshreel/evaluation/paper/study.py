@@ -6,6 +6,7 @@ from functools import partial
 from pathlib import Path
 
 from meshreel.documents.parts import Document, Picture
+from meshreel.evaluation.paper.claims import dictionaries_run, long_run, quiet_blocks_run
 from meshreel.evaluation.paper.decompositions import decompositions_run
 from meshreel.evaluation.paper.document import paper_document
 from meshreel.evaluation.paper.figures import diagrams, matrices, meshes
@@ -15,7 +16,15 @@ from meshreel.evaluation.paper.results import (
     method_of_result,
     setting_of_result,
 )
-from meshreel.evaluation.paper.settings import METHOD_NAMES, row_settings, sweep, variants
+from meshreel.evaluation.paper.settings import (
+    METHOD_NAMES,
+    USUAL,
+    TableSettings,
+    alternatives,
+    row_settings,
+    sweep,
+    variants,
+)
 from meshreel.evaluation.pipeline import Measured, Subject
 from meshreel.evaluation.runs.run import Run, result_of
 from meshreel.evaluation.runs.store import Result, done
@@ -33,37 +42,58 @@ class PaperStudy:
     methods : sequence of str
         Of `settings.METHOD_NAMES`.
     quick : bool
-        Few points in the rate-distortion plots.
+        Few points in the rate-distortion plots, no alternatives, and no long sequences.
+    table : TableSettings
+        Modes, bits and anchors of the streams in the tables.
     program : str
     """
 
     methods: Sequence[str] = METHOD_NAMES
     quick: bool = False
+    table: TableSettings = USUAL
     program: str = "meshreel paper"
 
     def plan(self, sequence: MeshSequence) -> dict[str, list[Run]]:
-        """The runs of the tables, of Fig. 3, and of the rate-distortion plots."""
+        """The runs of the tables, of alternatives, Fig. 3, rate-distortion plots and claims."""
         n_frames, n_verts = sequence.n_frames, sequence.n_verts
         frame = meshes.telling_frame(sequence)
         groups = {
-            "variants": variants(n_frames, self.methods),
+            "variants": variants(n_frames, self.methods, self.table),
+            "alternatives": [] if self.quick else alternatives(n_frames, self.methods, self.table),
             "rows": row_settings(n_frames, self.methods),
             "sweep": sweep(n_frames, n_verts, self.methods, quick=self.quick),
         }
-        return {
+        runs = {
             group: [
                 variant_run(sequence, setting, shown_frame=frame, repeat=group == "variants")
                 for setting in settings
             ]
             for group, settings in groups.items()
         }
+        return {**runs, "claims": self._claims(sequence)}
+
+    def _claims(self, sequence: MeshSequence) -> list[Run]:
+        if "blocks" not in self.methods:
+            return []
+        runs = [dictionaries_run(sequence), quiet_blocks_run(sequence)]
+        if "pca-qp" in self.methods and not self.quick:
+            runs.append(long_run(sequence, self.table))
+        return runs
 
     def collect(
         self, subject: Subject, found: Mapping[str, list[Result]], progress: Progress
     ) -> PaperResults:
         """The results of all runs, with the seconds of decompositions where `gft` was run."""
-        groups = found["variants"], found["rows"], found["sweep"]
-        results = PaperResults(subject.slug, subject.store.sequence, *groups)
+        names = [run.name for run in self._claims(subject.sequence)]
+        results = PaperResults(
+            subject.slug,
+            subject.store.sequence,
+            variants=found["variants"],
+            rows=found["rows"],
+            sweep=found["sweep"],
+            alternatives=found["alternatives"],
+            claims=dict(zip(names, found["claims"], strict=True)),
+        )
         graph = results.variant("gft")
         if graph is None:
             return results
@@ -86,7 +116,7 @@ class PaperStudy:
         blocks = next((r for r in done(results.variants) if method_of_result(r) == "blocks"), None)
         if blocks is not None:
             data = store.path(setting_of_result(blocks).key, "reel").read_bytes()
-            yield partial(matrices.draw_dictionaries, coded_blocks(data), slug, folder)
+            yield partial(matrices.draw_dictionaries, sequence, coded_blocks(data), slug, folder)
         yield partial(meshes.draw_variants, sequence, results.variants, store, slug, folder)
         yield partial(diagrams.draw_rate_distortion, results, folder)
 

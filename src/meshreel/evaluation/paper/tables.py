@@ -18,6 +18,8 @@ from meshreel.evaluation.runs.store import Result
 Printed = TypeVar("Printed")
 
 RATES = ("q", "q_a", "q_d", "q_s")
+UNPRINTED = {"q": ("q_fixed", "q, fixed length"), "q_a": ("q_a_printed", "q_a at 16 bits")}
+"""Columns of the same part, counted otherwise: figure and heading."""
 
 
 def rate_table(results: PaperResults) -> Table:
@@ -25,7 +27,9 @@ def rate_table(results: PaperResults) -> Table:
     printed = printed_rates(results.name)
     header = ["variant"]
     for name in RATES:
-        header += [name, f"{name}, paper"] if printed else [name]
+        header.append(name)
+        header += [UNPRINTED[name][1]] if name in UNPRINTED else []
+        header += [f"{name}, paper"] if printed else []
     header += ["q_d as stored", "bpvf of the file", "bpvf, order dropped"]
     rows = []
     for result in results.variants:
@@ -38,6 +42,7 @@ def rate_table(results: PaperResults) -> Table:
 def _printed_for(result: Result, printed: Mapping[str, Printed]) -> Printed | None:
     """The printed figures of a variant; the paper's are of 1 % anchors."""
     is_usual = result["identity"]["setting"]["anchors"] in (0, ANCHORS)
+    is_usual = is_usual and not result["identity"]["setting"]["choices"]
     return printed.get(method_of_result(result)) if is_usual else None
 
 
@@ -49,6 +54,8 @@ def _rate_cells(
     count, cells = result["paper_count"], []
     for name in RATES:
         cells.append(number(count[name]))
+        if name in UNPRINTED:
+            cells.append(number(count[UNPRINTED[name][0]]))
         if has_printed_columns:
             cells.append(number(getattr(printed, name, None)))
     rates = count["q_d_as_stored"], result["rate_bpvf"], result["rate_order_dropped_bpvf"]
@@ -78,10 +85,35 @@ def quality_table(results: PaperResults) -> Table:
     return Table(f"Errors of the same streams, {results.name}", header, tuple(rows))
 
 
+def alternatives_table(results: PaperResults) -> Table:
+    """Rates and errors of variants with one choice made otherwise, each below the usual one."""
+    header = ("variant", "q", "q_a", "bpvf, order dropped", "KG error %", "STED",
+              "NMSVE, mean")  # fmt: skip
+    rows = []
+    compared = {method_of_result(result) for result in results.alternatives}
+    usual = [one for one in results.variants if label_of_result(one) in compared]
+    for result in (*usual, *results.alternatives):
+        row = [label_of_result(result)]
+        if "refused" not in result:
+            quality, count = result["quality"], result["paper_count"]
+            row += [
+                number(count["q"]),
+                number(count["q_a"]),
+                number(result["rate_order_dropped_bpvf"]),
+                significant(quality["kg_error_percent"]),
+                significant(quality["sted"]),
+                scientific(quality["nmsve_mean"]),
+            ]
+        rows.append(_filled(row, result, len(header)))
+    rows.sort(key=lambda row: row[0].split(" ")[0])
+    return Table(f"What the paper leaves open, {results.name}", header, tuple(rows))
+
+
 def seconds_table(results: PaperResults) -> Table:
-    """Table II: seconds to process and encode, and to reconstruct."""
-    printed = printed_seconds(results.name)
-    header = ["variant", "processing and encoding, s", "reconstruction, s"]
+    """Table II: seconds to process and encode, and to reconstruct, by both clocks."""
+    printed = printed_seconds(results.name, results.sequence["n_verts"])
+    header = ["variant", "processing and encoding, s", "processing and encoding, processor s",
+              "reconstruction, s", "reconstruction, processor s"]  # fmt: skip
     if printed:
         header += ["paper: processing and encoding, s", "paper: reconstruction, s"]
     rows = []
@@ -103,15 +135,21 @@ def seconds_table(results: PaperResults) -> Table:
 def _seconds_cells(result: Result) -> list[str]:
     if "refused" in result:
         return []
-    return [significant(result["seconds"][part]) for part in ("encode", "decode")]
+    parts = ("encode", "encode_processor", "decode", "decode_processor")
+    return [significant(result["seconds"][part]) for part in parts]
 
 
 def _decomposed_each(result: Result, results: PaperResults) -> list[str]:
     """Seconds with a decomposition for each frame, extrapolated; none where it is not known."""
     if method_of_result(result) != "gft" or "refused" in result or results.decompositions is None:
         return []
-    more = (results.sequence["n_frames"] - 1) * results.decompositions["seconds_each"]
-    return [f"{result['seconds'][part] + more:.0f}" for part in ("encode", "decode")]
+    n_more, each = results.sequence["n_frames"] - 1, results.decompositions
+    more = n_more * each["seconds_each"], n_more * each["processor_seconds_each"]
+    return [
+        f"{result['seconds'][part + clock] + seconds:.0f}"
+        for part in ("encode", "decode")
+        for clock, seconds in zip(("", "_processor"), more, strict=True)
+    ]
 
 
 def _printed_seconds(printed: PrintedSeconds | None) -> list[str]:
@@ -146,6 +184,7 @@ def settings_line(setting: Setting) -> str:
     words = [f"{modes} modes", f"{setting.bits} bits"]
     if setting.anchors:
         words.append(f"{100 * setting.anchors:g} % anchors")
+    words += [setting.options()["choices"]] if "choices" in setting.options() else []
     if setting.block_frames:
         words.append(f"blocks of {setting.block_frames} frames")
     return ", ".join(words)

@@ -5,6 +5,7 @@ import pytest
 
 import meshreel
 from meshreel.evaluation.paper.count import (
+    fixed_length_bits,
     paper_anchors_bpvf,
     paper_coefficients_bpvf,
     paper_count,
@@ -27,7 +28,9 @@ def counted(setting):
 def test_count_is_that_of_eq_13_when_there_is_one_dictionary():
     count, stream = counted(Setting("pca-qp", 3, anchors=0.05))
     assert count["q"] == pytest.approx(8 * stream.budget_bytes["coefficients"] / 3 / (N * K))
-    assert count["q_a"] == pytest.approx(16 * 5 / N)  # ceil(0.05 * 99) = 5 anchors
+    carried = stream.budget_bytes["anchors"] + stream.budget_bytes["anchor residuals"]
+    assert count["q_a"] == pytest.approx(8 * carried / 3 / (N * K))
+    assert count["q_a_printed"] == pytest.approx(16 * 5 / N)  # ceil(0.05 * 99) = 5 anchors
     assert count["q_d"] == count["q_d_as_stored"] == pytest.approx(16 * K / N)
     assert count["q_s"] == pytest.approx(count["q"] + count["q_a"] + count["q_d"])
 
@@ -50,7 +53,20 @@ def test_count_takes_the_bits_that_dictionaries_take_when_there_are_blocks():
 def test_count_has_no_dictionary_when_it_follows_from_connectivity():
     count, _ = counted(Setting("gft", 10, anchors=0.05))
     assert count["q_d"] is None
-    assert count["q_s"] == pytest.approx(count["q"] + 16 * 5 / N)
+    assert count["q_s"] == pytest.approx(count["q"] + count["q_a"])
+
+
+def test_fixed_length_is_bits_of_the_largest_integer_of_each_row():
+    data = meshreel.encode(waving_grid(), "v2v", n_modes=3, bits=8)
+    (block,) = coded_blocks(data)
+    # A sign and the bits of the magnitude, for each of the vertices of a row.
+    each = [
+        len(f"{max(abs(int(one)) for one in row):b}") + 1 if row.any() else 0
+        for axis in block.coefficients.integers
+        for row in axis
+    ]
+    assert fixed_length_bits([block]) == N * sum(each)
+    assert max(each) == 8
 
 
 def test_q_is_a_third_of_the_coefficients_when_all_axes_are_coded():
