@@ -1,0 +1,254 @@
+"""Measure the figures of docs/paper.md and of README's comparison, and store them in docs/results.
+
+    python bench/stored_results.py paper samba.npz cow.npz --flag 1000 --work runs
+    python bench/stored_results.py codecs samba.npz cow.npz --reference points.csv --work runs
+    python bench/stored_results.py checks
+
+The first two replace docs/results/paper.json and codecs.json, with the commit that they measured;
+`checks` measures the small flag that tests measure again. `python docs/result_tables.py --write`
+then brings the pages up to date. Runs that the folder `--work` already holds are not repeated, so a
+folder serves one commit only. Set OPENBLAS_NUM_THREADS=1 for processor seconds of one core.
+"""
+
+import argparse
+import json
+import statistics
+import subprocess
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Any
+
+import meshreel
+from meshreel.evaluation.codecs.recorded import read_recorded
+from meshreel.evaluation.codecs.results import CodecResults
+from meshreel.evaluation.codecs.study import CodecStudy
+from meshreel.evaluation.folder import file_name
+from meshreel.evaluation.paper.decompositions import decompositions_run
+from meshreel.evaluation.paper.findings import findings
+from meshreel.evaluation.paper.results import PaperResults, summary
+from meshreel.evaluation.paper.settings import COEFFICIENTS, PRESETS
+from meshreel.evaluation.paper.study import PaperStudy
+from meshreel.evaluation.pipeline import Study, Subject, measure
+from meshreel.evaluation.rate_distortion import bd_rate
+from meshreel.evaluation.runs.machine import machine_facts
+from meshreel.evaluation.runs.run import result_of
+from meshreel.evaluation.runs.store import Store
+from meshreel.sequence import MeshSequence
+
+ROOT = Path(__file__).parents[1]
+RESULTS = ROOT / "docs" / "results"
+CHECK_FRAMES = 60
+"""Frames of the flag that tests encode again."""
+
+N_TIMES = 5
+LARGE = 150
+"""Vertices along each side of the flag on which the per-mesh solve is tried: 22,500 in all."""
+
+ANCHOR_CASES = (
+    ("samba", 60, "pca-qp", (4, 8, 20)),
+    ("cow", None, "pca-qp", (4, 8, 20)),
+    ("samba", None, "blocks", (4,)),
+    ("cow", None, "blocks", (4,)),
+)
+"""Sequence, frames, method and modes for which both kinds of anchors are compared at 8 bits."""
+
+
+def commit() -> str:
+    """The commit of the checkout, marked where files of the codec differ from it."""
+    is_changed = git("status", "--porcelain", "--", "src", "core")
+    return git("rev-parse", "--short=12", "HEAD") + ("+" if is_changed else "")
+
+
+def git(*words: str) -> str:
+    """What a git command prints about the checkout."""
+    command = ["git", "-C", str(ROOT), *words]
+    return subprocess.run(command, check=True, capture_output=True, text=True).stdout.strip()
+
+
+def store(name: str, figures: dict[str, Any]) -> None:
+    """Write a file of results with the commit and the machine that made them."""
+    text = json.dumps({"commit": commit(), "machine": machine_facts(), **figures}, indent=1)
+    (RESULTS / f"{name}.json").write_text(text + "\n", encoding="utf-8")
+
+
+def measured(study: Study[Any], sequence: MeshSequence, folder: Path) -> Any:
+    """The results of a study on one sequence."""
+    subject = Subject(sequence, file_name(sequence.name), Store.for_sequence(folder, sequence))
+    return measure(study, subject, lambda stage, _: print(f"  {stage}", flush=True))
+
+
+def paper_figures(sequence: MeshSequence, folder: Path) -> dict[str, Any]:
+    """Tables, verdicts and curves of a sequence."""
+    results: PaperResults = measured(PaperStudy(), sequence, folder)
+    figures = results.as_dict()
+    figures["findings"] = [{**asdict(one), "verdict": one.verdict} for one in findings(results)]
+    figures["decompositions"] = None
+    if results.decompositions is not None:
+        names = ("n_modes", "seconds_each", "processor_seconds_each")
+        figures["decompositions"] = {name: results.decompositions[name] for name in names}
+    return figures
+
+
+def printed_preset(sequence: MeshSequence, folder: Path) -> list[dict[str, Any]]:
+    """Rows of Table I with the modes and bits that are close to the printed rates."""
+    study = PaperStudy(("pca", "pca-q", "v2v", "pca-qp", "blocks"), True, PRESETS["printed"])
+    results = measured(study, sequence, folder)
+    return [summary(one) for one in results.variants]
+
+
+def anchor_rows(sequences: Sequence[MeshSequence]) -> list[dict[str, Any]]:
+    """KG errors and rates of both kinds of anchors, from real streams."""
+    by_name = {sequence.name: sequence for sequence in sequences}
+    rows = []
+    for name, n_frames, method, mode_counts in ANCHOR_CASES:
+        if name not in by_name:
+            continue
+        sequence = replace(by_name[name], vertices=by_name[name].vertices[:n_frames])
+        for n_modes in mode_counts:
+            row: dict[str, Any] = {
+                "sequence": name,
+                "n_frames": sequence.n_frames,
+                "method": method,
+                "n_modes": n_modes,
+            }
+            for kind, choices in (("coefficients", COEFFICIENTS), ("positions", None)):
+                data = meshreel.encode(sequence, method, n_modes=n_modes, bits=8, choices=choices)
+                quality = meshreel.compare(sequence, meshreel.decode(data))
+                budget = meshreel.info(data).budget_bytes
+                n_bytes = budget["anchors"] + budget.get("anchor residuals", 0)
+                size = sequence.n_verts * sequence.n_frames
+                row[kind] = {
+                    "kg_error_percent": quality.kg_error_percent,
+                    "q_a": 8 * n_bytes / 3 / size,
+                    "rate_bpvf": 8 * len(data) / size,
+                }
+            rows.append(row)
+    return rows
+
+
+def large_mesh(folder: Path) -> dict[str, Any]:
+    """Seconds of the per-mesh variant beyond 20,000 vertices."""
+    sequence = meshreel.simulate_flag(3, n_rows=LARGE, n_columns=LARGE)
+    n_modes = sequence.n_verts // 20
+    subject = Store.for_sequence(folder, sequence)
+    once = result_of(decompositions_run(sequence, n_modes), subject)
+    start = time.perf_counter()
+    data = meshreel.encode(sequence, "gft", n_modes=n_modes)
+    middle = time.perf_counter()
+    decoded = meshreel.decode(data)
+    return {
+        "n_verts": sequence.n_verts,
+        "n_frames": sequence.n_frames,
+        "n_modes": n_modes,
+        "seconds_each": once["seconds_each"],
+        "encode_s": middle - start,
+        "decode_s": time.perf_counter() - middle,
+        "kg_error_percent": meshreel.compare(sequence, decoded).kg_error_percent,
+    }
+
+
+def processor_seconds(work: Callable[[], Any]) -> float:
+    """Median processor seconds of some calls."""
+    found = []
+    for _ in range(N_TIMES):
+        start = time.process_time()
+        work()
+        found.append(time.process_time() - start)
+    return statistics.median(found)
+
+
+def default_figures(sequence: MeshSequence) -> dict[str, Any]:
+    """Rate, errors and processor seconds with default options."""
+    data = meshreel.encode(sequence)
+    quality = meshreel.compare(sequence, meshreel.decode(data))
+    info = meshreel.info(data)
+    return {
+        "ratio": info.ratio,
+        "rate_bpvf": info.rate_bpvf,
+        "rate_order_dropped_bpvf": meshreel.info(meshreel.encode(sequence, order="drop")).rate_bpvf,
+        "kg_error_percent": quality.kg_error_percent,
+        "sted": quality.sted,
+        "max_error_percent": quality.max_error_percent,
+        "encode_processor_s": processor_seconds(lambda: meshreel.encode(sequence)),
+        "decode_processor_s": processor_seconds(lambda: meshreel.decode(data)),
+    }
+
+
+def codec_figures(sequence: MeshSequence, folder: Path, reference: Path | None) -> dict[str, Any]:
+    """Default figures, and BD-rates of `reel` against `pca-qp` and FAMC."""
+    recorded = read_recorded(reference) if reference else []
+    study = CodecStudy(("reel", "pca-qp"), (), recorded)
+    results: CodecResults = measured(study, sequence, folder)
+    kg, sted = results.curves("kg_error_percent"), results.curves("sted")
+    pairs = {
+        "kg_pca_qp": (kg["reel-geometry"], kg["pca-qp"]),
+        "sted_pca_qp": (sted["reel"], sted["pca-qp"]),
+        "kg_famc": (kg["reel-geometry"], kg.get("famc (recorded)", [])),
+    }
+    rates = {name: bd_rate(*pair) for name, pair in pairs.items()}
+    shape = {name: results.sequence[name] for name in ("name", "n_frames", "n_verts")}
+    bd_rates = {name: asdict(rate) for name, rate in rates.items()}
+    return {**shape, **default_figures(sequence), "bd_rates": bd_rates}
+
+
+def check_figures() -> dict[str, Any]:
+    """Rates and errors of the small flag, by method."""
+    flag, found = meshreel.simulate_flag(CHECK_FRAMES), {}
+    for method, options in CHECKED.items():
+        data = meshreel.encode(flag, method, **options)
+        quality = meshreel.compare(flag, meshreel.decode(data))
+        found[method] = {
+            "rate_bpvf": meshreel.info(data).rate_bpvf,
+            "kg_error_percent": quality.kg_error_percent,
+            "sted": quality.sted,
+        }
+    return {"n_frames": CHECK_FRAMES, "methods": found}
+
+
+CHECKED: dict[str, dict[str, Any]] = {
+    "reel": {},
+    "pca-qp": {"n_modes": 20, "bits": 8},
+    "v2v": {"n_modes": 20, "bits": 11},
+    "blocks": {"n_modes": 4, "bits": 8, "block_frames": 20},
+}
+"""Options of the streams that tests make again."""
+
+
+def main() -> None:
+    """Measure what the command line names, and store it."""
+    parser = argparse.ArgumentParser(description="Measure and store figures of the documentation.")
+    parser.add_argument("what", choices=("paper", "codecs", "checks"))
+    parser.add_argument("inputs", nargs="*", help="sequences")
+    parser.add_argument("--flag", type=int, default=0, help="frames of the flag, after the inputs")
+    parser.add_argument("--reference", type=Path, help="recorded points of other codecs (codecs)")
+    parser.add_argument("--work", type=Path, default=Path("runs"), help="folder for the runs")
+    arguments = parser.parse_args()
+    if arguments.what == "checks":
+        store("checks", check_figures())
+        return
+    sequences = [meshreel.load(given) for given in arguments.inputs]
+    sequences = [replace(sequence, tracks={}) for sequence in sequences]
+    if arguments.flag:
+        sequences.append(meshreel.simulate_flag(arguments.flag))
+    if arguments.what == "codecs":
+        found = []
+        for sequence in sequences:
+            print(sequence.name, flush=True)
+            found.append(codec_figures(sequence, arguments.work, arguments.reference))
+        store("codecs", {"sequences": found})
+        return
+    figures: dict[str, Any] = {"sequences": []}
+    for sequence in sequences:
+        print(sequence.name, flush=True)
+        figures["sequences"].append(paper_figures(sequence, arguments.work))
+        if sequence.name == "samba":
+            figures["printed_preset"] = printed_preset(sequence, arguments.work)
+    figures["anchors"] = anchor_rows(sequences)
+    figures["large_mesh"] = large_mesh(arguments.work)
+    store("paper", figures)
+
+
+if __name__ == "__main__":
+    main()
