@@ -7,24 +7,33 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from meshreel.documents.parts import Picture
+from meshreel.evaluation.paper.figures.panels import save_for_print
 from meshreel.evaluation.paper.results import PaperResults, label_of_result, method_of_result
-from meshreel.evaluation.plots.axes import draw_envelopes, plain_ticks, tidy
+from meshreel.evaluation.plots.axes import draw_envelopes, tidy
 from meshreel.evaluation.plots.labels import LineEnd, label_ends
 from meshreel.evaluation.plots.palette import line_style
 from meshreel.evaluation.runs.store import Result, done
-from meshreel.rendering.plots import blank_figure, save_figure
+from meshreel.rendering.plots import blank_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.axis import Axis
 
 LOG_FROM_RATIO = 8.0
 """Values whose largest is this many times the smallest are drawn on a log axis."""
 
 ROW_AXES = {
-    "": "row (eigen-trajectory)",
-    "blocks": "row (eigen-trajectory), block after block",
-    "gft": "row (graph frequency)",
+    "": ("all frames in one block", "row (eigen-trajectory)"),
+    "blocks": (
+        "blocks of {block_frames} frames",
+        "row (eigen-trajectory) of all blocks",
+    ),
+    "gft": ("each frame by itself", "row (graph frequency)"),
 }
+"""Titles and horizontal axes of Fig. 5."""
+
+SCIENTIFIC_BELOW = 1e-3
+"""Axes that reach below this are labeled with powers of ten."""
 
 ERRORS = (
     ("kg_error_percent", "KG error (%)"),
@@ -35,7 +44,9 @@ ERRORS = (
 
 def draw_error_per_frame(results: PaperResults, folder: Path) -> Picture:
     """Fig. 4: NMSVE of every frame for all variants."""
-    figure = blank_figure(9, 4.8)
+    from matplotlib.ticker import MaxNLocator
+
+    figure = blank_figure(8, 4.2)
     axes = figure.add_subplot()
     ends: list[LineEnd] = []
     values = []
@@ -48,16 +59,22 @@ def draw_error_per_frame(results: PaperResults, folder: Path) -> Picture:
         ends.append((label, float(frames[-1]), float(errors[-1])))
         values.append(errors)
     _scale_axis(axes, np.concatenate(values))
-    axes.set(xlabel="frame", ylabel="NMSVE (positions in diagonals)")
+    axes.set(xlabel="frame", ylabel="NMSVE")
     axes.margins(x=0.01)
+    axes.xaxis.set_major_locator(MaxNLocator(integer=True))
+    if len(errors) == 1:
+        axes.set_xticks([0])
     tidy(axes)
     label_ends(axes, ends)
     path = folder / f"{results.slug}-fig4-nmsve.png"
-    save_figure(figure, path, overwrite=True)
+    save_for_print(figure, path)
     caption = (
-        "NMSVE of every frame, all variants at the settings of Table I. The wide line of `pca-qs` "
-        "lies below that of `pca-qp`."
+        "NMSVE of every frame, all variants at the settings of the tables. Positions are divided "
+        "by the diagonal of the first frame's bounding box."
     )
+    methods = {method_of_result(result) for result in done(results.variants)}
+    if {"pca-qs", "pca-qp"} <= methods:
+        caption += " The wide line of `pca-qs` is drawn under that of `pca-qp`."
     return Picture(path, "Fig. 4", caption, 1)
 
 
@@ -69,40 +86,48 @@ def draw_bits_per_row(results: PaperResults, folder: Path) -> Picture:
     for result in done(results.variants):
         method = method_of_result(result)
         groups.setdefault(method if method in ROW_AXES else "", []).append(result)
-    figure = blank_figure(9, 0.6 + 2.9 * len(groups))
+    figure = blank_figure(8, 0.4 + 2.7 * len(groups))
     for number, (name, group) in enumerate(groups.items(), 1):
         axes = figure.add_subplot(len(groups), 1, number)
         ends: list[LineEnd] = []
         for labels, result in _equal_rows_together(group):
             _draw_rows(axes, labels, result, results.sequence["n_verts"], ends)
-        _scale_axis(axes, np.concatenate([line.get_ydata() for line in axes.lines]))
-        axes.set(xlabel=ROW_AXES[name], ylabel="bits per vertex, one coordinate")
+        title, rows = ROW_AXES[name]
+        title = title.format(**group[0]["identity"]["setting"])
+        pad = 16 if name == "blocks" else 6  # above the numbers of the blocks
+        axes.set_title(title, loc="left", fontsize=10, pad=pad)
+        axes.set(xlabel=rows, ylabel="bits per vertex")
+        axes.margins(y=0.08)
+        axes.set_ylim(bottom=0)
         axes.xaxis.set_major_locator(MaxNLocator(integer=True))
         tidy(axes)
         label_ends(axes, ends)
     path = folder / f"{results.slug}-fig5-bits-per-row.png"
-    save_figure(figure, path, overwrite=True)
+    save_for_print(figure, path)
     caption = (
-        "Bits that a row of coefficients takes when it is entropy-coded by itself, by vertices: "
-        "mean of the three coordinates. Rows beyond those shown take none. Variants named "
-        "together have the same coefficients."
+        "Bits per vertex of each row of coefficients, entropy-coded separately; mean of x, y and "
+        "z. Rows beyond those shown take none. Variants labeled together have the same "
+        "coefficients."
     )
     if "blocks" in groups:
-        caption += " Rows of `blocks` stand one block after another; shades part the blocks."
+        caption += " Shading separates the blocks of `blocks`."
     return Picture(path, "Fig. 5", caption, len(groups))
 
 
 def draw_rate_distortion(results: PaperResults, folder: Path) -> Picture:
     """Rate against KG error, STED and mean NMSVE, with the lower envelope of each method."""
-    figure = blank_figure(13, 4.6)
+    figure = blank_figure(11.5, 4.2)
+    figure.set_layout_engine("constrained", wspace=0.06)
     for number, (key, name) in enumerate(ERRORS, 1):
         axes = figure.add_subplot(1, len(ERRORS), number)
         draw_envelopes(axes, results.points(key), name)
+        _tick(axes.yaxis)
     path = folder / f"{results.slug}-rate-distortion.png"
-    save_figure(figure, path, overwrite=True)
+    save_for_print(figure, path)
     caption = (
-        "Rate of the whole file with the order of vertices and faces dropped, against three "
-        "errors. A point is a stream; a line joins those that no other of its method beats."
+        "Three errors against the rate of the whole file, without the order of vertices and faces. "
+        "Each point is a stream. A line joins the streams of a method that no other stream of the "
+        "method beats in both rate and error; the others are small points."
     )
     return Picture(path, "Rate and distortion", caption, len(ERRORS))
 
@@ -149,7 +174,27 @@ def _scale_axis(axes: "Axes", values: "np.typing.ArrayLike") -> None:
     positive = positive[positive > 0]
     if positive.size and positive.max() > LOG_FROM_RATIO * positive.min():
         axes.set_yscale("log")
-        plain_ticks(axes.yaxis)
         axes.set_ylim(positive.min() / 1.2, positive.max() * 1.2)
+        _tick(axes.yaxis)
     else:
         axes.set_ylim(bottom=0)
+
+
+def _tick(axis: "Axis") -> None:
+    """Label a log axis at 1, 2 and 5 of each decade, or more densely within one decade."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+    low, high = axis.get_view_interval()
+    within_decade = high < 10 * low
+    subs = (1, 1.5, 2, 3, 4, 5, 6, 8) if within_decade else (1, 2, 5)
+    axis.set_major_locator(LogLocator(subs=subs))
+    axis.set_minor_formatter(NullFormatter())
+    scientific = low < SCIENTIFIC_BELOW
+
+    def label(value: float, _: object) -> str:
+        if not scientific:
+            return f"{value:g}"
+        mantissa, exponent = f"{value:.1e}".split("e")
+        return rf"${float(mantissa):g}\times10^{{{int(exponent)}}}$"
+
+    axis.set_major_formatter(FuncFormatter(label))
