@@ -5,7 +5,7 @@
 
 Made for sequences in which the shape itself is most of the file. Bjontegaard rates in percent, of
 whole files without the order, over the errors that both reach: a quality every 12 points against
-the best of 5 to 40 modes with 6 to 10 bits.
+the best of 5 to 40 modes with 6 to 10 bits and of both kinds of anchors.
 """
 
 import argparse
@@ -19,6 +19,7 @@ from meshreel.evaluation.rate_distortion import bd_rate
 
 QUALITIES = (36, 48, 60, 72, 84, 96)
 MODES, BITS = (5, 10, 20, 40), (6, 8, 10)
+ANCHORS = (None, "anchor-values=coefficients")
 
 
 def point(sequence: meshreel.MeshSequence, **options: Any) -> tuple[float, float, float]:
@@ -35,8 +36,8 @@ def row(source: str) -> str:
     sequence = meshreel.load(source)
     ours = [point(sequence, quality=quality) for quality in QUALITIES]
     theirs = [
-        point(sequence, method="pca-qp", n_modes=n_modes, bits=bits)
-        for n_modes, bits in product(MODES, BITS)
+        point(sequence, method="pca-qp", n_modes=n_modes, bits=bits, choices=choices)
+        for n_modes, bits, choices in product(MODES, BITS, ANCHORS)
     ]
     cells = [Path(source).stem]
     for column in (1, 2):

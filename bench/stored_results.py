@@ -2,10 +2,11 @@
 
     python bench/stored_results.py paper samba.npz cow.npz --flag 1000 --work runs
     python bench/stored_results.py codecs samba.npz cow.npz --reference points.csv --work runs
+    python bench/stored_results.py choices samba.npz cow.npz
     python bench/stored_results.py checks
 
-The first two replace docs/results/paper.json and codecs.json, with the commit that they measured;
-`checks` measures the small flag that tests measure again. `python docs/result_tables.py --write`
+They replace docs/results/paper.json and so on, with the commit that they measured; `checks`
+measures the small flag that tests measure again. `python docs/result_tables.py --write`
 then brings the pages up to date. Runs that the folder `--work` already holds are not repeated, so a
 folder serves one commit only. Set OPENBLAS_NUM_THREADS=1 for processor seconds of one core.
 """
@@ -193,6 +194,51 @@ def codec_figures(sequence: MeshSequence, folder: Path, reference: Path | None) 
     return {**shape, **default_figures(sequence), "bd_rates": bd_rates}
 
 
+def choice_figures(sequence: MeshSequence) -> dict[str, Any]:
+    """Laplacians and shares of anchors of `pca-qp`, and bits of `v2v`."""
+    curves = {
+        laplacian: [
+            point(sequence, "pca-qp", bits=bits, laplacian=laplacian) for bits in (7, 8, 9, 10)
+        ]
+        for laplacian in LAPLACIANS
+    }
+    shares = {
+        kind: [
+            point(sequence, "pca-qp", bits=8, anchors=share, choices=choices)
+            for share in ANCHOR_SHARES
+        ]
+        for kind, choices in (("positions", None), ("coefficients", COEFFICIENTS))
+    }
+    vertex_bits = {
+        str(bits): [
+            point(sequence, "v2v", n_modes=modes, bits=bits)
+            for modes in (5, 10, 20, 40, 80)
+            if modes <= sequence.n_frames
+        ]
+        for bits in VERTEX_BITS
+    }
+    name = sequence.name
+    print(name, flush=True)
+    return {"name": name, "laplacians": curves, "anchors": shares, "vertex_bits": vertex_bits}
+
+
+LAPLACIANS = ("normalized", "combinatorial", "cotangent")
+ANCHOR_SHARES = (0.0, 0.005, 0.01, 0.03, 0.1)
+VERTEX_BITS = (9, 10, 11, 12, 13)
+
+
+def point(sequence: MeshSequence, method: str, **options: Any) -> dict[str, float]:
+    """Rate of a stream with the order dropped, and its errors."""
+    data = meshreel.encode(sequence, method, order="drop", **options)
+    kept = meshreel.decode(meshreel.encode(sequence, method, **options))
+    quality = meshreel.compare(sequence, kept)
+    return {
+        "rate_bpvf": meshreel.info(data).rate_bpvf,
+        "kg_error_percent": quality.kg_error_percent,
+        "sted": quality.sted,
+    }
+
+
 def check_figures() -> dict[str, Any]:
     """Rates and errors of the small flag, by method."""
     flag, found = meshreel.simulate_flag(CHECK_FRAMES), {}
@@ -200,6 +246,7 @@ def check_figures() -> dict[str, Any]:
         data = meshreel.encode(flag, method, **options)
         quality = meshreel.compare(flag, meshreel.decode(data))
         found[method] = {
+            "options": options,
             "rate_bpvf": meshreel.info(data).rate_bpvf,
             "kg_error_percent": quality.kg_error_percent,
             "sted": quality.sted,
@@ -219,7 +266,7 @@ CHECKED: dict[str, dict[str, Any]] = {
 def main() -> None:
     """Measure what the command line names, and store it."""
     parser = argparse.ArgumentParser(description="Measure and store figures of the documentation.")
-    parser.add_argument("what", choices=("paper", "codecs", "checks"))
+    parser.add_argument("what", choices=("paper", "codecs", "choices", "checks"))
     parser.add_argument("inputs", nargs="*", help="sequences")
     parser.add_argument("--flag", type=int, default=0, help="frames of the flag, after the inputs")
     parser.add_argument("--reference", type=Path, help="recorded points of other codecs (codecs)")
@@ -238,6 +285,9 @@ def main() -> None:
             print(sequence.name, flush=True)
             found.append(codec_figures(sequence, arguments.work, arguments.reference))
         store("codecs", {"sequences": found})
+        return
+    if arguments.what == "choices":
+        store("choices", {"sequences": [choice_figures(sequence) for sequence in sequences]})
         return
     figures: dict[str, Any] = {"sequences": []}
     for sequence in sequences:

@@ -68,7 +68,7 @@ def describe_block(block):
 
 
 def describe_shape(shape):
-    """Hashes of the shape that cotangent weights are measured in, where there is one."""
+    """Hashes of the shape that cotangent weights are measured in; empty if the stream has none."""
     if shape is None:
         return {}
     steps, integers = shape

@@ -68,6 +68,38 @@ def test_paper_names_the_extra_before_work_when_matplotlib_is_missing(tmp_path, 
     assert not (tmp_path / "r").exists()
 
 
+def test_paper_makes_the_tables_with_the_given_modes_bits_and_anchors(grid, tmp_path):
+    options = ("--modes", 3, "--bits", 6, "--anchors", 0.2, "--choices", "anchor-bits=12")
+    done = run("grid.npz", *options, "--methods", "v2v,pca-qp", "--quick", "--json", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    (sequence,) = json.loads(done.stdout)["sequences"]
+    found = {one["label"]: one for one in sequence["variants"]}
+    assert set(found) == {"v2v", "pca-qp"}
+    assert {(one["n_modes"], one["bits"]) for one in found.values()} == {(3, 6)}
+    assert found["pca-qp"]["anchors"] == 0.2
+    assert found["pca-qp"]["shared"] == "anchor_bits=12"
+    assert found["v2v"]["shared"] == ""
+    text = (tmp_path / "report" / "report.md").read_text()
+    assert "--modes 3 --bits 6 --anchors 0.2 --choices anchor-bits=12" in text
+
+
+@pytest.mark.every_case
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (("--bits", 40), "bits must be"),
+        (("--anchors", 3), "anchors must be"),
+        (("--preset", "mine"), "preset 'mine' is unknown; choose from usual, printed"),
+        (("--choices", "anchor-bits=99"), "choice anchor_bits must be"),
+        (("--choices", "anchor-bits=9", "--methods", "v2v"), "has no effect on v2v"),
+    ],
+)
+def test_paper_refuses_settings_of_the_tables_before_any_work(tmp_path, options, words):
+    done = run(*options, "--out", tmp_path / "r")
+    assert_fails(done, words)
+    assert not (tmp_path / "r").exists()
+
+
 def test_help_shows_examples_when_asked_for():
     done = run("--help")
     assert done.returncode == 0

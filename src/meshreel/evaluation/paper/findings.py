@@ -33,7 +33,7 @@ SMALL_EFFECT = 0.05
 """Share by which the errors of random anchors may differ while they hardly matter."""
 
 SIMILAR = 0.5
-"""Correlation of errors per frame from which on they follow a similar pattern."""
+"""Least correlation of errors per frame that follow a similar pattern."""
 
 PER_MESH_VERTICES = 20000
 """Vertices beyond which the paper finds the per-mesh solve out of reach."""
@@ -267,7 +267,7 @@ def _similar_pattern(results: PaperResults) -> Finding | None:
         "NMSVE per frame follows a similar pattern in all temporal methods",
         min(found) >= SIMILAR,
         f"Correlations of pairs: {min(found):.2f} to {max(found):.2f}, mean {np.mean(found):.2f} "
-        f"(similar: from {SIMILAR:g} on).",
+        f"(similar: at least {SIMILAR:g}).",
         f"{min(found):.2f} to {max(found):.2f}",
     )
 

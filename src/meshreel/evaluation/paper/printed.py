@@ -100,7 +100,7 @@ REMARKS = {
     "flag": "The flag is our own simulation with as many vertices as the paper's Flag (2704; it "
     "has 1000 frames): its seconds stand beside the printed ones for their order of magnitude.",
     "jumping": "`jumping` is of the same family of captures as the paper's Handstand, and of as "
-    "many vertices, but it is another sequence: no printed figure stands beside it.",
+    "many vertices, but it is another sequence, so no printed figures are shown.",
 }
 
 
