@@ -61,7 +61,7 @@ def draw_error_per_frame(results: PaperResults, folder: Path) -> Picture:
     _scale_axis(axes, np.concatenate(values))
     axes.set(xlabel="frame", ylabel="NMSVE")
     axes.margins(x=0.01)
-    axes.xaxis.set_major_locator(MaxNLocator(integer=True))
+    axes.xaxis.set_major_locator(MaxNLocator(integer=True, steps=[1, 2, 5, 10]))
     if len(errors) == 1:
         axes.set_xticks([0])
     tidy(axes)
@@ -99,7 +99,7 @@ def draw_bits_per_row(results: PaperResults, folder: Path) -> Picture:
         axes.set(xlabel=rows, ylabel="bits per vertex")
         axes.margins(y=0.08)
         axes.set_ylim(bottom=0)
-        axes.xaxis.set_major_locator(MaxNLocator(integer=True))
+        axes.xaxis.set_major_locator(MaxNLocator(integer=True, steps=[1, 2, 5, 10]))
         tidy(axes)
         label_ends(axes, ends)
     path = folder / f"{results.slug}-fig5-bits-per-row.png"
@@ -116,10 +116,11 @@ def draw_bits_per_row(results: PaperResults, folder: Path) -> Picture:
 
 def draw_rate_distortion(results: PaperResults, folder: Path) -> Picture:
     """Rate against KG error, STED and mean NMSVE, with the lower envelope of each method."""
-    figure = blank_figure(11.5, 4.2)
-    figure.set_layout_engine("constrained", wspace=0.06)
+    # Below each other, since labels of variants with other choices are long.
+    figure = blank_figure(8, 9)
+    figure.set_layout_engine("constrained", hspace=0.05)
     for number, (key, name) in enumerate(ERRORS, 1):
-        axes = figure.add_subplot(1, len(ERRORS), number)
+        axes = figure.add_subplot(len(ERRORS), 1, number)
         draw_envelopes(axes, results.points(key), name)
         _tick(axes.yaxis)
     path = folder / f"{results.slug}-rate-distortion.png"

@@ -23,8 +23,8 @@ MAX_PANEL_PX = 400
 """Largest side of a square panel; others have this area at most."""
 
 FONT_SIZE = 8.0
-TITLE_PX, ROW_LABEL_PX, LINE_PX = 195, 240, 34
-"""Lengths of a title of 12 letters and of a label of 15 at `FONT_SIZE`, and a line's height."""
+TITLE_PX, ROW_LABEL_PX, LINE_PX = 215, 240, 34
+"""Lengths of a title of 14 letters and of a label of 15 at `FONT_SIZE`, and a line's height."""
 
 GAP_PX, BAND_GAP_PX, LABEL_PX = 14, 40, 50
 
