@@ -98,7 +98,14 @@ def stored_mesh(opened: OpenStream, variant: Variant) -> MeshModel:
         anchors = read_anchor_vertices(payload, opened.n_verts)
     if opened.laplacian is Laplacian.COTANGENT:
         shape = stored_shape(opened).values[:, 0].T
-    return MeshModel(opened.internal_faces, opened.n_verts, anchors, opened.laplacian, shape)
+    return MeshModel(
+        faces=opened.internal_faces,
+        n_verts=opened.n_verts,
+        anchors=anchors,
+        laplacian_choice=opened.laplacian,
+        shape=shape,
+        n_frames=opened.stream.n_frames,
+    )
 
 
 def stored_shape(opened: OpenStream) -> Quantized:

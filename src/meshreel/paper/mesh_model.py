@@ -33,6 +33,8 @@ class MeshModel:
     laplacian_choice : Laplacian
     shape : float64 array of shape (V, 3), or None
         Positions that cotangent weights are measured in, as the decoder has them.
+    n_frames : int
+        Frames of the whole stream, in which responses of anchors can be used again; 0 if unknown.
     """
 
     faces: Faces
@@ -40,6 +42,7 @@ class MeshModel:
     anchors: Integers
     laplacian_choice: Laplacian
     shape: Floats | None = None
+    n_frames: int = 0
 
     @cached_property
     def isolated(self) -> Integers:

@@ -37,6 +37,9 @@ from meshreel.subspace.pca import autocorrelation, eigen_trajectories
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
 
+MAX_RESPONSES = 1 << 26
+"""Numbers of the anchors' responses that are kept from block to block."""
+
 PREDICTION_STEP_RATIO = 8
 """Step of the coefficients that predict anchor positions, in steps of these positions."""
 
@@ -308,7 +311,9 @@ def _residual_responses(mesh: MeshModel, values: Floats) -> tuple[Floats, Floats
     have shape (3, A, T).
     """
     n_anchors, n_frames = values.shape[1:]
-    if n_anchors <= 3 * n_frames:
+    pays_here = n_anchors <= 3 * n_frames
+    pays_in_all_blocks = n_anchors <= 3 * mesh.n_frames
+    if pays_here or (pays_in_all_blocks and n_anchors * mesh.n_verts <= MAX_RESPONSES):
         responses = np.broadcast_to(mesh.anchor_responses.T, (3, n_anchors, mesh.n_verts))
         return np.swapaxes(values, 1, 2), responses
     nothing = np.zeros((3, n_frames, mesh.n_verts))

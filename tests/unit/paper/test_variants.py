@@ -90,10 +90,17 @@ def test_order_comes_back_whatever_the_method(name):
     assert kg_error_percent(sequence.vertices, decoded.vertices) < 0.2
 
 
-def test_serial_and_parallel_agree_when_the_stream_is_the_same():
-    """PCA+qs and PCA+qp solve the same Eq. 12."""
-    sequence = waving_grid(dtype=np.float64)
-    serial, parallel = (decode(encode(sequence, name, n_modes=6)) for name in ("pca-qs", "pca-qp"))
+@pytest.mark.every_case
+@pytest.mark.parametrize(
+    ("n_frames", "block_frames", "anchors"),
+    [(12, 12, 0.01), (3, 3, 0.3), (24, 2, 0.2)],
+    ids=["few anchors", "few frames", "few frames in each of many blocks"],
+)
+def test_serial_and_parallel_decoding_agree(n_frames, block_frames, anchors):
+    """PCA+qs and PCA+qp solve the same Eq. 12, by frame, by anchor or by column."""
+    sequence = waving_grid(n_frames, dtype=np.float64)
+    options = {"n_modes": 2, "block_frames": block_frames, "anchors": anchors}
+    serial, parallel = (decode(encode(sequence, name, **options)) for name in ("pca-qs", "pca-qp"))
     np.testing.assert_allclose(serial.vertices, parallel.vertices, atol=1e-6)
 
 

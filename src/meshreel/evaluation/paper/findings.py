@@ -13,6 +13,7 @@ from meshreel.evaluation.paper.settings import (
     LOW_FREQUENCIES,
     QUANTIZED_DELTAS,
     RANDOM_ANCHORS,
+    RANDOM_COEFFICIENTS,
     WORDS,
 )
 from meshreel.evaluation.runs.store import Result, done
@@ -177,21 +178,34 @@ def _few_anchors(results: PaperResults) -> Finding | None:
 
 
 def _anchor_choice(results: PaperResults) -> Finding | None:
-    usual = results.variant("pca-qp")
-    others = [results.variant(f"pca-qp ({WORDS[choices]})") for choices in RANDOM_ANCHORS]
-    found = [one for one in others if one is not None]
-    if usual is None or not found:
+    sets = (("pca-qp", RANDOM_ANCHORS), (f"pca-qp ({WORDS[COEFFICIENTS]})", RANDOM_COEFFICIENTS))
+    positions, coefficients = (_random_changes(results, *one) for one in sets)
+    if not positions:
         return None
-    reference = _error(usual, "kg_error_percent") or 1.0
-    ratios = [_error(one, "kg_error_percent") / reference for one in found]
-    listed = ", ".join(f"{100 * (ratio - 1):+.1f} %" for ratio in ratios)
+    listed, others = (
+        ", ".join(f"{100 * change:+.1f} %" for change in changes)
+        for changes in (positions, coefficients)
+    )
     return Finding(
         "The choice of anchors hardly affects the results",
-        max(abs(ratio - 1) for ratio in ratios) <= SMALL_EFFECT,
+        max(map(abs, positions)) <= SMALL_EFFECT,
         f"KG with random anchors against farthest points, by seed: {listed} (hardly: up to "
-        f"{100 * SMALL_EFFECT:.0f} %).",
-        f"KG {listed}",
+        f"{100 * SMALL_EFFECT:.0f} %)."
+        + (f" With coefficients instead of positions: {others}." if others else ""),
+        f"KG {listed}" + (f" (coefficients {others})" if others else ""),
     )
+
+
+def _random_changes(
+    results: PaperResults, label: str, random_choices: Sequence[str]
+) -> list[float]:
+    """Relative change of the KG error with random anchors, by seed."""
+    usual = results.variant(label)
+    others = [results.variant(f"pca-qp ({WORDS[choices]})") for choices in random_choices]
+    if usual is None:
+        return []
+    reference = _error(usual, "kg_error_percent") or 1.0
+    return [_error(one, "kg_error_percent") / reference - 1 for one in others if one is not None]
 
 
 def _deltas_against_vertices(results: PaperResults) -> Finding | None:

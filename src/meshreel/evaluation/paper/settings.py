@@ -26,6 +26,7 @@ WHOLE_DICTIONARIES = "dictionary=whole"
 FINE_ANCHORS = "anchor-bits=16"
 NO_ROTATION = "rotation=none"
 RANDOM_ANCHORS = tuple(f"anchor-set=random,anchor-seed={seed}" for seed in (1, 2, 3))
+RANDOM_COEFFICIENTS = tuple(f"{COEFFICIENTS},{choices}" for choices in RANDOM_ANCHORS)
 
 WORDS = {
     COEFFICIENTS: "coefficients of anchors",
@@ -34,6 +35,10 @@ WORDS = {
     FINE_ANCHORS: "anchors of 16 bits",
     NO_ROTATION: "without rotation",
     **{one: f"random anchors {number}" for number, one in enumerate(RANDOM_ANCHORS, 1)},
+    **{
+        one: f"coefficients of random anchors {number}"
+        for number, one in enumerate(RANDOM_COEFFICIENTS, 1)
+    },
 }
 """Names of the choices that the report compares."""
 
@@ -160,7 +165,7 @@ _ALTERNATIVES = (
     ("pca-q", QUANTIZED_DELTAS),
     ("pca-qp", COEFFICIENTS),
     ("pca-qp", FINE_ANCHORS),
-    *(("pca-qp", choices) for choices in RANDOM_ANCHORS),
+    *(("pca-qp", choices) for choices in (*RANDOM_ANCHORS, *RANDOM_COEFFICIENTS)),
     ("blocks", COEFFICIENTS),
     ("blocks", WHOLE_DICTIONARIES),
     ("blocks", NO_ROTATION),

@@ -50,23 +50,25 @@ def label_ends(axes: "Axes", ends: Sequence[LineEnd]) -> None:
 
 
 def spread(heights: Sequence[float], needed: Sequence[float]) -> list[float]:
-    """The heights moved as little as gives each the room it needs, in the order given.
+    """Move heights as little as gives each the room it needs, in the order given.
+
+    All stay within 0..1 if they fit.
 
     Parameters
     ----------
     heights : sequence of float
-        Where each would best be centred.
+        The best center of each.
     needed : sequence of float
         The room of each.
     """
     order = sorted(range(len(heights)), key=lambda number: heights[number])
     groups: list[_Group] = []
     for number in order:
-        groups.append(_Group([number], heights[number], needed[number]))
+        groups.append(_inside(_Group([number], heights[number], needed[number])))
         while len(groups) > 1 and groups[-2].top > groups[-1].bottom:
             above = groups.pop()
             below = groups.pop()
-            groups.append(_joined(below, above))
+            groups.append(_inside(_joined(below, above)))
     placed = [0.0] * len(heights)
     for group in groups:
         bottom = group.bottom
@@ -91,6 +93,13 @@ class _Group:
     @property
     def top(self) -> float:
         return self.centre + self.room / 2
+
+
+def _inside(group: _Group) -> _Group:
+    """The group moved into 0..1; centered if it is larger."""
+    half = group.room / 2
+    centre = min(max(group.centre, half), 1 - half) if group.room < 1 else 0.5
+    return _Group(group.members, centre, group.room)
 
 
 def _joined(below: _Group, above: _Group) -> _Group:

@@ -12,6 +12,11 @@ def test_equal_heights_are_moved_apart_about_their_place():
     assert sorted(spread([0.5, 0.5, 0.5], [0.1] * 3)) == pytest.approx([0.4, 0.5, 0.6])
 
 
+def test_labels_that_crowd_an_end_stay_inside():
+    assert sorted(spread([0.0, 0.02, 0.01], [0.1] * 3)) == pytest.approx([0.05, 0.15, 0.25])
+    assert sorted(spread([1.0, 0.98], [0.1] * 2)) == pytest.approx([0.85, 0.95])
+
+
 def test_labels_do_not_overlap_when_their_rooms_differ():
     rng = np.random.default_rng(3)
     heights, needed = rng.uniform(0, 1, 12), rng.uniform(0.02, 0.12, 12)
