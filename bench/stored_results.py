@@ -198,13 +198,14 @@ def choice_figures(sequence: MeshSequence) -> dict[str, Any]:
     """Laplacians and shares of anchors of `pca-qp`, and bits of `v2v`."""
     curves = {
         laplacian: [
-            point(sequence, "pca-qp", bits=bits, laplacian=laplacian) for bits in (7, 8, 9, 10)
+            point(sequence, "pca-qp", n_modes=MODES, bits=bits, laplacian=laplacian)
+            for bits in (7, 8, 9, 10)
         ]
         for laplacian in LAPLACIANS
     }
     shares = {
         kind: [
-            point(sequence, "pca-qp", bits=8, anchors=share, choices=choices)
+            point(sequence, "pca-qp", n_modes=MODES, bits=8, anchors=share, choices=choices)
             for share in ANCHOR_SHARES
         ]
         for kind, choices in (("positions", None), ("coefficients", COEFFICIENTS))
@@ -212,7 +213,7 @@ def choice_figures(sequence: MeshSequence) -> dict[str, Any]:
     vertex_bits = {
         str(bits): [
             point(sequence, "v2v", n_modes=modes, bits=bits)
-            for modes in (5, 10, 20, 40, 80)
+            for modes in (5, 10, 20, 40)
             if modes <= sequence.n_frames
         ]
         for bits in VERTEX_BITS
@@ -222,6 +223,7 @@ def choice_figures(sequence: MeshSequence) -> dict[str, Any]:
     return {"name": name, "laplacians": curves, "anchors": shares, "vertex_bits": vertex_bits}
 
 
+MODES = 20
 LAPLACIANS = ("normalized", "combinatorial", "cotangent")
 ANCHOR_SHARES = (0.0, 0.005, 0.01, 0.03, 0.1)
 VERTEX_BITS = (9, 10, 11, 12, 13)
