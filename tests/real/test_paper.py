@@ -1,10 +1,12 @@
 """The paper's claims on its own sequence, from streams."""
 
 import os
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+import meshreel
 from meshreel.evaluation.paper.measure import variant_run
 from meshreel.evaluation.paper.results import PaperResults
 from meshreel.evaluation.paper.settings import variants
@@ -39,8 +41,10 @@ def check_that_the_anchor_rate_is_the_printed_one_up_to_an_anchor(
     results,
 ):
     # Printed is 0.1595, which would be 99.4 anchors; here they are 100.
-    found = results.variant("pca-qp")["paper_count"]["q_a"]
-    assert found == pytest.approx(0.1595, abs=16 / 9971)
+    count = results.variant("pca-qp")["paper_count"]
+    assert count["q_a_printed"] == pytest.approx(0.1595, abs=16 / 9971)
+    # What the stream carries of positions in all frames is a fourth of the paper's 16 bits each.
+    assert 0.02 < count["q_a"] < 0.06
 
 
 def check_that_the_table_holds_the_printed_figures(results):
@@ -63,6 +67,17 @@ def check_that_anchors_take_away_most_of_the_error(results):
 def check_that_blocks_cost_more(results):
     blocks, whole = (results.variant(label)["paper_count"]["q"] for label in ("blocks", "pca-qp"))
     assert 1.2 * whole < blocks < 3 * whole
+
+
+@pytest.mark.parametrize(("n_modes", "error"), [(4, 0.80), (8, 0.48), (20, 0.297)])
+def test_positions_of_anchors_have_the_error_of_an_independent_computation(n_modes, error):
+    """KG error of Eq. 12 with exact positions in the first 60 frames, in percent."""
+    sequence = load(Path(os.environ["MESHREEL_DATA"]) / "samba.npz")
+    sequence = replace(sequence, vertices=sequence.vertices[:60])
+    choices = {"anchor_bits": 16}
+    data = meshreel.encode(sequence, "pca-qp", n_modes=n_modes, bits=8, choices=choices)
+    found = meshreel.compare(sequence, meshreel.decode(data)).kg_error_percent
+    assert found == pytest.approx(error, rel=0.01)
 
 
 def test_claims_hold_on_samba(tmp_path):

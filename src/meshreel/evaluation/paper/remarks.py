@@ -34,11 +34,10 @@ CHOICES = (
     "coefficient takes the given bits; the coefficients are entropy-coded, so that q is what they "
     f"take in the file and not the given bits ({LEDGER}, Eq. 10).",
     "**k_l and bits.** The paper prints neither for its tables. The default is 20 rows, beyond "
-    "which its Fig. 3 shows no improvement, and 8 bits, 16 for `pca`; 11 bits for `v2v` and 4 rows "
-    "in each block of `blocks`, so that their q relate to that of `pca-q` about as in its Table I. "
-    "Comparing q with q therefore says little; the rate-distortion diagrams have errors at equal "
-    "rate. Without entropy coding its Samba rates are nearly 8 rows at 16 and at 4 bits: "
-    "`--preset printed`.",
+    "which its Fig. 3 shows no improvement, and 8 bits, 16 for `pca`; 11 bits for `v2v`, a "
+    "compromise between KG and STED, and 4 rows in each block of `blocks`. Comparing q with q "
+    "therefore says little; the rate-distortion diagrams have errors at equal rate. Without "
+    "entropy coding its Samba rates are nearly 8 rows at 16 and at 4 bits: `--preset printed`.",
     "**Per mesh.** `gft` takes the low graph frequencies of every frame. L is the same for all "
     "frames, so one decomposition serves all; the paper does one for each.",
 )
