@@ -1,6 +1,6 @@
 """Measurements that single claims of the paper need: dictionaries, quiet blocks, long sequences."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from itertools import pairwise
 from typing import Any
@@ -37,13 +37,14 @@ LEFT_OUT = 1e-4
 def dictionaries_run(sequence: MeshSequence) -> Run:
     """The run that finds the bits of an entry of a dictionary and of a difference of two.
 
-    Its figures are bits an entry of all tracked blocks but the first: "kept_whole",
+    Its figures are bits an entry of all tracked blocks but the first: "kept_whole" and
     "kept_difference" with the columns that `blocks` keeps, "all_whole" and "all_difference" with
-    k_f of them; None where there is one block only.
+    k_f of them, both with columns coded as curves over time as in a stream; and the same with
+    "_plain", entry by entry. None if there is one block only.
     """
     frames = equal_blocks(sequence.n_frames)
     n_columns = {"kept": min(BLOCK_MODES, frames), "all": frames}
-    setting = {"block_frames": frames, "modes": n_columns, "bits": BITS}
+    setting = {"block_frames": frames, "modes": n_columns, "bits": BITS, "codings": 2}
 
     def measure(progress: Progress) -> Outcome:
         figures: dict[str, Any] = {}
@@ -51,22 +52,28 @@ def dictionaries_run(sequence: MeshSequence) -> Run:
             progress(f"dictionaries of {n_modes} columns", 0.0)
             data = encode(sequence, "blocks", n_modes=n_modes, bits=BITS, block_frames=frames)
             bases = [block.basis for block in coded_blocks(data) if block.basis is not None]
-            whole, difference = _bits_per_entry(bases)
-            figures |= {f"{name}_whole": whole, f"{name}_difference": difference}
+            for ending, write in (("", write_curves), ("_plain", write_rows)):
+                whole, difference = _bits_per_entry(bases, write)
+                figures |= {
+                    f"{name}_whole{ending}": whole,
+                    f"{name}_difference{ending}": difference,
+                }
         return Outcome(figures)
 
     return Run("dictionaries", "claim_dictionaries", setting, measure)
 
 
-def _bits_per_entry(bases: Sequence[Quantized]) -> tuple[float | None, float | None]:
+def _bits_per_entry(
+    bases: Sequence[Quantized], write: Callable[[Quantized], bytes]
+) -> tuple[float | None, float | None]:
     """Mean bits of an entry of the dictionaries after the first, whole and as differences."""
     sizes, n_entries = [0, 0], 0
     for before, basis in pairwise(bases):
         if before.integers.shape != basis.integers.shape:
             continue
         difference = Quantized(basis.integers - before.integers, basis.steps)
-        sizes[0] += 8 * len(write_curves(basis))
-        sizes[1] += 8 * len(write_curves(difference))
+        sizes[0] += 8 * len(write(basis))
+        sizes[1] += 8 * len(write(difference))
         n_entries += basis.integers.size
     if not n_entries:
         return None, None

@@ -28,6 +28,7 @@ def test_differences_of_equal_blocks_take_hardly_any_bits():
     vertices = np.concatenate([period.vertices] * 3)
     found = figures(dictionaries_run(meshreel.MeshSequence(vertices, period.faces, 25.0, "loop")))
     assert found["kept_difference"] < 0.5 * found["kept_whole"]
+    assert found["kept_difference_plain"] < 0.5 * found["kept_whole_plain"]
     assert found["all_whole"] > 8
 
 
