@@ -1,0 +1,375 @@
+"""Tables of the pages that come from stored results.
+
+    python docs/result_tables.py             lists the tables
+    python docs/result_tables.py --write     brings README and the pages up to date
+
+`python bench/stored_results.py` measures the results in docs/results/. A table stands between the
+lines ``<!-- results: NAME -->`` and ``<!-- end of results -->``; a test fails if it differs from
+the results.
+"""
+
+import json
+import re
+import sys
+from collections.abc import Callable, Iterable, Sequence
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from meshreel.documents.cells import number, significant
+from meshreel.evaluation.paper.printed import printed_rates, printed_seconds
+from meshreel.evaluation.rate_distortion import bd_rate
+
+ROOT = Path(__file__).parents[1]
+RESULTS = ROOT / "docs" / "results"
+PAGES = ("README.md", "docs/paper.md", "docs/benchmarks.md", "docs/codec.md")
+REGION = re.compile(
+    r"(?<=^<!-- results: )(?P<name>[\w-]+)( -->\n).*?(?=^<!-- end of results -->$)",
+    re.MULTILINE | re.DOTALL,
+)
+
+KINDS = {
+    "samba": "captured",
+    "jumping": "captured",
+    "cow": "elastic simulation",
+    "dance": "animation",
+    "horse_gallop": "animation",
+    "chicken": "animation, 41 components",
+    "bone": "animation",
+    "flag": "simulated",
+}
+
+RATES = ("q", "q_a", "q_d", "q_s")
+
+
+@cache
+def results(name: str) -> dict[str, Any]:
+    """The stored results of this name."""
+    found: dict[str, Any] = json.loads((RESULTS / f"{name}.json").read_text(encoding="utf-8"))
+    return found
+
+
+def with_tables(text: str) -> str:
+    """A page with its tables as the stored results have them."""
+    return REGION.sub(lambda found: f"{found['name']} -->\n{TABLES[found['name']]()}\n", text)
+
+
+def table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """A Markdown table."""
+    lines = [header, ["---"] * len(header), *rows]
+    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
+
+
+def source(name: str, text: str) -> str:
+    """A table, with the commit that it was measured at."""
+    found = results(name)
+    machine = found["machine"]
+    return f"{text}\n\n(Commit `{found['commit']}`, {machine['cpu']}, NumPy {machine['numpy']}.)"
+
+
+def sequence_named(name: str) -> dict[str, Any]:
+    """What was measured on a sequence."""
+    return next(one for one in results("paper")["sequences"] if one["name"] == name)
+
+
+def printed_beside(value: str, printed: float | None, digits: int = 4) -> str:
+    """A figure with the printed one in brackets."""
+    return value if printed is None else f"{value} ({printed:.{digits}f})"
+
+
+def samba_rates() -> str:
+    """Table I of samba, with the printed figures in brackets."""
+    return source("paper", rates_table("samba", sequence_named("samba")["variants"]))
+
+
+def printed_preset() -> str:
+    """Table I of samba with 8 rows of 4 bits."""
+    return rates_table("samba", results("paper")["printed_preset"])
+
+
+def rates_table(name: str, variants: Sequence[dict[str, Any]]) -> str:
+    """The paper's count of variants, and rate and errors of their files."""
+    header = ("variant", "q", "q, fixed length", "q_a", "q_a at 16 bits", "q_d", "q_s",
+              "bpvf of the file, order dropped", "KG error %", "STED")  # fmt: skip
+    printed, rows = printed_rates(name), list[tuple[str, ...]]()
+    for one in variants:
+        count = one["paper_count"]
+        beside = printed.get(one["label"])
+        cells = {
+            part: printed_beside(number(count[part]), getattr(beside, part, None)) for part in RATES
+        }
+        rows.append(
+            (
+                f"`{one['label']}`",
+                cells["q"],
+                number(count["q_fixed"]),
+                cells["q_a"],
+                number(count["q_a_printed"]),
+                cells["q_d"],
+                cells["q_s"],
+                number(one["rate_order_dropped_bpvf"]),
+                significant(one["kg_error_percent"]),
+                significant(one["sted"]),
+            )
+        )
+    return table(header, rows)
+
+
+def seconds() -> str:
+    """Table II of samba and the flag: processor seconds, wall-clock and printed ones beside."""
+    header = ("sequence", "variant", "encode, processor s", "reconstruct, processor s",
+              "encode, s (printed)", "reconstruct, s (printed)")  # fmt: skip
+    rows: list[tuple[str, ...]] = []
+    for name in ("samba", "flag"):
+        sequence = sequence_named(name)
+        printed = printed_seconds(name, sequence["n_verts"])
+        for one in sequence["variants"]:
+            beside = printed.get(one["label"]) if one["label"] != "gft" else None
+            rows.append(
+                (
+                    f"{name} ({sequence['n_verts']} x {sequence['n_frames']})",
+                    f"`{one['label']}`",
+                    significant(one["encode_processor_s"]),
+                    significant(one["decode_processor_s"]),
+                    printed_beside(
+                        significant(one["encode_s"]), getattr(beside, "encode", None), 2
+                    ),
+                    printed_beside(
+                        significant(one["decode_s"]), getattr(beside, "decode", None), 2
+                    ),
+                )
+            )
+        rows.append(_decomposed_each(name, sequence, printed.get("gft")))
+    return source("paper", table(header, rows))
+
+
+def _decomposed_each(name: str, sequence: dict[str, Any], printed: Any) -> tuple[str, ...]:
+    graph = next(one for one in sequence["variants"] if one["label"] == "gft")
+    found, n_more = sequence["decompositions"], sequence["n_frames"] - 1
+    cells = [
+        f"{graph[f'{part}_processor_s'] + n_more * found['processor_seconds_each']:.0f}"
+        for part in ("encode", "decode")
+    ]
+    cells += [
+        printed_beside(
+            f"{graph[f'{part}_s'] + n_more * found['seconds_each']:.0f}",
+            getattr(printed, part, None),
+            2,
+        )
+        for part in ("encode", "decode")
+    ]
+    shape = f"{name} ({sequence['n_verts']} x {sequence['n_frames']})"
+    return shape, "`gft`, decomposed for each frame *", *cells
+
+
+def anchors() -> str:
+    """KG errors with coefficients and with positions of anchors."""
+    header = ("sequence, frames", "variant", "K", "KG %, coefficients", "KG %, positions",
+              "q_a of the stream, coefficients", "positions", "bpvf of the file, coefficients",
+              "positions")  # fmt: skip
+    rows = [
+        (
+            f"{one['sequence']}, {one['n_frames']}",
+            f"`{one['method']}`",
+            str(one["n_modes"]),
+            *(significant(one[kind]["kg_error_percent"]) for kind in KINDS_OF_ANCHORS),
+            *(number(one[kind]["q_a"]) for kind in KINDS_OF_ANCHORS),
+            *(f"{one[kind]['rate_bpvf']:.3f}" for kind in KINDS_OF_ANCHORS),
+        )
+        for one in results("paper")["anchors"]
+    ]
+    return source("paper", table(header, rows))
+
+
+KINDS_OF_ANCHORS = ("coefficients", "positions")
+
+
+def claims() -> str:
+    """Verdicts on every claim, by sequence."""
+    sequences = results("paper")["sequences"]
+    names = list(dict.fromkeys(one["claim"] for each in sequences for one in each["findings"]))
+    rows = []
+    for claim in names:
+        cells = []
+        for sequence in sequences:
+            found = next((one for one in sequence["findings"] if one["claim"] == claim), None)
+            cells.append("-" if found is None else _verdict(found))
+        rows.append((claim, *cells))
+    return source("paper", table(("claim", *(one["name"] for one in sequences)), rows))
+
+
+def _verdict(finding: dict[str, Any]) -> str:
+    word = {True: "**yes**", False: "**no**", None: "not judged"}[finding["holds"]]
+    return f"{word}: {finding['figure']}" if finding["figure"] else word
+
+
+def alternatives() -> str:
+    """KG error and rate of each choice that the paper leaves open, over those of the usual one."""
+    sequences = results("paper")["sequences"]
+    labels = list(dict.fromkeys(one["label"] for each in sequences for one in each["alternatives"]))
+    rows = []
+    for label in labels:
+        cells = []
+        for sequence in sequences:
+            rows_here = {
+                one["label"]: one for one in (*sequence["variants"], *sequence["alternatives"])
+            }
+            other, usual = rows_here.get(label), rows_here.get(label.split(" (")[0])
+            if other is None or usual is None or "refused" in other or "refused" in usual:
+                cells.append("-")
+                continue
+            error, rate = (
+                100 * (other[name] / usual[name] - 1)
+                for name in ("kg_error_percent", "rate_order_dropped_bpvf")
+            )
+            cells.append(f"{error:+.1f}, {rate:+.1f}")
+        rows.append((f"`{label}`", *cells))
+    return source("paper", table(("variant", *(one["name"] for one in sequences)), rows))
+
+
+def large_mesh() -> str:
+    """Seconds of the per-mesh variant on a mesh of more than 20,000 vertices."""
+    one = results("paper")["large_mesh"]
+    return (
+        f"On a flag of {one['n_verts']:,} vertices one decomposition for {one['n_modes']:,} "
+        f"frequencies takes {one['seconds_each']:.3g} s; {one['n_frames']} frames are encoded in "
+        f"{one['encode_s']:.3g} s and decoded in {one['decode_s']:.3g} s, with one decomposition "
+        f"each (KG {one['kg_error_percent']:.2g} %)."
+    )
+
+
+def comparison() -> str:
+    """README's table: default options, and rates at equal error against others."""
+    header = ("sequence (vertices x frames)", "times smaller than float32",
+              "bits per vertex and frame", "KG error %", "encode, decode s", "`pca-qp`, equal KG",
+              "`pca-qp`, equal STED", "FAMC, equal KG")  # fmt: skip
+    rows = [
+        (
+            f"{one['name']} ({KINDS[one['name']]}, {one['n_verts']} x {one['n_frames']})",
+            f"{one['ratio']:.0f}",
+            f"{one['rate_bpvf']:.3f}",
+            f"{one['kg_error_percent']:.3f}",
+            f"{one['encode_processor_s']:.2f}, {one['decode_processor_s']:.2f}",
+            *(_percent(one["bd_rates"][name]) for name in BD_RATES),
+        )
+        for one in results("codecs")["sequences"]
+    ]
+    return table(header, rows)
+
+
+BD_RATES = ("kg_pca_qp", "sted_pca_qp", "kg_famc")
+
+
+def bd_rates() -> str:
+    """The BD-rates of the same table with the errors that they are over."""
+    header = ("sequence", "equal KG, `pca-qp`", "equal STED, `pca-qp`", "equal KG, FAMC",
+              "equal KG, `pca-qp` with up to 10 % anchors", "equal STED")  # fmt: skip
+    names = (*BD_RATES, "kg_more_anchors", "sted_more_anchors")
+    rows = [
+        (one["name"], *(_percent(one["bd_rates"][name], True) for name in names))
+        for one in results("codecs")["sequences"]
+    ]
+    return source("codecs", table(header, rows))
+
+
+def _percent(rate: dict[str, Any], with_range: bool = False) -> str:
+    if rate["percent"] is None:
+        return "-"
+    text = f"{rate['percent']:+.1f} %"
+    low, high = significant(rate["low_error"]), significant(rate["high_error"])
+    return f"{text} ({low} to {high})" if with_range else text
+
+
+def laplacians() -> str:
+    """BD-rates of other Laplacians against the normalized one."""
+    header = ("sequence", *(
+        f"{name}, equal {error}" for name in OTHER_LAPLACIANS for error in ("KG", "STED")
+    ))  # fmt: skip
+    rows = []
+    for one in results("choices")["sequences"]:
+        cells = [
+            _bd_text(one["laplacians"][name], one["laplacians"]["normalized"], error)
+            for name in OTHER_LAPLACIANS
+            for error in ("kg_error_percent", "sted")
+        ]
+        rows.append((one["name"], *cells))
+    return source("choices", table(header, rows))
+
+
+OTHER_LAPLACIANS = ("combinatorial", "cotangent")
+ANCHOR_SHARES = ("0 (one each component)", "0.5 %", "1 %", "3 %", "10 %")
+
+
+def anchor_shares() -> str:
+    """KG error and rate for shares of anchors, as positions and as coefficients."""
+    rows = [
+        (
+            one["name"],
+            kind,
+            *(
+                f"{significant(each['kg_error_percent'])} ({each['rate_bpvf']:.3f})"
+                for each in one["anchors"][kind]
+            ),
+        )
+        for one in results("choices")["sequences"]
+        for kind in KINDS_OF_ANCHORS
+    ]
+    return source("choices", table(("sequence", "anchors as", *ANCHOR_SHARES), rows))
+
+
+def vertex_bits() -> str:
+    """KG error, STED and rate of `v2v` with 20 modes by bits."""
+    sequences = results("choices")["sequences"]
+    rows = [
+        (
+            one["name"],
+            *(
+                f"{significant(points[PLACE_OF_20]['kg_error_percent'])}, "
+                f"{significant(points[PLACE_OF_20]['sted'])} "
+                f"({points[PLACE_OF_20]['rate_bpvf']:.2f})"
+                for points in one["vertex_bits"].values()
+            ),
+        )
+        for one in sequences
+    ]
+    header = ("sequence", *(f"{bits} bits" for bits in sequences[0]["vertex_bits"]))
+    return source("choices", table(header, rows))
+
+
+PLACE_OF_20 = 2
+"""Of 20 modes among those of `stored_results.choice_figures`."""
+
+
+def _bd_text(
+    points: Sequence[dict[str, float]], others: Sequence[dict[str, float]], error: str
+) -> str:
+    pairs = [[(one["rate_bpvf"], one[error]) for one in each] for each in (points, others)]
+    difference = bd_rate(*pairs)
+    return difference.reason if difference.percent is None else f"{difference.percent:+.1f} %"
+
+
+TABLES: dict[str, Callable[[], str]] = {
+    "samba-rates": samba_rates,
+    "printed-preset": printed_preset,
+    "seconds": seconds,
+    "anchors": anchors,
+    "claims": claims,
+    "alternatives": alternatives,
+    "large-mesh": large_mesh,
+    "comparison": comparison,
+    "bd-rates": bd_rates,
+    "laplacians": laplacians,
+    "anchor-shares": anchor_shares,
+    "vertex-bits": vertex_bits,
+}
+"""What stands in the pages, by name."""
+
+
+if __name__ == "__main__":
+    if sys.argv[1:] == ["--write"]:
+        for page in PAGES:
+            path = ROOT / page
+            path.write_text(with_tables(path.read_text(encoding="utf-8")), encoding="utf-8")
+    else:
+        for name, make in TABLES.items():
+            print(f"{name}: {(make.__doc__ or '').splitlines()[0]}")
