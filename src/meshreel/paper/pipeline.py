@@ -38,7 +38,7 @@ Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
 
 MAX_RESPONSES = 1 << 26
-"""Numbers of the anchors' responses that are kept from block to block."""
+"""Most numbers that the responses of all vertices to all anchors may be."""
 
 PREDICTION_STEP_RATIO = 8
 """Step of the coefficients that predict anchor positions, in steps of these positions."""
@@ -218,9 +218,9 @@ def synthesise(block: BlockValues, mesh: MeshModel, method: Variant, order: Inte
 
     On eigen-trajectories the system is solved for the K columns of each axis, not for each frame:
     the Laplacian acts on vertices and the basis on frames, so that the two commute. The solution
-    is linear in the anchors as well: what their residuals add is solved for each anchor or for
-    each frame, whichever are fewer. The serial variants of the paper solve for each frame
-    nevertheless.
+    is linear in the anchors as well: what their residuals add is a sum of responses to each anchor,
+    solved once, or solved for the frames that are requested, whichever takes fewer columns and
+    little memory. The serial variants of the paper solve for each frame nevertheless.
 
     Parameters
     ----------
@@ -241,11 +241,11 @@ def synthesise(block: BlockValues, mesh: MeshModel, method: Variant, order: Inte
         # Anchors keep the modes that a truncated block drops.
         fields = np.pad(fields, ((0, 0), (0, values.shape[1] - fields.shape[1]), (0, 0)))
         fields = _solved(mesh, fields, values)
-        if block.anchor_residuals is not None:
-            responses = _residual_responses(mesh, block.anchor_residuals)
-            basis = np.concatenate([basis, responses[0]], axis=2)
-            fields = np.concatenate([fields, responses[1]], axis=1)
-    return product_frames(basis[:, :, : fields.shape[1]], fields[:, :, order])
+    product = product_frames(basis[:, :, : fields.shape[1]], fields[:, :, order])
+    if block.anchor_residuals is None:
+        return product
+    residual_frames = _residual_frames(mesh, block.anchor_residuals, order)
+    return lambda frames: product(frames) + residual_frames(frames)
 
 
 def modes_needed(matrices: Floats, config: EncoderConfig) -> int:
@@ -304,21 +304,20 @@ def _coded_anchors(
     return Anchors(coded, Quantized.of(np.swapaxes(left, 1, 2), steps))
 
 
-def _residual_responses(mesh: MeshModel, values: Floats) -> tuple[Floats, Floats]:
-    """Basis of shape (3, T, N) and fields of (3, N, V) whose product the residuals add to frames.
-
-    There is a field for each anchor, the same for all axes, or one for each frame. The residuals
-    have shape (3, A, T).
-    """
+def _residual_frames(mesh: MeshModel, values: Floats, order: Integers) -> FramesOf:
+    """Return a function that gives what the residuals of anchors, of shape (3, A, T), add."""
     n_anchors, n_frames = values.shape[1:]
-    pays_here = n_anchors <= 3 * n_frames
-    pays_in_all_blocks = n_anchors <= 3 * mesh.n_frames
-    if pays_here or (pays_in_all_blocks and n_anchors * mesh.n_verts <= MAX_RESPONSES):
-        responses = np.broadcast_to(mesh.anchor_responses.T, (3, n_anchors, mesh.n_verts))
-        return np.swapaxes(values, 1, 2), responses
-    nothing = np.zeros((3, n_frames, mesh.n_verts))
-    frames = np.broadcast_to(np.eye(n_frames), (3, n_frames, n_frames))
-    return frames, _solved(mesh, nothing, np.swapaxes(values, 1, 2))
+    are_few = n_anchors <= 3 * max(n_frames, mesh.n_frames)
+    if are_few and n_anchors * mesh.n_verts <= MAX_RESPONSES:
+        responses = mesh.anchor_responses[order].T
+        return lambda frames: np.swapaxes(values[:, :, frames], 1, 2) @ responses
+
+    def solved(frames: slice) -> Floats:
+        anchors = np.swapaxes(values[:, :, frames], 1, 2)
+        nothing = np.zeros((*anchors.shape[:2], mesh.n_verts))
+        return _solved(mesh, nothing, anchors)[:, :, order]
+
+    return solved
 
 
 def _columns(basis: Quantized) -> Floats:

@@ -129,7 +129,7 @@ def test_modes_of_a_block_multiply_to_its_frames_when_it_has_some(reel, method):
     assert reel.starts == (0, 4, 8, 12, 16, 20, 23)
     block = reel.block(2)
     assert (block.start, block.n_frames) == (8, 4)
-    if method == "gft":
+    if method in ("pca-qp", "pca-qs", "blocks", "gft"):  # anchors move apart from the modes
         assert block.modes is None
         return
     matrices = block.modes.basis @ block.modes.coefficients

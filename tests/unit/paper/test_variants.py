@@ -8,6 +8,7 @@ from meshreel.codec.encoder import encode
 from meshreel.codec.inspect import info
 from meshreel.codec.methods import METHOD_NAMES
 from meshreel.errors import InvalidInputError
+from meshreel.paper import pipeline
 from meshreel.paper.decoder import bits_per_row, coded_blocks
 from meshreel.sequence import MeshSequence
 from meshreel.subspace.pca import autocorrelation, eigen_trajectories
@@ -102,6 +103,13 @@ def test_serial_and_parallel_decoding_agree(n_frames, block_frames, anchors):
     options = {"n_modes": 2, "block_frames": block_frames, "anchors": anchors}
     serial, parallel = (decode(encode(sequence, name, **options)) for name in ("pca-qs", "pca-qp"))
     np.testing.assert_allclose(serial.vertices, parallel.vertices, atol=1e-6)
+
+
+def test_frames_do_not_depend_on_how_residuals_of_anchors_are_solved(monkeypatch):
+    data = encode(waving_grid(24, dtype=np.float64), "blocks", n_modes=2, block_frames=8)
+    by_anchor = decode(data).vertices
+    monkeypatch.setattr(pipeline, "MAX_RESPONSES", 0)
+    np.testing.assert_allclose(decode(data).vertices, by_anchor, atol=1e-9)
 
 
 def test_laplacian_alone_equals_no_anchors_when_bits_are_equal():

@@ -1,6 +1,7 @@
 """Solver of sparse symmetric positive definite systems: factor once, solve many."""
 
 from collections.abc import Callable
+from threading import Lock
 
 import numpy as np
 import numpy.typing as npt
@@ -84,9 +85,12 @@ def _cholespy_solve(matrix: csc_array) -> Solve | None:
         MatrixType.CSC,
     )
 
+    lock = Lock()  # CHOLMOD keeps its workspace with the factor
+
     def solve(right: Floats) -> Floats:
         solution = np.zeros_like(right)
-        factor.solve(right, solution)
+        with lock:
+            factor.solve(right, solution)
         return solution
 
     return solve
