@@ -78,7 +78,7 @@ def expected(method, operator=None, values="positions"):
         if method == "v2v":
             found.append(projected)
         elif method in ("pca", "pca-q"):
-            found.append((np.linalg.pinv(operator) @ deltas).T)  # Eq. 11
+            found.append((np.linalg.pinv(operator, rcond=1e-10) @ deltas).T)  # Eq. 11
         else:
             known = matrix if values == "positions" else projected
             found.append(solved(operator, deltas, ANCHORS, known[:, ANCHORS].T).T)
