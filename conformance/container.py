@@ -36,6 +36,7 @@ NAMES = {
     137: "IMAGE",
     138: "TRACK",
 }
+MOST_NAME_BYTES = 4096
 MAGIC = b"\x89REEL\r\n\x1a"
 
 
@@ -100,7 +101,9 @@ def read_header(payload):
     fps, vertex_type, method = payload.number("d"), payload.byte(), payload.byte()
     laplacian, order = payload.byte(), payload.byte()
     origin, scale = tuple(payload.number("d") for _ in range(3)), payload.number("d")
-    name = payload.take(payload.number("H")).decode()
+    n_name_bytes = payload.number("H")
+    need(n_name_bytes <= MOST_NAME_BYTES, "the name is too long")
+    name = payload.take(n_name_bytes).decode()
     check(payload, 0)
     need(vertex_type in (4, 8) and laplacian < 3 and order < 3 and n_verts and n_faces)
     return Header(

@@ -1,7 +1,8 @@
 """Streams of every feature of the format, and what each holds.
 
 `python -m conformance.make` writes conformance/streams/NAME.reel and NAME.json for every name in
-`STREAMS` that is not there yet. What is there is never replaced, unless `--force` is given.
+`STREAMS` that is not there yet, and conformance/refused/NAME.reel for every name in `REFUSED`. What
+is there is never replaced, unless `--force` is given.
 """
 
 import argparse
@@ -9,8 +10,10 @@ import json
 import zlib
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from io import BytesIO
 from pathlib import Path
+from unittest.mock import patch
 
 import numpy as np
 
@@ -32,8 +35,9 @@ from conformance.sources import (
     together,
     uneven,
 )
+from meshreel.bitstream import header as header_module
 from meshreel.bitstream.header import Header
-from meshreel.bitstream.layout import Section, VertexType
+from meshreel.bitstream.layout import MAX_NAME_BYTES, Section, VertexType
 from meshreel.bitstream.sections import write_section
 from meshreel.bitstream.writer import whole_stream
 from meshreel.codec.corrections import Corrections
@@ -52,8 +56,13 @@ from meshreel.surface import PLAIN, Domain, Surface
 from meshreel.tracks import Track
 
 FOLDER = Path(__file__).with_name("streams")
+REFUSED_FOLDER = Path(__file__).with_name("refused")
 REEL = 7
 STREAMS: dict[str, Callable[[], bytes]] = {}
+
+
+REFUSED: dict[str, Callable[[], bytes]] = {}
+"""Streams that break a rule of the page and nothing else: every reader refuses them."""
 
 
 def stream(make):
@@ -78,6 +87,7 @@ def by_hand(
     name="by hand",
     tracks=(),
     surface=PLAIN,
+    more=(),
 ):
     """A stream of `reel` from integers.
 
@@ -89,6 +99,8 @@ def by_hand(
         Further tracks; their bases have the shape (K, C, T).
     surface : Surface
         Its polygons are written; then the order has to be kept.
+    more : list of (Section, bytes)
+        Further sections before the first block.
     """
     coded = encode_connectivity(np.asarray(faces, np.int32), n_verts, order=order)
     n_frames = sum(basis.shape[2] for _, basis, _, _ in blocks)
@@ -112,6 +124,7 @@ def by_hand(
         payload = write_varint(len(above)) + encode_integers([above], [0])
         leading.append((Section.POLYGONS, payload))
     leading += [(Section.TRACK, write_track(track)) for track, _ in tracks]
+    leading += more
 
     def graph_of(track):
         if track.domain == Domain.VERTEX:
@@ -765,6 +778,33 @@ def no_more_rows():
     return by_hand(faces, 32, [random_block(rng, Layout(np.float32(0.01), 6, 2), 32, 3)])
 
 
+def with_promise(payload):
+    """The worked example with this payload of PROMISE."""
+    layout, basis = Layout(np.float32(0.5), 1, 0), np.array([[[3, 0], [0, -1], [0, 0]]])
+    block = (layout, basis, np.array([[4, -1, 2]]), None)
+    return by_hand([[0, 1, 2]], 3, [block], more=[(Section.PROMISE, payload)])
+
+
+def with_long_name():
+    """The worked example with a name of one byte more than is allowed."""
+    layout, basis = Layout(np.float32(0.5), 1, 0), np.array([[[3, 0], [0, -1], [0, 0]]])
+    block = (layout, basis, np.array([[4, -1, 2]]), None)
+    with patch.object(header_module, "MAX_NAME_BYTES", MAX_NAME_BYTES + 1):
+        return by_hand([[0, 1, 2]], 3, [block], name="n" * (MAX_NAME_BYTES + 1))
+
+
+REFUSED["long_name"] = with_long_name
+for reason, payload in {
+    "short": bytes(7),
+    "long": np.float64(1.0).tobytes() + b"\0",
+    "zero": np.float64(0.0).tobytes(),
+    "negative": np.float64(-1.0).tobytes(),
+    "infinite": np.float64(np.inf).tobytes(),
+    "no_number": np.float64(np.nan).tobytes(),
+}.items():
+    REFUSED[f"promise_{reason}"] = partial(with_promise, payload)
+
+
 def main():
     """Write what is missing."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -772,6 +812,11 @@ def main():
     parser.add_argument("names", nargs="*", help="of streams; all, if none is given")
     given = parser.parse_args()
     FOLDER.mkdir(exist_ok=True)
+    REFUSED_FOLDER.mkdir(exist_ok=True)
+    for name, make in REFUSED.items():
+        path = REFUSED_FOLDER / f"{name}.reel"
+        if not path.exists() or given.force:
+            path.write_bytes(make())
     for name in given.names or STREAMS:
         path = FOLDER / f"{name}.reel"
         if path.exists() and not given.force:

@@ -160,6 +160,7 @@ def number_of(container, section):
         number = Payload(payload)
         found = number.number("d")
         number.end()
+        need(math.isfinite(found) and (section != "PROMISE" or found > 0))
         return found
     return None
 

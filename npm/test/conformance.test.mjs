@@ -1,6 +1,7 @@
 // Every stream of conformance/ decodes to what is said of it, with and without vectors.
 
 import assert from "node:assert/strict";
+import { readdirSync, readFileSync } from "node:fs";
 import { test } from "node:test";
 import { exactModule, loadInternals, newCore } from "./support/bundle.mjs";
 import {
@@ -288,5 +289,16 @@ test("other methods are refused with what to do", () => {
         error.message.includes(said(name).method) &&
         error.message.includes("pages decode reel, lossless and grid: encode the original again"),
     );
+  }
+});
+
+test("streams that break a rule of the format are refused", () => {
+  const folder = new URL("../../conformance/refused/", import.meta.url);
+  const names = readdirSync(folder);
+  assert.ok(names.length >= 7);
+  for (const name of names) {
+    const core = newCore(Core, "reel");
+    const data = new Uint8Array(readFileSync(new URL(name, folder)));
+    assert.throws(() => new MemoryReel(core, data), { name: "CorruptStreamError" }, name);
   }
 });

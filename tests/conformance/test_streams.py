@@ -1,11 +1,18 @@
 """The stored streams: the core and the plain reader find in them what is said beside them."""
 
+from io import BytesIO
+
 import pytest
 
+import meshreel
+from conformance.bits import DamagedError
 from conformance.by_core import read_by_core
 from conformance.check import differences
-from conformance.make import FOLDER, STREAMS
+from conformance.make import FOLDER, REFUSED, REFUSED_FOLDER, STREAMS
 from conformance.reader import read
+from meshreel.codec.reel_file import ReelFile
+from meshreel.errors import CorruptStreamError
+from samples.c_reader import File, RefusalError, in_memory
 
 QUICK = (
     "corrections",
@@ -22,6 +29,8 @@ QUICK = (
     "tangled",
 )
 """One of each kind; the plain reader takes a second or so for some of the others."""
+
+REFUSED_FILES = sorted(REFUSED_FOLDER.glob("*.reel"))
 
 LARGEST_FOLDER_BYTES = 1_000_000
 
@@ -49,3 +58,20 @@ def test_plain_reader_finds_what_is_said_of_a_stream(name):
 @pytest.mark.parametrize("name", sorted(set(STREAMS) - set(QUICK)))
 def test_plain_reader_finds_what_is_said_of_a_stream_when_it_takes_longer(name):
     assert differences(name, read) == []
+
+
+def test_every_refused_stream_is_stored():
+    assert {path.stem for path in REFUSED_FILES} == set(REFUSED)
+
+
+@pytest.mark.every_case
+@pytest.mark.parametrize("path", REFUSED_FILES, ids=lambda path: path.stem)
+def test_every_reader_refuses_a_stream_that_breaks_a_rule(path):
+    data = path.read_bytes()
+    for act in (meshreel.decode, meshreel.info, lambda given: ReelFile(BytesIO(given))):
+        with pytest.raises(CorruptStreamError):
+            act(data)
+    with pytest.raises(DamagedError):
+        read(data)
+    with pytest.raises(RefusalError):
+        File(in_memory(data))

@@ -4,7 +4,7 @@ import { CorruptStreamError, TruncatedStreamError, UnsupportedVersionError } fro
 import { decodedText } from "./byte_reader.js";
 import { counted } from "./counting.js";
 import { crc32 } from "./crc32.js";
-import { FORMAT_VERSION, MAGIC } from "./layout.js";
+import { FORMAT_VERSION, MAGIC, MAX_NAME_BYTES } from "./layout.js";
 
 const FIXED_BYTES = 68;
 
@@ -42,7 +42,13 @@ export function readHeader(data: Uint8Array): Header {
   const view = new DataView(data.buffer, data.byteOffset, data.byteLength);
   checkMagicAndVersion(data, view);
   if (data.length < FIXED_BYTES) throw cutOff(data, FIXED_BYTES);
-  const end = FIXED_BYTES + view.getUint16(66, true);
+  const nameBytes = view.getUint16(66, true);
+  if (nameBytes > MAX_NAME_BYTES) {
+    throw new CorruptStreamError(
+      `the header announces a name of ${nameBytes} bytes; at most ${MAX_NAME_BYTES} are allowed`,
+    );
+  }
+  const end = FIXED_BYTES + nameBytes;
   if (data.length < end + 4) throw cutOff(data, end + 4);
   if (crc32(data.subarray(0, end)) !== view.getUint32(end, true)) {
     throw new CorruptStreamError("the header's checksum does not match; the file is damaged");

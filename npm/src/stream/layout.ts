@@ -70,5 +70,8 @@ export const MOST_FACES = 1 << 23;
 /** The section END of a stream with an index: id, length, position, checksum. */
 export const END_SIZE_BYTES = 14;
 
+/** Longest name of a sequence, in UTF-8. */
+export const MAX_NAME_BYTES = 4096;
+
 /** Fixed part, longest name and checksum. */
-export const LONGEST_HEADER = 68 + 4096 + 4;
+export const LONGEST_HEADER = 68 + MAX_NAME_BYTES + 4;

@@ -99,6 +99,11 @@ def read_header(data: bytes) -> tuple[Header, int]:
     if len(data) < _FIXED.size:
         raise _cut_off(data, _FIXED.size)
     fields = _FIXED.unpack_from(data)
+    if fields[-1] > MAX_NAME_BYTES:
+        raise CorruptStreamError(
+            f"the header announces a name of {fields[-1]} bytes; at most {MAX_NAME_BYTES} are "
+            "allowed"
+        )
     end = _FIXED.size + fields[-1]
     if len(data) < end + _CHECKSUM.size:
         raise _cut_off(data, end + _CHECKSUM.size)

@@ -6,7 +6,6 @@ from typing import Any
 
 from meshreel.bitstream.layout import Section
 from meshreel.bitstream.reader import BLOCK_SECTIONS, Stream, read_stream
-from meshreel.codec.error_bounds import read_promise
 from meshreel.codec.open_stream import OpenStream
 from meshreel.codec.stored_blocks import read_block, stored_blocks
 from meshreel.surface_description import carried, described_images, described_materials
@@ -246,12 +245,7 @@ def _tracks(opened: OpenStream) -> tuple[TrackInfo, ...]:
 
 def promised_percent(opened: OpenStream) -> float | None:
     """Error bound that a stream promises, in percent of the diagonal; None if it has none."""
-    if opened.method.is_lossless:
-        return 0.0
-    for stored in opened.stream.leading:
-        if stored.id is Section.PROMISE:
-            return read_promise(stored.payload)
-    return None
+    return 0.0 if opened.method.is_lossless else opened.promise_percent
 
 
 @dataclass

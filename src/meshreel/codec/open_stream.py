@@ -8,6 +8,7 @@ import numpy.typing as npt
 from meshreel.bitstream.layout import Section
 from meshreel.bitstream.reader import Stream
 from meshreel.codec.choices import Laplacian, Order, choice_of_code
+from meshreel.codec.error_bounds import read_promise
 from meshreel.codec.methods import BlockDecoder, method_of_code
 from meshreel.codec.stored_blocks import StoredBlock, stored_block
 from meshreel.codec.surface.payloads import SURFACE_SECTIONS, read_start, read_surface
@@ -38,9 +39,13 @@ class OpenStream:
         Laplacian of the deltas, if the method has deltas.
     order_kept : Order
         The order of vertices and faces that is kept.
+    promise_percent : float or None
+        Error bound that the stream promises, in percent of the diagonal; None if it has none.
 
     Raises
     ------
+    CorruptStreamError
+        If its promise is not a positive number.
     UnsupportedVersionError
         If this build does not know its method, Laplacian or order.
     """
@@ -50,6 +55,7 @@ class OpenStream:
         self.method = method_of_code(stream.header.method)
         self.laplacian = choice_of_code(Laplacian, stream.header.laplacian)
         self.order_kept = choice_of_code(Order, stream.header.order)
+        self.promise_percent = _promise_of(stream)
         self._positions: tuple[int, Vertices] | None = None
 
     def blocks(self, n_modes: int | None = None) -> BlockDecoder:
@@ -169,3 +175,10 @@ class OpenStream:
     def frame(self) -> BoundingFrame:
         """Centre and diagonal of the bounding box."""
         return BoundingFrame(self.stream.header.origin, self.stream.header.scale)
+
+
+def _promise_of(stream: Stream) -> float | None:
+    for stored in stream.leading:
+        if stored.id is Section.PROMISE:
+            return read_promise(stored.payload)
+    return None
