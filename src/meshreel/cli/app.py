@@ -7,7 +7,7 @@ import typer
 
 from meshreel import __version__
 from meshreel.cli.commands import MARKUP, Group
-from meshreel.cli.option_names import in_option_names
+from meshreel.cli.lines import print_error
 from meshreel.errors import MeshReelError
 
 # Base class of all usage errors: from click, or from typer's own copy of it.
@@ -73,6 +73,5 @@ def _described(error: Any) -> str:
 
 def _fail(message: str) -> None:
     """End with code 1 and one line on stderr."""
-    line = " ".join(in_option_names(message).split())
-    typer.echo(f"meshreel: {line}", err=True)
+    print_error(message)
     sys.exit(1)

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from meshreel.cli.encode_options import Encoding, with_encode_options
-from meshreel.cli.option_names import in_option_names
+from meshreel.cli.lines import print_error, print_line
 from meshreel.cli.read_options import (
     AllowOutsideOption,
     AttributesOption,
@@ -117,7 +117,7 @@ def batch_command(
     report = _run(plan, workers, scheduler)
     print_notes([f"{name}: {note}" for name, one in report.encoded.items() for note in one.notes])
     for name, record in report.failed.items():
-        typer.echo(f"meshreel: {name}: {in_option_names(record.error or '')}", err=True)
+        print_error(f"{name}: {record.error or ''}")
     if as_json:
         print_json({"manifest": plan.manifest.name, **report.as_dict()})
     else:
@@ -142,7 +142,7 @@ def _run(plan: "Plan", workers: int | None, scheduler: str | None) -> "BatchRepo
         with progress_bar() as progress, open_engine(n_workers, scheduler=scheduler) as engine:
             return run_batch(plan, engine, progress=progress)
     except KeyboardInterrupt:
-        typer.echo("meshreel: stopped; what was finished is kept, a rerun does the rest", err=True)
+        print_error("stopped; what was finished is kept, a rerun does the rest")
         raise
 
 
@@ -160,7 +160,7 @@ def _print_report(report: "BatchReport", out_dir: str) -> None:
         headings = ("encoded", "raw", "file", "smaller", "KG error %", "largest error %", "s")
         rows = [_row(name, record) for name, record in report.encoded.items()]
         print_columns(out_dir, headings, rows)
-    typer.echo(report.summary)
+    print_line(report.summary)
 
 
 def _row(name: str, record: "Record") -> tuple[str, ...]:

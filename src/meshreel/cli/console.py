@@ -1,4 +1,7 @@
-"""Output of the commands: progress on stderr, figures as tables or JSON on stdout."""
+"""Output of the commands: progress on stderr, figures as tables or JSON on stdout.
+
+Control characters in text are escaped, and rich markup in it is not interpreted.
+"""
 
 import json
 import threading
@@ -7,7 +10,6 @@ from contextlib import contextmanager
 from typing import Any
 
 from rich.console import Console
-from rich.markup import escape
 from rich.progress import (
     BarColumn,
     SpinnerColumn,
@@ -17,7 +19,9 @@ from rich.progress import (
 )
 from rich.progress import Progress as Bar
 from rich.table import Table
+from rich.text import Text
 
+from meshreel.cli.lines import escaped
 from meshreel.cli.option_names import all_in_option_names, in_option_names
 from meshreel.cli.progress_lines import progress_lines
 from meshreel.cli.progress_words import PaceClock
@@ -30,6 +34,9 @@ MIN_BAR, MAX_BAR = 8, 40
 
 _BORDERS_AND_SHARE = "│  │  │ 100.0 % │  │"
 _EIGHTHS = " ▏▎▍▌▋▊▉█"
+
+Cell = str | list[str]
+"""Text of a cell of a table, or its lines."""
 
 
 @contextmanager
@@ -49,7 +56,7 @@ def progress_bar() -> Iterator[Progress]:
 def _bar(console: Console) -> Iterator[Progress]:
     bar = Bar(
         SpinnerColumn(),
-        TextColumn("{task.description}"),
+        TextColumn("{task.description}", markup=False),
         BarColumn(),
         TaskProgressColumn(),
         TimeElapsedColumn(),
@@ -66,7 +73,7 @@ def _bar(console: Console) -> Iterator[Progress]:
 
     def report(stage: str, fraction: float) -> None:
         words = clock.words(fraction)
-        bar.update(task, description=escape(stage), completed=float(fraction), words=words)
+        bar.update(task, description=escaped(stage), completed=float(fraction), words=words)
 
     try:
         yield report
@@ -103,13 +110,13 @@ def _worded(value: Any) -> Any:
     return all_in_option_names(value) if isinstance(value, list) else _plain(value)
 
 
-def print_table(title: str, rows: Mapping[str, str]) -> None:
+def print_table(title: str, rows: Mapping[str, str] | Mapping[str, Cell]) -> None:
     """Print a table of names and values on stdout."""
     table = Table(show_header=False)
     table.add_column(no_wrap=True)
     table.add_column(justify="right")
     for name, value in rows.items():
-        table.add_row(name, escape(value))
+        table.add_row(_text(name), _text(value))
     _print_titled(Console(), title, table)
 
 
@@ -119,7 +126,7 @@ def print_columns(title: str, headings: Sequence[str], rows: Iterable[Sequence[s
     for number, heading in enumerate(headings):
         table.add_column(heading, justify="right" if number else "left", overflow="fold")
     for row in rows:
-        table.add_row(*map(escape, row))
+        table.add_row(*map(_text, row))
     _print_titled(Console(), title, table)
 
 
@@ -129,7 +136,8 @@ def print_bars(title: str, sizes: Mapping[str, int]) -> None:
     total = sum(sizes.values()) or 1
     table = Table(show_header=False)
     table.add_column(overflow="fold")
-    names, texts = max(map(len, sizes)), [f"{size} B" for size in sizes.values()]
+    names = max(_text(name).cell_len for name in sizes)
+    texts = [f"{size} B" for size in sizes.values()]
     for widest in (max(map(len, texts)), len("100.0 %")):
         table.add_column(justify="right", no_wrap=True, min_width=widest)
     width = console.width - names - max(map(len, texts)) - len(_BORDERS_AND_SHARE)
@@ -139,15 +147,20 @@ def print_bars(title: str, sizes: Mapping[str, int]) -> None:
         bar = text_bar(
             size / max(sizes.values()), min(width, MAX_BAR), ascii_only=_is_ascii(console)
         )
-        cells = [escape(name), text, f"{100 * size / total:.1f} %", bar]
+        cells: list[Text | str] = [_text(name), text, f"{100 * size / total:.1f} %", bar]
         table.add_row(*cells[: len(table.columns)])
     _print_titled(console, title, table)
 
 
 def _print_titled(console: Console, title: str, table: Table) -> None:
     """Print a table under its title, which is never wrapped, so that paths can be copied."""
-    console.print(title, style="bold", markup=False, highlight=False, soft_wrap=True)
+    console.print(_text(title), style="bold", soft_wrap=True)
     console.print(table)
+
+
+def _text(shown: Cell) -> Text:
+    """Return escaped text for rich, which interprets neither markup nor emoji codes in it."""
+    return Text("\n".join(map(escaped, [shown] if isinstance(shown, str) else shown)))
 
 
 def text_bar(share: float, width: int, *, ascii_only: bool = False) -> str:
@@ -168,6 +181,6 @@ def _is_ascii(console: Console) -> bool:
 
 def print_notes(notes: list[str]) -> None:
     """Print notes on stderr, one line each."""
-    console = Console(stderr=True, highlight=False)
+    console = Console(stderr=True)
     for note in all_in_option_names(notes):
-        console.print(f"note: {note}", markup=False, soft_wrap=not console.is_terminal)
+        console.print(_text(f"note: {note}"), soft_wrap=not console.is_terminal)

@@ -28,6 +28,7 @@ def demo_command(
     """
     from meshreel.cli.console import print_json, print_table, progress_bar
     from meshreel.cli.figures import quality_rows, size_figures, size_rows
+    from meshreel.cli.lines import print_line
     from meshreel.codec.decoder import decode
     from meshreel.codec.encoder import encode
     from meshreel.codec.inspect import info
@@ -75,4 +76,4 @@ def demo_command(
     rows["largest error"] += f", in frame {of_all.frame}"
     print_table("The flag, compressed", rows)
     print_table("Written", {"original": str(raw), "stream": str(reel), "picture": str(picture)})
-    typer.echo(f"To see it move: meshreel view {reel} --original {raw}")
+    print_line(f"To see it move: meshreel view {reel} --original {raw}")

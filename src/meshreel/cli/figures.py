@@ -7,6 +7,7 @@ from meshreel.counting import counted
 from meshreel.documents.cells import size_text
 
 if TYPE_CHECKING:
+    from meshreel.cli.console import Cell
     from meshreel.codec.achieved import Achieved
     from meshreel.codec.inspect import StreamInfo
     from meshreel.codec.surface.uv_errors import UvErrors
@@ -94,9 +95,9 @@ def uv_rows(errors: "UvErrors | None") -> dict[str, str]:
     }
 
 
-def info_rows(stream: "StreamInfo") -> dict[str, str]:
+def info_rows(stream: "StreamInfo") -> "dict[str, Cell]":
     """Contents of a stream and of its header."""
-    rows = {
+    rows: dict[str, Cell] = {
         "name": stream.name or "-",
         **size_rows(stream),
         "frame rate": fps_text(stream.fps),
@@ -115,9 +116,7 @@ def info_rows(stream: "StreamInfo") -> dict[str, str]:
             "in one piece much of it would be saved"
         )
     if stream.tracks:
-        rows["tracks"] = "\n".join(
-            f"{track}, {size_text(track.size_bytes)}" for track in stream.tracks
-        )
+        rows["tracks"] = [f"{track}, {size_text(track.size_bytes)}" for track in stream.tracks]
     if not stream.is_whole:
         rows["end"] = "cut off; this is what the whole blocks hold"
     if stream.is_lossless:
@@ -127,9 +126,9 @@ def info_rows(stream: "StreamInfo") -> dict[str, str]:
     return rows
 
 
-def carried_rows(found: "StreamInfo | MeshInfo") -> dict[str, str]:
+def carried_rows(found: "StreamInfo | MeshInfo") -> "dict[str, Cell]":
     """Start, polygons, attributes, parts and materials of a stream or a mesh, where it has some."""
-    rows = {}
+    rows: dict[str, Cell] = {}
     if found.start_s:
         rows["starts at"] = f"{found.start_s:.6g} s"
     if found.n_polygons != found.n_faces:
@@ -140,7 +139,7 @@ def carried_rows(found: "StreamInfo | MeshInfo") -> dict[str, str]:
         "materials": found.materials,
         "images": found.images,
     }
-    return rows | {name: "\n".join(texts) for name, texts in lists.items() if texts}
+    return rows | {name: list(texts) for name, texts in lists.items() if texts}
 
 
 def quality_rows(quality: "Quality") -> dict[str, str]:
@@ -178,7 +177,8 @@ PANEL = (
 def player_rows(stream: "StreamInfo") -> dict[str, str]:
     """Rows of a player about its file."""
     rows = info_rows(stream)
-    return {name: rows[name] for name in PANEL if name in rows}
+    shown = {name: rows[name] for name in PANEL if name in rows}
+    return {name: row if isinstance(row, str) else "\n".join(row) for name, row in shown.items()}
 
 
 def measured_rows(measured: "Measured") -> dict[str, str]:

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from typing import TextIO
 
+from meshreel.cli.lines import escaped
 from meshreel.cli.progress_words import PaceClock, clock_text
 from meshreel.runtime.progress import Progress
 
@@ -43,7 +44,7 @@ def progress_lines(
         while not is_over.wait(wait_s):
             elapsed = clock_text(time.monotonic() - began_s)
             with suppress(OSError, ValueError):  # the stream may be closed
-                line = f"meshreel: {_state(*latest[0], clock)} ({elapsed} so far)"
+                line = f"meshreel: {escaped(_state(*latest[0], clock))} ({elapsed} so far)"
                 print(line, file=stream or sys.stderr, flush=True)
             wait_s = every_s
 

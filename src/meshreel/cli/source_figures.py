@@ -8,6 +8,7 @@ from meshreel.counting import counted
 from meshreel.documents.cells import size_text
 
 if TYPE_CHECKING:
+    from meshreel.cli.console import Cell
     from meshreel.formats.inspection import MeshInfo, SourceInfo
 
 HEADINGS = ("mesh", "frames", "vertices", "faces", "fps", "box")
@@ -15,18 +16,21 @@ MOST_MESHES = 100
 """Largest number of rows of the table of meshes."""
 
 
-def source_rows(found: "SourceInfo") -> dict[str, str]:
+def source_rows(found: "SourceInfo") -> "dict[str, Cell]":
     """Rows on format and size, and on a single mesh, or the number of several."""
     files = f" in {counted(found.n_files, 'file')}" if found.n_files > 1 else ""
-    rows = {"format": found.format, "size": f"{size_text(found.size_bytes)}{files}"}
+    rows: dict[str, Cell] = {
+        "format": found.format,
+        "size": f"{size_text(found.size_bytes)}{files}",
+    }
     if len(found.meshes) == 1:
         rows |= _mesh_rows(found.meshes[0])
     else:
         rows["meshes"] = str(len(found.meshes))
         if problems := [mesh for mesh in found.meshes if mesh.problem]:
-            rows["problems"] = "\n".join(f"{mesh.name}: {mesh.problem}" for mesh in problems)
+            rows["problems"] = [f"{mesh.name}: {mesh.problem}" for mesh in problems]
     if found.left_out:
-        rows["left out"] = "\n".join(found.left_out)
+        rows["left out"] = list(found.left_out)
     return rows
 
 
@@ -48,8 +52,8 @@ def mesh_columns(found: "SourceInfo") -> list[Sequence[str]]:
     return rows
 
 
-def _mesh_rows(mesh: "MeshInfo") -> dict[str, str]:
-    rows = {
+def _mesh_rows(mesh: "MeshInfo") -> "dict[str, Cell]":
+    rows: dict[str, Cell] = {
         "name": mesh.name or "-",
         "sequence": mesh_text(mesh),
         "raw": size_text(mesh.raw_size_bytes),
@@ -59,10 +63,10 @@ def _mesh_rows(mesh: "MeshInfo") -> dict[str, str]:
     }
     rows |= carried_rows(mesh)
     if mesh.tracks:
-        rows["tracks"] = "\n".join(mesh.tracks)
+        rows["tracks"] = list(mesh.tracks)
     if mesh.low is not None and mesh.high is not None:
         spans = zip("xyz", mesh.low, mesh.high, strict=True)
-        rows["box"] = "\n".join(f"{axis} {low:.5g} to {high:.5g}" for axis, low, high in spans)
+        rows["box"] = [f"{axis} {low:.5g} to {high:.5g}" for axis, low, high in spans]
     if mesh.problem:
         rows["problem"] = mesh.problem
     return rows

@@ -54,6 +54,7 @@ def view_command(
     from contextlib import ExitStack, closing
 
     from meshreel.cli.console import print_notes, progress_bar
+    from meshreel.cli.lines import print_line
     from meshreel.cli.player import coloring_of, opened_player
     from meshreel.formats.options import ReadOptions
     from meshreel.viewer.page import built_page
@@ -75,7 +76,7 @@ def view_command(
         print_notes(reading.notes)
         if api.measuring is not None:
             stack.enter_context(closing(api.measuring)).start()
-        typer.echo(f"{source} plays at {server.url} (ctrl-C stops it)")
+        print_line(f"{source} plays at {server.url} (ctrl-C stops it)")
         if not server.is_local:
             typer.echo("everyone who can reach this machine can see it")
         _serve(server, opens_browser=not no_open)

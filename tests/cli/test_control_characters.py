@@ -1,0 +1,266 @@
+"""Names in files reach the terminal with their control characters escaped."""
+
+import io
+import json
+import os
+import time
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+import meshreel
+from meshreel.cli import console
+from meshreel.cli.console import print_bars, print_columns, print_notes, print_table
+from meshreel.cli.lines import escaped, print_error, print_line
+from meshreel.cli.progress_lines import progress_lines
+from meshreel.materials import Image, Material
+from meshreel.tracks import Track
+from samples.commands import assert_fails, finished, run, run_json
+from samples.meshes import two_sheets
+
+HIDDEN = [
+    *map(chr, range(0x20)),
+    *map(chr, range(0x7F, 0xA0)),
+    *"\u061c\u200e\u200f\u2028\u2029\u202a\u202b\u202c\u202d\u202e\u2066\u2067\u2068\u2069",
+    "\udc80",
+]
+HOSTILE = "\x1b[31m\x07\x00\x7f\x9b2J\u202e\u2066\u200f\u061c\u2028\u0085\r\nnote: forged\t[bold]b"
+WIDE = "600"
+"""Columns of a terminal that wraps no cell."""
+
+PATIENCE_S = 20
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """The current folder, with `a.npz` and `a.reel`, all of whose names are hostile."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", WIDE)  # no cell is wrapped
+    sheets = two_sheets()
+    surface, hostile = sheets.surface, [f"{number}{HOSTILE}" for number in range(2)]
+    names = zip(surface.attributes, hostile, strict=True)
+    sequence = replace(
+        sheets,
+        name=f"shot{HOSTILE}",
+        surface=replace(
+            surface,
+            attributes=tuple(replace(one, name=name) for one, name in names),
+            groups=(
+                replace(surface.groups[0], labels=tuple(hostile)),
+                replace(surface.groups[0], name=f"set{HOSTILE}"),
+            ),
+            parts=tuple(replace(one, name=f"{one.name}{HOSTILE}") for one in surface.parts),
+            materials=tuple(map(Material, hostile)),
+            images=(Image(f"skin{HOSTILE}", f"image/{HOSTILE}", b"\x89PNG\r\n\x1a\n"),),
+        ),
+        tracks={
+            f"heat{HOSTILE}": Track(
+                np.linspace(0, 1, 6 * sheets.n_verts, dtype=np.float32).reshape(6, -1),
+                unit=f"Pa{HOSTILE}",
+            )
+        },
+    )
+    meshreel.save(replace(sequence, surface=replace(sequence.surface, images=())), "a.npz")
+    (tmp_path / "a.reel").write_bytes(meshreel.encode(sequence))
+    return tmp_path
+
+
+def assert_harmless(text):
+    """Assert that text has no control characters and no line that a name begins."""
+    assert [one for one in HIDDEN if one in text and one != "\n"] == []
+    assert not [line for line in text.split("\n") if line.startswith("note: forged")]
+
+
+def assert_named(done, *names):
+    """Assert that a command succeeded and printed these names in escaped form."""
+    assert done.returncode == 0, done.stderr
+    assert_harmless(done.stdout)
+    assert_harmless(done.stderr)
+    for name in names:
+        assert escaped(name + HOSTILE) in done.stdout + done.stderr
+
+
+@pytest.mark.parametrize("hidden", HIDDEN, ids=ascii)
+def test_escaped_shows_no_hidden_character(hidden):
+    shown = escaped(f"a{hidden}b")
+    assert shown.isascii()
+    assert shown.isprintable()
+    assert (shown[0], shown[1], shown[-1]) == ("a", "\\", "b")
+
+
+def test_escaped_is_in_the_notation_of_python():
+    assert escaped("\x1b\n\r\t\x9b\u202e\udc80") == r"\x1b\n\r\t\x9b\u202e\udc80"
+
+
+@pytest.mark.parametrize("text", ["", "a b", "gr\u00fcn", "\u6b69\u304f", r"C:\new", "\U0001f600"])
+def test_escaped_keeps_text_that_is_harmless(text):
+    assert escaped(text) == text
+
+
+@pytest.mark.parametrize("file", ["a.npz", "a.reel"])
+def test_info_escapes_names(folder, file):
+    done = run("info", file)
+    assert_named(done, "shot", "/root/a", "/root/b", "0", "1", "heat")
+    # A list has a line for each item, and a name stays within its own.
+    lines = [line for line in done.stdout.split("\n") if "/root/" in line]
+    assert len(lines) == 2
+    assert all(line.startswith("\u2502") for line in lines)
+
+
+def test_info_escapes_the_media_type_of_an_image(folder):
+    assert_named(run("info", "a.reel"), "image/")
+
+
+def test_encode_escapes_names_and_units_of_tracks(folder):
+    assert_named(run("encode", "a.npz", "-o", "b.reel"), "heat", " Pa")
+
+
+@pytest.mark.parametrize(
+    ("output", "names"),
+    [("b.npz", ["0"]), ("b.glb", ["heat"]), ("b.usda", []), ("b_%d.obj", ["heat"])],
+)
+def test_decode_escapes_names_in_notes(folder, output, names):
+    assert_named(run("decode", "a.reel", "-o", output), *names)
+
+
+@pytest.mark.parametrize(("output", "names"), [("b.reel", ["heat"]), ("b_%d.stl", ["heat"])])
+def test_convert_escapes_names(folder, output, names):
+    assert_named(run("convert", "a.npz", "-o", output), *names)
+
+
+def test_info_escapes_names_in_the_table_of_meshes(folder):
+    assert_named(run("decode", "a.reel", "-o", "b.glb"))
+    assert_named(run("info", "b.glb"))
+
+
+def test_compare_escapes_names(folder):
+    assert_named(run("compare", "a.npz", "a.reel"), "heat", " Pa")
+
+
+@pytest.mark.slow
+def test_batch_escapes_names_of_files_and_errors(folder):
+    os.mkdir("in")
+    os.rename("a.npz", f"in/a{HOSTILE.replace(chr(0), '')}.npz")
+    (folder / "in" / "b\x1b[31m.npz").write_bytes(b"no archive")
+    done = run("batch", "in", "out", "--workers", "1")
+    assert done.returncode == 1
+    assert_harmless(done.stdout)
+    assert_harmless(done.stderr)
+    assert r"b\x1b[31m.npz" in done.stderr
+
+
+def test_error_has_one_line_when_it_names_tracks(folder):
+    done = run("encode", "a.npz", "-o", "b.reel", "--track", f"heat\x1b{HOSTILE}=1")
+    assert_fails(done, "heat", r"\x1b[31m")
+    assert_harmless(done.stderr)
+
+
+@pytest.mark.parametrize("command", ["info", "encode", "decode", "convert", "compare", "view"])
+def test_error_escapes_the_name_of_a_missing_file(folder, command):
+    missing = "none\x1b[31m\x9b\u202e\r\nnote: forged.reel"
+    words = {"decode": ["-o", "b.npz"], "convert": ["-o", "b.npz"], "compare": ["a.npz"]}
+    done = run(command, missing, *words.get(command, []))
+    assert_fails(done, "x1b[31m", "x9b", "u202e")
+    assert_harmless(done.stderr)
+
+
+def test_error_escapes_the_name_of_a_damaged_file(folder):
+    (folder / "bad\x1b[31m\n\u202e.reel").write_bytes(b"REEL")
+    done = run("info", "bad\x1b[31m\n\u202e.reel")
+    assert_fails(done, "x1b[31m", "u202e")
+    assert_harmless(done.stderr)
+
+
+def test_error_escapes_an_unknown_option(folder):
+    done = run("info", "a.npz", "--no\x1b[31m\u202e")
+    assert_fails(done, r"\x1b[31m\u202e")
+    assert_harmless(done.stderr)
+
+
+def test_file_name_is_escaped_in_titles(folder):
+    name = "a\x1b[31m\nb\u202e[bold].reel"
+    os.rename("a.reel", name)
+    assert escaped(name) == run("info", name).stdout.split("\n")[0]
+
+
+def test_program_prints_file_names_that_are_no_text(folder):
+    name = os.fsencode(folder) + b"/\xff\x1b.reel"
+    try:
+        os.rename("a.reel", name)
+    except OSError:
+        pytest.skip("this file system takes names of Unicode alone")
+    done = finished(["meshreel", "info", name])
+    assert done.returncode == 0, done.stderr
+    assert r"/\udcff\x1b.reel" in done.stdout.split("\n")[0]
+
+
+def test_json_holds_the_names_themselves_in_plain_characters(folder):
+    printed = run("info", "a.reel", "--json").stdout
+    assert printed.isascii()
+    assert_harmless(printed)
+    assert "\x7f" not in printed
+    found = json.loads(printed)
+    assert found["name"] == f"shot{HOSTILE}"
+    assert [part.endswith(HOSTILE) for part in found["parts"]] == [True, True]
+    notes = run_json("convert", "a.npz", "-o", "b_%d.stl")["notes"]
+    assert any(f"heat{HOSTILE}" in note for note in notes)
+
+
+MARKUP = "[bold]a[/bold] [red]b :smile: [link=x]c[/] \\"
+
+
+def test_markup_and_emoji_codes_are_not_interpreted(capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", WIDE)
+    print_table(MARKUP, {MARKUP: MARKUP, "list": [MARKUP, MARKUP]})
+    print_columns(MARKUP, ("one", "two"), [(MARKUP, MARKUP)])
+    print_bars(MARKUP, {MARKUP: 1})
+    print_line(MARKUP)
+    print_notes([MARKUP])
+    print_error(MARKUP)
+    out, err = capsys.readouterr()
+    assert out.count(MARKUP) == 1 + 4 + 1 + 2 + 2 + 1
+    assert err.count(MARKUP) == 2
+
+
+def test_every_printing_function_escapes(capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", WIDE)
+    hostile = f"a{HOSTILE}\udc80"
+    print_table(hostile, {hostile: hostile, "list": [hostile, hostile]})
+    print_columns(hostile, ("one", "two"), [(hostile, hostile)])
+    print_bars(hostile, {hostile: 1})
+    print_line(hostile)
+    print_notes([hostile])
+    print_error(hostile)
+    out, err = capsys.readouterr()
+    assert_harmless(out)
+    assert_harmless(err)
+    assert out.count(escaped(hostile)) == 1 + 4 + 1 + 2 + 2 + 1
+    assert len(err.splitlines()) == 2
+
+
+def wait_for(text, stream):
+    ends = time.monotonic() + PATIENCE_S
+    while text not in stream.getvalue():
+        assert time.monotonic() < ends, f"no {text!r} in {PATIENCE_S} s"
+        time.sleep(0.005)
+
+
+def test_progress_lines_escape_the_stage():
+    stream = io.StringIO()
+    with progress_lines(stream, first_after_s=0, every_s=0.001) as report:
+        report(f"reading {HOSTILE}\udc80", 0.5)
+        wait_for(escaped(HOSTILE), stream)
+    assert_harmless(stream.getvalue())
+
+
+def test_progress_bar_escapes_the_stage(monkeypatch):
+    stream = io.StringIO()
+    terminal = Console(file=stream, force_terminal=True, width=400, color_system=None)
+    monkeypatch.setattr(console, "SHOW_AFTER_S", 0)
+    with console._bar(terminal) as report:
+        report(f"reading \x9b\x07\u202e\n{MARKUP}", 0.5)
+        wait_for(escaped(f"reading \x9b\x07\u202e\n{MARKUP}"), stream)
+    shown = stream.getvalue()
+    assert not [one for one in "\x9b\x07\u202e" if one in shown]
