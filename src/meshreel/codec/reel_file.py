@@ -1,6 +1,6 @@
 """A `.reel` file whose frames are decoded on demand."""
 
-import threading
+import os
 from collections import OrderedDict
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -21,8 +21,10 @@ from meshreel.codec.open_stream import OpenStream
 from meshreel.codec.reel_track import ReelTrack, tracks_of_stream
 from meshreel.errors import CorruptStreamError, InvalidInputError
 from meshreel.frame_choice import FrameChoice, chosen_frames, frame_range
+from meshreel.runtime.fork import ForkSafeLock
 from meshreel.sequence import Faces
 from meshreel.showing import notebook_html, show
+from meshreel.stores.positional_file import with_own_position
 from meshreel.surface import Surface
 
 Vertices = npt.NDArray[np.floating]
@@ -40,7 +42,8 @@ class ReelFile:
 
     Its length is the number of frames. ``reel[3]`` is the positions of a frame, of shape (V, 3); a
     slice, or a list of numbers, gives those of several; iterating gives all in turn in constant
-    memory, decoding the next block ahead. Several threads may share one.
+    memory, decoding the next block ahead. Several threads may share one, and so may
+    processes forked from the one that opened it.
 
     Parameters
     ----------
@@ -79,14 +82,14 @@ class ReelFile:
     """
 
     def __init__(self, file: BinaryIO, n_modes: int | None = None) -> None:
-        self._file = file
-        stream = open_stream(file)
+        self._file = with_own_position(file)
+        stream = open_stream(self._file)
         self._opened = OpenStream(stream)
         self._n_modes = n_modes
         if n_modes is not None:  # which may not be for this stream: that is said now
             _ = self._blocks
         self._kept: OrderedDict[int, FrameBlock] = OrderedDict()
-        self._lock = threading.RLock()
+        self._lock = ForkSafeLock()
         header = stream.header
         self.n_frames, self.n_verts, self.n_faces = stream.n_frames, header.n_verts, header.n_faces
         self.fps, self.name, self.is_whole = header.fps, header.name, stream.is_whole
@@ -232,11 +235,15 @@ class ReelFile:
         frame_bytes = self.n_verts * 3 * self.dtype.itemsize
         n_together = max(LEAST_TOGETHER, READ_AHEAD_BYTES // frame_bytes)
         first, last = self._number_of(frames.start), self._number_of(frames.stop - 1)
+        process = os.getpid()
         with ThreadPoolExecutor(1, "meshreel-ahead") as ahead:
             following = ahead.submit(copy_context().run, self.block, first)
             for number in range(first, last + 1):
-                following.result()
-                if number < last:
+                # A forked child that goes on with this iteration does not have the thread.
+                is_ahead = os.getpid() == process
+                if is_ahead:
+                    following.result()
+                if is_ahead and number < last:
                     following = ahead.submit(copy_context().run, self.block, number + 1)
                 start, stop = (
                     max(frames.start, starts[number]),

@@ -2,8 +2,8 @@
 
 from collections import OrderedDict
 from collections.abc import Iterator
+from contextlib import AbstractContextManager
 from functools import cached_property
-from threading import RLock
 from typing import Any
 
 import numpy as np
@@ -36,7 +36,7 @@ class ReelTrack:
     opened : OpenStream
     number : int
         Of the track in the stream, from 1 on.
-    lock : RLock
+    lock : reentrant lock
         Held while the file is read.
 
     Attributes
@@ -54,7 +54,7 @@ class ReelTrack:
         None if nothing is promised.
     """
 
-    def __init__(self, opened: OpenStream, number: int, lock: RLock) -> None:
+    def __init__(self, opened: OpenStream, number: int, lock: AbstractContextManager[Any]) -> None:
         self._opened = opened
         self._number = number
         self._lock = lock
@@ -139,7 +139,7 @@ class ReelTrack:
         return f"<ReelTrack {self.name!r}: {described_track(self)}, {counted(len(self), 'frame')}>"
 
 
-def tracks_of_stream(opened: OpenStream, lock: RLock) -> dict[str, ReelTrack]:
+def tracks_of_stream(opened: OpenStream, lock: AbstractContextManager[Any]) -> dict[str, ReelTrack]:
     """The tracks of a stream by their names.
 
     Raises

@@ -18,6 +18,8 @@ from dataclasses import dataclass
 from functools import wraps
 from typing import ParamSpec, TypeVar
 
+from meshreel.runtime.fork import ForkSafeLock
+
 Arguments = ParamSpec("Arguments")
 Result = TypeVar("Result")
 Path = tuple[str, ...]
@@ -48,7 +50,7 @@ class Profile:
     """Seconds by stage, from `profiled`."""
 
     def __init__(self) -> None:
-        self._lock = threading.Lock()
+        self._lock = ForkSafeLock()
         self._thread = threading.get_ident()
         self._began_s = time.perf_counter()
         self._wall_s: float | None = None

@@ -3,6 +3,8 @@
 NumPy lets other threads run while it works, so that threads share arrays and cost little. Each
 piece is computed as it would be alone: results do not depend on how many cores there are.
 
+A forked child has none of these threads: it starts its own.
+
 BLAS brings threads of its own, which wait for each other by spinning: where other programs keep
 the cores busy, products become many times slower. Pieces in our threads with one BLAS thread each
 are as fast where cores are free, and keep their speed where they are not.
@@ -112,23 +114,24 @@ class _Limit:
     only the thread that was the first to set one, and silently ignores all others.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, limiter: Any = None) -> None:
         self._setter = ThreadPoolExecutor(1, "meshreel-limit")
-        self._lock = threading.Lock()
+        self.lock = threading.RLock()
         self._n_holders = 0
-        self._limiter: Any = None
+        self.limiter = limiter  # None unless BLAS is limited now
 
     def enter(self) -> None:
-        with self._lock:
-            if not self._n_holders:
-                self._limiter = self._setter.submit(_limit_blas).result()
+        with self.lock:
+            if self.limiter is None:
+                self.limiter = self._setter.submit(_limit_blas).result()
             self._n_holders += 1
 
     def leave(self) -> None:
-        with self._lock:
+        with self.lock:
             self._n_holders -= 1
             if not self._n_holders:
-                self._setter.submit(self._limiter.restore_original_limits).result()
+                self._setter.submit(self.limiter.restore_original_limits).result()
+                self.limiter = None
 
 
 def _limit_blas() -> Any:
@@ -142,11 +145,13 @@ _core_limit: int | None = None
 @contextmanager
 def one_blas_thread() -> Iterator[None]:
     """A context in which BLAS uses one thread for each of our threads, and for the caller."""
-    _LIMIT.enter()
+    limit = _LIMIT
+    limit.enter()
     try:
         yield
     finally:
-        _LIMIT.leave()
+        if limit is _LIMIT:  # else this is a child forked within the context: its limit is new
+            limit.leave()
 
 
 def limit_cores(limit: int) -> None:
@@ -184,3 +189,30 @@ def _controller() -> ThreadpoolController:
     # Before 3.7 threadpoolctl held the loader's lock while it ran Python. A thread that imported a
     # library meanwhile, which needs that lock and keeps the interpreter's, made both wait for ever.
     return ThreadpoolController()
+
+
+def _prepare_fork() -> None:
+    # While a limit is being set, nobody could tell how to remove it in the child.
+    _LIMIT.lock.acquire()
+
+
+def _resume_parent() -> None:
+    _LIMIT.lock.release()
+
+
+def _replace_in_child() -> None:
+    """Replace the executors, whose threads exist only in the parent.
+
+    A limit of BLAS threads that the parent had set is in force in the child too. The first caller
+    that needs it there takes it over and removes it.
+    """
+    global _LIMIT
+    _LIMIT = _Limit(_LIMIT.limiter)
+    _pool.cache_clear()
+    _background.cache_clear()
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(
+        before=_prepare_fork, after_in_parent=_resume_parent, after_in_child=_replace_in_child
+    )

@@ -47,9 +47,8 @@ class RangedFile(io.RawIOBase):
         self._kept: OrderedDict[tuple[int, int], bytes] = OrderedDict()
         self._position = 0
         self._file: Any = None
-        filesystem, path = filesystem_of(address)
         with errors_in_words(address):
-            self._file = filesystem.open(path, "rb", cache_type="none")
+            self._connect()
             self.size_bytes = self._size()
         self.fetch(0, END_BYTES)
         self.fetch(self.size_bytes - END_BYTES, self.size_bytes)
@@ -99,6 +98,11 @@ class RangedFile(io.RawIOBase):
                 self._file.close()
         super().close()
 
+    def _connect(self) -> None:
+        filesystem, path = filesystem_of(self.address)
+        self._process = os.getpid()
+        self._file = filesystem.open(path, "rb", cache_type="none")
+
     def _size(self) -> int:
         size_bytes = getattr(self._file, "size", None)
         if size_bytes is not None:
@@ -116,6 +120,8 @@ class RangedFile(io.RawIOBase):
         self.n_requests += 1
         try:
             with errors_in_words(self.address):
+                if self._process != os.getpid():  # a forked child has no threads of fsspec
+                    self._connect()
                 self._file.seek(start)
                 data = bytes(self._file.read(stop - start))
         except StoreError as error:

@@ -1,7 +1,6 @@
 """Solver of sparse symmetric positive definite systems: factor once, solve many."""
 
 from collections.abc import Callable
-from threading import Lock
 
 import numpy as np
 import numpy.typing as npt
@@ -9,6 +8,7 @@ from scipy.sparse import csc_array, csr_array
 
 from meshreel.errors import SolverError
 from meshreel.paper.reconstruction.multifrontal import MultifrontalSolver
+from meshreel.runtime.fork import ForkSafeLock
 
 Floats = npt.NDArray[np.float64]
 Solve = Callable[[Floats], Floats]
@@ -85,7 +85,7 @@ def _cholespy_solve(matrix: csc_array) -> Solve | None:
         MatrixType.CSC,
     )
 
-    lock = Lock()  # CHOLMOD keeps its workspace with the factor
+    lock = ForkSafeLock()  # CHOLMOD keeps its workspace with the factor
 
     def solve(right: Floats) -> Floats:
         solution = np.zeros_like(right)

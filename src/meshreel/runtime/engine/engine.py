@@ -1,5 +1,6 @@
 """Independent calls on many workers, whatever the workers are."""
 
+import os
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, wait
@@ -59,6 +60,7 @@ class Engine(AbstractContextManager["Engine"]):
 
     def __init__(self, workers: Workers) -> None:
         self._workers = workers
+        self._process = os.getpid()
 
     @property
     def n_workers(self) -> int:
@@ -75,7 +77,14 @@ class Engine(AbstractContextManager["Engine"]):
             again where a worker died, so that it must not matter how often it is.
         *args
             Pickled, as the result is: large ones are better named by a path.
+
+        Raises
+        ------
+        InvalidInputError
+            In a forked child: its parent has the workers and the threads that serve them.
         """
+        if os.getpid() != self._process:
+            raise InvalidInputError("the engine belongs to the parent process; open one here")
         return self._workers.submit(function, *args)
 
     def map_in_order(
@@ -163,7 +172,8 @@ class Engine(AbstractContextManager["Engine"]):
 
     def close(self, *, at_once: bool = False) -> None:
         """Let the workers go; `at_once`, without waiting for calls that still run."""
-        self._workers.close(at_once=at_once)
+        if os.getpid() == self._process:  # else this is a forked child: the parent needs them
+            self._workers.close(at_once=at_once)
 
     def __exit__(self, kind: type[BaseException] | None, *details: object) -> None:
         self.close(at_once=kind is not None)

@@ -1,0 +1,305 @@
+"""Processes that are forked from one that has encoded or decoded, or does so meanwhile.
+
+Every wait has a limit; a child that hangs is killed.
+"""
+
+import multiprocessing
+import os
+import signal
+import sys
+import threading
+import time
+import traceback
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from functools import cached_property, partial
+from io import BytesIO
+
+import numpy as np
+import pytest
+from threadpoolctl import threadpool_info
+
+import meshreel
+from meshreel.codec.reel_file import ReelFile
+from meshreel.errors import InvalidInputError
+from meshreel.reel.agreed.mesh import FieldMesh
+from meshreel.runtime.engine.engine import Engine
+from meshreel.runtime.fork import ForkSafeLock
+from meshreel.runtime.profiling import Profile
+from meshreel.runtime.threads import in_background, in_threads, one_blas_thread
+from meshreel.stores.positional_file import with_own_position
+from samples.meshes import waving_grid
+
+LIMIT_S = 60.0
+
+pytestmark = [
+    pytest.mark.skipif(not hasattr(os, "fork"), reason="the platform has no fork"),
+    pytest.mark.filterwarnings(
+        "ignore:This process .* is multi-threaded, use of fork:DeprecationWarning"
+    ),
+]
+
+SEQUENCE = waving_grid(24)
+DATA = meshreel.encode(SEQUENCE, block_frames=4)
+FRAMES = meshreel.decode(DATA).vertices
+
+
+def end_of(pid, what):
+    """Return the exit status of a child; fail, and kill it, if it does not end."""
+    end = time.monotonic() + LIMIT_S
+    while time.monotonic() < end:
+        found, status = os.waitpid(pid, os.WNOHANG)
+        if found:
+            return os.waitstatus_to_exitcode(status)
+        time.sleep(0.02)
+    os.kill(pid, signal.SIGKILL)
+    os.waitpid(pid, 0)
+    raise AssertionError(f"waited {LIMIT_S:g} s for {what}; it was killed")
+
+
+def forked(work):
+    """Fork a child that does the work, and return its process id; it exits with 0 on success."""
+    pid = os.fork()
+    if pid:
+        return pid
+    signal.alarm(int(2 * LIMIT_S))  # ends the child if the test fails before it waits for it
+    status = 1
+    try:
+        work()
+        status = 0
+    except BaseException:
+        traceback.print_exc()
+    finally:
+        sys.stderr.flush()
+        os._exit(status)
+
+
+def assert_succeeds_in_child(work):
+    assert end_of(forked(work), "a forked child") == 0
+
+
+def assert_codes():
+    assert meshreel.encode(SEQUENCE, block_frames=4) == DATA
+    assert np.array_equal(meshreel.decode(DATA).vertices, FRAMES)
+
+
+encode = partial(meshreel.encode, block_frames=4)
+WORK = {"encode": (encode, SEQUENCE), "decode": (meshreel.decode, DATA)}
+
+
+@contextmanager
+def held_elsewhere(context):
+    """Another thread stays within the context meanwhile."""
+    entered, leave = threading.Event(), threading.Event()
+
+    def hold():
+        with context:
+            entered.set()
+            assert leave.wait(2 * LIMIT_S)
+
+    with ThreadPoolExecutor(1) as holder:
+        holding = holder.submit(hold)
+        try:
+            assert entered.wait(LIMIT_S)
+            yield
+        finally:
+            leave.set()
+        holding.result(LIMIT_S)
+
+
+@pytest.mark.parametrize("in_parent", WORK)
+@pytest.mark.parametrize(
+    "start",
+    [
+        "fork",
+        pytest.param("forkserver", marks=pytest.mark.slow),
+        pytest.param("spawn", marks=pytest.mark.slow),
+    ],
+)
+def test_pool_encodes_and_decodes_when_the_parent_has_coded(start, in_parent):
+    function, argument = WORK[in_parent]
+    function(argument)
+    with multiprocessing.get_context(start).Pool(2) as pool:
+        streams = pool.map_async(encode, [SEQUENCE] * 3, chunksize=1)
+        sequences = pool.map_async(meshreel.decode, [DATA] * 3, chunksize=1)
+        assert streams.get(LIMIT_S) == [DATA] * 3
+        for sequence in sequences.get(LIMIT_S):
+            assert np.array_equal(sequence.vertices, FRAMES)
+
+
+def test_child_codes_when_its_parent_used_the_threads():
+    in_threads(lambda piece: None, range(4))
+    in_background(lambda: None).result(LIMIT_S)
+    assert_succeeds_in_child(assert_codes)
+
+
+def test_child_of_a_child_codes_when_both_used_the_threads():
+    def code_and_fork():
+        assert_codes()
+        assert_succeeds_in_child(assert_codes)
+
+    assert_succeeds_in_child(code_and_fork)
+
+
+def test_children_code_when_another_thread_encodes():
+    stop = threading.Event()
+
+    def encode_on():
+        while not stop.is_set():
+            encode(SEQUENCE)
+
+    with ThreadPoolExecutor(1) as encoder:
+        encoding = encoder.submit(encode_on)
+        try:
+            for _ in range(8):
+                assert_succeeds_in_child(assert_codes)
+        finally:
+            stop.set()
+        encoding.result(LIMIT_S)
+    assert_codes()
+
+
+def blas_threads():
+    return {one["num_threads"] for one in threadpool_info() if one["user_api"] == "blas"}
+
+
+def test_child_removes_the_limit_of_blas_threads_when_another_thread_had_set_it():
+    outside = blas_threads()
+
+    def limit():
+        with one_blas_thread():
+            assert blas_threads() == {1}
+        assert blas_threads() == outside
+
+    with held_elsewhere(one_blas_thread()):
+        assert_succeeds_in_child(limit)
+    assert blas_threads() == outside
+
+
+def test_child_leaves_the_limit_of_blas_threads_when_it_was_forked_within():
+    def leave(context):
+        context.__exit__(None, None, None)
+        assert_codes()
+
+    context = one_blas_thread()
+    with context:
+        pid = forked(lambda: leave(context))
+        assert end_of(pid, "a child forked within the limit") == 0
+
+
+@pytest.fixture
+def path(tmp_path):
+    path = tmp_path / "grid.reel"
+    path.write_bytes(DATA)
+    return path
+
+
+def test_four_children_read_all_frames_when_they_inherit_an_open_file(path):
+    with meshreel.open(path) as reel:
+
+        def read(first):
+            for number in range(100):
+                frame = (first + 5 * number) % len(FRAMES)
+                assert np.array_equal(reel[frame], FRAMES[frame])
+
+        assert np.array_equal(reel[3], FRAMES[3])
+        children = [forked(lambda first=6 * child: read(first)) for child in range(4)]
+        for number, frame in enumerate(reel):
+            assert np.array_equal(frame, FRAMES[number])
+        assert [end_of(child, "a reader") for child in children] == [0, 0, 0, 0]
+
+
+def test_child_reads_an_inherited_file_when_another_thread_was_reading_it(path):
+    with meshreel.open(path) as reel, held_elsewhere(reel._lock):
+        assert_succeeds_in_child(lambda: np.testing.assert_array_equal(reel[:], FRAMES))
+
+
+def test_child_goes_on_with_an_iteration_when_its_parent_had_begun_it(path):
+    with meshreel.open(path) as reel:
+        frames = iter(reel)
+        next(frames)
+        assert_succeeds_in_child(
+            lambda: np.testing.assert_array_equal(np.stack(list(frames)), FRAMES[1:])
+        )
+        assert np.array_equal(np.stack(list(frames)), FRAMES[1:])
+
+
+def test_position_stays_when_a_child_reads_the_same_file(path):
+    with path.open("rb") as file:
+        own = with_own_position(file)
+        assert own.read(5) == DATA[:5]
+        assert_succeeds_in_child(lambda: (own.seek(100), own.read()))
+        assert own.read() == DATA[5:]
+
+
+def test_file_of_the_caller_stays_open_when_its_reader_is_deleted(path):
+    with path.open("rb") as file:
+        reel = ReelFile(file)
+        del reel
+        assert not file.closed
+
+
+def test_file_in_memory_is_read_as_it_is():
+    file = BytesIO(DATA)
+    assert with_own_position(file) is file
+
+
+def test_lock_is_free_in_a_child_when_another_thread_holds_it():
+    lock = ForkSafeLock()
+
+    def acquire():
+        with lock, lock:
+            pass
+
+    with held_elsewhere(lock):
+        assert_succeeds_in_child(acquire)
+
+
+def test_lock_stays_held_in_a_child_when_the_forking_thread_holds_it():
+    lock = ForkSafeLock()
+
+    def release():
+        lock.__exit__(None, None, None)
+        with ThreadPoolExecutor(1) as other:
+            other.submit(lambda: lock.__enter__()).result(LIMIT_S)
+
+    with lock:
+        pid = forked(release)
+    assert end_of(pid, "a child that holds the lock") == 0
+
+
+def test_cached_property_is_computed_in_a_child_when_another_thread_computes_it():
+    attributes = [one for one in vars(FieldMesh).values() if isinstance(one, cached_property)]
+    own_lock = getattr(attributes[0], "lock", None)
+    if own_lock is None:
+        pytest.skip("cached properties of this Python have no lock")
+    with held_elsewhere(own_lock):
+        assert_succeeds_in_child(assert_codes)
+
+
+def test_child_adds_to_a_profile_when_another_thread_was_adding():
+    profile = Profile()
+    with held_elsewhere(profile._lock):
+        assert_succeeds_in_child(lambda: profile.add(("stage",), 1.0, 1))
+
+
+class UntouchedWorkers:
+    n_workers = 1
+
+    def submit(self, function, /, *args):
+        raise AssertionError("the child used workers of its parent")
+
+    submit_elsewhere = submit
+
+    def close(self, *, at_once):
+        raise AssertionError("the child closed workers of its parent")
+
+
+def test_engine_is_refused_in_a_child_and_closes_nothing_of_its_parent():
+    engine = Engine(UntouchedWorkers())
+
+    def use():
+        with pytest.raises(InvalidInputError, match="parent"), engine:
+            engine.submit(abs, 1)
+
+    assert_succeeds_in_child(use)
