@@ -121,6 +121,7 @@ def _mesh(piece: Element, coding: ArrayCoding, *, is_grid: bool) -> VtkMesh:
         raise FormatError(f"points must have shape (N, 3); got {points.shape}")
     if points.dtype not in (np.float32, np.float64):
         points = points.astype(np.float64)
+    _check_count(piece, "Points", len(points))
     return VtkMesh(
         points,
         _grid_cells(piece, coding) if is_grid else _poly_cells(piece, coding),
@@ -132,8 +133,10 @@ def _mesh(piece: Element, coding: ArrayCoding, *, is_grid: bool) -> VtkMesh:
 def _grid_cells(piece: Element, coding: ArrayCoding) -> Cells:
     group = piece.find("Cells")
     if group is None:
+        _check_count(piece, "Cells", 0)
         return Cells(*(np.empty(0, np.int64) for _ in range(3)))
     counts, points = _connectivity(group, coding)
+    _check_count(piece, "Cells", len(counts))
     types = _named(group, "types", coding)
     if len(types) != len(counts):
         raise FormatError(f"has {len(types)} types for {len(counts)} cells")
@@ -144,8 +147,11 @@ def _poly_cells(piece: Element, coding: ArrayCoding) -> Cells:
     types, counts, points = [], [], []
     for name, kind in GROUPS.items():
         group = piece.find(name)
-        if group is not None and len(group):
+        if group is None or not len(group):
+            _check_count(piece, name, 0)
+        else:
             found = _connectivity(group, coding)
+            _check_count(piece, name, len(found[0]))
             types.append(np.full(len(found[0]), kind))
             counts.append(found[0])
             points.append(found[1])
@@ -155,6 +161,16 @@ def _poly_cells(piece: Element, coding: ArrayCoding) -> Cells:
         np.concatenate(counts or empty),
         np.concatenate(points or empty),
     )
+
+
+def _check_count(piece: Element, name: str, n_found: int) -> None:
+    """Raise an error if a piece declares another number of points or cells than its arrays have."""
+    declared = piece.get(f"NumberOf{name}", str(n_found)).strip()
+    if (declared.lstrip("0") or "0") != str(n_found):
+        raise FormatError(
+            f"declares NumberOf{name}={declared[:20]!r}, but its arrays have {n_found}; the file "
+            "is damaged or incomplete"
+        )
 
 
 def _connectivity(group: Element, coding: ArrayCoding) -> tuple[Int64s, Int64s]:

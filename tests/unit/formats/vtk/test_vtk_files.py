@@ -524,3 +524,39 @@ def test_save_is_refused_before_work_when_files_are_only_read(tmp_path):
     message = r"a\.vtk: \.vtk files are read, but not written; written are \.obj, "
     with pytest.raises(FormatError, match=message):
         save(plain_sequence(n_frames=1), tmp_path / "a.vtk")
+
+
+PIECE = """<VTKFile type="{kind}" byte_order="LittleEndian"><{kind}>
+<Piece NumberOfPoints="{n_points}" {count}="{n_cells}">
+<Points><DataArray type="Float32" NumberOfComponents="3" format="ascii">
+0 0 0 1 0 0 0 1 0 1 1 0</DataArray></Points>
+<{group}><DataArray type="Int64" Name="connectivity" format="ascii">0 1 2 1 3 2</DataArray>
+<DataArray type="Int64" Name="offsets" format="ascii">3 6</DataArray>
+<DataArray type="UInt8" Name="types" format="ascii">5 5</DataArray></{group}>
+</Piece></{kind}></VTKFile>"""
+KINDS = {"vtu": ("UnstructuredGrid", "NumberOfCells", "Cells"),
+         "vtp": ("PolyData", "NumberOfPolys", "Polys")}  # fmt: skip
+
+
+def small_file(folder, ending, n_points="4", n_cells="2"):
+    kind, count, group = KINDS[ending]
+    path = folder / f"small.{ending}"
+    text = PIECE.format(kind=kind, count=count, group=group, n_points=n_points, n_cells=n_cells)
+    path.write_text(text)
+    return path
+
+
+@pytest.mark.every_case
+@pytest.mark.parametrize("ending", KINDS)
+def test_files_load_whose_counts_are_those_of_their_arrays(tmp_path, ending):
+    assert load(small_file(tmp_path, ending)).faces.tolist() == [[0, 1, 2], [1, 3, 2]]
+
+
+@pytest.mark.every_case
+@pytest.mark.parametrize("ending", KINDS)
+@pytest.mark.parametrize("given", [{"n_points": "5"}, {"n_cells": "1"}, {"n_cells": "-2"},
+                                   {"n_points": "9999999999"}, {"n_cells": "two"}])  # fmt: skip
+def test_files_are_refused_whose_counts_are_not_those_of_their_arrays(tmp_path, ending, given):
+    (value,) = given.values()
+    with pytest.raises(FormatError, match=f"declares NumberOf.*={value!r}, but its arrays have"):
+        load(small_file(tmp_path, ending, **given))
