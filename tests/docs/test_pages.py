@@ -55,6 +55,22 @@ def test_options_exist_when_a_command_names_them(page):
         assert given <= options, (name, given - options)
 
 
+def options_of_programs():
+    """Options of all commands, and of the scripts of the repository."""
+    params = [param for command in COMMANDS.values() for param in command.params]
+    known = {one for param in params for one in (*param.opts, *param.secondary_opts)}
+    for folder in ("bench", "conformance", "core", "docs"):
+        for path in (ROOT / folder).rglob("*.py"):
+            known |= set(re.findall(r'"(--[a-z][a-z-]*)"', path.read_text(encoding="utf-8")))
+    return known | {"--help", "--version"}
+
+
+@every_page
+def test_options_exist_when_a_sentence_names_them(page):
+    named = set(re.findall(r"`(--[a-z][a-z-]*)", prose(page)))
+    assert named - options_of_programs() - {"--all", "--platform"} == set()  # of pytest and pip
+
+
 @every_page
 def test_snippets_say_their_language(page):
     assert {snippet.language for snippet in snippets(page)} <= LANGUAGES
