@@ -363,7 +363,7 @@ TABLES: dict[str, Callable[[], str]] = {
     "anchor-shares": anchor_shares,
     "vertex-bits": vertex_bits,
 }
-"""What stands in the pages, by name."""
+"""Tables of the pages, by name."""
 
 
 if __name__ == "__main__":

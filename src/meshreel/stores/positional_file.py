@@ -6,7 +6,7 @@ from typing import BinaryIO, cast
 
 
 class PositionalFile:
-    """A file to read, with a position of its own.
+    """A file to read, with a position that no other object shares.
 
     The position of an open file is shared by all processes that inherit it: where one seeks, the
     next read of another begins. Here each read names its position, so that no process moves that
