@@ -53,6 +53,19 @@ def frame_times(times_s: npt.NDArray[np.floating]) -> FrameTimes:
     return FrameTimes(fps, float(times[0]), is_even)
 
 
+def file_order_times(n_frames: int, fps: float) -> npt.NDArray[np.float64]:
+    """Times of frames at a rate, of shape (T,), in seconds; the first is at 0."""
+    times: npt.NDArray[np.float64] = np.arange(n_frames, dtype=np.float64) / fps
+    return times
+
+
+def note_file_order(fps: float, notes: list[str]) -> None:
+    """Add to the notes, once, that frames are in file order because their times do not ascend."""
+    note = f"times of frames do not ascend; taken in file order at {fps:g} frames per second"
+    if note not in notes:
+        notes.append(note)
+
+
 @dataclass(frozen=True)
 class Neighbours:
     """The frames that a time is at or between.

@@ -27,13 +27,14 @@ from meshreel.formats.options import ReadOptions
 from meshreel.formats.scenes.merged_tracks import merged_tracks
 from meshreel.formats.scenes.merging import merged_mesh
 from meshreel.formats.scenes.scene_mesh import SceneMesh, readable_mesh
-from meshreel.formats.scenes.timing import Neighbours
+from meshreel.formats.scenes.timing import Neighbours, file_order_times, note_file_order
 from meshreel.formats.surfaces.polygons import PolygonMesh
 from meshreel.formats.vtk.data_arrays import DataArray
 from meshreel.formats.vtk.legacy import read_vtk_legacy
 from meshreel.formats.vtk.mesh import VtkMesh
 from meshreel.formats.vtk.xml_file import read_vtk_xml
 from meshreel.formats.vtk.xml_tree import parse_xml
+from meshreel.sequence import validate_fps
 from meshreel.surface import Domain, Surface
 from meshreel.tracks import TrackSource
 
@@ -90,15 +91,20 @@ def _scene_mesh(name: str, files: list[tuple[float, Path]], options: ReadOptions
     pieces: dict[float, list[Path]] = {}
     for time, file in sorted(files, key=lambda one: one[0]):
         pieces.setdefault(time, []).append(file)
+    frames, times = list(pieces.values()), np.array(list(pieces))
     several = next((time for time, found in pieces.items() if len(found) > 1), None)
     if several is not None and not options.merge:
-        raise InvalidInputError(
-            f"names {len(pieces[several])} files for the time {several:g} without saying which "
-            "part each is; take all files of a time as one mesh with --merge (merge=True)"
-        )
-    times = np.array(list(pieces))
-    frames = _PieceFrames(name, times, list(pieces.values()), options.notes)
-    return SceneMesh(name, times, frames.frame, frames.surface, tracks=frames.tracks)
+        fps = validate_fps(options.fps or 0.0)
+        if not fps:
+            raise InvalidInputError(
+                f"names {len(pieces[several])} files for the time {several:g} without saying which "
+                "part each is; take all files of a time as one mesh with --merge (merge=True), or "
+                "each file as a frame, in the order of the collection, with --fps (fps=)"
+            )
+        frames, times = [[file] for _, file in files], file_order_times(len(files), fps)
+        note_file_order(fps, options.notes)
+    read = _PieceFrames(name, times, frames, options.notes)
+    return SceneMesh(name, times, read.frame, read.surface, tracks=read.tracks)
 
 
 class _PieceFrames:

@@ -15,9 +15,11 @@ from meshreel.errors import FormatError
 from meshreel.formats.file_errors import os_errors_naming
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.scenes.scene_mesh import SceneMesh
+from meshreel.formats.scenes.timing import file_order_times, note_file_order
 from meshreel.formats.vtk.xdmf_grid import GridFrames
 from meshreel.formats.vtk.xdmf_items import DataItems
 from meshreel.formats.vtk.xml_tree import parse_xml
+from meshreel.sequence import validate_fps
 
 
 def read_xdmf(path: Path, options: ReadOptions) -> Sequence[SceneMesh]:
@@ -41,7 +43,7 @@ def read_xdmf(path: Path, options: ReadOptions) -> Sequence[SceneMesh]:
         steps = _children(grid, items) if temporal else [grid]
         if not steps:
             raise FormatError(f"has a collection {grid.get('Name', '')!r} of no grids")
-        times = _times(grid, steps, items, options.notes) if temporal else np.zeros(1)
+        times = _times(grid, steps, items, options) if temporal else np.zeros(1)
         found += _meshes(grid.get("Name", ""), times, steps, items)
     if not found:
         raise FormatError("holds no Grid in a Domain")
@@ -79,9 +81,12 @@ def _meshes(
 
 
 def _times(
-    collection: Element, steps: list[Element], items: DataItems, notes: list[str]
+    collection: Element, steps: list[Element], items: DataItems, options: ReadOptions
 ) -> npt.NDArray[np.float64]:
-    """Times of all steps, which say them each, or the collection for all; else seconds."""
+    """Times of all steps, which say them each, or the collection for all; else seconds.
+
+    Times that do not ascend are those of the frame rate in the options, if there is one.
+    """
     own = [step.find("Time") for step in steps]
     if own and all(time is not None and time.get("Value") is not None for time in own):
         texts = [str(time.get("Value")) for time in own if time is not None]
@@ -89,17 +94,23 @@ def _times(
     elif (shared := collection.find("Time")) is not None:
         times = _shared_times(shared, len(steps), items)
     else:
-        notes.append("has no times; taken as one frame a second: say the rate with --fps (fps=)")
+        options.notes.append(
+            "has no times; taken as one frame a second: say the rate with --fps (fps=)"
+        )
         times = np.arange(len(steps), dtype=np.float64)
     if len(times) != len(steps):
         raise FormatError(f"has {len(steps)} grids and {len(times)} times; it needs one for each")
     if not np.isfinite(times).all():
         raise FormatError("has a Time that is not finite")
     if len(behind := np.flatnonzero(np.diff(times) <= 0)):
+        if fps := validate_fps(options.fps or 0.0):
+            note_file_order(fps, options.notes)
+            return file_order_times(len(steps), fps)
         index = int(behind[0])
         raise FormatError(
             f"has grid {index} at the time {times[index]:g} and grid {index + 1} at "
-            f"{times[index + 1]:g}; times of the grids of a collection must ascend"
+            f"{times[index + 1]:g}; times of the grids of a collection must ascend; take the grids "
+            "in file order with --fps (fps=)"
         )
     return times
 

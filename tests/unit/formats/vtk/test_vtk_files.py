@@ -410,6 +410,32 @@ def test_reading_joins_the_files_of_a_time_when_pieces_are_merged(tmp_path, read
     assert {one.name for one in found.surface.attributes} == {"uv set", "paint", "heat"}
 
 
+@pytest.mark.parametrize("times", [(0, 0, 1, 1), (0, 1, 2, 1), (0, 0, 0, 0)])
+@pytest.mark.parametrize("read", [load, open_source])
+def test_reading_takes_file_order_at_the_given_rate_when_files_have_equal_times(
+    tmp_path, read, times
+):
+    path, positions = unnamed_pieces(tmp_path, times)
+    with pytest.raises(InvalidInputError, match=r"or each file as a frame, .* with --fps"):
+        read(path)
+    notes = []
+    found = read(path, fps=12, notes=notes)
+    assert positions_of(found).tobytes() == positions.tobytes()
+    assert (found.fps, found.start_s, found.n_frames) == (12, 0, 4)
+    assert notes == ["times of frames do not ascend; taken in file order at 12 frames per second"]
+
+
+def test_load_keeps_the_order_of_times_when_those_of_a_collection_differ(tmp_path):
+    path, positions = unnamed_pieces(tmp_path, (3, 1, 2, 0))
+    assert load(path, fps=12).vertices.tobytes() == positions[[3, 1, 2, 0]].tobytes()
+
+
+def test_load_joins_the_files_of_a_time_when_a_rate_is_given_too(tmp_path):
+    path, positions = unnamed_pieces(tmp_path)
+    found = load(path, merge=True, fps=12)
+    assert (found.fps, found.n_verts) == (12, 2 * positions.shape[1])
+
+
 def test_load_does_not_make_up_a_piece_when_a_time_has_fewer(tmp_path):
     path, positions = unnamed_pieces(tmp_path, (0, 1, 1, 2, 3, 3))
     options = ReadOptions(merge=True)

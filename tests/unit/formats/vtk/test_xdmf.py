@@ -194,6 +194,26 @@ def test_load_notes_it_when_there_are_no_times(tmp_path):
     assert "has no times; taken as one frame a second" in notes[0]
 
 
+@pytest.mark.parametrize("times", [(0, 1, 1, 2, 3), (0, 0, 0, 0, 0), (4, 3, 2, 1, 0)])
+def test_load_takes_file_order_at_the_given_rate_when_times_do_not_ascend(tmp_path, times):
+    steps = [step(points, time) for points, time in zip(POSITIONS, times, strict=True)]
+    path = store(tmp_path, temporal(*steps))
+    with pytest.raises(FormatError, match=r"must ascend; .* in file order with --fps"):
+        load(path)
+    notes = []
+    found = load(path, fps=12, notes=notes)
+    assert positions_of(found).tobytes() == POSITIONS.tobytes()
+    assert (found.fps, found.start_s) == (12, 0)
+    assert notes == ["times of frames do not ascend; taken in file order at 12 frames per second"]
+
+
+def test_load_keeps_the_order_of_times_when_they_ascend_and_a_rate_is_given(tmp_path):
+    steps = [step(points, 2 + index) for index, points in enumerate(POSITIONS)]
+    notes = []
+    found = load(store(tmp_path, temporal(*steps)), fps=12, notes=notes)
+    assert (found.fps, found.start_s, notes) == (12, 2, [])
+
+
 def test_load_takes_data_that_stay_and_notes_others_when_there_are_both(tmp_path):
     same = attribute("uv", inline(UV)) + attribute("heat", inline(np.arange(3)), "Cell")
     same += attribute("total", inline(np.arange(1)), "Grid")
