@@ -16,7 +16,7 @@ from meshreel.codec.inspect import StreamInfo
 from meshreel.codec.options import check_names
 from meshreel.codec.reel_file import ReelFile
 from meshreel.errors import InvalidInputError
-from meshreel.formats.file_errors import errors_naming, os_errors_naming
+from meshreel.formats.file_errors import errors_naming, os_errors_naming, refuse_pipe
 from meshreel.formats.load import load, open_for_encoding
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.reel.reading import open as open_reel
@@ -161,6 +161,7 @@ def _with_stream(given: Any, function: str, use: Callable[[bytes], Result]) -> R
             return use(data)
     if isinstance(given, str | os.PathLike):
         path = Path(given)
+        refuse_pipe(path)
         if not path.is_file():
             what = "is a folder" if path.is_dir() else "does not exist"
             raise InvalidInputError(f"{str(path)!r} {what}; give the path of a .reel file")

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from meshreel.errors import FormatError, InvalidInputError
+from meshreel.formats.file_errors import refuse_pipe
 from meshreel.formats.kinds import FrameFormat, SequenceFormat
 from meshreel.formats.registry import FORMATS, FRAME_FORMATS, format_of
 from meshreel.stores.address import refuse_address
@@ -49,7 +50,8 @@ def find_files(source: Source) -> SourceFiles:
     Raises
     ------
     InvalidInputError
-        If there is no such file or folder, the pattern matches nothing, or the list is empty.
+        If there is no such file or folder, it is a pipe or a device, the pattern matches nothing,
+        or the list is empty.
     FormatError
         If the files are of no known format or of several.
     StoreError
@@ -62,6 +64,7 @@ def find_files(source: Source) -> SourceFiles:
     path = Path(source)
     if path.is_dir():
         return _from_folder(path)
+    refuse_pipe(path)
     if path.exists():
         return SourceFiles((path,), format_of(path), path.stem)
     if glob.has_magic(str(source)):
@@ -111,6 +114,7 @@ def _from_list(paths: list[Path]) -> SourceFiles:
     if len(paths) == 1:
         return find_files(paths[0])
     for path in paths:
+        refuse_pipe(path)
         if not path.is_file():
             raise InvalidInputError(f"there is no file {str(path)!r}; a list must name files")
         format_of(path)

@@ -7,7 +7,7 @@ import numpy as np
 
 from meshreel.counting import counted
 from meshreel.errors import FormatError, InvalidInputError
-from meshreel.formats.file_errors import errors_naming, os_errors_naming
+from meshreel.formats.file_errors import errors_naming, os_errors_naming, refuse_pipe
 from meshreel.formats.notes import note_kinds
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.registry import COMPANION, FRAME_FORMATS
@@ -45,6 +45,7 @@ def read_topology(cache: Path, n_verts: int, options: ReadOptions) -> tuple[Face
     if mesh_format is None or mesh_format.has_corners_only:
         known = [one.ending for one in FRAME_FORMATS.values() if not one.has_corners_only]
         raise FormatError(f"{path}: faces of a point cache are read from {', '.join(known)} files")
+    refuse_pipe(path)
     with os_errors_naming(path):
         data = path.read_bytes()
     with errors_naming(path):

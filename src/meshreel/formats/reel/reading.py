@@ -8,7 +8,7 @@ from typing import BinaryIO
 
 from meshreel.codec.decoder import decode
 from meshreel.codec.reel_file import ReelFile
-from meshreel.formats.file_errors import errors_naming
+from meshreel.formats.file_errors import errors_naming, refuse_pipe
 from meshreel.formats.options import Origin, ReadOptions, origin_of
 from meshreel.sequence import MeshSequence
 from meshreel.stores.address import is_remote, plain
@@ -31,7 +31,7 @@ def open(path: str | os.PathLike[str], *, n_modes: int | None = None) -> ReelFil
     Raises
     ------
     InvalidInputError
-        If `n_modes` is below 1 or not for this stream.
+        If `n_modes` is below 1 or not for this stream, or the path is a pipe or a device.
     CorruptStreamError, TruncatedStreamError, UnsupportedVersionError
         If it is not a stream that this build reads, or not even its first block is whole.
     OSError
@@ -56,6 +56,7 @@ def open(path: str | os.PathLike[str], *, n_modes: int | None = None) -> ReelFil
 
 
 def _opened(path: Path) -> BinaryIO:
+    refuse_pipe(path)
     return path.open("rb")
 
 

@@ -10,6 +10,7 @@ from typing import Any
 
 from meshreel.errors import FormatError
 from meshreel.formats.extras import USD
+from meshreel.formats.file_errors import refuse_pipe
 from meshreel.formats.named_files import is_within, outside_error
 from meshreel.formats.usd.diagnostics import usd_errors
 
@@ -148,6 +149,7 @@ def _named_layers(layer: Any, name: str, folder: Path | None) -> Iterator[str]:
         if folder is not None:
             _check_within(resolved or _beside(name, anchored), folder, given)
         if resolved:
+            refuse_pipe(_file_of(resolved))
             yield resolved
 
 

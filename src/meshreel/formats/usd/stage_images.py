@@ -53,6 +53,8 @@ class StageImages:
             outer, _ = resolver.SplitPackageRelativePathOuter(resolved)
         if self._folder and not is_within(Path(outer), self._folder):
             raise outside_error(authored)
+        if not Path(outer).is_file():
+            raise FormatError(f"{authored[:200]!r} is not a file")
         opened = resolver.GetResolver().OpenAsset(resolver.ResolvedPath(resolved))
         if not opened:
             raise FormatError(f"{authored[:200]!r} cannot be read")

@@ -1,0 +1,98 @@
+"""Pipes and devices given as inputs, which are refused by name before anything opens them."""
+
+import os
+
+import pytest
+
+import meshreel
+from meshreel.errors import InvalidInputError
+from meshreel.formats.inspection import inspect_source
+from meshreel.formats.load import load, open_source
+from meshreel.formats.options import ReadOptions
+from meshreel.formats.registry import FORMATS
+from meshreel.formats.save import save
+from samples.commands import run
+from samples.meshes import quad_sheet
+from samples.waiting import time_limit
+
+pytestmark = pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="needs named pipes")
+
+
+@pytest.fixture(autouse=True)
+def limited():
+    """A test fails, and does not wait, where a pipe is opened that nothing writes into."""
+    with time_limit(30, "a pipe to be refused"):
+        yield
+
+
+def pipe(folder, name):
+    os.mkfifo(folder / name)
+    return folder / name
+
+
+def inspected(path):
+    return inspect_source(path, ReadOptions())
+
+
+@pytest.mark.parametrize("ending", sorted(FORMATS))
+def test_load_refuses_a_named_pipe_when_no_program_writes_into_it(tmp_path, ending):
+    path = pipe(tmp_path, f"a{ending}")
+    with pytest.raises(InvalidInputError, match=r"a\.\w+ is a pipe, and inputs must be files"):
+        load(path)
+
+
+@pytest.mark.parametrize(
+    "read", [open_source, inspected, meshreel.open, meshreel.decode, meshreel.info, meshreel.encode]
+)
+def test_reading_refuses_a_named_pipe_when_it_is_a_stream(tmp_path, read):
+    with pytest.raises(InvalidInputError, match=r"a\.reel is a pipe, and inputs must be files"):
+        read(pipe(tmp_path, "a.reel"))
+
+
+def test_load_refuses_a_pipe_when_it_is_one_of_several_frames(tmp_path):
+    [frame] = save(quad_sheet(1), tmp_path / "a.obj")
+    with pytest.raises(InvalidInputError, match=r"b\.obj is a pipe"):
+        load([frame, pipe(tmp_path, "b.obj")])
+
+
+def test_load_refuses_a_pipe_when_it_has_the_faces_of_a_cache(tmp_path):
+    path, *_ = save(quad_sheet(2), tmp_path / "a.pc2")
+    with pytest.raises(InvalidInputError, match=r"b\.obj is a pipe"):
+        load(path, topology=pipe(tmp_path, "b.obj"))
+
+
+def test_load_refuses_a_pipe_when_it_is_a_layer(tmp_path):
+    pytest.importorskip("pxr")
+    pipe(tmp_path, "b.usda")
+    (tmp_path / "a.usda").write_text("#usda 1.0\n(\nsubLayers = [@./b.usda@]\n)\n")
+    with pytest.raises(InvalidInputError, match=r"b\.usda is a pipe"):
+        load(tmp_path / "a.usda")
+
+
+def test_decode_refuses_a_pipe_when_a_program_has_written_into_it():
+    reading, writing = os.pipe()
+    os.write(writing, b"\x89REEL")
+    try:
+        with pytest.raises(InvalidInputError, match=r"is a pipe, and inputs must be files"):
+            meshreel.decode(f"/dev/fd/{reading}")
+    finally:
+        os.close(reading)
+        os.close(writing)
+
+
+def test_load_refuses_a_device(tmp_path):
+    with pytest.raises(InvalidInputError, match="/dev/zero is a device"):
+        load("/dev/zero")
+
+
+@pytest.mark.parametrize(
+    "words", [("info", "a.reel"), ("info", "a.obj"), ("decode", "a.reel", "-o", "b.npz")]
+)
+def test_program_names_the_pipe_and_what_to_do_when_an_input_is_one(tmp_path, words):
+    pipe(tmp_path, words[1])
+    done = run(*words, cwd=tmp_path)
+    assert done.returncode == 1
+    assert done.stderr == (
+        f"meshreel: {words[1]} is a pipe, and inputs must be files; save its data to a file "
+        "first, and name that file\n"
+    )
