@@ -22,7 +22,8 @@ class BatchInput:
     Attributes
     ----------
     name : str
-        Its path within the folder of inputs, with slashes; "." is that folder itself.
+        Its path within the folder of inputs, with slashes; "." is that folder itself. Of one of
+        several animations of a file, with the name of that behind a "#".
     source : Path, or str of a remote one
         Absolute: a file of a whole sequence, or a folder of frames.
     files : tuple of Path
@@ -31,6 +32,8 @@ class BatchInput:
         Path of the stream within the folder of outputs, with slashes.
     remote_files : tuple of RemoteFile
         The files that it consists of, if they are in a store.
+    animation : str, optional
+        The one to take of a file that holds several; default: as `meshreel.load` chooses.
     """
 
     name: str
@@ -38,6 +41,12 @@ class BatchInput:
     files: tuple[Path, ...]
     output: str
     remote_files: tuple[RemoteFile, ...] = ()
+    animation: str | None = None
+
+    @property
+    def path(self) -> str:
+        """Its path within the folder of inputs, without the name of an animation."""
+        return self.name if self.animation is None else self.name.removesuffix(f"#{self.animation}")
 
     @property
     def size_bytes(self) -> int:

@@ -53,6 +53,8 @@ class EncodeOptions:
     block_share : float
         Of the frames that the config codes together, how many are; below 1 where memory ran out
         before. Positions then stay in their files, and a note says so.
+    animation : str, optional
+        Name of the one to take of an input that holds several.
     """
 
     config: EncoderConfig
@@ -63,6 +65,7 @@ class EncodeOptions:
     allow_outside: bool = False
     tracks: dict[str, float | str] | None = None
     block_share: float = 1.0
+    animation: str | None = None
 
     def smaller(self, error: BaseException) -> "EncodeOptions | None":
         """The options with smaller blocks after an error; None if that is no help.
@@ -88,6 +91,8 @@ class EncodeOptions:
         chosen = {one.name: value for one, value in values.items() if value != one.default}
         if self.fps is not None:
             chosen["fps"] = self.fps
+        if self.animation is not None:
+            chosen["animation"] = self.animation
         if self.attributes != ALL:
             chosen["attributes"] = self.attributes
         if self.tracks:
@@ -137,6 +142,7 @@ def encode_input(
         notes=notes,
         skip_bad=options.skip_bad and supports(source, "skip_bad"),
         allow_outside=options.allow_outside and supports(source, "allow_outside"),
+        animation=options.animation,
     )
     with at_hand(source) as files:
         opened = open_for_encoding(files, _memory(options), reading)

@@ -1,9 +1,10 @@
 """The plan of a run: which inputs are to be encoded, and which are not."""
 
 from collections import defaultdict
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+from meshreel.batch.animations import every_animation
 from meshreel.batch.discovery import BatchInput, find_inputs
 from meshreel.batch.encode_input import EncodeOptions
 from meshreel.batch.manifest import DONE, FAILED, PENDING, Manifest, Record, read_manifest
@@ -32,6 +33,8 @@ class Plan:
         The others, as "pending".
     replaced : set of BatchInput
         Those of them whose outputs are there already.
+    notes : list of str
+        Sentences on animations that are left out, or whose outputs have other names.
     """
 
     input_dir: Path | str
@@ -42,6 +45,11 @@ class Plan:
     refused: dict[str, Record]
     to_encode: dict[BatchInput, Record]
     replaced: set[BatchInput]
+    notes: list[str] = field(default_factory=list)
+
+    def options_of(self, one: BatchInput) -> EncodeOptions:
+        """How an input is encoded."""
+        return replace(self.options, animation=one.animation)
 
 
 def plan_batch(
@@ -50,6 +58,7 @@ def plan_batch(
     options: EncodeOptions,
     *,
     force: bool = False,
+    all_animations: bool = False,
 ) -> Plan:
     """The plan of a run: inputs that are new, changed or failed before are to be encoded.
 
@@ -63,6 +72,9 @@ def plan_batch(
     options : EncodeOptions
     force : bool, default False
         Encode everything, and replace outputs that are not this batch's.
+    all_animations : bool, default False
+        Whether each animation of a file that holds several is an input, as `every_animation` says;
+        remote files that may hold several are downloaded for that.
 
     Raises
     ------
@@ -76,13 +88,18 @@ def plan_batch(
         [one.source for one in inputs],
         skip_bad=options.skip_bad, allow_outside=options.allow_outside,
     )  # fmt: skip
+    notes: list[str] = []
+    if all_animations:
+        inputs = every_animation(inputs, notes, allow_outside=options.allow_outside)
     manifest = read_manifest(input_dir, out_dir, force=force)
     check_report(manifest.folder, force=force)
-    plan = Plan(input_dir, manifest.folder, options, manifest, [], {}, {}, set())
+    plan = Plan(input_dir, manifest.folder, options, manifest, [], {}, {}, set(), notes)
     rivals = _rivals(inputs)
     for one in inputs:
         earlier = manifest.records.get(one.name)
-        record = Record(PENDING, one.output, True, one.fingerprint(), options.as_dict())
+        record = Record(
+            PENDING, one.output, True, one.fingerprint(), plan.options_of(one).as_dict()
+        )
         folder, is_there = plan.folder, plan.folder.has(one.output)
         if one in rivals:
             plan.refused[one.name] = _refused(record, earlier, rivals[one])

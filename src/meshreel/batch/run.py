@@ -97,10 +97,11 @@ def _is_spread(plan: Plan, engine: Engine) -> bool:
 
 def _one_each(plan: Plan, engine: Engine) -> Iterator[tuple[BatchInput, "Future[Encoded]"]]:
     """The inputs as they come to an end; each is a worker's."""
-    by_source = {str(one.source): one for one in _long_ones_first(plan)}
-    items = [(source, plan.options, __version__) for source in by_source]
+    inputs = {(str(one.source), one.animation): one for one in _long_ones_first(plan)}
+    items = [_item(plan, one) for one in inputs.values()]
     for item, outcome in engine.as_completed(encode_input, items, again=_in_smaller_blocks):
-        yield by_source[item[0]], outcome
+        source, options, _ = item
+        yield inputs[source, options.animation], outcome
 
 
 def _long_ones_first(plan: Plan) -> list[BatchInput]:
@@ -109,6 +110,11 @@ def _long_ones_first(plan: Plan) -> list[BatchInput]:
 
 
 Item = tuple[str, EncodeOptions, str]
+
+
+def _item(plan: Plan, one: BatchInput) -> Item:
+    """The arguments with which an input is encoded."""
+    return str(one.source), plan.options_of(one), __version__
 
 
 def _in_smaller_blocks(item: Item, error: BaseException) -> Item | None:
@@ -121,7 +127,7 @@ def _in_smaller_blocks(item: Item, error: BaseException) -> Item | None:
 def _spread(plan: Plan, engine: Engine) -> Iterator[tuple[BatchInput, "Future[Encoded]"]]:
     """One input after another; all workers code its blocks."""
     for one in _long_ones_first(plan):
-        following: Item | None = (str(one.source), plan.options, __version__)
+        following: Item | None = _item(plan, one)
         while following is not None:
             item, following = following, None
             outcome: Future[Encoded] = Future()
@@ -163,7 +169,7 @@ class _Run:
                 pending,
                 state=FAILED,
                 owns_output=one in self._plan.replaced,
-                error=_reason_of(error, one.name, self._plan.input_dir),
+                error=_reason_of(error, one.path, self._plan.input_dir),
             )
         manifest.records[one.name] = record
         manifest.write()
@@ -183,8 +189,8 @@ class _Run:
         self._plan.folder.write(one.output, data, overwrite=one in self._plan.replaced)
 
 
-def _reason_of(error: BaseException, name: str, input_dir: Path | str) -> str:
-    """The error in one line, without the name of its input; paths are relative to the inputs."""
+def _reason_of(error: BaseException, path: str, input_dir: Path | str) -> str:
+    """The error in one line, without the path of its input; paths are relative to the inputs."""
     if isinstance(error, MeshReelError):
         text = str(error)
     elif isinstance(error, MemoryError):
@@ -194,5 +200,5 @@ def _reason_of(error: BaseException, name: str, input_dir: Path | str) -> str:
     else:
         text = f"{type(error).__name__}: {error}"
     top = f"{input_dir.absolute()}{os.sep}" if isinstance(input_dir, Path) else f"{input_dir}/"
-    text = text.replace(top, "").removeprefix(f"{name}: ")
+    text = text.replace(top, "").removeprefix(f"{path}: ")
     return " ".join(text.split())

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from meshreel.errors import MeshReelError
+from meshreel.formats.animations import AnimationInfo
 from meshreel.formats.file_errors import errors_naming
 from meshreel.formats.kinds import SequenceFormat
 from meshreel.formats.load import open_for_inspection
@@ -103,6 +104,8 @@ class SourceInfo:
         At least one.
     notes : tuple of str
         What reading changes, and what it leaves out.
+    animations : tuple of AnimationInfo
+        All of the file, of a format whose files may hold several.
     """
 
     format: str
@@ -110,6 +113,7 @@ class SourceInfo:
     n_files: int
     meshes: tuple[MeshInfo, ...]
     notes: tuple[str, ...]
+    animations: tuple[AnimationInfo, ...] = ()
 
     @property
     def left_out(self) -> tuple[str, ...]:
@@ -122,7 +126,8 @@ class SourceInfo:
         meshes = [mesh.as_dict() for mesh in self.meshes]
         return {
             "format": self.format, "size_bytes": self.size_bytes, "n_files": self.n_files,
-            "meshes": meshes, "left_out": list(self.left_out), "notes": list(self.notes),
+            "meshes": meshes, "animations": [asdict(one) for one in self.animations],
+            "left_out": list(self.left_out), "notes": list(self.notes),
         }  # fmt: skip
 
 
@@ -152,7 +157,22 @@ def inspect_source(source: Source, options: ReadOptions) -> SourceInfo:
             len(found.paths),
             meshes,
             tuple(dict.fromkeys(options.notes)),
+            animations_of(found, options),
         )
+
+
+def animations_of(found: SourceFiles, options: ReadOptions) -> tuple[AnimationInfo, ...]:
+    """The animations of a file; none if its format holds one motion at most.
+
+    Raises
+    ------
+    FormatError
+        If the file is damaged elsewhere than in an animation.
+    """
+    if not isinstance(found.format, SequenceFormat) or found.format.list_animations is None:
+        return ()
+    with errors_naming(found.paths[0]):
+        return tuple(found.format.list_animations(found.paths[0], options))
 
 
 def _infos(found: SourceFiles, options: ReadOptions) -> Iterator[MeshInfo]:

@@ -1,12 +1,13 @@
 """The kinds of formats: files that hold a frame each or a whole sequence, and folders of files."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from importlib import import_module
 from pathlib import Path
 from typing import Any, Literal
 
+from meshreel.formats.animations import AnimationInfo
 from meshreel.formats.extras import Extra
 from meshreel.formats.frames.field_tracks import Fields
 from meshreel.formats.frames.frame_stream import FrameStream
@@ -16,7 +17,9 @@ from meshreel.formats.surfaces.polygons import PolygonMesh
 from meshreel.sequence import FrameSource, Vertices
 from meshreel.surface import Domain, Surface
 
-ReadOption = Literal["object", "merge", "topology", "dataset", "skip_bad", "allow_outside"]
+ReadOption = Literal[
+    "object", "merge", "topology", "dataset", "skip_bad", "allow_outside", "animation"
+]
 WriteOption = Literal["targets", "max_error", "normals", "lossless", "layout", "textures"]
 
 
@@ -136,6 +139,8 @@ class SequenceFormat:
     files_beside : function of a path and a number of frames, optional
         Gives the files that are written beside, for the file names them; the `FrameStream` says
         where `write` puts them.
+    list_animations : function of a path and `ReadOptions`, optional
+        Gives the animations of a file, where it may hold several; its errors do not name the file.
     """
 
     ending: str
@@ -151,6 +156,7 @@ class SequenceFormat:
     has_image_folder: bool = False
     holds_tracks: frozenset[Domain] = NO_TRACKS
     files_beside: Callable[[Path, int], list[Path]] | None = None
+    list_animations: Callable[[Path, ReadOptions], Sequence[AnimationInfo]] | None = None
 
 
 @dataclass(frozen=True)
@@ -194,16 +200,18 @@ def scene_format(
     has_image_folder: bool = False,
     holds_tracks: frozenset[Domain] = NO_TRACKS,
     files_beside: Callable[[Path, int], list[Path]] | None = None,
+    list_animations: Callable[[Path, ReadOptions], Sequence[AnimationInfo]] | None = None,
 ) -> SequenceFormat:
     """A format whose files hold one or several meshes, the faces of which may change.
 
-    Its files may name others, or hold all by themselves.
+    Its files may name others, or hold all by themselves; they may hold several animations.
     """
     reads: set[ReadOption] = {"object", "merge", "skip_bad"}
+    reads.update({"allow_outside"} if names_files else set())
+    reads.update({"animation"} if list_animations else set())
     return SequenceFormat(
         ending, title, partial(OPEN_SCENE, read_meshes), write, extra,
-        reads=frozenset(reads | ({"allow_outside"} if names_files else set())),
-        writes=writes, read_meshes=read_meshes,
+        reads=frozenset(reads), writes=writes, read_meshes=read_meshes,
         holds_materials=holds_materials, has_image_folder=has_image_folder,
-        holds_tracks=holds_tracks, files_beside=files_beside,
+        holds_tracks=holds_tracks, files_beside=files_beside, list_animations=list_animations,
     )  # fmt: skip

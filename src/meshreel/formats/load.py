@@ -34,6 +34,7 @@ def load(
     attributes: Names = ALL,
     skip_bad: bool = False,
     allow_outside: bool = False,
+    animation: str | int | None = None,
     progress: Progress = silent,
     notes: list[str] | None = None,
 ) -> MeshSequence:
@@ -67,6 +68,9 @@ def load(
         Leave out meshes of a file that cannot be read, and take the others; a note names them.
     allow_outside : bool, default False
         Read files that a file names outside of its folder: layers, buffers, frames.
+    animation : str or int, optional
+        Of a glTF file with several animations, the name of one, or its number from 0. Default: the
+        first that moves a mesh; a note names the others.
     progress : Progress, default silent
         Told the share of frames read.
     notes : list of str, optional
@@ -85,7 +89,8 @@ def load(
     ------
     InvalidInputError
         If nothing is there, frames differ in vertex count or faces, a position is not finite, the
-        file holds several meshes and none is chosen, or an attribute is asked for that it lacks.
+        file holds several meshes and none is chosen, or an attribute or animation is asked for that
+        it lacks.
     FormatError
         If a file is of an unknown kind, is not what its ending says, or needs a library that is
         not installed.
@@ -94,7 +99,7 @@ def load(
     """
     options = ReadOptions(
         fps, object, merge, _path(topology), dataset, None, progress,
-        notes if notes is not None else [], attributes, skip_bad, allow_outside,
+        notes if notes is not None else [], attributes, skip_bad, allow_outside, animation,
     )  # fmt: skip
     with at_hand(source, options.notes) as files:
         sequence = _opened(find_files(files), options)
@@ -115,6 +120,7 @@ def open_source(
     max_loaded_bytes: int = 0,
     skip_bad: bool = False,
     allow_outside: bool = False,
+    animation: str | int | None = None,
     progress: Progress = silent,
     notes: list[str] | None = None,
 ) -> FrameSource:
@@ -129,7 +135,7 @@ def open_source(
     ----------
     source, fps, object, merge, topology, dataset, attributes
         As in `load`.
-    skip_bad, allow_outside, progress, notes
+    skip_bad, allow_outside, animation, progress, notes
         As in `load`.
     max_loaded_bytes : int, default 0
         What can be left in files is loaded all the same if its positions, in the type of the
@@ -147,7 +153,7 @@ def open_source(
     """
     options = ReadOptions(
         fps, object, merge, _path(topology), dataset, max_loaded_bytes, progress,
-        notes if notes is not None else [], attributes, skip_bad, allow_outside,
+        notes if notes is not None else [], attributes, skip_bad, allow_outside, animation,
     )  # fmt: skip
     return _opened(find_files(source), options)
 

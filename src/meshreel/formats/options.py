@@ -43,6 +43,9 @@ class ReadOptions:
         Whether meshes of a file that cannot be read are left out, and the others taken.
     allow_outside : bool, default False
         Whether files are read that a file names outside of its folder.
+    animation : str or int, optional
+        Name of the animation to take of a file that holds several, or its number from 0. Default:
+        the first that moves a mesh.
     """
 
     fps: float | None = None
@@ -56,6 +59,7 @@ class ReadOptions:
     attributes: Names = ALL
     skip_bad: bool = False
     allow_outside: bool = False
+    animation: str | int | None = None
 
 
 @dataclass(frozen=True)

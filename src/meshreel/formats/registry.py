@@ -156,6 +156,7 @@ SEQUENCE_FORMATS = {
                 names_files=True,
                 writes=GLTF_OPTIONS,
                 holds_materials=True,
+                list_animations=Lazy("gltf.read:list_animations"),
             )
             for ending, title, write in (
                 (".glb", "glTF, binary", Lazy("gltf.write:write_glb")),

@@ -26,7 +26,11 @@ def supports(path: str | os.PathLike[str], option: ReadOption) -> bool:
 
 
 def check_supported(
-    sources: Sequence[str | os.PathLike[str]], *, skip_bad: bool, allow_outside: bool
+    sources: Sequence[str | os.PathLike[str]],
+    *,
+    skip_bad: bool,
+    allow_outside: bool,
+    animation: bool = False,
 ) -> None:
     """Refuse options that have no effect on any of several sources.
 
@@ -35,7 +39,9 @@ def check_supported(
     InvalidInputError
         Naming the option and the formats that support it.
     """
-    asked: dict[ReadOption, bool] = {"skip_bad": skip_bad, "allow_outside": allow_outside}
+    asked: dict[ReadOption, bool] = {
+        "skip_bad": skip_bad, "allow_outside": allow_outside, "animation": animation,
+    }  # fmt: skip
     for option, is_asked in asked.items():
         if is_asked and not any(supports(source, option) for source in sources):
             raise _no_effect(option, listed(map(str, sources)))
@@ -56,7 +62,8 @@ def check_read_options(found: FrameFormat | SequenceFormat, options: ReadOptions
         )
     # A single static mesh is what merging gives, so that a whole folder can be merged.
     asked = [one for one in get_args(ReadOption) if getattr(options, one) and one != "merge"]
-    _check(found, asked)
+    is_number_0 = options.animation == 0  # which is falsy, and asked for all the same
+    _check(found, [*asked, "animation"] if is_number_0 else asked)
 
 
 def check_write_options(

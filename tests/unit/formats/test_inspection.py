@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 
 from meshreel.errors import InvalidInputError
+from meshreel.formats.animations import AnimationInfo
 from meshreel.formats.inspection import inspect_source
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.save import save
+from samples.gltf import moving_triangle
 from samples.meshes import quad_sheet, two_sheets, waving_grid
 from samples.tracks import tracked_sheet
 
@@ -97,3 +99,24 @@ def test_what_is_left_out_is_listed_when_a_reader_says_so(tmp_path):
     told = replace(found, notes=("left out: lights: sun", "welded 3 vertices"))
     assert told.left_out == ("lights: sun",)
     assert told.as_dict()["left_out"] == ["lights: sun"]
+
+
+def test_animations_of_a_gltf_file_are_listed_with_their_durations(tmp_path):
+    file = moving_triangle()
+    camera = file.node(name="camera")
+    file.animate(0, "scale", [0.5, 1.75], np.ones((2, 3)), animation=1)
+    file.animate(camera, "translation", [0, 1], np.eye(2, 3), animation=2)
+    file.animate(0, "scale", [1, 0], np.ones((2, 3)), animation=3)
+    for one, name in zip(file.json["animations"], ["walk", "run", "pan", "bad"], strict=True):
+        one["name"] = name
+    found = inspect_source(file.save(tmp_path / "a.glb"), ReadOptions())
+    problem = "animation 3, sampler 0: times of keys must be finite and ascending"
+    assert found.animations == (
+        AnimationInfo("walk", 0.0, 1.0, moves_mesh=True),
+        AnimationInfo("run", 0.5, 1.25, moves_mesh=True),
+        AnimationInfo("pan", 0.0, 1.0, moves_mesh=False),
+        AnimationInfo("bad", problem=problem),
+    )
+    assert found.as_dict()["animations"][1] == {
+        "name": "run", "start_s": 0.5, "duration_s": 1.25, "moves_mesh": True, "problem": None,
+    }  # fmt: skip

@@ -29,6 +29,7 @@ N_ARGUMENTS = {
     "write": 3,
     "read_meshes": 2,
     "files_beside": 2,
+    "list_animations": 2,
     "same_fields": 1,
     "files": 2,
 }

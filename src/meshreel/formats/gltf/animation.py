@@ -1,13 +1,11 @@
 """Curves of an animation of a glTF file, by the node and the property that they move."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
 from meshreel.errors import FormatError
 from meshreel.formats.gltf.accessors import Accessors
-from meshreel.formats.gltf.document import Document
 from meshreel.formats.gltf.interpolation import Curve, Floats, Interpolation, unit
 from meshreel.formats.gltf.json_object import JsonObject
 from meshreel.formats.gltf.nodes import Nodes
@@ -20,8 +18,6 @@ PATHS = {
     "weights": ("SCALAR",),
 }
 """Properties that a channel can move, and the kind of their values."""
-MAX_LISTED = 10
-"""Names of animations in a note."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,32 +41,6 @@ class Channel:
 
 Curves = dict[tuple[int, str], Curve]
 """How each node and path that is animated moves."""
-
-
-def choose_animation(
-    document: Document, moves_mesh: Callable[[Channel], bool], notes: list[str]
-) -> list[Channel]:
-    """The channels of the first animation that moves a mesh; none if no animation does.
-
-    Parameters
-    ----------
-    document : Document
-    moves_mesh : function of a channel
-    notes : list of str
-        Gains a sentence on the animations that are not taken.
-    """
-    animations = document.lists["animations"]
-    names = [one.text("name", "") or f"animation_{number}" for number, one in enumerate(animations)]
-    for number, animation in enumerate(animations):
-        channels = read_channels(animation, len(document.lists["nodes"]))
-        if any(moves_mesh(one) for one in channels):
-            others = names[:number] + names[number + 1 :]
-            if others:
-                notes.append(f"took the animation {names[number]}, not {_listed(others)}")
-            return channels
-    if animations:
-        notes.append(f"no mesh is moved by the animation {_listed(names)}; took one frame")
-    return []
 
 
 def read_channels(animation: JsonObject, n_nodes: int) -> list[Channel]:
@@ -165,8 +135,3 @@ def _width(channel: Channel, nodes: Nodes, accessors: Accessors) -> int:
         return 4 if channel.path == "rotation" else 3
     document = accessors.document
     return count_targets(document.item(nodes.objects[channel.node], "mesh", "meshes"))
-
-
-def _listed(names: list[str]) -> str:
-    more = f" and {len(names) - MAX_LISTED} more" if len(names) > MAX_LISTED else ""
-    return ", ".join(names[:MAX_LISTED]) + more

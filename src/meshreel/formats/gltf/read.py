@@ -11,9 +11,11 @@ from pathlib import Path
 import numpy as np
 
 from meshreel.counting import counted
+from meshreel.formats.animations import AnimationInfo
 from meshreel.formats.gltf.accessors import Accessors
-from meshreel.formats.gltf.animation import Channel, choose_animation, read_curves, read_keys
+from meshreel.formats.gltf.animation import Channel
 from meshreel.formats.gltf.baking import BakedMesh
+from meshreel.formats.gltf.clips import Clips
 from meshreel.formats.gltf.document import INSTANCING, Document, read_document
 from meshreel.formats.gltf.geometry import Geometry, read_geometry
 from meshreel.formats.gltf.instancing import note_instances
@@ -67,13 +69,15 @@ class WeldNote:
 def read_meshes(path: Path, options: ReadOptions) -> list[SceneMesh]:
     """The meshes of the scene that a glTF file shows, named by the paths of their nodes.
 
-    Of several animations the first that moves a mesh is taken; what it does not move has one
-    frame.
+    The animation is the one that the options name, or the first that moves a mesh; what it does
+    not move has one frame.
 
     Raises
     ------
     FormatError
         If the file is damaged, shows no mesh, or needs an extension that is not read.
+    InvalidInputError
+        If it has no animation of the name or number that the options give.
     """
     document = read_document(path, allow_outside=options.allow_outside)
     accessors, nodes = Accessors(document), read_nodes(document)
@@ -100,26 +104,42 @@ def read_meshes(path: Path, options: ReadOptions) -> list[SceneMesh]:
     ]
 
 
+def list_animations(path: Path, options: ReadOptions) -> list[AnimationInfo]:
+    """The animations of a glTF file, in its order; the notes of the options gain nothing.
+
+    Raises
+    ------
+    FormatError
+        If the file is damaged elsewhere than in an animation.
+    """
+    document = read_document(path, allow_outside=options.allow_outside)
+    accessors, nodes = Accessors(document), read_nodes(document)
+    placements = placements_of(document, shown_nodes(document, nodes, []), accessors)
+    return Clips(nodes, accessors, _mesh_mover(placements, nodes)).described()
+
+
 def _motion(
     placements: Sequence[Placement], nodes: Nodes, accessors: Accessors, options: ReadOptions
 ) -> tuple[Motion, Sampling]:
     """How nodes move that carry meshes, and when frames are."""
+    clips = Clips(nodes, accessors, _mesh_mover(placements, nodes))
+    clip = clips.chosen(options.animation, options.notes)
+    if clip is None:
+        return Motion(nodes, {}), STILL
+    is_curved = any(curve.is_curved for curve in clip.curves.values())
+    fps = validate_fps(options.fps or 0.0)
+    sampling = sample_times(clip.keys_s, fps, is_curved=is_curved, notes=options.notes)
+    return Motion(nodes, clip.curves), sampling
+
+
+def _mesh_mover(placements: Sequence[Placement], nodes: Nodes) -> Callable[[Channel], bool]:
+    """A function that tells whether a channel moves a mesh."""
     shown = {one.node for one in placements}
     carriers = {one.node for one in placements if one.skin is None}
     for skin in {one.skin for one in placements if one.skin is not None}:
         carriers.update(skin.joints)
     family = set(nodes.family(carriers))
-
-    def moves_mesh(channel: Channel) -> bool:
-        return channel.node in (shown if channel.path == "weights" else family)
-
-    channels = choose_animation(accessors.document, moves_mesh, options.notes)
-    if not channels:
-        return Motion(nodes, {}), STILL
-    curves = read_curves([one for one in channels if moves_mesh(one)], nodes, accessors)
-    is_curved = any(curve.is_curved for curve in curves.values())
-    fps, keys = validate_fps(options.fps or 0.0), read_keys(channels, accessors)
-    return Motion(nodes, curves), sample_times(keys, fps, is_curved=is_curved, notes=options.notes)
+    return lambda channel: channel.node in (shown if channel.path == "weights" else family)
 
 
 def _mover(placements: Sequence[Placement], motion: Motion) -> Callable[[Placement], bool]:

@@ -2,6 +2,7 @@
 
 import contextlib
 import json
+import re
 import struct
 import tracemalloc
 
@@ -188,10 +189,6 @@ def animated(keys=(0, 0.5), values=((0, 0, 0), (1, 0, 0)), path="translation", *
         (animated([0.5, 0]), "times of keys must be finite and ascending"),
         (animated([0, np.nan]), "times of keys must be finite and ascending"),
         (animated([0, np.inf]), "times of keys must be finite and ascending"),
-        (
-            animated([0, 1, 1e9], np.zeros((3, 3))),
-            "takes 1e.09 s, which is 30000000000 frames at 30",
-        ),
         (animated(values=[[0, 0, np.nan]] * 2), "values of keys must be finite"),
         (animated(values=[[0, 0, 0]] * 3), "has 9 numbers for 2 keys; 6 are needed"),
         (animated(interpolation="CUBICSPLINE"), "has 6 numbers for 2 keys; 18 are needed"),
@@ -201,15 +198,27 @@ def animated(keys=(0, 0.5), values=((0, 0, 0), (1, 0, 0)), path="translation", *
         (animated(values=[1, 2], path="weights"), "has 2 numbers for 2 keys; 0 are needed"),
     ],
 )
-def test_load_says_what_is_wrong_when_an_animation_is_damaged(tmp_path, file, message):
+def test_load_leaves_out_an_animation_and_says_why_when_it_is_malformed(tmp_path, file, message):
+    path, notes = file.save(tmp_path / "a.glb"), []
+    assert load(path, notes=notes).n_frames == 1
+    [note] = notes
+    assert re.match(r"left out: malformed animations: animation_0 \(", note)
+    assert re.search(message, note)
     with pytest.raises(FormatError, match=message):
-        load(file.save(tmp_path / "a.glb"))
+        load(path, animation=0)
 
 
-def test_load_is_refused_when_a_node_that_is_moved_has_a_matrix(tmp_path):
-    file = animated()
+def test_load_leaves_out_an_animation_when_a_node_that_it_moves_has_a_matrix(tmp_path):
+    file, notes = animated(), []
     file.json["nodes"][0]["matrix"] = np.eye(4).ravel().tolist()
-    with pytest.raises(FormatError, match="moves the translation of node 0, which has a matrix"):
+    assert load(file.save(tmp_path / "a.glb"), notes=notes).n_frames == 1
+    [note] = notes
+    assert "moves the translation of node 0, which has a matrix" in note
+
+
+def test_load_is_refused_when_an_animation_takes_too_many_frames(tmp_path):
+    file = animated([0, 1, 1e9], np.zeros((3, 3)))
+    with pytest.raises(FormatError, match=r"takes 1e.09 s, which is 30000000000 frames at 30"):
         load(file.save(tmp_path / "a.glb"))
 
 

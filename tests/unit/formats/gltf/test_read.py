@@ -191,7 +191,9 @@ def two_animations():
 def test_load_takes_the_first_animation_and_names_the_others_when_there_are_several(read):
     found, notes = read(two_animations())
     assert found.vertices[-1, 0].tolist() == [2, 0, 0]
-    assert notes == ["took the animation walk, not jump, animation_2"]
+    assert notes == [
+        "took the animation walk, not jump, animation_2; choose with --animation (animation=)"
+    ]
 
 
 def test_load_takes_the_first_that_moves_a_mesh_when_others_come_before(read):
@@ -199,7 +201,9 @@ def test_load_takes_the_first_that_moves_a_mesh_when_others_come_before(read):
     file.json["animations"].reverse()
     found, notes = read(file)
     assert found.vertices[-1, 0].tolist() == [0, 0, 7]
-    assert notes == ["took the animation jump, not animation_0, walk"]
+    assert notes == [
+        "took the animation jump, not animation_0, walk; choose with --animation (animation=)"
+    ]
 
 
 def test_load_gives_one_frame_and_notes_it_when_no_animation_moves_a_mesh(read):
@@ -208,6 +212,81 @@ def test_load_gives_one_frame_and_notes_it_when_no_animation_moves_a_mesh(read):
     found, notes = read(file)
     assert (found.n_frames, found.start_s) == (1, 0)
     assert notes == ["no mesh is moved by the animation animation_0; took one frame"]
+
+
+@pytest.mark.parametrize("wanted", ["jump", 1, "1"])
+def test_load_takes_the_animation_that_is_named_or_numbered(read, wanted):
+    found, notes = read(two_animations(), animation=wanted)
+    assert (found.vertices[-1, 0].tolist(), notes) == ([0, 0, 7], [])
+
+
+def test_load_takes_a_name_before_a_number_when_an_animation_is_called_like_a_number(read):
+    file = two_animations()
+    file.json["animations"][1]["name"] = "0"
+    assert read(file, animation="0")[0].vertices[-1, 0].tolist() == [0, 0, 7]
+    assert read(file, animation=0)[0].vertices[-1, 0].tolist() == [2, 0, 0]
+
+
+def test_load_tells_animations_of_one_name_apart_by_a_number(read):
+    file = two_animations()
+    file.json["animations"][1]["name"] = "walk"
+    assert read(file, animation="walk_1")[0].vertices[-1, 0].tolist() == [0, 0, 7]
+
+
+@pytest.mark.parametrize("wanted", ["run", "3", 3, -1])
+def test_load_lists_what_exists_when_an_animation_is_unknown(read, wanted):
+    message = (
+        rf"a\.glb: has no animation {wanted!r}; it holds walk, jump, animation_2; "
+        "give one of these names, or a number from 0 to 2"
+    )
+    with pytest.raises(InvalidInputError, match=message):
+        read(two_animations(), animation=wanted)
+
+
+@pytest.mark.parametrize("wanted", ["run", 0])
+def test_load_says_so_when_an_animation_is_asked_for_and_there_is_none(read, wanted):
+    file = Gltf()
+    file.node(mesh=file.mesh())
+    with pytest.raises(InvalidInputError, match=r"has no animation .*, for it holds none; leave"):
+        read(file, animation=wanted)
+
+
+@pytest.mark.parametrize("wanted", ["walk", 0])
+def test_animation_is_refused_when_a_format_holds_one_motion(tmp_path, wanted):
+    (tmp_path / "a.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    message = r"--animation \(animation=\) has no effect on a \.obj file; it is for \.glb, \.gltf"
+    with pytest.raises(InvalidInputError, match=message):
+        load(tmp_path / "a.obj", animation=wanted)
+
+
+def test_load_gives_one_frame_when_the_animation_that_is_named_moves_no_mesh(read):
+    found, notes = read(two_animations(), animation="animation_2")
+    assert found.n_frames == 1
+    assert notes == ["the animation animation_2 moves no mesh; took one frame"]
+
+
+def test_load_takes_the_next_animation_when_the_first_is_malformed(read):
+    file = two_animations()
+    file.json["animations"][0]["samplers"][0]["interpolation"] = "SMOOTH"
+    found, notes = read(file)
+    assert found.vertices[-1, 0].tolist() == [0, 0, 7]
+    assert notes == [
+        "took the animation jump, not animation_2; choose with --animation (animation=)",
+        "left out: malformed animations: walk (animation 0, sampler 0: 'interpolation' must be "
+        "one of LINEAR, STEP, CUBICSPLINE; got 'SMOOTH')",
+    ]
+
+
+def test_load_plays_each_animation_of_a_skin_and_of_morph_targets(read):
+    file = rich_gltf()
+    tip, root, body = 0, 1, 2
+    assert [file.json["nodes"][one]["name"] for one in (tip, root, body)] == ["tip", "root", "body"]
+    file.animate(body, "weights", [0, 1], [0, 0, 1, 0], animation=1)
+    file.animate(root, "translation", [0, 1], [[0, 0, 0], [0, 5, 0]], animation=2)
+    rest = read(file, animation=1)[0].vertices
+    np.testing.assert_allclose(rest[1] - rest[0], np.ones_like(rest[0]) * [1, 1, 2], atol=1e-6)
+    moved = read(file, animation=2)[0].vertices
+    np.testing.assert_allclose(moved[1] - moved[0], np.ones_like(rest[0]) * [0, 5, 0], atol=1e-6)
 
 
 def test_load_passes_over_channels_when_they_move_no_node(read):
