@@ -49,7 +49,8 @@ export class ReelFile implements OpenReel {
    * Opens a file.
    *
    * @param from - An address, whose server is asked for ranges; a response; a blob, such as a file
-   *   that was dropped; or bytes.
+   *   that was dropped; or bytes, such as a `Buffer` of Node. Bytes are neither changed nor detached,
+   *   and must not change as long as the file is open.
    * @throws SourceError where the bytes cannot be had.
    * @throws CorruptStreamError, TruncatedStreamError where they are no `.reel`, or damaged.
    * @throws UnsupportedVersionError where a newer version is needed, or the method is one of the

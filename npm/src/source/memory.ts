@@ -4,7 +4,7 @@ import { InvalidInputError, SourceError } from "../errors.js";
 import type { ByteSource } from "../types.js";
 import { reasonOf } from "./server.js";
 
-/** Bytes in memory. What is read is a copy. */
+/** Bytes in memory. What is read is a copy, which a worker may take over. */
 export class MemorySource implements ByteSource {
   readonly hasRanges = true;
 
@@ -16,7 +16,8 @@ export class MemorySource implements ByteSource {
 
   async read(start: number, end: number, signal?: AbortSignal): Promise<Uint8Array> {
     signal?.throwIfAborted();
-    return this.bytes.slice(...checkedRange(start, end, this.size));
+    // Not `slice`: that of a Buffer, the Uint8Array of Node, copies nothing.
+    return new Uint8Array(this.bytes.subarray(...checkedRange(start, end, this.size)));
   }
 
   close(): void {}

@@ -35,8 +35,8 @@ export interface SourceOptions {
  * what is here can be read while the rest is on its way. Connections that are cut are taken up
  * where they ended.
  *
- * @param from - An address, a response whose body nobody has read, or bytes. Those in memory must
- *   not change as long as the source is open.
+ * @param from - An address, a response whose body nobody has read, or bytes. Those in memory are
+ *   never changed or detached, and must not change as long as the source is open.
  * @throws InvalidInputError for what cannot be opened; SourceError where the server does not give
  *   the file: the message says what to do.
  */

@@ -1,0 +1,79 @@
+// Bytes in memory that are opened stay the caller's: they are neither changed nor detached.
+
+import assert from "node:assert/strict";
+import { readFile } from "node:fs/promises";
+import { join } from "node:path";
+import { describe, test } from "node:test";
+
+import { ReelFile } from "../dist/index.js";
+import { PACKAGE } from "./support/bundle.mjs";
+import { PageWorker } from "./support/page_worker.mjs";
+import { bytesOf, said, sha } from "./support/streams.mjs";
+
+const NAME = "sphere";
+const BYTES = bytesOf(NAME);
+
+/** Bytes in the middle of a larger buffer. */
+function partOfLarger() {
+  const larger = new Uint8Array(BYTES.length + 20).fill(7);
+  larger.set(BYTES, 10);
+  return larger.subarray(10, 10 + BYTES.length);
+}
+
+/** The buffer that several small Buffers share. */
+function pooled() {
+  const bytes = Buffer.from(BYTES);
+  assert.notEqual(bytes.buffer.byteLength, bytes.length, "Node no longer pools small Buffers");
+  return bytes;
+}
+
+/** A Buffer with an allocation of its own. */
+function unpooled() {
+  return Buffer.from(BYTES.slice().buffer);
+}
+
+const INPUTS = {
+  "a small Buffer, which shares its memory": pooled,
+  "a Buffer with memory of its own": unpooled,
+  "what readFile gives": () => readFile(join(PACKAGE, `../conformance/streams/${NAME}.reel`)),
+  "a Uint8Array": () => BYTES.slice(),
+  "a Uint8Array on a part of a larger buffer": partOfLarger,
+  "an ArrayBuffer": () => BYTES.slice().buffer,
+  "a Blob": () => new Blob([BYTES]),
+};
+
+async function assertOpens(from, options) {
+  const reel = await ReelFile.open(from, options);
+  try {
+    assert.equal(reel.isInWorker, options.worker);
+    const frames = [];
+    for (let number = 0; number < reel.info.nFrames; number++) frames.push(await reel.frame(number));
+    assert.equal(sha(...frames), said(NAME)["hash of positions"]);
+  } finally {
+    reel.close();
+  }
+}
+
+/** All memory behind an input, which includes that of others. */
+async function memoryOf(from) {
+  const buffer = from instanceof Blob ? await from.arrayBuffer() : (from.buffer ?? from);
+  return Buffer.from(new Uint8Array(buffer));
+}
+
+for (const worker of [false, true]) {
+  describe(worker ? "with a worker" : "without a worker", () => {
+    for (const [what, input] of Object.entries(INPUTS)) {
+      test(`${what} is as it was after it was opened twice`, async (context) => {
+        if (worker) {
+          globalThis.Worker = PageWorker;
+          context.after(() => delete globalThis.Worker);
+        }
+        const from = await input();
+        const before = await memoryOf(from);
+        await assertOpens(from, { worker });
+        await assertOpens(from, { worker });
+        assert.deepEqual(await memoryOf(from), before);
+      });
+    }
+  });
+}

@@ -1,0 +1,42 @@
+// A `Worker` for Node that runs the script of a blob, as browsers do.
+
+import { resolveObjectURL } from "node:buffer";
+import { Worker } from "node:worker_threads";
+
+/** What the script of a page's worker expects around it. */
+const GLOBALS = `
+  const { parentPort } = require("node:worker_threads");
+  globalThis.self = { postMessage: (message, transfer) => parentPort.postMessage(message, transfer) };
+  parentPort.on("message", (data) => self.onmessage({ data }));
+`;
+
+/** Runs the script in a thread; messages sent before it has started wait. */
+export class PageWorker {
+  onmessage = null;
+  onerror = null;
+  #isEnded = false;
+  #thread;
+
+  constructor(url) {
+    const script = resolveObjectURL(url).text();
+    this.#thread = script.then((text) => {
+      if (this.#isEnded) return null;
+      const thread = new Worker(GLOBALS + text, { eval: true });
+      thread.on("message", (data) => this.onmessage?.({ data }));
+      thread.on("error", ({ message }) => this.onerror?.({ message, preventDefault() {} }));
+      return thread;
+    });
+  }
+
+  postMessage(message, transfer) {
+    // The transfer detaches at once, as in browsers.
+    const sent = structuredClone(message.module ? {} : message, { transfer });
+    const whole = message.module ? message : sent;
+    this.#thread.then((thread) => thread?.postMessage(whole));
+  }
+
+  terminate() {
+    this.#isEnded = true;
+    this.#thread.then((thread) => thread?.terminate());
+  }
+}
