@@ -190,7 +190,23 @@ def note_unwritten_tracks(
 
 def note_track_name(name: str, called: str, ending: str, notes: list[str]) -> None:
     """Add to the notes, once, that a track has another name in a file; nothing if it has not."""
-    note = f"track {name!r} is called {called!r} in {ending} files"
+    note_name("track", name, called, ending, notes)
+
+
+def note_name(what: str, name: str, called: str, ending: str, notes: list[str]) -> None:
+    """Add to the notes, once, that something has another name in a file; nothing if it has not.
+
+    Parameters
+    ----------
+    what : str
+        The kind of thing, such as "track" or "material".
+    name, called : str
+        Its name, and that in the file.
+    ending : str
+        Of the file, with the dot.
+    notes : list of str
+    """
+    note = f"{what} {name!r} is called {called!r} in {ending} files"
     if name != called and note not in notes:
         notes.append(note)
 

@@ -1,11 +1,11 @@
 """Where parts of a mesh lie in the hierarchy of an Alembic file."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
+
+from meshreel.formats.alembic.names import IN_NAMES, UNNAMED, clean, unused_name
 
 Path = tuple[str, ...]
 """Names from the top down."""
-
-UNNAMED = "mesh"
 
 
 def object_paths(names: Sequence[str]) -> list[Path]:
@@ -14,7 +14,10 @@ def object_paths(names: Sequence[str]) -> list[Path]:
     A part whose name is a path lies there. Where that is at the top, or other parts lie below it,
     it goes into a transform of its own name, as Blender has it: "body" is "/body/body".
     """
-    wanted = [tuple(one for one in name.split("/") if one) or (UNNAMED,) for name in names]
+    wanted = [
+        tuple(clean(one, IN_NAMES) for one in name.split("/") if one) or (UNNAMED,)
+        for name in names
+    ]
     transforms = {path[:depth] for path in wanted for depth in range(1, len(path))}
     transforms |= {path for path in wanted if len(path) == 1}
     taken = set(transforms)
@@ -25,13 +28,3 @@ def object_paths(names: Sequence[str]) -> list[Path]:
         paths.append((*placed[:-1], name))
         taken.add(paths[-1])
     return paths
-
-
-def unused_name(name: str, taken: Iterable[str]) -> str:
-    """The name without slashes, and with a number behind it if another has it."""
-    clean = name.replace("/", "_") or UNNAMED
-    numbered, number = clean, 1
-    while numbered in taken:
-        number += 1
-        numbered = f"{clean}_{number}"
-    return numbered

@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.alembic.library_arrays import library_array, library_vector
+from meshreel.formats.alembic.names import IN_METADATA, IN_TEXTS, clean, numbered
 from meshreel.formats.alembic.object_paths import object_paths
 from meshreel.formats.alembic.rounding import Rounding
 from meshreel.formats.alembic.winding import turned_corners
@@ -25,6 +26,7 @@ from meshreel.formats.alembic.write_attributes import (
 from meshreel.formats.alembic.write_tracks import TrackWriter, held_tracks
 from meshreel.formats.extras import ALEMBIC
 from meshreel.formats.frames.frame_stream import FrameStream
+from meshreel.formats.notes import note_name
 from meshreel.formats.options import WriteOptions
 from meshreel.formats.scenes.parts import PartMesh, split_parts
 from meshreel.tracks import TrackSource, Values
@@ -66,6 +68,8 @@ def _write_archive(path: Path, stream: FrameStream, rounding: Rounding) -> None:
     archive = ALEMBIC.load("Abc").OArchive(str(path))
     sampling = archive.addTimeSampling(_time_sampling(stream))
     parts = list(split_parts(stream.faces, stream.surface, stream.n_verts, stream.name))
+    for one in parts:
+        note_name("part", one.name, clean(one.name, IN_TEXTS), ".abc", stream.notes)
     transforms = _Transforms(archive.getTop(), rounding.shift)
     tracks = held_tracks(stream)
     writers = [
@@ -144,7 +148,8 @@ class _PartWriter:
         notes: list[str],
     ) -> None:
         self._part, self._notes, self._has_faces = part, notes, False
-        self._tracks = TrackWriter(part, tracks, sampling, notes)
+        self._names = set[str]()
+        self._tracks = TrackWriter(part, tracks, sampling, self._names, notes)
         self._schema = ALEMBIC.load("AbcGeom").OPolyMesh(parent, name, sampling).getSchema()
 
     def add(self, frame: npt.NDArray[np.float32], values: Mapping[str, Values]) -> None:
@@ -165,13 +170,16 @@ class _PartWriter:
         sample.setFaceIndices(library_array("Int32", corners))
         texture = next((one for one in attributes if is_texture(one)), None)
         if texture is not None:
-            self._schema.setUVSourceName(texture.name)
+            taken = {one.name for one in attributes} - {texture.name}
+            name = numbered(clean(texture.name, IN_METADATA), taken)
+            note_name("attribute", texture.name, name, ".abc", self._notes)
+            self._schema.setUVSourceName(name)
             sample.setUVs(texture_sample(texture, counts, self._notes))
         self._tracks.begin(self._schema)
         self._schema.set(sample)
         others = [one for one in attributes if one is not texture]
-        write_attributes(self._schema, others, counts, self._notes)
-        write_groups(self._schema, self._part.surface.groups)
+        write_attributes(self._schema, others, counts, self._names, self._notes)
+        write_groups(self._schema, self._part.surface.groups, self._names, self._notes)
         self._has_faces = True
 
 

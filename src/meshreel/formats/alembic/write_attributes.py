@@ -7,9 +7,10 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.formats.alembic.library_arrays import library_array, text_array
-from meshreel.formats.alembic.object_paths import unused_name
+from meshreel.formats.alembic.names import IN_TEXTS, clean, unused_name
 from meshreel.formats.alembic.winding import turned_corners
 from meshreel.formats.extras import ALEMBIC
+from meshreel.formats.notes import note_name
 from meshreel.geometry.ragged import Integers
 from meshreel.surface import Attribute, Domain, FaceGroups, Kind
 
@@ -33,7 +34,11 @@ def texture_sample(attribute: Attribute, counts: Integers, notes: list[str]) -> 
 
 
 def write_attributes(
-    schema: Any, attributes: Sequence[Attribute], counts: Integers, notes: list[str]
+    schema: Any,
+    attributes: Sequence[Attribute],
+    counts: Integers,
+    names: set[str],
+    notes: list[str],
 ) -> None:
     """Write attributes of a mesh beside it.
 
@@ -43,12 +48,15 @@ def write_attributes(
     attributes : sequence of Attribute
     counts : integer array
         Corners of each face.
+    names : set of str
+        Names of parameters of the mesh so far; gains those of the attributes.
     notes : list of str
-        Gains a sentence for values that the file cannot hold as they are.
+        Gains a sentence for names and values that the file cannot hold as they are.
     """
-    geometry, names = ALEMBIC.load("AbcGeom"), set[str]()
+    geometry = ALEMBIC.load("AbcGeom")
     for attribute in attributes:
         names.add(name := unused_name(attribute.name, names))
+        note_name("attribute", attribute.name, name, ".abc", notes)
         kind, extent = _kind_of(attribute)
         values = _converted(attribute, kind, notes)
         param = getattr(geometry, f"O{kind}GeomParam")(
@@ -58,34 +66,51 @@ def write_attributes(
         param.set(_sample(kind, attribute, values, counts))
 
 
-def write_groups(schema: Any, groups: Sequence[FaceGroups]) -> None:
-    """Write materials as face sets, as programs expect them, and other groups as texts of faces."""
+def write_groups(
+    schema: Any, groups: Sequence[FaceGroups], names: set[str], notes: list[str]
+) -> None:
+    """Write materials as face sets, as programs expect them, and other groups as texts of faces.
+
+    Parameters
+    ----------
+    schema : OPolyMeshSchema
+    groups : sequence of FaceGroups
+    names : set of str
+        Names of parameters of the mesh so far; gains those of the groups.
+    notes : list of str
+        Gains a sentence for names that the file cannot hold as they are.
+    """
     for one in groups:
         if one.name == "material":
-            _write_face_sets(schema, one)
+            _write_face_sets(schema, one, notes)
         else:
-            _write_texts(schema, one)
+            _write_texts(schema, one, names, notes)
 
 
-def _write_face_sets(schema: Any, groups: FaceGroups) -> None:
+def _write_face_sets(schema: Any, groups: FaceGroups, notes: list[str]) -> None:
     geometry, names = ALEMBIC.load("AbcGeom"), set[str]()
     for number, label in enumerate(groups.labels):
         names.add(name := unused_name(label, names))
+        note_name("material", label, name, ".abc", notes)
         faces = np.flatnonzero(groups.numbers == number).astype(np.int32)
         sample = geometry.OFaceSetSchemaSample()
         sample.setFaces(library_array("Int32", faces))
         schema.createFaceSet(name).getSchema().set(sample)
 
 
-def _write_texts(schema: Any, groups: FaceGroups) -> None:
+def _write_texts(schema: Any, groups: FaceGroups, names: set[str], notes: list[str]) -> None:
     geometry = ALEMBIC.load("AbcGeom")
+    names.add(name := unused_name(groups.name, names))
+    note_name("group", groups.name, name, ".abc", notes)
+    labels = [clean(label, IN_TEXTS) for label in groups.labels]
+    for label, written in zip(groups.labels, labels, strict=True):
+        note_name("label", label, written, ".abc", notes)
     none = len(groups.labels)  # a text behind the others, which is empty
     numbers = np.where(groups.numbers < 0, none, groups.numbers)
     sample = geometry.OStringGeomParamSample()
-    sample.setVals(text_array([*groups.labels, ""]))
+    sample.setVals(text_array([*labels, ""]))
     sample.setIndices(library_array("Uint32", numbers))
     sample.setScope(scope_of(Domain.FACE))
-    name = groups.name.replace("/", "_")
     parent = schema.getArbGeomParams()
     geometry.OStringGeomParam(parent, name, True, scope_of(Domain.FACE), 1).set(sample)
 

@@ -8,13 +8,14 @@ import numpy.typing as npt
 
 from meshreel.formats.alembic.attributes import NORMALS, VELOCITIES
 from meshreel.formats.alembic.library_arrays import library_array
-from meshreel.formats.alembic.object_paths import unused_name
+from meshreel.formats.alembic.names import IN_METADATA, clean, numbered, unused_name
 from meshreel.formats.alembic.track_reading import TRACK_KIND, UNIT
 from meshreel.formats.alembic.winding import turned_corners
 from meshreel.formats.alembic.write_attributes import is_texture, scope_of
 from meshreel.formats.extras import ALEMBIC
 from meshreel.formats.frames.frame_stream import FrameStream
 from meshreel.formats.notes import (
+    note_name,
     note_track_name,
     note_track_type,
     note_unwritten_tracks,
@@ -73,14 +74,21 @@ class TrackWriter:
     tracks : mapping of str to TrackSource
     sampling : int
         Number of the time sampling of its positions.
+    names : set of str
+        Names of parameters of the mesh so far; gains those of the tracks.
     notes : list of str
-        Gains a sentence for each track that has another name in the file.
+        Gains a sentence for each track that has another name or unit in the file.
     """
 
     def __init__(
-        self, part: PartMesh, tracks: Mapping[str, TrackSource], sampling: int, notes: list[str]
+        self,
+        part: PartMesh,
+        tracks: Mapping[str, TrackSource],
+        sampling: int,
+        names: set[str],
+        notes: list[str],
     ) -> None:
-        self._part, self._sampling = part, sampling
+        self._part, self._sampling, self._names, self._notes = part, sampling, names, notes
         self._turned = turned_corners(part.counts)
         free = set(MAIN_NAMES.values())
         if any(map(is_texture, part.surface.attributes)):
@@ -101,14 +109,14 @@ class TrackWriter:
         units = {name: track.unit for name, track in self._main.values()}
         note_unwritten_units(units, ".abc", notes)
         self._params: dict[str, Any] = {}
-        surface = part.surface
-        self._taken = {one.name for one in surface.attributes}
-        self._taken |= {groups.name for groups in surface.groups}
 
     def begin(self, schema: Any) -> None:
         """Tell the mesh what its texture coordinates are called, before any sample is written."""
         if TEXTURE in self._main:
-            schema.setUVSourceName(self._main[TEXTURE][0])
+            name, _ = self._main[TEXTURE]
+            called = numbered(clean(name, IN_METADATA), self._others)
+            note_track_name(name, called, ".abc", self._notes)
+            schema.setUVSourceName(called)
 
     def add_to(self, sample: Any, values: Mapping[str, Values]) -> None:
         """Put into a sample of the mesh what every mesh has a place for.
@@ -155,12 +163,16 @@ class TrackWriter:
     def _param(self, schema: Any, name: str, track: TrackSource, kind: str, extent: int) -> Any:
         abc, core = ALEMBIC.load("Abc"), ALEMBIC.load("AbcCoreAbstract")
         metadata = core.MetaData()
-        said = {TRACK_KIND: str(track.kind), SOURCE_NAME: name, UNIT: track.unit}
+        self._names.add(place := unused_name(name, self._names))
+        is_source = clean(name, IN_METADATA) == name
+        called = name if is_source else place  # by which readers know it
+        note_track_name(name, called, ".abc", self._notes)
+        unit = clean(track.unit, IN_METADATA)
+        note_name("unit", track.unit, unit, ".abc", self._notes)
+        said = {TRACK_KIND: str(track.kind), SOURCE_NAME: name if is_source else "", UNIT: unit}
         for key, text in said.items():
             if text:
-                metadata.set(key, _metadata_text(text))
-        place = unused_name(name, self._taken)
-        self._taken.add(place)
+                metadata.set(key, text)
         return getattr(ALEMBIC.load("AbcGeom"), f"O{kind}GeomParam")(
             schema.getArbGeomParams(), place, False, scope_of(track.domain), extent,
             abc.Argument(self._sampling), abc.Argument(metadata),
@@ -205,9 +217,3 @@ def _param_sample(kind: str, array: str, values: Values, track: TrackSource) -> 
     sample.setVals(library_array(array, values.ravel() if is_flat else values))
     sample.setScope(scope_of(track.domain))
     return sample
-
-
-def _metadata_text(text: str) -> str:
-    """A text without the signs that separate entries of metadata."""
-    clean = text.encode("utf-8", "replace").decode()
-    return "".join("_" if one in ";=\0" else one for one in clean)
