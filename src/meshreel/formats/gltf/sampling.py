@@ -1,5 +1,6 @@
 """When the motion of a glTF file, which is between keys, is sampled."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,6 +18,8 @@ MIN_CURVED_FPS = 10.0
 """Fewer keys a second do not show the way between them, if it is curved."""
 TOLERANCE = 1e-3
 """Share of a frame by which times may differ from a whole number of frames."""
+MAX_TOLERANCE = 0.4
+"""Share of a frame by which the last key may be off, where rounding of late times is coarse."""
 SAME_S = 1e-5
 """Keys are the same if they differ by less."""
 
@@ -51,6 +54,9 @@ STILL = Sampling(np.zeros(1), np.zeros(1), 0.0)
 def sample_times(keys_s: Floats, fps: float, *, is_curved: bool, notes: list[str]) -> Sampling:
     """When to sample, from the first key to the last.
 
+    Frames are evenly spaced, and the last one shows the pose of the last key: where that is not at
+    a whole number of frames, it is the first frame behind it, and a note says so.
+
     Parameters
     ----------
     keys_s : float64 array of shape (N,)
@@ -60,7 +66,7 @@ def sample_times(keys_s: Floats, fps: float, *, is_curved: bool, notes: list[str
     is_curved : bool
         Whether the way between keys may not be straight.
     notes : list of str
-        Gains a sentence if the keys have no rate that suits.
+        Gains a sentence if the keys have no rate that suits, or the last is between two frames.
 
     Raises
     ------
@@ -71,12 +77,14 @@ def sample_times(keys_s: Floats, fps: float, *, is_curved: bool, notes: list[str
     if end - start < SAME_S:
         return Sampling(keys_s[:1], keys_s[:1], 0.0)
     fps = fps or _suiting_rate(keys_s, is_curved, notes)
-    n_frames = _count_frames(end - start, fps)
+    n_frames = _count_frames(end - start, fps, _rounding(keys_s), notes)
     first, tolerance = start * fps, min(max(TOLERANCE, _rounding(keys_s) * fps), 0.1)
     if abs(first - round(first)) <= tolerance:
         first = round(first)
     times: Floats = (first + np.arange(n_frames, dtype=np.float64)) / fps
-    return Sampling(times, _on_keys(times, keys_s, tolerance / fps), fps)
+    exact = _on_keys(times, keys_s, tolerance / fps)
+    exact[-1] = end
+    return Sampling(times, exact, fps)
 
 
 def common_rate(keys_s: Floats) -> float:
@@ -123,7 +131,7 @@ def _suiting_rate(keys_s: Floats, is_curved: bool, notes: list[str]) -> float:
     return DEFAULT_FPS
 
 
-def _count_frames(span_s: float, fps: float) -> int:
+def _count_frames(span_s: float, fps: float, rounding_s: float, notes: list[str]) -> int:
     n_intervals = span_s * fps
     if n_intervals >= MAX_FRAMES:
         raise FormatError(
@@ -131,8 +139,16 @@ def _count_frames(span_s: float, fps: float) -> int:
             f"second; at most {MAX_FRAMES} are read; give a lower rate with --fps (fps=)"
         )
     nearest = round(n_intervals)
-    is_whole = abs(n_intervals - nearest) <= max(TOLERANCE, n_intervals * 1e-6)
-    return (nearest if is_whole else int(n_intervals)) + 1
+    tolerance = min(max(TOLERANCE, n_intervals * 1e-6, rounding_s * fps), MAX_TOLERANCE)
+    is_whole = nearest > 0 and abs(n_intervals - nearest) <= tolerance
+    if is_whole:
+        return nearest + 1
+    n_covering = math.ceil(n_intervals)
+    notes.append(
+        f"the animation takes {span_s:.6g} s, which is {n_intervals:.4g} frames at {fps:g} per "
+        f"second; the last frame, {n_covering / fps:.6g} s after the first, shows its final pose"
+    )
+    return n_covering + 1
 
 
 def _on_keys(times_s: Floats, keys_s: Floats, tolerance_s: float) -> Floats:

@@ -23,11 +23,14 @@ class MeshNotes:
     ----------
     sampled : GatheredNote
         Of meshes whose samples are not their frames.
+    final : GatheredNote
+        Of meshes whose last sample is between two frames.
     """
 
     def __init__(self, plain: list[str]) -> None:
         self.plain = plain
         self.sampled = GatheredNote(plain, _sampled)
+        self.final = GatheredNote(plain, _final)
         self._cages = GatheredNote(plain, describe_cages)
         self._holes = GatheredNote(plain, _holes)
         self._flat = GatheredNote(plain, _flat)
@@ -47,6 +50,10 @@ class MeshNotes:
 
 def _sampled(found: Sequence[str]) -> str:
     return f"samples are not one to a frame; read as USD has it at each frame: {listed(found)}"
+
+
+def _final(found: Sequence[str]) -> str:
+    return f"the last frame shows the final pose, which comes before it: {listed(found)}"
 
 
 def _holes(found: Sequence[str]) -> str:

@@ -21,7 +21,14 @@ from meshreel.formats.usd.layers import codes_per_second
 from meshreel.formats.usd.material_reading import StageMaterials
 from meshreel.formats.usd.mesh_notes import MeshNotes
 from meshreel.formats.usd.mesh_reading import StageMesh
-from meshreel.formats.usd.sampling import Codes, Samples, even_interval, frame_grid, snapped
+from meshreel.formats.usd.sampling import (
+    TOLERANCE,
+    Codes,
+    Samples,
+    even_interval,
+    frame_grid,
+    snapped,
+)
 from meshreel.formats.usd.skinning import find_skins
 from meshreel.formats.usd.stage import codes_per_frame, open_stage
 from meshreel.formats.usd.track_reading import MeshTracks
@@ -93,16 +100,31 @@ def _frame_codes(
     between = [one.all for one in every if one.move_between(frame_interval)]
     if (fps := validate_fps(options.fps or 0.0)) and between:
         grid = cache(lambda: _common_grid([one.all for one in every], rate / fps))
-        return lambda mesh: grid() if len(mesh.samples.all) > 1 else mesh.samples.all
+
+        def common_codes(mesh: StageMesh) -> Codes:
+            if len(mesh.samples.all) < 2:
+                return mesh.samples.all
+            _note_final(mesh, grid(), max(float(one.all[-1]) for one in every if len(one.all)))
+            return grid()
+
+        return common_codes
     origin = min((float(one[0]) for one in between), default=0.0)
 
     def codes_of(mesh: StageMesh) -> Codes:
         codes = mesh.samples.frames(frame_interval, origin)
         if len(codes) != (n_samples := len(mesh.samples.all)):
             mesh.notes.sampled.add(f"{mesh.path} ({n_samples} samples, {len(codes)} frames)")
+        if n_samples:
+            _note_final(mesh, codes, float(mesh.samples.all[-1]))
         return codes
 
     return codes_of
+
+
+def _note_final(mesh: StageMesh, codes: Codes, last: float) -> None:
+    """Tell of a mesh whose last sample is between two frames, so that a frame later shows it."""
+    if codes[-1] > last + TOLERANCE:
+        mesh.notes.final.add(f"{mesh.path} (of time code {last:g}, shown at {codes[-1]:g})")
 
 
 def _samples(mesh: StageMesh) -> Samples | None:

@@ -51,18 +51,22 @@ def distinct_codes(codes: list[float]) -> Codes:
 def frame_grid(first: float, last: float, interval: float) -> Codes:
     """Codes from the first to the last, equally far apart.
 
+    Where the last is not at a whole number of intervals, there is one code behind it, so that no
+    final pose is lost: USD holds the last sample.
+
     Raises
     ------
     FormatError
         If there would be more than anyone could want.
     """
-    n_frames = (last - first) / interval + TOLERANCE
-    if not n_frames < MAX_FRAMES:
+    n_intervals = (last - first) / interval - TOLERANCE
+    if not n_intervals < MAX_FRAMES - 1:
         raise FormatError(
-            f"moves from time code {first:g} to {last:g}, which would be {n_frames:.3g} frames; "
+            f"moves from time code {first:g} to {last:g}, which would be {n_intervals:.3g} frames; "
             f"at most {MAX_FRAMES} are read"
         )
-    return snapped(np.float64(first) + interval * np.arange(int(n_frames) + 1, dtype=np.float64))
+    numbers = np.arange(math.ceil(n_intervals) + 1, dtype=np.float64)
+    return snapped(np.float64(first) + interval * numbers)
 
 
 def snapped(codes: Codes) -> Codes:
@@ -147,14 +151,17 @@ def sampled_codes(samples: Codes, frame_interval: float, origin: float) -> Codes
 def even_codes(samples: Codes) -> Codes:
     """The samples of points and transforms, made even where they are uneven for a plain reason.
 
-    Samples beside whole codes, for motion blur, are left out; where samples are left out since
-    they lie on the line between their neighbours, there are frames again. Others stay as they are.
+    Samples beside whole codes, for motion blur, are left out, but not if only the last is such a
+    one: that is the final pose. Where samples are left out since they lie on the line between their
+    neighbours, there are frames again. Others stay as they are.
     """
     if len(samples) < 2 or even_interval(samples):
         return samples
-    whole = samples[np.abs(samples - np.round(samples)) <= TOLERANCE]
-    if even_interval(whole) == 1:
-        return whole
+    is_whole = np.abs(samples - np.round(samples)) <= TOLERANCE
+    if not is_whole[:-1].all() or is_whole[-1]:
+        whole = samples[is_whole]
+        if even_interval(whole) == 1:
+            return whole
     interval = float(snapped(np.diff(samples).min()))
     places = (samples - samples[0]) / interval
     is_on_grid = np.abs(places - np.round(places)).max() <= TOLERANCE * max(1.0, places[-1])

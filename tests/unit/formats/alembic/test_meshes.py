@@ -175,3 +175,21 @@ def add_floats(mesh, name, samples):
     for values in samples:
         array = sample.imath.FloatArrayFromBuffer(values.astype(np.float32))
         param.set(sample.AbcGeom.OFloatGeomParamSample(array, scope))
+
+
+def write_late_transform(path):
+    """Points at 30 frames per second up to 7/30 s, under a transform that moves up to 0.25 s."""
+    moves = [([("kTranslateOperation", sample.vector(x, 0, 0))], True) for x in (0, 6)]
+    top = sample.archive(path).getTop()
+    moved = sample.add_transform(top, "x", moves, sample.acyclic([0.0, 0.25]))
+    frames = [sample.POINTS] * 7 + [sample.POINTS * 2]
+    sample.add_mesh(moved, "m", frames, sample.uniform(1 / 30, 0))
+
+
+def test_load_keeps_the_final_pose_when_a_transform_ends_between_two_samples_of_points(tmp_path):
+    write_late_transform(tmp_path / "a.abc")
+    notes = []
+    found = load(tmp_path / "a.abc", notes=notes)
+    np.testing.assert_allclose(found.vertices[-1], sample.POINTS * 2 + np.float32([6, 0, 0]))
+    assert (found.n_frames, found.fps) == (9, 32)
+    assert notes == ["times of frames are not even; taken as 32 frames per second"]

@@ -46,6 +46,20 @@ def test_load_samples_as_often_as_asked_when_fps_is_given(read):
     np.testing.assert_array_equal(found.vertices[:, 0, 0], expected.astype(np.float32))
 
 
+def test_load_keeps_the_final_pose_when_it_is_between_two_frames(read):
+    file = Gltf()
+    node = file.node(mesh=file.mesh())
+    file.animate(node, "translation", [0, 0.25], [[0, 0, 0], [1, 0, 0]])
+    found, [note] = read(file, fps=30)
+    assert (found.n_frames, found.fps) == (9, 30)
+    assert found.vertices[-1, 0].tolist() == [1, 0, 0]
+    np.testing.assert_allclose(np.diff(found.vertices[:8, 0, 0]), 4 / 30, rtol=1e-5)
+    assert note == (
+        "the animation takes 0.25 s, which is 7.5 frames at 30 per second; the last frame, "
+        "0.266667 s after the first, shows its final pose"
+    )
+
+
 @pytest.mark.parametrize("fps", [-1, float("nan")])
 def test_load_is_refused_when_fps_is_no_rate(read, fps):
     with pytest.raises(InvalidInputError, match=r"a\.glb: fps must be finite and at least 0"):

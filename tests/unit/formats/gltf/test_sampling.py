@@ -34,7 +34,7 @@ def test_rate_is_the_common_one_when_keys_are_missing(frames, fps):
 
 @pytest.mark.parametrize("keys", [[0, 0.1, 0.31, 0.97], [0, 0.999, 1, 2], [0, 1e-4, 5]])
 def test_rate_is_thirty_and_noted_when_keys_have_none(keys):
-    found, [note] = sampled(keys)
+    found, [note, *_] = sampled(keys)
     assert found.fps == 30
     assert "not evenly spaced; sampled at 30 frames per second" in note
 
@@ -50,11 +50,35 @@ def test_rate_is_that_of_the_keys_when_few_are_on_a_straight_way():
     assert (found.fps, len(found.times_s), notes) == (4, 3, [])
 
 
-@pytest.mark.parametrize(("fps", "n_frames"), [(24, 25), (10, 11), (7, 8), (0.5, 1), (24.5, 25)])
+@pytest.mark.parametrize(("fps", "n_frames"), [(24, 25), (10, 11), (7, 8)])
 def test_times_go_from_the_first_key_to_the_last_when_fps_is_given(fps, n_frames):
     found, notes = sampled([2, 2.3, 3], fps)
     assert (found.fps, notes) == (fps, [])
     np.testing.assert_allclose(found.times_s, 2 + np.arange(n_frames) / fps, rtol=0, atol=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("end", "fps", "n_frames", "last"),
+    [
+        (0.25, 30, 9, "0.266667"),
+        (1, 0.5, 2, "2"),
+        (1, 24.5, 26, "1.02041"),
+        (0.01, 30, 2, "0.0333"),
+    ],
+)
+def test_last_frame_shows_the_last_key_when_that_is_between_two_frames(end, fps, n_frames, last):
+    found, [note] = sampled([2, 2 + end / 3, 2 + end], fps)
+    np.testing.assert_allclose(found.times_s, 2 + np.arange(n_frames) / fps, rtol=0, atol=1e-15)
+    assert found.exact_s[-1] == float32([2 + end])[0]
+    assert f"the last frame, {last}" in note
+    assert note.endswith("s after the first, shows its final pose")
+
+
+@pytest.mark.parametrize("end", [0.25, 2_000.0003])
+def test_last_frame_is_on_the_last_key_when_that_is_at_a_frame_but_for_rounding(end):
+    found, _ = sampled([0, 0.1, end], 40)
+    assert found.exact_s[-1] == float32([end])[0]
+    assert abs(found.times_s[-1] - end) <= 0.05 / 40
 
 
 def test_times_are_on_the_keys_when_those_are_rounded():

@@ -407,3 +407,23 @@ def test_load_names_the_mesh_when_it_is_broken(stage_file, capfd, points, faces,
     with pytest.raises((FormatError, InvalidInputError), match=f"a.usda: .*{message}"):
         load(stage_file(mesh(points, faces)))
     assert capfd.readouterr().err == ""
+
+
+MOVED = """def Xform "x" {
+double3 xformOp:translate.timeSamples = { 0: (0, 0, 0), %g: (6, 0, 0) }
+%s
+%s
+}"""
+
+
+@pytest.mark.parametrize(("last", "fps"), [(7.5, None), (6, 30)])
+def test_load_keeps_the_final_pose_when_it_is_between_two_frames(stage_file, last, fps):
+    notes = []
+    path = stage_file(MOVED % (last, TRANSLATED, mesh()), "timeCodesPerSecond = 24")
+    found = load(path, fps=fps, notes=notes)
+    assert (found.n_frames, found.fps) == (9, fps or 24)
+    assert found.vertices[-1, 0].tolist() == [6, 0, 0]
+    np.testing.assert_allclose(np.diff(found.vertices[:8, 0, 0]), 0.8, rtol=1e-5)
+    shown = 8 if fps is None else 6.4
+    final = f"/x/m (of time code {last:g}, shown at {shown:g})"
+    assert f"the last frame shows the final pose, which comes before it: {final}" in notes

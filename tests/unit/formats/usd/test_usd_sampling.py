@@ -49,6 +49,12 @@ def test_even_codes_are_whole_when_samples_beside_them_are_for_motion_blur():
     np.testing.assert_array_equal(even_codes(samples), [1, 2, 3, 4])
 
 
+def test_even_codes_keep_the_final_sample_when_it_alone_is_beside_a_whole_code():
+    np.testing.assert_array_equal(even_codes(np.array([0.0, 1, 2, 2.5])), np.arange(6) / 2)
+    samples = np.array([0.0, 1, 2, 3.3])
+    np.testing.assert_array_equal(even_codes(samples), samples)
+
+
 def test_even_codes_fill_gaps_when_the_smallest_gap_divides_all():
     np.testing.assert_array_equal(even_codes(np.array([2.0, 4, 6, 12])), [2, 4, 6, 8, 10, 12])
 
@@ -67,8 +73,8 @@ def test_sampled_codes_are_every_frame_when_keys_are_further_apart():
 
 
 def test_sampled_codes_are_on_frames_of_the_others_when_they_begin_later():
-    found = sampled_codes(np.array([6.0, 11]), 2.5, 0.0)
-    np.testing.assert_array_equal(found, [5, 7.5, 10])
+    found = sampled_codes(np.array([6.0, 12]), 2.5, 0.0)
+    np.testing.assert_array_equal(found, [5, 7.5, 10, 12.5])
 
 
 @pytest.mark.parametrize("samples", [[3], [1, 2, 3], [0, 0.5, 1]])
@@ -96,6 +102,11 @@ def test_frames_are_those_of_the_cache_when_transforms_move_it_between(keys):
 
 def test_frames_go_on_as_those_of_the_cache_when_transforms_do():
     np.testing.assert_array_equal(frames(np.arange(10, 21, 2), [5, 27]), np.arange(4, 29, 2))
+
+
+@pytest.mark.parametrize("last", [3.3, 3 + 1e-5, 4 - 1e-9, 4.0])
+def test_frame_grid_has_one_frame_behind_the_last_sample_when_that_is_between_frames(last):
+    np.testing.assert_array_equal(frame_grid(1.0, last, 1.0), [1, 2, 3, 4])
 
 
 def test_frame_grid_is_exact_when_the_step_is_not():
