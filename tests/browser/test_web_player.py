@@ -1,34 +1,32 @@
 """The element <reel-player> in a real browser."""
 
-import io
 import json
 import shutil
 import subprocess
-import time
 from queue import Empty, Queue
 from tempfile import TemporaryDirectory
 
 import numpy as np
 import pytest
-from PIL import Image
 
 import meshreel
+from samples.element_pages import (
+    PAGE,
+    is_drawn,
+    picture,
+    press,
+    settled,
+    showing,
+    text_of,
+    until,
+)
 from samples.numbered_video import moving_sheet, numbered_video
 from samples.web_package import PACKAGE, built_package, serving
 from samples.webgl import COUNTING
 
 pytestmark = pytest.mark.slow
 
-POLICY = {
-    "Content-Security-Policy": "default-src 'self'; worker-src blob:; img-src 'self' data:;"
-    " script-src 'self' 'wasm-unsafe-eval'"
-}
-PAGE = """<!doctype html><html lang="en"><meta charset="utf-8"><title>A page</title>
-<link rel="icon" href="data:,"><link rel="stylesheet" href="/page.css">
-<script type="module" src="/dist/player.js"></script>
-<main><h1>A page</h1>{body}</main></html>"""
 FIREFOX_S = 120
-PATIENCE_S = 60
 
 GATE = """
 window.gate = new Promise((resolve) => (window.release = resolve));
@@ -116,58 +114,8 @@ def walking_post():
 @pytest.fixture
 def shown(new_page, files):
     """Opens a page with a body; `player` is its first player."""
-    servers = []
-
-    def show(body, **given):
-        server = serving({**files, "/page.html": PAGE.format(body=body).encode()}, POLICY)
-        url, _ = server.__enter__()
-        servers.append(server)
-        page = new_page(f"{url}/page.html", is_shown=False, **given)
-        until(page, "customElements.get('reel-player')")
-        page.evaluate("window.player = document.querySelector('reel-player')")
-        return page
-
-    yield show
-    for server in servers:
-        server.__exit__(None, None, None)
-
-
-def until(page, condition):
-    """Waits for something; not by `wait_for_function`, which the policy of the pages forbids."""
-    end = time.monotonic() + PATIENCE_S
-    while not page.evaluate(f"!!({condition})"):
-        assert time.monotonic() < end, f"waited {PATIENCE_S} s for {condition}"
-        page.wait_for_timeout(20)
-
-
-def settled(page):
-    """Waits until the file is open and its picture is there."""
-    until(page, "player.mesh && !player.mesh.isWaiting && player.mesh.geometry.drawRange.count > 0")
-    page.wait_for_timeout(200)
-
-
-def text_of(page, selector):
-    return page.evaluate(
-        "selector => player.shadowRoot.querySelector(selector).textContent", selector
-    )
-
-
-def picture(page):
-    return np.asarray(
-        Image.open(io.BytesIO(page.locator("reel-player").first.screenshot())).convert("RGB"), int
-    )
-
-
-def is_drawn(page):
-    """How much of the element is not white."""
-    return (np.abs(picture(page) - 255).max(axis=2) > 12).mean()
-
-
-def press(page, selector, *keys):
-    """Gives a part of the player the focus, and presses keys."""
-    page.evaluate("selector => player.shadowRoot.querySelector(selector).focus()", selector)
-    for key in keys:
-        page.keyboard.press(key)
+    with showing(new_page, files) as show:
+        yield show
 
 
 def test_one_script_and_one_element_play_a_file_under_a_strict_policy(shown):

@@ -1,0 +1,78 @@
+"""Pages with the element <reel-player>, and what tests do with them."""
+
+import io
+import time
+from contextlib import ExitStack, contextmanager
+
+import numpy as np
+from PIL import Image
+
+from samples.web_package import serving
+
+POLICY = {
+    "Content-Security-Policy": "default-src 'self'; worker-src blob:; img-src 'self' data:;"
+    " script-src 'self' 'wasm-unsafe-eval'"
+}
+PAGE = """<!doctype html><html lang="en"><meta charset="utf-8"><title>A page</title>
+<link rel="icon" href="data:,"><link rel="stylesheet" href="/page.css">
+<script type="module" src="/dist/player.js"></script>
+<main><h1>A page</h1>{body}</main></html>"""
+PATIENCE_S = 60
+
+
+@contextmanager
+def showing(new_page, files, headers=POLICY):
+    """A function that opens a page with a body; `player` is its first player.
+
+    `files` are bytes by path, and `headers` come with every answer. Further arguments of the
+    function are those of the fixture `new_page`.
+    """
+    with ExitStack() as servers:
+
+        def show(body, **given):
+            pages = {**files, "/page.html": PAGE.format(body=body).encode()}
+            url, _ = servers.enter_context(serving(pages, headers))
+            page = new_page(f"{url}/page.html", is_shown=False, **given)
+            until(page, "customElements.get('reel-player')")
+            page.evaluate("window.player = document.querySelector('reel-player')")
+            return page
+
+        yield show
+
+
+def until(page, condition):
+    """Waits for something; not by `wait_for_function`, which the policy of the pages forbids."""
+    end = time.monotonic() + PATIENCE_S
+    while not page.evaluate(f"!!({condition})"):
+        assert time.monotonic() < end, f"waited {PATIENCE_S} s for {condition}"
+        page.wait_for_timeout(20)
+
+
+def settled(page):
+    """Waits until the file is open and its picture is there."""
+    until(page, "player.mesh && !player.mesh.isWaiting && player.mesh.geometry.drawRange.count > 0")
+    page.wait_for_timeout(200)
+
+
+def text_of(page, selector):
+    return page.evaluate(
+        "selector => player.shadowRoot.querySelector(selector).textContent", selector
+    )
+
+
+def picture(page):
+    return np.asarray(
+        Image.open(io.BytesIO(page.locator("reel-player").first.screenshot())).convert("RGB"), int
+    )
+
+
+def is_drawn(page):
+    """How much of the element is not white."""
+    return (np.abs(picture(page) - 255).max(axis=2) > 12).mean()
+
+
+def press(page, selector, *keys):
+    """Gives a part of the player the focus, and presses keys."""
+    page.evaluate("selector => player.shadowRoot.querySelector(selector).focus()", selector)
+    for key in keys:
+        page.keyboard.press(key)
