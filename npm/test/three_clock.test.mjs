@@ -105,3 +105,16 @@ test("a single frame stays when it plays", () => {
     assert.equal(one.at(true).frame, 0);
   }
 });
+
+test("time runs forward again when pingpong is switched off on the way back", () => {
+  for (const loop of ["once", "repeat"]) {
+    const one = clock({ loop: "pingpong" });
+    one.advance(1);
+    assert.equal(one.isForward, false);
+    one.loop = loop;
+    assert.equal(one.isForward, true);
+    const before = one.time;
+    one.advance(0.05);
+    near(one.time, before + 0.05);
+  }
+});

@@ -18,11 +18,11 @@ export interface Place {
  * one to the first nothing lies between.
  */
 export class Clock {
-  loop: Loop = "repeat";
   /** Seconds of the animation in a second; backwards if negative. */
   speed = 1;
+  #loop: Loop = "repeat";
   #place = 0;
-  /** There or back. */
+  /** -1 on the way back of "pingpong", else 1. */
   #heading = 1;
 
   /**
@@ -33,6 +33,16 @@ export class Clock {
     public nFrames: number,
     readonly fps: number,
   ) {}
+
+  /** What happens at the end. */
+  get loop(): Loop {
+    return this.#loop;
+  }
+
+  set loop(loop: Loop) {
+    this.#loop = loop;
+    if (loop !== "pingpong") this.#heading = 1; // only "pingpong" turns around
+  }
 
   /** Frames since the first frame. */
   get place(): number {

@@ -61,14 +61,14 @@ export class MaterialImages {
     }
   }
 
-  /** Shows an image on a material, if that has a place for it. */
-  async dress(material: THREE.Material, given: MaterialTexture): Promise<void> {
+  /** Shows an image on a material that has a slot for it, and returns whether it is shown. */
+  async dress(material: THREE.Material, given: MaterialTexture): Promise<boolean> {
     const slot = SLOTS[given.slot];
-    if (!(slot in material)) return; // without light only the colour counts
+    if (!(slot in material)) return false; // without light only the colour counts
     const image = this.#images[given.image];
     try {
       const shared = await (this.#decoded[given.image] ??= decoded(image));
-      if (this.#isOver) return;
+      if (this.#isOver) return false;
       const channel = this.#uvNames.indexOf(given.uv);
       if (channel < 0) throw new Error(`there are no texture coordinates ${given.uv}`);
       const texture = shared.clone();
@@ -82,9 +82,12 @@ export class MaterialImages {
       this.#textures.push(texture);
       (material as Slots)[slot] = texture;
       material.needsUpdate = true;
+      return true;
     } catch (error) {
-      if (this.#isOver) return;
-      this.#onError(new InvalidInputError(`cannot show ${image.name}: ${error}`));
+      if (!this.#isOver) {
+        this.#onError(new InvalidInputError(`cannot show ${image.name}: ${error}`));
+      }
+      return false;
     }
   }
 }

@@ -13,6 +13,7 @@ const PLAIN = 0x9eb0c4;
 
 /** The materials of a surface; their images appear as they are decoded. */
 export class Materials {
+  readonly #onImage: () => void;
   readonly #onError: (error: Error) => void;
   /** By number in the groups of the drawing. */
   readonly list: (Standard | THREE.MeshBasicMaterial)[];
@@ -23,13 +24,18 @@ export class Materials {
   /** When all images that can be shown are. */
   readonly dressed: Promise<unknown>;
 
-  /** @param onError - is told of a texture that cannot be shown */
+  /**
+   * @param onImage - called when an image was decoded and is on its material
+   * @param onError - called with the error of a texture that cannot be shown
+   */
   constructor(
     surface: Surface,
     drawing: Drawing,
     isFlat: boolean | undefined,
+    onImage: () => void,
     onError: (error: Error) => void,
   ) {
+    this.#onImage = onImage;
     this.#onError = onError;
     const hasColors = drawing.attributes.some(({ name }) => name === "color");
     const worn: [THREE.Material, MaterialTexture][] = [];
@@ -64,7 +70,10 @@ export class Materials {
       const { MaterialImages } = await import("./material_images.js");
       if (this.#isOver) return;
       const images = (this.#images = new MaterialImages(...given, this.#onError));
-      await Promise.all(worn.map(([material, texture]) => images.dress(material, texture)));
+      const show = async ([material, texture]: (typeof worn)[number]): Promise<void> => {
+        if (await images.dress(material, texture)) this.#onImage();
+      };
+      await Promise.all(worn.map(show));
     } catch (error) {
       this.#onError(error as Error);
     }

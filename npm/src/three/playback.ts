@@ -24,8 +24,11 @@ export interface PlaybackEvents {
   waiting: { block: number | null };
   /** Pictures follow one another: after `play()`, and after waiting. */
   playing: object;
-  /** A block cannot be had, or a texture cannot be shown (then the block is null). */
-  error: { error: Error; block: number | null };
+  /**
+   * A block cannot be had, or a texture cannot be shown (then the block is null). `track` names the
+   * track whose values are missing in the block; without it the positions are missing.
+   */
+  error: { error: Error; block: number | null; track?: string };
   /** It plays otherwise than was asked for, such as where a video is longer than the mesh. */
   warning: { message: string };
   /**
@@ -131,6 +134,12 @@ export class Playback {
     this.#leader?.play();
     this.show();
     if (!wasWaiting && !this.isWaiting) this.#send({ type: "playing" });
+  }
+
+  /** Asks again for what could not be had for another reason than damage. */
+  retry(): void {
+    this.#window.retry();
+    this.show();
   }
 
   /** Stands still at the time. */

@@ -29,7 +29,13 @@ const UNKNOWN_PERCENT = 10;
 const RESTORED = "webglcontextrestored";
 
 /** Events of a `ReelMesh`, beside those of every object: see `PlaybackEvents`. */
-export interface ReelMeshEventMap extends THREE.Object3DEventMap, PlaybackEvents {}
+export interface ReelMeshEventMap extends THREE.Object3DEventMap, PlaybackEvents {
+  /**
+   * The mesh looks different at the same frame: an image of the file was decoded. Pages that draw
+   * only after a change draw again.
+   */
+  change: object;
+}
 
 /** Options of a `ReelMesh`. */
 export interface ReelMeshOptions {
@@ -112,8 +118,12 @@ export class ReelMesh extends THREE.Mesh<
     this.#ownsReel = options.ownsReel;
     if (options.material) this.material = options.material;
     else {
-      this.#materials = new Materials(surface, drawing, options.flat, (error) =>
-        this.dispatchEvent({ type: "error", error, block: null }),
+      this.#materials = new Materials(
+        surface,
+        drawing,
+        options.flat,
+        () => this.dispatchEvent({ type: "change" }),
+        (error) => this.dispatchEvent({ type: "error", error, block: null }),
       );
       const { list } = this.#materials;
       this.material = drawing.groups.length ? list : list[0];
@@ -181,6 +191,11 @@ export class ReelMesh extends THREE.Mesh<
    */
   play(): void {
     this.#playback.play();
+  }
+
+  /** Asks again for blocks that could not be had, such as for want of a connection. */
+  retry(): void {
+    this.#playback.retry();
   }
 
   /** Stands still at the time. */
@@ -378,7 +393,7 @@ export class ReelMesh extends THREE.Mesh<
     const { info, drawing } = this.#setting;
     const materials = Array.isArray(this.material) ? this.material : [this.material];
     const onError = (error: Error, block: number) =>
-      this.dispatchEvent({ type: "error", error, block });
+      this.dispatchEvent({ type: "error", error, block, track: name });
     const mesh = { info, materials, uvNames: drawing.uvNames, onError };
     const colors = await TrackColors.of(track, options, mesh, signal);
     signal.throwIfAborted();
