@@ -115,3 +115,8 @@ test("what is not understood is refused in words", () => {
     assert.throws(() => said(attributes), { name: "InvalidInputError", message });
   }
 });
+
+test("empty addresses are none, and not that of the page", () => {
+  const settings = said({ src: "", poster: " ", texture: "" });
+  assert.deepEqual([settings.src, settings.poster, settings.texture], [null, null, null]);
+});

@@ -18,6 +18,8 @@ export interface BarState {
 export interface BarActions {
   toggle(): void;
   seek(frame: number): void;
+  /** The thumb of the timeline is held, or was released. */
+  hold(isHeld: boolean): void;
   mute(): void;
 }
 
@@ -43,6 +45,7 @@ export class Bar {
     Object.assign(range, { type: "range", min: "0", step: "1", value: "0" });
     range.setAttribute("aria-label", "Time");
     range.addEventListener("input", () => actions.seek(Number(range.value)));
+    range.addEventListener("pointerdown", () => actions.hold(true));
     this.#text.setAttribute("aria-hidden", "true"); // the range says it
     this.element = made(
       "div",
@@ -55,6 +58,10 @@ export class Bar {
     );
     const { signal } = this.#listening;
     document.addEventListener("fullscreenchange", () => this.#showFull(), { signal });
+    // The thumb is often released beside the range.
+    for (const type of ["pointerup", "pointercancel"]) {
+      window.addEventListener(type, () => actions.hold(false), { signal, capture: true });
+    }
   }
 
   /** Shows a state; null: nothing is there to be played. */

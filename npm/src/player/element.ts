@@ -23,6 +23,17 @@ const OF_DRESS = [
   ...["track", "component", "range", "map"],
 ] as (keyof PlayerSettings)[];
 
+/** What went wrong, and how it may end. */
+interface Failure {
+  readonly error: Error;
+  /** Tries again; null where that cannot help. */
+  readonly retry: (() => void) | null;
+  /** It ends when a frame of this block is shown. */
+  readonly block: number | null;
+  /** It ends when the browser gives the graphics back. */
+  readonly isOfGraphics: boolean;
+}
+
 /** All that is there while a player is in a page. */
 interface Shown {
   readonly view: View;
@@ -44,7 +55,9 @@ interface Shown {
  *
  * Events, which do not bubble: `load` (the file is open), `play`, `pause`, `timeupdate` (another
  * picture is shown), `waiting`, `playing`, `ended`, `warning` (a `CustomEvent` whose `detail` has
- * the `message`) and `error` (an `ErrorEvent`). Errors are shown in the element as well.
+ * the `message`) and `error` (an `ErrorEvent`). Errors are shown in the element as well, until the
+ * player works again. It requests what a server did not give again when the browser is back online;
+ * a button does so too.
  *
  * Out of sight it stands still. Taken out of the page, it frees all that it holds.
  */
@@ -60,11 +73,14 @@ export class ReelPlayerElement extends PlayerAttributes {
   #wasPlaying = false;
   /** Whether the attributes could not be understood. */
   #isRefused = false;
-  /** Whether it plays again when it is seen again. */
-  #isAway = false;
+  /** Whether it plays on once it is seen again and the thumb of the timeline is released. */
+  #isSuspended = false;
+  /** Whether people hold the thumb of the timeline. */
+  #isHeld = false;
   /** Whether it would play by itself, but was not allowed to. */
   #isHeldBack = false;
-  #error: Error | null = null;
+  #failure: Failure | null = null;
+  #listening = new AbortController();
 
   constructor() {
     super();
@@ -84,9 +100,9 @@ export class ReelPlayerElement extends PlayerAttributes {
     return this.#mesh;
   }
 
-  /** What went wrong last; null for nothing since the file was asked for. */
+  /** What went wrong last; null where nothing did, or it works again. */
   get error(): Error | null {
-    return this.#error;
+    return this.#failure?.error ?? null;
   }
 
   /** Seconds of the whole animation; NaN before the file is open. */
@@ -115,14 +131,14 @@ export class ReelPlayerElement extends PlayerAttributes {
    */
   play(): void {
     const mesh = this.#required();
-    if (this.#shown?.view.isSeen) mesh.play();
-    else this.#isAway = true;
+    if (this.#canMove) mesh.play();
+    else this.#isSuspended = true;
     this.#changed();
   }
 
   /** Stands still. Before the file is open this does away with `autoplay`. */
   pause(): void {
-    this.#isAway = false;
+    this.#isSuspended = false;
     if (this.#mesh) this.#mesh.pause();
     else this.autoplay = false;
     this.#changed();
@@ -167,7 +183,12 @@ export class ReelPlayerElement extends PlayerAttributes {
   }
 
   get #isPlaying(): boolean {
-    return this.#isAway || (this.#mesh?.isPlaying ?? false);
+    return this.#isSuspended || (this.#mesh?.isPlaying ?? false);
+  }
+
+  /** Whether time may pass: not out of sight, nor while the thumb of the timeline is held. */
+  get #canMove(): boolean {
+    return !!this.#shown?.view.isSeen && !this.#isHeld;
   }
 
   #required(): ReelMesh {
@@ -182,12 +203,21 @@ export class ReelPlayerElement extends PlayerAttributes {
         this.#mesh?.update(seconds);
         this.#changed();
       },
-      onSeen: (isSeen) => this.#see(isSeen),
+      onSeen: () => this.#see(),
       onError: (error) => this.#fail(error),
+      onLost: (error) => this.#fail(error, { isOfGraphics: true }),
+      onRestored: () => {
+        if (this.#failure?.isOfGraphics) this.#forgive();
+      },
     });
     const bar = new Bar(this, {
       toggle: () => this.#toggle(),
       seek: (frame) => this.seek({ frame }),
+      hold: (isHeld) => {
+        if (isHeld === this.#isHeld) return;
+        this.#isHeld = isHeld;
+        this.#suspendOrGoOn();
+      },
       mute: () => {
         const video = this.#mesh?.video;
         if (video) this.muted = !video.muted;
@@ -196,16 +226,21 @@ export class ReelPlayerElement extends PlayerAttributes {
     const start = new ShapeButton("start", "play", "Play", () => this.#toggle());
     const poster = made("img", "poster");
     poster.alt = "";
-    const messages = new Messages();
+    const messages = new Messages(() => this.#retry());
     const legend = new Legend();
     this.#stage.append(poster, legend.element, start.element);
     this.#stage.append(messages.waiting, bar.element, messages.alert);
     this.#shown = { view, bar, start, poster, messages, legend };
+    this.#listening = new AbortController();
+    const { signal } = this.#listening;
+    window.addEventListener("online", () => this.#retry(), { signal });
   }
 
   #free(): void {
     if (!this.#shown) return;
     const { view, bar } = this.#shown;
+    this.#listening.abort();
+    this.#isHeld = false;
     this.#close();
     bar.dispose();
     view.dispose();
@@ -266,7 +301,8 @@ export class ReelPlayerElement extends PlayerAttributes {
     } catch (error) {
       if (signal.aborted) return;
       this.#loading = null;
-      return this.#fail(error as Error);
+      const retry = () => this.#settings && void this.#open(this.#settings);
+      return this.#fail(error as Error, { retry });
     }
     this.#loading = null;
     this.#settings ??= settings;
@@ -322,12 +358,20 @@ export class ReelPlayerElement extends PlayerAttributes {
       if (mesh.video) mesh.video.muted = muted;
       this.#shown?.view.invalidate();
     } catch (error) {
-      if ((error as Error).name !== "AbortError") this.#fail(error as Error);
+      if ((error as Error).name === "AbortError") return;
+      this.#fail(error as Error, { retry: () => this.#dressAgain(mesh) });
     }
   }
 
+  #dressAgain(mesh: ReelMesh): void {
+    if (this.#settings && this.#mesh === mesh) void this.#dress(mesh, this.#settings);
+  }
+
   #listen(mesh: ReelMesh): void {
-    mesh.addEventListener("frame", () => {
+    mesh.addEventListener("change", () => this.#shown?.view.invalidate());
+    mesh.addEventListener("frame", ({ frame }) => {
+      const { block = null } = this.#failure ?? {};
+      if (block !== null && blockOf(mesh, frame) === block) this.#forgive();
       this.#shown?.view.invalidate();
       this.#changed();
       this.dispatchEvent(new Event("timeupdate"));
@@ -344,8 +388,11 @@ export class ReelPlayerElement extends PlayerAttributes {
       this.#changed();
       this.dispatchEvent(new CustomEvent("warning", { detail: { message } }));
     });
-    mesh.addEventListener("error", ({ error, block }) => {
-      this.#fail(error, block === null ? "" : `${framesOf(mesh, block)} are missing: `);
+    mesh.addEventListener("error", ({ error, block, track }) => {
+      if (block === null) return this.#fail(error);
+      const retry = () => (track === undefined ? mesh.retry() : this.#dressAgain(mesh));
+      const where = `${framesOf(mesh, block)} are missing: `;
+      this.#fail(error, { where, retry, block: track === undefined ? block : null });
     });
   }
 
@@ -353,7 +400,7 @@ export class ReelPlayerElement extends PlayerAttributes {
   #close(): void {
     this.#loading?.abort();
     this.#loading = null;
-    this.#isAway = this.#isHeldBack = false;
+    this.#isSuspended = this.#isHeldBack = false;
     const mesh = this.#mesh;
     this.#mesh = null;
     if (!mesh) return;
@@ -362,32 +409,53 @@ export class ReelPlayerElement extends PlayerAttributes {
     mesh.dispose();
   }
 
-  #fail(error: Error, where = ""): void {
-    this.#error = error;
-    this.#shown?.messages.say(`${where}${error.message}`, !this.#mesh);
+  /**
+   * Shows an error and dispatches it.
+   *
+   * @param how - `where`: what the message begins with; the rest as `Failure` has it. `retry` counts
+   *   only where a server did not give what was asked for: other errors would be the same again.
+   */
+  #fail(error: Error, how: Partial<Failure & { where: string }> = {}): void {
+    const { where = "", block = null, isOfGraphics = false } = how;
+    const retry = (error.name === "SourceError" && how.retry) || null;
+    this.#failure = { error, retry, block, isOfGraphics };
+    this.#shown?.messages.say(`${where}${error.message}`, !this.#mesh, retry !== null);
     this.#changed();
     const { message } = error;
     this.dispatchEvent(new ErrorEvent("error", { error, message }));
   }
 
-  /** Takes back what was said to be wrong. */
+  /** Clears the error. */
   #forgive(): void {
     this.#isRefused = false;
-    this.#error = null;
+    this.#failure = null;
     this.#shown?.messages.clear();
   }
 
-  /** Stands still out of sight, and goes on where it was. */
-  #see(isSeen: boolean): void {
-    const mesh = this.#mesh;
+  /** Asks again for what a server did not give. */
+  #retry(): void {
+    const retry = this.#failure?.retry;
+    if (!retry) return;
+    this.#forgive();
+    retry();
+    this.#changed();
+  }
+
+  #see(): void {
     const renderer = this.#shown?.view.renderer;
+    if (renderer) this.#mesh?.setRenderer(renderer);
+    this.#suspendOrGoOn();
+  }
+
+  /** Pauses while time may not pass, and then plays on. */
+  #suspendOrGoOn(): void {
+    const mesh = this.#mesh;
     if (!mesh) return;
-    if (renderer) mesh.setRenderer(renderer);
-    if (isSeen && this.#isAway) {
-      this.#isAway = false;
+    if (this.#canMove && this.#isSuspended) {
+      this.#isSuspended = false;
       mesh.play();
-    } else if (!isSeen && mesh.isPlaying) {
-      this.#isAway = true;
+    } else if (!this.#canMove && mesh.isPlaying) {
+      this.#isSuspended = true;
       mesh.pause();
     }
     this.#changed();
@@ -407,7 +475,8 @@ export class ReelPlayerElement extends PlayerAttributes {
     const isPlaying = this.#isPlaying;
     const hasPicture = !!mesh && mesh.geometry.drawRange.count > 0;
     poster.hidden = hasPicture || !poster.hasAttribute("src");
-    messages.wait(this.#loading !== null || (!!mesh && mesh.isWaiting && view.isSeen));
+    const isWaiting = !!mesh && mesh.isWaiting && view.isSeen && !this.#failure?.retry;
+    messages.wait(this.#loading !== null || isWaiting);
     if (isPlaying) this.#isHeldBack = false;
     start.element.hidden = !this.#isHeldBack || !!this.#settings?.controls;
     bar.show(mesh && stateOf(mesh, isPlaying));
@@ -451,6 +520,10 @@ export class ReelPlayerElement extends PlayerAttributes {
 function stateOf(mesh: ReelMesh, isPlaying: boolean): BarState {
   const { frame, nFrames, time, duration, video } = mesh;
   return { isPlaying, frame, nFrames, time, duration, isMuted: video?.muted ?? null };
+}
+
+function blockOf(mesh: ReelMesh, frame: number): number {
+  return mesh.reel.info.blocks.findLastIndex(({ start }) => start <= frame);
 }
 
 function framesOf(mesh: ReelMesh, block: number): string {

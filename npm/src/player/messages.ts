@@ -7,12 +7,15 @@ export class Messages {
   readonly waiting = made("p", "waiting");
   readonly alert = made("div", "alert");
   readonly #text = made("p", "");
+  readonly #retry = made("button", "", "Try again");
   readonly #close = made("button", "", "Dismiss");
 
-  constructor() {
+  /** @param onRetry - called when people press "Try again" */
+  constructor(onRetry: () => void) {
     this.waiting.setAttribute("role", "status");
     this.alert.setAttribute("role", "alert");
-    this.#close.type = "button";
+    this.#retry.type = this.#close.type = "button";
+    this.#retry.addEventListener("click", onRetry);
     this.#close.addEventListener("click", () => this.clear());
   }
 
@@ -22,11 +25,12 @@ export class Messages {
     if (this.waiting.textContent !== text) this.waiting.textContent = text;
   }
 
-  /** Says what is wrong; `isFatal`: nothing can be played. */
-  say(text: string, isFatal: boolean): void {
+  /** Shows an error; `isFatal`: nothing can be played; `canRetry`: another try may help. */
+  say(text: string, isFatal: boolean, canRetry: boolean): void {
     this.#text.textContent = text;
-    this.alert.classList.toggle("fatal", isFatal);
-    this.alert.replaceChildren(this.#text, ...(isFatal ? [] : [this.#close]));
+    const buttons = [...(canRetry ? [this.#retry] : []), ...(isFatal ? [] : [this.#close])];
+    this.alert.classList.toggle("bare", !buttons.length);
+    this.alert.replaceChildren(this.#text, ...buttons);
   }
 
   /** Takes back what was said. */

@@ -78,7 +78,7 @@ const OF_TRACK = ["track-component", "track-range", "track-colormap"] as const;
  * @throws InvalidInputError where a value is none of those that are allowed, or has no effect.
  */
 export function settingsOf(given: Given): PlayerSettings {
-  const [texture, track] = [given("texture"), given("track")];
+  const [texture, track] = [addressOf(given, "texture"), given("track")];
   if (texture === null) refuse(given, OF_TEXTURE, "texture");
   if (track === null) refuse(given, OF_TRACK, "track");
   if (texture !== null && track !== null) {
@@ -87,7 +87,7 @@ export function settingsOf(given: Given): PlayerSettings {
     );
   }
   return {
-    src: given("src"),
+    src: addressOf(given, "src"),
     alt: given("alt"),
     autoplay: isThere(given, "autoplay"),
     loop: loopOf(given("loop")),
@@ -98,7 +98,7 @@ export function settingsOf(given: Given): PlayerSettings {
     controls: isThere(given, "controls"),
     up: choiceOf(given, "up", ["y", "z"]) ?? "y",
     background: given("background"),
-    poster: given("poster"),
+    poster: addressOf(given, "poster"),
     texture,
     kind: choiceOf(given, "texture-kind", ["image", "video"]),
     offset: numberOf(given, "texture-offset"),
@@ -118,6 +118,11 @@ function refuse(given: Given, names: readonly AttributeName[], without: string):
   throw new InvalidInputError(
     `${useless} is for a ${without} only; add ${without}, or leave it away`,
   );
+}
+
+/** An address; null where it is empty, which would be that of the page itself. */
+function addressOf(given: Given, name: AttributeName): string | null {
+  return given(name)?.trim() || null;
 }
 
 /** A component, which whoever shows the track checks. */

@@ -128,7 +128,7 @@ input {
   background: #14181ef5;
   overflow-wrap: anywhere;
 }
-.alert.fatal { padding: 14px 16px; }
+.alert.bare { padding: 14px 16px; }
 .alert p { flex: 1; }
 .alert button { text-decoration: underline; }
 @media (prefers-reduced-motion: reduce) {

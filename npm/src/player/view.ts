@@ -26,6 +26,9 @@ export interface Viewed {
   /** Whether it can be seen has changed. */
   onSeen(isSeen: boolean): void;
   onError(error: Error): void;
+  /** The browser took the graphics away; `onRestored` follows if it gives them back. */
+  onLost(error: Error): void;
+  onRestored(): void;
 }
 
 /** A canvas with a scene. */
@@ -62,10 +65,14 @@ export class View {
     const lost = (event: Event) => {
       event.preventDefault(); // so that it may come back
       const message = "the browser took the graphics away from this player, and may give them back";
-      viewed.onError(new MeshReelError(message));
+      viewed.onLost(new MeshReelError(message));
+    };
+    const restored = () => {
+      viewed.onRestored();
+      this.invalidate();
     };
     this.canvas.addEventListener("webglcontextlost", lost, { signal });
-    this.canvas.addEventListener("webglcontextrestored", () => this.invalidate(), { signal });
+    this.canvas.addEventListener("webglcontextrestored", restored, { signal });
   }
 
   /** What draws, once it could be seen; null before, and where there is no WebGL 2. */

@@ -4,6 +4,7 @@ import { CorruptStreamError, TruncatedStreamError, UnsupportedVersionError } fro
 import { decodedText } from "./byte_reader.js";
 import { counted } from "./counting.js";
 import { crc32 } from "./crc32.js";
+import { foreignKind } from "./foreign.js";
 import { FORMAT_VERSION, MAGIC, MAX_NAME_BYTES } from "./layout.js";
 
 const FIXED_BYTES = 68;
@@ -61,9 +62,8 @@ function checkMagicAndVersion(data: Uint8Array, view: DataView): void {
   if (!data.length) throw new TruncatedStreamError("the stream is empty (0 bytes)");
   const begin = [...data.subarray(0, MAGIC.length)];
   if (begin.some((byte, i) => byte !== MAGIC[i])) {
-    throw new CorruptStreamError(
-      `not a .reel stream: it starts with ${hexadecimal(begin)}, not ${hexadecimal(MAGIC)}`,
-    );
+    const how = `it starts with ${hexadecimal(begin)}, not ${hexadecimal(MAGIC)}`;
+    throw new CorruptStreamError(`not a .reel stream: ${foreignKind(data) ?? how}`);
   }
   if (data.length < MAGIC.length + 2) throw cutOff(data, FIXED_BYTES);
   const version = view.getUint16(MAGIC.length, true);

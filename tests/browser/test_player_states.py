@@ -1,0 +1,220 @@
+"""What <reel-player> shows while images, servers and graphics come and go."""
+
+import io
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from PIL import Image
+
+import meshreel
+from meshreel.materials import Image as FileImage
+from meshreel.materials import Material, Texture
+from meshreel.surface import FaceGroups
+from samples.element_pages import picture, settled, showing, text_of, until
+from samples.numbered_video import moving_sheet
+from samples.tabs import Tabs
+from samples.web_package import built_package
+
+pytestmark = pytest.mark.slow
+
+SLOW_IMAGES = """
+const given = window.createImageBitmap;
+window.createImageBitmap = async (...what) => {
+  await new Promise((resolve) => setTimeout(resolve, 500));
+  return given(...what);
+};
+"""
+
+NETWORK = """
+window.isCut = false;
+window.nAsked = 0;
+const given = window.fetch;
+window.fetch = async (...what) => {
+  window.nAsked++;
+  if (window.isCut) throw new TypeError("Failed to fetch");
+  return given(...what);
+};
+const wait = window.setTimeout;
+window.setTimeout = (run, ms, ...more) => wait(run, Math.min(ms, 50), ...more);
+"""
+"""Without a network once `isCut` is true; pauses before further attempts are short."""
+
+ALERT = "player.shadowRoot.querySelector('[role=alert]').textContent"
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _package():
+    built_package()
+
+
+@pytest.fixture(scope="module")
+def tabs(browser):
+    return Tabs(browser, is_webgl_watched=False)  # a context that was lost complains
+
+
+@pytest.fixture(scope="module")
+def files():
+    flag = meshreel.simulate_flag(45, n_rows=20, n_columns=30)
+    # More bytes than come with the first request, so that later blocks need further ones.
+    large = meshreel.simulate_flag(60, n_rows=40, n_columns=50)
+    return {
+        "/page.css": b"body { margin: 0; font: 16px sans-serif; background: #fff }",
+        "/flag.reel": meshreel.encode(flag, max_error=0.02, effort=5, block_frames=15),
+        "/large.reel": meshreel.encode(large, max_error=0.001, effort=1, block_frames=15),
+        "/red.reel": meshreel.encode(red_sheet(), max_error=0.01, effort=5),
+        "/index.html": b"<!DOCTYPE html><title>Not found</title>",
+        "/model.glb": b"glTF\x02\x00\x00\x00" + bytes(64),
+        "/pointer.reel": b"version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 1\n",
+    }
+
+
+def red_sheet():
+    """A sheet whose material shows a red image."""
+    stored = io.BytesIO()
+    Image.new("RGB", (4, 4), (230, 20, 20)).save(stored, "png")
+    sheet = moving_sheet(10)
+    groups = FaceGroups("material", ("paint",), np.zeros(len(sheet.faces), np.int32))
+    material = Material("paint", base_color_texture=Texture(0, "st"), double_sided=True)
+    image = FileImage("red.png", "image/png", stored.getvalue())
+    surface = replace(sheet.surface, groups=(groups,), materials=(material,), images=(image,))
+    return replace(sheet, surface=surface)
+
+
+@pytest.fixture
+def shown(new_page, files):
+    """Opens a page with a body; `player` is its first player."""
+    with showing(new_page, files) as show:
+        yield show
+
+
+def redness(page):
+    red, green, _ = picture(page).transpose(2, 0, 1)
+    return (red - green > 100).mean()
+
+
+def test_images_of_the_file_are_drawn_when_the_player_is_paused(shown):
+    page = shown('<reel-player src="/red.reel"></reel-player>', script=SLOW_IMAGES)
+    settled(page)
+    until(page, "player.mesh.material.map ?? player.mesh.material[0]?.map")
+    page.wait_for_timeout(300)
+    assert redness(page) > 0.05
+
+
+def test_time_runs_forward_when_loop_is_removed_while_it_runs_back(shown):
+    page = shown('<reel-player src="/flag.reel" loop="pingpong" speed="3"></reel-player>')
+    settled(page)
+    page.evaluate("player.mesh.addEventListener('loop', () => (player.loop = false))")
+    page.evaluate("player.play()")
+    until(page, "player.paused")
+    assert page.evaluate("player.currentTime === player.duration")
+
+
+def test_error_is_cleared_when_the_browser_gives_graphics_back(shown):
+    page = shown('<reel-player src="/flag.reel" controls></reel-player>')
+    settled(page)
+    page.evaluate(
+        """() => {
+          const canvas = player.shadowRoot.querySelector("canvas");
+          window.extension = canvas.getContext("webgl2").getExtension("WEBGL_lose_context");
+          extension.loseContext();
+        }"""
+    )
+    until(page, "player.error")
+    assert "graphics" in text_of(page, "[role=alert]")
+    page.evaluate("extension.restoreContext()")
+    until(page, "player.error === null")
+    assert text_of(page, "[role=alert]") == ""
+    settled(page)
+    assert (np.abs(picture(page) - 255).max(axis=2) > 12).mean() > 0.05
+
+
+@pytest.mark.parametrize("how", ["online", "button"])
+def test_file_is_opened_again_when_the_network_is_back(shown, how):
+    page = shown("<reel-player controls></reel-player>", script=NETWORK)
+    page.evaluate("window.isCut = true; player.src = '/flag.reel'")
+    until(page, "player.error")
+    page.evaluate("window.isCut = false")
+    if how == "online":
+        page.evaluate("window.dispatchEvent(new Event('online'))")
+    else:
+        page.locator("reel-player").get_by_role("button", name="Try again").click()
+    settled(page)
+    assert page.evaluate("[player.error, player.paused]") == [None, True]
+    assert text_of(page, "[role=alert]") == ""
+
+
+@pytest.mark.parametrize("how", ["online", "button", "seek"])
+def test_missing_block_is_loaded_when_the_network_is_back(shown, how):
+    page = shown('<reel-player src="/large.reel" controls></reel-player>', script=NETWORK)
+    settled(page)
+    page.evaluate("window.isCut = true; player.seek({ frame: 59 })")
+    until(page, "player.error")
+    assert text_of(page, "[role=alert] p").startswith("Frames ")
+    assert text_of(page, ".waiting") == ""  # nothing is on its way
+    page.evaluate("window.isCut = false")
+    if how == "online":
+        page.evaluate("window.dispatchEvent(new Event('online'))")
+    elif how == "button":
+        page.locator("reel-player").get_by_role("button", name="Try again").click()
+    else:
+        page.evaluate("player.seek({ frame: 58 })")
+    settled(page)
+    until(page, "player.error === null")
+    assert text_of(page, "[role=alert]") == ""
+
+
+def test_error_of_an_attribute_offers_no_retry_and_stays(shown):
+    page = shown('<reel-player src="/flag.reel" loop="no"></reel-player>')
+    until(page, "player.error")
+    assert page.locator("reel-player").get_by_role("button", name="Try again").count() == 0
+    page.evaluate("window.dispatchEvent(new Event('online'))")
+    page.wait_for_timeout(100)
+    assert page.evaluate("player.error.name") == "InvalidInputError"
+
+
+def test_empty_src_asks_for_nothing(shown):
+    page = shown('<reel-player src="" poster=""></reel-player>', script=NETWORK)
+    page.wait_for_timeout(300)
+    assert page.evaluate("[player.error, window.nAsked]") == [None, 0]
+    assert text_of(page, ".waiting") == ""
+
+
+WRONG_FILES = {
+    "/index.html": ["HTML page", "address"],
+    "/model.glb": ["GLB file", "meshreel encode"],
+    "/pointer.reel": ["Git LFS pointer"],
+}
+
+
+@pytest.mark.parametrize("src", WRONG_FILES)
+def test_other_kinds_of_files_are_named_in_words(shown, src):
+    page = shown(f'<reel-player src="{src}"></reel-player>')
+    until(page, "player.error")
+    assert page.evaluate("player.error.name") == "CorruptStreamError"
+    said = text_of(page, "[role=alert]")
+    assert all(words in said for words in WRONG_FILES[src]), said
+
+
+def test_time_stands_still_while_the_thumb_is_held(shown):
+    page = shown('<reel-player src="/flag.reel" autoplay loop controls></reel-player>')
+    page.evaluate("player.style.width = '600px'")  # the bar is in the window
+    until(page, "player.mesh && player.mesh.frame > 2")
+    page.evaluate("window.told = []; for (const type of ['play', 'pause'])"
+                  "player.addEventListener(type, () => told.push(type))")  # fmt: skip
+    box = page.locator("reel-player input").bounding_box()
+    middle = box["y"] + box["height"] / 2
+    page.mouse.move(box["x"] + box["width"] / 2, middle)
+    page.mouse.down()
+    until(page, "20 < player.mesh.frame && player.mesh.frame < 25")
+    held = page.evaluate("player.mesh.frame")
+    page.wait_for_timeout(300)
+    assert page.evaluate("[player.mesh.frame, player.paused]") == [held, False]
+    page.mouse.move(box["x"] + box["width"] / 4, middle + 200)
+    until(page, f"player.mesh.frame < {held}")
+    sought = page.evaluate("player.mesh.frame")
+    page.wait_for_timeout(200)
+    assert page.evaluate("player.mesh.frame") == sought
+    page.mouse.up()
+    until(page, f"player.mesh.frame > {sought} + 2")
+    assert page.evaluate("told") == []
