@@ -4,6 +4,7 @@ Our own reader, for the reason that `meshreel.formats.vtk.xml_file` has. Read ar
 UNSTRUCTURED_GRID of versions 1 to 5.1.
 """
 
+import re
 from collections.abc import Iterator
 from urllib.parse import unquote
 
@@ -24,6 +25,15 @@ from meshreel.surface import Surface
 Int64s = npt.NDArray[np.int64]
 
 SIGNATURE = "# vtk DataFile Version"
+XML_TYPE = re.compile(rb"""<VTKFile\s[^>]{0,500}?\btype\s*=\s*["']([^"'<>]{1,100})["']""")
+XML_HEAD_BYTES = 4096
+"""An XML file of VTK says within so many bytes what it is."""
+XML_EXTENSIONS = {
+    "PolyData": ".vtp", "UnstructuredGrid": ".vtu", "Collection": ".pvd",
+    "ImageData": ".vti", "RectilinearGrid": ".vtr", "StructuredGrid": ".vts",
+    "PPolyData": ".pvtp", "PUnstructuredGrid": ".pvtu", "vtkMultiBlockDataSet": ".vtm",
+}  # fmt: skip
+XML_READ = (".vtp", ".vtu", ".pvd")
 TIMES = ("TimeValue", "TIME", "CYCLE")
 """Field data that say when a file is."""
 COLORS = "COLOR_SCALARS"
@@ -48,7 +58,7 @@ def read_vtk_legacy(data: bytes) -> VtkMesh:
     """
     words = LegacyWords(data)
     if not words.raw_line().startswith(SIGNATURE):
-        raise FormatError(f"does not begin with {SIGNATURE!r}; expected a legacy file of VTK")
+        raise _no_legacy_file(data)
     words.raw_line()  # a title
     encoding = words.raw_line().upper()
     if encoding not in ("ASCII", "BINARY"):
@@ -76,6 +86,22 @@ def parse_vtk_legacy_surface(data: bytes, notes: list[str]) -> Surface:
 def parse_vtk_legacy_fields(data: bytes) -> Fields:
     """All data of points and cells; raises as `read_vtk_legacy`, or if two have one name."""
     return read_vtk_legacy(data).fields
+
+
+def _no_legacy_file(data: bytes) -> FormatError:
+    """The error for a file of another kind; it says which extension XML files of VTK have."""
+    found = XML_TYPE.search(data[:XML_HEAD_BYTES])
+    if found is None:
+        return FormatError(f"does not begin with {SIGNATURE!r}; expected a legacy file of VTK")
+    kind = found[1].decode("ascii", "replace")
+    extension = XML_EXTENSIONS.get(kind, "")
+    if extension in XML_READ:
+        remedy = f"rename it to {extension}"
+    elif extension:
+        remedy = f"its extension is {extension}, which is not read; convert it to .vtp or .vtu"
+    else:
+        remedy = "convert it to .vtp or .vtu"
+    return FormatError(f"is a VTK XML file of {kind[:40]}, not a legacy file of VTK; {remedy}")
 
 
 class _LegacyReader:
