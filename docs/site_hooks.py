@@ -15,7 +15,6 @@ from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
-import typer.main
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.exceptions import PluginError
 from mkdocs.structure.files import File, Files
@@ -24,7 +23,9 @@ from mkdocs.utils import get_relative_url
 from option_texts import options_tables
 
 import meshreel
-from meshreel.cli.app import app
+from meshreel.cli.commands import command_named
+from meshreel.cli.help_panels import shown_default
+from meshreel.cli.parameters import Option
 
 ROOT = Path(__file__).parents[1]
 OUTSIDE = {
@@ -106,12 +107,12 @@ def options_table(command: str) -> str:
     KeyError
         If there is no such command.
     """
-    found = typer.main.get_command(app).commands[command]  # type: ignore[attr-defined]
+    found = command_named(command)
     panels: dict[str, list[str]] = {}
     for option in found.params:
-        if option.param_type_name != "option" or option.hidden:
+        if not isinstance(option, Option) or option.hidden:
             continue
-        panel = getattr(option, "rich_help_panel", None) or ""
+        panel = option.panel
         panels.setdefault(panel, []).append(_row(option))
     return "\n\n".join(_panel(name, rows) for name, rows in sorted(panels.items()))
 
@@ -121,14 +122,10 @@ def _panel(name: str, rows: list[str]) -> str:
     return "\n".join([*head, "| option | meaning |", "|---|---|", *rows])
 
 
-def _row(option: Any) -> str:
+def _row(option: Option) -> str:
     names = ", ".join(f"`{name}`" for name in [*option.opts, *option.secondary_opts])
-    default = option.default
-    shown = (
-        f" Default: `{default}`."
-        if option.show_default and isinstance(default, str | int | float) and default is not False
-        else ""
-    )
+    default = shown_default(option)
+    shown = f" Default: `{default}`." if default else ""
     meaning = " ".join((option.help or "").split()).replace("|", "\\|")
     return f"| {names} | {meaning}{shown} |"
 

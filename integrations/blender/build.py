@@ -42,7 +42,7 @@ TARGETS = {
 }
 """What the core calls each platform, in `core/compile.py`."""
 
-NOT_NEEDED = frozenset({"numpy", "pillow", "rich", "typer"})
+NOT_NEEDED = frozenset({"click", "numpy", "pillow", "rich"})
 """Blender brings NumPy; the others serve the command line and pictures."""
 
 BOUNDS = {"scipy": "<1.16"}

@@ -94,7 +94,7 @@ def test_batch_prints_all_inputs_when_asked_for_json(inputs, out):
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        (["--workers", 0], "'--workers'"),
+        (["--workers", 0], "--workers"),
         (["--workers", 2, "--scheduler", "tcp://127.0.0.1:9"], "exclude each other"),
         (["--quality", 50, "--kg", 1], "give one"),
         (["--quality", 500], "quality"),

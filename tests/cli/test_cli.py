@@ -222,7 +222,7 @@ def test_existing_output_is_replaced_when_forced(grid, tmp_path):
         (["encode", "{grid}", "-o", "a.reel", "--bits", "9"], ["reel", "bits", "pca-qp"]),
         (["encode", "{grid}", "--method", "pca", "--bits", "99"], ["bits must be 2..24", "99"]),
         (["encode", "{grid}", "-o", "a.reel", "--bits", "x"], ["--bits", "8,8,6", "x"]),
-        (["encode", "{grid}", "-o", "a.reel", "--modes", "x"], ["--modes", "integer"]),
+        (["encode", "{grid}", "-o", "a.reel", "--modes", "x"], ["--modes", "whole number"]),
         (["encode", "{grid}", "--method", "pca", "--bits", "8,1"], ["row 1", "2..24"]),
         (["encode", "{grid}", "-o", "a.reel", "--modes", "0"], ["--modes", "0"]),
         (["encode", "{grid}", "-o", "a.reel", "--fps", "-3"], ["fps", "-3"]),

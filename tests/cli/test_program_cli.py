@@ -6,20 +6,25 @@ import sys
 import pytest
 
 import meshreel
+from meshreel.cli import evaluate, paper
 from meshreel.cli.commands import COMMANDS
 from samples.commands import run
 from samples.meshes import waving_grid
 
+HEAVY = {"numpy", "scipy", "PIL", "rich.markdown", "pydantic"}
+"""Modules that take longer to import than the program takes to answer without them."""
+
 
 @pytest.fixture
 def offered(folder, monkeypatch):
-    """What bash offers for the last word of a line in a folder."""
+    """What bash offers for the last word of a line in a folder, beside files it finds itself."""
 
     def offer(line):
         monkeypatch.setenv("COMP_WORDS", line)
         monkeypatch.setenv("COMP_CWORD", str(len(line.split(" ")) - 1))
-        monkeypatch.setenv("_MESHREEL_COMPLETE", "complete_bash")
-        return run(cwd=folder).stdout.split()
+        monkeypatch.setenv("_MESHREEL_COMPLETE", "bash_complete")
+        lines = [found.split(",", 1) for found in run(cwd=folder).stdout.split()]
+        return [word for kind, word in lines if kind == "plain"]
 
     return offer
 
@@ -53,19 +58,29 @@ def imported(*arguments):
         timeout=60,
         check=True,
     )
-    return {name for name in done.stderr.split() if not name.startswith("meshreel.cli")}
+    return set(done.stderr.split())
 
 
 def test_program_imports_nothing_to_compute_with_when_its_version_is_asked_for():
     found = imported("--version")
-    assert {name for name in found if name.startswith("meshreel.")} == {"meshreel.errors"}
-    assert "numpy" not in found
+    ours = {name for name in found if name.startswith("meshreel.")}
+    assert {name for name in ours if not name.startswith("meshreel.cli")} == {"meshreel.errors"}
+    assert not {*HEAVY, "rich"} & found
+
+
+@pytest.mark.parametrize("words", [["--help"], *([name, "--help"] for name in COMMANDS)])
+def test_program_imports_no_arrays_when_it_shows_help(words):
+    found = imported(*words)
+    assert not HEAVY & found
+    of_commands = {name for name in found if name.removeprefix("meshreel.cli.") in COMMANDS}
+    assert of_commands == {f"meshreel.cli.{name}" for name in words[:-1] or COMMANDS}
 
 
 @pytest.mark.slow
 def test_program_imports_no_codec_when_it_describes_a_file_that_is_no_stream(folder):
     found = imported("info", folder / "walk.npz")
-    assert not {name for name in found if name.startswith(("meshreel.codec", "meshreel.reel"))}
+    codec = {name for name in found if name.startswith(("meshreel.codec", "meshreel.reel"))}
+    assert codec <= {"meshreel.codec", "meshreel.codec.option"}
     assert not {"scipy", "DracoPy"} & found
 
 
@@ -74,10 +89,11 @@ def test_program_imports_nothing_to_decode_frames_with_when_it_describes_a_strea
     assert not {"scipy", "meshreel.reel.decoder", "meshreel.codec.encoder"} & found
 
 
-def test_completion_script_completes_the_program_when_asked_for():
-    done = run("--show-completion", "bash")
+@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
+def test_completion_script_completes_the_program_when_asked_for(shell):
+    done = run("--show-completion", shell)
     assert done.returncode == 0
-    assert "complete -o default -F _meshreel_completion meshreel" in done.stdout
+    assert f"_MESHREEL_COMPLETE={shell}_complete" in done.stdout
 
 
 def test_completion_offers_every_command_when_none_is_typed(offered):
@@ -104,6 +120,20 @@ def test_completion_offers_options_when_one_is_begun(offered):
 )
 def test_completion_offers_files_endings_and_names_when_they_are_begun(offered, line, expected):
     assert offered(line) == expected
+
+
+def test_names_in_help_are_those_of_the_evaluation():
+    from meshreel.evaluation.codecs.peers.registry import PEER_NAMES
+    from meshreel.evaluation.codecs.settings import CODED_METHODS, DEFAULT_METHODS
+    from meshreel.evaluation.paper.settings import METHOD_NAMES, PRESETS
+    from meshreel.evaluation.tracks.peers import TRACK_PEER_NAMES
+
+    assert evaluate.METHODS.split(", ") == [*CODED_METHODS]
+    assert evaluate.DEFAULT.split(",") == [*DEFAULT_METHODS]
+    assert evaluate.PEERS.split(",") == [*PEER_NAMES]
+    assert evaluate.TRACK_PEERS.split(",") == [*TRACK_PEER_NAMES]
+    assert paper.METHODS.split(",") == [*METHOD_NAMES]
+    assert tuple(PRESETS) == paper.PRESET_NAMES
 
 
 @pytest.mark.parametrize("command", COMMANDS)

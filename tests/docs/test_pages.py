@@ -3,16 +3,16 @@
 import re
 
 import pytest
-import typer.main
 
 import meshreel
 from meshreel.batch.discovery import WHOLE_SEQUENCES
-from meshreel.cli.app import app
 from meshreel.cli.batch import FRAMES, WHOLE
+from meshreel.cli.commands import COMMANDS as NAMES
+from meshreel.cli.commands import command_named
 from meshreel.formats.registry import FRAME_FORMATS
 from samples.pages import PAGES, README, ROOT, name_of, parts_of, prose, snippets
 
-COMMANDS = typer.main.get_group(app).commands
+COMMANDS = {name: command_named(name) for name in NAMES}
 LANGUAGES = {"bash", "c", "html", "js", "python", "text"}
 every_page = pytest.mark.parametrize("page", PAGES, ids=name_of)
 

@@ -3,49 +3,63 @@
 import sys
 from typing import Any
 
-import typer
+import click
+from click.shell_completion import get_completion_class
 
 from meshreel import __version__
-from meshreel.cli.commands import MARKUP, Group
+from meshreel.cli.commands import Program
 from meshreel.cli.lines import print_error
 from meshreel.errors import MeshReelError
 
-# Base class of all usage errors: from click, or from typer's own copy of it.
-CommandLineError: type[Exception] = typer.BadParameter.mro()[2]
+NAME = "meshreel"
+COMPLETION_VARIABLE = "_MESHREEL_COMPLETE"
+SHELLS = ("bash", "zsh", "fish")
 
-app = typer.Typer(
-    name="meshreel",
-    cls=Group,
-    help="Compress and decompress animated triangle meshes of fixed connectivity.",
-    invoke_without_command=True,
-    rich_markup_mode=MARKUP,
-    pretty_exceptions_enable=False,
+
+def _print_version(context: click.Context, _param: click.Parameter, is_wanted: bool) -> None:
+    if is_wanted:
+        click.echo(f"{NAME} {__version__}")
+        context.exit()
+
+
+def _print_completion(context: click.Context, _param: click.Parameter, shell: str | None) -> None:
+    if shell is not None:
+        kind = get_completion_class(shell)
+        assert kind is not None  # the choices are Click's own
+        click.echo(kind(app, {}, NAME, COMPLETION_VARIABLE).source())
+        context.exit()
+
+
+@click.group(NAME, cls=Program, invoke_without_command=True)
+@click.option(
+    "--version",
+    is_flag=True,
+    is_eager=True,
+    expose_value=False,
+    callback=_print_version,
+    help="Print the version.",
 )
-
-
-def _print_version(wanted: bool) -> None:
-    if wanted:
-        typer.echo(f"meshreel {__version__}")
-        raise typer.Exit
-
-
-@app.callback()
-def _common(
-    context: typer.Context,
-    version: bool = typer.Option(
-        False, "--version", callback=_print_version, is_eager=True, help="Print the version."
-    ),
-) -> None:
+@click.option(
+    "--show-completion",
+    type=click.Choice(SHELLS),
+    is_eager=True,
+    expose_value=False,
+    callback=_print_completion,
+    help="Print the script by which a shell completes commands, options and files: bash runs it "
+    'with `eval "$(meshreel --show-completion bash)"` in ~/.bashrc.',
+)
+@click.pass_context
+def app(context: click.Context) -> None:
     """Compress and decompress animated triangle meshes of fixed connectivity."""
     if context.invoked_subcommand is None:
-        typer.echo(context.get_help())
+        click.echo(context.get_help())
 
 
 def main() -> None:
     """Run the program: exit code 0, or 1 with an error message of one line on stderr."""
     try:
-        status = app(prog_name="meshreel", standalone_mode=False)
-    except CommandLineError as error:
+        status = app(prog_name=NAME, standalone_mode=False)
+    except click.ClickException as error:
         _fail(_described(error))
     except MeshReelError as error:
         _fail(str(error))
@@ -55,7 +69,7 @@ def main() -> None:
         _fail(_missing(error.filename) if error.filename else str(error))
     except OSError as error:
         _fail(f"{error.strerror or error}: {error.filename}" if error.filename else str(error))
-    except (KeyboardInterrupt, typer.Abort):
+    except (KeyboardInterrupt, click.Abort):
         _fail("stopped")
     sys.exit(status if isinstance(status, int) else 0)
 

@@ -1,22 +1,23 @@
 """`meshreel batch`: a folder of sequences in, a folder of streams out."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
-import typer
+import click
 
-from meshreel.cli.encode_options import Encoding, with_encode_options
+from meshreel.cli.commands import command
+from meshreel.cli.encode_options import Encoding, encode_options
 from meshreel.cli.lines import print_error, print_line
+from meshreel.cli.parameters import argument, option
 from meshreel.cli.read_options import (
-    AllowOutsideOption,
-    AttributesOption,
-    FpsOption,
-    MergeOption,
-    SkipBadOption,
+    allow_outside_option,
+    attributes_option,
+    fps_option,
+    merge_option,
+    skip_bad_option,
 )
-from meshreel.cli.track_options import TrackOption, track_targets
-from meshreel.codec.config import EncoderConfig
-from meshreel.surface_selection import ALL, listed_names
+from meshreel.cli.track_options import track_option, track_targets
+from meshreel.codec.option import COUNT
 
 if TYPE_CHECKING:
     from meshreel.batch.manifest import Record
@@ -32,59 +33,61 @@ FRAMES = ".obj .ply .off .stl .vtu .vtp .vtk"
 WORKERS = "Where it runs (give one)"
 
 
-@with_encode_options()
+@command
+@argument(
+    "input_dir",
+    metavar="INPUT_DIR",
+    help=f"Every file under it that holds an animation ({WHOLE}) is a sequence, and every "
+    f"folder that holds frames ({FRAMES}). Or a remote folder (s3://, gs://), whose inputs "
+    "each worker downloads.",
+)
+@argument(
+    "out_dir",
+    metavar="OUT_DIR",
+    help="Gets a .reel for each, in the same sub-folders; made if missing. Or a remote folder.",
+)
+@option(
+    "--workers",
+    type=int,
+    range=COUNT,
+    help="Processes on this machine; fewer take less memory. Default: one for each core.",
+    panel=WORKERS,
+)
+@option(
+    "--scheduler",
+    metavar="ADDRESS",
+    help="A Dask scheduler, whose workers see INPUT_DIR at the same path or address (needs "
+    "[dask]).",
+    panel=WORKERS,
+)
+@encode_options()
+@attributes_option
+@track_option
+@fps_option
+@merge_option
+@skip_bad_option
+@allow_outside_option
+@option(
+    "--force",
+    "-f",
+    is_flag=True,
+    help="Encode everything, and replace outputs that are in the way.",
+)
+@option("as_json", "--json", is_flag=True, help="Print what was done with each input as JSON.")
 def batch_command(
-    input_dir: Annotated[
-        str,
-        typer.Argument(
-            metavar="INPUT_DIR",
-            help=f"Every file under it that holds an animation ({WHOLE}) is a sequence, and every "
-            f"folder that holds frames ({FRAMES}). Or a remote folder (s3://, gs://), whose inputs "
-            "each worker downloads.",
-        ),
-    ],
-    out_dir: Annotated[
-        str,
-        typer.Argument(
-            metavar="OUT_DIR",
-            help="Gets a .reel for each, in the same sub-folders; made if missing. Or a remote "
-            "folder.",
-        ),
-    ],
-    workers: Annotated[
-        int | None,
-        typer.Option(
-            min=1,
-            help="Processes on this machine; fewer take less memory. Default: one for each core.",
-            rich_help_panel=WORKERS,
-        ),
-    ] = None,
-    scheduler: Annotated[
-        str | None,
-        typer.Option(
-            metavar="ADDRESS",
-            help="A Dask scheduler, whose workers see INPUT_DIR at the same path or address (needs "
-            "[dask]).",
-            rich_help_panel=WORKERS,
-        ),
-    ] = None,
-    *,
+    input_dir: str,
+    out_dir: str,
+    workers: int | None,
+    scheduler: str | None,
     encoding: Encoding,
-    attributes: AttributesOption = ALL,
-    track: TrackOption = None,
-    fps: FpsOption = None,
-    merge: MergeOption = False,
-    skip_bad: SkipBadOption = False,
-    allow_outside: AllowOutsideOption = False,
-    force: Annotated[
-        bool,
-        typer.Option(
-            "--force", "-f", help="Encode everything, and replace outputs that are in the way."
-        ),
-    ] = False,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Print what was done with each input as JSON.")
-    ] = False,
+    attributes: str,
+    track: tuple[str, ...],
+    fps: float | None,
+    merge: bool,
+    skip_bad: bool,
+    allow_outside: bool,
+    force: bool,
+    as_json: bool,
 ) -> None:
     """Compress every animated mesh under a folder, on all cores or on a Dask cluster.
 
@@ -106,9 +109,11 @@ def batch_command(
     from meshreel.batch.encode_input import EncodeOptions
     from meshreel.batch.plan import plan_batch
     from meshreel.cli.console import print_json, print_notes
+    from meshreel.codec.config import EncoderConfig
+    from meshreel.surface_selection import listed_names
 
     if workers is not None and scheduler is not None:
-        raise typer.BadParameter("--workers and --scheduler exclude each other; give one")
+        raise click.UsageError("--workers and --scheduler exclude each other; give one")
     config = EncoderConfig(**encoding)
     listed_names(attributes)  # refused now, before any work
     tracks = track_targets(track)
@@ -123,7 +128,7 @@ def batch_command(
     else:
         _print_report(report, out_dir)
     if report.failed:
-        raise typer.Exit(1)
+        raise click.exceptions.Exit(1)
 
 
 def _run(plan: "Plan", workers: int | None, scheduler: str | None) -> "BatchReport":

@@ -1,11 +1,10 @@
-"""The commands of the program, each imported when it is asked for, and how their help is shown."""
+"""The commands of the program, each imported when it runs or shows its help."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable
 from importlib import import_module
-from typing import Any, Final
+from typing import Any
 
-import typer
-from typer.core import TyperCommand, TyperGroup
+import click
 
 COMMANDS = (
     "encode",
@@ -28,72 +27,50 @@ COMMANDS = (
 TAKE_ADDRESSES = frozenset({"encode", "batch", "decode", "convert", "info", "compare"})
 """Commands whose files may be remote."""
 
-MARKUP: Final = "markdown"
 
+class Command(click.Command):
+    """A command whose help is drawn in panels."""
 
-class Command(TyperCommand):
-    """A command whose help shows no type beside its flags."""
-
-    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         """Take its words; addresses only where they have an effect."""
         from meshreel.stores.address import refuse_address
 
         if self.name not in TAKE_ADDRESSES:
             for given in args:
                 refuse_address(given, f"what `meshreel {self.name}` reads and writes")
-        return list(super().parse_args(ctx, args))
+        return super().parse_args(ctx, args)
 
-    def get_params(self, ctx: Any) -> list[Any]:
-        """Its arguments and options."""
-        return _flags_alone(super().get_params(ctx))
+    def get_help(self, ctx: click.Context) -> str:
+        """Its help, as wide as the terminal."""
+        from meshreel.cli.help_panels import help_text
 
-
-class LazyCommands(Mapping[str, Any]):
-    """`COMMANDS` by name; only those that are asked for are imported."""
-
-    def __init__(self) -> None:
-        self._made: dict[str, Any] = {}
-
-    def __getitem__(self, name: str) -> Any:
-        if name not in COMMANDS:
-            raise KeyError(name)
-        if name not in self._made:
-            self._made[name] = _command(name)
-        return self._made[name]
-
-    def __contains__(self, name: object) -> bool:
-        return name in COMMANDS
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(COMMANDS)
-
-    def __len__(self) -> int:
-        return len(COMMANDS)
+        return help_text(self, ctx)
 
 
-class Group(TyperGroup):
-    """The program, whose help shows no type beside its flags."""
+class Program(click.Group):
+    """The program: a group that imports a command when it is used."""
 
-    def __init__(self, **settings: Any) -> None:
-        super().__init__(**{**settings, "commands": LazyCommands()})
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """Their names."""
+        return list(COMMANDS)
 
-    def get_params(self, ctx: Any) -> list[Any]:
-        """Its options."""
-        return _flags_alone(super().get_params(ctx))
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        """The command of a name."""
+        return command_named(cmd_name) if cmd_name in COMMANDS else None
 
+    def get_help(self, ctx: click.Context) -> str:
+        """Its help, as wide as the terminal."""
+        from meshreel.cli.help_panels import help_text
 
-def _command(name: str) -> Any:
-    """The command of a name: Typer makes one of an application that has no other."""
-    only = typer.Typer(
-        add_completion=False, rich_markup_mode=MARKUP, pretty_exceptions_enable=False
-    )
-    module = import_module(f"meshreel.cli.{name}")
-    only.command(name, cls=Command)(getattr(module, f"{name}_command"))
-    return typer.main.get_command(only)
+        return help_text(self, ctx)
 
 
-def _flags_alone(params: list[Any]) -> list[Any]:
-    for param in params:
-        if getattr(param, "is_flag", False):
-            param.metavar = ""
-    return params
+def command(function: Callable[..., Any]) -> click.Command:
+    """A decorator that makes a command of a function, whose docstring is its help."""
+    return click.command(function.__name__.removesuffix("_command"), cls=Command)(function)
+
+
+def command_named(name: str) -> click.Command:
+    """One of `COMMANDS`."""
+    found: click.Command = getattr(import_module(f"meshreel.cli.{name}"), f"{name}_command")
+    return found

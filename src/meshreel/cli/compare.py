@@ -1,36 +1,45 @@
 """`meshreel compare`: errors of a decoded animation relative to its original."""
 
 from pathlib import Path
-from typing import Annotated
 
-import typer
-
+from meshreel.cli.commands import command
 from meshreel.cli.completing import input_files
-from meshreel.cli.read_options import AllowOutsideOption, MergeOption, ObjectOption, SkipBadOption
+from meshreel.cli.parameters import argument, option
+from meshreel.cli.read_options import (
+    allow_outside_option,
+    merge_option,
+    object_option,
+    skip_bad_option,
+)
 
 
+@command
+@argument(
+    "original",
+    completion=input_files,
+    help="A file that holds an animation (see `meshreel formats`), a frame file, a folder "
+    "or a quoted glob.",
+)
+@argument("decoded", completion=input_files, help="The same kinds.")
+@object_option
+@merge_option
+@skip_bad_option
+@allow_outside_option
+@option(
+    "--plot", type=Path, metavar="FILE.png", help="Draw the NMSVE of each frame (needs [plot])."
+)
+@option("--force", "-f", is_flag=True, help="Replace the plot if it exists.")
+@option("as_json", "--json", is_flag=True, help="Print the figures as JSON.")
 def compare_command(
-    original: Annotated[
-        str,
-        typer.Argument(
-            autocompletion=input_files,
-            help="A file that holds an animation (see `meshreel formats`), a frame file, a folder "
-            "or a quoted glob.",
-        ),
-    ],
-    decoded: Annotated[str, typer.Argument(autocompletion=input_files, help="The same kinds.")],
-    object: ObjectOption = None,
-    merge: MergeOption = False,
-    skip_bad: SkipBadOption = False,
-    allow_outside: AllowOutsideOption = False,
-    plot: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE.png", help="Draw the NMSVE of each frame (needs [plot])."),
-    ] = None,
-    force: Annotated[
-        bool, typer.Option("--force", "-f", help="Replace the plot if it exists.")
-    ] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="Print the figures as JSON.")] = False,
+    original: str,
+    decoded: str,
+    object: str | None,
+    merge: bool,
+    skip_bad: bool,
+    allow_outside: bool,
+    plot: Path | None,
+    force: bool,
+    as_json: bool,
 ) -> None:
     """Measure the error of a decoded animation relative to its original.
 

@@ -1,75 +1,95 @@
 """`meshreel convert`: an animation in, the same in another format out."""
 
 from pathlib import Path
-from typing import Annotated
 
-import typer
+import click
 
+from meshreel.cli.commands import command
 from meshreel.cli.completing import input_files
-from meshreel.cli.encode_options import Encoding, with_encode_options
+from meshreel.cli.encode_options import Encoding, encode_options
+from meshreel.cli.parameters import argument, option
 from meshreel.cli.read_options import (
-    AllowOutsideOption,
-    AttributesOption,
-    DatasetOption,
-    FpsOption,
-    MergeOption,
-    ObjectOption,
-    SkipBadOption,
-    SplitOption,
-    TopologyOption,
+    allow_outside_option,
+    attributes_option,
+    dataset_option,
+    fps_option,
+    merge_option,
+    object_option,
+    skip_bad_option,
+    split_option,
+    topology_option,
 )
-from meshreel.cli.track_options import TrackOption, track_targets
+from meshreel.cli.track_options import track_option, track_targets
 from meshreel.cli.write_options import (
-    ForceOption,
-    FramesOption,
-    LayoutOption,
-    NormalsOption,
-    OutputErrorOption,
-    OutputOption,
-    StartNumberOption,
-    TargetsOption,
-    TexturesOption,
+    force_option,
+    frames_option,
+    layout_option,
+    normals_option,
+    output_error_option,
+    output_option,
+    start_number_option,
+    targets_option,
+    textures_option,
 )
-from meshreel.codec.config import EncoderConfig
-from meshreel.surface_selection import ALL
 
 OF_ALL_OUTPUTS = ("max_error", "unit")
 """Options of encoding that have an effect on other outputs, too."""
 
 
-@with_encode_options(max_error=OutputErrorOption)
+@command
+@argument(
+    "inputs",
+    nargs=-1,
+    required=True,
+    metavar="INPUT...",
+    completion=input_files,
+    help="A file that holds an animation, a folder or a quoted glob of frames, or the "
+    "frame files. Or addresses (s3://, gs://, https://), which are downloaded.",
+)
+@output_option
+@frames_option
+@start_number_option
+@fps_option
+@object_option
+@merge_option
+@skip_bad_option
+@allow_outside_option
+@topology_option
+@dataset_option
+@attributes_option
+@track_option
+@split_option
+@targets_option
+@normals_option
+@layout_option
+@textures_option
+@encode_options(max_error=output_error_option)
+@force_option
+@option("as_json", "--json", is_flag=True, help="Print what was done as JSON.")
+@click.pass_context
 def convert_command(
-    context: typer.Context,
-    inputs: Annotated[
-        list[str],
-        typer.Argument(
-            metavar="INPUT",
-            autocompletion=input_files,
-            help="A file that holds an animation, a folder or a quoted glob of frames, or the "
-            "frame files. Or addresses (s3://, gs://, https://), which are downloaded.",
-        ),
-    ],
-    output: OutputOption,
-    frames: FramesOption = None,
-    start_number: StartNumberOption = None,
-    fps: FpsOption = None,
-    object: ObjectOption = None,
-    merge: MergeOption = False,
-    skip_bad: SkipBadOption = False,
-    allow_outside: AllowOutsideOption = False,
-    topology: TopologyOption = None,
-    dataset: DatasetOption = None,
-    attributes: AttributesOption = ALL,
-    track: TrackOption = None,
-    split: SplitOption = False,
-    targets: TargetsOption = None,
-    normals: NormalsOption = None,
-    layout: LayoutOption = None,
-    textures: TexturesOption = None,
-    *,
+    context: click.Context,
+    inputs: tuple[str, ...],
+    output: str,
+    frames: str | None,
+    start_number: int | None,
+    fps: float | None,
+    object: str | None,
+    merge: bool,
+    skip_bad: bool,
+    allow_outside: bool,
+    topology: Path | None,
+    dataset: str | None,
+    attributes: str,
+    track: tuple[str, ...],
+    split: bool,
+    targets: int | None,
+    normals: bool | None,
+    layout: str | None,
+    textures: str | None,
     encoding: Encoding,
-    force: ForceOption = False,
-    as_json: Annotated[bool, typer.Option("--json", help="Print what was done as JSON.")] = False,
+    force: bool,
+    as_json: bool,
 ) -> None:
     """Write an animated mesh in another format; nothing is lost that the format can hold.
 
@@ -104,6 +124,7 @@ def convert_command(
         known_frames,
         refuse_stream_options,
     )
+    from meshreel.codec.config import EncoderConfig
     from meshreel.formats.load import loading_for, open_for_encoding
     from meshreel.formats.options import ReadOptions, WriteOptions
     from meshreel.formats.reel.reading import origin_of_file
@@ -115,7 +136,7 @@ def convert_command(
     bound = checked_bound(encoding["max_error"], encoding["unit"])
     chosen = frame_slice(frames)
     if split and chosen is not None:
-        raise typer.BadParameter("--split and --frames exclude each other; give one")
+        raise click.UsageError("--split and --frames exclude each other; give one")
     if not is_stream(output):
         refuse_stream_options(context, {*own, "track"}, output)
     config = EncoderConfig(**(encoding if is_stream(output) else own))

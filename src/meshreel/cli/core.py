@@ -1,17 +1,17 @@
 """`meshreel core`: how programs in C and C++ find the library that reads streams."""
 
-from typing import Annotated
+import click
 
-import typer
+from meshreel.cli.commands import command
+from meshreel.cli.parameters import option
 
 
+@command
+@option("--cflags", is_flag=True, help="Print what compilers need: where `meshreel.h` is.")
+@option("--libs", is_flag=True, help="Print what linkers need: the library of this package.")
 def core_command(
-    cflags: Annotated[
-        bool, typer.Option("--cflags", help="Print what compilers need: where `meshreel.h` is.")
-    ] = False,
-    libs: Annotated[
-        bool, typer.Option("--libs", help="Print what linkers need: the library of this package.")
-    ] = False,
+    cflags: bool,
+    libs: bool,
 ) -> None:
     """Print how to compile and link programs in C or C++ that read .reel files.
 
@@ -25,4 +25,4 @@ def core_command(
     if not (cflags or libs):
         raise InvalidInputError("nothing was asked for; give --cflags, --libs, or both")
     found = [*(compiler_flags() if cflags else []), *(linker_flags() if libs else [])]
-    typer.echo(" ".join(found))
+    click.echo(" ".join(found))

@@ -1,55 +1,66 @@
 """`meshreel decode`: a .reel in, frames out."""
 
 from pathlib import Path
-from typing import Annotated
 
-import typer
-
+from meshreel.cli.commands import command
 from meshreel.cli.completing import reel_files
-from meshreel.cli.encode_options import option_info
+from meshreel.cli.encode_options import encode_option
+from meshreel.cli.parameters import argument, option
 from meshreel.cli.write_options import (
-    ForceOption,
-    FramesOption,
-    GltfErrorOption,
-    LayoutOption,
-    NormalsOption,
-    OutputOption,
-    StartNumberOption,
-    TargetsOption,
-    TexturesOption,
+    force_option,
+    frames_option,
+    gltf_error_option,
+    layout_option,
+    normals_option,
+    output_option,
+    start_number_option,
+    targets_option,
+    textures_option,
 )
 from meshreel.codec.targets import UNIT
 
 
+@command
+@argument(
+    "source",
+    metavar="FILE.reel",
+    completion=reel_files,
+    help="The stream to decode, or its address (s3://, gs://, https://): with --frames "
+    "only the blocks that hold them are fetched.",
+)
+@output_option
+@frames_option
+@start_number_option
+@option(
+    "--modes",
+    type=int,
+    help="Only this number of leading modes move; further ones, up to the 16th at least, "
+    "are held at their mean: a coarser animation, decoded faster. Default: all.",
+)
+@targets_option
+@gltf_error_option
+@encode_option(UNIT)
+@normals_option
+@layout_option
+@textures_option
+@force_option
+@option("as_json", "--json", is_flag=True, help="Print what was done as JSON.")
+@option("--profile", is_flag=True, help="Print seconds by stage.")
 def decode_command(
-    source: Annotated[
-        str,
-        typer.Argument(
-            metavar="FILE.reel",
-            autocompletion=reel_files,
-            help="The stream to decode, or its address (s3://, gs://, https://): with --frames "
-            "only the blocks that hold them are fetched.",
-        ),
-    ],
-    output: OutputOption,
-    frames: FramesOption = None,
-    start_number: StartNumberOption = None,
-    modes: Annotated[
-        int | None,
-        typer.Option(
-            help="Only this number of leading modes move; further ones, up to the 16th at least, "
-            "are held at their mean: a coarser animation, decoded faster. Default: all."
-        ),
-    ] = None,
-    targets: TargetsOption = None,
-    max_error: GltfErrorOption = None,
-    unit: Annotated[str | None, option_info(UNIT)] = None,
-    normals: NormalsOption = None,
-    layout: LayoutOption = None,
-    textures: TexturesOption = None,
-    force: ForceOption = False,
-    as_json: Annotated[bool, typer.Option("--json", help="Print what was done as JSON.")] = False,
-    profile: Annotated[bool, typer.Option("--profile", help="Print seconds by stage.")] = False,
+    source: str,
+    output: str,
+    frames: str | None,
+    start_number: int | None,
+    modes: int | None,
+    targets: int | None,
+    max_error: str | None,
+    unit: str | None,
+    normals: bool | None,
+    layout: str | None,
+    textures: str | None,
+    force: bool,
+    as_json: bool,
+    profile: bool,
 ) -> None:
     """Decode the animation of a .reel file.
 

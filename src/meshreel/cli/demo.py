@@ -1,22 +1,28 @@
 """`meshreel demo`: encoding, decoding and comparing the embedded flag."""
 
 from pathlib import Path
-from typing import Annotated
 
-import typer
+from meshreel.cli.commands import command
+from meshreel.cli.parameters import option
 
 POSES = 3  # frames shown in the picture, that of the largest error among them
 
 
+@command
+@option(
+    "--out",
+    type=Path,
+    default=Path("meshreel-demo"),
+    help="Folder for the results; made if missing.",
+)
+@option("--frames", type=int, default=300, help="Frames to simulate, 1 or more.")
+@option("--force", "-f", is_flag=True, help="Replace results of an earlier run.")
+@option("as_json", "--json", is_flag=True, help="Print the figures as JSON.")
 def demo_command(
-    out: Annotated[Path, typer.Option(help="Folder for the results; made if missing.")] = Path(
-        "meshreel-demo"
-    ),
-    frames: Annotated[int, typer.Option(help="Frames to simulate, 1 or more.")] = 300,
-    force: Annotated[
-        bool, typer.Option("--force", "-f", help="Replace results of an earlier run.")
-    ] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="Print the figures as JSON.")] = False,
+    out: Path,
+    frames: int,
+    force: bool,
+    as_json: bool,
 ) -> None:
     """Simulate a flag, compress and decompress it, and show the error.
 

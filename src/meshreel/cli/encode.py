@@ -1,26 +1,23 @@
 """`meshreel encode`: frames in, one .reel out."""
 
 from pathlib import Path
-from typing import Annotated
 
-import typer
-
+from meshreel.cli.commands import command
 from meshreel.cli.completing import input_files, streams
-from meshreel.cli.encode_options import Encoding, with_encode_options
+from meshreel.cli.encode_options import Encoding, encode_options
+from meshreel.cli.parameters import argument, option
 from meshreel.cli.read_options import (
-    AllowOutsideOption,
-    AttributesOption,
-    DatasetOption,
-    FpsOption,
-    MergeOption,
-    ObjectOption,
-    SkipBadOption,
-    SplitOption,
-    TopologyOption,
+    allow_outside_option,
+    attributes_option,
+    dataset_option,
+    fps_option,
+    merge_option,
+    object_option,
+    skip_bad_option,
+    split_option,
+    topology_option,
 )
-from meshreel.cli.track_options import TrackOption, track_targets
-from meshreel.codec.config import EncoderConfig
-from meshreel.surface_selection import ALL
+from meshreel.cli.track_options import track_option, track_targets
 
 OTHER_OUTPUTS = (
     "`meshreel convert` writes other formats, `meshreel render` pictures and films, "
@@ -29,46 +26,56 @@ OTHER_OUTPUTS = (
 """Advice where the output of `encode` is to be something else."""
 
 
-@with_encode_options()
+@command
+@argument(
+    "inputs",
+    nargs=-1,
+    required=True,
+    metavar="INPUT...",
+    completion=input_files,
+    help="A file that holds an animation (.abc, .usd, .glb, .npz, ...: see `meshreel "
+    "formats`), a folder or a quoted glob of frames, or the frame files (.obj, .ply, "
+    ".off, .stl); put in natural order. Or addresses (s3://, gs://, https://), which are "
+    "downloaded.",
+)
+@option(
+    "--output",
+    "-o",
+    completion=streams,
+    help="The .reel to write, or its address (s3://...). Default: the input's name, in "
+    "this folder.",
+)
+@encode_options()
+@fps_option
+@object_option
+@merge_option
+@skip_bad_option
+@allow_outside_option
+@topology_option
+@dataset_option
+@attributes_option
+@track_option
+@split_option
+@option("--force", "-f", is_flag=True, help="Replace the output if it exists.")
+@option("as_json", "--json", is_flag=True, help="Print the figures as JSON.")
+@option("--profile", is_flag=True, help="Print seconds by stage.")
 def encode_command(
-    inputs: Annotated[
-        list[str],
-        typer.Argument(
-            metavar="INPUT",
-            autocompletion=input_files,
-            help="A file that holds an animation (.abc, .usd, .glb, .npz, ...: see `meshreel "
-            "formats`), a folder or a quoted glob of frames, or the frame files (.obj, .ply, "
-            ".off, .stl); put in natural order. Or addresses (s3://, gs://, https://), which are "
-            "downloaded.",
-        ),
-    ],
-    output: Annotated[
-        str | None,
-        typer.Option(
-            "--output",
-            "-o",
-            autocompletion=streams,
-            help="The .reel to write, or its address (s3://...). Default: the input's name, in "
-            "this folder.",
-        ),
-    ] = None,
-    *,
+    inputs: tuple[str, ...],
+    output: str | None,
     encoding: Encoding,
-    fps: FpsOption = None,
-    object: ObjectOption = None,
-    merge: MergeOption = False,
-    skip_bad: SkipBadOption = False,
-    allow_outside: AllowOutsideOption = False,
-    topology: TopologyOption = None,
-    dataset: DatasetOption = None,
-    attributes: AttributesOption = ALL,
-    track: TrackOption = None,
-    split: SplitOption = False,
-    force: Annotated[
-        bool, typer.Option("--force", "-f", help="Replace the output if it exists.")
-    ] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="Print the figures as JSON.")] = False,
-    profile: Annotated[bool, typer.Option("--profile", help="Print seconds by stage.")] = False,
+    fps: float | None,
+    object: str | None,
+    merge: bool,
+    skip_bad: bool,
+    allow_outside: bool,
+    topology: Path | None,
+    dataset: str | None,
+    attributes: str,
+    track: tuple[str, ...],
+    split: bool,
+    force: bool,
+    as_json: bool,
+    profile: bool,
 ) -> None:
     """Compress an animated mesh into one .reel file.
 
@@ -107,6 +114,7 @@ def encode_command(
     from meshreel.cli.encoded_file import encode_file
     from meshreel.cli.given_files import given_source, output_stem
     from meshreel.cli.profile import print_profile, profile_figures
+    from meshreel.codec.config import EncoderConfig
     from meshreel.formats.load import loading_for, open_for_encoding
     from meshreel.formats.options import ReadOptions
     from meshreel.formats.remote import at_hand, uploaded

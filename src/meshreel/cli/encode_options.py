@@ -1,108 +1,85 @@
 """The options of encoding as options of commands, made from their table."""
 
-import inspect
 from collections.abc import Callable, Sequence
 from functools import wraps
-from typing import Annotated, Any, get_origin
+from typing import Any, get_origin
 
-import typer
-from typer.models import OptionInfo
+import click
 
 from meshreel.cli.completing import names_of
 from meshreel.cli.option_names import in_option_names
+from meshreel.cli.parameters import Decorator, option
 from meshreel.codec.option import Option
 from meshreel.codec.options import all_options
 
 Encoding = dict[str, Any]
 """The options of encoding that a command was given, by their names in Python."""
 
-PARAMETER = "encoding"
 
-CommandFunction = Callable[..., None]
-
-
-def with_encode_options(**instead: Any) -> Callable[[CommandFunction], CommandFunction]:
+def encode_options(**instead: Decorator) -> Decorator:
     """A decorator that gives a command all options of encoding.
 
-    They stand where the command has the parameter `encoding`, which gets them as a dictionary.
+    The command gets them as a dictionary, its parameter `encoding`.
 
     Parameters
     ----------
     **instead
-        By name, annotations of options that mean more in this command than in others.
+        By name, options that mean more in this command than in others.
     """
 
-    def decorate(command: CommandFunction) -> CommandFunction:
-        options = all_options()
-        signature = inspect.signature(command)
-        parameters: list[inspect.Parameter] = []
-        for parameter in signature.parameters.values():
-            if parameter.name == PARAMETER:
-                parameters += [_parameter(option, instead.get(option.name)) for option in options]
-            else:
-                parameters.append(parameter)
+    def decorate(function: Callable[..., Any]) -> Callable[..., Any]:
+        @wraps(function)
+        def with_encoding(*context: click.Context, **given: Any) -> None:
+            encoding = {row.name: _value(row, given.pop(row.name)) for row in all_options()}
+            function(*context, **given, encoding=encoding)
 
-        @wraps(command)
-        def with_encoding(**given: Any) -> None:
-            encoding = {option.name: _value(option, given.pop(option.name)) for option in options}
-            command(**given, **{PARAMETER: encoding})
-
-        # Typer reads both.
-        with_encoding.__signature__ = signature.replace(parameters=parameters)  # type: ignore[attr-defined]
-        with_encoding.__annotations__ = {one.name: one.annotation for one in parameters}
-        return with_encoding
+        decorated: Callable[..., Any] = with_encoding
+        for row in reversed(all_options()):
+            decorated = instead.get(row.name, encode_option(row))(decorated)
+        return decorated
 
     return decorate
 
 
-def option_info(option: Option) -> OptionInfo:
-    """Typer's description of an option: its flag, help, default, panel and completion."""
-    help_text = option.help
-    if option.names and not option.metavar:
-        help_text = help_text.replace(".", f": {', '.join(option.names)}.", 1)
-    if option.default_text:
-        help_text += f" [default: {option.default_text}]"
-    info: OptionInfo = typer.Option(
-        option.flag,
+def encode_option(row: Option, panel: str | None = None) -> Decorator:
+    """The option of a row of the table, by default in the panel of its group."""
+    help_text = row.help
+    if row.names and not row.metavar:
+        help_text = help_text.replace(".", f": {', '.join(row.names)}.", 1)
+    if row.default_text:
+        help_text += f" [default: {row.default_text}]"
+    kind = row.type if len(row.types) == 1 else str
+    return option(
+        row.name,
+        row.flag,
+        type=None if kind is bool else kind,
+        is_flag=kind is bool,
+        default=row.default,
+        range=row.range,
+        unit=row.unit,
         help=in_option_names(help_text),
-        show_default=not option.default_text,
-        metavar=option.metavar or None,
-        autocompletion=names_of(option.names) if option.names else None,
-        rich_help_panel=option.group or None,
-    )
-    return info
-
-
-def _parameter(option: Option, annotation: Any) -> inspect.Parameter:
-    return inspect.Parameter(
-        option.name,
-        inspect.Parameter.KEYWORD_ONLY,
-        default=option.default,
-        annotation=annotation or Annotated[_type_typed(option), option_info(option)],
+        show_default=not row.default_text,
+        metavar=row.metavar or None,
+        completion=names_of(row.names) if row.names else None,
+        panel=row.group if panel is None else panel,
     )
 
 
-def _type_typed(option: Option) -> Any:
-    """The type that is read from a command line: text, where numbers have units or are several."""
-    typed = option.type if len(option.types) == 1 else str
-    return typed | None if option.default is None else typed
-
-
-def _value(option: Option, typed: Any) -> Any:
+def _value(row: Option, typed: Any) -> Any:
     """The value of an option for Python."""
-    is_list = any(get_origin(one) is Sequence for one in option.types)
-    return _numbers(option, typed) if is_list and typed is not None else typed
+    is_list = any(get_origin(one) is Sequence for one in row.types)
+    return _numbers(row, typed) if is_list and typed is not None else typed
 
 
-def _numbers(option: Option, text: str) -> float | list[int]:
+def _numbers(row: Option, text: str) -> float | list[int]:
     """One number, or several whole ones, from '8' or '8,8,6'."""
-    single = float if float in option.types else int
+    single = float if float in row.types else int
     try:
         if "," in text:
             return [int(number) for number in text.split(",") if number.strip()]
         return single(text)
     except ValueError:
         one = "a number" if single is float else "a whole number"
-        raise typer.BadParameter(
-            f"{option.flag} takes {one}, or several whole ones as in 8,8,6; got {text!r}"
+        raise click.UsageError(
+            f"{row.flag} takes {one}, or several whole ones as in 8,8,6; got {text!r}"
         ) from None

@@ -1,53 +1,72 @@
 """`meshreel export`: a .reel as a self-contained page."""
 
 from pathlib import Path
-from typing import Annotated
 
-import typer
-
+from meshreel.cli.commands import command
 from meshreel.cli.completing import pages
-from meshreel.cli.player import OriginalOption, ShownTrackOption, SourceArgument
-from meshreel.cli.read_options import AllowOutsideOption, MergeOption, ObjectOption, SkipBadOption
-from meshreel.cli.track_options import ColormapOption, ComponentOption, RangeOption
+from meshreel.cli.parameters import option
+from meshreel.cli.player import original_option, shown_track_option, source_argument
+from meshreel.cli.read_options import (
+    allow_outside_option,
+    merge_option,
+    object_option,
+    skip_bad_option,
+)
+from meshreel.cli.track_options import colormap_option, component_option, range_option
 
 ENDINGS = (".html", ".htm")
 OTHER_OUTPUTS = "`meshreel decode` writes other formats, `meshreel render` pictures and films"
 
 
+@command
+@source_argument
+@option(
+    "--output",
+    "-o",
+    type=Path,
+    required=True,
+    metavar="PAGE.html",
+    completion=pages,
+    help="The page to write.",
+)
+@original_option
+@shown_track_option
+@component_option
+@range_option
+@colormap_option
+@object_option
+@merge_option
+@skip_bad_option
+@allow_outside_option
+@option("--force", "-f", is_flag=True, help="Replace the page if it exists.")
+@option(
+    "--split",
+    is_flag=True,
+    help="Write script, stream, original and texture as files beside the page.",
+)
+@option(
+    "--texture",
+    type=Path,
+    metavar="FILE",
+    help="An image, or a video that plays in step with the mesh, to show on it.",
+)
+@option("as_json", "--json", is_flag=True, help="Print what was done as JSON.")
 def export_command(
-    source: SourceArgument,
-    output: Annotated[
-        Path,
-        typer.Option(
-            "--output", "-o", metavar="PAGE.html", autocompletion=pages, help="The page to write."
-        ),
-    ],
-    original: OriginalOption = None,
-    track: ShownTrackOption = None,
-    component: ComponentOption = None,
-    range: RangeOption = None,
-    colormap: ColormapOption = None,
-    object: ObjectOption = None,
-    merge: MergeOption = False,
-    skip_bad: SkipBadOption = False,
-    allow_outside: AllowOutsideOption = False,
-    force: Annotated[
-        bool, typer.Option("--force", "-f", help="Replace the page if it exists.")
-    ] = False,
-    split: Annotated[
-        bool,
-        typer.Option(
-            "--split", help="Write script, stream, original and texture as files beside the page."
-        ),
-    ] = False,
-    texture: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE",
-            help="An image, or a video that plays in step with the mesh, to show on it.",
-        ),
-    ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print what was done as JSON.")] = False,
+    source: Path,
+    output: Path,
+    original: str | None,
+    track: str | None,
+    component: str | None,
+    range: str | None,
+    colormap: str | None,
+    object: str | None,
+    merge: bool,
+    skip_bad: bool,
+    allow_outside: bool,
+    force: bool,
+    split: bool,
+    texture: Path | None,
+    as_json: bool,
 ) -> None:
     """Write a .reel file and its player as one HTML file, to mail or to put on any web server.
 

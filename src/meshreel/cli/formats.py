@@ -1,12 +1,13 @@
 """`meshreel formats`: file formats that can be read and written."""
 
-from typing import Annotated
+from meshreel.cli.commands import command
+from meshreel.cli.parameters import option
 
-import typer
 
-
+@command
+@option("as_json", "--json", is_flag=True, help="Print the list as JSON.")
 def formats_command(
-    as_json: Annotated[bool, typer.Option("--json", help="Print the list as JSON.")] = False,
+    as_json: bool,
 ) -> None:
     """List the file formats, and the extra that installs each missing one.
 

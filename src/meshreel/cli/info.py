@@ -1,44 +1,56 @@
 """`meshreel info`: contents of a file, and of a .reel its bytes by section."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
-import typer
+import click
 
+from meshreel.cli.commands import command
 from meshreel.cli.completing import input_files
+from meshreel.cli.parameters import argument, option
 from meshreel.cli.read_options import (
-    AllowOutsideOption,
-    DatasetOption,
-    FpsOption,
-    MergeOption,
-    ObjectOption,
-    SkipBadOption,
-    TopologyOption,
+    allow_outside_option,
+    dataset_option,
+    fps_option,
+    merge_option,
+    object_option,
+    skip_bad_option,
+    topology_option,
 )
 
 if TYPE_CHECKING:
     from meshreel.formats.options import ReadOptions
 
 
+@command
+@argument(
+    "inputs",
+    nargs=-1,
+    required=True,
+    metavar="FILE...",
+    completion=input_files,
+    help="A .reel, another file that holds an animation (see `meshreel formats`), a "
+    "folder or a quoted glob of frames, or the frame files. Or an address (s3://, gs://, "
+    "https://): of a .reel only its index and the heads of its sections are fetched.",
+)
+@fps_option
+@object_option
+@merge_option
+@skip_bad_option
+@allow_outside_option
+@topology_option
+@dataset_option
+@option("as_json", "--json", is_flag=True, help="Print the figures as JSON.")
 def info_command(
-    inputs: Annotated[
-        list[str],
-        typer.Argument(
-            metavar="FILE",
-            autocompletion=input_files,
-            help="A .reel, another file that holds an animation (see `meshreel formats`), a "
-            "folder or a quoted glob of frames, or the frame files. Or an address (s3://, gs://, "
-            "https://): of a .reel only its index and the heads of its sections are fetched.",
-        ),
-    ],
-    fps: FpsOption = None,
-    object: ObjectOption = None,
-    merge: MergeOption = False,
-    skip_bad: SkipBadOption = False,
-    allow_outside: AllowOutsideOption = False,
-    topology: TopologyOption = None,
-    dataset: DatasetOption = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print the figures as JSON.")] = False,
+    inputs: tuple[str, ...],
+    fps: float | None,
+    object: str | None,
+    merge: bool,
+    skip_bad: bool,
+    allow_outside: bool,
+    topology: Path | None,
+    dataset: str | None,
+    as_json: bool,
 ) -> None:
     """Show the contents of a file: meshes, frames, extent and parts that are not read.
 
@@ -57,7 +69,7 @@ def info_command(
 
     if len(inputs) == 1 and _is_stream(inputs[0]):
         if fps is not None or object or merge or skip_bad or allow_outside or topology or dataset:
-            raise typer.BadParameter(
+            raise click.UsageError(
                 "a .reel holds one mesh and is read completely; leave the options of inputs out"
             )
         _show_stream(inputs[0], as_json=as_json)
@@ -126,4 +138,4 @@ def _show_source(
     print_table(title, source_rows(found))
     if len(found.meshes) > 1:
         print_columns("meshes", HEADINGS, mesh_columns(found))
-        typer.echo("choose one with --object, or take all as one with --merge")
+        click.echo("choose one with --object, or take all as one with --merge")

@@ -2,7 +2,7 @@
 
 import re
 
-import typer
+import click
 
 from meshreel.cli.option_names import in_option_names
 
@@ -26,7 +26,7 @@ def escaped(text: str) -> str:
 
 def print_line(text: str) -> None:
     """Print one line on stdout."""
-    typer.echo(escaped(text))
+    click.echo(escaped(text))
 
 
 def print_error(message: str) -> None:
@@ -35,4 +35,4 @@ def print_error(message: str) -> None:
     Messages of other libraries may have several lines, which are joined.
     """
     line = _LINE_BREAK.sub(" ", in_option_names(message).strip())
-    typer.echo(f"meshreel: {escaped(line)}", err=True)
+    click.echo(f"meshreel: {escaped(line)}", err=True)

@@ -1,65 +1,78 @@
 """`meshreel paper`: the paper's evaluation on any sequences."""
 
-from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
-import typer
-
+from meshreel.cli.commands import command
 from meshreel.cli.completing import input_files, names_of
-from meshreel.evaluation.paper.settings import METHOD_NAMES, PRESETS
+from meshreel.cli.parameters import argument, option
+from meshreel.codec.option import COUNT
+
+METHODS = "pca,pca-q,v2v,pca-qs,pca-qp,blocks,gft"
+PRESET_NAMES = ("usual", "printed")
+"""Of `evaluation.paper.settings`, written out: help comes without importing the evaluation."""
 
 
+@command
+@argument(
+    "inputs",
+    nargs=-1,
+    required=False,
+    metavar="INPUT...",
+    completion=input_files,
+    help="Sequences: an .npz or .reel file, a folder or a quoted glob of frames, each. "
+    "Default: the embedded flag.",
+)
+@option(
+    "--out",
+    type=Path,
+    default=Path("report"),
+    help="Folder for results, figures and report; made if missing.",
+)
+@option("--frames", type=int, default=300, help="Frames of the flag, where there is no INPUT.")
+@option("--methods", default=METHODS, metavar="A,B,...", help="Run only these methods.")
+@option(
+    "--preset",
+    default=PRESET_NAMES[0],
+    help="Modes and bits of the tables: usual (20 modes of 8 bits), or printed (8 of 4, "
+    "close to the rates that the paper prints for Samba).",
+    completion=names_of(PRESET_NAMES),
+)
+@option(
+    "--modes",
+    type=int,
+    range=COUNT,
+    help="Modes of each axis in the tables, the paper's k_l.",
+)
+@option(
+    "--block-modes",
+    type=int,
+    range=COUNT,
+    help="The same of each block of `blocks`.",
+)
+@option("--bits", type=int, help="Bits of quantized coefficients in the tables; pca keeps 16.")
+@option("--anchors", type=float, metavar="SHARE", help="Share of the vertices that are anchors.")
+@option(
+    "--choices",
+    default="",
+    metavar="NAME=VALUE[,...]",
+    help="What the paper leaves open, as `encode --choices` takes it.",
+)
+@option("--quick", is_flag=True, help="Few points in the rate-distortion plots.")
+@option("as_json", "--json", is_flag=True, help="Print a summary as JSON.")
 def paper_command(
-    inputs: Annotated[
-        list[str] | None,
-        typer.Argument(
-            metavar="INPUT...",
-            autocompletion=input_files,
-            help="Sequences: an .npz or .reel file, a folder or a quoted glob of frames, each. "
-            "Default: the embedded flag.",
-            show_default=False,
-        ),
-    ] = None,
-    out: Annotated[
-        Path, typer.Option(help="Folder for results, figures and report; made if missing.")
-    ] = Path("report"),
-    frames: Annotated[int, typer.Option(help="Frames of the flag, where there is no INPUT.")] = 300,
-    methods: Annotated[
-        str, typer.Option(metavar="A,B,...", help="Run only these methods.")
-    ] = ",".join(METHOD_NAMES),
-    preset: Annotated[
-        str,
-        typer.Option(
-            help="Modes and bits of the tables: usual (20 modes of 8 bits), or printed (8 of 4, "
-            "close to the rates that the paper prints for Samba).",
-            autocompletion=names_of(tuple(PRESETS)),
-        ),
-    ] = "usual",
-    modes: Annotated[
-        int | None, typer.Option(help="Modes of each axis in the tables, the paper's k_l.", min=1)
-    ] = None,
-    block_modes: Annotated[
-        int | None, typer.Option(help="The same of each block of `blocks`.", min=1)
-    ] = None,
-    bits: Annotated[
-        int | None,
-        typer.Option(help="Bits of quantized coefficients in the tables; pca keeps 16."),
-    ] = None,
-    anchors: Annotated[
-        float | None, typer.Option(metavar="SHARE", help="Share of the vertices that are anchors.")
-    ] = None,
-    choices: Annotated[
-        str,
-        typer.Option(
-            metavar="NAME=VALUE[,...]",
-            help="What the paper leaves open, as `encode --choices` takes it.",
-        ),
-    ] = "",
-    quick: Annotated[
-        bool, typer.Option("--quick", help="Few points in the rate-distortion plots.")
-    ] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="Print a summary as JSON.")] = False,
+    inputs: tuple[str, ...],
+    out: Path,
+    frames: int,
+    methods: str,
+    preset: str,
+    modes: int | None,
+    block_modes: int | None,
+    bits: int | None,
+    anchors: float | None,
+    choices: str,
+    quick: bool,
+    as_json: bool,
 ) -> None:
     """Run the variants of the paper, and write its tables and figures as a report.
 
@@ -78,13 +91,15 @@ def paper_command(
 
     - `meshreel paper walk.npz --modes 30 --bits 9 --choices anchor-values=coefficients`
     """
+    from dataclasses import replace
+
     from meshreel.cli.reports import check_before_work, named, write_report
     from meshreel.evaluation.choices import checked_names
-    from meshreel.evaluation.paper.settings import check_table
+    from meshreel.evaluation.paper.settings import METHOD_NAMES, PRESETS, check_table
     from meshreel.evaluation.paper.study import PaperStudy
 
     chosen = checked_names(named(methods), METHOD_NAMES, "method")
-    (preset,) = checked_names([preset], tuple(PRESETS), "preset")
+    (preset,) = checked_names([preset], PRESET_NAMES, "preset")
     given = {"--modes": modes, "--block-modes": block_modes, "--bits": bits, "--anchors": anchors}
     changes: dict[str, Any] = {
         flag.removeprefix("--").replace("-", "_"): value

@@ -3,11 +3,12 @@
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
-import typer
+import click
 
 from meshreel.cli.completing import input_files, reel_files
+from meshreel.cli.parameters import argument, option
 from meshreel.cli.track_options import COLORS
 
 if TYPE_CHECKING:
@@ -17,30 +18,23 @@ if TYPE_CHECKING:
     from meshreel.viewer.coloring import Coloring
     from meshreel.viewer.comparison import Comparison
 
-SourceArgument = Annotated[
-    Path,
-    typer.Argument(metavar="FILE.reel", autocompletion=reel_files, help="The stream to play."),
-]
-OriginalOption = Annotated[
-    str | None,
-    typer.Option(
-        metavar="INPUT",
-        autocompletion=input_files,
-        help="The original of the stream, to be shown beside it with heat maps of the error: "
-        "any input of `encode`.",
-    ),
-]
+source_argument = argument(
+    "source", type=Path, metavar="FILE.reel", completion=reel_files, help="The stream to play."
+)
+original_option = option(
+    "--original",
+    metavar="INPUT",
+    completion=input_files,
+    help="The original of the stream, shown alongside with heat maps of the error: "
+    "any input of `encode`.",
+)
 
-ShownTrackOption = Annotated[
-    str | None,
-    typer.Option(
-        "--track",
-        metavar="NAME",
-        help="Open with the mesh coloured by a track, such as stress; tracks of colours as they "
-        "are.",
-        rich_help_panel=COLORS,
-    ),
-]
+shown_track_option = option(
+    "--track",
+    metavar="NAME",
+    help="Open with the mesh coloured by a track, such as stress; tracks of colours as they are.",
+    panel=COLORS,
+)
 
 
 def coloring_of(
@@ -50,7 +44,7 @@ def coloring_of(
 
     Raises
     ------
-    typer.BadParameter
+    click.UsageError
         If options say how a track is shown, and none is named.
     """
     from meshreel.viewer.coloring import Coloring
@@ -60,7 +54,7 @@ def coloring_of(
     given = {"--component": component, "--range": range, "--colormap": colormap}
     for name, value in given.items():
         if value is not None:
-            raise typer.BadParameter(f"{name} says how a track is shown; name it with --track")
+            raise click.UsageError(f"{name} says how a track is shown; name it with --track")
     return None
 
 

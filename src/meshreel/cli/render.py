@@ -1,19 +1,21 @@
 """`meshreel render`: pictures and films of an animation, without a screen."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
-import typer
+import click
 
+from meshreel.cli.commands import command
 from meshreel.cli.completing import input_files, names_of, pictures
+from meshreel.cli.parameters import argument, option
 from meshreel.cli.read_options import (
-    AllowOutsideOption,
-    FpsOption,
-    MergeOption,
-    ObjectOption,
-    SkipBadOption,
+    allow_outside_option,
+    fps_option,
+    merge_option,
+    object_option,
+    skip_bad_option,
 )
-from meshreel.cli.track_options import COLORS, ColormapOption, ComponentOption, RangeOption
+from meshreel.cli.track_options import COLORS, colormap_option, component_option, range_option
 from meshreel.counting import counted
 
 if TYPE_CHECKING:
@@ -30,120 +32,119 @@ MAX_TURN_S = 3600.0
 VIEW, BACKGROUND = "30,12", "white"
 
 
+@command
+@argument(
+    "source",
+    metavar="FILE",
+    completion=input_files,
+    help="A .reel, another file that holds an animation (see `meshreel formats`), a "
+    "folder or a quoted glob of frames.",
+)
+@option(
+    "--output",
+    "-o",
+    type=Path,
+    required=True,
+    completion=pictures,
+    help="A picture (.png) or a film (.mp4, .gif); .mp4 needs [video].",
+)
+@option(
+    "--original",
+    metavar="INPUT",
+    completion=input_files,
+    help="The original of FILE, shown alongside.",
+)
+@option(
+    "--heatmap",
+    metavar="distance|angle|sted|track",
+    completion=names_of(["distance", "angle", "sted", "track"]),
+    help="Colour the decoded mesh by its error: vertex distance, angle between normals, "
+    "local STED, or that of the values of --track, in its unit.",
+)
+@option(
+    "--track",
+    metavar="NAME",
+    help="Colour the mesh by a track, such as stress, with the numbers beside; tracks of "
+    "colours as they are.",
+    panel=COLORS,
+)
+@component_option
+@range_option
+@colormap_option
+@option(
+    "--frames",
+    metavar="A:B|N,N,...",
+    help="Only frames A to B - 1, or those listed. Of a range, a picture shows "
+    f"{SHEET_FRAMES} ({COMPARED_FRAMES} beside an original), evenly spaced.",
+)
+@option(
+    "--at",
+    type=int,
+    metavar="INDEX",
+    help="Plot it over time at this vertex (face, corner: where its values are) instead "
+    "of drawing the mesh; a .png, needs [plot].",
+    panel=COLORS,
+)
+@option(
+    "--turntable", type=float, metavar="SECONDS", help="Films: circle the mesh, once in this time."
+)
+@option(
+    "--view",
+    default=VIEW,
+    metavar="AZ,EL",
+    help="Direction of view: front, side, top, or degrees to the right and up.",
+    panel=LOOK,
+)
+@option(
+    "--up",
+    metavar="y|z",
+    help="The axis that points up. Default: z for meshes that stand on z = 0, else y.",
+    panel=LOOK,
+)
+@option(
+    "--follow/--no-follow",
+    default=None,
+    help="Whether the camera follows the mesh. Default: if the mesh would be small.",
+    panel=LOOK,
+)
+@option(
+    "--size",
+    metavar="WxH",
+    help="Pixels of the whole picture. Default: as suits its content.",
+    panel=LOOK,
+)
+@option("--background", default=BACKGROUND, metavar="COLOR", help="A name, or #rrggbb.", panel=LOOK)
+@fps_option
+@object_option
+@merge_option
+@skip_bad_option
+@allow_outside_option
+@option("--force", "-f", is_flag=True, help="Replace the output if it exists.")
+@option("as_json", "--json", is_flag=True, help="Print what was done as JSON.")
 def render_command(
-    source: Annotated[
-        str,
-        typer.Argument(
-            metavar="FILE",
-            autocompletion=input_files,
-            help="A .reel, another file that holds an animation (see `meshreel formats`), a "
-            "folder or a quoted glob of frames.",
-        ),
-    ],
-    output: Annotated[
-        Path,
-        typer.Option(
-            "--output",
-            "-o",
-            autocompletion=pictures,
-            help="A picture (.png) or a film (.mp4, .gif); .mp4 needs [video].",
-        ),
-    ],
-    original: Annotated[
-        str | None,
-        typer.Option(
-            metavar="INPUT",
-            autocompletion=input_files,
-            help="The original of FILE, to be shown beside it.",
-        ),
-    ] = None,
-    heatmap: Annotated[
-        str | None,
-        typer.Option(
-            metavar="distance|angle|sted|track",
-            autocompletion=names_of(["distance", "angle", "sted", "track"]),
-            help="Colour the decoded mesh by its error: vertex distance, angle between normals, "
-            "local STED, or that of the values of --track, in its unit.",
-        ),
-    ] = None,
-    track: Annotated[
-        str | None,
-        typer.Option(
-            metavar="NAME",
-            help="Colour the mesh by a track, such as stress, with the numbers beside; tracks of "
-            "colours as they are.",
-            rich_help_panel=COLORS,
-        ),
-    ] = None,
-    component: ComponentOption = None,
-    range: RangeOption = None,
-    colormap: ColormapOption = None,
-    frames: Annotated[
-        str | None,
-        typer.Option(
-            metavar="A:B|N,N,...",
-            help="Only frames A to B - 1, or those listed. Of a range, a picture shows "
-            f"{SHEET_FRAMES} ({COMPARED_FRAMES} beside an original), evenly spaced.",
-        ),
-    ] = None,
-    at: Annotated[
-        int | None,
-        typer.Option(
-            metavar="INDEX",
-            help="Plot it over time at this vertex (face, corner: where its values are) instead "
-            "of drawing the mesh; a .png, needs [plot].",
-            rich_help_panel=COLORS,
-        ),
-    ] = None,
-    turntable: Annotated[
-        float | None,
-        typer.Option(metavar="SECONDS", help="Films: circle the mesh, once in this time."),
-    ] = None,
-    view: Annotated[
-        str,
-        typer.Option(
-            metavar="AZ,EL",
-            help="Direction of view: front, side, top, or degrees to the right and up.",
-            rich_help_panel=LOOK,
-        ),
-    ] = VIEW,
-    up: Annotated[
-        str | None,
-        typer.Option(
-            metavar="y|z",
-            help="The axis that points up. Default: z for meshes that stand on z = 0, else y.",
-            rich_help_panel=LOOK,
-        ),
-    ] = None,
-    follow: Annotated[
-        bool | None,
-        typer.Option(
-            "--follow/--no-follow",
-            help="Whether the camera follows the mesh. Default: if the mesh would be small.",
-            rich_help_panel=LOOK,
-        ),
-    ] = None,
-    size: Annotated[
-        str | None,
-        typer.Option(
-            metavar="WxH",
-            help="Pixels of the whole picture. Default: as suits its content.",
-            rich_help_panel=LOOK,
-        ),
-    ] = None,
-    background: Annotated[
-        str,
-        typer.Option(metavar="COLOR", help="A name, or #rrggbb.", rich_help_panel=LOOK),
-    ] = BACKGROUND,
-    fps: FpsOption = None,
-    object: ObjectOption = None,
-    merge: MergeOption = False,
-    skip_bad: SkipBadOption = False,
-    allow_outside: AllowOutsideOption = False,
-    force: Annotated[
-        bool, typer.Option("--force", "-f", help="Replace the output if it exists.")
-    ] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="Print what was done as JSON.")] = False,
+    source: str,
+    output: Path,
+    original: str | None,
+    heatmap: str | None,
+    track: str | None,
+    component: str | None,
+    range: str | None,
+    colormap: str | None,
+    frames: str | None,
+    at: int | None,
+    turntable: float | None,
+    view: str,
+    up: str | None,
+    follow: bool | None,
+    size: str | None,
+    background: str,
+    fps: float | None,
+    object: str | None,
+    merge: bool,
+    skip_bad: bool,
+    allow_outside: bool,
+    force: bool,
+    as_json: bool,
 ) -> None:
     """Draw an animation into a picture or a film.
 
@@ -300,21 +301,21 @@ def _check_together(
     from meshreel.rendering.scenes import HEAT_NAMES
 
     if heatmap is not None and heatmap not in HEAT_NAMES:
-        raise typer.BadParameter(f"--heatmap takes {', '.join(HEAT_NAMES)}; got {heatmap!r}")
+        raise click.UsageError(f"--heatmap takes {', '.join(HEAT_NAMES)}; got {heatmap!r}")
     if heatmap is not None and original is None:
-        raise typer.BadParameter(
+        raise click.UsageError(
             "--heatmap shows the error of FILE relative to its original; name that with --original"
         )
     if turntable is not None and not is_film:
-        raise typer.BadParameter(
+        raise click.UsageError(
             "--turntable turns a film; write .mp4 or .gif, or turn a picture with --view"
         )
     if turntable is not None and follow is not None:
-        raise typer.BadParameter(
+        raise click.UsageError(
             "--turntable circles the place where the mesh is; leave --follow and --no-follow out"
         )
     if turntable is not None and not 0 < turntable <= MAX_TURN_S:
-        raise typer.BadParameter(
+        raise click.UsageError(
             f"--turntable takes seconds above 0 and up to {MAX_TURN_S:g}; got {turntable:g}"
         )
 

@@ -4,7 +4,7 @@ import re
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-import typer
+import click
 
 from meshreel.cli.write_options import clamped_note
 
@@ -27,11 +27,11 @@ def frame_numbers(text: str | None, n_frames: int, notes: list[str]) -> list[int
     try:
         return [range(n_frames)[int(word)] for word in (text or "").split(",")]
     except ValueError:
-        raise typer.BadParameter(
+        raise click.UsageError(
             f"--frames takes A:B or a list such as 0,10,20 with whole numbers; got {text!r}"
         ) from None
     except IndexError:
-        raise typer.BadParameter(
+        raise click.UsageError(
             f"--frames {text} names a frame that does not exist; there are frames 0 to "
             f"{n_frames - 1}"
         ) from None
@@ -41,10 +41,10 @@ def _range(text: str, n_frames: int, notes: list[str]) -> list[int]:
     try:
         start, stop = (int(part) if part else None for part in text.split(":"))
     except ValueError:
-        raise typer.BadParameter(f"--frames takes A:B with whole numbers; got {text!r}") from None
+        raise click.UsageError(f"--frames takes A:B with whole numbers; got {text!r}") from None
     numbers = range(n_frames)[start:stop]
     if not numbers:
-        raise typer.BadParameter(
+        raise click.UsageError(
             f"--frames {text} names no frame; there are frames 0 to {n_frames - 1}"
         )
     if note := clamped_note(slice(start, stop), n_frames):
@@ -58,7 +58,7 @@ def picture_size(text: str | None) -> tuple[int, int] | None:
         return None
     found = re.fullmatch(r"(\d{1,5})x(\d{1,5})", text.lower())
     if not found:
-        raise typer.BadParameter(f"--size takes WIDTHxHEIGHT in pixels, as 1280x720; got {text!r}")
+        raise click.UsageError(f"--size takes WIDTHxHEIGHT in pixels, as 1280x720; got {text!r}")
     return int(found[1]), int(found[2])
 
 
@@ -69,7 +69,7 @@ def color_named(text: str) -> tuple[int, int, int]:
     try:
         return ImageColor.getrgb(text)[:3]
     except ValueError:
-        raise typer.BadParameter(
+        raise click.UsageError(
             f"--background takes a name such as white or black, or #rrggbb; got {text!r}"
         ) from None
 
@@ -93,9 +93,9 @@ def track_look(
         }  # fmt: skip
         without = next((name for name, value in given.items() if value is not None), None)
         if heatmap == TRACK_HEAT:
-            raise typer.BadParameter("--heatmap track shows the error of a track; name it: --track")
+            raise click.UsageError("--heatmap track shows the error of a track; name it: --track")
         if without:
-            raise typer.BadParameter(f"{without} says how a track is shown; name it with --track")
+            raise click.UsageError(f"{without} says how a track is shown; name it with --track")
         return None
     if ends is not None:
         parse_range(ends)
@@ -110,9 +110,9 @@ def check_plot(given: Mapping[str, object], *, is_film: bool) -> None:
 
     without = next((name for name, value in given.items() if value is not None), None)
     if without:
-        raise typer.BadParameter(
+        raise click.UsageError(
             f"{without} has no effect on a plot over time (--at); leave one of the two out"
         )
     if is_film:
-        raise typer.BadParameter("--at draws a plot over time; write a .png")
+        raise click.UsageError("--at draws a plot over time; write a .png")
     require_matplotlib()

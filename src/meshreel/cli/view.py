@@ -1,40 +1,64 @@
 """`meshreel view`: playback of a .reel in the browser."""
 
-from typing import TYPE_CHECKING, Annotated
+from pathlib import Path
+from typing import TYPE_CHECKING
 
-import typer
+import click
 
-from meshreel.cli.player import OriginalOption, ShownTrackOption, SourceArgument
-from meshreel.cli.read_options import AllowOutsideOption, MergeOption, ObjectOption, SkipBadOption
-from meshreel.cli.track_options import ColormapOption, ComponentOption, RangeOption
+from meshreel.cli.commands import command
+from meshreel.cli.parameters import option
+from meshreel.cli.player import original_option, shown_track_option, source_argument
+from meshreel.cli.read_options import (
+    allow_outside_option,
+    merge_option,
+    object_option,
+    skip_bad_option,
+)
+from meshreel.cli.track_options import colormap_option, component_option, range_option
+from meshreel.codec.option import Range
 
 if TYPE_CHECKING:
     from meshreel.viewer.server import ViewerServer
 
 
+@command
+@source_argument
+@original_option
+@shown_track_option
+@component_option
+@range_option
+@colormap_option
+@object_option
+@merge_option
+@skip_bad_option
+@allow_outside_option
+@option("--no-open", is_flag=True, help="Do not open the browser; only print the address.")
+@option(
+    "--port",
+    type=int,
+    range=Range(0, 65535, is_whole=True),
+    default=0,
+    help="Port to listen on; 0 takes a free one.",
+)
+@option(
+    "--host",
+    default="127.0.0.1",
+    help="Address or name of this machine to listen on, so that others can watch.",
+)
 def view_command(
-    source: SourceArgument,
-    original: OriginalOption = None,
-    track: ShownTrackOption = None,
-    component: ComponentOption = None,
-    range: RangeOption = None,
-    colormap: ColormapOption = None,
-    object: ObjectOption = None,
-    merge: MergeOption = False,
-    skip_bad: SkipBadOption = False,
-    allow_outside: AllowOutsideOption = False,
-    no_open: Annotated[
-        bool, typer.Option("--no-open", help="Do not open the browser; only print the address.")
-    ] = False,
-    port: Annotated[
-        int, typer.Option(min=0, max=65535, help="Port to listen on; 0 takes a free one.")
-    ] = 0,
-    host: Annotated[
-        str,
-        typer.Option(
-            help="Address or name of this machine to listen on, so that others can watch."
-        ),
-    ] = "127.0.0.1",
+    source: Path,
+    original: str | None,
+    track: str | None,
+    component: str | None,
+    range: str | None,
+    colormap: str | None,
+    object: str | None,
+    merge: bool,
+    skip_bad: bool,
+    allow_outside: bool,
+    no_open: bool,
+    port: int,
+    host: str,
 ) -> None:
     """Play a .reel file in the browser, until ctrl-C.
 
@@ -78,9 +102,9 @@ def view_command(
             stack.enter_context(closing(api.measuring)).start()
         print_line(f"{source} plays at {server.url} (ctrl-C stops it)")
         if not server.is_local:
-            typer.echo("everyone who can reach this machine can see it")
+            click.echo("everyone who can reach this machine can see it")
         _serve(server, opens_browser=not no_open)
-    typer.echo("stopped")
+    click.echo("stopped")
 
 
 def _serve(server: "ViewerServer", *, opens_browser: bool) -> None:

@@ -3,11 +3,12 @@
 import os
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
-import typer
+import click
 
 from meshreel.cli.completing import layout_names, output_files, texture_kinds
+from meshreel.cli.parameters import option
 from meshreel.codec.targets import DIAGONAL_OF_ALL
 
 if TYPE_CHECKING:
@@ -20,93 +21,71 @@ if TYPE_CHECKING:
 GLTF = "glTF output"
 TEXTURES = "Vertex animation textures (.vat output)"
 
-OutputOption = Annotated[
-    str,
-    typer.Option(
-        "--output",
-        "-o",
-        autocompletion=output_files,
-        help="A file for all frames (.abc, .usdc, .glb, .npz, ...: see `meshreel formats`), or a "
-        "pattern such as out/frame_%04d.obj for a file a frame, whose folder is made if missing; "
-        "or a folder such as walk.vat/ of vertex animation textures. Or an address that ends so "
-        "(s3://, gs://).",
-    ),
-]
-FramesOption = Annotated[
-    str | None, typer.Option(metavar="A:B", help="Only frames A to B - 1. Default: all.")
-]
-StartNumberOption = Annotated[
-    int | None,
-    typer.Option(
-        metavar="N",
-        help="Of a pattern, the number of the first file. Default: that of its frame.",
-        show_default=False,
-    ),
-]
-TargetsOption = Annotated[
-    int | None,
-    typer.Option(
-        help="Morph targets to make the animation of. Default: as many as the error needs.",
-        rich_help_panel=GLTF,
-    ),
-]
-GltfErrorOption = Annotated[
-    str | None,
-    typer.Option(
-        "--max-error",
-        metavar="BOUND",
-        help="The largest error that there may be: from the original, of a .reel that promises its "
-        "own; else what morph targets or textures add. 0.1 or 0.1%: percent "
-        f"{DIAGONAL_OF_ALL}; 0.5u: model units; 0.5mm: a length, see --unit.",
-        rich_help_panel=GLTF,
-    ),
-]
-OutputErrorOption = Annotated[
-    str | None,
-    typer.Option(
-        "--max-error",
-        metavar="BOUND",
-        help="Of a .reel: no vertex of any frame is farther off. Of glTF and .vat: the largest "
-        f"error that morph targets or textures may add. 0.1 or 0.1%: percent {DIAGONAL_OF_ALL}; "
-        "0.5u: model units; 0.5mm: a length, see --unit.",
-    ),
-]
-NormalsOption = Annotated[
-    bool | None,
-    typer.Option(
-        "--normals/--no-normals",
-        help="Write normals for all meshes, turned by all targets; or none, so that viewers shade "
-        "faces flat. Default: smooth meshes have them, turned by as many targets as bring them "
-        "within some 3.5 degrees in the mean. Of a .vat: the normals of every frame (default), or "
-        "none; of the layout pca as of glTF.",
-        show_default=False,
-        rich_help_panel=GLTF,
-    ),
-]
-LayoutOption = Annotated[
-    str | None,
-    typer.Option(
-        metavar="NAME",
-        autocompletion=layout_names,
-        help="Whose shaders play the textures: openvat, openvat-unity, labs (glTF's axes), "
-        "labs-unity or labs-unreal; or pca, a texture of a fraction of the size, for shaders of "
-        "meshreel. Default: openvat.",
-        show_default=False,
-        rich_help_panel=TEXTURES,
-    ),
-]
-TexturesOption = Annotated[
-    str | None,
-    typer.Option(
-        metavar="KIND",
-        autocompletion=texture_kinds,
-        help="exr: half floats, or full ones if --max-error needs them; png: 8 bits, or 16. "
-        "Default: exr, which engines read as it is. Not for the layout pca.",
-        show_default=False,
-        rich_help_panel=TEXTURES,
-    ),
-]
-ForceOption = Annotated[bool, typer.Option("--force", "-f", help="Replace outputs that exist.")]
+output_option = option(
+    "--output",
+    "-o",
+    required=True,
+    completion=output_files,
+    help="A file for all frames (.abc, .usdc, .glb, .npz, ...: see `meshreel formats`), or a "
+    "pattern such as out/frame_%04d.obj for a file a frame, whose folder is made if missing; "
+    "or a folder such as walk.vat/ of vertex animation textures. Or an address that ends so "
+    "(s3://, gs://).",
+)
+frames_option = option("--frames", metavar="A:B", help="Only frames A to B - 1. Default: all.")
+start_number_option = option(
+    "--start-number",
+    type=int,
+    metavar="N",
+    help="Of a pattern, the number of the first file. Default: that of its frame.",
+)
+targets_option = option(
+    "--targets",
+    type=int,
+    help="Morph targets to make the animation of. Default: as many as the error needs.",
+    panel=GLTF,
+)
+gltf_error_option = option(
+    "--max-error",
+    metavar="BOUND",
+    help="The largest error that there may be: from the original, of a .reel that promises its "
+    "own; else what morph targets or textures add. 0.1 or 0.1%: percent "
+    f"{DIAGONAL_OF_ALL}; 0.5u: model units; 0.5mm: a length, see --unit.",
+    panel=GLTF,
+)
+output_error_option = option(
+    "--max-error",
+    metavar="BOUND",
+    help="Of a .reel: no vertex of any frame is farther off. Of glTF and .vat: the largest "
+    f"error that morph targets or textures may add. 0.1 or 0.1%: percent {DIAGONAL_OF_ALL}; "
+    "0.5u: model units; 0.5mm: a length, see --unit.",
+)
+normals_option = option(
+    "--normals/--no-normals",
+    default=None,
+    help="Write normals for all meshes, turned by all targets; or none, so that viewers shade "
+    "faces flat. Default: smooth meshes have them, turned by as many targets as bring them "
+    "within some 3.5 degrees in the mean. Of a .vat: the normals of every frame (default), or "
+    "none; of the layout pca as of glTF.",
+    panel=GLTF,
+)
+layout_option = option(
+    "--layout",
+    metavar="NAME",
+    completion=layout_names,
+    help="Whose shaders play the textures: openvat, openvat-unity, labs (glTF's axes), "
+    "labs-unity or labs-unreal; or pca, a texture of a fraction of the size, for shaders of "
+    "meshreel. Default: openvat.",
+    panel=TEXTURES,
+)
+textures_option = option(
+    "--textures",
+    metavar="KIND",
+    completion=texture_kinds,
+    help="exr: half floats, or full ones if --max-error needs them; png: 8 bits, or 16. "
+    "Default: exr, which engines read as it is. Not for the layout pca.",
+    panel=TEXTURES,
+)
+force_option = option("--force", "-f", is_flag=True, help="Replace outputs that exist.")
 
 
 def checked_bound(text: str | None, unit: str | None) -> float | str | None:
@@ -116,7 +95,7 @@ def checked_bound(text: str | None, unit: str | None) -> float | str | None:
     if text is not None:
         return bound_of(text, unit).plain
     if unit is not None:
-        raise typer.BadParameter("--unit says what a length in --max-error means; give both")
+        raise click.UsageError("--unit is the unit of a length in --max-error; give both")
     return None
 
 
@@ -129,10 +108,10 @@ def frame_slice(text: str | None) -> slice | None:
         start = int(first) if first else None
         stop = int(last) if last else None
     except ValueError:
-        raise typer.BadParameter(f"--frames takes A:B with whole numbers; got {text!r}") from None
+        raise click.UsageError(f"--frames takes A:B with whole numbers; got {text!r}") from None
     if not colon:
         if start is None:
-            raise typer.BadParameter("--frames takes A:B; got nothing")
+            raise click.UsageError("--frames takes A:B; got nothing")
         return slice(start, start + 1 or None)
     return slice(start, stop)
 
@@ -142,13 +121,13 @@ def is_stream(output: "str | os.PathLike[str]") -> bool:
     return Path(output).suffix.lower() == ".reel"
 
 
-def refuse_stream_options(context: typer.Context, names: Iterable[str], output: str) -> None:
+def refuse_stream_options(context: click.Context, names: Iterable[str], output: str) -> None:
     """Refuse options of these names that were given, for they choose nothing in the output."""
-    for option in context.command.params:
-        source = context.get_parameter_source(option.name or "")
-        if option.name in names and source is not None and source.name == "COMMANDLINE":
-            raise typer.BadParameter(
-                f"{option.opts[0]} has no effect on {output}; it is for .reel outputs"
+    for param in context.command.params:
+        source = context.get_parameter_source(param.name or "")
+        if param.name in names and source is not None and source.name == "COMMANDLINE":
+            raise click.UsageError(
+                f"{param.opts[0]} has no effect on {output}; it is for .reel outputs"
             )
 
 

@@ -1,16 +1,19 @@
 """Commands that encode have the options of the table, each as the table has it."""
 
 import json
+import re
 
+import click
 import pytest
-import typer.main
-from typer.testing import CliRunner
+from click.testing import CliRunner
 
 import meshreel
 from meshreel.cli.app import app
-from meshreel.cli.encode_options import option_info, with_encode_options
+from meshreel.cli.commands import command_named
+from meshreel.cli.encode_options import encode_options
 from meshreel.codec.options import all_options
 from meshreel.codec.targets import UNIT
+from meshreel.errors import InvalidInputError
 from samples.meshes import waving_grid
 
 OPTIONS = {option.name: option for option in all_options()}
@@ -18,7 +21,7 @@ COMMANDS = ("encode", "convert", "batch")
 
 
 def params(command):
-    return {one.name: one for one in typer.main.get_group(app).commands[command].params}
+    return {one.name: one for one in command_named(command).params}
 
 
 @pytest.mark.parametrize("name", OPTIONS)
@@ -26,9 +29,9 @@ def params(command):
 def test_command_has_every_option_of_the_table(command, name):
     option, param = OPTIONS[name], params(command)[name]
     assert param.opts == [option.flag]
-    assert param.default == option.default
     if command != "convert" or name != "max_error":  # where it means more
-        assert param.rich_help_panel == (option.group or None)
+        assert param.default == option.default
+        assert param.panel == option.group
 
 
 @pytest.mark.parametrize("name", [option.name for option in all_options() if option.names])
@@ -42,15 +45,15 @@ def test_names_are_completed_when_they_are_begun(command, name):
 
 def given_to(*arguments):
     """What a command gets that was called so."""
-    small = typer.Typer()
 
-    @small.command()
-    @with_encode_options()
-    def command(*, encoding: dict, twice: bool = False) -> None:
-        typer.echo(json.dumps([encoding, twice]))
+    @click.command()
+    @encode_options()
+    @click.option("--twice", is_flag=True)
+    def small(encoding: dict, twice: bool) -> None:
+        click.echo(json.dumps([encoding, twice]))
 
-    done = CliRunner().invoke(small, arguments)
-    return json.loads(done.output) if done.exit_code == 0 else done.output
+    settings = {"catch_exceptions": False, "standalone_mode": False}
+    return json.loads(CliRunner().invoke(small, arguments, **settings).output)
 
 
 def test_command_gets_defaults_when_nothing_is_given():
@@ -73,15 +76,27 @@ def test_one_number_of_bits_is_no_list():
     assert given_to("--bits", "8")[0]["bits"] == 8
 
 
+def test_list_is_refused_when_one_of_its_numbers_is_none():
+    with pytest.raises(click.UsageError, match="--bits takes a whole number, or several"):
+        given_to("--bits", "8,x")
+
+
 @pytest.mark.parametrize(
-    ("flag", "typed"), [("--bits", "8,x"), ("--kg", "much"), ("--modes", "2.5")]
+    ("flag", "typed", "message"),
+    [
+        ("--quality", "high", "--quality must be 1..100; got 'high'"),
+        ("--kg", "much", "--kg must be above 0, in percent; got 'much'"),
+        ("--modes", "2.5", "--modes must be a whole number of at least 1; got '2.5'"),
+        ("--effort", "0", "--effort must be 1..9; got 0"),
+    ],
 )
-def test_option_is_refused_when_it_is_no_number(flag, typed):
-    assert "Invalid value" in given_to(flag, typed)
+def test_option_is_refused_when_it_is_no_number_of_its_range(flag, typed, message):
+    with pytest.raises(InvalidInputError, match=f"^{re.escape(message)}$"):
+        given_to(flag, typed)
 
 
 def test_help_names_flags_in_place_of_keywords():
-    assert "--max-error that is a length" in option_info(UNIT).help
+    assert "--max-error that is a length" in params("encode")[UNIT.name].help
 
 
 @pytest.mark.parametrize("command", ["encode", "convert"])

@@ -5,17 +5,16 @@ import re
 from pathlib import Path
 
 import pytest
-import typer.main
 
 import meshreel
-from meshreel.cli.app import app
+from meshreel.cli.commands import COMMANDS, command_named
 from meshreel.cli.option_names import all_in_option_names, in_option_names
 
 ROOT = Path(meshreel.__file__).parent
 OPTIONS = {
     option
-    for command in typer.main.get_group(app).commands.values()
-    for param in command.params
+    for command in COMMANDS
+    for param in command_named(command).params
     for option in param.opts
 }
 KEYWORD_LEFT = re.compile(r"(?<![\w./'\"-])[a-z]\w*=(?:True|False|\"\w+\")?(?=[\s),;:.]|$)")
