@@ -16,9 +16,11 @@ def test_header_comes_back_when_written():
     assert read_header(data + b"rest") == (HEADER, len(data))
 
 
-def test_name_is_cut_between_characters_when_it_is_too_long():
-    long = replace(HEADER, name="ä" * MAX_NAME_BYTES + "x")
-    assert read_header(write_header(long))[0].name == "ä" * (MAX_NAME_BYTES // 2)
+@pytest.mark.parametrize("start", ["", "x"])
+def test_name_is_cut_between_characters_when_it_is_too_long(start):
+    long = replace(HEADER, name=start + "ä" * MAX_NAME_BYTES)
+    kept = "ä" * ((MAX_NAME_BYTES - len(start)) // 2)
+    assert read_header(write_header(long))[0].name == start + kept
 
 
 def test_reading_raises_when_the_data_end_anywhere_inside():
