@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 
+from conformance.bits import DamagedError
+from conformance.connectivity import read_faces
 from meshreel.connectivity.triangles import lowest_rotation, sorted_order
 from meshreel.errors import CorruptStreamError, InvalidInputError
 from meshreel.kernel.connectivity import MOST_ITEMS, decode_faces, encode_faces
@@ -62,6 +64,21 @@ def copies(faces, n):
 
 def both_sides(faces):
     return np.stack([faces, faces[:, ::-1]], axis=1).reshape(-1, 3)
+
+
+def sharing(faces, *pairs):
+    """The faces with the first vertex of each pair replaced with the second."""
+    for vertex, other in pairs:
+        faces = np.where(faces == vertex, other, faces)
+    return np.unique(faces, return_inverse=True)[1].reshape(-1, 3).astype(np.int32)
+
+
+def faces_or_nothing(read, *arguments):
+    """What a decoder finds, or None if it refuses the bytes."""
+    try:
+        return [tuple(face) for face in np.array(read(*arguments)).tolist()]
+    except (CorruptStreamError, DamagedError):
+        return None
 
 
 # Bytes that each takes, and some more.
@@ -177,3 +194,38 @@ def test_changed_bytes_give_faces_or_our_error(surface):
         except CorruptStreamError:
             continue
         assert 0 <= found.min() <= found.max() < n_verts
+
+
+@pytest.mark.parametrize(
+    "faces",
+    [
+        sharing(copies(octahedron_faces(), 6), (6, 0), (12, 3), (18, 7), (25, 0), (31, 9)),
+        sharing(np.arange(60).reshape(-1, 3), (5, 1), (20, 1), (8, 4), (50, 10), (58, 55)),
+        turned_over(rolled_grid(5, 4)),
+        grid_faces(5, 4)[[*range(9), *range(11, 24)]],
+        subdivided(octahedron_faces(), 1)[3:],
+    ],
+    ids=["octahedra", "triangles", "turned over", "holes", "cap"],
+)
+def test_plain_reader_agrees_when_any_bit_of_a_small_surface_is_changed(faces):
+    faces = np.array(faces, np.int32)
+    shape = int(faces.max()) + 1, len(faces)
+    payload, _, internal = encode_faces(faces, shape[0], listed=False)
+    assert read_faces(payload, *shape) == [tuple(face) for face in internal.tolist()]
+    for bit in range(8 * len(payload)):
+        changed = bytearray(payload)
+        changed[bit // 8] ^= 1 << bit % 8
+        found = faces_or_nothing(decode_faces, bytes(changed), *shape)
+        assert found == faces_or_nothing(read_faces, bytes(changed), *shape)
+
+
+@pytest.mark.parametrize(("position", "value"), [(5, 0b10010101), (6, 0b111100)])
+def test_a_copy_of_the_next_vertex_is_refused(position, value):
+    """There is none yet; `faces` have a vertex each in common with those before."""
+    faces = np.array([[0, 1, 2], [2, 3, 4], [4, 5, 6]], np.int32)
+    changed = bytearray(encode_faces(faces, 7, listed=False)[0])
+    changed[position] ^= value
+    with pytest.raises(DamagedError, match="no such vertex to copy"):
+        read_faces(bytes(changed), 7, 3)
+    with pytest.raises(CorruptStreamError):
+        decode_faces(bytes(changed), 7, 3)

@@ -59,6 +59,14 @@ def test_turns_lead_to_the_normals_that_are_wanted():
     np.testing.assert_allclose(found, wanted, atol=1e-9)
 
 
+@pytest.mark.parametrize(("up", "along_x"), [(2.0**-20, -1), (2.0**-20 - 2.0**-53, 1)])
+def test_tangents_change_side_where_the_format_says_so(up, along_x):
+    side = np.sqrt(up * (2 - up))
+    found = np.empty((1, 3))
+    turned(np.array([[side, 0, up - 1]]), np.array([[0.5, 0.0]]), found)
+    assert found[0, 0] * along_x == pytest.approx(0.5 / (1 + 0.5**2 / 4), abs=0.01)
+
+
 def test_an_error_of_turns_is_none_larger_of_normals():
     normals, wanted = unit(5000), unit(5000)
     can = np.einsum("ij,ij->i", normals, wanted) > -0.99
