@@ -253,6 +253,25 @@ def test_load_takes_the_faces_of_a_solid_cell_when_it_has_no_neighbour(tmp_path,
     assert np.linalg.det(corners).sum() > 0  # faces look outwards
 
 
+PRISM_SIDES = {13: 3, 15: 5, 16: 6}
+ANY_SOLID = [10, 11, 12, 13, 14, 15, 16]
+
+
+@pytest.mark.parametrize("kind", ANY_SOLID)
+def test_every_face_of_a_solid_cell_looks_outwards(tmp_path, kind):
+    points = CUBE[SOLIDS[kind]] if kind in SOLIDS else None
+    if n_sides := PRISM_SIDES.get(kind):
+        turn = np.exp(2j * np.pi * np.arange(n_sides) / n_sides)
+        ring = np.stack([turn.real, turn.imag, np.zeros(n_sides)], axis=1)
+        # The first ring of a wedge is seen from outside in turn; that of other prisms, from inside.
+        points = np.concatenate([ring, ring + np.array([0, 0, -1 if kind == 13 else 1])])
+    found = load(written(xml_writer("vtu"), grid(points, [(kind, [*range(len(points))])]),
+                         tmp_path / "a.vtu"))  # fmt: skip
+    a, b, c = np.moveaxis(found.vertices[0][found.faces].astype(float), 1, 0)
+    outwards = np.cross(b - a, c - a)
+    assert np.all(np.einsum("ij,ij->i", outwards, (a + b + c) / 3 - points.mean(axis=0)) > 0.01)
+
+
 @pytest.mark.parametrize("kind", [22, 23, 24, 25, 26, 27, 28, 29, 34, 69, 70])
 def test_load_takes_the_corners_when_cells_are_curved(tmp_path, kind):
     linear = {22: 3, 34: 3, 69: 3, 23: 4, 28: 4, 70: 4, 24: 4, 25: 8, 29: 8, 26: 6, 27: 5}[kind]
@@ -408,6 +427,16 @@ def test_reading_joins_the_files_of_a_time_when_pieces_are_merged(tmp_path, read
     assert positions_of(found).tobytes() == expected.tobytes()
     assert [part.name for part in found.surface.parts] == ["/piece_0", "/piece_1"]
     assert {one.name for one in found.surface.attributes} == {"uv set", "paint", "heat"}
+
+
+def test_pieces_of_a_time_are_joined_in_the_order_of_the_collection(tmp_path):
+    positions = write_series(tmp_path, 4, "f_{}.vtp")
+    rows = [f'timestep="{time}" file="f_{i}.vtp"' for time, i in ((0, 1), (1, 3), (0, 0), (1, 2))]
+    path = write_pvd(tmp_path, rows)
+    joined = load(path, merge=True)
+    assert joined.vertices.tobytes() == positions[[1, 0, 3, 2]].tobytes()
+    apart = load(path, fps=12)
+    assert apart.vertices.tobytes() == positions[[1, 3, 0, 2]].tobytes()
 
 
 @pytest.mark.parametrize("times", [(0, 0, 1, 1), (0, 1, 2, 1), (0, 0, 0, 0)])
