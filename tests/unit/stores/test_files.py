@@ -110,6 +110,27 @@ def test_frames_that_came_before_a_failure_go_again(memory, walk, monkeypatch, t
     assert there() == [kept.name]
 
 
+def test_files_that_were_there_stay_when_an_upload_fails(memory, tmp_path, monkeypatch):
+    for name in ("a", "d"):
+        memory.pipe(f"/bucket/{name}", b"old")
+    files = {}
+    for name in "abcd":
+        (tmp_path / name).write_bytes(b"new")
+        files[tmp_path / name] = f"memory://bucket/{name}"
+    putting = memory.put_file
+
+    def breaking(place, path, **options):
+        if path.endswith("/c"):
+            raise ConnectionError("line is cut")
+        putting(place, path, **options)
+
+    monkeypatch.setattr(type(memory), "put_file", staticmethod(breaking))
+    with pytest.raises(meshreel.StoreError, match="line is cut"):
+        transfer.upload_all(files, overwrite=True)
+    assert names(memory) == ["/bucket/a", "/bucket/d"]
+    assert (memory.cat("/bucket/a"), memory.cat("/bucket/d")) == (b"new", b"old")
+
+
 def test_files_that_others_name_come_along(memory, tmp_path):
     meshreel.save(dressed_sheet(), "memory://bucket/walk.gltf")
     assert {"/bucket/walk.gltf", "/bucket/walk.bin"} & set(names(memory))
@@ -131,6 +152,20 @@ def test_outputs_of_other_schemes_appear_under_their_names_at_the_end(walk, tmp_
     address = f"file://{tmp_path.as_posix()}/deep/walk.npz"
     assert meshreel.save(walk, address) == [address]
     assert [path.name for path in (tmp_path / "deep").iterdir()] == ["walk.npz"]
+
+
+def test_no_hidden_file_is_left_when_it_cannot_be_renamed(monkeypatch, tmp_path):
+    def refusing(store, old, new, **options):
+        raise PermissionError("no renaming here")
+
+    monkeypatch.setattr(type(fsspec.filesystem("file")), "mv", refusing)
+    (tmp_path / "walk.npz").write_bytes(b"new")
+    there = tmp_path / "there"
+    with pytest.raises(meshreel.StoreError, match="no renaming here"):
+        transfer.upload_all(
+            {tmp_path / "walk.npz": f"file://{there.as_posix()}/walk.npz"}, overwrite=False
+        )
+    assert list(there.iterdir()) == []
 
 
 def test_web_server_takes_no_outputs(walk):
