@@ -232,7 +232,10 @@ def test_existing_output_is_replaced_when_forced(grid, tmp_path):
             ["--modes", "--energy", "exclude"],
         ),
         (["encode", "{grid}", "--kg", "1", "--size", "900"], ["--kg", "--size", "exclude"]),
-        (["encode", "{grid}", "--size", "9"], ["size 9 cannot be met", "order drop"]),
+        (
+            ["encode", "{grid}", "--size", "9"],
+            ["size 9 cannot be met", "smallest file", "order drop"],
+        ),
         (["encode", "{grid}", "--method", "pca-qp", "--kg", "1"], ["pca-qp", "kg", "reel"]),
         (["encode", "{grid}", "--effort", "11"], ["effort must be 1..9", "11"]),
         (["encode", "{grid}", "--tune", "loud"], ["loud", "visual, geometry"]),

@@ -1,5 +1,6 @@
 """Targets of `reel`, and whether streams meet them."""
 
+import re
 from functools import cache
 from itertools import pairwise
 
@@ -157,15 +158,33 @@ def test_budget_is_refused_with_what_was_reached_when_it_is_too_small(aim, limit
     with pytest.raises(InvalidInputError, match=f"{aim} {limit} cannot be met") as refused:
         encoded("grid", **{aim: limit})
     assert 'order="drop"' in str(refused.value)
-    reached = float(str(refused.value).split("the best stream has ")[1].split(";")[0])
+    [reached] = map(
+        float, re.findall(r"the smallest .*? (?:is|has) ([\d.e-]+)", str(refused.value))
+    )
     assert measured("grid", encoded("grid", **{aim: 1.03 * reached}))[aim] <= 1.03 * reached
+
+
+def test_smallest_size_that_an_error_names_can_be_met_and_no_smaller_one():
+    with pytest.raises(InvalidInputError, match=r"order out \(order=") as refused:
+        encoded("grid", size=10)
+    [smallest] = map(int, re.findall(r"is (\d+) bytes", str(refused.value)))
+    assert len(encoded("grid", size=smallest)) == smallest
+    with pytest.raises(InvalidInputError, match=f"is {smallest} bytes"):
+        encoded("grid", size=smallest - 1)
+
+
+def test_advice_on_a_size_is_not_to_drop_the_order_when_it_is_dropped():
+    with pytest.raises(InvalidInputError, match=r"bytes; allow more$"):
+        encoded("grid", size=10, order="drop")
 
 
 @pytest.mark.parametrize(("aim", "limit"), [("kg", 1e-12), ("sted", 1e-12)])
 def test_error_is_refused_with_what_was_reached_when_it_is_too_small(aim, limit):
     with pytest.raises(InvalidInputError, match=f"{aim} {limit} cannot be met") as refused:
         encoded("grid", **{aim: limit})
-    reached = float(str(refused.value).split("the best stream has ")[1].split(";")[0])
+    [reached] = map(
+        float, re.findall(r"the smallest .*? (?:is|has) ([\d.e-]+)", str(refused.value))
+    )
     assert limit < reached < 1e-4
 
 

@@ -8,6 +8,8 @@ from typing import Protocol
 
 import numpy as np
 
+from meshreel.codec.choices import Order
+from meshreel.codec.config import EncoderConfig
 from meshreel.codec.targets import Aim, Target
 from meshreel.errors import InvalidInputError
 from meshreel.reel.encoding.block_coder import check_promise
@@ -52,14 +54,15 @@ class Material(Protocol):
         """The number that the target limits, with a step: an error, bytes or bits."""
 
 
-def aimed(target: Target, material: Material) -> tuple[float, float | None]:
-    """The step that meets a target, and the bound it promises, both in diagonals.
+def aimed(config: EncoderConfig, material: Material) -> tuple[float, float | None]:
+    """The step that meets the target of options, and the bound it promises, both in diagonals.
 
     Raises
     ------
     InvalidInputError
         If the target cannot be met.
     """
+    target = config.target
     if target.aim is Aim.STEP:
         return checked_step(target.value, material.finest_step), None
     if target.aim is Aim.QUALITY:
@@ -69,7 +72,7 @@ def aimed(target: Target, material: Material) -> tuple[float, float | None]:
         bound = promised_bound(target, material.diagonal, material.rounding, material.dtype)
         step = least_cost(lambda step: material.size_bytes(step, bound), bound / STEPS_OF_BOUND)
         return max(material.finest_step, step), bound
-    return _step_within_limit(target, material), None
+    return _step_within_limit(config, material), None
 
 
 def _step_of(quality: float, material: Material) -> float:
@@ -107,8 +110,9 @@ def promised_bound(
     return percent / 100.0
 
 
-def _step_within_limit(target: Target, material: Material) -> float:
+def _step_within_limit(config: EncoderConfig, material: Material) -> float:
     """The step that comes nearest to the target's number from below."""
+    target = config.target
     found: dict[float, float] = {}
 
     def measured(step: float) -> float:
@@ -120,13 +124,24 @@ def _step_within_limit(target: Target, material: Material) -> float:
     step = meet_limit(measured, target.value, start, rises=not target.aim.is_budget)
     if step is None:
         raise InvalidInputError(
-            f"{target.aim.value} {target.value:g} cannot be met: the best stream has "
-            f"{min(found.values()):g}; " + _remedy(target.aim)
+            f"{target.aim.value} {target.value:g} cannot be met: "
+            f"{_best(target.aim, min(found.values()))}; {_remedy(config)}"
         )
     return step
 
 
-def _remedy(aim: Aim) -> str:
-    if aim.is_budget:
-        return 'allow more, or leave the order out (order="drop")'
-    return "positions come back no nearer than their number type; allow more"
+def _best(aim: Aim, reached: float) -> str:
+    """The smallest number that was reached, in words."""
+    if aim is Aim.SIZE:
+        return f"the smallest file with these options is {reached:.0f} bytes"
+    if aim is Aim.BPVF:
+        return f"the smallest file with these options has {reached:g} bits per vertex and frame"
+    return f"the smallest error is {reached:g}"
+
+
+def _remedy(config: EncoderConfig) -> str:
+    if not config.target.aim.is_budget:
+        return "positions come back no nearer than their number type; allow more"
+    if Order[config.order.upper()] is Order.DROP:
+        return "allow more"
+    return 'allow more, or leave the order out (order="drop")'

@@ -121,7 +121,7 @@ class LiveCoder:
     ) -> None:
         self._mesh, self._dtype = mesh, first.dtype
         coder = coder_of(mesh, frame)
-        self._coder = coder.with_step(*aimed(mesh.config.target, FirstBlock(coder, first)))
+        self._coder = coder.with_step(*aimed(mesh.config, FirstBlock(coder, first)))
         self._blocks = KeyedBlocks(self._coder)
 
         def decoded() -> Vertices:
