@@ -128,6 +128,23 @@ test("percentiles on both sides of 0 are as far from it; numbers that are given 
   assert.deepEqual(await of([3, 4, -6, 8], FULL, { columns: [1], as: "number" }, 2), [4, 8]);
 });
 
+test("a track within its error bound of 0 is not taken for one with both signs", async () => {
+  const of = (values, promisedError, kind = "scalar", ends = FULL) => {
+    const track = trackOf(Array(30).fill(values));
+    Object.assign(track.info, { promisedError, kind });
+    return rangeOf(track, ends);
+  };
+  assert.deepEqual(await of([-0.01, 0.005, 7], 0.02), [0, 7]);
+  assert.deepEqual(await of([-7, 0.005], 0.02), [-7, 0]);
+  assert.deepEqual(await of([-0.01, 0.015], 0.02), [0, 0.02]);
+  assert.deepEqual(await of([0, 0], 0.02), [0, 0.02]);
+  assert.deepEqual(await of([-0.01, 7], 0.02, "scalar", rangeEnds("0%:5")), [0, 5]);
+  assert.deepEqual(await of([-0.03, 7], 0.02), [-7, 7]);
+  assert.deepEqual(await of([-0.01, 7], null), [-7, 7]);
+  assert.deepEqual(await of([-0.01, 0.9], 2, "normal"), [-0.9, 0.9]); // the bound is an angle
+  assert.deepEqual(await of([-0.01, 7], 0.02, "scalar", rangeEnds([-0.01, 7])), [-0.01, 7]);
+});
+
 test("what is shown of a value is its column, its length or its colour", () => {
   const shown = (nColumns, component, kind = "other") =>
     shownOf({ name: "u", kind, nColumns }, component);

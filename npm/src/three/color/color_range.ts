@@ -99,8 +99,9 @@ function quantile(sorted: Float64Array, share: number): number {
 
 /**
  * The range of a track that is shown. Percentiles are of eight frames, evenly spaced, of its first
- * block, or of the whole file, and then of all frames where they are 0 or 100. Symmetric about 0
- * where two percentiles lie on both sides of it; of a track that is the same everywhere, around that.
+ * block, or of the whole file, and then of all frames where they are 0 or 100. A percentile that is
+ * on the other side of 0 than the other end by no more than the error bound of the track is 0.
+ * Symmetric about 0 where two percentiles lie on both sides of it; of a track that is the same everywhere, around that.
  *
  * @throws InvalidInputError where it leaves no room between its ends.
  * @throws what `OpenTrack.frame` throws
@@ -120,9 +121,10 @@ export async function shownRange(
   const count = isWhole ? nFrames : N_SAMPLES;
   const sorted = await sampledNumbers(track, isOfFile ? all : blocks[0], count, shown, signal);
   if (!sorted.length) return [0, 1]; // there is no number
-  const [low, high] = ends.map(({ amount, isPercent }) =>
+  const found = ends.map(({ amount, isPercent }) =>
     isPercent ? quantile(sorted, amount / 100) : amount,
   );
+  const [low, high] = withoutErrorSign(found, ends, errorBound(track.info));
   if (ends.every(({ isPercent }) => isPercent) && low < 0 && high > 0) {
     const most = Math.max(-low, high);
     return [-most, most];
@@ -133,6 +135,28 @@ export async function shownRange(
   }
   const half = Math.abs(low) / 2 || 0.5;
   return [low - half, high + half];
+}
+
+/** How far a number may be from the original, in its own unit; 0 where that is not known. */
+function errorBound({ kind, promisedError }: Pick<TrackInfo, "kind" | "promisedError">): number {
+  return kind === "normal" ? 0 : (promisedError ?? 0); // that of normals is an angle
+}
+
+/**
+ * Ends of a range in which a percentile is 0 where only the error of decoding may have put it on the
+ * other side of 0: a track that is never negative must not look as if it were. Where both may be
+ * such errors, the range is 0 to the bound.
+ */
+function withoutErrorSign(
+  [low, high]: readonly number[],
+  [first, last]: readonly End[],
+  bound: number,
+): readonly number[] {
+  if (bound === 0 || low > 0 || high < 0) return [low, high];
+  const isLowError = first.isPercent && low >= -bound;
+  const isHighError = last.isPercent && high <= bound;
+  if (isLowError && isHighError) return [0, bound];
+  return [isLowError ? 0 : low, isHighError ? 0 : high];
 }
 
 /** Numbers that are shown in frames, evenly spaced, ascending. */

@@ -52,7 +52,8 @@ export interface ColorOptions {
   /**
    * The numbers at the ends of the map; what is beyond has the colours of the ends. Two numbers, or a
    * text such as "0:500" or "2%:98%", whose percentiles are of eight frames of the first block and,
-   * if they lie on both sides of 0, as far on both. Default: "2%:98%"; of normals -1 to 1.
+   * if they lie on both sides of 0, as far on both; one that is beyond 0 by no more than the error
+   * bound of the track is 0. Default: "2%:98%"; of normals -1 to 1.
    */
   range?: readonly [number, number] | string;
   /**
