@@ -1,0 +1,75 @@
+"""The programs on the page of the package for pages: strict TypeScript, and they play."""
+
+import json
+import subprocess
+
+import numpy as np
+import pytest
+
+import meshreel
+from samples.element_pages import until
+from samples.page_play import assert_shown
+from samples.pages import snippets
+from samples.web_package import PACKAGE, built_package, serving
+
+pytestmark = pytest.mark.slow
+
+PAGE = """<!doctype html><html lang="en"><title>A page</title><link rel="icon" href="data:,">
+<script type="importmap">{"imports": {"three": "/three/three.module.js",
+"meshreel": "/dist/index.js", "meshreel/three": "/dist/three.js"}}</script>
+<body></body><script type="module">"""
+PROGRAMS = [one.text for one in snippets(PACKAGE / "README.md") if one.text.startswith("import")]
+MILLIMETERS = 1000
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _package():
+    built_package()
+
+
+@pytest.mark.parametrize("number", range(len(PROGRAMS)))
+def test_program_passes_the_strict_checks_of_typescript(tmp_path, number):
+    (tmp_path / "program.ts").write_text(PROGRAMS[number], "utf-8")
+    modules = PACKAGE / "node_modules"
+    paths = {
+        "meshreel": [f"{PACKAGE}/dist/index.d.ts"],
+        "meshreel/three": [f"{PACKAGE}/dist/three/index.d.ts"],
+        "three": [f"{modules}/@types/three"],
+    }
+    options = {
+        "strict": True,
+        "noEmit": True,
+        "target": "es2022",
+        "module": "esnext",
+        "moduleResolution": "bundler",
+        "lib": ["es2023", "dom", "dom.iterable"],
+        "types": [],
+        "paths": paths,
+    }
+    project = {"compilerOptions": options, "files": ["program.ts"]}
+    (tmp_path / "tsconfig.json").write_text(json.dumps(project), "utf-8")
+    command = ["node", str(modules / "typescript" / "bin" / "tsc"), "-p", str(tmp_path)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120)
+    assert done.stdout == ""
+    assert done.returncode == 0
+
+
+def test_program_of_three_plays_a_model_in_millimeters_without_scroll_bars(new_page):
+    [program] = [one for one in PROGRAMS if "ReelLoader" in one]
+    flag = meshreel.simulate_flag(30, n_rows=12, n_columns=15)
+    large = meshreel.MeshSequence(flag.vertices * np.float32(MILLIMETERS), flag.faces, fps=flag.fps)
+    three = PACKAGE / "node_modules" / "three" / "build"
+    page = f"{PAGE}{program}\nObject.assign(window, {{ mesh }});</script></html>"
+    files = {
+        "/page.html": page.encode(),
+        "/walk.reel": meshreel.encode(large),
+        **{f"/three/{path.name}": path.read_bytes() for path in three.glob("three*.js")},
+    }
+    with serving(files) as (url, _):
+        page = new_page(f"{url}/page.html", width=640, height=400, is_shown=False)
+        until(page, "window.mesh?.frame > 2")
+        sizes = "[scrollWidth, scrollHeight, clientWidth, clientHeight]"
+        found = page.evaluate(f"(({{ {sizes[1:-1]} }}) => {sizes})(document.documentElement)")
+        assert found == [640, 400, 640, 400]
+        assert_shown(page.screenshot())
+        page.close()  # while the server is there
