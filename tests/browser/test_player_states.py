@@ -14,7 +14,7 @@ from meshreel.surface import FaceGroups
 from samples.element_pages import picture, settled, showing, text_of, until
 from samples.numbered_video import moving_sheet
 from samples.tabs import Tabs
-from samples.web_package import built_package
+from samples.web_package import PACKAGE, built_package
 
 pytestmark = pytest.mark.slow
 
@@ -218,3 +218,48 @@ def test_time_stands_still_while_the_thumb_is_held(shown):
     page.mouse.up()
     until(page, f"player.mesh.frame > {sought} + 2")
     assert page.evaluate("told") == []
+
+
+COLORS = """() => {
+  const colorsOf = (part) => {
+    const { color, backgroundColor } = getComputedStyle(part);
+    return [color, backgroundColor].map((one) => one.match(/[\\d.]+/g).map(Number));
+  };
+  return [player, player.shadowRoot.querySelector(".bar")].map(colorsOf);
+}"""
+"""Text and background of the player and of its bar, as numbers."""
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_colors_follow_the_color_scheme_of_the_system(shown, scheme):
+    page = shown("")
+    page.emulate_media(color_scheme=scheme)
+    page.evaluate(
+        "document.querySelector('main').innerHTML ="
+        "  '<reel-player src=\"/flag.reel\" controls></reel-player>';"
+        "player = document.querySelector('reel-player')"
+    )
+    settled(page)
+    (_, ground), (ink, panel) = page.evaluate(COLORS)
+    is_dark = scheme == "dark"
+    assert (sum(ground) < 200) == (sum(panel) < 200) == (sum(ink) > 600) == is_dark
+    axe = (PACKAGE / "node_modules" / "axe-core" / "axe.min.js").read_text("utf-8")
+    page.evaluate(axe)
+    found = page.evaluate("axe.run(player)")
+    assert [one["id"] for one in found["violations"]] == []
+    assert "color-contrast" in {one["id"] for one in found["passes"]}
+
+
+def test_colors_of_the_page_win(shown):
+    page = shown('<reel-player src="/flag.reel" controls></reel-player>')
+    page.emulate_media(color_scheme="dark")
+    settled(page)
+    for name, value in {"background": "rgb(1 2 3)", "bar-background": "#040506"}.items():
+        page.evaluate(f"player.style.setProperty('--reel-{name}', '{value}')")
+    page.evaluate("player.style.setProperty('--reel-color', '#fafbfc')")
+    (_, ground), (ink, panel) = page.evaluate(COLORS)
+    assert [ground, ink, panel] == [[1, 2, 3], [250, 251, 252], [4, 5, 6]]
+    page.evaluate("player.background = 'rgb(255 0 0)'")
+    until(page, "player.background")
+    page.wait_for_timeout(200)
+    assert tuple(picture(page)[4, 4]) == (255, 0, 0)

@@ -34,7 +34,7 @@ class Tab:
         """Whether what it showed is left, with workers and sound; closed where it cannot be."""
         if not (self.is_gone or self.page.is_closed()):
             self.page.mouse.move(0, 0)
-            self.page.emulate_media(reduced_motion="null")
+            self.page.emulate_media(reduced_motion="null", color_scheme="null")
             self.page.goto("about:blank")
             if not self.errors:
                 return True

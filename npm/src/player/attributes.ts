@@ -32,7 +32,7 @@ export abstract class PlayerAttributes extends Element {
   declare controls: boolean;
   /** The axis of the file that is upwards: "y", the default, or "z". */
   declare up: string | null;
-  /** A colour of CSS; without it the page is seen behind the model. */
+  /** A color of CSS behind the model; without it that of the style sheet of the page or the system. */
   declare background: string | null;
   /** Address of an image that is shown before the first picture is there. */
   declare poster: string | null;

@@ -8,9 +8,23 @@ const CSS = `
   aspect-ratio: 16 / 9;
   overflow: hidden;
   font: 14px/1.4 system-ui, sans-serif;
+  --ink: var(--reel-color, #14181e);
+  --panel: var(--reel-bar-background, #f1f3f6);
+  --accent: var(--reel-accent, #1668b8);
+  --alarm: #c22b1e;
+  background: var(--reel-background, #fff);
+}
+@media (prefers-color-scheme: dark) {
+  :host {
+    --ink: var(--reel-color, #fff);
+    --panel: var(--reel-bar-background, #1c2129);
+    --accent: var(--reel-accent, #8cc8ff);
+    --alarm: #ff8f85;
+    background: var(--reel-background, #101418);
+  }
 }
 :host([hidden]) { display: none; }
-:host(:fullscreen) { aspect-ratio: auto; width: 100%; height: 100%; background: #101418; }
+:host(:fullscreen) { aspect-ratio: auto; width: 100%; height: 100%; }
 [hidden] { display: none !important; }
 .stage, .poster, canvas { position: absolute; inset: 0; width: 100%; height: 100%; }
 canvas { display: block; outline: none; }
@@ -26,13 +40,13 @@ canvas:focus-visible { box-shadow: inset 0 0 0 3px #1668b8, inset 0 0 0 5px #fff
   box-sizing: border-box;
   height: 48px;
   padding: 4px 8px;
-  color: #fff;
-  background: #14181e;
+  color: var(--ink);
+  background: var(--panel);
 }
 button {
   flex: none;
   font: inherit;
-  color: #fff;
+  color: inherit;
   background: none;
   border: 0;
   border-radius: 6px;
@@ -41,16 +55,16 @@ button {
   padding: 8px;
   cursor: pointer;
 }
-button:hover { background: #ffffff26; }
+button:hover { background: #88888840; }
 button:disabled, input:disabled { opacity: 0.5; cursor: default; }
-button:focus-visible, input:focus-visible { outline: 2px solid #8cc8ff; outline-offset: -2px; }
+button:focus-visible, input:focus-visible { outline: 2px solid var(--accent); outline-offset: -2px; }
 svg { display: block; width: 24px; height: 24px; fill: currentColor; }
 input {
   flex: 1;
   min-width: 40px;
   height: 32px;
   margin: 0 4px;
-  accent-color: #8cc8ff;
+  accent-color: var(--accent);
   border-radius: 6px;
   cursor: pointer;
 }
@@ -64,8 +78,8 @@ input {
   padding: 6px 10px;
   border-radius: 6px;
   font-size: 12px;
-  color: #fff;
-  background: #14181eee;
+  color: var(--ink);
+  background: var(--panel);
   pointer-events: none;
 }
 .legend span { display: block; overflow-wrap: anywhere; }
@@ -79,9 +93,10 @@ input {
   height: 72px;
   padding: 16px;
   border-radius: 50%;
-  background: #14181eee;
+  color: var(--ink);
+  background: var(--panel);
 }
-.start:hover { background: #303a46; }
+.start:hover { background: var(--panel); color: var(--accent); }
 .start svg { width: 40px; height: 40px; }
 .waiting, .alert p { margin: 0; }
 .waiting:not(:empty) {
@@ -93,16 +108,16 @@ input {
   gap: 8px;
   padding: 6px 12px;
   border-radius: 16px;
-  color: #fff;
-  background: #14181eee;
+  color: var(--ink);
+  background: var(--panel);
   animation: appear 0s 0.2s both;
 }
 .waiting:not(:empty)::before {
   content: "";
   width: 12px;
   height: 12px;
-  border: 2px solid #fff;
-  border-right-color: #ffffff33;
+  border: 2px solid;
+  border-right-color: #88888840;
   border-radius: 50%;
   animation: turn 1s linear infinite;
 }
@@ -122,10 +137,10 @@ input {
   box-sizing: border-box;
   margin: 0 auto;
   padding: 8px 8px 8px 16px;
-  border-left: 6px solid #ff8f85;
+  border-left: 6px solid var(--alarm);
   border-radius: 6px;
-  color: #fff;
-  background: #14181ef5;
+  color: var(--ink);
+  background: var(--panel);
   overflow-wrap: anywhere;
 }
 .alert.bare { padding: 14px 16px; }
