@@ -92,6 +92,18 @@ def get_json(port, path):
     return json.loads(body)
 
 
+@pytest.mark.parametrize("command", [["view"], ["export", "-o", "page.html"]])
+@pytest.mark.parametrize("name", ["my walk.npz", "my walk"])
+def test_player_says_how_to_encode_when_it_is_given_an_input(page, tmp_path, command, name):
+    given = tmp_path / name
+    if given.suffix:
+        meshreel.save(waving_grid(2), given)
+    else:
+        given.mkdir()
+    done = run_with(page, *command, given)
+    assert_fails(done, f"encode it first: meshreel encode '{given}' -o 'my walk.reel'")
+
+
 def test_view_serves_page_and_data_until_it_is_interrupted(page, reel):
     with viewing(page, reel) as (process, port):
         assert get(port, "/") == (200, PAGE.served.encode())

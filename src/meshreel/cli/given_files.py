@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from meshreel.stores.address import is_remote, name_of
+from meshreel.stores.address import is_remote, name_of, plain
 
 
 def given_source(inputs: Sequence[str]) -> "str | list[Path] | list[str]":
@@ -24,3 +24,16 @@ def output_stem(source: str) -> str:
     if any(mark in path.name for mark in "*?["):
         return Path(source).resolve().parent.name
     return path.name if path.is_dir() else path.stem
+
+
+def holds_stream(given: str) -> bool:
+    """Whether a file is a .reel stream, by its name or its first bytes."""
+    from meshreel.bitstream.layout import MAGIC
+
+    path = Path(plain(given))
+    if path.suffix.lower() == ".reel":
+        return True
+    if is_remote(given) or not path.is_file():
+        return False
+    with path.open("rb") as file:
+        return file.read(len(MAGIC)) == MAGIC

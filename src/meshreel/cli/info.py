@@ -64,10 +64,10 @@ def info_command(
 
     - `meshreel info frames/ --json`
     """
-    from meshreel.cli.given_files import given_source
+    from meshreel.cli.given_files import given_source, holds_stream
     from meshreel.formats.options import ReadOptions
 
-    if len(inputs) == 1 and _is_stream(inputs[0]):
+    if len(inputs) == 1 and holds_stream(inputs[0]):
         if fps is not None or object or merge or skip_bad or allow_outside or topology or dataset:
             raise click.UsageError(
                 "a .reel holds one mesh and is read completely; leave the options of inputs out"
@@ -81,20 +81,6 @@ def info_command(
         ),
         as_json=as_json,
     )
-
-
-def _is_stream(given: str) -> bool:
-    """Whether a file is a stream, by its name or its first bytes."""
-    from meshreel.bitstream.layout import MAGIC
-    from meshreel.stores.address import is_remote, plain
-
-    path = Path(plain(given))
-    if path.suffix.lower() == ".reel":
-        return True
-    if is_remote(given) or not path.is_file():
-        return False
-    with path.open("rb") as file:
-        return file.read(len(MAGIC)) == MAGIC
 
 
 def _show_stream(path: str, *, as_json: bool) -> None:

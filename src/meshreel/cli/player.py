@@ -73,6 +73,7 @@ def opened_player(
     from meshreel.viewer.played import encoded_anew
 
     _check_original_is_there(original, reading)
+    _check_is_encoded(source)
     with open(source) as reel:
         with errors_naming(source):
             _ = reel.faces  # raises for damaged ones before the original is read
@@ -83,6 +84,23 @@ def opened_player(
         if api.is_reencoded:
             reading.notes.append(f"{source} holds {api.method}; it is {encoded_anew(api.method)}")
         yield api
+
+
+def _check_is_encoded(source: Path) -> None:
+    """Refuse an input of `encode` where a stream has to be."""
+    from shlex import quote
+
+    from meshreel.cli.given_files import holds_stream, output_stem
+    from meshreel.errors import InvalidInputError
+    from meshreel.formats.registry import FORMATS
+
+    is_input = source.is_dir() or (source.is_file() and source.suffix.lower() in FORMATS)
+    if is_input and not holds_stream(str(source)):
+        output = f"{output_stem(str(source))}.reel"
+        raise InvalidInputError(
+            f"{source} is not a .reel file; encode it first: meshreel encode {quote(str(source))} "
+            f"-o {quote(output)}"
+        )
 
 
 def _check_original_is_there(original: str | None, reading: "ReadOptions") -> None:
