@@ -27,14 +27,14 @@ function pooled() {
   return bytes;
 }
 
-/** A Buffer with an allocation of its own. */
+/** A Buffer with unshared memory. */
 function unpooled() {
   return Buffer.from(BYTES.slice().buffer);
 }
 
 const INPUTS = {
   "a small Buffer, which shares its memory": pooled,
-  "a Buffer with memory of its own": unpooled,
+  "a Buffer with unshared memory": unpooled,
   "what readFile gives": () => readFile(join(PACKAGE, `../conformance/streams/${NAME}.reel`)),
   "a Uint8Array": () => BYTES.slice(),
   "a Uint8Array on a part of a larger buffer": partOfLarger,

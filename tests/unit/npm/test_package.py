@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from samples.npm_projects import packed
 from samples.web_package import built_package
 
 PACKAGE = Path(__file__).parents[3] / "npm"
@@ -20,10 +21,21 @@ def built():
     return built_package()
 
 
+@pytest.fixture(scope="module")
+def tarball(tmp_path_factory):
+    """The file that `npm pack` makes."""
+    return packed(tmp_path_factory.mktemp("packed"))
+
+
 def npm(*command):
     """What npm says; the test fails with it where it fails."""
+    return output_of("npm", *command)
+
+
+def output_of(*command):
+    """What a command says in the folder of the package; a command that fails fails the test."""
     found = subprocess.run(
-        ["npm", *command],
+        command,
         cwd=PACKAGE,
         timeout=TIME_LIMIT_S,
         capture_output=True,
@@ -40,6 +52,16 @@ def test_the_package_is_built_with_both_cores(built):
 
 def test_the_types_of_the_package_hold(built):
     npm("run", "check")
+
+
+@pytest.mark.parametrize(
+    "check",
+    [("publint", "--strict"), ("attw", "--profile", "esm-only")],
+    ids=["publint", "attw"],
+)
+def test_published_package_resolves_when_bundlers_and_node_import_it(tarball, check):
+    tool, *options = check
+    output_of(PACKAGE / "node_modules" / ".bin" / tool, tarball, *options)
 
 
 def test_the_tests_of_the_package_pass(built):

@@ -2,7 +2,7 @@
 
 import * as THREE from "three";
 
-import type { BlockFields } from "../../types";
+import type { BlockFields } from "../../types.js";
 import type { HeldBlock, Picture } from "../held_block.js";
 import type { Setting, Stage, ValueSetup, ValueStage } from "../stage.js";
 import { AttributePass, SHAPE } from "./attribute_pass.js";

@@ -3,7 +3,7 @@
 
 import * as THREE from "three";
 
-import type { BlockFields } from "../../types";
+import type { BlockFields } from "../../types.js";
 import type { HeldBlock, Picture, Share } from "../held_block.js";
 import { Pass, passMaterial } from "./pass.js";
 import { dataTexture, type VertexGrid } from "./vertex_grid.js";
