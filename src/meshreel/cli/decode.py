@@ -7,6 +7,7 @@ from meshreel.cli.completing import reel_files
 from meshreel.cli.encode_options import encode_option
 from meshreel.cli.parameters import argument, option
 from meshreel.cli.write_options import (
+    GLTF_AND_TEXTURES,
     force_option,
     frames_option,
     gltf_error_option,
@@ -39,7 +40,7 @@ from meshreel.codec.targets import UNIT
 )
 @targets_option
 @gltf_error_option
-@encode_option(UNIT)
+@encode_option(UNIT, GLTF_AND_TEXTURES)
 @normals_option
 @layout_option
 @textures_option

@@ -9,7 +9,7 @@ import click
 
 from meshreel.cli.completing import layout_names, output_files, texture_kinds
 from meshreel.cli.parameters import option
-from meshreel.codec.targets import DIAGONAL_OF_ALL
+from meshreel.codec.targets import DIAGONAL_OF_ALL, GROUP
 
 if TYPE_CHECKING:
     from meshreel.codec.reel_file import ReelFile
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     Written = FrameSource | ReelFile
 
 GLTF = "glTF output"
+GLTF_AND_TEXTURES = "glTF and .vat output"
 TEXTURES = "Vertex animation textures (.vat output)"
 
 output_option = option(
@@ -50,7 +51,7 @@ gltf_error_option = option(
     help="The largest error that there may be: from the original, of a .reel that promises its "
     "own; else what morph targets or textures add. 0.1 or 0.1%: percent "
     f"{DIAGONAL_OF_ALL}; 0.5u: model units; 0.5mm: a length, see --unit.",
-    panel=GLTF,
+    panel=GLTF_AND_TEXTURES,
 )
 output_error_option = option(
     "--max-error",
@@ -58,6 +59,7 @@ output_error_option = option(
     help="Of a .reel: no vertex of any frame is farther off. Of glTF and .vat: the largest "
     f"error that morph targets or textures may add. 0.1 or 0.1%: percent {DIAGONAL_OF_ALL}; "
     "0.5u: model units; 0.5mm: a length, see --unit.",
+    panel=GROUP,
 )
 normals_option = option(
     "--normals/--no-normals",
@@ -66,7 +68,7 @@ normals_option = option(
     "faces flat. Default: smooth meshes have them, turned by as many targets as bring them "
     "within some 3.5 degrees in the mean. Of a .vat: the normals of every frame (default), or "
     "none; of the layout pca as of glTF.",
-    panel=GLTF,
+    panel=GLTF_AND_TEXTURES,
 )
 layout_option = option(
     "--layout",
