@@ -66,6 +66,14 @@ def options_of_programs():
 
 
 @every_page
+def test_snippets_end_with_the_command_that_waits_when_they_have_one(page):
+    for snippet in snippets(page):
+        if snippet.language == "bash":
+            commands = [words[:2] for line in snippet.command_lines for words in parts_of(line)]
+            assert ["meshreel", "view"] not in commands[:-1], snippet.text
+
+
+@every_page
 def test_options_exist_when_a_sentence_names_them(page):
     named = set(re.findall(r"`(--[a-z][a-z-]*)", prose(page)))
     assert named - options_of_programs() - {"--all", "--platform"} == set()  # of pytest and pip
