@@ -5,6 +5,11 @@ import * as THREE from "three";
 import { InvalidInputError } from "../errors.js";
 import type { Image, MaterialTexture } from "../types.js";
 
+/** Sends what `ReelMesh` tells of its images. */
+export type SendEvent = (
+  event: { type: "change" } | { type: "error"; error: Error; block: null },
+) => void;
+
 type Slots = Partial<Record<MapSlot, THREE.Texture>>;
 type MapSlot = "map" | "metalnessMap" | "roughnessMap" | "normalMap" | "aoMap" | "emissiveMap";
 
@@ -30,7 +35,7 @@ const WRAPS = [
 export class MaterialImages {
   readonly #images: readonly Image[];
   readonly #uvNames: readonly string[];
-  readonly #onError: (error: Error) => void;
+  readonly #send: SendEvent;
   readonly #textures: THREE.Texture[] = [];
   /** By number of the image; one that several textures show is decoded once. */
   readonly #decoded: Promise<THREE.Texture>[] = [];
@@ -38,16 +43,16 @@ export class MaterialImages {
 
   /**
    * @param uvNames - of texture coordinates, by channel
-   * @param onError - is told of a texture that cannot be shown
+   * @param send - called with "change" for each image that is shown, else with "error"
    */
   constructor(
     images: readonly Image[],
     uvNames: readonly string[],
-    onError: (error: Error) => void,
+    send: SendEvent,
   ) {
     this.#images = images;
     this.#uvNames = uvNames;
-    this.#onError = onError;
+    this.#send = send;
   }
 
   dispose(): void {
@@ -61,14 +66,14 @@ export class MaterialImages {
     }
   }
 
-  /** Shows an image on a material that has a slot for it, and returns whether it is shown. */
-  async dress(material: THREE.Material, given: MaterialTexture): Promise<boolean> {
+  /** Shows an image on a material, if that has a slot for it. */
+  async dress(material: THREE.Material, given: MaterialTexture): Promise<void> {
     const slot = SLOTS[given.slot];
-    if (!(slot in material)) return false; // without light only the colour counts
+    if (!(slot in material)) return; // without light only the colour counts
     const image = this.#images[given.image];
     try {
       const shared = await (this.#decoded[given.image] ??= decoded(image));
-      if (this.#isOver) return false;
+      if (this.#isOver) return;
       const channel = this.#uvNames.indexOf(given.uv);
       if (channel < 0) throw new Error(`there are no texture coordinates ${given.uv}`);
       const texture = shared.clone();
@@ -82,12 +87,11 @@ export class MaterialImages {
       this.#textures.push(texture);
       (material as Slots)[slot] = texture;
       material.needsUpdate = true;
-      return true;
-    } catch (error) {
-      if (!this.#isOver) {
-        this.#onError(new InvalidInputError(`cannot show ${image.name}: ${error}`));
-      }
-      return false;
+      this.#send({ type: "change" });
+    } catch (thrown) {
+      if (this.#isOver) return;
+      const error = new InvalidInputError(`cannot show ${image.name}: ${thrown}`);
+      this.#send({ type: "error", error, block: null });
     }
   }
 }

@@ -4,7 +4,7 @@ import * as THREE from "three";
 
 import type { Image, Material, MaterialTexture, Surface } from "../types.js";
 import type { Drawing } from "./drawing.js";
-import type { MaterialImages } from "./material_images.js";
+import type { MaterialImages, SendEvent } from "./material_images.js";
 
 type Standard = THREE.MeshStandardMaterial;
 
@@ -13,8 +13,7 @@ const PLAIN = 0x9eb0c4;
 
 /** The materials of a surface; their images appear as they are decoded. */
 export class Materials {
-  readonly #onImage: () => void;
-  readonly #onError: (error: Error) => void;
+  readonly #send: SendEvent;
   /** By number in the groups of the drawing. */
   readonly list: (Standard | THREE.MeshBasicMaterial)[];
   #images: MaterialImages | null = null;
@@ -24,19 +23,14 @@ export class Materials {
   /** When all images that can be shown are. */
   readonly dressed: Promise<unknown>;
 
-  /**
-   * @param onImage - called when an image was decoded and is on its material
-   * @param onError - called with the error of a texture that cannot be shown
-   */
+  /** @param send - called with "change" for each image that is shown, else with "error" */
   constructor(
     surface: Surface,
     drawing: Drawing,
     isFlat: boolean | undefined,
-    onImage: () => void,
-    onError: (error: Error) => void,
+    send: SendEvent,
   ) {
-    this.#onImage = onImage;
-    this.#onError = onError;
+    this.#send = send;
     const hasColors = drawing.attributes.some(({ name }) => name === "color");
     const worn: [THREE.Material, MaterialTexture][] = [];
     this.list = drawing.materialNames.map((name) => {
@@ -69,13 +63,10 @@ export class Materials {
     try {
       const { MaterialImages } = await import("./material_images.js");
       if (this.#isOver) return;
-      const images = (this.#images = new MaterialImages(...given, this.#onError));
-      const show = async ([material, texture]: (typeof worn)[number]): Promise<void> => {
-        if (await images.dress(material, texture)) this.#onImage();
-      };
-      await Promise.all(worn.map(show));
+      const images = (this.#images = new MaterialImages(...given, this.#send));
+      await Promise.all(worn.map(([material, texture]) => images.dress(material, texture)));
     } catch (error) {
-      this.#onError(error as Error);
+      this.#send({ type: "error", error: error as Error, block: null });
     }
   }
 }

@@ -125,14 +125,13 @@ export class Playback {
   /** Plays on, or from the start if it has ended; asks again for what could not be had. */
   play(): void {
     const wasWaiting = this.isWaiting;
-    this.#window.retry();
-    if (this.isPlaying) return this.show();
+    if (this.isPlaying) return this.retry();
     const place = this.clock.place;
     this.clock.rewind();
     this.isPlaying = true;
     if (this.clock.place !== place) this.#leader?.seek(this.clock.place);
     this.#leader?.play();
-    this.show();
+    this.retry();
     if (!wasWaiting && !this.isWaiting) this.#send({ type: "playing" });
   }
 
@@ -158,9 +157,8 @@ export class Playback {
       throw new InvalidInputError(`a time must be a finite number; got ${place}`);
     }
     this.clock.set(place);
-    this.#window.retry();
     this.#leader?.seek(this.clock.place);
-    this.show();
+    this.retry();
   }
 
   /** @throws InvalidInputError if a video leads that cannot do it. */

@@ -82,6 +82,7 @@ export class ReelMesh extends THREE.Mesh<
   ReelMeshEventMap
 > {
   override readonly type = "ReelMesh";
+  readonly #send = (event: PlaybackEvent | { type: "change" }) => this.dispatchEvent(event);
   #setting: Setting;
   readonly #playback: Playback;
   readonly #materials: Materials | undefined;
@@ -118,13 +119,7 @@ export class ReelMesh extends THREE.Mesh<
     this.#ownsReel = options.ownsReel;
     if (options.material) this.material = options.material;
     else {
-      this.#materials = new Materials(
-        surface,
-        drawing,
-        options.flat,
-        () => this.dispatchEvent({ type: "change" }),
-        (error) => this.dispatchEvent({ type: "error", error, block: null }),
-      );
+      this.#materials = new Materials(surface, drawing, options.flat, this.#send);
       const { list } = this.#materials;
       this.material = drawing.groups.length ? list : list[0];
     }
@@ -155,7 +150,7 @@ export class ReelMesh extends THREE.Mesh<
           this.geometry.setDrawRange(0, Infinity);
         },
       },
-      (event) => this.dispatchEvent(event),
+      this.#send,
     );
     if (options.gpu === false) void this.#useCpu();
     else if (options.renderer) this.setRenderer(options.renderer);
@@ -342,7 +337,7 @@ export class ReelMesh extends THREE.Mesh<
       dressed: this.#materials?.dressed,
       uvNames: this.#setting.drawing.uvNames,
       playback: this.#playback,
-      send: (event: PlaybackEvent) => this.dispatchEvent(event),
+      send: this.#send,
     };
     this.#worn = await wear(mesh, source, options, signal);
   }
@@ -393,7 +388,7 @@ export class ReelMesh extends THREE.Mesh<
     const { info, drawing } = this.#setting;
     const materials = Array.isArray(this.material) ? this.material : [this.material];
     const onError = (error: Error, block: number) =>
-      this.dispatchEvent({ type: "error", error, block, track: name });
+      this.#send({ type: "error", error, block, track: name });
     const mesh = { info, materials, uvNames: drawing.uvNames, onError };
     const colors = await TrackColors.of(track, options, mesh, signal);
     signal.throwIfAborted();
@@ -484,7 +479,7 @@ export class ReelMesh extends THREE.Mesh<
         this.#renewGeometry();
         this.#setStage(new CpuStage(this.#setting, this.geometry));
       },
-      (error: Error) => this.dispatchEvent({ type: "error", error, block: null }),
+      (error: Error) => this.#send({ type: "error", error, block: null }),
     );
     return this.#becomesCpu;
   }
