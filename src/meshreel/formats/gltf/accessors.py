@@ -7,16 +7,12 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.errors import FormatError
-from meshreel.formats.gltf.buffers import Buffers
+from meshreel.formats.gltf.buffers import EXPANSION, LEAST_DECODED_BYTES, Buffers
 from meshreel.formats.gltf.document import Document
 from meshreel.formats.gltf.json_object import JsonObject
 
 COMPONENTS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
-LEAST_DECODED_BYTES = 1 << 30
-EXPANSION = 32
-"""Arrays may take this many times the bytes of the file, or `LEAST_DECODED_BYTES`: arrays that
-share bytes, or have none, must not make a small file fill the memory."""
 
 
 @dataclass(frozen=True, eq=False)

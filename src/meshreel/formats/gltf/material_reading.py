@@ -5,8 +5,7 @@ from dataclasses import replace
 from functools import cache, cached_property
 
 from meshreel.errors import FormatError, InvalidInputError
-from meshreel.formats.gltf.accessors import EXPANSION, LEAST_DECODED_BYTES
-from meshreel.formats.gltf.buffers import Buffers
+from meshreel.formats.gltf.buffers import EXPANSION, LEAST_DECODED_BYTES, Buffers
 from meshreel.formats.gltf.document import Document
 from meshreel.formats.gltf.image_reading import PACKED, image_number, read_image
 from meshreel.formats.gltf.json_object import JsonObject

@@ -115,20 +115,11 @@ def test_load_says_what_is_wrong_when_a_glb_is_damaged(tmp_path, data, message):
         load(tmp_path / "a.glb")
 
 
-@pytest.mark.parametrize(
-    ("required", "remedy"),
-    [
-        ("EXT_meshopt_compression", "decompress it"),
-        ("KHR_meshopt_compression", "decompress it"),
-        ("ACME_magic", "export it without"),
-    ],
-)
-def test_load_names_the_extension_when_a_file_requires_one_that_is_not_read(
-    tmp_path, required, remedy
-):
+def test_load_names_the_extension_when_a_file_requires_one_that_is_not_read(tmp_path):
     file = moving_triangle()
-    file.json["extensionsRequired"] = ["KHR_materials_unlit", required]
-    with pytest.raises(FormatError, match=f"requires the extension {required}, .*{remedy}"):
+    file.json["extensionsRequired"] = ["KHR_materials_unlit", "ACME_magic"]
+    message = "requires the extension ACME_magic, which is not read; export it without"
+    with pytest.raises(FormatError, match=message):
         load(file.save(tmp_path / "a.glb"))
 
 

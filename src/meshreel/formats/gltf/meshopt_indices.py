@@ -1,0 +1,154 @@
+"""Vertex indices that meshoptimizer compressed: lists of triangles, and any others."""
+
+from typing import Any, Generic, TypeVar
+
+import numpy as np
+import numpy.typing as npt
+
+from meshreel.errors import FormatError
+
+Item = TypeVar("Item")
+
+TRIANGLES_HEAD, INDICES_HEAD = 0xE1, 0xD1
+TRIANGLES_TAIL, INDICES_TAIL = 16, 4
+MISSING = -1
+"""Stands for a vertex that was not named so far."""
+
+
+def decode_triangles(data: bytes, count: int) -> npt.NDArray[np.uint32]:
+    """Vertex indices of a list of triangles, of shape (count,).
+
+    Raises
+    ------
+    FormatError
+        If the data are damaged.
+    """
+    n_triangles, tail = count // 3, len(data) - TRIANGLES_TAIL
+    if tail < 1 + n_triangles or data[0] != TRIANGLES_HEAD:
+        raise FormatError("has no triangles of version 1, or not as many as announced")
+    explicit = _Indices(data, 1 + n_triangles, tail)
+    edges, recent = _Recent((MISSING, MISSING)), _Recent(MISSING)
+    following = 0  # the first vertex that no triangle has named so far
+    indices: list[int] = []
+    for code in data[1 : 1 + n_triangles]:
+        high, low = code >> 4, code & 15
+        if high < 15:
+            a, b = edges[high]
+            if 0 < low < 13:
+                c = recent[low]
+            else:
+                if low == 0:
+                    c, following = following, following + 1
+                else:
+                    c = explicit.next() if low == 15 else explicit.moved(-1 if low == 13 else 1)
+                recent.push(c)
+        else:
+            choice = explicit.byte() if low >= 14 else data[tail + low]
+            if low >= 14 and choice == 0:
+                following = 0
+            corners, fresh = [], []
+            for kind in (15 if low == 15 else 0, choice >> 4, choice & 15):
+                if kind == 0:
+                    corner, following = following, following + 1
+                else:
+                    corner = explicit.next() if kind == 15 else recent[kind - 1]
+                corners.append(corner)
+                fresh += [corner] if kind in (0, 15) else []
+            a, b, c = corners
+            edges.push((b, a))
+            for corner in fresh:
+                recent.push(corner)
+        edges.push((c, b))
+        edges.push((a, c))
+        indices += (a, b, c)
+    explicit.finish()
+    if indices and min(indices) < 0:
+        raise FormatError("names an edge or a vertex that is not there")
+    return np.array(indices, np.int64).astype(np.uint32)
+
+
+def decode_indices(data: bytes, count: int) -> npt.NDArray[np.uint32]:
+    """Vertex indices in any order, of shape (count,).
+
+    Raises
+    ------
+    FormatError
+        If the data are damaged.
+    """
+    stored = np.frombuffer(data, np.uint8)
+    ends = np.flatnonzero(stored[1:-INDICES_TAIL] < 128) + 1
+    if len(data) <= INDICES_TAIL or data[0] != INDICES_HEAD or len(ends) != count:
+        raise FormatError("has no indices of version 1, or not as many as announced")
+    starts = np.concatenate([[1], ends[:-1] + 1])[:count]
+    if count and (ends[-1] + 1 != len(data) - INDICES_TAIL or (ends - starts > 4).any()):
+        raise FormatError("has an index of more than five bytes, or bytes behind the last")
+    codes = np.zeros(count, np.uint64)
+    for place in range(5):
+        is_there = starts + place <= ends
+        bits = stored[(starts + place)[is_there]].astype(np.uint64) & np.uint64(127)
+        codes[is_there] |= bits << np.uint64(7 * place)
+    found = np.zeros(count, np.uint32)
+    short = codes.astype(np.uint32)
+    for baseline in (0, 1):
+        mine = (short & np.uint32(1)) == baseline
+        steps = signed_numbers(short[mine] >> np.uint32(1))
+        found[mine] = np.add.accumulate(steps, dtype=np.uint32)
+    return found
+
+
+def signed_numbers(codes: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    """Unsigned numbers that stand for 0, -1, 1, -2 and so on, as two's complement."""
+    halves = codes >> codes.dtype.type(1)
+    found: npt.NDArray[Any] = np.where(codes & codes.dtype.type(1), ~halves, halves)
+    return found
+
+
+class _Recent(Generic[Item]):
+    """The last 16 edges or vertices; number 0 is the latest."""
+
+    def __init__(self, missing: Item) -> None:
+        self._items, self._n_pushed = [missing] * 16, 0
+
+    def __getitem__(self, number: int) -> Item:
+        return self._items[(self._n_pushed - 1 - number) & 15]
+
+    def push(self, item: Item) -> None:
+        """Add the latest one."""
+        self._items[self._n_pushed & 15] = item
+        self._n_pushed += 1
+
+
+class _Indices:
+    """The part of a stream of triangles that holds what a code does not say."""
+
+    def __init__(self, data: bytes, start: int, end: int) -> None:
+        self._data, self._place, self._end = data, start, end
+        self._last = 0
+
+    def byte(self) -> int:
+        """The next byte."""
+        if self._place >= self._end:
+            raise FormatError("ends before its last triangle")
+        self._place += 1
+        return self._data[self._place - 1]
+
+    def next(self) -> int:
+        """The next index: its difference to the last is a number of up to five bytes."""
+        code = shift = 0
+        while (byte := self.byte()) >= 128:
+            code |= (byte & 127) << shift
+            shift += 7
+            if shift > 28:
+                raise FormatError("has an index of more than five bytes")
+        code = (code | byte << shift) & 0xFFFFFFFF
+        return self.moved(~(code >> 1) if code & 1 else code >> 1)
+
+    def moved(self, by: int) -> int:
+        """The index that is so much larger than the last."""
+        self._last = (self._last + by) & 0xFFFFFFFF
+        return self._last
+
+    def finish(self) -> None:
+        """Refuse what no code asked for."""
+        if self._place != self._end:
+            raise FormatError(f"has {self._end - self._place} bytes behind its last triangle")

@@ -1,0 +1,142 @@
+"""Buffer views that meshoptimizer compressed."""
+
+import base64
+import contextlib
+import zlib
+
+import numpy as np
+import pytest
+
+from meshreel.errors import FormatError
+from meshreel.formats.gltf.json_object import JsonObject
+from meshreel.formats.gltf.meshopt import decode_view
+from meshreel.formats.load import load
+from samples.costs import draws
+from samples.gltf import SQUARE, SQUARE_FACES, Gltf, glb, shifted
+from samples.meshopt import SQUARE as PACKED_SQUARE
+from samples.meshopt import STREAMS
+
+EXTENSIONS = ["EXT_meshopt_compression", "KHR_meshopt_compression"]
+
+
+def decoded(data, mode, kind, count, stride):
+    told = {"mode": mode, "filter": kind, "count": count, "byteStride": stride}
+    return decode_view(data, JsonObject(told, "view 0"))
+
+
+@pytest.mark.parametrize(("mode", "kind", "count", "stride", "text", "expected"), STREAMS)
+def test_streams_decode_to_what_the_library_decodes(mode, kind, count, stride, text, expected):
+    found = decoded(base64.b64decode(text), mode, kind, count, stride)
+    assert (found.shape, found.dtype) == ((count * stride,), np.uint8)
+    if kind == "NONE":
+        assert zlib.crc32(found) == expected
+        return
+    wanted = np.frombuffer(base64.b64decode(expected), np.uint8)
+    if kind == "EXPONENTIAL":  # which does not round
+        np.testing.assert_array_equal(found, wanted)
+        return
+    dtype = f"{'u' if kind == 'COLOR' else 'i'}{stride // 4}"
+    difference = found.view(dtype).astype(int) - wanted.view(dtype)
+    assert np.abs(difference).max() <= 1
+
+
+@pytest.mark.parametrize(("mode", "kind", "count", "stride", "text", "expected"), STREAMS)
+def test_damaged_streams_decode_or_are_refused(mode, kind, count, stride, text, expected):
+    data = base64.b64decode(text)
+    rng = np.random.default_rng(len(data))
+    damaged = [data[:end] for end in range(0, len(data), 7)] + [data + b"\0"]
+    for _ in range(draws(40)):
+        changed = bytearray(data)
+        changed[rng.integers(len(data))] = rng.integers(256)
+        damaged.append(bytes(changed))
+    for one in damaged:
+        with contextlib.suppress(FormatError):
+            assert decoded(one, mode, kind, count, stride).nbytes == count * stride
+
+
+@pytest.mark.parametrize(("mode", "kind", "count", "stride", "text", "expected"), STREAMS)
+def test_streams_are_refused_when_more_elements_are_announced(
+    mode, kind, count, stride, text, expected
+):
+    with pytest.raises(FormatError, match=r"view 0: meshopt cannot decode it \((ends|has)"):
+        decoded(base64.b64decode(text), mode, kind, count + 300, stride)
+
+
+@pytest.mark.parametrize(
+    ("told", "message"),
+    [
+        (("ATTRIBUTES", "NONE", 4, 6), "'byteStride' must be a multiple of 4 up to 256; got 6"),
+        (("ATTRIBUTES", "NONE", 4, 0), "'byteStride' must be a multiple of 4 up to 256; got 0"),
+        (("ATTRIBUTES", "OCTAHEDRAL", 4, 12), "'filter' must be one of .* fit its byteStride"),
+        (("ATTRIBUTES", "SHARPEN", 4, 4), "'filter' must be one of .*; got 'SHARPEN'"),
+        (("MESHLETS", "NONE", 4, 4), "'mode' must be ATTRIBUTES, TRIANGLES or INDICES"),
+        (("TRIANGLES", "NONE", 4, 2), "TRIANGLES a count that 3 divides; got NONE, 2 and 4"),
+        (("INDICES", "COLOR", 4, 4), "INDICES have no filter"),
+        (("INDICES", "NONE", 4, 1), "a byteStride of 2 or 4"),
+    ],
+)
+def test_streams_are_refused_when_the_file_does_not_say_what_it_may(told, message):
+    with pytest.raises(FormatError, match=f"view 0: .*{message}"):
+        decoded(b"", *told)
+
+
+def packed_square(extension):
+    """A square that moves along x by 0, 1 and 2, all of which is compressed."""
+    file = Gltf()
+    file.json["extensionsRequired"] = [extension]
+    arrays = {
+        "positions": ("VEC3", 5126, 4, 12, "ATTRIBUTES", {}),
+        "indices": ("SCALAR", 5123, 6, 2, "TRIANGLES", {}),
+        "keys": ("SCALAR", 5126, 3, 4, "ATTRIBUTES", {}),
+        "moves": ("VEC3", 5126, 3, 12, "ATTRIBUTES", {"filter": "EXPONENTIAL"}),
+    }
+    start, numbers = 0, {}
+    for name, (kind, component, count, stride, mode, more) in arrays.items():
+        view = file.view(base64.b64decode(PACKED_SQUARE[name]))
+        plain = file.json["bufferViews"][view]
+        told = {**plain, "byteStride": stride, "count": count, "mode": mode, **more}
+        size = count * stride
+        plain |= {"buffer": 1, "byteOffset": start, "byteLength": size}
+        plain["extensions"] = {extension: told}
+        start += size
+        numbers[name] = file.add(
+            "accessors", bufferView=view, componentType=component, count=count, type=kind
+        )
+    file.json["buffers"] = [
+        {"byteLength": len(file.data)},
+        {"byteLength": start, "extensions": {extension: {"fallback": True}}},
+    ]
+    primitive = {"attributes": {"POSITION": numbers["positions"]}, "indices": numbers["indices"]}
+    node = file.node(mesh=file.add("meshes", primitives=[primitive]))
+    sampler = {"input": numbers["keys"], "output": numbers["moves"]}
+    channel = {"sampler": 0, "target": {"node": node, "path": "translation"}}
+    file.json["animations"] = [{"samplers": [sampler], "channels": [channel]}]
+    return file
+
+
+def saved(path, file):
+    path.write_bytes(glb(file.json, file.data))
+    return path
+
+
+@pytest.mark.parametrize("extension", EXTENSIONS)
+def test_load_reads_geometry_and_animation_when_they_are_compressed(tmp_path, extension):
+    found = load(saved(tmp_path / "a.glb", packed_square(extension)))
+    np.testing.assert_array_equal(found.vertices, [shifted(SQUARE, [x, 0, 0]) for x in range(3)])
+    np.testing.assert_array_equal(found.faces.ravel(), SQUARE_FACES)
+    assert found.fps == 2
+
+
+def test_load_is_refused_when_a_view_is_not_as_long_as_what_is_compressed(tmp_path):
+    file = packed_square(EXTENSIONS[0])
+    file.json["bufferViews"][0]["byteLength"] = 36
+    with pytest.raises(FormatError, match=r"its 'count' times its 'byteStride' must be the 36 byt"):
+        load(saved(tmp_path / "a.glb", file))
+
+
+def test_load_is_refused_when_what_is_compressed_would_fill_the_memory(tmp_path, monkeypatch):
+    monkeypatch.setattr("meshreel.formats.gltf.buffers.LEAST_DECODED_BYTES", 100)
+    monkeypatch.setattr("meshreel.formats.gltf.buffers.EXPANSION", 0)
+    path = saved(tmp_path / "a.glb", packed_square(EXTENSIONS[0]))
+    with pytest.raises(FormatError, match="would take more than 0 times its size"):
+        load(path)
