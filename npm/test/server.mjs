@@ -102,16 +102,19 @@ function sendRange(answer, start, size, file, end = answer.range.end) {
  * Serves `bytes`, and from `changeAfter` on a version in which each byte is another.
  *
  * Returns `address(behaviour)`, one that nobody has asked for before; `requestsOf(address)`, the
- * ranges that were asked for; and `close()`.
+ * ranges that were asked for; `bytesSentTo(address)`, the length of all bodies that were sent; and
+ * `close()`.
  */
 export async function startServer(bytes, port = 0) {
   const original = Buffer.from(bytes);
   const requests = new Map();
+  const nSent = new Map();
   let nAddresses = 0;
   const server = createServer((request, response) => {
     const asked = requests.get(request.url) ?? [];
     requests.set(request.url, [...asked, request.headers.range ?? null]);
-    serve(original, asked.length, request, response).catch((error) => response.destroy(error));
+    const count = (nBytes) => nSent.set(request.url, (nSent.get(request.url) ?? 0) + nBytes);
+    serve(original, asked.length, request, response, count).catch((error) => response.destroy(error));
   });
   await new Promise((resolve) => server.listen(port, "127.0.0.1", resolve));
   const origin = `http://127.0.0.1:${server.address().port}`;
@@ -119,6 +122,7 @@ export async function startServer(bytes, port = 0) {
     address: (behaviour = {}) =>
       `${origin}/file?${new URLSearchParams({ ...behaviour, number: nAddresses++ })}`,
     requestsOf: (address) => requests.get(address.slice(origin.length)) ?? [],
+    bytesSentTo: (address) => nSent.get(address.slice(origin.length)) ?? 0,
     close: () => {
       server.closeAllConnections();
       server.close();
@@ -136,7 +140,7 @@ function behaviourOf(url) {
   return behaviour;
 }
 
-async function serve(original, nBefore, request, response) {
+async function serve(original, nBefore, request, response, count) {
   const how = behaviourOf(request.url);
   const isChanged = nBefore >= how.changeAfter;
   const file = isChanged ? changed(original, how.longer) : original;
@@ -153,7 +157,7 @@ async function serve(original, nBefore, request, response) {
   }
   const answer = answerFor(file, rangeOf(request, headers, how), headers, how);
   if (how.lie && nBefore >= how.lieFrom) tell(how.lie, answer, file);
-  await send(answer, nBefore, response, how);
+  await send(answer, nBefore, response, how, count);
 }
 
 function tell(lie, answer, file) {
@@ -201,7 +205,7 @@ function answerFor(file, asked, headers, how) {
 }
 
 /** In small steps where the line is slow or ends early. */
-async function send({ status, headers, body }, nBefore, response, how) {
+async function send({ status, headers, body }, nBefore, response, how, count) {
   const isCut = how.cut > 0 && nBefore < how.cuts && how.cut < body.length;
   const isStalled = how.stall >= 0 && nBefore < how.stalls && how.stall < body.length;
   const length = headers["content-length"] ?? body.length;
@@ -212,7 +216,9 @@ async function send({ status, headers, body }, nBefore, response, how) {
   const end = isCut ? how.cut : isStalled ? how.stall : body.length;
   const step = how.rate > 0 ? Math.ceil(how.rate / 20) : end || 1;
   for (let at = 0; at < end && !response.destroyed; at += step) {
-    response.write(body.subarray(at, Math.min(end, at + step)));
+    const part = body.subarray(at, Math.min(end, at + step));
+    response.write(part);
+    count(part.length);
     if (how.rate > 0) await sleep(50);
   }
   if (isStalled) return;

@@ -9,6 +9,8 @@ import { startServer } from "./server.mjs";
 
 const SIZE = 200_000;
 const LEAD = 65536;
+/** Bytes that are sent twice, and compared, without ETag and Last-Modified. */
+const OVERLAP = 64;
 const LIMIT_MS = 30_000;
 
 /** No two windows of some bytes are the same. */
@@ -172,6 +174,34 @@ describe("an honest server", { concurrency: true }, () => {
     assert.equal((await source.read(SIZE + 5, SIZE + 9)).length, 0);
     await rejects("a read", source.read(5, 4), /0 <= start <= end/, errors.InvalidInputError);
     await rejects("a read", source.read(-1, 4), /0 <= start <= end/, errors.InvalidInputError);
+  });
+
+  for (const validators of ["both", "etag", "modified", "none"]) {
+    for (const ranges of ["yes", "no"]) {
+      test(`sends each byte once with validators "${validators}", ranges "${ranges}"`, async () => {
+        for (const size of [1000, LEAD, LEAD + 1, SIZE]) {
+          const other = await startServer(FILE.subarray(0, size));
+          try {
+            const address = other.address({ validators, ranges });
+            const source = await opened(address);
+            await assertReads(source, 0, size);
+            const nSent = other.bytesSentTo(address);
+            assert.ok(nSent <= size + OVERLAP, `${nSent} bytes of ${size} were sent`);
+          } finally {
+            other.close();
+          }
+        }
+      });
+    }
+  }
+
+  test("without versions sends the rest in one answer", async () => {
+    const address = server.address({ validators: "none" });
+    const source = await opened(address);
+    assert.equal(source.hasRanges, false);
+    await assertReadsAsADecoder(source);
+    const rest = `bytes=${LEAD - OVERLAP}-${SIZE - 1}`;
+    assert.deepEqual(server.requestsOf(address), ["bytes=0-65535", rest]);
   });
 
   test("without ranges is asked once, for all", async () => {
@@ -451,9 +481,25 @@ describe("a file that changes", { concurrency: true }, () => {
     await rejects("the rest", source.read(0, SIZE), /has changed/);
   });
 
-  test("unnoticed by its server is taken as a whole, and so of one version", async () => {
-    const source = await opened(server.address({ validators: "none", changeAfter: 2 }));
-    await assertReadsAsADecoder(source);
+  for (const behaviour of [{}, { longer: 1000 }, { lie: "whole", lieFrom: 1 }, { cut: 10_000 }]) {
+    test(`unnoticed by its server is noticed, with ${JSON.stringify(behaviour)}`, async () => {
+      const how = { ...behaviour, validators: "none", changeAfter: 1 };
+      const source = await opened(server.address(how), { retries: 1 });
+      await rejects("bytes of both", source.read(0, SIZE), /has changed/);
+      await assertReads(source, 0, 10_000);
+    });
+  }
+
+  test("unnoticed by its server, and becomes shorter, is noticed", async () => {
+    const { address } = await scripted(
+      (_, response) => {
+        const range = `bytes 0-${LEAD - 1}/${SIZE}`;
+        response.writeHead(206, { "content-range": range }).end(FILE.subarray(0, LEAD));
+      },
+      (_, response) => response.writeHead(416, { "content-range": "bytes */50000" }).end(),
+    );
+    const source = await opened(address);
+    await rejects("the rest", source.read(0, SIZE), /has changed/);
   });
 
   for (const behaviour of [

@@ -18,9 +18,17 @@ interface Part extends Answer {
   readonly size: number | null;
 }
 
+/**
+ * Without ETag and Last-Modified, the request for the rest of a file repeats this many bytes, which
+ * are compared with those already received. Streams are entropy-coded: two versions that differ
+ * around this place differ in these bytes.
+ */
+const OVERLAP_BYTES = 64;
+
 /** A file that a server has. */
 export class Address implements Server {
-  hasRanges = true;
+  /** Which ranges requests have: any; only the rest behind what was received; or none. */
+  private ranges: "any" | "rest" | "none" = "any";
   private version: Version | null = null;
 
   /**
@@ -36,16 +44,23 @@ export class Address implements Server {
     return this.version?.size ?? null;
   }
 
+  get hasRanges(): boolean {
+    return this.ranges === "any";
+  }
+
   async ask(start: number, end: number, signal: AbortSignal): Promise<Answer> {
-    const range = this.hasRanges ? `bytes=${start}-${end - 1}` : null;
+    const first = this.ranges === "rest" ? Math.max(0, start - OVERLAP_BYTES) : start;
+    const range = this.ranges === "none" ? null : `bytes=${first}-${end - 1}`;
     const response = await this.send(range, signal);
     const part = partOf(response);
     const { status, headers } = response;
     const [etag, modified] = [headers.get("etag"), headers.get("last-modified")];
     if (!this.version && range) {
-      // Ranges are of use only if it can be seen which bytes they hold, and of which version.
-      const isUseful = status === 206 && part?.start === 0 && (etag || modified);
-      if (status === 416 || (response.ok && !isUseful)) this.hasRanges = false;
+      // A range is of use only if it can be seen which bytes it holds; those that are anywhere in
+      // the file only if it can be seen of which version they are.
+      const isUseful = status === 206 && part?.start === 0;
+      if (isUseful && !(etag || modified)) this.ranges = "rest";
+      else if (status === 416 || (response.ok && !isUseful)) this.ranges = "none";
       if (status === 416 || (status === 206 && !isUseful)) {
         response.body?.cancel().catch(() => {});
         return this.ask(start, end, signal);
@@ -53,7 +68,7 @@ export class Address implements Server {
     }
     if (!response.ok) throw this.refusal(status);
     if (part) this.check({ etag, modified, size: part.size });
-    if (!part || part.start > start || (status === 206 && part.end! <= start)) {
+    if (!part || part.start > first || (status === 206 && part.end! <= start)) {
       const said = (header: string) => `${header} "${headers.get(header) ?? ""}"`;
       throw new SourceError(
         `${this.name}: the server was asked for ${range ?? "the file"} and answered HTTP` +
@@ -80,7 +95,7 @@ export class Address implements Server {
     } catch (error) {
       // Browsers do not say why: perhaps it was the range, which a server must allow to other sites
       // and must not compress.
-      if (!this.version && !signal.aborted) this.hasRanges = !this.hasRanges;
+      if (!this.version && !signal.aborted) this.ranges = this.hasRanges ? "none" : "any";
       throw new PassingError(
         `${this.name} cannot be reached (${reasonOf(error)}); check the address and the network,` +
           " and, if it is of another site than the page, that it sends Access-Control-Allow-Origin",
@@ -97,13 +112,13 @@ export class Address implements Server {
         ? first.etag === etag
         : first.modified && modified
           ? first.modified === modified
-          : !this.hasRanges; // Whole bodies are compared byte by byte.
+          : !this.hasRanges; // Bytes are compared.
     const isAsLong = first.size === null || size === null || first.size === size;
     if (!isSame || !isAsLong) throw changedError(this.name);
   }
 
   private refusal(status: number): SourceError {
-    if (status === 416 && this.hasRanges) return changedError(this.name);
+    if (status === 416 && this.ranges !== "none") return changedError(this.name);
     const what = `${this.name}: HTTP ${status}`;
     if (status >= 500 || status === 429 || status === 408) {
       return new PassingError(`${what}; the server has trouble, try again later`);

@@ -137,6 +137,7 @@ export class Download {
     }
     if (answer.end === null && at < this.start + this.nReceived) throw changedError(name);
     this.nSure = this.nReceived;
+    this.wake();
     if (this.end === Infinity && at >= (answer.end ?? 0)) this.end = at;
     if (this.start + this.nSure < this.end) throw this.cut(at, "it ended early");
   }

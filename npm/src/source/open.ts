@@ -31,8 +31,8 @@ export interface SourceOptions {
 /**
  * Bytes of a file that are had when they are read.
  *
- * A server is asked for ranges. If it has none, the file comes as a whole and is kept in memory;
- * what is here can be read while the rest is on its way. Connections that are cut are taken up
+ * Requests have ranges. If the server has none, or sends neither ETag nor Last-Modified, the file
+ * comes as a whole, once, and is kept in memory; what is here can be read while the rest is on its way. Connections that are cut are taken up
  * where they ended.
  *
  * @param from - An address, a response whose body nobody has read, or bytes. Those in memory are
