@@ -16,13 +16,13 @@ from meshreel.formats.usd.mesh_notes import MeshNotes
 from meshreel.formats.usd.mesh_shape import MeshShape
 from meshreel.formats.usd.primitives import PrimitiveShape
 from meshreel.formats.usd.primvars import read_attributes
-from meshreel.formats.usd.quantities import quantities
+from meshreel.formats.usd.quantities import Quantity, Values, quantities
 from meshreel.formats.usd.sampling import Samples, distinct_codes
 from meshreel.formats.usd.skinning import Skin
 from meshreel.formats.usd.subsets import read_groups
 from meshreel.formats.usd.transforms import Matrix, Transforms, mirrors, placed
 from meshreel.sequence import Vertices
-from meshreel.surface import Surface
+from meshreel.surface import Domain, Surface
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,15 +63,17 @@ class StageMesh:
 
         Where nothing does, they are those of what it carries.
         """
+        return mesh_samples(*self.motion_codes, self.prim)
+
+    @property
+    def motion_codes(self) -> tuple[list[float], list[float]]:
+        """Where points and faces have samples, and where what moves the points has."""
         keys = (
             self.transforms.codes(self.prim)
             if self.skin is None
             else self.skin.codes(self.transforms)
         )
-        stored, keys = self.shape.stored, keys + self.shape.keys
-        if len(distinct_codes(stored + keys)) < 2:
-            stored = stored + [code for one in quantities(self.prim) for code in one.codes]
-        return Samples(distinct_codes(stored), distinct_codes(keys))
+        return self.shape.stored, keys + self.shape.keys
 
     def frame(self, code: float) -> PolygonMesh:
         """The mesh in world space at a time code.
@@ -109,6 +111,30 @@ class StageMesh:
     def whole(self, code: float) -> PolygonMesh:
         """All its faces at a time code, holes too, counter-clockwise, with points as they are."""
         return self._whole(self.shape.points(code), code)
+
+    def n_copies(self, code: float) -> int:
+        """One, as at any time code; copies of a prototype are an `InstancedMesh`."""
+        return 1
+
+    def in_world(
+        self, one: Quantity, values: Values, counts: npt.NDArray[np.int64], code: float
+    ) -> Values:
+        """Values of all items of the mesh at a time code, turned as it is, in its order.
+
+        Parameters
+        ----------
+        one : Quantity
+        values : array of shape (N, C)
+            In the order of the file.
+        counts : int64 array
+            Corners of each face.
+        code : float
+        """
+        if one.to_world is not None:
+            values = one.to_world(values, self.world(code))
+        if one.domain is Domain.CORNER and self.is_flipped:
+            return values[flipped_corners(counts)]
+        return values
 
     def world(self, code: float) -> Matrix:
         """The transform to the world at a time code."""
@@ -154,6 +180,13 @@ class StageMesh:
         if not self.is_flipped:
             return found
         return replace(found, corners=found.corners[flipped_corners(found.counts)])
+
+
+def mesh_samples(stored: list[float], keys: list[float], prim: Any) -> Samples:
+    """Where a mesh has samples; of one that does not move, those of what it carries too."""
+    if len(distinct_codes(stored + keys)) < 2:
+        stored = stored + [code for one in quantities(prim) for code in one.codes]
+    return Samples(distinct_codes(stored), distinct_codes(keys))
 
 
 def flipped_corners(counts: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:

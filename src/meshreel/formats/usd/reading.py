@@ -16,7 +16,9 @@ from meshreel.errors import FormatError
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.scenes.scene_mesh import SceneMesh, readable_mesh
 from meshreel.formats.usd.diagnostics import usd_errors
-from meshreel.formats.usd.drawn import drawn_meshes, shape_of
+from meshreel.formats.usd.drawn import DrawnMesh, drawn_meshes, shape_of
+from meshreel.formats.usd.instanced_mesh import InstancedMesh, note_instances
+from meshreel.formats.usd.instancers import Placements
 from meshreel.formats.usd.layers import codes_per_second
 from meshreel.formats.usd.material_reading import StageMaterials
 from meshreel.formats.usd.mesh_notes import MeshNotes
@@ -35,6 +37,8 @@ from meshreel.formats.usd.track_reading import MeshTracks
 from meshreel.formats.usd.transforms import Transforms
 from meshreel.sequence import validate_fps
 
+AnyMesh = StageMesh | InstancedMesh
+
 
 def read_meshes(path: Path, options: ReadOptions) -> list[SceneMesh]:
     """The meshes of a USD file.
@@ -51,20 +55,25 @@ def read_meshes(path: Path, options: ReadOptions) -> list[SceneMesh]:
     stage = open_stage(path, options)
     with usd_errors("USD cannot read its meshes"):
         rate = codes_per_second(stage.GetRootLayer())
-        prims = drawn_meshes(stage, notes)
-        transforms, skins = Transforms(), find_skins(prims)
+        drawn = drawn_meshes(stage, notes)
+        transforms, skins = Transforms(), find_skins(one.prim for one in drawn)
         materials = StageMaterials(None if options.allow_outside else path.parent, notes)
         said = MeshNotes(notes)
-        meshes = [
-            StageMesh(
-                stage, shape_of(prim), skins.get(str(prim.GetPath())), transforms, materials, said
-            )
-            for prim in prims
-        ]
+
+        def stage_mesh(found: DrawnMesh) -> AnyMesh:
+            skin = skins.get(str(found.prim.GetPath()))
+            above = found.levels[-1].to_root if found.levels else transforms
+            mesh = StageMesh(stage, shape_of(found.prim), skin, above, materials, said)
+            if not found.levels:
+                return mesh
+            return InstancedMesh(found.name, mesh, Placements(found.levels, transforms))
+
+        meshes = [stage_mesh(one) for one in drawn]
+        note_instances([one for one in meshes if isinstance(one, InstancedMesh)], notes)
         has_rate = stage.HasAuthoredMetadata("timeCodesPerSecond")
         codes_of = _frame_codes(meshes, rate, codes_per_frame(stage, rate), options)
 
-    def scene_mesh(mesh: StageMesh) -> SceneMesh:
+    def scene_mesh(mesh: AnyMesh) -> SceneMesh:
         with usd_errors(f"USD cannot read {mesh.path}"):
             return _scene_mesh(mesh, codes_of(mesh), rate, notes, has_rate=has_rate)
 
@@ -72,7 +81,7 @@ def read_meshes(path: Path, options: ReadOptions) -> list[SceneMesh]:
 
 
 def _scene_mesh(
-    mesh: StageMesh, codes: Codes, rate: float, notes: list[str], *, has_rate: bool
+    mesh: AnyMesh, codes: Codes, rate: float, notes: list[str], *, has_rate: bool
 ) -> SceneMesh:
     fps = None
     if interval := even_interval(codes):
@@ -93,15 +102,15 @@ def _scene_mesh(
 
 
 def _frame_codes(
-    meshes: Sequence[StageMesh], rate: float, frame_interval: float, options: ReadOptions
-) -> Callable[[StageMesh], Codes]:
+    meshes: Sequence[AnyMesh], rate: float, frame_interval: float, options: ReadOptions
+) -> Callable[[AnyMesh], Codes]:
     """A function to where a mesh has its frames, which are none if it does not move."""
     every = [one for mesh in meshes if (one := _samples(mesh)) is not None]
     between = [one.all for one in every if one.move_between(frame_interval)]
     if (fps := validate_fps(options.fps or 0.0)) and between:
         grid = cache(lambda: _common_grid([one.all for one in every], rate / fps))
 
-        def common_codes(mesh: StageMesh) -> Codes:
+        def common_codes(mesh: AnyMesh) -> Codes:
             if len(mesh.samples.all) < 2:
                 return mesh.samples.all
             _note_final(mesh, grid(), max(float(one.all[-1]) for one in every if len(one.all)))
@@ -110,7 +119,7 @@ def _frame_codes(
         return common_codes
     origin = min((float(one[0]) for one in between), default=0.0)
 
-    def codes_of(mesh: StageMesh) -> Codes:
+    def codes_of(mesh: AnyMesh) -> Codes:
         codes = mesh.samples.frames(frame_interval, origin)
         if len(codes) != (n_samples := len(mesh.samples.all)):
             mesh.notes.sampled.add(f"{mesh.path} ({n_samples} samples, {len(codes)} frames)")
@@ -121,13 +130,13 @@ def _frame_codes(
     return codes_of
 
 
-def _note_final(mesh: StageMesh, codes: Codes, last: float) -> None:
+def _note_final(mesh: AnyMesh, codes: Codes, last: float) -> None:
     """Tell of a mesh whose last sample is between two frames, so that a frame later shows it."""
     if codes[-1] > last + TOLERANCE:
         mesh.notes.final.add(f"{mesh.path} (of time code {last:g}, shown at {codes[-1]:g})")
 
 
-def _samples(mesh: StageMesh) -> Samples | None:
+def _samples(mesh: AnyMesh) -> Samples | None:
     """Where a mesh has samples; None if they cannot be."""
     try:
         _ = mesh.samples.all

@@ -8,6 +8,7 @@ import numpy as np
 
 from meshreel.errors import FormatError
 from meshreel.formats.extras import USD
+from meshreel.formats.usd.instancers import all_prims
 from meshreel.formats.usd.sampling import attribute_codes
 from meshreel.formats.usd.transforms import Transforms
 from meshreel.sequence import Vertices
@@ -114,7 +115,7 @@ def find_skins(prims: Iterable[Any]) -> dict[str, Skin]:
 
 
 def _skins_below(root: Any) -> Iterator[Skin]:
-    predicate, cache = USD.load("Usd").TraverseInstanceProxies(), USD.load("UsdSkel").Cache()
+    predicate, cache = all_prims(), USD.load("UsdSkel").Cache()
     cache.Populate(root, predicate)
     for binding in cache.ComputeSkelBindings(root, predicate):
         skeleton = cache.GetSkelQuery(binding.GetSkeleton())

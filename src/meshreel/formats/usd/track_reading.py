@@ -13,7 +13,8 @@ from meshreel.formats.scenes.turned_values import turned_vectors
 from meshreel.formats.surfaces.polygons import PolygonMesh
 from meshreel.formats.usd.diagnostics import usd_errors
 from meshreel.formats.usd.holes import Mask
-from meshreel.formats.usd.mesh_reading import StageMesh, flipped_corners
+from meshreel.formats.usd.instanced_mesh import InstancedMesh
+from meshreel.formats.usd.mesh_reading import StageMesh
 from meshreel.formats.usd.quantities import (
     TRACK_KIND,
     TRACK_NAME,
@@ -35,14 +36,14 @@ class MeshTracks:
 
     Parameters
     ----------
-    mesh : StageMesh
+    mesh : StageMesh or InstancedMesh
     codes : Codes
         The time codes of its frames.
     notes : list of str
         Gains a sentence for each thing that is not read.
     """
 
-    def __init__(self, mesh: StageMesh, codes: Codes, notes: list[str]) -> None:
+    def __init__(self, mesh: StageMesh | InstancedMesh, codes: Codes, notes: list[str]) -> None:
         self._mesh, self._codes, self._notes = mesh, codes, notes
 
     @cached_property
@@ -66,16 +67,19 @@ class MeshTracks:
             self._note_samples()
             whole = self._mesh.whole(codes[0])
             solid = self._mesh.shape.solid_faces(len(whole.counts), codes[0])
+            n_copies = self._mesh.n_copies(codes[0])
             fields = [self._fields(named, code, whole) for code in codes]
         fitting = {key for frame in fields for key in frame}
         note_kinds(self._notes, UNFIT, (name for _, name in named.keys() - fitting))
-        kept = _kept(whole, solid)
+        kept = {domain: np.tile(rows, n_copies) for domain, rows in _kept(whole, solid).items()}
         sizes = {domain: int(np.count_nonzero(rows)) for domain, rows in kept.items()}
 
         def read(index: int, key: Key) -> Values:
             with usd_errors(f"USD cannot read what {self._mesh.path} carries"):
                 values = self._values(named[key], codes[index], whole)
-            if values is None:
+                if values is not None:
+                    values = self._mesh.in_world(named[key], values, whole.counts, codes[index])
+            if values is None or len(values) != len(kept[key[0]]):
                 raise changed_error(f"{self._mesh.path} (time code {codes[index]:g})")
             return values[kept[key[0]]]
 
@@ -94,16 +98,9 @@ class MeshTracks:
         return fields
 
     def _values(self, one: Quantity, code: float, whole: PolygonMesh) -> Values | None:
-        """Values in the order of the mesh, of all its faces."""
+        """Values in the order of the file, of all faces of the mesh."""
         counts = len(whole.vertices), len(whole.counts), len(whole.corners)
-        values = one.values(code, dict(zip(Domain, counts, strict=True))[one.domain])
-        if values is None:
-            return None
-        if one.to_world is not None:
-            values = one.to_world(values, self._mesh.world(code))
-        if one.domain is Domain.CORNER and self._mesh.is_flipped:
-            return values[flipped_corners(whole.counts)]
-        return values
+        return one.values(code, dict(zip(Domain, counts, strict=True))[one.domain])
 
     def _note_samples(self) -> None:
         """Tell of samples where there are no frames."""

@@ -1,10 +1,11 @@
-"""Transforms from prims to the world, at any time code."""
+"""Transforms from prims to the world or to a prototype, at any time code."""
 
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.errors import FormatError
 from meshreel.formats.extras import USD
 from meshreel.formats.text.decimal_text import Narrowing
 from meshreel.formats.usd.sampling import attribute_codes
@@ -14,16 +15,23 @@ Matrix = npt.NDArray[np.float64]
 
 
 class Transforms:
-    """Transforms of the prims of a stage, each looked up once."""
+    """Transforms of the prims of a stage, each looked up once.
 
-    def __init__(self) -> None:
+    Parameters
+    ----------
+    root : Usd.Prim, optional
+        A prim in whose space positions are then, of those below it. Default: the world.
+    """
+
+    def __init__(self, root: Any = None) -> None:
+        self._root = root
         self._geometry = USD.load("UsdGeom")
         self._cache = self._geometry.XformCache()
         self._codes: dict[str, list[float]] = {}
 
     def codes(self, prim: Any) -> list[float]:
         """Where transforms of a prim, or of those above it, have samples."""
-        if not prim or prim.IsPseudoRoot():
+        if not prim or prim.IsPseudoRoot() or (self._root and prim == self._root):
             return []
         path = str(prim.GetPath())
         if path not in self._codes:
@@ -31,18 +39,36 @@ class Transforms:
         return self._codes[path]
 
     def world(self, prim: Any, code: float) -> Matrix:
-        """Of shape (4, 4), from the prim to the world; positions are rows on its left."""
+        """Of shape (4, 4), from the prim to the world; positions are rows on its left.
+
+        Raises
+        ------
+        FormatError
+            If there is a root, which the prim is not below.
+        """
         self._cache.SetTime(code)
+        if self._root:
+            if not prim.GetPath().HasPrefix(self._root.GetPath()):
+                raise FormatError(
+                    f"{prim.GetPath()} moves a mesh of the prototype {self._root.GetPath()} and is "
+                    "not below it; put it there"
+                )
+            relative, _ = self._cache.ComputeRelativeTransform(prim, self._root)
+            return np.array(relative, np.float64)
         return np.array(self._cache.GetLocalToWorldTransform(prim), np.float64)
 
+    @staticmethod
+    def own_codes(prim: Any) -> list[float]:
+        """Where the transform of a prim alone has samples."""
+        xformable = USD.load("UsdGeom").Xformable(prim)
+        operations = xformable.GetOrderedXformOps() if xformable else []
+        return [code for one in operations for code in attribute_codes(one.GetAttr())]
+
     def _codes_of(self, prim: Any) -> list[float]:
-        own: list[float] = []
-        if prim.IsA(self._geometry.Xformable):
-            xformable = self._geometry.Xformable(prim)
-            for operation in xformable.GetOrderedXformOps():
-                own += attribute_codes(operation.GetAttr())
-            if xformable.GetResetXformStack():
-                return own
+        own = self.own_codes(prim)
+        xformable = self._geometry.Xformable(prim)
+        if xformable and xformable.GetResetXformStack():
+            return own
         return own + self.codes(prim.GetParent())
 
 
@@ -55,8 +81,17 @@ def placed(points: Vertices, matrix: Matrix) -> Vertices:
     """
     if np.array_equal(matrix, np.eye(4)):
         return points
+    return placed_copies(points, matrix[np.newaxis])
+
+
+def placed_copies(points: Vertices, matrices: Matrix) -> Vertices:
+    """Positions of shape (V, 3), once for each of (I, 4, 4) transforms; of shape (I * V, 3).
+
+    Their type is as `placed` has it.
+    """
     with np.errstate(all="ignore"):  # what is not finite is found where all frames are looked at
-        world: Vertices = points.astype(np.float64) @ matrix[:3, :3] + matrix[3, :3]
+        moved = points.astype(np.float64) @ matrices[:, :3, :3] + matrices[:, np.newaxis, 3, :3]
+        world: Vertices = moved.reshape(-1, 3)
         narrowing = Narrowing()
         narrowing.add(world)
         dtype: Any = points.dtype if narrowing.is_harmless else np.float64

@@ -290,7 +290,8 @@ def test_load_leaves_out_what_is_not_drawn_when_meshes_are_hidden(stage_file):
     assert load(stage_file(body), notes=notes).name == "m"
     assert notes[0] == (
         "left out: 1 mesh of purpose proxy, 1 mesh of purpose guide, 3 meshes invisible, "
-        "1 mesh without points or faces, 1 BasisCurves, 1 PointInstancer"
+        "1 mesh without points or faces, 1 BasisCurves, "
+        "1 PointInstancer whose prototypes hold no mesh"
     )
 
 

@@ -1,0 +1,379 @@
+"""Point instancers of USD, whose copies are baked; checked against matrices written out here."""
+
+import numpy as np
+import pytest
+
+from meshreel.errors import FormatError, InvalidInputError
+from meshreel.formats.inspection import inspect_source
+from meshreel.formats.load import load
+from meshreel.formats.options import ReadOptions
+from meshreel.formats.stretches import find_stretches
+from meshreel.surface import Domain
+
+pytest.importorskip("pxr")
+
+POINTS = np.array([[0, 0, 0], [1, 0, 0], [1, 2, 0], [0, 2, 3]], np.float64)
+FACES = "int[] faceVertexCounts = [4]\nint[] faceVertexIndices = [0, 1, 2, 3]"
+CORNERS = [[0, 1, 2], [0, 2, 3]]
+TURN = (0.5, 0.5, 0.5, 0.5)
+"""w, x, y, z: 120 degrees about (1, 1, 1), which takes x to y, y to z and z to x."""
+
+
+def points(at=POINTS):
+    return f"point3f[] points = {[tuple(row) for row in np.asarray(at).tolist()]}"
+
+
+def mesh(more="", name="m", at=None):
+    return f'def Mesh "{name}" {{\n{points() if at is None else at}\n{FACES}\n{more}\n}}\n'
+
+
+def moved(translate, name="xform", body="", more=""):
+    return (
+        f'def Xform "{name}" {{\ndouble3 xformOp:translate = {translate}\n'
+        f'uniform token[] xformOpOrder = ["xformOp:translate"]\n{more}\n{body}}}\n'
+    )
+
+
+def instancer(arrays, body, prototypes=("/many/m",), name="many", metadata=""):
+    targets = ", ".join(f"<{path}>" for path in prototypes)
+    return (
+        f'def PointInstancer "{name}" ({metadata}) {{\n{arrays}\n'
+        f"rel prototypes = [{targets}]\n{body}}}\n"
+    )
+
+
+@pytest.fixture
+def stage_file(tmp_path):
+    """A function from the text of a stage, below its header, to its file."""
+
+    def write(body, name="a.usda"):
+        path = tmp_path / name
+        path.write_text(f"#usda 1.0\n(\n)\n{body}")
+        return path
+
+    return write
+
+
+def copies(*offsets, of=POINTS):
+    return np.concatenate([of + np.asarray(one, np.float64) for one in offsets])
+
+
+THREE = "int[] protoIndices = [0, 0, 0]\npoint3f[] positions = [(0, 0, 0), (5, 0, 0), (0, 7, 0)]"
+AT = (0, 0, 0), (5, 0, 0), (0, 7, 0)
+
+
+def test_load_bakes_the_copies_of_a_mesh_when_it_is_a_prototype(stage_file):
+    notes = []
+    found = load(stage_file(instancer(THREE, mesh())), notes=notes)
+    assert (found.name, found.n_frames, found.dtype) == ("m", 1, np.float32)
+    np.testing.assert_allclose(found.vertices[0], copies(*AT), atol=1e-6)
+    expected = [[corner + 4 * one for corner in face] for one in range(3) for face in CORNERS]
+    assert found.faces.tolist() == expected
+    assert notes[0] == "baked 3 instances, those of a mesh as one mesh"
+
+
+@pytest.mark.parametrize("kind", ["quath[] orientations", "quatf[] orientationsf"])
+def test_load_turns_scales_and_moves_copies_when_the_instancer_says_so(stage_file, kind):
+    arrays = (
+        f"int[] protoIndices = [0, 0]\npoint3f[] positions = [(1, 2, 3), (4, 5, 6)]\n"
+        f"{kind} = [(1, 0, 0, 0), {TURN}]\nfloat3[] scales = [(1, 1, 1), (2, 3, 4)]"
+    )
+    body = moved((0, 0, 50), "place", instancer(arrays, mesh(), ["/place/many/m"]))
+    found = load(stage_file(body))
+    turned = np.roll(POINTS * [2, 3, 4], 1, axis=1)
+    expected = np.concatenate([POINTS + np.array([1, 2, 53]), turned + np.array([4, 5, 56])])
+    np.testing.assert_allclose(found.vertices[0], expected, atol=1e-4)
+
+
+def test_load_reverses_faces_of_copies_when_they_are_mirrored(stage_file):
+    arrays = THREE + "\nfloat3[] scales = [(1, 1, 1), (-1, 1, 1), (-1, -1, 1)]"
+    uv = (
+        "texCoord2f[] primvars:st = [(0, 0), (1, 0), (2, 0), (3, 0)] "
+        '(interpolation = "faceVarying")'
+    )
+    found = load(stage_file(instancer(arrays, mesh(uv))))
+    assert found.faces.tolist() == [
+        [0, 1, 2], [0, 2, 3], [4, 7, 6], [4, 6, 5], [8, 9, 10], [8, 10, 11],
+    ]  # fmt: skip
+    [attribute] = found.surface.attributes
+    assert attribute.domain is Domain.CORNER
+    rows = attribute.values[attribute.indices, 0].tolist()
+    assert rows == [0, 1, 2, 3, 0, 3, 2, 1, 0, 1, 2, 3]
+
+
+def test_load_takes_all_meshes_of_a_prototype_when_they_are_below_transforms(stage_file):
+    inner = moved((0, 10, 0), "up", mesh(name="second"))
+    root = moved((0, 0, 100), "root", mesh(name="first") + inner)
+    path = stage_file(instancer(THREE, root, ["/many/root"]))
+    with pytest.raises(InvalidInputError, match=r"/many/root/first, /many/root/up/second"):
+        load(path)
+    first, second = load(path, object="first"), load(path, object="second")
+    np.testing.assert_allclose(first.vertices[0], copies(*AT) + np.array([0, 0, 100]), atol=1e-4)
+    np.testing.assert_allclose(second.vertices[0], copies(*AT) + np.array([0, 10, 100]), atol=1e-4)
+    assert load(path, merge=True).n_verts == 24
+
+
+def test_load_gives_each_prototype_its_instances_when_there_are_several(stage_file):
+    arrays = THREE.replace("[0, 0, 0]", "[1, 0, 1]")
+    body = mesh() + mesh(name="n", at=points(POINTS * 2)) + mesh(name="unused")
+    notes = []
+    path = stage_file(instancer(arrays, body, ["/many/m", "/many/n", "/many/unused"]))
+    np.testing.assert_allclose(
+        load(path, object="m", notes=notes).vertices[0], copies(AT[1]), atol=1e-6
+    )
+    np.testing.assert_allclose(
+        load(path, object="n").vertices[0], copies(AT[0], AT[2], of=POINTS * 2), atol=1e-6
+    )
+    assert "left out: 1 mesh of prototypes without an instance that is drawn" in notes
+
+
+@pytest.mark.parametrize("specifier", ["over", "def"])
+def test_load_finds_prototypes_when_they_are_outside_of_the_instancer(stage_file, specifier):
+    library = f'{specifier} "Library" {{\n{mesh(name="tree")}}}\n'
+    path = stage_file(library + instancer(THREE, "", ["/Library/tree"]))
+    found = load(path, object="/many/Library/tree")
+    np.testing.assert_allclose(found.vertices[0], copies(*AT), atol=1e-6)
+    n_meshes = len(inspect_source(path, ReadOptions()).meshes)
+    assert n_meshes == (1 if specifier == "over" else 2)
+
+
+def test_load_moves_copies_when_positions_have_samples(stage_file):
+    arrays = (
+        "int[] protoIndices = [0, 0]\npoint3f[] positions.timeSamples = {\n"
+        "0: [(0, 0, 0), (5, 0, 0)], 1: [(0, 0, 1), (5, 2, 0)], 2: [(0, 0, 4), (5, 4, 0)] }\n"
+        f"quath[] orientations.timeSamples = {{ 1: [(1, 0, 0, 0), {TURN}] }}\n"
+        "float3[] scales.timeSamples = { 0: [(1, 1, 1), (2, 2, 2)], 2: [(1, 1, 1), (4, 4, 4)] }"
+    )
+    found = load(stage_file(instancer(arrays, mesh())))
+    assert (found.n_frames, found.fps) == (3, 24)
+    turned = np.roll(POINTS, 1, axis=1)
+    for frame, (up, along, scale) in enumerate([(0, 0, 2), (1, 2, 3), (4, 4, 4)]):
+        expected = np.concatenate(
+            [POINTS + np.array([0, 0, up]), turned * scale + np.array([5, along, 0])]
+        )
+        np.testing.assert_allclose(found.vertices[frame], expected, atol=2e-3)
+
+
+def test_load_moves_copies_when_the_mesh_its_root_and_the_instancer_move(stage_file):
+    def keyed(axis, end):
+        row = [0, 0, 0]
+        row[axis] = end
+        return f"double3 xformOp:translate.timeSamples = {{ 0: (0, 0, 0), 2: {tuple(row)} }}\n"
+
+    order = 'uniform token[] xformOpOrder = ["xformOp:translate"]\n'
+    deforming = (
+        "point3f[] points.timeSamples = {"
+        + ", ".join(
+            f"{code}: {[tuple(row) for row in (POINTS * (1 + code / 2)).tolist()]}"
+            for code in range(3)
+        )
+        + "}"
+    )
+    body = f'def Xform "root" {{\n{keyed(1, 20)}{order}{mesh(at=deforming)}}}\n'
+    whole = instancer(keyed(2, 200) + order + THREE, body, ["/many/root"])
+    found = load(stage_file(whole))
+    assert found.n_frames == 3
+    for frame in range(3):
+        expected = copies(*AT, of=POINTS * (1 + frame / 2)) + np.array([0, 10 * frame, 100 * frame])
+        np.testing.assert_allclose(found.vertices[frame], expected, atol=1e-4)
+
+
+def test_load_leaves_out_instances_when_they_are_masked(stage_file):
+    arrays = THREE + "\nint64[] ids = [10, 20, 30]\nint64[] invisibleIds = [30]"
+    notes = []
+    path = stage_file(instancer(arrays, mesh(), metadata="inactiveIds = [10]"))
+    np.testing.assert_allclose(load(path, notes=notes).vertices[0], copies(AT[1]), atol=1e-6)
+    assert notes[:2] == [
+        "baked 1 instance, those of a mesh as one mesh",
+        "left out: instances that are inactive or invisible: 2 of 3 of /many",
+    ]
+
+
+def test_load_is_refused_when_masks_change_the_vertices_and_split_writes_stretches(stage_file):
+    path = stage_file(
+        instancer(THREE + "\nint64[] invisibleIds.timeSamples = { 0: [], 1: [2] }", mesh())
+    )
+    with pytest.raises(InvalidInputError, match=r"frame 1 of /many/m has 8 vertices; expected 12"):
+        load(path)
+    found = [one.open() for one in find_stretches(path, ReadOptions())]
+    assert [(one.n_frames, one.n_verts) for one in found] == [(1, 12), (1, 8)]
+
+
+def test_load_notes_it_when_other_instances_are_drawn_and_as_many(stage_file):
+    notes = []
+    arrays = THREE + "\nint64[] invisibleIds.timeSamples = { 0: [0], 1: [2] }"
+    found = load(stage_file(instancer(arrays, mesh())), notes=notes)
+    np.testing.assert_allclose(found.vertices[0], copies(AT[1], AT[2]), atol=1e-6)
+    np.testing.assert_allclose(found.vertices[1], copies(AT[0], AT[1]), atol=1e-6)
+    assert any("which instances are drawn changes over time: /many;" in note for note in notes)
+
+
+def test_load_is_refused_when_prototypes_of_instances_change(stage_file):
+    arrays = THREE.replace("[0, 0, 0]", "[0, 0, 1]", 1).replace(
+        "int[] protoIndices = [0, 0, 1]",
+        "int[] protoIndices.timeSamples = { 0: [0, 0, 1], 1: [0, 1, 1] }",
+    )
+    path = stage_file(instancer(arrays, mesh() + mesh(name="n"), ["/many/m", "/many/n"]))
+    with pytest.raises(InvalidInputError, match=r"frame 1 of /many/m has 4 vertices; expected 8"):
+        load(path, object="m")
+
+
+def test_load_copies_copies_when_an_instancer_is_in_a_prototype(stage_file):
+    inner = instancer(
+        "int[] protoIndices = [0, 0]\npoint3f[] positions = [(0, 0, 0), (0, 0, 1)]",
+        mesh(), ["/many/root/inner/m"], "inner",
+    )  # fmt: skip
+    path = stage_file(instancer(THREE, moved((0, 0, 100), "root", inner), ["/many/root"]))
+    found = load(path)
+    pair = copies((0, 0, 100), (0, 0, 101))
+    np.testing.assert_allclose(found.vertices[0], copies(*AT, of=pair), atol=1e-4)
+
+
+@pytest.mark.parametrize("specifier", ["def", "over"])
+def test_load_copies_a_skinned_mesh_when_it_is_in_a_prototype(stage_file, specifier):
+    skinned = """def SkelRoot "root" {
+def Skeleton "skeleton" (prepend apiSchemas = ["SkelBindingAPI"]) {
+    uniform token[] joints = ["a"]
+    uniform matrix4d[] bindTransforms = [((1,0,0,0), (0,1,0,0), (0,0,1,0), (0,0,0,1))]
+    uniform matrix4d[] restTransforms = [((1,0,0,0), (0,1,0,0), (0,0,1,0), (0,0,0,1))]
+    rel skel:animationSource = <../animation>
+}
+def SkelAnimation "animation" {
+    uniform token[] joints = ["a"]
+    float3[] translations.timeSamples = { 0: [(0, 0, 0)], 2: [(0, 0, 8)] }
+    quatf[] rotations = [(1, 0, 0, 0)]
+    half3[] scales = [(1, 1, 1)]
+}
+%s
+}
+"""
+    binding = """rel skel:skeleton = <../skeleton>
+int[] primvars:skel:jointIndices = [0] (
+elementSize = 1
+interpolation = "constant"
+)
+float[] primvars:skel:jointWeights = [1] (
+elementSize = 1
+interpolation = "constant"
+)
+"""
+    binds = mesh(binding).replace('"m"', '"m" (prepend apiSchemas = ["SkelBindingAPI"])')
+    body = f'{specifier} "Library" {{\n{skinned % binds}}}\n'
+    path = stage_file(body + instancer(THREE, "", ["/Library/root"]))
+    found = load(path, object="/many/Library/root/m")
+    assert found.n_frames == 3
+    for frame in range(3):
+        expected = copies(*AT) + np.array([0, 0, 4 * frame])
+        np.testing.assert_allclose(found.vertices[frame], expected, atol=1e-5)
+
+
+def test_tracks_are_repeated_and_turned_when_the_mesh_carries_some(stage_file):
+    arrays = (
+        "int[] protoIndices = [0, 0]\npoint3f[] positions = [(0, 0, 0), (5, 0, 0)]\n"
+        f"quath[] orientations = [(1, 0, 0, 0), {TURN}]"
+    )
+    more = """float[] primvars:heat ( interpolation = "uniform" )
+float[] primvars:heat.timeSamples = { 0: [1], 1: [2] }
+normal3f[] normals.timeSamples = {
+0: [(1, 0, 0), (1, 0, 0), (1, 0, 0), (1, 0, 0)], 1: [(0, 1, 0), (0, 1, 0), (0, 1, 0), (0, 1, 0)] }
+"""
+    found = load(stage_file(instancer(arrays, mesh(more))))
+    assert found.tracks["heat"].values[..., 0].tolist() == [[1, 1], [2, 2]]
+    normals = found.tracks["normals"].values
+    np.testing.assert_allclose(normals[0], [[1, 0, 0]] * 4 + [[0, 1, 0]] * 4, atol=1e-3)
+    np.testing.assert_allclose(normals[1], [[0, 1, 0]] * 4 + [[0, 0, 1]] * 4, atol=1e-3)
+
+
+def test_tracks_of_corners_fit_their_faces_when_copies_are_mirrored_and_faces_are_holes(stage_file):
+    arrays = (
+        "int[] protoIndices = [0, 0]\npoint3f[] positions = [(0, 0, 0), (5, 0, 0)]\n"
+        "float3[] scales = [(1, 1, 1), (-1, 1, 1)]"
+    )
+    more = """int[] holeIndices = [0]
+float[] primvars:heat ( interpolation = "faceVarying" )
+float[] primvars:heat.timeSamples = { 0: [9, 9, 9, 0, 1, 2], 1: [8, 8, 8, 3, 4, 5] }
+"""
+    two = mesh(more).replace("[4]", "[3, 3]").replace("[0, 1, 2, 3]", "[0, 1, 2, 0, 2, 3]")
+    found = load(stage_file(instancer(arrays, two)))
+    assert found.faces.tolist() == [[0, 2, 3], [4, 7, 6]]
+    heat = found.tracks["heat"].values[..., 0]
+    assert heat.tolist() == [[0, 1, 2, 0, 2, 1], [3, 4, 5, 3, 5, 4]]
+
+
+def test_load_notes_values_of_instances_when_there_are_some(stage_file):
+    notes = []
+    arrays = THREE + (
+        "\ncolor3f[] primvars:displayColor = [(1, 0, 0), (0, 1, 0), (0, 0, 1)] "
+        '(interpolation = "varying")'
+    )
+    load(stage_file(instancer(arrays, mesh())), notes=notes)
+    assert "left out: values of instances: displayColor" in notes
+
+
+def test_load_leaves_out_the_copies_when_the_instancer_is_invisible(stage_file):
+    body = instancer(THREE + '\ntoken visibility = "invisible"', mesh())
+    with pytest.raises(FormatError, match="no mesh that is drawn; it holds 1 mesh invisible"):
+        load(stage_file(body))
+
+
+def test_load_draws_copies_when_only_prims_above_the_prototype_are_invisible(stage_file):
+    library = f'def Scope "Library" {{\ntoken visibility = "invisible"\n{mesh(name="tree")}}}\n'
+    found = load(stage_file(library + instancer(THREE, "", ["/Library/tree"])))
+    assert found.n_verts == 12
+
+
+def test_load_copies_when_the_instancer_is_in_an_instance(stage_file):
+    scene = f'def Xform "scene" {{\n{instancer(THREE, mesh(), ["/scene/many/m"])}}}\n'
+    facts = "(\ninstanceable = true\nreferences = </scene>\n)"
+    copy = moved((0, 0, 100), "copy").replace('"copy"', f'"copy" {facts}')
+    path = stage_file(scene + copy)
+    found = load(path, object="/copy/many/m")
+    np.testing.assert_allclose(found.vertices[0], copies(*AT) + np.array([0, 0, 100]), atol=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("arrays", "body", "message"),
+    [
+        ("int[] protoIndices = [0, 3]", mesh(), "protoIndices of 0 to 3 .* and 1 prototypes"),
+        (
+            "int[] protoIndices = [0, 0]\npoint3f[] positions = [(0, 0, 0)]",
+            mesh(),
+            "2 protoIndices and another number of positions, orientations or scales",
+        ),
+        ("", mesh(), "it holds 1 mesh of prototypes without an instance that is drawn"),
+        (THREE, "", "1 prototype of /many that is not there, 1 PointInstancer whose prototypes"),
+        (
+            THREE + "\nint64[] ids = [1, 2]\nint64[] invisibleIds = [2]",
+            mesh(),
+            "3 protoIndices and another number of ids at time code 0",
+        ),
+        (
+            "int[] protoIndices.timeSamples = { 0: [], 1: [0] }\n"
+            "point3f[] positions.timeSamples = { 0: [], 1: [(0, 0, 0)] }",
+            mesh(),
+            "/many/m has no instance at time code 0, where its frame would be empty",
+        ),
+        (
+            "int[] protoIndices = [0]\npoint3f[] positions = [(nan, 0, 0)]",
+            mesh(),
+            "not finite|NaN|finite",
+        ),
+    ],
+)
+def test_load_is_refused_when_an_instancer_does_not_fit(stage_file, arrays, body, message):
+    with pytest.raises((FormatError, InvalidInputError), match=message):
+        load(stage_file(instancer(arrays, body)))
+
+
+def test_load_is_refused_when_a_prototype_holds_its_instancer(stage_file):
+    with pytest.raises(FormatError, match="point instancer /root/many is in one of its prototypes"):
+        load(stage_file(moved((0, 0, 0), "root", instancer(THREE, mesh(), ["/root"]))))
+
+
+def test_load_is_refused_when_copies_would_fill_the_memory(stage_file, monkeypatch):
+    monkeypatch.setattr("meshreel.formats.usd.instanced_mesh.MAX_FRAME_BYTES", 200)
+    with pytest.raises(FormatError, match=r"3 instances of 4 vertices take .* at most 200"):
+        load(stage_file(instancer(THREE, mesh())))
+    monkeypatch.setattr("meshreel.formats.usd.instancers.MAX_INSTANCES", 2)
+    with pytest.raises(FormatError, match="makes 3 copies of a prototype; at most 2 are read"):
+        load(stage_file(instancer(THREE, mesh())))
