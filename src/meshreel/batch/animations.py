@@ -24,8 +24,8 @@ def every_animation(
 ) -> list[BatchInput]:
     """The inputs, where files of several animations are replaced by one input for each of them.
 
-    ``walk.glb`` with the animations "run" and "jump" becomes ``walk.run.reel`` and
-    ``walk.jump.reel``. Files that cannot be read stay as they are, and fail later with the reason.
+    ``man.glb`` with the animations "run" and "jump" becomes ``man.run.reel`` and
+    ``man.jump.reel``. Files that cannot be read stay as they are, and fail later with the reason.
 
     Parameters
     ----------

@@ -10,6 +10,7 @@ from meshreel.cli.encode_options import Encoding, encode_options
 from meshreel.cli.lines import print_error, print_line
 from meshreel.cli.parameters import argument, option
 from meshreel.cli.read_options import (
+    READING,
     allow_outside_option,
     attributes_option,
     fps_option,
@@ -68,6 +69,14 @@ WORKERS = "Where it runs (give one)"
 @skip_bad_option
 @allow_outside_option
 @option(
+    "--animations",
+    type=click.Choice(["first", "all"]),
+    default="first",
+    help="Of a glTF file that holds several, encode the first that moves a mesh, or all, each "
+    "into a separate file: man.glb with run and jump becomes man.run.reel and man.jump.reel.",
+    panel=READING,
+)
+@option(
     "--force",
     "-f",
     is_flag=True,
@@ -86,6 +95,7 @@ def batch_command(
     merge: bool,
     skip_bad: bool,
     allow_outside: bool,
+    animations: str,
     force: bool,
     as_json: bool,
 ) -> None:
@@ -104,6 +114,8 @@ def batch_command(
 
     - `meshreel batch captures/ streams/ --scheduler tcp://10.0.0.5:8786`
 
+    - `meshreel batch characters/ streams/ --animations all`
+
     - `meshreel batch s3://captures s3://streams`
     """
     from meshreel.batch.encode_input import EncodeOptions
@@ -118,13 +130,20 @@ def batch_command(
     listed_names(attributes)  # refused now, before any work
     tracks = track_targets(track)
     options = EncodeOptions(config, fps, merge, attributes, skip_bad, allow_outside, tracks)
-    plan = plan_batch(_folder(input_dir), _folder(out_dir), options, force=force)
+    plan = plan_batch(
+        _folder(input_dir),
+        _folder(out_dir),
+        options,
+        force=force,
+        all_animations=animations == "all",
+    )
+    print_notes(plan.notes)
     report = _run(plan, workers, scheduler)
     print_notes([f"{name}: {note}" for name, one in report.encoded.items() for note in one.notes])
     for name, record in report.failed.items():
         print_error(f"{name}: {record.error or ''}")
     if as_json:
-        print_json({"manifest": plan.manifest.name, **report.as_dict()})
+        print_json({"manifest": plan.manifest.name, "notes": plan.notes, **report.as_dict()})
     else:
         _print_report(report, out_dir)
     if report.failed:

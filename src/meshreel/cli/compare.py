@@ -7,6 +7,7 @@ from meshreel.cli.completing import input_files
 from meshreel.cli.parameters import argument, option
 from meshreel.cli.read_options import (
     allow_outside_option,
+    animation_option,
     merge_option,
     object_option,
     skip_bad_option,
@@ -25,6 +26,7 @@ from meshreel.cli.read_options import (
 @merge_option
 @skip_bad_option
 @allow_outside_option
+@animation_option
 @option(
     "--plot", type=Path, metavar="FILE.png", help="Draw the NMSVE of each frame (needs [plot])."
 )
@@ -37,6 +39,7 @@ def compare_command(
     merge: bool,
     skip_bad: bool,
     allow_outside: bool,
+    animation: str | None,
     plot: Path | None,
     force: bool,
     as_json: bool,
@@ -68,6 +71,9 @@ def compare_command(
         check_output_path(plot, overwrite=force, inputs=files)
         require_matplotlib()
     check_supported([original, decoded], skip_bad=skip_bad, allow_outside=allow_outside)
+    check_supported(
+        [original], skip_bad=False, allow_outside=False, animation=animation is not None
+    )
     notes: list[str] = []
     with progress_bar() as progress:
         first, second = (
@@ -77,6 +83,7 @@ def compare_command(
                 merge=merge,
                 skip_bad=skip_bad and supports(source, "skip_bad"),
                 allow_outside=allow_outside and supports(source, "allow_outside"),
+                animation=animation if source is original else None,
                 progress=progress,
                 notes=notes,
             )

@@ -10,6 +10,7 @@ from meshreel.cli.encode_options import Encoding, encode_options
 from meshreel.cli.parameters import argument, option
 from meshreel.cli.read_options import (
     allow_outside_option,
+    animation_option,
     attributes_option,
     dataset_option,
     fps_option,
@@ -54,6 +55,7 @@ OF_ALL_OUTPUTS = ("max_error", "unit")
 @merge_option
 @skip_bad_option
 @allow_outside_option
+@animation_option
 @topology_option
 @dataset_option
 @attributes_option
@@ -78,6 +80,7 @@ def convert_command(
     merge: bool,
     skip_bad: bool,
     allow_outside: bool,
+    animation: str | None,
     topology: Path | None,
     dataset: str | None,
     attributes: str,
@@ -148,7 +151,8 @@ def convert_command(
         progress = stack.enter_context(progress_bar())
         reading = ReadOptions(
             fps, object, merge, topology, dataset, progress=progress,
-            attributes=attributes, skip_bad=skip_bad, allow_outside=allow_outside, notes=notes,
+            attributes=attributes, skip_bad=skip_bad, allow_outside=allow_outside,
+            animation=animation, notes=notes,
         )  # fmt: skip
         origin = origin_of_file(files[0]) if len(inputs) == 1 else None
         conversion = Conversion(

@@ -8,6 +8,7 @@ from meshreel.cli.encode_options import Encoding, encode_options
 from meshreel.cli.parameters import argument, option
 from meshreel.cli.read_options import (
     allow_outside_option,
+    animation_option,
     attributes_option,
     dataset_option,
     fps_option,
@@ -51,6 +52,7 @@ OTHER_OUTPUTS = (
 @merge_option
 @skip_bad_option
 @allow_outside_option
+@animation_option
 @topology_option
 @dataset_option
 @attributes_option
@@ -68,6 +70,7 @@ def encode_command(
     merge: bool,
     skip_bad: bool,
     allow_outside: bool,
+    animation: str | None,
     topology: Path | None,
     dataset: str | None,
     attributes: str,
@@ -144,6 +147,7 @@ def encode_command(
             attributes=attributes,
             skip_bad=skip_bad,
             allow_outside=allow_outside,
+            animation=animation,
             notes=notes,
         )
         if split:

@@ -8,6 +8,7 @@ from meshreel.cli.parameters import option
 from meshreel.cli.player import original_option, shown_track_option, source_argument
 from meshreel.cli.read_options import (
     allow_outside_option,
+    animation_option,
     merge_option,
     object_option,
     skip_bad_option,
@@ -38,6 +39,7 @@ OTHER_OUTPUTS = "`meshreel decode` writes other formats, `meshreel render` pictu
 @merge_option
 @skip_bad_option
 @allow_outside_option
+@animation_option
 @option("--force", "-f", is_flag=True, help="Replace the page if it exists.")
 @option(
     "--split",
@@ -63,6 +65,7 @@ def export_command(
     merge: bool,
     skip_bad: bool,
     allow_outside: bool,
+    animation: str | None,
     force: bool,
     split: bool,
     texture: Path | None,
@@ -109,6 +112,7 @@ def export_command(
             merge=merge,
             skip_bad=skip_bad,
             allow_outside=allow_outside,
+            animation=animation,
             progress=progress,
         )
         with (

@@ -10,6 +10,7 @@ from meshreel.cli.completing import input_files
 from meshreel.cli.parameters import argument, option
 from meshreel.cli.read_options import (
     allow_outside_option,
+    animation_option,
     dataset_option,
     fps_option,
     merge_option,
@@ -38,6 +39,7 @@ if TYPE_CHECKING:
 @merge_option
 @skip_bad_option
 @allow_outside_option
+@animation_option
 @topology_option
 @dataset_option
 @option("as_json", "--json", is_flag=True, help="Print the figures as JSON.")
@@ -48,6 +50,7 @@ def info_command(
     merge: bool,
     skip_bad: bool,
     allow_outside: bool,
+    animation: str | None,
     topology: Path | None,
     dataset: str | None,
     as_json: bool,
@@ -68,7 +71,8 @@ def info_command(
     from meshreel.formats.options import ReadOptions
 
     if len(inputs) == 1 and holds_stream(inputs[0]):
-        if fps is not None or object or merge or skip_bad or allow_outside or topology or dataset:
+        given = object, merge, skip_bad, allow_outside, animation, topology, dataset
+        if fps is not None or any(given):
             raise click.UsageError(
                 "a .reel holds one mesh and is read completely; leave the options of inputs out"
             )
@@ -77,7 +81,14 @@ def info_command(
     _show_source(
         given_source(inputs),
         ReadOptions(
-            fps, object, merge, topology, dataset, skip_bad=skip_bad, allow_outside=allow_outside
+            fps,
+            object,
+            merge,
+            topology,
+            dataset,
+            skip_bad=skip_bad,
+            allow_outside=allow_outside,
+            animation=animation,
         ),
         as_json=as_json,
     )

@@ -107,9 +107,8 @@ def _check_original_is_there(original: str | None, reading: "ReadOptions") -> No
     """Refuse options for reading the original if there is none."""
     from meshreel.errors import InvalidInputError
 
-    asked = [
-        name for name in ("object", "merge", "skip_bad", "allow_outside") if getattr(reading, name)
-    ]
+    names = ("object", "merge", "skip_bad", "allow_outside", "animation")
+    asked = [name for name in names if getattr(reading, name)]
     if asked and not original:
         raise InvalidInputError(
             f"--{asked[0].replace('_', '-')} has an effect on the original; name that with "

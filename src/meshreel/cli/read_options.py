@@ -34,6 +34,13 @@ allow_outside_option = option(
     "files of a .pvd or .xdmf.",
     panel=READING,
 )
+animation_option = option(
+    "--animation",
+    metavar="NAME",
+    help="The animation to take of a glTF file that holds several, by its name or its number "
+    "from 0 (`meshreel info` lists them). Default: the first that moves a mesh.",
+    panel=READING,
+)
 topology_option = option(
     "--topology",
     type=Path,

@@ -10,6 +10,7 @@ from meshreel.cli.completing import input_files, names_of, pictures
 from meshreel.cli.parameters import argument, option
 from meshreel.cli.read_options import (
     allow_outside_option,
+    animation_option,
     fps_option,
     merge_option,
     object_option,
@@ -119,6 +120,7 @@ VIEW, BACKGROUND = "30,12", "white"
 @merge_option
 @skip_bad_option
 @allow_outside_option
+@animation_option
 @option("--force", "-f", is_flag=True, help="Replace the output if it exists.")
 @option("as_json", "--json", is_flag=True, help="Print what was done as JSON.")
 def render_command(
@@ -143,6 +145,7 @@ def render_command(
     merge: bool,
     skip_bad: bool,
     allow_outside: bool,
+    animation: str | None,
     force: bool,
     as_json: bool,
 ) -> None:
@@ -204,7 +207,7 @@ def render_command(
     parse_view(view, up or "y")
     check_supported(
         [source, original] if original else [source],
-        skip_bad=skip_bad, allow_outside=allow_outside,
+        skip_bad=skip_bad, allow_outside=allow_outside, animation=animation is not None,
     )  # fmt: skip
     notes: list[str] = []
     with progress_bar() as progress:
@@ -215,6 +218,7 @@ def render_command(
                 fps=fps, object=object if holds_meshes(given) else None, merge=merge,
                 skip_bad=skip_bad and supports(given, "skip_bad"),
                 allow_outside=allow_outside and supports(given, "allow_outside"),
+                animation=animation if supports(given, "animation") else None,
                 max_loaded_bytes=MAX_LOADED_BYTES, progress=progress, notes=notes,
             )  # fmt: skip
 

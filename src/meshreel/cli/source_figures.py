@@ -9,6 +9,7 @@ from meshreel.documents.cells import size_text
 
 if TYPE_CHECKING:
     from meshreel.cli.console import Cell
+    from meshreel.formats.animations import AnimationInfo
     from meshreel.formats.inspection import MeshInfo, SourceInfo
 
 HEADINGS = ("mesh", "frames", "vertices", "faces", "fps", "box")
@@ -29,9 +30,18 @@ def source_rows(found: "SourceInfo") -> "dict[str, Cell]":
         rows["meshes"] = str(len(found.meshes))
         if problems := [mesh for mesh in found.meshes if mesh.problem]:
             rows["problems"] = [f"{mesh.name}: {mesh.problem}" for mesh in problems]
+    if found.animations:
+        rows["animations"] = [_animation_text(one) for one in found.animations]
     if found.left_out:
         rows["left out"] = list(found.left_out)
     return rows
+
+
+def _animation_text(one: "AnimationInfo") -> str:
+    if one.problem:
+        return f"{one.name}: cannot be read: {one.problem}"
+    still = "" if one.moves_mesh else ", moves no mesh"
+    return f"{one.name}: {one.duration_s:.4g} s{still}"
 
 
 def mesh_columns(found: "SourceInfo") -> list[Sequence[str]]:

@@ -10,6 +10,7 @@ from meshreel.cli.parameters import option
 from meshreel.cli.player import original_option, shown_track_option, source_argument
 from meshreel.cli.read_options import (
     allow_outside_option,
+    animation_option,
     merge_option,
     object_option,
     skip_bad_option,
@@ -32,6 +33,7 @@ if TYPE_CHECKING:
 @merge_option
 @skip_bad_option
 @allow_outside_option
+@animation_option
 @option("--no-open", is_flag=True, help="Do not open the browser; only print the address.")
 @option(
     "--port",
@@ -56,6 +58,7 @@ def view_command(
     merge: bool,
     skip_bad: bool,
     allow_outside: bool,
+    animation: str | None,
     no_open: bool,
     port: int,
     host: str,
@@ -93,6 +96,7 @@ def view_command(
                 merge=merge,
                 skip_bad=skip_bad,
                 allow_outside=allow_outside,
+                animation=animation,
                 progress=progress,
             )
             api = stack.enter_context(opened_player(source, original, reading, coloring))
