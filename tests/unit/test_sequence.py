@@ -3,6 +3,7 @@ import pytest
 
 from meshreel.errors import InvalidInputError
 from meshreel.sequence import MeshSequence, extent_of, positions_size_bytes
+from meshreel.surface import Attribute, Domain, Kind, Surface
 
 FACES = np.array([[0, 1, 2]])
 VERTICES = np.zeros((2, 3, 3))
@@ -28,6 +29,14 @@ def test_sequence_leaves_the_callers_array_writable_when_built():
 
 def test_raw_size_counts_positions_and_faces_when_float32():
     assert MeshSequence(VERTICES.astype(np.float32), FACES).raw_size_bytes == 2 * 3 * 3 * 4 + 12
+
+
+def test_raw_size_counts_tracks_and_the_surface_once_when_there_are_any():
+    uv = Attribute("uv", Kind.UV, Domain.VERTEX, np.zeros((3, 2), np.float32))
+    surface = Surface(attributes=(uv,))
+    tracks = {"heat": np.zeros((2, 3)), "on": np.zeros((2, 1, 4), np.uint8)}
+    sequence = MeshSequence(VERTICES, FACES, surface=surface, tracks=tracks)
+    assert sequence.raw_size_bytes == (2 * 3 * 3 * 8 + 12) + 3 * 2 * 4 + (2 * 3 * 8 + 2 * 4)
 
 
 @pytest.mark.parametrize(

@@ -61,6 +61,8 @@ def test_tracks_are_refused_when_they_do_not_fit(words):
     [
         ((5, 16, 2), float, {"kind": "normal"}, "normal have 3 numbers; got 2"),
         ((5, 16, 3), int, {"kind": "normal"}, "must be float32 or float64; got int64"),
+        ((5, 16, 3), np.int16, {"kind": "velocity"}, "must be float32 or float64; got int16"),
+        ((5, 16, 2), np.uint8, {"kind": "uv"}, "must be float32 or float64; got uint8"),
         ((5, 16), float, {"kind": "colour"}, "kind is one of scalar, .*; got 'colour'"),
         ((5, 16), float, {"domain": "edge"}, "domain is one of vertex, face, corner; got 'edge'"),
         ((5, 16, 4), float, {"kind": "vector"}, r"vector have 2 numbers \(2 or 3\); got 4"),
@@ -69,6 +71,11 @@ def test_tracks_are_refused_when_they_do_not_fit(words):
 def test_a_track_is_refused_when_it_cannot_be_of_its_kind(shape, dtype, given, words):
     with pytest.raises(InvalidInputError, match=words):
         meshreel.Track(np.zeros(shape, dtype), **given)
+
+
+@pytest.mark.parametrize(("kind", "n_columns"), [("color", 3), ("vector", 2), ("scalar", 1)])
+def test_a_track_has_integers_when_its_kind_may(kind, n_columns):
+    assert meshreel.Track(np.zeros((5, 16, n_columns), np.uint8), kind=kind).kind == kind
 
 
 def test_a_track_is_refused_when_it_has_no_name():

@@ -22,7 +22,16 @@ def test_bound_is_a_share_of_the_diagonal_when_it_is_in_model_units():
 
 @pytest.mark.parametrize(
     ("given", "unit", "in_units"),
-    [("0.5mm", "mm", 0.5), ("0.5mm", "cm", 0.05), ("2cm", "m", 0.02), ("1in", "cm", 2.54)],
+    [
+        ("0.5mm", "mm", 0.5),
+        ("0.5mm", "cm", 0.05),
+        ("2cm", "m", 0.02),
+        ("1in", "cm", 2.54),
+        ("1ft", "in", 12.0),
+        ("1ft", "mm", 304.8),
+        ("2m", "km", 0.002),
+        ("1km", "m", 1000.0),
+    ],
 )
 def test_length_is_in_model_units_when_the_unit_of_the_model_is_told(given, unit, in_units):
     bound = bound_of(given, unit)

@@ -1,0 +1,97 @@
+"""Bounds of tracks as people write them."""
+
+import numpy as np
+import pytest
+
+from meshreel.codec.track_bounds import (
+    DROP,
+    EXACT,
+    Measure,
+    TrackBound,
+    bound_of_track,
+    default_bound,
+    track_bounds,
+)
+from meshreel.errors import InvalidInputError
+from meshreel.tracks import Track
+
+PRESSURE = Track(np.zeros((1, 2)), unit="Pa")
+PLAIN = Track(np.zeros((1, 2)))
+NORMAL = Track(np.zeros((1, 2, 3)), kind="normal")
+COLOR = Track(np.zeros((1, 2, 3)), kind="color")
+UV = Track(np.zeros((1, 2, 2)), kind="uv")
+COUNTS = Track(np.zeros((1, 2), np.int32))
+
+
+@pytest.mark.parametrize(
+    ("track", "given", "measure", "amount"),
+    [
+        (PRESSURE, 500, Measure.UNITS, 500),
+        (PRESSURE, "=5e2", Measure.UNITS, 500),
+        (PRESSURE, " .5 Pa ", Measure.UNITS, 0.5),
+        (PRESSURE, "0.1%", Measure.SHARE, 0.1),
+        (UV, "0.001", Measure.UNITS, 0.001),
+        (NORMAL, "0.5deg", Measure.ANGLE, 0.5),
+        (NORMAL, "30 deg", Measure.ANGLE, 30),
+        (COLOR, "8bit", Measure.NUMBER, 0.5 / 255),
+        (COLOR, "1bit", Measure.NUMBER, 0.5),
+        (COLOR, "10 bit", Measure.NUMBER, 0.5 / 1023),
+        (COLOR, "2%", Measure.SHARE, 2),
+    ],
+)
+def test_bound_means_what_is_written(track, given, measure, amount):
+    found = bound_of_track(given, "x", track)
+    assert found == TrackBound(measure, pytest.approx(amount, rel=1e-15))
+
+
+@pytest.mark.parametrize("track", [PRESSURE, NORMAL, COUNTS])
+@pytest.mark.parametrize(("given", "bound"), [("exact", EXACT), ("Drop ", DROP)])
+def test_any_track_can_be_exact_or_dropped(track, given, bound):
+    assert bound_of_track(given, "x", track) == bound
+
+
+@pytest.mark.parametrize(
+    ("track", "given", "message"),
+    [
+        (PRESSURE, "500K", "500Pa in its unit, exact or drop; got '500K'"),
+        (PLAIN, "500Pa", "a number such as 500, it has no unit"),
+        (PRESSURE, "0", "must be above 0"),
+        (PRESSURE, "1e999", "must be above 0"),
+        (PRESSURE, "0.5deg", "0.1% of its range, 500Pa in its unit, exact or drop"),
+        (PRESSURE, "8bit", "0.1% of its range, 500Pa in its unit, exact or drop"),
+        (PRESSURE, "much", "500Pa in its unit, exact or drop; got 'much'"),
+        (PRESSURE, "-1", "500Pa in its unit, exact or drop; got '-1'"),
+        (COLOR, "0.5deg", "it has no unit, 8bit, exact or drop"),
+        (NORMAL, "0.1%", "a bound is an angle such as 0.5deg, exact or drop"),
+        (NORMAL, "0.1", "a bound is an angle such as 0.5deg, exact or drop"),
+        (NORMAL, "30.1deg", "up to 30deg; got '30.1deg'"),
+        (COUNTS, "1%", "has integers, which come back exactly"),
+    ],
+)
+def test_bound_is_refused_when_it_is_not_for_the_track(track, given, message):
+    with pytest.raises(InvalidInputError, match=f"track 'x'.*{message}"):
+        bound_of_track(given, "x", track)
+
+
+@pytest.mark.parametrize(
+    ("track", "bound"),
+    [
+        (PRESSURE, TrackBound(Measure.SHARE, 0.1)),
+        (NORMAL, TrackBound(Measure.ANGLE, 0.5)),
+        (COLOR, TrackBound(Measure.NUMBER, 0.5 / 255)),
+        (UV, TrackBound(Measure.UNITS, 0.5 / 4096)),
+        (COUNTS, EXACT),
+        (Track(np.zeros((1, 2, 3), np.uint8), kind="color"), EXACT),
+    ],
+)
+def test_bound_is_that_of_the_kind_when_nothing_is_asked_for(track, bound):
+    assert default_bound(track) == bound
+
+
+def test_bounds_are_those_asked_for_and_else_the_default():
+    tracks = {"a": PRESSURE, "b": NORMAL, "c": COUNTS}
+    found = track_bounds(tracks, {"a": "2Pa"})
+    assert found == {"a": TrackBound(Measure.UNITS, 2.0), "b": default_bound(NORMAL), "c": EXACT}
+    assert track_bounds(tracks, {"b": "drop"}, EXACT) == {"a": EXACT, "b": DROP, "c": EXACT}
+    with pytest.raises(InvalidInputError, match="there is no track 'd'"):
+        track_bounds(tracks, {"d": "exact"})
