@@ -21,6 +21,29 @@ def test_the_step_follows_the_turn_of_normals_when_a_surface_is_smooth(angle, sh
     assert step_share(FACES, 4, [hinge(angle)]) == pytest.approx(share)
 
 
+def test_the_step_follows_the_mean_of_turns_when_frames_differ():
+    share = step_share(FACES, 4, [hinge(1.0), hinge(1.0), hinge(7.0)])
+    assert share == pytest.approx((3 / 8) ** 1.5)
+
+
+def test_edges_of_the_whole_surface_count_when_it_has_more_than_are_looked_at():
+    """A fold across each quad of a ribbon, of 1 degree in its first half and of 7 in the other."""
+    n_quads = 12_000
+    ribbon = np.array([[-1, 0, 0], [0, 0, 0], [0, 1, 0], [1, 0.5, 0]])
+    turn = np.radians(np.where(np.arange(n_quads) < n_quads // 2, 1.0, 7.0))
+    vertices = np.tile(ribbon, (n_quads, 1, 1))
+    vertices[:, 3, 0], vertices[:, 3, 2] = np.cos(turn), np.sin(turn)
+    faces = (FACES + 4 * np.arange(n_quads, dtype=np.int32)[:, None, None]).reshape(-1, 3)
+    share = step_share(faces, 4 * n_quads, [vertices.reshape(-1, 3)])
+    assert share == pytest.approx(0.5**1.5, rel=0.01)
+
+
+def test_a_face_without_area_does_not_count_when_others_have_one():
+    faces = np.array([[0, 1, 2], [2, 1, 3], [3, 1, 4]], np.int32)
+    vertices = np.concatenate([hinge(4.0), hinge(4.0)[3:]])
+    assert step_share(faces, 5, [vertices]) == pytest.approx(0.5**1.5)
+
+
 def test_a_face_that_is_turned_over_does_not_count_as_a_crease():
     turned = np.array([[0, 1, 2], [1, 2, 3]], np.int32)
     assert step_share(turned, 4, [hinge(4.0)]) == step_share(FACES, 4, [hinge(4.0)])
@@ -39,6 +62,10 @@ def test_frames_that_are_looked_at_exist(n_frames):
     numbers = sampled_frames(n_frames)
     assert set(numbers) <= set(range(n_frames))
     assert len(numbers) == min(n_frames, 4)
+
+
+def test_frames_that_are_looked_at_are_in_the_middle_of_quarters():
+    assert sampled_frames(80) == [10, 30, 50, 70]
 
 
 def test_a_smooth_sheet_is_nearer_to_the_original_than_a_rough_one_at_the_same_quality():
