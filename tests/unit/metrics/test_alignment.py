@@ -6,7 +6,7 @@ from itertools import permutations, product
 import numpy as np
 import pytest
 
-from meshreel.metrics.alignment import find_alignment
+from meshreel.metrics.alignment import Alignment, find_alignment
 from samples.meshes import irregular_sequence
 
 ORIGINAL = irregular_sequence()
@@ -51,6 +51,57 @@ def test_turn_is_named_when_it_is_that_of_y_and_z_upwards():
 @pytest.mark.parametrize("noise", [0.0, 1e-3])
 def test_nothing_is_found_when_the_sequences_hardly_differ(noise):
     assert find_alignment(ORIGINAL, changed(noise=noise)) is None
+
+
+def disturbed(order, signs, share):
+    """Turned axes and noise, whose RMS is a share of that of positions about their middle."""
+    vertices = np.array(signs) * ORIGINAL.vertices.astype(np.float64)[..., list(order)]
+    size = np.sqrt(np.mean((vertices - vertices.mean(axis=(0, 1))) ** 2))
+    noise = np.random.default_rng(1).standard_normal(vertices.shape)
+    return replace(ORIGINAL, vertices=vertices + share * size * noise)
+
+
+@pytest.mark.parametrize("share", [0.01, 0.08])
+def test_what_differs_still_is_told_in_percent_of_the_size(share):
+    found = find_alignment(ORIGINAL, disturbed((0, 2, 1), (1, -1, 1), share))
+    assert found.left_percent == pytest.approx(100 * share, rel=0.05)
+
+
+@pytest.mark.parametrize(
+    ("order", "signs", "share"),
+    [
+        ((0, 2, 1), (1, -1, 1), 0.12),  # a tenth of the size
+        ((1, 2, 0), (1, 1, 1), 0.08),  # of the difference, which is of seven tenths of the size
+    ],
+)
+def test_nothing_is_found_when_more_than_a_tenth_differs_still(order, signs, share):
+    assert find_alignment(ORIGINAL, disturbed(order, signs, share)) is None
+
+
+@pytest.mark.parametrize(("share", "is_found"), [(0.018, False), (0.022, True)])
+def test_a_shift_is_found_when_it_is_noticeable(share, is_found):
+    vertices = ORIGINAL.vertices.astype(np.float64)
+    size = np.sqrt(np.mean(np.sum((vertices - vertices.mean(axis=(0, 1))) ** 2, axis=2)))
+    moved = replace(ORIGINAL, vertices=vertices + np.array([share * size, 0, 0]))
+    found = find_alignment(ORIGINAL, moved)
+    assert (found is not None) == is_found
+    if found is not None:
+        assert found.shift[0] == pytest.approx(share * size, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("axes", "scale", "shift", "words"),
+    [
+        (("x", "z", "-y"), 1.0, (0, 0, 0), "(z upwards was turned to y upwards); apart"),
+        (("y", "x", "z"), 1.0, (0, 0, 0), "y, x, z of the original (mirrored); apart"),
+        (("y", "z", "x"), 1.0, (0, 0, 0), "y, z, x of the original (turned); apart"),
+        (("x", "y", "z"), 1.0019, (0, 0.5, 0), "place: it is moved by (0, 0.5, 0); apart"),
+        (("x", "y", "z"), 0.9979, (0, 0, 0), "place: it is 0.9979 times as large; apart"),
+        (("x", "y", "z"), 2.0, (0, 0, 0), "apart from that the two differ by 0.12 % of the size"),
+    ],
+)
+def test_words_name_what_is_noticeable_alone(axes, scale, shift, words):
+    assert words in str(Alignment(axes, scale, shift, 0.123))
 
 
 def test_nothing_is_found_when_they_differ_otherwise():

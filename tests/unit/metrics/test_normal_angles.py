@@ -63,13 +63,22 @@ def test_normal_angles_are_unchanged_when_both_are_scaled(tube, scale):
     assert found.p95_deg == pytest.approx(expected.p95_deg, rel=1e-9)
 
 
-@pytest.mark.parametrize(("height", "n_degenerate"), [(1e-15, 1), (1e-12, 0)])
+@pytest.mark.parametrize(("height", "n_degenerate"), [(1.9e-14, 1), (2.1e-14, 0)])
+@pytest.mark.parametrize("scale", [1.0, 1.5])
 def test_normal_angles_decide_degeneracy_against_the_diagonal_when_a_face_is_thin(
-    height, n_degenerate
+    height, n_degenerate, scale
 ):
-    # Area height / 2 against 1e-14 of diag^2 = 1: 5e-16 is degenerate, 5e-13 is not.
-    thin = hinge(height, 0)
+    # Area height / 2 against 1e-14 of diag^2 = 1, and so at any scale.
+    thin = scale * hinge(height, 0)
     assert normal_angles(thin, thin, TRIANGLE).n_degenerate_face_frames == n_degenerate
+
+
+def test_normal_angles_decide_degeneracy_against_the_original_when_the_decoded_is_larger():
+    thin = np.concatenate([hinge(1e-10, 0), [[[1.0, 0, 0]]]], axis=1)
+    larger = thin.copy()
+    larger[0, 3] = 1e6
+    assert normal_angles(thin, larger, TRIANGLE).n_degenerate_face_frames == 0
+    assert normal_angles(larger, thin, TRIANGLE).n_degenerate_face_frames == 1
 
 
 def test_normal_angles_count_the_face_when_decoded_is_out_of_range_of_float64():

@@ -5,7 +5,7 @@ import pytest
 
 import meshreel
 from meshreel.errors import InvalidInputError
-from meshreel.metrics.track_errors import track_errors
+from meshreel.metrics.track_errors import errors_of_tracks, track_errors
 from meshreel.tracks import Track
 from samples.meshes import waving_grid
 
@@ -43,6 +43,39 @@ def test_an_error_of_a_normal_is_an_angle():
     assert track_errors(up, changed(up, (0, 0), 0)).largest == 180
     nothing = changed(up, (0, 0), 0)
     assert track_errors(nothing, nothing).largest == 0
+
+
+def test_an_error_of_normals_is_half_a_turn_when_they_are_opposite():
+    up = Track(np.tile([0.0, 0.0, 2.0], (1, 3, 1)), kind="normal")
+    assert track_errors(up, changed(up, (0, 2), [0, 0, -0.5])).largest == 180
+    missing = changed(up, (0, 1), 0)
+    assert track_errors(missing, up).largest == 180
+
+
+def test_errors_are_of_all_frames_when_not_all_are_compared_at_once(monkeypatch):
+    monkeypatch.setattr("meshreel.metrics.track_errors.VALUES_AT_ONCE", 2 * 6)
+    track = zeros(5, 6)
+    found = track_errors(track, Track(np.arange(5.0)[:, None] * np.ones((5, 6))))
+    assert found.largest_of_frames.tolist() == [0, 1, 2, 3, 4]
+    assert found.rms_of_frames == pytest.approx([0, 1, 2, 3, 4])
+    assert found.rms == pytest.approx(np.sqrt(6))
+
+
+def test_values_of_vertices_are_compared_at_their_decoded_places_and_others_are_not():
+    values, places = np.array([[1.0, 2.0, 3.0]]), np.array([2, 0, 1])
+    original = {"of vertices": Track(values), "of faces": Track(values, "face"),
+                "other": Track(values)}  # fmt: skip
+    decoded = {"of vertices": Track(values[:, [1, 2, 0]]), "of faces": Track(values, "face")}
+    found = errors_of_tracks(original, decoded, places)
+    assert {name: one.largest for name, one in found.items()} == {"of vertices": 0, "of faces": 0}
+    assert errors_of_tracks(original, decoded)["of vertices"].largest == 2
+
+
+def test_rms_is_zero_when_there_is_no_error_and_infinite_when_one_is():
+    track = zeros(2, 3)
+    assert track_errors(track, track).rms == 0
+    missing = track_errors(track, changed(track, (1, 1), np.nan))
+    assert (missing.rms, missing.rms_of_frames[0]) == (np.inf, 0)
 
 
 def test_missing_values_are_equal_to_missing_ones_only():
