@@ -1,9 +1,9 @@
-from itertools import combinations
+from itertools import combinations, pairwise
 
 import pytest
 
 from meshreel.errors import InvalidInputError
-from meshreel.rendering.layout import ASPECTS, Parts, grid_shape, plan_layout
+from meshreel.rendering.layout import ASPECTS, Parts, grid_shape, plan_layout, sheet_font_px
 
 
 def boxes(layout):
@@ -29,6 +29,31 @@ def test_views_lie_apart_inside_the_sheet_when_it_is_planned(parts, aspect):
     for one, other in combinations(boxes(layout), 2):
         assert one[2] <= other[0] or other[2] <= one[0] or one[3] <= other[1] or other[3] <= one[1]
     assert layout.foot + parts.n_caption_lines * layout.line <= layout.size[1]
+
+
+def test_parts_follow_one_another_when_a_sheet_has_all_kinds():
+    parts = Parts(2, 2, n_title_lines=2, n_label_lines=1, bars=((0, 30), (1, 50)),
+                  n_caption_lines=3)  # fmt: skip
+    layout = plan_layout((900, 701), parts, 14)
+    (width, height), gap, line = layout.view_size, layout.gap, layout.line
+    assert gap == round(0.7 * line) > 0
+    x = [layout.columns[0], layout.bars[0], layout.columns[1], layout.bars[1], 900]
+    steps = [gap, width + gap, 30 + gap, width + gap, 50 + gap]
+    assert x[0] == steps[0]
+    assert [b - a for a, b in pairwise(x)] == pytest.approx(steps[1:], abs=1)
+    assert layout.rows[0] == gap + 2 * line
+    assert layout.rows[1] - layout.rows[0] == height + gap + line
+    assert layout.foot - layout.rows[1] == height + gap + line - gap // 2
+    assert layout.foot + 3 * line + gap // 2 == pytest.approx(701, abs=2)
+    assert layout.body_height == 2 * height + gap + line
+
+
+@pytest.mark.parametrize(
+    ("size", "font_px"),
+    [((100, 100), 12), ((1040, 1040), 20), ((520, 2080), 20), ((9000, 9000), 28)],
+)
+def test_letters_grow_with_the_sheet_within_limits(size, font_px):
+    assert sheet_font_px(size) == font_px
 
 
 def test_sheet_has_the_size_asked_for_when_no_shape_is_followed():
@@ -59,11 +84,22 @@ def test_views_are_not_thinner_than_allowed_when_what_they_show_is():
 def test_plan_layout_says_what_is_left_when_the_sheet_is_too_small():
     with pytest.raises(InvalidInputError, match=r"60 x 60 pixels leave .* larger --size"):
         plan_layout((60, 60), Parts(2, 4, n_label_lines=1), 14)
+    assert plan_layout((32, 32), Parts(1, 1), 14).view_size == (32, 32)
+    with pytest.raises(InvalidInputError, match="31 x 40"):
+        plan_layout((31, 40), Parts(1, 1), 14)
 
 
 @pytest.mark.parametrize(
     ("n_views", "aspect", "shape"),
-    [(1, 1.0, (1, 1)), (8, 1.0, (2, 4)), (8, 0.25, (1, 8)), (2, 4.0, (2, 1)), (3, 0.5, (1, 3))],
+    [
+        (1, 1.0, (1, 1)),
+        (8, 1.0, (2, 4)),
+        (8, 0.25, (1, 8)),
+        (2, 4.0, (2, 1)),
+        (3, 0.5, (1, 3)),
+        (5, 1.0, (2, 3)),
+        (9, 1.0, (3, 3)),
+    ],
 )
 def test_grid_shape_makes_views_largest_when_their_shape_is_known(n_views, aspect, shape):
     assert grid_shape(n_views, (1600, 1000), aspect) == shape

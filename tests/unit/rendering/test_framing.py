@@ -1,0 +1,75 @@
+"""Cameras that stand still, and that go along with a mesh."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from meshreel.rendering.framing import NEARER, Framing, framing_of
+from meshreel.rendering.scenes import ChosenFrames
+from meshreel.rendering.views import View
+
+FRONT = View("y", 0.0, 0.0)
+
+
+def travelling(sequence, way):
+    """The sequence with each frame moved so far to the right of that before."""
+    steps = np.arange(sequence.n_frames)[:, None] * np.array([way, 0, 0])
+    vertices = sequence.vertices + steps[:, None]
+    return ChosenFrames(replace(sequence, vertices=vertices), range(0, sequence.n_frames, 3))
+
+
+def test_one_camera_sees_all_frames_when_it_stands_still(grid):
+    frames = travelling(grid, 0.5)
+    cameras = Framing(FRONT).cameras(frames, 300, 200)
+    assert len(cameras) == len(frames.numbers)
+    assert all(camera is cameras[0] for camera in cameras)
+    points = np.array([cameras[0].project(frame)[0] for frame in frames])
+    assert points.min() >= 0
+    assert points[..., 0].max() <= 300
+    assert np.ptp(points[..., 0]) > 240
+
+
+def test_the_mean_vertex_stays_in_place_when_the_camera_goes_along(grid):
+    frames = travelling(grid, 0.5)
+    cameras = Framing(FRONT, is_followed=True).cameras(frames, 300, 200)
+    middles = [
+        camera.project(frame.mean(axis=0, dtype=np.float64)[None])[0][0]
+        for camera, frame in zip(cameras, frames, strict=True)
+    ]
+    assert np.ptp(middles, axis=0) == pytest.approx([0, 0], abs=1e-6)
+    steps = np.diff([camera.eye for camera in cameras], axis=0)
+    moved = np.diff([frame.mean(axis=0, dtype=np.float64) for frame in frames], axis=0)
+    assert steps == pytest.approx(moved)
+
+
+def test_the_shape_is_that_of_one_frame_when_the_camera_goes_along(grid):
+    frames = travelling(grid, 0.5)
+    assert Framing(FRONT).aspect(frames) > 3 * Framing(FRONT, is_followed=True).aspect(frames)
+
+
+def distance_ratio(frames):
+    """How much farther a camera that stands still is than one that goes along."""
+    still = Framing(FRONT).cameras(frames, 512, 512)
+    along = Framing(FRONT, is_followed=True).cameras(frames, 512, 512)
+    far, near = (
+        np.mean([(frame.mean(axis=0, dtype=np.float64) - camera.eye) @ camera.axes[2]
+                 for camera, frame in zip(cameras, frames, strict=True)])
+        for cameras in (still, along)
+    )  # fmt: skip
+    return far / near
+
+
+def test_the_camera_goes_along_when_it_comes_enough_nearer_by_that(grid):
+    ways = np.linspace(0, 0.05, 26)
+    ratios = [distance_ratio(travelling(grid, way)) for way in ways]
+    followed = [framing_of(FRONT, travelling(grid, way)).is_followed for way in ways]
+    assert min(ratios) < 1.1 < NEARER == 1.15 < 1.2 < max(ratios)
+    assert followed == [ratio > NEARER for ratio in ratios]
+
+
+@pytest.mark.parametrize("is_followed", [True, False])
+def test_the_camera_does_as_it_is_told(grid, is_followed):
+    for way in (0.0, 0.5):
+        frames = travelling(grid, way)
+        assert framing_of(FRONT, frames, is_followed=is_followed).is_followed == is_followed
