@@ -1,8 +1,10 @@
 import numpy as np
+import pytest
 from scipy.sparse.csgraph import dijkstra
 
+from meshreel.errors import InvalidInputError
 from meshreel.geometry.connectivity import adjacency_matrix, component_labels
-from meshreel.paper.anchors import farthest_points
+from meshreel.paper.anchors import check_anchors, choose_anchors, farthest_points
 from samples.meshes import grid_faces, octahedron_faces
 
 
@@ -24,3 +26,51 @@ def test_every_component_gets_a_point_when_there_are_as_many_points():
 def test_points_are_all_vertices_when_as_many_are_asked_for():
     points = farthest_points(adjacency_matrix(grid_faces(3, 4), 12), 12)
     assert sorted(points) == list(range(12))
+
+
+TWO_SHEETS = np.concatenate([grid_faces(6, 7), grid_faces(4, 5) + 42 + 3])
+"""Of 42 and of 20 vertices; three between them have no edge."""
+
+
+@pytest.mark.parametrize("rng", [None, np.random.default_rng(3)], ids=["spread", "random"])
+@pytest.mark.parametrize(("share", "n_anchors"), [(0.0, 2), (0.01, 2), (0.1, 7), (0.5, 31)])
+def test_anchors_are_the_share_of_vertices_with_edges_and_ascend(share, n_anchors, rng):
+    anchors = choose_anchors(TWO_SHEETS, 65, share, rng)
+    assert len(anchors) == n_anchors
+    assert np.all(np.diff(anchors) > 0)
+    assert not set(anchors) & {42, 43, 44}
+    assert anchors[0] < 42
+    assert anchors[-1] >= 45
+
+
+@pytest.mark.parametrize("rng", [None, np.random.default_rng(3)], ids=["spread", "random"])
+def test_anchors_are_all_vertices_with_edges_when_the_share_is_all(rng):
+    expected = [*range(42), *range(45, 65)]
+    assert choose_anchors(TWO_SHEETS, 65, 1.0, rng).tolist() == expected
+
+
+def test_farthest_point_is_the_lowest_vertex_when_several_are_as_far():
+    assert farthest_points(adjacency_matrix(octahedron_faces(), 6), 2)[0] == 0
+    ring = np.array([[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]])
+    assert farthest_points(adjacency_matrix(ring, 5), 3).tolist() == [0, 2, 1]
+
+
+def test_given_anchors_come_back_in_ascending_order():
+    assert check_anchors([64, 0, 20], TWO_SHEETS, 65).tolist() == [0, 20, 64]
+
+
+@pytest.mark.parametrize(
+    ("anchors", "message"),
+    [
+        ([], r"anchors must be vertices 0\.\.64, at least one; got \[\]"),
+        ([-1, 50], r"0\.\.64, at least one; got \[-1, 50\]"),
+        ([0, 65], r"0\.\.64, at least one; got \[0, 65\]"),
+        ([0, 50, 50], "lists vertex 50 twice"),
+        ([0, 43, 50], "vertex 43 has no edge"),
+        ([0, 1], "1 connected components have no anchor, among them that of vertex 45"),
+        ([50], "1 connected components have no anchor, among them that of vertex 0"),
+    ],
+)
+def test_given_anchors_are_refused_when_they_do_not_fit_the_mesh(anchors, message):
+    with pytest.raises(InvalidInputError, match=message):
+        check_anchors(anchors, TWO_SHEETS, 65)

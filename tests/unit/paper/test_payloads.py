@@ -1,6 +1,8 @@
 import numpy as np
 import pytest
 
+from meshreel.entropy.coder import decode_integers, encode_integers
+from meshreel.entropy.varint import write_varint
 from meshreel.errors import CorruptStreamError, TruncatedStreamError
 from meshreel.paper import payloads
 from meshreel.paper.pipeline import Quantized
@@ -21,6 +23,38 @@ def test_anchor_vertices_come_back_when_written():
 def test_anchor_vertices_are_refused_when_they_do_not_ascend_in_range(anchors):
     with pytest.raises(CorruptStreamError, match="ascending"):
         payloads.read_anchor_vertices(payloads.write_anchor_vertices(np.array(anchors)), 100)
+
+
+def test_anchor_vertices_are_as_many_as_there_are_vertices_at_most():
+    all_of_them = payloads.write_anchor_vertices(np.arange(4))
+    assert payloads.read_anchor_vertices(all_of_them, 4).tolist() == [0, 1, 2, 3]
+    with pytest.raises(CorruptStreamError, match="4 anchors are announced for 3 vertices"):
+        payloads.read_anchor_vertices(all_of_them, 3)
+
+
+@pytest.mark.parametrize(("order", "curve"), [(0, [0, 9, 0, -9]), (1, [7, 8, 7, 7]),
+                                              (2, [50, 100, 150, 201])])  # fmt: skip
+def test_curves_are_differenced_as_often_as_makes_them_smallest(order, curve):
+    rows = np.repeat(np.tile(curve, 40).cumsum() if order > 1 else np.tile(curve, 40), 3)
+    rows = rows.reshape(-1, 3).T[:, None]
+    payload = payloads.write_curves(Quantized(rows, np.ones(1, np.float32)))
+    orders, *_ = decode_integers(payload[5:], [3, 160, 160, 160], [0, 1, 1, 1])
+    assert orders.tolist() == [order] * 3
+
+
+@pytest.mark.parametrize("order", [-1, 3])
+def test_curves_are_refused_when_they_are_differenced_too_often(order):
+    coded = encode_integers([np.full(3, order), *np.zeros((3, 5), np.int64)], [0, 1, 1, 1])
+    payload = write_varint(1) + np.ones(1, "<f4").tobytes() + coded
+    with pytest.raises(CorruptStreamError, match=r"outside 0\.\.2"):
+        payloads.read_curves(payload, 1, 5)
+
+
+def test_rows_of_similar_modes_share_a_table():
+    rows = quantized(3, 8, 5).integers
+    tables = [0, 1, 1, 2, 2, 2, 2, 3]
+    payload = payloads.write_rows(Quantized(rows, np.ones(1, np.float32)))
+    assert payload[5:] == encode_integers(list(rows.reshape(24, 5)), tables * 3)
 
 
 def test_basis_comes_back_when_written():
@@ -55,6 +89,11 @@ def test_step_is_refused_when_it_is_not_a_positive_number(step):
     rows = Quantized(np.zeros((3, 1, 1), int), np.array([step], np.float32))
     with pytest.raises(CorruptStreamError, match="step"):
         payloads.read_rows(payloads.write_rows(rows), 1, 1)
+
+
+def test_a_step_may_be_zero_when_all_rows_are():
+    rows = Quantized(np.zeros((3, 1, 1), int), np.zeros(1, np.float32))
+    assert payloads.read_rows(payloads.write_rows(rows), 1, 1).steps.tolist() == [0]
 
 
 def test_steps_are_refused_when_their_number_fits_no_row():

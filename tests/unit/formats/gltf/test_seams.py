@@ -52,6 +52,14 @@ def test_split_at_seams_splits_vertices_when_corners_have_other_coordinates():
     assert triangles(split).tolist() == [[0, 1, 2], [0, 2, 3], [1, 4, 5], [1, 5, 2]]
 
 
+@pytest.mark.parametrize("kind", [Kind.OTHER, Kind.COLOR])
+def test_split_at_seams_keeps_vertices_when_values_differ_in_the_sign_of_zero(kind):
+    values = np.zeros((8, 3))
+    values[4:] = -0.0
+    split = split_at_seams(two_quads(attribute(kind, Domain.CORNER, values)))
+    assert split.sources.tolist() == list(range(6))
+
+
 def test_split_at_seams_keeps_vertices_when_corners_have_the_same_coordinates():
     values = np.array([[0.1, 0.2], [0.3, 0.4], [0.5, -0.0], [1, 0], [0, 0], [1, 1]])
     split = split_at_seams(two_quads(uv(Domain.CORNER, values[CORNERS])))
