@@ -56,6 +56,9 @@ coordinates half a texel of a texture of 4096. Integers come back exactly."""
 LARGEST_ANGLE = 30.0
 """In degrees. Of coarser normals the length would say nothing about whether they are there."""
 
+MOST_BITS = 52
+"""Bits of a color; more are finer than float64 is near 1."""
+
 _BOUND = re.compile(r"=?\s*((?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:e[+-]?[0-9]{1,3})?)(.*)")
 
 
@@ -155,6 +158,10 @@ def bound_of_track(given: float | str, name: str, track: TrackSource) -> TrackBo
             )
         return TrackBound(Measure.ANGLE, amount)
     if written == "bit" and track.kind is TrackKind.COLOR:
+        if not 1 <= amount <= MOST_BITS:
+            raise InvalidInputError(
+                f"track {name!r}: colors have 1bit to {MOST_BITS}bit, or are exact; got {given!r}"
+            )
         return TrackBound(Measure.NUMBER, 0.5 / (2.0**amount - 1.0))
     if written == "%" and track.kind is not TrackKind.NORMAL:
         return TrackBound(Measure.SHARE, amount)

@@ -36,6 +36,7 @@ COUNTS = Track(np.zeros((1, 2), np.int32))
         (COLOR, "8bit", Measure.NUMBER, 0.5 / 255),
         (COLOR, "1bit", Measure.NUMBER, 0.5),
         (COLOR, "10 bit", Measure.NUMBER, 0.5 / 1023),
+        (COLOR, "52bit", Measure.NUMBER, 0.5 / (2**52 - 1)),
         (COLOR, "2%", Measure.SHARE, 2),
     ],
 )
@@ -61,6 +62,10 @@ def test_any_track_can_be_exact_or_dropped(track, given, bound):
         (PRESSURE, "8bit", "0.1% of its range, 500Pa in its unit, exact or drop"),
         (PRESSURE, "much", "500Pa in its unit, exact or drop; got 'much'"),
         (PRESSURE, "-1", "500Pa in its unit, exact or drop; got '-1'"),
+        (COLOR, "0.9bit", "have 1bit to 52bit, or are exact; got '0.9bit'"),
+        (COLOR, "53bit", "have 1bit to 52bit, or are exact; got '53bit'"),
+        (COLOR, "2000bit", "have 1bit to 52bit, or are exact; got '2000bit'"),
+        (COLOR, "1e-30bit", "have 1bit to 52bit, or are exact; got '1e-30bit'"),
         (COLOR, "0.5deg", "it has no unit, 8bit, exact or drop"),
         (NORMAL, "0.1%", "a bound is an angle such as 0.5deg, exact or drop"),
         (NORMAL, "0.1", "a bound is an angle such as 0.5deg, exact or drop"),
