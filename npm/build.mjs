@@ -90,17 +90,15 @@ const indexBeside = {
   },
 };
 
-/** Cores that few need, and the engine of tracks, are scripts that `meshreel` has too. */
-const rareBeside = {
-  name: "rare scripts beside",
-  setup(bundler) {
-    const rare = /\/(plain_wasm|exact_wasm|track_engine_function)\.js$/;
-    bundler.onResolve({ filter: rare }, ({ path }) => ({
-      path: `./${basename(path)}`,
-      external: true,
-    }));
-  },
-};
+/** Keeps modules out of a bundle: it imports the scripts in dist/ that have their names. */
+function beside(filter) {
+  return {
+    name: "scripts beside",
+    setup(bundler) {
+      bundler.onResolve({ filter }, ({ path }) => ({ path: `./${basename(path)}`, external: true }));
+    },
+  };
+}
 
 const common = {
   bundle: true,
@@ -126,9 +124,15 @@ const decoder = await build({
   entryPoints: ["src/index.ts"],
   splitting: true,
   outdir: dist,
-  plugins: [engineInside],
+  plugins: [engineInside, beside(/\/local_file\.js$/)],
   chunkNames: "[name]",
   define: modulesInside,
+});
+const localFile = await build({
+  ...common,
+  entryPoints: ["src/source/local_file.ts"],
+  outdir: dist,
+  minify: false, // it would drop the comments that tell bundlers to leave an import alone
 });
 const three = await build({
   ...common,
@@ -146,14 +150,15 @@ const player = await build({
   ...common,
   entryPoints: ["src/player/index.ts"],
   outfile: join(dist, "player.js"),
-  plugins: [engineInside, rareBeside],
+  // Cores that few need, the engine of tracks and files in Node are scripts of `meshreel`, too.
+  plugins: [engineInside, beside(/\/(plain_wasm|exact_wasm|track_engine_function|local_file)\.js$/)],
   define: modulesInside,
   legalComments: "eof", // the licence of three.js
 });
 run(process.execPath, "node_modules/typescript/bin/tsc", "--declaration", "--emitDeclarationOnly", "--outDir", "dist");
 writeFileSync(join(dist, "built"), ""); // all is there
 
-const files = [decoder, three, player].flatMap(({ metafile }) => Object.keys(metafile.outputs));
+const files = [decoder, localFile, three, player].flatMap(({ metafile }) => Object.keys(metafile.outputs));
 for (const file of files) {
   const bytes = readFileSync(join(here, file));
   const packed = gzipSync(bytes, { level: 9 }).length;

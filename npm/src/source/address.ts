@@ -87,7 +87,7 @@ export class Address implements Server {
       request = new Request(this.name, { ...this.init, headers, signal });
     } catch (error) {
       throw new InvalidInputError(
-        `${this.name} cannot be asked for (${reasonOf(error)}); give an address of http or https`,
+        `${this.name} cannot be asked for (${reasonOf(error)}); give an http, https or (in Node) file URL`,
       );
     }
     try {

@@ -3,11 +3,14 @@
 import { InvalidInputError, SourceError } from "../errors.js";
 import type { ByteSource } from "../types.js";
 import { Address, partOf } from "./address.js";
-import { BlobSource, MemorySource } from "./memory.js";
+import { BlobSource, checkedRange, MemorySource } from "./memory.js";
 import { RemoteSource } from "./remote.js";
-import type { Server } from "./server.js";
+import { changedError, reasonOf, type Server } from "./server.js";
 
-/** What can be opened: an address, a response of `fetch`, or the bytes themselves. */
+/**
+ * What can be opened: an address (in Node also a `file:` URL), a response of `fetch`, or the bytes
+ * themselves.
+ */
 export type SourceInput = string | URL | Response | ArrayBuffer | Uint8Array | Blob;
 
 export interface SourceOptions {
@@ -55,6 +58,11 @@ export async function openSource(
   if (from instanceof Blob) return new BlobSource(from);
   if (from instanceof ArrayBuffer) return new MemorySource(new Uint8Array(from));
   if (from instanceof Uint8Array) return new MemorySource(from);
+  if (/^file:/i.test(String(from)) && isNode()) {
+    const { openLocalFile } = await import("./local_file.js");
+    const shared = { SourceError, checkedRange, changedError, reasonOf };
+    return openLocalFile(String(from), shared, signal);
+  }
   const server = serverOf(from, { headers, credentials, cache });
   const nRetries = from instanceof Response ? 0 : retries;
   const source = new RemoteSource(server, { retries: nRetries, stallMs: 1000 * stallSeconds });
@@ -67,6 +75,11 @@ export async function openSource(
     throw error;
   }
   return source;
+}
+
+/** Whether files can be read: `fetch` of Node knows no `file:` URLs. */
+function isNode(): boolean {
+  return !!(globalThis as { process?: { versions?: { node?: string } } }).process?.versions?.node;
 }
 
 function serverOf(from: string | URL | Response, init: RequestInit): Server {

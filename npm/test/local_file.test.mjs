@@ -1,0 +1,123 @@
+// Local files in Node, opened by `file:` URLs, and how bundlers for browsers treat them.
+
+import assert from "node:assert/strict";
+import { appendFileSync, mkdtempSync, readFileSync, rmSync, writeFileSync } from "node:fs";
+import files from "node:fs/promises";
+import { syncBuiltinESMExports } from "node:module";
+import { tmpdir } from "node:os";
+import { join } from "node:path";
+import { after, test } from "node:test";
+import { pathToFileURL } from "node:url";
+import { build } from "esbuild";
+
+import { InvalidInputError, ReelFile, SourceError } from "../dist/index.js";
+import { PACKAGE } from "./support/bundle.mjs";
+import { bytesOf, said, sha } from "./support/streams.mjs";
+import { largeTracks } from "./support/track_streams.mjs";
+
+const FOLDER = mkdtempSync(join(tmpdir(), "meshreel files "));
+after(() => rmSync(FOLDER, { recursive: true }));
+
+/** The URL of a new file. */
+function stored(name, bytes) {
+  const path = join(FOLDER, name);
+  writeFileSync(path, bytes);
+  return pathToFileURL(path);
+}
+
+for (const [what, given] of [
+  ["a URL object", (url) => url],
+  ["a string", String],
+]) {
+  test(`frames of a file are right when it is opened by ${what}`, async () => {
+    const name = "blocks";
+    const reel = await ReelFile.open(given(stored("größe 100%.reel", bytesOf(name))));
+    const frames = [];
+    for (let number = 0; number < reel.info.nFrames; number++) frames.push(await reel.frame(number));
+    reel.close();
+    assert.equal(sha(...frames), said(name)["hash of positions"]);
+  });
+}
+
+test("only what is needed of a file is read", async (context) => {
+  const bytes = largeTracks();
+  const url = stored("large.reel", bytes);
+  let nRead = 0;
+  let nClosed = 0;
+  const { open } = files;
+  context.mock.method(files, "open", async (...given) => {
+    const handle = await open(...given);
+    const { read, close } = handle;
+    handle.read = async (...asked) => {
+      const result = await read.apply(handle, asked);
+      nRead += result.bytesRead;
+      return result;
+    };
+    handle.close = () => (nClosed++, close.apply(handle));
+    return handle;
+  });
+  syncBuiltinESMExports();
+  context.after(() => {
+    context.mock.restoreAll();
+    syncBuiltinESMExports();
+  });
+  const reel = await ReelFile.open(url);
+  await reel.frame(0);
+  reel.close();
+  assert.ok(nRead > 0 && nRead < bytes.length, `${nRead} of ${bytes.length} bytes were read`);
+  assert.equal(nClosed, 1);
+});
+
+test("a file that is missing is an error with its path", async () => {
+  const path = join(FOLDER, "missing.reel");
+  await assert.rejects(ReelFile.open(pathToFileURL(path)), (error) => {
+    assert.ok(error instanceof SourceError, String(error));
+    assert.ok(error.message.includes(path) && /ENOENT.*check the path/.test(error.message));
+    return true;
+  });
+});
+
+test("a folder, and a URL that names no path, are errors", async () => {
+  await assert.rejects(ReelFile.open(pathToFileURL(FOLDER)), { name: "SourceError", message: /check/ });
+  await assert.rejects(ReelFile.open("file://host.example/a%2Fb"), { name: "SourceError" });
+  await assert.rejects(ReelFile.open("walk.reel"), InvalidInputError);
+});
+
+test("a file that changes is an error, and a file that is closed gives nothing more", async () => {
+  const url = stored("changed.reel", largeTracks());
+  const reel = await ReelFile.open(url);
+  appendFileSync(url, "more");
+  await assert.rejects(reel.frame(0), { name: "SourceError", message: /has changed.*open it again/ });
+  reel.close();
+  await assert.rejects(reel.frame(0), { name: "AbortError" });
+});
+
+test("an opening that is aborted throws the reason", async () => {
+  const url = stored("aborted.reel", bytesOf("sphere"));
+  const controller = new AbortController();
+  const opening = ReelFile.open(url, { signal: controller.signal });
+  controller.abort(new Error("enough"));
+  await assert.rejects(opening, /enough/);
+});
+
+test("bundlers are told to leave the import of Node's files alone", () => {
+  const script = readFileSync(join(PACKAGE, "dist/local_file.js"), "utf8");
+  assert.match(script, /import\(\s*\/\* webpackIgnore: true \*\/\s*\/\* @vite-ignore \*\//);
+});
+
+test("a bundle for browsers resolves without the modules of Node", async () => {
+  for (const entry of ["index.js", "player.js"]) {
+    const { warnings } = await build({
+      entryPoints: [join(PACKAGE, "dist", entry)],
+      bundle: true,
+      platform: "browser",
+      format: "esm",
+      splitting: true,
+      outdir: "unused",
+      write: false,
+      logLevel: "silent",
+    });
+    const serious = warnings.filter(({ id }) => id !== "ignored-bare-import");
+    assert.deepEqual(serious, []);
+  }
+});
