@@ -70,7 +70,7 @@ def test_batch_takes_relative_folders(inputs, out):
 
 def test_batch_ends_with_1_and_a_line_for_each_failure(inputs, out):
     (inputs / "bad.npz").write_bytes(b"no archive")
-    done = run(inputs, out, "--workers", 1)
+    done = run(inputs, out, "--workers", 1, "--fps", 25)
     assert done.returncode == 1
     assert done.stderr.startswith("meshreel: bad.npz: is not a numpy archive")
     assert len(done.stderr.splitlines()) == 1

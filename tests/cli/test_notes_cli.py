@@ -46,6 +46,14 @@ def test_json_has_what_was_left_out_when_a_command_reads_a_file(odd, tmp_path, c
     assert SAID in run_json(command, odd, *options, cwd=tmp_path)["notes"]
 
 
+def test_encode_notes_that_the_frame_rate_is_unknown_unless_it_is_given(tmp_path):
+    save(waving_grid(3), tmp_path / "f_%d.obj")
+    given = ["encode", *sorted(tmp_path.glob("*.obj")), "--force", "-o", "a.reel"]
+    [note] = run_json(*given, cwd=tmp_path)["notes"]
+    assert note.endswith("players assume 24 frames per second; set it with --fps")
+    assert run_json(*given, "--fps", "25", cwd=tmp_path)["notes"] == []
+
+
 def test_json_of_export_has_what_was_left_out_of_the_original(odd, tmp_path):
     save(waving_grid(), tmp_path / "plain.reel")
     figures = run_json("export", "plain.reel", "--original", odd, "-o", "a.html", cwd=tmp_path)

@@ -19,6 +19,7 @@ from meshreel.counting import counted
 from meshreel.errors import InvalidInputError, WorkerDiedError
 from meshreel.formats.frames.selection import with_surface
 from meshreel.formats.load import open_for_encoding
+from meshreel.formats.notes import note_unknown_rate
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.remote import at_hand
 from meshreel.formats.supported_options import supports
@@ -168,6 +169,7 @@ def _measured(
     stream = info(data)
     if lost := order_loss_note(sequence.surface, Order[stream.order.upper()]):
         notes.append(lost)
+    note_unknown_rate(notes, sequence.n_frames, sequence.fps)
     uv = None if config.uv_bits is None else measure_uvs(sequence, data)
     figures = {
         "seconds": round(time.perf_counter() - began, 3),

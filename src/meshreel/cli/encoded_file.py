@@ -80,6 +80,7 @@ def encode_file(
     from meshreel.codec.inspect import info
     from meshreel.codec.surface.payloads import order_loss_note
     from meshreel.codec.surface.uv_errors import measure_uvs
+    from meshreel.formats.notes import note_unknown_rate
     from meshreel.runtime.outputs.atomic import replace_when_done
     from meshreel.runtime.profiling import stage
 
@@ -93,5 +94,6 @@ def encode_file(
     stream = info(data)
     if lost := order_loss_note(sequence.surface, Order[stream.order.upper()]):
         notes.append(lost)
+    note_unknown_rate(notes, sequence.n_frames, sequence.fps)
     uv = None if config.uv_bits is None else measure_uvs(sequence, data)
     return EncodedFile(name, stream, achieved, uv)

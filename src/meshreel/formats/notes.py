@@ -11,6 +11,9 @@ LEFT_OUT = "left out: "
 NORMALS_LEFT_OUT = f"{LEFT_OUT}normals, which programs compute"
 """The note on stored normals."""
 
+ASSUMED_FPS = 24
+"""What players of this project show per second where a stream has no frame rate."""
+
 UNCHANGING = "what is no track, for it is not seen to change"
 """A kind of things that are left out: velocities and the like of one frame."""
 
@@ -46,6 +49,15 @@ def note_frozen(notes: list[str], names: Iterable[str]) -> None:
     """Add to the notes that attributes stay as they are in the first frame."""
     if found := list(dict.fromkeys(names)):
         note_left_out(notes, f"changes over time of {listed(found)}, kept as in the first frame")
+
+
+def note_unknown_rate(notes: list[str], n_frames: int, fps: float) -> None:
+    """Add to the notes that an animation has no frame rate; nothing if it has one."""
+    if n_frames > 1 and not fps:
+        notes.append(
+            "the frame rate is unknown, and stored as unknown: players assume "
+            f"{ASSUMED_FPS} frames per second; set it with --fps (fps=)"
+        )
 
 
 def note_kinds(notes: list[str], kind: str, names: Iterable[str]) -> None:
