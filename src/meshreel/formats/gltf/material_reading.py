@@ -12,7 +12,12 @@ from meshreel.formats.gltf.json_object import JsonObject
 from meshreel.formats.gltf.material_values import STRENGTH, UNLIT, read_look, read_texture, sampled
 from meshreel.formats.gltf.nodes import unique_names
 from meshreel.formats.gltf.primitives import surfaces
-from meshreel.formats.notes import LookNotes, listed, note_left_out
+from meshreel.formats.gltf.specular_glossiness import (
+    SPECULAR_GLOSSINESS,
+    SPECULAR_TEXTURE,
+    specular_glossiness,
+)
+from meshreel.formats.notes import GatheredNote, LookNotes, listed, note_left_out
 from meshreel.materials import UNSAID, Image, Material, Texture, used_by
 
 VARIANTS = "KHR_materials_variants"
@@ -23,12 +28,14 @@ LIT_TEXTURES = {
     "occlusion": ("occlusionTexture", "r"),
     "emissive": ("emissiveTexture", "rgb"),
 }
+DIFFUSE_TEXTURES = {"base_color": ("diffuseTexture", "rgba")}
 PBR_TEXTURES = {
     "base_color": ("baseColorTexture", "rgba"),
     "metallic": ("metallicRoughnessTexture", "b"),
     "roughness": ("metallicRoughnessTexture", "g"),
 }
 """Keys of textures, and the channels of the image that count."""
+WITHOUT_TEXTURE = "specular-glossiness textures, replaced by metalness 0 and half the glossiness"
 
 
 class MaterialReader:
@@ -45,6 +52,7 @@ class MaterialReader:
     def __init__(self, document: Document, buffers: Buffers, notes: list[str]) -> None:
         self._document, self._buffers = document, buffers
         self._notes = LookNotes(notes)
+        self._converted = GatheredNote(notes, _describe_converted)
         self._n_bytes = 0
         self._places: dict[str, int] = {}
         self._images: list[Image] = []
@@ -87,9 +95,16 @@ class MaterialReader:
             return None
 
     def _with_textures(self, look: Material, given: JsonObject) -> Material:
-        pbr = given.child("pbrMetallicRoughness")
+        pbr, other = given.child("pbrMetallicRoughness"), specular_glossiness(given)
+        if other is not None:
+            name = given.text("name", "") or given.place
+            self._converted.add(name)
+            if SPECULAR_TEXTURE in other:
+                self._notes.add(WITHOUT_TEXTURE, name)
         found = {}
-        for holder, keys in ((pbr, PBR_TEXTURES), (given, LIT_TEXTURES)):
+        for holder, keys in (
+            (pbr, PBR_TEXTURES), (other, DIFFUSE_TEXTURES), (given, LIT_TEXTURES),
+        ):  # fmt: skip
             for slot, (key, channels) in keys.items():
                 told = None if holder is None else holder.child(key)
                 if told is not None and (texture := self._texture(told, channels)) is not None:
@@ -133,6 +148,10 @@ class MaterialReader:
         return image
 
 
+def _describe_converted(names: Sequence[str]) -> str:
+    return f"converted from specular-glossiness to metallic-roughness: {listed(names)}"
+
+
 def note_unkept(document: Document, meshes: Sequence[JsonObject], notes: list[str]) -> None:
     """Add to the notes which extensions of the materials of some meshes are not kept."""
     lists = document.lists
@@ -142,7 +161,8 @@ def note_unkept(document: Document, meshes: Sequence[JsonObject], notes: list[st
     for number in sorted(one for one in numbers if one is not None):
         given = lists["materials"][number]
         called = given.text("name", "") or f"material {number}"
-        for name in _extensions(given) - KEPT:
+        converted = set() if "pbrMetallicRoughness" in given else {SPECULAR_GLOSSINESS}
+        for name in _extensions(given) - KEPT - converted:
             found.setdefault(name, []).append(called)
     if any(one.extension(VARIANTS) is not None for one in primitives):
         found[VARIANTS] = ["other materials of the same faces"]

@@ -6,6 +6,11 @@ from dataclasses import replace
 from meshreel.errors import FormatError
 from meshreel.formats.gltf.attributes import meaning
 from meshreel.formats.gltf.json_object import JsonObject
+from meshreel.formats.gltf.specular_glossiness import (
+    MetallicRoughness,
+    specular_glossiness,
+    to_metallic_roughness,
+)
 from meshreel.materials import AlphaMode, Filter, Material, Texture, Wrap
 
 UNLIT, STRENGTH = "KHR_materials_unlit", "KHR_materials_emissive_strength"
@@ -37,16 +42,17 @@ def read_look(given: JsonObject) -> Material:
         If a value is not what it must be.
     """
     pbr = given.child("pbrMetallicRoughness") or JsonObject({}, given.place)
+    other = specular_glossiness(given)
     mode = given.text("alphaMode", "OPAQUE")
     if mode not in ALPHA_MODES:
         raise given.error("alphaMode", "OPAQUE, MASK or BLEND")
     normal, occlusion = given.child("normalTexture"), given.child("occlusionTexture")
-    red, green, blue, opacity = pbr.numbers("baseColorFactor", 4, (1, 1, 1, 1)).tolist()
+    model = _metallic_roughness(pbr) if other is None else to_metallic_roughness(other)
     return Material(
         "",
-        base_color=(red, green, blue, opacity),
-        metallic=pbr.number("metallicFactor", 1.0),
-        roughness=pbr.number("roughnessFactor", 1.0),
+        base_color=model.base_color,
+        metallic=model.metallic,
+        roughness=model.roughness,
         emissive=_emissive(given),
         normal_scale=1.0 if normal is None else normal.number("scale", 1.0),
         occlusion_strength=1.0 if occlusion is None else occlusion.number("strength", 1.0),
@@ -55,6 +61,12 @@ def read_look(given: JsonObject) -> Material:
         double_sided=given.flag("doubleSided"),
         unlit=given.extension(UNLIT) is not None,
     )
+
+
+def _metallic_roughness(pbr: JsonObject) -> MetallicRoughness:
+    red, green, blue, opacity = pbr.numbers("baseColorFactor", 4, (1, 1, 1, 1)).tolist()
+    metallic, roughness = pbr.number("metallicFactor", 1.0), pbr.number("roughnessFactor", 1.0)
+    return MetallicRoughness((red, green, blue, opacity), metallic, roughness)
 
 
 def _emissive(given: JsonObject) -> tuple[float, float, float]:
