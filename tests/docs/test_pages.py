@@ -1,7 +1,9 @@
 """What pages say of the program is so: commands, options, links, files."""
 
 import re
+from itertools import pairwise
 
+import click
 import pytest
 
 import meshreel
@@ -9,11 +11,14 @@ from meshreel.batch.discovery import WHOLE_SEQUENCES
 from meshreel.cli.batch import FRAMES, WHOLE
 from meshreel.cli.commands import COMMANDS as NAMES
 from meshreel.cli.commands import command_named
+from meshreel.errors import InvalidInputError
 from meshreel.formats.registry import FRAME_FORMATS
 from samples.pages import PAGES, README, ROOT, name_of, parts_of, prose, snippets
 
 COMMANDS = {name: command_named(name) for name in NAMES}
 LANGUAGES = {"bash", "c", "html", "js", "python", "text"}
+OPEN = {"component"}
+"""Parameters that take other values than those that the shell completes."""
 every_page = pytest.mark.parametrize("page", PAGES, ids=name_of)
 
 
@@ -53,6 +58,71 @@ def test_options_exist_when_a_command_names_them(page):
         options |= {one for param in COMMANDS[name].params for one in param.secondary_opts}
         given = {word.partition("=")[0] for word in words if re.match(r"--?[a-z]", word)}
         assert given <= options, (name, given - options)
+
+
+def param_named(command, flag):
+    """The option of a command that has this name, or None."""
+    found = (one for one in COMMANDS[command].params if flag in (*one.opts, *one.secondary_opts))
+    return next(found, None)
+
+
+def is_allowed(param, value):
+    """Whether a value is one of the choices of an option, or a number of its range, if it has."""
+    context = click.Context(click.Command("any"))
+    choices = param.shell_complete(context, "")
+    if choices and {one.type for one in choices} == {"plain"} and param.name not in OPEN:
+        return value in {one.value for one in choices}
+    try:
+        param.type.convert(value, param, context)
+    except (click.UsageError, InvalidInputError):
+        return False
+    return True
+
+
+def given_values(words):
+    """Pairs of an option and the word that is its value, if a command is given these words."""
+    joined = [word.partition("=")[::2] for word in words if re.match("--[a-z-]+=", word)]
+    return [*joined, *pairwise(words)]
+
+
+@every_page
+def test_values_of_options_are_allowed_when_a_command_names_them(page):
+    for name, *words in commands_of(page):
+        for flag, value in given_values(words) if name in COMMANDS else ():
+            param = param_named(name, flag)
+            if param is not None and not param.is_flag and not is_placeholder(value):
+                assert is_allowed(param, value), (name, flag, value)
+
+
+@every_page
+def test_values_of_options_are_allowed_when_a_sentence_names_them(page):
+    for flag, value in re.findall(r"`(--[a-z][a-z-]*)[ =]([^`\s]+)[^`]*`", prose(page)):
+        params = [param for name in COMMANDS if (param := param_named(name, flag))]
+        if params and not params[0].is_flag and not is_placeholder(value):
+            assert any(is_allowed(param, value) for param in params), (flag, value)
+
+
+def is_placeholder(value):
+    """Whether a word stands for a value: N, PATH, "..."."""
+    return value.isupper() or set(value) == {"."}
+
+
+@pytest.mark.parametrize(
+    ("command", "flag", "value", "expected"),
+    [
+        ("encode", "--effort", "9", True),
+        ("encode", "--effort", "high", False),
+        ("encode", "--effort", "10", False),
+        ("encode", "--method", "reel", True),
+        ("encode", "--method", "zip", False),
+        ("decode", "--layout", "labs", True),
+        ("render", "--up", "x", False),
+        ("render", "--component", "3", True),
+        ("encode", "--max-error", "0.5mm", True),
+    ],
+)
+def test_values_are_told_apart(command, flag, value, expected):
+    assert is_allowed(param_named(command, flag), value) is expected
 
 
 def options_of_programs():
