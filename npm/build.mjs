@@ -6,7 +6,7 @@
 import zopfli from "@gfx/zopfli";
 import { build } from "esbuild";
 import { execFile, execFileSync } from "node:child_process";
-import { existsSync, mkdirSync, readFileSync, readdirSync, rmSync, statSync, writeFileSync } from "node:fs";
+import { copyFileSync, existsSync, mkdirSync, readFileSync, readdirSync, rmSync, statSync, writeFileSync } from "node:fs";
 import { basename, dirname, join } from "node:path";
 import { fileURLToPath } from "node:url";
 import { promisify } from "node:util";
@@ -156,6 +156,9 @@ const player = await build({
   legalComments: "eof", // the licence of three.js
 });
 run(process.execPath, "node_modules/typescript/bin/tsc", "--declaration", "--emitDeclarationOnly", "--outDir", "dist");
+// Types only; the empty script is for those who import it all the same.
+copyFileSync(join(here, "src/player/jsx.d.ts"), join(dist, "player/jsx.d.ts"));
+writeFileSync(join(dist, "player/jsx.js"), "export {};\n");
 writeFileSync(join(dist, "built"), ""); // all is there
 
 const files = [decoder, localFile, three, player].flatMap(({ metafile }) => Object.keys(metafile.outputs));

@@ -1,7 +1,9 @@
 """What <reel-player> shows while images, servers and graphics come and go."""
 
 import io
+import re
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,7 +16,7 @@ from meshreel.surface import FaceGroups
 from samples.element_pages import picture, settled, showing, text_of, until
 from samples.numbered_video import moving_sheet
 from samples.tabs import Tabs
-from samples.web_package import PACKAGE, built_package
+from samples.web_package import DIST, PACKAGE, built_package, serving
 
 pytestmark = pytest.mark.slow
 
@@ -62,6 +64,7 @@ def files():
         "/page.css": b"body { margin: 0; font: 16px sans-serif; background: #fff }",
         "/flag.reel": meshreel.encode(flag, max_error=0.02, effort=5, block_frames=15),
         "/large.reel": meshreel.encode(large, max_error=0.001, effort=1, block_frames=15),
+        "/gold.reel": meshreel.encode(golden_sheet(), max_error=0.01, effort=5),
         "/red.reel": meshreel.encode(red_sheet(), max_error=0.01, effort=5),
         "/index.html": b"<!DOCTYPE html><title>Not found</title>",
         "/model.glb": b"glTF\x02\x00\x00\x00" + bytes(64),
@@ -69,16 +72,28 @@ def files():
     }
 
 
+def with_material(sheet, material, images=()):
+    groups = FaceGroups("material", (material.name,), np.zeros(len(sheet.faces), np.int32))
+    surface = replace(sheet.surface, groups=(groups,), materials=(material,), images=images)
+    return replace(sheet, surface=surface)
+
+
+def golden_sheet():
+    """A flag of smooth gold."""
+    flag = meshreel.simulate_flag(10, n_rows=12, n_columns=18)
+    gold = Material(
+        "gold", base_color=(1, 0.75, 0.3, 1), metallic=1, roughness=0.2, double_sided=True
+    )
+    return with_material(flag, gold)
+
+
 def red_sheet():
     """A sheet whose material shows a red image."""
     stored = io.BytesIO()
     Image.new("RGB", (4, 4), (230, 20, 20)).save(stored, "png")
-    sheet = moving_sheet(10)
-    groups = FaceGroups("material", ("paint",), np.zeros(len(sheet.faces), np.int32))
     material = Material("paint", base_color_texture=Texture(0, "st"), double_sided=True)
     image = FileImage("red.png", "image/png", stored.getvalue())
-    surface = replace(sheet.surface, groups=(groups,), materials=(material,), images=(image,))
-    return replace(sheet, surface=surface)
+    return with_material(moving_sheet(10), material, (image,))
 
 
 @pytest.fixture
@@ -263,3 +278,43 @@ def test_colors_of_the_page_win(shown):
     until(page, "player.background")
     page.wait_for_timeout(200)
     assert tuple(picture(page)[4, 4]) == (255, 0, 0)
+
+
+def test_policy_that_forbids_webassembly_is_named(new_page, files):
+    policy = {"Content-Security-Policy": "default-src 'self'; worker-src blob:; img-src data:"}
+    with showing(new_page, files, policy) as show:
+        page = show('<reel-player src="/flag.reel"></reel-player>')
+        until(page, "player.error")
+        assert page.evaluate("player.error.name") == "CompileError"
+        assert "add 'wasm-unsafe-eval' to its script-src" in text_of(page, "[role=alert]")
+
+
+def test_metals_have_something_to_reflect(shown):
+    page = shown('<reel-player src="/gold.reel"></reel-player>')
+    settled(page)
+    page.wait_for_timeout(300)
+    seen = picture(page)
+    on_gold = seen[(np.abs(seen - 255) > 12).any(axis=2)]
+    assert on_gold.mean() > 90  # without, 30: black but for a spot
+    red, _, blue = on_gold.T
+    assert (red - blue).mean() > 20
+
+
+GUIDE = Path(__file__).parents[2] / "docs" / "guides" / "web.md"
+
+
+def test_size_is_reserved_before_the_script_arrives(new_page):
+    [rule] = re.findall(r"^reel-player:not\(:defined\) .*$", GUIDE.read_text("utf-8"), re.M)
+    page = f"""<!doctype html><style>{rule}</style>
+      <reel-player></reel-player><script type="module" src="/later/player.js"></script>"""
+    player = (DIST / "player.js").read_bytes()
+    with serving({"/page.html": page.encode(), "/player.js": player}) as (url, _):
+        opened = new_page(f"{url}/page.html", is_shown=False)
+        size = "(({ width, height }) => [width, height])"
+        size += "(document.querySelector('reel-player').getBoundingClientRect())"
+        before = opened.evaluate(size)
+        opened.evaluate("import('/player.js')")
+        until(opened, "customElements.get('reel-player')")
+        assert opened.evaluate(size) == before
+        assert before[1] == pytest.approx(before[0] * 9 / 16)
+        opened.close()  # while the server is there

@@ -22,7 +22,12 @@ let loading: Promise<WebAssembly.Module> | undefined;
 export function loadModule(): Promise<WebAssembly.Module> {
   loading ??= compile().catch((error: unknown) => {
     loading = undefined; // the file may come another time
-    throw error;
+    // The bytes are ours, and sound: only a policy refuses them.
+    if (!(error instanceof WebAssembly.CompileError)) throw error;
+    throw new WebAssembly.CompileError(
+      "the Content-Security-Policy of this page forbids WebAssembly; add 'wasm-unsafe-eval' to its" +
+        ` script-src (${error.message})`,
+    );
   });
   return loading;
 }

@@ -3,13 +3,14 @@
 import {
   DirectionalLight,
   HemisphereLight,
-  type Object3D,
+  type Mesh,
   Scene,
   WebGLRenderer,
 } from "three";
 
 import { MeshReelError } from "../errors.js";
 import { PlayerCamera } from "./camera.js";
+import { studioTexture, WHITEST } from "./studio.js";
 
 /** Pixels of the canvas for one of CSS, at most: more are not seen, but cost. */
 const MOST_DENSE = 2;
@@ -37,6 +38,7 @@ export class View {
   readonly camera: PlayerCamera;
   readonly #viewed: Viewed;
   readonly #scene = new Scene();
+  readonly #sky = new HemisphereLight(0xffffff, 0x8a8f98, Math.PI / 2);
   readonly #resizing: ResizeObserver;
   readonly #looking: IntersectionObserver;
   readonly #listening = new AbortController();
@@ -85,13 +87,20 @@ export class View {
     return this.#isSeen;
   }
 
-  add(object: Object3D): void {
-    this.#scene.add(object);
+  /** Metals get something to reflect, in place of the light from above that others have. */
+  add(mesh: Mesh): void {
+    const hasMetal = [mesh.material].flat().some((one) => "metalness" in one && one.metalness);
+    this.#scene.environment = hasMetal ? studioTexture() : null;
+    this.#scene.environmentIntensity = WHITEST;
+    this.#sky.visible = !hasMetal;
+    this.#scene.add(mesh);
     this.invalidate();
   }
 
-  remove(object: Object3D): void {
-    object.removeFromParent();
+  remove(mesh: Mesh): void {
+    this.#scene.environment?.dispose();
+    this.#scene.environment = null;
+    mesh.removeFromParent();
     this.invalidate();
   }
 
@@ -128,7 +137,7 @@ export class View {
     const key = new DirectionalLight(0xffffff, Math.PI / 2);
     key.position.set(-0.5, 1, 2);
     camera.add(key, key.target);
-    this.#scene.add(new HemisphereLight(0xffffff, 0x8a8f98, Math.PI / 2), camera);
+    this.#scene.add(this.#sky, camera);
   }
 
   #see(isSeen: boolean): void {

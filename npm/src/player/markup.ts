@@ -1,0 +1,34 @@
+// The attributes of a player in markup that is written as JSX.
+
+import type { AttributeName } from "./settings.js";
+
+/** An attribute that is there or not. React 18 writes `true` as a text: give it "". */
+type Flag = boolean | "";
+
+interface Values {
+  src: string;
+  alt: string;
+  autoplay: Flag;
+  loop: Flag | "repeat" | "pingpong";
+  speed: number | string;
+  "start-time": number | string;
+  "start-frame": number | string;
+  interpolate: boolean | "true" | "false";
+  "camera-controls": Flag;
+  controls: Flag;
+  up: "y" | "z";
+  background: string;
+  poster: string;
+  texture: string;
+  "texture-kind": "image" | "video";
+  "texture-offset": number | string;
+  "frame-number": string;
+  muted: Flag;
+  track: string;
+  "track-component": number | string;
+  "track-range": string;
+  "track-colormap": "sequential" | "diverging";
+}
+
+/** Attributes of `<reel-player>`, by their names in HTML; all are optional. */
+export type ReelPlayerMarkup = { [Name in AttributeName]?: Values[Name] | undefined };
