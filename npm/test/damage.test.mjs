@@ -217,7 +217,7 @@ test("bytes of other files are named as such", () => {
   const file = new TextEncoder().encode("<html><body>not found</body></html>");
   assert.throws(
     () => new MemoryReel(core, file),
-    /not a \.reel stream: it starts with 3c 68 74 6d/,
+    /not a \.reel stream: this is an HTML page; is the address right\?/,
   );
   assert.throws(() => new MemoryReel(core, new Uint8Array(0)), /the stream is empty \(0 bytes\)/);
 });
