@@ -15,6 +15,7 @@ from meshreel.codec.options import all_options
 from meshreel.codec.surface.payloads import order_loss_note
 from meshreel.codec.surface.uv_errors import measure_uvs
 from meshreel.codec.surface.uv_grid import has_uvs
+from meshreel.codec.track_bounds import without_units
 from meshreel.counting import counted
 from meshreel.errors import InvalidInputError, WorkerDiedError
 from meshreel.formats.frames.selection import with_surface
@@ -225,7 +226,8 @@ def _present(
     asked = options.tracks or {}
     if missing := [name for name in asked if name not in sequence.tracks]:
         notes.append(f"has no track {', '.join(missing)}")
-    return {name: bound for name, bound in asked.items() if name in sequence.tracks}
+    present = {name: bound for name, bound in asked.items() if name in sequence.tracks}
+    return without_units(sequence.tracks, present, notes)
 
 
 def _finite(error: float | None) -> float | None:

@@ -80,10 +80,12 @@ def encode_file(
     from meshreel.codec.inspect import info
     from meshreel.codec.surface.payloads import order_loss_note
     from meshreel.codec.surface.uv_errors import measure_uvs
+    from meshreel.codec.track_bounds import without_units
     from meshreel.formats.notes import note_unknown_rate
     from meshreel.runtime.outputs.atomic import replace_when_done
     from meshreel.runtime.profiling import stage
 
+    tracks = without_units(sequence.tracks, tracks or {}, notes)
     data = encode_with(config, sequence, tracks=tracks, progress=progress)
     with stage("writing"), replace_when_done(output, overwrite=force) as temporary:
         temporary.write_bytes(data)

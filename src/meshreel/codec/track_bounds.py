@@ -59,6 +59,12 @@ LARGEST_ANGLE = 30.0
 MOST_BITS = 52
 """Bits of a color; more are finer than float64 is near 1."""
 
+_UNIT = re.compile(r"(?!bit$|deg$)[^\W\d_][\w/^*.-]*")
+"""Text that may be a unit of a physical quantity: Pa, m/s, kg*m^2."""
+
+PHYSICAL = frozenset({TrackKind.SCALAR, TrackKind.VECTOR, TrackKind.VELOCITY, TrackKind.OTHER})
+"""Kinds of tracks that may have a unit."""
+
 _BOUND = re.compile(r"=?\s*((?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:e[+-]?[0-9]{1,3})?)(.*)")
 
 
@@ -91,6 +97,34 @@ def track_bounds(
         else default or default_bound(track)
         for name, track in tracks.items()
     }
+
+
+def without_units(
+    tracks: Mapping[str, TrackSource], targets: TrackTargets, notes: list[str]
+) -> dict[str, float | str]:
+    """Return targets in which bounds of tracks that have no unit are plain numbers.
+
+    Many files name no units, so that 500Pa can only be taken as 500, which a note says. Bounds
+    that are no such text stay as they are.
+
+    Parameters
+    ----------
+    tracks : mapping of str to TrackSource
+    targets : mapping of str to str or float
+    notes : list of str
+    """
+    plain = dict(targets)
+    for name, given in targets.items():
+        found = _BOUND.fullmatch(str(given).strip())
+        track = tracks.get(name)
+        if track is None or found is None or track.unit or track.kind not in PHYSICAL:
+            continue
+        if _UNIT.fullmatch(found[2].strip()):
+            plain[name] = found[1]
+            notes.append(
+                f"track {name!r} has no unit in the file; its bound {given} is taken as {found[1]}"
+            )
+    return plain
 
 
 def kept_bounds(

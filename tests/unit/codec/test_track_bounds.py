@@ -11,6 +11,7 @@ from meshreel.codec.track_bounds import (
     bound_of_track,
     default_bound,
     track_bounds,
+    without_units,
 )
 from meshreel.errors import InvalidInputError
 from meshreel.tracks import Track
@@ -100,3 +101,25 @@ def test_bounds_are_those_asked_for_and_else_the_default():
     assert track_bounds(tracks, {"b": "drop"}, EXACT) == {"a": EXACT, "b": DROP, "c": EXACT}
     with pytest.raises(InvalidInputError, match="there is no track 'd'"):
         track_bounds(tracks, {"d": "exact"})
+
+
+@pytest.mark.parametrize(
+    ("track", "given", "expected"),
+    [
+        (PLAIN, "500Pa", "500"),
+        (PLAIN, "=.5 m/s", ".5"),
+        (PRESSURE, "500K", "500K"),
+        (PLAIN, "0.1%", "0.1%"),
+        (PLAIN, "8bit", "8bit"),
+        (PLAIN, "0.5deg", "0.5deg"),
+        (COLOR, "500Pa", "500Pa"),
+        (PLAIN, "drop", "drop"),
+        (NORMAL, "0.5rad", "0.5rad"),
+        (PLAIN, 500, 500),
+    ],
+)
+def test_unit_of_a_bound_is_left_out_with_a_note_where_the_track_has_none(track, given, expected):
+    notes = []
+    assert without_units({"x": track}, {"x": given, "y": "1Pa"}, notes)["x"] == expected
+    said = f"track 'x' has no unit in the file; its bound {given} is taken as {expected}"
+    assert notes == ([said] if given != expected else [])
