@@ -54,6 +54,21 @@ def test_page_lists_those_least_compressed_and_least_exact(page):
     assert re.findall(r"<code>(s\d+)</code>", page[start:])[:3] == ["s29", "s28", "s27"]
 
 
+def test_points_lie_within_the_diagram_and_higher_where_the_ratio_is_larger(tmp_path):
+    given = [(10, 1.0), (100, 0.1), (20, 0.3)]
+    page = written(tmp_path, "../in", {f"s{k}": done(*one) for k, one in enumerate(given)})
+    width, height = map(int, re.search(r'viewBox="0 0 (\d+) (\d+)" width', page).groups())
+    points = [
+        tuple(map(float, found))
+        for found in re.findall(r'<circle cx="([-.\d]+)" cy="([-.\d]+)"', page)
+    ]
+    assert all(0 < x < width and 0 < y < height for x, y in points)
+    assert sorted(range(3), key=lambda k: points[k][1]) == [1, 2, 0]
+    assert sorted(range(3), key=lambda k: points[k][0]) == [1, 2, 0]
+    lines = [float(found) for found in re.findall(r'd="M\d+ ([-.\d]+)H', page)]
+    assert [points[0][1], points[1][1]] == pytest.approx(lines, abs=0.11)
+
+
 def test_page_gives_notes_and_the_states_of_all(page):
     assert "<strong>s10</strong>: polygons &lt;cut&gt;" in page
     assert "30 encoded, 1 failed, 1 not done" in page

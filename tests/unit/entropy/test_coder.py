@@ -3,6 +3,7 @@ import pytest
 
 from meshreel.entropy.coder import decode_integers, encode_integers
 from meshreel.errors import CorruptStreamError, InvalidInputError
+from meshreel.kernel.integers import MAX_MAGNITUDE
 
 
 def laplacian_rows():
@@ -85,3 +86,12 @@ def test_stored_bytes_still_decode_when_the_core_changes():
     first, second = decode_integers(stored, [30, 3])
     assert first.tolist() == [0, 1, -1, 0, 2, 0, 0, 40, -3, 0] * 3
     assert second.tolist() == [1000, -1000, 5]
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_integers_are_coded_up_to_the_largest_and_no_larger(sign):
+    largest = np.array([0, sign * MAX_MAGNITUDE])
+    (found,) = decode_integers(encode_integers([largest]), [2])
+    assert found.tolist() == largest.tolist()
+    with pytest.raises(InvalidInputError, match=f"up to {MAX_MAGNITUDE} can be coded"):
+        encode_integers([largest + sign])

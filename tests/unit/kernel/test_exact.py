@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from meshreel.errors import CorruptStreamError, InvalidInputError
-from meshreel.kernel.exact import TYPES, decode_exact, encode_exact
+from meshreel.kernel.exact import MOST_FRAMES, TYPES, decode_exact, encode_exact
 from meshreel.kernel.mesh import Neighbours, neighbours
 from samples.costs import draws
 
@@ -253,3 +253,9 @@ def test_bytes_behind_the_values_are_refused():
     values = waves(3)
     with pytest.raises(CorruptStreamError):
         decode_exact(encode_exact(values, graph) + b"\0" * 8 + b"1", values.shape, "f4", graph)
+
+
+@pytest.mark.parametrize("shape", [(MOST_FRAMES + 1, 0, 1), (1, -1, 1), (1, 0)])
+def test_shapes_are_refused_when_they_are_not_of_frames_items_and_numbers(shape):
+    with pytest.raises(InvalidInputError, match=r"must have shape \(T, N, C\)"):
+        decode_exact(b"", shape, np.dtype("f4"), no_neighbours(0))

@@ -104,6 +104,15 @@ def test_words_name_what_is_noticeable_alone(axes, scale, shift, words):
     assert words in str(Alignment(axes, scale, shift, 0.123))
 
 
+def test_an_axis_keeps_its_sign_when_the_mesh_is_flat_along_it():
+    vertices = ORIGINAL.vertices.astype(np.float64)[..., [1, 0, 2]]
+    rounding = 1e-12 * vertices[..., :1]
+    flat = np.concatenate([vertices[..., :2], rounding], axis=2)
+    larger = 2 * flat * [1, 1, -1]
+    found = find_alignment(replace(ORIGINAL, vertices=flat), replace(ORIGINAL, vertices=larger))
+    assert found.axes == ("x", "y", "z")
+
+
 def test_nothing_is_found_when_they_differ_otherwise():
     assert find_alignment(ORIGINAL, changed(noise=0.5)) is None
     point = replace(ORIGINAL, vertices=np.zeros_like(ORIGINAL.vertices))

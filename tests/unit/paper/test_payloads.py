@@ -1,10 +1,13 @@
 import numpy as np
 import pytest
 
+from meshreel.bitstream.layout import Section
+from meshreel.codec.stored_blocks import StoredBlock
 from meshreel.entropy.coder import decode_integers, encode_integers
 from meshreel.entropy.varint import write_varint
 from meshreel.errors import CorruptStreamError, TruncatedStreamError
 from meshreel.paper import payloads
+from meshreel.paper.blocks import _read_tracked_dictionary
 from meshreel.paper.pipeline import Quantized
 
 
@@ -105,3 +108,16 @@ def test_steps_are_refused_when_their_number_fits_no_row():
 def test_steps_are_refused_when_the_payload_ends_inside():
     with pytest.raises(TruncatedStreamError):
         payloads.read_rows(b"\1\0\0", 1, 1)
+
+
+def test_a_tracked_dictionary_is_whole_or_a_difference_and_nothing_else():
+    curves = payloads.write_curves(quantized(3, 2, 5))
+    for kind, message in ((b"\2", "neither 0"), (b"", "neither 0"), (b"\1", "another shape")):
+        stored = StoredBlock(0, 5, 2, {Section.BASIS: kind + curves if kind else b""})
+        with pytest.raises(CorruptStreamError, match=message):
+            _read_tracked_dictionary(stored, None)
+    whole = StoredBlock(0, 5, 2, {Section.BASIS: b"\0" + curves})
+    before = _read_tracked_dictionary(whole, None)
+    after = StoredBlock(5, 5, 2, {Section.BASIS: b"\1" + curves})
+    sums = _read_tracked_dictionary(after, before)
+    np.testing.assert_array_equal(sums.integers, 2 * before.integers)

@@ -53,6 +53,13 @@ def blas_threads():
     return [one["num_threads"] for one in threadpool_info() if one["user_api"] == "blas"]
 
 
+@pytest.mark.parametrize(("counted", "found"), [(7, 7), (None, 1)])
+def test_cores_are_those_of_the_machine_when_a_process_cannot_tell(monkeypatch, counted, found):
+    monkeypatch.delattr("os.sched_getaffinity", raising=False)
+    monkeypatch.setattr("os.cpu_count", lambda: counted)
+    assert n_cores() == found
+
+
 @pytest.mark.parametrize("n_pieces", COUNTS)
 def test_every_piece_is_done_once_whatever_their_number(n_pieces):
     done = []

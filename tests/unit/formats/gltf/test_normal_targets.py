@@ -3,7 +3,7 @@ import pytest
 
 from meshreel.flag import simulate_flag
 from meshreel.formats.gltf.moving_mesh import Wanted, fit_part
-from meshreel.formats.gltf.normal_targets import NormalChoice, still_normals
+from meshreel.formats.gltf.normal_targets import NormalChoice, _turning_targets, still_normals
 from meshreel.geometry.normals import vertex_normals
 from samples.meshes import octahedron_faces, waving_grid
 from samples.surfaces import rich_cube
@@ -71,3 +71,17 @@ def test_mesh_has_no_normals_when_it_is_creased_unless_all_are_asked_for():
     box = rich_cube(4)
     found = [fit_part(box.vertices, box.faces, Wanted(None, 0.001, one)) for one in NormalChoice]
     assert [one.normals is not None for one in found] == [False, True, False]
+
+
+@pytest.mark.parametrize(("error_share", "n_targets"), [(1.01, 1), (0.99, 2), (0.2, 3)])
+def test_as_few_targets_turn_normals_as_bring_them_near(error_share, n_targets):
+    """Of three targets that turn normals by 3, 2 and 1; the second and the third leave out 5."""
+    rng = np.random.default_rng(4)
+    basis, _ = np.linalg.qr(np.column_stack([np.ones(7), rng.standard_normal((7, 3))]))
+    fields, _ = np.linalg.qr(rng.standard_normal((30, 3)))
+    amounts = np.array([3.0, 2.0, 1.0])
+    turns = (basis[:, 1:] * amounts) @ fields.T
+    weights = (basis[:, 1:] * amounts).astype(np.float32)
+    length_error = error_share * np.sqrt(5 / (turns.size / 3))
+    found = _turning_targets(weights, turns.astype(np.float32), length_error)
+    assert found.tolist() == list(range(n_targets))

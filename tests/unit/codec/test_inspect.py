@@ -1,0 +1,44 @@
+"""What a stream says of itself."""
+
+import numpy as np
+import pytest
+
+import meshreel
+from meshreel.surface import Attribute, Domain, Kind, Surface
+from samples.meshes import waving_grid
+
+GRID = waving_grid(9)
+
+
+def dressed(dtype=np.float32):
+    """Positions, texture coordinates of vertices, and tracks of vertices and of faces."""
+    uv = np.random.default_rng(1).random((GRID.n_verts, 2), np.float32)
+    tracks = {
+        "heat": np.random.default_rng(2).random((9, GRID.n_verts, 3)),
+        "on": np.ones((9, GRID.n_faces), np.uint8),
+    }
+    surface = Surface(attributes=(Attribute("uv", Kind.UV, Domain.VERTEX, uv),))
+    return meshreel.MeshSequence(
+        GRID.vertices.astype(dtype), GRID.faces, 25.0, surface=surface, tracks=tracks
+    )
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+def test_raw_size_is_that_of_the_sequence(dtype):
+    sequence = dressed(dtype)
+    found = meshreel.info(meshreel.encode(sequence))
+    assert found.raw_size_bytes == sequence.raw_size_bytes
+    assert found.ratio == sequence.raw_size_bytes / found.size_bytes
+    assert {one.name: one.raw_size_bytes for one in found.tracks} == {
+        "heat": 9 * GRID.n_verts * 3 * 8, "on": 9 * GRID.n_faces,
+    }  # fmt: skip
+
+
+def test_sizes_of_sections_and_tracks_are_parts_of_the_whole():
+    data = meshreel.encode(dressed(), block_frames=4)
+    found = meshreel.info(data)
+    assert sum(found.budget_bytes.values()) == found.size_bytes == len(data)
+    assert found.block_frames == (4, 4, 1)
+    assert min(found.block_bytes) > 0
+    of_tracks = sum(one.size_bytes for one in found.tracks)
+    assert 0 < sum(found.block_bytes) < found.size_bytes - of_tracks

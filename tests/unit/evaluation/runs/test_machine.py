@@ -1,0 +1,16 @@
+import os
+
+from meshreel.evaluation.runs.machine import machine_facts, machine_line, machines_text
+
+
+def test_facts_are_those_of_this_machine(monkeypatch):
+    assert machine_facts()["cores"] == os.cpu_count()
+    assert f", {os.cpu_count()} cores, " in machine_line(machine_facts())
+    monkeypatch.setattr("os.cpu_count", lambda: None)
+    assert machine_facts()["cores"] == 1
+
+
+def test_each_machine_is_named_once():
+    one, other = machine_facts(), {**machine_facts(), "cpu": "another"}
+    text = machines_text([{"machine": facts} for facts in (one, other, one)])
+    assert text.count(machine_line(one)) == text.count(machine_line(other)) == 1
