@@ -318,3 +318,66 @@ def test_size_is_reserved_before_the_script_arrives(new_page):
         assert opened.evaluate(size) == before
         assert before[1] == pytest.approx(before[0] * 9 / 16)
         opened.close()  # while the server is there
+
+
+WORKERS = """
+window.workers = 0;
+const Given = window.Worker;
+window.Worker = class extends Given {
+  constructor(...given) { super(...given); window.workers++; }
+  terminate() { super.terminate(); window.workers--; }
+};
+"""
+
+ALL = "[...document.querySelectorAll('reel-player')]"
+
+
+def test_players_of_one_file_share_a_worker_and_a_download(shown):
+    page = shown('<reel-player src="/flag.reel"></reel-player>', script=NETWORK + WORKERS)
+    settled(page)
+    asked_alone = page.evaluate("window.nAsked")
+    page.evaluate("player.remove()")
+    until(page, "window.workers === 0")
+    page.evaluate(
+        """() => {
+          window.nAsked = 0;
+          const six = Array(6).fill('<reel-player src="flag.reel" autoplay loop></reel-player>');
+          document.querySelector("main").innerHTML = six.join("");
+          for (const one of document.querySelectorAll("reel-player")) one.style.width = "200px";
+        }"""
+    )
+    until(page, f"{ALL}.every(({{ mesh }}) => mesh && mesh.frame > 16)")
+    assert page.evaluate("window.workers") == 1
+    assert page.evaluate("window.nAsked") <= asked_alone
+    page.evaluate(f"{ALL}.slice(1).forEach((one) => one.remove())")
+    page.evaluate("player = document.querySelector('reel-player'); player.seek({ frame: 40 })")
+    settled(page)
+    page.evaluate("player.remove()")
+    until(page, "window.workers === 0")
+
+
+def test_many_players_keep_their_pictures_and_give_contexts_back_out_of_sight(shown):
+    page = shown("")
+    warnings = []
+    page.on("console", lambda message: warnings.append(message.text))
+    page.evaluate(
+        """() => {
+          const all = Array(20).fill('<reel-player src="/flag.reel"></reel-player>');
+          document.querySelector("main").innerHTML = all.join("");
+          for (const one of document.querySelectorAll("reel-player")) {
+            Object.assign(one.style, { width: "300px", height: "240px" });
+          }
+          player = document.querySelector("reel-player");
+        }"""
+    )
+    for number in [*range(0, 20, 2), 19, 0]:
+        page.evaluate(f"{ALL}[{number}].scrollIntoView()")
+        ready = "mesh && !mesh.isWaiting && mesh.geometry.drawRange.count > 0"
+        until(page, f"(({{ mesh }}) => {ready})({ALL}[{number}])")
+    until(page, "!player.shadowRoot.querySelector('.still')")
+    page.wait_for_timeout(300)
+    assert (np.abs(picture(page) - 255).max(axis=2) > 12).mean() > 0.05
+    resting = page.evaluate(f"{ALL}.filter((one) => one.shadowRoot.querySelector('.still')).length")
+    assert resting >= 5
+    assert page.evaluate(f"{ALL}.every(({{ error }}) => error === null)")
+    assert not [one for one in warnings if "Too many active WebGL contexts" in one]

@@ -1,7 +1,6 @@
 // <reel-player>: a file that plays in a page.
 
 import { InvalidInputError } from "../errors.js";
-import { ReelFile } from "../index.js";
 import { ReelMesh } from "../three/reel_mesh.js";
 import type { OpenReel } from "../types.js";
 import { PlayerAttributes } from "./attributes.js";
@@ -11,6 +10,7 @@ import { Messages } from "./messages.js";
 import { made, ShapeButton } from "./parts.js";
 import { type Reach, reachOf } from "./reach.js";
 import { ATTRIBUTES, type PlayerSettings, settingsOf } from "./settings.js";
+import { openShared } from "./shared_reels.js";
 import { playerSheet } from "./sheet.js";
 import { View } from "./view.js";
 
@@ -68,6 +68,8 @@ export class ReelPlayerElement extends PlayerAttributes {
   #settings: PlayerSettings | null = null;
   #loading: AbortController | null = null;
   #mesh: ReelMesh | null = null;
+  /** Releases the file, which other players may show too. */
+  #release: (() => void) | null = null;
   #reach: Reach = [1, 1, 1];
   #isRefreshing = false;
   #wasPlaying = false;
@@ -198,6 +200,7 @@ export class ReelPlayerElement extends PlayerAttributes {
 
   #build(): void {
     const view = new View(this.#stage, {
+      hasPicture: () => !!this.#mesh && !this.#mesh.isWaiting,
       isMoving: () => !!this.#mesh && (this.#mesh.isPlaying || this.#mesh.isWaiting),
       pass: (seconds) => {
         this.#mesh?.update(seconds);
@@ -291,15 +294,18 @@ export class ReelPlayerElement extends PlayerAttributes {
     this.#changed();
     let mesh: ReelMesh;
     try {
-      const reel = await ReelFile.open(settings.src, { signal });
+      const { reel, release } = await openShared(settings.src, signal);
+      if (signal.aborted) return release();
+      this.#release = release;
       // What is wrong with frames is told when they are shown.
       const reach = await reachOf(reel, settings.start, { signal }).catch(() => null);
-      if (signal.aborted) return reel.close();
+      if (signal.aborted) return;
       const radius = reel.info.diagonal / 2;
       this.#reach = reach ?? [radius, radius, radius];
-      mesh = new ReelMesh(reel, { ownsReel: true, origin: reel.info.center });
+      mesh = new ReelMesh(reel, { origin: reel.info.center });
     } catch (error) {
       if (signal.aborted) return;
+      this.#letGo();
       this.#loading = null;
       const retry = () => this.#settings && void this.#open(this.#settings);
       return this.#fail(error as Error, { retry });
@@ -403,10 +409,17 @@ export class ReelPlayerElement extends PlayerAttributes {
     this.#isSuspended = this.#isHeldBack = false;
     const mesh = this.#mesh;
     this.#mesh = null;
-    if (!mesh) return;
-    this.#shown?.legend.show(null);
-    this.#shown?.view.remove(mesh);
-    mesh.dispose();
+    if (mesh) {
+      this.#shown?.legend.show(null);
+      this.#shown?.view.remove(mesh);
+      mesh.dispose();
+    }
+    this.#letGo();
+  }
+
+  #letGo(): void {
+    this.#release?.();
+    this.#release = null;
   }
 
   /**

@@ -28,6 +28,7 @@ const CSS = `
 [hidden] { display: none !important; }
 .stage, .poster, canvas { position: absolute; inset: 0; width: 100%; height: 100%; }
 canvas { display: block; outline: none; }
+.still { pointer-events: none; }
 :host([controls]) :is(canvas, .poster) { height: calc(100% - 48px); }
 .poster { object-fit: contain; pointer-events: none; }
 canvas:focus-visible { box-shadow: inset 0 0 0 3px #1668b8, inset 0 0 0 5px #fff; }

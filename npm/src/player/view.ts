@@ -10,6 +10,7 @@ import {
 
 import { MeshReelError } from "../errors.js";
 import { PlayerCamera } from "./camera.js";
+import { type ContextHolder, giveContextBack, takeContext } from "./contexts.js";
 import { studioTexture, WHITEST } from "./studio.js";
 
 /** Pixels of the canvas for one of CSS, at most: more are not seen, but cost. */
@@ -22,6 +23,8 @@ const LONGEST_S = 0.25;
 export interface Viewed {
   /** Whether time passes, so that pictures follow one another. */
   isMoving(): boolean;
+  /** Whether the picture of the time is there. */
+  hasPicture(): boolean;
   /** Seconds have passed since the last picture. */
   pass(seconds: number): void;
   /** Whether it can be seen has changed. */
@@ -33,7 +36,7 @@ export interface Viewed {
 }
 
 /** A canvas with a scene. */
-export class View {
+export class View implements ContextHolder {
   readonly canvas = document.createElement("canvas");
   readonly camera: PlayerCamera;
   readonly #viewed: Viewed;
@@ -43,6 +46,10 @@ export class View {
   readonly #looking: IntersectionObserver;
   readonly #listening = new AbortController();
   #renderer: WebGLRenderer | null = null;
+  /** Whether the context is in use, being given back, or given back. */
+  #context: "used" | "leaving" | "resting" = "used";
+  /** The last picture, while there is no context to draw another. */
+  #still: HTMLCanvasElement | null = null;
   #isSeen = false;
   #isStale = true;
   #hasFailed = false;
@@ -66,10 +73,16 @@ export class View {
     const { signal } = this.#listening;
     const lost = (event: Event) => {
       event.preventDefault(); // so that it may come back
+      if (this.#context === "leaving") {
+        this.#context = "resting";
+        if (this.#isSeen) this.#wakeContext();
+        return;
+      }
       const message = "the browser took the graphics away from this player, and may give them back";
       viewed.onLost(new MeshReelError(message));
     };
     const restored = () => {
+      this.#context = "used";
       viewed.onRestored();
       this.invalidate();
     };
@@ -113,20 +126,40 @@ export class View {
   /** Begins to draw, if something moves or has changed. */
   wake(): void {
     if (this.#asked !== null || !this.#isSeen || !this.#renderer) return;
+    if (this.#context !== "used") return;
     if (!this.#isStale && !this.#viewed.isMoving()) return;
     this.#last ||= performance.now();
     this.#asked = requestAnimationFrame((now) => this.#tick(now));
   }
 
+  /** Gives the context of WebGL back until it is seen again; the last picture stays. */
+  rest(): void {
+    const renderer = this.#renderer;
+    if (!renderer || this.#context !== "used" || renderer.getContext().isContextLost()) return;
+    renderer.render(this.#scene, this.camera.camera); // what was drawn before is not kept
+    const still = document.createElement("canvas");
+    [still.width, still.height] = [this.canvas.width, this.canvas.height];
+    still.getContext("2d")?.drawImage(this.canvas, 0, 0);
+    still.className = "still";
+    this.#still?.remove();
+    this.#still = still;
+    this.canvas.after(still);
+    this.#context = "leaving";
+    renderer.forceContextLoss();
+  }
+
   /** Frees all that it has made; it must not be used any more. */
   dispose(): void {
+    giveContextBack(this);
+    this.#still?.remove();
     this.#listening.abort();
     this.#resizing.disconnect();
     this.#looking.disconnect();
     if (this.#asked !== null) cancelAnimationFrame(this.#asked);
     this.camera.dispose();
     this.#renderer?.dispose();
-    this.#renderer?.forceContextLoss(); // browsers have few contexts, and are slow to free them
+    // Browsers have few contexts, and are slow to free them.
+    if (this.#context === "used") this.#renderer?.forceContextLoss();
     this.#renderer = null;
     this.canvas.remove();
   }
@@ -144,15 +177,25 @@ export class View {
     if (isSeen === this.#isSeen) return;
     this.#isSeen = isSeen;
     if (isSeen && !this.#renderer && !this.#hasFailed) this.#start();
+    else if (isSeen) this.#wakeContext();
     this.#viewed.onSeen(isSeen);
     this.wake();
   }
 
+  /** Takes a context again where it was given back. */
+  #wakeContext(): void {
+    if (!this.#renderer) return;
+    takeContext(this); // also where it has one: it is the one seen last
+    if (this.#context === "resting") this.#renderer.forceContextRestore();
+  }
+
   #start(): void {
+    takeContext(this);
     try {
       this.#renderer = new WebGLRenderer({ canvas: this.canvas, antialias: true, alpha: true });
       this.#resize();
     } catch (error) {
+      giveContextBack(this);
       this.#hasFailed = true;
       const reason = error instanceof Error ? error.message : String(error);
       const words = `this browser gives no WebGL 2, which draws the player (${reason})`;
@@ -171,13 +214,17 @@ export class View {
 
   #tick(now: number): void {
     this.#asked = null;
-    if (!this.#renderer) return;
+    if (!this.#renderer || this.#context !== "used") return;
     if (this.#renderer.getPixelRatio() !== density()) this.#resize();
     this.#viewed.pass(Math.min(Math.max(now - this.#last, 0) / 1000, LONGEST_S));
     this.#last = now;
     if (this.#isStale) {
       this.#isStale = false;
       this.#renderer.render(this.#scene, this.camera.camera);
+      if (this.#still && this.#viewed.hasPicture()) {
+        this.#still.remove();
+        this.#still = null;
+      }
     }
     this.wake();
     if (this.#asked === null) this.#last = 0;
