@@ -57,6 +57,28 @@ def test_unit_that_the_file_does_not_name_is_left_out_with_a_note(folder):
         assert {track.name: track.bound for track in reel.info().tracks}["flow"] == 0.5
 
 
+def test_bytes_of_parts_and_tracks_sum_to_the_file_and_are_printed(folder):
+    figures = json.loads(run("convert", "a.reel", "-o", "b.reel", "--json").stdout)
+    parts = figures["part_bytes"]
+    assert list(parts) == ["positions", "connectivity", "track heat", "track flow", "container"]
+    assert sum(parts.values()) == (folder / "b.reel").stat().st_size
+    printed = run("convert", "a.reel", "-o", "c.reel").stdout
+    for name, size_bytes in parts.items():
+        assert any(name in line and f" {size_bytes} B " in line for line in printed.splitlines()), (
+            name
+        )
+
+
+def test_solver_state_is_noted_when_it_is_encoded(folder):
+    track = meshreel.Track(GRID.vertices, kind="vector")
+    sequence = meshreel.MeshSequence(GRID.vertices, GRID.faces, 25, tracks={"vlast": track})
+    meshreel.save(sequence, "sim.npz")
+    [note] = json.loads(run("encode", "sim.npz", "-o", "b.reel", "--json").stdout)["notes"]
+    assert "vlast (" in note
+    dropped = run("encode", "sim.npz", "-o", "c.reel", "--track", "vlast=drop", "--json")
+    assert json.loads(dropped.stdout)["notes"] == []
+
+
 def test_json_has_the_errors_of_tracks(folder):
     done = run("convert", "a.reel", "-o", "b.reel", "--track", "heat=1%", "--json")
     found = json.loads(done.stdout)["tracks"]

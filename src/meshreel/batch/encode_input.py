@@ -12,6 +12,7 @@ from meshreel.codec.config import EncoderConfig
 from meshreel.codec.encoder import encode_with
 from meshreel.codec.inspect import info
 from meshreel.codec.options import all_options
+from meshreel.codec.solver_state import solver_state_note
 from meshreel.codec.surface.payloads import order_loss_note
 from meshreel.codec.surface.uv_errors import measure_uvs
 from meshreel.codec.surface.uv_grid import has_uvs
@@ -165,11 +166,14 @@ def _measured(
 ) -> Encoded:
     """The stream of an opened input, and its figures."""
     sequence, config = _suited(opened, options, notes)
-    data = encode_with(config, sequence, tracks=_present(sequence, options, notes), engine=engine)
+    tracks = _present(sequence, options, notes)
+    data = encode_with(config, sequence, tracks=tracks, engine=engine)
     achieved = measure_stream(sequence, data, order=config.order, with_sted=config.sted is not None)
     stream = info(data)
     if lost := order_loss_note(sequence.surface, Order[stream.order.upper()]):
         notes.append(lost)
+    if state := solver_state_note(stream.tracks, tracks):
+        notes.append(state)
     note_unknown_rate(notes, sequence.n_frames, sequence.fps)
     uv = None if config.uv_bits is None else measure_uvs(sequence, data)
     figures = {

@@ -34,13 +34,14 @@ class EncodedFile:
         return figures | uv_figures(self.uv)
 
     def show(self) -> None:
-        """Print it as a table."""
-        from meshreel.cli.console import print_table
+        """Print it as a table, and the bytes of its parts."""
+        from meshreel.cli.console import print_bars, print_table
         from meshreel.cli.figures import achieved_rows, size_rows, uv_rows
 
         rows = {**size_rows(self.stream), **achieved_rows(self.achieved, self.stream)}
         rows |= uv_rows(self.uv)
         print_table(self.output, rows)
+        print_bars("bytes", self.stream.part_bytes)
 
 
 def frames_of(sequence: "FrameSource", wanted: range) -> "FrameSource":
@@ -78,6 +79,7 @@ def encode_file(
     from meshreel.codec.choices import Order
     from meshreel.codec.encoder import encode_with
     from meshreel.codec.inspect import info
+    from meshreel.codec.solver_state import solver_state_note
     from meshreel.codec.surface.payloads import order_loss_note
     from meshreel.codec.surface.uv_errors import measure_uvs
     from meshreel.codec.track_bounds import without_units
@@ -96,6 +98,8 @@ def encode_file(
     stream = info(data)
     if lost := order_loss_note(sequence.surface, Order[stream.order.upper()]):
         notes.append(lost)
+    if state := solver_state_note(stream.tracks, tracks):
+        notes.append(state)
     note_unknown_rate(notes, sequence.n_frames, sequence.fps)
     uv = None if config.uv_bits is None else measure_uvs(sequence, data)
     return EncodedFile(name, stream, achieved, uv)

@@ -26,7 +26,7 @@ def size_figures(stream: "StreamInfo") -> dict[str, Any]:
     return {
         key: everything[key]
         for key in ("n_frames", "n_verts", "n_faces", "method", "n_modes",
-                    "raw_size_bytes", "size_bytes", "ratio", "rate_bpvf")
+                    "raw_size_bytes", "size_bytes", "part_bytes", "ratio", "rate_bpvf")
     }  # fmt: skip
 
 

@@ -1,6 +1,7 @@
 """Information on a stream, without decoding a frame."""
 
 from collections import Counter
+from collections.abc import Iterable
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -10,6 +11,18 @@ from meshreel.codec.open_stream import OpenStream
 from meshreel.codec.stored_blocks import read_block, stored_blocks
 from meshreel.surface_description import carried, described_images, described_materials
 from meshreel.tracks import TrackKind
+
+CONNECTIVITY = (Section.CONNECTIVITY, Section.ORDER)
+POSITIONS = (Section.ANCHOR_VERTICES, Section.SHAPE, Section.PROMISE)
+"""Sections of the positions beside their blocks."""
+SURFACE = (
+    Section.POLYGONS,
+    Section.ATTRIBUTE,
+    Section.GROUPS,
+    Section.PARTS,
+    Section.MATERIAL,
+    Section.IMAGE,
+)
 
 
 @dataclass(frozen=True)
@@ -80,6 +93,10 @@ class StreamInfo:
         Size of the decoded arrays, and of images.
     budget_bytes : dict of str to int
         Bytes of the header and of each kind of section; they sum to `size_bytes`.
+    part_bytes : dict of str to int
+        Bytes of "positions", "connectivity" (with the order of vertices and faces), "surface"
+        (polygons, attributes, groups, parts, materials, images), each "track NAME" and the
+        "container" around them; they sum to `size_bytes`. Parts of 0 bytes are left out.
     block_bytes : tuple of int
         Size of the sections of the positions in each block. Each block has its own fields: a
         stream of a single block would save most of the bytes of the later ones.
@@ -123,6 +140,7 @@ class StreamInfo:
     size_bytes: int
     raw_size_bytes: int
     budget_bytes: dict[str, int]
+    part_bytes: dict[str, int]
     block_bytes: tuple[int, ...]
     max_error_percent: float | None
     is_lossless: bool
@@ -206,6 +224,7 @@ def stream_info(stream: Stream) -> StreamInfo:
         + surface.size_bytes
         + sum(track.raw_size_bytes for track in tracks),
         budget_bytes=_budget(stream, sizes),
+        part_bytes=_parts(stream, sizes, tracks),
         block_bytes=tuple(sizes.block_bytes),
         max_error_percent=promised_percent(opened),
         is_lossless=opened.method.is_lossless,
@@ -297,3 +316,16 @@ def _budget(stream: Stream, sizes: _Sizes) -> dict[str, int]:
             budget[section.name.lower().replace("_", " ")] = size_bytes
     budget["framing"] = stream.size_bytes - sum(budget.values())
     return budget
+
+
+def _parts(stream: Stream, sizes: _Sizes, tracks: Iterable[TrackInfo]) -> dict[str, int]:
+    """Bytes by what they describe; the container has what is left of the stream."""
+    blocks = sum(place.sizes[0] for place in stream.places)
+    parts = {
+        "positions": blocks + sum(sizes.of_sections[one] for one in POSITIONS),
+        "connectivity": sum(sizes.of_sections[one] for one in CONNECTIVITY),
+        "surface": sum(sizes.of_sections[one] for one in SURFACE),
+        **{f"track {track.name}": track.size_bytes for track in tracks},
+    }
+    parts["container"] = stream.size_bytes - sum(parts.values())
+    return {name: size_bytes for name, size_bytes in parts.items() if size_bytes}

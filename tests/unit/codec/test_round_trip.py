@@ -144,6 +144,7 @@ def test_laplacian_alone_decodes_when_no_anchors_are_asked_for():
 def test_budget_sums_to_the_file_when_every_part_is_counted():
     stream = info(encode(irregular_sequence()))
     assert sum(stream.budget_bytes.values()) == stream.size_bytes
+    assert sum(stream.part_bytes.values()) == stream.size_bytes
     assert stream.rate_bpvf == 8 * stream.size_bytes / (stream.n_verts * stream.n_frames)
 
 

@@ -10,12 +10,16 @@ from meshreel.codec.choices import Order
 from meshreel.codec.surface.materials import write_material
 from meshreel.codec.surface.payloads import (
     SURFACE_SECTIONS,
+    _read_groups,
     order_loss_note,
     read_surface,
     surface_in_order,
     surface_sections,
 )
+from meshreel.codec.surface.texts import write_text
 from meshreel.connectivity.coder import encode_connectivity
+from meshreel.entropy.coder import encode_integers
+from meshreel.entropy.varint import write_varint
 from meshreel.errors import CorruptStreamError, MeshReelError
 from meshreel.materials import Image, Material, Texture
 from meshreel.surface import Attribute, Domain, Kind, Surface
@@ -75,6 +79,8 @@ def test_info_counts_images_and_materials_when_a_stream_has_some():
     assert 0 <= stream.budget_bytes["image"] - sum(sizes) < 80
     assert stream.budget_bytes["material"] < 400
     assert sum(stream.budget_bytes.values()) == stream.size_bytes
+    assert sum(stream.part_bytes.values()) == stream.size_bytes
+    assert stream.part_bytes["surface"] > stream.budget_bytes["image"]
     assert stream.images[0] == f"0: 'shade', image/png, {sizes[0]} bytes"
     assert stream.materials[1] == "gr\u00fcn: base color image 1"
 
@@ -274,3 +280,18 @@ def test_a_texture_is_read_when_it_is_as_the_format_says():
     surface = meshreel.decode(data).surface
     assert surface.materials == (Material("a", base_color_texture=Texture(0, "")),)
     assert surface.images == (Image("", "image/png", b"..."),)
+
+
+@pytest.mark.parametrize(
+    ("numbers", "is_read"), [([-1, 0, 1], True), ([0, 1, 2], False), ([0, -2, 0], False)]
+)
+def test_groups_are_refused_when_a_face_is_of_none_that_there_is(numbers, is_read):
+    labels = write_varint(2) + write_text("a") + write_text("b")
+    payload = write_text("material") + labels + encode_integers([np.diff(numbers, prepend=0)])
+    if is_read:
+        assert _read_groups(payload, 3).numbers.tolist() == numbers
+        return
+    with pytest.raises(
+        CorruptStreamError, match="groups 'material' refer to a group that does not"
+    ):
+        _read_groups(payload, 3)
