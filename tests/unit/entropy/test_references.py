@@ -52,3 +52,12 @@ def test_decoding_gives_our_error_or_rows_when_bytes_are_changed():
             assert decode_references(bytes(broken), places).shape == (200,)
         except MeshReelError:
             continue
+
+
+def test_decoding_says_so_when_more_references_have_numbers_than_there_are():
+    rows, places = np.array([4, 4, 7]), np.array([0, 1, 0])
+    data = encode_references(rows, places)
+    assert data[0] == 3
+    assert decode_references(data, places).tolist() == rows.tolist()
+    with pytest.raises(CorruptStreamError, match="4 of 3 references have a number"):
+        decode_references(b"\4" + data[1:], places)

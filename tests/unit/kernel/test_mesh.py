@@ -1,3 +1,6 @@
+import re
+from pathlib import Path
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -5,7 +8,7 @@ from hypothesis import strategies as st
 
 from conformance.hierarchy import edges_of
 from meshreel.errors import InvalidInputError
-from meshreel.kernel.mesh import MAX_STENCIL, hierarchy, neighbours
+from meshreel.kernel.mesh import MAX_LEVELS, MAX_RESOLUTIONS, MAX_STENCIL, hierarchy, neighbours
 from samples.meshes import grid_faces
 
 
@@ -46,3 +49,10 @@ def test_hierarchy_is_the_same_when_smooth_fields_are_found_apart(n_rows, monkey
     apart = hierarchy(found, 7)
     for name in ("order", "level_starts", "smooth_starts", "stencil", "hops", "contexts", "smooth"):
         np.testing.assert_array_equal(getattr(apart, name), getattr(together, name), name)
+
+
+def test_levels_are_as_many_as_the_core_may_fill():
+    text = (Path(__file__).parents[3] / "core/reel.h").read_text("utf-8")
+    assert f"#define REEL_MAX_RESOLUTIONS {MAX_RESOLUTIONS} " in text
+    assert re.search(r"#define REEL_MAX_LEVELS \(1 \+ 3 \* REEL_MAX_RESOLUTIONS\)", text)
+    assert MAX_LEVELS == 1 + 3 * MAX_RESOLUTIONS

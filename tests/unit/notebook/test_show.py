@@ -3,6 +3,7 @@
 import sys
 from io import BytesIO
 from queue import Queue
+from threading import Thread
 from types import SimpleNamespace
 from urllib.request import urlopen
 
@@ -69,3 +70,19 @@ def test_prompt_is_known_by_its_sign(monkeypatch, attribute, is_prompt):
     monkeypatch.delattr(sys, "ps1", raising=False)
     monkeypatch.setattr(sys, attribute, ">>> ", raising=False)
     assert showing._is_prompt() is is_prompt
+
+
+@pytest.mark.parametrize(("block", "n_waits"), [(True, 1), (False, 0)])
+def test_script_waits_for_ctrl_c_when_it_is_to_block(opened, monkeypatch, capsys, block, n_waits):
+    waits = []
+
+    class Interrupted:
+        def wait(self):
+            waits.append(self)
+            raise KeyboardInterrupt
+
+    with monkeypatch.context() as patched:
+        patched.setattr(showing, "threading", SimpleNamespace(Event=Interrupted, Thread=Thread))
+        waving_grid(4).show(block=block)
+    assert len(waits) == n_waits
+    assert ("ctrl-C stops it" in capsys.readouterr().out) == block

@@ -61,3 +61,16 @@ def test_plan_sheet_ends_when_titles_are_long_and_the_sheet_is_small():
 @pytest.mark.parametrize(("background", "ink"), [(WHITE, INK), (NIGHT, LIGHT_INK)])
 def test_ink_is_dark_on_light_and_light_on_dark_grounds(background, ink):
     assert ink_on(background) == ink
+
+
+def test_labels_stand_in_the_middle_below_their_views():
+    words = Words(widest_label="00000")
+    layout = plan_sheet(words, 3, 1.0, None, (700, 300))
+    picture = np.asarray(
+        Sheet(layout, words, WHITE).filled(blank_views(layout, 3, WHITE), ["00000"] * 3)
+    )
+    (width, height), top = layout.view_size, layout.rows[0]
+    for left in layout.columns:
+        below = (picture[top + height :, left : left + width] != 255).any(axis=2)
+        columns = np.flatnonzero(below.any(axis=0))
+        assert columns.mean() == pytest.approx(width / 2, abs=2)

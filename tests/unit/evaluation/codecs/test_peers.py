@@ -27,6 +27,10 @@ BOUND_BITS = {"draco", "meshopt", "pco"}
 LOSSLESS = {"blosc2", "npz"}
 
 
+def test_faces_are_coded_by_draco_alone():
+    assert [peer.name for peer in peers_named(PEER_NAMES) if peer.has_faces] == ["draco"]
+
+
 @pytest.fixture(scope="module")
 def small_flag():
     return simulate_flag(8, n_rows=8, n_columns=9)
