@@ -96,7 +96,8 @@ class StreamInfo:
     part_bytes : dict of str to int
         Bytes of "positions", "connectivity" (with the order of vertices and faces), "surface"
         (polygons, attributes, groups, parts, materials, images), each "track NAME" and the
-        "container" around them; they sum to `size_bytes`. Parts of 0 bytes are left out.
+        "container" around them, with blocks that are cut off; they sum to `size_bytes`. Parts of 0
+        bytes are left out.
     block_bytes : tuple of int
         Size of the sections of the positions in each block. Each block has its own fields: a
         stream of a single block would save most of the bytes of the later ones.
@@ -319,7 +320,7 @@ def _budget(stream: Stream, sizes: _Sizes) -> dict[str, int]:
 
 
 def _parts(stream: Stream, sizes: _Sizes, tracks: Iterable[TrackInfo]) -> dict[str, int]:
-    """Bytes by what they describe; the container has what is left of the stream."""
+    """Bytes of the parts of a stream; the container has those of no other part."""
     blocks = sum(place.sizes[0] for place in stream.places)
     parts = {
         "positions": blocks + sum(sizes.of_sections[one] for one in POSITIONS),

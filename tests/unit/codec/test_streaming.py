@@ -91,9 +91,17 @@ def test_file_opens_up_to_the_last_block_when_the_encoder_is_at_work(tmp_path):
     encoder._wait_for_all()
     with meshreel.open(path) as reel:
         assert (len(reel), reel.is_whole) == (20, False)
+        assert_parts_sum(reel.info())
     encoder.close()
     with meshreel.open(path) as reel:
         assert (len(reel), reel.is_whole) == (25, True)
+        assert_parts_sum(reel.info())
+
+
+def assert_parts_sum(stream):
+    """The parts of a stream have bytes, which sum to its size."""
+    assert min(stream.part_bytes.values()) > 0
+    assert sum(stream.part_bytes.values()) == stream.size_bytes
 
 
 RECORDING = """
