@@ -116,7 +116,7 @@ def is_placeholder(value):
         ("encode", "--method", "reel", True),
         ("encode", "--method", "zip", False),
         ("decode", "--layout", "labs", True),
-        ("render", "--up", "x", False),
+        ("render", "--up", "w", False),
         ("render", "--component", "3", True),
         ("encode", "--max-error", "0.5mm", True),
     ],

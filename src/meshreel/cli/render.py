@@ -98,8 +98,8 @@ VIEW, BACKGROUND = "30,12", "white"
 )
 @option(
     "--up",
-    metavar="y|z",
-    completion=names_of(["y", "z"]),
+    metavar="x|y|z",
+    completion=names_of(["x", "y", "z"]),
     help="The axis that points up. Default: z for meshes that stand on z = 0, else y.",
     panel=LOOK,
 )
