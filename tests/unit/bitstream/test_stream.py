@@ -150,6 +150,16 @@ def test_a_file_can_be_read_when_its_writer_was_not_finished():
         assert opened(file.getvalue()).n_frames == n_written
 
 
+def test_blocks_are_in_the_file_as_soon_as_they_are_written(tmp_path):
+    with (tmp_path / "live.reel").open("wb", buffering=1 << 20) as file:
+        writer = StreamWriter(file, UNCOUNTED, LEADING)
+        for n_written, block in enumerate(BLOCKS, start=1):
+            writer.write_block(*block)
+            assert opened((tmp_path / "live.reel").read_bytes()).n_frames == n_written
+        writer.finish()
+        assert opened((tmp_path / "live.reel").read_bytes()).is_whole
+
+
 @pytest.mark.parametrize(
     "sections",
     [

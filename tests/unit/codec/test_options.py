@@ -26,6 +26,14 @@ OPTIONS = {option.name: option for option in all_options()}
 OTHERS = {"sequence", "attributes", "tracks", "progress", "engine"}
 """Parameters of `encode` that are no options of coding."""
 
+IN_WORDS = {
+    Range(0, is_open=True): "above 0",
+    Range(1): "at least 1",
+    Range(2, is_whole=True): "a whole number of at least 2",
+    Range(0, 1.5, is_open=True): "above 0 and up to 1.5",
+    Range(1, 9, is_whole=True): "1..9",
+}
+
 ALLOWED: dict[Range, tuple[list[float], list[float]]] = {
     Range(1, 100): ([1, 80, 99.5, 100], [0.9, 100.1]),
     Range(1, 9, is_whole=True): ([1, 9, 5.0], [0, 10, 2.5]),
@@ -145,3 +153,8 @@ def test_table_is_made_without_numerics():
 def test_option_makes_its_flag_from_its_name():
     assert Option("block_frames", int, "").flag == "--block-frames"
     assert Option("n_modes", int, "", flag="--modes").flag == "--modes"
+
+
+@pytest.mark.parametrize("allowed", IN_WORDS, ids=repr)
+def test_range_says_what_it_allows(allowed):
+    assert str(allowed) == IN_WORDS[allowed]

@@ -157,3 +157,14 @@ def test_order_is_what_it_was_encoded_with_when_it_is_asked_for(order):
     shuffled = meshreel.MeshSequence(grid.vertices, faces)
     with ReelFile(BytesIO(encode(shuffled, order=order))) as reel:
         assert reel.order == order
+
+
+def test_reading_raises_when_positions_are_not_finite(monkeypatch):
+    def fill(block, out, start):
+        out[:] = 0.0
+        out[-1, -1, -1] = np.inf
+
+    with ReelFile(BytesIO(encode(waving_grid(6), block_frames=3))) as reel:
+        monkeypatch.setattr(type(reel.block(0)), "fill", fill)
+        with pytest.raises(CorruptStreamError, match="frames 1:5 decode to positions that"):
+            reel.read(1, 5)

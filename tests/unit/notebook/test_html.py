@@ -104,3 +104,10 @@ def test_name_cannot_break_out_when_it_holds_html():
     html = named._repr_html_()
     assert "<script>" not in html
     assert "</iframe><" not in html.removesuffix("</iframe>")
+
+
+@pytest.mark.parametrize(("most", "n_poses"), [(160, 4), (159, 1)])
+def test_picture_has_one_pose_when_faces_are_many(monkeypatch, most, n_poses):
+    monkeypatch.setattr(notebook, "MOST_FACES", most)
+    [words] = re.findall(r'<img alt="([^"]*)"', notebook._picture_html(waving_grid(12)))
+    assert len(words.split(", ")) == n_poses

@@ -76,3 +76,12 @@ def test_position_follows_what_is_sought_and_read(address):
     assert file.read() == DATA[-7:]
     assert (file.read(), file.read(4)) == (b"", b"")
     assert file.seek(-20) == 0
+
+
+def test_nothing_is_kept_open_when_a_file_is_closed(address, monkeypatch):
+    closed = []
+    file = RangedFile(address)
+    monkeypatch.setattr(file._file, "close", lambda: closed.append(True))
+    for _ in range(2):
+        file.close()
+        assert (file.closed, closed, len(file._kept)) == (True, [True], 0)

@@ -13,9 +13,11 @@ from meshreel.errors import CorruptStreamError, InvalidInputError
 from meshreel.metrics.compare import compare
 from meshreel.metrics.heat import HEATS
 from meshreel.sequence import MeshSequence
+from meshreel.tracks import Track
 from meshreel.viewer.comparison import Comparison
 from meshreel.viewer.measuring import Measuring
 from meshreel.viewer.original import Original
+from meshreel.viewer.track_comparison import TrackComparison
 from samples.meshes import irregular_sequence, waving_grid
 
 
@@ -160,3 +162,17 @@ def test_heat_is_finite_when_the_model_is_a_point(opened):
     pair = comparison.pair(0)[0], comparison.pair(0)[1] + np.arange(3)
     for kind in HEATS:
         assert np.isfinite(comparison.heat(kind, pair)).all()
+
+
+@pytest.mark.parametrize("place", [(0, 3), (5, 0), (11, 98)])
+def test_errors_of_tracks_without_a_promise_are_those_of_frames_at_both_ends(opened, place):
+    grid = waving_grid(12)
+    values = np.zeros((12, 99))
+    sequence = replace(grid, tracks={"heat": Track(values, unit="K")})
+    reel = opened(encode(sequence, tracks={"heat": "1%"}))
+    reel.tracks["heat"].promised_error = None  # as of a live recording
+    values[place] = 7.0
+    original = Original(replace(grid, tracks={"heat": Track(values, unit="K")}), reel)
+    [told] = TrackComparison(reel, original).described()
+    assert told["maximum"] == (7.0 if place[0] in (0, 5, 11) else 0.0)
+    assert (told["label"], told["unit"]) == ("error of heat", "K")
