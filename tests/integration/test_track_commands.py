@@ -79,6 +79,13 @@ def test_solver_state_is_noted_when_it_is_encoded(folder):
     assert json.loads(dropped.stdout)["notes"] == []
 
 
+def test_advice_on_a_size_mentions_tracks_when_there_are_any(folder):
+    words = ["convert", "a.reel", "-o", "b.reel", "--size", "50"]
+    assert "or drop tracks or allow" in str(run(*words).exception)
+    drop = ["--track", "heat=drop", "--track", "flow=drop"]
+    assert "tracks" not in str(run(*words, *drop).exception)
+
+
 def test_json_has_the_errors_of_tracks(folder):
     done = run("convert", "a.reel", "-o", "b.reel", "--track", "heat=1%", "--json")
     found = json.loads(done.stdout)["tracks"]

@@ -54,8 +54,17 @@ class Material(Protocol):
         """The number that the target limits, with a step: an error, bytes or bits."""
 
 
-def aimed(config: EncoderConfig, material: Material) -> tuple[float, float | None]:
+def aimed(
+    config: EncoderConfig, material: Material, *, has_tracks: bool = False
+) -> tuple[float, float | None]:
     """The step that meets the target of options, and the bound it promises, both in diagonals.
+
+    Parameters
+    ----------
+    config : EncoderConfig
+    material : Material
+    has_tracks : bool
+        Whether sizes include those of tracks, which the error then mentions.
 
     Raises
     ------
@@ -72,7 +81,7 @@ def aimed(config: EncoderConfig, material: Material) -> tuple[float, float | Non
         bound = promised_bound(target, material.diagonal, material.rounding, material.dtype)
         step = least_cost(lambda step: material.size_bytes(step, bound), bound / STEPS_OF_BOUND)
         return max(material.finest_step, step), bound
-    return _step_within_limit(config, material), None
+    return _step_within_limit(config, material, has_tracks), None
 
 
 def _step_of(quality: float, material: Material) -> float:
@@ -110,7 +119,7 @@ def promised_bound(
     return percent / 100.0
 
 
-def _step_within_limit(config: EncoderConfig, material: Material) -> float:
+def _step_within_limit(config: EncoderConfig, material: Material, has_tracks: bool) -> float:
     """The step that comes nearest to the target's number from below."""
     target = config.target
     found: dict[float, float] = {}
@@ -125,7 +134,7 @@ def _step_within_limit(config: EncoderConfig, material: Material) -> float:
     if step is None:
         raise InvalidInputError(
             f"{target.aim.value} {target.value:g} cannot be met: "
-            f"{_best(target.aim, min(found.values()))}; {_remedy(config)}"
+            f"{_best(target.aim, min(found.values()))}; {_remedy(config, has_tracks)}"
         )
     return step
 
@@ -139,9 +148,12 @@ def _best(aim: Aim, reached: float) -> str:
     return f"the smallest error is {reached:g}"
 
 
-def _remedy(config: EncoderConfig) -> str:
+def _remedy(config: EncoderConfig, has_tracks: bool) -> str:
     if not config.target.aim.is_budget:
         return "positions come back no nearer than their number type; allow more"
-    if Order[config.order.upper()] is Order.DROP:
-        return "allow more"
-    return 'allow more, or leave the order out (order="drop")'
+    ways = ["allow more"]
+    if Order[config.order.upper()] is not Order.DROP:
+        ways.append('leave the order out (order="drop")')
+    if has_tracks:
+        ways.append("drop tracks or allow larger errors of them")
+    return ", or ".join(ways)

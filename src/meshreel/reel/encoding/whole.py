@@ -57,7 +57,7 @@ def encode(source: Source, progress: Progress, engine: Engine | None) -> bytes:
     """
     source = replace(source, tracks=coded_tracks(source, progress))
     sequence = WholeSequence(source, progress, engine)
-    step, bound = aimed(source.config, sequence)
+    step, bound = aimed(source.config, sequence, has_tracks=bool(source.tracks))
     following = FollowingTracks(source, progress) if source.tracks else None
     if following is not None:
         step = sequence.step_for_tracks(following, step, bound)
