@@ -1,5 +1,6 @@
 """How the program is started, completed by the shell, and explains its options."""
 
+import os
 import subprocess
 import sys
 
@@ -134,6 +135,18 @@ def test_names_in_help_are_those_of_the_evaluation():
     assert evaluate.TRACK_PEERS.split(",") == [*TRACK_PEER_NAMES]
     assert paper.METHODS.split(",") == [*METHOD_NAMES]
     assert tuple(PRESETS) == paper.PRESET_NAMES
+
+
+def test_help_is_plain_text_when_the_terminal_shows_ascii_only():
+    done = subprocess.run(
+        [sys.executable, "-m", "meshreel", "encode", "--help"],
+        capture_output=True,
+        timeout=60,
+        env={**os.environ, "PYTHONIOENCODING": "ascii", "COLUMNS": "60"},
+    )
+    shown = done.stdout.decode("ascii")
+    assert "\n - meshreel encode sim.vtkhdf --track stress=500Pa --track" in shown
+    assert "\n   velocity=0.1% --track id=exact" in shown
 
 
 @pytest.mark.parametrize("command", COMMANDS)

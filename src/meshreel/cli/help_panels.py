@@ -35,7 +35,7 @@ def _parts(command: click.Command, context: click.Context) -> Iterator[Renderabl
         yield Panel(_table(rows), title=title, title_align="left", border_style=ASIDE_STYLE)
 
 
-def _paragraphs(text: str) -> Iterator[Text]:
+def _paragraphs(text: str) -> Iterator[RenderableType]:
     """The paragraphs of a docstring, and the items of its lists, which begin with "- "."""
     was_item = False
     for number, paragraph in enumerate(text.split("\n\n")):
@@ -43,8 +43,15 @@ def _paragraphs(text: str) -> Iterator[Text]:
         is_item = line.startswith("- ")
         if number and not (is_item and was_item):
             yield Text()
-        yield _with_code(f"• {line[2:]}" if is_item else line)
+        yield _item(line.removeprefix("- ")) if is_item else _with_code(line)
         was_item = is_item
+
+
+def _item(text: str) -> Table:
+    """An item of a list, whose further lines are indented as the first."""
+    table = Table.grid(padding=(0, 1))
+    table.add_row("-", _with_code(text))
+    return table
 
 
 def _panels(command: click.Command, context: click.Context) -> dict[str, list[Row]]:
