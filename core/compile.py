@@ -15,7 +15,9 @@ import sys
 import sysconfig
 import tempfile
 from collections.abc import Sequence
-from dataclasses import dataclass
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 
 CORE = Path(__file__).resolve().parent
@@ -34,7 +36,7 @@ FLAGS = (
 )
 WARNINGS = ("-Wall", "-Wextra", "-Wconversion", "-Wno-sign-conversion", "-Wshadow", "-Werror")
 SANITIZERS = ("-O1", "-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
-TIME_LIMIT_S = 600
+Levels = dict[str, tuple[str, ...]]
 NO_COMPILER = "no C compiler is here: install gcc or clang, set CC, or `pip install ziglang`"
 
 # What a reader of streams calls; of the WebAssembly module the only functions.
@@ -89,18 +91,21 @@ class Target:
         What zig calls it.
     tag : str
         The platform in the name of a wheel; of WebAssembly there are none.
-    is_small : bool
-        Whether all files are compiled to be small.
-    quick : tuple of str
-        Files that then are so a little less than all others.
+    optimization : tuple of str
+        Flags of all files but those in `hot`; the last of several levels counts.
+    hot : dict of str to tuple of str
+        Flags of the files named, instead of `optimization`.
+    with_reader : bool
+        Whether the C interface of `core/reader` is part of the library.
     """
 
     library: str
     flags: tuple[str, ...]
     triple: str
     tag: str = ""
-    is_small: bool = False
-    quick: tuple[str, ...] = ()
+    optimization: tuple[str, ...] = ()
+    hot: Levels = field(default_factory=dict)
+    with_reader: bool = True
 
 
 ELF = ("-O3", "-fPIC", "-shared")
@@ -108,9 +113,18 @@ ELF = ("-O3", "-fPIC", "-shared")
 LONE_ELF = (*ELF, "-nostdlib", "-s")
 MACH_O = ("-O3", "-fPIC", "-shared", "-Wl,-s", "-Wl,-install_name,@rpath/libreel.dylib")
 PE = ("-O3", "-shared", "-s")
+# An installation from source takes gcc 6 s instead of 15 (-O3, all marked functions inlined), for
+# a library that is as fast on lossless files and takes 5 % longer on others. Measured with
+# `bench/core_builds.py`.
+SOURCE_FLAGS = ("-DREEL_INLINE=static inline",)
+SOURCE_HOT: Levels = {
+    **dict.fromkeys(("coordinates.c", "exact_items.c", "fields.c"), ("-O3",)),
+    **dict.fromkeys(
+        ("connectivity.c", "frames.c", "hierarchy.c", "predict.c", "smooth.c"), ("-O2",)
+    ),
+}
 # Loops over vectors: as small as can be they would go through memory.
-WASM_QUICK = ("predict.c", "smooth.c")
-SMALL = ("-Os",)
+WASM_HOT: Levels = dict.fromkeys(("predict.c", "smooth.c"), ("-Os",))
 # The compiler of ziglang takes -Os for -Oz, but where it is told again.
 SMALLEST = ("-Os", "-Xclang", "-Oz")
 LEAN_WASM = (
@@ -129,6 +143,20 @@ LEAN_WASM = (
 PLAIN_WASM = (*LEAN_WASM, *(f"-Wl,--export={name}" for name in DECODER))
 WASM = ("-msimd128", *PLAIN_WASM)
 EXACT_WASM = (*LEAN_WASM, *(f"-Wl,--export={name}" for name in EXACT_DECODER))
+
+
+def wasm(library: str, flags: tuple[str, ...]) -> Target:
+    """A module for pages, as small as can be; pages read streams by themselves."""
+    return Target(
+        library,
+        flags,
+        "wasm32-freestanding",
+        optimization=SMALLEST,
+        hot=WASM_HOT,
+        with_reader=False,
+    )
+
+
 TARGETS = {
     "linux-x86_64": Target(
         "libreel.so",
@@ -145,18 +173,18 @@ TARGETS = {
     "macosx-arm64": Target("libreel.dylib", MACH_O, "aarch64-macos.11.0", "macosx_11_0_arm64"),
     "macosx-x86_64": Target("libreel.dylib", MACH_O, "x86_64-macos.11.0", "macosx_11_0_x86_64"),
     "win-amd64": Target("reel.dll", PE, "x86_64-windows-gnu", "win_amd64"),
-    "wasm": Target("reel.wasm", WASM, "wasm32-freestanding", is_small=True, quick=WASM_QUICK),
-    # For engines without vectors.
-    "wasm-plain": Target(
-        "reel_plain.wasm", PLAIN_WASM, "wasm32-freestanding", is_small=True, quick=WASM_QUICK
-    ),
-    # What decodes exact values, for all engines.
-    "wasm-exact": Target("reel_exact.wasm", EXACT_WASM, "wasm32-freestanding", is_small=True),
+    "wasm": wasm("reel.wasm", WASM),
+    "wasm-plain": wasm("reel_plain.wasm", PLAIN_WASM),  # for engines without vectors
+    "wasm-exact": wasm("reel_exact.wasm", EXACT_WASM),  # decodes exact values, for all engines
 }
-HERE = {
-    "win32": Target("reel.dll", PE, ""),
-    "darwin": Target("libreel.dylib", ("-O3", "-fPIC", "-shared"), ""),
-}.get(sys.platform, Target("libreel.so", ELF, ""))
+HERE = Target(
+    *{"win32": ("reel.dll", PE), "darwin": ("libreel.dylib", ELF)}.get(
+        sys.platform, ("libreel.so", ELF)
+    ),
+    triple="",
+    optimization=("-O1",),
+    hot=SOURCE_HOT,
+)
 TARGET = KERNEL / HERE.library
 
 
@@ -184,65 +212,65 @@ def compiler() -> list[str] | None:
     return found and [*found, "-mcpu=baseline"]
 
 
-def commands(output: Path, extra: Sequence[str] = (), target: str | None = None) -> list[list[str]]:
-    """The commands that compile the library for this machine, or for a target.
+def commands(
+    output: Path, extra: Sequence[str] = (), target: str | None = None
+) -> tuple[list[list[str]], list[str]]:
+    """Return the commands that compile files, in any order, and the one that links them.
 
-    They are run one after another in an empty folder.
+    They are for this machine, or for a target, and run in an empty folder.
 
     Raises
     ------
     RuntimeError
         If there is no compiler.
     """
-    if target is None:
-        found, flags = compiler(), HERE.flags
-    else:
-        found, flags = zig(), (*TARGETS[target].flags, "-target", TARGETS[target].triple)
+    found = zig() if target else compiler()
     if found is None:
-        raise RuntimeError(NO_COMPILER if target is None else f"{target} needs the package ziglang")
+        raise RuntimeError(f"{target} needs the package ziglang" if target else NO_COMPILER)
+    kind = TARGETS[target] if target else HERE
+    flags = [*FLAGS, *kind.flags, *(("-target", kind.triple) if target else SOURCE_FLAGS), *extra]
+    compiled = [flag for flag in flags if not flag.startswith(("-Wl,", "-nostdlib", "-shared"))]
     files = [file for file in sources() if file.suffix == ".c"]
-    if target is not None and TARGETS[target].is_small:  # pages read streams by themselves
+    if not kind.with_reader:
         files = [file for file in files if file.parent == CORE]
-    quick = TARGETS[target].quick if target else ()
-    is_small = target is not None and TARGETS[target].is_small
-    small = {file: f"{file.stem}.o" for file in files} if is_small else {}
-    compiled = [flag for flag in flags if not flag.startswith(("-Wl,", "-nostdlib"))]
-    objects = [
-        [*found, *FLAGS, *compiled, *extra, *size, "-c", str(file), "-o", name]
-        for file, name in small.items()
-        for size in [SMALL if file.name in quick else SMALLEST]
+    objects = {file: f"{file.parent.name}_{file.stem}.o" for file in files}
+    steps = [
+        [
+            *found,
+            *compiled,
+            *kind.hot.get(file.name, kind.optimization),
+            "-c",
+            str(file),
+            "-o",
+            name,
+        ]
+        for file, name in objects.items()
     ]
-    linked = [small.get(file, str(file)) for file in files]
-    return [*objects, [*found, *FLAGS, *flags, *extra, *linked, "-o", str(output)]]
+    return steps, [*found, *flags, *objects.values(), "-o", str(output)]
 
 
 def build(output: Path = TARGET, extra: Sequence[str] = (), target: str | None = None) -> Path:
-    """Compile the library, whole or not at all.
+    """Compile the library on all cores, whole or not at all.
 
     Raises
     ------
     RuntimeError
         If there is no compiler, or it fails; the message has what it says.
     """
-    steps = commands(Path(output.name), extra, target)
-    program = steps[0][0]
+    steps, link = commands(Path(output.name), extra, target)
     output = output.resolve()
     try:
-        with tempfile.TemporaryDirectory(dir=output.parent, prefix=".core-") as work:
-            for arguments in steps:
-                subprocess.run(
-                    arguments,
-                    check=True,
-                    cwd=work,  # some compilers write more than they are asked for
-                    timeout=TIME_LIMIT_S,
-                    capture_output=True,
-                    text=True,
-                )
+        with (
+            tempfile.TemporaryDirectory(dir=output.parent, prefix=".core-") as work,
+            ThreadPoolExecutor(os.cpu_count()) as pool,
+        ):
+            # Some compilers write more than they are asked for, into the working directory.
+            run = partial(subprocess.run, check=True, cwd=work, capture_output=True, text=True)
+            list(pool.map(run, steps))
+            run(link)
             Path(work, output.name).replace(output)
     except FileNotFoundError as error:
-        raise RuntimeError(f"there is no compiler {program!r}, which CC names") from error
-    except subprocess.TimeoutExpired as error:
-        raise RuntimeError(f"the compiler {program!r} takes for ever") from error
+        raise RuntimeError(f"there is no compiler {link[0]!r}, which CC names") from error
     except subprocess.CalledProcessError as error:
         raise RuntimeError(f"the compiler failed:\n{error.stderr}") from error
     return output

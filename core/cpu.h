@@ -23,6 +23,13 @@ typedef float reel_floats_4 __attribute__((vector_size(16), may_alias));
 typedef float reel_floats_8 __attribute__((vector_size(32), may_alias));
 typedef float reel_floats_16 __attribute__((vector_size(64), may_alias));
 
+/* Before short loops over vectors, whose values are to stay in registers; pages need small code. */
+#ifdef REEL_DECODER_ONLY
+#define REEL_UNROLLED
+#else
+#define REEL_UNROLLED _Pragma("GCC unroll 32")
+#endif
+
 #define REEL_JOIN_(a, b) a##b
 #define REEL_JOIN(a, b) REEL_JOIN_(a, b)
 

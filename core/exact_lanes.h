@@ -5,6 +5,8 @@
 
 #define PARTS (INPUTS / LANES)
 #define SUMS (4 / LANES)
+#define FOR_PARTS(k) REEL_UNROLLED for (int k = 0; k < PARTS; k++)
+#define FOR_SUMS(k) REEL_UNROLLED for (int k = 0; k < SUMS; k++)
 
 #define vector REEL_JOIN(reel_vector_, LANES)
 
@@ -12,10 +14,10 @@
 TARGET REEL_INLINE double NAMED(filter_sum)(const double *a, const double *inputs, int n,
                                             const double *temporal) {
     vector sums[SUMS];
-    for (int k = 0; k < SUMS; k++) {
+    FOR_SUMS(k) {
         sums[k] = (vector){0};
     }
-    for (int k = 0; k < PARTS; k++) {
+    FOR_PARTS(k) {
         sums[k % SUMS] += ((const vector *)a)[k] * ((const vector *)inputs)[k];
     }
     double *each = (double *)sums;
@@ -30,20 +32,20 @@ TARGET REEL_INLINE double NAMED(find_gains)(exact_coder *f, const double *inputs
                                             const double *temporal) {
     const vector *row = (const vector *)f->doubt;
     vector sums[PARTS];
-    for (int k = 0; k < PARTS; k++) {
+    FOR_PARTS(k) {
         sums[k] = (vector){0};
     }
     for (int j = 0; j < REEL_MOST_NEAR; j++) {
-        for (int k = 0; k < PARTS; k++) {
+        FOR_PARTS(k) {
             sums[k] += row[PARTS * j + k] * inputs[j];
         }
     }
     for (int i = 0; i < TEMPORAL; i++) {
-        for (int k = 0; k < PARTS; k++) {
+        FOR_PARTS(k) {
             sums[k] += row[PARTS * (f->n_near + i) + k] * temporal[i];
         }
     }
-    for (int k = 0; k < PARTS; k++) {
+    FOR_PARTS(k) {
         ((vector *)f->gains)[k] = sums[k];
     }
     return NAMED(filter_sum)(f->gains, inputs, f->n_near, temporal);
@@ -57,14 +59,14 @@ TARGET REEL_INLINE bool NAMED(observe)(exact_coder *f, double error, double spre
     }
     double by = 1.0 / spread, step = error * by;
     vector parts[PARTS];
-    for (int k = 0; k < PARTS; k++) {
+    FOR_PARTS(k) {
         parts[k] = ((const vector *)f->gains)[k];
         ((vector *)f->weights)[k] += parts[k] * step;
     }
     for (int j = 0; j < INPUTS; j++) {
         vector *row = (vector *)(f->doubt + INPUTS * j);
         double gain = f->gains[j] * by;
-        for (int k = 0; k < PARTS; k++) {
+        FOR_PARTS(k) {
             row[k] -= parts[k] * gain;
         }
     }
@@ -198,4 +200,6 @@ TARGET static void NAMED(code_numbers)(exact_coder *f, int64_t t) {
 
 #undef PARTS
 #undef SUMS
+#undef FOR_PARTS
+#undef FOR_SUMS
 #undef vector

@@ -6,7 +6,7 @@
 typedef NUMBER OF(vector) __attribute__((vector_size(sizeof(NUMBER) * NUMBERS), may_alias));
 
 TARGET REEL_INLINE void OF(write_sums)(const OF(vector) *sums, double *out) {
-    for (int i = 0; i < ABREAST; i++) {
+    REEL_UNROLLED for (int i = 0; i < ABREAST; i++) {
         out[i] = ((const NUMBER *)sums)[i];
     }
 }
@@ -18,7 +18,7 @@ TARGET static void OF(sum_modes)(const NUMBER *fields, const NUMBER *x_basis,
                                  double *x_out, double *y_out, double *z_out) {
     OF(vector) x[4] = {{0}}, y[4] = {{0}}, z[4] = {{0}};
     for (int64_t mode = 0; mode < n_modes; mode++, fields += ABREAST) {
-        for (int part = 0; part < 4; part++) {
+        REEL_UNROLLED for (int part = 0; part < 4; part++) {
             OF(vector) field = ((const OF(vector) *)fields)[part];
             x[part] += x_basis[mode] * field;
             y[part] += y_basis[mode] * field;

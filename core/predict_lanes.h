@@ -106,20 +106,20 @@ TARGET REEL_INLINE void NAMED(add_rows)(const lane *variance, int i, int n, cons
                                         lane *gain) {
     const lane *rows[ROWS];
     lane sums[ROWS] = {0};
-    for (int r = 0; r < n; r++) {
+    REEL_UNROLLED for (int r = 0; r < n; r++) {
         rows[r] = variance + (i + r) * (i + r + 1) / 2;
     }
     for (int j = 0; j < i; j++) {
         FOR_PARTS(p) {
             part sum = gain[j][p];
-            for (int r = 0; r < n; r++) {
+            REEL_UNROLLED for (int r = 0; r < n; r++) {
                 sums[r][p] += rows[r][j][p] * offset[j][p];
                 sum += rows[r][j][p] * offset[i + r][p];
             }
             gain[j][p] = sum;
         }
     }
-    for (int r = 0; r < n; r++) {
+    REEL_UNROLLED for (int r = 0; r < n; r++) {
         for (int j = i; j < i + r; j++) {
             FOR_PARTS(p) sums[r][p] += rows[r][j][p] * offset[j][p];
             FOR_PARTS(p) gain[j][p] += rows[r][j][p] * offset[i + r][p];
@@ -201,20 +201,20 @@ TARGET REEL_INLINE void NAMED(observe)(NAMED(batch) *b, int size, lane *offset,
 /* Eight floats of each of 16 vertices, of i and of i + 8 side by side, to eight lanes. */
 TARGET REEL_INLINE void NAMED(turn)(const part *rows, lane *lanes) {
     part pairs[8], fours[8];
-    for (int i = 0; i < 8; i += 2) {
+    REEL_UNROLLED for (int i = 0; i < 8; i += 2) {
         pairs[i] = JOIN(rows[i], rows[i + 1], 0, 16, 1, 17, 4, 20, 5, 21, 8, 24, 9, 25, 12, 28, 13,
                         29);
         pairs[i + 1] = JOIN(rows[i], rows[i + 1], 2, 18, 3, 19, 6, 22, 7, 23, 10, 26, 11, 27, 14,
                             30, 15, 31);
     }
-    for (int i = 0; i < 8; i++) {
+    REEL_UNROLLED for (int i = 0; i < 8; i++) {
         int a = i / 4 * 4 + i / 2 % 2; /* pairs of rows 0..1 or 4..5; its place in a half */
         fours[i] = i % 2 ? JOIN(pairs[a], pairs[a + 2], 2, 3, 18, 19, 6, 7, 22, 23, 10, 11, 26, 27,
                                 14, 15, 30, 31)
                          : JOIN(pairs[a], pairs[a + 2], 0, 1, 16, 17, 4, 5, 20, 21, 8, 9, 24, 25,
                                 12, 13, 28, 29);
     }
-    for (int i = 0; i < 4; i++) {
+    REEL_UNROLLED for (int i = 0; i < 4; i++) {
         part a = fours[i], b = fours[i + 4];
         lanes[i * PLACES][0] =
             JOIN(a, b, 0, 1, 2, 3, 16, 17, 18, 19, 8, 9, 10, 11, 24, 25, 26, 27);
@@ -229,9 +229,9 @@ TARGET REEL_INLINE void NAMED(gather_smooth)(const NAMED(batch) *b, const float 
                                              lane (*offset)[PLACES]) {
 #if FLOATS == 16
     part rows[8];
-    for (int l = 0; l < 8; l++) {
+    REEL_UNROLLED for (int l = 0; l < 8; l++) {
         floats halves[2];
-        for (int h = 0; h < 2; h++) {
+        REEL_UNROLLED for (int h = 0; h < 2; h++) {
             int64_t at = b->near[place][l + 8 * h], base = b->near[0][l + 8 * h];
             halves[h] = *(const floats *)(smooth + at * REEL_SMOOTH_FIELDS) -
                         *(const floats *)(smooth + base * REEL_SMOOTH_FIELDS);
@@ -283,9 +283,9 @@ TARGET REEL_INLINE void NAMED(gather_place)(const NAMED(batch) *b, const double 
 #if FLOATS == 16
     if (n == AT_ONCE) {
         part rows[8];
-        for (int l = 0; l < 8; l++) {
+        REEL_UNROLLED for (int l = 0; l < 8; l++) {
             floats halves[2];
-            for (int h = 0; h < 2; h++) {
+            REEL_UNROLLED for (int h = 0; h < 2; h++) {
                 const double *at = values + b->near[place][l + 8 * h] * stride;
                 const double *base = values + b->near[0][l + 8 * h] * stride;
                 halves[h] = __builtin_convertvector(
@@ -554,12 +554,7 @@ TARGET REEL_INLINE void NAMED(prepare_level)(const reel_mesh *mesh, const reel_f
 
 TARGET static void NAMED(keep)(const reel_mesh *mesh, const reel_fields *fields, int64_t level,
                                int64_t first, int64_t last) {
-    int size = (int)mesh->stencil_size;
-    if (size == MOST) {
-        NAMED(prepare_level)(mesh, fields, level, first, last, MOST);
-    } else {
-        NAMED(prepare_level)(mesh, fields, level, first, last, size);
-    }
+    NAMED(prepare_level)(mesh, fields, level, first, last, (int)mesh->stencil_size);
 }
 
 TARGET REEL_INLINE bool NAMED(code_level)(const reel_mesh *mesh, reel_fields *fields,
@@ -587,21 +582,14 @@ TARGET REEL_INLINE bool NAMED(code_level)(const reel_mesh *mesh, reel_fields *fi
     return true;
 }
 
-/* Vertices first..last-1 of a level above the coarsest. Full stencils have code of their own, but
-   where code has to be small. */
+/* Vertices first..last-1 of a level above the coarsest. */
 TARGET static bool NAMED(code)(const reel_mesh *mesh, reel_fields *fields,
                                const reel_choice *choice, int64_t level, int64_t first,
                                int64_t last) {
-    int size = (int)mesh->stencil_size;
 #ifdef REEL_DECODER_ONLY
-    (void)choice;
-    return NAMED(code_level)(mesh, fields, NULL, level, first, last, size);
-#else
-    return size == MOST && choice
-               ? NAMED(code_level)(mesh, fields, choice, level, first, last, MOST)
-           : size == MOST ? NAMED(code_level)(mesh, fields, NULL, level, first, last, MOST)
-                          : NAMED(code_level)(mesh, fields, choice, level, first, last, size);
+    choice = NULL;
 #endif
+    return NAMED(code_level)(mesh, fields, choice, level, first, last, (int)mesh->stencil_size);
 }
 
 #undef PARTS

@@ -1,0 +1,89 @@
+"""Compare builds of the C core: `python bench/core_builds.py [--source FILE] BUILD...`.
+
+A build is a shared library, for example one made by `python core/compile.py -o FILE`. Each round
+runs every build once, in a process of its own: it encodes and decodes the sequence in the default
+and the lossless mode, and sums the processor time of each function of the core. The table has the
+least over rounds, in milliseconds for the first build and as ratios to it for the others.
+"""
+
+import argparse
+import json
+import os
+import subprocess
+import sys
+import time
+from collections import defaultdict
+from pathlib import Path
+
+import meshreel
+from meshreel.flag import simulate_flag
+from meshreel.kernel import library
+
+LEAST_MS = 5.0
+"""Functions that take less in the first build are only part of the total."""
+
+Times = dict[str, float]
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("builds", nargs="*", type=Path, metavar="BUILD")
+    parser.add_argument("--source", help="a sequence; a flag of 60 frames without it")
+    parser.add_argument("--rounds", type=int, default=5)
+    parser.add_argument("--worker", action="store_true", help=argparse.SUPPRESS)
+    options = parser.parse_args()
+    if options.worker:
+        print(json.dumps(processor_time(options.source)))
+        return
+    rounds: dict[Path, list[Times]] = {build: [] for build in options.builds}
+    for _ in range(options.rounds):
+        for build, times in rounds.items():
+            times.append(run_worker(build, options.source))
+    print_table({build: least(times) for build, times in rounds.items()})
+
+
+def processor_time(source: str | None) -> Times:
+    """Milliseconds in each function of the core while a sequence is encoded and decoded."""
+    times: Times = defaultdict(float)
+    call = library.call
+
+    def timed(function: str, *arguments: library.Argument, what: str) -> int:
+        start = time.thread_time()
+        try:
+            return call(function, *arguments, what=what)
+        finally:
+            times[function] += 1000 * (time.thread_time() - start)
+
+    for module in list(sys.modules.values()):  # each kernel module imports the function by name
+        if getattr(module, "call", None) is call:
+            module.call = timed  # type: ignore[attr-defined]
+    sequence = meshreel.load(source) if source else simulate_flag(60)
+    meshreel.decode(meshreel.encode(sequence))
+    meshreel.decode(meshreel.encode(sequence, lossless=True))
+    return {**times, "total": sum(times.values())}
+
+
+def run_worker(build: Path, source: str | None) -> Times:
+    """Times of one build, measured in a process of its own."""
+    arguments = [sys.executable, __file__, "--worker", *(["--source", source] if source else [])]
+    environment = {**os.environ, library.PLACE: str(build.resolve())}
+    found = subprocess.run(arguments, env=environment, check=True, capture_output=True, text=True)
+    times: Times = json.loads(found.stdout)
+    return times
+
+
+def least(times: list[Times]) -> Times:
+    return {function: min(one[function] for one in times) for function in times[0]}
+
+
+def print_table(times: dict[Path, Times]) -> None:
+    first, *others = times
+    print(f"{'function':32}{first.stem:>12}" + "".join(f"{build.stem:>12}" for build in others))
+    for function, base in sorted(times[first].items(), key=lambda item: item[1]):
+        if base >= LEAST_MS:
+            ratios = "".join(f"{times[build][function] / base:12.2f}" for build in others)
+            print(f"{function:32}{base:12.0f}{ratios}")
+
+
+if __name__ == "__main__":
+    main()
