@@ -6,7 +6,7 @@ import pytest
 import meshreel
 from meshreel.errors import InvalidInputError
 from meshreel.surface import Domain, Surface
-from meshreel.tracks import MAX_COLUMNS, TrackKind, value_range
+from meshreel.tracks import MAX_COLUMNS, TrackKind, TrackPart, value_range
 from samples.meshes import grid_faces
 
 QUADS = Surface(face_sizes=np.full(9, 4, np.int32))
@@ -92,3 +92,10 @@ def test_range_is_of_finite_numbers_of_each_column():
     assert high.tolist() == [7, 0]
     low, high = value_range(meshreel.Track(np.full((2, 3), np.nan)))
     assert np.isnan([low, high]).all()
+
+
+def test_part_of_a_track_has_its_frames():
+    track = meshreel.Track(np.arange(40.0).reshape(10, 4), unit="Pa")
+    part = TrackPart(track, range(3, 8))
+    assert (part.shape, part.unit, part.kind) == ((5, 4, 1), "Pa", track.kind)
+    np.testing.assert_array_equal(part.read(1, 3), track.values[4:6])

@@ -93,3 +93,12 @@ def test_inputs_of_a_store_go_into_a_folder_here(store, tmp_path):
 def test_web_server_has_no_folder_of_inputs(tmp_path):
     with pytest.raises(meshreel.StoreError, match="lists no folders"):
         find_inputs("https://example.invalid/in")
+
+
+@pytest.mark.parametrize(("but_not", "is_left_out"), [(f"{IN}/a", True), (IN, False), (OUT, False)])
+def test_folder_of_outputs_is_left_out_when_it_is_within_that_of_inputs(
+    store, but_not, is_left_out
+):
+    names = {one.name for one in find_inputs(IN, but_not=but_not)}
+    assert ("a/cloth" in names) != is_left_out
+    assert "walk.npz" in names

@@ -13,6 +13,7 @@ from meshreel.connectivity.coder import (
 )
 from meshreel.connectivity.triangles import lowest_rotation, sorted_order
 from meshreel.errors import CorruptStreamError, InvalidInputError, MeshReelError
+from meshreel.kernel.connectivity import encode_faces
 
 
 def coded_and_decoded(mesh, order):
@@ -162,3 +163,11 @@ def test_decoding_gives_a_valid_mesh_or_our_error_when_bytes_are_changed(mesh):
         np.testing.assert_array_equal(
             sorted_triangles(given, n_verts), sorted_triangles(found[internal], n_verts)
         )
+
+
+def test_faces_are_listed_when_that_takes_fewer_bytes_than_a_walk():
+    rng = np.random.default_rng(8)
+    faces = (rng.integers(0, 400, (500, 1)) + rng.integers(0, 6, (500, 3))).astype(np.int32)
+    sizes = [len(encode_faces(faces, 406, listed=listed)[0]) for listed in (False, True)]
+    coded = encode_connectivity(faces, 406, order="vertices")
+    assert len(coded.payload) == sizes[1] < sizes[0]

@@ -114,3 +114,13 @@ def test_any_bytes_give_an_order_or_our_error(mesh, keep_faces):
             continue
         assert sorted(found) == list(range(n_verts))
         assert listed.shape == faces.shape
+
+
+def test_order_is_refused_when_its_last_byte_is_zero():
+    faces = np.array([[0, 1, 2], [2, 1, 3]], np.int32)
+    internal, internal_to_given = in_other_order(faces, 4)
+    payload = encode_order(faces, internal, internal_to_given, True)
+    assert payload[-1] != 0
+    decode_given_order(payload, internal, 4)
+    with pytest.raises(CorruptStreamError, match="ends before its section"):
+        decode_given_order(payload + b"\0", internal, 4)

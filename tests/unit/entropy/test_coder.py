@@ -95,3 +95,8 @@ def test_integers_are_coded_up_to_the_largest_and_no_larger(sign):
     assert found.tolist() == largest.tolist()
     with pytest.raises(InvalidInputError, match=f"up to {MAX_MAGNITUDE} can be coded"):
         encode_integers([largest + sign])
+
+
+def test_nothing_takes_no_bytes():
+    assert encode_integers([]) == b""
+    assert decode_integers(b"", []) == []

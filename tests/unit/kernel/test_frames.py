@@ -7,7 +7,14 @@ from hypothesis import given
 
 from conformance.timeline import basis_vector
 from meshreel.errors import InvalidInputError
-from meshreel.kernel.frames import Moves, fill_values, frame_columns, time_vectors
+from meshreel.kernel.frames import (
+    Moves,
+    add_coordinate_rows,
+    coordinate_rows,
+    fill_values,
+    frame_columns,
+    time_vectors,
+)
 
 PLACEMENT = (3.7, 0.1, -2.0, 5e3)
 
@@ -101,3 +108,17 @@ def test_basis_vectors_are_those_of_the_format_when_found_a_second_way(n_frames,
     found = time_vectors(coded)
     for mode, axes in enumerate(coded.reshape(n_modes, -1).tolist()):
         assert found[:, :, mode].ravel().tolist() == basis_vector(axes, n_frames)
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+def test_rows_of_coordinates_are_those_of_places_less_the_origin(dtype):
+    vertices = np.random.default_rng(2).normal(size=(5, 9, 3)).astype(dtype)
+    order = np.random.default_rng(3).permutation(9).astype(np.int32)
+    scale, *origin = PLACEMENT
+    found = coordinate_rows(vertices, order, slice(2, 8), PLACEMENT)
+    placed = (vertices[:, order[2:8]].astype(np.float64) - origin) / scale
+    expected = np.moveaxis(placed, 2, 0).reshape(15, 6)
+    np.testing.assert_allclose(found, expected, rtol=1e-14)
+    signs, added = np.array([1.0, -1, 1, -1, -1, 1]), np.ones((15, 6))
+    add_coordinate_rows(vertices, order, slice(2, 8), PLACEMENT, signs, added)
+    np.testing.assert_allclose(added, 1 + signs * expected, rtol=1e-12)

@@ -5,8 +5,9 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.special import ive
 
-from conformance.hierarchy import edges_of
+from conformance.hierarchy import edges_of, scattered
 from meshreel.errors import InvalidInputError
 from meshreel.kernel.mesh import MAX_LEVELS, MAX_RESOLUTIONS, MAX_STENCIL, hierarchy, neighbours
 from samples.meshes import grid_faces
@@ -49,6 +50,36 @@ def test_hierarchy_is_the_same_when_smooth_fields_are_found_apart(n_rows, monkey
     apart = hierarchy(found, 7)
     for name in ("order", "level_starts", "smooth_starts", "stencil", "hops", "contexts", "smooth"):
         np.testing.assert_array_equal(getattr(apart, name), getattr(together, name), name)
+
+
+def smooth_fields_of_the_format(found, time):
+    """exp(-t (1 - w)) of random signs as a Chebyshev series, in IEEE single, of shape (V, 16)."""
+    degrees = np.diff(found.starts)
+    n_verts, one = len(degrees), np.float32
+    columns = found.starts[:-1, None] + np.arange(degrees.max())
+    is_near = np.arange(degrees.max()) < degrees[:, None]
+    near = np.where(is_near, found.near[np.where(is_near, columns, 0)], n_verts)
+    signs = [[1 if scattered(16 * v + f) >> 63 else -1 for f in range(16)] for v in range(n_verts)]
+    n_terms = {12: 19, 40: 27}[time]
+    terms = [one((2 if k else 1) * ive(k, time)) for k in range(n_terms)]
+    after, before = np.zeros((2, n_verts + 1, 16), np.float32)  # the last row stays 0
+    for k in reversed(range(n_terms)):
+        sums = np.zeros((n_verts, 16), np.float32)
+        for column in near.T:
+            sums += after[column]
+        factors = one(2 if k else 1) / np.maximum(degrees, 1).astype(np.float32)
+        now = (factors[:, None] * sums - before[:-1]) + terms[k] * np.array(signs, np.float32)
+        after, before = np.concatenate([now, np.zeros((1, 16), np.float32)]), after
+    return after[:-1]
+
+
+@pytest.mark.every_case
+@pytest.mark.parametrize(("n_columns", "time"), [(64, 12), (65, 40)])
+def test_smooth_fields_are_those_of_the_format_on_small_and_large_graphs(n_columns, time):
+    found = neighbours(grid_faces(64, n_columns), 64 * n_columns)
+    made = hierarchy(found, 3)
+    finest = made.smooth[made.smooth_starts[-1] :]
+    np.testing.assert_array_equal(finest, smooth_fields_of_the_format(found, time)[made.order])
 
 
 def test_levels_are_as_many_as_the_core_may_fill():

@@ -234,3 +234,11 @@ def test_per_mesh_is_judged_on_large_meshes_only(made_sequence, made_result, n_v
     found = judged(results, "Per mesh is out of reach")
     assert found.holds is holds
     assert "525 s with one for each frame" in found.evidence
+
+
+def test_random_anchors_are_judged_against_farthest_points(made_sequence, made_result):
+    random = [made_result("pca-qp", choices=one, error=error)
+              for one, error in zip(RANDOM_ANCHORS, (5.0, 3.0, 4.0), strict=True)]  # fmt: skip
+    found = judged(made_sequence("x", [made_result("pca-qp", error=4.0), *random]), "The choice of")
+    assert "by seed: +25.0 %, -25.0 %, +0.0 %" in found.evidence
+    assert found.holds is False
