@@ -1,0 +1,116 @@
+"""Mutants: sources with one fault each, drawn evenly over all packages and the core."""
+
+import random
+from dataclasses import dataclass
+from pathlib import Path
+
+from mutation.edits import Edit, c_edits, python_edits
+
+CORE, MODULES = "core", "modules"
+"""What is no package of `src/meshreel`: the C core, and the modules beside the packages."""
+
+NOT_MUTATED = ("flag.py", "__main__.py", "meshreel.h")
+FEWEST = 6
+"""Mutants of a package."""
+
+
+@dataclass(frozen=True)
+class Mutant:
+    """A fault: whole lines of a file, and what they are replaced with.
+
+    Attributes
+    ----------
+    package : str
+        Its name, or `CORE` or `MODULES`.
+    file : str
+        Relative to the repository.
+    line : int
+        Of the first replaced line, from 1.
+    kind : str
+        As of `Edit`.
+    old, new : str
+    """
+
+    package: str
+    file: str
+    line: int
+    kind: str
+    old: str
+    new: str
+
+    def applied(self, text: str) -> str:
+        """The text of the file with the fault; lines that have moved are found again.
+
+        Raises
+        ------
+        ValueError
+            If the file does not contain the lines.
+        """
+        lines, old = text.split("\n"), self.old.split("\n")
+        found = [at for at in range(len(lines)) if lines[at : at + len(old)] == old]
+        if not found:
+            raise ValueError(f"{self.file} no longer contains {self.old.strip()!r}")
+        at = min(found, key=lambda one: abs(one - self.line + 1))
+        return "\n".join([*lines[:at], *self.new.split("\n"), *lines[at + len(old) :]])
+
+
+def mutant_of(edit: Edit, package: str, file: str, source: bytes) -> Mutant:
+    """The mutant that an edit of a source makes."""
+    first = source.rfind(b"\n", 0, edit.start) + 1
+    last = source.find(b"\n", edit.end)
+    last = len(source) if last < 0 else last
+    new = source[first : edit.start] + edit.new.encode() + source[edit.end : last]
+    line = source.count(b"\n", 0, first) + 1
+    return Mutant(package, file, line, edit.kind, source[first:last].decode(), new.decode())
+
+
+def sources(root: Path) -> dict[str, list[Path]]:
+    """Source files of the core, of each package, and of the modules beside the packages."""
+    folders = (root / "core", root / "core/reader")
+    found = {CORE: sorted(file for folder in folders for file in folder.glob("*.[ch]"))}
+    top = root / "src/meshreel"
+    for file in sorted(top.rglob("*.py")):
+        parts = file.relative_to(top).parts
+        found.setdefault(parts[0] if len(parts) > 1 else MODULES, []).append(file)
+    return {
+        name: [file for file in files if file.name not in NOT_MUTATED]
+        for name, files in found.items()
+    }
+
+
+def sample(root: Path, n_mutants: int, seed: int) -> list[Mutant]:
+    """About so many mutants, in a random order that the seed decides.
+
+    A package gets a share by the square root of its size, `FEWEST` at least; within it all kinds
+    get as many.
+    """
+    files = sources(root)
+    weights = {
+        name: sum(file.stat().st_size for file in found) ** 0.5 for name, found in files.items()
+    }
+    chosen: list[Mutant] = []
+    for package, weight in weights.items():
+        n_here = max(FEWEST, round(n_mutants * weight / sum(weights.values())))
+        chosen += _sample_of(package, files[package], root, n_here, f"{seed} {package}")
+    random.Random(seed).shuffle(chosen)
+    return chosen
+
+
+def _sample_of(
+    package: str, files: list[Path], root: Path, n_mutants: int, seed: str
+) -> list[Mutant]:
+    by_kind: dict[str, list[tuple[Path, Edit]]] = {}
+    for file in files:
+        edits_of = python_edits if file.suffix == ".py" else c_edits
+        for edit in edits_of(file.read_bytes()):
+            by_kind.setdefault(edit.kind, []).append((file, edit))
+    rng = random.Random(seed)
+    for found in by_kind.values():
+        rng.shuffle(found)
+    drawn: list[tuple[Path, Edit]] = []
+    while len(drawn) < n_mutants and any(by_kind.values()):
+        drawn += [found.pop() for found in by_kind.values() if found]
+    return [
+        mutant_of(edit, package, file.relative_to(root).as_posix(), file.read_bytes())
+        for file, edit in drawn[:n_mutants]
+    ]
