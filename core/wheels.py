@@ -94,6 +94,8 @@ def faults(wheel: Path, target: str) -> list[str]:
         metadata = archive.read(next(name for name in names if name.endswith("/WHEEL"))).decode()
     if not set(names) >= PAGE:
         found.append("the page of the player is missing")
+    if not any(name.endswith("/THIRD_PARTY_LICENSES.md") for name in names):
+        found.append("the licences of what the page contains are missing")
     if HEADER not in names:
         found.append(f"{HEADER} is missing")
     if "Root-Is-Purelib: false" not in metadata:

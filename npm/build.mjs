@@ -111,6 +111,8 @@ const common = {
   absWorkingDir: here,
 };
 
+const threeLicense = readFileSync(join(here, "node_modules/three/LICENSE"), "utf8");
+
 rmSync(dist, { recursive: true, force: true });
 const modulesInside = {
   // Deflated bytes in base 64 are packed by gzip to little more than the deflated bytes, and
@@ -153,7 +155,8 @@ const player = await build({
   // Cores that few need, the engine of tracks and files in Node are scripts of `meshreel`, too.
   plugins: [engineInside, beside(/\/(plain_wasm|exact_wasm|track_engine_function|local_file)\.js$/)],
   define: modulesInside,
-  legalComments: "eof", // the licence of three.js
+  legalComments: "eof", // the notices of three.js, whose licence follows
+  footer: { js: `/* Contains three.js.\n\n${threeLicense.trim()}\n*/` },
 });
 run(process.execPath, "node_modules/typescript/bin/tsc", "--declaration", "--emitDeclarationOnly", "--outDir", "dist");
 // Types only; the empty script is for those who import it all the same.

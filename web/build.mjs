@@ -1,22 +1,24 @@
 // Builds the page: its HTML with styles inside, and its script, beside it and packed.
 //
-// It stands on the package in ../npm, which has to be built first.
+// It uses the package in ../npm, which has to be built first. The page is part of the repository, so that
+// installing meshreel needs no Node; `node build.mjs FOLDER` writes it elsewhere, for comparison.
 import { build } from "esbuild";
 import { mkdir, readFile, rename, writeFile } from "node:fs/promises";
 import { dirname, join } from "node:path";
 import { fileURLToPath } from "node:url";
 
 const here = dirname(fileURLToPath(import.meta.url));
-const folder = join(here, "../src/meshreel/viewer/page");
+const folder = process.argv[2] ?? join(here, "../src/meshreel/viewer/page");
 
 const common = {
   bundle: true,
   minify: true,
   write: false,
+  metafile: true,
   format: "iife",
   target: "es2022",
   charset: "utf8",
-  legalComments: "none",
+  legalComments: "eof", // notices of three.js
 };
 
 /** The package is a link to a folder that has a three.js of its own; there is to be one. */
@@ -44,8 +46,17 @@ const scriptText = {
   },
 };
 
+/** Packages inside the page, whose licences go with it. */
+const LICENSED = ["three"];
+
 async function bundle(entry) {
   const result = await build({ ...common, entryPoints: [entry], plugins: [scriptText, oneThree] });
+  for (const input of Object.keys(result.metafile.inputs)) {
+    const name = /.*node_modules\/((?:@[^/]+\/)?[^/]+)/.exec(input)?.[1];
+    if (name && !LICENSED.includes(name)) {
+      throw new Error(`the page bundles ${name}, whose licence is not in LICENSED and THIRD_PARTY_LICENSES`);
+    }
+  }
   return result.outputFiles[0].text;
 }
 
@@ -63,7 +74,7 @@ const html = template
 
 await mkdir(folder, { recursive: true });
 for (const [name, text] of [
-  ["player.js", script.replaceAll("</script", "<\\/script")],
+  ["player.js", `${script.replaceAll("</script", "<\\/script")}\n/* Contains three.js.\n\n${license.trim()}\n*/\n`],
   ["index.html", html],
 ]) {
   await writeFile(join(folder, `${name}.new`), text);

@@ -1,4 +1,4 @@
-"""The player, as the build of `web/` leaves it: a page, and its script."""
+"""The player, as built from `web/`: a page, and its script."""
 
 import base64
 import json
@@ -103,7 +103,7 @@ def built_page(folder: Traversable | None = None) -> Page:
     Raises
     ------
     InvalidInputError
-        If it was not built; says how to get it.
+        If it is missing; says how to get it.
     """
     place = FOLDER if folder is None else folder
     try:
@@ -111,8 +111,8 @@ def built_page(folder: Traversable | None = None) -> Page:
         return Page(html, (place / SCRIPT_NAME).read_text(encoding="utf-8"))
     except FileNotFoundError:
         raise InvalidInputError(
-            "the page of the player is not built: run 'npm ci && npm run build' in npm/ and "
-            "then in web/ of the checkout, or install meshreel from a wheel"
+            "the page of the player is missing from this installation: reinstall meshreel, or in a "
+            "checkout run 'git checkout src/meshreel/viewer/page' or build it (web/README.md)"
         ) from None
 
 

@@ -2,13 +2,43 @@
 
 import base64
 import re
+import subprocess
+import tomllib
 import zlib
+from functools import partial
+from importlib.metadata import version
+from pathlib import Path
 
 import pytest
 
 from meshreel.errors import InvalidInputError
-from meshreel.viewer.page import Page, built_page
+from meshreel.viewer.page import SCRIPT_NAME, Page, built_page
 from samples.players import PAGE, carried, write_page
+from samples.web_package import built_package
+
+ROOT = Path(__file__).parents[3]
+PAGE_FOLDER = "src/meshreel/viewer/page"
+
+
+@pytest.mark.slow
+def test_page_in_the_repository_is_what_its_sources_build(tmp_path):
+    built_package()
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    if f"ziglang=={version('ziglang')}" not in project["optional-dependencies"]["core"]:
+        pytest.skip("needs the version of ziglang that the extra `core` names")
+    npm = partial(subprocess.run, cwd=ROOT / "web", check=True, capture_output=True, timeout=300)
+    npm(["npm", "ci", "--no-audit", "--no-fund"])
+    npm(["npm", "run", "build", "--", str(tmp_path)])
+    for name in ["index.html", SCRIPT_NAME]:
+        is_equal = (tmp_path / name).read_bytes() == (ROOT / PAGE_FOLDER / name).read_bytes()
+        assert is_equal, f"{name} is older than its sources: build it as web/README.md says"
+
+
+def test_licence_of_three_js_is_in_the_page_and_in_its_script():
+    page = built_page()
+    pages = [page.served, page.split({}), page.whole({}), page.script]
+    notices = ["three.js authors", "Permission is hereby granted, free of charge"]
+    assert all(notice in text for text in pages for notice in notices)
 
 
 def test_page_and_script_are_read_when_they_are_there(tmp_path):
@@ -16,10 +46,10 @@ def test_page_and_script_are_read_when_they_are_there(tmp_path):
 
 
 @pytest.mark.parametrize("missing", ["index.html", "player.js"])
-def test_error_says_how_to_get_the_page_when_it_is_not_built(tmp_path, missing):
+def test_error_says_how_to_get_the_page_when_it_is_missing(tmp_path, missing):
     folder = write_page(tmp_path / "page")
     (folder / missing).unlink()
-    with pytest.raises(InvalidInputError, match=r"npm ci && npm run build.*wheel"):
+    with pytest.raises(InvalidInputError, match=r"is missing.*reinstall.*web/README"):
         built_page(folder)
 
 
