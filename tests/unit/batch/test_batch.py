@@ -4,6 +4,7 @@ import json
 import os
 import signal
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -12,7 +13,7 @@ from meshreel.batch.encode_input import EncodeOptions, encode_input
 from meshreel.batch.manifest import MANIFEST_NAME
 from meshreel.batch.plan import plan_batch
 from meshreel.batch.report import REPORT_NAME
-from meshreel.batch.run import run_batch
+from meshreel.batch.run import _is_spread, run_batch
 from meshreel.codec.config import EncoderConfig
 from meshreel.errors import InvalidInputError, WorkerDiedError
 from meshreel.runtime.engine.engine import Engine, open_engine
@@ -429,3 +430,14 @@ def test_manifest_sums_up_its_records(inputs, out):
     assert found["summary"]["failed"] == 1
     assert found["summary"]["size_bytes"] == sum(one["size_bytes"] for one in done)
     assert found["summary"]["max_error_percent"] == max(one["max_error_percent"] for one in done)
+
+
+@pytest.mark.parametrize(
+    ("n_inputs", "n_workers", "are_cut", "is_spread"),
+    [(1, 2, True, True), (2, 2, True, False), (1, 2, False, False)],
+)
+def test_inputs_are_shared_by_their_blocks_when_workers_are_more(
+    n_inputs, n_workers, are_cut, is_spread
+):
+    plan = SimpleNamespace(options=SimpleNamespace(are_cut=are_cut), to_encode=[None] * n_inputs)
+    assert _is_spread(plan, SimpleNamespace(n_workers=n_workers)) is is_spread

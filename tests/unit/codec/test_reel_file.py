@@ -168,3 +168,9 @@ def test_reading_raises_when_positions_are_not_finite(monkeypatch):
         monkeypatch.setattr(type(reel.block(0)), "fill", fill)
         with pytest.raises(CorruptStreamError, match="frames 1:5 decode to positions that"):
             reel.read(1, 5)
+
+
+@pytest.mark.parametrize("place", [0, 3, 6])
+def test_reading_gives_no_frames_when_none_are_asked_for(place):
+    with ReelFile(BytesIO(encode(waving_grid(6), block_frames=3))) as reel:
+        assert reel.read(place, place).shape == (0, 99, 3)

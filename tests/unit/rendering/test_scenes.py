@@ -140,3 +140,12 @@ def test_scene_says_so_when_a_track_is_not_there_or_another(grid):
         Scene(with_track(grid, values), with_track(grid, other, "face"), track=TrackLook("heat"))
     with pytest.raises(InvalidInputError, match="needs its name"):
         Scene(with_track(grid, values), with_track(grid, values), "track")
+
+
+def test_heat_of_positions_keeps_its_title_when_a_track_is_shown_too(grid, lifted):
+    values = np.zeros((12, 99))
+    scene = Scene(
+        with_track(lifted, values, unit="Pa"), with_track(grid, values, unit="Pa"), "distance",
+        track=TrackLook("heat"),
+    )  # fmt: skip
+    assert scene.titles == ["original: heat", "decoded: heat", HEATS["distance"].label]

@@ -5,6 +5,7 @@ import pytest
 
 from meshreel.errors import InvalidInputError
 from meshreel.evaluation.codecs.peers.draco import Draco, draco_order, separated
+from meshreel.evaluation.codecs.peers.error_bounded import _tolerance
 from meshreel.evaluation.codecs.peers.integer_deltas import (
     pack_frames,
     positions_of_deltas,
@@ -161,3 +162,11 @@ def test_peers_named_are_in_the_order_of_the_list_when_named_otherwise():
 def test_peers_named_say_what_there_is_when_a_name_is_wrong(names):
     with pytest.raises(InvalidInputError, match="choose from draco, sz3, zfp"):
         peers_named(names)
+
+
+def test_bounds_are_shares_of_the_diagonal_of_a_sequence_that_has_one(small_flag):
+    diagonal = bounding_box_reference(small_flag.vertices).diagonal
+    assert _tolerance(small_flag, 0.01) == pytest.approx(0.01 * diagonal)
+    point = MeshSequence(np.zeros_like(small_flag.vertices), small_flag.faces)
+    with pytest.raises(InvalidInputError, match="no extent"):
+        _tolerance(point, 0.01)

@@ -1,6 +1,11 @@
 import os
 
-from meshreel.evaluation.runs.machine import machine_facts, machine_line, machines_text
+from meshreel.evaluation.runs.machine import (
+    cpu_model,
+    machine_facts,
+    machine_line,
+    machines_text,
+)
 
 
 def test_facts_are_those_of_this_machine(monkeypatch):
@@ -14,3 +19,12 @@ def test_each_machine_is_named_once():
     one, other = machine_facts(), {**machine_facts(), "cpu": "another"}
     text = machines_text([{"machine": facts} for facts in (one, other, one)])
     assert text.count(machine_line(one)) == text.count(machine_line(other)) == 1
+
+
+def test_processor_is_named_by_its_architecture_when_the_system_does_not_tell(monkeypatch):
+    monkeypatch.setattr("pathlib.Path.read_text", lambda path: "flags: fast")
+    monkeypatch.setattr("platform.processor", lambda: "")
+    monkeypatch.setattr("platform.machine", lambda: "riscv64")
+    assert cpu_model() == "riscv64"
+    monkeypatch.setattr("pathlib.Path.read_text", lambda path: "x: 1\nmodel name\t: A Chip\n")
+    assert cpu_model() == "A Chip"
