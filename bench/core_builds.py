@@ -1,7 +1,7 @@
 """Compare builds of the C core: `python bench/core_builds.py [--source FILE] BUILD...`.
 
 A build is a shared library, for example one made by `python core/compile.py -o FILE`. Each round
-runs every build once, in a process of its own: it encodes and decodes the sequence in the default
+runs every build once, in a separate process: it encodes and decodes the sequence in the default
 and the lossless mode, and sums the processor time of each function of the core. The table has the
 least over rounds, in milliseconds for the first build and as ratios to it for the others.
 """
@@ -64,7 +64,7 @@ def processor_time(source: str | None) -> Times:
 
 
 def run_worker(build: Path, source: str | None) -> Times:
-    """Times of one build, measured in a process of its own."""
+    """Times of one build, measured in a separate process."""
     arguments = [sys.executable, __file__, "--worker", *(["--source", source] if source else [])]
     environment = {**os.environ, library.PLACE: str(build.resolve())}
     found = subprocess.run(arguments, env=environment, check=True, capture_output=True, text=True)

@@ -264,7 +264,7 @@ def build(output: Path = TARGET, extra: Sequence[str] = (), target: str | None =
             tempfile.TemporaryDirectory(dir=output.parent, prefix=".core-") as work,
             ThreadPoolExecutor(os.cpu_count()) as pool,
         ):
-            # Some compilers write more than they are asked for, into the working directory.
+            # Some compilers write further files into the working directory.
             run = partial(subprocess.run, check=True, cwd=work, capture_output=True, text=True)
             list(pool.map(run, steps))
             run(link)

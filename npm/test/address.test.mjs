@@ -24,7 +24,7 @@ const { signal } = new AbortController();
 const realFetch = globalThis.fetch;
 afterEach(() => (globalThis.fetch = realFetch));
 
-/** An address whose answers are made up, one after another, and the ranges it asks for. */
+/** An address with prepared answers, in order, and the ranges it asks for. */
 function scripted(...answers) {
   const asked = [];
   globalThis.fetch = async (request) => {
@@ -97,13 +97,13 @@ describe("an answer", () => {
 });
 
 describe("the first question", () => {
-  test("finds ranges where only a time is told", async () => {
+  test("finds ranges where a server names only a time", async () => {
     const [address] = scripted(part(0, { "last-modified": "x" }));
     await address.ask(0, 10, signal);
     assert.equal(address.hasRanges, true);
   });
 
-  test("finds ranges where a version is told", async () => {
+  test("finds ranges where a server names a version", async () => {
     const [address, asked] = scripted(part(0), part(50));
     await address.ask(0, 10, signal);
     assert.deepEqual([address.hasRanges, address.size], [true, 100]);
@@ -111,7 +111,7 @@ describe("the first question", () => {
     assert.deepEqual(asked, ["bytes=0-9", "bytes=50-59"]);
   });
 
-  test("finds the rest of a file where no version is told", async () => {
+  test("finds the rest of a file where a server names no version", async () => {
     const rest = (start) => whole({ "content-range": `bytes ${start}-99/100` }, 206);
     const [address, asked] = scripted(part(0, {}), rest(90 - OVERLAP), rest(0));
     await address.ask(0, 10, signal);

@@ -1,4 +1,4 @@
-// Files of other kinds are named in words.
+// Errors name the kind of a file that is no stream.
 
 import assert from "node:assert/strict";
 import { test } from "node:test";
@@ -17,7 +17,7 @@ const KINDS = {
 };
 
 for (const [text, words] of Object.entries(KINDS)) {
-  test(`a file that begins with ${JSON.stringify(text)} is named in words`, () => {
+  test(`a file that begins with ${JSON.stringify(text)} has its kind in the error`, () => {
     const bytes = Uint8Array.from(text, (letter) => letter.charCodeAt(0));
     assert.throws(() => readHeader(bytes), { name: "CorruptStreamError", message: words });
   });

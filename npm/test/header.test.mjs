@@ -57,7 +57,7 @@ test("least and unknown values are allowed", () => {
   assert.deepEqual([nFrames, nVerts, nFaces, fps, name], [0, 1, 1, 0, ""]);
 });
 
-test("a header that is cut anywhere is said to be cut", () => {
+test("a header that is cut anywhere is reported as cut", () => {
   const data = header();
   for (let size = 0; size < data.length; size++) {
     assert.throws(() => readHeader(data.subarray(0, size)), TruncatedStreamError, `${size} bytes`);

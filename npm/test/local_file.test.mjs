@@ -100,7 +100,7 @@ test("an opening that is aborted throws the reason", async () => {
   await assert.rejects(opening, /enough/);
 });
 
-test("bundlers are told to leave the import of Node's files alone", () => {
+test("comments keep bundlers from resolving the import of Node's files", () => {
   const script = readFileSync(join(PACKAGE, "dist/local_file.js"), "utf8");
   assert.match(script, /import\(\s*\/\* webpackIgnore: true \*\/\s*\/\* @vite-ignore \*\//);
 });

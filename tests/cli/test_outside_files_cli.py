@@ -1,4 +1,4 @@
-"""Files that others name are read from their own folder only, unless more is asked for."""
+"""Files that other files refer to are read from the same folder only, unless allowed otherwise."""
 
 import pytest
 

@@ -103,7 +103,7 @@ def test_values_of_options_are_allowed_when_a_sentence_names_them(page):
 
 
 def is_placeholder(value):
-    """Whether a word stands for a value: N, PATH, "..."."""
+    """Whether a word is a placeholder of a value: N, PATH, "..."."""
     return value.isupper() or set(value) == {"."}
 
 

@@ -2,7 +2,7 @@
 
 import type { AttributeName } from "./settings.js";
 
-/** An attribute that is there or not. React 18 writes `true` as a text: give it "". */
+/** A boolean attribute. React 18 writes `true` as text: pass "". */
 type Flag = boolean | "";
 
 interface Values {

@@ -4,7 +4,7 @@
 const KINDS: readonly (readonly [begin: RegExp, words: string])[] = [
   [/^(\xef\xbb\xbf)?\s*<(!doctype|html|!--)/i, "this is an HTML page; is the address right?"],
   [/^glTF/, "this is a GLB file; `meshreel encode` makes a .reel of it"],
-  [/^version https:\/\/git-lfs/, "this is a Git LFS pointer; serve the file that it stands for"],
+  [/^version https:\/\/git-lfs/, "this is a Git LFS pointer; serve the file it points to"],
   [/^\x1f\x8b/, "this is compressed by gzip; serve the file as it is"],
 ];
 

@@ -1,4 +1,4 @@
-"""The animations of inputs, each an input of its own."""
+"""Inputs of a batch: each animation of a file is a separate input."""
 
 import re
 from collections.abc import Iterable, Iterator

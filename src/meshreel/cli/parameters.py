@@ -37,7 +37,7 @@ class Number(click.ParamType):  # type: ignore[type-arg]  # older Click has it w
         self._kind, self._allowed, self._unit = kind, allowed, unit
 
     def convert(self, value: Any, param: Any, ctx: Any) -> float:
-        """The number that a text stands for; an error says which are allowed."""
+        """Parse a number; the error names the allowed range."""
         try:
             number = self._kind(value)
         except ValueError:

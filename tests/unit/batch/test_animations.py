@@ -1,4 +1,4 @@
-"""Each animation of a file that holds several as an input of its own."""
+"""Each animation of a file with several is a separate input."""
 
 import json
 

@@ -1,4 +1,4 @@
-"""Cameras that stand still, and that go along with a mesh."""
+"""Static cameras, and cameras that follow a mesh."""
 
 from dataclasses import replace
 
@@ -49,7 +49,7 @@ def test_the_shape_is_that_of_one_frame_when_the_camera_goes_along(grid):
 
 
 def distance_ratio(frames):
-    """How much farther a camera that stands still is than one that goes along."""
+    """Ratio of the distance of a static camera to that of one that follows."""
     still = Framing(FRONT).cameras(frames, 512, 512)
     along = Framing(FRONT, is_followed=True).cameras(frames, 512, 512)
     far, near = (

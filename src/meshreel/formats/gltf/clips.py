@@ -94,7 +94,7 @@ class Clips:
         ----------
         wanted : str, int or None
         notes : list of str
-            Gains a sentence on malformed animations, and on the others if none is named.
+            Extended by notes on malformed animations, and on the others if none was selected.
 
         Returns
         -------
@@ -143,7 +143,7 @@ class Clips:
         return found
 
     def _number(self, wanted: str | int) -> int:
-        """The number of an animation that is named, or whose number is given, from 0."""
+        """Index of the animation with a name or a number, from 0."""
         if wanted in self.names:
             return self.names.index(str(wanted))
         if isinstance(wanted, int) or wanted.isdecimal():

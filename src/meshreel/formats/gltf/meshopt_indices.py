@@ -12,7 +12,7 @@ Item = TypeVar("Item")
 TRIANGLES_HEAD, INDICES_HEAD = 0xE1, 0xD1
 TRIANGLES_TAIL, INDICES_TAIL = 16, 4
 MISSING = -1
-"""Stands for a vertex that was not named so far."""
+"""Code of a vertex that occurs for the first time."""
 
 
 def decode_triangles(data: bytes, count: int) -> npt.NDArray[np.uint32]:
@@ -97,7 +97,7 @@ def decode_indices(data: bytes, count: int) -> npt.NDArray[np.uint32]:
 
 
 def signed_numbers(codes: npt.NDArray[Any]) -> npt.NDArray[Any]:
-    """Unsigned numbers that stand for 0, -1, 1, -2 and so on, as two's complement."""
+    """Decode zigzag numbers: 0, 1, 2, 3 become 0, -1, 1, -2, in two's complement."""
     halves = codes >> codes.dtype.type(1)
     found: npt.NDArray[Any] = np.where(codes & codes.dtype.type(1), ~halves, halves)
     return found

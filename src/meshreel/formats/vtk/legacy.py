@@ -27,7 +27,7 @@ Int64s = npt.NDArray[np.int64]
 SIGNATURE = "# vtk DataFile Version"
 XML_TYPE = re.compile(rb"""<VTKFile\s[^>]{0,500}?\btype\s*=\s*["']([^"'<>]{1,100})["']""")
 XML_HEAD_BYTES = 4096
-"""An XML file of VTK says within so many bytes what it is."""
+"""Bytes at the start of a file in which VTK's XML formats name themselves."""
 XML_EXTENSIONS = {
     "PolyData": ".vtp", "UnstructuredGrid": ".vtu", "Collection": ".pvd",
     "ImageData": ".vti", "RectilinearGrid": ".vtr", "StructuredGrid": ".vts",
