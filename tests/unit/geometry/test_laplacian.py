@@ -6,6 +6,7 @@ import pytest
 from meshreel.errors import InvalidInputError
 from meshreel.geometry.connectivity import adjacency_matrix
 from meshreel.geometry.laplacian import (
+    cotangent_laplacian,
     delta_coordinates,
     reproducing_laplacian,
     uniform_laplacian,
@@ -43,6 +44,34 @@ def test_deltas_do_not_change_when_the_mesh_is_moved():
 def test_deltas_refuse_when_vertex_counts_differ():
     with pytest.raises(InvalidInputError, match="20 vertices; got 19 rows"):
         delta_coordinates(uniform_laplacian(grid_faces(4, 5), 20), np.zeros((19, 3)))
+
+
+def cotangent_weights(faces, shape):
+    """Half the sum of the cotangents opposite to each edge, limited, by angles; dense."""
+    weights, is_edge = np.zeros((2, len(shape), len(shape)))
+    for face in faces:
+        for k in range(3):
+            apex, a, b = np.roll(face, k)
+            u, v = shape[a] - shape[apex], shape[b] - shape[apex]
+            area = np.linalg.norm(np.cross(u, v))
+            is_edge[[a, b], [b, a]] = 1
+            weights[[a, b], [b, a]] += 0.5 / np.tan(np.arctan2(area, u @ v)) if area else 0
+    return np.clip(weights, 0.05, 20) * is_edge
+
+
+def test_cotangent_weights_are_those_of_the_angles_within_limits():
+    rng = np.random.default_rng(6)
+    faces, shape = grid_faces(5, 6), rng.normal(size=(31, 3))
+    shape[7] = shape[8] + 1e-4 * rng.normal(size=3)  # angles near 0 and near 180 degrees
+    shape[20], shape[21] = shape[14], shape[15]  # faces without area
+    weights = cotangent_weights(faces, shape)
+    assert (weights == 0.05).any()
+    assert (weights == 20).any()
+    sums = weights.sum(axis=1)
+    assert sums[30] == 0  # a vertex without edges
+    expected = np.diag(sums > 0) - weights / np.maximum(sums, 1e-300)[:, None]
+    found = cotangent_laplacian(faces, shape).toarray()
+    np.testing.assert_allclose(found, expected, atol=1e-12)
 
 
 def rippled_fields(n_verts, n_fields):

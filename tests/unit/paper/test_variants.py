@@ -137,6 +137,19 @@ def test_tracked_dictionary_spans_the_leading_eigenvectors_when_blocks_are_coher
     assert products.min() > 0.999
 
 
+@pytest.mark.parametrize(("rotation", "is_diagonal"), [("ritz", True), ("none", False)])
+def test_columns_of_a_tracked_dictionary_are_turned_apart_when_rotation_is_ritz(
+    rotation, is_diagonal
+):
+    sequence, choices = waving_grid(20, dtype=np.float64), {"rotation": rotation}
+    _, block = coded_blocks(encode(sequence, "blocks", n_modes=3, block_frames=10, choices=choices))
+    matrices = to_matrices(sequence.vertices, bounding_frame(sequence.extent))
+    columns = block.basis.values[2]
+    products = columns @ autocorrelation(matrices[:, 10:])[2] @ columns.T
+    coupling = np.abs(products - np.diag(np.diag(products))).max() / np.abs(products).max()
+    assert (coupling < 1e-3) == is_diagonal
+
+
 def test_dictionaries_stay_orthonormal_when_they_are_tracked():
     for block in coded_blocks(encode(waving_grid(40), "blocks", n_modes=3, block_frames=10)):
         gram = block.basis.values @ np.swapaxes(block.basis.values, 1, 2)

@@ -268,3 +268,16 @@ def test_positions_are_those_meant_when_they_are_quantized(read):
     np.testing.assert_array_equal(found.vertices[0], grid / 127 * 2 + [1, 0, 0])
     del file.json["accessors"][normalized]["normalized"]
     np.testing.assert_array_equal(read(file)[0].vertices[0], grid * 2 + [1, 0, 0])
+
+
+@pytest.mark.parametrize("n_targets", [(1, 2), (2, 1), (0, 1)])
+def test_load_is_refused_when_primitives_have_different_numbers_of_targets(read, n_targets):
+    file = Gltf()
+    primitives = []
+    for count in n_targets:
+        number = file.mesh(TRIANGLE, [0, 1, 2], [shifted(TRIANGLE, 1)] * count)
+        primitives += file.json["meshes"][number]["primitives"]
+    file.json["meshes"] = [{"primitives": primitives}]
+    file.node(mesh=0)
+    with pytest.raises(FormatError, match=r"primitives have [01] or [12] morph targets; all must"):
+        read(file)
