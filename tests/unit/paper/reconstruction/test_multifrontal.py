@@ -4,7 +4,6 @@ from scipy.sparse import csc_array, eye_array
 
 from meshreel.errors import SolverError
 from meshreel.paper.reconstruction.multifrontal import MultifrontalSolver
-from meshreel.runtime.threads import limit_cores, n_cores
 from samples.meshes import grid_faces, irregular_sequence
 from samples.systems import irregular_faces, system_of
 
@@ -40,14 +39,11 @@ def test_residual_is_rounding_when_the_mesh_is_large_and_has_one_anchor():
     assert np.abs(matrix @ solution - values).max() < 1e-14 * scale
 
 
-def test_solution_is_the_same_to_the_bit_whatever_the_cores():
+def test_solution_is_the_same_to_the_bit_whatever_the_cores(monkeypatch):
     laplacian, matrix = system_of(*irregular_faces(), share=0.02)
-    there = n_cores()
-    try:
-        limit_cores(1)
+    with monkeypatch.context() as patch:
+        patch.setattr("meshreel.runtime.threads._core_limit", 1)
         alone = MultifrontalSolver(matrix, laplacian).solve(right_sides(matrix))
-    finally:
-        limit_cores(there)
     together = MultifrontalSolver(matrix, laplacian).solve(right_sides(matrix))
     np.testing.assert_array_equal(alone, together)
 
