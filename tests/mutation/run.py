@@ -57,7 +57,7 @@ PYTEST = ("-n0", "-q", "-p", "no:cacheprovider", "-p", "mutation.plugin")
 COMMIT = "commit"
 """File with the commit that the tests were recorded at."""
 
-BUILT = ("src/meshreel/viewer/page", "npm/dist", "npm/wasm")
+BUILT = ("npm/dist", "npm/wasm")
 """What a build adds to a checkout, and some tests read."""
 
 SURVIVED, BY_OWN, BY_OTHERS, NONE = "survived", "own", "others", "none"
@@ -93,7 +93,7 @@ class Bench:
         if not self.clone.exists():
             _git(ROOT, "clone", "-q", str(ROOT), str(self.clone))
             for built in filter(lambda one: (ROOT / one).exists(), BUILT):
-                shutil.copytree(ROOT / built, self.clone / built)
+                shutil.copytree(ROOT / built, self.clone / built, dirs_exist_ok=True)
         _git(self.clone, "checkout", "-q", "--", ".")
         if is_new:
             _git(self.clone, "pull", "-q")
