@@ -262,14 +262,3 @@ def test_an_error_of_a_block_is_told_when_the_next_one_is_complete():
     encoder.push(far[4])
     with pytest.raises(InvalidInputError, match="cannot be promised"):
         encoder.close()
-
-
-def test_a_frame_is_refused_when_its_tracks_are_others_than_before(tmp_path):
-    grid, heat = waving_grid(2), {"heat": np.zeros(99, np.float32)}
-    with Encoder(grid.faces, tmp_path / "live.reel") as encoder:
-        encoder.push(grid.vertices[0], tracks=heat)
-        wide = {"heat": np.zeros((99, 3), np.float32)}
-        for others in ({}, wide, {**heat, "more": heat["heat"]}):
-            with pytest.raises(InvalidInputError, match=r"frame 1 has the tracks .*; the first"):
-                encoder.push(grid.vertices[1], tracks=others)
-        encoder.push(grid.vertices[1], tracks=heat)
