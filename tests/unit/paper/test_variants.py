@@ -157,12 +157,14 @@ def test_dictionaries_stay_orthonormal_when_they_are_tracked():
 
 
 def test_differences_are_smaller_than_dictionaries_when_blocks_are_coherent():
-    still = np.repeat(waving_grid(10).vertices, 4, axis=0).reshape(10, 4, -1, 3)
-    sequence = MeshSequence(still.swapaxes(0, 1).reshape(40, -1, 3), waving_grid(10).faces)
+    # Motion of full rank: columns beyond the rank would be rounding errors, of any size in bits.
+    grid = waving_grid(10)
+    frames = grid.vertices + np.random.default_rng(4).normal(scale=0.1, size=grid.vertices.shape)
+    sequence = MeshSequence(np.concatenate([frames] * 4), grid.faces)
     options = {"n_modes": 5, "block_frames": 10, "bits": 6}
     tracked = info(encode(sequence, "blocks", **options)).budget_bytes["basis"]
     fresh = info(encode(sequence, "pca-qp", **options)).budget_bytes["basis"]
-    assert tracked < 0.6 * fresh
+    assert tracked < 0.4 * fresh
 
 
 def test_a_shorter_last_block_starts_anew_when_the_frames_do_not_divide():

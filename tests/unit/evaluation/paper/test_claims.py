@@ -25,10 +25,12 @@ def with_rest(n_frames=60):
 
 def test_differences_of_equal_blocks_take_hardly_any_bits():
     period = waving_grid(25)
-    vertices = np.concatenate([period.vertices] * 3)
+    # Motion of full rank: columns beyond the rank would be rounding errors, of any size in bits.
+    noise = np.random.default_rng(4).normal(scale=0.1, size=period.vertices.shape)
+    vertices = np.concatenate([period.vertices + noise] * 3)
     found = figures(dictionaries_run(meshreel.MeshSequence(vertices, period.faces, 25.0, "loop")))
-    assert found["kept_difference"] < 0.5 * found["kept_whole"]
-    assert found["kept_difference_plain"] < 0.5 * found["kept_whole_plain"]
+    assert found["kept_difference"] < 0.05 * found["kept_whole"]
+    assert found["kept_difference_plain"] < 0.05 * found["kept_whole_plain"]
     assert found["all_whole"] > 8
 
 
