@@ -76,7 +76,7 @@ def test_fit_camera_puts_a_single_point_in_the_middle_when_nothing_else_is_there
 def test_fit_camera_is_the_same_when_frames_come_as_one_cloud():
     vertices = cloud(4, 9)
     one, other = fit_camera(vertices), fit_camera(vertices.reshape(-1, 3))
-    np.testing.assert_array_equal(one.eye, other.eye)
+    np.testing.assert_allclose(one.eye, other.eye, rtol=1e-12)  # BLAS may sum in another order
 
 
 @pytest.mark.parametrize(

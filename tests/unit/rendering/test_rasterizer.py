@@ -40,7 +40,8 @@ def test_render_covers_the_projected_area_when_a_triangle_faces_the_camera():
 
 @pytest.mark.parametrize("order", [[0, 1], [1, 0]])
 def test_render_shows_the_nearer_triangle_when_it_hides_another(order):
-    vertices = np.concatenate([TRIANGLE, TRIANGLE - [0, 0, 0.5]])
+    hidden = 0.5 * TRIANGLE - [0.25, 0.25, 0.5]  # no edge of both in the same pixels
+    vertices = np.concatenate([TRIANGLE, hidden])
     colors = np.repeat([[250, 0, 0], [0, 0, 250]], 3, axis=0)
     faces = np.array([[0, 1, 2], [3, 4, 5]])[order]
     picture = render(vertices, faces, front(TRIANGLE), colors=colors, supersample=1)
