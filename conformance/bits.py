@@ -1,6 +1,7 @@
 """Bits of a stream, one by one: "Bits", "Integers" and "Mixed bits" of docs/format.md."""
 
 from collections import defaultdict
+from dataclasses import dataclass
 
 HALF, WORD = 2**32, 2**64
 NO_CONTEXT = None
@@ -144,17 +145,34 @@ def mean_class(past, most):
     return min(most, 2 * (e - 2) + above // 2 ** (e - 1) % 2)
 
 
-def padded(data, n_numbers):
-    """Data of numbers, of which there are at most 256 for each byte; padding is refused else."""
-    least = -(-n_numbers // 256)
-    need(len(data) >= least, "there are too few bytes")
-    need(len(data) == least or data[-1], "a zero byte is at the end")
+class TooLargeError(Exception):
+    """Decoding would take more memory than the reader may."""
+
+
+@dataclass(frozen=True)
+class Memory:
+    """Bytes that decoding may take at once."""
+
+    size: float = 2**30
+
+    def need(self, size, what):
+        """Refuse what takes more bytes than allowed."""
+        if size > self.size:
+            raise TooLargeError(
+                f"{what}: {size:.3g} bytes of memory are needed, {self.size:.3g} are allowed; give "
+                "`read` a larger Memory"
+            )
+
+
+def stripped(data):
+    """Data of a bit stream, which has no zero byte at its end."""
+    need(not data or data[-1], "a zero byte is at the end")
     return data
 
 
 def integers(data, lengths, tables=None):
     """Rows of integers: `integers(n1, n2, ...)` of the page."""
-    stream = BitStream(padded(data, sum(lengths)))
+    stream = BitStream(stripped(data))
     bits, rows = NamedBits(stream), []
     for table, length in zip(tables or range(len(lengths)), lengths, strict=True):
         past, before, row = 0, 0, []

@@ -143,8 +143,10 @@ def tracks_of(opened):
         blocks, values = [], []
         for block in range(len(opened.stream.places)):
             is_exact = header.is_exact
-            shape = items.n_counted, header.n_coded
-            stored = stored_track_block(opened.stream, block, number, shape, is_exact=is_exact)
+            shape = items.most_items, header.n_coded
+            stored = stored_track_block(
+                opened.stream, block, number, shape, header.dtype.itemsize, is_exact=is_exact
+            )
             found_block = {"frames": stored.n_frames, "modes": 0}
             if not is_exact:
                 found_block = reel_block(items.graph, stored, header.n_coded)

@@ -24,7 +24,6 @@ NAMES = {
     24: "VALUES",
     25: "MISSING",
     26: "ANCHOR_RESIDUALS",
-    128: "PADDING",
     129: "PROMISE",
     130: "INDEX",
     131: "POLYGONS",
@@ -177,7 +176,7 @@ def read_container(data):
                 index = start, section
             else:
                 need(section == (b"" if index[0] is None else struct.pack("<Q", index[0])))
-        elif name != "PADDING":
+        else:
             need(not container.blocks, "a section stands behind the blocks")
             container.leading.append((name, section))
     check_blocks(container, index[1], begins, end)

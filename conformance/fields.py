@@ -2,7 +2,7 @@
 
 from collections import defaultdict
 
-from conformance.bits import BitStream, Model, clip, padded
+from conformance.bits import BitStream, Model, clip, stripped
 
 
 def log(number):
@@ -168,7 +168,7 @@ class FieldReader:
 def read_fields(data, n_rows, passes):
     """Rows of integers by column: `fields(K, N)` of the page; passes as of `FieldReader`."""
     n_columns = sum(map(len, passes))
-    reader = FieldReader(padded(data, n_rows * n_columns), passes)
+    reader = FieldReader(stripped(data), passes)
     rows = [reader.read_row(row) for row in range(n_rows)]
     reader.stream.end()
     return [[values[i] for i in range(n_columns)] for values in rows]

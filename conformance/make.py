@@ -307,7 +307,7 @@ def no_index():
     """Blocks that no index lists, and a section that readers may skip."""
     data = meshreel.encode(moving(grid(5, 5), 6), block_frames=3, order="drop")
     (position,) = np.frombuffer(data[-12:-4], "<u8").tolist()
-    unknown = bytearray(write_section(Section.PADDING, b"unknown"))
+    unknown = bytearray(write_section(Section.IMAGE, b"unknown"))
     unknown[0] = 0xC0
     checked = bytes(unknown[:-4])
     unknown[-4:] = zlib.crc32(checked).to_bytes(4, "little")
@@ -384,7 +384,7 @@ def lively():
 
 @stream
 def nothing_moves():
-    """Integers that are all 0, and padding up to what their number asks for."""
+    """Integers that are all 0, which take no bytes."""
     layout = Layout(np.float32(0.5), 5, 1)
     return by_hand(grid(20, 20), 400, [(layout, np.zeros((2, 3, 5)), np.zeros((2, 400)), None)])
 
@@ -477,7 +477,7 @@ def tracks_of_polygons():
 
 @stream
 def still_track():
-    """A track of zeros in few bytes, padded up to what its numbers ask for."""
+    """A track of many zeros, which take no bytes."""
     rng, faces = np.random.default_rng(11), grid(12, 12)
     wide = TrackHeader("wide", "", "other", Domain.VERTEX, np.dtype(np.float32), 1.0, (0.5,) * 64)
     nothing = Layout(np.float32(0.5), 5, 1), np.zeros((1, 64, 6)), np.zeros((1, 144)), None

@@ -2,7 +2,7 @@
 
 import struct
 
-from conformance.bits import BitStream, NamedBits, mean_class, padded, sign_class
+from conformance.bits import BitStream, NamedBits, mean_class, sign_class, stripped
 from conformance.rounding import single
 
 LARGEST = {"f": (2 - 2**-23) * 2.0**127, "d": (2 - 2**-52) * 2.0**1023}
@@ -94,7 +94,7 @@ def read_patterns(data, width, kind, expected):
         In the order in which rows are coded: the number of each, and a list of the rows that it is
         expected from: triples, a single one in a tuple, or nothing.
     """
-    stream = BitStream(padded(data, width * len(expected)))
+    stream = BitStream(stripped(data))
     bits, numbers = NamedBits(stream), Numbers(kind)
     rows, recent, again = {}, [], [0, 0]
     past, signs = [0] * width, [0] * width

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from conformance import paper, predicted
-from conformance.bits import need
+from conformance.bits import Memory, need
 from conformance.connectivity import read_faces
 from conformance.container import Container, Payload, read_container
 from conformance.description import describe
@@ -31,6 +31,8 @@ from conformance.timeline import (
     passes_by_times,
     read_corrections,
 )
+
+DEFAULT_MEMORY = Memory()
 
 
 @dataclass
@@ -109,16 +111,26 @@ class Items:
         return self.found[size]
 
 
-def read(data):
+def read(data, memory=DEFAULT_MEMORY):
     """A stream, decoded.
+
+    Parameters
+    ----------
+    data : bytes
+    memory : Memory
+        What the mesh, each block, a table of an attribute and all positions or values of a track
+        may take; what is announced is compared with it before it is decoded.
 
     Raises
     ------
     DamagedError
         If a rule of the page is broken; other errors may be raised, too.
+    TooLargeError
+        If more memory is needed than allowed.
     """
     container = read_container(data)
     header = container.header
+    need_memory(container, memory)
     internal = read_faces(container.only("CONNECTIVITY"), header.n_verts, header.n_faces)
     order, faces = list(range(header.n_verts)), internal
     if header.order < 2:
@@ -127,7 +139,7 @@ def read(data):
     blocks, anchors, shape, positions, tracks = [], [], None, None, []
     if header.method in ("reel", "lossless", "grid"):
         mesh = Items(internal, header.n_verts, order, {})
-        (_, blocks, positions), *tracks = read_reel_tracks(container, mesh, polygons)
+        (_, blocks, positions), *tracks = read_reel_tracks(container, mesh, polygons, memory)
     else:
         isolated = [v for v, near in edges_of(internal, header.n_verts).items() if not near]
         if header.method != "v2v":
@@ -144,7 +156,7 @@ def read(data):
         faces=faces,
         order=order,
         blocks=blocks,
-        surface=read_surface(container, polygons),
+        surface=read_surface(container, polygons, memory),
         anchors=anchors,
         shape=shape,
         start=number_of(container, "START"),
@@ -152,6 +164,20 @@ def read(data):
         positions=positions,
         tracks=tracks,
     )
+
+
+def need_memory(container, memory):
+    """Refuse a mesh, a block or positions that take too much."""
+    header = container.header
+    n, m = header.n_verts, header.n_faces
+    memory.need(512 * n + 128 * m, "the mesh")
+    n_all = 0
+    for block, *_ in container.blocks:
+        head = Payload(block["BLOCK"])
+        n_frames, n_modes = head.varint(), head.varint()
+        n_all += n_frames
+        memory.need(24 * n_modes * (n + 3 * n_frames), "the modes of a block")
+    memory.need(24 * n * n_all, "positions")
 
 
 def number_of(container, section):
@@ -220,7 +246,7 @@ def of_unit_length(normals):
     return normals
 
 
-def read_reel_tracks(container, mesh, polygons):
+def read_reel_tracks(container, mesh, polygons, memory):
     """Of positions and each further track: what it is, integers of its blocks, its values.
 
     Parameters
@@ -241,7 +267,10 @@ def read_reel_tracks(container, mesh, polygons):
         blocks, values, rows = [], None, said.pop("rows", None)
         items = all_items[said["domain"]] if rows is None else of_rows(rows, mesh, all_items)
         coding = said.get("coding", 0)
+        n_values = max(items.n, len(items.corners or ())) * len(place.origin)
+        memory.need(8 * n_values * sum(lengths), "a track")
         for block, n_frames in zip(container.blocks, lengths, strict=True):
+            need_modes(block[number], n_values, len(place.origin) * n_frames, memory)
             read = read_exact_block if predicted.is_exact(coding) else read_reel_block
             if said is positions and header.method == "grid":
                 read = read_grid_block
@@ -264,6 +293,20 @@ def read_reel_tracks(container, mesh, polygons):
             values = found if values is None else values + found
         tracks.append((said | {"domain": min(said["domain"], CORNERS)}, blocks, values))
     return tracks
+
+
+def need_modes(group, n_values, n_times, memory):
+    """Refuse modes and corrections of a block that take too much."""
+    if "FIELDS" in group:
+        head = Payload(group["BLOCK" if "BLOCK" in group else "TRACK_BLOCK"])
+        if "BLOCK" in group:
+            head.varint()
+        memory.need(8 * head.varint() * (n_values + n_times), "the modes of a block")
+    if "CORRECTIONS" in group:
+        head = Payload(group["CORRECTIONS"])
+        head.number("f")
+        head.varint()
+        memory.need(8 * head.varint() * 6, "corrections")
 
 
 def of_rows(payload, mesh, all_items):

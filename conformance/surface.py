@@ -136,7 +136,7 @@ def divisor(form):
     return 10.0**form if form < 10 else {10: 255.0, 11: 65535.0}.get(form) or 2.0 ** (form - 64)
 
 
-def read_attribute(payload, polygons, n_verts):
+def read_attribute(payload, polygons, n_verts, memory):
     payload = Payload(payload)
     kind, domain = KINDS[payload.byte()], DOMAINS[payload.byte()]
     number_type, width = "Bifd"[payload.byte()], payload.byte()
@@ -146,6 +146,7 @@ def read_attribute(payload, polygons, n_verts):
     vertices = polygons.vertices_of_corners()
     n_items = {"vertex": n_verts, "face": len(polygons.sizes), "corner": len(vertices)}[domain]
     need(1 <= width <= 16 and layout in (EACH, INDEXED, SHARED))
+    memory.need(n_rows * (32 + 8 * width), "a table")
     rows = list(range(n_items))
     if layout == EACH:
         need(n_rows == n_items and not references)
@@ -303,13 +304,13 @@ class CornerRows:
         return [(self.of_corners[one], self.of_corners[other]) for one, other in pairs]
 
 
-def read_surface(container, polygons):
+def read_surface(container, polygons, memory):
     """All that is said of the faces and vertices as they go out."""
     n_verts = container.header.n_verts
     return {
         "polygons": None if polygons.is_plain else polygons.sizes,
         "attributes": [
-            read_attribute(one, polygons, n_verts) for one in container.all_of("ATTRIBUTE")
+            read_attribute(one, polygons, n_verts, memory) for one in container.all_of("ATTRIBUTE")
         ],
         "groups": [read_groups(one, len(polygons.sizes)) for one in container.all_of("GROUPS")],
         "parts": [part for one in container.all_of("PARTS") for part in read_parts(one)],

@@ -9,7 +9,7 @@
 #define MOST_BLOCKS 4
 
 enum { CONNECTIVITY = 1, ORDER = 2, BLOCK = 16, BASIS = 17, COEFFICIENTS = 19, FIELDS = 21 };
-enum { CORRECTIONS = 22, TRACK_BLOCK = 23, VALUES = 24, PADDING = 128, INDEX = 130, START = 135 };
+enum { CORRECTIONS = 22, TRACK_BLOCK = 23, VALUES = 24, UNKNOWN = 192, INDEX = 130, START = 135 };
 enum { TRACK = 138, REEL = 7, GRID = 9 };
 
 /* A stream that is written. */
@@ -65,11 +65,11 @@ static void end_section(stream *s, int64_t id, size_t payload) {
     put_checksum(s, payload);
 }
 
-/* Bytes that are enough for so many integers: some of them at random, zeros behind them. */
-static void put_filled(stream *s, int64_t count) {
-    int64_t least = (count + 255) / 256, random = fuzz_below(12);
-    for (int64_t i = 0; i < random || i < least; i++) {
-        put_byte(s, i < random ? (int64_t)fuzz_next() : 0);
+/* Some bytes at random; the last is rarely 0. */
+static void put_bits(stream *s) {
+    int64_t random = fuzz_below(12);
+    for (int64_t i = 0; i < random; i++) {
+        put_byte(s, i < random - 1 || fuzz_once_in(9) ? (int64_t)fuzz_next() : 1);
     }
 }
 
@@ -110,19 +110,19 @@ static void put_leading(stream *s) {
     if (s->order < 2) {
         if (fuzz_once_in(2)) {
             put_byte(s, 1 + fuzz_below(2));
-            put_filled(s, 1 + mesh->n_verts + mesh->n_faces);
+            put_bits(s);
             s->size -= s->bytes[s->size - 1] ? 0 : 1; /* zeros at the end are left out */
         }
         end_section(s, ORDER, payload);
     }
     for (int i = 1; i < s->n_tracks; i++) {
         payload = s->size;
-        put_filled(s, 9);
+        put_bits(s);
         end_section(s, TRACK, payload);
     }
     payload = s->size;
     put_double(s, fuzz_float());
-    end_section(s, fuzz_once_in(8) ? START : PADDING, payload);
+    end_section(s, fuzz_once_in(8) ? START : UNKNOWN, payload);
 }
 
 static void put_corrections(stream *s, int64_t n_frames) {
@@ -131,7 +131,7 @@ static void put_corrections(stream *s, int64_t n_frames) {
     put(s, &(float){0.25F}, sizeof(float));
     put_varint(s, (uint64_t)n);
     put_varint(s, (uint64_t)(n + more));
-    put_filled(s, 2 * n + 4 * (n + more));
+    put_bits(s);
     end_section(s, CORRECTIONS, payload);
 }
 
@@ -144,13 +144,13 @@ static void put_fields(stream *s, int64_t number, int64_t n_frames, int64_t n_mo
     put_varint(s, (uint64_t)fuzz_below(9));
     end_section(s, FIELDS, payload);
     payload = s->size;
-    put_filled(s, 3 * n_frames * n_modes);
+    put_bits(s);
     end_section(s, BASIS, payload);
     if (fuzz_once_in(3)) {
         put_corrections(s, n_frames);
     }
     payload = s->size;
-    put_filled(s, s->mesh.n_verts * n_modes);
+    put_bits(s);
     end_section(s, COEFFICIENTS, payload);
 }
 
@@ -169,7 +169,7 @@ static void put_block(stream *s, int64_t number, int64_t n_frames) {
         if (s->method == GRID) {
             put_double(s, fuzz_once_in(4) ? 0.0 : 0x1p-20);
         }
-        put_filled(s, fuzz_below(4000));
+        put_bits(s);
         end_section(s, VALUES, payload);
     }
     s->groups[number] = s->size - s->begins[number];

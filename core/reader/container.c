@@ -6,7 +6,6 @@
 #define MOST_NAME 4096
 #define VERSION 3
 #define END_BYTES 14
-#define PER_BYTE 256 /* positions, and faces, that a stream holds for each byte */
 #define LAST_METHOD REEL_METHOD_GRID
 #define LARGEST 0x1.fffffffffffffp1023
 
@@ -36,7 +35,7 @@ static int check_numbers(const reel_outline *outline, uint32_t laplacian) {
     for (int axis = 1; axis < 4; axis++) {
         is_sound &= is_finite(outline->placement[axis]);
     }
-    if (!is_sound || outline->n_faces > PER_BYTE * outline->source->size) {
+    if (!is_sound) {
         return MESHREEL_CORRUPT;
     }
     if (outline->n_verts > REEL_MOST_VERTS || outline->n_faces > REEL_MOST_VERTS ||
@@ -314,7 +313,7 @@ int reel_find_parts(const meshreel_source *source, reel_outline *outline, reel_v
     if (failed) {
         return failed;
     }
-    uint64_t most = PER_BYTE * source->size / outline->n_verts;
+    uint64_t most = REEL_MOST_NUMBERS / outline->n_verts;
     outline->most_frames = most < REEL_MOST_FRAMES ? most : REEL_MOST_FRAMES;
     failed = find_index(outline, &first);
     failed = failed ? failed : read_leading(outline, first);

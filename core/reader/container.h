@@ -32,7 +32,7 @@ typedef struct {
     uint64_t index_at;   /* the byte at which the section INDEX begins */
     reel_stretch index;
     uint64_t n_blocks, n_frames;
-    uint64_t most_frames; /* that a stream of its size can hold */
+    uint64_t most_frames; /* that this build reads */
 } reel_outline;
 
 /* Is told of each block; returns a code, and anything but MESHREEL_OK ends the walk. */

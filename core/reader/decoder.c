@@ -142,6 +142,9 @@ static int decode_rows(const meshreel_file *file, reel_stretch coded, int64_t n_
     if (failed || !memory) {
         return failed ? failed : MESHREEL_NO_MEMORY;
     }
+    if (!reel_ends(bytes, coded.length)) {
+        return MESHREEL_CORRUPT;
+    }
     return reel_code_of(reel_fields_decode(memory, needed, bytes, (size_t)coded.length, n_rows,
                                            n_rows, order->n_columns, order->columns,
                                            order->pass_starts, order->n_passes, order->near_starts,

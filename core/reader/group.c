@@ -121,9 +121,9 @@ static int read_layout(const meshreel_source *source, reel_stretch left, reel_gr
     return is_sound ? MESHREEL_OK : MESHREEL_CORRUPT;
 }
 
-/* Whether bytes that are filled with zeros are enough for so many integers. */
-static bool are_enough(const reel_stretch *filled, uint64_t count) {
-    return filled->at && count <= REEL_NUMBERS_PER_BYTE * filled->length;
+/* Whether a payload is there, and its integers are few enough for their sizes not to overflow. */
+static bool is_usable(const reel_stretch *coded, uint64_t count) {
+    return coded->at && count <= REEL_MOST_NUMBERS;
 }
 
 static int read_moves(const reel_outline *outline, reel_stretch left, reel_group *group) {
@@ -140,7 +140,7 @@ static int read_moves(const reel_outline *outline, reel_stretch left, reel_group
                     group->n_moves <= group->n_frames * n_verts && group->moved_by > 0.0F &&
                     group->moved_by < MOST_STEP;
     group->moves = left;
-    bool has_all = is_sound && are_enough(&left, 2 * group->n_moved + 4 * group->n_moves);
+    bool has_all = is_sound && is_usable(&left, 2 * group->n_moved + 4 * group->n_moves);
     return has_all ? MESHREEL_OK : MESHREEL_CORRUPT;
 }
 
@@ -174,8 +174,8 @@ int reel_read_group(const reel_outline *outline, const reel_place *place, bool i
     failed = failed ? failed : read_moves(outline, *payload(&all, REEL_CORRECTIONS), group);
     group->basis = *payload(&all, REEL_BASIS);
     group->coefficients = *payload(&all, REEL_COEFFICIENTS);
-    bool has_all = are_enough(&group->basis, 3 * group->n_frames * group->n_modes) &&
-                   are_enough(&group->coefficients,
+    bool has_all = is_usable(&group->basis, 3 * group->n_frames * group->n_modes) &&
+                   is_usable(&group->coefficients,
                               outline->n_verts * (group->n_modes - group->n_reused));
     return failed ? failed : has_all ? MESHREEL_OK : MESHREEL_CORRUPT;
 }

@@ -7,7 +7,9 @@
    Nothing is allocated, and nothing has to be closed: whoever calls gives memory, of a size that
    `meshreel_inspect` states, keeps it as long as the file or the decoder is in use, and gives it
    back in its own way. Bytes may be hostile: no byte sequence makes a function crash, hang or step
-   outside the memory that it was given. What it takes is stated before anything is decoded.
+   outside the memory that it was given. What it takes is stated before anything is decoded; a few
+   bytes may state any amount, so compare it with what you want to spend before you get the memory:
+   that is the limit on what a file may take. One block is decoded at once, never the whole file.
 
    Functions return MESHREEL_OK, or another `meshreel_code`; then whatever they should have filled
    holds anything, and the file or the decoder is as good as before.
@@ -67,8 +69,8 @@ typedef struct meshreel_source {
 
 /* What is known of a file before it is opened. */
 typedef struct meshreel_info {
-    uint64_t file_bytes;    /* memory that `meshreel_open` needs */
-    uint64_t decoder_bytes; /* memory that each decoder needs */
+    uint64_t file_bytes;    /* memory that `meshreel_open` needs; may be any amount: compare it */
+    uint64_t decoder_bytes; /* memory that each decoder needs; likewise */
     double fps;             /* frames per second; 0: not known */
     double start_s;         /* time of the first frame, in seconds */
     double promise_percent; /* no vertex is displaced by more, in percent of `diagonal`; 0: no promise */

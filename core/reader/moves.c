@@ -46,8 +46,7 @@ static int read_rows(const reel_outline *outline, const reel_group *group, reel_
     if (failed) {
         return failed;
     }
-    uint64_t least = ((uint64_t)count + REEL_NUMBERS_PER_BYTE - 1) / REEL_NUMBERS_PER_BYTE;
-    if (size > least && !bytes[size - 1]) {
+    if (!reel_ends(bytes, size)) {
         return MESHREEL_CORRUPT;
     }
     *found = (rows){n, all, values, values + n, values + 2 * n, {NULL}};

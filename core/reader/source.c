@@ -74,6 +74,8 @@ int reel_check(const meshreel_source *source, uint64_t at, uint64_t length) {
     return said == ~sum ? MESHREEL_OK : MESHREEL_CORRUPT;
 }
 
+bool reel_ends(const uint8_t *bytes, uint64_t length) { return !length || bytes[length - 1]; }
+
 int reel_varint(const meshreel_source *source, uint64_t *at, uint64_t end, uint64_t *value) {
     uint8_t bytes[MOST_VARINT];
     size_t size = *at < end && end - *at < MOST_VARINT ? (size_t)(end - *at) : MOST_VARINT;
@@ -110,7 +112,7 @@ int reel_section_at(const meshreel_source *source, uint64_t at, uint64_t limit,
 
 bool reel_is_known(uint32_t id) {
     uint32_t last = id & REEL_OPTIONAL ? REEL_TRACK : REEL_ANCHOR_RESIDUALS;
-    bool is_gap = id > REEL_SHAPE && id < REEL_BLOCK;
+    bool is_gap = (id > REEL_SHAPE && id < REEL_BLOCK) || id == REEL_OPTIONAL;
     return id <= last && !is_gap;
 }
 

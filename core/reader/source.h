@@ -7,7 +7,7 @@
 #include "meshreel.h"
 
 #define REEL_MOST_BYTES ((uint64_t)1 << 40) /* of a stream; so that no product of sizes overflows */
-#define REEL_NUMBERS_PER_BYTE 256           /* at most, of what is filled with zeros */
+#define REEL_MOST_NUMBERS ((uint64_t)1 << 48) /* of a block, for the same reason */
 #define REEL_OPTIONAL 0x80U
 
 enum reel_section_id {
@@ -56,6 +56,9 @@ size_t reel_view_room(const meshreel_source *source, uint64_t length);
 
 /* CRC-32 of bytes of a stream, and whether it stands behind them. */
 int reel_check(const meshreel_source *source, uint64_t at, uint64_t length);
+
+/* Whether bits end as they should: nothing, or a byte that is not 0. */
+bool reel_ends(const uint8_t *bytes, uint64_t length);
 
 /* An integer of variable length before byte `end`; `at` is moved behind it. */
 int reel_varint(const meshreel_source *source, uint64_t *at, uint64_t end, uint64_t *value);

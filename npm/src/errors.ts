@@ -25,6 +25,11 @@ export class UnsupportedVersionError extends MeshReelError {
   override name = "UnsupportedVersionError";
 }
 
+/** A stream whose decoding would take more memory than the reader may. */
+export class MemoryLimitError extends MeshReelError {
+  override name = "MemoryLimitError";
+}
+
 /** Bytes that a server or a file did not give, or that are of another file than before. */
 export class SourceError extends MeshReelError {
   override name = "SourceError";

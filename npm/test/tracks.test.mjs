@@ -17,7 +17,6 @@ import {
   withExactTrack,
   withMissingValues,
   withTrack,
-  withoutPadding,
 } from "./support/track_streams.mjs";
 
 const {
@@ -392,14 +391,19 @@ test("columns of an exact track as fields are at most four, and all are there", 
   });
 });
 
-test("a track of more numbers than its bytes can hold is refused", async () => {
-  await withReel(withoutPadding("still_track"), async (reel) => {
-    await assert.rejects(reel.track("wide").frame(0), {
-      name: "CorruptStreamError",
-      message: /track 1 announces 55296 numbers in \d+ bytes; at most 768 a byte are allowed/,
-    });
-    assert.equal(sha(...(await valuesOf(reel, reel))), said("still_track")["hash of positions"]);
-  });
+test("a track is refused where a block of it takes more memory than allowed", async () => {
+  const open = { worker: false, memory: 200_000 };
+  await withReel(
+    bytesOf("still_track"),
+    async (reel) => {
+      await assert.rejects(reel.track("wide").frame(0), {
+        name: "MemoryLimitError",
+        message: /^block 0 of 6 frames takes 225408 bytes of memory; 200000 are allowed: open it with more `memory`$/,
+      });
+      assert.equal(sha(...(await valuesOf(reel, reel))), said("still_track")["hash of positions"]);
+    },
+    open,
+  );
 });
 
 /** Random numbers of 0..1, the same each time. */

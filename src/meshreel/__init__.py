@@ -20,7 +20,7 @@ simulate_flag     a sequence to try things on
 paper             the paper's seven methods for experiments: their streams as arrays, their steps
 MeshReelError     the base of all errors: InvalidInputError, FormatError, CorruptStreamError,
                   TruncatedStreamError, UnsupportedVersionError, SolverError, StoreError,
-                  WorkerDiedError
+                  MemoryLimitError, WorkerDiedError
 """
 
 from importlib import import_module
@@ -36,6 +36,7 @@ if TYPE_CHECKING:
         CorruptStreamError,
         FormatError,
         InvalidInputError,
+        MemoryLimitError,
         MeshReelError,
         SolverError,
         StoreError,
@@ -67,6 +68,7 @@ __all__ = [
     "InvalidInputError",
     "Kind",
     "Material",
+    "MemoryLimitError",
     "MeshReelError",
     "MeshSequence",
     "Part",

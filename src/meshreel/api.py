@@ -65,6 +65,7 @@ def decode(
     *,
     frames: slice | None = None,
     n_modes: int | None = None,
+    memory: float | str | None = None,
     progress: Progress = silent,
 ) -> MeshSequence:
     """The sequence that a `.reel` stream holds.
@@ -80,6 +81,11 @@ def decode(
     n_modes : int, optional
         Stop after so many modes of each block: a coarser animation, sooner. Default: all. Streams
         of `reel` only; corrections are left out then. Of a `ReelFile`, `meshreel.open` takes it.
+    memory : float or str, optional
+        The most that frames and tracks together, the mesh, or a block may take while they are
+        decoded, as in "2GiB", or bytes: a small file may hold a long animation in which little
+        changes, or be made to exhaust memory. Default: 8 GiB. Of a `ReelFile`, `meshreel.open`
+        takes it.
     progress : callable, optional
         Called with the stage and the share done, 0..1.
 
@@ -90,18 +96,23 @@ def decode(
         not for this stream.
     CorruptStreamError, TruncatedStreamError, UnsupportedVersionError
         If it is not a whole stream that this build reads; the error names the file.
+    MemoryLimitError
+        If more memory would be needed; nothing was allocated for it.
     """
     if isinstance(data, ReelFile):
-        if n_modes is not None:
-            raise InvalidInputError("n_modes of a ReelFile is chosen by meshreel.open")
+        for name, value in (("n_modes", n_modes), ("memory", memory)):
+            if value is not None:
+                raise InvalidInputError(f"{name} of a ReelFile is chosen by meshreel.open")
         return _of_reel(data, frames)
     if frames is not None and is_remote(data):
-        with open_reel(data, n_modes=n_modes) as reel:
+        with open_reel(data, n_modes=n_modes, memory=memory) as reel:
             return _of_reel(reel, frames)
     return _with_stream(
         data,
         "decode",
-        lambda stream: decoder.decode(stream, frames=frames, n_modes=n_modes, progress=progress),
+        lambda stream: decoder.decode(
+            stream, frames=frames, n_modes=n_modes, memory=memory, progress=progress
+        ),
     )
 
 
@@ -233,6 +244,7 @@ def _is_path(given: Any) -> bool:
 
 def _of_reel(reel: ReelFile, frames: slice | None) -> MeshSequence:
     wanted = reel.frame_range(frames)
+    reel.require_frames(wanted)
     return MeshSequence(
         reel.read(wanted.start, wanted.stop),
         reel.faces,

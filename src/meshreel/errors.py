@@ -25,6 +25,10 @@ class UnsupportedVersionError(MeshReelError):
     """A `.reel` stream that needs a newer version of meshreel."""
 
 
+class MemoryLimitError(MeshReelError):
+    """A `.reel` stream whose decoding would take more memory than its reader may."""
+
+
 class SolverError(MeshReelError):
     """A reconstruction system that has no unique solution."""
 

@@ -23,6 +23,9 @@ from samples.streams import parts_of, raw_stream
 
 ROOT = Path(__file__).parents[2]
 
+MEMORY = "20MB"
+"""What a stream may take: hostile ones announce any size, and decoding takes as long as that."""
+
 STREAMS = {
     "grid": encode(waving_grid(4, 4, 5), "pca-qp"),
     "irregular": encode(irregular_sequence(3), "pca-qp", n_modes=2),
@@ -80,7 +83,7 @@ def test_hostile_payloads_give_our_error_or_a_mesh_when_checksums_are_made_to_fi
         _mutate(parts[rng.integers(len(parts))][1], rng)
         data = raw_stream(stream.header, [(section, bytes(part)) for section, part in parts])
         try:
-            decoded = decode(data)
+            decoded = decode(data, memory=MEMORY)
         except MeshReelError:
             continue
         assert decoded.n_verts == stream.header.n_verts
@@ -95,7 +98,7 @@ def test_hostile_headers_give_our_error_or_a_mesh_when_checksums_are_made_to_fit
         _mutate(header, rng, keep_length=True)
         data = bytes(header) + struct.pack("<I", zlib.crc32(header)) + STREAMS[name][size:]
         try:
-            decode(data)
+            decode(data, memory=MEMORY)
         except MeshReelError:
             continue
 
@@ -226,7 +229,7 @@ def test_damaged_corrections_give_our_error_or_a_mesh_when_checksums_are_made_to
         changed = (Section.CORRECTIONS, bytes(payload))
         data = raw_stream(stream.header, [changed if part is first else part for part in parts])
         try:
-            decoded = decode(data)
+            decoded = decode(data, memory=MEMORY)
         except MeshReelError:
             n_refused += 1
             continue
@@ -265,7 +268,7 @@ def test_damaged_materials_give_our_error_or_a_mesh_when_checksums_are_made_to_f
         changed = (Section.MATERIAL, bytes(payload))
         data = raw_stream(stream.header, [changed if part is first else part for part in parts])
         try:
-            decoded = decode(data)
+            decoded = decode(data, memory=MEMORY)
         except MeshReelError:
             n_refused += 1
             continue

@@ -9,6 +9,7 @@ import { DecodedBlock } from "./decoded_block.js";
 import { FieldValues } from "./field_values.js";
 import { decodeFields } from "./fields.js";
 import type { Items } from "./items.js";
+import { DEFAULT_MEMORY, requireBlock } from "./memory.js";
 import { decodeBasis } from "./times.js";
 
 const FIELDS_BYTES = 48;
@@ -26,10 +27,12 @@ export class BlockDecoder {
   /**
    * @param items - That the values lie on; they are not closed with the decoder.
    * @param nColumns - Numbers of a value.
+   * @param memory - Bytes that decoding may take at once.
    */
   constructor(
     private readonly items: Items,
     private readonly nColumns: number,
+    private readonly memory = DEFAULT_MEMORY,
   ) {}
 
   /**
@@ -54,8 +57,10 @@ export class BlockDecoder {
    * @param stored - As `readBlock` gives it.
    * @param keyBlock - The key block as it is stored, where it is not the one that is kept.
    * @throws CorruptStreamError where one of both is damaged.
+   * @throws MemoryLimitError where one of both is larger than allowed.
    */
   decode(stored: StoredBlock, keyBlock: (number: number) => StoredBlock): DecodedBlock {
+    requireBlock(this.memory, stored, [this.items.graph.nVerts, this.nColumns], 0);
     const key = stored.layout.reference ? this.keyOf(stored, keyBlock) : null;
     const { items, nColumns } = this;
     const { core, graph } = items;
@@ -76,7 +81,7 @@ export class BlockDecoder {
     });
     const moved = stored.sections.get(Section.CORRECTIONS);
     const corrections = moved
-      ? readCorrections(core, moved, nColumns, nFrames, inverse(graph.sequence))
+      ? readCorrections(core, moved, nColumns, nFrames, inverse(graph.sequence), this.memory)
       : noCorrections(nFrames);
     const values = this.decodeValues(stored, key);
     if (!key) this.keep(number, values.hold());
@@ -99,6 +104,7 @@ export class BlockDecoder {
         throw new CorruptStreamError(`block ${number} refers to one before the first`);
       }
       const found = keyBlock(wanted);
+      requireBlock(this.memory, found, [this.items.graph.nVerts, this.nColumns], 0);
       if (found.layout.reference) {
         throw new CorruptStreamError(
           `block ${number} refers to block ${wanted}, which refers to another itself`,

@@ -5,6 +5,10 @@ import { CorruptStreamError } from "../errors.js";
 import { isStep } from "../stream/block_sections.js";
 import { ByteReader } from "../stream/byte_reader.js";
 import { decodeIntegers } from "./integers.js";
+import { DEFAULT_MEMORY, requireMemory } from "./memory.js";
+
+/** Of a correction: its vertex, frame and offsets. */
+const BYTES_OF_NUMBER = 8;
 
 /** Corrections of a block, frame after frame, vertices ascending in each. */
 export interface Corrections {
@@ -26,6 +30,8 @@ export function noCorrections(nFrames: number): Corrections {
  * Corrections from the payload of their section.
  *
  * @param places - Number of each internal vertex as it goes out.
+ * @param memory - Bytes that decoding may take at once.
+ * @throws MemoryLimitError where there are more than allowed.
  * @throws CorruptStreamError where a vertex or frame is out of range, or the numbers do not fit
  * each other.
  */
@@ -35,6 +41,7 @@ export function readCorrections(
   nColumns: number,
   nFrames: number,
   places: Int32Array,
+  memory = DEFAULT_MEMORY,
 ): Corrections {
   const reader = new ByteReader(payload);
   const step = reader.float32("the corrections are cut off");
@@ -47,6 +54,7 @@ export function readCorrections(
         `${nVerts}`,
     );
   }
+  requireMemory(memory, BYTES_OF_NUMBER * count * (nColumns + 3), `${count} corrections`);
   const columns = Array.from({ length: nColumns }, () => count);
   const lengths = [nCorrected, nCorrected, count, ...columns];
   const tables = [0, 1, 2, ...columns.map(() => 3)];

@@ -2,8 +2,7 @@
 
 import type { Core } from "../core/core.js";
 import type { Scope } from "../core/heap.js";
-import { CorruptStreamError } from "../errors.js";
-import { MAX_NUMBERS_PER_BYTE } from "../stream/layout.js";
+import { requireEnd } from "./integers.js";
 
 /** In which order the columns of a row are coded; addresses of arrays as core/reel.h has them. */
 export interface CodingOrder {
@@ -19,8 +18,10 @@ export interface CodingOrder {
 /**
  * The address of integers of shape (rows, columns), in the scope; docs/format.md, "Fields".
  *
- * @param order - Is asked for once the bytes are known to be enough.
- * @throws CorruptStreamError where the bytes are too few for so many integers, or left over.
+ * The caller bounds both counts.
+ *
+ * @param order - Called once the bytes are known to end well.
+ * @throws CorruptStreamError where bytes are left over.
  */
 export function decodeFields(
   core: Core,
@@ -30,12 +31,7 @@ export function decodeFields(
   nColumns: number,
   order: () => CodingOrder,
 ): number {
-  if (data.length < Math.ceil((nRows * nColumns) / MAX_NUMBERS_PER_BYTE)) {
-    throw new CorruptStreamError(
-      `${data.length} bytes cannot hold ${nRows} x ${nColumns} integers; at most ` +
-        `${MAX_NUMBERS_PER_BYTE} integers a byte are allowed`,
-    );
-  }
+  requireEnd(data, "fields");
   const values = scope.take(4 * nRows * nColumns);
   const { columns, passStarts, nPasses, nearStarts, nNear, near } = order();
   core.during((inner) => {

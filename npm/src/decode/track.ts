@@ -11,6 +11,7 @@ import { ByteReader } from "../stream/byte_reader.js";
 import type { BlockPlace } from "../stream/index_section.js";
 import { Section } from "../stream/layout.js";
 import type { Placement } from "./frames.js";
+import { requireBlock } from "./memory.js";
 import { FLOATS, NUMBER_TYPES, type NumberType } from "./number_types.js";
 import { BACKWARD, TURN_COLUMNS, TURNS } from "./predicted.js";
 import {
@@ -34,9 +35,6 @@ const COLUMNS_OF: Partial<Record<(typeof KINDS)[number], readonly number[]>> = {
   uv: [2],
   scalar: [1],
 };
-
-/** The numbers of a track in a block are at most so many for each byte of its group. */
-const MAX_NUMBERS_PER_BYTE = 768;
 
 /** What a track is. */
 export interface Track {
@@ -135,7 +133,10 @@ export function readTrack(payload: Uint8Array): Track {
  * @param position - Byte of the stream at which the group begins.
  * @param track - Number of the track, from 1 on.
  * @param isExact - Whether it has values, and no modes.
- * @throws CorruptStreamError where it is damaged, or has more modes or numbers than can be.
+ * @param numberBytes - Size of a number of the track.
+ * @param memory - Bytes that decoding may take at once.
+ * @throws CorruptStreamError where it is damaged, or has more modes than can be.
+ * @throws MemoryLimitError where it is larger than allowed.
  */
 export function readTrackBlock(
   bytes: Uint8Array,
@@ -145,6 +146,8 @@ export function readTrackBlock(
   [number, start]: [number: number, start: number],
   [nItems, nColumns]: [nItems: number, nColumns: number],
   isExact: boolean,
+  numberBytes: number,
+  memory: number,
 ): StoredTrackBlock {
   const id = Section.TRACK_BLOCK;
   const ofTrack = ` of track ${track}`;
@@ -159,13 +162,9 @@ export function readTrackBlock(
         "are possible",
     );
   }
-  if (nNumbers * nItems > MAX_NUMBERS_PER_BYTE * sizes[track]) {
-    throw new CorruptStreamError(
-      `track ${track} announces ${nNumbers * nItems} numbers in ${sizes[track]} bytes; at most ` +
-        `${MAX_NUMBERS_PER_BYTE} a byte are allowed`,
-    );
-  }
-  return { number, start, nFrames, nModes, sections };
+  const stored = { number, start, nFrames, nModes, sections };
+  requireBlock(memory, stored, [nItems, nColumns], numberBytes);
+  return stored;
 }
 
 /** What `readTrackBlock` gave of a track with modes, with how these are predicted. */

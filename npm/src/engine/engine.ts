@@ -42,9 +42,9 @@ export class Engine {
     const isEarly = early?.end === places[0].position;
     if (!isEarly) early?.mesh.close();
     const mesh = isEarly ? early.mesh : new Items(core, decodeConnectivity(core, header, leading));
-    this.surface = readSurface(core, leading, mesh.graph.triangles, header.nVerts);
+    this.surface = readSurface(core, leading, mesh.graph.triangles, header.nVerts, stream.memory);
     this.info = { ...info, tracks: readTracks(stream, this.surface.faceSizes) };
-    const decoder = new BlockDecoder(mesh, POSITION_COLUMNS);
+    const decoder = new BlockDecoder(mesh, POSITION_COLUMNS, stream.memory);
     this.blocks = new KeptBlocks(starts, async (number, signal) =>
       decoder.prepare(await this.stored(number, signal), (key) => this.stored(key, signal)),
     );
@@ -61,12 +61,13 @@ export class Engine {
     size: number | null,
     hasRanges: boolean,
     signal: AbortSignal,
+    memory: number,
   ): Promise<Engine> {
     let early: EarlyMesh | null = null;
     const begin = async (beginning: Beginning): Promise<void> => {
       early = earlyMesh(await core, beginning);
     };
-    const stream = await openStream(read, size, hasRanges, signal, begin);
+    const stream = await openStream(read, size, hasRanges, signal, memory, begin);
     return new Engine(await core, read, stream, early);
   }
 

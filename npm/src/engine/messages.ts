@@ -15,7 +15,7 @@ export interface Failure {
  * number of a track. For frames and fields of positions without modes it is asked, too.
  */
 export interface Calls {
-  open: { size: number | null; hasRanges: boolean };
+  open: { size: number | null; hasRanges: boolean; memory: number };
   frame: { number: number };
   fields: { block: number };
   ofTracks: object;

@@ -1,17 +1,12 @@
 // A stream whose bytes are read as they are needed: first header and index, then what leads to the
 // first block.
 
+import { requireMesh } from "../decode/memory.js";
 import { CorruptStreamError } from "../errors.js";
 import { type Layout, readLayout } from "../stream/block_sections.js";
 import { type Header, readHeader } from "../stream/header.js";
 import { firstBlock, indexPayload, indexPosition, readIndex } from "../stream/index_section.js";
-import {
-  END_SIZE_BYTES,
-  LONGEST_HEADER,
-  MAX_POSITIONS_PER_BYTE,
-  Section,
-  isOfBlock,
-} from "../stream/layout.js";
+import { END_SIZE_BYTES, LONGEST_HEADER, Section, isOfBlock } from "../stream/layout.js";
 import {
   type StoredSection,
   readSection,
@@ -45,6 +40,7 @@ const TAIL_BYTES = 4096;
  *
  * @param size - Bytes of the file, null if that is not known.
  * @param hasRanges - Whether the end can be read before the rest.
+ * @param memory - Bytes that decoding may take at once.
  * @param begin - Called while the end is on its way, where enough is here and seems to be sound.
  * @throws CorruptStreamError, TruncatedStreamError, UnsupportedVersionError as `readStream`;
  * SourceError from reading.
@@ -54,22 +50,24 @@ export async function openStream(
   size: number | null,
   hasRanges: boolean,
   signal: AbortSignal,
+  memory: number,
   begin: (beginning: Beginning) => Promise<void>,
 ): Promise<Stream> {
   if (size !== null && hasRanges && size > HEAD_BYTES) {
     const head = await read(0, HEAD_BYTES, signal);
     const header = readHeader(head.subarray(0, LONGEST_HEADER));
+    requireMesh(memory, header);
     try {
       const tail = read(size - TAIL_BYTES, size, signal);
       tail.catch(() => {}); // it is awaited below
       const beginning = beginningOf(head, header, size);
       if (beginning) await begin(beginning);
-      return await openByIndex(read, head, header, size, await tail, signal);
+      return await openByIndex(read, head, header, size, await tail, signal, memory);
     } catch (error) {
       if (!(error instanceof CorruptStreamError)) throw error;
     }
   }
-  return readStream(await read(0, size ?? Number.MAX_SAFE_INTEGER, signal));
+  return readStream(await read(0, size ?? Number.MAX_SAFE_INTEGER, signal), memory);
 }
 
 async function openByIndex(
@@ -79,6 +77,7 @@ async function openByIndex(
   size: number,
   end: Uint8Array,
   signal: AbortSignal,
+  memory: number,
 ): Promise<Stream> {
   const { sizeBytes } = header;
   const tail = { start: size - TAIL_BYTES, bytes: end };
@@ -93,12 +92,11 @@ async function openByIndex(
     first <= head.length ? head : joined(head, await read(head.length, first, signal));
   const leading = readSections({ start: 0, bytes: before }, sizeBytes, first);
   const places = readIndex(index, position, nTracks(leading));
-  return checkedStream(header, leading, places, size, true);
+  return checkedStream(header, leading, places, size, true, memory);
 }
 
 /** What leads to the first block; null where it is not all here, or not sound: reading tells why. */
 function beginningOf(head: Uint8Array, header: Header, size: number): Beginning | null {
-  if (Math.max(header.nVerts, header.nFaces) > MAX_POSITIONS_PER_BYTE * size) return null;
   const stretch = { bytes: head, start: 0 };
   const leading: StoredSection[] = [];
   let blockStart = 0;

@@ -11,7 +11,7 @@ export function start(port: Port): void {
     port,
     async ({ call, of }, core, read, signal) => {
       if (call === "open") {
-        engine = await Engine.open(core, read, of.size, of.hasRanges, signal);
+        engine = await Engine.open(core, read, of.size, of.hasRanges, signal, of.memory);
         return { info: engine.info, surface: engine.surface };
       }
       if (call === "frame") return engine.frame(of.number, signal);

@@ -9,6 +9,7 @@ import { exactPositions, typeOfPositions } from "../decode/exact_positions.js";
 import { type ExactCore, ExactDecoder } from "../decode/exact_values.js";
 import { frameOf, type Positions, valuesOf } from "../decode/frames.js";
 import { Items } from "../decode/items.js";
+import { requireBlock } from "../decode/memory.js";
 import { REEL } from "../decode/methods.js";
 import { BYTES, integersOf } from "../decode/number_types.js";
 import { type Piece, piecesOf } from "../decode/pieces.js";
@@ -70,7 +71,7 @@ export class TrackEngine {
   ) {
     this.mesh = new Items(core, decodeConnectivity(core, stream.header, stream.leading));
     this.items = new TrackItems(this.mesh, () => this.polygons());
-    this.positions = new BlockDecoder(this.mesh, POSITION_COLUMNS);
+    this.positions = new BlockDecoder(this.mesh, POSITION_COLUMNS, stream.memory);
     this.pieces = piecesOf(stream);
   }
 
@@ -129,6 +130,7 @@ export class TrackEngine {
     const numbers = typeOfPositions(header);
     return async (block, signal) => {
       const stored = readPositions(...(await this.group(block, signal)), block, starts[block]);
+      this.requirePositions(stored);
       const exact = await this.exactOf(this.mesh);
       return () => {
         const found = exactPositions(header, stored, exact);
@@ -152,10 +154,10 @@ export class TrackEngine {
   /** How the stored values of a track are decoded. */
   private prepared(number: number, track: Track, of: StoredItems): Prepare<TrackBlock> {
     const { core } = this;
-    const { items, nCounted, vertexOfRow } = of;
+    const { items, mostItems, vertexOfRow } = of;
     const { nColumns, numbers, placement } = track;
     const stored = (block: number, signal: AbortSignal): Promise<StoredTrackBlock> =>
-      this.stored(number, block, [nCounted, track.nCoded], !placement, signal);
+      this.stored(number, block, [mostItems, track.nCoded], !placement, numbers.sizeBytes, signal);
     if (!placement) {
       return async (block, signal) => {
         const found = await stored(block, signal);
@@ -171,7 +173,7 @@ export class TrackEngine {
         };
       };
     }
-    const decoder = new BlockDecoder(items, track.nCoded);
+    const decoder = new BlockDecoder(items, track.nCoded, this.stream.memory);
     return async (block, signal) => {
       const found = await stored(block, signal);
       const decode = await decoder.prepare(withLayout(found), async (key) =>
@@ -207,7 +209,9 @@ export class TrackEngine {
     }
     const stored = async (number: number): Promise<StoredBlock> =>
       readBlock(...(await this.group(number, signal)), number, starts[number]);
-    const decode = await this.positions.prepare(await stored(block), stored);
+    const own = await stored(block);
+    this.requirePositions(own);
+    const decode = await this.positions.prepare(own, stored);
     return () => {
       const decoded = decode();
       try {
@@ -218,6 +222,13 @@ export class TrackEngine {
         decoded.close();
       }
     };
+  }
+
+  /** @throws MemoryLimitError where the positions of a block take more than allowed. */
+  private requirePositions(stored: Omit<StoredBlock, "layout">): void {
+    const { header, memory } = this.stream;
+    const shape = [header.nVerts, POSITION_COLUMNS] as const;
+    requireBlock(memory, stored, shape, header.vertexType);
   }
 
   /** The bytes of the positions of a block, and its place. */
@@ -269,15 +280,18 @@ export class TrackEngine {
     block: number,
     shape: [nItems: number, nColumns: number],
     isExact: boolean,
+    numberBytes: number,
     signal: AbortSignal,
   ): Promise<StoredTrackBlock> {
-    const { places, starts } = this.stream;
+    const { places, starts, memory } = this.stream;
     const place = places[block];
     const group = track + 1; // that of the positions is the first
     const sizes = place.sizes.slice(0, group);
     const position = sizes.reduce((sum, size) => sum + size, place.position);
     const bytes = await this.read(position, position + place.sizes[group], signal);
-    return readTrackBlock(bytes, place, position, group, [block, starts[block]], shape, isExact);
+    const first = [block, starts[block]] as [number: number, start: number];
+    const size = [isExact, numberBytes, memory] as const;
+    return readTrackBlock(bytes, place, position, group, first, shape, ...size);
   }
 
   /** What decodes exact values on vertices, faces, corners or rows. */

@@ -7,14 +7,11 @@ import { Items } from "../decode/items.js";
 import type { Track } from "../decode/track.js";
 import type { Polygons } from "../surface/polygons.js";
 
-/** So many corners that share values count as one, where sizes are limited. */
-const CORNERS_PER_NUMBER = 8;
-
 /** What the stored values of a track lie on. */
 export interface StoredItems {
   readonly items: Items;
-  /** Items for which a block needs bytes. */
-  readonly nCounted: number;
+  /** Items that values are decoded for: those stored, or the corners, if these are more. */
+  readonly mostItems: number;
   /** The value that each corner has, where corners share them. */
   readonly spread: Int32Array | null;
   /** As it goes out, where values are of rows. */
@@ -57,7 +54,7 @@ export class TrackItems {
     }
     const items =
       domain === "vertex" ? this.mesh : new Items(core, itemGraph(core, domain, this.polygons()));
-    return { items, nCounted: items.graph.nVerts, spread: null, vertexOfRow: null };
+    return { items, mostItems: items.graph.nVerts, spread: null, vertexOfRow: null };
   }
 }
 
@@ -66,6 +63,6 @@ function spreadOut(
   spread: Int32Array,
   vertexOfRow: Int32Array | null,
 ): StoredItems {
-  const nCounted = Math.max(items.graph.nVerts, Math.ceil(spread.length / CORNERS_PER_NUMBER));
-  return { items, nCounted, spread, vertexOfRow };
+  const mostItems = Math.max(items.graph.nVerts, spread.length);
+  return { items, mostItems, spread, vertexOfRow };
 }

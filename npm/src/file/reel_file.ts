@@ -2,6 +2,7 @@
 
 import { loadModule } from "../core/module.js";
 import type { Positions } from "../decode/frames.js";
+import { DEFAULT_MEMORY } from "../decode/memory.js";
 import { CorruptStreamError, InvalidInputError } from "../errors.js";
 import { filled, requireFitting, requireNumber } from "./arguments.js";
 import { openSource, type SourceInput, type SourceOptions } from "../source/open.js";
@@ -18,6 +19,12 @@ export interface OpenOptions extends SourceOptions {
    * decoded on the thread that asks; `isInWorker` says which.
    */
   worker?: boolean;
+  /**
+   * Bytes that the mesh, a block or a table of an attribute may take while they are decoded: a small
+   * file may be made to exhaust memory. What needs more is refused before it is decoded, with a
+   * `MemoryLimitError`. Default: 2 GiB.
+   */
+  memory?: number;
 }
 
 /**
@@ -55,18 +62,20 @@ export class ReelFile implements OpenReel {
    * @throws CorruptStreamError, TruncatedStreamError where they are no `.reel`, or damaged.
    * @throws UnsupportedVersionError where a newer version is needed, or the method is one of the
    *   paper's.
+   * @throws MemoryLimitError where the mesh takes more than `memory`; frames and values throw it of
+   *   blocks.
    * @throws WebAssembly.CompileError where the content policy of the page forbids WebAssembly; it
    *   has to allow `script-src 'wasm-unsafe-eval'`.
    */
   static async open(from: SourceInput, options: OpenOptions = {}): Promise<ReelFile> {
     // All that decodes gets ready while bytes are on their way.
     const opening = openSource(from, options);
-    const inWorker = options.worker ?? true;
+    const { worker: inWorker = true, memory = DEFAULT_MEMORY } = options;
     const engine = new RemoteEngine(startEngine, opening, inWorker);
     try {
       const [source] = await Promise.all([opening, engine.begin(loadModule())]);
       const { size, hasRanges } = source;
-      const { info, surface } = await engine.ask("open", { size, hasRanges }, options.signal);
+      const { info, surface } = await engine.ask("open", { size, hasRanges, memory }, options.signal);
       return new ReelFile(source, engine, inWorker, info, surface);
     } catch (error) {
       engine.close(error);

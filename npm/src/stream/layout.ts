@@ -27,7 +27,6 @@ export const Section = {
   VALUES: 24,
   MISSING: 25,
   ANCHOR_RESIDUALS: 26,
-  PADDING: 128,
   PROMISE: 129,
   INDEX: 130,
   POLYGONS: 131,
@@ -56,12 +55,6 @@ export function sectionName(id: number): string {
 export function isOfBlock(id: number): boolean {
   return id >= Section.BLOCK && id < OPTIONAL;
 }
-
-/** A stream holds at most this many positions (vertex times frame) and faces for each byte. */
-export const MAX_POSITIONS_PER_BYTE = 256;
-
-/** What is filled with zeros holds at most this many numbers for each byte. */
-export const MAX_NUMBERS_PER_BYTE = 256;
 
 /** Most vertices and faces of a mesh whose hierarchy fits into the memory of a page. */
 export const MOST_VERTICES = 1 << 22;

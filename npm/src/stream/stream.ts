@@ -1,5 +1,6 @@
 // The parts of a stream: header, sections before the first block, places of the blocks.
 
+import { DEFAULT_MEMORY, requireMesh } from "../decode/memory.js";
 import { CorruptStreamError } from "../errors.js";
 import { counted } from "./counting.js";
 import { type Header, readHeader } from "./header.js";
@@ -10,7 +11,7 @@ import {
   indexPosition,
   readIndex,
 } from "./index_section.js";
-import { LONGEST_HEADER, MAX_POSITIONS_PER_BYTE, Section, sectionName } from "./layout.js";
+import { LONGEST_HEADER, Section, sectionName } from "./layout.js";
 import { Scan } from "./scan.js";
 import { type StoredSection, readSections } from "./sections.js";
 
@@ -24,6 +25,8 @@ export interface Stream {
   /** First frame of each complete block, and the number of all frames. */
   readonly starts: readonly number[];
   readonly sizeBytes: number;
+  /** Bytes that decoding may take at once. */
+  readonly memory: number;
 }
 
 /**
@@ -32,9 +35,11 @@ export interface Stream {
  *
  * @throws CorruptStreamError, TruncatedStreamError where the header is damaged, or no block is
  * complete.
+ * @param memory - Bytes that decoding may take at once.
  * @throws UnsupportedVersionError where a newer build is needed.
+ * @throws MemoryLimitError where the mesh is larger than allowed.
  */
-export function readStream(bytes: Uint8Array): Stream {
+export function readStream(bytes: Uint8Array, memory = DEFAULT_MEMORY): Stream {
   const header = readHeader(bytes.subarray(0, LONGEST_HEADER));
   try {
     const whole = { bytes, start: 0 };
@@ -42,14 +47,14 @@ export function readStream(bytes: Uint8Array): Stream {
     const index = indexPayload(whole, position, header.sizeBytes, bytes.length);
     const leading = readSections(whole, header.sizeBytes, firstBlock(index));
     const places = readIndex(index, position, nTracks(leading));
-    return checkedStream(header, leading, places, bytes.length, true);
+    return checkedStream(header, leading, places, bytes.length, true, memory);
   } catch (error) {
     if (!(error instanceof CorruptStreamError)) throw error;
   }
   const scan = new Scan(header.sizeBytes);
   scan.advance(bytes, true);
   if (scan.damage && !scan.places.length) throw scan.damage;
-  return checkedStream(header, scan.leading, scan.places, bytes.length, !scan.damage);
+  return checkedStream(header, scan.leading, scan.places, bytes.length, !scan.damage, memory);
 }
 
 /**
@@ -57,8 +62,9 @@ export function readStream(bytes: Uint8Array): Stream {
  *
  * @param sizeBytes - Of the whole stream.
  * @param isWhole - Whether it has its end marker.
- * @throws CorruptStreamError where it holds no block, other frames than the header announces, or
- * fewer bytes than so many positions need.
+ * @param memory - Bytes that decoding may take at once.
+ * @throws CorruptStreamError where it holds no block, or other frames than the header announces.
+ * @throws MemoryLimitError where the mesh is larger than allowed.
  */
 export function checkedStream(
   header: Header,
@@ -66,25 +72,20 @@ export function checkedStream(
   places: readonly BlockPlace[],
   sizeBytes: number,
   isWhole: boolean,
+  memory = DEFAULT_MEMORY,
 ): Stream {
   if (!places.length) throw new CorruptStreamError("the stream holds no block of frames");
   const starts = [0];
   for (const place of places) starts.push(starts[starts.length - 1] + place.nFrames);
   const nFrames = starts[places.length];
-  const { nFrames: announced, nVerts, nFaces } = header;
+  const { nFrames: announced } = header;
   if (announced && isWhole && nFrames !== announced) {
     throw new CorruptStreamError(
       `the blocks hold ${counted(nFrames, "frame")}; the header announces ${announced}`,
     );
   }
-  if (Math.max(nFrames * nVerts, nFaces) > MAX_POSITIONS_PER_BYTE * sizeBytes) {
-    throw new CorruptStreamError(
-      `${counted(nFrames, "frame")} of ${counted(nVerts, "vertex", "vertices")} and ` +
-        `${counted(nFaces, "face")} are announced; a stream of ${sizeBytes} bytes holds at most ` +
-        `${MAX_POSITIONS_PER_BYTE} positions or faces a byte`,
-    );
-  }
-  return { header, leading, places, starts, sizeBytes };
+  requireMesh(memory, header);
+  return { header, leading, places, starts, sizeBytes, memory };
 }
 
 /** Tracks of each block, by the sections before the first. */

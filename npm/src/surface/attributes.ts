@@ -1,6 +1,7 @@
 // Attributes of a mesh: texture coordinates, colours and other quantities.
 
 import type { Core } from "../core/core.js";
+import { DEFAULT_MEMORY, requireMemory } from "../decode/memory.js";
 import { CorruptStreamError } from "../errors.js";
 import { ByteReader } from "../stream/byte_reader.js";
 import type { Attribute } from "../types.js";
@@ -11,6 +12,9 @@ import { NUMBER_TYPES, type NumberType, type Numbers, decodeTable } from "./tabl
 const KINDS = ["texcoord", "color", "other"] as const;
 const DOMAINS = ["vertex", "face", "corner"] as const;
 const MAX_WIDTH = 16;
+
+/** Of a row of a table while it is decoded: what it is expected from, beside its numbers. */
+const BYTES_OF_ROW = 32;
 
 const EACH = 0;
 const SHARED = 2;
@@ -24,12 +28,15 @@ export interface StoredAttribute extends Omit<Attribute, "values"> {
 /**
  * An attribute from the payload of its section.
  *
+ * @param memory - Bytes that decoding may take at once.
+ * @throws MemoryLimitError where its table is larger than allowed.
  * @throws CorruptStreamError where it is damaged, or does not fit the mesh.
  */
 export function readAttribute(
   core: Core,
   payload: Uint8Array,
   polygons: Polygons,
+  memory = DEFAULT_MEMORY,
 ): StoredAttribute {
   const reader = new ByteReader(payload);
   const head = reader.take(4, "an attribute ends inside its first four bytes");
@@ -48,6 +55,8 @@ export function readAttribute(
   const isOfFaces = said.domain === "face"; // which are not near each other in triangles
   const along = isOfFaces ? null : () => rowsOfTriangles(said.domain, rows, polygons);
   const type = NUMBER_TYPES[numberType];
+  const rowBytes = BYTES_OF_ROW + width * type.BYTES_PER_ELEMENT;
+  requireMemory(memory, nRows * rowBytes, `a table of ${nRows} values`);
   const table = decodeTable(core, reader.rest(), nRows, width, type, along);
   return { ...said, table, rows };
 }

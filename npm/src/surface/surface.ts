@@ -1,6 +1,7 @@
 // What a mesh is beside its positions: polygons, attributes, groups, materials and images.
 
 import type { Core } from "../core/core.js";
+import { DEFAULT_MEMORY } from "../decode/memory.js";
 import { CorruptStreamError } from "../errors.js";
 import { Section } from "../stream/layout.js";
 import type { StoredSection } from "../stream/sections.js";
@@ -14,6 +15,8 @@ import { Polygons, readSizes } from "./polygons.js";
  * The surface of a mesh, from the sections before the first block.
  *
  * @param triangles - As they go out.
+ * @param memory - Bytes that decoding may take at once.
+ * @throws MemoryLimitError where the table of an attribute is larger than allowed.
  * @throws CorruptStreamError where a section is damaged, or does not fit the mesh.
  */
 export function readSurface(
@@ -21,6 +24,7 @@ export function readSurface(
   leading: readonly StoredSection[],
   triangles: Uint32Array,
   nVerts: number,
+  memory = DEFAULT_MEMORY,
 ): Surface {
   const payloads = (id: number): Uint8Array[] =>
     leading.filter((section) => section.id === id).map((section) => section.payload);
@@ -32,7 +36,7 @@ export function readSurface(
     triangles,
     faceSizes: polygons.sizes,
     attributes: payloads(Section.ATTRIBUTE).map((payload) =>
-      withOwnRows(readAttribute(core, payload, polygons)),
+      withOwnRows(readAttribute(core, payload, polygons, memory)),
     ),
     groups: payloads(Section.GROUPS).map((payload) => readGroups(core, payload, polygons.nFaces)),
     materials,

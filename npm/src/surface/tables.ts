@@ -7,7 +7,6 @@ import { findTwins } from "../decode/connectivity.js";
 import { requireEnd } from "../decode/integers.js";
 import { CorruptStreamError } from "../errors.js";
 import { ByteReader } from "../stream/byte_reader.js";
-import { MAX_NUMBERS_PER_BYTE } from "../stream/layout.js";
 import type { Attribute } from "../types.js";
 
 /** Rows of numbers. */
@@ -33,7 +32,7 @@ const ROW_BEFORE = 1;
 const ALONG_FACES = 2;
 
 /**
- * A table of values of an attribute.
+ * A table of values of an attribute; the caller bounds its size.
  *
  * @param along - What rows may be expected from, besides nothing and the row before; null where
  * there is none.
@@ -51,11 +50,6 @@ export function decodeTable(
   const cutOff = "a table of values ends inside its first two bytes";
   const [form, way] = reader.take(2, cutOff);
   const packed = reader.rest();
-  if (nRows * width > MAX_NUMBERS_PER_BYTE * packed.length) {
-    throw new CorruptStreamError(
-      `a table of ${nRows} x ${width} values is announced; ${packed.length} bytes cannot hold it`,
-    );
-  }
   if (way > (along ? ALONG_FACES : ROW_BEFORE)) {
     throw new CorruptStreamError(`rows are expected in way ${way}, which is unknown`);
   }
@@ -66,7 +60,7 @@ export function decodeTable(
       `a table of ${type.name} is written in form ${form}, which is unknown`,
     );
   }
-  requireEnd(packed, Math.ceil((nRows * width) / MAX_NUMBERS_PER_BYTE), "numbers");
+  requireEnd(packed, "numbers");
   const coded = form === AS_THEY_ARE ? type : Int32Array;
   const numbers = core.during((scope) => {
     const expected = expectedRows(core, scope, way, nRows, along);

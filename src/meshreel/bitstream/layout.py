@@ -33,7 +33,6 @@ class Section(IntEnum):
     MISSING = 25
     ANCHOR_RESIDUALS = 26
     PROMISE = OPTIONAL | 1
-    PADDING = OPTIONAL | 0
     INDEX = OPTIONAL | 2
     POLYGONS = OPTIONAL | 3
     ATTRIBUTE = OPTIONAL | 4
@@ -52,22 +51,8 @@ class VertexType(IntEnum):
     FLOAT64 = 8
 
 
-MAX_POSITIONS_PER_BYTE = 256
-"""A stream holds at most this many positions (vertex times frame) and faces per byte.
-
-Readers refuse streams that announce more before they allocate; writers pad shorter streams.
-"""
-
-MAX_NUMBERS_PER_BYTE = 768
-"""The same for the numbers of a further track in a block, by the bytes of its group."""
-
 INDEX_POSITION = Struct("<Q")
 """Payload of the end marker: the byte at which the index begins."""
 
 MAX_NAME_BYTES = 4096
 """Longest name, in UTF-8."""
-
-
-def least_size_bytes(n_things: int) -> int:
-    """Least number of bytes of a stream with this many positions or faces."""
-    return -(-n_things // MAX_POSITIONS_PER_BYTE)

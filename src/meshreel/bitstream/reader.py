@@ -10,12 +10,7 @@ from typing import BinaryIO
 
 from meshreel.bitstream.header import LONGEST_HEADER, Header, read_header
 from meshreel.bitstream.index import BlockPlace, first_block, read_index
-from meshreel.bitstream.layout import (
-    INDEX_POSITION,
-    MAX_POSITIONS_PER_BYTE,
-    Section,
-    least_size_bytes,
-)
+from meshreel.bitstream.layout import INDEX_POSITION, OPTIONAL, Section
 from meshreel.bitstream.sections import (
     END_SIZE_BYTES,
     SectionHead,
@@ -28,7 +23,7 @@ from meshreel.entropy.varint import read_varint
 from meshreel.errors import CorruptStreamError, MeshReelError, TruncatedStreamError
 from meshreel.stores.ranged_file import RangedFile
 
-BLOCK_SECTIONS = range(Section.BLOCK, Section.PADDING)
+BLOCK_SECTIONS = range(Section.BLOCK, OPTIONAL)
 """Ids of sections that belong to a block."""
 
 
@@ -65,18 +60,11 @@ class Stream:
     def __post_init__(self) -> None:
         if not self.places:
             raise CorruptStreamError("the stream holds no block of frames")
-        announced, header = self.header.n_frames, self.header
+        announced = self.header.n_frames
         if announced and self.is_whole and self.n_frames != announced:
             raise CorruptStreamError(
                 f"the blocks hold {counted(self.n_frames, 'frame')}; the header announces "
                 f"{announced}"
-            )
-        if least_size_bytes(max(self.n_frames * header.n_verts, header.n_faces)) > self.size_bytes:
-            raise CorruptStreamError(
-                f"{counted(self.n_frames, 'frame')} of {counted(header.n_verts, 'vertex')} and "
-                f"{counted(header.n_faces, 'face')} "
-                f"are announced; a stream of {self.size_bytes} bytes holds at most "
-                f"{MAX_POSITIONS_PER_BYTE} positions or faces a byte"
             )
 
     @cached_property

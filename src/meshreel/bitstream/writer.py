@@ -6,7 +6,7 @@ from typing import BinaryIO
 
 from meshreel.bitstream.header import Header, write_header
 from meshreel.bitstream.index import BlockPlace, write_index
-from meshreel.bitstream.layout import INDEX_POSITION, Section, least_size_bytes
+from meshreel.bitstream.layout import INDEX_POSITION, Section
 from meshreel.bitstream.sections import write_section
 
 Sections = Iterable[tuple[Section, bytes]]
@@ -29,11 +29,9 @@ class StreamWriter:
 
     def __init__(self, file: BinaryIO, header: Header, leading: Sections) -> None:
         self._file = file
-        self._header = header
         self._places: list[BlockPlace] = []
         self._position = 0
-        opening = write_header(header) + b"".join(write_section(*one) for one in leading)
-        self._write(opening + _padding(least_size_bytes(header.n_faces) - len(opening)))
+        self._write(write_header(header) + b"".join(write_section(*one) for one in leading))
 
     @property
     def size_bytes(self) -> int:
@@ -55,8 +53,6 @@ class StreamWriter:
             if section is Section.TRACK_BLOCK:
                 groups.append([])
             groups[-1].append(write_section(section, payload))
-        missing = least_size_bytes(n_frames * self._header.n_verts) - len(b"".join(groups[0]))
-        groups[0].insert(1, _padding(missing))
         written, start = [b"".join(group) for group in groups], self._position
         self._write(b"".join(written))
         self._file.flush()
@@ -92,8 +88,3 @@ def whole_stream(
         writer.write_block(*block)
     writer.finish()
     return file.getvalue()
-
-
-def _padding(missing: int) -> bytes:
-    """A section that pads a part of a stream to the least size that its counts need."""
-    return write_section(Section.PADDING, bytes(missing)) if missing > 0 else b""

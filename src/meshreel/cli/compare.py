@@ -8,6 +8,7 @@ from meshreel.cli.parameters import argument, option
 from meshreel.cli.read_options import (
     allow_outside_option,
     animation_option,
+    memory_option,
     merge_option,
     object_option,
     skip_bad_option,
@@ -27,6 +28,7 @@ from meshreel.cli.read_options import (
 @skip_bad_option
 @allow_outside_option
 @animation_option
+@memory_option
 @option(
     "--plot", type=Path, metavar="FILE.png", help="Draw the NMSVE of each frame (needs [plot])."
 )
@@ -40,6 +42,7 @@ def compare_command(
     skip_bad: bool,
     allow_outside: bool,
     animation: str | None,
+    memory: str | None,
     plot: Path | None,
     force: bool,
     as_json: bool,
@@ -84,6 +87,7 @@ def compare_command(
                 skip_bad=skip_bad and supports(source, "skip_bad"),
                 allow_outside=allow_outside and supports(source, "allow_outside"),
                 animation=animation if source is original else None,
+                memory=memory,
                 progress=progress,
                 notes=notes,
             )

@@ -6,6 +6,7 @@ from meshreel.cli.commands import command
 from meshreel.cli.completing import reel_files
 from meshreel.cli.encode_options import encode_option
 from meshreel.cli.parameters import argument, option
+from meshreel.cli.read_options import memory_option
 from meshreel.cli.write_options import (
     GLTF_AND_TEXTURES,
     force_option,
@@ -38,6 +39,7 @@ from meshreel.codec.targets import UNIT
     help="Only this number of leading modes move; further ones, up to the 16th at least, "
     "are held at their mean: a coarser animation, decoded faster. Default: all.",
 )
+@memory_option
 @targets_option
 @gltf_error_option
 @encode_option(UNIT, GLTF_AND_TEXTURES)
@@ -53,6 +55,7 @@ def decode_command(
     frames: str | None,
     start_number: int | None,
     modes: int | None,
+    memory: str | None,
     targets: int | None,
     max_error: str | None,
     unit: str | None,
@@ -120,7 +123,7 @@ def decode_command(
         with (
             progress_bar() as progress,
             profiled() as times,
-            open(stream, n_modes=modes) as reel,
+            open(stream, n_modes=modes, memory=memory) as reel,
             errors_naming(source),
         ):
             wanted = chosen_frames(chosen, reel.n_frames, notes)

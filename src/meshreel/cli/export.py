@@ -9,6 +9,7 @@ from meshreel.cli.player import original_option, shown_track_option, source_argu
 from meshreel.cli.read_options import (
     allow_outside_option,
     animation_option,
+    memory_option,
     merge_option,
     object_option,
     skip_bad_option,
@@ -40,6 +41,7 @@ OTHER_OUTPUTS = "`meshreel decode` writes other formats, `meshreel render` pictu
 @skip_bad_option
 @allow_outside_option
 @animation_option
+@memory_option
 @option("--force", "-f", is_flag=True, help="Replace the page if it exists.")
 @option(
     "--split",
@@ -66,6 +68,7 @@ def export_command(
     skip_bad: bool,
     allow_outside: bool,
     animation: str | None,
+    memory: str | None,
     force: bool,
     split: bool,
     texture: Path | None,
@@ -113,6 +116,7 @@ def export_command(
             skip_bad=skip_bad,
             allow_outside=allow_outside,
             animation=animation,
+            memory=memory,
             progress=progress,
         )
         with (

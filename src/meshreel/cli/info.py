@@ -13,6 +13,7 @@ from meshreel.cli.read_options import (
     animation_option,
     dataset_option,
     fps_option,
+    memory_option,
     merge_option,
     object_option,
     skip_bad_option,
@@ -42,6 +43,7 @@ if TYPE_CHECKING:
 @animation_option
 @topology_option
 @dataset_option
+@memory_option
 @option("as_json", "--json", is_flag=True, help="Print the figures as JSON.")
 def info_command(
     inputs: tuple[str, ...],
@@ -53,6 +55,7 @@ def info_command(
     animation: str | None,
     topology: Path | None,
     dataset: str | None,
+    memory: str | None,
     as_json: bool,
 ) -> None:
     """Show the contents of a file: meshes, frames, extent and parts that are not read.
@@ -76,7 +79,7 @@ def info_command(
             raise click.UsageError(
                 "a .reel holds one mesh and is read completely; leave the options of inputs out"
             )
-        _show_stream(inputs[0], as_json=as_json)
+        _show_stream(inputs[0], memory, as_json=as_json)
         return
     _show_source(
         given_source(inputs),
@@ -89,18 +92,19 @@ def info_command(
             skip_bad=skip_bad,
             allow_outside=allow_outside,
             animation=animation,
+            memory=memory,
         ),
         as_json=as_json,
     )
 
 
-def _show_stream(path: str, *, as_json: bool) -> None:
+def _show_stream(path: str, memory: str | None, *, as_json: bool) -> None:
     from meshreel.cli.console import print_bars, print_json, print_table
     from meshreel.cli.figures import info_rows
     from meshreel.formats.file_errors import errors_naming
     from meshreel.formats.reel.reading import open
 
-    with open(path) as reel, errors_naming(path):
+    with open(path, memory=memory) as reel, errors_naming(path):
         stream = reel.info()
     if as_json:
         print_json(stream.as_dict())

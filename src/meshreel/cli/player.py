@@ -74,7 +74,7 @@ def opened_player(
 
     _check_original_is_there(original, reading)
     _check_is_encoded(source)
-    with open(source) as reel:
+    with open(source, memory=reading.memory) as reel:
         with errors_naming(source):
             _ = reel.faces  # raises for damaged ones before the original is read
         comparison = _comparison(reel, original, reading) if original else None

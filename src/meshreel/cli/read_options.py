@@ -41,6 +41,14 @@ animation_option = option(
     "from 0 (`meshreel info` lists them). Default: the first that moves a mesh.",
     panel=READING,
 )
+memory_option = option(
+    "--memory",
+    metavar="SIZE",
+    help="Of a .reel: the most memory that its mesh, a block, or the frames needed at once may "
+    "take, as in 500MB or 20GiB; what needs more is refused before it is decoded. "
+    "[default: 8GiB]",
+    panel=READING,
+)
 topology_option = option(
     "--topology",
     type=Path,

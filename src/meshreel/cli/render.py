@@ -12,6 +12,7 @@ from meshreel.cli.read_options import (
     allow_outside_option,
     animation_option,
     fps_option,
+    memory_option,
     merge_option,
     object_option,
     skip_bad_option,
@@ -122,6 +123,7 @@ VIEW, BACKGROUND = "30,12", "white"
 @skip_bad_option
 @allow_outside_option
 @animation_option
+@memory_option
 @option("--force", "-f", is_flag=True, help="Replace the output if it exists.")
 @option("as_json", "--json", is_flag=True, help="Print what was done as JSON.")
 def render_command(
@@ -147,6 +149,7 @@ def render_command(
     skip_bad: bool,
     allow_outside: bool,
     animation: str | None,
+    memory: str | None,
     force: bool,
     as_json: bool,
 ) -> None:
@@ -219,7 +222,7 @@ def render_command(
                 fps=fps, object=object if holds_meshes(given) else None, merge=merge,
                 skip_bad=skip_bad and supports(given, "skip_bad"),
                 allow_outside=allow_outside and supports(given, "allow_outside"),
-                animation=animation if supports(given, "animation") else None,
+                animation=animation if supports(given, "animation") else None, memory=memory,
                 max_loaded_bytes=MAX_LOADED_BYTES, progress=progress, notes=notes,
             )  # fmt: skip
 

@@ -11,6 +11,7 @@ from meshreel.cli.player import original_option, shown_track_option, source_argu
 from meshreel.cli.read_options import (
     allow_outside_option,
     animation_option,
+    memory_option,
     merge_option,
     object_option,
     skip_bad_option,
@@ -34,6 +35,7 @@ if TYPE_CHECKING:
 @skip_bad_option
 @allow_outside_option
 @animation_option
+@memory_option
 @option("--no-open", is_flag=True, help="Do not open the browser; only print the address.")
 @option(
     "--port",
@@ -59,6 +61,7 @@ def view_command(
     skip_bad: bool,
     allow_outside: bool,
     animation: str | None,
+    memory: str | None,
     no_open: bool,
     port: int,
     host: str,
@@ -97,6 +100,7 @@ def view_command(
                 skip_bad=skip_bad,
                 allow_outside=allow_outside,
                 animation=animation,
+                memory=memory,
                 progress=progress,
             )
             api = stack.enter_context(opened_player(source, original, reading, coloring))

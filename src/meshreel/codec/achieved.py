@@ -7,6 +7,7 @@ from io import BytesIO
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.codec.memory import OWN_STREAM
 from meshreel.codec.reel_file import ReelFile
 from meshreel.connectivity.coder import encode_connectivity
 from meshreel.metrics.sted import sted
@@ -70,7 +71,7 @@ def measure_stream(
             yield start, given
             progress("measuring", Count(start + len(frames), sequence.n_frames, "frames"))
 
-    with ReelFile(BytesIO(data)) as reel:
+    with ReelFile(BytesIO(data), memory=OWN_STREAM) as reel:
         errors = streamed_errors(sequence, pieces(reel))
         tracks = errors_of_tracks(sequence.tracks, reel.tracks, internal)
     measured_sted = None
@@ -83,7 +84,7 @@ def measure_stream(
 @staged("measuring")
 def measure_tracks(sequence: FrameSource, data: bytes, *, order: str) -> dict[str, TrackErrors]:
     """Errors of the tracks of a stream; the parameters are those of `measure_stream`."""
-    with ReelFile(BytesIO(data)) as reel:
+    with ReelFile(BytesIO(data), memory=OWN_STREAM) as reel:
         return errors_of_tracks(sequence.tracks, reel.tracks, _internal(sequence, order))
 
 

@@ -19,9 +19,6 @@ AGAIN, NEW = 0, 1
 """The row of the corner before at the vertex; one that has not come. A larger code k is the row of
 the corner k before."""
 
-CORNERS_PER_NUMBER = 8
-"""So many corners with rows count as one that is stored, where sizes are limited."""
-
 
 @dataclass(frozen=True)
 class CornerRows:
@@ -108,11 +105,6 @@ def read_corner_rows(payload: bytes, vertices: Integers, n_verts: int) -> Corner
     of_corners = np.empty(len(order), np.int64)
     of_corners[order] = found
     return CornerRows(of_corners, n_verts + int(is_new.sum()))
-
-
-def counted_items(n_items: int, n_corners: int) -> int:
-    """Items for which a block needs bytes, where so many are stored and so many corners go out."""
-    return max(n_items, -(-n_corners // CORNERS_PER_NUMBER))
 
 
 def _by_vertex(vertices: Integers) -> tuple[Integers, Integers]:

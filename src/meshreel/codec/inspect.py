@@ -7,6 +7,7 @@ from typing import Any
 
 from meshreel.bitstream.layout import Section
 from meshreel.bitstream.reader import BLOCK_SECTIONS, Stream, read_stream
+from meshreel.codec.memory import DEFAULT_LIMIT, UNLIMITED, MemoryLimit
 from meshreel.codec.open_stream import OpenStream
 from meshreel.codec.stored_blocks import read_block, stored_blocks
 from meshreel.surface_description import carried, described_images, described_materials
@@ -190,7 +191,7 @@ def info(data: bytes) -> StreamInfo:
     return stream_info(read_stream(bytes(data)))
 
 
-def stream_info(stream: Stream) -> StreamInfo:
+def stream_info(stream: Stream, limit: MemoryLimit = DEFAULT_LIMIT) -> StreamInfo:
     """Contents of a stream, and its bytes by section.
 
     All of it is read once; of a remote stream only the heads of its sections, and checksums of
@@ -202,7 +203,7 @@ def stream_info(stream: Stream) -> StreamInfo:
         If a block is damaged.
     """
     header = stream.header
-    opened = OpenStream(stream)
+    opened = OpenStream(stream, limit)
     sizes = _sizes_of_heads(stream) if stream.is_remote else _sizes(stream, opened)
     surface = opened.surface
     positions = stream.n_frames * header.n_verts * 3
@@ -279,7 +280,7 @@ class _Sizes:
 
 def _sizes(stream: Stream, opened: OpenStream) -> _Sizes:
     """The sizes, from all bytes of the stream, whose checksums are verified."""
-    blocks = stored_blocks(stream, opened.method)
+    blocks = stored_blocks(stream, opened.method, UNLIMITED)  # none is decoded
     of_sections: Counter[Section] = Counter()
     for stored in stream.sections():
         of_sections[stored.id] += stored.size_bytes
@@ -309,8 +310,8 @@ def _sizes_of_heads(stream: Stream) -> _Sizes:
 
 
 def _budget(stream: Stream, sizes: _Sizes) -> dict[str, int]:
-    """Bytes by kind of section; framing includes padding."""
-    framing = (Section.BLOCK, Section.PADDING, Section.INDEX, Section.END)
+    """Bytes by kind of section; framing is what is around them."""
+    framing = (Section.BLOCK, Section.INDEX, Section.END)
     budget = {"header": stream.header_size_bytes}
     for section, size_bytes in sizes.of_sections.items():
         if section not in framing:

@@ -9,6 +9,7 @@ from meshreel.bitstream.layout import Section
 from meshreel.bitstream.reader import Stream
 from meshreel.codec.choices import Laplacian, Order, choice_of_code
 from meshreel.codec.error_bounds import read_promise
+from meshreel.codec.memory import DEFAULT_LIMIT, MemoryLimit
 from meshreel.codec.methods import BlockDecoder, method_of_code
 from meshreel.codec.stored_blocks import StoredBlock, stored_block
 from meshreel.codec.surface.payloads import SURFACE_SECTIONS, read_start, read_surface
@@ -30,10 +31,13 @@ class OpenStream:
     Parameters
     ----------
     stream : Stream
+    limit : MemoryLimit, optional
+        Of everything that is decoded at once: the mesh, a block, an array that is returned.
 
     Attributes
     ----------
     stream : Stream
+    limit : MemoryLimit
     method : Method
     laplacian : Laplacian
         Laplacian of the deltas, if the method has deltas.
@@ -50,8 +54,9 @@ class OpenStream:
         If this build does not know its method, Laplacian or order.
     """
 
-    def __init__(self, stream: Stream) -> None:
+    def __init__(self, stream: Stream, limit: MemoryLimit = DEFAULT_LIMIT) -> None:
         self.stream = stream
+        self.limit = limit
         self.method = method_of_code(stream.header.method)
         self.laplacian = choice_of_code(Laplacian, stream.header.laplacian)
         self.order_kept = choice_of_code(Order, stream.header.order)
@@ -76,7 +81,7 @@ class OpenStream:
 
     def stored(self, number: int) -> StoredBlock:
         """A block as it is stored; raises as `stored_block`."""
-        return stored_block(self.stream, self.method, number)
+        return stored_block(self.stream, self.method, number, self.limit)
 
     def positions(self, number: int) -> Vertices:
         """Positions of a block, of shape (T_b, V, 3), as they go out; those of the last are kept.
@@ -85,9 +90,12 @@ class OpenStream:
         ------
         CorruptStreamError
             If the block is damaged.
+        MemoryLimitError
+            If it is larger than allowed.
         """
         if self._positions is None or self._positions[0] != number:
             block = self._all_modes.block(number)
+            self.require_frames(range(block.start, block.stop))
             found = np.empty((block.n_frames, self.n_verts, 3), self.dtype)
             block.fill(found, 0)
             if not np.isfinite(found).all():
@@ -99,6 +107,25 @@ class OpenStream:
     def keep_positions(self, number: int, positions: Vertices) -> None:
         """Keep the positions of a block that are decoded already, for `positions`."""
         self._positions = number, positions
+
+    def require_mesh(self) -> None:
+        """Raise MemoryLimitError if decoding the mesh takes more than allowed."""
+        header = self.stream.header
+        self.limit.require_mesh(header.n_verts, header.n_faces)
+
+    def require_frames(self, frames: range, more_bytes: int = 0) -> None:
+        """Raise MemoryLimitError if positions of frames, and so much more, take more than allowed.
+
+        Parameters
+        ----------
+        frames : range
+        more_bytes : int, default 0
+            Of their tracks.
+        """
+        needed = len(frames) * self.n_verts * 3 * self.dtype.itemsize + more_bytes
+        tracks = ", with their tracks," if more_bytes else ""
+        what = f"frames {frames.start}:{frames.stop} of {self.n_verts} vertices{tracks}"
+        self.limit.require(needed, what)
 
     @cached_property
     def _all_modes(self) -> BlockDecoder:
@@ -112,6 +139,7 @@ class OpenStream:
     @cached_property
     def internal_faces(self) -> Faces:
         """Faces of shape (M, 3), in internal order; raises as `faces`."""
+        self.require_mesh()
         header, payload = self.stream.header, self.stream.only(Section.CONNECTIVITY)
         return decode_connectivity(payload, header.n_verts, header.n_faces)
 
@@ -136,6 +164,8 @@ class OpenStream:
         ------
         CorruptStreamError
             If connectivity or order are damaged.
+        MemoryLimitError
+            If the mesh is larger than allowed.
         """
         return self._output_order[1]
 
@@ -152,7 +182,7 @@ class OpenStream:
         sections = [(one.id, one.payload) for one in leading if one.id in SURFACE_SECTIONS]
         if not sections:  # then the faces need not be decoded for it
             return PLAIN
-        return read_surface(sections, self.faces, self.n_verts)
+        return read_surface(sections, self.faces, self.n_verts, self.limit)
 
     @cached_property
     def start_s(self) -> float:

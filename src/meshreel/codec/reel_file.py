@@ -16,6 +16,7 @@ import numpy.typing as npt
 from meshreel.bitstream.reader import open_stream
 from meshreel.codec.decoded_block import FrameBlock
 from meshreel.codec.inspect import StreamInfo, promised_percent, stream_info
+from meshreel.codec.memory import memory_limit
 from meshreel.codec.methods import BlockDecoder
 from meshreel.codec.open_stream import OpenStream
 from meshreel.codec.reel_track import ReelTrack, tracks_of_stream
@@ -51,6 +52,8 @@ class ReelFile:
         Closed together with this object.
     n_modes : int, optional
         As in `meshreel.open`.
+    memory : float or str, optional
+        As in `meshreel.open`.
 
     Attributes
     ----------
@@ -81,10 +84,14 @@ class ReelFile:
         The frames of all complete blocks are available.
     """
 
-    def __init__(self, file: BinaryIO, n_modes: int | None = None) -> None:
+    def __init__(
+        self, file: BinaryIO, n_modes: int | None = None, memory: float | str | None = None
+    ) -> None:
+        limit = memory_limit(memory)
         self._file = with_own_position(file)
         stream = open_stream(self._file)
-        self._opened = OpenStream(stream)
+        self._opened = OpenStream(stream, limit)
+        self._opened.require_mesh()
         self._n_modes = n_modes
         if n_modes is not None:  # which may not be for this stream: that is said now
             _ = self._blocks
@@ -145,7 +152,7 @@ class ReelFile:
     def info(self) -> StreamInfo:
         """Contents of the file and bytes by section; no frame is decoded."""
         with self._lock:
-            return stream_info(self._opened.stream)
+            return stream_info(self._opened.stream, self._opened.limit)
 
     def read(self, start: int, stop: int) -> Vertices:
         """Positions of frames start..stop - 1, of shape (stop - start, V, 3).
@@ -156,11 +163,14 @@ class ReelFile:
             If these frames do not exist.
         CorruptStreamError
             If a block is damaged.
+        MemoryLimitError
+            If these frames, or a block, take more memory than allowed.
         """
         if not 0 <= start <= stop <= self.n_frames:
             raise InvalidInputError(
                 f"frames {start}:{stop} are not in the file; it has frames 0:{self.n_frames}"
             )
+        self._opened.require_frames(range(start, stop))
         if start < stop:
             self.block(
                 self._number_of(start)
@@ -190,6 +200,8 @@ class ReelFile:
         ------
         CorruptStreamError
             If it is damaged.
+        MemoryLimitError
+            If it takes more memory than allowed.
         """
         with self._lock:
             if number not in self._kept:
@@ -211,6 +223,7 @@ class ReelFile:
             return self.read(numbers.start, max(numbers.start, numbers.stop))
         # In the order of the file, so that no block is decoded twice.
         in_order, places = np.unique(np.asarray(numbers, np.int64), return_inverse=True)
+        self._opened.require_frames(range(len(in_order)))
         frames = np.empty((len(in_order), self.n_verts, 3), self.dtype)
         for place, number in enumerate(in_order.tolist()):
             frames[place] = self.read(number, number + 1)[0]
@@ -234,6 +247,7 @@ class ReelFile:
         starts = self.starts
         frame_bytes = self.n_verts * 3 * self.dtype.itemsize
         n_together = max(LEAST_TOGETHER, READ_AHEAD_BYTES // frame_bytes)
+        n_together = max(1, min(n_together, int(self._opened.limit.limit_bytes // frame_bytes)))
         first, last = self._number_of(frames.start), self._number_of(frames.stop - 1)
         process = os.getpid()
         with ThreadPoolExecutor(1, "meshreel-ahead") as ahead:
@@ -261,6 +275,11 @@ class ReelFile:
             If it has no frame, or its frames are not consecutive.
         """
         return frame_range(chosen, self.n_frames)
+
+    def require_frames(self, frames: range) -> None:
+        """Raise MemoryLimitError if these frames, with their tracks, take more than allowed."""
+        tracks_bytes = sum(track.frame_bytes for track in self.tracks.values())
+        self._opened.require_frames(frames, len(frames) * tracks_bytes)
 
     def n_modes_of(self, number: int) -> int:
         """Number of modes of a block; it is read, and not decoded.

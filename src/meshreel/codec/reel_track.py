@@ -77,6 +77,12 @@ class ReelTrack:
                 n_items = opened.surface.n_items(self.domain, opened.n_verts, n_faces)
         return opened.stream.n_frames, n_items, opened.tracks[self._number - 1].n_columns
 
+    @property
+    def frame_bytes(self) -> int:
+        """Size of the values of a frame."""
+        _, n_items, n_columns = self.shape
+        return n_items * n_columns * self.dtype.itemsize
+
     @cached_property
     def _decoder(self) -> TrackBlockDecoder:
         return self._opened.method.track_decoder(self._opened, self._number)
@@ -90,12 +96,17 @@ class ReelTrack:
             If these frames do not exist.
         CorruptStreamError
             If a block is damaged.
+        MemoryLimitError
+            If the values of these frames, or of a block, take more memory than allowed.
         """
         starts = self._opened.stream.starts
         if not 0 <= start <= stop <= starts[-1]:
             raise InvalidInputError(
                 f"frames {start}:{stop} are not in the file; it has frames 0:{starts[-1]}"
             )
+        self._opened.limit.require(
+            (stop - start) * self.frame_bytes, f"frames {start}:{stop} of track {self.name!r}"
+        )
         first = int(np.searchsorted(starts, start, side="right")) - 1
         parts = []
         for number in range(first, len(starts) - 1):

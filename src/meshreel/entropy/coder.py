@@ -11,9 +11,6 @@ from meshreel.runtime.profiling import staged
 
 Integers = npt.NDArray[np.int64]
 
-MAX_INTEGERS_PER_BYTE = 256
-"""A reader refuses more integers a byte before it allocates; a writer pads with zero bytes."""
-
 MAX_TABLES = 64
 """Most tables of rows that are coded together; each takes 20 kB while it is in use."""
 
@@ -38,8 +35,7 @@ def encode_integers(
         If an integer is too large.
     """
     _require_codable(rows)
-    coded = encode_rows(rows, _tables_of_rows(len(rows), tables))
-    return coded.ljust(_least_size_bytes([len(row) for row in rows]), b"\0")
+    return encode_rows(rows, _tables_of_rows(len(rows), tables))
 
 
 @staged("entropy coding")
@@ -48,18 +44,14 @@ def decode_integers(
 ) -> list[Integers]:
     """Rows that `encode_integers` wrote; the same lengths and tables must be given.
 
+    The caller bounds the lengths: any number of zeros takes few bytes.
+
     Raises
     ------
     CorruptStreamError
         If the bytes are not those of rows of these lengths.
     """
-    least = _least_size_bytes(lengths)
-    if len(data) < least:
-        raise CorruptStreamError(
-            f"{len(data)} bytes cannot hold {sum(lengths)} integers; "
-            f"at most {MAX_INTEGERS_PER_BYTE} a byte are allowed"
-        )
-    if len(data) > least and not data[-1]:
+    if data and not data[-1]:
         raise CorruptStreamError("the integers end before their section does")
     return decode_rows(data, lengths, _tables_of_rows(len(lengths), tables))
 
@@ -79,7 +71,3 @@ def _tables_of_rows(n_rows: int, tables: Sequence[int] | None) -> Sequence[int]:
     if len(found) != n_rows or max(found, default=0) >= MAX_TABLES:
         raise ValueError(f"{n_rows} rows need as many tables, of 0..{MAX_TABLES - 1}")
     return found
-
-
-def _least_size_bytes(lengths: Sequence[int]) -> int:
-    return -(-sum(lengths) // MAX_INTEGERS_PER_BYTE)

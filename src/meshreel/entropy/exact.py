@@ -9,9 +9,6 @@ from meshreel.entropy.expected import row_before_expected, same_step_expected
 from meshreel.errors import CorruptStreamError
 from meshreel.kernel.patterns import Expected, decode_patterns, encode_patterns
 
-MAX_NUMBERS_PER_BYTE = 256
-"""A reader refuses more numbers a byte before it allocates; a writer pads with zero bytes."""
-
 EXPECTATIONS = (row_before_expected, same_step_expected)
 """What is expected of a frame, by the first byte: the frame before, or the same motion again."""
 
@@ -27,7 +24,7 @@ def encode_exact(values: npt.NDArray[Any]) -> bytes:
 
 
 def decode_exact(data: bytes, shape: tuple[int, ...], dtype: npt.DTypeLike) -> npt.NDArray[Any]:
-    """Values that `encode_exact` wrote; nothing is allocated that the bytes cannot hold.
+    """Values that `encode_exact` wrote; the caller bounds their number.
 
     Raises
     ------
@@ -38,41 +35,25 @@ def decode_exact(data: bytes, shape: tuple[int, ...], dtype: npt.DTypeLike) -> n
         raise CorruptStreamError("it is not known how exact values follow one another")
     n_rows = shape[0]
     width = int(np.prod(shape[1:], dtype=object))
-    require_room(data[1:], n_rows, width)
     expected = EXPECTATIONS[data[0]](n_rows)
     return decode_numbers(data[1:], (n_rows, width), np.dtype(dtype), expected).reshape(shape)
 
 
 def encode_numbers(table: npt.NDArray[Any], expected: Expected) -> bytes:
-    """Bytes of a table of shape (N, C), padded to as many as a reader wants to see."""
-    least = -(-table.size // MAX_NUMBERS_PER_BYTE)
-    return encode_patterns(table, expected).ljust(least, b"\0")
-
-
-def require_room(data: bytes, n_rows: int, width: int) -> None:
-    """Nothing if the bytes can hold a table of this shape.
-
-    Raises
-    ------
-    CorruptStreamError
-        Otherwise.
-    """
-    if n_rows * width > MAX_NUMBERS_PER_BYTE * len(data):
-        raise CorruptStreamError(
-            f"a table of {n_rows} x {width} values is announced; {len(data)} bytes cannot hold it"
-        )
+    """Bytes of a table of shape (N, C)."""
+    return encode_patterns(table, expected)
 
 
 def decode_numbers(
     data: bytes, shape: tuple[int, int], dtype: np.dtype[Any], expected: Expected
 ) -> npt.NDArray[Any]:
-    """The table that `encode_numbers` wrote; `require_room` has bounded its shape.
+    """The table that `encode_numbers` wrote; the caller bounds its shape.
 
     Raises
     ------
     CorruptStreamError
         If bytes are left over.
     """
-    if len(data) > -(-shape[0] * shape[1] // MAX_NUMBERS_PER_BYTE) and not data[-1]:
+    if data and not data[-1]:
         raise CorruptStreamError("the numbers end before their section does")
     return decode_patterns(data, shape, dtype, expected)

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.entropy.exact import decode_numbers, encode_numbers, require_room
+from meshreel.entropy.exact import decode_numbers, encode_numbers
 from meshreel.entropy.expected import nothing_expected, row_before_expected
 from meshreel.entropy.multiples import CODES, GRID, as_multiples, values_of
 from meshreel.errors import CorruptStreamError, TruncatedStreamError
@@ -46,7 +46,7 @@ def decode_table(
 ) -> Numbers:
     """The table that `encode_table` or `encode_grid_table` wrote.
 
-    Nothing is allocated that the bytes cannot hold.
+    The caller bounds the shape.
 
     Raises
     ------
@@ -56,7 +56,6 @@ def decode_table(
     if len(data) < 2:
         raise TruncatedStreamError("a table of values ends inside its first two bytes")
     (code, way), packed = data[:2], data[2:]
-    require_room(packed, *shape)
     ways = _ways(along)
     if way >= len(ways):
         raise CorruptStreamError(f"rows are expected in way {way}, which is unknown")

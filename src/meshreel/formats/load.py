@@ -5,6 +5,8 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+from meshreel.codec.byte_sizes import bytes_of
+from meshreel.codec.memory import DEFAULT_MEMORY
 from meshreel.formats.frames.mesh_files import MeshFiles
 from meshreel.formats.frames.reading import open_frames, read_frames
 from meshreel.formats.frames.selection import with_attributes
@@ -35,6 +37,7 @@ def load(
     skip_bad: bool = False,
     allow_outside: bool = False,
     animation: str | int | None = None,
+    memory: float | str | None = None,
     progress: Progress = silent,
     notes: list[str] | None = None,
 ) -> MeshSequence:
@@ -71,6 +74,8 @@ def load(
     animation : str or int, optional
         Of a glTF file with several animations, the name of one, or its number from 0. Default: the
         first that moves a mesh; a note names the others.
+    memory : float or str, optional
+        Of a ``.reel``, the most that decoding it may take, as in `meshreel.decode`.
     progress : Progress, default silent
         Told the share of frames read.
     notes : list of str, optional
@@ -99,7 +104,7 @@ def load(
     """
     options = ReadOptions(
         fps, object, merge, _path(topology), dataset, None, progress,
-        notes if notes is not None else [], attributes, skip_bad, allow_outside, animation,
+        notes if notes is not None else [], attributes, skip_bad, allow_outside, animation, memory,
     )  # fmt: skip
     with at_hand(source, options.notes) as files:
         sequence = _opened(find_files(files), options)
@@ -121,6 +126,7 @@ def open_source(
     skip_bad: bool = False,
     allow_outside: bool = False,
     animation: str | int | None = None,
+    memory: float | str | None = None,
     progress: Progress = silent,
     notes: list[str] | None = None,
 ) -> FrameSource:
@@ -135,7 +141,7 @@ def open_source(
     ----------
     source, fps, object, merge, topology, dataset, attributes
         As in `load`.
-    skip_bad, allow_outside, animation, progress, notes
+    skip_bad, allow_outside, animation, memory, progress, notes
         As in `load`.
     max_loaded_bytes : int, default 0
         What can be left in files is loaded all the same if its positions, in the type of the
@@ -153,7 +159,7 @@ def open_source(
     """
     options = ReadOptions(
         fps, object, merge, _path(topology), dataset, max_loaded_bytes, progress,
-        notes if notes is not None else [], attributes, skip_bad, allow_outside, animation,
+        notes if notes is not None else [], attributes, skip_bad, allow_outside, animation, memory,
     )  # fmt: skip
     return _opened(find_files(source), options)
 
@@ -181,7 +187,9 @@ def open_for_encoding(source: Source, memory: float | None, options: ReadOptions
 def loading_for(memory: float | None, options: ReadOptions) -> ReadOptions:
     """The options, loading what takes a small part of the memory that encoding may take."""
     most = MAX_LOADED_BYTES if memory is None else int(LOADED_SHARE * memory)
-    return replace(options, max_loaded_bytes=most)
+    # Less memory for encoding is no reason to refuse a `.reel` that is read.
+    decoding = None if memory is None else max(memory, bytes_of(DEFAULT_MEMORY, "memory"))
+    return replace(options, max_loaded_bytes=most, memory=decoding)
 
 
 @staged("reading")

@@ -43,6 +43,8 @@ class ReadOptions:
         Whether meshes of a file that cannot be read are left out, and the others taken.
     allow_outside : bool, default False
         Whether files are read that a file names outside of its folder.
+    memory : float or str, optional
+        Of a ``.reel``: the most that decoding may take at once, as in `meshreel.decode`.
     animation : str or int, optional
         Name of the animation to take of a file that holds several, or its number from 0. Default:
         the first that moves a mesh.
@@ -60,6 +62,7 @@ class ReadOptions:
     skip_bad: bool = False
     allow_outside: bool = False
     animation: str | int | None = None
+    memory: float | str | None = None
 
 
 @dataclass(frozen=True)

@@ -21,9 +21,6 @@ MAX_MAGNITUDE = (1 << 31) - 1
 MAX_NEAR = 16
 """Most context neighbours of a column."""
 
-MAX_INTEGERS_PER_BYTE = 256
-"""A reader refuses more integers a byte before it allocates; a writer pads with zero bytes."""
-
 BYTES_EACH, BYTES_AT_FIRST = 16, 1 << 16
 """Room for the bytes of each integer, and for the surprises before anything is learned."""
 
@@ -168,7 +165,7 @@ def encode_fields(fields: npt.NDArray[np.integer], passes: Passes | None = None)
         len(out),
         what="fields",
     )
-    return out[:size].tobytes().ljust(_least_size_bytes(n_rows, n_columns), b"\0")
+    return out[:size].tobytes()
 
 
 @staged("entropy coding")
@@ -181,18 +178,16 @@ def decode_fields(
 ) -> npt.NDArray[np.int32]:
     """Integers of shape (rows, columns) that `encode_fields` wrote, given the same passes.
 
-    Only the first `n_wanted` rows, where these are fewer.
+    Only the first `n_wanted` rows, where these are fewer. The caller bounds both counts: any number
+    of zeros takes few bytes.
 
     Raises
     ------
     CorruptStreamError
-        If the bytes are too few for so many integers, or some are left over.
+        If some bytes are left over.
     """
-    if len(data) < _least_size_bytes(n_rows, n_columns):
-        raise CorruptStreamError(
-            f"{len(data)} bytes cannot hold {n_rows} x {n_columns} integers; "
-            f"at most {MAX_INTEGERS_PER_BYTE} integers a byte are allowed"
-        )
+    if data and not data[-1]:
+        raise CorruptStreamError("the fields end before their section does")
     n_wanted = n_rows if n_wanted is None else min(n_wanted, n_rows)
     values = np.empty((n_wanted, n_columns), np.int32)
     order = _checked(passes, n_columns)
@@ -220,8 +215,3 @@ def _checked(passes: Passes | None, n_columns: int) -> CodingOrder:
             f"the passes have {passes.n_columns} columns; the fields have {n_columns} columns"
         )
     return passes
-
-
-def _least_size_bytes(n_rows: int, n_columns: int) -> int:
-    """Smallest payload a reader accepts; it bounds the reader's time and memory."""
-    return -(-n_rows * n_columns // MAX_INTEGERS_PER_BYTE)

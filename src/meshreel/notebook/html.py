@@ -8,6 +8,7 @@ from io import BytesIO
 import numpy as np
 
 from meshreel.codec.encoder import encode
+from meshreel.codec.memory import OWN_STREAM
 from meshreel.codec.reel_file import ReelFile
 from meshreel.errors import InvalidInputError
 from meshreel.notebook.figures import heading_and_rows, rows_of, stream_rows
@@ -65,7 +66,11 @@ def player_html(shown: MeshSequence | ReelFile, most_bytes: float = float("inf")
     encoded = isinstance(shown, MeshSequence)
     try:
         page = built_page()
-        opened = ReelFile(BytesIO(encode(shown))) if isinstance(shown, MeshSequence) else shown
+        opened = (
+            ReelFile(BytesIO(encode(shown)), memory=OWN_STREAM)
+            if isinstance(shown, MeshSequence)
+            else shown
+        )
         with opened if encoded else nullcontext():
             api = Api(opened, shown.name, stream_rows)
             text = _page_text(api, page)

@@ -9,6 +9,7 @@ from io import BytesIO
 from typing import Any
 
 from meshreel.codec.encoder import encode
+from meshreel.codec.memory import OWN_STREAM
 from meshreel.codec.reel_file import ReelFile
 from meshreel.notebook.figures import stream_rows
 from meshreel.notebook.html import html_of, player_html
@@ -52,7 +53,7 @@ def serve(shown: MeshSequence | ReelFile) -> ViewerServer:
     if isinstance(shown, ReelFile):
         reel = shown
     else:
-        reel = ReelFile(BytesIO(encode(shown)))
+        reel = ReelFile(BytesIO(encode(shown)), memory=OWN_STREAM)
         comparison = Comparison(reel, Original(shown, reel))
     server = ViewerServer(Api(reel, shown.name, stream_rows, comparison))
     if server.api.measuring is not None:

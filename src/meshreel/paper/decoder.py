@@ -22,6 +22,9 @@ from meshreel.paper.variants import METHODS, Variant
 
 Vertices = npt.NDArray[np.floating]
 
+DENSE_BYTES = 16
+"""Of an entry of a dense matrix and its eigenvectors."""
+
 
 class PaperBlockDecoder:
     """Decodes the blocks of a stream in any order; the last tracked dictionary is kept.
@@ -57,12 +60,17 @@ class PaperBlockDecoder:
         ------
         CorruptStreamError
             If it is damaged.
+        MemoryLimitError
+            If it takes more memory than allowed.
         """
         stored, order = self._opened.stored(number), self._opened.order
         with np.errstate(over="ignore", invalid="ignore"):
             block = self.coded(stored, number).values
             if self._n_modes is not None:
                 block = block.truncated(self._n_modes)
+            if block.basis is None:  # of `gft`, whose eigenvectors are those of a dense matrix
+                needed = DENSE_BYTES * self._opened.n_verts**2
+                self._opened.limit.require(needed, "the graph Fourier basis")
             # First, since it tells whether there are as many isolated vertices as the header says;
             # what follows takes the longer, the more there are.
             exact = self.exact(stored)

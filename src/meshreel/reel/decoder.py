@@ -143,7 +143,9 @@ class TrackDecoder:
             stored_track_block,
             opened.stream,
             track=track,
-            shape=(self._items.n_counted, self.header.n_coded),
+            shape=(self._items.most_items, self.header.n_coded),
+            number_bytes=self.header.dtype.itemsize,
+            limit=opened.limit,
             is_exact=self.header.is_exact,
         )
         mesh = shared_mesh(opened, self.header.stored_domain, self.header.rows)

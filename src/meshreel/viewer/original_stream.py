@@ -6,6 +6,7 @@ from io import BytesIO
 import numpy as np
 
 from meshreel.codec.encoder import encode
+from meshreel.codec.memory import OWN_STREAM
 from meshreel.codec.reel_file import ReelFile
 from meshreel.errors import InvalidInputError
 from meshreel.runtime.progress import Progress, silent
@@ -89,7 +90,7 @@ def original_stream(api: Api, progress: Progress = silent) -> OriginalStream:
     )
     left_out = [name for name in targets if name not in tracks]
     names = [name for name in api.tracks.names if name not in left_out]
-    with ReelFile(BytesIO(data)) as made:
+    with ReelFile(BytesIO(data), memory=OWN_STREAM) as made:
         tracks_bytes = sum(track.size_bytes for track in made.info().tracks)
     return OriginalStream(data, tracks_bytes, names, left_out)
 

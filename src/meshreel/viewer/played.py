@@ -5,6 +5,7 @@ from io import BytesIO
 import numpy as np
 
 from meshreel.codec.encoder import encode
+from meshreel.codec.memory import OWN_STREAM
 from meshreel.codec.reel_file import ReelFile
 from meshreel.runtime.progress import Progress, silent
 from meshreel.sequence import MeshSequence
@@ -59,7 +60,7 @@ def played(reel: ReelFile, progress: Progress = silent) -> ReelFile:
         tracks=dict.fromkeys(tracks, "exact"),
         progress=progress,
     )
-    return ReelFile(BytesIO(data))
+    return ReelFile(BytesIO(data), memory=OWN_STREAM)
 
 
 def encoded_anew(method: str) -> str:

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from meshreel.codec.corner_rows import (
-    counted_items,
     numbered_rows,
     read_corner_rows,
     write_corner_rows,
@@ -78,10 +77,8 @@ def test_a_long_row_of_corners_is_read_when_a_vertex_has_all():
     assert found.of_corners.tolist() == rows.of_corners.tolist()
 
 
-def test_an_eighth_of_corners_counts_when_they_share_few_values():
-    assert (counted_items(5, 40), counted_items(5, 41), counted_items(7, 0)) == (5, 6, 7)
-
-
-def test_rows_of_more_corners_than_bytes_allow_are_refused():
-    with pytest.raises(CorruptStreamError, match="at most 256"):
-        read_corner_rows(write_varint(0) + b"\0", np.arange(300), 300)
+def test_rows_are_refused_when_a_zero_is_at_their_end():
+    rows = numbered_rows(np.zeros(300, np.int64), np.zeros(300, np.int64), 1)
+    payload = write_corner_rows(rows, np.zeros(300, np.int64), 1)
+    with pytest.raises(CorruptStreamError, match="end before their section does"):
+        read_corner_rows(payload + b"\0", np.zeros(300, np.int64), 1)

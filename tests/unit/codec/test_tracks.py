@@ -15,6 +15,7 @@ from meshreel.codec.reel_file import ReelFile
 from meshreel.codec.tracks import Coding, Sharing, TrackHeader, read_track, write_track
 from meshreel.errors import (
     CorruptStreamError,
+    MemoryLimitError,
     MeshReelError,
     TruncatedStreamError,
     UnsupportedVersionError,
@@ -200,11 +201,12 @@ def test_a_stream_is_refused_when_a_track_is_missing_in_a_block():
         read_stream(raw_stream(stream.header, [track, *parts]))
 
 
-def test_a_track_is_refused_when_it_announces_more_numbers_than_its_bytes_allow():
-    stream = read_stream(stored("still_track"))
-    parts = [one for one in parts_of(stream) if one[0] is not Section.PADDING]
-    with pytest.raises(CorruptStreamError, match="at most 768 a byte"):
-        decoded_tracks(raw_stream(stream.header, parts))
+def test_a_track_is_refused_when_a_block_of_it_is_larger_than_memory_allows():
+    data = stored("still_track")
+    with ReelFile(BytesIO(data), memory=200e3) as reel:
+        reel.read(0, reel.n_frames)
+        with pytest.raises(MemoryLimitError, match=r"block 0 of track 1.* 225 kB .* 200 kB; "):
+            reel.track("wide").read(0, 1)
 
 
 @pytest.mark.parametrize("name", NAMES)

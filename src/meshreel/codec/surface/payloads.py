@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from meshreel.bitstream.layout import Section
 from meshreel.codec.choices import Order
+from meshreel.codec.memory import DEFAULT_LIMIT, MemoryLimit
 from meshreel.codec.surface.materials import (
     read_image,
     read_material,
@@ -45,6 +46,9 @@ DOMAINS = (Domain.VERTEX, Domain.FACE, Domain.CORNER)
 EACH, INDEXED, SHARED = range(3)
 """Layouts of values: each item has its own row; the row of each is named; or it is named only to be
 written, and each item has its own again when it is read."""
+
+ROW_BYTES = 32
+"""Of a row of a table while it is decoded: what it is expected from, beside its numbers."""
 
 START = struct.Struct("<d")
 
@@ -88,13 +92,20 @@ def surface_sections(
         yield Section.IMAGE, write_image(image)
 
 
-def read_surface(sections: Iterable[tuple[Section, bytes]], faces: Faces, n_verts: int) -> Surface:
+def read_surface(
+    sections: Iterable[tuple[Section, bytes]],
+    faces: Faces,
+    n_verts: int,
+    limit: MemoryLimit = DEFAULT_LIMIT,
+) -> Surface:
     """The surface that `surface_sections` wrote; sections of other kinds are ignored.
 
     Raises
     ------
     CorruptStreamError, TruncatedStreamError
         If a section is damaged, or does not fit the mesh.
+    MemoryLimitError
+        If the table of an attribute is larger than allowed.
     """
     surface, parts = Surface(), list[Part]()
     stored = list(sections)
@@ -108,7 +119,7 @@ def read_surface(sections: Iterable[tuple[Section, bytes]], faces: Faces, n_vert
         surface = surface.validated(n_verts, len(faces))
         for section, payload in stored:
             if section is Section.ATTRIBUTE:
-                attribute = _read_attribute(payload, surface, faces, n_verts)
+                attribute = _read_attribute(payload, surface, faces, n_verts, limit)
                 surface = replace(surface, attributes=(*surface.attributes, attribute))
             elif section is Section.GROUPS:
                 groups = _read_groups(payload, surface.n_faces(len(faces)))
@@ -241,7 +252,9 @@ def _write_values(
     return min(found, key=len)
 
 
-def _read_attribute(payload: bytes, surface: Surface, faces: Faces, n_verts: int) -> Attribute:
+def _read_attribute(
+    payload: bytes, surface: Surface, faces: Faces, n_verts: int, limit: MemoryLimit
+) -> Attribute:
     if len(payload) < 4:
         raise TruncatedStreamError("an attribute ends inside its first four bytes")
     kind, domain, number_type, width = payload[:4]
@@ -256,6 +269,8 @@ def _read_attribute(payload: bytes, surface: Surface, faces: Faces, n_verts: int
     layout, n_rows, rows, packed = _read_rows(
         payload, position, DOMAINS[domain], surface, faces, n_verts
     )
+    row_bytes = ROW_BYTES + width * VALUE_TYPES[number_type].itemsize
+    limit.require(n_rows * row_bytes, f"a table of {n_rows} values of attribute {name!r}")
     along = along_faces(DOMAINS[domain], rows, surface, faces)
     values = decode_table(packed, (n_rows, width), VALUE_TYPES[number_type], along)
     if rows is None:

@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from meshreel.codec.encoder import encode
 from meshreel.codec.inspect import info
+from meshreel.codec.memory import OWN_STREAM
 from meshreel.codec.reel_file import ReelFile
 from meshreel.connectivity.coder import encode_connectivity
 from meshreel.errors import InvalidInputError
@@ -114,7 +115,7 @@ def _measure_ours(measured: Measured, level: Level, progress: Progress) -> Outco
 
 
 def _decoded(data: bytes, name: str) -> Values:
-    with ReelFile(BytesIO(data)) as reel:
+    with ReelFile(BytesIO(data), memory=OWN_STREAM) as reel:
         return reel.track(name)[:]
 
 

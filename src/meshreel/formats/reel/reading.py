@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from meshreel.codec.decoder import decode
+from meshreel.codec.memory import memory_limit
 from meshreel.codec.reel_file import ReelFile
 from meshreel.formats.file_errors import errors_naming, refuse_pipe
 from meshreel.formats.options import Origin, ReadOptions, origin_of
@@ -15,7 +16,12 @@ from meshreel.stores.address import is_remote, plain
 from meshreel.stores.ranged_file import open_ranged
 
 
-def open(path: str | os.PathLike[str], *, n_modes: int | None = None) -> ReelFile:
+def open(
+    path: str | os.PathLike[str],
+    *,
+    n_modes: int | None = None,
+    memory: float | str | None = None,
+) -> ReelFile:
     """A `.reel` file to take frames from: its index is read, and nothing decoded yet.
 
     Parameters
@@ -27,6 +33,10 @@ def open(path: str | os.PathLike[str], *, n_modes: int | None = None) -> ReelFil
         Only the first so many modes of each block move; further ones, up to the 16th at least,
         rest at their mean over the block: a coarser animation. Streams of `reel` only; corrections
         are left out then.
+    memory : float or str, optional
+        The most that the mesh, a block, or the frames or values that a call returns may take while
+        they are decoded, as in "2GiB", or bytes. Frames of a longer file than this are read a few
+        at a time. Default: 8 GiB.
 
     Raises
     ------
@@ -34,6 +44,8 @@ def open(path: str | os.PathLike[str], *, n_modes: int | None = None) -> ReelFil
         If `n_modes` is below 1 or not for this stream, or the path is a pipe or a device.
     CorruptStreamError, TruncatedStreamError, UnsupportedVersionError
         If it is not a stream that this build reads, or not even its first block is whole.
+    MemoryLimitError
+        If its mesh needs more memory than allowed. Reading raises it for blocks and frames.
     OSError
         If the file cannot be read.
     StoreError
@@ -46,11 +58,12 @@ def open(path: str | os.PathLike[str], *, n_modes: int | None = None) -> ReelFil
     ...     for frame in reel:
     ...         show(frame)
     """
+    memory_limit(memory)  # a size that is none is no fault of the file
     with ExitStack() as on_error:
         remote = is_remote(path)
         file = on_error.enter_context(open_ranged(str(path)) if remote else _opened(Path(path)))
         with errors_naming(path):
-            reel = ReelFile(file, n_modes)
+            reel = ReelFile(file, n_modes, memory)
         on_error.pop_all()
     return reel
 
@@ -77,7 +90,7 @@ def open_reel(path: Path, options: ReadOptions) -> MeshSequence:
         If it is not a whole stream that this build reads; they name the file.
     """
     with errors_naming(path):
-        sequence = decode(path.read_bytes(), progress=options.progress)
+        sequence = decode(path.read_bytes(), memory=options.memory, progress=options.progress)
     options.progress("reading", 1.0)
     fps = sequence.fps if options.fps is None else options.fps
     if sequence.name and fps == sequence.fps:  # all positions would be checked again

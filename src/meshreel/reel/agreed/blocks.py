@@ -1,6 +1,6 @@
 """Blocks of `reel` to sections and back."""
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import Future
 from dataclasses import dataclass
 from functools import partial
@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.bitstream.layout import MAX_NUMBERS_PER_BYTE, Section
+from meshreel.bitstream.layout import Section
 from meshreel.codec.corrections import Corrections
 from meshreel.codec.stored_blocks import StoredBlock, write_block
 from meshreel.entropy.varint import write_varint
@@ -42,19 +42,11 @@ def write_field_block(
 
 
 def write_track_block(
-    block: FieldBlock,
-    mesh: FieldMesh,
-    corrections: Corrections | None = None,
-    *,
-    n_counted: int = 0,
+    block: FieldBlock, mesh: FieldMesh, corrections: Corrections | None = None
 ) -> Iterator[tuple[Section, bytes]]:
-    """The sections of a further track in a block of `reel`, padded to what its numbers ask for.
-
-    These are numbers of so many items that are counted, where these are more than are stored.
-    """
-    _, n_columns, n_frames = block.basis.shape
-    n_numbers = n_columns * n_frames * max(n_counted, mesh.n_verts)
-    return _track_group(block.n_modes, n_numbers, _write_fields(block, mesh, corrections))
+    """The sections of a further track in a block of `reel`."""
+    yield Section.TRACK_BLOCK, write_varint(block.n_modes)
+    yield from _write_fields(block, mesh, corrections)
 
 
 def write_exact_positions(vertices: Numbers, graph: Neighbours) -> list[tuple[Section, bytes]]:
@@ -106,16 +98,12 @@ def read_grid_positions(
     return PositionGrid(step, frame).positions(numbers, dtype)
 
 
-def write_exact_block(
-    values: Numbers, graph: Neighbours, n_counted: int = 0
-) -> Iterator[tuple[Section, bytes]]:
-    """The sections of a further track whose values, of shape (T_b, N, C), come back as they are.
-
-    Padded as in `write_track_block`.
-    """
-    n_frames, n_items, n_columns = values.shape
-    n_numbers = n_frames * max(n_counted, n_items) * n_columns
-    return _track_group(0, n_numbers, [(Section.VALUES, encode_exact(values, graph))])
+def write_exact_block(values: Numbers, graph: Neighbours) -> list[tuple[Section, bytes]]:
+    """The sections of a further track whose values, of shape (T_b, N, C), come back as they are."""
+    return [
+        (Section.TRACK_BLOCK, write_varint(0)),
+        (Section.VALUES, encode_exact(values, graph)),
+    ]
 
 
 def read_exact_block(
@@ -141,19 +129,6 @@ def read_missing(
     return found.astype(np.bool_, copy=False)
 
 
-def _track_group(
-    n_modes: int, n_numbers: int, given: Iterable[tuple[Section, bytes]]
-) -> Iterator[tuple[Section, bytes]]:
-    """The sections of a further track in a block, padded to what its numbers ask for."""
-    sections = list(given)
-    least = -(-n_numbers // MAX_NUMBERS_PER_BYTE)
-    missing = least - sum(len(payload) for _, payload in sections)
-    yield Section.TRACK_BLOCK, write_varint(n_modes)
-    if missing > 0:
-        yield Section.PADDING, bytes(missing)
-    yield from sections
-
-
 def _write_fields(
     block: FieldBlock, mesh: FieldMesh, corrections: Corrections | None
 ) -> Iterator[tuple[Section, bytes]]:
@@ -172,7 +147,7 @@ def read_corrections(
     if Section.CORRECTIONS not in stored.sections:
         return None
     payload = stored.payload(Section.CORRECTIONS)
-    return payloads.read_corrections(payload, n_columns, stored.n_frames, n_verts)
+    return payloads.read_corrections(payload, n_columns, stored.n_frames, n_verts, stored.limit)
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.codec.corner_rows import CornerRows, counted_items, read_corner_rows
+from meshreel.codec.corner_rows import CornerRows, read_corner_rows
 from meshreel.codec.open_stream import OpenStream
 from meshreel.codec.tracks import Sharing, TrackHeader
 from meshreel.connectivity.permutation import inverse_permutation
@@ -42,10 +42,10 @@ class StoredItems:
     vertex_of_row: Integers | None = None
 
     @property
-    def n_counted(self) -> int:
-        """Items for which a block needs bytes."""
+    def most_items(self) -> int:
+        """Items that values are decoded for: those stored, or the corners, if these are more."""
         n_corners = 0 if self.spread is None else len(self.spread)
-        return counted_items(self.graph.n_items, n_corners)
+        return max(self.graph.n_items, n_corners)
 
 
 def items_of(opened: OpenStream, header: TrackHeader) -> StoredItems:

@@ -6,6 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.codec.corrections import Corrections
+from meshreel.codec.memory import DEFAULT_LIMIT, MemoryLimit
 from meshreel.entropy.coder import decode_integers, encode_integers
 from meshreel.entropy.varint import read_varint, write_varint
 from meshreel.errors import CorruptStreamError, TruncatedStreamError, UnsupportedVersionError
@@ -20,6 +21,9 @@ Integers = npt.NDArray[np.int64]
 
 SINGLE, DOUBLE = 4, 8
 """Layouts of the sections of `reel`, by the bytes of the numbers that frames are summed up in."""
+
+INTEGER_BYTES = 8
+"""Of a decoded integer of corrections: their vertex, frame and offsets."""
 
 MAX_LEARNED = 255
 """Most modes that predictor weights follow."""
@@ -130,13 +134,21 @@ def write_corrections(corrections: Corrections) -> bytes:
 
 
 @staged("corrections")
-def read_corrections(payload: bytes, n_columns: int, n_frames: int, n_verts: int) -> Corrections:
+def read_corrections(
+    payload: bytes,
+    n_columns: int,
+    n_frames: int,
+    n_verts: int,
+    limit: MemoryLimit = DEFAULT_LIMIT,
+) -> Corrections:
     """Undo `write_corrections`.
 
     Raises
     ------
     CorruptStreamError
         If a vertex or frame is out of range, or the numbers do not fit each other.
+    MemoryLimitError
+        If there are more than may be decoded at once.
     """
     if len(payload) < 4:
         raise TruncatedStreamError("the corrections are cut off")
@@ -148,6 +160,7 @@ def read_corrections(payload: bytes, n_columns: int, n_frames: int, n_verts: int
             f"{n_offsets} corrections of {n_corrected} vertices are announced, for {n_frames} "
             f"frames of {n_verts}"
         )
+    limit.require(INTEGER_BYTES * n_offsets * (n_columns + 3), f"{n_offsets} corrections")
     lengths = [n_corrected, n_corrected, n_offsets, *[n_offsets] * n_columns]
     columns = decode_integers(payload[position:], lengths, [0, 1, 2, *[3] * n_columns])
     vertices, counts = np.cumsum(columns[0]), columns[1] + 1

@@ -8,6 +8,7 @@ from io import BytesIO
 from meshreel.bitstream.layout import Section
 from meshreel.bitstream.reader import read_stream
 from meshreel.codec.achieved import measure_tracks
+from meshreel.codec.memory import OWN_STREAM
 from meshreel.codec.reel_file import ReelFile
 from meshreel.codec.source import CodedTrack, Source
 from meshreel.codec.track_bounds import EXACT
@@ -98,7 +99,7 @@ class FollowingTracks:
 
     def _coded(self, data: bytes, n_trials: int) -> list[CodedTrack]:
         tracks, found = list(self._source.tracks), []
-        with ReelFile(BytesIO(data)) as reel:
+        with ReelFile(BytesIO(data), memory=OWN_STREAM) as reel:
             for number, (coded, name) in enumerate(zip(tracks, self._source.bounds, strict=True)):
                 self._progress("predicting tracks", Count(number, len(tracks), "tracks"))
                 smaller = coded

@@ -9,7 +9,6 @@ import numpy.typing as npt
 from meshreel.codec.choices import Order
 from meshreel.codec.corner_rows import (
     CornerRows,
-    counted_items,
     numbered_rows,
     write_corner_rows,
 )
@@ -61,11 +60,6 @@ class SharedTrack(DerivedTrack):
         """Frames, vertices or rows, and numbers of each value: (T, n, C)."""
         n_frames, _, n_columns = self.whole.shape
         return n_frames, len(self.corners), n_columns
-
-    @property
-    def n_counted(self) -> int:
-        """Items for which a block needs bytes."""
-        return counted_items(len(self.corners), self.whole.shape[1])
 
     def read(self, start: int, stop: int) -> Values:
         """Values of frames start..stop - 1, of shape (stop - start, n, C)."""

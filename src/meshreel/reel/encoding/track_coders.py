@@ -3,7 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -62,7 +62,7 @@ class ExactTrackCoder:
         Number of the value of each vertex in internal order; None: they are in it.
     graph : Neighbours
         Of its vertices, faces or corners.
-    surface, goes_out_as_given, n_counted
+    surface, goes_out_as_given
         As of `TrackCoder`.
     """
 
@@ -71,7 +71,6 @@ class ExactTrackCoder:
     graph: Neighbours
     surface: MovingSurface | None = None
     goes_out_as_given: bool = True
-    n_counted: int = 0
 
     def leading_section(self) -> tuple[Section, bytes]:
         """What is said of the track before the first block."""
@@ -84,7 +83,7 @@ class ExactTrackCoder:
             if not self.goes_out_as_given:
                 coded, order = in_order(values, order), None
             coded = exact_residuals(self.header, self.surface, positions, coded)
-        return list(write_exact_block(in_order(coded, order), self.graph, self.n_counted))
+        return list(write_exact_block(in_order(coded, order), self.graph))
 
     def predicted(self, coding: Coding, rate: float, surface: MovingSurface) -> "ExactTrackCoder":
         """The coder of the same track that codes what differences of positions leave of it."""
@@ -125,8 +124,6 @@ class TrackCoder:
         Largest error, in units of the track, that its number type alone makes.
     goes_out_as_given : bool, default True
         Whether values go out in the order in which they are given, and not in internal order.
-    n_counted : int, default 0
-        Items for which a block needs bytes, where these are more than have values.
     """
 
     header: TrackHeader
@@ -136,7 +133,6 @@ class TrackCoder:
     surface: MovingSurface | None = None
     rounding: float = 0.0
     goes_out_as_given: bool = True
-    n_counted: int = 0
 
     @cached_property
     def _blocks(self) -> KeyedBlocks:
@@ -216,7 +212,7 @@ class TrackCoder:
         """The coder of the same track that changes nothing."""
         header = exact_header(self.header.name, self.header, self.header.n_columns)
         graph = self.coder.mesh.neighbours
-        return ExactTrackCoder(header, self.order, graph, n_counted=self.n_counted)
+        return ExactTrackCoder(header, self.order, graph)
 
     def with_step(self, step: float) -> "TrackCoder":
         """The same with another step, from its first block on."""
@@ -240,7 +236,6 @@ def exact_coder(name: str, track: TrackSource, mesh: CodedMesh) -> ExactTrackCod
         order,
         neighbours(*graph),
         goes_out_as_given=mesh.goes_out_as_given,
-        n_counted=_n_counted(track),
     )
 
 
@@ -314,16 +309,15 @@ def track_coder(
     )
     if isinstance(track, SharedTrack):
         header = replace(header, sharing=track.sharing, rows=track.rows)
-    n_counted = _n_counted(track)
     coder = FieldBlockCoder(
         FieldMesh(graph.faces, graph.n_items, choices.stencil_size),
         frame,
         choices,
-        sections_of=partial(write_track_block, n_counted=n_counted),
+        sections_of=write_track_block,
         each_column=bound.measure is Measure.NUMBER,
     )
     at_most = rounding * frame.scale
-    return TrackCoder(header, order, share, coder, None, at_most, mesh.goes_out_as_given, n_counted)
+    return TrackCoder(header, order, share, coder, None, at_most, mesh.goes_out_as_given)
 
 
 def length_allowed(bound: TrackBound, frame: BoundingFrame) -> float:
@@ -374,7 +368,3 @@ def _graph_of(name: str, track: TrackSource, mesh: CodedMesh) -> tuple[ItemGraph
         )
     graph = item_graph(track.domain, mesh.output_faces, mesh.surface, mesh.n_verts)
     return graph, None
-
-
-def _n_counted(track: TrackSource) -> int:
-    return track.n_counted if isinstance(track, SharedTrack) else 0

@@ -8,8 +8,8 @@ GRAPH = ItemGraph(np.zeros((0, 3), np.int32), 10)
 
 
 @pytest.mark.parametrize(
-    ("n_corners", "n_counted"), [(None, 10), (79, 10), (80, 10), (81, 11), (88, 11), (89, 12)]
+    ("n_corners", "most_items"), [(None, 10), (9, 10), (10, 10), (11, 11), (60, 60)]
 )
-def test_a_block_needs_bytes_for_every_eighth_corner_when_they_share_values(n_corners, n_counted):
+def test_corners_count_where_they_share_fewer_values(n_corners, most_items):
     spread = None if n_corners is None else np.zeros(n_corners, np.int64)
-    assert StoredItems(GRAPH, np.arange(10), spread).n_counted == n_counted
+    assert StoredItems(GRAPH, np.arange(10), spread).most_items == most_items

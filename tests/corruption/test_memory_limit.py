@@ -1,0 +1,211 @@
+"""Streams of a few bytes that announce enormous sizes: refused at once, with nothing allocated."""
+
+import tracemalloc
+from dataclasses import replace
+from io import BytesIO
+from unittest.mock import patch
+
+import numpy as np
+import pytest
+
+import meshreel
+from conformance import reader as plain
+from conformance.bits import DamagedError, Memory, TooLargeError
+from meshreel.bitstream.layout import Section
+from meshreel.bitstream.reader import read_stream
+from meshreel.codec import memory as limits
+from meshreel.codec.decoder import decode
+from meshreel.codec.encoder import encode
+from meshreel.codec.reel_file import ReelFile
+from meshreel.entropy.varint import read_varint, write_varint
+from meshreel.errors import CorruptStreamError, InvalidInputError, MemoryLimitError
+from meshreel.surface import Attribute, Domain, Kind, Surface
+from meshreel.tracks import Track
+from samples.c_reader import CORRUPT, Decoder, File, RefusalError, in_memory, inspect
+from samples.meshes import irregular_sequence, waving_grid
+from samples.streams import parts_of, raw_stream
+
+MANY = 2**40
+"""Numbers that each stream below announces, at least."""
+
+ALLOCATED_BYTES = 30e6
+"""What refusing a stream may allocate, which is mostly for code that is imported."""
+
+
+def changed(data, change, **header):
+    """The stream with other payloads, and another header."""
+    stream = read_stream(data)
+    parts = [(section, change(section, payload)) for section, payload in parts_of(stream)]
+    return raw_stream(replace(stream.header, **header), parts)
+
+
+def with_counts(data, n_frames, n_modes=None, **header):
+    """The stream with one block of this many frames and modes of positions."""
+
+    def change(section, payload):
+        if section is not Section.BLOCK:
+            return payload
+        own, _ = read_varint(payload, read_varint(payload, 0)[1])
+        return write_varint(n_frames) + write_varint(own if n_modes is None else n_modes)
+
+    return changed(data, change, n_frames=n_frames, **header)
+
+
+def with_track(**options):
+    """A stream with a track of zeros."""
+    grid = waving_grid(4, 4, 5)
+    tracks = {"still": Track(np.zeros((4, 20, 9), np.float32), "vertex", "other")}
+    return encode(replace(grid, tracks=tracks), tracks=options or None)
+
+
+def with_modes_of_track(n_frames, n_modes):
+    def change(section, payload):
+        return write_varint(n_modes) if section is Section.TRACK_BLOCK else payload
+
+    return changed(with_counts(with_track(), n_frames, 1), change)
+
+
+def with_corrections():
+    data = encode(irregular_sequence(4), max_error=8.0, n_modes=2)
+    n_verts = read_stream(data).header.n_verts
+    n_frames = 2**30
+
+    def change(section, payload):
+        if section is not Section.CORRECTIONS:
+            return payload
+        return payload[:4] + write_varint(n_verts) + write_varint(n_frames * n_verts)
+
+    # The frames themselves are within the limit of a block with two modes, and not decoded yet.
+    return changed(with_counts(data, n_frames, 2), change)
+
+
+def with_table():
+    grid = waving_grid(2, 4, 5)
+    uv = Attribute(
+        "uv",
+        Kind.UV,
+        Domain.VERTEX,
+        np.zeros((2, 2), np.float32),
+        np.arange(20, dtype=np.int32) % 2,
+    )
+    data = encode(replace(grid, surface=Surface(attributes=(uv,))))
+
+    def change(section, payload):
+        if section is not Section.ATTRIBUTE:
+            return payload
+        at = 4 + 1 + len("uv") + 1  # behind kind to width, the name, the layout
+        _, end = read_varint(payload, at)
+        return payload[:at] + write_varint(MANY) + payload[end:]
+
+    return changed(data, change)
+
+
+REEL = encode(waving_grid(4, 4, 5), step=0.01)
+BOMBS = {
+    "vertices": with_counts(REEL, 4, n_verts=2**32 - 1),
+    "faces": with_counts(REEL, 4, n_faces=2**32 - 1),
+    "frames": with_counts(REEL, 2**32 - 1),
+    "modes": with_counts(REEL, 2**28, 3 * 2**28),
+    "lossless": with_counts(encode(waving_grid(4, 4, 5), lossless=True), 2**32 - 1),
+    "grid": with_counts(encode(waving_grid(4, 4, 5), "grid", max_error=0.1), 2**32 - 1),
+    "paper": with_counts(encode(irregular_sequence(4), "pca-qp", n_modes=2), 2**32 - 1),
+    "exact track": with_counts(with_track(still="exact"), 2**32 - 1),
+    "modes of a track": with_modes_of_track(2**28, 2**31),
+    "corrections": with_corrections(),
+    "table": with_table(),
+}
+
+
+@pytest.mark.parametrize("name", BOMBS)
+def test_a_stream_that_announces_too_much_is_refused_before_memory_is_taken(name):
+    data = BOMBS[name]
+    assert len(data) < 3000
+    tracemalloc.start()
+    try:
+        with pytest.raises(MemoryLimitError, match=r"may take 8.59 GB; .* allow more with memory="):
+            decode(data)
+        assert tracemalloc.get_traced_memory()[1] < ALLOCATED_BYTES
+    finally:
+        tracemalloc.stop()
+
+
+@pytest.mark.parametrize("name", BOMBS)
+def test_the_plain_reader_refuses_it_too(name):
+    with pytest.raises(TooLargeError, match="larger Memory"):
+        plain.read(BOMBS[name])
+
+
+@pytest.mark.parametrize("name", ["vertices", "faces", "frames", "modes", "lossless", "grid"])
+def test_the_reader_in_c_states_what_would_be_needed_or_refuses_it(name):
+    try:
+        info = inspect(in_memory(BOMBS[name]))
+    except RefusalError:
+        return
+    needed = info.file_bytes + info.decoder_bytes
+    assert needed > 2**36 or refuses_frames(BOMBS[name])
+
+
+def refuses_frames(data):
+    try:
+        Decoder(File(in_memory(data))).load(0)
+    except RefusalError as refused:
+        return refused.code == CORRUPT
+    return False
+
+
+def test_a_block_is_read_within_a_limit_that_the_whole_exceeds():
+    data = encode(waving_grid(200, 8, 8), step=0.01, block_frames=5)
+    limit = 512 * 64 + 128 * 98  # what the mesh takes; all frames take as much, and more
+    whole = decode(data)
+    assert whole.vertices.nbytes > limit
+    with pytest.raises(MemoryLimitError, match=r"frames 0:200 of 64 vertices would take 154 kB"):
+        decode(data, memory=limit)
+    found = decode(data, frames=slice(7, 12), memory=limit)
+    np.testing.assert_array_equal(found.vertices, whole.vertices[7:12])
+    with ReelFile(BytesIO(data), memory=limit) as reel:
+        np.testing.assert_array_equal(reel[199], whole.vertices[199])
+        for frame, wanted in zip(reel, whole.vertices, strict=True):
+            np.testing.assert_array_equal(frame, wanted)
+        with pytest.raises(MemoryLimitError, match="frames 0:200"):
+            reel[:]
+
+
+def test_frames_and_tracks_count_together_when_all_is_decoded():
+    data = with_track()
+    positions, values = 4 * 20 * 12, 4 * 20 * 36
+    with pytest.raises(MemoryLimitError, match=r"with their tracks, would take 3.84 kB"):
+        decode_small(data, positions + values - 1)
+    assert decode_small(data, positions + values).n_frames == 4
+
+
+def decode_small(data, memory):
+    """The sequence, decoded within a limit of frames and tracks that the mesh alone exceeds."""
+    with patch.object(limits, "BYTES_OF_VERTEX", 1), patch.object(limits, "BYTES_OF_FACE", 1):
+        return decode(data, memory=memory)
+
+
+@pytest.mark.parametrize("memory", ["lots", 0, -1, "0GB"])
+def test_a_limit_that_is_no_size_is_refused(memory):
+    with pytest.raises(InvalidInputError, match="memory"):
+        meshreel.decode(REEL, memory=memory)
+
+
+def test_the_limit_of_an_open_file_is_chosen_when_it_is_opened():
+    with (
+        ReelFile(BytesIO(REEL)) as reel,
+        pytest.raises(InvalidInputError, match=r"memory of a ReelFile is chosen by meshreel\.open"),
+    ):
+        meshreel.decode(reel, memory="1GB")
+
+
+@pytest.mark.parametrize("section", [Section.BASIS, Section.COEFFICIENTS, Section.CORRECTIONS])
+def test_a_zero_at_the_end_of_bits_is_refused_by_every_reader(section):
+    data = changed(
+        encode(irregular_sequence(4), max_error=8.0, n_modes=2),
+        lambda one, payload: payload + b"\0" if one is section else payload,
+    )
+    with pytest.raises(CorruptStreamError, match="end before their section does"):
+        decode(data)
+    with pytest.raises(DamagedError):
+        plain.read(data, Memory())
+    assert refuses_frames(data)
