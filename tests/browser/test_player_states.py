@@ -335,7 +335,6 @@ ALL = "[...document.querySelectorAll('reel-player')]"
 def test_players_of_one_file_share_a_worker_and_a_download(shown):
     page = shown('<reel-player src="/flag.reel"></reel-player>', script=NETWORK + WORKERS)
     settled(page)
-    asked_alone = page.evaluate("window.nAsked")
     page.evaluate("player.remove()")
     until(page, "window.workers === 0")
     page.evaluate(
@@ -348,7 +347,9 @@ def test_players_of_one_file_share_a_worker_and_a_download(shown):
     )
     until(page, f"{ALL}.every(({{ mesh }}) => mesh && mesh.frame > 16)")
     assert page.evaluate("window.workers") == 1
-    assert page.evaluate("window.nAsked") <= asked_alone
+    assert (
+        page.evaluate("window.nAsked") < 6
+    )  # ranges of one download; apart, each asks at least once
     page.evaluate(f"{ALL}.slice(1).forEach((one) => one.remove())")
     page.evaluate("player = document.querySelector('reel-player'); player.seek({ frame: 40 })")
     settled(page)
