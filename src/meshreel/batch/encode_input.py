@@ -2,7 +2,7 @@
 
 import math
 import time
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from meshreel import __version__
@@ -24,13 +24,16 @@ from meshreel.formats.load import open_for_encoding
 from meshreel.formats.notes import note_unknown_rate
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.remote import at_hand
-from meshreel.formats.supported_options import supports
+from meshreel.formats.supported_options import supported_only
 from meshreel.runtime.engine.engine import Engine
 from meshreel.sequence import FrameSource
 from meshreel.surface_selection import ALL, chosen, describe_missing, missing_names
 
 BLOCK_SHARES = (1.0, 1 / 4, 1 / 16)
 """Of the frames of a block, those that are tried, one after the other, while memory runs out."""
+
+READ_OPTIONS = ("fps", "merge", "attributes", "skip_bad", "allow_outside", "animation")
+"""Fields of `ReadOptions` that the manifest names if they differ from the default."""
 
 
 @dataclass(frozen=True)
@@ -40,35 +43,20 @@ class EncodeOptions:
     Attributes
     ----------
     config : EncoderConfig
-    fps : float, optional
-        In place of the frame rate of the input.
-    merge : bool
-        Whether all meshes of an input are taken as one, where the format may hold several.
-    attributes : str
-        Names of those to keep, as in "uv,color"; or "all" or "none". An input that lacks one gets
-        a note.
-    skip_bad : bool
-        Whether those of them that cannot be read are left out.
-    allow_outside : bool
-        Whether files are read that an input names outside of its folder.
+    reading : ReadOptions
+        Where an input is of a format that an option has no effect on, it is left out; an input
+        that lacks a named attribute gets a note.
     tracks : dict of str to str, or None
         How exact tracks are to come back. An input that lacks one gets a note.
     block_share : float
         Of the frames that the config codes together, how many are; below 1 where memory ran out
         before. Positions then stay in their files, and a note says so.
-    animation : str, optional
-        Name of the one to take of an input that holds several.
     """
 
     config: EncoderConfig
-    fps: float | None = None
-    merge: bool = False
-    attributes: str = ALL
-    skip_bad: bool = False
-    allow_outside: bool = False
+    reading: ReadOptions = field(default_factory=ReadOptions)
     tracks: dict[str, float | str] | None = None
     block_share: float = 1.0
-    animation: str | None = None
 
     def smaller(self, error: BaseException) -> "EncodeOptions | None":
         """The options with smaller blocks after an error; None if that is no help.
@@ -92,16 +80,11 @@ class EncodeOptions:
         """Those that are not the default, in plain types."""
         values = {option: getattr(self.config, option.name) for option in all_options()}
         chosen = {one.name: value for one, value in values.items() if value != one.default}
-        if self.fps is not None:
-            chosen["fps"] = self.fps
-        if self.animation is not None:
-            chosen["animation"] = self.animation
-        if self.attributes != ALL:
-            chosen["attributes"] = self.attributes
-        if self.tracks:
-            chosen["tracks"] = self.tracks
-        flags = ("merge", "skip_bad", "allow_outside")
-        return {**chosen, **{flag: True for flag in flags if getattr(self, flag)}}
+        reading = {name: getattr(self.reading, name) for name in READ_OPTIONS}
+        chosen |= {
+            name: value for name, value in reading.items() if value != getattr(ReadOptions, name)
+        }
+        return {**chosen, "tracks": self.tracks} if self.tracks else chosen
 
 
 @dataclass(frozen=True)
@@ -139,14 +122,7 @@ def encode_input(
         )
     began = time.perf_counter()
     notes: list[str] = []
-    reading = ReadOptions(
-        fps=options.fps,
-        merge=options.merge,
-        notes=notes,
-        skip_bad=options.skip_bad and supports(source, "skip_bad"),
-        allow_outside=options.allow_outside and supports(source, "allow_outside"),
-        animation=options.animation,
-    )
+    reading = replace(supported_only(options.reading, source), attributes=ALL, notes=notes)
     with at_hand(source) as files:
         opened = open_for_encoding(files, _memory(options), reading)
         return _measured(opened, options, notes, began, engine)
@@ -199,9 +175,9 @@ def _suited(
 ) -> tuple[FrameSource, EncoderConfig]:
     """An input with the attributes to keep of it, and the options that apply to it."""
     config = options.config
-    if missing := missing_names(opened.surface, options.attributes):
+    if missing := missing_names(opened.surface, options.reading.attributes):
         notes.append(describe_missing(opened.surface, missing))
-    sequence = with_surface(opened, chosen(opened.surface, options.attributes))
+    sequence = with_surface(opened, chosen(opened.surface, options.reading.attributes))
     if config.uv_bits is not None and not has_uvs(sequence.surface):
         notes.append("has no texture coordinates for uv_bits= to quantise")
         config = replace(config, uv_bits=None)

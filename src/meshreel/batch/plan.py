@@ -49,7 +49,8 @@ class Plan:
 
     def options_of(self, one: BatchInput) -> EncodeOptions:
         """How an input is encoded."""
-        return replace(self.options, animation=one.animation)
+        reading = replace(self.options.reading, animation=one.animation)
+        return replace(self.options, reading=reading)
 
 
 def plan_batch(
@@ -84,13 +85,10 @@ def plan_batch(
     """
     out_folder(out_dir).check()
     inputs = find_inputs(input_dir, but_not=out_dir)
-    check_supported(
-        [one.source for one in inputs],
-        skip_bad=options.skip_bad, allow_outside=options.allow_outside,
-    )  # fmt: skip
+    check_supported([one.source for one in inputs], options.reading)
     notes: list[str] = []
     if all_animations:
-        inputs = every_animation(inputs, notes, allow_outside=options.allow_outside)
+        inputs = every_animation(inputs, notes, allow_outside=options.reading.allow_outside)
     manifest = read_manifest(input_dir, out_dir, force=force)
     check_report(manifest.folder, force=force)
     plan = Plan(input_dir, manifest.folder, options, manifest, [], {}, {}, set(), notes)

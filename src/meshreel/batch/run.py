@@ -97,11 +97,13 @@ def _is_spread(plan: Plan, engine: Engine) -> bool:
 
 def _one_each(plan: Plan, engine: Engine) -> Iterator[tuple[BatchInput, "Future[Encoded]"]]:
     """The inputs as they come to an end; each is a worker's."""
-    inputs = {(str(one.source), one.animation): one for one in _long_ones_first(plan)}
+    inputs: dict[tuple[str, str | int | None], BatchInput] = {
+        (str(one.source), one.animation): one for one in _long_ones_first(plan)
+    }
     items = [_item(plan, one) for one in inputs.values()]
     for item, outcome in engine.as_completed(encode_input, items, again=_in_smaller_blocks):
         source, options, _ = item
-        yield inputs[source, options.animation], outcome
+        yield inputs[source, options.reading.animation], outcome
 
 
 def _long_ones_first(plan: Plan) -> list[BatchInput]:

@@ -9,14 +9,7 @@ from meshreel.cli.commands import command
 from meshreel.cli.encode_options import Encoding, encode_options
 from meshreel.cli.lines import print_error, print_line
 from meshreel.cli.parameters import argument, option
-from meshreel.cli.read_options import (
-    READING,
-    allow_outside_option,
-    attributes_option,
-    fps_option,
-    merge_option,
-    skip_bad_option,
-)
+from meshreel.cli.read_options import READING, reading_options
 from meshreel.cli.track_options import track_option, track_targets
 from meshreel.codec.option import COUNT
 
@@ -24,6 +17,7 @@ if TYPE_CHECKING:
     from meshreel.batch.manifest import Record
     from meshreel.batch.plan import Plan
     from meshreel.batch.run import BatchReport
+    from meshreel.formats.options import ReadOptions
 
 WHOLE = (
     ".npz .abc .usd .usda .usdc .usdz .glb .gltf .pc2 .mdd .h5 .hdf5 .hdf .vtkhdf .pvd .xdmf .xmf"
@@ -62,12 +56,8 @@ WORKERS = "Where it runs (give one)"
     panel=WORKERS,
 )
 @encode_options()
-@attributes_option
 @track_option
-@fps_option
-@merge_option
-@skip_bad_option
-@allow_outside_option
+@reading_options("attributes", "fps", "merge", "skip_bad", "allow_outside")
 @option(
     "--animations",
     type=click.Choice(["first", "all"]),
@@ -89,12 +79,8 @@ def batch_command(
     workers: int | None,
     scheduler: str | None,
     encoding: Encoding,
-    attributes: str,
     track: tuple[str, ...],
-    fps: float | None,
-    merge: bool,
-    skip_bad: bool,
-    allow_outside: bool,
+    reading: "ReadOptions",
     animations: str,
     force: bool,
     as_json: bool,
@@ -127,9 +113,9 @@ def batch_command(
     if workers is not None and scheduler is not None:
         raise click.UsageError("--workers and --scheduler exclude each other; give one")
     config = EncoderConfig(**encoding)
-    listed_names(attributes)  # refused now, before any work
+    listed_names(reading.attributes)  # refused now, before any work
     tracks = track_targets(track)
-    options = EncodeOptions(config, fps, merge, attributes, skip_bad, allow_outside, tracks)
+    options = EncodeOptions(config, reading, tracks)
     plan = plan_batch(
         _folder(input_dir),
         _folder(out_dir),

@@ -1,18 +1,15 @@
 """`meshreel compare`: errors of a decoded animation relative to its original."""
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from meshreel.cli.commands import command
 from meshreel.cli.completing import input_files
 from meshreel.cli.parameters import argument, option
-from meshreel.cli.read_options import (
-    allow_outside_option,
-    animation_option,
-    memory_option,
-    merge_option,
-    object_option,
-    skip_bad_option,
-)
+from meshreel.cli.read_options import MESHES, reading_options
+
+if TYPE_CHECKING:
+    from meshreel.formats.options import ReadOptions
 
 
 @command
@@ -23,12 +20,7 @@ from meshreel.cli.read_options import (
     "or a quoted glob.",
 )
 @argument("decoded", completion=input_files, help="The same kinds.")
-@object_option
-@merge_option
-@skip_bad_option
-@allow_outside_option
-@animation_option
-@memory_option
+@reading_options(*MESHES, "memory")
 @option(
     "--plot", type=Path, metavar="FILE.png", help="Draw the NMSVE of each frame (needs [plot])."
 )
@@ -37,12 +29,7 @@ from meshreel.cli.read_options import (
 def compare_command(
     original: str,
     decoded: str,
-    object: str | None,
-    merge: bool,
-    skip_bad: bool,
-    allow_outside: bool,
-    animation: str | None,
-    memory: str | None,
+    reading: "ReadOptions",
     plot: Path | None,
     force: bool,
     as_json: bool,
@@ -57,12 +44,14 @@ def compare_command(
 
     - `meshreel compare frames/ decoded.npz --plot nmsve.png --json`
     """
+    from dataclasses import replace
+
     from meshreel.cli.console import print_json, print_notes, print_table, progress_bar
     from meshreel.cli.figures import quality_rows
-    from meshreel.formats.load import load
-    from meshreel.formats.registry import holds_meshes
+    from meshreel.formats.load import load_with
+    from meshreel.formats.options import ReadOptions
     from meshreel.formats.sources import files_of_source
-    from meshreel.formats.supported_options import check_supported, supports
+    from meshreel.formats.supported_options import check_supported, supported_only
     from meshreel.metrics.alignment import find_alignment
     from meshreel.metrics.compare import compare
     from meshreel.rendering.plots import plot_error_per_frame, require_matplotlib
@@ -73,26 +62,13 @@ def compare_command(
         files = [file for given in (original, decoded) for file in files_of_source(given)]
         check_output_path(plot, overwrite=force, inputs=files)
         require_matplotlib()
-    check_supported([original, decoded], skip_bad=skip_bad, allow_outside=allow_outside)
-    check_supported(
-        [original], skip_bad=False, allow_outside=False, animation=animation is not None
-    )
-    notes: list[str] = []
+    check_supported([original, decoded], replace(reading, animation=None))
+    check_supported([original], ReadOptions(animation=reading.animation))
+    notes = reading.notes
     with progress_bar() as progress:
-        first, second = (
-            load(
-                source,
-                object=object if holds_meshes(source) else None,
-                merge=merge,
-                skip_bad=skip_bad and supports(source, "skip_bad"),
-                allow_outside=allow_outside and supports(source, "allow_outside"),
-                animation=animation if source is original else None,
-                memory=memory,
-                progress=progress,
-                notes=notes,
-            )
-            for source in (original, decoded)
-        )
+        reading = replace(reading, progress=progress)
+        first = load_with(original, supported_only(reading, original))
+        second = load_with(decoded, supported_only(replace(reading, animation=None), decoded))
         quality = compare(first, second, progress=progress)
         if alignment := find_alignment(first, second):
             notes.append(str(alignment))

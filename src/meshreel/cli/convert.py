@@ -1,6 +1,7 @@
 """`meshreel convert`: an animation in, the same in another format out."""
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
@@ -8,18 +9,7 @@ from meshreel.cli.commands import command
 from meshreel.cli.completing import input_files
 from meshreel.cli.encode_options import Encoding, encode_options
 from meshreel.cli.parameters import argument, option
-from meshreel.cli.read_options import (
-    allow_outside_option,
-    animation_option,
-    attributes_option,
-    dataset_option,
-    fps_option,
-    merge_option,
-    object_option,
-    skip_bad_option,
-    split_option,
-    topology_option,
-)
+from meshreel.cli.read_options import MESHES, reading_options, split_option
 from meshreel.cli.track_options import track_option, track_targets
 from meshreel.cli.write_options import (
     force_option,
@@ -32,6 +22,9 @@ from meshreel.cli.write_options import (
     targets_option,
     textures_option,
 )
+
+if TYPE_CHECKING:
+    from meshreel.formats.options import ReadOptions
 
 OF_ALL_OUTPUTS = ("max_error", "unit")
 """Options of encoding that have an effect on other outputs, too."""
@@ -50,15 +43,7 @@ OF_ALL_OUTPUTS = ("max_error", "unit")
 @output_option
 @frames_option
 @start_number_option
-@fps_option
-@object_option
-@merge_option
-@skip_bad_option
-@allow_outside_option
-@animation_option
-@topology_option
-@dataset_option
-@attributes_option
+@reading_options("fps", *MESHES, "topology", "dataset", "attributes")
 @track_option
 @split_option
 @targets_option
@@ -75,15 +60,7 @@ def convert_command(
     output: str,
     frames: str | None,
     start_number: int | None,
-    fps: float | None,
-    object: str | None,
-    merge: bool,
-    skip_bad: bool,
-    allow_outside: bool,
-    animation: str | None,
-    topology: Path | None,
-    dataset: str | None,
-    attributes: str,
+    reading: "ReadOptions",
     track: tuple[str, ...],
     split: bool,
     targets: int | None,
@@ -116,6 +93,7 @@ def convert_command(
     - `meshreel convert walk.abc -o out/frame_%04d.obj --start-number 1001`
     """
     from contextlib import ExitStack
+    from dataclasses import replace
 
     from meshreel.cli.console import print_json, print_notes, progress_bar
     from meshreel.cli.conversion import Conversion
@@ -129,7 +107,7 @@ def convert_command(
     )
     from meshreel.codec.config import EncoderConfig
     from meshreel.formats.load import loading_for, open_for_encoding
-    from meshreel.formats.options import ReadOptions, WriteOptions
+    from meshreel.formats.options import WriteOptions
     from meshreel.formats.reel.reading import origin_of_file
     from meshreel.formats.remote import at_hand, uploaded
     from meshreel.formats.sources import files_of_source
@@ -143,17 +121,13 @@ def convert_command(
     if not is_stream(output):
         refuse_stream_options(context, {*own, "track"}, output)
     config = EncoderConfig(**(encoding if is_stream(output) else own))
-    notes: list[str] = []
+    notes = reading.notes
     with ExitStack() as stack:
         target = stack.enter_context(uploaded(output, overwrite=force))
         source = stack.enter_context(at_hand(given_source(inputs), notes))
-        files = files_of_source(source, topology)
+        files = files_of_source(source, reading.topology)
         progress = stack.enter_context(progress_bar())
-        reading = ReadOptions(
-            fps, object, merge, topology, dataset, progress=progress,
-            attributes=attributes, skip_bad=skip_bad, allow_outside=allow_outside,
-            animation=animation, notes=notes,
-        )  # fmt: skip
+        reading = replace(reading, progress=progress)
         origin = origin_of_file(files[0]) if len(inputs) == 1 else None
         conversion = Conversion(
             target,

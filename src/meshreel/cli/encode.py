@@ -1,24 +1,17 @@
 """`meshreel encode`: frames in, one .reel out."""
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from meshreel.cli.commands import command
 from meshreel.cli.completing import input_files, streams
 from meshreel.cli.encode_options import Encoding, encode_options
 from meshreel.cli.parameters import argument, option
-from meshreel.cli.read_options import (
-    allow_outside_option,
-    animation_option,
-    attributes_option,
-    dataset_option,
-    fps_option,
-    merge_option,
-    object_option,
-    skip_bad_option,
-    split_option,
-    topology_option,
-)
+from meshreel.cli.read_options import MESHES, reading_options, split_option
 from meshreel.cli.track_options import track_option, track_targets
+
+if TYPE_CHECKING:
+    from meshreel.formats.options import ReadOptions
 
 OTHER_OUTPUTS = (
     "`meshreel convert` writes other formats, `meshreel render` pictures and films, "
@@ -47,15 +40,7 @@ OTHER_OUTPUTS = (
     "this folder.",
 )
 @encode_options()
-@fps_option
-@object_option
-@merge_option
-@skip_bad_option
-@allow_outside_option
-@animation_option
-@topology_option
-@dataset_option
-@attributes_option
+@reading_options("fps", *MESHES, "topology", "dataset", "attributes")
 @track_option
 @split_option
 @option("--force", "-f", is_flag=True, help="Replace the output if it exists.")
@@ -65,15 +50,7 @@ def encode_command(
     inputs: tuple[str, ...],
     output: str | None,
     encoding: Encoding,
-    fps: float | None,
-    object: str | None,
-    merge: bool,
-    skip_bad: bool,
-    allow_outside: bool,
-    animation: str | None,
-    topology: Path | None,
-    dataset: str | None,
-    attributes: str,
+    reading: "ReadOptions",
     track: tuple[str, ...],
     split: bool,
     force: bool,
@@ -114,6 +91,7 @@ def encode_command(
     - `meshreel encode walk.npz --method pca-qp --modes 30 --bits 10`
     """
     from contextlib import ExitStack
+    from dataclasses import replace
     from functools import partial
 
     from meshreel.cli.console import print_json, print_notes, progress_bar
@@ -122,7 +100,6 @@ def encode_command(
     from meshreel.cli.profile import print_profile, profile_figures
     from meshreel.codec.config import EncoderConfig
     from meshreel.formats.load import loading_for, open_for_encoding
-    from meshreel.formats.options import ReadOptions
     from meshreel.formats.remote import at_hand, uploaded
     from meshreel.formats.sources import files_of_source
     from meshreel.formats.stretches import find_stretches
@@ -132,27 +109,15 @@ def encode_command(
     given_output = output or f"{output_stem(inputs[0])}.reel"
     check_ending(Path(given_output), (".reel",), OTHER_OUTPUTS)
     config, targets = EncoderConfig(**encoding), track_targets(track)
-    notes: list[str] = []
+    notes = reading.notes
     with ExitStack() as stack:
         target = stack.enter_context(uploaded(given_output, overwrite=force))
         stream_path = Path(target.local)
         source = stack.enter_context(at_hand(given_source(inputs), notes))
-        files = files_of_source(source, topology)
+        files = files_of_source(source, reading.topology)
         check_output_path(stream_path, overwrite=force, inputs=files)
         progress, times = stack.enter_context(progress_bar()), stack.enter_context(profiled())
-        reading = ReadOptions(
-            fps,
-            object,
-            merge,
-            topology,
-            dataset,
-            progress=progress,
-            attributes=attributes,
-            skip_bad=skip_bad,
-            allow_outside=allow_outside,
-            animation=animation,
-            notes=notes,
-        )
+        reading = replace(reading, progress=progress)
         if split:
             stretches = find_stretches(source, loading_for(config.memory_bytes, reading))
             cut = len(stretches) > 1
@@ -170,7 +135,7 @@ def encode_command(
                 opened(),
                 path,
                 config,
-                reading.notes,
+                notes,
                 tracks=targets,
                 force=force,
                 progress=progress,

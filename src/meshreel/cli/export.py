@@ -1,20 +1,17 @@
 """`meshreel export`: a .reel as a self-contained page."""
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from meshreel.cli.commands import command
 from meshreel.cli.completing import pages
 from meshreel.cli.parameters import option
 from meshreel.cli.player import original_option, shown_track_option, source_argument
-from meshreel.cli.read_options import (
-    allow_outside_option,
-    animation_option,
-    memory_option,
-    merge_option,
-    object_option,
-    skip_bad_option,
-)
+from meshreel.cli.read_options import MESHES, reading_options
 from meshreel.cli.track_options import colormap_option, component_option, range_option
+
+if TYPE_CHECKING:
+    from meshreel.formats.options import ReadOptions
 
 ENDINGS = (".html", ".htm")
 OTHER_OUTPUTS = "`meshreel decode` writes other formats, `meshreel render` pictures and films"
@@ -36,12 +33,7 @@ OTHER_OUTPUTS = "`meshreel decode` writes other formats, `meshreel render` pictu
 @component_option
 @range_option
 @colormap_option
-@object_option
-@merge_option
-@skip_bad_option
-@allow_outside_option
-@animation_option
-@memory_option
+@reading_options(*MESHES, "memory")
 @option("--force", "-f", is_flag=True, help="Replace the page if it exists.")
 @option(
     "--split",
@@ -63,12 +55,7 @@ def export_command(
     component: str | None,
     range: str | None,
     colormap: str | None,
-    object: str | None,
-    merge: bool,
-    skip_bad: bool,
-    allow_outside: bool,
-    animation: str | None,
-    memory: str | None,
+    reading: "ReadOptions",
     force: bool,
     split: bool,
     texture: Path | None,
@@ -77,7 +64,7 @@ def export_command(
     """Write a .reel file and its player as one HTML file, to mail or to put on any web server.
 
     The page holds the stream as it is. With --original it holds frames and tracks of the original
-    too, encoded anew: they are off by a twentieth of what the heat map spans at most. With --split
+    too, re-encoded: their largest error is a twentieth of the range of the heat map. With --split
     the page has its parts beside it, which a server has to send: browsers fetch no files that lie
     on a disk.
 
@@ -93,11 +80,12 @@ def export_command(
 
     - `meshreel export person.reel -o person.html --texture person.mp4`
     """
+    from dataclasses import replace
+
     from meshreel.cli.console import print_json, print_notes, print_table, progress_bar
     from meshreel.cli.player import coloring_of, opened_player
     from meshreel.documents.cells import size_text
     from meshreel.formats.file_errors import errors_naming
-    from meshreel.formats.options import ReadOptions
     from meshreel.formats.sources import files_of_source
     from meshreel.runtime.outputs.checks import check_ending, check_output_path
     from meshreel.viewer.export import export_page
@@ -109,30 +97,21 @@ def export_command(
     files = [source, *(files_of_source(original) if original else [])]
     check_output_path(output, overwrite=force, inputs=files)
     page = built_page()
-    with progress_bar() as progress:
-        reading = ReadOptions(
-            object=object,
-            merge=merge,
-            skip_bad=skip_bad,
-            allow_outside=allow_outside,
-            animation=animation,
-            memory=memory,
+    with (
+        progress_bar() as progress,
+        opened_player(source, original, replace(reading, progress=progress), coloring) as api,
+        errors_naming(source),
+    ):
+        parts = export_page(
+            api,
+            output,
+            page=page,
+            texture=texture_for(api.reel, texture) if texture else None,
+            split=split,
+            overwrite=force,
             progress=progress,
+            notes=reading.notes,
         )
-        with (
-            opened_player(source, original, reading, coloring) as api,
-            errors_naming(source),
-        ):
-            parts = export_page(
-                api,
-                output,
-                page=page,
-                texture=texture_for(api.reel, texture) if texture else None,
-                split=split,
-                overwrite=force,
-                progress=progress,
-                notes=reading.notes,
-            )
     size_bytes = sum(parts.values())
     print_notes(reading.notes)
     if as_json:

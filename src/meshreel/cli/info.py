@@ -8,17 +8,7 @@ import click
 from meshreel.cli.commands import command
 from meshreel.cli.completing import input_files
 from meshreel.cli.parameters import argument, option
-from meshreel.cli.read_options import (
-    allow_outside_option,
-    animation_option,
-    dataset_option,
-    fps_option,
-    memory_option,
-    merge_option,
-    object_option,
-    skip_bad_option,
-    topology_option,
-)
+from meshreel.cli.read_options import MESHES, reading_options
 
 if TYPE_CHECKING:
     from meshreel.formats.options import ReadOptions
@@ -35,27 +25,11 @@ if TYPE_CHECKING:
     "folder or a quoted glob of frames, or the frame files. Or an address (s3://, gs://, "
     "https://): of a .reel only its index and the heads of its sections are fetched.",
 )
-@fps_option
-@object_option
-@merge_option
-@skip_bad_option
-@allow_outside_option
-@animation_option
-@topology_option
-@dataset_option
-@memory_option
+@reading_options("fps", *MESHES, "topology", "dataset", "memory")
 @option("as_json", "--json", is_flag=True, help="Print the figures as JSON.")
 def info_command(
     inputs: tuple[str, ...],
-    fps: float | None,
-    object: str | None,
-    merge: bool,
-    skip_bad: bool,
-    allow_outside: bool,
-    animation: str | None,
-    topology: Path | None,
-    dataset: str | None,
-    memory: str | None,
+    reading: "ReadOptions",
     as_json: bool,
 ) -> None:
     """Show the contents of a file: meshes, frames, extent and parts that are not read.
@@ -70,35 +44,22 @@ def info_command(
 
     - `meshreel info frames/ --json`
     """
+    from dataclasses import replace
+
     from meshreel.cli.given_files import given_source, holds_stream
     from meshreel.formats.options import ReadOptions
 
     if len(inputs) == 1 and holds_stream(inputs[0]):
-        given = object, merge, skip_bad, allow_outside, animation, topology, dataset
-        if fps is not None or any(given):
+        if replace(reading, memory=None) != ReadOptions():
             raise click.UsageError(
                 "a .reel holds one mesh and is read completely; leave the options of inputs out"
             )
-        _show_stream(inputs[0], memory, as_json=as_json)
+        _show_stream(inputs[0], reading.memory, as_json=as_json)
         return
-    _show_source(
-        given_source(inputs),
-        ReadOptions(
-            fps,
-            object,
-            merge,
-            topology,
-            dataset,
-            skip_bad=skip_bad,
-            allow_outside=allow_outside,
-            animation=animation,
-            memory=memory,
-        ),
-        as_json=as_json,
-    )
+    _show_source(given_source(inputs), reading, as_json=as_json)
 
 
-def _show_stream(path: str, memory: str | None, *, as_json: bool) -> None:
+def _show_stream(path: str, memory: float | str | None, *, as_json: bool) -> None:
     from meshreel.cli.console import print_bars, print_json, print_table
     from meshreel.cli.figures import info_rows
     from meshreel.formats.file_errors import errors_naming

@@ -8,23 +8,15 @@ import click
 from meshreel.cli.commands import command
 from meshreel.cli.completing import input_files, names_of, pictures
 from meshreel.cli.parameters import argument, option
-from meshreel.cli.read_options import (
-    allow_outside_option,
-    animation_option,
-    fps_option,
-    memory_option,
-    merge_option,
-    object_option,
-    skip_bad_option,
-)
+from meshreel.cli.read_options import MESHES, reading_options
 from meshreel.cli.track_options import COLORS, colormap_option, component_option, range_option
 from meshreel.counting import counted
 
 if TYPE_CHECKING:
+    from meshreel.formats.options import ReadOptions
     from meshreel.rendering.scenes import Scene
     from meshreel.rendering.views import View
     from meshreel.runtime.progress import Progress
-    from meshreel.sequence import FrameSource
 
 LOOK = "Look"
 ENDINGS = (".png", ".mp4", ".gif")
@@ -117,13 +109,7 @@ VIEW, BACKGROUND = "30,12", "white"
     panel=LOOK,
 )
 @option("--background", default=BACKGROUND, metavar="COLOR", help="A name, or #rrggbb.", panel=LOOK)
-@fps_option
-@object_option
-@merge_option
-@skip_bad_option
-@allow_outside_option
-@animation_option
-@memory_option
+@reading_options("fps", *MESHES, "memory")
 @option("--force", "-f", is_flag=True, help="Replace the output if it exists.")
 @option("as_json", "--json", is_flag=True, help="Print what was done as JSON.")
 def render_command(
@@ -143,13 +129,7 @@ def render_command(
     follow: bool | None,
     size: str | None,
     background: str,
-    fps: float | None,
-    object: str | None,
-    merge: bool,
-    skip_bad: bool,
-    allow_outside: bool,
-    animation: str | None,
-    memory: str | None,
+    reading: "ReadOptions",
     force: bool,
     as_json: bool,
 ) -> None:
@@ -175,6 +155,8 @@ def render_command(
 
     - `meshreel render walk.reel -o turn.gif --frames 17 --turntable 4`
     """
+    from dataclasses import replace
+
     from meshreel.cli.console import print_json, print_notes, progress_bar
     from meshreel.cli.render_options import (
         check_plot,
@@ -184,10 +166,9 @@ def render_command(
         picture_size,
         track_look,
     )
-    from meshreel.formats.load import MAX_LOADED_BYTES, open_source
-    from meshreel.formats.registry import holds_meshes
+    from meshreel.formats.load import open_for_encoding
     from meshreel.formats.sources import files_of_source
-    from meshreel.formats.supported_options import check_supported, supports
+    from meshreel.formats.supported_options import check_supported, supported_only
     from meshreel.rendering.scenes import Scene
     from meshreel.rendering.track_plots import plot_track
     from meshreel.rendering.views import guess_up, parse_view
@@ -209,24 +190,16 @@ def render_command(
     check_output_path(output, overwrite=force, inputs=files)
     wanted_size, color = picture_size(size), color_named(background)
     parse_view(view, up or "y")
-    check_supported(
-        [source, original] if original else [source],
-        skip_bad=skip_bad, allow_outside=allow_outside, animation=animation is not None,
-    )  # fmt: skip
-    notes: list[str] = []
+    check_supported([source, original] if original else [source], reading)
+    notes = reading.notes
     with progress_bar() as progress:
-
-        def opened(given: str) -> "FrameSource":
-            return open_source(
-                given,
-                fps=fps, object=object if holds_meshes(given) else None, merge=merge,
-                skip_bad=skip_bad and supports(given, "skip_bad"),
-                allow_outside=allow_outside and supports(given, "allow_outside"),
-                animation=animation if supports(given, "animation") else None, memory=memory,
-                max_loaded_bytes=MAX_LOADED_BYTES, progress=progress, notes=notes,
-            )  # fmt: skip
-
-        shown, beside = opened(source), opened(original) if original else None
+        reading = replace(reading, progress=progress)
+        shown = open_for_encoding(source, None, supported_only(reading, source))
+        beside = (
+            open_for_encoding(original, None, supported_only(reading, original))
+            if original
+            else None
+        )
         numbers = frame_numbers(frames, shown.n_frames, notes)
         if look is not None and at is not None:
             numbers = sorted(set(numbers))

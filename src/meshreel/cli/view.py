@@ -8,18 +8,12 @@ import click
 from meshreel.cli.commands import command
 from meshreel.cli.parameters import option
 from meshreel.cli.player import original_option, shown_track_option, source_argument
-from meshreel.cli.read_options import (
-    allow_outside_option,
-    animation_option,
-    memory_option,
-    merge_option,
-    object_option,
-    skip_bad_option,
-)
+from meshreel.cli.read_options import MESHES, reading_options
 from meshreel.cli.track_options import colormap_option, component_option, range_option
 from meshreel.codec.option import Range
 
 if TYPE_CHECKING:
+    from meshreel.formats.options import ReadOptions
     from meshreel.viewer.server import ViewerServer
 
 
@@ -30,12 +24,7 @@ if TYPE_CHECKING:
 @component_option
 @range_option
 @colormap_option
-@object_option
-@merge_option
-@skip_bad_option
-@allow_outside_option
-@animation_option
-@memory_option
+@reading_options(*MESHES, "memory")
 @option("--no-open", is_flag=True, help="Do not open the browser; only print the address.")
 @option(
     "--port",
@@ -56,12 +45,7 @@ def view_command(
     component: str | None,
     range: str | None,
     colormap: str | None,
-    object: str | None,
-    merge: bool,
-    skip_bad: bool,
-    allow_outside: bool,
-    animation: str | None,
-    memory: str | None,
+    reading: "ReadOptions",
     no_open: bool,
     port: int,
     host: str,
@@ -82,11 +66,11 @@ def view_command(
     - `meshreel view walk.reel --no-open --port 8000`
     """
     from contextlib import ExitStack, closing
+    from dataclasses import replace
 
     from meshreel.cli.console import print_notes, progress_bar
     from meshreel.cli.lines import print_line
     from meshreel.cli.player import coloring_of, opened_player
-    from meshreel.formats.options import ReadOptions
     from meshreel.viewer.page import built_page
     from meshreel.viewer.server import ViewerServer
 
@@ -94,15 +78,7 @@ def view_command(
     page = built_page()
     with ExitStack() as stack:
         with progress_bar() as progress:
-            reading = ReadOptions(
-                object=object,
-                merge=merge,
-                skip_bad=skip_bad,
-                allow_outside=allow_outside,
-                animation=animation,
-                memory=memory,
-                progress=progress,
-            )
+            reading = replace(reading, progress=progress)
             api = stack.enter_context(opened_player(source, original, reading, coloring))
         server = stack.enter_context(ViewerServer(api, host=host, port=port, page=page))
         print_notes(reading.notes)

@@ -106,6 +106,11 @@ def load(
         fps, object, merge, _path(topology), dataset, None, progress,
         notes if notes is not None else [], attributes, skip_bad, allow_outside, animation, memory,
     )  # fmt: skip
+    return load_with(source, options)
+
+
+def load_with(source: Source, options: ReadOptions) -> MeshSequence:
+    """The sequence that `load` gives, with options that limit no loaded bytes."""
     with at_hand(source, options.notes) as files:
         sequence = _opened(find_files(files), options)
     if not isinstance(sequence, MeshSequence):
@@ -187,9 +192,10 @@ def open_for_encoding(source: Source, memory: float | None, options: ReadOptions
 def loading_for(memory: float | None, options: ReadOptions) -> ReadOptions:
     """The options, loading what takes a small part of the memory that encoding may take."""
     most = MAX_LOADED_BYTES if memory is None else int(LOADED_SHARE * memory)
-    # Less memory for encoding is no reason to refuse a `.reel` that is read.
-    decoding = None if memory is None else max(memory, bytes_of(DEFAULT_MEMORY, "memory"))
-    return replace(options, max_loaded_bytes=most, memory=decoding)
+    if memory is not None:
+        # Less memory for encoding is no reason to refuse a `.reel` that is read.
+        options = replace(options, memory=max(memory, bytes_of(DEFAULT_MEMORY, "memory")))
+    return replace(options, max_loaded_bytes=most)
 
 
 @staged("reading")

@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Iterable, Sequence
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import get_args
 
@@ -25,13 +25,7 @@ def supports(path: str | os.PathLike[str], option: ReadOption) -> bool:
     return found is not None and option in _supported(found)
 
 
-def check_supported(
-    sources: Sequence[str | os.PathLike[str]],
-    *,
-    skip_bad: bool,
-    allow_outside: bool,
-    animation: bool = False,
-) -> None:
+def check_supported(sources: Sequence[str | os.PathLike[str]], options: ReadOptions) -> None:
     """Refuse options that have no effect on any of several sources.
 
     Raises
@@ -40,11 +34,24 @@ def check_supported(
         Naming the option and the formats that support it.
     """
     asked: dict[ReadOption, bool] = {
-        "skip_bad": skip_bad, "allow_outside": allow_outside, "animation": animation,
-    }  # fmt: skip
+        "skip_bad": options.skip_bad,
+        "allow_outside": options.allow_outside,
+        "animation": options.animation is not None,
+    }
     for option, is_asked in asked.items():
         if is_asked and not any(supports(source, option) for source in sources):
             raise _no_effect(option, listed(map(str, sources)))
+
+
+def supported_only(options: ReadOptions, source: str | os.PathLike[str]) -> ReadOptions:
+    """The options without those that choose nothing in a source of this ending."""
+    return replace(
+        options,
+        object=options.object if supports(source, "object") else None,
+        skip_bad=options.skip_bad and supports(source, "skip_bad"),
+        allow_outside=options.allow_outside and supports(source, "allow_outside"),
+        animation=options.animation if supports(source, "animation") else None,
+    )
 
 
 def check_read_options(found: FrameFormat | SequenceFormat, options: ReadOptions) -> None:

@@ -16,6 +16,7 @@ from meshreel.batch.report import REPORT_NAME
 from meshreel.batch.run import _is_spread, run_batch
 from meshreel.codec.config import EncoderConfig
 from meshreel.errors import InvalidInputError, WorkerDiedError
+from meshreel.formats.options import ReadOptions
 from meshreel.runtime.engine.engine import Engine, open_engine
 from samples.clusters import local_cluster
 from samples.engines import InlineWorkers
@@ -78,7 +79,7 @@ def test_manifest_holds_what_compare_and_info_measure(inputs, out):
 
 
 def test_options_of_the_manifest_are_those_that_are_not_the_default(inputs, out):
-    run(inputs, out, EncodeOptions(EncoderConfig(sted=0.05, order="drop"), fps=12.0))
+    run(inputs, out, EncodeOptions(EncoderConfig(sted=0.05, order="drop"), ReadOptions(fps=12.0)))
     assert facts(out)["walk.npz"]["options"] == {"sted": 0.05, "order": "drop", "fps": 12.0}
     assert facts(out)["walk.npz"]["sted"] <= 0.05
     assert meshreel.info((out / "walk.reel").read_bytes()).fps == 12

@@ -7,7 +7,7 @@ from meshreel.formats.vat.pca.texture import N_HEADER, ROOMY, SIDES, _fit
 
 
 def area(n_verts, n_before, n_slices, slice_rows):
-    """Width, height and number of texels with slices of so many rows."""
+    """Width, height and number of texels with slices of `slice_rows` rows."""
     width = max(-(-n_verts // slice_rows), N_HEADER)
     height = -(-n_before // width) + n_slices * slice_rows
     return width, height, width * height
