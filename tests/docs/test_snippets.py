@@ -14,7 +14,6 @@ import pytest
 from meshreel import flag
 from meshreel.cli import main
 from meshreel.rendering import films, stills
-from meshreel.viewer.page import FOLDER
 from samples.pages import PAGES, name_of, parts_of, snippets
 
 N_FRAMES = 60
@@ -95,8 +94,6 @@ def test_a_snippet_says_what_it_needs_when_it_is_not_run():
 @pytest.mark.slow
 @pytest.mark.parametrize("page", [page for page in PAGES if snippets(page)], ids=name_of)
 def test_snippets_run_in_order(page, demo, tmp_path, monkeypatch):
-    if not (FOLDER / "index.html").is_file():
-        pytest.skip("the page of the player is not built")
     monkeypatch.chdir(tmp_path)
     for module, name in ((films, "FILM_PX"), (films, "GIF_PX"), (stills, "STILL_PX")):
         monkeypatch.setattr(module, name, PICTURE_PX)

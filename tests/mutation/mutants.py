@@ -79,7 +79,7 @@ def sources(root: Path) -> dict[str, list[Path]]:
 
 
 def sample(root: Path, n_mutants: int, seed: int) -> list[Mutant]:
-    """About so many mutants, in a random order that the seed decides.
+    """About `n_mutants` mutants, in a random order that the seed decides.
 
     A package gets a share by the square root of its size, `FEWEST` at least; within it all kinds
     get as many.

@@ -45,11 +45,11 @@ OWN = {
 """Beginnings of the tests of a package, below tests/; else unit/ and its name."""
 
 OWN_S, OTHERS_S = 25.0, 12.0
-"""Tests run fastest first, until they take so long together: those of the package, and others."""
+"""Tests run fastest first, up to this time in total: those of the package, and others."""
 
 AGAIN_S = 400.0
 SLOWER = 8
-"""A run may take so many times as long as recorded, and a minute more; then it counts as failed."""
+"""A run fails if it takes longer than this multiple of the recorded time, plus a minute."""
 
 MOST_MEMORY_BYTES = 12 << 30
 COMPILE = ("cc", *FLAGS, "-O1", "-fPIC", "-c")

@@ -64,7 +64,7 @@ def export_command(
     """Write a .reel file and its player as one HTML file, to mail or to put on any web server.
 
     The page holds the stream as it is. With --original it holds frames and tracks of the original
-    too, re-encoded: their largest error is a twentieth of the range of the heat map. With --split
+    too, re-encoded: their error is at most a twentieth of the range of the heat map. With --split
     the page has its parts beside it, which a server has to send: browsers fetch no files that lie
     on a disk.
 
