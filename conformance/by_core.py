@@ -208,6 +208,7 @@ def surface_of(surface):
         "images": [
             {"name": one.name, "type": one.mime_type, "data": one.data} for one in surface.images
         ],
+        "hard edges": [] if surface.hard_edges is None else surface.hard_edges.tolist(),
     }
 
 

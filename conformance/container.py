@@ -34,6 +34,7 @@ NAMES = {
     136: "MATERIAL",
     137: "IMAGE",
     138: "TRACK",
+    139: "HARD_EDGES",
 }
 MOST_NAME_BYTES = 4096
 MAGIC = b"\x89REEL\r\n\x1a"

@@ -99,7 +99,13 @@ def describe_surface(surface):
             {"name": one["name"], "type": one["type"], "hash": sha(one["data"])}
             for one in surface["images"]
         ],
+        **describe_hard_edges(sorted(surface["hard edges"])),
     }
+
+
+def describe_hard_edges(edges):
+    """Hard edges, ascending; empty if there are none."""
+    return {"hard edges": len(edges), "hash of hard edges": hash_of(rows(edges))} if edges else {}
 
 
 def describe_attribute(one):

@@ -22,10 +22,12 @@ from conformance.by_core import read_by_core
 from conformance.description import describe
 from conformance.sources import (
     book,
+    faceted,
     fan,
     grid,
     holes,
     moving,
+    of_boxes,
     of_everything,
     pinched,
     sheet_of_quads,
@@ -239,6 +241,10 @@ encoded("everything", lambda: of_everything(fps=25.0, start_s=-1.5))
 encoded("everything_quantised", lambda: of_everything(np.float64), uv_bits=10)
 encoded("attributes_of_vertices", of_everything, order="vertices")
 encoded("attributes_dropped_order", of_everything, order="drop", uv_bits=16)
+encoded("hard_edges", of_boxes)
+encoded("hard_edges_of_triangles", of_boxes, order="vertices")
+encoded("hard_edges_everywhere", lambda: faceted(grid(9, 11, closed=(True, False))), order="drop")
+encoded("hard_edges_of_tangled", lambda: faceted(tangled(24, 60)))
 
 # The paper's methods.
 for method in ("pca-qp", "pca", "pca-q", "v2v", "pca-qs", "gft"):

@@ -2,6 +2,8 @@
 
 import numpy as np
 
+from meshreel.geometry.fans import triangulate_fans
+from meshreel.geometry.hard_edges import shared_edges
 from meshreel.materials import AlphaMode, Filter, Image, Material, Texture, Wrap
 from meshreel.sequence import MeshSequence
 from meshreel.surface import Attribute, Domain, FaceGroups, Kind, Part, Surface
@@ -188,6 +190,22 @@ def of_everything(dtype=np.float32, n_frames=5, **more):
     )  # fmt: skip
     surface = Surface(sizes, attributes, groups, (Part("/all", n_verts, n_faces),), *look())
     return moving(triangles, n_frames, dtype=dtype, surface=surface, **more)
+
+
+def of_boxes():
+    """Boxes of quads with hard rims, one of which is left out, and more than two faces at edges."""
+    frame = np.array([[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4]])
+    quads = np.concatenate([frame, frame + 8, [[5, 4, 8, 9], [5, 4, 10, 11]]])
+    sizes, corners = np.full(len(quads), 4, np.int32), quads.ravel()
+    edges = shared_edges(sizes, corners).ends
+    surface = Surface(sizes, hard_edges=np.delete(edges, [3, 6], axis=0))
+    return moving(triangulate_fans(sizes, corners), 5, surface=surface)
+
+
+def faceted(faces):
+    """A mesh whose edges are all hard."""
+    edges = shared_edges(np.full(len(faces), 3), np.asarray(faces).ravel()).ends
+    return moving(faces, 4, surface=Surface(hard_edges=edges))
 
 
 def extreme(n):

@@ -1,4 +1,4 @@
-"""Attributes, groups, polygons, parts and materials: from POLYGONS to IMAGE of docs/format.md."""
+"""The surface of a mesh: what docs/format.md says of POLYGONS to IMAGE, and of HARD_EDGES."""
 
 import struct
 from itertools import accumulate
@@ -203,6 +203,29 @@ def read_parts(payload):
     return parts
 
 
+def shared_edges(polygons):
+    """Edges that two sides of faces or more lie on, as pairs of vertices, lower first, in order."""
+    vertices, first, sides = polygons.vertices_of_corners(), 0, {}
+    for size in polygons.sizes:
+        for k in range(size):
+            ends = vertices[first + k], vertices[first + (k + 1) % size]
+            if ends[0] != ends[1]:
+                edge = min(ends), max(ends)
+                sides[edge] = sides.get(edge, 0) + 1
+        first += size
+    return [edge for edge, n_sides in sides.items() if n_sides > 1]
+
+
+def read_hard_edges(payload, polygons):
+    payload, edges = Payload(payload), shared_edges(polygons)
+    n_hard = payload.varint()
+    need(1 <= n_hard <= len(edges), "there are not as many edges between faces")
+    (between,) = integers(payload.rest(), [n_hard])
+    numbers = list(accumulate((one + 1 for one in between), initial=-1))[1:]
+    need(min(between) >= 0 and numbers[-1] < len(edges), "there is no such edge between faces")
+    return [edges[one] for one in numbers]
+
+
 def read_numbers(payload, defaults):
     """Numbers with the defaults of those that are not there."""
     present = payload.varint()
@@ -306,7 +329,8 @@ class CornerRows:
 
 def read_surface(container, polygons, memory):
     """All that is said of the faces and vertices as they go out."""
-    n_verts = container.header.n_verts
+    n_verts, hard_edges = container.header.n_verts, container.all_of("HARD_EDGES")
+    need(len(hard_edges) < 2)
     return {
         "polygons": None if polygons.is_plain else polygons.sizes,
         "attributes": [
@@ -316,4 +340,5 @@ def read_surface(container, polygons, memory):
         "parts": [part for one in container.all_of("PARTS") for part in read_parts(one)],
         "materials": list(map(read_material, container.all_of("MATERIAL"))),
         "images": list(map(read_image, container.all_of("IMAGE"))),
+        "hard edges": [pair for one in hard_edges for pair in read_hard_edges(one, polygons)],
     }

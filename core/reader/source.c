@@ -111,7 +111,7 @@ int reel_section_at(const meshreel_source *source, uint64_t at, uint64_t limit,
 }
 
 bool reel_is_known(uint32_t id) {
-    uint32_t last = id & REEL_OPTIONAL ? REEL_TRACK : REEL_ANCHOR_RESIDUALS;
+    uint32_t last = id & REEL_OPTIONAL ? REEL_HARD_EDGES : REEL_ANCHOR_RESIDUALS;
     bool is_gap = (id > REEL_SHAPE && id < REEL_BLOCK) || id == REEL_OPTIONAL;
     return id <= last && !is_gap;
 }

@@ -27,7 +27,8 @@ enum reel_section_id {
     REEL_PROMISE = 129,
     REEL_INDEX = 130,
     REEL_START = 135,
-    REEL_TRACK = 138
+    REEL_TRACK = 138,
+    REEL_HARD_EDGES = 139
 };
 
 /* Bytes of a stream, and the section that they are the payload of. */

@@ -210,6 +210,11 @@ export interface Surface {
   readonly groups: readonly { name: string; labels: readonly string[]; ofFace: Int32Array }[];
   readonly materials: readonly Material[];
   readonly images: readonly Image[];
+  /**
+   * Edges across which faces do not share normals: pairs of vertices, the lower first; null where
+   * the mesh is smooth.
+   */
+  readonly hardEdges: Uint32Array | null;
 }
 
 /** A track of an open file. */

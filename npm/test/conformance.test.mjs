@@ -47,6 +47,12 @@ function positionsHash(reel) {
   return sha(...frames);
 }
 
+/** Pairs of vertices, ordered by the first, then by the second. */
+function ascending(edges) {
+  const pairs = Array.from({ length: edges.length / 2 }, (_, i) => [edges[2 * i], edges[2 * i + 1]]);
+  return pairs.sort(([a, b], [c, d]) => a - c || b - d).flat();
+}
+
 for (const module of ["reel", "reel_plain"]) {
   test(`positions are those of every stream, by ${module}`, () => {
     assert.ok(REELS.length >= 69);
@@ -160,6 +166,9 @@ for (const module of ["reel", "reel_plain"]) {
       assert.equal(surface.faceSizes?.length ?? null, wanted.polygons, name);
       if (surface.faceSizes) assert.equal(hashOf(surface.faceSizes), wanted["hash of polygons"]);
       const polygons = new Polygons(surface.triangles, info.nVerts, surface.faceSizes);
+      const hard = ascending(surface.hardEdges ?? []);
+      assert.equal(hard.length / 2, wanted["hard edges"] ?? 0, name);
+      if (hard.length) assert.equal(hashOf(hard), wanted["hash of hard edges"], name);
       const stored = readStream(bytes)
         .leading.filter((section) => section.id === Section.ATTRIBUTE)
         .map((section) => readAttribute(core, section.payload, polygons));

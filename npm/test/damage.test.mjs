@@ -126,6 +126,30 @@ test("damage with right checksums gives an error of the package, or some frames"
   assert.ok(nErrors > 50 && nFrames > 50);
 });
 
+test("damaged hard edges give an error of the package, or edges of the mesh", () => {
+  const whole = bytesOf("hard_edges");
+  const { position, start, end } = payloadsOf(whole).find(({ id }) => id === Section.HARD_EDGES);
+  let nErrors = 0;
+  for (let place = start; place < end - 4; place++) {
+    for (let value = 0; value < 256; value += 3) {
+      const bytes = whole.slice();
+      bytes[place] = value;
+      const sum = crc32(bytes.subarray(position, end - 4));
+      new DataView(bytes.buffer).setUint32(end - 4, sum, true);
+      try {
+        const { surface } = new MemoryReel(core, bytes);
+        const edges = Array.from(surface.hardEdges.keys()).filter((i) => i % 2 === 0);
+        for (const i of edges) assert.ok(surface.hardEdges[i] < surface.hardEdges[i + 1]);
+        assert.ok(surface.hardEdges.every((vertex) => vertex < 16));
+      } catch (error) {
+        if (!(error instanceof MeshReelError)) throw error;
+        nErrors++;
+      }
+    }
+  }
+  assert.ok(nErrors > 50, `${nErrors} errors`);
+});
+
 /**
  * Frames of a stream of exact positions, each by its hash or null where its block is damaged, and
  * the last error, which is of the package.

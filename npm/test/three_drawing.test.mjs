@@ -10,7 +10,7 @@ const { positionsOf, normalsOf } = await moduleOf("cpu_frames");
 const TRIANGLES = Uint32Array.of(0, 1, 2, 0, 2, 3);
 
 function surface(parts = {}) {
-  const nothing = { faceSizes: null, attributes: [], groups: [], materials: [], images: [] };
+  const nothing = { faceSizes: null, attributes: [], groups: [], materials: [], images: [], hardEdges: null };
   return { triangles: TRIANGLES, ...nothing, ...parts };
 }
 

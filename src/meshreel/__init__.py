@@ -7,11 +7,13 @@
     quality = meshreel.compare("samba.npz", decoded)
 
 MeshSequence      an animated mesh: vertices, faces, frames per second
-Surface           what it carries besides: polygons, Attribute (Domain, Kind), FaceGroups, Part
+Surface           what it carries besides: polygons, hard edges, Attribute (Domain,
+                  Kind), FaceGroups, Part
 Track             a quantity that changes over time, such as stress or velocity: TrackKind
 Material          how faces of a group look: Texture (Wrap, Filter), Image, AlphaMode
 load, save        files of all formats to a sequence and back
 encode, decode    a sequence or a file to the bytes of a .reel stream and back
+corner_normals    normals of a frame, or of several, by the hard edges of a Surface
 compare           how far two sequences are apart: Quality
 info              what a stream holds, and where its bytes go: StreamInfo
 open              a .reel file whose frames are decoded when they are asked for: ReelFile
@@ -48,6 +50,7 @@ if TYPE_CHECKING:
     from meshreel.formats.load import load
     from meshreel.formats.reel.reading import open
     from meshreel.formats.save import save
+    from meshreel.geometry.hard_edges import corner_normals
     from meshreel.materials import AlphaMode, Filter, Image, Material, Texture, Wrap
     from meshreel.metrics.compare import Quality
     from meshreel.sequence import MeshSequence
@@ -86,6 +89,7 @@ __all__ = [
     "WorkerDiedError",
     "Wrap",
     "compare",
+    "corner_normals",
     "decode",
     "encode",
     "info",
@@ -99,6 +103,7 @@ _HOMES = {
     **dict.fromkeys(("Attribute", "Domain", "FaceGroups", "Kind", "Part", "Surface"), "surface"),
     **dict.fromkeys(("AlphaMode", "Filter", "Image", "Material", "Texture", "Wrap"), "materials"),
     **dict.fromkeys(("compare", "decode", "encode", "info"), "api"),
+    "corner_normals": "geometry.hard_edges",
     "Encoder": "codec.streaming",
     "load": "formats.load",
     "MeshSequence": "sequence",

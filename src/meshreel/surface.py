@@ -1,4 +1,4 @@
-"""Surface: polygons, attributes, groups, parts and materials of a mesh, equal in all frames."""
+"""Surface: polygons, attributes, groups, hard edges and materials, equal in all frames."""
 
 from dataclasses import dataclass, replace
 from enum import StrEnum
@@ -126,6 +126,10 @@ class Surface:
         Appearance of the faces that have the material's name as label in the groups "material".
     images : tuple of Image
         Images that textures of the materials refer to.
+    hard_edges : int32 array of shape (H, 2), optional
+        Edges, each by its two vertices, across which faces do not share normals:
+        `meshreel.corner_normals`. Each lies between two faces or more. Default: none, and the mesh
+        is smooth.
     """
 
     face_sizes: Int32s | None = None
@@ -134,6 +138,7 @@ class Surface:
     parts: tuple[Part, ...] = ()
     materials: tuple[Material, ...] = ()
     images: tuple[Image, ...] = ()
+    hard_edges: Int32s | None = None
 
     def __repr__(self) -> str:
         if self.is_plain:
@@ -142,7 +147,8 @@ class Surface:
         parts = [f"{len(self.parts)} parts"] if self.parts else []
         looks = [f"{len(self.materials)} materials"] if self.materials else []
         groups = map(repr, self.groups)
-        carried = [*sizes, *map(repr, self.attributes), *groups, *parts, *looks]
+        hard = [] if self.hard_edges is None else [f"{len(self.hard_edges)} hard edges"]
+        carried = [*sizes, *hard, *map(repr, self.attributes), *groups, *parts, *looks]
         carried += map(repr, self.images)
         return f"<Surface: {', '.join(carried)}>"
 
@@ -150,7 +156,7 @@ class Surface:
     def is_plain(self) -> bool:
         """Whether the mesh has only positions and triangles."""
         carried = (self.attributes, self.groups, self.parts, self.materials, self.images)
-        return self.face_sizes is None and not any(carried)
+        return self.face_sizes is None and self.hard_edges is None and not any(carried)
 
     def n_faces(self, n_triangles: int) -> int:
         """Number of faces (polygons), P."""
@@ -173,6 +179,7 @@ class Surface:
         """The surface, if it fits a mesh of this many vertices and triangles.
 
         Its arrays are then read-only and of the documented types; sizes that are all 3 are omitted.
+        Hard edges are sorted then, with the lower vertex first.
 
         Raises
         ------
@@ -189,12 +196,13 @@ class Surface:
         _validate_parts(self.parts, n_verts, n_faces)
         images = tuple(self.images)
         materials = validated_materials(self.materials, images)
-        return Surface(sizes, attributes, groups, tuple(self.parts), materials, images)
+        hard = _validated_edges(self.hard_edges, n_verts)
+        return Surface(sizes, attributes, groups, tuple(self.parts), materials, images, hard)
 
     @property
     def size_bytes(self) -> int:
         """Size of its arrays and images."""
-        arrays = [self.face_sizes, *(groups.numbers for groups in self.groups)]
+        arrays = [self.face_sizes, self.hard_edges, *(groups.numbers for groups in self.groups)]
         for attribute in self.attributes:
             arrays += [attribute.values, attribute.indices]
         n_shown = sum(len(image.data) for image in self.images)
@@ -261,6 +269,24 @@ def _validated_groups(given: FaceGroups, n_faces: int) -> FaceGroups:
             f"groups {given.name!r} have numbers outside of -1..{len(given.labels) - 1}"
         )
     return FaceGroups(given.name, tuple(given.labels), _frozen(numbers))
+
+
+def _validated_edges(edges: Any, n_verts: int) -> Int32s | None:
+    if edges is None or not len(edges):
+        return None
+    found = np.asarray(edges)
+    if found.ndim != 2 or found.shape[1] != 2 or not np.issubdtype(found.dtype, np.integer):
+        raise InvalidInputError(
+            f"hard_edges must be integers of shape (H, 2); got {found.dtype} of {found.shape}"
+        )
+    if not 0 <= found.min() <= found.max() < n_verts:
+        raise InvalidInputError(f"hard_edges must name vertices in 0..{n_verts - 1}")
+    found = np.sort(found, axis=1)
+    if (found[:, 0] == found[:, 1]).any():
+        vertex = found[np.argmax(found[:, 0] == found[:, 1]), 0]
+        raise InvalidInputError(f"a hard edge needs two vertices; one names vertex {vertex} twice")
+    keys = np.unique(found[:, 0].astype(np.int64) * n_verts + found[:, 1])
+    return _frozen(np.stack([keys // n_verts, keys % n_verts], axis=1).astype(np.int32))
 
 
 def _validate_parts(parts: tuple[Part, ...], n_verts: int, n_faces: int) -> None:

@@ -1,5 +1,6 @@
 """Attributes, materials and images of a surface in words."""
 
+from meshreel.counting import counted
 from meshreel.materials import Image, Material
 from meshreel.surface import Domain, Surface
 
@@ -7,13 +8,14 @@ PLURALS = {Domain.VERTEX: "vertices", Domain.FACE: "faces", Domain.CORNER: "corn
 
 
 def carried(surface: Surface) -> tuple[str, ...]:
-    """Attributes and groups of a surface, each as in "uv 'st' of corners"."""
+    """Attributes, groups and hard edges of a surface, each as in "uv 'st' of corners"."""
     attributes = [f"{one.kind} {one.name!r} of {PLURALS[one.domain]}" for one in surface.attributes]
     groups = [
         f"{len(one.labels)} group{'s' if len(one.labels) != 1 else ''} {one.name!r} of faces"
         for one in surface.groups
     ]
-    return (*attributes, *groups)
+    hard = [] if surface.hard_edges is None else [counted(len(surface.hard_edges), "hard edge")]
+    return (*attributes, *groups, *hard)
 
 
 def described_materials(surface: Surface) -> tuple[str, ...]:

@@ -13,7 +13,7 @@ ALL, NONE = "all", "none"
 
 
 def selected(surface: Surface, names: Names) -> Surface:
-    """A surface with the attributes and groups of these names, and all polygons and parts.
+    """A surface with the attributes and groups of these names, all polygons, hard edges and parts.
 
     Materials and images are kept with the groups "material".
 

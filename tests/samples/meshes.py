@@ -1,8 +1,11 @@
 """Small meshes and animations that tests share; made here, deterministic."""
 
+from dataclasses import replace
+
 import numpy as np
 
-from meshreel.geometry.fans import triangulate_fans
+from meshreel.geometry.fans import join_fans, triangulate_fans
+from meshreel.geometry.hard_edges import shared_edges
 from meshreel.sequence import MeshSequence
 from meshreel.surface import Attribute, Domain, FaceGroups, Kind, Part, Surface
 
@@ -101,6 +104,41 @@ def two_sheets(n_frames=6, dtype=np.float32):
     )
 
 
+def every_third_edge(surface, faces):
+    """Every third of the edges between faces."""
+    sizes = surface.sizes(len(faces))
+    return shared_edges(sizes, join_fans(sizes, faces)).ends[::3].astype(np.int32)
+
+
+def hard_sheet(n_frames=6):
+    """A `quad_sheet` of which every third edge is hard."""
+    sheet = quad_sheet(n_frames)
+    edges = every_third_edge(sheet.surface, sheet.faces)
+    return replace(sheet, surface=replace(sheet.surface, hard_edges=edges))
+
+
+BOX_QUADS = np.array(
+    [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]]
+)
+"""Corners of a box, whose vertex x + 2 y + 4 z is at (x, y, z); faces look outwards."""
+
+BOX_CORNERS = np.array([[x, y, z] for z in (0, 1) for y in (0, 1) for x in (0, 1)], np.float32)
+
+
+def hard_box(n_frames=4):
+    """A box of quads that grows, with hard edges."""
+    sizes, corners = np.full(6, 4, np.int32), BOX_QUADS.ravel()
+    edges = shared_edges(sizes, corners).ends
+    growth = 1 + np.arange(n_frames, dtype=np.float32) / n_frames
+    return MeshSequence(
+        BOX_CORNERS * growth[:, None, None],
+        triangulate_fans(sizes, corners),
+        24.0,
+        "box",
+        surface=Surface(sizes, hard_edges=edges),
+    )
+
+
 def assert_same_surface(found, expected):
     """Every array, name and type of two surfaces is the same."""
     assert (found.face_sizes is None) == (expected.face_sizes is None)
@@ -122,6 +160,9 @@ def assert_same_surface(found, expected):
     assert found.parts == expected.parts
     assert found.materials == expected.materials
     assert found.images == expected.images
+    assert (found.hard_edges is None) == (expected.hard_edges is None)
+    if expected.hard_edges is not None:
+        np.testing.assert_array_equal(found.hard_edges, expected.hard_edges)
 
 
 def kg_error_percent(original, decoded):

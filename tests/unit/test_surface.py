@@ -32,6 +32,11 @@ def test_validated_drops_face_sizes_when_all_are_triangles():
         (Surface(groups=(FaceGroups("m", ("a",), np.ones(160, int)),)), "outside of -1..0"),
         (Surface(parts=(Part("a", 99, 3),)), "99 vertices and 3 faces"),
         (Surface(parts=(Part("a", -1, 160), Part("b", 100, 0))), "negative"),
+        (Surface(hard_edges=np.array([[0, 1, 2]])), "hard_edges must be integers of shape (H, 2)"),
+        (Surface(hard_edges=np.array([[0.0, 1.0]])), "hard_edges must be integers"),
+        (Surface(hard_edges=np.array([[0, 99]])), "vertices in 0..98"),
+        (Surface(hard_edges=np.array([[-1, 3]])), "vertices in 0..98"),
+        (Surface(hard_edges=np.array([[3, 4], [5, 5]])), "names vertex 5 twice"),
     ],
 )
 def test_sequence_is_refused_when_the_surface_does_not_fit(surface, message):
@@ -39,6 +44,19 @@ def test_sequence_is_refused_when_the_surface_does_not_fit(surface, message):
     with pytest.raises(InvalidInputError) as error:
         replace(grid, surface=surface)
     assert message in str(error.value)
+
+
+def test_hard_edges_are_sorted_and_each_once_when_validated():
+    surface = Surface(hard_edges=np.array([[9, 2], [1, 0], [2, 9], [0, 1]])).validated(99, 160)
+    assert surface.hard_edges.tolist() == [[0, 1], [2, 9]]
+    assert not surface.hard_edges.flags.writeable
+    assert not surface.is_plain
+    assert surface.size_bytes == surface.hard_edges.nbytes
+    assert repr(surface) == "<Surface: 2 hard edges>"
+
+
+def test_surface_is_plain_when_no_edge_is_hard():
+    assert Surface(hard_edges=np.empty((0, 2), int)).validated(99, 160).is_plain
 
 
 def test_surface_cannot_be_written_to_when_validated():

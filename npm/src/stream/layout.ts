@@ -37,6 +37,7 @@ export const Section = {
   MATERIAL: 136,
   IMAGE: 137,
   TRACK: 138,
+  HARD_EDGES: 139,
 } as const;
 
 const NAMES = new Map<number, string>(Object.entries(Section).map(([name, id]) => [id, name]));

@@ -7,6 +7,7 @@ import { Section } from "../stream/layout.js";
 import type { StoredSection } from "../stream/sections.js";
 import type { Surface } from "../types.js";
 import { readAttribute, withOwnRows } from "./attributes.js";
+import { readHardEdges } from "./hard_edges.js";
 import { readGroups } from "./groups.js";
 import { readImage, readMaterial, requireFitting } from "./materials.js";
 import { Polygons, readSizes } from "./polygons.js";
@@ -41,6 +42,9 @@ export function readSurface(
     groups: payloads(Section.GROUPS).map((payload) => readGroups(core, payload, polygons.nFaces)),
     materials,
     images,
+    hardEdges: readOnce(payloads(Section.HARD_EDGES), "HARD_EDGES", (payload) =>
+      readHardEdges(core, payload, polygons),
+    ),
   };
 }
 
@@ -50,9 +54,20 @@ function readPolygons(
   triangles: Uint32Array,
   nVerts: number,
 ): Polygons {
-  if (payloads.length > 1) {
-    throw new CorruptStreamError("the stream has section POLYGONS more than once");
-  }
-  const sizes = payloads.length ? readSizes(core, payloads[0], triangles.length / 3) : null;
+  const sizes = readOnce(payloads, "POLYGONS", (payload) =>
+    readSizes(core, payload, triangles.length / 3),
+  );
   return new Polygons(triangles, nVerts, sizes);
+}
+
+/** What a section holds that occurs at most once; null without it. */
+function readOnce<T>(
+  payloads: readonly Uint8Array[],
+  name: string,
+  read: (payload: Uint8Array) => T,
+): T | null {
+  if (payloads.length > 1) {
+    throw new CorruptStreamError(`the stream has section ${name} more than once`);
+  }
+  return payloads.length ? read(payloads[0]) : null;
 }

@@ -42,6 +42,7 @@ class Section(IntEnum):
     MATERIAL = OPTIONAL | 8
     IMAGE = OPTIONAL | 9
     TRACK = OPTIONAL | 10
+    HARD_EDGES = OPTIONAL | 11
 
 
 class VertexType(IntEnum):

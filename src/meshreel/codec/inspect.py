@@ -21,6 +21,7 @@ SURFACE = (
     Section.ATTRIBUTE,
     Section.GROUPS,
     Section.PARTS,
+    Section.HARD_EDGES,
     Section.MATERIAL,
     Section.IMAGE,
 )

@@ -25,6 +25,8 @@ from meshreel.entropy.references import decode_references, encode_references
 from meshreel.entropy.tables import decode_table, encode_grid_table, encode_table
 from meshreel.entropy.varint import read_varint, write_varint
 from meshreel.errors import CorruptStreamError, InvalidInputError, TruncatedStreamError
+from meshreel.geometry.fans import join_fans
+from meshreel.geometry.hard_edges import SharedEdges, hard_flags, shared_edges
 from meshreel.surface import (
     MAX_NUMBERS,
     VALUE_TYPES,
@@ -61,6 +63,7 @@ SURFACE_SECTIONS = (
     Section.PARTS,
     Section.MATERIAL,
     Section.IMAGE,
+    Section.HARD_EDGES,
 )
 
 
@@ -76,6 +79,11 @@ def surface_sections(
         As they go out when the stream is decoded.
     uv_bits : int, optional
         Bits of the grid that texture coordinates are quantised to. Default: they are exact.
+
+    Raises
+    ------
+    InvalidInputError
+        If a hard edge does not lie between two faces or more.
     """
     if surface.face_sizes is not None:
         sizes = surface.face_sizes
@@ -86,6 +94,8 @@ def surface_sections(
         yield Section.GROUPS, _write_groups(groups)
     if surface.parts:
         yield Section.PARTS, _write_parts(surface.parts)
+    if surface.hard_edges is not None:
+        yield Section.HARD_EDGES, _write_hard_edges(surface, faces)
     for material in surface.materials:
         yield Section.MATERIAL, write_material(material)
     for image in surface.images:
@@ -109,7 +119,7 @@ def read_surface(
     """
     surface, parts = Surface(), list[Part]()
     stored = list(sections)
-    for once in (Section.POLYGONS, Section.PARTS):
+    for once in (Section.POLYGONS, Section.PARTS, Section.HARD_EDGES):
         if sum(section is once for section, _ in stored) > 1:
             raise CorruptStreamError(f"the stream has section {once.name} more than once")
     try:
@@ -126,6 +136,8 @@ def read_surface(
                 surface = replace(surface, groups=(*surface.groups, groups))
             elif section is Section.PARTS:
                 parts += _read_parts(payload)
+            elif section is Section.HARD_EDGES:
+                surface = replace(surface, hard_edges=_read_hard_edges(payload, surface, faces))
         surface = replace(
             surface,
             parts=tuple(parts),
@@ -147,7 +159,7 @@ def surface_in_order(surface: Surface, order: Order, internal_to_given: Integers
     """The part of a surface that a stream with this choice of order holds.
 
     Attributes of faces and corners, groups and materials need the order of faces; without it, only
-    attributes of vertices remain.
+    attributes of vertices and hard edges remain.
 
     Parameters
     ----------
@@ -158,10 +170,13 @@ def surface_in_order(surface: Surface, order: Order, internal_to_given: Integers
     """
     if order is Order.KEEP:
         return surface
-    kept = [one for one in surface.attributes if one.domain is Domain.VERTEX]
+    kept, hard_edges = surface.attributes, surface.hard_edges
+    kept = tuple(one for one in kept if one.domain is Domain.VERTEX)
     if order is Order.DROP:
-        kept = [_of_vertices(one, internal_to_given) for one in kept]
-    return Surface(attributes=tuple(kept))
+        kept = tuple(_of_vertices(one, internal_to_given) for one in kept)
+        if hard_edges is not None:
+            hard_edges = np.argsort(internal_to_given).astype(np.int32)[hard_edges]
+    return Surface(attributes=kept, hard_edges=hard_edges)
 
 
 def order_loss_note(surface: Surface, order: Order) -> str:
@@ -340,3 +355,26 @@ def _read_parts(payload: bytes) -> list[Part]:
         name, position = read_text(payload, position)
         parts.append(Part(name, n_verts, n_faces))
     return parts
+
+
+def _write_hard_edges(surface: Surface, faces: Faces) -> bytes:
+    edges = _shared_edges(surface, faces)
+    numbers = np.flatnonzero(hard_flags(surface.hard_edges, edges))
+    return write_varint(len(numbers)) + encode_integers([np.diff(numbers, prepend=-1) - 1])
+
+
+def _read_hard_edges(payload: bytes, surface: Surface, faces: Faces) -> npt.NDArray[np.int32]:
+    n_hard, position = read_varint(payload, 0)
+    ends = _shared_edges(surface, faces).ends
+    if not 1 <= n_hard <= len(ends):
+        raise CorruptStreamError(f"{n_hard} of {len(ends)} edges between faces are hard")
+    (between,) = decode_integers(payload[position:], [n_hard])
+    numbers = np.cumsum(between + 1) - 1
+    if between.min() < 0 or numbers[-1] >= len(ends):
+        raise CorruptStreamError("a hard edge is none of those between faces")
+    return np.asarray(ends[numbers], np.int32)
+
+
+def _shared_edges(surface: Surface, faces: Faces) -> SharedEdges:
+    counts = surface.sizes(len(faces))
+    return shared_edges(counts, join_fans(counts, faces))

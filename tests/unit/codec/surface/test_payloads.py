@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 
 import meshreel
+from conformance.bits import DamagedError
+from conformance.surface import Polygons, read_hard_edges
 from meshreel.bitstream.layout import Section
 from meshreel.bitstream.reader import read_stream
 from meshreel.codec.choices import Order
@@ -20,17 +22,32 @@ from meshreel.codec.surface.texts import write_text
 from meshreel.connectivity.coder import encode_connectivity
 from meshreel.entropy.coder import encode_integers
 from meshreel.entropy.varint import write_varint
-from meshreel.errors import CorruptStreamError, MeshReelError
+from meshreel.errors import (
+    CorruptStreamError,
+    InvalidInputError,
+    MeshReelError,
+    TruncatedStreamError,
+)
+from meshreel.geometry.hard_edges import shared_edges
 from meshreel.materials import Image, Material, Texture
 from meshreel.surface import Attribute, Domain, Kind, Surface
 from samples.costs import draws
 from samples.materials import dressed_sheet, dressed_sheets
-from samples.meshes import assert_same_surface, quad_sheet, two_sheets, waving_grid
+from samples.meshes import (
+    assert_same_surface,
+    hard_box,
+    hard_sheet,
+    quad_sheet,
+    two_sheets,
+    waving_grid,
+)
 from samples.streams import parts_of, raw_stream
 
 
 @pytest.mark.parametrize("method", ["reel", "pca-qp"])
-@pytest.mark.parametrize("make", [quad_sheet, two_sheets, dressed_sheet, dressed_sheets])
+@pytest.mark.parametrize(
+    "make", [quad_sheet, hard_sheet, two_sheets, dressed_sheet, dressed_sheets]
+)
 def test_surface_comes_back_exactly_when_a_stream_is_decoded(make, method):
     sequence = make()
     decoded = meshreel.decode(meshreel.encode(sequence, method))
@@ -295,3 +312,69 @@ def test_groups_are_refused_when_a_face_is_of_none_that_there_is(numbers, is_rea
         CorruptStreamError, match="groups 'material' refer to a group that does not"
     ):
         _read_groups(payload, 3)
+
+
+@pytest.mark.parametrize("order", ["vertices", "drop"])
+def test_hard_edges_come_back_when_the_order_of_faces_is_not_kept(order):
+    given = hard_sheet()
+    data = meshreel.encode(given, order=order)
+    decoded = meshreel.decode(data)
+    coded = encode_connectivity(given.faces, given.n_verts, order=order)
+    names = coded.internal_to_given if order == "drop" else np.arange(given.n_verts)
+    found = {frozenset(names[edge].tolist()) for edge in decoded.surface.hard_edges}
+    assert found == {frozenset(edge.tolist()) for edge in given.surface.hard_edges}
+    assert "hard" not in order_loss_note(given.surface, Order[order.upper()])
+
+
+def hard_section(surface, faces):
+    wanted = [one for one in surface_sections(surface, faces) if one[0] is Section.HARD_EDGES]
+    return wanted[0][1] if wanted else b""
+
+
+def test_hard_edges_take_no_bytes_when_there_are_none_and_few_when_all_are():
+    grid = waving_grid(2, 60, 60)
+    assert hard_section(grid.surface, grid.faces) == b""
+    edges = shared_edges(np.full(len(grid.faces), 3), grid.faces.ravel()).ends
+    assert len(hard_section(Surface(hard_edges=edges), grid.faces)) <= 10
+    assert len(hard_section(hard_box().surface, hard_box().faces)) <= 4
+
+
+def test_encoding_is_refused_when_a_hard_edge_is_not_between_faces():
+    grid = waving_grid(2)
+    given = replace(grid, surface=Surface(hard_edges=np.array([[0, 98]])))
+    with pytest.raises(InvalidInputError, match="hard edge 0, 98 must lie between two faces"):
+        meshreel.encode(given)
+    given = replace(grid, surface=Surface(hard_edges=np.array([[0, 1]])))  # on the boundary
+    with pytest.raises(InvalidInputError, match="hard edge 0, 1"):
+        meshreel.encode(given)
+
+
+@pytest.mark.parametrize(
+    "payload",
+    [
+        b"",
+        write_varint(0),
+        write_varint(13) + encode_integers([np.zeros(13, int)]),
+        write_varint(2) + encode_integers([np.array([1, 11])]),
+        write_varint(2) + encode_integers([np.array([3, -2])]),
+        write_varint(2**40) + encode_integers([np.zeros(13, int)]),
+        write_varint(2) + encode_integers([np.array([3, 4])]) + b"more",
+    ],
+    ids=["empty", "none", "too many", "beyond", "backwards", "huge", "longer"],
+)
+def test_hard_edges_are_refused_by_both_readers_when_they_do_not_fit(payload):
+    box = hard_box()
+    sizes = Surface(box.surface.face_sizes)
+    polygons = next(payload for _, payload in surface_sections(sizes, box.faces))
+    sections = [(Section.POLYGONS, polygons), (Section.HARD_EDGES, payload)]
+    with pytest.raises((CorruptStreamError, TruncatedStreamError)):
+        read_surface(sections, box.faces, box.n_verts)
+    with pytest.raises(DamagedError):
+        read_hard_edges(payload, Polygons(polygons, [tuple(one) for one in box.faces.tolist()]))
+
+
+def test_hard_edges_are_refused_when_there_are_two_sections():
+    box = hard_box()
+    sections = list(surface_sections(box.surface, box.faces))
+    with pytest.raises(CorruptStreamError, match="HARD_EDGES more than once"):
+        read_surface([*sections, sections[-1]], box.faces, box.n_verts)
