@@ -379,8 +379,10 @@ static void write_frames(stream *s, const track *of, const hierarchy *h, const b
     }
     size_t count = (size_t)(width * n_frames * n);
     void *values = room(count * (size_t)decoded_type);
-    needed = reel_frames_memory(width, n_frames, n_modes, n_frames);
-    done(reel_frames(room(needed), needed, basis, fields, n, 1, 1.0, b->precision, NULL, width, n_frames, n_modes,
+    void *packed = room(reel_packed_bytes(n_modes, n, b->precision));
+    done(reel_pack(fields, n, 1, 1.0, b->precision, NULL, n_modes, n, 0, n, packed), "fields");
+    needed = reel_frames_memory(width, n_modes, n_frames);
+    done(reel_frames(room(needed), needed, basis, packed, b->precision, width, n_frames, n_modes,
                      n, wanted, n_frames, moved.starts, moved.vertices, moved.moves, of->placement,
                      decoded_type, values),
          "frames");

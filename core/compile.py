@@ -61,6 +61,8 @@ DECODER = (
     "reel_lengths",
     "reel_order_decode",
     "reel_order_memory",
+    "reel_pack",
+    "reel_packed_bytes",
     "reel_patterns_decode",
     "reel_patterns_memory",
     "reel_predict_decode",

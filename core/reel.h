@@ -27,7 +27,7 @@
 extern "C" {
 #endif
 
-#define REEL_ABI 9 /* changes with every change of a function below */
+#define REEL_ABI 10 /* changes with every change of a function below */
 
 enum reel_code {
     REEL_OK = 0,
@@ -156,27 +156,35 @@ REEL_API int64_t reel_basis_encode(void *memory, size_t memory_size, const doubl
                                    int64_t n_modes, int64_t n_columns, int64_t n_frames,
                                    double price, int32_t *integers);
 
-/* Frames wanted[0 .. n_wanted - 1] of a block, in the order of the vertices of the fields, or if
-   `order` is not NULL with vertex order[i] of the fields as vertex i. The field of mode k at vertex
-   v is step times fields[k mode_stride + v vertex_stride]. Fields and basis vectors are multiplied,
-   and the products summed up, in IEEE single or double. Corrections, unless
+/* Fields of a block as reel_frames multiplies them, for any number of calls: reel_packed_bytes of
+   memory, aligned to 64 bytes. They are those of all vertices in their order, or if `order` is not
+   NULL those of vertex order[i] as vertex i. The field of mode k at vertex v is step times
+   fields[k mode_stride + v vertex_stride]; it is rounded to the precision of the sums. Packs the
+   vertices first .. last - 1 of n_verts, `first` a multiple of 64: several threads may share the
+   work. */
+enum reel_precision { REEL_SUMS_4 = 4, REEL_SUMS_8 = 8 };
+REEL_API size_t reel_packed_bytes(int64_t n_modes, int64_t n_verts, int64_t precision);
+REEL_API int64_t reel_pack(const double *fields, int64_t mode_stride, int64_t vertex_stride,
+                           double step, int64_t precision, const int32_t *order, int64_t n_modes,
+                           int64_t n_verts, int64_t first, int64_t last, void *packed);
+
+/* Frames wanted[0 .. n_wanted - 1] of a block, from packed fields in the order of their vertices.
+   Fields and basis vectors are multiplied, and the products summed up, in IEEE single or double,
+   the precision that fields were packed for. Corrections, unless
    correction_starts is NULL: those of wanted frame i are from correction_starts[i] to the next,
    each of a vertex as it is written, `corrected`, ascending, with n_columns numbers of `moves`. The
    placement is the scale, and the origin of each column. Layouts: the values of each vertex
    together, as 4 or 8 byte floats; or the first column of all frames, then the next, neither scaled
    nor moved, as 8 byte floats. There is at least one column. */
 enum reel_layout { REEL_COLUMNS = 0, REEL_VALUES_4 = 4, REEL_VALUES_8 = 8 };
-enum reel_precision { REEL_SUMS_4 = 4, REEL_SUMS_8 = 8 };
-REEL_API size_t reel_frames_memory(int64_t n_columns, int64_t n_frames, int64_t n_modes,
-                                   int64_t n_wanted);
+REEL_API size_t reel_frames_memory(int64_t n_columns, int64_t n_modes, int64_t n_wanted);
 REEL_API int64_t reel_frames(void *memory, size_t memory_size, const double *basis,
-                             const double *fields, int64_t mode_stride, int64_t vertex_stride,
-                             double step, int64_t precision, const int32_t *order,
-                             int64_t n_columns, int64_t n_frames, int64_t n_modes, int64_t n_verts,
+                             const void *packed, int64_t precision, int64_t n_columns,
+                             int64_t n_frames, int64_t n_modes, int64_t n_verts,
                              const int32_t *wanted, int64_t n_wanted,
-                             const int64_t *correction_starts,
-                             const int32_t *corrected, const double *moves,
-                             const double *placement, int64_t layout, void *out);
+                             const int64_t *correction_starts, const int32_t *corrected,
+                             const double *moves, const double *placement, int64_t layout,
+                             void *out);
 
 /* Values of the vertices order[first..last-1] (or first..last-1, where `order` is NULL), such as
    positions, which are 4 or 8 byte floats in columns: less the origin of their column and divided

@@ -68,13 +68,22 @@ void fuzz_frames(void) {
     for (int64_t i = 0; i < n_columns * n_moves; i++) {
         moves[i] = fuzz_float();
     }
-    size_t size = reel_frames_memory(n_columns, n_frames, n_modes, n_wanted), item = layout == 4 ? 4 : 8;
+    void *packed = fuzz_take((int64_t)reel_packed_bytes(n_modes, n_verts, precision), 1);
+    int64_t half = fuzz_below(3) * 64, begin = half < n_verts ? half : 0;
+    int64_t result = 0, begins[] = {0, begin}, ends[] = {begin, n_verts};
+    for (int i = 0; i < 2 && result == 0; i++) {
+        result = reel_pack(fields, by_mode ? n_verts : 1, by_mode ? 1 : n_modes, 0.5, precision,
+                           order, n_modes, n_verts, begins[i], ends[i], packed);
+        fuzz_claim_code(result);
+    }
+    size_t size = reel_frames_memory(n_columns, n_modes, n_wanted), item = layout == 4 ? 4 : 8;
     void *out = fuzz_take(n, item);
-    int64_t result = reel_frames(fuzz_take((int64_t)size, 1), size, basis, fields,
-                                 by_mode ? n_verts : 1, by_mode ? 1 : n_modes, 0.5, precision, order,
-                                 n_columns, n_frames, n_modes, n_verts, wanted, n_wanted, starts,
-                                 corrected, moves, placement, layout, out);
-    fuzz_claim_code(result);
+    if (result == 0) {
+        result = reel_frames(fuzz_take((int64_t)size, 1), size, basis, packed, precision, n_columns,
+                             n_frames, n_modes, n_verts, wanted, n_wanted, starts, corrected,
+                             moves, placement, layout, out);
+        fuzz_claim_code(result);
+    }
     int64_t n_found = result < 0 ? 0 : n;
     double *found = fuzz_take(n_found, sizeof *found);
     for (int64_t i = 0; i < n_found; i++) {

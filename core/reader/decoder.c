@@ -19,6 +19,7 @@ struct meshreel_decoder {
     reel_group group; /* what it says of itself */
     block_fields fields, key;
     double *basis; /* COLUMNS x n_frames x n_modes */
+    void *packed;  /* the fields, as frames are multiplied of them */
     reel_moves moves;
     void *exact; /* n_frames x n_verts x COLUMNS, of internal vertices */
     reel_arena for_moves, scratch;
@@ -48,9 +49,7 @@ static size_t fields_scratch(const reel_outline *outline, const reel_group *grou
 }
 
 static size_t frame_scratch(const reel_group *group) {
-    int64_t n = (int64_t)group->n_modes;
-    return reel_room(COLUMNS * (size_t)n, sizeof(double)) +
-           reel_room(reel_frames_memory(COLUMNS, 1, n, 1), 1);
+    return reel_room(reel_frames_memory(COLUMNS, (int64_t)group->n_modes, 1), 1);
 }
 
 static size_t exact_scratch(const reel_outline *outline, const reel_group *group) {
@@ -68,6 +67,8 @@ void reel_add_needs(reel_needs *needs, const reel_outline *outline, const reel_g
         return;
     }
     needs->values = larger(needs->values, n_verts * n_modes * sizeof(double));
+    size_t packed = reel_packed_bytes((int64_t)n_modes, (int64_t)n_verts, group->precision);
+    needs->packed = larger(needs->packed, packed);
     needs->basis = larger(needs->basis, COLUMNS * n_frames * n_modes * sizeof(double));
     needs->moves = larger(needs->moves, reel_moves_room(n_frames, group->n_moves));
     needs->scratch = larger(needs->scratch, basis_scratch(outline, group));
@@ -85,8 +86,8 @@ static size_t scratch_room(const reel_needs *needs, uint64_t n_verts) {
 
 size_t reel_decoder_room(const reel_needs *needs, uint64_t n_verts) {
     return REEL_SLACK + reel_room(1, sizeof(meshreel_decoder)) +
-           (needs->has_keys ? 2 : 1) * reel_room(needs->values, 1) + reel_room(needs->basis, 1) +
-           reel_room(needs->moves, 1) + reel_room(needs->exact, 1) +
+           (needs->has_keys ? 2 : 1) * reel_room(needs->values, 1) + reel_room(needs->packed, 1) +
+           reel_room(needs->basis, 1) + reel_room(needs->moves, 1) + reel_room(needs->exact, 1) +
            reel_room(scratch_room(needs, n_verts), 1);
 }
 
@@ -105,6 +106,7 @@ int meshreel_begin(const meshreel_file *file, void *memory, size_t size,
     own->fields = own->key = (block_fields){.block = NO_BLOCK};
     own->fields.values = reel_take(&arena, needs->values, 1);
     own->key.values = needs->has_keys ? reel_take(&arena, needs->values, 1) : NULL;
+    own->packed = reel_take(&arena, needs->packed, 1);
     own->basis = reel_take(&arena, needs->basis, 1);
     own->exact = reel_take(&arena, needs->exact, 1);
     own->for_moves = reel_arena_of(reel_take(&arena, needs->moves, 1), needs->moves);
@@ -119,10 +121,10 @@ static bool is_within(const meshreel_file *file, const reel_group *group) {
     reel_needs with = file->needs;
     reel_add_needs(&with, &file->outline, group);
     const reel_needs *needs = &file->needs;
-    return with.values == needs->values && with.basis == needs->basis &&
-           with.moves == needs->moves && with.exact == needs->exact &&
-           with.scratch == needs->scratch && with.stencils == needs->stencils &&
-           with.has_keys == needs->has_keys;
+    return with.values == needs->values && with.packed == needs->packed &&
+           with.basis == needs->basis && with.moves == needs->moves &&
+           with.exact == needs->exact && with.scratch == needs->scratch &&
+           with.stencils == needs->stencils && with.has_keys == needs->has_keys;
 }
 
 static int read_group(const meshreel_file *file, uint64_t number, reel_group *group) {
@@ -263,12 +265,21 @@ static int find_key(meshreel_decoder *own, uint64_t block, const reel_group *gro
     return fits ? MESHREEL_OK : MESHREEL_CORRUPT;
 }
 
+static int pack_fields(meshreel_decoder *own, const reel_group *group) {
+    const meshreel_file *file = own->file;
+    int64_t n_modes = own->fields.n_modes, n_verts = (int64_t)file->outline.n_verts;
+    return reel_code_of(reel_pack(own->fields.values, 1, n_modes, (double)group->step,
+                                  (int64_t)group->precision, file->meshes[group->stencil_size]->rows,
+                                  n_modes, n_verts, 0, n_verts, own->packed));
+}
+
 static int load_fields(meshreel_decoder *own, uint64_t block, const reel_group *group) {
     int failed = group->reference ? find_key(own, block, group) : MESHREEL_OK;
     failed = failed ? failed : decode_basis(own, group);
     failed = failed ? failed : decode_moves(own, group);
     const block_fields *key = group->reference ? &own->key : NULL;
-    return failed ? failed : decode_fields(own, block, group, key, &own->fields);
+    failed = failed ? failed : decode_fields(own, block, group, key, &own->fields);
+    return failed ? failed : pack_fields(own, group);
 }
 
 /* ---- blocks of `lossless` and `grid` ---- */
@@ -344,32 +355,22 @@ int meshreel_load(meshreel_decoder *decoder, uint32_t frame) {
 }
 
 static int multiply(meshreel_decoder *own, int64_t time, int64_t layout, void *out) {
-    const meshreel_file *file = own->file;
+    const reel_outline *outline = &own->file->outline;
     const reel_group *group = &own->group;
-    size_t n_modes = (size_t)group->n_modes, n_frames = (size_t)group->n_frames;
-    size_t needed = reel_frames_memory(COLUMNS, 1, (int64_t)n_modes, 1);
+    int64_t n_modes = (int64_t)group->n_modes, n_frames = (int64_t)group->n_frames;
+    size_t needed = reel_frames_memory(COLUMNS, n_modes, 1);
     reel_arena scratch = own->scratch;
-    double *vectors = reel_take(&scratch, COLUMNS * n_modes, sizeof *vectors);
     void *memory = reel_take(&scratch, needed, 1);
-    if (scratch.failed) {
+    if (!memory) {
         return MESHREEL_NO_MEMORY;
     }
-    for (size_t column = 0; column < COLUMNS; column++) {
-        reel_copy(vectors + column * n_modes,
-                  own->basis + (column * n_frames + (size_t)time) * n_modes,
-                  n_modes * sizeof *vectors);
-    }
-    int64_t moved[2] = {0, 0}, first = own->moves.starts ? own->moves.starts[time] : 0;
-    moved[1] = own->moves.starts ? own->moves.starts[time + 1] - first : 0;
-    const int32_t only = 0;
-    bool has_moves = moved[1] > 0;
-    return reel_code_of(reel_frames(
-        memory, needed, vectors, own->fields.values, 1, (int64_t)n_modes, (double)group->step,
-        (int64_t)group->precision, file->meshes[group->stencil_size]->rows, COLUMNS, 1,
-        (int64_t)n_modes, (int64_t)file->outline.n_verts, &only, 1, has_moves ? moved : NULL,
-        has_moves ? own->moves.vertices + first : NULL,
-        has_moves ? own->moves.moves + COLUMNS * first : NULL, file->outline.placement, layout,
-        out));
+    int32_t wanted = (int32_t)time;
+    const int64_t *moved = own->moves.starts ? own->moves.starts + time : NULL;
+    return reel_code_of(reel_frames(memory, needed, own->basis, own->packed,
+                                    (int64_t)group->precision, COLUMNS, n_frames, n_modes,
+                                    (int64_t)outline->n_verts, &wanted, 1, moved,
+                                    own->moves.vertices, own->moves.moves, outline->placement,
+                                    layout, out));
 }
 
 /* A number of a frame of exact positions: of internal vertex and column. */

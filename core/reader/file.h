@@ -9,7 +9,7 @@
 
 /* What blocks take at most, each for itself. */
 typedef struct {
-    size_t values, basis, moves, exact; /* bytes of what is kept of a block */
+    size_t values, packed, basis, moves, exact; /* bytes of what is kept of a block */
     size_t scratch;                     /* while it is decoded, and while a frame is */
     uint32_t longest;                   /* frames of a block */
     uint32_t stencils;                  /* bit S: there are stencils of S */

@@ -398,7 +398,7 @@ test("a track is refused where a block of it takes more memory than allowed", as
     async (reel) => {
       await assert.rejects(reel.track("wide").frame(0), {
         name: "MemoryLimitError",
-        message: /^block 0 of 6 frames takes 225408 bytes of memory; 200000 are allowed: open it with more `memory`$/,
+        message: /^block 0 of 6 frames takes 229632 bytes of memory; 200000 are allowed: open it with more `memory`$/,
       });
       assert.equal(sha(...(await valuesOf(reel, reel))), said("still_track")["hash of positions"]);
     },

@@ -102,17 +102,13 @@ export interface Functions extends SharedFunctions {
     near: Address,
     values: Address,
   ): Count;
-  reel_frames_memory(nColumns: Count, nFrames: Count, nModes: Count, nWanted: Count): number;
+  reel_frames_memory(nColumns: Count, nModes: Count, nWanted: Count): number;
   reel_frames(
     memory: Address,
     memorySize: number,
     basis: Address,
-    fields: Address,
-    modeStride: Count,
-    vertexStride: Count,
-    step: number,
+    packed: Address,
     precision: Count,
-    order: Address,
     nColumns: Count,
     nFrames: Count,
     nModes: Count,
@@ -168,6 +164,20 @@ export interface Functions extends SharedFunctions {
     withFaces: Count,
     corners: Address,
     sequence: Address,
+  ): Count;
+  reel_packed_bytes(nModes: Count, nVerts: Count, precision: Count): number;
+  reel_pack(
+    fields: Address,
+    modeStride: Count,
+    vertexStride: Count,
+    step: number,
+    precision: Count,
+    order: Address,
+    nModes: Count,
+    nVerts: Count,
+    first: Count,
+    last: Count,
+    packed: Address,
   ): Count;
   reel_patterns_memory(width: Count): number;
   reel_patterns_decode(

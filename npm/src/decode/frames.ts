@@ -48,7 +48,7 @@ export function valuesOf(
   time: number,
   into?: Positions,
 ): Positions {
-  const { nVerts, nColumns, nModes, nFrames, layout, basis, corrections, values } = block;
+  const { nVerts, nColumns, nModes, nFrames, layout, basis, corrections } = block;
   if (!(Number.isInteger(time) && time >= 0 && time < nFrames)) {
     throw new InvalidInputError(`block ${block.number} has ${nFrames} frames; got frame ${time}`);
   }
@@ -58,6 +58,7 @@ export function valuesOf(
   if (!(out instanceof kind) || out.length !== length) {
     throw new InvalidInputError(`into must be a ${kind.name} of ${length} numbers`);
   }
+  const packed = block.packedFields(core);
   core.during((scope) => {
     const vectors = new Float64Array(nColumns * nModes);
     for (let axis = 0; axis < nColumns; axis++) {
@@ -68,17 +69,13 @@ export function valuesOf(
     const isMoved = end > first;
     const positions = scope.take(vertexType * length);
     const [columns, modes] = [BigInt(nColumns), BigInt(nModes)];
-    const size = core.functions.reel_frames_memory(columns, 1n, modes, 1n) >>> 0;
+    const size = core.functions.reel_frames_memory(columns, modes, 1n) >>> 0;
     const result = core.functions.reel_frames(
       scope.take(size),
       size,
       scope.put(vectors),
-      values.start,
-      1n,
-      modes,
-      layout.step,
+      packed,
       BigInt(layout.precision),
-      scope.put(block.rows),
       columns,
       1n,
       modes,

@@ -13,8 +13,8 @@ export const DEFAULT_MEMORY = 2 ** 31;
 const BYTES_OF_VERTEX = 512;
 const BYTES_OF_FACE = 128;
 
-/** Of each decoded value of a mode, at a vertex or over time. */
-const BYTES_OF_FIELD = 8;
+/** Of each decoded value of a mode, at a vertex or over time: as it is, and packed for products. */
+const BYTES_OF_FIELD = 16;
 
 /**
  * Refuses what is larger than allowed.

@@ -179,6 +179,8 @@ class DecodedBlock:
                 out[piece] = from_matrices(matrices, self.frame, out.dtype)
 
         n_together = max(1, CHUNK_BYTES // (24 * out.shape[1]))
+        if isinstance(product, JointFrames):
+            product.pack()
         if is_direct:
             n_together = max(LEAST_FRAMES, min(-(-len(out) // n_cores()), MOST_FRAMES))
         pieces = chunks(len(out), n_together)

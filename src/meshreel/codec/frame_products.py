@@ -7,7 +7,13 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.kernel.frames import Moves, fill_values, frame_columns
+from meshreel.kernel.frames import (
+    Moves,
+    PackedFields,
+    fill_values,
+    frame_columns,
+    packed_fields,
+)
 from meshreel.subspace.basis import expand
 
 Floats = npt.NDArray[np.float64]
@@ -34,8 +40,12 @@ class ProductFrames:
         """Coordinate matrices of shape (3, frames, V) of a range of frames."""
         if len(self.coefficients) == 1:
             numbers = range(*frames.indices(self.basis.shape[1]))
-            return frame_columns(self.basis, self.coefficients[0], numbers)
+            return frame_columns(self.basis, self._packed, numbers)
         return expand(self.basis[:, frames], self.coefficients)
+
+    @cached_property
+    def _packed(self) -> PackedFields:
+        return packed_fields(self.coefficients[0])
 
 
 @dataclass(frozen=True)
@@ -66,14 +76,18 @@ class JointFrames:
     def __call__(self, frames: slice) -> Floats:
         """Coordinate matrices of shape (3, frames, V) of a range of frames."""
         numbers = range(*frames.indices(self.basis.shape[1]))
-        return frame_columns(
-            self.basis,
-            self.values.T,
-            numbers,
-            step=self.step,
-            is_single=self.is_single,
-            order=self.order,
+        return frame_columns(self.basis, self.packed, numbers)
+
+    @cached_property
+    def packed(self) -> PackedFields:
+        """The fields as frames are multiplied of them, packed once for all calls."""
+        return packed_fields(
+            self.values.T, step=self.step, is_single=self.is_single, order=self.order
         )
+
+    def pack(self) -> None:
+        """Pack the fields now, on all cores: threads that fill frames would each do it."""
+        _ = self.packed
 
     @cached_property
     def product(self) -> ProductFrames:
@@ -94,17 +108,7 @@ class JointFrames:
         The placement is the scale, and the origin of each column. Positions are those that
         `from_matrices` makes of ``self(frames)``, to the last bit.
         """
-        fill_values(
-            out,
-            self.basis,
-            self.values.T,
-            frames,
-            placement,
-            moves,
-            step=self.step,
-            is_single=self.is_single,
-            order=self.order,
-        )
+        fill_values(out, self.basis, self.packed, frames, placement, moves)
 
 
 def product_frames(basis: Floats, coefficients: Floats) -> ProductFrames:

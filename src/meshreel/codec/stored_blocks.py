@@ -9,8 +9,8 @@ from meshreel.codec.methods import Method
 from meshreel.entropy.varint import read_varint, write_varint
 from meshreel.errors import CorruptStreamError
 
-FIELD_BYTES = 8
-"""Of each decoded value of a mode, at a vertex or over time."""
+FIELD_BYTES = 16
+"""Of each decoded value of a mode, at a vertex or over time: as it is, and packed for products."""
 
 
 @dataclass(frozen=True)

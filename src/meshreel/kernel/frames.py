@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.kernel.library import Argument, call, memory, size_of
+from meshreel.runtime.threads import chunks, in_threads
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.integer]
@@ -20,6 +21,9 @@ COLUMNS = 0
 
 SINGLE, DOUBLE = 4, 8
 """REEL_SUMS_4 and REEL_SUMS_8."""
+
+VERTICES_AT_ONCE = 1 << 12
+"""Vertices whose fields a thread packs at once; a multiple of 64."""
 
 
 @dataclass(frozen=True)
@@ -129,41 +133,102 @@ def encode_times(wanted: Floats, price: float) -> npt.NDArray[np.int32]:
     return integers
 
 
-def frame_columns(
-    basis: Floats,
+@dataclass(frozen=True)
+class PackedFields:
+    """Fields as the core multiplies them by basis vectors; from `packed_fields`.
+
+    Attributes
+    ----------
+    n_modes, n_verts : int
+    is_single : bool
+        Products are summed up in IEEE single precision, and not in double.
+    data : uint8 array
+    """
+
+    n_modes: int
+    n_verts: int
+    is_single: bool
+    data: npt.NDArray[np.uint8]
+
+    @property
+    def precision(self) -> int:
+        """A `reel_precision` of the core."""
+        return SINGLE if self.is_single else DOUBLE
+
+
+def packed_fields(
     fields: Floats,
-    frames: range,
     *,
     step: float = 1.0,
     is_single: bool = False,
     order: Integers | None = None,
-) -> Floats:
+) -> PackedFields:
+    """Fields packed for any number of products, on all cores.
+
+    Parameters
+    ----------
+    fields : float64 array of shape (K, V)
+        The view of an array of shape (V, K) serves as well.
+    step : float
+        Fields are multiplied by it.
+    is_single : bool, default False
+        Fields and basis vectors are rounded to IEEE single precision, and products summed up in it.
+    order : integer array of shape (V,), optional
+        The vertex of the fields that each packed vertex is.
+
+    Raises
+    ------
+    InvalidInputError
+        If the order names a vertex that is not there.
+    """
+    fields = np.asarray(fields, np.float64)
+    n_modes, n_verts = fields.shape
+    precision = SINGLE if is_single else DOUBLE
+    found = memory(size_of("reel_packed_bytes", n_modes, n_verts, precision))
+    places = None if order is None else np.ascontiguousarray(order, np.int32)
+
+    def pack(piece: slice) -> None:
+        call(
+            "reel_pack",
+            ctypes.c_void_p(fields.ctypes.data),
+            *(stride // fields.itemsize for stride in fields.strides),
+            ctypes.c_double(step),
+            precision,
+            places,
+            n_modes,
+            n_verts,
+            piece.start,
+            piece.stop,
+            found,
+            what="fields",
+        )
+
+    in_threads(pack, chunks(n_verts, VERTICES_AT_ONCE))
+    return PackedFields(n_modes, n_verts, is_single, found)
+
+
+def frame_columns(basis: Floats, fields: PackedFields, frames: range) -> Floats:
     """Matrices of shape (C, frames, V): sums over the modes.
 
     Parameters
     ----------
     basis : float64 array of shape (C, T, K)
-    fields : float64 array of shape (K, V)
+    fields : PackedFields
+        K of V vertices.
     frames : range
-    step, is_single, order
-        As of `fill_values`.
     """
-    out = np.empty((len(basis), len(frames), fields.shape[1]))
-    _frames(basis, fields, frames, step, is_single, order, None, None, out, COLUMNS)
+    out = np.empty((len(basis), len(frames), fields.n_verts))
+    _frames(basis, fields, frames, None, None, out, COLUMNS)
     return out
 
 
 def fill_values(
     out: npt.NDArray[np.floating],
     basis: Floats,
-    fields: Floats,
+    fields: PackedFields,
     frames: range,
     placement: Sequence[float],
     moves: Moves | None = None,
-    *,
-    step: float = 1.0,
-    is_single: bool = False,
-    order: Integers | None = None,
 ) -> None:
     """Fill an array with values of frames: (sum over modes + move) times scale plus origin.
 
@@ -171,28 +236,22 @@ def fill_values(
     ----------
     out : contiguous float32 or float64 array of shape (n, V, C)
     basis : float64 array of shape (C, T, K)
-    fields : float64 array of shape (K, V)
-        The view of an array of shape (V, K) serves as well.
+    fields : PackedFields
+        K of V vertices.
     frames : range
         The n frames.
     placement : 1 + C floats
         Scale, and the origin of each column.
     moves : Moves, optional
         Of these frames, and vertices of `out`.
-    step : float
-        Fields are multiplied by it first.
-    is_single : bool, default False
-        Sums over the modes are in IEEE single precision, and not in double.
-    order : integer array of shape (V,), optional
-        The vertex of the fields that each vertex of `out` is.
 
     Raises
     ------
     InvalidInputError
-        If the order names a vertex that is not there, or a frame is not.
+        If a frame is not there.
     """
     placed = np.array(placement, np.float64)
-    _frames(basis, fields, frames, step, is_single, order, moves, placed, out, out.itemsize)
+    _frames(basis, fields, frames, moves, placed, out, out.itemsize)
 
 
 def coordinate_rows(
@@ -265,36 +324,30 @@ def _coordinates(
 
 def _frames(
     basis: Floats,
-    fields: Floats,
+    fields: PackedFields,
     frames: range,
-    step: float,
-    is_single: bool,
-    order: Integers | None,
     moves: Moves | None,
     placement: Floats | None,
     out: npt.NDArray[np.floating],
     layout: int,
 ) -> None:
     n_columns, n_frames, n_modes = basis.shape
+    assert n_modes == fields.n_modes
     moved: tuple[Argument, ...] = (None, None, None)
     if moves is not None:
         moved = (moves.starts, moves.vertices, moves.displacements)
-    fields = np.asarray(fields, np.float64)
-    room = memory(size_of("reel_frames_memory", n_columns, n_frames, n_modes, len(frames)))
+    room = memory(size_of("reel_frames_memory", n_columns, n_modes, len(frames)))
     call(
         "reel_frames",
         room,
         len(room),
         np.ascontiguousarray(basis, np.float64),
-        ctypes.c_void_p(fields.ctypes.data),
-        *(stride // fields.itemsize for stride in fields.strides),
-        ctypes.c_double(step),
-        SINGLE if is_single else DOUBLE,
-        None if order is None else np.ascontiguousarray(order, np.int32),
+        fields.data,
+        fields.precision,
         n_columns,
         n_frames,
         n_modes,
-        fields.shape[1],
+        fields.n_verts,
         np.array(frames, np.int32),
         len(frames),
         *moved,

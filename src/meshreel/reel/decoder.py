@@ -220,6 +220,7 @@ class TrackDecoder:
             expected = expected_values(header, surface, positions, piece)
             combined(header, expected, coded, out[piece])
 
+        found.pack()
         in_threads(fill, chunks(len(out), max(1, VALUES_AT_ONCE // self.shape[0])))
 
 

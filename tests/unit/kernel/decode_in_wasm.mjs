@@ -103,8 +103,10 @@ call("reel_basis", [3, T], times, k, 3n, t, 0, 0n, basis);
 const wanted = put(Int32Array.from({ length: T }, (_, i) => i));
 const placement = put(Float64Array.from(stream.placement));
 const positions = take(12 * T * V);
-call("reel_frames", [3, T, K, T], basis, values, 1n, k, 1.0, 4n, 0, 3n, t, k, v, wanted, t, 0, 0, 0, placement,
-  4n, positions);
+const packed = take(core.reel_packed_bytes(k, v, 4n) >>> 0);
+if (core.reel_pack(values, 1n, k, 1.0, 4n, 0, k, v, 0n, v, packed) !== 0n) throw new Error("reel_pack");
+call("reel_frames", [3, K, T], basis, packed, 4n, 3n, t, k, v, wanted, t, 0, 0, 0, placement, 4n,
+  positions);
 
 console.log(JSON.stringify({
   faces: hash(faces, 12 * M),

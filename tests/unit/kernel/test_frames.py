@@ -13,6 +13,7 @@ from meshreel.kernel.frames import (
     coordinate_rows,
     fill_values,
     frame_columns,
+    packed_fields,
     time_vectors,
 )
 
@@ -50,10 +51,11 @@ def test_positions_are_those_of_the_format_when_all_frames_are_wanted(made, dtyp
     basis, fields = made
     is_single = summed is np.float32
     out = np.empty((basis.shape[1], fields.shape[1], 3), dtype)
-    fill_values(out, basis, fields, range(len(out)), PLACEMENT, is_single=is_single)
+    packed = packed_fields(fields, is_single=is_single)
+    fill_values(out, basis, packed, range(len(out)), PLACEMENT)
     sums = sums_of_the_format(basis, fields, summed)
     np.testing.assert_array_equal(out, positions_of_the_format(sums, dtype))
-    found = frame_columns(basis, fields, range(len(out)), is_single=is_single)
+    found = frame_columns(basis, packed, range(len(out)))
     np.testing.assert_array_equal(found, sums)
 
 
@@ -63,7 +65,7 @@ def test_positions_are_the_same_when_frames_are_chosen_and_vertices_ordered(made
     frames = range(basis.shape[1])[data.draw(st.slices(basis.shape[1]))]
     order = np.random.default_rng(1).permutation(fields.shape[1])
     out = np.empty((len(frames), fields.shape[1], 3))
-    fill_values(out, basis, fields, frames, PLACEMENT, order=order)
+    fill_values(out, basis, packed_fields(fields, order=order), frames, PLACEMENT)
     sums = sums_of_the_format(basis, fields)[:, list(frames)][:, :, order]
     np.testing.assert_array_equal(out, positions_of_the_format(sums, np.float64))
 
@@ -80,24 +82,36 @@ def test_moves_are_added_before_positions_are_scaled(made, share, seed):
     sums[:, frames, vertices] += moves.T
     wanted = positions_of_the_format(sums, np.float32)
     out = np.empty(wanted.shape, np.float32)
-    fill_values(out, basis, fields, range(len(out)), PLACEMENT, found)
+    packed = packed_fields(fields)
+    fill_values(out, basis, packed, range(len(out)), PLACEMENT, found)
     np.testing.assert_array_equal(out, wanted)
     later = range(len(out) // 2, len(out))
-    fill_values(out[later.start :], basis, fields, later, PLACEMENT, found.of_frames(later))
+    fill_values(out[later.start :], basis, packed, later, PLACEMENT, found.of_frames(later))
     np.testing.assert_array_equal(out, wanted)
 
 
 @pytest.mark.parametrize("order", [[0, 1, 3], [0, -1, 2]])
 def test_error_is_raised_when_the_order_names_a_vertex_that_is_not_there(order):
-    basis, fields = block(2, 2, 3)
-    with pytest.raises(InvalidInputError, match="frames cannot be coded"):
-        fill_values(np.empty((2, 3, 3)), basis, fields, range(2), PLACEMENT, order=np.array(order))
+    _, fields = block(2, 2, 3)
+    with pytest.raises(InvalidInputError, match="fields cannot be coded"):
+        packed_fields(fields, order=np.array(order))
 
 
 @pytest.mark.parametrize("frames", [range(-1, 1), range(1, 3)])
 def test_error_is_raised_when_a_frame_is_not_there(frames):
     with pytest.raises(InvalidInputError, match="frames cannot be coded"):
-        frame_columns(block(2, 2, 3)[0], block(2, 2, 3)[1], frames)
+        frame_columns(block(2, 2, 3)[0], packed_fields(block(2, 2, 3)[1]), frames)
+
+
+@given(blocks, numbers, st.data())
+def test_packed_fields_are_the_same_when_modes_of_a_vertex_lie_together(made, summed, data):
+    _, fields = made
+    is_single = summed is np.float32
+    together = np.ascontiguousarray(fields.T).T
+    step = data.draw(st.floats(1e-3, 1e3))
+    found = packed_fields(together, step=step, is_single=is_single)
+    expected = packed_fields(fields * step, is_single=is_single)
+    np.testing.assert_array_equal(found.data, expected.data)
 
 
 @given(st.integers(1, 40), st.integers(1, 4), st.integers(0, 2**32))

@@ -15,7 +15,7 @@ import pytest
 
 from meshreel.kernel.connectivity import decode_faces, encode_faces
 from meshreel.kernel.fields import encode_fields
-from meshreel.kernel.frames import fill_values, time_vectors
+from meshreel.kernel.frames import fill_values, packed_fields, time_vectors
 from meshreel.kernel.integers import encode_rows
 from meshreel.kernel.mesh import hierarchy, neighbours
 from meshreel.kernel.predict import decode_values
@@ -61,9 +61,9 @@ def test_the_module_decodes_the_same_bits_as_the_library(module, tmp_path):
     found = hierarchy(neighbours(faces, n_verts), stencil_size)
     values = decode_values(found, residuals, n_modes)
     positions = np.empty((n_frames, n_verts, 3), np.float32)
-    fields = np.ascontiguousarray(values.T)
     times = time_vectors(coded_times)
-    fill_values(positions, times, fields, range(n_frames), placement, is_single=True)
+    packed = packed_fields(values.T, is_single=True)
+    fill_values(positions, times, packed, range(n_frames), placement)
 
     text = {
         "connectivity": connectivity,

@@ -201,6 +201,7 @@ class CodedFrames:
             numbers = range(piece.start, piece.stop)
             self.analysed.decoded.fill(out[piece], numbers, frames.block.frame.placement)
 
+        self.analysed.decoded.pack()
         in_threads(fill, pieces)
         return out
 
