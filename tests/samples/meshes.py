@@ -139,6 +139,39 @@ def hard_box(n_frames=4):
     )
 
 
+def cake(n_frames=3, n_around=24):
+    """A cake: a smooth side of quads and flat ends of triangles, with hard rims; it leans over."""
+    angles = np.arange(n_around) * (2 * np.pi / n_around)
+    ring = np.stack([np.cos(angles), np.sin(angles), np.zeros(n_around)], axis=1)
+    points = np.concatenate([ring, np.add(ring, [0, 0, 0.5]), [[0, 0, 0], [0, 0, 0.5]]])
+    low = np.arange(n_around)
+    after = np.roll(low, -1)
+    bottom, top = np.full(n_around, 2 * n_around), np.full(n_around, 2 * n_around + 1)
+    side = np.stack([low, after, after + n_around, low + n_around], axis=1)
+    ends = [np.stack([bottom, after, low], 1), np.stack([top, low + n_around, after + n_around], 1)]
+    sizes = np.repeat([4, 3, 3], n_around).astype(np.int32)
+    corners = np.concatenate([side.ravel(), *(one.ravel() for one in ends)]).astype(np.int32)
+    rims = np.concatenate([np.stack([low, after], 1), np.stack([low, after], 1) + n_around])
+    shear = np.eye(3) + np.linspace(0, 0.1, n_frames)[:, None, None] * np.eye(3, k=1)
+    return MeshSequence(
+        (points @ shear).astype(np.float32),
+        triangulate_fans(sizes, corners),
+        24.0,
+        "cake",
+        surface=Surface(sizes, hard_edges=rims),
+    )
+
+
+def cake_normals(sequence):
+    """Normals of the corners of a `cake` in its first frame, as a program has them: (C, 3)."""
+    corners = join_fans(sequence.surface.face_sizes, sequence.faces)
+    radial = sequence[0][corners].astype(float) * [1, 1, 0]
+    n_side = 4 * (len(sequence.surface.face_sizes) // 3)
+    n_end = (len(corners) - n_side) // 2
+    ends = np.repeat([[0, 0, -1], [0, 0, 1]], n_end, axis=0)
+    return np.concatenate([radial[:n_side], ends])
+
+
 def assert_same_surface(found, expected):
     """Every array, name and type of two surfaces is the same."""
     assert (found.face_sizes is None) == (expected.face_sizes is None)

@@ -11,6 +11,9 @@ LEFT_OUT = "left out: "
 NORMALS_LEFT_OUT = f"{LEFT_OUT}normals, which programs compute"
 """The note on stored normals."""
 
+NORMALS_FAR = "normals do not follow from the faces at "
+"""How the note on normals begins that are not near those computed."""
+
 ASSUMED_FPS = 24
 """What players of this project show per second where a stream has no frame rate."""
 

@@ -4,12 +4,11 @@ Faces at a vertex that are joined across edges that are not hard have one normal
 theirs by area. At a vertex without a hard edge that is the normal of the vertex.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from scipy.sparse import csr_array
-from scipy.sparse.csgraph import connected_components
 
 from meshreel.errors import InvalidInputError
 from meshreel.geometry.fans import join_fans, triangulate_fans
@@ -118,6 +117,34 @@ def hard_flags(hard_edges: Int32s | None, edges: SharedEdges) -> npt.NDArray[np.
     return np.isin(there, wanted)
 
 
+def joined_edges(edges: Sequence[Int32s | None], n_verts: Sequence[int]) -> Int32s | None:
+    """The hard edges of several meshes that are one, whose vertices follow one another.
+
+    Parameters
+    ----------
+    edges : sequence of int32 arrays of shape (H, 2) or None
+        Of each mesh, in its own vertices.
+    n_verts : sequence of int
+        Of each mesh.
+    """
+    starts = np.cumsum([0, *n_verts], dtype=np.int64)
+    found = [one + start for one, start in zip(edges, starts, strict=False) if one is not None]
+    return np.concatenate(found).astype(np.int32) if found else None
+
+
+def remaining_edges(
+    hard_edges: Int32s | None, counts: Integers, corners: Integers
+) -> Int32s | None:
+    """The hard edges that two sides of these faces lie on, such as some faces of a mesh."""
+    if hard_edges is None:
+        return None
+    edges = shared_edges(counts, corners).ends
+    size = 1 + max(int(edges.max(initial=0)), int(hard_edges.max(initial=0)))
+    low, high = np.sort(hard_edges.astype(np.int64), axis=1).T
+    is_there = np.isin(low * size + high, edges[:, 0] * size + edges[:, 1])
+    return hard_edges[is_there] if is_there.any() else None
+
+
 def normal_rows(
     counts: Integers, given: Integers, hard_edges: Int32s | None, n_verts: int
 ) -> NormalRows:
@@ -172,8 +199,14 @@ def _smooth_fans(
     is_same = np.flatnonzero(edges.of_side[sides][1:] == edges.of_side[sides][:-1])
     one = np.concatenate([low[is_same], high[is_same]])
     other = np.concatenate([low[is_same + 1], high[is_same + 1]])
-    graph = csr_array((np.ones(len(one), np.int8), (one, other)), shape=(len(corners),) * 2)
-    return np.asarray(connected_components(graph, directed=False)[1], np.int64)
+    labels = np.arange(len(corners))
+    while True:  # each round halves the longest way to the lowest corner of a fan, or so
+        lowest = np.minimum(labels[one], labels[other])
+        if (labels[one] == lowest).all() and (labels[other] == lowest).all():
+            return labels
+        np.minimum.at(labels, one, lowest)
+        np.minimum.at(labels, other, lowest)
+        labels = labels[labels]
 
 
 def surface_rows(faces: Faces, surface: Surface, n_verts: int) -> tuple[Int32s, NormalRows]:

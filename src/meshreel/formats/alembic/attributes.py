@@ -10,7 +10,7 @@ from meshreel.formats.alembic.ogawa import damaged
 from meshreel.formats.alembic.params import GeometryParam
 from meshreel.formats.alembic.time_sampling import between
 from meshreel.formats.alembic.winding import turned_corners
-from meshreel.formats.notes import UNCHANGING, note_kinds, note_moving, note_normals
+from meshreel.formats.notes import UNCHANGING, note_kinds, note_moving
 from meshreel.formats.surfaces.polygons import PolygonMesh
 from meshreel.surface import MAX_NUMBERS, Attribute, Domain, FaceGroups, Surface
 
@@ -68,9 +68,31 @@ def read_attributes(
         note_kinds(notes, UNCHANGING, ["velocities"])
     note_kinds(notes, "values for a whole mesh", whole)
     note_kinds(notes, "what is neither numbers nor a text for each face", unfit)
-    if NORMALS in geometry and NORMALS not in moving:
-        note_normals(notes)
     return Surface(attributes=tuple(attributes), groups=tuple(groups))
+
+
+def read_normals(
+    geometry: Properties, mesh: PolygonMesh, time_s: float
+) -> npt.NDArray[np.floating] | None:
+    """Normals at a time, of shape (C, 3); 0 where they do not fit the mesh, None without any.
+
+    Parameters
+    ----------
+    geometry, mesh, time_s
+        As of `read_attributes`.
+    """
+    if NORMALS not in geometry:
+        return None
+    param = GeometryParam(geometry[NORMALS], time_s)
+    values = param.every_number()
+    if values is None or values.shape[1] != 3 or values.dtype.kind != "f":
+        return np.zeros((len(mesh.corners), 3))
+    domain = domain_of(param.domain, len(values), mesh)
+    if domain is Domain.CORNER:
+        return values[turned_corners(mesh.counts)]
+    if domain is Domain.FACE:
+        return np.repeat(values, mesh.counts, axis=0)
+    return np.zeros((len(mesh.corners), 3)) if domain is None else values[mesh.corners]
 
 
 def read_face_sets(

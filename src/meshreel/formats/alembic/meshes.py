@@ -11,7 +11,12 @@ import numpy.typing as npt
 
 from meshreel.errors import FormatError
 from meshreel.formats.alembic.archive import Archive, Property
-from meshreel.formats.alembic.attributes import read_attributes, read_face_sets
+from meshreel.formats.alembic.attributes import (
+    NORMALS,
+    read_attributes,
+    read_face_sets,
+    read_normals,
+)
 from meshreel.formats.alembic.hierarchy import (
     OTHERS,
     POLYGONS,
@@ -30,6 +35,7 @@ from meshreel.formats.options import ReadOptions
 from meshreel.formats.scenes.merging import united_times
 from meshreel.formats.scenes.scene_mesh import SceneMesh, readable_mesh
 from meshreel.formats.scenes.timing import frame_times
+from meshreel.formats.surfaces.hard_edges import NormalNotes, find_hard_edges
 from meshreel.formats.surfaces.polygons import PolygonMesh, polygon_mesh
 from meshreel.sequence import Vertices
 from meshreel.surface import Surface
@@ -55,10 +61,10 @@ def read_meshes(path: Path, options: ReadOptions) -> list[SceneMesh]:
     if any(node.schema in OTHERS for node in nodes):
         note_left_out(options.notes, describe_contents(nodes))
 
-    cages = GatheredNote(options.notes, describe_cages)
+    cages, normals = GatheredNote(options.notes, describe_cages), NormalNotes(options.notes)
 
     def read(node: Node) -> SceneMesh:
-        return _AnimatedMesh(node, options.notes, cages).scene_mesh()
+        return _AnimatedMesh(node, options.notes, cages, normals).scene_mesh()
 
     return [readable_mesh(node.path, partial(read, node)) for node in meshes]
 
@@ -73,10 +79,15 @@ class _AnimatedMesh:
         Gains a sentence for what is not carried.
     cages : GatheredNote
         Told of a subdivision surface.
+    normal_notes : NormalNotes
+        Told of a mesh with normals.
     """
 
-    def __init__(self, node: Node, notes: list[str], cages: GatheredNote) -> None:
+    def __init__(
+        self, node: Node, notes: list[str], cages: GatheredNote, normal_notes: NormalNotes
+    ) -> None:
         self._node, self._notes, self._cages = node, notes, cages
+        self._normal_notes = normal_notes
         geometry = node.object.properties.get(".geom")
         self._properties = geometry.properties if geometry is not None else {}
         missing = [one for one in (POINTS, CORNERS, COUNTS) if one not in self._properties]
@@ -157,9 +168,15 @@ class _AnimatedMesh:
 
     def _surface(self, index: int) -> Surface:
         time_s = float(self._times_s[index])
-        mesh = self._faces_at(time_s, self._points_at(time_s))
+        points = self._points_at(time_s)
+        mesh = replace(self._faces_at(time_s, points), vertices=points)
         moving = self._carried.moving
         surface = read_attributes(self._properties, mesh, time_s, self._notes, moving)
+        normals, hard_edges = read_normals(self._properties, mesh, time_s), None
+        if normals is not None:
+            found = find_hard_edges(mesh, normals)
+            self._normal_notes.add(self._node.path, found, is_track=NORMALS in moving)
+            hard_edges = found.edges
         if "visible" in self._node.object.properties:
             note_left_out(self._notes, f"visibility of {self._node.path}")
         if self._node.schema == SUBDIVISION:
@@ -170,7 +187,7 @@ class _AnimatedMesh:
             if ".faceset" in child.properties
         }
         materials = read_face_sets(sets, len(mesh.counts), time_s)
-        return replace(surface, groups=(*materials, *surface.groups))
+        return replace(surface, groups=(*materials, *surface.groups), hard_edges=hard_edges)
 
 
 def _sample(found: Property, time_s: float) -> int:

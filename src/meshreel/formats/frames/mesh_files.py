@@ -17,7 +17,7 @@ from meshreel.formats.frames.field_tracks import NORMALS, Field, Fields, Key, fi
 from meshreel.formats.frames.stored_frames import changed_error
 from meshreel.formats.frames.stored_tracks import StoredTrack
 from meshreel.formats.kinds import FrameFormat
-from meshreel.formats.notes import NORMALS_LEFT_OUT, note_frozen
+from meshreel.formats.notes import NORMALS_FAR, NORMALS_LEFT_OUT, note_frozen
 from meshreel.formats.surfaces.polygons import PolygonMesh
 from meshreel.runtime.progress import Count, Progress
 from meshreel.sequence import Vertices, validate_finite
@@ -103,7 +103,7 @@ class MeshFiles:
         first, moving = self._surface(0, said), self._moving_fields
         fields = self._described_fields[0].items()
         if any(key in moving and field.role == NORMALS for key, (field, _) in fields):
-            said = [note for note in said if note != NORMALS_LEFT_OUT]
+            said = [one for one in said if not one.startswith((NORMALS_LEFT_OUT, NORMALS_FAR))]
         notes += [note for note in said if note not in notes]
         differing: list[str] = []
         for index in self._looked_at():

@@ -21,6 +21,8 @@ from meshreel.formats.gltf.primitives import (
     surfaces,
 )
 from meshreel.formats.gltf.skinning import Influences, read_influences
+from meshreel.formats.surfaces.hard_edges import HardEdges, NormalNotes, find_hard_edges
+from meshreel.formats.surfaces.polygons import PolygonMesh
 from meshreel.formats.surfaces.welding import weld_rows
 from meshreel.sequence import Faces
 from meshreel.surface import Attribute, Domain, FaceGroups, Surface
@@ -67,7 +69,11 @@ class Geometry:
 
 
 def read_geometry(
-    mesh: JsonObject, accessors: Accessors, materials: MaterialReader, notes: list[str]
+    mesh: JsonObject,
+    accessors: Accessors,
+    materials: MaterialReader,
+    notes: list[str],
+    normal_notes: NormalNotes,
 ) -> Geometry:
     """A mesh of the file, of the primitives that are made of triangles.
 
@@ -83,6 +89,8 @@ def read_geometry(
         Those of the file.
     notes : list of str
         Gains a sentence for each attribute that was left out or made up.
+    normal_notes : NormalNotes
+        Told what became of its normals.
     """
     count_targets(mesh)
     blocks, triangles, numbers = _read_primitives(mesh, accessors, len(materials.labels))
@@ -95,13 +103,17 @@ def read_geometry(
     split = SplitMesh(vertex_of, first, triangles.ravel())
     attributes = read_attributes(blocks, split, mesh.place, notes)
     groups = _groups(numbers, materials.labels)
+    faces = vertex_of[triangles].astype(np.int32)
+    hard = _hard_edges(blocks, triangles, positions[first], faces)
+    if hard is not None:
+        normal_notes.add(mesh.place, hard)
     look = materials.look(int(one) for one in np.unique(numbers) if one >= 0)
     return Geometry(
         positions[first],
         tuple(None if one is None else one[first] for one in displacements),
         None if influences is None else influences.of(first),
-        vertex_of[triangles].astype(np.int32),
-        Surface(None, attributes, groups, (), *look),
+        faces,
+        Surface(None, attributes, groups, (), *look, None if hard is None else hard.edges),
         len(vertex_of),
     )
 
@@ -124,6 +136,24 @@ def _read_primitives(
         triangles.append(start + found)
         numbers.append(np.full(len(found), -1 if material is None else material, np.int32))
     return [one for _, one in blocks.values()], np.concatenate(triangles), np.concatenate(numbers)
+
+
+def _hard_edges(
+    blocks: Sequence[Block],
+    triangles: npt.NDArray[np.int64],
+    positions: npt.NDArray[Any],
+    faces: Faces,
+) -> HardEdges | None:
+    """The hard edges of the mesh at rest; None if no primitive has normals."""
+    if not len(faces) or not any("NORMAL" in one.values for one in blocks):
+        return None
+    normals = [
+        one.values["NORMAL"].floats() if "NORMAL" in one.values else np.zeros((one.n_verts, 3))
+        for one in blocks
+    ]
+    counts = np.full(len(faces), 3, np.int64)
+    mesh = PolygonMesh(positions, counts, faces.ravel())
+    return find_hard_edges(mesh, np.concatenate(normals)[triangles.ravel()])
 
 
 def _join(blocks: Sequence[Block], target: int) -> npt.NDArray[Any] | None:

@@ -15,6 +15,7 @@ from meshreel.formats.gltf.interpolation import Floats, unit
 from meshreel.formats.gltf.json_object import JsonObject
 from meshreel.formats.gltf.motion import Matrices, compose
 from meshreel.formats.notes import listed, note_left_out
+from meshreel.geometry.hard_edges import joined_edges
 from meshreel.surface import Attribute, Domain, Surface
 
 AT_REST = {"TRANSLATION": (0, 0, 0), "ROTATION": (0, 0, 0, 1), "SCALE": (1, 1, 1)}
@@ -95,7 +96,7 @@ def repeated(geometry: Geometry, instances: Matrices, accessors: Accessors, plac
             None if one is None else moved(one).reshape(-1, 3) for one in geometry.displacements
         ),
         faces=np.where(is_mirrored[:, np.newaxis, np.newaxis], turned(faces), faces).reshape(-1, 3),
-        surface=_repeated_surface(geometry.surface, is_mirrored),
+        surface=_repeated_surface(geometry.surface, is_mirrored, n_verts),
     )
 
 
@@ -124,7 +125,9 @@ def _items(attribute: Attribute) -> npt.NDArray[np.int32]:
     return np.arange(len(attribute.values), dtype=np.int32) if found is None else found
 
 
-def _repeated_surface(surface: Surface, is_mirrored: npt.NDArray[np.bool_]) -> Surface:
+def _repeated_surface(
+    surface: Surface, is_mirrored: npt.NDArray[np.bool_], n_verts: int
+) -> Surface:
     n_instances = len(is_mirrored)
 
     def repeat(one: Attribute) -> Attribute:
@@ -136,5 +139,8 @@ def _repeated_surface(surface: Surface, is_mirrored: npt.NDArray[np.bool_]) -> S
 
     groups = (replace(one, numbers=np.tile(one.numbers, n_instances)) for one in surface.groups)
     return replace(
-        surface, attributes=tuple(repeat(one) for one in surface.attributes), groups=tuple(groups)
+        surface,
+        attributes=tuple(repeat(one) for one in surface.attributes),
+        groups=tuple(groups),
+        hard_edges=joined_edges([surface.hard_edges] * n_instances, [n_verts] * n_instances),
     )

@@ -15,6 +15,7 @@ TRIANGLES, STRIP, FAN = 4, 5, 6
 N_MODES = 7
 KINDS = {
     "POSITION": ("VEC3",),
+    "NORMAL": ("VEC3",),
     "JOINTS": ("VEC4",),
     "WEIGHTS": ("VEC4",),
     "TEXCOORD": ("VEC2",),
@@ -166,7 +167,7 @@ def count_targets(mesh: JsonObject) -> int:
 
 def is_read(name: str) -> bool:
     """Whether an attribute of vertices is read, or follows from what is."""
-    return bool(_kinds(name)) or name in ("NORMAL", "TANGENT")
+    return bool(_kinds(name)) or name == "TANGENT"
 
 
 def _kinds(name: str) -> tuple[str, ...]:

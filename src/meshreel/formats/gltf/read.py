@@ -32,9 +32,10 @@ from meshreel.formats.gltf.shown import (
     shape_of,
     shown_nodes,
 )
-from meshreel.formats.notes import listed, note_kinds, note_left_out, note_normals
+from meshreel.formats.notes import listed, note_kinds, note_left_out
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.scenes.scene_mesh import SceneMesh, readable_mesh
+from meshreel.formats.surfaces.hard_edges import NormalNotes
 from meshreel.sequence import validate_fps
 
 LIGHTS = "KHR_lights_punctual"
@@ -158,11 +159,13 @@ def _geometry_reader(accessors: Accessors, notes: list[str]) -> Callable[[int], 
     """A function from the number of a mesh to what it is, which reads each mesh once."""
     document = accessors.document
     materials = MaterialReader(document, accessors.buffers, notes)
-    welded = WeldNote(notes)
+    welded, normal_notes = WeldNote(notes), NormalNotes(notes)
 
     @cache
     def read(mesh: int) -> Geometry:
-        found = read_geometry(document.lists["meshes"][mesh], accessors, materials, notes)
+        found = read_geometry(
+            document.lists["meshes"][mesh], accessors, materials, notes, normal_notes
+        )
         welded.add(found.n_split, len(found.positions))
         return found
 
@@ -216,8 +219,8 @@ def _note_left_out(document: Document, placements: Sequence[Placement], notes: l
 def _note_values(mesh: JsonObject, notes: list[str]) -> None:
     """Add to the notes the attributes of vertices that are not read."""
     names = {name for one in surfaces(mesh) for name in one.needed("attributes").values}
-    if names & {"NORMAL", "TANGENT"}:
-        note_normals(notes)
+    if "TANGENT" in names:
+        note_left_out(notes, "tangents, which programs compute")
     note_kinds(
         notes, "attributes that glTF does not define", sorted(n for n in names if not is_read(n))
     )

@@ -2,7 +2,8 @@
 
 Texture coordinates (``vt``, and the second number of ``v/vt/vn``), colours of vertices (``v`` with
 six numbers), ``usemtl``, ``g`` and ``o``; normals (``vn``) where they change from frame to frame.
-Passed over: smoothing groups and the name of the material library.
+Hard edges are those of normals, or, in a file without normals, of smoothing groups (``s``). Passed
+over: the name of the material library.
 """
 
 from contextlib import suppress
@@ -15,6 +16,12 @@ from meshreel.errors import FormatError
 from meshreel.formats.frames.field_tracks import NORMALS, Field, Fields, Key
 from meshreel.formats.meshes.obj import obj_mesh
 from meshreel.formats.notes import note_left_out, note_normals
+from meshreel.formats.surfaces.hard_edges import (
+    HardEdges,
+    NormalNotes,
+    edges_of_groups,
+    find_hard_edges,
+)
 from meshreel.formats.text.token_lines import TokenLines, split_lines
 from meshreel.geometry.ragged import ragged_indices
 from meshreel.surface import Attribute, Domain, FaceGroups, Kind, Part, Surface
@@ -32,7 +39,7 @@ N_COLORED = 6
 
 
 LEFT_OUT = {
-    b"l": "lines", b"p": "points", b"s": "smoothing groups", b"mtllib": "the material library",
+    b"l": "lines", b"p": "points", b"mtllib": "the material library",
     b"curv": "curves", b"curv2": "curves", b"surf": "free-form surfaces",
 }  # fmt: skip
 """The contents of statements that are passed over."""
@@ -56,8 +63,11 @@ def parse_obj_surface(data: bytes, notes: list[str] | None = None) -> Surface:
     parts = _parts(lines, face_lines)
     attributes = (_texture_coordinates(lines, face_lines), _colors(lines))
     groups = [_groups(lines, face_lines, name) for name in STATEMENTS]
+    hard = _hard_edges(lines, face_lines)
     if notes is not None:
-        if lines.begins_with(b"vn").any():
+        if hard is not None:
+            NormalNotes(notes).add("", hard)
+        elif lines.begins_with(b"vn").any():
             note_normals(notes)
         for what in dict.fromkeys(what for word, what in LEFT_OUT.items()
                                   if lines.begins_with(word).any()):  # fmt: skip
@@ -67,7 +77,31 @@ def parse_obj_surface(data: bytes, notes: list[str] | None = None) -> Surface:
         tuple(one for one in attributes if one is not None),
         tuple(one for one in groups if one.labels and not _is_told(one, parts)),
         parts,
+        hard_edges=None if hard is None else hard.edges,
     )
+
+
+def _hard_edges(lines: TokenLines, face_lines: Int64s) -> HardEdges | None:
+    """Those of normals, or of smoothing groups; None if the file has neither."""
+    statements = np.flatnonzero(lines.begins_with(b"s"))
+    if not len(statements) and not lines.begins_with(b"vn").any():
+        return None
+    mesh = obj_mesh(lines)
+    with suppress(FormatError):
+        if (normals := _normals(lines, face_lines)) is not None:
+            domain, values = normals
+            of_corners = values[mesh.corners] if domain is Domain.VERTEX else values
+            return find_hard_edges(mesh, of_corners)
+    if not len(statements):
+        return None
+    labels = {"off": 0, "0": 0, "": 0}
+    of_statement = [
+        labels.setdefault(lines.words_after_first(one), len(labels)) for one in statements.tolist()
+    ]
+    above = _last_above(statements, face_lines)
+    # Above the first statement smoothing is off, as the format has it.
+    found = edges_of_groups(mesh, np.array([*of_statement, 0])[above])
+    return None if found.edges is None else found
 
 
 def parse_obj_fields(data: bytes) -> Fields:

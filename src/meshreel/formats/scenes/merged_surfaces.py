@@ -7,6 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.formats.surfaces.polygons import PolygonMesh
+from meshreel.geometry.hard_edges import joined_edges
 from meshreel.materials import Image, Material, renumbered
 from meshreel.surface import Attribute, Domain, FaceGroups, Part, Surface
 
@@ -38,7 +39,10 @@ def merged_surface(
     surfaces, materials, images = shared_look(surfaces)
     attributes = _merged_attributes(in_one_domain(surfaces, frames), frames, notes)
     groups = _merged_groups(surfaces, frames)
-    return Surface(None, attributes, groups, parts, materials, images)
+    hard_edges = joined_edges(
+        [one.hard_edges for one in surfaces], [len(frame.vertices) for frame in frames]
+    )
+    return Surface(None, attributes, groups, parts, materials, images, hard_edges)
 
 
 def in_one_domain(surfaces: Sequence[Surface], frames: Sequence[PolygonMesh]) -> list[Surface]:

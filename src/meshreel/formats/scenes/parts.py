@@ -8,7 +8,7 @@ import numpy.typing as npt
 
 from meshreel.geometry.fans import join_fans
 from meshreel.sequence import Faces
-from meshreel.surface import Attribute, Domain, FaceGroups, Part, Surface
+from meshreel.surface import Attribute, Domain, FaceGroups, Int32s, Part, Surface
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,7 +23,7 @@ class PartMesh:
     counts, corners : integer arrays
         Its faces, as in `PolygonMesh`, in its own vertices.
     surface : Surface
-        Its attributes and groups; without parts. Only group labels in use are kept.
+        Its attributes, groups and hard edges; without parts. Only group labels in use are kept.
     items : mapping of Domain to slice
         Its vertices, faces and corners among those of the whole.
     """
@@ -89,7 +89,15 @@ def _pieces(parts: Sequence[Part], counts: npt.NDArray[np.int32]) -> Iterator[_P
 def _cut(surface: Surface, piece: _Piece) -> Surface:
     attributes = tuple(_cut_attribute(one, piece.of(one.domain)) for one in surface.attributes)
     groups = tuple(_cut_groups(one, piece.faces) for one in surface.groups)
-    return Surface(None, attributes, tuple(one for one in groups if one.labels))
+    kept = tuple(one for one in groups if one.labels)
+    return Surface(None, attributes, kept, hard_edges=_cut_edges(surface.hard_edges, piece.verts))
+
+
+def _cut_edges(edges: Int32s | None, verts: slice) -> Int32s | None:
+    if edges is None:
+        return None
+    is_own = (edges >= verts.start).all(axis=1) & (edges < verts.stop).all(axis=1)
+    return edges[is_own] - np.int32(verts.start) if is_own.any() else None
 
 
 def _cut_attribute(whole: Attribute, items: slice) -> Attribute:

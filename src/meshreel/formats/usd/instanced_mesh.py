@@ -24,6 +24,7 @@ from meshreel.formats.usd.quantities import Quantity
 from meshreel.formats.usd.sampling import Samples
 from meshreel.formats.usd.skinning import Skin
 from meshreel.formats.usd.transforms import placed_copies
+from meshreel.geometry.hard_edges import joined_edges
 from meshreel.surface import Attribute, Domain, Int32s, Surface
 
 MAX_FRAME_BYTES = 1 << 30
@@ -109,9 +110,9 @@ class InstancedMesh:
     def surface(self, code: float, moving: Collection[str] = ()) -> Surface:
         """Attributes and groups of the mesh, for every copy, as `StageMesh.surface` has them."""
         surface = self.mesh.surface(code, moving)
-        counts = self.mesh.frame(code).counts
+        frame = self.mesh.frame(code)
         with usd_errors(f"USD cannot read the instances of {self.path} at time code {code:g}"):
-            return _copied_surface(surface, counts, _mirrored(self.placements.world(code)))
+            return _copied_surface(surface, frame, _mirrored(self.placements.world(code)))
 
     def whole(self, code: float) -> PolygonMesh:
         """All faces of the mesh that is copied, as `StageMesh.whole` has them."""
@@ -184,7 +185,7 @@ def _copied_faces(
     return np.tile(mesh.counts, len(is_mirrored)), (corners + starts[:, np.newaxis]).ravel()
 
 
-def _copied_surface(surface: Surface, counts: npt.NDArray[np.int64], is_mirrored: Mask) -> Surface:
+def _copied_surface(surface: Surface, frame: PolygonMesh, is_mirrored: Mask) -> Surface:
     n_copies = len(is_mirrored)
 
     def copied(one: Attribute) -> Attribute:
@@ -192,10 +193,13 @@ def _copied_surface(surface: Surface, counts: npt.NDArray[np.int64], is_mirrored
         items = np.arange(len(one.values), dtype=np.int32) if given is None else given
         rows = np.tile(items, (n_copies, 1))
         if one.domain is Domain.CORNER:
-            rows[is_mirrored] = items[flipped_corners(counts)]
+            rows[is_mirrored] = items[flipped_corners(frame.counts)]
         return replace(one, indices=rows.ravel())
 
     groups = (replace(one, numbers=np.tile(one.numbers, n_copies)) for one in surface.groups)
     return replace(
-        surface, attributes=tuple(copied(one) for one in surface.attributes), groups=tuple(groups)
+        surface,
+        attributes=tuple(copied(one) for one in surface.attributes),
+        groups=tuple(groups),
+        hard_edges=joined_edges([surface.hard_edges] * n_copies, [len(frame.vertices)] * n_copies),
     )

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from meshreel.formats.notes import LEFT_OUT, GatheredNote, describe_cages, listed
+from meshreel.formats.surfaces.hard_edges import NormalNotes
 from meshreel.formats.usd.holes import Mask
 from meshreel.formats.usd.mesh_shape import MeshShape
 from meshreel.formats.usd.primitives import PRIMITIVES, PrimitiveShape
@@ -25,12 +26,15 @@ class MeshNotes:
         Of meshes whose samples are not their frames.
     final : GatheredNote
         Of meshes whose last sample is between two frames.
+    normals : NormalNotes
+        Of meshes with normals.
     """
 
     def __init__(self, plain: list[str]) -> None:
         self.plain = plain
         self.sampled = GatheredNote(plain, _sampled)
         self.final = GatheredNote(plain, _final)
+        self.normals = NormalNotes(plain)
         self._cages = GatheredNote(plain, describe_cages)
         self._holes = GatheredNote(plain, _holes)
         self._flat = GatheredNote(plain, _flat)

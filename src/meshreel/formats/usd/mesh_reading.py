@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.formats.frames.field_tracks import NORMALS
+from meshreel.formats.surfaces.hard_edges import edges_of_creases, find_hard_edges
 from meshreel.formats.surfaces.polygons import PolygonMesh, polygon_mesh
 from meshreel.formats.usd.diagnostics import usd_errors
 from meshreel.formats.usd.holes import faces_of, surface_of
@@ -21,8 +23,12 @@ from meshreel.formats.usd.sampling import Samples, distinct_codes
 from meshreel.formats.usd.skinning import Skin
 from meshreel.formats.usd.subsets import read_groups
 from meshreel.formats.usd.transforms import Matrix, Transforms, mirrors, placed
+from meshreel.geometry.hard_edges import remaining_edges
 from meshreel.sequence import Vertices
-from meshreel.surface import Domain, Surface
+from meshreel.surface import Domain, Int32s, Surface
+
+NORMALS_NAME = "normals"
+"""Of the quantity of normals."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,10 +109,42 @@ class StageMesh:
             notes = self.notes.plain
             groups = read_groups(self.prim, code, len(mesh.counts), materials, notes)
             attributes = read_attributes(self.prim, code, mesh, order, notes, moving)
-            surface = Surface(None, attributes, groups, (), *materials.look())
             solid = self.shape.solid_faces(len(mesh.counts), code)
             self.notes.add(self.shape, solid)
-            return surface if solid is None else surface_of(surface, solid, mesh.counts)
+            hard = self._hard_edges(mesh, code, is_track=NORMALS_NAME in moving)
+            surface = Surface(None, attributes, groups, (), *materials.look(), hard)
+            if solid is None:
+                return surface
+            kept = faces_of(mesh, solid)
+            hard = remaining_edges(hard, kept.counts, kept.corners)
+            return replace(surface_of(surface, solid, mesh.counts), hard_edges=hard)
+
+    def _hard_edges(self, mesh: PolygonMesh, code: float, *, is_track: bool) -> Int32s | None:
+        """Those of its normals; without normals, edges that its shape keeps sharp."""
+        given = next((one for one in quantities(self.prim) if one.role == NORMALS), None)
+        if given is None:
+            creases = self.shape.sharp_edges(code)
+            if creases is None:
+                return None
+            found = edges_of_creases(mesh, creases)
+            if found.edges is None:
+                return None
+        else:
+            found = find_hard_edges(mesh, self._corner_normals(given, mesh, code))
+        self.notes.normals.add(self.path, found, is_track=is_track)
+        return found.edges
+
+    def _corner_normals(self, given: Quantity, mesh: PolygonMesh, code: float) -> Values:
+        """Normals of shape (C, 3) in the order of the mesh; 0 where they do not fit it."""
+        counts = len(mesh.vertices), len(mesh.counts), len(mesh.corners)
+        values = given.values(code, dict(zip(Domain, counts, strict=True))[given.domain])
+        if values is None or values.shape[1] != 3 or values.dtype.kind != "f":
+            return np.zeros((len(mesh.corners), 3))
+        if given.domain is Domain.VERTEX:
+            return values[mesh.corners]
+        if given.domain is Domain.FACE:
+            return np.repeat(values, mesh.counts, axis=0)
+        return values[flipped_corners(mesh.counts)] if self.is_flipped else values
 
     def whole(self, code: float) -> PolygonMesh:
         """All its faces at a time code, holes too, counter-clockwise, with points as they are."""

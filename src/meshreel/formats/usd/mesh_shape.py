@@ -15,6 +15,9 @@ from meshreel.formats.usd.holes import Mask, solid_faces
 from meshreel.formats.usd.sampling import attribute_codes
 from meshreel.sequence import Vertices
 
+INFINITELY_SHARP = 10.0
+"""Sharpness of a crease that subdivision does not round, in USD."""
+
 
 @dataclass(frozen=True, eq=False)
 class MeshShape:
@@ -96,6 +99,26 @@ class MeshShape:
         """Whether its faces are the cage of a smooth surface, as they are if it does not say."""
         none = USD.load("UsdGeom").Tokens.none
         return bool(self._mesh.GetSubdivisionSchemeAttr().Get() != none)
+
+    def sharp_edges(self, code: float) -> npt.NDArray[np.int64] | None:
+        """Creases of a subdivision surface that stay infinitely sharp, of shape (N, 2); or None.
+
+        What does not fit, such as numbers of vertices that are negative, is no crease.
+        """
+        mesh = self._mesh
+        given = (mesh.GetCreaseIndicesAttr(), mesh.GetCreaseLengthsAttr())
+        indices, lengths = (np.asarray(one.Get(code) or [], np.int64) for one in given)
+        sharpness = np.asarray(mesh.GetCreaseSharpnessesAttr().Get(code) or [], np.float64)
+        if not self.is_subdivided or (lengths < 2).any() or lengths.sum() != len(indices):
+            return None
+        if len(sharpness) == len(lengths):  # one for each crease, else one for each of its edges
+            sharpness = np.repeat(sharpness, lengths - 1)
+        if not len(indices) or len(sharpness) != len(indices) - len(lengths):
+            return None
+        is_last = np.zeros(len(indices), bool)
+        is_last[np.cumsum(lengths) - 1] = True
+        edges = np.stack([indices[:-1], indices[1:]], axis=1)[~is_last[:-1]]
+        return edges[sharpness >= INFINITELY_SHARP]
 
     @cached_property
     def _mesh(self) -> Any:

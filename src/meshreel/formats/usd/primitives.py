@@ -13,8 +13,9 @@ import numpy.typing as npt
 
 from meshreel.errors import FormatError
 from meshreel.formats.surfaces.polygons import PolygonMesh
-from meshreel.formats.usd.revolution import Rings, revolved, revolved_faces
+from meshreel.formats.usd.revolution import Rings, revolved, revolved_faces, rims
 from meshreel.formats.usd.sampling import attribute_codes
+from meshreel.geometry.hard_edges import shared_edges
 from meshreel.sequence import Vertices
 
 Sizes = dict[str, float]
@@ -45,12 +46,15 @@ class Primitive:
         Gives the counts and corners of its faces, whatever the sizes.
     is_round : bool
         Whether the faces are only near the surface.
+    n_rims : int
+        Of round ones, rings at which a flat end begins.
     """
 
     sizes: tuple[str, ...]
     points: Callable[[Sizes, str], Points]
     faces: Faces
     is_round: bool = True
+    n_rims: int = 0
 
 
 def _cube(sizes: Sizes, axis: str) -> Points:
@@ -106,9 +110,9 @@ PRIMITIVES = {
     "Cube": Primitive(("size",), _cube, _flat_faces(CUBE_FACES), is_round=False),
     "Plane": Primitive(("width", "length"), _plane, _flat_faces([0, 1, 2, 3]), is_round=False),
     "Sphere": Primitive(("radius",), _sphere, _round_faces(2 * N_ARCS - 1)),
-    "Cylinder": Primitive(("radius", "height"), _cylinder, _round_faces(2)),
-    "Cylinder_1": Primitive(ENDS, _cylinder, _round_faces(2)),
-    "Cone": Primitive(("radius", "height"), _cone, _round_faces(1)),
+    "Cylinder": Primitive(("radius", "height"), _cylinder, _round_faces(2), n_rims=2),
+    "Cylinder_1": Primitive(ENDS, _cylinder, _round_faces(2), n_rims=2),
+    "Cone": Primitive(("radius", "height"), _cone, _round_faces(1), n_rims=1),
     "Capsule": Primitive(("radius", "height"), _capsule, _round_faces(2 * N_ARCS)),
     "Capsule_1": Primitive(ENDS, _capsule, _round_faces(2 * N_ARCS)),
 }
@@ -169,6 +173,13 @@ class PrimitiveShape:
     def polygons(self, vertices: Vertices, code: float) -> PolygonMesh:
         """Its faces, with these vertices."""
         return PolygonMesh(vertices, *PRIMITIVES[self.kind].faces())
+
+    def sharp_edges(self, code: float) -> npt.NDArray[np.int64] | None:
+        """Edges of flat faces, as pairs of vertices; None if it has none."""
+        primitive = PRIMITIVES[self.kind]
+        if not primitive.is_round:
+            return shared_edges(*primitive.faces()).ends
+        return rims(primitive.n_rims) if primitive.n_rims else None
 
     def solid_faces(self, n_faces: int, code: float) -> None:
         """None: no face is a hole."""

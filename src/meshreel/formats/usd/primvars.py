@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.formats.extras import USD
-from meshreel.formats.notes import UNCHANGING, note_kinds, note_normals
+from meshreel.formats.notes import UNCHANGING, note_kinds
 from meshreel.formats.surfaces.polygons import PolygonMesh
 from meshreel.surface import MAX_NUMBERS, VALUE_TYPES, Attribute, Domain, Kind
 
@@ -109,12 +109,8 @@ def _candidates(prim: Any, notes: list[str], moving: Collection[str]) -> list[_F
 
 
 def _note_derived(prim: Any, notes: list[str], moving: Collection[str]) -> None:
-    """Add to the notes normals and velocities that are no tracks."""
+    """Add to the notes velocities that are no tracks."""
     mesh = USD.load("UsdGeom").Mesh(prim)
-    primvar = USD.load("UsdGeom").PrimvarsAPI(prim).FindPrimvarWithInheritance("normals")
-    is_given = mesh.GetNormalsAttr().HasAuthoredValue() or primvar.HasAuthoredValue()
-    if is_given and "normals" not in moving:
-        note_normals(notes)
     rates = (mesh.GetVelocitiesAttr(), mesh.GetAccelerationsAttr())
     still = [str(one.GetName()) for one in rates if one.HasAuthoredValue()]
     note_kinds(notes, UNCHANGING, (name for name in still if name not in moving))

@@ -55,3 +55,10 @@ def revolved_faces(n_rings: int) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.
     faces.append(np.stack([pole + high + N_AROUND, high + around, high + after], 1))
     counts = np.concatenate([np.full(len(one), one.shape[1], np.int64) for one in faces])
     return counts, np.concatenate([one.ravel() for one in faces]).astype(np.int32)
+
+
+def rims(n_rings: int) -> npt.NDArray[np.int64]:
+    """The edges of the lowest rings, as pairs of points, of shape (R * N_AROUND, 2)."""
+    around = np.arange(N_AROUND)
+    starts = 1 + N_AROUND * np.arange(n_rings)[:, np.newaxis]
+    return np.stack([starts + around, starts + np.roll(around, -1)], axis=2).reshape(-1, 2)

@@ -184,7 +184,8 @@ def test_colours_and_normals_come_back_when_obj_frames_were_saved(tmp_path, read
     found = read(tmp_path, notes=notes)
     assert_same_tracks(found.tracks, tracks)
     assert np.array_equal(found.read(0, N_FRAMES), sheet.vertices)
-    assert notes == []
+    # The normals of corners are random, and part faces at their edges.
+    assert [note for note in notes if "hard edges" not in note] == []
 
 
 @READ

@@ -1,0 +1,212 @@
+"""Hard edges of a mesh whose file has a normal at each corner."""
+
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from meshreel.counting import counted
+from meshreel.formats.notes import NORMALS_FAR, NORMALS_LEFT_OUT
+from meshreel.formats.surfaces.polygons import PolygonMesh
+from meshreel.geometry.fans import triangulate_fans
+from meshreel.geometry.hard_edges import (
+    Floats,
+    Int32s,
+    corner_normals,
+    next_corners,
+    remaining_edges,
+    shared_edges,
+)
+from meshreel.geometry.normals import face_normals
+from meshreel.surface import Surface
+
+SHARED_DEG = 1.0
+"""Normals of two faces at a vertex that are nearer than this are the same."""
+
+NEAR_DEG = 15.0
+"""Recomputed normals that are further off than this are told of."""
+
+GAIN = 0.99
+"""More hard edges are taken if they make the mean error smaller than so much of what it was."""
+
+
+@dataclass(frozen=True, eq=False)
+class HardEdges:
+    """Hard edges, and how near normals by them are to those of the file.
+
+    Attributes
+    ----------
+    edges : int32 array of shape (H, 2) or None
+    n_shared : int
+        Edges between faces.
+    n_far, n_corners : int
+        Corners whose normals are more than `NEAR_DEG` off, and all with a normal.
+    """
+
+    edges: Int32s | None
+    n_shared: int
+    n_far: int
+    n_corners: int
+
+
+def find_hard_edges(mesh: PolygonMesh, normals: npt.NDArray[np.floating]) -> HardEdges:
+    """The hard edges that bring recomputed normals nearest to given ones, if smooth ones are not.
+
+    Tried are the edges across which normals differ at both ends, and those where they do at one.
+    Normals that point into the mesh as a whole are taken the other way round.
+
+    Parameters
+    ----------
+    mesh : PolygonMesh
+    normals : float array of shape (C, 3)
+        At each corner, of any length; 0 or NaN where there is none.
+    """
+    with np.errstate(all="ignore"):  # what is not finite is reported when frames are checked
+        return _found(mesh, normals)
+
+
+def _found(mesh: PolygonMesh, normals: npt.NDArray[np.floating]) -> HardEdges:
+    counts, corners = mesh.counts, mesh.corners
+    units = _units(normals)
+    is_known = np.asarray(units.any(axis=1))
+    faces = triangulate_fans(counts, corners)
+    sizes = counts.astype(np.int32)
+    vectors = np.add.reduceat(
+        face_normals(mesh.vertices, faces), np.cumsum(counts - 2) - counts + 2
+    )
+    if np.einsum("ij,ij", units, np.repeat(vectors, counts, axis=0)) < 0:
+        units = -units
+    areas = np.linalg.norm(vectors, axis=1)
+    weights = np.where(is_known, np.repeat(areas / counts, counts), 0)
+
+    def angles(edges: Int32s | None) -> Floats:
+        found = corner_normals(mesh.vertices, faces, Surface(sizes, hard_edges=edges))
+        # By half the chord: the cosine of a small angle is known to 0.02 degrees at best.
+        halves = np.linalg.norm(found - units, axis=1) / 2
+        return np.asarray(2 * np.degrees(np.arcsin(halves.clip(0, 1))))
+
+    shared = shared_edges(counts, corners)
+    at_low, at_high = _differences(counts, corners, shared.of_side, units, is_known)
+    best, edges = angles(None), None
+    for is_hard in (at_low & at_high, at_low | at_high):
+        if not is_hard.any():
+            continue
+        tried = shared.ends[is_hard].astype(np.int32)
+        found = angles(tried)
+        if (weights * found).sum() < GAIN * (weights * best).sum():
+            best, edges = found, tried
+    n_far = int((best[is_known & (weights > 0)] > NEAR_DEG).sum())
+    return HardEdges(edges, len(shared.ends), n_far, int(is_known.sum()))
+
+
+def edges_of_groups(mesh: PolygonMesh, groups: npt.NDArray[np.integer]) -> HardEdges:
+    """The hard edges of smoothing groups: those of faces that are not in the same.
+
+    Parameters
+    ----------
+    mesh : PolygonMesh
+    groups : integer array of shape (P,)
+        The smoothing group of each face; faces of group 0 share normals with no other.
+    """
+    shared = shared_edges(mesh.counts, mesh.corners)
+    sides = np.flatnonzero(shared.of_side >= 0)
+    edges, of_side = shared.of_side[sides], np.repeat(groups, mesh.counts)[sides]
+    _, first = np.unique(edges, return_index=True)
+    is_hard = np.zeros(len(shared.ends), bool)
+    is_hard[edges[(of_side == 0) | (of_side != of_side[first][edges])]] = True
+    found = shared.ends[is_hard].astype(np.int32) if is_hard.any() else None
+    return HardEdges(found, len(shared.ends), 0, 0)
+
+
+def edges_of_creases(mesh: PolygonMesh, creases: npt.NDArray[np.integer]) -> HardEdges:
+    """The creases that lie between faces, of shape (N, 2), as hard edges."""
+    is_there = ((creases >= 0) & (creases < len(mesh.vertices))).all(axis=1)
+    found = remaining_edges(creases[is_there].astype(np.int32), mesh.counts, mesh.corners)
+    return HardEdges(found, len(shared_edges(mesh.counts, mesh.corners).ends), 0, 0)
+
+
+class NormalNotes:
+    """What became of the normals of the meshes of a file, in one or two sentences.
+
+    Parameters
+    ----------
+    notes : list of str
+        Gains the sentences, which change as meshes are told of.
+    """
+
+    def __init__(self, notes: list[str]) -> None:
+        self._notes = notes
+        self._told: dict[str, HardEdges] = {}
+        self._sentences: list[str] = []
+
+    def add(self, name: str, found: HardEdges, *, is_track: bool = False) -> None:
+        """Tell of a mesh; what was told of one of the same name is forgotten.
+
+        Parameters
+        ----------
+        name : str
+        found : HardEdges
+        is_track : bool, default False
+            Whether its normals are kept as a track too.
+        """
+        if is_track and found.edges is None:
+            return
+        self._told[name] = replace(found, n_far=0) if is_track else found
+        for sentence in self._sentences:
+            if sentence in self._notes:
+                self._notes.remove(sentence)
+        self._sentences = list(_described(self._told.values()))
+        self._notes += self._sentences
+
+
+def _described(meshes: Collection[HardEdges]) -> Iterator[str]:
+    n_hard = sum(len(one.edges) for one in meshes if one.edges is not None)
+    n_shared, n_far, n_corners = (
+        sum(getattr(one, name) for one in meshes) for name in ("n_shared", "n_far", "n_corners")
+    )
+    if n_hard:
+        yield (
+            f"kept {n_hard} of {counted(n_shared, 'edge')} as hard edges, by which normals are "
+            "computed in every frame"
+        )
+    else:
+        yield NORMALS_LEFT_OUT
+    if n_far:
+        yield (
+            f"{NORMALS_FAR}{n_far} of {counted(n_corners, 'corner')}, where those computed are "
+            f"more than {NEAR_DEG:g} degrees off"
+        )
+
+
+def _units(normals: npt.NDArray[np.floating]) -> Floats:
+    """Normals of length 1; 0 where there is none."""
+    given = np.asarray(normals, np.float64)
+    lengths = np.linalg.norm(np.nan_to_num(given), axis=1, keepdims=True)
+    is_known = np.isfinite(given).all(axis=1, keepdims=True) & (lengths > 0)
+    return np.asarray(np.divide(given, lengths, out=np.zeros_like(given), where=is_known))
+
+
+def _differences(
+    counts: npt.NDArray[np.integer],
+    corners: npt.NDArray[np.integer],
+    of_side: npt.NDArray[np.int64],
+    units: Floats,
+    is_known: npt.NDArray[np.bool_],
+) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.bool_]]:
+    """Whether normals differ across each shared edge, at its lower vertex and at its other one."""
+    sides = np.flatnonzero(of_side >= 0)
+    following = next_corners(counts)[sides]
+    is_forward = corners[sides] < corners[following]
+    edges = of_side[sides]
+    n_edges = int(edges.max(initial=-1)) + 1
+    _, first = np.unique(edges, return_index=True)
+    limit = 2 * np.sin(np.radians(SHARED_DEG) / 2)
+    found = []
+    for ends in (np.where(is_forward, sides, following), np.where(is_forward, following, sides)):
+        reference = ends[first][edges]
+        is_other = np.linalg.norm(units[ends] - units[reference], axis=1) > limit
+        differs = np.zeros(n_edges, bool)
+        differs[edges[is_other & is_known[ends] & is_known[reference]]] = True
+        found.append(differs)
+    return found[0], found[1]

@@ -1,0 +1,253 @@
+"""Hard edges of a cake and a box from files of every format that has normals of corners."""
+
+import numpy as np
+import pytest
+
+from meshreel.formats.load import load
+from meshreel.formats.notes import NORMALS_LEFT_OUT
+from meshreel.geometry.fans import fan_corners, join_fans
+from samples.gltf import Gltf
+from samples.meshes import BOX_CORNERS, BOX_QUADS, cake, cake_normals
+
+CAKE = cake(1)
+SIZES = CAKE.surface.face_sizes
+CORNERS = join_fans(SIZES, CAKE.faces)
+
+
+def places(sequence):
+    """The hard edges of a sequence, as pairs of positions in its first frame."""
+    ends = np.round(sequence[0].astype(float), 3)[sequence.surface.hard_edges] + 0.0
+    return {frozenset(map(tuple, edge.tolist())) for edge in ends}
+
+
+def cake_file(n_split=1, **node):
+    """A GLB of separate triangles, whose corners have normals."""
+    file = Gltf()
+    corner_of = fan_corners(SIZES).ravel()
+    normals = cake_normals(CAKE)[corner_of]
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    values = {"NORMAL": file.accessor(normals)}
+    mesh = file.mesh(CAKE[0][CORNERS[corner_of]], attributes=values)
+    file.node(mesh=mesh, **node)
+    return file
+
+
+@pytest.fixture
+def read(tmp_path):
+    def loaded(file, ending=".glb", **options):
+        path = tmp_path / f"a{ending}"
+        if isinstance(file, str):
+            path.write_text(file)
+        else:
+            file.save(path)
+        notes = []
+        return load(path, notes=notes, **options), notes
+
+    return loaded
+
+
+def test_rims_are_hard_when_a_glb_splits_vertices_there(read):
+    found, notes = read(cake_file())
+    assert found.n_verts == CAKE.n_verts
+    assert places(found) == places(CAKE)
+    assert any(note.startswith("kept 48 of 144 edges as hard edges") for note in notes)
+    assert NORMALS_LEFT_OUT not in notes
+
+
+def test_rims_are_hard_when_the_node_mirrors_its_mesh(read):
+    found, _ = read(cake_file(scale=[-1, 1, 1]))
+    assert len(found.surface.hard_edges) == 48
+
+
+def test_rims_of_all_instances_are_hard(read):
+    file = cake_file()
+    shifts = file.accessor([[0, 0, 0], [5, 0, 0], [0, 7, 0]])
+    file.json["nodes"][0]["extensions"] = {
+        "EXT_mesh_gpu_instancing": {"attributes": {"TRANSLATION": shifts}}
+    }
+    found, _ = read(file)
+    base = places(CAKE)
+    moved = {
+        frozenset((round(x + a, 3), round(y + b, 3), z) for x, y, z in edge)
+        for edge in base
+        for a, b in ((0, 0), (5, 0), (0, 7))
+    }
+    assert places(found) == moved
+
+
+def test_hard_edges_are_those_of_all_parts_when_meshes_are_merged(read):
+    file = cake_file()
+    file.node(mesh=file.mesh([[0, 0, 9], [1, 0, 9], [0, 1, 9]]))
+    file.node(mesh=0, translation=[5, 0, 0])
+    found, _ = read(file, merge=True)
+    assert len(found.surface.parts) == 3
+    assert len(found.surface.hard_edges) == 96
+    assert found.surface.hard_edges.max() == found.n_verts - 2 - 1
+
+
+def test_a_box_has_hard_edges_but_no_diagonals_when_a_glb_has_its_normals(read):
+    file = Gltf()
+    quads = BOX_CORNERS[BOX_QUADS]
+    normals = np.cross(quads[:, 1] - quads[:, 0], quads[:, 2] - quads[:, 0])
+    faces = np.arange(24).reshape(6, 4)[:, [0, 1, 2, 0, 2, 3]]
+    values = {"NORMAL": file.accessor(np.repeat(normals, 4, axis=0))}
+    file.node(mesh=file.mesh(quads.reshape(-1, 3), faces, attributes=values))
+    found, notes = read(file)
+    assert len(found.surface.hard_edges) == 12
+    assert any(note.startswith("kept 12 of 18 edges") for note in notes)
+
+
+def rows(values):
+    return ", ".join(str(tuple(np.round(one, 6).tolist())) for one in values)
+
+
+def usda(more="", *, corners=CORNERS, normals=None, scheme="none"):
+    listed = "" if normals is None else f"normal3f[] normals = [{rows(normals)}] (\n"
+    end = "" if normals is None else 'interpolation = "faceVarying")\n'
+    return f"""#usda 1.0
+def Mesh "m" {{
+  point3f[] points = [{rows(CAKE[0])}]
+  uniform token subdivisionScheme = "{scheme}"
+  int[] faceVertexCounts = {SIZES.tolist()}
+  int[] faceVertexIndices = {np.asarray(corners).tolist()}
+  {listed}{end}{more}
+}}
+"""
+
+
+@pytest.fixture
+def pxr():
+    pytest.importorskip("pxr")
+
+
+def test_rims_are_hard_when_a_usd_mesh_has_normals_of_corners(read, pxr):
+    found, notes = read(usda(normals=cake_normals(CAKE)), ".usda")
+    assert places(found) == places(CAKE)
+    assert "kept 48 of 120 edges as hard edges" in notes[-1]
+
+
+def test_rims_are_hard_when_faces_of_a_usd_mesh_go_the_other_way(read, pxr):
+    starts = np.repeat(np.cumsum(SIZES) - SIZES, SIZES)
+    turned = starts + (starts - np.arange(len(starts))) % np.repeat(SIZES, SIZES)
+    text = usda('uniform token orientation = "leftHanded"', corners=CORNERS[turned],
+                normals=cake_normals(CAKE)[turned])  # fmt: skip
+    found, notes = read(text, ".usda")
+    assert places(found) == places(CAKE)
+    assert not any("do not follow" in note for note in notes)
+
+
+def test_edges_of_holes_are_not_hard_when_a_usd_mesh_has_some(read, pxr):
+    holes = f"int[] holeIndices = {list(range(24, 48))}"  # the bottom
+    found, _ = read(usda(holes, normals=cake_normals(CAKE)), ".usda")
+    assert places(found) == {e for e in places(CAKE) if all(z for _, _, z in e)}
+
+
+def test_creases_are_hard_when_a_usd_subdivision_surface_keeps_them_sharp(read, pxr):
+    loop = [*range(24), 0]
+    more = f"""int[] creaseIndices = {[*loop, *(24 + np.array(loop)).tolist()]}
+  int[] creaseLengths = [25, 25]
+  float[] creaseSharpnesses = [10, 3.5]"""
+    found, _ = read(usda(more, scheme="catmullClark"), ".usda")
+    assert places(found) == {e for e in places(CAKE) if not any(z for _, _, z in e)}
+
+
+@pytest.mark.parametrize(
+    "more",
+    [
+        "int[] creaseIndices = [0, 1]\nint[] creaseLengths = [3]\nfloat[] creaseSharpnesses = [10]",
+        "int[] creaseIndices = [0, 1]\nint[] creaseLengths = [2]\nfloat[] creaseSharpnesses = []",
+        "int[] creaseIndices = [0, 99]\nint[] creaseLengths = [2]\n"
+        "float[] creaseSharpnesses = [10]",
+        "int[] creaseLengths = [-1]",
+    ],
+)
+def test_no_edge_is_hard_when_creases_do_not_fit(read, pxr, more):
+    found, notes = read(usda(more, scheme="catmullClark"), ".usda")
+    assert found.surface.hard_edges is None
+    assert not any("hard edges" in note for note in notes)
+
+
+def test_edges_of_flat_faces_are_hard_when_usd_has_primitives(read, pxr):
+    cube, _ = read('#usda 1.0\ndef Cube "a" {}\n', ".usda")
+    assert len(cube.surface.hard_edges) == 12
+    can, _ = read('#usda 1.0\ndef Cylinder "a" {}\n', ".usda")
+    assert len(can.surface.hard_edges) == 64
+    ball, notes = read('#usda 1.0\ndef Sphere "a" {}\n', ".usda")
+    assert ball.surface.hard_edges is None
+    assert NORMALS_LEFT_OUT not in notes
+
+
+def test_hard_edges_are_those_of_all_copies_when_usd_has_instances(read, pxr):
+    text = """#usda 1.0
+def PointInstancer "p" {
+  rel prototypes = </p/c>
+  int[] protoIndices = [0, 0, 0]
+  point3f[] positions = [(0, 0, 0), (5, 0, 0), (9, 0, 0)]
+  def Cube "c" {}
+}
+"""
+    found, _ = read(text, ".usda")
+    assert len(found.surface.hard_edges) == 36
+    lengths = np.linalg.norm(np.diff(found[0][found.surface.hard_edges], axis=1), axis=2)
+    np.testing.assert_allclose(lengths, 2)
+
+
+def test_rims_are_hard_when_an_alembic_mesh_has_normals_of_corners(tmp_path):
+    sample = pytest.importorskip("samples.alembic")
+    from alembic3d import AbcGeom
+
+    path = tmp_path / "a.abc"
+    archive = sample.archive(path)
+    mesh = AbcGeom.OPolyMesh(archive.getTop(), "cake")
+    order = np.concatenate([row[::-1] for row in np.split(np.arange(len(CORNERS)),
+                                                          np.cumsum(SIZES)[:-1])])  # fmt: skip
+    normals = AbcGeom.ON3fGeomParamSample()
+    normals.setVals(sample.points_array(cake_normals(CAKE)[order]))
+    normals.setScope(AbcGeom.GeometryScope.kFacevaryingScope)
+    one = AbcGeom.OPolyMeshSchemaSample(
+        sample.points_array(CAKE[0]), sample.int_array(CORNERS[order]), sample.int_array(SIZES)
+    )
+    one.setNormals(normals)
+    mesh.getSchema().set(one)
+    del mesh, archive
+    notes = []
+    found = load(path, notes=notes)
+    assert places(found) == places(CAKE)
+    assert "kept 48 of 120 edges as hard edges" in notes[-1]
+
+
+def obj(face_lines, normals=()):
+    points = "".join("v {} {} {}\n".format(*one) for one in CAKE[0].tolist())
+    return points + "".join("vn {} {} {}\n".format(*one) for one in normals) + "".join(face_lines)
+
+
+def cake_lines(word="{}", statements=None):
+    words = [word.format(v + 1, c + 1) for c, v in enumerate(CORNERS.tolist())]
+    lines = []
+    for face, one in enumerate(np.split(np.array(words, object), np.cumsum(SIZES)[:-1])):
+        lines += [(statements or {}).get(face, ""), f"f {' '.join(one)}\n"]
+    return lines
+
+
+def test_rims_are_hard_when_corners_of_an_obj_file_name_normals(read):
+    found, notes = read(obj(cake_lines("{}//{}"), cake_normals(CAKE).tolist()), ".obj")
+    assert places(found) == places(CAKE)
+    assert "kept 48 of 120 edges as hard edges" in notes[-1]
+
+
+def test_rims_are_hard_when_an_obj_file_has_smoothing_groups(read):
+    found, _ = read(obj(cake_lines(statements={0: "s 1\n", 24: "s 2\n", 48: "s off\n"})), ".obj")
+    inner = {e for e in places(found) if (0.0, 0.0, 0.5) in e}
+    assert places(found) - inner == places(CAKE)
+    assert len(inner) == 24  # faces of no group share no normals
+
+
+def test_no_edge_is_hard_when_an_obj_file_has_one_smoothing_group(read):
+    found, notes = read(obj(cake_lines(statements={0: "s 1\n"})), ".obj")
+    assert found.surface.hard_edges is None
+    assert not any("normals" in note for note in notes)
+
+
+def test_no_edge_is_hard_when_an_obj_file_has_bad_normals(read):
+    found, _ = read(obj(cake_lines("{}//{}"), [["x", 0, 0]]), ".obj")
+    assert found.surface.hard_edges is None
