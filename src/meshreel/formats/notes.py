@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 
+from meshreel.counting import counted
 from meshreel.surface import Attribute, FaceGroups, Surface
 
 LEFT_OUT = "left out: "
@@ -142,6 +143,7 @@ def note_unwritten(
     *,
     parts: bool = False,
     polygons: bool = True,
+    hard_edges: bool = False,
 ) -> None:
     """Add a sentence to the notes, if there are any, on what is left out of a file.
 
@@ -153,8 +155,8 @@ def note_unwritten(
     ending : str
         Of the file, with the dot.
     notes : list of str or None
-    parts, polygons : bool
-        Whether the file holds the parts, and faces of more than three corners.
+    parts, polygons, hard_edges : bool
+        Whether the file holds the parts, faces of more than three corners, and hard edges.
     """
     everything: list[Attribute | FaceGroups] = [*surface.attributes, *surface.groups]
     missing = [_named(one) for one in everything if not any(one is held for held in written)]
@@ -162,6 +164,8 @@ def note_unwritten(
         missing.append(f"the names of {len(surface.parts)} parts")
     if surface.face_sizes is not None and not polygons:
         missing.append("faces of more than three corners, which are cut into triangles")
+    if surface.hard_edges is not None and not hard_edges:
+        missing.append(counted(len(surface.hard_edges), "hard edge"))
     if missing and notes is not None:
         notes.append(f"left out, for {ending} files do not hold it: {', '.join(missing)}")
 

@@ -199,8 +199,20 @@ def _smooth_fans(
     is_same = np.flatnonzero(edges.of_side[sides][1:] == edges.of_side[sides][:-1])
     one = np.concatenate([low[is_same], high[is_same]])
     other = np.concatenate([low[is_same + 1], high[is_same + 1]])
-    labels = np.arange(len(corners))
-    while True:  # each round halves the longest way to the lowest corner of a fan, or so
+    return joined_labels(len(corners), one, other)
+
+
+def joined_labels(n_items: int, one: Int64s, other: Int64s) -> Int64s:
+    """The lowest item of those that pairs of items join, of shape (n_items,).
+
+    Parameters
+    ----------
+    n_items : int
+    one, other : int64 arrays of shape (N,)
+        The items of each pair.
+    """
+    labels = np.arange(n_items)
+    while True:  # each round halves the longest way to the lowest item, or so
         lowest = np.minimum(labels[one], labels[other])
         if (labels[one] == lowest).all() and (labels[other] == lowest).all():
             return labels
@@ -209,19 +221,44 @@ def _smooth_fans(
         labels = labels[labels]
 
 
-def surface_rows(faces: Faces, surface: Surface, n_verts: int) -> tuple[Int32s, NormalRows]:
-    """The triangles of a mesh in rows of normals, of shape (M, 3), and what these rows are.
+class RowNormals:
+    """Normals of a mesh by its hard edges, frame by frame.
+
+    Parameters
+    ----------
+    counts, corners : integer arrays
+        As of `shared_edges`.
+    hard_edges : int32 array of shape (H, 2) or None
+    n_verts : int
+
+    Attributes
+    ----------
+    rows : NormalRows
+    triangles : int32 array of shape (M, 3)
+        The triangles of the mesh, in rows.
 
     Raises
     ------
     InvalidInputError
         As `hard_flags`.
     """
-    counts = surface.sizes(len(faces))
-    if surface.hard_edges is None:
-        return faces, NormalRows(join_fans(counts, faces), np.arange(n_verts, dtype=np.int32))
-    rows = normal_rows(counts, join_fans(counts, faces), surface.hard_edges, n_verts)
-    return triangulate_fans(counts, rows.of_corner), rows
+
+    def __init__(
+        self, counts: Integers, corners: Integers, hard_edges: Int32s | None, n_verts: int
+    ) -> None:
+        self.rows = normal_rows(counts, corners, hard_edges, n_verts)
+        self.triangles: Int32s = triangulate_fans(counts, self.rows.of_corner)
+
+    @classmethod
+    def of_surface(cls, faces: Faces, surface: Surface, n_verts: int) -> "RowNormals":
+        """Those of a mesh with this surface."""
+        counts = surface.sizes(len(faces))
+        return cls(counts, join_fans(counts, faces), surface.hard_edges, n_verts)
+
+    def of_frames(self, frames: npt.NDArray[np.floating]) -> Floats:
+        """Normals of the rows, of shape (T, R, 3), given positions of shape (T, V, 3)."""
+        positions: npt.NDArray[np.floating] = np.ascontiguousarray(frames[:, self.rows.vertices])
+        return surface_normals(positions, self.triangles)
 
 
 def corner_normals(vertices: Vertices, faces: Faces, surface: Surface) -> Floats:
@@ -247,7 +284,6 @@ def corner_normals(vertices: Vertices, faces: Faces, surface: Surface) -> Floats
         As `hard_flags`.
     """
     frames = vertices if vertices.ndim == 3 else vertices[np.newaxis]
-    triangles, rows = surface_rows(faces, surface, frames.shape[1])
-    positions: npt.NDArray[np.floating] = np.ascontiguousarray(frames[:, rows.vertices])
-    found = surface_normals(positions, np.ascontiguousarray(triangles))[:, rows.of_corner]
+    shading = RowNormals.of_surface(faces, surface, frames.shape[1])
+    found = shading.of_frames(frames)[:, shading.rows.of_corner]
     return found if vertices.ndim == 3 else found[0]

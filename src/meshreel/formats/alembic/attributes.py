@@ -17,6 +17,9 @@ from meshreel.surface import MAX_NUMBERS, Attribute, Domain, FaceGroups, Surface
 NORMALS, VELOCITIES = "N", ".velocities"
 """Names of properties of a mesh."""
 
+COMPUTED = "meshreel:computed"
+"""User property of a mesh whose normals we compute from faces and hard edges: they are no track."""
+
 NO_GROUP = ""
 """Label of faces that are in no group."""
 

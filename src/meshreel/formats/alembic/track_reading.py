@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.formats.alembic.archive import Property
-from meshreel.formats.alembic.attributes import NORMALS, VELOCITIES, Properties, domain_of
+from meshreel.formats.alembic.attributes import COMPUTED, NORMALS, VELOCITIES, Properties, domain_of
 from meshreel.formats.alembic.params import GeometryParam
 from meshreel.formats.alembic.time_sampling import Times, between
 from meshreel.formats.alembic.winding import turned_corners
@@ -193,7 +193,9 @@ class MeshTracks:
                 continue
             kind = said or ("" if param.kind is Kind.OTHER else str(param.kind))
             yield _Quantity(found, param.name, kind, ROLE if param.meaning == "normal" else "")
-        if NORMALS in self.geometry and not _is_constant(self.geometry[NORMALS]):
+        user = self.geometry.get(".userProperties")
+        is_computed = user is not None and COMPUTED in user.properties
+        if NORMALS in self.geometry and not (is_computed or _is_constant(self.geometry[NORMALS])):
             yield _Quantity(self.geometry[NORMALS], NORMALS, "", ROLE, turned_normals)
         if VELOCITIES in self.geometry and not self.geometry[VELOCITIES].is_constant:
             found, name = self.geometry[VELOCITIES], VELOCITIES.strip(".")

@@ -23,13 +23,19 @@ from meshreel.formats.alembic.write_attributes import (
     write_attributes,
     write_groups,
 )
-from meshreel.formats.alembic.write_tracks import TrackWriter, held_tracks
+from meshreel.formats.alembic.write_tracks import (
+    TrackWriter,
+    held_tracks,
+    mark_computed,
+    normal_sample,
+)
 from meshreel.formats.extras import ALEMBIC
 from meshreel.formats.frames.frame_stream import FrameStream
 from meshreel.formats.notes import note_name
 from meshreel.formats.options import WriteOptions
 from meshreel.formats.scenes.parts import PartMesh, split_parts
-from meshreel.tracks import TrackSource, Values
+from meshreel.geometry.hard_edges import RowNormals
+from meshreel.tracks import TrackKind, TrackSource, Values
 
 ASSUMED_FPS = 24.0
 
@@ -151,12 +157,22 @@ class _PartWriter:
         self._names = set[str]()
         self._tracks = TrackWriter(part, tracks, sampling, self._names, notes)
         self._schema = ALEMBIC.load("AbcGeom").OPolyMesh(parent, name, sampling).getSchema()
+        self._shading = None
+        has_track = any(one.kind is TrackKind.NORMAL for one in tracks.values())
+        if part.surface.hard_edges is not None and not has_track:
+            n_verts = part.verts.stop - part.verts.start
+            hard_edges = part.surface.hard_edges
+            self._shading = RowNormals(part.counts, part.corners, hard_edges, n_verts)
 
     def add(self, frame: npt.NDArray[np.float32], values: Mapping[str, Values]) -> None:
         """Write the next frame, given positions of shape (V, 3) and track values of the whole."""
         sample = ALEMBIC.load("AbcGeom").OPolyMeshSchemaSample()
         sample.setPositions(library_array("V3f", frame[self._part.verts]))
         self._tracks.add_to(sample, values)
+        if self._shading is not None:
+            normals = self._shading.of_frames(frame[np.newaxis, self._part.verts])[0]
+            of_corner = self._shading.rows.of_corner[turned_corners(self._part.counts)]
+            sample.setNormals(normal_sample(normals, of_corner))
         if self._has_faces:  # which repeat by themselves
             self._schema.set(sample)
         else:
@@ -176,6 +192,8 @@ class _PartWriter:
             self._schema.setUVSourceName(name)
             sample.setUVs(texture_sample(texture, counts, self._notes))
         self._tracks.begin(self._schema)
+        if self._shading is not None:
+            mark_computed(self._schema)
         self._schema.set(sample)
         others = [one for one in attributes if one is not texture]
         write_attributes(self._schema, others, counts, self._names, self._notes)
@@ -215,5 +233,7 @@ def _most_bytes(stream: FrameStream) -> int:
     once = 4 * (n_corners + len(stream.faces)) + 4 * stream.surface.size_bytes
     n_numbers = sum(math.prod(one.shape[1:]) for one in stream.tracks.values())
     n_arrays = n_parts * (1 + len(stream.tracks))
+    if stream.surface.hard_edges is not None:
+        n_numbers += 3 * n_corners
     each = 12 * stream.n_verts + 8 * n_numbers + BYTES_OF_SAMPLE * n_arrays
     return int(once + each * stream.n_frames + BYTES_OF_PART * n_arrays)

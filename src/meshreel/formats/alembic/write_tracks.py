@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.formats.alembic.attributes import NORMALS, VELOCITIES
+from meshreel.formats.alembic.attributes import COMPUTED, NORMALS, VELOCITIES
 from meshreel.formats.alembic.library_arrays import library_array
 from meshreel.formats.alembic.names import IN_METADATA, clean, numbered, unused_name
 from meshreel.formats.alembic.track_reading import TRACK_KIND, UNIT
@@ -177,6 +177,22 @@ class TrackWriter:
             schema.getArbGeomParams(), place, False, scope_of(track.domain), extent,
             abc.Argument(self._sampling), abc.Argument(metadata),
         )  # fmt: skip
+
+
+def normal_sample(normals: Values, of_corner: npt.NDArray[np.int32]) -> Any:
+    """Normals of a frame, of shape (R, 3), the row of which each corner of the file names."""
+    geometry = ALEMBIC.load("AbcGeom")
+    sample = geometry.ON3fGeomParamSample()
+    sample.setVals(library_array("V3f", normals.astype(np.float32)))
+    sample.setIndices(library_array("Uint32", of_corner))
+    sample.setScope(scope_of(Domain.CORNER))
+    return sample
+
+
+def mark_computed(schema: Any) -> None:
+    """Tell readers of ours that normals follow from faces and hard edges, and are no track."""
+    mark = ALEMBIC.load("Abc").OStringProperty(schema.getUserProperties(), COMPUTED)
+    mark.setValue(NORMALS)
 
 
 def _fits(track: TrackSource) -> bool:

@@ -8,6 +8,7 @@ name                            shape        what
 ``fps``, ``start_s``            ()           frames per second; time of the first frame
 ``name``                        ()           text
 ``face_sizes``                  (P,)         corners of each face, whose triangles are a fan
+``hard_edges``                  (H, 2)       vertices of edges across which faces share no normals
 ``part_names``                  (N,)         text: the meshes that were merged
 ``part_sizes``                  (N, 2)       vertices and faces of each
 ``attribute_names``             (A,)         text
@@ -45,7 +46,7 @@ from meshreel.surface import Attribute, Domain, FaceGroups, Kind, Part, Surface
 Array = npt.NDArray[Any]
 
 NAMED = re.compile(
-    r"faces|fps|start_s|name|face_sizes|part_(names|sizes)|attribute_(names|kinds|domains)"
+    r"faces|fps|start_s|name|face_sizes|hard_edges|part_(names|sizes)|attribute_(names|kinds|domains)"
     r"|attribute_\d+_(values|indices)|group_names|group_\d+_(labels|numbers)"
     r"|track_(names|kinds|domains|units)"
 )
@@ -57,6 +58,8 @@ def surface_arrays(surface: Surface) -> dict[str, Array]:
     arrays: dict[str, Array] = {}
     if surface.face_sizes is not None:
         arrays["face_sizes"] = surface.face_sizes
+    if surface.hard_edges is not None:
+        arrays["hard_edges"] = surface.hard_edges
     if surface.parts:
         arrays["part_names"] = texts_array([part.name for part in surface.parts])
         sizes = [(part.n_verts, part.n_faces) for part in surface.parts]
@@ -129,7 +132,10 @@ def read_surface(arrays: Mapping[str, Array]) -> Surface:
         )
         for index, name in enumerate(text_list(arrays, "group_names"))
     )
-    return Surface(arrays.get("face_sizes"), attributes, groups, _parts(arrays))
+    hard_edges = arrays.get("hard_edges")
+    return Surface(
+        arrays.get("face_sizes"), attributes, groups, _parts(arrays), hard_edges=hard_edges
+    )
 
 
 def _attribute_arrays(attributes: Sequence[Attribute]) -> dict[str, Array]:

@@ -60,7 +60,7 @@ def write_mesh(
 def _write_vertices(split: SplitVertices, moving: MovingMesh, buffer: BufferWriter) -> VertexData:
     base = {"POSITION": _added(moving.base, split, buffer)}
     if moving.normals is not None:
-        base["NORMAL"] = _added(moving.normals.base, split, buffer)
+        base["NORMAL"] = buffer.add_vertices([moving.normals.base[split.rows]])[0]
     for name, values in split.attributes.items():
         base[name] = buffer.add_vertices([values])[0]
     if moving.morphs is None:
@@ -70,7 +70,7 @@ def _write_vertices(split: SplitVertices, moving: MovingMesh, buffer: BufferWrit
         # Every target must have the same attributes: those that turn no normals share zeros.
         still = np.zeros((1, *moving.normals.base.shape), np.int8)
         arrays = np.concatenate([moving.normals.targets, still])
-        *turned, zeros = buffer.add_vertices([one[split.sources] for one in arrays])
+        *turned, zeros = buffer.add_vertices([one[split.rows] for one in arrays])
         of_target = dict(zip(moving.normals.numbers.tolist(), turned, strict=True))
         for number, target in enumerate(targets):
             target["NORMAL"] = of_target.get(number, zeros)

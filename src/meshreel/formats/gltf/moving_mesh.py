@@ -53,6 +53,24 @@ class Wanted:
 
 
 @dataclass(frozen=True, eq=False)
+class Shaded:
+    """What normals are of: vertices, split where faces share none.
+
+    Attributes
+    ----------
+    vertices : int64 array of shape (R,)
+        The vertex of each row of normals.
+    faces : int32 array of shape (M, 3)
+        The triangles, in rows.
+    has_hard_edges : bool
+    """
+
+    vertices: npt.NDArray[np.int64]
+    faces: Faces
+    has_hard_edges: bool
+
+
+@dataclass(frozen=True, eq=False)
 class MovingMesh:
     """A part as a base and its morph targets; without targets, it does not move.
 
@@ -74,7 +92,9 @@ class MovingMesh:
     errors: npt.NDArray[np.floating]
 
 
-def fit_part(frames: Vertices, faces: Faces, wanted: Wanted) -> MovingMesh:
+def fit_part(
+    frames: Vertices, faces: Faces, wanted: Wanted, shaded: Shaded | None = None
+) -> MovingMesh:
     """The base and the targets of a part.
 
     Parameters
@@ -82,18 +102,22 @@ def fit_part(frames: Vertices, faces: Faces, wanted: Wanted) -> MovingMesh:
     frames : float array of shape (T, V, 3)
     faces : int32 array of shape (M, 3)
     wanted : Wanted
+    shaded : Shaded, optional
+        Of a mesh with hard edges, which gets normals. Default: each vertex has one normal.
     """
+    if shaded is None:
+        shaded = Shaded(np.arange(frames.shape[1]), faces, has_hard_edges=False)
     base = mean_frame(frames)
     distances = ways(frames, base)
-    has_normals = are_written(wanted.normals, frames[0], faces)
+    has_normals = shaded.has_hard_edges or are_written(wanted.normals, frames[0], faces)
     if distances.max() <= (0 if wanted.n_targets else wanted.bound) or len(frames) == 1:
         placement, rest = place_still(base if len(frames) > 1 else frames[0])
-        still = still_normals(rest, faces) if has_normals else None
+        still = still_normals(rest[shaded.vertices], shaded.faces) if has_normals else None
         return MovingMesh(placement, rest, None, still, distances)
     placed = place_frames(frames, base)
     bound = max(0.0, wanted.bound / placed.placement.scale - MARGIN)
     if has_normals and wanted.n_targets != 1:  # normals need a target of their own
-        morphs, normals = _fit_both(frames, faces, placed.moves, bound, wanted)
+        morphs, normals = _fit_both(frames, shaded, placed.moves, bound, wanted)
     else:
         morphs, normals = _fit(placed.moves, bound, wanted.n_targets), None
     errors = morphs.errors * placed.placement.scale
@@ -101,13 +125,14 @@ def fit_part(frames: Vertices, faces: Faces, wanted: Wanted) -> MovingMesh:
 
 
 def _fit_both(
-    frames: Vertices, faces: Faces, moves: npt.NDArray[np.float32], bound: float, wanted: Wanted
+    frames: Vertices, shaded: Shaded, moves: npt.NDArray[np.float32], bound: float, wanted: Wanted
 ) -> tuple[Morphs, NormalTargets]:
     """Morphs of positions and normals, with as large a share of the bound as the latter allow."""
     n_targets = None if wanted.n_targets is None else wanted.n_targets - 1
+    split = frames[:, shaded.vertices]
     for share in POSITIONS:
         morphs = _fit(moves, share * bound, n_targets)
-        fitted = fit_normals(frames, faces, moves, morphs, wanted.length_error)
+        fitted = fit_normals(split, shaded.faces, moves, morphs, wanted.length_error)
         if fitted[0].error <= bound or n_targets is not None:
             break
     return fitted

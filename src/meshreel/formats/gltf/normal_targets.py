@@ -87,8 +87,10 @@ def fit_normals(
 
     Parameters
     ----------
-    frames : float array of shape (T, V, 3)
+    frames : float array of shape (T, R, 3)
+        Of what has a normal each: vertices, split at hard edges.
     faces : int32 array of shape (M, 3)
+        In these.
     moves : float32 array of shape (T, 3 V)
         That `morphs` was made for, to measure its errors again.
     morphs : Morphs

@@ -8,11 +8,13 @@ import numpy as np
 from meshreel.formats.gltf.buffer_writer import BufferWriter, Json
 from meshreel.formats.gltf.material_writer import Materials
 from meshreel.formats.gltf.mesh_writer import write_mesh
-from meshreel.formats.gltf.moving_mesh import MovingMesh, Wanted, fit_part
+from meshreel.formats.gltf.moving_mesh import MovingMesh, Shaded, Wanted, fit_part
 from meshreel.formats.gltf.node_tree import NodeTree, path_of
+from meshreel.formats.gltf.normal_targets import NormalChoice
 from meshreel.formats.gltf.seams import split_at_seams
 from meshreel.formats.scenes.parts import PartMesh, split_parts
 from meshreel.geometry.fans import triangulate_fans
+from meshreel.geometry.hard_edges import RowNormals
 from meshreel.sequence import MeshSequence
 from meshreel.surface import Surface
 
@@ -32,12 +34,14 @@ class Scene:
         Of the parts that have faces.
     n_isolated : int
         Vertices that no face uses, which are left out.
+    has_hard_edges : bool
     """
 
     document: Json
     buffer: BufferWriter
     meshes: list[MovingMesh]
     n_isolated: int
+    has_hard_edges: bool
 
     @property
     def n_targets(self) -> list[int]:
@@ -58,17 +62,29 @@ class _SceneWriter:
 
     def add(self, part: PartMesh, sequence: MeshSequence, wanted: Wanted) -> None:
         """Add a part; one without faces has nothing to be seen."""
-        split = split_at_seams(part)
-        used = np.zeros(part.verts.stop - part.verts.start, bool)
+        hard_edges = part.surface.hard_edges
+        if wanted.normals is NormalChoice.NONE:
+            hard_edges = None  # vertices are split for normals only
+        n_verts = part.verts.stop - part.verts.start
+        shading = RowNormals(part.counts, part.corners, hard_edges, n_verts)
+        split = split_at_seams(part, shading.rows.of_corner)
+        used = np.zeros(n_verts, bool)
         used[split.sources] = True
         self.n_isolated += int((~used).sum())
         if not len(split.sources):
             return
         number = np.cumsum(used) - 1
         faces = number[triangulate_fans(part.counts, part.corners)].astype(np.int32)
+        is_used = used[shading.rows.vertices]
+        of_rows = np.cumsum(is_used) - 1
+        shaded = Shaded(
+            number[shading.rows.vertices[is_used]],
+            of_rows[shading.triangles].astype(np.int32),
+            has_hard_edges=hard_edges is not None,
+        )
         positions = sequence.vertices[:, part.verts]
-        moving = fit_part(positions if used.all() else positions[:, used], faces, wanted)
-        split = split.renumbered(number)
+        moving = fit_part(positions if used.all() else positions[:, used], faces, wanted, shaded)
+        split = split.renumbered(number, of_rows)
         name = path_of(part.name)[-1]
         self.nodes.append(self.tree.add(part.name, len(self.meshes), moving.placement))
         self.meshes.append(write_mesh(name, split, moving, self.buffer, self.materials))
@@ -125,7 +141,8 @@ def make_scene(
     if animation:
         document["animations"] = [animation]
         required.add(QUANTIZATION)
+    has_hard_edges = sequence.surface.hard_edges is not None
     used = required | writer.materials.textures.used
     extensions = {"extensionsUsed": sorted(used), "extensionsRequired": sorted(required)}
     document |= {key: names for key, names in extensions.items() if names}
-    return Scene(document, writer.buffer, writer.moving, writer.n_isolated)
+    return Scene(document, writer.buffer, writer.moving, writer.n_isolated, has_hard_edges)

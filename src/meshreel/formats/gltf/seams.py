@@ -48,22 +48,34 @@ class SplitVertices:
     ----------
     sources : int64 array of shape (N,)
         The vertex that each one was.
+    rows : int64 array of shape (N,)
+        The row of its normal, as `NormalRows` has them; its vertex if no edge is hard.
     attributes : dict of str to array of shape (N, C)
         By what glTF calls them.
     primitives : tuple of Primitive
     """
 
     sources: Integers
+    rows: Integers
     attributes: dict[str, Rows]
     primitives: tuple[Primitive, ...]
 
-    def renumbered(self, numbers: Integers) -> "SplitVertices":
-        """The same with another number for each vertex that there was."""
-        return replace(self, sources=numbers[self.sources])
+    def renumbered(self, numbers: Integers, of_rows: Integers) -> "SplitVertices":
+        """The same with another number for each vertex, and each row, that there was."""
+        return replace(self, sources=numbers[self.sources], rows=of_rows[self.rows])
 
 
-def split_at_seams(part: PartMesh) -> SplitVertices:
-    """The vertices that faces use, in their order within each material."""
+def split_at_seams(
+    part: PartMesh, rows_of_corners: npt.NDArray[np.integer] | None = None
+) -> SplitVertices:
+    """The vertices that faces use, in their order within each material.
+
+    Parameters
+    ----------
+    part : PartMesh
+    rows_of_corners : integer array of shape (C,), optional
+        The row of the normal of each corner, where vertices have several. Default: the vertex.
+    """
     corner_of = fan_corners(part.counts).ravel()
     items = {
         Domain.VERTEX: part.corners[corner_of].astype(np.int64),
@@ -73,7 +85,10 @@ def split_at_seams(part: PartMesh) -> SplitVertices:
     labels, materials = _materials(part.surface, len(part.counts))
     given = dict(_named_attributes(part.surface))
     rows = {name: _distinct_rows(values, items[domain]) for name, (values, domain) in given.items()}
-    keys = [materials[items[Domain.FACE]], items[Domain.VERTEX]]
+    normal_rows = items[Domain.VERTEX]
+    if rows_of_corners is not None:
+        normal_rows = np.asarray(rows_of_corners, np.int64)[corner_of]
+    keys = [materials[items[Domain.FACE]], items[Domain.VERTEX], normal_rows]
     splitting = [rows[name] for name in given if given[name][1] is not Domain.VERTEX]
     first, new = _unique(keys + splitting)
     attributes = {
@@ -81,7 +96,7 @@ def split_at_seams(part: PartMesh) -> SplitVertices:
         for name, (values, domain) in given.items()
     }
     primitives = tuple(_primitives(keys[0][first], new.reshape(-1, 3), labels))
-    return SplitVertices(items[Domain.VERTEX][first], attributes, primitives)
+    return SplitVertices(items[Domain.VERTEX][first], normal_rows[first], attributes, primitives)
 
 
 def describe_left_out(surface: Surface) -> Iterator[str]:

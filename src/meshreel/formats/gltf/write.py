@@ -190,5 +190,6 @@ def _note_normals(notes: list[str], scene: Scene, options: WriteOptions) -> None
     moving = f", off by {angle_deg:.1f} degrees in the mean as they move" if angle_deg else ""
     few = f" of {len(have)} of {len(scene.meshes)} meshes" if len(have) < len(scene.meshes) else ""
     rest = f"; of the others none: {WHY_FLAT}" if few else ""
-    if moving or few:
-        notes.append(f"normals{few} are smooth{moving}{rest}")
+    hard = " but at hard edges" if scene.has_hard_edges else ""
+    if moving or few or hard:
+        notes.append(f"normals{few} are smooth{hard}{moving}{rest}")

@@ -2,12 +2,13 @@
 
 Written: positions, with colours of vertices if there are any; texture coordinates; polygons; the
 groups that `meshreel.formats.meshes.obj_surface` reads; and parts as objects. Colours are floats of
-three numbers. Of tracks, colours and normals of each frame, and its texture coordinates.
+three numbers. Of tracks, colours and normals of each frame, and its texture coordinates. Hard edges
+are smoothing groups, or where these cannot say them, normals of each frame.
 """
 
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -18,11 +19,15 @@ from meshreel.formats.meshes.obj_tracks import ObjTrack, held_tracks
 from meshreel.formats.notes import note_unwritten
 from meshreel.formats.text.decimal_text import face_rows, number_rows, vertex_rows
 from meshreel.geometry.fans import join_fans
+from meshreel.geometry.hard_edges import RowNormals, hard_flags, joined_labels, shared_edges
 from meshreel.sequence import Faces, Vertices
 from meshreel.surface import PLAIN, Attribute, Domain, FaceGroups, Kind, Surface
 from meshreel.tracks import TrackKind, TrackSource
 
 Values = npt.NDArray[Any]
+
+SMOOTHING = "s"
+"""The statement of smoothing groups."""
 
 
 def obj_encoder(
@@ -47,9 +52,19 @@ def obj_encoder(
     """
     told = notes if notes is not None else []
     uv, colors, groups = _texture_coordinates(surface), _colors(surface), _groups(surface)
-    note_unwritten(surface, (uv, colors, *groups), ".obj", notes, parts=True)
+    note_unwritten(surface, (uv, colors, *groups), ".obj", notes, parts=True, hard_edges=True)
     moving = held_tracks(tracks or {}, uv, colors, told)
-    rows = _Rows.of(surface, faces, uv, moving)
+    rows, shading = _Rows.of(surface, faces, uv, moving), None
+    if surface.hard_edges is not None and TrackKind.NORMAL not in moving:
+        smoothing = _smoothing_groups(surface, faces)
+        if smoothing is not None:
+            groups.append(smoothing)
+        else:
+            counts = surface.sizes(len(faces))
+            n_verts = int(max(faces.max(), surface.hard_edges.max())) + 1
+            corners = join_fans(counts, faces)
+            shading = RowNormals(counts, corners, surface.hard_edges, n_verts)
+            rows = replace(rows, normal=shading.rows.of_corner + 1)
     texture = "" if uv is None else _lines("vt", uv.values)
     objects = list(_objects(surface, _face_lines(faces, surface, rows), groups))
     still = None if colors is None else _color_rows(colors.per_item())
@@ -60,6 +75,8 @@ def obj_encoder(
         suffixes = _color_rows(own[TrackKind.COLOR]) if TrackKind.COLOR in own else still
         changing = [(TrackKind.UV, "vt"), (TrackKind.NORMAL, "vn")]
         head = texture + "".join(_lines(word, own[kind]) for kind, word in changing if kind in own)
+        if shading is not None:
+            head += _lines("vn", shading.of_frames(vertices[np.newaxis])[0].astype(np.float32))
         pieces = []
         for one in objects:
             ends = None if suffixes is None else suffixes[one.verts]
@@ -112,7 +129,30 @@ def _face_text(faces: slice, face_lines: list[str], groups: list[FaceGroups]) ->
 def _statement(name: str, label: str) -> str:
     """The line that says what follows belongs to; of no label, that it belongs to nothing."""
     words = re.sub(r"[#\\]", "_", label).split()
-    return " ".join([STATEMENTS[name].decode(), *words]) + "\n"
+    word = SMOOTHING if name == SMOOTHING else STATEMENTS[name].decode()
+    return " ".join([word, *words]) + "\n"
+
+
+def _smoothing_groups(surface: Surface, faces: Faces) -> FaceGroups | None:
+    """Faces that are joined across soft edges, each such set by its number; alone, they are "off".
+
+    None if a hard edge lies between two faces of one set, which are joined elsewhere.
+    """
+    counts = surface.sizes(len(faces))
+    edges = shared_edges(counts, join_fans(counts, faces))
+    is_hard = hard_flags(surface.hard_edges, edges)
+    sides = np.flatnonzero(edges.of_side >= 0)
+    of_face, edge = np.repeat(np.arange(len(counts)), counts)[sides], edges.of_side[sides]
+    _, first = np.unique(edge, return_index=True)
+    other = of_face[first][edge]
+    is_soft = ~is_hard[edge]
+    number = joined_labels(len(counts), of_face[is_soft], other[is_soft])
+    if (number[of_face] == number[other])[~is_soft & (of_face != other)].any():
+        return None
+    sets, row, sizes = np.unique(number, return_inverse=True, return_counts=True)
+    numbers = np.where(sizes == 1, 0, np.cumsum(sizes > 1))[row]
+    labels = ("off", *map(str, range(1, len(sets) + 1)))
+    return FaceGroups(SMOOTHING, labels, numbers.astype(np.int32))
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,9 @@ from meshreel.formats.scenes.parts import PartMesh
 from meshreel.formats.usd.material_writing import Materials, show_as
 from meshreel.formats.usd.prim_names import different, prim_name
 from meshreel.formats.usd.primvars import MAIN_NAMES
+from meshreel.formats.usd.quantities import COMPUTED
 from meshreel.formats.usd.subsets import MATERIALS
+from meshreel.geometry.hard_edges import NormalRows, RowNormals
 from meshreel.surface import Attribute, Domain, FaceGroups, Kind, Surface
 
 INTERPOLATIONS = {
@@ -30,6 +32,8 @@ class MeshWriter:
     stage : Usd.Stage
     path : str
     part : PartMesh
+    has_normals : bool
+        Whether normals are written, by its hard edges.
 
     Attributes
     ----------
@@ -37,7 +41,7 @@ class MeshWriter:
     part : PartMesh
     """
 
-    def __init__(self, stage: Any, path: str, part: PartMesh) -> None:
+    def __init__(self, stage: Any, path: str, part: PartMesh, *, has_normals: bool) -> None:
         geometry, arrays = USD.load("UsdGeom"), USD.load("Vt")
         _define_above(stage, path)
         mesh = geometry.Mesh.Define(stage, path)
@@ -47,9 +51,15 @@ class MeshWriter:
         self.prim, self.part = mesh.GetPrim(), part
         self._points, self._extent = mesh.CreatePointsAttr(), mesh.CreateExtentAttr()
         self._verts, self._array = part.verts, arrays.Vec3fArray
+        self._shading = None
+        if has_normals:
+            n_verts = part.verts.stop - part.verts.start
+            hard_edges = part.surface.hard_edges
+            self._shading = RowNormals(part.counts, part.corners, hard_edges, n_verts)
+            self._normals = _normals_primvar(self.prim, self._shading.rows)
 
     def write_points(self, frame: npt.NDArray[np.float32], code: float | None) -> None:
-        """Add the points of a frame, of shape (V, 3), and their extent.
+        """Add the points of a frame, of shape (V, 3), their extent, and normals by hard edges.
 
         Parameters
         ----------
@@ -63,6 +73,18 @@ class MeshWriter:
         when = USD.load("Usd").TimeCode.Default() if code is None else code
         self._points.Set(self._array.FromNumpy(points), when)
         self._extent.Set(self._array.FromNumpy(extent), when)
+        if self._shading is not None:
+            normals = self._shading.of_frames(points[np.newaxis])[0].astype(np.float32)
+            self._normals.Set(self._array.FromNumpy(np.ascontiguousarray(normals)), when)
+
+
+def _normals_primvar(prim: Any, rows: NormalRows) -> Any:
+    """The normals of corners, which name one of several at a vertex; marked as computed."""
+    api, sdf = USD.load("UsdGeom").PrimvarsAPI(prim), USD.load("Sdf")
+    normals = api.CreatePrimvar("normals", sdf.ValueTypeNames.Normal3fArray, "faceVarying")
+    normals.SetIndices(USD.load("Vt").IntArray.FromNumpy(rows.of_corner))
+    normals.GetAttr().SetCustomDataByKey(COMPUTED, True)
+    return normals
 
 
 def _define_above(stage: Any, path: str) -> None:

@@ -24,6 +24,9 @@ READ_AS = {np.dtype(np.float16): np.float32, np.dtype(bool): np.uint8}
 TRACK_KIND, TRACK_NAME, UNIT = "meshreel:kind", "meshreel:name", "meshreel:unit"
 """Custom data of an attribute that we write as a track."""
 
+COMPUTED = "meshreel:computed"
+"""Custom data of normals that we compute from faces and hard edges: they are no track."""
+
 
 @dataclass(frozen=True, eq=False)
 class Quantity:
@@ -68,6 +71,8 @@ class Quantity:
         """Whether it is a track: its values are not the same at all of these codes."""
         if self.said(TRACK_KIND):
             return True
+        if self.attribute.GetCustomDataByKey(COMPUTED):
+            return False
         if len(codes) < 2 or not self.attribute.ValueMightBeTimeVarying():
             return False
         first = self.given(float(codes[0]))

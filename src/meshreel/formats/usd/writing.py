@@ -28,6 +28,7 @@ from meshreel.formats.usd.sampling import snapped
 from meshreel.formats.usd.texture_writing import TextureWriter
 from meshreel.formats.usd.track_writing import TrackWriter, part_tracks
 from meshreel.sequence import Corners
+from meshreel.tracks import TrackKind
 
 UNSAVED_BYTES = 1 << 25
 PACKED_FOLDER = "textures"
@@ -171,8 +172,10 @@ def _write_meshes(
     names, looks = {path.split("/")[2] for path in paths}, stream.surface.materials
     materials = Materials(stage, root, names, looks, textures, stream.notes)
     meshes = []
+    has_track = any(one.kind is TrackKind.NORMAL for one in stream.tracks.values())
     for part, path in zip(parts, paths, strict=True):
-        mesh = MeshWriter(stage, path, part)
+        has_normals = part.surface.hard_edges is not None and not has_track
+        mesh = MeshWriter(stage, path, part, has_normals=has_normals)
         write_surface(mesh.prim, part.surface, len(part.counts), materials, stream.notes)
         meshes.append(mesh)
     materials.note_unused()

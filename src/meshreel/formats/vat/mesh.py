@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.counting import counted
 from meshreel.formats.gltf.buffer_writer import BufferWriter, Json
 from meshreel.formats.gltf.container_writer import write_container
 from meshreel.formats.gltf.material_writer import Materials
@@ -50,7 +51,9 @@ class RestMesh:
 
     def __init__(self, faces: Faces, surface: Surface, n_verts: int) -> None:
         self._n_verts = n_verts
-        self._whole_faces, self._surface = faces, replace(surface, parts=())
+        # Textures have a normal for each vertex.
+        self._n_hard = 0 if surface.hard_edges is None else len(surface.hard_edges)
+        self._whole_faces, self._surface = faces, replace(surface, parts=(), hard_edges=None)
         is_used = np.zeros(n_verts, bool)
         is_used[faces] = True
         self.used = np.flatnonzero(is_used)
@@ -86,12 +89,17 @@ class RestMesh:
         notes : list of str
             Gains a sentence for each thing of a material that glTF cannot have.
         """
+        if self._n_hard:
+            notes.append(
+                f"left out {counted(self._n_hard, 'hard edge')}: textures have a normal for each "
+                "vertex"
+            )
         surface = self._with_texcoords(texcoords)
         normals = space.axes.turn(normals)
         rest = (space.axes.turn(rest) * space.axes.scale).astype(np.float32)
         buffer = BufferWriter()
         materials = Materials(surface, buffer, notes)
-        split = split_at_seams(self._whole(surface)).renumbered(self._number)
+        split = split_at_seams(self._whole(surface)).renumbered(self._number, self._number)
         if corners is not None:
             split, rest, normals = _with_corners(split, rest, normals, corners)
         still = NormalTargets(
@@ -155,6 +163,7 @@ def _with_corners(
         for name, values in split.attributes.items()
     }
     attributes["TEXCOORD_1"][-6:] = (0, 1)  # downwards in the file: v is 0 at the bottom
+    sources = np.concatenate([split.sources, n_verts + np.arange(6)])
     *others, last = split.primitives
     added = np.arange(6).reshape(2, 3) + (n_split - last.verts.start)
     grown = Primitive(
@@ -163,9 +172,7 @@ def _with_corners(
         np.concatenate([last.triangles, added]),
     )
     return (
-        SplitVertices(
-            np.concatenate([split.sources, n_verts + np.arange(6)]), attributes, (*others, grown)
-        ),
+        SplitVertices(sources, sources, attributes, (*others, grown)),
         np.concatenate([rest, positions]),
         np.concatenate([normals, np.tile(np.array([UP], np.float32), (6, 1))]),
     )

@@ -1,0 +1,163 @@
+"""Hard edges that are written to files of every format, and read again."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import meshreel
+from meshreel.formats.load import load
+from meshreel.formats.save import save
+from samples.glb import written
+from samples.meshes import assert_same_surface, cake, hard_box, hard_sheet, waving_grid
+
+
+def ascending(edges):
+    return np.unique(np.sort(edges, axis=1), axis=0)
+
+
+def loaded(path):
+    notes = []
+    return load(path, notes=notes), notes
+
+
+def assert_same_normals(found, expected, atol=1e-5):
+    """Normals of the corners of all frames, whose faces are the same."""
+    one, other = (
+        meshreel.corner_normals(x.vertices, x.faces, x.surface) for x in (found, expected)
+    )
+    np.testing.assert_allclose(one, other, atol=atol)
+
+
+@pytest.mark.parametrize("ending", [".npz", ".h5"])
+def test_hard_edges_come_back_exactly_when_arrays_are_saved(tmp_path, ending):
+    if ending == ".h5":
+        pytest.importorskip("h5py")
+    box = hard_box()
+    save(box, tmp_path / f"a{ending}")
+    found, notes = loaded(tmp_path / f"a{ending}")
+    assert_same_surface(found.surface, box.surface)
+    assert notes == []
+
+
+@pytest.mark.parametrize("make", [hard_box, cake, hard_sheet])
+@pytest.mark.parametrize("ending", [".usdc", ".abc"])
+def test_normals_are_computed_again_and_no_track_when_scenes_are_saved(tmp_path, make, ending):
+    pytest.importorskip("pxr" if ending == ".usdc" else "alembic3d")
+    sequence = make()
+    save(sequence, tmp_path / f"a{ending}")
+    found, notes = loaded(tmp_path / f"a{ending}")
+    assert_same_normals(found, sequence, 1e-4)
+    assert found.tracks == {}
+    assert not any("do not follow" in note for note in notes)
+
+
+def test_normals_of_a_usd_file_are_those_of_its_corners_when_another_program_reads_it(tmp_path):
+    pytest.importorskip("pxr")
+    from pxr import Usd, UsdGeom
+
+    box = hard_box()
+    save(box, tmp_path / "a.usda")
+    stage = Usd.Stage.Open(str(tmp_path / "a.usda"))
+    mesh = next(prim for prim in stage.Traverse() if prim.IsA(UsdGeom.Mesh))
+    normals = UsdGeom.PrimvarsAPI(mesh).GetPrimvar("normals")
+    assert normals.GetInterpolation() == "faceVarying"
+    for frame, code in enumerate(normals.GetTimeSamples()):
+        expected = meshreel.corner_normals(box[frame], box.faces, box.surface)
+        np.testing.assert_allclose(normals.ComputeFlattened(code), expected, atol=1e-6)
+
+
+def test_normals_of_all_parts_are_written_when_a_scene_has_several(tmp_path):
+    pytest.importorskip("pxr")
+    box = hard_box()
+    save(box, tmp_path / "a.usda")
+    save(load(tmp_path / "a.usda", merge=True), tmp_path / "b.usda")
+    assert len(load(tmp_path / "b.usda").surface.hard_edges) == 12
+
+
+@pytest.mark.parametrize("make", [hard_box, cake])
+def test_vertices_are_split_at_hard_edges_when_a_glb_is_written(tmp_path, make):
+    sequence, notes = make(), []
+    glb = written(tmp_path, sequence, notes)
+    primitive = glb.document["meshes"][0]["primitives"][0]
+    normals = glb.array(primitive["attributes"]["NORMAL"])
+    corners = glb.array(primitive["indices"]).ravel()
+    count = {8: 24, 50: 98}[sequence.n_verts]
+    assert len(normals) == count
+    sizes = sequence.surface.face_sizes
+    still = replace(sequence, vertices=sequence.vertices.mean(axis=0, keepdims=True))
+    expected = meshreel.corner_normals(still[0], still.faces, still.surface)
+    of_corner = dict(zip(triangle_corners(sizes), corners.tolist(), strict=True))
+    for corner, normal in enumerate(expected):
+        assert normals[of_corner[corner]] @ normal > 0.99
+    assert any("smooth but at hard edges" in note for note in notes)
+
+
+def triangle_corners(sizes):
+    """The corner of a face at each corner of its triangles."""
+    starts = np.cumsum(sizes) - sizes
+    return [
+        start + k
+        for start, size in zip(starts.tolist(), sizes.tolist(), strict=True)
+        for second in range(1, size - 1)
+        for k in (0, second, second + 1)
+    ]
+
+
+@pytest.mark.parametrize("make", [hard_box, cake])
+def test_hard_edges_come_back_when_a_glb_is_read_again(tmp_path, make):
+    sequence = make(1)
+    save(sequence, tmp_path / "a.glb")
+    found, _ = loaded(tmp_path / "a.glb")
+    assert found.n_verts == sequence.n_verts
+    assert len(found.surface.hard_edges) == len(sequence.surface.hard_edges)
+
+
+def test_no_vertex_is_split_when_a_glb_is_to_have_no_normals(tmp_path):
+    glb = written(tmp_path, hard_box(), normals=False)
+    attributes = glb.document["meshes"][0]["primitives"][0]["attributes"]
+    assert "NORMAL" not in attributes
+    assert len(glb.array(attributes["POSITION"])) == 8
+
+
+@pytest.mark.parametrize("make", [hard_box, cake])
+def test_smoothing_groups_are_written_when_they_say_the_hard_edges_of_an_obj(tmp_path, make):
+    sequence = make(2)
+    save(sequence, tmp_path / "a_%04d.obj")
+    text = next(tmp_path.glob("*.obj")).read_text()
+    assert "vn " not in text
+    n_groups = {8: 1, 50: 3}[sequence.n_verts]
+    assert text.count("\ns ") == n_groups
+    assert ("\ns off\n" in text) == (n_groups == 1)
+    found, notes = loaded(tmp_path)
+    np.testing.assert_array_equal(
+        ascending(found.surface.hard_edges), ascending(sequence.surface.hard_edges)
+    )
+    assert not any("left out" in note for note in notes)
+
+
+def test_normals_are_written_when_smoothing_groups_cannot_say_the_hard_edges_of_an_obj(tmp_path):
+    sheet = hard_sheet(1)
+    save(sheet, tmp_path / "a.obj")
+    text = (tmp_path / "a.obj").read_text()
+    assert "\ns " not in text
+    rows = np.array([line.split()[1:] for line in text.splitlines() if line.startswith("vn ")])
+    words = " ".join(line[2:] for line in text.splitlines() if line.startswith("f ")).split()
+    named = rows.astype(float)[[int(word.split("/")[2]) - 1 for word in words]]
+    expected = meshreel.corner_normals(sheet[0], sheet.faces, sheet.surface)
+    np.testing.assert_allclose(named, expected, atol=1e-6)
+    found, _ = loaded(tmp_path / "a.obj")
+    assert_same_normals(found, sheet, 1e-4)
+
+
+@pytest.mark.parametrize("ending", [".ply", ".off", ".stl", ".pvd"])
+def test_hard_edges_are_named_when_a_format_has_no_place_for_them(tmp_path, ending):
+    notes = []
+    save(hard_box(1), tmp_path / f"a{ending}", notes=notes)
+    assert any("12 hard edges" in note for note in notes)
+
+
+def test_no_note_speaks_of_hard_edges_when_there_are_none(tmp_path):
+    notes = []
+    save(waving_grid(1), tmp_path / "a.ply", notes=notes)
+    assert notes == []
