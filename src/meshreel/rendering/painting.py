@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.geometry.hard_edges import RowNormals
 from meshreel.geometry.normals import face_normals, vertex_normals
 from meshreel.rendering.camera import Camera, Floats
 from meshreel.rendering.shading import Singles, shade
@@ -41,6 +42,7 @@ def seen_surface(
     colors: Singles,
     smooth: bool,
     glow: float,
+    shading: RowNormals | None,
 ) -> SeenSurface:
     """The input of shading for a frame, from where its corners fall and how near they are.
 
@@ -52,13 +54,19 @@ def seen_surface(
     faces : int32 array of shape (M, 3)
     camera : Camera
     colors : float32 array of shape (3,), (V, 3) or (M, 3, 3), sRGB in 0..255
-    smooth, glow
+    smooth, glow, shading
         As in `meshreel.rendering.rasterizer.render`.
     """
     ab, ac = (points[faces[:, k]] - points[faces[:, 0]] for k in (1, 2))
     area = signed_areas(points, faces)
     slopes = np.stack([ac[:, 1], -ac[:, 0], -ab[:, 1], ab[:, 0]], axis=1).reshape(-1, 2, 2)
-    normals = vertex_normals(positions, faces) if smooth else face_normals(positions, faces)
+    rows = faces
+    if not smooth:
+        normals = face_normals(positions, faces)
+    elif shading is None:
+        normals = vertex_normals(positions, faces)
+    else:
+        normals, rows = shading.of_frames(positions[np.newaxis])[0], shading.triangles
     turned = (normals @ camera.axes.T).astype(np.float32)
     return SeenSurface(
         first=points[faces[:, 0]],
@@ -66,7 +74,7 @@ def seen_surface(
         slopes=np.divide(
             slopes, area[:, None, None], out=np.zeros_like(slopes), where=area[:, None, None] != 0
         ),
-        normals=turned[faces] if smooth else turned,
+        normals=turned[rows] if smooth else turned,
         colors=colors[faces] if colors.ndim == 2 else colors,
         side=np.where(area < 0, 1, -1).astype(np.float32),
         glow=glow,

@@ -6,6 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.errors import InvalidInputError
+from meshreel.geometry.hard_edges import RowNormals
 from meshreel.rendering.camera import Camera
 from meshreel.rendering.painting import Color, Image, covered_box, painted, seen_surface
 from meshreel.rendering.shading import Singles
@@ -26,6 +27,7 @@ def render(
     colors: npt.ArrayLike = CLAY,
     background: Color = PAPER,
     smooth: bool = True,
+    shading: RowNormals | None = None,
     glow: float = 0.0,
     supersample: int = 2,
 ) -> Image:
@@ -45,6 +47,8 @@ def render(
         sRGB in 0..255.
     smooth : bool
         Whether normals are interpolated between the vertices or flat over each face.
+    shading : RowNormals, optional
+        Which corners share a normal where normals are interpolated. Default: those of a vertex.
     glow : float
         Share of every colour that is shown as it is, unlit, 0..1: colours that stand for numbers
         can be read in the shade, too.
@@ -72,7 +76,7 @@ def render(
     points, depths = fine.project(positions)
     near = nearness(depths)
     seen = visible_faces(points, near, faces, fine).reshape(fine.height, fine.width)
-    surface = seen_surface(positions, points, near, faces, fine, paint, smooth, glow)
+    surface = seen_surface(positions, points, near, faces, fine, paint, smooth, glow, shading)
     picture = np.empty((camera.height, camera.width, 3), np.uint8)
     picture[:] = np.asarray(background, np.uint8)
     if (box := covered_box(seen, supersample)) is not None:

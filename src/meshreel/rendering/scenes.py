@@ -7,6 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.errors import InvalidInputError
+from meshreel.geometry.hard_edges import RowNormals
 from meshreel.metrics.compare import require_comparable
 from meshreel.metrics.heat import HEATS, Field, heat_field
 from meshreel.metrics.reference import reference_of_box
@@ -135,6 +136,7 @@ class Scene:
         self.shown, self.original, self.heat, self.background = shown, original, heat, background
         self._sources = [shown] if original is None else [original, shown]
         self._colors = [_colors_of(source) for source in self._sources]
+        self._shadings = [_shading_of(source) for source in self._sources]
         if original is not None:
             require_comparable(original, shown)
         self.track: TrackColors | None = None
@@ -232,19 +234,27 @@ class Scene:
         if self.track is not None:
             colors, glow = self._track_colors(self.track, moment, scales.track), GLOW
         looks = [
-            (positions, source.faces, given, glow)
-            for positions, source, given in zip(
-                moment.positions, self._sources, colors, strict=True
+            (positions, source.faces, given, glow, shading)
+            for positions, source, given, shading in zip(
+                moment.positions, self._sources, colors, self._shadings, strict=True
             )
         ]
         if scales.heat is not None:
             heat = colorize(self._heat(moment), 0.0, scales.heat.high)
             if self.track is not None and self.heat == TRACK_HEAT:
                 heat = self._of_items(self.track, heat, self.shown)
-            looks.append((moment.positions[-1], self.shown.faces, heat, GLOW))
+            looks.append((moment.positions[-1], self.shown.faces, heat, GLOW, self._shadings[-1]))
         return [
-            render(frame, faces, camera, colors=given, background=self.background, glow=glow)
-            for frame, faces, given, glow in looks
+            render(
+                frame,
+                faces,
+                camera,
+                colors=given,
+                background=self.background,
+                glow=glow,
+                shading=shading,
+            )
+            for frame, faces, given, glow, shading in looks
         ]
 
     def _heat(self, moment: Moment) -> npt.NDArray[np.float64]:
@@ -265,6 +275,13 @@ class Scene:
     @staticmethod
     def _of_items(track: TrackColors, colors: Image, source: FrameSource) -> Image:
         return colors_of_items(colors, track.domain, source.surface, source.faces)
+
+
+def _shading_of(source: FrameSource) -> RowNormals | None:
+    """How a mesh with hard edges is shaded; None for a smooth one."""
+    if source.surface.hard_edges is None:
+        return None
+    return RowNormals.of_surface(source.faces, source.surface, source.n_verts)
 
 
 def _colors_of(source: FrameSource) -> npt.ArrayLike:

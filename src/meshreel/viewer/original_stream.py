@@ -79,7 +79,9 @@ def original_stream(api: Api, progress: Progress = silent) -> OriginalStream:
     frames = [original.frame(number) for number in range(reel.n_frames)]
     sequence = MeshSequence(
         np.array(frames, np.float64), reel.faces, fps=reel.fps,
-        surface=Surface(face_sizes=reel.surface.face_sizes), tracks=tracks,
+        surface=Surface(
+            face_sizes=reel.surface.face_sizes, hard_edges=reel.surface.hard_edges
+        ), tracks=tracks,
     )  # fmt: skip
     data = encode(
         sequence,

@@ -1,9 +1,13 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from meshreel.errors import InvalidInputError
 from meshreel.metrics.heat import HEATS, heat_field
 from meshreel.metrics.reference import bounding_box_reference
+from meshreel.rendering.camera import fit_camera
+from meshreel.rendering.rasterizer import CLAY, render
 from meshreel.rendering.scenes import NO_SCALES, Scene
 from meshreel.rendering.shots import scene_words
 from meshreel.rendering.track_colors import TrackLook
@@ -11,7 +15,7 @@ from meshreel.rendering.views import View
 from meshreel.sequence import MeshSequence
 from meshreel.surface import Domain
 from meshreel.tracks import Track
-from samples.meshes import quad_sheet, waving_grid
+from samples.meshes import hard_box, quad_sheet, waving_grid
 
 
 def drawn(scene, number=3, scales=NO_SCALES):
@@ -149,3 +153,16 @@ def test_heat_of_positions_keeps_its_title_when_a_track_is_shown_too(grid, lifte
         track=TrackLook("heat"),
     )  # fmt: skip
     assert scene.titles == ["original: heat", "decoded: heat", HEATS["distance"].label]
+
+
+def test_faces_of_a_box_are_of_one_colour_each_when_its_edges_are_hard():
+    box = hard_box(1)
+    camera = fit_camera(box[0], azimuth_deg=30, elevation_deg=25, width=96, height=96)
+    scene = Scene(box)
+    (picture,) = scene.draw(scene.read(0), camera)
+    smooth = Scene(replace(box, surface=replace(box.surface, hard_edges=None)))
+    (other,) = smooth.draw(smooth.read(0), camera)
+    count = [len(np.unique(one.reshape(-1, 3), axis=0)) for one in (picture, other)]
+    flat = render(box[0], box.faces, camera, colors=CLAY, background=scene.background, smooth=False)
+    assert np.abs(picture.astype(int) - flat).max() <= 1
+    assert count[1] > 2 * count[0]
