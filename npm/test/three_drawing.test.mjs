@@ -10,8 +10,8 @@ const { positionsOf, normalsOf } = await moduleOf("cpu_frames");
 const TRIANGLES = Uint32Array.of(0, 1, 2, 0, 2, 3);
 
 function surface(parts = {}) {
-  const nothing = { faceSizes: null, attributes: [], groups: [], materials: [], images: [], hardEdges: null };
-  return { triangles: TRIANGLES, ...nothing, ...parts };
+  const nothing = { faceSizes: null, attributes: [], groups: [], materials: [], images: [] };
+  return { triangles: TRIANGLES, ...nothing, hardEdges: null, ...parts };
 }
 
 function attribute(kind, domain, width, values, name = kind) {
@@ -163,4 +163,51 @@ test("normals are of the faces around each vertex, by their areas", () => {
   assert.deepEqual([...normals.slice(0, 3)], [0, half, half]);
   assert.deepEqual([...normals.slice(6, 9)], [0, 0, 1]);
   assert.deepEqual([...normals.slice(12)], [0, 0, 1]); // of no face
+});
+
+/** Quads of a box, whose vertex x + 2 y + 4 z is at (x, y, z), as fans. */
+const BOX = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
+const BOX_TRIANGLES = Uint32Array.from(BOX.flatMap(([a, b, c, d]) => [a, b, c, a, c, d]));
+const BOX_EDGES = [[0, 1], [0, 2], [0, 4], [1, 3], [1, 5], [2, 3], [2, 6], [3, 7], [4, 5], [4, 6]];
+
+function box(edges) {
+  const hardEdges = Uint32Array.from(edges.flat());
+  const faceSizes = Uint32Array.from(BOX, (quad) => quad.length);
+  return surface({ triangles: BOX_TRIANGLES, faceSizes, hardEdges });
+}
+
+test("a vertex is split at hard edges, and faces have normals of their own there", () => {
+  const drawing = drawingOf(box([...BOX_EDGES, [5, 7], [6, 7]]), 8);
+  assert.equal(drawing.sources.length, 24);
+  assert.deepEqual(drawing.attributes, []);
+  assert.deepEqual([...drawing.index].map((i) => drawing.sources[i]), [...BOX_TRIANGLES]);
+  const { vertices, triangles } = drawing.shading;
+  assert.deepEqual([...triangles].map((row) => vertices[row]), [...BOX_TRIANGLES]);
+  assert.deepEqual([...drawing.rows].map((row) => vertices[row]), [...drawing.sources]);
+  const positions = Float32Array.from({ length: 24 }, (_, i) => (i / 3 >> i % 3) & 1);
+  const normals = normalsOf(positions, BOX_TRIANGLES, new Float32Array(72), triangles);
+  const axes = [[0, 0, -1], [0, 0, 1], [0, -1, 0], [0, 1, 0], [-1, 0, 0], [1, 0, 0]];
+  drawing.index.forEach((i, corner) => {
+    const row = drawing.rows[i];
+    const found = [...normals.slice(3 * row, 3 * row + 3)].map((one) => one + 0);
+    assert.deepEqual(found, axes[Math.floor(corner / 6)]);
+  });
+});
+
+test("faces share a normal around an edge that ends inside, and across edges that are not hard", () => {
+  const one = drawingOf(box([[0, 1]]), 8);
+  assert.equal(one.sources.length, 8);
+  const rim = drawingOf(box([[0, 1], [1, 3], [2, 3], [0, 2]]), 8);
+  assert.equal(rim.sources.length, 12);
+  const bottom = [...rim.index.slice(0, 6)];
+  assert.ok([...rim.index.slice(6)].every((vertex) => !bottom.includes(vertex)));
+});
+
+test("hard edges, texture coordinates and split corners go together", () => {
+  const uv = Float32Array.from({ length: 48 }, (_, i) => i % 7);
+  const given = { ...box(BOX_EDGES), attributes: [attribute("texcoord", "corner", 2, uv)] };
+  const drawing = drawingOf(given, 8, "corner");
+  assert.equal(drawing.sources.length, 24);
+  assert.deepEqual(drawing.attributes.map(({ name }) => name), ["uv"]);
+  assert.deepEqual([...drawing.items], [...drawing.items.keys()]);
 });

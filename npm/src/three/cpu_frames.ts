@@ -43,16 +43,18 @@ function addFields(fields: Int16Array, weights: Float32Array, into: Float32Array
 }
 
 /**
- * Smooth normals: of the faces around each vertex, by their areas; z upwards where there are none.
+ * Normals: of the faces around each row, by their areas; z upwards without faces.
  *
- * @param into - gets three numbers for each vertex, and is given back
+ * @param into - gets three numbers for each row, and is given back
+ * @param rows - the row of each corner of the triangles; vertices without it, and all is smooth
  */
 export function normalsOf(
   positions: Float32Array,
   triangles: Uint32Array,
   into: Float32Array,
+  rows = triangles,
 ): Float32Array {
-  const sums = new Float64Array(positions.length);
+  const sums = new Float64Array(into.length);
   for (let i = 0; i < triangles.length; i += 3) {
     const [a, b, c] = [3 * triangles[i], 3 * triangles[i + 1], 3 * triangles[i + 2]];
     for (let x = 0; x < 3; x++) {
@@ -60,9 +62,7 @@ export function normalsOf(
       const normal =
         (positions[b + y] - positions[a + y]) * (positions[c + z] - positions[a + z]) -
         (positions[b + z] - positions[a + z]) * (positions[c + y] - positions[a + y]);
-      sums[a + x] += normal;
-      sums[b + x] += normal;
-      sums[c + x] += normal;
+      for (let corner = i; corner < i + 3; corner++) sums[3 * rows[corner] + x] += normal;
     }
   }
   for (let at = 0; at < sums.length; at += 3) {

@@ -15,7 +15,7 @@ export class CpuStage implements Stage {
   readonly #fields = new Map<HeldBlock, Int16Array>();
   readonly #positions: Float32Array;
   readonly #normals: Float32Array;
-  readonly #attributes: readonly (readonly [THREE.BufferAttribute, Float32Array])[];
+  readonly #attributes: readonly (readonly [THREE.BufferAttribute, Float32Array, Uint32Array])[];
 
   constructor(
     setting: Setting,
@@ -25,15 +25,15 @@ export class CpuStage implements Stage {
     this.#geometry = geometry;
     const { info, drawing } = setting;
     this.#positions = new Float32Array(3 * info.nVerts);
-    this.#normals = new Float32Array(3 * info.nVerts);
+    this.#normals = new Float32Array(3 * (drawing.shading?.vertices.length ?? info.nVerts));
     const attribute = (name: string) => {
       const made = new THREE.BufferAttribute(new Float32Array(3 * drawing.sources.length), 3);
       geometry.setAttribute(name, made.setUsage(THREE.DynamicDrawUsage));
       return made;
     };
     this.#attributes = [
-      [attribute("position"), this.#positions],
-      [attribute("normal"), this.#normals],
+      [attribute("position"), this.#positions, drawing.sources],
+      [attribute("normal"), this.#normals, drawing.rows],
     ];
   }
 
@@ -53,9 +53,9 @@ export class CpuStage implements Stage {
     const { triangles, drawing, shift } = this.#setting;
     const fieldsOf = (block: HeldBlock) => this.#fields.get(block) as Int16Array;
     positionsOf(picture, fieldsOf, shift, this.#positions);
-    normalsOf(this.#positions, triangles, this.#normals);
-    for (const [attribute, values] of this.#attributes) {
-      spread(values, drawing.sources, attribute.array as Float32Array);
+    normalsOf(this.#positions, triangles, this.#normals, drawing.shading?.triangles);
+    for (const [attribute, values, rows] of this.#attributes) {
+      spread(values, rows, attribute.array as Float32Array);
       attribute.needsUpdate = true;
     }
   }

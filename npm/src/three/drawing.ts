@@ -2,6 +2,7 @@
 
 import type { Attribute, Surface } from "../types.js";
 import { type Corners, cornersOf } from "./corners.js";
+import { type NormalRows, normalRowsOf } from "./normal_rows.js";
 import { type Column, type DrawnVertices, splitAtSeams } from "./seams.js";
 
 /** Most sets of texture coordinates that three.js has. */
@@ -26,6 +27,10 @@ export interface Drawing extends DrawnVertices {
   readonly uvNames: readonly string[];
   /** What each vertex is split for: its vertex of the file, or its face or corner. */
   readonly items: Uint32Array;
+  /** The row of the normal of each vertex: its vertex of the file, where no edge is hard. */
+  readonly rows: Uint32Array;
+  /** Those of a mesh with hard edges, else null. */
+  readonly shading: NormalRows | null;
 }
 
 /**
@@ -43,24 +48,33 @@ export function drawingOf(
   const columns = uvs.map(uvColumn);
   const color = surface.attributes.find((one) => one.kind === "color");
   if (color) columns.push(colorColumn(color));
+  const nShown = columns.length;
+  const shading = normalRowsOf(surface, nVerts);
+  if (shading) columns.push(numbered("corner", shading.ofCorner));
   if (split) columns.push(numbersOf(split, surface));
   const { attributes, ...vertices } = splitAtSeams(surface.triangles, nVerts, corners, columns);
-  const numbers = split && attributes[attributes.length - 1].values;
+  const numbersAt = (place: number) => new Uint32Array(attributes[place].values.buffer);
   return {
     ...vertices,
-    attributes: attributes.slice(0, uvs.length + (color ? 1 : 0)),
-    items: numbers ? new Uint32Array(numbers.buffer) : vertices.sources,
+    attributes: attributes.slice(0, nShown),
+    items: split ? numbersAt(attributes.length - 1) : vertices.sources,
+    rows: shading ? numbersAt(nShown) : vertices.sources,
+    shading,
     ...sortedByMaterial(surface, corners, vertices.index),
     uvNames: uvs.map((uv) => uv.name),
   };
 }
 
-/** Faces or corners by their numbers, the bits of which pass for values: all are different. */
+/** Faces or corners by their numbers. */
 function numbersOf(domain: "face" | "corner", { faceSizes, triangles }: Surface): Column {
   const nTriangles = triangles.length / 3;
   const nFaces = faceSizes?.length ?? nTriangles;
   const count = domain === "face" ? nFaces : nTriangles + 2 * nFaces;
-  const numbers = Uint32Array.from({ length: count }, (_, number) => number);
+  return numbered(domain, Uint32Array.from({ length: count }, (_, number) => number));
+}
+
+/** Numbers, the bits of which pass for values: they are the same where the numbers are. */
+function numbered(domain: "face" | "corner", numbers: Uint32Array<ArrayBuffer>): Column {
   return { name: "", domain, width: 1, values: new Float32Array(numbers.buffer) };
 }
 

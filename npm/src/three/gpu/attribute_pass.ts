@@ -25,17 +25,32 @@ export const SHAPE: AttributeShader = {
   glsl: "position = positions; normal = normals;",
 };
 
-const vertexShader = (grid: VertexGrid, { textures, attributes, glsl }: AttributeShader) =>
+/** Which texel of all textures but the first each vertex has, where it is another. */
+export interface Rows {
+  readonly grid: VertexGrid;
+  readonly numbers: Uint32Array;
+}
+
+const vertexShader = (
+  grid: VertexGrid,
+  rowGrid: VertexGrid,
+  { textures, attributes, glsl }: AttributeShader,
+) =>
   `#version 300 es
-${PRECISION}${grid.glsl}
+${PRECISION}${grid.glsl}${rowGrid.glslOf("rowTexelOf")}
 ${textures.map((name) => `uniform sampler2D ${name}Texels;`).join("")}
 ${attributes.map(([name, width]) => `out vec${width} ${name};`).join("")}
 layout(location = 0) in uint source;
+layout(location = 1) in uint row;
 void main() {
   ivec2 texel = texelOf(int(source));
-  ${textures.map((name) => `vec3 ${name} = texelFetch(${name}Texels, texel, 0).xyz;`).join("")}
+  ivec2 rowTexel = rowTexelOf(int(row));
+  ${textures.map((name, i) => fetched(name, i ? "rowTexel" : "texel")).join("")}
   ${glsl}
 }`;
+
+const fetched = (name: string, texel: string) =>
+  `vec3 ${name} = texelFetch(${name}Texels, ${texel}, 0).xyz;`;
 
 const FRAGMENT = `#version 300 es
 ${PRECISION}
@@ -50,12 +65,14 @@ export class AttributePass {
   readonly #program: WebGLProgram;
   readonly #array: WebGLVertexArrayObject;
   readonly #feedback: WebGLTransformFeedback;
-  readonly #source: WebGLBuffer;
+  /** The source of each vertex, and its row. */
+  readonly #inputs: readonly WebGLBuffer[];
   readonly #buffers: readonly WebGLBuffer[];
 
   /**
    * @param sources - the vertex, in the textures, of each vertex of the geometry
    * @param shader - of the attributes that the geometry gets
+   * @param rows - the same as the sources, by default
    * @throws Error if the driver refuses
    */
   constructor(
@@ -64,21 +81,25 @@ export class AttributePass {
     sources: Uint32Array,
     geometry: THREE.BufferGeometry,
     shader: AttributeShader,
+    rows: Rows = { grid, numbers: sources },
   ) {
     this.#renderer = renderer;
     this.#sources = sources;
     const gl = (this.#gl = renderer.getContext() as WebGL2RenderingContext);
     const { textures, attributes } = shader;
     const names = attributes.map(([name]) => name);
-    this.#program = linked(gl, vertexShader(grid, shader), names);
+    this.#program = linked(gl, vertexShader(grid, rows.grid, shader), names);
     renderer.state.useProgram(this.#program);
     textures.forEach((name, i) => {
       gl.uniform1i(gl.getUniformLocation(this.#program, `${name}Texels`), i);
     });
     this.#array = gl.createVertexArray();
-    this.#source = gl.createBuffer();
-    gl.bindBuffer(gl.ARRAY_BUFFER, this.#source);
-    gl.bufferData(gl.ARRAY_BUFFER, sources, gl.STATIC_DRAW);
+    this.#inputs = [sources, rows.numbers].map((numbers) => {
+      const buffer = gl.createBuffer();
+      gl.bindBuffer(gl.ARRAY_BUFFER, buffer);
+      gl.bufferData(gl.ARRAY_BUFFER, numbers, gl.STATIC_DRAW);
+      return buffer;
+    });
     this.#feedback = gl.createTransformFeedback();
     gl.bindTransformFeedback(gl.TRANSFORM_FEEDBACK, this.#feedback);
     const open = geometry as THREE.BufferGeometry<THREE.NormalOrGLBufferAttributes>;
@@ -103,9 +124,11 @@ export class AttributePass {
     });
     const array = gl.getParameter(gl.VERTEX_ARRAY_BINDING) as WebGLVertexArrayObject | null;
     gl.bindVertexArray(this.#array);
-    gl.bindBuffer(gl.ARRAY_BUFFER, this.#source);
-    gl.enableVertexAttribArray(0);
-    gl.vertexAttribIPointer(0, 1, gl.UNSIGNED_INT, 0, 0);
+    this.#inputs.forEach((buffer, location) => {
+      gl.bindBuffer(gl.ARRAY_BUFFER, buffer);
+      gl.enableVertexAttribArray(location);
+      gl.vertexAttribIPointer(location, 1, gl.UNSIGNED_INT, 0, 0);
+    });
     gl.bindBuffer(gl.ARRAY_BUFFER, null); // what is written must not be bound elsewhere
     gl.bindTransformFeedback(gl.TRANSFORM_FEEDBACK, this.#feedback);
     gl.enable(gl.RASTERIZER_DISCARD);
@@ -122,7 +145,7 @@ export class AttributePass {
     gl.deleteProgram(this.#program);
     gl.deleteVertexArray(this.#array);
     gl.deleteTransformFeedback(this.#feedback);
-    for (const buffer of [this.#source, ...this.#buffers]) gl.deleteBuffer(buffer);
+    for (const buffer of [...this.#inputs, ...this.#buffers]) gl.deleteBuffer(buffer);
   }
 }
 

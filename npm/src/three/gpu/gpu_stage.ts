@@ -19,11 +19,12 @@ export interface Renderer {
 /** A renderer that can do this for a mesh: of WebGL 2, which draws into textures of floats. */
 export function canDecode(
   renderer: Renderer,
-  { info, triangles }: Setting,
+  { info, triangles, drawing }: Setting,
 ): renderer is THREE.WebGLRenderer {
   if (!isWebGL(renderer)) return false;
   const { capabilities, extensions } = renderer;
-  const most = Math.max(new VertexGrid(info.nVerts).height, cornerRows(triangles));
+  const nRows = drawing.shading?.vertices.length ?? info.nVerts;
+  const most = Math.max(new VertexGrid(nRows).height, cornerRows(triangles));
   return extensions.has("EXT_color_buffer_float") && most <= capabilities.maxTextureSize;
 }
 
@@ -57,10 +58,14 @@ export class GpuStage implements Stage {
     this.#mostModes = MODES_A_TEXEL * Math.min(mostLayers, mostRows);
     const grid = new VertexGrid(info.nVerts);
     this.#sources = drawing.sources;
-    this.#attributes = new AttributePass(renderer, grid, drawing.sources, geometry, SHAPE);
+    const { shading, sources, rows } = drawing;
+    const rowGrid = shading ? new VertexGrid(shading.vertices.length) : grid;
+    const ofRows = { grid: rowGrid, numbers: rows };
+    this.#attributes = new AttributePass(renderer, grid, sources, geometry, SHAPE, ofRows);
     this.#positions = new PositionPass(renderer, grid, shift);
     const { texture } = this.#positions.target;
-    this.#normals = normalPass(renderer, grid, texture, triangles, info.diagonal);
+    const grids = [grid, rowGrid] as const;
+    this.#normals = normalPass(renderer, grids, texture, triangles, shading, info.diagonal);
   }
 
   canHold(block: BlockFields): boolean {

@@ -1,9 +1,10 @@
-// Smooth normals, computed for each vertex from the faces around it; on the GPU, since positions
-// never leave it.
+// Normals, computed for each vertex, or row of a vertex at a hard edge, from the faces around it; on
+// the GPU, since positions never leave it.
 
 import * as THREE from "three";
 
 import { Pass } from "./pass.js";
+import type { NormalRows } from "../normal_rows.js";
 import { dataTexture, type VertexGrid } from "./vertex_grid.js";
 
 /** Texels in a row of corners. */
@@ -21,8 +22,8 @@ vec3 sideTo(uint vertex, vec3 here) {
 }
 void main() {
   ivec2 texel = ivec2(gl_FragCoord.xy);
-  vec3 here = texelFetch(positions, texel, 0).xyz;
-  uvec2 ring = texelFetch(rings, texel, 0).xy;
+  uvec4 ring = texelFetch(rings, texel, 0);
+  vec3 here = texelFetch(positions, texelOf(int(ring.z)), 0).xyz;
   vec3 sum = vec3(0.0);
   for (uint i = ring.x; i < ring.x + ring.y; i++) {
     ivec2 place = ivec2(int(i) & ${WIDTH - 1}, int(i) >> ${Math.log2(WIDTH)});
@@ -41,36 +42,45 @@ export function cornerRows(triangles: Uint32Array): number {
 /**
  * A pass that computes normals from positions.
  *
+ * @param grid - of vertices
+ * @param rowGrid - of rows, the texels of the target; they are vertices where no edge is hard
+ * @param shading - rows, where an edge is hard
  * @param diagonal - of the mesh, in model units
  */
 export function normalPass(
   renderer: THREE.WebGLRenderer,
-  grid: VertexGrid,
+  [grid, rowGrid]: readonly [VertexGrid, VertexGrid],
   positions: THREE.Texture,
   triangles: Uint32Array,
+  shading: NormalRows | null,
   diagonal: number,
 ): Pass {
-  const { ring, corner } = ringsOf(triangles, grid);
-  return new Pass(renderer, grid, normalShader(grid), {
+  const { ring, corner } = ringsOf(triangles, rowGrid, shading);
+  return new Pass(renderer, rowGrid, normalShader(grid), {
     positions: { value: positions },
-    rings: { value: dataTexture(ring, grid.width, 2) },
+    rings: { value: dataTexture(ring, rowGrid.width, 4) },
     corners: { value: dataTexture(corner, WIDTH, 2) },
     scale: { value: 1e4 / diagonal },
   });
 }
 
-/** For each vertex where its corners start and how many it has; a corner names the other two. */
-function ringsOf(triangles: Uint32Array, grid: VertexGrid) {
-  const ring = new Uint32Array(grid.nTexels * 2);
-  for (const vertex of triangles) ring[2 * vertex + 1]++;
-  for (let vertex = 1; vertex < grid.nVerts; vertex++) {
-    ring[2 * vertex] = ring[2 * vertex - 2] + ring[2 * vertex - 1];
+/**
+ * For each row where its corners start, how many it has, and its vertex; a corner names the other
+ * two vertices of its triangle.
+ */
+function ringsOf(triangles: Uint32Array, grid: VertexGrid, shading: NormalRows | null) {
+  const rows = shading?.triangles ?? triangles;
+  const ring = new Uint32Array(grid.nTexels * 4);
+  for (const row of rows) ring[4 * row + 1]++;
+  for (let row = 0; row < grid.nVerts; row++) {
+    if (row) ring[4 * row] = ring[4 * row - 4] + ring[4 * row - 3];
+    ring[4 * row + 2] = shading?.vertices[row] ?? row;
   }
   const corner = new Uint32Array(WIDTH * cornerRows(triangles) * 2);
-  const next = Uint32Array.from({ length: grid.nVerts }, (_, vertex) => ring[2 * vertex]);
+  const next = Uint32Array.from({ length: grid.nVerts }, (_, row) => ring[4 * row]);
   for (let i = 0; i < triangles.length; i++) {
     const face = i - (i % 3);
-    const at = 2 * next[triangles[i]]++;
+    const at = 2 * next[rows[i]]++;
     corner[at] = triangles[face + ((i + 1) % 3)];
     corner[at + 1] = triangles[face + ((i + 2) % 3)];
   }

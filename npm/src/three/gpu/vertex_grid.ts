@@ -27,8 +27,13 @@ export class VertexGrid {
 
   /** GLSL: the texel of a vertex. */
   get glsl(): string {
+    return this.glslOf("texelOf");
+  }
+
+  /** The same as a function of this name. */
+  glslOf(name: string): string {
     return `
-ivec2 texelOf(int vertex) {
+ivec2 ${name}(int vertex) {
   return ivec2(vertex & ${this.width - 1}, vertex >> ${Math.log2(this.width)});
 }`;
   }
