@@ -10,16 +10,16 @@ import { PACKAGE } from "./support/bundle.mjs";
 import { bytesOf, said, sha } from "./support/streams.mjs";
 
 /** Of the decoder after gzip: module, scripts, and how they get bytes from servers. */
-const MOST_BYTES = 48_300;
+const MOST_BYTES = 48_600;
 
 /** Of what decodes tracks, which comes when one is asked for. */
-const MOST_TRACK_BYTES = 17_800;
+const MOST_TRACK_BYTES = 17_900;
 
 /** Of what decodes exact values, which comes where there are some. */
 const MOST_EXACT_BYTES = 12_300;
 
 /** Of the part for three.js. */
-const MOST_THREE_BYTES = 10_970;
+const MOST_THREE_BYTES = 11_700;
 
 const DIST = join(PACKAGE, "dist");
 
