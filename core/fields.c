@@ -35,12 +35,13 @@ typedef struct {
     uint16_t surplus[N_SIZES];               /* m / (1 + m) of each size m, by 65536 */
 } reel_tables;
 
-/* What neighbours have in this row. */
+/* Magnitudes that neighbours have in this row. */
 typedef struct {
-    int32_t sum;     /* of magnitudes */
-    int16_t largest; /* magnitude */
-    int16_t share;   /* ONE by their number, 0 if there are none */
+    int32_t sum, largest;
 } reel_near;
+
+#define EIGHT 8 /* neighbours whose agreement is learned at once */
+typedef int16_t eight __attribute__((vector_size(2 * EIGHT), may_alias, aligned(2)));
 
 typedef struct {
     int64_t n_places, n_passes;
@@ -48,9 +49,11 @@ typedef struct {
     const int32_t *columns;
     int64_t *starts, *later_starts; /* of the neighbours, and of those it is a neighbour of */
     int32_t *near, *later;          /* earlier places, and later ones */
-    int16_t *agreement;             /* of signs, with each neighbour */
+    int16_t *agreement;             /* of signs, with each neighbour; EIGHT more are touched */
     reel_near *around;
-    int16_t *values;                 /* of the row, within -LARGEST..LARGEST */
+    int16_t *shares;                 /* ONE by the number of neighbours, 0 if there are none */
+    int16_t *magnitudes;             /* of the row, at most LARGEST */
+    int8_t *signs;                   /* of the row: -1, 0 or 1 */
     int32_t *sums[3];                /* of magnitudes of earlier rows: fast, middle, slow */
     int16_t *slow, *fast, *middle;   /* logarithms of the sums, the last two less the first */
     int16_t *usual;                  /* mean of `slow` of the neighbours */
@@ -124,22 +127,26 @@ REEL_INLINE uint32_t code_size(reel_port *port, reel_tables *tables, int class, 
     return found;
 }
 
-REEL_INLINE int sign_of(int32_t value) { return (value > 0) - (value < 0); }
-
 /* Whether the value at a place is negative. Neighbours vote with their signs; how far each agrees
    with the place is learned from the rows in which neither is 0. */
 REEL_INLINE int code_sign(reel_port *port, coder *f, int64_t place, int negative) {
+    int16_t signs[MOST_NEAR] = {0};
+    const int32_t *near = f->near + f->starts[place];
+    int16_t *agreement = f->agreement + f->starts[place];
+    int64_t n = f->starts[place + 1] - f->starts[place];
     int32_t vote = 0;
-    for (int64_t i = f->starts[place]; i < f->starts[place + 1]; i++) {
-        vote += f->agreement[i] * sign_of(f->values[f->near[i]]);
+    for (int64_t i = 0; i < n; i++) {
+        int32_t sign = f->signs[near[i]];
+        signs[i] = (int16_t)sign;
+        vote += agreement[i] * sign;
     }
     int expected = vote < 0;
     reel_model *model = &f->tables->wrong[reel_length((uint32_t)(vote < 0 ? -vote : vote))];
     negative = reel_bit(port, model, negative ^ expected) ^ expected;
-    for (int64_t i = f->starts[place]; i < f->starts[place + 1]; i++) {
-        int sign = sign_of(f->values[f->near[i]]);
-        int32_t seen = (negative ? -16 : 16) * sign - (f->agreement[i] >> 3 & -(sign & 1));
-        f->agreement[i] = (int16_t)(f->agreement[i] + seen);
+    int16_t own = negative ? -16 : 16;
+    for (int64_t i = 0; i < n; i += EIGHT) { /* where a sign is 0 nothing changes */
+        eight *agreed = (eight *)(agreement + i), sign = *(eight *)(signs + i);
+        *agreed += own * sign - ((*agreed >> 3) & -(sign & 1));
     }
     return negative;
 }
@@ -149,14 +156,16 @@ REEL_INLINE int32_t code_rest(reel_port *port, coder *f, int64_t place, int clas
                          int32_t value) {
     uint32_t size = value < 0 ? 0U - (uint32_t)value : (uint32_t)value;
     size = code_size(port, f->tables, class, size);
-    int16_t magnitude = (int16_t)(size < LARGEST ? size : LARGEST);
+    int32_t magnitude = (int32_t)(size < LARGEST ? size : LARGEST);
     int negative = code_sign(port, f, place, value < 0);
-    f->values[place] = (int16_t)(negative ? -magnitude : magnitude);
-    for (int64_t i = f->later_starts[place]; i < f->later_starts[place + 1]; i++) {
-        reel_near *one = &f->around[f->later[i]];
-        int32_t more = magnitude - one->largest;
+    f->magnitudes[place] = (int16_t)magnitude;
+    f->signs[place] = negative ? -1 : 1;
+    const int32_t *later = f->later + f->later_starts[place];
+    const int32_t *end = f->later + f->later_starts[place + 1];
+    for (; later < end; later++) {
+        reel_near *one = &f->around[*later];
         one->sum += magnitude;
-        one->largest = (int16_t)(one->largest + (more & ~(more >> 31)));
+        one->largest = one->largest > magnitude ? one->largest : magnitude;
     }
     return negative ? -(int32_t)size : (int32_t)size;
 }
@@ -164,14 +173,14 @@ REEL_INLINE int32_t code_rest(reel_port *port, coder *f, int64_t place, int clas
 REEL_INLINE void find_inputs(const coder *f, int64_t place, const reel_recent *recent,
                              int32_t inputs[N_INPUTS]) {
     const reel_near *around = &f->around[place];
-    int32_t own = f->slow[place], usual = f->usual[place];
+    int32_t own = f->slow[place], usual = f->usual[place], share = f->shares[place];
     int32_t row = log_of(recent->row) - log_of(recent->row_usual);
-    int32_t mean = log_of(around->sum * around->share + 100);
+    int32_t mean = log_of(around->sum * share + 100);
     inputs[0] = 32;
     inputs[1] = f->fast[place];
-    inputs[2] = around->share ? mean - usual : 0;
+    inputs[2] = share ? mean - usual : 0;
     inputs[3] = row;
-    inputs[4] = around->share ? usual - own : 0;
+    inputs[4] = share ? usual - own : 0;
     inputs[5] = log_of(recent->pass + 16) - own;
     inputs[6] = f->middle[place];
     inputs[7] = log_of(recent->local + 32) - log_of(recent->local_usual + 32) - row;
@@ -225,10 +234,10 @@ REEL_INLINE bool code_places(reel_port *port, coder *f, int32_t *row, int64_t fi
         int32_t *value = &row[f->columns[place]];
         if (reel_bit(port, &f->tables->any[size >> 3], *value != 0)) {
             *value = code_rest(port, f, place, size >> 3, *value);
-            magnitude = f->values[place] < 0 ? -f->values[place] : f->values[place];
+            magnitude = f->magnitudes[place];
             learn_size(f->weights, bias, inputs, surplus, magnitude);
         } else {
-            *value = f->values[place] = 0;
+            *value = f->magnitudes[place] = f->signs[place] = 0;
             if (surplus > WELL_KNOWN) {
                 learn_size(f->weights, bias, inputs, surplus, 0);
             }
@@ -240,12 +249,12 @@ REEL_INLINE bool code_places(reel_port *port, coder *f, int32_t *row, int64_t fi
 }
 
 /* Sums in which older rows count less and less; restrict, so that compilers use vectors. */
-REEL_INLINE void add_row(int64_t n, const int16_t *restrict values, int32_t *restrict fast_sums,
+REEL_INLINE void add_row(int64_t n, const int16_t *restrict magnitudes, int32_t *restrict fast_sums,
                          int32_t *restrict middle_sums, int32_t *restrict slow_sums,
                          int16_t *restrict fast, int16_t *restrict middle,
                          int16_t *restrict slow) {
     for (int64_t i = 0; i < n; i++) {
-        int32_t magnitude = (values[i] < 0 ? -values[i] : values[i]) * ONE;
+        int32_t magnitude = magnitudes[i] * ONE;
         fast_sums[i] += (magnitude - fast_sums[i]) >> 1;
         middle_sums[i] += (magnitude - middle_sums[i]) >> 2;
         slow_sums[i] += (magnitude - slow_sums[i]) >> 3;
@@ -258,16 +267,13 @@ REEL_INLINE void add_row(int64_t n, const int16_t *restrict values, int32_t *res
 
 /* Forgets what neighbours have in this row. */
 REEL_INLINE void clear_around(coder *f, int64_t first, int64_t last) {
-    for (int64_t i = first; i < last; i++) {
-        f->around[i].sum = 0;
-        f->around[i].largest = 0;
-    }
+    reel_zero(f->around + first, (size_t)(last - first) * sizeof *f->around);
 }
 
 /* What places that were coded are expected to have in the next row. Their neighbours are earlier
    places, which are up to date. */
 REEL_INLINE void end_places(coder *f, int64_t row, int64_t first, int64_t last) {
-    add_row(last - first, f->values + first, f->sums[0] + first, f->sums[1] + first,
+    add_row(last - first, f->magnitudes + first, f->sums[0] + first, f->sums[1] + first,
             f->sums[2] + first, f->fast + first, f->middle + first, f->slow + first);
     clear_around(f, first, last);
     int64_t stride = row < STRIDE ? 1 : STRIDE;
@@ -276,7 +282,7 @@ REEL_INLINE void end_places(coder *f, int64_t row, int64_t first, int64_t last) 
         for (int64_t j = f->starts[i]; j < f->starts[i + 1]; j++) {
             sum += f->slow[f->near[j]];
         }
-        f->usual[i] = (int16_t)(sum * f->around[i].share >> 12);
+        f->usual[i] = (int16_t)(sum * f->shares[i] >> 12);
     }
 }
 
@@ -343,7 +349,7 @@ static bool place_neighbours(coder *f, const int64_t *starts, const int32_t *nea
             f->agreement[j] = 16;
         }
         place_of[column] = (int32_t)i;
-        f->around[i] = (reel_near){.share = share_of[n]};
+        f->shares[i] = share_of[n];
     }
     reel_copy(f->starts, starts, ((size_t)f->n_places + 1) * sizeof *starts);
     return true;
@@ -372,8 +378,9 @@ static void start_fields(coder *f) {
     for (int64_t i = 0; i < f->n_places; i++) {
         f->sums[0][i] = f->sums[1][i] = f->sums[2][i] = ONE;
         f->slow[i] = f->usual[i] = 16 * 12; /* the logarithm of ONE */
-        f->fast[i] = f->middle[i] = f->values[i] = 0;
+        f->fast[i] = f->middle[i] = f->magnitudes[i] = f->signs[i] = 0;
     }
+    clear_around(f, 0, f->n_places);
     reel_zero(f->quiet, (size_t)f->n_places / GROUP + 1);
     for (int64_t i = 0; i < f->n_passes; i++) {
         f->pass_means[i] = 8 * ONE;
@@ -387,9 +394,11 @@ static void take_fields(reel_arena *arena, coder *f, size_t n_near) {
     f->later_starts = reel_take(arena, n + 1, sizeof *f->later_starts);
     f->near = reel_take(arena, n_near, sizeof *f->near);
     f->later = reel_take(arena, n_near, sizeof *f->later);
-    f->agreement = reel_take(arena, n_near, sizeof *f->agreement);
+    f->agreement = reel_take(arena, n_near + EIGHT, sizeof *f->agreement);
     f->around = reel_take(arena, n, sizeof *f->around);
-    f->values = reel_take(arena, n, sizeof *f->values);
+    f->shares = reel_take(arena, n, sizeof *f->shares);
+    f->magnitudes = reel_take(arena, n, sizeof *f->magnitudes);
+    f->signs = reel_take(arena, n, sizeof *f->signs);
     f->slow = reel_take(arena, n, sizeof *f->slow);
     f->fast = reel_take(arena, n, sizeof *f->fast);
     f->middle = reel_take(arena, n, sizeof *f->middle);
@@ -406,8 +415,8 @@ static void take_fields(reel_arena *arena, coder *f, size_t n_near) {
 size_t reel_fields_memory(int64_t n_columns, int64_t n_passes, int64_t n_near) {
     size_t n = (size_t)n_columns, near = (size_t)n_near;
     return 2 * reel_room(n + 1, sizeof(int64_t)) + 2 * reel_room(near, sizeof(int32_t)) +
-           reel_room(near, sizeof(int16_t)) + reel_room(n, sizeof(reel_near)) +
-           5 * reel_room(n, sizeof(int16_t)) + 3 * reel_room(n, sizeof(int32_t)) +
+           reel_room(near + EIGHT, sizeof(int16_t)) + reel_room(n, sizeof(reel_near)) +
+           6 * reel_room(n, sizeof(int16_t)) + reel_room(n, sizeof(int8_t)) + 3 * reel_room(n, sizeof(int32_t)) +
            2 * reel_room((size_t)n_passes, sizeof(int32_t)) +
            reel_room(n / GROUP + 1, sizeof(uint8_t)) + reel_room(1, sizeof(reel_tables));
 }

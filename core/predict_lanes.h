@@ -13,6 +13,9 @@ typedef part lane[PARTS];
 #define WIDTH (FLOATS / 2)
 typedef double NAMED(doubles) __attribute__((vector_size(8 * WIDTH), may_alias, aligned(8)));
 typedef float NAMED(floats) __attribute__((vector_size(4 * WIDTH), may_alias, aligned(4)));
+#if FLOATS >= 8
+typedef float NAMED(eight) __attribute__((vector_size(32), may_alias, aligned(4)));
+#endif
 typedef int32_t NAMED(integers) __attribute__((vector_size(4 * WIDTH), may_alias, aligned(4)));
 typedef int64_t NAMED(masks) __attribute__((vector_size(8 * WIDTH)));
 #define doubles NAMED(doubles)
@@ -27,7 +30,14 @@ typedef union {
     doubles vector[REEL_BATCH / WIDTH];
 } NAMED(numbers);
 
-#define ROWS (FLOATS == 16 ? 4 : 1) /* of variances that go together: registers bound them */
+/* Rows of variances that go together: registers bound them, and pages need small code. */
+#ifdef REEL_DECODER_ONLY
+#define ROWS 1
+#define TOGETHER 1 /* vectors of modes */
+#else
+#define ROWS (FLOATS == 16 ? 4 : 3)
+#define TOGETHER 2
+#endif
 /* Unrolled, so that parts stay in registers where compilers are asked for small code. */
 #define FOR_PARTS(p) _Pragma("GCC unroll 4") for (int p = 0; p < PARTS; p++)
 #define AT(lanes, l) (((float *)(lanes))[l]) /* the core is built without strict aliasing */
@@ -44,6 +54,10 @@ typedef struct {
     lane real[MOST];                  /* 1, or 0 where a place is not there */
     lane prior[MOST];                 /* variance by distance; 0 where a place is not there */
     NAMED(filter) filter;
+    /* The variances are still to be changed by what was observed last: they are, on the way, once
+       they are needed. */
+    lane scaled[MOST], gains[2][MOST];
+    int last; /* the gains of what was observed last */
 } NAMED(batch);
 
 /* Of some fields, their values less those at the first vertex of the stencil. */
@@ -81,6 +95,24 @@ TARGET REEL_INLINE void NAMED(start_weights)(NAMED(batch) *b, int size) {
     }
 }
 
+/* Nothing was observed that the variances do not know of. */
+TARGET REEL_INLINE void NAMED(begin)(NAMED(batch) *b) {
+    b->last = 0;
+    reel_zero(b->scaled, sizeof b->scaled);
+    reel_zero(b->gains[0], sizeof b->gains[0]);
+}
+
+/* Variances as they are after all that was observed. */
+TARGET REEL_INLINE void NAMED(settle)(NAMED(batch) *b, int size) {
+    lane *row = b->filter.variance, *gain = b->gains[b->last];
+    for (int i = 0; i < size; row += ++i) {
+        for (int j = 0; j <= i; j++) {
+            FOR_PARTS(p) row[j][p] -= b->scaled[i][p] * gain[j][p];
+        }
+    }
+    NAMED(begin)(b);
+}
+
 /* Adds a share of their variance by distance, which leaves their sum alone. */
 TARGET REEL_INLINE void NAMED(add_variance)(NAMED(batch) *b, int size, const lane *by_distance,
                                             float share) {
@@ -101,30 +133,42 @@ TARGET REEL_INLINE void NAMED(predict)(const NAMED(batch) *b, int size, const la
     }
 }
 
-/* Variances times offsets: rows i..i + n - 1, and their columns below the diagonal. */
-TARGET REEL_INLINE void NAMED(add_rows)(const lane *variance, int i, int n, const lane *offset,
-                                        lane *gain) {
-    const lane *rows[ROWS];
-    lane sums[ROWS] = {0};
+/* What was observed last changes the variances in rows i..i + n - 1; then they are multiplied by
+   offsets, they and their columns below the diagonal. */
+TARGET REEL_INLINE void NAMED(add_rows)(NAMED(batch) *b, int i, int n, const lane *offset,
+                                        const lane *before, lane *gain) {
+    lane *rows[ROWS];
     REEL_UNROLLED for (int r = 0; r < n; r++) {
-        rows[r] = variance + (i + r) * (i + r + 1) / 2;
+        rows[r] = b->filter.variance + (i + r) * (i + r + 1) / 2;
     }
-    for (int j = 0; j < i; j++) {
-        FOR_PARTS(p) {
+    FOR_PARTS(p) {
+        part sums[ROWS], scaled[ROWS], own[ROWS];
+        REEL_UNROLLED for (int r = 0; r < n; r++) {
+            sums[r] = (part){0};
+            scaled[r] = b->scaled[i + r][p];
+            own[r] = offset[i + r][p];
+        }
+        for (int j = 0; j < i; j++) {
             part sum = gain[j][p];
             REEL_UNROLLED for (int r = 0; r < n; r++) {
-                sums[r][p] += rows[r][j][p] * offset[j][p];
-                sum += rows[r][j][p] * offset[i + r][p];
+                part variance = rows[r][j][p] - scaled[r] * before[j][p];
+                rows[r][j][p] = variance;
+                sums[r] += variance * offset[j][p];
+                sum += variance * own[r];
             }
             gain[j][p] = sum;
         }
-    }
-    REEL_UNROLLED for (int r = 0; r < n; r++) {
-        for (int j = i; j < i + r; j++) {
-            FOR_PARTS(p) sums[r][p] += rows[r][j][p] * offset[j][p];
-            FOR_PARTS(p) gain[j][p] += rows[r][j][p] * offset[i + r][p];
+        REEL_UNROLLED for (int r = 0; r < n; r++) {
+            REEL_UNROLLED for (int j = 0; j < r; j++) {
+                part variance = rows[r][i + j][p] - scaled[r] * before[i + j][p];
+                rows[r][i + j][p] = variance;
+                sums[r] += variance * own[j];
+                gain[i + j][p] += variance * own[r];
+            }
+            part variance = rows[r][i + r][p] - scaled[r] * before[i + r][p];
+            rows[r][i + r][p] = variance;
+            gain[i + r][p] = sums[r] + variance * own[r];
         }
-        FOR_PARTS(p) gain[i + r][p] = sums[r][p] + rows[r][i + r][p] * offset[i + r][p];
     }
 }
 
@@ -133,17 +177,18 @@ TARGET REEL_INLINE void NAMED(add_rows)(const lane *variance, int i, int n, cons
 TARGET REEL_INLINE void NAMED(observe_places)(NAMED(batch) *b, int size, lane *offset,
                                               const part *predicted, const part *error,
                                               const part *noise, float relative) {
-    lane gain[MOST], total, energy = {0};
-    lane *variance = b->filter.variance;
+    lane total, energy = {0};
+    const lane *before = b->gains[b->last];
+    lane *gain = b->gains[b->last ^= 1];
     for (int i = 0; i < size; i++) {
         FOR_PARTS(p) offset[i][p] = b->real[i][p] * (offset[i][p] - predicted[p]);
     }
     int done = 0;
     for (; done + ROWS <= size; done += ROWS) {
-        NAMED(add_rows)(variance, done, ROWS, offset, gain);
+        NAMED(add_rows)(b, done, ROWS, offset, before, gain);
     }
     for (; done < size; done++) {
-        NAMED(add_rows)(variance, done, 1, offset, gain);
+        NAMED(add_rows)(b, done, 1, offset, before, gain);
     }
     for (int i = 0; i < size; i++) {
         FOR_PARTS(p) energy[p] += offset[i][p] * offset[i][p];
@@ -153,16 +198,9 @@ TARGET REEL_INLINE void NAMED(observe_places)(NAMED(batch) *b, int size, lane *o
         FOR_PARTS(p) total[p] += offset[i][p] * gain[i][p];
     }
     FOR_PARTS(p) total[p] = 1.0F / total[p];
-    lane scaled[MOST];
     for (int i = 0; i < size; i++) {
-        FOR_PARTS(p) scaled[i][p] = gain[i][p] * total[p];
-        FOR_PARTS(p) b->filter.weight[i][p] += scaled[i][p] * error[p];
-    }
-    lane *row = variance;
-    for (int i = 0; i < size; row += ++i) {
-        for (int j = 0; j <= i; j++) {
-            FOR_PARTS(p) row[j][p] -= scaled[i][p] * gain[j][p];
-        }
+        FOR_PARTS(p) b->scaled[i][p] = gain[i][p] * total[p];
+        FOR_PARTS(p) b->filter.weight[i][p] += b->scaled[i][p] * error[p];
     }
 }
 
@@ -194,57 +232,91 @@ TARGET REEL_INLINE void NAMED(observe)(NAMED(batch) *b, int size, lane *offset,
     NAMED(observe_any)(b, size, offset, predicted, error, noise, relative);
 }
 
-#if FLOATS == 16
-#define JOIN(a, b, ...) __builtin_shufflevector(a, b, __VA_ARGS__)
-#define SIDE_BY_SIDE(a, b) JOIN(a, b, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15)
+/* Whether eight fields of a vertex are read at once, and turned to lanes. */
+#if FLOATS >= 8 && (defined(__clang__) || __GNUC__ >= 12)
+#define TURNS 1
+#else
+#define TURNS 0
+#endif
 
-/* Eight floats of each of 16 vertices, of i and of i + 8 side by side, to eight lanes. */
-TARGET REEL_INLINE void NAMED(turn)(const part *rows, lane *lanes) {
+#if TURNS
+#define JOIN(a, b, ...) __builtin_shufflevector(a, b, __VA_ARGS__)
+#if FLOATS == 16
+#define ALONG(...) __VA_ARGS__ /* places of two vectors, for vectors of 16 */
+#else
+#define ALONG(a, b, c, d, e, f, g, h, ...)                                                         \
+    (a) < 16 ? (a) : (a) - 8, (b) < 16 ? (b) : (b) - 8, (c) < 16 ? (c) : (c) - 8,                  \
+        (d) < 16 ? (d) : (d) - 8, (e) < 16 ? (e) : (e) - 8, (f) < 16 ? (f) : (f) - 8,              \
+        (g) < 16 ? (g) : (g) - 8, (h) < 16 ? (h) : (h) - 8
+#endif
+
+/* Eight floats of each of FLOATS vertices to eight lanes: rows are of eight vertices, or of i and
+   i + 8 side by side. */
+TARGET REEL_INLINE void NAMED(turn)(const part *rows, lane *lanes, int p) {
     part pairs[8], fours[8];
     REEL_UNROLLED for (int i = 0; i < 8; i += 2) {
-        pairs[i] = JOIN(rows[i], rows[i + 1], 0, 16, 1, 17, 4, 20, 5, 21, 8, 24, 9, 25, 12, 28, 13,
-                        29);
-        pairs[i + 1] = JOIN(rows[i], rows[i + 1], 2, 18, 3, 19, 6, 22, 7, 23, 10, 26, 11, 27, 14,
-                            30, 15, 31);
+        pairs[i] = JOIN(rows[i], rows[i + 1],
+                        ALONG(0, 16, 1, 17, 4, 20, 5, 21, 8, 24, 9, 25, 12, 28, 13, 29));
+        pairs[i + 1] = JOIN(rows[i], rows[i + 1],
+                            ALONG(2, 18, 3, 19, 6, 22, 7, 23, 10, 26, 11, 27, 14, 30, 15, 31));
     }
     REEL_UNROLLED for (int i = 0; i < 8; i++) {
         int a = i / 4 * 4 + i / 2 % 2; /* pairs of rows 0..1 or 4..5; its place in a half */
-        fours[i] = i % 2 ? JOIN(pairs[a], pairs[a + 2], 2, 3, 18, 19, 6, 7, 22, 23, 10, 11, 26, 27,
-                                14, 15, 30, 31)
-                         : JOIN(pairs[a], pairs[a + 2], 0, 1, 16, 17, 4, 5, 20, 21, 8, 9, 24, 25,
-                                12, 13, 28, 29);
+        fours[i] = i % 2 ? JOIN(pairs[a], pairs[a + 2],
+                                ALONG(2, 3, 18, 19, 6, 7, 22, 23, 10, 11, 26, 27, 14, 15, 30, 31))
+                         : JOIN(pairs[a], pairs[a + 2],
+                                ALONG(0, 1, 16, 17, 4, 5, 20, 21, 8, 9, 24, 25, 12, 13, 28, 29));
     }
     REEL_UNROLLED for (int i = 0; i < 4; i++) {
         part a = fours[i], b = fours[i + 4];
-        lanes[i * PLACES][0] =
-            JOIN(a, b, 0, 1, 2, 3, 16, 17, 18, 19, 8, 9, 10, 11, 24, 25, 26, 27);
-        lanes[(i + 4) * PLACES][0] =
-            JOIN(a, b, 4, 5, 6, 7, 20, 21, 22, 23, 12, 13, 14, 15, 28, 29, 30, 31);
+        lanes[i * PLACES][p] =
+            JOIN(a, b, ALONG(0, 1, 2, 3, 16, 17, 18, 19, 8, 9, 10, 11, 24, 25, 26, 27));
+        lanes[(i + 4) * PLACES][p] =
+            JOIN(a, b, ALONG(4, 5, 6, 7, 20, 21, 22, 23, 12, 13, 14, 15, 28, 29, 30, 31));
     }
 }
+
+/* Eight values less eight others, rounded. */
+TARGET REEL_INLINE NAMED(eight) NAMED(apart)(const double *at, const double *base) {
+#if FLOATS == 16
+    return __builtin_convertvector(*(const doubles *)at - *(const doubles *)base, NAMED(eight));
+#else
+    floats low = __builtin_convertvector(*(const doubles *)at - *(const doubles *)base, floats);
+    floats high = __builtin_convertvector(
+        *(const doubles *)(at + 4) - *(const doubles *)(base + 4), floats);
+    return JOIN(low, high, 0, 1, 2, 3, 4, 5, 6, 7);
+#endif
+}
+
+/* Rows of vertices l and l + 8 side by side, or that of one. */
+#if FLOATS == 16
+#define ROW_OF(l, of) JOIN(of(l), of((l) + 8), 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15)
+#else
+#define ROW_OF(l, of) of(l)
+#endif
 #endif
 
 /* Offsets of AT_ONCE smooth fields at a place. */
 TARGET REEL_INLINE void NAMED(gather_smooth)(const NAMED(batch) *b, const float *smooth, int place,
                                              lane (*offset)[PLACES]) {
-#if FLOATS == 16
-    part rows[8];
-    REEL_UNROLLED for (int l = 0; l < 8; l++) {
-        floats halves[2];
-        REEL_UNROLLED for (int h = 0; h < 2; h++) {
-            int64_t at = b->near[place][l + 8 * h], base = b->near[0][l + 8 * h];
-            halves[h] = *(const floats *)(smooth + at * REEL_SMOOTH_FIELDS) -
-                        *(const floats *)(smooth + base * REEL_SMOOTH_FIELDS);
+    const int32_t *near = b->near[place], *first = b->near[0];
+#if TURNS
+#define SMOOTH(l)                                                                                  \
+    (*(const NAMED(eight) *)(smooth + (int64_t)near[l] * REEL_SMOOTH_FIELDS) -                     \
+     *(const NAMED(eight) *)(smooth + (int64_t)first[l] * REEL_SMOOTH_FIELDS))
+    FOR_PARTS(p) {
+        part rows[8];
+        REEL_UNROLLED for (int l = 0; l < 8; l++) {
+            rows[l] = ROW_OF(l + 8 * p, SMOOTH);
         }
-        rows[l] = SIDE_BY_SIDE(halves[0], halves[1]);
+        NAMED(turn)(rows, offset[0] + place, p);
     }
-    NAMED(turn)(rows, offset[0] + place);
+#undef SMOOTH
 #else
     for (int f = 0; f < AT_ONCE; f++) {
         FOR_LANES(l) {
-            int64_t at = b->near[place][l], base = b->near[0][l];
-            AT(offset[f][place], l) =
-                smooth[at * REEL_SMOOTH_FIELDS + f] - smooth[base * REEL_SMOOTH_FIELDS + f];
+            AT(offset[f][place], l) = smooth[(int64_t)near[l] * REEL_SMOOTH_FIELDS + f] -
+                                      smooth[(int64_t)first[l] * REEL_SMOOTH_FIELDS + f];
         }
     }
 #endif
@@ -280,22 +352,20 @@ TARGET REEL_INLINE void NAMED(observe_smooth)(NAMED(batch) *b, int size, const f
 TARGET REEL_INLINE void NAMED(gather_place)(const NAMED(batch) *b, const double *values,
                                             int64_t stride, int n, int place,
                                             NAMED(offsets) *found) {
-#if FLOATS == 16
+#if TURNS
+#define VALUES(l)                                                                                  \
+    NAMED(apart)(values + b->near[place][l] * stride, values + b->near[0][l] * stride)
     if (n == AT_ONCE) {
-        part rows[8];
-        REEL_UNROLLED for (int l = 0; l < 8; l++) {
-            floats halves[2];
-            REEL_UNROLLED for (int h = 0; h < 2; h++) {
-                const double *at = values + b->near[place][l + 8 * h] * stride;
-                const double *base = values + b->near[0][l + 8 * h] * stride;
-                halves[h] = __builtin_convertvector(
-                    *(const doubles *)at - *(const doubles *)base, floats);
+        FOR_PARTS(p) {
+            part rows[8];
+            REEL_UNROLLED for (int l = 0; l < 8; l++) {
+                rows[l] = ROW_OF(l + 8 * p, VALUES);
             }
-            rows[l] = SIDE_BY_SIDE(halves[0], halves[1]);
+            NAMED(turn)(rows, found->offset[0] + place, p);
         }
-        NAMED(turn)(rows, found->offset[0] + place);
         return;
     }
+#undef VALUES
 #endif
     for (int m = 0; m < n; m++) {
         float single[REEL_BATCH];
@@ -344,11 +414,13 @@ TARGET REEL_INLINE void NAMED(observe_key)(NAMED(batch) *b, int size, const reel
 TARGET REEL_CALLED void NAMED(prepare)(NAMED(batch) *b, int size, const reel_fields *fields,
                                        const float *smooth, float smooth_noise) {
     lane by_distance[MOST];
+    NAMED(begin)(b);
     NAMED(start_weights)(b, size);
     reel_copy(by_distance, b->filter.weight, sizeof by_distance);
     reel_zero(b->filter.variance, sizeof b->filter.variance);
     NAMED(add_variance)(b, size, by_distance, PRIOR_VARIANCE);
     NAMED(observe_smooth)(b, size, smooth, smooth_noise);
+    NAMED(settle)(b, size);
     NAMED(add_variance)(b, size, by_distance, PRIOR_KEPT * PRIOR_VARIANCE);
     NAMED(observe_key)(b, size, fields);
 }
@@ -457,16 +529,21 @@ TARGET REEL_INLINE bool NAMED(code_first)(NAMED(batch) *b, int size, bool is_pla
     return true;
 }
 
-/* What WIDTH modes from k on are expected to be at a vertex of a batch. */
-TARGET REEL_INLINE void NAMED(expect)(const NAMED(batch) *b, int size, int l, const double *values,
-                                      int64_t stride, doubles *expected) {
+/* What n WIDTH modes are expected to be at a vertex of a batch. */
+TARGET REEL_INLINE void NAMED(expect)(const NAMED(batch) *b, int size, int l, int n,
+                                      const double *values, int64_t stride, doubles *expected) {
     const doubles *base = (const doubles *)(values + b->near[0][l] * stride);
-    floats sum = {0};
+    floats sums[2] = {{0}, {0}};
     for (int j = 0; j < size; j++) {
         const doubles *near = (const doubles *)(values + b->near[j][l] * stride);
-        sum += AT(b->filter.weight[j], l) * __builtin_convertvector(*near - *base, floats);
+        float weight = AT(b->filter.weight[j], l);
+        REEL_UNROLLED for (int i = 0; i < n; i++) {
+            sums[i] += weight * __builtin_convertvector(near[i] - base[i], floats);
+        }
     }
-    *expected = *base + __builtin_convertvector(sum, doubles);
+    REEL_UNROLLED for (int i = 0; i < n; i++) {
+        expected[i] = base[i] + __builtin_convertvector(sums[i], doubles);
+    }
 }
 
 /* Residuals that are `stride` apart. */
@@ -481,42 +558,44 @@ TARGET REEL_INLINE integers NAMED(collect)(const int32_t *from, int64_t stride) 
 #endif
 }
 
-/* WIDTH modes at the vertices of a batch, by weights that no longer change. */
-TARGET REEL_INLINE bool NAMED(code_settled)(const NAMED(batch) *b, int size, bool is_plain,
+/* n WIDTH modes at the vertices of a batch, n of 1 or 2, by weights that no longer change. */
+TARGET REEL_INLINE bool NAMED(code_settled)(const NAMED(batch) *b, int size, int n, bool is_plain,
                                             bool is_shaped, int64_t k, reel_fields *fields,
                                             const reel_choice *choice) {
-    doubles expected, would, zeros = {0}, ones = {0};
+    doubles expected[2], would[2], zeros[2] = {{0}, {0}}, ones[2] = {{0}, {0}};
     integers residuals;
     int64_t n_modes = fields->n_modes, n_verts = fields->n_verts;
     bool is_fine = true;
-    for (int m = 0; choice && m < WIDTH; m++) {
-        zeros[m] = choice->counts[2 * (k + m)];
-        ones[m] = choice->counts[2 * (k + m) + 1];
+    for (int m = 0; choice && m < n * WIDTH; m++) {
+        zeros[m / WIDTH][m % WIDTH] = choice->counts[2 * (k + m)];
+        ones[m / WIDTH][m % WIDTH] = choice->counts[2 * (k + m) + 1];
     }
     for (int l = 0; l < b->n_lanes; l++) {
         int64_t own = b->near[OWN][l];
-        int32_t *given = fields->residuals + k * n_verts + own;
-        NAMED(expect)(b, size, l, fields->values + k, n_modes, &expected);
+        NAMED(expect)(b, size, l, n, fields->values + k, n_modes, expected);
         if (is_shaped) {
-            NAMED(expect)(b, size, l, choice->wanted + k, n_modes, &would);
+            NAMED(expect)(b, size, l, n, choice->wanted + k, n_modes, would);
         }
-        if (choice) {
-            is_fine &= NAMED(choose)(is_plain, choice, (const doubles *)(choice->zones + k),
-                                     &expected,
-                                     (const doubles *)(choice->wanted + own * n_modes + k),
-                                     is_shaped ? &would : NULL, &residuals, &zeros, &ones);
-            for (int m = 0; m < WIDTH; m++) {
-                given[m * n_verts] = residuals[m];
+        doubles *values = (doubles *)(fields->values + own * n_modes + k);
+        REEL_UNROLLED for (int i = 0; i < n; i++) {
+            int32_t *given = fields->residuals + (k + i * WIDTH) * n_verts + own;
+            if (choice) {
+                is_fine &= NAMED(choose)(
+                    is_plain, choice, (const doubles *)(choice->zones + k) + i, &expected[i],
+                    (const doubles *)(choice->wanted + own * n_modes + k) + i,
+                    is_shaped ? &would[i] : NULL, &residuals, &zeros[i], &ones[i]);
+                for (int m = 0; m < WIDTH; m++) {
+                    given[m * n_verts] = residuals[m];
+                }
+            } else {
+                residuals = NAMED(collect)(given, n_verts);
             }
-        } else {
-            residuals = NAMED(collect)(given, n_verts);
+            values[i] = expected[i] + __builtin_convertvector(residuals, doubles);
         }
-        *(doubles *)(fields->values + own * n_modes + k) =
-            expected + __builtin_convertvector(residuals, doubles);
     }
-    for (int m = 0; choice && m < WIDTH; m++) {
-        choice->counts[2 * (k + m)] = zeros[m];
-        choice->counts[2 * (k + m) + 1] = ones[m];
+    for (int m = 0; choice && m < n * WIDTH; m++) {
+        choice->counts[2 * (k + m)] = zeros[m / WIDTH][m % WIDTH];
+        choice->counts[2 * (k + m) + 1] = ones[m / WIDTH][m % WIDTH];
     }
     return is_fine;
 }
@@ -527,8 +606,12 @@ TARGET REEL_INLINE bool NAMED(code_batch)(NAMED(batch) *b, int size, bool is_pla
     int64_t n_modes = fields->n_modes, n_settled = n_modes - fields->n_learned;
     int64_t n_first = n_settled < 0 ? n_modes : fields->n_learned + n_settled % WIDTH;
     bool is_fine = NAMED(code_first)(b, size, is_plain, is_shaped, n_first, fields, choice);
-    for (int64_t k = n_first; is_fine && k < n_modes; k += WIDTH) {
-        is_fine = NAMED(code_settled)(b, size, is_plain, is_shaped, k, fields, choice);
+    int64_t k = n_first;
+    for (; TOGETHER == 2 && is_fine && k + 2 * WIDTH <= n_modes; k += 2 * WIDTH) {
+        is_fine = NAMED(code_settled)(b, size, TOGETHER, is_plain, is_shaped, k, fields, choice);
+    }
+    for (; is_fine && k < n_modes; k += WIDTH) {
+        is_fine = NAMED(code_settled)(b, size, 1, is_plain, is_shaped, k, fields, choice);
     }
     return is_fine;
 }
@@ -548,6 +631,7 @@ TARGET REEL_INLINE void NAMED(prepare_level)(const reel_mesh *mesh, const reel_f
     for (; first < last; first += REEL_BATCH) {
         NAMED(load_batch)(&b, mesh, size, first, last);
         NAMED(prepare)(&b, size, fields, smooth, noise);
+        NAMED(settle)(&b, size);
         *NAMED(place_of)(fields, level, first) = b.filter;
     }
 }
@@ -572,6 +656,7 @@ TARGET REEL_INLINE bool NAMED(code_level)(const reel_mesh *mesh, reel_fields *fi
         NAMED(load_batch)(&b, mesh, size, first, last);
         if (fields->prepared) {
             b.filter = *NAMED(place_of)(fields, level, first);
+            NAMED(begin)(&b);
         } else {
             NAMED(prepare)(&b, size, fields, smooth, noise);
         }
@@ -599,6 +684,11 @@ TARGET static bool NAMED(code)(const reel_mesh *mesh, reel_fields *fields,
 #undef AT
 #undef ROWS
 #undef WIDTH
+#undef TURNS
+#undef TOGETHER
+#undef JOIN
+#undef ALONG
+#undef ROW_OF
 #undef doubles
 #undef floats
 #undef integers
