@@ -192,9 +192,9 @@ def test_rays_hit_the_frame_that_is_shown(ask, options):
 
 
 def test_renderer_counts_as_before_when_meshes_are_disposed_of(ask):
-    answer = ask("disposal", 4, before=COUNTING)
+    answer = ask("disposal", 3, before=COUNTING)  # the second mesh moves on the CPU
     after = [one["after"] for one in answer["counts"]]
-    assert after[1:] == after[:1] * 3
+    assert after[1:] == after[:1] * 2
     assert after[0]["geometries"] == 1
     during = answer["counts"][-1]["during"]
     assert during["textures"] > after[-1]["textures"]

@@ -66,6 +66,7 @@ def numbered_video(path, n_frames=90, *, fps=FPS, has_sound=True, covered=()):
     if has_sound:
         command += ["-f", "lavfi", "-i", sound, "-c:a", "libopus"]
     command += ["-vf", ",".join(filters), "-c:v", "libvpx", "-b:v", "2M", "-g", "15"]
+    command += ["-deadline", "realtime", "-cpu-used", "8", "-threads", "1"]  # a fourth of the work
     command += ["-pix_fmt", "yuv420p", "-frames:v", str(n_frames), str(path)]
     subprocess.run(command, check=True, capture_output=True, text=True, timeout=60)
     return path.read_bytes()

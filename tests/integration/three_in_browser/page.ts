@@ -392,8 +392,8 @@ const tests = {
       await mesh.colorBy("faces");
       await mesh.colorBy("scalar");
       mesh.play();
-      for (let i = 0; i < 30; i++) {
-        mesh.update(0.1);
+      for (let i = 0; i < 15; i++) {
+        mesh.update(0.2);
         stand.draw();
         mesh.raycast(new THREE.Raycaster(), []);
         await new Promise((resolve) => setTimeout(resolve, 1));
