@@ -1,6 +1,7 @@
 """The main job on real sequences; they run where MESHREEL_DATA names their folder."""
 
 import os
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -47,15 +48,15 @@ def test_sequence_comes_back_within_its_limits_when_coded_by_default(name):
 
 
 def test_samba_comes_back_when_it_goes_in_as_a_folder_of_obj_files(tmp_path):
+    """What a codec makes of these arrays is tested with the same arrays from another file."""
     sequence = load("samba")
+    sequence = replace(sequence, vertices=sequence.vertices[:40])
     (tmp_path / "frames").mkdir()
     meshreel.save(sequence, tmp_path / "frames" / "samba_%d.obj")
     from_files = meshreel.load(tmp_path / "frames", fps=sequence.fps)
     np.testing.assert_array_equal(from_files.vertices, sequence.vertices)
-    data = meshreel.encode(from_files, "pca-qp", n_modes=20, bits=8, anchors=0.01)
-    quality = meshreel.compare(sequence, meshreel.decode(data))
-    assert quality.kg_error_percent < 2
-    assert meshreel.info(data).rate_bpvf < 2
+    np.testing.assert_array_equal(from_files.faces, sequence.faces)
+    assert from_files.fps == sequence.fps
 
 
 # Targets, and how far from them the figure of the stream may be at most.
