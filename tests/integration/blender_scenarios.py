@@ -409,3 +409,39 @@ def export_without_faces(path):
     bpy.context.collection.objects.link(obj)
     obj.select_set(True)
     return {"error": export(path, frame_start=1, frame_end=2)}
+
+
+# Hard edges
+
+
+def import_hard_edges(path, frames):
+    """Sharp edges of an imported mesh, and normals of its corners at frames."""
+    (obj,) = import_file(path)
+    normals = []
+    for frame in frames:
+        bpy.context.scene.frame_set(frame)
+        normals.append([one.vector[:] for one in obj.data.corner_normals])
+    edges = [sorted(one.vertices) for one in obj.data.edges if one.use_edge_sharp]
+    return {"edges": np.array(edges), "normals": np.array(normals)}
+
+
+def export_hard_edges(path, kind):
+    """A cube: flat, smooth, with sharp edges around its top, or with custom normals there."""
+    bpy.ops.mesh.primitive_cube_add()
+    obj = bpy.context.object
+    mesh = obj.data
+    mesh.polygons.foreach_set("use_smooth", [kind != "flat"] * len(mesh.polygons))
+    top = {vertex.index for vertex in mesh.vertices if vertex.co.z > 0}
+    if kind == "sharp":
+        for edge in mesh.edges:
+            edge.use_edge_sharp = {*edge.vertices} <= top
+    if kind == "custom":
+        normals = []
+        for face in mesh.polygons:
+            is_top = face.normal.z > 0.5
+            for vertex in face.vertices:
+                across = mesh.vertices[vertex].co.normalized()
+                normals.append((0, 0, 1) if is_top else across)
+        mesh.normals_split_custom_set(normals)
+    mesh.update()
+    return {"error": export(path, frame_start=1, frame_end=1)}

@@ -156,3 +156,18 @@ def test_no_file_is_written_when_esc_is_pressed(blender, tmp_path, stop_after):
     assert found["status"].tolist() == ["CANCELLED"]
     assert not path.exists()
     assert found["calls"].tolist()[-2:] == ["event_timer_remove", "status_text_set"]
+
+
+@pytest.mark.parametrize(
+    ("kind", "n_hard"), [("flat", 12), ("smooth", 0), ("sharp", 4), ("custom", 4)]
+)
+def test_hard_edges_are_those_that_blender_splits_normals_at(blender, tmp_path, kind, n_hard):
+    path = tmp_path / "cube.reel"
+    found = blender("export_hard_edges", path=path, kind=kind)
+    assert str(found["error"]) == ""
+    reel = meshreel.decode(path.read_bytes())
+    edges = reel.surface.hard_edges
+    assert (0 if edges is None else len(edges)) == n_hard
+    if n_hard == 4:
+        heights = reel[0][edges][..., 1]  # y is up in the file
+        assert (heights > 0).all()

@@ -9,6 +9,7 @@ import pytest
 import meshreel
 from integration.blender_session import why_not
 from meshreel.surface import Attribute, Domain, FaceGroups, Kind, Part, Surface
+from samples.meshes import hard_box
 
 QUADS = np.array([[0, 1, 4, 3], [1, 2, 5, 4]])
 if why_not():
@@ -256,3 +257,15 @@ def test_frames_differ_when_they_are_rendered(blender, tmp_path):
     covered = alphas.mean(axis=1) > 0.5
     assert covered[0].tolist() == [True] * 8 + [False] * 8
     assert covered[1].tolist() == [False] * 8 + [True] * 8
+
+
+def test_hard_edges_are_sharp_and_part_normals_in_every_frame(blender, tmp_path):
+    box = hard_box(3)
+    write(tmp_path / "box.reel", box)
+    found = blender("import_hard_edges", path=tmp_path / "box.reel", frames=[0, 2])
+    np.testing.assert_array_equal(
+        np.unique(found["edges"], axis=0), np.unique(box.surface.hard_edges, axis=0)
+    )
+    for normals in found["normals"]:
+        expected = meshreel.corner_normals(box[0], box.faces, box.surface)
+        np.testing.assert_allclose(normals, expected, atol=1e-3)

@@ -14,7 +14,7 @@ MATERIALS = "material"
 
 
 def build_mesh(part: PartMesh, positions: npt.NDArray[Any], notes: list[str]) -> Any:
-    """A new mesh of a part: polygons, UV maps, colour attributes and materials.
+    """A new mesh of a part: polygons, UV maps, colour attributes, materials and sharp edges.
 
     Parameters
     ----------
@@ -36,6 +36,8 @@ def build_mesh(part: PartMesh, positions: npt.NDArray[Any], notes: list[str]) ->
     for groups in part.surface.groups:
         _add_groups(mesh, groups, notes)
     mesh.update(calc_edges=True)
+    if part.surface.hard_edges is not None:
+        _mark_sharp(mesh, part.surface.hard_edges, len(positions))
     write_positions(mesh, positions)
     if mesh.validate():
         n_left_out = len(part.counts) - len(mesh.polygons)
@@ -88,6 +90,16 @@ def _add_colors(mesh: Any, part: PartMesh, notes: list[str]) -> None:
         opaque[:, : values.shape[1]] = values / 255 if is_bytes else values
         # Bytes are taken as they are, and not as linear light.
         layer.data.foreach_set("color_srgb" if is_bytes else "color", opaque.ravel())
+
+
+def _mark_sharp(mesh: Any, hard_edges: npt.NDArray[np.int32], n_verts: int) -> None:
+    """Mark edges sharp, so that Blender splits normals there in every frame."""
+    ends = np.empty(2 * len(mesh.edges), np.int32)
+    mesh.edges.foreach_get("vertices", ends)
+    ends = np.sort(ends.reshape(-1, 2), axis=1).astype(np.int64)
+    wanted = np.sort(hard_edges, axis=1).astype(np.int64)
+    is_sharp = np.isin(ends @ [n_verts, 1], wanted @ [n_verts, 1])
+    mesh.edges.foreach_set("use_edge_sharp", is_sharp)
 
 
 def _at_corners(attribute: Attribute, part: PartMesh) -> npt.NDArray[Any]:

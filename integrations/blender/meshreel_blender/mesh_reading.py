@@ -8,7 +8,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.formats.surfaces.hard_edges import find_hard_edges
 from meshreel.formats.surfaces.polygons import PolygonMesh
+from meshreel.geometry.hard_edges import next_corners, remaining_edges
 from meshreel.surface import Attribute, Domain, FaceGroups, Kind, Surface
 
 from .mesh_building import MATERIALS
@@ -44,14 +46,32 @@ class MeshReading:
             )
 
     def surface(self, depsgraph: Any) -> Surface:
-        """UV maps, colour attributes and materials, without face sizes."""
+        """UV maps, colour attributes, materials and hard edges, without face sizes."""
         with _evaluated(self.obj, depsgraph, with_all_layers=True) as mesh:
             uvs = [
                 Attribute(layer.name, Kind.UV, Domain.CORNER, self._corners(mesh, _uv(layer)))
                 for layer in mesh.uv_layers
             ]
             colors = [self._color(mesh, layer) for layer in mesh.color_attributes]
-            return Surface(None, (*uvs, *colors), _materials(self.obj, mesh))
+            hard_edges = self._hard_edges(mesh)
+            materials = _materials(self.obj, mesh)
+            return Surface(None, (*uvs, *colors), materials, hard_edges=hard_edges)
+
+    def _hard_edges(self, mesh: Any) -> npt.NDArray[np.int32] | None:
+        """Sharp edges, and those of flat faces; or those of custom normals."""
+        counts, corners = _counts(mesh), _ints(mesh.loops, "vertex_index")
+        if not len(counts):
+            return None
+        if mesh.has_custom_normals:
+            positions = _floats(mesh.attributes["position"].data, "vector", 3)
+            normals = _floats(mesh.corner_normals, "vector", 3)
+            return find_hard_edges(PolygonMesh(positions, counts, corners), normals).edges
+        ends = _ints_of(mesh.edges, "vertices", 2)[_flags(mesh.edges, "use_edge_sharp")]
+        is_flat = ~_flags(mesh.polygons, "use_smooth")
+        sides = np.stack([corners, corners[next_corners(counts)]], axis=1)
+        sharp = np.concatenate([ends, sides[np.repeat(is_flat, counts)]])
+        # Blender marks edges of a single face too, which part no faces.
+        return remaining_edges(sharp, counts, corners) if len(sharp) else None
 
     def _color(self, mesh: Any, layer: Any) -> Attribute:
         is_bytes = layer.data_type == "BYTE_COLOR"
@@ -125,7 +145,17 @@ def _uv(layer: Any) -> npt.NDArray[np.float32]:
 
 
 def _ints(items: Any, name: str) -> npt.NDArray[np.int32]:
-    values = np.empty(len(items), np.int32)
+    return _ints_of(items, name, 1)[:, 0]
+
+
+def _ints_of(items: Any, name: str, width: int) -> npt.NDArray[np.int32]:
+    values = np.empty(len(items) * width, np.int32)
+    items.foreach_get(name, values)
+    return values.reshape(-1, width)
+
+
+def _flags(items: Any, name: str) -> npt.NDArray[np.bool_]:
+    values = np.empty(len(items), bool)
     items.foreach_get(name, values)
     return values
 
